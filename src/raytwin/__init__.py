@@ -1,0 +1,1 @@
+"""raytwin: a hand-written ray tracer beside its Mitsuba twin."""

@@ -1,0 +1,21 @@
+"""What goes wrong because of the input or the machine, said in one line."""
+
+
+class InputError(Exception):
+    """`where: expected ..., got ...`: the caller's input is at fault, never a traceback's business.
+
+    `where` names the file and the field (`scenes/desk/scene.toml: spheres[1].radius`), `expected` what would have
+    been right, with its unit, and `got` what was found. The command line prints it and exits with 2.
+    """
+
+    def __init__(self, where: object, expected: str, got: object) -> None:
+        self.where, self.expected, self.got = str(where), expected, str(got)
+        super().__init__(f"{self.where}: expected {self.expected}, got {self.got}")
+
+    def __reduce__(self):
+        # The default rebuilds from the one formatted argument, which loses the fields between processes.
+        return type(self), (self.where, self.expected, self.got)
+
+
+class MachineError(InputError):
+    """The machine lacks something that was asked for (no CUDA, no LLVM): also exit code 2."""

@@ -1,0 +1,397 @@
+"""Files in and out, and all validation of them. The only place where sRGB exists.
+
+Reading: TOML into records, photos, EXR. Writing: always under a temporary name first, then renamed, so that an
+interrupted run leaves either the old file or the new one.
+"""
+
+import contextlib
+import math
+import os
+import re
+import tempfile
+import tomllib
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+import numpy as np
+import tomli_w
+
+from raytwin.errors import InputError
+from raytwin.image import Image, Surface
+from raytwin.scene import Camera, PhotoCamera, Plane, Scene, Sky, Sphere, Sun, Tolerance
+
+T = TypeVar("T")
+
+MAX_PIXELS = 400_000_000
+"""A header that claims more than this is damaged or hostile: no camera makes it."""
+
+
+# ---------------------------------------------------------------------------------------------- writing safely
+
+
+@contextlib.contextmanager
+def replacing(path: str | os.PathLike) -> Iterator[Path]:
+    """A temporary path beside `path`, renamed to it when the block ends well and removed when it does not."""
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+    except OSError as error:
+        raise InputError(path, "a place that can be written", error.strerror or error) from None
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        # mkstemp makes files private; a result is as readable as any file the user makes.
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)
+        temporary.replace(path)
+    except IsADirectoryError:
+        raise InputError(path, "a file to write", "a folder") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: str | os.PathLike, text: str) -> None:
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: str | os.PathLike, value: Any) -> None:
+    """`value` (plain data, records, arrays as lists) as indented JSON; NaN and infinity become null."""
+    write_text(path, msgspec.json.format(msgspec.json.encode(plain(value)), indent=2).decode() + "\n")
+
+
+def write_toml(path: str | os.PathLike, value: Mapping[str, Any], comment: str = "") -> None:
+    head = "".join(f"# {line}\n" for line in comment.splitlines())
+    write_text(path, head + tomli_w.dumps(plain(value)))
+
+
+def plain(value: Any) -> Any:
+    """Records, dataclasses and arrays as dicts, lists and numbers."""
+    if isinstance(value, msgspec.Struct):
+        value = msgspec.structs.asdict(value)
+    elif is_dataclass(value) and not isinstance(value, type):
+        value = {f.name: getattr(value, f.name) for f in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    return value
+
+
+# ---------------------------------------------------------------------------------------------- TOML into records
+
+
+def read_toml(path: str | os.PathLike) -> dict[str, Any]:
+    path = Path(path)
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(path, "a TOML file", "no such file") from None
+    except OSError as error:
+        raise InputError(path, "a TOML file", error.strerror) from None
+    except UnicodeDecodeError as error:
+        raise InputError(
+            path, "UTF-8 text", f"byte {error.object[error.start]:#04x} at {error.start}"
+        ) from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(path, "TOML", str(error)) from None
+
+
+def to_record(path: str | os.PathLike, data: Any, kind: type[T], prefix: str = "") -> T:
+    """`data` (parsed TOML or JSON) as the record `kind`, or an InputError that names file, field and what was found."""
+    try:
+        record = msgspec.convert(data, kind)
+    except msgspec.ValidationError as error:
+        raise _readable(path, data, str(error), prefix) from None
+    if bad := next(_not_finite(data, ""), None):
+        raise InputError(f"{path}: {_join(prefix, bad[0])}", "a finite number", bad[1])
+    return record
+
+
+def _readable(path: str | os.PathLike, data: Any, message: str, prefix: str) -> InputError:
+    """msgspec's `Expected ... - at `$.spheres[1].radius`` in this project's words, with the value that was found."""
+    what, _, where = message.partition(" - at `$")
+    field = where.rstrip("`").lstrip(".")
+    found: Any = data
+    for key in re.findall(r"[^.\[\]]+", field):
+        try:
+            found = found[int(key)] if isinstance(found, list) else found[key]
+        except (KeyError, IndexError, TypeError, ValueError):
+            break
+    if match := re.match(r"Object contains unknown field `(.*)`", what):
+        name = match[1]
+        known = "only known keys"
+        return InputError(f"{path}: {_join(prefix, _join(field, name))}", known, f"the unknown key {name!r}")
+    if match := re.match(r"Object missing required field `(.*)`", what):
+        return InputError(f"{path}: {_join(prefix, _join(field, match[1]))}", "a value", "nothing")
+    what = re.sub(r"^Expected ", "", what)
+    what = re.sub(r", got `.*`$", "", what)
+    what = what.replace("`float`", "a number").replace("`int`", "a whole number").replace("`str`", "text")
+    what = what.replace("`array`", "a list").replace("`object`", "a table").replace("`bool`", "true or false")
+    shown = repr(found)
+    return InputError(
+        f"{path}: {_join(prefix, field)}", what, shown if len(shown) <= 60 else shown[:57] + "..."
+    )
+
+
+def _join(prefix: str, field: str) -> str:
+    return f"{prefix}.{field}" if prefix and field and not field.startswith("[") else f"{prefix}{field}"
+
+
+def _not_finite(data: Any, where: str) -> Iterator[tuple[str, float]]:
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield from _not_finite(value, _join(where, key))
+    elif isinstance(data, list):
+        for i, value in enumerate(data):
+            yield from _not_finite(value, f"{where}[{i}]")
+    elif isinstance(data, float) and not math.isfinite(data):
+        yield where, data
+
+
+# ---------------------------------------------------------------------------------------------- scenes and cameras
+
+
+class _SceneFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    camera: dict[str, Any]
+    spheres: tuple[Sphere, ...] = ()
+    planes: tuple[Plane, ...] = ()
+    sun: Sun = Sun(to_light=(0.0, 0.0, 1.0), irradiance=(0.0, 0.0, 0.0))
+    sky: Sky = Sky()
+    tolerance: Tolerance = Tolerance()
+
+
+def read_scene(path: str | os.PathLike) -> Scene:
+    """A scene's folder, or its scene.toml, as a Scene; the camera stays a PhotoCamera where it is to be calibrated."""
+    path = Path(path)
+    file = path / "scene.toml" if path.is_dir() else path
+    if not file.exists() and path.suffix != ".toml":
+        raise InputError(
+            path, "a scene's folder, holding scene.toml", "no such folder" if not path.exists() else "none"
+        )
+    data = read_toml(file)
+    parts = to_record(file, data, _SceneFile)
+    kind = PhotoCamera if "photos" in parts.camera else Camera
+    camera = to_record(file, parts.camera, kind, "camera")
+    if isinstance(camera, Camera):
+        check_camera(camera, f"{file}: camera")
+    if not math.hypot(*parts.sun.to_light) > 0:
+        raise InputError(f"{file}: sun.to_light", "a direction", "the zero vector")
+    for i, plane in enumerate(parts.planes):
+        u, v = np.asarray(plane.half_u), np.asarray(plane.half_v)
+        lengths = np.linalg.norm(u) * np.linalg.norm(v)
+        if not lengths > 0:
+            raise InputError(
+                f"{file}: planes[{i}]", "half_u and half_v longer than 0 m", f"{plane.half_u}, {plane.half_v}"
+            )
+        if abs(u @ v) > 1e-6 * lengths:
+            degrees = math.degrees(math.acos(np.clip(u @ v / lengths, -1, 1)))
+            raise InputError(
+                f"{file}: planes[{i}].half_v", "a vector perpendicular to half_u", f"{degrees:.4g} degrees"
+            )
+    name = file.resolve().parent.name
+    return Scene(
+        name, camera, parts.spheres, parts.planes, parts.sun, parts.sky, parts.tolerance, str(file.parent)
+    )
+
+
+def check_camera(camera: Camera, where: str) -> None:
+    """Raise InputError unless K is [[fx, s, cx], [0, fy, cy], [0, 0, 1]] with positive foci and R is a rotation."""
+    if not (camera.fx > 0 and camera.fy > 0):
+        raise InputError(f"{where}.K", "focal lengths > 0 px", f"{camera.fx}, {camera.fy}")
+    if camera.K[0][1] != 0 or camera.K[1][0] != 0 or tuple(camera.K[2]) != (0, 0, 1):
+        raise InputError(f"{where}.K", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]", camera.K)
+    R = np.asarray(camera.R_cam_board)
+    off = float(np.abs(R @ R.T - np.eye(3)).max())
+    if off > 1e-6 or np.linalg.det(R) < 0:
+        found = "a mirroring" if off <= 1e-6 else f"R R^T off the identity by {off:.2g}"
+        raise InputError(f"{where}.R_cam_board", "a rotation matrix", found)
+
+
+def read_camera(path: str | os.PathLike) -> Camera:
+    """A camera.toml, as `raytwin calibrate -o` writes it."""
+    camera = to_record(path, read_toml(path), Camera)
+    check_camera(camera, f"{path}: camera")
+    return camera
+
+
+def write_camera(path: str | os.PathLike, camera: Camera, comment: str = "") -> None:
+    write_toml(path, plain(camera), comment)
+
+
+# ---------------------------------------------------------------------------------------------- sRGB, photos, PNG
+
+
+def srgb_encode(linear: np.ndarray) -> np.ndarray:
+    """Linear [0, 1] to sRGB's [0, 1], clipped; IEC 61966-2-1."""
+    x = np.clip(np.nan_to_num(linear, nan=0.0, posinf=1.0, neginf=0.0), 0, 1)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.power(np.maximum(x, 1e-9), 1 / 2.4) - 0.055)
+
+
+def srgb_decode(encoded: np.ndarray) -> np.ndarray:
+    """sRGB's [0, 1] to linear [0, 1]; IEC 61966-2-1."""
+    x = np.asarray(encoded)
+    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+
+
+def to_bytes(linear: np.ndarray) -> np.ndarray:
+    """Linear radiance (H, W, 3), 1 is white, as sRGB uint8."""
+    return np.round(srgb_encode(linear) * 255).astype(np.uint8)
+
+
+_DECODE = srgb_decode(np.arange(256) / 255).astype(np.float32)
+
+
+def from_bytes(pixels: np.ndarray) -> np.ndarray:
+    """sRGB uint8 as linear float32 in [0, 1]."""
+    return _DECODE[pixels]
+
+
+def photo_size(path: str | os.PathLike) -> tuple[int, int]:
+    """(width, height) of a photo from its header alone."""
+    with _opened(path) as photo:
+        return photo.size
+
+
+def read_photo(path: str | os.PathLike) -> np.ndarray:
+    """A PNG or JPEG as sRGB uint8 (H, W, 3), in the sensor's own pixel grid.
+
+    An EXIF orientation is not applied: it turns the picture for the eye, but the lens and its K stay with the sensor.
+    """
+    with _opened(path) as photo:
+        return np.asarray(photo.convert("RGB"))
+
+
+def photo_orientation(path: str | os.PathLike) -> int:
+    """The EXIF orientation, 1 (upright) to 8; 1 where the file says nothing."""
+    with _opened(path) as photo:
+        return int(photo.getexif().get(0x0112, 1) or 1)
+
+
+@contextlib.contextmanager
+def _opened(path: str | os.PathLike) -> Iterator[Any]:
+    from PIL import Image as Pillow  # 40 ms: not at import
+
+    if Path(path).is_dir():
+        raise InputError(path, "a photo (JPEG or PNG)", "a folder")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)
+            with Pillow.open(path) as photo:
+                if photo.width * photo.height > MAX_PIXELS:
+                    raise InputError(
+                        path, f"at most {MAX_PIXELS / 1e6:.0f} megapixels", f"{photo.width} x {photo.height}"
+                    )
+                yield photo
+    except FileNotFoundError:
+        raise InputError(path, "a photo (JPEG or PNG)", "no such file") from None
+    except Pillow.UnidentifiedImageError:
+        raise InputError(
+            path, "a photo (JPEG or PNG)", "a file of another kind, or a damaged header"
+        ) from None
+    except Pillow.DecompressionBombError as error:
+        raise InputError(path, "a photo of a size that a camera makes", error) from None
+    except (OSError, SyntaxError, ValueError) as error:
+        raise InputError(path, "a whole photo (JPEG or PNG)", f"a damaged one ({error})") from None
+
+
+def write_picture(path: str | os.PathLike, pixels: np.ndarray, quality: int = 92) -> None:
+    """sRGB uint8 (H, W) or (H, W, 3) as PNG or, by the name's ending, JPEG."""
+    from PIL import Image as Pillow
+
+    suffix = Path(path).suffix.lower()
+    if suffix not in (".png", ".jpg", ".jpeg"):
+        raise InputError(path, "a name that ends in .png, .jpg or .jpeg", suffix or "no ending")
+    options = {"compress_level": 6} if suffix == ".png" else {"quality": quality, "subsampling": 0}
+    with replacing(path) as temporary:
+        Pillow.fromarray(np.ascontiguousarray(pixels)).save(temporary, **options)
+
+
+# ---------------------------------------------------------------------------------------------- EXR
+
+
+def write_exr(path: str | os.PathLike, image: Image, header: Mapping[str, str] | None = None) -> None:
+    """An Image as a multi-part EXR: `mean`, and `variance`, `depth`, `normal`, `id` where it has them.
+
+    `header` adds text attributes (provenance) to the first part.
+    """
+    import OpenEXR
+
+    parts = [("mean", _rgb(image.mean))]
+    if image.variance is not None:
+        parts.append(("variance", _rgb(image.variance)))
+    if image.surface is not None:
+        s = image.surface
+        parts.append(("depth", {"Z": np.ascontiguousarray(s.depth, np.float32)}))
+        normal = np.asarray(s.normal, np.float32)
+        parts.append(("normal", {c: np.ascontiguousarray(normal[..., i]) for i, c in enumerate("XYZ")}))
+        # EXR's integers are unsigned: the background's -1 is stored as 0, every object as its index + 1.
+        parts.append(("id", {"id": np.ascontiguousarray(s.ids + 1, np.uint32)}))
+    built = []
+    for name, channels in parts:
+        attributes: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        if name == "mean":
+            attributes |= {"raytwin/samples": str(image.samples)} | {
+                f"raytwin/{k}": v for k, v in (header or {}).items()
+            }
+        built.append(OpenEXR.Part(attributes, channels, name))
+    with replacing(path) as temporary, OpenEXR.File(built) as file:
+        file.write(str(temporary))
+
+
+def _rgb(pixels: np.ndarray) -> dict[str, np.ndarray]:
+    return {"RGB": np.ascontiguousarray(pixels, np.float32)}
+
+
+def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
+    """An EXR as an Image and the text attributes under `raytwin/`.
+
+    Reads what `write_exr` writes, and any other EXR with RGB (or one grey) channels in its first part.
+    """
+    import OpenEXR
+
+    if not Path(path).is_file():
+        raise InputError(path, "an EXR file", "no such file")
+    try:
+        with OpenEXR.File(str(path), separate_channels=False) as file:
+            parts = {p.name() or str(i): p for i, p in enumerate(file.parts)}
+            first = next(iter(parts.values()))
+            header = {
+                k.removeprefix("raytwin/"): v for k, v in first.header.items() if k.startswith("raytwin/")
+            }
+            mean = _pixels(path, first.channels)
+            variance = _pixels(path, parts["variance"].channels) if "variance" in parts else None
+            surface = None
+            if {"depth", "normal", "id"} <= parts.keys():
+                n = parts["normal"].channels
+                normal = n["XYZ"].pixels if "XYZ" in n else np.stack([n[c].pixels for c in "XYZ"], axis=-1)
+                surface = Surface(
+                    parts["id"].channels["id"].pixels.astype(np.int32) - 1,
+                    np.array(parts["depth"].channels["Z"].pixels),
+                    np.array(normal),
+                )
+    except InputError:
+        raise
+    except Exception as error:  # OpenEXR raises whatever its C++ did
+        raise InputError(path, "an EXR file", f"a damaged one ({str(error).splitlines()[0][:120]})") from None
+    return Image(mean, variance, int(header.get("samples", 1)), surface), header
+
+
+def _pixels(path: str | os.PathLike, channels: Mapping[str, Any]) -> np.ndarray:
+    for name in ("RGB", "RGBA"):
+        if name in channels:
+            return np.array(channels[name].pixels[..., :3], np.float32)
+    if "Y" in channels:
+        return np.repeat(np.asarray(channels["Y"].pixels, np.float32)[..., None], 3, axis=-1)
+    raise InputError(path, "channels R, G, B (or Y)", ", ".join(channels) or "none")

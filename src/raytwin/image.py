@@ -1,0 +1,44 @@
+"""What every renderer returns and every comparison takes: linear Rec. 709 radiance, with its uncertainty."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+BACKGROUND = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What the ray through each pixel's centre meets first.
+
+    `ids` (H, W) int32: index into `scene.objects`, -1 where nothing is met. `depth` (H, W) float32: distance from the
+    eye along the unit ray, metres, 0 at the background. `normal` (H, W, 3) float32: unit, board frame, facing the
+    eye, 0 at the background.
+    """
+
+    ids: np.ndarray
+    depth: np.ndarray
+    normal: np.ndarray
+
+    @property
+    def mask(self) -> np.ndarray:
+        """(H, W) bool: an object is seen here."""
+        return self.ids != BACKGROUND
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """Linear radiance `mean` (H, W, 3) float32, row 0 on top.
+
+    `variance` (H, W, 3) float32 is the variance *of the mean*, None where the image has no noise. `samples` counts the
+    rays per pixel behind the mean. `surface` is what the pixel centres see, where the renderer tells.
+    """
+
+    mean: np.ndarray
+    variance: np.ndarray | None = None
+    samples: int = 1
+    surface: Surface | None = None
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self.mean.shape
