@@ -101,9 +101,7 @@ def read_toml(path: str | os.PathLike) -> dict[str, Any]:
     except OSError as error:
         raise InputError(path, "a TOML file", error.strerror) from None
     except UnicodeDecodeError as error:
-        raise InputError(
-            path, "UTF-8 text", f"byte {error.object[error.start]:#04x} at {error.start}"
-        ) from None
+        raise InputError(path, "UTF-8 text", f"byte {error.object[error.start]:#04x} at {error.start}") from None
     except tomllib.TOMLDecodeError as error:
         raise InputError(path, "TOML", str(error)) from None
 
@@ -140,9 +138,7 @@ def _readable(path: str | os.PathLike, data: Any, message: str, prefix: str) -> 
     what = what.replace("`float`", "a number").replace("`int`", "a whole number").replace("`str`", "text")
     what = what.replace("`array`", "a list").replace("`object`", "a table").replace("`bool`", "true or false")
     shown = repr(found)
-    return InputError(
-        f"{path}: {_join(prefix, field)}", what, shown if len(shown) <= 60 else shown[:57] + "..."
-    )
+    return InputError(f"{path}: {_join(prefix, field)}", what, shown if len(shown) <= 60 else shown[:57] + "...")
 
 
 def _join(prefix: str, field: str) -> str:
@@ -201,9 +197,7 @@ def read_scene(path: str | os.PathLike) -> Scene:
                 f"{file}: planes[{i}].half_v", "a vector perpendicular to half_u", f"{degrees:.4g} degrees"
             )
     name = file.resolve().parent.name
-    return Scene(
-        name, camera, parts.spheres, parts.planes, parts.sun, parts.sky, parts.tolerance, str(file.parent)
-    )
+    return Scene(name, camera, parts.spheres, parts.planes, parts.sun, parts.sky, parts.tolerance, str(file.parent))
 
 
 def check_camera(camera: Camera, where: str) -> None:
@@ -297,9 +291,7 @@ def _opened(path: str | os.PathLike) -> Iterator[Any]:
     except FileNotFoundError:
         raise InputError(path, "a photo (JPEG or PNG)", "no such file") from None
     except Pillow.UnidentifiedImageError:
-        raise InputError(
-            path, "a photo (JPEG or PNG)", "a file of another kind, or a damaged header"
-        ) from None
+        raise InputError(path, "a photo (JPEG or PNG)", "a file of another kind, or a damaged header") from None
     except Pillow.DecompressionBombError as error:
         raise InputError(path, "a photo of a size that a camera makes", error) from None
     except (OSError, SyntaxError, ValueError) as error:
@@ -367,9 +359,7 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
         with OpenEXR.File(str(path), separate_channels=False) as file:
             parts = {p.name() or str(i): p for i, p in enumerate(file.parts)}
             first = next(iter(parts.values()))
-            header = {
-                k.removeprefix("raytwin/"): v for k, v in first.header.items() if k.startswith("raytwin/")
-            }
+            header = {k.removeprefix("raytwin/"): v for k, v in first.header.items() if k.startswith("raytwin/")}
             mean = _pixels(path, first.channels)
             variance = _pixels(path, parts["variance"].channels) if "variance" in parts else None
             surface = None
