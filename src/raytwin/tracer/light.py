@@ -1,0 +1,64 @@
+"""What a surface point sends back: Lambert's law, the sun's visibility, and the rungs of light transport."""
+
+from collections.abc import Callable
+from math import pi
+from typing import Any
+
+from raytwin.scene import Scene, Sphere
+from raytwin.tracer.arrays import Vec, dot, maximum, select
+from raytwin.tracer.hit import Hit, intersect
+from raytwin.tracer.sphere import INFINITY
+
+
+def lambert(albedo: Any, normal: Vec, to_light: Vec, irradiance: Any, visible: Any, sky: Any) -> Any:
+    """L = albedo/π E V max(0, n·l) + albedo Lₛ: one colour channel of a Lambertian surface under sun and open sky.
+
+    `irradiance` E: what a surface that faces the sun receives; `visible` V: 1 where the sun is seen; `sky` Lₛ: the
+    sky's radiance. A sky of constant radiance gives irradiance π Lₛ, and albedo/π times that is albedo Lₛ.
+    """
+    return albedo / pi * irradiance * visible * maximum(dot(normal, to_light), 0.0) + albedo * sky
+
+
+def sun_visible(hit: Hit, scene: Scene, solver: str = "robust") -> Any:
+    """1 where the way from each hit point to the sun is free, else 0.
+
+    No offset along the normal is needed: a convex object never shades a point of itself that faces the sun from outside,
+    so each object is left out of its own test; seen from inside, a sphere shades itself always.
+    """
+    blocked = hit.ids < -1
+    for index, thing in enumerate(scene.objects):
+        own = hit.ids == index
+        t = intersect(hit.point, scene.sun.to_light, thing, solver)
+        blocked = blocked | (~own & (t < INFINITY))
+        if isinstance(thing, Sphere):
+            outwards = tuple(p - c for p, c in zip(hit.point, thing.center, strict=True))
+            blocked = blocked | (own & (dot(outwards, hit.normal) < 0))
+    return select(blocked, 0.0, 1.0)
+
+
+def surface_colour(hit: Hit, scene: Scene, solver: str) -> Vec:
+    """(n + 1) / 2: the normal as a colour, so that the rung without light can be looked at too."""
+    return tuple((n + 1) / 2 for n in hit.normal)
+
+
+def lambert_radiance(hit: Hit, scene: Scene, solver: str) -> Vec:
+    """Sun without shadows and sky without occlusion: the paper's model."""
+    return _direct(hit, scene, 1.0)
+
+
+def shadow_radiance(hit: Hit, scene: Scene, solver: str) -> Vec:
+    """The same, with shadows cast by the sun."""
+    return _direct(hit, scene, sun_visible(hit, scene, solver))
+
+
+def _direct(hit: Hit, scene: Scene, visible: Any) -> Vec:
+    lights = zip(hit.albedo, scene.sun.irradiance, scene.sky.radiance, strict=True)
+    return tuple(lambert(rho, hit.normal, scene.sun.to_light, E, visible, sky) for rho, E, sky in lights)
+
+
+RUNGS: dict[str, Callable[[Hit, Scene, str], Vec]] = {
+    "surface": surface_colour,
+    "lambert": lambert_radiance,
+    "shadow": shadow_radiance,
+}
+"""name -> (hit, scene, solver) -> radiance (r, g, b). To add a rung, write its function and add its row."""
