@@ -10,7 +10,7 @@ from raytwin.tracer.sphere import INFINITY, intersect_sphere, sphere_normal
 
 
 class Hit(NamedTuple):
-    """Per ray: `t` metres (infinity: nothing), `ids` (-1: nothing), `point`, `normal` (unit, facing the eye), `albedo`."""
+    """Per ray: `t` metres (infinity: nothing), `ids` (-1: nothing), `point`, `normal` (unit, to the eye), `albedo`."""
 
     t: Any
     ids: Any
@@ -20,7 +20,7 @@ class Hit(NamedTuple):
 
 
 def intersect(origin: Vec, d: Vec, thing: Sphere | Plane, solver: str = "robust") -> Any:
-    """t > 0 at which the ray meets the object, infinity for a miss. A new shape gets its line here and in `normal_at`."""
+    """t > 0 where the ray meets the object, infinity for a miss. A new shape gets a line here and in `normal_at`."""
     if isinstance(thing, Sphere):
         return intersect_sphere(origin, d, thing, solver)
     return intersect_plane(origin, d, thing)

@@ -22,8 +22,8 @@ def lambert(albedo: Any, normal: Vec, to_light: Vec, irradiance: Any, visible: A
 def sun_visible(hit: Hit, scene: Scene, solver: str = "robust") -> Any:
     """1 where the way from each hit point to the sun is free, else 0.
 
-    No offset along the normal is needed: a convex object never shades a point of itself that faces the sun from outside,
-    so each object is left out of its own test; seen from inside, a sphere shades itself always.
+    No offset along the normal is needed: a convex object never shades a point of itself that faces the sun from
+    outside, so each object is left out of its own test; seen from inside, a sphere shades itself always.
     """
     blocked = hit.ids < -1
     for index, thing in enumerate(scene.objects):

@@ -68,7 +68,7 @@ SOLVERS: dict[str, Callable[[Vec, Vec, Any], tuple[Any, Any, Any]]] = {
 
 
 def intersect_sphere(origin: Vec, d: Vec, sphere: Sphere, solver: str = "robust") -> Any:
-    """The least t > 0 with |origin + t d - centre| = radius, in metres along the unit direction; infinity for a miss."""
+    """The least t > 0 with |origin + t d - centre| = radius: metres along the unit direction; infinity for a miss."""
     cx, cy, cz = sphere.center
     f = (origin[0] - cx, origin[1] - cy, origin[2] - cz)
     hit, near, far = SOLVERS[solver](f, d, sphere.radius)

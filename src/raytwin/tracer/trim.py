@@ -79,17 +79,18 @@ def _sphere_extent(sphere: Sphere, camera: Camera) -> tuple[tuple[float, float],
 
 
 def _tangents(a: float, z: float, r: float) -> tuple[float, float] | None:
-    """Slopes of the two tangents from the origin to the circle round (a, z), cut to z > 0; None where all lies behind."""
+    """Slopes of the tangents from the origin to the circle round (a, z), cut to z > 0; None where all lies behind."""
     distance = hypot(a, z)
     if distance <= r:
         return -inf, inf
     middle, half = atan2(a, z), asin(r / distance)
     low, high = middle - half, middle + half
+    if high > 3 * pi / 2:  # behind, but reaching round to the front from the other side
+        return -inf, tan(high - 2 * pi)
+    if low < -3 * pi / 2:
+        return tan(low + 2 * pi), inf
     if low >= pi / 2 or high <= -pi / 2:
-        # Past the right angle by more than a turn's worth, it comes round from the other side.
-        return (
-            (-inf, tan(high - 2 * pi)) if high > 3 * pi / 2 else (tan(low + 2 * pi), inf) if low < -3 * pi / 2 else None
-        )
+        return None
     return tan(low) if low > -pi / 2 else -inf, tan(high) if high < pi / 2 else inf
 
 

@@ -1,0 +1,10 @@
+"""The twin: the same scene through Mitsuba 3, the only home of Mitsuba.
+
+`activate()` finds a backend that works on this machine, `render()` renders, `doctor()` says what was found. Mitsuba is
+imported when the first of them is called, not before.
+"""
+
+from raytwin.twin.backend import VARIANTS, Backend, Tried, activate, doctor
+from raytwin.twin.render import RUNGS, SAMPLINGS, provenance, render
+
+__all__ = ["RUNGS", "SAMPLINGS", "VARIANTS", "Backend", "Tried", "activate", "doctor", "provenance", "render"]
