@@ -1,0 +1,88 @@
+"""The one record that every output is a view of: its fields are the keys of comparison.json."""
+
+from typing import Any, Literal
+
+import msgspec
+
+from raytwin.scene import Record
+
+
+class Geometry(Record, frozen=True):
+    """Where things are seen, before how bright they are.
+
+    `mask_mismatch_pixels`: pixels whose centre sees another object; `depth_max_rel`: largest |t - t_ref| / t_ref and
+    `normal_max_deg`: largest angle, both over pixels that see the same object; `shift_px`: length of the translation
+    between the two images, pixels, null where the pictures hold too little detail to tell.
+    """
+
+    mask_mismatch_pixels: int | None = None
+    depth_max_rel: float | None = None
+    normal_max_deg: float | None = None
+    shift_px: float | None = None
+
+
+class Radiance(Record, frozen=True):
+    """Errors of radiance over all finite values, as METRICS defines them; `p999_abs` is the 99.9 % quantile of |error|."""
+
+    max_abs: float | None = None
+    p999_abs: float | None = None
+    rmse: float | None = None
+    relmse: float | None = None
+    mean_ratio: float | None = None
+
+
+class Statistics(Record, frozen=True):
+    """What noise cannot explain. Null for noise-free images, except the share of failing pixels.
+
+    `z_mean`: the image's mean error over its standard deviation (signed, worst channel); `z_tile_worst`: the same for
+    the least plausible tile; `pixel_fail_fraction`: share of pixels with a value that fails its own test;
+    `minimum_detectable_bias`: the smallest error of the whole image's mean, relative to the reference's mean, that
+    this comparison would have found with probability 0.9.
+    """
+
+    z_mean: float | None = None
+    z_tile_worst: float | None = None
+    pixel_fail_fraction: float | None = None
+    minimum_detectable_bias: float | None = None
+
+
+class Perceptual(Record, frozen=True):
+    """Mean of NVIDIA's FLIP error map, 0 to 1; null where it was not asked for."""
+
+    flip_mean: float | None = None
+
+
+class Part(Record, frozen=True):
+    """A row of the ledger: one named part of the error, and the seconds that its removal costs."""
+
+    part: str
+    rmse: float | None = None
+    seconds: float | None = None
+
+
+def _no_seconds() -> dict[str, float | None]:
+    return dict.fromkeys(("calibrate", "tracer", "twin", "compare"))
+
+
+class Comparison(Record, frozen=True):
+    """The verdict on two images and every number behind it; `reasons` are in words, worst first.
+
+    A pass has reasons too: what it could have seen. `seconds` and `backend` are the caller's to fill
+    (`msgspec.structs.replace`); `msgspec.json.encode` gives comparison.json.
+    """
+
+    scene: str
+    rung: str
+    verdict: Literal["pass", "fail"]
+    reasons: tuple[str, ...] = ()
+    geometry: Geometry = Geometry()
+    radiance: Radiance = Radiance()
+    statistics: Statistics = Statistics()
+    perceptual: Perceptual = Perceptual()
+    ledger: tuple[Part, ...] = ()
+    seconds: dict[str, float | None] = msgspec.field(default_factory=_no_seconds)
+    backend: dict[str, Any] = msgspec.field(default_factory=dict)
+
+    @property
+    def passed(self) -> bool:
+        return self.verdict == "pass"

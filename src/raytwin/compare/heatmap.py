@@ -1,0 +1,65 @@
+"""Errors as colours: blue where the test is too dark, white where it agrees, red where it is too bright."""
+
+import numpy as np
+
+from raytwin.compare.metrics import upper_quantile
+from raytwin.errors import InputError
+from raytwin.image import Image
+
+KINDS = {
+    "absolute": "t - r, units of radiance",
+    "relative": "(t - r) / (r + 0.01)",
+    "z": "(t - r) / sqrt(variance of both)",
+}
+"""Kind of error map to its formula; each pixel shows the channel that errs most."""
+
+# Linear Rec. 709, dark end to pale centre; ends chosen dark enough to differ by lightness as well as by hue.
+_NEGATIVE = np.array([[1.0, 1.0, 1.0], [0.25, 0.55, 0.95], [0.01, 0.06, 0.45]], np.float32)
+_POSITIVE = np.array([[1.0, 1.0, 1.0], [0.95, 0.42, 0.22], [0.42, 0.005, 0.02]], np.float32)
+_INVALID = np.array([0.0, 0.6, 0.0], np.float32)
+
+
+def signed_error(test: Image, reference: Image, kind: str) -> np.ndarray:
+    """(H, W) float32: the signed error of the channel that errs most, as KINDS gives it; NaN where it has none."""
+    if kind not in KINDS:
+        raise InputError("error map", " or ".join(KINDS), kind)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        error = np.asarray(test.mean, np.float32) - np.asarray(reference.mean, np.float32)
+        if kind == "relative":
+            error /= np.abs(reference.mean) + np.float32(0.01)
+        elif kind == "z":
+            variances = [i.variance for i in (test, reference) if i.variance is not None]
+            if not variances:
+                raise InputError("error map", "a variance for a z map", "two images without one")
+            # 0 / 0 is a pixel without noise that agrees.
+            error = np.where(error == 0, np.float32(0), error / np.sqrt(sum(variances)))
+    worst = np.abs(error).argmax(axis=-1)
+    return np.take_along_axis(error, worst[..., None], axis=-1)[..., 0]
+
+
+def error_scale(test: Image, reference: Image, kind: str = "absolute") -> float:
+    """The error at the palette's ends: the 99.9 % quantile of |error|, rounded up to 1, 2 or 5 times a power of ten."""
+    error = np.abs(signed_error(test, reference, kind))
+    error = error[np.isfinite(error)]
+    quantile = upper_quantile(error, 0.999) if error.size else 0.0
+    if not quantile > 0:
+        return 1.0
+    decade = 10.0 ** np.floor(np.log10(quantile))
+    return float(decade * next(step for step in (1, 2, 5, 10) if step * decade >= quantile * (1 - 1e-6)))
+
+
+def error_map(test: Image, reference: Image, kind: str = "absolute", scale: float | None = None) -> np.ndarray:
+    """Colours (H, W, 3) float32, linear Rec. 709: blue at -scale, white at 0, red at +scale, green where not finite.
+
+    `kind` is a key of KINDS; `scale` defaults to `error_scale(test, reference, kind)`.
+    """
+    error = signed_error(test, reference, kind)
+    scale = error_scale(test, reference, kind) if scale is None else scale
+    with np.errstate(invalid="ignore"):
+        x = np.clip(np.nan_to_num(error / np.float32(scale)), -1, 1)
+    steps = np.linspace(0, 1, len(_POSITIVE))
+    colours = np.empty((*error.shape, 3), np.float32)
+    for c in range(3):
+        colours[..., c] = np.where(x < 0, np.interp(-x, steps, _NEGATIVE[:, c]), np.interp(x, steps, _POSITIVE[:, c]))
+    colours[~np.isfinite(error)] = _INVALID
+    return colours
