@@ -334,9 +334,10 @@ def write_exr(path: str | os.PathLike, image: Image, header: Mapping[str, str] |
     for name, channels in parts:
         attributes: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         if name == "mean":
-            attributes |= {"raytwin/samples": str(image.samples)} | {
-                f"raytwin/{k}": v for k, v in (header or {}).items()
-            }
+            attributes |= {"raytwin/samples": str(image.samples)}
+            if image.batches is not None:
+                attributes |= {"raytwin/batches": str(image.batches)}
+            attributes |= {f"raytwin/{k}": v for k, v in (header or {}).items()}
         built.append(OpenEXR.Part(attributes, channels, name))
     with replacing(path) as temporary, OpenEXR.File(built) as file:
         file.write(str(temporary))
@@ -375,7 +376,8 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
         raise
     except Exception as error:  # OpenEXR raises whatever its C++ did
         raise InputError(path, "an EXR file", f"a damaged one ({str(error).splitlines()[0][:120]})") from None
-    return Image(mean, variance, int(header.get("samples", 1)), surface), header
+    batches = int(header["batches"]) if "batches" in header else None
+    return Image(mean, variance, int(header.get("samples", 1)), surface, batches), header
 
 
 def _pixels(path: str | os.PathLike, channels: Mapping[str, Any]) -> np.ndarray:

@@ -31,13 +31,15 @@ class Image:
     """Linear radiance `mean` (H, W, 3) float32, row 0 on top.
 
     `variance` (H, W, 3) float32 is the variance *of the mean*, None where the image has no noise. `samples` counts the
-    rays per pixel behind the mean. `surface` is what the pixel centres see, where the renderer tells.
+    rays per pixel behind the mean; `batches` the independent renders whose spread gave the variance (None: every
+    sample was one). `surface` is what the pixel centres see, where the renderer tells.
     """
 
     mean: np.ndarray
     variance: np.ndarray | None = None
     samples: int = 1
     surface: Surface | None = None
+    batches: int | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:
