@@ -1,0 +1,271 @@
+"""Which Mitsuba variant works here: every libLLVM is tried in a child process, because a wrong one aborts the process.
+
+Order: the user's DRJIT_LIBLLVM_PATH, the one that pip installs, the system's, newest first; then `scalar_rgb`, which
+needs none. The answer is remembered per machine. Importing this module imports no Mitsuba.
+
+Environment: RAYTWIN_VARIANT forces a variant, RAYTWIN_NO_LLVM=1 hides every libLLVM, RAYTWIN_CACHE moves the cache.
+"""
+
+import contextlib
+import hashlib
+import importlib.metadata
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from raytwin import files
+from raytwin.errors import InputError, MachineError
+
+SCALAR = "scalar_rgb"
+VARIANTS = ("llvm_ad_rgb", SCALAR, "cuda_ad_rgb")
+PROBE = Path(__file__).with_name("probe.py")
+PROBE_SECONDS = 120
+PACKAGES = ("raytwin", "mitsuba", "drjit", "numpy", "opencv-contrib-python-headless")
+LLVM_FOLDERS = (
+    "/usr/lib/llvm*/lib",
+    "/usr/lib/*-linux-gnu",
+    "/usr/lib64",
+    "/usr/lib64/llvm*/lib*",
+    "/usr/lib",
+    "/usr/local/lib",
+    "/opt/homebrew/opt/llvm*/lib",
+    "/usr/local/opt/llvm*/lib",
+    "C:/Program Files/LLVM/bin",
+)
+
+
+class Tried(msgspec.Struct, frozen=True):
+    """One candidate: the library's path (or the variant's name, where it needs none) and how its probe went."""
+
+    path: str
+    ok: bool
+    why: str
+
+
+class Backend(msgspec.Struct, frozen=True):
+    """What renders: Mitsuba's variant, the libLLVM behind it, and how the choice was made.
+
+    `seconds`: what this choice took (a remembered one takes next to nothing); `versions`: of the packages that matter.
+    """
+
+    variant: str
+    libllvm: str | None
+    llvm_version: str | None
+    tried: tuple[Tried, ...]
+    seconds: float
+    versions: dict[str, str]
+
+
+# Of this process, as Mitsuba's variant is: the choices made, and the current one.
+_chosen: dict[tuple[str | None, bool, str | None], Backend] = {}
+_current: Backend | None = None
+_set_here: str | None = None  # the DRJIT_LIBLLVM_PATH that is ours and not the user's
+
+
+def activate(variant: str | None = None) -> Backend:
+    """Choose a backend that works here, make it Mitsuba's current variant, and say which it is.
+
+    `variant` (or RAYTWIN_VARIANT) forces one of VARIANTS. Without either: the one that is active already, else
+    `llvm_ad_rgb` where a libLLVM works, else `scalar_rgb`. Cheap to call again, also for another variant. Dr.Jit's own
+    LLVM arrays use the same library if they are first touched after this. Raises MachineError where a forced variant is
+    unknown or does not work.
+    """
+    global _current, _set_here
+    forced = variant or os.environ.get("RAYTWIN_VARIANT") or None
+    if forced not in (None, *VARIANTS):
+        raise MachineError("variant" if variant else "RAYTWIN_VARIANT", " or ".join(VARIANTS), forced)
+    key = (forced, _llvm_hidden(), _users_llvm())
+    backend = (_current if forced is None else None) or _chosen.get(key) or choose(forced)
+    _chosen[key] = _current = backend
+    if backend.libllvm:
+        os.environ["DRJIT_LIBLLVM_PATH"] = _set_here = backend.libllvm
+    import mitsuba as mi
+
+    mi.set_variant(backend.variant)
+    return backend
+
+
+def choose(forced: str | None = None) -> Backend:
+    """The backend that `activate` would make current: remembered on this machine, or found by probing."""
+    start = time.perf_counter()
+    paths = llvm_candidates() if forced in (None, "llvm_ad_rgb") else []
+    memory = cache_folder() / f"backend-{_machine(forced, paths)}.json"
+    with contextlib.suppress(OSError, msgspec.MsgspecError):
+        known = msgspec.json.decode(memory.read_bytes(), type=Backend)
+        return msgspec.structs.replace(known, seconds=time.perf_counter() - start)
+    backend = _probe_all(forced, paths, start)
+    with contextlib.suppress(InputError):  # a cache that cannot be written costs a probe next time, nothing else
+        files.write_json(memory, backend)
+    return backend
+
+
+def _probe_all(forced: str | None, paths: list[str], start: float) -> Backend:
+    tried: list[Tried] = []
+    found = (SCALAR, None, None)
+    if forced != SCALAR:
+        wanted = forced or "llvm_ad_rgb"
+        for path in paths if wanted == "llvm_ad_rgb" else [None]:
+            outcome, version = probe(wanted, path)
+            tried.append(outcome)
+            if outcome.ok:
+                found = (wanted, path, version)
+                break
+        if forced and found[0] != forced:
+            what = "; ".join(f"{t.path}: {t.why}" for t in tried) or "no libLLVM at all"
+            remedy = "pip install 'raytwin[llvm]' or DRJIT_LIBLLVM_PATH" if "llvm" in forced else "an NVIDIA GPU"
+            needed = f"a machine where it works (needs {remedy}; {SCALAR} works everywhere)"
+            raise MachineError(f"variant {forced}", needed, what)
+    return Backend(*found, tuple(tried), time.perf_counter() - start, versions())
+
+
+def probe(variant: str, libllvm: str | None = None) -> tuple[Tried, str | None]:
+    """Render a sphere in a child process: whether it came out right, why not, and the version of LLVM."""
+    name = libllvm or variant
+    if libllvm and not Path(libllvm).is_file():
+        return Tried(name, False, "no such file"), None
+    environment = dict(os.environ) | ({"DRJIT_LIBLLVM_PATH": libllvm} if libllvm else {})
+    try:
+        # -P: this folder's modules must not hide anyone else's.
+        child = subprocess.run(
+            [sys.executable, "-P", str(PROBE), variant],
+            env=environment, capture_output=True, text=True, errors="replace", timeout=PROBE_SECONDS,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return Tried(name, False, f"no picture after {PROBE_SECONDS} s"), None
+    except OSError as error:
+        return Tried(name, False, f"cannot start {sys.executable or 'Python'}: {error}"), None
+    try:
+        found = json.loads(child.stdout.strip().splitlines()[-1])
+        version = ".".join(map(str, found["llvm"])) if found["llvm"] else None
+        right = abs(found["depth"] - 3) < 1e-3 and found["lit"] == 1 and abs(found["light"] - 0.125) < 5e-3
+    except (IndexError, ValueError, KeyError, TypeError):
+        return Tried(name, False, _last_words(child.returncode, child.stderr)), None
+    if child.returncode != 0 or not right:
+        return Tried(name, False, f"a wrong picture: {found}" if child.returncode == 0 else "crashed at exit"), version
+    return Tried(name, True, f"renders (LLVM {version})" if version else "renders"), version
+
+
+def _last_words(code: int, text: str) -> str:
+    """Why a child died: Dr.Jit's or LLVM's complaint where there is one, else the signal or the last line."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    telling = [line for line in lines if re.search(r"too old|cannot select|failed|not (be )?found|error", line, re.I)]
+    what = (telling or lines[-1:] or ["no output"])[0][:160]
+    return f"aborts the process (signal {-code}): {what}" if code < 0 else what
+
+
+# ---------------------------------------------------------------------------------------------- candidates
+
+
+def llvm_candidates() -> list[str]:
+    """Paths of every libLLVM worth trying, best first, each library once."""
+    if _llvm_hidden():
+        return []
+    found = [_users_llvm()] if _users_llvm() else []
+    prefix = Path(sys.prefix)
+    found += _newest_first([*prefix.glob("lib/libLLVM*"), *prefix.glob("Library/bin/LLVM-C.dll")])
+    found += _newest_first(_system_llvm())
+    seen: set[str] = set()
+    return [p for p in found if not (os.path.realpath(p) in seen or seen.add(os.path.realpath(p)))]
+
+
+def _llvm_hidden() -> bool:
+    return os.environ.get("RAYTWIN_NO_LLVM", "0") not in ("", "0")
+
+
+def _users_llvm() -> str | None:
+    path = os.environ.get("DRJIT_LIBLLVM_PATH") or None
+    return path if path != _set_here else None
+
+
+def _system_llvm() -> Iterator[Path]:
+    with contextlib.suppress(OSError, subprocess.SubprocessError):
+        listed = subprocess.run(["ldconfig", "-p"], capture_output=True, text=True, timeout=10).stdout
+        yield from (Path(line.split("=> ")[1].strip()) for line in listed.splitlines() if "libLLVM" in line)
+    for pattern in LLVM_FOLDERS:
+        root, *rest = Path(pattern).parts
+        with contextlib.suppress(OSError):
+            for folder in Path(root).glob("/".join(rest)):
+                yield from folder.glob("libLLVM*")
+                yield from folder.glob("LLVM-C.dll")
+
+
+def _newest_first(paths: list[Path] | Iterator[Path]) -> list[str]:
+    """Shared libraries (not LTO, not static ones) by the version in their real name, newest first."""
+
+    def version(path: str) -> tuple[int, ...]:
+        return tuple(map(int, re.findall(r"\d+", Path(os.path.realpath(path)).name)))
+
+    kind = re.compile(r"libLLVM([-.]\d+(\.\d+)*)?\.(so(\.\d+)*|dylib)$|LLVM-C\.dll$")
+    return sorted({str(p) for p in paths if kind.search(p.name)}, key=lambda p: (version(p), p), reverse=True)
+
+
+# ---------------------------------------------------------------------------------------------- what is remembered
+
+
+def cache_folder() -> Path:
+    """The user's cache folder of raytwin, or RAYTWIN_CACHE."""
+    import platformdirs
+
+    return Path(os.environ.get("RAYTWIN_CACHE") or platformdirs.user_cache_dir("raytwin", appauthor=False))
+
+
+def versions() -> dict[str, str]:
+    """Python's version and those of the packages that decide what a render looks like."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            found[name] = importlib.metadata.version(name)
+    return found
+
+
+def _machine(forced: str | None, paths: list[str]) -> str:
+    """A hash of everything that could change the answer: Python, packages, processor, candidates and their dates."""
+    facts = [forced, sys.prefix, versions(), _processor(), PROBE.read_text()]
+    for path in paths:
+        try:
+            facts.append((path, os.path.realpath(path), Path(path).stat().st_mtime_ns))
+        except OSError:
+            facts.append((path, None, None))
+    return hashlib.sha256(repr(facts).encode()).hexdigest()[:20]
+
+
+def _processor() -> str:
+    """Model and features: what LLVM compiles for, and why a library that works elsewhere may abort here."""
+    with contextlib.suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return "\n".join(
+            sorted({line for line in lines if re.match(r"(model name|flags|Features|CPU part)\s*:", line)})
+        )
+    return platform.machine() + platform.processor()
+
+
+# ---------------------------------------------------------------------------------------------- doctor
+
+
+def doctor() -> list[tuple[str, str]]:
+    """(what, found) rows for `raytwin doctor`: versions, processor, cache, how each libLLVM fared, the choice."""
+    rows = [*versions().items()]
+    rows.append(("processor", next((s.split(":")[1].strip() for s in _processor().splitlines() if "model" in s), "?")))
+    rows.append(("cores", str(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count())))
+    rows.append(("cache", str(cache_folder())))
+    settings = ("RAYTWIN_VARIANT", "RAYTWIN_NO_LLVM", "DRJIT_LIBLLVM_PATH")
+    rows += [(name, os.environ[name]) for name in settings if os.environ.get(name) not in (None, "", _set_here)]
+    try:
+        backend = activate()
+    except MachineError as error:
+        return [*rows, ("backend", f"none: {error}")]
+    tried = {t.path: t.why for t in backend.tried}
+    rows += [(f"tried {path}", why) for path, why in tried.items()]
+    rows += [(f"found {path}", "not needed") for path in llvm_candidates() if path not in tried]
+    library = f", {backend.libllvm} (LLVM {backend.llvm_version})" if backend.libllvm else ""
+    slow = "" if backend.libllvm or "cuda" in backend.variant else ": works everywhere, tens of times slower"
+    rows.append(("backend", f"{backend.variant}{library}{slow}, chosen in {backend.seconds:.2f} s"))
+    return rows

@@ -1,0 +1,60 @@
+"""Renders kept by content: the name is a hash of everything that decides the pixels, so nothing is ever stale."""
+
+import contextlib
+import os
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from raytwin import files
+from raytwin.errors import InputError
+from raytwin.image import Image, Surface
+from raytwin.twin.backend import cache_folder
+
+LIMIT = 2 << 30
+"""Bytes; beyond it the renders used longest ago go."""
+
+
+def path_of(key: str) -> Path:
+    return cache_folder() / "renders" / f"{key}.npz"
+
+
+def load(key: str) -> Image | None:
+    """The image kept under `key`; None where there is none, or a damaged one (npz checks its sums)."""
+    path = path_of(key)
+    try:
+        with np.load(path, allow_pickle=False) as kept:
+            found = {name: kept[name] for name in kept.files}
+        image = Image(
+            found["mean"],
+            found.get("variance"),
+            int(found["samples"]),
+            Surface(found["ids"], found["depth"], found["normal"]),
+        )
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+    with contextlib.suppress(OSError):
+        os.utime(path)
+    return image
+
+
+def store(key: str, image: Image) -> None:
+    """Keep the image; a cache that cannot be written is no error."""
+    parts = {"mean": image.mean, "samples": np.int64(image.samples)}
+    if image.variance is not None:
+        parts["variance"] = image.variance
+    parts |= {"ids": image.surface.ids, "depth": image.surface.depth, "normal": image.surface.normal}
+    with contextlib.suppress(InputError, OSError):
+        with files.replacing(path_of(key)) as temporary:
+            np.savez(temporary, **parts)
+        _shrink(path_of(key).parent)
+
+
+def _shrink(folder: Path) -> None:
+    kept = sorted(((f.stat().st_mtime, f.stat().st_size, f) for f in folder.glob("*.npz")), reverse=True)
+    total = 0
+    for _, size, file in kept:
+        total += size
+        if total > LIMIT:
+            file.unlink(missing_ok=True)

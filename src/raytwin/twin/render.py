@@ -1,0 +1,212 @@
+"""Scene -> Image through Mitsuba: rungs of light transport, two samplings, variance by independent batches, a cache."""
+
+import hashlib
+import time
+from collections.abc import Callable, Mapping
+from types import ModuleType
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from raytwin import files
+from raytwin.errors import InputError
+from raytwin.image import Image, Surface
+from raytwin.scene import Camera, Scene
+from raytwin.twin import cache as kept
+from raytwin.twin.backend import activate, versions
+from raytwin.twin.rays import check_invertible
+from raytwin.twin.world import check_textures
+
+RUNGS = {"surface": None, "lambert": None, "shadow": None, "sky": 2, "path": 8}
+"""name -> default depth of the light's way, counted as Mitsuba does: 2 is light, surface, eye. None: no integrator."""
+
+SAMPLINGS = ("center", "area")
+BATCHES = 16
+TWIN = "1"
+"""The twin's own version, part of every cache key: raise it when a change moves a pixel."""
+WORTH_KEEPING = 1.0
+"""Seconds: a render that took less is not stored, since reading it back would save nothing."""
+
+
+def render(
+    scene: Scene,
+    rung: str = "shadow",
+    *,
+    sampling: str = "center",
+    samples: int = 16,
+    seed: int = 0,
+    batches: int | None = None,
+    max_depth: int | None = None,
+    textures: Mapping[int, np.ndarray] | None = None,
+    cache: bool = True,
+    variant: str | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Image:
+    """Radiance and surface of `scene` as Mitsuba sees it: an Image of the camera's size, `surface` always filled.
+
+    Radiance by rung, with albedo ρ, sun irradiance E from direction l, sky radiance Ls, n on the eye's side:
+
+    - `surface`: (n + 1) / 2 as a colour, 0 at the background;
+    - `lambert`: ρ/π E max(0, n·l) + ρ Ls;
+    - `shadow`: the first term times the sun's visibility (Mitsuba's shadow test);
+    - `sky`: the second term with the sky's occlusion too (Mitsuba's `path` at depth 2);
+    - `path`: interreflection to `max_depth` (default 8), counted as Mitsuba does: 2 is direct light alone.
+
+    Past every object the camera sees Ls. In `sky` and `path` the sun at the first hit is summed by a shadow ray, as in
+    `shadow`, and the rest is Mitsuba's `path` from one bounce on: the same expectation as `path` from the eye, with
+    less noise and shadow edges in their place. No roulette.
+
+    `sampling`: `center` sends every ray through the pixel's centre; `area` spreads them evenly over the pixel (a box
+    filter). `surface`, `lambert` and `shadow` at `center` have no noise: one ray, `variance` None, `samples` 1. All
+    else has: `samples` rays a pixel, in `batches` that are independent (default: the largest divisor of `samples` up to
+    16); `variance` is that of the mean, from the batches' spread, and None for `batches=1`, which cannot tell.
+
+    `textures`: albedo (h, w) or (h, w, 3), linear, by a plane's object id; row 0 at the +half_v side, column 0 at
+    -half_u. `cache` keeps what took long; `progress` is called with the part done, 0 to 1. `variant`: see `activate`.
+
+    Raises InputError (camera.dist where the distortion cannot be undone, samples, textures, ...) and MachineError.
+    """
+    plan = _plan(scene, rung, sampling, samples, seed, batches, max_depth)
+    textures = check_textures(scene, textures)
+    about = _about(scene, plan, textures, activate(variant).variant)
+    key = hashlib.sha256(repr(about).encode()).hexdigest()[:32]
+    if cache and (image := kept.load(key)) is not None:
+        return image
+
+    start = time.perf_counter()
+    integrator = {"type": "path", "max_depth": plan.depth - 1, "rr_depth": plan.depth} if plan.depth else None
+    renderer = _engine(about["variant"]).Renderer(scene, textures, integrator)
+    passes = 1 if plan.exact else 1 + plan.samples
+
+    def say(passes_done: float) -> None:
+        if progress:
+            progress(passes_done / passes)
+
+    mean, surface = _exact(renderer, scene.camera, plan.rung if plan.exact else "surface", say)
+    variance = None
+    if not plan.exact:
+        mean, variance = _sampled(renderer, scene.camera, plan, lambda part: say(1 + part * plan.samples))
+    image = Image(mean, variance, plan.samples, surface)
+    if cache and time.perf_counter() - start > WORTH_KEEPING:
+        kept.store(key, image)
+    return image
+
+
+def provenance(
+    scene: Scene,
+    rung: str = "shadow",
+    *,
+    sampling: str = "center",
+    samples: int = 16,
+    seed: int = 0,
+    batches: int | None = None,
+    max_depth: int | None = None,
+    textures: Mapping[int, np.ndarray] | None = None,
+    variant: str | None = None,
+) -> dict[str, str]:
+    """Everything that decides the pixels of `render` with the same arguments, as text: for an EXR's header."""
+    plan = _plan(scene, rung, sampling, samples, seed, batches, max_depth)
+    return _about(scene, plan, check_textures(scene, textures), activate(variant).variant)
+
+
+class _Plan(msgspec.Struct, frozen=True):
+    """`render`'s arguments, checked and with their defaults filled in."""
+
+    rung: str
+    sampling: str
+    samples: int
+    seed: int
+    batches: int
+    depth: int | None
+
+    @property
+    def exact(self) -> bool:
+        return self.rung == "surface" or (self.sampling == "center" and self.depth is None)
+
+
+def _plan(
+    scene: Scene, rung: str, sampling: str, samples: int, seed: int, batches: int | None, max_depth: int | None
+) -> _Plan:
+    for where, value, known in (("rung", rung, RUNGS), ("sampling", sampling, SAMPLINGS)):
+        if value not in known:
+            raise InputError(where, " or ".join(known), value)
+    if not isinstance(scene.camera, Camera):
+        raise InputError("scene.camera", "a calibrated camera", "photos: calibrate them first")
+    files.check_camera(scene.camera, "camera")
+    check_invertible(scene.camera)
+    for where, value, least in (("samples", samples, 1), ("seed", seed, 0)):
+        if value < least:
+            raise InputError(where, f"a whole number, at least {least}", value)
+    if batches is None:
+        batches = max(b for b in range(1, min(samples, BATCHES) + 1) if samples % b == 0)
+    elif batches < 1 or samples % batches:
+        raise InputError("batches", f"a divisor of samples ({samples})", batches)
+    if max_depth is not None and max_depth < 2:
+        raise InputError("max_depth", "at least 2 (light, surface, eye)", max_depth)
+    depth = RUNGS[rung] and (max_depth or RUNGS[rung])
+    plan = _Plan(rung, sampling, samples, seed, batches, depth)
+    return msgspec.structs.replace(plan, samples=1, seed=0, batches=1) if plan.exact else plan
+
+
+def _about(scene: Scene, plan: _Plan, textures: Mapping[int, np.ndarray], variant: str) -> dict[str, str]:
+    seen = (scene.camera, scene.spheres, scene.planes, scene.sun, scene.sky)
+    content = hashlib.sha256(msgspec.json.encode(seen))
+    for i, texture in textures.items():
+        content.update(f"{i} {texture.shape}".encode() + texture.tobytes())
+    known = versions()
+    return {
+        "raytwin": known.get("raytwin", "?"), "twin": TWIN, "mitsuba": known["mitsuba"], "drjit": known["drjit"],
+        "variant": variant, "scene": content.hexdigest(),
+    } | {name: str(value) for name, value in msgspec.structs.asdict(plan).items()}  # fmt: skip
+
+
+def _engine(variant: str) -> ModuleType:
+    """The engines import Mitsuba, whose classes exist once a variant is set."""
+    if variant.startswith("scalar"):
+        from raytwin.twin import scalar
+
+        return scalar
+    from raytwin.twin import jit
+
+    return jit
+
+
+def _exact(renderer: Any, camera: Camera, rung: str, say: Callable[[float], None]) -> tuple[np.ndarray, Surface]:
+    """Radiance (H, W, 3) and Surface through the pixels' centres."""
+    n, shape = camera.width * camera.height, (camera.height, camera.width)
+    colour, normal = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
+    ids, depth = np.empty(n, np.int32), np.empty(n, np.float32)
+    for a in range(0, n, renderer.lanes):
+        b = min(n, a + renderer.lanes)
+        colour[a:b], ids[a:b], depth[a:b], normal[a:b] = renderer.exact(a, b - a, rung)
+        say(b / n)
+    if rung == "surface":
+        colour = np.where(ids[:, None] < 0, np.float32(0), (normal + 1) / 2)
+    surface = Surface(ids.reshape(shape), depth.reshape(shape), normal.reshape(*shape, 3))
+    return colour.reshape(*shape, 3), surface
+
+
+def _sampled(
+    renderer: Any, camera: Camera, plan: _Plan, say: Callable[[float], None]
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Mean (H, W, 3) over the batches, and the variance of that mean: s² / batches, with s² their sample variance."""
+    n, each, batches = camera.width * camera.height, plan.samples // plan.batches, plan.batches
+    mean, spread = np.zeros((n, 3)), np.zeros((n, 3))
+    block = min(n, renderer.lanes)
+    most = max(1, renderer.lanes // block)  # samples at once
+    for batch in range(batches):
+        for a in range(0, n, block):
+            b = min(n, a + block)
+            total = 0
+            for done in range(0, each, most):
+                now = min(most, each - done)
+                seed = int(np.random.SeedSequence([plan.seed, batch, a, done]).generate_state(1)[0])
+                total = total + now * renderer.sampled(a, b - a, plan.rung, plan.sampling == "area", now, seed)
+                say((batch + (a + (b - a) * (done + now) / each) / n) / batches)
+            step = total / each - mean[a:b]
+            mean[a:b] += step / (batch + 1)  # Welford's update: plain sums of squares would lose a small spread
+            spread[a:b] += step * (total / each - mean[a:b])
+    shape = (camera.height, camera.width, 3)
+    variance = (spread / (batches * (batches - 1))).astype(np.float32).reshape(shape) if batches > 1 else None
+    return mean.astype(np.float32).reshape(shape), variance
