@@ -1,0 +1,172 @@
+"""A board of AprilTags: which tag has its centre where, in metres, and what it looks like when printed.
+
+The board frame: X to the right, Y up, Z out of the printed face towards the viewer who sees the tags upright.
+"""
+
+import os
+from typing import Annotated
+
+import cv2
+import msgspec
+import numpy as np
+
+from raytwin import files
+from raytwin.errors import InputError
+from raytwin.scene import Positive, Record
+
+FAMILIES = {
+    "tag36h11": cv2.aruco.DICT_APRILTAG_36h11,
+    "tag25h9": cv2.aruco.DICT_APRILTAG_25h9,
+    "tag16h5": cv2.aruco.DICT_APRILTAG_16h5,
+}
+"""The families that OpenCV can draw and pupil_apriltags can read; their ids are the same in both."""
+
+PAPER, INK = 0.85, 0.04
+"""Albedo of white paper and of printed black."""
+
+Count = Annotated[int, msgspec.Meta(ge=1, le=1000)]
+TagId = Annotated[int, msgspec.Meta(ge=0)]
+
+
+class Grid(Record, frozen=True):
+    """Tag `first_id + row * columns + column` has its centre at (column, row) * pitch: row 0 is the lowest.
+
+    The origin is the centre of the first tag, at the lower left; `pitch` is in metres.
+    """
+
+    columns: Count
+    rows: Count
+    pitch: Positive
+    first_id: TagId = 0
+
+
+class BoardTag(Record, frozen=True):
+    id: TagId
+    center: tuple[float, float]
+
+
+class Board(Record, frozen=True):
+    """Tags of one family with black edges of `tag_edge` metres: either a `grid`, or a list of `tags`."""
+
+    family: str
+    tag_edge: Positive
+    grid: Grid | None = None
+    tags: tuple[BoardTag, ...] | None = None
+
+    def centers(self) -> dict[int, tuple[float, float]]:
+        """id -> (x, y) of the tag's centre, metres, board frame (z = 0)."""
+        if self.grid is None:
+            return {tag.id: tag.center for tag in self.tags or ()}
+        g = self.grid
+        return {
+            g.first_id + row * g.columns + column: (column * g.pitch, row * g.pitch)
+            for row in range(g.rows)
+            for column in range(g.columns)
+        }
+
+    def points(self, ids) -> np.ndarray:
+        """(n, 3) float64: the centres of the tags `ids`, metres, board frame."""
+        centers = self.centers()
+        return np.array([(*centers[i], 0.0) for i in ids]).reshape(-1, 3)
+
+
+def read_board(path: str | os.PathLike) -> Board:
+    """A board's TOML: `family`, `tag_edge`, and either `[grid]` or `[[tags]]`; see Board and Grid."""
+    board = files.to_record(path, files.read_toml(path), Board)
+    check_board(board, path)
+    return board
+
+
+def write_board(path: str | os.PathLike, board: Board, comment: str = "") -> None:
+    data = files.plain(board)
+    files.write_toml(path, {k: v for k, v in data.items() if v is not None}, comment)
+
+
+def check_board(board: Board, where: object = "board") -> None:
+    """Raise InputError unless the tags exist in their family, do not overlap, and span a plane."""
+    if board.family not in FAMILIES:
+        raise InputError(f"{where}: family", f"one of {', '.join(FAMILIES)}", repr(board.family))
+    if (board.grid is None) == (board.tags is None):
+        found = "both" if board.grid else "neither"
+        raise InputError(f"{where}: grid, tags", "either a grid or a list of tags", found)
+    size = family_size(board.family)
+    if board.grid is not None:
+        g = board.grid
+        if g.pitch <= board.tag_edge:
+            raise InputError(f"{where}: grid.pitch", f"metres > tag_edge ({board.tag_edge:g})", g.pitch)
+        if g.first_id + g.columns * g.rows > size:
+            last = g.first_id + g.columns * g.rows - 1
+            raise InputError(f"{where}: grid", f"ids up to {size - 1}, the last of {board.family}", f"ids up to {last}")
+    for i, tag in enumerate(board.tags or ()):
+        if tag.id >= size:
+            raise InputError(f"{where}: tags[{i}].id", f"at most {size - 1}, the last of {board.family}", tag.id)
+        first = next(j for j, other in enumerate(board.tags) if other.id == tag.id)
+        if first != i:
+            raise InputError(f"{where}: tags[{i}].id", "an id of its own", f"{tag.id}, as tags[{first}] has")
+    ids, xy = list(board.centers()), np.array(list(board.centers().values())).reshape(-1, 2)
+    if not spans_a_plane(xy):
+        raise InputError(f"{where}: tags", "at least 4 tags, not in one line", f"{len(xy)} tags")
+    gap = np.abs(xy[:, None] - xy[None]).max(axis=-1) + np.diag(np.full(len(xy), np.inf))
+    if gap.min() <= board.tag_edge:
+        a, b = divmod(int(gap.argmin()), len(xy))
+        want = f"centres more than tag_edge ({board.tag_edge:g} m) apart"
+        raise InputError(f"{where}: tags", want, f"ids {ids[a]} and {ids[b]} closer")
+
+
+def spans_a_plane(xy: np.ndarray) -> bool:
+    """Whether (n, 2) points are at least four and not in one line: what a homography needs."""
+    if len(xy) < 4:
+        return False
+    width = np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)
+    return bool(width[1] > 1e-3 * width[0])
+
+
+def family_size(family: str) -> int:
+    """How many ids the family has."""
+    return len(cv2.aruco.getPredefinedDictionary(FAMILIES[family]).bytesList)
+
+
+def tag_cells(family: str, tag_id: int) -> np.ndarray:
+    """(n, n) float: 1 where the tag's cell is white; n counts the black border's two cells."""
+    dictionary = cv2.aruco.getPredefinedDictionary(FAMILIES[family])
+    cells = cv2.aruco.generateImageMarker(dictionary, tag_id, dictionary.markerSize + 2, borderBits=1)
+    # OpenCV stores the AprilTag families turned by half a turn against the AprilTag library's upright.
+    return np.rot90(cells, 2) / 255.0
+
+
+def draw_board(
+    board: Board, pixels_per_metre: float, margin: float | None = None
+) -> tuple[np.ndarray, tuple[float, float, float, float]]:
+    """The printed sheet as albedo (h, w) float32, row 0 on top, and its extent (x_min, x_max, y_min, y_max), metres.
+
+    Every pixel is the mean albedo over its area. White paper reaches `margin` metres past the outermost tags (a tag's
+    edge, where none is given). The extent is w and h pixels exactly, at most a pixel more than asked for.
+    """
+    centers = board.centers()
+    xy = np.array(list(centers.values()))
+    reach = board.tag_edge / 2 + (board.tag_edge if margin is None else margin)
+    low, high = xy.min(axis=0) - reach, xy.max(axis=0) + reach
+    width, height = (int(n) for n in np.ceil((high - low) * pixels_per_metre - 1e-9))
+    if width * height > files.MAX_PIXELS:
+        raise InputError("pixels_per_metre", f"at most {files.MAX_PIXELS / 1e6:.0f} megapixels", f"{width} x {height}")
+    # The surplus of the rounding goes to both sides alike.
+    x_min, y_max = (low + high + np.array([-width, height]) / pixels_per_metre) / 2
+    sheet = np.full((height, width), PAPER, np.float32)
+    for tag_id, (x, y) in centers.items():
+        cells = INK + (PAPER - INK) * tag_cells(board.family, tag_id)
+        left = (x - board.tag_edge / 2 - x_min) * pixels_per_metre
+        top = (y_max - y - board.tag_edge / 2) * pixels_per_metre
+        columns, across = _coverage(left, board.tag_edge * pixels_per_metre, len(cells))
+        rows, down = _coverage(top, board.tag_edge * pixels_per_metre, len(cells))
+        sheet[rows, columns] += (down @ (cells - PAPER) @ across.T).astype(np.float32)
+    extent = (x_min, x_min + width / pixels_per_metre, y_max - height / pixels_per_metre, y_max)
+    return sheet, tuple(float(v) for v in extent)
+
+
+def _coverage(start: float, length: float, cells: int) -> tuple[slice, np.ndarray]:
+    """How much of each pixel each of `cells` equal intervals of [start, start + length] covers: (pixels, cells)."""
+    edges = start + length * np.arange(cells + 1) / cells
+    first, last = int(np.floor(edges[0])), int(np.ceil(edges[-1]))
+    pixel = np.arange(first, last)[:, None]
+    overlap = np.minimum(pixel + 1, edges[1:]) - np.maximum(pixel, edges[:-1])
+    return slice(first, last), np.clip(overlap, 0, None)

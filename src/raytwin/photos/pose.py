@@ -1,0 +1,215 @@
+"""Where the camera stood: `p_cam = R_cam_board @ p_board + t_cam_board` from one photo of the board.
+
+Twice: by the homography, closed form but not the most likely pose, and from there by Levenberg-Marquardt on pixels.
+"""
+
+import math
+import os
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from raytwin.errors import InputError
+from raytwin.photos import lens
+from raytwin.photos.board import Board, spans_a_plane
+from raytwin.photos.detect import Tag, detect_photo
+from raytwin.scene import Camera, Matrix, Record, Vector
+
+AMBIGUOUS = 1.5
+"""A second pose whose error is less than this many times the first's cannot be ruled out."""
+
+SAME_POSE = 1.0
+"""Two poses less than this many degrees apart are one."""
+
+OUTLIER_SIGMAS, OUTLIER_PX = 15.0, 1.0
+"""A tag is rejected when it lies this many standard deviations off, and this many pixels.
+
+Fifteen, because a real print is never quite flat: its errors have heavier tails than the detector's noise.
+"""
+
+
+GROSS = 0.004
+"""Before anything is fitted: a tag this far, in focal lengths, off the homography of the others is an outlier."""
+
+
+class Pose(Record, frozen=True):
+    """`p_cam = R_cam_board @ p_board + t_cam_board`, metres; `rms_px`: root mean squared distance of its tags."""
+
+    R_cam_board: Matrix
+    t_cam_board: Vector
+    rms_px: float
+
+    @property
+    def R(self) -> np.ndarray:
+        return np.array(self.R_cam_board)
+
+    @property
+    def t(self) -> np.ndarray:
+        return np.array(self.t_cam_board)
+
+
+class PoseReport(Record, frozen=True):
+    """Both poses of one photo and how far they lie apart.
+
+    `ambiguity`: the error of the second minimum that every planar pose has over that of the first, None where both
+    starts end in one pose; below AMBIGUOUS the pose may be the wrong one of the two. `tags` counts the tags used,
+    `outliers` are the ids of those left out.
+    """
+
+    photo: str
+    tags: int
+    homography: Pose
+    refined: Pose
+    rotation_degrees: float
+    translation_metres: float
+    ambiguity: float | None
+    outliers: tuple[int, ...] = ()
+
+
+def homography_pose(K, dist: Sequence[float], tags: Sequence[Tag], board: Board) -> Pose:
+    """H ~ [r1 r2 t] from undistorted tag centres; scale so that |r1| |r2| = 1; nearest rotation by SVD.
+
+    The nearest rotation to [r1 r2 r1 × r2] = U S V^T in the Frobenius norm is U V^T. Zhang, A flexible new technique
+    for camera calibration (2000), section 3.1 and appendix C.
+    """
+    points, pixels = matched(tags, board)
+    H, _ = cv2.findHomography(points[:, :2], lens.undistort(pixels, K, dist))
+    if H is None or not np.isfinite(H).all():
+        raise InputError("tags", "four or more, not in one line", f"ids {_list(t.id for t in tags)}")
+    H = H / math.sqrt(np.linalg.norm(H[:, 0]) * np.linalg.norm(H[:, 1]))
+    middle = np.array([*points[:, :2].mean(axis=0), 1.0])
+    H = H * np.sign(H[2] @ middle)  # H's sign is free: the board is in front of the camera
+    r1, r2, t = H.T
+    U, _, Vt = np.linalg.svd(np.stack([r1, r2, np.cross(r1, r2)], axis=1))
+    R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
+    return _pose(R, t, points, pixels, K, dist)
+
+
+def refined_pose(
+    K, dist: Sequence[float], tags: Sequence[Tag], board: Board, start: Pose | None = None
+) -> tuple[Pose, float | None]:
+    """The pose of least squared pixel distance, and its ambiguity (see PoseReport).
+
+    Levenberg-Marquardt from `start` (the homography's pose) and from both solutions that a plane has (Collins and
+    Bartoli, Infinitesimal plane-based pose estimation, 2014).
+    """
+    points, pixels = matched(tags, board)
+    start = start or homography_pose(K, dist, tags, board)
+    K5, d5 = np.asarray(K, float), np.array([*dist, *(0.0,) * (5 - len(dist))])
+    starts = [(cv2.Rodrigues(start.R)[0], start.t.reshape(3, 1))]
+    found = cv2.solvePnPGeneric(points, pixels, K5, d5, flags=cv2.SOLVEPNP_IPPE)
+    starts += list(zip(found[1], found[2], strict=True))
+    poses = []
+    for rvec, tvec in starts:
+        rvec, tvec = cv2.solvePnPRefineLM(points, pixels, K5, d5, rvec.copy(), tvec.copy())
+        if np.isfinite(rvec).all() and np.isfinite(tvec).all():
+            poses.append(_pose(cv2.Rodrigues(rvec)[0], tvec.ravel(), points, pixels, K, dist))
+    best = min(poses, key=lambda p: p.rms_px)
+    others = [p.rms_px for p in poses if rotation_degrees(p.R, best.R) > SAME_POSE]
+    return best, min(others) / max(best.rms_px, 1e-9) if others else None
+
+
+def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, photo: str = "photo") -> PoseReport:
+    """Both poses from the tags of one photo; tags that are not on the board are passed over."""
+    known = board.centers()
+    used = [t for t in tags if t.id in known]
+    check_ids([tags], board, photo)
+    if not spans_a_plane(board.points(t.id for t in used)[:, :2]):
+        raise InputError(photo, "at least 4 tags of the board, not in one line", f"ids {_list(t.id for t in used)}")
+    # Known distortion: what is left of a tag's distance from the homography is noise, or a mistake.
+    points, pixels = matched(used, board)
+    inside = consistent(points, lens.undistort(pixels, K, dist), GROSS)
+    kept = [t for t, ok in zip(used, inside, strict=True) if ok]
+    for _ in range(3):
+        closed = homography_pose(K, dist, kept, board)
+        refined, ambiguity = refined_pose(K, dist, kept, board, closed)
+        error = np.linalg.norm(lens.project(points, refined.R, refined.t, K, dist) - pixels, axis=1)
+        inside = error <= outlier_limit(error)
+        better = [t for t, ok in zip(used, inside, strict=True) if ok]
+        if better == kept or not spans_a_plane(board.points(t.id for t in better)[:, :2]):
+            break
+        kept = better
+    return PoseReport(
+        photo,
+        len(kept),
+        closed,
+        refined,
+        rotation_degrees(closed.R, refined.R),
+        float(np.linalg.norm(closed.t - refined.t)),
+        ambiguity,
+        tuple(t.id for t in used if t not in kept),
+    )
+
+
+def pose_of_photo(calibration, photo: str | os.PathLike, board: Board) -> PoseReport:
+    """Both poses of a photo of the board, taken with the calibrated camera."""
+    tags = detect_photo(photo, board.family)
+    return pose_of_tags(calibration.K, calibration.dist, tags, board, str(photo))
+
+
+def camera_of_photo(calibration, photo: str | os.PathLike, board: Board) -> Camera:
+    """The calibrated camera where it stood when `photo` was taken: its refined pose."""
+    return camera_at(calibration, pose_of_photo(calibration, photo, board).refined)
+
+
+def camera_at(calibration, pose: Pose) -> Camera:
+    """The calibrated camera (anything with image_size, K and dist) at a pose."""
+    return Camera(calibration.image_size, calibration.K, pose.R_cam_board, pose.t_cam_board, calibration.dist)
+
+
+def matched(tags: Sequence[Tag], board: Board) -> tuple[np.ndarray, np.ndarray]:
+    """Board points (n, 3), metres, and pixels (n, 2) of tags that all are on the board."""
+    return board.points(t.id for t in tags), np.array([t.center for t in tags]).reshape(-1, 2)
+
+
+def consistent(points: np.ndarray, image: np.ndarray, threshold: float) -> np.ndarray:
+    """(n,) bool: which of the image points (n, 2) one homography of the board's points puts within `threshold`.
+
+    RANSAC, with OpenCV's own fixed seed; all True where there is no homography.
+    """
+    _, inside = cv2.findHomography(points[:, :2], image, cv2.RANSAC, threshold, maxIters=500)
+    return np.ones(len(points), bool) if inside is None else inside.ravel().astype(bool)
+
+
+def check_ids(views: Sequence[Sequence[Tag]], board: Board, where: str) -> None:
+    """Raise InputError unless some tag of some view is on the board."""
+    shown = {t.id for tags in views for t in tags}
+    known = set(board.centers())
+    if shown and not shown & known:
+        raise InputError(where, f"tags of the board (ids {_list(known)})", f"other tags (ids {_list(shown)})")
+
+
+def outlier_limit(errors: np.ndarray) -> float:
+    """The pixel distance beyond which a tag is an outlier, given all distances: robust against half of them.
+
+    The median of the distances of a two-dimensional normal distribution is 1.1774 of its standard deviations.
+    """
+    return max(OUTLIER_PX, OUTLIER_SIGMAS * float(np.median(errors)) / 1.1774)
+
+
+def rotation_degrees(A: np.ndarray, B: np.ndarray) -> float:
+    """The angle of the rotation A B^T, degrees: 2 asin(|A - B|_F / sqrt 8), exact for small angles too."""
+    return math.degrees(2 * math.asin(min(1.0, float(np.linalg.norm(np.asarray(A) - np.asarray(B))) / math.sqrt(8))))
+
+
+def rotation(R: np.ndarray) -> Matrix:
+    return tuple(tuple(row) for row in np.asarray(R, float).tolist())
+
+
+def _pose(R: np.ndarray, t: np.ndarray, points: np.ndarray, pixels: np.ndarray, K, dist) -> Pose:
+    error = lens.project(points, R, t, K, dist) - pixels
+    rms = math.sqrt(float((error**2).sum(axis=1).mean()))
+    return Pose(rotation(R), tuple(np.asarray(t, float).tolist()), rms)
+
+
+def _list(ids) -> str:
+    """Ids as text, runs shortened: 0..34, 40."""
+    runs: list[list[int]] = []
+    for i in sorted(ids):
+        if runs and i == runs[-1][1] + 1:
+            runs[-1][1] = i
+        else:
+            runs.append([i, i])
+    text = [str(a) if a == b else f"{a}..{b}" for a, b in runs]
+    return ", ".join(text if len(text) <= 8 else [*text[:8], "..."]) or "none"
