@@ -4,8 +4,10 @@ A number per pixel is a NumPy array or a Dr.Jit array; a vector is a tuple of th
 to ENGINES: its array type must overload the usual operators.
 """
 
+import math
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 
 from raytwin.errors import MachineError
@@ -57,7 +59,8 @@ def library(*values: Any) -> Any:
 
 
 def sqrt(x: Any) -> Any:
-    return library(x).sqrt(x)
+    # A plain number stays one: NumPy would make it a float64 scalar, which drags every float32 array up with it.
+    return math.sqrt(x) if isinstance(x, int | float) else library(x).sqrt(x)
 
 
 def maximum(a: Any, b: Any) -> Any:
@@ -66,6 +69,8 @@ def maximum(a: Any, b: Any) -> Any:
 
 def select(mask: Any, a: Any, b: Any) -> Any:
     """`a` where the mask holds, else `b`."""
+    if isinstance(mask, bool | np.bool_):
+        return a if mask else b
     return np.where(mask, a, b) if (xp := library(mask, a, b)) is np else xp.select(mask, a, b)
 
 
@@ -73,36 +78,82 @@ def dot(a: Vec, b: Vec) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
+def unit(v: Vec) -> Vec:
+    """v / |v|."""
+    length = sqrt(dot(v, v))
+    return (v[0] / length, v[1] / length, v[2] / length)
+
+
 def pixel_grid(engine: Engine, box: tuple[int, int, int, int]) -> tuple[Any, Any]:
     """The centres (u, v) of the box's pixels, x0 <= u < x1, y0 <= v < y1, row by row."""
-    x0, y0, x1, y1 = box
     kind = engine.float_type
     if engine.is_numpy:
+        x0, y0, x1, y1 = box
         # A row and a column: NumPy broadcasts them, so what depends on u or v alone is computed once a line.
         return np.arange(x0, x1, dtype=kind)[None, :], np.arange(y0, y1, dtype=kind)[:, None]
     import drjit
 
-    index = drjit.arange(drjit.uint32_array_t(kind), (x1 - x0) * (y1 - y0))
-    # Opaque: the width is then data, and boxes of all sizes share one compiled kernel.
-    width = drjit.opaque(type(index), x1 - x0)
+    column, row = _pixels(drjit.uint32_array_t(kind), box)
+    return kind(column), kind(row)
+
+
+def _pixels(integer: Any, box: tuple[int, int, int, int]) -> tuple[Any, Any]:
+    import drjit
+
+    x0, y0, x1, y1 = box
+    index = drjit.arange(integer, (x1 - x0) * (y1 - y0))
+    # Opaque: sizes and places are then data, and boxes of all kinds share one compiled kernel.
+    width = drjit.opaque(integer, x1 - x0)
     row = index // width
-    return kind(index - row * width) + drjit.opaque(kind, x0), kind(row) + drjit.opaque(kind, y0)
+    return index - row * width + drjit.opaque(integer, x0), row + drjit.opaque(integer, y0)
 
 
-def parameters(engine: Engine, value: Any) -> Any:
-    """The numbers of nested tuples as the engine's: on Dr.Jit as data, so that a kernel outlives a change of scene."""
-    if engine.is_numpy:
-        return value
+def lift(value: Any, engine: Engine) -> Any:
+    """A record with its floats as the engine's: on Dr.Jit as data, so that a kernel outlives a change of scene."""
+    if isinstance(value, msgspec.Struct):
+        return msgspec.structs.replace(value, **{n: lift(getattr(value, n), engine) for n in value.__struct_fields__})
     if isinstance(value, tuple):
-        return tuple(parameters(engine, v) for v in value)
+        return tuple(lift(v, engine) for v in value)
+    if not isinstance(value, float):
+        return value
+    if engine.is_numpy:
+        return float(value)  # not NumPy's scalar, for `sqrt`'s reason
     import drjit
 
     return drjit.opaque(engine.float_type, float(value))
 
 
-def to_numpy(value: Any, shape: tuple[int, int], dtype: str = "float32") -> np.ndarray:
-    """A number per pixel as a NumPy array (h, w)."""
-    if library(value) is np:
-        return np.broadcast_to(np.asarray(value, dtype), shape)
-    array = value.numpy()
-    return np.broadcast_to(array, shape[0] * shape[1]).reshape(shape).astype(dtype, copy=False)
+def store(out: np.ndarray, box: tuple[int, int, int, int], values: tuple, where: Any) -> Any:
+    """out[v, u, c] = values[c] for the box's pixels that `where` holds for; `out` (H, W) or (H, W, n), contiguous.
+
+    On Dr.Jit this only queues the writing; keep what it returns and hand it to `flush`, which does all in one kernel.
+    """
+    x0, y0, x1, y1 = box
+    layers = out.reshape(*out.shape[:2], -1)
+    if library(*values) is np:
+        for c, value in enumerate(values):
+            np.copyto(layers[y0:y1, x0:x1, c], value, where=where, casting="unsafe")
+        return None
+    import drjit
+
+    if not out.flags.c_contiguous:
+        raise ValueError("store: a contiguous array is needed")
+    kind = type(values[0])
+    target_type = drjit.int32_array_t(kind) if out.dtype == np.int32 else drjit.float32_array_t(kind)
+    target = target_type(out.reshape(-1))  # on the CPU this is the array's own memory, not a copy
+    column, row = _pixels(drjit.uint32_array_t(kind), box)
+    place = (row * drjit.opaque(type(row), out.shape[1]) + column) * len(values)
+    for c, value in enumerate(values):
+        drjit.scatter(target, target_type(value), place + c, active=where)
+    if drjit.backend_v(kind) == drjit.JitBackend.CUDA:
+        np.copyto(out.reshape(-1), target.numpy())
+    return target
+
+
+def flush(engine: Engine, queued: list) -> None:
+    """Do the writing that `store` has queued: `queued` holds what it returned."""
+    if not engine.is_numpy:
+        import drjit
+
+        drjit.eval(queued)
+        drjit.sync_thread()

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from raytwin.scene import Plane, Sphere
-from raytwin.tracer.arrays import Vec, dot, select
+from raytwin.tracer.arrays import Vec, dot, select, sqrt
 from raytwin.tracer.plane import cross, intersect_plane
 from raytwin.tracer.sphere import INFINITY, intersect_sphere, sphere_normal
 
@@ -32,7 +32,7 @@ def normal_at(p: Vec, thing: Sphere | Plane) -> Vec:
         return sphere_normal(p, thing)
     n = cross(thing.half_u, thing.half_v)
     # half_u and half_v are perpendicular: |u × v| = |u| |v|.
-    length = (dot(thing.half_u, thing.half_u) * dot(thing.half_v, thing.half_v)) ** 0.5
+    length = sqrt(dot(thing.half_u, thing.half_u) * dot(thing.half_v, thing.half_v))
     return tuple(c / length for c in n)
 
 

@@ -4,8 +4,9 @@ from collections.abc import Callable
 from math import pi
 from typing import Any
 
+from raytwin.image import BACKGROUND
 from raytwin.scene import Scene, Sphere
-from raytwin.tracer.arrays import Vec, dot, maximum, select
+from raytwin.tracer.arrays import Vec, dot, maximum, select, unit
 from raytwin.tracer.hit import Hit, intersect
 from raytwin.tracer.sphere import INFINITY
 
@@ -13,8 +14,9 @@ from raytwin.tracer.sphere import INFINITY
 def lambert(albedo: Any, normal: Vec, to_light: Vec, irradiance: Any, visible: Any, sky: Any) -> Any:
     """L = albedo/π E V max(0, n·l) + albedo Lₛ: one colour channel of a Lambertian surface under sun and open sky.
 
-    `irradiance` E: what a surface that faces the sun receives; `visible` V: 1 where the sun is seen; `sky` Lₛ: the
-    sky's radiance. A sky of constant radiance gives irradiance π Lₛ, and albedo/π times that is albedo Lₛ.
+    `normal` n, `to_light` l: unit. `irradiance` E: what a surface that faces the sun receives; `visible` V: 1 where the
+    sun is seen; `sky` Lₛ: the sky's radiance. A sky of constant radiance gives irradiance π Lₛ, and albedo/π times that
+    is albedo Lₛ.
     """
     return albedo / pi * irradiance * visible * maximum(dot(normal, to_light), 0.0) + albedo * sky
 
@@ -25,14 +27,14 @@ def sun_visible(hit: Hit, scene: Scene, solver: str = "robust") -> Any:
     No offset along the normal is needed: a convex object never shades a point of itself that faces the sun from
     outside, so each object is left out of its own test; seen from inside, a sphere shades itself always.
     """
-    blocked = hit.ids < -1
+    to_light = unit(scene.sun.to_light)
+    blocked = hit.ids < BACKGROUND  # never: the mask to start from
     for index, thing in enumerate(scene.objects):
-        own = hit.ids == index
-        t = intersect(hit.point, scene.sun.to_light, thing, solver)
-        blocked = blocked | (~own & (t < INFINITY))
+        t = intersect(hit.point, to_light, thing, solver)
+        blocked = blocked | ((hit.ids != index) & (t < INFINITY))
         if isinstance(thing, Sphere):
             outwards = tuple(p - c for p, c in zip(hit.point, thing.center, strict=True))
-            blocked = blocked | (own & (dot(outwards, hit.normal) < 0))
+            blocked = blocked | ((hit.ids == index) & (dot(outwards, hit.normal) < 0))
     return select(blocked, 0.0, 1.0)
 
 
@@ -52,8 +54,9 @@ def shadow_radiance(hit: Hit, scene: Scene, solver: str) -> Vec:
 
 
 def _direct(hit: Hit, scene: Scene, visible: Any) -> Vec:
+    to_light = unit(scene.sun.to_light)
     lights = zip(hit.albedo, scene.sun.irradiance, scene.sky.radiance, strict=True)
-    return tuple(lambert(rho, hit.normal, scene.sun.to_light, E, visible, sky) for rho, E, sky in lights)
+    return tuple(lambert(rho, hit.normal, to_light, E, visible, sky) for rho, E, sky in lights)
 
 
 RUNGS: dict[str, Callable[[Hit, Scene, str], Vec]] = {
