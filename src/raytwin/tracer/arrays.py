@@ -140,14 +140,18 @@ def store(out: np.ndarray, box: tuple[int, int, int, int], values: tuple, where:
         raise ValueError("store: a contiguous array is needed")
     kind = type(values[0])
     target_type = drjit.int32_array_t(kind) if out.dtype == np.int32 else drjit.float32_array_t(kind)
-    target = target_type(out.reshape(-1))  # on the CPU this is the array's own memory, not a copy
     column, row = _pixels(drjit.uint32_array_t(kind), box)
     place = (row * drjit.opaque(type(row), out.shape[1]) + column) * len(values)
-    for c, value in enumerate(values):
+    # On the CPU each target is the array's own memory, not a copy; one a channel, since a second scatter into a target
+    # would first compute the pending one, in a kernel of its own.
+    targets = [target_type(out.reshape(-1)) for _ in values]
+    if on_gpu := drjit.backend_v(kind) == drjit.JitBackend.CUDA:
+        targets = targets[:1] * len(values)
+    for c, (target, value) in enumerate(zip(targets, values, strict=True)):
         drjit.scatter(target, target_type(value), place + c, active=where)
-    if drjit.backend_v(kind) == drjit.JitBackend.CUDA:
-        np.copyto(out.reshape(-1), target.numpy())
-    return target
+    if on_gpu:
+        np.copyto(out.reshape(-1), targets[0].numpy())
+    return targets
 
 
 def flush(engine: Engine, queued: list) -> None:

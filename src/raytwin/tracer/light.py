@@ -35,7 +35,7 @@ def sun_visible(hit: Hit, scene: Scene, solver: str = "robust") -> Any:
         if isinstance(thing, Sphere):
             outwards = tuple(p - c for p, c in zip(hit.point, thing.center, strict=True))
             blocked = blocked | ((hit.ids == index) & (dot(outwards, hit.normal) < 0))
-    return select(blocked, 0.0, 1.0)
+    return select(blocked, 0.0, 0 * hit.ids + 1)
 
 
 def surface_colour(hit: Hit, scene: Scene, solver: str) -> Vec:
