@@ -8,7 +8,7 @@ import contextlib
 import math
 import os
 import re
-import tempfile
+import secrets
 import tomllib
 import warnings
 from collections.abc import Iterator, Mapping
@@ -35,26 +35,27 @@ MAX_PIXELS = 400_000_000
 
 @contextlib.contextmanager
 def replacing(path: str | os.PathLike) -> Iterator[Path]:
-    """A temporary path beside `path`, renamed to it when the block ends well and removed when it does not."""
-    path = Path(path)
+    """A temporary path beside `path`, renamed to it when the block ends well and removed when it does not.
+
+    Links are followed. A device or a pipe (/dev/stdout) is handed out as it is: a rename would replace it.
+    """
+    real = Path(os.path.realpath(path))
+    if real.is_dir():
+        raise InputError(path, "a file to write", "a folder")
+    temporary = real.parent / f".{real.stem}-{secrets.token_hex(4)}{real.suffix}"
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-    except OSError as error:
-        raise InputError(path, "a place that can be written", error.strerror or error) from None
-    os.close(handle)
-    temporary = Path(name)
-    try:
+        if real.exists() and not real.is_file():
+            yield real
+            return
+        real.parent.mkdir(parents=True, exist_ok=True)
+        temporary.touch(exist_ok=False)
         yield temporary
-        # mkstemp makes files private; a result is as readable as any file the user makes.
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
-        temporary.replace(path)
-    except IsADirectoryError:
-        raise InputError(path, "a file to write", "a folder") from None
+        temporary.replace(real)
+    except OSError as error:
+        raise InputError(path, "a place that can be written", error.strerror or error) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:
@@ -102,8 +103,8 @@ def read_toml(path: str | os.PathLike) -> dict[str, Any]:
         raise InputError(path, "a TOML file", error.strerror) from None
     except UnicodeDecodeError as error:
         raise InputError(path, "UTF-8 text", f"byte {error.object[error.start]:#04x} at {error.start}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(path, "TOML", str(error)) from None
+    except (ValueError, RecursionError) as error:  # beside TOMLDecodeError: numbers too long, lists too deep
+        raise InputError(path, "TOML", error) from None
 
 
 def to_record(path: str | os.PathLike, data: Any, kind: type[T], prefix: str = "") -> T:
@@ -134,9 +135,12 @@ def _readable(path: str | os.PathLike, data: Any, message: str, prefix: str) -> 
     if match := re.match(r"Object missing required field `(.*)`", what):
         return InputError(f"{path}: {_join(prefix, _join(field, match[1]))}", "a value", "nothing")
     what = re.sub(r"^Expected ", "", what)
-    what = re.sub(r", got `.*`$", "", what)
+    what = re.sub(r", got (`.*`|\d+)$", "", what)
     what = what.replace("`float`", "a number").replace("`int`", "a whole number").replace("`str`", "text")
     what = what.replace("`array`", "a list").replace("`object`", "a table").replace("`bool`", "true or false")
+    what = re.sub(r"(\d)\.0\b", r"\1", what).replace("Number out of range", "a number that 64 bits hold")
+    if field.endswith("radius"):  # the only bounded length
+        what = what.replace("a number", "metres")
     shown = repr(found)
     return InputError(f"{path}: {_join(prefix, field)}", what, shown if len(shown) <= 60 else shown[:57] + "...")
 
@@ -181,7 +185,7 @@ def read_scene(path: str | os.PathLike) -> Scene:
     kind = PhotoCamera if "photos" in parts.camera else Camera
     camera = to_record(file, parts.camera, kind, "camera")
     if isinstance(camera, Camera):
-        check_camera(camera, f"{file}: camera")
+        check_camera(camera, f"{file}: camera.")
     if not math.hypot(*parts.sun.to_light) > 0:
         raise InputError(f"{file}: sun.to_light", "a direction", "the zero vector")
     for i, plane in enumerate(parts.planes):
@@ -201,22 +205,29 @@ def read_scene(path: str | os.PathLike) -> Scene:
 
 
 def check_camera(camera: Camera, where: str) -> None:
-    """Raise InputError unless K is [[fx, s, cx], [0, fy, cy], [0, 0, 1]] with positive foci and R is a rotation."""
+    """Raise InputError unless K is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with positive foci and R is a rotation.
+
+    `where` is put before the field's name: `scenes/desk/scene.toml: camera.`.
+    """
+    if camera.width * camera.height > MAX_PIXELS:
+        raise InputError(
+            f"{where}image_size", f"at most {MAX_PIXELS / 1e6:.0f} megapixels", f"{camera.width} x {camera.height}"
+        )
     if not (camera.fx > 0 and camera.fy > 0):
-        raise InputError(f"{where}.K", "focal lengths > 0 px", f"{camera.fx}, {camera.fy}")
+        raise InputError(f"{where}K", "focal lengths > 0 px", f"{camera.fx}, {camera.fy}")
     if camera.K[0][1] != 0 or camera.K[1][0] != 0 or tuple(camera.K[2]) != (0, 0, 1):
-        raise InputError(f"{where}.K", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]", camera.K)
+        raise InputError(f"{where}K", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]", camera.K)
     R = np.asarray(camera.R_cam_board)
     off = float(np.abs(R @ R.T - np.eye(3)).max())
     if off > 1e-6 or np.linalg.det(R) < 0:
         found = "a mirroring" if off <= 1e-6 else f"R R^T off the identity by {off:.2g}"
-        raise InputError(f"{where}.R_cam_board", "a rotation matrix", found)
+        raise InputError(f"{where}R_cam_board", "a rotation matrix", found)
 
 
 def read_camera(path: str | os.PathLike) -> Camera:
     """A camera.toml, as `raytwin calibrate -o` writes it."""
     camera = to_record(path, read_toml(path), Camera)
-    check_camera(camera, f"{path}: camera")
+    check_camera(camera, f"{path}: ")
     return camera
 
 
@@ -282,14 +293,14 @@ def _opened(path: str | os.PathLike) -> Iterator[Any]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)
-            with Pillow.open(path) as photo:
+            with Pillow.open(path, formats=("JPEG", "PNG")) as photo:
                 if photo.width * photo.height > MAX_PIXELS:
                     raise InputError(
                         path, f"at most {MAX_PIXELS / 1e6:.0f} megapixels", f"{photo.width} x {photo.height}"
                     )
                 yield photo
-    except FileNotFoundError:
-        raise InputError(path, "a photo (JPEG or PNG)", "no such file") from None
+    except (FileNotFoundError, PermissionError) as error:
+        raise InputError(path, "a photo (JPEG or PNG)", error.strerror.lower()) from None
     except Pillow.UnidentifiedImageError:
         raise InputError(path, "a photo (JPEG or PNG)", "a file of another kind, or a damaged header") from None
     except Pillow.DecompressionBombError as error:
@@ -334,10 +345,11 @@ def write_exr(path: str | os.PathLike, image: Image, header: Mapping[str, str] |
     for name, channels in parts:
         attributes: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         if name == "mean":
+            # The image's own numbers last: a header taken from another file must not overrule them.
+            attributes |= {f"raytwin/{k}": str(v) for k, v in (header or {}).items() if k != "batches"}
             attributes |= {"raytwin/samples": str(image.samples)}
             if image.batches is not None:
                 attributes |= {"raytwin/batches": str(image.batches)}
-            attributes |= {f"raytwin/{k}": v for k, v in (header or {}).items()}
         built.append(OpenEXR.Part(attributes, channels, name))
     with replacing(path) as temporary, OpenEXR.File(built) as file:
         file.write(str(temporary))
@@ -372,12 +384,16 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
                     np.array(parts["depth"].channels["Z"].pixels),
                     np.array(normal),
                 )
+            batches = int(header["batches"]) if "batches" in header else None
+            samples = int(header.get("samples", 1))
+            layers = [variance, *(() if surface is None else (surface.ids, surface.depth, surface.normal))]
+            if any(layer is not None and layer.shape[:2] != mean.shape[:2] for layer in layers):
+                raise InputError(path, "parts of one size", ", ".join(map(str, (p.shape() for p in file.parts))))
     except InputError:
         raise
     except Exception as error:  # OpenEXR raises whatever its C++ did
-        raise InputError(path, "an EXR file", f"a damaged one ({str(error).splitlines()[0][:120]})") from None
-    batches = int(header["batches"]) if "batches" in header else None
-    return Image(mean, variance, int(header.get("samples", 1)), surface, batches), header
+        raise InputError(path, "an EXR file", f"a damaged one ({' '.join(str(error).split())[:120]})") from None
+    return Image(mean, variance, samples, surface, batches), header
 
 
 def _pixels(path: str | os.PathLike, channels: Mapping[str, Any]) -> np.ndarray:

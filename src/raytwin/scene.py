@@ -4,6 +4,7 @@ Vectors are tuples of three floats, matrices are tuples of rows. All positions a
 (right-handed, X and Y in the board's plane, Z out of the printed face towards the viewer) unless a name says otherwise.
 """
 
+import math
 from typing import Annotated
 
 import msgspec
@@ -134,8 +135,8 @@ class Sun(Record, frozen=True):
     @property
     def direction(self) -> Vector:
         """`to_light` made unit."""
-        d = np.asarray(self.to_light, float)
-        return tuple((d / np.linalg.norm(d)).tolist())
+        length = math.hypot(*self.to_light)
+        return tuple(c / length for c in self.to_light)
 
 
 class Sky(Record, frozen=True):
