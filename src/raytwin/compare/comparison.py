@@ -22,7 +22,7 @@ class Geometry(Record, frozen=True):
 
 
 class Radiance(Record, frozen=True):
-    """Errors of radiance over all finite values, as METRICS defines them; `p999_abs` is the 99.9 % quantile of |error|."""
+    """Errors of radiance over all finite values, as METRICS defines them; `p999_abs`: 99.9 % quantile of |error|."""
 
     max_abs: float | None = None
     p999_abs: float | None = None

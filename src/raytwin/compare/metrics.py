@@ -3,14 +3,23 @@
 One more metric is one more row of METRICS.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
+from raytwin.errors import InputError
+
+CHUNK = 1 << 17
+"""Values worked on at a time: they stay in the cache, where one pass over 12 megapixels would not."""
+
+FLIP_PIXELS_PER_DEGREE = 67.0
+FLIP_EXPOSURES = {"startExposure": -2.0, "stopExposure": 2.0, "numExposures": 5, "tonemapper": "ACES"}
+"""Pinned: left to itself, FLIP takes them from the reference, and its numbers stop being comparable."""
+
 
 class Metric(NamedTuple):
-    """`function(test, reference) -> float` takes two linear arrays (H, W, 3); `formula` is what it computes."""
+    """`function(test, reference) -> float` takes two linear arrays of one shape; `formula` is what it computes."""
 
     name: str
     formula: str
@@ -18,36 +27,50 @@ class Metric(NamedTuple):
     function: Callable[[np.ndarray, np.ndarray], float]
 
 
+def chunks(*arrays: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
+    """The same stretch of each array, flat, CHUNK values at a time."""
+    flat = [a.ravel() for a in arrays]
+    for i in range(0, flat[0].size, CHUNK):
+        yield tuple(f[i : i + CHUNK] for f in flat)
+
+
+def mean_of(term: Callable[[np.ndarray, np.ndarray], np.ndarray], test: np.ndarray, reference: np.ndarray) -> float:
+    """mean(term(t, r)) over all values, summed in float64."""
+    return sum(float(term(t, r).sum(dtype=np.float64)) for t, r in chunks(test, reference)) / max(test.size, 1)
+
+
+def mse(test: np.ndarray, reference: np.ndarray) -> float:
+    return mean_of(lambda t, r: np.square(t - r), test, reference)
+
+
 def rmse(test: np.ndarray, reference: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.square(test - reference), dtype=np.float64)))
+    return float(np.sqrt(mse(test, reference)))
 
 
 def relmse(test: np.ndarray, reference: np.ndarray) -> float:
-    return float(np.mean(np.square(test - reference) / (np.square(reference) + 0.01), dtype=np.float64))
+    return mean_of(lambda t, r: np.square(t - r) / (np.square(r) + t.dtype.type(0.01)), test, reference)
 
 
 def mae(test: np.ndarray, reference: np.ndarray) -> float:
-    return float(np.mean(np.abs(test - reference), dtype=np.float64))
+    return mean_of(lambda t, r: np.abs(t - r), test, reference)
 
 
 def max_abs(test: np.ndarray, reference: np.ndarray) -> float:
-    return float(np.max(np.abs(test - reference)))
+    return max((float(np.abs(t - r).max()) for t, r in chunks(test, reference)), default=0.0)
 
 
 def p999_abs(test: np.ndarray, reference: np.ndarray) -> float:
-    return upper_quantile(np.abs(test - reference), 0.999)
+    return upper_quantile(test, reference, 0.999)
 
 
-def upper_quantile(values: np.ndarray, q: float) -> float:
-    """The smallest value with at least a share q of all values at or below it (no interpolation)."""
-    flat = values.ravel()
-    k = max(int(np.ceil(q * flat.size)) - 1, 0)
-    return float(np.partition(flat, k)[k])
+def p999_rel(test: np.ndarray, reference: np.ndarray) -> float:
+    return upper_quantile(test, reference, 0.999, lambda t, r: np.abs(t - r) / (np.abs(r) + t.dtype.type(0.01)))
 
 
 def psnr(test: np.ndarray, reference: np.ndarray) -> float:
     error = rmse(test, reference)
-    return float(20 * np.log10(np.max(reference) / error)) if error > 0 else float("inf")
+    with np.errstate(divide="ignore"):
+        return float(20 * np.log10(np.max(reference) / error)) if error > 0 else float("inf")
 
 
 def mean_ratio(test: np.ndarray, reference: np.ndarray) -> float:
@@ -55,15 +78,74 @@ def mean_ratio(test: np.ndarray, reference: np.ndarray) -> float:
     return float(np.mean(test, dtype=np.float64)) / below if below else float("nan")
 
 
+def flip_hdr(test: np.ndarray, reference: np.ndarray) -> float:
+    return _flip(np.maximum(test, 0), np.maximum(reference, 0), "HDR", FLIP_EXPOSURES)
+
+
+def flip_ldr(test: np.ndarray, reference: np.ndarray) -> float:
+    return _flip(np.clip(test, 0, 1), np.clip(reference, 0, 1), "LDR", {})
+
+
+def _flip(test: np.ndarray, reference: np.ndarray, kind: str, settings: dict) -> float:
+    # NVIDIA's package prints and exits where an argument displeases it, and gives NaN pixels a finite error.
+    if test.ndim != 3 or test.shape[-1] != 3 or test.shape != reference.shape:
+        raise InputError("FLIP", "two images of one shape (H, W, 3)", f"{test.shape} and {reference.shape}")
+    if not (np.isfinite(test).all() and np.isfinite(reference).all()):
+        raise InputError("FLIP", "finite radiance", "NaN or infinity")
+    import flip_evaluator
+
+    pair = [np.ascontiguousarray(i, np.float32) for i in (reference, test)]
+    settings = {"ppd": FLIP_PIXELS_PER_DEGREE, **settings}
+    return float(flip_evaluator.evaluate(*pair, kind, inputsRGB=False, applyMagma=False, parameters=settings)[1])
+
+
+def _absolute(t: np.ndarray, r: np.ndarray) -> np.ndarray:
+    return np.abs(t - r)
+
+
+def order_statistic(values: np.ndarray, q: float) -> float:
+    """The smallest of `values` with at least a share q of them at or below it (no interpolation)."""
+    k = max(int(np.ceil(q * values.size)), 1) - 1
+    return float(np.partition(values.ravel(), k)[k])
+
+
+def upper_quantile(
+    test: np.ndarray, reference: np.ndarray, q: float, term: Callable[..., np.ndarray] = _absolute
+) -> float:
+    """`order_statistic(term(test, reference), q)` for q near 1, without sorting what lies far below it."""
+    above = test.size - max(int(np.ceil(q * test.size)), 1)  # so many values may lie above it
+    step = max(1, test.size // 50_000)
+    guess = np.quantile(term(test.ravel()[::step], reference.ravel()[::step]), max(0.0, 2 * q - 1))
+    top = np.concatenate([x[x >= guess] for x in (term(t, r) for t, r in chunks(test, reference))])
+    if top.size <= above:  # the sample misled
+        return order_statistic(np.concatenate([term(t, r) for t, r in chunks(test, reference)]), q)
+    k = top.size - 1 - above
+    return float(np.partition(top, k)[k])
+
+
 METRICS: dict[str, Metric] = {
     m.name: m
     for m in (
-        Metric("rmse", "sqrt(mean((t - r)^2))", "textbook", rmse),
-        Metric("relmse", "mean((t - r)^2 / (r^2 + 0.01))", "tev", relmse),
-        Metric("mae", "mean(|t - r|)", "textbook", mae),
-        Metric("max_abs", "max(|t - r|)", "textbook", max_abs),
-        Metric("p999_abs", "99.9 % quantile of |t - r|", "textbook", p999_abs),
-        Metric("psnr", "20 log10(max(r) / rmse), dB", "textbook, peak = the reference's maximum", psnr),
-        Metric("mean_ratio", "mean(t) / mean(r)", "textbook", mean_ratio),
+        Metric("rmse", "sqrt(mean((t - r)^2))", "the same everywhere", rmse),
+        Metric("relmse", "mean((t - r)^2 / (r^2 + 0.01))", "tev's; pbrt divides by (r + 0.01)^2", relmse),
+        Metric("mae", "mean(|t - r|)", "the same everywhere", mae),
+        Metric("max_abs", "max(|t - r|)", "the same everywhere", max_abs),
+        Metric("p999_abs", "99.9 % quantile of |t - r|, an order statistic", "this project's", p999_abs),
+        Metric("p999_rel", "99.9 % quantile of |t - r| / (|r| + 0.01)", "this project's", p999_rel),
+        Metric("psnr", "20 log10(max(r) / rmse), dB", "peak is the reference's maximum, not 1", psnr),
+        Metric("mean_ratio", "mean(t) / mean(r)", "the same everywhere", mean_ratio),
+        Metric(
+            "flip_hdr",
+            f"mean HDR-FLIP, exposures {FLIP_EXPOSURES['startExposure']:g} to {FLIP_EXPOSURES['stopExposure']:g} in "
+            f"{FLIP_EXPOSURES['numExposures']}, {FLIP_EXPOSURES['tonemapper']}, {FLIP_PIXELS_PER_DEGREE:g} px/degree",
+            "Andersson et al. 2021, NVIDIA's flip-evaluator",
+            flip_hdr,
+        ),
+        Metric(
+            "flip_ldr",
+            f"mean LDR-FLIP of radiance clipped to 0..1, {FLIP_PIXELS_PER_DEGREE:g} px/degree",
+            "Andersson et al. 2020, NVIDIA's flip-evaluator",
+            flip_ldr,
+        ),
     )
 }

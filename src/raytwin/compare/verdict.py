@@ -1,14 +1,25 @@
 """compare(test, reference): hard failures, then geometry, then radiance; one verdict and its reasons in words."""
 
+import math
 import time
 
 import msgspec
 import numpy as np
 
-from raytwin.compare.comparison import Comparison, Geometry, Radiance, Statistics
+from raytwin.compare.comparison import Comparison, Geometry, Perceptual, Radiance, Statistics
+from raytwin.compare.exact import judge_exact
+from raytwin.compare.finding import CHANNELS, HARD, IMAGE, TILE, VALUE, Finding, at, plural
+from raytwin.compare.geometry import find_shift, judge_geometry, shift_finding
+from raytwin.compare.hard import shape_findings, value_findings
+from raytwin.compare.hints import find_hints
 from raytwin.compare.metrics import METRICS
+from raytwin.compare.statistics import POWER, Noise, judge
+from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.scene import Tolerance
+
+SURE_SHIFT = 0.5
+"""A shift whose standard deviation is larger, pixels, is not reported."""
 
 
 def compare(
@@ -21,23 +32,113 @@ def compare(
     false_alarm_rate: float = 1e-3,
     flip: bool = False,
 ) -> Comparison:
-    """The verdict on `test` against `reference`, and every number behind it."""
+    """Does `test` show what `reference` shows? The verdict, its reasons in words, and every number behind it.
+
+    Hard failures come first (no radiance, NaN, infinite, negative, black), then geometry where both have a surface,
+    then radiance. Values without noise must meet `tolerance`; for the others `false_alarm_rate` is the probability
+    that two images that differ by noise alone fail. `flip` adds the perceptual metric, which takes longer than all
+    else. A bad image never raises: it fails.
+    """
+    if not 0 < false_alarm_rate < 1:
+        raise InputError("false_alarm_rate", "a probability between 0 and 1", false_alarm_rate)
     start = time.perf_counter()
-    reasons = []
-    if test.mean.shape != reference.mean.shape:
-        return Comparison(scene, rung, "fail", (f"the shape is {test.mean.shape}, not {reference.mean.shape}",))
-    if bad := int(np.count_nonzero(~np.isfinite(test.mean))):
-        reasons.append(f"{bad} values are not finite")
-    numbers = {n: METRICS[n].function(test.mean, reference.mean) for n in Radiance.__struct_fields__}
-    radiance = Radiance(**{n: x if np.isfinite(x) else None for n, x in numbers.items()})
-    mismatch = None
-    if test.surface is not None and reference.surface is not None:
-        mismatch = int(np.count_nonzero(test.surface.ids != reference.surface.ids))
-        if mismatch > tolerance.mask_pixels:
-            reasons.append(f"{mismatch} silhouette pixels differ")
-    if radiance.p999_abs is None or radiance.p999_abs > tolerance.p999_abs:
-        reasons.append(f"the 99.9 % quantile of the absolute error is {radiance.p999_abs}")
-    made = Comparison(
-        scene, rung, "fail" if reasons else "pass", tuple(reasons), Geometry(mismatch), radiance, Statistics()
-    )
+    found = shape_findings(test, reference)
+    geometry, radiance, statistics, perceptual = Geometry(), Radiance(), Statistics(), Perceptual()
+    notes: tuple[str, ...] = ()
+    if not found:
+        found = value_findings(test, reference, tolerance)
+        geometry, wrong = judge_geometry(test, reference, tolerance)
+        found += wrong
+        radiance = _radiance(test.mean, reference.mean)
+    if any(f.rank == HARD for f in found):
+        return _made(scene, rung, found, notes, geometry, radiance, statistics, perceptual, start)
+
+    shift = find_shift(test.mean, reference.mean)
+    if shift is not None and shift.sigma <= SURE_SHIFT:
+        geometry = msgspec.structs.replace(geometry, shift_px=shift.length)
+    pixels = test.shape[0] * test.shape[1]
+    mismatch = geometry.mask_mismatch_pixels or 0
+    excused = mismatch if mismatch <= tolerance.mask_pixels else 0
+    if test.variance is None and reference.variance is None:
+        quiet = judge_exact(test, reference, tolerance)
+        found += quiet.findings(tolerance, pixels, excused)
+        statistics = Statistics(pixel_fail_fraction=quiet.outliers / pixels)
+        notes = (
+            f"the images agree: 99.9 % of the values to {radiance.p999_abs:.2g} (allowed {tolerance.p999_abs:g}), "
+            f"all to {radiance.max_abs:.2g}",
+        )
+    else:
+        noise = judge(test, reference, tolerance, false_alarm_rate)
+        found += noise.quiet.findings(tolerance, pixels, excused) + _noise_findings(noise, reference)
+        statistics = Statistics(
+            noise.image.worst.signed,
+            noise.tile.worst.signed,
+            (noise.failed_pixels + noise.quiet.outliers) / pixels,
+            noise.image.detectable if math.isfinite(noise.image.detectable) else None,
+        )
+        notes = _what_could_be_seen(noise, false_alarm_rate)
+    if found:
+        if shift is not None and shift.length > max(5 * shift.sigma, 0.02):
+            found.append(shift_finding(shift))
+        found += find_hints(test.mean, reference.mean)
+    if flip:
+        perceptual = Perceptual(METRICS["flip_hdr"].function(test.mean, reference.mean))
+    return _made(scene, rung, found, notes, geometry, radiance, statistics, perceptual, start)
+
+
+def _made(scene, rung, found, notes, geometry, radiance, statistics, perceptual, start) -> Comparison:
+    reasons = tuple(f.text for f in sorted(found, key=lambda f: f.rank)) or notes
+    made = Comparison(scene, rung, "fail" if found else "pass", reasons, geometry, radiance, statistics, perceptual)
     return msgspec.structs.replace(made, seconds={**made.seconds, "compare": time.perf_counter() - start})
+
+
+def _radiance(test: np.ndarray, reference: np.ndarray) -> Radiance:
+    """The metrics over the values that are finite in both images; null where none is, or a metric has no value."""
+    finite = np.isfinite(test) & np.isfinite(reference) if not _finite(test, reference) else None
+    if finite is not None:
+        test, reference = test[finite], reference[finite]
+    if not test.size:
+        return Radiance()
+    numbers = {name: METRICS[name].function(test, reference) for name in Radiance.__struct_fields__}
+    return Radiance(**{name: x if math.isfinite(x) else None for name, x in numbers.items()})
+
+
+def _finite(*arrays: np.ndarray) -> bool:
+    return all(math.isfinite(a.min()) and math.isfinite(a.max()) for a in arrays)
+
+
+def _noise_findings(noise: Noise, reference: Image) -> list[Finding]:
+    found = []
+    for rank, family in ((IMAGE, noise.image), (TILE, noise.tile), (VALUE, noise.value)):
+        if family.passed:
+            continue
+        w = family.worst
+        area = reference.mean[w.y : w.y + w.height, w.x : w.x + w.width, w.channel].mean(dtype=np.float64)
+        relative = f"{100 * abs(w.error) / area:.3g} %" if area > 0 else f"{abs(w.error):.3g}"
+        off = f"{relative} too {'bright' if w.error > 0 else 'dark'} in {CHANNELS[w.channel]}"
+        sure = (
+            f"{w.z:.3g} standard deviations beyond what is granted, p = {w.p:.1g} where {family.level:.1g} is allowed"
+        )
+        where = {
+            IMAGE: "the whole image",
+            TILE: f"the {w.width} x {w.height} tile at {at(w.x, w.y)}",
+            VALUE: f"the pixel {at(w.x, w.y)}",
+        }[rank]
+        count = {
+            IMAGE: "",
+            TILE: f"; {plural(family.failed, 'tile')} of all sizes fail",
+            VALUE: f"; {plural(noise.failed_pixels, 'pixel')} fail",
+        }[rank]
+        found.append(Finding(rank, f"{where} is {off}: {sure}{count}"))
+    return found
+
+
+def _what_could_be_seen(noise: Noise, rate: float) -> tuple[str, ...]:
+    def share(x: float) -> str:
+        return f"{100 * x:.2g} %" if math.isfinite(x) else "no size"
+
+    return (
+        f"no difference beyond noise, at a false-alarm rate of {rate:g}: with probability {POWER:g}, an error of "
+        f"{share(noise.image.detectable)} of the whole image's mean, or of {share(noise.tile.detectable)} of a tile of "
+        f"16 x 16 pixels (the median tile), would have been seen",
+    )

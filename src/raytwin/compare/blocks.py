@@ -1,0 +1,50 @@
+"""An image in strips that stay in the cache, and its sums over 8 x 8 blocks, from which larger tiles are merged."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+SIDE = 8
+"""Pixels on the side of the smallest tile: small enough to be local, large enough for its mean to be near Gaussian."""
+
+
+def strips(height: int, rows: int = 8 * SIDE) -> Iterator[tuple[int, int, int]]:
+    """(first row, end row, rows per block): strips are whole blocks high; the last may hold one lower row of blocks."""
+    whole = height - height % SIDE
+    for y in range(0, whole, rows):
+        yield y, min(y + rows, whole), SIDE
+    if whole < height:
+        yield whole, height, height - whole
+
+
+def unblock(x: np.ndarray, rows: int) -> np.ndarray:
+    """(h, w, c) as a view (h / rows, rows, w, c): blocks one above the other."""
+    return x.reshape(-1, rows, *x.shape[1:])
+
+
+def block_sums(x: np.ndarray, rows: int) -> np.ndarray:
+    """Sums over blocks of `rows` x 8 pixels: (h, w, c) -> (h / rows, ceil(w / 8), c) float64."""
+    columns = unblock(x, rows).sum(axis=1)
+    return np.add.reduceat(columns, np.arange(0, x.shape[1], SIDE), axis=1).astype(np.float64)
+
+
+def merge(x: np.ndarray) -> np.ndarray:
+    """Sums over 2 x 2: the next larger tiles."""
+    x = np.add.reduceat(x, np.arange(0, x.shape[0], 2), axis=0)
+    return np.add.reduceat(x, np.arange(0, x.shape[1], 2), axis=1)
+
+
+def dilate(v: np.ndarray, y0: int, y1: int) -> np.ndarray:
+    """The largest value of each 3 x 3 neighbourhood in rows y0 to y1 of `v` (H, W, C), float32."""
+    top, bottom = max(y0 - 1, 0), min(y1 + 1, len(v))
+    rows = v[top:bottom]
+    wide = rows.astype(np.float32)
+    np.maximum(wide[:, 1:], rows[:, :-1], out=wide[:, 1:])
+    np.maximum(wide[:, :-1], rows[:, 1:], out=wide[:, :-1])
+    first, count = y0 - top, y1 - y0
+    out = wide[first : first + count].copy()
+    up = wide[max(first - 1, 0) : first + count - 1]
+    down = wide[first + 1 : first + count + 1]
+    np.maximum(out[count - len(up) :], up, out=out[count - len(up) :])
+    np.maximum(out[: len(down)], down, out=out[: len(down)])
+    return out

@@ -1,0 +1,167 @@
+"""Where things are seen: silhouettes, depth, normals, and the shift between two images."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from raytwin.compare.comparison import Geometry
+from raytwin.compare.finding import DEPTH, HARD, NORMAL, SHIFT, SILHOUETTE, Finding, at, plural
+from raytwin.image import BACKGROUND, Image
+from raytwin.scene import Tolerance
+
+DEPTH_REL = 1e-4
+"""Bound on the 99.9 % quantile of |t - t_ref| / t_ref: rounding at a sphere's rim stays below, a wrong radius not."""
+
+NORMAL_DEG = 0.1
+"""Bound on the 99.9 % quantile of the angle between normals, degrees."""
+
+
+class Shift(NamedTuple):
+    """The test image shows at (x + dx, y + dy) what the reference shows at (x, y), pixels; `sigma` of either."""
+
+    dx: float
+    dy: float
+    sigma: float
+
+    @property
+    def length(self) -> float:
+        return float(np.hypot(self.dx, self.dy))
+
+
+def judge_geometry(test: Image, reference: Image, tolerance: Tolerance) -> tuple[Geometry, list[Finding]]:
+    """Geometry without the shift, and what is wrong with it; nulls where an image has no surface."""
+    if test.surface is None or reference.surface is None:
+        return Geometry(), []
+    t, r = test.surface, reference.surface
+    found = []
+    differ = t.ids != r.ids
+    mismatch = int(np.count_nonzero(differ))
+    if mismatch > tolerance.mask_pixels:
+        ys, xs = np.nonzero(differ)
+        y, x = int(ys[0]), int(xs[0])
+        seen = f"the test sees {_named(t.ids[y, x])}, the reference {_named(r.ids[y, x])}"
+        found.append(
+            Finding(
+                SILHOUETTE,
+                f"{plural(mismatch, 'pixel')} see another object (allowed {tolerance.mask_pixels}): "
+                f"first at {at(x, y)}, where {seen}",
+            )
+        )
+    same = ~differ & (r.ids != BACKGROUND)
+    if not same.any():
+        return Geometry(mask_mismatch_pixels=mismatch), found
+    ys, xs = np.nonzero(same)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        depth = np.abs(t.depth[same].astype(float) - r.depth[same]) / np.abs(r.depth[same])
+        a, b = (n / np.linalg.norm(n, axis=-1, keepdims=True) for n in (t.normal[same], r.normal[same]))
+        # arccos(a . b) loses half of the digits of a small angle; the chord does not.
+        chord = np.linalg.norm(a.astype(float) - b, axis=-1)
+    angle = np.degrees(2 * np.arcsin(np.clip(chord / 2, 0, 1)))
+    largest = {}
+    for rank, what, error, bound, unit in (
+        (DEPTH, "depth", depth, DEPTH_REL, ""),
+        (NORMAL, "normal", angle, NORMAL_DEG, " degrees"),
+    ):
+        finite = np.isfinite(error)
+        largest[what] = float(error[finite].max()) if finite.any() else None
+        if not finite.all():
+            i = int(np.argmin(finite))
+            count = plural(int((~finite).sum()), "pixel")
+            found.append(Finding(HARD, f"the {what} of {count} is not a number, first at {at(xs[i], ys[i])}"))
+            continue
+        k = error.size - 1 - error.size // 1000
+        p999 = float(np.partition(error, k)[k])
+        if p999 > bound:
+            i = int(error.argmax())
+            kind = "relative error" if what == "depth" else "angle"
+            found.append(
+                Finding(
+                    rank,
+                    f"{what}: the 99.9 % quantile of the {kind} is {p999:.3g}{unit} (allowed {bound:g}), "
+                    f"the largest {error[i]:.3g}{unit} at {at(xs[i], ys[i])}",
+                )
+            )
+    return Geometry(mismatch, largest["depth"], largest["normal"]), found
+
+
+def _named(index: int) -> str:
+    return "the background" if index == BACKGROUND else f"object {index}"
+
+
+# ------------------------------------------------------------------------------------------------------------- shift
+
+
+def find_shift(test: np.ndarray, reference: np.ndarray, most_pixels: int = 1_000_000) -> Shift | None:
+    """The translation (dx, dy) for which t(x + dx) = r(x), from coarse to fine; None where nothing fixes it.
+
+    Lucas and Kanade 1981, symmetric: t - r = -grad(m) . (dx, dy) + gain m + offset, m = (t + r) / 2, by least squares,
+    so that a wrong brightness is not read as a shift. `sigma` comes from the residual, taken as white.
+    """
+    factor = max(1, int(np.ceil(np.sqrt(test.shape[0] * test.shape[1] / most_pixels))))
+    levels = [(_binned(test, factor), _binned(reference, factor))]
+    while min(levels[-1][0].shape) >= 64 and len(levels) < 6:
+        levels.append(tuple(_binned(i[..., None], 2) for i in levels[-1]))
+    dx = dy = 0.0
+    found = None
+    for k, (t, r) in enumerate(reversed(levels)):
+        if k:
+            dx, dy = 2 * dx, 2 * dy
+        for _ in range(2):
+            found = _step(t, r, round(dx), round(dy))
+            if found is None:
+                break
+            moved = (round(dx), round(dy)) != (round(found.dx), round(found.dy))
+            dx, dy = found.dx, found.dy
+            if not moved:
+                break
+        if found is None and k == len(levels) - 1:
+            return None
+    return Shift(factor * found.dx, factor * found.dy, factor * found.sigma)
+
+
+def _binned(x: np.ndarray, factor: int) -> np.ndarray:
+    """The mean over factor x factor pixels and all channels, float32 (H // factor, W // factor)."""
+    h, w, c = x.shape[0] // factor, x.shape[1] // factor, x.shape[2]
+    x = x[: h * factor, : w * factor]
+    rows = x.reshape(h, factor, w * factor * c).sum(axis=1, dtype=np.float32)
+    return rows.reshape(h, w, factor * c).mean(axis=-1)
+
+
+_SMOOTH = np.array([1, 4, 6, 4, 1], np.float32) / 16
+
+
+def _smoothed(x: np.ndarray) -> np.ndarray:
+    """Binomial filter, no padding: four rows and columns fewer. An edge one pixel wide has no gradient without it."""
+    x = sum(w * x[i : i + len(x) - 4] for i, w in enumerate(_SMOOTH))
+    return sum(w * x[:, i : i + x.shape[1] - 4] for i, w in enumerate(_SMOOTH))
+
+
+def _step(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> Shift | None:
+    """One least-squares step around the whole shift (dx, dy)."""
+    h, w = t.shape
+    if h - abs(dy) < 16 or w - abs(dx) < 16:
+        return None
+    t = _smoothed(t[max(dy, 0) : h + min(dy, 0), max(dx, 0) : w + min(dx, 0)])
+    r = _smoothed(r[max(-dy, 0) : h + min(-dy, 0), max(-dx, 0) : w + min(-dx, 0)])
+    m = (t + r) / 2
+    gx, gy = (m[1:-1, 2:] - m[1:-1, :-2]) / 2, (m[2:, 1:-1] - m[:-2, 1:-1]) / 2
+    d, m = (t - r)[1:-1, 1:-1].ravel(), m[1:-1, 1:-1].ravel()
+    A = np.stack([-gx.ravel(), -gy.ravel(), m - m.mean(), np.ones_like(m)]).astype(np.float64)
+    normal = A @ A.T
+    # A flat image, or one with edges in one direction only, leaves the shift open.
+    if np.linalg.eigvalsh(normal[:2, :2])[0] <= 1e-9 * max(float(np.square(m).sum()), 1e-30):
+        return None
+    solution = np.linalg.lstsq(normal, A @ d, rcond=None)[0]
+    residual = float(np.square(d - solution @ A).mean())
+    # The filter spreads white noise over its footprint: its neighbours' residuals are not independent.
+    white = residual / float(np.square(_SMOOTH).sum()) ** 2
+    covariance = white * np.linalg.pinv(normal)
+    return Shift(dx + float(solution[0]), dy + float(solution[1]), float(np.sqrt(np.max(np.diag(covariance)[:2]))))
+
+
+def shift_finding(shift: Shift) -> Finding:
+    return Finding(
+        SHIFT,
+        f"the test image is shifted by ({shift.dx:+.3f}, {shift.dy:+.3f}) pixels against the reference "
+        f"(sigma {shift.sigma:.2g})",
+    )
