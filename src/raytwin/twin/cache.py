@@ -24,7 +24,7 @@ def load(key: str) -> Image | None:
     """The image kept under `key`; None where there is none, or a damaged one (npz checks its sums)."""
     path = path_of(key)
     try:
-        with np.load(path, allow_pickle=False) as kept:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
             found = {name: kept[name] for name in kept.files}
         image = Image(
             found["mean"],

@@ -63,6 +63,7 @@ class Renderer:
             onward = mi.RayDifferential3f(si.spawn_ray(si.to_world(bounce.wo)))
             incoming = self.integrator.sample(self.scene, sampler, onward, active=seen)[0]
             colour += dr.select(seen, weight * incoming, 0)
+        dr.eval(colour)  # all channels in one kernel: block_sum would run it once for each
         return np.stack([dr.block_sum(c, samples).numpy() for c in colour], axis=1) / samples
 
     def _pixels(self, pixel: Any, du: Any, dv: Any) -> tuple[Any, Any]:

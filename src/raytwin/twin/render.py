@@ -151,7 +151,7 @@ def _plan(
 
 def _about(scene: Scene, plan: _Plan, textures: Mapping[int, np.ndarray], variant: str) -> dict[str, str]:
     seen = (scene.camera, scene.spheres, scene.planes, scene.sun, scene.sky)
-    content = hashlib.sha256(msgspec.json.encode(seen))
+    content = hashlib.sha256(msgspec.json.encode(files.plain(seen)))
     for i, texture in textures.items():
         content.update(f"{i} {texture.shape}".encode() + texture.tobytes())
     known = versions()

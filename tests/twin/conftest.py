@@ -1,0 +1,21 @@
+import pytest
+
+from raytwin.errors import MachineError
+from raytwin.twin import activate
+
+
+@pytest.fixture(autouse=True, scope="session")
+def own_cache(tmp_path_factory):
+    """No test reads or writes the user's cache."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RAYTWIN_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(params=["llvm_ad_rgb", "scalar_rgb"])
+def variant(request) -> str:
+    """Each Mitsuba variant that works here, made the current one."""
+    try:
+        return activate(request.param).variant
+    except MachineError as error:
+        pytest.skip(f"{request.param} does not work here: {error.got}")

@@ -1,0 +1,154 @@
+import os
+import subprocess
+import sys
+
+import pytest
+
+from raytwin.errors import MachineError
+from raytwin.twin import backend
+
+
+@pytest.fixture(autouse=True)
+def fresh(monkeypatch, tmp_path):
+    """A process that has chosen nothing yet, with an empty memory and no wishes."""
+    monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path))
+    for name in ("RAYTWIN_VARIANT", "RAYTWIN_NO_LLVM", "DRJIT_LIBLLVM_PATH"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(backend, "_chosen", {})
+    monkeypatch.setattr(backend, "_current", None)
+
+
+@pytest.fixture
+def llvm() -> str:
+    found = backend.choose()
+    if found.libllvm is None:
+        pytest.skip("no libLLVM works here")
+    return found.libllvm
+
+
+def test_without_any_llvm_scalar_is_chosen(monkeypatch):
+    monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")
+    found = backend.activate()
+    assert (found.variant, found.libllvm, found.tried) == ("scalar_rgb", None, ())
+    import mitsuba as mi
+
+    assert mi.variant() == "scalar_rgb"
+
+
+def test_a_wrong_path_falls_on_to_the_next_with_a_reason(monkeypatch, tmp_path, llvm):
+    text = tmp_path / "libLLVM.so"
+    text.write_text("this is no library")
+    for path, reason in ((tmp_path / "none.so", "no such file"), (text, "LLVM")):
+        monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(path))
+        found = backend.choose()
+        assert found.tried[0].path == str(path)
+        assert not found.tried[0].ok
+        assert reason in found.tried[0].why
+        assert found.tried[-1].ok
+        assert found.libllvm == llvm
+
+
+def test_a_candidate_that_aborts_its_process_is_passed_over(monkeypatch, tmp_path):
+    script = tmp_path / "abort.py"
+    script.write_text("import os, sys\nprint('LLVM ERROR: Cannot select: fmaximum', file=sys.stderr)\nos.abort()\n")
+    monkeypatch.setattr(backend, "PROBE", script)
+    monkeypatch.setattr(backend, "llvm_candidates", lambda: [str(script)])
+    found = backend.choose()
+    assert found.variant == "scalar_rgb"
+    assert found.tried[0].why == "aborts the process (signal 6): LLVM ERROR: Cannot select: fmaximum"
+
+
+def test_a_candidate_that_hangs_or_draws_nonsense_is_passed_over(monkeypatch, tmp_path):
+    script = tmp_path / "odd.py"
+    monkeypatch.setattr(backend, "PROBE", script)
+    monkeypatch.setattr(backend, "PROBE_SECONDS", 1)
+    for source, why in (
+        ("import time; time.sleep(60)", "no picture after 1 s"),
+        ('print(\'{"depth": 2.0, "lit": 1, "light": 0.125, "llvm": [99]}\')', "a wrong picture"),
+        ("print('nan')", "no output"),
+    ):
+        script.write_text(source)
+        outcome, _ = backend.probe("llvm_ad_rgb", str(script))
+        assert not outcome.ok
+        assert why in outcome.why
+
+
+def test_the_answer_is_remembered(monkeypatch, llvm):
+    monkeypatch.setattr(backend, "probe", lambda *_: pytest.fail("probed again"))
+    assert backend.choose().libllvm == llvm
+
+
+def test_a_damaged_memory_is_probed_again(tmp_path, llvm):
+    (memory,) = tmp_path.glob("backend-*.json")
+    memory.write_text('{"variant": 3')
+    assert backend.choose().libllvm == llvm
+    assert memory.read_text() != '{"variant": 3'
+
+
+def test_a_new_candidate_is_a_new_question(monkeypatch, tmp_path, llvm):
+    before = set(tmp_path.glob("backend-*.json"))
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "new.so"))
+    backend.choose()
+    assert set(tmp_path.glob("backend-*.json")) > before
+
+
+def test_a_variant_can_be_forced_and_changed_back(monkeypatch, llvm):
+    assert backend.activate("scalar_rgb").variant == "scalar_rgb"
+    assert backend.activate().variant == "scalar_rgb"  # stays what it is
+    assert backend.activate("llvm_ad_rgb").libllvm == llvm
+    assert os.environ["DRJIT_LIBLLVM_PATH"] == llvm
+    monkeypatch.setenv("RAYTWIN_VARIANT", "scalar_rgb")
+    assert backend.activate().variant == "scalar_rgb"
+
+
+def test_a_forced_variant_that_cannot_work_says_what_to_do(monkeypatch):
+    monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")
+    with pytest.raises(MachineError) as caught:
+        backend.activate("llvm_ad_rgb")
+    assert "raytwin[llvm]" in str(caught.value)
+    assert "no libLLVM at all" in str(caught.value)
+
+
+def test_an_unknown_variant_is_named(monkeypatch):
+    monkeypatch.setenv("RAYTWIN_VARIANT", "llvm_spectral")
+    with pytest.raises(MachineError, match="RAYTWIN_VARIANT: expected llvm_ad_rgb"):
+        backend.activate()
+
+
+def test_cuda_is_used_only_when_asked_for():
+    outcome, _ = backend.probe("cuda_ad_rgb")
+    if outcome.ok:
+        assert backend.choose().variant != "cuda_ad_rgb"
+    else:
+        with pytest.raises(MachineError, match="NVIDIA"):
+            backend.activate("cuda_ad_rgb")
+
+
+def test_newest_libraries_come_first_and_others_do_not_come(tmp_path):
+    names = [
+        "libLLVM-14.so.1",
+        "libLLVM.so.19.1",
+        "libLLVM.so.9.1",
+        "libLLVMAnalysis.a",
+        "libLTO.so.19",
+        "libLLVM-C.so",
+    ]
+    for name in names:
+        (tmp_path / name).touch()
+    found = backend._newest_first(tmp_path.iterdir())
+    assert [os.path.basename(p) for p in found] == ["libLLVM.so.19.1", "libLLVM-14.so.1", "libLLVM.so.9.1"]  # noqa: PTH119
+
+
+def test_doctor_tells_versions_candidates_and_choice(monkeypatch):
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so")
+    rows = dict(backend.doctor())
+    assert {"python", "mitsuba", "drjit", "cores", "cache", "backend"} <= rows.keys()
+    assert rows["tried /nowhere/libLLVM.so"] == "no such file"
+    monkeypatch.setenv("RAYTWIN_VARIANT", "nonsense")
+    assert "nonsense" in dict(backend.doctor())["backend"]
+
+
+def test_importing_the_twin_imports_no_mitsuba():
+    code = "import sys, raytwin.twin; print([m for m in ('mitsuba', 'drjit', 'cv2') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,106 @@
+import dataclasses
+
+import msgspec
+import numpy as np
+import pytest
+
+from raytwin import files
+from raytwin.twin import activate, cache, provenance, render
+from raytwin.twin import render as render_function
+
+render_module = __import__("sys").modules["raytwin.twin.render"]
+
+
+@pytest.fixture
+def scene(scenes, tmp_path, monkeypatch):
+    """A small scene, an empty cache, and every render worth keeping."""
+    activate("scalar_rgb")
+    monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path))
+    monkeypatch.setattr(render_module, "WORTH_KEEPING", 0.0)
+    found = files.read_scene(scenes / "overlap")
+    return found.with_camera(found.camera.resized(32, 24))
+
+
+def same(a, b) -> bool:
+    arrays = [(a.mean, b.mean), (a.surface.ids, b.surface.ids), (a.surface.depth, b.surface.depth)]
+    arrays += [(a.surface.normal, b.surface.normal)] + ([(a.variance, b.variance)] if a.variance is not None else [])
+    return all((x == y).all() and x.dtype == y.dtype for x, y in arrays) and a.samples == b.samples
+
+
+@pytest.mark.parametrize("rung", ["shadow", "path"])
+def test_a_second_render_comes_from_the_cache(scene, monkeypatch, rung):
+    first = render(scene, rung, samples=2)
+    monkeypatch.setattr(render_module, "_engine", lambda variant: pytest.fail("rendered again"))
+    assert same(first, render(scene, rung, samples=2))
+
+
+def test_a_damaged_file_is_rendered_again(scene, tmp_path):
+    first = render(scene, "path", samples=2)
+    (file,) = tmp_path.glob("renders/*.npz")
+    whole = file.read_bytes()
+    for damaged in (b"", b"nonsense", whole[: len(whole) // 2], whole[:3000] + b"\0\1\2\3" * 200 + whole[3800:]):
+        file.write_bytes(damaged)
+        assert same(first, render(scene, "path", samples=2))
+        assert len(file.read_bytes()) == len(whole)
+
+
+def test_everything_that_moves_a_pixel_is_in_the_key(scene):
+    base = dict(rung="path", samples=4)  # noqa: C408
+    sun = msgspec.structs.replace(scene.sun, irradiance=(1.0, 1.0, 1.0))
+    others = [
+        (scene, base | {"seed": 1}),
+        (scene, base | {"samples": 8}),
+        (scene, base | {"batches": 2}),
+        (scene, base | {"sampling": "area"}),
+        (scene, base | {"max_depth": 3}),
+        (scene, base | {"rung": "sky"}),
+        (scene, base | {"textures": {3: np.full((2, 2), 0.5)}}),
+        (scene, base | {"textures": {3: np.full((2, 2), 0.6)}}),
+        (msgspec.structs.replace(scene, sun=sun), base),
+        (scene.with_camera(scene.camera.resized(32, 25)), base),
+    ]
+    found = [provenance(scene, **base), *(provenance(s, **options) for s, options in others)]
+    assert len({repr(f) for f in found}) == len(found)
+    elsewhere = msgspec.structs.replace(scene, name="other", folder="/elsewhere")
+    assert provenance(elsewhere, **base) == found[0]
+
+
+def test_noise_free_renders_ignore_the_seed(scene):
+    assert provenance(scene, "shadow", seed=1, samples=4) == provenance(scene, "shadow", seed=2, samples=9)
+
+
+def test_the_cache_drops_what_was_used_longest_ago(scene, tmp_path, monkeypatch):
+    import os
+
+    for seed in range(4):
+        render(scene, "path", samples=2, seed=seed)
+    kept = sorted(tmp_path.glob("renders/*.npz"))
+    for age, file in enumerate(kept):
+        os.utime(file, (1e9 - age, 1e9 - age))
+    size = kept[0].stat().st_size
+    monkeypatch.setattr(cache, "LIMIT", int(3.5 * size))
+    render(scene, "path", samples=2, seed=9)
+    left = set(tmp_path.glob("renders/*.npz"))
+    assert kept[0] in left
+    assert kept[1] in left
+    assert not {kept[2], kept[3]} & left
+    assert len(left) == 3
+
+
+def test_a_cache_that_cannot_be_written_is_no_error(scene, tmp_path, monkeypatch):
+    blocked = tmp_path / "file"
+    blocked.write_text("not a folder")
+    monkeypatch.setenv("RAYTWIN_CACHE", str(blocked))
+    assert render_function(scene, "shadow").mean.shape == (24, 32, 3)
+
+
+def test_a_quick_render_is_not_stored(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(render_module, "WORTH_KEEPING", 1e9)
+    render(scene, "shadow")
+    assert not list(tmp_path.glob("renders/*"))
+
+
+def test_variance_none_survives(scene):
+    image = render(scene, "path", samples=2, batches=1)
+    assert dataclasses.replace(image).variance is None
+    assert render(scene, "path", samples=2, batches=1).variance is None

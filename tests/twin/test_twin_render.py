@@ -1,0 +1,279 @@
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from raytwin import files
+from raytwin.errors import InputError
+from raytwin.scene import Camera, Plane, Scene, Sky, Sphere, Sun
+from raytwin.twin import RUNGS, activate, render
+
+DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+SUN, SKY = Sun(to_light=(0.0, 0.0, 1.0), irradiance=(3.0, 2.0, 1.0)), Sky((0.1, 0.2, 0.3))
+
+
+def looking_down(distance=1.0, size=(65, 65), f=100.0, dist=()) -> Camera:
+    """A camera on the Z axis that looks at the origin, its centre pixel on the axis; image up is +Y, right is +X."""
+    K = ((f, 0.0, (size[0] - 1) / 2), (0.0, f, (size[1] - 1) / 2), (0.0, 0.0, 1.0))
+    return Camera(size, K, DOWN, (0.0, 0.0, distance), dist)
+
+
+def from_center(camera: Camera) -> np.ndarray:
+    """Each pixel's distance from (cx, cy)."""
+    v, u = np.indices((camera.height, camera.width))
+    return np.hypot(u - camera.cx, v - camera.cy)
+
+
+@pytest.fixture
+def single(scenes) -> Scene:
+    return files.read_scene(scenes / "single")
+
+
+# ---------------------------------------------------------------------------------------------- closed forms
+
+
+def test_a_head_on_sphere_is_a_disc_of_the_closed_forms_radius(single, variant):
+    image = render(single, "surface", cache=False)
+    d, r = 0.4, 0.05
+    radius = 800 * r / math.sqrt(d * d - r * r)
+    assert (image.surface.mask == (from_center(single.camera) < radius)).all()
+    assert image.surface.depth.max() < math.sqrt(d * d - r * r)
+    assert image.surface.depth[image.surface.mask].min() == pytest.approx(d - r, rel=1e-5)
+    assert image.variance is None
+
+
+def test_the_brightest_pixel_of_a_sphere_faces_the_sun(variant):
+    albedo = (0.8, 0.4, 0.2)
+    scene = Scene("s", looking_down(), (Sphere((0, 0, 0), 0.25, albedo),), sun=SUN, sky=SKY)
+    mean = render(scene, "shadow", cache=False).mean
+    expected = [a / math.pi * e + a * s for a, e, s in zip(albedo, SUN.irradiance, SKY.radiance, strict=True)]
+    np.testing.assert_allclose(mean[32, 32], expected, rtol=1e-6)
+    assert (
+        np.argmax(mean.reshape(-1, 3) * render(scene, "surface").surface.mask.reshape(-1, 1), axis=0) == 32 * 66
+    ).all()
+    np.testing.assert_allclose(mean[0, 0], SKY.radiance, rtol=1e-6)
+
+
+@pytest.mark.parametrize("phase", [0.0, 60.0, 120.0])
+def test_a_far_sphere_sends_the_flux_of_lamberts_phase_function(variant, phase):
+    """∫ L dA = 2/3π ρ E r² (sin α + (π - α) cos α): Lambert's sphere seen at the angle α from its light."""
+    a = math.radians(phase)
+    rho, E, r, distance, f = 0.7, 2.0, 1.0, 2000.0, 200_000.0
+    sun = Sun((math.sin(a), 0.0, math.cos(a)), (E, E, E))
+    scene = Scene("far", looking_down(distance, (241, 241), f), (Sphere((0, 0, 0), r, (rho,) * 3),), sun=sun)
+    total = render(scene, "shadow", cache=False).mean[..., 0].sum(dtype=float) * (distance / f) ** 2
+    assert total == pytest.approx(
+        2 / (3 * math.pi) * rho * E * r * r * (math.sin(a) + (math.pi - a) * math.cos(a)), rel=3e-3
+    )
+
+
+def test_area_sampling_sees_the_discs_area(single, variant):
+    scene = single.with_camera(single.camera.resized(64, 48))
+    scene = msgspec.structs.replace(
+        scene, sun=Sun((0, 0, 1), (0, 0, 0)), spheres=(Sphere((0, 0, 0.05), 0.05, (0, 0, 0)),)
+    )
+    image = render(scene, "lambert", sampling="area", samples=64, cache=False)
+    covered = (1 - image.mean.astype(float) / scene.sky.radiance)[..., 0]
+    radius = 80 * 0.05 / math.sqrt(0.4**2 - 0.05**2)
+    sigma = math.sqrt(image.variance[..., 0].sum(dtype=float)) / scene.sky.radiance[0]
+    assert 0 < sigma < 1
+    assert covered.sum() == pytest.approx(math.pi * radius**2, abs=4 * sigma)
+    edge = abs(from_center(scene.camera) - radius) < 0.4
+    assert ((covered[edge] > 0) & (covered[edge] < 1)).all()
+
+
+def test_under_a_sky_alone_a_convex_body_shows_albedo_times_sky_at_every_rung(variant):
+    scene = Scene("s", looking_down(), (Sphere((0, 0, 0), 0.25, (0.5, 0.5, 0.5)),), sky=SKY)
+    for rung in ("lambert", "shadow", "sky", "path"):
+        image = render(scene, rung, samples=2, cache=False)
+        np.testing.assert_allclose(
+            image.mean[image.surface.mask],
+            np.tile(np.multiply(0.5, SKY.radiance), (image.surface.mask.sum(), 1)),
+            rtol=1e-5,
+        )
+
+
+def test_inside_a_sphere_it_is_dark_and_normals_point_inwards(variant):
+    scene = Scene("in", looking_down(0.5), (Sphere((0, 0, 0), 1.0),), sun=SUN, sky=SKY)
+    assert render(scene, "path", samples=2, cache=False).mean.max() == 0
+    image = render(scene, "shadow", cache=False)
+    np.testing.assert_allclose(image.mean[32, 32], np.multiply(0.8, SKY.radiance), rtol=1e-6)
+    np.testing.assert_allclose(image.surface.normal[32, 32], (0, 0, 1), atol=1e-6)
+    assert image.surface.depth[32, 32] == pytest.approx(1.5)
+
+
+def test_a_plane_is_seen_from_both_sides_and_lit_on_the_eyes_side_only(variant):
+    plane = Plane((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0.5, 0.5, 0.5))
+    for half_v in ((0.0, 0.1, 0.0), (0.0, -0.1, 0.0)):
+        for height, lit in ((1.0, 1), (-1.0, 0)):
+            sun = Sun((0, 0, height), (math.pi,) * 3)
+            scene = Scene("p", looking_down(), planes=(msgspec.structs.replace(plane, half_v=half_v),), sun=sun)
+            for rung in ("lambert", "shadow"):
+                image = render(scene, rung, cache=False)
+                np.testing.assert_allclose(image.mean[32, 32], 0.5 * lit, rtol=1e-6)
+                np.testing.assert_allclose(image.surface.normal[32, 32], (0, 0, 1), atol=1e-6)
+
+
+def test_a_spheres_shadow_on_the_floor_is_the_closed_forms_ellipse(variant):
+    """Sun at angle a from the vertical: the shadow of a sphere is an ellipse with half axes r / cos a and r."""
+    tilt = math.radians(50)
+    sun = Sun((math.sin(tilt), 0, math.cos(tilt)), (math.pi,) * 3)
+    center, r = np.array([0.3, 0.0, 0.3]), 0.05
+    floor = Plane((0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 1))
+    scene = Scene("e", looking_down(1.0, (201, 201), 500.0), (Sphere(tuple(center), r),), (floor,), sun)
+    image = render(scene, "shadow", cache=False)
+    v, u = np.indices((201, 201))
+    x, y = (u - 100) / 500, -(v - 100) / 500
+    foot = center[0] - center[2] * math.tan(tilt)
+    inside = ((x - foot) * math.cos(tilt)) ** 2 + y**2
+    floor_seen = image.surface.ids == 1
+    dark = image.mean[..., 0] == 0
+    clear = abs(inside - r * r) > 1e-7  # pixels that float32 cannot mistake
+    assert (dark == (inside < r * r))[floor_seen & clear].all()
+    assert dark.sum() > 1000
+
+
+def test_an_empty_scene_is_all_sky(variant):
+    scene = Scene("none", looking_down(size=(9, 5)), sun=SUN, sky=SKY)
+    for rung in ("shadow", "path"):
+        image = render(scene, rung, samples=2, cache=False)
+        np.testing.assert_allclose(image.mean, np.tile(SKY.radiance, (5, 9, 1)), rtol=1e-6)
+        assert (image.surface.ids == -1).all()
+        assert not image.surface.depth.any()
+
+
+def test_what_lies_behind_the_camera_is_not_seen(scenes, variant):
+    scene = files.read_scene(scenes / "grazing")
+    ids = render(scene.with_camera(scene.camera.resized(160, 120)), "surface").surface.ids
+    assert set(np.unique(ids)) == {-1, 0, 1, 2, 4, 5}
+
+
+# ---------------------------------------------------------------------------------------------- textures
+
+
+def test_a_textured_plane_is_not_mirrored(variant):
+    """Looking down, +X is right and +Y is up: the picture must show the texture as an array is printed."""
+    texture = np.zeros((40, 60, 3), np.float32)
+    texture[:20, :30] = (1, 0, 0)
+    texture[:20, 30:] = (0, 1, 0)
+    texture[20:, :30] = (0, 0, 1)
+    plane = Plane((0, 0, 0), (0.3, 0, 0), (0, 0.2, 0))
+    scene = Scene("t", looking_down(), planes=(plane,), sun=Sun((0, 0, 1), (math.pi,) * 3))
+    for rung in ("lambert", "path"):
+        mean = render(scene, rung, samples=2, textures={0: texture}, cache=False).mean
+        np.testing.assert_allclose(mean[20, 15], (1, 0, 0), atol=1e-5)
+        np.testing.assert_allclose(mean[20, 50], (0, 1, 0), atol=1e-5)
+        np.testing.assert_allclose(mean[45, 15], (0, 0, 1), atol=1e-5)
+        np.testing.assert_allclose(mean[45, 50], (0, 0, 0), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("textures", "where"),
+    [
+        ({0: np.ones((2, 2))}, "textures[0]"),
+        ({5: np.ones((2, 2))}, "textures[5]"),
+        ({1: np.ones((2, 2, 4))}, "textures[1]"),
+        ({1: np.full((2, 2), 1.5)}, "textures[1]"),
+        ({1: np.full((2, 2), np.nan)}, "textures[1]"),
+    ],
+)
+def test_a_texture_that_does_not_fit_is_named(textures, where):
+    plane = Plane((0, 0, 0), (0.3, 0, 0), (0, 0.2, 0))
+    scene = Scene("t", looking_down(), (Sphere((0, 0, 0), 0.1),), (plane,))
+    with pytest.raises(InputError) as caught:
+        render(scene, textures=textures)
+    assert caught.value.where == where
+
+
+# ---------------------------------------------------------------------------------------------- noise
+
+
+def test_variance_by_batches_predicts_the_spread_between_seeds(scenes, variant):
+    scene = files.read_scene(scenes / "overlap")
+    scene = scene.with_camera(scene.camera.resized(40, 30))
+    for rung, sampling, samples, within in (("path", "center", 16, 0.15), ("lambert", "area", 64, 0.25)):
+        options = {"sampling": sampling, "samples": samples, "batches": 16, "cache": False}
+        images = [render(scene, rung, seed=seed, **options) for seed in range(4)]
+        assert images[0].samples == samples
+        means = np.stack([image.mean.astype(float) for image in images])
+        predicted = np.mean([image.variance for image in images], axis=0, dtype=float)
+        assert means.var(axis=0, ddof=1).sum() / predicted.sum() == pytest.approx(1, abs=within)
+        # Pixels are independent, too: the image's mean spreads as their sum says (one channel: all share their rays).
+        z = (means[..., 1].mean(axis=(1, 2)) - means[..., 1].mean()) / np.sqrt(predicted[..., 1].sum()) * 40 * 30
+        assert (z**2).sum() < 16.3  # chi squared, 3 degrees of freedom, 1e-3
+        assert (render(scene, rung, seed=1, **options).mean == images[1].mean).all()
+
+
+def test_more_samples_than_one_launch_holds_are_added_up(scenes, variant, monkeypatch):
+    from raytwin.twin.render import _engine
+
+    scene = files.read_scene(scenes / "overlap")
+    scene = scene.with_camera(scene.camera.resized(40, 30))
+    whole = render(scene, "path", samples=48, batches=4, cache=False)
+    monkeypatch.setattr(_engine(variant).Renderer, "lanes", 500)
+    pieces, parts = render(scene, "path", samples=48, batches=4, cache=False), []
+    assert (pieces.surface.ids == whole.surface.ids).all()
+    sigma = np.sqrt((whole.variance + pieces.variance).mean())
+    assert np.sqrt(((whole.mean - pieces.mean) ** 2).mean()) == pytest.approx(sigma, rel=0.2)
+    render(scene, "path", samples=4, cache=False, progress=parts.append)
+    assert parts == sorted(parts)
+    assert parts[-1] == 1
+
+
+def test_one_batch_measures_no_variance(variant):
+    scene = Scene("s", looking_down(), (Sphere((0, 0, 0), 0.25),), sun=SUN, sky=SKY)
+    assert render(scene, "path", samples=4, batches=1, cache=False).variance is None
+
+
+# ---------------------------------------------------------------------------------------------- both variants
+
+
+@pytest.mark.parametrize("name", ["single", "overlap", "distorted", "grazing"])
+def test_scalar_and_llvm_agree(scenes, name):
+    try:
+        activate("llvm_ad_rgb")
+    except InputError as error:
+        pytest.skip(f"llvm_ad_rgb does not work here: {error.got}")
+    scene = files.read_scene(scenes / name)
+    scene = scene.with_camera(scene.camera.resized(160, 120))
+    for rung in ("surface", "shadow"):
+        a, b = (render(scene, rung, variant=v, cache=False) for v in ("llvm_ad_rgb", "scalar_rgb"))
+        assert (a.surface.ids == b.surface.ids).all()
+        np.testing.assert_allclose(a.surface.depth, b.surface.depth, rtol=1e-4)
+        assert np.quantile(abs(a.mean - b.mean), 0.999) < 2e-6
+        assert (abs(a.mean - b.mean) > 1e-3).sum() <= 3
+    if name != "distorted":
+        return  # one scene is enough for the slow part
+    a, b = (render(scene, "path", variant=v, cache=False) for v in ("llvm_ad_rgb", "scalar_rgb"))
+    error = np.sqrt((a.variance + b.variance)[..., 1].sum(dtype=float)) / (160 * 120)
+    assert a.mean[..., 1].mean(dtype=float) == pytest.approx(b.mean[..., 1].mean(dtype=float), abs=4 * error)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "where"),
+    [
+        ({"rung": "bounce"}, "rung"),
+        ({"sampling": "corner"}, "sampling"),
+        ({"samples": 0}, "samples"),
+        ({"samples": 6, "batches": 4, "rung": "path"}, "batches"),
+        ({"rung": "path", "max_depth": 1}, "max_depth"),
+        ({"seed": -1}, "seed"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments, where):
+    scene = Scene("s", looking_down(), (Sphere((0, 0, 0), 0.25),))
+    with pytest.raises(InputError) as caught:
+        render(scene, **arguments)
+    assert caught.value.where == where
+
+
+def test_every_rung_renders_in_both_samplings(variant):
+    scene = Scene("s", looking_down(size=(16, 12)), (Sphere((0, 0, 0), 0.25),), sun=SUN, sky=SKY)
+    for rung in RUNGS:
+        for sampling in ("center", "area"):
+            image = render(scene, rung, sampling=sampling, samples=2, cache=False)
+            assert image.mean.shape == (12, 16, 3)
+            assert image.mean.dtype == image.surface.depth.dtype == image.surface.normal.dtype == np.float32
+            assert image.surface.ids.dtype == np.int32
+            assert np.isfinite(image.mean).all()
