@@ -135,16 +135,17 @@ def tag_cells(family: str, tag_id: int) -> np.ndarray:
 
 
 def draw_board(
-    board: Board, pixels_per_metre: float, margin: float | None = None
+    board: Board, pixels_per_metre: float, margin: float | tuple[float, float] | None = None
 ) -> tuple[np.ndarray, tuple[float, float, float, float]]:
     """The printed sheet as albedo (h, w) float32, row 0 on top, and its extent (x_min, x_max, y_min, y_max), metres.
 
-    Every pixel is the mean albedo over its area. White paper reaches `margin` metres past the outermost tags (a tag's
-    edge, where none is given). The extent is w and h pixels exactly, at most a pixel more than asked for.
+    Every pixel is the mean albedo over its area. White paper reaches `margin` metres (one number, or x and y) past the
+    outermost tags, half a tag's edge where none is given. The extent is w and h pixels exactly: at most a pixel more
+    than asked for.
     """
     centers = board.centers()
     xy = np.array(list(centers.values()))
-    reach = board.tag_edge / 2 + (board.tag_edge if margin is None else margin)
+    reach = board.tag_edge / 2 + np.asarray(board.tag_edge / 2 if margin is None else margin)
     low, high = xy.min(axis=0) - reach, xy.max(axis=0) + reach
     width, height = (int(n) for n in np.ceil((high - low) * pixels_per_metre - 1e-9))
     if width * height > files.MAX_PIXELS:

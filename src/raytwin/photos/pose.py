@@ -12,6 +12,7 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.photos import lens
+from raytwin.photos.bias import unbiased
 from raytwin.photos.board import Board, spans_a_plane
 from raytwin.photos.detect import Tag, detect_photo
 from raytwin.scene import Camera, Matrix, Record, Vector
@@ -121,15 +122,17 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
     points, pixels = matched(used, board)
     inside = consistent(points, lens.undistort(pixels, K, dist), GROSS)
     kept = [t for t, ok in zip(used, inside, strict=True) if ok]
+    start = None
     for _ in range(3):
         closed = homography_pose(K, dist, kept, board)
-        refined, ambiguity = refined_pose(K, dist, kept, board, closed)
-        error = np.linalg.norm(lens.project(points, refined.R, refined.t, K, dist) - pixels, axis=1)
+        straight = unbiased(kept, board, *(start or (closed.R, closed.t)), K, dist)
+        refined, ambiguity = refined_pose(K, dist, straight, board, closed)
+        start = refined.R, refined.t
+        straight = unbiased(used, board, *start, K, dist)
+        error = np.linalg.norm(lens.project(points, *start, K, dist) - matched(straight, board)[1], axis=1)
         inside = error <= outlier_limit(error)
-        better = [t for t, ok in zip(used, inside, strict=True) if ok]
-        if better == kept or not spans_a_plane(board.points(t.id for t in better)[:, :2]):
-            break
-        kept = better
+        if spans_a_plane(points[inside, :2]):
+            kept = [t for t, ok in zip(used, inside, strict=True) if ok]
     return PoseReport(
         photo,
         len(kept),
