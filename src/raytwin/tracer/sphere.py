@@ -15,31 +15,33 @@ INFINITY = float("inf")
 
 def textbook(f: Vec, d: Vec, r: Any) -> tuple[Any, Any, Any]:
     """t = (-b ± √(b² - 4c)) / 2. Subtracts nearly equal numbers twice: in the discriminant, and in -b + √..."""
-    b = 2 * dot(f, d)
-    c = dot(f, f) - r * r
-    disc = b * b - 4 * c
-    root = sqrt(maximum(disc, 0.0))
+    b, _, disc, root = _quadratic(f, d, r)
     return disc >= 0, (-b - root) / 2, (-b + root) / 2
 
 
 def paper(f: Vec, d: Vec, r: Any) -> tuple[Any, Any, Any]:
     """q = -(b + sign(b) √disc) / 2, t = q and c / q, with sign(0) = 0: at b = 0 it finds q = 0, which is no root."""
-    b = 2 * dot(f, d)
-    sign = select(b > 0, 1.0, select(b < 0, -1.0, 0.0))
-    return _roots_of_q(b, dot(f, f) - r * r, sign)
+    b, c, disc, root = _quadratic(f, d, r)
+    q = -(b + select(b > 0, root, select(b < 0, -root, 0 * root))) / 2
+    return disc >= 0, *_roots_of_q(b, c, q)
 
 
 def stable(f: Vec, d: Vec, r: Any) -> tuple[Any, Any, Any]:
     """The same q with sign(0) = 1: no cancellation in -b ± √disc, but the discriminant still loses its digits."""
-    b = 2 * dot(f, d)
-    return _roots_of_q(b, dot(f, f) - r * r, select(b >= 0, 1.0, -1.0))
+    b, c, disc, root = _quadratic(f, d, r)
+    q = -(b + select(b >= 0, root, -root)) / 2
+    return disc >= 0, *_roots_of_q(b, c, q)
 
 
-def _roots_of_q(b: Any, c: Any, sign: Any) -> tuple[Any, Any, Any]:
+def _quadratic(f: Vec, d: Vec, r: Any) -> tuple[Any, Any, Any, Any]:
+    b, c = 2 * dot(f, d), dot(f, f) - r * r
     disc = b * b - 4 * c
-    q = -0.5 * (b + sign * sqrt(maximum(disc, 0.0)))
+    return b, c, disc, sqrt(maximum(disc, 0.0))
+
+
+def _roots_of_q(b: Any, c: Any, q: Any) -> tuple[Any, Any]:
     other = c / select(q == 0, 1.0, q)
-    return disc >= 0, select(b > 0, q, other), select(b > 0, other, q)
+    return select(b > 0, q, other), select(b > 0, other, q)
 
 
 def robust(f: Vec, d: Vec, r: Any) -> tuple[Any, Any, Any]:

@@ -1,0 +1,76 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raytwin import files
+from raytwin.scene import Scene
+from raytwin.tracer import ENGINES, trace
+
+SHIPPED = ("single", "overlap", "distorted", "grazing")
+
+# A wrong LLVM aborts the process, so a child tries each backend first: a kernel is compiled, run and its sum printed.
+CHILD = """
+import drjit
+for package in ("llvm", "cuda"):
+    if drjit.has_backend(getattr(drjit.JitBackend, package.upper())):
+        if float(drjit.sum(drjit.square(drjit.arange(getattr(drjit, package).Float, 4)))[0]) == 14:
+            print(package, flush=True)
+"""
+
+
+@pytest.fixture(scope="session")
+def packages() -> set[str]:
+    """The packages of ENGINES that work on this machine; Dr.Jit's are loaded with the LLVM that was tried."""
+    library = os.environ.get("DRJIT_LIBLLVM_PATH") or str(Path(sys.prefix) / "lib" / "libLLVM.so.23.1")
+    found = {"numpy"}
+    if Path(library).is_file():
+        environment = os.environ | {"DRJIT_LIBLLVM_PATH": library}
+        child = subprocess.run([sys.executable, "-c", CHILD], capture_output=True, text=True, env=environment)
+        found |= set(child.stdout.split())
+    if "llvm" in found:
+        # Dr.Jit reads the variable when it is first touched: later tests find the environment as it was.
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("DRJIT_LIBLLVM_PATH", library)
+            import drjit
+
+            assert float(drjit.sum(drjit.llvm.Float([1.0, 2.0]))[0]) == 3
+    return found
+
+
+@pytest.fixture(params=ENGINES)
+def engine(request, packages) -> str:
+    """Every row of ENGINES that this machine has."""
+    if ENGINES[request.param].package not in packages:
+        pytest.skip(f"engine {request.param}: this machine has no working {ENGINES[request.param].package} for Dr.Jit")
+    return request.param
+
+
+@pytest.fixture(scope="session", params=SHIPPED)
+def shipped(request, scenes) -> Scene:
+    """Each shipped scene whose camera is given."""
+    return files.read_scene(scenes / request.param)
+
+
+@pytest.fixture(scope="session")
+def single(scenes) -> Scene:
+    return files.read_scene(scenes / "single")
+
+
+@pytest.fixture(scope="session")
+def overlap(scenes) -> Scene:
+    return files.read_scene(scenes / "overlap")
+
+
+@pytest.fixture(scope="session")
+def exact(shipped):
+    """The shipped scene in float64."""
+    return trace(shipped, "shadow", "numpy64")
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20251121)

@@ -1,0 +1,127 @@
+"""Pixels to rays, against OpenCV."""
+
+import cv2
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from raytwin.files import read_scene
+from raytwin.scene import Camera
+from raytwin.tracer import back_project, distort, undistort
+from raytwin.tracer.trim import field_of_view
+
+
+def reals(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(low, high, allow_subnormal=False)
+
+
+@st.composite
+def cameras(draw, distorted: bool = True) -> Camera:
+    """Cameras of any place, turn and lens whose distortion can be inverted over the frame."""
+    w, h = draw(st.integers(50, 4000)), draw(st.integers(50, 4000))
+    f = draw(reals(0.6, 3)) * max(w, h)
+    K = (
+        (f, 0.0, draw(reals(0.4, 0.6)) * w),
+        (0.0, f * draw(reals(0.9, 1.1)), draw(reals(0.4, 0.6)) * h),
+        (0.0, 0.0, 1.0),
+    )
+    R = cv2.Rodrigues(np.array([draw(reals(-3, 3)) for _ in range(3)]))[0]
+    t = tuple(draw(reals(-2, 2)) for _ in range(3))
+    bounds = (0.3, 0.1, 0.005, 0.005, 0.05)
+    dist = tuple(draw(reals(-b, b)) for b in bounds[: draw(st.sampled_from([0, 1, 2, 4, 5]))]) if distorted else ()
+    camera = Camera((w, h), K, tuple(map(tuple, R.tolist())), t, dist)
+    assume(field_of_view(camera) is not None)
+    return camera
+
+
+def pixels_of(camera: Camera, n: int = 9) -> tuple[np.ndarray, np.ndarray]:
+    """Points all over the frame, its edges included."""
+    u, v = np.meshgrid(np.linspace(-0.5, camera.width - 0.5, n), np.linspace(-0.5, camera.height - 0.5, n))
+    return u.ravel(), v.ravel()
+
+
+@settings(max_examples=100, deadline=None)
+@given(cameras(), reals(0.1, 10))
+def test_opencv_projects_a_point_of_the_ray_back_onto_the_pixel(camera, distance):
+    u, v = pixels_of(camera)
+    d = np.stack(back_project(u, v, camera), axis=-1)
+    points = np.asarray(camera.eye) + distance * d
+    rvec = cv2.Rodrigues(np.asarray(camera.R_cam_board))[0]
+    K, dist = np.asarray(camera.K), np.asarray(camera.coefficients)
+    found = cv2.projectPoints(points, rvec, np.asarray(camera.t_cam_board), K, dist)[0].reshape(-1, 2)
+    np.testing.assert_allclose(found, np.stack([u, v], axis=-1), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(d, axis=-1), 1, rtol=1e-14)
+
+
+def opencv_undistort(camera: Camera, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(n, 2) by OpenCV's loop, given the steps that its default of 5 denies it."""
+    # OpenCV 4 keeps the criteria to a function of their own.
+    undistort_points = getattr(cv2, "undistortPointsIter", cv2.undistortPoints)
+    criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-10)
+    K, dist = np.asarray(camera.K), np.asarray(camera.coefficients)
+    pixels = np.stack([u, v], axis=-1)[:, None]
+    return undistort_points(pixels, K, dist, R=np.eye(3), P=np.eye(3), criteria=criteria).reshape(-1, 2)
+
+
+@settings(max_examples=60, deadline=None)
+@given(cameras())
+def test_undistort_agrees_with_opencv_iterated_to_the_end(camera):
+    u, v = pixels_of(camera)
+    xd, yd = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
+    x, y = undistort(xd, yd, camera.coefficients)
+    np.testing.assert_allclose(distort(x, y, camera.coefficients), (xd, yd), rtol=0, atol=1e-14)
+    theirs = opencv_undistort(camera, u, v)
+    # Their loop may stop short, or never converge: only where it round-trips is it a reference.
+    again = distort(*theirs.T, camera.coefficients)
+    good = np.hypot(again[0] - xd, again[1] - yd) * camera.fx < 1e-9
+    assume(good.any())
+    np.testing.assert_allclose(np.stack([x, y], axis=-1)[good], theirs[good], rtol=0, atol=1e-10)
+
+
+def test_undistort_agrees_with_opencv_on_the_strong_lens_that_is_shipped(scenes):
+    camera = read_scene(scenes / "distorted").camera
+    u, v = pixels_of(camera, 41)
+    ours = undistort((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, camera.coefficients)
+    np.testing.assert_allclose(np.stack(ours, axis=-1), opencv_undistort(camera, u, v), rtol=0, atol=1e-10)
+
+
+@settings(max_examples=50, deadline=None)
+@given(cameras(), st.integers(1, 500), st.integers(1, 500))
+def test_a_resized_camera_keeps_the_rays_through_its_corners_and_its_middle(camera, width, height):
+    small = camera.resized(width, height)
+    assert small.image_size == (width, height)
+    for a, b in ((0, 0), (0, 1), (1, 0), (1, 1), (0.5, 0.5)):
+        there = back_project(a * camera.width - 0.5, b * camera.height - 0.5, camera)
+        here = back_project(a * width - 0.5, b * height - 0.5, small)
+        np.testing.assert_allclose(here, there, rtol=0, atol=1e-12)
+
+
+def test_the_rays_of_a_known_camera_point_where_they_should(single):
+    # It looks straight down on the board: the image's right is the board's right, its top the board's +y.
+    camera = single.camera
+    np.testing.assert_allclose(back_project(319.5, 239.5, camera), (0, 0, -1), atol=1e-16)
+    right, top = back_project(1119.5, 239.5, camera), back_project(319.5, 239.5 - 800, camera)
+    np.testing.assert_allclose(right, np.array([1, 0, -1]) / 2**0.5, atol=1e-15)
+    np.testing.assert_allclose(top, np.array([0, 1, -1]) / 2**0.5, atol=1e-15)
+    assert camera.eye == pytest.approx((0, 0, 0.45))
+
+
+def test_every_prefix_of_the_coefficients_means_the_rest_is_zero(single):
+    u, v = pixels_of(single.camera)
+    coefficients = (-0.1, 0.02, 0.001, -0.002, 0.003)
+    for n in range(6):
+        short = msgspec.structs.replace(single.camera, dist=coefficients[:n])
+        long = msgspec.structs.replace(single.camera, dist=coefficients[:n] + (0.0,) * (5 - n))
+        assert short.coefficients == long.coefficients
+        # Without any, no Newton step is made: the same but for rounding.
+        np.testing.assert_allclose(
+            back_project(u, v, short), back_project(u, v, long), rtol=0, atol=1e-16 if n else 1e-15
+        )
+
+
+def test_a_lens_that_folds_over_has_no_field_of_view(single):
+    folding = msgspec.structs.replace(single.camera, dist=(-2.5,))
+    assert field_of_view(folding) is None
+    assert field_of_view(single.camera) is not None
