@@ -1,0 +1,327 @@
+"""The main job: photos -> camera -> tracer beside twin -> comparison. It wires the halves together."""
+
+import importlib.metadata
+import platform
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from raytwin import files, photos, twin
+from raytwin.compare import Comparison, compare
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.scene import Camera, Plane, Scene, Sky, Sun
+from raytwin.tracer import ENGINES, RUNGS, trace
+
+Progress = Callable[[str, int, int], None]
+"""(what is being done, steps done, steps in all): called often, must be cheap."""
+
+
+def silent(stage: str, done: int, total: int) -> None:
+    """No progress shown."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How long a stage took, and beside it what its result is worth."""
+
+    stage: str
+    seconds: float
+    error: str
+
+
+@dataclass(frozen=True)
+class TruthRow:
+    """One calibrated quantity beside the truth that the synthetic photographer wrote down."""
+
+    name: str
+    truth: float
+    found: float
+    sigma: float | None
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """All that `raytwin compare` found; every report is a view of it."""
+
+    scene: Scene
+    comparison: Comparison
+    subject: Image
+    twin: Image
+    photo: np.ndarray | None = None
+    augmented: np.ndarray | None = None
+    calibration: photos.Calibration | None = None
+    pose: photos.PoseReport | None = None
+    truth: tuple[TruthRow, ...] = ()
+    times: tuple[Timing, ...] = ()
+    settings: dict[str, str] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+
+
+class Stopwatch:
+    """Seconds of each named stage, in order."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def time(self, stage: str) -> Iterator[None]:
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
+
+
+# ------------------------------------------------------------------------------------------ photos -> Camera
+
+
+def list_photos(folder: str | Path) -> list[Path]:
+    """The photos of a folder, by name. Raises InputError where there are none."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(folder, "a folder of photos", "no such folder" if not folder.exists() else "a file")
+    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".jpg", ".jpeg", ".png"))
+    if not found:
+        raise InputError(folder, "photos (.jpg, .jpeg, .png)", "none")
+    return found
+
+
+def find_camera(
+    scene: Scene, photo: str | None = None, progress: Progress = silent
+) -> tuple[Scene, Path | None, photos.Calibration | None, photos.PoseReport | None]:
+    """The scene with its camera found: calibrated from its photos, standing where `photo` was taken.
+
+    A scene with an explicit camera comes back as it is. Returns the scene, the photo's path, calibration and pose.
+    """
+    asked = scene.camera
+    if isinstance(asked, Camera):
+        if photo is not None:
+            raise InputError(
+                "--photo", "a scene whose camera is calibrated from photos", f"{scene.name}, whose is given"
+            )
+        return scene, None, None, None
+    folder = Path(scene.folder)
+    board = photos.read_board(folder / asked.board)
+    taken = list_photos(folder / asked.photos)
+    name = photo or asked.photo
+    if name not in (names := [p.name for p in taken]):
+        where = "--photo" if photo else f"{folder / 'scene.toml'}: camera.photo"
+        raise InputError(where, f"one of {', '.join(names)}", name)
+    calibration = photos.calibrate(taken, board, model=asked.model, progress=lambda d, n: progress("calibrate", d, n))
+    pose = photos.pose_of_photo(calibration, folder / asked.photos / name, board)
+    camera = photos.camera_at(calibration, pose.refined)
+    return scene.with_camera(camera), folder / asked.photos / name, calibration, pose
+
+
+def compare_truth(
+    truth: photos.Truth, calibration: photos.Calibration, camera: Camera, photo: str
+) -> tuple[TruthRow, ...]:
+    """Found beside true: focal lengths and centre in pixels, the compared photo's pose in degrees and millimetres."""
+    rows = []
+    for name, true, found in (
+        ("fx", truth.K[0][0], camera.fx),
+        ("fy", truth.K[1][1], camera.fy),
+        ("cx", truth.K[0][2], camera.cx),
+        ("cy", truth.K[1][2], camera.cy),
+    ):
+        rows.append(TruthRow(name, true, found, calibration.sigma.get(name), "px"))
+    if photo in truth.photos:
+        R, t = (np.asarray(a) for a in truth.photos[photo])
+        turn = np.asarray(camera.R_cam_board) @ R.T
+        angle = np.degrees(np.arctan2(np.linalg.norm(turn - turn.T) / np.sqrt(8), (np.trace(turn) - 1) / 2))
+        rows.append(TruthRow("rotation off by", 0.0, float(angle), None, "degrees"))
+        apart = 1e3 * np.linalg.norm(np.asarray(camera.eye) - (-R.T @ t))
+        rows.append(TruthRow("eye off by", 0.0, float(apart), None, "mm"))
+    return tuple(rows)
+
+
+# ------------------------------------------------------------------------------------------ the augmented photo
+
+
+def augment(photo: np.ndarray, scene: Scene, image: Image) -> np.ndarray:
+    """The photo (uint8 sRGB) with the scene's objects drawn in, all but what the photo already shows."""
+    present = [i for i, thing in enumerate(scene.objects) if not (isinstance(thing, Plane) and thing.in_photo)]
+    drawn = np.isin(image.surface.ids, present)
+    out = photo.copy()
+    out[drawn] = files.to_bytes(image.mean[drawn])
+    return out
+
+
+# ------------------------------------------------------------------------------------------ the main job
+
+
+def run(
+    path: str | Path,
+    *,
+    rung: str = "shadow",
+    engine: str = "numpy64",
+    solver: str = "robust",
+    sampling: str = "center",
+    samples: int | None = None,
+    seed: int = 0,
+    photo: str | None = None,
+    size: tuple[int, int] | None = None,
+    trim: bool = True,
+    cache: bool = True,
+    progress: Progress = silent,
+) -> Result:
+    """Compare the hand-written tracer with its Mitsuba twin on the scene at `path`.
+
+    `rung`: `surface`, `lambert` and `shadow` are computed by both; for `sky` and `path`, which the tracer does not
+    climb, it stays at `shadow`, and the comparison shows what the further light adds. `size` (width, height) renders
+    at other than the camera's own size. `samples`: the twin's samples per pixel, by default 1 where every sample
+    through the pixel's centre is the same, else 64.
+    """
+    if rung not in twin.RUNGS:
+        raise InputError("--rung", f"one of {', '.join(twin.RUNGS)}", rung)
+    if engine not in ENGINES:
+        raise InputError("--engine", f"one of {', '.join(ENGINES)}", engine)
+    if sampling not in twin.SAMPLINGS:
+        raise InputError("--sampling", f"one of {', '.join(twin.SAMPLINGS)}", sampling)
+    if samples is not None and samples < 1:
+        raise InputError("--samples", "a whole number >= 1", samples)
+    watch = Stopwatch()
+    scene = files.read_scene(path)
+    with watch.time("backend"):
+        backend = twin.activate()
+    with watch.time("calibrate"):
+        scene, photo_path, calibration, pose = find_camera(scene, photo, progress)
+    if size is not None:
+        scene = scene.with_camera(scene.camera.resized(*size))
+    climbed = rung if rung in RUNGS else "shadow"
+    with watch.time("tracer"):
+        progress("tracer", 0, 1)
+        subject = trace(scene, climbed, engine, solver, trim)
+        progress("tracer", 1, 1)
+    noisy = rung not in RUNGS or sampling == "area"
+    with watch.time("twin"):
+        other = twin.render(
+            scene,
+            rung,
+            sampling=sampling,
+            samples=samples or (64 if noisy else 1),
+            seed=seed,
+            cache=cache,
+            progress=lambda share: progress("twin", round(100 * share), 100),
+        )
+    with watch.time("compare"):
+        progress("compare", 0, 1)
+        comparison = compare(subject, other, tolerance=scene.tolerance, scene=scene.name, rung=rung, flip=True)
+        progress("compare", 1, 1)
+    picture = augmented = None
+    truth: tuple[TruthRow, ...] = ()
+    if photo_path is not None:
+        picture = files.read_photo(photo_path)
+        if size is None:
+            augmented = augment(picture, scene, subject)
+        if (truth_file := photo_path.parent / "truth.toml").exists() and size is None:
+            truth = compare_truth(photos.read_truth(truth_file), calibration, scene.camera, photo_path.name)
+    comparison = msgspec.structs.replace(
+        comparison,
+        seconds={stage: watch.seconds[stage] for stage in ("calibrate", "tracer", "twin", "compare")},
+        backend={
+            "twin_variant": backend.variant,
+            "tracer_engine": engine,
+            "libllvm": backend.libllvm,
+            "solver": solver,
+        },
+    )
+    settings = {
+        "rung of the tracer": climbed,
+        "rung of the twin": rung,
+        "tracer's engine": engine,
+        "sphere solver": solver,
+        "twin's sampling": sampling,
+        "twin's samples per pixel": str(other.samples),
+        "trim boxes": "on" if trim else "off",
+    }
+    return Result(
+        scene=scene,
+        comparison=comparison,
+        subject=subject,
+        twin=other,
+        photo=picture,
+        augmented=augmented,
+        calibration=calibration,
+        pose=pose,
+        truth=truth,
+        times=_times(watch.seconds, comparison, calibration),
+        settings=settings,
+        versions=versions(),
+    )
+
+
+def _times(
+    seconds: dict[str, float], comparison: Comparison, calibration: photos.Calibration | None
+) -> tuple[Timing, ...]:
+    worth = {
+        "backend": "-",
+        "calibrate": f"rms {calibration.rms_px:.3f} px" if calibration else "camera given",
+        "tracer": f"p99.9 error {comparison.radiance.p999_abs:.2g}",
+        "twin": "the reference",
+        "compare": "-",
+    }
+    return tuple(Timing(stage, s, worth[stage]) for stage, s in seconds.items())
+
+
+def versions() -> dict[str, str]:
+    """Of Python and of the packages whose version may change a number."""
+    named = ("raytwin", "mitsuba", "drjit", "numpy", "opencv-contrib-python-headless", "pupil-apriltags")
+    return {"python": platform.python_version()} | {n: importlib.metadata.version(n) for n in named}
+
+
+# ------------------------------------------------------------------------------------------ the synthetic photographer
+
+
+TABLE = Plane((0.0, 0.0, -0.002), (1.5, 0.0, 0.0), (0.0, 1.5, 0.0), (0.36, 0.25, 0.17), in_photo=True)
+SUN = Sun((0.45, 0.35, 0.85), (2.3, 2.2, 2.05))
+SKY = Sky((0.22, 0.24, 0.27))
+"""What `photograph_board` uses where no scene is given: white paper comes out a little below white."""
+
+
+def photograph_board(
+    board: str | Path,
+    out: str | Path,
+    *,
+    scene: str | Path | None = None,
+    count: int = 14,
+    size: tuple[int, int] = (2016, 1512),
+    focal: float = 1560.0,
+    dist: tuple[float, ...] = (0.08, -0.16),
+    samples: int = 32,
+    seed: int = 1,
+    progress: Progress = silent,
+) -> photos.Truth:
+    """`count` photos of the board on its table, and the truth (camera.toml's K, dist and every pose), written to `out`.
+
+    Sun, sky and table (the planes below the board) come from `scene`, by default a plain desk. `focal` is in pixels of
+    a photo 2016 wide, so that another size changes the pixels and not the view. The lens is centred a little off, as
+    real ones are.
+    """
+    definition = photos.read_board(board)
+    width, height = size
+    scale = width / 2016
+    K = ((focal * scale, 0.0, 0.504 * width), (0.0, 1.001 * focal * scale, 0.497 * height), (0.0, 0.0, 1.0))
+    lens = Camera(size, K, ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)), (0.0, 0.0, 1.0), dist)
+    files.check_camera(lens, "--focal, --size")
+    stage = files.read_scene(scene) if scene is not None else Scene("desk", lens, (), (TABLE,), SUN, SKY)
+    table = tuple(p for p in stage.planes if p.center[2] < 0)
+    twin.activate()
+
+    def render(view: Camera, texture: np.ndarray, sheet: Plane) -> np.ndarray:
+        set_up = msgspec.structs.replace(stage, camera=view, spheres=(), planes=(sheet, *table))
+        made = twin.render(
+            set_up, "path", sampling="area", samples=samples, seed=seed, textures={0: texture}, cache=False
+        )
+        return made.mean
+
+    return photos.photograph(
+        definition, lens, count, Path(out), render, seed=seed, progress=lambda d, n: progress("photograph", d, n)
+    )

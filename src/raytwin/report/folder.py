@@ -1,0 +1,34 @@
+"""A comparison's folder: report.html, comparison.json, the EXRs of both images and of their difference."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from raytwin import files
+from raytwin.image import Image
+from raytwin.pipeline import Result
+from raytwin.report.html import write_report
+from raytwin.report.json import write_comparison
+
+
+def write_all(
+    result: Result, folder: Path, json: Path | None = None, progress: Callable[[str, int, int], None] = lambda *_: None
+) -> None:
+    """Write every view of `result` into `folder`; `json` names a second place for comparison.json."""
+    header = {**result.settings, **{f"version of {k}": v for k, v in result.versions.items()}}
+    steps: list[Callable[[], None]] = [
+        lambda: files.write_exr(folder / "tracer.exr", result.subject, header | {"renderer": "raytwin's tracer"}),
+        lambda: files.write_exr(folder / "twin.exr", result.twin, header | {"renderer": "Mitsuba"}),
+        lambda: write_comparison(result.comparison, folder / "comparison.json"),
+        lambda: write_report(result, folder / "report.html"),
+    ]
+    if result.subject.mean.shape == result.twin.mean.shape:
+        error = Image(result.subject.mean - result.twin.mean)
+        steps.append(lambda: files.write_exr(folder / "error.exr", error, header | {"content": "tracer - twin"}))
+    if result.augmented is not None:
+        steps.append(lambda: files.write_picture(folder / "augmented.png", result.augmented))
+    if json is not None:
+        steps.append(lambda: write_comparison(result.comparison, json))
+    for done, step in enumerate(steps):
+        progress("report", done, len(steps))
+        step()
+    progress("report", len(steps), len(steps))

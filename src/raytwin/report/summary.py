@@ -1,0 +1,36 @@
+"""A comparison or a calibration in a few lines of text, for the terminal."""
+
+from raytwin.photos import Calibration
+from raytwin.pipeline import Result
+
+
+def summary(result: Result) -> str:
+    """Verdict first, then what it rests on, then times beside errors."""
+    c = result.comparison
+    g, r = c.geometry, c.radiance
+    lines = [
+        f"{c.verdict.upper()}  {c.scene}, rung {c.rung}",
+        *(f"  {reason}" for reason in c.reasons),
+        f"  silhouettes: {_number(g.mask_mismatch_pixels)} pixels differ",
+        f"  radiance: p99.9 error {_number(r.p999_abs)}, worst {_number(r.max_abs)}, rmse {_number(r.rmse)}",
+    ]
+    lines += [f"  {row.name}: {row.found:.6g} {row.unit}, true {row.truth:.6g}" for row in result.truth]
+    lines += [f"  {t.stage:<10} {t.seconds:7.2f} s   {t.error}" for t in result.times]
+    return "\n".join(lines)
+
+
+def calibration_summary(calibration: Calibration) -> str:
+    """K and distortion with their standard deviations, the fit's rms, and every warning."""
+    k, s = calibration.K, calibration.sigma
+    found = {"fx": k[0][0], "fy": k[1][1], "cx": k[0][2], "cy": k[1][2]}
+    found |= dict(zip(("k1", "k2", "p1", "p2", "k3"), calibration.dist, strict=False))
+    width, height = calibration.image_size
+    lines = [f"{len(calibration.views)} photos of {width} x {height}, model {calibration.model}"]
+    lines += [f"  {n:<3} {v:12.5g}" + (f" +- {s[n]:.2g}" if n in s else "") for n, v in found.items()]
+    lines.append(f"  rms {calibration.rms_px:.3f} px")
+    lines += [f"  warning ({w.code}): {w.text}" for w in calibration.warnings]
+    return "\n".join(lines)
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"
