@@ -6,22 +6,30 @@ import numpy as np
 
 from raytwin.compare.comparison import Geometry
 from raytwin.compare.finding import DEPTH, HARD, NORMAL, SHIFT, SILHOUETTE, Finding, at, plural
+from raytwin.compare.statistics import sidak, two_sided
 from raytwin.image import BACKGROUND, Image
 from raytwin.scene import Tolerance
 
 DEPTH_REL = 1e-4
 """Bound on the 99.9 % quantile of |t - t_ref| / t_ref: rounding at a sphere's rim stays below, a wrong radius not."""
 
+GRANTED_SHIFT = 0.01
+"""Pixels by which two images may be shifted: a tenth of what calibration can tell."""
+
 NORMAL_DEG = 0.1
 """Bound on the 99.9 % quantile of the angle between normals, degrees."""
 
 
 class Shift(NamedTuple):
-    """The test image shows at (x + dx, y + dy) what the reference shows at (x, y), pixels; `sigma` of either."""
+    """The test image shows at (x + dx, y + dy) what the reference shows at (x, y), pixels.
+
+    `sigma` is the larger standard deviation of the two, `dof` the degrees of freedom behind it.
+    """
 
     dx: float
     dy: float
     sigma: float
+    dof: float
 
     @property
     def length(self) -> float:
@@ -95,7 +103,7 @@ def find_shift(test: np.ndarray, reference: np.ndarray, most_pixels: int = 1_000
     """The translation (dx, dy) for which t(x + dx) = r(x), from coarse to fine; None where nothing fixes it.
 
     Lucas and Kanade 1981, symmetric: t - r = -grad(m) . (dx, dy) + gain m + offset, m = (t + r) / 2, by least squares,
-    so that a wrong brightness is not read as a shift. `sigma` comes from the residual, taken as white.
+    so that a wrong brightness is not read as a shift. `sigma` comes from the residuals.
     """
     factor = max(1, int(np.ceil(np.sqrt(test.shape[0] * test.shape[1] / most_pixels))))
     levels = [(_binned(test, factor), _binned(reference, factor))]
@@ -116,7 +124,26 @@ def find_shift(test: np.ndarray, reference: np.ndarray, most_pixels: int = 1_000
                 break
         if found is None and k == len(levels) - 1:
             return None
-    return Shift(factor * found.dx, factor * found.dy, factor * found.sigma)
+    shift = Shift(factor * found.dx, factor * found.dy, factor * found.sigma, found.dof)
+    return shift if _explains(found, *levels[0]) else None
+
+
+def _explains(shift: Shift, t: np.ndarray, r: np.ndarray) -> bool:
+    """A shift of more than a pixel is one only if it brings the images closer: two different pictures have none."""
+    dx, dy = round(shift.dx), round(shift.dy)
+    if not (dx or dy):
+        return True
+    before, after = (np.subtract(*_overlap(t, r, *s)) for s in ((0, 0), (dx, dy)))
+    return float(np.square(after).mean()) < float(np.square(before).mean()) / 2
+
+
+def _overlap(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> tuple[np.ndarray, np.ndarray]:
+    """The parts of t and r that show the same when t is r moved by whole pixels."""
+    h, w = t.shape
+    return (
+        t[max(dy, 0) : h + min(dy, 0), max(dx, 0) : w + min(dx, 0)],
+        r[max(-dy, 0) : h + min(-dy, 0), max(-dx, 0) : w + min(-dx, 0)],
+    )
 
 
 def _binned(x: np.ndarray, factor: int) -> np.ndarray:
@@ -128,6 +155,9 @@ def _binned(x: np.ndarray, factor: int) -> np.ndarray:
 
 
 _SMOOTH = np.array([1, 4, 6, 4, 1], np.float32) / 16
+
+FOOTPRINT = float(np.square(_SMOOTH).sum()) ** 2
+"""White noise keeps this share of its variance under the filter: 1 / FOOTPRINT pixels share one error."""
 
 
 def _smoothed(x: np.ndarray) -> np.ndarray:
@@ -141,8 +171,7 @@ def _step(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> Shift | None:
     h, w = t.shape
     if h - abs(dy) < 16 or w - abs(dx) < 16:
         return None
-    t = _smoothed(t[max(dy, 0) : h + min(dy, 0), max(dx, 0) : w + min(dx, 0)])
-    r = _smoothed(r[max(-dy, 0) : h + min(-dy, 0), max(-dx, 0) : w + min(-dx, 0)])
+    t, r = (_smoothed(i) for i in _overlap(t, r, dx, dy))
     m = (t + r) / 2
     gx, gy = (m[1:-1, 2:] - m[1:-1, :-2]) / 2, (m[2:, 1:-1] - m[:-2, 1:-1]) / 2
     d, m = (t - r)[1:-1, 1:-1].ravel(), m[1:-1, 1:-1].ravel()
@@ -152,11 +181,21 @@ def _step(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> Shift | None:
     if np.linalg.eigvalsh(normal[:2, :2])[0] <= 1e-9 * max(float(np.square(m).sum()), 1e-30):
         return None
     solution = np.linalg.lstsq(normal, A @ d, rcond=None)[0]
-    residual = float(np.square(d - solution @ A).mean())
-    # The filter spreads white noise over its footprint: its neighbours' residuals are not independent.
-    white = residual / float(np.square(_SMOOTH).sum()) ** 2
-    covariance = white * np.linalg.pinv(normal)
-    return Shift(dx + float(solution[0]), dy + float(solution[1]), float(np.sqrt(np.max(np.diag(covariance)[:2]))))
+    residual = d - solution @ A
+    inverse = np.linalg.pinv(normal)
+    # Edges carry the shift and the noise at once: each pixel counts with its own residual (White 1980) ...
+    influence = np.square((inverse[:2] @ A) * residual)
+    variance = influence.sum(axis=1) / FOOTPRINT
+    carrying = np.square(influence.sum(axis=1)) / np.maximum(np.square(influence).sum(axis=1), 1e-300)
+    # ... and neighbours' residuals, smoothed alike, are one.
+    dof = max(float(carrying.min()) * FOOTPRINT - 1, 0.5)
+    return Shift(dx + float(solution[0]), dy + float(solution[1]), float(np.sqrt(variance.max())), dof)
+
+
+def judge_shift(shift: Shift, share: float) -> list[Finding]:
+    """The shift between two noisy images as a test with the false-alarm rate `share`, beyond GRANTED_SHIFT."""
+    z = max(max(abs(shift.dx), abs(shift.dy)) - GRANTED_SHIFT, 0) / shift.sigma if shift.sigma > 0 else 0.0
+    return [shift_finding(shift)] if float(two_sided(z, shift.dof)) < sidak(share, 2) else []
 
 
 def shift_finding(shift: Shift) -> Finding:

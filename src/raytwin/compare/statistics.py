@@ -1,10 +1,11 @@
-"""Is t - r more than noise? One decision at a stated false-alarm rate, from three tests that share it.
+"""Is t - r more than noise? One decision at a stated false-alarm rate, from tests that share it.
 
     values   every value's (t - r) / sd                           sees a wrong pixel
     tiles    the mean of t - r over 8 x 8, 16 x 16, ... pixels    sees a wrong corner
     image    the mean of t - r over everything                    sees a wrong brightness
+    shift    the translation between the two (geometry.py)        sees a wrong camera
 
-Each test gets the rate 1 - (1 - rate)^(1/3), and shares it among its own values by Sidak's formula.
+Each of the four gets the rate 1 - (1 - rate)^(1/4), and shares it among its own values by Sidak's formula.
 
 What a variance estimated from a few batches needs, so that the rate holds:
 
@@ -13,8 +14,9 @@ What a variance estimated from a few batches needs, so that the rate holds:
 - A value whose batches happened to agree looks surer than it is. Its variance is raised to the largest of its 3 x 3
   neighbourhood, to its block's mean, and to what the other image's variance says of it.
 - A pixel that missed a rare event (a firefly) is too dark by the events' mean, without a trace in its variance. The
-  mean of the fireflies that were seen elsewhere is therefore granted to every value, tile and image as a bias: a few
-  thousandths of the radiance, where widening every variance by a firefly's would have blinded all three tests.
+  mean of the fireflies that were seen elsewhere is therefore granted as a bias to every value, and to every sum over
+  so few pixels that it may have missed them all: often a few thousandths of the radiance, where widening every
+  variance by a firefly's would have blinded all tests.
 - Values with a standard deviation below the tolerance hold no noise: they are compared as exact images are.
 
 An event that *nobody* sampled cannot be told from a bias. Neighbouring pixels must be independent: a box filter.
@@ -32,6 +34,11 @@ from raytwin.scene import Tolerance
 
 FIREFLY = 25.0
 """A firefly's variance over that of its block and its neighbours: five times their standard deviation."""
+
+SURE = 20.0
+"""A sum over pixels that expects more fireflies than this has seen some: missing all has probability exp(-20)."""
+
+TESTS = 4
 
 POWER = 0.9
 """The probability with which a minimum detectable bias is detected."""
@@ -69,7 +76,7 @@ class Family(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """What the three tests found, and the values without noise; `failed_pixels` hold a failed value."""
+    """What the three tests of radiance found, and the values without noise; `failed_pixels` hold a failed value."""
 
     value: Family
     tile: Family
@@ -112,11 +119,20 @@ def quantile(p: float, dof: np.ndarray | float) -> np.ndarray:
 
 
 class Side(NamedTuple):
-    """One image's noise: its mean v, that of each 8 x 8 block, and the mean of its fireflies per channel (3,)."""
+    """One image's noise: its mean v, that of each 8 x 8 block, and sums over its fireflies, per channel (3,).
+
+    `first` sums the fireflies' contributions to their pixels, `second` the squares.
+    """
 
     mean: float
     blocks: np.ndarray
-    fireflies: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+
+    @property
+    def events(self) -> np.ndarray:
+        """(3,) the effective number of fireflies: their count, where all are alike."""
+        return np.divide(np.square(self.first), self.second, out=np.zeros(3), where=self.second > 0)
 
 
 def survey(image: Image) -> Side | None:
@@ -139,8 +155,7 @@ def survey(image: Image) -> Side | None:
             # A single event of size S in n samples lifts the mean by S/n and makes its variance (S/n)^2.
             first += np.bincount(c, np.sqrt(own), 3)
             second += np.bincount(c, own, 3)
-    pixels = v.shape[0] * v.shape[1]
-    return Side(float(v.mean(dtype=np.float64)), np.concatenate(blocks), (first + 3 * np.sqrt(second)) / pixels)
+    return Side(float(v.mean(dtype=np.float64)), np.concatenate(blocks), first, second)
 
 
 def _fireflies(v: np.ndarray, y: np.ndarray, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -156,18 +171,56 @@ def _fireflies(v: np.ndarray, y: np.ndarray, x: np.ndarray, c: np.ndarray) -> tu
     return own[alone], c[alone]
 
 
+class Allowance(NamedTuple):
+    """The bias that is no failure, per channel (3,): `always`, and more for what may have missed all `fireflies`.
+
+    `density` is the number of fireflies per pixel in the image that saw fewer.
+    """
+
+    always: float
+    fireflies: np.ndarray
+    density: np.ndarray
+
+    def of(self, pixels: np.ndarray | int) -> np.ndarray:
+        """For means over so many pixels, (..., 1) or one number, to (..., 3)."""
+        return self.always + np.where(self.density * pixels < SURE, self.fireflies, 0.0)
+
+
+def allowance(sides: list[Side], tolerance: Tolerance, pixels: int, share: float) -> Allowance:
+    """An upper limit of the fireflies' mean, at confidence 1 - share: the larger of the two images'.
+
+    For k events of one size the limit is that of a Poisson mean: (sqrt(k) + c / 2)^2 + 1, c the Gaussian's quantile.
+    """
+    from scipy.special import ndtri
+
+    c = -float(ndtri(share))
+    limits = []
+    for s in sides:
+        size = np.divide(s.second, s.first, out=np.zeros(3), where=s.first > 0)
+        limits.append((s.first + c * np.sqrt(s.second) + (c * c / 4 + 1) * size) / pixels)
+    events = np.array([s.events for s in sides])
+    # Among many fireflies some have two neighbours of their kind, and pass for an edge.
+    return Allowance(tolerance.p999_abs, 1.2 * np.max(limits, axis=0), events.min(axis=0) / pixels)
+
+
 def variance_ratio(test: Image, reference: Image, a: Side | None, b: Side | None) -> tuple[float | None, float | None]:
     """(typical, largest) ratio of the test's variance to the reference's; None where one of the images has no noise.
 
-    Typical is the median over pixels; largest is that or the ratio of the means, which fireflies rule.
+    Typical is the median over pixels, or the samples' inverse ratio where too few pixels have noise in both; largest
+    is that or the ratio of the means, which fireflies rule.
     """
-    if a is None or b is None or not (a.mean > 0 and b.mean > 0):
+    if a is None or b is None:
         return None, None
     step = max(1, math.isqrt(test.mean.size // 3 // 50_000))
     va, vb = (np.asarray(i.variance[::step, ::step], np.float64).ravel() for i in (test, reference))
     both = (va > 0) & (vb > 0)
-    typical = float(np.median(va[both] / vb[both])) if both.sum() >= 30 else None
-    return typical, max(a.mean / b.mean, typical or 0.0)
+    typical = None
+    if both.sum() >= 30:
+        typical = float(np.median(va[both] / vb[both]))
+    elif test.samples > 1 and reference.samples > 1:
+        typical = reference.samples / test.samples
+    means = a.mean / b.mean if a.mean > 0 and b.mean > 0 else 0.0
+    return typical, max(means, typical or 0.0) or None
 
 
 def mutual(va: np.ndarray, vb: np.ndarray, ratio: float | None) -> np.ndarray:
@@ -194,14 +247,14 @@ def regularised(v: np.ndarray | None, side: Side | None, y0: int, y1: int, rows:
 
 
 def judge(test: Image, reference: Image, tolerance: Tolerance, rate: float) -> Noise:
-    """The three tests on two images of one shape (H, W, 3), finite, at least one of them with a variance."""
+    """Values, tiles, image: of two images of one shape (H, W, 3), finite, at least one of them with a variance."""
     a, b = survey(test), survey(reference)
     typical, largest = variance_ratio(test, reference, a, b)
     noisy_sides = [s for s in (a, b) if s is not None]
-    allowance = tolerance.p999_abs + np.max([s.fireflies for s in noisy_sides], axis=0)
-    allowed = allowance.astype(np.float32)
+    share = sidak(rate, TESTS)
+    granted = allowance(noisy_sides, tolerance, test.shape[0] * test.shape[1], share)
+    allowed = granted.of(1).astype(np.float32)
     dof = sum(degrees_of_freedom(i) for i in (test, reference) if i.variance is not None)
-    share = sidak(rate, 3)
     level = sidak(share, test.mean.size)
     threshold = float(quantile(level, dof))
     unit = np.float32(max(sum(s.mean for s in noisy_sides), 1e-30))  # keeps v^2 within float32
@@ -250,32 +303,32 @@ def judge(test: Image, reference: Image, tolerance: Tolerance, rate: float) -> N
     grids = {k: np.concatenate(v) for k, v in sums.items()}
     return Noise(
         Family(worst, level, failed_values),
-        _tiles(grids, allowance, typical, share, test.shape[:2]),
-        _image(grids, allowance, typical, share, test.shape[:2]),
+        _tiles(grids, granted, typical, share, test.shape[:2]),
+        _image(grids, granted, typical, share, test.shape[:2]),
         quiet,
         failed_pixels,
     )
 
 
-def _student(s: dict[str, np.ndarray], allowance: np.ndarray, ratio: float | None):
+def _student(s: dict[str, np.ndarray], granted: Allowance, ratio: float | None):
     """(|mean error| beyond the allowance over its standard deviation, that deviation, degrees of freedom) of sums."""
     v = s["va"] + s["vb"]
     dof = np.maximum(np.divide(np.square(v), s["vv"], out=np.zeros_like(v), where=s["vv"] > 0) - 1, 0.5)
     sd = np.sqrt(mutual(s["va"], s["vb"], ratio)) / s["n"]
-    beyond = np.maximum(np.abs(s["d"] / s["n"]) - allowance, 0)
+    beyond = np.maximum(np.abs(s["d"] / s["n"]) - granted.of(s["n"]), 0)
     return np.divide(beyond, sd, out=np.zeros_like(sd), where=sd > 0), sd, dof
 
 
-def _detectable(s: dict[str, np.ndarray], sd: np.ndarray, dof: np.ndarray, allowance: np.ndarray, level: float):
+def _detectable(s: dict[str, np.ndarray], sd: np.ndarray, dof: np.ndarray, granted: Allowance, level: float):
     """The smallest error relative to the reference's mean that is found with probability POWER, of each sum."""
     from scipy.special import ndtri
 
     with np.errstate(divide="ignore", invalid="ignore"):
-        least = (allowance + sd * (quantile(level, dof) + ndtri(POWER))) / (s["r"] / s["n"])
+        least = (granted.of(s["n"]) + sd * (quantile(level, dof) + ndtri(POWER))) / (s["r"] / s["n"])
     return least[np.isfinite(least) & (least > 0)]
 
 
-def _tiles(grids: dict[str, np.ndarray], allowance: np.ndarray, ratio: float | None, share: float, size) -> Family:
+def _tiles(grids: dict[str, np.ndarray], granted: Allowance, ratio: float | None, share: float, size) -> Family:
     """Tiles of 8, 16, 32, ... pixels, up to half of the image's longer side; `detectable` is for 16 x 16."""
     height, width = size
     scales = [(SIDE, grids)]
@@ -286,7 +339,7 @@ def _tiles(grids: dict[str, np.ndarray], allowance: np.ndarray, ratio: float | N
     doubtful = float(quantile(level, math.inf))
     worst, failed, detectable = Worst(width=SIDE, height=SIDE), 0, math.nan
     for k, (side, s) in enumerate(scales):
-        z, sd, dof = _student(s, allowance, ratio)
+        z, sd, dof = _student(s, granted, ratio)
         # Student's tails are wider than the Gaussian's: only what a Gaussian would doubt needs them.
         doubt = z >= min(doubtful, float(z.max()))
         p = np.ones_like(z)
@@ -300,17 +353,17 @@ def _tiles(grids: dict[str, np.ndarray], allowance: np.ndarray, ratio: float | N
             mean = float(s["d"][y, x, c] / s["n"][y, x, 0])
             worst = Worst(float(z.flat[i]), float(p.flat[i]), x * side, y * side, w, h, c, mean)
         if k == min(1, len(scales) - 1):
-            found = _detectable(s, sd, dof, allowance, level)
+            found = _detectable(s, sd, dof, granted, level)
             detectable = float(np.median(found)) if found.size else math.nan
     return Family(worst, level, failed, detectable)
 
 
-def _image(grids: dict[str, np.ndarray], allowance: np.ndarray, ratio: float | None, share: float, size) -> Family:
+def _image(grids: dict[str, np.ndarray], granted: Allowance, ratio: float | None, share: float, size) -> Family:
     s = {k: x.sum(axis=(0, 1)) for k, x in grids.items()}
     level = sidak(share, s["d"].size)
-    z, sd, dof = _student(s, allowance, ratio)
+    z, sd, dof = _student(s, granted, ratio)
     p = two_sided(z, dof)
     c = int(z.argmax())
     worst = Worst(float(z[c]), float(p[c]), 0, 0, size[1], size[0], c, float(s["d"][c] / s["n"][0]))
-    found = _detectable(s, sd, dof, allowance, level)
+    found = _detectable(s, sd, dof, granted, level)
     return Family(worst, level, int((p < level).sum()), float(found.max()) if found.size else math.nan)

@@ -8,12 +8,12 @@ import numpy as np
 
 from raytwin.compare.comparison import Comparison, Geometry, Perceptual, Radiance, Statistics
 from raytwin.compare.exact import judge_exact
-from raytwin.compare.finding import CHANNELS, HARD, IMAGE, TILE, VALUE, Finding, at, plural
-from raytwin.compare.geometry import find_shift, judge_geometry, shift_finding
+from raytwin.compare.finding import CHANNELS, EXACT, HARD, IMAGE, SHIFT, TILE, VALUE, Finding, at, plural
+from raytwin.compare.geometry import GRANTED_SHIFT, find_shift, judge_geometry, judge_shift, shift_finding
 from raytwin.compare.hard import shape_findings, value_findings
 from raytwin.compare.hints import find_hints
 from raytwin.compare.metrics import METRICS
-from raytwin.compare.statistics import POWER, Noise, judge
+from raytwin.compare.statistics import POWER, TESTS, Noise, judge, sidak
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.scene import Tolerance
@@ -61,7 +61,10 @@ def compare(
     excused = mismatch if mismatch <= tolerance.mask_pixels else 0
     if test.variance is None and reference.variance is None:
         quiet = judge_exact(test, reference, tolerance)
-        found += quiet.findings(tolerance, pixels, excused)
+        if wrong := quiet.findings(tolerance, pixels, excused):
+            relative = METRICS["p999_rel"].function(test.mean, reference.mean)
+            text = f"99.9 % quantile of the error: {radiance.p999_abs:.3g} absolute, {relative:.3g} relative"
+            found += [*wrong, Finding(EXACT, text)]
         statistics = Statistics(pixel_fail_fraction=quiet.outliers / pixels)
         notes = (
             f"the images agree: 99.9 % of the values to {radiance.p999_abs:.2g} (allowed {tolerance.p999_abs:g}), "
@@ -70,6 +73,8 @@ def compare(
     else:
         noise = judge(test, reference, tolerance, false_alarm_rate)
         found += noise.quiet.findings(tolerance, pixels, excused) + _noise_findings(noise, reference)
+        if shift is not None:
+            found += judge_shift(shift, sidak(false_alarm_rate, TESTS))
         statistics = Statistics(
             noise.image.worst.signed,
             noise.tile.worst.signed,
@@ -78,9 +83,11 @@ def compare(
         )
         notes = _what_could_be_seen(noise, false_alarm_rate)
     if found:
-        if shift is not None and shift.length > max(5 * shift.sigma, 0.02):
+        hints = find_hints(test.mean, reference.mean)
+        certain = shift is not None and shift.length > max(5 * shift.sigma, 2 * GRANTED_SHIFT)
+        if certain and not hints and not any(f.rank == SHIFT for f in found):
             found.append(shift_finding(shift))
-        found += find_hints(test.mean, reference.mean)
+        found += hints
     if flip:
         perceptual = Perceptual(METRICS["flip_hdr"].function(test.mean, reference.mean))
     return _made(scene, rung, found, notes, geometry, radiance, statistics, perceptual, start)
@@ -116,20 +123,16 @@ def _noise_findings(noise: Noise, reference: Image) -> list[Finding]:
         area = reference.mean[w.y : w.y + w.height, w.x : w.x + w.width, w.channel].mean(dtype=np.float64)
         relative = f"{100 * abs(w.error) / area:.3g} %" if area > 0 else f"{abs(w.error):.3g}"
         off = f"{relative} too {'bright' if w.error > 0 else 'dark'} in {CHANNELS[w.channel]}"
-        sure = (
-            f"{w.z:.3g} standard deviations beyond what is granted, p = {w.p:.1g} where {family.level:.1g} is allowed"
-        )
+        sure = f"{w.z:.3g} standard deviations, p = {max(w.p, 1e-300):.1g} where noise may have {family.level:.1g}"
         where = {
             IMAGE: "the whole image",
             TILE: f"the {w.width} x {w.height} tile at {at(w.x, w.y)}",
             VALUE: f"the pixel {at(w.x, w.y)}",
         }[rank]
-        count = {
-            IMAGE: "",
-            TILE: f"; {plural(family.failed, 'tile')} of all sizes fail",
-            VALUE: f"; {plural(noise.failed_pixels, 'pixel')} fail",
-        }[rank]
-        found.append(Finding(rank, f"{where} is {off}: {sure}{count}"))
+        others = {IMAGE: 0, TILE: family.failed - 1, VALUE: noise.failed_pixels - 1}[rank]
+        kind = {IMAGE: "", TILE: "other tile", VALUE: "other pixel"}[rank]
+        too = f"; so {'is' if others == 1 else 'are'} {plural(others, kind)} beyond noise" if others else ""
+        found.append(Finding(rank, f"{where} is {off} ({sure}){too}"))
     return found
 
 
