@@ -1,0 +1,121 @@
+"""The comparison's numbers in words: what each is, its unit, the bound it is held to, and why it may be missing."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from raytwin.compare import Comparison
+from raytwin.scene import Tolerance
+
+NO_SURFACE = "one of the images does not tell which object a pixel sees"
+NO_NOISE = "both images are free of noise"
+
+
+class Number(NamedTuple):
+    """`group` and `key` are the JSON's; `bound(tolerance)`: the largest allowed value; `absent`: why it may be null."""
+
+    group: str
+    key: str
+    name: str
+    unit: str
+    bound: Callable[[Tolerance], float] | None
+    meaning: str
+    absent: str
+
+
+NUMBERS: tuple[Number, ...] = (
+    Number("geometry", "mask_mismatch_pixels", "Silhouette mismatch", "pixels", lambda t: t.mask_pixels,
+           "pixels whose centre sees another object", NO_SURFACE),
+    Number("geometry", "depth_max_rel", "Depth, worst", "relative", None,
+           "largest |t − t_ref| / t_ref where both see the same object", NO_SURFACE),
+    Number("geometry", "normal_max_deg", "Normal, worst", "degrees", None,
+           "largest angle between the normals where both see the same object", NO_SURFACE),
+    Number("geometry", "shift_px", "Shift", "pixels", None,
+           "translation between the two images", "too little detail to tell, or not asked for"),
+    Number("radiance", "p999_abs", "Error, 99.9 % quantile", "radiance", lambda t: t.p999_abs,
+           "99.9 % of all values err by at most this", "no value is finite"),
+    Number("radiance", "max_abs", "Error, worst", "radiance", None, "max |t − r|", "no value is finite"),
+    Number("radiance", "rmse", "RMSE", "radiance", None, "sqrt(mean((t − r)²))", "no value is finite"),
+    Number("radiance", "relmse", "relMSE", "", None, "mean((t − r)² / (r² + 0.01))", "no value is finite"),
+    Number("radiance", "mean_ratio", "Ratio of means", "", None, "mean(t) / mean(r)", "the twin's image is black"),
+    Number("statistics", "z_mean", "Whole image", "σ", None,
+           "the image's mean error over its standard deviation, worst channel", NO_NOISE),
+    Number("statistics", "z_tile_worst", "Worst tile", "σ", None, "the same for the least plausible tile", NO_NOISE),
+    Number("statistics", "pixel_fail_fraction", "Failing pixels", "share", lambda t: t.outlier_fraction,
+           "pixels with a value that fails its own test", "not tested at this rung"),
+    Number("statistics", "minimum_detectable_bias", "Detectable bias", "relative", None,
+           "the smallest error of the whole image's mean that this comparison would have found", NO_NOISE),
+    Number("perceptual", "flip_mean", "FLIP, mean", "0 to 1", None,
+           "how different the two look to an eye that flips between them", "FLIP was not asked for"),
+)  # fmt: skip
+"""One more number is one more row."""
+
+GROUPS = {
+    "geometry": "Geometry: where things are",
+    "radiance": "Radiance: how bright they are",
+    "statistics": "Statistics: what noise cannot explain",
+    "perceptual": "Perception: what an eye would notice",
+}
+
+
+class Row(NamedTuple):
+    """A Number with its value: `held` is True, False, or None where nothing bounds it or it is missing."""
+
+    number: Number
+    value: float | None
+    bound: float | None
+    held: bool | None
+
+
+def rows(comparison: Comparison, tolerance: Tolerance) -> Iterator[tuple[str, list[Row]]]:
+    """(heading, rows) of each group."""
+    for group, heading in GROUPS.items():
+        found = []
+        for number in (n for n in NUMBERS if n.group == group):
+            value = getattr(getattr(comparison, group), number.key)
+            bound = number.bound(tolerance) if number.bound else None
+            held = None if value is None or bound is None else bool(value <= bound)
+            found.append(Row(number, value, bound, held))
+        yield heading, found
+
+
+def shown(value: float | None, digits: int = 3) -> str:
+    """`digits` significant digits, below a thousandth as 2.10e-7; whole numbers whole; a dash for what is missing."""
+    if value is None:
+        return "–"
+    if not math.isfinite(value):
+        return f"{value}".replace("nan", "NaN").replace("-", "−")
+    if value == 0 or isinstance(value, int):
+        return f"{int(value):,}".replace(",", "\u202f").replace("-", "−")
+    if 1e-3 <= abs(value) < 10**digits:
+        return f"{value:#.{digits}g}".rstrip(".").replace("-", "−")
+    if 10**digits <= abs(value) < 1e6:
+        return f"{value:,.0f}".replace(",", "\u202f").replace("-", "−")
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    return f"{mantissa}e{int(exponent)}".replace("-", "−")
+
+
+def beside(value: float | None, sigma: float | None) -> str:
+    """`value` to two digits of its standard deviation; to four of its own where there is none."""
+    if value is None or not sigma or not math.isfinite(sigma):
+        return shown(value, 4)
+    return f"{value:.{max(0, 1 - math.floor(math.log10(sigma)))}f}".replace("-", "−")
+
+
+def short(value: float) -> str:
+    """A bound or a tick as people write it: 1e-5, 0.5, 20."""
+    small = value and not 1e-3 <= abs(value) < 1e4
+    mantissa, _, exponent = (f"{value:.6e}" if small else f"{value:.6g}").partition("e")
+    mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+    return (mantissa + (f"e{int(exponent)}" if exponent else "")).replace("-", "−")
+
+
+def seconds(value: float | None) -> str:
+    """2.31 s, 45 ms."""
+    if value is None:
+        return "–"
+    if value >= 100:
+        return f"{value:.0f} s"
+    if value >= 1:
+        return f"{value:.2f} s"
+    return f"{value * 1e3:.0f} ms" if value >= 0.01 else f"{value * 1e3:.1f} ms"
