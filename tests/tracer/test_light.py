@@ -1,0 +1,122 @@
+"""Lambert's law, and which points see the sun."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from raytwin.scene import Camera, Plane, Scene, Sky, Sphere, Sun
+from raytwin.tracer import RUNGS, Hit, back_project, lambert, nearest, sun_visible, trace
+
+DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+
+
+def camera_above(height: float, size: int = 101, f: float = 100.0) -> Camera:
+    """Straight down on the board's origin, the middle pixel's centre on the axis."""
+    c = (size - 1) / 2
+    return Camera((size, size), ((f, 0.0, c), (0.0, f, c), (0.0, 0.0, 1.0)), DOWN, (0.0, 0.0, height))
+
+
+def hits_of(scene: Scene) -> Hit:
+    """What the scene's camera sees, point by point, in the board's frame and float64."""
+    w, h = scene.camera.image_size
+    u, v = np.meshgrid(np.arange(w), np.arange(h))
+    with np.errstate(all="ignore"):
+        d = back_project(u, v, scene.camera)
+        return nearest(scene.camera.eye, d, list(enumerate(scene.objects)))
+
+
+def free_by_geometry(p: np.ndarray, scene: Scene, own: int) -> bool:
+    """Does the half-line from p to the sun miss every other object? By closest points and a linear system."""
+    to_light = np.asarray(scene.sun.direction)
+    for i, thing in enumerate(scene.objects):
+        if i == own:
+            continue
+        if isinstance(thing, Sphere):
+            c = np.asarray(thing.center) - p
+            if np.linalg.norm(c - max(0.0, float(c @ to_light)) * to_light) < thing.radius:
+                return False
+        else:
+            axes = np.stack([-to_light, thing.half_u, thing.half_v], axis=1)
+            s, a, b = np.linalg.solve(axes, p - np.asarray(thing.center))
+            if s > 0 and abs(a) < 1 and abs(b) < 1:
+                return False
+    return True
+
+
+def test_lambert_is_the_formula():
+    slanted = (0.0, math.sin(0.7), math.cos(0.7))
+    up = (0.0, 0.0, 1.0)
+    assert lambert(0.5, slanted, up, 3.0, 1.0, 0.2) == pytest.approx(0.5 / math.pi * 3 * math.cos(0.7) + 0.1, rel=1e-15)
+    assert lambert(0.5, slanted, up, 3.0, 0.0, 0.2) == pytest.approx(0.1)
+    assert lambert(0.5, up, (0.0, 0.0, -1.0), 3.0, 1.0, 0.2) == pytest.approx(0.1)
+
+
+def test_sun_visible_agrees_with_geometry_on_every_shipped_scene(shipped):
+    scene = shipped.with_camera(shipped.camera.resized(80, 60))
+    hit = hits_of(scene)
+    visible = sun_visible(hit, scene)
+    facing = sum(n * c for n, c in zip(hit.normal, scene.sun.direction, strict=True)) > 0
+    points = np.stack(hit.point, axis=-1)
+    tried = np.argwhere((hit.ids >= 0) & facing)
+    assert len(tried) > 100
+    for v, u in tried:
+        assert visible[v, u] == free_by_geometry(points[v, u], scene, int(hit.ids[v, u])), (u, v)
+
+
+def test_the_suns_direction_may_have_any_length(overlap):
+    scene = overlap.with_camera(overlap.camera.resized(80, 60))
+    stretched = msgspec.structs.replace(
+        scene, sun=msgspec.structs.replace(scene.sun, to_light=tuple(7.5 * c for c in scene.sun.to_light))
+    )
+    hit = hits_of(scene)
+    np.testing.assert_array_equal(sun_visible(hit, stretched), sun_visible(hit, scene))
+    np.testing.assert_allclose(
+        RUNGS["shadow"](hit, stretched, "robust"), RUNGS["shadow"](hit, scene, "robust"), rtol=1e-14
+    )
+    np.testing.assert_allclose(trace(stretched).mean, trace(scene).mean, rtol=1e-6)
+
+
+def test_under_a_sun_at_the_zenith_a_spheres_shadow_is_a_disc_of_its_radius(engine):
+    # The camera looks at the floor from below the sphere: nothing hides the shadow.
+    floor = Plane((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (1.0, 1.0, 1.0))
+    ball = Sphere((0.1, -0.05, 2.0), 0.3)
+    scene = Scene("disc", camera_above(1.0), (ball,), (floor,), Sun((0.0, 0.0, 2.0), (math.pi,) * 3), Sky((0.25,) * 3))
+    image = trace(scene, "shadow", engine)
+    v, u = np.mgrid[:101, :101]
+    x, y = (u - 50) / 100, (50 - v) / 100
+    from_axis = np.hypot(x - 0.1, y + 0.05)
+    sure = abs(from_axis - 0.3) > 1e-6
+    lit = np.where(from_axis > 0.3, 1.25, 0.25)
+    np.testing.assert_allclose(image.mean[sure], np.repeat(lit[sure][:, None], 3, axis=1), rtol=1e-6)
+    assert (image.surface.ids == 1).all()
+
+
+@pytest.mark.parametrize("sun_above", [True, False])
+def test_a_rectangle_is_lit_and_seen_from_both_sides(engine, sun_above):
+    # Seen from above, its half-edges wind so that half_u × half_v points away from the eye.
+    away = Plane((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), (2.0, 0.0, 0.0), (0.5, 0.5, 0.5))
+    assert away.normal == (0.0, 0.0, -1.0)
+    towards = Plane((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (0.5, 0.5, 0.5))
+    sun = Sun((0.0, 0.0, 1.0 if sun_above else -1.0), (math.pi,) * 3)
+    for plane in (away, towards):
+        scene = Scene("leaf", camera_above(1.0, 11), (), (plane,), sun, Sky((0.2,) * 3))
+        for rung in ("lambert", "shadow"):
+            image = trace(scene, rung, engine)
+            np.testing.assert_allclose(image.mean, 0.6 if sun_above else 0.1, rtol=1e-6)
+            np.testing.assert_array_equal(image.surface.normal, np.broadcast_to(np.float32([0, 0, 1]), (11, 11, 3)))
+
+
+def test_inside_a_sphere_it_is_dark_but_for_the_sky(engine):
+    scene = Scene("cave", camera_above(0.1, 21, 10.0), (Sphere((0.0, 0.0, 0.0), 0.5, (0.5, 0.6, 0.7)),), ())
+    scene = msgspec.structs.replace(scene, sun=Sun((0.0, 0.0, 1.0), (3.0,) * 3), sky=Sky((0.1, 0.2, 0.3)))
+    image = trace(scene, "shadow", engine)
+    assert (image.surface.ids == 0).all()
+    np.testing.assert_allclose(image.mean, np.broadcast_to([0.05, 0.12, 0.21], (21, 21, 3)), rtol=1e-6)
+    # The rung without shadows lets the sun shine through the shell, onto the floor of the cave.
+    assert trace(scene, "lambert", engine).mean[10, 10, 0] == pytest.approx(0.05 + 1.5 / math.pi, rel=1e-6)
+
+
+def test_a_sphere_does_not_shade_its_own_lit_side(engine, single):
+    np.testing.assert_array_equal(trace(single, "shadow", engine).mean, trace(single, "lambert", engine).mean)

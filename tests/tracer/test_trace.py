@@ -1,0 +1,221 @@
+"""Whole images: closed forms, and every engine, rung and solver against each other."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from raytwin.errors import InputError, MachineError
+from raytwin.scene import PhotoCamera, Plane, Scene, Sphere
+from raytwin.tracer import ENGINES, RUNGS, SOLVERS, intersect_plane, intersect_sphere, nearest, trace
+
+FLOAT32_AGREES = 1e-5
+
+
+def quantile999(difference: np.ndarray) -> float:
+    return float(np.quantile(np.abs(difference), 0.999))
+
+
+# ------------------------------------------------------------------------------------------------ closed forms
+
+
+def test_the_silhouette_of_a_head_on_sphere_is_a_disc(single, engine):
+    # Radius f r / √(d² - r²), round the principal point.
+    surface = trace(single, "surface", engine).surface
+    v, u = np.mgrid[:480, :640]
+    radius = 800 * 0.05 / math.sqrt(0.4**2 - 0.05**2)
+    assert radius == pytest.approx(100.79, abs=0.005)
+    off = np.hypot(u - 319.5, v - 239.5) - radius
+    sure = abs(off) > 1e-3
+    assert sure.mean() > 0.999
+    np.testing.assert_array_equal(surface.mask[sure], off[sure] < 0)
+
+
+def test_depth_and_normal_of_a_head_on_sphere_are_the_textbooks(single, engine):
+    surface = trace(single, "surface", engine).surface
+    v, u = np.mgrid[:480, :640]
+    tangent = np.hypot(u - 319.5, v - 239.5) / 800
+    cosine = 1 / np.sqrt(1 + tangent**2)
+    inside = surface.mask & (tangent * 800 < 100)
+    depth = 0.4 * cosine - np.sqrt(np.maximum(0.05**2 - 0.4**2 * (1 - cosine**2), 0))
+    np.testing.assert_allclose(surface.depth[inside], depth[inside], rtol=2e-5)
+    x, y = (u - 319.5) / 800 * cosine * depth, (239.5 - v) / 800 * cosine * depth
+    normal = np.stack([x, y, 0.4 - cosine * depth], axis=-1) / 0.05
+    np.testing.assert_allclose(surface.normal[inside], normal[inside], rtol=0, atol=2e-4)
+    np.testing.assert_allclose(np.linalg.norm(surface.normal[surface.mask], axis=-1), 1, rtol=3e-6)
+    assert (surface.depth[~surface.mask] == 0).all()
+    assert (surface.normal[~surface.mask] == 0).all()
+
+
+def test_the_brightest_pixel_of_a_lambertian_sphere_faces_the_sun(single, engine):
+    # An odd number of pixels puts one on the axis.
+    scene = single.with_camera(single.camera.resized(641, 481))
+    mean = trace(scene, "shadow", engine).mean
+    sphere = scene.spheres[0]
+    for c in range(3):
+        peak = sphere.albedo[c] / math.pi * scene.sun.irradiance[c] + sphere.albedo[c] * scene.sky.radiance[c]
+        assert mean[240, 320, c] == pytest.approx(peak, rel=1e-6)
+        assert mean[..., c].max() <= mean[240, 320, c] * (1 + 1e-6)
+
+
+def test_the_flux_of_a_sphere_lit_from_the_eyes_side_is_the_integral(single):
+    """Σ L over the pixels = π f² A [k³/(1-k²) + k - 2 + (2/k) ln(1+k)], with A = albedo E/π and k = r/d.
+
+    At the angle θ from the axis the sphere shows A cos θ at the distance f g from the image's middle,
+    g = r sin θ/(d - r cos θ), up to cos θ = k. The flux ∫ A cos θ d(π f² g²) is, by parts,
+    π f² A [k g²(k) + ∫ g² sin θ dθ]; g²(k) = k²/(1-k²), and with x = cos θ and w = 1 - k x the rest is
+    ∫ k² (1-x²)/(1-kx)² dx over [k, 1] = (1/k) [(1-k²)/w + 2 ln w - w] over [1-k, 1-k²] = k - 2 + (2/k) ln(1+k).
+    """
+    dark = msgspec.structs.replace(single, sky=msgspec.structs.replace(single.sky, radiance=(0.0, 0.0, 0.0)))
+    k = 0.05 / 0.4
+    share = k**3 / (1 - k * k) + k - 2 + 2 / k * math.log(1 + k)
+    assert share == pytest.approx(2 / 3 * k * k, rel=0.2)  # a far sphere: its disc, times the mean of cos θ, 2/3
+    for size, bound in ((1, 1e-3), (3, 2e-4)):
+        camera = single.camera.resized(640 * size, 480 * size)
+        flux = trace(dark.with_camera(camera), "shadow").mean.sum(axis=(0, 1), dtype=np.float64)
+        expected = math.pi * camera.fx**2 * share * np.array(single.spheres[0].albedo) * 3 / math.pi
+        np.testing.assert_allclose(flux, expected, rtol=bound)
+
+
+def test_a_scene_without_objects_is_all_sky(single, engine):
+    empty = msgspec.structs.replace(single, spheres=())
+    image = trace(empty, "shadow", engine)
+    np.testing.assert_array_equal(image.mean, np.broadcast_to(np.float32(single.sky.radiance), (480, 640, 3)))
+    assert not image.surface.mask.any()
+    assert not image.surface.depth.any()
+
+
+def test_the_nearest_of_many_objects_is_seen(rng):
+    spheres = [Sphere(tuple(rng.uniform(-1, 1, 3).tolist()), float(rng.uniform(0.05, 0.4))) for _ in range(12)]
+    planes = [Plane(tuple(rng.uniform(-1, 1, 3).tolist()), (0.5, 0.0, 0.0), (0.0, 0.3, 0.4)) for _ in range(4)]
+    things = [*spheres, *planes]
+    d = rng.normal(size=(3, 2000))
+    d /= np.linalg.norm(d, axis=0)
+    origin = (0.0, 0.0, -3.0)
+    with np.errstate(all="ignore"):
+        found = nearest(origin, tuple(d), list(enumerate(things)))
+        t = np.array(
+            [intersect_sphere(origin, tuple(d), s) for s in spheres]
+            + [intersect_plane(origin, tuple(d), p) for p in planes]
+        )
+    np.testing.assert_array_equal(found.t, t.min(axis=0))
+    np.testing.assert_array_equal(found.ids, np.where(t.min(axis=0) < np.inf, t.argmin(axis=0), -1))
+    seen = found.ids >= 0
+    normal = np.stack(found.normal)
+    assert 50 < seen.sum() < 1950
+    assert ((normal * d).sum(axis=0)[seen] <= 0).all()
+    np.testing.assert_allclose(np.linalg.norm(normal[:, seen], axis=0), 1, rtol=1e-12)
+    on_sphere = seen & (found.ids < len(spheres))
+    centers = np.array([s.center for s in spheres])[found.ids[on_sphere].astype(int)].T
+    radii = np.array([s.radius for s in spheres])[found.ids[on_sphere].astype(int)]
+    np.testing.assert_allclose(np.linalg.norm(np.stack(found.point)[:, on_sphere] - centers, axis=0), radii, rtol=1e-12)
+
+
+def test_a_scene_far_from_the_origin_keeps_its_digits_in_float32(overlap, engine):
+    # The same scene a kilometre away: only the eye's own coordinates lose digits, and those are in float64.
+    away = np.array([1000.0, -700.0, 300.0])
+    camera = overlap.camera
+    t = np.asarray(camera.t_cam_board) - np.asarray(camera.R_cam_board) @ away
+
+    def moved(things):
+        return tuple(msgspec.structs.replace(x, center=tuple((np.asarray(x.center) + away).tolist())) for x in things)
+
+    far = msgspec.structs.replace(
+        overlap,
+        camera=msgspec.structs.replace(camera, t_cam_board=tuple(t.tolist())),
+        spheres=moved(overlap.spheres),
+        planes=moved(overlap.planes),
+    )
+    near_image, far_image = trace(overlap, "shadow", engine), trace(far, "shadow", engine)
+    assert (near_image.surface.ids != far_image.surface.ids).sum() <= 2
+    assert quantile999(near_image.mean - far_image.mean) < FLOAT32_AGREES
+
+
+# -------------------------------------------------------------------------------- engines, rungs, solvers
+
+
+def test_every_engine_sees_what_float64_sees(shipped, exact, engine):
+    image = trace(shipped, "shadow", engine)
+    np.testing.assert_array_equal(image.surface.ids, exact.surface.ids)
+    assert quantile999(image.mean - exact.mean) <= FLOAT32_AGREES
+    assert quantile999(image.surface.depth - exact.surface.depth) <= FLOAT32_AGREES
+    assert quantile999(image.surface.normal - exact.surface.normal) <= 1e-4
+
+
+@pytest.mark.parametrize("name", [n for n, e in ENGINES.items() if e.is_numpy])
+def test_numpy_stays_in_the_precision_that_was_asked_for(overlap, name):
+    # One float64 scalar among float32 arrays would quietly double the work.
+    from raytwin.tracer.arrays import lift
+    from raytwin.tracer.prepare import seen_from_eye
+    from raytwin.tracer.trace import trace_box
+
+    wide = msgspec.structs.replace(overlap.camera, dist=(-0.1, 0.02))
+    engine = ENGINES[name]
+    local = lift(seen_from_eye(overlap.with_camera(wide)), engine)
+    for rung in RUNGS:
+        for solver in SOLVERS:
+            with np.errstate(all="ignore"):
+                hit, colour = trace_box(local, (0, 0, 64, 48), [0, 1, 2, 3], rung, engine, solver)
+            arrays = (hit.t, hit.ids, *hit.point, *hit.normal, *hit.albedo, *colour)
+            assert {a.dtype.name for a in arrays} == {engine.precision}, (rung, solver)
+
+
+@pytest.mark.parametrize("rung", RUNGS)
+def test_every_rung_returns_a_whole_image(shipped, engine, rung):
+    small = shipped.with_camera(shipped.camera.resized(107, 80))
+    image = trace(small, rung, engine)
+    assert image.mean.shape == (80, 107, 3)
+    assert image.mean.dtype == image.surface.depth.dtype == image.surface.normal.dtype == np.float32
+    assert image.surface.ids.dtype == np.int32
+    assert image.variance is None
+    for layer in (image.mean, image.surface.depth, image.surface.normal):
+        assert np.isfinite(layer).all()
+    assert image.mean.min() >= 0
+    assert set(np.unique(image.surface.ids)) <= set(range(-1, len(small.objects)))
+    background = np.float32((0, 0, 0) if rung == "surface" else small.sky.radiance)
+    assert (image.mean[~image.surface.mask] == background).all()
+    assert image.surface.mask.any()
+    np.testing.assert_array_equal(image.surface.ids, trace(small, "lambert", engine).surface.ids)
+
+
+def test_a_shadow_only_takes_light_away(overlap):
+    lit, shaded = trace(overlap, "lambert"), trace(overlap, "shadow")
+    assert (shaded.mean <= lit.mean).all()
+    taken = (shaded.mean < lit.mean).any(axis=-1)
+    assert 0.02 < taken.mean() < 0.5
+    albedo = np.array([x.albedo for x in overlap.objects])[shaded.surface.ids[taken]]
+    np.testing.assert_allclose(shaded.mean[taken], albedo * overlap.sky.radiance, rtol=1e-6)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_every_solver_draws_the_shipped_scenes_alike_in_float64(shipped, exact, solver):
+    image = trace(shipped, "shadow", "numpy64", solver)
+    np.testing.assert_array_equal(image.surface.ids, exact.surface.ids)
+    assert quantile999(image.mean - exact.mean) < 1e-6
+
+
+def test_an_image_is_the_same_when_it_is_traced_again(overlap, engine):
+    np.testing.assert_array_equal(trace(overlap, "shadow", engine).mean, trace(overlap, "shadow", engine).mean)
+
+
+# ------------------------------------------------------------------------------------------------ wrong input
+
+
+@pytest.mark.parametrize("field", ["rung", "engine", "solver"])
+def test_an_unknown_row_is_named_with_those_that_exist(single, field):
+    with pytest.raises(InputError, match=f"^{field}: expected one of .*, got nonsense$"):
+        trace(single, **{field: "nonsense"})
+
+
+def test_a_camera_yet_to_be_calibrated_is_refused():
+    with pytest.raises(InputError, match="desk: camera: expected a calibrated camera"):
+        trace(Scene("desk", PhotoCamera("photos", "board.toml", "1.jpg")))
+
+
+@pytest.mark.parametrize("name", ["cuda32", "cuda64"])
+def test_an_engine_that_the_machine_lacks_is_refused(single, packages, name):
+    if "llvm" not in packages or "cuda" in packages:
+        pytest.skip("for a machine with Dr.Jit but without CUDA")
+    with pytest.raises(MachineError, match="engine: expected a machine with cuda"):
+        trace(single, engine=name)
