@@ -34,8 +34,9 @@ class Radiance(Record, frozen=True):
 class Statistics(Record, frozen=True):
     """What noise cannot explain. Null for noise-free images, except the share of failing pixels.
 
-    `z_mean`: the image's mean error over its standard deviation (signed, worst channel); `z_tile_worst`: the same for
-    the least plausible tile; `pixel_fail_fraction`: share of pixels with a value that fails its own test;
+    `z_mean`: the image's mean error, beyond what is granted, over its standard deviation (signed, worst channel);
+    `z_tile_worst`: the same for the least plausible tile; `pixel_fail_fraction`: share of pixels with a value that
+    fails its own test, or is an outlier of those without noise;
     `minimum_detectable_bias`: the smallest error of the whole image's mean, relative to the reference's mean, that
     this comparison would have found with probability 0.9.
     """

@@ -174,9 +174,11 @@ def _step(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> Shift | None:
     t, r = (_smoothed(i) for i in _overlap(t, r, dx, dy))
     m = (t + r) / 2
     gx, gy = (m[1:-1, 2:] - m[1:-1, :-2]) / 2, (m[2:, 1:-1] - m[:-2, 1:-1]) / 2
-    d, m = (t - r)[1:-1, 1:-1].ravel(), m[1:-1, 1:-1].ravel()
+    d, m = (t - r)[1:-1, 1:-1].ravel().astype(np.float64), m[1:-1, 1:-1].ravel()
     A = np.stack([-gx.ravel(), -gy.ravel(), m - m.mean(), np.ones_like(m)]).astype(np.float64)
     normal = A @ A.T
+    if not np.isfinite(normal).all():
+        return None
     # A flat image, or one with edges in one direction only, leaves the shift open.
     if np.linalg.eigvalsh(normal[:2, :2])[0] <= 1e-9 * max(float(np.square(m).sum()), 1e-30):
         return None

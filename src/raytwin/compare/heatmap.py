@@ -55,8 +55,10 @@ def error_map(test: Image, reference: Image, kind: str = "absolute", scale: floa
     """
     error = signed_error(test, reference, kind)
     scale = error_scale(test, reference, kind) if scale is None else scale
-    with np.errstate(invalid="ignore"):
-        x = np.clip(np.nan_to_num(error / np.float32(scale)), -1, 1)
+    if not (np.isfinite(scale) and scale > 0):
+        raise InputError("error map: scale", "a finite number > 0", scale)
+    with np.errstate(invalid="ignore", over="ignore"):
+        x = np.clip(np.nan_to_num(error / np.float32(np.clip(scale, 1e-30, 1e38))), -1, 1)
     steps = np.linspace(0, 1, len(_POSITIVE))
     colours = np.empty((*error.shape, 3), np.float32)
     for c in range(3):

@@ -219,8 +219,9 @@ def variance_ratio(test: Image, reference: Image, a: Side | None, b: Side | None
         typical = float(np.median(va[both] / vb[both]))
     elif test.samples > 1 and reference.samples > 1:
         typical = reference.samples / test.samples
-    means = a.mean / b.mean if a.mean > 0 and b.mean > 0 else 0.0
-    return typical, max(means, typical or 0.0) or None
+    largest = max(a.mean / b.mean if a.mean > 0 and b.mean > 0 else 0.0, typical or 0.0)
+    # A ratio beyond a million compares a render with none: what one says of the other is nothing.
+    return tuple(x if x and 1e-6 < x < 1e6 else None for x in (typical, largest))
 
 
 def mutual(va: np.ndarray, vb: np.ndarray, ratio: float | None) -> np.ndarray:
@@ -316,7 +317,8 @@ def _student(s: dict[str, np.ndarray], granted: Allowance, ratio: float | None):
     dof = np.maximum(np.divide(np.square(v), s["vv"], out=np.zeros_like(v), where=s["vv"] > 0) - 1, 0.5)
     sd = np.sqrt(mutual(s["va"], s["vb"], ratio)) / s["n"]
     beyond = np.maximum(np.abs(s["d"] / s["n"]) - granted.of(s["n"]), 0)
-    return np.divide(beyond, sd, out=np.zeros_like(sd), where=sd > 0), sd, dof
+    z = np.divide(beyond, sd, out=np.zeros_like(sd), where=sd > 0)
+    return np.nan_to_num(z, nan=np.inf, posinf=np.inf), sd, dof
 
 
 def _detectable(s: dict[str, np.ndarray], sd: np.ndarray, dof: np.ndarray, granted: Allowance, level: float):

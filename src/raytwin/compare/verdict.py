@@ -2,11 +2,13 @@
 
 import math
 import time
+from dataclasses import replace
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from raytwin.compare.comparison import Comparison, Geometry, Perceptual, Radiance, Statistics
+from raytwin.compare.comparison import Comparison, Perceptual, Radiance, Statistics
 from raytwin.compare.exact import judge_exact
 from raytwin.compare.finding import CHANNELS, EXACT, HARD, IMAGE, SHIFT, TILE, VALUE, Finding, at, plural
 from raytwin.compare.geometry import GRANTED_SHIFT, find_shift, judge_geometry, judge_shift, shift_finding
@@ -42,16 +44,23 @@ def compare(
     if not 0 < false_alarm_rate < 1:
         raise InputError("false_alarm_rate", "a probability between 0 and 1", false_alarm_rate)
     start = time.perf_counter()
-    found = shape_findings(test, reference)
-    geometry, radiance, statistics, perceptual = Geometry(), Radiance(), Statistics(), Perceptual()
-    notes: tuple[str, ...] = ()
-    if not found:
-        found = value_findings(test, reference, tolerance)
-        geometry, wrong = judge_geometry(test, reference, tolerance)
-        found += wrong
-        radiance = _radiance(test.mean, reference.mean)
+    # Finite values near float32's end may overflow when squared: infinite errors fail, and need no warning.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        made = _compare(test, reference, tolerance, false_alarm_rate, flip)
+    seconds = {**made.seconds, "compare": time.perf_counter() - start}
+    return msgspec.structs.replace(made, scene=scene, rung=rung, seconds=seconds)
+
+
+def _compare(test: Image, reference: Image, tolerance: Tolerance, rate: float, flip: bool) -> Comparison:
+    if found := shape_findings(test, reference):
+        return _made(found)
+    test, reference = _single(test), _single(reference)
+    found = value_findings(test, reference, tolerance)
+    geometry, wrong = judge_geometry(test, reference, tolerance)
+    found += wrong
+    radiance = _radiance(test.mean, reference.mean)
     if any(f.rank == HARD for f in found):
-        return _made(scene, rung, found, notes, geometry, radiance, statistics, perceptual, start)
+        return _made(found, geometry=geometry, radiance=radiance)
 
     shift = find_shift(test.mean, reference.mean)
     if shift is not None and shift.sigma <= SURE_SHIFT:
@@ -71,32 +80,36 @@ def compare(
             f"all to {radiance.max_abs:.2g}",
         )
     else:
-        noise = judge(test, reference, tolerance, false_alarm_rate)
+        noise = judge(test, reference, tolerance, rate)
         found += noise.quiet.findings(tolerance, pixels, excused) + _noise_findings(noise, reference)
         if shift is not None:
-            found += judge_shift(shift, sidak(false_alarm_rate, TESTS))
+            found += judge_shift(shift, sidak(rate, TESTS))
         statistics = Statistics(
             noise.image.worst.signed,
             noise.tile.worst.signed,
             (noise.failed_pixels + noise.quiet.outliers) / pixels,
             noise.image.detectable if math.isfinite(noise.image.detectable) else None,
         )
-        notes = _what_could_be_seen(noise, false_alarm_rate)
+        notes = _what_could_be_seen(noise, rate)
     if found:
         hints = find_hints(test.mean, reference.mean)
         certain = shift is not None and shift.length > max(5 * shift.sigma, 2 * GRANTED_SHIFT)
         if certain and not hints and not any(f.rank == SHIFT for f in found):
             found.append(shift_finding(shift))
         found += hints
-    if flip:
-        perceptual = Perceptual(METRICS["flip_hdr"].function(test.mean, reference.mean))
-    return _made(scene, rung, found, notes, geometry, radiance, statistics, perceptual, start)
+    perceptual = Perceptual(METRICS["flip_hdr"].function(test.mean, reference.mean) if flip else None)
+    return _made(found, notes, geometry=geometry, radiance=radiance, statistics=statistics, perceptual=perceptual)
 
 
-def _made(scene, rung, found, notes, geometry, radiance, statistics, perceptual, start) -> Comparison:
+def _made(found: list[Finding], notes: tuple[str, ...] = (), **parts: Any) -> Comparison:
     reasons = tuple(f.text for f in sorted(found, key=lambda f: f.rank)) or notes
-    made = Comparison(scene, rung, "fail" if found else "pass", reasons, geometry, radiance, statistics, perceptual)
-    return msgspec.structs.replace(made, seconds={**made.seconds, "compare": time.perf_counter() - start})
+    return Comparison("", "", "fail" if found else "pass", reasons, **parts)
+
+
+def _single(image: Image) -> Image:
+    """The image in float32, or float64 where it came so: half floats overflow when squared."""
+    wide = {k: x for k in ("mean", "variance") if (x := getattr(image, k)) is not None and x.dtype.itemsize < 4}
+    return replace(image, **{k: x.astype(np.float32) for k, x in wide.items()})
 
 
 def _radiance(test: np.ndarray, reference: np.ndarray) -> Radiance:

@@ -1,0 +1,122 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from raytwin.compare import METRICS
+from raytwin.compare.metrics import CHUNK, order_statistic, p999_abs, upper_quantile
+from raytwin.errors import InputError
+
+R = np.full((20, 30, 3), 0.5, np.float32)
+VALUES = hnp.arrays(
+    np.float32, st.tuples(st.integers(1, 9), st.integers(1, 9), st.just(3)), elements=st.floats(0, 8, width=32)
+)
+
+
+def of(name, test, reference):
+    return METRICS[name].function(test, reference)
+
+
+def test_every_row_names_its_formula_and_source_and_is_kept_under_its_name():
+    for name, metric in METRICS.items():
+        assert metric.name == name
+        assert metric.formula
+        assert metric.source
+
+
+@pytest.mark.parametrize("name", [n for n in METRICS if n not in ("psnr", "mean_ratio")])
+def test_an_image_has_no_error_against_itself(name):
+    rng = np.random.default_rng(1)
+    image = rng.random((24, 32, 3), np.float32)
+    assert of(name, image, image.copy()) == pytest.approx(0, abs=1e-6)
+
+
+def test_a_constant_error_has_the_closed_form_of_every_metric():
+    t = R + np.float32(0.25)
+    expected = {
+        "rmse": 0.25,
+        "relmse": 0.0625 / (0.25 + 0.01),
+        "mae": 0.25,
+        "max_abs": 0.25,
+        "p999_abs": 0.25,
+        "p999_rel": 0.25 / 0.51,
+        "psnr": 20 * math.log10(0.5 / 0.25),
+        "mean_ratio": 1.5,
+    }
+    for name, value in expected.items():
+        assert of(name, t, R) == pytest.approx(value, rel=1e-6), name
+
+
+def test_chunks_change_nothing():
+    rng = np.random.default_rng(2)
+    t, r = rng.random((2, CHUNK + 12_345), np.float32)
+    d = t.astype(float) - r
+    assert of("rmse", t, r) == pytest.approx(np.sqrt(np.mean(d**2)), rel=1e-6)
+    assert of("relmse", t, r) == pytest.approx(np.mean(d**2 / (r.astype(float) ** 2 + 0.01)), rel=1e-5)
+    assert of("max_abs", t, r) == pytest.approx(np.abs(d).max(), rel=1e-6)
+
+
+@pytest.mark.parametrize("case", ["random", "mostly zero", "all equal", "hidden from the sample"])
+def test_the_quick_quantile_is_the_sorted_one(case):
+    rng = np.random.default_rng(3)
+    size = 300_000
+    t = rng.exponential(size=size).astype(np.float32)
+    if case == "mostly zero":
+        t[200:] = 0
+    elif case == "all equal":
+        t[:] = 0.3
+    elif case == "hidden from the sample":
+        t[:] = 0.1
+        t[:: size // 50_000] = 5
+    r = np.zeros_like(t)
+    assert p999_abs(t, r) == np.sort(t)[math.ceil(0.999 * size) - 1]
+
+
+@given(VALUES, st.floats(0, 1))
+def test_a_quantile_has_its_share_at_or_below_it_and_less_below_any_smaller_value(x, q):
+    v = order_statistic(x, q)
+    assert v in x
+    assert np.count_nonzero(x <= v) >= q * x.size
+    assert np.count_nonzero(x < v) <= q * x.size
+    assert upper_quantile(x, np.zeros_like(x), q) == v
+
+
+@given(VALUES)
+def test_rmse_lies_between_the_mean_and_the_largest_error(x):
+    zero = np.zeros_like(x)
+    assert of("mae", x, zero) <= of("rmse", x, zero) * (1 + 1e-5) + 1e-30
+    assert of("rmse", x, zero) <= of("max_abs", x, zero) * (1 + 1e-5) + 1e-18
+
+
+def test_a_perfect_image_has_infinite_psnr_and_a_black_reference_no_mean_ratio():
+    assert of("psnr", R, R) == math.inf
+    assert math.isnan(of("mean_ratio", R, 0 * R))
+
+
+@pytest.mark.parametrize("name", ["flip_hdr", "flip_ldr"])
+def test_flip_grows_with_the_error(name):
+    rng = np.random.default_rng(4)
+    r = rng.random((32, 40, 3), np.float32)
+    small, large = of(name, r * np.float32(0.95), r), of(name, r * np.float32(0.5), r)
+    assert 0 < small < large < 1
+
+
+def test_flip_exposures_are_pinned_so_that_a_bright_pixel_elsewhere_changes_little():
+    rng = np.random.default_rng(5)
+    r = rng.random((64, 64, 3), np.float32)
+    t = r * np.float32(0.9)
+    before = of("flip_hdr", t, r)
+    r[0, 0] = t[0, 0] = 1000
+    assert of("flip_hdr", t, r) == pytest.approx(before, rel=0.05)
+
+
+def test_flip_refuses_nan_and_wrong_shapes_instead_of_exiting():
+    bad = R.copy()
+    bad[0, 0, 0] = np.nan
+    with pytest.raises(InputError, match="FLIP"):
+        of("flip_hdr", bad, R)
+    with pytest.raises(InputError, match="FLIP"):
+        of("flip_ldr", R[:5], R)

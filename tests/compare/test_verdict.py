@@ -1,0 +1,240 @@
+import json
+import re
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from raytwin.compare import Comparison, compare
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.scene import Tolerance
+
+H, W = 48, 64
+
+
+def picture(h=H, w=W):
+    """A soft ball on a ramp, unlike its own mirror images."""
+    y, x = np.mgrid[:h, :w].astype(np.float32)
+    r = np.hypot(x - 0.4 * w, y - 0.45 * h) / (0.3 * h)
+    ball = 0.5 * np.sqrt(np.clip(1 - r * r, 0, 1))
+    return ((0.2 + 0.3 * x / w + 0.1 * y / h + ball)[..., None] * np.array([1, 0.8, 0.6])).astype(np.float32)
+
+
+P = picture()
+REFERENCE = Image(P)
+
+
+def verdict(mean, **options):
+    return compare(Image(mean), REFERENCE, **options)
+
+
+def said(comparison, pattern):
+    return any(re.search(pattern, reason) for reason in comparison.reasons)
+
+
+def test_the_json_has_exactly_the_designed_keys_null_where_nothing_applies():
+    data = json.loads(msgspec.json.encode(verdict(P, scene="desk", rung="shadow")))
+    assert list(data) == [
+        "scene", "rung", "verdict", "reasons", "geometry", "radiance", "statistics", "perceptual", "ledger", "seconds",
+        "backend",
+    ]  # fmt: skip
+    assert (data["scene"], data["rung"], data["verdict"]) == ("desk", "shadow", "pass")
+    assert set(data["geometry"]) == {"mask_mismatch_pixels", "depth_max_rel", "normal_max_deg", "shift_px"}
+    assert set(data["radiance"]) == {"max_abs", "p999_abs", "rmse", "relmse", "mean_ratio"}
+    assert set(data["statistics"]) == {"z_mean", "z_tile_worst", "pixel_fail_fraction", "minimum_detectable_bias"}
+    assert data["perceptual"] == {"flip_mean": None}
+    assert data["ledger"] == []
+    assert set(data["seconds"]) == {"calibrate", "tracer", "twin", "compare"}
+    assert data["seconds"]["compare"] > 0
+    assert data["statistics"]["z_mean"] is None
+    assert data["geometry"]["mask_mismatch_pixels"] is None
+    assert msgspec.json.decode(msgspec.json.encode(verdict(P)), type=Comparison).passed
+
+
+def test_an_identical_image_passes_and_says_how_well_it_agrees():
+    c = verdict(P.copy())
+    assert c.passed
+    assert c.radiance.max_abs == 0
+    assert c.geometry.shift_px == pytest.approx(0, abs=1e-6)
+    assert said(c, r"99\.9 %")
+
+
+def test_rounding_passes_and_ten_times_the_tolerance_fails():
+    assert verdict(P + np.float32(5e-6)).passed
+    c = verdict(P + np.float32(1e-4))
+    assert not c.passed
+    assert said(c, "err by more than 1e-05")
+
+
+def test_a_thousandth_of_the_values_may_err_but_no_more():
+    few, many = P.copy(), P.copy()
+    allowed = P.size // 1000
+    few.flat[:allowed] += np.float32(5e-5)
+    many.flat[: allowed + 1] += np.float32(5e-5)
+    assert verdict(few).passed
+    assert not verdict(many).passed
+
+
+def test_outliers_are_counted_apart_from_the_quantile():
+    t = P.copy()
+    t[7, 9] += np.float32(0.1)
+    c = verdict(t)
+    assert not c.passed
+    assert said(c, r"1 pixel of 3072 err by more than 0\.0001 .*\(x=9, y=7\)")
+    assert c.statistics.pixel_fail_fraction == pytest.approx(1 / (H * W))
+    assert verdict(t, tolerance=Tolerance(outlier_fraction=1e-3)).passed
+
+
+HARD = {
+    "NaN": (np.nan, r"1 NaN value in 1 pixel, the first at \(x=9, y=7\)"),
+    "infinity": (np.inf, r"1 infinite value in 1 pixel, the first at \(x=9, y=7\)"),
+    "negative infinity": (-np.inf, "1 infinite value"),
+    "a negative value": (-0.5, r"1 negative value in 1 pixel, the first at \(x=9, y=7\), the lowest -0\.5"),
+}
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+@pytest.mark.parametrize("whose", ["test", "reference"])
+@pytest.mark.parametrize("name", HARD)
+def test_one_bad_value_fails_is_counted_and_located(name, whose, noisy):
+    value, words = HARD[name]
+    bad = P.copy()
+    bad[7, 9, 1] = value
+    variance = np.full_like(P, 1e-2) if noisy else None
+    pair = [Image(bad, variance), Image(P, variance)]
+    c = compare(*(pair if whose == "test" else pair[::-1]))
+    assert not c.passed
+    assert re.search(f"the {whose} image has {words}", c.reasons[0])
+    json.loads(msgspec.json.encode(c))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1.0])
+def test_a_bad_variance_fails_too(value):
+    variance = np.full_like(P, 1e-4)
+    variance[3, 4] = value
+    c = compare(Image(P, variance, 16), REFERENCE)
+    assert not c.passed
+    assert said(c, r"variance of the test image .*\(x=4, y=3\)")
+
+
+def test_an_image_full_of_nan_fails_with_null_numbers():
+    c = verdict(np.full_like(P, np.nan))
+    assert not c.passed
+    assert c.radiance.rmse is None
+
+
+def test_a_black_image_fails_even_when_its_variance_would_excuse_it():
+    c = compare(Image(0 * P, np.full_like(P, 100)), REFERENCE)
+    assert c.reasons == ("the test image is all black",)
+    assert not c.passed
+
+
+def test_two_black_images_agree():
+    assert compare(Image(0 * P), Image(0 * P)).passed
+
+
+@pytest.mark.parametrize(
+    ("mean", "words"),
+    [
+        (P[:-1], "64 x 47 pixels, the reference 64 x 48"),
+        (P.transpose(1, 0, 2).copy(), "width and height are swapped"),
+        (P[..., 0], r"shape \(48, 64\)"),
+        (P[..., :2], r"shape \(48, 64, 2\)"),
+        (P[:0], "shape"),
+        ((255 * P).astype(np.uint8), "uint8"),
+        (P.astype(complex), "complex"),
+        (P.tolist(), "list"),
+        (None, "NoneType"),
+    ],
+)
+def test_what_is_no_image_of_this_size_fails_in_words(mean, words):
+    c = verdict(mean)
+    assert not c.passed
+    assert said(c, words)
+
+
+def test_a_variance_of_another_shape_fails():
+    assert said(compare(Image(P, P[:-1]), REFERENCE), "variance has the shape")
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float64])
+def test_half_and_double_are_radiance_too(dtype):
+    half = P.astype(np.float16)
+    assert compare(Image(half.astype(dtype)), Image(half.astype(np.float32))).passed
+
+
+def test_inputs_are_left_as_they_were():
+    t, v = P + np.float32(0.1), np.full_like(P, 1e-4)
+    before = t.copy(), P.copy(), v.copy()
+    compare(Image(t, v, 16), Image(P, v, 16))
+    for old, new in zip(before, (t, P, v), strict=True):
+        assert np.array_equal(old, new)
+
+
+HINTS = {
+    "mirrored left to right": P[:, ::-1],
+    "upside down": P[::-1],
+    "turned by 180 degrees": P[::-1, ::-1],
+    "red and blue are swapped": P[..., ::-1],
+    "gamma is applied once too often": P ** np.float32(1 / 2.2),
+    "decoded once too often": P ** np.float32(2.2),
+    "clipped at 1": None,
+    "0.3183 times the reference = 1/pi": P / np.float32(np.pi),
+    "3.142 times the reference = pi": P * np.float32(np.pi),
+    "2 times the reference = 2:": P * 2,
+    "1.3 times the reference": P * np.float32(1.3),
+    r"plus a constant: \+0.2, \+0.1, \+0": P + np.array([0.2, 0.1, 0], np.float32),
+}
+
+
+@pytest.mark.parametrize("name", HINTS)
+def test_a_simple_cause_is_named_last(name):
+    reference = REFERENCE
+    t = HINTS[name]
+    if t is None:
+        reference, t = Image(3 * P), np.minimum(3 * P, 1)
+    c = compare(Image(np.ascontiguousarray(t)), reference)
+    assert not c.passed
+    assert re.search(f"hint: .*{name.replace('1/pi', '1/pi')}", c.reasons[-1])
+
+
+def test_a_transposed_square_is_named():
+    square = picture(48, 48)
+    c = compare(Image(square.swapaxes(0, 1).copy()), Image(square))
+    assert said(c, "hint: .*transposed")
+
+
+def test_an_error_without_a_simple_cause_gets_no_hint():
+    t = P.copy()
+    t[20:30, 20:30] = 0
+    assert not said(verdict(t), "hint")
+
+
+def test_a_false_alarm_rate_is_a_probability():
+    with pytest.raises(InputError, match="probability"):
+        verdict(P, false_alarm_rate=0.0)
+
+
+def test_flip_is_filled_in_on_demand():
+    assert verdict(P * np.float32(0.5), flip=True).perceptual.flip_mean > 0.05
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.integers(1, 20),
+    st.integers(1, 20),
+    st.integers(0, 2**32 - 1),
+    st.booleans(),
+    st.sampled_from([1e-40, 1e-3, 1, 1e37]),
+)
+def test_whatever_is_finite_gets_a_verdict_and_valid_json(h, w, seed, noisy, scale):
+    rng = np.random.default_rng(seed)
+    a, b, va, vb = (rng.random((4, h, w, 3)) * scale).astype(np.float32)
+    c = compare(Image(a, va if noisy else None, 4), Image(b, vb if noisy else None, 4))
+    json.loads(msgspec.json.encode(c))
+    assert c.reasons
+    if not noisy and scale == 1 and np.abs(a - b).min() > 1e-3:
+        assert not c.passed
