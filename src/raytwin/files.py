@@ -347,7 +347,7 @@ def write_exr(path: str | os.PathLike, image: Image, header: Mapping[str, str] |
         if name == "mean":
             # The image's own numbers last: a header taken from another file must not overrule them.
             attributes |= {f"raytwin/{k}": str(v) for k, v in (header or {}).items() if k != "batches"}
-            attributes |= {"raytwin/samples": str(image.samples)}
+            attributes |= {"raytwin/samples": str(image.samples), "raytwin/parts": " ".join(n for n, _ in parts)}
             if image.batches is not None:
                 attributes |= {"raytwin/batches": str(image.batches)}
         built.append(OpenEXR.Part(attributes, channels, name))
@@ -371,8 +371,13 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
     try:
         with OpenEXR.File(str(path), separate_channels=False) as file:
             parts = {p.name() or str(i): p for i, p in enumerate(file.parts)}
+            if not parts:
+                raise InputError(path, "an EXR file", "a damaged one (no part can be read)")
             first = next(iter(parts.values()))
             header = {k.removeprefix("raytwin/"): v for k, v in first.header.items() if k.startswith("raytwin/")}
+            # OpenEXR leaves out a part that it cannot read, and only prints a warning.
+            if lost := set(header.pop("parts", "").split()) - parts.keys():
+                raise InputError(path, "an EXR file", f"a damaged one (without its part {', '.join(sorted(lost))})")
             mean = _pixels(path, first.channels)
             variance = _pixels(path, parts["variance"].channels) if "variance" in parts else None
             surface = None
@@ -387,8 +392,9 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
             batches = int(header["batches"]) if "batches" in header else None
             samples = int(header.get("samples", 1))
             layers = [variance, *(() if surface is None else (surface.ids, surface.depth, surface.normal))]
-            if any(layer is not None and layer.shape[:2] != mean.shape[:2] for layer in layers):
-                raise InputError(path, "parts of one size", ", ".join(map(str, (p.shape() for p in file.parts))))
+            sizes = [layer.shape[1::-1] for layer in (mean, *layers) if layer is not None]
+            if len(set(sizes)) > 1:
+                raise InputError(path, "parts of one size", ", ".join(f"{w} x {h}" for w, h in sizes))
     except InputError:
         raise
     except Exception as error:  # OpenEXR raises whatever its C++ did

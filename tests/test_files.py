@@ -1,0 +1,549 @@
+"""Files in and out: what is wrong with an input is said with file, field, what was expected and what was found."""
+
+import contextlib
+import io
+import os
+import pickle
+import re
+import struct
+import threading
+import tomllib
+import zlib
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import OpenEXR
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from PIL import Image as Pillow
+
+from raytwin import files
+from raytwin.errors import InputError, MachineError
+from raytwin.image import Image, Surface
+from raytwin.scene import Camera, PhotoCamera, Plane, Sphere
+
+SCENE = """
+[camera]
+image_size = [64, 48]
+K = [[80.0, 0.0, 31.5], [0.0, 80.0, 23.5], [0.0, 0.0, 1.0]]
+dist = [-0.1, 0.01]
+R_cam_board = [[1, 0, 0], [0, -1, 0], [0, 0, -1]]
+t_cam_board = [0.0, 0.0, 0.5]
+
+[[spheres]]
+center = [0.0, 0.0, 0.05]
+radius = 0.05
+
+[[spheres]]
+center = [0.1, 0.0, 0.04]
+radius = 0.04
+albedo = [0.8, 0.4, 0.2]
+
+[[planes]]
+center = [0.0, 0.0, 0.0]
+half_u = [0.2, 0.0, 0.0]
+half_v = [0.0, 0.3, 0.0]
+
+[sun]
+to_light = [0.3, 0.0, 1.0]
+
+[sky]
+radiance = [0.1, 0.1, 0.1]
+
+[tolerance]
+p999_abs = 1e-4
+"""
+
+
+def write_scene(folder: Path, text: str) -> Path:
+    (folder / "scene.toml").write_text(text, encoding="utf-8")
+    return folder
+
+
+def changed(old: str, new: str) -> str:
+    assert SCENE.count(old) >= 1, old
+    return SCENE.replace(old, new, 1)
+
+
+# ------------------------------------------------------------------------------------------------ scenes
+
+
+def test_a_scene_is_read_as_it_is_written(tmp_path):
+    (tmp_path / "x").mkdir()
+    scene = files.read_scene(write_scene(tmp_path / "x", SCENE))
+    assert scene.name == "x"
+    assert scene.folder == str(tmp_path / "x")
+    assert isinstance(scene.camera, Camera)
+    assert scene.camera.image_size == (64, 48)
+    assert scene.camera.coefficients == (-0.1, 0.01, 0, 0, 0)
+    assert scene.spheres[1] == Sphere((0.1, 0.0, 0.04), 0.04, (0.8, 0.4, 0.2))
+    assert scene.planes == (Plane((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), (0.0, 0.3, 0.0)),)
+    assert scene.tolerance.p999_abs == 1e-4
+    assert files.read_scene(tmp_path / "x" / "scene.toml") == scene
+
+
+@pytest.mark.parametrize("name", ["single", "overlap", "distorted", "grazing"])
+def test_every_shipped_scene_is_read(scenes, name):
+    scene = files.read_scene(scenes / name)
+    assert scene.name == name
+    assert scene.spheres
+    assert (scenes / name / "scene.toml").read_text().startswith("# "), "a comment says what the scene shows"
+
+
+def test_a_photographed_scene_keeps_its_camera_for_later(tmp_path):
+    text = re.sub(
+        r"\[camera\].*?\n\n",
+        '[camera]\nphotos = "photos"\nboard = "board.toml"\nphoto = "01.jpg"\n\n',
+        SCENE,
+        flags=re.S,
+    )
+    assert files.read_scene(write_scene(tmp_path, text)).camera == PhotoCamera("photos", "board.toml", "01.jpg", "auto")
+
+
+WRONG = {
+    "a negative radius": ("radius = 0.04", "radius = -0.4", "spheres[1].radius: expected metres > 0, got -0.4"),
+    "a radius of zero": ("radius = 0.04", "radius = 0", "spheres[1].radius: expected metres > 0, got 0"),
+    "a radius that is text": ("radius = 0.04", 'radius = "4 cm"', "spheres[1].radius: expected metres, got '4 cm'"),
+    "a radius that is NaN": ("radius = 0.04", "radius = nan", "spheres[1].radius: expected metres > 0, got nan"),
+    "an infinite radius": ("radius = 0.04", "radius = inf", "spheres[1].radius: expected a finite number, got inf"),
+    "a radius that is true": ("radius = 0.04", "radius = true", "spheres[1].radius: expected metres, got True"),
+    "no radius": ("radius = 0.04\n", "", "spheres[1].radius: expected a value, got nothing"),
+    "a huge whole number": ("radius = 0.04", f"radius = {10**400}", "spheres[1].radius: expected metres that 64 bits hold"),  # noqa: E501
+    "an unknown key": ("radius = 0.04", "radus = 0.04", "spheres[1].radus: expected only known keys, got the unknown key 'radus'"),  # noqa: E501
+    "an unknown table": ("[sun]", "[moon]", "moon: expected only known keys"),
+    "an unknown key of the camera": ("dist =", "distortion =", "camera.distortion: expected only known keys"),
+    "NaN in a vector": ("[0.1, 0.0, 0.04]", "[0.1, nan, 0.04]", "spheres[1].center[1]: expected a finite number, got nan"),  # noqa: E501
+    "two coordinates": ("[0.1, 0.0, 0.04]", "[0.1, 0.0]", "spheres[1].center: expected a list of length 3, got [0.1, 0.0]"),  # noqa: E501
+    "an albedo over 1": ("[0.8, 0.4, 0.2]", "[0.8, 1.4, 0.2]", "spheres[1].albedo[1]: expected a number <= 1, got 1.4"),
+    "a negative sky": ("radiance = [0.1", "radiance = [-0.1", "sky.radiance[0]: expected a number >= 0, got -0.1"),
+    "a sun without direction": ("[0.3, 0.0, 1.0]", "[0, 0, 0]", "sun.to_light: expected a direction, got the zero vector"),  # noqa: E501
+    "half-edges that lean": ("[0.0, 0.3, 0.0]", "[0.3, 0.3, 0.0]", "planes[0].half_v: expected a vector perpendicular to half_u, got 45 degrees"),  # noqa: E501
+    "a half-edge of no length": ("[0.0, 0.3, 0.0]", "[0, 0, 0]", "planes[0]: expected half_u and half_v longer than 0 m"),  # noqa: E501
+    "a mirrored R": ("[[1, 0, 0], [0, -1, 0]", "[[1, 0, 0], [0, 1, 0]", "camera.R_cam_board: expected a rotation matrix, got a mirroring"),  # noqa: E501
+    "a stretched R": ("[[1, 0, 0]", "[[1.01, 0, 0]", "camera.R_cam_board: expected a rotation matrix, got R R^T off the identity by 0.02"),  # noqa: E501
+    "a short R": ("[[1, 0, 0], ", "[", "camera.R_cam_board: expected a list of length 3"),
+    "a negative focal length": ("[[80.0", "[[-80.0", "camera.K: expected focal lengths > 0 px, got -80.0, 80.0"),
+    "a skewed K": ("[[80.0, 0.0", "[[80.0, 2.0", "camera.K: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"),
+    "a scaled K": ("0.0, 1.0]]\ndist", "0.0, 2.0]]\ndist", "camera.K: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"),
+    "no K": ("K = [[80.0, 0.0, 31.5], [0.0, 80.0, 23.5], [0.0, 0.0, 1.0]]\n", "", "camera.K: expected a value, got nothing"),  # noqa: E501
+    "six coefficients": ("[-0.1, 0.01]", "[1, 2, 3, 4, 5, 6]", "camera.dist: expected a list of length <= 5"),
+    "no pixels": ("[64, 48]", "[0, 48]", "camera.image_size[0]: expected a whole number >= 1, got 0"),
+    "half a pixel": ("[64, 48]", "[64.5, 48]", "camera.image_size[0]: expected a whole number, got 64.5"),
+    "ten thousand megapixels": ("[64, 48]", "[100000, 100000]", "camera.image_size: expected at most 400 megapixels, got 100000 x 100000"),  # noqa: E501
+    "a camera that is a number": ("[camera]", "camera = 3\n[cam]", "camera: expected a table, got 3"),
+    "photos and K": ("image_size =", 'photos = "photos"\nimage_size =', "camera.image_size: expected only known keys"),
+    "not TOML": ("[camera]", "[camera", "scene.toml: expected TOML, got Expected ']'"),
+    "lists too deep": ("[camera]", f"x = {'[' * 20_000}\n[camera]", "scene.toml: expected TOML, got maximum recursion depth"),  # noqa: E501
+    "a number too long": ("[camera]", f"x = {'9' * 5000}\n[camera]", "scene.toml: expected TOML, got Exceeds the limit"),  # noqa: E501
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_a_wrong_scene_is_named_by_file_and_field(tmp_path, what):
+    old, new, message = WRONG[what]
+    with pytest.raises(InputError) as caught:
+        files.read_scene(write_scene(tmp_path, changed(old, new)))
+    assert str(caught.value).startswith(str(tmp_path / "scene.toml: "))
+    assert message in str(caught.value)
+    assert len(str(caught.value)) < 400
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_not_there_or_not_text_is_named(tmp_path):
+    for path, message in (
+        (tmp_path / "nowhere", "nowhere: expected a scene's folder, holding scene.toml, got no such folder"),
+        (tmp_path, "expected a scene's folder, holding scene.toml, got none"),
+        (tmp_path / "nowhere.toml", "nowhere.toml: expected a TOML file, got no such file"),
+    ):
+        with pytest.raises(InputError) as caught:
+            files.read_scene(path)
+        assert message in str(caught.value)
+    (tmp_path / "latin.toml").write_bytes(b"x = '\xe9'")
+    with pytest.raises(InputError, match=r"latin\.toml: expected UTF-8 text, got byte 0xe9 at 5"):
+        files.read_toml(tmp_path / "latin.toml")
+    with pytest.raises(InputError, match="expected a TOML file, got Is a directory"):
+        files.read_toml(tmp_path)
+
+
+JUNK = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=4),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=6), inner, max_size=4),
+    max_leaves=8,
+)
+FIELDS = st.sampled_from(["camera", "spheres", "planes", "sun", "sky", "tolerance", "x"])
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    field=FIELDS,
+    inner=st.sampled_from(["", "center", "radius", "K", "R_cam_board", "half_u", "to_light", "dist"]),
+    junk=JUNK,
+)
+def test_any_junk_in_a_scene_is_an_input_error_or_a_scene(tmp_path, field, inner, junk):
+    data = tomllib.loads(SCENE)
+    if inner:
+        target = data.setdefault(field, {})
+        (target[0] if isinstance(target, list) else target)[inner] = junk
+    else:
+        data[field] = junk
+    try:
+        text = files.tomli_w.dumps(data)
+    except TypeError:  # None is not TOML
+        return
+    try:
+        scene = files.read_scene(write_scene(tmp_path, text))
+    except InputError:
+        return
+    assert all(s.radius > 0 for s in scene.spheres)
+
+
+def test_an_input_error_keeps_its_fields_between_processes():
+    error = pickle.loads(pickle.dumps(MachineError("engine", "a GPU", "none")))
+    assert isinstance(error, MachineError)
+    assert (error.where, error.expected, error.got) == ("engine", "a GPU", "none")
+    assert str(error) == "engine: expected a GPU, got none"
+
+
+# ------------------------------------------------------------------------------------------------ cameras
+
+
+def test_a_camera_survives_its_file_to_the_last_bit(tmp_path):
+    rng = np.random.default_rng(7)
+    R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    R *= np.sign(np.linalg.det(R))
+    K = ((812.34567890123, 0.0, 1 / 3), (0.0, np.pi * 250, 240.1), (0.0, 0.0, 1.0))
+    camera = Camera((640, 480), K, tuple(map(tuple, R.tolist())), tuple(rng.normal(size=3).tolist()), (-0.1, 1e-17))
+    files.write_camera(tmp_path / "camera.toml", camera, "Found by hand.\nTwice.")
+    assert files.read_camera(tmp_path / "camera.toml") == camera
+    assert (tmp_path / "camera.toml").read_text().startswith("# Found by hand.\n# Twice.\n")
+
+
+def test_a_wrong_camera_file_is_named_by_its_own_fields(tmp_path):
+    camera = re.search(r"\[camera\]\n(.*?)\n\n", SCENE, re.S)[1]
+    (tmp_path / "camera.toml").write_text(camera.replace("[[80.0", "[[-80.0"))
+    with pytest.raises(InputError, match=r"camera\.toml: K: expected focal lengths > 0 px"):
+        files.read_camera(tmp_path / "camera.toml")
+    (tmp_path / "camera.toml").write_text(camera.replace("[64, 48]", "[64]"))
+    with pytest.raises(InputError, match=r"camera\.toml: image_size: expected a list of length 2, got \[64\]"):
+        files.read_camera(tmp_path / "camera.toml")
+
+
+# ------------------------------------------------------------------------------------------------ writing
+
+
+def test_an_interrupted_write_keeps_the_old_file_and_leaves_nothing_else(tmp_path):
+    target = tmp_path / "result.json"
+    target.write_text("old")
+
+    def interrupted() -> None:
+        with files.replacing(target) as temporary:
+            temporary.write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_write_that_fails_on_its_content_keeps_the_old_file(tmp_path):
+    for name, write in (
+        ("a.png", lambda p: files.write_picture(p, np.zeros((4, 4, 7), np.uint8))),
+        ("a.toml", lambda p: files.write_toml(p, {"x": None})),
+        ("a.json", lambda p: files.write_json(p, {"x": object()})),
+        ("a.exr", lambda p: files.write_exr(p, Image(np.zeros((4, 6, 3)), np.zeros((4, 5, 3))))),
+    ):
+        (tmp_path / name).write_text("old")
+        with pytest.raises((TypeError, RuntimeError)):
+            write(tmp_path / name)
+        assert (tmp_path / name).read_text() == "old"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.json", "a.png", "a.toml"]
+
+
+def test_a_full_disk_is_an_input_error(tmp_path):
+    with (
+        pytest.raises(InputError, match="expected a place that can be written, got No space"),
+        files.replacing(tmp_path / "x"),
+    ):
+        raise OSError(28, "No space left on device")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_appears_whole_with_its_folder_and_the_users_permissions(tmp_path):
+    target = tmp_path / "new" / "folder" / "x.txt"
+    mask = os.umask(0o027)
+    try:
+        files.write_text(target, "Ångström")
+    finally:
+        os.umask(mask)
+    assert target.read_text(encoding="utf-8") == "Ångström"
+    assert target.stat().st_mode & 0o777 == 0o640
+    assert list(target.parent.iterdir()) == [target]
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "file").write_text("x")
+    for path in (tmp_path, tmp_path / "file" / "below"):
+        with pytest.raises(InputError, match=re.escape(str(path))):
+            files.write_text(path, "y")
+    assert (tmp_path / "file").read_text() == "x"
+
+
+def test_a_link_stays_a_link(tmp_path):
+    (tmp_path / "real").write_text("old")
+    (tmp_path / "link").symlink_to("real")
+    files.write_text(tmp_path / "link", "new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real").read_text() == "new"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes are a POSIX thing")
+def test_a_pipe_is_written_into_and_not_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    got: list[str] = []
+    reader = threading.Thread(target=lambda: got.append((tmp_path / "pipe").read_text()))
+    reader.start()
+    files.write_text(tmp_path / "pipe", "through")
+    reader.join(10)
+    assert got == ["through"]
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_json_holds_records_arrays_and_no_nan(tmp_path):
+    value = {
+        "a": np.array([[1.5, np.nan]]),
+        "b": Sphere((0.0, 1.0, 2.0), 3.0),
+        "c": np.float32(0.5),
+        "d": Path("x/y"),
+        "e": float("inf"),
+    }
+    files.write_json(tmp_path / "x.json", value)
+    assert msgspec.json.decode((tmp_path / "x.json").read_bytes()) == {
+        "a": [[1.5, None]],
+        "b": {"center": [0.0, 1.0, 2.0], "radius": 3.0, "albedo": [0.8, 0.8, 0.8]},
+        "c": 0.5,
+        "d": "x/y",
+        "e": None,
+    }  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------------ sRGB
+
+
+def test_all_256_codes_of_srgb_survive_the_round_trip():
+    codes = np.arange(256, dtype=np.uint8)
+    linear = files.from_bytes(codes)
+    assert linear.dtype == np.float32
+    assert (linear[0], linear[255]) == (0, 1)
+    assert (np.diff(linear) > 0).all()
+    np.testing.assert_array_equal(files.to_bytes(linear), codes)
+
+
+def test_srgb_is_the_standards_curve():
+    # IEC 61966-2-1: mid-grey 0.18 is code 0.4614, and the two pieces meet at 0.0031308.
+    assert files.srgb_encode(np.array(0.18)) == pytest.approx(0.461356, abs=1e-6)
+    assert files.srgb_decode(np.array(0.5)) == pytest.approx(0.214041, abs=1e-6)
+    assert files.srgb_encode(np.array(0.0031308)) == pytest.approx(12.92 * 0.0031308)
+    assert abs(np.diff(files.srgb_encode(np.array([0.0031308, 0.0031309])))) < 1e-5
+    x = np.linspace(0, 1, 1001)
+    np.testing.assert_allclose(files.srgb_decode(files.srgb_encode(x)), x, atol=1e-7)
+
+
+def test_what_srgb_cannot_show_is_clipped():
+    np.testing.assert_array_equal(files.to_bytes(np.array([-1, 2, np.nan, np.inf, -np.inf])), [0, 255, 0, 255, 0])
+
+
+# ------------------------------------------------------------------------------------------------ photos
+
+
+def photo(rng: np.random.Generator, h: int = 40, w: int = 60) -> np.ndarray:
+    return rng.integers(0, 256, (h, w, 3), dtype=np.uint8)
+
+
+def test_a_png_keeps_every_code_and_a_jpeg_nearly(tmp_path):
+    rng = np.random.default_rng(1)
+    pixels = photo(rng)
+    files.write_picture(tmp_path / "a.png", pixels)
+    np.testing.assert_array_equal(files.read_photo(tmp_path / "a.png"), pixels)
+    smooth = np.broadcast_to(np.linspace(20, 230, 60).astype(np.uint8)[None, :, None], (40, 60, 3))
+    files.write_picture(tmp_path / "a.JPG", smooth, quality=98)
+    assert np.abs(files.read_photo(tmp_path / "a.JPG").astype(int) - smooth).max() <= 3
+    files.write_picture(tmp_path / "grey.png", pixels[..., 0])
+    np.testing.assert_array_equal(files.read_photo(tmp_path / "grey.png"), np.repeat(pixels[..., :1], 3, axis=-1))
+    assert files.photo_size(tmp_path / "a.png") == (60, 40)
+    with pytest.raises(InputError, match=r"expected a name that ends in \.png, \.jpg or \.jpeg, got \.tiff"):
+        files.write_picture(tmp_path / "a.tiff", pixels)
+
+
+@pytest.mark.parametrize("orientation", [3, 6, 8])
+def test_an_exif_orientation_is_told_and_not_applied(tmp_path, orientation):
+    pixels = np.zeros((40, 60, 3), np.uint8)
+    pixels[:20, :30] = 255
+    exif = Pillow.Exif()
+    exif[0x0112] = orientation
+    Pillow.fromarray(pixels).save(tmp_path / "turned.jpg", exif=exif, quality=95)
+    found = files.read_photo(tmp_path / "turned.jpg")
+    assert found.shape == (40, 60, 3)
+    assert found[5, 5, 0] > 250
+    assert found[35, 55, 0] < 5
+    assert files.photo_size(tmp_path / "turned.jpg") == (60, 40)
+    assert files.photo_orientation(tmp_path / "turned.jpg") == orientation
+    files.write_picture(tmp_path / "plain.jpg", pixels)
+    assert files.photo_orientation(tmp_path / "plain.jpg") == 1
+
+
+def png_header(width: int, height: int) -> bytes:
+    """A PNG that claims a size, and holds next to nothing."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
+    return b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(bytes(64))) + chunk(b"IEND", b"")
+
+
+def test_a_wrong_photo_is_named(tmp_path):
+    whole = io.BytesIO()
+    Pillow.fromarray(photo(np.random.default_rng(2), 200, 300)).save(whole, "JPEG")
+    gif = io.BytesIO()
+    Pillow.new("P", (8, 8)).save(gif, "GIF")
+    wrong = {
+        "truncated.jpg": (whole.getvalue()[: len(whole.getvalue()) // 2], "expected a whole photo (JPEG or PNG), got a damaged one"),  # noqa: E501
+        "text.png": (b"not a picture", "expected a photo (JPEG or PNG), got a file of another kind, or a damaged header"),  # noqa: E501
+        "empty.jpg": (b"", "got a file of another kind"),
+        "moving.jpg": (gif.getvalue(), "got a file of another kind"),
+        "bomb.png": (png_header(60_000, 60_000), "expected a photo of a size that a camera makes"),
+        "short.png": (png_header(600, 600), "expected a whole photo (JPEG or PNG), got a damaged one"),
+    }  # fmt: skip
+    for name, (data, message) in wrong.items():
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(InputError) as caught:
+            files.read_photo(tmp_path / name)
+        assert str(caught.value).startswith(f"{tmp_path / name}: ")
+        assert message in str(caught.value), name
+    with pytest.raises(InputError, match=r"none\.jpg: expected a photo \(JPEG or PNG\), got no such file"):
+        files.read_photo(tmp_path / "none.jpg")
+    with pytest.raises(InputError, match="got a folder"):
+        files.photo_size(tmp_path)
+
+
+def test_a_photo_over_the_limit_is_refused_before_it_is_decoded(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "MAX_PIXELS", 1000)
+    (tmp_path / "big.png").write_bytes(png_header(40, 30))
+    with pytest.raises(InputError, match="megapixels, got 40 x 30"):
+        files.read_photo(tmp_path / "big.png")
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    kind=st.sampled_from(["JPEG", "PNG"]),
+    where=st.floats(0, 0.999),
+    new=st.binary(min_size=1, max_size=12),
+    cut=st.booleans(),
+)
+@pytest.mark.filterwarnings("ignore::UserWarning")  # Pillow's own, about odd metadata
+def test_a_damaged_photo_is_an_input_error_or_an_array(tmp_path, kind, where, new, cut):
+    buffer = io.BytesIO()
+    exif = Pillow.Exif()
+    exif[0x0112] = 6
+    Pillow.fromarray(photo(np.random.default_rng(3), 24, 32)).save(buffer, kind, exif=exif)
+    data = buffer.getvalue()
+    at = int(where * len(data))
+    (tmp_path / "x").write_bytes(data[:at] + new + (b"" if cut else data[at + len(new) :]))
+    for read in (files.read_photo, files.photo_size, files.photo_orientation):
+        with contextlib.suppress(InputError):
+            read(tmp_path / "x")
+
+
+# ------------------------------------------------------------------------------------------------ EXR
+
+ANY_FLOAT = st.floats(width=32, allow_nan=True, allow_infinity=True)
+
+
+def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
+    return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data(), h=st.integers(1, 9), w=st.integers(1, 9), has_variance=st.booleans(), has_surface=st.booleans())
+def test_an_image_survives_an_exr_to_the_last_bit(tmp_path, data, h, w, has_variance, has_surface):
+    def layer(*shape):
+        return data.draw(arrays(np.float32, shape, elements=ANY_FLOAT))
+
+    ids = data.draw(arrays(np.int32, (h, w), elements=st.integers(-1, 2**31 - 2)))
+    surface = Surface(ids, layer(h, w), layer(h, w, 3)) if has_surface else None
+    batches = data.draw(st.none() | st.integers(2, 64))
+    image = Image(
+        layer(h, w, 3), layer(h, w, 3) if has_variance else None, data.draw(st.integers(1, 10**9)), surface, batches
+    )
+    files.write_exr(tmp_path / "x.exr", image, {"seed": "7", "samples": "wrong", "batches": "wrong"})
+    found, header = files.read_exr(tmp_path / "x.exr")
+    assert same_bits(found.mean, image.mean)
+    assert (found.samples, found.batches) == (image.samples, image.batches)
+    assert header["seed"] == "7"
+    assert (found.variance is None) == (image.variance is None)
+    assert image.variance is None or same_bits(found.variance, image.variance)
+    assert (found.surface is None) == (surface is None)
+    if surface is not None:
+        for name in ("ids", "depth", "normal"):
+            assert same_bits(getattr(found.surface, name), getattr(surface, name)), name
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32])
+@pytest.mark.parametrize("channels", ["RGB", "RGBA", "Y"])
+def test_other_programs_exrs_are_read(tmp_path, dtype, channels):
+    pixels = np.random.default_rng(5).random((6, 8, len(channels))).astype(dtype)
+    layers = {c: np.ascontiguousarray(pixels[..., i]) for i, c in enumerate(channels)}
+    with OpenEXR.File({"compression": OpenEXR.PIZ_COMPRESSION, "type": OpenEXR.scanlineimage}, layers) as file:
+        file.write(str(tmp_path / "x.exr"))
+    image, header = files.read_exr(tmp_path / "x.exr")
+    expected = pixels[..., :3] if len(channels) > 1 else np.repeat(pixels, 3, axis=-1)
+    assert same_bits(image.mean, expected.astype(np.float32))
+    assert (image.variance, image.surface, image.samples, image.batches, header) == (None, None, 1, None, {})
+
+
+def test_a_wrong_exr_is_named(tmp_path):
+    def written(channels, attributes=()):
+        with OpenEXR.File({"type": OpenEXR.scanlineimage, **dict(attributes)}, channels) as file:
+            file.write(str(tmp_path / "x.exr"))
+        with pytest.raises(InputError) as caught:
+            files.read_exr(tmp_path / "x.exr")
+        assert str(caught.value).startswith(str(tmp_path / "x.exr: "))
+        return str(caught.value)
+
+    grey = np.zeros((4, 4), np.float32)
+    assert "expected channels R, G, B (or Y), got Z" in written({"Z": grey})
+    assert "a damaged one" in written({"Y": grey}, {"raytwin/samples": "many"})
+    for data in (b"", b"text", b"\x76\x2f\x31\x01" + bytes(40)):
+        (tmp_path / "y.exr").write_bytes(data)
+        with pytest.raises(InputError, match="expected an EXR file, got a damaged one"):
+            files.read_exr(tmp_path / "y.exr")
+    with pytest.raises(InputError, match="got no such file"):
+        files.read_exr(tmp_path / "none.exr")
+
+
+def test_parts_of_different_sizes_are_refused(tmp_path):
+    window = (np.zeros(2, np.int32), np.array([5, 3], np.int32))
+    parts = [
+        OpenEXR.Part(
+            {"type": OpenEXR.scanlineimage, "displayWindow": window}, {"RGB": np.zeros((4, w, 3), np.float32)}, n
+        )
+        for w, n in ((6, "mean"), (5, "variance"))
+    ]
+    with OpenEXR.File(parts) as file:
+        file.write(str(tmp_path / "x.exr"))
+    with pytest.raises(InputError, match="expected parts of one size, got 6 x 4, 5 x 4"):
+        files.read_exr(tmp_path / "x.exr")
+
+
+def test_a_truncated_exr_is_an_input_error(tmp_path):
+    rng = np.random.default_rng(6)
+    files.write_exr(tmp_path / "x.exr", Image(rng.random((20, 30, 3), np.float32), rng.random((20, 30, 3), np.float32)))
+    data = (tmp_path / "x.exr").read_bytes()
+    for share in (0.01, 0.1, 0.3, 0.5, 0.9, 0.99, 0.9999):  # at the end only the variance is lost
+        (tmp_path / "x.exr").write_bytes(data[: int(share * len(data))])
+        with pytest.raises(InputError, match="got a damaged one"):
+            files.read_exr(tmp_path / "x.exr")
