@@ -46,6 +46,9 @@ LEAST_VIEWS = 3
 ROUNDS = 3
 """Fits, each without the outliers and the detector's bias that the one before tells; a fourth moves fx by 1e-7."""
 
+PRELIMINARY = "k1k2"
+"""What `auto` fits before it chooses: enough to tell the detector's bias and the outliers."""
+
 GROSS = 0.03
 """Before anything is fitted: a tag this share of the image's width off its view's homography is an outlier, far more
 than any lens bends a board."""
@@ -153,42 +156,55 @@ def calibrate_detections(
         seen = "; ".join(f"{name}: {why}" for name, why in list(wrong.items())[:3])
         raise InputError(where, f"photos of {board.family} tags", seen or "none")
     pose.check_ids(list(detections.values()), board, where)
-    views, outliers = [], {}
+    views, straight = [], []
     known = board.centers()
     for photo, tags in detections.items():
         tags = [t for t in tags if t.id in known]
+        inside = np.ones(len(tags), bool)
         if spans_a_plane(board.points(t.id for t in tags)[:, :2]):
-            points, pixels = pose.matched(tags, board)
-            inside = pose.consistent(points, pixels, GROSS * image_size[0])
-            outliers[photo] = [t.id for t, ok in zip(tags, inside, strict=True) if not ok]
-            tags = [t for t, ok in zip(tags, inside, strict=True) if ok]
-        if spans_a_plane(board.points(t.id for t in tags)[:, :2]):
+            inside = pose.consistent(*pose.matched(tags, board), GROSS * image_size[0])
+        if spans_a_plane(board.points(t.id for t in tags)[inside, :2]):
             views.append(Seen(photo, tuple(tags)))
+            straight.append(Seen(photo, tuple(t for t, ok in zip(tags, inside, strict=True) if ok)))
         else:
             wrong.setdefault(photo, f"{len(tags)} tags of the board, too few or in one line")
     _check_enough(views, wrong, where)
-    chosen, straight = model, views
+    chosen = PRELIMINARY if model == "auto" else model
     for turn in range(ROUNDS):
-        # The fit tells the detector's bias and the outliers; without both, the fit is a better one.
-        if model == "auto" and turn < ROUNDS - 1:
+        # The fit tells the detector's bias and the outliers; without both, the next fit is a better one.
+        if model == "auto" and turn == 1:
             chosen = select_model(straight, image_size, board)[0]
         result = fit(straight, image_size, board, chosen)
-        if turn == ROUNDS - 1:
-            break
-        errors = [_errors(v, board, result, i) for i, v in enumerate(straight)]
-        limit = pose.outlier_limit(np.concatenate(errors))
-        kept, straight = [], []
-        for view, error, (R, t) in zip(views, errors, result.poses, strict=True):
-            outliers[view.photo] += [tag.id for tag, e in zip(view.tags, error, strict=True) if e > limit]
-            inside = tuple(tag for tag, e in zip(view.tags, error, strict=True) if e <= limit)
-            if spans_a_plane(board.points(tag.id for tag in inside)[:, :2]):
-                kept.append(Seen(view.photo, inside))
-                straight.append(Seen(view.photo, tuple(unbiased(inside, board, R, t, result.K, result.dist))))
-            else:
-                wrong[view.photo] = "too few tags that agree with the board"
-        views = kept
-        _check_enough(views, wrong, where)
+        if turn < ROUNDS - 1:
+            views, straight = _inliers(views, board, result, wrong)
+            _check_enough(views, wrong, where)
+    outliers = {
+        v.photo: sorted({t.id for t in v.tags} - {t.id for t in s.tags}) for v, s in zip(views, straight, strict=True)
+    }
     return _calibration(straight, image_size, board, chosen, result, wrong, outliers)
+
+
+def _inliers(views, board: Board, result: Fit, wrong: dict[str, str]) -> tuple[list[Seen], list[Seen]]:
+    """The views that keep enough tags by `result`: all their tags, and the inliers without the detector's bias.
+
+    Every tag is judged anew: one that an outlier had pulled away comes back.
+    """
+    moved, errors = [], []
+    for view, (R, t) in zip(views, result.poses, strict=True):
+        tags = unbiased(view.tags, board, R, t, result.K, result.dist)
+        points, pixels = pose.matched(tags, board)
+        moved.append(tags)
+        errors.append(np.linalg.norm(lens.project(points, R, t, result.K, result.dist) - pixels, axis=1))
+    limit = pose.outlier_limit(np.concatenate(errors))
+    kept, straight = [], []
+    for view, tags, error in zip(views, moved, errors, strict=True):
+        inside = tuple(t for t, e in zip(tags, error, strict=True) if e <= limit)
+        if spans_a_plane(board.points(t.id for t in inside)[:, :2]):
+            kept.append(view)
+            straight.append(Seen(view.photo, inside))
+        else:
+            wrong[view.photo] = "too few tags that agree with the board"
+    return kept, straight
 
 
 def select_model(

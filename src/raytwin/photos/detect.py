@@ -37,10 +37,17 @@ class Tag(Record, frozen=True):
     margin: float
 
 
+class _Detector(pupil_apriltags.Detector):
+    """Kept for the life of the process, so never destroyed."""
+
+    def __del__(self) -> None:
+        # The library's own frees the tag family first, then reads it while destroying the detector: a crash at exit.
+        pass
+
+
 @functools.cache
-def _detector(family: str) -> pupil_apriltags.Detector:
-    # One a process, and kept: the library can crash when a detector is destroyed.
-    return pupil_apriltags.Detector(family, nthreads=os.cpu_count() or 1, quad_decimate=1.0)
+def _detector(family: str) -> _Detector:
+    return _Detector(family, nthreads=os.cpu_count() or 1, quad_decimate=1.0)
 
 
 SEARCH_SIDE = 3000

@@ -55,11 +55,11 @@ def inverse_error(K: np.ndarray, dist: Sequence[float], image_size: tuple[int, i
 def turning_radius(dist: Sequence[float]) -> float:
     """The smallest r at which r (1 + k1 r² + k2 r⁴ + k3 r⁶) stops growing; infinite where it never does.
 
-    Past it the lens model folds back: two directions would share a pixel.
+    Past it the lens model folds back: two directions would share a pixel. (r = 1000 is 90 degrees off the axis.)
     """
     k1, k2, _, _, k3 = _five(dist)
     roots = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
-    squares = [z.real for z in roots if abs(z.imag) < 1e-9 * max(1.0, abs(z)) and z.real > 0]
+    squares = [z.real for z in roots if abs(z.imag) < 1e-9 * max(1.0, abs(z)) and 0 < z.real < 1e6]
     return math.sqrt(min(squares)) if squares else math.inf
 
 
@@ -69,7 +69,8 @@ def is_monotone(K: np.ndarray, dist: Sequence[float], image_size: tuple[int, int
     if math.isinf(r):
         return True
     k1, k2, _, _, k3 = _five(dist)
-    reached = r * (1 + k1 * r**2 + k2 * r**4 + k3 * r**6)
+    s = r * r
+    reached = r * (1 + s * (k1 + s * (k2 + s * k3)))
     width, height = image_size
     x = max(K[0][2] + 0.5, width - 0.5 - K[0][2]) / K[0][0]
     y = max(K[1][2] + 0.5, height - 0.5 - K[1][2]) / K[1][1]

@@ -47,7 +47,7 @@ def read_truth(path: str | os.PathLike) -> Truth:
     """A truth.toml, as `photograph` writes it."""
     truth = files.to_record(path, files.read_toml(path), Truth)
     for name, (R, t) in truth.photos.items():
-        files.check_camera(Camera(truth.image_size, truth.K, R, t, truth.dist), f"{path}: {name}")
+        files.check_camera(Camera(truth.image_size, truth.K, R, t, truth.dist), f"{path}: photos.{name}.")
     return truth
 
 

@@ -75,7 +75,9 @@ def homography_pose(K, dist: Sequence[float], tags: Sequence[Tag], board: Board)
     for camera calibration (2000), section 3.1 and appendix C.
     """
     points, pixels = matched(tags, board)
-    H, _ = cv2.findHomography(points[:, :2], lens.undistort(pixels, K, dist))
+    H = None
+    if spans_a_plane(points[:, :2]):
+        H, _ = cv2.findHomography(points[:, :2], lens.undistort(pixels, K, dist))
     if H is None or not np.isfinite(H).all():
         raise InputError("tags", "four or more, not in one line", f"ids {_list(t.id for t in tags)}")
     H = H / math.sqrt(np.linalg.norm(H[:, 0]) * np.linalg.norm(H[:, 1]))
@@ -101,13 +103,13 @@ def refined_pose(
     starts = [(cv2.Rodrigues(start.R)[0], start.t.reshape(3, 1))]
     found = cv2.solvePnPGeneric(points, pixels, K5, d5, flags=cv2.SOLVEPNP_IPPE)
     starts += list(zip(found[1], found[2], strict=True))
-    poses = []
+    poses = [_pose(start.R, start.t, points, pixels, K, dist)]
     for rvec, tvec in starts:
         rvec, tvec = cv2.solvePnPRefineLM(points, pixels, K5, d5, rvec.copy(), tvec.copy())
         if np.isfinite(rvec).all() and np.isfinite(tvec).all():
             poses.append(_pose(cv2.Rodrigues(rvec)[0], tvec.ravel(), points, pixels, K, dist))
     best = min(poses, key=lambda p: p.rms_px)
-    others = [p.rms_px for p in poses if rotation_degrees(p.R, best.R) > SAME_POSE]
+    others = [p.rms_px for p in poses[1:] if rotation_degrees(p.R, best.R) > SAME_POSE]
     return best, min(others) / max(best.rms_px, 1e-9) if others else None
 
 
@@ -121,7 +123,7 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
     # Known distortion: what is left of a tag's distance from the homography is noise, or a mistake.
     points, pixels = matched(used, board)
     inside = consistent(points, lens.undistort(pixels, K, dist), GROSS)
-    kept = [t for t, ok in zip(used, inside, strict=True) if ok]
+    kept = [t for t, ok in zip(used, inside, strict=True) if ok] if spans_a_plane(points[inside, :2]) else used
     start = None
     for _ in range(3):
         closed = homography_pose(K, dist, kept, board)

@@ -1,0 +1,281 @@
+import json
+import shutil
+
+import msgspec
+import numpy as np
+import pytest
+from photo_helpers import BOARD, SMALL, a_camera, seen
+
+from raytwin import files
+from raytwin.errors import InputError
+from raytwin.photos import CODES, calibrate, calibrate_detections, camera_of_photo, pose_of_photo
+from raytwin.photos.board import Board, BoardTag, Grid
+from raytwin.photos.calibrate import MODELS, Seen, select_model
+from raytwin.photos.photographer import poses
+from raytwin.photos.pose import rotation_degrees
+
+SIZE = (1008, 756)
+
+
+def _views(dist=(0.08, -0.16), count: int = 12, noise: float = 0.05, seed: int = 0):
+    camera = a_camera(*SIZE, dist=dist)
+    rng = np.random.default_rng(seed)
+    stands = poses(BOARD, camera, count, rng)
+    return camera, stands, seen(camera, stands, noise=noise, rng=rng)
+
+
+def _codes(calibration) -> set[str]:
+    codes = {w.code for w in calibration.warnings}
+    assert codes <= CODES.keys()
+    return codes
+
+
+# ---------------------------------------------------------------------------------- what is found
+
+
+def test_from_exact_detections_the_camera_and_every_pose_are_the_truth():
+    camera, stands, tags = _views(noise=0)
+    found = calibrate_detections(tags, SIZE, SMALL, "k1k2")
+    assert np.abs(np.array(found.K) - camera.K).max() < 2e-3
+    assert found.dist == pytest.approx(camera.dist, abs=1e-5)
+    for view, (R, t) in zip(found.views, stands, strict=True):
+        assert rotation_degrees(np.array(view.R_cam_board), np.array(R)) < 1e-3
+        assert np.abs(np.array(view.t_cam_board) - t).max() < 2e-6
+
+
+def test_photos_taken_with_a_known_camera_give_that_camera_back(shoot):
+    folder, truth = shoot()
+    found = calibrate(sorted(folder.glob("*.jpg")), BOARD)
+    K, true = np.array(found.K), np.array(truth.K)
+    assert found.model == "k1k2"
+    for (i, j), name, bound in (
+        ((0, 0), "fx", 1e-3 * true[0, 0]), ((1, 1), "fy", 1e-3 * true[1, 1]), ((0, 2), "cx", 1), ((1, 2), "cy", 1)
+    ):  # fmt: skip
+        assert abs(K[i, j] - true[i, j]) < min(bound, 4 * found.sigma[name]), name
+    assert len(found.views) == len(truth.photos)
+    assert found.warnings == ()
+    for view in found.views:
+        R, t = (np.array(a) for a in truth.photos[view.photo])
+        assert rotation_degrees(np.array(view.R_cam_board), R) < 0.1
+        assert np.linalg.norm(np.array(view.t_cam_board) - t) < 1e-3
+
+
+def test_the_pose_of_a_photo_is_the_one_its_calibration_found(shoot):
+    folder, _ = shoot()
+    found = calibrate(sorted(folder.glob("*.jpg")), BOARD, "k1k2")
+    view = found.views[2]
+    report = pose_of_photo(found, folder / view.photo, BOARD)
+    assert rotation_degrees(report.refined.R, np.array(view.R_cam_board)) < 2e-3
+    assert report.refined.rms_px == pytest.approx(view.rms_px, rel=0.01)
+    camera = camera_of_photo(found, folder / view.photo, BOARD)
+    assert (camera.K, camera.dist, camera.R_cam_board) == (found.K, found.dist, report.refined.R_cam_board)
+
+
+def test_its_standard_deviations_are_those_of_repeated_calibrations():
+    camera, stands, _ = _views((0.08,))
+    rng = np.random.default_rng(8)
+    runs = [calibrate_detections(seen(camera, stands, noise=0.2, rng=rng), SIZE, SMALL, "k1") for _ in range(25)]
+    # 25 draws know a standard deviation to a seventh.
+    for name, value in (("fx", lambda c: c.K[0][0]), ("cy", lambda c: c.K[1][2]), ("k1", lambda c: c.dist[0])):
+        spread = np.std([value(c) for c in runs], ddof=1)
+        assert spread == pytest.approx(np.mean([c.sigma[name] for c in runs]), rel=0.5), name
+
+
+@pytest.mark.parametrize(
+    ("dist", "model"),
+    [((), "none"), ((-0.1,), "k1"), ((0.08, -0.16), "k1k2"), ((0.1, -0.2, 0.004, 0.003, 0.2), "full5")],
+)
+def test_auto_takes_the_model_that_made_the_views(dist, model):
+    camera, _, tags = _views(dist)
+    found = calibrate_detections(tags, SIZE, SMALL)
+    assert found.model == model
+    assert len(found.dist) == len(dist)
+    assert abs(found.K[0][0] - camera.fx) < 1e-3 * camera.fx
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_model_fits_its_own_coefficients_and_leaves_the_others_at_zero(model):
+    _, _, tags = _views()
+    found = calibrate_detections(tags, SIZE, SMALL, model)
+    assert found.model == model
+    assert set(found.sigma) == {"fx", "fy", "cx", "cy", *MODELS[model]}
+    named = dict(zip(("k1", "k2", "p1", "p2", "k3"), found.dist, strict=False))
+    assert {n for n, v in named.items() if v != 0} == set(MODELS[model])
+
+
+def test_its_json_has_exactly_the_promised_keys(tmp_path):
+    _, _, tags = _views()
+    files.write_json(tmp_path / "c.json", calibrate_detections(dict(list(tags.items())[:5]), SIZE, SMALL, "k1"))
+    data = json.loads((tmp_path / "c.json").read_text())
+    assert list(data) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "warnings"]
+    assert list(data["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board"]
+    assert list(data["warnings"][0]) == ["code", "text"]
+    assert data["image_size"] == [1008, 756]
+
+
+# ---------------------------------------------------------------------------------- real photos
+
+
+def test_twenty_real_photos_and_one_of_two_boards_give_the_known_camera(shared_photos, real_board):
+    photos = sorted((shared_photos / "april_fine").glob("*.JPG"))
+    found = calibrate(photos, real_board("fine"))
+    assert len(found.views) == len(photos) == 21
+    assert found.K[0][0] == pytest.approx(1014.8, rel=0.003)
+    assert found.K[1][1] == pytest.approx(1014.4, rel=0.003)
+    assert found.warnings == ()
+
+
+@pytest.mark.parametrize("model", ["k1", "full5"])
+def test_the_set_with_the_lowest_error_is_the_one_that_is_called_degenerate(model, real_tags, real_board):
+    found = {}
+    for name, board in (("april_fine", "fine"), ("desk_tilted", "coarse"), ("desk_degenerate", "coarse")):
+        tags, size = real_tags(name)
+        found[name] = calibrate_detections(tags, size, real_board(board), model)
+    assert min(found, key=lambda n: found[n].rms_px) == "desk_degenerate"
+    assert "degenerate-views" in _codes(found["desk_degenerate"])
+    assert not _codes(found["desk_tilted"]) & {"degenerate-views", "few-views"}
+    assert _codes(found["april_fine"]) == set()
+
+
+def test_on_real_views_auto_takes_the_model_that_predicts_unseen_ones_best(real_tags, real_board):
+    tags, size = real_tags("april_fine")
+    board = real_board("fine")
+    views = [Seen(p, tuple(t for t in seen_ if t.id in board.centers())) for p, seen_ in tags.items()]
+    chosen, table = select_model(views, size, board)
+    assert chosen == "k1k2k3"
+    assert table["k1k2k3"][0] < 0.9 * min(table[m][0] for m in ("none", "k1", "k1k2"))
+
+
+# ---------------------------------------------------------------------------------- doubts, each provoked
+
+
+def test_a_sound_set_raises_no_doubt():
+    _, _, tags = _views()
+    assert _codes(calibrate_detections(tags, SIZE, SMALL)) == set()
+
+
+def test_five_views_are_few():
+    _, _, tags = _views(count=5)
+    assert _codes(calibrate_detections(tags, SIZE, SMALL, "k1k2")) == {"few-views"}
+
+
+def test_ten_views_from_one_side_are_degenerate():
+    camera = a_camera(*SIZE)
+    rng = np.random.default_rng(4)
+    R, t = (np.array(a) for a in poses(BOARD, camera, 4, np.random.default_rng(2))[1])
+    stands = [(R, t + rng.normal(0, 0.01, 3)) for _ in range(10)]
+    assert "degenerate-views" in _codes(
+        calibrate_detections(seen(camera, stands, noise=0.1, rng=rng), SIZE, SMALL, "k1")
+    )
+
+
+def test_a_mirrored_description_is_named_though_it_fits_as_well():
+    _, _, tags = _views()
+    mirrored = Board("tag36h11", 0.001, tags=tuple(BoardTag(i, (-x, y)) for i, (x, y) in SMALL.centers().items()))
+    right, wrong = (calibrate_detections(tags, SIZE, b, "k1k2") for b in (SMALL, mirrored))
+    assert wrong.rms_px == pytest.approx(right.rms_px, rel=0.05)
+    assert _codes(wrong) == {"mirrored-board"}
+
+
+def test_a_distortion_without_inverse_is_named():
+    # Nothing in the middle of the frame says what happens at its corner: a strong k1 folds back there.
+    camera = a_camera(*SIZE, dist=(-0.55,))
+    rng = np.random.default_rng(6)
+    stands = [(R, np.array(t) * (1, 1, 2.2)) for R, t in poses(BOARD, a_camera(*SIZE, dist=()), 12, rng)]
+    found = calibrate_detections(seen(camera, stands, noise=0.02, rng=rng), SIZE, SMALL, "k1")
+    assert "unconverged-distortion" in _codes(found)
+
+
+def test_misplaced_tags_are_rejected_and_named():
+    _, _, tags = _views()
+    clean = calibrate_detections(tags, SIZE, SMALL, "k1k2")
+    spoiled = {p: list(t) for p, t in tags.items()}
+    for photo, by in (("view_01", (9.0, 3.0)), ("view_04", (-200.0, 90.0))):
+        tag = spoiled[photo][6]
+        spoiled[photo][6] = msgspec.structs.replace(tag, center=tuple(np.array(tag.center) + by))
+    found = calibrate_detections(spoiled, SIZE, SMALL, "k1k2")
+    named = {w.text.split(":")[0]: w.text for w in found.warnings if w.code == "outlier-tags"}
+    assert named.keys() == {"view_01", "view_04"}
+    assert named["view_01"].endswith(f"tags {tags['view_01'][6].id}")
+    assert found.K[0][0] == pytest.approx(clean.K[0][0], abs=0.2)
+
+
+def test_a_view_that_fits_two_poses_is_named():
+    camera, stands, _ = _views()
+    tilt = np.deg2rad(25)
+    R = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]]) @ np.diag([1, -1, -1])
+    tags = seen(camera, [*stands, (R, (0.0, 0.0, 6.0))], noise=0.3, rng=np.random.default_rng(2))
+    found = calibrate_detections(tags, SIZE, SMALL, "k1k2")
+    assert [w.text.split(":")[0] for w in found.warnings if w.code == "ambiguous-pose"] == ["view_12"]
+
+
+def test_a_photo_without_tags_among_many_is_left_out_and_named(shoot, tmp_path):
+    folder, _ = shoot()
+    photos = [shutil.copy(folder / f"photo_0{i}.jpg", tmp_path) for i in range(4)]
+    files.write_picture(tmp_path / "blank.jpg", np.full((756, 1008, 3), 99, np.uint8))
+    files.write_picture(tmp_path / "selfie.jpg", files.read_photo(photos[0])[:, ::-1])
+    found = calibrate([*photos, tmp_path / "blank.jpg", tmp_path / "selfie.jpg"], BOARD, "k1")
+    assert len(found.views) == 4
+    texts = [w.text for w in found.warnings if w.code == "no-tags"]
+    assert texts[0] == "blank.jpg was left out: none"
+    assert texts[1].startswith("selfie.jpg was left out: a mirrored photo")
+
+
+# ---------------------------------------------------------------------------------- wrong input
+
+
+def test_one_photo_only_is_refused(shoot):
+    with pytest.raises(InputError, match=r"expected at least 3 photos of the board, from different sides, got 1"):
+        calibrate([shoot()[0] / "photo_00.jpg"], BOARD)
+
+
+def test_no_photo_at_all_is_refused():
+    with pytest.raises(InputError, match="got 0"):
+        calibrate([], BOARD)
+
+
+def test_mixed_sizes_are_refused_with_both_photos(shoot, tmp_path):
+    folder, _ = shoot()
+    other = tmp_path / "small.jpg"
+    files.write_picture(other, np.zeros((300, 400, 3), np.uint8))
+    with pytest.raises(
+        InputError, match=r"small\.jpg: expected 1008 x 756 pixels, as photo_00\.jpg has, got 400 x 300"
+    ):
+        calibrate([folder / "photo_00.jpg", folder / "photo_01.jpg", other], BOARD)
+
+
+def test_a_truncated_photo_is_refused_by_name(shoot, tmp_path):
+    folder, _ = shoot()
+    cut = tmp_path / "cut.jpg"
+    cut.write_bytes((folder / "photo_02.jpg").read_bytes()[:40_000])
+    with pytest.raises(InputError, match=r"cut\.jpg: expected a whole photo"):
+        calibrate([folder / "photo_00.jpg", folder / "photo_01.jpg", cut], BOARD)
+
+
+def test_photos_without_any_tag_are_refused_mirrored_ones_as_mirrored(shoot, tmp_path):
+    folder, _ = shoot()
+    names = []
+    for i in range(3):
+        names.append(tmp_path / f"m{i}.jpg")
+        files.write_picture(names[-1], files.read_photo(folder / f"photo_0{i}.jpg")[:, ::-1])
+    with pytest.raises(InputError, match=r"m0\.jpg: a mirrored photo"):
+        calibrate(names, BOARD)
+
+
+def test_a_board_with_other_ids_is_refused_with_both_lists():
+    _, _, tags = _views(count=3)
+    other = Board("tag36h11", 0.03, Grid(4, 4, 0.05, first_id=200))
+    with pytest.raises(InputError, match=r"tags of the board \(ids 200\.\.215\), got other tags \(ids 0\.\.34\)"):
+        calibrate_detections(tags, SIZE, other)
+
+
+def test_too_few_views_of_the_board_are_refused_with_the_reasons():
+    _, _, tags = _views(count=4)
+    few = {p: (t if i < 2 else t[:2]) for i, (p, t) in enumerate(tags.items())}
+    with pytest.raises(InputError, match=r"at least 3 photos that show the board, got 2; view_02: 2 tags of the board"):
+        calibrate_detections(few, SIZE, SMALL)
+
+
+def test_an_unknown_model_is_refused_with_the_known_ones():
+    with pytest.raises(InputError, match=r"model: expected one of auto, none, .*full5, got 'k9'"):
+        calibrate_detections({}, SIZE, SMALL, "k9")

@@ -1,0 +1,107 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from photo_helpers import BOARD
+
+from raytwin import files
+from raytwin.errors import InputError
+from raytwin.photos import lens
+from raytwin.photos.bias import center_bias, unbiased
+from raytwin.photos.board import Board, Grid, draw_board
+from raytwin.photos.detect import SEARCH_SIDE, NoTags, detect, detect_photo
+
+
+@pytest.fixture(scope="module")
+def sheet() -> np.ndarray:
+    """A 2 x 2 board as grey uint8, 150 px a tag."""
+    albedo, _ = draw_board(Board("tag36h11", 0.03, Grid(2, 2, 0.04)), 5000)
+    return (albedo * 255).astype(np.uint8)
+
+
+def test_a_colour_photo_and_its_grey_one_show_the_same_tags(sheet):
+    assert detect(np.repeat(sheet[..., None], 3, axis=-1)) == detect(sheet)
+    assert [t.id for t in detect(sheet)] == [0, 1, 2, 3]
+
+
+def test_an_id_seen_twice_is_dropped_and_the_others_stay(sheet):
+    half = sheet.shape[1] // 2
+    assert [t.id for t in detect(np.hstack([sheet, sheet[:, :half]]))] == [1, 3]
+
+
+def test_a_tag_that_the_frame_touches_is_dropped(sheet):
+    # The white ring of the left tags, and a little of their black edge, is outside.
+    assert [t.id for t in detect(sheet[:, 78:])] == [1, 3]
+
+
+def test_a_large_photo_is_searched_at_half_size_and_loses_no_accuracy(sheet):
+    large = np.full((SEARCH_SIDE + 1, 600), 216, np.uint8)
+    large[: sheet.shape[0], : sheet.shape[1]] = sheet
+    small, halved = (np.array([t.center for t in detect(p)]) for p in (sheet, large))
+    assert 0 < np.abs(halved - small).max() < 0.15
+
+
+def test_a_process_that_has_read_several_families_ends_well():
+    code = (
+        "import numpy as np; from raytwin.photos import detect;"
+        "[detect(np.zeros((99, 99), np.uint8), f) for f in ('tag36h11', 'tag25h9', 'tag16h5')]"
+    )
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+def test_a_photo_without_tags_says_so(tmp_path):
+    file = tmp_path / "plain.png"
+    files.write_picture(file, np.full((200, 300, 3), 128, np.uint8))
+    with pytest.raises(NoTags, match=r"plain\.png: expected tag36h11 tags, got none"):
+        detect_photo(file)
+
+
+def test_a_mirrored_photo_is_called_mirrored(sheet, tmp_path):
+    file = tmp_path / "selfie.png"
+    files.write_picture(file, sheet[:, ::-1])
+    with pytest.raises(NoTags, match=r"a mirrored photo \(its mirror image shows 4 tags\)"):
+        detect_photo(file)
+
+
+def test_a_truncated_photo_is_an_input_error_of_its_own(shoot, tmp_path):
+    whole = (shoot()[0] / "photo_00.jpg").read_bytes()
+    file = tmp_path / "cut.jpg"
+    file.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match="a damaged one") as error:
+        detect_photo(file)
+    assert not isinstance(error.value, NoTags)
+
+
+# ---------------------------------------------------------------------------------- where the centres are
+
+
+def test_without_distortion_straight_edges_give_the_true_centre():
+    K = ((800.0, 0, 500), (0, 800.0, 400), (0, 0, 1))
+    R = np.array([[0.8, 0, 0.6], [0.36, -0.8, -0.48], [0.48, 0.6, -0.64]])
+    assert np.abs(center_bias(range(35), BOARD, R, (0, 0, 0.5), K, ())).max() < 1e-8
+
+
+def test_found_centres_are_where_the_camera_projects_them_once_the_bias_is_taken_out(shoot):
+    folder, truth = shoot()
+    raw, mended = [], []
+    for name, (R, t) in truth.photos.items():
+        tags = detect_photo(folder / name)
+        true = lens.project(BOARD.points(tag.id for tag in tags), R, t, truth.K, truth.dist)
+        raw.append(np.array([tag.center for tag in tags]) - true)
+        straight = unbiased(tags, BOARD, R, t, truth.K, truth.dist)
+        mended.append(np.array([tag.center for tag in straight]) - true)
+    raw, mended = np.concatenate(raw), np.concatenate(mended)
+    # A half pixel's shift would show in the mean; the bias of bent edges shows in the spread.
+    assert np.abs(mended.mean(axis=0)).max() < 0.02
+    assert np.sqrt((raw**2).sum(axis=1).mean()) < 0.25
+    assert np.sqrt((mended**2).sum(axis=1).mean()) < 0.65 * np.sqrt((raw**2).sum(axis=1).mean())
+
+
+def test_the_stored_detections_of_real_photos_are_found_again(shared_photos, real_tags):
+    stored, _ = real_tags("april_fine")
+    name = "aprilcalibdemo_twoboards.JPG"
+    found = {t.id: t for t in detect_photo(shared_photos / "april_fine" / name)}
+    both = [(np.array(t.center), np.array(found[t.id].center)) for t in stored[name] if t.id in found]
+    assert len(both) > 100
+    assert np.median([np.linalg.norm(a - b) for a, b in both]) < 0.05

@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+from photo_helpers import BOARD, PlainRenderer, a_camera
+
+from raytwin import files
+from raytwin.errors import InputError
+from raytwin.photos import judge, lens
+from raytwin.photos.board import read_board
+from raytwin.photos.photographer import expose, photograph, poses, read_truth
+
+CAMERA = a_camera()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_dozen_poses_tilt_to_fifty_degrees_every_way_and_cover_the_frame(seed):
+    stands = poses(BOARD, CAMERA, 12, np.random.default_rng(seed))
+    points = BOARD.points(BOARD.centers())
+    tilts = [np.degrees(np.arccos(-np.array(R)[2, 2])) for R, _ in stands]
+    assert max(tilts) <= 50
+    assert max(tilts) > 40
+    assert min(tilts) < 8
+    pixels = np.concatenate([lens.project(points, R, t, CAMERA.K, CAMERA.dist) for R, t in stands])
+    inside = ((pixels >= 0) & (pixels <= np.array(CAMERA.image_size) - 1)).all(axis=1)
+    assert inside.mean() > 0.65
+    assert judge.coverage(pixels[inside], CAMERA.image_size) > 0.75
+    assert judge.normal_spread([R for R, _ in stands]) > 60
+
+
+def test_every_pose_is_a_rotation_in_front_of_the_printed_face():
+    for R, t in poses(BOARD, CAMERA, 8, np.random.default_rng(0)):
+        R = np.array(R)
+        assert np.abs(R @ R.T - np.eye(3)).max() < 1e-12
+        assert np.linalg.det(R) > 0
+        assert R[:, 2] @ t < 0  # the board's normal points to the camera
+        assert (BOARD.points(BOARD.centers()) @ R.T + t)[:, 2].min() > 0
+
+
+def test_an_image_too_small_for_readable_tags_is_refused():
+    with pytest.raises(InputError, match="pixels enough for tags"):
+        poses(BOARD, a_camera(64, 48), 3, np.random.default_rng(0))
+
+
+def test_the_sensors_noise_is_the_roots_of_its_electrons():
+    full, read = 8000.0, 4.0
+    radiance = np.full((300, 400, 3), 0.2, np.float32)
+    pixels = expose(radiance, np.random.default_rng(1), CAMERA, vignetting=0, full_well=full, read_noise=read)
+    linear = files.from_bytes(pixels).astype(float)
+    expected = (0.2 * full + read**2) / full**2
+    # Rounding to a byte adds a step's variance over twelve: sRGB's slope turns the step into a linear one.
+    step = np.gradient(files.srgb_decode(np.arange(256) / 255))[round(255 * files.srgb_encode(np.array(0.2)).item())]
+    assert linear.mean() == pytest.approx(0.2, abs=2e-4)
+    assert linear.var() == pytest.approx(expected + step**2 / 12, rel=0.02)
+
+
+def test_natural_vignetting_falls_with_the_fourth_power_of_the_cosine():
+    radiance = np.full((756, 1008, 3), 0.5, np.float32)
+    pixels = expose(radiance, np.random.default_rng(1), CAMERA, vignetting=1, full_well=1e9, read_noise=0)
+    linear = files.from_bytes(pixels)[..., 0]
+    corner = np.linalg.inv(np.array(CAMERA.K)) @ (0, 0, 1)
+    assert linear[376, 508] == pytest.approx(0.5, rel=0.01)
+    assert linear[0, 0] == pytest.approx(0.5 / (corner @ corner) ** 2, rel=0.02)
+
+
+def test_white_is_the_radiance_that_fills_a_pixel_and_more_is_clipped():
+    radiance = np.array([1.9, 2.0, 9.0], np.float32).reshape(1, 3, 1) * np.ones((1, 1, 3), np.float32)
+    pixels = expose(radiance, np.random.default_rng(1), CAMERA, white=2.0, vignetting=0, full_well=1e9, read_noise=0)
+    assert pixels[0, 0, 0] < 255
+    assert (pixels[0, 1:] == 255).all()
+
+
+def test_photographs_come_with_their_board_and_their_truth(shoot):
+    folder, truth = shoot()
+    assert read_truth(folder / "truth.toml") == truth
+    assert read_board(folder / "board.toml") == BOARD
+    assert sorted(p.name for p in folder.iterdir()) == sorted(["board.toml", "truth.toml", *truth.photos])
+    for name in truth.photos:
+        assert files.photo_size(folder / name) == truth.image_size
+
+
+def test_the_same_seed_takes_the_same_photos_and_another_does_not(tmp_path):
+    small = a_camera(336, 252)
+    calls = []
+    for out, seed in (("a", 1), ("b", 1), ("c", 2)):
+        photograph(
+            BOARD, small, 2, tmp_path / out, PlainRenderer(1), seed=seed, progress=lambda d, n: calls.append((d, n))
+        )
+    assert calls == [(1, 2), (2, 2)] * 3
+    a, b, c = ([(tmp_path / out / f"photo_0{i}.jpg").read_bytes() for i in (0, 1)] for out in "abc")
+    assert a == b
+    assert a != c
+
+
+def test_a_truth_that_is_no_rotation_is_refused(shoot, tmp_path):
+    _, truth = shoot()
+    data = files.plain(truth)
+    data["photos"]["photo_00.jpg"][0][0][0] += 0.1
+    files.write_toml(tmp_path / "truth.toml", data)
+    with pytest.raises(InputError, match=r"photos\.photo_00\.jpg\.R_cam_board: expected a rotation matrix"):
+        read_truth(tmp_path / "truth.toml")
