@@ -161,3 +161,14 @@ def flush(engine: Engine, queued: list) -> None:
 
         drjit.eval(queued)
         drjit.sync_thread()
+
+
+def from_numpy(engine: Engine, values: np.ndarray) -> Any:
+    """Numbers (m,) as the engine's floats."""
+    kind = engine.float_type
+    return values.astype(kind) if engine.is_numpy else kind(values.astype(engine.precision))
+
+
+def to_numpy(values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """The engine's numbers, or one number for all, as a NumPy array of `shape`."""
+    return np.broadcast_to(values if library(values) is np else values.numpy(), shape)

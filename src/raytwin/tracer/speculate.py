@@ -1,0 +1,147 @@
+"""High-resolution speculation: trace a coarse lattice, guess the pixels between by interpolation.
+
+`paper` guesses everywhere, edges too. `careful` guesses only where nothing but smooth shading lies between four lattice
+points: a block of n x n pixels is traced whole where its corners see different objects or lit and unlit sides, where a
+small object or a neighbour's edge may cross it, or where the second differences say that interpolation errs too much.
+
+The bound. Bilinear interpolation over a step h errs by at most (|f_uu| + |f_vv|) h²/8. On a sphere whose image has the
+radius R pixels, seen nearly head on, L = a + b n·l with n = (x, y, √(1 - x² - y²)), x and y in radii; only n_z curves,
+and n_z'' = -(1 - y²) / n_z³ along x, so that the error is at most b h²/(8 R²) (2 - x² - y²) / n_z³ of the largest within
+the block. `careful` measures the second differences on the lattice instead of assuming all this, and takes twice their
+value, for the growth of the curvature between two lattice points; `interpolation_bound` gives the closed form.
+"""
+
+import numpy as np
+
+from raytwin.image import BACKGROUND
+from raytwin.scene import Scene
+from raytwin.tracer.arrays import ENGINES, from_numpy, lift, to_numpy
+from raytwin.tracer.camera import back_project
+from raytwin.tracer.hit import nearest
+from raytwin.tracer.light import RUNGS, sun_visible
+from raytwin.tracer.prepare import seen_from_eye
+from raytwin.tracer.trace import background
+from raytwin.tracer.trim import trim_box
+
+WAYS = ("careful", "paper")
+CHUNK = 1 << 14
+
+
+def interpolation_bound(amplitude: float, step: float, radius_px: float, rim: float) -> float:
+    """b h²/(8 R²) (1 + n_z²) / n_z³: the error of bilinear interpolation on a Lambertian sphere out to `rim` radii.
+
+    `amplitude` b: albedo/π E; `step` h and `radius_px` R: pixels; `rim` = √(x² + y²) < 1 of the block's farthest point.
+    """
+    nz = np.sqrt(1 - rim * rim)
+    return float(amplitude * step**2 / (8 * radius_px**2) * (1 + nz**2) / nz**3)
+
+
+def speculate(
+    scene: Scene, n: int, rung: str = "shadow", engine: str = "numpy32", way: str = "careful", tolerance: float = 5e-4
+) -> tuple[np.ndarray, float]:
+    """Radiance (H, W, 3) float32 from a lattice of every n-th pixel, and the share of all pixels that was traced.
+
+    `tolerance`: the largest interpolation error allowed in a block, in units of radiance. n = 1 traces every pixel.
+    """
+    w, h = scene.camera.image_size
+    out = background(scene, rung)
+    columns, rows = -(-(w - 1) // n) + 1, -(-(h - 1) // n) + 1
+    u, v = np.meshgrid(np.arange(columns) * n, np.arange(rows) * n)
+    colour, ids, lit = trace_points(scene, u.ravel(), v.ravel(), rung, engine)
+    colour, ids, lit = colour.reshape(rows, columns, 3), ids.reshape(rows, columns), lit.reshape(rows, columns)
+    if n == 1:
+        out[ids != BACKGROUND] = colour[ids != BACKGROUND]
+        return out, 1.0
+    whole = np.zeros((rows - 1, columns - 1), bool)
+    if way == "careful":
+        whole = doubtful(scene, colour, ids, lit, n, tolerance)
+    guessed = ~whole & (_blocks(ids != BACKGROUND).any(axis=0) if way == "paper" else ids[:-1, :-1] != BACKGROUND)
+    colour[ids == BACKGROUND] = 0.0 if rung == "surface" else scene.sky.radiance
+    _interpolate(out, colour, guessed, n)
+    y, x = np.nonzero(whole)
+    inner = np.arange(n)
+    u = (x[:, None, None] * n + inner[None, None, :] + 0 * inner[None, :, None]).ravel()
+    v = (y[:, None, None] * n + inner[None, :, None] + 0 * inner[None, None, :]).ravel()
+    inside = (u < w) & (v < h)
+    u, v = u[inside], v[inside]
+    colour_here, ids_here, _ = trace_points(scene, u, v, rung, engine, False)
+    seen = ids_here != BACKGROUND
+    out[v[seen], u[seen]] = colour_here[seen]
+    return out, (columns * rows + len(u)) / (w * h)
+
+
+def doubtful(scene: Scene, colour: np.ndarray, ids: np.ndarray, lit: np.ndarray, n: int, tolerance: float):
+    """(rows - 1, columns - 1) bool: the blocks between lattice points that must be traced pixel by pixel."""
+    state = _blocks(2 * ids + lit)
+    edge = (state != state[0]).any(axis=0)
+    # An edge may bulge into the next block between two of its corners: take the neighbours too.
+    padded = np.pad(edge, 1)
+    grown = sum(
+        padded[1 + dy : 1 + dy + edge.shape[0], 1 + dx : 1 + dx + edge.shape[1]]
+        for dy in (-1, 0, 1)
+        for dx in (-1, 0, 1)
+    )
+    bend = np.zeros(ids.shape, np.float32)
+    bend[:, 1:-1] += np.abs(np.diff(colour, 2, axis=1)).max(axis=-1)
+    bend[1:-1] += np.abs(np.diff(colour, 2, axis=0)).max(axis=-1)
+    curved = (_blocks(bend).max(axis=0) * 2 / 8 > tolerance) & (state[0] >= 0)
+    whole = (grown > 0) | curved
+    # An object smaller than two blocks may hide between lattice points.
+    for thing in scene.spheres:
+        x0, y0, x1, y1 = trim_box(thing, scene.camera)
+        if 0 < min(x1 - x0, y1 - y0) <= 2 * n:
+            whole[y0 // n : -(-y1 // n), x0 // n : -(-x1 // n)] = True
+    return whole
+
+
+def trace_points(scene: Scene, u: np.ndarray, v: np.ndarray, rung: str, engine: str, light: bool = True):
+    """Radiance (m, 3), ids (m,) and, where `light`, whether the sun reaches each point (m,), at pixels (u, v) (m,)."""
+    how = ENGINES[engine]
+    local = lift(seen_from_eye(scene), how)
+    colour, ids, lit = np.empty((len(u), 3), np.float32), np.empty(len(u), np.int32), np.zeros(len(u), bool)
+    step = CHUNK if how.is_numpy else max(len(u), 1)
+    for start in range(0, len(u), step):
+        part = slice(start, start + step)
+        with np.errstate(all="ignore"):
+            d = back_project(from_numpy(how, u[part]), from_numpy(how, v[part]), local.camera)
+            hit = nearest((0.0, 0.0, 0.0), d, list(enumerate(local.objects)))
+            radiance = RUNGS[rung](hit, local, "robust")
+            facing = sum(a * b for a, b in zip(hit.normal, scene.sun.direction, strict=True))
+            sunny = (facing > 0) & (sun_visible(hit, local) > 0 if rung == "shadow" else facing > 0) if light else None
+        shape = (len(u[part]),)
+        for c in range(3):
+            colour[part, c] = to_numpy(radiance[c], shape)
+        ids[part] = to_numpy(hit.ids, shape)
+        if light:
+            lit[part] = to_numpy(sunny, shape)
+    return colour, ids, lit
+
+
+def _blocks(a: np.ndarray) -> np.ndarray:
+    """(4, rows - 1, columns - 1, ...): the four corners of each block."""
+    return np.stack([a[:-1, :-1], a[:-1, 1:], a[1:, :-1], a[1:, 1:]])
+
+
+def _interpolate(out: np.ndarray, colour: np.ndarray, blocks: np.ndarray, n: int) -> None:
+    """Fill the blocks marked with the bilinear interpolation of their corners, n x n pixels each, row by row."""
+    h, w = out.shape[:2]
+    s = (np.arange(n, dtype=np.float32) / n)[:, None]
+    for y in np.flatnonzero(blocks.any(axis=1)):
+        x = np.flatnonzero(blocks[y])
+        top, bottom = colour[y], colour[y + 1]
+        depth = min(n, h - y * n)
+        for first, last in zip(*_runs(x), strict=True):
+            # Along the row, then down: a run of neighbouring blocks at once.
+            t = top[first : last + 2]
+            b = bottom[first : last + 2]
+            upper = (t[:-1, None] + s * (t[1:, None] - t[:-1, None])).reshape(-1, 3)
+            lower = (b[:-1, None] + s * (b[1:, None] - b[:-1, None])).reshape(-1, 3)
+            end = min((last + 1) * n, w) - first * n
+            block = upper[None, :end] + s[:depth, :, None] * (lower - upper)[None, :end]
+            out[y * n : y * n + depth, first * n : first * n + end] = block
+
+
+def _runs(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and last of each run of consecutive integers in sorted x."""
+    breaks = np.flatnonzero(np.diff(x) != 1)
+    return x[np.r_[0, breaks + 1]], x[np.r_[breaks, len(x) - 1]]
