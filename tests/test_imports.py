@@ -1,0 +1,65 @@
+"""Imports point one way, and heavy libraries stay out until they are asked for."""
+
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+HEAVY = ("mitsuba", "drjit", "cv2", "pupil_apriltags", "bokeh", "PIL", "OpenEXR", "jinja2", "flip_evaluator", "scipy")
+
+STAGES = {
+    "back_project", "distort", "undistort", "intersect_sphere", "intersect_plane", "nearest", "Hit", "lambert",
+    "sun_visible", "trace", "trim_box", "ENGINES", "RUNGS", "SOLVERS",
+}  # fmt: skip
+
+
+def loaded_by(statement: str) -> set[str]:
+    """The modules that a fresh interpreter holds after the statement."""
+    code = f"import sys\n{statement}\nprint('\\n'.join(sys.modules))"
+    child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert child.returncode == 0, child.stderr
+    return set(child.stdout.split())
+
+
+def test_the_import_contracts_hold():
+    found = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "from importlinter.cli import lint_imports_command; lint_imports_command()",
+            "--no-cache",
+        ],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert found.returncode == 0, found.stdout + found.stderr
+    assert "0 broken" in found.stdout
+
+
+@pytest.mark.parametrize("module", ["errors", "scene", "image", "files", "tracer"])
+def test_the_lower_floors_load_no_heavy_library(module):
+    assert not loaded_by(f"import raytwin.{module}") & set(HEAVY)
+
+
+def test_the_tracer_is_numpy_and_records_and_nothing_else():
+    ours = {m for m in loaded_by("import raytwin.tracer") if m.startswith("raytwin.")}
+    assert {m for m in ours if not m.startswith("raytwin.tracer")} == {
+        "raytwin.errors",
+        "raytwin.image",
+        "raytwin.scene",
+    }
+
+
+def test_the_tracers_stages_are_exported():
+    assert set(importlib.import_module("raytwin.tracer").__all__) >= STAGES
+
+
+@pytest.mark.parametrize("package", ["", ".tracer", ".photos", ".twin", ".compare", ".report", ".bench"])
+def test_every_exported_name_is_there(package):
+    module = importlib.import_module(f"raytwin{package}")
+    missing = [name for name in getattr(module, "__all__", ()) if not hasattr(module, name)]
+    assert not missing
