@@ -129,12 +129,14 @@ def find_shift(test: np.ndarray, reference: np.ndarray, most_pixels: int = 1_000
 
 
 def _explains(shift: Shift, t: np.ndarray, r: np.ndarray) -> bool:
-    """A shift of more than a pixel is one only if it brings the images closer: two different pictures have none."""
-    dx, dy = round(shift.dx), round(shift.dy)
-    if not (dx or dy):
+    """A shift of more than a pixel is one only if it makes the images more alike: two different pictures have none."""
+    if shift.length <= 1:
         return True
-    before, after = (np.subtract(*_overlap(t, r, *s)) for s in ((0, 0), (dx, dy)))
-    return float(np.square(after).mean()) < float(np.square(before).mean()) / 2
+
+    def unlike(dx: int, dy: int) -> float:
+        return 1 - float(np.corrcoef(*(i.ravel() for i in _overlap(t, r, dx, dy)))[0, 1])
+
+    return unlike(round(shift.dx), round(shift.dy)) < unlike(0, 0) / 2
 
 
 def _overlap(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> tuple[np.ndarray, np.ndarray]:

@@ -45,7 +45,7 @@ def error_scale(test: Image, reference: Image, kind: str = "absolute") -> float:
     if not quantile > 0:
         return 1.0
     decade = 10.0 ** np.floor(np.log10(quantile))
-    return float(decade * next(step for step in (1, 2, 5, 10) if step * decade >= quantile * (1 - 1e-6)))
+    return float(decade * next(step for step in (1, 2, 5, 10) if step * decade >= quantile * (1 - 1e-3)))
 
 
 def error_map(test: Image, reference: Image, kind: str = "absolute", scale: float | None = None) -> np.ndarray:
