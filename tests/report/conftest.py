@@ -1,6 +1,12 @@
 """Results to report on: the tracer in float64 beside itself in float32, and a made-up calibration."""
 
+import json
+import re
+import shutil
+import subprocess
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -11,7 +17,7 @@ from raytwin.compare import compare
 from raytwin.image import Image, Surface
 from raytwin.photos import Calibration, Pose, PoseReport
 from raytwin.photos.calibrate import View, Warning_
-from raytwin.pipeline import Result, Timing, TruthRow, augment
+from raytwin.pipeline import Result, Timing, TruthRow
 from raytwin.scene import Scene
 from raytwin.tracer import trace
 
@@ -76,7 +82,72 @@ def photographed(result: Result) -> Result:
         TruthRow("rotation off by", 0.0, 0.0123, None, "degrees"),
     )
     times = (Timing("calibrate", 2.31, "rms 0.127 px"), *result.times)
-    return Result(
-        scene, result.comparison, result.subject, result.twin, photo, augment(photo, scene, result.subject),
-        calibration, pose, truth, times, result.settings, result.versions,
-    )  # fmt: skip
+    seen = result.subject.surface.ids
+    drawn = (seen >= 0) & (seen < len(scene.spheres))
+    augmented = np.where(drawn[..., None], files.to_bytes(result.subject.mean), photo)
+    return replace(
+        result,
+        scene=scene,
+        photo=photo,
+        augmented=augmented,
+        calibration=calibration,
+        pose=pose,
+        truth=truth,
+        times=times,
+    )
+
+
+# ------------------------------------------------------------------------------------------ a browser
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+QUIET = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-extensions",
+    "--enable-logging=stderr", "--v=0", "--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=20000",
+    "--window-size=1400,1200",
+)  # fmt: skip
+
+PROBE = """<script>(async () => {
+  const until = async (test) => { while (!test()) await new Promise((done) => setTimeout(done, 20)); };
+  await until(() => document.body.dataset.ready);
+  const pause = () => until(() => Bokeh.documents[0].is_idle);
+  const texts = (id) => [...document.querySelectorAll(`#row-${id} td`)].map((cell) => cell.textContent);
+  const canvas = (key) => {
+    const find = (node) => node.querySelector?.("canvas")
+      ?? [...node.querySelectorAll("*")].map((n) => n.shadowRoot && find(n.shadowRoot)).find(Boolean);
+    return find(document.getElementById(`view-${key}`));
+  };
+  const result = {};
+  try { %s } catch (error) { result.failure = String(error); }
+  const out = document.createElement("script");
+  out.type = "application/json"; out.id = "probed";
+  out.textContent = JSON.stringify(result).replaceAll("<", "\\\\u003c");
+  document.body.append(out);
+})();</script>"""
+
+
+@pytest.fixture(scope="session")
+def browse(tmp_path_factory) -> Callable[..., tuple[dict, list[str]]]:
+    """`browse(page, address="", script="")`: what the script put into `result`, and the errors on the console.
+
+    The script runs in the ready page and knows `pause()`, `texts(row)`, `canvas(key)`. Nothing outside is reachable.
+    """
+    program = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if program is None:
+        pytest.skip(f"a browser to open the report in: none of {', '.join(BROWSERS)} is installed")
+
+    def open_page(page: Path, address: str = "", script: str = "") -> tuple[dict, list[str]]:
+        folder = tmp_path_factory.mktemp("browser")
+        copy = folder / "page.html"
+        text = page.read_text(encoding="utf-8")
+        copy.write_text(text.replace("</body>", PROBE % script + "</body>"), encoding="utf-8")
+        command = [program, *QUIET, f"--user-data-dir={folder / 'user'}", "--dump-dom", copy.as_uri() + address]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+        found = re.search(r'<script type="application/json" id="probed">(.*?)</script>', done.stdout, re.DOTALL)
+        assert found, f"the page did not become ready\n{done.stderr[-2000:]}"
+        console = [line for line in done.stderr.splitlines() if "CONSOLE" in line and "[bokeh" not in line]
+        result = json.loads(found[1])
+        assert "failure" not in result, result["failure"]
+        return result, console
+
+    return open_page

@@ -5,6 +5,7 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from importlib import resources
+from pathlib import PurePath
 
 import jinja2
 import numpy as np
@@ -26,6 +27,7 @@ def write_report(result: Result, path: str | os.PathLike) -> None:
     """The whole report as one HTML file without references to any other; some megabytes, mostly pictures."""
     error = signed_error(result.subject, result.twin, "absolute")
     scale = pictures.choose_scale(result.subject, result.twin, error, result.scene.tolerance.p999_abs)
+    noisy = pictures.noisy(result.subject, result.twin)
     with ThreadPoolExecutor() as pool:
         packing = pool.submit(pack_values, result.subject, result.twin)
         worst = pictures.worst_pixels(error, LISTED)
@@ -45,12 +47,13 @@ def write_report(result: Result, path: str | os.PathLike) -> None:
         toolbar=toolbar,
         css=asset("report.css"),
         js=asset("report.js"),
-        meta=meta(result, values),
+        meta=meta(result, values, noisy),
         thin=values.thin,
         packed={plane.name: plane.data for plane in values.planes},
-        bar=colour_bar(scale, result.scene.tolerance.p999_abs),
+        noisy=noisy,
+        bar=colour_bar(scale, None if noisy else result.scene.tolerance.p999_abs),
         colours=pictures,
-        groups=list(numbers.rows(result.comparison, result.scene.tolerance)),
+        groups=list(numbers.rows(result.comparison, result.scene.tolerance, noisy)),
         worst=pixel_rows(result, worst, apart),
         apart=len(apart),
         calibrated=calibrated(result),
@@ -140,8 +143,8 @@ def ring_note(result: Result, apart: list[tuple[int, int]]) -> str:
     return f"the first {pictures.MARKS} pixels that differ are ringed"
 
 
-def colour_bar(scale: pictures.Scale, tolerance: float) -> dict:
-    """A strip of the palette, its ticks (position in percent, text) and what it says in words."""
+def colour_bar(scale: pictures.Scale, tolerance: float | None) -> dict:
+    """A strip of the palette, its ticks (position in percent, text), its words, where `tolerance` is."""
     strip = pictures.png_url(np.arange(255, dtype=np.uint8)[None], pictures.palette())
     if scale.logarithmic:
         first, last = round(math.log10(scale.low)), round(math.log10(scale.high))
@@ -150,13 +153,13 @@ def colour_bar(scale: pictures.Scale, tolerance: float) -> dict:
         words = f"each tick is a factor of {10**step:,}; below {numbers.short(scale.low)} white"
     else:
         sizes = [scale.high, scale.high / 2]
-        words = f"equal steps up to ±{numbers.short(scale.high)}, the 99.9 % quantile of the noise"
+        words = f"equal steps up to ±{numbers.short(scale.high)}, the rounded 99.9 % quantile of all errors"
     marks = [(-s, s) for s in sizes]
     ticks = [(50.0, "0")]
     for s in (s for pair in marks for s in pair):
         at = 50 + 50 * float(scale.position(np.float32(s)))
         ticks.append((at, ("+" if s > 0 else "−") + numbers.short(abs(s))))
-    held = 50 * float(scale.position(np.float32(tolerance)))
+    held = None if tolerance is None else 50 * float(scale.position(np.float32(tolerance)))
     return {"strip": strip, "ticks": sorted(ticks), "words": words, "held": held, "tolerance": tolerance}
 
 
@@ -172,13 +175,14 @@ def object_names(result: Result) -> list[str]:
     ]
 
 
-def meta(result: Result, values: Values) -> dict:
+def meta(result: Result, values: Values, noisy: bool) -> dict:
     """What report.js needs to decode the values and to name what a pixel sees."""
     width, height = result.scene.camera.image_size
+    tolerance = None if noisy else result.scene.tolerance.p999_abs
     planes = [{k: v for k, v in asdict(plane).items() if k != "data"} for plane in values.planes]
     return {
         "width": width, "height": height, "columns": values.width, "lines": values.height, "thin": values.thin,
-        "planes": planes, "objects": object_names(result), "tolerance": result.scene.tolerance.p999_abs,
+        "planes": planes, "objects": object_names(result), "tolerance": tolerance,
     }  # fmt: skip
 
 
@@ -209,5 +213,6 @@ def calibrated(result: Result) -> dict | None:
     return {
         "intrinsics": [(n, v, calibration.sigma.get(n), unit) for n, v, unit in found],
         "views": views,
+        "posed": PurePath(result.pose.photo).name if result.pose else None,
         "largest": max((v.rms_px for v in views), default=1.0) or 1.0,
     }

@@ -42,7 +42,7 @@ NUMBERS: tuple[Number, ...] = (
            "the image's mean error over its standard deviation, worst channel", NO_NOISE),
     Number("statistics", "z_tile_worst", "Worst tile", "σ", None, "the same for the least plausible tile", NO_NOISE),
     Number("statistics", "pixel_fail_fraction", "Failing pixels", "share", lambda t: t.outlier_fraction,
-           "pixels with a value that fails its own test", "not tested at this rung"),
+           "pixels with a value that fails its own test", "the images were not compared value by value"),
     Number("statistics", "minimum_detectable_bias", "Detectable bias", "relative", None,
            "the smallest error of the whole image's mean that this comparison would have found", NO_NOISE),
     Number("perceptual", "flip_mean", "FLIP, mean", "0 to 1", None,
@@ -67,14 +67,19 @@ class Row(NamedTuple):
     held: bool | None
 
 
-def rows(comparison: Comparison, tolerance: Tolerance) -> Iterator[tuple[str, list[Row]]]:
-    """(heading, rows) of each group."""
+FOR_EXACT = ("p999_abs", "pixel_fail_fraction")
+"""Bounds that images without noise are held to; with noise the statistics decide."""
+
+
+def rows(comparison: Comparison, tolerance: Tolerance, noisy: bool) -> Iterator[tuple[str, list[Row]]]:
+    """(heading, rows) of each group; `noisy`: one of the images has a variance."""
     for group, heading in GROUPS.items():
         found = []
         for number in (n for n in NUMBERS if n.group == group):
             value = getattr(getattr(comparison, group), number.key)
-            bound = number.bound(tolerance) if number.bound else None
-            held = None if value is None or bound is None else bool(value <= bound)
+            bound = number.bound(tolerance) if number.bound and not (noisy and number.key in FOR_EXACT) else None
+            # A pass holds every bound: pixels that are allowed to see another object are excused from the others.
+            held = None if value is None or bound is None else comparison.passed or value <= bound
             found.append(Row(number, value, bound, held))
         yield heading, found
 
@@ -87,9 +92,10 @@ def shown(value: float | None, digits: int = 3) -> str:
         return f"{value}".replace("nan", "NaN").replace("-", "−")
     if value == 0 or isinstance(value, int):
         return f"{int(value):,}".replace(",", "\u202f").replace("-", "−")
-    if 1e-3 <= abs(value) < 10**digits:
+    rounded = abs(float(f"{value:.{digits - 1}e}"))
+    if 1e-3 <= rounded < 10**digits:
         return f"{value:#.{digits}g}".rstrip(".").replace("-", "−")
-    if 10**digits <= abs(value) < 1e6:
+    if 10**digits <= rounded < 1e6:
         return f"{value:,.0f}".replace(",", "\u202f").replace("-", "−")
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     return f"{mantissa}e{int(exponent)}".replace("-", "−")
@@ -114,8 +120,8 @@ def seconds(value: float | None) -> str:
     """2.31 s, 45 ms."""
     if value is None:
         return "–"
-    if value >= 100:
-        return f"{value:.0f} s"
     if value >= 1:
-        return f"{value:.2f} s"
-    return f"{value * 1e3:.0f} ms" if value >= 0.01 else f"{value * 1e3:.1f} ms"
+        return f"{value:.{2 if value < 10 else 1 if value < 100 else 0}f} s"
+    if value >= 1e-4:
+        return f"{value * 1e3:.{0 if value >= 0.01 else 1}f} ms"
+    return "< 0.1 ms"

@@ -57,9 +57,14 @@ class Scale:
         return np.copysign(np.minimum(share, np.float32(1)), error)
 
 
+def noisy(test: Image, reference: Image) -> bool:
+    """One of the two has noise, so that a single error means little."""
+    return test.variance is not None or reference.variance is not None
+
+
 def choose_scale(test: Image, reference: Image, error: np.ndarray, tolerance: float) -> Scale:
     """Noise: equal steps up to its 99.9 % quantile; else decades, a hundredth of the tolerance to the worst."""
-    if test.variance is not None or reference.variance is not None:
+    if noisy(test, reference):
         return Scale(0.0, error_scale(test, reference), False)
     worst = float(np.max(np.abs(error), where=np.isfinite(error), initial=tolerance))
     low = 10.0 ** (math.floor(math.log10(tolerance)) - 2)

@@ -49,11 +49,12 @@ window.raytwin = (() => {
     return (sign && x > 0 ? "+" : "") + text.replaceAll("-", "−").replace("e+", "e");
   }
 
-  function fill(row, object, colour, depth, tolerance) {
-    const cells = document.querySelectorAll(`#row-${row} td`);
-    [object, ...colour.map((x) => number(x, tolerance ? 3 : 4, !!tolerance)), number(depth, tolerance ? 3 : 5, !!tolerance)]
-      .forEach((text, i) => { cells[i].textContent = text; });
-    colour.forEach((x, i) => cells[i + 1].classList.toggle("over", !!tolerance && !(Math.abs(x) <= tolerance)));
+  function fill(row, object, colour, depth) {
+    const cells = document.querySelectorAll(`#row-${row} td`), error = row === "error";
+    const texts = [...colour.map((x) => number(x, error ? 3 : 4, error)), number(depth, error ? 3 : 5, error)];
+    [object, ...texts].forEach((text, i) => { cells[i].textContent = text; });
+    if (error && meta.tolerance !== null)
+      colour.forEach((x, i) => cells[i + 1].classList.toggle("over", !(Math.abs(x) <= meta.tolerance)));
   }
 
   function show(x, y) {
@@ -66,7 +67,7 @@ window.raytwin = (() => {
     const a = value("id", i), b = value("id_reference", i), depth = value("depth", i), apart = value("ddepth", i);
     fill("test", name(a), reference.map((r, k) => r + error[k]), plus(depth, apart));
     fill("reference", name(b), reference, depth);
-    fill("error", a === null ? "–" : a === b ? "the same" : "another", error, apart, meta.tolerance);
+    fill("error", a === null ? "–" : a === b ? "the same" : "another", error, apart);
     document.getElementById("at-x").value = x;
     document.getElementById("at-y").value = y;
     const away = column * meta.thin !== x || line * meta.thin !== y;
