@@ -87,6 +87,16 @@ def test_the_cache_drops_what_was_used_longest_ago(scene, tmp_path, monkeypatch)
     assert len(left) == 3
 
 
+def test_use_keeps_a_render_young(scene, tmp_path):
+    import os
+
+    render(scene, "path", samples=2)
+    (file,) = tmp_path.glob("renders/*.npz")
+    os.utime(file, (1e9, 1e9))
+    render(scene, "path", samples=2)
+    assert file.stat().st_mtime > 1e9
+
+
 def test_a_cache_that_cannot_be_written_is_no_error(scene, tmp_path, monkeypatch):
     blocked = tmp_path / "file"
     blocked.write_text("not a folder")

@@ -205,6 +205,31 @@ def test_variance_by_batches_predicts_the_spread_between_seeds(scenes, variant):
         assert (render(scene, rung, seed=1, **options).mean == images[1].mean).all()
 
 
+def test_variance_is_the_batches_sample_variance_over_their_number():
+    from raytwin.twin.render import _Plan, _sampled
+
+    class Recorded:
+        lanes, drawn = 5, []
+
+        def sampled(self, first, count, rung, area, samples, seed):
+            estimate = np.random.default_rng(seed).normal(3, 1, (count, 3))
+            self.drawn.append((first, estimate))
+            return estimate
+
+    camera = looking_down(size=(4, 2))
+    mean, variance = _sampled(Recorded(), camera, _Plan("path", "center", 6, 0, 3, 8), lambda part: None)
+    # Five lanes: pixels 0 to 4 and 5 to 7, one sample at a time, two samples in each of three batches.
+    batches = np.empty((3, 8, 3))
+    drawn = iter(Recorded.drawn)
+    for batch in batches:
+        for first in (0, 5):
+            (a, one), (b, two) = next(drawn), next(drawn)
+            assert a == b == first
+            batch[first : first + len(one)] = (one + two) / 2
+    np.testing.assert_allclose(mean.reshape(8, 3), batches.mean(axis=0), rtol=1e-6)
+    np.testing.assert_allclose(variance.reshape(8, 3), batches.var(axis=0, ddof=1) / 3, rtol=1e-5)
+
+
 def test_more_samples_than_one_launch_holds_are_added_up(scenes, variant, monkeypatch):
     from raytwin.twin.render import _engine
 

@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from raytwin.scene import Scene
-from raytwin.twin.rays import Lens, directions, lens
+from raytwin.twin.rays import Lens, directions, lens_of
 from raytwin.twin.world import SHADOW_OFFSET, UNIT, translate
 
 
@@ -24,8 +24,9 @@ class Renderer:
         self.integrator = mi.load_dict(integrator) if integrator else None
         # Opaque numbers are a kernel's parameters: another camera or light runs the kernel that is compiled already.
         double = dr.float64_array_t(mi.Float)
-        k = lens(scene.camera)
-        self.lens = Lens(*(dr.opaque(double, a) for a in k[:4]), tuple(dr.opaque(double, a) for a in k.coefficients))
+        fx, fy, cx, cy, coefficients, steps = lens_of(scene.camera)
+        numbers = [dr.opaque(double, a) for a in (fx, fy, cx, cy, *coefficients)]
+        self.lens = Lens(*numbers[:4], tuple(numbers[4:]), steps)
         R = np.asarray(scene.camera.R_cam_board)
         self.to_light = mi.Vector3f((R @ scene.sun.direction).tolist())
         self.irradiance, self.sky = mi.Color3f(scene.sun.irradiance), mi.Color3f(scene.sky.radiance)

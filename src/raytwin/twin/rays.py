@@ -8,22 +8,19 @@ import numpy as np
 from raytwin.errors import InputError
 from raytwin.scene import Camera
 
-STEPS = 10
+ENOUGH = 1e-8
+"""Pixels: how closely the inverse must come back."""
 
 
 class Lens(NamedTuple):
-    """K's numbers and k1, k2, p1, p2, k3 (none: a pinhole), as floats or as Dr.Jit parameters."""
+    """K's numbers, k1, k2, p1, p2, k3, as floats or Dr.Jit parameters, and Newton's `steps`: 0 for a pinhole."""
 
     fx: Any
     fy: Any
     cx: Any
     cy: Any
-    coefficients: tuple[Any, ...] = ()
-
-
-def lens(camera: Camera) -> Lens:
-    used = camera.coefficients if any(camera.coefficients) else ()
-    return Lens(camera.fx, camera.fy, camera.cx, camera.cy, used)
+    coefficients: tuple[Any, ...]
+    steps: int
 
 
 def distort(x: Any, y: Any, coefficients: tuple[Any, ...]) -> tuple[Any, Any, Any, Any, Any]:
@@ -40,10 +37,10 @@ def distort(x: Any, y: Any, coefficients: tuple[Any, ...]) -> tuple[Any, Any, An
     return xd, yd, xx, xy, yy
 
 
-def undistort(xd: Any, yd: Any, coefficients: tuple[Any, ...]) -> tuple[Any, Any]:
-    """The (x, y) that `distort` maps to (xd, yd): STEPS of Newton's method from (xd, yd)."""
+def undistort(xd: Any, yd: Any, coefficients: tuple[Any, ...], steps: int) -> tuple[Any, Any]:
+    """The (x, y) that `distort` maps to (xd, yd): some steps of Newton's method from (xd, yd)."""
     x, y = xd, yd
-    for _ in range(STEPS):
+    for _ in range(steps):
         fx, fy, xx, xy, yy = distort(x, y, coefficients)
         ex, ey = fx - xd, fy - yd
         scale = 1 / (xx * yy - xy * xy)
@@ -54,40 +51,46 @@ def undistort(xd: Any, yd: Any, coefficients: tuple[Any, ...]) -> tuple[Any, Any
 def directions(xp: ModuleType, lens: Lens, u: Any, v: Any) -> tuple[Any, Any, Any]:
     """(x, y, 1) / |(x, y, 1)|: the unit direction, camera frame, through pixel (u, v); `xp` is numpy or drjit.
 
-    `u`, `v`: float64 pixels, (0, 0) is the centre of the top-left one. float32 would move an outline by 1e-4 of the
-    focal length's digits: at 12 MP that is a tenth of a pixel.
+    `u`, `v`: float64 pixels, (0, 0) is the centre of the top-left one. In float32 the rounding of u alone would move a
+    12 MP image's right edge by 1e-4 px.
     """
     x, y = (u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy
-    if lens.coefficients:
-        x, y = undistort(x, y, lens.coefficients)
+    if lens.steps:
+        x, y = undistort(x, y, lens.coefficients, lens.steps)
     scale = 1 / xp.sqrt(x * x + y * y + 1)
     return x * scale, y * scale, scale
 
 
-def check_invertible(camera: Camera) -> None:
-    """Raise InputError where the distortion cannot be undone somewhere in the image.
+def lens_of(camera: Camera) -> Lens:
+    """The camera's numbers with as many Newton steps as its distortion needs.
 
-    It can where Newton's method comes back to the pixel (to 1e-6 px) and where the Jacobian stays positive from the
-    optical axis out to the solution: past a fold, two directions share a pixel. Tested on a grid and along the border.
+    Raises InputError where the distortion cannot be undone somewhere in the image: where Newton's method does not come
+    back to the pixel, or where the Jacobian does not stay positive from the optical axis out to the solution (past such
+    a fold two directions share a pixel). Tested on a grid that includes the image's border.
     """
-    if not any(camera.coefficients):
-        return
+    lens = Lens(camera.fx, camera.fy, camera.cx, camera.cy, camera.coefficients, 0)
+    if not any(lens.coefficients):
+        return lens
     w, h = camera.image_size
     u, v = (a.ravel() for a in np.meshgrid(np.linspace(-0.5, w - 0.5, 65), np.linspace(-0.5, h - 0.5, 65)))
-    xd, yd = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
+    xd, yd = (u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy
+    along = np.linspace(0, 1, 33)[:, None]
     with np.errstate(all="ignore"):
-        x, y = undistort(xd, yd, camera.coefficients)
-        bx, by, *_ = distort(x, y, camera.coefficients)
-        off = np.hypot((bx - xd) * camera.fx, (by - yd) * camera.fy)
-        along = np.linspace(0, 1, 33)[:, None]
-        _, _, xx, xy, yy = distort(x * along, y * along, camera.coefficients)
-        folded = ((xx * yy - xy * xy <= 0) | (xx + yy <= 0)).any(axis=0)
-    bad = ~(off < 1e-6) | folded
-    if bad.any():
-        i = int(np.argmax(np.where(bad, np.nan_to_num(off, nan=np.inf), -1)))
-        how = "two directions share it" if folded[i] and off[i] < 1e-6 else f"off by {off[i]:.3g} px"
-        raise InputError(
-            "camera.dist",
-            "a distortion that can be undone over the whole image",
-            f"{list(camera.dist)}, which cannot at pixel ({u[i]:.0f}, {v[i]:.0f}): {how}",
-        )
+        for steps in (4, 6, 10, 20):
+            x, y = undistort(xd, yd, lens.coefficients, steps)
+            back = distort(x, y, lens.coefficients)
+            off = np.hypot((back[0] - xd) * lens.fx, (back[1] - yd) * lens.fy)
+            if (off < ENOUGH).all():
+                break
+        _, _, xx, xy, yy = distort(x * along, y * along, lens.coefficients)
+    folded = ((xx * yy - xy * xy <= 0) | (xx + yy <= 0)).any(axis=0)
+    lost = ~(off < ENOUGH)
+    if not (lost | folded).any():
+        return lens._replace(steps=steps)
+    i = int(np.argmax(np.nan_to_num(off, nan=np.inf) if lost.any() else folded))
+    how = f"the way back ends {off[i]:.3g} px off" if lost[i] else "two directions share it"
+    raise InputError(
+        "camera.dist",
+        "a distortion that can be undone over the whole image",
+        f"{list(camera.dist)}, which cannot at pixel ({u[i]:.1f}, {v[i]:.1f}): {how}",
+    )

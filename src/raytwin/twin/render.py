@@ -15,7 +15,7 @@ from raytwin.image import Image, Surface
 from raytwin.scene import Camera, Scene
 from raytwin.twin import cache as kept
 from raytwin.twin.backend import activate, versions
-from raytwin.twin.rays import check_invertible
+from raytwin.twin.rays import lens_of
 from raytwin.twin.world import check_textures
 
 RUNGS = {"surface": None, "lambert": None, "shadow": None, "sky": 2, "path": 8}
@@ -134,7 +134,7 @@ def _plan(
     if not isinstance(scene.camera, Camera):
         raise InputError("scene.camera", "a calibrated camera", "photos: calibrate them first")
     files.check_camera(scene.camera, "camera")
-    check_invertible(scene.camera)
+    lens_of(scene.camera)  # raises where the distortion cannot be undone
     for where, value, least in (("samples", samples, 1), ("seed", seed, 0)):
         if value < least:
             raise InputError(where, f"a whole number, at least {least}", value)

@@ -5,14 +5,14 @@ Mitsuba's hit test, shadow test and path tracer; rays before them and shading af
 """
 
 from collections.abc import Mapping
-from math import pi
+from math import inf, pi
 from typing import Any
 
 import mitsuba as mi
 import numpy as np
 
 from raytwin.scene import Scene
-from raytwin.twin.rays import directions, lens
+from raytwin.twin.rays import directions, lens_of
 from raytwin.twin.world import SHADOW_OFFSET, UNIT, translate
 
 
@@ -25,7 +25,7 @@ class Renderer:
     def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], integrator: dict[str, Any] | None) -> None:
         self.scene = mi.load_dict(translate(scene, textures))
         self.integrator = mi.load_dict(integrator) if integrator else None
-        self.lens, self.width = lens(scene.camera), scene.camera.width
+        self.lens, self.width = lens_of(scene.camera), scene.camera.width
         self.R = np.asarray(scene.camera.R_cam_board)
         self.to_light = self.R @ scene.sun.direction
         self.irradiance, self.sky = np.asarray(scene.sun.irradiance), np.asarray(scene.sky.radiance)
@@ -55,27 +55,25 @@ class Renderer:
     def _hit(self, pixel: np.ndarray, jitter: Any) -> tuple[Any, ...]:
         du, dv = jitter if np.ndim(jitter) else (0.0, 0.0)
         d = np.stack(directions(np, self.lens, pixel % self.width + du, pixel // self.width + dv), axis=1)
-        ids, t = np.full(len(d), -1, np.int32), np.zeros(len(d))
-        n, p = np.zeros((len(d), 3)), np.zeros((len(d), 3))
+        ids, t, n = np.full(len(d), -1, np.int32), np.zeros(len(d)), np.zeros((len(d), 3))
         hits: list[Any] = [None] * len(d)
         intersect, Ray, eye, known = self.scene.ray_intersect, mi.Ray3f, mi.Point3f(0), self.ids
-        found_t, found_n, found_p, where, found_ids = [], [], [], [], []
+        where, found_ids, found_t, found_n = [], [], [], []
         for i, direction in enumerate(d.astype(np.float32).tolist()):
             si = intersect(Ray(eye, direction))
-            if si.is_valid():
+            if (distance := si.t) < inf:
                 hits[i] = si
                 where.append(i)
                 found_ids.append(known[si.shape])
-                found_t.append(si.t)
+                found_t.append(distance)
                 found_n.append(list(si.n))
-                found_p.append(list(si.p))
         if where:
-            ids[where], t[where], n[where], p[where] = found_ids, found_t, found_n, found_p
+            ids[where], t[where], n[where] = found_ids, found_t, found_n
         n[(n * d).sum(axis=1) > 0] *= -1
         albedo = self.albedo[ids]
         for i in np.flatnonzero(np.isin(ids, self.textured)):
             albedo[i] = list(hits[i].bsdf().eval_diffuse_reflectance(hits[i]))
-        return ids, t, n, p, albedo, hits
+        return ids, t, n, d * t[:, None], albedo, hits
 
     def _first_light(self, ids, t, n, p, albedo, shadows: bool, sky_at_hit: bool) -> np.ndarray:
         """albedo/π E V max(0, n·l) (+ albedo Ls) where something is hit, Ls elsewhere."""
