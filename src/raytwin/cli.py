@@ -54,6 +54,7 @@ def compare_command(
     photo: Annotated[str | None, typer.Option(metavar="NAME", help="Which photo's camera to stand at.")] = None,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="Render at another size than the camera's.")] = None,
     cache: Annotated[bool, typer.Option(help="Reuse the twin's renders of the same content.")] = True,
+    flip: Annotated[bool, typer.Option("--flip", help="Add NVIDIA's perceptual metric FLIP (slow).")] = False,
     json: JsonFile = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="DIR", help="Where the report goes (out/SCENE by default).")
@@ -74,6 +75,7 @@ def compare_command(
             photo=photo,
             size=parse_size(size, "--size") if size else None,
             cache=cache,
+            flip=flip,
             progress=progress,
         )
         folder = out or Path("out") / result.scene.name

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from raytwin import files, photos, twin
+from raytwin.augment import augment
 from raytwin.compare import Comparison, compare
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -142,18 +143,6 @@ def compare_truth(
     return tuple(rows)
 
 
-# ------------------------------------------------------------------------------------------ the augmented photo
-
-
-def augment(photo: np.ndarray, scene: Scene, image: Image) -> np.ndarray:
-    """The photo (uint8 sRGB) with the scene's objects drawn in, all but what the photo already shows."""
-    present = [i for i, thing in enumerate(scene.objects) if not (isinstance(thing, Plane) and thing.in_photo)]
-    drawn = np.isin(image.surface.ids, present)
-    out = photo.copy()
-    out[drawn] = files.to_bytes(image.mean[drawn])
-    return out
-
-
 # ------------------------------------------------------------------------------------------ the main job
 
 
@@ -170,6 +159,7 @@ def run(
     size: tuple[int, int] | None = None,
     trim: bool = True,
     cache: bool = True,
+    flip: bool = False,
     progress: Progress = silent,
 ) -> Result:
     """Compare the hand-written tracer with its Mitsuba twin on the scene at `path`.
@@ -177,7 +167,7 @@ def run(
     `rung`: `surface`, `lambert` and `shadow` are computed by both; for `sky` and `path`, which the tracer does not
     climb, it stays at `shadow`, and the comparison shows what the further light adds. `size` (width, height) renders
     at other than the camera's own size. `samples`: the twin's samples per pixel, by default 1 where every sample
-    through the pixel's centre is the same, else 64.
+    through the pixel's centre is the same, else 64. `flip` adds the perceptual metric, which is slow.
     """
     if rung not in twin.RUNGS:
         raise InputError("--rung", f"one of {', '.join(twin.RUNGS)}", rung)
@@ -213,14 +203,14 @@ def run(
         )
     with watch.time("compare"):
         progress("compare", 0, 1)
-        comparison = compare(subject, other, tolerance=scene.tolerance, scene=scene.name, rung=rung, flip=True)
+        comparison = compare(subject, other, tolerance=scene.tolerance, scene=scene.name, rung=rung, flip=flip)
         progress("compare", 1, 1)
     picture = augmented = None
     truth: tuple[TruthRow, ...] = ()
     if photo_path is not None:
         picture = files.read_photo(photo_path)
         if size is None:
-            augmented = augment(picture, scene, subject)
+            augmented = augment(picture, scene).pixels
         if (truth_file := photo_path.parent / "truth.toml").exists() and size is None:
             truth = compare_truth(photos.read_truth(truth_file), calibration, scene.camera, photo_path.name)
     comparison = msgspec.structs.replace(

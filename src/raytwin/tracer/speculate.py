@@ -4,11 +4,12 @@
 points: a block of n x n pixels is traced whole where its corners see different objects or lit and unlit sides, where a
 small object or a neighbour's edge may cross it, or where the second differences say that interpolation errs too much.
 
-The bound. Bilinear interpolation over a step h errs by at most (|f_uu| + |f_vv|) h²/8. On a sphere whose image has the
-radius R pixels, seen nearly head on, L = a + b n·l with n = (x, y, √(1 - x² - y²)), x and y in radii; only n_z curves,
-and n_z'' = -(1 - y²) / n_z³ along x, so that the error is at most b h²/(8 R²) (2 - x² - y²) / n_z³ of the largest within
-the block. `careful` measures the second differences on the lattice instead of assuming all this, and takes twice their
-value, for the growth of the curvature between two lattice points; `interpolation_bound` gives the closed form.
+The bound. Bilinear interpolation over a step h errs by at most (|f_uu| + |f_vv|) h²/8. On a sphere whose image has
+the radius R pixels, seen nearly head on, L = a + b n·l with n = (x, y, √(1 - x² - y²)), x and y in radii; only n_z
+curves, and n_z'' = -(1 - y²) / n_z³ along x, so that the error is at most b h²/(8 R²) (2 - x² - y²) / n_z³ of the
+largest within the block. `careful` measures the second differences on the lattice instead of assuming all this, and
+takes twice their value, for the growth of the curvature between two lattice points; `interpolation_bound` gives the
+closed form.
 """
 
 import numpy as np
