@@ -58,7 +58,8 @@ def turning_radius(dist: Sequence[float]) -> float:
     Past it the lens model folds back: two directions would share a pixel. (r = 1000 is 90 degrees off the axis.)
     """
     k1, k2, _, _, k3 = _five(dist)
-    roots = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
+    slope = np.array([7 * k3, 5 * k2, 3 * k1, 1.0])  # of r² as the variable
+    roots = np.roots(np.where(np.abs(slope) < 1e-12, 0.0, slope))
     squares = [z.real for z in roots if abs(z.imag) < 1e-9 * max(1.0, abs(z)) and 0 < z.real < 1e6]
     return math.sqrt(min(squares)) if squares else math.inf
 
