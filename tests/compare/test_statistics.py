@@ -128,6 +128,13 @@ def test_the_count_of_false_alarms_would_show_a_variance_that_is_too_small():
     assert alarms("Gaussian against a reference", understated=4.0) > MOST
 
 
+def test_a_render_that_missed_every_rare_event_is_excused_by_a_reference_that_saw_them():
+    rng = np.random.default_rng(19)
+    rare = {"p": 1e-4, "size": 1e2, "sd": 0.0}
+    missed = Image(TRUTH.astype(np.float32), np.full(TRUTH.shape, 1e-34, np.float32), 16, None, 16)
+    assert compare(missed, render(rng, samples=4096, **rare)).passed
+
+
 def test_pixels_without_noise_in_either_image_are_compared_exactly():
     rng = np.random.default_rng(7)
     a, b = render(rng), render(rng, samples=4096)
@@ -211,18 +218,18 @@ def test_one_firefly_does_not_hide_a_wrong_tile():
     assert any("tile at (x=32, y=16)" in r for r in c.reasons)
 
 
-def test_a_shift_of_a_tenth_of_a_pixel_fails_where_the_noise_allows():
+def test_a_shift_of_a_tenth_of_a_pixel_fails_before_any_tile_tells():
     rng = np.random.default_rng(16)
 
     def disc(dx):
         y, x = np.mgrid[:96, :128]
         return (0.2 + 0.6 * np.clip(30.5 - np.hypot(x - 60 - dx, y - 45), 0, 1))[..., None] * np.ones(3)
 
-    reference = render(rng, disc(0), samples=1024)
-    c = compare(render(rng, disc(0.1), samples=256), reference)
-    assert not c.passed
+    reference = render(rng, disc(0), samples=1024, sd=0.1)
+    c = compare(render(rng, disc(0.1), sd=0.1), reference)
+    assert len(c.reasons) == 1
     assert c.reasons[0].startswith("the test image is shifted by (+0.1")
-    assert compare(render(rng, disc(0), samples=256), reference).passed
+    assert compare(render(rng, disc(0), sd=0.1), reference).passed
 
 
 def test_a_pass_says_what_it_could_have_seen_and_more_samples_see_more():

@@ -203,17 +203,20 @@ def allowance(sides: list[Side], tolerance: Tolerance, pixels: int, share: float
     return Allowance(tolerance.p999_abs, 1.2 * np.max(limits, axis=0), events.min(axis=0) / pixels)
 
 
-def variance_ratio(test: Image, reference: Image, a: Side | None, b: Side | None) -> tuple[float | None, float | None]:
+def variance_ratio(
+    test: Image, reference: Image, a: Side | None, b: Side | None, least: float = 0.0
+) -> tuple[float | None, float | None]:
     """(typical, largest) ratio of the test's variance to the reference's; None where one of the images has no noise.
 
-    Typical is the median over pixels, or the samples' inverse ratio where too few pixels have noise in both; largest
-    is that or the ratio of the means, which fireflies rule.
+    Typical is the median over pixels, or the samples' inverse ratio where too few have noise (more than `least`) in
+    both; largest is that or the ratio of the means, which fireflies rule.
     """
     if a is None or b is None:
         return None, None
     step = max(1, math.isqrt(test.mean.size // 3 // 50_000))
     va, vb = (np.asarray(i.variance[::step, ::step], np.float64).ravel() for i in (test, reference))
-    both = (va > 0) & (vb > 0)
+    # Rounding makes a variance of its own, which has nothing to tell.
+    both = (va > least) & (vb > least)
     typical = None
     if both.sum() >= 30:
         typical = float(np.median(va[both] / vb[both]))
@@ -250,7 +253,7 @@ def regularised(v: np.ndarray | None, side: Side | None, y0: int, y1: int, rows:
 def judge(test: Image, reference: Image, tolerance: Tolerance, rate: float) -> Noise:
     """Values, tiles, image: of two images of one shape (H, W, 3), finite, at least one of them with a variance."""
     a, b = survey(test), survey(reference)
-    typical, largest = variance_ratio(test, reference, a, b)
+    typical, largest = variance_ratio(test, reference, a, b, tolerance.p999_abs**2)
     noisy_sides = [s for s in (a, b) if s is not None]
     share = sidak(rate, TESTS)
     granted = allowance(noisy_sides, tolerance, test.shape[0] * test.shape[1], share)
