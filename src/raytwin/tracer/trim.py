@@ -18,8 +18,6 @@ Box = tuple[int, int, int, int]
 """x0, y0, x1, y1 in pixels: x0 <= u < x1 and y0 <= v < y1."""
 
 EMPTY: Box = (0, 0, 0, 0)
-ROUNDING = 0.02
-"""How far, in pixels, rounding may move an outline."""
 SIDE = np.linspace(0.0, 1.0, 65)
 
 
@@ -44,9 +42,9 @@ def trim_box(thing: Sphere | Plane, camera: Camera) -> Box:
     sides = [(xs, ay + 0 * xs), (xs, by + 0 * xs), (ax + 0 * ys, ys), (bx + 0 * ys, ys)]
     u, v = zip(*(_to_pixels(x, y, camera) for x, y in sides), strict=True)
     u, v = np.array(u), np.array(v)
-    # Between two samples a curve leaves its chord by at most an eighth of its second difference; take all of it. And
-    # rounding, in float32 most of all, may find a hit where the exact outline just misses a pixel's centre.
-    mu, mv = np.abs(np.diff(u, 2)).max() + ROUNDING, np.abs(np.diff(v, 2)).max() + ROUNDING
+    # Between two samples a curve leaves its chord by at most an eighth of its second difference; take all of it.
+    # Rounding outwards then leaves room for float32, whose outline may reach a centre that the exact one just misses.
+    mu, mv = np.abs(np.diff(u, 2)).max(), np.abs(np.diff(v, 2)).max()
     x0, x1 = max(floor(u.min() - mu), 0), min(ceil(u.max() + mu) + 1, camera.width)
     y0, y1 = max(floor(v.min() - mv), 0), min(ceil(v.max() + mv) + 1, camera.height)
     return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else EMPTY
