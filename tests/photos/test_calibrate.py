@@ -113,6 +113,20 @@ def test_its_json_has_exactly_the_promised_keys(tmp_path):
     assert data["image_size"] == [1008, 756]
 
 
+def test_a_coefficient_within_its_own_error_makes_a_model_unsound():
+    _, _, tags = _views(())
+    _, table = select_model([Seen(p, tuple(t)) for p, t in tags.items()], SIZE, SMALL)
+    assert [m for m, (_, sound) in table.items() if sound] == ["none"]
+
+
+def test_a_distortion_that_folds_back_inside_the_image_makes_a_model_unsound(real_tags, real_board):
+    tags, size = real_tags("desk_tilted")
+    chosen, table = select_model([Seen(p, tuple(t)) for p, t in tags.items()], size, real_board("coarse"))
+    assert not table["k1k2"][1]
+    assert table["k1k2k3"][1]
+    assert chosen == "k1k2k3"
+
+
 # ---------------------------------------------------------------------------------- real photos
 
 
@@ -164,9 +178,9 @@ def test_ten_views_from_one_side_are_degenerate():
     rng = np.random.default_rng(4)
     R, t = (np.array(a) for a in poses(BOARD, camera, 4, np.random.default_rng(2))[1])
     stands = [(R, t + rng.normal(0, 0.01, 3)) for _ in range(10)]
-    assert "degenerate-views" in _codes(
-        calibrate_detections(seen(camera, stands, noise=0.1, rng=rng), SIZE, SMALL, "k1")
-    )
+    found = calibrate_detections(seen(camera, stands, noise=0.1, rng=rng), SIZE, SMALL, "k1")
+    assert "degenerate-views" in _codes(found)
+    assert "the board's tilt differs by 0 degrees at most" in next(w.text for w in found.warnings)
 
 
 def test_a_mirrored_description_is_named_though_it_fits_as_well():

@@ -115,7 +115,7 @@ def calibrate(
     from which no camera follows. `progress(done, total)` counts photos, and the fit as one more.
     """
     paths = [Path(p) for p in photos]
-    where = os.path.commonpath([p.parent for p in paths]) if paths else "photos"
+    where = str(paths[0].parent) if paths else "photos"
     _check_model(model)
     if len(paths) < LEAST_VIEWS:
         raise InputError(where, f"at least {LEAST_VIEWS} photos of the board, from different sides", len(paths))
