@@ -9,7 +9,6 @@ import msgspec
 import numpy as np
 import pytest
 
-from raytwin import files
 from raytwin.image import Image
 from raytwin.report import write_report
 from raytwin.report.pictures import exposed, exposure
@@ -126,7 +125,7 @@ def shown(row: list[str]) -> list[float]:
 READ = 'for (const row of ["test", "reference", "error"]) result[row] = texts(row);'
 
 
-@pytest.mark.parametrize(("x", "y"), [(0, 0), (159, 119), (80, 60), (25, 61)])
+@pytest.mark.parametrize(("x", "y"), [(0, 0), (159, 119), (80, 60), (25, 61), (41, 70)])
 def test_the_inspector_shows_the_pixel_of_the_address(spoiled, browse, x, y):
     result, page = spoiled
     read, console = browse(page, f"#pixel={x},{y}", READ + "result.status = document.body.dataset.ready;")
@@ -143,9 +142,11 @@ def test_the_inspector_shows_the_pixel_of_the_address(spoiled, browse, x, y):
 
 
 def test_pictures_are_drawn_at_their_pixels_and_stay_sharp_when_magnified(spoiled, browse):
-    """At a zoom of 4 pixels, what the canvas shows a quarter of a pixel from the centre is the pixel's own colour."""
+    """At a zoom of 4 pixels, what the canvas shows towards a pixel's corners is the pixel's own colour."""
     result, page = spoiled
-    x, y = 100, 50
+    shades = exposed(result.twin, exposure(result.twin)).astype(int)
+    contrast = np.abs(shades[1:-1, 1:-1] - shades[2:, 2:]) + np.abs(shades[1:-1, 1:-1] - shades[1:-1, :-2])
+    y, x = (int(i) + 1 for i in np.unravel_index(contrast.sum(axis=-1).argmax(), contrast.shape[:2]))
     script = """
       result.sizes = {};
       for (const key of ["photo", "augmented", "tracer", "twin", "error", "silhouettes"]) {
@@ -153,10 +154,10 @@ def test_pictures_are_drawn_at_their_pixels_and_stay_sharp_when_magnified(spoile
         await pause();
         const at = (dx, dy) => [(0.5 + dx / 4) * c.width, (0.5 + dy / 3) * c.height].map(Math.round);
         const all = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;
-        const colours = [[-1, -1], [0, 0], [1, 0], [1, 1]].map(([dx, dy]) => {
-          const [px, py] = at(dx + 0.25, dy + 0.25);
+        const colours = [[-1, 0], [0, 0], [1, 0], [1, 1]].flatMap(([dx, dy]) => [-0.3, 0.3].map((off) => {
+          const [px, py] = at(dx + off, dy + off);
           return [...all.slice(4 * (py * c.width + px))].slice(0, 3);
-        });
+        }));
         result[key] = colours;
         result.sizes[key] = [view.width, view.height];
       }"""
@@ -165,10 +166,11 @@ def test_pictures_are_drawn_at_their_pixels_and_stay_sharp_when_magnified(spoile
     gain = exposure(result.twin)
     for key, image in (("tracer", result.subject), ("twin", result.twin)):
         pixels = exposed(image, gain)
-        expected = [pixels[y + dy, x + dx].tolist() for dx, dy in ((-1, -1), (0, 0), (1, 0), (1, 1))]
-        assert read[key] == expected
+        expected = [pixels[y + dy, x + dx].tolist() for dx, dy in ((-1, 0), (0, 0), (1, 0), (1, 1))]
+        assert read[key][0::2] == expected
+        assert read[key][1::2] == expected
     for key in ("photo", "augmented"):
-        near = np.abs(np.array(read[key][1], int) - getattr(result, key)[y, x])
+        near = np.abs(np.array(read[key][2], int) - getattr(result, key)[y, x])
         assert near.max() < 40  # a JPEG
     for width, height in read["sizes"].values():
         assert width > 350
@@ -188,6 +190,7 @@ def test_the_pointer_reads_a_pixel_and_a_click_keeps_it(spoiled, browse):
       const send = (type, x, y, more) => target.dispatchEvent(new PointerEvent(type, { ...at(x, y), ...more }));
       const where = () => ["at-x", "at-y"].map((id) => document.getElementById(id).valueAsNumber);
       send("pointermove", 100, 50); await settle();
+      result.cross = ["height", "width"].map((d) => Bokeh.documents[0].get_model_by_name(`cross_${d}`).location);
       result.hovered = where(); result.object = texts("reference")[0];
       send("pointerdown", 90, 45, { buttons: 1 }); send("pointerup", 90, 45);
       await settle();
@@ -203,7 +206,7 @@ def test_the_pointer_reads_a_pixel_and_a_click_keeps_it(spoiled, browse):
       result.followed = location.hash; result.close = range();"""
     read, console = browse(page, "", script)
     assert console == []
-    assert read["hovered"] == [100, 50]
+    assert read["hovered"] == read["cross"] == [100, 50]
     assert (
         read["object"]
         == ["sphere 0", "sphere 1", "sphere 2", "plane 0", "background"][result.twin.surface.ids[50, 100]]
@@ -235,13 +238,21 @@ def test_a_photo_of_another_size_spans_the_same_picture(make_result, tmp_path, b
     result = make_result(photos=True)
     large = np.repeat(np.repeat(result.photo, 2, axis=0), 2, axis=1)
     write_report(replace(result, photo=large, augmented=None), tmp_path / "report.html")
-    script = """
-      for (const key of ["photo", "twin"]) { const c = canvas(key); result[key] = [...c.getContext("2d").getImageData(
-        Math.round(0.1 * c.width), Math.round(0.1 * c.height), 1, 1).data].slice(0, 3); }"""
+    # A patch of the floor where the turned or mirrored picture shows the sky.
+    ids = result.twin.surface.ids
+    floor = (ids == 3) & (ids[::-1] == -1) & (ids[:, ::-1] == -1) & (ids[::-1, ::-1] == -1)
+    inside = np.lib.stride_tricks.sliding_window_view(floor, (7, 7)).all(axis=(2, 3))
+    y, x = (int(i) + 3 for i in np.argwhere(inside)[0])
+    script = f"const fx = {(x + 0.5) / 160}, fy = {(y + 0.5) / 120};"
+    script += """
+      for (const key of ["photo", "twin"]) {
+        const c = canvas(key), at = [fx * c.width, fy * c.height].map(Math.round);
+        result[key] = [...c.getContext("2d").getImageData(...at, 1, 1).data].slice(0, 3);
+      }"""
     read, console = browse(tmp_path / "report.html", "", script)
     assert console == []
-    assert np.abs(np.array(read["photo"]) - large[24, 32]).max() < 40
-    assert files.to_bytes(result.twin.mean[12, 16] * np.float32(exposure(result.twin))).tolist() == read["twin"]
+    assert np.abs(np.array(read["photo"], int) - result.photo[y, x]).max() < 40
+    assert read["twin"] == exposed(result.twin, exposure(result.twin))[y, x].tolist()
 
 
 def test_thinned_values_are_those_of_a_named_neighbour(make_result, tmp_path, browse, monkeypatch):
