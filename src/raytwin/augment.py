@@ -6,8 +6,8 @@ keeps its pixels, multiplied in linear light by the irradiance that it gets with
     ratio = (E V max(0, n·l) + π Ls (1 - Σ F)) / (E V0 max(0, n·l) + π Ls)
 
 V and V0: the sun's visibility with and without the drawn objects; F = (r/d)² cos θ: the share of the sky, weighed by
-the cosine, that a sphere of radius r hides at distance d, θ off the normal, if it stands wholly above the surface (the form
-factor from a differential element to a sphere; Howell, "A Catalog of Radiation Heat Transfer Configuration Factors").
+the cosine, that a sphere of radius r hides at distance d, θ off the normal, if it stands wholly above the surface (form
+factor of a differential element to a sphere; Howell, "A Catalog of Radiation Heat Transfer Configuration Factors").
 Light that the objects send to the photographed surfaces is left out.
 """
 

@@ -183,6 +183,9 @@ def run(
         backend = twin.activate()
     with watch.time("calibrate"):
         scene, photo_path, calibration, pose = find_camera(scene, photo, progress)
+    truth: tuple[TruthRow, ...] = ()
+    if photo_path is not None and (truth_file := photo_path.parent / "truth.toml").exists():
+        truth = compare_truth(photos.read_truth(truth_file), calibration, scene.camera, photo_path.name)
     if size is not None:
         scene = scene.with_camera(scene.camera.resized(*size))
     climbed = rung if rung in RUNGS else "shadow"
@@ -206,13 +209,10 @@ def run(
         comparison = compare(subject, other, tolerance=scene.tolerance, scene=scene.name, rung=rung, flip=flip)
         progress("compare", 1, 1)
     picture = augmented = None
-    truth: tuple[TruthRow, ...] = ()
     if photo_path is not None:
         picture = files.read_photo(photo_path)
         if size is None:
             augmented = augment(picture, scene).pixels
-        if (truth_file := photo_path.parent / "truth.toml").exists() and size is None:
-            truth = compare_truth(photos.read_truth(truth_file), calibration, scene.camera, photo_path.name)
     comparison = msgspec.structs.replace(
         comparison,
         seconds={stage: watch.seconds[stage] for stage in ("calibrate", "tracer", "twin", "compare")},

@@ -1,0 +1,5 @@
+"""`python -m raytwin`."""
+
+from raytwin.cli import main
+
+main()

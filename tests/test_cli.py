@@ -1,0 +1,217 @@
+"""The command line as a user meets it: exit codes, files written, and one clear line for every wrong input."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raytwin import files
+
+KEYS = {
+    "scene": None,
+    "rung": None,
+    "verdict": None,
+    "reasons": None,
+    "geometry": {"mask_mismatch_pixels", "depth_max_rel", "normal_max_deg", "shift_px"},
+    "radiance": {"max_abs", "p999_abs", "rmse", "relmse", "mean_ratio"},
+    "statistics": {"z_mean", "z_tile_worst", "pixel_fail_fraction", "minimum_detectable_bias"},
+    "perceptual": {"flip_mean"},
+    "ledger": None,
+    "seconds": {"calibrate", "tracer", "twin", "compare"},
+    "backend": None,
+}
+
+
+def raytwin(*arguments: object, cwd: Path | None = None, **environment: str) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "raytwin", *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, cwd=cwd, env=os.environ | environment, timeout=300, check=False
+    )
+
+
+def refused(run: subprocess.CompletedProcess, *parts: str) -> None:
+    """Exit code 2 and one line, without a traceback, that holds all of `parts`."""
+    assert run.returncode == 2, run.stderr
+    assert run.stderr.startswith("raytwin: ")
+    assert run.stderr.count("\n") == 1, run.stderr
+    assert not run.stdout
+    for part in parts:
+        assert part in run.stderr
+
+
+@pytest.fixture
+def desk(scenes, tmp_path) -> Path:
+    """A copy of the desk that a test may spoil, with four of its photos."""
+    folder = tmp_path / "desk"
+    (folder / "photos").mkdir(parents=True)
+    for name in ("scene.toml", "board.toml", *(f"photos/photo_0{i}.jpg" for i in (0, 3, 4, 5))):
+        (folder / name).write_bytes((scenes / "desk" / name).read_bytes())
+    return folder
+
+
+def test_help_names_the_commands():
+    run = raytwin("--help")
+    assert run.returncode == 0
+    for command in ("compare", "calibrate", "photograph", "doctor"):
+        assert command in run.stdout
+
+
+def test_compare_passes_and_writes_every_file(scenes, tmp_path):
+    run = raytwin(
+        "compare", scenes / "overlap", "--size", "160x120", "-o", tmp_path / "out", "--json", tmp_path / "a.json"
+    )
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.startswith("PASS  overlap, rung shadow")
+    found = json.loads((tmp_path / "a.json").read_text())
+    assert found.keys() == KEYS.keys()
+    for name, keys in KEYS.items():
+        if keys:
+            assert found[name].keys() == keys, name
+    assert found["backend"].keys() >= {"twin_variant", "tracer_engine"}
+    assert found == json.loads((tmp_path / "out" / "comparison.json").read_text())
+    tracer, _ = files.read_exr(tmp_path / "out" / "tracer.exr")
+    other, _ = files.read_exr(tmp_path / "out" / "twin.exr")
+    error, _ = files.read_exr(tmp_path / "out" / "error.exr")
+    assert tracer.shape == (120, 160, 3)
+    assert np.array_equal(tracer.mean - other.mean, error.mean)
+    assert "<html" in (tmp_path / "out" / "report.html").read_text()[:500]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "comparison.json",
+        "error.exr",
+        "report.html",
+        "tracer.exr",
+        "twin.exr",
+    ]
+
+
+def test_compare_fails_with_1_where_the_images_differ(scenes, tmp_path):
+    run = raytwin("compare", scenes / "overlap", "--size", "80x60", "--rung", "sky", "--samples", 16, "-o", tmp_path)
+    assert run.returncode == 1, run.stderr
+    assert run.stdout.startswith("FAIL")
+
+
+def test_it_works_without_any_llvm(scenes, tmp_path):
+    """On scalar_rgb, distorted camera included, with the same numbers."""
+    run = raytwin(
+        "compare",
+        scenes / "distorted",
+        "--size",
+        "80x60",
+        "-o",
+        tmp_path,
+        RAYTWIN_NO_LLVM="1",
+        RAYTWIN_CACHE=str(tmp_path),
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+    found = json.loads((tmp_path / "comparison.json").read_text())
+    assert found["backend"]["twin_variant"] == "scalar_rgb"
+    assert found["geometry"]["mask_mismatch_pixels"] == 0
+    assert found["radiance"]["p999_abs"] <= 1e-5
+
+
+def test_calibrate_writes_json_and_a_camera(desk, tmp_path):
+    run = raytwin(
+        "calibrate",
+        desk / "photos",
+        "--board",
+        desk / "board.toml",
+        "--json",
+        tmp_path / "c.json",
+        "-o",
+        tmp_path / "camera.toml",
+    )
+    assert run.returncode == 0, run.stderr
+    found = json.loads((tmp_path / "c.json").read_text())
+    assert list(found) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "warnings"]
+    assert list(found["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board"]
+    camera = files.read_camera(tmp_path / "camera.toml")
+    assert camera.image_size == (2016, 1512)
+    assert camera.fx == pytest.approx(1560, rel=0.01)
+    R, t = np.array(found["views"][0]["R_cam_board"]), np.array(found["views"][0]["t_cam_board"])
+    assert np.allclose(R, camera.R_cam_board, atol=5e-3)
+    assert np.allclose(t, camera.t_cam_board, atol=5e-3)
+
+
+def test_a_negative_radius_is_refused(scenes, tmp_path):
+    folder = tmp_path / "bad"
+    folder.mkdir()
+    text = (scenes / "single" / "scene.toml").read_text().replace("radius = 0.05", "radius = -0.4")
+    (folder / "scene.toml").write_text(text)
+    refused(raytwin("compare", folder, "-o", tmp_path / "out"), "scene.toml: spheres[0].radius", "> 0", "-0.4")
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_unknown_key_is_refused(scenes, tmp_path):
+    folder = tmp_path / "bad"
+    folder.mkdir()
+    text = (scenes / "single" / "scene.toml").read_text().replace("albedo =", "colour =")
+    (folder / "scene.toml").write_text(text)
+    refused(raytwin("compare", folder), "scene.toml: spheres[0].colour", "unknown key")
+
+
+def test_a_truncated_photo_is_refused_by_name(desk):
+    photo = desk / "photos" / "photo_04.jpg"
+    photo.write_bytes(photo.read_bytes()[:100_000])
+    refused(raytwin("compare", desk, "-o", desk / "out"), "photo_04.jpg", "truncated")
+
+
+def test_mixed_image_sizes_are_refused(desk):
+    files.write_picture(desk / "photos" / "photo_04.jpg", files.read_photo(desk / "photos" / "photo_04.jpg")[:1000])
+    refused(raytwin("compare", desk), "photo_04.jpg", "2016 x 1512", "2016 x 1000")
+
+
+def test_one_photo_alone_is_refused(desk):
+    for i in (0, 4, 5):
+        (desk / "photos" / f"photo_0{i}.jpg").unlink()
+    refused(raytwin("compare", desk), "photos", "at least 3", "1")
+
+
+def test_photos_without_tags_are_refused(desk):
+    for i in (0, 3, 4, 5):
+        files.write_picture(desk / "photos" / f"photo_0{i}.jpg", np.full((1512, 2016, 3), 90, np.uint8))
+    refused(raytwin("compare", desk), "photo_0", "tags")
+
+
+def test_a_mirrored_photo_is_called_mirrored(desk):
+    for i in (0, 3, 4, 5):
+        photo = desk / "photos" / f"photo_0{i}.jpg"
+        files.write_picture(photo, files.read_photo(photo)[:, ::-1])
+    refused(raytwin("compare", desk), "photo_0", "mirrored")
+
+
+def test_a_board_whose_ids_do_not_match_is_refused(desk):
+    board = desk / "board.toml"
+    board.write_text(board.read_text().replace("first_id = 0", "first_id = 200"))
+    refused(raytwin("compare", desk), "200", "0")
+
+
+@pytest.mark.parametrize("size", ["640", "0x10", "axb", "-3x4", "640x480x3"])
+def test_a_size_that_is_none_is_refused(scenes, size):
+    refused(raytwin("compare", scenes / "single", f"--size={size}"), "--size", "640x480")
+
+
+def test_a_scene_that_is_not_there_is_refused(tmp_path):
+    refused(raytwin("compare", tmp_path / "nowhere"), "nowhere", "no such folder")
+
+
+def test_the_output_may_not_be_a_file(scenes, tmp_path):
+    (tmp_path / "out").write_text("mine")
+    refused(raytwin("compare", scenes / "single", "--size", "40x30", "-o", tmp_path / "out"), "out")
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+def test_doctor_says_what_was_tried():
+    run = raytwin("doctor")
+    assert run.returncode == 0
+    assert "backend" in run.stdout
+    assert "mitsuba" in run.stdout
+
+
+def test_help_loads_nothing_heavy():
+    heavy = ("mitsuba", "drjit", "cv2", "bokeh", "PIL", "numpy")
+    code = f"import sys, raytwin.cli; print([m for m in {heavy} if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -1,0 +1,115 @@
+"""The halves together: the tracer against Mitsuba on every shipped scene, and the photographed one whole."""
+
+import numpy as np
+import pytest
+
+from raytwin import files, pipeline, twin
+from raytwin.compare import compare
+from raytwin.errors import InputError
+from raytwin.scene import Camera
+from raytwin.tracer import trace
+
+GIVEN = ["single", "overlap", "distorted", "grazing"]
+
+
+@pytest.fixture(scope="module")
+def desk(scenes):
+    """`compare scenes/desk` at a quarter of the side: calibration in full, rendering small."""
+    twin.activate()
+    return pipeline.run(scenes / "desk", size=(504, 378))
+
+
+def small(scenes, name: str):
+    scene = files.read_scene(scenes / name)
+    return scene.with_camera(scene.camera.resized(scene.camera.width // 2, scene.camera.height // 2))
+
+
+@pytest.mark.parametrize("rung", ["surface", "lambert", "shadow"])
+@pytest.mark.parametrize("name", GIVEN)
+def test_the_tracer_agrees_with_mitsuba_on_every_scene(scenes, name, rung):
+    twin.activate()
+    scene = small(scenes, name)
+    found = compare(trace(scene, rung), twin.render(scene, rung, cache=False), tolerance=scene.tolerance)
+    assert found.verdict == "pass", found.reasons
+    assert found.geometry.mask_mismatch_pixels == 0
+    assert found.radiance.p999_abs <= 1e-5
+
+
+@pytest.mark.parametrize("name", GIVEN)
+def test_a_missing_shadow_is_seen(scenes, name):
+    twin.activate()
+    scene = small(scenes, name)
+    found = compare(trace(scene, "lambert"), twin.render(scene, "shadow", cache=False), tolerance=scene.tolerance)
+    # A sphere lit from the camera's back casts none that it could see.
+    assert found.verdict == ("pass" if name == "single" else "fail")
+
+
+def test_the_photographed_scene_agrees(desk):
+    c = desk.comparison
+    assert c.verdict == "pass", c.reasons
+    assert c.radiance.p999_abs <= 1e-5
+
+
+def test_the_calibration_finds_the_true_camera(desk):
+    rows = {row.name: row for row in desk.truth} or pytest.fail("no truth beside the photos")
+    for name in ("fx", "fy"):
+        assert abs(rows[name].found / rows[name].truth - 1) < 1e-3
+    for name in ("cx", "cy"):
+        assert abs(rows[name].found - rows[name].truth) < 1
+    for name in ("fx", "fy", "cx", "cy"):
+        assert abs(rows[name].found - rows[name].truth) < 4 * rows[name].sigma
+    assert rows["rotation off by"].found < 0.1
+    assert rows["eye off by"].found < 1
+    assert not desk.calibration.warnings
+
+
+def test_another_photo_moves_the_camera(scenes, desk):
+    scene, path, _, _ = pipeline.find_camera(files.read_scene(scenes / "desk"), "photo_00.jpg")
+    assert path.name == "photo_00.jpg"
+    assert np.linalg.norm(np.subtract(scene.camera.eye, desk.scene.camera.eye)) > 0.05
+
+
+def test_a_photo_that_is_not_there_is_named(scenes):
+    with pytest.raises(InputError, match=r"--photo: expected one of photo_00\.jpg.*got nope\.jpg"):
+        pipeline.find_camera(files.read_scene(scenes / "desk"), "nope.jpg")
+
+
+def test_a_given_camera_takes_no_photo(scenes):
+    with pytest.raises(InputError, match="--photo"):
+        pipeline.find_camera(files.read_scene(scenes / "single"), "photo_00.jpg")
+
+
+def test_the_rung_that_the_tracer_lacks_fails_and_says_what_is_missing(scenes):
+    result = pipeline.run(scenes / "overlap", rung="path", size=(160, 120), samples=64, cache=False)
+    assert result.comparison.verdict == "fail"
+    assert result.settings["rung of the tracer"] == "shadow"
+    assert result.settings["rung of the twin"] == "path"
+
+
+@pytest.mark.parametrize("option", ["rung", "engine", "sampling", "solver"])
+def test_an_unknown_choice_names_the_known_ones(scenes, option):
+    with pytest.raises(InputError, match=r"expected one of .*got nonsense"):
+        pipeline.run(scenes / "single", **{option: "nonsense"})
+
+
+def test_truth_rows_measure_a_known_turn_and_shift():
+    """A camera turned by 1 degree and moved by 2 mm is found to be just that far off."""
+    c, s = np.cos(np.radians(1)), np.sin(np.radians(1))
+    R = np.diag([1.0, -1.0, -1.0])
+    K = ((1000.0, 0.0, 500.0), (0.0, 1000.0, 400.0), (0.0, 0.0, 1.0))
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    eye = np.array([0.1, 0.2, 0.5])
+
+    def camera(rotation, position):
+        t = -rotation @ position
+        return Camera((1000, 800), K, tuple(map(tuple, rotation.tolist())), tuple(t.tolist()))
+
+    true, found = camera(R, eye), camera(turn @ R, np.array([0.1, 0.2, 0.502]))
+    truth = pipeline.photos.Truth((1000, 800), K, (), {"a.jpg": (true.R_cam_board, true.t_cam_board)})
+
+    class Sigma:
+        sigma: dict = {}  # noqa: RUF012
+
+    rows = {row.name: row.found for row in pipeline.compare_truth(truth, Sigma(), found, "a.jpg")}
+    assert rows["rotation off by"] == pytest.approx(1, abs=1e-9)
+    assert rows["eye off by"] == pytest.approx(2, abs=1e-9)
