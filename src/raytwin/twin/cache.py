@@ -31,6 +31,7 @@ def load(key: str) -> Image | None:
             found.get("variance"),
             int(found["samples"]),
             Surface(found["ids"], found["depth"], found["normal"]),
+            int(found["batches"]) if "variance" in found else None,
         )
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
@@ -43,7 +44,7 @@ def store(key: str, image: Image) -> None:
     """Keep the image; a cache that cannot be written is no error."""
     parts = {"mean": image.mean, "samples": np.int64(image.samples)}
     if image.variance is not None:
-        parts["variance"] = image.variance
+        parts |= {"variance": image.variance, "batches": np.int64(image.batches)}
     parts |= {"ids": image.surface.ids, "depth": image.surface.depth, "normal": image.surface.normal}
     with contextlib.suppress(InputError, OSError):
         with files.replacing(path_of(key)) as temporary:

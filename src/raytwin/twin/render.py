@@ -87,7 +87,7 @@ def render(
     variance = None
     if not plan.exact:
         mean, variance = _sampled(renderer, scene.camera, plan, lambda part: say(1 + part * plan.samples))
-    image = Image(mean, variance, plan.samples, surface)
+    image = Image(mean, variance, plan.samples, surface, None if variance is None else plan.batches)
     if cache and time.perf_counter() - start > WORTH_KEEPING:
         kept.store(key, image)
     return image
