@@ -86,6 +86,6 @@ def embed(pictures: Sequence[Picture], width: int, height: int) -> tuple[str, li
     shared = [ToolProxy(tools=list(group)) for group in zip(*tools, strict=True)]
     toolbar = Toolbar(tools=shared, logo=None, active_drag=shared[0], active_scroll=shared[2])
     # A grid without plots, because only a grid lays its toolbar out in a row.
-    bar = GridPlot(children=[], toolbar=toolbar, toolbar_location="above", width=122, height=30)
+    bar = GridPlot(children=[], toolbar=toolbar, toolbar_location="above", width=148, height=30)
     script, elements = components((*figures, bar))
     return script, list(elements[:-1]), elements[-1]

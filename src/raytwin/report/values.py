@@ -26,7 +26,7 @@ from raytwin.image import Image
 MOST_PIXELS = 4_200_000
 """Above this the browser would hold more than 80 MB of values: the planes are thinned."""
 
-BUDGET = 8_000_000
+BUDGET = 6_000_000
 """Deflated bytes of all planes. Noise does not shrink; where it exceeds this, the planes are thinned."""
 
 
