@@ -157,7 +157,7 @@ def run(
     seed: int = 0,
     photo: str | None = None,
     size: tuple[int, int] | None = None,
-    trim: bool = True,
+    trim: str = "conic",
     cache: bool = True,
     flip: bool = False,
     progress: Progress = silent,
@@ -230,7 +230,7 @@ def run(
         "sphere solver": solver,
         "twin's sampling": sampling,
         "twin's samples per pixel": str(other.samples),
-        "trim boxes": "on" if trim else "off",
+        "trim boxes": trim,
     }
     return Result(
         scene=scene,

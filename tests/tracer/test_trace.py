@@ -146,7 +146,7 @@ def test_every_engine_sees_what_float64_sees(shipped, exact, engine):
 @pytest.mark.parametrize("name", [n for n, e in ENGINES.items() if e.is_numpy])
 def test_numpy_stays_in_the_precision_that_was_asked_for(overlap, name):
     # One float64 scalar among float32 arrays would quietly double the work.
-    from raytwin.tracer.arrays import lift
+    from raytwin.tracer.engine import lift
     from raytwin.tracer.prepare import seen_from_eye
     from raytwin.tracer.trace import trace_box
 

@@ -193,7 +193,7 @@ def test_regions_never_overlap_and_know_every_object_of_their_pixels(name, found
 @pytest.mark.parametrize("rung", ["surface", "shadow"])
 def test_trimming_changes_not_one_bit(shipped, engine, rung):
     small = shipped.with_camera(shipped.camera.resized(213, 160))
-    trimmed, full = trace(small, rung, engine, trim=True), trace(small, rung, engine, trim=False)
+    trimmed, full = trace(small, rung, engine, trim="conic"), trace(small, rung, engine, trim="none")
     np.testing.assert_array_equal(trimmed.mean, full.mean)
     for layer in ("ids", "depth", "normal"):
         np.testing.assert_array_equal(getattr(trimmed.surface, layer), getattr(full.surface, layer))
@@ -203,7 +203,7 @@ def test_trimming_changes_not_one_bit_where_a_merged_box_reaches_a_third(engine,
     # Two spheres touch corner to corner; the box round both holds a third that touches neither.
     spheres = tuple(Sphere((x, y, 0.0), 0.02) for x, y in ((-0.05, 0.05), (-0.02, 0.02), (-0.01, 0.055)))
     scene = Scene("three", single.camera, spheres, sun=single.sun, sky=single.sky)
-    trimmed, full = trace(scene, "shadow", engine), trace(scene, "shadow", engine, trim=False)
+    trimmed, full = trace(scene, "shadow", engine), trace(scene, "shadow", engine, trim="none")
     assert set(np.unique(full.surface.ids)) == {-1, 0, 1, 2}
     np.testing.assert_array_equal(trimmed.surface.ids, full.surface.ids)
     np.testing.assert_array_equal(trimmed.mean, full.mean)

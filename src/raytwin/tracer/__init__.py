@@ -5,21 +5,23 @@
 `trace` runs it over an image; each stage is public, so that it can be stepped through and checked on its own.
 """
 
-from raytwin.tracer.arrays import ENGINES
 from raytwin.tracer.camera import back_project, distort, undistort
+from raytwin.tracer.engine import ENGINES
 from raytwin.tracer.hit import Hit, nearest
 from raytwin.tracer.light import RUNGS, lambert, sun_visible
 from raytwin.tracer.plane import intersect_plane
 from raytwin.tracer.sphere import SOLVERS, intersect_sphere
 from raytwin.tracer.trace import trace
-from raytwin.tracer.trim import trim_box
+from raytwin.tracer.trim import TRIMS, corner_box, trim_box
 
 __all__ = [
     "ENGINES",
     "RUNGS",
     "SOLVERS",
+    "TRIMS",
     "Hit",
     "back_project",
+    "corner_box",
     "distort",
     "intersect_plane",
     "intersect_sphere",

@@ -3,12 +3,16 @@
 Normalised coordinates (x, y) are the point where the ray meets the plane z = 1 of the camera frame.
 """
 
+from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
+from raytwin.errors import InputError
 from raytwin.scene import Camera
 from raytwin.tracer.arrays import Vec, dot, sqrt
 
-NEWTON_STEPS = 6
+MOST_STEPS = 20
 
 
 def distort(x: Any, y: Any, dist: tuple) -> tuple[Any, Any]:
@@ -22,16 +26,14 @@ def distort(x: Any, y: Any, dist: tuple) -> tuple[Any, Any]:
     return x * radial + 2 * p1 * x * y + p2 * (rr + 2 * x * x), y * radial + p1 * (rr + 2 * y * y) + 2 * p2 * x * y
 
 
-def undistort(xd: Any, yd: Any, dist: tuple) -> tuple[Any, Any]:
+def undistort(xd: Any, yd: Any, dist: tuple, steps: int = 6) -> tuple[Any, Any]:
     """The (x, y) with distort(x, y) = (xd, yd), by Newton's method from (xd, yd).
 
-    The Jacobian [[a, b], [b, c]] is symmetric. Six steps reach rounding wherever the distortion is monotone and moves a
-    point by less than about a third of its distance from the centre; whether it did is for the caller to check, by
-    distorting again.
+    The Jacobian [[a, b], [b, c]] is symmetric. `newton_steps` tells how many steps a camera needs.
     """
     k1, k2, p1, p2, k3 = dist
     x, y = xd, yd
-    for _ in range(NEWTON_STEPS):
+    for _ in range(steps):
         rr = x * x + y * y
         radial = 1 + rr * (k1 + rr * (k2 + rr * k3))
         slope = 2 * (k1 + rr * (2 * k2 + rr * (3 * k3)))  # d radial / d(rr), doubled
@@ -46,14 +48,43 @@ def undistort(xd: Any, yd: Any, dist: tuple) -> tuple[Any, Any]:
     return x, y
 
 
-def back_project(u: Any, v: Any, camera: Camera) -> Vec:
+@lru_cache(maxsize=64)
+def newton_steps(camera: Camera) -> int:
+    """How many steps undo the camera's distortion to 1e-12 all over the frame: 0 for a pinhole, 3 for most lenses.
+
+    Raises InputError where none do: the model folds over within the frame, and some pixels have no ray.
+    """
+    if not any(camera.dist):
+        return 0
+    u = np.linspace(-0.5, camera.width - 0.5, 33)
+    v = np.linspace(-0.5, camera.height - 0.5, 33)[:, None]
+    xd, yd = np.broadcast_arrays((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)
+    with np.errstate(all="ignore"):
+        for steps in range(1, MOST_STEPS):
+            x, y = undistort(xd, yd, camera.coefficients, steps)
+            bx, by = distort(x, y, camera.coefficients)
+            off = np.hypot(bx - xd, by - yd)
+            if off.max() < 1e-12 and _monotone(x, y, camera.coefficients):
+                return steps
+    raise InputError("camera.dist", "a distortion that can be undone all over the frame", list(camera.dist))
+
+
+def _monotone(x: np.ndarray, y: np.ndarray, dist: tuple) -> bool:
+    """The radial part r (1 + k1 r² + ...) grows all the way out to the farthest point."""
+    k1, k2, _, _, k3 = dist
+    rr = np.linspace(0.0, float((x * x + y * y).max()), 257)
+    return bool((1 + rr * (3 * k1 + rr * (5 * k2 + rr * 7 * k3))).min() > 0)
+
+
+def back_project(u: Any, v: Any, camera: Camera, steps: int = 6) -> Vec:
     """d = Rᵀ (x, y, 1) / |(x, y, 1)|: the unit direction, in the board frame, of the ray through pixel (u, v).
 
     `u`, `v`: pixels, (0, 0) is the centre of the top-left one; arrays of one shape, or that broadcast to one.
+    `steps`: Newton's, to undo the distortion.
     """
     x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
-    if camera.dist:
-        x, y = undistort(x, y, camera.coefficients)
+    if camera.dist and steps:
+        x, y = undistort(x, y, camera.coefficients, steps)
     scale = 1 / sqrt(x * x + y * y + 1)
     ray = (x * scale, y * scale, scale)
     right, down, forward = camera.R_cam_board

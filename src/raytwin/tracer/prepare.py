@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 from raytwin.scene import Scene
-from raytwin.tracer.arrays import Engine
+from raytwin.tracer.engine import Engine
 from raytwin.tracer.trim import EMPTY, Box
 
 TILE = 128

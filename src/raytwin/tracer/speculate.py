@@ -16,8 +16,8 @@ import numpy as np
 
 from raytwin.image import BACKGROUND
 from raytwin.scene import Scene
-from raytwin.tracer.arrays import ENGINES, from_numpy, lift, to_numpy
-from raytwin.tracer.camera import back_project
+from raytwin.tracer.camera import back_project, newton_steps
+from raytwin.tracer.engine import ENGINES, from_numpy, lift, to_numpy
 from raytwin.tracer.hit import nearest
 from raytwin.tracer.light import RUNGS, sun_visible
 from raytwin.tracer.prepare import seen_from_eye
@@ -98,13 +98,13 @@ def doubtful(scene: Scene, colour: np.ndarray, ids: np.ndarray, lit: np.ndarray,
 def trace_points(scene: Scene, u: np.ndarray, v: np.ndarray, rung: str, engine: str, light: bool = True):
     """Radiance (m, 3), ids (m,) and, where `light`, whether the sun reaches each point (m,), at pixels (u, v) (m,)."""
     how = ENGINES[engine]
-    local = lift(seen_from_eye(scene), how)
+    local, steps = lift(seen_from_eye(scene), how), newton_steps(scene.camera)
     colour, ids, lit = np.empty((len(u), 3), np.float32), np.empty(len(u), np.int32), np.zeros(len(u), bool)
     step = CHUNK if how.is_numpy else max(len(u), 1)
     for start in range(0, len(u), step):
         part = slice(start, start + step)
         with np.errstate(all="ignore"):
-            d = back_project(from_numpy(how, u[part]), from_numpy(how, v[part]), local.camera)
+            d = back_project(from_numpy(how, u[part]), from_numpy(how, v[part]), local.camera, steps)
             hit = nearest((0.0, 0.0, 0.0), d, list(enumerate(local.objects)))
             radiance = RUNGS[rung](hit, local, "robust")
             facing = sum(a * b for a, b in zip(hit.normal, scene.sun.direction, strict=True))

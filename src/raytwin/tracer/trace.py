@@ -7,27 +7,24 @@ import numpy as np
 from raytwin.errors import InputError
 from raytwin.image import BACKGROUND, Image, Surface
 from raytwin.scene import Camera, Scene
-from raytwin.tracer.arrays import ENGINES, Engine, flush, lift, pixel_grid, store
-from raytwin.tracer.camera import back_project
+from raytwin.tracer.camera import back_project, newton_steps
+from raytwin.tracer.engine import ENGINES, Engine, flush, lift, pixel_grid, store
 from raytwin.tracer.hit import Hit, nearest
 from raytwin.tracer.light import RUNGS
 from raytwin.tracer.prepare import regions, seen_from_eye
 from raytwin.tracer.sphere import SOLVERS
-from raytwin.tracer.trim import Box, trim_box
+from raytwin.tracer.trim import TRIMS, Box
 
 
 def trace(
-    scene: Scene, rung: str = "shadow", engine: str = "numpy64", solver: str = "robust", trim: bool = True
+    scene: Scene, rung: str = "shadow", engine: str = "numpy64", solver: str = "robust", trim: str = "conic"
 ) -> Image:
     """Radiance and surface of what each pixel's centre sees: `Image` of the camera's size, without noise.
 
-    `rung`: a row of RUNGS; `engine`: a row of ENGINES; `solver`: a row of SOLVERS. `trim` skips what no object's box
-    touches; the result is the same to the last bit, unless a poor solver sees a sphere beyond its outline. Raises
-    InputError for an unknown row, or a camera yet to be calibrated; MachineError for an engine that this machine lacks.
+    `rung`: a row of RUNGS; `engine`: a row of ENGINES; `solver`: a row of SOLVERS. `trim`, a row of
+    TRIMS, skips what no object's box touches; `conic` gives the same as `none` to the last bit, unless a poor solver sees a sphere beyond its outline. Raises InputError for an unknown row, a camera yet to be calibrated,
+    or a distortion that cannot be undone; MachineError for an engine that this machine lacks.
     """
-    for what, name, table in (("rung", rung, RUNGS), ("engine", engine, ENGINES), ("solver", solver, SOLVERS)):
-        if name not in table:
-            raise InputError(what, f"one of {', '.join(table)}", name)
     if not isinstance(scene.camera, Camera):
         raise InputError(f"scene {scene.name}: camera", "a calibrated camera", "photos to calibrate it from")
     w, h = scene.camera.image_size
@@ -55,21 +52,24 @@ def draw(
     rung: str = "shadow",
     engine: str = "numpy64",
     solver: str = "robust",
-    trim: bool = True,
+    trim: str = "conic",
     surface: Surface | None = None,
 ) -> None:
     """Write the radiance of every pixel that sees an object into `out` (H, W, 3) float32, and touch no other.
 
-    `surface`, where given, is written alike.
+    `surface`, where given, is written alike. The rest is as in `trace`.
     """
+    tables = ("rung", rung, RUNGS), ("engine", engine, ENGINES), ("solver", solver, SOLVERS), ("trim", trim, TRIMS)
+    for what, name, table in tables:
+        if name not in table:
+            raise InputError(what, f"one of {', '.join(table)}", name)
     camera, how = scene.camera, ENGINES[engine]
-    w, h = camera.image_size
-    boxes = [trim_box(thing, camera) if trim else (0, 0, w, h) for thing in scene.objects]
-    local = lift(seen_from_eye(scene), how)
+    boxes = [TRIMS[trim](thing, camera) for thing in scene.objects]
+    local, steps = lift(seen_from_eye(scene), how), newton_steps(camera)
     queued: list = []
     for box, candidates in regions(boxes, camera.image_size, how):
         with np.errstate(all="ignore"):  # infinities and NaN of missed rays are selected away
-            hit, radiance = trace_box(local, box, candidates, rung, how, solver)
+            hit, radiance = trace_box(local, box, candidates, rung, how, solver, steps)
         seen = hit.ids >= 0
         queued.append(store(out, box, radiance, seen))
         if surface is not None:
@@ -79,10 +79,13 @@ def draw(
 
 
 def trace_box(
-    scene: Scene, box: Box, candidates: Sequence[int], rung: str, engine: Engine, solver: str
+    scene: Scene, box: Box, candidates: Sequence[int], rung: str, engine: Engine, solver: str, steps: int = 6 = 6
 ) -> tuple[Hit, tuple]:
-    """The hit and the radiance of each pixel of the box, with rays that start at the origin of `scene`'s frame."""
+    """The hit and the radiance of each pixel of the box, with rays that start at the origin of `scene`'s frame.
+
+    `steps`: Newton's, to undo the distortion.
+    """
     u, v = pixel_grid(engine, box)
-    d = back_project(u, v, scene.camera)
+    d = back_project(u, v, scene.camera, steps)
     hit = nearest((0.0, 0.0, 0.0), d, [(i, scene.objects[i]) for i in candidates], solver)
     return hit, RUNGS[rung](hit, scene, solver)

@@ -7,6 +7,9 @@ atan2(c_x, c_z) ± asin(r / √(c_x² + c_z²)). Angles, unlike the roots of the
 the camera's plane (a hyperbola) or lies behind it (nothing). The horizontal tangents follow from y and z.
 """
 
+from collections.abc import Callable
+from functools import lru_cache
+from itertools import product
 from math import asin, atan2, ceil, floor, hypot, inf, pi, tan
 
 import numpy as np
@@ -50,6 +53,7 @@ def trim_box(thing: Sphere | Plane, camera: Camera) -> Box:
     return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else EMPTY
 
 
+@lru_cache(maxsize=64)
 def field_of_view(camera: Camera) -> tuple[float, float, float, float] | None:
     """(x_min, x_max, y_min, y_max) of normalised coordinates that the frame sees; None where the lens folds over."""
     w, h = camera.width - 0.5, camera.height - 0.5
@@ -102,6 +106,39 @@ def _plane_extent(plane: Plane, camera: Camera) -> tuple[tuple[float, float], tu
     return (float((x / z).min()), float((x / z).max())), (float((y / z).min()), float((y / z).max()))
 
 
+def corner_box(thing: Sphere | Plane, camera: Camera) -> Box:
+    """The paper's box: round the pixels of the eight corners of the cube that holds the sphere.
+
+    Kept beside `trim_box` for comparison. It wastes pixels, and cuts visible ones where a corner lies behind the eye
+    (it is projected through the eye, to the wrong side) or where distortion bends the outline past the corners.
+    """
+    if isinstance(thing, Sphere):
+        offsets = np.array(list(product((-thing.radius, thing.radius), repeat=3)))
+    else:
+        offsets = np.array([i * np.array(thing.half_u) + j * np.array(thing.half_v) for i in (-1, 1) for j in (-1, 1)])
+    corners = np.array(thing.center) + offsets
+    with np.errstate(all="ignore"):
+        x, y, z = np.asarray(camera.R_cam_board) @ corners.T + np.asarray(camera.t_cam_board)[:, None]
+        u, v = _to_pixels(x / z, y / z, camera)
+    if not (np.isfinite(u).all() and np.isfinite(v).all()):
+        return (0, 0, camera.width, camera.height)
+    x0, x1 = max(floor(u.min()), 0), min(ceil(u.max()) + 1, camera.width)
+    y0, y1 = max(floor(v.min()), 0), min(ceil(v.max()) + 1, camera.height)
+    return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else EMPTY
+
+
+def whole_frame(thing: Sphere | Plane, camera: Camera) -> Box:
+    return (0, 0, camera.width, camera.height)
+
+
 def _to_pixels(x: np.ndarray, y: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     xd, yd = distort(x, y, camera.coefficients)
     return camera.fx * xd + camera.cx, camera.fy * yd + camera.cy
+
+
+TRIMS: dict[str, Callable[[Sphere | Plane, Camera], Box]] = {
+    "none": whole_frame,
+    "corners": corner_box,
+    "conic": trim_box,
+}
+"""name -> (object, camera) -> box."""
