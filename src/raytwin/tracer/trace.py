@@ -21,9 +21,10 @@ def trace(
 ) -> Image:
     """Radiance and surface of what each pixel's centre sees: `Image` of the camera's size, without noise.
 
-    `rung`: a row of RUNGS; `engine`: a row of ENGINES; `solver`: a row of SOLVERS. `trim`, a row of
-    TRIMS, skips what no object's box touches; `conic` gives the same as `none` to the last bit, unless a poor solver sees a sphere beyond its outline. Raises InputError for an unknown row, a camera yet to be calibrated,
-    or a distortion that cannot be undone; MachineError for an engine that this machine lacks.
+    `rung`: a row of RUNGS; `engine`: a row of ENGINES; `solver`: a row of SOLVERS. `trim`, a row of TRIMS, skips what
+    no object's box touches; `conic` gives the same as `none` to the last bit, unless a poor solver sees a sphere beyond
+    its outline. Raises InputError for an unknown row, a camera yet to be calibrated, or a distortion that cannot be
+    undone; MachineError for an engine that this machine lacks.
     """
     if not isinstance(scene.camera, Camera):
         raise InputError(f"scene {scene.name}: camera", "a calibrated camera", "photos to calibrate it from")
@@ -79,7 +80,7 @@ def draw(
 
 
 def trace_box(
-    scene: Scene, box: Box, candidates: Sequence[int], rung: str, engine: Engine, solver: str, steps: int = 6 = 6
+    scene: Scene, box: Box, candidates: Sequence[int], rung: str, engine: Engine, solver: str, steps: int = 6
 ) -> tuple[Hit, tuple]:
     """The hit and the radiance of each pixel of the box, with rays that start at the origin of `scene`'s frame.
 
