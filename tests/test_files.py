@@ -378,6 +378,17 @@ def test_a_png_keeps_every_code_and_a_jpeg_nearly(tmp_path):
         files.write_picture(tmp_path / "a.tiff", pixels)
 
 
+@pytest.mark.parametrize("name", ["a.png", "a.jpg"])
+def test_a_photo_read_as_grey_is_the_luma_of_its_colours(tmp_path, name):
+    y, x = np.mgrid[0:40, 0:60]
+    pixels = np.stack([4 * x, 6 * y, 255 - 2 * x - 2 * y], axis=-1).astype(np.uint8)
+    files.write_picture(tmp_path / name, pixels, quality=95)
+    grey = files.read_grey(tmp_path / name)
+    assert grey.dtype == np.uint8
+    luma = files.read_photo(tmp_path / name) @ np.array([0.299, 0.587, 0.114])
+    assert np.abs(grey - luma).max() <= 2
+
+
 @pytest.mark.parametrize("orientation", [3, 6, 8])
 def test_an_exif_orientation_is_told_and_not_applied(tmp_path, orientation):
     pixels = np.zeros((40, 60, 3), np.uint8)
@@ -453,7 +464,7 @@ def test_a_damaged_photo_is_an_input_error_or_an_array(tmp_path, kind, where, ne
     data = buffer.getvalue()
     at = int(where * len(data))
     (tmp_path / "x").write_bytes(data[:at] + new + (b"" if cut else data[at + len(new) :]))
-    for read in (files.read_photo, files.photo_size, files.photo_orientation):
+    for read in (files.read_photo, files.read_grey, files.photo_size, files.photo_orientation):
         with contextlib.suppress(InputError):
             read(tmp_path / "x")
 

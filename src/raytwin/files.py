@@ -278,6 +278,16 @@ def read_photo(path: str | os.PathLike) -> np.ndarray:
         return np.asarray(photo.convert("RGB"))
 
 
+def read_grey(path: str | os.PathLike) -> np.ndarray:
+    """A PNG or JPEG as grey uint8 (H, W), Rec. 601 luma of sRGB, in the sensor's own pixel grid.
+
+    A JPEG stores luma apart from colour: reading it alone takes a third of `read_photo`'s time.
+    """
+    with _opened(path) as photo:
+        photo.draft("L", photo.size)
+        return np.asarray(photo.convert("L"))
+
+
 def photo_orientation(path: str | os.PathLike) -> int:
     """The EXIF orientation, 1 (upright) to 8; 1 where the file says nothing."""
     with _opened(path) as photo:

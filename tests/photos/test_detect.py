@@ -10,7 +10,7 @@ from raytwin.errors import InputError
 from raytwin.photos import lens
 from raytwin.photos.bias import center_bias, unbiased
 from raytwin.photos.board import Board, Grid, draw_board
-from raytwin.photos.detect import SEARCH_SIDE, NoTags, detect, detect_photo
+from raytwin.photos.detect import SEARCH_SIDE, NoTags, detect, detect_photo, detect_photos
 
 
 @pytest.fixture(scope="module")
@@ -35,11 +35,43 @@ def test_a_tag_that_the_frame_touches_is_dropped(sheet):
     assert [t.id for t in detect(sheet[:, 78:])] == [1, 3]
 
 
-def test_a_large_photo_is_searched_at_half_size_and_loses_no_accuracy(sheet):
-    large = np.full((SEARCH_SIDE + 1, 600), 216, np.uint8)
-    large[: sheet.shape[0], : sheet.shape[1]] = sheet
-    small, halved = (np.array([t.center for t in detect(p)]) for p in (sheet, large))
-    assert 0 < np.abs(halved - small).max() < 0.15
+@pytest.fixture(scope="module")
+def large(sheet) -> np.ndarray:
+    """The sheet in a photo that is searched at a reduced scale."""
+    pixels = np.full((SEARCH_SIDE + 1, 600), 216, np.uint8)
+    pixels[: sheet.shape[0], : sheet.shape[1]] = sheet
+    return pixels
+
+
+def test_a_large_photo_is_searched_at_a_quarter_of_its_size_and_loses_no_accuracy(sheet, large):
+    full, quarter, chosen = (
+        np.array([t.center for t in detect(pixels, reductions=r)])
+        for pixels, r in ((sheet, (1.0,)), (large, (4.0,)), (large, None))
+    )
+    assert 0 < np.abs(quarter - full).max() < 0.15
+    assert (chosen == quarter).all()
+
+
+def test_tags_too_small_for_a_reduced_search_are_searched_at_a_finer_scale(large):
+    small = np.full_like(large, 216)
+    part = large[::3, ::3]  # 50 px a tag: 12 at a quarter
+    small[: part.shape[0], : part.shape[1]] = part
+    assert detect(small) == detect(small, reductions=(2.0,)) != detect(small, reductions=(4.0,))
+    tiny = np.full_like(large, 216)
+    part = large[2::6, 2::6]  # 25 px: full scale alone will do
+    tiny[: part.shape[0], : part.shape[1]] = part
+    assert [t.id for t in detect(tiny)] == [0, 1, 2, 3]
+    assert detect(tiny) == detect(tiny, reductions=(1.0,))
+
+
+def test_photos_read_side_by_side_give_what_each_gives_alone_in_their_order(shoot):
+    folder, _ = shoot()
+    photos = sorted(folder.glob("*.jpg"))[::-1]
+    steps = []
+    found, wrong = detect_photos(photos, "tag36h11", lambda *step: steps.append(step))
+    assert found == {str(p): detect_photo(p) for p in photos}
+    assert list(found) == [str(p) for p in photos]
+    assert (wrong, steps) == ({}, [(i + 1, 12) for i in range(12)])
 
 
 def test_a_process_that_has_read_several_families_ends_well():
