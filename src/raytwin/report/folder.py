@@ -8,6 +8,7 @@ from raytwin.image import Image
 from raytwin.pipeline import Result
 from raytwin.report.html import write_report
 from raytwin.report.json import write_comparison
+from raytwin.report.overview import overview
 
 
 def write_all(
@@ -24,6 +25,7 @@ def write_all(
     if result.subject.mean.shape == result.twin.mean.shape:
         error = Image(result.subject.mean - result.twin.mean)
         steps.append(lambda: files.write_exr(folder / "error.exr", error, header | {"content": "tracer - twin"}))
+        steps.append(lambda: files.write_picture(folder / "overview.png", overview(result)))
     if result.augmented is not None:
         steps.append(lambda: files.write_picture(folder / "augmented.png", result.augmented))
     if json is not None:

@@ -16,8 +16,12 @@ from raytwin.scene import Plane, Scene
 UNIT = 1024.0
 """Mitsuba's lengths per metre."""
 
-SHADOW_OFFSET = 1e-6
-"""How far off the surface the sun's shadow rays start, as a part of the distance from the eye: 16 float32 steps."""
+SHADOW_OFFSET = 4e-6
+"""How far off the surface the sun's shadow rays start, as a part of the distance from the eye: 64 float32 steps.
+
+A table of 3 m under a camera at 0.3 m shaded itself in places at 1e-6 and nowhere at 2e-6; this is twice that, and
+moves a shadow's edge by less than 0.01 px.
+"""
 
 
 def translate(scene: Scene, textures: Mapping[int, np.ndarray]) -> dict[str, Any]:
