@@ -1,7 +1,7 @@
 """Files in and out, and all validation of them. The only place where sRGB exists.
 
-Reading: TOML into records, photos, EXR. Writing: always under a temporary name first, then renamed, so that an
-interrupted run leaves either the old file or the new one.
+Reading: TOML into records, photos, EXR, any image (`read_image`). Writing: always under a temporary name first, then
+renamed, so that an interrupted run leaves either the old file or the new one.
 """
 
 import contextlib
@@ -11,7 +11,7 @@ import re
 import secrets
 import tomllib
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -21,6 +21,7 @@ import numpy as np
 import tomli_w
 
 from raytwin.errors import InputError
+from raytwin.formats import check_size, pfm_bytes, read_exr_header, read_hdr, read_pfm
 from raytwin.image import Image, Surface
 from raytwin.scene import Camera, PhotoCamera, Plane, Scene, Sky, Sphere, Sun, Tolerance
 
@@ -304,10 +305,7 @@ def _opened(path: str | os.PathLike) -> Iterator[Any]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)
             with Pillow.open(path, formats=("JPEG", "PNG")) as photo:
-                if photo.width * photo.height > MAX_PIXELS:
-                    raise InputError(
-                        path, f"at most {MAX_PIXELS / 1e6:.0f} megapixels", f"{photo.width} x {photo.height}"
-                    )
+                check_size(path, *photo.size, 12, MAX_PIXELS)
                 yield photo
     except (FileNotFoundError, PermissionError) as error:
         raise InputError(path, "a photo (JPEG or PNG)", error.strerror.lower()) from None
@@ -374,48 +372,177 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
 
     Reads what `write_exr` writes, and any other EXR with RGB (or one grey) channels in its first part.
     """
+    with _exr(path) as parts:
+        first = next(iter(parts.values()))
+        header = {k.removeprefix("raytwin/"): v for k, v in first.header.items() if k.startswith("raytwin/")}
+        # OpenEXR leaves out a part that it cannot read, and only prints a warning.
+        if lost := set(header.pop("parts", "").split()) - parts.keys():
+            raise InputError(path, "an EXR file", f"a damaged one (without its part {', '.join(sorted(lost))})")
+        mean = _colours(path, parts)
+        variance = _colours(path, {"variance": parts["variance"]}) if "variance" in parts else None
+        surface = None
+        if {"depth", "normal", "id"} <= parts.keys():
+            normal, depth, ids = (parts[name].channels for name in ("normal", "depth", "id"))
+            surface = Surface(
+                ids["id"].pixels.astype(np.int32) - 1, depth["Z"].pixels, _stack(normal[c].pixels for c in "XYZ")
+            )
+        batches = int(header["batches"]) if "batches" in header else None
+        samples = int(header.get("samples", 1))
+        layers = [variance, *(() if surface is None else (surface.ids, surface.depth, surface.normal))]
+        sizes = [layer.shape[1::-1] for layer in (mean, *layers) if layer is not None]
+        if len(set(sizes)) > 1:
+            raise InputError(path, "parts of one size", ", ".join(f"{w} x {h}" for w, h in sizes))
+    return Image(mean, variance, samples, surface, batches), header
+
+
+@contextlib.contextmanager
+def _exr(path: str | os.PathLike) -> Iterator[dict[str, Any]]:
+    """The parts by name, decoded; whatever goes wrong inside is an InputError."""
     import OpenEXR
 
     if not Path(path).is_file():
-        raise InputError(path, "an EXR file", "no such file")
+        raise InputError(path, "an EXR file", "a folder" if Path(path).is_dir() else "no such file")
+    claimed = read_exr_header(path, MAX_PIXELS)
+    if bad := [channel for part in claimed for channel in part.subsampled]:
+        raise InputError(path, "channels with a value for every pixel", f"{', '.join(bad)} with fewer")
     try:
-        with OpenEXR.File(str(path), separate_channels=False) as file:
-            parts = {p.name() or str(i): p for i, p in enumerate(file.parts)}
-            if not parts:
-                raise InputError(path, "an EXR file", "a damaged one (no part can be read)")
-            first = next(iter(parts.values()))
-            header = {k.removeprefix("raytwin/"): v for k, v in first.header.items() if k.startswith("raytwin/")}
+        with OpenEXR.File(str(path), separate_channels=True) as file:
             # OpenEXR leaves out a part that it cannot read, and only prints a warning.
-            if lost := set(header.pop("parts", "").split()) - parts.keys():
-                raise InputError(path, "an EXR file", f"a damaged one (without its part {', '.join(sorted(lost))})")
-            mean = _pixels(path, first.channels)
-            variance = _pixels(path, parts["variance"].channels) if "variance" in parts else None
-            surface = None
-            if {"depth", "normal", "id"} <= parts.keys():
-                n = parts["normal"].channels
-                normal = n["XYZ"].pixels if "XYZ" in n else np.stack([n[c].pixels for c in "XYZ"], axis=-1)
-                surface = Surface(
-                    parts["id"].channels["id"].pixels.astype(np.int32) - 1,
-                    np.array(parts["depth"].channels["Z"].pixels),
-                    np.array(normal),
-                )
-            batches = int(header["batches"]) if "batches" in header else None
-            samples = int(header.get("samples", 1))
-            layers = [variance, *(() if surface is None else (surface.ids, surface.depth, surface.normal))]
-            sizes = [layer.shape[1::-1] for layer in (mean, *layers) if layer is not None]
-            if len(set(sizes)) > 1:
-                raise InputError(path, "parts of one size", ", ".join(f"{w} x {h}" for w, h in sizes))
+            if len(file.parts) < len(claimed):
+                lost = ", ".join(p.name for p in claimed if p.name not in {q.name() for q in file.parts})
+                raise InputError(path, "an EXR file", f"a damaged one (without its part {lost})")
+            for part, claim in zip(file.parts, claimed, strict=True):
+                if any(c.pixels is None or c.pixels.shape[::-1] != claim.size for c in part.channels.values()):
+                    raise InputError(path, "an EXR file", f"a damaged one (part {claim.name} has another size)")
+            yield {p.name() or str(i): p for i, p in enumerate(file.parts)}
     except InputError:
         raise
     except Exception as error:  # OpenEXR raises whatever its C++ did
         raise InputError(path, "an EXR file", f"a damaged one ({' '.join(str(error).split())[:120]})") from None
-    return Image(mean, variance, samples, surface, batches), header
 
 
-def _pixels(path: str | os.PathLike, channels: Mapping[str, Any]) -> np.ndarray:
-    for name in ("RGB", "RGBA"):
-        if name in channels:
-            return np.array(channels[name].pixels[..., :3], np.float32)
-    if "Y" in channels:
-        return np.repeat(np.asarray(channels["Y"].pixels, np.float32)[..., None], 3, axis=-1)
-    raise InputError(path, "channels R, G, B (or Y)", ", ".join(channels) or "none")
+def _colours(
+    path: str | os.PathLike, parts: Mapping[str, Any], part: str | None = None, layer: str | None = None
+) -> np.ndarray:
+    """(H, W, 3) float32 of the first part with colours; of a named part and layer where asked for."""
+    if part is not None:
+        chosen = parts.get(part) or dict(zip(map(str, range(len(parts))), parts.values(), strict=True)).get(part)
+        if chosen is None:
+            raise InputError(f"{path}: part", f"one of {', '.join(parts)}", part)
+        parts = {part: chosen}
+    for channels in (p.channels for p in parts.values()):
+        if layer is not None:
+            named = {k.removeprefix(f"{layer}."): c for k, c in channels.items() if k.startswith(f"{layer}.")}
+            found = _triple(named, ("RGB", "XYZ", "Y")) or ([channels[layer]] if layer in channels else None)
+        else:
+            found = _triple(channels, ("RGB", "Y") if part is None else ("RGB", "XYZ", "Y"))
+        if found:
+            return _stack((found * 3)[:3][i].pixels for i in range(3))
+    layers = _layers(parts)
+    if layer is not None:
+        raise InputError(f"{path}: layer", f"one of {', '.join(layers) or 'none'}", layer)
+    if len(layers) == 1:
+        return _colours(path, parts, None, layers[0])
+    if part is not None and len(channels) == 1:
+        return _colours(path, parts, None, next(iter(channels)))
+    names = [c for p in parts.values() for c in p.channels]
+    choose = f"; choose one of the layers {', '.join(layers)}" if layers else ""
+    raise InputError(path, "channels R, G, B (or Y)", (", ".join(names) or "none") + choose)
+
+
+def _triple(channels: Mapping[str, Any], kinds: tuple[str, ...]) -> list[Any] | None:
+    return next(([channels[c] for c in kind] for kind in kinds if all(c in channels for c in kind)), None)
+
+
+def _layers(parts: Mapping[str, Any]) -> list[str]:
+    """Names before `.R`, `.G`, `.B`, as in `diffuse.R`."""
+    names = {c for p in parts.values() for c in p.channels}
+    return sorted(n[:-2] for n in names if n.endswith(".R") and {n[:-1] + "G", n[:-1] + "B"} <= names)
+
+
+def _stack(planes: Iterable[np.ndarray]) -> np.ndarray:
+    """Three planes (H, W) as float32 (H, W, 3)."""
+    planes = list(planes)
+    out = np.empty((*planes[0].shape, 3), np.float32)
+    for i, plane in enumerate(planes):
+        out[..., i] = plane
+    return out
+
+
+# ---------------------------------------------------------------------------------------------- any image
+
+
+def read_image(path: str | os.PathLike, part: str | None = None, layer: str | None = None) -> Image:
+    """EXR, PFM, Radiance HDR, PNG (8 and 16 bit) or JPEG as an Image: told apart by their first bytes.
+
+    `part` (name or number) and `layer` (`diffuse` for `diffuse.R`..., or a single channel) choose within an EXR; where
+    nothing is chosen, the first part with colours counts, with the variance and the surface that `write_exr` wrote.
+    Grey becomes three equal channels; alpha is left out; PNG and JPEG are taken for sRGB. An EXR's pixels are those of
+    its data window.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(path, "an image file", "a folder" if path.is_dir() else "no such file")
+    try:
+        with path.open("rb") as file:
+            start = file.read(8)
+        kind = next((kind for magic, kind in MAGIC.items() if start.startswith(magic)), None)
+        if kind is None:
+            raise InputError(path, "an image: EXR, PFM, HDR, PNG or JPEG", "a file of another kind")
+        if kind != "EXR" and (part is not None or layer is not None):
+            raise InputError(path, "an EXR, which has parts and layers", kind)
+        if kind == "EXR":
+            if part is None and layer is None:
+                return read_exr(path)[0]
+            with _exr(path) as parts:
+                return Image(_colours(path, parts, part, layer))
+        if kind in ("PFM", "HDR"):
+            pixels = (read_pfm if kind == "PFM" else read_hdr)(path, MAX_PIXELS)
+        else:
+            pixels = _read_deep_png(path) if kind == "PNG" else None
+            pixels = from_bytes(read_photo(path)) if pixels is None else pixels
+    except OSError as error:
+        raise InputError(path, "an image file", error.strerror or error) from None
+    return Image(pixels if pixels.ndim == 3 else _stack([pixels] * 3))
+
+
+MAGIC = {
+    b"\x76\x2f\x31\x01": "EXR", b"PF": "PFM", b"Pf": "PFM", b"#?": "HDR", b"\x89PNG": "PNG", b"\xff\xd8": "JPEG",
+}  # fmt: skip
+
+
+def _read_deep_png(path: Path) -> np.ndarray | None:
+    """A PNG of 16 bits as linear float32, (H, W) or (H, W, 3); None where it has fewer."""
+    with _opened(path) as photo:
+        raw = photo.tile[0].args if photo.tile else None
+        raw = raw if isinstance(raw, str) else raw[0] if raw else ""
+        if not raw.endswith(";16B"):
+            return None
+        if photo.mode == "I;16":
+            return srgb_decode(np.asarray(photo, np.float32) / np.float32(65535)).astype(np.float32)
+        # Pillow keeps the first byte of each pair; told that the pairs are swapped, it keeps the second.
+        high = np.asarray(photo)[..., :3]
+    if raw not in ("RGB;16B", "RGBA;16B"):
+        return from_bytes(high)
+    with _opened(path) as photo:
+        photo.tile = [tile._replace(args=raw.replace("16B", "16L")) for tile in photo.tile]
+        low = np.asarray(photo)[..., :3]
+    return _decode_pairs(high, low)
+
+
+def _decode_pairs(high: np.ndarray, low: np.ndarray) -> np.ndarray:
+    codes = np.arange(1 << 16, dtype=np.float32) / np.float32(65535)
+    table = srgb_decode(codes).astype(np.float32)
+    return table[high.astype(np.uint16) << 8 | low]
+
+
+def write_image(path: str | os.PathLike, image: Image) -> None:
+    """By the name's ending: EXR with all that the image has; PFM its mean; PNG or JPEG its mean as 8-bit sRGB."""
+    suffix = Path(path).suffix.lower()
+    if suffix == ".exr":
+        write_exr(path, image)
+    elif suffix == ".pfm":
+        with replacing(path) as temporary:
+            temporary.write_bytes(pfm_bytes(image.mean))
+    else:
+        write_picture(path, to_bytes(image.mean))

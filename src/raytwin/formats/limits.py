@@ -1,0 +1,28 @@
+"""How large a picture a header may claim, given how long its file is."""
+
+import os
+
+from raytwin.errors import InputError
+
+FREE = 256 << 20
+"""Bytes in memory that any file may claim: 22 megapixels of float32 RGB, were it a single colour."""
+
+EXPANSION = 250
+"""Bytes in memory per byte of a larger file. Photos and renderings stay under 120; a bomb of zeros reaches 1032."""
+
+
+def check_size(path: str | os.PathLike, width: int, height: int, pixel_bytes: int, most_pixels: int) -> None:
+    """width * height <= most_pixels, and no more memory than a file of this length may ask for; else InputError.
+
+    `pixel_bytes` counts all channels as stored; the float32 RGB made of them counts at least.
+    """
+    if not (width > 0 and height > 0):
+        raise InputError(path, "a picture of at least one pixel", f"{width} x {height}")
+    if width * height > most_pixels:
+        raise InputError(path, f"at most {most_pixels / 1e6:g} megapixels", f"{width} x {height}")
+    length = os.stat(path).st_size  # noqa: PTH116 (path may be a str)
+    claimed = width * height * max(pixel_bytes, 12)
+    if claimed > max(FREE, EXPANSION * length):
+        raise InputError(
+            path, f"a file of at least {claimed // EXPANSION:,} bytes for {width} x {height} pixels", f"{length:,}"
+        )
