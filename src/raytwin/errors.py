@@ -5,16 +5,21 @@ class InputError(Exception):
     """`where: expected ..., got ...`: the caller's input is at fault, never a traceback's business.
 
     `where` names the file and the field (`scenes/desk/scene.toml: spheres[1].radius`), `expected` what would have
-    been right, with its unit, and `got` what was found. The command line prints it and exits with 2.
+    been right, with its unit, and `got` what was found. The command line prints it and exits with 2. What cannot be
+    printed on one line (a damaged file's bytes) becomes a space.
     """
 
     def __init__(self, where: object, expected: str, got: object) -> None:
-        self.where, self.expected, self.got = str(where), expected, str(got)
+        self.where, self.expected, self.got = (_line(str(text)) for text in (where, expected, got))
         super().__init__(f"{self.where}: expected {self.expected}, got {self.got}")
 
     def __reduce__(self):
         # The default rebuilds from the one formatted argument, which loses the fields between processes.
         return type(self), (self.where, self.expected, self.got)
+
+
+def _line(text: str) -> str:
+    return "".join(c if c.isprintable() else " " for c in text)
 
 
 class MachineError(InputError):

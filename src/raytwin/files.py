@@ -5,6 +5,7 @@ renamed, so that an interrupted run leaves either the old file or the new one.
 """
 
 import contextlib
+import io
 import math
 import os
 import re
@@ -304,7 +305,8 @@ def _opened(path: str | os.PathLike) -> Iterator[Any]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)
-            with Pillow.open(path, formats=("JPEG", "PNG")) as photo:
+            # From memory: of a file on disk, Pillow asks for as many bytes at once as a damaged chunk claims to have.
+            with Pillow.open(io.BytesIO(Path(path).read_bytes()), formats=("JPEG", "PNG")) as photo:
                 check_size(path, *photo.size, 12, MAX_PIXELS)
                 yield photo
     except (FileNotFoundError, PermissionError) as error:
@@ -406,8 +408,10 @@ def _exr(path: str | os.PathLike) -> Iterator[dict[str, Any]]:
     if bad := [channel for part in claimed for channel in part.subsampled]:
         raise InputError(path, "channels with a value for every pixel", f"{', '.join(bad)} with fewer")
     try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
-            # OpenEXR leaves out a part that it cannot read, and only prints a warning.
+        # OpenEXR leaves out a part that it cannot read, and only prints a warning.
+        with contextlib.redirect_stdout(io.StringIO()):
+            opened = OpenEXR.File(str(path), separate_channels=True)
+        with opened as file:
             if len(file.parts) < len(claimed):
                 lost = ", ".join(p.name for p in claimed if p.name not in {q.name() for q in file.parts})
                 raise InputError(path, "an EXR file", f"a damaged one (without its part {lost})")

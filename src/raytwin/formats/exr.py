@@ -93,7 +93,7 @@ def _headers(data: bytes) -> list[dict[str, Any]]:
             (size,) = struct.unpack_from("<i", data, at)
             at += 4
             if not 0 <= size <= len(data) - at:
-                raise ValueError(f"attribute {name}: {size} bytes")
+                raise ValueError(f"attribute {name[:40]}: {size} bytes")
             header[name] = data[at : at + size]
             at += size
         at += 1
@@ -153,9 +153,9 @@ def _channels(data: bytes) -> list[tuple[str, int, tuple[int, int]]]:
         name, at = _text(data, at)
         kind, _, across, down = struct.unpack_from("<iI2i", data, at)
         if kind not in PIXEL_BYTES:
-            raise ValueError(f"channel {name}: pixel type {kind}")
+            raise ValueError(f"channel {name[:40]}: pixel type {kind}")
         if across < 1 or down < 1:
-            raise ValueError(f"channel {name}: sampling {across} x {down}")
+            raise ValueError(f"channel {name[:40]}: sampling {across} x {down}")
         channels.append((name, kind, (across, down)))
         at += 16
     if not channels:

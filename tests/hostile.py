@@ -1,0 +1,320 @@
+"""Damaged and adversarial image files, and a child process of limited memory that reads them.
+
+`python tests/hostile.py FOLDER RESULTS` reads every file there and writes, for each, its name and what came of it.
+"""
+
+import io
+import resource
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+GIB = 1 << 30
+SECONDS = 20
+"""A single file that takes longer hangs."""
+
+
+# ------------------------------------------------------------------------------------------ sound files
+
+
+def sound_files() -> dict[str, bytes]:
+    """Small files of every kind that is read, by name."""
+    import OpenEXR
+    from PIL import Image as Pillow
+
+    from raytwin import files
+    from raytwin.image import Image, Surface
+
+    rng = np.random.default_rng(20)
+    a = rng.random((21, 33, 3)).astype(np.float32)
+    a[4:9] = 0.25
+    made: dict[str, bytes] = {}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+
+        def exr(key: str, parts: list) -> None:
+            with OpenEXR.File(parts) as file:
+                file.write(str(folder / "x.exr"))
+            made[f"{key}.exr"] = (folder / "x.exr").read_bytes()
+
+        for key in ("NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB"):
+            head = {"compression": getattr(OpenEXR, f"{key}_COMPRESSION")}
+            half = {c: np.ascontiguousarray(a[..., i], np.float16) for i, c in enumerate("RGB")}
+            exr(f"lines_{key}", [OpenEXR.Part(head | {"type": OpenEXR.scanlineimage}, {"RGB": a}, "x")])
+            tiles = OpenEXR.TileDescription()
+            tiles.xSize, tiles.ySize = 16, 8
+            exr(f"tiles_{key}", [OpenEXR.Part(head | {"type": OpenEXR.tiledimage, "tiles": tiles}, half, "x")])
+        layers = {"diffuse.R": a[..., 0], "diffuse.G": a[..., 1], "diffuse.B": a[..., 2], "Z": a[..., 0]}
+        layers = {k: np.ascontiguousarray(v) for k, v in layers.items()} | {"id": np.ones((21, 33), np.uint32)}
+        exr("layers", [OpenEXR.Part({"type": OpenEXR.scanlineimage}, layers, "x")])
+        surface = Surface(np.zeros((21, 33), np.int32), a[..., 0], a)
+        files.write_exr(folder / "x.exr", Image(a, a, 4, surface, 4))
+        made["parts.exr"] = (folder / "x.exr").read_bytes()
+        files.write_image(folder / "x.pfm", Image(a))
+        made["colour.pfm"] = (folder / "x.pfm").read_bytes()
+    made["big_endian_grey.pfm"] = b"Pf\n33 21\n1.0\n" + a[::-1, :, 0].astype(">f4").tobytes()
+    codes = np.round(a * 255).astype(np.uint8)
+    for key, mode, options in (
+        ("rgb", "RGB", {}), ("grey", "L", {}), ("palette", "P", {}), ("rgba", "RGBA", {}), ("bits", "1", {}),
+    ):  # fmt: skip
+        buffer = io.BytesIO()
+        Pillow.fromarray(codes).convert(mode).save(buffer, "PNG", **options)
+        made[f"{key}.png"] = buffer.getvalue()
+    buffer = io.BytesIO()
+    Pillow.fromarray(codes[..., 0].astype(np.uint16) * 257).save(buffer, "PNG")
+    made["grey16.png"] = buffer.getvalue()
+    made["rgb16.png"] = png(
+        33, 21, b"".join(b"\0" + row.astype(">u2").tobytes() for row in codes.astype(int) * 257), 16
+    )
+    for key, options in (("base", {}), ("progressive", {"progressive": True})):
+        buffer = io.BytesIO()
+        Pillow.fromarray(codes).save(buffer, "JPEG", **options)
+        made[f"{key}.jpg"] = buffer.getvalue()
+    made |= {f"{key}.hdr": data for key, data in hdrs(codes).items()}
+    return made
+
+
+def chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def png(width: int, height: int, raw: bytes, bits: int = 8, kind: int = 2) -> bytes:
+    """A PNG that claims a size; `raw` are its filtered rows, as many as there are."""
+    head = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, kind, 0, 0, 0))
+    return b"\x89PNG\r\n\x1a\n" + head + chunk(b"IDAT", zlib.compress(raw)) + chunk(b"IEND", b"")
+
+
+def hdrs(codes: np.ndarray) -> dict[str, bytes]:
+    """Run-length coded, flat, and flat with the old repeats."""
+    h, w = codes.shape[:2]
+    head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n" + f"-Y {h} +X {w}\n".encode()
+    rgbe = np.concatenate([codes, np.full((h, w, 1), 130, np.uint8)], axis=-1)
+    rows = []
+    for row in rgbe:
+        rows.append(b"\2\2" + w.to_bytes(2, "big"))
+        rows += [bytes([w]) + row[:, c].tobytes() for c in range(3)] + [bytes([128 + w, 130])]
+    old = rgbe.reshape(-1, 4)[: h * w - 300].tobytes() + bytes((1, 1, 1, 44)) + bytes((1, 1, 1, 1))
+    return {"runs": head + b"".join(rows), "flat": head + rgbe.tobytes(), "old": head + old}
+
+
+# ------------------------------------------------------------------------------------------ damage
+
+COUNTS = (
+    0, 1, 2, 3, 7, 255, 256, 4096, 32767, 32768, 65535, 65536, 10**6, 2**24, 2**28, 2**30, 2**31 - 1, 2**31, 2**32 - 1,
+)  # fmt: skip
+"""What breaks code that multiplies sizes."""
+
+
+def hostile_files(count: int, seed: int) -> Iterator[tuple[str, bytes]]:
+    """(name, content): crafted ones first, then `count` in all by seeded damage to sound ones."""
+    sound = sound_files()
+    names = sorted(sound)
+    rng = np.random.default_rng(seed)
+    crafted = list(crafted_files(sound))
+    for i, (name, data) in enumerate(crafted[:count]):
+        yield f"{i:05d}_crafted_{name}", data
+    for i in range(min(len(crafted), count), count):
+        name = names[i % len(names)]
+        kind = DAMAGES[int(rng.integers(len(DAMAGES)))]
+        data = bytes(kind(bytearray(sound[name]), rng, sound[names[int(rng.integers(len(names)))]]))
+        if name.endswith("png") and rng.random() < 0.6:
+            data = checksummed(data)
+        yield f"{i:05d}_{kind.__name__}_{name}", data
+
+
+def cut(data: bytearray, rng: np.random.Generator, other: bytes) -> bytearray:
+    return data[: int(len(data) * rng.random())]
+
+
+def flip(data: bytearray, rng: np.random.Generator, other: bytes) -> bytearray:
+    for _ in range(int(rng.integers(1, 9))):
+        data[place(data, rng)] ^= 1 << int(rng.integers(8))
+    return data
+
+
+def spoil(data: bytearray, rng: np.random.Generator, other: bytes) -> bytearray:
+    for _ in range(int(rng.integers(1, 5))):
+        at = place(data, rng)
+        data[at : at + 4] = rng.bytes(int(rng.integers(1, 5)))
+    return data
+
+
+def count_wrongly(data: bytearray, rng: np.random.Generator, other: bytes) -> bytearray:
+    for _ in range(int(rng.integers(1, 4))):
+        at, value = place(data, rng), COUNTS[int(rng.integers(len(COUNTS)))]
+        data[at : at + 4] = struct.pack("<>"[int(rng.integers(2))] + "I", value)
+    return data
+
+
+def count_text_wrongly(data: bytearray, rng: np.random.Generator, other: bytes) -> bytearray:
+    value = str(COUNTS[int(rng.integers(len(COUNTS)))]).encode()
+    old = (b"33", b"21")[int(rng.integers(2))]
+    return data.replace(old, value, 1)
+
+
+def insert(data: bytearray, rng: np.random.Generator, other: bytes) -> bytearray:
+    at = place(data, rng)
+    data[at:at] = rng.bytes(int(rng.integers(1, 40)))
+    return data
+
+
+def remove(data: bytearray, rng: np.random.Generator, other: bytes) -> bytearray:
+    at = place(data, rng)
+    del data[at : at + int(rng.integers(1, 40))]
+    return data
+
+
+def repeat(data: bytearray, rng: np.random.Generator, other: bytes) -> bytearray:
+    at = place(data, rng)
+    data[at:at] = data[at : at + int(rng.integers(1, 200))]
+    return data
+
+
+def splice(data: bytearray, rng: np.random.Generator, other: bytes) -> bytearray:
+    return data[: place(data, rng)] + other[place(other, rng) :]
+
+
+def place(data: bytes, rng: np.random.Generator) -> int:
+    """Half of the time among the first 400 bytes, where the counts stand."""
+    return int(rng.integers(max(1, min(len(data), 400 if rng.random() < 0.5 else len(data)))))
+
+
+DAMAGES = (cut, flip, spoil, count_wrongly, count_text_wrongly, insert, remove, repeat, splice)
+
+
+def checksummed(data: bytes) -> bytes:
+    """The PNG with right checksums, so that the damage reaches what they protect."""
+    out, at = bytearray(data[:8]), 8
+    while at + 12 <= len(data):
+        size = int.from_bytes(data[at : at + 4], "big")
+        if size > len(data) - at - 12:
+            break
+        out += chunk(data[at + 4 : at + 8], data[at + 8 : at + 8 + size])
+        at += 12 + size
+    return bytes(out) + data[at:]
+
+
+FIELDS = {
+    "dataWindow": b"box2i", "displayWindow": b"box2i", "chunkCount": b"int", "tiles": b"tiledesc",
+    "lineOrder": b"lineOrder", "compression": b"compression",
+}  # fmt: skip
+SIZES = ((20000, 20000), (60000, 60000), (2**31 - 1, 2**31 - 1), (0, 5), (1, 2**31 - 1), (2**31 - 1, 1))
+
+
+def crafted_files(sound: dict[str, bytes]) -> Iterator[tuple[str, bytes]]:
+    """Headers that lie, one field at a time."""
+    for key in ("lines_ZIP", "lines_NO", "lines_DWAB", "tiles_ZIP", "parts"):
+        data = sound[f"{key}.exr"]
+        for field, kind in FIELDS.items():
+            mark = field.encode() + b"\0" + kind + b"\0"
+            at = data.find(mark)
+            if at < 0:
+                continue
+            start = at + len(mark) + 4
+            size = int.from_bytes(data[start - 4 : start], "little")
+            for k in range(0, size - size % 4 or 1, 4):
+                for value in COUNTS[1::2] if size >= 4 else (9, 11, 12, 200):
+                    changed = bytearray(data)
+                    changed[start + k : start + k + min(4, size)] = value.to_bytes(4, "little")[: min(4, size)]
+                    yield f"{field}{k}_{value}_{key}.exr", bytes(changed)
+            changed = bytearray(data)
+            changed[start - 4 : start] = b"\xff\xff\xff\x7f"
+            yield f"{field}_long_{key}.exr", bytes(changed)
+        wide = bytearray(data)
+        at = wide.find(b"dataWindow\0box2i\0") + 21
+        wide[at : at + 16] = struct.pack("<4i", 0, 0, 19999, 19999)
+        yield f"huge_{key}.exr", bytes(wide)
+        wide[at : at + 16] = struct.pack("<4i", -(2**31), -(2**31), 2**31 - 1, 2**31 - 1)
+        yield f"whole_{key}.exr", bytes(wide)
+        at = data.find(b"channels\0chlist\0")
+        for k, value in ((22, 7), (22, 0), (30, 0), (30, 2**31 - 1), (34, 2)):
+            changed = bytearray(data)
+            changed[at + k : at + k + 4] = struct.pack("<I", value)
+            yield f"channel{k}_{value}_{key}.exr", bytes(changed)
+        yield f"empty_{key}.exr", data[: data.find(b"\0\0", 300)]
+    rows = bytes(3 * 20000 + 1)
+    for width, height in (
+        (20000, 20000),
+        (60000, 60000),
+        (2**31 - 1, 2**31 - 1),
+        (0, 5),
+        (1, 2**31 - 1),
+        (2**31 - 1, 1),
+    ):
+        yield f"bomb_{width}x{height}.png", png(width, height, rows * 200)
+        yield f"deep_{width}x{height}.png", png(width, height, rows * 50, 16)
+        yield f"few_{width}x{height}.png", png(width, height, b"\0" * 10)
+        for mark in (b"\n-1.0\n", b"\n1e400\n", b"\n-0\n", b"\nnan\n"):
+            yield f"size_{width}x{height}_{len(mark)}.pfm", f"PF\n{width} {height}".encode() + mark + bytes(1000)
+        head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n"
+        for body in (b"", b"\2\2\x20\x20" * 500, bytes((9, 9, 9, 9)) + bytes((1, 1, 1, 255)) * 20):
+            yield f"size_{width}x{height}_{len(body)}.hdr", head + f"-Y {height} +X {width}\n".encode() + body
+        jpeg = bytearray(sound["base.jpg"])
+        at = jpeg.find(b"\xff\xc0")
+        jpeg[at + 5 : at + 9] = struct.pack(">HH", height & 0xFFFF, width & 0xFFFF)
+        yield f"size_{width}x{height}.jpg", bytes(jpeg)
+
+
+# ------------------------------------------------------------------------------------------ reading them
+
+
+def read_all(folder: Path, results: Path) -> None:
+    """Write a line `name outcome` for every file; the process may take 1 GiB more than it has now."""
+    import OpenEXR  # noqa: F401 (before the limit)
+    from PIL import Image as Pillow
+
+    from raytwin import files
+    from raytwin.errors import InputError
+    from raytwin.image import Image
+
+    Pillow.init()
+    files.read_image(next(p for p in sorted(folder.glob("sound*.exr"))))
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    limit = GIB + 1024 * int(status["VmSize"].split()[0])
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    with results.open("w", buffering=1, encoding="utf-8") as out:
+        for path in sorted(folder.iterdir()):
+            out.write(f"{path.name} ")
+            signal.alarm(SECONDS)
+            try:
+                image = files.read_image(path)
+            except InputError as error:
+                text = str(error)
+                # A refusal that came from the allocator came too late.
+                late = any(word in text.lower() for word in ("alloc", "out of memory", "memoryerror"))
+                outcome = "LATE" if late else "error" if text.isprintable() else "UNPRINTABLE"
+                out.write(f"{outcome} {text!a}\n")
+            except BaseException as error:
+                out.write(f"RAISED {error!a:.300}\n")
+            else:
+                sane = isinstance(image, Image) and image.mean.dtype == np.float32 and image.mean.shape[2:] == (3,)
+                out.write(f"{'image' if sane else 'WRONG'} {image.shape}\n")
+            signal.alarm(0)
+
+
+def judge(folder: Path, results: Path) -> tuple[dict[str, str], int]:
+    """(outcome by file name, peak KiB of memory): a child reads them; the file that kills it is a CRASH."""
+    files = sorted(p.name for p in folder.iterdir())
+    child = subprocess.run(
+        [sys.executable, "-X", "faulthandler", __file__, str(folder), str(results)],
+        capture_output=True,
+        text=True,
+        errors="replace",
+    )
+    lines = results.read_text(encoding="utf-8").splitlines() if results.exists() else []
+    found = dict(line.split(" ", 1) for line in lines)
+    if child.returncode or child.stdout:  # OpenEXR's C part warns on standard error
+        last = next((n for n in files if not found.get(n)), files[-1])
+        found[last] = f"CRASH {child.returncode}: {child.stdout[-400:]}{child.stderr[-400:]}"
+    return found, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+
+
+if __name__ == "__main__":
+    read_all(Path(sys.argv[1]), Path(sys.argv[2]))

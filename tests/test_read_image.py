@@ -1,0 +1,241 @@
+"""Images of other programs: every kind read beside OpenCV's reader or a file written by hand."""
+
+import struct
+
+import cv2
+import hostile
+import numpy as np
+import OpenEXR
+import pytest
+
+from raytwin import files
+from raytwin.errors import InputError
+from raytwin.image import Image
+
+
+@pytest.fixture(scope="module")
+def a() -> np.ndarray:
+    return np.random.default_rng(3).random((21, 33, 3)).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def sound() -> dict[str, bytes]:
+    return hostile.sound_files()
+
+
+def write_exr(path, channels, kind=OpenEXR.scanlineimage, **attributes):
+    planes = {k: np.ascontiguousarray(v) for k, v in channels.items()}
+    with OpenEXR.File({"type": kind, **attributes}, planes) as file:
+        file.write(str(path))
+
+
+# ------------------------------------------------------------------------------------------ floating point
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_a_pfm_is_read_from_the_bottom_up_in_either_byte_order(tmp_path, a, order, channels):
+    pixels = a if channels == 3 else a[..., :1]
+    head = f"{'PF' if channels == 3 else 'Pf'}\n33 21\n{'-' if order == '<' else ''}1.0\n".encode()
+    (tmp_path / "x.pfm").write_bytes(head + pixels[::-1].astype(f"{order}f4").tobytes())
+    found = files.read_image(tmp_path / "x.pfm").mean
+    np.testing.assert_array_equal(found, np.broadcast_to(pixels, a.shape))
+    assert found.dtype == np.float32
+    if order == "<":
+        seen = cv2.imread(str(tmp_path / "x.pfm"), cv2.IMREAD_UNCHANGED)
+        np.testing.assert_array_equal(found, seen[..., ::-1] if channels == 3 else np.repeat(seen[..., None], 3, -1))
+
+
+def test_a_pfm_we_write_is_read_by_us_and_by_opencv(tmp_path, a):
+    files.write_image(tmp_path / "x.pfm", Image(a))
+    np.testing.assert_array_equal(files.read_image(tmp_path / "x.pfm").mean, a)
+    np.testing.assert_array_equal(cv2.imread(str(tmp_path / "x.pfm"), cv2.IMREAD_UNCHANGED)[..., ::-1], a)
+
+
+def test_a_pfms_scale_multiplies(tmp_path):
+    (tmp_path / "x.pfm").write_bytes(b"Pf\n1 1\n-2.5\n" + struct.pack("<f", 3))
+    assert files.read_image(tmp_path / "x.pfm").mean.ravel().tolist() == [7.5] * 3
+
+
+@pytest.mark.parametrize("width", [5, 33, 400])
+def test_a_radiance_hdr_is_read_as_opencv_reads_it(tmp_path, width):
+    pixels = np.random.default_rng(4).random((20, width, 3)).astype(np.float32) ** 8 * 100
+    pixels[3:9, 5:] = 0.25  # runs
+    cv2.imwrite(str(tmp_path / "x.hdr"), pixels)
+    found = files.read_image(tmp_path / "x.hdr").mean
+    np.testing.assert_array_equal(found, cv2.imread(str(tmp_path / "x.hdr"), cv2.IMREAD_UNCHANGED)[..., ::-1])
+    assert (np.abs(found - pixels[..., ::-1]) <= pixels.max(-1, keepdims=True) / 127).all()
+
+
+def test_the_three_codings_of_a_radiance_hdr_and_its_exposure(tmp_path, sound):
+    read = {}
+    for kind in ("runs", "flat", "old"):
+        (tmp_path / "x.hdr").write_bytes(sound[f"{kind}.hdr"])
+        read[kind] = files.read_image(tmp_path / "x.hdr").mean
+    np.testing.assert_array_equal(read["runs"], read["flat"])
+    # exponent 130: mantissa 2^-6, halved by the exposure of 2; a mantissa of 64 is 1/2
+    body = sound["flat.hdr"][-4 * 33 * 21 :]
+    np.testing.assert_array_equal(read["flat"][0, 0], np.frombuffer(body[:3], np.uint8) / 128)
+    np.testing.assert_array_equal(read["old"].reshape(-1, 3)[:393], read["flat"].reshape(-1, 3)[:393])
+    # 44 + 1 * 256 repeats of the last pixel
+    np.testing.assert_array_equal(read["old"].reshape(-1, 3)[393:], np.tile(read["old"].reshape(-1, 3)[392], (300, 1)))
+
+
+@pytest.mark.parametrize(("size", "turn"), [(b"+Y 2 +X 3", np.s_[::-1]), (b"-Y 2 -X 3", np.s_[:, ::-1])])
+def test_a_turned_radiance_hdr_is_turned_back(tmp_path, size, turn):
+    rgbe = np.arange(24, dtype=np.uint8).reshape(2, 3, 4) + 110
+    (tmp_path / "x.hdr").write_bytes(b"#?RADIANCE\n\n" + size + b"\n" + rgbe.tobytes())
+    expected = rgbe[..., :3] * np.exp2(rgbe[..., 3:].astype(float) - 136)
+    np.testing.assert_allclose(files.read_image(tmp_path / "x.hdr").mean, expected[turn], rtol=1e-6)
+
+
+# ------------------------------------------------------------------------------------------ sRGB
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_sixteen_bits_of_a_png_are_kept(tmp_path, channels):
+    codes = np.random.default_rng(5).integers(0, 65536, (9, 11, channels), dtype=np.uint16)
+    cv2.imwrite(str(tmp_path / "x.png"), codes)
+    found = files.read_image(tmp_path / "x.png").mean
+    expected = files.srgb_decode(codes[..., 2::-1] / 65535 if channels > 1 else np.repeat(codes, 3, -1) / 65535)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    assert (found.dtype, found.shape) == (np.float32, (9, 11, 3))
+
+
+def test_eight_bits_are_linear_by_the_standards_curve(tmp_path):
+    codes = np.random.default_rng(6).integers(0, 256, (9, 11, 3), dtype=np.uint8)
+    for name in ("x.png", "x.jpg"):
+        files.write_picture(tmp_path / name, codes)
+        np.testing.assert_array_equal(
+            files.read_image(tmp_path / name).mean, files.from_bytes(files.read_photo(tmp_path / name))
+        )
+    assert np.array_equal(files.read_photo(tmp_path / "x.png"), codes)
+
+
+# ------------------------------------------------------------------------------------------ EXR
+
+
+def test_half_float_and_whole_channels_of_lines_and_tiles(tmp_path, a):
+    for dtype in (np.float16, np.float32, np.uint32):
+        values = a.astype(dtype) if dtype != np.uint32 else (a * 1e5).astype(dtype)
+        for kind in (OpenEXR.scanlineimage, OpenEXR.tiledimage):
+            tiles = OpenEXR.TileDescription()
+            tiles.xSize, tiles.ySize = 8, 16
+            more = {"tiles": tiles} if kind == OpenEXR.tiledimage else {}
+            write_exr(tmp_path / "x.exr", {c: values[..., i] for i, c in enumerate("RGB")}, kind, **more)
+            np.testing.assert_array_equal(files.read_image(tmp_path / "x.exr").mean, values.astype(np.float32))
+
+
+def test_a_layer_is_chosen_by_name_and_alone_needs_none(tmp_path, a):
+    path = tmp_path / "x.exr"
+    layer = {f"diffuse.{c}": a[..., i] for i, c in enumerate("RGB")}
+    write_exr(path, {c: 2 * a[..., i] for i, c in enumerate("RGB")} | layer | {"Z": a[..., 0]})
+    np.testing.assert_array_equal(files.read_image(path).mean, 2 * a)
+    np.testing.assert_array_equal(files.read_image(path, layer="diffuse").mean, a)
+    for single in ("Z", "diffuse.R"):
+        np.testing.assert_array_equal(files.read_image(path, layer=single).mean, np.repeat(a[..., :1], 3, -1))
+    with pytest.raises(InputError, match="layer: expected one of diffuse, got specular"):
+        files.read_image(path, layer="specular")
+    write_exr(path, layer | {"Z": a[..., 0]})
+    np.testing.assert_array_equal(files.read_image(path).mean, a)
+    write_exr(path, layer | {f"specular.{c}": a[..., i] for i, c in enumerate("RGB")})
+    with pytest.raises(InputError, match="choose one of the layers diffuse, specular"):
+        files.read_image(path)
+    normal = {f"n.{c}": a[..., i] for i, c in enumerate("XYZ")}
+    write_exr(path, layer | normal)
+    np.testing.assert_array_equal(files.read_image(path, layer="n").mean, a)
+
+
+def test_a_part_is_chosen_by_name_or_number(tmp_path, a):
+    path = tmp_path / "x.exr"
+    planes = {"depth": {"Z": np.ascontiguousarray(a[..., 0])}, "beauty": {"RGB": a}, "direct": {"RGB": 2 * a}}
+    parts = [OpenEXR.Part({"type": OpenEXR.scanlineimage}, channels, name) for name, channels in planes.items()]
+    with OpenEXR.File(parts) as file:
+        file.write(str(path))
+    np.testing.assert_array_equal(files.read_image(path).mean, a)  # the first with colours
+    for part in ("direct", "2"):
+        np.testing.assert_array_equal(files.read_image(path, part=part).mean, 2 * a)
+    np.testing.assert_array_equal(files.read_image(path, part="depth").mean, np.repeat(a[..., :1], 3, -1))
+    with pytest.raises(InputError, match="part: expected one of depth, beauty, direct, got 3"):
+        files.read_image(path, part="3")
+
+
+def test_our_own_exr_keeps_its_variance_and_its_parts_can_be_chosen(tmp_path, a):
+    files.write_image(tmp_path / "x.exr", Image(a, a / 9, 64, None, 8))
+    found = files.read_image(tmp_path / "x.exr")
+    np.testing.assert_array_equal(found.variance, a / 9)
+    assert (found.samples, found.batches) == (64, 8)
+    found = files.read_image(tmp_path / "x.exr", part="variance")
+    np.testing.assert_array_equal(found.mean, a / 9)
+    assert found.variance is None
+
+
+def test_a_data_window_off_the_origin_gives_the_data(tmp_path, a):
+    window = (np.array([-5, 7], np.int32), np.array([27, 27], np.int32))
+    write_exr(tmp_path / "x.exr", {c: a[..., i] for i, c in enumerate("RGB")}, dataWindow=window)
+    np.testing.assert_array_equal(files.read_image(tmp_path / "x.exr").mean, a)
+
+
+# ------------------------------------------------------------------------------------------ what is refused
+
+
+def test_the_kind_is_told_by_the_content_and_not_by_the_name(tmp_path, sound):
+    for name, data in sound.items():
+        (tmp_path / "x.dat").write_bytes(data)
+        assert files.read_image(tmp_path / "x.dat").shape == (21, 33, 3), name
+
+
+def test_what_is_no_image_is_named(tmp_path, sound):
+    gray = sound["big_endian_grey.pfm"]
+    wrong = {
+        b"": "expected an image: EXR, PFM, HDR, PNG or JPEG, got a file of another kind",
+        gray[:-1]: "expected 2772 bytes of pixels for 33 x 21, got 2771",
+        gray + b"0": "expected 2772 bytes of pixels for 33 x 21, got 2773",
+        gray.replace(b"\n1.0", b"\n0.0"): "expected a PFM's scale other than 0",
+        sound["runs.hdr"][:-1]: "got a damaged one",
+        sound["flat.hdr"][:-1]: "got a damaged one (692 of 693 pixels)",
+        sound["runs.hdr"].replace(b"rgbe", b"xyze"): "expected FORMAT=32-bit_rle_rgbe, got 32-bit_rle_xyze",
+        sound["runs.hdr"].replace(b"SURE=2", b"SURE=0"): "expected EXPOSURE, a number > 0, got 0.0",
+        sound["lines_ZIP.exr"][:-1]: "got a damaged one (without its part x)",
+    }
+    for data, message in wrong.items():
+        (tmp_path / "x").write_bytes(data)
+        with pytest.raises(InputError) as caught:
+            files.read_image(tmp_path / "x")
+        assert message in str(caught.value)
+    with pytest.raises(InputError, match="got no such file"):
+        files.read_image(tmp_path / "none")
+    with pytest.raises(InputError, match="got a folder"):
+        files.read_image(tmp_path)
+    (tmp_path / "x").write_bytes(gray)
+    with pytest.raises(InputError, match="expected an EXR, which has parts and layers, got PFM"):
+        files.read_image(tmp_path / "x", layer="diffuse")
+
+
+def test_a_size_over_the_limit_is_refused(tmp_path, monkeypatch, sound):
+    monkeypatch.setattr(files, "MAX_PIXELS", 600)
+    for name, data in sound.items():
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(InputError, match="megapixels, got 33 x 21"):
+            files.read_image(tmp_path / name)
+
+
+def test_subsampled_and_deep_exrs_are_refused_in_words(tmp_path, sound):
+    data = bytearray(sound["lines_NO.exr"])
+    at = data.find(b"channels\0chlist\0") + 20 + 2 + 8
+    data[at : at + 8] = struct.pack("<2i", 2, 2)
+    (tmp_path / "x.exr").write_bytes(data)
+    with pytest.raises(InputError, match="expected channels with a value for every pixel, got B with fewer"):
+        files.read_image(tmp_path / "x.exr")
+    data = bytearray(sound["lines_NO.exr"])
+    data[5] |= 0x08
+    (tmp_path / "x.exr").write_bytes(data)
+    with pytest.raises(InputError, match="deep pixels, which have no single value"):
+        files.read_image(tmp_path / "x.exr")
+
+
+def test_a_files_own_bytes_never_break_the_line(tmp_path, sound):
+    (tmp_path / "x.hdr").write_bytes(sound["runs.hdr"].replace(b"_rgbe", b"_\x1b[31m\r"))
+    with pytest.raises(InputError) as caught:
+        files.read_image(tmp_path / "x.hdr")
+    assert str(caught.value).isprintable()
