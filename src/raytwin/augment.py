@@ -20,7 +20,7 @@ import numpy as np
 from raytwin import files
 from raytwin.errors import InputError
 from raytwin.scene import Camera, Plane, Scene, Sphere
-from raytwin.tracer import back_project, trace, trim_box
+from raytwin.tracer import trace, trim_box
 from raytwin.tracer.speculate import trace_points
 
 REGIONS = ("spheres", "shadows", "board", "rest")
@@ -132,16 +132,19 @@ def errors_by_region(result: Augmented, truth: np.ndarray, scene: Scene) -> list
 
 def _shade(scene: Scene, u: np.ndarray, v: np.ndarray, engine: str, shadows: bool):
     """At pixels (u, v): a drawn object's radiance or the ratio for the photo; 0 or 1, which of them; ids and lit."""
-    colour, ids, lit = trace_points(scene, u, v, "shadow", engine)
-    keep = ~np.isin(ids, drawn_ids(scene))
+    found = trace_points(scene, u, v, "shadow", engine, point=True)
+    keep = ~np.isin(found.ids, drawn_ids(scene))
     ratio = np.ones((len(u), 3), np.float32)
+    bare = msgspec.structs.replace(scene, spheres=(), planes=tuple(p for p in scene.planes if p.in_photo))
     for index, plane in enumerate(scene.planes) if shadows else ():
-        here = np.flatnonzero(ids == len(scene.spheres) + index)
+        here = np.flatnonzero(found.ids == len(scene.spheres) + index)
         if plane.in_photo and len(here):
-            bare = msgspec.structs.replace(scene, spheres=(), planes=tuple(p for p in scene.planes if p.in_photo))
-            lit_before = trace_points(bare, u[here], v[here], "shadow", engine)[2]
-            ratio[here] = _ratio(scene, plane, u[here], v[here], lit[here], lit_before)
-    return np.where(keep[:, None], ratio, colour), keep.astype(np.int8), ids, lit
+            # What the photo shows in the shade already: only other photographed planes can be at fault.
+            lit_before = np.ones(len(here), bool)
+            if len(bare.planes) > 1:
+                lit_before = trace_points(bare, u[here], v[here], "shadow", engine).lit
+            ratio[here] = _ratio(scene, plane, found.point[here], found.lit[here], lit_before)
+    return np.where(keep[:, None], ratio, found.colour), keep.astype(np.int8), found.ids, found.lit
 
 
 def drawn_ids(scene: Scene) -> list[int]:
@@ -149,19 +152,17 @@ def drawn_ids(scene: Scene) -> list[int]:
     return [i for i, thing in enumerate(scene.objects) if not (isinstance(thing, Plane) and thing.in_photo)]
 
 
-def _ratio(scene: Scene, plane: Plane, u, v, lit: np.ndarray, lit_before: np.ndarray) -> np.ndarray:
+def _ratio(scene: Scene, plane: Plane, point: np.ndarray, lit: np.ndarray, lit_before: np.ndarray) -> np.ndarray:
     n, eye = np.array(plane.normal), np.array(scene.camera.eye)
     n = n if n @ (eye - np.array(plane.center)) > 0 else -n
-    d = np.stack(np.broadcast_arrays(*back_project(u.astype(float), v.astype(float), scene.camera)), axis=-1)
-    # The plane, not the rectangle: rounding may put a pixel of its edge just outside.
-    point = eye + (n @ (np.array(plane.center) - eye) / (d @ n))[:, None] * d
     sun = np.array(scene.sun.irradiance) * max(0.0, float(n @ np.array(scene.sun.direction)))
     sky = pi * np.array(scene.sky.radiance)
-    hidden = np.zeros(len(u))
+    hidden = np.zeros(len(point), np.float32)
     for sphere in scene.spheres:
-        to = np.array(sphere.center) - point
-        distance = np.linalg.norm(to, axis=-1)
-        hidden += np.where(to @ n > 0, (sphere.radius / distance) ** 2 * (to @ n) / distance, 0)
+        to = (np.array(sphere.center) - eye).astype(np.float32) - point
+        height = to @ n.astype(np.float32)
+        squared = (to * to).sum(axis=-1)
+        hidden += np.where(height > 0, sphere.radius**2 * height / (squared * np.sqrt(squared)), 0)
     hidden = np.where(hidden < SKY_REACH, 0, np.minimum(hidden, 1))[:, None]
     before = sun * lit_before[:, None] + sky
     after = sun * (lit & lit_before)[:, None] + sky * (1 - hidden)

@@ -5,11 +5,13 @@ import math
 import cv2
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given, reject, settings
 from hypothesis import strategies as st
 
+from raytwin.errors import InputError
 from raytwin.scene import Camera, Plane, Scene, Sphere
 from raytwin.tracer import ENGINES, back_project, intersect_plane, intersect_sphere, trace, trim_box
+from raytwin.tracer.camera import newton_steps
 from raytwin.tracer.prepare import regions
 from raytwin.tracer.trim import EMPTY, _tangents, field_of_view
 
@@ -38,7 +40,12 @@ def cameras(draw, distorted: bool) -> Camera:
     dist = ()
     if distorted:
         dist = tuple(draw(reals(-b, b)) for b in (0.35, 0.1, 0.02, 0.02, 0.05))
-    return Camera((w, h), K, tuple(map(tuple, R.tolist())), draw(vectors(-1, 1)), dist)
+    camera = Camera((w, h), K, tuple(map(tuple, R.tolist())), draw(vectors(-1, 1)), dist)
+    try:
+        newton_steps(camera)
+    except InputError:  # it folds over within the frame: some pixels have no ray
+        reject()
+    return camera
 
 
 def hits(thing: Sphere | Plane, camera: Camera) -> np.ndarray:

@@ -26,7 +26,7 @@ def distort(x: Any, y: Any, dist: tuple) -> tuple[Any, Any]:
     return x * radial + 2 * p1 * x * y + p2 * (rr + 2 * x * x), y * radial + p1 * (rr + 2 * y * y) + 2 * p2 * x * y
 
 
-def undistort(xd: Any, yd: Any, dist: tuple, steps: int = 6) -> tuple[Any, Any]:
+def undistort(xd: Any, yd: Any, dist: tuple, steps: int) -> tuple[Any, Any]:
     """The (x, y) with distort(x, y) = (xd, yd), by Newton's method from (xd, yd).
 
     The Jacobian [[a, b], [b, c]] is symmetric. `newton_steps` tells how many steps a camera needs.
@@ -76,14 +76,15 @@ def _monotone(x: np.ndarray, y: np.ndarray, dist: tuple) -> bool:
     return bool((1 + rr * (3 * k1 + rr * (5 * k2 + rr * 7 * k3))).min() > 0)
 
 
-def back_project(u: Any, v: Any, camera: Camera, steps: int = 6) -> Vec:
+def back_project(u: Any, v: Any, camera: Camera, steps: int | None = None) -> Vec:
     """d = Rᵀ (x, y, 1) / |(x, y, 1)|: the unit direction, in the board frame, of the ray through pixel (u, v).
 
     `u`, `v`: pixels, (0, 0) is the centre of the top-left one; arrays of one shape, or that broadcast to one.
-    `steps`: Newton's, to undo the distortion.
+    `steps`: Newton's, to undo the distortion; None finds out how many.
     """
     x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
-    if camera.dist and steps:
+    steps = newton_steps(camera) if steps is None else steps
+    if steps:
         x, y = undistort(x, y, camera.coefficients, steps)
     scale = 1 / sqrt(x * x + y * y + 1)
     ray = (x * scale, y * scale, scale)

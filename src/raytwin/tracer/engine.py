@@ -123,6 +123,14 @@ def flush(engine: Engine, queued: list) -> None:
         drjit.sync_thread()
 
 
+def evaluate(engine: Engine, values: Any) -> None:
+    """Compute the values, however nested, in one kernel; NumPy has computed them already."""
+    if not engine.is_numpy:
+        import drjit
+
+        drjit.eval(values)
+
+
 def from_numpy(engine: Engine, values: np.ndarray) -> Any:
     """Numbers (m,) as the engine's floats."""
     kind = engine.float_type

@@ -12,12 +12,15 @@ takes twice their value, for the growth of the curvature between two lattice poi
 closed form.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from raytwin.image import BACKGROUND
 from raytwin.scene import Scene
+from raytwin.tracer.arrays import dot
 from raytwin.tracer.camera import back_project, newton_steps
-from raytwin.tracer.engine import ENGINES, from_numpy, lift, to_numpy
+from raytwin.tracer.engine import ENGINES, evaluate, from_numpy, lift, to_numpy
 from raytwin.tracer.hit import nearest
 from raytwin.tracer.light import RUNGS, sun_visible
 from raytwin.tracer.prepare import seen_from_eye
@@ -48,8 +51,9 @@ def speculate(
     out = background(scene, rung)
     columns, rows = -(-(w - 1) // n) + 1, -(-(h - 1) // n) + 1
     u, v = np.meshgrid(np.arange(columns) * n, np.arange(rows) * n)
-    colour, ids, lit = trace_points(scene, u.ravel(), v.ravel(), rung, engine)
-    colour, ids, lit = colour.reshape(rows, columns, 3), ids.reshape(rows, columns), lit.reshape(rows, columns)
+    lattice = trace_points(scene, u.ravel(), v.ravel(), rung, engine)
+    colour = lattice.colour.reshape(rows, columns, 3)
+    ids, lit = lattice.ids.reshape(rows, columns), lattice.lit.reshape(rows, columns)
     if n == 1:
         out[ids != BACKGROUND] = colour[ids != BACKGROUND]
         return out, 1.0
@@ -65,9 +69,9 @@ def speculate(
     v = (y[:, None, None] * n + inner[None, :, None] + 0 * inner[None, None, :]).ravel()
     inside = (u < w) & (v < h)
     u, v = u[inside], v[inside]
-    colour_here, ids_here, _ = trace_points(scene, u, v, rung, engine, False)
-    seen = ids_here != BACKGROUND
-    out[v[seen], u[seen]] = colour_here[seen]
+    traced = trace_points(scene, u, v, rung, engine, light=False)
+    seen = traced.ids != BACKGROUND
+    out[v[seen], u[seen]] = traced.colour[seen]
     return out, (columns * rows + len(u)) / (w * h)
 
 
@@ -95,27 +99,42 @@ def doubtful(scene: Scene, colour: np.ndarray, ids: np.ndarray, lit: np.ndarray,
     return whole
 
 
-def trace_points(scene: Scene, u: np.ndarray, v: np.ndarray, rung: str, engine: str, light: bool = True):
-    """Radiance (m, 3), ids (m,) and, where `light`, whether the sun reaches each point (m,), at pixels (u, v) (m,)."""
-    how = ENGINES[engine]
+class Points(NamedTuple):
+    """Per ray (m,): `colour` (m, 3), `ids`, `lit`: the sun reaches it, `point` (m, 3): from the eye, board's axes."""
+
+    colour: np.ndarray
+    ids: np.ndarray
+    lit: np.ndarray
+    point: np.ndarray | None
+
+
+def trace_points(
+    scene: Scene, u: np.ndarray, v: np.ndarray, rung: str, engine: str, light: bool = True, point: bool = False
+) -> Points:
+    """What the rays through pixels (u, v) (m,) see; `lit` is found where `light` asks for it, and `point` likewise."""
+    how, m = ENGINES[engine], len(u)
     local, steps = lift(seen_from_eye(scene), how), newton_steps(scene.camera)
-    colour, ids, lit = np.empty((len(u), 3), np.float32), np.empty(len(u), np.int32), np.zeros(len(u), bool)
-    step = CHUNK if how.is_numpy else max(len(u), 1)
-    for start in range(0, len(u), step):
+    colour, ids, lit = np.empty((m, 3), np.float32), np.empty(m, np.int32), np.zeros(m, bool)
+    place = np.empty((m, 3), np.float32) if point else None
+    step = CHUNK if how.is_numpy else max(m, 1)
+    for start in range(0, m, step):
         part = slice(start, start + step)
         with np.errstate(all="ignore"):
             d = back_project(from_numpy(how, u[part]), from_numpy(how, v[part]), local.camera, steps)
             hit = nearest((0.0, 0.0, 0.0), d, list(enumerate(local.objects)))
-            radiance = RUNGS[rung](hit, local, "robust")
-            facing = sum(a * b for a, b in zip(hit.normal, scene.sun.direction, strict=True))
-            sunny = (facing > 0) & (sun_visible(hit, local) > 0 if rung == "shadow" else facing > 0) if light else None
-        shape = (len(u[part]),)
-        for c in range(3):
-            colour[part, c] = to_numpy(radiance[c], shape)
-        ids[part] = to_numpy(hit.ids, shape)
-        if light:
-            lit[part] = to_numpy(sunny, shape)
-    return colour, ids, lit
+            layers = [(colour[part], RUNGS[rung](hit, local, "robust")), (ids[part], (hit.ids,))]
+            if light:
+                facing = dot(hit.normal, local.sun.to_light) > 0
+                shaded = rung == "shadow"
+                layers.append((lit[part], ((facing & (sun_visible(hit, local) > 0)) if shaded else facing,)))
+            if place is not None:
+                layers.append((place[part], hit.point))
+        evaluate(how, [values for _, values in layers])
+        for out, values in layers:
+            columns = out.reshape(len(out), -1)
+            for c, value in enumerate(values):
+                columns[:, c] = to_numpy(value, (len(out),))
+    return Points(colour, ids, lit, place)
 
 
 def _blocks(a: np.ndarray) -> np.ndarray:

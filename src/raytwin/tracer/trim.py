@@ -14,8 +14,9 @@ from math import asin, atan2, ceil, floor, hypot, inf, pi, tan
 
 import numpy as np
 
+from raytwin.errors import InputError
 from raytwin.scene import Camera, Plane, Sphere
-from raytwin.tracer.camera import distort, undistort
+from raytwin.tracer.camera import distort, newton_steps, undistort
 
 Box = tuple[int, int, int, int]
 """x0, y0, x1, y1 in pixels: x0 <= u < x1 and y0 <= v < y1."""
@@ -61,9 +62,9 @@ def field_of_view(camera: Camera) -> tuple[float, float, float, float] | None:
     u = np.concatenate([us, us, -0.5 + 0 * vs, w + 0 * vs])
     v = np.concatenate([-0.5 + 0 * us, h + 0 * us, vs, vs])
     xd, yd = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
-    x, y = undistort(xd, yd, camera.coefficients)
-    bx, by = distort(x, y, camera.coefficients)
-    if not (np.hypot(bx - xd, by - yd).max() < 1e-9):
+    try:
+        x, y = undistort(xd, yd, camera.coefficients, newton_steps(camera))
+    except InputError:
         return None
     pad_x, pad_y = 0.01 * np.ptp(x), 0.01 * np.ptp(y)
     field = float(x.min() - pad_x), float(x.max() + pad_x), float(y.min() - pad_y), float(y.max() + pad_y)
