@@ -5,6 +5,22 @@ imported when the first of them is called, not before.
 """
 
 from raytwin.twin.backend import VARIANTS, Backend, Tried, activate, doctor
+from raytwin.twin.plain import INTEGRATORS, icosphere, load_plain, render_mesh, render_plain
 from raytwin.twin.render import RUNGS, SAMPLINGS, provenance, render
 
-__all__ = ["RUNGS", "SAMPLINGS", "VARIANTS", "Backend", "Tried", "activate", "doctor", "provenance", "render"]
+__all__ = [
+    "INTEGRATORS",
+    "RUNGS",
+    "SAMPLINGS",
+    "VARIANTS",
+    "Backend",
+    "Tried",
+    "activate",
+    "doctor",
+    "icosphere",
+    "load_plain",
+    "provenance",
+    "render",
+    "render_mesh",
+    "render_plain",
+]

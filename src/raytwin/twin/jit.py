@@ -19,8 +19,14 @@ class Renderer:
     lanes = 1 << 22
     """How many rays to launch at once: enough to fill any machine, 50 MB an array of three floats."""
 
-    def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], integrator: dict[str, Any] | None) -> None:
-        self.scene = mi.load_dict(translate(scene, textures))
+    def __init__(
+        self,
+        scene: Scene,
+        textures: Mapping[int, np.ndarray],
+        integrator: dict[str, Any] | None,
+        instead: Mapping[int, Any] | None = None,
+    ) -> None:
+        self.scene = mi.load_dict(translate(scene, textures, instead))
         self.integrator = mi.load_dict(integrator) if integrator else None
         # Opaque numbers are a kernel's parameters: another camera or light runs the kernel that is compiled already.
         double = dr.float64_array_t(mi.Float)

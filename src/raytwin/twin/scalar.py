@@ -22,8 +22,14 @@ class Renderer:
     lanes = 1 << 16
     """How many rays to take at once: the progress shows in these steps."""
 
-    def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], integrator: dict[str, Any] | None) -> None:
-        self.scene = mi.load_dict(translate(scene, textures))
+    def __init__(
+        self,
+        scene: Scene,
+        textures: Mapping[int, np.ndarray],
+        integrator: dict[str, Any] | None,
+        instead: Mapping[int, Any] | None = None,
+    ) -> None:
+        self.scene = mi.load_dict(translate(scene, textures, instead))
         self.integrator = mi.load_dict(integrator) if integrator else None
         self.lens, self.width = lens_of(scene.camera), scene.camera.width
         self.R = np.asarray(scene.camera.R_cam_board)

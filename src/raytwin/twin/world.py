@@ -24,13 +24,21 @@ moves a shadow's edge by less than 0.01 px.
 """
 
 
-def translate(scene: Scene, textures: Mapping[int, np.ndarray]) -> dict[str, Any]:
-    """The dictionary for `mi.load_dict`: object i is called `object-i`, everything is two-sided diffuse."""
+def translate(
+    scene: Scene, textures: Mapping[int, np.ndarray], instead: Mapping[int, Any] | None = None
+) -> dict[str, Any]:
+    """The dictionary for `mi.load_dict`: object i is called `object-i`, everything is two-sided diffuse.
+
+    `instead`: Mitsuba shapes, their materials with them, in the place of objects, by id.
+    """
     import mitsuba as mi
 
     R, t = np.asarray(scene.camera.R_cam_board), np.asarray(scene.camera.t_cam_board)
     world: dict[str, Any] = {"type": "scene"}
     for i, thing in enumerate(scene.objects):
+        if instead and i in instead:
+            world[f"object-{i}"] = instead[i]
+            continue
         center = (R @ thing.center + t) * UNIT
         if isinstance(thing, Plane):
             matrix = np.eye(4)
