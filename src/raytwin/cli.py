@@ -105,7 +105,7 @@ def calibrate_command(
         paths = pipeline.list_photos(photos)
         calibration = taken.calibrate(paths, definition, model=model, progress=lambda d, n: progress("calibrate", d, n))
     if json:
-        files.write_json(json, calibration)
+        files.write_json(json, calibration.numbers())
     if out:
         names = [view.photo for view in calibration.views]
         if photo is not None and photo not in names:
@@ -127,6 +127,9 @@ def photograph_command(
     dist: Annotated[str, typer.Option(help="Distortion: k1,k2,p1,p2,k3 or a prefix.")] = "0.08,-0.16",
     samples: Annotated[int, typer.Option(min=1, help="Light paths per pixel.")] = 32,
     seed: Annotated[int, typer.Option(help="Of poses, light paths and sensor noise.")] = 1,
+    with_objects: Annotated[
+        bool, typer.Option("--with-objects", help="Put the scene's spheres really there: the truth for augment.")
+    ] = False,
 ) -> None:
     """Photograph an AprilTag board that exists only in Mitsuba, and write down the true camera."""
     from raytwin import pipeline
@@ -142,9 +145,47 @@ def photograph_command(
             dist=parse_numbers(dist, "--dist"),
             samples=samples,
             seed=seed,
+            with_objects=with_objects,
             progress=progress,
         )
     typer.echo(f"{count} photos, board.toml and truth.toml: {out}")
+
+
+@app.command("augment")
+def augment_command(
+    photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", help="Photos that show the board.")],
+    scene: Annotated[Path, typer.Option(metavar="SCENE", help="Whose spheres, planes and pyramids are drawn.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Where the drawn photos go.")],
+    camera: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="camera.toml (by default, calibrate the scene's own photos).")
+    ] = None,
+    board: Annotated[Path | None, typer.Option(metavar="BOARD", help="The board's TOML (the scene's).")] = None,
+    against: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="True photos of the same names: report the error by region.")
+    ] = None,
+    shadows: Annotated[bool, typer.Option(help="Cast shadows on what the photo shows.")] = True,
+    exposure: Annotated[float, typer.Option(min=0.0, help="The photo's linear value of radiance 1.")] = 1.0,
+    json: JsonFile = None,
+) -> None:
+    """Draw a scene's objects into photos, with antialiased outlines and their shadows on the board."""
+    from raytwin import files, pipeline, report
+
+    with progress_bars() as progress:
+        rows = pipeline.augment_photos(
+            photos,
+            scene,
+            out,
+            camera=camera,
+            board=board,
+            against=against,
+            shadows=shadows,
+            exposure=exposure,
+            progress=progress,
+        )
+    if json:
+        files.write_json(json, {"photos": rows})
+    typer.echo(report.augment_summary(rows))
+    typer.echo(f"{len(rows)} photos: {out}")
 
 
 @app.command("doctor")

@@ -1,18 +1,22 @@
 import json
+import re
 import shutil
+from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 from photo_helpers import BOARD, SMALL, a_camera, seen
+from PIL import Image as Pillow
 
 from raytwin import files
 from raytwin.errors import InputError
 from raytwin.photos import CODES, calibrate, calibrate_detections, camera_of_photo, pose_of_photo
 from raytwin.photos.board import Board, BoardTag, Grid
-from raytwin.photos.calibrate import MODELS, Seen, select_model
+from raytwin.photos.fit import MODELS, Seen
 from raytwin.photos.photographer import poses
 from raytwin.photos.pose import rotation_degrees
+from raytwin.photos.selection import select_model
 
 SIZE = (1008, 756)
 
@@ -105,7 +109,9 @@ def test_a_model_fits_its_own_coefficients_and_leaves_the_others_at_zero(model):
 
 def test_its_json_has_exactly_the_promised_keys(tmp_path):
     _, _, tags = _views()
-    files.write_json(tmp_path / "c.json", calibrate_detections(dict(list(tags.items())[:5]), SIZE, SMALL, "k1"))
+    files.write_json(
+        tmp_path / "c.json", calibrate_detections(dict(list(tags.items())[:5]), SIZE, SMALL, "k1").numbers()
+    )
     data = json.loads((tmp_path / "c.json").read_text())
     assert list(data) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "warnings"]
     assert list(data["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board"]
@@ -116,14 +122,14 @@ def test_its_json_has_exactly_the_promised_keys(tmp_path):
 def test_a_coefficient_within_its_own_error_makes_a_model_unsound():
     _, _, tags = _views(())
     _, table = select_model([Seen(p, tuple(t)) for p, t in tags.items()], SIZE, SMALL)
-    assert [m for m, (_, sound) in table.items() if sound] == ["none"]
+    assert [m for m, trial in table.items() if trial.sound] == ["none"]
 
 
 def test_a_distortion_that_folds_back_inside_the_image_makes_a_model_unsound(real_tags, real_board):
     tags, size = real_tags("desk_tilted")
     chosen, table = select_model([Seen(p, tuple(t)) for p, t in tags.items()], size, real_board("coarse"))
-    assert not table["k1k2"][1]
-    assert table["k1k2k3"][1]
+    assert not table["k1k2"].sound
+    assert table["k1k2k3"].sound
     assert chosen == "k1k2k3"
 
 
@@ -157,7 +163,7 @@ def test_on_real_views_auto_takes_the_model_that_predicts_unseen_ones_best(real_
     views = [Seen(p, tuple(t for t in seen_ if t.id in board.centers())) for p, seen_ in tags.items()]
     chosen, table = select_model(views, size, board)
     assert chosen == "k1k2k3"
-    assert table["k1k2k3"][0] < 0.9 * min(table[m][0] for m in ("none", "k1", "k1k2"))
+    assert table["k1k2k3"].held_out_px < 0.9 * min(table[m].held_out_px for m in ("none", "k1", "k1k2"))
 
 
 # ---------------------------------------------------------------------------------- doubts, each provoked
@@ -235,7 +241,91 @@ def test_a_photo_without_tags_among_many_is_left_out_and_named(shoot, tmp_path):
     assert texts[1].startswith("selfie.jpg was left out: a mirrored photo")
 
 
+def _photos_with_exif(folder, to, orientations: dict[str, int]) -> list:
+    """Copies of the folder's photos, each with an EXIF orientation of its own."""
+    for name, orientation in orientations.items():
+        with Pillow.open(folder / name) as photo:
+            exif = photo.getexif()
+            exif[0x0112] = orientation
+            photo.save(to / name, exif=exif, quality="keep")
+    return [to / name for name in orientations]
+
+
+def test_photos_with_different_exif_orientations_are_named(shoot, tmp_path):
+    folder, _ = shoot()
+    names = [f"photo_{i:02d}.jpg" for i in range(8)]
+    found = calibrate(_photos_with_exif(folder, tmp_path, dict.fromkeys(names, 1) | {names[3]: 6}), BOARD, "k1k2")
+    assert _codes(found) == {"mixed-orientation"}
+    assert "1 in 7 (photo_00.jpg, photo_01.jpg, photo_02.jpg, ...); 6 in 1 (photo_03.jpg)" in found.warnings[0].text
+    assert len(found.views) == 8
+
+
+def test_photos_that_all_have_one_exif_orientation_are_sound(shoot, tmp_path):
+    folder, _ = shoot()
+    names = [f"photo_{i:02d}.jpg" for i in range(8)]
+    found = calibrate(_photos_with_exif(folder, tmp_path, dict.fromkeys(names, 6)), BOARD, "k1k2")
+    assert _codes(found) == set()
+
+
+def test_photos_whose_pixels_were_turned_by_a_quarter_are_left_out_and_named(shoot, tmp_path):
+    folder, _ = shoot()
+    upright = [shutil.copy(folder / f"photo_{i:02d}.jpg", tmp_path) for i in range(1, 9)]
+    turned = tmp_path / "photo_00.jpg"  # the first: it is the majority that is right
+    files.write_picture(turned, np.rot90(files.read_photo(folder / "photo_00.jpg")))
+    found = calibrate([turned, *upright], BOARD, "k1k2")
+    assert _codes(found) == {"swapped-orientation"}
+    assert found.warnings[0].text.startswith("photo_00.jpg: left out, being 756 x 1008 where the others are 1008 x 756")
+    assert (found.image_size, len(found.views)) == (SIZE, 8)
+
+
+def test_where_too_few_upright_photos_remain_a_turned_one_is_refused(shoot, tmp_path):
+    folder, _ = shoot()
+    turned = tmp_path / "turned.jpg"
+    files.write_picture(turned, np.rot90(files.read_photo(folder / "photo_00.jpg")))
+    with pytest.raises(InputError, match=r"turned\.jpg: .* got 756 x 1008: the same, turned by a quarter"):
+        calibrate([folder / "photo_00.jpg", folder / "photo_01.jpg", turned], BOARD)
+
+
+def test_every_code_is_provoked_by_a_test_and_no_other_is_tested_for():
+    tested = set(re.findall(r'"([a-z]+(?:-[a-z]+)+)"', Path(__file__).read_text()))
+    assert tested == CODES.keys()
+
+
+# ---------------------------------------------------------------------------------- what it rests on
+
+
+def test_the_evidence_says_how_much_of_the_frame_was_covered_and_how_far_the_board_was_tilted():
+    _, stands, tags = _views()
+    evidence = calibrate_detections(tags, SIZE, SMALL).evidence
+    centers = np.array([t.center for seen_ in tags.values() for t in seen_])
+    cells = {(int((u + 0.5) * 10 / SIZE[0]), int((v + 0.5) * 10 / SIZE[1])) for u, v in centers}
+    assert evidence.coverage == pytest.approx(len(cells) / 100)
+    middle = np.array([2 * 0.038, 3 * 0.038, 0])
+    eyes = [-np.array(R).T @ t for R, t in stands]
+    tilts = [np.degrees(np.arccos(abs((e - middle)[2]) / np.linalg.norm(e - middle))) for e in eyes]
+    assert evidence.tilts == pytest.approx(tilts, abs=0.1)
+    assert evidence.distance == pytest.approx(np.median([np.linalg.norm(e - middle) for e in eyes]), rel=1e-3)
+
+
+def test_auto_keeps_what_came_of_every_model_and_why_some_were_passed_over():
+    _, _, tags = _views((0.08,))
+    found = calibrate_detections(tags, SIZE, SMALL)
+    trials = found.evidence.trials
+    assert list(trials) == ["none", "k1", "k1k2", "k1k2k3", "full5"]
+    assert found.model == "k1"
+    assert trials["k1"].held_out_px < 0.5 * trials["none"].held_out_px
+    assert trials["k1"].sound
+    assert trials["k1k2"].doubt == "k2 within 3 standard deviations of 0"
+    assert calibrate_detections(tags, SIZE, SMALL, "k1").evidence.trials == {}
+
+
 # ---------------------------------------------------------------------------------- wrong input
+
+
+def test_a_swapped_image_size_is_refused():
+    _, _, tags = _views()
+    with pytest.raises(InputError, match=r"view_\d\d: expected tags inside 756 x 1008 .*width and height swapped"):
+        calibrate_detections(tags, SIZE[::-1], SMALL)
 
 
 def test_one_photo_only_is_refused(shoot):

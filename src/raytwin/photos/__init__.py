@@ -5,8 +5,9 @@ this loads OpenCV: commands do so only when they run.
 """
 
 from raytwin.photos.board import FAMILIES, Board, BoardTag, Grid, check_board, draw_board, read_board, write_board
-from raytwin.photos.calibrate import MODELS, Calibration, View, Warning_, calibrate, calibrate_detections
+from raytwin.photos.calibrate import Calibration, View, Warning_, calibrate, calibrate_detections
 from raytwin.photos.detect import NoTags, Tag, detect, detect_photo
+from raytwin.photos.fit import MODELS
 from raytwin.photos.judge import CODES
 from raytwin.photos.photographer import Truth, expose, photograph, poses, read_truth, sheet_of, write_truth
 from raytwin.photos.pose import (
@@ -19,6 +20,9 @@ from raytwin.photos.pose import (
     pose_of_tags,
     refined_pose,
 )
+from raytwin.photos.pyramid import draw_pyramid
+from raytwin.photos.selection import ModelTrial
+from raytwin.photos.uncertainty import Evidence, deviations, uncertainty_map
 
 __all__ = [
     "CODES",
@@ -27,7 +31,9 @@ __all__ = [
     "Board",
     "BoardTag",
     "Calibration",
+    "Evidence",
     "Grid",
+    "ModelTrial",
     "NoTags",
     "Pose",
     "PoseReport",
@@ -42,7 +48,9 @@ __all__ = [
     "check_board",
     "detect",
     "detect_photo",
+    "deviations",
     "draw_board",
+    "draw_pyramid",
     "expose",
     "homography_pose",
     "photograph",
@@ -53,6 +61,7 @@ __all__ = [
     "read_truth",
     "refined_pose",
     "sheet_of",
+    "uncertainty_map",
     "write_board",
     "write_truth",
 ]

@@ -1,45 +1,27 @@
-"""Photos of a board -> K and distortion, with standard deviations, poses, and doubts: min sum |project(board) - tag|².
+"""Photos of a board -> K and distortion, with standard deviations, poses, and doubts: detect, fit, judge.
 
-Zhang's closed form, then Levenberg-Marquardt over everything, both by cv2.calibrateCamera, on tag centres. The lens
-model is the smallest that predicts views it has not seen.
+The fit is on tag centres (`fit`); the lens model is the smallest that predicts views it has not seen (`selection`).
 """
 
 import math
 import os
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import cv2
 import msgspec
 import numpy as np
 
 from raytwin import files
 from raytwin.errors import InputError
-from raytwin.photos import judge, lens, pose
+from raytwin.photos import judge, lens, pose, uncertainty
 from raytwin.photos.bias import unbiased
 from raytwin.photos.board import Board, spans_a_plane
 from raytwin.photos.detect import Progress, Tag, detect_photos
+from raytwin.photos.fit import MODELS, Fit, Seen, fit
+from raytwin.photos.selection import ModelTrial, select_model
 from raytwin.scene import Matrix, Record, Vector
-
-NAMES = ("k1", "k2", "p1", "p2", "k3")
-
-MODELS: dict[str, tuple[str, ...]] = {
-    "none": (),
-    "k1": ("k1",),
-    "k1k2": ("k1", "k2"),
-    "k1k2p1p2": ("k1", "k2", "p1", "p2"),
-    "k1k2k3": ("k1", "k2", "k3"),
-    "full5": NAMES,
-}
-"""The coefficients that each model fits; the others are 0. To add one: a row here (OpenCV's five are all there are)."""
-
-LADDER = ("none", "k1", "k1k2", "k1k2k3", "full5")
-"""What `auto` chooses from, smallest first; each adds coefficients to the one before."""
-
-WITHIN, SIGNIFICANT, FOLDS = 1.05, 3.0, 5
-"""`auto` takes the smallest model whose held-out error is within 5 % of the best and whose newest coefficients exceed
-3 standard deviations; held-out by turns is a fifth of the views."""
 
 LEAST_VIEWS = 3
 
@@ -72,7 +54,7 @@ class Warning_(Record, frozen=True):
 
 
 class Calibration(Record, frozen=True):
-    """The camera and how well it is known; its fields are the keys of the JSON.
+    """The camera and how well it is known; its fields, `evidence` aside, are the keys of the JSON.
 
     `K` in pixels (OpenCV's: (0, 0) is a pixel's centre); `dist` is a prefix of k1, k2, p1, p2, k3; `sigma` holds one
     standard deviation of fx, fy, cx, cy and of each coefficient that was fitted; `rms_px` is over all tags used.
@@ -86,24 +68,11 @@ class Calibration(Record, frozen=True):
     rms_px: float
     views: tuple[View, ...]
     warnings: tuple[Warning_, ...] = ()
+    evidence: uncertainty.Evidence | None = None
 
-
-class Seen(Record, frozen=True):
-    """The board's tags in one photo, none of them unknown to the board; internal to the fit."""
-
-    photo: str
-    tags: tuple[Tag, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """What one run of the optimizer gives."""
-
-    K: np.ndarray
-    dist: tuple[float, ...]
-    sigma: dict[str, float]
-    rms_px: float
-    poses: tuple[tuple[np.ndarray, np.ndarray], ...]
+    def numbers(self) -> dict[str, Any]:
+        """What the JSON holds."""
+        return {k: v for k, v in msgspec.structs.asdict(self).items() if k != "evidence"}
 
 
 def calibrate(
@@ -119,22 +88,19 @@ def calibrate(
     _check_model(model)
     if len(paths) < LEAST_VIEWS:
         raise InputError(where, f"at least {LEAST_VIEWS} photos of the board, from different sides", len(paths))
-    sizes = [files.photo_size(p) for p in paths]
-    for path, size in zip(paths, sizes, strict=True):
-        if size != sizes[0]:
-            (w, h), (w0, h0) = size, sizes[0]
-            raise InputError(path, f"{w0} x {h0} pixels, as {paths[0].name} has", f"{w} x {h}")
+    paths, image_size, doubts = _of_one_size(paths)
     total = len(paths) + 1
     found, wrong = detect_photos(paths, board.family, progress and (lambda done, _: progress(done, total)))
     unique = len({p.name for p in paths}) == len(paths)
     name = {str(p): p.name if unique else str(p) for p in paths}
     result = calibrate_detections(
         {name[p]: tags for p, tags in found.items()},
-        sizes[0],
+        image_size,
         board,
         model,
         where,
         {name[p]: why for p, why in wrong.items()},
+        doubts,
     )
     if progress:
         progress(total, total)
@@ -148,14 +114,19 @@ def calibrate_detections(
     model: str = "auto",
     where: str = "photos",
     wrong: dict[str, str] | None = None,
+    doubts: Sequence[Warning_] = (),
 ) -> Calibration:
-    """The same from tags already found, by photo; `wrong` says of other photos why they have none."""
+    """The same from tags already found, by photo.
+
+    `wrong` says of other photos why they have none, `doubts` are about the photos themselves.
+    """
     _check_model(model)
     wrong = dict(wrong or {})
     if not any(detections.values()):
         seen = "; ".join(f"{name}: {why}" for name, why in list(wrong.items())[:3])
         raise InputError(where, f"photos of {board.family} tags", seen or "none")
     pose.check_ids(list(detections.values()), board, where)
+    _check_inside(detections, image_size)
     views, straight = [], []
     known = board.centers()
     for photo, tags in detections.items():
@@ -169,11 +140,12 @@ def calibrate_detections(
         else:
             wrong.setdefault(photo, f"{len(tags)} tags of the board, too few or in one line")
     _check_enough(views, wrong, where)
+    trials: dict[str, ModelTrial] = {}
     chosen = PRELIMINARY if model == "auto" else model
     for turn in range(ROUNDS):
         # The fit tells the detector's bias and the outliers; without both, the next fit is a better one.
         if model == "auto" and turn == 1:
-            chosen = select_model(straight, image_size, board)[0]
+            chosen, trials = select_model(straight, image_size, board)
         result = fit(straight, image_size, board, chosen)
         if turn < ROUNDS - 1:
             views, straight = _inliers(views, board, result, wrong)
@@ -181,7 +153,9 @@ def calibrate_detections(
     outliers = {
         v.photo: sorted({t.id for t in v.tags} - {t.id for t in s.tags}) for v, s in zip(views, straight, strict=True)
     }
-    return _calibration(straight, image_size, board, chosen, result, wrong, outliers)
+    found = _calibration(straight, image_size, board, chosen, result, trials)
+    more = judge.doubts(found, {v.photo: v.tags for v in straight}, board, wrong, outliers)
+    return msgspec.structs.replace(found, warnings=(*doubts, *(Warning_(*d) for d in more)))
 
 
 def _inliers(views, board: Board, result: Fit, wrong: dict[str, str]) -> tuple[list[Seen], list[Seen]]:
@@ -207,95 +181,22 @@ def _inliers(views, board: Board, result: Fit, wrong: dict[str, str]) -> tuple[l
     return kept, straight
 
 
-def select_model(
-    views: Sequence[Seen], image_size: tuple[int, int], board: Board
-) -> tuple[str, dict[str, tuple[float, bool]]]:
-    """The smallest sound model within 5 % of the best held-out error; and each model's error (pixels) and soundness.
-
-    Sound: the fit converges, the radial distortion grows out to the image's corner, and what the model adds to the
-    next smaller one exceeds 3 standard deviations. `none` is always sound.
-    """
-    table: dict[str, tuple[float, bool]] = {}
-    smaller: tuple[str, ...] = ()
-    for model in LADDER:
-        try:
-            whole = fit(views, image_size, board, model)
-            error = held_out(views, image_size, board, model, whole)
-        except InputError:
-            table[model] = (math.inf, False)
-            continue
-        added = [n for n in MODELS[model] if n not in smaller]
-        value = dict(zip(NAMES, whole.dist, strict=False))
-        clear = not added or any(abs(value[n]) > SIGNIFICANT * whole.sigma[n] for n in added)
-        table[model] = (error, clear and lens.is_monotone(whole.K, whole.dist, image_size))
-        smaller = MODELS[model]
-    sound = [m for m in LADDER if table[m][1]] or ["none"]
-    best = min(table[m][0] for m in sound)
-    return next(m for m in sound if table[m][0] <= WITHIN * best), table
-
-
-def held_out(
-    views: Sequence[Seen], image_size: tuple[int, int], board: Board, model: str, start: Fit | None = None
-) -> float:
-    """Root mean squared pixel distance in views that the fit has not seen, their poses alone being fitted to them.
-
-    Every FOLDS-th view is left out by turns. `start` is a fit of all views to begin from.
-    """
-    squares, count = 0.0, 0
-    folds = min(FOLDS, len(views))
-    for k in range(folds):
-        rest = [v for i, v in enumerate(views) if i % folds != k]
-        found = fit(rest, image_size, board, model, start)
-        for view in views[k::folds]:
-            points, pixels = pose.matched(view.tags, board)
-            _, rvec, tvec = cv2.solvePnP(points, pixels, found.K, np.array(_five(found.dist)))
-            error = lens.project(points, cv2.Rodrigues(rvec)[0], tvec, found.K, found.dist) - pixels
-            squares, count = squares + float((error**2).sum()), count + len(points)
-    return math.sqrt(squares / count)
-
-
-def fit(views: Sequence[Seen], image_size: tuple[int, int], board: Board, model: str, start: Fit | None = None) -> Fit:
-    """K, distortion and poses of least squared pixel distance; from `start`'s K and distortion where given."""
-    free = MODELS[model]
-    flags = sum(getattr(cv2, f"CALIB_FIX_K{n}") for n in (1, 2, 3) if f"k{n}" not in free)
-    flags |= 0 if "p1" in free else cv2.CALIB_ZERO_TANGENT_DIST
-    K, dist = None, None
-    if start is not None:
-        flags |= cv2.CALIB_USE_INTRINSIC_GUESS
-        K, dist = start.K.copy(), np.array(_five(start.dist))
-    both = [pose.matched(v.tags, board) for v in views]
-    try:
-        rms, K, dist, rvecs, tvecs, deviations, _, _ = cv2.calibrateCameraExtended(
-            [p.astype(np.float32) for p, _ in both],
-            [p.astype(np.float32) for _, p in both],
-            image_size,
-            K,
-            dist,
-            flags=flags,
-        )
-    except cv2.error as error:
-        raise InputError("views", "photos from which a camera follows", error.err or "none") from None
-    if not (np.isfinite(K).all() and np.isfinite(dist).all() and K[0, 0] > 0 and K[1, 1] > 0):
-        raise InputError("views", "photos from which a camera follows", f"fx, fy = {K[0, 0]:.4g}, {K[1, 1]:.4g}")
-    sd = dict(zip(("fx", "fy", "cx", "cy", *NAMES), deviations.ravel()[:9].tolist(), strict=True))
-    count = max((NAMES.index(n) + 1 for n in free), default=0)
-    return Fit(
-        K,
-        tuple(dist.ravel()[:count].tolist()),
-        {n: sd[n] for n in ("fx", "fy", "cx", "cy", *free)},
-        float(rms),
-        tuple((cv2.Rodrigues(r)[0], t.ravel()) for r, t in zip(rvecs, tvecs, strict=True)),
-    )
-
-
-def _calibration(views, image_size, board, model, result: Fit, wrong, outliers) -> Calibration:
+def _calibration(views, image_size, board, model, result: Fit, trials: dict[str, ModelTrial]) -> Calibration:
     shown = []
     for i, view in enumerate(views):
         R, t = result.poses[i]
         rms = math.sqrt(float((_errors(view, board, result, i) ** 2).mean()))
         shown.append(View(view.photo, len(view.tags), rms, pose.rotation(R), tuple(t.tolist())))
     K = result.K
-    calibration = Calibration(
+    middle = np.append(np.mean(list(board.centers().values()), axis=0), 0.0)
+    evidence = uncertainty.Evidence(
+        coverage=judge.coverage(np.array([t.center for v in views for t in v.tags]), image_size),
+        tilts=tuple(judge.tilts(shown, board)),
+        distance=float(np.median([np.linalg.norm(R @ middle + t) for R, t in result.poses])),
+        covariance=tuple(map(tuple, uncertainty.covariance(views, board, result, model).tolist())),
+        trials=trials,
+    )
+    return Calibration(
         image_size=tuple(image_size),
         model=model,
         K=((float(K[0, 0]), 0.0, float(K[0, 2])), (0.0, float(K[1, 1]), float(K[1, 2])), (0.0, 0.0, 1.0)),
@@ -303,14 +204,63 @@ def _calibration(views, image_size, board, model, result: Fit, wrong, outliers) 
         sigma=result.sigma,
         rms_px=result.rms_px,
         views=tuple(shown),
+        evidence=evidence,
     )
-    doubts = judge.doubts(calibration, {v.photo: v.tags for v in views}, board, wrong, outliers)
-    return msgspec.structs.replace(calibration, warnings=tuple(Warning_(*d) for d in doubts))
 
 
 def _errors(view: Seen, board: Board, result: Fit, i: int) -> np.ndarray:
     points, pixels = pose.matched(view.tags, board)
     return np.linalg.norm(lens.project(points, *result.poses[i], result.K, result.dist) - pixels, axis=1)
+
+
+def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], list[Warning_]]:
+    """The photos of the commonest size, that size, and doubts about which way up the photos are.
+
+    Photos a quarter turn from the others are left out: their pixels were turned after the lens had drawn them, and its
+    centre and its axes with them. Any other size is an error.
+    """
+    sizes = dict(zip(paths, map(files.photo_size, paths), strict=True))
+    size = Counter(sizes.values()).most_common(1)[0][0]
+    example = next(p for p in paths if sizes[p] == size)
+    kept = [p for p in paths if sizes[p] == size]
+    swapped = [p for p in paths if sizes[p] == size[::-1] != size]
+    expected = f"{size[0]} x {size[1]} pixels, as {example.name} has"
+    for path in paths:
+        w, h = sizes[path]
+        if path not in kept and path not in swapped:
+            raise InputError(path, expected, f"{w} x {h}")
+        if path in swapped and len(kept) < LEAST_VIEWS:
+            raise InputError(path, expected, f"{w} x {h}: the same, turned by a quarter")
+    doubts = []
+    if swapped:
+        w, h = size
+        text = f"left out, being {h} x {w} where the others are {w} x {h}: pixels turned after the photo was taken"
+        doubts.append(Warning_("swapped-orientation", f"{_some(swapped)}: {text}"))
+    by_turn: dict[int, list[Path]] = {}
+    for path in kept:
+        by_turn.setdefault(files.photo_orientation(path), []).append(path)
+    if len(by_turn) > 1:
+        groups = sorted(by_turn.items(), key=lambda group: -len(group[1]))
+        text = "; ".join(f"{turn} in {len(of)} ({_some(of)})" for turn, of in groups)
+        doubts.append(
+            Warning_("mixed-orientation", f"EXIF orientations differ: {text}: sound only if no pixels were ever turned")
+        )
+    return kept, size, doubts
+
+
+def _some(paths: Sequence[Path]) -> str:
+    return ", ".join([p.name for p in paths[:3]] + ["..."] * (len(paths) > 3))
+
+
+def _check_inside(detections: dict[str, Sequence[Tag]], image_size: tuple[int, int]) -> None:
+    width, height = image_size
+    for photo, tags in detections.items():
+        for tag in tags:
+            u, v = tag.center
+            if not (-0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5):
+                inside = -0.5 <= u <= height - 0.5 and -0.5 <= v <= width - 0.5
+                hint = " (width and height swapped?)" if inside else ""
+                raise InputError(photo, f"tags inside {width} x {height} pixels", f"one at {u:.0f}, {v:.0f}{hint}")
 
 
 def _check_enough(views: Sequence[Seen], wrong: dict[str, str], where: str) -> None:
@@ -322,7 +272,3 @@ def _check_enough(views: Sequence[Seen], wrong: dict[str, str], where: str) -> N
 def _check_model(model: str) -> None:
     if model != "auto" and model not in MODELS:
         raise InputError("model", f"one of auto, {', '.join(MODELS)}", repr(model))
-
-
-def _five(dist: Sequence[float]) -> tuple[float, ...]:
-    return (*dist, *(0.0,) * (5 - len(dist)))

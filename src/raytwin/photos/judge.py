@@ -14,6 +14,8 @@ from raytwin.photos.board import Board
 from raytwin.photos.detect import Tag
 
 CODES = {
+    "swapped-orientation": "photos whose width and height are those of the others, swapped: left out",
+    "mixed-orientation": "EXIF orientations differ: some photos' pixels may have been turned",
     "no-tags": "photos that were left out, and why",
     "few-views": "fewer views than a calibration should rest on",
     "degenerate-views": "views too alike to tell focal length, centre and distortion apart",

@@ -20,7 +20,7 @@ def project(points: np.ndarray, R: np.ndarray, t: np.ndarray, K: np.ndarray, dis
     """Pixels (n, 2) of board points (n, 3): cv2.projectPoints with a rotation matrix."""
     rvec = cv2.Rodrigues(np.asarray(R, float))[0]
     pixels, _ = cv2.projectPoints(
-        np.asarray(points, float).reshape(-1, 1, 3), rvec, np.asarray(t, float), np.asarray(K, float), _five(dist)
+        np.asarray(points, float).reshape(-1, 1, 3), rvec, np.asarray(t, float), np.asarray(K, float), five(dist)
     )
     return pixels.reshape(-1, 2)
 
@@ -31,7 +31,7 @@ def undistort(pixels: np.ndarray, K: np.ndarray, dist: Sequence[float]) -> np.nd
     OpenCV's default stops after 5 steps without looking at what is left: pixels wrong at the corners.
     """
     pixels = np.asarray(pixels, float).reshape(-1, 1, 2)
-    K, dist = np.asarray(K, float), _five(dist)
+    K, dist = np.asarray(K, float), five(dist)
     if hasattr(cv2, "undistortPointsIter"):  # OpenCV 4; version 5 gives undistortPoints the argument instead
         xy = cv2.undistortPointsIter(pixels, K, dist, np.eye(3), np.eye(3), _UNTIL)
     else:
@@ -57,7 +57,7 @@ def turning_radius(dist: Sequence[float]) -> float:
 
     Past it the lens model folds back: two directions would share a pixel. (r = 1000 is 90 degrees off the axis.)
     """
-    k1, k2, _, _, k3 = _five(dist)
+    k1, k2, _, _, k3 = five(dist)
     slope = np.array([7 * k3, 5 * k2, 3 * k1, 1.0])  # of r² as the variable
     roots = np.roots(np.where(np.abs(slope) < 1e-12, 0.0, slope))
     squares = [z.real for z in roots if abs(z.imag) < 1e-9 * max(1.0, abs(z)) and 0 < z.real < 1e6]
@@ -69,7 +69,7 @@ def is_monotone(K: np.ndarray, dist: Sequence[float], image_size: tuple[int, int
     r = turning_radius(dist)
     if math.isinf(r):
         return True
-    k1, k2, _, _, k3 = _five(dist)
+    k1, k2, _, _, k3 = five(dist)
     s = r * r
     reached = r * (1 + s * (k1 + s * (k2 + s * k3)))
     width, height = image_size
@@ -78,5 +78,6 @@ def is_monotone(K: np.ndarray, dist: Sequence[float], image_size: tuple[int, int
     return bool(reached > math.hypot(x, y))
 
 
-def _five(dist: Sequence[float]) -> np.ndarray:
+def five(dist: Sequence[float]) -> np.ndarray:
+    """k1, k2, p1, p2, k3 of any prefix of them, the missing ones 0."""
     return np.array([*dist, *(0.0,) * (5 - len(dist))], float)
