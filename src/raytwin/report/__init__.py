@@ -3,6 +3,6 @@
 from raytwin.report.folder import write_all
 from raytwin.report.html import write_report
 from raytwin.report.json import write_comparison
-from raytwin.report.summary import calibration_summary, summary
+from raytwin.report.summary import augment_summary, calibration_summary, summary
 
-__all__ = ["calibration_summary", "summary", "write_all", "write_comparison", "write_report"]
+__all__ = ["augment_summary", "calibration_summary", "summary", "write_all", "write_comparison", "write_report"]

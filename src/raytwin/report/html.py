@@ -5,7 +5,6 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from importlib import resources
-from pathlib import PurePath
 
 import jinja2
 import numpy as np
@@ -17,48 +16,67 @@ from raytwin.pipeline import Result
 from raytwin.report import numbers, pictures
 from raytwin.report.figures import Picture, embed, script_of_bokeh
 from raytwin.report.values import Values, pack_values
-from raytwin.scene import Sphere
+from raytwin.report.view import View, showable, view_of
+from raytwin.scene import Tolerance
 
 LISTED = 8
 """Worst pixels in the table."""
 
 
-def write_report(result: Result, path: str | os.PathLike) -> None:
+def write_report(shown: View | Result, path: str | os.PathLike) -> None:
     """The whole report as one HTML file without references to any other; some megabytes, mostly pictures."""
-    error = signed_error(result.subject, result.twin, "absolute")
-    scale = pictures.choose_scale(result.subject, result.twin, error, result.scene.tolerance.p999_abs)
-    noisy = pictures.noisy(result.subject, result.twin)
-    with ThreadPoolExecutor() as pool:
-        packing = pool.submit(pack_values, result.subject, result.twin)
-        worst = pictures.worst_pixels(error, LISTED)
-        apart = mismatches(result)
-        panels = draw(result, error, scale, worst, apart, pool)
-        values = packing.result()
-    width, height = result.scene.camera.image_size
-    script, elements, toolbar = embed(panels, width, height)
+    view = shown if isinstance(shown, View) else view_of(shown)
     page = template().render(
-        r=result,
-        c=result.comparison,
-        width=width,
-        height=height,
-        panels=list(zip(panels, elements, strict=True)),
-        bokeh=script_of_bokeh(),
-        script=script,
-        toolbar=toolbar,
+        r=view,
+        c=view.comparison,
         css=asset("report.css"),
-        js=asset("report.js"),
-        meta=meta(result, values, noisy),
-        thin=values.thin,
-        packed={plane.name: plane.data for plane in values.planes},
-        noisy=noisy,
-        bar=colour_bar(scale, None if noisy else result.scene.tolerance.p999_abs),
+        noisy=view.noisy,
         colours=pictures,
-        groups=list(numbers.rows(result.comparison, result.scene.tolerance, noisy)),
-        worst=pixel_rows(result, worst, apart),
-        apart=len(apart),
-        calibrated=calibrated(result),
+        groups=list(numbers.rows(view.comparison, view.tolerance, view.noisy, view.names.the_reference)),
+        calibrated=calibrated(view),
+        **(side_by_side(view) if view.alike else {"alone": alone(view)}),
     )
     files.write_text(path, page)
+
+
+def side_by_side(view: View) -> dict:
+    """Linked pictures, the inspector's values, the worst pixels."""
+    error = signed_error(view.test, view.reference, "absolute")
+    held = view.tolerance or Tolerance()
+    scale = pictures.choose_scale(view.test, view.reference, error, held.p999_abs)
+    with ThreadPoolExecutor() as pool:
+        packing = pool.submit(pack_values, view.test, view.reference, surfaces=view.both_surfaces)
+        worst = pictures.worst_pixels(error, LISTED)
+        apart = mismatches(view)
+        panels = draw(view, error, scale, worst, apart, pool)
+        values = packing.result()
+    height, width = error.shape
+    script, elements, toolbar = embed(panels, width, height)
+    return {
+        "width": width, "height": height, "panels": list(zip(panels, elements, strict=True)), "toolbar": toolbar,
+        "bokeh": script_of_bokeh(), "script": script, "js": asset("report.js"), "meta": meta(view, values),
+        "thin": values.thin, "packed": {plane.name: plane.data for plane in values.planes},
+        "bar": colour_bar(scale, allowed(view)), "worst": pixel_rows(view, worst, apart), "apart": len(apart),
+    }  # fmt: skip
+
+
+def alone(view: View) -> list[Picture]:
+    """Each picture for itself, where the two cannot lie side by side; none of what is no picture at all."""
+    found = []
+    for key, title, image in (
+        ("test", view.names.test_title, view.test),
+        ("reference", view.names.reference_title, view.reference),
+    ):
+        if showable(image):
+            url, lossless = pictures.picture_url(pictures.exposed(image, pictures.exposure(image)))
+            size = "{1} × {0} pixels".format(*image.shape)
+            found.append(Picture(key, title, f"{title}, {size}", size + _lossy(lossless), url))
+    return found
+
+
+def allowed(view: View) -> float | None:
+    """The error that a single value may have, where that is what decides."""
+    return None if view.noisy or view.tolerance is None else view.tolerance.p999_abs
 
 
 def template() -> jinja2.Template:
@@ -77,48 +95,50 @@ def asset(name: str) -> str:
 
 
 def draw(
-    result: Result,
+    view: View,
     error: np.ndarray,
     scale: pictures.Scale,
     worst: list[tuple[int, int]],
     apart: list[tuple[int, int]],
     pool: ThreadPoolExecutor,
 ) -> list[Picture]:
-    """The panels in reading order; what the scene lacks is left out."""
-    gain = pictures.exposure(result.twin)
+    """The panels in reading order; what the images lack is left out."""
+    names = view.names
+    gain = pictures.exposure(view.reference)
     stops = math.log2(gain)
     note = f"exposure {'+' if stops >= 0 else '−'}{abs(stops):.2f} stops, sRGB"
     size = "{1} by {0} pixels".format(*error.shape)
 
-    def radiance(key: str, title: str, image: Image) -> Picture:
+    def radiance(name: str, title: str, image: Image) -> Picture:
         url, lossless = pictures.picture_url(pictures.exposed(image, gain))
-        return Picture(key, title, f"{title} of scene {result.scene.name}, {size}", note + _lossy(lossless), url)
+        return Picture(name, title, f"{title} of {view.title}, {size}", note + _lossy(lossless), url)
 
     def photo(key: str, title: str, pixels: np.ndarray) -> Picture:
         return Picture(key, title, f"{title}, {size}", "sRGB" + _lossy(False), pictures.jpeg_url(pixels))
 
     def signed() -> Picture:
         url = pictures.png_url(pictures.error_indices(error, scale), pictures.palette())
-        alt = f"Signed error of the tracer against the twin, {size}: red where it is brighter, blue where darker"
+        alt = f"Signed error of {names.the_test} against {names.the_reference}, {size}: "
+        alt += "red where it is brighter, blue where darker"
         return Picture(
             "error", "Signed error", alt, "the channel that errs most; rings: the worst pixels", url, (*worst,)
         )
 
     def outlines() -> Picture:
-        indices = pictures.silhouette_indices(result.subject.surface, result.twin.surface)
-        alt = f"Which object each pixel sees, {size}: grey where tracer and twin agree, coloured where they do not"
+        indices = pictures.silhouette_indices(view.test.surface, view.reference.surface)
+        alt = f"Which object each pixel sees, {size}: grey where the two agree, coloured where they do not"
         url = pictures.png_url(indices, pictures.silhouette_palette())
-        return Picture("silhouettes", "Silhouettes", alt, ring_note(result, apart), url, (*apart,))
+        return Picture("silhouettes", "Silhouettes", alt, ring_note(apart), url, (*apart,))
 
     jobs = []
-    if result.photo is not None:
-        jobs.append(pool.submit(photo, "photo", "Photo", result.photo))
-    if result.augmented is not None:
-        jobs.append(pool.submit(photo, "augmented", "Augmented photo", result.augmented))
-    jobs.append(pool.submit(radiance, "tracer", "Tracer's image", result.subject))
-    jobs.append(pool.submit(radiance, "twin", "Twin's image", result.twin))
+    if view.photo is not None:
+        jobs.append(pool.submit(photo, "photo", "Photo", view.photo))
+    if view.augmented is not None:
+        jobs.append(pool.submit(photo, "augmented", "Augmented photo", view.augmented))
+    jobs.append(pool.submit(radiance, names.test, names.test_title, view.test))
+    jobs.append(pool.submit(radiance, names.reference, names.reference_title, view.reference))
     jobs.append(pool.submit(signed))
-    if both_surfaces(result):
+    if view.both_surfaces:
         jobs.append(pool.submit(outlines))
     return [job.result() for job in jobs]
 
@@ -127,15 +147,11 @@ def _lossy(lossless: bool) -> str:
     return "" if lossless else "; shown as JPEG"
 
 
-def both_surfaces(result: Result) -> bool:
-    return result.subject.surface is not None and result.twin.surface is not None
+def mismatches(view: View) -> list[tuple[int, int]]:
+    return pictures.mismatches(view.test.surface, view.reference.surface) if view.both_surfaces else []
 
 
-def mismatches(result: Result) -> list[tuple[int, int]]:
-    return pictures.mismatches(result.subject.surface, result.twin.surface) if both_surfaces(result) else []
-
-
-def ring_note(result: Result, apart: list[tuple[int, int]]) -> str:
+def ring_note(apart: list[tuple[int, int]]) -> str:
     if not apart:
         return "every pixel's centre sees the same object in both"
     if len(apart) < pictures.MARKS:
@@ -166,44 +182,35 @@ def colour_bar(scale: pictures.Scale, tolerance: float | None) -> dict:
 # ------------------------------------------------------------------------------------------ numbers for the page
 
 
-def object_names(result: Result) -> list[str]:
-    """Of `scene.objects`, counted from 0 as in the scene file."""
-    spheres = len(result.scene.spheres)
-    return [
-        f"sphere {i}" if isinstance(thing, Sphere) else f"plane {i - spheres}"
-        for i, thing in enumerate(result.scene.objects)
-    ]
-
-
-def meta(result: Result, values: Values, noisy: bool) -> dict:
+def meta(view: View, values: Values) -> dict:
     """What report.js needs to decode the values and to name what a pixel sees."""
-    width, height = result.scene.camera.image_size
-    tolerance = None if noisy else result.scene.tolerance.p999_abs
+    height, width = view.reference.shape[:2]
     planes = [{k: v for k, v in asdict(plane).items() if k != "data"} for plane in values.planes]
     return {
         "width": width, "height": height, "columns": values.width, "lines": values.height, "thin": values.thin,
-        "planes": planes, "objects": object_names(result), "tolerance": tolerance,
+        "planes": planes, "objects": view.objects, "tolerance": allowed(view),
     }  # fmt: skip
 
 
-def pixel_rows(result: Result, worst: list[tuple[int, int]], apart: list[tuple[int, int]]) -> list[dict]:
+def pixel_rows(view: View, worst: list[tuple[int, int]], apart: list[tuple[int, int]]) -> list[dict]:
     """Exact values at pixels worth a look: those that see another object first, then the worst errors."""
-    names = dict(enumerate(object_names(result))) | {-1: "background"}
+    names = dict(enumerate(view.objects)) | {-1: "background"}
     chosen = list(dict.fromkeys([*apart[: LISTED // 2], *worst]))[:LISTED]
     rows = []
     for x, y in chosen:
-        a, b = result.subject.mean[y, x].astype(float), result.twin.mean[y, x].astype(float)
-        row = {"x": x, "y": y, "twin": b.tolist(), "error": (a - b).tolist(), "seen": "–"}
-        if both_surfaces(result):
-            seen = names[int(result.subject.surface.ids[y, x])], names[int(result.twin.surface.ids[y, x])]
+        a, b = view.test.mean[y, x].astype(float), view.reference.mean[y, x].astype(float)
+        row = {"x": x, "y": y, "reference": b.tolist(), "error": (a - b).tolist(), "seen": "–"}
+        if view.both_surfaces:
+            ids = int(view.test.surface.ids[y, x]), int(view.reference.surface.ids[y, x])
+            seen = [names.get(i, f"object {i}") for i in ids]
             row["seen"] = seen[0] if seen[0] == seen[1] else f"{seen[0]} / {seen[1]}"
         rows.append(row)
     return rows
 
 
-def calibrated(result: Result) -> dict | None:
+def calibrated(view: View) -> dict | None:
     """Intrinsics with their standard deviations, views worst first, and the spread of the views' rms for the bars."""
-    calibration = result.calibration
+    calibration = view.calibration
     if calibration is None:
         return None
     k = calibration.K
@@ -213,6 +220,6 @@ def calibrated(result: Result) -> dict | None:
     return {
         "intrinsics": [(n, v, calibration.sigma.get(n), unit) for n, v, unit in found],
         "views": views,
-        "posed": PurePath(result.pose.photo).name if result.pose else None,
+        "posed": view.photographed,
         "largest": max((v.rms_px for v in views), default=1.0) or 1.0,
     }

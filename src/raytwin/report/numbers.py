@@ -37,7 +37,7 @@ NUMBERS: tuple[Number, ...] = (
     Number("radiance", "max_abs", "Error, worst", "radiance", None, "max |t − r|", "no value is finite"),
     Number("radiance", "rmse", "RMSE", "radiance", None, "sqrt(mean((t − r)²))", "no value is finite"),
     Number("radiance", "relmse", "relMSE", "", None, "mean((t − r)² / (r² + 0.01))", "no value is finite"),
-    Number("radiance", "mean_ratio", "Ratio of means", "", None, "mean(t) / mean(r)", "the twin's image is black"),
+    Number("radiance", "mean_ratio", "Ratio of means", "", None, "mean(t) / mean(r)", "{reference}'s image is black"),
     Number("statistics", "z_mean", "Whole image", "σ", None,
            "the image's mean error over its standard deviation, worst channel", NO_NOISE),
     Number("statistics", "z_tile_worst", "Worst tile", "σ", None, "the same for the least plausible tile", NO_NOISE),
@@ -71,13 +71,17 @@ FOR_EXACT = ("p999_abs", "pixel_fail_fraction")
 """Bounds that images without noise are held to; with noise the statistics decide."""
 
 
-def rows(comparison: Comparison, tolerance: Tolerance, noisy: bool) -> Iterator[tuple[str, list[Row]]]:
-    """(heading, rows) of each group; `noisy`: one of the images has a variance."""
+def rows(
+    comparison: Comparison, tolerance: Tolerance | None, noisy: bool, reference: str = "the twin"
+) -> Iterator[tuple[str, list[Row]]]:
+    """(heading, rows) of each group; `noisy`: one of the images has a variance; no tolerance: nothing is bounded."""
     for group, heading in GROUPS.items():
         found = []
         for number in (n for n in NUMBERS if n.group == group):
             value = getattr(getattr(comparison, group), number.key)
-            bound = number.bound(tolerance) if number.bound and not (noisy and number.key in FOR_EXACT) else None
+            number = number._replace(absent=number.absent.format(reference=reference))
+            free = number.bound is None or tolerance is None or (noisy and number.key in FOR_EXACT)
+            bound = None if free else number.bound(tolerance)
             # A pass holds every bound: pixels that are allowed to see another object are excused from the others.
             held = None if value is None or bound is None else comparison.passed or value <= bound
             found.append(Row(number, value, bound, held))

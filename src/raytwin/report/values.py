@@ -52,9 +52,11 @@ class Values:
     planes: tuple[Plane, ...]
 
 
-def pack_values(test: Image, reference: Image, budget: int = BUDGET, most_pixels: int = MOST_PIXELS) -> Values:
-    """Reference and error (R, G, B), and ids and depths where both renderers tell them."""
-    planes = _planes(test, reference)
+def pack_values(
+    test: Image, reference: Image, budget: int = BUDGET, most_pixels: int = MOST_PIXELS, surfaces: bool = True
+) -> Values:
+    """Reference and error (R, G, B), and ids and depths where both renderers tell them (and `surfaces` is set)."""
+    planes = _planes(test, reference, surfaces)
     height, width = test.shape[:2]
     thin = max(1, math.ceil(math.sqrt(height * width / most_pixels)))
     # A sixteenth of the rows, in bands, tells what the whole will take.
@@ -66,14 +68,14 @@ def pack_values(test: Image, reference: Image, budget: int = BUDGET, most_pixels
     return Values(math.ceil(width / thin), math.ceil(height / thin), thin, packed)
 
 
-def _planes(test: Image, reference: Image) -> dict[str, tuple[str, np.ndarray]]:
+def _planes(test: Image, reference: Image, surfaces: bool) -> dict[str, tuple[str, np.ndarray]]:
     planes = {}
     with np.errstate(invalid="ignore", over="ignore"):
         for c, name in enumerate("RGB"):
             planes[name] = "half", reference.mean[..., c]
             planes["d" + name] = "half error", test.mean[..., c] - reference.mean[..., c]
         a, b = test.surface, reference.surface
-        if a is not None and b is not None:
+        if surfaces and a is not None and b is not None:
             planes |= {"id": ("whole", a.ids), "id_reference": ("whole", b.ids)}
             planes |= {"depth": ("even", b.depth), "ddepth": ("half error", a.depth - b.depth)}
     return planes

@@ -1,0 +1,147 @@
+"""What a page shows of two images, whoever made them: the tracer beside its twin, or any A beside any B."""
+
+from dataclasses import dataclass, field
+from pathlib import PurePath
+
+import numpy as np
+
+from raytwin.compare import Comparison
+from raytwin.image import Image
+from raytwin.photos import Calibration, PoseReport
+from raytwin.pipeline import Result, Timing, TruthRow
+from raytwin.report import numbers
+from raytwin.scene import Sphere, Tolerance
+
+
+@dataclass(frozen=True)
+class Names:
+    """How the two images are called: in a table's cell, in a sentence, above their pictures."""
+
+    test: str
+    reference: str
+    the_test: str
+    the_reference: str
+    test_title: str
+    reference_title: str
+
+
+TWINS = Names("tracer", "twin", "the tracer", "the twin", "Tracer's image", "Twin's image")
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A large number under the verdict: what it is, its value in words, its unit, and a line below."""
+
+    what: str
+    value: str
+    unit: str = ""
+    below: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Two images and their comparison, ready for the page.
+
+    `tolerance` is None where something else than it decided; `held_to` says what did. `about` is a word and the name
+    it introduces (rung, shadow). `objects` names `surface.ids` from 0 on.
+    """
+
+    title: str
+    comparison: Comparison
+    test: Image
+    reference: Image
+    names: Names
+    tolerance: Tolerance | None
+    held_to: str
+    motto: str
+    about: tuple[str, str] = ("", "")
+    tiles: tuple[Tile, ...] = ()
+    objects: tuple[str, ...] = ()
+    photo: np.ndarray | None = None
+    augmented: np.ndarray | None = None
+    calibration: Calibration | None = None
+    pose: PoseReport | None = None
+    truth: tuple[TruthRow, ...] = ()
+    times: tuple[Timing, ...] = ()
+    settings: dict[str, str] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def noisy(self) -> bool:
+        """One of the two has noise, so that a single error means little."""
+        return self.test.variance is not None or self.reference.variance is not None
+
+    @property
+    def alike(self) -> bool:
+        """Both are pictures of one size: only then is there an error to show."""
+        return showable(self.test) and showable(self.reference) and self.test.shape == self.reference.shape
+
+    @property
+    def both_surfaces(self) -> bool:
+        """Both tell what each of their pixels sees."""
+        surfaces = self.test.surface, self.reference.surface
+        return all(s is not None and np.shape(s.ids) == self.reference.shape[:2] for s in surfaces)
+
+    @property
+    def photographed(self) -> str | None:
+        """The photo whose pose the camera has."""
+        return PurePath(self.pose.photo).name if self.pose else None
+
+
+def showable(image: Image) -> bool:
+    """Numbers of shape (H, W, 3) with pixels in it."""
+    x = image.mean
+    return isinstance(x, np.ndarray) and x.dtype.kind in "fiub" and x.ndim == 3 and x.shape[2] == 3 and x.size > 0
+
+
+def view_of(result: Result) -> View:
+    """The tracer beside its twin."""
+    c, tolerance = result.comparison, result.scene.tolerance
+    spheres = len(result.scene.spheres)
+    objects = [
+        f"sphere {i}" if isinstance(thing, Sphere) else f"plane {i - spheres}"
+        for i, thing in enumerate(result.scene.objects)
+    ]
+    made = View(
+        title=c.scene,
+        about=("rung", c.rung),
+        comparison=c,
+        test=result.subject,
+        reference=result.twin,
+        names=TWINS,
+        tolerance=tolerance,
+        held_to="the scene's tolerance",
+        motto="a hand-written ray tracer beside its Mitsuba twin",
+        objects=tuple(objects),
+        photo=result.photo,
+        augmented=result.augmented,
+        calibration=result.calibration,
+        pose=result.pose,
+        truth=result.truth,
+        times=result.times,
+        settings=result.settings,
+        versions=result.versions,
+        tiles=(
+            silhouette_tile(c, tolerance),
+            Tile(
+                "Radiance error, 99.9 %",
+                numbers.shown(c.radiance.p999_abs),
+                below="noise included"
+                if result.subject.variance is not None or result.twin.variance is not None
+                else f"held to {numbers.short(tolerance.p999_abs)}",
+            ),
+            Tile("Tracer", numbers.seconds(c.seconds.get("tracer")), below=f"RMSE {numbers.shown(c.radiance.rmse)}"),
+            Tile(
+                "Twin",
+                numbers.seconds(c.seconds.get("twin")),
+                below=f"{result.twin.samples} sample{'s' * (result.twin.samples != 1)} a pixel",
+            ),
+        ),
+    )
+    return made
+
+
+def silhouette_tile(comparison: Comparison, tolerance: Tolerance) -> Tile:
+    apart = comparison.geometry.mask_mismatch_pixels
+    unit = "pixel differs" if apart == 1 else "pixels differ"
+    return Tile("Silhouettes", numbers.shown(apart), unit, f"held to {tolerance.mask_pixels}")
