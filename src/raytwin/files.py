@@ -24,7 +24,7 @@ import tomli_w
 from raytwin.errors import InputError
 from raytwin.formats import check_size, pfm_bytes, read_exr_header, read_hdr, read_pfm
 from raytwin.image import Image, Surface
-from raytwin.scene import Camera, PhotoCamera, Plane, Scene, Sky, Sphere, Sun, Tolerance
+from raytwin.scene import Camera, PhotoCamera, Plane, Pyramid, Scene, Sky, Sphere, Sun, Tolerance
 
 T = TypeVar("T")
 
@@ -169,6 +169,7 @@ class _SceneFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     camera: dict[str, Any]
     spheres: tuple[Sphere, ...] = ()
     planes: tuple[Plane, ...] = ()
+    pyramids: tuple[Pyramid, ...] = ()
     sun: Sun = Sun(to_light=(0.0, 0.0, 1.0), irradiance=(0.0, 0.0, 0.0))
     sky: Sky = Sky()
     tolerance: Tolerance = Tolerance()
@@ -202,8 +203,17 @@ def read_scene(path: str | os.PathLike) -> Scene:
             raise InputError(
                 f"{file}: planes[{i}].half_v", "a vector perpendicular to half_u", f"{degrees:.4g} degrees"
             )
-    name = file.resolve().parent.name
-    return Scene(name, camera, parts.spheres, parts.planes, parts.sun, parts.sky, parts.tolerance, str(file.parent))
+    name = file.resolve().parent.name + ("" if file.name == "scene.toml" else f"-{file.stem}")
+    lights = parts.sun, parts.sky
+    return Scene(name, camera, parts.spheres, parts.planes, *lights, parts.tolerance, str(file.parent), parts.pyramids)
+
+
+def upright(pixels: np.ndarray, orientation: int) -> np.ndarray:
+    """The pixels turned as the EXIF orientation (1 to 8) asks a viewer to turn them."""
+    if orientation in (2, 4, 5, 7):
+        pixels = pixels[:, ::-1]
+    quarter_turns = {3: 2, 4: 2, 5: 1, 6: 3, 7: 3, 8: 1}.get(orientation, 0)
+    return np.rot90(pixels, quarter_turns)
 
 
 def check_camera(camera: Camera, where: str) -> None:

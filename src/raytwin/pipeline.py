@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from raytwin import files, photos, twin
-from raytwin.augment import augment
+from raytwin.augment import augment, errors_by_region
 from raytwin.compare import Comparison, compare
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -272,6 +272,65 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {n: importlib.metadata.version(n) for n in named}
 
 
+# ------------------------------------------------------------------------------------------ photos with objects in them
+
+
+def augment_photos(
+    taken: list[Path],
+    scene_path: str | Path,
+    out: str | Path,
+    *,
+    camera: str | Path | None = None,
+    board: str | Path | None = None,
+    against: str | Path | None = None,
+    shadows: bool = True,
+    exposure: float = 1.0,
+    progress: Progress = silent,
+) -> list[dict]:
+    """Draw the scene's objects into each photo and write it to `out` under its own name, upright, as PNG or JPEG.
+
+    `camera`: a camera.toml, whose K and distortion count; without it the scene's own photos are calibrated. Each
+    photo's pose comes from its own tags of `board` (the scene's, if none is named). `against`: a folder of true photos
+    of the same names, the objects really there. Returns a row per photo: its name, its pose's rms in pixels, and with
+    `against` the errors by region.
+    """
+    scene = files.read_scene(scene_path)
+    asked = scene.camera
+    if board is None and isinstance(asked, Camera):
+        raise InputError("--board", "a board's TOML file, since the scene names none", "nothing")
+    definition = photos.read_board(board if board is not None else Path(scene.folder) / asked.board)
+    lens = find_camera(scene, progress=progress)[0].camera if camera is None else files.read_camera(camera)
+    out = Path(out)
+    if names := sorted(n for n in {p.name for p in taken} if sum(p.name == n for p in taken) > 1):
+        raise InputError("photos", "names that differ, since each is written under its own", ", ".join(names))
+    if any((out / p.name).exists() and (out / p.name).samefile(p) for p in taken):
+        raise InputError("--out", "another folder than the photos'", out)
+    engine = fast_engine(twin.activate())
+    rows = []
+    for done, path in enumerate(taken):
+        progress("augment", done, len(taken))
+        pixels = files.read_photo(path)
+        if pixels.shape[1::-1] != lens.image_size:
+            found = f"{pixels.shape[1]} x {pixels.shape[0]}"
+            raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", found)
+        tags = photos.detect_photo(path, definition.family)
+        pose = photos.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
+        stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
+        here = scene.with_camera(stand)
+        result = augment(pixels, here, engine=engine, shadows=shadows, exposure=exposure)
+        drawn = result.pixels
+        for pyramid in scene.pyramids:
+            drawn = photos.draw_pyramid(drawn, stand, pyramid)
+        row = {"photo": path.name, "pose_rms_px": pose.rms_px}
+        if against is not None:
+            truth = files.read_photo(Path(against) / path.name)
+            row["regions"] = errors_by_region(result, truth, here)
+        files.write_picture(out / path.name, files.upright(drawn, files.photo_orientation(path)), quality=95)
+        rows.append(row)
+    progress("augment", len(taken), len(taken))
+    return rows
+
+
 # ------------------------------------------------------------------------------------------ the synthetic photographer
 
 
@@ -292,13 +351,15 @@ def photograph_board(
     dist: tuple[float, ...] = (0.08, -0.16),
     samples: int = 32,
     seed: int = 1,
+    with_objects: bool = False,
     progress: Progress = silent,
 ) -> photos.Truth:
     """`count` photos of the board on its table, and the truth (camera.toml's K, dist and every pose), written to `out`.
 
     Sun, sky and table (the planes below the board) come from `scene`, by default a plain desk. `focal` is in pixels of
     a photo 2016 wide, so that another size changes the pixels and not the view. The lens is centred a little off, as
-    real ones are.
+    real ones are. `with_objects` puts the scene's spheres really there: the same seed gives the same poses and the same
+    sensor noise, so that such photos are the truth for augmented ones.
     """
     definition = photos.read_board(board)
     width, height = size
@@ -311,9 +372,10 @@ def photograph_board(
     twin.activate()
 
     def render(view: Camera, texture: np.ndarray, sheet: Plane) -> np.ndarray:
-        set_up = msgspec.structs.replace(stage, camera=view, spheres=(), planes=(sheet, *table))
+        spheres = stage.spheres if with_objects else ()
+        set_up = msgspec.structs.replace(stage, camera=view, spheres=spheres, planes=(sheet, *table))
         made = twin.render(
-            set_up, "path", sampling="area", samples=samples, seed=seed, textures={0: texture}, cache=False
+            set_up, "path", sampling="area", samples=samples, seed=seed, textures={len(spheres): texture}, cache=False
         )
         return made.mean
 

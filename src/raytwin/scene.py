@@ -126,6 +126,14 @@ class Plane(Record, frozen=True):
         return tuple((n / np.linalg.norm(n)).tolist())
 
 
+class Pyramid(Record, frozen=True):
+    """A transparent pyramid, only drawn on photos: four vertices, metres; a face's linear colour and opacity."""
+
+    vertices: tuple[Vector, Vector, Vector, Vector]
+    color: Albedo = (0.1, 0.5, 0.9)
+    opacity: Fraction = 0.35
+
+
 class Sun(Record, frozen=True):
     """A distant light: `to_light` points to it (any length), `irradiance` is what a surface facing it receives."""
 
@@ -169,6 +177,7 @@ class Scene(Record, frozen=True):
     sky: Sky = Sky()
     tolerance: Tolerance = Tolerance()
     folder: str = "."
+    pyramids: tuple[Pyramid, ...] = ()
 
     @property
     def objects(self) -> tuple[Sphere | Plane, ...]:
