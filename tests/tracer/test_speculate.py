@@ -1,0 +1,93 @@
+"""Guessing pixels between traced ones: never more wrong than promised where it is careful, and cheap."""
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from raytwin.files import read_scene
+from raytwin.scene import Camera, Scene, Sky, Sphere, Sun
+from raytwin.tracer import trace
+from raytwin.tracer.speculate import interpolation_bound, speculate
+
+TOLERANCE = 5e-4
+
+
+def sphere_scene(x=0.0, y=0.0, radius=0.05, to_light=(0.3, 0.4, 1.0), size=(640, 480), dist=()) -> Scene:
+    w, h = size
+    camera = Camera(
+        size,
+        ((1.25 * w, 0.0, w / 2), (0.0, 1.25 * w, h / 2), (0.0, 0.0, 1.0)),
+        ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
+        (0.0, 0.0, 0.5),
+        dist,
+    )
+    return Scene("s", camera, (Sphere((x, y, 0.05), radius),), (), Sun(to_light), Sky((0.1, 0.1, 0.1)))
+
+
+@pytest.mark.parametrize("n", [2, 4, 8, 16])
+@pytest.mark.parametrize("name", ["single", "overlap", "distorted", "grazing"])
+def test_a_careful_guess_keeps_its_promise_on_every_scene(scenes, name, n):
+    scene = read_scene(scenes / name)
+    truth = trace(scene, "lambert").mean
+    guess, share = speculate(scene, n, "lambert", tolerance=TOLERANCE)
+    assert np.quantile(np.abs(guess - truth), 0.999) <= TOLERANCE
+    assert share < 1
+
+
+@given(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(0.01, 0.06), st.sampled_from([2, 4, 8, 16]))
+def test_every_pixel_of_a_lone_sphere_is_within_the_tolerance(x, y, radius, n):
+    scene = sphere_scene(x, y, radius, size=(160, 120))
+    guess, _ = speculate(scene, n, "lambert", engine="numpy64", tolerance=TOLERANCE)
+    assert np.abs(guess - trace(scene, "lambert").mean).max() <= TOLERANCE
+
+
+def test_the_closed_form_bounds_the_error_of_interpolation():
+    """Head on, far away and out to 0.8 radii, bilinear guesses err by at most the bound, and by a fair share of it."""
+    far = sphere_scene(size=(641, 481))
+    K = ((80000.0, 0.0, 320.0), (0.0, 80000.0, 240.0), (0.0, 0.0, 1.0))
+    camera = msgspec.structs.replace(far.camera, K=K, t_cam_board=(0.0, 0.0, 20.05))
+    scene = msgspec.structs.replace(far, camera=camera, sun=Sun((0.0, 0.0, 1.0)))
+    truth, n = trace(scene, "lambert").mean[..., 0], 8
+    guess = speculate(scene, n, "lambert", engine="numpy64", way="paper")[0][..., 0]
+    radius_px = 80000 * 0.05 / 20
+    v, u = np.mgrid[0:481, 0:641]
+    rim = 0.8 - n * np.sqrt(2) / radius_px
+    inside = np.hypot(u - 320, v - 240) < rim * radius_px
+    bound = interpolation_bound(0.8 / np.pi * 3, n, radius_px, 0.8)
+    worst = np.abs(guess - truth)[inside].max()
+    assert 0.2 * bound < worst < bound
+
+
+def test_the_papers_guess_errs_at_edges_where_the_careful_one_does_not():
+    scene = sphere_scene()
+    truth = trace(scene, "lambert").mean
+    paper, _ = speculate(scene, 8, "lambert", engine="numpy64", way="paper")
+    careful, _ = speculate(scene, 8, "lambert", engine="numpy64")
+    assert np.abs(paper - truth).max() > 0.1
+    assert np.abs(careful - truth).max() <= TOLERANCE
+
+
+def test_shadow_edges_are_traced(scenes):
+    scene = read_scene(scenes / "overlap")
+    truth = trace(scene, "shadow").mean
+    guess, _ = speculate(scene, 8, "shadow")
+    wrong = (np.abs(guess - truth).max(axis=-1) > 1e-2).mean()
+    assert wrong < 1e-3
+
+
+def test_a_step_of_one_traces_everything(scenes):
+    scene = read_scene(scenes / "single")
+    guess, share = speculate(scene, 1, "shadow", engine="numpy64")
+    assert share == 1
+    np.testing.assert_allclose(guess, trace(scene).mean, atol=1e-6)
+
+
+def test_a_sphere_smaller_than_the_lattice_is_not_lost():
+    """Of 4 px across, between lattice points 16 px apart."""
+    scene = sphere_scene(x=0.0045, y=0.0045, radius=0.001)
+    truth = trace(scene, "lambert")
+    assert truth.surface.mask.any()
+    guess, _ = speculate(scene, 16, "lambert", engine="numpy64")
+    np.testing.assert_allclose(guess, truth.mean, atol=1e-5)
