@@ -85,6 +85,72 @@ def compare_command(
     raise typer.Exit(0 if result.comparison.verdict == "pass" else 1)
 
 
+@app.command("diff")
+def diff_command(
+    a: Annotated[Path, typer.Argument(metavar="A", help="The image to test: EXR, PFM, HDR, PNG or JPEG.")],
+    b: Annotated[Path, typer.Argument(metavar="B", help="The reference.")],
+    part: Annotated[str | None, typer.Option(metavar="NAME", help="An EXR's part: name or number.")] = None,
+    layer: Annotated[str | None, typer.Option(metavar="NAME", help="diffuse for diffuse.R...; or one channel.")] = None,
+    tolerance: Annotated[float, typer.Option(help="99.9 % of noise-free values may err by this.")] = 1e-5,
+    false_alarm_rate: Annotated[float, typer.Option(help="Share of noisy pairs that fail by chance.")] = 1e-3,
+    fail: Annotated[float | None, typer.Option("--fail", help="A pixel may err by this (1e-6); as idiff.")] = None,
+    fail_relative: Annotated[
+        float | None, typer.Option("--failrelative", "--fail-relative", help="And by this share of its value (0).")
+    ] = None,
+    fail_percent: Annotated[
+        float | None, typer.Option("--failpercent", "--fail-percent", help="Percentage that may err more (0).")
+    ] = None,
+    hard_fail: Annotated[
+        float | None, typer.Option("--hardfail", "--hard-fail", help="No pixel may err by more (infinite).")
+    ] = None,
+    allow_failures: Annotated[
+        int | None, typer.Option("--allowfailures", "--allow-failures", help="Pixels that may err at will (0).")
+    ] = None,
+    warn: Annotated[float | None, typer.Option("--warn", help="As --fail, for a warning that passes.")] = None,
+    warn_relative: Annotated[float | None, typer.Option("--warnrelative", "--warn-relative")] = None,
+    warn_percent: Annotated[float | None, typer.Option("--warnpercent", "--warn-percent")] = None,
+    hard_warn: Annotated[float | None, typer.Option("--hardwarn", "--hard-warn")] = None,
+    flip: Annotated[bool, typer.Option("--flip", help="Add NVIDIA's perceptual metric FLIP (slow).")] = False,
+    json: JsonFile = None,
+    junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the verdict as JUnit XML.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="report.html, heatmap.png, comparison.json.")
+    ] = None,
+) -> None:
+    """Compare any two images of any renderers: metrics, verdict, heat map. With --fail... as idiff does."""
+    from raytwin import diff, files, report
+
+    name = f"{a.name} against {b.name}"
+    try:
+        found = diff.diff(
+            a,
+            b,
+            part=part,
+            layer=layer,
+            tolerance=tolerance,
+            false_alarm_rate=false_alarm_rate,
+            limits=diff.limits("--fail", fail, fail_relative, fail_percent, hard_fail, allow_failures),
+            warn=diff.limits("--warn", warn, warn_relative, warn_percent, hard_warn),
+            flip=flip,
+        )
+    except InputError as error:
+        if junit:
+            report.write_junit([report.Case(name, "raytwin.diff", error)], junit)
+        raise
+    text = report.diff_summary(found)
+    if json:
+        files.write_json(json, found.numbers())
+    if junit:
+        report.write_junit([report.Case(name, "raytwin.diff", found.comparison, text)], junit)
+    if out:
+        with progress_bars() as progress:
+            report.write_diff(found, out, progress)
+    typer.echo(text)
+    if out:
+        typer.echo(f"report: {out / 'report.html'}")
+    raise typer.Exit(0 if found.passed else 1)
+
+
 @app.command("calibrate")
 def calibrate_command(
     photos: Annotated[Path, typer.Argument(help="A folder of photos of the board.")],

@@ -520,6 +520,17 @@ def read_image(path: str | os.PathLike, part: str | None = None, layer: str | No
     return Image(pixels if pixels.ndim == 3 else _stack([pixels] * 3))
 
 
+def read_origin(path: str | os.PathLike, part: str | None = None) -> tuple[int, int]:
+    """Where on the display an EXR's first (or named) part begins, (x, y) in pixels; (0, 0) for any other image."""
+    path = Path(path)
+    with path.open("rb") as file:
+        if not file.read(4) == b"\x76\x2f\x31\x01":
+            return 0, 0
+    parts = read_exr_header(path, MAX_PIXELS)
+    chosen = next((p for i, p in enumerate(parts) if part in (p.name, str(i))), parts[0])
+    return chosen.data.x0 - chosen.display.x0, chosen.data.y0 - chosen.display.y0
+
+
 MAGIC = {
     b"\x76\x2f\x31\x01": "EXR", b"PF": "PFM", b"Pf": "PFM", b"#?": "HDR", b"\x89PNG": "PNG", b"\xff\xd8": "JPEG",
 }  # fmt: skip

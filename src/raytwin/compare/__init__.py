@@ -1,11 +1,13 @@
 """Two images in, one Comparison out: metrics, geometry, statistics, the verdict and heat maps.
 
-Knows images, not renderers. `compare` judges; `METRICS` measures; `error_map` colours.
+Knows images, not renderers. `compare` judges (`judge_limits`: by counts alone), `METRICS` measures, `error_map`
+colours.
 """
 
 from raytwin.compare.comparison import Comparison, Geometry, Part, Perceptual, Radiance, Statistics
 from raytwin.compare.heatmap import KINDS, error_map, error_scale
-from raytwin.compare.metrics import METRICS, Metric
+from raytwin.compare.limits import Limits, judge_limits
+from raytwin.compare.metrics import METRICS, Metric, measure
 from raytwin.compare.verdict import compare
 
 __all__ = [
@@ -13,6 +15,7 @@ __all__ = [
     "METRICS",
     "Comparison",
     "Geometry",
+    "Limits",
     "Metric",
     "Part",
     "Perceptual",
@@ -21,4 +24,6 @@ __all__ = [
     "compare",
     "error_map",
     "error_scale",
+    "judge_limits",
+    "measure",
 ]

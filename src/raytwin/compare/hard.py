@@ -38,15 +38,16 @@ def value_findings(test: Image, reference: Image, tolerance: Tolerance) -> list[
     """NaN, infinite and negative values of either image, and a black test image."""
     found = []
     for name, image in (("test image", test), ("reference image", reference)):
-        found += _bad(name, image.mean, tolerance.p999_abs)
+        found += bad_values(name, image.mean, tolerance.p999_abs)
         if image.variance is not None:
-            found += _bad(f"variance of the {name}", image.variance, 0.0)
+            found += bad_values(f"variance of the {name}", image.variance, 0.0)
     if not found and not test.mean.any() and reference.mean.any():
         found.append(Finding(HARD, "the test image is all black"))
     return found
 
 
-def _bad(name: str, x: np.ndarray, least: float) -> list[Finding]:
+def bad_values(name: str, x: np.ndarray, least: float) -> list[Finding]:
+    """NaN, infinite, and values below -least, counted and located."""
     # Two reductions tell a sound image: NaN and infinity both show in the extremes.
     low, high = x.min(), x.max()
     if np.isfinite(low) and np.isfinite(high) and low >= -least:

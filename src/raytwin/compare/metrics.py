@@ -3,7 +3,8 @@
 One more metric is one more row of METRICS.
 """
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -149,3 +150,28 @@ METRICS: dict[str, Metric] = {
         ),
     )
 }
+
+
+def measure(test: np.ndarray, reference: np.ndarray, names: Iterable[str]) -> dict[str, float | None]:
+    """The named metrics over the values that are finite in both images; null where one has no value.
+
+    FLIP sees whole pictures: it is null where any value is not finite.
+    """
+    missing = dict.fromkeys(names)
+    wanted = list(missing)
+    if test.shape != reference.shape:
+        return missing
+    finite = np.isfinite(test) & np.isfinite(reference) if not all_finite(test, reference) else None
+    if finite is not None:
+        test, reference = test[finite], reference[finite]
+        wanted = [n for n in wanted if not n.startswith("flip")]
+    if not test.size:
+        return missing
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        numbers = {name: METRICS[name].function(test, reference) for name in wanted}
+    return missing | {name: x if math.isfinite(x) else None for name, x in numbers.items()}
+
+
+def all_finite(*arrays: np.ndarray) -> bool:
+    """Two reductions tell, and no array of flags is made: NaN and infinity both show in the extremes."""
+    return all(math.isfinite(a.min()) and math.isfinite(a.max()) for a in arrays)

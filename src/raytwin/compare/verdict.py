@@ -14,7 +14,7 @@ from raytwin.compare.finding import CHANNELS, EXACT, HARD, IMAGE, SHIFT, TILE, V
 from raytwin.compare.geometry import GRANTED_SHIFT, find_shift, judge_geometry, judge_shift, shift_finding
 from raytwin.compare.hard import shape_findings, value_findings
 from raytwin.compare.hints import find_hints
-from raytwin.compare.metrics import METRICS
+from raytwin.compare.metrics import METRICS, measure
 from raytwin.compare.statistics import POWER, TESTS, Noise, judge, sidak
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -114,17 +114,7 @@ def _single(image: Image) -> Image:
 
 def _radiance(test: np.ndarray, reference: np.ndarray) -> Radiance:
     """The metrics over the values that are finite in both images; null where none is, or a metric has no value."""
-    finite = np.isfinite(test) & np.isfinite(reference) if not _finite(test, reference) else None
-    if finite is not None:
-        test, reference = test[finite], reference[finite]
-    if not test.size:
-        return Radiance()
-    numbers = {name: METRICS[name].function(test, reference) for name in Radiance.__struct_fields__}
-    return Radiance(**{name: x if math.isfinite(x) else None for name, x in numbers.items()})
-
-
-def _finite(*arrays: np.ndarray) -> bool:
-    return all(math.isfinite(a.min()) and math.isfinite(a.max()) for a in arrays)
+    return Radiance(**measure(test, reference, Radiance.__struct_fields__))
 
 
 def _noise_findings(noise: Noise, reference: Image) -> list[Finding]:

@@ -4,11 +4,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from raytwin import files
+from raytwin.compare import error_map
+from raytwin.diff import Diff
 from raytwin.image import Image
 from raytwin.pipeline import Result
 from raytwin.report.html import write_report
 from raytwin.report.json import write_comparison
 from raytwin.report.overview import overview
+from raytwin.report.view import view_of_diff
 
 
 def write_all(
@@ -30,6 +33,22 @@ def write_all(
         steps.append(lambda: files.write_picture(folder / "augmented.png", result.augmented))
     if json is not None:
         steps.append(lambda: write_comparison(result.comparison, json))
+    for done, step in enumerate(steps):
+        progress("report", done, len(steps))
+        step()
+    progress("report", len(steps), len(steps))
+
+
+def write_diff(found: Diff, folder: Path, progress: Callable[[str, int, int], None] = lambda *_: None) -> None:
+    """Of any two images: report.html, comparison.json and, where they are of one size, heatmap.png."""
+    view = view_of_diff(found)
+    steps = [
+        lambda: files.write_json(folder / "comparison.json", found.numbers()),
+        lambda: write_report(view, folder / "report.html"),
+    ]
+    if view.alike:
+        colours = error_map(found.test, found.reference)
+        steps.append(lambda: files.write_picture(folder / "heatmap.png", files.to_bytes(colours)))
     for done, step in enumerate(steps):
         progress("report", done, len(steps))
         step()

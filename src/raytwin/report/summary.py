@@ -1,5 +1,7 @@
 """A comparison or a calibration in a few lines of text, for the terminal."""
 
+from raytwin.compare import METRICS
+from raytwin.diff import Diff
 from raytwin.photos import Calibration
 from raytwin.pipeline import Result
 
@@ -16,6 +18,18 @@ def summary(result: Result) -> str:
     ]
     lines += [f"  {row.name}: {row.found:.6g} {row.unit}, true {row.truth:.6g}" for row in result.truth]
     lines += [f"  {t.stage:<10} {t.seconds:7.2f} s   {t.error}" for t in result.times]
+    return "\n".join(lines)
+
+
+def diff_summary(found: Diff) -> str:
+    """Verdict first, its reasons, then every metric that has a value."""
+    c = found.comparison
+    lines = [f"{c.verdict.upper()}  {c.scene}", *(f"  {reason}" for reason in c.reasons)]
+    lines += [f"  warning: {text}" for text in found.warnings]
+    if c.geometry.shift_px is not None:
+        lines.append(f"  shift      {c.geometry.shift_px:.3g} px")
+    known = [(METRICS[name], value) for name, value in found.metrics.items() if value is not None]
+    lines += [f"  {metric.name:<10} {value:<12.6g} {metric.formula}" for metric, value in known]
     return "\n".join(lines)
 
 

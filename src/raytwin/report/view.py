@@ -3,9 +3,11 @@
 from dataclasses import dataclass, field
 from pathlib import PurePath
 
+import msgspec
 import numpy as np
 
-from raytwin.compare import Comparison
+from raytwin.compare import METRICS, Comparison
+from raytwin.diff import Diff
 from raytwin.image import Image
 from raytwin.photos import Calibration, PoseReport
 from raytwin.pipeline import Result, Timing, TruthRow
@@ -43,7 +45,8 @@ class View:
     """Two images and their comparison, ready for the page.
 
     `tolerance` is None where something else than it decided; `held_to` says what did. `about` is a word and the name
-    it introduces (rung, shadow). `objects` names `surface.ids` from 0 on.
+    it introduces (rung, shadow). `objects` names `surface.ids` from 0 on. `metrics` are
+    further ones: name, value, formula.
     """
 
     title: str
@@ -65,6 +68,7 @@ class View:
     times: tuple[Timing, ...] = ()
     settings: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
+    metrics: tuple[tuple[str, float | None, str], ...] = ()
 
     @property
     def noisy(self) -> bool:
@@ -98,11 +102,11 @@ def view_of(result: Result) -> View:
     """The tracer beside its twin."""
     c, tolerance = result.comparison, result.scene.tolerance
     spheres = len(result.scene.spheres)
-    objects = [
+    objects = tuple(
         f"sphere {i}" if isinstance(thing, Sphere) else f"plane {i - spheres}"
         for i, thing in enumerate(result.scene.objects)
-    ]
-    made = View(
+    )
+    return View(
         title=c.scene,
         about=("rung", c.rung),
         comparison=c,
@@ -112,7 +116,7 @@ def view_of(result: Result) -> View:
         tolerance=tolerance,
         held_to="the scene's tolerance",
         motto="a hand-written ray tracer beside its Mitsuba twin",
-        objects=tuple(objects),
+        objects=objects,
         photo=result.photo,
         augmented=result.augmented,
         calibration=result.calibration,
@@ -138,10 +142,44 @@ def view_of(result: Result) -> View:
             ),
         ),
     )
-    return made
 
 
 def silhouette_tile(comparison: Comparison, tolerance: Tolerance) -> Tile:
     apart = comparison.geometry.mask_mismatch_pixels
     unit = "pixel differs" if apart == 1 else "pixels differ"
     return Tile("Silhouettes", numbers.shown(apart), unit, f"held to {tolerance.mask_pixels}")
+
+
+def view_of_diff(found: Diff) -> View:
+    """A beside B, whoever rendered them."""
+    c, r = found.comparison, found.comparison.radiance
+    noisy = found.test.variance is not None or found.reference.variance is not None
+    held = None if found.limits else found.tolerance
+    below = "noise included" if noisy else "" if held is None else f"held to {numbers.short(held.p999_abs)}"
+    others = [k for k, v in found.metrics.items() if k not in r.__struct_fields__ and v is not None]
+    return View(
+        title=found.a.name,
+        about=("against", found.b.name),
+        comparison=msgspec.structs.replace(c, reasons=(*c.reasons, *(f"warning: {w}" for w in found.warnings))),
+        test=found.test,
+        reference=found.reference,
+        names=Names("A", "B", "A", "B", f"A: {found.a.name}", f"B: {found.b.name}"),
+        tolerance=held,
+        held_to="the limits" if found.limits else "noise and tolerance" if noisy else "the tolerance",
+        motto="any image beside its reference",
+        tiles=(
+            Tile("Error, 99.9 %", numbers.shown(r.p999_abs), below=below),
+            Tile("Error, worst", numbers.shown(r.max_abs), below="max |A − B|"),
+            Tile("RMSE", numbers.shown(r.rmse), below=f"relMSE {numbers.shown(r.relmse)}"),
+            Tile("Ratio of means", numbers.shown(r.mean_ratio, 5), below="mean(A) / mean(B)"),
+        ),
+        objects=tuple(f"object {i}" for i in range(1 + _most(found.test, found.reference))),
+        times=tuple(Timing(stage, c.seconds[stage], "-") for stage in ("read", "compare")),
+        settings=found.settings,
+        metrics=tuple((k, found.metrics[k], METRICS[k].formula) for k in others),
+    )
+
+
+def _most(*images: Image) -> int:
+    """The largest object number in the images' surfaces."""
+    return min(max((int(i.surface.ids.max(initial=-1)) for i in images if i.surface is not None), default=-1), 10_000)

@@ -1,0 +1,133 @@
+"""Any two image files of any renderers: read, measured, judged. A is tested against the reference B."""
+
+import math
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+
+from raytwin import files
+from raytwin.compare import METRICS, Comparison, Limits, compare, judge_limits, measure
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.scene import Tolerance
+
+SLOW = ("flip_hdr", "flip_ldr")
+"""Metrics that take longer than all else: only where asked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Diff:
+    """All that `raytwin diff` found. `metrics` has every row of METRICS, null where it has no value.
+
+    `limits` decided where there are any, else `compare` did, by `tolerance` and noise. `warnings` never fail.
+    """
+
+    a: Path
+    b: Path
+    test: Image
+    reference: Image
+    comparison: Comparison
+    metrics: dict[str, float | None]
+    tolerance: Tolerance
+    limits: Limits | None = None
+    warnings: tuple[str, ...] = ()
+    settings: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def passed(self) -> bool:
+        return self.comparison.passed
+
+    def numbers(self) -> dict:
+        """The comparison's keys, and beside them every metric, the limits and the warnings: what JSON holds."""
+        more = {"metrics": self.metrics, "limits": self.limits, "warnings": self.warnings}
+        return files.plain(self.comparison) | files.plain(more)
+
+
+def diff(
+    a: str | Path,
+    b: str | Path,
+    *,
+    part: str | None = None,
+    layer: str | None = None,
+    tolerance: float = 1e-5,
+    false_alarm_rate: float = 1e-3,
+    limits: Limits | None = None,
+    warn: Limits | None = None,
+    flip: bool = False,
+) -> Diff:
+    """Does the image file `a` show what `b` shows?
+
+    Without `limits`, `compare` decides: values without noise by `tolerance`, the others at `false_alarm_rate`. With
+    them, they alone do (and NaN, infinity or another size fail). `part` and `layer` choose within EXRs.
+    """
+    if not 0 < tolerance < math.inf:
+        raise InputError("tolerance", "a finite number > 0", tolerance)
+    a, b = Path(a), Path(b)
+    start = time.perf_counter()
+    test, reference = (files.read_image(path, part, layer) for path in (a, b))
+    begins = [files.read_origin(path, part) for path in (a, b)]
+    read = time.perf_counter() - start
+    held = Tolerance(p999_abs=tolerance)
+    made = compare(test, reference, tolerance=held, false_alarm_rate=false_alarm_rate, flip=flip)
+    start = time.perf_counter()
+    verdict, reasons = made.verdict, list(made.reasons)
+    if limits is not None:
+        found, counted = judge_limits(test, reference, limits)
+        verdict, reasons = "fail" if found else "pass", [f.text for f in found] or [counted]
+    if begins[0] != begins[1]:
+        verdict = "fail"
+        reasons.insert(
+            0, "A's pixels begin at (x={}, y={}) of the picture, B's at (x={}, y={})".format(*sum(begins, ()))
+        )
+    warned = judge_limits(test, reference, warn)[0] if warn is not None and verdict == "pass" else []
+    metrics = msgspec.structs.asdict(made.radiance)
+    metrics |= measure(test.mean, reference.mean, [n for n in METRICS if n not in metrics and (flip or n not in SLOW)])
+    seconds = {**made.seconds, "compare": (made.seconds["compare"] or 0) + time.perf_counter() - start, "read": read}
+    chosen = {"part": part, "layer": layer}
+    decided = _limits_in_words(limits) if limits else {"tolerance": f"{tolerance:g}"}
+    if limits is None and (test.variance is not None or reference.variance is not None):
+        decided["false-alarm rate"] = f"{false_alarm_rate:g}"
+    return Diff(
+        a=a,
+        b=b,
+        test=test,
+        reference=reference,
+        comparison=msgspec.structs.replace(
+            made, scene=f"{a.name} against {b.name}", verdict=verdict, reasons=tuple(reasons), seconds=seconds
+        ),
+        metrics={name: metrics.get(name) for name in METRICS},
+        tolerance=held,
+        limits=limits,
+        warnings=tuple(f.text for f in warned),
+        settings={"A": str(a), "B": str(b), **{k: v for k, v in chosen.items() if v is not None}, **decided},
+    )
+
+
+def limits(
+    option: str,
+    error: float | None = None,
+    relative: float | None = None,
+    percent: float | None = None,
+    hard: float | None = None,
+    pixels: int | None = None,
+) -> Limits | None:
+    """The limits that were given, the others as idiff has them; None where none was. `option` names them in errors."""
+    given = {"error": error, "relative": relative, "percent": percent, "hard": hard, "pixels": pixels}
+    given = {name: value for name, value in given.items() if value is not None}
+    for name, value in given.items():
+        if not value >= 0:
+            raise InputError(f"{option} ({name})", "a number >= 0", value)
+    return Limits(**given) if given else None
+
+
+def _limits_in_words(limits: Limits) -> dict[str, str]:
+    meaning = {
+        "error": "a pixel may err by",
+        "relative": "and by this share of the value",
+        "percent": "percent of the pixels that may err more",
+        "pixels": "number of pixels that may err more",
+        "hard": "no pixel may err by more than",
+    }
+    return {text: f"{getattr(limits, name):g}" for name, text in meaning.items()}

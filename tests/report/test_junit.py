@@ -1,0 +1,51 @@
+"""JUnit XML as CI servers parse it."""
+
+import xml.etree.ElementTree as ET
+
+import msgspec
+import numpy as np
+import pytest
+
+from raytwin.compare import compare
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.report import Case, write_junit
+
+ONES = np.ones((4, 5, 3), np.float32)
+
+
+@pytest.fixture
+def written(tmp_path):
+    passed, failed = compare(Image(ONES), Image(ONES)), compare(Image(2 * ONES), Image(ONES))
+    cases = [
+        Case("good", "g", passed, "text"),
+        Case("bad", "g", failed),
+        Case("none", "g", InputError("x.exr", "a file", "<nothing> & \x1b[31m")),
+    ]
+    write_junit(cases, tmp_path / "x.xml")
+    return ET.parse(tmp_path / "x.xml").getroot(), failed
+
+
+def test_passes_failures_and_errors_are_counted_and_told_apart(written):
+    root, failed = written
+    suite = root.find("testsuite")
+    for element in (root, suite):
+        assert [element.get(k) for k in ("tests", "failures", "errors")] == ["3", "1", "1"]
+    good, bad, none = suite.findall("testcase")
+    assert (good.find("failure"), good.find("error")) == (None, None)
+    assert good.findtext("system-out") == "text"
+    assert bad.find("failure").get("message") == failed.reasons[0]
+    assert bad.findtext("failure") == "\n".join(failed.reasons)
+    assert none.find("error").get("message").startswith("x.exr: expected a file, got <nothing> &")
+    times = [float(c.get("time")) for c in suite.findall("testcase")]
+    assert float(root.get("time")) == pytest.approx(sum(times), abs=2e-3)
+
+
+def test_names_that_xml_cannot_hold_are_replaced(tmp_path):
+    name = "a\x00\x08\x1b<>&\"'é\ud800\ufffe\U0001f600\n"
+    failed = compare(Image(2 * ONES), Image(ONES))
+    failed = msgspec.structs.replace(failed, reasons=(name,))
+    write_junit([Case(name, name, failed, name)], tmp_path / "x.xml")
+    case = ET.parse(tmp_path / "x.xml").getroot().find("testsuite/testcase")
+    expected = "a\ufffd\ufffd\ufffd<>&\"'é\ufffd\ufffd\U0001f600"
+    assert case.get("name").strip() == case.findtext("system-out").strip() == expected

@@ -1,0 +1,127 @@
+"""The page of any two images: their own names, and a page even where they cannot lie side by side."""
+
+import re
+from html import unescape
+
+import msgspec
+import numpy as np
+import pytest
+
+from raytwin import files
+from raytwin.compare import Limits
+from raytwin.diff import diff
+from raytwin.image import Image, Surface
+from raytwin.report import write_diff, write_report
+
+RNG = np.random.default_rng(11)
+A = RNG.random((24, 36, 3)).astype(np.float32)
+B = A.copy()
+B[5, 7] += 0.5
+
+
+def text_of(page) -> str:
+    source = re.sub(r"<(script|style)\b.*?</\1>", " ", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    return " ".join(unescape(re.sub(r"<[^>]*>", " ", source)).split())
+
+
+@pytest.fixture
+def pair(tmp_path):
+    def write(a, b, **options):
+        for name, image in (("a.exr", a), ("b.exr", b)):
+            files.write_exr(tmp_path / name, image if isinstance(image, Image) else Image(image))
+        found = diff(tmp_path / "a.exr", tmp_path / "b.exr", **options)
+        write_diff(found, tmp_path / "out")
+        return found, tmp_path / "out"
+
+    return write
+
+
+def test_the_images_are_called_a_and_b_and_nothing_else(pair):
+    found, out = pair(A, B)
+    text = text_of(out / "report.html")
+    for said in ("✗ Fail", "a.exr against b.exr", "A: a.exr", "B: b.exr", "A − B", "psnr", *found.comparison.reasons):
+        assert " ".join(said.split()) in text
+    for wrong in ("Mitsuba", "tracer", "Tracer", "twin", "scene"):
+        assert not re.search(rf"\b{wrong}\b", text)
+    assert {p.name for p in out.iterdir()} == {"report.html", "comparison.json", "heatmap.png"}
+    colours = files.read_photo(out / "heatmap.png")
+    assert colours.shape == A.shape
+    blue = colours[5, 7]
+    assert blue[2] > blue[0] + 50  # A is darker
+    assert (colours[0, 0] == 255).all()
+
+
+def test_limits_decide_alone_and_no_other_bound_is_shown(pair):
+    found, out = pair(A, B, limits=Limits(error=0.1, percent=1), warn=Limits(error=0.1))
+    assert found.passed
+    text = text_of(out / "report.html")
+    assert "The two images agree within the limits." in text
+    assert "1 pixel of 864 (0.116 %) err by more than 0.1" in text
+    assert "warning: 1 pixel of 864" in text
+    assert "held to 1e-5" not in text
+    assert "exceeded" not in text
+
+
+def test_the_numbers_file_has_the_comparison_the_metrics_and_the_limits(pair):
+    found, out = pair(A, B, limits=Limits(error=0.1))
+    numbers = msgspec.json.decode((out / "comparison.json").read_bytes())
+    assert numbers["verdict"] == "fail"
+    assert numbers["metrics"]["max_abs"] == pytest.approx(0.5)
+    assert numbers["metrics"]["flip_hdr"] is None
+    assert numbers["limits"]["hard"] is None  # infinite
+    assert numbers["radiance"]["rmse"] == numbers["metrics"]["rmse"] == found.metrics["rmse"]
+
+
+@pytest.mark.parametrize("other", [A[:-1], np.concatenate([A, A], axis=1), A.transpose(1, 0, 2)])
+def test_other_sizes_give_a_page_that_shows_both(pair, other):
+    _, out = pair(A, np.ascontiguousarray(other))
+    text = text_of(out / "report.html")
+    h, w = other.shape[:2]
+    assert f"the test image is 36 x 24 pixels, the reference {w} x {h}" in text
+    assert f"{w} × {h} pixels" in text
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert page.count('<img class="alone" src="data:image/') == 2
+    assert "undefined" not in text
+    assert not (out / "heatmap.png").exists()
+
+
+def test_the_tracers_report_survives_a_twin_of_another_size_or_kind(make_result, tmp_path):
+    from dataclasses import replace
+
+    from raytwin.compare import compare
+
+    result = make_result()
+    for wrong in (
+        Image(result.twin.mean[:-3]), Image(result.twin.mean[..., :2]), Image(result.twin.mean[..., 0]),
+        Image(np.zeros((0, 5, 3), np.float32)), Image(result.twin.mean.astype(object)), Image("no array"),
+    ):  # fmt: skip
+        comparison = compare(result.subject, wrong)
+        assert not comparison.passed
+        write_report(replace(result, twin=wrong, comparison=comparison), tmp_path / "report.html")
+        text = text_of(tmp_path / "report.html")
+        assert "✗ Fail" in text
+        assert " ".join(comparison.reasons[0].split()) in text
+
+
+def test_a_surface_of_another_size_is_left_out(make_result, tmp_path):
+    from dataclasses import replace
+
+    result = make_result()
+    s = result.twin.surface
+    twin = replace(result.twin, surface=Surface(s.ids[:-1], s.depth[:-1], s.normal[:-1]))
+    write_report(replace(result, twin=twin), tmp_path / "report.html")
+    assert "Silhouettes" not in re.findall(r"<h3>(.*?)</h3>", (tmp_path / "report.html").read_text(encoding="utf-8"))
+
+
+def test_both_pages_open_without_an_error(pair, browse):
+    script = "result.titles = [...document.querySelectorAll('h3')].map((h) => h.textContent);"
+    _, out = pair(A, B)
+    read, console = browse(out / "report.html", "#pixel=7,5", script + 'result.a = texts("test");')
+    assert console == []
+    assert float(read["a"][1]) == pytest.approx(A[5, 7, 0], rel=1e-3)
+    assert "A: a.exr" in read["titles"]
+
+
+def test_the_page_of_two_sizes_runs_no_script(pair):
+    _, out = pair(A, A[:-1])
+    assert "<script" not in (out / "report.html").read_text(encoding="utf-8")
