@@ -50,7 +50,7 @@ def undistort(xd: Any, yd: Any, dist: tuple, steps: int) -> tuple[Any, Any]:
 
 @lru_cache(maxsize=64)
 def newton_steps(camera: Camera) -> int:
-    """How many steps undo the camera's distortion to 1e-12 all over the frame: 0 for a pinhole, 3 for most lenses.
+    """How many steps undo the camera's distortion to rounding all over the frame: 0 for a pinhole, 3 for most lenses.
 
     Raises InputError where none do: the model folds over within the frame, and some pixels have no ray.
     """
@@ -64,7 +64,7 @@ def newton_steps(camera: Camera) -> int:
             x, y = undistort(xd, yd, camera.coefficients, steps)
             bx, by = distort(x, y, camera.coefficients)
             off = np.hypot(bx - xd, by - yd)
-            if off.max() < 1e-12 and _monotone(x, y, camera.coefficients):
+            if off.max() < 2e-14 and _monotone(x, y, camera.coefficients):
                 return steps
     raise InputError("camera.dist", "a distortion that can be undone all over the frame", list(camera.dist))
 
