@@ -78,9 +78,8 @@ def diff(
         verdict, reasons = "fail" if found else "pass", [f.text for f in found] or [counted]
     if begins[0] != begins[1]:
         verdict = "fail"
-        reasons.insert(
-            0, "A's pixels begin at (x={}, y={}) of the picture, B's at (x={}, y={})".format(*sum(begins, ()))
-        )
+        (x, y), (u, v) = begins
+        reasons.insert(0, f"A's pixels begin at (x={x}, y={y}) of the display window, B's at (x={u}, y={v})")
     warned = judge_limits(test, reference, warn)[0] if warn is not None and verdict == "pass" else []
     metrics = msgspec.structs.asdict(made.radiance)
     metrics |= measure(test.mean, reference.mean, [n for n in METRICS if n not in metrics and (flip or n not in SLOW)])
