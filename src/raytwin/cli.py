@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from raytwin import cli_reference
 from raytwin.errors import InputError
 
 app = typer.Typer(
@@ -21,6 +22,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+app.add_typer(cli_reference.app, name="reference")
 
 ScenePath = Annotated[Path, typer.Argument(help="A scene's folder, or its scene.toml.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the numbers as JSON.")]

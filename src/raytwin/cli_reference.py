@@ -1,0 +1,169 @@
+"""raytwin reference make | check | show | diff: references that renders are held to. Imported by cli.py."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raytwin.errors import InputError
+
+app = typer.Typer(help="Reference images: make, check, show them, or see what would change.", no_args_is_help=True)
+
+Scenes = Annotated[list[Path] | None, typer.Argument(help="Scene folders, or names in scenes/ (default: all there).")]
+Rungs = Annotated[list[str] | None, typer.Option("--rung", help="surface, lambert, shadow, sky or path; repeatable.")]
+Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where the references lie.")]
+Samples = Annotated[int | None, typer.Option(help="Per pixel, where there is noise (4096); a multiple of 64.")]
+REFERENCES, SCENES = Path("reference"), Path("scenes")
+
+
+@app.command("make")
+def make_command(
+    scenes: Scenes = None,
+    rung: Rungs = None,
+    folder: Folder = REFERENCES,
+    samples: Samples = None,
+    seed: Annotated[int | None, typer.Option(help="Of the samples (0).")] = None,
+    sampling: Annotated[str | None, typer.Option(help="center: through the pixel's centre (default); area.")] = None,
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="About 336x252 by default.")] = None,
+    again: Annotated[bool, typer.Option("--again", help="Render also what is up to date.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Replace old references without asking.")] = False,
+) -> None:
+    """Render references with Mitsuba. An old one is replaced only after showing what changes.
+
+    Interrupted, it goes on where it stopped.
+    """
+    from raytwin import reference
+    from raytwin.cli import parse_size, progress_bars
+
+    refused = []
+    pixels = parse_size(size, "--size") if size else None
+    for scene, one, found in _cases(scenes, rung):
+        with progress_bars() as progress:
+            change = reference.make(
+                scene,
+                one,
+                folder,
+                samples=samples,
+                seed=seed,
+                sampling=sampling,
+                size=pixels,
+                again=again,
+                found=found,
+                progress=progress,
+            )
+        typer.echo("\n".join(change.lines()))
+        if change.kind == "same":
+            continue
+        if change.kind == "new" or yes or _asked(f"Replace {change.new.path}?"):
+            reference.save(change.new)
+            typer.echo(f"  written: {change.new.path}")
+        else:
+            refused.append(change.new.path)
+    if refused and not _terminal():
+        raise InputError("raytwin reference make", "--yes, where nobody can be asked", f"{_count(refused)} to replace")
+
+
+@app.command("check")
+def check_command(
+    scenes: Scenes = None, rung: Rungs = None, folder: Folder = REFERENCES, samples: Samples = None
+) -> None:
+    """Fail on references that are missing, damaged, older than their scene, or disagree with today's Mitsuba."""
+    from raytwin import reference
+    from raytwin.cli import progress_bars
+
+    checked = []
+    for scene, one, found in _cases(scenes, rung):
+        with progress_bars() as progress:
+            done = reference.check(
+                scene, one, folder, samples=samples or reference.CHECKED_SAMPLES, found=found, progress=progress
+            )
+        checked.append(done)
+        typer.echo(f"{'pass' if done.passed else 'FAIL'}  {done.path.parent.name}/{done.path.stem}")
+        for problem in done.problems:
+            typer.echo(f"  {problem}")
+    failed = [c for c in checked if not c.passed]
+    typer.echo(f"{_count(checked)}, {len(failed)} failed")
+    if failed:
+        raise typer.Exit(1)
+
+
+@app.command("show")
+def show_command(scenes: Scenes = None, rung: Rungs = None, folder: Folder = REFERENCES) -> None:
+    """What made each reference, and what it is worth. Fails on damaged ones."""
+    from raytwin import reference
+
+    names = [s.resolve().name for s in scenes or ()]
+    cases = [c for c in reference.listed(folder) if c[0] in (names or [c[0]]) and c[1] in (rung or [c[1]])]
+    if not cases:
+        raise InputError(folder, "references", "none of these")
+    damaged = False
+    for name, one in cases:
+        try:
+            typer.echo("\n".join(reference.show(reference.load(reference.path_of(folder, name, one)))))
+        except InputError as error:
+            damaged = True
+            typer.echo(f"{name}/{one}  {error}")
+    if damaged:
+        raise typer.Exit(1)
+
+
+@app.command("diff")
+def diff_command(
+    scenes: Scenes = None,
+    rung: Rungs = None,
+    folder: Folder = REFERENCES,
+    against: Annotated[Path | None, typer.Option(metavar="DIR", help="Another folder of references.")] = None,
+    samples: Samples = None,
+) -> None:
+    """What `make --again` would change, without writing; or what differs from the references in another folder."""
+    from raytwin import reference
+    from raytwin.cli import progress_bars
+    from raytwin.compare import compare
+
+    failed = False
+    for scene, one, found in _cases(scenes, rung):
+        if against is None:
+            with progress_bars() as progress:
+                change = reference.make(scene, one, folder, samples=samples, again=True, found=found, progress=progress)
+        else:
+            name = scene.resolve().name
+            new, old = (reference.load(reference.path_of(f, name, one)) for f in (folder, against))
+            c = compare(new.image, old.image, tolerance=new.tolerance, scene=name, rung=one)
+            change = reference.Change(new, old, tuple(reference.header_changes(old.header, new.header)), c)
+        typer.echo("\n".join(change.lines()))
+        failed |= change.comparison is None or not change.comparison.passed
+    if failed:
+        raise typer.Exit(1)
+
+
+def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> Iterator[tuple]:
+    """(scene's folder, rung, scene with its camera found) of every reference that is asked for."""
+    from raytwin import reference
+    from raytwin.cli import progress_bars
+
+    for rung in rungs or ():
+        if rung not in reference.RUNGS:
+            raise InputError("--rung", f"one of {', '.join(reference.RUNGS)}", rung)
+    chosen = [s if s.exists() or not (SCENES / s).exists() else SCENES / s for s in scenes or ()]
+    chosen = chosen or sorted(f.parent for f in SCENES.glob("*/scene.toml"))
+    if not chosen:
+        raise InputError(SCENES, "folders with a scene.toml", "none")
+    for scene in chosen:
+        with progress_bars() as progress:
+            found = reference.find_scene(scene, progress)
+        for rung in rungs or reference.RUNGS:
+            yield scene, rung, found
+
+
+def _terminal() -> bool:
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
+def _asked(question: str) -> bool:
+    return _terminal() and typer.confirm(question, default=False)
+
+
+def _count(things: list) -> str:
+    return f"{len(things)} reference{'s' * (len(things) != 1)}"

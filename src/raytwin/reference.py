@@ -1,0 +1,458 @@
+"""References: images of known worth in EXR files, `<folder>/<scene>/<rung>.exr`, that later renders are held to.
+
+Each file stands alone: beside the pixels, its header has what made them, the scene with its camera found, a hash of
+the scene as it is written, and a checksum of everything, since EXR itself does not notice a flipped byte.
+
+    make    render with the twin, show what changes, write
+    check   is the file whole, is its scene still the one on disk, does today's Mitsuba agree?
+"""
+
+import hashlib
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from raytwin import files, twin
+from raytwin.compare import Comparison, compare
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.scene import Camera, PhotoCamera, Plane, Record, Scene, Sky, Sphere, Sun, Tolerance
+
+RUNGS = tuple(twin.RUNGS)
+SHIPPED = Path(__file__).with_name("shipped")
+"""The references that come with raytwin; in a checkout, a link to reference/."""
+FORMAT = "1"
+PIXELS = 336 * 252
+"""About what a reference has: a shadow's edge is still some pixels from the next, and all files fit a repository."""
+SAMPLES, CHECKED_SAMPLES = 4096, 256
+STINTS, BATCHES = 8, 8
+"""A long render comes in so many pieces, each kept in the cache when done, each of so many independent batches."""
+VARIANCE_BITS = 8
+"""Significant bits kept of a variance: 0.4 % of it, far less than 64 batches know, and a third of the file's size."""
+MOVED_PX = 0.05
+"""Pixels by which a new calibration may move the picture before its reference counts as stale."""
+
+
+class SetUp(Record, frozen=True):
+    """A scene with its camera found, as a header holds it."""
+
+    name: str
+    camera: Camera
+    spheres: tuple[Sphere, ...]
+    planes: tuple[Plane, ...]
+    sun: Sun
+    sky: Sky
+    tolerance: Tolerance
+
+
+Progress = Callable[[str, int, int], None]
+
+
+def _silent(stage: str, done: int, total: int) -> None:
+    """No progress shown."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The image, and its header: what made it, as text. `scene` (camera found) is None for a golden image."""
+
+    path: Path
+    image: Image
+    header: dict[str, str] = field(default_factory=dict)
+    scene: Scene | None = None
+
+    @property
+    def camera(self) -> Camera | None:
+        return self.scene.camera if self.scene else None
+
+    @property
+    def tolerance(self) -> Tolerance:
+        return self.scene.tolerance if self.scene else Tolerance()
+
+
+# ------------------------------------------------------------------------------------------ files
+
+
+def path_of(folder: str | Path, name: str, rung: str) -> Path:
+    """`<folder>/<scene>/<rung>.exr`; InputError for a rung or a name that cannot be one."""
+    if rung not in RUNGS:
+        raise InputError("rung", f"one of {', '.join(RUNGS)}", rung)
+    if not re.fullmatch(r"\w[\w .+-]*", name):
+        raise InputError("scene", "the name of a scene's folder", repr(name))
+    return Path(folder) / name / f"{rung}.exr"
+
+
+def load(path: str | Path) -> Reference:
+    """The reference, once its checksum holds and it lies under its own name. Raises InputError, also for no file."""
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(path, "a reference", "no such file")
+    image, header = files.read_exr(path)
+    if "checksum" not in header:
+        raise InputError(path, "a reference, with a checksum in its header", "an EXR without")
+    if header["checksum"] != checksum(image, header):
+        raise InputError(path, "a reference", "a damaged one (it does not have the checksum written into it)")
+    if header.get("format") != FORMAT:
+        raise InputError(path, f"a reference of format {FORMAT}", header.get("format"))
+    named = header.get("scene"), header.get("rung")
+    if named != (path.parent.name, path.stem):
+        raise InputError(path, "the reference of its scene and rung", f"that of {named[0]}, rung {named[1]}")
+    scene = None
+    if "set_up" in header:
+        set_up = files.to_record(f"{path}: set_up", msgspec.json.decode(header["set_up"]), SetUp)
+        scene = Scene(**{name: getattr(set_up, name) for name in SetUp.__struct_fields__})
+    return Reference(path, image, header, scene)
+
+
+def save(reference: Reference) -> None:
+    """Write it, checksum included, to its path: under another name first, so that nothing half-written is left."""
+    files.write_exr(reference.path, reference.image, reference.header)
+
+
+def checksum(image: Image, header: dict[str, str]) -> str:
+    """SHA-256 of all pixels and of the header without the checksum itself, 32 hexadecimal digits."""
+    own = {k: v for k, v in header.items() if k not in ("checksum", "samples", "batches")}
+    own |= {"samples": str(image.samples), "batches": str(image.batches)}
+    total = hashlib.sha256(msgspec.json.encode(own, order="sorted"))
+    parts = {"mean": image.mean, "variance": image.variance}
+    if image.surface is not None:
+        parts |= {name: getattr(image.surface, name) for name in ("ids", "depth", "normal")}
+    for name, pixels in parts.items():
+        if pixels is not None:
+            whole = name == "ids"
+            total.update(f"{name} {pixels.shape}".encode())
+            total.update(np.ascontiguousarray(pixels, "<i4" if whole else "<f4").tobytes())
+    return total.hexdigest()[:32]
+
+
+def sealed(path: Path, image: Image, header: dict[str, str], scene: Scene | None) -> Reference:
+    """The reference as it will be read back: variance rounded, scene and checksum in the header."""
+    if image.variance is not None:
+        image = replace(image, variance=rounded(np.asarray(image.variance, np.float32), VARIANCE_BITS))
+    header = {k: v for k, v in header.items() if k not in ("checksum", "batches")} | {"format": FORMAT}
+    if scene is not None:
+        set_up = SetUp(**{name: getattr(scene, name) for name in SetUp.__struct_fields__})
+        header["set_up"] = msgspec.json.encode(set_up).decode()
+    header |= {"samples": str(image.samples)} | ({"batches": str(image.batches)} if image.batches else {})
+    return Reference(path, image, header | {"checksum": checksum(image, header)}, scene)
+
+
+def rounded(x: np.ndarray, bits: int) -> np.ndarray:
+    """float32 to `bits` significant bits, to nearest: the rest is zeros, which compress."""
+    drop = 24 - bits
+    whole = x.view(np.uint32) + np.uint32((1 << (drop - 1)) - 1) + (x.view(np.uint32) >> np.uint32(drop) & np.uint32(1))
+    return (whole & np.uint32(0xFFFFFFFF << drop & 0xFFFFFFFF)).view(np.float32)
+
+
+# ------------------------------------------------------------------------------------------ scenes
+
+
+def scene_hash(scene: Scene) -> str:
+    """SHA-256 of the scene as written, 32 hexadecimal digits: camera, objects, lights; not comments or tolerance.
+
+    Where the camera is to be calibrated, of its photos' bytes and of its board, not of what the calibration finds:
+    another version of OpenCV changes that in its last digits.
+    """
+    seen = {name: getattr(scene, name) for name in ("camera", "spheres", "planes", "sun", "sky")}
+    total = hashlib.sha256(msgspec.json.encode(seen, order="sorted"))
+    if isinstance(scene.camera, PhotoCamera):
+        from raytwin.pipeline import list_photos
+
+        folder = Path(scene.folder)
+        total.update(msgspec.json.encode(files.read_toml(folder / scene.camera.board), order="sorted"))
+        for photo in list_photos(folder / scene.camera.photos):
+            total.update(photo.name.encode() + hashlib.sha256(photo.read_bytes()).digest())
+    return total.hexdigest()[:32]
+
+
+def size_of(image_size: tuple[int, int]) -> tuple[int, int]:
+    """(width, height) of about PIXELS pixels in the camera's aspect ratio; never more than the camera has."""
+    width, height = image_size
+    if width * height <= PIXELS:
+        return image_size
+    small = max(1, round(math.sqrt(PIXELS * width / height)))
+    return small, max(1, round(small * height / width))
+
+
+def find_scene(path: str | Path, progress: Progress = _silent) -> Scene:
+    """The scene with its camera found: calibrated, where it has photos. Finding it once serves all rungs."""
+    scene = files.read_scene(path)
+    if isinstance(scene.camera, PhotoCamera):
+        from raytwin.pipeline import find_camera
+
+        return find_camera(scene, progress=progress)[0]
+    return scene
+
+
+def _at_size(scene: Scene, size: tuple[int, int] | None) -> Scene:
+    return scene.with_camera(scene.camera.resized(*(size or size_of(scene.camera.image_size))))
+
+
+def moved(scene: Scene, a: Camera, b: Camera) -> float:
+    """Pixels between what two cameras see: the largest distance over points of the scene that lie in a's picture."""
+    from raytwin.photos.lens import project
+
+    steps = np.linspace(-1, 1, 9)
+    grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    points = [np.reshape([s.center for s in scene.spheres], (-1, 3))]
+    points += [p.center + grid @ np.array([p.half_u, p.half_v]) for p in scene.planes]
+    points = np.concatenate(points)
+    for c in (a, b):
+        points = points[(points @ np.asarray(c.R_cam_board).T + c.t_cam_board)[:, 2] > 0]
+    if not len(points):
+        return 0.0
+    at = [
+        project(points, np.asarray(c.R_cam_board), np.asarray(c.t_cam_board), np.asarray(c.K), c.dist) for c in (a, b)
+    ]
+    inside = ((at[0] > -0.5) & (at[0] < np.array(a.image_size) - 0.5)).all(axis=-1)
+    return float(np.linalg.norm(at[0] - at[1], axis=-1)[inside].max(initial=0.0))
+
+
+# ------------------------------------------------------------------------------------------ rendering
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a reference is rendered. `sampling` as the twin has it: `center` or `area`."""
+
+    samples: int = SAMPLES
+    seed: int = 0
+    sampling: str = "center"
+
+    def noisy(self, rung: str) -> bool:
+        return twin.RUNGS[rung] is not None or (self.sampling == "area" and rung != "surface")
+
+
+def render(scene: Scene, rung: str, settings: Settings, progress: Progress = _silent) -> Image:
+    """The twin's image, with its surface at the rung `surface` alone; noisy ones in stints that the cache keeps.
+
+    An interrupted render goes on where it stopped. The batches of all stints together give the variance.
+    """
+    if not settings.noisy(rung):
+        image = twin.render(scene, rung, sampling=settings.sampling)
+        return image if rung == "surface" else replace(image, surface=None)
+    if settings.samples < 1 or settings.samples % (STINTS * BATCHES):
+        raise InputError("samples", f"a multiple of {STINTS * BATCHES}", settings.samples)
+    made = []
+    for stint in range(STINTS):
+        progress(f"{scene.name}/{rung}", stint, STINTS)
+        made.append(
+            twin.render(
+                scene,
+                rung,
+                sampling=settings.sampling,
+                samples=settings.samples // STINTS,
+                batches=BATCHES,
+                seed=int(np.random.SeedSequence([settings.seed, stint]).generate_state(1)[0]),
+            )
+        )
+    progress(f"{scene.name}/{rung}", STINTS, STINTS)
+    return pooled(made)
+
+
+def pooled(images: Sequence[Image]) -> Image:
+    """Independent images of equal samples and batches (b each, k images) as one: the mean and its variance.
+
+    With means m and variances of the mean v: n = k b, sum of squares S = Σ b (b - 1) v + Σ b (m - M)²,
+    variance S / (n (n - 1)). Chan, Golub and LeVeque 1983.
+    """
+    b, n = images[0].batches, sum(i.batches for i in images)
+    mean = np.mean([i.mean for i in images], axis=0, dtype=np.float64)
+    squares = sum(b * (b - 1) * i.variance.astype(np.float64) + b * np.square(i.mean - mean) for i in images)
+    samples = sum(i.samples for i in images)
+    return Image(mean.astype(np.float32), (squares / (n * (n - 1))).astype(np.float32), samples, None, n)
+
+
+def describe(scene: Scene, name: str, hashed: str, rung: str, settings: Settings) -> dict[str, str]:
+    """The header's provenance: what made the pixels, by which versions."""
+    about = twin.provenance(scene, rung, sampling=settings.sampling, samples=settings.samples, seed=settings.seed)
+    about |= {"scene": name, "scene_hash": hashed, "size": "{} x {}".format(*scene.camera.image_size)}
+    about["filter"] = "box" if settings.sampling == "area" else "none: all rays through the pixel's centre"
+    about["renderer"] = "Mitsuba"
+    return about
+
+
+# ------------------------------------------------------------------------------------------ make
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """A reference about to be written, what lay there before (None: nothing, or damaged), and how they differ."""
+
+    new: Reference
+    old: Reference | None
+    notes: tuple[str, ...] = ()
+    comparison: Comparison | None = None
+
+    @property
+    def kind(self) -> str:
+        """`new`, `damaged`, `same` or `changed`."""
+        if self.old is None:
+            return "damaged" if self.notes else "new"
+        return "same" if self.old.header == self.new.header else "changed"
+
+    def lines(self) -> list[str]:
+        """What changes, in words."""
+        where = f"{self.new.header['scene']}/{self.new.header['rung']}"
+        if self.kind in ("new", "same"):
+            return [f"{where}: {self.kind}"]
+        lines = [f"{where}: {self.kind}", *(f"  {note}" for note in self.notes)]
+        if c := self.comparison:
+            r = c.radiance
+            lines.append(f"  the new beside the old: {c.verdict}")
+            lines += [f"    {reason}" for reason in c.reasons]
+            if r.rmse is not None:
+                lines.append(f"    rmse {r.rmse:.3g}, worst {r.max_abs:.3g}, ratio of the means {r.mean_ratio:.6g}")
+        return lines
+
+
+def make(
+    scene: str | Path,
+    rung: str,
+    folder: str | Path,
+    *,
+    samples: int | None = None,
+    seed: int | None = None,
+    sampling: str | None = None,
+    size: tuple[int, int] | None = None,
+    again: bool = False,
+    found: Scene | None = None,
+    progress: Progress = _silent,
+) -> Change:
+    """What the reference would become; `save(change.new)` writes it.
+
+    An old one that is whole and fits its scene and settings is taken over without rendering, unless `again`. What is
+    not given stays as in the old one, or is the default. `found`: what `find_scene` gave, where it was asked already.
+    """
+    written = files.read_scene(scene)
+    path = path_of(folder, written.name, rung)
+    old, notes = None, ()
+    if path.exists():
+        try:
+            old = load(path)
+        except InputError as error:
+            notes = (str(error),)
+    had = old.header if old is not None and old.scene is not None else {}
+    settings = Settings(
+        samples or (int(had["samples"]) if int(had.get("samples", 1)) > 1 else SAMPLES),
+        int(had.get("seed", 0)) if seed is None else seed,
+        sampling or had.get("sampling", "center"),
+    )
+    hashed = scene_hash(written)
+    if size is None and had and had["scene_hash"] == hashed:
+        size = old.camera.image_size
+    found = _at_size(found or find_scene(scene, progress), size)
+    close = had and had["scene_hash"] == hashed and old.camera.image_size == found.camera.image_size
+    if close and moved(found, old.camera, found.camera) <= MOVED_PX:
+        found = found.with_camera(old.camera)  # the same but for the last digits
+    header = describe(found, written.name, hashed, rung, settings)
+    if had and not again and all(had.get(k) == header[k] for k in _DECIDES) and old.camera == found.camera:
+        header |= {k: had[k] for k in had if k not in ("set_up", "checksum")}
+        return Change(sealed(path, old.image, header, found), old)
+    new = sealed(path, render(found, rung, settings, progress), header, found)
+    if old is None:
+        return Change(new, None, notes)
+    notes = tuple(header_changes(old.header, new.header))
+    return Change(new, old, notes, compare(new.image, old.image, tolerance=found.tolerance, rung=rung))
+
+
+_DECIDES = ("scene_hash", "rung", "sampling", "samples", "seed", "depth", "size")
+
+
+def header_changes(old: dict[str, str], new: dict[str, str]) -> Iterator[str]:
+    """`samples: 4096, was 1024`, for every key that differs."""
+    for key in sorted(old.keys() | new.keys()):
+        a, b = old.get(key, "nothing"), new.get(key, "nothing")
+        if a != b and key != "checksum":
+            yield f"{key}: changed" if key == "set_up" else f"{key}: {b}, was {a}"
+
+
+# ------------------------------------------------------------------------------------------ check
+
+
+@dataclass(frozen=True, eq=False)
+class Check:
+    """What is wrong with a reference (nothing: `problems` is empty), and the render that it was held to."""
+
+    path: Path
+    problems: tuple[str, ...] = ()
+    reference: Reference | None = None
+    today: Image | None = None
+    comparison: Comparison | None = None
+
+    @property
+    def passed(self) -> bool:
+        return not self.problems
+
+
+def check(
+    scene: str | Path,
+    rung: str,
+    folder: str | Path,
+    *,
+    samples: int = CHECKED_SAMPLES,
+    found: Scene | None = None,
+    progress: Progress = _silent,
+) -> Check:
+    """Is the file there and whole, its scene the one on disk, and today's render the same but for noise?
+
+    Today's render has a seed of its own, always the same: the answer changes when the software does, not by chance.
+    """
+    path = path_of(folder, files.read_scene(scene).name, rung)
+    try:
+        old = load(path)
+    except InputError as error:
+        return Check(path, (str(error),))
+    found = found or find_scene(scene, progress)
+    if why := stale(old, scene) or strayed(old, found):
+        return Check(path, (f"{path}: stale: {why}",), old)
+    settings = Settings(samples, int(old.header["seed"]) + 1, old.header["sampling"])
+    today = render(old.scene, rung, settings, progress)
+    comparison = compare(today, old.image, tolerance=old.tolerance, scene=old.scene.name, rung=rung)
+    problems = () if comparison.passed else (f"{path}: today's render disagrees", *comparison.reasons)
+    return Check(path, problems, old, today, comparison)
+
+
+def stale(old: Reference, scene: str | Path) -> str | None:
+    """Why the reference no longer fits the scene as it is written; None where it does."""
+    written = files.read_scene(scene)
+    if old.scene is None:
+        return f"it was made from an image, but now there is a scene: {scene}"
+    if old.header["scene_hash"] != scene_hash(written):
+        return "the scene has changed since"
+    if old.tolerance != written.tolerance:
+        return "the scene's tolerance has changed since"
+    return None
+
+
+def strayed(old: Reference, found: Scene) -> str | None:
+    """Why the reference no longer fits the camera that its scene's photos give today; None where it does."""
+    by = moved(found, old.camera, _at_size(found, old.camera.image_size).camera)
+    return f"today's calibration moves the picture by {by:.2g} px" if by > MOVED_PX else None
+
+
+# ------------------------------------------------------------------------------------------ show
+
+
+def listed(folder: str | Path) -> list[tuple[str, str]]:
+    """(scene, rung) of every reference in the folder, by scene, then in the rungs' order."""
+    found = ((f.parent.name, f.stem) for f in Path(folder).glob("*/*.exr") if f.stem in RUNGS)
+    return sorted(found, key=lambda case: (case[0], RUNGS.index(case[1])))
+
+
+def show(reference: Reference) -> list[str]:
+    """The header, one line each, and what the image is worth."""
+    image, header = reference.image, reference.header
+    lines = [f"{header['scene']}/{header['rung']}  {reference.path}"]
+    lines += [f"  {k:<12} {v}" for k, v in header.items() if k not in ("set_up", "scene", "rung") and v != "None"]
+    mean = float(image.mean.mean(dtype=np.float64))
+    noise = "none"
+    if image.variance is not None:
+        sd = math.sqrt(float(image.variance.mean(dtype=np.float64)))
+        noise = f"standard deviation {sd:.2g} a pixel, {100 * sd / max(mean, 1e-30):.2g} % of the mean"
+    return [*lines, f"  {'mean':<12} {mean:.6g}", f"  {'noise':<12} {noise}"]
