@@ -4,15 +4,18 @@ import json
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from raytwin import files
+from raytwin.compare import METRICS
 from raytwin.diff import diff
 from raytwin.errors import InputError
 from raytwin.image import Image
 
+ROOT = Path(__file__).resolve().parent.parent
 RNG = np.random.default_rng(21)
 A = RNG.random((30, 40, 3)).astype(np.float32)
 
@@ -120,7 +123,7 @@ def test_the_same_pixels_at_another_place_of_the_display_fail(tmp_path):
             file.write(str(tmp_path / f"{name}.exr"))
     found = diff(tmp_path / "a.exr", tmp_path / "b.exr")
     assert not found.passed
-    assert found.comparison.reasons[0] == "A's pixels begin at (x=0, y=0) of the display window, B's at (x=4, y=0)"
+    assert found.comparison.reasons == ("A's pixels begin at (x=0, y=0) of the display window, B's at (x=4, y=0)",)
     assert diff(tmp_path / "b.exr", tmp_path / "b.exr").passed
 
 
@@ -128,3 +131,14 @@ def test_wrong_numbers_are_refused(folder):
     for options in ({"tolerance": 0}, {"tolerance": float("nan")}, {"false_alarm_rate": 2}):
         with pytest.raises(InputError):
             diff(folder / "a.exr", folder / "b.exr", **options)
+
+
+def test_the_readme_has_every_metrics_formula_and_every_option():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    for metric in METRICS.values():
+        formula = metric.formula.replace("|", "\\|")
+        assert f"| `{metric.name}` | {formula} | {metric.source} |" in readme
+    told = raytwin("diff", "--help").stdout
+    for option in ("--fail", "--failrelative", "--failpercent", "--allowfailures", "--hardfail", "--warn", "--junit"):
+        assert option in readme
+        assert option in told

@@ -77,9 +77,10 @@ def diff(
         found, counted = judge_limits(test, reference, limits)
         verdict, reasons = "fail" if found else "pass", [f.text for f in found] or [counted]
     if begins[0] != begins[1]:
-        verdict = "fail"
         (x, y), (u, v) = begins
-        reasons.insert(0, f"A's pixels begin at (x={x}, y={y}) of the display window, B's at (x={u}, y={v})")
+        apart = f"A's pixels begin at (x={x}, y={y}) of the display window, B's at (x={u}, y={v})"
+        reasons = [apart, *(reasons if verdict == "fail" else [])]
+        verdict = "fail"
     warned = judge_limits(test, reference, warn)[0] if warn is not None and verdict == "pass" else []
     metrics = msgspec.structs.asdict(made.radiance)
     metrics |= measure(test.mean, reference.mean, [n for n in METRICS if n not in metrics and (flip or n not in SLOW)])
