@@ -239,6 +239,11 @@ def crafted_files(sound: dict[str, bytes]) -> Iterator[tuple[str, bytes]]:
             changed[at + k : at + k + 4] = struct.pack("<I", value)
             yield f"channel{k}_{value}_{key}.exr", bytes(changed)
         yield f"empty_{key}.exr", data[: data.find(b"\0\0", 300)]
+    for key in ("rgb", "grey16", "bits"):
+        data = sound[f"{key}.png"]
+        at = data.find(b"IDAT") - 4
+        for length in (2**28, 2**31 - 1, 2**32 - 1):
+            yield f"IDAT_{length}_{key}.png", data[:at] + length.to_bytes(4, "big") + data[at + 4 :]
     rows = bytes(3 * 20000 + 1)
     for width, height in (
         (20000, 20000),
