@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from raytwin.errors import InputError
 from raytwin.scene import Camera, Plane, Scene, Sphere
 from raytwin.tracer import ENGINES, back_project, intersect_plane, intersect_sphere, trace, trim_box
-from raytwin.tracer.camera import newton_steps
+from raytwin.tracer.camera import invert_lens
 from raytwin.tracer.prepare import regions
 from raytwin.tracer.trim import EMPTY, _tangents, field_of_view
 
@@ -42,7 +42,7 @@ def cameras(draw, distorted: bool) -> Camera:
         dist = tuple(draw(reals(-b, b)) for b in (0.35, 0.1, 0.02, 0.02, 0.05))
     camera = Camera((w, h), K, tuple(map(tuple, R.tolist())), draw(vectors(-1, 1)), dist)
     try:
-        newton_steps(camera)
+        invert_lens(camera)
     except InputError:  # it folds over within the frame: some pixels have no ray
         reject()
     return camera

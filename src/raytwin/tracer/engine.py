@@ -73,7 +73,8 @@ def lift(value: Any, engine: Engine) -> Any:
     if isinstance(value, msgspec.Struct):
         return msgspec.structs.replace(value, **{n: lift(getattr(value, n), engine) for n in value.__struct_fields__})
     if isinstance(value, tuple):
-        return tuple(lift(v, engine) for v in value)
+        lifted = [lift(v, engine) for v in value]
+        return type(value)(*lifted) if hasattr(value, "_fields") else tuple(lifted)
     if not isinstance(value, float):
         return value
     if engine.is_numpy:

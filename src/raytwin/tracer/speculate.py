@@ -19,7 +19,7 @@ import numpy as np
 from raytwin.image import BACKGROUND
 from raytwin.scene import Scene
 from raytwin.tracer.arrays import dot
-from raytwin.tracer.camera import back_project, newton_steps
+from raytwin.tracer.camera import back_project, invert_lens
 from raytwin.tracer.engine import ENGINES, evaluate, from_numpy, lift, to_numpy
 from raytwin.tracer.hit import nearest
 from raytwin.tracer.light import RUNGS, sun_visible
@@ -113,14 +113,15 @@ def trace_points(
 ) -> Points:
     """What the rays through pixels (u, v) (m,) see; `lit` is found where `light` asks for it, and `point` likewise."""
     how, m = ENGINES[engine], len(u)
-    local, steps = lift(seen_from_eye(scene), how), newton_steps(scene.camera)
+    local = lift(seen_from_eye(scene), how)
+    inverse = lift(invert_lens(scene.camera, how.precision), how)
     colour, ids, lit = np.empty((m, 3), np.float32), np.empty(m, np.int32), np.zeros(m, bool)
     place = np.empty((m, 3), np.float32) if point else None
     step = CHUNK if how.is_numpy else max(m, 1)
     for start in range(0, m, step):
         part = slice(start, start + step)
         with np.errstate(all="ignore"):
-            d = back_project(from_numpy(how, u[part]), from_numpy(how, v[part]), local.camera, steps)
+            d = back_project(from_numpy(how, u[part]), from_numpy(how, v[part]), local.camera, inverse)
             hit = nearest((0.0, 0.0, 0.0), d, list(enumerate(local.objects)))
             layers = [(colour[part], RUNGS[rung](hit, local, "robust")), (ids[part], (hit.ids,))]
             if light:

@@ -7,7 +7,7 @@ import numpy as np
 from raytwin.errors import InputError
 from raytwin.image import BACKGROUND, Image, Surface
 from raytwin.scene import Camera, Scene
-from raytwin.tracer.camera import back_project, newton_steps
+from raytwin.tracer.camera import Inverse, back_project, invert_lens
 from raytwin.tracer.engine import ENGINES, Engine, flush, lift, pixel_grid, store
 from raytwin.tracer.hit import Hit, nearest
 from raytwin.tracer.light import RUNGS
@@ -66,11 +66,12 @@ def draw(
             raise InputError(what, f"one of {', '.join(table)}", name)
     camera, how = scene.camera, ENGINES[engine]
     boxes = [TRIMS[trim](thing, camera) for thing in scene.objects]
-    local, steps = lift(seen_from_eye(scene), how), newton_steps(camera)
+    local = lift(seen_from_eye(scene), how)
+    inverse = lift(invert_lens(camera, how.precision), how)
     queued: list = []
     for box, candidates in regions(boxes, camera.image_size, how):
         with np.errstate(all="ignore"):  # infinities and NaN of missed rays are selected away
-            hit, radiance = trace_box(local, box, candidates, rung, how, solver, steps)
+            hit, radiance = trace_box(local, box, candidates, rung, how, solver, inverse)
         seen = hit.ids >= 0
         queued.append(store(out, box, radiance, seen))
         if surface is not None:
@@ -80,13 +81,19 @@ def draw(
 
 
 def trace_box(
-    scene: Scene, box: Box, candidates: Sequence[int], rung: str, engine: Engine, solver: str, steps: int = 6
+    scene: Scene,
+    box: Box,
+    candidates: Sequence[int],
+    rung: str,
+    engine: Engine,
+    solver: str,
+    inverse: Inverse | None = None,
 ) -> tuple[Hit, tuple]:
     """The hit and the radiance of each pixel of the box, with rays that start at the origin of `scene`'s frame.
 
-    `steps`: Newton's, to undo the distortion.
+    `inverse` undoes the distortion.
     """
     u, v = pixel_grid(engine, box)
-    d = back_project(u, v, scene.camera, steps)
+    d = back_project(u, v, scene.camera, inverse)
     hit = nearest((0.0, 0.0, 0.0), d, [(i, scene.objects[i]) for i in candidates], solver)
     return hit, RUNGS[rung](hit, scene, solver)
