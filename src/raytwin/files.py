@@ -22,7 +22,7 @@ import numpy as np
 import tomli_w
 
 from raytwin.errors import InputError
-from raytwin.formats import check_size, pfm_bytes, read_exr_header, read_hdr, read_pfm
+from raytwin.formats import EXR_MAGIC, check_size, pfm_bytes, read_exr_header, read_hdr, read_pfm
 from raytwin.image import Image, Surface
 from raytwin.scene import Camera, PhotoCamera, Plane, Pyramid, Scene, Sky, Sphere, Sun, Tolerance
 
@@ -524,7 +524,7 @@ def read_origin(path: str | os.PathLike, part: str | None = None) -> tuple[int, 
     """Where on the display an EXR's first (or named) part begins, (x, y) in pixels; (0, 0) for any other image."""
     path = Path(path)
     with path.open("rb") as file:
-        if not file.read(4) == b"\x76\x2f\x31\x01":
+        if file.read(4) != EXR_MAGIC:
             return 0, 0
     parts = read_exr_header(path, MAX_PIXELS)
     chosen = next((p for i, p in enumerate(parts) if part in (p.name, str(i))), parts[0])
@@ -532,7 +532,7 @@ def read_origin(path: str | os.PathLike, part: str | None = None) -> tuple[int, 
 
 
 MAGIC = {
-    b"\x76\x2f\x31\x01": "EXR", b"PF": "PFM", b"Pf": "PFM", b"#?": "HDR", b"\x89PNG": "PNG", b"\xff\xd8": "JPEG",
+    EXR_MAGIC: "EXR", b"PF": "PFM", b"Pf": "PFM", b"#?": "HDR", b"\x89PNG": "PNG", b"\xff\xd8": "JPEG",
 }  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from raytwin.errors import InputError
 from raytwin.formats.limits import FREE, check_size
 
-MAGIC = b"\x76\x2f\x31\x01"
+EXR_MAGIC = b"\x76\x2f\x31\x01"
 TILED, LONG_NAMES, DEEP, MULTI_PART = 0x200, 0x400, 0x800, 0x1000
 PIXEL_BYTES = {0: 4, 1: 2, 2: 4}
 """uint32, half, float."""
@@ -77,7 +77,7 @@ def _why(error: Exception) -> str:
 
 def _headers(data: bytes) -> list[dict[str, Any]]:
     """Each part's attributes by name, as bytes."""
-    if data[:4] != MAGIC:
+    if data[:4] != EXR_MAGIC:
         raise ValueError("not its first bytes")
     (version,) = struct.unpack_from("<I", data, 4)
     if version & 0xFF != 2 or version & ~(0xFF | TILED | LONG_NAMES | DEEP | MULTI_PART):
