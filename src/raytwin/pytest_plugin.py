@@ -1,0 +1,363 @@
+"""pytest plugin: hold any renderer to reference images.
+
+    def test_my_renderer(raytwin_reference):
+        reference = raytwin_reference("overlap", "shadow")
+        reference.check(my_render(reference.scene))
+
+Loaded by every pytest run on a machine that has raytwin: so this file imports nothing but pytest at load.
+"""
+
+import itertools
+import os
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from raytwin.compare import Comparison
+    from raytwin.image import Image
+    from raytwin.reference import Reference
+    from raytwin.scene import Camera, Scene, Tolerance
+
+MARKER = "raytwin(scenes=None, rungs=None): which references the fixture raytwin_case goes through (default: all)."
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    group = parser.getgroup("raytwin", "renders beside reference images")
+    group.addoption(
+        "--raytwin-update",
+        action="store_true",
+        help="Make references that are missing, damaged or stale; take images without a scene as their own reference.",
+    )
+    group.addoption("--raytwin-report", metavar="DIR", help="Write a page for each comparison, and an index of them.")
+    parser.addini("raytwin_references", "Folder of your own references (default: reference), before those shipped.")
+    parser.addini("raytwin_scenes", "Folder of the scenes that they are made from (default: scenes).")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", MARKER)
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    if "raytwin_case" not in metafunc.fixturenames:
+        return
+    marker = metafunc.definition.get_closest_marker("raytwin")
+    asked = _marked(*marker.args, **marker.kwargs) if marker else (None, None)
+    cases = _Folders(metafunc.config).cases(*asked)
+    if not cases:
+        raise pytest.UsageError(f"{metafunc.definition.nodeid}: no reference in {_Folders(metafunc.config)}")
+    ids = ["-".join(case) for case in cases]
+    metafunc.parametrize("raytwin_case", cases, indirect=True, ids=ids)
+
+
+def _marked(scenes: list[str] | None = None, rungs: list[str] | None = None) -> tuple:
+    return ([scenes] if isinstance(scenes, str) else scenes), ([rungs] if isinstance(rungs, str) else rungs)
+
+
+# ------------------------------------------------------------------------------------------ fixtures
+
+
+@pytest.fixture
+def raytwin_reference(request: pytest.FixtureRequest) -> "Callable[..., Held]":
+    """`raytwin_reference(scene, rung="shadow")`: the reference, with `.check(image)`, `.scene` and `.camera`."""
+
+    def find(scene: str, rung: str = "shadow") -> Held:
+        __tracebackhide__ = True
+        return Held(request.node, scene, rung)
+
+    return find
+
+
+@pytest.fixture
+def raytwin_case(request: pytest.FixtureRequest) -> "Held":
+    """One reference after the other: those that `@pytest.mark.raytwin(scenes=[...], rungs=[...])` names, or all."""
+    return Held(request.node, *request.param)
+
+
+class Held:
+    """A reference that images are held to. Missing, damaged or stale, it fails the test and says what to do."""
+
+    def __init__(self, node: pytest.Item, name: str, rung: str) -> None:
+        __tracebackhide__ = True
+        self.name, self.rung = name, rung
+        self._node, self._folders = node, _Folders(node.config)
+        self.reference: Reference | None = self._find()
+
+    def __repr__(self) -> str:
+        return f"<raytwin reference {self.name}/{self.rung}>"
+
+    @property
+    def image(self) -> "Image":
+        """What it holds: `mean` (H, W, 3) linear Rec. 709, `variance` where it has noise, `surface` at that rung."""
+        return self._known().image
+
+    @property
+    def path(self) -> Path:
+        return self._known().path
+
+    @property
+    def header(self) -> dict[str, str]:
+        """Its provenance: `sampling`, `samples`, `seed`, `mitsuba`, ..."""
+        return self._known().header
+
+    @property
+    def scene(self) -> "Scene":
+        """The scene to render, its camera found and of the reference's size."""
+        __tracebackhide__ = True
+        found = self._known().scene
+        return found if found is not None else pytest.fail(f"{self.path} was made from an image: it has no scene")
+
+    @property
+    def camera(self) -> "Camera":
+        """The camera to render with."""
+        return self.scene.camera
+
+    def check(self, image: Any, **options: Any) -> "Comparison":
+        """Fail the test unless `image` shows what the reference shows; options as in `compare`."""
+        __tracebackhide__ = True
+        made, text = self._compare(image, **options)
+        if not made.passed:
+            pytest.fail(text)
+        return made
+
+    def compare(
+        self,
+        image: Any,
+        *,
+        variance: Any = None,
+        renders: int = 8,
+        tolerance: "float | Tolerance | None" = None,
+        false_alarm_rate: float = 1e-3,
+    ) -> "Comparison":
+        """The verdict on `image`, without failing.
+
+        `image`: an array (H, W, 3) of linear radiance, row 0 on top, with the `variance` of its mean where it has
+        noise; independent renders as a list or an array (k, H, W, 3), k >= 4; a path to an EXR, PFM, HDR, PNG or JPEG;
+        a function of a seed that returns any of these, called `renders` times; a raytwin Image. `tolerance`: a number
+        (noise-free values may err by it, 99.9 % of them) or a Tolerance; the scene's by default.
+        """
+        __tracebackhide__ = True
+        return self._compare(
+            image, variance=variance, renders=renders, tolerance=tolerance, false_alarm_rate=false_alarm_rate
+        )[0]
+
+    # ---------------------------------------------------------------------------------- within
+
+    def _compare(
+        self,
+        image: Any,
+        variance: Any = None,
+        renders: int = 8,
+        tolerance: "float | Tolerance | None" = None,
+        false_alarm_rate: float = 1e-3,
+    ) -> "tuple[Comparison, str]":
+        """The verdict, and the text for a failed test."""
+        __tracebackhide__ = True
+        from raytwin import given
+        from raytwin.compare import compare
+        from raytwin.errors import InputError
+        from raytwin.scene import Tolerance
+
+        taken = None
+        try:
+            taken = given.take(image, variance, renders)
+        except InputError as error:
+            wrong = str(error)
+        if taken is None:  # not above: pytest would show the InputError's traceback too
+            self._fail(f"{self.name}/{self.rung}: {wrong}")
+        if self._golden(taken.image):
+            self._keep(taken.image)
+        known = self._known()
+        allowed = known.tolerance
+        if tolerance is not None:
+            allowed = tolerance if isinstance(tolerance, Tolerance) else Tolerance(p999_abs=float(tolerance))
+        shown, allowed = taken.fitted(known.image, allowed)
+        made = compare(
+            taken.image,
+            shown,
+            tolerance=allowed,
+            scene=self.name,
+            rung=self.rung,
+            false_alarm_rate=false_alarm_rate,
+        )
+        notes = list(taken.notes)
+        if not made.passed and shown.variance is not None and taken.image.variance is None:
+            notes.append(
+                "the reference has noise and the image tells none: where it has, give its variance=, "
+                "several renders, or a function of a seed"
+            )
+        text = f"{self.name}/{self.rung}: {made.verdict}\n"
+        text += "".join(f"  {reason}\n" for reason in made.reasons) + "".join(f"  note: {n}\n" for n in notes)
+        if page := self._report(made, tuple(notes), taken.image, shown, allowed):
+            text += f"  page: {page}\n"
+        return made, text + f"  reference: {known.path}"
+
+    def _known(self) -> "Reference":
+        __tracebackhide__ = True
+        if self.reference is None:
+            pytest.fail(f"{self._folders.own / self.name / self.rung}.exr is not there yet: check an image first")
+        return self.reference
+
+    def _find(self) -> "Reference | None":
+        """The reference, whole and of its scene as it is; None where --raytwin-update may make it from an image."""
+        __tracebackhide__ = True
+        from raytwin import reference
+        from raytwin.errors import InputError
+
+        folders, scene = self._folders, self._folders.scene(self.name)
+        paths, path, found, why = [], None, None, None
+        try:
+            # A scene of the user's own is not the shipped one of the same name.
+            paths = [reference.path_of(f, self.name, self.rung) for f in (folders.all[:1] if scene else folders.all)]
+            path = next((p for p in paths if p.exists()), None)
+            if path is not None:
+                found = reference.load(path)
+        except InputError as error:
+            why = str(error)
+        if not paths:  # no such rung, or no name at all
+            self._fail(why)
+        own = path in (None, paths[0])
+        if path is None:
+            why = f"{self.name}/{self.rung}: no such reference in {' or '.join(map(str, paths))}"
+        elif found is not None and scene and (reason := reference.stale(found, scene)):
+            why = f"{path}: stale: {reason}"
+        if why is None:
+            return found
+        if folders.update and own and scene:
+            made = reference.make(scene, self.rung, folders.own)
+            print("\n".join(made.lines()))
+            reference.save(made.new)
+            return made.new
+        if folders.update and own:
+            return None
+        self._fail(f"{why}\n  {self._remedy(scene)}")
+
+    def _remedy(self, scene: Path | None) -> str:
+        here = Path.cwd()
+        paths = scene or self._folders.scenes / self.name, self._folders.own
+        shown = [os.path.relpath(p, here) if p.is_relative_to(here) else str(p) for p in paths]
+        folder = "" if shown[1] == "reference" else f" --folder {shlex.quote(shown[1])}"
+        command = f"raytwin reference make {shlex.quote(shown[0])} --rung {self.rung}{folder}"
+        if scene is not None:
+            return f"To make it: {command}"
+        there = ", ".join(dict.fromkeys(name for name, _ in self._folders.cases(None, None)))
+        return (
+            f"There: {there or 'none'}. To make it, write {shown[0]}/scene.toml, then: {command}\n"
+            "  To take the image under test for it: pytest --raytwin-update"
+        )
+
+    def _golden(self, image: "Image") -> bool:
+        """Whether the image is to become the reference: asked for, of no scene, and no array of another kind."""
+        own = self.reference is None or self.reference.path.is_relative_to(self._folders.own)
+        return self._folders.update and own and (self.reference is None or self.reference.scene is None)
+
+    def _keep(self, image: "Image") -> None:
+        __tracebackhide__ = True
+        from raytwin import reference
+        from raytwin.compare import compare
+
+        wrong = compare(image, image)  # NaN, black, of another shape: nothing to hold others to
+        if not wrong.passed:
+            self._fail(f"{self.name}/{self.rung}: no reference can be made of this image: {'; '.join(wrong.reasons)}")
+        header = {"scene": self.name, "rung": self.rung, "renderer": f"the test {self._node.nodeid}"}
+        path = reference.path_of(self._folders.own, self.name, self.rung)
+        self.reference = reference.sealed(path, image, header, None)
+        reference.save(self.reference)
+
+    def _fail(self, text: str) -> None:
+        __tracebackhide__ = True
+        from raytwin.compare import Comparison
+
+        self._report(Comparison(self.name, self.rung, "fail", tuple(text.splitlines())))
+        pytest.fail(text)
+
+    def _report(self, made: "Comparison", notes: tuple[str, ...] = (), *images: Any) -> Path | None:
+        folder = _report_folder(self._node.config)
+        if folder is None:
+            return None
+        from raytwin.report import checks
+
+        number = self._node.stash.setdefault(_COUNTER, itertools.count())
+        return checks.write_check(folder, self._node.nodeid, next(number), made, notes, *images)
+
+
+_COUNTER = pytest.StashKey["itertools.count"]()
+_COUNTED = pytest.StashKey[tuple[int, int]]()
+
+
+# ------------------------------------------------------------------------------------------ folders
+
+
+class _Folders:
+    """Where references and scenes lie: the user's own first, then the references that raytwin ships."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self.own = config.rootpath / (config.getini("raytwin_references") or "reference")
+        self.scenes = config.rootpath / (config.getini("raytwin_scenes") or "scenes")
+        self.update = config.getoption("--raytwin-update")
+
+    @property
+    def all(self) -> list[Path]:
+        from raytwin.reference import SHIPPED
+
+        return [self.own, SHIPPED]
+
+    def __str__(self) -> str:
+        return " or ".join(str(folder) + ("" if folder.is_dir() else " (no such folder)") for folder in self.all)
+
+    def scene(self, name: str) -> Path | None:
+        """The folder of the scene, where there is one."""
+        return self.scenes / name if (self.scenes / name / "scene.toml").is_file() else None
+
+    def cases(self, scenes: list[str] | None, rungs: list[str] | None) -> list[tuple[str, str]]:
+        """(scene, rung) of all that is asked for, there or not; of all that are there, where nothing is asked for."""
+        from raytwin.reference import listed
+
+        there = list(dict.fromkeys(case for folder in self.all for case in listed(folder)))
+        names = scenes or list(dict.fromkeys(name for name, _ in there))
+        if rungs:
+            return [(name, rung) for name in names for rung in rungs]
+        found = [case for case in there if case[0] in names]
+        missing = [(name, "surface") for name in names if name not in {case[0] for case in found}]
+        return found + missing
+
+
+# ------------------------------------------------------------------------------------------ report
+
+
+def _report_folder(config: pytest.Config) -> Path | None:
+    asked = config.getoption("--raytwin-report")
+    return config.invocation_params.dir / asked if asked else None
+
+
+def _is_worker(config: pytest.Config) -> bool:
+    """Under pytest-xdist, tests run in workers, and only the session that started them writes the index."""
+    return hasattr(config, "workerinput")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionstart(session: pytest.Session) -> None:
+    folder = _report_folder(session.config)
+    if folder is not None and not _is_worker(session.config):
+        from raytwin.report import checks
+
+        checks.clear(folder)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    folder = _report_folder(session.config)
+    if folder is not None and not _is_worker(session.config):
+        from raytwin.report import checks
+
+        session.config.stash[_COUNTED] = checks.write_index(folder)
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    if counted := config.stash.get(_COUNTED, None):
+        index = _report_folder(config) / "index.html"
+        terminalreporter.write_line(f"raytwin: {counted[0]} comparisons, {counted[1]} failed: {index}")

@@ -1,0 +1,141 @@
+"""A test run's comparisons: a page for each as it is made, then an index of all, failures first.
+
+Each comparison leaves `check-<test>-<hash>.json` and, where it has pictures, a page of the same name. The index is made
+from these files, so that tests may run in many processes at once.
+"""
+
+import hashlib
+import re
+from pathlib import Path
+
+import jinja2
+import msgspec
+import numpy as np
+
+from raytwin import files
+from raytwin.compare import Comparison
+from raytwin.compare.heatmap import signed_error
+from raytwin.image import Image
+from raytwin.report import numbers, pictures
+from raytwin.report.html import asset, write_report
+from raytwin.report.view import Names, Tile, View, silhouette_tile
+from raytwin.scene import Tolerance
+
+THUMB = 150
+"""Pixels across a small picture in the index."""
+INDEX = "index.html"
+
+NAMES = Names("test", "reference", "the test's image", "the reference", "The test's image", "The reference")
+
+
+class Row(msgspec.Struct):
+    """A line of the index. `page` and the pictures (data URLs) are empty where there was no image to show."""
+
+    test: str
+    number: int
+    scene: str
+    rung: str
+    verdict: str
+    reasons: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    rmse: float | None = None
+    worst: float | None = None
+    ratio: float | None = None
+    page: str = ""
+    picture: str = ""
+    error: str = ""
+
+
+def write_check(
+    folder: Path,
+    test: str,
+    number: int,
+    comparison: Comparison,
+    notes: tuple[str, ...] = (),
+    image: Image | None = None,
+    reference: Image | None = None,
+    tolerance: Tolerance | None = None,
+) -> Path | None:
+    """One comparison of the test called `test`: its row, and its page, whose path is returned."""
+    c, r = comparison, comparison.radiance
+    row = Row(test, number, c.scene, c.rung, c.verdict, c.reasons, notes, r.rmse, r.max_abs, r.mean_ratio)
+    short = re.sub(r"[^A-Za-z0-9]+", "-", test.rpartition("/")[2]).strip("-")[:80]
+    unique = hashlib.sha256(f"{test} {number}".encode()).hexdigest()[:8]
+    stem = f"check-{short}-{unique}"
+    page = None
+    if image is not None and reference is not None:
+        view = _view(test, comparison, notes, image, reference, tolerance or Tolerance())
+        row.page, page = f"{stem}.html", folder / f"{stem}.html"
+        write_report(view, page)
+        if view.alike:
+            row.picture, row.error = _thumbs(view, tolerance or Tolerance())
+    files.write_json(folder / f"{stem}.json", row)
+    return page
+
+
+def clear(folder: Path) -> None:
+    """Take away what an earlier run wrote; nothing else."""
+    for old in [*folder.glob("check-*.html"), *folder.glob("check-*.json"), folder / INDEX]:
+        old.unlink(missing_ok=True)
+
+
+def write_index(folder: Path) -> tuple[int, int]:
+    """index.html over all comparisons in the folder; how many there are, and how many failed."""
+    rows = [msgspec.json.decode(f.read_bytes(), type=Row) for f in folder.glob("check-*.json")]
+    rows.sort(key=lambda row: (row.verdict == "pass", row.test, row.number))
+    failed = sum(row.verdict != "pass" for row in rows)
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["shown"] = numbers.shown
+    page = environment.from_string(asset("checks.html.j2")).render(rows=rows, failed=failed, css=asset("report.css"))
+    files.write_text(folder / INDEX, page)
+    return len(rows), failed
+
+
+def _view(
+    test: str, c: Comparison, notes: tuple[str, ...], image: Image, reference: Image, tolerance: Tolerance
+) -> View:
+    noisy = image.variance is not None or reference.variance is not None
+    r = c.radiance
+    tiles = [
+        Tile(
+            "Error, 99.9 %",
+            numbers.shown(r.p999_abs),
+            below="noise included" if noisy else f"held to {numbers.short(tolerance.p999_abs)}",
+        ),
+        Tile("RMSE", numbers.shown(r.rmse), below=f"worst {numbers.shown(r.max_abs)}"),
+        Tile("Ratio of means", numbers.shown(r.mean_ratio, 5), below="mean(test) / mean(reference)"),
+    ]
+    if c.geometry.mask_mismatch_pixels is not None:
+        tiles.insert(0, silhouette_tile(c, tolerance))
+    return View(
+        title=f"{c.scene}, {c.rung}",
+        about=("test", test.rpartition("/")[2]),
+        comparison=msgspec.structs.replace(c, reasons=(*c.reasons, *(f"note: {n}" for n in notes))),
+        test=image,
+        reference=reference,
+        names=NAMES,
+        tolerance=tolerance,
+        held_to="noise and tolerance" if noisy else "the tolerance",
+        motto="a renderer held to its reference",
+        tiles=tuple(tiles),
+        objects=tuple(
+            f"object {i}" for i in range(reference.surface.ids.max(initial=-1) + 1 if reference.surface else 0)
+        ),
+        settings={"test": test, "samples of the reference": str(reference.samples)},
+    )
+
+
+def _thumbs(view: View, tolerance: Tolerance) -> tuple[str, str]:
+    """The test's image and the signed error, small, as data URLs."""
+    error = signed_error(view.test, view.reference, "absolute")
+    scale = pictures.choose_scale(view.test, view.reference, error, tolerance.p999_abs)
+    step = max(1, -(-error.shape[1] // THUMB))
+    small = pictures.exposed(view.test, pictures.exposure(view.reference))[::step, ::step]
+    # The largest error of each block: a single wrong pixel must not fall between the ones that are kept.
+    indices = pictures.error_indices(error, scale)
+    height, width = (n - n % step for n in indices.shape)
+    blocks = indices[:height, :width].reshape(height // step, step, width // step, step).swapaxes(1, 2)
+    blocks = blocks.reshape(*blocks.shape[:2], -1)
+    far = np.abs(blocks.astype(int) - 127).argmax(axis=-1, keepdims=True)
+    shown = np.take_along_axis(blocks, far, axis=-1)[..., 0]
+    return pictures.png_url(small), pictures.png_url(shown, pictures.palette())
