@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from raytwin import cli_reference
+from raytwin.cli_bench import bench_command
 from raytwin.errors import InputError
 
 app = typer.Typer(
@@ -254,6 +255,9 @@ def augment_command(
         files.write_json(json, {"photos": rows})
     typer.echo(report.augment_summary(rows))
     typer.echo(f"{len(rows)} photos: {out}")
+
+
+app.command("bench")(bench_command)
 
 
 @app.command("doctor")

@@ -1,0 +1,37 @@
+"""Every method's seconds beside its error: METHODS, one run over them, the frontier, and two runs compared.
+
+METHODS -> prepare -> measure (interleaved) -> truth -> Bench (JSON) -> frontier, fits, against -> report
+"""
+
+from raytwin.bench.against import Change, Changes, against
+from raytwin.bench.frontier import Fit, fit_power, on_frontier, ratio_interval, staircase
+from raytwin.bench.methods import METHODS, Method, choose, prepare
+from raytwin.bench.record import ERRORS, Bench, Error, Growth, LeftOut, Repeats, Row, Truth, read_bench, write_bench
+from raytwin.bench.run import GROWTH, bench
+
+__all__ = [
+    "ERRORS",
+    "GROWTH",
+    "METHODS",
+    "Bench",
+    "Change",
+    "Changes",
+    "Error",
+    "Fit",
+    "Growth",
+    "LeftOut",
+    "Method",
+    "Repeats",
+    "Row",
+    "Truth",
+    "against",
+    "bench",
+    "choose",
+    "fit_power",
+    "on_frontier",
+    "prepare",
+    "ratio_interval",
+    "read_bench",
+    "staircase",
+    "write_bench",
+]

@@ -1,5 +1,6 @@
 """Views of a comparison: a page, a folder, a few lines of text. They compute nothing that the comparison lacks."""
 
+from raytwin.report.bench_files import bench_summary, write_bench_all
 from raytwin.report.folder import write_all, write_diff
 from raytwin.report.html import write_report
 from raytwin.report.json import write_comparison
@@ -11,10 +12,12 @@ __all__ = [
     "Case",
     "View",
     "augment_summary",
+    "bench_summary",
     "calibration_summary",
     "diff_summary",
     "summary",
     "write_all",
+    "write_bench_all",
     "write_comparison",
     "write_diff",
     "write_junit",

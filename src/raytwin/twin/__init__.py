@@ -5,7 +5,7 @@ imported when the first of them is called, not before.
 """
 
 from raytwin.twin.backend import VARIANTS, Backend, Tried, activate, doctor
-from raytwin.twin.plain import INTEGRATORS, icosphere, load_plain, render_mesh, render_plain
+from raytwin.twin.plain import INTEGRATORS, icosphere, load_mesh, load_plain, render_mesh, render_plain
 from raytwin.twin.render import RUNGS, SAMPLINGS, provenance, render
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "activate",
     "doctor",
     "icosphere",
+    "load_mesh",
     "load_plain",
     "provenance",
     "render",

@@ -76,17 +76,19 @@ def render_plain(loaded: Any, samples: int = 1, seed: int = 0) -> np.ndarray:
     return total / (samples // each)
 
 
-def render_mesh(scene: Scene, levels: int, rung: str = "shadow", variant: str | None = None) -> Image:
-    """The rungs without noise through the pixels' centres, with every sphere a mesh of 20 · 4^levels flat triangles."""
-    activate(variant)
-    from raytwin.twin.render import _engine, _exact
+def load_mesh(scene: Scene, levels: int, variant: str | None = None) -> Any:
+    """The twin of the scene with every sphere a mesh of 20 · 4^levels flat triangles, to hand to `render_mesh`."""
+    chosen = activate(variant).variant
+    from raytwin.twin.render import _engine
 
-    def renderer() -> Any:
-        import mitsuba as mi
+    return _engine(chosen).Renderer(scene, {}, None, meshes(scene, levels))
 
-        return _engine(mi.variant()).Renderer(scene, {}, None, meshes(scene, levels))
 
-    mean, surface = _exact(renderer(), scene.camera, rung, lambda _: None)
+def render_mesh(loaded: Any, camera: Camera, rung: str = "shadow") -> Image:
+    """A rung without noise, through the pixels' centres of the camera that the scene was loaded with."""
+    from raytwin.twin.render import _exact
+
+    mean, surface = _exact(loaded, camera, rung, lambda _: None)
     return Image(mean, surface=surface)
 
 

@@ -1,0 +1,29 @@
+"""A picture full of small spheres: what a method's cost per object shows itself on."""
+
+import msgspec
+import numpy as np
+
+from raytwin.scene import Scene, Sphere
+from raytwin.tracer.camera import back_project
+
+RADIUS = 0.006
+"""Of the picture's width: the radius of each sphere's image."""
+
+
+def crowd(scene: Scene, count: int, seed: int = 1) -> Scene:
+    """The scene with `count` small spheres, evenly strewn over the picture, in the place of its objects.
+
+    They stand about as far away as the scene's first object, so that all lie in sharp view; light and camera stay.
+    """
+    camera, rng = scene.camera, np.random.default_rng(seed)
+    eye = np.array(camera.eye)
+    away = float(np.linalg.norm(np.array(scene.objects[0].center) - eye)) if scene.objects else 1.0
+    # The R2 sequence leaves fewer gaps and overlaps than random places.
+    at = (0.5 + np.arange(1, count + 1)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])) % 1
+    spheres = []
+    for (x, y), depth, colour in zip(at, rng.uniform(0.9, 1.1, count), rng.uniform(0.2, 0.9, (count, 3)), strict=True):
+        d = back_project(float(x * camera.width - 0.5), float(y * camera.height - 0.5), camera)
+        center = eye + away * depth * np.array(d, float)
+        radius = RADIUS * camera.width / camera.fx * away * depth
+        spheres.append(Sphere(tuple(center.tolist()), radius, tuple(colour.tolist())))
+    return msgspec.structs.replace(scene, spheres=tuple(spheres), planes=())

@@ -1,0 +1,129 @@
+"""What the bench writes and reads back: plain records, one JSON file."""
+
+import os
+from pathlib import Path
+
+import msgspec
+
+from raytwin import files
+from raytwin.errors import InputError
+
+ERRORS = ("rmse", "relmse", "p999_abs", "flip")
+"""The metrics that a row carries; rows of compare.METRICS, `flip` being flip_hdr."""
+
+
+class Row(msgspec.Struct, frozen=True):
+    """One method at one size. Errors are against the converged truth of the method's own rung and sampling.
+
+    `seconds_median`, `seconds_iqr` of the warm calls; `compile_seconds`: what only the first calls cost; `peak_mib`:
+    the most memory beyond what the process held before the call; `truth_floor`: the truth's own RMSE, below which
+    `rmse` tells nothing. null: not measured.
+    """
+
+    method: str
+    engine: str
+    precision: str
+    rung: str
+    trim: str | None
+    speculation: int
+    samples: int
+    width: int
+    height: int
+    seconds_median: float
+    seconds_iqr: float
+    compile_seconds: float
+    peak_mib: float | None
+    rmse: float
+    relmse: float
+    p999_abs: float
+    flip: float | None
+    truth_floor: float
+    on_frontier: bool
+
+
+class Truth(msgspec.Struct, frozen=True):
+    """A converged image and the noise it still has, in each metric: what a perfect method would score against it."""
+
+    name: str
+    width: int
+    height: int
+    samples: int
+    seconds: float
+    floor: dict[str, float | None]
+
+
+class Error(msgspec.Struct, frozen=True):
+    """One method's error against one truth, its own or another."""
+
+    method: str
+    width: int
+    height: int
+    truth: str
+    rmse: float
+    relmse: float
+    p999_abs: float
+    flip: float | None
+    on_frontier: bool
+
+
+class Growth(msgspec.Struct, frozen=True):
+    """Seconds of a method with so many small spheres in the picture."""
+
+    method: str
+    spheres: int
+    width: int
+    height: int
+    seconds_median: float
+    seconds_iqr: float
+    compile_seconds: float
+
+
+class LeftOut(msgspec.Struct, frozen=True):
+    """A method that was asked for and not measured, and why."""
+
+    method: str
+    width: int
+    height: int
+    why: str
+
+
+class Repeats(msgspec.Struct, frozen=True):
+    """Every timed call, in seconds, and the RMSE of its image where that was taken."""
+
+    method: str
+    width: int
+    height: int
+    seconds: tuple[float, ...]
+    rmse: tuple[float, ...]
+
+
+class Bench(msgspec.Struct, frozen=True):
+    """A whole run. `repeats` is what two runs are compared by; `--json` leaves it out."""
+
+    scene: str
+    machine: dict[str, str]
+    versions: dict[str, str]
+    budget: float
+    seconds: float
+    rows: tuple[Row, ...]
+    truths: tuple[Truth, ...] = ()
+    errors: tuple[Error, ...] = ()
+    growth: tuple[Growth, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+    repeats: tuple[Repeats, ...] = ()
+
+
+def write_bench(bench: Bench, path: str | os.PathLike, repeats: bool = True) -> None:
+    """As JSON; NaN and infinity, which JSON lacks, become null."""
+    files.write_json(path, bench if repeats else msgspec.structs.replace(bench, repeats=()))
+
+
+def read_bench(path: str | os.PathLike) -> Bench:
+    """What `write_bench` wrote. Raises InputError with the file and the field that is wrong."""
+    try:
+        data = msgspec.json.decode(Path(path).read_bytes())
+    except FileNotFoundError:
+        raise InputError(path, "a file that `raytwin bench --save` wrote", "no such file") from None
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise InputError(path, "JSON that `raytwin bench --save` wrote", error) from None
+    return files.to_record(path, data, Bench)

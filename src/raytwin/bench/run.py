@@ -1,0 +1,257 @@
+"""A scene, methods and sizes in; a Bench out, within a budget of seconds."""
+
+import os
+import platform
+import time
+from collections.abc import Callable, Sequence
+from math import gcd, sqrt
+from pathlib import Path
+
+import numpy as np
+
+from raytwin import files, pipeline, twin
+from raytwin.bench.crowd import crowd
+from raytwin.bench.frontier import median_iqr, on_frontier
+from raytwin.bench.measure import Measured, guess, repeat, warm
+from raytwin.bench.methods import Method, choose, prepare
+from raytwin.bench.record import Bench, Error, Growth, LeftOut, Repeats, Row, Truth
+from raytwin.bench.truth import WHOLE, converge, measure
+from raytwin.errors import InputError
+from raytwin.scene import Camera, Scene
+
+TRUTH_SHARE = 0.3
+"""Of the time that a size may take, so much goes to its truths."""
+
+GROWTH = (
+    "loop-shadow-conic",
+    "numpy32-shadow-none",
+    "numpy32-shadow-conic",
+    "drjit32-shadow-none",
+    "drjit32-shadow-conic",
+    "twin-llvm-shadow",
+    "mitsuba-llvm-direct-1",
+    "cuda32-shadow-conic",
+    "mitsuba-cuda-direct-1",
+)
+"""The methods whose cost is charted against pixels and spheres."""
+
+
+def bench(
+    path: str | Path,
+    *,
+    methods: Sequence[str] = ("*",),
+    sizes: Sequence[float] = (0.2,),
+    spheres: Sequence[int] = (),
+    budget: float = 300.0,
+    repeats: int = 15,
+    truth_samples: int = 4096,
+    flip: bool = False,
+    progress: Callable[[str, int, int], None] = pipeline.silent,
+) -> Bench:
+    """Measure `methods` (patterns of names) on the scene at each of `sizes` (megapixels).
+
+    `spheres`: also time the methods of GROWTH with so many small spheres in the picture, at the first size. `budget`:
+    seconds; methods that do not fit are named in `left_out`. `repeats`: most timed calls of each. `truth_samples`: most
+    samples a pixel of each truth. `flip`: add FLIP, which is slow.
+    """
+    for where, value, right in (
+        ("--budget", budget, budget > 0),
+        ("--sizes", list(sizes), bool(sizes) and all(0 < s <= 1000 for s in sizes)),
+        ("--spheres", list(spheres), all(1 <= n <= 100_000 for n in spheres)),
+        ("--repeats", repeats, repeats >= 1),
+        ("--truth-samples", truth_samples, truth_samples >= 1),
+    ):
+        if not right:
+            raise InputError(where, "numbers above 0", value)
+    chosen = choose(tuple(methods))
+    start = time.perf_counter()
+    deadline = start + budget
+    twin.activate()
+    scene = pipeline.find_camera(files.read_scene(path), progress=progress)[0]
+    growing = [m for m in chosen if m.name in GROWTH] if spheres else []
+    parts = len(sizes) + (1 if growing else 0)
+    rows, truths, errors, left, repeated, growth = [], [], [], [], [], []
+    for i, megapixels in enumerate(sizes):
+        view = scene.with_camera(sized(scene.camera, megapixels))
+        until = time.perf_counter() + (deadline - time.perf_counter()) / (parts - i)
+        found = measure_size(view, chosen, until, repeats, truth_samples, flip, progress)
+        for made, into in zip(found, (rows, truths, errors, left, repeated), strict=True):
+            into += made
+    if growing:
+        view = scene.with_camera(sized(scene.camera, sizes[0]))
+        for i, count in enumerate(spheres):
+            until = time.perf_counter() + (deadline - time.perf_counter()) / (len(spheres) - i)
+            grown, without = measure_growth(crowd(view, count), count, growing, until, repeats, progress)
+            growth += grown
+            left += without
+    return Bench(
+        scene=scene.name, machine=machine(), versions=pipeline.versions(), budget=budget,
+        seconds=time.perf_counter() - start, rows=tuple(rows), truths=tuple(truths), errors=tuple(errors),
+        growth=tuple(growth), left_out=tuple(left), repeats=tuple(repeated),
+    )  # fmt: skip
+
+
+def measure_size(
+    scene: Scene, methods: Sequence[Method], deadline: float, repeats: int, truth_samples: int, flip: bool, progress
+) -> tuple[list[Row], list[Truth], list[Error], list[LeftOut], list[Repeats]]:
+    """Truths, warm-up, timed rounds, for one size of picture."""
+    w, h = scene.camera.image_size
+    ready, left = get_ready(scene, methods, deadline, progress)
+    images, truths = {}, {}
+    names = sorted({m.method.truth for m in ready} | ({WHOLE} if ready else set()))
+    until = time.perf_counter() + TRUTH_SHARE * (deadline - time.perf_counter())
+    for i, name in enumerate(names):
+        progress("truths", i, len(names))
+        seconds = (until - time.perf_counter()) / (len(names) - i)
+        images[name], truths[name] = converge(scene, name, truth_samples, seconds, flip)
+    progress("truths", len(names), len(names))
+
+    def look(method: Method, image: np.ndarray) -> dict[str, dict[str, float | None]]:
+        return {name: measure(image, images[name], flip) for name in names if name == method.truth or comparable(name)}
+
+    done = warm_up(ready, look, deadline, left, (w, h), progress)
+    repeat(done, look, deadline, repeats)
+    left += [LeftOut(m.method.name, w, h, "no time left for a timed call") for m in done if not m.seconds]
+    done = [m for m in done if m.seconds]
+    rows, errors = summarize(done, truths, (w, h))
+    kept = [
+        Repeats(m.method.name, w, h, tuple(m.seconds), tuple(e[m.method.truth]["rmse"] for e in m.errors)) for m in done
+    ]
+    return rows, [truths[n] for n in names], errors, left, kept
+
+
+def comparable(truth: str) -> bool:
+    """Truths that every method may be held against: those over the whole pixel."""
+    return truth.endswith("-area")
+
+
+def get_ready(
+    scene: Scene, methods: Sequence[Method], deadline: float, progress
+) -> tuple[list[Measured], list[LeftOut]]:
+    """Each method prepared, compiled and tried on two thumbnails, which tell what it will take at full size."""
+    w, h = scene.camera.image_size
+    ready, left, absent = [], [], {}
+    for i, method in enumerate(methods):
+        progress("prepare", i, len(methods))
+        if method.engine in absent:
+            left.append(LeftOut(method.name, w, h, absent[method.engine]))
+            continue
+        try:
+            first, second = (thumbnail(scene, side) for side in (24, 48))
+            call = prepare(method, first)
+            cold, warm_one = timed(call), timed(call)
+            larger = timed(prepare(method, second))
+            expected = guess((area(first), warm_one), (area(second), larger), w * h)
+            left_over = deadline - time.perf_counter()
+            if expected > left_over / 4:
+                left.append(LeftOut(method.name, w, h, f"a call would take about {expected:.2g} s"))
+                continue
+            ready.append(Measured(method, prepare(method, scene), expected, max(0.0, cold - warm_one)))
+        except InputError as error:
+            left.append(LeftOut(method.name, w, h, str(error)))
+            if "cuda" in method.engine:
+                absent[method.engine] = str(error)  # each try would start a child process
+    progress("prepare", len(methods), len(methods))
+    return ready, left
+
+
+def warm_up(
+    ready: list[Measured], look, deadline: float, left: list[LeftOut], size: tuple[int, int], progress
+) -> list[Measured]:
+    """The methods that had their first call at full size: the quick ones first, as many as can have three more."""
+    done, owed = [], 0.0
+    for i, m in enumerate(sorted(ready, key=lambda m: m.guess)):
+        progress("warm up", i, len(ready))
+        if time.perf_counter() + owed + 4 * m.guess > deadline:
+            left.append(LeftOut(m.method.name, *size, f"no time: a call would take about {m.guess:.2g} s"))
+            continue
+        warm(m, look)
+        done.append(m)
+        owed += 3 * m.guess
+    progress("warm up", len(ready), len(ready))
+    return [m for m in ready if m in done]
+
+
+def summarize(done: list[Measured], truths: dict[str, Truth], size: tuple[int, int]) -> tuple[list[Row], list[Error]]:
+    """Rows against each method's own truth, and the errors against every truth, each with its frontier."""
+    times = {m.method.name: median_iqr(m.seconds) for m in done}
+    errors: dict[tuple[str, str], Error] = {}
+    for name, truth in truths.items():
+        held = [m for m in done if name in m.errors[0]]
+        means = [{k: mean_of([e[name][k] for e in m.errors]) for k in m.errors[0][name]} for m in held]
+        seconds = [times[m.method.name][0] for m in held]
+        flags = on_frontier(seconds, [e["rmse"] for e in means], truth.floor["rmse"])
+        for m, e, flag in zip(held, means, flags, strict=True):
+            errors[m.method.name, name] = Error(m.method.name, *size, name, **e, on_frontier=flag)
+    rows = []
+    for m in done:
+        e, t = errors[m.method.name, m.method.truth], truths[m.method.truth]
+        rows.append(
+            Row(
+                method=m.method.name, engine=m.method.engine, precision=f"float{m.method.precision}",
+                rung=m.method.rung, trim=m.method.trim, speculation=m.method.speculation, samples=m.method.samples,
+                width=size[0], height=size[1], seconds_median=times[m.method.name][0],
+                seconds_iqr=times[m.method.name][1], compile_seconds=m.compile_seconds, peak_mib=m.peak_mib,
+                rmse=e.rmse, relmse=e.relmse, p999_abs=e.p999_abs, flip=e.flip, truth_floor=t.floor["rmse"],
+                on_frontier=e.on_frontier,
+            )
+        )  # fmt: skip
+    return rows, list(errors.values())
+
+
+def mean_of(values: list[float | None]) -> float | None:
+    return None if values[0] is None else float(np.mean(values))
+
+
+def measure_growth(
+    scene: Scene, count: int, methods: Sequence[Method], deadline: float, repeats: int, progress
+) -> tuple[list[Growth], list[LeftOut]]:
+    w, h = scene.camera.image_size
+
+    def ignore(method: Method, image: np.ndarray) -> dict:
+        return {}
+
+    ready, left = get_ready(scene, methods, deadline, progress)
+    done = warm_up(ready, ignore, deadline, left, (w, h), progress)
+    repeat(done, ignore, deadline, repeats)
+    made = [Growth(m.method.name, count, w, h, *median_iqr(m.seconds), m.compile_seconds) for m in done if m.seconds]
+    return made, [LeftOut(f"{o.method} with {count} spheres", o.width, o.height, o.why) for o in left]
+
+
+# ------------------------------------------------------------------------------------------ sizes, machine
+
+
+def sized(camera: Camera, megapixels: float) -> Camera:
+    """The camera with about so many pixels, at its own aspect exactly where whole numbers allow it."""
+    w, h = camera.image_size
+    unit = gcd(w, h)
+    if (w // unit) * (h // unit) <= 1e4:  # 4:3 and its like: steps of 4 x 3 pixels
+        steps = max(1, round(sqrt(megapixels * 1e6 / ((w // unit) * (h // unit)))))
+        return camera.resized(w // unit * steps, h // unit * steps)
+    scale = sqrt(megapixels * 1e6 / (w * h))
+    return camera.resized(max(1, round(w * scale)), max(1, round(h * scale)))
+
+
+def thumbnail(scene: Scene, height: int) -> Scene:
+    return scene.with_camera(sized(scene.camera, scene.camera.width / scene.camera.height * height**2 / 1e6))
+
+
+def area(scene: Scene) -> int:
+    return scene.camera.width * scene.camera.height
+
+
+def timed(call) -> float:
+    start = time.perf_counter()
+    call(0)
+    return time.perf_counter() - start
+
+
+def machine() -> dict[str, str]:
+    """What two runs must share before their seconds can be compared."""
+    rows = dict(twin.doctor())
+    return {
+        "processor": rows.get("processor", "?"),
+        "cores": rows.get("cores", str(os.cpu_count())),
+        "backend": rows.get("backend", "?").split(",")[0],
+        "system": f"{platform.system()} {platform.machine()}",
+    }
