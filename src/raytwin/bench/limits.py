@@ -36,7 +36,7 @@ def two_spheres(width: int = 4032, height: int = 3024) -> Scene:
 def speed_limits(size: tuple[int, int] = (4032, 3024), repeats: int = 7, rung: str = "lambert", seed: int = 0) -> dict:
     """{"covered", "seconds": {name: [..]}, "ratios": [{"what", "asked", "measured"}]} of one warm run on this machine.
 
-    The lattice of methods: Dr.Jit and NumPy in float32, trimmed and full; drawing into a given picture; Mitsuba;
+    Methods: Dr.Jit and NumPy in float32, trimmed and full; drawing into a given picture; Mitsuba;
     speculation; and at 1008 x 756, the paper's size, the Python loop. Needs a backend with LLVM.
     """
     from raytwin import twin
@@ -49,7 +49,7 @@ def speed_limits(size: tuple[int, int] = (4032, 3024), repeats: int = 7, rung: s
 
     def frame(engine: str, trim: str) -> Callable[[], None]:
         def run() -> None:
-            out.fill(0.1)
+            background(scene, rung, out)
             draw(scene, out, rung, engine, trim=trim)
 
         return run
@@ -108,7 +108,7 @@ def trim_table(scene: Scene) -> list[dict]:
     """Per object and box: its pixels, the visible ones it wastes or cuts, and the microseconds that finding it takes.
 
     A visible pixel is one whose centre's ray meets the object, whatever stands before it. Columns: object, trim,
-    pixels, wasted (share of the box that cannot see the object), cut (pixels that see it and lie outside), microseconds.
+    pixels, wasted (share of the box that cannot see the object), cut (pixels that see it outside), microseconds.
     """
     rows = []
     for index, thing in enumerate(scene.objects):

@@ -1,6 +1,7 @@
 """The whole tracer: for every pixel a ray, for every ray the nearest object, for every hit its radiance."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -37,13 +38,21 @@ def trace(
     return Image(mean, surface=surface)
 
 
-def background(scene: Scene, rung: str = "shadow") -> np.ndarray:
-    """What the camera sees where it meets nothing: (H, W, 3) float32, the sky's radiance; on rung `surface`, 0."""
+def background(scene: Scene, rung: str = "shadow", out: np.ndarray | None = None) -> np.ndarray:
+    """What the camera sees where it meets nothing: (H, W, 3) float32, the sky's radiance; on rung `surface`, 0.
+
+    `out` is filled, where given, and returned.
+    """
     w, h = scene.camera.image_size
     row = np.empty((w, 3), np.float32)
     row[:] = 0.0 if rung == "surface" else scene.sky.radiance
-    out = np.empty((h, w, 3), np.float32)
-    out[:] = row
+    if out is None:
+        out = np.empty((h, w, 3), np.float32)
+    if w * h < 1 << 20:
+        out[:] = row
+    else:  # one thread does not use all of the memory's speed
+        with ThreadPoolExecutor(2) as pool:
+            list(pool.map(lambda rows: np.copyto(rows, row), np.array_split(out, 2)))
     return out
 
 
@@ -72,11 +81,10 @@ def draw(
     for box, candidates in regions(boxes, camera.image_size, how):
         with np.errstate(all="ignore"):  # infinities and NaN of missed rays are selected away
             hit, radiance = trace_box(local, box, candidates, rung, how, solver, inverse)
-        seen = hit.ids >= 0
-        queued.append(store(out, box, radiance, seen))
+        layers = [(out, radiance)]
         if surface is not None:
-            layers = (surface.ids, (hit.ids,)), (surface.depth, (hit.t,)), (surface.normal, hit.normal)
-            queued += [store(layer, box, values, seen) for layer, values in layers]
+            layers += (surface.ids, (hit.ids,)), (surface.depth, (hit.t,)), (surface.normal, hit.normal)
+        queued += [store(layer, box, values, hit.ids >= 0) for layer, values in layers]
     flush(how, queued)
 
 
