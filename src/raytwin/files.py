@@ -386,7 +386,8 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
     """
     with _exr(path) as parts:
         first = next(iter(parts.values()))
-        header = {k.removeprefix("raytwin/"): v for k, v in first.header.items() if k.startswith("raytwin/")}
+        texts = {k: v for k, v in first.header.items() if isinstance(v, str)}
+        header = {k.removeprefix("raytwin/"): v for k, v in texts.items() if k.startswith("raytwin/")}
         # OpenEXR leaves out a part that it cannot read, and only prints a warning.
         if lost := set(header.pop("parts", "").split()) - parts.keys():
             raise InputError(path, "an EXR file", f"a damaged one (without its part {', '.join(sorted(lost))})")
