@@ -26,8 +26,10 @@ GROWTH = (
     "loop-shadow-conic",
     "numpy32-shadow-none",
     "numpy32-shadow-conic",
+    "numpy32-lambert-conic",
     "drjit32-shadow-none",
     "drjit32-shadow-conic",
+    "drjit32-lambert-conic",
     "twin-llvm-shadow",
     "mitsuba-llvm-direct-1",
     "cuda32-shadow-conic",
@@ -79,9 +81,10 @@ def bench(
             into += made
     if growing:
         view = scene.with_camera(sized(scene.camera, sizes[0]))
-        for i, count in enumerate(spheres):
+        cold: dict[str, tuple[int, float]] = {}
+        for i, count in enumerate(sorted(spheres)):
             until = time.perf_counter() + (deadline - time.perf_counter()) / (len(spheres) - i)
-            grown, without = measure_growth(crowd(view, count), count, growing, until, repeats, progress)
+            grown, without = measure_growth(crowd(view, count), count, growing, until, repeats, cold, progress)
             growth += grown
             left += without
     return Bench(
@@ -204,14 +207,36 @@ def mean_of(values: list[float | None]) -> float | None:
 
 
 def measure_growth(
-    scene: Scene, count: int, methods: Sequence[Method], deadline: float, repeats: int, progress
+    scene: Scene,
+    count: int,
+    methods: Sequence[Method],
+    deadline: float,
+    repeats: int,
+    cold: dict[str, tuple[int, float]],
+    progress,
 ) -> tuple[list[Growth], list[LeftOut]]:
+    """The methods' seconds on a picture of `count` spheres. `cold`: what first calls took with fewer; it is kept up.
+
+    A first call compiles, which nothing can interrupt, and may grow with the square of the count: a method whose next
+    one is expected to last past the deadline is left out.
+    """
     w, h = scene.camera.image_size
 
     def ignore(method: Method, image: np.ndarray) -> dict:
         return {}
 
-    ready, left = get_ready(scene, methods, deadline, progress)
+    left, fit = [], []
+    for method in methods:
+        before, seconds = cold.get(method.name, (count, 0.0))
+        expected = seconds * (count / before) ** 2
+        if time.perf_counter() + expected > deadline:
+            left.append(LeftOut(method.name, w, h, f"a first call would take about {expected:.2g} s"))
+        else:
+            fit.append(method)
+    ready, without = get_ready(scene, fit, deadline, progress)
+    cold |= {m.method.name: (count, m.compile_seconds) for m in ready}
+    cold |= {o.method: (count, float("inf")) for o in without}
+    left += without
     done = warm_up(ready, ignore, deadline, left, (w, h), progress)
     repeat(done, ignore, deadline, repeats)
     made = [Growth(m.method.name, count, w, h, *median_iqr(m.seconds), m.compile_seconds) for m in done if m.seconds]

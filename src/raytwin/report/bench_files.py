@@ -10,6 +10,9 @@ from raytwin.report.bench_static import write_static
 from raytwin.report.charts import error_chart, growth_charts, sizes_of
 from raytwin.report.numbers import seconds, shown
 
+TOLD = ("shadow-center", "path-area")
+"""The frontiers that the terminal shows; the page has all."""
+
 
 def write_bench_all(bench: Bench, folder: str | os.PathLike, changes: Changes | None = None) -> None:
     """bench.html, bench.json, and each chart as SVG and PNG: the frontiers by relMSE, and growth."""
@@ -32,7 +35,7 @@ def write_bench_all(bench: Bench, folder: str | os.PathLike, changes: Changes | 
 def bench_summary(bench: Bench, changes: Changes | None = None) -> str:
     """What is on each frontier, what was left out, and what has changed."""
     lines = [f"{bench.scene}: {len(bench.rows)} measurements in {seconds(bench.seconds)}"]
-    for truth in bench.truths:
+    for truth in (t for t in bench.truths if t.name in TOLD):
         on = [
             e for e in bench.errors
             if e.on_frontier and (e.truth, e.width, e.height) == (truth.name, truth.width, truth.height)

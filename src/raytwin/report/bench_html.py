@@ -180,9 +180,12 @@ def _figure(chart: Chart, tools: list):
     return p
 
 
-def _glyphs(p, data: dict):
-    """Lines below, points above them, texts on top; each source by its name, for bench.js to fill anew."""
-    sources = {n: ColumnDataSource(data[n], name=n) for n in ("points", "lines", "texts", "small", "leaders")}
+def _glyphs(p, data: dict, named: bool = False):
+    """Lines below, points above them, texts on top; `named`: each source has a name, for bench.js to fill it anew."""
+    sources = {
+        n: ColumnDataSource(data[n], name=n if named else None)
+        for n in ("points", "lines", "texts", "small", "leaders")
+    }
     p.multi_line(
         "xs", "ys", source=sources["lines"], line_color="colour", line_width="width", line_dash="dash",
         line_alpha="alpha",
@@ -192,7 +195,7 @@ def _glyphs(p, data: dict):
         "x", "y", source=sources["points"], marker="marker", size="size", line_color="colour", fill_color="colour",
         fill_alpha="alpha", line_width=1.4,
     )  # fmt: skip
-    for name, size, style in (("small", "10px", "normal"), ("texts", "11.5px", "bold")):
+    for name, size, style in (("small", "10px", "normal"), ("texts", "11px", "bold")):
         p.text(
             "x", "y", "text", source=sources[name], text_color="colour", text_font_size=size, text_font_style=style,
             text_baseline="middle", text_font=value(FONT), background_fill_color="#ffffff",
@@ -208,7 +211,7 @@ def frontier_figure(chart: Chart):
     data = as_data(chart)
     low = ColumnDataSource(floor_box(chart), name="floor")
     p.quad("left", "right", "bottom", "top", source=low, fill_color="#eef0f3", line_color=None, level="underlay")
-    dots = _glyphs(p, data)
+    dots = _glyphs(p, data, named=True)
     # What a row holds is looked up in the page's data: it would otherwise stand in it once for each chart.
     rows = CustomJSHover(code="return window.raytwinBench.row(value)")
     p.add_tools(

@@ -59,7 +59,7 @@ def draw(axes, chart: Chart) -> None:
         if t.leader:
             axes.plot(t.leader[::2], t.leader[1::2], "-", color=t.colour, linewidth=0.4, alpha=0.7, zorder=2)
         axes.text(
-            t.x, t.y, t.text, ha="left", va="center_baseline", color=t.colour, fontsize=7.6 if t.bold else 6.8,
+            t.x, t.y, t.text, ha="left", va="center_baseline", color=t.colour, fontsize=7.2 if t.bold else 6.6,
             fontweight="bold" if t.bold else "normal", zorder=4, path_effects=halo,
         )  # fmt: skip
     axes.text(0.0, -0.095, "; ".join(chart.notes), transform=axes.transAxes, fontsize=7.5, color=SOFT)

@@ -7,7 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-from raytwin.bench import GROWTH, METHODS, Bench, Error, Row, fit_power, on_frontier, staircase
+from raytwin.bench import GROWTH, METHODS, Bench, fit_power, on_frontier, staircase
 from raytwin.report.labels import Label, place
 
 FRAME = (740, 600)
@@ -154,7 +154,7 @@ def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) ->
         f"{bench.scene}, {megapixels(size)}, against {TRUTHS.get(truth, truth)}",
         "seconds a frame (median)", METRICS[metric], x_range, y_range, points, texts, tuple(lines), floor or None,
         without,
-        (f"dotted: slope {slope}, Monte Carlo's",),
+        (f"thin grey lines: slope {slope}, Monte Carlo's",),
     )  # fmt: skip
 
 
@@ -171,13 +171,17 @@ def _labels(
     """A family's name once, a point's place in it each; the frontier's methods by their whole name."""
     to_px, from_px = _pixels(x_range, y_range)
     short = {m.name: m.label for m in METHODS}
-    whole = [(Label(p.method, *to_px(p.x, p.y), size=11.5), p.colour, True, p.method) for p in points if p.frontier]
+    whole = [
+        (Label(p.method, *to_px(p.x, p.y), size=11, bold=True), p.colour, True, p.method) for p in points if p.frontier
+    ]
     names, rest = [], []
     for name, group in _families(points).items():
         if all(p.frontier for p in group):
             continue
         places = [to_px(p.x, p.y) for p in group]
-        names.append((Label(name, *places[-1], size=11.5, others=tuple(places[:-1])), group[0].colour, True, name))
+        names.append(
+            (Label(name, *places[-1], size=11, bold=True, others=tuple(places[:-1])), group[0].colour, True, name)
+        )
         for p in group:
             if len(group) > 1 and not p.frontier:  # a family's only member goes by the family's name
                 label = Label(short.get(p.method, p.method), *to_px(p.x, p.y), size=10)
@@ -274,7 +278,7 @@ def _growth_chart(key: str, title: str, x_label: str, series: dict[str, list[tup
             text += f": {fit.exponent:.2f}" + ("" if math.isnan(fit.sigma) else f" ± {fit.sigma:.2f}")
             ends = fit.used[0], fit.used[-1]
             lines.append(Line(ends, tuple(fit.factor * x**fit.exponent for x in ends), colour, 1.2, "dashed"))
-        asked.append((Label(text, *to_px(*found[-1]), size=11.5), colour))
+        asked.append((Label(text, *to_px(*found[-1]), size=11, bold=True), colour))
         notes.append(text)
     placed = place([a[0] for a in asked], [to_px(p.x, p.y) for p in points], *FRAME)
     texts = []
@@ -295,7 +299,3 @@ def _distinct(names: list[str]) -> dict[str, str]:
         colour = colour_of(family_of(name))
         taken[name] = colour if colour not in taken.values() else next(spare, SOFT)
     return taken
-
-
-def row_for(bench: Bench, error: Error) -> Row:
-    return next(r for r in bench.rows if (r.method, r.width, r.height) == (error.method, error.width, error.height))
