@@ -246,6 +246,14 @@ def test_an_interrupted_render_goes_on_where_it_stopped(overlap, folder, monkeyp
     assert np.array_equal(resumed.variance, uninterrupted.variance)
 
 
+def test_every_stint_and_every_check_has_random_numbers_of_its_own(overlap, folder, monkeypatch):
+    seeds, rendered = [], twin.render
+    monkeypatch.setattr(twin, "render", lambda *a, **o: (seeds.append(o["seed"]), rendered(*a, **o))[1])
+    make(overlap, "path", folder)
+    reference.check(overlap, "path", folder, samples=64)
+    assert len(set(seeds)) == len(seeds) == 16
+
+
 def test_samples_that_do_not_divide_are_refused(overlap, folder):
     with pytest.raises(InputError, match="multiple of 64"):
         make(overlap, "path", folder, samples=100)

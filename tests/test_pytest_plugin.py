@@ -1,0 +1,389 @@
+"""The pytest plugin as its users meet it: small test files, run by a pytest of their own."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raytwin import files, given, reference
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.scene import Tolerance
+
+pytest_plugins = ["pytester"]
+SHIPPED = reference.SHIPPED
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path_factory.mktemp("cache")))
+
+
+def run(pytester: pytest.Pytester, source: str, *options: str) -> pytest.RunResult:
+    pytester.makepyfile(test_it="import numpy as np\nimport pytest\n" + source)
+    return pytester.runpytest_subprocess("-W", "error", "--strict-markers", *options)
+
+
+def failures(result: pytest.RunResult) -> dict[str, str]:
+    """The first line that each failed test says, by its name."""
+    lines = re.findall(r"^FAILED \S+::(\S+) - (.*)$", "\n".join(result.outlines), re.MULTILINE)
+    return dict(lines)
+
+
+# ------------------------------------------------------------------------------------------ what may be checked
+
+
+def test_arrays_files_renders_and_functions_pass_where_they_agree_and_fail_where_not(pytester):
+    result = run(
+        pytester,
+        """
+        from raytwin import files
+        from raytwin.image import Image
+
+        def noisy(held, factor=1.0):
+            # Exponential noise: never negative, as radiance.
+            return lambda seed: factor * held.image.mean * (
+                1 + 0.2 * (np.random.default_rng(seed).exponential(size=held.image.shape) - 1))
+
+        @pytest.fixture
+        def shadow(raytwin_reference):
+            return raytwin_reference("overlap", "shadow")
+
+        @pytest.fixture
+        def path(raytwin_reference):
+            return raytwin_reference("overlap", "path")
+
+        FACTORS = pytest.mark.parametrize("factor", [1.0, 1.01])
+
+        @FACTORS
+        def test_array(shadow, factor):
+            shadow.check(shadow.image.mean * factor)
+
+        @FACTORS
+        def test_list(shadow, factor):
+            shadow.check((shadow.image.mean * factor).tolist())
+
+        @FACTORS
+        def test_image(shadow, factor):
+            shadow.check(Image(shadow.image.mean * factor))
+
+        @FACTORS
+        @pytest.mark.parametrize("ending", ["exr", "pfm", "png"])
+        def test_file(shadow, tmp_path, ending, factor):
+            files.write_image(tmp_path / f"a.{ending}", Image((shadow.image.mean * factor**2).astype("f4")))
+            shadow.check(tmp_path / f"a.{ending}")
+
+        @FACTORS
+        def test_variance(path, factor):
+            made = np.array([noisy(path, factor)(seed) for seed in range(16)])
+            path.check(made.mean(0), variance=made.var(0, ddof=1) / 16)
+
+        @FACTORS
+        def test_renders(path, factor):
+            path.check(np.array([noisy(path, factor)(seed) for seed in range(6)]))
+
+        @FACTORS
+        def test_function(path, factor):
+            path.check(noisy(path, factor), renders=6)
+
+        @FACTORS
+        def test_function_without_noise(shadow, factor):
+            calls = []
+            shadow.check(lambda seed: calls.append(seed) or shadow.image.mean * factor)
+            assert calls == [0, 1]
+
+        @FACTORS
+        def test_tolerance(shadow, factor):
+            shadow.check(shadow.image.mean * factor**0.1, tolerance=1e-4)
+
+        def test_compare_does_not_fail(shadow):
+            assert shadow.compare(2 * shadow.image.mean).verdict == "fail"
+        """.replace("\n        ", "\n"),
+    )
+    cases = ("array", "list", "image", "variance", "renders", "function", "function_without_noise", "tolerance")
+    expected = {f"test_{case}[1.01]" for case in cases} | {f"test_file[{e}-1.01]" for e in ("exr", "pfm", "png")}
+    assert failures(result).keys() == expected
+    result.assert_outcomes(passed=len(expected) + 1, failed=len(expected))
+    result.stdout.fnmatch_lines(["*overlap/shadow: fail*", "*hint: the test image is 1.01 times the reference*"])
+
+
+def test_what_is_no_image_fails_with_a_clear_line_and_without_a_traceback_of_ours(pytester):
+    result = run(
+        pytester,
+        """
+def test_file(raytwin_reference):
+    raytwin_reference("overlap").check("nosuch.png")
+
+def test_kind(raytwin_reference):
+    raytwin_reference("overlap").check("test_it.py")
+
+def test_shape(raytwin_reference):
+    raytwin_reference("overlap").check(np.zeros((252, 336)))
+
+def test_few(raytwin_reference):
+    raytwin_reference("overlap").check([np.zeros((252, 336, 3))] * 3)
+
+def test_nan(raytwin_reference):
+    held = raytwin_reference("overlap")
+    broken = held.image.mean.copy()
+    broken[7, 5] = np.nan
+    held.check(broken)
+
+def test_thing(raytwin_reference):
+    raytwin_reference("overlap").check(None)
+
+def test_noise_untold(raytwin_reference):
+    held = raytwin_reference("overlap", "path")
+    held.check(held.image.mean * (0.8 + 0.2 * np.random.default_rng(1).exponential(size=held.image.shape)))
+""",
+    )
+    result.assert_outcomes(failed=7)
+    for line in (
+        "*nosuch.png: expected an image file, got no such file",
+        "*test_it.py: expected an image: EXR, PFM, HDR, PNG or JPEG*",
+        "*the test image has the shape (252, 336), not (height, width, 3)",
+        "*repeated renders: expected at least 4, got 3",
+        "*NaN value*(x=5, y=7)*",
+        "*note: the reference has noise and the image tells none*variance=*",
+    ):
+        result.stdout.fnmatch_lines([line])
+    result.stdout.no_fnmatch_line("*pytest_plugin.py*")
+    result.stdout.no_fnmatch_line("*During handling*")
+
+
+# ------------------------------------------------------------------------------------------ missing, stale, updated
+
+SCENE = """
+[camera]
+image_size = [40, 30]
+K = [[50.0, 0.0, 19.5], [0.0, 50.0, 14.5], [0.0, 0.0, 1.0]]
+R_cam_board = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]
+t_cam_board = [0.0, 0.0, 0.45]
+
+[[spheres]]
+center = [0.0, 0.0, 0.05]
+radius = 0.05
+
+[sun]
+to_light = [0.4, 0.0, 1.0]
+"""
+
+TRACED = """
+def test_traced(raytwin_reference):
+    from raytwin.tracer import trace
+    held = raytwin_reference("ball", "shadow")
+    assert held.camera.image_size == (40, 30)
+    held.check(trace(held.scene, "shadow"))
+"""
+
+
+def test_a_missing_reference_fails_and_names_the_command_that_makes_it(pytester):
+    result = run(pytester, TRACED.replace("ball", "nosuch").replace("shadow", "sky"))
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            f"*no such reference in {pytester.path}/reference/nosuch/sky.exr or *shipped/nosuch/sky.exr",
+            "*raytwin reference make scenes/nosuch --rung sky",
+        ]
+    )
+    result = run(pytester, TRACED.replace('"shadow"', '"sun"'))
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*rung: expected one of surface, lambert, shadow, sky, path, got sun"])
+
+
+def test_update_makes_what_is_missing_or_stale_from_the_scene_and_the_command_it_names_works(pytester):
+    pytester.makeini("[pytest]\nraytwin_references = my/images\nraytwin_scenes = my/scenes\n")
+    scene = pytester.path / "my/scenes/ball/scene.toml"
+    scene.parent.mkdir(parents=True)
+    scene.write_text(SCENE)
+    result = run(pytester, TRACED)
+    result.assert_outcomes(failed=1)
+    command = next(line for line in result.outlines if "To make it: " in line).partition("To make it: ")[2].split()
+    assert command == ["raytwin", "reference", "make", "my/scenes/ball", "--rung", "shadow", "--folder", "my/images"]
+    made = subprocess.run([sys.executable, "-m", *command], cwd=pytester.path, capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr
+    run(pytester, TRACED).assert_outcomes(passed=1)
+
+    scene.write_text(SCENE.replace("radius = 0.05", "radius = 0.04"))
+    stale = run(pytester, TRACED)
+    stale.assert_outcomes(failed=1)
+    stale.stdout.fnmatch_lines(["*stale: the scene has changed since"])
+    run(pytester, TRACED, "--raytwin-update").assert_outcomes(passed=1)
+    run(pytester, TRACED).assert_outcomes(passed=1)
+
+
+def test_update_takes_an_image_without_a_scene_as_its_own_reference_but_never_a_broken_one(pytester):
+    source = """
+def test_it(raytwin_reference):
+    raytwin_reference("mine", "path").check(np.full((6, 8, 3), VALUE))
+"""
+    run(pytester, source.replace("VALUE", "0.5")).assert_outcomes(failed=1)
+    run(pytester, source.replace("VALUE", "0.5"), "--raytwin-update").assert_outcomes(passed=1)
+    run(pytester, source.replace("VALUE", "0.5")).assert_outcomes(passed=1)
+    run(pytester, source.replace("VALUE", "0.6")).assert_outcomes(failed=1)
+    broken = run(pytester, source.replace("VALUE", "np.nan"), "--raytwin-update")
+    broken.assert_outcomes(failed=1)
+    broken.stdout.fnmatch_lines(["*no reference can be made of this image*NaN*"])
+    run(pytester, source.replace("VALUE", "0.6"), "--raytwin-update").assert_outcomes(passed=1)
+    run(pytester, source.replace("VALUE", "0.6")).assert_outcomes(passed=1)
+
+
+def test_update_leaves_shipped_references_alone(pytester):
+    before = {f: f.stat().st_mtime_ns for f in SHIPPED.glob("*/*.exr")}
+    source = """
+def test_it(raytwin_reference):
+    held = raytwin_reference("overlap", "shadow")
+    held.check(1.1 * held.image.mean)
+"""
+    run(pytester, source, "--raytwin-update").assert_outcomes(failed=1)
+    assert {f: f.stat().st_mtime_ns for f in SHIPPED.glob("*/*.exr")} == before
+    assert not (pytester.path / "reference").exists()
+
+
+def test_a_scene_of_ones_own_is_not_held_to_the_shipped_one_of_its_name(pytester):
+    scene = pytester.path / "scenes/overlap/scene.toml"
+    scene.parent.mkdir(parents=True)
+    scene.write_text(SCENE)
+    result = run(pytester, TRACED.replace("ball", "overlap"))
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*raytwin reference make scenes/overlap --rung shadow"])
+    run(pytester, TRACED.replace("ball", "overlap"), "--raytwin-update").assert_outcomes(passed=1)
+
+
+def test_a_damaged_reference_fails(pytester):
+    own = pytester.path / "reference/overlap/shadow.exr"
+    own.parent.mkdir(parents=True)
+    whole = bytearray((SHIPPED / "overlap/shadow.exr").read_bytes())
+    whole[len(whole) // 2] ^= 1
+    own.write_bytes(whole)
+    result = run(pytester, TRACED.replace("ball", "overlap"))
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*damaged*"])
+
+
+# ------------------------------------------------------------------------------------------ many at once
+
+CASES = """
+@pytest.mark.raytwin(scenes=["overlap", "single"], rungs=["shadow", "lambert"])
+def test_cases(raytwin_case):
+    raytwin_case.check(raytwin_case.image.mean * (1.1 if raytwin_case.rung == "lambert" else 1))
+"""
+
+
+@pytest.mark.parametrize("workers", [(), ("-n", "2")], ids=["one process", "two workers"])
+def test_report_lists_every_comparison_once_failures_first(pytester, workers):
+    source = (
+        CASES
+        + """
+def test_missing(raytwin_reference):
+    raytwin_reference("nosuch")
+
+def test_twice(raytwin_reference):
+    held = raytwin_reference("overlap")
+    held.check(held.image.mean)
+    held.check(held.image.mean[:100])
+"""
+    )
+    out = pytester.path / "out"
+    out.mkdir()
+    (out / "check-of-an-earlier-run.json").write_text("{}")
+    (out / "notes.txt").write_text("not ours")
+    result = run(pytester, source, "--raytwin-report", "out", *workers)
+    result.assert_outcomes(passed=2, failed=4)
+    result.stdout.fnmatch_lines([f"raytwin: 7 comparisons, 4 failed: {out}/index.html"])
+    index = (out / "index.html").read_text()
+    verdicts = re.findall(r"[✓✗] (pass|fail)<", index)
+    assert verdicts == ["fail"] * 4 + ["pass"] * 3
+    pages = re.findall(r'<a href="([^"]+)"', index)
+    assert len(set(pages)) == 6
+    for page in pages:
+        text = (out / page).read_text()
+        assert "http" not in re.sub(r"http://www\.w3\.org/\S+|<script.*?</script>", "", text, flags=re.DOTALL)
+    assert index.count("data:image/png") == 2 * 5
+    assert (out / "notes.txt").exists()
+
+
+def test_cases_default_to_all_references_that_are_there(pytester):
+    result = run(pytester, "def test_cases(raytwin_case):\n    assert raytwin_case.camera\n")
+    result.assert_outcomes(passed=len(reference.listed(SHIPPED)))
+
+
+def test_cases_of_a_scene_that_is_not_there_fail_instead_of_vanishing(pytester):
+    source = "@pytest.mark.raytwin(scenes=['nosuch'])\ndef test_cases(raytwin_case):\n    pass\n"
+    result = run(pytester, source)
+    assert result.ret != 0
+    result.stdout.fnmatch_lines(["*no such reference*nosuch*"])
+
+
+# ------------------------------------------------------------------------------------------ at no cost
+
+
+def test_loading_the_plugin_loads_nothing_else():
+    code = (
+        "import sys, pytest; before = set(sys.modules); import raytwin.pytest_plugin; print(set(sys.modules) - before)"
+    )
+    child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert child.stdout.strip() in ("{'raytwin', 'raytwin.pytest_plugin'}", "{'raytwin.pytest_plugin', 'raytwin'}")
+
+
+def test_a_run_that_does_not_use_the_plugin_loads_no_numpy_for_it(pytester):
+    pytester.makepyfile("import sys\ndef test_it():\n    assert 'numpy' not in sys.modules\n")
+    pytester.runpytest_subprocess("-p", "no:hypothesispytest").assert_outcomes(passed=1)
+
+
+# ------------------------------------------------------------------------------------------ formats
+
+
+@pytest.fixture
+def smooth() -> Image:
+    ramp = np.linspace(0, 1.5, 64 * 48 * 3).reshape(48, 64, 3)
+    return Image(np.random.default_rng(2).permuted(ramp).astype(np.float32))
+
+
+@pytest.mark.parametrize("ending", ["png", "exr", "half", "float16", "pfm"])
+def test_a_formats_rounding_stays_within_the_step_that_is_granted_for_it(smooth, tmp_path, ending):
+    thing = tmp_path / f"a.{ending}"
+    if ending == "float16":
+        thing = smooth.mean.astype(np.float16)
+    elif ending == "half":
+        thing = thing.with_suffix(".exr")
+        files.write_image(thing, Image(smooth.mean.astype(np.float16).astype(np.float32)))
+    else:
+        files.write_image(thing, smooth)
+    taken = given.take(thing)
+    shown, allowed = taken.fitted(smooth, Tolerance())
+    error = np.abs(taken.image.mean - shown.mean).max()
+    assert error <= max(taken.step, 0)
+    if ending in ("exr", "pfm"):
+        assert allowed == Tolerance()
+    else:
+        assert error > 0.4 * taken.step  # no more is granted than needed
+        assert allowed.p999_abs == taken.step
+
+
+def test_the_spread_of_renders_gives_the_variance_of_their_mean():
+    x = np.random.default_rng(3).exponential(size=(5, 4, 6, 3))
+    for things in (x, list(x), [Image(i) for i in x], lambda seed: x[seed]):
+        made = given.take(things, renders=5).image
+        np.testing.assert_allclose(made.mean, x.mean(0), rtol=1e-6)
+        np.testing.assert_allclose(made.variance, x.var(0, ddof=1) / 5, rtol=1e-6)
+        assert made.batches == 5
+
+
+def test_renders_of_different_shapes_are_refused():
+    with pytest.raises(InputError, match="one shape"):
+        given.take([np.zeros((2, 3, 3))] * 3 + [np.zeros((3, 2, 3))])
+
+
+def test_the_references_travel_in_the_wheel():
+    """What setuptools would pack: the link in src/ leads to every file of reference/."""
+    assert Path(reference.__file__).parent == SHIPPED.parent
+    root = Path(__file__).parent.parent
+    configured = files.read_toml(root / "pyproject.toml")["tool"]["setuptools"]["package-data"]["raytwin"]
+    packed = {f for pattern in configured for f in SHIPPED.parent.glob(pattern)}
+    assert {f.relative_to(SHIPPED) for f in packed} == {
+        f.relative_to(root / "reference") for f in (root / "reference").glob("*/*.exr")
+    }
