@@ -6,7 +6,19 @@ METHODS -> prepare -> measure (interleaved) -> truth -> Bench (JSON) -> frontier
 from raytwin.bench.against import Change, Changes, against
 from raytwin.bench.frontier import Fit, fit_power, on_frontier, ratio_interval, staircase
 from raytwin.bench.methods import METHODS, Method, choose, prepare
-from raytwin.bench.record import ERRORS, Bench, Error, Growth, LeftOut, Repeats, Row, Truth, read_bench, write_bench
+from raytwin.bench.record import (
+    ERRORS,
+    Bench,
+    Calibrated,
+    Error,
+    Growth,
+    LeftOut,
+    Repeats,
+    Row,
+    Truth,
+    read_bench,
+    write_bench,
+)
 from raytwin.bench.run import GROWTH, bench
 
 __all__ = [
@@ -14,6 +26,7 @@ __all__ = [
     "GROWTH",
     "METHODS",
     "Bench",
+    "Calibrated",
     "Change",
     "Changes",
     "Error",

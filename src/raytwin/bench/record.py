@@ -78,6 +78,19 @@ class Growth(msgspec.Struct, frozen=True):
     compile_seconds: float
 
 
+class Calibrated(msgspec.Struct, frozen=True):
+    """One way to calibrate: the detector's `setting`, the photos' `scale` (1: as taken), seconds for all the photos.
+
+    `heldout_px`: the rms error on photos that the fit has not seen, in pixels of the photos as taken.
+    """
+
+    setting: str
+    scale: float
+    photos: int
+    seconds_median: float
+    heldout_px: float
+
+
 class LeftOut(msgspec.Struct, frozen=True):
     """A method that was asked for and not measured, and why."""
 
@@ -109,6 +122,7 @@ class Bench(msgspec.Struct, frozen=True):
     truths: tuple[Truth, ...] = ()
     errors: tuple[Error, ...] = ()
     growth: tuple[Growth, ...] = ()
+    calibration: tuple[Calibrated, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     repeats: tuple[Repeats, ...] = ()
 

@@ -88,7 +88,7 @@ def bench(
             growth += grown
             left += without
     return Bench(
-        scene=scene.name, machine=machine(), versions=pipeline.versions(), budget=budget,
+        scene=scene.name, machine=machine(), versions=pipeline.versions(), budget=float(budget),
         seconds=time.perf_counter() - start, rows=tuple(rows), truths=tuple(truths), errors=tuple(errors),
         growth=tuple(growth), left_out=tuple(left), repeats=tuple(repeated),
     )  # fmt: skip

@@ -7,7 +7,7 @@ from raytwin.bench import Bench, Changes, write_bench
 from raytwin.errors import InputError
 from raytwin.report.bench_html import write_bench_page
 from raytwin.report.bench_static import write_static
-from raytwin.report.charts import error_chart, growth_charts, sizes_of
+from raytwin.report.charts import error_chart, side_charts, sizes_of
 from raytwin.report.numbers import seconds, shown
 
 TOLD = ("shadow-center", "path-area")
@@ -29,7 +29,7 @@ def write_bench_all(bench: Bench, folder: str | os.PathLike, changes: Changes | 
         for truth in bench.truths
         if (truth.width, truth.height) == size
     ]
-    write_static([c for c in charts if c is not None] + growth_charts(bench), folder)
+    write_static([c for c in charts if c is not None] + side_charts(bench), folder)
 
 
 def bench_summary(bench: Bench, changes: Changes | None = None) -> str:

@@ -20,8 +20,8 @@ from raytwin.report.charts import (
     TRUTHS,
     Chart,
     error_chart,
-    growth_charts,
     megapixels,
+    side_charts,
     sizes_of,
 )
 from raytwin.report.figures import script_of_bokeh
@@ -49,7 +49,7 @@ SHOWN = (
 def write_bench_page(bench: Bench, path: str | os.PathLike, changes: Changes | None = None) -> None:
     """The page. Every chart of every size, truth and metric lies in it as plain numbers, labels placed."""
     charts = all_charts(bench)
-    growth = growth_charts(bench)
+    growth = side_charts(bench)
     first = first_chart(charts)
     figures = ([frontier_figure(first)] if first else []) + [growth_figure(c) for c in growth]
     script, elements = components(figures) if figures else ("", ())

@@ -35,9 +35,7 @@ def write_static(charts: Iterable[Chart], folder: str | os.PathLike) -> list[Pat
 
 
 def draw(axes, chart: Chart) -> None:
-    from matplotlib.patheffects import withStroke
-
-    halo = [withStroke(linewidth=2, foreground="white", alpha=0.8)]
+    ground = {"facecolor": "white", "alpha": 0.6, "edgecolor": "none", "pad": 0.2}
     axes.set(xscale="log", yscale="log", xlim=chart.x_range, ylim=chart.y_range)
     axes.set_xlabel(chart.x_label, color=INK)
     axes.set_ylabel(chart.y_label, color=INK)
@@ -60,6 +58,6 @@ def draw(axes, chart: Chart) -> None:
             axes.plot(t.leader[::2], t.leader[1::2], "-", color=t.colour, linewidth=0.4, alpha=0.7, zorder=2)
         axes.text(
             t.x, t.y, t.text, ha="left", va="center_baseline", color=t.colour, fontsize=7.2 if t.bold else 6.6,
-            fontweight="bold" if t.bold else "normal", zorder=4, path_effects=halo,
+            fontweight="bold" if t.bold else "normal", zorder=4, bbox=ground,
         )  # fmt: skip
     axes.text(0.0, -0.095, "; ".join(chart.notes), transform=axes.transAxes, fontsize=7.5, color=SOFT)

@@ -238,6 +238,12 @@ def _guides(x_range: tuple[float, float], y_range: tuple[float, float], slope: f
 # ------------------------------------------------------------------------------------------ growth
 
 
+def side_charts(bench: Bench) -> list[Chart]:
+    """Growth and calibration, what of them was measured."""
+    calibration = calibration_chart(bench)
+    return growth_charts(bench) + ([calibration] if calibration else [])
+
+
 def growth_charts(bench: Bench) -> list[Chart]:
     """Seconds against pixels (from three sizes on) and against spheres, each with its fitted exponent."""
     by_pixels: dict[str, list[tuple[float, float]]] = {}
@@ -299,3 +305,38 @@ def _distinct(names: list[str]) -> dict[str, str]:
         colour = colour_of(family_of(name))
         taken[name] = colour if colour not in taken.values() else next(spare, SOFT)
     return taken
+
+
+# ------------------------------------------------------------------------------------------ calibration
+
+
+def calibration_chart(bench: Bench) -> Chart | None:
+    """Held-out error against the seconds of a calibration: a line for each detector setting, a point for each scale."""
+    rows = sorted(bench.calibration, key=lambda r: (r.setting, -r.scale))
+    if not rows:
+        return None
+    palette = _distinct(list(dict.fromkeys(r.setting for r in rows)))
+    seconds, errors = [r.seconds_median for r in rows], [r.heldout_px for r in rows]
+    flags = on_frontier(seconds, errors)
+    points = [
+        Point(r.seconds_median, r.heldout_px, f"{r.setting}, scale {r.scale:g}", r.setting, palette[r.setting],
+              "circle", False, flag)
+        for r, flag in zip(rows, flags, strict=True)
+    ]  # fmt: skip
+    x_range, y_range = _range(seconds, 0.15), _range(errors, 0.15)
+    to_px, from_px = _pixels(x_range, y_range)
+    groups = [list(group) for _, group in groupby(points, key=lambda p: p.family)]
+    lines = [Line(tuple(p.x for p in g), tuple(p.y for p in g), g[0].colour) for g in groups if len(g) > 1]
+    asked = [(Label(g[0].family, *to_px(g[0].x, g[0].y), 11, True), g[0].colour) for g in groups]
+    asked += [(Label(f"{r.scale:g}", *to_px(p.x, p.y), 10), p.colour) for r, p in zip(rows, points, strict=True)]
+    placed = place([a[0] for a in asked], [to_px(p.x, p.y) for p in points], *FRAME)
+    texts = [
+        Text(label.text, *from_px(at.x, at.y), colour, label.bold,
+             (*from_px(*at.leader[:2]), *from_px(*at.leader[2:])) if at.leader else None)
+        for (label, colour), at in zip(asked, placed, strict=True) if at is not None
+    ]  # fmt: skip
+    return Chart(
+        "calibration", f"{bench.scene}: calibration from {rows[0].photos} photos", "seconds (median)",
+        "held-out rms error, pixels of the photos as taken", x_range, y_range, tuple(points), tuple(texts),
+        tuple(lines), notes=("numbers at the points: the photos' scale",),
+    )  # fmt: skip

@@ -12,7 +12,7 @@ import numpy as np
 WIDTH, BOLD_WIDTH = 0.62, 0.69
 """Of the font's size: how wide a character is on average in DejaVu Sans, a wide font."""
 
-REACHES = (9, 15, 24, 36, 50, 68, 90, 115)
+REACHES = (9, 15, 24, 36, 50, 68, 90, 115, 145, 180)
 TURNS = 20
 
 

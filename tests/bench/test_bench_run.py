@@ -1,0 +1,272 @@
+"""Methods, truths and a whole run: tiny pictures, small budgets, no word about how fast anything is."""
+
+import json
+import os
+import subprocess
+import sys
+
+import msgspec
+import numpy as np
+import pytest
+
+from raytwin import bench, files, twin
+from raytwin.bench.crowd import crowd
+from raytwin.bench.loop import loop
+from raytwin.bench.measure import with_peak
+from raytwin.bench.methods import METHODS, PREPARE, choose, prepare, shifted
+from raytwin.bench.run import sized, thumbnail
+from raytwin.bench.truth import converge, measure
+from raytwin.compare import METRICS
+from raytwin.errors import InputError
+from raytwin.report.charts import METRICS as SHOWN
+from raytwin.tracer import back_project, trace
+
+KEYS = [
+    "method", "engine", "precision", "rung", "trim", "speculation", "samples", "width", "height", "seconds_median",
+    "seconds_iqr", "compile_seconds", "peak_mib", "rmse", "relmse", "p999_abs", "flip", "truth_floor", "on_frontier",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def view(scenes):
+    """A scene by name, at a small size."""
+
+    def small(name: str, width: int = 48, height: int = 36):
+        scene = files.read_scene(scenes / name)
+        return scene.with_camera(scene.camera.resized(width, height))
+
+    return small
+
+
+# ------------------------------------------------------------------------------------------ methods
+
+
+def test_every_method_has_its_own_name_and_a_way_to_run():
+    assert len({m.name for m in METHODS}) == len(METHODS)
+    assert {m.kind for m in METHODS} == set(PREPARE)
+
+
+@pytest.mark.parametrize("rung", ["lambert", "shadow"])
+@pytest.mark.parametrize("name", ["overlap", "distorted", "grazing"])
+def test_the_python_loop_is_the_tracer_in_float64(view, name, rung):
+    scene = view(name)
+    np.testing.assert_allclose(loop(scene, rung), trace(scene, rung, "numpy64").mean, rtol=0, atol=2e-7)
+
+
+def test_the_loop_trimmed_is_the_loop(view):
+    scene = view("distorted")
+    np.testing.assert_array_equal(loop(scene, "shadow", "conic"), loop(scene, "shadow", "none"))
+
+
+HERE = [m for m in METHODS if "cuda" not in m.engine and m.samples <= 16 and (m.triangles or 0) < 2000]
+
+
+@pytest.mark.parametrize("kind", sorted(PREPARE))
+def test_every_kind_of_method_gives_an_image_near_its_truth(view, kind):
+    scene = view("overlap")
+    for method in [m for m in HERE if m.kind == kind][-2:]:
+        try:
+            call = prepare(method, scene)
+        except InputError as error:
+            pytest.skip(f"{method.name}: {error}")
+        image = call(1)
+        assert image.shape == (36, 48, 3)
+        assert image.dtype == np.float32
+        truth, _ = converge(scene, method.truth, 64, 5.0)
+        bound = {"fill": 1.0, "plain": 0.3, "denoised": 0.2, "mesh": 0.1, "speculation": 0.2, "twin": 0.1}
+        assert METRICS["rmse"].function(image, truth) < bound.get(kind, 0.03), method.name
+
+
+def test_exact_methods_do_not_depend_on_the_seed_and_noisy_ones_do(view):
+    scene = view("overlap")
+    for name, same in (("drjit32-shadow-conic", True), ("twin-llvm-path-4", False), ("mitsuba-llvm-direct-4", False)):
+        method = choose((name,))[0]
+        call = prepare(method, scene)
+        assert method.noisy == (not same)
+        assert np.array_equal(call(1).copy(), call(2)) == same
+
+
+def test_a_shifted_camera_sees_what_lies_beside_the_pixel(view):
+    scene = view("distorted")
+    moved = shifted(scene, 0.25, -0.5).camera
+    np.testing.assert_allclose(
+        back_project(10.0, 20.0, moved), back_project(10.25, 19.5, scene.camera), rtol=0, atol=1e-9
+    )
+
+
+def test_patterns_choose_methods_in_the_tables_order():
+    assert [m.name for m in choose(("loop-lambert-*", "fill"))] == [
+        "fill", "loop-lambert-none", "loop-lambert-corners", "loop-lambert-conic",
+    ]  # fmt: skip
+    with pytest.raises(InputError, match="nonsense"):
+        choose(("fill", "nonsense*"))
+
+
+def test_sizes_keep_the_pictures_aspect(view):
+    camera = view("single", 640, 480).camera
+    for megapixels in (0.05, 0.2, 12, 48):
+        w, h = sized(camera, megapixels).image_size
+        assert w * 3 == h * 4
+        assert w * h == pytest.approx(megapixels * 1e6, rel=0.02)
+    assert thumbnail(view("single", 640, 480), 48).camera.image_size == (64, 48)
+
+
+def test_a_crowd_has_as_many_small_spheres_all_in_the_picture(view):
+    scene = crowd(view("distorted", 320, 240), 50)
+    assert len(scene.objects) == 50
+    seen = np.unique(trace(scene, "surface").surface.ids)
+    assert len(seen) > 45
+    assert len(crowd(view("single"), 1).spheres) == 1
+
+
+# ------------------------------------------------------------------------------------------ truths
+
+
+def test_the_halves_of_a_truth_tell_its_noise(view):
+    """Of many coarse truths, the error against a fine one is what each says of itself."""
+    scene = view("overlap")
+    fine, _ = converge(scene, "path-area", 1024, 60.0)
+    coarse, about = converge(scene, "path-area", 64, 60.0)
+    assert about.samples == 64
+    assert METRICS["rmse"].function(coarse, fine) == pytest.approx(about.floor["rmse"], rel=0.35)
+
+
+def test_the_truth_over_the_pixel_converges_to_mitsubas(view):
+    scene = view("overlap")
+    ours, about = converge(scene, "shadow-area", 512, 60.0)
+    other = twin.render(scene, "shadow", sampling="area", samples=1024, cache=False)
+    noise = np.hypot(about.floor["rmse"], np.sqrt(other.variance.mean()))
+    assert METRICS["rmse"].function(ours, other.mean) < 1.5 * noise
+
+
+def test_through_the_centre_the_floor_is_float32s_rounding(view):
+    truth, about = converge(view("overlap"), "shadow-center", 1, 1.0)
+    assert 0 < about.floor["rmse"] < 1e-7
+    assert METRICS["max_abs"].function(truth.astype(np.float64), truth.astype(np.float64)) == 0
+
+
+def test_a_truth_stops_when_its_time_is_up(view):
+    _, about = converge(view("overlap"), "path-area", 1 << 20, 0.0)
+    assert about.samples == 32
+
+
+def test_flip_is_left_out_unless_asked_for():
+    a = np.full((16, 16, 3), 0.5, np.float32)
+    assert measure(a, a)["flip"] is None
+    assert measure(a, a, flip=True)["flip"] == pytest.approx(0, abs=1e-6)
+    assert set(measure(a, a)) == set(SHOWN)
+
+
+def test_the_memory_of_a_call_is_seen():
+    def call() -> np.ndarray:
+        return np.ones(4 << 20)  # 32 MiB, touched
+
+    _, small = with_peak(lambda: np.ones(10))
+    result, peak = with_peak(call)
+    assert result.sum() == 4 << 20
+    if peak is None:
+        pytest.skip("memory's high-water mark: only Linux tells")
+    assert small < 4
+    assert 30 < peak < 40
+
+
+# ------------------------------------------------------------------------------------------ a whole run
+
+
+@pytest.fixture(scope="module")
+def small_run(scenes):
+    globs = ("fill", "loop-lambert-conic", "numpy32-shadow-*", "drjit32-shadow-conic", "twin-llvm-path-1", "*cuda*")
+    return bench.bench(
+        scenes / "overlap", methods=globs, sizes=(0.002,), spheres=(1, 4), budget=25, repeats=3, truth_samples=64
+    )
+
+
+def test_a_run_ends_within_its_budget_and_accounts_for_every_method(small_run):
+    assert small_run.seconds < 30
+    asked = {m.name for m in choose(("fill", "loop-lambert-conic", "numpy32-shadow-*", "drjit32-shadow-conic",
+                                     "twin-llvm-path-1", "*cuda*"))}  # fmt: skip
+    spheres = {o.method for o in small_run.left_out if "spheres" in o.method}
+    assert {r.method for r in small_run.rows} | {o.method for o in small_run.left_out} - spheres == asked
+    assert all(o.why for o in small_run.left_out)
+
+
+def test_a_row_has_exactly_the_promised_keys(small_run, tmp_path):
+    bench.write_bench(small_run, tmp_path / "a.json", repeats=False)
+    data = json.loads((tmp_path / "a.json").read_text())
+    assert all(list(row) == KEYS for row in data["rows"])
+    assert data["repeats"] == []
+    assert {row["precision"] for row in data["rows"]} <= {"float32", "float64"}
+
+
+def test_a_saved_run_is_read_back_as_it_was(small_run, tmp_path):
+    bench.write_bench(small_run, tmp_path / "a.save")
+    assert msgspec.json.encode(bench.read_bench(tmp_path / "a.save")) == msgspec.json.encode(small_run)
+    assert not bench.against(small_run, bench.read_bench(tmp_path / "a.save")).worse
+
+
+def test_errors_are_against_the_own_rung_and_against_the_whole_light(small_run):
+    own = {r.method: r.rmse for r in small_run.rows}
+    whole = {e.method: e.rmse for e in small_run.errors if e.truth == "path-area"}
+    assert set(own) == set(whole)
+    assert own["numpy32-shadow-conic"] < 1e-5 < whole["numpy32-shadow-conic"]
+    assert own["loop-lambert-conic"] <= 1e-7
+    assert all(r.truth_floor > 0 for r in small_run.rows)
+
+
+def test_growth_is_timed_with_each_number_of_spheres(small_run):
+    found = {(g.method, g.spheres) for g in small_run.growth}
+    assert {("numpy32-shadow-conic", 1), ("numpy32-shadow-conic", 4)} <= found
+
+
+def raytwin(*arguments: object) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "raytwin", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, env=dict(os.environ), timeout=300, check=False)
+
+
+def test_the_command_writes_json_a_page_and_pictures(scenes, tmp_path):
+    run = raytwin(
+        "bench", scenes / "single", "--methods", "fill,numpy32-shadow-conic", "--sizes", "0.002", "--budget", 10,
+        "--repeats", 3, "--truth-samples", 32, "--json", tmp_path / "a.json", "--save", tmp_path / "a.save",
+        "-o", tmp_path / "out",
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    assert "frontier against shadow-center" in run.stdout
+    data = json.loads((tmp_path / "a.json").read_text())
+    assert [row["method"] for row in data["rows"]] == ["fill", "numpy32-shadow-conic"]
+    w, h = data["rows"][0]["width"], data["rows"][0]["height"]
+    names = {p.name for p in (tmp_path / "out").iterdir()}
+    assert {"bench.html", "bench.json", f"{w}x{h}-path-area-relmse.svg", f"{w}x{h}-path-area-relmse.png"} <= names
+    assert bench.read_bench(tmp_path / "a.save").repeats
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--sizes", "0"), "--sizes"),
+        (("--sizes", "big"), "--sizes"),
+        (("--methods", "nonsense"), "nonsense"),
+        (("--budget", "-3"), "--budget"),
+        (("--spheres", "1.5"), "--spheres"),
+        (("--against", "nowhere.save"), "nowhere.save"),
+    ],
+)
+def test_wrong_options_are_refused_in_one_line(scenes, arguments, said):
+    run = raytwin("bench", scenes / "single", *arguments)
+    assert run.returncode == 2
+    assert run.stderr.count("\n") == 1
+    assert said in run.stderr
+
+
+def test_a_saved_file_that_is_none_is_refused(tmp_path):
+    (tmp_path / "a.save").write_text('{"scene": 3}')
+    with pytest.raises(InputError, match=r"a\.save"):
+        bench.read_bench(tmp_path / "a.save")
+    (tmp_path / "a.save").write_text("{")
+    with pytest.raises(InputError, match="JSON"):
+        bench.read_bench(tmp_path / "a.save")
+
+
+def test_methods_can_be_listed_without_a_scene():
+    run = raytwin("bench", "--list")
+    assert run.returncode == 0
+    assert run.stdout.count("\n") == len(METHODS)

@@ -1,0 +1,221 @@
+"""The bench's statistics, on numbers whose answers are known."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from raytwin.bench import Bench, Repeats, Row, against, fit_power, on_frontier, ratio_interval, staircase
+from raytwin.bench.frontier import median_iqr
+from raytwin.bench.measure import Measured, guess, orders, repeat
+from raytwin.bench.methods import METHODS
+from raytwin.errors import InputError
+
+SECONDS = (1.0, 2.0, 4.0, 8.0, 8.2, 16.0)
+ERRORS = (1e-1, 1e-2, 5e-2, 1e-3, 0.99e-3, 1e-2)
+
+
+def test_the_frontier_of_known_points():
+    """The third is slower and worse than the second, the last than the fourth; the fifth ties with the fourth."""
+    assert on_frontier(SECONDS, ERRORS) == [True, True, False, True, True, False]
+    assert staircase(SECONDS, ERRORS) == [0, 1, 3, 4]
+
+
+def test_errors_below_the_floor_buy_no_place_on_the_frontier():
+    assert on_frontier((1.0, 2.0), (1e-3, 1e-9)) == [True, True]
+    assert on_frontier((1.0, 2.0), (1e-3, 1e-9), floor=1e-3) == [True, False]
+    assert staircase((1.0, 2.0), (1e-3, 1e-9), floor=1e-3) == [0]
+
+
+def test_an_error_that_is_not_finite_is_on_no_frontier():
+    assert on_frontier((1.0, 2.0), (float("nan"), 1.0)) == [False, True]
+
+
+@given(st.lists(st.tuples(st.floats(1e-6, 1e3), st.floats(1e-9, 1e3)), min_size=1, max_size=12))
+def test_the_staircase_falls_and_something_is_always_on_the_frontier(points):
+    seconds, errors = zip(*points, strict=True)
+    steps = staircase(seconds, errors)
+    assert all(seconds[a] <= seconds[b] and errors[a] > errors[b] for a, b in itertools.pairwise(steps))
+    assert seconds[steps[0]] == min(seconds)
+    assert errors[steps[-1]] == min(errors)
+    assert any(on_frontier(seconds, errors))
+
+
+def test_a_power_law_is_fitted_exactly_where_its_fixed_cost_has_died_out():
+    x = np.array([1.0, 2, 4, 8, 16, 32])
+    fit = fit_power(x, 3e-3 * x**1.25)
+    assert fit.exponent == pytest.approx(1.25)
+    assert fit.factor == pytest.approx(3e-3)
+    assert fit.sigma == pytest.approx(0, abs=1e-9)
+    assert fit.used == pytest.approx((8, 16, 32))
+    with_fixed_cost = fit_power(np.array([1, 10, 100, 1e3, 1e4, 1e5]), 1 + np.array([1, 10, 100, 1e3, 1e4, 1e5]))
+    assert with_fixed_cost.exponent == pytest.approx(1, abs=0.01)
+
+
+def test_the_error_of_an_exponent_covers_the_truth():
+    rng, x = np.random.default_rng(3), np.logspace(0, 4, 12)
+    z = [
+        (fit.exponent - 0.8) / fit.sigma
+        for fit in (fit_power(x, x**0.8 * np.exp(rng.normal(0, 0.1, len(x)))) for _ in range(200))
+    ]
+    assert 0.8 < np.median(np.abs(z)) / 0.718 < 1.25  # Student's t with 4 degrees: half lie within 0.741
+
+
+def test_median_and_quartiles():
+    assert median_iqr([5, 1, 3, 2, 4]) == (3, 2)
+
+
+def test_the_interval_of_a_ratio_covers_the_true_ratio():
+    rng = np.random.default_rng(5)
+    inside = 0
+    for _ in range(100):
+        new, old = 1.3 * rng.lognormal(0, 0.1, 15), rng.lognormal(0, 0.1, 15)
+        _, low, high = ratio_interval(new, old, confidence=0.95, draws=800)
+        inside += low <= 1.3 <= high
+        assert high - low < 1
+    assert inside >= 88
+
+
+def test_two_repeats_tell_no_interval():
+    assert ratio_interval([1, 2], [1, 2]) == (1.0, 0.0, float("inf"))
+
+
+# ------------------------------------------------------------------------------------------ interleaving
+
+
+class Clock:
+    """Seconds that pass only when a call takes them."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def fakes(clock: Clock, costs: dict[str, float]) -> tuple[list[Measured], list[str]]:
+    ran: list[str] = []
+
+    def make(name: str, cost: float) -> Measured:
+        def call(seed: int) -> np.ndarray:
+            ran.append(name)
+            clock.now += cost
+            return np.zeros((1, 1, 3), np.float32)
+
+        return Measured(METHODS[0], call, cost, errors=[{}])
+
+    return [make(name, cost) for name, cost in costs.items()], ran
+
+
+def test_every_round_runs_each_method_once_in_an_order_of_its_own():
+    clock = Clock()
+    measured, ran = fakes(clock, dict.fromkeys("abcdef", 0.1))
+    repeat(measured, lambda m, i: {}, 1000.0, 9, clock)
+    rounds = ["".join(ran[i : i + 6]) for i in range(0, len(ran), 6)]
+    assert len(rounds) == 9
+    assert all(sorted(r) == list("abcdef") for r in rounds)
+    assert len(set(rounds)) > 5
+
+
+def test_orders_are_permutations():
+    endless = orders(5, seed=2)
+    assert all(sorted(next(endless)) == [0, 1, 2, 3, 4] for _ in range(20))
+
+
+def test_no_call_begins_that_would_end_past_the_deadline():
+    clock = Clock()
+    measured, _ = fakes(clock, {"quick": 0.01, "slow": 30.0})
+    repeat(measured, lambda m, i: {}, 100.0, 50, clock)
+    assert clock.now <= 100
+    quick, slow = measured
+    assert len(quick.seconds) == 50
+    assert len(slow.seconds) == 3
+
+
+def test_a_drifting_machine_slows_all_methods_alike():
+    """Two equal methods on a machine that grows slower with every call keep equal medians, nearly."""
+    clock, cost = Clock(), [1.0]
+
+    def call(seed: int) -> np.ndarray:
+        cost[0] *= 1.01
+        clock.now += cost[0]
+        return np.zeros((1, 1, 3), np.float32)
+
+    pair = [Measured(METHODS[0], call, 1.0, errors=[{}]) for _ in range(2)]
+    repeat(pair, lambda m, i: {}, 1e6, 21, clock)
+    a, b = (np.median(m.seconds) for m in pair)
+    assert a / b == pytest.approx(1, abs=0.03)
+
+
+def test_what_only_the_first_call_cost_is_kept_apart():
+    clock = Clock()
+    measured, _ = fakes(clock, {"compiled": 0.5})
+    measured[0].compile_seconds = 4.5  # what the first call took
+    repeat(measured, lambda m, i: {}, 100.0, 5, clock)
+    assert measured[0].compile_seconds == pytest.approx(4.0)
+
+
+def test_a_guess_lies_on_the_line_through_two_sizes():
+    assert guess((100, 1.0), (200, 1.5), 1000) == pytest.approx(5.5)
+    assert guess((100, 1.0), (200, 0.9), 1000) == pytest.approx(0.9)  # noise makes no speed
+
+
+# ------------------------------------------------------------------------------------------ two runs
+
+
+def run(seconds: dict[str, tuple], rmse: dict[str, tuple], machine: str = "m") -> Bench:
+    rows = tuple(
+        Row(name, "numpy", "float32", "shadow", None, 1, 1, 4, 3, float(np.median(s)), 0.0, 0.0, None,
+            rmse[name][0], 0.0, 0.0, None, 1e-3, True)
+        for name, s in seconds.items()
+    )  # fmt: skip
+    repeats = tuple(Repeats(name, 4, 3, tuple(s), tuple(rmse[name])) for name, s in seconds.items())
+    return Bench("scene", {"processor": machine}, {"numpy": "2"}, 10.0, 5.0, rows, repeats=repeats)
+
+
+def draws(middle: float, seed: int) -> tuple:
+    return tuple(middle * np.random.default_rng(seed).lognormal(0, 0.02, 15))
+
+
+STEADY = {name: draws(1.0, i) for i, name in enumerate("abcde")}
+EXACT = dict.fromkeys("abcde", (0.1,))
+
+
+def test_a_run_beside_itself_has_no_verdict():
+    found = against(run(STEADY, EXACT), run(STEADY, EXACT))
+    assert not found.worse
+    assert all(c.verdict == "" for c in found.changes)
+    assert found.drift == 1
+
+
+def test_the_slower_the_faster_and_the_less_accurate_are_named():
+    changed = STEADY | {"b": draws(1.3, 11), "c": draws(0.7, 12)}
+    errors = EXACT | {"d": (0.11,), "e": (0.05,)}
+    found = {c.method: c for c in against(run(changed, errors), run(STEADY, EXACT)).changes}
+    assert {m: c.verdict for m, c in found.items()} == {
+        "a": "", "b": "slower", "c": "faster", "d": "less accurate", "e": "more accurate",
+    }  # fmt: skip
+    assert found["b"].seconds[1] < 1.3 < found["b"].seconds[2]
+
+
+def test_a_machine_that_is_slower_as_a_whole_is_told_from_a_method():
+    slow = {name: draws(1.5, 20 + i) for i, name in enumerate("abcde")}
+    found = against(run(slow, EXACT), run(STEADY, EXACT))
+    assert found.drift == pytest.approx(1.5, abs=0.05)
+    assert {c.verdict for c in found.changes} == {"slower, as all are"}
+
+
+def test_errors_under_the_truths_floor_are_the_same():
+    found = against(run(STEADY, dict.fromkeys("abcde", (9e-4,))), run(STEADY, dict.fromkeys("abcde", (1e-7,))))
+    assert not found.worse
+
+
+def test_another_machine_is_a_doubt():
+    assert "processor" in against(run(STEADY, EXACT, "m2"), run(STEADY, EXACT)).doubts[0]
+
+
+def test_runs_with_nothing_in_common_are_refused():
+    with pytest.raises(InputError, match="none in common"):
+        against(run({"a": (1.0,)}, EXACT), run({"b": (1.0,)}, EXACT))

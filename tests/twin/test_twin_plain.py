@@ -1,0 +1,95 @@
+"""Mitsuba left to itself agrees with the twin, and meshes close in on spheres."""
+
+import msgspec
+import numpy as np
+import pytest
+
+from raytwin import files, twin
+from raytwin.compare import METRICS
+from raytwin.errors import InputError, MachineError
+
+
+@pytest.fixture(autouse=True)
+def llvm():
+    try:
+        twin.activate("llvm_ad_rgb")
+    except MachineError as error:
+        pytest.skip(f"llvm_ad_rgb does not work here: {error.got}")
+
+
+def scene_of(scenes, name: str):
+    scene = files.read_scene(scenes / name)
+    return scene.with_camera(scene.camera.resized(64, 48))
+
+
+@pytest.mark.parametrize(("name", "integrator", "rung"), [
+    ("overlap", "direct", "sky"), ("overlap", "path", "path"), ("distorted", "direct", "sky"),
+])  # fmt: skip
+def test_a_plain_render_converges_to_the_twins(scenes, name, integrator, rung):
+    """`distorted` takes the sensor that undoes the lens."""
+    scene = scene_of(scenes, name)
+    truth = twin.render(scene, rung, sampling="area", samples=512, cache=False)
+    loaded = twin.load_plain(scene, integrator, "llvm_ad_rgb")
+    errors = [METRICS["rmse"].function(twin.render_plain(loaded, n, seed=3), truth.mean) for n in (64, 1024)]
+    noise = np.sqrt(truth.variance.mean())
+    assert errors[1] < errors[0] / 2.5  # four times, less the truth's own noise
+    assert errors[1] < 0.05
+    assert errors[1] > noise
+    assert twin.render_plain(loaded, 1024).mean() == pytest.approx(truth.mean.mean(), rel=2e-3)
+
+
+def test_more_samples_than_one_launch_holds_are_added_up(scenes, monkeypatch):
+    scene = scene_of(scenes, "overlap")
+    loaded = twin.load_plain(scene, "direct", "llvm_ad_rgb")
+    monkeypatch.setattr("raytwin.twin.plain.LANES", 64 * 48 * 5)
+    image = twin.render_plain(loaded, 16, seed=1)
+    parts = [np.array(twin.render_plain(loaded, 4, seed=4 + i)) for i in range(4)]
+    np.testing.assert_allclose(image, np.mean(parts, axis=0), atol=1e-6)
+
+
+def test_both_variants_render_the_same_plain_scene(scenes):
+    scene = scene_of(scenes, "overlap")
+    means = [
+        twin.render_plain(twin.load_plain(scene, "direct", v), 64).mean(axis=(0, 1))
+        for v in ("llvm_ad_rgb", "scalar_rgb")
+    ]
+    np.testing.assert_allclose(*means, rtol=0.02)
+
+
+def test_scalar_refuses_what_its_own_camera_cannot_do(scenes):
+    with pytest.raises(InputError, match="no distortion"):
+        twin.load_plain(scene_of(scenes, "distorted"), "direct", "scalar_rgb")
+    twin.activate()
+
+
+def test_an_icosphere_is_closed_and_fills_the_sphere():
+    """Euler: V - E + F = 2; the volume tends to 4/3 π from below, its defect falling fourfold with each level."""
+    defects = []
+    for levels in range(4):
+        points, faces = twin.icosphere(levels)
+        assert len(faces) == 20 * 4**levels
+        assert len(points) - len(faces) * 3 // 2 + len(faces) == 2
+        np.testing.assert_allclose(np.linalg.norm(points, axis=1), 1, rtol=1e-12)
+        a, b, c = (points[faces[:, k]] for k in range(3))
+        volumes = (np.cross(a, b) * c).sum(axis=1) / 6
+        assert (volumes > 0).all()  # every face looks outwards
+        defects.append(4 / 3 * np.pi - volumes.sum())
+    assert min(defects) > 0
+    assert defects[2] / defects[3] == pytest.approx(4, rel=0.1)
+
+
+def test_finer_meshes_come_closer_to_the_spheres(scenes):
+    scene = scene_of(scenes, "overlap")
+    exact = twin.render(scene, "shadow", cache=False)
+    errors = []
+    for levels in (1, 3, 5):
+        mesh = twin.render_mesh(twin.load_mesh(scene, levels, "llvm_ad_rgb"), scene.camera)
+        errors.append(METRICS["rmse"].function(mesh.mean, exact.mean))
+        assert set(np.unique(mesh.surface.ids)) == set(np.unique(exact.surface.ids))
+    assert errors[0] > 2 * errors[1] > 4 * errors[2] > 0
+
+
+def test_a_mesh_leaves_planes_as_they_are(scenes):
+    scene = msgspec.structs.replace(scene_of(scenes, "overlap"), spheres=())
+    mesh = twin.render_mesh(twin.load_mesh(scene, 1, "llvm_ad_rgb"), scene.camera)
+    np.testing.assert_array_equal(mesh.mean, twin.render(scene, "shadow", cache=False).mean)
