@@ -4,6 +4,7 @@ Two spheres cover about 5 % of the frame of a distorted lens. The yardsticks are
 and Mitsuba's `direct` with one sample a pixel through the same lens.
 """
 
+import sys
 import time
 from collections.abc import Callable
 
@@ -132,3 +133,25 @@ def trim_table(scene: Scene) -> list[dict]:
                 }
             )
     return rows
+
+
+def main() -> None:
+    """`python -m raytwin.bench.limits [SCENE]`: the ratios, and the boxes of a scene's objects, as Markdown tables."""
+    from raytwin.files import read_scene
+
+    found = speed_limits()
+    print("| ratio of medians | asked | measured |\n| --- | --- | --- |")
+    for row in found["ratios"]:
+        print(f"| {row['what']} | {row['asked']} | {row['measured']:.3g} |")
+    print("\n| method | ms |\n| --- | --- |")
+    for name, seconds in found["seconds"].items():
+        print(f"| {name} | {1e3 * float(np.median(seconds)):.1f} |")
+    print("\n| object | box | pixels | wasted | cut | microseconds |\n| --- | --- | --- | --- | --- | --- |")
+    for row in trim_table(read_scene(sys.argv[1] if len(sys.argv) > 1 else "scenes/distorted")):
+        share = f"{100 * row['wasted']:.0f} %"
+        cells = row["object"], row["trim"], row["pixels"], share, row["cut"], round(row["microseconds"])
+        print("| " + " | ".join(map(str, cells)) + " |")
+
+
+if __name__ == "__main__":
+    main()

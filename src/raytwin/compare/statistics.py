@@ -99,6 +99,15 @@ def sidak(rate: float, tests: float) -> float:
     return -math.expm1(math.log1p(-rate) / tests)
 
 
+def welch(parts: list[tuple[float, float]]) -> float:
+    """(Σ v)² / Σ (v² / ν): the degrees of freedom of a sum of variances v that have ν each (Welch 1947, Satterthwaite).
+
+    Adding the ν instead would trust a noisy image of two batches as much as the reference that it is held against.
+    """
+    total, below = sum(v for v, _ in parts), sum(v * v / nu for v, nu in parts)
+    return total * total / below if below > 0 else math.inf
+
+
 def two_sided(z: np.ndarray | float, dof: np.ndarray | float) -> np.ndarray:
     """P(|T| >= z) for Student's t with `dof` degrees of freedom (the Gaussian where infinite)."""
     from scipy.special import ndtr, stdtr
@@ -258,7 +267,7 @@ def judge(test: Image, reference: Image, tolerance: Tolerance, rate: float) -> N
     share = sidak(rate, TESTS)
     granted = allowance(noisy_sides, tolerance, test.shape[0] * test.shape[1], share)
     allowed = granted.of(1).astype(np.float32)
-    dof = sum(degrees_of_freedom(i) for i in (test, reference) if i.variance is not None)
+    dof = welch([(s.mean, degrees_of_freedom(i)) for i, s in ((test, a), (reference, b)) if s is not None])
     level = sidak(share, test.mean.size)
     threshold = float(quantile(level, dof))
     unit = np.float32(max(sum(s.mean for s in noisy_sides), 1e-30))  # keeps v^2 within float32
