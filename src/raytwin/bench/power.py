@@ -1,0 +1,223 @@
+"""What a verdict sees: faults put into correct renders and how often each tool finds them; alarms where there is none.
+
+`python -m raytwin.bench.power` prints the README's two tables. The tools, each at a setting that its users take:
+
+- raytwin: `compare` at a false-alarm rate of 1e-3;
+- idiff: OpenImageIO's `ImageBufAlgo.compare`, fails where more than 10 % of the pixels differ by more than 0.004 or any
+  by more than 0.1 (left out where OpenImageIO is not installed: it is no dependency);
+- FLIP: mean LDR-FLIP above 0.05;
+- z-test: Mitsuba's own rendering test, done again: every value's z with the reference's variance per sample, Sidak over
+  the image at 1 %, passed where 99.75 % of the values pass.
+"""
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+
+from raytwin.compare import compare
+from raytwin.files import read_scene
+from raytwin.image import Image
+from raytwin.scene import Scene
+
+DEPTH = 3
+"""Of the reference: light, two surfaces, eye. The fault `a bounce missing` renders with one less."""
+
+Fault = Callable[[Scene, int, int], Image]
+
+
+def render(scene: Scene, samples: int, seed: int, depth: int = DEPTH, rung: str = "path", sampling: str = "center"):
+    from raytwin import twin
+
+    depth_of = {"max_depth": depth} if rung == "path" else {}
+    return twin.render(scene, rung, sampling=sampling, samples=samples, seed=seed, cache=False, **depth_of)
+
+
+def scaled(factor: float) -> Fault:
+    """What is lit, brighter; the background, whose value has no noise to hide in, as it is."""
+
+    def fault(scene: Scene, samples: int, seed: int) -> Image:
+        image = render(scene, samples, seed)
+        gain = np.where(image.surface.mask[..., None], np.float32(factor), np.float32(1))
+        return replace(image, mean=image.mean * gain, variance=image.variance * gain**2)
+
+    return fault
+
+
+def edited(edit: Callable[[np.ndarray], None]) -> Fault:
+    """The mean changed in place."""
+
+    def fault(scene: Scene, samples: int, seed: int) -> Image:
+        image = render(scene, samples, seed)
+        mean = image.mean.copy()
+        edit(mean)
+        return replace(image, mean=mean)
+
+    return fault
+
+
+def _tile(mean: np.ndarray) -> None:
+    h, w = mean.shape[:2]
+    mean[h // 2 : h // 2 + 16, w // 2 : w // 2 + 16] *= np.float32(1.05)
+
+
+def _gamma(mean: np.ndarray) -> None:
+    mean[:] = mean ** np.float32(1 / 2.2)
+
+
+def _nan(mean: np.ndarray) -> None:
+    mean[mean.shape[0] // 3, mean.shape[1] // 3] = np.nan
+
+
+def _black(mean: np.ndarray) -> None:
+    mean[mean.shape[0] // 2 : mean.shape[0] // 2 + 2] = 0
+
+
+def _sun(scene: Scene, samples: int, seed: int) -> Image:
+    x, y, z = scene.sun.direction
+    c, s = np.cos(np.radians(1)), np.sin(np.radians(1))
+    return render(
+        msgspec.structs.replace(
+            scene, sun=msgspec.structs.replace(scene.sun, to_light=(c * x - s * y, s * x + c * y, z))
+        ),
+        samples,
+        seed,
+    )
+
+
+def _moved(scene: Scene, samples: int, seed: int) -> Image:
+    camera, (first, *others) = scene.camera, scene.spheres
+    R, c = np.array(camera.R_cam_board), np.array(first.center)
+    depth = float((R @ c + camera.t_cam_board)[2])
+    center = c + R.T @ [0.1 * depth / camera.fx, 0, 0]
+    moved = msgspec.structs.replace(first, center=tuple(center.tolist()))
+    return render(msgspec.structs.replace(scene, spheres=(moved, *others)), samples, seed)
+
+
+FAULTS: dict[str, Fault] = {
+    "none": lambda scene, samples, seed: render(scene, samples, seed),
+    "0.1 % too bright": scaled(1.001),
+    "0.3 % too bright": scaled(1.003),
+    "1 % too bright": scaled(1.01),
+    "3 % too bright": scaled(1.03),
+    "a 16 x 16 tile 5 % too bright": edited(_tile),
+    "a bounce missing": lambda scene, samples, seed: render(scene, samples, seed, DEPTH - 1),
+    "sun 1 degree off": _sun,
+    "a sphere 0.1 px off": _moved,
+    "gamma applied twice": edited(_gamma),
+    "one NaN pixel": edited(_nan),
+    "two black rows": edited(_black),
+}
+
+
+def sees_raytwin(test: Image, reference: Image) -> bool:
+    return compare(test, reference).verdict == "fail"
+
+
+def sees_idiff(test: Image, reference: Image) -> bool:
+    import OpenImageIO as oiio
+
+    pair = [oiio.ImageBuf(np.ascontiguousarray(i.mean, np.float32)) for i in (test, reference)]
+    found = oiio.ImageBufAlgo.compare(*pair, 0.004, 0.004)
+    worst = oiio.ImageBufAlgo.compare(*pair, 0.1, 0.1)
+    return found.nfail > 0.1 * test.mean[..., 0].size or worst.nfail > 0
+
+
+def sees_flip(test: Image, reference: Image) -> bool:
+    import flip_evaluator  # not METRICS' row, which refuses what is not finite
+
+    pair = [np.ascontiguousarray(np.clip(i.mean, 0, 1)) for i in (reference, test)]
+    return bool(flip_evaluator.evaluate(*pair, "LDR", inputsRGB=False, applyMagma=False, parameters={})[1] > 0.05)
+
+
+def sees_z_test(test: Image, reference: Image) -> bool:
+    from scipy.special import ndtr
+
+    variance = reference.variance * (reference.samples / test.samples)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        z = np.abs(test.mean - reference.mean) / np.sqrt(np.maximum(variance, 1e-12))
+        p = 2 * ndtr(-z)
+    alpha = 1 - (1 - 0.01) ** (1 / test.mean[..., 0].size)
+    return np.count_nonzero(p > alpha) < 0.9975 * p.size
+
+
+TOOLS = {"raytwin": sees_raytwin, "idiff": sees_idiff, "FLIP": sees_flip, "z-test": sees_z_test}
+
+
+def power_table(
+    scene: Scene, samples=(16, 64, 256, 1024), seeds: int = 5, reference_samples: int = 16384
+) -> list[dict[str, object]]:
+    """Rows {"fault", "samples", tool: share of the seeds in which it saw the fault}; idiff None where not installed."""
+    reference = render(scene, reference_samples, seed=999_983)
+    rows = []
+    for name, fault in FAULTS.items():
+        for n in samples:
+            images = [fault(scene, n, seed) for seed in range(seeds)]
+            row: dict[str, object] = {"fault": name, "samples": n}
+            for tool, sees in TOOLS.items():
+                try:
+                    row[tool] = sum(sees(image, reference) for image in images) / seeds
+                except ImportError:
+                    row[tool] = None
+            rows.append(row)
+    return rows
+
+
+def false_alarms(scenes: dict[str, Scene], count: int = 2000, rate: float = 1e-3) -> list[dict[str, object]]:
+    """Correct renders with fresh seeds against references: rows {"what", "comparisons", "alarms", "low", "high"}.
+
+    The interval is Clopper and Pearson's at 95 %. Half as many samples for every next seed: 16, 32 and 64.
+    """
+    cases = [
+        (name, rung, s) for name in scenes for rung, s in (("sky", "center"), ("path", "center"), ("shadow", "area"))
+    ]
+    each = -(-count // len(cases))
+    rows, total = [], 0
+    for name, rung, sampling in cases:
+        reference = render(scenes[name], 4096, 999_979, rung=rung, sampling=sampling)
+        alarms = 0
+        for seed in range(each):
+            image = render(scenes[name], (16, 32, 64)[seed % 3], seed, rung=rung, sampling=sampling)
+            alarms += compare(image, reference, false_alarm_rate=rate).verdict == "fail"
+        total += alarms
+        rows.append(_counted(f"{name}, {rung}, {sampling}", each, alarms))
+    return [*rows, _counted("all", each * len(cases), total)]
+
+
+def _counted(what: str, n: int, k: int) -> dict[str, object]:
+    from scipy.stats import beta
+
+    low = float(beta.ppf(0.025, k, n - k + 1)) if k else 0.0
+    high = float(beta.ppf(0.975, k + 1, n - k)) if k < n else 1.0
+    return {"what": what, "comparisons": n, "alarms": k, "low": low, "high": high}
+
+
+def markdown(rows: list[dict[str, object]], samples: list[int]) -> str:
+    """One line a fault: for each tool the share seen at each number of samples, in per cent."""
+    head = "| fault | " + " | ".join(f"{tool} at {' / '.join(map(str, samples))}" for tool in TOOLS) + " |"
+    lines = [head, "| --- |" + " --- |" * len(TOOLS)]
+    for fault in FAULTS:
+        mine = {row["samples"]: row for row in rows if row["fault"] == fault}
+        cells = []
+        for tool in TOOLS:
+            shares = [mine[n][tool] for n in samples]
+            cells.append(" / ".join("-" if s is None else f"{100 * s:.0f}" for s in shares))
+        lines.append(f"| {fault} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def main(scenes: str = "scenes") -> None:
+    named = {n: read_scene(f"{scenes}/{n}") for n in ("single", "overlap", "distorted", "grazing")}
+    small = {n: s.with_camera(s.camera.resized(64, 48)) for n, s in named.items()}
+    overlap = named["overlap"].with_camera(named["overlap"].camera.resized(160, 120))
+    counts = [16, 64, 256, 1024]
+    print(markdown(power_table(overlap, counts), counts))
+    print("\n| correct renders | comparisons | alarms | 95 % interval of the rate |\n| --- | --- | --- | --- |")
+    for row in false_alarms(small):
+        print(f"| {row['what']} | {row['comparisons']} | {row['alarms']} | {row['low']:.2g} to {row['high']:.2g} |")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
