@@ -10,10 +10,14 @@ RADIUS = 0.006
 """Of the picture's width: the radius of each sphere's image."""
 
 
+COLOURS = ((0.8, 0.3, 0.2), (0.2, 0.5, 0.8), (0.3, 0.7, 0.3), (0.8, 0.7, 0.2))
+
+
 def crowd(scene: Scene, count: int, seed: int = 1) -> Scene:
     """The scene with `count` small spheres, evenly strewn over the picture, in the place of its objects.
 
-    They stand about as far away as the scene's first object, so that all lie in sharp view; light and camera stay.
+    They stand about as far away as the scene's first object; light and camera stay. The colours are few, since Mitsuba
+    merges equal materials, and would otherwise choose at each hit among as many as there are spheres.
     """
     camera, rng = scene.camera, np.random.default_rng(seed)
     eye = np.array(camera.eye)
@@ -21,7 +25,7 @@ def crowd(scene: Scene, count: int, seed: int = 1) -> Scene:
     # The R2 sequence leaves fewer gaps and overlaps than random places.
     at = (0.5 + np.arange(1, count + 1)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])) % 1
     spheres = []
-    for (x, y), depth, colour in zip(at, rng.uniform(0.9, 1.1, count), rng.uniform(0.2, 0.9, (count, 3)), strict=True):
+    for (x, y), depth, colour in zip(at, rng.uniform(0.9, 1.1, count), rng.choice(COLOURS, count), strict=True):
         d = back_project(float(x * camera.width - 0.5), float(y * camera.height - 0.5), camera)
         center = eye + away * depth * np.array(d, float)
         radius = RADIUS * camera.width / camera.fx * away * depth

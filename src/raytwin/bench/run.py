@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from raytwin import files, pipeline, twin
+from raytwin.bench.child import try_out
 from raytwin.bench.crowd import crowd
 from raytwin.bench.frontier import median_iqr, on_frontier
 from raytwin.bench.measure import Measured, guess, repeat, warm
@@ -81,10 +82,9 @@ def bench(
             into += made
     if growing:
         view = scene.with_camera(sized(scene.camera, sizes[0]))
-        cold: dict[str, tuple[int, float]] = {}
         for i, count in enumerate(sorted(spheres)):
             until = time.perf_counter() + (deadline - time.perf_counter()) / (len(spheres) - i)
-            grown, without = measure_growth(crowd(view, count), count, growing, until, repeats, cold, progress)
+            grown, without = measure_growth(crowd(view, count), count, growing, until, repeats, progress)
             growth += grown
             left += without
     return Bench(
@@ -143,7 +143,9 @@ def get_ready(
             first, second = (thumbnail(scene, side) for side in (24, 48))
             call = prepare(method, first)
             cold, warm_one = timed(call), timed(call)
-            larger = timed(prepare(method, second))
+            call = prepare(method, second)
+            timed(call)  # another size may be another kernel
+            larger = timed(call)
             expected = guess((area(first), warm_one), (area(second), larger), w * h)
             left_over = deadline - time.perf_counter()
             if expected > left_over / 4:
@@ -207,39 +209,31 @@ def mean_of(values: list[float | None]) -> float | None:
 
 
 def measure_growth(
-    scene: Scene,
-    count: int,
-    methods: Sequence[Method],
-    deadline: float,
-    repeats: int,
-    cold: dict[str, tuple[int, float]],
-    progress,
+    scene: Scene, count: int, methods: Sequence[Method], deadline: float, repeats: int, progress
 ) -> tuple[list[Growth], list[LeftOut]]:
-    """The methods' seconds on a picture of `count` spheres. `cold`: what first calls took with fewer; it is kept up.
+    """The methods' seconds on a picture of `count` spheres.
 
-    A first call compiles, which nothing can interrupt, and may grow with the square of the count: a method whose next
-    one is expected to last past the deadline is left out.
+    Dr.Jit's kernels may take minutes to compile here, which nothing can interrupt: a child process tries first.
     """
     w, h = scene.camera.image_size
 
     def ignore(method: Method, image: np.ndarray) -> dict:
         return {}
 
-    left, fit = [], []
-    for method in methods:
-        before, seconds = cold.get(method.name, (count, 0.0))
-        expected = seconds * (count / before) ** 2
-        if time.perf_counter() + expected > deadline:
-            left.append(LeftOut(method.name, w, h, f"a first call would take about {expected:.2g} s"))
-        else:
-            fit.append(method)
-    ready, without = get_ready(scene, fit, deadline, progress)
-    cold |= {m.method.name: (count, m.compile_seconds) for m in ready}
-    cold |= {o.method: (count, float("inf")) for o in without}
-    left += without
+    compiled = [m for m in methods if m.engine in ("drjit", "cuda")]
+    ready, left = get_ready(scene, [m for m in methods if m not in compiled], deadline, progress)
+    for i, method in enumerate(compiled):
+        progress("compile", i, len(compiled))
+        try:
+            seconds = (deadline - time.perf_counter()) / (len(compiled) - i + 1)
+            cold, warm_one = try_out(method, scene, seconds)
+            ready.append(Measured(method, prepare(method, scene), warm_one, cold))
+        except InputError as error:
+            left.append(LeftOut(method.name, w, h, str(error)))
     done = warm_up(ready, ignore, deadline, left, (w, h), progress)
     repeat(done, ignore, deadline, repeats)
     made = [Growth(m.method.name, count, w, h, *median_iqr(m.seconds), m.compile_seconds) for m in done if m.seconds]
+    left += [LeftOut(m.method.name, w, h, "no time left for a timed call") for m in done if not m.seconds]
     return made, [LeftOut(f"{o.method} with {count} spheres", o.width, o.height, o.why) for o in left]
 
 
