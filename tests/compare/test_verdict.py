@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 
 from raytwin.compare import Comparison, compare
 from raytwin.errors import InputError
+from raytwin.files import read_scene
 from raytwin.image import Image
 from raytwin.scene import Tolerance
+from raytwin.tracer import trace
 
 H, W = 48, 64
 
@@ -238,3 +240,12 @@ def test_whatever_is_finite_gets_a_verdict_and_valid_json(h, w, seed, noisy, sca
     assert c.reasons
     if not noisy and scale == 1 and np.abs(a - b).min() > 1e-3:
         assert not c.passed
+
+
+def test_a_missing_shadow_is_not_called_a_shift(scenes):
+    """lambert against shadow: the edges of the missing shadows pull, but no shift accounts for them."""
+    scene = read_scene(scenes / "overlap")
+    scene = scene.with_camera(scene.camera.resized(336, 252))
+    found = compare(Image(trace(scene, "lambert").mean), Image(trace(scene, "shadow").mean))
+    assert found.verdict == "fail"
+    assert not any("shifted" in reason for reason in found.reasons)

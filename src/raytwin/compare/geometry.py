@@ -23,13 +23,15 @@ NORMAL_DEG = 0.1
 class Shift(NamedTuple):
     """The test image shows at (x + dx, y + dy) what the reference shows at (x, y), pixels.
 
-    `sigma` is the larger standard deviation of the two, `dof` the degrees of freedom behind it.
+    `sigma` is the larger standard deviation of the two, `dof` the degrees of freedom behind it. `explained`: the share
+    of the squared difference that goes with the shift; what is left of a whole shift's is nearly nothing.
     """
 
     dx: float
     dy: float
     sigma: float
     dof: float
+    explained: float = 1.0
 
     @property
     def length(self) -> float:
@@ -124,7 +126,7 @@ def find_shift(test: np.ndarray, reference: np.ndarray, most_pixels: int = 1_000
                 break
         if found is None and k == len(levels) - 1:
             return None
-    shift = Shift(factor * found.dx, factor * found.dy, factor * found.sigma, found.dof)
+    shift = Shift(factor * found.dx, factor * found.dy, factor * found.sigma, found.dof, found.explained)
     return shift if _explains(found, *levels[0]) else None
 
 
@@ -193,7 +195,9 @@ def _step(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> Shift | None:
     carrying = np.square(influence.sum(axis=1)) / np.maximum(np.square(influence).sum(axis=1), 1e-300)
     # ... and neighbours' residuals, smoothed alike, are one.
     dof = max(float(carrying.min()) * FOOTPRINT - 1, 0.5)
-    return Shift(dx + float(solution[0]), dy + float(solution[1]), float(np.sqrt(variance.max())), dof)
+    flat = d - np.linalg.lstsq(normal[2:, 2:], A[2:] @ d, rcond=None)[0] @ A[2:]
+    explained = 1 - float(residual @ residual) / max(float(flat @ flat), 1e-300)
+    return Shift(dx + float(solution[0]), dy + float(solution[1]), float(np.sqrt(variance.max())), dof, explained)
 
 
 def judge_shift(shift: Shift, share: float) -> list[Finding]:
