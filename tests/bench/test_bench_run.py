@@ -4,14 +4,12 @@ import json
 import os
 import subprocess
 import sys
-from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
 
 from raytwin import bench, files, twin
-from raytwin.bench.child import try_out
 from raytwin.bench.crowd import crowd
 from raytwin.bench.loop import loop
 from raytwin.bench.measure import with_peak
@@ -219,16 +217,6 @@ def test_growth_is_timed_with_each_number_of_spheres(small_run):
     found = {(g.method, g.spheres) for g in small_run.growth}
     assert {("drjit32-shadow-conic", 1), ("drjit32-shadow-conic", 4)} <= found
     assert {("numpy32-shadow-conic", 1), ("numpy32-shadow-conic", 4)} <= found
-
-
-def test_a_method_that_does_not_compile_in_time_is_stopped(view):
-    method = choose(("numpy32-shadow-conic",))[0]
-    with pytest.raises(InputError, match="within"):
-        try_out(method, view("single"), 0.01)
-    first, second = try_out(method, view("single"), 60)
-    assert first > 0 < second
-    with pytest.raises(InputError, match="cuda"):
-        try_out(replace(method, engine="cuda"), view("single"), 60)
 
 
 def raytwin(*arguments: object) -> subprocess.CompletedProcess:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from raytwin.scene import Camera, Plane, Scene, Sky, Sphere, Sun
-from raytwin.tracer import RUNGS, Hit, back_project, lambert, nearest, sun_visible, trace
+from raytwin.tracer import RUNGS, Hit, back_project, everything, lambert, nearest, sun_visible, trace
 
 DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 
@@ -24,7 +24,7 @@ def hits_of(scene: Scene) -> Hit:
     u, v = np.meshgrid(np.arange(w), np.arange(h))
     with np.errstate(all="ignore"):
         d = back_project(u, v, scene.camera)
-        return nearest(scene.camera.eye, d, list(enumerate(scene.objects)))
+        return nearest(scene.camera.eye, d, everything(scene))
 
 
 def free_by_geometry(p: np.ndarray, scene: Scene, own: int) -> bool:
@@ -56,7 +56,7 @@ def test_lambert_is_the_formula():
 def test_sun_visible_agrees_with_geometry_on_every_shipped_scene(shipped):
     scene = shipped.with_camera(shipped.camera.resized(80, 60))
     hit = hits_of(scene)
-    visible = sun_visible(hit, scene)
+    visible = sun_visible(hit, scene, everything(scene))
     facing = sum(n * c for n, c in zip(hit.normal, scene.sun.direction, strict=True)) > 0
     points = np.stack(hit.point, axis=-1)
     tried = np.argwhere((hit.ids >= 0) & facing)
@@ -71,10 +71,11 @@ def test_the_suns_direction_may_have_any_length(overlap):
         scene, sun=msgspec.structs.replace(scene.sun, to_light=tuple(7.5 * c for c in scene.sun.to_light))
     )
     hit = hits_of(scene)
-    np.testing.assert_array_equal(sun_visible(hit, stretched), sun_visible(hit, scene))
-    np.testing.assert_allclose(
-        RUNGS["shadow"](hit, stretched, "robust"), RUNGS["shadow"](hit, scene, "robust"), rtol=1e-14
-    )
+    casters = everything(scene)
+    np.testing.assert_array_equal(sun_visible(hit, stretched, casters), sun_visible(hit, scene, casters))
+    shadow = RUNGS["shadow"]
+    expected = shadow(hit, scene, casters, "robust")
+    np.testing.assert_allclose(shadow(hit, stretched, casters, "robust"), expected, rtol=1e-14)
     np.testing.assert_allclose(trace(stretched).mean, trace(scene).mean, rtol=1e-6)
 
 

@@ -31,10 +31,16 @@ def rays_at(distance: float, dtype: type, rng: np.random.Generator, n: int = 200
     return f, (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(dtype)
 
 
+def solve(solver: str, f, d, r) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(is there a root, near, far)"""
+    disc, roots = SOLVERS[solver](f, d, r)
+    return disc >= 0, *roots()
+
+
 def worst_error(solver: str, distance: float, dtype: type, rng: np.random.Generator) -> float:
     """The largest |error of t| / radius over rays at a unit sphere; a missed hit counts as 1."""
     f, d = rays_at(distance, dtype, rng)
-    hit, near, _ = SOLVERS[solver](tuple(f.T), tuple(d.T), dtype(1))
+    hit, near, _ = solve(solver, tuple(f.T), tuple(d.T), dtype(1))
     assert near.dtype == dtype
     exact = np.array([exact_roots(a, b, 1)[0] for a, b in zip(f, d, strict=True)])
     return float(np.max(np.where(hit, np.abs(near.astype(np.float64) - exact), 1.0)))
@@ -59,7 +65,7 @@ def test_a_difference_of_large_squares_loses_a_far_sphere_in_float32(solver, rng
 def test_every_solver_is_right_where_the_sphere_is_near_and_numbers_are_long(solver, rng):
     for distance in (1.5, 3.0, 10.0):
         f, d = rays_at(distance, np.float64, rng, 50)
-        hit, near, far = SOLVERS[solver](tuple(f.T), tuple(d.T), 1.0)
+        hit, near, far = solve(solver, tuple(f.T), tuple(d.T), 1.0)
         assert hit.all()
         roots = np.array([exact_roots(a, b, 1) for a, b in zip(f, d, strict=True)])
         np.testing.assert_allclose(near, roots[:, 0], rtol=0, atol=2e-12)
@@ -72,7 +78,7 @@ def test_every_solver_orders_its_roots_and_keeps_the_precision_it_is_given(solve
     d /= np.linalg.norm(d, axis=0)
     f = rng.uniform(-2, 2, size=(3, 500))
     for dtype in (np.float32, np.float64):
-        hit, near, far = SOLVERS[solver](tuple(f.astype(dtype)), tuple(d.astype(dtype)), 1.0)
+        hit, near, far = solve(solver, tuple(f.astype(dtype)), tuple(d.astype(dtype)), 1.0)
         assert hit.dtype == bool
         assert near.dtype == far.dtype == dtype
         assert 0.1 < hit.mean() < 0.9

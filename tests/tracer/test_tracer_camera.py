@@ -127,3 +127,14 @@ def test_a_lens_that_folds_over_has_no_field_of_view(single):
     folding = msgspec.structs.replace(single.camera, dist=(-2.5,))
     assert field_of_view(folding) is None
     assert field_of_view(single.camera) is not None
+
+
+def test_one_step_of_newtons_undoes_a_phones_lens_in_float32_and_two_in_float64(single):
+    # A camera of 65 degrees; the tangential coefficients are what makes the guess's first order in them necessary.
+    wide = single.camera.resized(4032, 3024)
+    K = ((2917.0, 0.0, 2016.0), (0.0, 2907.0, 1500.0), (0.0, 0.0, 1.0))
+    for dist in ((0.1, -0.2, 0.001, -0.0005, 0.05), (0.17, -0.55, 0.0008, -0.0003, 0.6), (-0.2, 0.05)):
+        camera = msgspec.structs.replace(wide, K=K, dist=dist)
+        assert invert_lens(camera, "float32").steps <= 1
+        assert invert_lens(camera, "float64").steps <= 2
+        assert invert_lens(camera, "float32", fitted=False).steps > 1

@@ -9,10 +9,10 @@ from hypothesis import assume, example, given, reject, settings
 from hypothesis import strategies as st
 
 from raytwin.errors import InputError
-from raytwin.scene import Camera, Plane, Scene, Sphere
-from raytwin.tracer import ENGINES, back_project, intersect_plane, intersect_sphere, trace, trim_box
+from raytwin.scene import Camera, Plane, Scene, Sphere, Sun
+from raytwin.tracer import back_project, intersect_plane, intersect_sphere, trace, trim_box
 from raytwin.tracer.camera import invert_lens
-from raytwin.tracer.prepare import regions
+from raytwin.tracer.prepare import plan, shading
 from raytwin.tracer.trim import EMPTY, _tangents, field_of_view
 
 SIZES = [(64, 48), (97, 31), (40, 90)]
@@ -136,9 +136,9 @@ def test_the_tangents_bound_the_slopes_of_all_rays_that_meet_the_circle(a, z, r)
     along = d[0] * a + d[1] * z
     off = np.abs(d[0] * z - d[1] * a)
     met = (off < r) & ((along > 0) | (math.hypot(a, z) < r))
-    found = _tangents(a, z, r)
+    found = [float(s) for s in _tangents(*(np.array(c) for c in (a, z, r)))]
     if not met.any():
-        assert found is None or math.atan(found[1]) - math.atan(found[0]) < 2 * np.pi / 20_000
+        assert found == [math.inf, -math.inf] or math.atan(found[1]) - math.atan(found[0]) < 2 * np.pi / 20_000
         return
     low, high = (math.atan(s) for s in found)
     step = np.pi / 20_000 * 1.01
@@ -163,7 +163,7 @@ def test_a_lens_that_folds_over_gets_the_whole_frame(single):
     assert trim_box(single.spheres[0], folding) == (0, 0, *folding.image_size)
 
 
-# ------------------------------------------------------------------------------------------------ regions
+# ------------------------------------------------------------------------------------------------ tiles
 
 W, H = 300, 200
 
@@ -175,23 +175,54 @@ def boxes(draw) -> tuple[int, int, int, int]:
     return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else EMPTY
 
 
-@pytest.mark.parametrize("name", ["numpy64", "drjit32"])
+@pytest.mark.parametrize("side", [128, 32])
 @settings(max_examples=150, deadline=None)
-@given(found=st.lists(boxes(), max_size=12))
-@example(found=[(0, 0, 10, 10), (9, 9, 20, 20), (12, 0, 15, 5)])  # the third only touches the union of the others
-def test_regions_never_overlap_and_know_every_object_of_their_pixels(name, found):
-    work = regions(found, (W, H), ENGINES[name])
-    covered = np.zeros((H, W), int)
-    for (x0, y0, x1, y1), members in work:
-        assert 0 <= x0 < x1 <= W
-        assert 0 <= y0 < y1 <= H
-        covered[y0:y1, x0:x1] += 1
-        for i, (a0, b0, a1, b1) in enumerate(found):
-            if a0 < x1 and x0 < a1 and b0 < y1 and y0 < b1:
-                assert i in members
-    assert covered.max(initial=0) <= 1
-    for x0, y0, x1, y1 in found:
-        assert covered[y0:y1, x0:x1].all()
+@given(found=st.lists(boxes(), max_size=12), spheres=st.integers(0, 12))
+def test_every_tile_lists_the_objects_whose_boxes_touch_it(side, found, spheres):
+    spheres = min(spheres, len(found))
+    ball, leaf = Sphere((0.0, 0.0, 0.0), 1.0), Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    camera = Camera((W, H), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), np.eye(3).tolist(), (0.0, 0.0, 0.0))
+    scene = Scene("boxes", camera, (ball,) * spheres, (leaf,) * (len(found) - spheres))
+    work = plan(scene, np.array(found, int).reshape(-1, 4), (W, H), side, shadows=False)
+    busy = set(work.tiles.tolist())
+    for tile in range(-(-W // side) * -(-H // side)):
+        x, y = tile % work.columns * side, tile // work.columns * side
+        touching = [
+            i for i, (x0, y0, x1, y1) in enumerate(found)
+            if x0 < x1 and x0 < x + side and x < x1 and y0 < y + side and y < y1
+        ]  # fmt: skip
+        assert work.seen.at(tile) == touching
+        assert (tile in busy) == bool(touching)
+        assert work.seen.middle[tile] - work.seen.first[tile] == sum(i < spheres for i in touching)
+        assert work.casters.at(tile) == []
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(1, 100), st.integers(0, 3), vectors(-1, 1), st.integers(0, 2**32 - 1))
+def test_no_object_that_shades_another_is_missed(count, planes, to_light, seed):
+    assume(max(map(abs, to_light)) > 1e-3)
+    rng = np.random.default_rng(seed)
+    radii = rng.choice([0.02, 0.05, 0.6], count, p=[0.6, 0.35, 0.05]).tolist()
+    spheres = tuple(Sphere(tuple(c), r) for c, r in zip(rng.uniform(-1, 1, (count, 3)).tolist(), radii, strict=True))
+    leaves = tuple(Plane(tuple(c), (0.2, 0.0, 0.0), (0.0, 0.2, 0.1)) for c in rng.uniform(-1, 1, (planes, 3)).tolist())
+    scene = Scene("cloud", None, spheres, leaves, Sun(to_light))
+    first, flat = shading(scene)
+    assert len(first) == count + planes + 1
+    for j, thing in enumerate(scene.objects):
+        listed = flat[first[j] : first[j + 1]].tolist()
+        assert listed == sorted(set(listed) - {j})
+        # Points on the object, and the objects that truly stand between them and the sun.
+        if isinstance(thing, Sphere):
+            way = rng.normal(size=(3, 40))
+            points = np.array(thing.center)[:, None] + thing.radius * way / np.linalg.norm(way, axis=0)
+        else:
+            a, b = rng.uniform(-1, 1, (2, 40))
+            points = np.array(thing.center)[:, None] + np.outer(thing.half_u, a) + np.outer(thing.half_v, b)
+        for i, other in enumerate(scene.objects):
+            if i != j and i not in listed:
+                meet = intersect_sphere if isinstance(other, Sphere) else intersect_plane
+                with np.errstate(all="ignore"):
+                    assert not (meet(tuple(points), scene.sun.direction, other) < np.inf).any(), (i, j)
 
 
 # ------------------------------------------------------------------------------------------------ images

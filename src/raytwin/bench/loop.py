@@ -24,11 +24,11 @@ def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:
     camera = scene.camera
     out = background(scene, rung)
     (fx, cx), (fy, cy) = (camera.fx, camera.cx), (camera.fy, camera.cy)
-    dist, inverse = camera.coefficients, invert_lens(camera)
+    dist, inverse = camera.coefficients, invert_lens(camera, fitted=False)
     (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera.R_cam_board
     eye, to_light = camera.eye, scene.sun.direction
     things = list(scene.objects)
-    boxes = [TRIMS[trim](thing, camera) for thing in things]
+    boxes = TRIMS[trim](things, camera).tolist()
     if not boxes:
         return out
     x0, y0, x1, y1 = (list(side) for side in zip(*boxes, strict=True))

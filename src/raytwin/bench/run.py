@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from raytwin import files, pipeline, twin
-from raytwin.bench.child import try_out
 from raytwin.bench.crowd import crowd
 from raytwin.bench.frontier import median_iqr, on_frontier
 from raytwin.bench.measure import Measured, guess, repeat, warm
@@ -211,25 +210,13 @@ def mean_of(values: list[float | None]) -> float | None:
 def measure_growth(
     scene: Scene, count: int, methods: Sequence[Method], deadline: float, repeats: int, progress
 ) -> tuple[list[Growth], list[LeftOut]]:
-    """The methods' seconds on a picture of `count` spheres.
-
-    Dr.Jit's kernels may take minutes to compile here, which nothing can interrupt: a child process tries first.
-    """
+    """The methods' seconds on a picture of `count` spheres."""
     w, h = scene.camera.image_size
 
     def ignore(method: Method, image: np.ndarray) -> dict:
         return {}
 
-    compiled = [m for m in methods if m.engine in ("drjit", "cuda")]
-    ready, left = get_ready(scene, [m for m in methods if m not in compiled], deadline, progress)
-    for i, method in enumerate(compiled):
-        progress("compile", i, len(compiled))
-        try:
-            seconds = (deadline - time.perf_counter()) / (len(compiled) - i + 1)
-            cold, warm_one = try_out(method, scene, seconds)
-            ready.append(Measured(method, prepare(method, scene), warm_one, cold))
-        except InputError as error:
-            left.append(LeftOut(method.name, w, h, str(error)))
+    ready, left = get_ready(scene, methods, deadline, progress)
     done = warm_up(ready, ignore, deadline, left, (w, h), progress)
     repeat(done, ignore, deadline, repeats)
     made = [Growth(m.method.name, count, w, h, *median_iqr(m.seconds), m.compile_seconds) for m in done if m.seconds]

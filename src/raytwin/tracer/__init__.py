@@ -9,6 +9,7 @@ from raytwin.tracer.camera import back_project, distort, undistort
 from raytwin.tracer.engine import ENGINES
 from raytwin.tracer.hit import Hit, nearest
 from raytwin.tracer.light import RUNGS, lambert, sun_visible
+from raytwin.tracer.objects import everything
 from raytwin.tracer.plane import intersect_plane
 from raytwin.tracer.sphere import SOLVERS, intersect_sphere
 from raytwin.tracer.trace import trace
@@ -23,6 +24,7 @@ __all__ = [
     "back_project",
     "corner_box",
     "distort",
+    "everything",
     "intersect_plane",
     "intersect_sphere",
     "lambert",

@@ -4,6 +4,7 @@ A number per pixel is a NumPy array or a Dr.Jit array; a vector is a tuple of th
 """
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,11 @@ def sqrt(x: Any) -> Any:
     return math.sqrt(x) if isinstance(x, int | float) else library(x).sqrt(x)
 
 
+def fma(a: Any, b: Any, c: Any) -> Any:
+    """a b + c, rounded once where the library can."""
+    return a * b + c if (xp := library(a, b, c)) is np else xp.fma(a, b, c)
+
+
 def maximum(a: Any, b: Any) -> Any:
     return library(a, b).maximum(a, b)
 
@@ -34,6 +40,28 @@ def select(mask: Any, a: Any, b: Any) -> Any:
     if isinstance(mask, bool | np.bool_):
         return a if mask else b
     return np.where(mask, a, b) if (xp := library(mask, a, b)) is np else xp.select(mask, a, b)
+
+
+def where_any(mask: Any, compute: Callable[[], Any], like: Any, otherwise: float) -> Any:
+    """compute() where the mask holds, else `otherwise`, in floats as `like`; Dr.Jit skips rays where none needs it."""
+    if (xp := library(mask)) is np:
+        return select(mask, compute(), otherwise)
+    return xp.if_stmt((), mask, compute, lambda: type(like)(otherwise))
+
+
+def integers(like: Any, value: int) -> Any:
+    """As many whole numbers as `like` has, all `value`."""
+    if (xp := library(like)) is np:
+        return np.full(np.shape(like), value)
+    return xp.full(xp.int32_array_t(type(like)), value, xp.width(like))
+
+
+def gather(numbers: Any, places: Any, where: Any = True) -> Any:
+    """numbers[places]; anything where `where` does not hold."""
+    if isinstance(numbers, np.ndarray):
+        return np.take(numbers, places)
+    xp = library(numbers)
+    return xp.gather(type(numbers), numbers, xp.uint32_array_t(type(places))(places), active=where)
 
 
 def dot(a: Vec, b: Vec) -> Any:

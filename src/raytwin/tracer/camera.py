@@ -10,9 +10,11 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.scene import Camera
-from raytwin.tracer.arrays import Vec, dot, sqrt
+from raytwin.tracer.arrays import Vec, dot, fma, sqrt
 
-MOST_STEPS, GUESS_TERMS = 20, 5
+MOST_STEPS = 20
+GUESS_TERMS = 8, 3
+"""Of the radial and of the tangential series: with 3 of these, float32 needs one step for most lenses."""
 
 
 def distort(x: Any, y: Any, dist: tuple) -> tuple[Any, Any]:
@@ -27,27 +29,39 @@ def distort(x: Any, y: Any, dist: tuple) -> tuple[Any, Any]:
 
 
 class Inverse(NamedTuple):
-    """How to undo a camera's distortion: `steps` of Newton's, from (xd, yd) (1 + g1 r² + g2 r⁴ + ...).
+    """How to undo a camera's distortion: a guess, then `steps` of Newton's.
 
-    The tangential terms at (xd, yd) are taken off that guess. Without any g there is nothing to undo.
+    With r² = xd² + yd² and s = p2 xd + p1 yd, the guess is x = xd (1 + r² A(r²) + s B(r²)) + p2 r² C(r²), and y alike
+    with p1: what the inverse of a lens is to first order in p1 and p2. A is `radial`; B, C are `along`, `across`.
     """
 
     steps: int
-    guess: tuple = (0.0,)
+    radial: tuple = (0.0,)
+    along: tuple = ()
+    across: tuple = ()
+
+
+def _series(c: tuple, rr: Any) -> Any:
+    """c0 + c1 r² + c2 r⁴ + ..., by Estrin's scheme: pairs that do not wait for one another."""
+    while len(c) > 1:
+        c = tuple(fma(c[i + 1], rr, c[i]) if i + 1 < len(c) else c[i] for i in range(0, len(c), 2))
+        rr = rr * rr
+    return c[0]
 
 
 def undistort(xd: Any, yd: Any, dist: tuple, inverse: Inverse) -> tuple[Any, Any]:
     """The (x, y) with distort(x, y) = (xd, yd), by Newton's method; its Jacobian [[a, b], [b, c]] is symmetric."""
-    if not inverse.guess:
+    if not inverse.radial:
         return xd, yd
     k1, k2, p1, p2, k3 = dist
     rr = xd * xd + yd * yd
-    scale = inverse.guess[-1]
-    for g in inverse.guess[-2::-1]:
-        scale = g + rr * scale
-    # What p1 and p2 add to a point is small: taken off at the distorted point, it is right to second order.
-    x = xd + xd * (rr * scale) - 2 * p1 * xd * yd - p2 * (rr + 2 * xd * xd)
-    y = yd + yd * (rr * scale) - p1 * (rr + 2 * yd * yd) - 2 * p2 * xd * yd
+    scale = rr * _series(inverse.radial, rr)
+    if inverse.along:
+        scale = scale + (p2 * xd + p1 * yd) * _series(inverse.along, rr)
+    x, y = xd + xd * scale, yd + yd * scale
+    if inverse.across:
+        shift = rr * _series(inverse.across, rr)
+        x, y = x + p2 * shift, y + p1 * shift
     for _ in range(inverse.steps):
         rr = x * x + y * y
         radial = 1 + rr * (k1 + rr * (k2 + rr * k3))
@@ -64,11 +78,12 @@ def undistort(xd: Any, yd: Any, dist: tuple, inverse: Inverse) -> tuple[Any, Any
 
 
 @lru_cache(maxsize=64)
-def invert_lens(camera: Camera, precision: str = "float64") -> Inverse:
+def invert_lens(camera: Camera, precision: str = "float64", fitted: bool = True) -> Inverse:
     """The cheapest Inverse that undoes the camera's distortion to rounding all over the frame; no step for a pinhole.
 
-    The guess is fitted to the frame, so that one step serves in float32 for most lenses, and two in float64. Raises
-    InputError where none does: the model folds over within the frame, and some pixels have no ray.
+    The guess is `fitted` to the frame, so that one step serves in float32 for most lenses, and two in float64; for
+    single numbers more steps from the distorted point itself are quicker. Raises InputError where none does: the model
+    folds over within the frame, and some pixels have no ray.
     """
     if not any(camera.dist):
         return Inverse(0, ())
@@ -80,20 +95,29 @@ def invert_lens(camera: Camera, precision: str = "float64") -> Inverse:
         if not (_error(x, y, xd, yd, camera) < 2e-14 and _monotone(x, y, camera.coefficients)):
             found = list(camera.dist)
             raise InputError("camera.dist", "a distortion that can be undone all over the frame", found)
-        rr = xd * xd + yd * yd
-        p1, p2 = camera.coefficients[2:4]
-        dx = x - xd + 2 * p1 * xd * yd + p2 * (rr + 2 * xd * xd)
-        dy = y - yd + p1 * (rr + 2 * yd * yd) + 2 * p2 * xd * yd
-        wanted = (dx * xd + dy * yd).ravel()  # x/xd - 1 by least squares, each point weighed by r²
-        powers = np.stack([rr.ravel() ** k for k in range(2, 2 + GUESS_TERMS)], axis=-1)
-        guess = tuple(np.linalg.lstsq(powers, wanted, rcond=None)[0].tolist())
         enough = 2e-14 if precision == "float64" else 2e-8
-        for start in (guess, (0.0,)):
-            for steps in range(1, MOST_STEPS):
-                inverse = Inverse(steps, start)
+        guess = _fit(xd.ravel(), yd.ravel(), x.ravel(), y.ravel(), camera) if fitted else Inverse(0)
+        for start in (guess, Inverse(0)):
+            for steps in range(MOST_STEPS):
+                inverse = start._replace(steps=steps)
                 if _error(*undistort(xd, yd, camera.coefficients, inverse), xd, yd, camera) < enough:
                     return inverse
     return Inverse(MOST_STEPS)
+
+
+def _fit(xd: np.ndarray, yd: np.ndarray, x: np.ndarray, y: np.ndarray, camera: Camera) -> Inverse:
+    """The guess that takes (xd, yd) closest to (x, y), by least squares over both coordinates."""
+    p1, p2 = camera.coefficients[2:4]
+    rr, s = xd * xd + yd * yd, p2 * xd + p1 * yd
+    radial, tangential = GUESS_TERMS[0], GUESS_TERMS[1] if p1 or p2 else 0
+    columns = [(xd * rr**k, yd * rr**k) for k in range(1, radial + 1)]
+    columns += [(xd * s * rr**k, yd * s * rr**k) for k in range(tangential)]
+    columns += [(p2 * rr**k, p1 * rr**k) for k in range(1, tangential + 1)]
+    a = np.array([np.concatenate(pair) for pair in columns]).T
+    size = np.abs(a).max(axis=0)
+    found = (np.linalg.lstsq(a / size, np.concatenate([x - xd, y - yd]), rcond=None)[0] / size).tolist()
+    ends = radial, radial + tangential
+    return Inverse(0, tuple(found[: ends[0]]), tuple(found[ends[0] : ends[1]]), tuple(found[ends[1] :]))
 
 
 def _error(x: np.ndarray, y: np.ndarray, xd: np.ndarray, yd: np.ndarray, camera: Camera) -> float:
@@ -108,15 +132,23 @@ def _monotone(x: np.ndarray, y: np.ndarray, dist: tuple) -> bool:
     return bool((1 + rr * (3 * k1 + rr * (5 * k2 + rr * 7 * k3))).min() > 0)
 
 
-def back_project(u: Any, v: Any, camera: Camera, inverse: Inverse | None = None) -> Vec:
-    """d = Rᵀ (x, y, 1) / |(x, y, 1)|: the unit direction, in the board frame, of the ray through pixel (u, v).
+def camera_ray(u: Any, v: Any, camera: Camera, inverse: Inverse | None = None) -> Vec:
+    """(x, y, 1) / |(x, y, 1)|: the unit direction, in the camera's frame, of the ray through pixel (u, v).
 
     `u`, `v`: pixels, (0, 0) is the centre of the top-left one; arrays of one shape, or that broadcast to one.
     `inverse` undoes the distortion; without one, the camera's own is found.
     """
-    x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
+    x, y = (u - camera.cx) * (1 / camera.fx), (v - camera.cy) * (1 / camera.fy)
     x, y = undistort(x, y, camera.coefficients, inverse or invert_lens(camera))
     scale = 1 / sqrt(x * x + y * y + 1)
-    ray = (x * scale, y * scale, scale)
-    right, down, forward = camera.R_cam_board
-    return tuple(dot(column, ray) for column in zip(right, down, forward, strict=True))
+    return x * scale, y * scale, scale
+
+
+def back_project(u: Any, v: Any, camera: Camera, inverse: Inverse | None = None) -> Vec:
+    """Rᵀ camera_ray: the same direction in the board's frame."""
+    return to_board(camera_ray(u, v, camera, inverse), camera)
+
+
+def to_board(vector: Vec, camera: Camera) -> Vec:
+    """Rᵀ vector: from the camera's axes to the board's."""
+    return tuple(dot(column, vector) for column in zip(*camera.R_cam_board, strict=True))

@@ -1,5 +1,6 @@
 """What computes: NumPy or Dr.Jit, in which precision, and the way of pixels and scenes into its arrays and back."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import msgspec
@@ -45,27 +46,30 @@ ENGINES = {
 
 
 def pixel_grid(engine: Engine, box: tuple[int, int, int, int]) -> tuple[Any, Any]:
-    """The centres (u, v) of the box's pixels, x0 <= u < x1, y0 <= v < y1, row by row."""
-    kind = engine.float_type
-    if engine.is_numpy:
-        x0, y0, x1, y1 = box
-        # A row and a column: NumPy broadcasts them, so what depends on u or v alone is computed once a line.
-        return np.arange(x0, x1, dtype=kind)[None, :], np.arange(y0, y1, dtype=kind)[:, None]
-    import drjit
-
-    column, row = _pixels(drjit.uint32_array_t(kind), box)
-    return kind(column), kind(row)
-
-
-def _pixels(integer: Any, box: tuple[int, int, int, int]) -> tuple[Any, Any]:
-    import drjit
-
+    """The centres (u, v) of the box's pixels, x0 <= u < x1, y0 <= v < y1: NumPy's row and column, which broadcast."""
     x0, y0, x1, y1 = box
-    index = drjit.arange(integer, (x1 - x0) * (y1 - y0))
-    # Opaque: sizes and places are then data, and boxes of all kinds share one compiled kernel.
-    width = drjit.opaque(integer, x1 - x0)
-    row = index // width
-    return index - row * width + drjit.opaque(integer, x0), row + drjit.opaque(integer, y0)
+    kind = engine.float_type
+    return np.arange(x0, x1, dtype=kind)[None, :], np.arange(y0, y1, dtype=kind)[:, None]
+
+
+def tile_grid(engine: Engine, tiles: np.ndarray, side: int, columns: int, size: tuple[int, int]) -> tuple:
+    """Dr.Jit's whole numbers (u, v, place, number) for all pixels of the tiles: `number` of the tile among `tiles`.
+
+    `place` counts the frame's pixels. A tile is `side` x `side` pixels; `columns` of them are a row of tiles. Beyond
+    the frame the last pixel is repeated.
+    """
+    import drjit
+
+    kind = drjit.uint32_array_t(engine.float_type)
+    # Opaque: sizes and places are then data, and frames of all sizes share one compiled kernel.
+    w, h = (drjit.opaque(kind, n) for n in size)
+    index = drjit.arange(kind, len(tiles) * side * side)
+    number, inner = index // (side * side), index % (side * side)
+    # One look-up for both corners: it costs more than taking them apart.
+    corner = drjit.gather(kind, kind((tiles % columns | tiles // columns << 16).astype(np.uint32)), number)
+    left, top = (corner & 0xFFFF) * side, (corner >> 16) * side
+    u, v = drjit.minimum(left + inner % side, w - 1), drjit.minimum(top + inner // side, h - 1)
+    return u, v, v * w + u, number
 
 
 def lift(value: Any, engine: Engine) -> Any:
@@ -84,44 +88,59 @@ def lift(value: Any, engine: Engine) -> Any:
     return drjit.opaque(engine.float_type, float(value))
 
 
-def store(out: np.ndarray, box: tuple[int, int, int, int], values: tuple, where: Any) -> Any:
-    """out[v, u, c] = values[c] for the box's pixels that `where` holds for; `out` (H, W) or (H, W, n), contiguous.
-
-    On Dr.Jit this only queues the writing; keep what it returns and hand it to `flush`, which does all in one kernel.
-    """
-    x0, y0, x1, y1 = box
+def canvas(engine: Engine, out: np.ndarray) -> list:
+    """What `store` writes the channels of `out`, (H, W) or (H, W, n), through; contiguous on Dr.Jit."""
     layers = out.reshape(*out.shape[:2], -1)
-    if library(*values) is np:
-        for c, value in enumerate(values):
-            np.copyto(layers[y0:y1, x0:x1, c], value, where=where, casting="unsafe")
-        return None
+    if engine.is_numpy:
+        return [layers[..., c] for c in range(layers.shape[-1])]
     import drjit
 
     if not out.flags.c_contiguous:
-        raise ValueError("store: a contiguous array is needed")
-    kind = type(values[0])
-    target_type = drjit.int32_array_t(kind) if out.dtype == np.int32 else drjit.float32_array_t(kind)
-    column, row = _pixels(drjit.uint32_array_t(kind), box)
-    place = (row * drjit.opaque(type(row), out.shape[1]) + column) * len(values)
+        raise ValueError("canvas: a contiguous array is needed")
+    kind = engine.float_type
+    target = drjit.int32_array_t(kind) if out.dtype == np.int32 else drjit.float32_array_t(kind)
     # On the CPU each target is the array's own memory, not a copy; one a channel, since a second scatter into a target
     # would first compute the pending one, in a kernel of its own.
-    targets = [target_type(out.reshape(-1)) for _ in values]
-    if on_gpu := drjit.backend_v(kind) == drjit.JitBackend.CUDA:
-        targets = targets[:1] * len(values)
+    if engine.package == "cuda":
+        return [target(out.reshape(-1))] * layers.shape[-1]
+    return [target(out.reshape(-1)) for _ in range(layers.shape[-1])]
+
+
+def store(engine: Engine, targets: list, place: Any, values: tuple, where: Any) -> None:
+    """Write values[c] to channel c where `where` holds; `place`: NumPy's slices, or Dr.Jit's numbers of the pixels.
+
+    On Dr.Jit this only queues the writing; `flush` does all of it in one kernel.
+    """
     for c, (target, value) in enumerate(zip(targets, values, strict=True)):
-        drjit.scatter(target, target_type(value), place + c, active=where)
-    if on_gpu:
-        np.copyto(out.reshape(-1), targets[0].numpy())
-    return targets
+        if engine.is_numpy:
+            np.copyto(target[place], value, where=where, casting="unsafe")
+        else:
+            import drjit
+
+            drjit.scatter(target, type(target)(value), place * len(values) + c, active=where)
 
 
-def flush(engine: Engine, queued: list) -> None:
-    """Do the writing that `store` has queued: `queued` holds what it returned."""
-    if not engine.is_numpy:
+def only_where(engine: Engine, mask: Any, body: Callable[[], None]) -> None:
+    """Do the `body`, which stores where the mask holds: on Dr.Jit all other rays cost nothing."""
+    if engine.is_numpy:
+        body()
+    else:
         import drjit
 
-        drjit.eval(queued)
-        drjit.sync_thread()
+        drjit.if_stmt((), mask, body, lambda: None)
+
+
+def flush(engine: Engine, queued: list[tuple[np.ndarray, list]]) -> None:
+    """Do the writing that `store` has queued, for each array with its canvas."""
+    if engine.is_numpy:
+        return
+    import drjit
+
+    drjit.eval([targets for _, targets in queued])
+    drjit.sync_thread()
+    if engine.package == "cuda":
+        for out, targets in queued:
+            np.copyto(out.reshape(-1), targets[0].numpy())
 
 
 def evaluate(engine: Engine, values: Any) -> None:
@@ -132,10 +151,14 @@ def evaluate(engine: Engine, values: Any) -> None:
         drjit.eval(values)
 
 
-def from_numpy(engine: Engine, values: np.ndarray) -> Any:
-    """Numbers (m,) as the engine's floats."""
+def from_numpy(engine: Engine, values: np.ndarray, whole: bool = False) -> Any:
+    """Numbers (m,) as the engine's floats, or `whole` ones as its integers."""
     kind = engine.float_type
-    return values.astype(kind) if engine.is_numpy else kind(values.astype(engine.precision))
+    if engine.is_numpy:
+        return values.astype(int if whole else kind)
+    import drjit
+
+    return drjit.int32_array_t(kind)(values.astype(np.int32)) if whole else kind(values.astype(engine.precision))
 
 
 def to_numpy(values: Any, shape: tuple[int, ...]) -> np.ndarray:

@@ -1,65 +1,138 @@
-"""What happens once an image, before any ray: the scene is moved to the eye, and the work is cut up."""
+"""What happens once an image, before any ray: the scene is moved to the eye, each tile gets its lists."""
 
-from collections.abc import Sequence
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
-from raytwin.scene import Scene
-from raytwin.tracer.engine import Engine
-from raytwin.tracer.trim import EMPTY, Box
+from raytwin.scene import Scene, Sphere
 
-TILE = 128
-"""NumPy works tile by tile: a tile's arrays (64 KiB in float32) stay in the processor's cache."""
+FEW = 64
+"""So many objects are held against each other without sorting them first."""
 
 
 def seen_from_eye(scene: Scene) -> Scene:
-    """The scene moved so that the eye is the origin, in float64.
+    """The scene in the camera's frame, in float64: the eye is the origin, and rays need no turning.
 
     Coordinates are then as small as the distances that matter, and float32 keeps the digits of far scenes.
     """
-    eye = np.asarray(scene.camera.eye)
+    R, eye = np.asarray(scene.camera.R_cam_board), np.asarray(scene.camera.eye)
 
-    def moved(things):
-        return tuple(msgspec.structs.replace(t, center=tuple((np.asarray(t.center) - eye).tolist())) for t in things)
+    def turned(vectors):
+        return [tuple(v) for v in (np.reshape(vectors, (-1, 3)) @ R.T).tolist()]
 
-    return msgspec.structs.replace(scene, spheres=moved(scene.spheres), planes=moved(scene.planes))
+    def places(things):
+        return turned(np.array([t.center for t in things]).reshape(-1, 3) - eye)
+
+    replace = msgspec.structs.replace
+    spheres = tuple(replace(s, center=c) for s, c in zip(scene.spheres, places(scene.spheres), strict=True))
+    planes = tuple(
+        replace(p, center=c, half_u=u, half_v=v)
+        for p, c, (u, v) in zip(
+            scene.planes, places(scene.planes), (turned([p.half_u, p.half_v]) for p in scene.planes), strict=True
+        )
+    )
+    camera = replace(scene.camera, R_cam_board=tuple(map(tuple, np.eye(3).tolist())), t_cam_board=(0.0, 0.0, 0.0))
+    sun = replace(scene.sun, to_light=turned(scene.sun.direction)[0])
+    return replace(scene, camera=camera, spheres=spheres, planes=planes, sun=sun)
 
 
-def regions(boxes: Sequence[Box], size: tuple[int, int], engine: Engine) -> list[tuple[Box, list[int]]]:
-    """Disjoint boxes that together cover `boxes`, each with the indices of those that touch it.
+class Lists(NamedTuple):
+    """A list of ids for each tile: `flat[first:last]`, ascending; rectangles begin at `middle`. Each (tiles,) int32."""
 
-    NumPy gets tiles. Dr.Jit, where a launch costs more than a pixel, gets the boxes themselves, touching ones merged.
+    flat: np.ndarray
+    first: np.ndarray
+    middle: np.ndarray
+    last: np.ndarray
+
+    def at(self, tile: int) -> list[int]:
+        return self.flat[self.first[tile] : self.last[tile]].tolist()
+
+
+class Plan(NamedTuple):
+    """Square tiles of `side` pixels, `columns` of them a row: a pixel's tile is (v // side) columns + u // side.
+
+    `tiles`: the numbers of those with work. A tile's pixels may see the objects of its list in `seen`, and those of
+    `casters` may stand between what they see and the sun.
     """
-    if not engine.is_numpy:
-        return _merged(boxes)
-    w, h = size
-    work = []
-    for y in range(0, h, TILE):
-        for x in range(0, w, TILE):
-            tile = (x, y, min(x + TILE, w), min(y + TILE, h))
-            if touching := [i for i, box in enumerate(boxes) if _touch(tile, box)]:
-                x0, y0, x1, y1 = zip(*(boxes[i] for i in touching), strict=True)
-                part = max(x, min(x0)), max(y, min(y0)), min(tile[2], max(x1)), min(tile[3], max(y1))
-                work.append((part, touching))
-    return work
+
+    side: int
+    columns: int
+    tiles: np.ndarray
+    seen: Lists
+    casters: Lists
 
 
-def _merged(boxes: Sequence[Box]) -> list[tuple[Box, list[int]]]:
-    """The boxes, those that touch replaced by the box round them, and so again with what that one touches."""
-    groups: list[tuple[Box, list[int]]] = []
-    for i, box in enumerate(boxes):
-        if box == EMPTY:
-            continue
-        members = [i]
-        while touching := next((g for g in groups if _touch(box, g[0])), None):
-            groups.remove(touching)
-            b = touching[0]
-            box = min(box[0], b[0]), min(box[1], b[1]), max(box[2], b[2]), max(box[3], b[3])
-            members += touching[1]
-        groups.append((box, sorted(members)))
-    return groups
+def plan(scene: Scene, boxes: np.ndarray, size: tuple[int, int], side: int, shadows: bool = True) -> Plan:
+    """Which tile must know which object, from the objects' boxes (n, 4) of pixels: x0 <= u < x1, y0 <= v < y1."""
+    n, spheres = len(boxes), len(scene.spheres)
+    columns, rows = -(-size[0] // side), -(-size[1] // side)
+    if n and (boxes == (0, 0, *size)).all():  # nothing is trimmed: one list does for all
+        ends = [np.full(columns * rows, k, np.int32) for k in (0, spheres, n)]
+        every = Lists(np.arange(n, dtype=np.int32), *ends)
+        return Plan(side, columns, np.arange(columns * rows), every, every)
+    x0, y0, x1, y1 = boxes.reshape(-1, 4).T
+    left, top = x0 // side, y0 // side
+    wide, high = -(-x1 // side) - left, -(-y1 // side) - top
+    thing, k = spread(wide * high)
+    tile = (top[thing] + k // np.maximum(wide, 1)[thing]) * columns + left[thing] + k % np.maximum(wide, 1)[thing]
+    seen = _lists(tile, thing, columns * rows, spheres)
+    casters = Lists(*(np.zeros(len(part), np.int32) for part in seen))
+    if shadows:
+        first, flat = shading(scene)
+        pair, k = spread(first[thing + 1] - first[thing])
+        shaded, caster = tile[pair], flat[first[thing[pair]] + k]
+        both = np.unique(shaded.astype(np.int64) * n + caster)
+        casters = _lists(both // max(n, 1), both % max(n, 1), columns * rows, spheres)
+    return Plan(side, columns, np.flatnonzero(seen.last > seen.first), seen, casters)
 
 
-def _touch(a: Box, b: Box) -> bool:
-    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+def spread(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Each index i counts[i] times over, and beside it 0, 1, ... counts[i] - 1."""
+    index = np.repeat(np.arange(len(counts)), counts)
+    return index, np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def _lists(tile: np.ndarray, thing: np.ndarray, tiles: int, spheres: int) -> Lists:
+    order = np.lexsort((thing, tile))
+    last = np.cumsum(np.bincount(tile, minlength=tiles))
+    first = last - np.bincount(tile, minlength=tiles)
+    middle = first + np.bincount(tile[thing < spheres], minlength=tiles)
+    return Lists(*(a.astype(np.int32) for a in (thing[order], first, middle, last)))
+
+
+def shading(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """(first, flat): `flat[first[j]:first[j + 1]]` are the objects that may cast a shadow on object j; never too few.
+
+    Both are put into balls. Seen along the sun's rays these are discs, which must overlap, and the caster's ball must
+    not lie behind the other's.
+    """
+    things = scene.objects
+    n = len(things)
+    center = np.array([t.center for t in things]).reshape(-1, 3)
+    radius = np.array([t.radius if isinstance(t, Sphere) else np.hypot(*_lengths(t)) for t in things])
+    to_light = np.array(scene.sun.direction)
+    side = np.cross(to_light, np.eye(3)[np.abs(to_light).argmin()])
+    axes = np.stack([side / np.linalg.norm(side), np.cross(to_light, side) / np.linalg.norm(side), to_light])
+    x, y, height = axes @ center.T
+    radius = radius * (1 + 1e-4) + 1e-6 * np.abs(center).max(initial=0)  # for float32's rounding
+    # Sorted along x, a small object's partners lie in a short stretch; large ones are held against all.
+    large = radius > 8 * np.median(radius) if n > FEW else np.ones(n, bool)
+    small = np.flatnonzero(~large)[np.argsort(x[~large])]
+    reach = radius[small] + radius[small].max(initial=0)
+    low, high = (np.searchsorted(x[small], x[small] + sign * reach) for sign in (-1, 1))
+    i, k = spread(high - low)
+    big = np.flatnonzero(large)
+    a, b = (m.ravel() for m in np.meshgrid(big, np.arange(n)))
+    c, d = (m.ravel() for m in np.meshgrid(small, big))
+    shaded, caster = np.concatenate([small[i], a, c]), np.concatenate([small[low[i] + k], b, d])
+    both = radius[shaded] + radius[caster]
+    over = (x[caster] - x[shaded]) ** 2 + (y[caster] - y[shaded]) ** 2 <= both**2
+    keep = over & (height[caster] - height[shaded] >= -both) & (caster != shaded)
+    order = np.lexsort((caster[keep], shaded[keep]))
+    first = np.concatenate([[0], np.cumsum(np.bincount(shaded[keep], minlength=n))])
+    return first, caster[keep][order]
+
+
+def _lengths(plane) -> tuple[float, float]:
+    return float(np.linalg.norm(plane.half_u)), float(np.linalg.norm(plane.half_v))

@@ -12,20 +12,23 @@ takes twice their value, for the growth of the curvature between two lattice poi
 closed form.
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from raytwin.image import BACKGROUND
 from raytwin.scene import Scene
 from raytwin.tracer.arrays import dot
-from raytwin.tracer.camera import back_project, invert_lens
-from raytwin.tracer.engine import ENGINES, evaluate, from_numpy, lift, to_numpy
+from raytwin.tracer.camera import camera_ray, to_board
+from raytwin.tracer.engine import ENGINES, evaluate, from_numpy, to_numpy
 from raytwin.tracer.hit import nearest
 from raytwin.tracer.light import RUNGS, sun_visible
-from raytwin.tracer.prepare import seen_from_eye
-from raytwin.tracer.trace import background
-from raytwin.tracer.trim import trim_box
+from raytwin.tracer.objects import Listed, walk
+from raytwin.tracer.prepare import plan, shading
+from raytwin.tracer.trace import EYE, TILE_DRJIT, Objects, View, background
+from raytwin.tracer.trim import trim_boxes
 
 WAYS = ("careful", "paper")
 CHUNK = 1 << 14
@@ -92,8 +95,7 @@ def doubtful(scene: Scene, colour: np.ndarray, ids: np.ndarray, lit: np.ndarray,
     curved = (_blocks(bend).max(axis=0) * 2 / 8 > tolerance) & (state[0] >= 0)
     whole = (grown > 0) | curved
     # An object smaller than two blocks may hide between lattice points.
-    for thing in scene.spheres:
-        x0, y0, x1, y1 = trim_box(thing, scene.camera)
+    for x0, y0, x1, y1 in trim_boxes(scene.spheres, scene.camera).tolist():
         if 0 < min(x1 - x0, y1 - y0) <= 2 * n:
             whole[y0 // n : -(-y1 // n), x0 // n : -(-x1 // n)] = True
     return whole
@@ -112,30 +114,53 @@ def trace_points(
     scene: Scene, u: np.ndarray, v: np.ndarray, rung: str, engine: str, light: bool = True, point: bool = False
 ) -> Points:
     """What the rays through pixels (u, v) (m,) see; `lit` is found where `light` asks for it, and `point` likewise."""
-    how, m = ENGINES[engine], len(u)
-    local = lift(seen_from_eye(scene), how)
-    inverse = lift(invert_lens(scene.camera, how.precision), how)
+    view, m = View(scene, ENGINES[engine]), len(u)
     colour, ids, lit = np.empty((m, 3), np.float32), np.empty(m, np.int32), np.zeros(m, bool)
     place = np.empty((m, 3), np.float32) if point else None
-    step = CHUNK if how.is_numpy else max(m, 1)
-    for start in range(0, m, step):
-        part = slice(start, start + step)
+    shaded = rung == "shadow"
+    for part, seen, casters in _parts(view, u, v, shaded):
         with np.errstate(all="ignore"):
-            d = back_project(from_numpy(how, u[part]), from_numpy(how, v[part]), local.camera, inverse)
-            hit = nearest((0.0, 0.0, 0.0), d, list(enumerate(local.objects)))
-            layers = [(colour[part], RUNGS[rung](hit, local, "robust")), (ids[part], (hit.ids,))]
+            at = (from_numpy(view.engine, a[part]) for a in (u, v))
+            d = camera_ray(*at, view.scene.camera, view.inverse)
+            hit = nearest(EYE, d, seen)
+            layers = [(colour[part], RUNGS[rung](hit, view.scene, casters, "robust")), (ids[part], (hit.ids,))]
             if light:
-                facing = dot(hit.normal, local.sun.to_light) > 0
-                shaded = rung == "shadow"
-                layers.append((lit[part], ((facing & (sun_visible(hit, local) > 0)) if shaded else facing,)))
+                facing = (hit.ids >= 0) & (dot(hit.normal, view.scene.sun.to_light) > 0)
+                lit_here = facing & (sun_visible(hit, view.scene, casters) > 0) if shaded else facing
+                layers.append((lit[part], (lit_here,)))
             if place is not None:
-                layers.append((place[part], hit.point))
-        evaluate(how, [values for _, values in layers])
+                layers.append((place[part], to_board(hit.point, view.scene.camera)))
+        evaluate(view.engine, [values for _, values in layers])
         for out, values in layers:
             columns = out.reshape(len(out), -1)
             for c, value in enumerate(values):
                 columns[:, c] = to_numpy(value, (len(out),))
     return Points(colour, ids, lit, place)
+
+
+def _parts(view: View, u: np.ndarray, v: np.ndarray, shadows: bool) -> Iterator[tuple[slice, Objects, Objects]]:
+    """The points in portions, each with the objects it may see and those that may shade these."""
+    if not len(u):
+        return
+    column, row = np.maximum(np.rint(u), 0).astype(int), np.maximum(np.rint(v), 0).astype(int)
+    camera = view.local.camera
+    # The lattice's last points may lie beyond the frame.
+    size = max(camera.width, int(column.max()) + 1), max(camera.height, int(row.max()) + 1)
+    boxes = trim_boxes(view.local.objects, msgspec.structs.replace(camera, image_size=size))
+    if not view.engine.is_numpy:
+        work = plan(view.local, boxes, size, TILE_DRJIT, shadows)
+        tile = from_numpy(view.engine, row // work.side * work.columns + column // work.side, whole=True)
+        every = np.arange(len(work.seen.first))
+        yield slice(None), *(walk(view.table, view.engine, a, every, tile) for a in (work.seen, work.casters))
+        return
+    first, flat = shading(view.local) if shadows else (np.zeros(len(boxes) + 1, int), np.zeros(0, int))
+    x0, y0, x1, y1 = boxes.T
+    for start in range(0, len(u), CHUNK):
+        part = slice(start, start + CHUNK)
+        c, r = column[part], row[part]
+        ids = np.flatnonzero((x0 <= c.max()) & (c.min() < x1) & (y0 <= r.max()) & (r.min() < y1)).tolist()
+        casters = sorted(set().union(*(flat[first[i] : first[i + 1]].tolist() for i in ids)))
+        yield part, Listed(view.table, ids), Listed(view.table, casters)
 
 
 def _blocks(a: np.ndarray) -> np.ndarray:

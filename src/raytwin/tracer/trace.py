@@ -1,20 +1,23 @@
 """The whole tracer: for every pixel a ray, for every ray the nearest object, for every hit its radiance."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
+import msgspec
 import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.image import BACKGROUND, Image, Surface
 from raytwin.scene import Camera, Scene
-from raytwin.tracer.camera import Inverse, back_project, invert_lens
-from raytwin.tracer.engine import ENGINES, Engine, flush, lift, pixel_grid, store
-from raytwin.tracer.hit import Hit, nearest
+from raytwin.tracer.camera import camera_ray, invert_lens, to_board
+from raytwin.tracer.engine import ENGINES, Engine, canvas, flush, lift, only_where, pixel_grid, store, tile_grid
+from raytwin.tracer.hit import describe, first
 from raytwin.tracer.light import RUNGS
-from raytwin.tracer.prepare import regions, seen_from_eye
+from raytwin.tracer.objects import Listed, Table, Walked, walk
+from raytwin.tracer.prepare import plan, seen_from_eye
 from raytwin.tracer.sphere import SOLVERS
-from raytwin.tracer.trim import TRIMS, Box
+from raytwin.tracer.trim import TRIMS
 
 
 def trace(
@@ -74,34 +77,69 @@ def draw(
         if name not in table:
             raise InputError(what, f"one of {', '.join(table)}", name)
     camera, how = scene.camera, ENGINES[engine]
-    boxes = [TRIMS[trim](thing, camera) for thing in scene.objects]
-    local = lift(seen_from_eye(scene), how)
-    inverse = lift(invert_lens(camera, how.precision), how)
-    queued: list = []
-    for box, candidates in regions(boxes, camera.image_size, how):
-        with np.errstate(all="ignore"):  # infinities and NaN of missed rays are selected away
-            hit, radiance = trace_box(local, box, candidates, rung, how, solver, inverse)
-        layers = [(out, radiance)]
-        if surface is not None:
-            layers += (surface.ids, (hit.ids,)), (surface.depth, (hit.t,)), (surface.normal, hit.normal)
-        queued += [store(layer, box, values, hit.ids >= 0) for layer, values in layers]
+    boxes = TRIMS[trim](scene.objects, camera)
+    view = View(scene, how)
+    layers = [out] if surface is None else [out, surface.ids, surface.depth, surface.normal]
+    queued = [(layer, canvas(how, layer)) for layer in layers]
+
+    def paint(u: Any, v: Any, place: Any, seen: Objects, casters: Objects) -> None:
+        d = camera_ray(u, v, view.scene.camera, view.inverse)
+        t, ids = first(EYE, d, seen, solver)
+
+        def shade() -> None:
+            hit = describe(EYE, d, t, ids, view.table)
+            values = [RUNGS[rung](hit, view.scene, casters, solver)]
+            if surface is not None:
+                values += (ids,), (t,), to_board(hit.normal, view.scene.camera)
+            for (_, targets), value in zip(queued, values, strict=True):
+                store(how, targets, place, value, ids >= 0)
+
+        only_where(how, ids >= 0, shade)
+
+    with np.errstate(all="ignore"):  # infinities and NaN of missed rays are selected away
+        for piece in (tiles if how.is_numpy else kernel)(view, boxes, rung == "shadow"):
+            paint(*piece)
     flush(how, queued)
 
 
-def trace_box(
-    scene: Scene,
-    box: Box,
-    candidates: Sequence[int],
-    rung: str,
-    engine: Engine,
-    solver: str,
-    inverse: Inverse | None = None,
-) -> tuple[Hit, tuple]:
-    """The hit and the radiance of each pixel of the box, with rays that start at the origin of `scene`'s frame.
+EYE = (0.0, 0.0, 0.0)
+TILE_NUMPY, TILE_DRJIT = 128, 32
 
-    `inverse` undoes the distortion.
+Objects = Listed | Walked
+
+
+class View:
+    """A scene seen from its eye: `local` in the camera's frame, in float64; the rest in the engine's floats.
+
+    `scene` keeps its own camera, whose rotation leads back to the board's frame; its sun is in the camera's.
     """
-    u, v = pixel_grid(engine, box)
-    d = back_project(u, v, scene.camera, inverse)
-    hit = nearest((0.0, 0.0, 0.0), d, [(i, scene.objects[i]) for i in candidates], solver)
-    return hit, RUNGS[rung](hit, scene, solver)
+
+    def __init__(self, scene: Scene, engine: Engine) -> None:
+        self.engine, self.local = engine, seen_from_eye(scene)
+        self.scene = lift(msgspec.structs.replace(scene, sun=self.local.sun, spheres=(), planes=()), engine)
+        self.inverse = lift(invert_lens(scene.camera, engine.precision), engine)
+        self.table = Table(self.local, engine)
+
+
+def tiles(view: View, boxes: np.ndarray, shadows: bool) -> Iterator[tuple]:
+    """(u, v, place, seen, casters) of one tile after the other, whose arrays stay in the processor's cache."""
+    work = plan(view.local, boxes, view.local.camera.image_size, TILE_NUMPY, shadows)
+    for tile in work.tiles.tolist():
+        ids = work.seen.at(tile)
+        corner = np.array((tile % work.columns, tile // work.columns)) * work.side
+        x0, y0 = np.maximum(boxes[ids, :2].min(axis=0), corner).tolist()
+        x1, y1 = np.minimum(boxes[ids, 2:].max(axis=0), corner + work.side).tolist()
+        u, v = pixel_grid(view.engine, (x0, y0, x1, y1))
+        place = slice(y0, y1), slice(x0, x1)
+        yield u, v, place, Listed(view.table, ids), Listed(view.table, work.casters.at(tile))
+
+
+def kernel(view: View, boxes: np.ndarray, shadows: bool) -> Iterator[tuple]:
+    """The same for Dr.Jit: all tiles at once."""
+    w, h = view.local.camera.image_size
+    work = plan(view.local, boxes, (w, h), TILE_DRJIT, shadows)
+    if len(work.tiles):
+        u, v, place, number = tile_grid(view.engine, work.tiles, work.side, work.columns, (w, h))
+        seen, casters = (walk(view.table, view.engine, a, work.tiles, number) for a in (work.seen, work.casters))
+        kind = view.engine.float_type
+        yield kind(u), kind(v), place, seen, casters

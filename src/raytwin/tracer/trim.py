@@ -7,10 +7,10 @@ atan2(c_x, c_z) ± asin(r / √(c_x² + c_z²)). Angles, unlike the roots of the
 the camera's plane (a hyperbola) or lies behind it (nothing). The horizontal tangents follow from y and z.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import product
-from math import asin, atan2, ceil, floor, hypot, inf, pi, tan
+from math import ceil, floor, hypot, inf, pi
 
 import numpy as np
 
@@ -25,33 +25,40 @@ EMPTY: Box = (0, 0, 0, 0)
 SIDE = np.linspace(0.0, 1.0, 65)
 
 
-def trim_box(thing: Sphere | Plane, camera: Camera) -> Box:
-    """The pixels whose centre's ray can meet the object: exact for a pinhole to one pixel, a little larger with a lens.
+def trim_boxes(things: Sequence[Sphere | Plane], camera: Camera) -> np.ndarray:
+    """(n, 4) ints: for each object the pixels whose centre's ray can meet it; EMPTY where there are none.
 
-    The object's rectangle of normalised coordinates is cut to what the frame can see, and its sides are bent by the
-    distortion. Where the distortion is not monotone over that field of view, the whole frame is returned.
+    Exact for a pinhole to one pixel, a little larger with a lens: the object's rectangle of normalised coordinates is
+    cut to what the frame can see, and its sides are bent by the distortion. Where the distortion is not monotone over
+    that field of view, the whole frame is returned.
     """
-    frame = (0, 0, camera.width, camera.height)
-    extent = _sphere_extent(thing, camera) if isinstance(thing, Sphere) else _plane_extent(thing, camera)
+    low, high = _extents(things, camera)  # (n, 2) each: x, y
     field = field_of_view(camera)
-    if extent is None:
-        return EMPTY
+    frame = np.array((camera.width, camera.height))
+    empty = ~(low < high).all(axis=1)
     if field is None:
-        return frame
-    (ax, bx), (ay, by) = extent
-    ax, bx, ay, by = max(ax, field[0]), min(bx, field[1]), max(ay, field[2]), min(by, field[3])
-    if ax > bx or ay > by:
-        return EMPTY
+        return np.where(empty[:, None], 0, np.concatenate([0 * frame, frame]))
+    near, far = np.array(field).reshape(2, 2).T
+    low, high = np.maximum(low, near), np.minimum(high, far)
+    empty |= (low > high).any(axis=1)
+    low, high = np.where(empty[:, None], near, low), np.where(empty[:, None], far, high)
+    (ax, ay), (bx, by) = low.T[..., None], high.T[..., None]
     xs, ys = ax + (bx - ax) * SIDE, ay + (by - ay) * SIDE
-    sides = [(xs, ay + 0 * xs), (xs, by + 0 * xs), (ax + 0 * ys, ys), (bx + 0 * ys, ys)]
-    u, v = zip(*(_to_pixels(x, y, camera) for x, y in sides), strict=True)
-    u, v = np.array(u), np.array(v)
+    x = np.stack([xs, xs, ax + 0 * ys, bx + 0 * ys], axis=1)  # (n, sides, places)
+    y = np.stack([ay + 0 * xs, by + 0 * xs, ys, ys], axis=1)
+    at = np.stack(_to_pixels(x, y, camera))
     # Between two samples a curve leaves its chord by at most an eighth of its second difference; take all of it.
     # Rounding outwards then leaves room for float32, whose outline may reach a centre that the exact one just misses.
-    mu, mv = np.abs(np.diff(u, 2)).max(), np.abs(np.diff(v, 2)).max()
-    x0, x1 = max(floor(u.min() - mu), 0), min(ceil(u.max() + mu) + 1, camera.width)
-    y0, y1 = max(floor(v.min() - mv), 0), min(ceil(v.max() + mv) + 1, camera.height)
-    return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else EMPTY
+    margin = np.abs(np.diff(at, 2, axis=-1)).max(axis=(-1, -2), initial=0)
+    first = np.maximum(np.floor(at.min(axis=(-1, -2)) - margin), 0).T.astype(int)
+    last = np.minimum(np.ceil(at.max(axis=(-1, -2)) + margin).T.astype(int) + 1, frame)
+    empty |= (first >= last).any(axis=1)
+    return np.where(empty[:, None], 0, np.concatenate([first, last], axis=1))
+
+
+def trim_box(thing: Sphere | Plane, camera: Camera) -> Box:
+    """The box of one object, see `trim_boxes`."""
+    return tuple(trim_boxes([thing], camera)[0].tolist())
 
 
 @lru_cache(maxsize=64)
@@ -76,24 +83,31 @@ def field_of_view(camera: Camera) -> tuple[float, float, float, float] | None:
     return field if slope.min() > 0 else None
 
 
-def _sphere_extent(sphere: Sphere, camera: Camera) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    x, y, z = (
-        float(c) for c in np.asarray(camera.R_cam_board) @ np.asarray(sphere.center) + np.asarray(camera.t_cam_board)
-    )
-    horizontal, vertical = _tangents(x, z, sphere.radius), _tangents(y, z, sphere.radius)
-    return (horizontal, vertical) if horizontal and vertical else None
+def _extents(things: Sequence[Sphere | Plane], camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """The least and the greatest normalised (x, y) (n, 2) of each object; nothing to be seen: (inf, -inf)."""
+    low, high = np.full((2, len(things), 2), [[[np.inf]], [[-np.inf]]])
+    spheres = [i for i, thing in enumerate(things) if isinstance(thing, Sphere)]
+    center = np.array([things[i].center for i in spheres]).reshape(-1, 3)
+    x, y, z = np.asarray(camera.R_cam_board) @ center.T + np.asarray(camera.t_cam_board)[:, None]
+    radius = np.array([things[i].radius for i in spheres])
+    for axis, a in enumerate((x, y)):
+        low[spheres, axis], high[spheres, axis] = _tangents(a, z, radius)
+    for i, thing in enumerate(things):
+        if isinstance(thing, Plane) and (extent := _plane_extent(thing, camera)):
+            low[i], high[i] = np.transpose(extent)
+    return low, high
 
 
-def _tangents(a: float, z: float, r: float) -> tuple[float, float] | None:
-    """Slopes of the tangents from the origin to the circle round (a, z), cut to z > 0; None where all lies behind."""
-    distance = hypot(a, z)
-    if distance <= r:
-        return -inf, inf
-    middle, half = atan2(a, z), asin(r / distance)
+def _tangents(a: np.ndarray, z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes of the tangents from the origin to the circle round (a, z), cut to z > 0; (inf, -inf): all lies behind."""
+    distance = np.hypot(a, z)
+    around = distance <= r
+    middle, half = np.arctan2(a, z), np.arcsin(np.minimum(r / np.where(around, r, distance), 1))
     low, high = middle - half, middle + half
-    if low >= pi / 2 or high <= -pi / 2:
-        return None
-    return tan(low) if low > -pi / 2 else -inf, tan(high) if high < pi / 2 else inf
+    start = np.where(around | (low <= -pi / 2), -np.inf, np.tan(low))
+    end = np.where(around | (high >= pi / 2), np.inf, np.tan(high))
+    behind = ~around & ((low >= pi / 2) | (high <= -pi / 2))
+    return np.where(behind, np.inf, start), np.where(behind, -np.inf, end)
 
 
 def _plane_extent(plane: Plane, camera: Camera) -> tuple[tuple[float, float], tuple[float, float]] | None:
@@ -128,8 +142,12 @@ def corner_box(thing: Sphere | Plane, camera: Camera) -> Box:
     return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else EMPTY
 
 
-def whole_frame(thing: Sphere | Plane, camera: Camera) -> Box:
-    return (0, 0, camera.width, camera.height)
+def whole_frames(things: Sequence[Sphere | Plane], camera: Camera) -> np.ndarray:
+    return np.tile((0, 0, camera.width, camera.height), (len(things), 1))
+
+
+def corner_boxes(things: Sequence[Sphere | Plane], camera: Camera) -> np.ndarray:
+    return np.array([corner_box(thing, camera) for thing in things], int).reshape(-1, 4)
 
 
 def _to_pixels(x: np.ndarray, y: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -137,9 +155,9 @@ def _to_pixels(x: np.ndarray, y: np.ndarray, camera: Camera) -> tuple[np.ndarray
     return camera.fx * xd + camera.cx, camera.fy * yd + camera.cy
 
 
-TRIMS: dict[str, Callable[[Sphere | Plane, Camera], Box]] = {
-    "none": whole_frame,
-    "corners": corner_box,
-    "conic": trim_box,
+TRIMS: dict[str, Callable[[Sequence[Sphere | Plane], Camera], np.ndarray]] = {
+    "none": whole_frames,
+    "corners": corner_boxes,
+    "conic": trim_boxes,
 }
-"""name -> (object, camera) -> box."""
+"""name -> (objects, camera) -> boxes (n, 4)."""

@@ -1,0 +1,102 @@
+"""The objects that a ray is tested against: a loop over them that is written once, for few objects and for many.
+
+`objects.fold(state, body)` hands a state through `body(state, id, object)` for one object after the other. NumPy, where
+all rays of a tile share one list, loops in Python. On Dr.Jit each ray walks the list of its tile in a loop within the
+kernel: it does not grow with the scene, and another scene needs no other kernel.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytwin.scene import Plane, Scene, Sphere
+from raytwin.tracer.arrays import gather
+from raytwin.tracer.engine import ENGINES, Engine, from_numpy
+from raytwin.tracer.prepare import Lists
+
+FIELDS = {"center": 3, "radius": 1, "half_u": 3, "half_v": 3, "albedo": 3, "flat": 3, "bend": 1}
+"""The table's fields and how many numbers each has. An object's normal at its point p is flat + bend (p - center):
+a sphere's is (p - center) / radius, a rectangle's is the same everywhere."""
+
+
+class Table:
+    """One row an object: `objects` are the records, `column(field)` its numbers (n,), in the engine's floats."""
+
+    def __init__(self, scene: Scene, engine: Engine) -> None:
+        self.objects, self.kinds = scene.objects, {type(thing) for thing in scene.objects}
+        # Two rows of nothing: Dr.Jit cannot look up in an empty array, and treats one of one number as that number.
+        rows = [*(_row(thing) for thing in scene.objects), *[(0.0,) * sum(FIELDS.values())] * 2]
+        columns = iter(from_numpy(engine, np.ascontiguousarray(c)) for c in np.array(rows, float).T)
+        self.columns = {name: tuple(next(columns) for _ in range(n)) for name, n in FIELDS.items()}
+
+    def look_up(self, field: str, ids: Any, where: Any = True) -> tuple:
+        """The field's numbers for each of `ids`; anything where `where` does not hold."""
+        return tuple(gather(column, ids, where) for column in self.columns[field])
+
+
+def _row(thing: Sphere | Plane) -> tuple[float, ...]:
+    zero = (0.0, 0.0, 0.0)
+    if isinstance(thing, Sphere):
+        return (*thing.center, thing.radius, *zero, *zero, *thing.albedo, *zero, 1 / thing.radius)
+    return (*thing.center, 0.0, *thing.half_u, *thing.half_v, *thing.albedo, *thing.normal, 0.0)
+
+
+class Listed(NamedTuple):
+    """The same objects for every ray: their ids, in order."""
+
+    table: Table
+    ids: Sequence[int]
+
+    def fold(self, state: tuple, body: Callable) -> tuple:
+        for index in self.ids:
+            state = body(state, index, self.table.objects[index])
+        return state
+
+
+class Walked(NamedTuple):
+    """To each ray its own list: of `number` k, `flat[first[k]:last[k]]`, where rectangles begin at `middle[k]`."""
+
+    table: Table
+    number: Any
+    flat: Any
+    first: Any
+    middle: Any
+    last: Any
+
+    def fold(self, state: tuple, body: Callable) -> tuple:
+        for kind, start, stop in ((Sphere, self.first, self.middle), (Plane, self.middle, self.last)):
+            if kind in self.table.kinds:
+                state = self._walk(kind, start, stop, state, body)
+        return state
+
+    def _walk(self, kind: type, start: Any, stop: Any, state: tuple, body: Callable) -> tuple:
+        import drjit
+
+        start, stop = gather(start, self.number), gather(stop, self.number)
+
+        def step(place, *state):
+            index = gather(self.flat, place)
+            return (place + 1, *body(state, index, self._object(kind, index)))
+
+        return drjit.while_loop((start, *state), lambda place, *state: place < stop, step)[1:]
+
+    def _object(self, kind: type, index: Any) -> Sphere | Plane:
+        def vector(name):
+            return self.table.look_up(name, index)
+
+        if kind is Sphere:
+            return Sphere(vector("center"), *vector("radius"))
+        return Plane(vector("center"), vector("half_u"), vector("half_v"))
+
+
+def walk(table: Table, engine: Engine, lists: Lists, tiles: np.ndarray, number: Any) -> Walked:
+    """For each ray, on Dr.Jit, the list of the tile `tiles[number]`."""
+    ends = (from_numpy(engine, end[tiles], whole=True) for end in lists[1:])
+    flat = from_numpy(engine, np.append(lists.flat, (0, 0)), whole=True)  # as in Table
+    return Walked(table, number, flat, *ends)
+
+
+def everything(scene: Scene, engine: str = "numpy64") -> Listed:
+    """All objects of the scene for every ray, on a NumPy engine."""
+    return Listed(Table(scene, ENGINES[engine]), range(len(scene.objects)))
