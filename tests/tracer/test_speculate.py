@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from raytwin.files import read_scene
-from raytwin.scene import Camera, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Plane, Scene, Sky, Sphere, Sun
 from raytwin.tracer import trace
-from raytwin.tracer.speculate import interpolation_bound, speculate
+from raytwin.tracer.speculate import WAYS, interpolation_bound, speculate
 
 TOLERANCE = 5e-4
 
@@ -91,3 +91,17 @@ def test_a_sphere_smaller_than_the_lattice_is_not_lost():
     assert truth.surface.mask.any()
     guess, _ = speculate(scene, 16, "lambert", engine="numpy64")
     np.testing.assert_allclose(guess, truth.mean, atol=1e-5)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("size", [(w, h) for w in range(32, 41) for h in (33, 37)])
+def test_frames_of_every_size_are_filled_to_their_last_row_and_column(scenes, way, size):
+    # A frame full of a table: a pixel left out would show the sky.
+    scene = read_scene(scenes / "overlap")
+    table = Plane((0.0, 0.0, 0.0), (50.0, 0.0, 0.0), (0.0, 50.0, 0.0))
+    scene = msgspec.structs.replace(scene, camera=scene.camera.resized(*size), spheres=(), planes=(table,))
+    truth = trace(scene, "lambert")
+    assert truth.surface.mask.all()
+    for n in (2, 4, 8):
+        guess, _ = speculate(scene, n, "lambert", engine="numpy64", way=way)
+        np.testing.assert_allclose(guess, truth.mean, atol=1e-6)

@@ -27,7 +27,7 @@ from raytwin.tracer.hit import nearest
 from raytwin.tracer.light import RUNGS, sun_visible
 from raytwin.tracer.objects import Listed, walk
 from raytwin.tracer.prepare import plan, shading
-from raytwin.tracer.trace import EYE, TILE_DRJIT, Objects, View, background
+from raytwin.tracer.trace import EYE, TILE_DRJIT, Objects, View, background, draw
 from raytwin.tracer.trim import trim_boxes
 
 WAYS = ("careful", "paper")
@@ -52,14 +52,15 @@ def speculate(
     """
     w, h = scene.camera.image_size
     out = background(scene, rung)
-    columns, rows = -(-(w - 1) // n) + 1, -(-(h - 1) // n) + 1
+    if n == 1:
+        draw(scene, out, rung, engine, trim="none")
+        return out, 1.0
+    # Blocks that cover the frame, and so a lattice that ends beyond it.
+    columns, rows = -(-w // n) + 1, -(-h // n) + 1
     u, v = np.meshgrid(np.arange(columns) * n, np.arange(rows) * n)
     lattice = trace_points(scene, u.ravel(), v.ravel(), rung, engine)
     colour = lattice.colour.reshape(rows, columns, 3)
     ids, lit = lattice.ids.reshape(rows, columns), lattice.lit.reshape(rows, columns)
-    if n == 1:
-        out[ids != BACKGROUND] = colour[ids != BACKGROUND]
-        return out, 1.0
     whole = np.zeros((rows - 1, columns - 1), bool)
     if way == "careful":
         whole = doubtful(scene, colour, ids, lit, n, tolerance)
