@@ -1,25 +1,28 @@
 """Views of a comparison: a page, a folder, a few lines of text. They compute nothing that the comparison lacks."""
 
-from raytwin.report.bench_files import bench_summary, write_bench_all
-from raytwin.report.folder import write_all, write_diff
-from raytwin.report.html import write_report
-from raytwin.report.json import write_comparison
-from raytwin.report.junit import Case, write_junit
-from raytwin.report.summary import augment_summary, calibration_summary, diff_summary, summary
-from raytwin.report.view import View
+from importlib import import_module
+from typing import Any
 
-__all__ = [
-    "Case",
-    "View",
-    "augment_summary",
-    "bench_summary",
-    "calibration_summary",
-    "diff_summary",
-    "summary",
-    "write_all",
-    "write_bench_all",
-    "write_comparison",
-    "write_diff",
-    "write_junit",
-    "write_report",
-]
+_HOME = {
+    "Case": "junit",
+    "View": "view",
+    "augment_summary": "text",
+    "bench_summary": "bench_files",
+    "calibration_summary": "text",
+    "diff_summary": "text",
+    "summary": "text",
+    "write_all": "folder",
+    "write_bench_all": "bench_files",
+    "write_comparison": "json",
+    "write_diff": "folder",
+    "write_junit": "junit",
+    "write_report": "html",
+}
+__all__ = list(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    # On demand: charts take half a second to import, and most commands write none.
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
