@@ -17,6 +17,9 @@ def bench_command(
     spheres: Annotated[
         str, typer.Option(metavar="N,...", help="Also time pictures of so many small spheres, at the first size.")
     ] = "",
+    crowd: Annotated[
+        int | None, typer.Option(metavar="N", help="So many small spheres in the place of the scene's objects.")
+    ] = None,
     budget: Annotated[float, typer.Option(metavar="SECONDS", help="For all; methods that do not fit are named.")] = 300,
     repeats: Annotated[int, typer.Option(help="Most timed calls of each method.")] = 15,
     truth_samples: Annotated[int, typer.Option(help="Most samples a pixel of the converged truth.")] = 4096,
@@ -61,6 +64,7 @@ def bench_command(
             methods=globs,
             sizes=parse_numbers(sizes, "--sizes"),
             spheres=[int(n) for n in counts],
+            crowd=crowd,
             budget=budget,
             repeats=repeats,
             truth_samples=truth_samples,

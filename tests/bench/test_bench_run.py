@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from raytwin import bench, files, twin
-from raytwin.bench.crowd import crowd
+from raytwin.bench.crowd import crowded
 from raytwin.bench.loop import loop
 from raytwin.bench.measure import with_peak
 from raytwin.bench.methods import METHODS, PREPARE, choose, prepare, shifted
@@ -112,11 +112,22 @@ def test_sizes_keep_the_pictures_aspect(view):
 
 
 def test_a_crowd_has_as_many_small_spheres_all_in_the_picture(view):
-    scene = crowd(view("distorted", 320, 240), 50)
+    scene = crowded(view("distorted", 320, 240), 50)
     assert len(scene.objects) == 50
     seen = np.unique(trace(scene, "surface").surface.ids)
     assert len(seen) > 45
-    assert len(crowd(view("single"), 1).spheres) == 1
+    assert len(crowded(view("single"), 1).spheres) == 1
+
+
+def test_a_bench_of_a_crowd_draws_the_crowd(scenes):
+    found = bench.bench(
+        scenes / "single", methods=["numpy64-shadow-*"], sizes=[0.01], crowd=40, budget=20, repeats=2, truth_samples=4
+    )
+    assert found.scene == "single-40-spheres"
+    assert {"numpy64-shadow-none", "numpy64-shadow-conic"} <= {row.method for row in found.rows}
+    assert all(row.rmse < 1e-7 for row in found.rows if row.trim in ("none", "conic"))
+    with pytest.raises(InputError, match="--crowd"):
+        bench.bench(scenes / "single", crowd=0)
 
 
 # ------------------------------------------------------------------------------------------ truths

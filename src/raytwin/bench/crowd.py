@@ -13,7 +13,7 @@ RADIUS = 0.006
 COLOURS = ((0.8, 0.3, 0.2), (0.2, 0.5, 0.8), (0.3, 0.7, 0.3), (0.8, 0.7, 0.2))
 
 
-def crowd(scene: Scene, count: int, seed: int = 1) -> Scene:
+def crowded(scene: Scene, count: int, seed: int = 1) -> Scene:
     """The scene with `count` small spheres, evenly strewn over the picture, in the place of its objects.
 
     They stand about as far away as the scene's first object; light and camera stay. The colours are few, since Mitsuba
@@ -30,4 +30,5 @@ def crowd(scene: Scene, count: int, seed: int = 1) -> Scene:
         center = eye + away * depth * np.array(d, float)
         radius = RADIUS * camera.width / camera.fx * away * depth
         spheres.append(Sphere(tuple(center.tolist()), radius, tuple(colour.tolist())))
-    return msgspec.structs.replace(scene, spheres=tuple(spheres), planes=())
+    name = f"{scene.name}-{count}-spheres"
+    return msgspec.structs.replace(scene, name=name, spheres=tuple(spheres), planes=(), pyramids=())

@@ -258,7 +258,13 @@ def _denoise(method: Method, scene: Scene) -> Call:
     return lambda seed: denoise(render_twin(method, scene, "area", seed))
 
 
+MOST_TRIANGLES = 2_000_000
+"""More take longer to load than all other methods take to run."""
+
+
 def _triangles(method: Method, scene: Scene) -> Call:
+    if method.triangles * len(scene.spheres) > MOST_TRIANGLES:
+        raise MachineError(method.name, f"at most {MOST_TRIANGLES} triangles", method.triangles * len(scene.spheres))
     loaded = twin.load_mesh(scene, int(method.way), method.engine)
 
     def call(seed: int) -> np.ndarray:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from raytwin import files, pipeline, twin
-from raytwin.bench.crowd import crowd
+from raytwin.bench.crowd import crowded
 from raytwin.bench.frontier import median_iqr, on_frontier
 from raytwin.bench.measure import Measured, guess, repeat, warm
 from raytwin.bench.methods import Method, choose, prepare
@@ -44,6 +44,7 @@ def bench(
     methods: Sequence[str] = ("*",),
     sizes: Sequence[float] = (0.2,),
     spheres: Sequence[int] = (),
+    crowd: int | None = None,
     budget: float = 300.0,
     repeats: int = 15,
     truth_samples: int = 4096,
@@ -52,14 +53,16 @@ def bench(
 ) -> Bench:
     """Measure `methods` (patterns of names) on the scene at each of `sizes` (megapixels).
 
-    `spheres`: also time the methods of GROWTH with so many small spheres in the picture, at the first size. `budget`:
-    seconds; methods that do not fit are named in `left_out`. `repeats`: most timed calls of each. `truth_samples`: most
-    samples a pixel of each truth. `flip`: add FLIP, which is slow.
+    `crowd`: so many small spheres stand in the place of the scene's objects. `spheres`: also time the methods of GROWTH
+    with so many small spheres in the picture, at the first size. `budget`: seconds; methods that do not fit are named
+    in `left_out`. `repeats`: most timed calls of each. `truth_samples`: most samples a pixel of each truth. `flip`: add
+    FLIP, which is slow.
     """
     for where, value, right in (
         ("--budget", budget, budget > 0),
         ("--sizes", list(sizes), bool(sizes) and all(0 < s <= 1000 for s in sizes)),
         ("--spheres", list(spheres), all(1 <= n <= 100_000 for n in spheres)),
+        ("--crowd", crowd, crowd is None or 1 <= crowd <= 100_000),
         ("--repeats", repeats, repeats >= 1),
         ("--truth-samples", truth_samples, truth_samples >= 1),
     ):
@@ -71,6 +74,8 @@ def bench(
     twin.activate()
     scene = pipeline.find_camera(files.read_scene(path), progress=progress)[0]
     growing = [m for m in chosen if m.name in GROWTH] if spheres else []
+    if crowd:
+        scene = crowded(scene, crowd)
     parts = len(sizes) + (1 if growing else 0)
     rows, truths, errors, left, repeated, growth = [], [], [], [], [], []
     for i, megapixels in enumerate(sizes):
@@ -83,7 +88,7 @@ def bench(
         view = scene.with_camera(sized(scene.camera, sizes[0]))
         for i, count in enumerate(sorted(spheres)):
             until = time.perf_counter() + (deadline - time.perf_counter()) / (len(spheres) - i)
-            grown, without = measure_growth(crowd(view, count), count, growing, until, repeats, progress)
+            grown, without = measure_growth(crowded(view, count), count, growing, until, repeats, progress)
             growth += grown
             left += without
     return Bench(
