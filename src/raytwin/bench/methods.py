@@ -5,7 +5,6 @@ What a call does is timed, from the scene's record to a float32 image (H, W, 3);
 said where it matters: Mitsuba's plain scenes and meshes are loaded in it, which flatters Mitsuba.
 """
 
-import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -251,8 +250,6 @@ def _plain(method: Method, scene: Scene) -> Call:
 
 
 def _denoise(method: Method, scene: Scene) -> Call:
-    if importlib.util.find_spec("raytwin.photos.denoise") is None:
-        raise MachineError(method.name, "raytwin.photos.denoise", "none yet")
     from raytwin.photos.denoise import denoise
 
     return lambda seed: denoise(render_twin(method, scene, "area", seed))
