@@ -164,6 +164,9 @@ def calibrate_command(
     ] = None,
     json: JsonFile = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE", help="Write the camera, as TOML.")] = None,
+    uncertainty: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Draw how far off each pixel may be.")
+    ] = None,
 ) -> None:
     """Find the camera: detect the board's tags in the photos, fit K, distortion and a pose for each photo."""
     from raytwin import files, pipeline, report
@@ -182,6 +185,8 @@ def calibrate_command(
         pose = taken.pose_of_photo(calibration, photos / (photo or names[0]), definition)
         camera = taken.camera_at(calibration, pose.refined)
         files.write_camera(out, camera, f"Calibrated from {len(names)} photos, rms {calibration.rms_px:.3f} px.")
+    if uncertainty:
+        report.write_uncertainty(calibration, uncertainty)
     typer.echo(report.calibration_summary(calibration))
 
 

@@ -21,7 +21,7 @@ from raytwin.photos.pose import (
     refined_pose,
 )
 from raytwin.photos.pyramid import draw_pyramid
-from raytwin.photos.selection import ModelTrial
+from raytwin.photos.selection import ModelTrial, Told, explained
 from raytwin.photos.uncertainty import Evidence, deviations, uncertainty_map
 
 __all__ = [
@@ -38,6 +38,7 @@ __all__ = [
     "Pose",
     "PoseReport",
     "Tag",
+    "Told",
     "Truth",
     "View",
     "Warning_",
@@ -51,6 +52,7 @@ __all__ = [
     "deviations",
     "draw_board",
     "draw_pyramid",
+    "explained",
     "expose",
     "homography_pose",
     "photograph",

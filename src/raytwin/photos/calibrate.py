@@ -189,12 +189,14 @@ def _calibration(views, image_size, board, model, result: Fit, trials: dict[str,
         shown.append(View(view.photo, len(view.tags), rms, pose.rotation(R), tuple(t.tolist())))
     K = result.K
     middle = np.append(np.mean(list(board.centers().values()), axis=0), 0.0)
+    seen = tuple(tuple(map(float, t.center)) for v in views for t in v.tags)
     evidence = uncertainty.Evidence(
-        coverage=judge.coverage(np.array([t.center for v in views for t in v.tags]), image_size),
+        coverage=judge.coverage(np.array(seen), image_size),
         tilts=tuple(judge.tilts(shown, board)),
         distance=float(np.median([np.linalg.norm(R @ middle + t) for R, t in result.poses])),
         covariance=tuple(map(tuple, uncertainty.covariance(views, board, result, model).tolist())),
         trials=trials,
+        seen=seen,
     )
     return Calibration(
         image_size=tuple(image_size),

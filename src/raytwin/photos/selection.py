@@ -1,7 +1,8 @@
 """Which distortion model: the smallest that predicts views it has not seen, by cross-validation over the views."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import cv2
 
@@ -53,6 +54,33 @@ def select_model(views: Sequence[Seen], image_size: tuple[int, int], board: Boar
     sound = [m for m in LADDER if trials[m].sound] or ["none"]
     best = min(trials[m].held_out_px for m in sound)
     return next(m for m in sound if trials[m].held_out_px <= WITHIN * best), trials
+
+
+class Told(NamedTuple):
+    """A model that was tried: its held-out error in pixels, whether it was taken, and why, or why not."""
+
+    model: str
+    held_out_px: float
+    taken: bool
+    why: str
+
+
+def explained(trials: Mapping[str, ModelTrial], taken: str) -> list[Told]:
+    """What came of each model, in the order they were tried; empty where the model was given."""
+    best = min((t.held_out_px for t in trials.values() if t.sound), default=math.inf)
+    told = []
+    for model, trial in trials.items():
+        times = trial.held_out_px / best
+        if model == taken:
+            why = "the smallest that is sound and near the best" if trial.sound else "none is sound"
+        elif trial.doubt:
+            why = trial.doubt
+        elif times > WITHIN:
+            why = f"{times:.3g} times the best"
+        else:
+            why = "larger than needed"
+        told.append(Told(model, trial.held_out_px, model == taken, why))
+    return told
 
 
 def _doubt(whole: Fit, added: Sequence[str], image_size: tuple[int, int]) -> str:

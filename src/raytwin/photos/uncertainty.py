@@ -32,7 +32,8 @@ class Evidence(Record, frozen=True):
     `coverage`: the share of the frame's 10 x 10 cells with a tag's centre. `tilts`: the angle between the board's
     normal and the line of sight, degrees, by view. `distance`: the board's middle from the camera, the median over the
     views, metres. `covariance`: of (fx, fy, cx, cy, the model's coefficients, omega, tau), see above; pixels, radians,
-    metres. `trials`: what came of each model, where one was to be chosen.
+    metres. `trials`: what came of each model, where one was to be chosen. `seen`: the tags' centres in all the photos,
+    pixels.
     """
 
     coverage: float
@@ -40,6 +41,7 @@ class Evidence(Record, frozen=True):
     distance: float
     covariance: tuple[tuple[float, ...], ...]
     trials: dict[str, ModelTrial]
+    seen: tuple[tuple[float, float], ...]
 
 
 def covariance(views: Sequence[Seen], board: Board, found: Fit, model: str) -> np.ndarray:

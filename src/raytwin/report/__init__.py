@@ -17,6 +17,7 @@ _HOME = {
     "write_diff": "folder",
     "write_junit": "junit",
     "write_report": "html",
+    "write_uncertainty": "uncertainty",
 }
 __all__ = list(_HOME)
 

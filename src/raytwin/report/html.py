@@ -12,9 +12,11 @@ import numpy as np
 from raytwin import files
 from raytwin.compare.heatmap import signed_error
 from raytwin.image import Image
+from raytwin.photos import explained
 from raytwin.pipeline import Result
 from raytwin.report import numbers, pictures
 from raytwin.report.figures import Picture, embed, script_of_bokeh
+from raytwin.report.uncertainty import uncertainty_url
 from raytwin.report.values import Values, pack_values
 from raytwin.report.view import View, showable, view_of
 from raytwin.scene import Tolerance
@@ -224,5 +226,8 @@ def calibrated(view: View) -> dict | None:
         "intrinsics": [(n, v, calibration.sigma.get(n), unit) for n, v, unit in found],
         "views": views,
         "posed": view.photographed,
+        # A calibration that was read back has no evidence any more.
+        "models": explained(calibration.evidence.trials, calibration.model) if calibration.evidence else [],
+        "uncertainty": uncertainty_url(calibration) if calibration.evidence else None,
         "largest": max((v.rms_px for v in views), default=1.0) or 1.0,
     }

@@ -2,7 +2,7 @@
 
 from raytwin.compare import METRICS
 from raytwin.diff import Diff
-from raytwin.photos import Calibration
+from raytwin.photos import Calibration, explained
 from raytwin.pipeline import Result
 
 
@@ -42,6 +42,10 @@ def calibration_summary(calibration: Calibration) -> str:
     lines = [f"{len(calibration.views)} photos of {width} x {height}, model {calibration.model}"]
     lines += [f"  {n:<3} {v:12.5g}" + (f" +- {s[n]:.2g}" if n in s else "") for n, v in found.items()]
     lines.append(f"  rms {calibration.rms_px:.3f} px")
+    lines += [
+        f"  {'*' if t.taken else ' '} {t.model:<7} held out {t.held_out_px:.3f} px: {t.why}"
+        for t in explained(calibration.evidence.trials, calibration.model)
+    ]
     lines += [f"  warning ({w.code}): {w.text}" for w in calibration.warnings]
     return "\n".join(lines)
 
