@@ -14,6 +14,7 @@ import typer
 
 from raytwin import cli_reference
 from raytwin.cli_bench import bench_command
+from raytwin.cli_board import board_command
 from raytwin.errors import InputError
 
 app = typer.Typer(
@@ -262,6 +263,7 @@ def augment_command(
     typer.echo(f"{len(rows)} photos: {out}")
 
 
+app.command("board")(board_command)
 app.command("bench")(bench_command)
 
 

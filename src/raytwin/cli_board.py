@@ -1,0 +1,96 @@
+"""raytwin board: a board to print, or one from a pickle. Imported by cli.py, which holds the other commands."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raytwin.errors import InputError
+
+
+def board_command(
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FILE", help="board.pdf, its TOML beside it; with --import, a TOML."),
+    ] = None,
+    tag: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="Edge of a tag's black square, with its unit.")
+    ] = None,
+    columns: Annotated[int | None, typer.Option(metavar="N", help="Tags in a row.")] = None,
+    rows: Annotated[int | None, typer.Option(metavar="N", help="Rows of tags.")] = None,
+    pitch: Annotated[str | None, typer.Option(metavar="LENGTH", help="From centre to centre.")] = None,
+    paper: Annotated[
+        str | None, typer.Option(metavar="NAME|WxH", help="a4 (default), a3, letter, legal, tabloid; 200mmx300mm.")
+    ] = None,
+    margin: Annotated[str | None, typer.Option(metavar="LENGTH", help="Blank edge of the paper (5mm).")] = None,
+    landscape: Annotated[
+        bool | None, typer.Option("--landscape/--portrait", help="By default upright, or turned where only that fits.")
+    ] = None,
+    first_id: Annotated[int | None, typer.Option(metavar="N", help="Id of the lower left tag (0).")] = None,
+    family: Annotated[str | None, typer.Option(help="tag36h11 (default), tag25h9 or tag16h5.")] = None,
+    pickle: Annotated[
+        Path | None, typer.Option("--import", metavar="FILE", help="Read a pickle of boards (no code of it runs).")
+    ] = None,
+    name: Annotated[str | None, typer.Option(help="With --import: which of its boards.")] = None,
+    unit: Annotated[str | None, typer.Option(help="With --import: of its centres, mm, cm, m or inch.")] = None,
+    y_down: Annotated[
+        bool | None, typer.Option("--y-down", help="With --import: its Y counts downwards on the upright board.")
+    ] = None,
+) -> None:
+    """Make a board to print: a PDF at exact size with a ruler, and its TOML. Lengths have units: 30mm, 3cm, 0.8in."""
+    drawing = {
+        "--columns": columns, "--rows": rows, "--pitch": pitch, "--paper": paper, "--margin": margin,
+        "--landscape": landscape, "--first-id": first_id, "--family": family,
+    }  # fmt: skip
+    importing = {"--name": name, "--unit": unit, "--y-down": y_down}
+    for option, value in (importing if pickle is None else drawing).items():
+        if value is not None:
+            raise InputError(option, f"no such option {'without' if pickle is None else 'with'} --import", value)
+    given = {"--tag": tag, "--out": out}
+    if pickle is not None:
+        # Who asks for the names needs to know nothing else.
+        if name is not None:
+            _all_of({"--unit": unit, **given})
+        _import(pickle, name, unit or "m", tag or "1m", bool(y_down), out or Path("board.toml"))
+        return
+    _all_of({"--columns": columns, "--rows": rows, "--pitch": pitch, **given})
+    for option in ("--columns", "--rows", "--first-id"):
+        if drawing[option] is not None and drawing[option] < (option != "--first-id"):
+            raise InputError(option, f"a whole number from {int(option != '--first-id')}", drawing[option])
+
+    from raytwin.photos import board as boards
+    from raytwin.photos import lengths, sheet
+
+    edge, step = lengths.parse_length(tag, "--tag"), lengths.parse_length(pitch, "--pitch")
+    blank = lengths.parse_length(margin, "--margin", zero=True) if margin is not None else 0.005
+    chosen = (paper or "a4").strip().lower()
+    size = lengths.parse_paper(chosen, "--paper")
+    family = family or "tag36h11"
+    if family not in boards.FAMILIES:
+        raise InputError("--family", f"one of {', '.join(boards.FAMILIES)}", family)
+    definition = boards.Board(family, edge, boards.Grid(columns, rows, step, first_id or 0))
+    sheet.check_gap(definition)
+    boards.check_board(definition)
+    inches = "in" in chosen or chosen in ("letter", "legal", "tabloid")
+    laid = sheet.lay_out(definition, size, blank, landscape, inches)
+    toml = sheet.write_sheet(out, laid)
+    width, height = (f"{v * 1000:.5g}" for v in laid.paper)
+    typer.echo(f"{columns * rows} tags on {width} x {height} mm, print at 100 %: {out}, {toml}")
+
+
+def _all_of(options: dict[str, object]) -> None:
+    for option, value in options.items():
+        if value is None:
+            raise InputError(option, "a value", "nothing")
+
+
+def _import(pickle: Path, name: str | None, unit: str, tag: str, y_down: bool, out: Path) -> None:
+    from raytwin.photos import course, lengths
+    from raytwin.photos.board import write_board
+
+    if out.suffix.lower() != ".toml":
+        raise InputError(out, "a name that ends in .toml", out.suffix or "no ending")
+    edge, metres = lengths.parse_length(tag, "--tag"), lengths.parse_unit(unit, "--unit")
+    board = course.read_course(pickle, name, edge, metres, y_down)
+    write_board(out, board, f"Imported from {pickle.name}: {name}.")
+    typer.echo(f"{len(board.tags)} tags of {name}: {out}")
