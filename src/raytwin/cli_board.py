@@ -45,7 +45,7 @@ def board_command(
     importing = {"--name": name, "--unit": unit, "--y-down": y_down}
     for option, value in (importing if pickle is None else drawing).items():
         if value is not None:
-            raise InputError(option, f"no such option {'without' if pickle is None else 'with'} --import", value)
+            raise InputError(option, f"nothing {'without' if pickle is None else 'with'} --import", value)
     given = {"--tag": tag, "--out": out}
     if pickle is not None:
         # Who asks for the names needs to know nothing else.

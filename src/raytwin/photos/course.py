@@ -316,9 +316,9 @@ def read_course(path: str | os.PathLike, name: str | None, tag_edge: float, unit
     boards = read_pickle(path)
     if not isinstance(boards, dict) or not boards:
         raise InputError(path, "boards by their names", _kind(boards))
-    names = ", ".join(key[:40] for key in list(boards)[:20]) + (", ..." if len(boards) > 20 else "")
+    names = ", ".join(key[:24] for key in list(boards)[:12]) + (", ..." if len(boards) > 12 else "")
     if name is None or name not in boards:
-        raise InputError("--name", f"one of {names}", "none" if name is None else name)
+        raise InputError("--name", f"one of {names}", "none" if name is None else name[:40])
     where = f"{path}: {name[:40]}"
     tags = boards[name]
     if not isinstance(tags, list | tuple) or not 0 < len(tags) <= MOST_TAGS:

@@ -17,10 +17,15 @@ BAR, SHORTEST_BAR = 0.100, 0.020
 RULER, LINE, NOTES = 0.0070, 0.0024, 0.066
 """Metres: heights of the ruler with its numbers and of a line of text; the width that the text takes beside it."""
 
+BELOW, BEYOND = 3 * LINE + 0.001, 0.003
+"""Metres: height of the text where it stands below the ruler; how far a number reaches past the ruler's ends."""
+
 SMALLEST_CELL = 0.0002
 """Metres: what a printer of 600 dots an inch draws with five dots."""
 
 TEXT = "Helvetica"
+FILL_NON_ZERO = 1
+"""reportlab's; its default, even-odd, leaves holes where two rectangles overlap."""
 
 
 @dataclass(frozen=True)
@@ -74,11 +79,11 @@ def _fit(
     # The detector needs a cell's width of white around the outermost tags too; three digits are 1.7 sizes wide.
     blank, side = max(margin, ring), max(margin + 2 * _id_size(board), ring)
     wide, high = ((n - 1) * grid.pitch + board.tag_edge for n in (grid.columns, grid.rows))
-    free = paper[0] - 2 * margin
+    free = paper[0] - 2 * (margin + BEYOND)
     bar = min(BAR, int(free / 0.01 + 1e-9) * 0.01)
     beside = free >= bar + NOTES
-    strip = RULER + (0 if beside else 3 * LINE)
-    needed = max(wide + 2 * side, SHORTEST_BAR + 2 * margin), blank + high + ring + strip + margin
+    strip = RULER + (0 if beside else BELOW)
+    needed = max(wide + 2 * side, SHORTEST_BAR + 2 * (margin + BEYOND)), blank + high + ring + strip + margin
     if paper[0] < needed[0] - 1e-9 or paper[1] < needed[1] - 1e-9:
         return None, needed
     spare = (paper[1] - needed[1]) / 2
@@ -158,7 +163,7 @@ def _draw_tag(canvas, board: Board, tag_id: int, left: float, bottom: float) -> 
         edges = [i for i in range(n + 1) if (i < n and cells[row, i] == 0) != (i > 0 and cells[row, i - 1] == 0)]
         for a, b in zip(edges[::2], edges[1::2], strict=True):
             _add_rectangle(path, xs[a], ys[row + 1], xs[b], ys[row])
-    canvas.drawPath(path, stroke=0, fill=1)
+    canvas.drawPath(path, stroke=0, fill=1, fillMode=FILL_NON_ZERO)
 
 
 def _add_rectangle(path, left: float, bottom: float, right: float, top: float) -> None:
@@ -186,7 +191,7 @@ def _draw_ruler(canvas, sheet: Sheet) -> None:
 
     x, bottom = sheet.strip
     notes = _notes(sheet)
-    line = bottom + (0 if sheet.beside else 3 * LINE) + (0.0032 if sheet.inches else 0.0012)
+    line = bottom + (0 if sheet.beside else BELOW) + (0.0032 if sheet.inches else 0.0012)
     path = canvas.beginPath()
     thin = 0.00015
     _add_rectangle(path, *(POINTS * v for v in (x, line - thin / 2, x + sheet.bar, line + thin / 2)))
@@ -203,7 +208,7 @@ def _draw_ruler(canvas, sheet: Sheet) -> None:
         _add_rectangle(
             path, *(POINTS * v for v in (x + left, min(line, line + length), x + left + thin, max(line, line + length)))
         )
-    canvas.drawPath(path, stroke=0, fill=1)
+    canvas.drawPath(path, stroke=0, fill=1, fillMode=FILL_NON_ZERO)
     canvas.setFont(TEXT, 0.002 * POINTS)
     for cm in range(round(sheet.bar * 100) + 1):
         canvas.drawCentredString((x + cm * 0.01) * POINTS, (line + 0.0021) * POINTS, f"{cm * 10}" + " mm" * (cm == 0))
