@@ -8,7 +8,19 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-HEAVY = ("mitsuba", "drjit", "cv2", "pupil_apriltags", "bokeh", "PIL", "OpenEXR", "jinja2", "flip_evaluator", "scipy")
+HEAVY = (
+    "mitsuba",
+    "drjit",
+    "cv2",
+    "pupil_apriltags",
+    "bokeh",
+    "PIL",
+    "OpenEXR",
+    "jinja2",
+    "flip_evaluator",
+    "scipy",
+    "reportlab",
+)
 
 STAGES = {
     "back_project", "distort", "undistort", "intersect_sphere", "intersect_plane", "nearest", "Hit", "lambert",
