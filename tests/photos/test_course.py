@@ -314,6 +314,24 @@ def test_a_hostile_pickle_is_refused_in_one_line_and_little_memory(save, kind):
         tracemalloc.stop()
 
 
+@pytest.mark.parametrize(
+    ("thing", "reason"),
+    [
+        (HOSTILE["memo far off"], "a memo beyond its size"),
+        (HOSTILE["memo colliding"], "a memo beyond its size"),
+        (HOSTILE["keys that collide"], "names as keys"),
+        (HOSTILE["too large"], "at most 1 MiB"),
+        (HOSTILE["old instance"], "the instruction INST"),
+        (HOSTILE["persistent id"], "the instruction PERSID"),
+        (HOSTILE["state on a function"], "a state of its own"),
+        (pickle.dumps(np.array([1, None], object), 4), "an array of objects"),
+        (pickle.dumps(np.zeros(17), 4), "at most 16 numbers"),
+    ],
+)
+def test_what_is_refused_is_refused_for_its_own_reason(save, thing, reason):
+    refused(save(thing), reason)
+
+
 def test_text_turned_to_bytes_again_and_again_is_bounded(save):
     """One long text and many calls on it: a codec's honest answer would fill gigabytes."""
     call = b"c_codecs\nencode\n\x94"
