@@ -87,6 +87,15 @@ def test_a_turned_photo_comes_out_upright(taken, scenes, tmp_path):
         assert not drawn.getexif()
 
 
+def test_a_photo_whose_pixels_were_turned_does_not_fit_the_camera_and_is_said_to_be_turned(taken, scenes, tmp_path):
+    files.write_picture(tmp_path / "photo_00.jpg", np.rot90(files.read_photo(taken / "without" / "photo_00.jpg")))
+    with pytest.raises(InputError, match=r"photo_00\.jpg: .* as the camera's, got .*: the same, turned by a quarter"):
+        pipeline.augment_photos(
+            [tmp_path / "photo_00.jpg"], scenes / "desk", tmp_path / "out", camera=taken / "camera.toml"
+        )
+    assert not (tmp_path / "out").exists()
+
+
 def test_all_orientations_turn_as_pillow_turns_them():
     from PIL import ImageOps
 

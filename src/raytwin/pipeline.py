@@ -311,7 +311,8 @@ def augment_photos(
         progress("augment", done, len(taken))
         pixels = files.read_photo(path)
         if pixels.shape[1::-1] != lens.image_size:
-            found = f"{pixels.shape[1]} x {pixels.shape[0]}"
+            turned = ": the same, turned by a quarter" if pixels.shape[:2] == lens.image_size else ""
+            found = f"{pixels.shape[1]} x {pixels.shape[0]}{turned}"
             raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", found)
         tags = photos.detect_photo(path, definition.family)
         pose = photos.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
