@@ -9,7 +9,7 @@ import pytest
 from raytwin.bench import METHODS, Bench, Calibrated, Error, Growth, LeftOut, Repeats, Row, Truth, against
 from raytwin.report.bench_files import bench_summary, write_bench_all
 from raytwin.report.bench_html import all_charts, as_data, write_bench_page
-from raytwin.report.charts import FRAME, calibration_chart, error_chart, growth_charts
+from raytwin.report.charts import FRAME, calibration_charts, error_chart, growth_charts
 from raytwin.report.labels import BOLD_WIDTH, WIDTH, Label, place
 
 SIZES = ((400, 300), (800, 600), (1600, 1200))
@@ -65,7 +65,7 @@ def boxes(chart):
 
 
 def test_no_label_lies_over_another_or_beyond_the_frame(made):
-    for chart in (*all_charts(made), *growth_charts(made), calibration_chart(made)):
+    for chart in (*all_charts(made), *growth_charts(made), *calibration_charts("made", made.calibration)):
         found = list(boxes(chart))
         for a, b in itertools.combinations(found, 2):
             assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], (chart.key, a[4], b[4])

@@ -4,8 +4,10 @@ METHODS -> prepare -> measure (interleaved) -> truth -> Bench (JSON) -> frontier
 """
 
 from raytwin.bench.against import Change, Changes, against
+from raytwin.bench.calibration import Shoot, Taken, measure_calibrations
 from raytwin.bench.frontier import Fit, fit_power, on_frontier, ratio_interval, staircase
 from raytwin.bench.methods import METHODS, Method, choose, prepare
+from raytwin.bench.paper import Paper, paper
 from raytwin.bench.record import (
     ERRORS,
     Bench,
@@ -34,14 +36,19 @@ __all__ = [
     "Growth",
     "LeftOut",
     "Method",
+    "Paper",
     "Repeats",
     "Row",
+    "Shoot",
+    "Taken",
     "Truth",
     "against",
     "bench",
     "choose",
     "fit_power",
+    "measure_calibrations",
     "on_frontier",
+    "paper",
     "prepare",
     "ratio_interval",
     "read_bench",

@@ -29,7 +29,8 @@ class Method:
 
     `engine`: python, numpy, drjit (LLVM), cuda, or Mitsuba's variant; `precision`: bits of a float; `trim`: a row of
     TRIMS, None where nothing is trimmed by boxes; `speculation`: every how many-th pixel is traced, 1: all;
-    `triangles`: of each sphere, None for true spheres.
+    `triangles`: of each sphere, None for true spheres; `keep`: of fills and the tracer, every frame goes into one
+    array, as a film's do: a fresh one costs more than filling it, since the system hands it out page by page.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Method:
     samples: int = 1
     way: str | None = None
     triangles: int | None = None
+    keep: bool = False
 
     @property
     def truth(self) -> str:
@@ -166,7 +168,8 @@ def prepare(method: Method, scene: Scene) -> Call:
 
 
 def _fill(method: Method, scene: Scene) -> Call:
-    return lambda seed: background(scene)
+    kept = background(scene) if method.keep else None
+    return lambda seed: background(scene, out=kept)
 
 
 def _loop(method: Method, scene: Scene) -> Call:
@@ -175,9 +178,10 @@ def _loop(method: Method, scene: Scene) -> Call:
 
 def _trace(method: Method, scene: Scene) -> Call:
     engine = f"{method.engine}{method.precision}"
+    kept = background(scene, method.rung) if method.keep else None
 
     def call(seed: int) -> np.ndarray:
-        out = background(scene, method.rung)
+        out = background(scene, method.rung, kept)
         draw(scene, out, method.rung, engine, trim=method.trim)
         return out
 

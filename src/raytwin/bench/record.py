@@ -79,9 +79,11 @@ class Growth(msgspec.Struct, frozen=True):
 
 
 class Calibrated(msgspec.Struct, frozen=True):
-    """One way to calibrate: the detector's `setting`, the photos' `scale` (1: as taken), seconds for all the photos.
+    """One way to calibrate: the detector's `setting`, the scale of what it searches (1: the photos as taken).
 
-    `heldout_px`: the rms error on photos that the fit has not seen, in pixels of the photos as taken.
+    `seconds_median`: for all the photos, decoding and the fit included. `heldout_px`: the rms error on photos that the
+    fit has not seen, in pixels of the photos as taken. `source`: which photos; `tags`: how many tags the fit kept;
+    `focal_percent`: the focal length's true error, where the truth is known.
     """
 
     setting: str
@@ -89,6 +91,13 @@ class Calibrated(msgspec.Struct, frozen=True):
     photos: int
     seconds_median: float
     heldout_px: float
+    source: str = ""
+    seconds_iqr: float = 0.0
+    tags: int = 0
+    model: str = ""
+    focal_percent: float | None = None
+    width: int = 0
+    height: int = 0
 
 
 class LeftOut(msgspec.Struct, frozen=True):

@@ -236,7 +236,7 @@ def sized(camera: Camera, megapixels: float) -> Camera:
     """The camera with about so many pixels, at its own aspect exactly where whole numbers allow it."""
     w, h = camera.image_size
     unit = gcd(w, h)
-    if (w // unit) * (h // unit) <= 1e4:  # 4:3 and its like: steps of 4 x 3 pixels
+    if (w // unit) * (h // unit) <= min(1e4, megapixels * 1e6 / 25):  # 4:3 and its like: steps of 4 x 3 pixels
         steps = max(1, round(sqrt(megapixels * 1e6 / ((w // unit) * (h // unit)))))
         return camera.resized(w // unit * steps, h // unit * steps)
     scale = sqrt(megapixels * 1e6 / (w * h))

@@ -35,10 +35,7 @@ def converge(
     if sampling == "center":
         image = background(scene, rung)
         draw(scene, image, rung, "numpy64")
-        # Half a unit in the last place either way: what storing the truth as float32 may have cost.
-        exact = image.astype(np.float64)
-        rounded = exact + np.spacing(image) * (np.random.default_rng(0).random(image.shape) - 0.5)
-        return image, Truth(name, w, h, 1, clock() - start, measure(rounded, exact, flip))
+        return image, Truth(name, w, h, 1, clock() - start, rounding(image, flip))
     half = _traced if rung in ("lambert", "shadow") else _rendered
     sums, taken = [np.zeros((h, w, 3)), np.zeros((h, w, 3))], 0
     while taken == 0 or (2 * taken < samples and clock() - start < seconds * taken / (taken + BATCH)):
@@ -50,6 +47,13 @@ def converge(
     # The halves differ by twice the noise of their mean.
     apart = measure(image + (a - b) / 2, image, flip)
     return image, Truth(name, w, h, 2 * taken, clock() - start, apart)
+
+
+def rounding(image: np.ndarray, flip: bool = False) -> dict[str, float | None]:
+    """ERRORS of half a unit in the last place either way: what storing an exact truth as float32 may have cost."""
+    exact = image.astype(np.float64)
+    rounded = exact + np.spacing(image) * (np.random.default_rng(0).random(image.shape) - 0.5)
+    return measure(rounded, exact, flip)
 
 
 def _traced(scene: Scene, rung: str, first: int, seed: int) -> np.ndarray:

@@ -5,7 +5,7 @@ this loads OpenCV: commands do so only when they run.
 """
 
 from raytwin.photos.board import FAMILIES, Board, BoardTag, Grid, check_board, draw_board, read_board, write_board
-from raytwin.photos.calibrate import Calibration, View, Warning_, calibrate, calibrate_detections
+from raytwin.photos.calibrate import LEAST_VIEWS, Calibration, View, Warning_, calibrate, calibrate_detections
 from raytwin.photos.detect import NoTags, Tag, detect, detect_photo
 from raytwin.photos.fit import MODELS
 from raytwin.photos.judge import CODES
@@ -27,6 +27,7 @@ from raytwin.photos.uncertainty import Evidence, deviations, uncertainty_map
 __all__ = [
     "CODES",
     "FAMILIES",
+    "LEAST_VIEWS",
     "MODELS",
     "Board",
     "BoardTag",

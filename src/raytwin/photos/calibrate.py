@@ -18,7 +18,7 @@ from raytwin.errors import InputError
 from raytwin.photos import judge, lens, pose, uncertainty
 from raytwin.photos.bias import unbiased
 from raytwin.photos.board import Board, spans_a_plane
-from raytwin.photos.detect import Progress, Tag, detect_photos
+from raytwin.photos.detect import Find, Progress, Tag, detect, detect_photos
 from raytwin.photos.fit import MODELS, Fit, Seen, fit
 from raytwin.photos.selection import ModelTrial, select_model
 from raytwin.scene import Matrix, Record, Vector
@@ -76,9 +76,14 @@ class Calibration(Record, frozen=True):
 
 
 def calibrate(
-    photos: Sequence[str | os.PathLike], board: Board, model: str = "auto", progress: Progress | None = None
+    photos: Sequence[str | os.PathLike],
+    board: Board,
+    model: str = "auto",
+    progress: Progress | None = None,
+    find: Find = detect,
+    threads: int | None = None,
 ) -> Calibration:
-    """The camera that took `photos`, all of one size, of one board.
+    """The camera that took `photos`, all of one size, of one board. `find`, `threads`: see `detect_photos`.
 
     Photos without tags are left out with a warning as long as three others remain. Raises InputError for anything
     from which no camera follows. `progress(done, total)` counts photos, and the fit as one more.
@@ -90,7 +95,8 @@ def calibrate(
         raise InputError(where, f"at least {LEAST_VIEWS} photos of the board, from different sides", len(paths))
     paths, image_size, doubts = _of_one_size(paths)
     total = len(paths) + 1
-    found, wrong = detect_photos(paths, board.family, progress and (lambda done, _: progress(done, total)))
+    show = progress and (lambda done, _: progress(done, total))
+    found, wrong = detect_photos(paths, board.family, show, find, threads)
     unique = len({p.name for p in paths}) == len(paths)
     name = {str(p): p.name if unique else str(p) for p in paths}
     result = calibrate_detections(

@@ -17,6 +17,9 @@ from raytwin.scene import Record
 Progress = Callable[[int, int], None]
 """Called as progress(done, total) after every step."""
 
+Find = Callable[[np.ndarray, str], "list[Tag]"]
+"""find(grey, family) -> the tags in a photo, in the photo's own pixels; `detect` is one."""
+
 
 class NoTags(InputError):
     """The photo is sound, but shows no tag of the family that can be read."""
@@ -118,31 +121,38 @@ def _is_whole(corners: np.ndarray, size: np.ndarray) -> bool:
     return bool(corners.min() >= edge / 8 and (size - corners).min() >= edge / 8)
 
 
-def detect_photo(path: str | os.PathLike, family: str = "tag36h11") -> list[Tag]:
+def detect_photo(path: str | os.PathLike, family: str = "tag36h11", find: Find = detect) -> list[Tag]:
     """The tags in a photo's file; InputError where there is none, or where the photo is mirrored."""
     grey = files.read_grey(path)
-    if tags := detect(grey, family):
+    if tags := find(grey, family):
         return tags
-    if mirrored := detect(grey[:, ::-1], family):
+    if mirrored := find(grey[:, ::-1], family):
         raise NoTags(path, f"{family} tags", f"a mirrored photo (its mirror image shows {len(mirrored)} tags)")
     raise NoTags(path, f"{family} tags", "none")
 
 
 def detect_photos(
-    photos: Sequence[str | os.PathLike], family: str, progress: Progress | None = None
+    photos: Sequence[str | os.PathLike],
+    family: str,
+    progress: Progress | None = None,
+    find: Find = detect,
+    threads: int | None = None,
 ) -> tuple[dict[str, list[Tag]], dict[str, str]]:
-    """Tags by photo's path, and by photo's path what is wrong with those that show none."""
+    """Tags by photo's path, and by photo's path what is wrong with those that show none.
+
+    So many `threads` read photos side by side, by default as many as there are cores.
+    """
     tags: dict[str, list[Tag]] = {}
     wrong: dict[str, str] = {}
 
     def look(photo: str | os.PathLike) -> list[Tag] | NoTags:
         try:
-            return detect_photo(photo, family)
+            return detect_photo(photo, family, find)
         except NoTags as error:
             return error
 
     # Decoding and detecting both let other threads run.
-    pool = ThreadPoolExecutor(min(len(photos), os.cpu_count() or 1) or 1)
+    pool = ThreadPoolExecutor(min(len(photos), threads or os.cpu_count() or 1) or 1)
     try:
         for done, (photo, found) in enumerate(zip(photos, pool.map(look, photos), strict=True), start=1):
             if isinstance(found, NoTags):

@@ -209,8 +209,7 @@ def frontier_figure(chart: Chart):
     p.name = "frontier"
     p.x_range.name, p.y_range.name, p.yaxis[0].name, p.title.name = "x_range", "y_range", "y_axis", "title"
     data = as_data(chart)
-    low = ColumnDataSource(floor_box(chart), name="floor")
-    p.quad("left", "right", "bottom", "top", source=low, fill_color="#eef0f3", line_color=None, level="underlay")
+    draw_floor(p, ColumnDataSource(floor_box(chart), name="floor"))
     dots = _glyphs(p, data, named=True)
     # What a row holds is looked up in the page's data: it would otherwise stand in it once for each chart.
     rows = CustomJSHover(code="return window.raytwinBench.row(value)")
@@ -218,6 +217,10 @@ def frontier_figure(chart: Chart):
         HoverTool(renderers=[dots], tooltips='<div class="hover">@method{custom}</div>', formatters={"@method": rows})
     )
     return p
+
+
+def draw_floor(p, box: ColumnDataSource) -> None:
+    p.quad("left", "right", "bottom", "top", source=box, fill_color="#eef0f3", line_color=None, level="underlay")
 
 
 def floor_box(chart: Chart) -> dict:
@@ -231,7 +234,9 @@ def floor_box(chart: Chart) -> dict:
 
 def growth_figure(chart: Chart):
     p = _figure(chart, [])
+    if chart.floor is not None:
+        draw_floor(p, ColumnDataSource(floor_box(chart)))
     dots = _glyphs(p, as_data(chart))
-    tips = [("method", "@method"), (chart.x_label, "@x{0.[00]}"), ("seconds", "@y{0.000e+0}")]
+    tips = [("method", "@method"), (chart.x_label, "@x{0.[00000]}"), (chart.y_label, "@y{0.000e+0}")]
     p.add_tools(HoverTool(renderers=[dots], tooltips=tips))
     return p

@@ -4,10 +4,11 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.bench import GROWTH, METHODS, Bench, fit_power, on_frontier, staircase
+from raytwin.bench import GROWTH, METHODS, Bench, Calibrated, fit_power, on_frontier, staircase
 from raytwin.report.labels import Label, place
 
 FRAME = (740, 600)
@@ -240,8 +241,7 @@ def _guides(x_range: tuple[float, float], y_range: tuple[float, float], slope: f
 
 def side_charts(bench: Bench) -> list[Chart]:
     """Growth and calibration, what of them was measured."""
-    calibration = calibration_chart(bench)
-    return growth_charts(bench) + ([calibration] if calibration else [])
+    return growth_charts(bench) + calibration_charts(f"{bench.scene}: ", bench.calibration)
 
 
 def growth_charts(bench: Bench) -> list[Chart]:
@@ -310,25 +310,67 @@ def _distinct(names: list[str]) -> dict[str, str]:
 # ------------------------------------------------------------------------------------------ calibration
 
 
-def calibration_chart(bench: Bench) -> Chart | None:
-    """Held-out error against the seconds of a calibration: a line for each detector setting, a point for each scale."""
-    rows = sorted(bench.calibration, key=lambda r: (r.setting, -r.scale))
-    if not rows:
-        return None
-    palette = _distinct(list(dict.fromkeys(r.setting for r in rows)))
-    seconds, errors = [r.seconds_median for r in rows], [r.heldout_px for r in rows]
-    flags = on_frontier(seconds, errors)
+def calibration_charts(title: str, rows: Sequence[Calibrated]) -> list[Chart]:
+    """Held-out error against seconds, a chart for each set of photos: a line for a setting, a point for a scale.
+
+    `title`: what stands before the chart's own.
+    """
+    charts = []
+    for i, source in enumerate(dict.fromkeys(r.source for r in rows)):
+        of = sorted((r for r in rows if r.source == source), key=lambda r: (r.setting, -r.scale))
+        marks = [
+            Mark(r.setting, f"{r.scale:g}", f"{r.setting}, scale {r.scale:g}", r.seconds_median, r.heldout_px)
+            for r in of
+        ]
+        size = f" of {of[0].width} x {of[0].height}" if of[0].width else ""
+        what = " ".join(filter(None, (str(max(r.photos for r in of)), source, "photos"))) + size
+        made = marks_chart(
+            f"calibration{f'-{i + 1}' if i else ''}", f"{title}calibration from {what}", "seconds (median)",
+            "held-out rms error, pixels of the photos as taken", marks,
+            note="numbers at the points: the scale of what is searched",
+        )  # fmt: skip
+        charts.append(made)
+    return charts
+
+
+# ------------------------------------------------------------------------------------------ any seconds and errors
+
+
+class Mark(NamedTuple):
+    """One point: `family` is what a line joins, `label` its place in it, `name` what the hover says."""
+
+    family: str
+    label: str
+    name: str
+    seconds: float
+    error: float
+
+
+def marks_chart(
+    key: str, title: str, x_label: str, y_label: str, marks: Sequence[Mark], floor: float = 0.0, note: str = ""
+) -> Chart:
+    """Error against seconds: each family a line in its own colour, named once, every point labelled.
+
+    What is at or below `floor` is hollow and drawn there.
+    """
+    palette = _distinct(list(dict.fromkeys(m.family for m in marks)))
+    seconds, errors = [m.seconds for m in marks], [m.error for m in marks]
+    bottom = floor or min((e for e in errors if e > 0), default=1e-16)
+    flags = on_frontier(seconds, errors, floor)
     points = [
-        Point(r.seconds_median, r.heldout_px, f"{r.setting}, scale {r.scale:g}", r.setting, palette[r.setting],
-              "circle", False, flag)
-        for r, flag in zip(rows, flags, strict=True)
-    ]  # fmt: skip
-    x_range, y_range = _range(seconds, 0.15), _range(errors, 0.15)
+        Point(m.seconds, max(m.error, bottom), m.name, m.family, palette[m.family], "circle", m.error <= floor, flag)
+        for m, flag in zip(marks, flags, strict=True)
+    ]
+    x_range, y_range = _range(seconds, 0.15), _range([p.y for p in points], 0.15)
     to_px, from_px = _pixels(x_range, y_range)
     groups = [list(group) for _, group in groupby(points, key=lambda p: p.family)]
     lines = [Line(tuple(p.x for p in g), tuple(p.y for p in g), g[0].colour) for g in groups if len(g) > 1]
     asked = [(Label(g[0].family, *to_px(g[0].x, g[0].y), 11, True), g[0].colour) for g in groups]
-    asked += [(Label(f"{r.scale:g}", *to_px(p.x, p.y), 10), p.colour) for r, p in zip(rows, points, strict=True)]
+    asked += [
+        (Label(m.label, *to_px(p.x, p.y), 10), p.colour)
+        for m, p in zip(marks, points, strict=True)
+        if sum(other.family == m.family for other in marks) > 1
+    ]
     placed = place([a[0] for a in asked], [to_px(p.x, p.y) for p in points], *FRAME)
     texts = [
         Text(label.text, *from_px(at.x, at.y), colour, label.bold,
@@ -336,7 +378,6 @@ def calibration_chart(bench: Bench) -> Chart | None:
         for (label, colour), at in zip(asked, placed, strict=True) if at is not None
     ]  # fmt: skip
     return Chart(
-        "calibration", f"{bench.scene}: calibration from {rows[0].photos} photos", "seconds (median)",
-        "held-out rms error, pixels of the photos as taken", x_range, y_range, tuple(points), tuple(texts),
-        tuple(lines), notes=("numbers at the points: the photos' scale",),
+        key, title, x_label, y_label, x_range, y_range, tuple(points), tuple(texts), tuple(lines), floor or None,
+        notes=(note,) if note else (),
     )  # fmt: skip

@@ -1,0 +1,93 @@
+"""Detection on shrunk photos in closed form, and the calibration bench on a few small photos."""
+
+import time
+
+import cv2
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from raytwin import photos, pipeline
+from raytwin.bench import read_bench
+from raytwin.bench.calibration import BOARD, SETTINGS, Setting, detect_shrunk, measure_calibration
+from raytwin.cli import app
+from raytwin.photos import Board, Grid, draw_board
+
+
+@pytest.mark.parametrize("n", [2, 4])
+def test_centres_found_in_a_shrunk_photo_have_no_half_pixel_bias(n):
+    """Tags at four quarter turns, at places that are known: a forgotten half pixel would be (n - 1) / 2 px."""
+    board = Board("tag36h11", 0.03, Grid(4, 3, 0.0413))
+    albedo, (x_min, _, _, y_max) = draw_board(board, 10_000.0)
+    sheet = cv2.GaussianBlur(albedo, (0, 0), 3)
+    side = 901  # no multiple of n: the last small pixel reaches beyond the photo
+    off = []
+    for degrees in (10, 100, 190, 280):
+        middle = np.array(sheet.shape[::-1]) / 2
+        turn = cv2.getRotationMatrix2D(middle, degrees, 0.45)
+        turn[:, 2] += np.array([side / 2 + 0.3, side / 2 + 0.7]) - middle
+        grey = cv2.warpAffine(sheet, turn, (side, side), flags=cv2.INTER_LINEAR, borderValue=0.85)
+        found = {t.id: t for t in detect_shrunk((grey * 255).astype(np.uint8), board.family, n)}
+        assert set(found) == set(board.centers())
+        for i, (x, y) in board.centers().items():
+            known = turn @ ((x - x_min) * 10_000 - 0.5, (y_max - y) * 10_000 - 0.5, 1)
+            off.append([found[i].center - known, np.mean(found[i].corners, axis=0) - known])
+    assert np.abs(np.mean(off, axis=0)).max() < 0.1
+
+
+def test_a_setting_reaches_the_detector():
+    """On a photo so small that each way of searching finds other tags."""
+    albedo, _ = draw_board(BOARD, 1000.0)
+    grey = (albedo * 255).astype(np.uint8)
+    counts = {s.name: len(s.find(grey, BOARD.family)) for s in SETTINGS}
+    assert counts["full size, one thread, scale 1"] == counts["raytwin's own, scale 1"] == 35
+    assert counts["photos shrunk, scale 0.25"] < 35
+    assert counts["reduced search, refined, scale 0.125"] < 35
+
+
+@pytest.fixture(scope="module")
+def taken(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("taken")
+    photos.write_board(folder / "given.toml", BOARD)
+    pipeline.photograph_board(folder / "given.toml", folder / "photos", count=5, size=(640, 480), samples=2)
+    return folder / "photos"
+
+
+def test_every_setting_gets_its_seconds_and_both_errors(taken):
+    settings = SETTINGS[:3]
+    rows, left = measure_calibration(
+        taken, BOARD, name="made", settings=settings, deadline=time.perf_counter() + 600, repeats=1
+    )
+    assert [(r.setting, r.scale) for r in rows] == [(s.family, s.scale) for s in settings]
+    assert left == []
+    for r in rows:
+        assert (r.source, r.photos, r.width, r.height) == ("made", 5, 640, 480)
+        assert r.seconds_median > 0
+        assert 0 < r.heldout_px < 1
+        assert 0 < r.focal_percent < 3
+    assert rows[0].heldout_px == pytest.approx(rows[1].heldout_px)  # small photos are searched whole in any case
+    (taken / "truth.toml").rename(taken.parent / "truth.toml")
+    without = measure_calibration(taken, BOARD, settings=settings[:1], deadline=time.perf_counter() + 600, repeats=1)
+    assert without[0][0].focal_percent is None
+
+
+def test_what_finds_no_tags_or_has_no_time_is_named(taken):
+    hopeless = Setting("hopeless", 1 / 64, shrink=64, reductions=(1.0,))
+    rows, left = measure_calibration(taken, BOARD, settings=[hopeless], deadline=time.perf_counter() + 600, repeats=1)
+    assert rows == []
+    assert left[0].method == "calibration: hopeless, scale 0.015625"
+    assert "expected photos of tag36h11 tags" in left[0].why
+    rows, left = measure_calibration(taken, BOARD, deadline=time.perf_counter() - 1)
+    assert rows == []
+    assert len(left) == len(SETTINGS)
+
+
+def test_the_bench_of_a_scene_takes_calibrations_along(scenes, tmp_path):
+    photos_of = "--calibration", "--photo-size", "400x300", "--photo-count", "4"
+    small = "--methods", "fill", "--sizes", "0.01", "--truth-samples", "16", "--repeats", "1", "--budget", "600"
+    run = CliRunner().invoke(app, ["bench", str(scenes / "single"), *photos_of, *small, "-o", str(tmp_path)])
+    assert run.exit_code == 0, run.output
+    found = read_bench(tmp_path / "bench.json")
+    assert {"full size, one thread", "raytwin's own"} <= {c.setting for c in found.calibration}
+    assert (tmp_path / "calibration.svg").exists()
+    assert found.budget == 600

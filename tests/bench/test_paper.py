@@ -1,0 +1,153 @@
+"""The paper's figures again at toy size: what is reported, never how fast; and the trim boxes beside each other."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from raytwin import bench, twin
+from raytwin.bench.paper import SMALL, SPECULATION, boxed, errors, hard_cases, lambert, two_spheres
+from raytwin.bench.run import thumbnail
+from raytwin.cli import app
+from raytwin.errors import InputError
+from raytwin.files import read_scene
+from raytwin.tracer import trace
+from raytwin.tracer.trim import TRIMS, trim_boxes
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    """The folder of one small run of the command."""
+    folder = tmp_path_factory.mktemp("out")
+    size = "--photo-size", "400x300", "--photo-count", "4"
+    run = CliRunner().invoke(app, ["bench", "--paper", *size, "--budget", "900", "--repeats", "1", "-o", str(folder)])
+    assert run.exit_code == 0, run.output
+    assert "calibration at full size in one thread / raytwin's" in run.output
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(out) -> dict:
+    return json.loads((out / "paper.json").read_text(encoding="utf-8"))
+
+
+def test_one_command_writes_page_numbers_table_and_charts(out):
+    charts = {k + s for k in ("calibration", "intersection", "speculation") for s in (".svg", ".png")}
+    assert {p.name for p in out.iterdir()} == {"paper.html", "paper.json", "paper.md"} | charts
+
+
+def test_every_figure_has_its_rows(found):
+    if twin.activate().variant == "scalar_rgb":
+        pytest.skip("no LLVM on this machine: Dr.Jit's engines have nothing to run on")
+    small = {f["method"] for f in found["intersection"] if f["width"] == 100}
+    assert small == {m.name for m in lambert(SMALL)}
+    assert {f["method"] for f in found["speculation"]} == {m.name for m in lambert(SPECULATION)}
+    assert {"full size, one thread", "raytwin's own", "photos shrunk"} <= {c["setting"] for c in found["calibration"]}
+    assert found["covered"] == pytest.approx(0.05, abs=0.004)
+
+
+def test_every_ratio_comes_from_the_rows(found):
+    seconds = {f["method"]: f["seconds_median"] for f in found["intersection"] if f["width"] == 400}
+    ratio = {r["what"]: r["measured"] for r in found["ratios"]}
+    if "drjit32-lambert-conic" in seconds:
+        want = seconds["drjit32-lambert-conic"] / seconds["fill"]
+        assert ratio["Dr.Jit trimmed frame / one fill"] == pytest.approx(want)
+    rows = {(c["setting"], c["scale"]): c for c in found["calibration"]}
+    whole, ours = rows["full size, one thread", 1.0], rows["raytwin's own", 1.0]
+    want = whole["seconds_median"] / ours["seconds_median"]
+    assert ratio["calibration at full size in one thread / raytwin's"] == pytest.approx(want)
+    assert ratio["careful speculation's p99.9 error, n = 8 / peak"] < 1e-3
+
+
+def test_errors_are_held_against_float64_untrimmed(found):
+    frames = {(f["method"], f["width"]): f for f in (*found["intersection"], *found["speculation"])}
+    loops = [f for (name, _), f in frames.items() if name.startswith("loop")]
+    assert all(f["max_abs"] < 2e-7 and f["cut"] == 0 for f in loops)
+    scene = two_spheres(400, 300)
+    own = errors(trace(scene, "lambert", "numpy32").mean, trace(scene, "lambert", "numpy64", trim="none").mean)
+    assert frames["numpy32-lambert-conic", 400]["rmse"] == pytest.approx(own["rmse"])
+    assert frames["numpy32-lambert-paper8", 400]["rmse"] > 1e3 * frames["numpy32-lambert-careful8", 400]["rmse"]
+    assert frames["fill", 400]["rmse"] is None
+
+
+def test_the_yardsticks_are_the_rows_of_the_bench():
+    assert all(m.rung == "lambert" and "shadow" not in m.name + m.family for m in lambert((*SMALL, *SPECULATION)))
+    (mitsuba,) = lambert(("mitsuba-llvm-direct-1",))
+    assert mitsuba in bench.METHODS
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        (["--paper", "--photo-count", "2"], "--photo-count"),
+        (["--paper", "--photo-size", "12MP"], "--photo-size"),
+        (["--photos", "somewhere"], "--photos"),
+        (["--paper", "--photos", "nowhere"], "nowhere"),
+        (["--paper", "--budget", "0"], "--budget"),
+    ],
+)
+def test_what_was_asked_wrongly_is_named(options, named):
+    run = CliRunner().invoke(app, ["bench", *options])
+    assert isinstance(run.exception, InputError)
+    assert named in run.exception.where
+
+
+def test_photos_need_a_board_and_not_three(tmp_path):
+    for name in ("a", "b", "c"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "photo.jpg").touch()
+    photos = [option for name in ("a", "b", "c") for option in ("--photos", str(tmp_path / name))]
+    run = CliRunner().invoke(app, ["bench", "--paper", *photos])
+    assert re.search(r"board\.toml", str(run.exception))
+    run = CliRunner().invoke(app, ["bench", "--paper", *photos, "--board", "x.toml", "--board", "y.toml"])
+    assert "one for each of 3" in str(run.exception)
+
+
+def test_thumbnails_of_odd_sizes_differ():
+    """126 x 94 is 63 x 47 twice: in whole steps of that, a picture 24 high and one 48 high would be the same."""
+    small, larger = (thumbnail(two_spheres(126, 94), height).camera.image_size for height in (24, 48))
+    assert small == (32, 24)
+    assert larger == (64, 48)
+
+
+# ------------------------------------------------------------------------------------------ boxes
+
+
+@pytest.mark.parametrize("name", ["single", "overlap", "distorted", "grazing"])
+def test_the_conic_box_cuts_nothing_and_wastes_less(scenes, name):
+    rows = {b.trim: b for b in boxed(read_scene(scenes / name))}
+    assert rows["conic"].cut == rows["none"].cut == 0
+    assert rows["conic"].wasted < rows["none"].wasted
+
+
+def test_round_spheres_the_conic_box_is_the_smaller_one():
+    rows = {b.trim: b for b in boxed(two_spheres(403, 302))}
+    assert rows["conic"].pixels < rows["corners"].pixels < rows["none"].pixels
+    assert rows["none"].pixels == 2 * 403 * 302
+
+
+def test_the_eight_corner_box_cuts_what_is_made_to_be_hard():
+    for scene in hard_cases():
+        rows = {b.trim: b for b in boxed(scene)}
+        assert rows["corners"].cut > 1000
+        assert rows["conic"].cut == 0
+
+
+def test_a_wrong_box_is_seen_to_cut():
+    """Each box a pixel too small on the left: its leftmost column of visible pixels is lost, and nothing else."""
+    scene = two_spheres(403, 302)
+    right = trim_boxes(scene.objects, scene.camera)
+    seen = trace(scene, "surface").surface
+    first = [int(np.flatnonzero((seen.ids == i).any(axis=0))[0]) for i in (0, 1)]
+    lost = sum(int((seen.ids[:, x] == i).sum()) for i, x in enumerate(first))
+
+    def narrow(things, camera):
+        boxes = right.copy()
+        boxes[:, 0] = np.array(first) + 1
+        return boxes
+
+    (row,) = boxed(scene, {"narrow": narrow})
+    assert row.cut == lost > 0
+    assert {b.trim for b in boxed(scene)} == set(TRIMS)
