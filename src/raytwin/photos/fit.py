@@ -27,6 +27,9 @@ MODELS: dict[str, tuple[str, ...]] = {
 }
 """The coefficients that each model fits; the others are 0. To add one: a row here (OpenCV's five are all there are)."""
 
+CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 30, 1e-10)
+"""At most 30 steps, and none once the parameters move by less than this share: OpenCV's default makes all 30."""
+
 
 class Seen(Record, frozen=True):
     """The board's tags in one photo, none of them unknown to the board; internal to the fit."""
@@ -64,6 +67,7 @@ def fit(views: Sequence[Seen], image_size: tuple[int, int], board: Board, model:
             K,
             dist,
             flags=flags,
+            criteria=CRITERIA,
         )
     except cv2.error as error:
         raise InputError("views", "photos from which a camera follows", error.err or "none") from None
