@@ -99,9 +99,11 @@ def bench_command(
             progress=progress,
         )
         if calibration:
-            calibrated, without = bench.measure_calibrations(
-                shoot, taken, start + budget, min(repeats, CALIBRATIONS), progress
-            )
+            with bench.photographed(shoot, progress) as made:
+                until = time.perf_counter() + budget / 2
+                calibrated, without = bench.measure_calibrations(
+                    bench.Taken(made, shoot.board), taken, until, min(repeats, CALIBRATIONS), progress
+                )
             found = msgspec.structs.replace(
                 found,
                 budget=float(budget),

@@ -9,9 +9,23 @@ from typer.testing import CliRunner
 
 from raytwin import photos, pipeline
 from raytwin.bench import read_bench
-from raytwin.bench.calibration import BOARD, SETTINGS, Setting, detect_shrunk, measure_calibration
+from raytwin.bench.calibration import (
+    BOARD,
+    SETTINGS,
+    Setting,
+    by_truth,
+    detect_shrunk,
+    held_out,
+    measure_calibration,
+)
 from raytwin.cli import app
 from raytwin.photos import Board, Grid, draw_board
+from raytwin.scene import Camera
+
+EYE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+TRUE = Camera(
+    (1008, 756), ((780.0, 0.0, 503.0), (0.0, 781.0, 376.0), (0.0, 0.0, 1.0)), EYE, (0.0, 0.0, 0.3), (0.08, -0.16)
+)
 
 
 @pytest.mark.parametrize("n", [2, 4])
@@ -43,6 +57,32 @@ def test_a_setting_reaches_the_detector():
     assert counts["full size, one thread, scale 1"] == counts["raytwin's own, scale 1"] == 35
     assert counts["photos shrunk, scale 0.25"] < 35
     assert counts["reduced search, refined, scale 0.125"] < 35
+
+
+def test_held_out_errors_are_those_of_the_camera_not_of_the_detections(tmp_path_factory):
+    """Noise on what the fit sees raises the error by little, noise on the judge's side not at all: it has none."""
+    stands = photos.poses(BOARD, TRUE, 8, np.random.default_rng(4))
+    truth = photos.Truth(TRUE.image_size, TRUE.K, TRUE.dist, {f"{i}": stand for i, stand in enumerate(stands)})
+    points = np.array([(*c, 0.0) for c in BOARD.centers().values()])
+    rng = np.random.default_rng(5)
+    found = {}
+    for noise in (0.0, 0.5):
+        tags = {}
+        for name, (R, t) in truth.photos.items():
+            exact = photos.project(points, np.array(R), np.array(t), TRUE.K, TRUE.dist)
+            pixels = exact + rng.normal(0, noise, exact.shape)
+            inside = ((exact > 3) & (exact < np.array(TRUE.image_size) - 4)).all(axis=1)
+            # Corners in a point: a tag without edges has no bias to be taken off.
+            tags[name] = [
+                photos.Tag(i, tuple(p), (tuple(p),) * 4, 50.0)
+                for i, p, ok in zip(BOARD.centers(), pixels, inside, strict=True)
+                if ok
+            ]
+        c = photos.calibrate_detections(tags, TRUE.image_size, BOARD, "k1k2")
+        found[noise] = held_out(tags, c, BOARD, by_truth(truth, BOARD))
+    assert found[0.0] < 1e-3
+    # 35 tags a photo, 8 photos: a camera of 8 parameters errs by about sqrt(8 / 560) of the noise.
+    assert 0.01 < found[0.5] < 0.3
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +123,7 @@ def test_what_finds_no_tags_or_has_no_time_is_named(taken):
 
 
 def test_the_bench_of_a_scene_takes_calibrations_along(scenes, tmp_path):
-    photos_of = "--calibration", "--photo-size", "400x300", "--photo-count", "4"
+    photos_of = "--calibration", "--photo-size", "400x300", "--photo-count", "6"
     small = "--methods", "fill", "--sizes", "0.01", "--truth-samples", "16", "--repeats", "1", "--budget", "600"
     run = CliRunner().invoke(app, ["bench", str(scenes / "single"), *photos_of, *small, "-o", str(tmp_path)])
     assert run.exit_code == 0, run.output

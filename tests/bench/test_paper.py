@@ -21,7 +21,7 @@ from raytwin.tracer.trim import TRIMS, trim_boxes
 def out(tmp_path_factory):
     """The folder of one small run of the command."""
     folder = tmp_path_factory.mktemp("out")
-    size = "--photo-size", "400x300", "--photo-count", "4"
+    size = "--photo-size", "400x300", "--photo-count", "6"
     run = CliRunner().invoke(app, ["bench", "--paper", *size, "--budget", "900", "--repeats", "1", "-o", str(folder)])
     assert run.exit_code == 0, run.output
     assert "calibration at full size in one thread / raytwin's" in run.output

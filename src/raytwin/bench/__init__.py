@@ -4,7 +4,7 @@ METHODS -> prepare -> measure (interleaved) -> truth -> Bench (JSON) -> frontier
 """
 
 from raytwin.bench.against import Change, Changes, against
-from raytwin.bench.calibration import Shoot, Taken, measure_calibrations
+from raytwin.bench.calibration import Shoot, Taken, measure_calibrations, photographed
 from raytwin.bench.frontier import Fit, fit_power, on_frontier, ratio_interval, staircase
 from raytwin.bench.methods import METHODS, Method, choose, prepare
 from raytwin.bench.paper import Paper, paper
@@ -49,6 +49,7 @@ __all__ = [
     "measure_calibrations",
     "on_frontier",
     "paper",
+    "photographed",
     "prepare",
     "ratio_interval",
     "read_bench",

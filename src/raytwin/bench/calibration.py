@@ -6,7 +6,8 @@ are synthetic ones, whose true camera is known, or a folder of real ones.
 
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,6 +44,12 @@ class Setting:
     noisy: bool = False
 
     @property
+    def weight(self) -> float:
+        """About how its seconds compare with another's: pixels decoded and searched, by one thread or by all."""
+        searched = self.scale**2 if self.reductions else 1 / 16
+        return (0.2 + searched) * (2 if self.threads == 1 else 1)
+
+    @property
     def name(self) -> str:
         return f"{self.family}, scale {self.scale:g}"
 
@@ -53,14 +60,20 @@ class Setting:
 
 
 WHOLE, OURS, SHRUNK, REDUCED = "full size, one thread", "raytwin's own", "photos shrunk", "reduced search, refined"
+SHRUNK_ALONE = "photos shrunk, one thread"
 
 SETTINGS: tuple[Setting, ...] = (
     Setting(WHOLE, 1.0, reductions=(1.0,), threads=1),
     Setting(OURS, 1.0),
+    Setting(SHRUNK_ALONE, 1 / 4, shrink=4, reductions=(1.0,), threads=1),
     *(Setting(SHRUNK, 1 / n, shrink=n, reductions=(1.0,)) for n in (2, 4, 8)),
     *(Setting(REDUCED, 1 / n, reductions=(float(n),)) for n in (1, 2, 4, 8)),
 )
-"""The first is what the others' seconds are divided by. `shrunk` is the paper's trick."""
+"""The first is what the others' seconds are divided by. `shrunk` is the paper's trick.
+
+They are tried in this order: what the ratios need comes first."""
+
+FOLDS = 5
 
 
 def detect_shrunk(grey: np.ndarray, family: str, n: int) -> list[Tag]:
@@ -92,59 +105,115 @@ def measure_calibration(
     repeats: int = 7,
     progress: pipeline.Progress = pipeline.silent,
 ) -> tuple[list[Calibrated], list[LeftOut]]:
-    """Every setting on the photos in `folder`, and why those that are missing are; the quickest are tried first.
+    """Every setting on the photos in `folder`, and why those that are missing are.
 
     `folder` may hold a truth.toml, which tells the true error of the focal length. `name`: what the rows call the
-    photos. `deadline`: by time.perf_counter.
+    photos. `deadline`: by time.perf_counter, for the timed calls; finding the held-out errors comes after it.
     """
     taken = pipeline.list_photos(folder)
     size = files.photo_size(taken[0])
     truth_file = folder / "truth.toml"
     truth = photos.read_truth(truth_file) if truth_file.exists() else None
     found: dict[str, photos.Calibration] = {}
-    done, left, last = [], [], 0.0
-    for i, setting in enumerate(sorted(settings, key=expected)):
+    done, left, pace = [], [], 0.0
+    for i, setting in enumerate(settings):
         progress(f"calibrate {name}".strip(), i, len(settings))
 
         def call(seed: int, setting: Setting = setting) -> photos.Calibration:
             return photos.calibrate(taken, board, find=setting.find, threads=setting.threads)
 
         start = time.perf_counter()
-        if start + 2 * last > deadline:
-            left.append(LeftOut(f"calibration: {setting.name}", *size, f"no time: the one before took {last:.2g} s"))
+        if start + 2 * pace * setting.weight > deadline:
+            why = f"no time: a call would take about {pace * setting.weight:.2g} s"
+            left.append(LeftOut(f"calibration: {setting.name}", *size, why))
             continue
         try:
             found[setting.name] = call(0)
         except InputError as error:
             left.append(LeftOut(f"calibration: {setting.name}", *size, f"expected {error.expected}, got {error.got}"))
             continue
-        last = time.perf_counter() - start
-        done.append(Measured(setting, call, last))
+        spent = time.perf_counter() - start
+        pace = max(pace, spent / setting.weight)
+        done.append(Measured(setting, call, spent))
     repeat(done, lambda setting, calibration: {}, deadline, repeats)
     progress(f"calibrate {name}".strip(), len(settings), len(settings))
     rows = []
-    for m in sorted(done, key=lambda m: settings.index(m.method)):
+    judge = by_truth(truth, board) if truth is not None else by_full_size(taken, board)
+    for m in done:
         if not m.seconds:
             left.append(LeftOut(f"calibration: {m.method.name}", *size, "no time left for a timed call"))
             continue
-        rows.append(row_of(m.method, found[m.method.name], m.seconds, name, truth))
+        c = found[m.method.name]
+        if len(c.views) <= photos.LEAST_VIEWS:
+            left.append(LeftOut(f"calibration: {m.method.name}", *size, "too few photos to hold one out"))
+            continue
+        tags = photos.detect_photos(taken, board.family, find=m.method.find)[0]
+        error = held_out({Path(p).name: t for p, t in tags.items()}, c, board, judge)
+        rows.append(row_of(m.method, c, m.seconds, name, truth, error))
     return rows, left
 
 
-def expected(setting: Setting) -> float:
-    """For the order alone: pixels searched, by one thread or many."""
-    scale = setting.scale if setting.reductions else 0.25
-    return scale**2 * (2 if setting.threads == 1 else 1) + (0.001 if setting.shrink == 1 else 0)
+# One ruler for all settings: judged by its own detections, a coarse one would be charged for their noise twice, and one
+# that loses the difficult tags would be rewarded for it.
+Judge = Callable[[photos.Calibration, str], tuple[float, int]]
+"""(camera, photo's name) -> rms error in that photo, pixels, its pose alone being fitted; how many tags tell it."""
 
 
-def row_of(setting: Setting, c: photos.Calibration, seconds: Sequence[float], name: str, truth) -> Calibrated:
+def by_truth(truth: photos.Truth, board: Board) -> Judge:
+    """Against where the true camera sees the centres of all the board's tags that lie within the frame."""
+    points = np.array([(*center, 0.0) for center in board.centers().values()])
+    shown = {}
+    for photo, (R, t) in truth.photos.items():
+        pixels = photos.project(points, np.array(R), np.array(t), truth.K, truth.dist)
+        inside = ((pixels > -0.5) & (pixels < np.array(truth.image_size) - 0.5)).all(axis=1)
+        shown[photo] = [
+            Tag(i, tuple(p), (tuple(p),) * 4, 0.0)
+            for i, p, ok in zip(board.centers(), pixels.tolist(), inside, strict=True)
+            if ok
+        ]
+
+    def judge(camera: photos.Calibration, photo: str) -> tuple[float, int]:
+        pose, _ = photos.refined_pose(camera.K, camera.dist, shown[photo], board)
+        return pose.rms_px, len(shown[photo])
+
+    return judge
+
+
+def by_full_size(taken: Sequence[Path], board: Board) -> Judge:
+    """Against what is detected at full size, outliers left out."""
+    whole = SETTINGS[0]
+    seen = {Path(p).name: t for p, t in photos.detect_photos(taken, board.family, find=whole.find)[0].items()}
+
+    def judge(camera: photos.Calibration, photo: str) -> tuple[float, int]:
+        report = photos.pose_of_tags(camera.K, camera.dist, seen[photo], board, photo)
+        return report.refined.rms_px, report.tags
+
+    return judge
+
+
+def held_out(tags: Mapping[str, Sequence[Tag]], found: photos.Calibration, board: Board, judge: Judge) -> float:
+    """Rms in pixels over photos that a fit of `found`'s model has not seen, a fifth of them by turns."""
+    names = [view.photo for view in found.views]
+    squares, count = 0.0, 0
+    folds = min(FOLDS, len(names))
+    for k in range(folds):
+        rest = {name: tags[name] for i, name in enumerate(names) if i % folds != k}
+        camera = photos.calibrate_detections(rest, found.image_size, board, found.model)
+        for name in names[k::folds]:
+            rms, n = judge(camera, name)
+            squares, count = squares + n * rms**2, count + n
+    return (squares / count) ** 0.5
+
+
+def row_of(
+    setting: Setting, c: photos.Calibration, seconds: Sequence[float], name: str, truth, error: float
+) -> Calibrated:
     focal = None
     if truth is not None:
         focal = 100 * max(abs(c.K[i][i] / truth.K[i][i] - 1) for i in (0, 1))
-    held_out = c.evidence.trials[c.model].held_out_px
     median, iqr = median_iqr(seconds)
     return Calibrated(
-        setting.family, setting.scale, len(c.views), median, held_out, name, iqr, sum(v.tags for v in c.views),
+        setting.family, setting.scale, len(c.views), median, error, name, iqr, sum(v.tags for v in c.views),
         c.model, focal, c.image_size[0], c.image_size[1],
     )  # fmt: skip
 
@@ -164,13 +233,9 @@ class Taken(msgspec.Struct, frozen=True):
     board: Board
 
 
-def measure_calibrations(
-    shoot: Shoot, taken: Sequence[Taken], until: float, repeats: int = 7, progress: pipeline.Progress = pipeline.silent
-) -> tuple[list[Calibrated], list[LeftOut]]:
-    """`measure_calibration` on synthetic photos with truth, then on each folder of real ones, each with its share of
-    the time until `until`. The synthetic photos are taken into a folder that is gone afterwards; no row counts that.
-    """
-    options = {"repeats": repeats, "progress": progress}
+@contextmanager
+def photographed(shoot: Shoot, progress: pipeline.Progress = pipeline.silent) -> Iterator[Path]:
+    """A folder with the synthetic photos and their truth, gone afterwards. No budget counts the time that it takes."""
     with tempfile.TemporaryDirectory(prefix="raytwin-bench-") as temporary:
         folder = Path(temporary)
         photos.write_board(folder / "given.toml", shoot.board)
@@ -182,12 +247,22 @@ def measure_calibrations(
             samples=SYNTHETIC_SAMPLES,
             progress=progress,
         )
-        deadline = portion(until, 1 + len(taken))
-        rows, left = measure_calibration(folder / "photos", shoot.board, name="synthetic", deadline=deadline, **options)
-    for i, real in enumerate(taken):
-        deadline = portion(until, len(taken) - i)
+        yield folder / "photos"
+
+
+def measure_calibrations(
+    synthetic: Taken,
+    taken: Sequence[Taken],
+    until: float,
+    repeats: int = 7,
+    progress: pipeline.Progress = pipeline.silent,
+) -> tuple[list[Calibrated], list[LeftOut]]:
+    """`measure_calibration` on the synthetic photos and on each folder of real ones, in equal shares of the time."""
+    rows, left = [], []
+    for i, (name, part) in enumerate([("synthetic", synthetic), *((t.folder.name, t) for t in taken)]):
+        deadline = portion(until, 1 + len(taken) - i)
         found, without = measure_calibration(
-            real.folder, real.board, name=real.folder.name, deadline=deadline, **options
+            part.folder, part.board, name=name, deadline=deadline, repeats=repeats, progress=progress
         )
         rows += found
         left += without

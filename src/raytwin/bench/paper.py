@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from raytwin import files, photos, pipeline, twin
-from raytwin.bench.calibration import OURS, SHRUNK, WHOLE, Shoot, Taken, measure_calibrations
+from raytwin.bench.calibration import OURS, SHRUNK_ALONE, WHOLE, Shoot, Taken, measure_calibrations, photographed
 from raytwin.bench.frontier import median_iqr
 from raytwin.bench.measure import repeat
 from raytwin.bench.methods import Method, choose
@@ -149,10 +149,15 @@ def paper(
     ):
         if not right:
             raise InputError(where, "a larger number", value)
+    with photographed(shoot, progress) as folder:
+        return _paper(path, shoot, Taken(folder, shoot.board), taken, budget, repeats, progress)
+
+
+def _paper(path, shoot: Shoot, synthetic: Taken, taken, budget: float, repeats: int, progress) -> Paper:
     start = time.perf_counter()
     scene = pipeline.find_camera(files.read_scene(path), progress=progress)[0] if path else two_spheres(*shoot.size)
     until = start + SHARES["calibration"] * budget
-    calibration, left = measure_calibrations(shoot, taken, until, repeats, progress)
+    calibration, left = measure_calibrations(synthetic, taken, until, repeats, progress)
     twin.activate()
     width, height = shoot.size
     large = scene.with_camera(scene.camera.resized(width, height))
@@ -270,7 +275,7 @@ def ratios(
     held_out = {k: c.heldout_px for k, c in rows.items()}
     trimmed, full = f"drjit32-{RUNG}-conic", f"drjit32-{RUNG}-none"
     numpy_trimmed, mitsuba, careful = f"numpy32-{RUNG}-conic", "mitsuba-llvm-direct-1", f"numpy32-{RUNG}-careful8"
-    whole, ours, quarter = (WHOLE, 1.0), (OURS, 1.0), (SHRUNK, 0.25)
+    whole, ours, quarter = (WHOLE, 1.0), (OURS, 1.0), (SHRUNK_ALONE, 0.25)
     asked = (
         ("Dr.Jit trimmed frame / one fill", "at most 2", fast, trimmed, "fill"),
         ("Mitsuba direct / Dr.Jit trimmed frame", "at least 25", fast, mitsuba, trimmed),
@@ -282,7 +287,7 @@ def ratios(
         ("Python loop / Dr.Jit full frame, a quarter of the side", "", slow, f"loop-{RUNG}-none", full),
         ("calibration at full size in one thread / raytwin's", "at least 5", seconds, whole, ours),
         ("held-out error of raytwin's calibration / at full size", "at most 1", held_out, ours, whole),
-        ("calibration at full size in one thread / photos shrunk to a quarter", "", seconds, whole, quarter),
+        ("calibration at full size / photos shrunk to a quarter, both in one thread", "", seconds, whole, quarter),
         ("held-out error of photos shrunk to a quarter / at full size", "", held_out, quarter, whole),
     )
     return [

@@ -82,8 +82,9 @@ class Calibrated(msgspec.Struct, frozen=True):
     """One way to calibrate: the detector's `setting`, the scale of what it searches (1: the photos as taken).
 
     `seconds_median`: for all the photos, decoding and the fit included. `heldout_px`: the rms error on photos that the
-    fit has not seen, in pixels of the photos as taken. `source`: which photos; `tags`: how many tags the fit kept;
-    `focal_percent`: the focal length's true error, where the truth is known.
+    fit has not seen, in pixels of the photos as taken, against the true centres of the tags where they are known, else
+    against what is detected at full size: one ruler for all settings. `source`: which photos; `tags`: how many
+    the fit kept; `focal_percent`: the focal length's true error, where the truth is known.
     """
 
     setting: str

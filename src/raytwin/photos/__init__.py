@@ -6,9 +6,10 @@ this loads OpenCV: commands do so only when they run.
 
 from raytwin.photos.board import FAMILIES, Board, BoardTag, Grid, check_board, draw_board, read_board, write_board
 from raytwin.photos.calibrate import LEAST_VIEWS, Calibration, View, Warning_, calibrate, calibrate_detections
-from raytwin.photos.detect import NoTags, Tag, detect, detect_photo
+from raytwin.photos.detect import NoTags, Tag, detect, detect_photo, detect_photos
 from raytwin.photos.fit import MODELS
 from raytwin.photos.judge import CODES
+from raytwin.photos.lens import project
 from raytwin.photos.photographer import Truth, expose, photograph, poses, read_truth, sheet_of, write_truth
 from raytwin.photos.pose import (
     Pose,
@@ -50,6 +51,7 @@ __all__ = [
     "check_board",
     "detect",
     "detect_photo",
+    "detect_photos",
     "deviations",
     "draw_board",
     "draw_pyramid",
@@ -60,6 +62,7 @@ __all__ = [
     "pose_of_photo",
     "pose_of_tags",
     "poses",
+    "project",
     "read_board",
     "read_truth",
     "refined_pose",
