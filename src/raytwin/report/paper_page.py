@@ -181,12 +181,13 @@ def calibration(paper: Paper) -> Table | None:
         return None
     return Table(
         "calibration", "Calibration over image scale",
-        "From photos on disk to a camera: decoding, finding the tags, choosing a lens model and fitting it; all cores "
-        "unless said. Held-out: the rms error of tag centres in photos that the fit has not seen, in pixels of the "
-        "photos as taken, whatever the scale. Focal: how far the focal length is from the truth, which only "
-        "synthetic photos have. Photos shrunk: the paper's trick, centres scaled back with pixel centres at whole "
-        "numbers. Reduced search: tags are looked for at that scale, their edges refined on the whole photo. The "
-        "paper's seconds are for photos of its own, whose number may be another.",
+        "From photos on disk to a camera: decoding, finding the tags, choosing a lens model and fitting it; "
+        "all cores unless said. Held-out: the rms error in photos that the fit has not seen, in pixels of the "
+        "photos as taken, against the tags' true centres, or, in real photos, against what is found at full "
+        "size. Focal: how far the focal length is from the truth, which only synthetic photos have. Photos "
+        "shrunk: the paper's trick, centres scaled back with pixel centres at whole numbers. Reduced search: "
+        "tags are looked for at that scale, their edges refined on the whole photo. The paper's seconds are "
+        "for photos of its own, whose number may be another.",
         ("photos", "detector", "scale", "tags", "seconds", "times faster", "held-out, px", "focal, %", "the paper",
          "its times faster"), tuple(rows), words=2,
     )  # fmt: skip
