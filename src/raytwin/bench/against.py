@@ -9,6 +9,8 @@ from raytwin.bench.record import Bench
 from raytwin.errors import InputError
 
 SLOWER, LESS_ACCURATE = 1.05, 1.02
+ROUNDING = 1e-6
+"""An RMSE below this is float32's rounding: another last digit of the camera, and it is another number."""
 """Ratios up to these are not worth a word."""
 
 
@@ -39,10 +41,10 @@ def against(new: Bench, old: Bench) -> Changes:
     """How the methods that both runs measured at the same size have changed. InputError where they share none.
 
     A method is slower where the whole interval lies above SLOWER, less accurate where that of its RMSE lies above
-    LESS_ACCURATE; errors below the truth's floor count as the floor.
+    LESS_ACCURATE; errors below the truth's floor, or below ROUNDING, count as that.
     """
     before = {(r.method, r.width, r.height): r for r in old.repeats}
-    floors = {(r.method, r.width, r.height): max(r.truth_floor, 1e-30) for r in (*old.rows, *new.rows)}
+    floors = {(r.method, r.width, r.height): max(r.truth_floor, ROUNDING) for r in (*old.rows, *new.rows)}
     pairs = [(r, before[r.method, r.width, r.height]) for r in new.repeats if (r.method, r.width, r.height) in before]
     if not pairs:
         raise InputError("--against", "a run with methods and sizes of this one", "none in common")

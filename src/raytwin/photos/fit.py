@@ -27,8 +27,9 @@ MODELS: dict[str, tuple[str, ...]] = {
 }
 """The coefficients that each model fits; the others are 0. To add one: a row here (OpenCV's five are all there are)."""
 
-CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 30, 1e-10)
-"""At most 30 steps, and none once the parameters move by less than this share: OpenCV's default makes all 30."""
+CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 1000, 1e-10)
+"""No step once the parameters move by less than this share. Sound views take ten or twenty; views that hardly tell one
+parameter from another take hundreds, and a fit that stops before is a thousand pixels off and claims to know."""
 
 
 class Seen(Record, frozen=True):
