@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 import OpenEXR
 import pytest
+import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -22,6 +23,7 @@ from PIL import Image as Pillow
 
 from raytwin import files
 from raytwin.errors import InputError, MachineError
+from raytwin.files import limits
 from raytwin.image import Image, Surface
 from raytwin.scene import Camera, PhotoCamera, Plane, Sphere
 
@@ -190,7 +192,7 @@ def test_any_junk_in_a_scene_is_an_input_error_or_a_scene(tmp_path, field, inner
     else:
         data[field] = junk
     try:
-        text = files.tomli_w.dumps(data)
+        text = tomli_w.dumps(data)
     except TypeError:  # None is not TOML
         return
     try:
@@ -442,7 +444,7 @@ def test_a_wrong_photo_is_named(tmp_path):
 
 
 def test_a_photo_over_the_limit_is_refused_before_it_is_decoded(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "MAX_PIXELS", 1000)
+    monkeypatch.setattr(limits, "MAX_PIXELS", 1000)
     (tmp_path / "big.png").write_bytes(png_header(40, 30))
     with pytest.raises(InputError, match="megapixels, got 40 x 30"):
         files.read_photo(tmp_path / "big.png")

@@ -10,6 +10,7 @@ import pytest
 
 from raytwin import files
 from raytwin.errors import InputError
+from raytwin.files import limits
 from raytwin.image import Image
 
 
@@ -213,7 +214,7 @@ def test_what_is_no_image_is_named(tmp_path, sound):
 
 
 def test_a_size_over_the_limit_is_refused(tmp_path, monkeypatch, sound):
-    monkeypatch.setattr(files, "MAX_PIXELS", 600)
+    monkeypatch.setattr(limits, "MAX_PIXELS", 600)
     for name, data in sound.items():
         (tmp_path / name).write_bytes(data)
         with pytest.raises(InputError, match="megapixels, got 33 x 21"):

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from raytwin.errors import InputError
-from raytwin.formats.limits import FREE, check_size
+from raytwin.files.limits import FREE, check_size
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 TILED, LONG_NAMES, DEEP, MULTI_PART = 0x200, 0x400, 0x800, 0x1000
@@ -51,7 +51,7 @@ class ExrPart:
         return self.data.x1 - self.data.x0 + 1, self.data.y1 - self.data.y0 + 1
 
 
-def read_exr_header(path: str | os.PathLike, most_pixels: int) -> list[ExrPart]:
+def read_exr_header(path: str | os.PathLike) -> list[ExrPart]:
     """Every part of a sound, flat EXR; InputError for a header that lies about sizes or cannot be read."""
     length = Path(path).stat().st_size
     with Path(path).open("rb") as file:
@@ -65,7 +65,7 @@ def read_exr_header(path: str | os.PathLike, most_pixels: int) -> list[ExrPart]:
     total = sum(part.size[0] * part.size[1] * pixel for part, pixel in parts)
     for part, _ in parts:
         pixels = part.size[0] * part.size[1]
-        check_size(path, *part.size, -(-total // max(pixels, 1)), most_pixels)
+        check_size(path, *part.size, -(-total // max(pixels, 1)))
     return [part for part, _ in parts]
 
 

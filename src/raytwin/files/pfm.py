@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.formats.limits import check_size
+from raytwin.files.limits import check_size
 
 HEADER = re.compile(rb"(P[Ff])\s+(\d{1,9})\s+(\d{1,9})\s+([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)[ \t\r]*\n")
 LONGEST_HEADER = 256
 
 
-def read_pfm(path: str | os.PathLike, most_pixels: int) -> np.ndarray:
+def read_pfm(path: str | os.PathLike) -> np.ndarray:
     """(H, W, 3) or (H, W) float32, row 0 on top."""
     with Path(path).open("rb") as file:
         found = HEADER.match(file.read(LONGEST_HEADER))
@@ -24,7 +24,7 @@ def read_pfm(path: str | os.PathLike, most_pixels: int) -> np.ndarray:
             raise InputError(path, "a PFM's header: PF or Pf, width, height, scale", "a damaged one")
         width, height = int(found[2]), int(found[3])
         channels = 3 if found[1] == b"PF" else 1
-        check_size(path, width, height, 4 * channels, most_pixels)
+        check_size(path, width, height, 4 * channels)
         scale = float(found[4])
         if scale == 0 or not np.isfinite(scale):
             raise InputError(path, "a PFM's scale other than 0, its sign the byte order", scale)

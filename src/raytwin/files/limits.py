@@ -4,6 +4,9 @@ import os
 
 from raytwin.errors import InputError
 
+MAX_PIXELS = 400_000_000
+"""A header that claims more than this is damaged or hostile: no camera makes it."""
+
 FREE = 256 << 20
 """Bytes in memory that any file may claim: 22 megapixels of float32 RGB, were it a single colour."""
 
@@ -11,15 +14,15 @@ EXPANSION = 250
 """Bytes in memory per byte of a larger file. Photos and renderings stay under 120; a bomb of zeros reaches 1032."""
 
 
-def check_size(path: str | os.PathLike, width: int, height: int, pixel_bytes: int, most_pixels: int) -> None:
-    """width * height <= most_pixels, and no more memory than a file of this length may ask for; else InputError.
+def check_size(path: str | os.PathLike, width: int, height: int, pixel_bytes: int) -> None:
+    """width * height <= MAX_PIXELS, and no more memory than a file of this length may ask for; else InputError.
 
     `pixel_bytes` counts all channels as stored; the float32 RGB made of them counts at least.
     """
     if not (width > 0 and height > 0):
         raise InputError(path, "a picture of at least one pixel", f"{width} x {height}")
-    if width * height > most_pixels:
-        raise InputError(path, f"at most {most_pixels / 1e6:g} megapixels", f"{width} x {height}")
+    if width * height > MAX_PIXELS:
+        raise InputError(path, f"at most {MAX_PIXELS / 1e6:g} megapixels", f"{width} x {height}")
     length = os.stat(path).st_size  # noqa: PTH116 (path may be a str)
     claimed = width * height * max(pixel_bytes, 12)
     if claimed > max(FREE, EXPANSION * length):

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.formats.limits import check_size
+from raytwin.files.limits import check_size
 
 RESOLUTION = re.compile(rb"([+-])Y (\d{1,9}) ([+-])X (\d{1,9})\n")
 LONGEST_HEADER = 65536
 
 
-def read_hdr(path: str | os.PathLike, most_pixels: int) -> np.ndarray:
+def read_hdr(path: str | os.PathLike) -> np.ndarray:
     """(H, W, 3) float32, row 0 on top."""
     data = Path(path).read_bytes()
     head_end = data.find(b"\n\n", 0, LONGEST_HEADER)
@@ -29,7 +29,7 @@ def read_hdr(path: str | os.PathLike, most_pixels: int) -> np.ndarray:
     if known and known[-1].strip() != b"32-bit_rle_rgbe":
         raise InputError(path, "FORMAT=32-bit_rle_rgbe", known[-1].strip().decode("latin-1")[:40])
     height, width = int(size[2]), int(size[4])
-    check_size(path, width, height, 12, most_pixels)
+    check_size(path, width, height, 12)
     body = data[size.end() :]
     try:
         rgbe = _adaptive(body, width, height) if _is_adaptive(body, width) else _flat(body, width * height)

@@ -1,0 +1,53 @@
+"""Files in and out, and all validation of them.
+
+Reading: TOML into records, scenes, photos, EXR, any image (`read_image`). Writing: always under a temporary name first.
+"""
+
+from raytwin.files.exr import read_exr, read_origin, write_exr
+from raytwin.files.images import read_image, write_image
+from raytwin.files.limits import MAX_PIXELS
+from raytwin.files.pictures import (
+    from_bytes,
+    photo_orientation,
+    photo_size,
+    read_grey,
+    read_photo,
+    srgb_decode,
+    srgb_encode,
+    to_bytes,
+    upright,
+    write_picture,
+)
+from raytwin.files.records import plain, read_toml, to_record, write_json, write_toml
+from raytwin.files.safe import replacing, write_text
+from raytwin.files.scenes import check_camera, read_camera, read_scene, write_camera
+
+__all__ = [
+    "MAX_PIXELS",
+    "check_camera",
+    "from_bytes",
+    "photo_orientation",
+    "photo_size",
+    "plain",
+    "read_camera",
+    "read_exr",
+    "read_grey",
+    "read_image",
+    "read_origin",
+    "read_photo",
+    "read_scene",
+    "read_toml",
+    "replacing",
+    "srgb_decode",
+    "srgb_encode",
+    "to_bytes",
+    "to_record",
+    "upright",
+    "write_camera",
+    "write_exr",
+    "write_image",
+    "write_json",
+    "write_picture",
+    "write_text",
+    "write_toml",
+]

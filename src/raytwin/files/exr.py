@@ -1,0 +1,172 @@
+"""EXR: an Image with its variance, surface and provenance as parts of one file; and whatever others write."""
+
+import contextlib
+import io
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytwin.errors import InputError
+from raytwin.files.exr_header import EXR_MAGIC, read_exr_header
+from raytwin.files.safe import replacing
+from raytwin.image import Image, Surface
+
+
+def write_exr(path: str | os.PathLike, image: Image, header: Mapping[str, str] | None = None) -> None:
+    """An Image as a multi-part EXR: `mean`, and `variance`, `depth`, `normal`, `id` where it has them.
+
+    `header` adds text attributes (provenance) to the first part.
+    """
+    import OpenEXR
+
+    parts = [("mean", _rgb(image.mean))]
+    if image.variance is not None:
+        parts.append(("variance", _rgb(image.variance)))
+    if image.surface is not None:
+        s = image.surface
+        parts.append(("depth", {"Z": np.ascontiguousarray(s.depth, np.float32)}))
+        normal = np.asarray(s.normal, np.float32)
+        parts.append(("normal", {c: np.ascontiguousarray(normal[..., i]) for i, c in enumerate("XYZ")}))
+        # EXR's integers are unsigned: the background's -1 is stored as 0, every object as its index + 1.
+        parts.append(("id", {"id": np.ascontiguousarray(s.ids + 1, np.uint32)}))
+    built = []
+    for name, channels in parts:
+        attributes: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        if name == "mean":
+            # The image's own numbers last: a header taken from another file must not overrule them.
+            attributes |= {f"raytwin/{k}": str(v) for k, v in (header or {}).items() if k != "batches"}
+            attributes |= {"raytwin/samples": str(image.samples), "raytwin/parts": " ".join(n for n, _ in parts)}
+            if image.batches is not None:
+                attributes |= {"raytwin/batches": str(image.batches)}
+        built.append(OpenEXR.Part(attributes, channels, name))
+    with replacing(path) as temporary, OpenEXR.File(built) as file:
+        file.write(str(temporary))
+
+
+def _rgb(pixels: np.ndarray) -> dict[str, np.ndarray]:
+    return {"RGB": np.ascontiguousarray(pixels, np.float32)}
+
+
+def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
+    """An EXR as an Image and the text attributes under `raytwin/`.
+
+    Reads what `write_exr` writes, and any other EXR with RGB (or one grey) channels in its first part.
+    """
+    with _exr(path) as parts:
+        first = next(iter(parts.values()))
+        texts = {k: v for k, v in first.header.items() if isinstance(v, str)}
+        header = {k.removeprefix("raytwin/"): v for k, v in texts.items() if k.startswith("raytwin/")}
+        # OpenEXR leaves out a part that it cannot read, and only prints a warning.
+        if lost := set(header.pop("parts", "").split()) - parts.keys():
+            raise InputError(path, "an EXR file", f"a damaged one (without its part {', '.join(sorted(lost))})")
+        mean = _colours(path, parts)
+        variance = _colours(path, {"variance": parts["variance"]}) if "variance" in parts else None
+        surface = None
+        if {"depth", "normal", "id"} <= parts.keys():
+            normal, depth, ids = (parts[name].channels for name in ("normal", "depth", "id"))
+            surface = Surface(
+                ids["id"].pixels.astype(np.int32) - 1, depth["Z"].pixels, stack(normal[c].pixels for c in "XYZ")
+            )
+        batches = int(header["batches"]) if "batches" in header else None
+        samples = int(header.get("samples", 1))
+        layers = [variance, *(() if surface is None else (surface.ids, surface.depth, surface.normal))]
+        sizes = [layer.shape[1::-1] for layer in (mean, *layers) if layer is not None]
+        if len(set(sizes)) > 1:
+            raise InputError(path, "parts of one size", ", ".join(f"{w} x {h}" for w, h in sizes))
+    return Image(mean, variance, samples, surface, batches), header
+
+
+def exr_layer(path: str | os.PathLike, part: str | None = None, layer: str | None = None) -> Image:
+    """The colours of a named part (name or number), a named layer, or both."""
+    with _exr(path) as parts:
+        return Image(_colours(path, parts, part, layer))
+
+
+@contextlib.contextmanager
+def _exr(path: str | os.PathLike) -> Iterator[dict[str, Any]]:
+    """The parts by name, decoded; whatever goes wrong inside is an InputError."""
+    import OpenEXR
+
+    if not Path(path).is_file():
+        raise InputError(path, "an EXR file", "a folder" if Path(path).is_dir() else "no such file")
+    claimed = read_exr_header(path)
+    if bad := [channel for part in claimed for channel in part.subsampled]:
+        raise InputError(path, "channels with a value for every pixel", f"{', '.join(bad)} with fewer")
+    try:
+        # OpenEXR leaves out a part that it cannot read, and only prints a warning.
+        with contextlib.redirect_stdout(io.StringIO()):
+            opened = OpenEXR.File(str(path), separate_channels=True)
+        with opened as file:
+            if len(file.parts) < len(claimed):
+                lost = ", ".join(p.name for p in claimed if p.name not in {q.name() for q in file.parts})
+                raise InputError(path, "an EXR file", f"a damaged one (without its part {lost})")
+            for part, claim in zip(file.parts, claimed, strict=True):
+                if any(c.pixels is None or c.pixels.shape[::-1] != claim.size for c in part.channels.values()):
+                    raise InputError(path, "an EXR file", f"a damaged one (part {claim.name} has another size)")
+            yield {p.name() or str(i): p for i, p in enumerate(file.parts)}
+    except InputError:
+        raise
+    except Exception as error:  # OpenEXR raises whatever its C++ did
+        raise InputError(path, "an EXR file", f"a damaged one ({' '.join(str(error).split())[:120]})") from None
+
+
+def _colours(
+    path: str | os.PathLike, parts: Mapping[str, Any], part: str | None = None, layer: str | None = None
+) -> np.ndarray:
+    """(H, W, 3) float32 of the first part with colours; of a named part and layer where asked for."""
+    if part is not None:
+        chosen = parts.get(part) or dict(zip(map(str, range(len(parts))), parts.values(), strict=True)).get(part)
+        if chosen is None:
+            raise InputError(f"{path}: part", f"one of {', '.join(parts)}", part)
+        parts = {part: chosen}
+    for channels in (p.channels for p in parts.values()):
+        if layer is not None:
+            named = {k.removeprefix(f"{layer}."): c for k, c in channels.items() if k.startswith(f"{layer}.")}
+            found = _triple(named, ("RGB", "XYZ", "Y")) or ([channels[layer]] if layer in channels else None)
+        else:
+            found = _triple(channels, ("RGB", "Y") if part is None else ("RGB", "XYZ", "Y"))
+        if found:
+            return stack((found * 3)[:3][i].pixels for i in range(3))
+    layers = _layers(parts)
+    if layer is not None:
+        raise InputError(f"{path}: layer", f"one of {', '.join(layers) or 'none'}", layer)
+    if len(layers) == 1:
+        return _colours(path, parts, None, layers[0])
+    if part is not None and len(channels) == 1:
+        return _colours(path, parts, None, next(iter(channels)))
+    names = [c for p in parts.values() for c in p.channels]
+    choose = f"; choose one of the layers {', '.join(layers)}" if layers else ""
+    raise InputError(path, "channels R, G, B (or Y)", (", ".join(names) or "none") + choose)
+
+
+def _triple(channels: Mapping[str, Any], kinds: tuple[str, ...]) -> list[Any] | None:
+    return next(([channels[c] for c in kind] for kind in kinds if all(c in channels for c in kind)), None)
+
+
+def _layers(parts: Mapping[str, Any]) -> list[str]:
+    """Names before `.R`, `.G`, `.B`, as in `diffuse.R`."""
+    names = {c for p in parts.values() for c in p.channels}
+    return sorted(n[:-2] for n in names if n.endswith(".R") and {n[:-1] + "G", n[:-1] + "B"} <= names)
+
+
+def stack(planes: Iterable[np.ndarray]) -> np.ndarray:
+    """Three planes (H, W) as float32 (H, W, 3)."""
+    planes = list(planes)
+    out = np.empty((*planes[0].shape, 3), np.float32)
+    for i, plane in enumerate(planes):
+        out[..., i] = plane
+    return out
+
+
+def read_origin(path: str | os.PathLike, part: str | None = None) -> tuple[int, int]:
+    """Where on the display an EXR's first (or named) part begins, (x, y) in pixels; (0, 0) for any other image."""
+    path = Path(path)
+    with path.open("rb") as file:
+        if file.read(4) != EXR_MAGIC:
+            return 0, 0
+    parts = read_exr_header(path)
+    chosen = next((p for i, p in enumerate(parts) if part in (p.name, str(i))), parts[0])
+    return chosen.data.x0 - chosen.display.x0, chosen.data.y0 - chosen.display.y0

@@ -1,0 +1,62 @@
+"""Any image, told apart by its first bytes."""
+
+import os
+from pathlib import Path
+
+from raytwin.errors import InputError
+from raytwin.files.exr import exr_layer, read_exr, stack, write_exr
+from raytwin.files.exr_header import EXR_MAGIC
+from raytwin.files.hdr import read_hdr
+from raytwin.files.pfm import pfm_bytes, read_pfm
+from raytwin.files.pictures import from_bytes, read_deep_png, read_photo, to_bytes, write_picture
+from raytwin.files.safe import replacing
+from raytwin.image import Image
+
+MAGIC = {
+    EXR_MAGIC: "EXR", b"PF": "PFM", b"Pf": "PFM", b"#?": "HDR", b"\x89PNG": "PNG", b"\xff\xd8": "JPEG",
+}  # fmt: skip
+
+
+def read_image(path: str | os.PathLike, part: str | None = None, layer: str | None = None) -> Image:
+    """EXR, PFM, Radiance HDR, PNG (8 and 16 bit) or JPEG as an Image: told apart by their first bytes.
+
+    `part` (name or number) and `layer` (`diffuse` for `diffuse.R`..., or a single channel) choose within an EXR; where
+    nothing is chosen, the first part with colours counts, with the variance and the surface that `write_exr` wrote.
+    Grey becomes three equal channels; alpha is left out; PNG and JPEG are taken for sRGB. An EXR's pixels are those of
+    its data window.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(path, "an image file", "a folder" if path.is_dir() else "no such file")
+    try:
+        with path.open("rb") as file:
+            start = file.read(8)
+        kind = next((kind for magic, kind in MAGIC.items() if start.startswith(magic)), None)
+        if kind is None:
+            raise InputError(path, "an image: EXR, PFM, HDR, PNG or JPEG", "a file of another kind")
+        if kind != "EXR" and (part is not None or layer is not None):
+            raise InputError(path, "an EXR, which has parts and layers", kind)
+        if kind == "EXR":
+            if part is None and layer is None:
+                return read_exr(path)[0]
+            return exr_layer(path, part, layer)
+        if kind in ("PFM", "HDR"):
+            pixels = (read_pfm if kind == "PFM" else read_hdr)(path)
+        else:
+            pixels = read_deep_png(path) if kind == "PNG" else None
+            pixels = from_bytes(read_photo(path)) if pixels is None else pixels
+    except OSError as error:
+        raise InputError(path, "an image file", error.strerror or error) from None
+    return Image(pixels if pixels.ndim == 3 else stack([pixels] * 3))
+
+
+def write_image(path: str | os.PathLike, image: Image) -> None:
+    """By the name's ending: EXR with all that the image has; PFM its mean; PNG or JPEG its mean as 8-bit sRGB."""
+    suffix = Path(path).suffix.lower()
+    if suffix == ".exr":
+        write_exr(path, image)
+    elif suffix == ".pfm":
+        with replacing(path) as temporary:
+            temporary.write_bytes(pfm_bytes(image.mean))
+    else:
+        write_picture(path, to_bytes(image.mean))

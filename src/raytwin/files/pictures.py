@@ -1,0 +1,139 @@
+"""Photos and pictures, PNG and JPEG: sRGB in, sRGB out. The only place where sRGB exists."""
+
+import contextlib
+import io
+import os
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytwin.errors import InputError
+from raytwin.files.limits import check_size
+from raytwin.files.safe import replacing
+
+
+def srgb_encode(linear: np.ndarray) -> np.ndarray:
+    """Linear [0, 1] to sRGB's [0, 1], clipped; IEC 61966-2-1."""
+    x = np.clip(np.nan_to_num(linear, nan=0.0, posinf=1.0, neginf=0.0), 0, 1)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.power(np.maximum(x, 1e-9), 1 / 2.4) - 0.055)
+
+
+def srgb_decode(encoded: np.ndarray) -> np.ndarray:
+    """sRGB's [0, 1] to linear [0, 1]; IEC 61966-2-1."""
+    x = np.asarray(encoded)
+    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+
+
+def to_bytes(linear: np.ndarray) -> np.ndarray:
+    """Linear radiance (H, W, 3), 1 is white, as sRGB uint8."""
+    return np.round(srgb_encode(linear) * 255).astype(np.uint8)
+
+
+_DECODE = srgb_decode(np.arange(256) / 255).astype(np.float32)
+
+
+def from_bytes(pixels: np.ndarray) -> np.ndarray:
+    """sRGB uint8 as linear float32 in [0, 1]."""
+    return _DECODE[pixels]
+
+
+def photo_size(path: str | os.PathLike) -> tuple[int, int]:
+    """(width, height) of a photo from its header alone."""
+    with _opened(path) as photo:
+        return photo.size
+
+
+def read_photo(path: str | os.PathLike) -> np.ndarray:
+    """A PNG or JPEG as sRGB uint8 (H, W, 3), in the sensor's own pixel grid.
+
+    An EXIF orientation is not applied: it turns the picture for the eye, but the lens and its K stay with the sensor.
+    """
+    with _opened(path) as photo:
+        return np.asarray(photo.convert("RGB"))
+
+
+def read_grey(path: str | os.PathLike) -> np.ndarray:
+    """A PNG or JPEG as grey uint8 (H, W), Rec. 601 luma of sRGB, in the sensor's own pixel grid.
+
+    A JPEG stores luma apart from colour: reading it alone takes a third of `read_photo`'s time.
+    """
+    with _opened(path) as photo:
+        photo.draft("L", photo.size)
+        return np.asarray(photo.convert("L"))
+
+
+def photo_orientation(path: str | os.PathLike) -> int:
+    """The EXIF orientation, 1 (upright) to 8; 1 where the file says nothing."""
+    with _opened(path) as photo:
+        return int(photo.getexif().get(0x0112, 1) or 1)
+
+
+@contextlib.contextmanager
+def _opened(path: str | os.PathLike) -> Iterator[Any]:
+    from PIL import Image as Pillow  # 40 ms: not at import
+
+    if Path(path).is_dir():
+        raise InputError(path, "a photo (JPEG or PNG)", "a folder")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)
+            # From memory: of a file on disk, Pillow asks for as many bytes at once as a damaged chunk claims to have.
+            with Pillow.open(io.BytesIO(Path(path).read_bytes()), formats=("JPEG", "PNG")) as photo:
+                check_size(path, *photo.size, 12)
+                yield photo
+    except (FileNotFoundError, PermissionError) as error:
+        raise InputError(path, "a photo (JPEG or PNG)", error.strerror.lower()) from None
+    except Pillow.UnidentifiedImageError:
+        raise InputError(path, "a photo (JPEG or PNG)", "a file of another kind, or a damaged header") from None
+    except Pillow.DecompressionBombError as error:
+        raise InputError(path, "a photo of a size that a camera makes", error) from None
+    except (OSError, SyntaxError, ValueError) as error:
+        raise InputError(path, "a whole photo (JPEG or PNG)", f"a damaged one ({error})") from None
+
+
+def write_picture(path: str | os.PathLike, pixels: np.ndarray, quality: int = 92) -> None:
+    """sRGB uint8 (H, W) or (H, W, 3) as PNG or, by the name's ending, JPEG."""
+    from PIL import Image as Pillow
+
+    suffix = Path(path).suffix.lower()
+    if suffix not in (".png", ".jpg", ".jpeg"):
+        raise InputError(path, "a name that ends in .png, .jpg or .jpeg", suffix or "no ending")
+    options = {"compress_level": 6} if suffix == ".png" else {"quality": quality, "subsampling": 0}
+    with replacing(path) as temporary:
+        Pillow.fromarray(np.ascontiguousarray(pixels)).save(temporary, **options)
+
+
+def upright(pixels: np.ndarray, orientation: int) -> np.ndarray:
+    """The pixels turned as the EXIF orientation (1 to 8) asks a viewer to turn them."""
+    if orientation in (2, 4, 5, 7):
+        pixels = pixels[:, ::-1]
+    quarter_turns = {3: 2, 4: 2, 5: 1, 6: 3, 7: 3, 8: 1}.get(orientation, 0)
+    return np.rot90(pixels, quarter_turns)
+
+
+def read_deep_png(path: Path) -> np.ndarray | None:
+    """A PNG of 16 bits as linear float32, (H, W) or (H, W, 3); None where it has fewer."""
+    with _opened(path) as photo:
+        raw = photo.tile[0].args if photo.tile else None
+        raw = raw if isinstance(raw, str) else raw[0] if raw else ""
+        if not raw.endswith(";16B"):
+            return None
+        if photo.mode == "I;16":
+            return srgb_decode(np.asarray(photo, np.float32) / np.float32(65535)).astype(np.float32)
+        # Pillow keeps the first byte of each pair; told that the pairs are swapped, it keeps the second.
+        high = np.asarray(photo)[..., :3]
+    if raw not in ("RGB;16B", "RGBA;16B"):
+        return from_bytes(high)
+    with _opened(path) as photo:
+        photo.tile = [tile._replace(args=raw.replace("16B", "16L")) for tile in photo.tile]
+        low = np.asarray(photo)[..., :3]
+    return _decode_pairs(high, low)
+
+
+def _decode_pairs(high: np.ndarray, low: np.ndarray) -> np.ndarray:
+    codes = np.arange(1 << 16, dtype=np.float32) / np.float32(65535)
+    table = srgb_decode(codes).astype(np.float32)
+    return table[high.astype(np.uint16) << 8 | low]
