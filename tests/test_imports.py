@@ -1,6 +1,8 @@
 """Imports point one way, and heavy libraries stay out until they are asked for."""
 
 import importlib
+import inspect
+import pkgutil
 import subprocess
 import sys
 from pathlib import Path
@@ -21,6 +23,8 @@ HEAVY = (
     "scipy",
     "reportlab",
 )
+
+PACKAGES = ("tracer", "boards", "photos", "augment", "twin", "compare", "report", "bench")
 
 STAGES = {
     "back_project", "distort", "undistort", "intersect_sphere", "intersect_plane", "nearest", "Hit", "lambert",
@@ -70,11 +74,19 @@ def test_the_tracers_stages_are_exported():
     assert set(importlib.import_module("raytwin.tracer").__all__) >= STAGES
 
 
-@pytest.mark.parametrize("package", ["", ".tracer", ".photos", ".twin", ".compare", ".report", ".bench"])
+@pytest.mark.parametrize("package", ["", *(f".{p}" for p in PACKAGES)])
 def test_every_exported_name_is_there(package):
     module = importlib.import_module(f"raytwin{package}")
     missing = [name for name in getattr(module, "__all__", ()) if not hasattr(module, name)]
     assert not missing
+
+
+@pytest.mark.parametrize("package", ["boards", "photos", "augment"])
+def test_no_exported_name_hides_a_submodule_of_its_package(package):
+    module = importlib.import_module(f"raytwin.{package}")
+    submodules = {name for _, name, _ in pkgutil.iter_modules(module.__path__)}
+    hidden = {n for n in submodules & set(module.__all__) if not inspect.ismodule(getattr(module, n))}
+    assert not hidden
 
 
 def test_the_reports_names_lead_to_the_same_things_however_often_they_are_asked_for():

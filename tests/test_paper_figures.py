@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from raytwin import files, photos, pipeline, twin
+from raytwin import boards, files, photographer, photos, pipeline, twin
 from raytwin.photos.lens import undistort
 from raytwin.scene import Pyramid, Scene, Sphere
 from raytwin.tracer import trace
@@ -38,8 +38,8 @@ def studio(scenes, tmp_path_factory):
         if (spheres, pyramids) in made:
             return made[spheres, pyramids]
         folder = tmp_path_factory.mktemp("studio")
-        board = photos.read_board(scenes / "desk" / "board.toml")
-        photos.write_board(folder / "board.toml", board)
+        board = boards.read_board(scenes / "desk" / "board.toml")
+        boards.write_board(folder / "board.toml", board)
         text = {k: v for k, v in desk.items() if k not in ("spheres", "pyramids")}
         text["spheres"] = files.plain(spheres)
         if pyramids:
@@ -58,7 +58,7 @@ def studio(scenes, tmp_path_factory):
 
 def augmented(folder):
     """Each photo drawn on, its truth, and the errors by region; the camera is calibrated from the photos."""
-    camera, board = folder / "camera.toml", photos.read_board(folder / "board.toml")
+    camera, board = folder / "camera.toml", boards.read_board(folder / "board.toml")
     taken = pipeline.list_photos(folder / "photos")
     found = photos.calibrate(taken, board, "k1k2")
     files.write_camera(camera, photos.camera_of_photo(found, taken[0], board))
@@ -72,7 +72,7 @@ def region(row: dict, name: str) -> dict:
 
 
 def true_cameras(folder) -> dict:
-    truth = photos.read_truth(folder / "photos" / "truth.toml")
+    truth = photographer.read_truth(folder / "photos" / "truth.toml")
     return {name: pipeline.Camera(truth.image_size, truth.K, R, t, truth.dist) for name, (R, t) in truth.photos.items()}
 
 

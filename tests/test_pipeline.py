@@ -105,7 +105,7 @@ def test_truth_rows_measure_a_known_turn_and_shift():
         return Camera((1000, 800), K, tuple(map(tuple, rotation.tolist())), tuple(t.tolist()))
 
     true, found = camera(R, eye), camera(turn @ R, np.array([0.1, 0.2, 0.502]))
-    truth = pipeline.photos.Truth((1000, 800), K, (), {"a.jpg": (true.R_cam_board, true.t_cam_board)})
+    truth = pipeline.photographer.Truth((1000, 800), K, (), {"a.jpg": (true.R_cam_board, true.t_cam_board)})
 
     class Sigma:
         sigma: dict = {}  # noqa: RUF012

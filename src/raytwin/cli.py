@@ -170,10 +170,10 @@ def calibrate_command(
     ] = None,
 ) -> None:
     """Find the camera: detect the board's tags in the photos, fit K, distortion and a pose for each photo."""
-    from raytwin import files, pipeline, report
+    from raytwin import boards, files, pipeline, report
     from raytwin import photos as taken
 
-    definition = taken.read_board(board)
+    definition = boards.read_board(board)
     with progress_bars() as progress:
         paths = pipeline.list_photos(photos)
         calibration = taken.calibrate(paths, definition, model=model, progress=lambda d, n: progress("calibrate", d, n))

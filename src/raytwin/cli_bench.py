@@ -144,6 +144,7 @@ def paper_command(scene, photos, board, photo_count, photo_size, budget, repeats
 def shoot_of(scene: Path | None, count: int, size: str):
     """The synthetic photos asked for, of the scene's own board where it has one."""
     from raytwin import bench, files, photos
+    from raytwin.boards import read_board
     from raytwin.cli import parse_size
     from raytwin.scene import Camera
 
@@ -152,12 +153,13 @@ def shoot_of(scene: Path | None, count: int, size: str):
         raise InputError("--photo-count", f"at least {photos.LEAST_VIEWS}", count)
     if scene is None or isinstance((asked := files.read_scene(scene)).camera, Camera):
         return shoot
-    return msgspec.structs.replace(shoot, board=photos.read_board(Path(asked.folder) / asked.camera.board))
+    return msgspec.structs.replace(shoot, board=read_board(Path(asked.folder) / asked.camera.board))
 
 
 def real_photos(folders: list[Path] | None, boards: list[Path] | None) -> list:
     """Each folder with its board: the one named at the same place, the only one named, or the folder's own."""
-    from raytwin import bench, photos, pipeline
+    from raytwin import bench, pipeline
+    from raytwin.boards import read_board
 
     folders, boards = folders or [], boards or []
     if len(boards) not in (0, 1, len(folders)):
@@ -166,5 +168,5 @@ def real_photos(folders: list[Path] | None, boards: list[Path] | None) -> list:
     for i, folder in enumerate(folders):
         pipeline.list_photos(folder)
         board = boards[i] if len(boards) > 1 else boards[0] if boards else folder / "board.toml"
-        found.append(bench.Taken(folder, photos.read_board(board)))
+        found.append(bench.Taken(folder, read_board(board)))
     return found

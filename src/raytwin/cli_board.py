@@ -58,8 +58,8 @@ def board_command(
         if drawing[option] is not None and drawing[option] < (option != "--first-id"):
             raise InputError(option, f"a whole number from {int(option != '--first-id')}", drawing[option])
 
-    from raytwin.photos import board as boards
-    from raytwin.photos import lengths, sheet
+    from raytwin import boards
+    from raytwin.boards import lengths, sheet
 
     edge, step = lengths.parse_length(tag, "--tag"), lengths.parse_length(pitch, "--pitch")
     blank = lengths.parse_length(margin, "--margin", zero=True) if margin is not None else 0.005
@@ -85,12 +85,11 @@ def _all_of(options: dict[str, object]) -> None:
 
 
 def _import(pickle: Path, name: str | None, unit: str, tag: str, y_down: bool, out: Path) -> None:
-    from raytwin.photos import course, lengths
-    from raytwin.photos.board import write_board
+    from raytwin.boards import lengths, pickled, write_board
 
     if out.suffix.lower() != ".toml":
         raise InputError(out, "a name that ends in .toml", out.suffix or "no ending")
     edge, metres = lengths.parse_length(tag, "--tag"), lengths.parse_unit(unit, "--unit")
-    board = course.read_course(pickle, name, edge, metres, y_down)
+    board = pickled.read_pickled(pickle, name, edge, metres, y_down)
     write_board(out, board, f"Imported from {pickle.name}: {name}.")
     typer.echo(f"{len(board.tags)} tags of {name}: {out}")

@@ -11,8 +11,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from raytwin import files, photos, twin
-from raytwin.augment import augment, errors_by_region
+from raytwin import boards, files, photographer, photos, twin
+from raytwin.augment import augment, draw_pyramid, errors_by_region
 from raytwin.compare import Comparison, compare
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -109,7 +109,7 @@ def find_camera(
             )
         return scene, None, None, None
     folder = Path(scene.folder)
-    board = photos.read_board(folder / asked.board)
+    board = boards.read_board(folder / asked.board)
     taken = list_photos(folder / asked.photos)
     name = photo or asked.photo
     if name not in (names := [p.name for p in taken]):
@@ -122,7 +122,7 @@ def find_camera(
 
 
 def compare_truth(
-    truth: photos.Truth, calibration: photos.Calibration, camera: Camera, photo: str
+    truth: photographer.Truth, calibration: photos.Calibration, camera: Camera, photo: str
 ) -> tuple[TruthRow, ...]:
     """Found beside true: focal lengths and centre in pixels, the compared photo's pose in degrees and millimetres."""
     rows = []
@@ -185,7 +185,7 @@ def run(
         scene, photo_path, calibration, pose = find_camera(scene, photo, progress)
     truth: tuple[TruthRow, ...] = ()
     if photo_path is not None and (truth_file := photo_path.parent / "truth.toml").exists():
-        truth = compare_truth(photos.read_truth(truth_file), calibration, scene.camera, photo_path.name)
+        truth = compare_truth(photographer.read_truth(truth_file), calibration, scene.camera, photo_path.name)
     if size is not None:
         scene = scene.with_camera(scene.camera.resized(*size))
     climbed = rung if rung in RUNGS else "shadow"
@@ -298,7 +298,7 @@ def augment_photos(
     asked = scene.camera
     if board is None and isinstance(asked, Camera):
         raise InputError("--board", "a board's TOML file, since the scene names none", "nothing")
-    definition = photos.read_board(board if board is not None else Path(scene.folder) / asked.board)
+    definition = boards.read_board(board if board is not None else Path(scene.folder) / asked.board)
     lens = find_camera(scene, progress=progress)[0].camera if camera is None else files.read_camera(camera)
     out = Path(out)
     if names := sorted(n for n in {p.name for p in taken} if sum(p.name == n for p in taken) > 1):
@@ -321,7 +321,7 @@ def augment_photos(
         result = augment(pixels, here, engine=engine, shadows=shadows, exposure=exposure)
         drawn = result.pixels
         for pyramid in scene.pyramids:
-            drawn = photos.draw_pyramid(drawn, stand, pyramid)
+            drawn = draw_pyramid(drawn, stand, pyramid)
         row = {"photo": path.name, "pose_rms_px": pose.rms_px}
         if against is not None:
             truth = files.read_photo(Path(against) / path.name)
@@ -354,7 +354,7 @@ def photograph_board(
     seed: int = 1,
     with_objects: bool = False,
     progress: Progress = silent,
-) -> photos.Truth:
+) -> photographer.Truth:
     """`count` photos of the board on its table, and the truth (camera.toml's K, dist and every pose), written to `out`.
 
     Sun, sky and table (the planes below the board) come from `scene`, by default a plain desk. `focal` is in pixels of
@@ -362,7 +362,7 @@ def photograph_board(
     real ones are. `with_objects` puts the scene's spheres really there: the same seed gives the same poses and the same
     sensor noise, so that such photos are the truth for augmented ones.
     """
-    definition = photos.read_board(board)
+    definition = boards.read_board(board)
     width, height = size
     scale = width / 2016
     K = ((focal * scale, 0.0, 0.504 * width), (0.0, 1.001 * focal * scale, 0.497 * height), (0.0, 0.0, 1.0))
@@ -380,6 +380,6 @@ def photograph_board(
         )
         return made.mean
 
-    return photos.photograph(
+    return photographer.photograph(
         definition, lens, count, Path(out), render, seed=seed, progress=lambda d, n: progress("photograph", d, n)
     )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from raytwin import photos, pipeline
+from raytwin import boards, photographer, photos, pipeline
 from raytwin.bench import read_bench
 from raytwin.bench.calibration import (
     BOARD,
@@ -18,8 +18,8 @@ from raytwin.bench.calibration import (
     held_out,
     measure_calibration,
 )
+from raytwin.boards import Board, Grid, draw_board
 from raytwin.cli import app
-from raytwin.photos import Board, Grid, draw_board
 from raytwin.scene import Camera
 
 EYE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -61,8 +61,8 @@ def test_a_setting_reaches_the_detector():
 
 def test_held_out_errors_are_those_of_the_camera_not_of_the_detections(tmp_path_factory):
     """Noise on what the fit sees raises the error by little, noise on the judge's side not at all: it has none."""
-    stands = photos.poses(BOARD, TRUE, 8, np.random.default_rng(4))
-    truth = photos.Truth(TRUE.image_size, TRUE.K, TRUE.dist, {f"{i}": stand for i, stand in enumerate(stands)})
+    stands = photographer.poses(BOARD, TRUE, 8, np.random.default_rng(4))
+    truth = photographer.Truth(TRUE.image_size, TRUE.K, TRUE.dist, {f"{i}": stand for i, stand in enumerate(stands)})
     points = np.array([(*c, 0.0) for c in BOARD.centers().values()])
     rng = np.random.default_rng(5)
     found = {}
@@ -88,7 +88,7 @@ def test_held_out_errors_are_those_of_the_camera_not_of_the_detections(tmp_path_
 @pytest.fixture(scope="module")
 def taken(tmp_path_factory):
     folder = tmp_path_factory.mktemp("taken")
-    photos.write_board(folder / "given.toml", BOARD)
+    boards.write_board(folder / "given.toml", BOARD)
     pipeline.photograph_board(folder / "given.toml", folder / "photos", count=5, size=(640, 480), samples=2)
     return folder / "photos"
 

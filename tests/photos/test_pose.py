@@ -4,10 +4,10 @@ import pytest
 from photo_helpers import BOARD, SMALL, a_camera, seen
 
 from raytwin import files
+from raytwin.boards.board import Board, Grid
 from raytwin.errors import InputError
-from raytwin.photos import judge
-from raytwin.photos.board import Board, Grid
-from raytwin.photos.photographer import poses
+from raytwin.photographer import poses
+from raytwin.photos import doubts
 from raytwin.photos.pose import (
     AMBIGUOUS,
     camera_at,
@@ -83,12 +83,12 @@ def test_tags_that_lie_elsewhere_are_left_out_and_named(stands):
 def test_a_board_described_in_a_mirror_is_seen_from_behind(stands):
     tags = seen(CAMERA, stands[:1])["view_00"]
     mirrored = Board("tag36h11", 0.001, tags=tuple(_flip(SMALL)))
-    assert not judge.is_mirrored(*matched(tags, SMALL))
-    assert judge.is_mirrored(*matched(tags, mirrored))
+    assert not doubts.is_mirrored(*matched(tags, SMALL))
+    assert doubts.is_mirrored(*matched(tags, mirrored))
 
 
 def _flip(board: Board):
-    from raytwin.photos.board import BoardTag
+    from raytwin.boards.board import BoardTag
 
     return [BoardTag(i, (-x, y)) for i, (x, y) in board.centers().items()]
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from photo_helpers import BOARD, SMALL, a_camera, seen
 
+from raytwin.photographer import poses
 from raytwin.photos import calibrate_detections, deviations, lens, uncertainty_map
-from raytwin.photos.photographer import poses
 
 SIZE = (1008, 756)
 PLACES = np.array([[0, 0], [500, 375], [1007, 755], [1007, 0], [200, 400]], float)

@@ -16,7 +16,7 @@ from raytwin import files
 from raytwin.compare import compare
 from raytwin.image import Image, Surface
 from raytwin.photos import Calibration, Pose, PoseReport
-from raytwin.photos.calibrate import View, Warning_
+from raytwin.photos.calibration import View, Warning_
 from raytwin.pipeline import Result, Timing, TruthRow
 from raytwin.scene import Scene
 from raytwin.tracer import trace

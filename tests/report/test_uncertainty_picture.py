@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from raytwin import photos, report
+from raytwin import boards, photos, report
 from raytwin.errors import InputError
 from raytwin.photos import ModelTrial, explained, uncertainty_map
 from raytwin.pipeline import list_photos
@@ -18,7 +18,7 @@ from raytwin.report.uncertainty import uncertainty_url
 @pytest.fixture(scope="module")
 def calibration(scenes):
     folder = scenes / "desk"
-    return photos.calibrate(list_photos(folder / "photos"), photos.read_board(folder / "board.toml"))
+    return photos.calibrate(list_photos(folder / "photos"), boards.read_board(folder / "board.toml"))
 
 
 def picture_of(url: str) -> np.ndarray:

@@ -14,12 +14,13 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from raytwin import files, photos, pipeline
+from raytwin import boards, files, photographer, photos, pipeline
 from raytwin.bench.frontier import median_iqr
 from raytwin.bench.measure import Measured, repeat
 from raytwin.bench.record import Calibrated, LeftOut
+from raytwin.boards import Board, Grid
 from raytwin.errors import InputError
-from raytwin.photos import Board, Grid, Tag
+from raytwin.photos import Tag
 
 BOARD = Board("tag36h11", 0.030, Grid(5, 7, 0.038))
 """What is photographed where no board is given."""
@@ -113,7 +114,7 @@ def measure_calibration(
     taken = pipeline.list_photos(folder)
     size = files.photo_size(taken[0])
     truth_file = folder / "truth.toml"
-    truth = photos.read_truth(truth_file) if truth_file.exists() else None
+    truth = photographer.read_truth(truth_file) if truth_file.exists() else None
     found: dict[str, photos.Calibration] = {}
     done, left, pace = [], [], 0.0
     for i, setting in enumerate(settings):
@@ -159,7 +160,7 @@ Judge = Callable[[photos.Calibration, str], tuple[float, int]]
 """(camera, photo's name) -> rms error in that photo, pixels, its pose alone being fitted; how many tags tell it."""
 
 
-def by_truth(truth: photos.Truth, board: Board) -> Judge:
+def by_truth(truth: photographer.Truth, board: Board) -> Judge:
     """Against where the true camera sees the centres of all the board's tags that lie within the frame."""
     points = np.array([(*center, 0.0) for center in board.centers().values()])
     shown = {}
@@ -238,7 +239,7 @@ def photographed(shoot: Shoot, progress: pipeline.Progress = pipeline.silent) ->
     """A folder with the synthetic photos and their truth, gone afterwards. No budget counts the time that it takes."""
     with tempfile.TemporaryDirectory(prefix="raytwin-bench-") as temporary:
         folder = Path(temporary)
-        photos.write_board(folder / "given.toml", shoot.board)
+        boards.write_board(folder / "given.toml", shoot.board)
         pipeline.photograph_board(
             folder / "given.toml",
             folder / "photos",

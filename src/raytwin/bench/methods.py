@@ -254,7 +254,7 @@ def _plain(method: Method, scene: Scene) -> Call:
 
 
 def _denoise(method: Method, scene: Scene) -> Call:
-    from raytwin.photos.denoise import denoise
+    from raytwin.denoise import denoise
 
     return lambda seed: denoise(render_twin(method, scene, "area", seed))
 

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
+from raytwin.boards.board import Board
 from raytwin.photos import lens
-from raytwin.photos.board import Board
-from raytwin.photos.detect import Tag
+from raytwin.photos.detection import Tag
 
 POINTS = 9
 """Points on an edge that its line is fitted to."""

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from raytwin.boards.board import Board
 from raytwin.errors import InputError
 from raytwin.photos import lens, pose
-from raytwin.photos.board import Board
-from raytwin.photos.detect import Tag
+from raytwin.photos.detection import Tag
 from raytwin.scene import Record
 
 NAMES = ("k1", "k2", "p1", "p2", "k3")

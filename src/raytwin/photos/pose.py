@@ -10,11 +10,11 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from raytwin.boards.board import Board, spans_a_plane
 from raytwin.errors import InputError
 from raytwin.photos import lens
 from raytwin.photos.bias import unbiased
-from raytwin.photos.board import Board, spans_a_plane
-from raytwin.photos.detect import Tag, detect_photo
+from raytwin.photos.detection import Tag, detect_photo
 from raytwin.scene import Camera, Matrix, Record, Vector
 
 AMBIGUOUS = 1.5

@@ -16,10 +16,10 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from raytwin.boards.board import Board
 from raytwin.photos import lens, pose
-from raytwin.photos.board import Board
 from raytwin.photos.fit import MODELS, NAMES, Fit, Seen
-from raytwin.photos.selection import ModelTrial
+from raytwin.photos.model import ModelTrial
 from raytwin.scene import Record
 
 CELL = 16

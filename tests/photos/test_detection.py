@@ -6,11 +6,11 @@ import pytest
 from photo_helpers import BOARD
 
 from raytwin import files
+from raytwin.boards.board import Board, Grid, draw_board
 from raytwin.errors import InputError
 from raytwin.photos import lens
 from raytwin.photos.bias import center_bias, unbiased
-from raytwin.photos.board import Board, Grid, draw_board
-from raytwin.photos.detect import SEARCH_SIDE, NoTags, detect, detect_photo, detect_photos
+from raytwin.photos.detection import SEARCH_SIDE, NoTags, detect, detect_photo, detect_photos
 
 
 @pytest.fixture(scope="module")

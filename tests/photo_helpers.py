@@ -3,9 +3,9 @@
 import cv2
 import numpy as np
 
+from raytwin.boards.board import Board, Grid
 from raytwin.photos import lens
-from raytwin.photos.board import Board, Grid
-from raytwin.photos.detect import Tag
+from raytwin.photos.detection import Tag
 from raytwin.scene import Camera
 
 

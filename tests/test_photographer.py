@@ -3,10 +3,10 @@ import pytest
 from photo_helpers import BOARD, PlainRenderer, a_camera
 
 from raytwin import files
+from raytwin.boards.board import read_board
 from raytwin.errors import InputError
-from raytwin.photos import judge, lens
-from raytwin.photos.board import read_board
-from raytwin.photos.photographer import expose, photograph, poses, read_truth
+from raytwin.photographer import expose, photograph, poses, read_truth
+from raytwin.photos import doubts, lens
 
 CAMERA = a_camera()
 
@@ -22,8 +22,8 @@ def test_a_dozen_poses_tilt_to_fifty_degrees_every_way_and_cover_the_frame(seed)
     pixels = np.concatenate([lens.project(points, R, t, CAMERA.K, CAMERA.dist) for R, t in stands])
     inside = ((pixels >= 0) & (pixels <= np.array(CAMERA.image_size) - 1)).all(axis=1)
     assert inside.mean() > 0.65
-    assert judge.coverage(pixels[inside], CAMERA.image_size) > 0.75
-    assert judge.normal_spread([R for R, _ in stands]) > 60
+    assert doubts.coverage(pixels[inside], CAMERA.image_size) > 0.75
+    assert doubts.normal_spread([R for R, _ in stands]) > 60
 
 
 def test_every_pose_is_a_rotation_in_front_of_the_printed_face():

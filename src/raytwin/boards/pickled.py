@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from raytwin.boards.board import FAMILIES, Board, BoardTag, check_board, family_size
 from raytwin.errors import InputError
-from raytwin.photos.board import FAMILIES, Board, BoardTag, check_board, family_size
 
 LARGEST = 1 << 20
 """Bytes of a file; a board of a thousand tags takes a tenth."""
@@ -307,7 +307,9 @@ def read_pickle(path: str | os.PathLike) -> Any:
     return found
 
 
-def read_course(path: str | os.PathLike, name: str | None, tag_edge: float, unit: float, y_down: bool = False) -> Board:
+def read_pickled(
+    path: str | os.PathLike, name: str | None, tag_edge: float, unit: float, y_down: bool = False
+) -> Board:
     """The board `name` of a pickle `{name: [{tag_family, tag_id, center}]}`, as a Board in metres.
 
     `center`: x, y and mostly z, as list, tuple or array, in units of `unit` metres; `tag_edge` in metres, which the

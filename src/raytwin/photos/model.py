@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import cv2
 
+from raytwin.boards.board import Board
 from raytwin.errors import InputError
 from raytwin.photos import lens, pose
-from raytwin.photos.board import Board
 from raytwin.photos.fit import MODELS, NAMES, Fit, Seen, fit
 from raytwin.scene import Record
 

@@ -29,7 +29,7 @@ def taken(scenes, tmp_path_factory):
             samples=32,
             with_objects=really_there,
         )
-    truth = pipeline.photos.read_truth(folder / "without" / "truth.toml")
+    truth = pipeline.photographer.read_truth(folder / "without" / "truth.toml")
     R, t = truth.photos["photo_00.jpg"]
     camera = pipeline.Camera(truth.image_size, truth.K, R, t, truth.dist)
     files.write_camera(folder / "camera.toml", camera)

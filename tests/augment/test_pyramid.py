@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from raytwin import files
-from raytwin.photos import draw_pyramid
+from raytwin.augment import draw_pyramid
 from raytwin.scene import Camera, Pyramid
 
 CAMERA = Camera(

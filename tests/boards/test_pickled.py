@@ -13,10 +13,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from raytwin.boards.board import read_board, write_board
+from raytwin.boards.pickled import LARGEST, MOST_TAGS, read_pickle, read_pickled
 from raytwin.errors import InputError
-from raytwin.photos.board import read_board, write_board
-from raytwin.photos.calibrate import calibrate_detections
-from raytwin.photos.course import LARGEST, MOST_TAGS, read_course, read_pickle
+from raytwin.photos.calibration import calibrate_detections
 
 INCH = 0.0254
 SQUARE = [(1.0, 1.0, 0.0), (2.0, 1.0, 0.0), (1.0, 2.5, 0.0), (2.0, 2.5, 0.0)]
@@ -37,7 +37,7 @@ def save(tmp_path):
 
 
 def read(path, name="fine", **changes):
-    return read_course(path, name, 0.8 * INCH, INCH, **changes)
+    return read_pickled(path, name, 0.8 * INCH, INCH, **changes)
 
 
 def refused(path, *parts, name="fine"):
@@ -128,11 +128,11 @@ def test_the_courses_boards_are_right_handed_against_its_photos_and_y_down_would
     seen, size = real_tags(photos)
     few = dict(list(seen.items())[:8])
     for y_down in (False, True):
-        board = read_course(path, name, original.tag_edge, INCH, y_down=y_down)
+        board = read_pickled(path, name, original.tag_edge, INCH, y_down=y_down)
         found = calibrate_detections(few, size, board, "k1")
         assert ("mirrored-board" in {w.code for w in found.warnings}) == y_down
     assert np.allclose(
-        list(read_course(path, name, original.tag_edge, INCH).centers().values()), list(original.centers().values())
+        list(read_pickled(path, name, original.tag_edge, INCH).centers().values()), list(original.centers().values())
     )
 
 

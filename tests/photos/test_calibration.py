@@ -10,13 +10,13 @@ from photo_helpers import BOARD, SMALL, a_camera, seen
 from PIL import Image as Pillow
 
 from raytwin import files
+from raytwin.boards.board import Board, BoardTag, Grid
 from raytwin.errors import InputError
+from raytwin.photographer import poses
 from raytwin.photos import CODES, calibrate, calibrate_detections, camera_of_photo, pose_of_photo
-from raytwin.photos.board import Board, BoardTag, Grid
 from raytwin.photos.fit import MODELS, Seen
-from raytwin.photos.photographer import poses
+from raytwin.photos.model import select_model
 from raytwin.photos.pose import rotation_degrees
-from raytwin.photos.selection import select_model
 
 SIZE = (1008, 756)
 

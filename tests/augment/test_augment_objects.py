@@ -73,11 +73,11 @@ def test_an_image_without_light_is_left_alone():
 @pytest.mark.parametrize("shadows", [True, False])
 def test_every_affected_pixel_is_found(monkeypatch, shadows):
     """The boxes of what may change hold everything that changes when the whole frame is computed."""
-    from raytwin import augment as module
+    from raytwin.augment import objects
 
     scene = stage(to_light=(1.0, 0.4, 0.5))
     cut = augment(grey(), scene, shadows=shadows)
-    monkeypatch.setattr(module, "_affected", lambda *_: np.ones((240, 320), bool))
+    monkeypatch.setattr(objects, "_affected", lambda *_: np.ones((240, 320), bool))
     whole = augment(grey(), scene, shadows=shadows)
     assert np.array_equal(cut.pixels, whole.pixels)
 

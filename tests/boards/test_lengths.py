@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from raytwin.boards.lengths import LONGEST, UNITS, parse_length, parse_paper, parse_unit
 from raytwin.errors import InputError
-from raytwin.photos.lengths import LONGEST, UNITS, parse_length, parse_paper, parse_unit
 
 
 @pytest.mark.parametrize(

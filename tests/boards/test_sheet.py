@@ -5,13 +5,13 @@ import pypdfium2
 import pytest
 from photo_helpers import a_camera, seen
 
+from raytwin.boards.board import Board, Grid, read_board
+from raytwin.boards.lengths import parse_paper
+from raytwin.boards.sheet import BAR, Sheet, check_gap, lay_out, pdf_bytes, write_sheet
 from raytwin.errors import InputError
-from raytwin.photos.board import Board, Grid, read_board
-from raytwin.photos.calibrate import calibrate_detections
-from raytwin.photos.detect import detect
-from raytwin.photos.lengths import parse_paper
-from raytwin.photos.photographer import poses
-from raytwin.photos.sheet import BAR, Sheet, check_gap, lay_out, pdf_bytes, write_sheet
+from raytwin.photographer import poses
+from raytwin.photos.calibration import calibrate_detections
+from raytwin.photos.detection import detect
 
 LETTER, A4 = parse_paper("letter", ""), parse_paper("a4", "")
 DPI = 300

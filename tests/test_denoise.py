@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from raytwin import twin
+from raytwin.denoise import denoise
 from raytwin.files import read_scene
 from raytwin.image import Image
-from raytwin.photos.denoise import denoise
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from raytwin import files
+from raytwin.boards.board import Board, check_board, draw_board, write_board
 from raytwin.errors import InputError
 from raytwin.photos import lens
-from raytwin.photos.board import Board, check_board, draw_board, write_board
-from raytwin.photos.detect import Progress
+from raytwin.photos.detection import Progress
 from raytwin.photos.pose import rotation
 from raytwin.scene import Camera, Matrix, PixelCount, Plane, Record, Vector
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from raytwin import files
+from raytwin.boards.board import Board, tag_cells, write_board
 from raytwin.errors import InputError
-from raytwin.photos.board import Board, tag_cells, write_board
 
 POINTS = 72 / 0.0254
 """A PDF's points in a metre."""

@@ -1,4 +1,4 @@
-"""Photos of a board -> K and distortion, with standard deviations, poses, and doubts: detect, fit, judge.
+"""Photos of a board -> K and distortion, with standard deviations, poses, and doubts: detect, fit, doubt.
 
 The fit is on tag centres (`fit`); the lens model is the smallest that predicts views it has not seen (`selection`).
 """
@@ -14,13 +14,14 @@ import msgspec
 import numpy as np
 
 from raytwin import files
+from raytwin.boards.board import Board, spans_a_plane
 from raytwin.errors import InputError
-from raytwin.photos import judge, lens, pose, uncertainty
+from raytwin.photos import lens, pose, uncertainty
 from raytwin.photos.bias import unbiased
-from raytwin.photos.board import Board, spans_a_plane
-from raytwin.photos.detect import Find, Progress, Tag, detect, detect_photos
+from raytwin.photos.detection import Find, Progress, Tag, detect, detect_photos
+from raytwin.photos.doubts import coverage, doubts_about, tilts
 from raytwin.photos.fit import MODELS, Fit, Seen, fit
-from raytwin.photos.selection import ModelTrial, select_model
+from raytwin.photos.model import ModelTrial, select_model
 from raytwin.scene import Matrix, Record, Vector
 
 LEAST_VIEWS = 3
@@ -47,7 +48,7 @@ class View(Record, frozen=True):
 
 
 class Warning_(Record, frozen=True):
-    """A doubt: `code` is stable (judge.CODES), `text` is for people."""
+    """A doubt: `code` is stable (doubts.CODES), `text` is for people."""
 
     code: str
     text: str
@@ -160,7 +161,7 @@ def calibrate_detections(
         v.photo: sorted({t.id for t in v.tags} - {t.id for t in s.tags}) for v, s in zip(views, straight, strict=True)
     }
     found = _calibration(straight, image_size, board, chosen, result, trials)
-    more = judge.doubts(found, {v.photo: v.tags for v in straight}, board, wrong, outliers)
+    more = doubts_about(found, {v.photo: v.tags for v in straight}, board, wrong, outliers)
     return msgspec.structs.replace(found, warnings=(*doubts, *(Warning_(*d) for d in more)))
 
 
@@ -197,8 +198,8 @@ def _calibration(views, image_size, board, model, result: Fit, trials: dict[str,
     middle = np.append(np.mean(list(board.centers().values()), axis=0), 0.0)
     seen = tuple(tuple(map(float, t.center)) for v in views for t in v.tags)
     evidence = uncertainty.Evidence(
-        coverage=judge.coverage(np.array(seen), image_size),
-        tilts=tuple(judge.tilts(shown, board)),
+        coverage=coverage(np.array(seen), image_size),
+        tilts=tuple(tilts(shown, board)),
         distance=float(np.median([np.linalg.norm(R @ middle + t) for R, t in result.poses])),
         covariance=tuple(map(tuple, uncertainty.covariance(views, board, result, model).tolist())),
         trials=trials,

@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 import cv2
 import numpy as np
 
+from raytwin.boards.board import Board
 from raytwin.photos import lens, pose
-from raytwin.photos.board import Board
-from raytwin.photos.detect import Tag
+from raytwin.photos.detection import Tag
 
 CODES = {
     "swapped-orientation": "photos whose width and height are those of the others, swapped: left out",
@@ -68,7 +68,7 @@ def is_mirrored(points: np.ndarray, pixels: np.ndarray) -> bool:
     return bool(np.linalg.det(H) * np.sign(H[2] @ [*points[:, :2].mean(axis=0), 1.0]) > 0)
 
 
-def doubts(
+def doubts_about(
     calibration,
     tags: Mapping[str, Sequence[Tag]],
     board: Board,

@@ -2,8 +2,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from raytwin.errors import InputError
-from raytwin.photos.board import (
+from raytwin.boards.board import (
     INK,
     PAPER,
     Board,
@@ -16,7 +15,8 @@ from raytwin.photos.board import (
     tag_cells,
     write_board,
 )
-from raytwin.photos.detect import detect
+from raytwin.errors import InputError
+from raytwin.photos.detection import detect
 
 GRID = Board("tag36h11", 0.03, Grid(3, 2, 0.04, first_id=5))
 LIST = Board("tag36h11", 0.03, tags=tuple(BoardTag(i, (0.05 * (i % 2), 0.05 * (i // 2))) for i in range(4)))
