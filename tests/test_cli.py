@@ -4,12 +4,16 @@ import json
 import os
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from raytwin import files
+from raytwin.cli.options import check_outputs
+from raytwin.cli.progress import lines
 
 KEYS = {
     "scene": None,
@@ -216,3 +220,42 @@ def test_help_loads_nothing_heavy():
     heavy = ("mitsuba", "drjit", "cv2", "bokeh", "PIL", "numpy")
     code = f"import sys, raytwin.cli; print([m for m in {heavy} if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_every_command_tells_its_options_under_both_names():
+    from raytwin.cli import app
+
+    for words in ([], ["compare"], ["diff"], ["bench"], ["bench", "scene"], ["bench", "paper"], ["reference", "make"]):
+        long, short = (CliRunner().invoke(app, [*words, option]) for option in ("--help", "-h"))
+        assert long.exit_code == short.exit_code == 0
+        assert long.output == short.output
+    assert raytwin("--version").stdout == f"raytwin {version('raytwin')}\n"
+
+
+def test_a_bench_without_a_command_is_that_of_a_scene():
+    refused(raytwin("bench", "--sizes", "big", "nowhere"), "--sizes", "big")
+    assert raytwin("bench", "scene", "--sizes", "big", "nowhere").stderr.count("big") == 1
+
+
+def test_an_output_that_cannot_be_written_is_told_before_the_work(scenes, tmp_path):
+    (tmp_path / "file").touch()
+    for options, where in (
+        (("--json", tmp_path), str(tmp_path)),
+        (("--json", tmp_path / "file" / "a.json"), "a.json"),
+        (("--out", tmp_path / "file"), "file"),
+    ):
+        refused(raytwin("compare", tmp_path / "nowhere", *options), where)  # the scene is not even looked for
+    check_outputs(folders=(tmp_path, tmp_path / "new" / "folder", None), files=(tmp_path / "file",))
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_long_stages_leave_one_line_each_where_there_is_no_terminal(capsys, monkeypatch):
+    clock = iter([0.0, 0.1, 5.0, 5.0, 5.5, 6.0, 9.0])
+    monkeypatch.setattr("raytwin.cli.progress.time.perf_counter", lambda: next(clock))
+    show = lines()
+    for stage, done, total in (
+        ("calibrate", 0, 3), ("calibrate", 1, 3), ("calibrate", 3, 3), ("tracer", 0, 1), ("tracer", 1, 1),
+        ("twin", 0, 9), ("twin", 9, 9),
+    ):  # fmt: skip
+        show(stage, done, total)
+    assert capsys.readouterr().err == "calibrate: 3 of 3, 5.0 s\ntwin: 9 of 9, 3.0 s\n"

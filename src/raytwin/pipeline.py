@@ -3,7 +3,7 @@
 import importlib.metadata
 import platform
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,15 +16,9 @@ from raytwin.augment import augment, draw_pyramid, errors_by_region
 from raytwin.compare import Comparison, compare
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Plane, Scene, Sky, Sun
 from raytwin.tracer import ENGINES, RUNGS, trace
-
-Progress = Callable[[str, int, int], None]
-"""(what is being done, steps done, steps in all): called often, must be cheap."""
-
-
-def silent(stage: str, done: int, total: int) -> None:
-    """No progress shown."""
 
 
 @dataclass(frozen=True)

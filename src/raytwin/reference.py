@@ -10,7 +10,7 @@ the scene as it is written, and a checksum of everything, since EXR itself does 
 import hashlib
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from raytwin import files, twin
 from raytwin.compare import Comparison, compare
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, PhotoCamera, Plane, Record, Scene, Sky, Sphere, Sun, Tolerance
 
 RUNGS = tuple(twin.RUNGS)
@@ -48,13 +49,6 @@ class SetUp(Record, frozen=True):
     sun: Sun
     sky: Sky
     tolerance: Tolerance
-
-
-Progress = Callable[[str, int, int], None]
-
-
-def _silent(stage: str, done: int, total: int) -> None:
-    """No progress shown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +173,7 @@ def size_of(image_size: tuple[int, int]) -> tuple[int, int]:
     return small, max(1, round(small * height / width))
 
 
-def find_scene(path: str | Path, progress: Progress = _silent) -> Scene:
+def find_scene(path: str | Path, progress: Progress = silent) -> Scene:
     """The scene with its camera found: calibrated, where it has photos. Finding it once serves all rungs."""
     scene = files.read_scene(path)
     if isinstance(scene.camera, PhotoCamera):
@@ -228,7 +222,7 @@ class Settings:
         return twin.RUNGS[rung] is not None or (self.sampling == "area" and rung != "surface")
 
 
-def render(scene: Scene, rung: str, settings: Settings, progress: Progress = _silent) -> Image:
+def render(scene: Scene, rung: str, settings: Settings, progress: Progress = silent) -> Image:
     """The twin's image, with its surface at the rung `surface` alone; noisy ones in stints that the cache keeps.
 
     An interrupted render goes on where it stopped. The batches of all stints together give the variance.
@@ -322,7 +316,7 @@ def make(
     size: tuple[int, int] | None = None,
     again: bool = False,
     found: Scene | None = None,
-    progress: Progress = _silent,
+    progress: Progress = silent,
 ) -> Change:
     """What the reference would become; `save(change.new)` writes it.
 
@@ -397,7 +391,7 @@ def check(
     *,
     samples: int = CHECKED_SAMPLES,
     found: Scene | None = None,
-    progress: Progress = _silent,
+    progress: Progress = silent,
 ) -> Check:
     """Is the file there and whole, its scene the one on disk, and today's render the same but for noise?
 

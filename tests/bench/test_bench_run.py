@@ -279,6 +279,6 @@ def test_a_saved_file_that_is_none_is_refused(tmp_path):
 
 
 def test_methods_can_be_listed_without_a_scene():
-    run = raytwin("bench", "--list")
+    run = raytwin("bench", "list")
     assert run.returncode == 0
     assert run.stdout.count("\n") == len(METHODS)

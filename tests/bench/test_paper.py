@@ -22,7 +22,7 @@ def out(tmp_path_factory):
     """The folder of one small run of the command."""
     folder = tmp_path_factory.mktemp("out")
     size = "--photo-size", "400x300", "--photo-count", "6"
-    run = CliRunner().invoke(app, ["bench", "--paper", *size, "--budget", "900", "--repeats", "1", "-o", str(folder)])
+    run = CliRunner().invoke(app, ["bench", "paper", *size, "--budget", "900", "--repeats", "1", "-o", str(folder)])
     assert run.exit_code == 0, run.output
     assert "calibration at full size in one thread / raytwin's" in run.output
     return folder
@@ -81,11 +81,10 @@ def test_the_yardsticks_are_the_rows_of_the_bench():
 @pytest.mark.parametrize(
     ("options", "named"),
     [
-        (["--paper", "--photo-count", "2"], "--photo-count"),
-        (["--paper", "--photo-size", "12MP"], "--photo-size"),
-        (["--photos", "somewhere"], "--photos"),
-        (["--paper", "--photos", "nowhere"], "nowhere"),
-        (["--paper", "--budget", "0"], "--budget"),
+        (["paper", "--photo-count", "2"], "--photo-count"),
+        (["paper", "--photo-size", "12MP"], "--photo-size"),
+        (["paper", "--photos", "nowhere"], "nowhere"),
+        (["paper", "--budget", "0"], "--budget"),
     ],
 )
 def test_what_was_asked_wrongly_is_named(options, named):
@@ -99,9 +98,9 @@ def test_photos_need_a_board_and_not_three(tmp_path):
         (tmp_path / name).mkdir()
         (tmp_path / name / "photo.jpg").touch()
     photos = [option for name in ("a", "b", "c") for option in ("--photos", str(tmp_path / name))]
-    run = CliRunner().invoke(app, ["bench", "--paper", *photos])
+    run = CliRunner().invoke(app, ["bench", "paper", *photos])
     assert re.search(r"board\.toml", str(run.exception))
-    run = CliRunner().invoke(app, ["bench", "--paper", *photos, "--board", "x.toml", "--board", "y.toml"])
+    run = CliRunner().invoke(app, ["bench", "paper", *photos, "--board", "x.toml", "--board", "y.toml"])
     assert "one for each of 3" in str(run.exception)
 
 

@@ -4,7 +4,7 @@ METHODS -> prepare -> measure (interleaved) -> truth -> Bench (JSON) -> frontier
 """
 
 from raytwin.bench.against import Change, Changes, against
-from raytwin.bench.calibration import Shoot, Taken, measure_calibrations, photographed
+from raytwin.bench.calibration import Shoot, Taken, bench_calibration
 from raytwin.bench.frontier import Fit, fit_power, on_frontier, ratio_interval, staircase
 from raytwin.bench.methods import METHODS, Method, choose, prepare
 from raytwin.bench.paper import Paper, paper
@@ -44,12 +44,11 @@ __all__ = [
     "Truth",
     "against",
     "bench",
+    "bench_calibration",
     "choose",
     "fit_power",
-    "measure_calibrations",
     "on_frontier",
     "paper",
-    "photographed",
     "prepare",
     "ratio_interval",
     "read_bench",

@@ -17,10 +17,12 @@ import numpy as np
 from raytwin import boards, files, photographer, photos, pipeline
 from raytwin.bench.frontier import median_iqr
 from raytwin.bench.measure import Measured, repeat
-from raytwin.bench.record import Calibrated, LeftOut
+from raytwin.bench.record import Bench, Calibrated, LeftOut
+from raytwin.bench.run import machine
 from raytwin.boards import Board, Grid
 from raytwin.errors import InputError
 from raytwin.photos import Tag
+from raytwin.progress import Progress, silent
 
 BOARD = Board("tag36h11", 0.030, Grid(5, 7, 0.038))
 """What is photographed where no board is given."""
@@ -104,7 +106,7 @@ def measure_calibration(
     settings: Sequence[Setting] = SETTINGS,
     deadline: float,
     repeats: int = 7,
-    progress: pipeline.Progress = pipeline.silent,
+    progress: Progress = silent,
 ) -> tuple[list[Calibrated], list[LeftOut]]:
     """Every setting on the photos in `folder`, and why those that are missing are.
 
@@ -235,7 +237,7 @@ class Taken(msgspec.Struct, frozen=True):
 
 
 @contextmanager
-def photographed(shoot: Shoot, progress: pipeline.Progress = pipeline.silent) -> Iterator[Path]:
+def photographed(shoot: Shoot, progress: Progress = silent) -> Iterator[Path]:
     """A folder with the synthetic photos and their truth, gone afterwards. No budget counts the time that it takes."""
     with tempfile.TemporaryDirectory(prefix="raytwin-bench-") as temporary:
         folder = Path(temporary)
@@ -256,7 +258,7 @@ def measure_calibrations(
     taken: Sequence[Taken],
     until: float,
     repeats: int = 7,
-    progress: pipeline.Progress = pipeline.silent,
+    progress: Progress = silent,
 ) -> tuple[list[Calibrated], list[LeftOut]]:
     """`measure_calibration` on the synthetic photos and on each folder of real ones, in equal shares of the time."""
     rows, left = [], []
@@ -274,3 +276,25 @@ def portion(until: float, parts: int) -> float:
     """The end of the first of `parts` equal parts of the time from now on."""
     now = time.perf_counter()
     return now + (until - now) / parts
+
+
+def bench_calibration(
+    shoot: Shoot | None = None,
+    taken: Sequence[Taken] = (),
+    *,
+    budget: float = 300.0,
+    repeats: int = 7,
+    progress: Progress = silent,
+) -> Bench:
+    """A run of calibrations alone, in about `budget` seconds once the synthetic photos are there."""
+    for where, value, right in (("--budget", budget, budget > 0), ("--repeats", repeats, repeats >= 1)):
+        if not right:
+            raise InputError(where, "a number above 0", value)
+    shoot = shoot or Shoot()
+    with photographed(shoot, progress) as folder:
+        start = time.perf_counter()
+        rows, left = measure_calibrations(Taken(folder, shoot.board), taken, start + budget, repeats, progress)
+    return Bench(
+        scene="calibration", machine=machine(), versions=pipeline.versions(), budget=float(budget),
+        seconds=time.perf_counter() - start, rows=(), calibration=tuple(rows), left_out=tuple(left),
+    )  # fmt: skip

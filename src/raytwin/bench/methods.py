@@ -151,7 +151,7 @@ def choose(globs: tuple[str, ...] = ("*",)) -> tuple[Method, ...]:
     """The methods whose name matches one of the patterns, in the table's order. InputError where a pattern has none."""
     for glob in globs:
         if not any(fnmatchcase(m.name, glob) for m in METHODS):
-            raise InputError("--methods", "patterns of names as drjit32-* (`raytwin bench --list`)", glob)
+            raise InputError("--methods", "patterns of names as drjit32-* (`raytwin bench list`)", glob)
     return tuple(m for m in METHODS if any(fnmatchcase(m.name, glob) for glob in globs))
 
 

@@ -28,6 +28,7 @@ from raytwin.bench.truth import rounding
 from raytwin.compare import METRICS
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Plane, Scene, Sky, Sphere, Sun
 from raytwin.tracer import trace
 from raytwin.tracer.trim import TRIMS
@@ -135,7 +136,7 @@ def paper(
     taken: Sequence[Taken] = (),
     budget: float = 1500.0,
     repeats: int = 7,
-    progress: pipeline.Progress = pipeline.silent,
+    progress: Progress = silent,
 ) -> Paper:
     """Measure all three on the scene at `path` (by default `two_spheres`), in about `budget` seconds.
 

@@ -3,7 +3,7 @@
 import os
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import gcd, sqrt
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from raytwin.bench.methods import Method, choose, prepare
 from raytwin.bench.record import Bench, Error, Growth, LeftOut, Repeats, Row, Truth
 from raytwin.bench.truth import WHOLE, converge, measure
 from raytwin.errors import InputError
+from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Scene
 
 TRUTH_SHARE = 0.3
@@ -49,7 +50,7 @@ def bench(
     repeats: int = 15,
     truth_samples: int = 4096,
     flip: bool = False,
-    progress: Callable[[str, int, int], None] = pipeline.silent,
+    progress: Progress = silent,
 ) -> Bench:
     """Measure `methods` (patterns of names) on the scene at each of `sizes` (megapixels).
 

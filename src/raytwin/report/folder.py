@@ -8,15 +8,14 @@ from raytwin.compare import error_map
 from raytwin.diff import Diff
 from raytwin.image import Image
 from raytwin.pipeline import Result
+from raytwin.progress import Progress, silent
 from raytwin.report.html import write_report
 from raytwin.report.json import write_comparison
 from raytwin.report.overview import overview
 from raytwin.report.view import view_of_diff
 
 
-def write_all(
-    result: Result, folder: Path, json: Path | None = None, progress: Callable[[str, int, int], None] = lambda *_: None
-) -> None:
+def write_all(result: Result, folder: Path, json: Path | None = None, progress: Progress = silent) -> None:
     """Write every view of `result` into `folder`; `json` names a second place for comparison.json."""
     header = {**result.settings, **{f"version of {k}": v for k, v in result.versions.items()}}
     steps: list[Callable[[], None]] = [
@@ -39,7 +38,7 @@ def write_all(
     progress("report", len(steps), len(steps))
 
 
-def write_diff(found: Diff, folder: Path, progress: Callable[[str, int, int], None] = lambda *_: None) -> None:
+def write_diff(found: Diff, folder: Path, progress: Progress = silent) -> None:
     """Of any two images: report.html, comparison.json and, where they are of one size, heatmap.png."""
     view = view_of_diff(found)
     steps = [

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from raytwin.cli.options import parse_size
+from raytwin.cli.progress import show_progress
 from raytwin.errors import InputError
 
 app = typer.Typer(help="Reference images: make, check, show them, or see what would change.", no_args_is_help=True)
@@ -35,12 +37,11 @@ def make_command(
     Interrupted, it goes on where it stopped.
     """
     from raytwin import reference
-    from raytwin.cli import parse_size, progress_bars
 
     refused = []
     pixels = parse_size(size, "--size") if size else None
     for scene, one, found in _cases(scenes, rung):
-        with progress_bars() as progress:
+        with show_progress() as progress:
             change = reference.make(
                 scene,
                 one,
@@ -71,11 +72,10 @@ def check_command(
 ) -> None:
     """Fail on references that are missing, damaged, older than their scene, or disagree with today's Mitsuba."""
     from raytwin import reference
-    from raytwin.cli import progress_bars
 
     checked = []
     for scene, one, found in _cases(scenes, rung):
-        with progress_bars() as progress:
+        with show_progress() as progress:
             done = reference.check(
                 scene, one, folder, samples=samples or reference.CHECKED_SAMPLES, found=found, progress=progress
             )
@@ -119,13 +119,12 @@ def diff_command(
 ) -> None:
     """What `make --again` would change, without writing; or what differs from the references in another folder."""
     from raytwin import reference
-    from raytwin.cli import progress_bars
     from raytwin.compare import compare
 
     failed = False
     for scene, one, found in _cases(scenes, rung):
         if against is None:
-            with progress_bars() as progress:
+            with show_progress() as progress:
                 change = reference.make(scene, one, folder, samples=samples, again=True, found=found, progress=progress)
         else:
             name = scene.resolve().name
@@ -141,7 +140,6 @@ def diff_command(
 def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> Iterator[tuple]:
     """(scene's folder, rung, scene with its camera found) of every reference that is asked for."""
     from raytwin import reference
-    from raytwin.cli import progress_bars
 
     for rung in rungs or ():
         if rung not in reference.RUNGS:
@@ -151,7 +149,7 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> Iterator[tuple
     if not chosen:
         raise InputError(SCENES, "folders with a scene.toml", "none")
     for scene in chosen:
-        with progress_bars() as progress:
+        with show_progress() as progress:
             found = reference.find_scene(scene, progress)
         for rung in rungs or reference.RUNGS:
             yield scene, rung, found

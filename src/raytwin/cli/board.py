@@ -1,4 +1,4 @@
-"""raytwin board: a board to print, or one from a pickle. Imported by cli.py, which holds the other commands."""
+"""raytwin board: a board to print, or one from a pickle."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,0 +1,121 @@
+"""raytwin compare, raytwin diff: two images, held against each other."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raytwin.cli.options import Flip, JsonFile, ScenePath, check_outputs, parse_size
+from raytwin.cli.progress import show_progress
+from raytwin.errors import InputError
+
+
+def compare_command(
+    scene: ScenePath,
+    rung: Annotated[
+        str, typer.Option(help="surface, lambert, shadow; or sky, path for what the tracer lacks.")
+    ] = "shadow",
+    engine: Annotated[str, typer.Option(help="numpy64, numpy32, drjit32, drjit64, cuda32 or cuda64.")] = "numpy64",
+    solver: Annotated[str, typer.Option(help="robust, stable, paper or textbook.")] = "robust",
+    sampling: Annotated[str, typer.Option(help="center: through the pixel's centre; area: over the pixel.")] = "center",
+    samples: Annotated[int | None, typer.Option(help="The twin's samples per pixel.")] = None,
+    seed: Annotated[int, typer.Option(help="Of the twin's samples.")] = 0,
+    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Which photo's camera to stand at.")] = None,
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="Render at another size than the camera's.")] = None,
+    cache: Annotated[bool, typer.Option(help="Reuse the twin's renders of the same content.")] = True,
+    flip: Flip = False,
+    json: JsonFile = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Where the report goes (out/SCENE by default).")
+    ] = None,
+) -> None:
+    """Compare the tracer with its twin: report.html, EXRs of both images and of the error, comparison.json."""
+    from raytwin import pipeline, report
+
+    check_outputs(folders=(out or Path("out"),), files=(json,))
+    with show_progress() as progress:
+        result = pipeline.run(
+            scene,
+            rung=rung,
+            engine=engine,
+            solver=solver,
+            sampling=sampling,
+            samples=samples,
+            seed=seed,
+            photo=photo,
+            size=parse_size(size, "--size") if size else None,
+            cache=cache,
+            flip=flip,
+            progress=progress,
+        )
+        folder = out or Path("out") / result.scene.name
+        report.write_all(result, folder, json, progress=progress)
+    typer.echo(report.summary(result))
+    typer.echo(f"report: {folder / 'report.html'}")
+    raise typer.Exit(0 if result.comparison.verdict == "pass" else 1)
+
+
+def diff_command(
+    a: Annotated[Path, typer.Argument(metavar="A", help="The image to test: EXR, PFM, HDR, PNG or JPEG.")],
+    b: Annotated[Path, typer.Argument(metavar="B", help="The reference.")],
+    part: Annotated[str | None, typer.Option(metavar="NAME", help="An EXR's part: name or number.")] = None,
+    layer: Annotated[str | None, typer.Option(metavar="NAME", help="diffuse for diffuse.R...; or one channel.")] = None,
+    tolerance: Annotated[float, typer.Option(help="99.9 % of noise-free values may err by this.")] = 1e-5,
+    false_alarm_rate: Annotated[float, typer.Option(help="Share of noisy pairs that fail by chance.")] = 1e-3,
+    fail: Annotated[float | None, typer.Option("--fail", help="A pixel may err by this (1e-6); as idiff.")] = None,
+    fail_relative: Annotated[
+        float | None, typer.Option("--failrelative", "--fail-relative", help="And by this share of its value (0).")
+    ] = None,
+    fail_percent: Annotated[
+        float | None, typer.Option("--failpercent", "--fail-percent", help="Percentage that may err more (0).")
+    ] = None,
+    hard_fail: Annotated[
+        float | None, typer.Option("--hardfail", "--hard-fail", help="No pixel may err by more (infinite).")
+    ] = None,
+    allow_failures: Annotated[
+        int | None, typer.Option("--allowfailures", "--allow-failures", help="Pixels that may err at will (0).")
+    ] = None,
+    warn: Annotated[float | None, typer.Option("--warn", help="As --fail, for a warning that passes.")] = None,
+    warn_relative: Annotated[float | None, typer.Option("--warnrelative", "--warn-relative")] = None,
+    warn_percent: Annotated[float | None, typer.Option("--warnpercent", "--warn-percent")] = None,
+    hard_warn: Annotated[float | None, typer.Option("--hardwarn", "--hard-warn")] = None,
+    flip: Flip = False,
+    json: JsonFile = None,
+    junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the verdict as JUnit XML.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="report.html, heatmap.png, comparison.json.")
+    ] = None,
+) -> None:
+    """Compare any two images of any renderers: metrics, verdict, heat map. With --fail... as idiff does."""
+    from raytwin import diff, files, report
+
+    check_outputs(folders=(out,), files=(json, junit))
+    name = f"{a.name} against {b.name}"
+    try:
+        found = diff.diff(
+            a,
+            b,
+            part=part,
+            layer=layer,
+            tolerance=tolerance,
+            false_alarm_rate=false_alarm_rate,
+            limits=diff.limits("--fail", fail, fail_relative, fail_percent, hard_fail, allow_failures),
+            warn=diff.limits("--warn", warn, warn_relative, warn_percent, hard_warn),
+            flip=flip,
+        )
+    except InputError as error:
+        if junit:
+            report.write_junit([report.Case(name, "raytwin.diff", error)], junit)
+        raise
+    text = report.diff_summary(found)
+    if json:
+        files.write_json(json, found.numbers())
+    if junit:
+        report.write_junit([report.Case(name, "raytwin.diff", found.comparison, text)], junit)
+    if out:
+        with show_progress() as progress:
+            report.write_diff(found, out, progress)
+    typer.echo(text)
+    if out:
+        typer.echo(f"report: {out / 'report.html'}")
+    raise typer.Exit(0 if found.passed else 1)

@@ -1,0 +1,57 @@
+"""Options that several commands share, and what their texts mean. Everything here is checked before work begins."""
+
+import os
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raytwin.errors import InputError
+
+ScenePath = Annotated[Path, typer.Argument(help="A scene's folder, or its scene.toml.")]
+JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the numbers as JSON.")]
+Flip = Annotated[bool, typer.Option("--flip", help="Add NVIDIA's perceptual metric FLIP (slow).")]
+
+MOST_SIDE = 100_000
+"""Pixels of a picture's width or height that are taken for meant."""
+
+
+def parse_size(text: str, option: str) -> tuple[int, int]:
+    """'640x480' as (640, 480)."""
+    match = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", text)
+    if not match or not all(0 < int(side) <= MOST_SIDE for side in match.groups()):
+        raise InputError(option, "WIDTHxHEIGHT in pixels, as 640x480", text)
+    return int(match[1]), int(match[2])
+
+
+def parse_numbers(text: str, option: str) -> tuple[float, ...]:
+    """'0.1,-0.2' as (0.1, -0.2); the empty text as ()."""
+    try:
+        return tuple(float(part) for part in text.split(",")) if text.strip() else ()
+    except ValueError:
+        raise InputError(option, "numbers separated by commas", text) from None
+
+
+def parse_counts(text: str, option: str) -> tuple[int, ...]:
+    """'1,10,100' as (1, 10, 100)."""
+    numbers = parse_numbers(text, option)
+    if not all(n == n // 1 for n in numbers):
+        raise InputError(option, "whole numbers", text)
+    return tuple(int(n) for n in numbers)
+
+
+def check_outputs(*, folders: tuple[Path | None, ...] = (), files: tuple[Path | None, ...] = ()) -> None:
+    """InputError where an output cannot be written, before the work that it is to hold. Nothing is made."""
+    kinds = {True: "a folder", False: "a file"}
+    for path, folder in (*((p, True) for p in folders if p), *((p, False) for p in files if p)):
+        if path.exists():
+            if path.is_dir() != folder:
+                raise InputError(path, f"{kinds[folder]} to write", kinds[not folder])
+            above = path
+        else:
+            above = next(p for p in path.absolute().parents if p.exists())
+            if not above.is_dir():
+                raise InputError(path, "a place that can be written", f"{above}, which is a file")
+        if not os.access(above, os.W_OK):
+            raise InputError(path, "a place that can be written", "no right to")
