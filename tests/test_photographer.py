@@ -93,7 +93,8 @@ def test_the_same_seed_takes_the_same_photos_and_another_does_not(tmp_path):
 def test_a_truth_that_is_no_rotation_is_refused(shoot, tmp_path):
     _, truth = shoot()
     data = files.plain(truth)
-    data["photos"]["photo_00.jpg"][0][0][0] += 0.1
+    R, t = data["photos"]["photo_00.jpg"]
+    data["photos"]["photo_00.jpg"] = [[[R[0][0] + 0.1, *R[0][1:]], *R[1:]], t]
     files.write_toml(tmp_path / "truth.toml", data)
     with pytest.raises(InputError, match=r"photos\.photo_00\.jpg\.R_cam_board: expected a rotation matrix"):
         read_truth(tmp_path / "truth.toml")

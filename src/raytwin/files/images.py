@@ -4,8 +4,7 @@ import os
 from pathlib import Path
 
 from raytwin.errors import InputError
-from raytwin.files.exr import exr_layer, read_exr, stack, write_exr
-from raytwin.files.exr_header import EXR_MAGIC
+from raytwin.files.exr import EXR_MAGIC, exr_layer, read_exr, stack, write_exr
 from raytwin.files.hdr import read_hdr
 from raytwin.files.pfm import pfm_bytes, read_pfm
 from raytwin.files.pictures import from_bytes, read_deep_png, read_photo, to_bytes, write_picture

@@ -7,8 +7,8 @@ from raytwin.errors import InputError
 MAX_PIXELS = 400_000_000
 """A header that claims more than this is damaged or hostile: no camera makes it."""
 
-FREE = 256 << 20
-"""Bytes in memory that any file may claim: 22 megapixels of float32 RGB, were it a single colour."""
+FREE = 340 << 20
+"""Bytes in memory that any file may claim: 22 megapixels of four float32, were they a single colour."""
 
 EXPANSION = 250
 """Bytes in memory per byte of a larger file. Photos and renderings stay under 120; a bomb of zeros reaches 1032."""

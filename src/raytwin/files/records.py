@@ -5,7 +5,6 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,7 +20,7 @@ T = TypeVar("T")
 
 def write_json(path: str | os.PathLike, value: Any) -> None:
     """`value` (plain data, records, arrays as lists) as indented JSON; NaN and infinity become null."""
-    write_text(path, msgspec.json.format(msgspec.json.encode(plain(value)), indent=2).decode() + "\n")
+    write_text(path, msgspec.json.format(msgspec.json.encode(value, enc_hook=_foreign), indent=2).decode() + "\n")
 
 
 def write_toml(path: str | os.PathLike, value: Mapping[str, Any], comment: str = "") -> None:
@@ -31,19 +30,15 @@ def write_toml(path: str | os.PathLike, value: Mapping[str, Any], comment: str =
 
 def plain(value: Any) -> Any:
     """Records, dataclasses and arrays as dicts, lists and numbers."""
-    if isinstance(value, msgspec.Struct):
-        value = msgspec.structs.asdict(value)
-    elif is_dataclass(value) and not isinstance(value, type):
-        value = {f.name: getattr(value, f.name) for f in fields(value)}
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
+    return msgspec.to_builtins(value, str_keys=True, enc_hook=_foreign)
+
+
+def _foreign(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
+        return value.tolist()
     if isinstance(value, os.PathLike):
         return os.fspath(value)
-    return value
+    raise TypeError(f"cannot write {type(value).__name__}")
 
 
 def read_toml(path: str | os.PathLike) -> dict[str, Any]:
