@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from raytwin import files
-from raytwin.compare import METRICS, Comparison, Limits, compare, judge_limits, measure
+from raytwin.compare import METRICS, Comparison, Limits, Report, compare, limit_findings, measure
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.scene import Tolerance
@@ -28,12 +28,16 @@ class Diff:
     b: Path
     test: Image
     reference: Image
-    comparison: Comparison
+    report: Report
     metrics: dict[str, float | None]
     tolerance: Tolerance
     limits: Limits | None = None
     warnings: tuple[str, ...] = ()
     settings: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def comparison(self) -> Comparison:
+        return self.report.comparison
 
     @property
     def passed(self) -> bool:
@@ -42,7 +46,7 @@ class Diff:
     def numbers(self) -> dict:
         """The comparison's keys, and beside them every metric, the limits and the warnings: what JSON holds."""
         more = {"metrics": self.metrics, "limits": self.limits, "warnings": self.warnings}
-        return files.plain(self.comparison) | files.plain(more)
+        return files.plain(self.report.numbers() | {"seconds": self.report.seconds} | more)
 
 
 def diff(
@@ -74,17 +78,18 @@ def diff(
     start = time.perf_counter()
     verdict, reasons = made.verdict, list(made.reasons)
     if limits is not None:
-        found, counted = judge_limits(test, reference, limits)
-        verdict, reasons = "fail" if found else "pass", [f.text for f in found] or [counted]
+        exceeded, counted = limit_findings(test, reference, limits)
+        verdict, reasons = "fail" if exceeded else "pass", [f.text for f in exceeded] or [counted]
     if begins[0] != begins[1]:
         (x, y), (u, v) = begins
         apart = f"A's pixels begin at (x={x}, y={y}) of the display window, B's at (x={u}, y={v})"
         reasons = [apart, *(reasons if verdict == "fail" else [])]
         verdict = "fail"
-    warned = judge_limits(test, reference, warn)[0] if warn is not None and verdict == "pass" else []
+    warned = limit_findings(test, reference, warn)[0] if warn is not None and verdict == "pass" else []
     metrics = msgspec.structs.asdict(made.radiance)
     metrics |= measure(test.mean, reference.mean, [n for n in METRICS if n not in metrics and (flip or n not in SLOW)])
-    seconds = {**made.seconds, "compare": (made.seconds["compare"] or 0) + time.perf_counter() - start, "read": read}
+    seconds = {"read": read, "compare": made.seconds + time.perf_counter() - start}
+    made = msgspec.structs.replace(made, verdict=verdict, reasons=tuple(reasons))
     chosen = {"part": part, "layer": layer}
     decided = _limits_in_words(limits) if limits else {"tolerance": f"{tolerance:g}"}
     if limits is None and (test.variance is not None or reference.variance is not None):
@@ -94,9 +99,7 @@ def diff(
         b=b,
         test=test,
         reference=reference,
-        comparison=msgspec.structs.replace(
-            made, scene=f"{a.name} against {b.name}", verdict=verdict, reasons=tuple(reasons), seconds=seconds
-        ),
+        report=Report(f"{a.name} against {b.name}", "", made, seconds),
         metrics={name: metrics.get(name) for name in METRICS},
         tolerance=held,
         limits=limits,

@@ -13,7 +13,7 @@ import numpy as np
 
 from raytwin import boards, files, photographer, photos, twin
 from raytwin.augment import augment, draw_pyramid, errors_by_region
-from raytwin.compare import Comparison, compare
+from raytwin.compare import Comparison, Report, compare
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
@@ -46,7 +46,7 @@ class Result:
     """All that `raytwin compare` found; every report is a view of it."""
 
     scene: Scene
-    comparison: Comparison
+    report: Report
     subject: Image
     twin: Image
     photo: np.ndarray | None = None
@@ -57,6 +57,10 @@ class Result:
     times: tuple[Timing, ...] = ()
     settings: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def comparison(self) -> Comparison:
+        return self.report.comparison
 
 
 class Stopwatch:
@@ -200,16 +204,18 @@ def run(
         )
     with watch.time("compare"):
         progress("compare", 0, 1)
-        comparison = compare(subject, other, tolerance=scene.tolerance, scene=scene.name, rung=rung, flip=flip)
+        comparison = compare(subject, other, tolerance=scene.tolerance, flip=flip)
         progress("compare", 1, 1)
     picture = augmented = None
     if photo_path is not None:
         picture = files.read_photo(photo_path)
         if size is None:
             augmented = augment(picture, scene, engine=fast_engine(backend)).pixels
-    comparison = msgspec.structs.replace(
+    report = Report(
+        scene.name,
+        rung,
         comparison,
-        seconds={stage: watch.seconds[stage] for stage in ("calibrate", "tracer", "twin", "compare")},
+        dict(watch.seconds),
         backend={
             "twin_variant": backend.variant,
             "tracer_engine": engine,
@@ -228,7 +234,7 @@ def run(
     }
     return Result(
         scene=scene,
-        comparison=comparison,
+        report=report,
         subject=subject,
         twin=other,
         photo=picture,

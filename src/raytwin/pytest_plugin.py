@@ -180,8 +180,6 @@ class Held:
             taken.image,
             shown,
             tolerance=allowed,
-            scene=self.name,
-            rung=self.rung,
             false_alarm_rate=false_alarm_rate,
         )
         notes = list(taken.notes)
@@ -272,17 +270,20 @@ class Held:
         __tracebackhide__ = True
         from raytwin.compare import Comparison
 
-        self._report(Comparison(self.name, self.rung, "fail", tuple(text.splitlines())))
+        self._report(Comparison("fail", tuple(text.splitlines())))
         pytest.fail(text)
 
     def _report(self, made: "Comparison", notes: tuple[str, ...] = (), *images: Any) -> Path | None:
         folder = _report_folder(self._node.config)
         if folder is None:
             return None
+        from raytwin.compare import Report
         from raytwin.report import checks
 
         number = self._node.stash.setdefault(_COUNTER, itertools.count())
-        return checks.write_check(folder, self._node.nodeid, next(number), made, notes, *images)
+        return checks.write_check(
+            folder, self._node.nodeid, next(number), Report(self.name, self.rung, made), notes, *images
+        )
 
 
 _COUNTER = pytest.StashKey["itertools.count"]()

@@ -352,7 +352,7 @@ def make(
     if old is None:
         return Change(new, None, notes)
     notes = tuple(header_changes(old.header, new.header))
-    return Change(new, old, notes, compare(new.image, old.image, tolerance=found.tolerance, rung=rung))
+    return Change(new, old, notes, compare(new.image, old.image, tolerance=found.tolerance))
 
 
 _DECIDES = ("scene_hash", "rung", "sampling", "samples", "seed", "depth", "size")
@@ -407,7 +407,7 @@ def check(
         return Check(path, (f"{path}: stale: {why}",), old)
     settings = Settings(samples, int(old.header["seed"]) + 1, old.header["sampling"])
     today = render(old.scene, rung, settings, progress)
-    comparison = compare(today, old.image, tolerance=old.tolerance, scene=old.scene.name, rung=rung)
+    comparison = compare(today, old.image, tolerance=old.tolerance)
     problems = () if comparison.passed else (f"{path}: today's render disagrees", *comparison.reasons)
     return Check(path, problems, old, today, comparison)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from raytwin.compare import compare
-from raytwin.compare.statistics import welch
+from raytwin.compare.chance import welch
 from raytwin.image import Image
 
 

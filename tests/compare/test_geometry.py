@@ -4,7 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from raytwin.compare import compare
-from raytwin.compare.geometry import find_shift, judge_geometry
+from raytwin.compare.geometry import geometry_findings
+from raytwin.compare.shift import find_shift
 from raytwin.image import Image, Surface
 from raytwin.scene import Tolerance
 
@@ -23,7 +24,7 @@ def surface():
 
 
 def judged(test, tolerance=None):
-    return judge_geometry(Image(MEAN, surface=test), Image(MEAN, surface=surface()), tolerance or Tolerance())
+    return geometry_findings(Image(MEAN, surface=test), Image(MEAN, surface=surface()), tolerance or Tolerance())
 
 
 def test_the_same_surface_has_no_geometric_error():

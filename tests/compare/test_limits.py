@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from raytwin.compare import Limits, judge_limits, measure
+from raytwin.compare import Limits, limit_findings, measure
 from raytwin.image import Image
 
 ONES = np.ones((10, 10, 3), np.float32)
@@ -37,14 +37,14 @@ HALF_OFF[9, 9] = 3
     ],
 )
 def test_the_limits_decide_as_idiff_does(image, limits, passes):
-    found, _ = judge_limits(Image(ONES), Image(image), Limits(**limits))
+    found, _ = limit_findings(Image(ONES), Image(image), Limits(**limits))
     assert (not found) == passes
-    assert (not judge_limits(Image(image), Image(ONES), Limits(**limits))[0]) == passes
+    assert (not limit_findings(Image(image), Image(ONES), Limits(**limits))[0]) == passes
 
 
 def test_the_relative_error_is_that_of_the_two_values_mean():
     for relative, passes in ((0.0950, False), (0.0955, True)):  # 0.1 / 1.05 = 0.0952, as idiff finds
-        found, _ = judge_limits(Image(1.1 * ONES), Image(ONES), Limits(error=0, relative=relative))
+        found, _ = limit_findings(Image(1.1 * ONES), Image(ONES), Limits(error=0, relative=relative))
         assert (not found) == passes
 
 
@@ -54,19 +54,19 @@ def test_what_is_not_finite_fails_where_idiff_passes_it(bad, which):
     spoilt = ONES.copy()
     spoilt[3, 4, 2] = bad
     pair = [Image(spoilt if which in (i, 2) else ONES) for i in (0, 1)]
-    found, _ = judge_limits(*pair, Limits(error=10, percent=100, pixels=100))
+    found, _ = limit_findings(*pair, Limits(error=10, percent=100, pixels=100))
     assert found
     assert "(x=4, y=3)" in found[0].text
 
 
 def test_a_pixel_beyond_the_hard_limit_fails_where_no_other_limit_is_met():
     """idiff passes this one: it looks at its hard limit only when another is exceeded."""
-    found, _ = judge_limits(Image(HALF_OFF), Image(ONES), Limits(error=10, hard=1))
+    found, _ = limit_findings(Image(HALF_OFF), Image(ONES), Limits(error=10, hard=1))
     assert [f.text for f in found] == ["1 pixel of 100 err by more than 1 (allowed 0); the worst 2 at (x=9, y=9), red"]
 
 
 def test_negative_values_are_values():
-    assert not judge_limits(Image(-ONES), Image(-ONES), Limits())[0]
+    assert not limit_findings(Image(-ONES), Image(-ONES), Limits())[0]
 
 
 def test_the_worst_is_found_in_every_strip():
@@ -76,13 +76,13 @@ def test_the_worst_is_found_in_every_strip():
         y, x, c = (int(rng.integers(n)) for n in a.shape)
         b = a.copy()
         b[y, x, c] += 5
-        found, _ = judge_limits(Image(b), Image(a), Limits(error=0.1))
+        found, _ = limit_findings(Image(b), Image(a), Limits(error=0.1))
         assert f"at (x={x}, y={y}), {('red', 'green', 'blue')[c]}" in found[0].text
         assert f"1 pixel of {a.shape[0] * a.shape[1]}" in found[0].text
 
 
 def test_other_sizes_fail_in_words():
-    found, _ = judge_limits(Image(ONES), Image(np.ones((10, 9, 3), np.float32)), Limits(error=10))
+    found, _ = limit_findings(Image(ONES), Image(np.ones((10, 9, 3), np.float32)), Limits(error=10))
     assert "10 x 10 pixels, the reference 9 x 10" in found[0].text
 
 

@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from raytwin.compare import chance as S
 from raytwin.compare import compare
-from raytwin.compare import statistics as S
 from raytwin.compare.blocks import SIDE, block_sums, dilate, merge, strips
+from raytwin.compare.noise import degrees_of_freedom
 from raytwin.image import Image
 from raytwin.scene import Tolerance
 
@@ -58,8 +59,8 @@ def test_sidak_s_levels_multiply_back_to_the_rate(rate, tests):
 @pytest.mark.parametrize("batches", [(16, None), (None, 16)])
 def test_degrees_of_freedom_are_the_batches_less_one_and_without_them_the_samples(batches):
     image = Image(TRUTH, TRUTH, batches[1] or 64, None, batches[0])
-    assert S.degrees_of_freedom(image) == 15
-    assert S.degrees_of_freedom(Image(TRUTH, TRUTH)) == math.inf
+    assert degrees_of_freedom(image) == 15
+    assert degrees_of_freedom(Image(TRUTH, TRUTH)) == math.inf
 
 
 @given(st.integers(1, 41), st.integers(1, 41), st.integers(0, 2**32 - 1))

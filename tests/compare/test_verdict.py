@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from raytwin.compare import Comparison, compare
+from raytwin.compare import Comparison, Report, compare
 from raytwin.errors import InputError
 from raytwin.files import read_scene
 from raytwin.image import Image
@@ -38,7 +38,7 @@ def said(comparison, pattern):
 
 
 def test_the_json_has_exactly_the_designed_keys_null_where_nothing_applies():
-    data = json.loads(msgspec.json.encode(verdict(P, scene="desk", rung="shadow")))
+    data = json.loads(msgspec.json.encode(Report("desk", "shadow", verdict(P)).numbers()))
     assert list(data) == [
         "scene", "rung", "verdict", "reasons", "geometry", "radiance", "statistics", "perceptual", "ledger", "seconds",
         "backend",

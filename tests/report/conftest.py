@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from raytwin import files
-from raytwin.compare import compare
+from raytwin.compare import Report, compare
 from raytwin.image import Image, Surface
 from raytwin.photos import Calibration, Pose, PoseReport
 from raytwin.photos.calibration import View, Warning_
@@ -32,15 +32,16 @@ def make_result(scenes) -> Callable[..., Result]:
         tracer, twin = trace(stage, rung, "numpy64"), trace(stage, rung, "numpy32")
         if spoil is not None:
             tracer = spoil(copied(tracer))
-        comparison = compare(tracer, twin, tolerance=stage.tolerance, scene=stage.name, rung=rung)
-        comparison = msgspec.structs.replace(
-            comparison,
-            seconds={"calibrate": 2.31 if photos else None, "tracer": 0.412, "twin": 0.24, "compare": 0.0031},
-            backend={"twin_variant": "llvm_ad_rgb", "tracer_engine": "numpy64", "libllvm": None},
+        report = Report(
+            stage.name,
+            rung,
+            compare(tracer, twin, tolerance=stage.tolerance),
+            {"tracer": 0.412, "twin": 0.24, "compare": 0.0031} | ({"calibrate": 2.31} if photos else {}),
+            {"twin_variant": "llvm_ad_rgb", "tracer_engine": "numpy64", "libllvm": None},
         )
         result = Result(
             scene=stage,
-            comparison=comparison,
+            report=report,
             subject=tracer,
             twin=twin,
             times=(Timing("tracer", 0.412, "p99.9 error 2e-7"), Timing("twin", 0.24, "the reference")),

@@ -91,9 +91,9 @@ def test_settings_versions_and_times_beside_errors_are_there(plain):
 def test_text_from_the_input_is_never_markup(make_result, tmp_path):
     result = make_result()
     evil = "</script><script>alert(1)</script><b>"
-    comparison = msgspec.structs.replace(result.comparison, scene=evil, reasons=(evil,))
+    report = msgspec.structs.replace(result.report.saying(evil), scene=evil)
     scene = msgspec.structs.replace(result.scene, name=evil)
-    write_report(replace(result, scene=scene, comparison=comparison), tmp_path / "report.html")
+    write_report(replace(result, scene=scene, report=report), tmp_path / "report.html")
     assert "<script>alert" not in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 

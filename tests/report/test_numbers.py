@@ -5,7 +5,7 @@ import math
 import msgspec
 import pytest
 
-from raytwin.compare import Comparison, Geometry, Perceptual, Radiance, Statistics
+from raytwin.compare import Comparison, Geometry, Perceptual, Radiance, Report, Statistics
 from raytwin.report import numbers
 from raytwin.scene import Tolerance
 
@@ -33,7 +33,7 @@ def found(comparison: Comparison, noisy=False) -> dict[str, numbers.Row]:
 
 
 def test_a_bound_is_held_exceeded_or_silent():
-    failed = Comparison("s", "shadow", "fail", geometry=Geometry(0), radiance=Radiance(p999_abs=2e-3, rmse=1.0))
+    failed = Comparison("fail", geometry=Geometry(0), radiance=Radiance(p999_abs=2e-3, rmse=1.0))
     rows = found(failed)
     assert rows["mask_mismatch_pixels"].held is True
     assert rows["p999_abs"].held is False
@@ -42,12 +42,12 @@ def test_a_bound_is_held_exceeded_or_silent():
 
 
 def test_a_pass_never_shows_an_exceeded_bound():
-    passed = Comparison("s", "shadow", "pass", geometry=Geometry(3), radiance=Radiance(p999_abs=2e-3))
+    passed = Comparison("pass", geometry=Geometry(3), radiance=Radiance(p999_abs=2e-3))
     assert [r.number.key for r in found(passed).values() if r.held is False] == []
 
 
 def test_noise_is_not_held_to_the_bounds_of_exact_images():
-    noisy = Comparison("s", "path", "fail", radiance=Radiance(p999_abs=0.1), geometry=Geometry(1))
+    noisy = Comparison("fail", radiance=Radiance(p999_abs=0.1), geometry=Geometry(1))
     rows = found(noisy, noisy=True)
     assert rows["p999_abs"].bound is None
     assert rows["mask_mismatch_pixels"].held is False
@@ -87,8 +87,8 @@ def test_times_are_shown_to_about_three_digits(value, text):
 def test_the_json_has_the_designed_keys_and_null_for_what_is_not_finite(tmp_path):
     from raytwin.report.json import write_comparison
 
-    comparison = Comparison("s", "shadow", "pass", ("all well",), radiance=Radiance(max_abs=math.inf))
-    write_comparison(comparison, tmp_path / "comparison.json")
+    report = Report("s", "shadow", Comparison("pass", ("all well",), radiance=Radiance(max_abs=math.inf)))
+    write_comparison(report, tmp_path / "comparison.json")
     data = msgspec.json.decode((tmp_path / "comparison.json").read_bytes())
     assert list(data) == [
         "scene", "rung", "verdict", "reasons", "geometry", "radiance", "statistics", "perceptual", "ledger", "seconds",

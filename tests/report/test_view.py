@@ -88,7 +88,7 @@ def test_other_sizes_give_a_page_that_shows_both(pair, other):
 def test_the_tracers_report_survives_a_twin_of_another_size_or_kind(make_result, tmp_path):
     from dataclasses import replace
 
-    from raytwin.compare import compare
+    from raytwin.compare import Report, compare
 
     result = make_result()
     for wrong in (
@@ -97,7 +97,7 @@ def test_the_tracers_report_survives_a_twin_of_another_size_or_kind(make_result,
     ):  # fmt: skip
         comparison = compare(result.subject, wrong)
         assert not comparison.passed
-        write_report(replace(result, twin=wrong, comparison=comparison), tmp_path / "report.html")
+        write_report(replace(result, twin=wrong, report=Report("s", "shadow", comparison)), tmp_path / "report.html")
         text = text_of(tmp_path / "report.html")
         assert "✗ Fail" in text
         assert " ".join(comparison.reasons[0].split()) in text

@@ -187,11 +187,10 @@ def false_alarms(scenes: dict[str, Scene], count: int = 2000, rate: float = 1e-3
 
 
 def _counted(what: str, n: int, k: int) -> dict[str, object]:
-    from scipy.stats import beta
+    from scipy.stats import binomtest
 
-    low = float(beta.ppf(0.025, k, n - k + 1)) if k else 0.0
-    high = float(beta.ppf(0.975, k + 1, n - k)) if k < n else 1.0
-    return {"what": what, "comparisons": n, "alarms": k, "low": low, "high": high}
+    interval = binomtest(k, n).proportion_ci()
+    return {"what": what, "comparisons": n, "alarms": k, "low": float(interval.low), "high": float(interval.high)}
 
 
 def markdown(rows: list[dict[str, object]], samples: list[int]) -> str:

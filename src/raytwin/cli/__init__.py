@@ -1,6 +1,6 @@
 """The command line: a file a group of commands. Heavy imports happen inside the commands: `--help` answers at once.
 
-Exit codes: 0 pass, 1 the comparison failed, 2 the input or the machine is at fault.
+Exit codes: 0 pass, 1 the comparison failed, 2 undecided, or the input or the machine is at fault.
 """
 
 import sys

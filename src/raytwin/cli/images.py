@@ -52,7 +52,7 @@ def compare_command(
         report.write_all(result, folder, json, progress=progress)
     typer.echo(report.summary(result))
     typer.echo(f"report: {folder / 'report.html'}")
-    raise typer.Exit(0 if result.comparison.verdict == "pass" else 1)
+    raise typer.Exit(result.comparison.exit_code)
 
 
 def diff_command(
@@ -111,11 +111,11 @@ def diff_command(
     if json:
         files.write_json(json, found.numbers())
     if junit:
-        report.write_junit([report.Case(name, "raytwin.diff", found.comparison, text)], junit)
+        report.write_junit([report.Case(name, "raytwin.diff", found.report, text)], junit)
     if out:
         with show_progress() as progress:
             report.write_diff(found, out, progress)
     typer.echo(text)
     if out:
         typer.echo(f"report: {out / 'report.html'}")
-    raise typer.Exit(0 if found.passed else 1)
+    raise typer.Exit(found.comparison.exit_code)

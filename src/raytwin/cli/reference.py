@@ -129,7 +129,7 @@ def diff_command(
         else:
             name = scene.resolve().name
             new, old = (reference.load(reference.path_of(f, name, one)) for f in (folder, against))
-            c = compare(new.image, old.image, tolerance=new.tolerance, scene=name, rung=one)
+            c = compare(new.image, old.image, tolerance=new.tolerance)
             change = reference.Change(new, old, tuple(reference.header_changes(old.header, new.header)), c)
         typer.echo("\n".join(change.lines()))
         failed |= change.comparison is None or not change.comparison.passed

@@ -1,13 +1,14 @@
 """Two images in, one Comparison out: metrics, geometry, statistics, the verdict and heat maps.
 
-Knows images, not renderers. `compare` judges (`judge_limits`: by counts alone), `METRICS` measures, `error_map`
-colours.
+Knows images, not renderers. `compare` decides (`limit_findings`: by counts alone), `METRICS` measures, `error_map`
+colours; a `Report` is a Comparison with its scene and its costs.
 """
 
-from raytwin.compare.comparison import Comparison, Geometry, Part, Perceptual, Radiance, Statistics
+from raytwin.compare.comparison import Comparison, Geometry, Perceptual, Radiance, Statistics, Verdict
 from raytwin.compare.heatmap import KINDS, error_map, error_scale
-from raytwin.compare.limits import Limits, judge_limits
+from raytwin.compare.limits import Limits, limit_findings
 from raytwin.compare.metrics import METRICS, Metric, measure
+from raytwin.compare.report import Part, Report
 from raytwin.compare.verdict import compare
 
 __all__ = [
@@ -20,10 +21,12 @@ __all__ = [
     "Part",
     "Perceptual",
     "Radiance",
+    "Report",
     "Statistics",
+    "Verdict",
     "compare",
     "error_map",
     "error_scale",
-    "judge_limits",
+    "limit_findings",
     "measure",
 ]

@@ -1,8 +1,6 @@
-"""The one record that every output is a view of: its fields are the keys of comparison.json."""
+"""What came of two images: the verdict, its reasons in words, and every number behind it. Knows no renderer."""
 
-from typing import Any, Literal
-
-import msgspec
+from typing import Literal
 
 from raytwin.scene import Record
 
@@ -53,37 +51,30 @@ class Perceptual(Record, frozen=True):
     flip_mean: float | None = None
 
 
-class Part(Record, frozen=True):
-    """A row of the ledger: one named part of the error, and the seconds that its removal costs."""
-
-    part: str
-    rmse: float | None = None
-    seconds: float | None = None
-
-
-def _no_seconds() -> dict[str, float | None]:
-    return dict.fromkeys(("calibrate", "tracer", "twin", "compare"))
+Verdict = Literal["pass", "differs", "fail", "undecided"]
+"""`differs`: as it must, since one side models less light on purpose. `undecided`: what is known does not suffice."""
 
 
 class Comparison(Record, frozen=True):
     """The verdict on two images and every number behind it; `reasons` are in words, worst first.
 
-    A pass has reasons too: what it could have seen. `seconds` and `backend` are the caller's to fill
-    (`msgspec.structs.replace`); `msgspec.json.encode` gives comparison.json.
+    A pass has reasons too: what it could have seen. `seconds` is what the comparison itself took.
     """
 
-    scene: str
-    rung: str
-    verdict: Literal["pass", "fail"]
+    verdict: Verdict
     reasons: tuple[str, ...] = ()
     geometry: Geometry = Geometry()
     radiance: Radiance = Radiance()
     statistics: Statistics = Statistics()
     perceptual: Perceptual = Perceptual()
-    ledger: tuple[Part, ...] = ()
-    seconds: dict[str, float | None] = msgspec.field(default_factory=_no_seconds)
-    backend: dict[str, Any] = msgspec.field(default_factory=dict)
+    seconds: float = 0.0
 
     @property
     def passed(self) -> bool:
-        return self.verdict == "pass"
+        """The images agree, or differ only as they must."""
+        return self.verdict in ("pass", "differs")
+
+    @property
+    def exit_code(self) -> int:
+        """0: agrees, or differs as it must; 1: failed; 2: undecided."""
+        return {"pass": 0, "differs": 0, "fail": 1, "undecided": 2}[self.verdict]

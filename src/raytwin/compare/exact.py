@@ -40,11 +40,11 @@ class Quiet(NamedTuple):
 
     def findings(self, tolerance: Tolerance, pixels: int, excused: int) -> list[Finding]:
         """The two bounds of the tolerance; `excused` pixels see another object, and may."""
-        found = []
+        findings = []
         worst = f"the worst {self.error:.3g} at {at(self.x, self.y)}, {CHANNELS[self.channel]}"
         if self.over > self.values // 1000 + 3 * excused:
             share = f"{100 * self.over / self.values:.3g} %"
-            found.append(
+            findings.append(
                 Finding(
                     EXACT,
                     f"{share} of the noise-free values ({self.over} of {self.values}) err by more than "
@@ -52,17 +52,17 @@ class Quiet(NamedTuple):
                 )
             )
         if self.outliers > int(tolerance.outlier_fraction * pixels) + excused:
-            found.append(
+            findings.append(
                 Finding(
                     EXACT,
                     f"{plural(self.outliers, 'pixel')} of {pixels} err by more than {OUTLIER * tolerance.p999_abs:g} "
                     f"(allowed {100 * tolerance.outlier_fraction:g} %); {worst}",
                 )
             )
-        return found
+        return findings
 
 
-def judge_exact(test: Image, reference: Image, tolerance: Tolerance) -> Quiet:
+def count_quiet(test: Image, reference: Image, tolerance: Tolerance) -> Quiet:
     """Every value of two noise-free images of one shape."""
     quiet, allowed = Quiet(), np.full(3, tolerance.p999_abs, np.float32)
     for y0, y1, _ in strips(test.shape[0]):

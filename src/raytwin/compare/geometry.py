@@ -1,56 +1,32 @@
-"""Where things are seen: silhouettes, depth, normals, and the shift between two images."""
-
-from typing import NamedTuple
+"""Where things are seen: silhouettes, depth, normals."""
 
 import numpy as np
 
 from raytwin.compare.comparison import Geometry
-from raytwin.compare.finding import DEPTH, HARD, NORMAL, SHIFT, SILHOUETTE, Finding, at, plural
-from raytwin.compare.statistics import sidak, two_sided
+from raytwin.compare.finding import DEPTH, HARD, NORMAL, SILHOUETTE, Finding, at, plural
 from raytwin.image import BACKGROUND, Image
 from raytwin.scene import Tolerance
 
 DEPTH_REL = 1e-4
 """Bound on the 99.9 % quantile of |t - t_ref| / t_ref: rounding at a sphere's rim stays below, a wrong radius not."""
 
-GRANTED_SHIFT = 0.01
-"""Pixels by which two images may be shifted: a tenth of what calibration can tell."""
-
 NORMAL_DEG = 0.1
 """Bound on the 99.9 % quantile of the angle between normals, degrees."""
 
 
-class Shift(NamedTuple):
-    """The test image shows at (x + dx, y + dy) what the reference shows at (x, y), pixels.
-
-    `sigma` is the larger standard deviation of the two, `dof` the degrees of freedom behind it. `explained`: the share
-    of the squared difference that goes with the shift; what is left of a whole shift's is nearly nothing.
-    """
-
-    dx: float
-    dy: float
-    sigma: float
-    dof: float
-    explained: float = 1.0
-
-    @property
-    def length(self) -> float:
-        return float(np.hypot(self.dx, self.dy))
-
-
-def judge_geometry(test: Image, reference: Image, tolerance: Tolerance) -> tuple[Geometry, list[Finding]]:
+def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tuple[Geometry, list[Finding]]:
     """Geometry without the shift, and what is wrong with it; nulls where an image has no surface."""
     if test.surface is None or reference.surface is None:
         return Geometry(), []
     t, r = test.surface, reference.surface
-    found = []
+    findings = []
     differ = t.ids != r.ids
     mismatch = int(np.count_nonzero(differ))
     if mismatch > tolerance.mask_pixels:
         ys, xs = np.nonzero(differ)
         y, x = int(ys[0]), int(xs[0])
         seen = f"the test sees {_named(t.ids[y, x])}, the reference {_named(r.ids[y, x])}"
-        found.append(
+        findings.append(
             Finding(
                 SILHOUETTE,
                 f"{plural(mismatch, 'pixel')} see another object (allowed {tolerance.mask_pixels}): "
@@ -59,7 +35,7 @@ def judge_geometry(test: Image, reference: Image, tolerance: Tolerance) -> tuple
         )
     same = ~differ & (r.ids != BACKGROUND)
     if not same.any():
-        return Geometry(mask_mismatch_pixels=mismatch), found
+        return Geometry(mask_mismatch_pixels=mismatch), findings
     ys, xs = np.nonzero(same)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         depth = np.abs(t.depth[same].astype(float) - r.depth[same]) / np.abs(r.depth[same])
@@ -77,138 +53,22 @@ def judge_geometry(test: Image, reference: Image, tolerance: Tolerance) -> tuple
         if not finite.all():
             i = int(np.argmin(finite))
             count = plural(int((~finite).sum()), "pixel")
-            found.append(Finding(HARD, f"the {what} of {count} is not a number, first at {at(xs[i], ys[i])}"))
+            findings.append(Finding(HARD, f"the {what} of {count} is not a number, first at {at(xs[i], ys[i])}"))
             continue
         k = error.size - 1 - error.size // 1000
         p999 = float(np.partition(error, k)[k])
         if p999 > bound:
             i = int(error.argmax())
             kind = "relative error" if what == "depth" else "angle"
-            found.append(
+            findings.append(
                 Finding(
                     rank,
                     f"{what}: the 99.9 % quantile of the {kind} is {p999:.3g}{unit} (allowed {bound:g}), "
                     f"the largest {error[i]:.3g}{unit} at {at(xs[i], ys[i])}",
                 )
             )
-    return Geometry(mismatch, largest["depth"], largest["normal"]), found
+    return Geometry(mismatch, largest["depth"], largest["normal"]), findings
 
 
 def _named(index: int) -> str:
     return "the background" if index == BACKGROUND else f"object {index}"
-
-
-# ------------------------------------------------------------------------------------------------------------- shift
-
-
-def find_shift(test: np.ndarray, reference: np.ndarray, most_pixels: int = 1_000_000) -> Shift | None:
-    """The translation (dx, dy) for which t(x + dx) = r(x), from coarse to fine; None where nothing fixes it.
-
-    Lucas and Kanade 1981, symmetric: t - r = -grad(m) . (dx, dy) + gain m + offset, m = (t + r) / 2, by least squares,
-    so that a wrong brightness is not read as a shift. `sigma` comes from the residuals.
-    """
-    factor = max(1, int(np.ceil(np.sqrt(test.shape[0] * test.shape[1] / most_pixels))))
-    levels = [(_binned(test, factor), _binned(reference, factor))]
-    while min(levels[-1][0].shape) >= 64 and len(levels) < 6:
-        levels.append(tuple(_binned(i[..., None], 2) for i in levels[-1]))
-    dx = dy = 0.0
-    found = None
-    for k, (t, r) in enumerate(reversed(levels)):
-        if k:
-            dx, dy = 2 * dx, 2 * dy
-        for _ in range(2):
-            found = _step(t, r, round(dx), round(dy))
-            if found is None:
-                break
-            moved = (round(dx), round(dy)) != (round(found.dx), round(found.dy))
-            dx, dy = found.dx, found.dy
-            if not moved:
-                break
-        if found is None and k == len(levels) - 1:
-            return None
-    shift = Shift(factor * found.dx, factor * found.dy, factor * found.sigma, found.dof, found.explained)
-    return shift if _explains(found, *levels[0]) else None
-
-
-def _explains(shift: Shift, t: np.ndarray, r: np.ndarray) -> bool:
-    """A shift of more than a pixel is one only if it makes the images more alike: two different pictures have none."""
-    if shift.length <= 1:
-        return True
-
-    def unlike(dx: int, dy: int) -> float:
-        return 1 - float(np.corrcoef(*(i.ravel() for i in _overlap(t, r, dx, dy)))[0, 1])
-
-    return unlike(round(shift.dx), round(shift.dy)) < unlike(0, 0) / 2
-
-
-def _overlap(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> tuple[np.ndarray, np.ndarray]:
-    """The parts of t and r that show the same when t is r moved by whole pixels."""
-    h, w = t.shape
-    return (
-        t[max(dy, 0) : h + min(dy, 0), max(dx, 0) : w + min(dx, 0)],
-        r[max(-dy, 0) : h + min(-dy, 0), max(-dx, 0) : w + min(-dx, 0)],
-    )
-
-
-def _binned(x: np.ndarray, factor: int) -> np.ndarray:
-    """The mean over factor x factor pixels and all channels, float32 (H // factor, W // factor)."""
-    h, w, c = x.shape[0] // factor, x.shape[1] // factor, x.shape[2]
-    x = x[: h * factor, : w * factor]
-    rows = x.reshape(h, factor, w * factor * c).sum(axis=1, dtype=np.float32)
-    return rows.reshape(h, w, factor * c).mean(axis=-1)
-
-
-_SMOOTH = np.array([1, 4, 6, 4, 1], np.float32) / 16
-
-FOOTPRINT = float(np.square(_SMOOTH).sum()) ** 2
-"""White noise keeps this share of its variance under the filter: 1 / FOOTPRINT pixels share one error."""
-
-
-def _smoothed(x: np.ndarray) -> np.ndarray:
-    """Binomial filter, no padding: four rows and columns fewer. An edge one pixel wide has no gradient without it."""
-    x = sum(w * x[i : i + len(x) - 4] for i, w in enumerate(_SMOOTH))
-    return sum(w * x[:, i : i + x.shape[1] - 4] for i, w in enumerate(_SMOOTH))
-
-
-def _step(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> Shift | None:
-    """One least-squares step around the whole shift (dx, dy)."""
-    h, w = t.shape
-    if h - abs(dy) < 16 or w - abs(dx) < 16:
-        return None
-    t, r = (_smoothed(i) for i in _overlap(t, r, dx, dy))
-    m = (t + r) / 2
-    gx, gy = (m[1:-1, 2:] - m[1:-1, :-2]) / 2, (m[2:, 1:-1] - m[:-2, 1:-1]) / 2
-    d, m = (t - r)[1:-1, 1:-1].ravel().astype(np.float64), m[1:-1, 1:-1].ravel()
-    A = np.stack([-gx.ravel(), -gy.ravel(), m - m.mean(), np.ones_like(m)]).astype(np.float64)
-    normal = A @ A.T
-    if not np.isfinite(normal).all():
-        return None
-    # A flat image, or one with edges in one direction only, leaves the shift open.
-    if np.linalg.eigvalsh(normal[:2, :2])[0] <= 1e-9 * max(float(np.square(m).sum()), 1e-30):
-        return None
-    solution = np.linalg.lstsq(normal, A @ d, rcond=None)[0]
-    residual = d - solution @ A
-    inverse = np.linalg.pinv(normal)
-    # Edges carry the shift and the noise at once: each pixel counts with its own residual (White 1980) ...
-    influence = np.square((inverse[:2] @ A) * residual)
-    variance = influence.sum(axis=1) / FOOTPRINT
-    carrying = np.square(influence.sum(axis=1)) / np.maximum(np.square(influence).sum(axis=1), 1e-300)
-    # ... and neighbours' residuals, smoothed alike, are one.
-    dof = max(float(carrying.min()) * FOOTPRINT - 1, 0.5)
-    flat = d - np.linalg.lstsq(normal[2:, 2:], A[2:] @ d, rcond=None)[0] @ A[2:]
-    explained = 1 - float(residual @ residual) / max(float(flat @ flat), 1e-300)
-    return Shift(dx + float(solution[0]), dy + float(solution[1]), float(np.sqrt(variance.max())), dof, explained)
-
-
-def judge_shift(shift: Shift, share: float) -> list[Finding]:
-    """The shift between two noisy images as a test with the false-alarm rate `share`, beyond GRANTED_SHIFT."""
-    z = max(max(abs(shift.dx), abs(shift.dy)) - GRANTED_SHIFT, 0) / shift.sigma if shift.sigma > 0 else 0.0
-    return [shift_finding(shift)] if float(two_sided(z, shift.dof)) < sidak(share, 2) else []
-
-
-def shift_finding(shift: Shift) -> Finding:
-    return Finding(
-        SHIFT,
-        f"the test image is shifted by ({shift.dx:+.3f}, {shift.dy:+.3f}) pixels against the reference "
-        f"(sigma {shift.sigma:.2g})",
-    )

@@ -9,7 +9,7 @@ from raytwin.scene import Tolerance
 
 def shape_findings(test: Image, reference: Image) -> list[Finding]:
     """Whatever makes the two arrays impossible to compare: kind, dtype, shape."""
-    found = []
+    findings = []
     for name, image in (("test", test), ("reference", reference)):
         parts = {"image": image.mean, "variance": image.variance}
         for what, array in parts.items():
@@ -17,33 +17,33 @@ def shape_findings(test: Image, reference: Image) -> list[Finding]:
                 continue
             whose = f"the {name} {what}" if what == "image" else f"the {name}'s {what}"
             if not isinstance(array, np.ndarray):
-                found.append(Finding(HARD, f"{whose} is no array but {type(array).__name__}"))
+                findings.append(Finding(HARD, f"{whose} is no array but {type(array).__name__}"))
             elif not np.issubdtype(array.dtype, np.floating):
-                found.append(Finding(HARD, f"{whose} holds {array.dtype}, not floating-point radiance"))
+                findings.append(Finding(HARD, f"{whose} holds {array.dtype}, not floating-point radiance"))
             elif array.ndim != 3 or array.shape[-1] != 3 or 0 in array.shape:
-                found.append(Finding(HARD, f"{whose} has the shape {array.shape}, not (height, width, 3)"))
+                findings.append(Finding(HARD, f"{whose} has the shape {array.shape}, not (height, width, 3)"))
             elif what == "variance" and array.shape != np.shape(image.mean):
-                found.append(Finding(HARD, f"{whose} has the shape {array.shape}, its mean {np.shape(image.mean)}"))
+                findings.append(Finding(HARD, f"{whose} has the shape {array.shape}, its mean {np.shape(image.mean)}"))
         s = image.surface
         if s is not None and np.shape(image.mean)[:2] != np.shape(s.ids):
-            found.append(Finding(HARD, f"the {name}'s surface has the shape {np.shape(s.ids)}, not the image's"))
-    if not found and test.shape != reference.shape:
+            findings.append(Finding(HARD, f"the {name}'s surface has the shape {np.shape(s.ids)}, not the image's"))
+    if not findings and test.shape != reference.shape:
         (h, w), (rh, rw) = test.shape[:2], reference.shape[:2]
         turned = ": width and height are swapped" if (h, w) == (rw, rh) else ""
-        found.append(Finding(HARD, f"the test image is {w} x {h} pixels, the reference {rw} x {rh}{turned}"))
-    return found
+        findings.append(Finding(HARD, f"the test image is {w} x {h} pixels, the reference {rw} x {rh}{turned}"))
+    return findings
 
 
 def value_findings(test: Image, reference: Image, tolerance: Tolerance) -> list[Finding]:
     """NaN, infinite and negative values of either image, and a black test image."""
-    found = []
+    findings = []
     for name, image in (("test image", test), ("reference image", reference)):
-        found += bad_values(name, image.mean, tolerance.p999_abs)
+        findings += bad_values(name, image.mean, tolerance.p999_abs)
         if image.variance is not None:
-            found += bad_values(f"variance of the {name}", image.variance, 0.0)
-    if not found and not test.mean.any() and reference.mean.any():
-        found.append(Finding(HARD, "the test image is all black"))
-    return found
+            findings += bad_values(f"variance of the {name}", image.variance, 0.0)
+    if not findings and not test.mean.any() and reference.mean.any():
+        findings.append(Finding(HARD, "the test image is all black"))
+    return findings
 
 
 def bad_values(name: str, x: np.ndarray, least: float) -> list[Finding]:
@@ -57,12 +57,12 @@ def bad_values(name: str, x: np.ndarray, least: float) -> list[Finding]:
         ("infinite", np.isinf(x)),
         ("negative", np.isfinite(x) & (x < -x.dtype.type(least))),
     )
-    found = []
+    findings = []
     for what, bad in kinds:
         if bad.any():
             rows, columns = np.nonzero(bad.any(axis=-1))
             first = at(int(columns[0]), int(rows[0]))
             counted = f"{plural(int(bad.sum()), f'{what} value')} in {plural(len(rows), 'pixel')}"
             lowest = f", the lowest {float(x[bad].min()):.3g}" if what == "negative" else ""
-            found.append(Finding(HARD, f"the {name} has {counted}, the first at {first}{lowest}"))
-    return found
+            findings.append(Finding(HARD, f"the {name} has {counted}, the first at {first}{lowest}"))
+    return findings

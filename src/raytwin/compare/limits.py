@@ -33,11 +33,11 @@ class Limits(Record, frozen=True):
     hard: Bound = math.inf
 
 
-def judge_limits(test: Image, reference: Image, limits: Limits) -> tuple[list[Finding], str]:
+def limit_findings(test: Image, reference: Image, limits: Limits) -> tuple[list[Finding], str]:
     """What exceeds the limits, and a sentence that counts what does not."""
-    if found := shape_findings(test, reference):
-        return found, ""
-    found = bad_values("test image", test.mean, math.inf) + bad_values("reference image", reference.mean, math.inf)
+    if findings := shape_findings(test, reference):
+        return findings, ""
+    findings = bad_values("test image", test.mean, math.inf) + bad_values("reference image", reference.mean, math.inf)
     erring = beyond = 0
     worst, x, y, channel = 0.0, 0, 0, 0
     with np.errstate(invalid="ignore", over="ignore"):
@@ -60,11 +60,11 @@ def judge_limits(test: Image, reference: Image, limits: Limits) -> tuple[list[Fi
         share += f" and {limits.relative:g} of the value"
     where = f"; the worst {worst:.3g} at {at(x, y)}, {CHANNELS[channel]}" if worst > 0 else ""
     if 100 * erring > limits.percent * count and erring > limits.pixels:
-        found.append(Finding(EXACT, f"{share} (allowed {limits.percent:g} %{_or(limits.pixels)}){where}"))
+        findings.append(Finding(EXACT, f"{share} (allowed {limits.percent:g} %{_or(limits.pixels)}){where}"))
     if beyond > limits.pixels:
         text = f"{plural(beyond, 'pixel')} of {count} err by more than {limits.hard:g}"
-        found.append(Finding(EXACT, f"{text} (allowed {limits.pixels}){where}"))
-    return found, share + where
+        findings.append(Finding(EXACT, f"{text} (allowed {limits.pixels}){where}"))
+    return findings, share + where
 
 
 def _or(pixels: int) -> str:

@@ -8,14 +8,16 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from raytwin.compare.chance import sidak
 from raytwin.compare.comparison import Comparison, Perceptual, Radiance, Statistics
-from raytwin.compare.exact import judge_exact
+from raytwin.compare.decision import POWER, TESTS, Noise, decide
+from raytwin.compare.exact import count_quiet
 from raytwin.compare.finding import CHANNELS, EXACT, HARD, IMAGE, SHIFT, TILE, VALUE, Finding, at, plural
-from raytwin.compare.geometry import GRANTED_SHIFT, find_shift, judge_geometry, judge_shift, shift_finding
+from raytwin.compare.geometry import geometry_findings
 from raytwin.compare.hard import shape_findings, value_findings
 from raytwin.compare.hints import find_hints
 from raytwin.compare.metrics import METRICS, measure
-from raytwin.compare.statistics import POWER, TESTS, Noise, judge, sidak
+from raytwin.compare.shift import GRANTED_SHIFT, find_shift, shift_finding, shift_findings
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.scene import Tolerance
@@ -29,8 +31,6 @@ def compare(
     reference: Image,
     *,
     tolerance: Tolerance = Tolerance(),  # noqa: B008 (frozen)
-    scene: str = "",
-    rung: str = "",
     false_alarm_rate: float = 1e-3,
     flip: bool = False,
 ) -> Comparison:
@@ -47,20 +47,19 @@ def compare(
     # Finite values near float32's end may overflow when squared: infinite errors fail, and need no warning.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         made = _compare(test, reference, tolerance, false_alarm_rate, flip)
-    seconds = {**made.seconds, "compare": time.perf_counter() - start}
-    return msgspec.structs.replace(made, scene=scene, rung=rung, seconds=seconds)
+    return msgspec.structs.replace(made, seconds=time.perf_counter() - start)
 
 
 def _compare(test: Image, reference: Image, tolerance: Tolerance, rate: float, flip: bool) -> Comparison:
-    if found := shape_findings(test, reference):
-        return _made(found)
+    if findings := shape_findings(test, reference):
+        return _made(findings)
     test, reference = _single(test), _single(reference)
-    found = value_findings(test, reference, tolerance)
-    geometry, wrong = judge_geometry(test, reference, tolerance)
-    found += wrong
+    findings = value_findings(test, reference, tolerance)
+    geometry, wrong = geometry_findings(test, reference, tolerance)
+    findings += wrong
     radiance = _radiance(test.mean, reference.mean)
-    if any(f.rank == HARD for f in found):
-        return _made(found, geometry=geometry, radiance=radiance)
+    if any(f.rank == HARD for f in findings):
+        return _made(findings, geometry=geometry, radiance=radiance)
 
     shift = find_shift(test.mean, reference.mean)
     if shift is not None and shift.sigma <= SURE_SHIFT:
@@ -69,21 +68,21 @@ def _compare(test: Image, reference: Image, tolerance: Tolerance, rate: float, f
     mismatch = geometry.mask_mismatch_pixels or 0
     excused = mismatch if mismatch <= tolerance.mask_pixels else 0
     if test.variance is None and reference.variance is None:
-        quiet = judge_exact(test, reference, tolerance)
+        quiet = count_quiet(test, reference, tolerance)
         if wrong := quiet.findings(tolerance, pixels, excused):
             relative = METRICS["p999_rel"].function(test.mean, reference.mean)
             text = f"99.9 % quantile of the error: {radiance.p999_abs:.3g} absolute, {relative:.3g} relative"
-            found += [*wrong, Finding(EXACT, text)]
+            findings += [*wrong, Finding(EXACT, text)]
         statistics = Statistics(pixel_fail_fraction=quiet.outliers / pixels)
         notes = (
             f"the images agree: 99.9 % of the values to {radiance.p999_abs:.2g} (allowed {tolerance.p999_abs:g}), "
             f"all to {radiance.max_abs:.2g}",
         )
     else:
-        noise = judge(test, reference, tolerance, rate)
-        found += noise.quiet.findings(tolerance, pixels, excused) + _noise_findings(noise, reference)
+        noise = decide(test, reference, tolerance, rate)
+        findings += noise.quiet.findings(tolerance, pixels, excused) + _noise_findings(noise, reference)
         if shift is not None:
-            found += judge_shift(shift, sidak(rate, TESTS))
+            findings += shift_findings(shift, sidak(rate, TESTS))
         statistics = Statistics(
             noise.image.worst.signed,
             noise.tile.worst.signed,
@@ -91,21 +90,21 @@ def _compare(test: Image, reference: Image, tolerance: Tolerance, rate: float, f
             noise.image.detectable if math.isfinite(noise.image.detectable) else None,
         )
         notes = _what_could_be_seen(noise, rate)
-    if found:
+    if findings:
         hints = find_hints(test.mean, reference.mean)
         certain = shift is not None and shift.length > max(5 * shift.sigma, 2 * GRANTED_SHIFT)
         # A missing shadow pulls at the edges too; only a shift accounts for most of the difference.
         certain = certain and (shift.length > 1 or shift.explained > 0.5)
-        if certain and not hints and not any(f.rank == SHIFT for f in found):
-            found.append(shift_finding(shift))
-        found += hints
+        if certain and not hints and not any(f.rank == SHIFT for f in findings):
+            findings.append(shift_finding(shift))
+        findings += hints
     perceptual = Perceptual(METRICS["flip_hdr"].function(test.mean, reference.mean) if flip else None)
-    return _made(found, notes, geometry=geometry, radiance=radiance, statistics=statistics, perceptual=perceptual)
+    return _made(findings, notes, geometry=geometry, radiance=radiance, statistics=statistics, perceptual=perceptual)
 
 
-def _made(found: list[Finding], notes: tuple[str, ...] = (), **parts: Any) -> Comparison:
-    reasons = tuple(f.text for f in sorted(found, key=lambda f: f.rank)) or notes
-    return Comparison("", "", "fail" if found else "pass", reasons, **parts)
+def _made(findings: list[Finding], notes: tuple[str, ...] = (), **parts: Any) -> Comparison:
+    reasons = tuple(f.text for f in sorted(findings, key=lambda f: f.rank)) or notes
+    return Comparison("fail" if findings else "pass", reasons, **parts)
 
 
 def _single(image: Image) -> Image:
@@ -120,7 +119,7 @@ def _radiance(test: np.ndarray, reference: np.ndarray) -> Radiance:
 
 
 def _noise_findings(noise: Noise, reference: Image) -> list[Finding]:
-    found = []
+    findings = []
     for rank, family in ((IMAGE, noise.image), (TILE, noise.tile), (VALUE, noise.value)):
         if family.passed:
             continue
@@ -137,8 +136,8 @@ def _noise_findings(noise: Noise, reference: Image) -> list[Finding]:
         others = {IMAGE: 0, TILE: family.failed - 1, VALUE: noise.failed_pixels - 1}[rank]
         kind = {IMAGE: "", TILE: "other tile", VALUE: "other pixel"}[rank]
         too = f"; so {'is' if others == 1 else 'are'} {plural(others, kind)} beyond noise" if others else ""
-        found.append(Finding(rank, f"{where} is {off} ({sure}){too}"))
-    return found
+        findings.append(Finding(rank, f"{where} is {off} ({sure}){too}"))
+    return findings
 
 
 def _what_could_be_seen(noise: Noise, rate: float) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from raytwin import files
-from raytwin.compare import Comparison
+from raytwin.compare import Report
 from raytwin.compare.heatmap import signed_error
 from raytwin.image import Image
 from raytwin.report import numbers, pictures
@@ -24,6 +24,7 @@ from raytwin.scene import Tolerance
 THUMB = 150
 """Pixels across a small picture in the index."""
 INDEX = "index.html"
+GOOD = ("pass", "differs")
 
 NAMES = Names("test", "reference", "the test's image", "the reference", "The test's image", "The reference")
 
@@ -50,21 +51,21 @@ def write_check(
     folder: Path,
     test: str,
     number: int,
-    comparison: Comparison,
+    report: Report,
     notes: tuple[str, ...] = (),
     image: Image | None = None,
     reference: Image | None = None,
     tolerance: Tolerance | None = None,
 ) -> Path | None:
     """One comparison of the test called `test`: its row, and its page, whose path is returned."""
-    c, r = comparison, comparison.radiance
-    row = Row(test, number, c.scene, c.rung, c.verdict, c.reasons, notes, r.rmse, r.max_abs, r.mean_ratio)
+    c, r = report.comparison, report.comparison.radiance
+    row = Row(test, number, report.scene, report.rung, c.verdict, c.reasons, notes, r.rmse, r.max_abs, r.mean_ratio)
     short = re.sub(r"[^A-Za-z0-9]+", "-", test.rpartition("/")[2]).strip("-")[:80]
     unique = hashlib.sha256(f"{test} {number}".encode()).hexdigest()[:8]
     stem = f"check-{short}-{unique}"
     page = None
     if image is not None and reference is not None:
-        view = _view(test, comparison, notes, image, reference, tolerance or Tolerance())
+        view = _view(test, report, notes, image, reference, tolerance or Tolerance())
         row.page, page = f"{stem}.html", folder / f"{stem}.html"
         write_report(view, page)
         if view.alike:
@@ -82,8 +83,8 @@ def clear(folder: Path) -> None:
 def write_index(folder: Path) -> tuple[int, int]:
     """index.html over all comparisons in the folder; how many there are, and how many failed."""
     rows = [msgspec.json.decode(f.read_bytes(), type=Row) for f in folder.glob("check-*.json")]
-    rows.sort(key=lambda row: (row.verdict == "pass", row.test, row.number))
-    failed = sum(row.verdict != "pass" for row in rows)
+    rows.sort(key=lambda row: (row.verdict in GOOD, row.test, row.number))
+    failed = sum(row.verdict not in GOOD for row in rows)
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     environment.filters["shown"] = numbers.shown
     page = environment.from_string(asset("checks.html.j2")).render(rows=rows, failed=failed, css=asset("report.css"))
@@ -92,10 +93,10 @@ def write_index(folder: Path) -> tuple[int, int]:
 
 
 def _view(
-    test: str, c: Comparison, notes: tuple[str, ...], image: Image, reference: Image, tolerance: Tolerance
+    test: str, report: Report, notes: tuple[str, ...], image: Image, reference: Image, tolerance: Tolerance
 ) -> View:
     noisy = image.variance is not None or reference.variance is not None
-    r = c.radiance
+    c, r = report.comparison, report.comparison.radiance
     tiles = [
         Tile(
             "Error, 99.9 %",
@@ -108,9 +109,9 @@ def _view(
     if c.geometry.mask_mismatch_pixels is not None:
         tiles.insert(0, silhouette_tile(c, tolerance))
     return View(
-        title=f"{c.scene}, {c.rung}",
+        title=f"{report.scene}, {report.rung}",
         about=("test", test.rpartition("/")[2]),
-        comparison=msgspec.structs.replace(c, reasons=(*c.reasons, *(f"note: {n}" for n in notes))),
+        report=report.saying(*(f"note: {n}" for n in notes)),
         test=image,
         reference=reference,
         names=NAMES,

@@ -21,7 +21,7 @@ def write_all(result: Result, folder: Path, json: Path | None = None, progress: 
     steps: list[Callable[[], None]] = [
         lambda: files.write_exr(folder / "tracer.exr", result.subject, header | {"renderer": "raytwin's tracer"}),
         lambda: files.write_exr(folder / "twin.exr", result.twin, header | {"renderer": "Mitsuba"}),
-        lambda: write_comparison(result.comparison, folder / "comparison.json"),
+        lambda: write_comparison(result.report, folder / "comparison.json"),
         lambda: write_report(result, folder / "report.html"),
     ]
     if result.subject.mean.shape == result.twin.mean.shape:
@@ -31,7 +31,7 @@ def write_all(result: Result, folder: Path, json: Path | None = None, progress: 
     if result.augmented is not None:
         steps.append(lambda: files.write_picture(folder / "augmented.png", result.augmented))
     if json is not None:
-        steps.append(lambda: write_comparison(result.comparison, json))
+        steps.append(lambda: write_comparison(result.report, json))
     for done, step in enumerate(steps):
         progress("report", done, len(steps))
         step()

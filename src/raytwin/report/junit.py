@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from raytwin import files
-from raytwin.compare import Comparison
+from raytwin.compare import Report
 from raytwin.errors import InputError
 
 
@@ -16,36 +16,48 @@ class Case(NamedTuple):
 
     name: str
     group: str
-    outcome: Comparison | InputError
+    outcome: Report | InputError
     output: str = ""
 
 
 def write_junit(cases: Iterable[Case], path: str | os.PathLike, suite: str = "raytwin") -> None:
-    """A failed comparison is a `failure` with its reasons, an InputError an `error`."""
+    """A failed comparison is a `failure` with its reasons; an undecided one and an InputError are an `error`."""
     cases = list(cases)
-    failed = sum(isinstance(c.outcome, Comparison) and not c.outcome.passed for c in cases)
-    wrong = sum(isinstance(c.outcome, InputError) for c in cases)
+    kinds = [_kind(c.outcome) for c in cases]
     seconds = [_seconds(c.outcome) for c in cases]
-    totals = {"tests": str(len(cases)), "failures": str(failed), "errors": str(wrong), "time": f"{sum(seconds):.3f}"}
+    totals = {
+        "tests": str(len(cases)),
+        "failures": str(kinds.count("failure")),
+        "errors": str(kinds.count("error")),
+        "time": f"{sum(seconds):.3f}",
+    }
     root = ET.Element("testsuites", totals)
     element = ET.SubElement(root, "testsuite", {"name": suite} | totals)
-    for case, taken in zip(cases, seconds, strict=True):
+    for case, kind, taken in zip(cases, kinds, seconds, strict=True):
         about = {"name": _legal(case.name), "classname": _legal(case.group), "time": f"{taken:.3f}"}
         test = ET.SubElement(element, "testcase", about)
         if isinstance(case.outcome, InputError):
             ET.SubElement(test, "error", {"message": _legal(str(case.outcome)), "type": "InputError"})
-        elif not case.outcome.passed:
-            reasons = [_legal(reason) for reason in case.outcome.reasons]
-            failure = ET.SubElement(test, "failure", {"message": reasons[0] if reasons else "fail", "type": "fail"})
-            failure.text = "\n".join(reasons)
+        elif kind:
+            made = case.outcome.comparison
+            reasons = [_legal(reason) for reason in made.reasons]
+            said = {"message": reasons[0] if reasons else made.verdict, "type": made.verdict}
+            ET.SubElement(test, kind, said).text = "\n".join(reasons)
         if case.output:
             ET.SubElement(test, "system-out").text = _legal(case.output)
     ET.indent(root)
     files.write_text(path, ET.tostring(root, "unicode", xml_declaration=True) + "\n")
 
 
-def _seconds(outcome: Comparison | InputError) -> float:
-    return sum(s or 0 for s in outcome.seconds.values()) if isinstance(outcome, Comparison) else 0.0
+def _seconds(outcome: Report | InputError) -> float:
+    return sum(outcome.seconds.values()) if isinstance(outcome, Report) else 0.0
+
+
+def _kind(outcome: Report | InputError) -> str:
+    """The element that says what is wrong; none where the images agree."""
+    if isinstance(outcome, InputError) or outcome.comparison.verdict == "undecided":
+        return "error"
+    return "" if outcome.comparison.passed else "failure"
 
 
 def _legal(text: str) -> str:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from raytwin.compare import Comparison
+from raytwin.compare import METRICS, Comparison
 from raytwin.scene import Tolerance
 
 NO_SURFACE = "one of the images does not tell which object a pixel sees"
@@ -33,11 +33,12 @@ NUMBERS: tuple[Number, ...] = (
     Number("geometry", "shift_px", "Shift", "pixels", None,
            "translation between the two images", "too little detail to tell, or not asked for"),
     Number("radiance", "p999_abs", "Error, 99.9 % quantile", "radiance", lambda t: t.p999_abs,
-           "99.9 % of all values err by at most this", "no value is finite"),
-    Number("radiance", "max_abs", "Error, worst", "radiance", None, "max |t − r|", "no value is finite"),
-    Number("radiance", "rmse", "RMSE", "radiance", None, "sqrt(mean((t − r)²))", "no value is finite"),
-    Number("radiance", "relmse", "relMSE", "", None, "mean((t − r)² / (r² + 0.01))", "no value is finite"),
-    Number("radiance", "mean_ratio", "Ratio of means", "", None, "mean(t) / mean(r)", "{reference}'s image is black"),
+           METRICS["p999_abs"].formula, "no value is finite"),
+    Number("radiance", "max_abs", "Error, worst", "radiance", None, METRICS["max_abs"].formula, "no value is finite"),
+    Number("radiance", "rmse", "RMSE", "radiance", None, METRICS["rmse"].formula, "no value is finite"),
+    Number("radiance", "relmse", "relMSE", "", None, METRICS["relmse"].formula, "no value is finite"),
+    Number("radiance", "mean_ratio", "Ratio of means", "", None, METRICS["mean_ratio"].formula,
+           "{reference}'s image is black"),
     Number("statistics", "z_mean", "Whole image", "σ", None,
            "the image's mean error over its standard deviation, worst channel", NO_NOISE),
     Number("statistics", "z_tile_worst", "Worst tile", "σ", None, "the same for the least plausible tile", NO_NOISE),

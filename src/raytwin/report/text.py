@@ -11,7 +11,7 @@ def summary(result: Result) -> str:
     c = result.comparison
     g, r = c.geometry, c.radiance
     lines = [
-        f"{c.verdict.upper()}  {c.scene}, rung {c.rung}",
+        f"{c.verdict.upper()}  {result.report.scene}, rung {result.report.rung}",
         *(f"  {reason}" for reason in c.reasons),
         f"  silhouettes: {_number(g.mask_mismatch_pixels)} pixels differ",
         f"  radiance: p99.9 error {_number(r.p999_abs)}, worst {_number(r.max_abs)}, rmse {_number(r.rmse)}",
@@ -24,7 +24,7 @@ def summary(result: Result) -> str:
 def diff_summary(found: Diff) -> str:
     """Verdict first, its reasons, then every metric that has a value."""
     c = found.comparison
-    lines = [f"{c.verdict.upper()}  {c.scene}", *(f"  {reason}" for reason in c.reasons)]
+    lines = [f"{c.verdict.upper()}  {found.report.scene}", *(f"  {reason}" for reason in c.reasons)]
     lines += [f"  warning: {text}" for text in found.warnings]
     if c.geometry.shift_px is not None:
         lines.append(f"  shift      {c.geometry.shift_px:.3g} px")

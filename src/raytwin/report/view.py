@@ -3,10 +3,9 @@
 from dataclasses import dataclass, field
 from pathlib import PurePath
 
-import msgspec
 import numpy as np
 
-from raytwin.compare import METRICS, Comparison
+from raytwin.compare import METRICS, Comparison, Report
 from raytwin.diff import Diff
 from raytwin.image import Image
 from raytwin.photos import Calibration, PoseReport
@@ -50,7 +49,7 @@ class View:
     """
 
     title: str
-    comparison: Comparison
+    report: Report
     test: Image
     reference: Image
     names: Names
@@ -69,6 +68,10 @@ class View:
     settings: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     metrics: tuple[tuple[str, float | None, str], ...] = ()
+
+    @property
+    def comparison(self) -> Comparison:
+        return self.report.comparison
 
     @property
     def noisy(self) -> bool:
@@ -100,16 +103,16 @@ def showable(image: Image) -> bool:
 
 def view_of(result: Result) -> View:
     """The tracer beside its twin."""
-    c, tolerance = result.comparison, result.scene.tolerance
+    c, about, tolerance = result.comparison, result.report, result.scene.tolerance
     spheres = len(result.scene.spheres)
     objects = tuple(
         f"sphere {i}" if isinstance(thing, Sphere) else f"plane {i - spheres}"
         for i, thing in enumerate(result.scene.objects)
     )
     return View(
-        title=c.scene,
-        about=("rung", c.rung),
-        comparison=c,
+        title=about.scene,
+        about=("rung", about.rung),
+        report=about,
         test=result.subject,
         reference=result.twin,
         names=TWINS,
@@ -134,10 +137,12 @@ def view_of(result: Result) -> View:
                 if result.subject.variance is not None or result.twin.variance is not None
                 else f"held to {numbers.short(tolerance.p999_abs)}",
             ),
-            Tile("Tracer", numbers.seconds(c.seconds.get("tracer")), below=f"RMSE {numbers.shown(c.radiance.rmse)}"),
+            Tile(
+                "Tracer", numbers.seconds(about.seconds.get("tracer")), below=f"RMSE {numbers.shown(c.radiance.rmse)}"
+            ),
             Tile(
                 "Twin",
-                numbers.seconds(c.seconds.get("twin")),
+                numbers.seconds(about.seconds.get("twin")),
                 below=f"{result.twin.samples} sample{'s' * (result.twin.samples != 1)} a pixel",
             ),
         ),
@@ -152,7 +157,7 @@ def silhouette_tile(comparison: Comparison, tolerance: Tolerance) -> Tile:
 
 def view_of_diff(found: Diff) -> View:
     """A beside B, whoever rendered them."""
-    c, r = found.comparison, found.comparison.radiance
+    r = found.comparison.radiance
     noisy = found.test.variance is not None or found.reference.variance is not None
     held = None if found.limits else found.tolerance
     below = "noise included" if noisy else "" if held is None else f"held to {numbers.short(held.p999_abs)}"
@@ -160,7 +165,7 @@ def view_of_diff(found: Diff) -> View:
     return View(
         title=found.a.name,
         about=("against", found.b.name),
-        comparison=msgspec.structs.replace(c, reasons=(*c.reasons, *(f"warning: {w}" for w in found.warnings))),
+        report=found.report.saying(*(f"warning: {w}" for w in found.warnings)),
         test=found.test,
         reference=found.reference,
         names=Names("A", "B", "A", "B", f"A: {found.a.name}", f"B: {found.b.name}"),
@@ -174,7 +179,7 @@ def view_of_diff(found: Diff) -> View:
             Tile("Ratio of means", numbers.shown(r.mean_ratio, 5), below="mean(A) / mean(B)"),
         ),
         objects=tuple(f"object {i}" for i in range(1 + _most(found.test, found.reference))),
-        times=tuple(Timing(stage, c.seconds[stage], "-") for stage in ("read", "compare")),
+        times=tuple(Timing(stage, seconds, "-") for stage, seconds in found.report.seconds.items()),
         settings=found.settings,
         metrics=tuple((k, found.metrics[k], METRICS[k].formula) for k in others),
     )

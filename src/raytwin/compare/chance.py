@@ -1,0 +1,35 @@
+"""Probabilities: levels of tests that share a rate, Student's t and the Gaussian, and their quantiles."""
+
+import math
+
+import numpy as np
+
+
+def sidak(rate: float, tests: float) -> float:
+    """1 - (1 - rate)^(1 / tests): the level of each of `tests` independent tests that share `rate`."""
+    return -math.expm1(math.log1p(-rate) / tests)
+
+
+def welch(parts: list[tuple[float, float]]) -> float:
+    """(Σ v)² / Σ (v² / ν): the degrees of freedom of a sum of variances v that have ν each (Welch 1947, Satterthwaite).
+
+    Adding the ν instead would trust a noisy image of two batches as much as the reference that it is held against.
+    """
+    total, below = sum(v for v, _ in parts), sum(v * v / nu for v, nu in parts)
+    return total * total / below if below > 0 else math.inf
+
+
+def two_sided(z: np.ndarray | float, dof: np.ndarray | float) -> np.ndarray:
+    """P(|T| >= z) for Student's t with `dof` degrees of freedom (the Gaussian where infinite)."""
+    from scipy.special import ndtr, stdtr
+
+    finite = np.isfinite(dof)
+    return 2 * np.where(finite, stdtr(np.where(finite, dof, 1.0), -np.abs(z)), ndtr(-np.abs(z)))
+
+
+def quantile(p: float, dof: np.ndarray | float) -> np.ndarray:
+    """z with P(|T| >= z) = p, the inverse of `two_sided`."""
+    from scipy.special import ndtri, stdtrit
+
+    finite = np.isfinite(dof)
+    return np.where(finite, -stdtrit(np.where(finite, dof, 1.0), p / 2), -ndtri(p / 2))

@@ -1,0 +1,43 @@
+"""A Comparison, what was compared, and what each stage cost: the keys of comparison.json."""
+
+from typing import Any
+
+import msgspec
+
+from raytwin.compare.comparison import Comparison
+from raytwin.scene import Record
+
+STAGES = ("calibrate", "tracer", "twin", "compare")
+"""The stages that comparison.json always names, null where one was not run."""
+
+
+class Part(Record, frozen=True):
+    """A row of the ledger: one named part of the error, and the seconds that its removal costs."""
+
+    part: str
+    rmse: float | None = None
+    seconds: float | None = None
+
+
+class Report(Record, frozen=True):
+    """`comparison` of `scene` at `rung`, the seconds of every stage by name, and what computed them (`backend`)."""
+
+    scene: str
+    rung: str
+    comparison: Comparison
+    seconds: dict[str, float] = msgspec.field(default_factory=dict)
+    backend: dict[str, Any] = msgspec.field(default_factory=dict)
+    ledger: tuple[Part, ...] = ()
+
+    def saying(self, *further: str) -> "Report":
+        """The same with further reasons, behind the others."""
+        comparison = msgspec.structs.replace(self.comparison, reasons=(*self.comparison.reasons, *further))
+        return msgspec.structs.replace(self, comparison=comparison)
+
+    def numbers(self) -> dict[str, Any]:
+        """What comparison.json holds, in its order."""
+        about = {"scene": self.scene, "rung": self.rung}
+        made = msgspec.structs.asdict(self.comparison)
+        own = made.pop("seconds")
+        seconds = {stage: self.seconds.get(stage, own if stage == "compare" else None) for stage in STAGES}
+        return about | made | {"ledger": self.ledger, "seconds": seconds, "backend": self.backend}
