@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from raytwin import files
-from raytwin.compare import Limits, judge_limits
+from raytwin.compare import Limits, limit_findings
 from raytwin.image import Image
 
 OTHERS = sorted(name for name in sound_files() if name != "old.hdr" and not name.startswith(("layers", "parts")))
@@ -54,5 +54,5 @@ def test_pixels_beyond_a_limit_are_counted_as_idiff_counts_them(seed, size, erro
     b = a + size * rng.standard_normal(a.shape, np.float32) * (rng.random((9, 13, 1)) < 0.4)
     counted = oiio.ImageBufAlgo.compare(oiio.ImageBuf(b), oiio.ImageBuf(a), error, error, relative, relative)
     for allowed in {max(counted.nfail - 1, 0), counted.nfail}:
-        found, _ = judge_limits(Image(b), Image(a), Limits(error=error, relative=relative, pixels=allowed))
+        found, _ = limit_findings(Image(b), Image(a), Limits(error=error, relative=relative, pixels=allowed))
         assert bool(found) == (counted.nfail > allowed)
