@@ -2,7 +2,7 @@
 
 To add a method, add a row; for a new kind of renderer, a function `(method, scene) -> call(seed)` and a row in PREPARE.
 What a call does is timed, from the scene's record to a float32 image (H, W, 3); what `prepare` does is not, and that is
-said where it matters: Mitsuba's plain scenes and meshes are loaded in it, which flatters Mitsuba.
+said where it matters: Mitsuba's plain scenes are loaded in it, which flatters Mitsuba.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ import numpy as np
 
 from raytwin import twin
 from raytwin.bench.loop import loop
-from raytwin.errors import InputError, MachineError
+from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.scene import Camera, Scene
 from raytwin.tracer.speculate import speculate
@@ -29,8 +29,8 @@ class Method:
 
     `engine`: python, numpy, drjit (LLVM), cuda, or Mitsuba's variant; `precision`: bits of a float; `trim`: a row of
     TRIMS, None where nothing is trimmed by boxes; `speculation`: every how many-th pixel is traced, 1: all;
-    `triangles`: of each sphere, None for true spheres; `keep`: of fills and the tracer, every frame goes into one
-    array, as a film's do: a fresh one costs more than filling it, since the system hands it out page by page.
+    `keep`: of fills and the tracer, every frame goes into one array, as a film's do: a fresh one costs more than
+    filling it, since the system hands it out page by page.
     """
 
     name: str
@@ -44,7 +44,6 @@ class Method:
     speculation: int = 1
     samples: int = 1
     way: str | None = None
-    triangles: int | None = None
     keep: bool = False
 
     @property
@@ -92,22 +91,6 @@ def _twin(variant: str, rung: str, n: int, kind: str = "twin") -> Method:
     )
 
 
-def _mesh(levels: int) -> Method:
-    n = 20 * 4**levels
-    label = str(n) if n < 1000 else f"{n / 1000:.3g}k"
-    return Method(
-        f"mesh-llvm-shadow-{n}",
-        "triangle mesh",
-        label,
-        "mesh",
-        "llvm_ad_rgb",
-        32,
-        "shadow",
-        triangles=n,
-        way=str(levels),
-    )
-
-
 LLVM, SCALAR, CUDA = "llvm_ad_rgb", "scalar_rgb", "cuda_ad_rgb"
 
 METHODS: tuple[Method, ...] = (
@@ -142,8 +125,6 @@ METHODS: tuple[Method, ...] = (
     *(_twin(CUDA, rung, n, "plain") for rung in ("sky", "path") for n in COUNTS),
     # Few samples, then OpenCV's non-local means.
     *(_twin(LLVM, "path", n, "denoised") for n in (1, 4, 16, 64)),
-    # Spheres made of triangles.
-    *(_mesh(levels) for levels in range(1, 7)),
 )  # fmt: skip
 
 
@@ -259,22 +240,6 @@ def _denoise(method: Method, scene: Scene) -> Call:
     return lambda seed: denoise(render_twin(method, scene, "area", seed))
 
 
-MOST_TRIANGLES = 2_000_000
-"""More take longer to load than all other methods take to run."""
-
-
-def _triangles(method: Method, scene: Scene) -> Call:
-    if method.triangles * len(scene.spheres) > MOST_TRIANGLES:
-        raise MachineError(method.name, f"at most {MOST_TRIANGLES} triangles", method.triangles * len(scene.spheres))
-    loaded = twin.load_mesh(scene, int(method.way), method.engine)
-
-    def call(seed: int) -> np.ndarray:
-        twin.activate(method.engine)
-        return twin.render_mesh(loaded, scene.camera, method.rung).mean
-
-    return call
-
-
 PREPARE: dict[str, Callable[[Method, Scene], Call]] = {
     "fill": _fill,
     "loop": _loop,
@@ -285,5 +250,4 @@ PREPARE: dict[str, Callable[[Method, Scene], Call]] = {
     "twin": _render,
     "plain": _plain,
     "denoised": _denoise,
-    "mesh": _triangles,
 }

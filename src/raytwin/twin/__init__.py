@@ -5,7 +5,7 @@ imported when the first of them is called, not before.
 """
 
 from raytwin.twin.backend import VARIANTS, Backend, Tried, activate, doctor
-from raytwin.twin.plain import INTEGRATORS, icosphere, load_mesh, load_plain, render_mesh, render_plain
+from raytwin.twin.plain import INTEGRATORS, load_plain, render_plain
 from raytwin.twin.render import RUNGS, SAMPLINGS, provenance, render
 
 __all__ = [
@@ -17,11 +17,8 @@ __all__ = [
     "Tried",
     "activate",
     "doctor",
-    "icosphere",
-    "load_mesh",
     "load_plain",
     "provenance",
     "render",
-    "render_mesh",
     "render_plain",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 
 from raytwin.scene import Scene
 from raytwin.twin.rays import Lens, directions, lens_of
-from raytwin.twin.world import SHADOW_OFFSET, UNIT, translate
+from raytwin.twin.world import SHADOW_OFFSET, UNIT, load, translate
 
 
 class Renderer:
@@ -24,9 +24,8 @@ class Renderer:
         scene: Scene,
         textures: Mapping[int, np.ndarray],
         integrator: dict[str, Any] | None,
-        instead: Mapping[int, Any] | None = None,
     ) -> None:
-        self.scene = mi.load_dict(translate(scene, textures, instead))
+        self.scene = load(translate(scene, textures))
         self.integrator = mi.load_dict(integrator) if integrator else None
         # Opaque numbers are a kernel's parameters: another camera or light runs the kernel that is compiled already.
         double = dr.float64_array_t(mi.Float)

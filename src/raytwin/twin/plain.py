@@ -1,20 +1,18 @@
-"""The same scene as Mitsuba renders it left to itself: a baseline of speed, and spheres as triangle meshes.
+"""The same scene as Mitsuba renders it left to itself: a baseline of speed.
 
 `render` takes care that noise and outlines are comparable: own rays, a sun summed by a shadow ray, batches, a surface.
 `render_plain` takes none: Mitsuba's sensor, film and integrator, its own shadow offset, nothing but the picture.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.image import Image
-from raytwin.scene import Camera, Scene, Sphere
+from raytwin.scene import Camera, Scene
 from raytwin.twin.backend import SCALAR, activate
 from raytwin.twin.rays import lens_of
-from raytwin.twin.world import UNIT, translate
+from raytwin.twin.world import UNIT, load, translate
 
 INTEGRATORS = {"direct": {"type": "direct"}, "path": {"type": "path", "max_depth": 8, "rr_depth": 8}}
 """name -> Mitsuba's: light that met one surface (the rung `sky`), and up to seven (the rung `path`)."""
@@ -55,7 +53,7 @@ def load_plain(scene: Scene, integrator: str = "direct", variant: str | None = N
             "principal_point_offset_x": (camera.width / 2 - (camera.cx + 0.5)) / camera.width,
             "principal_point_offset_y": (camera.height / 2 - (camera.cy + 0.5)) / camera.height,
         }  # fmt: skip
-    return mi.load_dict(world)
+    return load(world)
 
 
 def render_plain(loaded: Any, samples: int = 1, seed: int = 0) -> np.ndarray:
@@ -74,74 +72,6 @@ def render_plain(loaded: Any, samples: int = 1, seed: int = 0) -> np.ndarray:
             return part
         total += part
     return total / (samples // each)
-
-
-def load_mesh(scene: Scene, levels: int, variant: str | None = None) -> Any:
-    """The twin of the scene with every sphere a mesh of 20 · 4^levels flat triangles, to hand to `render_mesh`."""
-    chosen = activate(variant).variant
-    from raytwin.twin.render import _engine
-
-    return _engine(chosen).Renderer(scene, {}, None, meshes(scene, levels))
-
-
-def render_mesh(loaded: Any, camera: Camera, rung: str = "shadow") -> Image:
-    """A rung without noise, through the pixels' centres of the camera that the scene was loaded with."""
-    from raytwin.twin.render import _exact
-
-    mean, surface = _exact(loaded, camera, rung, lambda _: None)
-    return Image(mean, surface=surface)
-
-
-def meshes(scene: Scene, levels: int) -> Mapping[int, Any]:
-    """object id -> a Mitsuba mesh in the place of the sphere, its corners on the sphere."""
-    import mitsuba as mi
-
-    points, faces = icosphere(levels)
-    R, t = np.asarray(scene.camera.R_cam_board), np.asarray(scene.camera.t_cam_board)
-    made = {}
-    for i, thing in enumerate(scene.objects):
-        if isinstance(thing, Sphere):
-            properties = mi.Properties()
-            properties["bsdf"] = mi.load_dict(
-                {
-                    "type": "twosided",
-                    "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(thing.albedo)}},
-                }
-            )
-            mesh = mi.Mesh(f"object-{i}", len(points), len(faces), props=properties)
-            corners = (R @ thing.center + t + thing.radius * points) * UNIT
-            numbers = mi.traverse(mesh)
-            numbers["vertex_positions"] = corners.astype(np.float32).ravel()
-            numbers["faces"] = faces.ravel()
-            numbers.update()
-            made[i] = mesh
-    return made
-
-
-def icosphere(levels: int) -> tuple[np.ndarray, np.ndarray]:
-    """An icosahedron whose triangles are split in four `levels` times: unit points (n, 3), faces (20 · 4^levels, 3)."""
-    g = (1 + 5**0.5) / 2
-    points = np.array([(0, s, t * g) for s in (-1, 1) for t in (-1, 1)], float)
-    points = np.concatenate([np.roll(points, k, axis=1) for k in range(3)])
-    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
-    near = np.isclose(apart, 2)  # the edges of this icosahedron
-    faces = np.array(
-        [(a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[a, c]]
-    )
-    points /= np.linalg.norm(points[0])
-    for _ in range(levels):
-        edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-        unique, where = np.unique(edges, axis=0, return_inverse=True)
-        middle = points[unique].sum(axis=1)
-        middle /= np.linalg.norm(middle, axis=1, keepdims=True)
-        ab, bc, ca = where.reshape(3, -1) + len(points)
-        a, b, c = faces.T
-        faces = np.concatenate([np.stack(f, axis=1) for f in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
-        points = np.concatenate([points, middle])
-    inwards = (np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
-               * points[faces[:, 0]]).sum(axis=1) < 0  # fmt: skip
-    faces[inwards] = faces[inwards][:, ::-1]
-    return points, faces.astype(np.uint32)
 
 
 def _numbers(camera: Camera) -> tuple[float, float, float, float, int]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from raytwin.scene import Scene
 from raytwin.twin.rays import directions, lens_of
-from raytwin.twin.world import SHADOW_OFFSET, UNIT, translate
+from raytwin.twin.world import SHADOW_OFFSET, UNIT, load, translate
 
 
 class Renderer:
@@ -27,9 +27,8 @@ class Renderer:
         scene: Scene,
         textures: Mapping[int, np.ndarray],
         integrator: dict[str, Any] | None,
-        instead: Mapping[int, Any] | None = None,
     ) -> None:
-        self.scene = mi.load_dict(translate(scene, textures, instead))
+        self.scene = load(translate(scene, textures))
         self.integrator = mi.load_dict(integrator) if integrator else None
         self.lens, self.width = lens_of(scene.camera), scene.camera.width
         self.R = np.asarray(scene.camera.R_cam_board)

@@ -24,21 +24,24 @@ moves a shadow's edge by less than 0.01 px.
 """
 
 
-def translate(
-    scene: Scene, textures: Mapping[int, np.ndarray], instead: Mapping[int, Any] | None = None
-) -> dict[str, Any]:
-    """The dictionary for `mi.load_dict`: object i is called `object-i`, everything is two-sided diffuse.
+def load(world: dict[str, Any]) -> Any:
+    """The Mitsuba object, without `optimize`.
 
-    `instead`: Mitsuba shapes, their materials with them, in the place of objects, by id.
+    That would merge rectangles of one albedo: ids are lost, and the merged mesh is missing from the scene's bounding
+    box, so that the sky's shadow rays are too short and light leaks through walls (Mitsuba 3.9).
     """
+    import mitsuba as mi
+
+    return mi.load_dict(world, optimize=False)
+
+
+def translate(scene: Scene, textures: Mapping[int, np.ndarray]) -> dict[str, Any]:
+    """The dictionary for `load`: object i is called `object-i`, everything is two-sided diffuse."""
     import mitsuba as mi
 
     R, t = np.asarray(scene.camera.R_cam_board), np.asarray(scene.camera.t_cam_board)
     world: dict[str, Any] = {"type": "scene"}
     for i, thing in enumerate(scene.objects):
-        if instead and i in instead:
-            world[f"object-{i}"] = instead[i]
-            continue
         center = (R @ thing.center + t) * UNIT
         if isinstance(thing, Plane):
             matrix = np.eye(4)
