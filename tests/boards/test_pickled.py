@@ -110,6 +110,14 @@ def test_what_is_read_can_be_written_as_toml_and_read_again(save, tmp_path):
     assert board.centers()[17] == pytest.approx((2 * INCH, 2.5 * INCH))
 
 
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_a_family_in_bytes_is_read_as_the_text_it_stands_for(save, protocol):
+    """As the detector's own results hold it, and so the course's files."""
+    path = save({"at_coarseboard": tags(np.array), "at_fineboard": tags(np.array, family=b"tag36h11")}, protocol)
+    assert read(path, "at_fineboard") == read(path, "at_coarseboard")
+    refused(save({"fine": tags(family=b"tag36h10")}, protocol), "fine[0].tag_family", "'tag36h10'")
+
+
 def test_y_down_turns_the_sign_of_y(save):
     path = save({"fine": tags()})
     assert read(path, y_down=True).centers() == {i: (x, -y) for i, (x, y) in read(path).centers().items()}
@@ -280,6 +288,11 @@ HOSTILE = {
     "new object": chatty(b"cbuiltins\nobject\n)\x81"),
     "call of a tuple like a name": chatty(b"\x8c\x06numpy.\x8c\x05dtype\x86\x8c\x02f8\x85R"),
     "call of text": chatty(b"\x8c\x05dtype)R"),
+    "nested tuples as a key": chatty(
+        b"N\x940" + b"".join(b"h%ch%c\x86\x940" % (i, i) for i in range(60)) + b"}h" + bytes([60]) + b"Ns"
+    ),
+    "an instruction of tomorrow": chatty(b"N\xf0"),
+    "defaults of a function": chatty(b"c_codecs\nencode\nN}\x8c\x0c__defaults__)s\x86b"),
     "state on a list": chatty(b"]}b"),
     "state on a name": chatty(b"cnumpy\ndtype\n}b"),
     "state on a function": chatty(b"c_codecs\nencode\n}b"),
@@ -317,7 +330,11 @@ def test_a_hostile_pickle_is_refused_in_one_line_and_little_memory(save, kind):
 @pytest.mark.parametrize(
     ("thing", "reason"),
     [
-        (HOSTILE["memo far off"], "a memo beyond its size"),
+        (HOSTILE["memo far off"], "boards by their names"),
+        (HOSTILE["nested tuples as a key"], "names as keys"),
+        (HOSTILE["bytearray of 2**40"], "at most 128 bytes"),
+        (HOSTILE["an instruction of tomorrow"], "a damaged file"),
+        (HOSTILE["defaults of a function"], "a state of its own"),
         (HOSTILE["memo colliding"], "a memo beyond its size"),
         (HOSTILE["keys that collide"], "names as keys"),
         (HOSTILE["too large"], "at most 1 MiB"),

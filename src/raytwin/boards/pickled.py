@@ -1,22 +1,22 @@
 """Boards that were saved as a Python pickle, `{name: [{tag_family, tag_id, center}]}`, read without running it.
 
-A pickle is a program for a stack machine, and two of its instructions call what they like. Python's own reader with a
-list of allowed names would still hand the file's arguments to NumPy's constructors and `__setstate__`, which trust
-them. So this reads the instructions with pickletools, which only decodes, and carries out those that build plain data.
-A call is looked up in a table of four forms that NumPy's arrays and numbers take, and answered by functions of this
-file; no name is ever imported, and no object of the file's choosing ever made.
+A pickle is a program for a stack machine, and two of its instructions call what they like. Python's own reader carries
+it out, but every name in it becomes a stand-in of this file, which copies a few numbers out of what NumPy's arrays
+would have been given; no name is ever imported, and no instruction that makes other objects is known.
 
 Nor may a small file ask for much: every instruction makes at most one small object, since arrays and byte strings that
-come out of calls are bounded, only text may be a key (numbers can be made to collide), and what one list or text is
-referred to from many places is never walked or shown as a whole.
+come out of calls are bounded, only text may be a key (numbers can be made to collide, nested tuples take forever to
+hash), and what one list or text is referred to from many places is never walked or shown as a whole.
 """
 
+import io
 import os
+import pickle
 import pickletools
-import struct
 import warnings
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -31,33 +31,48 @@ MOST_VALUES = 16
 
 MOST_TAGS = max(map(family_size, FAMILIES))
 
-DTYPES = {
-    f"{kind}{size}" for kind, sizes in {"f": (2, 4, 8), "i": (1, 2, 4, 8), "u": (1, 2, 4, 8)}.items() for size in sizes
-}
+DTYPES = {"f2", "f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"}
+
+PLAIN = "plain data and NumPy's numbers"
 
 
 class _Refused(Exception):
     """expected, got"""
 
 
-class _Name(NamedTuple):
-    module: str
-    name: str
+class _StandIn:
+    """What a name in a pickle becomes: it may be called as the real one would be, and that is all."""
+
+    __slots__ = ("make",)
+
+    def __init__(self, make: Callable[..., Any]):
+        self.make = make
+
+    def __call__(self, *given: Any) -> Any:
+        return self.make(*given)
+
+    def __setstate__(self, state: Any) -> NoReturn:
+        raise _Refused(PLAIN, "an object with a state of its own")
 
 
 class _DType:
     """`numpy.dtype('f8', False, True)`; its state tells the byte order."""
 
-    def __init__(self, code: str):
+    __slots__ = ("code", "order")
+
+    def __init__(self, code: Any, align: Any = False, copy: Any = False):
+        if not isinstance(code, str) or code not in DTYPES:
+            of = "objects" if isinstance(code, str) and code[:1] == "O" else "something else"
+            raise _Refused("arrays of numbers", f"an array of {of}")
         self.code, self.order = code, None if code[1:] != "1" else "|"
 
-    def set(self, state: Any) -> None:
+    def __setstate__(self, state: Any) -> None:
         order = state[1] if isinstance(state, tuple) and len(state) > 1 else None
         if not isinstance(order, str) or order not in ("<", ">", "|"):
             raise _Refused("a dtype of plain numbers", "another")
         self.order = order
 
-    def values(self, data: Any) -> list:
+    def values(self, data: Any) -> list[int | float]:
         """The numbers in a buffer: bytes, or text of the characters 0 to 255 as Python 2 wrote them."""
         data = _latin1(data)
         size = int(self.code[1:])
@@ -69,10 +84,14 @@ class _DType:
 class _Array:
     """An ndarray that `_reconstruct` begins and its state fills; only its numbers count, in order."""
 
-    def __init__(self):
-        self.values: list | None = None
+    __slots__ = ("values",)
 
-    def set(self, state: Any) -> None:
+    def __init__(self, kind: Any, shape: Any = None, code: Any = None):
+        if kind is not NDARRAY:
+            raise _Refused("an ndarray", "another kind of array")
+        self.values: list[int | float] = []
+
+    def __setstate__(self, state: Any) -> None:
         # (version,) shape, dtype, whether in Fortran's order, data
         if not isinstance(state, tuple) or len(state) not in (4, 5):
             raise _Refused("an array's state", "another")
@@ -96,23 +115,15 @@ def _latin1(data: Any) -> bytes:
             return data.encode("latin-1")
         except UnicodeEncodeError:
             raise _Refused("bytes as text", "characters above 255") from None
-    if not isinstance(data, bytes):
+    if not isinstance(data, bytes | bytearray):
         raise _Refused(f"at most {8 * MOST_VALUES} bytes of an array", "something else, or more")
-    return data
+    return bytes(data)
 
 
 def _encode(text: Any, encoding: Any) -> bytes:
     if encoding not in ("latin1", "latin-1") or not isinstance(text, str):
         raise _Refused("text for the bytes it stands for", "another use of _codecs.encode")
     return _latin1(text)
-
-
-def _dtype(code: Any, *_: Any) -> _DType:
-    if isinstance(code, str) and code[:1] == "O":
-        raise _Refused("arrays of numbers", "an array of objects")
-    if not isinstance(code, str) or code not in DTYPES:
-        raise _Refused("arrays of numbers", "an array of something else")
-    return _DType(code)
 
 
 def _scalar(dtype: Any, data: Any) -> int | float:
@@ -122,171 +133,103 @@ def _scalar(dtype: Any, data: Any) -> int | float:
     return values[0]
 
 
-def _reconstruct(kind: Any, *_: Any) -> _Array:
-    if not isinstance(kind, _Name) or kind.name != "ndarray":
-        raise _Refused("an ndarray", "another kind of array")
-    return _Array()
-
-
-def _frombuffer(data: Any, dtype: Any, shape: Any, *_: Any) -> _Array:
-    array = _Array()
+def _frombuffer(data: Any, dtype: Any, shape: Any, order: Any) -> _Array:
+    array = _Array(NDARRAY)
     array.fill(shape, dtype, data)
     return array
 
 
-CALLS = {
-    _Name("_codecs", "encode"): _encode,
-    _Name("numpy", "dtype"): _dtype,
-    _Name("numpy.core.multiarray", "_reconstruct"): _reconstruct,
-    _Name("numpy.core.multiarray", "scalar"): _scalar,
-    _Name("numpy.core.numeric", "_frombuffer"): _frombuffer,
+def _no_array() -> NoReturn:
+    raise _Refused(PLAIN, "a call of numpy.ndarray")
+
+
+NDARRAY = _StandIn(_no_array)
+
+KNOWN = {
+    "_codecs.encode": _StandIn(_encode),
+    "numpy.dtype": _StandIn(_DType),
+    "numpy.ndarray": NDARRAY,
+    "numpy.core.multiarray._reconstruct": _StandIn(_Array),
+    "numpy.core.multiarray.scalar": _StandIn(_scalar),
+    "numpy.core.numeric._frombuffer": _StandIn(_frombuffer),
 }
-"""What a pickled array or number of NumPy calls, and what is done instead."""
+"""What a pickled array or number of NumPy names, and what stands in for it."""
 
-KNOWN = {*CALLS, _Name("numpy", "ndarray")}
+PLAIN_STEPS = """PROTO FRAME STOP MARK POP POP_MARK DUP PUT BINPUT LONG_BINPUT MEMOIZE GET BINGET LONG_BINGET
+NONE NEWTRUE NEWFALSE INT BININT BININT1 BININT2 LONG LONG1 LONG4 FLOAT BINFLOAT STRING BINSTRING SHORT_BINSTRING
+UNICODE BINUNICODE SHORT_BINUNICODE BINUNICODE8 BINBYTES SHORT_BINBYTES BINBYTES8 BYTEARRAY8 EMPTY_LIST EMPTY_TUPLE
+EMPTY_DICT TUPLE TUPLE1 TUPLE2 TUPLE3 LIST APPEND APPENDS DICT SETITEM SETITEMS GLOBAL STACK_GLOBAL REDUCE BUILD"""
+"""The instructions that are carried out: all that plain data and arrays need."""
 
 
-def _known(module: Any, name: Any) -> _Name:
-    if isinstance(module, str) and isinstance(name, str):
+class _Steps(dict[int, Callable[[Any], None]]):
+    def __missing__(self, code: int) -> NoReturn:
+        name = next((op.name for op in pickletools.opcodes if ord(op.code) == code), None)
+        if name is None:
+            raise _Refused("a pickle", "a damaged file, or one of another kind")
+        raise _Refused(PLAIN, f"the instruction {name}, which makes other objects")
+
+
+class _Reader(pickle._Unpickler):
+    """Python's own reader, in Python: the one in C sets aside as much memory as a file says that it needs."""
+
+    def find_class(self, module: str, name: str) -> _StandIn:
         # NumPy 2 moved numpy.core to numpy._core.
-        moved = module.replace("numpy._core.", "numpy.core.", 1) if module.startswith("numpy._core.") else module
-        if _Name(moved, name) in KNOWN:
-            return _Name(moved, name)
-        raise _Refused("plain data and NumPy's numbers", f"a use of {module[:60]}.{name[:60]}")
-    raise _Refused("plain data and NumPy's numbers", "a name that is no text")
+        moved = f"{module}.{name}".replace("numpy._core.", "numpy.core.", 1)
+        if moved not in KNOWN:
+            raise _Refused(PLAIN, f"a use of {module[:60]}.{name[:60]}")
+        return KNOWN[moved]
 
-
-_MARK = object()
-
-VALUES = {
-    "INT", "BININT", "BININT1", "BININT2", "LONG", "LONG1", "LONG4", "FLOAT", "BINFLOAT",
-    "STRING", "BINSTRING", "SHORT_BINSTRING", "UNICODE", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8",
-    "BINBYTES", "SHORT_BINBYTES", "BINBYTES8",
-}  # fmt: skip
-CONSTANTS = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False}
-MADE = {"EMPTY_LIST": list, "EMPTY_TUPLE": tuple, "EMPTY_DICT": dict}
-SMALL_TUPLES = {"TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3}
-
-
-class _Machine:
-    """The pickle's stack and memo; `run` carries out one instruction."""
-
-    def __init__(self):
-        self.stack: list[Any] = []
-        self.memo: dict[int, Any] = {}
-
-    def pop(self, count: int = 1) -> list[Any]:
-        if len(self.stack) < count or any(item is _MARK for item in self.stack[-count:]):
-            raise _Refused("a pickle", "a damaged one (an empty stack)")
-        items = self.stack[-count:]
-        del self.stack[-count:]
-        return items
-
-    def to_mark(self) -> list[Any]:
-        items = []
-        while self.stack:
-            if (item := self.stack.pop()) is _MARK:
-                return items[::-1]
-            items.append(item)
-        raise _Refused("a pickle", "a damaged one (no mark)")
-
-    def top(self, kind: type) -> Any:
-        if not self.stack or not isinstance(self.stack[-1], kind):
-            raise _Refused("a pickle", f"a damaged one (no {kind.__name__} to fill)")
-        return self.stack[-1]
-
-    def remember(self, index: int) -> None:
-        (item,) = self.pop()
-        self.stack.append(item)
-        if not 0 <= index <= LARGEST:
-            raise _Refused("a pickle", "a damaged one (a memo beyond its size)")
-        self.memo[index] = item
-
-    def set_items(self, items: list[Any]) -> None:
-        keys = items[::2]
-        if len(items) % 2 or not all(type(key) is str for key in keys):
+    def _set(self, items: list[Any]) -> None:
+        if not isinstance(self.stack[-1], dict):
+            raise _Refused("a pickle", "a damaged one (no dictionary to fill)")
+        if len(items) % 2 or not all(type(key) is str for key in items[::2]):
             raise _Refused("dictionaries with names as keys", "other keys")
-        self.top(dict).update(zip(keys, items[1::2], strict=True))
+        self.stack[-1].update(zip(items[::2], items[1::2], strict=True))
 
-    def run(self, op: str, arg: Any) -> None:
-        push = self.stack.append
-        if op in VALUES:
-            push(arg)
-        elif op == "BYTEARRAY8":
-            push(bytes(arg))
-        elif op in CONSTANTS:
-            push(CONSTANTS[op])
-        elif op in MADE:
-            push(MADE[op]())
-        elif op in SMALL_TUPLES:
-            push(tuple(self.pop(SMALL_TUPLES[op])))
-        elif op == "TUPLE":
-            push(tuple(self.to_mark()))
-        elif op == "LIST":
-            push(self.to_mark())
-        elif op == "APPEND":
-            items = self.pop()
-            self.top(list).extend(items)
-        elif op == "APPENDS":
-            items = self.to_mark()
-            self.top(list).extend(items)
-        elif op == "DICT":
-            items = self.to_mark()
-            push({})
-            self.set_items(items)
-        elif op == "SETITEM":
-            self.set_items(self.pop(2))
-        elif op == "SETITEMS":
-            self.set_items(self.to_mark())
-        elif op == "MARK":
-            push(_MARK)
-        elif op == "POP":
-            if not self.stack:
-                raise _Refused("a pickle", "a damaged one (an empty stack)")
-            self.stack.pop()
-        elif op == "POP_MARK":
-            self.to_mark()
-        elif op == "DUP":
-            (item,) = self.pop()
-            self.stack += [item, item]
-        elif op in ("PUT", "BINPUT", "LONG_BINPUT"):
-            self.remember(arg)
-        elif op == "MEMOIZE":
-            self.remember(len(self.memo))
-        elif op in ("GET", "BINGET", "LONG_BINGET"):
-            if arg not in self.memo:
-                raise _Refused("a pickle", "a damaged one (nothing remembered)")
-            push(self.memo[arg])
-        elif op == "GLOBAL":
-            push(_known(*arg.split(" ", 1)))
-        elif op == "STACK_GLOBAL":
-            push(_known(*self.pop(2)))
-        elif op == "REDUCE":
-            called, given = self.pop(2)
-            self.call(called, given)
-        elif op == "BUILD":
-            thing, state = self.pop(2)
-            if not isinstance(thing, _Array | _DType):
-                raise _Refused("plain data and NumPy's numbers", "an object with a state of its own")
-            thing.set(state)
-            push(thing)
-        elif op not in ("PROTO", "FRAME", "STOP"):
-            raise _Refused("plain data and NumPy's numbers", f"the instruction {op}, which makes other objects")
+    def load_dict(self) -> None:
+        items = self.pop_mark()
+        self.append({})
+        self._set(items)
 
-    def call(self, called: Any, given: Any) -> None:
-        if not isinstance(called, _Name) or called not in CALLS or not isinstance(given, tuple):
-            raise _Refused("plain data and NumPy's numbers", "a call of something else")
-        least, most = (
-            (2, 2) if called.name in ("encode", "scalar") else (3, 4) if called.name == "_frombuffer" else (1, 3)
-        )
-        if not least <= len(given) <= most:
-            raise _Refused("a pickle", f"a damaged one ({called.name} of {len(given)} values)")
-        self.stack.append(CALLS[called](*given))
+    def load_setitem(self) -> None:
+        items = [self.stack.pop(), self.stack.pop()][::-1]
+        self._set(items)
+
+    def load_setitems(self) -> None:
+        self._set(self.pop_mark())
+
+    def load_put(self) -> None:
+        at = int(self.readline()[:-1])
+        if not 0 <= at <= LARGEST:
+            raise _Refused("a pickle", "a damaged one (a memo beyond its size)")
+        self.memo[at] = self.stack[-1]
+
+    def load_bytearray8(self) -> None:
+        size = int.from_bytes(self.read(8), "little")
+        if size > 8 * MOST_VALUES:
+            raise _Refused(f"at most {8 * MOST_VALUES} bytes of an array", f"{size}")
+        self.append(self.read(size))
+
+    dispatch = _Steps(
+        {
+            ord(op.code): pickle._Unpickler.dispatch[ord(op.code)]
+            for op in pickletools.opcodes
+            if op.name in PLAIN_STEPS.split()
+        }
+        | {
+            pickle.DICT[0]: load_dict,
+            pickle.SETITEM[0]: load_setitem,
+            pickle.SETITEMS[0]: load_setitems,
+            pickle.PUT[0]: load_put,
+            pickle.BYTEARRAY8[0]: load_bytearray8,
+        }
+    )
 
 
 def read_pickle(path: str | os.PathLike) -> Any:
     """The plain data in a pickle of any protocol, arrays as `_Array`; InputError for all else. Runs nothing."""
-    path, machine = Path(path), _Machine()
+    path = Path(path)
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST + 1)
@@ -296,15 +239,13 @@ def read_pickle(path: str | os.PathLike) -> Any:
         raise InputError(path, "a pickle of boards, at most 1 MiB", "a larger file")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # pickletools, about an unknown escape in text
-            for opcode, arg, _ in pickletools.genops(data):
-                machine.run(opcode.name, arg)
-        (found,) = machine.pop()
+            warnings.simplefilter("ignore")  # about an unknown escape in text
+            return _Reader(io.BytesIO(data), encoding="latin-1").load()
     except _Refused as refusal:
         raise InputError(path, *refusal.args) from None
-    except (ValueError, OverflowError, IndexError, struct.error) as error:  # pickletools, on what it cannot decode
-        raise InputError(path, "a pickle", f"a damaged file, or one of another kind ({str(error)[:80]})") from None
-    return found
+    except Exception as error:  # what the reader trips over in a damaged file can be anything
+        text = " ".join(str(error).split())[:80] or type(error).__name__
+        raise InputError(path, "a pickle", f"a damaged file, or one of another kind ({text})") from None
 
 
 def read_pickled(
@@ -348,6 +289,8 @@ def _tag(where: str, tag: Any) -> tuple[str, int, tuple[float, float, float]]:
     if lacking := [key for key in ("tag_family", "tag_id", "center") if key not in tag]:
         raise InputError(f"{where}.{lacking[0]}", "a value", "nothing")
     family, tag_id, center = tag["tag_family"], tag["tag_id"], tag["center"]
+    if isinstance(family, bytes):
+        family = family[:40].decode("latin-1")  # as the detector's own results hold it
     if not isinstance(family, str) or family not in FAMILIES:
         raise InputError(f"{where}.tag_family", f"one of {', '.join(FAMILIES)}", _kind(family))
     if type(tag_id) is not int or not 0 <= tag_id < family_size(family):
