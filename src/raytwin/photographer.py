@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from raytwin import files
 from raytwin.boards.board import Board, check_board, draw_board, write_board
@@ -131,7 +132,8 @@ def poses(board: Board, camera: Camera, count: int, rng: np.random.Generator) ->
             roll = math.radians(rng.normal(0, 10) + 90 * rng.choice([0, 0, 0, 0, 1, -1]))
             tilt = math.radians(tilts[i]) * (1 - attempt / TRIES)
             aim = place * rng.uniform(0.15, 0.26, 2) * (1 - attempt / TRIES)
-            R = _about([0, 0, 1], roll) @ _about([math.cos(azimuth), math.sin(azimuth), 0], tilt) @ np.diag([1, -1, -1])
+            lean = Rotation.from_rotvec([tilt * math.cos(azimuth), tilt * math.sin(azimuth), 0])
+            R = (Rotation.from_rotvec([0, 0, roll]) * lean).as_matrix() @ np.diag([1, -1, -1])
             t = _stand(board, camera, R, aim, share=0.65 if place.any() else 1.0, slack=rng.uniform(1.0, 1.2))
             if t is not None:
                 found.append((rotation(R), tuple(t.tolist())))
@@ -199,10 +201,3 @@ def expose(
     noise = rng.standard_normal(electrons.shape, dtype=np.float32)
     electrons = electrons + noise * np.sqrt(np.maximum(electrons, 0) + np.float32(read_noise**2))
     return files.to_bytes(electrons / np.float32(full_well))
-
-
-def _about(axis, angle: float) -> np.ndarray:
-    """Rodrigues: the rotation by `angle` (radians) about the unit `axis`."""
-    x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross

@@ -133,9 +133,8 @@ def compare_truth(
         rows.append(TruthRow(name, true, found, calibration.sigma.get(name), "px"))
     if photo in truth.photos:
         R, t = (np.asarray(a) for a in truth.photos[photo])
-        turn = np.asarray(camera.R_cam_board) @ R.T
-        angle = np.degrees(np.arctan2(np.linalg.norm(turn - turn.T) / np.sqrt(8), (np.trace(turn) - 1) / 2))
-        rows.append(TruthRow("rotation off by", 0.0, float(angle), None, "degrees"))
+        angle = photos.rotation_degrees(np.asarray(camera.R_cam_board), R)
+        rows.append(TruthRow("rotation off by", 0.0, angle, None, "degrees"))
         apart = 1e3 * np.linalg.norm(np.asarray(camera.eye) - (-R.T @ t))
         rows.append(TruthRow("eye off by", 0.0, float(apart), None, "mm"))
     return tuple(rows)

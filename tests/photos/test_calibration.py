@@ -3,6 +3,7 @@ import re
 import shutil
 from pathlib import Path
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
@@ -62,6 +63,20 @@ def test_photos_taken_with_a_known_camera_give_that_camera_back(shoot):
         R, t = (np.array(a) for a in truth.photos[view.photo])
         assert rotation_degrees(np.array(view.R_cam_board), R) < 0.1
         assert np.linalg.norm(np.array(view.t_cam_board) - t) < 1e-3
+
+
+def test_the_same_detections_give_the_same_camera_to_the_last_bit_and_opencv_keeps_its_threads(real_tags, real_board):
+    tags, size = real_tags("april_fine")
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(8)
+    try:
+        found = {
+            (c.K, c.dist) for c in (calibrate_detections(tags, size, real_board("fine"), "full5") for _ in range(6))
+        }
+        assert len(found) == 1
+        assert cv2.getNumThreads() == 8
+    finally:
+        cv2.setNumThreads(threads)
 
 
 def test_the_pose_of_a_photo_is_the_one_its_calibration_found(shoot):

@@ -19,6 +19,7 @@ from raytwin.photos.pose import (
     pose_of_photo,
     pose_of_tags,
     refined_pose,
+    rotation_degrees,
 )
 from raytwin.photos.uncertainty import Evidence, deviations, uncertainty_map
 
@@ -50,5 +51,6 @@ __all__ = [
     "pose_of_tags",
     "project",
     "refined_pose",
+    "rotation_degrees",
     "uncertainty_map",
 ]

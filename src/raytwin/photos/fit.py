@@ -3,7 +3,8 @@
 Zhang's closed form, then Levenberg-Marquardt over everything, both by cv2.calibrateCamera.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import cv2
@@ -30,6 +31,17 @@ MODELS: dict[str, tuple[str, ...]] = {
 CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 1000, 1e-10)
 """No step once the parameters move by less than this share. Sound views take ten or twenty; views that hardly tell one
 parameter from another take hundreds, and a fit that stops before is a thousand pixels off and claims to know."""
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """OpenCV on one thread meanwhile: on several it adds up in any order, and no two fits end in the same bits."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(threads)
 
 
 class Seen(Record, frozen=True):
@@ -61,15 +73,16 @@ def fit(views: Sequence[Seen], image_size: tuple[int, int], board: Board, model:
         K, dist = start.K.copy(), lens.five(start.dist)
     both = [pose.matched(v.tags, board) for v in views]
     try:
-        rms, K, dist, rvecs, tvecs, deviations, _, _ = cv2.calibrateCameraExtended(
-            [p.astype(np.float32) for p, _ in both],
-            [p.astype(np.float32) for _, p in both],
-            image_size,
-            K,
-            dist,
-            flags=flags,
-            criteria=CRITERIA,
-        )
+        with one_thread():
+            rms, K, dist, rvecs, tvecs, deviations, _, _ = cv2.calibrateCameraExtended(
+                [p.astype(np.float32) for p, _ in both],
+                [p.astype(np.float32) for _, p in both],
+                image_size,
+                K,
+                dist,
+                flags=flags,
+                criteria=CRITERIA,
+            )
     except cv2.error as error:
         raise InputError("views", "photos from which a camera follows", error.err or "none") from None
     if not (np.isfinite(K).all() and np.isfinite(dist).all() and K[0, 0] > 0 and K[1, 1] > 0):

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from raytwin.boards.board import Board, spans_a_plane
 from raytwin.errors import InputError
@@ -194,8 +195,8 @@ def outlier_limit(errors: np.ndarray) -> float:
 
 
 def rotation_degrees(A: np.ndarray, B: np.ndarray) -> float:
-    """The angle of the rotation A B^T, degrees: 2 asin(|A - B|_F / sqrt 8), exact for small angles too."""
-    return math.degrees(2 * math.asin(min(1.0, float(np.linalg.norm(np.asarray(A) - np.asarray(B))) / math.sqrt(8))))
+    """The angle of the rotation A B^T, degrees."""
+    return math.degrees(Rotation.from_matrix(np.asarray(A) @ np.asarray(B).T).magnitude())
 
 
 def rotation(R: np.ndarray) -> Matrix:
