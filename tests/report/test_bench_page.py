@@ -1,16 +1,24 @@
 """The bench's page and pictures, from a made-up run: complete, offline, labels apart, alive in a browser."""
 
+import io
 import itertools
+import math
 import re
+from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image as Pillow
 
 from raytwin.bench import METHODS, Bench, Calibrated, Error, Growth, LeftOut, Repeats, Row, Truth, against
-from raytwin.report.bench_files import bench_summary, write_bench_all
-from raytwin.report.bench_html import all_charts, as_data, write_bench_page
-from raytwin.report.charts import FRAME, calibration_charts, error_chart, growth_charts
-from raytwin.report.labels import BOLD_WIDTH, WIDTH, Label, place
+from raytwin.report.bench_charts import calibration_charts, error_chart, growth_charts
+from raytwin.report.bench_page import bench_summary, error_charts, frontier_rows, write_bench_all, write_bench_page
+from raytwin.report.charts import FRAME, layout, png_bytes, svg_text
+from raytwin.report.charts.labels import BOLD_WIDTH, WIDTH, Label, place
+from raytwin.report.charts.png import dashes
+from raytwin.report.charts.shapes import Marker, ticks
+from raytwin.report.numbers import shown
 
 SIZES = ((400, 300), (800, 600), (1600, 1200))
 FLOOR = {"shadow-center": 1e-8, "path-area": 1e-3}
@@ -65,7 +73,7 @@ def boxes(chart):
 
 
 def test_no_label_lies_over_another_or_beyond_the_frame(made):
-    for chart in (*all_charts(made), *growth_charts(made), *calibration_charts("made", made.calibration)):
+    for chart in (*error_charts(made), *growth_charts(made), *calibration_charts("made", made.calibration)):
         found = list(boxes(chart))
         for a, b in itertools.combinations(found, 2):
             assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], (chart.key, a[4], b[4])
@@ -73,7 +81,7 @@ def test_no_label_lies_over_another_or_beyond_the_frame(made):
 
 
 def test_nearly_every_method_has_its_label(made):
-    for chart in all_charts(made):
+    for chart in error_charts(made):
         assert len(chart.unlabelled) <= 3, chart.unlabelled
 
 
@@ -90,7 +98,7 @@ def test_a_label_without_room_is_left_out():
 
 
 def test_no_point_lies_below_the_floor_unmarked(made):
-    for chart in all_charts(made):
+    for chart in error_charts(made):
         assert chart.floor is not None
         for p in chart.points:
             assert p.y >= chart.floor * (1 - 1e-12)
@@ -138,31 +146,94 @@ def test_the_terminal_names_what_changed(made):
     assert "nothing became slower" in bench_summary(made, against(made, made))
 
 
-def test_the_choice_of_truth_and_metric_redraws_the_chart(made, tmp_path, browse):
+def test_the_choice_of_truth_and_metric_shows_another_chart(made, tmp_path, browse):
     write_bench_page(made, tmp_path / "bench.html")
     script = """
-      const model = (name) => Bokeh.documents[0].get_model_by_name(name);
-      result.first = document.body.dataset.chart;
-      result.before = model("points").data.y.length;
+      const shown = () => [...document.querySelectorAll("[data-chart]")].filter((e) => !e.hidden);
+      result.first = shown().map((e) => e.dataset.chart);
       const pick = (name, value) => {
         const select = document.getElementById(`choose-${name}`);
         select.value = value; select.dispatchEvent(new Event("change"));
       };
       pick("size", "1600x1200"); pick("truth", "shadow-center"); pick("metric", "rmse");
-      await pause();
-      result.then = document.body.dataset.chart;
-      result.y = [...model("points").data.y]; result.range = [model("y_range").start, model("y_range").end];
-      result.title = model("title").text;
-      result.frontier = [...document.querySelectorAll("#frontier-rows th")].map((cell) => cell.textContent);
-      result.row = window.raytwinBench.row("drjit32-shadow-conic");"""
+      result.then = shown().map((e) => e.dataset.chart);
+      result.title = shown()[0].querySelector("svg").getAttribute("aria-label");
+      result.points = [...shown()[0].querySelectorAll("[data-name]")].map((e) => e.dataset.name);
+      result.frontier = [...shown()[1].querySelectorAll("tbody tr")].map(
+        (row) => [...row.children].map((cell) => cell.textContent));
+      const point = shown()[0].querySelector('[data-name="drjit32-shadow-conic"]');
+      point.dispatchEvent(new PointerEvent("pointerover", { bubbles: true, clientX: 300, clientY: 300 }));
+      const box = document.querySelector(".hover");
+      result.hidden = box.hidden; result.tip = box.textContent; result.tags = box.children.length;
+      result.box = box.getBoundingClientRect().top;
+      pick("metric", "relmse");
+      result.gone = box.hidden;
+      const svg = shown()[0].querySelector("svg");
+      svg.dispatchEvent(new WheelEvent("wheel", { deltaY: -400, ctrlKey: true, clientX: 300, clientY: 300 }));
+      result.zoomed = svg.viewBox.baseVal.width / svg.width.baseVal.value;
+      svg.dispatchEvent(new MouseEvent("dblclick"));
+      result.whole = svg.getAttribute("viewBox");"""
     read, console = browse(tmp_path / "bench.html", "", script)
     assert console == []
-    assert read["first"] == "400x300/path-area/relmse"
-    assert read["then"] == "1600x1200/shadow-center/rmse"
+    assert read["first"] == 2 * ["400x300/path-area/relmse"]
+    assert read["then"] == 2 * ["1600x1200/shadow-center/rmse"]
     chart = error_chart(made, SIZES[2], "shadow-center", "rmse")
-    np.testing.assert_allclose(read["y"], as_data(chart)["points"]["y"])
-    assert read["range"] == pytest.approx(chart.y_range)
     assert read["title"] == chart.title
-    assert set(read["frontier"]) == {p.method for p in chart.points if p.frontier}
-    assert "seconds median" in read["row"]
-    assert "12.5" in read["row"]
+    assert set(read["points"]) == {p.name for p in chart.points}
+    assert [tuple(row) for row in read["frontier"]] == frontier_rows(chart)
+    row = next(r for r in made.rows if r.method == "drjit32-shadow-conic" and r.width == 1600)
+    assert read["tip"].startswith("drjit32-shadow-conic\n")
+    assert "memory 12.5 MiB" in read["tip"]
+    assert f"RMSE {shown(row.rmse)}" in read["tip"]
+    assert (read["hidden"], read["tags"], read["gone"]) == (False, 0, True)
+    assert 200 < read["box"] < 420
+    assert read["zoomed"] == pytest.approx(np.exp(-1), rel=1e-3)
+    assert read["whole"] == "0 0 850 710"
+
+
+def test_the_picture_of_a_chart_shows_every_point_in_its_colour(made):
+    chart = error_chart(made, SIZES[0], "path-area", "rmse")
+    drawing = layout(chart)
+    pixels = np.asarray(Pillow.open(io.BytesIO(png_bytes(drawing))).convert("RGB"))
+    assert pixels.shape == (2 * drawing.height, 2 * drawing.width, 3)
+    markers = {s.name: s for s in drawing.shapes if isinstance(s, Marker)}
+    assert markers.keys() == {p.name for p in chart.points}
+    (x0, x1), (y0, y1) = np.log(chart.x_range), np.log(chart.y_range)
+    for p in chart.points:
+        x, y = markers[p.name].at
+        assert x == pytest.approx(80 + FRAME[0] * (np.log(p.x) - x0) / (x1 - x0))
+        assert y == pytest.approx(50 + FRAME[1] * (1 - (np.log(p.y) - y0) / (y1 - y0)))
+    strong = [p for p in chart.points if p.strong and not p.hollow]
+    assert strong
+    for p in strong:
+        x, y = markers[p.name].at
+        own = [int(p.colour[i : i + 2], 16) for i in (1, 3, 5)]
+        near = pixels[int(2 * y) - 8 : int(2 * y) + 9, int(2 * x) - 8 : int(2 * x) + 9].reshape(-1, 3).astype(int)
+        assert (np.abs(near - own).max(axis=1) < 12).mean() > 0.15, p.name
+
+
+def test_a_chart_is_well_formed_svg_with_every_text_escaped(made):
+    chart = replace(growth_charts(made)[1], title='a <b> & "c"')
+    root = ElementTree.fromstring(svg_text(layout(chart)))
+    texts = [e.text for e in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert 'a <b> & "c"' in texts
+    assert {t.text for t in chart.texts} <= set(texts)
+    assert len(list(root.iter("{http://www.w3.org/2000/svg}title"))) == len(chart.points)
+
+
+@pytest.mark.parametrize(
+    ("ends", "expected"),
+    [
+        ((0.5, 300.0), [1, 10, 100]),
+        ((0.9, 6.0), [1, 2, 5]),
+        ((1e-12, 1e3), [1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1, 1e2]),
+    ],
+)
+def test_ticks_are_few_and_round(ends, expected):
+    assert ticks(ends) == pytest.approx(expected)
+
+
+def test_dashes_cover_the_line_and_leave_its_gaps():
+    parts = list(dashes(((0.0, 0.0), (30.0, 40.0)), 6.0, 4.0))
+    assert [math.dist(a, b) for a, b in parts] == pytest.approx([6.0] * 5)
+    assert math.dist(parts[0][0], parts[1][0]) == pytest.approx(10.0)

@@ -7,7 +7,6 @@ from raytwin.bench.against import Change, Changes, against
 from raytwin.bench.calibration import Shoot, Taken, bench_calibration
 from raytwin.bench.frontier import Fit, fit_power, on_frontier, ratio_interval, staircase
 from raytwin.bench.methods import METHODS, Method, choose, prepare
-from raytwin.bench.paper import Paper, paper
 from raytwin.bench.record import (
     ERRORS,
     Bench,
@@ -36,7 +35,6 @@ __all__ = [
     "Growth",
     "LeftOut",
     "Method",
-    "Paper",
     "Repeats",
     "Row",
     "Shoot",
@@ -48,7 +46,6 @@ __all__ = [
     "choose",
     "fit_power",
     "on_frontier",
-    "paper",
     "prepare",
     "ratio_interval",
     "read_bench",

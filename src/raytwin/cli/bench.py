@@ -152,17 +152,18 @@ def paper_command(
     out: Out = None,
 ) -> None:
     """The paper's figures 10 to 12 again, with their errors: paper.html, SVG and PNG, paper.json, paper.md."""
-    from raytwin import bench, files, report
+    from raytwin import files
+    from raytwin import paper as figures
 
     check_outputs(folders=(out or Path("out"),), files=(json,))
     shoot, taken = shoot_of(scene, photo_count, photo_size), real_photos(photos, board)
     with show_progress() as progress:
-        found = bench.paper(scene, shoot=shoot, taken=taken, budget=budget, repeats=repeats, progress=progress)
+        found = figures.paper(scene, shoot=shoot, taken=taken, budget=budget, repeats=repeats, progress=progress)
     if json:
         files.write_json(json, found)
     folder = out or Path("out") / "paper"
-    report.write_paper_all(found, folder)
-    typer.echo(report.paper_summary(found))
+    figures.write_paper_all(found, folder)
+    typer.echo(figures.paper_summary(found))
     typer.echo(f"report: {folder / 'paper.html'}")
 
 

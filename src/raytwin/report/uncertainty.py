@@ -1,20 +1,38 @@
 """The projected uncertainty over the frame, as a picture: how far off a pixel may be, and where the tags were seen."""
 
 import base64
-import io
+import math
 import os
+from collections.abc import Sequence
 
 import numpy as np
 
 from raytwin import files
 from raytwin.photos import Calibration, uncertainty_map
-from raytwin.report.charts import INK, SOFT
+from raytwin.report.charts import INK, SOFT, png_bytes
+from raytwin.report.charts.shapes import XY, Box, Drawing, Marker, Picture, Shape, Stroke, Words
+from raytwin.report.numbers import short
 
-WIDTH = 5.4
-"""Inches, at 100 dots each on the page and twice that in a file."""
+SIDE = 440
+"""Of the frame's longer side, in the drawing's pixels; a file has twice as many."""
+
+TOP, LEFT, BAR, TICKS = 26, 8, 14, 40
+"""Pixels above the frame, beside it, of the colour bar and of its numbers."""
+
+VIRIDIS = (
+    (0x44, 0x01, 0x54), (0x48, 0x24, 0x75), (0x41, 0x44, 0x87), (0x35, 0x5F, 0x8D), (0x2A, 0x78, 0x8E),
+    (0x21, 0x90, 0x8C), (0x22, 0xA8, 0x84), (0x42, 0xBE, 0x71), (0x7A, 0xD1, 0x51), (0xBB, 0xDF, 0x27),
+    (0xFD, 0xE7, 0x25),
+)  # fmt: skip
+"""Equal steps of Smith and van der Walt's map: as light as the value is large, for every kind of colour vision."""
 
 
-def write_uncertainty(calibration: Calibration, path: str | os.PathLike) -> None:
+DOT = "#e8eef2"
+EDGE = 24
+"""Pixels that a number keeps from the frame, in the map that is twice as fine as the drawing."""
+
+
+def write_uncertainty(calibration: Calibration, path: str | os.PathLike[str]) -> None:
     """`uncertainty_png` as a file."""
     data = uncertainty_png(calibration)
     with files.replacing(path) as temporary:
@@ -28,50 +46,76 @@ def uncertainty_url(calibration: Calibration) -> str:
 
 def uncertainty_png(calibration: Calibration) -> bytes:
     """One standard deviation of what is seen at each pixel, `photos.uncertainty_map`, with contours: a PNG."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    width, height = calibration.image_size
     found = uncertainty_map(calibration)
-    figure = Figure(figsize=(WIDTH, WIDTH * (0.82 * height / width + 0.17)), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    frame = (-0.5, width - 0.5, height - 0.5, -0.5)
+    k = SIDE / max(calibration.image_size)
+    width, height = (round(k * side) for side in calibration.image_size)
+    low, high = LEFT, TOP
+    levels = steps(float(found.min()), float(found.max()))
     # Logarithmic: from the middle to a corner without tags it may grow a hundredfold.
-    low, high = _decades(found)
-    norm = {"vmin": np.log10(low), "vmax": np.log10(high)}
-    picture = axes.imshow(
-        np.log10(np.maximum(found, low)), extent=frame, cmap="viridis", interpolation="bilinear", **norm
-    )
-    u, v = np.array(calibration.evidence.seen).T
-    axes.plot(u, v, ".", color="white", alpha=0.6, markersize=3, markeredgewidth=0)
-    levels = [x for x in _steps(low, high) if found.min() < x < found.max()]
-    if levels:
-        h, w = found.shape
-        at = (np.arange(w) + 0.5) * width / w - 0.5, (np.arange(h) + 0.5) * height / h - 0.5
-        lines = axes.contour(*at, found, levels, colors="white", linewidths=0.9)
-        axes.clabel(lines, fmt=lambda x: f"{x:g}", fontsize=8)
-    axes.set(xlim=frame[:2], ylim=frame[2:])
-    axes.set_title(
-        f"1 σ of a point {calibration.evidence.distance:.2g} m away, px; dots: tags seen",
-        fontsize=9, color=INK, loc="left",
-    )  # fmt: skip
-    axes.tick_params(labelsize=7.5, colors=SOFT, length=2)
-    bar = figure.colorbar(picture, cax=axes.inset_axes((1.025, 0, 0.03, 1)))
-    ticks = _steps(low, high)
-    bar.set_ticks(np.log10(ticks), labels=[f"{x:g}" for x in ticks], fontsize=7.5, color=SOFT)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=200, bbox_inches="tight", pad_inches=0.04)
-    return buffer.getvalue()
+    ends = math.log(levels[0]), math.log(levels[-1])
+    fine = stretched(np.log(np.maximum(found, levels[0])), 2 * width, 2 * height)
+    shapes: list[Shape] = [
+        Picture((low, high), (low + width, high + height), coloured(fine, *ends, np.log(levels[1:-1])))
+    ]
+    shapes += [
+        Marker((low + k * (u + 0.5), high + k * (v + 0.5)), 0.9, (), DOT, DOT, "", "")
+        for u, v in calibration.evidence.seen
+    ]
+    shapes += [
+        Words(f"{level:g}", (low + at[0] / 2, high + at[1] / 2), 9, INK, anchor="middle", halo=True)
+        for level in levels[1:-1]
+        if (at := crossing(fine, math.log(level)))
+    ]
+    x = low + width + 12
+    ramp = np.repeat(np.linspace(*ends[::-1], 2 * height)[:, None], 2 * BAR, axis=1)
+    shapes += [Picture((x, high), (x + BAR, high + height), coloured(ramp, *ends)),
+               Box((low, high), (low + width, high + height), line=SOFT)]  # fmt: skip
+    for level in levels:
+        y = high + height * (1 - (math.log(level) - ends[0]) / (ends[1] - ends[0]))
+        shapes += [Stroke(((x + BAR, y), (x + BAR + 3, y)), SOFT, 1), Words(short(level), (x + BAR + 6, y), 9, SOFT)]
+    title = f"1 standard deviation of a point {calibration.evidence.distance:.2g} m away, pixels; dots: tags seen"
+    shapes.insert(0, Words(title, (low, 12), 10, INK))
+    return png_bytes(Drawing(x + BAR + TICKS, high + height + 8, title, tuple(shapes)))
 
 
-def _decades(values: np.ndarray) -> tuple[float, float]:
-    """The range of the values, rounded outwards to 1, 2 or 5 times a power of 10."""
-    low, high = max(float(values.min()), 1e-6), max(float(values.max()), 2e-6)
-    steps = [m * 10.0**k for k in range(-7, 8) for m in (1, 2, 5)]
-    return max(s for s in steps if s <= low), min(s for s in steps if s >= high)
+def steps(low: float, high: float) -> list[float]:
+    """1, 2 and 5 times the powers of 10, from the last one at or below `low` to the first at or above `high`."""
+    found = [m * 10.0**k for k in range(-7, 8) for m in (1, 2, 5)]
+    first = max(0, sum(s <= low * 1.001 for s in found) - 1)
+    last = max(first + 1, sum(s < high * 0.999 for s in found))
+    return found[first : last + 1]
 
 
-def _steps(low: float, high: float) -> list[float]:
-    """1, 2 and 5 times the powers of 10 from low to high."""
-    return [m * 10.0**k for k in range(-7, 8) for m in (1, 2, 5) if low * 0.999 <= m * 10.0**k <= high * 1.001]
+def stretched(values: np.ndarray, width: int, height: int) -> np.ndarray:
+    """(height, width), bilinear between the middles of the cells."""
+    from PIL import Image as Pillow
+
+    grid = Pillow.fromarray(values.astype(np.float32))
+    return np.asarray(grid.resize((width, height), Pillow.Resampling.BILINEAR))
+
+
+def coloured(values: np.ndarray, low: float, high: float, lines: Sequence[float] = ()) -> np.ndarray:
+    """(H, W, 3) uint8: VIRIDIS from low to high, white where a neighbour is on the other side of one of `lines`."""
+    share = (values - low) / (high - low)
+    at = np.linspace(0, 1, len(VIRIDIS))
+    pixels = np.stack([np.interp(share, at, channel) for channel in np.transpose(VIRIDIS)], axis=-1).astype(np.uint8)
+    side = np.digitize(values, lines)
+    across, down = side[:, 1:] != side[:, :-1], side[1:] != side[:-1]
+    for part, apart in ((pixels[:, :-1], across), (pixels[:, 1:], across), (pixels[:-1], down), (pixels[1:], down)):
+        part[apart] = 255
+    return pixels
+
+
+def crossing(values: np.ndarray, level: float) -> XY | None:
+    """Where the way from the smallest value to a corner, the lower right one first, first reaches the level.
+
+    None where that is so near an edge that a number would not fit.
+    """
+    h, w = values.shape
+    y, x = np.unravel_index(int(values.argmin()), values.shape)
+    for corner in ((w - 1, h - 1), (0, h - 1), (w - 1, 0), (0, 0)):
+        way = np.linspace((x, y), corner, max(h, w)).round().astype(int)
+        u, v = way[np.argmax(values[way[:, 1], way[:, 0]] >= level)].tolist()
+        if values[v, u] >= level and EDGE < u < w - EDGE and EDGE < v < h - EDGE:
+            return u, v
+    return None

@@ -7,10 +7,10 @@ import pytest
 
 from raytwin.bench import Calibrated, LeftOut
 from raytwin.bench.calibration import OURS, SHRUNK, WHOLE
-from raytwin.bench.paper import PUBLISHED, Boxed, Frame, Paper, Ratio
-from raytwin.report import paper_summary, write_paper_all
+from raytwin.paper import paper_summary, write_paper_all
+from raytwin.paper.page import charts_of
+from raytwin.paper.record import PUBLISHED, Boxed, Frame, Paper, Ratio
 from raytwin.report.numbers import seconds, shown
-from raytwin.report.paper_page import charts_of
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +107,7 @@ def test_the_page_opens_offline_and_charts_stand_beside_it(out, made):
 
 def test_charts_hold_the_frames_and_mark_what_the_truth_cannot_tell(made):
     charts = {c.key: c for charts in charts_of(made).values() for c in charts}
-    points = {p.method: p for p in charts["intersection"].points}
+    points = {p.name: p for p in charts["intersection"].points}
     assert "fill, 4032 x 3024" not in points  # it has no error
     assert points["loop-lambert-none, 1008 x 756"].hollow
     assert not points["numpy32-lambert-none, 4032 x 3024"].hollow

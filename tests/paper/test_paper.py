@@ -8,11 +8,11 @@ import pytest
 from typer.testing import CliRunner
 
 from raytwin import bench, twin
-from raytwin.bench.paper import SMALL, SPECULATION, boxed, errors, hard_cases, lambert, two_spheres
 from raytwin.bench.run import thumbnail
 from raytwin.cli import app
 from raytwin.errors import InputError
 from raytwin.files import read_scene
+from raytwin.paper.measure import SMALL, SPECULATION, boxed, errors, hard_cases, lambert, two_spheres
 from raytwin.tracer import trace
 from raytwin.tracer.trim import TRIMS, trim_boxes
 

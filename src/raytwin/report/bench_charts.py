@@ -1,0 +1,289 @@
+"""What the bench's charts hold: error against seconds, growth, calibration."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from raytwin.bench import GROWTH, METHODS, Bench, Calibrated, Row, fit_power, on_frontier, staircase
+from raytwin.report.charts import INK, SOFT, Asked, Chart, Line, Point, log_range, placed
+from raytwin.report.charts.chart import Range
+from raytwin.report.numbers import seconds, short, shown
+
+METRICS = {
+    "relmse": "relMSE, mean((t − r)² / (r² + 0.01))",
+    "rmse": "RMSE, radiance",
+    "p999_abs": "99.9 % quantile of |t − r|, radiance",
+    "flip": "mean HDR-FLIP",
+}
+
+TRUTHS = {
+    "lambert-center": "lambert, through pixel centres",
+    "shadow-center": "shadow, through pixel centres",
+    "lambert-area": "lambert, over whole pixels",
+    "shadow-area": "shadow, over whole pixels",
+    "sky-area": "sky, over whole pixels",
+    "path-area": "the whole light (path), over whole pixels",
+}
+
+COLOURS = {
+    "fill": "#6b7280", "Python loop": "#7c4a21", "numpy32": "#3b82c4", "numpy64": "#174a7c", "drjit32": "#e07b00",
+    "drjit64": "#a34700", "cuda32": "#2e9e44", "cuda64": "#12612a", "speculation": "#8e44ad", "twin": "#0f8b8d",
+    "Mitsuba": "#c02f4a", "non-local": "#d455a5",
+}  # fmt: skip
+"""By the family's first word."""
+
+SPARE = "#5d3a9b", "#d6006e", "#111827", "#5a6575", "#2563eb", "#65a30d", "#a16207", "#be185d"
+
+MARKERS = {"lambert": "square", "shadow": "circle", "sky": "triangle", "path": "diamond"}
+
+GUIDE = "#b9c0ca"
+
+
+def family_of(method: str) -> str:
+    return next((m.family for m in METHODS if m.name == method), method.split("-")[0])
+
+
+def colour_of(family: str) -> str:
+    return next((c for start, c in COLOURS.items() if family.startswith(start)), SOFT)
+
+
+def sizes_of(bench: Bench) -> list[tuple[int, int]]:
+    return list(dict.fromkeys((t.width, t.height) for t in bench.truths))
+
+
+def megapixels(size: tuple[int, int]) -> str:
+    return f"{size[0] * size[1] / 1e6:.2g} MP"
+
+
+# ------------------------------------------------------------------------------------------ error against seconds
+
+
+def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) -> Chart | None:
+    """Every method's error against its seconds; None where nothing was measured."""
+    row_of = {r.method: r for r in bench.rows if (r.width, r.height) == size}
+    held = [e for e in bench.errors if (e.width, e.height) == size and e.truth == truth]
+    found = [(row_of[e.method], value) for e in held if (value := getattr(e, metric)) is not None]
+    if not found:
+        return None
+    floor = next(t for t in bench.truths if (t.width, t.height, t.name) == (*size, truth)).floor.get(metric) or 0.0
+    times, errors = [r.seconds_median for r, _ in found], [value for _, value in found]
+    points = [
+        Point(r.seconds_median, y, r.method, family_of(r.method), colour_of(family_of(r.method)),
+              MARKERS.get(r.rung, "circle"), value <= floor, strong, row_tip(r))
+        for (r, value), y, strong in zip(found, raised(errors, floor), on_frontier(times, errors, floor), strict=True)
+    ]  # fmt: skip
+    x_range, y_range = log_range(times, 0.12), log_range([p.y for p in points], 0.14)
+    families = by_family(points)
+    lines = [*joined(families.values()), *guides(x_range, y_range, -1.0 if metric == "relmse" else -0.5)]
+    lines.append(steps([points[i] for i in staircase(times, errors, floor)], x_range[1]))
+    texts, without = placed(names_of(points, families), points, x_range, y_range)
+    slope = "−1" if metric == "relmse" else "−1/2"
+    return Chart(
+        f"{size[0]}x{size[1]}/{truth}/{metric}",
+        f"{bench.scene}, {megapixels(size)}, against {TRUTHS.get(truth, truth)}",
+        "seconds a frame (median)", METRICS[metric], x_range, y_range, tuple(points), texts, tuple(lines),
+        floor or None, without, (f"thin grey lines: slope {slope}, Monte Carlo's",),
+    )  # fmt: skip
+
+
+def raised(errors: Sequence[float], floor: float) -> list[float]:
+    """What is drawn: nothing below the floor, and no 0, which has no place on a logarithmic axis."""
+    bottom = floor or min((v for v in errors if v > 0), default=1e-16)
+    return [max(v, bottom) for v in errors]
+
+
+def row_tip(r: Row) -> str:
+    """A row's numbers, a line each."""
+    return "\n".join((
+        r.method,
+        f"{seconds(r.seconds_median)}, quartiles {seconds(r.seconds_iqr)} apart",
+        f"first calls {seconds(r.compile_seconds)} more",
+        f"memory {shown(r.peak_mib)} MiB",
+        f"{r.samples} sample{'s' * (r.samples != 1)} a pixel",
+        f"RMSE {shown(r.rmse)}, relMSE {shown(r.relmse)}, 99.9 % {shown(r.p999_abs)}",
+        *([f"FLIP {shown(r.flip)}"] if r.flip is not None else []),
+    ))  # fmt: skip
+
+
+def by_family(points: Sequence[Point]) -> dict[str, list[Point]]:
+    """The families' points in the order of METHODS."""
+    order = {m.name: i for i, m in enumerate(METHODS)}
+    ranked = sorted(points, key=lambda p: (p.family, order.get(p.name, 0)))
+    return {name: list(group) for name, group in groupby(ranked, key=lambda p: p.family)}
+
+
+def joined(groups: Iterable[Sequence[Point]]) -> list[Line]:
+    """A line through each group of more than one."""
+    return [Line(tuple(p.x for p in g), tuple(p.y for p in g), g[0].colour) for g in groups if len(g) > 1]
+
+
+def steps(stairs: Sequence[Point], end: float) -> Line:
+    """The frontier: what the best method so far has, from its seconds to the next one's."""
+    until = [p.x for p in stairs[1:]] + [end]
+    xs = tuple(x for p, stop in zip(stairs, until, strict=True) for x in (p.x, stop))
+    return Line(xs, tuple(p.y for p in stairs for _ in range(2)), INK, 2.5, strength=0.35)
+
+
+def names_of(points: Sequence[Point], families: dict[str, list[Point]]) -> list[Asked]:
+    """The frontier's methods by their whole name; of the others a family's name once, and each point's place in it."""
+    short_of = {m.name: m.label for m in METHODS}
+    whole = [Asked(p.name, p, name=p.name) for p in points if p.strong]
+    names, rest = [], []
+    for name, group in families.items():
+        if all(p.strong for p in group):
+            continue
+        names.append(Asked(name, group[-1], others=tuple(group[:-1])))
+        if len(group) > 1:  # a family's only member goes by the family's name
+            rest += [Asked(short_of.get(p.name, p.name), p, False, name=p.name) for p in group if not p.strong]
+    return [*whole, *names, *rest]
+
+
+def guides(x_range: Range, y_range: Range, slope: float) -> list[Line]:
+    """Lines of one slope, some decades apart, through the frame."""
+    (x0, x1), (y0, y1) = np.log10(x_range), np.log10(y_range)
+    apart = max(1.0, (y1 - y0 - slope * (x1 - x0)) / 6)
+    lines, height = [], y0 + apart / 2
+    while height + slope * (x1 - x0) < y1:
+        start, end = max(x0, x0 + (height - y1) / -slope), min(x1, x0 + (height - y0) / -slope)
+        if end > start:
+            ys = tuple(10 ** float(height + slope * (x - x0)) for x in (start, end))
+            lines.append(Line((10 ** float(start), 10 ** float(end)), ys, GUIDE, 1.0, "dotted", 1.0))
+        height += apart
+    return lines
+
+
+# ------------------------------------------------------------------------------------------ growth
+
+Series = dict[str, list[tuple[float, float]]]
+"""Method -> (size of the task, seconds)."""
+
+
+def side_charts(bench: Bench) -> list[Chart]:
+    """Growth and calibration, what of them was measured."""
+    return growth_charts(bench) + calibration_charts(f"{bench.scene}: ", bench.calibration)
+
+
+def growth_charts(bench: Bench) -> list[Chart]:
+    """Seconds against pixels (from three sizes on) and against spheres, each with its fitted exponent."""
+    size = f"{bench.growth[0].width} x {bench.growth[0].height} pixels" if bench.growth else ""
+    by_spheres: Series = {}
+    for g in bench.growth:
+        by_spheres.setdefault(g.method, []).append((g.spheres, g.seconds_median))
+    made = [
+        growth_chart("pixels", f"{bench.scene}: seconds against pixels", "megapixels", seconds_by_pixels(bench)),
+        growth_chart("spheres", f"seconds against small spheres, {size}", "spheres", by_spheres),
+    ]
+    return [chart for chart in made if chart is not None]
+
+
+def seconds_by_pixels(bench: Bench) -> Series:
+    """Of the methods of GROWTH, where any was measured, the dozen that are quickest at the largest size."""
+    series: Series = {}
+    if len(sizes_of(bench)) > 2:
+        for r in bench.rows:
+            series.setdefault(r.method, []).append((r.width * r.height / 1e6, r.seconds_median))
+    if shared := [name for name in series if name in GROWTH]:
+        series = {name: series[name] for name in shared}
+    return dict(sorted(series.items(), key=lambda item: item[1][-1][1])[:12])
+
+
+def growth_chart(key: str, title: str, x_label: str, series: Series) -> Chart | None:
+    series = {name: sorted(found) for name, found in series.items() if len(found) > 1}
+    if not series:
+        return None
+    x_range = log_range([x for found in series.values() for x, _ in found], 0.08)
+    x_range = x_range[0], x_range[1] * (x_range[1] / x_range[0]) ** 0.45  # the labels stand to the right
+    y_range = log_range([s for found in series.values() for _, s in found], 0.1)
+    points, lines, asked = [], [], []
+    for (name, found), colour in zip(series.items(), distinct(series), strict=True):
+        group = [
+            Point(x, s, name, family_of(name), colour, tip=f"{name}\n{short(x)} {x_label}, {seconds(s)}")
+            for x, s in found
+        ]
+        text = name
+        if fit := fit_power(*zip(*found, strict=True)):
+            text += f": {fit.exponent:.2f}" + ("" if math.isnan(fit.sigma) else f" ± {fit.sigma:.2f}")
+            ends = fit.used[0], fit.used[-1]
+            lines.append(Line(ends, tuple(fit.factor * x**fit.exponent for x in ends), colour, 1.2, "dashed"))
+        points += group
+        lines += joined([group])
+        asked.append(Asked(text, group[-1]))
+    texts, without = placed(asked, points, x_range, y_range)
+    note = "dashed and in numbers: the exponent fitted to the upper half of the points, with its standard error"
+    return Chart(key, title, x_label, "seconds (median)", x_range, y_range, tuple(points), texts, tuple(lines), None,
+                 without, (note,))  # fmt: skip
+
+
+def distinct(names: Iterable[str]) -> list[str]:
+    """Family colours, and where two methods would share one, others."""
+    spare, taken = iter(SPARE), []
+    for name in names:
+        colour = colour_of(family_of(name))
+        taken.append(colour if colour not in taken else next(spare, SOFT))
+    return taken
+
+
+# ------------------------------------------------------------------------------------------ calibration
+
+
+def calibration_charts(title: str, rows: Sequence[Calibrated]) -> list[Chart]:
+    """Held-out error against seconds, a chart for each set of photos: a line for a setting, a point for a scale.
+
+    `title`: what stands before the chart's own.
+    """
+    charts = []
+    for i, source in enumerate(dict.fromkeys(r.source for r in rows)):
+        of = sorted((r for r in rows if r.source == source), key=lambda r: (r.setting, -r.scale))
+        size = f" of {of[0].width} x {of[0].height}" if of[0].width else ""
+        what = " ".join(filter(None, (str(max(r.photos for r in of)), source, "photos"))) + size
+        marks = [Mark(r.setting, f"{r.scale:g}", f"{r.setting}, scale {r.scale:g}", r.seconds_median, r.heldout_px)
+                 for r in of]  # fmt: skip
+        made = marks_chart(
+            f"calibration{f'-{i + 1}' if i else ''}", f"{title}calibration from {what}", "seconds (median)",
+            "held-out rms error, pixels of the photos as taken", marks,
+            note="numbers at the points: the scale of what is searched",
+        )  # fmt: skip
+        charts.append(made)
+    return charts
+
+
+# ------------------------------------------------------------------------------------------ any seconds and errors
+
+
+@dataclass(frozen=True)
+class Mark:
+    """One point: `family` is what a line joins, `label` its place in it, `name` what the hover says."""
+
+    family: str
+    label: str
+    name: str
+    seconds: float
+    error: float
+
+
+def marks_chart(
+    key: str, title: str, x_label: str, y_label: str, marks: Sequence[Mark], floor: float = 0.0, note: str = ""
+) -> Chart:
+    """Error against seconds: each family a line in its own colour, named once, every point labelled.
+
+    What is at or below `floor` is hollow and drawn there.
+    """
+    times, errors = [m.seconds for m in marks], [m.error for m in marks]
+    families = list(dict.fromkeys(m.family for m in marks))
+    palette = dict(zip(families, distinct(families), strict=True))
+    points = [
+        Point(m.seconds, y, m.name, m.family, palette[m.family], "circle", m.error <= floor, strong,
+              f"{m.name}\n{seconds(m.seconds)}, error {shown(m.error)}")
+        for m, y, strong in zip(marks, raised(errors, floor), on_frontier(times, errors, floor), strict=True)
+    ]  # fmt: skip
+    groups = [[p for p in points if p.family == family] for family in families]
+    x_range, y_range = log_range(times, 0.15), log_range([p.y for p in points], 0.15)
+    asked = [Asked(group[0].family, group[0]) for group in groups]
+    crowd = {group[0].family for group in groups if len(group) > 1}
+    asked += [Asked(m.label, p, False) for m, p in zip(marks, points, strict=True) if m.family in crowd]
+    texts, without = placed(asked, points, x_range, y_range)
+    return Chart(key, title, x_label, y_label, x_range, y_range, tuple(points), texts, tuple(joined(groups)),
+                 floor or None, without, (note,) if note else ())  # fmt: skip

@@ -1,0 +1,26 @@
+"""Charts as data: a Chart (points, lines, labels placed) -> shapes in pixels -> SVG for pages, PNG for slides.
+
+chart.py what a chart holds; labels.py where its texts go; shapes.py frame, ticks and layout; svg.py, png.py draw them.
+"""
+
+from raytwin.report.charts.chart import FRAME, INK, SOFT, Asked, Chart, Line, Point, Text, log_range, placed
+from raytwin.report.charts.png import png_bytes, write_charts
+from raytwin.report.charts.shapes import layout
+from raytwin.report.charts.svg import svg_text
+
+__all__ = [
+    "FRAME",
+    "INK",
+    "SOFT",
+    "Asked",
+    "Chart",
+    "Line",
+    "Point",
+    "Text",
+    "layout",
+    "log_range",
+    "placed",
+    "png_bytes",
+    "svg_text",
+    "write_charts",
+]
