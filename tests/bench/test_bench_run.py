@@ -18,7 +18,7 @@ from raytwin.bench.run import sized, thumbnail
 from raytwin.bench.truth import converge, measure
 from raytwin.compare import METRICS
 from raytwin.errors import InputError
-from raytwin.report.charts import METRICS as SHOWN
+from raytwin.report.bench_charts import METRICS as SHOWN
 from raytwin.tracer import back_project, trace
 
 KEYS = [
