@@ -71,25 +71,16 @@ def diff(
     a, b = Path(a), Path(b)
     start = time.perf_counter()
     test, reference = (files.read_image(path, part, layer) for path in (a, b))
-    begins = [files.read_origin(path, part) for path in (a, b)]
+    begins = files.read_origin(a, part), files.read_origin(b, part)
     read = time.perf_counter() - start
     held = Tolerance(p999_abs=tolerance)
     made = compare(test, reference, tolerance=held, false_alarm_rate=false_alarm_rate, flip=flip)
     start = time.perf_counter()
-    verdict, reasons = made.verdict, list(made.reasons)
-    if limits is not None:
-        exceeded, counted = limit_findings(test, reference, limits)
-        verdict, reasons = "fail" if exceeded else "pass", [f.text for f in exceeded] or [counted]
-    if begins[0] != begins[1]:
-        (x, y), (u, v) = begins
-        apart = f"A's pixels begin at (x={x}, y={y}) of the display window, B's at (x={u}, y={v})"
-        reasons = [apart, *(reasons if verdict == "fail" else [])]
-        verdict = "fail"
-    warned = limit_findings(test, reference, warn)[0] if warn is not None and verdict == "pass" else []
+    made = _decided(made, test, reference, limits, begins)
+    warned = limit_findings(test, reference, warn)[0] if warn is not None and made.passed else []
     metrics = msgspec.structs.asdict(made.radiance)
     metrics |= measure(test.mean, reference.mean, [n for n in METRICS if n not in metrics and (flip or n not in SLOW)])
     seconds = {"read": read, "compare": made.seconds + time.perf_counter() - start}
-    made = msgspec.structs.replace(made, verdict=verdict, reasons=tuple(reasons))
     chosen = {"part": part, "layer": layer}
     decided = _limits_in_words(limits) if limits else {"tolerance": f"{tolerance:g}"}
     if limits is None and (test.variance is not None or reference.variance is not None):
@@ -106,6 +97,21 @@ def diff(
         warnings=tuple(f.text for f in warned),
         settings={"A": str(a), "B": str(b), **{k: v for k, v in chosen.items() if v is not None}, **decided},
     )
+
+
+def _decided(
+    made: Comparison, test: Image, reference: Image, limits: Limits | None, begins: tuple[tuple[int, int], ...]
+) -> Comparison:
+    """The comparison with the limits' verdict, where there are any; and pixels at another place always fail."""
+    if limits is not None:
+        exceeded, counted = limit_findings(test, reference, limits)
+        reasons = tuple(f.text for f in exceeded) or (counted,)
+        made = msgspec.structs.replace(made, verdict="fail" if exceeded else "pass", reasons=reasons)
+    if begins[0] != begins[1]:
+        (x, y), (u, v) = begins
+        apart = f"A's pixels begin at (x={x}, y={y}) of the display window, B's at (x={u}, y={v})"
+        made = msgspec.structs.replace(made, verdict="fail", reasons=(apart, *(() if made.passed else made.reasons)))
+    return made
 
 
 def limits(

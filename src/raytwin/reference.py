@@ -324,35 +324,45 @@ def make(
     not given stays as in the old one, or is the default. `found`: what `find_scene` gave, where it was asked already.
     """
     written = files.read_scene(scene)
-    path = path_of(folder, written.name, rung)
-    old, notes = None, ()
-    if path.exists():
-        try:
-            old = load(path)
-        except InputError as error:
-            notes = (str(error),)
-    had = old.header if old is not None and old.scene is not None else {}
-    settings = Settings(
-        samples or (int(had["samples"]) if int(had.get("samples", 1)) > 1 else SAMPLES),
-        int(had.get("seed", 0)) if seed is None else seed,
-        sampling or had.get("sampling", "center"),
-    )
-    hashed = scene_hash(written)
-    if size is None and had and had["scene_hash"] == hashed:
-        size = old.camera.image_size
-    found = _at_size(found or find_scene(scene, progress), size)
-    close = had and had["scene_hash"] == hashed and old.camera.image_size == found.camera.image_size
-    if close and moved(found, old.camera, found.camera) <= MOVED_PX:
-        found = found.with_camera(old.camera)  # the same but for the last digits
+    path, hashed = path_of(folder, written.name, rung), scene_hash(written)
+    old, notes = _there(path)
+    known = old if old is not None and old.scene is not None else None
+    same_scene = known is not None and known.header["scene_hash"] == hashed
+    settings = _settings(known.header if known else {}, samples, seed, sampling)
+    found = _at_size(found or find_scene(scene, progress), size or (known.camera.image_size if same_scene else None))
+    if same_scene and _same_but_for_digits(found, known.camera):
+        found = found.with_camera(known.camera)
     header = describe(found, written.name, hashed, rung, settings)
-    if had and not again and all(had.get(k) == header[k] for k in _DECIDES) and old.camera == found.camera:
-        header |= {k: had[k] for k in had if k not in ("set_up", "checksum")}
-        return Change(sealed(path, old.image, header, found), old)
+    if known and not again and all(known.header.get(k) == header[k] for k in _DECIDES) and known.camera == found.camera:
+        header |= {k: v for k, v in known.header.items() if k not in ("set_up", "checksum")}
+        return Change(sealed(path, known.image, header, found), known)
     new = sealed(path, render(found, rung, settings, progress), header, found)
     if old is None:
         return Change(new, None, notes)
     notes = tuple(header_changes(old.header, new.header))
     return Change(new, old, notes, compare(new.image, old.image, tolerance=found.tolerance))
+
+
+def _there(path: Path) -> tuple[Reference | None, tuple[str, ...]]:
+    """What lies there; nothing, and why, where it is damaged."""
+    try:
+        return (load(path) if path.exists() else None), ()
+    except InputError as error:
+        return None, (str(error),)
+
+
+def _settings(had: dict[str, str], samples: int | None, seed: int | None, sampling: str | None) -> Settings:
+    """What is given, else what the old one had (without noise it tells no samples), else the default."""
+    before = int(had.get("samples", 1))
+    return Settings(
+        samples or (before if before > 1 else SAMPLES),
+        int(had.get("seed", 0)) if seed is None else seed,
+        sampling or had.get("sampling", "center"),
+    )
+
+
+def _same_but_for_digits(found: Scene, before: Camera) -> bool:
+    return before.image_size == found.camera.image_size and moved(found, before, found.camera) <= MOVED_PX
 
 
 _DECIDES = ("scene_hash", "rung", "sampling", "samples", "seed", "depth", "size")

@@ -63,9 +63,7 @@ def megapixels(size: tuple[int, int]) -> str:
 
 def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) -> Chart | None:
     """Every method's error against its seconds; None where nothing was measured."""
-    row_of = {r.method: r for r in bench.rows if (r.width, r.height) == size}
-    held = [e for e in bench.errors if (e.width, e.height) == size and e.truth == truth]
-    found = [(row_of[e.method], value) for e in held if (value := getattr(e, metric)) is not None]
+    found = measured(bench, size, truth, metric)
     if not found:
         return None
     floor = next(t for t in bench.truths if (t.width, t.height, t.name) == (*size, truth)).floor.get(metric) or 0.0
@@ -77,16 +75,23 @@ def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) ->
     ]  # fmt: skip
     x_range, y_range = log_range(times, 0.12), log_range([p.y for p in points], 0.14)
     families = by_family(points)
-    lines = [*joined(families.values()), *guides(x_range, y_range, -1.0 if metric == "relmse" else -0.5)]
-    lines.append(steps([points[i] for i in staircase(times, errors, floor)], x_range[1]))
+    slope, in_words = (-1.0, "−1") if metric == "relmse" else (-0.5, "−1/2")
+    stairs = steps([points[i] for i in staircase(times, errors, floor)], x_range[1])
     texts, without = placed(names_of(points, families), points, x_range, y_range)
-    slope = "−1" if metric == "relmse" else "−1/2"
     return Chart(
         f"{size[0]}x{size[1]}/{truth}/{metric}",
         f"{bench.scene}, {megapixels(size)}, against {TRUTHS.get(truth, truth)}",
-        "seconds a frame (median)", METRICS[metric], x_range, y_range, tuple(points), texts, tuple(lines),
-        floor or None, without, (f"thin grey lines: slope {slope}, Monte Carlo's",),
+        "seconds a frame (median)", METRICS[metric], x_range, y_range, tuple(points), texts,
+        (*joined(families.values()), *guides(x_range, y_range, slope), stairs),
+        floor or None, without, (f"thin grey lines: slope {in_words}, Monte Carlo's",),
     )  # fmt: skip
+
+
+def measured(bench: Bench, size: tuple[int, int], truth: str, metric: str) -> list[tuple[Row, float]]:
+    """Each row that was held against the truth, with its error."""
+    row_of = {r.method: r for r in bench.rows if (r.width, r.height) == size}
+    held = (e for e in bench.errors if (e.width, e.height, e.truth) == (*size, truth))
+    return [(row_of[e.method], value) for e in held if (value := getattr(e, metric)) is not None]
 
 
 def raised(errors: Sequence[float], floor: float) -> list[float]:
