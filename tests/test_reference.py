@@ -126,6 +126,18 @@ def test_a_name_cannot_lead_out_of_the_folder(folder, name):
         reference.path_of(folder, name, "path")
 
 
+@given(seed=st.integers(0, 2**32 - 1), scale=st.sampled_from([1e-12, 1e-3, 1.0, 1e4]))
+def test_a_noisy_mean_is_kept_to_an_eighth_of_its_deviation_and_an_exact_one_to_the_bit(seed, scale):
+    rng = np.random.default_rng(seed)
+    mean = (scale * rng.random((6, 7, 3))).astype(np.float32)
+    sd = (scale * 10.0 ** rng.uniform(-5, 0, mean.shape)).astype(np.float32) * (rng.random(mean.shape) < 0.7)
+    kept = reference.stepped(mean, np.square(sd))
+    assert np.array_equal(kept[sd == 0], mean[sd == 0])
+    assert (np.abs(kept - mean) <= sd / 8 * 1.001 + np.abs(mean) * 2.0**-24).all()
+    assert np.array_equal(reference.stepped(kept, np.square(sd)), kept)
+    assert len(np.unique(reference.stepped(mean, np.full_like(sd, scale * scale)))) < 10
+
+
 @given(st.lists(st.floats(0, 2.0**100, width=32), min_size=1, max_size=20))
 def test_rounding_keeps_eight_bits_to_nearest(values):
     x = np.array(values, np.float32)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from raytwin.cli import bench, board, images, photos, reference
+from raytwin.cli import bench, board, images, photos, reference, scenes
 from raytwin.errors import InputError
 
 app = typer.Typer(
@@ -39,6 +39,7 @@ def _options(
 app.command("compare")(images.compare_command)
 app.command("diff")(images.diff_command)
 app.add_typer(reference.app, name="reference")
+app.add_typer(scenes.app, name="scenes")
 app.command("calibrate")(photos.calibrate_command)
 app.command("augment")(photos.augment_command)
 app.command("board")(board.board_command)

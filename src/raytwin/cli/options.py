@@ -9,7 +9,7 @@ import typer
 
 from raytwin.errors import InputError
 
-ScenePath = Annotated[Path, typer.Argument(help="A scene's folder, or its scene.toml.")]
+ScenePath = Annotated[Path, typer.Argument(help="A scene's folder, its scene.toml, or its name.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the numbers as JSON.")]
 Flip = Annotated[bool, typer.Option("--flip", help="Add NVIDIA's perceptual metric FLIP (slow).")]
 

@@ -13,11 +13,14 @@ from raytwin.errors import InputError
 
 app = typer.Typer(help="Reference images: make, check, show them, or see what would change.", no_args_is_help=True)
 
-Scenes = Annotated[list[Path] | None, typer.Argument(help="Scene folders, or names in scenes/ (default: all there).")]
+Scenes = Annotated[list[Path] | None, typer.Argument(help="Folders or names of scenes (default: all there).")]
 Rungs = Annotated[list[str] | None, typer.Option("--rung", help="surface, lambert, shadow, sky or path; repeatable.")]
 Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where the references lie.")]
+Source = Annotated[
+    Path | None, typer.Option("--folder", metavar="DIR", help="Where they lie (reference/, or else those shipped).")
+]
 Samples = Annotated[int | None, typer.Option(help="Per pixel, where there is noise (4096); a multiple of 64.")]
-REFERENCES, SCENES = Path("reference"), Path("scenes")
+REFERENCES = Path("reference")
 
 
 @app.command("make")
@@ -67,13 +70,11 @@ def make_command(
 
 
 @app.command("check")
-def check_command(
-    scenes: Scenes = None, rung: Rungs = None, folder: Folder = REFERENCES, samples: Samples = None
-) -> None:
+def check_command(scenes: Scenes = None, rung: Rungs = None, folder: Source = None, samples: Samples = None) -> None:
     """Fail on references that are missing, damaged, older than their scene, or disagree with today's Mitsuba."""
     from raytwin import reference
 
-    checked = []
+    folder, checked = _source(folder), []
     for scene, one, found in _cases(scenes, rung):
         with show_progress() as progress:
             done = reference.check(
@@ -90,11 +91,11 @@ def check_command(
 
 
 @app.command("show")
-def show_command(scenes: Scenes = None, rung: Rungs = None, folder: Folder = REFERENCES) -> None:
+def show_command(scenes: Scenes = None, rung: Rungs = None, folder: Source = None) -> None:
     """What made each reference, and what it is worth. Fails on damaged ones."""
     from raytwin import reference
 
-    names = [s.resolve().name for s in scenes or ()]
+    folder, names = _source(folder), [s.resolve().name for s in scenes or ()]
     cases = [c for c in reference.listed(folder) if c[0] in (names or [c[0]]) and c[1] in (rung or [c[1]])]
     if not cases:
         raise InputError(folder, "references", "none of these")
@@ -113,7 +114,7 @@ def show_command(scenes: Scenes = None, rung: Rungs = None, folder: Folder = REF
 def diff_command(
     scenes: Scenes = None,
     rung: Rungs = None,
-    folder: Folder = REFERENCES,
+    folder: Source = None,
     against: Annotated[Path | None, typer.Option(metavar="DIR", help="Another folder of references.")] = None,
     samples: Samples = None,
 ) -> None:
@@ -121,13 +122,13 @@ def diff_command(
     from raytwin import reference
     from raytwin.compare import compare
 
-    failed = False
+    folder, failed = _source(folder), False
     for scene, one, found in _cases(scenes, rung):
         if against is None:
             with show_progress() as progress:
                 change = reference.make(scene, one, folder, samples=samples, again=True, found=found, progress=progress)
         else:
-            name = scene.resolve().name
+            name = found.name
             new, old = (reference.load(reference.path_of(f, name, one)) for f in (folder, against))
             c = compare(new.image, old.image, tolerance=new.tolerance)
             change = reference.Change(new, old, tuple(reference.header_changes(old.header, new.header)), c)
@@ -138,21 +139,24 @@ def diff_command(
 
 
 def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> Iterator[tuple]:
-    """(scene's folder, rung, scene with its camera found) of every reference that is asked for."""
-    from raytwin import reference
+    """(scene's path, rung, scene with its camera found) of every reference that is asked for."""
+    from raytwin import files, reference
 
     for rung in rungs or ():
         if rung not in reference.RUNGS:
             raise InputError("--rung", f"one of {', '.join(reference.RUNGS)}", rung)
-    chosen = [s if s.exists() or not (SCENES / s).exists() else SCENES / s for s in scenes or ()]
-    chosen = chosen or sorted(f.parent for f in SCENES.glob("*/scene.toml"))
-    if not chosen:
-        raise InputError(SCENES, "folders with a scene.toml", "none")
+    chosen = [files.find_scene(s) for s in scenes or ()] or files.all_scenes()
     for scene in chosen:
         with show_progress() as progress:
             found = reference.find_scene(scene, progress)
         for rung in rungs or reference.RUNGS:
             yield scene, rung, found
+
+
+def _source(folder: Path | None) -> Path:
+    from raytwin import files
+
+    return folder or (REFERENCES if REFERENCES.is_dir() else files.REFERENCES)
 
 
 def _terminal() -> bool:

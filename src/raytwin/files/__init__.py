@@ -21,10 +21,16 @@ from raytwin.files.pictures import (
 from raytwin.files.records import plain, read_toml, to_record, write_json, write_toml
 from raytwin.files.safe import replacing, write_text
 from raytwin.files.scenes import check_camera, read_camera, read_scene, write_camera
+from raytwin.files.shipped import REFERENCES, SCENES, all_scenes, copy_scene, find_scene, scene_folders, scene_sentence
 
 __all__ = [
     "MAX_PIXELS",
+    "REFERENCES",
+    "SCENES",
+    "all_scenes",
     "check_camera",
+    "copy_scene",
+    "find_scene",
     "from_bytes",
     "photo_orientation",
     "photo_size",
@@ -38,6 +44,8 @@ __all__ = [
     "read_scene",
     "read_toml",
     "replacing",
+    "scene_folders",
+    "scene_sentence",
     "srgb_decode",
     "srgb_encode",
     "to_bytes",

@@ -2,7 +2,6 @@
 
 import math
 import os
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -11,6 +10,7 @@ import numpy as np
 from raytwin.errors import InputError
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.records import plain, read_toml, to_record, write_toml
+from raytwin.files.shipped import find_scene
 from raytwin.scene import Camera, PhotoCamera, Plane, Pyramid, Scene, Sky, Sphere, Sun, Tolerance
 
 
@@ -25,13 +25,8 @@ class _SceneFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def read_scene(path: str | os.PathLike) -> Scene:
-    """A scene's folder, or its scene.toml, as a Scene; the camera stays a PhotoCamera where it is to be calibrated."""
-    path = Path(path)
-    file = path / "scene.toml" if path.is_dir() else path
-    if not file.exists() and path.suffix != ".toml":
-        raise InputError(
-            path, "a scene's folder, holding scene.toml", "no such folder" if not path.exists() else "none"
-        )
+    """A scene by its folder, scene.toml or name; its camera stays a PhotoCamera where it is to be calibrated."""
+    file = find_scene(path)
     data = read_toml(file)
     parts = to_record(file, data, _SceneFile)
     kind = PhotoCamera if "photos" in parts.camera else Camera

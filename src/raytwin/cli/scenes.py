@@ -1,0 +1,29 @@
+"""raytwin scenes: what there is to render, and a copy of one to change."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(help="Scenes that a name finds: list them (the default), or copy one to change.")
+
+
+@app.callback(invoke_without_command=True)
+def list_command(context: typer.Context) -> None:
+    if context.invoked_subcommand:
+        return
+    from raytwin import files
+
+    for name, folder in sorted(files.scene_folders().items()):
+        typer.echo(f"{name:<12} {files.scene_sentence(folder)}")
+
+
+@app.command("copy")
+def copy_command(
+    scene: Annotated[Path, typer.Argument(help="Its name, or its folder.")],
+    out: Annotated[Path | None, typer.Argument(metavar="[DIR]", help="Where to (./NAME by default).")] = None,
+) -> None:
+    """Copy a scene's folder, with its photos: a start for one of your own."""
+    from raytwin import files
+
+    typer.echo(files.copy_scene(scene, out or Path(files.find_scene(scene).parent.name)))

@@ -1,0 +1,69 @@
+"""Where scenes and references lie: one's own first, then those that come with raytwin."""
+
+import difflib
+import os
+import shutil
+from pathlib import Path
+
+from raytwin.errors import InputError
+
+
+def _home() -> Path:
+    """What holds `scenes` and `reference`: a folder of the installed package, or the checkout that this file is in."""
+    package = Path(__file__).resolve().parents[1]
+    return package / "shipped" if (package / "shipped").is_dir() else package.parents[1]
+
+
+SCENES, REFERENCES = _home() / "scenes", _home() / "reference"
+OWN_SCENES = Path("scenes")
+
+
+def scene_folders() -> dict[str, Path]:
+    """Every scene that a name finds from the current folder: those of `scenes/`, then those shipped."""
+    found = [f.parent for folder in (OWN_SCENES, SCENES) for f in sorted(folder.glob("*/scene.toml"))]
+    return {folder.name: folder for folder in reversed(found)}
+
+
+def all_scenes() -> list[Path]:
+    """The folders in `scenes/`, or those shipped where there is none."""
+    own = sorted(f.parent for f in OWN_SCENES.glob("*/scene.toml"))
+    return own or list(scene_folders().values())
+
+
+def find_scene(path: str | os.PathLike) -> Path:
+    """The scene.toml of `path`: a file, a folder, or a name: ./NAME, then scenes/NAME, then what is shipped."""
+    path = Path(path)
+    if path.suffix == ".toml" or path.is_file():
+        return path
+    if (path / "scene.toml").is_file():
+        return path / "scene.toml"
+    there = scene_folders()
+    if (len(path.parts) == 1 and path.name in there) or (path == OWN_SCENES / path.name and path.name in there):
+        return there[path.name] / "scene.toml"
+    if path.is_dir():
+        raise InputError(path, "a scene's folder, holding scene.toml", "none")
+    if path.exists():
+        raise InputError(path, "a scene's folder, its scene.toml or its name", "a file")
+    close = difflib.get_close_matches(path.name, there, 1)
+    known = f"did you mean {close[0]}?" if close else f"there are {', '.join(sorted(there))}"
+    raise InputError(path, "a scene's folder, its scene.toml or its name", f"no such scene ({known})")
+
+
+def scene_sentence(folder: Path) -> str:
+    """The first sentence of the comment at the head of its scene.toml."""
+    lines = (folder / "scene.toml").read_text(encoding="utf-8").splitlines()
+    head = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
+    text = " ".join(line.lstrip("# ").strip() for line in lines[:head])
+    return text.split(". ")[0].strip().rstrip(".")
+
+
+def copy_scene(path: str | os.PathLike, out: str | os.PathLike) -> Path:
+    """The scene's folder with all that it needs, copied to `out`, which must not be there yet."""
+    folder, out = find_scene(path).parent, Path(out)
+    if out.exists():
+        raise InputError(out, "a folder that is not there yet", "one that is")
+    try:
+        shutil.copytree(folder, out)
+    except OSError as error:
+        raise InputError(out, "a place that can be written", error.strerror or error) from error
+    return out
