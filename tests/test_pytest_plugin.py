@@ -184,7 +184,7 @@ def test_a_missing_reference_fails_and_names_the_command_that_makes_it(pytester)
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(
         [
-            f"*no such reference in {pytester.path}/reference/nosuch/sky.exr or *shipped/nosuch/sky.exr",
+            f"*no such reference in {pytester.path}/reference/nosuch/sky.exr or *reference/nosuch/sky.exr",
             "*raytwin reference make scenes/nosuch --rung sky",
         ]
     )
