@@ -12,7 +12,7 @@ from raytwin.image import Image
 @pytest.fixture(scope="module")
 def rendered(scenes):
     """The scene at so many samples, path traced over the pixel's area."""
-    scene = read_scene(scenes / "overlap")
+    scene = read_scene(scenes / "overlap").scene
     scene = scene.with_camera(scene.camera.resized(160, 120))
 
     def render(samples: int, seed: int = 0) -> Image:

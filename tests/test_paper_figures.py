@@ -11,16 +11,16 @@ import pytest
 
 from raytwin import boards, files, photographer, photos, pipeline, twin
 from raytwin.photos.lens import undistort
-from raytwin.scene import Pyramid, Scene, Sphere
+from raytwin.scene import Pyramid, WrittenSphere
 from raytwin.tracer import trace
 from raytwin.tracer.speculate import speculate
 
 SIZE, COUNT = (672, 504), 4
-ONE = (Sphere((0.05, 0.09, 0.03), 0.03, (0.75, 0.3, 0.2)),)
+ONE = (WrittenSphere((0.05, 0.09, 0.03), 0.03, (0.75, 0.3, 0.2)),)
 SEVERAL = (
-    Sphere((0.05, 0.09, 0.03), 0.03, (0.75, 0.3, 0.2)),
-    Sphere((0.085, 0.105, 0.024), 0.024, (0.2, 0.45, 0.7)),
-    Sphere((0.07, 0.06, 0.02), 0.02, (0.3, 0.6, 0.25)),
+    WrittenSphere((0.05, 0.09, 0.03), 0.03, (0.75, 0.3, 0.2)),
+    WrittenSphere((0.085, 0.105, 0.024), 0.024, (0.2, 0.45, 0.7)),
+    WrittenSphere((0.07, 0.06, 0.02), 0.02, (0.3, 0.6, 0.25)),
 )
 PYRAMID = Pyramid(
     ((0.02, 0.04, 0.0), (0.13, 0.05, 0.0), (0.07, 0.16, 0.0), (0.075, 0.085, 0.09)), (0.1, 0.5, 0.9), 0.35
@@ -34,7 +34,7 @@ def studio(scenes, tmp_path_factory):
     made = {}
     desk = files.read_toml(scenes / "desk" / "scene.toml")
 
-    def make(spheres: tuple[Sphere, ...], pyramids: tuple[Pyramid, ...] = ()):
+    def make(spheres: tuple[WrittenSphere, ...], pyramids: tuple[Pyramid, ...] = ()):
         if (spheres, pyramids) in made:
             return made[spheres, pyramids]
         folder = tmp_path_factory.mktemp("studio")
@@ -89,9 +89,9 @@ def test_drawn_spheres_look_as_if_they_had_been_there(studio, spheres):
 def test_of_overlapping_spheres_the_nearest_is_seen(studio):
     """Which sphere a pixel shows is told by the truth's hue: red, blue and green albedos."""
     folder = studio(SEVERAL)
-    scene, shown = files.read_scene(folder), set()
+    written, shown = files.read_scene(folder), set()
     for (drawn, true, _), camera in zip(augmented(folder), true_cameras(folder).values(), strict=True):
-        ids = trace(Scene("s", camera, scene.spheres, scene.planes, scene.sun, scene.sky), "surface").surface.ids
+        ids = trace(written.at(camera), "surface").surface.ids
         # Inner pixels alone, where the light is good enough for a hue.
         inner = np.zeros(ids.shape, bool)
         inner[2:-2, 2:-2] = np.all([ids[2 + y : ids.shape[0] - 2 + y, 2 + x : ids.shape[1] - 2 + x] == ids[2:-2, 2:-2]
@@ -152,9 +152,7 @@ def test_the_transparent_pyramid_lets_through_what_two_faces_let_through(studio)
 
 def test_speculation_on_a_photos_own_camera_errs_less_than_a_thousandth_where_it_is_careful(studio):
     folder = studio(SEVERAL)
-    scene = files.read_scene(folder)
-    camera = next(iter(true_cameras(folder).values()))
-    view = msgspec.structs.replace(scene, camera=camera)
+    view = files.read_scene(folder).at(next(iter(true_cameras(folder).values())))
     truth = trace(view, "shadow").mean
     for n in (2, 4, 8, 16):
         careful, paper = (np.abs(speculate(view, n, "shadow", way=way)[0] - truth) for way in ("careful", "paper"))
@@ -164,9 +162,9 @@ def test_speculation_on_a_photos_own_camera_errs_less_than_a_thousandth_where_it
 
 def test_trimming_on_a_photos_own_camera_changes_nothing_and_skips_most(studio):
     folder = studio(SEVERAL)
-    scene = files.read_scene(folder)
     for camera in true_cameras(folder).values():
-        view = msgspec.structs.replace(scene, camera=camera, planes=())
+        view = files.read_scene(folder).at(camera)
+        view = msgspec.structs.replace(view, objects=view.spheres)
         full = trace(view, "shadow", trim="none")
         for trim in ("conic", "corners"):
             np.testing.assert_array_equal(trace(view, "shadow", trim=trim).mean, full.mean)

@@ -20,7 +20,7 @@ def desk(scenes):
 
 
 def small(scenes, name: str):
-    scene = files.read_scene(scenes / name)
+    scene = files.read_scene(scenes / name).scene
     return scene.with_camera(scene.camera.resized(scene.camera.width // 2, scene.camera.height // 2))
 
 
@@ -29,7 +29,9 @@ def small(scenes, name: str):
 def test_the_tracer_agrees_with_mitsuba_on_every_scene(scenes, name, rung):
     twin.activate()
     scene = small(scenes, name)
-    found = compare(trace(scene, rung), twin.render(scene, rung, cache=False), tolerance=scene.tolerance)
+    found = compare(
+        trace(scene, rung), twin.render(scene, rung, cache=False), tolerance=files.read_scene(scenes / name).tolerance
+    )
     assert found.verdict == "pass", found.reasons
     assert found.geometry.mask_mismatch_pixels == 0
     assert found.radiance.p999_abs <= 1e-5
@@ -39,7 +41,11 @@ def test_the_tracer_agrees_with_mitsuba_on_every_scene(scenes, name, rung):
 def test_a_missing_shadow_is_seen(scenes, name):
     twin.activate()
     scene = small(scenes, name)
-    found = compare(trace(scene, "lambert"), twin.render(scene, "shadow", cache=False), tolerance=scene.tolerance)
+    found = compare(
+        trace(scene, "lambert"),
+        twin.render(scene, "shadow", cache=False),
+        tolerance=files.read_scene(scenes / name).tolerance,
+    )
     # A sphere lit from the camera's back casts none that it could see.
     assert found.verdict == ("pass" if name == "single" else "fail")
 

@@ -61,7 +61,7 @@ def test_a_reference_is_read_back_as_it_was_made(overlap, folder, rung):
     made = make(overlap, rung, folder).new
     read = reference.load(made.path)
     assert read.header == made.header
-    assert read.scene == msgspec.structs.replace(made.scene, folder=".")
+    assert read.written == msgspec.structs.replace(made.written, folder=".")
     assert np.array_equal(read.image.mean, made.image.mean)
     noisy = rung in ("sky", "path")
     assert (read.image.variance is not None) == noisy
@@ -198,7 +198,7 @@ def test_a_calibration_may_move_in_its_last_digits_but_not_by_a_pixel(overlap, f
     camera = made.camera
     for shift, says in ((1e-9, None), (0.3, "moves the picture by 0.3")):
         K = ((camera.fx, 0.0, camera.cx + shift), *camera.K[1:])
-        strayed = reference.strayed(made, made.scene.with_camera(msgspec.structs.replace(camera, K=K)))
+        strayed = reference.strayed(made, made.written.with_camera(msgspec.structs.replace(camera, K=K)))
         assert strayed is None if says is None else says in strayed
 
 
@@ -304,7 +304,7 @@ def test_a_reference_that_todays_mitsuba_does_not_make_fails(overlap, folder, ru
     """Whole, fresh, signed, and 1 % too bright."""
     made = make(overlap, rung, folder, size=(96, 72), samples=256).new
     bright = replace(made.image, mean=made.image.mean * np.float32(1.01))
-    reference.save(reference.sealed(made.path, bright, made.header, made.scene))
+    reference.save(reference.sealed(made.path, bright, made.header, made.written))
     problems = reference.check(overlap, rung, folder).problems
     assert "today's render disagrees" in problems[0]
     assert "%" in problems[1]

@@ -18,9 +18,9 @@ from raytwin.errors import InputError
 from raytwin.photos import lens
 from raytwin.photos.detection import Progress
 from raytwin.photos.pose import rotation
-from raytwin.scene import Camera, Matrix, PixelCount, Plane, Record, Vector
+from raytwin.scene import Camera, Matrix, PixelCount, Record, Rectangle, Vector
 
-Render = Callable[[Camera, np.ndarray, Plane], np.ndarray]
+Render = Callable[[Camera, np.ndarray, Rectangle], np.ndarray]
 """render(camera, texture, sheet) -> linear radiance (H, W, 3), 1 is white.
 
 `texture` (h, w) float32 is the sheet's albedo, row 0 at the end of +half_v, column 0 at the end of -half_u.
@@ -100,10 +100,10 @@ def photograph(
     return written
 
 
-def sheet_of(extent: tuple[float, float, float, float]) -> Plane:
+def sheet_of(extent: tuple[float, float, float, float]) -> Rectangle:
     """The paper of draw_board's extent (x_min, x_max, y_min, y_max) as a rectangle at z = 0."""
     x0, x1, y0, y1 = extent
-    return Plane(
+    return Rectangle(
         ((x0 + x1) / 2, (y0 + y1) / 2, 0.0), ((x1 - x0) / 2, 0.0, 0.0), (0.0, (y1 - y0) / 2, 0.0), in_photo=True
     )
 

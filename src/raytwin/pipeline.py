@@ -17,7 +17,7 @@ from raytwin.compare import Comparison, Report, compare
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
-from raytwin.scene import Camera, Plane, Scene, Sky, Sun
+from raytwin.scene import Camera, Lambert, Rectangle, Scene, SceneFile, Sky, Sun, Tolerance
 from raytwin.tracer import ENGINES, RUNGS, trace
 
 
@@ -46,6 +46,7 @@ class Result:
     """All that `raytwin compare` found; every report is a view of it."""
 
     scene: Scene
+    tolerance: Tolerance
     report: Report
     subject: Image
     twin: Image
@@ -93,20 +94,20 @@ def list_photos(folder: str | Path) -> list[Path]:
 
 
 def find_camera(
-    scene: Scene, photo: str | None = None, progress: Progress = silent
+    written: SceneFile, photo: str | None = None, progress: Progress = silent
 ) -> tuple[Scene, Path | None, photos.Calibration | None, photos.PoseReport | None]:
-    """The scene with its camera found: calibrated from its photos, standing where `photo` was taken.
+    """What is to be rendered, its camera found: calibrated from its photos, standing where `photo` was taken.
 
     A scene with an explicit camera comes back as it is. Returns the scene, the photo's path, calibration and pose.
     """
-    asked = scene.camera
-    if isinstance(asked, Camera):
+    asked = written.photos
+    if asked is None:
         if photo is not None:
             raise InputError(
-                "--photo", "a scene whose camera is calibrated from photos", f"{scene.name}, whose is given"
+                "--photo", "a scene whose camera is calibrated from photos", f"{written.name}, whose is given"
             )
-        return scene, None, None, None
-    folder = Path(scene.folder)
+        return written.scene, None, None, None
+    folder = Path(written.folder)
     board = boards.read_board(folder / asked.board)
     taken = list_photos(folder / asked.photos)
     name = photo or asked.photo
@@ -116,7 +117,7 @@ def find_camera(
     calibration = photos.calibrate(taken, board, model=asked.model, progress=lambda d, n: progress("calibrate", d, n))
     pose = photos.pose_of_photo(calibration, folder / asked.photos / name, board)
     camera = photos.camera_at(calibration, pose.refined)
-    return scene.with_camera(camera), folder / asked.photos / name, calibration, pose
+    return written.at(camera), folder / asked.photos / name, calibration, pose
 
 
 def compare_truth(
@@ -175,11 +176,11 @@ def run(
     if samples is not None and samples < 1:
         raise InputError("--samples", "a whole number >= 1", samples)
     watch = Stopwatch()
-    scene = files.read_scene(path)
+    written = files.read_scene(path)
     with watch.time("backend"):
         backend = twin.activate()
     with watch.time("calibrate"):
-        scene, photo_path, calibration, pose = find_camera(scene, photo, progress)
+        scene, photo_path, calibration, pose = find_camera(written, photo, progress)
     truth: tuple[TruthRow, ...] = ()
     if photo_path is not None and (truth_file := photo_path.parent / "truth.toml").exists():
         truth = compare_truth(photographer.read_truth(truth_file), calibration, scene.camera, photo_path.name)
@@ -203,7 +204,7 @@ def run(
         )
     with watch.time("compare"):
         progress("compare", 0, 1)
-        comparison = compare(subject, other, tolerance=scene.tolerance, flip=flip)
+        comparison = compare(subject, other, tolerance=written.tolerance, flip=flip)
         progress("compare", 1, 1)
     picture = augmented = None
     if photo_path is not None:
@@ -233,6 +234,7 @@ def run(
     }
     return Result(
         scene=scene,
+        tolerance=written.tolerance,
         report=report,
         subject=subject,
         twin=other,
@@ -294,10 +296,10 @@ def augment_photos(
     `against` the errors by region.
     """
     scene = files.read_scene(scene_path)
-    asked = scene.camera
-    if board is None and isinstance(asked, Camera):
+    asked = scene.photos
+    if board is None and asked is None:
         raise InputError("--board", "a board's TOML file, since the scene names none", "nothing")
-    definition = boards.read_board(board if board is not None else Path(scene.folder) / asked.board)
+    definition = boards.read_board(board if asked is None or board is not None else Path(scene.folder) / asked.board)
     lens = find_camera(scene, progress=progress)[0].camera if camera is None else files.read_camera(camera)
     out = Path(out)
     if names := sorted(n for n in {p.name for p in taken} if sum(p.name == n for p in taken) > 1):
@@ -316,7 +318,7 @@ def augment_photos(
         tags = photos.detect_photo(path, definition.family)
         pose = photos.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
         stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
-        here = scene.with_camera(stand)
+        here = scene.at(stand)
         result = augment(pixels, here, engine=engine, shadows=shadows, exposure=exposure)
         drawn = result.pixels
         for pyramid in scene.pyramids:
@@ -334,7 +336,8 @@ def augment_photos(
 # ------------------------------------------------------------------------------------------ the synthetic photographer
 
 
-TABLE = Plane((0.0, 0.0, -0.002), (1.5, 0.0, 0.0), (0.0, 1.5, 0.0), (0.36, 0.25, 0.17), in_photo=True)
+WOOD = Lambert((0.36, 0.25, 0.17))
+TABLE = Rectangle((0.0, 0.0, -0.002), (1.5, 0.0, 0.0), (0.0, 1.5, 0.0), WOOD, in_photo=True)
 SUN = Sun((0.45, 0.35, 0.85), (2.3, 2.2, 2.05))
 SKY = Sky((0.22, 0.24, 0.27))
 """What `photograph_board` uses where no scene is given: white paper comes out a little below white."""
@@ -367,13 +370,13 @@ def photograph_board(
     K = ((focal * scale, 0.0, 0.504 * width), (0.0, 1.001 * focal * scale, 0.497 * height), (0.0, 0.0, 1.0))
     lens = Camera(size, K, ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)), (0.0, 0.0, 1.0), dist)
     files.check_camera(lens, "--focal, --size")
-    stage = files.read_scene(scene) if scene is not None else Scene("desk", lens, (), (TABLE,), SUN, SKY)
-    table = tuple(p for p in stage.planes if p.center[2] < 0)
+    stage = files.read_scene(scene).at(lens) if scene is not None else Scene("desk", lens, (TABLE,), (SUN, SKY))
+    table = tuple(p for p in stage.rectangles if p.center[2] < 0)
     twin.activate()
 
-    def render(view: Camera, texture: np.ndarray, sheet: Plane) -> np.ndarray:
+    def render(view: Camera, texture: np.ndarray, sheet: Rectangle) -> np.ndarray:
         spheres = stage.spheres if with_objects else ()
-        set_up = msgspec.structs.replace(stage, camera=view, spheres=spheres, planes=(sheet, *table))
+        set_up = msgspec.structs.replace(stage, camera=view, objects=(*spheres, sheet, *table))
         made = twin.render(
             set_up, "path", sampling="area", samples=samples, seed=seed, textures={len(spheres): texture}, cache=False
         )

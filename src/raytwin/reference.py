@@ -22,7 +22,7 @@ from raytwin.compare import Comparison, compare
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
-from raytwin.scene import Camera, PhotoCamera, Plane, Record, Scene, Sky, Sphere, Sun, Tolerance
+from raytwin.scene import Camera, Scene, SceneFile, Tolerance
 
 RUNGS = tuple(twin.RUNGS)
 SHIPPED = files.REFERENCES
@@ -42,34 +42,30 @@ MOVED_PX = 0.05
 """Pixels by which a new calibration may move the picture before its reference counts as stale."""
 
 
-class SetUp(Record, frozen=True):
-    """A scene with its camera found, as a header holds it."""
-
-    name: str
-    camera: Camera
-    spheres: tuple[Sphere, ...]
-    planes: tuple[Plane, ...]
-    sun: Sun
-    sky: Sky
-    tolerance: Tolerance
+SET_UP = ("name", "camera", "spheres", "planes", "sun", "sky", "tolerance")
+"""What a header holds of a SceneFile whose camera has been found."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The image, and its header: what made it, as text. `scene` (camera found) is None for a golden image."""
+    """The image, and its header: what made it, as text. `written` (camera found) is None for a golden image."""
 
     path: Path
     image: Image
     header: dict[str, str] = field(default_factory=dict)
-    scene: Scene | None = None
+    written: SceneFile | None = None
+
+    @property
+    def scene(self) -> Scene | None:
+        return self.written.scene if self.written else None
 
     @property
     def camera(self) -> Camera | None:
-        return self.scene.camera if self.scene else None
+        return self.written.camera if self.written else None
 
     @property
     def tolerance(self) -> Tolerance:
-        return self.scene.tolerance if self.scene else Tolerance()
+        return self.written.tolerance if self.written else Tolerance()
 
 
 # ------------------------------------------------------------------------------------------ files
@@ -99,11 +95,10 @@ def load(path: str | Path) -> Reference:
     named = header.get("scene"), header.get("rung")
     if named != (path.parent.name, path.stem):
         raise InputError(path, "the reference of its scene and rung", f"that of {named[0]}, rung {named[1]}")
-    scene = None
+    written = None
     if "set_up" in header:
-        set_up = files.to_record(f"{path}: set_up", msgspec.json.decode(header["set_up"]), SetUp)
-        scene = Scene(**{name: getattr(set_up, name) for name in SetUp.__struct_fields__})
-    return Reference(path, image, header, scene)
+        written = files.to_record(f"{path}: set_up", msgspec.json.decode(header["set_up"]), SceneFile)
+    return Reference(path, image, header, written)
 
 
 def save(reference: Reference) -> None:
@@ -127,17 +122,16 @@ def checksum(image: Image, header: dict[str, str]) -> str:
     return total.hexdigest()[:32]
 
 
-def sealed(path: Path, image: Image, header: dict[str, str], scene: Scene | None) -> Reference:
+def sealed(path: Path, image: Image, header: dict[str, str], written: SceneFile | None) -> Reference:
     """The reference as it will be read back: rounded as far as noise lets, scene and checksum in the header."""
     if image.variance is not None:
         variance = rounded(np.asarray(image.variance, np.float32), VARIANCE_BITS)
         image = replace(image, mean=stepped(image.mean, variance), variance=variance)
     header = {k: v for k, v in header.items() if k not in ("checksum", "batches")} | {"format": FORMAT}
-    if scene is not None:
-        set_up = SetUp(**{name: getattr(scene, name) for name in SetUp.__struct_fields__})
-        header["set_up"] = msgspec.json.encode(set_up).decode()
+    if written is not None:
+        header["set_up"] = msgspec.json.encode({name: getattr(written, name) for name in SET_UP}).decode()
     header |= {"samples": str(image.samples)} | ({"batches": str(image.batches)} if image.batches else {})
-    return Reference(path, image, header | {"checksum": checksum(image, header)}, scene)
+    return Reference(path, image, header | {"checksum": checksum(image, header)}, written)
 
 
 def rounded(x: np.ndarray, bits: int) -> np.ndarray:
@@ -159,20 +153,21 @@ def stepped(mean: np.ndarray, variance: np.ndarray) -> np.ndarray:
 # ------------------------------------------------------------------------------------------ scenes
 
 
-def scene_hash(scene: Scene) -> str:
+def scene_hash(written: SceneFile) -> str:
     """SHA-256 of the scene as written, 32 hexadecimal digits: camera, objects, lights; not comments or tolerance.
 
     Where the camera is to be calibrated, of its photos' bytes and of its board, not of what the calibration finds:
     another version of OpenCV changes that in its last digits.
     """
-    seen = {name: getattr(scene, name) for name in ("camera", "spheres", "planes", "sun", "sky")}
+    seen = {name: getattr(written, name) for name in ("spheres", "planes", "sun", "sky")}
+    seen["camera"] = written.photos or written.camera
     total = hashlib.sha256(msgspec.json.encode(seen, order="sorted"))
-    if isinstance(scene.camera, PhotoCamera):
+    if asked := written.photos:
         from raytwin.pipeline import list_photos
 
-        folder = Path(scene.folder)
-        total.update(msgspec.json.encode(files.read_toml(folder / scene.camera.board), order="sorted"))
-        for photo in list_photos(folder / scene.camera.photos):
+        folder = Path(written.folder)
+        total.update(msgspec.json.encode(files.read_toml(folder / asked.board), order="sorted"))
+        for photo in list_photos(folder / asked.photos):
             total.update(photo.name.encode() + hashlib.sha256(photo.read_bytes()).digest())
     return total.hexdigest()[:32]
 
@@ -186,18 +181,19 @@ def size_of(image_size: tuple[int, int]) -> tuple[int, int]:
     return small, max(1, round(small * height / width))
 
 
-def find_scene(path: str | Path, progress: Progress = silent) -> Scene:
+def find_scene(path: str | Path, progress: Progress = silent) -> SceneFile:
     """The scene with its camera found: calibrated, where it has photos. Finding it once serves all rungs."""
-    scene = files.read_scene(path)
-    if isinstance(scene.camera, PhotoCamera):
-        from raytwin.pipeline import find_camera
+    written = files.read_scene(path)
+    if written.photos is None:
+        return written
+    from raytwin.pipeline import find_camera
 
-        return find_camera(scene, progress=progress)[0]
-    return scene
+    return written.with_camera(find_camera(written, progress=progress)[0].camera)
 
 
-def _at_size(scene: Scene, size: tuple[int, int] | None) -> Scene:
-    return scene.with_camera(scene.camera.resized(*(size or size_of(scene.camera.image_size))))
+def _at_size(found: SceneFile, size: tuple[int, int] | None) -> SceneFile:
+    camera = found.scene.camera
+    return found.with_camera(camera.resized(*(size or size_of(camera.image_size))))
 
 
 def moved(scene: Scene, a: Camera, b: Camera) -> float:
@@ -207,7 +203,7 @@ def moved(scene: Scene, a: Camera, b: Camera) -> float:
     steps = np.linspace(-1, 1, 9)
     grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
     points = [np.reshape([s.center for s in scene.spheres], (-1, 3))]
-    points += [p.center + grid @ np.array([p.half_u, p.half_v]) for p in scene.planes]
+    points += [p.center + grid @ np.array([p.half_u, p.half_v]) for p in scene.rectangles]
     points = np.concatenate(points)
     for c in (a, b):
         points = points[(points @ np.asarray(c.R_cam_board).T + c.t_cam_board)[:, 2] > 0]
@@ -328,7 +324,7 @@ def make(
     sampling: str | None = None,
     size: tuple[int, int] | None = None,
     again: bool = False,
-    found: Scene | None = None,
+    found: SceneFile | None = None,
     progress: Progress = silent,
 ) -> Change:
     """What the reference would become; `save(change.new)` writes it.
@@ -339,17 +335,17 @@ def make(
     written = files.read_scene(scene)
     path, hashed = path_of(folder, written.name, rung), scene_hash(written)
     old, notes = _there(path)
-    known = old if old is not None and old.scene is not None else None
+    known = old if old is not None and old.written is not None else None
     same_scene = known is not None and known.header["scene_hash"] == hashed
     settings = _settings(known.header if known else {}, samples, seed, sampling)
     found = _at_size(found or find_scene(scene, progress), size or (known.camera.image_size if same_scene else None))
-    if same_scene and _same_but_for_digits(found, known.camera):
+    if same_scene and _same_but_for_digits(found.scene, known.camera):
         found = found.with_camera(known.camera)
-    header = describe(found, written.name, hashed, rung, settings)
+    header = describe(found.scene, written.name, hashed, rung, settings)
     if known and not again and all(known.header.get(k) == header[k] for k in _DECIDES) and known.camera == found.camera:
         header |= {k: v for k, v in known.header.items() if k not in ("set_up", "checksum")}
         return Change(sealed(path, known.image, header, found), known)
-    new = sealed(path, render(found, rung, settings, progress), header, found)
+    new = sealed(path, render(found.scene, rung, settings, progress), header, found)
     if old is None:
         return Change(new, None, notes)
     notes = tuple(header_changes(old.header, new.header))
@@ -413,7 +409,7 @@ def check(
     folder: str | Path,
     *,
     samples: int = CHECKED_SAMPLES,
-    found: Scene | None = None,
+    found: SceneFile | None = None,
     progress: Progress = silent,
 ) -> Check:
     """Is the file there and whole, its scene the one on disk, and today's render the same but for noise?
@@ -438,7 +434,7 @@ def check(
 def stale(old: Reference, scene: str | Path) -> str | None:
     """Why the reference no longer fits the scene as it is written; None where it does."""
     written = files.read_scene(scene)
-    if old.scene is None:
+    if old.written is None:
         return f"it was made from an image, but now there is a scene: {scene}"
     if old.header["scene_hash"] != scene_hash(written):
         return "the scene has changed since"
@@ -447,9 +443,9 @@ def stale(old: Reference, scene: str | Path) -> str | None:
     return None
 
 
-def strayed(old: Reference, found: Scene) -> str | None:
+def strayed(old: Reference, found: SceneFile) -> str | None:
     """Why the reference no longer fits the camera that its scene's photos give today; None where it does."""
-    by = moved(found, old.camera, _at_size(found, old.camera.image_size).camera)
+    by = moved(found.scene, old.camera, _at_size(found, old.camera.image_size).camera)
     return f"today's calibration moves the picture by {by:.2g} px" if by > MOVED_PX else None
 
 

@@ -7,7 +7,7 @@ import pytest
 from raytwin import files
 from raytwin.augment import augment, errors_by_region, regions_of
 from raytwin.errors import InputError
-from raytwin.scene import Camera, Plane, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
 
 CAMERA = Camera(
     (320, 240),
@@ -15,11 +15,11 @@ CAMERA = Camera(
     ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
     (0.0, 0.0, 0.5),
 )
-FLOOR = Plane((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0), in_photo=True)
+FLOOR = Rectangle((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0), in_photo=True)
 
 
 def stage(to_light=(1.0, 0.0, 1.0), sun=2.0, sky=0.2, center=(-0.03, 0.0, 0.05), radius=0.02) -> Scene:
-    return Scene("stage", CAMERA, (Sphere(center, radius),), (FLOOR,), Sun(to_light, (sun,) * 3), Sky((sky,) * 3))
+    return Scene("stage", CAMERA, (Sphere(center, radius), FLOOR), (Sun(to_light, (sun,) * 3), Sky((sky,) * 3)))
 
 
 def grey(value: int = 180) -> np.ndarray:
@@ -58,9 +58,9 @@ def test_nothing_changes_far_from_the_sphere():
 
 
 def test_a_shadow_that_the_photo_shows_already_is_not_cast_twice():
-    sheet = Plane((0.05, 0.0, 0.03), (0.02, 0.0, 0.0), (0.0, 0.02, 0.0), in_photo=True)
-    scene = msgspec.structs.replace(stage(), planes=(FLOOR, sheet))
-    before = augment(grey(), msgspec.structs.replace(scene, spheres=()))
+    sheet = Rectangle((0.05, 0.0, 0.03), (0.02, 0.0, 0.0), (0.0, 0.02, 0.0), in_photo=True)
+    scene = msgspec.structs.replace(stage(), objects=(*stage().spheres, FLOOR, sheet))
+    before = augment(grey(), msgspec.structs.replace(scene, objects=scene.rectangles))
     assert (before.ratio == 1).all()
     assert np.array_equal(before.pixels, grey())
 

@@ -21,7 +21,7 @@ SCENES = Path(__file__).resolve().parent.parent / "scenes"
 @pytest.fixture(scope="module", params=["single", "distorted"])
 def scene(request):
     twin.activate()
-    found = files.read_scene(SCENES / request.param)
+    found = files.read_scene(SCENES / request.param).scene
     return found.with_camera(sized(found.camera, float(os.environ.get("RAYTWIN_BENCH_MP", "0.75"))))
 
 
@@ -47,7 +47,7 @@ def test_twin_of_four_samples(benchmark, scene):
 
 def test_compare(benchmark, scene):
     a, b = trace(scene, engine="numpy64"), trace(scene, engine="numpy32")
-    benchmark(compare, a, b, tolerance=scene.tolerance)
+    benchmark(compare, a, b, scene=scene.name)
 
 
 def test_report(benchmark, scene, tmp_path):

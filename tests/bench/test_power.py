@@ -12,7 +12,7 @@ from raytwin.image import Image
 @pytest.fixture(scope="module")
 def overlap(scenes):
     twin.activate()
-    scene = read_scene(scenes / "overlap")
+    scene = read_scene(scenes / "overlap").scene
     return scene.with_camera(scene.camera.resized(64, 48))
 
 

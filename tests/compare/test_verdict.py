@@ -244,7 +244,7 @@ def test_whatever_is_finite_gets_a_verdict_and_valid_json(h, w, seed, noisy, sca
 
 def test_a_missing_shadow_is_not_called_a_shift(scenes):
     """lambert against shadow: the edges of the missing shadows pull, but no shift accounts for them."""
-    scene = read_scene(scenes / "overlap")
+    scene = read_scene(scenes / "overlap").scene
     scene = scene.with_camera(scene.camera.resized(336, 252))
     found = compare(Image(trace(scene, "lambert").mean), Image(trace(scene, "shadow").mean))
     assert found.verdict == "fail"

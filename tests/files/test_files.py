@@ -25,7 +25,7 @@ from raytwin import files
 from raytwin.errors import InputError, MachineError
 from raytwin.files import limits
 from raytwin.image import Image, Surface
-from raytwin.scene import Camera, PhotoCamera, Plane, Sphere
+from raytwin.scene import Camera, Lambert, PhotoCamera, Rectangle, Sphere
 
 SCENE = """
 [camera]
@@ -81,8 +81,8 @@ def test_a_scene_is_read_as_it_is_written(tmp_path):
     assert isinstance(scene.camera, Camera)
     assert scene.camera.image_size == (64, 48)
     assert scene.camera.coefficients == (-0.1, 0.01, 0, 0, 0)
-    assert scene.spheres[1] == Sphere((0.1, 0.0, 0.04), 0.04, (0.8, 0.4, 0.2))
-    assert scene.planes == (Plane((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), (0.0, 0.3, 0.0)),)
+    assert scene.scene.objects[1] == Sphere((0.1, 0.0, 0.04), 0.04, Lambert((0.8, 0.4, 0.2)))
+    assert scene.scene.objects[2:] == (Rectangle((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), (0.0, 0.3, 0.0)),)
     assert scene.tolerance.p999_abs == 1e-4
     assert files.read_scene(tmp_path / "x" / "scene.toml") == scene
 
@@ -102,7 +102,11 @@ def test_a_photographed_scene_keeps_its_camera_for_later(tmp_path):
         SCENE,
         flags=re.S,
     )
-    assert files.read_scene(write_scene(tmp_path, text)).camera == PhotoCamera("photos", "board.toml", "01.jpg", "auto")
+    written = files.read_scene(write_scene(tmp_path, text))
+    assert written.camera is None
+    assert written.photos == PhotoCamera("photos", "board.toml", "01.jpg", "auto")
+    with pytest.raises(InputError, match="camera: expected a calibrated camera, got photos to calibrate it from"):
+        _ = written.scene
 
 
 WRONG = {
@@ -175,7 +179,7 @@ JUNK = st.recursive(
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=6), inner, max_size=4),
     max_leaves=8,
 )
-FIELDS = st.sampled_from(["camera", "spheres", "planes", "sun", "sky", "tolerance", "x"])
+FIELDS = st.sampled_from(["camera", "spheres", "planes", "sun", "sky", "tolerance", "x", "name", "photos"])
 
 
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -325,7 +329,8 @@ def test_json_holds_records_arrays_and_no_nan(tmp_path):
     files.write_json(tmp_path / "x.json", value)
     assert msgspec.json.decode((tmp_path / "x.json").read_bytes()) == {
         "a": [[1.5, None]],
-        "b": {"center": [0.0, 1.0, 2.0], "radius": 3.0, "albedo": [0.8, 0.8, 0.8]},
+        "b": {"type": "sphere", "center": [0.0, 1.0, 2.0], "radius": 3.0,
+              "material": {"type": "lambert", "albedo": [0.8, 0.8, 0.8]}},
         "c": 0.5,
         "d": "x/y",
         "e": None,

@@ -116,7 +116,7 @@ def test_thumbnails_of_odd_sizes_differ():
 
 @pytest.mark.parametrize("name", ["single", "overlap", "distorted", "grazing"])
 def test_the_conic_box_cuts_nothing_and_wastes_less(scenes, name):
-    rows = {b.trim: b for b in boxed(read_scene(scenes / name))}
+    rows = {b.trim: b for b in boxed(read_scene(scenes / name).scene)}
     assert rows["conic"].cut == rows["none"].cut == 0
     assert rows["conic"].wasted < rows["none"].wasted
 

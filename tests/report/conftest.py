@@ -27,7 +27,8 @@ def make_result(scenes) -> Callable[..., Result]:
     """`make_result(scene="overlap", size=None, photos=False, rung="shadow", spoil=None)`; `spoil(tracer's image)`."""
 
     def make(scene="overlap", size=(160, 120), photos=False, rung="shadow", spoil=None) -> Result:
-        stage = files.read_scene(scenes / scene)
+        written = files.read_scene(scenes / scene)
+        stage = written.scene
         stage = stage.with_camera(stage.camera.resized(*size))
         tracer, twin = trace(stage, rung, "numpy64"), trace(stage, rung, "numpy32")
         if spoil is not None:
@@ -35,12 +36,13 @@ def make_result(scenes) -> Callable[..., Result]:
         report = Report(
             stage.name,
             rung,
-            compare(tracer, twin, tolerance=stage.tolerance),
+            compare(tracer, twin, tolerance=written.tolerance),
             {"tracer": 0.412, "twin": 0.24, "compare": 0.0031} | ({"calibrate": 2.31} if photos else {}),
             {"twin_variant": "llvm_ad_rgb", "tracer_engine": "numpy64", "libllvm": None},
         )
         result = Result(
             scene=stage,
+            tolerance=written.tolerance,
             report=report,
             subject=tracer,
             twin=twin,
@@ -63,10 +65,10 @@ def photographed(result: Result) -> Result:
     scene: Scene = result.scene
     width, height = scene.camera.image_size
     rng = np.random.default_rng(7)
-    empty = trace(msgspec.structs.replace(scene, spheres=()), "lambert", "numpy32")
+    empty = trace(msgspec.structs.replace(scene, objects=scene.rectangles), "lambert", "numpy32")
     photo = files.to_bytes(np.clip(empty.mean + rng.normal(0, 0.01, empty.mean.shape), 0, 1).astype(np.float32))
-    planes = tuple(msgspec.structs.replace(p, in_photo=True) for p in scene.planes)
-    scene = msgspec.structs.replace(scene, planes=planes)
+    planes = tuple(msgspec.structs.replace(p, in_photo=True) for p in scene.rectangles)
+    scene = msgspec.structs.replace(scene, objects=(*scene.spheres, *planes))
     camera = scene.camera
     R, t = camera.R_cam_board, camera.t_cam_board
     views = tuple(View(f"photo_{i:02d}.jpg", 35 - i % 3, 0.11 + 0.03 * rng.random(), R, t) for i in range(1, 13))

@@ -57,17 +57,17 @@ def engine(request, packages) -> str:
 @pytest.fixture(scope="session", params=SHIPPED)
 def shipped(request, scenes) -> Scene:
     """Each shipped scene whose camera is given."""
-    return files.read_scene(scenes / request.param)
+    return files.read_scene(scenes / request.param).scene
 
 
 @pytest.fixture(scope="session")
 def single(scenes) -> Scene:
-    return files.read_scene(scenes / "single")
+    return files.read_scene(scenes / "single").scene
 
 
 @pytest.fixture(scope="session")
 def overlap(scenes) -> Scene:
-    return files.read_scene(scenes / "overlap")
+    return files.read_scene(scenes / "overlap").scene
 
 
 @pytest.fixture(scope="session")

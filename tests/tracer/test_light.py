@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from raytwin.scene import Camera, Plane, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.tracer import RUNGS, Hit, back_project, everything, lambert, nearest, sun_visible, trace
 
 DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
@@ -29,7 +29,7 @@ def hits_of(scene: Scene) -> Hit:
 
 def free_by_geometry(p: np.ndarray, scene: Scene, own: int) -> bool:
     """Does the half-line from p to the sun miss every other object? By closest points and a linear system."""
-    to_light = np.asarray(scene.sun.direction)
+    to_light = np.asarray(scene.sun.to_light)
     for i, thing in enumerate(scene.objects):
         if i == own:
             continue
@@ -57,7 +57,7 @@ def test_sun_visible_agrees_with_geometry_on_every_shipped_scene(shipped):
     scene = shipped.with_camera(shipped.camera.resized(80, 60))
     hit = hits_of(scene)
     visible = sun_visible(hit, scene, everything(scene))
-    facing = sum(n * c for n, c in zip(hit.normal, scene.sun.direction, strict=True)) > 0
+    facing = sum(n * c for n, c in zip(hit.normal, scene.sun.to_light, strict=True)) > 0
     points = np.stack(hit.point, axis=-1)
     tried = np.argwhere((hit.ids >= 0) & facing)
     assert len(tried) > 100
@@ -68,7 +68,7 @@ def test_sun_visible_agrees_with_geometry_on_every_shipped_scene(shipped):
 def test_the_suns_direction_may_have_any_length(overlap):
     scene = overlap.with_camera(overlap.camera.resized(80, 60))
     stretched = msgspec.structs.replace(
-        scene, sun=msgspec.structs.replace(scene.sun, to_light=tuple(7.5 * c for c in scene.sun.to_light))
+        scene, lights=(Sun(tuple(7.5 * c for c in scene.sun.to_light), scene.sun.irradiance), scene.sky)
     )
     hit = hits_of(scene)
     casters = everything(scene)
@@ -81,9 +81,9 @@ def test_the_suns_direction_may_have_any_length(overlap):
 
 def test_under_a_sun_at_the_zenith_a_spheres_shadow_is_a_disc_of_its_radius(engine):
     # The camera looks at the floor from below the sphere: nothing hides the shadow.
-    floor = Plane((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (1.0, 1.0, 1.0))
+    floor = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), Lambert((1.0, 1.0, 1.0)))
     ball = Sphere((0.1, -0.05, 2.0), 0.3)
-    scene = Scene("disc", camera_above(1.0), (ball,), (floor,), Sun((0.0, 0.0, 2.0), (math.pi,) * 3), Sky((0.25,) * 3))
+    scene = Scene("disc", camera_above(1.0), (ball, floor), (Sun((0.0, 0.0, 2.0), (math.pi,) * 3), Sky((0.25,) * 3)))
     image = trace(scene, "shadow", engine)
     v, u = np.mgrid[:101, :101]
     x, y = (u - 50) / 100, (50 - v) / 100
@@ -97,12 +97,12 @@ def test_under_a_sun_at_the_zenith_a_spheres_shadow_is_a_disc_of_its_radius(engi
 @pytest.mark.parametrize("sun_above", [True, False])
 def test_a_rectangle_is_lit_and_seen_from_both_sides(engine, sun_above):
     # Seen from above, its half-edges wind so that half_u × half_v points away from the eye.
-    away = Plane((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), (2.0, 0.0, 0.0), (0.5, 0.5, 0.5))
+    away = Rectangle((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), (2.0, 0.0, 0.0), Lambert((0.5, 0.5, 0.5)))
     assert away.normal == (0.0, 0.0, -1.0)
-    towards = Plane((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (0.5, 0.5, 0.5))
+    towards = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), Lambert((0.5, 0.5, 0.5)))
     sun = Sun((0.0, 0.0, 1.0 if sun_above else -1.0), (math.pi,) * 3)
     for plane in (away, towards):
-        scene = Scene("leaf", camera_above(1.0, 11), (), (plane,), sun, Sky((0.2,) * 3))
+        scene = Scene("leaf", camera_above(1.0, 11), (plane,), (sun, Sky((0.2,) * 3)))
         for rung in ("lambert", "shadow"):
             image = trace(scene, rung, engine)
             np.testing.assert_allclose(image.mean, 0.6 if sun_above else 0.1, rtol=1e-6)
@@ -110,8 +110,8 @@ def test_a_rectangle_is_lit_and_seen_from_both_sides(engine, sun_above):
 
 
 def test_inside_a_sphere_it_is_dark_but_for_the_sky(engine):
-    scene = Scene("cave", camera_above(0.1, 21, 10.0), (Sphere((0.0, 0.0, 0.0), 0.5, (0.5, 0.6, 0.7)),), ())
-    scene = msgspec.structs.replace(scene, sun=Sun((0.0, 0.0, 1.0), (3.0,) * 3), sky=Sky((0.1, 0.2, 0.3)))
+    scene = Scene("cave", camera_above(0.1, 21, 10.0), (Sphere((0.0, 0.0, 0.0), 0.5, Lambert((0.5, 0.6, 0.7))),))
+    scene = msgspec.structs.replace(scene, lights=(Sun((0.0, 0.0, 1.0), (3.0,) * 3), Sky((0.1, 0.2, 0.3))))
     image = trace(scene, "shadow", engine)
     assert (image.surface.ids == 0).all()
     np.testing.assert_allclose(image.mean, np.broadcast_to([0.05, 0.12, 0.21], (21, 21, 3)), rtol=1e-6)

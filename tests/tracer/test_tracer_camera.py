@@ -83,7 +83,7 @@ def test_undistort_agrees_with_opencv_iterated_to_the_end(camera):
 
 
 def test_undistort_agrees_with_opencv_on_the_strong_lens_that_is_shipped(scenes):
-    camera = read_scene(scenes / "distorted").camera
+    camera = read_scene(scenes / "distorted").scene.camera
     u, v = pixels_of(camera, 41)
     ours = undistort((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, camera.coefficients, invert_lens(camera))
     np.testing.assert_allclose(np.stack(ours, axis=-1), opencv_undistort(camera, u, v), rtol=0, atol=1e-10)

@@ -9,7 +9,7 @@ from hypothesis import assume, example, given, reject, settings
 from hypothesis import strategies as st
 
 from raytwin.errors import InputError
-from raytwin.scene import Camera, Plane, Scene, Sphere, Sun
+from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere, Sun
 from raytwin.tracer import back_project, intersect_plane, intersect_sphere, trace, trim_box
 from raytwin.tracer.camera import invert_lens
 from raytwin.tracer.prepare import plan, shading
@@ -48,7 +48,7 @@ def cameras(draw, distorted: bool) -> Camera:
     return camera
 
 
-def hits(thing: Sphere | Plane, camera: Camera) -> np.ndarray:
+def hits(thing: Shape, camera: Camera) -> np.ndarray:
     """(H, W) bool: every pixel's ray is tried."""
     u, v = np.arange(camera.width)[None, :], np.arange(camera.height)[:, None]
     with np.errstate(all="ignore"):
@@ -57,7 +57,7 @@ def hits(thing: Sphere | Plane, camera: Camera) -> np.ndarray:
         return np.broadcast_to(meet(camera.eye, d, thing) < np.inf, (camera.height, camera.width))
 
 
-def assert_nothing_is_cut(thing: Sphere | Plane, camera: Camera) -> None:
+def assert_nothing_is_cut(thing: Shape, camera: Camera) -> None:
     x0, y0, x1, y1 = trim_box(thing, camera)
     assert (0 <= x0 < x1 <= camera.width and 0 <= y0 < y1 <= camera.height) or (x0, y0, x1, y1) == EMPTY
     outside = hits(thing, camera).copy()
@@ -93,7 +93,7 @@ def test_a_rectangles_box_holds_every_hit(camera, place, u, v, length):
     v = v - u * (u @ v) / max(u @ u, 1e-300)
     assume(np.linalg.norm(u) > 1e-3 and np.linalg.norm(v) > 1e-3)
     center = tuple((np.asarray(camera.eye) + place).tolist())
-    assert_nothing_is_cut(Plane(center, tuple(u.tolist()), tuple((v * length).tolist())), camera)
+    assert_nothing_is_cut(Rectangle(center, tuple(u.tolist()), tuple((v * length).tolist())), camera)
 
 
 @settings(max_examples=100, deadline=None)
@@ -115,7 +115,7 @@ def test_a_pinholes_box_is_tight(camera, x, y, share):
 def test_a_lens_costs_the_box_little(scenes):
     from raytwin.files import read_scene
 
-    scene = read_scene(scenes / "distorted")
+    scene = read_scene(scenes / "distorted").scene
     for sphere in scene.spheres:
         x0, y0, x1, y1 = trim_box(sphere, scene.camera)
         seen = hits(sphere, scene.camera)
@@ -150,7 +150,7 @@ def test_what_lies_behind_the_camera_has_no_box(single):
     x, y, z = single.camera.eye
     behind = (x, y, z + 1)
     assert trim_box(Sphere(behind, 0.5), single.camera) == EMPTY
-    assert trim_box(Plane(behind, (9.0, 0.0, 0.0), (0.0, 9.0, 0.0)), single.camera) == EMPTY
+    assert trim_box(Rectangle(behind, (9.0, 0.0, 0.0), (0.0, 9.0, 0.0)), single.camera) == EMPTY
 
 
 def test_a_camera_inside_the_sphere_needs_the_whole_frame(single):
@@ -177,12 +177,13 @@ def boxes(draw) -> tuple[int, int, int, int]:
 
 @pytest.mark.parametrize("side", [128, 32])
 @settings(max_examples=150, deadline=None)
-@given(found=st.lists(boxes(), max_size=12), spheres=st.integers(0, 12))
-def test_every_tile_lists_the_objects_whose_boxes_touch_it(side, found, spheres):
-    spheres = min(spheres, len(found))
-    ball, leaf = Sphere((0.0, 0.0, 0.0), 1.0), Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+@given(found=st.lists(st.tuples(boxes(), st.booleans()), max_size=12))
+def test_every_tile_lists_the_objects_whose_boxes_touch_it_the_spheres_first(side, found):
+    round_ones = [is_round for _, is_round in found]
+    found = [box for box, _ in found]
+    ball, leaf = Sphere((0.0, 0.0, 0.0), 1.0), Rectangle((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     camera = Camera((W, H), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), np.eye(3).tolist(), (0.0, 0.0, 0.0))
-    scene = Scene("boxes", camera, (ball,) * spheres, (leaf,) * (len(found) - spheres))
+    scene = Scene("boxes", camera, tuple(ball if is_round else leaf for is_round in round_ones))
     work = plan(scene, np.array(found, int).reshape(-1, 4), (W, H), side, shadows=False)
     busy = set(work.tiles.tolist())
     for tile in range(-(-W // side) * -(-H // side)):
@@ -191,9 +192,9 @@ def test_every_tile_lists_the_objects_whose_boxes_touch_it(side, found, spheres)
             i for i, (x0, y0, x1, y1) in enumerate(found)
             if x0 < x1 and x0 < x + side and x < x1 and y0 < y + side and y < y1
         ]  # fmt: skip
-        assert work.seen.at(tile) == touching
+        assert work.seen.at(tile) == sorted(touching, key=lambda i: not round_ones[i])
         assert (tile in busy) == bool(touching)
-        assert work.seen.middle[tile] - work.seen.first[tile] == sum(i < spheres for i in touching)
+        assert work.seen.middle[tile] - work.seen.first[tile] == sum(round_ones[i] for i in touching)
         assert work.casters.at(tile) == []
 
 
@@ -204,8 +205,10 @@ def test_no_object_that_shades_another_is_missed(count, planes, to_light, seed):
     rng = np.random.default_rng(seed)
     radii = rng.choice([0.02, 0.05, 0.6], count, p=[0.6, 0.35, 0.05]).tolist()
     spheres = tuple(Sphere(tuple(c), r) for c, r in zip(rng.uniform(-1, 1, (count, 3)).tolist(), radii, strict=True))
-    leaves = tuple(Plane(tuple(c), (0.2, 0.0, 0.0), (0.0, 0.2, 0.1)) for c in rng.uniform(-1, 1, (planes, 3)).tolist())
-    scene = Scene("cloud", None, spheres, leaves, Sun(to_light))
+    leaves = tuple(
+        Rectangle(tuple(c), (0.2, 0.0, 0.0), (0.0, 0.2, 0.1)) for c in rng.uniform(-1, 1, (planes, 3)).tolist()
+    )
+    scene = Scene("cloud", None, (*spheres, *leaves), (Sun(to_light),))
     first, flat = shading(scene)
     assert len(first) == count + planes + 1
     for j, thing in enumerate(scene.objects):
@@ -222,7 +225,7 @@ def test_no_object_that_shades_another_is_missed(count, planes, to_light, seed):
             if i != j and i not in listed:
                 meet = intersect_sphere if isinstance(other, Sphere) else intersect_plane
                 with np.errstate(all="ignore"):
-                    assert not (meet(tuple(points), scene.sun.direction, other) < np.inf).any(), (i, j)
+                    assert not (meet(tuple(points), scene.sun.to_light, other) < np.inf).any(), (i, j)
 
 
 # ------------------------------------------------------------------------------------------------ images
@@ -240,7 +243,7 @@ def test_trimming_changes_not_one_bit(shipped, engine, rung):
 def test_trimming_changes_not_one_bit_where_a_merged_box_reaches_a_third(engine, single):
     # Two spheres touch corner to corner; the box round both holds a third that touches neither.
     spheres = tuple(Sphere((x, y, 0.0), 0.02) for x, y in ((-0.05, 0.05), (-0.02, 0.02), (-0.01, 0.055)))
-    scene = Scene("three", single.camera, spheres, sun=single.sun, sky=single.sky)
+    scene = Scene("three", single.camera, spheres, single.lights)
     trimmed, full = trace(scene, "shadow", engine), trace(scene, "shadow", engine, trim="none")
     assert set(np.unique(full.surface.ids)) == {-1, 0, 1, 2}
     np.testing.assert_array_equal(trimmed.surface.ids, full.surface.ids)

@@ -8,7 +8,7 @@ its standard errors: a correct twin fails in 5 of 10 000 tests of new seeds. The
 import numpy as np
 import pytest
 
-from raytwin.scene import Camera, Plane, Scene, Sky
+from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky
 from raytwin.twin import render
 
 MANY = {"llvm_ad_rgb": 1 << 20, "scalar_rgb": 1 << 14}
@@ -43,11 +43,11 @@ def test_a_wall_hides_its_share_of_the_sky_from_the_floor_beside_it(variant, at,
 
     The wall is 200 H long, which takes 1e-5 off the share, and the picture 1e-3 H wide: 1e-6.
     """
-    grey = (0.5, 0.5, 0.5)
-    floor = Plane((0, 0, 0), (100, 0, 0), (0, 100, 0), grey)
-    wall = Plane((0, 0, 0.5), (0, 100, 0), (0, 0, 0.5), grey)
+    grey = Lambert((0.5, 0.5, 0.5))
+    floor = Rectangle((0, 0, 0), (100, 0, 0), (0, 100, 0), grey)
+    wall = Rectangle((0, 0, 0.5), (0, 100, 0), (0, 0, 0.5), grey)
     camera = view_of((at, 0, 0), (at + 0.4, 0.1, 0.8), 1e-3)
     for planes, expected in (((floor, wall), 0.5 * (1 - lost)), ((wall, floor), 0.5 * (1 - lost))):
-        mean, error = mean_of(Scene("wall", camera, (), planes, sky=Sky((1, 1, 1))), variant)
+        mean, error = mean_of(Scene("wall", camera, planes, (Sky((1, 1, 1)),)), variant)
         assert error < 4e-4 * np.sqrt(MANY["llvm_ad_rgb"] / MANY[variant])
         assert mean == pytest.approx(expected, abs=3.5 * error)

@@ -17,7 +17,7 @@ def scene(scenes, tmp_path, monkeypatch):
     activate("scalar_rgb")
     monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path))
     monkeypatch.setattr(render_module, "WORTH_KEEPING", 0.0)
-    found = files.read_scene(scenes / "overlap")
+    found = files.read_scene(scenes / "overlap").scene
     return found.with_camera(found.camera.resized(32, 24))
 
 
@@ -56,12 +56,12 @@ def test_everything_that_moves_a_pixel_is_in_the_key(scene):
         (scene, base | {"rung": "sky"}),
         (scene, base | {"textures": {3: np.full((2, 2), 0.5)}}),
         (scene, base | {"textures": {3: np.full((2, 2), 0.6)}}),
-        (msgspec.structs.replace(scene, sun=sun), base),
+        (msgspec.structs.replace(scene, lights=(sun, scene.sky)), base),
         (scene.with_camera(scene.camera.resized(32, 25)), base),
     ]
     found = [provenance(scene, **base), *(provenance(s, **options) for s, options in others)]
     assert len({repr(f) for f in found}) == len(found)
-    elsewhere = msgspec.structs.replace(scene, name="other", folder="/elsewhere")
+    elsewhere = msgspec.structs.replace(scene, name="other")
     assert provenance(elsewhere, **base) == found[0]
 
 

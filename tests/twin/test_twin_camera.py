@@ -15,7 +15,7 @@ LENSES = [(), (-0.22, 0.045), (0.1, -0.05, 0.002, -0.003), (-0.22, 0.045, 0.0012
 
 @pytest.mark.parametrize("dist", LENSES)
 def test_opencv_projects_every_ray_back_to_its_pixel(scenes, dist):
-    camera = msgspec.structs.replace(files.read_scene(scenes / "distorted").camera, dist=dist)
+    camera = msgspec.structs.replace(files.read_scene(scenes / "distorted").scene.camera, dist=dist)
     u, v = (a.ravel() for a in np.meshgrid(np.linspace(-0.5, 799.5, 40), np.linspace(-0.5, 599.5, 30)))
     d = np.stack(directions(np, lens_of(camera), u, v), axis=1)
     np.testing.assert_allclose(np.linalg.norm(d, axis=1), 1, rtol=1e-14)
@@ -24,7 +24,7 @@ def test_opencv_projects_every_ray_back_to_its_pixel(scenes, dist):
 
 
 def test_small_spheres_stand_where_opencv_projects_them(scenes, variant):
-    camera = files.read_scene(scenes / "distorted").camera
+    camera = files.read_scene(scenes / "distorted").scene.camera
     x, y = np.meshgrid(np.linspace(-0.22, 0.22, 5), np.linspace(-0.16, 0.16, 4))
     centers = np.stack([x.ravel(), y.ravel(), 0.05 * np.sin(20 * x.ravel())], axis=1)
     scene = Scene("dots", camera, tuple(Sphere(tuple(c), 0.003) for c in centers.tolist()))
@@ -45,7 +45,7 @@ def test_rays_agree_with_mitsubas_own_perspective_camera(scenes):
     import mitsuba as mi
 
     activate("scalar_rgb")
-    scene = files.read_scene(scenes / "overlap")
+    scene = files.read_scene(scenes / "overlap").scene
     scene = scene.with_camera(scene.camera.resized(320, 240))
     c = scene.camera
     sensor = {
@@ -75,7 +75,7 @@ def test_path_agrees_with_mitsubas_path_from_the_eye(scenes):
     import mitsuba as mi
 
     activate("scalar_rgb")
-    scene = files.read_scene(scenes / "overlap")
+    scene = files.read_scene(scenes / "overlap").scene
     scene = scene.with_camera(scene.camera.resized(48, 36))
     world = mi.load_dict(translate(scene, {}))
     u, v = (a.ravel() for a in np.meshgrid(np.arange(48.0), np.arange(36.0)))
@@ -102,7 +102,7 @@ def test_path_agrees_with_mitsubas_path_from_the_eye(scenes):
 
 @pytest.mark.parametrize("dist", [(-0.9,), (-0.5, 0.1), (0.0, 0.0, 0.5, 0.5), (0.0, -3.0)])
 def test_a_distortion_that_folds_the_image_is_refused(scenes, dist):
-    scene = files.read_scene(scenes / "distorted")
+    scene = files.read_scene(scenes / "distorted").scene
     scene = scene.with_camera(msgspec.structs.replace(scene.camera, dist=dist))
     with pytest.raises(InputError) as caught:
         render(scene, "surface")
@@ -110,7 +110,7 @@ def test_a_distortion_that_folds_the_image_is_refused(scenes, dist):
 
 
 def test_a_rotated_camera_reports_normals_in_the_boards_frame(scenes, variant):
-    scene = files.read_scene(scenes / "overlap")
+    scene = files.read_scene(scenes / "overlap").scene
     scene = scene.with_camera(scene.camera.resized(160, 120))
     surface = render(scene, "surface").surface
     floor = surface.ids == 3
@@ -120,10 +120,10 @@ def test_a_rotated_camera_reports_normals_in_the_boards_frame(scenes, variant):
 
 def test_the_sun_keeps_its_direction_when_the_camera_turns(scenes, variant):
     """A plane's Lambert term depends on the board frame alone."""
-    scene = files.read_scene(scenes / "overlap")
+    scene = files.read_scene(scenes / "overlap").scene
     sun = Sun(to_light=(-0.8, -0.1, 0.55), irradiance=(np.pi,) * 3)
-    scene = msgspec.structs.replace(scene, camera=scene.camera.resized(64, 48), sun=sun)
+    scene = msgspec.structs.replace(scene, camera=scene.camera.resized(64, 48), lights=(sun, scene.sky))
     image = render(scene, "lambert")
-    expected = np.multiply(0.6, sun.direction[2] + np.array(scene.sky.radiance))
+    expected = np.multiply(0.6, sun.to_light[2] + np.array(scene.sky.radiance))
     floor = image.surface.ids == 3
     np.testing.assert_allclose(image.mean[floor], np.tile(expected, (floor.sum(), 1)), rtol=1e-5)

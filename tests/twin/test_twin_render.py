@@ -6,7 +6,7 @@ import pytest
 
 from raytwin import files
 from raytwin.errors import InputError
-from raytwin.scene import Camera, Plane, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.twin import RUNGS, activate, render
 
 DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
@@ -27,7 +27,7 @@ def from_center(camera: Camera) -> np.ndarray:
 
 @pytest.fixture
 def single(scenes) -> Scene:
-    return files.read_scene(scenes / "single")
+    return files.read_scene(scenes / "single").scene
 
 
 # ---------------------------------------------------------------------------------------------- closed forms
@@ -45,7 +45,7 @@ def test_a_head_on_sphere_is_a_disc_of_the_closed_forms_radius(single, variant):
 
 def test_the_brightest_pixel_of_a_sphere_faces_the_sun(variant):
     albedo = (0.8, 0.4, 0.2)
-    scene = Scene("s", looking_down(), (Sphere((0, 0, 0), 0.25, albedo),), sun=SUN, sky=SKY)
+    scene = Scene("s", looking_down(), (Sphere((0, 0, 0), 0.25, Lambert(albedo)),), (SUN, SKY))
     mean = render(scene, "shadow", cache=False).mean
     expected = [a / math.pi * e + a * s for a, e, s in zip(albedo, SUN.irradiance, SKY.radiance, strict=True)]
     np.testing.assert_allclose(mean[32, 32], expected, rtol=1e-6)
@@ -61,7 +61,7 @@ def test_a_far_sphere_sends_the_flux_of_lamberts_phase_function(variant, phase):
     a = math.radians(phase)
     rho, E, r, distance, f = 0.7, 2.0, 1.0, 2000.0, 200_000.0
     sun = Sun((math.sin(a), 0.0, math.cos(a)), (E, E, E))
-    scene = Scene("far", looking_down(distance, (241, 241), f), (Sphere((0, 0, 0), r, (rho,) * 3),), sun=sun)
+    scene = Scene("far", looking_down(distance, (241, 241), f), (Sphere((0, 0, 0), r, Lambert((rho,) * 3)),), (sun,))
     total = render(scene, "shadow", cache=False).mean[..., 0].sum(dtype=float) * (distance / f) ** 2
     assert total == pytest.approx(
         2 / (3 * math.pi) * rho * E * r * r * (math.sin(a) + (math.pi - a) * math.cos(a)), rel=3e-3
@@ -71,7 +71,7 @@ def test_a_far_sphere_sends_the_flux_of_lamberts_phase_function(variant, phase):
 def test_area_sampling_sees_the_discs_area(single, variant):
     scene = single.with_camera(single.camera.resized(64, 48))
     scene = msgspec.structs.replace(
-        scene, sun=Sun((0, 0, 1), (0, 0, 0)), spheres=(Sphere((0, 0, 0.05), 0.05, (0, 0, 0)),)
+        scene, objects=(Sphere((0, 0, 0.05), 0.05, Lambert((0, 0, 0))),), lights=(scene.sky,)
     )
     image = render(scene, "lambert", sampling="area", samples=64, cache=False)
     covered = (1 - image.mean.astype(float) / scene.sky.radiance)[..., 0]
@@ -84,7 +84,7 @@ def test_area_sampling_sees_the_discs_area(single, variant):
 
 
 def test_under_a_sky_alone_a_convex_body_shows_albedo_times_sky_at_every_rung(variant):
-    scene = Scene("s", looking_down(), (Sphere((0, 0, 0), 0.25, (0.5, 0.5, 0.5)),), sky=SKY)
+    scene = Scene("s", looking_down(), (Sphere((0, 0, 0), 0.25, Lambert((0.5, 0.5, 0.5))),), (SKY,))
     for rung in ("lambert", "shadow", "sky", "path"):
         image = render(scene, rung, samples=2, cache=False)
         np.testing.assert_allclose(
@@ -95,7 +95,7 @@ def test_under_a_sky_alone_a_convex_body_shows_albedo_times_sky_at_every_rung(va
 
 
 def test_inside_a_sphere_it_is_dark_and_normals_point_inwards(variant):
-    scene = Scene("in", looking_down(0.5), (Sphere((0, 0, 0), 1.0),), sun=SUN, sky=SKY)
+    scene = Scene("in", looking_down(0.5), (Sphere((0, 0, 0), 1.0),), (SUN, SKY))
     assert render(scene, "path", samples=2, cache=False).mean.max() == 0
     image = render(scene, "shadow", cache=False)
     np.testing.assert_allclose(image.mean[32, 32], np.multiply(0.8, SKY.radiance), rtol=1e-6)
@@ -104,11 +104,11 @@ def test_inside_a_sphere_it_is_dark_and_normals_point_inwards(variant):
 
 
 def test_a_plane_is_seen_from_both_sides_and_lit_on_the_eyes_side_only(variant):
-    plane = Plane((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0.5, 0.5, 0.5))
+    plane = Rectangle((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), Lambert((0.5, 0.5, 0.5)))
     for half_v in ((0.0, 0.1, 0.0), (0.0, -0.1, 0.0)):
         for height, lit in ((1.0, 1), (-1.0, 0)):
             sun = Sun((0, 0, height), (math.pi,) * 3)
-            scene = Scene("p", looking_down(), planes=(msgspec.structs.replace(plane, half_v=half_v),), sun=sun)
+            scene = Scene("p", looking_down(), (msgspec.structs.replace(plane, half_v=half_v),), (sun,))
             for rung in ("lambert", "shadow"):
                 image = render(scene, rung, cache=False)
                 np.testing.assert_allclose(image.mean[32, 32], 0.5 * lit, rtol=1e-6)
@@ -120,8 +120,8 @@ def test_a_spheres_shadow_on_the_floor_is_the_closed_forms_ellipse(variant):
     tilt = math.radians(50)
     sun = Sun((math.sin(tilt), 0, math.cos(tilt)), (math.pi,) * 3)
     center, r = np.array([0.3, 0.0, 0.3]), 0.05
-    floor = Plane((0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 1))
-    scene = Scene("e", looking_down(1.0, (201, 201), 500.0), (Sphere(tuple(center), r),), (floor,), sun)
+    floor = Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), Lambert((1, 1, 1)))
+    scene = Scene("e", looking_down(1.0, (201, 201), 500.0), (Sphere(tuple(center), r), floor), (sun,))
     image = render(scene, "shadow", cache=False)
     v, u = np.indices((201, 201))
     x, y = (u - 100) / 500, -(v - 100) / 500
@@ -135,7 +135,7 @@ def test_a_spheres_shadow_on_the_floor_is_the_closed_forms_ellipse(variant):
 
 
 def test_an_empty_scene_is_all_sky(variant):
-    scene = Scene("none", looking_down(size=(9, 5)), sun=SUN, sky=SKY)
+    scene = Scene("none", looking_down(size=(9, 5)), (), (SUN, SKY))
     for rung in ("shadow", "path"):
         image = render(scene, rung, samples=2, cache=False)
         np.testing.assert_allclose(image.mean, np.tile(SKY.radiance, (5, 9, 1)), rtol=1e-6)
@@ -144,7 +144,7 @@ def test_an_empty_scene_is_all_sky(variant):
 
 
 def test_what_lies_behind_the_camera_is_not_seen(scenes, variant):
-    scene = files.read_scene(scenes / "grazing")
+    scene = files.read_scene(scenes / "grazing").scene
     ids = render(scene.with_camera(scene.camera.resized(160, 120)), "surface").surface.ids
     assert set(np.unique(ids)) == {-1, 0, 1, 2, 4, 5}
 
@@ -158,8 +158,8 @@ def test_a_textured_plane_is_not_mirrored(variant):
     texture[:20, :30] = (1, 0, 0)
     texture[:20, 30:] = (0, 1, 0)
     texture[20:, :30] = (0, 0, 1)
-    plane = Plane((0, 0, 0), (0.3, 0, 0), (0, 0.2, 0))
-    scene = Scene("t", looking_down(), planes=(plane,), sun=Sun((0, 0, 1), (math.pi,) * 3))
+    plane = Rectangle((0, 0, 0), (0.3, 0, 0), (0, 0.2, 0))
+    scene = Scene("t", looking_down(), (plane,), (Sun((0, 0, 1), (math.pi,) * 3),))
     for rung in ("lambert", "path"):
         mean = render(scene, rung, samples=2, textures={0: texture}, cache=False).mean
         np.testing.assert_allclose(mean[20, 15], (1, 0, 0), atol=1e-5)
@@ -179,8 +179,8 @@ def test_a_textured_plane_is_not_mirrored(variant):
     ],
 )
 def test_a_texture_that_does_not_fit_is_named(textures, where):
-    plane = Plane((0, 0, 0), (0.3, 0, 0), (0, 0.2, 0))
-    scene = Scene("t", looking_down(), (Sphere((0, 0, 0), 0.1),), (plane,))
+    plane = Rectangle((0, 0, 0), (0.3, 0, 0), (0, 0.2, 0))
+    scene = Scene("t", looking_down(), (Sphere((0, 0, 0), 0.1), plane))
     with pytest.raises(InputError) as caught:
         render(scene, textures=textures)
     assert caught.value.where == where
@@ -190,7 +190,7 @@ def test_a_texture_that_does_not_fit_is_named(textures, where):
 
 
 def test_variance_by_batches_predicts_the_spread_between_seeds(scenes, variant):
-    scene = files.read_scene(scenes / "overlap")
+    scene = files.read_scene(scenes / "overlap").scene
     scene = scene.with_camera(scene.camera.resized(40, 30))
     for rung, sampling, samples, within in (("path", "center", 16, 0.15), ("lambert", "area", 64, 0.25)):
         options = {"sampling": sampling, "samples": samples, "batches": 16, "cache": False}
@@ -233,7 +233,7 @@ def test_variance_is_the_batches_sample_variance_over_their_number():
 def test_more_samples_than_one_launch_holds_are_added_up(scenes, variant, monkeypatch):
     from raytwin.twin.render import _engine
 
-    scene = files.read_scene(scenes / "overlap")
+    scene = files.read_scene(scenes / "overlap").scene
     scene = scene.with_camera(scene.camera.resized(40, 30))
     whole = render(scene, "path", samples=48, batches=4, cache=False)
     monkeypatch.setattr(_engine(variant).Renderer, "lanes", 500)
@@ -247,7 +247,7 @@ def test_more_samples_than_one_launch_holds_are_added_up(scenes, variant, monkey
 
 
 def test_one_batch_measures_no_variance(variant):
-    scene = Scene("s", looking_down(), (Sphere((0, 0, 0), 0.25),), sun=SUN, sky=SKY)
+    scene = Scene("s", looking_down(), (Sphere((0, 0, 0), 0.25),), (SUN, SKY))
     assert render(scene, "path", samples=4, batches=1, cache=False).variance is None
 
 
@@ -260,7 +260,7 @@ def test_scalar_and_llvm_agree(scenes, name):
         activate("llvm_ad_rgb")
     except InputError as error:
         pytest.skip(f"llvm_ad_rgb does not work here: {error.got}")
-    scene = files.read_scene(scenes / name)
+    scene = files.read_scene(scenes / name).scene
     scene = scene.with_camera(scene.camera.resized(160, 120))
     for rung in ("surface", "shadow"):
         a, b = (render(scene, rung, variant=v, cache=False) for v in ("llvm_ad_rgb", "scalar_rgb"))
@@ -294,7 +294,7 @@ def test_wrong_arguments_are_named(arguments, where):
 
 
 def test_every_rung_renders_in_both_samplings(variant):
-    scene = Scene("s", looking_down(size=(16, 12)), (Sphere((0, 0, 0), 0.25),), sun=SUN, sky=SKY)
+    scene = Scene("s", looking_down(size=(16, 12)), (Sphere((0, 0, 0), 0.25),), (SUN, SKY))
     for rung in RUNGS:
         for sampling in ("center", "area"):
             image = render(scene, rung, sampling=sampling, samples=2, cache=False)

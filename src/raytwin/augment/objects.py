@@ -19,7 +19,7 @@ import numpy as np
 
 from raytwin import files
 from raytwin.errors import InputError
-from raytwin.scene import Camera, Plane, Scene, Sphere
+from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
 from raytwin.tracer import trace, trim_box
 from raytwin.tracer.speculate import trace_points
 
@@ -96,7 +96,7 @@ def regions_of(result: Augmented, scene: Scene) -> dict[str, np.ndarray]:
     ids = trace(scene, "surface", "numpy32").surface.ids
     spheres = result.coverage > 0
     shadows = ~spheres & (result.ratio < 0.9).any(axis=-1)
-    boards = [len(scene.spheres) + i for i, plane in enumerate(scene.planes) if plane.in_photo][:1]
+    boards = [i for i, thing in enumerate(scene.objects) if _shown(thing)][:1]
     board = ~spheres & ~shadows & np.isin(ids, boards)
     return {"spheres": spheres, "shadows": shadows, "board": board, "rest": ~(spheres | shadows | board)}
 
@@ -135,13 +135,13 @@ def _shade(scene: Scene, u: np.ndarray, v: np.ndarray, engine: str, shadows: boo
     found = trace_points(scene, u, v, "shadow", engine, point=True)
     keep = ~np.isin(found.ids, drawn_ids(scene))
     ratio = np.ones((len(u), 3), np.float32)
-    bare = msgspec.structs.replace(scene, spheres=(), planes=tuple(p for p in scene.planes if p.in_photo))
-    for index, plane in enumerate(scene.planes) if shadows else ():
-        here = np.flatnonzero(found.ids == len(scene.spheres) + index)
-        if plane.in_photo and len(here):
+    bare = msgspec.structs.replace(scene, objects=tuple(thing for thing in scene.objects if _shown(thing)))
+    for index, plane in enumerate(scene.objects) if shadows else ():
+        here = np.flatnonzero(found.ids == index)
+        if isinstance(plane, Rectangle) and plane.in_photo and len(here):
             # What the photo shows in the shade already: only other photographed planes can be at fault.
             lit_before = np.ones(len(here), bool)
-            if len(bare.planes) > 1:
+            if len(bare.objects) > 1:
                 lit_before = trace_points(bare, u[here], v[here], "shadow", engine).lit
             ratio[here] = _ratio(scene, plane, found.point[here], found.lit[here], lit_before)
     return np.where(keep[:, None], ratio, found.colour), keep.astype(np.int8), found.ids, found.lit
@@ -149,13 +149,18 @@ def _shade(scene: Scene, u: np.ndarray, v: np.ndarray, engine: str, shadows: boo
 
 def drawn_ids(scene: Scene) -> list[int]:
     """The ids of the objects that the photo does not show yet."""
-    return [i for i, thing in enumerate(scene.objects) if not (isinstance(thing, Plane) and thing.in_photo)]
+    return [i for i, thing in enumerate(scene.objects) if not _shown(thing)]
 
 
-def _ratio(scene: Scene, plane: Plane, point: np.ndarray, lit: np.ndarray, lit_before: np.ndarray) -> np.ndarray:
+def _shown(thing: Shape) -> bool:
+    """The photo shows it already."""
+    return isinstance(thing, Rectangle) and thing.in_photo
+
+
+def _ratio(scene: Scene, plane: Rectangle, point: np.ndarray, lit: np.ndarray, lit_before: np.ndarray) -> np.ndarray:
     n, eye = np.array(plane.normal), np.array(scene.camera.eye)
     n = n if n @ (eye - np.array(plane.center)) > 0 else -n
-    sun = np.array(scene.sun.irradiance) * max(0.0, float(n @ np.array(scene.sun.direction)))
+    sun = np.array(scene.sun.irradiance) * max(0.0, float(n @ np.array(scene.sun.to_light)))
     sky = pi * np.array(scene.sky.radiance)
     hidden = np.zeros(len(point), np.float32)
     for sphere in scene.spheres:
@@ -172,11 +177,11 @@ def _ratio(scene: Scene, plane: Plane, point: np.ndarray, lit: np.ndarray, lit_b
 def _affected(scene: Scene, camera: Camera, shadows: bool) -> np.ndarray:
     """(H, W) bool: the pixels that an object may cover, or its shadow on a photographed plane may reach."""
     area = np.zeros((camera.height, camera.width), bool)
-    boxes = [trim_box(t, camera) for t in scene.objects if not (isinstance(t, Plane) and t.in_photo)]
-    for plane in scene.planes if shadows else ():
+    boxes = [trim_box(t, camera) for t in scene.objects if not _shown(t)]
+    for plane in scene.rectangles if shadows else ():
         if not plane.in_photo:
             continue
-        if any(not p.in_photo for p in scene.planes):
+        if any(not p.in_photo for p in scene.rectangles):
             boxes.append(trim_box(plane, camera))  # a rectangle's shadow: anywhere on the plane
             continue
         for sphere in scene.spheres:
@@ -186,9 +191,9 @@ def _affected(scene: Scene, camera: Camera, shadows: bool) -> np.ndarray:
     return area
 
 
-def _reach(sphere: Sphere, plane: Plane, scene: Scene) -> list[Plane]:
+def _reach(sphere: Sphere, plane: Rectangle, scene: Scene) -> list[Rectangle]:
     """The squares of the plane that hold the sphere's shadow from the sun, and its hold on the sky."""
-    n, to_light = np.array(plane.normal), np.array(scene.sun.direction)
+    n, to_light = np.array(plane.normal), np.array(scene.sun.to_light)
     c, o = np.array(sphere.center), np.array(plane.center)
     if (c - o) @ n < 0:
         n = -n

@@ -3,7 +3,7 @@
 import msgspec
 import numpy as np
 
-from raytwin.scene import Scene, Sphere
+from raytwin.scene import Lambert, Scene, Sphere
 from raytwin.tracer.camera import back_project
 
 RADIUS = 0.006
@@ -29,6 +29,6 @@ def crowded(scene: Scene, count: int, seed: int = 1) -> Scene:
         d = back_project(float(x * camera.width - 0.5), float(y * camera.height - 0.5), camera)
         center = eye + away * depth * np.array(d, float)
         radius = RADIUS * camera.width / camera.fx * away * depth
-        spheres.append(Sphere(tuple(center.tolist()), radius, tuple(colour.tolist())))
+        spheres.append(Sphere(tuple(center.tolist()), radius, Lambert(tuple(colour.tolist()))))
     name = f"{scene.name}-{count}-spheres"
-    return msgspec.structs.replace(scene, name=name, spheres=tuple(spheres), planes=(), pyramids=())
+    return msgspec.structs.replace(scene, name=name, objects=tuple(spheres))

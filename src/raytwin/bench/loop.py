@@ -26,7 +26,7 @@ def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:
     (fx, cx), (fy, cy) = (camera.fx, camera.cx), (camera.fy, camera.cy)
     dist, inverse = camera.coefficients, invert_lens(camera, fitted=False)
     (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera.R_cam_board
-    eye, to_light = camera.eye, scene.sun.direction
+    eye, to_light = camera.eye, scene.sun.to_light
     things = list(scene.objects)
     boxes = TRIMS[trim](things, camera).tolist()
     if not boxes:
@@ -60,7 +60,7 @@ def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:
                 light = 0.0
             out[v, u] = [
                 a * (light * e + s)
-                for a, e, s in zip(thing.albedo, scene.sun.irradiance, scene.sky.radiance, strict=True)
+                for a, e, s in zip(thing.material.albedo, scene.sun.irradiance, scene.sky.radiance, strict=True)
             ]
     return out
 

@@ -76,24 +76,20 @@ def _black(mean: np.ndarray) -> None:
 
 
 def _sun(scene: Scene, samples: int, seed: int) -> Image:
-    x, y, z = scene.sun.direction
+    x, y, z = scene.sun.to_light
     c, s = np.cos(np.radians(1)), np.sin(np.radians(1))
-    return render(
-        msgspec.structs.replace(
-            scene, sun=msgspec.structs.replace(scene.sun, to_light=(c * x - s * y, s * x + c * y, z))
-        ),
-        samples,
-        seed,
-    )
+    sun = msgspec.structs.replace(scene.sun, to_light=(c * x - s * y, s * x + c * y, z))
+    return render(msgspec.structs.replace(scene, lights=(sun, scene.sky)), samples, seed)
 
 
 def _moved(scene: Scene, samples: int, seed: int) -> Image:
-    camera, (first, *others) = scene.camera, scene.spheres
+    camera, first = scene.camera, scene.spheres[0]
     R, c = np.array(camera.R_cam_board), np.array(first.center)
     depth = float((R @ c + camera.t_cam_board)[2])
     center = c + R.T @ [0.1 * depth / camera.fx, 0, 0]
     moved = msgspec.structs.replace(first, center=tuple(center.tolist()))
-    return render(msgspec.structs.replace(scene, spheres=(moved, *others)), samples, seed)
+    objects = tuple(moved if thing is first else thing for thing in scene.objects)
+    return render(msgspec.structs.replace(scene, objects=objects), samples, seed)
 
 
 FAULTS: dict[str, Fault] = {
@@ -208,7 +204,7 @@ def markdown(rows: list[dict[str, object]], samples: list[int]) -> str:
 
 
 def main(scenes: str = "scenes") -> None:
-    named = {n: read_scene(f"{scenes}/{n}") for n in ("single", "overlap", "distorted", "grazing")}
+    named = {n: read_scene(f"{scenes}/{n}").scene for n in ("single", "overlap", "distorted", "grazing")}
     small = {n: s.with_camera(s.camera.resized(64, 48)) for n, s in named.items()}
     overlap = named["overlap"].with_camera(named["overlap"].camera.resized(160, 120))
     counts = [16, 64, 256, 1024]

@@ -186,14 +186,13 @@ def shoot_of(scene: Path | None, count: int, size: str) -> "Shoot":
 
     from raytwin import bench, files, photos
     from raytwin.boards import read_board
-    from raytwin.scene import Camera
 
     shoot = bench.Shoot(count, parse_size(size, "--photo-size"))
     if count < photos.LEAST_VIEWS:
         raise InputError("--photo-count", f"at least {photos.LEAST_VIEWS}", count)
-    if scene is None or isinstance((asked := files.read_scene(scene)).camera, Camera):
+    if scene is None or (asked := (written := files.read_scene(scene)).photos) is None:
         return shoot
-    return msgspec.structs.replace(shoot, board=read_board(Path(asked.folder) / asked.camera.board))
+    return msgspec.structs.replace(shoot, board=read_board(Path(written.folder) / asked.board))
 
 
 def real_photos(folders: list[Path] | None, boards: list[Path] | None) -> "list[Taken]":

@@ -2,54 +2,48 @@
 
 import math
 import os
-from typing import Any
 
-import msgspec
 import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.records import plain, read_toml, to_record, write_toml
 from raytwin.files.shipped import find_scene
-from raytwin.scene import Camera, PhotoCamera, Plane, Pyramid, Scene, Sky, Sphere, Sun, Tolerance
+from raytwin.scene import Camera, PhotoCamera, SceneFile
 
 
-class _SceneFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    camera: dict[str, Any]
-    spheres: tuple[Sphere, ...] = ()
-    planes: tuple[Plane, ...] = ()
-    pyramids: tuple[Pyramid, ...] = ()
-    sun: Sun = Sun(to_light=(0.0, 0.0, 1.0), irradiance=(0.0, 0.0, 0.0))
-    sky: Sky = Sky()
-    tolerance: Tolerance = Tolerance()
-
-
-def read_scene(path: str | os.PathLike) -> Scene:
-    """A scene by its folder, scene.toml or name; its camera stays a PhotoCamera where it is to be calibrated."""
+def read_scene(path: str | os.PathLike) -> SceneFile:
+    """A scene by its folder, scene.toml or name: as it is written, and checked."""
     file = find_scene(path)
     data = read_toml(file)
-    parts = to_record(file, data, _SceneFile)
-    kind = PhotoCamera if "photos" in parts.camera else Camera
-    camera = to_record(file, parts.camera, kind, "camera")
-    if isinstance(camera, Camera):
-        check_camera(camera, f"{file}: camera.")
-    if not math.hypot(*parts.sun.to_light) > 0:
+    for key in ("name", "folder", "photos"):  # of the record, not of the file
+        if key in data:
+            raise InputError(f"{file}: {key}", "only known keys", f"the unknown key {key!r}")
+    if "camera" not in data:
+        raise InputError(f"{file}: camera", "a value", "nothing")
+    table = data.pop("camera")
+    if isinstance(table, dict) and "photos" in table:
+        data["photos"] = to_record(file, table, PhotoCamera, "camera")
+    else:
+        data["camera"] = to_record(file, table, Camera, "camera")
+        check_camera(data["camera"], f"{file}: camera.")
+    data["name"] = file.resolve().parent.name + ("" if file.name == "scene.toml" else f"-{file.stem}")
+    data["folder"] = str(file.parent)
+    scene = to_record(file, data, SceneFile)
+    if not math.hypot(*scene.sun.to_light) > 0:
         raise InputError(f"{file}: sun.to_light", "a direction", "the zero vector")
-    for i, plane in enumerate(parts.planes):
-        u, v = np.asarray(plane.half_u), np.asarray(plane.half_v)
-        lengths = np.linalg.norm(u) * np.linalg.norm(v)
-        if not lengths > 0:
-            raise InputError(
-                f"{file}: planes[{i}]", "half_u and half_v longer than 0 m", f"{plane.half_u}, {plane.half_v}"
-            )
-        if abs(u @ v) > 1e-6 * lengths:
-            degrees = math.degrees(math.acos(np.clip(u @ v / lengths, -1, 1)))
-            raise InputError(
-                f"{file}: planes[{i}].half_v", "a vector perpendicular to half_u", f"{degrees:.4g} degrees"
-            )
-    name = file.resolve().parent.name + ("" if file.name == "scene.toml" else f"-{file.stem}")
-    lights = parts.sun, parts.sky
-    return Scene(name, camera, parts.spheres, parts.planes, *lights, parts.tolerance, str(file.parent), parts.pyramids)
+    for i, plane in enumerate(scene.planes):
+        _check_edges(f"{file}: planes[{i}]", np.asarray(plane.half_u), np.asarray(plane.half_v))
+    return scene
+
+
+def _check_edges(where: str, u: np.ndarray, v: np.ndarray) -> None:
+    lengths = np.linalg.norm(u) * np.linalg.norm(v)
+    if not lengths > 0:
+        raise InputError(where, "half_u and half_v longer than 0 m", f"{tuple(u.tolist())}, {tuple(v.tolist())}")
+    if abs(u @ v) > 1e-6 * lengths:
+        degrees = math.degrees(math.acos(np.clip(u @ v / lengths, -1, 1)))
+        raise InputError(f"{where}.half_v", "a vector perpendicular to half_u", f"{degrees:.4g} degrees")
 
 
 def check_camera(camera: Camera, where: str) -> None:

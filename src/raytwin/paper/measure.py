@@ -29,7 +29,7 @@ from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.paper.record import PUBLISHED, Boxed, Frame, Paper, Ratio
 from raytwin.progress import Progress, silent
-from raytwin.scene import Camera, Plane, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.tracer import trace
 from raytwin.tracer.trim import TRIMS
 
@@ -170,10 +170,8 @@ def errors(image: np.ndarray, truth: np.ndarray) -> dict[str, float]:
 def boxed(scene: Scene, trims: dict[str, Callable] = TRIMS) -> list[Boxed]:
     """What each kind of box costs: a visible pixel is one whose centre's ray meets the object, alone in the scene."""
     w, h = scene.camera.image_size
-    seen = []
-    for index, thing in enumerate(scene.objects):
-        alone = ((thing,), ()) if index < len(scene.spheres) else ((), (thing,))
-        seen.append(trace(Scene(scene.name, scene.camera, *alone), "surface", trim="none").surface.mask)
+    alone = (Scene(scene.name, scene.camera, (thing,)) for thing in scene.objects)
+    seen = [trace(one, "surface", trim="none").surface.mask for one in alone]
     rows = []
     for trim, boxes_of in trims.items():
         start = time.perf_counter()
@@ -233,8 +231,9 @@ def two_spheres(width: int = 4032, height: int = 3024) -> Scene:
     f = 0.7234 * width
     K = ((f, 0.0, 0.5 * width), (0.0, 0.9965 * f, 0.496 * height), (0.0, 0.0, 1.0))
     camera = Camera((width, height), K, DOWN, (0.0, 0.0, 0.5), (0.1, -0.2, 0.001, -0.0005, 0.05))
-    spheres = Sphere((-0.05, 0.02, 0.05), 0.0455, (0.8, 0.3, 0.2)), Sphere((0.06, -0.03, 0.06), 0.047, (0.2, 0.3, 0.8))
-    return Scene("two spheres", camera, spheres, (), Sun((0.3, 0.4, 1.0)), Sky((0.1, 0.1, 0.1)))
+    red, blue = Lambert((0.8, 0.3, 0.2)), Lambert((0.2, 0.3, 0.8))
+    spheres = Sphere((-0.05, 0.02, 0.05), 0.0455, red), Sphere((0.06, -0.03, 0.06), 0.047, blue)
+    return Scene("two spheres", camera, spheres, (Sun((0.3, 0.4, 1.0)), Sky((0.1, 0.1, 0.1))))
 
 
 def hard_cases() -> tuple[Scene, ...]:
@@ -243,9 +242,9 @@ def hard_cases() -> tuple[Scene, ...]:
         (800, 600), ((420.0, 0.0, 404.2), (0.0, 418.0, 297.1), (0.0, 0.0, 1.0)), DOWN, (0.0, 0.0, 0.32),
         (-0.22, 0.045, 0.0012, -0.0008, -0.0035),
     )  # fmt: skip
-    floor = Plane((0.0, 0.0, 0.0), (0.24, 0.0, 0.0), (0.0, 0.18, 0.0))
+    floor = Rectangle((0.0, 0.0, 0.0), (0.24, 0.0, 0.0), (0.0, 0.18, 0.0))
     wide = Camera((800, 600), ((280.0, 0.0, 399.5), (0.0, 280.0, 299.5), (0.0, 0.0, 1.0)), DOWN, (0.0, 0.0, 0.5))
     return (
-        Scene("a floor that a strong lens bends", strong, (), (floor,)),
+        Scene("a floor that a strong lens bends", strong, (floor,)),
         Scene("a sphere that reaches behind the camera", wide, (Sphere((0.1, 0.0, 0.44), 0.1),)),
     )

@@ -15,7 +15,7 @@ def overview(result: Result) -> np.ndarray:
     gain = pictures.exposure(result.twin)
     error = result.subject.mean - result.twin.mean
     worst = np.take_along_axis(error, np.abs(error).argmax(axis=-1)[..., None], axis=-1)[..., 0]
-    scale = pictures.choose_scale(result.subject, result.twin, error, result.scene.tolerance.p999_abs)
+    scale = pictures.choose_scale(result.subject, result.twin, error, result.tolerance.p999_abs)
     panels = [p for p in (result.photo, result.augmented) if p is not None and p.shape == result.twin.shape]
     panels += [pictures.exposed(image, gain) for image in (result.subject, result.twin)]
     panels.append(pictures.palette()[pictures.error_indices(worst, scale)])

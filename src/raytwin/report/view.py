@@ -103,12 +103,9 @@ def showable(image: Image) -> bool:
 
 def view_of(result: Result) -> View:
     """The tracer beside its twin."""
-    c, about, tolerance = result.comparison, result.report, result.scene.tolerance
-    spheres = len(result.scene.spheres)
-    objects = tuple(
-        f"sphere {i}" if isinstance(thing, Sphere) else f"plane {i - spheres}"
-        for i, thing in enumerate(result.scene.objects)
-    )
+    c, about, tolerance = result.comparison, result.report, result.tolerance
+    kinds = ["sphere" if isinstance(thing, Sphere) else "plane" for thing in result.scene.objects]
+    objects = tuple(f"{kind} {kinds[:i].count(kind)}" for i, kind in enumerate(kinds))
     return View(
         title=about.scene,
         about=("rung", about.rung),

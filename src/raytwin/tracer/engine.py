@@ -1,6 +1,7 @@
 """What computes: NumPy or Dr.Jit, in which precision, and the way of pixels and scenes into its arrays and back."""
 
 from collections.abc import Callable
+from copy import copy
 from typing import Any, NamedTuple
 
 import msgspec
@@ -75,7 +76,10 @@ def tile_grid(engine: Engine, tiles: np.ndarray, side: int, columns: int, size: 
 def lift(value: Any, engine: Engine) -> Any:
     """A record with its floats as the engine's: on Dr.Jit as data, so that a kernel outlives a change of scene."""
     if isinstance(value, msgspec.Struct):
-        return msgspec.structs.replace(value, **{n: lift(getattr(value, n), engine) for n in value.__struct_fields__})
+        lifted = copy(value)  # not made anew: a record's own checks are for plain numbers
+        for name in value.__struct_fields__:
+            msgspec.structs.force_setattr(lifted, name, lift(getattr(value, name), engine))
+        return lifted
     if isinstance(value, tuple):
         lifted = [lift(v, engine) for v in value]
         return type(value)(*lifted) if hasattr(value, "_fields") else tuple(lifted)

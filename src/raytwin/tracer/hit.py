@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from raytwin.scene import Plane, Sphere
+from raytwin.scene import Shape, Sphere
 from raytwin.tracer.arrays import Vec, dot, integers, select
 from raytwin.tracer.objects import Listed, Table, Walked
 from raytwin.tracer.plane import intersect_plane
@@ -23,7 +23,7 @@ class Hit(NamedTuple):
     inside: Any
 
 
-def intersect(origin: Vec, d: Vec, thing: Sphere | Plane, solver: str = "robust") -> Any:
+def intersect(origin: Vec, d: Vec, thing: Shape, solver: str = "robust") -> Any:
     """t > 0 where the ray meets the object, infinity for a miss. A new shape gets a line here."""
     if isinstance(thing, Sphere):
         return intersect_sphere(origin, d, thing, solver)

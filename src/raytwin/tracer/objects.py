@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytwin.scene import Plane, Scene, Sphere
+from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.tracer.arrays import gather
 from raytwin.tracer.engine import ENGINES, Engine, from_numpy
 from raytwin.tracer.prepare import Lists
@@ -35,11 +35,11 @@ class Table:
         return tuple(gather(column, ids, where) for column in self.columns[field])
 
 
-def _row(thing: Sphere | Plane) -> tuple[float, ...]:
+def _row(thing: Shape) -> tuple[float, ...]:
     zero = (0.0, 0.0, 0.0)
     if isinstance(thing, Sphere):
-        return (*thing.center, thing.radius, *zero, *zero, *thing.albedo, *zero, 1 / thing.radius)
-    return (*thing.center, 0.0, *thing.half_u, *thing.half_v, *thing.albedo, *thing.normal, 0.0)
+        return (*thing.center, thing.radius, *zero, *zero, *thing.material.albedo, *zero, 1 / thing.radius)
+    return (*thing.center, 0.0, *thing.half_u, *thing.half_v, *thing.material.albedo, *thing.normal, 0.0)
 
 
 class Listed(NamedTuple):
@@ -65,7 +65,7 @@ class Walked(NamedTuple):
     last: Any
 
     def fold(self, state: tuple, body: Callable) -> tuple:
-        for kind, start, stop in ((Sphere, self.first, self.middle), (Plane, self.middle, self.last)):
+        for kind, start, stop in ((Sphere, self.first, self.middle), (Rectangle, self.middle, self.last)):
             if kind in self.table.kinds:
                 state = self._walk(kind, start, stop, state, body)
         return state
@@ -81,13 +81,13 @@ class Walked(NamedTuple):
 
         return drjit.while_loop((start, *state), lambda place, *state: place < stop, step)[1:]
 
-    def _object(self, kind: type, index: Any) -> Sphere | Plane:
+    def _object(self, kind: type, index: Any) -> Shape:
         def vector(name):
             return self.table.look_up(name, index)
 
         if kind is Sphere:
             return Sphere(vector("center"), *vector("radius"))
-        return Plane(vector("center"), vector("half_u"), vector("half_v"))
+        return Rectangle(vector("center"), vector("half_u"), vector("half_v"))
 
 
 def walk(table: Table, engine: Engine, lists: Lists, tiles: np.ndarray, number: Any) -> Walked:

@@ -2,12 +2,12 @@
 
 from typing import Any
 
-from raytwin.scene import Plane
+from raytwin.scene import Rectangle
 from raytwin.tracer.arrays import Vec, dot, select
 from raytwin.tracer.sphere import INFINITY
 
 
-def intersect_plane(origin: Vec, d: Vec, plane: Plane) -> Any:
+def intersect_plane(origin: Vec, d: Vec, plane: Rectangle) -> Any:
     """The t > 0 at which origin + t d lies on the rectangle, metres along the unit direction; infinity for a miss."""
     u, v = plane.half_u, plane.half_v
     n = cross(u, v)

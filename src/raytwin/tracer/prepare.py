@@ -18,27 +18,28 @@ def seen_from_eye(scene: Scene) -> Scene:
     """
     R, eye = np.asarray(scene.camera.R_cam_board), np.asarray(scene.camera.eye)
 
+    replace = msgspec.structs.replace
+
     def turned(vectors):
         return [tuple(v) for v in (np.reshape(vectors, (-1, 3)) @ R.T).tolist()]
 
     def places(things):
         return turned(np.array([t.center for t in things]).reshape(-1, 3) - eye)
 
-    replace = msgspec.structs.replace
-    spheres = tuple(replace(s, center=c) for s, c in zip(scene.spheres, places(scene.spheres), strict=True))
-    planes = tuple(
-        replace(p, center=c, half_u=u, half_v=v)
-        for p, c, (u, v) in zip(
-            scene.planes, places(scene.planes), (turned([p.half_u, p.half_v]) for p in scene.planes), strict=True
-        )
-    )
+    def moved(thing, center):
+        if isinstance(thing, Sphere):
+            return replace(thing, center=center)
+        half_u, half_v = turned([thing.half_u, thing.half_v])
+        return replace(thing, center=center, half_u=half_u, half_v=half_v)
+
+    objects = tuple(moved(thing, c) for thing, c in zip(scene.objects, places(scene.objects), strict=True))
     camera = replace(scene.camera, R_cam_board=tuple(map(tuple, np.eye(3).tolist())), t_cam_board=(0.0, 0.0, 0.0))
-    sun = replace(scene.sun, to_light=turned(scene.sun.direction)[0])
-    return replace(scene, camera=camera, spheres=spheres, planes=planes, sun=sun)
+    sun = replace(scene.sun, to_light=turned(scene.sun.to_light)[0])
+    return replace(scene, camera=camera, objects=objects, lights=(sun, scene.sky))
 
 
 class Lists(NamedTuple):
-    """A list of ids for each tile: `flat[first:last]`, ascending; rectangles begin at `middle`. Each (tiles,) int32."""
+    """A list of ids for each tile: `flat[first:last]`; rectangles begin at `middle`. Each (tiles,) int32."""
 
     flat: np.ndarray
     first: np.ndarray
@@ -65,25 +66,25 @@ class Plan(NamedTuple):
 
 def plan(scene: Scene, boxes: np.ndarray, size: tuple[int, int], side: int, shadows: bool = True) -> Plan:
     """Which tile must know which object, from the objects' boxes (n, 4) of pixels: x0 <= u < x1, y0 <= v < y1."""
-    n, spheres = len(boxes), len(scene.spheres)
+    n, is_flat = len(boxes), np.array([not isinstance(thing, Sphere) for thing in scene.objects], bool)
     columns, rows = -(-size[0] // side), -(-size[1] // side)
     if n and (boxes == (0, 0, *size)).all():  # nothing is trimmed: one list does for all
-        ends = [np.full(columns * rows, k, np.int32) for k in (0, spheres, n)]
-        every = Lists(np.arange(n, dtype=np.int32), *ends)
+        ends = [np.full(columns * rows, k, np.int32) for k in (0, n - np.count_nonzero(is_flat), n)]
+        every = Lists(np.argsort(is_flat, kind="stable").astype(np.int32), *ends)
         return Plan(side, columns, np.arange(columns * rows), every, every)
     x0, y0, x1, y1 = boxes.reshape(-1, 4).T
     left, top = x0 // side, y0 // side
     wide, high = -(-x1 // side) - left, -(-y1 // side) - top
     thing, k = spread(wide * high)
     tile = (top[thing] + k // np.maximum(wide, 1)[thing]) * columns + left[thing] + k % np.maximum(wide, 1)[thing]
-    seen = _lists(tile, thing, columns * rows, spheres)
+    seen = _lists(tile, thing, columns * rows, is_flat)
     casters = Lists(*(np.zeros(len(part), np.int32) for part in seen))
     if shadows:
         first, flat = shading(scene)
         pair, k = spread(first[thing + 1] - first[thing])
         shaded, caster = tile[pair], flat[first[thing[pair]] + k]
         both = np.unique(shaded.astype(np.int64) * n + caster)
-        casters = _lists(both // max(n, 1), both % max(n, 1), columns * rows, spheres)
+        casters = _lists(both // max(n, 1), both % max(n, 1), columns * rows, is_flat)
     return Plan(side, columns, np.flatnonzero(seen.last > seen.first), seen, casters)
 
 
@@ -93,11 +94,11 @@ def spread(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return index, np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
-def _lists(tile: np.ndarray, thing: np.ndarray, tiles: int, spheres: int) -> Lists:
-    order = np.lexsort((thing, tile))
+def _lists(tile: np.ndarray, thing: np.ndarray, tiles: int, is_flat: np.ndarray) -> Lists:
+    order = np.lexsort((thing, is_flat[thing], tile))
     last = np.cumsum(np.bincount(tile, minlength=tiles))
     first = last - np.bincount(tile, minlength=tiles)
-    middle = first + np.bincount(tile[thing < spheres], minlength=tiles)
+    middle = first + np.bincount(tile[~is_flat[thing]], minlength=tiles)
     return Lists(*(a.astype(np.int32) for a in (thing[order], first, middle, last)))
 
 
@@ -111,7 +112,7 @@ def shading(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     n = len(things)
     center = np.array([t.center for t in things]).reshape(-1, 3)
     radius = np.array([t.radius if isinstance(t, Sphere) else np.hypot(*_lengths(t)) for t in things])
-    to_light = np.array(scene.sun.direction)
+    to_light = np.array(scene.sun.to_light)
     side = np.cross(to_light, np.eye(3)[np.abs(to_light).argmin()])
     axes = np.stack([side / np.linalg.norm(side), np.cross(to_light, side) / np.linalg.norm(side), to_light])
     x, y, height = axes @ center.T

@@ -9,7 +9,7 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.image import BACKGROUND, Image, Surface
-from raytwin.scene import Camera, Scene
+from raytwin.scene import Scene
 from raytwin.tracer.camera import camera_ray, invert_lens, to_board
 from raytwin.tracer.engine import ENGINES, Engine, canvas, flush, lift, only_where, pixel_grid, store, tile_grid
 from raytwin.tracer.hit import describe, first
@@ -27,11 +27,9 @@ def trace(
 
     `rung`: a row of RUNGS; `engine`: a row of ENGINES; `solver`: a row of SOLVERS. `trim`, a row of TRIMS, skips what
     no object's box touches; `conic` gives the same as `none` to the last bit, unless a poor solver sees a sphere beyond
-    its outline. Raises InputError for an unknown row, a camera yet to be calibrated, or a distortion that cannot be
-    undone; MachineError for an engine that this machine lacks.
+    its outline. Raises InputError for an unknown row, or a distortion that cannot be undone; MachineError for an
+    engine that this machine lacks.
     """
-    if not isinstance(scene.camera, Camera):
-        raise InputError(f"scene {scene.name}: camera", "a calibrated camera", "photos to calibrate it from")
     w, h = scene.camera.image_size
     mean = background(scene, rung)
     surface = Surface(
@@ -116,7 +114,7 @@ class View:
 
     def __init__(self, scene: Scene, engine: Engine) -> None:
         self.engine, self.local = engine, seen_from_eye(scene)
-        self.scene = lift(msgspec.structs.replace(scene, sun=self.local.sun, spheres=(), planes=()), engine)
+        self.scene = lift(msgspec.structs.replace(scene, lights=self.local.lights, objects=()), engine)
         self.inverse = lift(invert_lens(scene.camera, engine.precision), engine)
         self.table = Table(self.local, engine)
 

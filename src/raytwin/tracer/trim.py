@@ -15,7 +15,7 @@ from math import ceil, floor, hypot, inf, pi
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.scene import Camera, Plane, Sphere
+from raytwin.scene import Camera, Rectangle, Shape, Sphere
 from raytwin.tracer.camera import distort, invert_lens, undistort
 
 Box = tuple[int, int, int, int]
@@ -25,7 +25,7 @@ EMPTY: Box = (0, 0, 0, 0)
 SIDE = np.linspace(0.0, 1.0, 65)
 
 
-def trim_boxes(things: Sequence[Sphere | Plane], camera: Camera) -> np.ndarray:
+def trim_boxes(things: Sequence[Shape], camera: Camera) -> np.ndarray:
     """(n, 4) ints: for each object the pixels whose centre's ray can meet it; EMPTY where there are none.
 
     Exact for a pinhole to one pixel, a little larger with a lens: the object's rectangle of normalised coordinates is
@@ -56,7 +56,7 @@ def trim_boxes(things: Sequence[Sphere | Plane], camera: Camera) -> np.ndarray:
     return np.where(empty[:, None], 0, np.concatenate([first, last], axis=1))
 
 
-def trim_box(thing: Sphere | Plane, camera: Camera) -> Box:
+def trim_box(thing: Shape, camera: Camera) -> Box:
     """The box of one object, see `trim_boxes`."""
     return tuple(trim_boxes([thing], camera)[0].tolist())
 
@@ -83,7 +83,7 @@ def field_of_view(camera: Camera) -> tuple[float, float, float, float] | None:
     return field if slope.min() > 0 else None
 
 
-def _extents(things: Sequence[Sphere | Plane], camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def _extents(things: Sequence[Shape], camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """The least and the greatest normalised (x, y) (n, 2) of each object; nothing to be seen: (inf, -inf)."""
     low, high = np.full((2, len(things), 2), [[[np.inf]], [[-np.inf]]])
     spheres = [i for i, thing in enumerate(things) if isinstance(thing, Sphere)]
@@ -93,7 +93,7 @@ def _extents(things: Sequence[Sphere | Plane], camera: Camera) -> tuple[np.ndarr
     for axis, a in enumerate((x, y)):
         low[spheres, axis], high[spheres, axis] = _tangents(a, z, radius)
     for i, thing in enumerate(things):
-        if isinstance(thing, Plane) and (extent := _plane_extent(thing, camera)):
+        if isinstance(thing, Rectangle) and (extent := _plane_extent(thing, camera)):
             low[i], high[i] = np.transpose(extent)
     return low, high
 
@@ -110,7 +110,7 @@ def _tangents(a: np.ndarray, z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, 
     return np.where(behind, np.inf, start), np.where(behind, -np.inf, end)
 
 
-def _plane_extent(plane: Plane, camera: Camera) -> tuple[tuple[float, float], tuple[float, float]] | None:
+def _plane_extent(plane: Rectangle, camera: Camera) -> tuple[tuple[float, float], tuple[float, float]] | None:
     c, u, v = (np.asarray(a) for a in (plane.center, plane.half_u, plane.half_v))
     corners = np.array([c + i * u + j * v for i in (-1, 1) for j in (-1, 1)])
     x, y, z = np.asarray(camera.R_cam_board) @ corners.T + np.asarray(camera.t_cam_board)[:, None]
@@ -121,7 +121,7 @@ def _plane_extent(plane: Plane, camera: Camera) -> tuple[tuple[float, float], tu
     return (float((x / z).min()), float((x / z).max())), (float((y / z).min()), float((y / z).max()))
 
 
-def corner_box(thing: Sphere | Plane, camera: Camera) -> Box:
+def corner_box(thing: Shape, camera: Camera) -> Box:
     """The paper's box: round the pixels of the eight corners of the cube that holds the sphere.
 
     Kept beside `trim_box` for comparison. It wastes pixels, and cuts visible ones where a corner lies behind the eye
@@ -142,11 +142,11 @@ def corner_box(thing: Sphere | Plane, camera: Camera) -> Box:
     return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else EMPTY
 
 
-def whole_frames(things: Sequence[Sphere | Plane], camera: Camera) -> np.ndarray:
+def whole_frames(things: Sequence[Shape], camera: Camera) -> np.ndarray:
     return np.tile((0, 0, camera.width, camera.height), (len(things), 1))
 
 
-def corner_boxes(things: Sequence[Sphere | Plane], camera: Camera) -> np.ndarray:
+def corner_boxes(things: Sequence[Shape], camera: Camera) -> np.ndarray:
     return np.array([corner_box(thing, camera) for thing in things], int).reshape(-1, 4)
 
 
@@ -155,7 +155,7 @@ def _to_pixels(x: np.ndarray, y: np.ndarray, camera: Camera) -> tuple[np.ndarray
     return camera.fx * xd + camera.cx, camera.fy * yd + camera.cy
 
 
-TRIMS: dict[str, Callable[[Sequence[Sphere | Plane], Camera], np.ndarray]] = {
+TRIMS: dict[str, Callable[[Sequence[Shape], Camera], np.ndarray]] = {
     "none": whole_frames,
     "corners": corner_boxes,
     "conic": trim_boxes,

@@ -33,7 +33,7 @@ class Renderer:
         numbers = [dr.opaque(double, a) for a in (fx, fy, cx, cy, *coefficients)]
         self.lens = Lens(*numbers[:4], tuple(numbers[4:]), steps)
         R = np.asarray(scene.camera.R_cam_board)
-        self.to_light = mi.Vector3f((R @ scene.sun.direction).tolist())
+        self.to_light = mi.Vector3f((R @ scene.sun.to_light).tolist())
         self.irradiance, self.sky = mi.Color3f(scene.sun.irradiance), mi.Color3f(scene.sky.radiance)
         dr.make_opaque(self.to_light, self.irradiance, self.sky)
         self.width, self.R = scene.camera.width, R

@@ -131,8 +131,6 @@ def _plan(
     for where, value, known in (("rung", rung, RUNGS), ("sampling", sampling, SAMPLINGS)):
         if value not in known:
             raise InputError(where, " or ".join(known), value)
-    if not isinstance(scene.camera, Camera):
-        raise InputError("scene.camera", "a calibrated camera", "photos: calibrate them first")
     files.check_camera(scene.camera, "camera")
     lens_of(scene.camera)  # raises where the distortion cannot be undone
     for where, value, least in (("samples", samples, 1), ("seed", seed, 0)):
@@ -150,8 +148,8 @@ def _plan(
 
 
 def _about(scene: Scene, plan: _Plan, textures: Mapping[int, np.ndarray], variant: str) -> dict[str, str]:
-    seen = (scene.camera, scene.spheres, scene.planes, scene.sun, scene.sky)
-    content = hashlib.sha256(msgspec.json.encode(files.plain(seen)))
+    seen = (scene.camera, scene.objects, scene.lights)
+    content = hashlib.sha256(msgspec.json.encode(seen, enc_hook=files.plain))
     for i, texture in textures.items():
         content.update(f"{i} {texture.shape}".encode() + texture.tobytes())
     known = versions()

@@ -32,9 +32,9 @@ class Renderer:
         self.integrator = mi.load_dict(integrator) if integrator else None
         self.lens, self.width = lens_of(scene.camera), scene.camera.width
         self.R = np.asarray(scene.camera.R_cam_board)
-        self.to_light = self.R @ scene.sun.direction
+        self.to_light = self.R @ scene.sun.to_light
         self.irradiance, self.sky = np.asarray(scene.sun.irradiance), np.asarray(scene.sky.radiance)
-        self.albedo = np.array([*(thing.albedo for thing in scene.objects), (0, 0, 0)])
+        self.albedo = np.array([*(thing.material.albedo for thing in scene.objects), (0, 0, 0)])
         self.textured = sorted(textures)
         self.ids = {shape: int(shape.id()[7:]) for shape in self.scene.shapes()}
 

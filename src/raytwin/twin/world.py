@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.scene import Plane, Scene
+from raytwin.scene import Rectangle, Scene
 
 UNIT = 1024.0
 """Mitsuba's lengths per metre."""
@@ -43,7 +43,7 @@ def translate(scene: Scene, textures: Mapping[int, np.ndarray]) -> dict[str, Any
     world: dict[str, Any] = {"type": "scene"}
     for i, thing in enumerate(scene.objects):
         center = (R @ thing.center + t) * UNIT
-        if isinstance(thing, Plane):
+        if isinstance(thing, Rectangle):
             matrix = np.eye(4)
             matrix[:3, :3] = R @ np.stack([thing.half_u, thing.half_v, thing.normal], axis=1) * UNIT
             matrix[:3, 3] = center
@@ -56,7 +56,7 @@ def translate(scene: Scene, textures: Mapping[int, np.ndarray]) -> dict[str, Any
         }
         world[f"object-{i}"] = shape
     if any(scene.sun.irradiance):
-        from_light = (-R @ scene.sun.direction).tolist()
+        from_light = (-R @ scene.sun.to_light).tolist()
         world["sun"] = {"type": "directional", "direction": from_light, "irradiance": _rgb(scene.sun.irradiance)}
     if any(scene.sky.radiance):
         world["sky"] = {"type": "constant", "radiance": _rgb(scene.sky.radiance)}
@@ -70,7 +70,7 @@ def _rgb(values: Any) -> dict[str, Any]:
 def _albedo(thing: Any, texture: np.ndarray | None) -> dict[str, Any]:
     """A colour, or a bilinear texture: Mitsuba's first row lies at -half_v, ours at +half_v."""
     if texture is None:
-        return _rgb(thing.albedo)
+        return _rgb(thing.material.albedo)
     import mitsuba as mi
 
     bitmap = mi.Bitmap(np.ascontiguousarray(texture[::-1]))
@@ -79,11 +79,11 @@ def _albedo(thing: Any, texture: np.ndarray | None) -> dict[str, Any]:
 
 def check_textures(scene: Scene, textures: Mapping[int, np.ndarray] | None) -> dict[int, np.ndarray]:
     """The textures as float32 (h, w, 3) by object id; InputError where one does not fit."""
-    checked = {}
+    checked, flat = {}, [i for i, thing in enumerate(scene.objects) if isinstance(thing, Rectangle)]
     for i, texture in sorted((textures or {}).items()):
         where = f"textures[{i}]"
-        if not (0 <= i < len(scene.objects) and isinstance(scene.objects[i], Plane)):
-            raise InputError(where, "the id of a plane", f"{i}, where planes are {len(scene.spheres)} and up")
+        if i not in flat:
+            raise InputError(where, "the id of a rectangle", f"{i}, where these are {flat}")
         a = np.asarray(texture, np.float32)
         if a.ndim == 2:
             a = np.repeat(a[..., None], 3, axis=2)

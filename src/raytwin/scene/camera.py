@@ -1,0 +1,71 @@
+"""A camera that has been found: intrinsics, distortion, and where it stands."""
+
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from raytwin.scene.record import Matrix, PixelCount, Record, Vector
+
+
+class Camera(Record, frozen=True):
+    """`p_cam = R_cam_board @ p_board + t_cam_board`, then distort, then `u = fx x + cx`, `v = fy y + cy`.
+
+    OpenCV's camera frame (x right, y down, z forward) and OpenCV's pixels: (0, 0) is the centre of the top-left pixel.
+    `dist` is any prefix of k1, k2, p1, p2, k3. `image_size` is (width, height); K is in pixels; t is in metres.
+    """
+
+    image_size: tuple[PixelCount, PixelCount]
+    K: Matrix
+    R_cam_board: Matrix
+    t_cam_board: Vector
+    dist: Annotated[tuple[float, ...], msgspec.Meta(max_length=5)] = ()
+
+    @property
+    def width(self) -> int:
+        return self.image_size[0]
+
+    @property
+    def height(self) -> int:
+        return self.image_size[1]
+
+    @property
+    def fx(self) -> float:
+        return self.K[0][0]
+
+    @property
+    def fy(self) -> float:
+        return self.K[1][1]
+
+    @property
+    def cx(self) -> float:
+        return self.K[0][2]
+
+    @property
+    def cy(self) -> float:
+        return self.K[1][2]
+
+    @property
+    def coefficients(self) -> tuple[float, float, float, float, float]:
+        """k1, k2, p1, p2, k3, the missing ones 0."""
+        k1, k2, p1, p2, k3 = (*self.dist, *(0.0,) * (5 - len(self.dist)))
+        return k1, k2, p1, p2, k3
+
+    @property
+    def eye(self) -> Vector:
+        """The camera's centre in the board frame, metres: -R^T t."""
+        x, y, z = (-np.asarray(self.R_cam_board).T @ np.asarray(self.t_cam_board)).tolist()
+        return x, y, z
+
+    def resized(self, width: int, height: int) -> "Camera":
+        """The same camera with another number of pixels over the same sensor.
+
+        Pixel centres are integers, so a scale s maps u to s (u + 1/2) - 1/2: the image's corner stays where it is.
+        """
+        sx, sy = width / self.width, height / self.height
+        K = (
+            (self.fx * sx, self.K[0][1] * sx, (self.cx + 0.5) * sx - 0.5),
+            (0.0, self.fy * sy, (self.cy + 0.5) * sy - 0.5),
+            (0.0, 0.0, 1.0),
+        )
+        return msgspec.structs.replace(self, image_size=(width, height), K=K)

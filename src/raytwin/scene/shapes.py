@@ -1,0 +1,38 @@
+"""What rays meet. To add a shape, write its record and add it to the union."""
+
+import numpy as np
+
+from raytwin.scene.material import Lambert, Material
+from raytwin.scene.record import Positive, Record, Vector
+
+
+class Sphere(Record, frozen=True, tag="sphere"):
+    """|p - center| = radius, metres."""
+
+    center: Vector
+    radius: Positive
+    material: Material = Lambert()
+
+
+class Rectangle(Record, frozen=True, tag="rectangle"):
+    """`center ± half_u ± half_v`, seen and lit from both sides.
+
+    `half_u` and `half_v` are perpendicular half-edges in metres. `in_photo` marks what the photo already shows (the
+    board, the table): it catches shadows, but augmentation does not draw it.
+    """
+
+    center: Vector
+    half_u: Vector
+    half_v: Vector
+    material: Material = Lambert()
+    in_photo: bool = False
+
+    @property
+    def normal(self) -> Vector:
+        """Unit normal half_u × half_v / |...|."""
+        n = np.cross(self.half_u, self.half_v)
+        x, y, z = (n / np.linalg.norm(n)).tolist()
+        return x, y, z
+
+
+Shape = Sphere | Rectangle
