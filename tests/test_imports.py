@@ -27,7 +27,7 @@ HEAVY = (
 PACKAGES = ("tracer", "boards", "photos", "augment", "twin", "compare", "report", "bench")
 
 STAGES = {
-    "back_project", "distort", "undistort", "intersect_sphere", "intersect_plane", "nearest", "Hit", "lambert",
+    "back_project", "distort", "undistort", "intersect_sphere", "intersect_rectangle", "nearest", "Hit", "lambert",
     "sun_visible", "trace", "trim_box", "ENGINES", "RUNGS", "SOLVERS",
 }  # fmt: skip
 

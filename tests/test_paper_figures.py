@@ -12,8 +12,8 @@ import pytest
 from raytwin import boards, files, photographer, photos, pipeline, twin
 from raytwin.photos.lens import undistort
 from raytwin.scene import Pyramid, WrittenSphere
-from raytwin.tracer import trace
-from raytwin.tracer.speculate import speculate
+from raytwin.speed import trace
+from raytwin.speed.speculation import speculate
 
 SIZE, COUNT = (672, 504), 4
 ONE = (WrittenSphere((0.05, 0.09, 0.03), 0.03, (0.75, 0.3, 0.2)),)

@@ -7,7 +7,7 @@ from raytwin import files, pipeline, twin
 from raytwin.compare import compare
 from raytwin.errors import InputError
 from raytwin.scene import Camera
-from raytwin.tracer import trace
+from raytwin.speed import trace
 
 GIVEN = ["single", "overlap", "distorted", "grazing"]
 

@@ -172,7 +172,7 @@ to_light = [0.4, 0.0, 1.0]
 
 TRACED = """
 def test_traced(raytwin_reference):
-    from raytwin.tracer import trace
+    from raytwin.speed import trace
     held = raytwin_reference("ball", "shadow")
     assert held.camera.image_size == (40, 30)
     held.check(trace(held.scene, "shadow"))

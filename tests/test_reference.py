@@ -18,7 +18,7 @@ from raytwin.compare import compare
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.scene import Tolerance
-from raytwin.tracer import trace
+from raytwin.speed import trace
 
 SIZE = (48, 36)
 render_module = sys.modules["raytwin.twin.render"]

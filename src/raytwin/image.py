@@ -20,6 +20,12 @@ class Surface:
     depth: np.ndarray
     normal: np.ndarray
 
+    @classmethod
+    def empty(cls, width: int, height: int) -> "Surface":
+        """Of an image in which nothing is met."""
+        depth, normal = np.zeros((height, width), np.float32), np.zeros((height, width, 3), np.float32)
+        return cls(np.full((height, width), BACKGROUND, np.int32), depth, normal)
+
     @property
     def mask(self) -> np.ndarray:
         """(H, W) bool: an object is seen here."""

@@ -19,7 +19,9 @@ from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, SceneFile, Sky, Sun, Tolerance
-from raytwin.tracer import ENGINES, RUNGS, trace
+from raytwin.rungs import RUNGS
+from raytwin.speed import ENGINES, trace
+from raytwin.tracer import RADIANCE
 
 
 @dataclass(frozen=True)
@@ -159,8 +161,8 @@ def run(
     at other than the camera's own size. `samples`: the twin's samples per pixel, by default 1 where every sample
     through the pixel's centre is the same, else 64. `flip` adds the perceptual metric, which is slow.
     """
-    if rung not in twin.RUNGS:
-        raise InputError("--rung", f"one of {', '.join(twin.RUNGS)}", rung)
+    if rung not in RUNGS:
+        raise InputError("--rung", f"one of {', '.join(RUNGS)}", rung)
     if engine not in ENGINES:
         raise InputError("--engine", f"one of {', '.join(ENGINES)}", engine)
     if sampling not in twin.SAMPLINGS:
@@ -178,12 +180,12 @@ def run(
         truth = compare_truth(photographer.read_truth(truth_file), calibration, scene.camera, photo_path.name)
     if size is not None:
         scene = scene.with_camera(scene.camera.resized(*size))
-    climbed = rung if rung in RUNGS else "shadow"
+    climbed = rung if rung in RADIANCE else list(RADIANCE)[-1]
     with watch.time("tracer"):
         progress("tracer", 0, 1)
         subject = trace(scene, climbed, engine, solver, trim)
         progress("tracer", 1, 1)
-    noisy = rung not in RUNGS or sampling == "area"
+    noisy = RUNGS[rung].noisy or sampling == "area"
     with watch.time("twin"):
         other = twin.render(
             scene,

@@ -12,7 +12,7 @@ from raytwin.errors import InputError
 from raytwin.files import read_scene
 from raytwin.image import Image
 from raytwin.scene import Tolerance
-from raytwin.tracer import trace
+from raytwin.speed import trace
 
 H, W = 48, 64
 

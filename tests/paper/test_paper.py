@@ -13,8 +13,8 @@ from raytwin.cli import app
 from raytwin.errors import InputError
 from raytwin.files import read_scene
 from raytwin.paper.measure import SMALL, SPECULATION, boxed, errors, hard_cases, lambert, two_spheres
-from raytwin.tracer import trace
-from raytwin.tracer.trim import TRIMS, trim_boxes
+from raytwin.speed import trace
+from raytwin.speed.boxes import TRIMS, trim_boxes
 
 
 @pytest.fixture(scope="module")

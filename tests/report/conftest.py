@@ -19,7 +19,7 @@ from raytwin.photos import Calibration, Pose, PoseReport
 from raytwin.photos.calibration import View, Warning_
 from raytwin.pipeline import Result, Timing, TruthRow
 from raytwin.scene import Scene
-from raytwin.tracer import trace
+from raytwin.speed import trace
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.tracer import RUNGS, Hit, back_project, everything, lambert, nearest, sun_visible, trace
+from raytwin.speed import trace
+from raytwin.tracer import RADIANCE, STAGES, Every, Hit, World, back_project, lambert, lighting, sun_visible
+from raytwin.tracer.camera import to_board
 
 DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 
@@ -18,13 +20,17 @@ def camera_above(height: float, size: int = 101, f: float = 100.0) -> Camera:
     return Camera((size, size), ((f, 0.0, c), (0.0, f, c), (0.0, 0.0, 1.0)), DOWN, (0.0, 0.0, height))
 
 
+def everything(scene: Scene) -> World:
+    return World(Every(scene.objects), STAGES)
+
+
 def hits_of(scene: Scene) -> Hit:
     """What the scene's camera sees, point by point, in the board's frame and float64."""
     w, h = scene.camera.image_size
     u, v = np.meshgrid(np.arange(w), np.arange(h))
     with np.errstate(all="ignore"):
-        d = back_project(u, v, scene.camera)
-        return nearest(scene.camera.eye, d, everything(scene))
+        d = to_board(back_project(u, v, scene.camera), scene.camera)
+        return everything(scene).nearest(scene.camera.eye, d)
 
 
 def free_by_geometry(p: np.ndarray, scene: Scene, own: int) -> bool:
@@ -56,7 +62,7 @@ def test_lambert_is_the_formula():
 def test_sun_visible_agrees_with_geometry_on_every_shipped_scene(shipped):
     scene = shipped.with_camera(shipped.camera.resized(80, 60))
     hit = hits_of(scene)
-    visible = sun_visible(hit, scene, everything(scene))
+    visible = sun_visible(hit, lighting(scene), everything(scene))
     facing = sum(n * c for n, c in zip(hit.normal, scene.sun.to_light, strict=True)) > 0
     points = np.stack(hit.point, axis=-1)
     tried = np.argwhere((hit.ids >= 0) & facing)

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from raytwin.files import read_scene
 from raytwin.scene import Camera
 from raytwin.tracer import back_project, distort, undistort
-from raytwin.tracer.camera import invert_lens
-from raytwin.tracer.trim import field_of_view
+from raytwin.tracer.camera import to_board
+from raytwin.speed.start import invert_lens
+from raytwin.speed.boxes import field_of_view
 
 
 def reals(low: float, high: float) -> st.SearchStrategy[float]:
@@ -48,7 +49,7 @@ def pixels_of(camera: Camera, n: int = 9) -> tuple[np.ndarray, np.ndarray]:
 def test_opencv_projects_a_point_of_the_ray_back_onto_the_pixel(camera, distance):
     u, v = pixels_of(camera)
     d = np.stack(back_project(u, v, camera), axis=-1)
-    points = np.asarray(camera.eye) + distance * d
+    points = np.asarray(camera.eye) + distance * np.stack(to_board(tuple(d.T), camera), axis=-1)
     K, dist = np.asarray(camera.K), np.asarray(camera.coefficients)
     # In the camera's frame already: OpenCV's rotation vector would lose a turn of 1e-10.
     seen = points @ np.asarray(camera.R_cam_board).T + np.asarray(camera.t_cam_board)
@@ -72,7 +73,8 @@ def opencv_undistort(camera: Camera, u: np.ndarray, v: np.ndarray) -> np.ndarray
 def test_undistort_agrees_with_opencv_iterated_to_the_end(camera):
     u, v = pixels_of(camera)
     xd, yd = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
-    x, y = undistort(xd, yd, camera.coefficients, invert_lens(camera))
+    x, y = invert_lens(camera).undo(xd, yd, camera.coefficients)
+    np.testing.assert_allclose(undistort(xd, yd, camera.coefficients), (x, y), rtol=0, atol=1e-13)
     np.testing.assert_allclose(distort(x, y, camera.coefficients), (xd, yd), rtol=0, atol=5e-14)
     theirs = opencv_undistort(camera, u, v)
     # Their loop may stop short, or never converge: only where it round-trips is it a reference.
@@ -85,7 +87,7 @@ def test_undistort_agrees_with_opencv_iterated_to_the_end(camera):
 def test_undistort_agrees_with_opencv_on_the_strong_lens_that_is_shipped(scenes):
     camera = read_scene(scenes / "distorted").scene.camera
     u, v = pixels_of(camera, 41)
-    ours = undistort((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, camera.coefficients, invert_lens(camera))
+    ours = undistort((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, camera.coefficients)
     np.testing.assert_allclose(np.stack(ours, axis=-1), opencv_undistort(camera, u, v), rtol=0, atol=1e-10)
 
 
@@ -103,8 +105,8 @@ def test_a_resized_camera_keeps_the_rays_through_its_corners_and_its_middle(came
 def test_the_rays_of_a_known_camera_point_where_they_should(single):
     # It looks straight down on the board: the image's right is the board's right, its top the board's +y.
     camera = single.camera
-    np.testing.assert_allclose(back_project(319.5, 239.5, camera), (0, 0, -1), atol=1e-16)
-    right, top = back_project(1119.5, 239.5, camera), back_project(319.5, 239.5 - 800, camera)
+    np.testing.assert_allclose(to_board(back_project(319.5, 239.5, camera), camera), (0, 0, -1), atol=1e-16)
+    right, top = (to_board(back_project(*at, camera), camera) for at in ((1119.5, 239.5), (319.5, 239.5 - 800)))
     np.testing.assert_allclose(right, np.array([1, 0, -1]) / 2**0.5, atol=1e-15)
     np.testing.assert_allclose(top, np.array([0, 1, -1]) / 2**0.5, atol=1e-15)
     assert camera.eye == pytest.approx((0, 0, 0.45))

@@ -20,8 +20,7 @@ import numpy as np
 from raytwin import files
 from raytwin.errors import InputError
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
-from raytwin.tracer import trace, trim_box
-from raytwin.tracer.speculate import trace_points
+from raytwin.speed import trace, trace_points, trim_box
 
 REGIONS = ("spheres", "shadows", "board", "rest")
 SKY_REACH = 1 / 512

@@ -16,8 +16,7 @@ from raytwin.bench.loop import loop
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.scene import Camera, Scene
-from raytwin.tracer.speculate import speculate
-from raytwin.tracer.trace import background, draw
+from raytwin.speed import background, draw, speculate
 
 Call = Callable[[int], np.ndarray]
 """seed -> radiance (H, W, 3) float32."""

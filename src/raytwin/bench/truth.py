@@ -15,8 +15,7 @@ from raytwin.bench.methods import shifted
 from raytwin.bench.record import ERRORS, Truth
 from raytwin.compare import METRICS
 from raytwin.scene import Scene
-from raytwin.tracer.engine import ENGINES
-from raytwin.tracer.trace import background, draw
+from raytwin.speed import ENGINES, background, draw
 
 WHOLE = "path-area"
 """Every method can be held against the whole light, whatever part of it the method computes."""

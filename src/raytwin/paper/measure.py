@@ -30,8 +30,7 @@ from raytwin.image import Image
 from raytwin.paper.record import PUBLISHED, Boxed, Frame, Paper, Ratio
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.tracer import trace
-from raytwin.tracer.trim import TRIMS
+from raytwin.speed import TRIMS, trace
 
 RUNG = "lambert"
 """Diffuse light without shadows, as in the paper."""

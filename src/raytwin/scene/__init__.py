@@ -3,6 +3,7 @@
 from raytwin.scene.camera import Camera
 from raytwin.scene.lights import Light, Sky, Sun
 from raytwin.scene.material import Lambert, Material
+from raytwin.scene.moved import seen_from_eye
 from raytwin.scene.record import Albedo, Matrix, PixelCount, Positive, Radiance, Record, Vector
 from raytwin.scene.scene import Scene
 from raytwin.scene.scene_file import (
@@ -43,4 +44,5 @@ __all__ = [
     "WrittenSky",
     "WrittenSphere",
     "WrittenSun",
+    "seen_from_eye",
 ]

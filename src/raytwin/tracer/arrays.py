@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 Vec = tuple[Any, Any, Any]
+INFINITY = float("inf")
 
 
 def library(*values: Any) -> Any:
@@ -24,11 +25,6 @@ def library(*values: Any) -> Any:
 def sqrt(x: Any) -> Any:
     # A plain number stays one: NumPy would make it a float64 scalar, which drags every float32 array up with it.
     return math.sqrt(x) if isinstance(x, int | float) else library(x).sqrt(x)
-
-
-def fma(a: Any, b: Any, c: Any) -> Any:
-    """a b + c, rounded once where the library can."""
-    return a * b + c if (xp := library(a, b, c)) is np else xp.fma(a, b, c)
 
 
 def maximum(a: Any, b: Any) -> Any:
@@ -56,16 +52,12 @@ def integers(like: Any, value: int) -> Any:
     return xp.full(xp.int32_array_t(type(like)), value, xp.width(like))
 
 
-def gather(numbers: Any, places: Any, where: Any = True) -> Any:
-    """numbers[places]; anything where `where` does not hold."""
-    if isinstance(numbers, np.ndarray):
-        return np.take(numbers, places)
-    xp = library(numbers)
-    return xp.gather(type(numbers), numbers, xp.uint32_array_t(type(places))(places), active=where)
-
-
 def dot(a: Vec, b: Vec) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Vec, b: Vec) -> Vec:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def unit(v: Vec) -> Vec:

@@ -2,14 +2,24 @@
 
 from collections.abc import Callable
 from math import pi
-from typing import Any
+from typing import Any, NamedTuple
 
-from raytwin.scene import Scene
-from raytwin.tracer.arrays import Vec, dot, maximum, select, unit
+from raytwin.scene import Camera, Scene
+from raytwin.tracer.arrays import Vec, dot, maximum, select
 from raytwin.tracer.camera import to_board
-from raytwin.tracer.hit import Hit, intersect
-from raytwin.tracer.objects import Listed, Walked
-from raytwin.tracer.sphere import INFINITY
+from raytwin.tracer.hit import Hit, World
+
+
+class Lighting(NamedTuple):
+    """`to_sun`: unit, in the rays' frame; `irradiance` E of the sun on a surface that faces it; `sky`: its radiance."""
+
+    to_sun: Vec
+    irradiance: Vec
+    sky: Vec
+
+
+def lighting(scene: Scene) -> Lighting:
+    return Lighting(scene.sun.to_light, scene.sun.irradiance, scene.sky.radiance)
 
 
 def lambert(albedo: Any, normal: Vec, to_light: Vec, irradiance: Any, visible: Any, sky: Any) -> Any:
@@ -22,49 +32,37 @@ def lambert(albedo: Any, normal: Vec, to_light: Vec, irradiance: Any, visible: A
     return albedo / pi * irradiance * visible * maximum(dot(normal, to_light), 0.0) + albedo * sky
 
 
-def sun_visible(hit: Hit, scene: Scene, casters: Listed | Walked, solver: str = "robust") -> Any:
-    """1 where the way from each hit point to the sun is free of `casters`, else 0.
-
-    No offset along the normal is needed: a convex object never shades a point of itself that faces the sun from
-    outside, so each object is left out of its own test; seen from inside, a sphere shades itself always.
-    """
-    to_light = unit(scene.sun.to_light)
-
-    def block(state, index, thing):
-        t = intersect(hit.point, to_light, thing, solver)
-        return (state[0] | ((hit.ids != index) & (t < INFINITY)),)
-
-    (blocked,) = casters.fold((hit.inside,), block)
-    return select(blocked, 0.0, 0 * hit.point[0] + 1)
+def sun_visible(hit: Hit, light: Lighting, world: World) -> Any:
+    """V: 1 where the way from each hit point to the sun is free, else 0."""
+    return select(world.blocked(hit, light.to_sun), 0.0, 0 * hit.point[0] + 1)
 
 
-def surface_colour(hit: Hit, scene: Scene, casters: Listed | Walked, solver: str) -> Vec:
+def surface_colour(hit: Hit, light: Lighting, world: World, camera: Camera) -> Vec:
     """(n + 1) / 2: the board frame's normal as a colour, so that the rung without light can be looked at too."""
-    return tuple((n + 1) / 2 for n in to_board(hit.normal, scene.camera))
+    return tuple((n + 1) / 2 for n in to_board(hit.normal, camera))
 
 
-def lambert_radiance(hit: Hit, scene: Scene, casters: Listed | Walked, solver: str) -> Vec:
+def lambert_radiance(hit: Hit, light: Lighting, world: World, camera: Camera) -> Vec:
     """Sun without shadows and sky without occlusion: the paper's model."""
-    return _direct(hit, scene, 1.0)
+    return _direct(hit, light, world, 1.0)
 
 
-def shadow_radiance(hit: Hit, scene: Scene, casters: Listed | Walked, solver: str) -> Vec:
+def shadow_radiance(hit: Hit, light: Lighting, world: World, camera: Camera) -> Vec:
     """The same, with shadows cast by the sun."""
-    return _direct(hit, scene, sun_visible(hit, scene, casters, solver))
+    return _direct(hit, light, world, world.stages.sun_visible(hit, light, world))
 
 
-def _direct(hit: Hit, scene: Scene, visible: Any) -> Vec:
-    to_light = unit(scene.sun.to_light)
-    lights = zip(hit.albedo, scene.sun.irradiance, scene.sky.radiance, strict=True)
-    return tuple(lambert(rho, hit.normal, to_light, E, visible, sky) for rho, E, sky in lights)
+def _direct(hit: Hit, light: Lighting, world: World, visible: Any) -> Vec:
+    channels = zip(hit.albedo, light.irradiance, light.sky, strict=True)
+    return tuple(world.stages.lambert(rho, hit.normal, light.to_sun, E, visible, sky) for rho, E, sky in channels)
 
 
-RUNGS: dict[str, Callable[[Hit, Scene, Listed | Walked, str], Vec]] = {
+RADIANCE: dict[str, Callable[[Hit, Lighting, World, Camera], Vec]] = {
     "surface": surface_colour,
     "lambert": lambert_radiance,
     "shadow": shadow_radiance,
 }
-"""name -> (hit, scene, casters, solver) -> radiance (r, g, b); hit and sun are in the camera's frame.
+"""Name of a rung -> (hit, light, world, camera) -> radiance (r, g, b); hit and light are in the camera's frame.
 
-To add a rung, write its function and add its row.
+To add a rung, write its function, and add its row here and in `raytwin.rungs`.
 """

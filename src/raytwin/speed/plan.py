@@ -1,41 +1,13 @@
-"""What happens once an image, before any ray: the scene is moved to the eye, each tile gets its lists."""
+"""What happens once an image, before any ray: each tile gets its lists."""
 
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
 from raytwin.scene import Scene, Sphere
 
 FEW = 64
 """So many objects are held against each other without sorting them first."""
-
-
-def seen_from_eye(scene: Scene) -> Scene:
-    """The scene in the camera's frame, in float64: the eye is the origin, and rays need no turning.
-
-    Coordinates are then as small as the distances that matter, and float32 keeps the digits of far scenes.
-    """
-    R, eye = np.asarray(scene.camera.R_cam_board), np.asarray(scene.camera.eye)
-
-    replace = msgspec.structs.replace
-
-    def turned(vectors):
-        return [tuple(v) for v in (np.reshape(vectors, (-1, 3)) @ R.T).tolist()]
-
-    def places(things):
-        return turned(np.array([t.center for t in things]).reshape(-1, 3) - eye)
-
-    def moved(thing, center):
-        if isinstance(thing, Sphere):
-            return replace(thing, center=center)
-        half_u, half_v = turned([thing.half_u, thing.half_v])
-        return replace(thing, center=center, half_u=half_u, half_v=half_v)
-
-    objects = tuple(moved(thing, c) for thing, c in zip(scene.objects, places(scene.objects), strict=True))
-    camera = replace(scene.camera, R_cam_board=tuple(map(tuple, np.eye(3).tolist())), t_cam_board=(0.0, 0.0, 0.0))
-    sun = replace(scene.sun, to_light=turned(scene.sun.to_light)[0])
-    return replace(scene, camera=camera, objects=objects, lights=(sun, scene.sky))
 
 
 class Lists(NamedTuple):

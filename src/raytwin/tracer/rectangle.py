@@ -3,15 +3,14 @@
 from typing import Any
 
 from raytwin.scene import Rectangle
-from raytwin.tracer.arrays import Vec, dot, select
-from raytwin.tracer.sphere import INFINITY
+from raytwin.tracer.arrays import INFINITY, Vec, cross, dot, select
 
 
-def intersect_plane(origin: Vec, d: Vec, plane: Rectangle) -> Any:
+def intersect_rectangle(origin: Vec, d: Vec, rectangle: Rectangle) -> Any:
     """The t > 0 at which origin + t d lies on the rectangle, metres along the unit direction; infinity for a miss."""
-    u, v = plane.half_u, plane.half_v
+    u, v = rectangle.half_u, rectangle.half_v
     n = cross(u, v)
-    f = tuple(c - o for c, o in zip(plane.center, origin, strict=True))
+    f = tuple(c - o for c, o in zip(rectangle.center, origin, strict=True))
     slope = dot(n, d)
     t = dot(n, f) / select(slope == 0, 1.0, slope)
     # From the centre to the point; its share of each half-edge is a projection divided by that edge's length.
@@ -19,7 +18,3 @@ def intersect_plane(origin: Vec, d: Vec, plane: Rectangle) -> Any:
     a, b = dot(q, u) / dot(u, u), dot(q, v) / dot(v, v)
     inside = (a >= -1) & (a <= 1) & (b >= -1) & (b <= 1)
     return select((slope != 0) & (t > 0) & inside, t, INFINITY)
-
-
-def cross(a: Vec, b: Vec) -> Vec:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

@@ -10,10 +10,12 @@ from hypothesis import strategies as st
 
 from raytwin.errors import InputError
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere, Sun
-from raytwin.tracer import back_project, intersect_plane, intersect_sphere, trace, trim_box
-from raytwin.tracer.camera import invert_lens
-from raytwin.tracer.prepare import plan, shading
-from raytwin.tracer.trim import EMPTY, _tangents, field_of_view
+from raytwin.speed import trace, trim_box
+from raytwin.tracer import back_project, intersect_rectangle, intersect_sphere
+from raytwin.tracer.camera import to_board
+from raytwin.speed.start import invert_lens
+from raytwin.speed.plan import plan, shading
+from raytwin.speed.boxes import EMPTY, _tangents, field_of_view
 
 SIZES = [(64, 48), (97, 31), (40, 90)]
 
@@ -52,8 +54,8 @@ def hits(thing: Shape, camera: Camera) -> np.ndarray:
     """(H, W) bool: every pixel's ray is tried."""
     u, v = np.arange(camera.width)[None, :], np.arange(camera.height)[:, None]
     with np.errstate(all="ignore"):
-        d = back_project(u, v, camera)
-        meet = intersect_sphere if isinstance(thing, Sphere) else intersect_plane
+        d = to_board(back_project(u, v, camera), camera)
+        meet = intersect_sphere if isinstance(thing, Sphere) else intersect_rectangle
         return np.broadcast_to(meet(camera.eye, d, thing) < np.inf, (camera.height, camera.width))
 
 
@@ -223,7 +225,7 @@ def test_no_object_that_shades_another_is_missed(count, planes, to_light, seed):
             points = np.array(thing.center)[:, None] + np.outer(thing.half_u, a) + np.outer(thing.half_v, b)
         for i, other in enumerate(scene.objects):
             if i != j and i not in listed:
-                meet = intersect_sphere if isinstance(other, Sphere) else intersect_plane
+                meet = intersect_sphere if isinstance(other, Sphere) else intersect_rectangle
                 with np.errstate(all="ignore"):
                     assert not (meet(tuple(points), scene.sun.to_light, other) < np.inf).any(), (i, j)
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from raytwin.files import read_scene
 from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.tracer import trace
-from raytwin.tracer.speculate import WAYS, interpolation_bound, speculate
+from raytwin.speed import trace
+from raytwin.speed.speculation import WAYS, interpolation_bound, speculate
 
 TOLERANCE = 5e-4
 

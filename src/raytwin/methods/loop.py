@@ -8,12 +8,10 @@ from math import inf, pi, sqrt
 
 import numpy as np
 
+from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Sphere
-from raytwin.tracer.camera import invert_lens, undistort
-from raytwin.tracer.trace import background
-from raytwin.tracer.trim import TRIMS
-
-RUNGS = ("lambert", "shadow")
+from raytwin.speed import TRIMS, background
+from raytwin.speed.start import invert_lens
 
 
 def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:
@@ -24,7 +22,7 @@ def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:
     camera = scene.camera
     out = background(scene, rung)
     (fx, cx), (fy, cy) = (camera.fx, camera.cx), (camera.fy, camera.cy)
-    dist, inverse = camera.coefficients, invert_lens(camera, fitted=False)
+    dist, undo = camera.coefficients, invert_lens(camera, fitted=False).undo
     (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera.R_cam_board
     eye, to_light = camera.eye, scene.sun.to_light
     things = list(scene.objects)
@@ -40,7 +38,7 @@ def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:
             if not tests:
                 continue
             x, y = (u - cx) / fx, (v - cy) / fy
-            x, y = undistort(x, y, dist, inverse)
+            x, y = undo(x, y, dist)
             length = sqrt(x * x + y * y + 1)
             x, y, z = x / length, y / length, 1 / length
             d = (r00 * x + r10 * y + r20 * z, r01 * x + r11 * y + r21 * z, r02 * x + r12 * y + r22 * z)
@@ -56,7 +54,7 @@ def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:
             if n[0] * d[0] + n[1] * d[1] + n[2] * d[2] > 0:
                 n = (-n[0], -n[1], -n[2])
             light = max(0.0, n[0] * to_light[0] + n[1] * to_light[1] + n[2] * to_light[2]) / pi
-            if rung == "shadow" and light > 0 and shaded(p, to_light, things, seen, n):
+            if RUNGS[rung].shadows and light > 0 and shaded(p, to_light, things, seen, n):
                 light = 0.0
             out[v, u] = [
                 a * (light * e + s)

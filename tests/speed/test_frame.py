@@ -8,7 +8,11 @@ import pytest
 
 from raytwin.errors import InputError, MachineError
 from raytwin.scene import Lambert, Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.tracer import ENGINES, RUNGS, SOLVERS, everything, intersect_plane, intersect_sphere, nearest, trace
+from raytwin.speed import ENGINES, trace
+from raytwin.speed.engine import pixel_grid
+from raytwin.speed.frame import View, with_solver
+from raytwin.speed.lists import Listed
+from raytwin.tracer import RADIANCE, SOLVERS, STAGES, Every, World, intersect_rectangle, intersect_sphere
 
 FLOAT32_AGREES = 1e-5
 
@@ -94,10 +98,10 @@ def test_the_nearest_of_many_objects_is_seen(rng, single):
     d /= np.linalg.norm(d, axis=0)
     origin = (0.0, 0.0, -3.0)
     with np.errstate(all="ignore"):
-        found = nearest(origin, tuple(d), everything(Scene("many", camera, (*spheres, *planes))))
+        found = World(Every((*spheres, *planes)), STAGES).nearest(origin, tuple(d))
         t = np.array(
             [intersect_sphere(origin, tuple(d), s) for s in spheres]
-            + [intersect_plane(origin, tuple(d), p) for p in planes]
+            + [intersect_rectangle(origin, tuple(d), p) for p in planes]
         )
     np.testing.assert_array_equal(found.t, t.min(axis=0))
     np.testing.assert_array_equal(found.ids, np.where(t.min(axis=0) < np.inf, t.argmin(axis=0), -1))
@@ -167,26 +171,20 @@ def test_every_engine_sees_what_float64_sees(shipped, exact, engine):
 @pytest.mark.parametrize("name", [n for n, e in ENGINES.items() if e.is_numpy])
 def test_numpy_stays_in_the_precision_that_was_asked_for(overlap, name):
     # One float64 scalar among float32 arrays would quietly double the work.
-    from raytwin.tracer.camera import camera_ray
-    from raytwin.tracer.engine import pixel_grid
-    from raytwin.tracer.objects import Listed
-    from raytwin.tracer.trace import View
-
     wide = msgspec.structs.replace(overlap.camera, dist=(-0.1, 0.02))
     engine = ENGINES[name]
-    view = View(overlap.with_camera(wide), engine)
-    objects = Listed(view.table, range(4))
-    for rung in RUNGS:
+    for rung in RADIANCE:
         for solver in SOLVERS:
+            view = View(overlap.with_camera(wide), engine, with_solver(STAGES, solver))
+            world = view.world(*[Listed(view.table, range(4))] * 2)
             with np.errstate(all="ignore"):
-                d = camera_ray(*pixel_grid(engine, (0, 0, 64, 48)), view.scene.camera, view.inverse)
-                hit = nearest((0.0, 0.0, 0.0), d, objects, solver)
-                colour = RUNGS[rung](hit, view.scene, objects, solver)
+                hit = world.nearest((0.0, 0.0, 0.0), view.ray(*pixel_grid(engine, (0, 0, 64, 48))))
+                colour = RADIANCE[rung](hit, view.light, world, view.camera)
             arrays = (hit.t, *hit.point, *hit.normal, *hit.albedo, *colour)
             assert {a.dtype.name for a in arrays} == {engine.precision}, (rung, solver)
 
 
-@pytest.mark.parametrize("rung", RUNGS)
+@pytest.mark.parametrize("rung", RADIANCE)
 def test_every_rung_returns_a_whole_image(shipped, engine, rung):
     small = shipped.with_camera(shipped.camera.resized(107, 80))
     image = trace(small, rung, engine)

@@ -16,7 +16,8 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.scene import Camera, Rectangle, Shape, Sphere
-from raytwin.tracer.camera import distort, invert_lens, undistort
+from raytwin.speed.start import invert_lens
+from raytwin.tracer.camera import distort
 
 Box = tuple[int, int, int, int]
 """x0, y0, x1, y1 in pixels: x0 <= u < x1 and y0 <= v < y1."""
@@ -70,7 +71,7 @@ def field_of_view(camera: Camera) -> tuple[float, float, float, float] | None:
     v = np.concatenate([-0.5 + 0 * us, h + 0 * us, vs, vs])
     xd, yd = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
     try:
-        x, y = undistort(xd, yd, camera.coefficients, invert_lens(camera))
+        x, y = invert_lens(camera).undo(xd, yd, camera.coefficients)
     except InputError:
         return None
     pad_x, pad_y = 0.01 * np.ptp(x), 0.01 * np.ptp(y)

@@ -18,6 +18,15 @@ class Engine(NamedTuple):
     precision: str
 
     @property
+    def title(self) -> str:
+        """The package as people call it."""
+        return "drjit" if self.package == "llvm" else self.package
+
+    @property
+    def bits(self) -> int:
+        return np.dtype(self.precision).itemsize * 8
+
+    @property
     def is_numpy(self) -> bool:
         return self.package == "numpy"
 
@@ -168,3 +177,11 @@ def from_numpy(engine: Engine, values: np.ndarray, whole: bool = False) -> Any:
 def to_numpy(values: Any, shape: tuple[int, ...]) -> np.ndarray:
     """The engine's numbers, or one number for all, as a NumPy array of `shape`."""
     return np.broadcast_to(values if library(values) is np else values.numpy(), shape)
+
+
+def gather(numbers: Any, places: Any, where: Any = True) -> Any:
+    """numbers[places]; anything where `where` does not hold."""
+    if isinstance(numbers, np.ndarray):
+        return np.take(numbers, places)
+    xp = library(numbers)
+    return xp.gather(type(numbers), numbers, xp.uint32_array_t(type(places))(places), active=where)

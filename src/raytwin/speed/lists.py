@@ -1,8 +1,7 @@
-"""The objects that a ray is tested against: a loop over them that is written once, for few objects and for many.
+"""What each ray is tested against: short lists, found beforehand, in the place of all objects.
 
-`objects.fold(state, body)` hands a state through `body(state, id, object)` for one object after the other. NumPy, where
-all rays of a tile share one list, loops in Python. On Dr.Jit each ray walks the list of its tile in a loop within the
-kernel: it does not grow with the scene, and another scene needs no other kernel.
+NumPy, where all rays of a tile share one list, loops over it in Python. On Dr.Jit each ray walks the list of its tile in
+a loop within the kernel: it does not grow with the scene, and another scene needs no other kernel.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,17 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
-from raytwin.tracer.arrays import gather
-from raytwin.tracer.engine import ENGINES, Engine, from_numpy
-from raytwin.tracer.prepare import Lists
+from raytwin.speed.engine import Engine, from_numpy, gather
+from raytwin.speed.plan import Lists
+from raytwin.tracer.hit import Facts, facts_of
 
 FIELDS = {"center": 3, "radius": 1, "half_u": 3, "half_v": 3, "albedo": 3, "flat": 3, "bend": 1}
-"""The table's fields and how many numbers each has. An object's normal at its point p is flat + bend (p - center):
-a sphere's is (p - center) / radius, a rectangle's is the same everywhere."""
+"""The table's fields and how many numbers each has."""
 
 
 class Table:
-    """One row an object: `objects` are the records, `column(field)` its numbers (n,), in the engine's floats."""
+    """One row an object: `objects` are the records, `columns` their numbers (n,), in the engine's floats."""
 
     def __init__(self, scene: Scene, engine: Engine) -> None:
         self.objects, self.kinds = scene.objects, {type(thing) for thing in scene.objects}
@@ -34,12 +32,15 @@ class Table:
         """The field's numbers for each of `ids`; anything where `where` does not hold."""
         return tuple(gather(column, ids, where) for column in self.columns[field])
 
+    def facts(self, ids: Any) -> Facts:
+        center, flat, bend, albedo = (self.look_up(name, ids, ids >= 0) for name in ("center", "flat", "bend", "albedo"))
+        return Facts(center, flat, bend[0], albedo)
+
 
 def _row(thing: Shape) -> tuple[float, ...]:
-    zero = (0.0, 0.0, 0.0)
-    if isinstance(thing, Sphere):
-        return (*thing.center, thing.radius, *zero, *zero, *thing.material.albedo, *zero, 1 / thing.radius)
-    return (*thing.center, 0.0, *thing.half_u, *thing.half_v, *thing.material.albedo, *thing.normal, 0.0)
+    facts, zero = facts_of(thing), (0.0, 0.0, 0.0)
+    shape = (thing.radius, *zero, *zero) if isinstance(thing, Sphere) else (0.0, *thing.half_u, *thing.half_v)
+    return (*facts.center, *shape, *facts.albedo, *facts.flat, facts.bend)
 
 
 class Listed(NamedTuple):
@@ -52,6 +53,9 @@ class Listed(NamedTuple):
         for index in self.ids:
             state = body(state, index, self.table.objects[index])
         return state
+
+    def facts(self, ids: Any) -> Facts:
+        return self.table.facts(ids)
 
 
 class Walked(NamedTuple):
@@ -69,6 +73,9 @@ class Walked(NamedTuple):
             if kind in self.table.kinds:
                 state = self._walk(kind, start, stop, state, body)
         return state
+
+    def facts(self, ids: Any) -> Facts:
+        return self.table.facts(ids)
 
     def _walk(self, kind: type, start: Any, stop: Any, state: tuple, body: Callable) -> tuple:
         import drjit
@@ -95,8 +102,3 @@ def walk(table: Table, engine: Engine, lists: Lists, tiles: np.ndarray, number: 
     ends = (from_numpy(engine, end[tiles], whole=True) for end in lists[1:])
     flat = from_numpy(engine, np.append(lists.flat, (0, 0)), whole=True)  # as in Table
     return Walked(table, number, flat, *ends)
-
-
-def everything(scene: Scene, engine: str = "numpy64") -> Listed:
-    """All objects of the scene for every ray, on a NumPy engine."""
-    return Listed(Table(scene, ENGINES[engine]), range(len(scene.objects)))

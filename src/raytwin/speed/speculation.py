@@ -12,26 +12,17 @@ takes twice their value, for the growth of the curvature between two lattice poi
 closed form.
 """
 
-from collections.abc import Iterator
-from typing import NamedTuple
-
-import msgspec
 import numpy as np
 
+from raytwin.errors import InputError
 from raytwin.image import BACKGROUND
+from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
-from raytwin.tracer.arrays import dot
-from raytwin.tracer.camera import camera_ray, to_board
-from raytwin.tracer.engine import ENGINES, evaluate, from_numpy, to_numpy
-from raytwin.tracer.hit import nearest
-from raytwin.tracer.light import RUNGS, sun_visible
-from raytwin.tracer.objects import Listed, walk
-from raytwin.tracer.prepare import plan, shading
-from raytwin.tracer.trace import EYE, TILE_DRJIT, Objects, View, background, draw
-from raytwin.tracer.trim import trim_boxes
+from raytwin.speed.boxes import trim_boxes
+from raytwin.speed.frame import background, draw
+from raytwin.speed.points import trace_points
 
 WAYS = ("careful", "paper")
-CHUNK = 1 << 14
 
 
 def interpolation_bound(amplitude: float, step: float, radius_px: float, rim: float) -> float:
@@ -49,7 +40,10 @@ def speculate(
     """Radiance (H, W, 3) float32 from a lattice of every n-th pixel, and the share of all pixels that was traced.
 
     `tolerance`: the largest interpolation error allowed in a block, in units of radiance. n = 1 traces every pixel.
+    Raises InputError for a `way` that is not in WAYS.
     """
+    if way not in WAYS:
+        raise InputError("way", f"one of {', '.join(WAYS)}", way)
     w, h = scene.camera.image_size
     out = background(scene, rung)
     if n == 1:
@@ -65,7 +59,7 @@ def speculate(
     if way == "careful":
         whole = doubtful(scene, colour, ids, lit, n, tolerance)
     guessed = ~whole & (_blocks(ids != BACKGROUND).any(axis=0) if way == "paper" else ids[:-1, :-1] != BACKGROUND)
-    colour[ids == BACKGROUND] = 0.0 if rung == "surface" else scene.sky.radiance
+    colour[ids == BACKGROUND] = scene.sky.radiance if RUNGS[rung].background else 0.0
     _interpolate(out, colour, guessed, n)
     y, x = np.nonzero(whole)
     inner = np.arange(n)
@@ -100,68 +94,6 @@ def doubtful(scene: Scene, colour: np.ndarray, ids: np.ndarray, lit: np.ndarray,
         if 0 < min(x1 - x0, y1 - y0) <= 2 * n:
             whole[y0 // n : -(-y1 // n), x0 // n : -(-x1 // n)] = True
     return whole
-
-
-class Points(NamedTuple):
-    """Per ray (m,): `colour` (m, 3), `ids`, `lit`: the sun reaches it, `point` (m, 3): from the eye, board's axes."""
-
-    colour: np.ndarray
-    ids: np.ndarray
-    lit: np.ndarray
-    point: np.ndarray | None
-
-
-def trace_points(
-    scene: Scene, u: np.ndarray, v: np.ndarray, rung: str, engine: str, light: bool = True, point: bool = False
-) -> Points:
-    """What the rays through pixels (u, v) (m,) see; `lit` is found where `light` asks for it, and `point` likewise."""
-    view, m = View(scene, ENGINES[engine]), len(u)
-    colour, ids, lit = np.empty((m, 3), np.float32), np.empty(m, np.int32), np.zeros(m, bool)
-    place = np.empty((m, 3), np.float32) if point else None
-    shaded = rung == "shadow"
-    for part, seen, casters in _parts(view, u, v, shaded):
-        with np.errstate(all="ignore"):
-            at = (from_numpy(view.engine, a[part]) for a in (u, v))
-            d = camera_ray(*at, view.scene.camera, view.inverse)
-            hit = nearest(EYE, d, seen)
-            layers = [(colour[part], RUNGS[rung](hit, view.scene, casters, "robust")), (ids[part], (hit.ids,))]
-            if light:
-                facing = (hit.ids >= 0) & (dot(hit.normal, view.scene.sun.to_light) > 0)
-                lit_here = facing & (sun_visible(hit, view.scene, casters) > 0) if shaded else facing
-                layers.append((lit[part], (lit_here,)))
-            if place is not None:
-                layers.append((place[part], to_board(hit.point, view.scene.camera)))
-        evaluate(view.engine, [values for _, values in layers])
-        for out, values in layers:
-            columns = out.reshape(len(out), -1)
-            for c, value in enumerate(values):
-                columns[:, c] = to_numpy(value, (len(out),))
-    return Points(colour, ids, lit, place)
-
-
-def _parts(view: View, u: np.ndarray, v: np.ndarray, shadows: bool) -> Iterator[tuple[slice, Objects, Objects]]:
-    """The points in portions, each with the objects it may see and those that may shade these."""
-    if not len(u):
-        return
-    column, row = np.maximum(np.rint(u), 0).astype(int), np.maximum(np.rint(v), 0).astype(int)
-    camera = view.local.camera
-    # The lattice's last points may lie beyond the frame.
-    size = max(camera.width, int(column.max()) + 1), max(camera.height, int(row.max()) + 1)
-    boxes = trim_boxes(view.local.objects, msgspec.structs.replace(camera, image_size=size))
-    if not view.engine.is_numpy:
-        work = plan(view.local, boxes, size, TILE_DRJIT, shadows)
-        tile = from_numpy(view.engine, row // work.side * work.columns + column // work.side, whole=True)
-        every = np.arange(len(work.seen.first))
-        yield slice(None), *(walk(view.table, view.engine, a, every, tile) for a in (work.seen, work.casters))
-        return
-    first, flat = shading(view.local) if shadows else (np.zeros(len(boxes) + 1, int), np.zeros(0, int))
-    x0, y0, x1, y1 = boxes.T
-    for start in range(0, len(u), CHUNK):
-        part = slice(start, start + CHUNK)
-        c, r = column[part], row[part]
-        ids = np.flatnonzero((x0 <= c.max()) & (c.min() < x1) & (y0 <= r.max()) & (r.min() < y1)).tolist()
-        casters = sorted(set().union(*(flat[first[i] : first[i + 1]].tolist() for i in ids)))
-        yield part, Listed(view.table, ids), Listed(view.table, casters)
 
 
 def _blocks(a: np.ndarray) -> np.ndarray:

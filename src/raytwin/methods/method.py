@@ -1,0 +1,81 @@
+"""What every way to make an image has in common."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from raytwin.image import Image
+from raytwin.scene import Scene
+
+Call = Callable[[int], Image]
+"""seed -> Image: all that is timed."""
+
+
+@dataclass(frozen=True)
+class Method(ABC):
+    """A frozen record a kind, whose fields say what varies; `method(scene, seed)` makes the image. `rung`: of RUNGS.
+
+    To add a kind, write a record with a `name` made of its fields and a `prepare`, and add its rows to METHODS.
+    """
+
+    rung: str = "shadow"
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """Its own, made of its fields: how the command line, the bench and its saved runs call it."""
+
+    @property
+    def family(self) -> str:
+        """What a chart joins by a line."""
+        return self.name
+
+    @property
+    def label(self) -> str:
+        """Its place in the family."""
+        return self.name
+
+    @property
+    def library(self) -> str:
+        """What computes: python, numpy, drjit (LLVM), cuda, or Mitsuba's variant."""
+        return "numpy"
+
+    @property
+    def precision(self) -> int:
+        """Bits of a float."""
+        return 32
+
+    @property
+    def sampling(self) -> str:
+        """What its pixel holds: what one ray through the `center` sees, or the mean over the pixel's `area`."""
+        return "center"
+
+    @property
+    def noisy(self) -> bool:
+        """Another seed gives another image."""
+        return False
+
+    @property
+    def trim(self) -> str | None:
+        """The boxes outside which nothing is tested, a row of TRIMS."""
+        return None
+
+    @property
+    def samples(self) -> int:
+        """Rays of each pixel."""
+        return 1
+
+    @property
+    def step(self) -> int:
+        """Every how many-th pixel is traced, the others guessed; 1: all are traced."""
+        return 1
+
+    @abstractmethod
+    def prepare(self, scene: Scene) -> Call:
+        """The call that makes the image, after all that a clock need not see.
+
+        Raises InputError or MachineError where this scene or machine cannot have it.
+        """
+
+    def __call__(self, scene: Scene, seed: int = 0) -> Image:
+        return self.prepare(scene)(seed)

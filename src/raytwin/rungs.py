@@ -1,0 +1,38 @@
+"""The ladder of light transport: what each rung adds to the one below it. Subject and twin map a row to a function.
+
+To add a rung, add a row, its function to `tracer.light.RADIANCE` and its kernel to the twin's table.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One row: its `name` and, in words, what it `adds`; the rest is what others must know of it.
+
+    `shadows`: the sun may be hidden. `sky`: how its light is summed, `none`, `open` (nothing hides it) or `occluded`.
+    `depth`: the surfaces that light may have met where it is followed from one to the next, counted as Mitsuba does
+    (light, surface, eye: 2); None where a formula gives the radiance. `noisy`: it is found by random samples.
+    `background`: a ray that meets nothing sees the sky; if not, black.
+    """
+
+    name: str
+    adds: str
+    shadows: bool = True
+    sky: str = "open"
+    depth: int | None = None
+    noisy: bool = False
+    background: bool = True
+
+
+RUNGS = {
+    rung.name: rung
+    for rung in (
+        Rung("surface", "which object, how far, which way it faces", shadows=False, sky="none", background=False),
+        Rung("lambert", "sun without shadows and sky without occlusion: the paper's model", shadows=False),
+        Rung("shadow", "cast shadows of the sun"),
+        Rung("sky", "occlusion of the sky", sky="occluded", depth=2, noisy=True),
+        Rung("path", "interreflection", sky="occluded", depth=8, noisy=True),
+    )
+}
+"""name -> row, from the least light to all of it."""

@@ -1,0 +1,184 @@
+"""The whole tracer, fast: tiles with short lists of objects, in any engine; the same pixels as `tracer.trace`."""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytwin.errors import InputError
+from raytwin.image import Image, Surface
+from raytwin.rungs import RUNGS
+from raytwin.scene import Camera, Scene, seen_from_eye
+from raytwin.speed.boxes import TRIMS
+from raytwin.speed.engine import ENGINES, Engine, canvas, flush, lift, only_where, pixel_grid, store, tile_grid
+from raytwin.speed.lists import Listed, Table, Walked, walk
+from raytwin.speed.plan import plan
+from raytwin.speed.start import invert_lens, quick
+from raytwin.tracer.arrays import Vec, unit
+from raytwin.tracer.camera import to_board
+from raytwin.tracer.hit import Hit, World
+from raytwin.tracer.light import RADIANCE, Lighting, lighting
+from raytwin.tracer.sphere import SOLVERS, intersect_sphere
+from raytwin.tracer.stages import Stages
+from raytwin.tracer.frame import EYE, STAGES
+
+TILE_NUMPY, TILE_DRJIT = 128, 32
+
+
+def trace(
+    scene: Scene,
+    rung: str = "shadow",
+    engine: str = "numpy64",
+    solver: str = "robust",
+    trim: str = "conic",
+    stages: Stages = STAGES,
+) -> Image:
+    """Radiance and surface of what each pixel's centre sees: `Image` of the camera's size, without noise.
+
+    `rung`: a row of `tracer.RADIANCE`; `engine`: of ENGINES; `solver`: of SOLVERS. `trim`, of TRIMS, skips what no
+    object's box touches; `conic` gives the same as `none` to the last bit, unless a poor solver sees a sphere beyond
+    its outline. Raises InputError for an unknown row, or a distortion that cannot be undone; MachineError for an engine
+    that this machine lacks.
+    """
+    mean, surface = background(scene, rung), Surface.empty(*scene.camera.image_size)
+    draw(scene, mean, rung, engine, solver, trim, surface, stages)
+    return Image(mean, surface=surface)
+
+
+def background(scene: Scene, rung: str = "shadow", out: np.ndarray | None = None) -> np.ndarray:
+    """What the camera sees where it meets nothing: (H, W, 3) float32, the sky's radiance, or 0 where a rung has none.
+
+    `out` is filled, where given, and returned.
+    """
+    w, h = scene.camera.image_size
+    row = np.empty((w, 3), np.float32)
+    row[:] = scene.sky.radiance if RUNGS[rung].background else 0.0
+    if out is None:
+        out = np.empty((h, w, 3), np.float32)
+    if w * h < 1 << 20:
+        out[:] = row
+    else:  # one thread does not use all of the memory's speed
+        with ThreadPoolExecutor(2) as pool:
+            list(pool.map(lambda rows: np.copyto(rows, row), np.array_split(out, 2)))
+    return out
+
+
+def draw(
+    scene: Scene,
+    out: np.ndarray,
+    rung: str = "shadow",
+    engine: str = "numpy64",
+    solver: str = "robust",
+    trim: str = "conic",
+    surface: Surface | None = None,
+    stages: Stages = STAGES,
+) -> None:
+    """Write the radiance of every pixel that sees an object into `out` (H, W, 3) float32, and touch no other.
+
+    `surface`, where given, is written alike. The rest is as in `trace`.
+    """
+    tables = ("rung", rung, RADIANCE), ("engine", engine, ENGINES), ("solver", solver, SOLVERS), ("trim", trim, TRIMS)
+    for what, name, table in tables:
+        if name not in table:
+            raise InputError(what, f"one of {', '.join(table)}", name)
+    how, boxes = ENGINES[engine], TRIMS[trim](scene.objects, scene.camera)
+    view = View(scene, how, with_solver(stages, solver))
+    layers = [out] if surface is None else [out, surface.ids, surface.depth, surface.normal]
+    queued = [(layer, canvas(how, layer)) for layer in layers]
+
+    def paint(u: Any, v: Any, place: Any, world: "Eyes") -> None:
+        d = view.ray(u, v)
+        t, ids = world.first(EYE, d)
+
+        def shade() -> None:
+            hit = world.describe(EYE, d, t, ids)
+            values = [RADIANCE[rung](hit, view.light, world, view.camera)]
+            if surface is not None:
+                values += (ids,), (t,), to_board(hit.normal, view.camera)
+            for (_, targets), value in zip(queued, values, strict=True):
+                store(how, targets, place, value, ids >= 0)
+
+        only_where(how, ids >= 0, shade)
+
+    with np.errstate(all="ignore"):  # infinities and NaN of missed rays are selected away
+        for piece in (tiles if how.is_numpy else kernel)(view, boxes, RUNGS[rung].shadows):
+            paint(*piece)
+    flush(how, queued)
+
+
+def with_solver(stages: Stages, solver: str) -> Stages:
+    """The stages with a row of SOLVERS; a stage that has been replaced already stays."""
+    if stages.intersect_sphere is not intersect_sphere or solver == "robust":
+        return stages
+    return stages._replace(intersect_sphere=partial(intersect_sphere, solver=solver))
+
+
+class View:
+    """A scene seen from its eye: `local` in the camera's frame, in float64; the rest in the engine's floats.
+
+    `camera` keeps its rotation, which leads back to the board's frame.
+    """
+
+    def __init__(self, scene: Scene, engine: Engine, stages: Stages = STAGES) -> None:
+        self.engine, self.stages, self.local = engine, stages, seen_from_eye(scene)
+        self.camera: Camera = lift(scene.camera, engine)
+        light: Lighting = lift(lighting(self.local), engine)
+        self.light = light._replace(to_sun=unit(light.to_sun))  # in the engine's own floats
+        self.undo = quick(stages.undistort, lift(invert_lens(scene.camera, engine.precision), engine))
+        self.table = Table(self.local, engine)
+
+    def ray(self, u: Any, v: Any) -> Vec:
+        """The unit directions through pixels (u, v), in the camera's frame."""
+        return self.stages.back_project(u, v, self.camera, self.undo)
+
+    def world(self, seen: Listed | Walked, casters: Listed | Walked) -> "Eyes":
+        return Eyes(World(seen, self.stages), World(casters, self.stages))
+
+
+class Eyes(NamedTuple):
+    """The world as short lists: `seen` holds for rays from the eye, `casters` for those from what it sees to the sun."""
+
+    seen: World
+    casters: World
+
+    @property
+    def stages(self) -> Stages:
+        return self.seen.stages
+
+    def first(self, origin: Vec, d: Vec) -> tuple[Any, Any]:
+        return self.seen.first(origin, d)
+
+    def describe(self, origin: Vec, d: Vec, t: Any, ids: Any) -> Hit:
+        return self.seen.describe(origin, d, t, ids)
+
+    def nearest(self, origin: Vec, d: Vec) -> Hit:
+        return self.seen.nearest(origin, d)
+
+    def blocked(self, hit: Hit, d: Vec) -> Any:
+        return self.casters.blocked(hit, d)
+
+
+def tiles(view: View, boxes: np.ndarray, shadows: bool) -> Iterator[tuple]:
+    """(u, v, place, world) of one tile after the other, whose arrays stay in the processor's cache."""
+    work = plan(view.local, boxes, view.local.camera.image_size, TILE_NUMPY, shadows)
+    for tile in work.tiles.tolist():
+        ids = work.seen.at(tile)
+        corner = np.array((tile % work.columns, tile // work.columns)) * work.side
+        x0, y0 = np.maximum(boxes[ids, :2].min(axis=0), corner).tolist()
+        x1, y1 = np.minimum(boxes[ids, 2:].max(axis=0), corner + work.side).tolist()
+        u, v = pixel_grid(view.engine, (x0, y0, x1, y1))
+        place = slice(y0, y1), slice(x0, x1)
+        yield u, v, place, view.world(Listed(view.table, ids), Listed(view.table, work.casters.at(tile)))
+
+
+def kernel(view: View, boxes: np.ndarray, shadows: bool) -> Iterator[tuple]:
+    """The same for Dr.Jit: all tiles at once."""
+    w, h = view.local.camera.image_size
+    work = plan(view.local, boxes, (w, h), TILE_DRJIT, shadows)
+    if len(work.tiles):
+        u, v, place, number = tile_grid(view.engine, work.tiles, work.side, work.columns, (w, h))
+        seen, casters = (walk(view.table, view.engine, a, work.tiles, number) for a in (work.seen, work.casters))
+        kind = view.engine.float_type
+        yield kind(u), kind(v), place, view.world(seen, casters)

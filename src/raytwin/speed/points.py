@@ -1,0 +1,82 @@
+"""The tracer at any points of the image plane, not only at pixels' centres: what speculation and drawing into photos ask."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from raytwin.rungs import RUNGS
+from raytwin.scene import Scene
+from raytwin.speed.boxes import trim_boxes
+from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
+from raytwin.speed.frame import TILE_DRJIT, Eyes, View
+from raytwin.speed.lists import Listed, walk
+from raytwin.speed.plan import plan, shading
+from raytwin.tracer.arrays import dot
+from raytwin.tracer.camera import to_board
+from raytwin.tracer.light import RADIANCE, sun_visible
+from raytwin.tracer.frame import EYE
+
+CHUNK = 1 << 14
+
+
+class Points(NamedTuple):
+    """Per ray (m,): `colour` (m, 3), `ids`, `lit`: the sun reaches it, `point` (m, 3): from the eye, board's axes."""
+
+    colour: np.ndarray
+    ids: np.ndarray
+    lit: np.ndarray
+    point: np.ndarray | None
+
+
+def trace_points(
+    scene: Scene, u: np.ndarray, v: np.ndarray, rung: str, engine: str, light: bool = True, point: bool = False
+) -> Points:
+    """What the rays through pixels (u, v) (m,) see; `lit` is found where `light` asks for it, and `point` likewise."""
+    view, m = View(scene, ENGINES[engine]), len(u)
+    colour, ids, lit = np.empty((m, 3), np.float32), np.empty(m, np.int32), np.zeros(m, bool)
+    place = np.empty((m, 3), np.float32) if point else None
+    shaded = RUNGS[rung].shadows
+    for part, world in _parts(view, u, v, shaded):
+        with np.errstate(all="ignore"):
+            hit = world.nearest(EYE, view.ray(*(from_numpy(view.engine, a[part]) for a in (u, v))))
+            layers = [(colour[part], RADIANCE[rung](hit, view.light, world, view.camera)), (ids[part], (hit.ids,))]
+            if light:
+                facing = (hit.ids >= 0) & (dot(hit.normal, view.light.to_sun) > 0)
+                lit_here = facing & (sun_visible(hit, view.light, world) > 0) if shaded else facing
+                layers.append((lit[part], (lit_here,)))
+            if place is not None:
+                layers.append((place[part], to_board(hit.point, view.camera)))
+        evaluate(view.engine, [values for _, values in layers])
+        for out, values in layers:
+            columns = out.reshape(len(out), -1)
+            for c, value in enumerate(values):
+                columns[:, c] = to_numpy(value, (len(out),))
+    return Points(colour, ids, lit, place)
+
+
+def _parts(view: View, u: np.ndarray, v: np.ndarray, shadows: bool) -> Iterator[tuple[slice, Eyes]]:
+    """The points in portions, each with the objects it may see and those that may shade these."""
+    if not len(u):
+        return
+    column, row = np.maximum(np.rint(u), 0).astype(int), np.maximum(np.rint(v), 0).astype(int)
+    camera = view.local.camera
+    # The lattice's last points may lie beyond the frame.
+    size = max(camera.width, int(column.max()) + 1), max(camera.height, int(row.max()) + 1)
+    boxes = trim_boxes(view.local.objects, msgspec.structs.replace(camera, image_size=size))
+    if not view.engine.is_numpy:
+        work = plan(view.local, boxes, size, TILE_DRJIT, shadows)
+        tile = from_numpy(view.engine, row // work.side * work.columns + column // work.side, whole=True)
+        every = np.arange(len(work.seen.first))
+        lists = (walk(view.table, view.engine, a, every, tile) for a in (work.seen, work.casters))
+        yield slice(None), view.world(*lists)
+        return
+    first, flat = shading(view.local) if shadows else (np.zeros(len(boxes) + 1, int), np.zeros(0, int))
+    x0, y0, x1, y1 = boxes.T
+    for start in range(0, len(u), CHUNK):
+        part = slice(start, start + CHUNK)
+        c, r = column[part], row[part]
+        ids = np.flatnonzero((x0 <= c.max()) & (c.min() < x1) & (y0 <= r.max()) & (r.min() < y1)).tolist()
+        casters = sorted(set().union(*(flat[first[i] : first[i + 1]].tolist() for i in ids)))
+        yield part, view.world(Listed(view.table, ids), Listed(view.table, casters))

@@ -1,0 +1,118 @@
+"""Undoing a lens in one step or two: Newton's method from a start that is fitted to the lens, once a camera."""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytwin.errors import InputError
+from raytwin.scene import Camera
+from raytwin.tracer.arrays import library
+from raytwin.tracer.camera import STEPS, distort, undistort
+
+TERMS = 8, 3
+"""Of the radial and of the tangential series: with 3 of these, float32 needs one step for most lenses."""
+
+
+class Inverse(NamedTuple):
+    """How to undo a camera's distortion: a start, then `steps` of Newton's.
+
+    With r² = xd² + yd² and s = p2 xd + p1 yd, it starts at x = xd (1 + r² A(r²) + s B(r²)) + p2 r² C(r²), and y alike
+    with p1: what the inverse of a lens is to first order in p1 and p2. A is `radial`; B, C are `along`, `across`.
+    """
+
+    steps: int
+    radial: tuple = (0.0,)
+    along: tuple = ()
+    across: tuple = ()
+
+    def start(self, xd: Any, yd: Any, dist: tuple) -> tuple[Any, Any]:
+        _, _, p1, p2, _ = dist
+        rr = xd * xd + yd * yd
+        scale = rr * _series(self.radial, rr)
+        if self.along:
+            scale = scale + (p2 * xd + p1 * yd) * _series(self.along, rr)
+        x, y = xd + xd * scale, yd + yd * scale
+        if self.across:
+            shift = rr * _series(self.across, rr)
+            x, y = x + p2 * shift, y + p1 * shift
+        return x, y
+
+    def undo(self, xd: Any, yd: Any, dist: tuple) -> tuple[Any, Any]:
+        """`undistort`, quickly."""
+        if not self.radial:
+            return xd, yd
+        return undistort(xd, yd, dist, self.start(xd, yd, dist), self.steps)
+
+
+def quick(undo: Callable, inverse: Inverse) -> Callable:
+    """The tracer's own `undo` by way of `inverse`; another, a learner's or a fault, as it is."""
+    return inverse.undo if undo is undistort else undo
+
+
+def _series(c: tuple, rr: Any) -> Any:
+    """c0 + c1 r² + c2 r⁴ + ..., by Estrin's scheme: pairs that do not wait for one another."""
+    while len(c) > 1:
+        c = tuple(_fma(c[i + 1], rr, c[i]) if i + 1 < len(c) else c[i] for i in range(0, len(c), 2))
+        rr = rr * rr
+    return c[0]
+
+
+def _fma(a: Any, b: Any, c: Any) -> Any:
+    """a b + c, rounded once where the library can."""
+    return a * b + c if (xp := library(a, b, c)) is np else xp.fma(a, b, c)
+
+
+@lru_cache(maxsize=64)
+def invert_lens(camera: Camera, precision: str = "float64", fitted: bool = True) -> Inverse:
+    """The cheapest Inverse that undoes the camera's distortion to rounding all over the frame; no step for a pinhole.
+
+    The start is `fitted` to the frame, so that one step serves in float32 for most lenses, and two in float64; for
+    single numbers more steps from the distorted point itself are quicker. Raises InputError where none does: the model
+    folds over within the frame, and some pixels have no ray.
+    """
+    if not any(camera.dist):
+        return Inverse(0, ())
+    u = np.linspace(-0.5, camera.width - 0.5, 33)
+    v = np.linspace(-0.5, camera.height - 0.5, 33)[:, None]
+    xd, yd = np.broadcast_arrays((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)
+    with np.errstate(all="ignore"):
+        x, y = Inverse(STEPS).undo(xd, yd, camera.coefficients)
+        if not (_error(x, y, xd, yd, camera) < 2e-14 and _monotone(x, y, camera.coefficients)):
+            raise InputError("camera.dist", "a distortion that can be undone all over the frame", list(camera.dist))
+        enough = 2e-14 if precision == "float64" else 2e-8
+        guess = _fit(xd.ravel(), yd.ravel(), x.ravel(), y.ravel(), camera) if fitted else Inverse(0)
+        for start in (guess, Inverse(0)):
+            for steps in range(STEPS):
+                inverse = start._replace(steps=steps)
+                if _error(*inverse.undo(xd, yd, camera.coefficients), xd, yd, camera) < enough:
+                    return inverse
+    return Inverse(STEPS)
+
+
+def _fit(xd: np.ndarray, yd: np.ndarray, x: np.ndarray, y: np.ndarray, camera: Camera) -> Inverse:
+    """The start that takes (xd, yd) closest to (x, y), by least squares over both coordinates."""
+    p1, p2 = camera.coefficients[2:4]
+    rr, s = xd * xd + yd * yd, p2 * xd + p1 * yd
+    radial, tangential = TERMS[0], TERMS[1] if p1 or p2 else 0
+    columns = [(xd * rr**k, yd * rr**k) for k in range(1, radial + 1)]
+    columns += [(xd * s * rr**k, yd * s * rr**k) for k in range(tangential)]
+    columns += [(p2 * rr**k, p1 * rr**k) for k in range(1, tangential + 1)]
+    a = np.array([np.concatenate(pair) for pair in columns]).T
+    size = np.abs(a).max(axis=0)
+    terms = (np.linalg.lstsq(a / size, np.concatenate([x - xd, y - yd]), rcond=None)[0] / size).tolist()
+    ends = radial, radial + tangential
+    return Inverse(0, tuple(terms[: ends[0]]), tuple(terms[ends[0] : ends[1]]), tuple(terms[ends[1] :]))
+
+
+def _error(x: np.ndarray, y: np.ndarray, xd: np.ndarray, yd: np.ndarray, camera: Camera) -> float:
+    bx, by = distort(x, y, camera.coefficients)
+    return float(np.hypot(bx - xd, by - yd).max())
+
+
+def _monotone(x: np.ndarray, y: np.ndarray, dist: tuple) -> bool:
+    """The radial part r (1 + k1 r² + ...) grows all the way out to the farthest point."""
+    k1, k2, _, _, k3 = dist
+    rr = np.linspace(0.0, float((x * x + y * y).max()), 257)
+    return bool((1 + rr * (3 * k1 + rr * (5 * k2 + rr * 7 * k3))).min() > 0)
