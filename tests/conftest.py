@@ -4,6 +4,8 @@ from pathlib import Path
 import hypothesis
 import pytest
 
+pytest_plugins = ["engines"]
+
 # The same examples every time: a run that passed passes again.
 hypothesis.settings.register_profile("raytwin", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("raytwin")

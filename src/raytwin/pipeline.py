@@ -18,8 +18,8 @@ from raytwin.compare.report import Timing
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, SceneFile, Sky, Sun, Tolerance
 from raytwin.rungs import RUNGS
+from raytwin.scene import Camera, Lambert, Rectangle, Scene, SceneFile, Sky, Sun, Tolerance
 from raytwin.speed import ENGINES, trace
 from raytwin.tracer import RADIANCE
 

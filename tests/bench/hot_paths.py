@@ -11,9 +11,8 @@ import pytest
 from raytwin import files, twin
 from raytwin.bench.run import sized
 from raytwin.compare import compare
-from raytwin.speed import trace
+from raytwin.speed import background, draw, trace
 from raytwin.speed.speculation import speculate
-from raytwin.speed import background, draw
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"
 

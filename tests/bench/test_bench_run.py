@@ -8,10 +8,10 @@ import sys
 import msgspec
 import numpy as np
 import pytest
+from raytwin.bench.loop import loop
 
 from raytwin import bench, files, twin
 from raytwin.bench.crowd import crowded
-from raytwin.bench.loop import loop
 from raytwin.bench.measure import with_peak
 from raytwin.bench.methods import METHODS, PREPARE, choose, prepare, shifted
 from raytwin.bench.run import sized, thumbnail

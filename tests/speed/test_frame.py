@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from raytwin.errors import InputError, MachineError
-from raytwin.scene import Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Lambert, Rectangle, Sky, Sphere, Sun
 from raytwin.speed import ENGINES, trace
 from raytwin.speed.engine import pixel_grid
 from raytwin.speed.frame import View, with_solver
@@ -90,8 +90,7 @@ def test_a_scene_without_objects_is_all_sky(single, engine):
     assert not image.surface.depth.any()
 
 
-def test_the_nearest_of_many_objects_is_seen(rng, single):
-    camera = single.camera
+def test_the_nearest_of_many_objects_is_seen(rng):
     spheres = [Sphere(tuple(rng.uniform(-1, 1, 3).tolist()), float(rng.uniform(0.05, 0.4))) for _ in range(12)]
     planes = [Rectangle(tuple(rng.uniform(-1, 1, 3).tolist()), (0.5, 0.0, 0.0), (0.0, 0.3, 0.4)) for _ in range(4)]
     d = rng.normal(size=(3, 2000))

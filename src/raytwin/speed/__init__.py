@@ -1,15 +1,15 @@
 """All that makes the subject fast, and changes no pixel of it: engines, boxes, lists of objects, points, speculation.
 
-    scene -> View (camera's frame, engine's floats) -> boxes -> plan (tiles and their lists) -> tracer -> canvas
+scene -> View (camera's frame, engine's floats) -> boxes -> plan (tiles and their lists) -> tracer -> canvas
 """
 
 from raytwin.speed.boxes import TRIMS, corner_box, trim_box, trim_boxes
 from raytwin.speed.engine import ENGINES
-from raytwin.speed.frame import background, draw, trace
+from raytwin.speed.frame import background, draw, trace, with_solver
 from raytwin.speed.points import trace_points
 from raytwin.speed.speculation import WAYS, speculate
 
 __all__ = [
     "ENGINES", "TRIMS", "WAYS", "background", "corner_box", "draw", "speculate", "trace", "trace_points", "trim_box",
-    "trim_boxes",
+    "trim_boxes", "with_solver",
 ]  # fmt: skip

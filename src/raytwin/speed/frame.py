@@ -18,11 +18,11 @@ from raytwin.speed.plan import plan
 from raytwin.speed.start import invert_lens, quick
 from raytwin.tracer.arrays import Vec, unit
 from raytwin.tracer.camera import to_board
+from raytwin.tracer.frame import EYE, STAGES
 from raytwin.tracer.hit import Hit, World
 from raytwin.tracer.light import RADIANCE, Lighting, lighting
 from raytwin.tracer.sphere import SOLVERS, intersect_sphere
 from raytwin.tracer.stages import Stages
-from raytwin.tracer.frame import EYE, STAGES
 
 TILE_NUMPY, TILE_DRJIT = 128, 32
 
@@ -42,6 +42,7 @@ def trace(
     its outline. Raises InputError for an unknown row, or a distortion that cannot be undone; MachineError for an engine
     that this machine lacks.
     """
+    check_rows(rung, engine, solver, trim)
     mean, surface = background(scene, rung), Surface.empty(*scene.camera.image_size)
     draw(scene, mean, rung, engine, solver, trim, surface, stages)
     return Image(mean, surface=surface)
@@ -79,10 +80,7 @@ def draw(
 
     `surface`, where given, is written alike. The rest is as in `trace`.
     """
-    tables = ("rung", rung, RADIANCE), ("engine", engine, ENGINES), ("solver", solver, SOLVERS), ("trim", trim, TRIMS)
-    for what, name, table in tables:
-        if name not in table:
-            raise InputError(what, f"one of {', '.join(table)}", name)
+    check_rows(rung, engine, solver, trim)
     how, boxes = ENGINES[engine], TRIMS[trim](scene.objects, scene.camera)
     view = View(scene, how, with_solver(stages, solver))
     layers = [out] if surface is None else [out, surface.ids, surface.depth, surface.normal]
@@ -106,6 +104,14 @@ def draw(
         for piece in (tiles if how.is_numpy else kernel)(view, boxes, RUNGS[rung].shadows):
             paint(*piece)
     flush(how, queued)
+
+
+def check_rows(rung: str, engine: str, solver: str, trim: str) -> None:
+    """Raise InputError unless each is a row of its table."""
+    tables = ("rung", rung, RADIANCE), ("engine", engine, ENGINES), ("solver", solver, SOLVERS), ("trim", trim, TRIMS)
+    for what, name, table in tables:
+        if name not in table:
+            raise InputError(what, f"one of {', '.join(table)}", name)
 
 
 def with_solver(stages: Stages, solver: str) -> Stages:
@@ -138,7 +144,7 @@ class View:
 
 
 class Eyes(NamedTuple):
-    """The world as short lists: `seen` holds for rays from the eye, `casters` for those from what it sees to the sun."""
+    """The world as short lists: `seen` for rays from the eye, `casters` for those from what it sees to the sun."""
 
     seen: World
     casters: World

@@ -1,7 +1,7 @@
 """What each ray is tested against: short lists, found beforehand, in the place of all objects.
 
-NumPy, where all rays of a tile share one list, loops over it in Python. On Dr.Jit each ray walks the list of its tile in
-a loop within the kernel: it does not grow with the scene, and another scene needs no other kernel.
+NumPy, where all rays of a tile share one list, loops over it in Python. On Dr.Jit each ray walks its tile's list in a
+loop within the kernel: it does not grow with the scene, and another scene needs no other kernel.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,7 +33,9 @@ class Table:
         return tuple(gather(column, ids, where) for column in self.columns[field])
 
     def facts(self, ids: Any) -> Facts:
-        center, flat, bend, albedo = (self.look_up(name, ids, ids >= 0) for name in ("center", "flat", "bend", "albedo"))
+        center, flat, bend, albedo = (
+            self.look_up(name, ids, ids >= 0) for name in ("center", "flat", "bend", "albedo")
+        )
         return Facts(center, flat, bend[0], albedo)
 
 

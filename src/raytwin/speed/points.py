@@ -1,4 +1,4 @@
-"""The tracer at any points of the image plane, not only at pixels' centres: what speculation and drawing into photos ask."""
+"""The tracer at any points of the image plane: what speculation and drawing into photos ask for."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -15,8 +15,8 @@ from raytwin.speed.lists import Listed, walk
 from raytwin.speed.plan import plan, shading
 from raytwin.tracer.arrays import dot
 from raytwin.tracer.camera import to_board
-from raytwin.tracer.light import RADIANCE, sun_visible
 from raytwin.tracer.frame import EYE
+from raytwin.tracer.light import RADIANCE, sun_visible
 
 CHUNK = 1 << 14
 

@@ -1,3 +1,5 @@
+"""The engines that this machine has, and the scenes that are tried on each: fixtures of tracer and speed."""
+
 import os
 import shutil
 import subprocess
@@ -9,7 +11,8 @@ import pytest
 
 from raytwin import files
 from raytwin.scene import Scene
-from raytwin.tracer import ENGINES, trace
+from raytwin.speed import ENGINES
+from raytwin.tracer import trace
 
 SHIPPED = ("single", "overlap", "distorted", "grazing")
 
@@ -72,8 +75,8 @@ def overlap(scenes) -> Scene:
 
 @pytest.fixture(scope="session")
 def exact(shipped):
-    """The shipped scene in float64."""
-    return trace(shipped, "shadow", "numpy64")
+    """The shipped scene by the plain tracer."""
+    return trace(shipped, "shadow")
 
 
 @pytest.fixture

@@ -1,0 +1,67 @@
+"""The tracer that is read against the one that runs: the same pixels, whatever makes them fast."""
+
+import msgspec
+import numpy as np
+import pytest
+
+from raytwin import speed, tracer
+from raytwin.errors import InputError
+from raytwin.rungs import RUNGS
+from raytwin.speed.boxes import TRIMS
+
+FLOAT32_AGREES = 1e-5
+
+
+@pytest.mark.parametrize("rung", tracer.RADIANCE)
+@pytest.mark.parametrize("trim", TRIMS)
+def test_in_float64_the_fast_way_gives_the_plain_ones_pixels(shipped, rung, trim):
+    small = shipped.with_camera(shipped.camera.resized(160, 120))
+    plain, fast = tracer.trace(small, rung), speed.trace(small, rung, "numpy64", trim=trim)
+    # The paper's boxes cut a sphere that reaches behind the camera: there they may only lose.
+    kept = fast.surface.mask if trim == "corners" else np.ones((120, 160), bool)
+    assert kept.mean() > 0.1
+    for layer in ("ids", "depth", "normal"):
+        np.testing.assert_array_equal(getattr(fast.surface, layer)[kept], getattr(plain.surface, layer)[kept])
+    np.testing.assert_array_equal(fast.mean[kept], plain.mean[kept])
+
+
+@pytest.mark.parametrize("solver", tracer.SOLVERS)
+def test_every_engine_gives_the_plain_ones_pixels_with_every_solver(shipped, engine, solver):
+    small = shipped.with_camera(shipped.camera.resized(160, 120))
+    stages = speed.with_solver(tracer.STAGES, solver)
+    plain, fast = tracer.trace(small, "shadow", stages), speed.trace(small, "shadow", engine, solver)
+    if solver == "robust":
+        np.testing.assert_array_equal(fast.surface.ids, plain.surface.ids)
+    # Float32 loses digits with the other solvers, at grazing pixels all of them.
+    assert (fast.surface.ids != plain.surface.ids).mean() < 1e-3
+    assert np.quantile(np.abs(fast.mean - plain.mean), 0.99) <= FLOAT32_AGREES
+
+
+def test_a_replaced_stage_replaces_it_in_the_plain_tracer_and_in_every_engine(overlap, engine):
+    def without_clamp(albedo, normal, to_light, irradiance, visible, sky):
+        n_l = sum(n * c for n, c in zip(normal, to_light, strict=True))
+        return albedo / np.pi * irradiance * visible * n_l + albedo * sky
+
+    faulty = tracer.STAGES._replace(lambert=without_clamp)
+    plain, fast = tracer.trace(overlap, "lambert", faulty), speed.trace(overlap, "lambert", engine, stages=faulty)
+    assert plain.mean.min() < -0.1
+    assert (tracer.trace(overlap, "lambert").mean >= 0).all()
+    assert np.quantile(np.abs(fast.mean - plain.mean), 0.999) <= FLOAT32_AGREES
+
+
+def test_a_replaced_lens_is_not_undone_behind_the_stages_back(scenes, engine):
+    from raytwin.files import read_scene
+
+    written = read_scene(scenes / "distorted")
+    scene = written.at(written.camera.resized(160, 120))
+    straight = scene.with_camera(msgspec.structs.replace(scene.camera, dist=()))
+    faulty = tracer.STAGES._replace(undistort=lambda xd, yd, dist: (xd, yd))
+    fast = speed.trace(scene, "surface", engine, trim="none", stages=faulty)
+    np.testing.assert_array_equal(fast.surface.ids, speed.trace(straight, "surface", engine).surface.ids)
+    assert (fast.surface.ids != speed.trace(scene, "surface", engine).surface.ids).mean() > 0.01
+
+
+def test_the_tracer_climbs_the_first_rungs_of_the_ladder(single):
+    assert list(RUNGS)[: len(tracer.RADIANCE)] == list(tracer.RADIANCE)
+    with pytest.raises(InputError, match=r"^rung: expected one of surface, lambert, shadow, got path$"):
+        tracer.trace(single, "path")
