@@ -4,22 +4,26 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
-from raytwin.bench.loop import loop
 
 from raytwin import bench, files, twin
 from raytwin.bench.crowd import crowded
 from raytwin.bench.measure import with_peak
-from raytwin.bench.methods import METHODS, PREPARE, choose, prepare, shifted
 from raytwin.bench.run import sized, thumbnail
-from raytwin.bench.truth import converge, measure
+from raytwin.bench.truth import converge, measure, truth_of
 from raytwin.compare import METRICS
 from raytwin.errors import InputError
+from raytwin.methods.loop import loop
+from raytwin.methods.rendered import Denoised, Plain, Twin
+from raytwin.methods.table import METHODS, choose
+from raytwin.methods.traced import Filled, Speculated, shifted
 from raytwin.report.bench_charts import METRICS as SHOWN
-from raytwin.tracer import back_project, trace
+from raytwin.speed import trace
+from raytwin.tracer import back_project
 
 KEYS = [
     "method", "engine", "precision", "rung", "trim", "speculation", "samples", "width", "height", "seconds_median",
@@ -41,9 +45,10 @@ def view(scenes):
 # ------------------------------------------------------------------------------------------ methods
 
 
-def test_every_method_has_its_own_name_and_a_way_to_run():
-    assert len({m.name for m in METHODS}) == len(METHODS)
-    assert {m.kind for m in METHODS} == set(PREPARE)
+def test_every_method_is_found_by_the_name_that_its_fields_give():
+    assert all(method.name == name for name, method in METHODS.items())
+    varied = replace(METHODS["drjit32-shadow-conic"], rung="lambert", trim="none")
+    assert METHODS[varied.name] == varied
 
 
 @pytest.mark.parametrize("rung", ["lambert", "shadow"])
@@ -58,22 +63,23 @@ def test_the_loop_trimmed_is_the_loop(view):
     np.testing.assert_array_equal(loop(scene, "shadow", "conic"), loop(scene, "shadow", "none"))
 
 
-HERE = [m for m in METHODS if "cuda" not in m.engine and m.samples <= 16]
+HERE = [m for m in METHODS.values() if "cuda" not in m.library and m.samples <= 16]
+KINDS = sorted({type(m) for m in HERE}, key=lambda kind: kind.__name__)
 
 
-@pytest.mark.parametrize("kind", sorted(PREPARE))
+@pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_method_gives_an_image_near_its_truth(view, kind):
     scene = view("overlap")
-    for method in [m for m in HERE if m.kind == kind][-2:]:
+    for method in [m for m in HERE if type(m) is kind][-2:]:
         try:
-            call = prepare(method, scene)
+            call = method.prepare(scene)
         except InputError as error:
             pytest.skip(f"{method.name}: {error}")
-        image = call(1)
+        image = call(1).mean
         assert image.shape == (36, 48, 3)
         assert image.dtype == np.float32
-        truth, _ = converge(scene, method.truth, 64, 5.0)
-        bound = {"fill": 1.0, "plain": 0.3, "denoised": 0.2, "speculation": 0.2, "twin": 0.1}
+        truth, _ = converge(scene, truth_of(method), 64, 5.0)
+        bound = {Filled: 1.0, Plain: 0.3, Denoised: 0.2, Speculated: 0.2, Twin: 0.1}
         assert METRICS["rmse"].function(image, truth) < bound.get(kind, 0.03), method.name
 
 
@@ -81,9 +87,9 @@ def test_exact_methods_do_not_depend_on_the_seed_and_noisy_ones_do(view):
     scene = view("overlap")
     for name, same in (("drjit32-shadow-conic", True), ("twin-llvm-path-4", False), ("mitsuba-llvm-direct-4", False)):
         method = choose((name,))[0]
-        call = prepare(method, scene)
+        call = method.prepare(scene)
         assert method.noisy == (not same)
-        assert np.array_equal(call(1).copy(), call(2)) == same
+        assert np.array_equal(call(1).mean.copy(), call(2).mean) == same
 
 
 def test_a_shifted_camera_sees_what_lies_beside_the_pixel(view):

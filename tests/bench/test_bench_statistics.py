@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytwin.bench import Bench, Repeats, Row, against, fit_power, on_frontier, ratio_interval, staircase
+from raytwin.bench import METHODS, Bench, Repeats, Row, against, fit_power, on_frontier, ratio_interval, staircase
 from raytwin.bench.frontier import median_iqr
 from raytwin.bench.measure import Measured, guess, orders, repeat
-from raytwin.bench.methods import METHODS
 from raytwin.errors import InputError
 
 SECONDS = (1.0, 2.0, 4.0, 8.0, 8.2, 16.0)
@@ -104,7 +103,7 @@ def fakes(clock: Clock, costs: dict[str, float]) -> tuple[list[Measured], list[s
             clock.now += cost
             return np.zeros((1, 1, 3), np.float32)
 
-        return Measured(METHODS[0], call, cost, errors=[{}])
+        return Measured(METHODS["fill"], call, cost, errors=[{}])
 
     return [make(name, cost) for name, cost in costs.items()], ran
 
@@ -143,7 +142,7 @@ def test_a_drifting_machine_slows_all_methods_alike():
         clock.now += cost[0]
         return np.zeros((1, 1, 3), np.float32)
 
-    pair = [Measured(METHODS[0], call, 1.0, errors=[{}]) for _ in range(2)]
+    pair = [Measured(METHODS["fill"], call, 1.0, errors=[{}]) for _ in range(2)]
     repeat(pair, lambda m, i: {}, 1e6, 21, clock)
     a, b = (np.median(m.seconds) for m in pair)
     assert a / b == pytest.approx(1, abs=0.03)

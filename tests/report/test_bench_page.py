@@ -29,18 +29,18 @@ def made() -> Bench:
     """Every method that a machine without CUDA has, at three sizes, with seconds and errors that look the part."""
     rng = np.random.default_rng(4)
     rows, errors, repeats = [], [], []
-    methods = [m for m in METHODS if "cuda" not in m.engine]
+    methods = [m for m in METHODS.values() if "cuda" not in m.library]
     for w, h in SIZES:
         for m in methods:
             seconds = w * h / 1e6 * 0.02 * m.samples**0.8 * rng.lognormal(0, 0.7) + 1e-3
-            exact = m.exact and m.rung == "shadow"
+            exact = m.sampling == "center" and m.rung == "shadow"
             own = 0.0 if m.precision == 64 else 3e-8 * rng.lognormal(0, 0.5) if exact else 0.2 / m.samples**0.5
             whole = max(0.2 / m.samples**0.5 * rng.lognormal(0, 0.3), 5e-4)
             repeats.append(Repeats(m.name, w, h, tuple(seconds * rng.lognormal(0, 0.02, 9)), (own,)))
             e = own if exact else whole
             truth = "shadow-center" if exact else "path-area"
             rows.append(
-                Row(m.name, m.engine, f"float{m.precision}", m.rung, m.trim, m.speculation, m.samples, w, h, seconds,
+                Row(m.name, m.library, f"float{m.precision}", m.rung, m.trim, m.step, m.samples, w, h, seconds,
                     0.1 * seconds, 0.2, 12.5, e, e * e, 3 * e, None, FLOOR[truth], False)
             )  # fmt: skip
             for t, value in (("path-area", whole), *((("shadow-center", own),) if exact else ())):

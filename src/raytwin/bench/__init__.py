@@ -6,7 +6,6 @@ METHODS -> prepare -> measure (interleaved) -> truth -> Bench (JSON) -> frontier
 from raytwin.bench.against import Change, Changes, against
 from raytwin.bench.calibration import Shoot, Taken, bench_calibration
 from raytwin.bench.frontier import Fit, fit_power, on_frontier, ratio_interval, staircase
-from raytwin.bench.methods import METHODS, Method, choose, prepare
 from raytwin.bench.record import (
     ERRORS,
     Bench,
@@ -21,6 +20,8 @@ from raytwin.bench.record import (
     write_bench,
 )
 from raytwin.bench.run import GROWTH, bench
+from raytwin.methods.method import Method
+from raytwin.methods.table import METHODS, choose
 
 __all__ = [
     "ERRORS",
@@ -46,7 +47,6 @@ __all__ = [
     "choose",
     "fit_power",
     "on_frontier",
-    "prepare",
     "ratio_interval",
     "read_bench",
     "staircase",

@@ -8,13 +8,16 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from raytwin.bench.methods import Call, Method
+from raytwin.image import Image
+from raytwin.methods.method import Call, Method
 
 Clock = Callable[[], float]
-Look = Callable[[Method, np.ndarray], dict[str, dict[str, float | None]]]
+T = TypeVar("T")
+Look = Callable[[Method, Image], dict[str, dict[str, float | None]]]
 """(method, image) -> truth's name -> ERRORS."""
 
 NOISY_IMAGES = 5
@@ -47,7 +50,7 @@ def warm(measured: Measured, look: Look, clock: Clock = time.perf_counter) -> No
     image, measured.peak_mib = with_peak(lambda: measured.call(0))
     measured.guess = clock() - start
     measured.compile_seconds += measured.guess  # less the median, once that is known
-    if measured.method.engine.startswith("cuda"):
+    if measured.method.library.startswith("cuda"):
         measured.peak_mib = None  # the GPU's memory is not the process's
     measured.errors.append(look(measured.method, image))
 
@@ -96,7 +99,7 @@ def guess(small: tuple[int, float], larger: tuple[int, float], pixels: int) -> f
 # ------------------------------------------------------------------------------------------ memory
 
 
-def with_peak(call: Callable[[], np.ndarray]) -> tuple[np.ndarray, float | None]:
+def with_peak(call: Callable[[], T]) -> tuple[T, float | None]:
     """The call's result, and the most resident memory of the process during it beyond what it held before, MiB.
 
     From Linux's high-water mark (VmHWM), which /proc/self/clear_refs resets; None elsewhere. Freed memory that NumPy,

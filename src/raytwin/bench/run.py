@@ -13,10 +13,12 @@ from raytwin import files, pipeline, twin
 from raytwin.bench.crowd import crowded
 from raytwin.bench.frontier import median_iqr, on_frontier
 from raytwin.bench.measure import Measured, guess, repeat, warm
-from raytwin.bench.methods import Method, choose, prepare
 from raytwin.bench.record import Bench, Error, Growth, LeftOut, Repeats, Row, Truth
-from raytwin.bench.truth import WHOLE, converge, measure
+from raytwin.bench.truth import WHOLE, converge, measure, truth_of
 from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.methods.method import Method
+from raytwin.methods.table import choose
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Scene
 
@@ -106,7 +108,7 @@ def measure_size(
     w, h = scene.camera.image_size
     ready, left = get_ready(scene, methods, deadline, progress)
     images, truths = {}, {}
-    names = sorted({m.method.truth for m in ready} | ({WHOLE} if ready else set()))
+    names = sorted({truth_of(m.method) for m in ready} | ({WHOLE} if ready else set()))
     until = time.perf_counter() + TRUTH_SHARE * (deadline - time.perf_counter())
     for i, name in enumerate(names):
         progress("truths", i, len(names))
@@ -114,8 +116,9 @@ def measure_size(
         images[name], truths[name] = converge(scene, name, truth_samples, seconds, flip)
     progress("truths", len(names), len(names))
 
-    def look(method: Method, image: np.ndarray) -> dict[str, dict[str, float | None]]:
-        return {name: measure(image, images[name], flip) for name in names if name == method.truth or comparable(name)}
+    def look(method: Method, image: Image) -> dict[str, dict[str, float | None]]:
+        own = truth_of(method)
+        return {name: measure(image.mean, images[name], flip) for name in names if name == own or comparable(name)}
 
     done = warm_up(ready, look, deadline, left, (w, h), progress)
     repeat(done, look, deadline, repeats)
@@ -123,7 +126,8 @@ def measure_size(
     done = [m for m in done if m.seconds]
     rows, errors = summarize(done, truths, (w, h))
     kept = [
-        Repeats(m.method.name, w, h, tuple(m.seconds), tuple(e[m.method.truth]["rmse"] for e in m.errors)) for m in done
+        Repeats(m.method.name, w, h, tuple(m.seconds), tuple(e[truth_of(m.method)]["rmse"] for e in m.errors))
+        for m in done
     ]
     return rows, [truths[n] for n in names], errors, left, kept
 
@@ -141,14 +145,14 @@ def get_ready(
     ready, left, absent = [], [], {}
     for i, method in enumerate(methods):
         progress("prepare", i, len(methods))
-        if method.engine in absent:
-            left.append(LeftOut(method.name, w, h, absent[method.engine]))
+        if method.library in absent:
+            left.append(LeftOut(method.name, w, h, absent[method.library]))
             continue
         try:
             first, second = (thumbnail(scene, side) for side in (24, 48))
-            call = prepare(method, first)
+            call = method.prepare(first)
             cold, warm_one = timed(call), timed(call)
-            call = prepare(method, second)
+            call = method.prepare(second)
             timed(call)  # another size may be another kernel
             larger = timed(call)
             expected = guess((area(first), warm_one), (area(second), larger), w * h)
@@ -156,11 +160,11 @@ def get_ready(
             if expected > left_over / 4:
                 left.append(LeftOut(method.name, w, h, f"a call would take about {expected:.2g} s"))
                 continue
-            ready.append(Measured(method, prepare(method, scene), expected, max(0.0, cold - warm_one)))
+            ready.append(Measured(method, method.prepare(scene), expected, max(0.0, cold - warm_one)))
         except InputError as error:
             left.append(LeftOut(method.name, w, h, str(error)))
-            if "cuda" in method.engine:
-                absent[method.engine] = str(error)  # each try would start a child process
+            if "cuda" in method.library:
+                absent[method.library] = str(error)  # each try would start a child process
     progress("prepare", len(methods), len(methods))
     return ready, left
 
@@ -195,11 +199,12 @@ def summarize(done: list[Measured], truths: dict[str, Truth], size: tuple[int, i
             errors[m.method.name, name] = Error(m.method.name, *size, name, **e, on_frontier=flag)
     rows = []
     for m in done:
-        e, t = errors[m.method.name, m.method.truth], truths[m.method.truth]
+        own = truth_of(m.method)
+        e, t = errors[m.method.name, own], truths[own]
         rows.append(
             Row(
-                method=m.method.name, engine=m.method.engine, precision=f"float{m.method.precision}",
-                rung=m.method.rung, trim=m.method.trim, speculation=m.method.speculation, samples=m.method.samples,
+                method=m.method.name, engine=m.method.library, precision=f"float{m.method.precision}",
+                rung=m.method.rung, trim=m.method.trim, speculation=m.method.step, samples=m.method.samples,
                 width=size[0], height=size[1], seconds_median=times[m.method.name][0],
                 seconds_iqr=times[m.method.name][1], compile_seconds=m.compile_seconds, peak_mib=m.peak_mib,
                 rmse=e.rmse, relmse=e.relmse, p999_abs=e.p999_abs, flip=e.flip, truth_floor=t.floor["rmse"],
@@ -219,7 +224,7 @@ def measure_growth(
     """The methods' seconds on a picture of `count` spheres."""
     w, h = scene.camera.image_size
 
-    def ignore(method: Method, image: np.ndarray) -> dict:
+    def ignore(method: Method, image: Image) -> dict:
         return {}
 
     ready, left = get_ready(scene, methods, deadline, progress)

@@ -11,9 +11,11 @@ from collections.abc import Callable
 import numpy as np
 
 from raytwin import twin
-from raytwin.bench.methods import shifted
 from raytwin.bench.record import ERRORS, Truth
 from raytwin.compare import METRICS
+from raytwin.methods.method import Method
+from raytwin.methods.traced import shifted
+from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 from raytwin.speed import ENGINES, background, draw
 
@@ -22,6 +24,11 @@ WHOLE = "path-area"
 
 BATCH = 16
 SEEDS = (10_001, 20_001)
+
+
+def truth_of(method: Method) -> str:
+    """The name of the truth that the method's own errors are against."""
+    return f"{method.rung}-{method.sampling}"
 
 
 def converge(
@@ -35,7 +42,7 @@ def converge(
         image = background(scene, rung)
         draw(scene, image, rung, "numpy64")
         return image, Truth(name, w, h, 1, clock() - start, rounding(image, flip))
-    half = _traced if rung in ("lambert", "shadow") else _rendered
+    half = _rendered if RUNGS[rung].noisy else _traced
     sums, taken = [np.zeros((h, w, 3)), np.zeros((h, w, 3))], 0
     while taken == 0 or (2 * taken < samples and clock() - start < seconds * taken / (taken + BATCH)):
         for k in (0, 1):

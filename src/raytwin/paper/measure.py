@@ -8,10 +8,10 @@ The paper: "An Image Augmentation Pipeline With Customized Data For AR Education
 Google Colab: its seconds are another machine's, and only ratios compare.
 """
 
-import dataclasses
 import os
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,13 +20,16 @@ from raytwin import files, photos, pipeline, twin
 from raytwin.bench.calibration import OURS, SHRUNK_ALONE, WHOLE, Shoot, Taken, measure_calibrations, photographed
 from raytwin.bench.frontier import median_iqr
 from raytwin.bench.measure import repeat
-from raytwin.bench.methods import Method, choose
 from raytwin.bench.record import Calibrated, LeftOut
 from raytwin.bench.run import get_ready, machine, warm_up
 from raytwin.bench.truth import rounding
 from raytwin.compare import METRICS
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.methods.method import Method
+from raytwin.methods.rendered import Plain
+from raytwin.methods.table import choose
+from raytwin.methods.traced import Filled, Looped, Traced
 from raytwin.paper.record import PUBLISHED, Boxed, Frame, Paper, Ratio
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
@@ -43,7 +46,7 @@ SPECULATION = tuple(f"numpy32-shadow-{way}{n}" for way in ("paper", "careful") f
 FULL = f"numpy32-{RUNG}-none"
 """What speculation's seconds are held against."""
 
-YARDSTICKS = ("fill", "plain")
+YARDSTICKS = (Filled, Plain)
 """Kinds of methods that draw something else: they are timed, and have no error against this truth."""
 
 ERRORS = ("rmse", "p999_abs", "max_abs")
@@ -106,13 +109,8 @@ def _paper(path, shoot: Shoot, synthetic: Taken, taken, budget: float, repeats: 
 
 def lambert(globs: tuple[str, ...]) -> list[Method]:
     """The methods of METHODS that `globs` name, drawing into one array, and at RUNG where they are at shadow."""
-    found = [dataclasses.replace(m, keep=m.kind in ("fill", "tracer")) for m in choose(globs)]
-    return [
-        dataclasses.replace(m, rung=RUNG, name=m.name.replace("shadow", RUNG), family=m.family.replace("shadow", RUNG))
-        if m.rung == "shadow"
-        else m
-        for m in found
-    ]
+    kept = [replace(m, keep=True) if isinstance(m, Filled | Traced) else m for m in choose(globs)]
+    return [m if isinstance(m, Plain) else replace(m, rung=RUNG) for m in kept]
 
 
 class Frames(NamedTuple):
@@ -130,8 +128,8 @@ def measure_frames(scene: Scene, methods: Sequence[Method], deadline: float, rep
     """Every method warm and in turn with the others."""
     truth = trace(scene, RUNG, "numpy64", trim="none")
 
-    def look(method: Method, image: np.ndarray) -> dict[str, dict[str, float | None]]:
-        return {} if method.kind in YARDSTICKS else {RUNG: errors(image, truth.mean)}
+    def look(method: Method, image: Image) -> dict[str, dict[str, float | None]]:
+        return {} if isinstance(method, YARDSTICKS) else {RUNG: errors(image.mean, truth.mean)}
 
     size = scene.camera.image_size
     ready, left = get_ready(scene, methods, deadline, progress)
@@ -142,7 +140,7 @@ def measure_frames(scene: Scene, methods: Sequence[Method], deadline: float, rep
     counts = {b.trim: b for b in boxes}
     frames = []
     for m in (m for m in done if m.seconds):
-        box = counts.get(m.method.trim) if m.method.kind in ("loop", "tracer") else None
+        box = counts.get(m.method.trim) if isinstance(m.method, Looped | Traced) else None
         found = m.errors[0].get(RUNG, dict.fromkeys(ERRORS))
         frames.append(
             Frame(

@@ -43,7 +43,7 @@ GUIDE = "#b9c0ca"
 
 
 def family_of(method: str) -> str:
-    return next((m.family for m in METHODS if m.name == method), method.split("-")[0])
+    return METHODS[method].family if method in METHODS else method.split("-")[0]
 
 
 def colour_of(family: str) -> str:
@@ -115,7 +115,7 @@ def row_tip(r: Row) -> str:
 
 def by_family(points: Sequence[Point]) -> dict[str, list[Point]]:
     """The families' points in the order of METHODS."""
-    order = {m.name: i for i, m in enumerate(METHODS)}
+    order = {name: i for i, name in enumerate(METHODS)}
     ranked = sorted(points, key=lambda p: (p.family, order.get(p.name, 0)))
     return {name: list(group) for name, group in groupby(ranked, key=lambda p: p.family)}
 
@@ -134,7 +134,7 @@ def steps(stairs: Sequence[Point], end: float) -> Line:
 
 def names_of(points: Sequence[Point], families: dict[str, list[Point]]) -> list[Asked]:
     """The frontier's methods by their whole name; of the others a family's name once, and each point's place in it."""
-    short_of = {m.name: m.label for m in METHODS}
+    short_of = {name: m.label for name, m in METHODS.items()}
     whole = [Asked(p.name, p, name=p.name) for p in points if p.strong]
     names, rest = [], []
     for name, group in families.items():

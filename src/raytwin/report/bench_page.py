@@ -88,7 +88,7 @@ def never(bench: Bench) -> list[str]:
 
 def kinds(bench: Bench) -> list[tuple[str, str]]:
     """(first words of families, colour) of what was measured, for the key."""
-    measured = {m.family for m in METHODS if m.name in {r.method for r in bench.rows}}
+    measured = {METHODS[r.method].family for r in bench.rows if r.method in METHODS}
     return [(start, colour) for start, colour in COLOURS.items() if any(f.startswith(start) for f in measured)]
 
 
