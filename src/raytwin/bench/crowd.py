@@ -26,7 +26,8 @@ def crowded(scene: Scene, count: int, seed: int = 1) -> Scene:
     at = (0.5 + np.arange(1, count + 1)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])) % 1
     spheres = []
     for (x, y), depth, colour in zip(at, rng.uniform(0.9, 1.1, count), rng.choice(COLOURS, count), strict=True):
-        d = back_project(float(x * camera.width - 0.5), float(y * camera.height - 0.5), camera)
+        ray = back_project(float(x * camera.width - 0.5), float(y * camera.height - 0.5), camera)
+        d = to_board(ray, camera)
         center = eye + away * depth * np.array(d, float)
         radius = RADIUS * camera.width / camera.fx * away * depth
         spheres.append(Sphere(tuple(center.tolist()), radius, Lambert(tuple(colour.tolist()))))
