@@ -1,1 +1,94 @@
-"""raytwin: a hand-written ray tracer beside its Mitsuba twin."""
+"""A hand-written minimal ray tracer beside its physically based twin: the two are compared, the difference explained.
+
+    photos of a board -> calibrate -> Camera --+
+                                scene.toml ----+-> read_scene -> SceneFile -> Scene
+    Scene -> trace   (the subject, hand-written)  -> Image --+
+    Scene -> render  (the twin, Mitsuba 3)        -> Image --+-> compare_images -> Comparison: verdict, reasons, numbers
+    two files, of any renderers ------------------------------> diff_files -----> Diff
+    Scene + photo -> augment_photo: its spheres and their shadows drawn in
+
+Lengths are metres, pixels OpenCV's, radiance linear Rec. 709 in float32 (H, W, 3), row 0 on top. Wrong input raises
+InputError(where, expected, got). Nothing is imported before it is asked for.
+
+>>> import raytwin
+>>> scene = raytwin.read_scene("scenes/single").scene
+>>> image = raytwin.trace(scene, "shadow")
+>>> image.shape
+(480, 640, 3)
+>>> raytwin.compare_images(image, image).verdict
+'pass'
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from raytwin.augment import augment as augment_photo
+    from raytwin.boards import read_board
+    from raytwin.compare import compare as compare_images
+    from raytwin.diff import diff as diff_files
+    from raytwin.errors import InputError
+    from raytwin.files import read_image, read_scene, write_image
+    from raytwin.image import Image
+    from raytwin.photos import calibrate
+    from raytwin.scene import Camera, Lambert, Rectangle, Scene, SceneFile, Sky, Sphere, Sun
+    from raytwin.tracer import trace
+    from raytwin.twin import render
+
+_HOME = {
+    "Camera": "scene",
+    "Image": "image",
+    "InputError": "errors",
+    "Lambert": "scene",
+    "Rectangle": "scene",
+    "Scene": "scene",
+    "SceneFile": "scene",
+    "Sky": "scene",
+    "Sphere": "scene",
+    "Sun": "scene",
+    "augment_photo": "augment.augment",
+    "calibrate": "photos",
+    "compare_images": "compare.compare",
+    "diff_files": "diff.diff",
+    "read_board": "boards",
+    "read_image": "files",
+    "read_scene": "files",
+    "render": "twin",
+    "trace": "tracer",
+    "write_image": "files",
+}
+"""Name -> its module, and after a dot its name there, where a module of raytwin has that name."""
+
+__all__ = [
+    "Camera",
+    "Image",
+    "InputError",
+    "Lambert",
+    "Rectangle",
+    "Scene",
+    "SceneFile",
+    "Sky",
+    "Sphere",
+    "Sun",
+    "augment_photo",
+    "calibrate",
+    "compare_images",
+    "diff_files",
+    "read_board",
+    "read_image",
+    "read_scene",
+    "render",
+    "trace",
+    "write_image",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, _, own = _HOME[name].partition(".")
+    return getattr(import_module(f"{__name__}.{module}"), own or name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__doc__", "__name__", "__path__"]

@@ -11,8 +11,6 @@ from raytwin.cli.progress import show_progress
 from raytwin.errors import InputError
 
 if TYPE_CHECKING:
-    import click
-
     from raytwin.bench import Shoot, Taken
 
 DEFAULT = "scene"
@@ -25,7 +23,7 @@ CALIBRATIONS = 7
 class OrDefault(TyperGroup):
     """A group whose first word may be left out: what is no command begins DEFAULT's arguments."""
 
-    def parse_args(self, ctx: "click.Context", args: list[str]) -> list[str]:
+    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:
         if args and args[0] not in (*self.commands, *ctx.help_option_names):
             args = [DEFAULT, *args]
         return super().parse_args(ctx, args)

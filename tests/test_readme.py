@@ -1,0 +1,142 @@
+"""The READMEs: their commands run as written, their links lead somewhere, the code in them works."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+from raytwin.cli import app
+
+ROOT = Path(__file__).resolve().parent.parent
+README = ROOT / "README.md"
+TEXTS = [
+    README,
+    *(
+        p
+        for folder in (".github", "scenes", "reference", "tests", "src")
+        for p in sorted((ROOT / folder).rglob("*.md"))
+    ),
+]
+SET_UP = ("python3 -m venv", ".venv/bin/pip install", ".venv/bin/python -m pytest", ".venv/bin/ruff", "source ")
+
+
+def blocks(text: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", text.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+
+
+def commands(text: Path) -> list[str]:
+    """Every line of a shell block, and every `raytwin ...` of a table that has no placeholder; set-up left out."""
+    lines = [line for block in blocks(text, "sh") for line in block.splitlines()]
+    lines += re.findall(r"`(raytwin (?:[^`A-Z]|[A-Z](?![A-Z]{2}))+?)`", text.read_text(encoding="utf-8"))
+    return [line for line in dict.fromkeys(lines) if not line.startswith(SET_UP)]
+
+
+def raytwin_words(command: str) -> list[str]:
+    words = shlex.split(command, comments=True)
+    assert words[0] in ("raytwin", ".venv/bin/raytwin"), command
+    return words[1:]
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=lambda p: str(p.relative_to(ROOT)))
+def test_links_lead_to_files_that_are_there(text):
+    links = re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", text.read_text(encoding="utf-8"))
+    missing = [link for link in links if "://" not in link and not (text.parent / link).exists()]
+    assert missing == []
+
+
+def test_the_readme_is_short_enough_to_be_read():
+    assert len(README.read_text(encoding="utf-8").splitlines()) <= 200
+
+
+def test_one_block_of_the_readme_is_marked_as_the_test_command():
+    assert README.read_text(encoding="utf-8").count("<!-- test command -->\n```sh\n") == 1
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=lambda p: str(p.relative_to(ROOT)))
+def test_every_command_and_option_that_is_named_exists(text):
+    """Each command is parsed by the program itself, to the last option; nothing runs."""
+    for command in (c for c in commands(text) if not any(sign in c for sign in ("|", "...", "["))):
+        refused = parse(raytwin_words(command))
+        # In a sentence a command may lack what it needs.
+        assert refused in (None, "MissingParameter", "NoArgsIsHelpError", "BadOptionUsage"), (command, refused)
+
+
+def parse(words: list[str]) -> str | None:
+    """Why the program refuses the words, None where it does not."""
+    parent, group = None, get_command(app)
+    try:
+        while hasattr(group, "commands"):
+            parent = group.make_context("raytwin", list(words), parent=parent)
+            if not (rest := [*parent._protected_args, *parent.args]):
+                return None  # a group that does something by itself
+            _, group, words = group.resolve_command(parent, rest)
+        group.make_context("raytwin", list(words), parent=parent)
+    except Exception as error:
+        return type(error).__name__
+    return None
+
+
+def test_a_command_or_an_option_that_is_none_would_be_noticed():
+    assert parse(["reference", "shows"]) == "UsageError"
+    assert parse(["bench", "single", "--sizes", "1", "--nonsense"]) == "NoSuchOption"
+    assert parse(["bench", "single", "--sizes", "1"]) is None
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory) -> Path:
+    """A folder that looks like the repository's root, where commands may write."""
+    folder = tmp_path_factory.mktemp("checkout")
+    for name in ("scenes", "reference", "src", "pyproject.toml"):
+        (folder / name).symlink_to(ROOT / name)
+    return folder
+
+
+def run(words: list[str], cwd: Path) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join([str(ROOT / "src"), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = os.environ | {"PYTHONPATH": path, "RAYTWIN_CACHE": str(cwd / "cache")}
+    return subprocess.run(words, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False)
+
+
+@pytest.mark.slow
+def test_every_command_of_the_readme_runs_as_written(checkout):
+    """In the order of the page, since later ones read what earlier ones wrote; a comment tells another exit code."""
+    ran = [line for block in blocks(README, "sh") for line in block.splitlines() if not line.startswith(SET_UP)]
+    assert len(ran) > 12
+    for command in ran:
+        expected = int(told[1]) if (told := re.search(r"# exits with (\d)", command)) else 0
+        done = run([sys.executable, "-m", "raytwin", *raytwin_words(command)], checkout)
+        assert done.returncode == expected, f"{command}\n{done.stdout}\n{done.stderr}"
+        assert "Traceback" not in done.stderr
+    made = ("desk/report.html", "right/junit.xml", "wrong/report.html", "drawn/photo_00.jpg", "uncertainty.png")
+    assert [name for name in made if not (checkout / "out" / name).is_file()] == []
+
+
+def test_the_learners_code_prints_what_its_comment_says(checkout):
+    (code,) = (block for block in blocks(README, "python") if "raytwin.trace" in block)
+    done = run([sys.executable, "-c", code], checkout)
+    assert done.returncode == 0, done.stderr
+    found = [float(v) for v in re.findall(r"[\d.]+", done.stdout)]
+    albedo, sky = (0.8, 0.4, 0.2), (0.1, 0.12, 0.15)
+    assert found == pytest.approx(
+        [a / 3.141592653589793 * 3 + a * s for a, s in zip(albedo, sky, strict=True)], rel=1e-4
+    )
+
+
+def test_the_instructors_test_passes_with_a_right_renderer_and_fails_with_a_wrong_one(checkout):
+    (code,) = (block for block in blocks(README, "python") if "raytwin_reference" in block)
+    for rung, passed in (("shadow", True), ("lambert", False)):
+        folder = checkout / f"class-{rung}"
+        folder.mkdir()
+        render = f'import raytwin\n\n\ndef my_render(scene):\n    return raytwin.trace(scene, "{rung}").mean\n\n\n'
+        (folder / "test_mine.py").write_text(render + code, encoding="utf-8")
+        done = run(
+            [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", str(folder), str(folder)],
+            checkout,
+        )
+        assert (done.returncode == 0) == passed, done.stdout + done.stderr
+        assert ("1 passed" if passed else "1 failed") in done.stdout
