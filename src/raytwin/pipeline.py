@@ -14,6 +14,7 @@ import numpy as np
 from raytwin import boards, files, photographer, photos, twin
 from raytwin.augment import augment, draw_pyramid, errors_by_region
 from raytwin.compare import Comparison, Report, compare
+from raytwin.compare.report import Timing
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
@@ -21,15 +22,6 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, SceneFile, Sky, Sun, Tolerance
 from raytwin.speed import ENGINES, trace
 from raytwin.tracer import RADIANCE
-
-
-@dataclass(frozen=True)
-class Timing:
-    """How long a stage took, and beside it what its result is worth."""
-
-    stage: str
-    seconds: float
-    error: str
 
 
 @dataclass(frozen=True)

@@ -109,7 +109,7 @@ def with_peak(call: Callable[[], T]) -> tuple[T, float | None]:
     if "drjit" in sys.modules:
         with contextlib.suppress(Exception):  # no backend in use yet
             sys.modules["drjit"].flush_malloc_cache()
-    with contextlib.suppress(OSError, AttributeError):
+    with contextlib.suppress(OSError, AttributeError, TypeError):  # Windows has no such library
         ctypes.CDLL(None).malloc_trim(0)
     try:
         Path("/proc/self/clear_refs").write_text("5")

@@ -56,10 +56,23 @@ def doctor() -> None:
         typer.echo(f"{name:<24} {value}")
 
 
+EXTRAS = {
+    "mitsuba": "twin", "drjit": "twin", "cv2": "photos", "pupil_apriltags": "photos", "bokeh": "charts",
+    "reportlab": "charts",
+}  # fmt: skip
+"""What the light install leaves out, by the extra that brings it."""
+
+
 def main() -> None:
     """The entry point: an InputError becomes one line on standard error and exit code 2."""
     try:
         app()
+    except ModuleNotFoundError as error:
+        name = (error.name or "").partition(".")[0]
+        if name not in EXTRAS:
+            raise
+        print(f"raytwin: this needs {name}: pip install 'raytwin[{EXTRAS[name]}]'", file=sys.stderr)
+        sys.exit(2)
     except InputError as error:
         print(f"raytwin: {error}", file=sys.stderr)
         sys.exit(2)

@@ -11,7 +11,20 @@ from raytwin.errors import InputError
 
 ScenePath = Annotated[Path, typer.Argument(help="A scene's folder, its scene.toml, or its name.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the numbers as JSON.")]
-Flip = Annotated[bool, typer.Option("--flip", help="Add NVIDIA's perceptual metric FLIP (slow).")]
+
+
+def _flip(asked: bool) -> bool:
+    if asked:
+        from raytwin.compare.metrics import flip_is_installed
+
+        if not flip_is_installed():
+            typer.echo("raytwin: FLIP is left out, since it is not installed: pip install 'raytwin[flip]'", err=True)
+    return asked
+
+
+Flip = Annotated[
+    bool, typer.Option("--flip", callback=_flip, help="Add NVIDIA's perceptual metric FLIP (slow; extra `flip`).")
+]
 
 MOST_SIDE = 100_000
 """Pixels of a picture's width or height that are taken for meant."""

@@ -1,6 +1,6 @@
 """A Comparison, what was compared, and what each stage cost: the keys of comparison.json."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -17,6 +17,14 @@ class Part(Record, frozen=True):
     part: str
     rmse: float | None = None
     seconds: float | None = None
+
+
+class Timing(NamedTuple):
+    """How long a stage took, and beside it what its result is worth."""
+
+    stage: str
+    seconds: float
+    error: str
 
 
 class Report(Record, frozen=True):

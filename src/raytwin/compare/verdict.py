@@ -98,7 +98,7 @@ def _compare(test: Image, reference: Image, tolerance: Tolerance, rate: float, f
         if certain and not hints and not any(f.rank == SHIFT for f in findings):
             findings.append(shift_finding(shift))
         findings += hints
-    perceptual = Perceptual(METRICS["flip_hdr"].function(test.mean, reference.mean) if flip else None)
+    perceptual = Perceptual(measure(test.mean, reference.mean, ["flip_hdr"])["flip_hdr"] if flip else None)
     return _made(findings, notes, geometry=geometry, radiance=radiance, statistics=statistics, perceptual=perceptual)
 
 

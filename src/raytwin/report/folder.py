@@ -2,20 +2,23 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from raytwin import files
 from raytwin.compare import error_map
 from raytwin.diff import Diff
 from raytwin.image import Image
-from raytwin.pipeline import Result
 from raytwin.progress import Progress, silent
 from raytwin.report.html import write_report
 from raytwin.report.json import write_comparison
 from raytwin.report.overview import overview
 from raytwin.report.view import view_of_diff
 
+if TYPE_CHECKING:
+    from raytwin.pipeline import Result
 
-def write_all(result: Result, folder: Path, json: Path | None = None, progress: Progress = silent) -> None:
+
+def write_all(result: "Result", folder: Path, json: Path | None = None, progress: Progress = silent) -> None:
     """Write every view of `result` into `folder`; `json` names a second place for comparison.json."""
     header = {**result.settings, **{f"version of {k}": v for k, v in result.versions.items()}}
     steps: list[Callable[[], None]] = [

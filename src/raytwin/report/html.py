@@ -5,6 +5,7 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from importlib import resources
+from typing import TYPE_CHECKING
 
 import jinja2
 import numpy as np
@@ -12,20 +13,20 @@ import numpy as np
 from raytwin import files
 from raytwin.compare.heatmap import signed_error
 from raytwin.image import Image
-from raytwin.photos import explained
-from raytwin.pipeline import Result
 from raytwin.report import numbers, pictures
 from raytwin.report.figures import Picture, embed, script_of_bokeh
-from raytwin.report.uncertainty import uncertainty_url
 from raytwin.report.values import Values, pack_values
 from raytwin.report.view import View, showable, view_of
 from raytwin.scene import Tolerance
+
+if TYPE_CHECKING:
+    from raytwin.pipeline import Result
 
 LISTED = 8
 """Worst pixels in the table."""
 
 
-def write_report(shown: View | Result, path: str | os.PathLike) -> None:
+def write_report(shown: "View | Result", path: str | os.PathLike) -> None:
     """The whole report as one HTML file without references to any other; some megabytes, mostly pictures."""
     view = shown if isinstance(shown, View) else view_of(shown)
     page = template().render(
@@ -218,6 +219,9 @@ def calibrated(view: View) -> dict | None:
     calibration = view.calibration
     if calibration is None:
         return None
+    from raytwin.photos import explained  # these two load OpenCV
+    from raytwin.report.uncertainty import uncertainty_url
+
     k = calibration.K
     found = [("fx", k[0][0], "px"), ("fy", k[1][1], "px"), ("cx", k[0][2], "px"), ("cy", k[1][2], "px")]
     found += [(n, v, "") for n, v in zip(("k1", "k2", "p1", "p2", "k3"), calibration.dist, strict=False)]

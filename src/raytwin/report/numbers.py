@@ -47,7 +47,7 @@ NUMBERS: tuple[Number, ...] = (
     Number("statistics", "minimum_detectable_bias", "Detectable bias", "relative", None,
            "the smallest error of the whole image's mean that this comparison would have found", NO_NOISE),
     Number("perceptual", "flip_mean", "FLIP, mean", "0 to 1", None,
-           "how different the two look to an eye that flips between them", "FLIP was not asked for"),
+           "how different the two look to an eye that flips between them", "FLIP was not asked for, or is missing"),
 )  # fmt: skip
 """One more number is one more row."""
 

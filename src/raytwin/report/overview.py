@@ -1,16 +1,20 @@
 """The whole comparison in one small picture, for a README or a message."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from raytwin.pipeline import Result
 from raytwin.report import pictures
+
+if TYPE_CHECKING:
+    from raytwin.pipeline import Result
 
 PANEL = 400
 """Width of a panel in pixels."""
 GAP = 8
 
 
-def overview(result: Result) -> np.ndarray:
+def overview(result: "Result") -> np.ndarray:
     """uint8 sRGB: photo, augmented photo (where there are any), tracer, twin and signed error, side by side."""
     gain = pictures.exposure(result.twin)
     error = result.subject.mean - result.twin.mean

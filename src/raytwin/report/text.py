@@ -1,12 +1,16 @@
 """A comparison or a calibration in a few lines of text, for the terminal."""
 
+from typing import TYPE_CHECKING
+
 from raytwin.compare import METRICS
 from raytwin.diff import Diff
-from raytwin.photos import Calibration, explained
-from raytwin.pipeline import Result
+
+if TYPE_CHECKING:
+    from raytwin.photos import Calibration
+    from raytwin.pipeline import Result
 
 
-def summary(result: Result) -> str:
+def summary(result: "Result") -> str:
     """Verdict first, then what it rests on, then times beside errors."""
     c = result.comparison
     g, r = c.geometry, c.radiance
@@ -33,8 +37,10 @@ def diff_summary(found: Diff) -> str:
     return "\n".join(lines)
 
 
-def calibration_summary(calibration: Calibration) -> str:
+def calibration_summary(calibration: "Calibration") -> str:
     """K and distortion with their standard deviations, the fit's rms, and every warning."""
+    from raytwin.photos import explained
+
     k, s = calibration.K, calibration.sigma
     found = {"fx": k[0][0], "fy": k[1][1], "cx": k[0][2], "cy": k[1][2]}
     found |= dict(zip(("k1", "k2", "p1", "p2", "k3"), calibration.dist, strict=False))

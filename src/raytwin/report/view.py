@@ -2,16 +2,20 @@
 
 from dataclasses import dataclass, field
 from pathlib import PurePath
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from raytwin.compare import METRICS, Comparison, Report
+from raytwin.compare.report import Timing
 from raytwin.diff import Diff
 from raytwin.image import Image
-from raytwin.photos import Calibration, PoseReport
-from raytwin.pipeline import Result, Timing, TruthRow
 from raytwin.report import numbers
 from raytwin.scene import Sphere, Tolerance
+
+if TYPE_CHECKING:
+    from raytwin.photos import Calibration, PoseReport
+    from raytwin.pipeline import Result, TruthRow
 
 
 @dataclass(frozen=True)
@@ -61,9 +65,9 @@ class View:
     objects: tuple[str, ...] = ()
     photo: np.ndarray | None = None
     augmented: np.ndarray | None = None
-    calibration: Calibration | None = None
-    pose: PoseReport | None = None
-    truth: tuple[TruthRow, ...] = ()
+    calibration: "Calibration | None" = None
+    pose: "PoseReport | None" = None
+    truth: "tuple[TruthRow, ...]" = ()
     times: tuple[Timing, ...] = ()
     settings: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
@@ -101,7 +105,7 @@ def showable(image: Image) -> bool:
     return isinstance(x, np.ndarray) and x.dtype.kind in "fiub" and x.ndim == 3 and x.shape[2] == 3 and x.size > 0
 
 
-def view_of(result: Result) -> View:
+def view_of(result: "Result") -> View:
     """The tracer beside its twin."""
     c, about, tolerance = result.comparison, result.report, result.tolerance
     kinds = ["sphere" if isinstance(thing, Sphere) else "plane" for thing in result.scene.objects]
