@@ -205,31 +205,6 @@ def test_variance_by_batches_predicts_the_spread_between_seeds(scenes, variant):
         assert (render(scene, rung, seed=1, **options).mean == images[1].mean).all()
 
 
-def test_variance_is_the_batches_sample_variance_over_their_number():
-    from raytwin.twin.render import _Plan, _sampled
-
-    class Recorded:
-        lanes, drawn = 5, []
-
-        def sampled(self, first, count, rung, area, samples, seed):
-            estimate = np.random.default_rng(seed).normal(3, 1, (count, 3))
-            self.drawn.append((first, estimate))
-            return estimate
-
-    camera = looking_down(size=(4, 2))
-    mean, variance = _sampled(Recorded(), camera, _Plan("path", "center", 6, 0, 3, 8), lambda part: None)
-    # Five lanes: pixels 0 to 4 and 5 to 7, one sample at a time, two samples in each of three batches.
-    batches = np.empty((3, 8, 3))
-    drawn = iter(Recorded.drawn)
-    for batch in batches:
-        for first in (0, 5):
-            (a, one), (b, two) = next(drawn), next(drawn)
-            assert a == b == first
-            batch[first : first + len(one)] = (one + two) / 2
-    np.testing.assert_allclose(mean.reshape(8, 3), batches.mean(axis=0), rtol=1e-6)
-    np.testing.assert_allclose(variance.reshape(8, 3), batches.var(axis=0, ddof=1) / 3, rtol=1e-5)
-
-
 def test_more_samples_than_one_launch_holds_are_added_up(scenes, variant, monkeypatch):
     from raytwin.twin.render import _engine
 
@@ -244,6 +219,15 @@ def test_more_samples_than_one_launch_holds_are_added_up(scenes, variant, monkey
     render(scene, "path", samples=4, cache=False, progress=parts.append)
     assert parts == sorted(parts)
     assert parts[-1] == 1
+
+
+@pytest.mark.parametrize(("samples", "batches"), [(1, None), (2, 2), (3, 3), (16, 16), (17, 16), (19, 16), (31, 16)])
+def test_two_samples_or_more_always_measure_a_variance(variant, samples, batches):
+    scene = Scene("s", looking_down(size=(9, 9)), (Sphere((0, 0, 0), 0.25),), sun=SUN, sky=SKY)
+    image = render(scene, "lambert", sampling="area", samples=samples, cache=False)
+    assert image.batches == batches
+    assert image.samples == samples
+    assert (image.variance is None) == (samples == 1)
 
 
 def test_one_batch_measures_no_variance(variant):
@@ -281,7 +265,8 @@ def test_scalar_and_llvm_agree(scenes, name):
         ({"rung": "bounce"}, "rung"),
         ({"sampling": "corner"}, "sampling"),
         ({"samples": 0}, "samples"),
-        ({"samples": 6, "batches": 4, "rung": "path"}, "batches"),
+        ({"samples": 6, "batches": 7, "rung": "path"}, "batches"),
+        ({"samples": 6, "batches": 0, "rung": "path"}, "batches"),
         ({"rung": "path", "max_depth": 1}, "max_depth"),
         ({"seed": -1}, "seed"),
     ],

@@ -2,15 +2,35 @@
 
 from collections.abc import Mapping
 from math import pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from raytwin.scene import Scene
+from raytwin.twin.batches import Batches
+from raytwin.twin.bodies import Body, distance, normal, table, too_large
+from raytwin.twin.outlines import Seen
 from raytwin.twin.rays import Lens, directions, lens_of
 from raytwin.twin.world import SHADOW_OFFSET, UNIT, load, translate
+
+
+class Hit(NamedTuple):
+    """What rays meet first: `ids` -1 where nothing, the distance `t`, `n` on the side they come from.
+
+    `start`: where rays go on from, off the surface; in float64 where the scene has an object too large for float32.
+    """
+
+    ids: Any
+    t: Any
+    n: Any
+    start: Any
+    albedo: Any
+
+    @property
+    def seen(self) -> Any:
+        return self.ids >= 0
 
 
 class Renderer:
@@ -19,79 +39,176 @@ class Renderer:
     lanes = 1 << 22
     """How many rays to launch at once: enough to fill any machine, 50 MB an array of three floats."""
 
-    def __init__(
-        self,
-        scene: Scene,
-        textures: Mapping[int, np.ndarray],
-        integrator: dict[str, Any] | None,
-    ) -> None:
-        self.scene = load(translate(scene, textures))
-        self.integrator = mi.load_dict(integrator) if integrator else None
+    def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int | None) -> None:
+        self.double, bodies = dr.float64_array_t(mi.Float), table(scene)
+        large = [i for i in too_large(bodies) if i not in textures]
+        self.scene, self.depth = load(translate(scene, textures, large)), depth
+        self.path = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
         # Opaque numbers are a kernel's parameters: another camera or light runs the kernel that is compiled already.
-        double = dr.float64_array_t(mi.Float)
         fx, fy, cx, cy, coefficients, steps = lens_of(scene.camera)
-        numbers = [dr.opaque(double, a) for a in (fx, fy, cx, cy, *coefficients)]
-        self.lens = Lens(*numbers[:4], tuple(numbers[4:]), steps)
-        R = np.asarray(scene.camera.R_cam_board)
-        self.to_light = mi.Vector3f((R @ scene.sun.to_light).tolist())
-        self.irradiance, self.sky = mi.Color3f(scene.sun.irradiance), mi.Color3f(scene.sky.radiance)
-        dr.make_opaque(self.to_light, self.irradiance, self.sky)
-        self.width, self.R = scene.camera.width, R
+        self.lens = Lens(*map(self._number, (fx, fy, cx, cy)), tuple(map(self._number, coefficients)), steps)
+        self.large = {i: Body(body.round, *(self._number(field) for field in body[1:]))
+                      for i, body in ((i, bodies.at(i)) for i in large)}  # fmt: skip
+        self.width, self.R = scene.camera.width, np.asarray(scene.camera.R_cam_board)
+        self.to_light = mi.Vector3f((self.R @ scene.sun.to_light).tolist())
+        self.irradiance, self.sky = _colour(scene.sun.irradiance), _colour(scene.sky.radiance)
+        self.albedo = {i: _colour(scene.objects[i].material.albedo) for i in large}
+        dr.make_opaque(self.to_light, self.irradiance, self.sky, self.albedo)
         # Mitsuba's shape pointers are small integers: a table takes them to our ids.
         names = {dr.reinterpret_array(mi.UInt32, mi.ShapePtr(s))[0]: int(s.id()[7:]) for s in self.scene.shapes()}
-        table = np.full(max(names, default=0) + 1, -1, np.int32)
-        table[list(names)] = list(names.values())
-        self.ids = mi.Int32(table)
+        numbers = np.full(max(names, default=0) + 1, -1, np.int32)
+        numbers[list(names)] = list(names.values())
+        self.ids = mi.Int32(numbers)
 
-    def exact(self, first: int, count: int, rung: str) -> tuple[np.ndarray, ...]:
-        """Radiance (n, 3), id (n,), depth (n,) in metres, normal (n, 3) in the board frame, through pixel centres."""
-        si, n = self._hit(*self._pixels(dr.arange(mi.UInt32, count) + dr.opaque(mi.UInt32, first), 0.0, 0.0))
-        seen = si.is_valid()
-        ids = dr.gather(mi.Int32, self.ids, dr.reinterpret_array(mi.UInt32, si.shape), seen)
-        ids = dr.select(seen, ids, -1)
-        depth, n = dr.select(seen, si.t / UNIT, 0), dr.select(seen, n, 0)
-        colour = mi.Color3f(0) if rung == "surface" else self._first_light(si, n, rung == "shadow")
-        dr.eval(colour, ids, depth, n)
-        return colour.numpy().T, ids.numpy(), depth.numpy(), n.numpy().T @ self.R.astype(np.float32)
+    def _number(self, x: Any) -> Any:
+        """A float64 parameter of the kernel, or three of them."""
+        return dr.opaque(self.double, float(x)) if np.ndim(x) == 0 else tuple(map(self._number, x))
 
-    def sampled(self, first: int, count: int, rung: str, area: bool, samples: int, seed: int) -> np.ndarray:
-        """The mean (n, 3) of `samples` independent estimates per pixel."""
-        width = count * samples
+    def exact(self, first: int, count: int, shadows: bool, sky_at_hit: bool) -> tuple[np.ndarray, ...]:
+        """Through the pixels' centres: radiance of the first light (n, 3), then `Seen`'s four, then albedo (n, 3)."""
+        hit = self._look(dr.arange(mi.UInt32, count) + dr.opaque(mi.UInt32, first), 0.0, 0.0)
+        blocker = self._blocker(hit) if shadows else dr.full(mi.Int32, -1, count)
+        colour = self._first_light(hit, blocker, sky_at_hit)
+        depth, n = mi.Float(hit.t / UNIT), dr.select(hit.seen, hit.n, 0)
+        dr.eval(colour, hit.ids, depth, n, blocker, hit.albedo)
+        n = n.numpy().T @ self.R.astype(np.float32)
+        return colour.numpy().T, hit.ids.numpy(), depth.numpy(), n, blocker.numpy(), hit.albedo.numpy().T
+
+    def sampled(self, first: int, count: int, batches: Batches, seed: int, shadows: bool) -> tuple[np.ndarray, ...]:
+        """Radiance by rays spread over the pixel: mean and spread (n, 3), see `Batches`."""
+        pixel, sampler = self._lanes(first, count, batches, seed)
+        du, dv = sampler.next_2d() - 0.5
+        hit = self._look(pixel, du, dv)
+        blocker = self._blocker(hit) if shadows else mi.Int32(-1)
+        colour = self._first_light(hit, blocker, sky_at_hit=self.depth is None)
+        if self.depth is not None:
+            colour += dr.select(hit.seen, hit.albedo * self._incoming(hit, sampler), 0)
+        return _gathered(colour, batches)
+
+    def bounced(self, first: int, count: int, batches: Batches, seed: int, seen: Seen) -> tuple[np.ndarray, ...]:
+        """Radiance that comes to what these pixels' centres see, `seen`, cosine-weighted: as `sampled`."""
+        pixel, sampler = self._lanes(first, count, batches, seed)
+        mine = pixel - dr.opaque(mi.UInt32, first)
+        ids = dr.gather(mi.Int32, mi.Int32(seen.ids), mine)
+        t = dr.gather(mi.Float, mi.Float(seen.depth * np.float32(UNIT)), mine)
+        n = dr.gather(mi.Normal3f, mi.Normal3f(np.ascontiguousarray((seen.normal @ self.R.T).T, np.float32)), mine)
+        d = self._directions(pixel, 0.0, 0.0)
+        hit = Hit(ids, t, n, self._start(tuple(x * self.double(t) for x in d), n), None)
+        return _gathered(dr.select(hit.seen, self._incoming(hit, sampler), 0), batches)
+
+    def _lanes(self, first: int, count: int, batches: Batches, seed: int) -> tuple[Any, Any]:
+        """The pixel of each lane, a pixel's batches side by side, and a seeded sampler for them all."""
+        lanes = count * batches.lanes
         sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(dr.opaque(mi.UInt32, seed), width)
-        pixel = dr.arange(mi.UInt32, width) // dr.opaque(mi.UInt32, samples) + dr.opaque(mi.UInt32, first)
-        jitter = sampler.next_2d() - 0.5 if area else mi.Point2f(0)
-        si, n = self._hit(*self._pixels(pixel, jitter.x, jitter.y))
-        colour = self._first_light(si, n, rung != "lambert", sky_at_hit=self.integrator is None)
-        if self.integrator is not None:
-            seen = si.is_valid()
-            bounce, weight = si.bsdf().sample(mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d(), seen)
-            onward = mi.RayDifferential3f(si.spawn_ray(si.to_world(bounce.wo)))
-            incoming = self.integrator.sample(self.scene, sampler, onward, active=seen)[0]
-            colour += dr.select(seen, weight * incoming, 0)
-        dr.eval(colour)  # all channels in one kernel: block_sum would run it once for each
-        return np.stack([dr.block_sum(c, samples).numpy() for c in colour], axis=1) / samples
+        sampler.seed(dr.opaque(mi.UInt32, seed), lanes)
+        pixel = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, batches.lanes) + dr.opaque(mi.UInt32, first)
+        return pixel, sampler
 
-    def _pixels(self, pixel: Any, du: Any, dv: Any) -> tuple[Any, Any]:
-        double, width = dr.float64_array_t(mi.Float), dr.opaque(mi.UInt32, self.width)
+    def _directions(self, pixel: Any, du: Any, dv: Any) -> tuple[Any, Any, Any]:
+        """Unit, in float64, through the pixel moved by (du, dv)."""
+        width = dr.opaque(mi.UInt32, self.width)
         row = pixel // width
-        return double(pixel - row * width) + double(du), double(row) + double(dv)
+        u, v = self.double(pixel - row * width) + self.double(du), self.double(row) + self.double(dv)
+        return directions(dr, self.lens, u, v)
 
-    def _hit(self, u: Any, v: Any) -> tuple[Any, Any]:
-        """What the rays through (u, v) meet first, and its normal on the eye's side."""
-        d = mi.Vector3f(*map(mi.Float, directions(dr, self.lens, u, v)))
-        si = self.scene.ray_intersect(mi.Ray3f(mi.Point3f(0), d))
-        return si, dr.select(dr.dot(si.n, d) > 0, -si.n, si.n)
+    def _look(self, pixel: Any, du: Any, dv: Any) -> Hit:
+        return self._nearest((self.double(0),) * 3, self._directions(pixel, du, dv))
 
-    def _first_light(self, si: Any, n: Any, shadows: bool, sky_at_hit: bool = True) -> Any:
-        """albedo/π E V max(0, n·l) (+ albedo Ls) where something is hit, Ls elsewhere."""
+    def _nearest(self, o: Any, d: Any, active: Any = True) -> Hit:
+        """What the rays from o along d, float64 components, meet first."""
+        toward = mi.Vector3f(*map(mi.Float, d))
+        si = self.scene.ray_intersect(mi.Ray3f(mi.Point3f(*map(mi.Float, o)), toward), active)
         seen = si.is_valid()
+        ids = self._id(si.shape, seen)
+        t, p, n = dr.select(seen, si.t, 0), si.p, si.n
         albedo = si.bsdf().eval_diffuse_reflectance(si, seen)
-        cosine = dr.maximum(dr.dot(n, self.to_light), 0)
-        if shadows:
-            ray = mi.Ray3f(dr.fma(n, SHADOW_OFFSET * si.t, si.p), self.to_light)
-            cosine = dr.select(self.scene.ray_test(ray, seen & (cosine > 0)), 0, cosine)
-        colour = albedo * (self.irradiance * (cosine / pi))
+        if self.large:
+            t, p = self.double(t), tuple(map(self.double, p))
+        for i, body in self.large.items():
+            here = distance(dr, body, o, d)
+            closer = active & (here < dr.select(ids < 0, dr.inf, t))
+            ids, t = dr.select(closer, i, ids), dr.select(closer, here, t)
+            p = tuple(dr.select(closer, o[k] + here * d[k], p[k]) for k in range(3))
+            n = dr.select(closer, mi.Normal3f(*map(mi.Float, normal(body, p))), n)
+            albedo = dr.select(closer, self.albedo[i], albedo)
+        n = dr.select(dr.dot(n, toward) > 0, -n, n)
+        return Hit(ids, t, n, self._start(p, n), albedo)
+
+    def _start(self, p: Any, n: Any) -> Any:
+        """Where rays go on from p: off the surface by a part of p's distance from the eye."""
+        off = SHADOW_OFFSET * dr.norm(mi.Vector3f(*map(mi.Float, p)))
+        return tuple(p[k] + n[k] * off for k in range(3))
+
+    def _id(self, shape: Any, seen: Any) -> Any:
+        number = dr.reinterpret_array(mi.UInt32, shape)
+        return dr.select(seen, dr.gather(mi.Int32, self.ids, number, seen), -1)
+
+    def _blocker(self, hit: Hit, active: Any = True) -> Any:
+        """The id of what hides the sun, -1 where nothing does or the surface is turned away from it.
+
+        By Mitsuba's intersection, not its shadow test, which is the less exact of the two.
+        """
+        facing = active & hit.seen & (dr.dot(hit.n, self.to_light) > 0)
+        ray = mi.Ray3f(mi.Point3f(*map(mi.Float, hit.start)), self.to_light)
+        met = self.scene.ray_intersect_preliminary(ray, active=facing)
+        blocker = self._id(met.shape, facing & met.is_valid())
+        for i, body in self.large.items():
+            to_light = tuple(map(self.double, self.to_light))
+            blocker = dr.select(facing & (distance(dr, body, hit.start, to_light) < dr.inf), i, blocker)
+        return blocker
+
+    def _first_light(self, hit: Hit, blocker: Any, sky_at_hit: bool) -> Any:
+        """albedo/π E V max(0, n·l) (+ albedo Ls) where something is hit, Ls elsewhere."""
+        colour = hit.albedo * self._sun(hit, blocker)
         if sky_at_hit:
-            colour += albedo * self.sky
-        return dr.select(seen, colour, self.sky)
+            colour += hit.albedo * self.sky
+        return dr.select(hit.seen, colour, self.sky)
+
+    def _sun(self, hit: Hit, blocker: Any) -> Any:
+        """E/π V max(0, n·l)."""
+        return self.irradiance * (dr.select(blocker < 0, dr.maximum(dr.dot(hit.n, self.to_light), 0), 0) / pi)
+
+    def _incoming(self, hit: Hit, sampler: Any) -> Any:
+        """The radiance from one cosine-distributed direction, as Mitsuba's `path` finds it."""
+        d = mi.Frame3f(hit.n).to_world(mi.warp.square_to_cosine_hemisphere(sampler.next_2d()))
+        if self.large:
+            return self._walk(hit, sampler, d)
+        ray = mi.RayDifferential3f(mi.Ray3f(mi.Point3f(*hit.start), d))
+        return self.path.sample(self.scene, sampler, ray, active=hit.seen)[0]
+
+    def _walk(self, hit: Hit, sampler: Any, d: Any) -> Any:
+        """What Mitsuba's `path` would find along d, where the scene has an object too large for it."""
+        total, weight, active = mi.Color3f(0), mi.Color3f(1), hit.seen
+        for left in reversed(range(self.depth - 1)):
+            hit = self._nearest(hit.start, tuple(map(self.double, d)), active)
+            total += dr.select(active & ~hit.seen, weight * self.sky, 0)
+            active &= hit.seen
+            if left:
+                weight *= hit.albedo
+                total += dr.select(active, weight * self._sun(hit, self._blocker(hit, active)), 0)
+                d = mi.Frame3f(hit.n).to_world(mi.warp.square_to_cosine_hemisphere(sampler.next_2d()))
+        return total
+
+
+def _colour(rgb: Any) -> Any:
+    return mi.Color3f(*map(float, rgb))
+
+
+def _gathered(colour: Any, batches: Batches) -> tuple[np.ndarray, ...]:
+    """Mean and spread (n, 3) of lanes that lie as pixels, batches, samples."""
+    dr.eval(colour)  # all channels in one kernel: block_sum would run it once for each
+    double = dr.float64_array_t(mi.Float)
+    found = []
+    for c in colour:
+        c = double(c)
+        if batches.more < batches.number:  # the last sample of the later batches is one too many
+            lane = dr.arange(mi.UInt32, dr.width(c)) % batches.lanes
+            c = dr.select((lane % batches.each == batches.each - 1) & (lane // batches.each >= batches.more), 0, c)
+        sums = dr.block_sum(c, batches.each)
+        mean = dr.block_sum(sums, batches.number) / batches.samples
+        batch = dr.arange(mi.UInt32, dr.width(sums)) % batches.number
+        size = batches.each - dr.select(batch < batches.more, double(0), 1)
+        off = sums / size - dr.repeat(mean, batches.number)
+        found.append((mean, dr.block_sum(off * off * size, batches.number)))
+    dr.eval(found)
+    return tuple(np.stack([x.numpy() for x in columns], axis=1) for columns in zip(*found, strict=True))

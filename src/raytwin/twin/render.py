@@ -15,15 +15,19 @@ from raytwin.image import Image, Surface
 from raytwin.scene import Camera, Scene
 from raytwin.twin import cache as kept
 from raytwin.twin.backend import activate, versions
+from raytwin.twin.batches import Batches
+from raytwin.twin.light import albedos, first_light
+from raytwin.twin.outlines import Seen, settle
 from raytwin.twin.rays import lens_of
 from raytwin.twin.world import check_textures
 
 RUNGS = {"surface": None, "lambert": None, "shadow": None, "sky": 2, "path": 8}
 """name -> default depth of the light's way, counted as Mitsuba does: 2 is light, surface, eye. None: no integrator."""
 
+_SHADOWS = ("shadow", "sky", "path")
 SAMPLINGS = ("center", "area")
 BATCHES = 16
-TWIN = "1"
+TWIN = "2"
 """The twin's own version, part of every cache key: raise it when a change moves a pixel."""
 WORTH_KEEPING = 1.0
 """Seconds: a render that took less is not stored, since reading it back would save nothing."""
@@ -59,8 +63,8 @@ def render(
 
     `sampling`: `center` sends every ray through the pixel's centre; `area` spreads them evenly over the pixel (a box
     filter). `surface`, `lambert` and `shadow` at `center` have no noise: one ray, `variance` None, `samples` 1. All
-    else has: `samples` rays a pixel, in `batches` that are independent (default: the largest divisor of `samples` up to
-    16); `variance` is that of the mean, from the batches' spread, and None for `batches=1`, which cannot tell.
+    else has: `samples` rays a pixel, in `batches` that are independent (default: 16, or one a sample where there are
+    fewer); `variance` is that of the mean, from the batches' spread, and None for `batches=1`, which cannot tell.
 
     `textures`: albedo (h, w) or (h, w, 3), linear, by a plane's object id; row 0 at the +half_v side, column 0 at
     -half_u. `cache` keeps what took long; `progress` is called with the part done, 0 to 1. `variant`: see `activate`.
@@ -75,18 +79,24 @@ def render(
         return image
 
     start = time.perf_counter()
-    integrator = {"type": "path", "max_depth": plan.depth - 1, "rr_depth": plan.depth} if plan.depth else None
-    renderer = _engine(about["variant"]).Renderer(scene, textures, integrator)
+    renderer = _engine(about["variant"]).Renderer(scene, textures, plan.depth)
     passes = 1 if plan.exact else 1 + plan.samples
 
     def say(passes_done: float) -> None:
         if progress:
             progress(passes_done / passes)
 
-    mean, surface = _exact(renderer, scene.camera, plan.rung if plan.exact else "surface", say)
+    seen, colour, albedo = _exact(renderer, scene, plan, say, settled=not textures)
     variance = None
     if not plan.exact:
-        mean, variance = _sampled(renderer, scene.camera, plan, lambda part: say(1 + part * plan.samples))
+        mean, variance = _sampled(renderer, scene.camera, plan, seen, lambda part: say(1 + part * plan.samples))
+        if plan.sampling == "center":
+            mean = colour + albedo * mean
+            variance = variance if variance is None else np.square(albedo) * variance
+        colour = mean
+    h, w = scene.camera.height, scene.camera.width
+    surface = Surface(seen.ids.reshape(h, w), seen.depth.reshape(h, w), seen.normal.reshape(h, w, 3))
+    mean, variance = (x if x is None else x.astype(np.float32).reshape(h, w, 3) for x in (colour, variance))
     image = Image(mean, variance, plan.samples, surface, None if variance is None else plan.batches)
     if cache and time.perf_counter() - start > WORTH_KEEPING:
         kept.store(key, image)
@@ -137,9 +147,9 @@ def _plan(
         if value < least:
             raise InputError(where, f"a whole number, at least {least}", value)
     if batches is None:
-        batches = max(b for b in range(1, min(samples, BATCHES) + 1) if samples % b == 0)
-    elif batches < 1 or samples % batches:
-        raise InputError("batches", f"a divisor of samples ({samples})", batches)
+        batches = min(samples, BATCHES)
+    elif not 1 <= batches <= samples:
+        raise InputError("batches", f"a whole number from 1 to samples ({samples})", batches)
     if max_depth is not None and max_depth < 2:
         raise InputError("max_depth", "at least 2 (light, surface, eye)", max_depth)
     depth = RUNGS[rung] and (max_depth or RUNGS[rung])
@@ -170,41 +180,46 @@ def _engine(variant: str) -> ModuleType:
     return jit
 
 
-def _exact(renderer: Any, camera: Camera, rung: str, say: Callable[[float], None]) -> tuple[np.ndarray, Surface]:
-    """Radiance (H, W, 3) and Surface through the pixels' centres."""
-    n, shape = camera.width * camera.height, (camera.height, camera.width)
-    colour, normal = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
-    ids, depth = np.empty(n, np.int32), np.empty(n, np.float32)
+def _exact(
+    renderer: Any, scene: Scene, plan: _Plan, say: Callable[[float], None], settled: bool
+) -> tuple[Seen, np.ndarray, np.ndarray]:
+    """Through the pixels' centres, row by row: what is seen, the first light (n, 3), albedo (n, 3), float32.
+
+    `settled`: float64 decides in the pixels in doubt (not where textures are: those are photographs).
+    """
+    n = scene.camera.width * scene.camera.height
+    shadows, sky_at_hit = plan.rung in _SHADOWS and plan.sampling == "center", plan.depth is None
+    seen = Seen(np.empty(n, np.int32), np.empty(n, np.float32), np.empty((n, 3), np.float32), np.empty(n, np.int32))
+    colour, albedo = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
     for a in range(0, n, renderer.lanes):
         b = min(n, a + renderer.lanes)
-        colour[a:b], ids[a:b], depth[a:b], normal[a:b] = renderer.exact(a, b - a, rung)
+        found = renderer.exact(a, b - a, shadows, sky_at_hit)
+        for whole, part in zip((colour, *seen, albedo), found, strict=True):
+            whole[a:b] = part
         say(b / n)
-    if rung == "surface":
-        colour = np.where(ids[:, None] < 0, np.float32(0), (normal + 1) / 2)
-    surface = Surface(ids.reshape(shape), depth.reshape(shape), normal.reshape(*shape, 3))
-    return colour.reshape(*shape, 3), surface
+    if settled:
+        again = settle(scene, seen, shadows)
+        ids, _, normal, blocker = (part[again] for part in seen)
+        albedo[again] = albedos(scene)[ids]
+        colour[again] = first_light(scene, ids, albedo[again], normal, blocker, sky_at_hit)
+    if plan.rung == "surface":
+        colour = np.where(seen.ids[:, None] < 0, np.float32(0), (seen.normal + 1) / 2)
+    return seen, colour, albedo
 
 
 def _sampled(
-    renderer: Any, camera: Camera, plan: _Plan, say: Callable[[float], None]
+    renderer: Any, camera: Camera, plan: _Plan, seen: Seen, say: Callable[[float], None]
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Mean (H, W, 3) over the batches, and the variance of that mean: s² / batches, with s² their sample variance."""
-    n, each, batches = camera.width * camera.height, plan.samples // plan.batches, plan.batches
-    mean, spread = np.zeros((n, 3)), np.zeros((n, 3))
-    block = min(n, renderer.lanes)
-    most = max(1, renderer.lanes // block)  # samples at once
-    for batch in range(batches):
-        for a in range(0, n, block):
-            b = min(n, a + block)
-            total = 0
-            for done in range(0, each, most):
-                now = min(most, each - done)
-                seed = int(np.random.SeedSequence([plan.seed, batch, a, done]).generate_state(1)[0])
-                total = total + now * renderer.sampled(a, b - a, plan.rung, plan.sampling == "area", now, seed)
-                say((batch + (a + (b - a) * (done + now) / each) / n) / batches)
-            step = total / each - mean[a:b]
-            mean[a:b] += step / (batch + 1)  # Welford's update: plain sums of squares would lose a small spread
-            spread[a:b] += step * (total / each - mean[a:b])
-    shape = (camera.height, camera.width, 3)
-    variance = (spread / (batches * (batches - 1))).astype(np.float32).reshape(shape) if batches > 1 else None
-    return mean.astype(np.float32).reshape(shape), variance
+    """Mean (n, 3) of all samples and the variance of that mean; of the light that bounces, where the rest is known."""
+    n, batches = camera.width * camera.height, Batches(plan.batches, plan.samples)
+    mean, spread = np.empty((n, 3)), np.empty((n, 3))
+    block = max(1, renderer.lanes // batches.lanes)
+    for a in range(0, n, block):
+        b = min(n, a + block)
+        seed = int(np.random.SeedSequence([plan.seed, a]).generate_state(1)[0])
+        if plan.sampling == "area":
+            mean[a:b], spread[a:b] = renderer.sampled(a, b - a, batches, seed, plan.rung in _SHADOWS)
+        else:
+            mean[a:b], spread[a:b] = renderer.bounced(a, b - a, batches, seed, Seen(*(part[a:b] for part in seen)))
+        say(b / n)
+    return mean, batches.variance(spread)

@@ -6,14 +6,31 @@ Mitsuba's hit test, shadow test and path tracer; rays before them and shading af
 
 from collections.abc import Mapping
 from math import inf, pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import mitsuba as mi
 import numpy as np
 
 from raytwin.scene import Scene
+from raytwin.twin.batches import Batches
+from raytwin.twin.bodies import distance, normal, table, too_large
+from raytwin.twin.light import albedos, first_light, sunlight
+from raytwin.twin.outlines import Seen
 from raytwin.twin.rays import directions, lens_of
 from raytwin.twin.world import SHADOW_OFFSET, UNIT, load, translate
+
+
+class Hit(NamedTuple):
+    """What n rays meet first: `ids` -1 where nothing, the distance `t`, `normal` on the side they come from.
+
+    `start` (n, 3): where rays go on from, off the surface.
+    """
+
+    ids: np.ndarray
+    t: np.ndarray
+    normal: np.ndarray
+    start: np.ndarray
+    albedo: np.ndarray
 
 
 class Renderer:
@@ -22,87 +39,131 @@ class Renderer:
     lanes = 1 << 16
     """How many rays to take at once: the progress shows in these steps."""
 
-    def __init__(
-        self,
-        scene: Scene,
-        textures: Mapping[int, np.ndarray],
-        integrator: dict[str, Any] | None,
-    ) -> None:
-        self.scene = load(translate(scene, textures))
-        self.integrator = mi.load_dict(integrator) if integrator else None
+    def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int | None) -> None:
+        bodies = table(scene)
+        self.large = {i: bodies.at(i) for i in too_large(bodies) if i not in textures}
+        self.scene, self.depth = load(translate(scene, textures, self.large)), depth
+        self.path = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
         self.lens, self.width = lens_of(scene.camera), scene.camera.width
         self.R = np.asarray(scene.camera.R_cam_board)
         self.to_light = self.R @ scene.sun.to_light
-        self.irradiance, self.sky = np.asarray(scene.sun.irradiance), np.asarray(scene.sky.radiance)
-        self.albedo = np.array([*(thing.material.albedo for thing in scene.objects), (0, 0, 0)])
+        self.record, self.albedo = scene, albedos(scene)
         self.textured = sorted(textures)
         self.ids = {shape: int(shape.id()[7:]) for shape in self.scene.shapes()}
 
-    def exact(self, first: int, count: int, rung: str) -> tuple[np.ndarray, ...]:
-        """Radiance (n, 3), id (n,), depth (n,) in metres, normal (n, 3) in the board frame, through pixel centres."""
-        ids, t, n, p, albedo, _ = self._hit(np.arange(first, first + count), 0.0)
-        colour = np.zeros((count, 3))
-        if rung != "surface":
-            colour = self._first_light(ids, t, n, p, albedo, rung == "shadow", True)
-        return colour, ids, t / UNIT, n @ self.R
+    def exact(self, first: int, count: int, shadows: bool, sky_at_hit: bool) -> tuple[np.ndarray, ...]:
+        """Through the pixels' centres: radiance of the first light (n, 3), then `Seen`'s four, then albedo (n, 3)."""
+        hit = self._look(np.arange(first, first + count), 0.0, 0.0)
+        blocker = self._blocker(hit) if shadows else np.full(count, -1)
+        colour = self._first_light(hit, blocker, sky_at_hit)
+        return colour, hit.ids, hit.t / UNIT, hit.normal @ self.R, blocker, hit.albedo
 
-    def sampled(self, first: int, count: int, rung: str, area: bool, samples: int, seed: int) -> np.ndarray:
-        """The mean (n, 3) of `samples` independent estimates per pixel."""
-        pixel = np.repeat(np.arange(first, first + count), samples)
-        rng = np.random.default_rng(seed)
-        jitter = rng.random((2, len(pixel))) - 0.5 if area else 0.0
-        ids, t, n, p, albedo, hits = self._hit(pixel, jitter)
-        colour = self._first_light(ids, t, n, p, albedo, rung != "lambert", self.integrator is None)
-        if self.integrator is not None:
-            colour += self._bounce(hits, seed)
-        return colour.reshape(count, samples, 3).mean(axis=1)
+    def sampled(self, first: int, count: int, batches: Batches, seed: int, shadows: bool) -> tuple[np.ndarray, ...]:
+        """Radiance by rays spread over the pixel: mean and spread (n, 3), see `Batches`."""
+        pixel, rng = np.repeat(np.arange(first, first + count), batches.lanes), np.random.default_rng(seed)
+        hit = self._look(pixel, *(rng.random((2, len(pixel))) - 0.5))
+        blocker = self._blocker(hit) if shadows else np.full(len(pixel), -1)
+        colour = self._first_light(hit, blocker, sky_at_hit=self.depth is None)
+        if self.depth is not None:
+            colour += hit.albedo * self._incoming(hit, rng)
+        return batches.gathered(colour)
 
-    def _hit(self, pixel: np.ndarray, jitter: Any) -> tuple[Any, ...]:
-        du, dv = jitter if np.ndim(jitter) else (0.0, 0.0)
-        d = np.stack(directions(np, self.lens, pixel % self.width + du, pixel // self.width + dv), axis=1)
-        ids, t, n = np.full(len(d), -1, np.int32), np.zeros(len(d)), np.zeros((len(d), 3))
-        hits: list[Any] = [None] * len(d)
-        intersect, Ray, eye, known = self.scene.ray_intersect, mi.Ray3f, mi.Point3f(0), self.ids
-        where, found_ids, found_t, found_n = [], [], [], []
-        for i, direction in enumerate(d.astype(np.float32).tolist()):
-            si = intersect(Ray(eye, direction))
-            if (distance := si.t) < inf:
-                hits[i] = si
+    def bounced(self, first: int, count: int, batches: Batches, seed: int, seen: Seen) -> tuple[np.ndarray, ...]:
+        """Radiance that comes to what these pixels' centres see, `seen`, cosine-weighted: as `sampled`."""
+        pixel = np.repeat(np.arange(first, first + count), batches.lanes)
+        found = (seen.ids, seen.depth * UNIT, seen.normal @ self.R.T)
+        ids, t, n = (np.repeat(x, batches.lanes, axis=0) for x in found)
+        hit = Hit(ids, t, n, self._start(self._directions(pixel, 0.0, 0.0) * t[:, None], n), self.albedo[ids])
+        return batches.gathered(self._incoming(hit, np.random.default_rng(seed)))
+
+    def _directions(self, pixel: np.ndarray, du: Any, dv: Any) -> np.ndarray:
+        return np.stack(directions(np, self.lens, pixel % self.width + du, pixel // self.width + dv), axis=1)
+
+    def _look(self, pixel: np.ndarray, du: Any, dv: Any) -> Hit:
+        return self._nearest(np.zeros((len(pixel), 3)), self._directions(pixel, du, dv), np.full(len(pixel), True))
+
+    def _nearest(self, o: np.ndarray, d: np.ndarray, active: np.ndarray) -> Hit:
+        """What the rays from o along d, (n, 3), meet first."""
+        ids, t, n, albedo = (
+            np.full(len(d), -1, np.int32),
+            np.zeros(len(d)),
+            np.zeros((len(d), 3)),
+            np.zeros((len(d), 3)),
+        )
+        meet, Ray, known, textured = self.scene.ray_intersect, mi.Ray3f, self.ids, self.textured
+        where, found = [], []
+        lanes = np.flatnonzero(active)
+        for i, start, direction in zip(lanes.tolist(), o[lanes].tolist(), d[lanes].tolist(), strict=True):
+            si = meet(Ray(start, direction))
+            if (far := si.t) < inf:
+                which = known[si.shape]
                 where.append(i)
-                found_ids.append(known[si.shape])
-                found_t.append(distance)
-                found_n.append(list(si.n))
+                found.append((which, far, *si.n))
+                if which in textured:
+                    albedo[i] = list(si.bsdf().eval_diffuse_reflectance(si))
         if where:
-            ids[where], t[where], n[where] = found_ids, found_t, found_n
+            columns = np.array(found)
+            ids[where], t[where], n[where] = columns[:, 0].astype(np.int32), columns[:, 1], columns[:, 2:]
+        for i, body in self.large.items():
+            here = distance(np, body, o.T, d.T)
+            closer = active & (here < np.where(ids < 0, inf, t))
+            ids[closer], t[closer] = i, here[closer]
+            n[closer] = np.stack(normal(body, (o[closer] + here[closer, None] * d[closer]).T), axis=-1)
         n[(n * d).sum(axis=1) > 0] *= -1
-        albedo = self.albedo[ids]
-        for i in np.flatnonzero(np.isin(ids, self.textured)):
-            albedo[i] = list(hits[i].bsdf().eval_diffuse_reflectance(hits[i]))
-        return ids, t, n, d * t[:, None], albedo, hits
+        plain = ~np.isin(ids, textured)
+        albedo[plain] = self.albedo[ids[plain]]
+        return Hit(ids, t, n, self._start(o + d * t[:, None], n), albedo)
 
-    def _first_light(self, ids, t, n, p, albedo, shadows: bool, sky_at_hit: bool) -> np.ndarray:
-        """albedo/π E V max(0, n·l) (+ albedo Ls) where something is hit, Ls elsewhere."""
-        cosine = np.maximum(n @ self.to_light, 0)
-        if shadows:
-            lit = np.flatnonzero(cosine > 0)
-            start = (p[lit] + n[lit] * (SHADOW_OFFSET * t[lit, None])).tolist()
-            test, Ray, sun = self.scene.ray_test, mi.Ray3f, mi.Vector3f(self.to_light.tolist())
-            cosine[lit[[test(Ray(o, sun)) for o in start]]] = 0
-        colour = albedo / pi * self.irradiance * cosine[:, None]
-        if sky_at_hit:
-            colour += albedo * self.sky
-        colour[ids < 0] = self.sky
-        return colour
+    def _start(self, p: np.ndarray, n: np.ndarray) -> np.ndarray:
+        return p + n * (SHADOW_OFFSET * np.linalg.norm(p, axis=1, keepdims=True))
 
-    def _bounce(self, hits: list[Any], seed: int) -> np.ndarray:
-        """albedo times the radiance that Mitsuba's integrator finds in one cosine-distributed direction."""
+    def _blocker(self, hit: Hit) -> np.ndarray:
+        """The id of what hides the sun, -1 where nothing does or the surface is turned away from it."""
+        facing = (hit.ids >= 0) & (hit.normal @ self.to_light > 0)
+        blocker, lanes = np.full(len(facing), -1, np.int32), np.flatnonzero(facing)
+        meet, Ray, sun = self.scene.ray_intersect_preliminary, mi.Ray3f, mi.Vector3f(self.to_light.tolist())
+        for i, start in zip(lanes.tolist(), hit.start[lanes].tolist(), strict=True):
+            if (met := meet(Ray(start, sun))).is_valid():
+                blocker[i] = self.ids[met.shape]
+        for i, body in self.large.items():
+            blocker[facing & (distance(np, body, hit.start.T, self.to_light) < inf)] = i
+        return blocker
+
+    def _first_light(self, hit: Hit, blocker: np.ndarray, sky_at_hit: bool) -> np.ndarray:
+        return first_light(self.record, hit.ids, hit.albedo, hit.normal @ self.R, blocker, sky_at_hit)
+
+    def _incoming(self, hit: Hit, rng: np.random.Generator) -> np.ndarray:
+        """The radiance from one cosine-distributed direction, as Mitsuba's `path` finds it; 0 where nothing is hit."""
+        d = _cosine(hit.normal, rng)
+        if self.large:
+            return self._walk(hit, rng, d)
         sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(seed)
-        context, path, Onward = mi.BSDFContext(), self.integrator.sample, mi.RayDifferential3f
-        colour = np.zeros((len(hits), 3))
-        for i, si in enumerate(hits):
-            if si is not None:
-                bounce, weight = si.bsdf().sample(context, si, sampler.next_1d(), sampler.next_2d())
-                onward = Onward(si.spawn_ray(si.to_world(bounce.wo)))
-                colour[i] = list(weight * path(self.scene, sampler, onward)[0])
+        sampler.seed(int(rng.integers(1 << 32)))
+        path, Ray, Onward = self.path.sample, mi.Ray3f, mi.RayDifferential3f
+        colour, lanes = np.zeros((len(d), 3)), np.flatnonzero(hit.ids >= 0)
+        for i, start, direction in zip(lanes.tolist(), hit.start[lanes].tolist(), d[lanes].tolist(), strict=True):
+            colour[i] = list(path(self.scene, sampler, Onward(Ray(start, direction)))[0])
         return colour
+
+    def _walk(self, hit: Hit, rng: np.random.Generator, d: np.ndarray) -> np.ndarray:
+        """What Mitsuba's `path` would find along d, where the scene has an object too large for it."""
+        active = hit.ids >= 0
+        total, weight = np.zeros((len(d), 3)), np.ones((len(d), 3))
+        for left in reversed(range(self.depth - 1)):
+            hit = self._nearest(hit.start, d, active)
+            total[active & (hit.ids < 0)] += (weight * self.record.sky.radiance)[active & (hit.ids < 0)]
+            active &= hit.ids >= 0
+            if left:
+                weight *= hit.albedo
+                sun = sunlight(self.record, hit.normal @ self.R, self._blocker(hit))
+                total += weight * sun * active[:, None]
+                d = _cosine(hit.normal, rng)
+        return total
+
+
+def _cosine(n: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Directions about the normals n, with density cos / π: a point of the unit sphere about n's tip, made unit."""
+    z, turn = rng.random(len(n)) * 2 - 1, rng.random(len(n)) * 2 * pi
+    ring = np.sqrt(1 - z * z)
+    d = n + np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
+    return d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)

@@ -5,7 +5,7 @@ Mitsuba moves the start of every secondary ray off the surface by 9e-5 (1 + max|
 everywhere; in these units it is 9e-5 of the distance from the eye. A power of two scales without rounding.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -35,13 +35,15 @@ def load(world: dict[str, Any]) -> Any:
     return mi.load_dict(world, optimize=False)
 
 
-def translate(scene: Scene, textures: Mapping[int, np.ndarray]) -> dict[str, Any]:
+def translate(scene: Scene, textures: Mapping[int, np.ndarray], without: Collection[int] = ()) -> dict[str, Any]:
     """The dictionary for `load`: object i is called `object-i`, everything is two-sided diffuse."""
     import mitsuba as mi
 
     R, t = np.asarray(scene.camera.R_cam_board), np.asarray(scene.camera.t_cam_board)
     world: dict[str, Any] = {"type": "scene"}
     for i, thing in enumerate(scene.objects):
+        if i in without:
+            continue
         center = (R @ thing.center + t) * UNIT
         if isinstance(thing, Rectangle):
             matrix = np.eye(4)

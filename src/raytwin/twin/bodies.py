@@ -1,0 +1,116 @@
+"""The scene's objects in float64, in Mitsuba's world: for what Mitsuba's float32 can neither hold nor tell.
+
+Mitsuba answers for every ray. Two things are beyond float32, and here is what answers them:
+
+- an object far larger than its distance from the eye (a ground of 1000 m under a camera at 2 m): a sphere's centre and
+  radius are off by 2⁻²⁴ of themselves, and Mitsuba's shadow test takes the difference of their squares. `too_large`
+  finds them; Mitsuba is not given them, and `distance` meets them, whatever the ray.
+- a ray within rounding of an outline: see `outlines`.
+"""
+
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytwin.scene import Rectangle, Scene
+from raytwin.twin.world import UNIT
+
+SPHERE_REACH, RECTANGLE_REACH = 16.0, 100.0
+"""Radius, and distance to the furthest corner, over the distance from the eye: the most that Mitsuba is given.
+
+At these, rounding moves the surface by 1e-6 of the distance from the eye, a quarter of what shadow rays start above it
+(`world.SHADOW_OFFSET`). Spheres shaded themselves from 100 on, rectangles from 1000 on.
+"""
+
+
+class Body(NamedTuple):
+    """A sphere, `round`, or a rectangle: numbers, or arrays of them (n,); vectors as components (3, ...).
+
+    A rectangle is |(p - center) · u| <= 1 and |(p - center) · v| <= 1 on its plane, with its unit normal n.
+    """
+
+    round: Any
+    center: Any
+    radius: Any
+    u: Any
+    v: Any
+    n: Any
+
+    def at(self, index: Any) -> "Body":
+        """The bodies of these ids, from a table of all."""
+        return Body(*(field[..., index] for field in self))
+
+
+def table(scene: Scene) -> Body:
+    """All objects, by id: (3, n) each, the radius (n,)."""
+    R, t = np.asarray(scene.camera.R_cam_board), np.asarray(scene.camera.t_cam_board)
+    rows: list[tuple[Any, ...]] = []
+    for thing in scene.objects:
+        center = (R @ thing.center + t) * UNIT
+        if isinstance(thing, Rectangle):
+            u, v = (R @ edge * UNIT for edge in (thing.half_u, thing.half_v))
+            rows.append((False, center, 0.0, u / (u @ u), v / (v @ v), R @ thing.normal))
+        else:
+            rows.append((True, center, thing.radius * UNIT, np.zeros(3), np.zeros(3), np.zeros(3)))
+    if not rows:
+        return Body(np.zeros(0, bool), np.zeros((3, 0)), np.zeros(0), *np.zeros((3, 3, 0)))
+    return Body(*(np.stack(column, axis=-1) for column in zip(*rows, strict=True)))
+
+
+def too_large(bodies: Body) -> list[int]:
+    """The ids of the objects that are too large, or too near to the eye, for Mitsuba's float32."""
+    far = np.linalg.norm(bodies.center, axis=0)
+    gap = abs(far - bodies.radius)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v = (edge / (edge * edge).sum(axis=0) for edge in (bodies.u, bodies.v))  # the half edges themselves
+        corner = far + np.linalg.norm(u, axis=0) + np.linalg.norm(v, axis=0)
+    along = (bodies.center * bodies.n).sum(axis=0)
+    # The eye's nearest point of the rectangle: that of its plane, drawn back to the edges.
+    beside = [np.clip((-bodies.center * edge).sum(axis=0), -1, 1) for edge in (bodies.u, bodies.v)]
+    flat = bodies.center + np.nan_to_num(u) * beside[0] + np.nan_to_num(v) * beside[1]
+    near = np.maximum(np.linalg.norm(flat, axis=0), abs(along))
+    large = np.where(bodies.round, bodies.radius > SPHERE_REACH * gap, corner > RECTANGLE_REACH * near)
+    return [int(i) for i in np.flatnonzero(large)]
+
+
+def distance(xp: ModuleType, body: Body, o: Any, d: Any) -> Any:
+    """How far from o along the unit vector d the body is first met, inf where it is not; `xp` is numpy or drjit.
+
+    Sphere: t = -b ∓ √(b² - (|f| - r)(|f| + r)), f = o - center, b = f · d, the smaller that is positive.
+    Rectangle: t = (center - o) · n / d · n, where the point lies within the edges. `o`, `d`: three components each.
+    """
+    where = np.where if xp is np else xp.select
+    f = tuple(o[k] - body.center[k] for k in range(3))
+    if np.ndim(body.round):
+        return np.where(body.round, _to_sphere(xp, where, body, f, d), _to_rectangle(xp, where, body, f, d))
+    return (_to_sphere if body.round else _to_rectangle)(xp, where, body, f, d)
+
+
+def _to_sphere(xp: ModuleType, where: Any, body: Body, f: Any, d: Any) -> Any:
+    b, far = dot(f, d), xp.sqrt(dot(f, f))
+    square = b * b - (far - body.radius) * (far + body.radius)
+    root = xp.sqrt(xp.maximum(square, 0))
+    t = where(-b - root > 0, -b - root, -b + root)
+    return where((square >= 0) & (t > 0), t, xp.inf)
+
+
+def _to_rectangle(xp: ModuleType, where: Any, body: Body, f: Any, d: Any) -> Any:
+    toward = dot(d, body.n)
+    t = -dot(f, body.n) / where(toward == 0, 1, toward)
+    p = tuple(f[k] + t * d[k] for k in range(3))
+    inside = (abs(dot(p, body.u)) <= 1) & (abs(dot(p, body.v)) <= 1)
+    return where(inside & (toward != 0) & (t > 0), t, xp.inf)
+
+
+def normal(body: Body, p: Any) -> tuple[Any, ...]:
+    """The unit normal at p, three components: away from a sphere's centre, the rectangle's own."""
+    if np.ndim(body.round):
+        away = (p - body.center) / np.where(body.round, body.radius, 1)
+        return tuple(np.where(body.round, away, body.n))
+    return tuple((p[k] - body.center[k]) / body.radius for k in range(3)) if body.round else tuple(body.n)
+
+
+def dot(a: Any, b: Any) -> Any:
+    """a · b of three components each."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -1,0 +1,27 @@
+"""Light that no bounce brings, by NumPy: where Mitsuba's compiled kernels do not do it, and where float64 decided."""
+
+from math import pi
+
+import numpy as np
+
+from raytwin.scene import Scene
+
+
+def albedos(scene: Scene) -> np.ndarray:
+    """Each object's albedo, by id (n + 1, 3): the last row, which id -1 finds, is the black of no object."""
+    return np.array([*(thing.material.albedo for thing in scene.objects), (0.0, 0.0, 0.0)])
+
+
+def sunlight(scene: Scene, normal: np.ndarray, blocker: np.ndarray) -> np.ndarray:
+    """E/π V max(0, n·l), (k, 3), for normals (k, 3) in the board frame and the ids (k,) of what hides the sun."""
+    cosine = np.maximum(normal @ np.asarray(scene.sun.to_light), 0)
+    return np.asarray(scene.sun.irradiance) / pi * np.where(blocker < 0, cosine, 0)[:, None]
+
+
+def first_light(
+    scene: Scene, ids: np.ndarray, albedo: np.ndarray, normal: np.ndarray, blocker: np.ndarray, sky_at_hit: bool
+) -> np.ndarray:
+    """albedo/π E V max(0, n·l) (+ albedo Ls) where something is hit, Ls elsewhere: (k, 3)."""
+    sky = np.asarray(scene.sky.radiance)
+    colour = albedo * (sunlight(scene, normal, blocker) + (sky if sky_at_hit else 0))
+    return np.where(ids[:, None] < 0, sky, colour)
