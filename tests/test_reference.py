@@ -21,7 +21,7 @@ from raytwin.scene import Tolerance
 from raytwin.speed import trace
 
 SIZE = (48, 36)
-render_module = sys.modules["raytwin.twin.render"]
+render_module = sys.modules["raytwin.twin.rendering"]
 
 
 @pytest.fixture(autouse=True)

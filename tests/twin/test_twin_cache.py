@@ -8,7 +8,7 @@ from raytwin import files
 from raytwin.twin import activate, cache, provenance, render
 from raytwin.twin import render as render_function
 
-render_module = __import__("sys").modules["raytwin.twin.render"]
+render_module = __import__("sys").modules["raytwin.twin.rendering"]
 
 
 @pytest.fixture

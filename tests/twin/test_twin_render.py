@@ -206,7 +206,7 @@ def test_variance_by_batches_predicts_the_spread_between_seeds(scenes, variant):
 
 
 def test_more_samples_than_one_launch_holds_are_added_up(scenes, variant, monkeypatch):
-    from raytwin.twin.render import _engine
+    from raytwin.twin.rendering import _engine
 
     scene = files.read_scene(scenes / "overlap").scene
     scene = scene.with_camera(scene.camera.resized(40, 30))
@@ -223,7 +223,7 @@ def test_more_samples_than_one_launch_holds_are_added_up(scenes, variant, monkey
 
 @pytest.mark.parametrize(("samples", "batches"), [(1, None), (2, 2), (3, 3), (16, 16), (17, 16), (19, 16), (31, 16)])
 def test_two_samples_or_more_always_measure_a_variance(variant, samples, batches):
-    scene = Scene("s", looking_down(size=(9, 9)), (Sphere((0, 0, 0), 0.25),), sun=SUN, sky=SKY)
+    scene = Scene("s", looking_down(size=(9, 9)), (Sphere((0, 0, 0), 0.25),), (SUN, SKY))
     image = render(scene, "lambert", sampling="area", samples=samples, cache=False)
     assert image.batches == batches
     assert image.samples == samples

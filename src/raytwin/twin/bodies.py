@@ -60,18 +60,15 @@ def table(scene: Scene) -> Body:
 
 def too_large(bodies: Body) -> list[int]:
     """The ids of the objects that are too large, or too near to the eye, for Mitsuba's float32."""
-    far = np.linalg.norm(bodies.center, axis=0)
-    gap = abs(far - bodies.radius)
     with np.errstate(divide="ignore", invalid="ignore"):
-        u, v = (edge / (edge * edge).sum(axis=0) for edge in (bodies.u, bodies.v))  # the half edges themselves
-        corner = far + np.linalg.norm(u, axis=0) + np.linalg.norm(v, axis=0)
-    along = (bodies.center * bodies.n).sum(axis=0)
-    # The eye's nearest point of the rectangle: that of its plane, drawn back to the edges.
-    beside = [np.clip((-bodies.center * edge).sum(axis=0), -1, 1) for edge in (bodies.u, bodies.v)]
-    flat = bodies.center + np.nan_to_num(u) * beside[0] + np.nan_to_num(v) * beside[1]
-    near = np.maximum(np.linalg.norm(flat, axis=0), abs(along))
-    large = np.where(bodies.round, bodies.radius > SPHERE_REACH * gap, corner > RECTANGLE_REACH * near)
-    return [int(i) for i in np.flatnonzero(large)]
+        half = [np.nan_to_num(edge / (edge * edge).sum(axis=0)) for edge in (bodies.u, bodies.v)]
+    corners = [bodies.center + x * half[0] + y * half[1] for x in (-1, 1) for y in (-1, 1)]
+    corner = np.max(np.linalg.norm(corners, axis=1), axis=0)
+    # The eye's nearest point of a rectangle: that of its plane, drawn back to the edges.
+    a, b = (np.clip((-bodies.center * edge).sum(axis=0), -1, 1) for edge in (bodies.u, bodies.v))
+    near = np.linalg.norm(bodies.center + a * half[0] + b * half[1], axis=0)
+    sphere = bodies.radius > SPHERE_REACH * abs(np.linalg.norm(bodies.center, axis=0) - bodies.radius)
+    return [int(i) for i in np.flatnonzero(np.where(bodies.round, sphere, corner > RECTANGLE_REACH * near))]
 
 
 def distance(xp: ModuleType, body: Body, o: Any, d: Any) -> Any:
