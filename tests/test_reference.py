@@ -347,6 +347,16 @@ def test_the_command_replaces_only_when_told_to(overlap, folder, tmp_path):
     assert raytwin("check", "scenes/overlap", "--rung", "shadow", cwd=tmp_path).returncode == 0
 
 
+def test_show_tells_a_line_of_each_reference_and_all_of_a_single_one(overlap, folder, tmp_path):
+    found = [make(overlap, rung, folder).new for rung in ("lambert", "shadow")]
+    lines = raytwin("show", cwd=tmp_path).stdout.splitlines()
+    assert [line.split()[0] for line in lines] == ["reference", "overlap/lambert", "overlap/shadow"]
+    assert f"{float(found[1].image.mean.mean()):.4g}" in lines[2]
+    single = raytwin("show", "--rung", "shadow", cwd=tmp_path).stdout
+    assert found[1].header["scene_hash"] in single
+    assert raytwin("show", "--all", cwd=tmp_path).stdout.endswith(single)
+
+
 def test_show_names_what_made_a_reference_and_fails_on_a_damaged_one(overlap, folder, tmp_path):
     path = make(overlap, "shadow", folder).new.path
     shown = raytwin("show", cwd=tmp_path)

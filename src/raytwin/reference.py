@@ -460,12 +460,27 @@ def listed(folder: str | Path) -> list[tuple[str, str]]:
 
 def show(reference: Reference) -> list[str]:
     """The header, one line each, and what the image is worth."""
-    image, header = reference.image, reference.header
+    header = reference.header
     lines = [f"{header['scene']}/{header['rung']}  {reference.path}"]
     lines += [f"  {k:<12} {v}" for k, v in header.items() if k not in ("set_up", "scene", "rung") and v != "None"]
-    mean = float(image.mean.mean(dtype=np.float64))
-    noise = "none"
-    if image.variance is not None:
-        sd = math.sqrt(float(image.variance.mean(dtype=np.float64)))
-        noise = f"standard deviation {sd:.2g} a pixel, {100 * sd / max(mean, 1e-30):.2g} % of the mean"
+    mean, sd = _worth(reference.image)
+    noise = f"standard deviation {sd:.2g} a pixel, {100 * sd / max(mean, 1e-30):.2g} % of the mean" if sd else "none"
     return [*lines, f"  {'mean':<12} {mean:.6g}", f"  {'noise':<12} {noise}"]
+
+
+def outline(reference: Reference) -> str:
+    """The same in one line: what, size, samples a pixel, mean, noise in % of it, Mitsuba's version."""
+    header, (mean, sd) = reference.header, _worth(reference.image)
+    noise = f"{100 * sd / max(mean, 1e-30):.2g} %" if sd else "none"
+    name, version = f"{header['scene']}/{header['rung']}", header.get("mitsuba", "–")
+    return f"{name:<20} {header.get('size', '–'):<12} {header['samples']:>7} {mean:>9.4g} {noise:>8}  {version}"
+
+
+OUTLINE = f"{'reference':<20} {'size':<12} {'samples':>7} {'mean':>9} {'noise':>8}  Mitsuba"
+"""What stands above `outline`."""
+
+
+def _worth(image: Image) -> tuple[float, float]:
+    """The mean of all values, and their standard deviation where there is noise."""
+    variance = 0.0 if image.variance is None else float(image.variance.mean(dtype=np.float64))
+    return float(image.mean.mean(dtype=np.float64)), math.sqrt(variance)

@@ -91,21 +91,30 @@ def check_command(scenes: Scenes = None, rung: Rungs = None, folder: Source = No
 
 
 @app.command("show")
-def show_command(scenes: Scenes = None, rung: Rungs = None, folder: Source = None) -> None:
-    """What made each reference, and what it is worth. Fails on damaged ones."""
+def show_command(
+    scenes: Scenes = None,
+    rung: Rungs = None,
+    folder: Source = None,
+    whole: Annotated[bool, typer.Option("--all", help="Everything that is known of each, as of a single one.")] = False,
+) -> None:
+    """What made each reference, and what it is worth: a line each, of a single one all. Fails on damaged ones."""
     from raytwin import reference
 
     folder, names = _source(folder), [s.resolve().name for s in scenes or ()]
     cases = [c for c in reference.listed(folder) if c[0] in (names or [c[0]]) and c[1] in (rung or [c[1]])]
     if not cases:
         raise InputError(folder, "references", "none of these")
-    damaged = False
+    whole, damaged = whole or len(cases) == 1, False
+    if not whole:
+        typer.echo(reference.OUTLINE)
     for name, one in cases:
         try:
-            typer.echo("\n".join(reference.show(reference.load(reference.path_of(folder, name, one)))))
+            found = reference.load(reference.path_of(folder, name, one))
         except InputError as error:
             damaged = True
             typer.echo(f"{name}/{one}  {error}")
+        else:
+            typer.echo("\n".join(reference.show(found)) if whole else reference.outline(found))
     if damaged:
         raise typer.Exit(1)
 

@@ -51,7 +51,7 @@ window.raytwin = (() => {
 
   function fill(row, object, colour, depth) {
     const cells = document.querySelectorAll(`#row-${row} td`), error = row === "error";
-    const texts = [...colour.map((x) => number(x, error ? 3 : 4, error)), number(depth, error ? 3 : 5, error)];
+    const texts = [...colour.map((x) => number(x, 3, error)), number(depth, error ? 3 : 4, error)];
     [object, ...texts].forEach((text, i) => { cells[i].textContent = text; });
     if (error && meta.tolerance !== null)
       colour.forEach((x, i) => cells[i + 1].classList.toggle("over", !(Math.abs(x) <= meta.tolerance)));
