@@ -44,7 +44,8 @@ def trim_boxes(things: Sequence[Shape], camera: Camera) -> np.ndarray:
     empty |= (low > high).any(axis=1)
     low, high = np.where(empty[:, None], near, low), np.where(empty[:, None], far, high)
     (ax, ay), (bx, by) = low.T[..., None], high.T[..., None]
-    xs, ys = ax + (bx - ax) * SIDE, ay + (by - ay) * SIDE
+    along = SIDE if any(camera.dist) else SIDE[[0, -1]]  # without a lens the sides stay straight
+    xs, ys = ax + (bx - ax) * along, ay + (by - ay) * along
     x = np.stack([xs, xs, ax + 0 * ys, bx + 0 * ys], axis=1)  # (n, sides, places)
     y = np.stack([ay + 0 * xs, by + 0 * xs, ys, ys], axis=1)
     at = np.stack(_to_pixels(x, y, camera))

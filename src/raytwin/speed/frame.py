@@ -19,10 +19,9 @@ from raytwin.speed.start import invert_lens, quick
 from raytwin.tracer.arrays import Vec, unit
 from raytwin.tracer.camera import to_board
 from raytwin.tracer.frame import EYE, STAGES
-from raytwin.tracer.hit import Hit, World
+from raytwin.tracer.hit import Hit, Stages, World
 from raytwin.tracer.light import RADIANCE, Lighting, lighting
 from raytwin.tracer.sphere import SOLVERS, intersect_sphere
-from raytwin.tracer.stages import Stages
 
 TILE_NUMPY, TILE_DRJIT = 128, 32
 

@@ -7,11 +7,10 @@ Read it in this order: frame, camera, hit, sphere, rectangle, light; arrays last
 
 from raytwin.tracer.camera import back_project, distort, undistort
 from raytwin.tracer.frame import STAGES, trace
-from raytwin.tracer.hit import Every, Hit, World
+from raytwin.tracer.hit import Every, Hit, Stages, World
 from raytwin.tracer.light import RADIANCE, Lighting, lambert, lighting, sun_visible
 from raytwin.tracer.rectangle import intersect_rectangle
 from raytwin.tracer.sphere import SOLVERS, intersect_sphere
-from raytwin.tracer.stages import Stages
 
 __all__ = [
     "RADIANCE", "SOLVERS", "STAGES", "Every", "Hit", "Lighting", "Stages", "World", "back_project", "distort",

@@ -24,9 +24,7 @@ def distort(x: Any, y: Any, dist: tuple) -> tuple[Any, Any]:
     return x * radial + 2 * p1 * x * y + p2 * (rr + 2 * x * x), y * radial + p1 * (rr + 2 * y * y) + 2 * p2 * x * y
 
 
-def undistort(
-    xd: Any, yd: Any, dist: tuple, start: tuple[Any, Any] | None = None, steps: int = STEPS
-) -> tuple[Any, Any]:
+def undistort(xd: Any, yd: Any, dist: tuple, start: tuple | None = None, steps: int = STEPS) -> tuple[Any, Any]:
     """The (x, y) with distort(x, y) = (xd, yd), by Newton's method; its Jacobian [[a, b], [b, c]] is symmetric.
 
     `start` is where it begins, (xd, yd) itself if nothing better is known.

@@ -7,16 +7,13 @@ from raytwin.image import BACKGROUND, Image, Surface
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, seen_from_eye
 from raytwin.tracer.camera import back_project, to_board, undistort
-from raytwin.tracer.hit import Every, World, nearer, normal
+from raytwin.tracer.hit import Every, Stages, World, nearer, normal
 from raytwin.tracer.light import RADIANCE, lambert, lighting, sun_visible
 from raytwin.tracer.rectangle import intersect_rectangle
 from raytwin.tracer.sphere import intersect_sphere
-from raytwin.tracer.stages import Stages
 
 EYE = (0.0, 0.0, 0.0)
-STAGES = Stages(
-    undistort, back_project, intersect_sphere, intersect_rectangle, nearer, normal, lambert, sun_visible
-)  # fmt: skip
+STAGES = Stages(undistort, back_project, intersect_sphere, intersect_rectangle, nearer, normal, lambert, sun_visible)
 
 
 def trace(scene: Scene, rung: str = "shadow", stages: Stages = STAGES) -> Image:

@@ -7,14 +7,23 @@ import numpy as np
 
 from raytwin.scene import Shape, Sphere
 from raytwin.tracer.arrays import INFINITY, Vec, dot, integers, select
-from raytwin.tracer.stages import Stages
+
+
+class Stages(NamedTuple):
+    """The tracer's steps as data: `STAGES._replace(lambert=...)` puts a learner's, or a fault, in the place of one."""
+
+    undistort: Callable[[Any, Any, tuple], Any]
+    back_project: Callable[..., Any]
+    intersect_sphere: Callable[[Any, Any, Any], Any]
+    intersect_rectangle: Callable[[Any, Any, Any], Any]
+    nearer: Callable[[Any, Any], Any]
+    normal: Callable[[Any, Any], Any]
+    lambert: Callable[..., Any]
+    sun_visible: Callable[..., Any]
 
 
 class Facts(NamedTuple):
-    """Of an object, or of the one that each ray met: its normal at its point p is flat + bend (p - center).
-
-    A sphere's is (p - center) / radius; a rectangle's is the same everywhere.
-    """
+    """Of an object, or of what each ray met. The normal at p is flat + bend (p - center); a sphere's bend is 1/r."""
 
     center: Vec
     flat: Vec
@@ -23,20 +32,15 @@ class Facts(NamedTuple):
 
 
 def facts_of(thing: Shape) -> Facts:
-    """A new shape gets a line here, and one in `intersect`."""
     if isinstance(thing, Sphere):
         return Facts(thing.center, (0.0, 0.0, 0.0), 1 / thing.radius, thing.material.albedo)
     return Facts(thing.center, thing.normal, 0.0, thing.material.albedo)
 
 
 class Objects(Protocol):
-    """What rays are tested against: `fold` hands a state from object to object, `facts` tells of those met.
-
-    state = body(state, id, object) for one object after the other; `facts` of an id below 0 mean nothing.
-    """
+    """What rays are tested against: state = body(state, id, object) for one after the other, `facts` of those met."""
 
     def fold(self, state: tuple, body: Callable) -> tuple: ...
-
     def facts(self, ids: Any) -> Facts: ...
 
 
@@ -71,7 +75,7 @@ class Hit(NamedTuple):
 
 
 def intersect(origin: Vec, d: Vec, thing: Shape, stages: Stages) -> Any:
-    """t > 0 where the ray meets the object, infinity for a miss."""
+    """t > 0 where the ray meets the object, infinity for a miss. A new shape gets a line here and in `facts_of`."""
     if isinstance(thing, Sphere):
         return stages.intersect_sphere(origin, d, thing)
     return stages.intersect_rectangle(origin, d, thing)
@@ -96,11 +100,10 @@ class World(NamedTuple):
     def first(self, origin: Vec, d: Vec) -> tuple[Any, Any]:
         """(t, id) of the nearest object on each ray; infinity and -1 where there is none."""
 
-        def closer(state, index, thing):
-            best, ids = state
+        def closer(state: tuple, index: Any, thing: Shape) -> tuple:
             t = intersect(origin, d, thing, self.stages)
-            hides = self.stages.nearer(t, best)
-            return select(hides, t, best), select(hides, index, ids)
+            hides = self.stages.nearer(t, state[0])
+            return select(hides, t, state[0]), select(hides, index, state[1])
 
         return self.objects.fold((0 * d[0] + INFINITY, integers(d[0], -1)), closer)
 
@@ -124,7 +127,7 @@ class World(NamedTuple):
         from outside, so each object is left out of its own test; seen from inside, a sphere hides everything.
         """
 
-        def block(state, index, thing):
+        def block(state: tuple, index: Any, thing: Shape) -> tuple:
             t = intersect(hit.point, d, thing, self.stages)
             return (state[0] | ((hit.ids != index) & (t < INFINITY)),)
 

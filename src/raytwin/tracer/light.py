@@ -57,11 +57,8 @@ def _direct(hit: Hit, light: Lighting, world: World, visible: Any) -> Vec:
     return tuple(world.stages.lambert(rho, hit.normal, light.to_sun, E, visible, sky) for rho, E, sky in channels)
 
 
-RADIANCE: dict[str, Callable[[Hit, Lighting, World, Camera], Vec]] = {
-    "surface": surface_colour,
-    "lambert": lambert_radiance,
-    "shadow": shadow_radiance,
-}
+Radiance = Callable[[Hit, Lighting, World, Camera], Vec]
+RADIANCE: dict[str, Radiance] = {"surface": surface_colour, "lambert": lambert_radiance, "shadow": shadow_radiance}
 """Name of a rung -> (hit, light, world, camera) -> radiance (r, g, b); hit and light are in the camera's frame.
 
 To add a rung, write its function, and add its row here and in `raytwin.rungs`.

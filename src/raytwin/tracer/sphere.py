@@ -22,8 +22,8 @@ def textbook(f: Vec, d: Vec, r: Any) -> Solved:
     """t = (-b ± √(b² - 4c)) / 2. Subtracts nearly equal numbers twice: in the discriminant, and in -b + √..."""
     b, _, disc = _quadratic(f, d, r)
 
-    def roots():
-        root = _root(disc)
+    def roots() -> tuple[Any, Any]:
+        root = sqrt(maximum(disc, 0.0))
         return (-b - root) / 2, (-b + root) / 2
 
     return disc, roots
@@ -31,22 +31,22 @@ def textbook(f: Vec, d: Vec, r: Any) -> Solved:
 
 def paper(f: Vec, d: Vec, r: Any) -> Solved:
     """q = -(b + sign(b) √disc) / 2, t = q and c / q, with sign(0) = 0: at b = 0 it finds q = 0, which is no root."""
-    b, c, disc = _quadratic(f, d, r)
-
-    def roots():
-        root = _root(disc)
-        return _roots_of_q(b, c, -(b + select(b > 0, root, select(b < 0, -root, 0 * root))) / 2)
-
-    return disc, roots
+    return _by_q(f, d, r, sign_of_zero=0)
 
 
 def stable(f: Vec, d: Vec, r: Any) -> Solved:
     """The same q with sign(0) = 1: no cancellation in -b ± √disc, but the discriminant still loses its digits."""
+    return _by_q(f, d, r, sign_of_zero=1)
+
+
+def _by_q(f: Vec, d: Vec, r: Any, sign_of_zero: int) -> Solved:
     b, c, disc = _quadratic(f, d, r)
 
-    def roots():
-        root = _root(disc)
-        return _roots_of_q(b, c, -(b + select(b >= 0, root, -root)) / 2)
+    def roots() -> tuple[Any, Any]:
+        root = sqrt(maximum(disc, 0.0))
+        q = -(b + select(b > 0, root, select(b < 0, -root, sign_of_zero * root))) / 2
+        other = c / select(q == 0, 1.0, q)
+        return select(b > 0, q, other), select(b > 0, other, q)
 
     return disc, roots
 
@@ -54,15 +54,6 @@ def stable(f: Vec, d: Vec, r: Any) -> Solved:
 def _quadratic(f: Vec, d: Vec, r: Any) -> tuple[Any, Any, Any]:
     b, c = 2 * dot(f, d), dot(f, f) - r * r
     return b, c, b * b - 4 * c
-
-
-def _root(disc: Any) -> Any:
-    return sqrt(maximum(disc, 0.0))
-
-
-def _roots_of_q(b: Any, c: Any, q: Any) -> tuple[Any, Any]:
-    other = c / select(q == 0, 1.0, q)
-    return select(b > 0, q, other), select(b > 0, other, q)
 
 
 def robust(f: Vec, d: Vec, r: Any) -> Solved:
@@ -74,8 +65,8 @@ def robust(f: Vec, d: Vec, r: Any) -> Solved:
     along = (f[0] + b * d[0], f[1] + b * d[1], f[2] + b * d[2])
     disc = r * r - dot(along, along)
 
-    def roots():
-        length, root = sqrt(dot(f, f)), _root(disc)
+    def roots() -> tuple[Any, Any]:
+        length, root = sqrt(dot(f, f)), sqrt(maximum(disc, 0.0))
         c = (length - r) * (length + r)
         q = b + select(b >= 0, root, -root)
         other = c / select(q == 0, 1.0, q)
@@ -84,12 +75,8 @@ def robust(f: Vec, d: Vec, r: Any) -> Solved:
     return disc, roots
 
 
-SOLVERS: dict[str, Callable[[Vec, Vec, Any], Solved]] = {
-    "textbook": textbook,
-    "paper": paper,
-    "stable": stable,
-    "robust": robust,
-}
+Solver = Callable[[Vec, Vec, Any], Solved]
+SOLVERS: dict[str, Solver] = {"textbook": textbook, "paper": paper, "stable": stable, "robust": robust}
 """name -> (f, d, r) -> (discriminant, () -> (nearer t, farther t))."""
 
 
@@ -99,7 +86,7 @@ def intersect_sphere(origin: Vec, d: Vec, sphere: Sphere, solver: str = "robust"
     f = (origin[0] - cx, origin[1] - cy, origin[2] - cz)
     disc, roots = SOLVERS[solver](f, d, sphere.radius)
 
-    def distance():
+    def distance() -> Any:
         near, far = roots()
         t = select(near > 0, near, far)
         return select(t > 0, t, INFINITY)
