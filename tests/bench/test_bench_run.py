@@ -63,6 +63,11 @@ def test_the_loop_trimmed_is_the_loop(view):
     np.testing.assert_array_equal(loop(scene, "shadow", "conic"), loop(scene, "shadow", "none"))
 
 
+AMPLE = 3600
+"""Seconds: no test's outcome hangs on how busy the machine is."""
+
+GLOBS = "fill", "loop-lambert-conic", "numpy32-shadow-*", "drjit32-shadow-conic", "twin-llvm-path-1", "*cuda*"
+
 HERE = [m for m in METHODS.values() if "cuda" not in m.library and m.samples <= 16]
 KINDS = sorted({type(m) for m in HERE}, key=lambda kind: kind.__name__)
 
@@ -127,7 +132,13 @@ def test_a_crowd_has_as_many_small_spheres_all_in_the_picture(view):
 
 def test_a_bench_of_a_crowd_draws_the_crowd(scenes):
     found = bench.bench(
-        scenes / "single", methods=["numpy64-shadow-*"], sizes=[0.01], crowd=40, budget=20, repeats=2, truth_samples=4
+        scenes / "single",
+        methods=["numpy64-shadow-*"],
+        sizes=[0.01],
+        crowd=40,
+        budget=AMPLE,
+        repeats=2,
+        truth_samples=4,
     )
     assert found.scene == "single-40-spheres"
     assert {"numpy64-shadow-none", "numpy64-shadow-conic"} <= {row.method for row in found.rows}
@@ -192,19 +203,23 @@ def test_the_memory_of_a_call_is_seen():
 
 @pytest.fixture(scope="module")
 def small_run(scenes):
-    globs = ("fill", "loop-lambert-conic", "numpy32-shadow-*", "drjit32-shadow-conic", "twin-llvm-path-1", "*cuda*")
     return bench.bench(
-        scenes / "overlap", methods=globs, sizes=(0.002,), spheres=(1, 4), budget=25, repeats=3, truth_samples=64
+        scenes / "overlap", methods=GLOBS, sizes=(0.002,), spheres=(1, 4), budget=AMPLE, repeats=3, truth_samples=64
     )
 
 
-def test_a_run_ends_within_its_budget_and_accounts_for_every_method(small_run):
-    assert small_run.seconds < 30
-    asked = {m.name for m in choose(("fill", "loop-lambert-conic", "numpy32-shadow-*", "drjit32-shadow-conic",
-                                     "twin-llvm-path-1", "*cuda*"))}  # fmt: skip
+def test_a_run_accounts_for_every_method(small_run):
     spheres = {o.method for o in small_run.left_out if "spheres" in o.method}
+    asked = {m.name for m in choose(GLOBS)}
     assert {r.method for r in small_run.rows} | {o.method for o in small_run.left_out} - spheres == asked
     assert all(o.why for o in small_run.left_out)
+
+
+def test_a_run_without_time_measures_nothing_and_says_so_of_every_method(scenes):
+    found = bench.bench(scenes / "single", methods=("fill", "numpy32-shadow-*"), sizes=(0.002,), budget=1e-9)
+    assert (found.rows, found.errors, found.repeats) == ((), (), ())
+    assert {o.method for o in found.left_out} == {m.name for m in choose(("fill", "numpy32-shadow-*"))}
+    assert all("a call would take" in o.why for o in found.left_out)
 
 
 def test_a_row_has_exactly_the_promised_keys(small_run, tmp_path):
@@ -243,7 +258,7 @@ def raytwin(*arguments: object) -> subprocess.CompletedProcess:
 
 def test_the_command_writes_json_a_page_and_pictures(scenes, tmp_path):
     run = raytwin(
-        "bench", scenes / "single", "--methods", "fill,numpy32-shadow-conic", "--sizes", "0.002", "--budget", 10,
+        "bench", scenes / "single", "--methods", "fill,numpy32-shadow-conic", "--sizes", "0.002", "--budget", AMPLE,
         "--repeats", 3, "--truth-samples", 32, "--json", tmp_path / "a.json", "--save", tmp_path / "a.save",
         "-o", tmp_path / "out",
     )  # fmt: skip
