@@ -3,23 +3,29 @@
     values   every value's (t - r) / sd                           sees a wrong pixel
     tiles    the mean of t - r over 8 x 8, 16 x 16, ... pixels    sees a wrong corner
     image    the mean of t - r over everything                    sees a wrong brightness
-    shift    the translation between the two (shift.py)        sees a wrong camera
+    shift    the translation between the two (shift.py)           sees a wrong camera
 
-Each of the four gets the rate 1 - (1 - rate)^(1/4), and shares it among its own values by Sidak's formula.
+Each of the four gets the rate 1 - (1 - rate)^(1/4), and shares it among its own values by Sidak's formula. Tiles from
+16 pixels on overlap by half their side: any square of 24 pixels holds a whole one of 16.
 
 What a variance estimated from a few batches needs, so that the rate holds:
 
 - Student's t in the place of the Gaussian. A value has the batches' degrees of freedom; a sum over pixels has
-  (sum v)^2 / sum v^2 - 1, the number of pixels that carry its variance: 0 when a single firefly does.
+  (sum v)^2 / sum(v^2 / nu) - 1 (Welch, Satterthwaite), nu what is known of each pixel's variance (noise.doubt): 0 when
+  a single firefly carries it.
 - A value whose batches happened to agree looks surer than it is. Its variance is raised to the largest of its 3 x 3
   neighbourhood, to its block's mean, and to what the other image's variance says of it.
 - A pixel that missed a rare event (a firefly) is too dark by the events' mean, without a trace in its variance. The
-  mean of the fireflies that were seen elsewhere is therefore granted as a bias to every value, and to every sum over
-  so few pixels that it may have missed them all: often a few thousandths of the radiance, where widening every
-  variance by a firefly's would have blinded all tests.
-- Values with a standard deviation below the tolerance hold no noise: they are compared as exact images are.
+  mean of the fireflies that were seen elsewhere, in units of radiance or of the radiance there, is therefore granted to
+  whatever may have missed them all: often a few thousandths of the radiance, where widening every variance by a
+  firefly's would have blinded all tests. Where both images tell their samples, a variance is never less than the
+  samples' ratio says of the other's.
+- Values with a standard deviation below a tenth of the tolerance hold no noise: they are compared as exact images are.
+- Neighbours that share samples (a filter wider than the pixel): the variance of every sum is inflated by what the
+  images' difference shows (noise.inflation).
+- A variance that the residuals do not bear out excuses nothing (noise.capped).
 
-An event that *nobody* sampled cannot be told from a bias. Neighbouring pixels must be independent: a box filter.
+An event that *nobody* sampled cannot be told from a bias.
 """
 
 import math
@@ -27,17 +33,41 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.compare.blocks import SIDE, block_sums, merge, strips
+from raytwin.compare.blocks import SIDE, block_sums, slide, strips, unblock
 from raytwin.compare.chance import quantile, sidak, two_sided, welch
 from raytwin.compare.exact import Quiet
-from raytwin.compare.noise import Allowance, allowance, degrees_of_freedom, mutual, regularised, survey, variance_ratio
+from raytwin.compare.noise import (
+    Missed,
+    Side,
+    block_counts,
+    degrees_of_freedom,
+    doubt,
+    inflation,
+    missed,
+    mutual,
+    regularised,
+    spread,
+    survey,
+    variance_ratio,
+)
+from raytwin.compare.scale import Bound
 from raytwin.image import Image
-from raytwin.scene import Tolerance
+
+Sums = dict[str, np.ndarray]
+Size = tuple[int, ...]
+KEYS = ("n", "d", "r", "va", "vb", "vv", "round")
 
 TESTS = 4
 
 POWER = 0.9
 """The probability with which a minimum detectable bias is detected."""
+
+SILENT = 0.1
+"""A standard deviation below this share of what a value may err by is no noise."""
+
+
+DIM = 0.1
+"""A channel of less than this share of the channels' mean has no relative error worth the name."""
 
 
 class Worst(NamedTuple):
@@ -59,11 +89,12 @@ class Worst(NamedTuple):
 
 
 class Family(NamedTuple):
-    """Tests of one kind: the worst, the level that its p-value must stay above, how many fell below."""
+    """Tests of one kind: the worst, the level that its p-value must stay above, how many of how many fell below."""
 
     worst: Worst
     level: float
     failed: int
+    tests: int
     detectable: float = math.nan
 
     @property
@@ -71,135 +102,277 @@ class Family(NamedTuple):
         return self.worst.p >= self.level
 
 
-class Noise(NamedTuple):
-    """What the three tests of radiance found, and the values without noise; `failed_pixels` hold a failed value."""
+class Decision(NamedTuple):
+    """What the three tests of radiance found, and the values without noise; `failed_pixels` hold a failed value.
+
+    `inflation`: of the variance of sums, because neighbours share samples.
+    """
 
     value: Family
     tile: Family
     image: Family
     quiet: Quiet
     failed_pixels: int
+    inflation: float
+
+    @property
+    def passed(self) -> bool:
+        return self.value.passed and self.tile.passed and self.image.passed
 
 
-def decide(test: Image, reference: Image, tolerance: Tolerance, rate: float) -> Noise:
-    """Values, tiles, image: of two images of one shape (H, W, 3), finite, at least one of them with a variance."""
-    a, b = survey(test), survey(reference)
-    typical, largest = variance_ratio(test, reference, a, b, tolerance.p999_abs**2)
-    noisy_sides = [s for s in (a, b) if s is not None]
+class Rounding(NamedTuple):
+    """What the images' formats round off: `value` (H, W, 3) at most, `mean` of it what is left in a mean of noise."""
+
+    value: np.ndarray
+    mean: np.ndarray
+
+
+class Grants(NamedTuple):
+    """What an error may be before it counts: the bound of values without noise, and what either image missed."""
+
+    bound: Bound
+    by_test: Missed
+    by_reference: Missed
+
+    def of(self, error: np.ndarray, pixels: np.ndarray | int, radiance: np.ndarray) -> np.ndarray:
+        """For mean errors (..., 3): a test that is too dark may have missed events, one too bright has seen more."""
+        granted = self.bound.of(radiance)
+        if not (self.by_test.nothing and self.by_reference.nothing):
+            dark, bright = (m.of(pixels, radiance) for m in (self.by_test, self.by_reference))
+            granted += np.where(error < 0, dark, bright).astype(granted.dtype)
+        return granted
+
+    def most(self, pixels: np.ndarray | int, radiance: np.ndarray) -> np.ndarray:
+        """The larger of the two directions."""
+        return np.maximum(*(self.of(np.full_like(radiance, sign), pixels, radiance) for sign in (-1, 1)))
+
+
+def decide(
+    test: Image,
+    reference: Image,
+    bound: Bound,
+    rate: float,
+    rounding: Rounding | None = None,
+    by_value: bool = True,
+) -> Decision:
+    """Values (where `by_value`), tiles, image: of two images of one shape (H, W, 3), finite, one or both with noise."""
+    a, b = survey(test, reference.mean), survey(reference, test.mean)
+    typical, largest = variance_ratio(test, reference, a, b, (SILENT * bound.least) ** 2)
+    noisy = [s for s in (a, b) if s is not None]
     share = sidak(rate, TESTS)
-    granted = allowance(noisy_sides, tolerance, test.shape[0] * test.shape[1], share)
-    allowed = granted.of(1).astype(np.float32)
-    dof = welch([(s.mean, degrees_of_freedom(i)) for i, s in ((test, a), (reference, b)) if s is not None])
+    grants = Grants(bound, *missed(a, b, (test.samples, reference.samples), math.prod(test.shape[:2]), share))
+    dofs = degrees_of_freedom(test), degrees_of_freedom(reference)
+    dof = welch([(s.mean, nu) for s, nu in zip((a, b), dofs, strict=True) if s is not None])
     level = sidak(share, test.mean.size)
     threshold = float(quantile(level, dof))
-    unit = np.float32(max(sum(s.mean for s in noisy_sides), 1e-30))  # keeps v^2 within float32
+    unit = np.float32(max(sum(s.mean for s in noisy), 1e-30))  # keeps v^2 within float32
 
-    sums: dict[str, list[np.ndarray]] = {k: [] for k in ("n", "d", "r", "va", "vb", "vv")}
+    sums: dict[str, list[np.ndarray]] = {k: [] for k in KEYS}
+    without: dict[str, list[np.ndarray]] = {k: [] for k in KEYS}
     worst, quiet = Worst(), Quiet()
     failed_values = failed_pixels = 0
     for y0, y1, rows in strips(test.shape[0]):
-        d = np.subtract(test.mean[y0:y1], reference.mean[y0:y1], dtype=np.float32)
+        r = np.asarray(reference.mean[y0:y1], np.float32)
+        d = np.subtract(test.mean[y0:y1], r, dtype=np.float32)
         va = regularised(test.variance, a, y0, y1, rows)
         vb = regularised(reference.variance, b, y0, y1, rows)
         error = np.abs(d)
-        silent = va + vb <= np.float32(tolerance.p999_abs) ** 2
+        allowed = bound.of(r)
+        silent = va + vb <= np.square(np.float32(SILENT) * allowed)
         v = mutual(va, vb, largest)
+        more = np.float32(0) if rounding is None else rounding.value[y0:y1]
+        granted = grants.of(d, 1, r) + more
         if silent.any():
             still = np.where(silent, error, np.float32(0))
-            quiet = quiet.plus(still, int(np.count_nonzero(silent)), allowed, tolerance, y0)
+            quiet = quiet.plus(still, int(np.count_nonzero(silent)), allowed, granted - allowed, y0)
             v[silent] = np.inf
             d[silent] = 0
-        error -= allowed
-        np.maximum(error, 0, out=error)
-        error *= error
-        error /= v
-        peak = int(error.argmax())
-        z = math.sqrt(error.flat[peak])
-        if z > worst.z:
-            y, x, c = (int(i) for i in np.unravel_index(peak, error.shape))
-            worst = Worst(z, float(two_sided(z, dof)), x, y + y0, 1, 1, c, float(d[y, x, c]))
-        if z > threshold:
-            failed = error > threshold**2
-            failed_values += int(np.count_nonzero(failed))
-            failed_pixels += int(np.count_nonzero(failed.any(axis=-1)))
+        if by_value:
+            error -= granted
+            np.maximum(error, 0, out=error)
+            error *= error
+            error /= v
+            peak = int(error.argmax())
+            z = math.sqrt(error.flat[peak])
+            if z > worst.z:
+                y, x, c = (int(i) for i in np.unravel_index(peak, error.shape))
+                worst = Worst(z, float(two_sided(z, dof)), x, y + y0, 1, 1, c, float(d[y, x, c]))
+            if z > threshold:
+                failed = error > threshold**2
+                failed_values += int(np.count_nonzero(failed))
+                failed_pixels += int(np.count_nonzero(failed.any(axis=-1)))
 
-        own = np.zeros_like(d)
-        for key, image in (("va", test), ("vb", reference)):
-            v = np.zeros_like(d) if image.variance is None else np.where(silent, np.float32(0), image.variance[y0:y1])
-            sums[key].append(block_sums(v, rows))
-            own += v
-        own /= unit
-        own *= own
-        sums["vv"].append(block_sums(own, rows) * float(unit) ** 2)
-        sums["d"].append(block_sums(d, rows))
-        sums["r"].append(block_sums(reference.mean[y0:y1], rows))
-        sums["n"].append(block_sums(np.ones((*d.shape[:2], 1), np.float32), rows))
+        made = _sums(d, r, silent, (test, a, dofs[0]), (reference, b, dofs[1]), rounding, y0, rows, unit)
+        for k, x in made.items():
+            sums[k].append(x)
+        places = [_within(side, y0, y1) for side in noisy]
+        if any(y.size for y, _, _ in places):
+            for place in places:
+                d[place], silent[place] = 0, True
+            made = _sums(d, r, silent, (test, a, dofs[0]), (reference, b, dofs[1]), rounding, y0, rows, unit)
+        for k, x in made.items():
+            without[k].append(x)
 
     grids = {k: np.concatenate(v) for k, v in sums.items()}
-    return Noise(
-        Family(worst, level, failed_values),
-        _tiles(grids, granted, typical, share, test.shape[:2]),
-        _image(grids, granted, typical, share, test.shape[:2]),
+    blocks = ((grids["va"] + grids["vb"]) / grids["n"]).astype(np.float32)
+    wide = inflation(test.mean, reference.mean, blocks)
+    ways = [Way(grids, grants, typical, wide)]
+    if any(s.fireflies[0].size for s in noisy):
+        left = [
+            m.always if s is not None and s.fireflies[0].size else m for m, s in zip(grants[1:], (a, b), strict=True)
+        ]
+        ways.append(Way({k: np.concatenate(v) for k, v in without.items()}, Grants(bound, *left), typical, wide))
+    return Decision(
+        Family(worst, level, failed_values, test.mean.size),
+        _tiles(ways, share, test.shape[:2]),
+        _image(ways, share, test.shape[:2]),
         quiet,
         failed_pixels,
+        wide,
     )
 
 
-def _student(s: dict[str, np.ndarray], granted: Allowance, ratio: float | None):
-    """(|mean error| beyond the allowance over its standard deviation, that deviation, degrees of freedom) of sums."""
+def _within(side: Side, y0: int, y1: int) -> tuple[np.ndarray, ...]:
+    """The fireflies in rows y0 to y1, as places within them."""
+    y, x, c = side.fireflies
+    inside = (y >= y0) & (y < y1)
+    return y[inside] - y0, x[inside], c[inside]
+
+
+Told = tuple[Image, Side | None, float]
+
+
+def _sums(
+    d: np.ndarray, r: np.ndarray, silent: np.ndarray, a: Told, b: Told, rounding: Rounding | None, y0: int, rows: int,
+    unit: np.float32,
+) -> Sums:  # fmt: skip
+    """KEYS of the rows from y0 on, over blocks: pixels, errors, radiance, variances, variances² / ν, rounding."""
+    vv = np.zeros_like(d)
+    found: Sums = {}
+    for key, (image, side, nu) in (("va", a), ("vb", b)):
+        if side is None:
+            found[key] = np.zeros((len(d) // rows, -(-d.shape[1] // SIDE), 3))
+            continue
+        v = np.where(silent, np.float32(0), image.variance[y0 : y0 + len(d)])
+        found[key] = block_sums(v, rows)
+        unusual = spread(side.unusual[y0 // SIDE : y0 // SIDE + len(d) // rows], d.shape[1])
+        unsure = doubt(unblock(v, rows), unblock(image.mean[y0 : y0 + len(d)], rows), unusual, nu).reshape(d.shape)
+        v /= unit
+        v *= v
+        v *= unsure
+        vv += v
+    found["vv"] = block_sums(vv, rows) * float(unit) ** 2
+    found["d"] = block_sums(d, rows)
+    found["r"] = block_sums(r, rows)
+    found["n"] = block_counts(d, rows)
+    found["round"] = (
+        np.zeros_like(found["d"]) if rounding is None else block_sums(rounding.mean[y0 : y0 + len(d)], rows)
+    )
+    return found
+
+
+class Way(NamedTuple):
+    """One way to test sums: the sums, what they may err by, the typical ratio of variances, and their inflation."""
+
+    sums: Sums
+    grants: Grants
+    ratio: float | None
+    wide: float
+
+
+class _Tested(NamedTuple):
+    """Of sums, (..., 3) each: |mean error| beyond what is granted over its standard deviation, and what that took."""
+
+    z: np.ndarray
+    sd: np.ndarray
+    dof: np.ndarray
+    granted: np.ndarray
+    radiance: np.ndarray
+    error: np.ndarray
+
+
+def _student(ways: list[Way], level: float) -> _Tested:
+    """Each sum in the way that would see the smaller error: with its fireflies, or without them but for their mean."""
+    made = [_one_way(way) for way in ways]
+    if len(made) == 1:
+        return made[0]
+    least = [t.granted + t.sd * quantile(level, t.dof) for t in made]
+    return _Tested(*(np.where(least[1] < least[0], y, x) for x, y in zip(*made, strict=True)))
+
+
+def _one_way(way: Way) -> _Tested:
+    s, wide = way.sums, way.wide
     v = s["va"] + s["vb"]
-    dof = np.maximum(np.divide(np.square(v), s["vv"], out=np.zeros_like(v), where=s["vv"] > 0) - 1, 0.5)
-    sd = np.sqrt(mutual(s["va"], s["vb"], ratio)) / s["n"]
-    beyond = np.maximum(np.abs(s["d"] / s["n"]) - granted.of(s["n"]), 0)
+    dof = np.divide(np.square(v), s["vv"], out=np.zeros_like(v), where=s["vv"] > 0) / wide - 1
+    dof = np.maximum(dof, 0.5)
+    sd = np.sqrt(mutual(s["va"], s["vb"], way.ratio) * wide) / s["n"]
+    error, radiance, rounded = s["d"] / s["n"], s["r"] / s["n"], s["round"] / s["n"]
+    beyond = np.maximum(np.abs(error) - way.grants.of(error, s["n"], radiance) - rounded, 0)
     z = np.divide(beyond, sd, out=np.zeros_like(sd), where=sd > 0)
-    return np.nan_to_num(z, nan=np.inf, posinf=np.inf), sd, dof
+    granted = way.grants.most(s["n"], radiance) + rounded
+    return _Tested(np.nan_to_num(z, nan=np.inf, posinf=np.inf), sd, dof, granted, radiance, error)
 
 
-def _detectable(s: dict[str, np.ndarray], sd: np.ndarray, dof: np.ndarray, granted: Allowance, level: float):
-    """The smallest error relative to the reference's mean that is found with probability POWER, of each sum."""
-    from scipy.special import ndtri
-
-    with np.errstate(divide="ignore", invalid="ignore"):
-        least = (granted.of(s["n"]) + sd * (quantile(level, dof) + ndtri(POWER))) / (s["r"] / s["n"])
-    return least[np.isfinite(least) & (least > 0)]
-
-
-def _tiles(grids: dict[str, np.ndarray], granted: Allowance, ratio: float | None, share: float, size) -> Family:
-    """Tiles of 8, 16, 32, ... pixels, up to half of the image's longer side; `detectable` is for 16 x 16."""
+def _tiles(ways: list[Way], share: float, size: Size) -> Family:
+    """Tiles of 8, 16, 32, ... pixels, up to half of the image's longer side; `detectable` is for 24 x 24, anywhere."""
     height, width = size
-    scales = [(SIDE, grids)]
+    scales = [(SIDE, SIDE, ways)]
     while 4 * scales[-1][0] <= max(height, width):
-        side, s = scales[-1]
-        scales.append((2 * side, {k: merge(x) for k, x in s.items()}))
-    level = sidak(share, sum(s["d"].size for _, s in scales))
+        side, step, finer = scales[-1]
+        apart = side // step
+        coarser = [w._replace(sums={k: slide(x[::apart, ::apart]) for k, x in w.sums.items()}) for w in finer]
+        scales.append((2 * side, side, coarser))
+    tests = sum(w[0].sums["d"].size for _, _, w in scales)
+    level = sidak(share, tests)
     doubtful = float(quantile(level, math.inf))
     worst, failed, detectable = Worst(width=SIDE, height=SIDE), 0, math.nan
-    for k, (side, s) in enumerate(scales):
-        z, sd, dof = _student(s, granted, ratio)
+    for k, (side, step, here) in enumerate(scales):
+        t = _student(here, level)
         # Student's tails are wider than the Gaussian's: only what a Gaussian would doubt needs them.
-        doubt = z >= min(doubtful, float(z.max()))
-        p = np.ones_like(z)
-        p[doubt] = two_sided(z[doubt], dof[doubt])
+        unsure = t.z >= min(doubtful, float(t.z.max()))
+        p = np.ones_like(t.z)
+        p[unsure] = two_sided(t.z[unsure], t.dof[unsure])
         failed += int(np.count_nonzero(p < level))
         least = np.flatnonzero(p == p.min())
-        i = int(least[z.flat[least].argmax()])
-        if (p.flat[i], -z.flat[i]) < (worst.p, -worst.z):
-            y, x, c = (int(j) for j in np.unravel_index(i, z.shape))
-            w, h = min(side, width - x * side), min(side, height - y * side)
-            mean = float(s["d"][y, x, c] / s["n"][y, x, 0])
-            worst = Worst(float(z.flat[i]), float(p.flat[i]), x * side, y * side, w, h, c, mean)
+        i = int(least[t.z.flat[least].argmax()])
+        if (p.flat[i], -t.z.flat[i]) < (worst.p, -worst.z):
+            y, x, c = (int(j) for j in np.unravel_index(i, p.shape))
+            w, h = min(side, width - x * step), min(side, height - y * step)
+            worst = Worst(float(t.z.flat[i]), float(p.flat[i]), x * step, y * step, w, h, c, float(t.error.flat[i]))
         if k == min(1, len(scales) - 1):
-            seen = _detectable(s, sd, dof, granted, level)
-            detectable = float(np.median(seen)) if seen.size else math.nan
-    return Family(worst, level, failed, detectable)
+            detectable = _seen_somewhere(t, level)
+    return Family(worst, level, failed, tests, detectable)
 
 
-def _image(grids: dict[str, np.ndarray], granted: Allowance, ratio: float | None, share: float, size) -> Family:
-    s = {k: x.sum(axis=(0, 1)) for k, x in grids.items()}
-    level = sidak(share, s["d"].size)
-    z, sd, dof = _student(s, granted, ratio)
-    p = two_sided(z, dof)
-    c = int(z.argmax())
-    worst = Worst(float(z[c]), float(p[c]), 0, 0, size[1], size[0], c, float(s["d"][c] / s["n"][0]))
-    least = _detectable(s, sd, dof, granted, level)
-    return Family(worst, level, int((p < level).sum()), float(least.max()) if least.size else math.nan)
+def _seen_somewhere(t: _Tested, level: float) -> float:
+    """The error, relative to a tile's mean, that is seen with probability POWER where the tile is taken at random."""
+    from scipy.special import ndtr
+
+    lit = t.radiance > 0
+    pick = slice(None, None, max(1, int(lit.sum()) // 3000))
+    radiance, sd, granted = (x[lit][pick] for x in (t.radiance, t.sd, t.granted))
+    if not radiance.size:
+        return math.nan
+    least = quantile(level, t.dof[lit][pick])
+    low, high = 1e-9, 1e9
+    for _ in range(60):
+        middle = math.sqrt(low * high)
+        beyond = middle * radiance - granted
+        z = np.divide(beyond, sd, out=np.where(beyond > 0, np.inf, -np.inf), where=sd > 0)
+        low, high = (low, middle) if float(ndtr(z - least).mean()) >= POWER else (middle, high)
+    return high if high < 1e8 else math.inf
+
+
+def _image(ways: list[Way], share: float, size: Size) -> Family:
+    """The mean over everything; `detectable`: relative to its mean, in the worst channel that is not DIM."""
+    from scipy.special import ndtri
+
+    level = sidak(share, 3)
+    t = _student([w._replace(sums={k: x.sum(axis=(0, 1)) for k, x in w.sums.items()}) for w in ways], level)
+    p = two_sided(t.z, t.dof)
+    c = int(t.z.argmax())
+    worst = Worst(float(t.z[c]), float(p[c]), 0, 0, size[1], size[0], c, float(t.error[c]))
+    least = t.granted + t.sd * (quantile(level, t.dof) + ndtri(POWER))
+    lit = t.radiance > DIM * t.radiance.mean()
+    detectable = float((least[lit] / t.radiance[lit]).max()) if lit.any() else math.nan
+    return Family(worst, level, int((p < level).sum()), 3, detectable)

@@ -1,4 +1,4 @@
-"""What the noise is: each image's own, regularised; its fireflies; how the two images' variances go together."""
+"""What the noise is: each image's own, regularised; what its residuals allow; its fireflies; what neighbours share."""
 
 import math
 from typing import NamedTuple
@@ -7,13 +7,18 @@ import numpy as np
 
 from raytwin.compare.blocks import SIDE, block_sums, dilate, strips, unblock
 from raytwin.image import Image
-from raytwin.scene import Tolerance
 
 FIREFLY = 25.0
 """A firefly's variance over that of its block and its neighbours: five times their standard deviation."""
 
+EVENTS = 8.0
+"""A pixel of mean m and variance v is the sum of some m²/v events of one size; a firefly of fewer than this."""
+
 SURE = 20.0
 """A sum over pixels that expects more fireflies than this has seen some: missing all has probability exp(-20)."""
+
+CAP = 4.0
+"""A block's claimed variance may be this many times what the scatter of t - r within it shows."""
 
 
 def degrees_of_freedom(image: Image) -> float:
@@ -22,48 +27,82 @@ def degrees_of_freedom(image: Image) -> float:
     return float(batches - 1) if batches > 1 else math.inf
 
 
-class Side(NamedTuple):
-    """One image's noise: its mean v, that of each 8 x 8 block, and sums over its fireflies, per channel (3,).
+# ------------------------------------------------------------------------------------------------------ one image
 
-    `first` sums the fireflies' contributions to their pixels, `second` the squares.
+
+class Side(NamedTuple):
+    """One image's noise: its mean variance, and per 8 x 8 block (by, bx, 3) the mean and what is unusual for a value.
+
+    Sums over its fireflies, per channel (3,): `first` of their contributions to their pixels, `second` of the squares,
+    `share` of the contributions relative to the other image's radiance there, `shares` of the squares; and where they
+    are, (y, x, c).
     """
 
     mean: float
     blocks: np.ndarray
+    unusual: np.ndarray
     first: np.ndarray
     second: np.ndarray
+    share: np.ndarray
+    shares: np.ndarray
+    fireflies: tuple[np.ndarray, ...]
 
     @property
     def events(self) -> np.ndarray:
         """(3,) the effective number of fireflies: their count, where all are alike."""
-        return np.divide(np.square(self.first), self.second, out=np.zeros(3), where=self.second > 0)
+        return effective(self.first, self.second)
 
 
-def survey(image: Image) -> Side | None:
-    """The noise of one image, in one pass; None where it has none."""
+def effective(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(Σ x)² / Σ x²: how many, were all alike."""
+    return np.divide(np.square(first), second, out=np.zeros(3), where=second > 0)
+
+
+def survey(image: Image, other: np.ndarray) -> Side | None:
+    """The noise of one image, in one pass; None where it has none. `other` is the radiance of the other image."""
     v = image.variance
     if v is None:
         return None
-    blocks = []
-    first, second = np.zeros(3), np.zeros(3)
+    blocks, unusual, sums, places = [], [], np.zeros((4, 3)), [np.zeros((3, 0), np.intp)]
     for y0, y1, rows in strips(len(v)):
         strip = v[y0:y1]
-        count = block_sums(np.ones((y1 - y0, v.shape[1], 1), np.float32), rows)
+        count = block_counts(strip, rows)
         blocks.append((block_sums(strip, rows) / count).astype(np.float32))
         # (mean sqrt(v))^2 is typical of the block even when one value of it is huge.
-        typical = FIREFLY * np.square(block_sums(np.sqrt(strip), rows) / count)
-        bright = unblock(strip, rows) > np.repeat(typical.astype(np.float32), SIDE, axis=1)[:, None, : v.shape[1]]
+        typical = np.square(block_sums(np.sqrt(strip), rows) / count)
+        unusual.append((FIREFLY * typical).astype(np.float32))
+        bright = unblock(strip, rows) > spread(unusual[-1], v.shape[1])
         if bright.any():
             y, x, c = np.nonzero(bright.reshape(strip.shape))
-            own, c = _fireflies(v, y + y0, x, c)
+            y, x, c = _fireflies(image, y + y0, x, c)
+            places.append(np.array([y, x, c]))
+            own = v[y, x, c].astype(np.float64)
+            radiance = other[y, x, c].astype(np.float64)
             # A single event of size S in n samples lifts the mean by S/n and makes its variance (S/n)^2.
-            first += np.bincount(c, np.sqrt(own), 3)
-            second += np.bincount(c, own, 3)
-    return Side(float(v.mean(dtype=np.float64)), np.concatenate(blocks), first, second)
+            relative = np.divide(own, np.square(radiance), out=np.zeros_like(own), where=radiance > 0)
+            sums += [np.bincount(c, w, 3) for w in (np.sqrt(own), own, np.sqrt(relative), relative)]
+    return Side(
+        float(v.mean(dtype=np.float64)),
+        np.concatenate(blocks),
+        np.concatenate(unusual),
+        *sums,
+        tuple(np.concatenate(places, axis=1)),
+    )
 
 
-def _fireflies(v: np.ndarray, y: np.ndarray, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Variance and channel of those values that stand alone: an edge is noisier than its block too, but not alone."""
+def block_counts(strip: np.ndarray, rows: int) -> np.ndarray:
+    """(h / rows, ceil(w / 8), 1): the pixels of each block."""
+    return block_sums(np.ones((*strip.shape[:2], 1), np.float32), rows)
+
+
+def spread(blocks: np.ndarray, width: int) -> np.ndarray:
+    """A number per block (by, bx, c) for each of its pixels, to be broadcast over rows: (by, 1, width, c)."""
+    return np.repeat(blocks, SIDE, axis=1)[:, None, :width]
+
+
+def _fireflies(image: Image, y: np.ndarray, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Those of the values (y, x, c) that are an event or few, and alone: an edge is noisier than its block too."""
+    v = image.variance
     height, width = v.shape[:2]
     neighbours = np.zeros((8, len(y)), v.dtype)
     steps = [(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx]
@@ -72,72 +111,22 @@ def _fireflies(v: np.ndarray, y: np.ndarray, x: np.ndarray, c: np.ndarray) -> tu
         neighbours[k, inside] = v[y[inside] + dy, x[inside] + dx, c[inside]]
     own = v[y, x, c].astype(np.float64)
     alone = own > FIREFLY * np.partition(neighbours, -2, axis=0)[-2]
-    return own[alone], c[alone]
+    alone &= EVENTS * own > np.square(image.mean[y, x, c].astype(np.float64))
+    return y[alone], x[alone], c[alone]
 
 
-class Allowance(NamedTuple):
-    """The bias that is no failure, per channel (3,): `always`, and more for what may have missed all `fireflies`.
+def doubt(variance: np.ndarray, mean: np.ndarray, unusual: np.ndarray, dof: float) -> np.ndarray:
+    """1 / ν of each value's variance, between 1 / dof and 1: how little is known of it.
 
-    `density` is the number of fireflies per pixel in the image that saw fewer.
+    m² / v events of one size tell their variance with a quarter of so many degrees of freedom (exponential noise; the
+    Gaussian's are more, and end at the batches'); a value that is unusual in its block tells it with one.
     """
-
-    always: float
-    fireflies: np.ndarray
-    density: np.ndarray
-
-    def of(self, pixels: np.ndarray | int) -> np.ndarray:
-        """For means over so many pixels, (..., 1) or one number, to (..., 3)."""
-        return self.always + np.where(self.density * pixels < SURE, self.fireflies, 0.0)
-
-
-def allowance(sides: list[Side], tolerance: Tolerance, pixels: int, share: float) -> Allowance:
-    """An upper limit of the fireflies' mean, at confidence 1 - share: the larger of the two images'.
-
-    For k events of one size the limit is that of a Poisson mean: (sqrt(k) + c / 2)^2 + 1, c the Gaussian's quantile.
-    """
-    from scipy.special import ndtri
-
-    c = -float(ndtri(share))
-    limits = []
-    for s in sides:
-        size = np.divide(s.second, s.first, out=np.zeros(3), where=s.first > 0)
-        limits.append((s.first + c * np.sqrt(s.second) + (c * c / 4 + 1) * size) / pixels)
-    events = np.array([s.events for s in sides])
-    # Among many fireflies some have two neighbours of their kind, and pass for an edge.
-    return Allowance(tolerance.p999_abs, 1.2 * np.max(limits, axis=0), events.min(axis=0) / pixels)
-
-
-def variance_ratio(
-    test: Image, reference: Image, a: Side | None, b: Side | None, least: float = 0.0
-) -> tuple[float | None, float | None]:
-    """(typical, largest) ratio of the test's variance to the reference's; None where one of the images has no noise.
-
-    Typical is the median over pixels, or the samples' inverse ratio where too few have noise (more than `least`) in
-    both; largest is that or the ratio of the means, which fireflies rule.
-    """
-    if a is None or b is None:
-        return None, None
-    step = max(1, math.isqrt(test.mean.size // 3 // 50_000))
-    va, vb = (np.asarray(i.variance[::step, ::step], np.float64).ravel() for i in (test, reference))
-    # Rounding makes a variance of its own, which has nothing to tell.
-    both = (va > least) & (vb > least)
-    typical = None
-    if both.sum() >= 30:
-        typical = float(np.median(va[both] / vb[both]))
-    elif test.samples > 1 and reference.samples > 1:
-        typical = reference.samples / test.samples
-    largest = max(a.mean / b.mean if a.mean > 0 and b.mean > 0 else 0.0, typical or 0.0)
-    # A ratio beyond a million compares a render with none: what one says of the other is nothing.
-    return tuple(x if x and 1e-6 < x < 1e6 else None for x in (typical, largest))
-
-
-def mutual(va: np.ndarray, vb: np.ndarray, ratio: float | None) -> np.ndarray:
-    """The variance of t - r: each image's own, or what the other's says of it, whichever is larger."""
-    if ratio is None:
-        return va + vb
-    ratio = va.dtype.type(ratio)
-    va = np.maximum(va, ratio * vb)
-    return va + np.maximum(vb, va / ratio)
+    known = np.float32(1 / dof if dof > 0 else 1)
+    below = np.square(mean, dtype=np.float32)
+    out = np.divide(4 * variance, below, out=np.ones_like(variance), where=below > 0)
+    np.clip(out, known, 1, out=out)
+    np.copyto(out, 1, where=variance > unusual)
+    return out
 
 
 def regularised(v: np.ndarray | None, side: Side | None, y0: int, y1: int, rows: int) -> np.ndarray:
@@ -147,5 +136,221 @@ def regularised(v: np.ndarray | None, side: Side | None, y0: int, y1: int, rows:
     out = dilate(v, y0, y1)
     blocks = side.blocks[y0 // SIDE : y0 // SIDE + (y1 - y0) // rows]
     in_blocks = unblock(out, rows)
-    np.maximum(in_blocks, np.repeat(blocks, SIDE, axis=1)[:, None, : v.shape[1]], out=in_blocks)
+    np.maximum(in_blocks, spread(blocks, v.shape[1]), out=in_blocks)
     return out
+
+
+# ------------------------------------------------------------------------------------------------- what residuals show
+
+
+class Residual(NamedTuple):
+    """The scatter of t - r within 8 x 8 blocks: its mean square (by, bx, 3), an unbiased variance where there is noise.
+
+    `carrying`: the effective number of values that carry it, (Σd²)² / Σd⁴; a third of them all for Gaussian noise.
+    """
+
+    square: np.ndarray
+    carrying: np.ndarray
+    count: np.ndarray
+
+
+def residual(test: np.ndarray, reference: np.ndarray, carrying: bool = False) -> Residual:
+    """Of two means (H, W, 3); what carries it only where asked for, else 0."""
+    squares, fourths, counts = [], [], []
+    for y0, y1, rows in strips(len(test)):
+        d = demeaned(np.subtract(test[y0:y1], reference[y0:y1], dtype=np.float32), rows)
+        d *= d
+        squares.append(block_sums(d, rows))
+        if carrying:
+            d *= d
+        fourths.append(block_sums(d, rows) if carrying else np.zeros_like(squares[-1]))
+        counts.append(np.broadcast_to(block_counts(d, rows), squares[-1].shape))
+    s, f, n = (np.concatenate(x) for x in (squares, fourths, counts))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return Residual(np.where(n > 1, s / (n - 1), np.inf), np.where(f > 0, s * s / f, 0), n)
+
+
+def block_means(x: np.ndarray) -> np.ndarray:
+    """(H, W, 3) to (by, bx, 3): the means of its 8 x 8 blocks."""
+    return np.concatenate([block_sums(x[a:b], rows) / block_counts(x[a:b], rows) for a, b, rows in strips(len(x))])
+
+
+def demeaned(d: np.ndarray, rows: int) -> np.ndarray:
+    """`d` less its blocks' means, in place."""
+    mean = (block_sums(d, rows) / block_counts(d, rows)).astype(np.float32)
+    in_blocks = unblock(d, rows)
+    in_blocks -= spread(mean, d.shape[1])
+    return d
+
+
+def estimated(test: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """A variance of t - r where neither image tells one: the square of its deviation from its block's mean."""
+    out = np.subtract(test, reference, dtype=np.float32)
+    for y0, y1, rows in strips(len(out)):
+        d = demeaned(out[y0:y1], rows)
+        d *= d
+        n = block_counts(d, rows)
+        in_blocks = unblock(d, rows)
+        in_blocks *= spread((n / np.maximum(n - 1, 1)).astype(np.float32), d.shape[1])
+    return out
+
+
+def capped(variance: np.ndarray, claimed: np.ndarray, shown: Residual) -> tuple[np.ndarray, float]:
+    """The claimed variance, no more than CAP times what the residuals show; the share of blocks that
+    claim more than their own.
+
+    `claimed`: the blocks' means of `variance`. Where the neighbouring blocks scatter more, so may this one.
+    """
+    around = np.full((shown.square.shape[0] + 2, shown.square.shape[1] + 2, 3), -np.inf)
+    around[1:-1, 1:-1] = shown.square
+    h, w = shown.square.shape[:2]
+    most = CAP * np.max([around[i : i + h, j : j + w] for i in range(3) for j in range(3)], axis=0)
+    over = claimed > most
+    much = float((claimed > CAP * shown.square).mean())
+    if not over.any():
+        return variance, much
+    factor = np.divide(most, claimed, out=np.ones_like(most), where=over).astype(np.float32)
+    out = variance.copy()
+    for y0, y1, rows in strips(len(out)):
+        in_blocks = unblock(out[y0:y1], rows)
+        in_blocks *= spread(factor[y0 // SIDE : y0 // SIDE + (y1 - y0) // rows], out.shape[1])
+    return out, much
+
+
+LAGS, FAR = 5, (7, 8, 9)
+"""Neighbours at 1 to LAGS pixels may share noise; at FAR pixels they share nothing that is not in all."""
+
+
+def inflation(test: np.ndarray, reference: np.ndarray, blocks: np.ndarray, most_pixels: int = 1_000_000) -> float:
+    """By how much the variance of a mean over many pixels exceeds that of independent ones: 1 + Σ ρ(lag), >= 1.
+
+    A reconstruction filter wider than the pixel gives neighbours the same samples. Its correlation ρ is read off the
+    variogram of (t - r) / sd, γ(h) = <(e(x) - e(x + h))²> / 2 = 1 - ρ(h), in which whatever is alike over some pixels
+    (a wrong brightness) cancels; e is cut at 3, so that neither edges nor fireflies rule. Filters are separable: rows
+    and columns are measured apart. Only correlation that is more than noise counts.
+    """
+    height, width = test.shape[:2]
+    rows = min(height, max(SIDE, most_pixels // width // SIDE * SIDE))
+    y0 = (height - rows) // 2 // SIDE * SIDE
+    d = np.subtract(test[y0 : y0 + rows], reference[y0 : y0 + rows], dtype=np.float32)
+    v = np.repeat(np.repeat(blocks[y0 // SIDE :], SIDE, axis=0)[:rows], SIDE, axis=1)[:, :width]
+    e = np.divide(d, np.sqrt(v), out=np.zeros_like(d), where=v > 0)
+    np.clip(e, -3, 3, out=e)
+    values = max(np.count_nonzero(e), 1) / 3  # channels share their samples
+    return _along(e, values) * _along(e.swapaxes(0, 1), values)
+
+
+def _along(e: np.ndarray, values: float) -> float:
+    """1 + 2 Σ ρ(h) along the first axis, up to the first lag that is no more than chance."""
+    if len(e) < 2 * FAR[-1]:
+        return 1.0
+
+    def gamma(h: int) -> float:
+        step = e[h:] - e[:-h]
+        return float(np.vdot(step, step)) / step.size
+
+    far = sum(gamma(h) for h in FAR) / len(FAR)
+    total = 1.0
+    for h in range(1, LAGS + 1):
+        rho = 1 - gamma(h) / far if far > 0 else 0.0
+        if rho < 2.5 / math.sqrt(values):
+            break
+        total += 2 * rho
+    return total
+
+
+# ------------------------------------------------------------------------------------------------------ two images
+
+
+class Missed(NamedTuple):
+    """What an image may have missed: the bias of its fireflies' mean per channel (3,), and how many it sees a pixel.
+
+    `fixed` in units of radiance plus `share` relative to the radiance: one of them is 0.
+    """
+
+    fixed: np.ndarray
+    share: np.ndarray
+    density: np.ndarray
+
+    @property
+    def always(self) -> "Missed":
+        """Granted to sums from which the fireflies are left out, however many pixels they have."""
+        return self._replace(density=np.zeros(3))
+
+    @property
+    def nothing(self) -> bool:
+        return not (self.fixed.any() or self.share.any())
+
+    def of(self, pixels: np.ndarray | int, radiance: np.ndarray) -> np.ndarray:
+        """For means over so many pixels, (..., 1) or one number, of mean radiance (..., 3), to (..., 3)."""
+        if self.nothing:
+            return np.zeros(3)
+        return np.where(self.density * pixels < SURE, self.fixed + self.share * radiance, 0.0)
+
+
+def missed(
+    a: Side | None, b: Side | None, samples: tuple[int, int], pixels: int, share: float
+) -> tuple[Missed, Missed]:
+    """What the test (a), and what the reference (b) may have missed, at confidence 1 - share.
+
+    For k events of one size the upper limit is that of a Poisson mean: (sqrt(k) + c / 2)^2 + 1, c the Gaussian's
+    quantile. Either image tells how large and how frequent they are: the larger limit counts for both. Where both
+    tell their `samples`, what one has seen tells how many the other must have, unusual among its pixels or not.
+    """
+    from scipy.special import ndtri
+
+    c = -float(ndtri(share))
+
+    def limit(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        size = np.divide(second, first, out=np.zeros(3), where=first > 0)
+        return (first + c * np.sqrt(second) + (c * c / 4 + 1) * size) / pixels
+
+    known = [s for s in (a, b) if s is not None]
+    # Among many fireflies some have two neighbours of their kind, and pass for an edge.
+    fixed = 1.2 * np.max([limit(s.first, s.second) for s in known], axis=0)
+    relative = 1.2 * np.max([limit(s.share, s.shares) for s in known], axis=0)
+    # Light that is sampled badly is bright where the picture is: then they are more alike relative to it.
+    alike = np.sum([effective(s.share, s.shares) for s in known], axis=0) > np.sum([s.events for s in known], axis=0)
+    fixed, relative = np.where(alike, 0.0, fixed), np.where(alike, relative, 0.0)
+
+    def one(own: Side | None, other: Side | None, more: float) -> Missed:
+        if own is None:
+            return Missed(np.zeros(3), np.zeros(3), np.zeros(3))
+        seen = own.events if other is None else np.maximum(own.events, more * other.events)
+        return Missed(fixed, relative, seen / pixels)
+
+    na, nb = samples
+    told = na > 1 and nb > 1
+    return one(a, b, na / nb if told else 0.0), one(b, a, nb / na if told else 0.0)
+
+
+def variance_ratio(
+    test: Image, reference: Image, a: Side | None, b: Side | None, least: float = 0.0
+) -> tuple[float | None, float | None]:
+    """(typical, largest) ratio of the test's variance to the reference's; None where one of the images has no noise.
+
+    Typical is the samples' inverse ratio where both tell them, but no less than the median over pixels with noise
+    (more than `least`) in both: rare events show in the median of the better-known image alone. Largest is that or the
+    ratio of the means, which fireflies rule.
+    """
+    if a is None or b is None:
+        return None, None
+    step = max(1, math.isqrt(test.mean.size // 3 // 50_000))
+    va, vb = (np.asarray(i.variance[::step, ::step], np.float64).ravel() for i in (test, reference))
+    # Rounding makes a variance of its own, which has nothing to tell.
+    both = (va > least) & (vb > least)
+    typical = float(np.median(va[both] / vb[both])) if both.sum() >= 30 else 0.0
+    if test.samples > 1 and reference.samples > 1:
+        typical = max(typical, reference.samples / test.samples)
+    largest = max(a.mean / b.mean if a.mean > 0 and b.mean > 0 else 0.0, typical)
+    # A ratio beyond a million compares a render with none: what one says of the other is nothing.
+    return tuple(x if 1e-6 < x < 1e6 else None for x in (typical, largest))
+
+
+def mutual(va: np.ndarray, vb: np.ndarray, ratio: float | None) -> np.ndarray:
+    """The variance of t - r: each image's own, or what the other's says of it, whichever is larger."""
+    if ratio is None:
+        return va + vb
+    ratio = va.dtype.type(ratio)
+    va = np.maximum(va, ratio * vb)
+    return va + np.maximum(vb, va / ratio)

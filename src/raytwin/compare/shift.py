@@ -1,5 +1,6 @@
 """The translation between two images, from coarse to fine, and whether noise explains it."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,11 +12,16 @@ GRANTED_SHIFT = 0.01
 """Pixels by which two images may be shifted: a tenth of what calibration can tell."""
 
 
+LIGHT = 16
+"""Pixels on the side of the blocks whose brightness may change."""
+
+
 class Shift(NamedTuple):
     """The test image shows at (x + dx, y + dy) what the reference shows at (x, y), pixels.
 
     `sigma` is the larger standard deviation of the two, `dof` the degrees of freedom behind it. `explained`: the share
-    of the squared difference that goes with the shift; what is left of a whole shift's is nearly nothing.
+    of the squared difference that goes with the shift; what is left of a whole shift's is nearly nothing. `light`: the
+    share that another brightness of every 16 x 16 pixels explains.
     """
 
     dx: float
@@ -23,6 +29,19 @@ class Shift(NamedTuple):
     sigma: float
     dof: float
     explained: float = 1.0
+    light: float = 0.0
+
+    @property
+    def certain(self) -> bool:
+        """Beyond its sigma, and the cause of most of the difference: a missing shadow pulls at the edges too."""
+        if self.length <= max(5 * self.sigma, 2 * GRANTED_SHIFT):
+            return False
+        return self.length > 1 or (self.explained > 0.5 and self.better_than_light)
+
+    @property
+    def better_than_light(self) -> bool:
+        """It explains more of the difference than another brightness of every 16 x 16 pixels would."""
+        return self.length > 1 or self.explained > self.light
 
     @property
     def length(self) -> float:
@@ -54,7 +73,7 @@ def find_shift(test: np.ndarray, reference: np.ndarray, most_pixels: int = 1_000
                 break
         if step is None and k == len(levels) - 1:
             return None
-    shift = Shift(factor * step.dx, factor * step.dy, factor * step.sigma, step.dof, step.explained)
+    shift = Shift(factor * step.dx, factor * step.dy, factor * step.sigma, step.dof, step.explained, step.light)
     return shift if _explains(step, *levels[0]) else None
 
 
@@ -124,14 +143,37 @@ def _step(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> Shift | None:
     # ... and neighbours' residuals, smoothed alike, are one.
     dof = max(float(carrying.min()) * FOOTPRINT - 1, 0.5)
     flat = d - np.linalg.lstsq(normal[2:, 2:], A[2:] @ d, rcond=None)[0] @ A[2:]
-    explained = 1 - float(residual @ residual) / max(float(flat @ flat), 1e-300)
-    return Shift(dx + float(solution[0]), dy + float(solution[1]), float(np.sqrt(variance.max())), dof, explained)
+    energy = float(flat @ flat)
+    explained = 1 - float(residual @ residual) / energy if energy > 0 else 0.0
+    light = _lit(flat.reshape(gx.shape), m.reshape(gx.shape).astype(np.float64)) / energy if energy > 0 else 0.0
+    # As many unknowns as blocks explain some noise too: R² adjusted for them.
+    free = math.prod(-(-n // LIGHT) for n in gx.shape) / max(flat.size * FOOTPRINT, 1.0)
+    light = 1 - (1 - light) / (1 - free) if free < 1 else 0.0
+    x, y = dx + float(solution[0]), dy + float(solution[1])
+    return Shift(x, y, float(np.sqrt(variance.max())), dof, explained, light)
 
 
-def shift_findings(shift: Shift, share: float) -> list[Finding]:
-    """The shift between two noisy images as a test with the false-alarm rate `share`, beyond GRANTED_SHIFT."""
-    z = max(max(abs(shift.dx), abs(shift.dy)) - GRANTED_SHIFT, 0) / shift.sigma if shift.sigma > 0 else 0.0
-    return [shift_finding(shift)] if float(two_sided(z, shift.dof)) < sidak(share, 2) else []
+def _lit(d: np.ndarray, m: np.ndarray) -> float:
+    """How much of Σ d² the best factor of m in every LIGHT x LIGHT block takes away: Σ (Σ d m)² / Σ m²."""
+
+    def blocks(x: np.ndarray) -> np.ndarray:
+        rows = np.add.reduceat(x, np.arange(0, x.shape[0], LIGHT), axis=0)
+        return np.add.reduceat(rows, np.arange(0, x.shape[1], LIGHT), axis=1)
+
+    dm, mm = blocks(d * m), blocks(m * m)
+    return float(np.divide(np.square(dm), mm, out=np.zeros_like(dm), where=mm > 0).sum())
+
+
+def shift_findings(shift: Shift, share: float, wide: float = 1.0) -> list[Finding]:
+    """The shift between two noisy images as a test with the false-alarm rate `share`, beyond GRANTED_SHIFT.
+
+    `wide`: how much more the variance of sums is than that of independent pixels. A shift that explains the difference
+    no better than a change of light is none.
+    """
+    sigma = shift.sigma * math.sqrt(wide)
+    z = max(max(abs(shift.dx), abs(shift.dy)) - GRANTED_SHIFT, 0) / sigma if sigma > 0 else 0.0
+    named = float(two_sided(z, max(shift.dof / wide, 0.5))) < sidak(share, 2) and shift.better_than_light
+    return [shift_finding(shift)] if named else []
 
 
 def shift_finding(shift: Shift) -> Finding:

@@ -1,0 +1,200 @@
+"""Noise as renderers make it, made up where the truth is known: pairs of correct images, and the same with a fault.
+
+`KINDS` is the table: a name to a function (rng, truth, fault) -> (test, reference). `fault` is multiplied into the
+test's truth; 1 makes a correct pair, which must not fail.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from raytwin.image import Image
+
+Pair = tuple[Image, Image]
+Maker = Callable[[np.random.Generator, np.ndarray, "np.ndarray | float"], Pair]
+
+
+def picture(height: int = 40, width: int = 56) -> np.ndarray:
+    """A disc on a ramp, (H, W, 3) float64: an edge, a slope and three colours."""
+    y, x = np.mgrid[:height, :width]
+    disc = np.hypot(x - 0.45 * width, y - 0.45 * height) < 0.33 * height
+    return (0.3 + 0.5 * disc + 0.2 * y / height)[..., None] * np.array([1, 0.8, 0.6])
+
+
+def lognormal(height: int = 40, width: int = 56) -> np.ndarray:
+    """A picture whose brightness spans decades from one pixel to the next, always the same."""
+    return np.exp(np.random.default_rng(0).normal(0, 1.5, (height, width, 1))) * np.array([1, 0.8, 0.6])
+
+
+def render(
+    rng: np.random.Generator,
+    truth: np.ndarray,
+    samples: int = 16,
+    batches: int = 16,
+    kind: str = "gauss",
+    sd: float = 0.3,
+    p: float = 0.0,
+    size: float = 0.0,
+    proportional: bool = False,
+) -> Image:
+    """Batches of `samples` in all: relative noise `sd`, and an event `size` with probability `p` a sample.
+
+    Events add radiance `size`, or `size` times the pixel's where `proportional`; the mean contains them.
+    """
+    m = samples // batches
+    total = np.zeros(truth.shape)
+    squares = np.zeros(truth.shape)
+    lit = size * (truth if proportional else 1.0)
+    for _ in range(batches):
+        if kind == "gauss":
+            noise = rng.normal(scale=1 / math.sqrt(m), size=truth.shape)
+        else:
+            noise = rng.gamma(m, 1 / m, truth.shape) - 1
+        x = truth + sd * truth * noise
+        if p:
+            x = x + rng.poisson(p * m, (*truth.shape[:2], 1)) * (lit / m)
+        total += x
+        squares += x * x
+    mean = total / batches
+    variance = np.maximum(squares / batches - mean * mean, 0) / (batches - 1)
+    if p == 0:
+        mean = np.maximum(mean, 0)
+    return Image(mean.astype(np.float32), variance.astype(np.float32), samples, None, batches)
+
+
+def exact(truth: np.ndarray, p: float = 0.0, size: float = 0.0, proportional: bool = False) -> Image:
+    """The truth itself, events included."""
+    return Image((truth + p * size * (truth if proportional else 1.0)).astype(np.float32))
+
+
+FILTERS: dict[str, tuple[float, Callable[[np.ndarray], np.ndarray]]] = {
+    "box": (0.5, lambda x: (np.abs(x) <= 0.5) * 1.0),
+    "tent": (1.0, lambda x: np.maximum(1 - np.abs(x), 0)),
+    # Mitsuba's default: standard deviation 0.5, cut at four of them.
+    "Mitsuba's Gaussian": (2.0, lambda x: np.maximum(np.exp(-2 * x * x) - math.exp(-8), 0)),
+    "Gaussian, 1 pixel": (4.0, lambda x: np.maximum(np.exp(-x * x / 2) - math.exp(-8), 0)),
+}
+"""Reconstruction filters: radius in pixels, and the weight at a distance along one axis."""
+
+
+def filtered(
+    rng: np.random.Generator, truth: np.ndarray, name: str, samples: int = 16, batches: int = 16, sd: float = 1.0
+) -> Image:
+    """Samples anywhere in each pixel, each splatted over all pixels that the filter reaches: neighbours share noise."""
+    radius, weight = FILTERS[name]
+    reach = math.ceil(radius + 0.5)
+    h, w, _ = truth.shape
+    pad = ((reach, reach), (reach, reach), (0, 0))
+    wide = np.pad(truth, pad, mode="edge")
+    made = []
+    for _ in range(batches):
+        total, below = np.zeros(truth.shape), np.zeros((h, w, 1))
+        for _ in range(samples // batches):
+            value = wide * rng.gamma(1 / sd**2, sd**2, wide.shape)
+            u, v = rng.uniform(-0.5, 0.5, (2, *wide.shape[:2], 1))
+            for dy in range(-reach, reach + 1):
+                for dx in range(-reach, reach + 1):
+                    rows, columns = slice(reach + dy, reach + dy + h), slice(reach + dx, reach + dx + w)
+                    share = weight(dy + v[rows, columns]) * weight(dx + u[rows, columns])
+                    total += share * value[rows, columns]
+                    below += share
+        # An empty pixel of a narrow filter keeps its truth: no renderer leaves one here.
+        made.append(np.where(below > 0, total / np.maximum(below, 1e-12), truth))
+    stack = np.array(made)
+    variance = stack.var(axis=0, ddof=1) / batches
+    return Image(stack.mean(axis=0).astype(np.float32), variance.astype(np.float32), samples, None, batches)
+
+
+def quantised(image: Image) -> Image:
+    """As 8-bit sRGB keeps it."""
+    from raytwin.files import from_bytes, to_bytes
+
+    return replace(image, mean=from_bytes(to_bytes(np.clip(image.mean, 0, 1))))
+
+
+def untold(image: Image, samples: int = 0) -> Image:
+    """Without its variance, and with another count of samples (0: not told)."""
+    return replace(image, variance=None, samples=samples, batches=None)
+
+
+def times(image: Image, factor: float) -> Image:
+    f = np.float32(factor)
+    variance = None if image.variance is None else image.variance * f * f
+    return replace(image, mean=image.mean * f, variance=variance)
+
+
+def pair(test: dict, reference: dict | None, both: dict | None = None) -> Maker:
+    """A render of `test`'s settings against one of `reference`'s (None: the truth)."""
+    shared = both or {}
+
+    def make(rng, truth, fault=1.0):
+        a = render(rng, truth * fault, **shared, **test)
+        events = {k: shared[k] for k in ("p", "size", "proportional") if k in shared}
+        b = exact(truth, **events) if reference is None else render(rng, truth, **shared, **reference)
+        return a, b
+
+    return make
+
+
+def films(name: str) -> Maker:
+    def make(rng, truth, fault=1.0):
+        return filtered(rng, truth * fault, name), filtered(rng, truth, name, samples=64)
+
+    return make
+
+
+def changed(make: Maker, test: Callable[[Image], Image], reference: Callable[[Image], Image] = lambda i: i) -> Maker:
+    def remade(rng, truth, fault=1.0):
+        a, b = make(rng, truth, fault)
+        return test(a), reference(b)
+
+    return remade
+
+
+def same_numbers(rng: np.random.Generator, truth: np.ndarray, fault=1.0) -> Pair:
+    """Every pixel of the test draws the same random numbers."""
+    factors = rng.gamma(1.0, 1.0, 16)
+    variance = np.square(truth * fault) * factors.var(ddof=1) / 16
+    a = Image((truth * fault * factors.mean()).astype(np.float32), variance.astype(np.float32), 16, None, 16)
+    return a, render(rng, truth, samples=4096, kind="exp", sd=1.0)
+
+
+_USUAL = pair({}, {"samples": 4096})
+_EXPONENTIAL = {"kind": "exp", "sd": 1.0}
+_RARE = {"p": 1e-4, "size": 1000.0, "proportional": True}
+
+KINDS: dict[str, Maker] = {
+    "Gaussian against a reference": _USUAL,
+    "Gaussian, both alike": pair({"samples": 64}, {"samples": 64}),
+    "Gaussian, four batches, against the truth": pair({"batches": 4}, None),
+    "exponential against a reference": pair({}, {"samples": 4096}, _EXPONENTIAL),
+    "exponential against the truth": pair({}, None, _EXPONENTIAL),
+    "exponential, 1024 samples against 4096": pair({"samples": 1024}, {"samples": 4096}, _EXPONENTIAL),
+    "exponential, four samples each": pair({"samples": 4, "batches": 4}, {"samples": 4, "batches": 4}, {"kind": "exp"}),
+    "fireflies that the test hardly sees": pair({}, {"samples": 4096}, {"p": 3e-5, "size": 1e3}),
+    "fireflies that the test sees seldom": pair({}, {"samples": 4096}, {"p": 1e-4, "size": 1e2}),
+    "many fireflies in both": pair({"samples": 64}, {"samples": 64}, {"p": 1e-3, "size": 30.0}),
+    "fireflies without other noise": pair({}, {"samples": 4096}, {"p": 1e-3, "size": 300.0, "sd": 0.0}),
+    "rare events that the reference knows": pair({}, {"samples": 65536}, _RARE),
+    "rare events, both at 1024 samples": pair({"samples": 1024}, {"samples": 1024}, _RARE),
+    "rare events against the truth": pair({}, None, _RARE),
+    "noise of half the tolerance": pair({}, {}, {"sd": 2e-5}),
+    "noise of nine tenths of it": pair({}, None, {"sd": 4e-5}),
+    "the test tells no variance, but samples": changed(_USUAL, lambda i: untold(i, 16)),
+    "the reference tells no variance, but samples": changed(
+        pair({"samples": 64}, {"samples": 64}), lambda i: i, lambda i: untold(i, 64)
+    ),
+    "the test tells nothing": changed(_USUAL, untold),
+    "the reference tells nothing": changed(pair({"samples": 64}, {"samples": 64}), lambda i: i, untold),
+    "neither tells anything": changed(pair({"samples": 64}, {"samples": 64}, {"kind": "exp"}), untold, untold),
+    "8 bits on both sides": changed(pair({"samples": 64}, {"samples": 4096}), quantised, quantised),
+    "8 bits of 1024 samples": changed(pair({"samples": 1024}, {"samples": 4096}), quantised),
+    "a ten-thousandth of the radiance": changed(_USUAL, lambda i: times(i, 1e-4), lambda i: times(i, 1e-4)),
+    "a sun of 1e5": changed(_USUAL, lambda i: times(i, 1e5), lambda i: times(i, 1e5)),
+    "tent filter": films("tent"),
+    "Mitsuba's default film": films("Mitsuba's Gaussian"),
+    "Gaussian filter, 1 pixel": films("Gaussian, 1 pixel"),
+    "the same numbers in every pixel": same_numbers,
+}

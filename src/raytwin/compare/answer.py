@@ -1,0 +1,197 @@
+"""Radiance: which noise is known, what it leaves to be found, and what cannot be decided."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from raytwin.compare.chance import sidak
+from raytwin.compare.comparison import Statistics
+from raytwin.compare.decision import TESTS, Decision, Rounding, decide
+from raytwin.compare.exact import Quiet, count_quiet
+from raytwin.compare.finding import EXACT, Finding
+from raytwin.compare.metrics import METRICS, p999_abs
+from raytwin.compare.noise import Residual, block_means, capped, estimated, residual
+from raytwin.compare.scale import Bound
+from raytwin.compare.shift import Shift, shift_findings
+from raytwin.compare.words import agreement, noise_findings, percent, what_could_be_seen
+from raytwin.image import Image
+from raytwin.scene import Tolerance
+
+DENSE = 1 / 6
+"""Noise is everywhere: the effective share of a block's values that carry its scatter. Gaussian noise has a third."""
+
+MOSTLY = 0.8
+"""Of the blocks that scatter, the share that must be dense before the scatter may be noise that nobody told of."""
+
+
+SHARED = (
+    "undecided: the test errs by no more than the noise it claims, but all its pixels alike: equal random numbers in "
+    "every pixel? Seed each pixel apart, or give several renders of other seeds"
+)
+
+
+class Answer(NamedTuple):
+    """What is wrong; why nothing can be decided (`doubts`); else what could have been seen (`notes`)."""
+
+    findings: list[Finding]
+    statistics: Statistics
+    notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """Two finite images of one shape, in units of `unit`, and how closely they must agree."""
+
+    test: Image
+    reference: Image
+    tolerance: Tolerance
+    bound: Bound
+    unit: float
+    rate: float
+    half_steps: tuple[np.ndarray | None, np.ndarray | None]
+    excused: int
+
+    @property
+    def pixels(self) -> int:
+        return self.test.shape[0] * self.test.shape[1]
+
+    def answer(self, shift: Shift | None, must_see: float) -> Answer:
+        """By what is told of the noise; where that fails and something is not told, by what the scatter shows."""
+        told = self._filled()
+        untold = [name for name, i in (("A", told.test), ("B", told.reference)) if not noise_told(i)]
+        first = told._by_what_is_told(shift, must_see)
+        if not untold or not first.findings:
+            return first
+        shown = residual(self.test.mean, self.reference.mean, carrying=True)
+        known = sum(block_means(i.variance) for i in (self.test, self.reference) if i.variance is not None)
+        if not may_be_noise(shown, known, self.bound.least):
+            return first
+        return self._by_scatter(first, shift, must_see, untold)
+
+    # ---------------------------------------------------------------------------------- within
+
+    def _filled(self) -> "Question":
+        """A variance that is not told follows from the other image's where both tell their samples."""
+        a, b = self.test, self.reference
+        if a.samples > 1 and b.samples > 1:
+            if a.variance is None and b.variance is not None:
+                filled = b.variance * np.float32(b.samples / a.samples)
+                return replace(self, test=replace(a, variance=filled, batches=b.batches))
+            if b.variance is None and a.variance is not None:
+                filled = a.variance * np.float32(a.samples / b.samples)
+                return replace(self, reference=replace(b, variance=filled, batches=a.batches))
+        return self
+
+    def _rounding(self) -> tuple[Rounding | None, "Question"]:
+        """What is granted to the formats' steps; the images with the steps' own noise.
+
+        A value is off by at most half a step h. In a mean of values with noise of variance v, rounding leaves
+        h exp(-pi² v / (2 h²)), since noise carries it over many steps, and adds the variance h² / 3 to each.
+        """
+        if self.half_steps == (None, None):
+            return None, self
+        value = mean = np.float32(0)
+        images = []
+        for image, h in zip((self.test, self.reference), self.half_steps, strict=True):
+            if h is not None:
+                value = value + h
+                left = h if image.variance is None else h * np.exp(-(np.pi**2) / 2 * image.variance / np.square(h))
+                mean = mean + left
+                if image.variance is not None:
+                    image = replace(image, variance=image.variance + np.square(h) / np.float32(3))
+            images.append(image)
+        shape = self.test.shape
+        made = Rounding(*(np.broadcast_to(np.asarray(x, np.float32), shape) for x in (value, mean)))
+        return made, replace(self, test=images[0], reference=images[1])
+
+    def _by_what_is_told(self, shift: Shift | None, must_see: float) -> Answer:
+        rounding, self = self._rounding()
+        if self.test.variance is None and self.reference.variance is None:
+            return self._exact(None if rounding is None else rounding.value)
+        a, b = self.test, self.reference
+        much = 0.0
+        if a.variance is not None:
+            shown = residual(a.mean, b.mean)
+            bounded, much = capped(a.variance, block_means(a.variance), shown)
+            a = replace(a, variance=bounded)
+        made = decide(a, b, self.bound, self.rate, rounding)
+        answer = self._answered(made, b, shift, must_see)
+        if much > 0.5 and answer.findings and self._shares_noise(shown):
+            return answer._replace(doubts=(SHARED,))
+        return answer
+
+    def _shares_noise(self, shown: Residual) -> bool:
+        """The images err by about what the test's variance allows, but all pixels alike: their noise is one."""
+        d = np.subtract(self.test.mean, self.reference.mean, dtype=np.float32)
+        error = float(np.square(d).mean(dtype=np.float64))
+        claimed = float(self.test.variance.mean(dtype=np.float64))
+        return error < 16 * claimed and float(np.median(shown.square)) < error / 4
+
+    def _exact(self, granted: np.ndarray | None) -> Answer:
+        t, r = self.test.mean, self.reference.mean
+        quiet = count_quiet(t, r, self.bound, granted)
+        findings = self._quiet_findings(quiet)
+        p999 = p999_abs(t, r) * self.unit
+        if findings:
+            relative = METRICS["p999_rel"].function(t, r)
+            text = f"99.9 % quantile of the error: {p999:.3g} absolute, {relative:.3g} relative"
+            findings.append(Finding(EXACT, text))
+        allowed = self.tolerance.p999_abs * self.bound.scale * self.unit
+        statistics = Statistics(pixel_fail_fraction=quiet.outliers / self.pixels)
+        quiet = quiet._replace(error=quiet.error * self.unit)
+        return Answer(findings, statistics, (agreement(p999, allowed, quiet),))
+
+    def _quiet_findings(self, quiet: Quiet) -> list[Finding]:
+        quiet = quiet._replace(error=quiet.error * self.unit)
+        return quiet.findings(self.tolerance, self.bound.scale * self.unit, self.pixels, self.excused)
+
+    def _answered(self, made: Decision, reference: Image, shift: Shift | None, must_see: float) -> Answer:
+        findings = self._quiet_findings(made.quiet) + noise_findings(made, reference, self.unit)
+        if shift is not None:
+            findings += shift_findings(shift, sidak(self.rate, TESTS), made.inflation)
+        seen = made.image.detectable
+        statistics = Statistics(
+            made.image.worst.signed,
+            made.tile.worst.signed,
+            (made.failed_pixels + made.quiet.outliers) / self.pixels,
+            seen if np.isfinite(seen) else None,
+        )
+        notes, doubts = what_could_be_seen(made, self.rate), ()
+        if not findings and seen > must_see:
+            doubts = (
+                f"undecided: so noisy that an error of less than {percent(seen)} of the whole image's mean would have "
+                f"been missed (a pass needs {percent(must_see)}): take more samples",
+            )
+        return Answer(findings, statistics, notes, doubts)
+
+    def _by_scatter(self, first: Answer, shift: Shift | None, must_see: float, untold: list[str]) -> Answer:
+        """The scatter of t - r within blocks as the noise of both: tiles and the image tell, single pixels do not."""
+        a = replace(self.test, variance=estimated(self.test.mean, self.reference.mean), samples=0, batches=2)
+        b = replace(self.reference, variance=None, samples=0, batches=None)
+        rounding, bare = replace(self, test=a, reference=b)._rounding()
+        made = decide(bare.test, b, self.bound, self.rate, rounding, by_value=False)
+        answer = self._answered(made, b, shift, must_see)
+        if answer.findings:
+            return first if any(f.rank == EXACT for f in first.findings) else answer
+        which = " and ".join(untold) + (" tell" if len(untold) > 1 else " tells")
+        told = (
+            f"{which} no variance: noise was judged by the scatter of the difference within 8 x 8 pixels, from which "
+            "single wrong pixels cannot be told"
+        )
+        if answer.doubts:
+            return answer._replace(doubts=(*answer.doubts, f"{told}: give variances, samples, or several renders"))
+        return answer._replace(notes=(*answer.notes, told))
+
+
+def noise_told(image: Image) -> bool:
+    """A variance; or one sample, which is how a renderer without noise comes."""
+    return image.variance is not None or image.samples == 1
+
+
+def may_be_noise(shown: Residual, known: np.ndarray | float, least: float) -> bool:
+    """Whether the scatter beyond what is known of is dense wherever it is: a wrong edge or a wrong pixel is not."""
+    scatters = (shown.square > 1.5 * known + least**2) & (shown.count >= 16)
+    dense = shown.carrying >= DENSE * shown.count
+    return bool(scatters.any()) and float(dense[scatters].mean()) >= MOSTLY

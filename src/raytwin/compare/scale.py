@@ -1,0 +1,45 @@
+"""The images' own scale, to which every tolerance is held: the verdict stays when both are multiplied by a number."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from raytwin.image import Image
+
+BRIGHT = 0.99
+"""The scale is this quantile of the reference's positive values: what is lit best, but for a few highlights."""
+
+
+def scale_of(*images: Image) -> float:
+    """The BRIGHT quantile of the positive values of the first image that has any, every so many pixels; 1 without."""
+    for image in images:
+        step = max(1, math.isqrt(image.mean.size // 3 // 50_000))
+        values = np.asarray(image.mean[::step, ::step], np.float64)
+        values = values[(values > 0) & np.isfinite(values)]
+        if values.size:
+            return float(np.partition(values, k := int(BRIGHT * (values.size - 1)))[k])
+    return 1.0
+
+
+def unit_of(scale: float) -> float:
+    """The power of two at or below `scale`: dividing by it changes no digit."""
+    return math.ldexp(1.0, math.frexp(scale)[1] - 1)
+
+
+class Bound(NamedTuple):
+    """How far a value without noise may err: `share` of the larger of the image's `scale` and the value itself."""
+
+    share: float
+    scale: float
+
+    @property
+    def least(self) -> float:
+        return self.share * self.scale
+
+    def of(self, radiance: np.ndarray) -> np.ndarray:
+        """(...) the same shape: share * max(scale, |r|)."""
+        out = np.abs(radiance)
+        np.maximum(out, out.dtype.type(self.scale), out=out)
+        out *= out.dtype.type(self.share)
+        return out

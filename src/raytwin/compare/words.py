@@ -1,0 +1,81 @@
+"""The verdict in words that a person reads."""
+
+import math
+
+from raytwin.compare.decision import POWER, Decision, Family
+from raytwin.compare.exact import Quiet
+from raytwin.compare.finding import CHANNELS, IMAGE, TILE, VALUE, Finding, at, plural
+from raytwin.image import Image
+
+CERTAIN = 1e-12
+"""Probabilities below are certainty, and are not written down."""
+
+
+def percent(x: float) -> str:
+    return f"{100 * x:.2g} %" if 100 * x < 99.5 else f"{100 * x:.0f} %" if x < 100 else "any size"
+
+
+def deviations(z: float) -> str:
+    return "far beyond noise" if z >= 1000 else f"{z:.{2 if z < 10 else 0}f} standard deviations"
+
+
+def noise_findings(made: Decision, reference: Image, unit: float) -> list[Finding]:
+    """What noise cannot explain: how large, where, how sure. `unit`: of radiance."""
+    findings = []
+    for rank, family in ((IMAGE, made.image), (TILE, made.tile), (VALUE, made.value)):
+        if family.passed:
+            continue
+        w = family.worst
+        area = reference.mean[w.y : w.y + w.height, w.x : w.x + w.width, w.channel].mean(dtype=float)
+        relative = f"{100 * abs(w.error) / area:.3g} %" if area > 0 else f"{abs(w.error) * unit:.3g}"
+        off = f"{relative} too {'bright' if w.error > 0 else 'dark'} in {CHANNELS[w.channel]}"
+        sure = deviations(w.z)
+        if w.p >= CERTAIN:
+            sure += f", p = {w.p:.1g} where noise may have {family.level:.1g}"
+        where = {
+            IMAGE: "the whole image",
+            TILE: f"the {w.width} x {w.height} tile at {at(w.x, w.y)}",
+            VALUE: f"the pixel {at(w.x, w.y)}",
+        }[rank]
+        findings.append(Finding(rank, f"{where} is {off} ({sure}){_others(rank, family, made.failed_pixels)}"))
+    return findings
+
+
+def _others(rank: int, family: Family, failed_pixels: int) -> str:
+    if rank == TILE and family.failed > 1:
+        return f"; {_share(family.failed, family.tests)} of all tiles are beyond noise"
+    if rank == VALUE and failed_pixels > 1:
+        few = f"; so {'is' if failed_pixels == 2 else 'are'} {plural(failed_pixels - 1, 'other pixel')}"
+        share = 3 * failed_pixels / family.tests
+        return few if share < 0.01 else f"; {_share(3 * failed_pixels, family.tests)} of all pixels are beyond noise"
+    return ""
+
+
+def _share(part: int, whole: int) -> str:
+    share = 100 * part / whole
+    return "all" if part >= whole else f"{share:.0f} %" if share >= 1 else f"{share:.1g} %"
+
+
+def what_could_be_seen(made: Decision, rate: float) -> tuple[str, ...]:
+    """What a pass is worth; and why, where neighbours share their noise."""
+    text = (
+        f"no difference beyond noise, at a false-alarm rate of {rate:g}: with probability {POWER:g}, an error of "
+        f"{percent(made.image.detectable)} of the whole image's mean, or of {percent(made.tile.detectable)} of 24 x 24 "
+        "pixels anywhere, would have been seen"
+    )
+    if made.inflation < 1.2:
+        return (text,)
+    shared = (
+        "neighbouring pixels share their noise (a reconstruction filter wider than the pixel?): means have "
+        f"{made.inflation:.2g} times the variance of independent pixels"
+    )
+    return text, shared
+
+
+def agreement(p999: float, allowed: float, quiet: Quiet) -> str:
+    """Of images without noise that agree."""
+    text = f"the images agree: 99.9 % of the values to {p999:.2g} (allowed {allowed:.2g})"
+    if quiet.error <= 10 * allowed or math.isinf(allowed):
+        return f"{text}, all to {quiet.error:.2g}"
+    place = f"{quiet.error:.2g} at {at(quiet.x, quiet.y)}"
+    return f"{text}; {plural(max(quiet.outliers, 1), 'pixel')} may err by more, and the worst errs by {place}"
