@@ -11,33 +11,24 @@ import numpy as np
 from raytwin import files
 from raytwin.errors import InputError
 from raytwin.image import Image
-from raytwin.scene import Tolerance
 
 RENDERS = 8
 """How often a function is called: so many renders tell their variance to within a factor of two or so."""
 FEWEST = 4
 """Fewer renders know too little of their variance: with 2, a third of all correct images would fail."""
-HALF_STEP_SRGB8 = 1.055 * 2.4 / 255 / 2 * 1.0001
-"""Half of the widest step between two 8-bit codes, at white, as linear radiance: d/dx ((x + 0.055) / 1.055)^2.4."""
-HALF_STEP_FLOAT16 = 2.0**-11
-"""Half of the widest step between two half floats, relative to the larger."""
 
 
 class Given(NamedTuple):
-    """The image; `step`: what its format may have rounded off, radiance; `clipped`: it cannot hold more than 1."""
+    """The image, and what its format rounds off; `measured`: its variance is the spread of renders, not a claim."""
 
     image: Image
-    step: float = 0.0
-    clipped: bool = False
+    rounding: files.Rounding = files.Rounding()
     notes: tuple[str, ...] = ()
+    measured: bool = False
 
-    def fitted(self, reference: Image, tolerance: Tolerance) -> tuple[Image, Tolerance]:
-        """The reference as this image's format could have shown it, and the tolerance that the format's steps ask."""
-        if self.clipped:
-            reference = replace(reference, mean=np.clip(reference.mean, 0, 1))
-        if self.step > tolerance.p999_abs:
-            tolerance = Tolerance(tolerance.mask_pixels, self.step, tolerance.outlier_fraction)
-        return reference, tolerance
+    def fitted(self, reference: Image) -> Image:
+        """The reference as this image's format could have shown it."""
+        return replace(reference, mean=np.clip(reference.mean, 0, 1)) if self.rounding.clipped else reference
 
 
 def take(thing: Any, variance: Any = None, renders: int = RENDERS) -> Given:
@@ -48,8 +39,8 @@ def take(thing: Any, variance: Any = None, renders: int = RENDERS) -> Given:
     a list of these or an array (k, H, W, 3): k >= 4 independent renders, whose spread gives their mean's variance.
     """
     if variance is not None:
-        found = _single(thing)
-        return found._replace(image=replace(found.image, variance=_array(variance)))
+        taken = _single(thing)
+        return taken._replace(image=replace(taken.image, variance=_array(variance)))
     if callable(thing) and not isinstance(thing, Image):
         return _called(thing, renders)
     if _is_many(thing):
@@ -69,7 +60,7 @@ def _called(render: Callable[[int], Any], renders: int) -> Given:
     made = [_single(render(seed)) for seed in range(2)]
     if np.array_equal(made[0].image.mean, made[1].image.mean, equal_nan=made[0].image.mean.dtype.kind == "f"):
         note = "the renders of seeds 0 and 1 are equal: taken as free of noise"
-        return made[0]._replace(notes=(*made[0].notes, note))
+        return made[0]._replace(image=replace(made[0].image, samples=1), notes=(*made[0].notes, note))
     return _repeated([*made, *(_single(render(seed)) for seed in range(2, renders))])
 
 
@@ -84,9 +75,9 @@ def _repeated(made: list[Given]) -> Given:
     k = len(stack)
     with np.errstate(invalid="ignore"):  # NaN and infinity: compare finds them in the mean
         mean, variance = stack.mean(axis=0), stack.var(axis=0, ddof=1) / k
-    samples = sum(g.image.samples for g in made)
-    image = Image(mean.astype(np.float32), variance.astype(np.float32), samples, first.surface, k)
-    return Given(image, max(g.step for g in made), any(g.clipped for g in made), made[0].notes)
+    told = [g.image.samples for g in made]
+    image = Image(mean.astype(np.float32), variance.astype(np.float32), sum(told) if all(told) else 0, first.surface, k)
+    return made[0]._replace(image=image, measured=True)
 
 
 def _single(thing: Any) -> Given:
@@ -96,8 +87,8 @@ def _single(thing: Any) -> Given:
         return _read(Path(thing))
     pixels = _array(thing)
     if pixels.dtype == np.float16:
-        return _half(Image(pixels.astype(np.float32)))
-    return Given(Image(pixels))
+        return _rounded(Image(pixels.astype(np.float32), samples=0), files.half_floats(pixels.astype(np.float32)))
+    return Given(Image(pixels, samples=0))
 
 
 def _array(thing: Any) -> np.ndarray:
@@ -110,21 +101,8 @@ def _array(thing: Any) -> np.ndarray:
 
 def _read(path: Path) -> Given:
     image = files.read_image(path)
-    with path.open("rb") as file:
-        start = file.read(26)
-    if start.startswith(b"\xff\xd8") or (start.startswith(b"\x89PNG") and start[24] <= 8):
-        return Given(image, HALF_STEP_SRGB8, True, ("8 bits a channel: held to half a step, and to white",))
-    if start.startswith(b"\x89PNG"):
-        return Given(image, HALF_STEP_SRGB8 / 257, True, ("16 bits a channel: held to white",))
-    if start.startswith(b"#?"):
-        # A byte of mantissa for the brightest channel, shared exponent: rounded down or to nearest, as writers like.
-        return Given(image, float(np.max(image.mean, initial=0)) / 128, False, ("HDR keeps 8 bits: held to a step",))
-    with np.errstate(over="ignore", invalid="ignore"):
-        is_half = np.array_equal(image.mean.astype(np.float16).astype(np.float32), image.mean, equal_nan=True)
-    return _half(image) if is_half else Given(image)
+    return _rounded(image, files.rounding_of(path, image.mean))
 
 
-def _half(image: Image) -> Given:
-    finite = image.mean[np.isfinite(image.mean)]
-    step = HALF_STEP_FLOAT16 * float(finite.max(initial=0))
-    return Given(image, step, False, ("half floats: held to half a step of the brightest",))
+def _rounded(image: Image, rounding: files.Rounding) -> Given:
+    return Given(image, rounding, (rounding.note,) if rounding.note else ())

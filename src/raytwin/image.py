@@ -36,9 +36,10 @@ class Surface:
 class Image:
     """Linear radiance `mean` (H, W, 3) float32, row 0 on top.
 
-    `variance` (H, W, 3) float32 is the variance *of the mean*, None where the image has no noise. `samples` counts the
-    rays per pixel behind the mean; `batches` the independent renders whose spread gave the variance (None: every
-    sample was one). `surface` is what the pixel centres see, where the renderer tells.
+    `variance` (H, W, 3) float32 is the variance *of the mean*. `samples` counts the rays per pixel behind the mean, 0
+    where nobody tells: without a variance, an image of one sample has no noise, and any other may have. `batches` are
+    the independent renders whose spread gave the variance (None: every sample was one). `surface` is what the pixel
+    centres see, where the renderer tells.
     """
 
     mean: np.ndarray

@@ -132,17 +132,24 @@ class Held:
         renders: int = 8,
         tolerance: "float | Tolerance | None" = None,
         false_alarm_rate: float = 1e-3,
+        noise: str = "both",
     ) -> "Comparison":
         """The verdict on `image`, without failing.
 
         `image`: an array (H, W, 3) of linear radiance, row 0 on top, with the `variance` of its mean where it has
         noise; independent renders as a list or an array (k, H, W, 3), k >= 4; a path to an EXR, PFM, HDR, PNG or JPEG;
         a function of a seed that returns any of these, called `renders` times; a raytwin Image. `tolerance`: a number
-        (noise-free values may err by it, 99.9 % of them) or a Tolerance; the scene's by default.
+        (noise-free values may err by it, relative to the reference's scale, 99.9 % of them) or a Tolerance; the
+        scene's by default. `noise="reference"` believes no variance that an image claims, only the spread of renders.
         """
         __tracebackhide__ = True
         return self._compare(
-            image, variance=variance, renders=renders, tolerance=tolerance, false_alarm_rate=false_alarm_rate
+            image,
+            variance=variance,
+            renders=renders,
+            tolerance=tolerance,
+            false_alarm_rate=false_alarm_rate,
+            noise=noise,
         )[0]
 
     # ---------------------------------------------------------------------------------- within
@@ -154,6 +161,7 @@ class Held:
         renders: int = 8,
         tolerance: "float | Tolerance | None" = None,
         false_alarm_rate: float = 1e-3,
+        noise: str = "both",
     ) -> "tuple[Comparison, str]":
         """The verdict, and the text for a failed test."""
         __tracebackhide__ = True
@@ -175,12 +183,14 @@ class Held:
         allowed = known.tolerance
         if tolerance is not None:
             allowed = tolerance if isinstance(tolerance, Tolerance) else Tolerance(p999_abs=float(tolerance))
-        shown, allowed = taken.fitted(known.image, allowed)
+        shown = taken.fitted(known.image)
         made = compare(
             taken.image,
             shown,
             tolerance=allowed,
             false_alarm_rate=false_alarm_rate,
+            noise="both" if taken.measured else noise,
+            half_steps=(taken.rounding.half, None),
         )
         notes = list(taken.notes)
         if not made.passed and shown.variance is not None and taken.image.variance is None:

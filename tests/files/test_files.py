@@ -520,7 +520,7 @@ def test_other_programs_exrs_are_read(tmp_path, dtype, channels):
     image, header = files.read_exr(tmp_path / "x.exr")
     expected = pixels[..., :3] if len(channels) > 1 else np.repeat(pixels, 3, axis=-1)
     assert same_bits(image.mean, expected.astype(np.float32))
-    assert (image.variance, image.surface, image.samples, image.batches, header) == (None, None, 1, None, {})
+    assert (image.variance, image.surface, image.samples, image.batches, header) == (None, None, 0, None, {})
 
 
 def test_a_wrong_exr_is_named(tmp_path):

@@ -21,6 +21,8 @@ from raytwin.scene import Tolerance
 DENSE = 1 / 6
 """Noise is everywhere: the effective share of a block's values that carry its scatter. Gaussian noise has a third."""
 
+TINY = np.float32(1e-30)
+
 MOSTLY = 0.8
 """Of the blocks that scatter, the share that must be dense before the scatter may be noise that nobody told of."""
 
@@ -90,14 +92,18 @@ class Question:
         A value is off by at most half a step h. In a mean of values with noise of variance v, rounding leaves
         h exp(-pi² v / (2 h²)), since noise carries it over many steps, and adds the variance h² / 3 to each.
         """
-        if self.half_steps == (None, None):
+        if all(h is None for h in self.half_steps):
             return None, self
         value = mean = np.float32(0)
         images = []
         for image, h in zip((self.test, self.reference), self.half_steps, strict=True):
             if h is not None:
                 value = value + h
-                left = h if image.variance is None else h * np.exp(-(np.pi**2) / 2 * image.variance / np.square(h))
+                left = (
+                    h
+                    if image.variance is None
+                    else h * np.exp(-(np.pi**2) / 2 * image.variance / np.maximum(np.square(h), TINY))
+                )
                 mean = mean + left
                 if image.variance is not None:
                     image = replace(image, variance=image.variance + np.square(h) / np.float32(3))

@@ -3,7 +3,7 @@
 Reading: TOML into records, scenes, photos, EXR, any image (`read_image`). Writing: always under a temporary name first.
 """
 
-from raytwin.files.exr import read_exr, read_origin, write_exr
+from raytwin.files.exr import read_exr, read_moments, read_origin, write_exr
 from raytwin.files.images import read_image, write_image
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.pictures import (
@@ -19,6 +19,7 @@ from raytwin.files.pictures import (
     write_picture,
 )
 from raytwin.files.records import plain, read_toml, to_record, write_json, write_toml
+from raytwin.files.rounding import Rounding, half_floats, rounding_of
 from raytwin.files.safe import replacing, write_text
 from raytwin.files.scenes import check_camera, read_camera, read_scene, write_camera
 from raytwin.files.shipped import REFERENCES, SCENES, all_scenes, copy_scene, find_scene, scene_folders, scene_sentence
@@ -27,11 +28,13 @@ __all__ = [
     "MAX_PIXELS",
     "REFERENCES",
     "SCENES",
+    "Rounding",
     "all_scenes",
     "check_camera",
     "copy_scene",
     "find_scene",
     "from_bytes",
+    "half_floats",
     "photo_orientation",
     "photo_size",
     "plain",
@@ -39,11 +42,13 @@ __all__ = [
     "read_exr",
     "read_grey",
     "read_image",
+    "read_moments",
     "read_origin",
     "read_photo",
     "read_scene",
     "read_toml",
     "replacing",
+    "rounding_of",
     "scene_folders",
     "scene_sentence",
     "srgb_decode",

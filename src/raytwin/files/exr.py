@@ -65,7 +65,7 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
         if lost := set(header.pop("parts", "").split()) - parts.keys():
             raise InputError(path, "an EXR file", f"a damaged one (without its part {', '.join(sorted(lost))})")
         mean = _colours(path, parts)
-        variance = _colours(path, {"variance": parts["variance"]}) if "variance" in parts else None
+        variance = _variance(path, parts)
         surface = None
         if {"depth", "normal", "id"} <= parts.keys():
             normal, depth, ids = (parts[name].channels for name in ("normal", "depth", "id"))
@@ -73,7 +73,7 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
                 ids["id"].pixels.astype(np.int32) - 1, depth["Z"].pixels, stack(normal[c].pixels for c in "XYZ")
             )
         batches = int(header["batches"]) if "batches" in header else None
-        samples = int(header.get("samples", 1))
+        samples = _samples(first.header)
         layers = [variance, *(() if surface is None else (surface.ids, surface.depth, surface.normal))]
         sizes = [layer.shape[1::-1] for layer in (mean, *layers) if layer is not None]
         if len(set(sizes)) > 1:
@@ -81,10 +81,59 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
     return Image(mean, variance, samples, surface, batches), header
 
 
+def _samples(header: Mapping[str, Any]) -> int:
+    """Samples a pixel, as raytwin, pbrt and Blender's Cycles tell them; 0 where nobody does."""
+    if "raytwin/samples" in header:
+        return int(header["raytwin/samples"])
+    for key, value in header.items():
+        if key == "samplesPerPixel" or (key.startswith("cycles.") and key.endswith(".samples")):
+            with contextlib.suppress(TypeError, ValueError):
+                return max(int(value), 0)
+    return 0
+
+
+def _variance(path: str | os.PathLike, parts: Mapping[str, Any]) -> np.ndarray | None:
+    """The variance of the mean: a part called `variance`, or the channels `variance.R`, .G and .B of any part."""
+    if "variance" in parts:
+        return _colours(path, {"variance": parts["variance"]})
+    for channels in (p.channels for p in parts.values()):
+        if found := _triple(channels, ("RGB",), "variance."):
+            return stack(c.pixels for c in found)
+    return None
+
+
+def read_moments(path: str | os.PathLike) -> np.ndarray | None:
+    """The variance of one sample, (H, W, 3), from Mitsuba's `moment` integrator; None where it was not at work.
+
+    Channels NAME.R and m2_NAME.R, or X, Y, Z alike: E[x²] - E[x]². The moments of X, Y and Z do not tell how they vary
+    together: a pixel's samples are taken to have one colour, as under lights of one colour.
+    """
+    with _exr(path) as parts:
+        for channels in (p.channels for p in parts.values()):
+            names = {c[3:-2] for c in channels if c.startswith("m2_") and c[-2:] in (".R", ".X")}
+            for name, kind in ((n, kind) for n in sorted(names) for kind in ("RGB", "XYZ")):
+                first, second = (_triple(channels, (kind,), f"{prefix}{name}.") for prefix in ("", "m2_"))
+                if first and second:
+                    mean, square = (stack(c.pixels for c in triple) for triple in (first, second))
+                    variance = np.maximum(square.astype(np.float64) - np.square(mean, dtype=np.float64), 0)
+                    if kind == "XYZ":
+                        variance = np.square(np.sqrt(variance) @ XYZ_TO_RGB.T)
+                    return variance.astype(np.float32)
+    return None
+
+
+XYZ_TO_RGB = np.array([
+    [3.2404542, -1.5371385, -0.4985314],
+    [-0.9692660, 1.8760108, 0.0415560],
+    [0.0556434, -0.2040259, 1.0572252],
+])  # fmt: skip
+"""Linear Rec. 709 of CIE XYZ, white point D65 (IEC 61966-2-1)."""
+
+
 def exr_layer(path: str | os.PathLike, part: str | None = None, layer: str | None = None) -> Image:
     """The colours of a named part (name or number), a named layer, or both."""
     with _exr(path) as parts:
-        return Image(_colours(path, parts, part, layer))
+        return Image(_colours(path, parts, part, layer), samples=0)
 
 
 @contextlib.contextmanager
@@ -149,7 +198,13 @@ def _colours(
             named = {k.removeprefix(f"{layer}."): c for k, c in channels.items() if k.startswith(f"{layer}.")}
             found = _triple(named, ("RGB", "XYZ", "Y")) or ([channels[layer]] if layer in channels else None)
         else:
-            found = _triple(channels, ("RGB", "Y") if part is None else ("RGB", "XYZ", "Y"))
+            found = _triple(channels, ("RGB",))
+            if found is None and {"X", "Y", "Z"} <= channels.keys() and part is None:
+                xyz = stack(channels[c].pixels for c in "XYZ")
+                return (xyz @ XYZ_TO_RGB.T.astype(np.float32)).astype(np.float32)
+            if found is None and {"RY", "BY"} & channels.keys():
+                raise InputError(path, "channels R, G, B", "luminance and chroma: Y, RY, BY")
+            found = found or _triple(channels, ("Y",) if part is None else ("XYZ", "Y"))
         if found:
             return stack((found * 3)[:3][i].pixels for i in range(3))
     layers = _layers(parts)
@@ -164,8 +219,9 @@ def _colours(
     raise InputError(path, "channels R, G, B (or Y)", (", ".join(names) or "none") + choose)
 
 
-def _triple(channels: Mapping[str, Any], kinds: tuple[str, ...]) -> list[Any] | None:
-    return next(([channels[c] for c in kind] for kind in kinds if all(c in channels for c in kind)), None)
+def _triple(channels: Mapping[str, Any], kinds: tuple[str, ...], prefix: str = "") -> list[Any] | None:
+    named = ([f"{prefix}{c}" for c in kind] for kind in kinds)
+    return next(([channels[c] for c in names] for names in named if all(c in channels for c in names)), None)
 
 
 def _layers(parts: Mapping[str, Any]) -> list[str]:

@@ -7,7 +7,7 @@ from raytwin.errors import InputError
 from raytwin.files.exr import EXR_MAGIC, exr_layer, read_exr, stack, write_exr
 from raytwin.files.hdr import read_hdr
 from raytwin.files.pfm import pfm_bytes, read_pfm
-from raytwin.files.pictures import from_bytes, read_deep_png, read_photo, to_bytes, write_picture
+from raytwin.files.pictures import check_png, from_bytes, read_deep_png, read_photo, to_bytes, write_picture
 from raytwin.files.safe import replacing
 from raytwin.image import Image
 
@@ -42,11 +42,13 @@ def read_image(path: str | os.PathLike, part: str | None = None, layer: str | No
         if kind in ("PFM", "HDR"):
             pixels = (read_pfm if kind == "PFM" else read_hdr)(path)
         else:
+            if kind == "PNG":
+                check_png(path)
             pixels = read_deep_png(path) if kind == "PNG" else None
             pixels = from_bytes(read_photo(path)) if pixels is None else pixels
     except OSError as error:
         raise InputError(path, "an image file", error.strerror or error) from None
-    return Image(pixels if pixels.ndim == 3 else stack([pixels] * 3))
+    return Image(pixels if pixels.ndim == 3 else stack([pixels] * 3), samples=0)
 
 
 def write_image(path: str | os.PathLike, image: Image) -> None:

@@ -1,0 +1,47 @@
+"""What a format rounds off: half a step between two values that it can hold, at every value of an image."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from raytwin.files.pictures import srgb_decode, srgb_encode
+
+
+class Rounding(NamedTuple):
+    """`half` (H, W, 3): half a step, radiance, None where nothing is rounded; `clipped`: no more than 1 can be held."""
+
+    half: np.ndarray | None = None
+    clipped: bool = False
+    note: str = ""
+
+
+def rounding_of(path: Path, mean: np.ndarray) -> Rounding:
+    """Of an image file, whose radiance (H, W, 3) was read."""
+    with path.open("rb") as file:
+        start = file.read(26)
+    if start.startswith(b"\xff\xd8") or (start.startswith(b"\x89PNG") and start[24] <= 8):
+        return Rounding(half_code(mean, 255), True, "8 bits a channel: held to half a step, and to white")
+    if start.startswith(b"\x89PNG"):
+        return Rounding(half_code(mean, 65535), True, "16 bits a channel: held to white")
+    if start.startswith(b"#?"):
+        # A byte of mantissa for the brightest channel, shared exponent: rounded down or to nearest, as writers like.
+        step = np.broadcast_to(mean.max(axis=-1, keepdims=True) / np.float32(128), mean.shape)
+        return Rounding(step, False, "HDR keeps 8 bits: held to a step")
+    with np.errstate(over="ignore", invalid="ignore"):
+        is_half = np.array_equal(mean.astype(np.float16).astype(np.float32), mean, equal_nan=True)
+    return half_floats(mean) if is_half else Rounding()
+
+
+def half_code(mean: np.ndarray, codes: int) -> np.ndarray:
+    """Half of the step above each value, of sRGB in so many codes: decode(c + 1/2) - decode(c)."""
+    code = np.arange(codes + 1) / codes
+    table = ((srgb_decode(code + 0.5 / codes) - srgb_decode(code)) * 1.0001).astype(np.float32)
+    return table[np.rint(srgb_encode(mean) * codes).astype(np.intp)]
+
+
+def half_floats(mean: np.ndarray) -> Rounding:
+    """Eleven digits, relative to each value; 2^-25 below the smallest normal number."""
+    with np.errstate(invalid="ignore"):
+        half = np.maximum(np.abs(mean), np.float32(2.0**-14)) * np.float32(2.0**-11)
+    return Rounding(half, False, "half floats: held to half a step")
