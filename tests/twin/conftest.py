@@ -6,9 +6,10 @@ from raytwin.twin import activate
 
 @pytest.fixture(autouse=True, scope="session")
 def own_cache(tmp_path_factory):
-    """No test reads or writes the user's cache."""
+    """No test reads or writes the user's cache; Dr.Jit is loaded with a libLLVM that works, whatever test is first."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("RAYTWIN_CACHE", str(tmp_path_factory.mktemp("cache")))
+        activate()
         yield
 
 

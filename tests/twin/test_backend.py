@@ -16,6 +16,7 @@ def fresh(monkeypatch, tmp_path):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(backend, "_chosen", {})
     monkeypatch.setattr(backend, "_current", None)
+    monkeypatch.setattr(backend, "loaded_llvm", lambda: None)
 
 
 @pytest.fixture
@@ -152,3 +153,52 @@ def test_importing_the_twin_imports_no_mitsuba():
     code = "import sys, raytwin.twin; print([m for m in ('mitsuba', 'drjit', 'cv2') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+LOADED_BY = """
+import os, sys
+if sys.argv[2:]:
+    os.environ["DRJIT_LIBLLVM_PATH"] = sys.argv[2]
+    import drjit
+    del os.environ["DRJIT_LIBLLVM_PATH"]
+from raytwin.twin import backend
+found = backend.activate(sys.argv[1])
+print(backend.loaded_llvm(), found.libllvm, found.variant, sep="\\n")
+"""
+
+
+def loaded_by(variant: str, *before: str) -> list[str]:
+    """In a process of its own, with Dr.Jit loaded `before` by another path or not: what is loaded, chosen, active."""
+    command = [sys.executable, "-c", LOADED_BY, variant, *before]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone tells what a process has loaded")
+@pytest.mark.parametrize("variant", ["scalar_rgb", "llvm_ad_rgb"])
+def test_whatever_the_variant_the_library_that_works_is_loaded(llvm, variant):
+    loaded, chosen, active = loaded_by(variant)
+    assert os.path.realpath(loaded) == os.path.realpath(llvm)
+    assert chosen == (llvm if active == "llvm_ad_rgb" else "None")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone tells what a process has loaded")
+def test_where_dr_jit_was_imported_before_its_own_library_is_the_one_that_is_tried(llvm, monkeypatch):
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so")
+    loaded, chosen, _ = loaded_by("llvm_ad_rgb", llvm)
+    assert loaded == chosen == os.path.realpath(llvm)
+
+
+def test_dr_jit_imported_without_any_library_is_an_error_of_one_line(tmp_path):
+    text = tmp_path / "libLLVM.so"
+    text.write_text("this is no library")
+    with pytest.raises(subprocess.CalledProcessError) as caught:
+        loaded_by("llvm_ad_rgb", str(text))
+    assert "MachineError: variant llvm_ad_rgb: expected" in caught.value.stderr
+
+
+def test_a_library_that_is_loaded_is_the_only_candidate(monkeypatch):
+    monkeypatch.setattr(backend, "loaded_llvm", lambda: "/elsewhere/libLLVM.so.15")
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/good/libLLVM.so")
+    assert backend.llvm_candidates() == ["/elsewhere/libLLVM.so.15"]
+    monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")
+    assert backend.llvm_candidates() == []

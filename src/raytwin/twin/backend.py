@@ -75,8 +75,8 @@ def activate(variant: str | None = None) -> Backend:
 
     `variant` (or RAYTWIN_VARIANT) forces one of VARIANTS. Without either: the one that is active already, else
     `llvm_ad_rgb` where a libLLVM works, else `scalar_rgb`. Cheap to call again, also for another variant. Dr.Jit's own
-    LLVM arrays use the same library if they are first touched after this. Raises MachineError where a forced variant is
-    unknown or does not work.
+    LLVM arrays use the same library if Dr.Jit is imported after this; where it was imported before, its library is the
+    only one that this process can have. Raises MachineError where a forced variant is unknown or does not work.
     """
     global _current, _set_here
     forced = variant or os.environ.get("RAYTWIN_VARIANT") or None
@@ -85,11 +85,19 @@ def activate(variant: str | None = None) -> Backend:
     key = (forced, _llvm_hidden(), _users_llvm())
     backend = (_current if forced is None else None) or _chosen.get(key) or choose(forced)
     _chosen[key] = _current = backend
-    if backend.libllvm:
-        os.environ["DRJIT_LIBLLVM_PATH"] = _set_here = backend.libllvm
+    # Dr.Jit loads a libLLVM when it is imported, whatever the variant: let it be one that works.
+    library = backend.libllvm
+    if library is None and "drjit" not in sys.modules:
+        library = choose().libllvm
+    if library:
+        os.environ["DRJIT_LIBLLVM_PATH"] = _set_here = library
     import mitsuba as mi
 
-    mi.set_variant(backend.variant)
+    try:
+        mi.set_variant(backend.variant)
+    except ImportError as error:  # Dr.Jit was imported before, and found no libLLVM then
+        needed = "a libLLVM when Dr.Jit was imported: import it after raytwin, or set DRJIT_LIBLLVM_PATH"
+        raise MachineError(f"variant {backend.variant}", needed, error) from None
     return backend
 
 
@@ -165,15 +173,27 @@ def _last_words(code: int, text: str) -> str:
 
 
 def llvm_candidates() -> list[str]:
-    """Paths of every libLLVM worth trying, best first, each library once."""
+    """Paths of every libLLVM worth trying, best first, each library once; once Dr.Jit is imported, the one it has."""
     if _llvm_hidden():
         return []
+    if loaded := loaded_llvm():
+        return [loaded]
     found = [_users_llvm()] if _users_llvm() else []
     prefix = Path(sys.prefix)
     found += _newest_first([*prefix.glob("lib/libLLVM*"), *prefix.glob("Library/bin/LLVM-C.dll")])
     found += _newest_first(_system_llvm())
     seen: set[str] = set()
     return [p for p in found if not (os.path.realpath(p) in seen or seen.add(os.path.realpath(p)))]
+
+
+def loaded_llvm() -> str | None:
+    """The libLLVM that this process has loaded with Dr.Jit, for good: another can be had in another process only."""
+    if "drjit" not in sys.modules:
+        return None
+    with contextlib.suppress(OSError):  # Linux alone tells
+        mapped = (line.split(maxsplit=5) for line in Path("/proc/self/maps").read_text().splitlines())
+        return next((m[5] for m in mapped if len(m) == 6 and Path(m[5]).name.startswith("libLLVM")), None)
+    return None
 
 
 def _llvm_hidden() -> bool:
@@ -258,13 +278,14 @@ def doctor() -> list[tuple[str, str]]:
     rows.append(("cache", str(cache_folder())))
     settings = ("RAYTWIN_VARIANT", "RAYTWIN_NO_LLVM", "DRJIT_LIBLLVM_PATH")
     rows += [(name, os.environ[name]) for name in settings if os.environ.get(name) not in (None, "", _set_here)]
+    candidates = llvm_candidates()
     try:
         backend = activate()
     except MachineError as error:
         return [*rows, ("backend", f"none: {error}")]
     tried = {t.path: t.why for t in backend.tried}
     rows += [(f"tried {path}", why) for path, why in tried.items()]
-    rows += [(f"found {path}", "not needed") for path in llvm_candidates() if path not in tried]
+    rows += [(f"found {path}", "not needed") for path in candidates if path not in tried]
     library = f", {backend.libllvm} (LLVM {backend.llvm_version})" if backend.libllvm else ""
     slow = "" if backend.libllvm or "cuda" in backend.variant else ": works everywhere, tens of times slower"
     rows.append(("backend", f"{backend.variant}{library}{slow}, chosen in {backend.seconds:.2f} s"))
