@@ -25,7 +25,11 @@ def test_opencvs_default_of_five_steps_would_not_come_back():
     corner = np.array([[[0.0, 0.0]]])
     K, dist = np.array(camera.K), np.array(camera.coefficients)
     ours = lens.undistort(corner, K, dist)
-    five = cv2.undistortPoints(corner, K, dist, criteria=(cv2.TERM_CRITERIA_COUNT, 5, 0)).reshape(-1, 2)
+    until = cv2.TERM_CRITERIA_COUNT, 5, 0
+    if hasattr(cv2, "undistortPointsIter"):  # OpenCV 4
+        five = cv2.undistortPointsIter(corner, K, dist, np.eye(3), np.eye(3), until).reshape(-1, 2)
+    else:
+        five = cv2.undistortPoints(corner, K, dist, criteria=until).reshape(-1, 2)
     assert np.abs(lens.project(np.c_[ours, 1], np.eye(3), np.zeros(3), K, dist)).max() < 1e-7
     assert np.abs(lens.project(np.c_[five, 1], np.eye(3), np.zeros(3), K, dist)).max() > 0.01
 
