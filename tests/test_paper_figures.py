@@ -9,9 +9,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from raytwin import boards, files, photographer, photos, pipeline, twin
+from raytwin import boards, files, photographer, photos, twin
+from raytwin.jobs.augment import augment_photos
+from raytwin.jobs.camera import list_photos
+from raytwin.jobs.photograph import photograph_board
 from raytwin.photos.lens import undistort
-from raytwin.scene import Pyramid, WrittenSphere
+from raytwin.scene import Camera, Pyramid, WrittenSphere
 from raytwin.speed import trace
 from raytwin.speed.speculation import speculate
 
@@ -46,7 +49,7 @@ def studio(scenes, tmp_path_factory):
             text["pyramids"] = files.plain(pyramids)
         files.write_toml(folder / "scene.toml", text)
         for name, there in (("photos", False), ("with", True)):
-            pipeline.photograph_board(
+            photograph_board(
                 folder / "board.toml", folder / name, scene=folder, count=COUNT, size=SIZE, samples=32,
                 with_objects=there,
             )  # fmt: skip
@@ -59,10 +62,10 @@ def studio(scenes, tmp_path_factory):
 def augmented(folder):
     """Each photo drawn on, its truth, and the errors by region; the camera is calibrated from the photos."""
     camera, board = folder / "camera.toml", boards.read_board(folder / "board.toml")
-    taken = pipeline.list_photos(folder / "photos")
+    taken = list_photos(folder / "photos")
     found = photos.calibrate(taken, board, "k1k2")
     files.write_camera(camera, photos.camera_of_photo(found, taken[0], board))
-    rows = pipeline.augment_photos(taken, folder, folder / "drawn", camera=camera, against=folder / "with")
+    rows = augment_photos(taken, folder, folder / "drawn", camera=camera, against=folder / "with")
     return [(files.read_photo(folder / "drawn" / p.name), files.read_photo(folder / "with" / p.name), row)
             for p, row in zip(taken, rows, strict=True)]  # fmt: skip
 
@@ -73,7 +76,7 @@ def region(row: dict, name: str) -> dict:
 
 def true_cameras(folder) -> dict:
     truth = photographer.read_truth(folder / "photos" / "truth.toml")
-    return {name: pipeline.Camera(truth.image_size, truth.K, R, t, truth.dist) for name, (R, t) in truth.photos.items()}
+    return {name: Camera(truth.image_size, truth.K, R, t, truth.dist) for name, (R, t) in truth.photos.items()}
 
 
 @pytest.mark.parametrize("spheres", [ONE, SEVERAL], ids=["one", "several"])

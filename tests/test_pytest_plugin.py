@@ -7,9 +7,10 @@ import sys
 import numpy as np
 import pytest
 
-from raytwin import files, given, reference
+from raytwin import files, given
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.jobs import reference
 
 pytest_plugins = ["pytester"]
 SHIPPED = reference.SHIPPED

@@ -4,6 +4,7 @@
                                 scene.toml ----+-> read_scene -> SceneFile -> Scene
     Scene -> trace   (the subject, hand-written)  -> Image --+
     Scene -> render  (the twin, Mitsuba 3)        -> Image --+-> compare_images -> Comparison: verdict, reasons, numbers
+    a scene.toml -------------------------------------------> compare_scene --> Result: all of this at once
     two files, of any renderers ------------------------------> diff_files -----> Diff
     Scene + photo -> augment_photo: its spheres and their shadows drawn in
 
@@ -26,10 +27,11 @@ if TYPE_CHECKING:
     from raytwin.augment import augment as augment_photo
     from raytwin.boards import read_board
     from raytwin.compare import compare as compare_images
-    from raytwin.diff import diff as diff_files
     from raytwin.errors import InputError
     from raytwin.files import read_image, read_scene, write_image
     from raytwin.image import Image
+    from raytwin.jobs.compare import compare_scene
+    from raytwin.jobs.diff import diff as diff_files
     from raytwin.photos import calibrate
     from raytwin.scene import Camera, Lambert, Rectangle, Scene, SceneFile, Sky, Sphere, Sun
     from raytwin.tracer import trace
@@ -46,10 +48,11 @@ _HOME = {
     "Sky": "scene",
     "Sphere": "scene",
     "Sun": "scene",
-    "augment_photo": "augment.augment",
+    "augment_photo": "augment:augment",
     "calibrate": "photos",
-    "compare_images": "compare.compare",
-    "diff_files": "diff.diff",
+    "compare_images": "compare:compare",
+    "compare_scene": "jobs.compare",
+    "diff_files": "jobs.diff:diff",
     "read_board": "boards",
     "read_image": "files",
     "read_scene": "files",
@@ -57,7 +60,7 @@ _HOME = {
     "trace": "tracer",
     "write_image": "files",
 }
-"""Name -> its module, and after a dot its name there, where a module of raytwin has that name."""
+"""Name -> its module, and after a colon its name there, where a module of raytwin has that name."""
 
 __all__ = [
     "Camera",
@@ -73,6 +76,7 @@ __all__ = [
     "augment_photo",
     "calibrate",
     "compare_images",
+    "compare_scene",
     "diff_files",
     "read_board",
     "read_image",
@@ -86,7 +90,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, _, own = _HOME[name].partition(".")
+    module, _, own = _HOME[name].partition(":")
     return getattr(import_module(f"{__name__}.{module}"), own or name)
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from raytwin.compare import Comparison
     from raytwin.image import Image
-    from raytwin.reference import Reference
+    from raytwin.jobs.reference import Reference
     from raytwin.scene import Camera, Scene, Tolerance
 
 MARKER = "raytwin(scenes=None, rungs=None): which references the fixture raytwin_case goes through (default: all)."
@@ -213,8 +213,8 @@ class Held:
     def _find(self) -> "Reference | None":
         """The reference, whole and of its scene as it is; None where --raytwin-update may make it from an image."""
         __tracebackhide__ = True
-        from raytwin import reference
         from raytwin.errors import InputError
+        from raytwin.jobs import reference
 
         folders, scene = self._folders, self._folders.scene(self.name)
         paths, path, found, why = [], None, None, None
@@ -265,8 +265,8 @@ class Held:
 
     def _keep(self, image: "Image") -> None:
         __tracebackhide__ = True
-        from raytwin import reference
         from raytwin.compare import compare
+        from raytwin.jobs import reference
 
         wrong = compare(image, image)  # NaN, black, of another shape: nothing to hold others to
         if not wrong.passed:
@@ -313,7 +313,7 @@ class _Folders:
 
     @property
     def all(self) -> list[Path]:
-        from raytwin.reference import SHIPPED
+        from raytwin.jobs.reference import SHIPPED
 
         return [self.own, SHIPPED]
 
@@ -326,7 +326,7 @@ class _Folders:
 
     def cases(self, scenes: list[str] | None, rungs: list[str] | None) -> list[tuple[str, str]]:
         """(scene, rung) of all that is asked for, there or not; of all that are there, where nothing is asked for."""
-        from raytwin.reference import listed
+        from raytwin.jobs.reference import listed
 
         there = list(dict.fromkeys(case for folder in self.all for case in listed(folder)))
         names = scenes or list(dict.fromkeys(name for name, _ in there))

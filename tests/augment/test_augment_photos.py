@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from raytwin import files, pipeline
+from raytwin import files, photographer
 from raytwin.errors import InputError
+from raytwin.jobs.augment import augment_photos
+from raytwin.jobs.camera import list_photos
+from raytwin.jobs.photograph import photograph_board
+from raytwin.scene import Camera
 
 SIZE, COUNT = (672, 504), 4
 
@@ -20,7 +24,7 @@ def taken(scenes, tmp_path_factory):
     twin.activate()
     folder = tmp_path_factory.mktemp("taken")
     for name, really_there in (("without", False), ("with", True)):
-        pipeline.photograph_board(
+        photograph_board(
             scenes / "desk" / "board.toml",
             folder / name,
             scene=scenes / "desk",
@@ -29,17 +33,17 @@ def taken(scenes, tmp_path_factory):
             samples=32,
             with_objects=really_there,
         )
-    truth = pipeline.photographer.read_truth(folder / "without" / "truth.toml")
+    truth = photographer.read_truth(folder / "without" / "truth.toml")
     R, t = truth.photos["photo_00.jpg"]
-    camera = pipeline.Camera(truth.image_size, truth.K, R, t, truth.dist)
+    camera = Camera(truth.image_size, truth.K, R, t, truth.dist)
     files.write_camera(folder / "camera.toml", camera)
     return folder
 
 
 @pytest.fixture(scope="module")
 def rows(taken, scenes, tmp_path_factory):
-    return pipeline.augment_photos(
-        pipeline.list_photos(taken / "without"),
+    return augment_photos(
+        list_photos(taken / "without"),
         scenes / "desk",
         tmp_path_factory.mktemp("drawn"),
         camera=taken / "camera.toml",
@@ -79,9 +83,7 @@ def test_a_turned_photo_comes_out_upright(taken, scenes, tmp_path):
     exif = photo.getexif()
     exif[0x0112] = 6
     photo.save(tmp_path / "photo_00.jpg", exif=exif, quality=95)
-    pipeline.augment_photos(
-        [tmp_path / "photo_00.jpg"], scenes / "desk", tmp_path / "out", camera=taken / "camera.toml"
-    )
+    augment_photos([tmp_path / "photo_00.jpg"], scenes / "desk", tmp_path / "out", camera=taken / "camera.toml")
     with Pillow.open(tmp_path / "out" / "photo_00.jpg") as drawn:
         assert drawn.size == SIZE[::-1]
         assert not drawn.getexif()
@@ -90,9 +92,7 @@ def test_a_turned_photo_comes_out_upright(taken, scenes, tmp_path):
 def test_a_photo_whose_pixels_were_turned_does_not_fit_the_camera_and_is_said_to_be_turned(taken, scenes, tmp_path):
     files.write_picture(tmp_path / "photo_00.jpg", np.rot90(files.read_photo(taken / "without" / "photo_00.jpg")))
     with pytest.raises(InputError, match=r"photo_00\.jpg: .* as the camera's, got .*: the same, turned by a quarter"):
-        pipeline.augment_photos(
-            [tmp_path / "photo_00.jpg"], scenes / "desk", tmp_path / "out", camera=taken / "camera.toml"
-        )
+        augment_photos([tmp_path / "photo_00.jpg"], scenes / "desk", tmp_path / "out", camera=taken / "camera.toml")
     assert not (tmp_path / "out").exists()
 
 
@@ -108,7 +108,7 @@ def test_all_orientations_turn_as_pillow_turns_them():
 
 def test_the_pyramid_is_drawn(taken, scenes, tmp_path):
     photo = taken / "without" / "photo_00.jpg"
-    pipeline.augment_photos([photo], scenes / "desk" / "pyramid.toml", tmp_path, camera=taken / "camera.toml")
+    augment_photos([photo], scenes / "desk" / "pyramid.toml", tmp_path, camera=taken / "camera.toml")
     changed = (
         np.abs(files.read_photo(tmp_path / "photo_00.jpg").astype(int) - files.read_photo(photo)).max(axis=-1) > 40
     )
@@ -119,14 +119,14 @@ def test_the_photos_own_folder_is_never_written_to(taken, scenes):
     photo = taken / "without" / "photo_00.jpg"
     before = photo.read_bytes()
     with pytest.raises(InputError, match="--out"):
-        pipeline.augment_photos([photo], scenes / "desk", photo.parent, camera=taken / "camera.toml")
+        augment_photos([photo], scenes / "desk", photo.parent, camera=taken / "camera.toml")
     assert photo.read_bytes() == before
 
 
 def test_a_photo_of_another_size_is_named(taken, scenes, tmp_path):
     files.write_picture(tmp_path / "small.jpg", files.read_photo(taken / "without" / "photo_00.jpg")[:400])
     with pytest.raises(InputError, match=r"small\.jpg: expected 672 x 504 pixels.*got 672 x 400"):
-        pipeline.augment_photos([tmp_path / "small.jpg"], scenes / "desk", tmp_path / "o", camera=taken / "camera.toml")
+        augment_photos([tmp_path / "small.jpg"], scenes / "desk", tmp_path / "o", camera=taken / "camera.toml")
 
 
 def test_the_rows_are_plain_data(rows):

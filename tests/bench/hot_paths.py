@@ -50,8 +50,9 @@ def test_compare(benchmark, scene):
 
 
 def test_report(benchmark, scene, tmp_path):
-    from raytwin import pipeline, report
+    from raytwin import report
+    from raytwin.jobs.compare import compare_scene
 
     name = scene.name
-    result = pipeline.run(SCENES / name, size=scene.camera.image_size, engine="numpy32")
+    result = compare_scene(SCENES / name, size=scene.camera.image_size, engine="numpy32")
     benchmark(report.write_report, result, tmp_path / "report.html")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from raytwin import boards, photographer, photos, pipeline
+from raytwin import boards, photographer, photos
 from raytwin.bench import read_bench
 from raytwin.bench.calibration import (
     BOARD,
@@ -20,6 +20,7 @@ from raytwin.bench.calibration import (
 )
 from raytwin.boards import Board, Grid, draw_board
 from raytwin.cli import app
+from raytwin.jobs.photograph import photograph_board
 from raytwin.scene import Camera
 
 EYE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -89,7 +90,7 @@ def test_held_out_errors_are_those_of_the_camera_not_of_the_detections(tmp_path_
 def taken(tmp_path_factory):
     folder = tmp_path_factory.mktemp("taken")
     boards.write_board(folder / "given.toml", BOARD)
-    pipeline.photograph_board(folder / "given.toml", folder / "photos", count=5, size=(640, 480), samples=2)
+    photograph_board(folder / "given.toml", folder / "photos", count=5, size=(640, 480), samples=2)
     return folder / "photos"
 
 

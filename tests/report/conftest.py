@@ -14,10 +14,12 @@ import pytest
 
 from raytwin import files
 from raytwin.compare import Report, compare
+from raytwin.compare.report import Timing
 from raytwin.image import Image, Surface
+from raytwin.jobs.camera import TruthRow
+from raytwin.jobs.compare import Result
 from raytwin.photos import Calibration, Pose, PoseReport
 from raytwin.photos.calibration import View, Warning_
-from raytwin.pipeline import Result, Timing, TruthRow
 from raytwin.scene import Scene
 from raytwin.speed import trace
 

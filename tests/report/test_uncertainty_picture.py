@@ -10,8 +10,8 @@ from PIL import Image as Pillow
 
 from raytwin import boards, photos, report
 from raytwin.errors import InputError
+from raytwin.jobs.camera import list_photos
 from raytwin.photos import ModelTrial, explained, uncertainty_map
-from raytwin.pipeline import list_photos
 from raytwin.report.uncertainty import uncertainty_url
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from raytwin import files
 from raytwin.compare import Limits
-from raytwin.diff import diff
 from raytwin.image import Image, Surface
+from raytwin.jobs.diff import diff
 from raytwin.report import write_diff, write_report
 
 RNG = np.random.default_rng(11)

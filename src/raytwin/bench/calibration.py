@@ -14,13 +14,16 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from raytwin import boards, files, photographer, photos, pipeline
+from raytwin import boards, files, photographer, photos
 from raytwin.bench.frontier import median_iqr
 from raytwin.bench.measure import Measured, repeat
 from raytwin.bench.record import Bench, Calibrated, LeftOut
 from raytwin.bench.run import machine
 from raytwin.boards import Board, Grid
 from raytwin.errors import InputError
+from raytwin.jobs.camera import list_photos
+from raytwin.jobs.photograph import photograph_board
+from raytwin.jobs.stages import versions
 from raytwin.photos import Tag
 from raytwin.progress import Progress, silent
 
@@ -113,7 +116,7 @@ def measure_calibration(
     `folder` may hold a truth.toml, which tells the true error of the focal length. `name`: what the rows call the
     photos. `deadline`: by time.perf_counter, for the timed calls; finding the held-out errors comes after it.
     """
-    taken = pipeline.list_photos(folder)
+    taken = list_photos(folder)
     size = files.photo_size(taken[0])
     truth_file = folder / "truth.toml"
     truth = photographer.read_truth(truth_file) if truth_file.exists() else None
@@ -242,7 +245,7 @@ def photographed(shoot: Shoot, progress: Progress = silent) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="raytwin-bench-") as temporary:
         folder = Path(temporary)
         boards.write_board(folder / "given.toml", shoot.board)
-        pipeline.photograph_board(
+        photograph_board(
             folder / "given.toml",
             folder / "photos",
             count=shoot.count,
@@ -295,6 +298,6 @@ def bench_calibration(
         start = time.perf_counter()
         rows, left = measure_calibrations(Taken(folder, shoot.board), taken, start + budget, repeats, progress)
     return Bench(
-        scene="calibration", machine=machine(), versions=pipeline.versions(), budget=float(budget),
+        scene="calibration", machine=machine(), versions=versions(), budget=float(budget),
         seconds=time.perf_counter() - start, rows=(), calibration=tuple(rows), left_out=tuple(left),
     )  # fmt: skip

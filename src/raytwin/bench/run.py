@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytwin import files, pipeline, twin
+from raytwin import files, twin
 from raytwin.bench.crowd import crowded
 from raytwin.bench.frontier import median_iqr, on_frontier
 from raytwin.bench.measure import Measured, guess, repeat, warm
@@ -17,6 +17,8 @@ from raytwin.bench.record import Bench, Error, Growth, LeftOut, Repeats, Row, Tr
 from raytwin.bench.truth import WHOLE, converge, measure, truth_of
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.jobs.camera import find_camera
+from raytwin.jobs.stages import versions
 from raytwin.methods.method import Method
 from raytwin.methods.table import choose
 from raytwin.progress import Progress, silent
@@ -75,7 +77,7 @@ def bench(
     start = time.perf_counter()
     deadline = start + budget
     twin.activate()
-    scene = pipeline.find_camera(files.read_scene(path), progress=progress)[0]
+    scene = find_camera(files.read_scene(path), progress=progress)[0]
     growing = [m for m in chosen if m.name in GROWTH] if spheres else []
     if crowd:
         scene = crowded(scene, crowd)
@@ -95,7 +97,7 @@ def bench(
             growth += grown
             left += without
     return Bench(
-        scene=scene.name, machine=machine(), versions=pipeline.versions(), budget=float(budget),
+        scene=scene.name, machine=machine(), versions=versions(), budget=float(budget),
         seconds=time.perf_counter() - start, rows=tuple(rows), truths=tuple(truths), errors=tuple(errors),
         growth=tuple(growth), left_out=tuple(left), repeats=tuple(repeated),
     )  # fmt: skip

@@ -15,6 +15,14 @@ def compare_command(
     rung: Annotated[
         str, typer.Option(help="surface, lambert, shadow; or sky, path for what the tracer lacks.")
     ] = "shadow",
+    subject: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WHAT",
+            help="In the tracer's place: a method's name (`raytwin bench list`), FILE.py:FUNCTION, an image, a folder"
+            " of images, or a command with {scene} and {out}.",
+        ),
+    ] = None,
     engine: Annotated[str, typer.Option(help="numpy64, numpy32, drjit32, drjit64, cuda32 or cuda64.")] = "numpy64",
     solver: Annotated[str, typer.Option(help="robust, stable, paper or textbook.")] = "robust",
     sampling: Annotated[str, typer.Option(help="center: through the pixel's centre; area: over the pixel.")] = "center",
@@ -30,13 +38,16 @@ def compare_command(
     ] = None,
 ) -> None:
     """Compare the tracer with its twin: report.html, EXRs of both images and of the error, comparison.json."""
-    from raytwin import pipeline, report
+    from raytwin import report
+    from raytwin.jobs.compare import compare_scene
+    from raytwin.methods.others import find_subject
 
     check_outputs(folders=(out or Path("out"),), files=(json,))
     with show_progress() as progress:
-        result = pipeline.run(
+        result = compare_scene(
             scene,
             rung=rung,
+            subject=find_subject(subject, rung) if subject else None,
             engine=engine,
             solver=solver,
             sampling=sampling,
@@ -87,7 +98,8 @@ def diff_command(
     ] = None,
 ) -> None:
     """Compare any two images of any renderers: metrics, verdict, heat map. With --fail... as idiff does."""
-    from raytwin import diff, files, report
+    from raytwin import files, report
+    from raytwin.jobs import diff
 
     check_outputs(folders=(out,), files=(json, junit))
     name = f"{a.name} against {b.name}"

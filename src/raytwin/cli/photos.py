@@ -24,13 +24,14 @@ def calibrate_command(
     ] = None,
 ) -> None:
     """Find the camera: detect the board's tags in the photos, fit K, distortion and a pose for each photo."""
-    from raytwin import boards, files, pipeline, report
+    from raytwin import boards, files, report
     from raytwin import photos as taken
+    from raytwin.jobs.camera import list_photos
 
     check_outputs(files=(json, out, uncertainty))
     definition = boards.read_board(board)
     with show_progress() as progress:
-        paths = pipeline.list_photos(photos)
+        paths = list_photos(photos)
         calibration = taken.calibrate(paths, definition, model=model, progress=lambda d, n: progress("calibrate", d, n))
     if json:
         files.write_json(json, calibration.numbers())
@@ -61,11 +62,11 @@ def photograph_command(
     ] = False,
 ) -> None:
     """Photograph an AprilTag board that exists only in Mitsuba, and write down the true camera."""
-    from raytwin import pipeline
+    from raytwin.jobs.photograph import photograph_board
 
     check_outputs(folders=(out,))
     with show_progress() as progress:
-        pipeline.photograph_board(
+        photograph_board(
             board,
             out,
             scene=scene,
@@ -97,11 +98,12 @@ def augment_command(
     json: JsonFile = None,
 ) -> None:
     """Draw a scene's objects into photos, with antialiased outlines and their shadows on the board."""
-    from raytwin import files, pipeline, report
+    from raytwin import files, report
+    from raytwin.jobs.augment import augment_photos
 
     check_outputs(folders=(out,), files=(json,))
     with show_progress() as progress:
-        rows = pipeline.augment_photos(
+        rows = augment_photos(
             photos,
             scene,
             out,

@@ -39,7 +39,7 @@ def make_command(
 
     Interrupted, it goes on where it stopped.
     """
-    from raytwin import reference
+    from raytwin.jobs import reference
 
     refused = []
     pixels = parse_size(size, "--size") if size else None
@@ -72,7 +72,7 @@ def make_command(
 @app.command("check")
 def check_command(scenes: Scenes = None, rung: Rungs = None, folder: Source = None, samples: Samples = None) -> None:
     """Fail on references that are missing, damaged, older than their scene, or disagree with today's Mitsuba."""
-    from raytwin import reference
+    from raytwin.jobs import reference
 
     folder, checked = _source(folder), []
     for scene, one, found in _cases(scenes, rung):
@@ -98,7 +98,7 @@ def show_command(
     whole: Annotated[bool, typer.Option("--all", help="Everything that is known of each, as of a single one.")] = False,
 ) -> None:
     """What made each reference, and what it is worth: a line each, of a single one all. Fails on damaged ones."""
-    from raytwin import reference
+    from raytwin.jobs import reference
 
     folder, names = _source(folder), [s.resolve().name for s in scenes or ()]
     cases = [c for c in reference.listed(folder) if c[0] in (names or [c[0]]) and c[1] in (rung or [c[1]])]
@@ -128,8 +128,8 @@ def diff_command(
     samples: Samples = None,
 ) -> None:
     """What `make --again` would change, without writing; or what differs from the references in another folder."""
-    from raytwin import reference
     from raytwin.compare import compare
+    from raytwin.jobs import reference
 
     folder, failed = _source(folder), False
     for scene, one, found in _cases(scenes, rung):
@@ -149,7 +149,8 @@ def diff_command(
 
 def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> Iterator[tuple]:
     """(scene's path, rung, scene with its camera found) of every reference that is asked for."""
-    from raytwin import files, reference
+    from raytwin import files
+    from raytwin.jobs import reference
 
     for rung in rungs or ():
         if rung not in reference.RUNGS:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin import files, photos, pipeline, twin
+from raytwin import files, photos, twin
 from raytwin.bench.calibration import OURS, SHRUNK_ALONE, WHOLE, Shoot, Taken, measure_calibrations, photographed
 from raytwin.bench.frontier import median_iqr
 from raytwin.bench.measure import repeat
@@ -26,6 +26,8 @@ from raytwin.bench.truth import rounding
 from raytwin.compare import METRICS
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.jobs.camera import find_camera
+from raytwin.jobs.stages import versions
 from raytwin.methods.method import Method
 from raytwin.methods.rendered import Plain
 from raytwin.methods.table import choose
@@ -82,7 +84,7 @@ def paper(
 
 def _paper(path, shoot: Shoot, synthetic: Taken, taken, budget: float, repeats: int, progress) -> Paper:
     start = time.perf_counter()
-    scene = pipeline.find_camera(files.read_scene(path), progress=progress)[0] if path else two_spheres(*shoot.size)
+    scene = find_camera(files.read_scene(path), progress=progress)[0] if path else two_spheres(*shoot.size)
     until = start + SHARES["calibration"] * budget
     calibration, left = measure_calibrations(synthetic, taken, until, repeats, progress)
     twin.activate()
@@ -97,7 +99,7 @@ def _paper(path, shoot: Shoot, synthetic: Taken, taken, budget: float, repeats: 
     intersection = [f for f in (*slow.frames, *fast.frames) if f.method not in guessed]
     boxes = [*slow.boxes, *fast.boxes, *(b for hard in hard_cases() for b in boxed(hard))]
     return Paper(
-        scene=scene.name, machine=machine(), versions=pipeline.versions(), budget=float(budget),
+        scene=scene.name, machine=machine(), versions=versions(), budget=float(budget),
         seconds=time.perf_counter() - start, covered=float(fast.truth.surface.mask.mean()), published=PUBLISHED,
         calibration=tuple(calibration), intersection=tuple(intersection), speculation=tuple(speculation),
         boxes=tuple(boxes),

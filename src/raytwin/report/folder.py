@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from raytwin import files
 from raytwin.compare import error_map
-from raytwin.diff import Diff
 from raytwin.image import Image
+from raytwin.jobs.diff import Diff
 from raytwin.progress import Progress, silent
 from raytwin.report.html import write_report
 from raytwin.report.json import write_comparison
@@ -15,7 +15,7 @@ from raytwin.report.overview import overview
 from raytwin.report.view import view_of_diff
 
 if TYPE_CHECKING:
-    from raytwin.pipeline import Result
+    from raytwin.jobs.compare import Result
 
 
 def write_all(result: "Result", folder: Path, json: Path | None = None, progress: Progress = silent) -> None:

@@ -20,7 +20,7 @@ from raytwin.report.view import View, showable, view_of
 from raytwin.scene import Tolerance
 
 if TYPE_CHECKING:
-    from raytwin.pipeline import Result
+    from raytwin.jobs.compare import Result
 
 LISTED = 8
 """Worst pixels in the table."""

@@ -7,7 +7,7 @@ import numpy as np
 from raytwin.report import pictures
 
 if TYPE_CHECKING:
-    from raytwin.pipeline import Result
+    from raytwin.jobs.compare import Result
 
 PANEL = 400
 """Width of a panel in pixels."""

@@ -3,11 +3,11 @@
 from typing import TYPE_CHECKING
 
 from raytwin.compare import METRICS
-from raytwin.diff import Diff
+from raytwin.jobs.diff import Diff
 
 if TYPE_CHECKING:
+    from raytwin.jobs.compare import Result
     from raytwin.photos import Calibration
-    from raytwin.pipeline import Result
 
 
 def summary(result: "Result") -> str:

@@ -8,14 +8,15 @@ import numpy as np
 
 from raytwin.compare import METRICS, Comparison, Report
 from raytwin.compare.report import Timing
-from raytwin.diff import Diff
 from raytwin.image import Image
+from raytwin.jobs.diff import Diff
 from raytwin.report import numbers
 from raytwin.scene import Sphere, Tolerance
 
 if TYPE_CHECKING:
+    from raytwin.jobs.camera import TruthRow
+    from raytwin.jobs.compare import Result
     from raytwin.photos import Calibration, PoseReport
-    from raytwin.pipeline import Result, TruthRow
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ scene -> View (camera's frame, engine's floats) -> boxes -> plan (tiles and thei
 
 from raytwin.speed.boxes import TRIMS, corner_box, trim_box, trim_boxes
 from raytwin.speed.engine import ENGINES
-from raytwin.speed.frame import background, draw, trace, with_solver
+from raytwin.speed.frame import background, check_rows, draw, trace, with_solver
 from raytwin.speed.points import trace_points
 from raytwin.speed.speculation import WAYS, speculate
 
 __all__ = [
-    "ENGINES", "TRIMS", "WAYS", "background", "corner_box", "draw", "speculate", "trace", "trace_points", "trim_box",
-    "trim_boxes", "with_solver",
+    "ENGINES", "TRIMS", "WAYS", "background", "check_rows", "corner_box", "draw", "speculate", "trace", "trace_points",
+    "trim_box", "trim_boxes", "with_solver",
 ]  # fmt: skip

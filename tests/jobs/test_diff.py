@@ -11,11 +11,11 @@ import pytest
 
 from raytwin import files
 from raytwin.compare import METRICS
-from raytwin.diff import diff
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.jobs.diff import diff
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parent.parent.parent
 RNG = np.random.default_rng(21)
 A = RNG.random((30, 40, 3)).astype(np.float32)
 

@@ -13,10 +13,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytwin import files, reference, twin
+from raytwin import files, twin
 from raytwin.compare import compare
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.jobs import reference
 from raytwin.scene import Tolerance
 from raytwin.speed import trace
 

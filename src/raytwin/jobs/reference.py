@@ -163,7 +163,7 @@ def scene_hash(written: SceneFile) -> str:
     seen["camera"] = written.photos or written.camera
     total = hashlib.sha256(msgspec.json.encode(seen, order="sorted"))
     if asked := written.photos:
-        from raytwin.pipeline import list_photos
+        from raytwin.jobs.camera import list_photos
 
         folder = Path(written.folder)
         total.update(msgspec.json.encode(files.read_toml(folder / asked.board), order="sorted"))
@@ -186,7 +186,7 @@ def find_scene(path: str | Path, progress: Progress = silent) -> SceneFile:
     written = files.read_scene(path)
     if written.photos is None:
         return written
-    from raytwin.pipeline import find_camera
+    from raytwin.jobs.camera import find_camera
 
     return written.with_camera(find_camera(written, progress=progress)[0].camera)
 

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from raytwin import files, pipeline, twin
+from raytwin import files, photographer, twin
 from raytwin.compare import compare
 from raytwin.errors import InputError
+from raytwin.jobs.camera import compare_truth, find_camera
+from raytwin.jobs.compare import compare_scene
 from raytwin.scene import Camera
 from raytwin.speed import trace
 
@@ -16,7 +18,7 @@ GIVEN = ["single", "overlap", "distorted", "grazing"]
 def desk(scenes):
     """`compare scenes/desk` at a quarter of the side: calibration in full, rendering small."""
     twin.activate()
-    return pipeline.run(scenes / "desk", size=(504, 378))
+    return compare_scene(scenes / "desk", size=(504, 378))
 
 
 def small(scenes, name: str):
@@ -70,23 +72,23 @@ def test_the_calibration_finds_the_true_camera(desk):
 
 
 def test_another_photo_moves_the_camera(scenes, desk):
-    scene, path, _, _ = pipeline.find_camera(files.read_scene(scenes / "desk"), "photo_00.jpg")
+    scene, path, _, _ = find_camera(files.read_scene(scenes / "desk"), "photo_00.jpg")
     assert path.name == "photo_00.jpg"
     assert np.linalg.norm(np.subtract(scene.camera.eye, desk.scene.camera.eye)) > 0.05
 
 
 def test_a_photo_that_is_not_there_is_named(scenes):
     with pytest.raises(InputError, match=r"--photo: expected one of photo_00\.jpg.*got nope\.jpg"):
-        pipeline.find_camera(files.read_scene(scenes / "desk"), "nope.jpg")
+        find_camera(files.read_scene(scenes / "desk"), "nope.jpg")
 
 
 def test_a_given_camera_takes_no_photo(scenes):
     with pytest.raises(InputError, match="--photo"):
-        pipeline.find_camera(files.read_scene(scenes / "single"), "photo_00.jpg")
+        find_camera(files.read_scene(scenes / "single"), "photo_00.jpg")
 
 
 def test_the_rung_that_the_tracer_lacks_fails_and_says_what_is_missing(scenes):
-    result = pipeline.run(scenes / "overlap", rung="path", size=(160, 120), samples=64, cache=False)
+    result = compare_scene(scenes / "overlap", rung="path", size=(160, 120), samples=64, cache=False)
     assert result.comparison.verdict == "fail"
     assert result.settings["rung of the tracer"] == "shadow"
     assert result.settings["rung of the twin"] == "path"
@@ -95,7 +97,7 @@ def test_the_rung_that_the_tracer_lacks_fails_and_says_what_is_missing(scenes):
 @pytest.mark.parametrize("option", ["rung", "engine", "sampling", "solver"])
 def test_an_unknown_choice_names_the_known_ones(scenes, option):
     with pytest.raises(InputError, match=r"expected one of .*got nonsense"):
-        pipeline.run(scenes / "single", **{option: "nonsense"})
+        compare_scene(scenes / "single", **{option: "nonsense"})
 
 
 def test_truth_rows_measure_a_known_turn_and_shift():
@@ -111,11 +113,11 @@ def test_truth_rows_measure_a_known_turn_and_shift():
         return Camera((1000, 800), K, tuple(map(tuple, rotation.tolist())), tuple(t.tolist()))
 
     true, found = camera(R, eye), camera(turn @ R, np.array([0.1, 0.2, 0.502]))
-    truth = pipeline.photographer.Truth((1000, 800), K, (), {"a.jpg": (true.R_cam_board, true.t_cam_board)})
+    truth = photographer.Truth((1000, 800), K, (), {"a.jpg": (true.R_cam_board, true.t_cam_board)})
 
     class Sigma:
         sigma: dict = {}  # noqa: RUF012
 
-    rows = {row.name: row.found for row in pipeline.compare_truth(truth, Sigma(), found, "a.jpg")}
+    rows = {row.name: row.found for row in compare_truth(truth, Sigma(), found, "a.jpg")}
     assert rows["rotation off by"] == pytest.approx(1, abs=1e-9)
     assert rows["eye off by"] == pytest.approx(2, abs=1e-9)

@@ -1,0 +1,69 @@
+"""Photos of a board -> the same photos with a scene's objects in them."""
+
+from pathlib import Path
+
+import msgspec
+
+from raytwin import boards, files, photos, twin
+from raytwin.augment import augment, draw_pyramid, errors_by_region
+from raytwin.errors import InputError
+from raytwin.jobs.camera import find_camera
+from raytwin.methods.traced import fast_engine
+from raytwin.progress import Progress, silent
+
+
+def augment_photos(
+    taken: list[Path],
+    scene_path: str | Path,
+    out: str | Path,
+    *,
+    camera: str | Path | None = None,
+    board: str | Path | None = None,
+    against: str | Path | None = None,
+    shadows: bool = True,
+    exposure: float = 1.0,
+    progress: Progress = silent,
+) -> list[dict]:
+    """Draw the scene's objects into each photo and write it to `out` under its own name, upright, as PNG or JPEG.
+
+    `camera`: a camera.toml, whose K and distortion count; without it the scene's own photos are calibrated. Each
+    photo's pose comes from its own tags of `board` (the scene's, if none is named). `against`: a folder of true photos
+    of the same names, the objects really there. Returns a row per photo: its name, its pose's rms in pixels, and with
+    `against` the errors by region.
+    """
+    scene = files.read_scene(scene_path)
+    asked = scene.photos
+    if board is None and asked is None:
+        raise InputError("--board", "a board's TOML file, since the scene names none", "nothing")
+    definition = boards.read_board(board if asked is None or board is not None else Path(scene.folder) / asked.board)
+    lens = find_camera(scene, progress=progress)[0].camera if camera is None else files.read_camera(camera)
+    out = Path(out)
+    if names := sorted(n for n in {p.name for p in taken} if sum(p.name == n for p in taken) > 1):
+        raise InputError("photos", "names that differ, since each is written under its own", ", ".join(names))
+    if any((out / p.name).exists() and (out / p.name).samefile(p) for p in taken):
+        raise InputError("--out", "another folder than the photos'", out)
+    engine = fast_engine(twin.activate().variant)
+    rows = []
+    for done, path in enumerate(taken):
+        progress("augment", done, len(taken))
+        pixels = files.read_photo(path)
+        if pixels.shape[1::-1] != lens.image_size:
+            turned = ": the same, turned by a quarter" if pixels.shape[:2] == lens.image_size else ""
+            found = f"{pixels.shape[1]} x {pixels.shape[0]}{turned}"
+            raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", found)
+        tags = photos.detect_photo(path, definition.family)
+        pose = photos.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
+        stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
+        here = scene.at(stand)
+        result = augment(pixels, here, engine=engine, shadows=shadows, exposure=exposure)
+        drawn = result.pixels
+        for pyramid in scene.pyramids:
+            drawn = draw_pyramid(drawn, stand, pyramid)
+        row = {"photo": path.name, "pose_rms_px": pose.rms_px}
+        if against is not None:
+            truth = files.read_photo(Path(against) / path.name)
+            row["regions"] = errors_by_region(result, truth, here)
+        files.write_picture(out / path.name, files.upright(drawn, files.photo_orientation(path)), quality=95)
+        rows.append(row)
+    progress("augment", len(taken), len(taken))
+    return rows

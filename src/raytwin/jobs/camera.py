@@ -1,0 +1,81 @@
+"""Photos of a board -> the camera that took one of them, beside the truth where there is one."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from raytwin import boards, photographer, photos
+from raytwin.errors import InputError
+from raytwin.progress import Progress, silent
+from raytwin.scene import Camera, Scene, SceneFile
+
+
+@dataclass(frozen=True)
+class TruthRow:
+    """One calibrated quantity beside the truth that the synthetic photographer wrote down."""
+
+    name: str
+    truth: float
+    found: float
+    sigma: float | None
+    unit: str
+
+
+def list_photos(folder: str | Path) -> list[Path]:
+    """The photos of a folder, by name. Raises InputError where there are none."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(folder, "a folder of photos", "no such folder" if not folder.exists() else "a file")
+    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".jpg", ".jpeg", ".png"))
+    if not found:
+        raise InputError(folder, "photos (.jpg, .jpeg, .png)", "none")
+    return found
+
+
+def find_camera(
+    written: SceneFile, photo: str | None = None, progress: Progress = silent
+) -> tuple[Scene, Path | None, photos.Calibration | None, photos.PoseReport | None]:
+    """What is to be rendered, its camera found: calibrated from its photos, standing where `photo` was taken.
+
+    A scene with an explicit camera comes back as it is. Returns the scene, the photo's path, calibration and pose.
+    """
+    asked = written.photos
+    if asked is None:
+        if photo is not None:
+            raise InputError(
+                "--photo", "a scene whose camera is calibrated from photos", f"{written.name}, whose is given"
+            )
+        return written.scene, None, None, None
+    folder = Path(written.folder)
+    board = boards.read_board(folder / asked.board)
+    taken = list_photos(folder / asked.photos)
+    name = photo or asked.photo
+    if name not in (names := [p.name for p in taken]):
+        where = "--photo" if photo else f"{folder / 'scene.toml'}: camera.photo"
+        raise InputError(where, f"one of {', '.join(names)}", name)
+    calibration = photos.calibrate(taken, board, model=asked.model, progress=lambda d, n: progress("calibrate", d, n))
+    pose = photos.pose_of_photo(calibration, folder / asked.photos / name, board)
+    camera = photos.camera_at(calibration, pose.refined)
+    return written.at(camera), folder / asked.photos / name, calibration, pose
+
+
+def compare_truth(
+    truth: photographer.Truth, calibration: photos.Calibration, camera: Camera, photo: str
+) -> tuple[TruthRow, ...]:
+    """Found beside true: focal lengths and centre in pixels, the compared photo's pose in degrees and millimetres."""
+    rows = []
+    for name, true, found in (
+        ("fx", truth.K[0][0], camera.fx),
+        ("fy", truth.K[1][1], camera.fy),
+        ("cx", truth.K[0][2], camera.cx),
+        ("cy", truth.K[1][2], camera.cy),
+    ):
+        rows.append(TruthRow(name, true, found, calibration.sigma.get(name), "px"))
+    if photo in truth.photos:
+        R, t = (np.asarray(a) for a in truth.photos[photo])
+        angle = photos.rotation_degrees(np.asarray(camera.R_cam_board), R)
+        rows.append(TruthRow("rotation off by", 0.0, angle, None, "degrees"))
+        apart = 1e3 * np.linalg.norm(np.asarray(camera.eye) - (-R.T @ t))
+        rows.append(TruthRow("eye off by", 0.0, float(apart), None, "mm"))
+    return tuple(rows)

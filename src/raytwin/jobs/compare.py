@@ -1,0 +1,157 @@
+"""The main job: photos -> camera -> a subject beside the twin -> comparison."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from raytwin import files, photographer, photos, twin
+from raytwin.augment import augment
+from raytwin.compare import Comparison, Report, compare
+from raytwin.compare.report import Timing
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.jobs.camera import TruthRow, compare_truth, find_camera
+from raytwin.jobs.stages import Stages, versions
+from raytwin.methods.method import Method
+from raytwin.methods.traced import Traced, fast_engine
+from raytwin.progress import Progress, silent
+from raytwin.rungs import RUNGS
+from raytwin.scene import Scene, Tolerance
+from raytwin.speed import check_rows
+from raytwin.tracer import RADIANCE
+
+FEW, MANY = 1, 64
+"""The twin's samples a pixel where each is the same, and where they differ."""
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """All that `raytwin compare` found; every page is a view of it."""
+
+    scene: Scene
+    tolerance: Tolerance
+    report: Report
+    subject: Image
+    twin: Image
+    photo: np.ndarray | None = None
+    augmented: np.ndarray | None = None
+    calibration: photos.Calibration | None = None
+    pose: photos.PoseReport | None = None
+    truth: tuple[TruthRow, ...] = ()
+    times: tuple[Timing, ...] = ()
+    settings: dict[str, str] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def comparison(self) -> Comparison:
+        return self.report.comparison
+
+
+def compare_scene(
+    path: str | Path,
+    *,
+    rung: str = "shadow",
+    subject: Method | None = None,
+    engine: str = "numpy64",
+    solver: str = "robust",
+    sampling: str = "center",
+    samples: int | None = None,
+    seed: int = 0,
+    photo: str | None = None,
+    size: tuple[int, int] | None = None,
+    trim: str = "conic",
+    cache: bool = True,
+    flip: bool = False,
+    progress: Progress = silent,
+) -> Result:
+    """Compare a subject, by default the hand-written tracer, with its Mitsuba twin on the scene at `path`.
+
+    `rung` is the twin's; the tracer stands on the highest that it climbs up to there, and the comparison shows what the
+    further light adds. `subject`: any method in the tracer's place; `engine`, `solver` and `trim` are the tracer's.
+    `size` (width, height) renders at other than the camera's own size. `samples`: the twin's samples per pixel, by
+    default 1 where every sample through the pixel's centre is the same, else 64. `flip` adds the perceptual metric,
+    which is slow.
+    """
+    _check(rung, sampling, samples)
+    climbed = list(RADIANCE)[min(list(RUNGS).index(rung), len(RADIANCE) - 1)]
+    check_rows(climbed, engine, solver, trim)
+    engine = subject.name if subject else engine
+    subject = subject or Traced(climbed, engine, trim, solver, surface=True)
+    stages = Stages(progress)
+    with stages.stage("backend"):
+        backend = twin.activate()
+    written = files.read_scene(path)
+    with stages.stage("calibrate"):
+        scene, photo_path, calibration, pose = find_camera(written, photo, progress)
+    truth: tuple[TruthRow, ...] = ()
+    if photo_path is not None and (truth_file := photo_path.parent / "truth.toml").exists():
+        truth = compare_truth(photographer.read_truth(truth_file), calibration, scene.camera, photo_path.name)
+    if size is not None:
+        scene = scene.with_camera(scene.camera.resized(*size))
+    with stages.stage("tracer"):
+        made = subject(scene, seed)
+    with stages.stage("twin"):
+        reference = twin.render(
+            scene, rung, sampling=sampling, seed=seed, cache=cache, progress=_percent(progress),
+            samples=samples or (MANY if RUNGS[rung].noisy or sampling == "area" else FEW),
+        )  # fmt: skip
+    with stages.stage("compare"):
+        comparison = compare(made, reference, tolerance=written.tolerance, flip=flip)
+    picture = augmented = None
+    if photo_path is not None:
+        with stages.stage("augment"):
+            picture = files.read_photo(photo_path)
+            if size is None:
+                augmented = augment(picture, scene, engine=fast_engine(backend.variant)).pixels
+    numbers = {"twin_variant": backend.variant, "tracer_engine": engine, "libllvm": backend.libllvm, "solver": solver}
+    settings = {
+        "subject": subject.name,
+        "rung of the tracer": subject.rung,
+        "rung of the twin": rung,
+        "tracer's engine": engine,
+        "sphere solver": solver,
+        "twin's sampling": sampling,
+        "twin's samples per pixel": str(reference.samples),
+        "trim boxes": trim,
+    }
+    return Result(
+        scene=scene,
+        tolerance=written.tolerance,
+        report=Report(scene.name, rung, comparison, dict(stages.seconds), numbers),
+        subject=made,
+        twin=reference,
+        photo=picture,
+        augmented=augmented,
+        calibration=calibration,
+        pose=pose,
+        truth=truth,
+        times=_times(stages.seconds, comparison, calibration),
+        settings=settings,
+        versions=versions(),
+    )
+
+
+def _check(rung: str, sampling: str, samples: int | None) -> None:
+    for option, value, known in (("--rung", rung, RUNGS), ("--sampling", sampling, twin.SAMPLINGS)):
+        if value not in known:
+            raise InputError(option, f"one of {', '.join(known)}", value)
+    if samples is not None and samples < 1:
+        raise InputError("--samples", "a whole number >= 1", samples)
+
+
+def _percent(progress: Progress) -> Callable[[float], None]:
+    return lambda share: progress("twin", min(99, round(100 * share)), 100)
+
+
+def _times(
+    seconds: dict[str, float], comparison: Comparison, calibration: photos.Calibration | None
+) -> tuple[Timing, ...]:
+    """Every stage's seconds, and beside them what its result is worth."""
+    worth = {
+        "calibrate": f"rms {calibration.rms_px:.3f} px" if calibration else "camera given",
+        "tracer": f"p99.9 error {comparison.radiance.p999_abs:.2g}",
+        "twin": "the reference",
+    }
+    return tuple(Timing(stage, s, worth.get(stage, "-")) for stage, s in seconds.items())

@@ -1,0 +1,127 @@
+"""Ways to make an image, others' among them: what `raytwin compare --subject` takes."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from raytwin import files, tracer
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.jobs.compare import compare_scene
+from raytwin.methods.exchange import as_arrays
+from raytwin.methods.others import Called, Run, Shown, find_subject
+from raytwin.methods.table import METHODS
+
+LEARNERS = """
+from dataclasses import dataclass
+import numpy as np
+
+@dataclass
+class Ball:
+    center: object
+    radius: float
+
+def render(scene):
+    # Spheres alone, in the board's frame, by a formula of one's own: |o + t d - c|^2 = r^2 with a != 1.
+    K, R, t = scene["K"], scene["R_cam_board"], scene["t_cam_board"]
+    u, v = np.meshgrid(np.arange(scene["width"]), np.arange(scene["height"]))
+    d = np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones(u.shape)], axis=-1) @ R
+    eye = -R.T @ t
+    image = np.broadcast_to(scene["sky"]["radiance"], d.shape).copy()
+    near = np.full(u.shape, np.inf)
+    for s in scene["spheres"]:
+        ball = Ball(s["center"], s["radius"])
+        f = eye - ball.center
+        a, b, c = (d * d).sum(-1), (d @ f), f @ f - ball.radius**2
+        disc = b * b - a * c
+        t = (-b - np.sqrt(np.maximum(disc, 0))) / a
+        hit = (disc > 0) & (t > 0) & (t < near)
+        n = (eye + t[..., None] * d - ball.center) / ball.radius
+        light = np.maximum(n @ scene["sun"]["to_light"], 0)[..., None] * scene["sun"]["irradiance"] / np.pi
+        image[hit] = (s["albedo"] * (light + scene["sky"]["radiance"]))[hit]
+        near[hit] = t[hit]
+    return image
+
+def wrong_size(scene):
+    return np.zeros((3, 3, 3))
+
+def broken(scene):
+    return scene["moon"]
+"""
+
+
+@pytest.fixture
+def theirs(tmp_path):
+    file = tmp_path / "theirs.py"
+    file.write_text(LEARNERS)
+    return file
+
+
+def test_a_scene_is_given_out_resolved_and_in_float64(overlap):
+    given = as_arrays(overlap, "lambert")
+    assert list(given) == [
+        "name", "width", "height", "dist", "K", "R_cam_board", "t_cam_board", "spheres", "planes", "sun", "sky", "rung",
+    ]  # fmt: skip
+    assert given["dist"].shape == (5,)
+    assert np.linalg.norm(given["sun"]["to_light"]) == pytest.approx(1, abs=1e-15)
+    assert {a.dtype for s in given["spheres"] for a in s.values() if isinstance(a, np.ndarray)} == {np.dtype(float)}
+    np.testing.assert_array_equal(given["planes"][0]["half_u"], overlap.rectangles[0].half_u)
+
+
+def test_a_learners_function_is_compared_in_the_tracers_place(theirs, scenes):
+    right = compare_scene(scenes / "single", subject=find_subject(f"{theirs}:render", "shadow"))
+    assert right.comparison.verdict == "pass"
+    assert right.settings["subject"] == f"{theirs}:render"
+    # Without the floor and its shadows it is wrong where there is one.
+    assert compare_scene(scenes / "overlap", subject=find_subject(str(theirs), "shadow")).comparison.verdict == "fail"
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        ("wrong_size", r"expected an image \(480, 640, 3\), got float64 \(3, 3, 3\)"),
+        ("broken", "expected an image .*, got KeyError: 'moon'"),
+        ("nosuch", "expected a function, got nothing of that name"),
+    ],
+)
+def test_what_a_function_does_wrong_is_told_in_one_line(theirs, single, function, said):
+    with pytest.raises(InputError, match=said):
+        find_subject(f"{theirs}:{function}", "shadow")(single)
+
+
+def test_an_image_and_a_folder_of_images_are_subjects(tmp_path, single):
+    image = tracer.trace(single)
+    files.write_exr(tmp_path / "single.exr", Image(image.mean))
+    for text in (tmp_path / "single.exr", tmp_path):
+        method = find_subject(str(text), "shadow")
+        assert isinstance(method, Shown)
+        np.testing.assert_array_equal(method(single).mean, image.mean)
+    with pytest.raises(InputError, match=r"other\.exr"):
+        Shown("shadow", str(tmp_path)).prepare(single.__class__("other", single.camera))(0)
+
+
+def test_a_program_reads_the_scene_and_writes_an_image(tmp_path, single):
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import json, sys, numpy as np\n"
+        "scene = json.load(open(sys.argv[1]))\n"
+        "sky = np.float32(scene['sky']['radiance'])\n"
+        "rows = np.broadcast_to(sky, (scene['height'], scene['width'], 3))\n"
+        "open(sys.argv[2], 'wb').write(b'PF\\n%d %d\\n-1.0\\n' % (scene['width'], scene['height']) + rows.tobytes())\n"
+    )
+    method = find_subject(f"{sys.executable} {program} {{scene}} {{out}}.pfm", "shadow")
+    assert isinstance(method, Run)
+    made = method(single)
+    np.testing.assert_array_equal(made.mean, np.broadcast_to(np.float32(single.sky.radiance), made.mean.shape))
+    with pytest.raises(InputError, match=r"expected an image at \{out\}, got exit code 1"):
+        find_subject(f"{sys.executable} -c 1/0 {{out}}", "shadow")(single)
+
+
+def test_a_row_of_the_table_is_a_subject_and_tells_what_its_rays_met(single, packages):
+    made = find_subject("numpy32-shadow-none", "path")(single)
+    assert made.surface is not None
+    assert find_subject("twin-llvm-path-4", "path") == METHODS["twin-llvm-path-4"]
+    with pytest.raises(InputError, match=r"--subject: expected a method's name .*, got nonsense"):
+        find_subject("nonsense", "shadow")
+    assert isinstance(find_subject(__file__, "shadow"), Called)
