@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 
 from raytwin import files
 from raytwin.cli.options import check_outputs
-from raytwin.cli.progress import lines
+from raytwin.cli.progress import lines, tell_seconds
+from raytwin.progress import Stages
 
 KEYS = {
     "scene": None,
@@ -259,3 +260,29 @@ def test_long_stages_leave_one_line_each_where_there_is_no_terminal(capsys, monk
     ):  # fmt: skip
         show(stage, done, total)
     assert capsys.readouterr().err == "calibrate: 3 of 3, 5.0 s\ntwin: 9 of 9, 3.0 s\n"
+
+
+def test_every_stage_is_timed_once_and_parts_of_a_stage_are_not_counted_again(monkeypatch):
+    clock = iter(range(0, 1000, 10))
+    monkeypatch.setattr("raytwin.progress.time.perf_counter", lambda: next(clock))
+    shown = []
+    stages = Stages(lambda *step: shown.append(step))
+    with stages.stage("calibrate"):
+        stages("detect", 0, 2)
+        stages("detect", 2, 2)
+    stages("twin", 50, 100)
+    stages("twin", 100, 100)
+    with stages.stage("calibrate"):
+        pass
+    assert stages.seconds == {"calibrate": 20, "twin": 10}
+    assert [s for s, done, total in shown if done == total] == ["detect", "calibrate", "twin", "calibrate"]
+
+
+def test_the_seconds_that_are_told_make_up_the_whole(capsys, monkeypatch):
+    stages = Stages()
+    stages.seconds |= {"calibrate": 2.0, "tracer": 0.04, "report": 1.5}
+    monkeypatch.setattr("raytwin.cli.progress.STARTED", 100.0)
+    monkeypatch.setattr("raytwin.cli.progress.time.perf_counter", lambda: 105.0)
+    tell_seconds(stages, ("calibrate",))
+    told = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert told == [["report", "1.50", "s"], ["the", "rest", "1.46", "s"], ["in", "all", "5.00", "s"]]

@@ -82,9 +82,9 @@ def test_the_same_seed_takes_the_same_photos_and_another_does_not(tmp_path):
     calls = []
     for out, seed in (("a", 1), ("b", 1), ("c", 2)):
         photograph(
-            BOARD, small, 2, tmp_path / out, PlainRenderer(1), seed=seed, progress=lambda d, n: calls.append((d, n))
+            BOARD, small, 2, tmp_path / out, PlainRenderer(1), seed=seed, progress=lambda _, d, n: calls.append((d, n))
         )
-    assert calls == [(1, 2), (2, 2)] * 3
+    assert calls == [(0, 2), (1, 2), (2, 2)] * 3
     a, b, c = ([(tmp_path / out / f"photo_0{i}.jpg").read_bytes() for i in (0, 1)] for out in "abc")
     assert a == b
     assert a != c

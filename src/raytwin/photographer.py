@@ -16,8 +16,8 @@ from raytwin import files
 from raytwin.boards.board import Board, check_board, draw_board, write_board
 from raytwin.errors import InputError
 from raytwin.photos import lens
-from raytwin.photos.detection import Progress
 from raytwin.photos.pose import rotation
+from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Matrix, PixelCount, Record, Rectangle, Vector
 
 Render = Callable[[Camera, np.ndarray, Rectangle], np.ndarray]
@@ -69,7 +69,7 @@ def photograph(
     *,
     seed: int = 1,
     margin: float | tuple[float, float] | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Truth:
     """`count` photos of the board by `camera` (its pose is not used), written to `out` with board.toml and truth.toml.
 
@@ -86,14 +86,14 @@ def photograph(
     texture, extent = draw_board(board, min(density, _affordable(board, margin)), margin)
     sheet = sheet_of(extent)
     truth = {}
+    progress("photograph", 0, count)
     for i, (R, t) in enumerate(stands):
         view = Camera(camera.image_size, camera.K, R, t, camera.dist)
         name = f"photo_{i:02d}.jpg"
         pixels = expose(render(view, texture, sheet), rng, view)
         files.write_picture(out / name, pixels, quality=QUALITY)
         truth[name] = (R, t)
-        if progress:
-            progress(i + 1, count)
+        progress("photograph", i + 1, count)
     written = Truth(camera.image_size, camera.K, camera.dist, truth)
     write_board(out / "board.toml", board)
     write_truth(out / "truth.toml", written)

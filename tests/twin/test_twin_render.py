@@ -216,9 +216,9 @@ def test_more_samples_than_one_launch_holds_are_added_up(scenes, variant, monkey
     assert (pieces.surface.ids == whole.surface.ids).all()
     sigma = np.sqrt((whole.variance + pieces.variance).mean())
     assert np.sqrt(((whole.mean - pieces.mean) ** 2).mean()) == pytest.approx(sigma, rel=0.2)
-    render(scene, "path", samples=4, cache=False, progress=parts.append)
+    render(scene, "path", samples=4, cache=False, progress=lambda *step: parts.append(step))
     assert parts == sorted(parts)
-    assert parts[-1] == 1
+    assert parts[-1] == ("twin", 100, 100)
 
 
 @pytest.mark.parametrize(("samples", "batches"), [(1, None), (2, 2), (3, 3), (16, 16), (17, 16), (19, 16), (31, 16)])

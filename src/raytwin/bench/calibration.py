@@ -23,7 +23,7 @@ from raytwin.boards import Board, Grid
 from raytwin.errors import InputError
 from raytwin.jobs.camera import list_photos
 from raytwin.jobs.photograph import photograph_board
-from raytwin.jobs.stages import versions
+from raytwin.jobs.versions import versions
 from raytwin.photos import Tag
 from raytwin.progress import Progress, silent
 

@@ -18,7 +18,7 @@ from raytwin.bench.truth import WHOLE, converge, measure, truth_of
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.jobs.camera import find_camera
-from raytwin.jobs.stages import versions
+from raytwin.jobs.versions import versions
 from raytwin.methods.method import Method
 from raytwin.methods.table import choose
 from raytwin.progress import Progress, silent

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from raytwin.cli.options import Flip, JsonFile, ScenePath, check_outputs, parse_size
-from raytwin.cli.progress import show_progress
+from raytwin.cli.progress import show_progress, tell_seconds
 from raytwin.errors import InputError
 
 
@@ -62,6 +62,7 @@ def compare_command(
         folder = out or Path("out") / result.scene.name
         report.write_all(result, folder, json, progress=progress)
     typer.echo(report.summary(result))
+    tell_seconds(progress, tuple(t.stage for t in result.times))
     typer.echo(f"report: {folder / 'report.html'}")
     raise typer.Exit(result.comparison.exit_code)
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from raytwin.cli.options import JsonFile, check_outputs, parse_numbers, parse_size
-from raytwin.cli.progress import show_progress
+from raytwin.cli.progress import show_progress, tell_seconds
 from raytwin.errors import InputError
 
 
@@ -32,7 +32,7 @@ def calibrate_command(
     definition = boards.read_board(board)
     with show_progress() as progress:
         paths = list_photos(photos)
-        calibration = taken.calibrate(paths, definition, model=model, progress=lambda d, n: progress("calibrate", d, n))
+        calibration = taken.calibrate(paths, definition, model=model, progress=progress)
     if json:
         files.write_json(json, calibration.numbers())
     if out:
@@ -45,6 +45,7 @@ def calibrate_command(
     if uncertainty:
         report.write_uncertainty(calibration, uncertainty)
     typer.echo(report.calibration_summary(calibration))
+    tell_seconds(progress)
 
 
 def photograph_command(
@@ -79,6 +80,7 @@ def photograph_command(
             with_objects=with_objects,
             progress=progress,
         )
+    tell_seconds(progress)
     typer.echo(f"{count} photos, board.toml and truth.toml: {out}")
 
 
@@ -117,4 +119,5 @@ def augment_command(
     if json:
         files.write_json(json, {"photos": rows})
     typer.echo(report.augment_summary(rows))
+    tell_seconds(progress)
     typer.echo(f"{len(rows)} photos: {out}")

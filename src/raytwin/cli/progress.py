@@ -1,21 +1,25 @@
-"""Progress on standard error: bars on a terminal, one line a stage elsewhere."""
+"""Progress on standard error: bars on a terminal, one line a stage elsewhere; and in the end what took how long."""
 
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from raytwin.progress import Progress
+import typer
+
+from raytwin.progress import Progress, Stages
 
 WORTH_A_LINE = 1.0
 """Seconds: what is done sooner says nothing where there is no terminal."""
 
+STARTED = time.perf_counter()
+
 
 @contextmanager
-def show_progress() -> Iterator[Progress]:
+def show_progress() -> Iterator[Stages]:
     """The callback that every job takes."""
     if not sys.stderr.isatty():
-        yield lines()
+        yield Stages(lines())
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -29,11 +33,11 @@ def show_progress() -> Iterator[Progress]:
                 tasks[stage] = bars.add_task(stage, total=total)
             bars.update(tasks[stage], completed=done, total=total)
 
-        yield show
+        yield Stages(show)
 
 
 def lines() -> Progress:
-    """`calibrate: 14 of 14, 2.3 s`, once a stage is done."""
+    """`detect: 14 of 14, 2.3 s`, once a stage is done."""
     started: dict[str, float] = {}
 
     def show(stage: str, done: int, total: int) -> None:
@@ -46,3 +50,12 @@ def lines() -> Progress:
             print(f"{stage}: {done} of {total}, {now - begun:.1f} s", file=sys.stderr, flush=True)
 
     return show
+
+
+def tell_seconds(stages: Stages, told: tuple[str, ...] = ()) -> None:
+    """A line for each stage that took a tenth of a second and is not `told` already; what is left; all of it."""
+    whole = time.perf_counter() - STARTED
+    rest = whole - sum(stages.seconds.values())
+    found = {k: v for k, v in stages.seconds.items() if k not in told and v >= 0.1}
+    for stage, seconds in (found | {"the rest": rest, "in all": whole}).items():
+        typer.echo(f"  {stage:<10} {seconds:7.2f} s")

@@ -54,7 +54,7 @@ def find_camera(
     if name not in (names := [p.name for p in taken]):
         where = "--photo" if photo else f"{folder / 'scene.toml'}: camera.photo"
         raise InputError(where, f"one of {', '.join(names)}", name)
-    calibration = photos.calibrate(taken, board, model=asked.model, progress=lambda d, n: progress("calibrate", d, n))
+    calibration = photos.calibrate(taken, board, model=asked.model, progress=progress)
     pose = photos.pose_of_photo(calibration, folder / asked.photos / name, board)
     camera = photos.camera_at(calibration, pose.refined)
     return written.at(camera), folder / asked.photos / name, calibration, pose

@@ -13,10 +13,10 @@ from raytwin.compare.report import Timing
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.jobs.camera import TruthRow, compare_truth, find_camera
-from raytwin.jobs.stages import Stages, versions
+from raytwin.jobs.versions import versions
 from raytwin.methods.method import Method
 from raytwin.methods.traced import Traced, fast_engine
-from raytwin.progress import Progress, silent
+from raytwin.progress import Progress, Stages, silent
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Tolerance
 from raytwin.speed import check_rows
@@ -84,7 +84,7 @@ def compare_scene(
         backend = twin.activate()
     written = files.read_scene(path)
     with stages.stage("calibrate"):
-        scene, photo_path, calibration, pose = find_camera(written, photo, progress)
+        scene, photo_path, calibration, pose = find_camera(written, photo, stages)
     truth: tuple[TruthRow, ...] = ()
     if photo_path is not None and (truth_file := photo_path.parent / "truth.toml").exists():
         truth = compare_truth(photographer.read_truth(truth_file), calibration, scene.camera, photo_path.name)
@@ -94,7 +94,7 @@ def compare_scene(
         made = subject(scene, seed)
     with stages.stage("twin"):
         reference = twin.render(
-            scene, rung, sampling=sampling, seed=seed, cache=cache, progress=_percent(progress),
+            scene, rung, sampling=sampling, seed=seed, cache=cache, progress=stages,
             samples=samples or (MANY if RUNGS[rung].noisy or sampling == "area" else FEW),
         )  # fmt: skip
     with stages.stage("compare"):
@@ -139,10 +139,6 @@ def _check(rung: str, sampling: str, samples: int | None) -> None:
             raise InputError(option, f"one of {', '.join(known)}", value)
     if samples is not None and samples < 1:
         raise InputError("--samples", "a whole number >= 1", samples)
-
-
-def _percent(progress: Progress) -> Callable[[float], None]:
-    return lambda share: progress("twin", min(99, round(100 * share)), 100)
 
 
 def _times(

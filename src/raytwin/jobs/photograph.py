@@ -56,5 +56,5 @@ def photograph_board(
         return made.mean
 
     return photographer.photograph(
-        definition, lens, count, Path(out), render, seed=seed, progress=lambda d, n: progress("photograph", d, n)
+        definition, lens, count, Path(out), render, seed=seed, progress=progress
     )

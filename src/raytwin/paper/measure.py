@@ -27,7 +27,7 @@ from raytwin.compare import METRICS
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.jobs.camera import find_camera
-from raytwin.jobs.stages import versions
+from raytwin.jobs.versions import versions
 from raytwin.methods.method import Method
 from raytwin.methods.rendered import Plain
 from raytwin.methods.table import choose

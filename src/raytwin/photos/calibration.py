@@ -18,10 +18,11 @@ from raytwin.boards.board import Board, spans_a_plane
 from raytwin.errors import InputError
 from raytwin.photos import lens, pose, uncertainty
 from raytwin.photos.bias import unbiased
-from raytwin.photos.detection import Find, Progress, Tag, detect, detect_photos
+from raytwin.photos.detection import Find, Tag, detect, detect_photos
 from raytwin.photos.doubts import coverage, doubts_about, tilts
 from raytwin.photos.fit import MODELS, Fit, Seen, fit
 from raytwin.photos.model import ModelTrial, select_model
+from raytwin.progress import Progress, silent
 from raytwin.scene import Matrix, Record, Vector
 
 LEAST_VIEWS = 3
@@ -80,14 +81,14 @@ def calibrate(
     photos: Sequence[str | os.PathLike],
     board: Board,
     model: str = "auto",
-    progress: Progress | None = None,
+    progress: Progress = silent,
     find: Find = detect,
     threads: int | None = None,
 ) -> Calibration:
     """The camera that took `photos`, all of one size, of one board. `find`, `threads`: see `detect_photos`.
 
     Photos without tags are left out with a warning as long as three others remain. Raises InputError for anything
-    from which no camera follows. `progress(done, total)` counts photos, and the fit as one more.
+    from which no camera follows.
     """
     paths = [Path(p) for p in photos]
     where = str(paths[0].parent) if paths else "photos"
@@ -95,11 +96,10 @@ def calibrate(
     if len(paths) < LEAST_VIEWS:
         raise InputError(where, f"at least {LEAST_VIEWS} photos of the board, from different sides", len(paths))
     paths, image_size, doubts = _of_one_size(paths)
-    total = len(paths) + 1
-    show = progress and (lambda done, _: progress(done, total))
-    found, wrong = detect_photos(paths, board.family, show, find, threads)
+    found, wrong = detect_photos(paths, board.family, progress, find, threads)
     unique = len({p.name for p in paths}) == len(paths)
     name = {str(p): p.name if unique else str(p) for p in paths}
+    progress("fit", 0, 1)
     result = calibrate_detections(
         {name[p]: tags for p, tags in found.items()},
         image_size,
@@ -109,8 +109,7 @@ def calibrate(
         {name[p]: why for p, why in wrong.items()},
         doubts,
     )
-    if progress:
-        progress(total, total)
+    progress("fit", 1, 1)
     return result
 
 

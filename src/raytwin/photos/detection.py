@@ -12,10 +12,8 @@ import pupil_apriltags
 
 from raytwin import files
 from raytwin.errors import InputError
+from raytwin.progress import Progress, silent
 from raytwin.scene import Record
-
-Progress = Callable[[int, int], None]
-"""Called as progress(done, total) after every step."""
 
 Find = Callable[[np.ndarray, str], "list[Tag]"]
 """find(grey, family) -> the tags in a photo, in the photo's own pixels; `detect` is one."""
@@ -134,7 +132,7 @@ def detect_photo(path: str | os.PathLike, family: str = "tag36h11", find: Find =
 def detect_photos(
     photos: Sequence[str | os.PathLike],
     family: str,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     find: Find = detect,
     threads: int | None = None,
 ) -> tuple[dict[str, list[Tag]], dict[str, str]]:
@@ -152,6 +150,7 @@ def detect_photos(
             return error
 
     # Decoding and detecting both let other threads run.
+    progress("detect", 0, len(photos))
     pool = ThreadPoolExecutor(min(len(photos), threads or os.cpu_count() or 1) or 1)
     try:
         for done, (photo, found) in enumerate(zip(photos, pool.map(look, photos), strict=True), start=1):
@@ -159,8 +158,7 @@ def detect_photos(
                 wrong[str(photo)] = found.got
             else:
                 tags[str(photo)] = found
-            if progress:
-                progress(done, len(photos))
+            progress("detect", done, len(photos))
     finally:
         pool.shutdown(cancel_futures=True)
     return tags, wrong

@@ -12,6 +12,7 @@ import numpy as np
 from raytwin import files
 from raytwin.errors import InputError
 from raytwin.image import Image, Surface
+from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Scene
 from raytwin.twin import cache as kept
 from raytwin.twin.backend import activate, versions
@@ -45,7 +46,7 @@ def render(
     textures: Mapping[int, np.ndarray] | None = None,
     cache: bool = True,
     variant: str | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = silent,
 ) -> Image:
     """Radiance and surface of `scene` as Mitsuba sees it: an Image of the camera's size, `surface` always filled.
 
@@ -67,7 +68,7 @@ def render(
     fewer); `variance` is that of the mean, from the batches' spread, and None for `batches=1`, which cannot tell.
 
     `textures`: albedo (h, w) or (h, w, 3), linear, by a plane's object id; row 0 at the +half_v side, column 0 at
-    -half_u. `cache` keeps what took long; `progress` is called with the part done, 0 to 1. `variant`: see `activate`.
+    -half_u. `cache` keeps what took long; `progress` counts hundredths. `variant`: see `activate`.
 
     Raises InputError (camera.dist where the distortion cannot be undone, samples, textures, ...) and MachineError.
     """
@@ -83,8 +84,7 @@ def render(
     passes = 1 if plan.exact else 1 + plan.samples
 
     def say(passes_done: float) -> None:
-        if progress:
-            progress(passes_done / passes)
+        progress("twin", round(100 * passes_done / passes), 100)
 
     seen, colour, albedo = _exact(renderer, scene, plan, say, settled=not textures)
     variance = None
