@@ -1,7 +1,6 @@
 """The command line as a user meets it: exit codes, files written, and one clear line for every wrong input."""
 
 import json
-import os
 import subprocess
 import sys
 from importlib.metadata import version
@@ -9,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from program import raytwin, refused
 from typer.testing import CliRunner
 
 from raytwin import files
@@ -29,23 +29,6 @@ KEYS = {
     "seconds": {"calibrate", "tracer", "twin", "compare"},
     "backend": None,
 }
-
-
-def raytwin(*arguments: object, cwd: Path | None = None, **environment: str) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-m", "raytwin", *map(str, arguments)]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, env=os.environ | environment, timeout=300, check=False
-    )
-
-
-def refused(run: subprocess.CompletedProcess, *parts: str) -> None:
-    """Exit code 2 and one line, without a traceback, that holds all of `parts`."""
-    assert run.returncode == 2, run.stderr
-    assert run.stderr.startswith("raytwin: ")
-    assert run.stderr.count("\n") == 1, run.stderr
-    assert not run.stdout
-    for part in parts:
-        assert part in run.stderr
 
 
 @pytest.fixture

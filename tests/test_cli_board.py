@@ -4,7 +4,7 @@ import os
 import pickle
 
 import pytest
-from test_cli import raytwin, refused
+from program import raytwin, refused
 
 from raytwin.boards import read_board
 

@@ -1,14 +1,12 @@
 """Methods, truths and a whole run: tiny pictures, small budgets, no word about how fast anything is."""
 
 import json
-import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
+from program import raytwin
 
 from raytwin import bench, files, twin
 from raytwin.bench.crowd import crowded
@@ -249,11 +247,6 @@ def test_growth_is_timed_with_each_number_of_spheres(small_run):
     found = {(g.method, g.spheres) for g in small_run.growth}
     assert {("drjit32-shadow-conic", 1), ("drjit32-shadow-conic", 4)} <= found
     assert {("numpy32-shadow-conic", 1), ("numpy32-shadow-conic", 4)} <= found
-
-
-def raytwin(*arguments: object) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-m", "raytwin", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, env=dict(os.environ), timeout=300, check=False)
 
 
 def test_the_command_writes_json_a_page_and_pictures(scenes, tmp_path):

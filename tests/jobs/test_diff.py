@@ -1,13 +1,12 @@
 """`raytwin diff` as CI and a shell meet it."""
 
 import json
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
 import pytest
+from program import raytwin
 
 from raytwin import files
 from raytwin.compare import METRICS
@@ -18,11 +17,6 @@ from raytwin.jobs.diff import diff
 ROOT = Path(__file__).resolve().parent.parent.parent
 RNG = np.random.default_rng(21)
 A = RNG.random((30, 40, 3)).astype(np.float32)
-
-
-def raytwin(*arguments: object, cwd=None) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-m", "raytwin", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=120)
 
 
 @pytest.fixture

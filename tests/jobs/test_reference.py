@@ -1,8 +1,6 @@
 """References: whole or refused, stale when their scene moves, resumed when interrupted, replaced only when asked."""
 
-import os
 import shutil
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from program import raytwin
 
 from raytwin import files, twin
 from raytwin.compare import compare
@@ -312,13 +311,6 @@ def test_a_reference_that_todays_mitsuba_does_not_make_fails(overlap, folder, ru
 
 
 # ------------------------------------------------------------------------------------------ the command
-
-
-def raytwin(*arguments: object, cwd: Path) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [sys.executable, "-m", "raytwin", "reference", *map(str, arguments)],
-        capture_output=True, text=True, cwd=cwd, env=os.environ, timeout=300, stdin=subprocess.DEVNULL,
-    )  # fmt: skip
 
 
 def test_the_command_replaces_only_when_told_to(overlap, folder, tmp_path):
