@@ -1,6 +1,5 @@
 """The main job: photos -> camera -> a subject beside the twin -> comparison."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 

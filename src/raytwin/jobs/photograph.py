@@ -55,6 +55,4 @@ def photograph_board(
         )
         return made.mean
 
-    return photographer.photograph(
-        definition, lens, count, Path(out), render, seed=seed, progress=progress
-    )
+    return photographer.photograph(definition, lens, count, Path(out), render, seed=seed, progress=progress)
