@@ -178,16 +178,18 @@ class Renderer:
 
     def _walk(self, hit: Hit, sampler: Any, d: Any) -> Any:
         """What Mitsuba's `path` would find along d, where the scene has an object too large for it."""
-        total, weight, active = mi.Color3f(0), mi.Color3f(1), hit.seen
-        for left in reversed(range(self.depth - 1)):
-            hit = self._nearest(hit.start, tuple(map(self.double, d)), active)
+        state = (sampler, hit.start, d, mi.Color3f(0), mi.Color3f(1), mi.Bool(hit.seen), mi.UInt32(self.depth - 2))
+
+        def onward(sampler: Any, o: Any, d: Any, total: Any, weight: Any, active: Any, left: Any) -> tuple[Any, ...]:
+            hit = self._nearest(o, tuple(map(self.double, d)), active)
             total += dr.select(active & ~hit.seen, weight * self.sky, 0)
-            active &= hit.seen
-            if left:
-                weight *= hit.albedo
-                total += dr.select(active, weight * self._sun(hit, self._blocker(hit, active)), 0)
-                d = mi.Frame3f(hit.n).to_world(mi.warp.square_to_cosine_hemisphere(sampler.next_2d()))
-        return total
+            active &= hit.seen & (left > 0)
+            weight *= hit.albedo
+            total += dr.select(active, weight * self._sun(hit, self._blocker(hit, active)), 0)
+            d = mi.Frame3f(hit.n).to_world(mi.warp.square_to_cosine_hemisphere(sampler.next_2d(active)))
+            return sampler, hit.start, d, total, weight, active, left - 1
+
+        return dr.while_loop(state, lambda *state: state[5], onward)[3]
 
 
 def _colour(rgb: Any) -> Any:
