@@ -146,7 +146,7 @@ def parallel(A: float, B: float) -> float:
 
 
 def perpendicular(X: float, Y: float) -> float:
-    """F of a rectangle upright on the element's plane, one corner opposite: X = height / width, Y = distance / width."""
+    """F of a rectangle upright on the element's plane, a corner opposite: X = height / width, Y = distance / width."""
     return (atan(1 / Y) - Y / hypot(X, Y) * atan(1 / hypot(X, Y))) / (2 * pi)
 
 
