@@ -7,7 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytwin.bench import METHODS, Bench, Repeats, Row, against, fit_power, on_frontier, ratio_interval, staircase
+from raytwin.bench import (
+    METHODS,
+    Bench,
+    Measurement,
+    Repeats,
+    against,
+    fit_power,
+    on_frontier,
+    ratio_interval,
+    staircase,
+)
 from raytwin.bench.frontier import median_iqr
 from raytwin.bench.measure import Measured, guess, orders, repeat
 from raytwin.errors import InputError
@@ -166,7 +176,7 @@ def test_a_guess_lies_on_the_line_through_two_sizes():
 
 def run(seconds: dict[str, tuple], rmse: dict[str, tuple], machine: str = "m") -> Bench:
     rows = tuple(
-        Row(name, "numpy", "float32", "shadow", None, 1, 1, 4, 3, float(np.median(s)), 0.0, 0.0, None,
+        Measurement(name, "numpy", "float32", "shadow", None, 1, 1, 4, 3, float(np.median(s)), 0.0, 0.0, None,
             rmse[name][0], 0.0, 0.0, None, 1e-3, True)
         for name, s in seconds.items()
     )  # fmt: skip

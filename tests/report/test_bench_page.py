@@ -11,7 +11,18 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from raytwin.bench import METHODS, Bench, Calibrated, Error, Growth, LeftOut, Repeats, Row, Truth, against
+from raytwin.bench import (
+    METHODS,
+    Bench,
+    Calibrated,
+    Converged,
+    Deviation,
+    Growth,
+    LeftOut,
+    Measurement,
+    Repeats,
+    against,
+)
 from raytwin.report.bench_charts import calibration_charts, error_chart, growth_charts
 from raytwin.report.bench_page import bench_summary, error_charts, frontier_rows, write_bench_all, write_bench_page
 from raytwin.report.charts import FRAME, layout, png_bytes, svg_text
@@ -40,13 +51,13 @@ def made() -> Bench:
             e = own if exact else whole
             truth = "shadow-center" if exact else "path-area"
             rows.append(
-                Row(m.name, m.library, f"float{m.precision}", m.rung, m.trim, m.step, m.samples, w, h, seconds,
+                Measurement(m.name, m.library, f"float{m.precision}", m.rung, m.trim, m.step, m.samples, w, h, seconds,
                     0.1 * seconds, 0.2, 12.5, e, e * e, 3 * e, None, FLOOR[truth], False)
             )  # fmt: skip
             for t, value in (("path-area", whole), *((("shadow-center", own),) if exact else ())):
-                errors.append(Error(m.name, w, h, t, value, value**2, 3 * value, None, False))
+                errors.append(Deviation(m.name, w, h, t, value, value**2, 3 * value, None, False))
     truths = tuple(
-        Truth(t, w, h, 1024, 2.0, {"rmse": f, "relmse": f * f, "p999_abs": 3 * f, "flip": None})
+        Converged(t, w, h, 1024, 2.0, {"rmse": f, "relmse": f * f, "p999_abs": 3 * f, "flip": None})
         for w, h in SIZES for t, f in FLOOR.items()
     )  # fmt: skip
     growth = tuple(

@@ -26,7 +26,7 @@ def test_every_number_says_what_it_is_and_why_it_may_be_missing(number):
     assert number.absent
 
 
-def found(comparison: Comparison, noisy=False) -> dict[str, numbers.Row]:
+def found(comparison: Comparison, noisy=False) -> dict[str, numbers.NumberRow]:
     return {
         row.number.key: row for _, rows in numbers.rows(comparison, Tolerance(p999_abs=1e-3), noisy) for row in rows
     }

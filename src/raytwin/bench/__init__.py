@@ -3,19 +3,19 @@
 METHODS -> prepare -> measure (interleaved) -> truth -> Bench (JSON) -> frontier, fits, against -> report
 """
 
-from raytwin.bench.against import Change, Changes, against
+from raytwin.bench.against import Changes, MethodChange, against
 from raytwin.bench.calibration import Shoot, Taken, bench_calibration
-from raytwin.bench.frontier import Fit, fit_power, on_frontier, ratio_interval, staircase
+from raytwin.bench.frontier import PowerLaw, fit_power, on_frontier, ratio_interval, staircase
 from raytwin.bench.record import (
     ERRORS,
     Bench,
     Calibrated,
-    Error,
+    Converged,
+    Deviation,
     Growth,
     LeftOut,
+    Measurement,
     Repeats,
-    Row,
-    Truth,
     read_bench,
     write_bench,
 )
@@ -29,18 +29,18 @@ __all__ = [
     "METHODS",
     "Bench",
     "Calibrated",
-    "Change",
     "Changes",
-    "Error",
-    "Fit",
+    "Converged",
+    "Deviation",
     "Growth",
     "LeftOut",
+    "Measurement",
     "Method",
+    "MethodChange",
+    "PowerLaw",
     "Repeats",
-    "Row",
     "Shoot",
     "Taken",
-    "Truth",
     "against",
     "bench",
     "bench_calibration",

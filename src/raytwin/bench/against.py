@@ -14,7 +14,7 @@ ROUNDING = 1e-6
 """Ratios up to these are not worth a word."""
 
 
-class Change(NamedTuple):
+class MethodChange(NamedTuple):
     """new / old: `seconds` and `error` as (ratio, low, high), the interval at 99 %; `verdict` in words, '' for none."""
 
     method: str
@@ -28,12 +28,12 @@ class Change(NamedTuple):
 class Changes(NamedTuple):
     """`drift`: the median of all ratios of seconds; `doubts`: why the two runs may not be comparable."""
 
-    changes: tuple[Change, ...]
+    changes: tuple[MethodChange, ...]
     drift: float
     doubts: tuple[str, ...]
 
     @property
-    def worse(self) -> tuple[Change, ...]:
+    def worse(self) -> tuple[MethodChange, ...]:
         return tuple(c for c in self.changes if "slower" in c.verdict or "less accurate" in c.verdict)
 
 
@@ -54,7 +54,7 @@ def against(new: Bench, old: Bench) -> Changes:
     for (now, then), seconds in zip(pairs, times, strict=True):
         floor = floors[now.method, now.width, now.height]
         error = errors_ratio(now.rmse, then.rmse, floor)
-        changes.append(Change(now.method, now.width, now.height, seconds, error, judge(seconds, error, drift)))
+        changes.append(MethodChange(now.method, now.width, now.height, seconds, error, judge(seconds, error, drift)))
     doubts = [
         f"another {name}: {new.machine[name]}, before {was}"
         for name, was in old.machine.items()

@@ -38,7 +38,7 @@ def staircase(seconds: Sequence[float], errors: Sequence[float], floor: float = 
     return found
 
 
-class Fit(NamedTuple):
+class PowerLaw(NamedTuple):
     """seconds = factor x^exponent over `used` points; `sigma`: the exponent's standard error, NaN for two points."""
 
     exponent: float
@@ -47,7 +47,7 @@ class Fit(NamedTuple):
     used: tuple[float, ...]
 
 
-def fit_power(x: Sequence[float], seconds: Sequence[float]) -> Fit | None:
+def fit_power(x: Sequence[float], seconds: Sequence[float]) -> PowerLaw | None:
     """Least squares in log-log over the upper half of the points (at least three), where fixed costs matter least."""
     order = np.argsort(x)
     x, y = np.log(np.asarray(x, float)[order]), np.log(np.asarray(seconds, float)[order])
@@ -55,12 +55,11 @@ def fit_power(x: Sequence[float], seconds: Sequence[float]) -> Fit | None:
     x, y = x[keep], y[keep]
     if len(x) < 2 or np.ptp(x) == 0:
         return None
-    centred = x - x.mean()
-    slope = float(centred @ y / (centred @ centred))
-    factor = y.mean() - slope * x.mean()
-    rest = y - factor - slope * x
-    sigma = float(np.sqrt(rest @ rest / (len(x) - 2) / (centred @ centred))) if len(x) > 2 else float("nan")
-    return Fit(slope, sigma, float(np.exp(factor)), tuple(float(v) for v in np.exp(x)))
+    from scipy.stats import linregress
+
+    line = linregress(x, y)
+    sigma = float(line.stderr) if len(x) > 2 else float("nan")
+    return PowerLaw(float(line.slope), sigma, float(np.exp(line.intercept)), tuple(float(v) for v in np.exp(x)))
 
 
 def ratio_interval(

@@ -12,7 +12,7 @@ ERRORS = ("rmse", "relmse", "p999_abs", "flip")
 """The metrics that a row carries; rows of compare.METRICS, `flip` being flip_hdr."""
 
 
-class Row(msgspec.Struct, frozen=True):
+class Measurement(msgspec.Struct, frozen=True):
     """One method at one size. Errors are against the converged truth of the method's own rung and sampling.
 
     `seconds_median`, `seconds_iqr` of the warm calls; `compile_seconds`: what only the first calls cost; `peak_mib`:
@@ -41,7 +41,7 @@ class Row(msgspec.Struct, frozen=True):
     on_frontier: bool
 
 
-class Truth(msgspec.Struct, frozen=True):
+class Converged(msgspec.Struct, frozen=True):
     """A converged image and the noise it still has, in each metric: what a perfect method would score against it."""
 
     name: str
@@ -52,7 +52,7 @@ class Truth(msgspec.Struct, frozen=True):
     floor: dict[str, float | None]
 
 
-class Error(msgspec.Struct, frozen=True):
+class Deviation(msgspec.Struct, frozen=True):
     """One method's error against one truth, its own or another."""
 
     method: str
@@ -128,9 +128,9 @@ class Bench(msgspec.Struct, frozen=True):
     versions: dict[str, str]
     budget: float
     seconds: float
-    rows: tuple[Row, ...]
-    truths: tuple[Truth, ...] = ()
-    errors: tuple[Error, ...] = ()
+    rows: tuple[Measurement, ...]
+    truths: tuple[Converged, ...] = ()
+    errors: tuple[Deviation, ...] = ()
     growth: tuple[Growth, ...] = ()
     calibration: tuple[Calibrated, ...] = ()
     left_out: tuple[LeftOut, ...] = ()

@@ -13,7 +13,7 @@ from raytwin import files, twin
 from raytwin.bench.crowd import crowded
 from raytwin.bench.frontier import median_iqr, on_frontier
 from raytwin.bench.measure import Measured, guess, repeat, warm
-from raytwin.bench.record import Bench, Error, Growth, LeftOut, Repeats, Row, Truth
+from raytwin.bench.record import Bench, Converged, Deviation, Growth, LeftOut, Measurement, Repeats
 from raytwin.bench.truth import WHOLE, converge, measure, truth_of
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -105,7 +105,7 @@ def bench(
 
 def measure_size(
     scene: Scene, methods: Sequence[Method], deadline: float, repeats: int, truth_samples: int, flip: bool, progress
-) -> tuple[list[Row], list[Truth], list[Error], list[LeftOut], list[Repeats]]:
+) -> tuple[list[Measurement], list[Converged], list[Deviation], list[LeftOut], list[Repeats]]:
     """Truths, warm-up, timed rounds, for one size of picture."""
     w, h = scene.camera.image_size
     ready, left = get_ready(scene, methods, deadline, progress)
@@ -188,23 +188,25 @@ def warm_up(
     return [m for m in ready if m in done]
 
 
-def summarize(done: list[Measured], truths: dict[str, Truth], size: tuple[int, int]) -> tuple[list[Row], list[Error]]:
+def summarize(
+    done: list[Measured], truths: dict[str, Converged], size: tuple[int, int]
+) -> tuple[list[Measurement], list[Deviation]]:
     """Rows against each method's own truth, and the errors against every truth, each with its frontier."""
     times = {m.method.name: median_iqr(m.seconds) for m in done}
-    errors: dict[tuple[str, str], Error] = {}
+    errors: dict[tuple[str, str], Deviation] = {}
     for name, truth in truths.items():
         held = [m for m in done if name in m.errors[0]]
         means = [{k: mean_of([e[name][k] for e in m.errors]) for k in m.errors[0][name]} for m in held]
         seconds = [times[m.method.name][0] for m in held]
         flags = on_frontier(seconds, [e["rmse"] for e in means], truth.floor["rmse"])
         for m, e, flag in zip(held, means, flags, strict=True):
-            errors[m.method.name, name] = Error(m.method.name, *size, name, **e, on_frontier=flag)
+            errors[m.method.name, name] = Deviation(m.method.name, *size, name, **e, on_frontier=flag)
     rows = []
     for m in done:
         own = truth_of(m.method)
         e, t = errors[m.method.name, own], truths[own]
         rows.append(
-            Row(
+            Measurement(
                 method=m.method.name, engine=m.method.library, precision=f"float{m.method.precision}",
                 rung=m.method.rung, trim=m.method.trim, speculation=m.method.step, samples=m.method.samples,
                 width=size[0], height=size[1], seconds_median=times[m.method.name][0],

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from raytwin import twin
-from raytwin.bench.record import ERRORS, Truth
+from raytwin.bench.record import ERRORS, Converged
 from raytwin.compare import METRICS
 from raytwin.methods.method import Method
 from raytwin.methods.traced import shifted
@@ -33,7 +33,7 @@ def truth_of(method: Method) -> str:
 
 def converge(
     scene: Scene, name: str, samples: int, seconds: float, flip: bool = False, clock: Callable = time.perf_counter
-) -> tuple[np.ndarray, Truth]:
+) -> tuple[np.ndarray, Converged]:
     """The truth called `name` as (H, W, 3) float32, from at most `samples` a pixel and about `seconds` of time."""
     start = clock()
     rung, sampling = name.split("-")
@@ -41,7 +41,7 @@ def converge(
     if sampling == "center":
         image = background(scene, rung)
         draw(scene, image, rung, "numpy64")
-        return image, Truth(name, w, h, 1, clock() - start, rounding(image, flip))
+        return image, Converged(name, w, h, 1, clock() - start, rounding(image, flip))
     half = _rendered if RUNGS[rung].noisy else _traced
     sums, taken = [np.zeros((h, w, 3)), np.zeros((h, w, 3))], 0
     while taken == 0 or (2 * taken < samples and clock() - start < seconds * taken / (taken + BATCH)):
@@ -52,7 +52,7 @@ def converge(
     image = ((sums[0] + sums[1]) / (2 * taken)).astype(np.float32)
     # The halves differ by twice the noise of their mean.
     apart = measure(image + (a - b) / 2, image, flip)
-    return image, Truth(name, w, h, 2 * taken, clock() - start, apart)
+    return image, Converged(name, w, h, 2 * taken, clock() - start, apart)
 
 
 def rounding(image: np.ndarray, flip: bool = False) -> dict[str, float | None]:

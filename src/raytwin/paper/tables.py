@@ -50,7 +50,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Table:
+class PaperTable:
     key: str
     title: str
     lead: str
@@ -185,10 +185,10 @@ THEIRS = (
 )
 
 
-def tables(paper: Paper) -> list[Table]:
+def tables(paper: Paper) -> list[PaperTable]:
     """Every number that the page and paper.md show; those tables that have a row."""
     made = (
-        Table(
+        PaperTable(
             "digest", "At a glance", "Times faster: than the first row of the same kind, here and in the paper.",
             (Column("figure", lambda r: r.figure, False), Column("what", lambda r: r.what, False),
              Column("the paper", lambda r: stated(r.timed.theirs)),
@@ -197,7 +197,7 @@ def tables(paper: Paper) -> list[Table]:
              Column("times faster", lambda r: shown(r.timed.faster)), Column("error", lambda r: r.error)),
             glances(paper),
         ),
-        Table(
+        PaperTable(
             "calibration", "Calibration over image scale",
             "From photos on disk to a camera: decoding, finding the tags, choosing a lens model and fitting it; "
             "all cores unless said. Held-out: the rms error in photos that the fit has not seen, in pixels of the "
@@ -212,7 +212,7 @@ def tables(paper: Paper) -> list[Table]:
              Column("focal, %", lambda r: shown(r.of.focal_percent)), *THEIRS),
             calibrations(paper),
         ),
-        Table(
+        PaperTable(
             "intersection", "Ray-sphere intersection, with and without bounding boxes",
             f"Diffuse light without shadows through a lens with distortion; the objects cover {100 * paper.covered:.2g}"
             " % of the frame. Errors of radiance against the untrimmed tracer in float64. Times faster: than the same "
@@ -224,7 +224,7 @@ def tables(paper: Paper) -> list[Table]:
              Column("wasted", lambda r: shown(r.of.wasted)), *THEIRS),
             intersections(paper),
         ),
-        Table(
+        PaperTable(
             "speculation", "High-resolution speculation",
             "Every n-th pixel across and down is traced by NumPy in float32, the others are interpolated: everywhere "
             "(paper), or only where no edge or strong curvature is near (careful). Times faster: than tracing "
@@ -233,7 +233,7 @@ def tables(paper: Paper) -> list[Table]:
              Column("size", lambda r: size_of(r.of)), *TIMES, *ERRORS),
             speculations(paper),
         ),
-        Table(
+        PaperTable(
             "boxes", "Where boxes cut",
             "Pixels of the boxes round every object, summed; the last scenes are made to be hard.",
             (Column("scene", lambda b: b.scene, False), Column("trim", lambda b: TRIMS[b.trim], False),
@@ -241,7 +241,7 @@ def tables(paper: Paper) -> list[Table]:
              Column("wasted", lambda b: shown(b.wasted)), Column("cut", lambda b: shown(b.cut))),
             paper.boxes,
         ),
-        Table(
+        PaperTable(
             "ratios", "Ratios", "Of medians of warm calls in one run, the methods in turn.",
             (Column("ratio", _what, False), Column("asked", lambda r: r.asked or "–", False),
              Column("measured", lambda r: shown(r.measured))),

@@ -5,7 +5,7 @@ from typing import Any
 
 _HOME = {
     "Case": "junit",
-    "View": "view",
+    "PairView": "view",
     "augment_summary": "text",
     "bench_summary": "bench_page",
     "calibration_summary": "text",

@@ -7,7 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-from raytwin.bench import GROWTH, METHODS, Bench, Calibrated, Row, fit_power, on_frontier, staircase
+from raytwin.bench import GROWTH, METHODS, Bench, Calibrated, Measurement, fit_power, on_frontier, staircase
 from raytwin.report.charts import INK, SOFT, Asked, Chart, Line, Point, log_range, placed
 from raytwin.report.charts.chart import Range
 from raytwin.report.numbers import seconds, short, shown
@@ -87,7 +87,7 @@ def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) ->
     )  # fmt: skip
 
 
-def measured(bench: Bench, size: tuple[int, int], truth: str, metric: str) -> list[tuple[Row, float]]:
+def measured(bench: Bench, size: tuple[int, int], truth: str, metric: str) -> list[tuple[Measurement, float]]:
     """Each row that was held against the truth, with its error."""
     row_of = {r.method: r for r in bench.rows if (r.width, r.height) == size}
     held = (e for e in bench.errors if (e.width, e.height, e.truth) == (*size, truth))
@@ -100,7 +100,7 @@ def raised(errors: Sequence[float], floor: float) -> list[float]:
     return [max(v, bottom) for v in errors]
 
 
-def row_tip(r: Row) -> str:
+def row_tip(r: Measurement) -> str:
     """A row's numbers, a line each."""
     return "\n".join((
         r.method,

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from raytwin import files
-from raytwin.bench import METHODS, Bench, Change, Changes, Truth, write_bench
+from raytwin.bench import METHODS, Bench, Changes, Converged, MethodChange, write_bench
 from raytwin.errors import InputError
 from raytwin.report.bench_charts import COLOURS, METRICS, TRUTHS, error_chart, megapixels, side_charts, sizes_of
 from raytwin.report.charts import Chart, layout, svg_text, write_charts
@@ -110,7 +110,7 @@ def bench_summary(bench: Bench, changes: Changes | None = None) -> str:
     return "\n".join([*lines, *(change_lines(changes) if changes else ())])
 
 
-def frontier_lines(bench: Bench, truth: Truth) -> Iterator[str]:
+def frontier_lines(bench: Bench, truth: Converged) -> Iterator[str]:
     size, floor = (truth.width, truth.height), truth.floor["rmse"] or 0.0
     time_of = {r.method: r.seconds_median for r in bench.rows if (r.width, r.height) == size}
     on = [e for e in bench.errors if e.on_frontier and (e.truth, e.width, e.height) == (truth.name, *size)]
@@ -128,7 +128,7 @@ def change_lines(changes: Changes) -> Iterator[str]:
         yield "  nothing became slower or less accurate"
 
 
-def change_line(c: Change) -> str:
+def change_line(c: MethodChange) -> str:
     ratios = " and ".join(
         f"{what} {ratio:.3f} times ({low:.3f} to {high:.3f})"
         for what, (ratio, low, high) in (("seconds", c.seconds), ("rmse", c.error))

@@ -18,7 +18,7 @@ from raytwin.compare.heatmap import signed_error
 from raytwin.image import Image
 from raytwin.report import numbers, pictures
 from raytwin.report.html import asset, write_report
-from raytwin.report.view import Names, Tile, View, silhouette_tile
+from raytwin.report.view import Names, PairView, Tile, silhouette_tile
 from raytwin.scene import Tolerance
 
 THUMB = 150
@@ -29,7 +29,7 @@ GOOD = ("pass", "differs")
 NAMES = Names("test", "reference", "the test's image", "the reference", "The test's image", "The reference")
 
 
-class Row(msgspec.Struct):
+class CheckRow(msgspec.Struct):
     """A line of the index. `page` and the pictures (data URLs) are empty where there was no image to show."""
 
     test: str
@@ -59,7 +59,9 @@ def write_check(
 ) -> Path | None:
     """One comparison of the test called `test`: its row, and its page, whose path is returned."""
     c, r = report.comparison, report.comparison.radiance
-    row = Row(test, number, report.scene, report.rung, c.verdict, c.reasons, notes, r.rmse, r.max_abs, r.mean_ratio)
+    row = CheckRow(
+        test, number, report.scene, report.rung, c.verdict, c.reasons, notes, r.rmse, r.max_abs, r.mean_ratio
+    )
     short = re.sub(r"[^A-Za-z0-9]+", "-", test.rpartition("/")[2]).strip("-")[:80]
     unique = hashlib.sha256(f"{test} {number}".encode()).hexdigest()[:8]
     stem = f"check-{short}-{unique}"
@@ -82,7 +84,7 @@ def clear(folder: Path) -> None:
 
 def write_index(folder: Path) -> tuple[int, int]:
     """index.html over all comparisons in the folder; how many there are, and how many failed."""
-    rows = [msgspec.json.decode(f.read_bytes(), type=Row) for f in folder.glob("check-*.json")]
+    rows = [msgspec.json.decode(f.read_bytes(), type=CheckRow) for f in folder.glob("check-*.json")]
     rows.sort(key=lambda row: (row.verdict in GOOD, row.test, row.number))
     failed = sum(row.verdict not in GOOD for row in rows)
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
@@ -94,7 +96,7 @@ def write_index(folder: Path) -> tuple[int, int]:
 
 def _view(
     test: str, report: Report, notes: tuple[str, ...], image: Image, reference: Image, tolerance: Tolerance
-) -> View:
+) -> PairView:
     noisy = image.variance is not None or reference.variance is not None
     c, r = report.comparison, report.comparison.radiance
     tiles = [
@@ -108,7 +110,7 @@ def _view(
     ]
     if c.geometry.mask_mismatch_pixels is not None:
         tiles.insert(0, silhouette_tile(c, tolerance))
-    return View(
+    return PairView(
         title=f"{report.scene}, {report.rung}",
         about=("test", test.rpartition("/")[2]),
         report=report.saying(*(f"note: {n}" for n in notes)),
@@ -126,7 +128,7 @@ def _view(
     )
 
 
-def _thumbs(view: View, tolerance: Tolerance) -> tuple[str, str]:
+def _thumbs(view: PairView, tolerance: Tolerance) -> tuple[str, str]:
     """The test's image and the signed error, small, as data URLs."""
     error = signed_error(view.test, view.reference, "absolute")
     scale = pictures.choose_scale(view.test, view.reference, error, tolerance.p999_abs)

@@ -16,7 +16,7 @@ from raytwin.image import Image
 from raytwin.report import numbers, pictures
 from raytwin.report.figures import Picture, embed, script_of_bokeh
 from raytwin.report.values import Values, pack_values
-from raytwin.report.view import View, showable, view_of
+from raytwin.report.view import PairView, showable, view_of
 from raytwin.scene import Tolerance
 
 if TYPE_CHECKING:
@@ -26,9 +26,9 @@ LISTED = 8
 """Worst pixels in the table."""
 
 
-def write_report(shown: "View | Result", path: str | os.PathLike) -> None:
+def write_report(shown: "PairView | Result", path: str | os.PathLike) -> None:
     """The whole report as one HTML file without references to any other; some megabytes, mostly pictures."""
-    view = shown if isinstance(shown, View) else view_of(shown)
+    view = shown if isinstance(shown, PairView) else view_of(shown)
     page = template().render(
         r=view,
         c=view.comparison,
@@ -42,7 +42,7 @@ def write_report(shown: "View | Result", path: str | os.PathLike) -> None:
     files.write_text(path, page)
 
 
-def side_by_side(view: View) -> dict:
+def side_by_side(view: PairView) -> dict:
     """Linked pictures, the inspector's values, the worst pixels."""
     error = signed_error(view.test, view.reference, "absolute")
     held = view.tolerance or Tolerance()
@@ -63,7 +63,7 @@ def side_by_side(view: View) -> dict:
     }  # fmt: skip
 
 
-def alone(view: View) -> list[Picture]:
+def alone(view: PairView) -> list[Picture]:
     """Each picture for itself, where the two cannot lie side by side; none of what is no picture at all."""
     found = []
     for key, title, image in (
@@ -77,7 +77,7 @@ def alone(view: View) -> list[Picture]:
     return found
 
 
-def allowed(view: View) -> float | None:
+def allowed(view: PairView) -> float | None:
     """The error that a single value may have, where that is what decides."""
     return None if view.noisy or view.tolerance is None else view.tolerance.p999_abs
 
@@ -101,7 +101,7 @@ def asset(name: str) -> str:
 
 
 def draw(
-    view: View,
+    view: PairView,
     error: np.ndarray,
     scale: pictures.Scale,
     worst: list[tuple[int, int]],
@@ -153,7 +153,7 @@ def _lossy(lossless: bool) -> str:
     return "" if lossless else "; shown as JPEG"
 
 
-def mismatches(view: View) -> list[tuple[int, int]]:
+def mismatches(view: PairView) -> list[tuple[int, int]]:
     return pictures.mismatches(view.test.surface, view.reference.surface) if view.both_surfaces else []
 
 
@@ -188,7 +188,7 @@ def colour_bar(scale: pictures.Scale, tolerance: float | None) -> dict:
 # ------------------------------------------------------------------------------------------ numbers for the page
 
 
-def meta(view: View, values: Values) -> dict:
+def meta(view: PairView, values: Values) -> dict:
     """What report.js needs to decode the values and to name what a pixel sees."""
     height, width = view.reference.shape[:2]
     planes = [{k: v for k, v in asdict(plane).items() if k != "data"} for plane in values.planes]
@@ -198,7 +198,7 @@ def meta(view: View, values: Values) -> dict:
     }  # fmt: skip
 
 
-def pixel_rows(view: View, worst: list[tuple[int, int]], apart: list[tuple[int, int]]) -> list[dict]:
+def pixel_rows(view: PairView, worst: list[tuple[int, int]], apart: list[tuple[int, int]]) -> list[dict]:
     """Exact values at pixels worth a look: those that see another object first, then the worst errors."""
     names = dict(enumerate(view.objects)) | {-1: "background"}
     chosen = list(dict.fromkeys([*apart[: LISTED // 2], *worst]))[:LISTED]
@@ -214,7 +214,7 @@ def pixel_rows(view: View, worst: list[tuple[int, int]], apart: list[tuple[int, 
     return rows
 
 
-def calibrated(view: View) -> dict | None:
+def calibrated(view: PairView) -> dict | None:
     """Intrinsics with their standard deviations, views worst first, and the spread of the views' rms for the bars."""
     calibration = view.calibration
     if calibration is None:

@@ -59,7 +59,7 @@ GROUPS = {
 }
 
 
-class Row(NamedTuple):
+class NumberRow(NamedTuple):
     """A Number with its value: `held` is True, False, or None where nothing bounds it or it is missing."""
 
     number: Number
@@ -74,7 +74,7 @@ FOR_EXACT = ("p999_abs", "pixel_fail_fraction")
 
 def rows(
     comparison: Comparison, tolerance: Tolerance | None, noisy: bool, reference: str = "the twin"
-) -> Iterator[tuple[str, list[Row]]]:
+) -> Iterator[tuple[str, list[NumberRow]]]:
     """(heading, rows) of each group; `noisy`: one of the images has a variance; no tolerance: nothing is bounded."""
     for group, heading in GROUPS.items():
         found = []
@@ -85,7 +85,7 @@ def rows(
             bound = None if free else number.bound(tolerance)
             # A pass holds every bound: pixels that are allowed to see another object are excused from the others.
             held = None if value is None or bound is None else comparison.passed or value <= bound
-            found.append(Row(number, value, bound, held))
+            found.append(NumberRow(number, value, bound, held))
         yield heading, found
 
 

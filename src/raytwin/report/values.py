@@ -31,7 +31,7 @@ BUDGET = 6_000_000
 
 
 @dataclass(frozen=True)
-class Plane:
+class PackedPlane:
     """How report.js reads one plane: `value = word * step` or `half(word) * 2^shift`; `data` is base64 of deflate."""
 
     name: str
@@ -49,7 +49,7 @@ class Values:
     width: int
     height: int
     thin: int
-    planes: tuple[Plane, ...]
+    planes: tuple[PackedPlane, ...]
 
 
 def pack_values(
@@ -81,12 +81,12 @@ def _planes(test: Image, reference: Image, surfaces: bool) -> dict[str, tuple[st
     return planes
 
 
-def _packed(planes: Mapping[str, tuple[str, np.ndarray]]) -> tuple[Plane, ...]:
+def _packed(planes: Mapping[str, tuple[str, np.ndarray]]) -> tuple[PackedPlane, ...]:
     with ThreadPoolExecutor() as pool:
         return tuple(pool.map(lambda item: _pack(item[0], *item[1]), planes.items()))
 
 
-def _pack(name: str, kind: str, plane: np.ndarray) -> Plane:
+def _pack(name: str, kind: str, plane: np.ndarray) -> PackedPlane:
     shift, step, differences = 0, 1.0, kind != "half error"
     top = float(np.max(np.abs(plane), where=np.isfinite(plane), initial=0.0))
     if kind == "whole":
@@ -103,4 +103,4 @@ def _pack(name: str, kind: str, plane: np.ndarray) -> Plane:
         words = np.diff(words, axis=1, prepend=np.uint16(0))  # unsigned: wraps, and so does the sum that undoes it
     pair = np.stack([words >> 8, words & 255]).astype(np.uint8)
     data = base64.b64encode(zlib.compress(pair, 1)).decode("ascii")
-    return Plane(name, kind.split()[0], differences, shift, step, data)
+    return PackedPlane(name, kind.split()[0], differences, shift, step, data)

@@ -45,7 +45,7 @@ class Tile:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class PairView:
     """Two images and their comparison, ready for the page.
 
     `tolerance` is None where something else than it decided; `held_to` says what did. `about` is a word and the name
@@ -106,12 +106,12 @@ def showable(image: Image) -> bool:
     return isinstance(x, np.ndarray) and x.dtype.kind in "fiub" and x.ndim == 3 and x.shape[2] == 3 and x.size > 0
 
 
-def view_of(result: "Result") -> View:
+def view_of(result: "Result") -> PairView:
     """The tracer beside its twin."""
     c, about, tolerance = result.comparison, result.report, result.tolerance
     kinds = ["sphere" if isinstance(thing, Sphere) else "plane" for thing in result.scene.objects]
     objects = tuple(f"{kind} {kinds[:i].count(kind)}" for i, kind in enumerate(kinds))
-    return View(
+    return PairView(
         title=about.scene,
         about=("rung", about.rung),
         report=about,
@@ -157,14 +157,14 @@ def silhouette_tile(comparison: Comparison, tolerance: Tolerance) -> Tile:
     return Tile("Silhouettes", numbers.shown(apart), unit, f"held to {tolerance.mask_pixels}")
 
 
-def view_of_diff(found: Diff) -> View:
+def view_of_diff(found: Diff) -> PairView:
     """A beside B, whoever rendered them."""
     r = found.comparison.radiance
     noisy = found.test.variance is not None or found.reference.variance is not None
     held = None if found.limits else found.tolerance
     below = "noise included" if noisy else "" if held is None else f"held to {numbers.short(held.p999_abs)}"
     others = [k for k, v in found.metrics.items() if k not in r.__struct_fields__ and v is not None]
-    return View(
+    return PairView(
         title=found.a.name,
         about=("against", found.b.name),
         report=found.report.saying(*(f"warning: {w}" for w in found.warnings)),

@@ -79,7 +79,7 @@ def log_range(values: Iterable[float], margin: float) -> Range:
 
 
 @dataclass(frozen=True)
-class Frame:
+class Axes:
     """Between a chart's units and pixels of its frame, x to the right, y up."""
 
     x_range: Range
@@ -112,7 +112,7 @@ def placed(
     asked: Sequence[Asked], points: Sequence[Point], x_range: Range, y_range: Range
 ) -> tuple[tuple[Text, ...], tuple[str, ...]]:
     """The texts where there is room for them, the first asked first, and the names of those without."""
-    frame = Frame(x_range, y_range)
+    frame = Axes(x_range, y_range)
     labels = [
         Label(a.text, *frame.pixel(a.at.x, a.at.y), 11 if a.bold else 10, a.bold,
               tuple(frame.pixel(p.x, p.y) for p in a.others))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytwin.report.charts.chart import FRAME, INK, SOFT, Chart, Frame, Range
+from raytwin.report.charts.chart import FRAME, INK, SOFT, Axes, Chart, Range
 from raytwin.report.numbers import short
 
 MARGIN = (80, 30, 60, 50)
@@ -93,7 +93,7 @@ CORNERS = {
 def layout(chart: Chart) -> Drawing:
     """Ground, grid and ticks, lines, points, texts, in the order of drawing."""
     left, right, below, above = MARGIN
-    frame, bottom, end = Frame(chart.x_range, chart.y_range), above + FRAME[1], left + FRAME[0]
+    frame, bottom, end = Axes(chart.x_range, chart.y_range), above + FRAME[1], left + FRAME[0]
 
     def at(x: float, y: float) -> XY:
         u, v = frame.pixel(x, y)
