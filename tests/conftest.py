@@ -1,4 +1,5 @@
 import json
+import sys
 from pathlib import Path
 
 import hypothesis
@@ -11,6 +12,25 @@ hypothesis.settings.register_profile("raytwin", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("raytwin")
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(autouse=True, scope="session")
+def own_cache(tmp_path_factory):
+    """No test reads or writes the user's cache."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RAYTWIN_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(autouse=True)
+def own_variant():
+    """The Mitsuba variant that a test makes the current one is not the next test's."""
+    before = getattr(sys.modules.get("raytwin.twin.backend"), "_current", None)
+    yield
+    backend = sys.modules.get("raytwin.twin.backend")
+    if backend is not None and backend._current is not before:
+        backend._current = None
+        backend.activate(before and before.variant)
 
 
 @pytest.fixture(scope="session")

@@ -5,12 +5,9 @@ from raytwin.twin import activate
 
 
 @pytest.fixture(autouse=True, scope="session")
-def own_cache(tmp_path_factory):
-    """No test reads or writes the user's cache; Dr.Jit is loaded with a libLLVM that works, whatever test is first."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("RAYTWIN_CACHE", str(tmp_path_factory.mktemp("cache")))
-        activate()
-        yield
+def working_llvm(own_cache):
+    """Dr.Jit is loaded with a libLLVM that works, whatever test is first."""
+    activate()
 
 
 @pytest.fixture(params=["llvm_ad_rgb", "scalar_rgb"])
