@@ -13,7 +13,7 @@ class InputError(Exception):
         self.where, self.expected, self.got = (_line(str(text)) for text in (where, expected, got))
         super().__init__(f"{self.where}: expected {self.expected}, got {self.got}")
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
         # The default rebuilds from the one formatted argument, which loses the fields between processes.
         return type(self), (self.where, self.expected, self.got)
 

@@ -29,7 +29,7 @@ class Surface:
     @property
     def mask(self) -> np.ndarray:
         """(H, W) bool: an object is seen here."""
-        return self.ids != BACKGROUND
+        return np.asarray(self.ids != BACKGROUND)
 
 
 @dataclass(frozen=True, eq=False)

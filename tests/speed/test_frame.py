@@ -97,7 +97,7 @@ def test_the_nearest_of_many_objects_is_seen(rng):
     d /= np.linalg.norm(d, axis=0)
     origin = (0.0, 0.0, -3.0)
     with np.errstate(all="ignore"):
-        found = World(Every((*spheres, *planes)), STAGES).nearest(origin, tuple(d))
+        found = World(*[Every((*spheres, *planes))] * 2, None, STAGES).nearest(origin, tuple(d))
         t = np.array(
             [intersect_sphere(origin, tuple(d), s) for s in spheres]
             + [intersect_rectangle(origin, tuple(d), p) for p in planes]

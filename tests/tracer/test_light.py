@@ -21,7 +21,8 @@ def camera_above(height: float, size: int = 101, f: float = 100.0) -> Camera:
 
 
 def everything(scene: Scene) -> World:
-    return World(Every(scene.objects), STAGES)
+    every = Every(scene.objects)
+    return World(every, every, lambda: every, STAGES)
 
 
 def hits_of(scene: Scene) -> Hit:

@@ -7,7 +7,11 @@ import pytest
 from raytwin import speed, tracer
 from raytwin.errors import InputError
 from raytwin.rungs import RUNGS
+from raytwin.scene import seen_from_eye
 from raytwin.speed.boxes import TRIMS
+from raytwin.speed.engine import from_numpy, to_numpy
+from raytwin.speed.frame import View
+from raytwin.speed.lists import Listed
 
 FLOAT32_AGREES = 1e-5
 
@@ -65,3 +69,34 @@ def test_the_tracer_climbs_the_first_rungs_of_the_ladder(single):
     assert list(RUNGS)[: len(tracer.RADIANCE)] == list(tracer.RADIANCE)
     with pytest.raises(InputError, match=r"^rung: expected one of surface, lambert, shadow, got path$"):
         tracer.trace(single, "path")
+
+
+def test_a_bounced_ray_can_ask_what_it_meets_and_whether_its_way_is_free(overlap, engine):
+    # From what the eye sees along its normal, with the tile's lists, which do not hold for such rays, laid aside.
+    how = speed.ENGINES[engine]
+    local = seen_from_eye(overlap)
+    view, every = View(overlap, how), tracer.Every(local.objects)
+    plain = tracer.World(every, every, lambda: every, tracer.STAGES)
+    u, v = (a.ravel() for a in np.meshgrid(np.arange(0.0, 640, 16), np.arange(0.0, 480, 16)))
+    up = seen_from_eye(overlap).sun.to_light
+    answers = []
+    for world, pixels, ray in (
+        (plain, (u, v), tracer.back_project(u, v, overlap.camera)),
+        (view.world(Listed(view.table, []), Listed(view.table, [])), (u, v), None),
+    ):
+        beyond = world.beyond()
+        d = ray or view.ray(*(from_numpy(how, a) for a in pixels))
+        with np.errstate(all="ignore"):
+            hit = beyond.nearest((0.0, 0.0, 0.0), d)
+            seen = to_numpy(hit.ids, u.shape) >= 0
+            lifted = tuple(p + 1e-4 * n for p, n in zip(hit.point, hit.normal, strict=True))
+            met, blocked = beyond.nearest(lifted, hit.normal), beyond.blocked(hit, up)
+        answers.append(
+            tuple(np.where(seen, to_numpy(a, u.shape), -9) for a in (hit.ids, met.ids, 1 * (blocked | False)))
+        )
+    for ours, theirs in zip(*answers, strict=True):
+        assert (ours != theirs).sum() <= 2  # of 1200, at an outline, in float32
+    first, second, shade = answers[0]
+    assert (first >= 0).sum() > 400
+    assert (second >= 0).sum() > 20  # from the floor up to a sphere
+    assert 0.1 < (shade == 1).sum() / (first >= 0).sum() < 0.9

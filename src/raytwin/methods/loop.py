@@ -4,12 +4,13 @@ Kept as the slowest method of the bench, and as a second opinion: nothing of the
 undoing of the lens. The quadratic of the sphere is solved as in textbooks, in float64.
 """
 
+from collections.abc import Sequence
 from math import inf, pi, sqrt
 
 import numpy as np
 
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene, Sphere
+from raytwin.scene import Scene, Shape, Sphere, Vector
 from raytwin.speed import TRIMS, background
 from raytwin.speed.start import invert_lens
 
@@ -63,7 +64,7 @@ def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:
     return out
 
 
-def distance(o, d, thing) -> float:
+def distance(o: Vector, d: Vector, thing: Shape) -> float:
     """The least t > 0 where the ray o + t d (unit) meets the object; infinity for a miss."""
     if isinstance(thing, Sphere):
         c = thing.center
@@ -88,14 +89,14 @@ def distance(o, d, thing) -> float:
     return t
 
 
-def normal(p, thing) -> tuple[float, float, float]:
+def normal(p: Vector, thing: Shape) -> Vector:
     if not isinstance(thing, Sphere):
         return thing.normal
     c, r = thing.center, thing.radius
     return (p[0] - c[0]) / r, (p[1] - c[1]) / r, (p[2] - c[2]) / r
 
 
-def shaded(p, to_light, things, own: int, n) -> bool:
+def shaded(p: Vector, to_light: Vector, things: Sequence[Shape], own: int, n: Vector) -> bool:
     """Does another object stand between p and the sun, or its own sphere round it?"""
     for i, thing in enumerate(things):
         if i != own and distance(p, to_light, thing) < inf:

@@ -36,7 +36,7 @@ def trim_boxes(things: Sequence[Shape], camera: Camera) -> np.ndarray:
     low, high = _extents(things, camera)  # (n, 2) each: x, y
     field = field_of_view(camera)
     frame = np.array((camera.width, camera.height))
-    empty = ~(low < high).all(axis=1)
+    empty = np.asarray(~(low < high).all(axis=1))
     if field is None:
         return np.where(empty[:, None], 0, np.concatenate([0 * frame, frame]))
     near, far = np.array(field).reshape(2, 2).T
@@ -91,7 +91,7 @@ def _extents(things: Sequence[Shape], camera: Camera) -> tuple[np.ndarray, np.nd
     spheres = [i for i, thing in enumerate(things) if isinstance(thing, Sphere)]
     center = np.array([things[i].center for i in spheres]).reshape(-1, 3)
     x, y, z = np.asarray(camera.R_cam_board) @ center.T + np.asarray(camera.t_cam_board)[:, None]
-    radius = np.array([things[i].radius for i in spheres])
+    radius = np.array([thing.radius for thing in things if isinstance(thing, Sphere)])
     for axis, a in enumerate((x, y)):
         low[spheres, axis], high[spheres, axis] = _tangents(a, z, radius)
     for i, thing in enumerate(things):

@@ -62,7 +62,9 @@ def pixel_grid(engine: Engine, box: tuple[int, int, int, int]) -> tuple[Any, Any
     return np.arange(x0, x1, dtype=kind)[None, :], np.arange(y0, y1, dtype=kind)[:, None]
 
 
-def tile_grid(engine: Engine, tiles: np.ndarray, side: int, columns: int, size: tuple[int, int]) -> tuple:
+def tile_grid(
+    engine: Engine, tiles: np.ndarray, side: int, columns: int, size: tuple[int, int]
+) -> tuple[Any, Any, Any, Any]:
     """Dr.Jit's whole numbers (u, v, place, number) for all pixels of the tiles: `number` of the tile among `tiles`.
 
     `place` counts the frame's pixels. A tile is `side` x `side` pixels; `columns` of them are a row of tiles. Beyond
@@ -85,10 +87,10 @@ def tile_grid(engine: Engine, tiles: np.ndarray, side: int, columns: int, size: 
 def lift(value: Any, engine: Engine) -> Any:
     """A record with its floats as the engine's: on Dr.Jit as data, so that a kernel outlives a change of scene."""
     if isinstance(value, msgspec.Struct):
-        lifted = copy(value)  # not made anew: a record's own checks are for plain numbers
+        record = copy(value)  # not made anew: a record's own checks are for plain numbers
         for name in value.__struct_fields__:
-            msgspec.structs.force_setattr(lifted, name, lift(getattr(value, name), engine))
-        return lifted
+            msgspec.structs.force_setattr(record, name, lift(getattr(value, name), engine))
+        return record
     if isinstance(value, tuple):
         lifted = [lift(v, engine) for v in value]
         return type(value)(*lifted) if hasattr(value, "_fields") else tuple(lifted)
@@ -101,7 +103,7 @@ def lift(value: Any, engine: Engine) -> Any:
     return drjit.opaque(engine.float_type, float(value))
 
 
-def canvas(engine: Engine, out: np.ndarray) -> list:
+def canvas(engine: Engine, out: np.ndarray) -> list[Any]:
     """What `store` writes the channels of `out`, (H, W) or (H, W, n), through; contiguous on Dr.Jit."""
     layers = out.reshape(*out.shape[:2], -1)
     if engine.is_numpy:
@@ -111,7 +113,7 @@ def canvas(engine: Engine, out: np.ndarray) -> list:
     if not out.flags.c_contiguous:
         raise ValueError("canvas: a contiguous array is needed")
     kind = engine.float_type
-    target = drjit.int32_array_t(kind) if out.dtype == np.int32 else drjit.float32_array_t(kind)
+    target: Any = drjit.int32_array_t(kind) if out.dtype == np.int32 else drjit.float32_array_t(kind)
     # On the CPU each target is the array's own memory, not a copy; one a channel, since a second scatter into a target
     # would first compute the pending one, in a kernel of its own.
     if engine.package == "cuda":
@@ -119,7 +121,7 @@ def canvas(engine: Engine, out: np.ndarray) -> list:
     return [target(out.reshape(-1)) for _ in range(layers.shape[-1])]
 
 
-def store(engine: Engine, targets: list, place: Any, values: tuple, where: Any) -> None:
+def store(engine: Engine, targets: list[Any], place: Any, values: tuple[Any, ...], where: Any) -> None:
     """Write values[c] to channel c where `where` holds; `place`: NumPy's slices, or Dr.Jit's numbers of the pixels.
 
     On Dr.Jit this only queues the writing; `flush` does all of it in one kernel.
@@ -143,7 +145,7 @@ def only_where(engine: Engine, mask: Any, body: Callable[[], None]) -> None:
         drjit.if_stmt((), mask, body, lambda: None)
 
 
-def flush(engine: Engine, queued: list[tuple[np.ndarray, list]]) -> None:
+def flush(engine: Engine, queued: list[tuple[np.ndarray, list[Any]]]) -> None:
     """Do the writing that `store` has queued, for each array with its canvas."""
     if engine.is_numpy:
         return

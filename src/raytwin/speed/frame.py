@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,17 +13,19 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, seen_from_eye
 from raytwin.speed.boxes import TRIMS
 from raytwin.speed.engine import ENGINES, Engine, canvas, flush, lift, only_where, pixel_grid, store, tile_grid
-from raytwin.speed.lists import Listed, Table, Walked, walk
+from raytwin.speed.lists import Listed, Table, walk, walk_all
 from raytwin.speed.plan import plan
 from raytwin.speed.start import invert_lens, quick
 from raytwin.tracer.arrays import Vec, unit
 from raytwin.tracer.camera import to_board
 from raytwin.tracer.frame import EYE, STAGES
-from raytwin.tracer.hit import Hit, Stages, World
+from raytwin.tracer.hit import Objects, Stages, World
 from raytwin.tracer.light import RADIANCE, Lighting, lighting
 from raytwin.tracer.sphere import SOLVERS, intersect_sphere
 
 TILE_NUMPY, TILE_DRJIT = 128, 32
+Piece = tuple[Any, Any, Any, World]
+"""u, v, place of the pixels; what their rays may meet."""
 
 
 def trace(
@@ -85,15 +87,15 @@ def draw(
     layers = [out] if surface is None else [out, surface.ids, surface.depth, surface.normal]
     queued = [(layer, canvas(how, layer)) for layer in layers]
 
-    def paint(u: Any, v: Any, place: Any, world: "Eyes") -> None:
+    def paint(u: Any, v: Any, place: Any, world: World) -> None:
         d = view.ray(u, v)
         t, ids = world.first(EYE, d)
 
         def shade() -> None:
             hit = world.describe(EYE, d, t, ids)
-            values = [RADIANCE[rung](hit, view.light, world, view.camera)]
+            values: list[tuple[Any, ...]] = [RADIANCE[rung](hit, view.light, world, view.camera)]
             if surface is not None:
-                values += (ids,), (t,), to_board(hit.normal, view.camera)
+                values += [(ids,), (t,), to_board(hit.normal, view.camera)]
             for (_, targets), value in zip(queued, values, strict=True):
                 store(how, targets, place, value, ids >= 0)
 
@@ -136,36 +138,19 @@ class View:
 
     def ray(self, u: Any, v: Any) -> Vec:
         """The unit directions through pixels (u, v), in the camera's frame."""
-        return self.stages.back_project(u, v, self.camera, self.undo)
+        x, y, z = self.stages.back_project(u, v, self.camera, self.undo)
+        return x, y, z
 
-    def world(self, seen: Listed | Walked, casters: Listed | Walked) -> "Eyes":
-        return Eyes(World(seen, self.stages), World(casters, self.stages))
+    def world(self, seen: Objects, casters: Objects) -> World:
+        """With short lists for rays from the eye and to the sun, and all objects for the others."""
+        return World(seen, casters, self.everything, self.stages)
 
-
-class Eyes(NamedTuple):
-    """The world as short lists: `seen` for rays from the eye, `casters` for those from what it sees to the sun."""
-
-    seen: World
-    casters: World
-
-    @property
-    def stages(self) -> Stages:
-        return self.seen.stages
-
-    def first(self, origin: Vec, d: Vec) -> tuple[Any, Any]:
-        return self.seen.first(origin, d)
-
-    def describe(self, origin: Vec, d: Vec, t: Any, ids: Any) -> Hit:
-        return self.seen.describe(origin, d, t, ids)
-
-    def nearest(self, origin: Vec, d: Vec) -> Hit:
-        return self.seen.nearest(origin, d)
-
-    def blocked(self, hit: Hit, d: Vec) -> Any:
-        return self.casters.blocked(hit, d)
+    def everything(self) -> Objects:
+        ids = range(len(self.table.objects))
+        return Listed(self.table, ids) if self.engine.is_numpy else walk_all(self.table, self.engine)
 
 
-def tiles(view: View, boxes: np.ndarray, shadows: bool) -> Iterator[tuple]:
+def tiles(view: View, boxes: np.ndarray, shadows: bool) -> Iterator[Piece]:
     """(u, v, place, world) of one tile after the other, whose arrays stay in the processor's cache."""
     work = plan(view.local, boxes, view.local.camera.image_size, TILE_NUMPY, shadows)
     for tile in work.tiles.tolist():
@@ -178,7 +163,7 @@ def tiles(view: View, boxes: np.ndarray, shadows: bool) -> Iterator[tuple]:
         yield u, v, place, view.world(Listed(view.table, ids), Listed(view.table, work.casters.at(tile)))
 
 
-def kernel(view: View, boxes: np.ndarray, shadows: bool) -> Iterator[tuple]:
+def kernel(view: View, boxes: np.ndarray, shadows: bool) -> Iterator[Piece]:
     """The same for Dr.Jit: all tiles at once."""
     w, h = view.local.camera.image_size
     work = plan(view.local, boxes, (w, h), TILE_DRJIT, shadows)

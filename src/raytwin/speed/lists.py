@@ -28,7 +28,7 @@ class Table:
         columns = iter(from_numpy(engine, np.ascontiguousarray(c)) for c in np.array(rows, float).T)
         self.columns = {name: tuple(next(columns) for _ in range(n)) for name, n in FIELDS.items()}
 
-    def look_up(self, field: str, ids: Any, where: Any = True) -> tuple:
+    def look_up(self, field: str, ids: Any, where: Any = True) -> tuple[Any, ...]:
         """The field's numbers for each of `ids`; anything where `where` does not hold."""
         return tuple(gather(column, ids, where) for column in self.columns[field])
 
@@ -51,7 +51,7 @@ class Listed(NamedTuple):
     table: Table
     ids: Sequence[int]
 
-    def fold(self, state: tuple, body: Callable) -> tuple:
+    def fold(self, state: Any, body: Callable[..., Any]) -> Any:
         for index in self.ids:
             state = body(state, index, self.table.objects[index])
         return state
@@ -70,7 +70,7 @@ class Walked(NamedTuple):
     middle: Any
     last: Any
 
-    def fold(self, state: tuple, body: Callable) -> tuple:
+    def fold(self, state: Any, body: Callable[..., Any]) -> Any:
         for kind, start, stop in ((Sphere, self.first, self.middle), (Rectangle, self.middle, self.last)):
             if kind in self.table.kinds:
                 state = self._walk(kind, start, stop, state, body)
@@ -79,19 +79,20 @@ class Walked(NamedTuple):
     def facts(self, ids: Any) -> Facts:
         return self.table.facts(ids)
 
-    def _walk(self, kind: type, start: Any, stop: Any, state: tuple, body: Callable) -> tuple:
+    def _walk(self, kind: type, start: Any, stop: Any, state: Any, body: Callable[..., Any]) -> Any:
         import drjit
 
         start, stop = gather(start, self.number), gather(stop, self.number)
 
-        def step(place, *state):
+        def step(place: Any, *state: Any) -> Any:
             index = gather(self.flat, place)
             return (place + 1, *body(state, index, self._object(kind, index)))
 
-        return drjit.while_loop((start, *state), lambda place, *state: place < stop, step)[1:]
+        _, *state_after = drjit.while_loop((start, *state), lambda place, *state: place < stop, step)
+        return tuple(state_after)
 
     def _object(self, kind: type, index: Any) -> Shape:
-        def vector(name):
+        def vector(name: str) -> Any:
             return self.table.look_up(name, index)
 
         if kind is Sphere:
@@ -104,3 +105,13 @@ def walk(table: Table, engine: Engine, lists: Lists, tiles: np.ndarray, number: 
     ends = (from_numpy(engine, end[tiles], whole=True) for end in lists[1:])
     flat = from_numpy(engine, np.append(lists.flat, (0, 0)), whole=True)  # as in Table
     return Walked(table, number, flat, *ends)
+
+
+def walk_all(table: Table, engine: Engine) -> Walked:
+    """All objects for every ray, on Dr.Jit."""
+    n = len(table.objects)
+    even = np.array([not isinstance(thing, Sphere) for thing in table.objects], bool)
+    ends = (np.array([k, k]) for k in (0, n - np.count_nonzero(even), n))
+    lists = Lists(np.argsort(even, kind="stable"), *ends)
+    zero = from_numpy(engine, np.zeros(1, int), whole=True)
+    return walk(table, engine, lists, np.zeros(2, int), zero)

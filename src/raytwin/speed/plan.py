@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.scene import Scene, Sphere
+from raytwin.scene import Rectangle, Scene, Sphere
 
 FEW = 64
 """So many objects are held against each other without sorting them first."""
@@ -19,7 +19,8 @@ class Lists(NamedTuple):
     last: np.ndarray
 
     def at(self, tile: int) -> list[int]:
-        return self.flat[self.first[tile] : self.last[tile]].tolist()
+        ids: list[int] = self.flat[self.first[tile] : self.last[tile]].tolist()
+        return ids
 
 
 class Plan(NamedTuple):
@@ -107,5 +108,5 @@ def shading(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return first, caster[keep][order]
 
 
-def _lengths(plane) -> tuple[float, float]:
+def _lengths(plane: Rectangle) -> tuple[float, float]:
     return float(np.linalg.norm(plane.half_u)), float(np.linalg.norm(plane.half_v))

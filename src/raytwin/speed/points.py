@@ -10,12 +10,13 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
-from raytwin.speed.frame import TILE_DRJIT, Eyes, View
+from raytwin.speed.frame import TILE_DRJIT, View
 from raytwin.speed.lists import Listed, walk
 from raytwin.speed.plan import plan, shading
 from raytwin.tracer.arrays import dot
 from raytwin.tracer.camera import to_board
 from raytwin.tracer.frame import EYE
+from raytwin.tracer.hit import World
 from raytwin.tracer.light import RADIANCE, sun_visible
 
 CHUNK = 1 << 14
@@ -56,7 +57,7 @@ def trace_points(
     return Points(colour, ids, lit, place)
 
 
-def _parts(view: View, u: np.ndarray, v: np.ndarray, shadows: bool) -> Iterator[tuple[slice, Eyes]]:
+def _parts(view: View, u: np.ndarray, v: np.ndarray, shadows: bool) -> Iterator[tuple[slice, World]]:
     """The points in portions, each with the objects it may see and those that may shade these."""
     if not len(u):
         return

@@ -51,8 +51,8 @@ def speculate(
         return out, 1.0
     # Blocks that cover the frame, and so a lattice that ends beyond it.
     columns, rows = -(-w // n) + 1, -(-h // n) + 1
-    u, v = np.meshgrid(np.arange(columns) * n, np.arange(rows) * n)
-    lattice = trace_points(scene, u.ravel(), v.ravel(), rung, engine)
+    across, down = np.meshgrid(np.arange(columns) * n, np.arange(rows) * n)
+    lattice = trace_points(scene, across.ravel(), down.ravel(), rung, engine)
     colour = lattice.colour.reshape(rows, columns, 3)
     ids, lit = lattice.ids.reshape(rows, columns), lattice.lit.reshape(rows, columns)
     whole = np.zeros((rows - 1, columns - 1), bool)
@@ -63,17 +63,19 @@ def speculate(
     _interpolate(out, colour, guessed, n)
     y, x = np.nonzero(whole)
     inner = np.arange(n)
-    u = (x[:, None, None] * n + inner[None, None, :] + 0 * inner[None, :, None]).ravel()
-    v = (y[:, None, None] * n + inner[None, :, None] + 0 * inner[None, None, :]).ravel()
+    u: np.ndarray = (x[:, None, None] * n + inner[None, None, :] + 0 * inner[None, :, None]).ravel()
+    v: np.ndarray = (y[:, None, None] * n + inner[None, :, None] + 0 * inner[None, None, :]).ravel()
     inside = (u < w) & (v < h)
-    u, v = u[inside], v[inside]
-    traced = trace_points(scene, u, v, rung, engine, light=False)
+    column, row = u[inside], v[inside]
+    traced = trace_points(scene, column, row, rung, engine, light=False)
     seen = traced.ids != BACKGROUND
-    out[v[seen], u[seen]] = traced.colour[seen]
-    return out, (columns * rows + len(u)) / (w * h)
+    out[row[seen], column[seen]] = traced.colour[seen]
+    return out, (columns * rows + len(column)) / (w * h)
 
 
-def doubtful(scene: Scene, colour: np.ndarray, ids: np.ndarray, lit: np.ndarray, n: int, tolerance: float):
+def doubtful(
+    scene: Scene, colour: np.ndarray, ids: np.ndarray, lit: np.ndarray, n: int, tolerance: float
+) -> np.ndarray:
     """(rows - 1, columns - 1) bool: the blocks between lattice points that must be traced pixel by pixel."""
     state = _blocks(2 * ids + lit)
     edge = (state != state[0]).any(axis=0)
@@ -88,7 +90,7 @@ def doubtful(scene: Scene, colour: np.ndarray, ids: np.ndarray, lit: np.ndarray,
     bend[:, 1:-1] += np.abs(np.diff(colour, 2, axis=1)).max(axis=-1)
     bend[1:-1] += np.abs(np.diff(colour, 2, axis=0)).max(axis=-1)
     curved = (_blocks(bend).max(axis=0) * 2 / 8 > tolerance) & (state[0] >= 0)
-    whole = (grown > 0) | curved
+    whole = np.asarray((grown > 0) | curved)
     # An object smaller than two blocks may hide between lattice points.
     for x0, y0, x1, y1 in trim_boxes(scene.spheres, scene.camera).tolist():
         if 0 < min(x1 - x0, y1 - y0) <= 2 * n:

@@ -15,6 +15,9 @@ TERMS = 8, 3
 """Of the radial and of the tangential series: with 3 of these, float32 needs one step for most lenses."""
 
 
+Terms = tuple[Any, ...]
+
+
 class Inverse(NamedTuple):
     """How to undo a camera's distortion: a start, then `steps` of Newton's.
 
@@ -23,11 +26,11 @@ class Inverse(NamedTuple):
     """
 
     steps: int
-    radial: tuple = (0.0,)
-    along: tuple = ()
-    across: tuple = ()
+    radial: Terms = (0.0,)
+    along: Terms = ()
+    across: Terms = ()
 
-    def start(self, xd: Any, yd: Any, dist: tuple) -> tuple[Any, Any]:
+    def start(self, xd: Any, yd: Any, dist: Any) -> tuple[Any, Any]:
         _, _, p1, p2, _ = dist
         rr = xd * xd + yd * yd
         scale = rr * _series(self.radial, rr)
@@ -39,19 +42,19 @@ class Inverse(NamedTuple):
             x, y = x + p2 * shift, y + p1 * shift
         return x, y
 
-    def undo(self, xd: Any, yd: Any, dist: tuple) -> tuple[Any, Any]:
+    def undo(self, xd: Any, yd: Any, dist: Any) -> tuple[Any, Any]:
         """`undistort`, quickly."""
         if not self.radial:
             return xd, yd
         return undistort(xd, yd, dist, self.start(xd, yd, dist), self.steps)
 
 
-def quick(undo: Callable, inverse: Inverse) -> Callable:
+def quick(undo: Callable[..., Any], inverse: Inverse) -> Callable[..., Any]:
     """The tracer's own `undo` by way of `inverse`; another, a learner's or a fault, as it is."""
     return inverse.undo if undo is undistort else undo
 
 
-def _series(c: tuple, rr: Any) -> Any:
+def _series(c: Terms, rr: Any) -> Any:
     """c0 + c1 r² + c2 r⁴ + ..., by Estrin's scheme: pairs that do not wait for one another."""
     while len(c) > 1:
         c = tuple(_fma(c[i + 1], rr, c[i]) if i + 1 < len(c) else c[i] for i in range(0, len(c), 2))
@@ -111,7 +114,7 @@ def _error(x: np.ndarray, y: np.ndarray, xd: np.ndarray, yd: np.ndarray, camera:
     return float(np.hypot(bx - xd, by - yd).max())
 
 
-def _monotone(x: np.ndarray, y: np.ndarray, dist: tuple) -> bool:
+def _monotone(x: np.ndarray, y: np.ndarray, dist: Any) -> bool:
     """The radial part r (1 + k1 r² + ...) grows all the way out to the farthest point."""
     k1, k2, _, _, k3 = dist
     rr = np.linspace(0.0, float((x * x + y * y).max()), 257)

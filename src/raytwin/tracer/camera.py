@@ -13,7 +13,7 @@ STEPS = 20
 """Of Newton's: each doubles the number of right digits; a strong lens needs half a dozen before that begins."""
 
 
-def distort(x: Any, y: Any, dist: tuple) -> tuple[Any, Any]:
+def distort(x: Any, y: Any, dist: Any) -> tuple[Any, Any]:
     """x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²), and y' alike: ideal to distorted coordinates.
 
     `dist` is (k1, k2, p1, p2, k3), in OpenCV's order (Brown 1966; OpenCV, "Camera Calibration and 3D Reconstruction").
@@ -24,7 +24,7 @@ def distort(x: Any, y: Any, dist: tuple) -> tuple[Any, Any]:
     return x * radial + 2 * p1 * x * y + p2 * (rr + 2 * x * x), y * radial + p1 * (rr + 2 * y * y) + 2 * p2 * x * y
 
 
-def undistort(xd: Any, yd: Any, dist: tuple, start: tuple | None = None, steps: int = STEPS) -> tuple[Any, Any]:
+def undistort(xd: Any, yd: Any, dist: Any, start: Any = None, steps: int = STEPS) -> tuple[Any, Any]:
     """The (x, y) with distort(x, y) = (xd, yd), by Newton's method; its Jacobian [[a, b], [b, c]] is symmetric.
 
     `start` is where it begins, (xd, yd) itself if nothing better is known.
@@ -46,7 +46,7 @@ def undistort(xd: Any, yd: Any, dist: tuple, start: tuple | None = None, steps: 
     return x, y
 
 
-def back_project(u: Any, v: Any, camera: Camera, undo: Callable = undistort) -> Vec:
+def back_project(u: Any, v: Any, camera: Camera, undo: Callable[..., Any] = undistort) -> Vec:
     """(x, y, 1) / |(x, y, 1)|: the unit direction, in the camera's frame, of the ray through pixel (u, v).
 
     `u`, `v`: pixels, (0, 0) is the centre of the top-left one; arrays of one shape, or that broadcast to one.

@@ -24,7 +24,8 @@ def trace(scene: Scene, rung: str = "shadow", stages: Stages = STAGES) -> Image:
     if rung not in RADIANCE:
         raise InputError("rung", f"one of {', '.join(RADIANCE)}", rung)
     camera, local = scene.camera, seen_from_eye(scene)
-    world, light = World(Every(local.objects), stages), lighting(local)
+    every, light = Every(local.objects), lighting(local)
+    world = World(every, every, lambda: every, stages)
     sky = light.sky if RUNGS[rung].background else (0.0, 0.0, 0.0)
     with np.errstate(all="ignore"):  # infinities and NaN of missed rays are selected away
         u, v = np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float))

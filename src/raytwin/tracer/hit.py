@@ -12,7 +12,7 @@ from raytwin.tracer.arrays import INFINITY, Vec, dot, integers, select
 class Stages(NamedTuple):
     """The tracer's steps as data: `STAGES._replace(lambert=...)` puts a learner's, or a fault, in the place of one."""
 
-    undistort: Callable[[Any, Any, tuple], Any]
+    undistort: Callable[[Any, Any, Any], Any]
     back_project: Callable[..., Any]
     intersect_sphere: Callable[[Any, Any, Any], Any]
     intersect_rectangle: Callable[[Any, Any, Any], Any]
@@ -40,16 +40,16 @@ def facts_of(thing: Shape) -> Facts:
 class Objects(Protocol):
     """What rays are tested against: state = body(state, id, object) for one after the other, `facts` of those met."""
 
-    def fold(self, state: tuple, body: Callable) -> tuple: ...
+    def fold(self, state: Any, body: Callable[..., Any]) -> Any: ...
     def facts(self, ids: Any) -> Facts: ...
 
 
 class Every(NamedTuple):
-    """All objects for every ray, on NumPy: the plain way."""
+    """All objects for every ray, on NumPy."""
 
     things: Sequence[Shape]
 
-    def fold(self, state: tuple, body: Callable) -> tuple:
+    def fold(self, state: Any, body: Callable[..., Any]) -> Any:
         for index, thing in enumerate(self.things):
             state = body(state, index, thing)
         return state
@@ -61,9 +61,9 @@ class Every(NamedTuple):
 
 
 class Hit(NamedTuple):
-    """Per ray: `t` metres (infinity: nothing), `ids` (-1: nothing), `point`, `normal` (unit, to the eye), `albedo`.
+    """Per ray: `t` metres, `ids`, `point`, `normal` (unit, to the eye), `albedo`; `inside`: a sphere, seen from within.
 
-    `inside`: it is a sphere, seen from within. Where nothing is met, only `t` and `ids` mean anything.
+    Where nothing is met, t is infinity, id -1, and the others mean nothing.
     """
 
     t: Any
@@ -92,15 +92,24 @@ def normal(point: Vec, facts: Facts) -> Vec:
 
 
 class World(NamedTuple):
-    """The objects behind the two questions that a ray can ask: what is `nearest`, and is the way `blocked`?"""
+    """The objects behind the two questions that a ray can ask: what is `nearest`, and is the way `blocked`?
+
+    `objects` hold for rays from the eye, `casters` for those from what it sees to the sun, `others` for any.
+    """
 
     objects: Objects
+    casters: Objects
+    others: Callable[[], Objects]
     stages: Stages
 
-    def first(self, origin: Vec, d: Vec) -> tuple[Any, Any]:
+    def beyond(self) -> "World":
+        """The same for rays that start elsewhere."""
+        return self._replace(objects=(every := self.others()), casters=every)
+
+    def first(self, origin: Vec, d: Vec) -> Any:
         """(t, id) of the nearest object on each ray; infinity and -1 where there is none."""
 
-        def closer(state: tuple, index: Any, thing: Shape) -> tuple:
+        def closer(state: Any, index: Any, thing: Shape) -> Any:
             t = intersect(origin, d, thing, self.stages)
             hides = self.stages.nearer(t, state[0])
             return select(hides, t, state[0]), select(hides, index, state[1])
@@ -127,8 +136,8 @@ class World(NamedTuple):
         from outside, so each object is left out of its own test; seen from inside, a sphere hides everything.
         """
 
-        def block(state: tuple, index: Any, thing: Shape) -> tuple:
+        def block(state: Any, index: Any, thing: Shape) -> Any:
             t = intersect(hit.point, d, thing, self.stages)
             return (state[0] | ((hit.ids != index) & (t < INFINITY)),)
 
-        return self.objects.fold((hit.inside,), block)[0]
+        return self.casters.fold((hit.inside,), block)[0]

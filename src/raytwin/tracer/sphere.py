@@ -21,32 +21,33 @@ Solved = tuple[Any, Callable[[], tuple[Any, Any]]]
 def textbook(f: Vec, d: Vec, r: Any) -> Solved:
     """t = (-b ± √(b² - 4c)) / 2. Subtracts nearly equal numbers twice: in the discriminant, and in -b + √..."""
     b, _, disc = _quadratic(f, d, r)
-
-    def roots() -> tuple[Any, Any]:
-        root = sqrt(maximum(disc, 0.0))
-        return (-b - root) / 2, (-b + root) / 2
-
-    return disc, roots
+    return disc, lambda: ((-b - _root(disc)) / 2, (-b + _root(disc)) / 2)
 
 
 def paper(f: Vec, d: Vec, r: Any) -> Solved:
     """q = -(b + sign(b) √disc) / 2, t = q and c / q, with sign(0) = 0: at b = 0 it finds q = 0, which is no root."""
-    return _by_q(f, d, r, sign_of_zero=0)
+    b, c, disc = _quadratic(f, d, r)
+    return disc, lambda: _by_q(b / 2, c, _root(disc) / 2, sign_of_zero=0)
 
 
 def stable(f: Vec, d: Vec, r: Any) -> Solved:
     """The same q with sign(0) = 1: no cancellation in -b ± √disc, but the discriminant still loses its digits."""
-    return _by_q(f, d, r, sign_of_zero=1)
-
-
-def _by_q(f: Vec, d: Vec, r: Any, sign_of_zero: int) -> Solved:
     b, c, disc = _quadratic(f, d, r)
+    return disc, lambda: _by_q(b / 2, c, _root(disc) / 2, sign_of_zero=1)
+
+
+def robust(f: Vec, d: Vec, r: Any) -> Solved:
+    """disc = r² - |f - (f·d) d|², c = (|f| - r)(|f| + r): from lengths, not from differences of large squares.
+
+    Haines, Günther and Akenine-Möller, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, ch. 7.
+    """
+    h = dot(f, d)
+    along = (f[0] - h * d[0], f[1] - h * d[1], f[2] - h * d[2])
+    disc = r * r - dot(along, along)
 
     def roots() -> tuple[Any, Any]:
-        root = sqrt(maximum(disc, 0.0))
-        q = -(b + select(b > 0, root, select(b < 0, -root, sign_of_zero * root))) / 2
-        other = c / select(q == 0, 1.0, q)
-        return select(b > 0, q, other), select(b > 0, other, q)
+        length = sqrt(dot(f, f))
+        return _by_q(h, (length - r) * (length + r), _root(disc), sign_of_zero=-1)
 
     return disc, roots
 
@@ -56,27 +57,18 @@ def _quadratic(f: Vec, d: Vec, r: Any) -> tuple[Any, Any, Any]:
     return b, c, b * b - 4 * c
 
 
-def robust(f: Vec, d: Vec, r: Any) -> Solved:
-    """disc = r² - |f - (f·d) d|², c = (|f| - r)(|f| + r): from lengths, not from differences of large squares.
-
-    Haines, Günther and Akenine-Möller, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, ch. 7.
-    """
-    b = -dot(f, d)
-    along = (f[0] + b * d[0], f[1] + b * d[1], f[2] + b * d[2])
-    disc = r * r - dot(along, along)
-
-    def roots() -> tuple[Any, Any]:
-        length, root = sqrt(dot(f, f)), sqrt(maximum(disc, 0.0))
-        c = (length - r) * (length + r)
-        q = b + select(b >= 0, root, -root)
-        other = c / select(q == 0, 1.0, q)
-        return select(b >= 0, other, q), select(b >= 0, q, other)
-
-    return disc, roots
+def _root(disc: Any) -> Any:
+    return sqrt(maximum(disc, 0.0))
 
 
-Solver = Callable[[Vec, Vec, Any], Solved]
-SOLVERS: dict[str, Solver] = {"textbook": textbook, "paper": paper, "stable": stable, "robust": robust}
+def _by_q(h: Any, c: Any, root: Any, sign_of_zero: int) -> tuple[Any, Any]:
+    """t² + 2 h t + c = 0 by q = -(h + sign(h) root), with root = √(h² - c): q and c / q, the nearer first."""
+    q = -(h + select(h > 0, root, select(h < 0, -root, sign_of_zero * root)))
+    other = c / select(q == 0, 1.0, q)
+    return select(h > 0, q, other), select(h > 0, other, q)
+
+
+SOLVERS: dict[str, Callable[..., Solved]] = {"textbook": textbook, "paper": paper, "stable": stable, "robust": robust}
 """name -> (f, d, r) -> (discriminant, () -> (nearer t, farther t))."""
 
 
