@@ -1,8 +1,11 @@
 """Imports point one way, and heavy libraries stay out until they are asked for."""
 
+import doctest
 import importlib
 import inspect
 import pkgutil
+import pydoc
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -99,3 +102,52 @@ def test_the_reports_names_lead_to_the_same_things_however_often_they_are_asked_
     assert all(callable(thing) for thing in first)
     with pytest.raises(AttributeError, match="nonsense"):
         report.nonsense  # noqa: B018
+
+
+# ------------------------------------------------------------------------------------------ the public API
+
+
+def test_importing_raytwin_loads_the_standard_library_alone():
+    before = loaded_by("import importlib, typing")
+    assert {m for m in loaded_by("import raytwin") - before if m.partition(".")[0] != "raytwin"} == set()
+    assert not [m for m in loaded_by("import raytwin") if m.startswith("raytwin.")]
+
+
+def test_the_public_names_are_what_they_say_wherever_they_live():
+    import raytwin
+
+    assert set(dir(raytwin)) >= set(raytwin.__all__)
+    assert raytwin.__all__ == sorted(raytwin.__all__)
+    for name in raytwin.__all__:
+        thing = getattr(raytwin, name)
+        assert callable(thing)
+        assert thing.__doc__, name
+        own = raytwin._HOME[name].partition(":")[2]
+        assert thing.__name__ == (own or name)
+        # A function must not hide the module of its name.
+        assert not (ROOT / "src" / "raytwin" / name).exists()
+        assert not (ROOT / "src" / "raytwin" / f"{name}.py").exists()
+    with pytest.raises(AttributeError, match="nonsense"):
+        raytwin.nonsense  # noqa: B018
+
+
+def test_the_help_of_raytwin_begins_with_the_flow():
+    import raytwin
+
+    text = pydoc.plain(pydoc.render_doc(raytwin))
+    for step in ("calibrate -> Camera", "read_scene", "trace", "render", "compare_images -> Comparison"):
+        assert step in text[:1500]
+    for name in raytwin.__all__:
+        assert re.search(rf"\b{name}\b", text)
+
+
+EXAMPLES = sorted(p for p in (ROOT / "src").rglob("*.py") if ">>> " in p.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
+def test_the_examples_in_docstrings_work(path, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    name = ".".join(path.relative_to(ROOT / "src").with_suffix("").parts).removesuffix(".__init__")
+    found = doctest.testmod(importlib.import_module(name), optionflags=doctest.NORMALIZE_WHITESPACE)
+    assert found.attempted > 0
+    assert found.failed == 0

@@ -31,7 +31,10 @@ MOST_SIDE = 100_000
 
 
 def parse_size(text: str, option: str) -> tuple[int, int]:
-    """'640x480' as (640, 480)."""
+    """
+    >>> parse_size("640x480", "--size")
+    (640, 480)
+    """
     match = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", text)
     if not match or not all(0 < int(side) <= MOST_SIDE for side in match.groups()):
         raise InputError(option, "WIDTHxHEIGHT in pixels, as 640x480", text)
@@ -39,7 +42,10 @@ def parse_size(text: str, option: str) -> tuple[int, int]:
 
 
 def parse_numbers(text: str, option: str) -> tuple[float, ...]:
-    """'0.1,-0.2' as (0.1, -0.2); the empty text as ()."""
+    """
+    >>> parse_numbers("0.1,-0.2", "--dist"), parse_numbers("", "--dist")
+    ((0.1, -0.2), ())
+    """
     try:
         return tuple(float(part) for part in text.split(",")) if text.strip() else ()
     except ValueError:

@@ -90,7 +90,11 @@ def rows(
 
 
 def shown(value: float | None, digits: int = 3) -> str:
-    """`digits` significant digits, below a thousandth as 2.10e-7; whole numbers whole; a dash for what is missing."""
+    """`digits` significant digits, below a thousandth as 2.10e-7; whole numbers whole; a dash for what is missing.
+
+    >>> [shown(v) for v in (0.4567, 2.1e-7, -3, 123456, None)]
+    ['0.457', '2.10e−7', '−3', '123\u202f456', '–']
+    """
     if value is None:
         return "–"
     if not math.isfinite(value):
@@ -122,7 +126,10 @@ def short(value: float) -> str:
 
 
 def seconds(value: float | None) -> str:
-    """2.31 s, 45 ms."""
+    """
+    >>> [seconds(v) for v in (2.309, 0.0451, 0.00451, 1e-5, 125.0)]
+    ['2.31 s', '45 ms', '4.5 ms', '< 0.1 ms', '125 s']
+    """
     if value is None:
         return "–"
     if value >= 1:
