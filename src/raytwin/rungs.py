@@ -24,6 +24,11 @@ class Rung:
     noisy: bool = False
     background: bool = True
 
+    @property
+    def lit(self) -> bool:
+        """There is light at all."""
+        return self.shadows or self.sky != "none"
+
 
 RUNGS = {
     rung.name: rung

@@ -1,6 +1,7 @@
 """Photos of a board -> the same photos with a scene's objects in them."""
 
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -23,7 +24,7 @@ def augment_photos(
     shadows: bool = True,
     exposure: float = 1.0,
     progress: Progress = silent,
-) -> list[dict]:
+) -> list[dict[str, Any]]:
     """Draw the scene's objects into each photo and write it to `out` under its own name, upright, as PNG or JPEG.
 
     `camera`: a camera.toml, whose K and distortion count; without it the scene's own photos are calibrated. Each
@@ -35,7 +36,7 @@ def augment_photos(
     asked = scene.photos
     if board is None and asked is None:
         raise InputError("--board", "a board's TOML file, since the scene names none", "nothing")
-    definition = boards.read_board(board if asked is None or board is not None else Path(scene.folder) / asked.board)
+    definition = boards.read_board(board or Path(scene.folder) / (asked.board if asked else ""))
     lens = find_camera(scene, progress=progress)[0].camera if camera is None else files.read_camera(camera)
     out = Path(out)
     if names := sorted(n for n in {p.name for p in taken} if sum(p.name == n for p in taken) > 1):
@@ -59,7 +60,7 @@ def augment_photos(
         drawn = result.pixels
         for pyramid in scene.pyramids:
             drawn = draw_pyramid(drawn, stand, pyramid)
-        row = {"photo": path.name, "pose_rms_px": pose.rms_px}
+        row: dict[str, Any] = {"photo": path.name, "pose_rms_px": pose.rms_px}
         if against is not None:
             truth = files.read_photo(Path(against) / path.name)
             row["regions"] = errors_by_region(result, truth, here)

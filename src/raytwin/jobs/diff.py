@@ -4,6 +4,7 @@ import math
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -43,10 +44,11 @@ class Diff:
     def passed(self) -> bool:
         return self.comparison.passed
 
-    def numbers(self) -> dict:
+    def numbers(self) -> dict[str, Any]:
         """The comparison's keys, and beside them every metric, the limits and the warnings: what JSON holds."""
         more = {"metrics": self.metrics, "limits": self.limits, "warnings": self.warnings}
-        return files.plain(self.report.numbers() | {"seconds": self.report.seconds} | more)
+        numbers: dict[str, Any] = files.plain(self.report.numbers() | {"seconds": self.report.seconds} | more)
+        return numbers
 
 
 def diff(
@@ -123,8 +125,8 @@ def limits(
     pixels: int | None = None,
 ) -> Limits | None:
     """The limits that were given, the others as idiff has them; None where none was. `option` names them in errors."""
-    given = {"error": error, "relative": relative, "percent": percent, "hard": hard, "pixels": pixels}
-    given = {name: value for name, value in given.items() if value is not None}
+    asked = {"error": error, "relative": relative, "percent": percent, "hard": hard, "pixels": pixels}
+    given: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
     for name, value in given.items():
         if not value >= 0:
             raise InputError(f"{option} ({name})", "a number >= 0", value)

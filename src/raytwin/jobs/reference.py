@@ -22,9 +22,9 @@ from raytwin.compare import Comparison, compare
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
+from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, SceneFile, Tolerance
 
-RUNGS = tuple(twin.RUNGS)
 SHIPPED = files.REFERENCES
 """The references that come with raytwin; in a checkout, its own reference/."""
 FORMAT = "1"
@@ -62,6 +62,12 @@ class Reference:
     @property
     def camera(self) -> Camera | None:
         return self.written.camera if self.written else None
+
+    def origin(self) -> Scene:
+        """The scene that it was made from. Raises InputError for one that was made from an image."""
+        if self.written is None:
+            raise InputError(self.path, "a reference made from a scene", "one made from an image")
+        return self.written.scene
 
     @property
     def tolerance(self) -> Tolerance:
@@ -202,9 +208,9 @@ def moved(scene: Scene, a: Camera, b: Camera) -> float:
 
     steps = np.linspace(-1, 1, 9)
     grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-    points = [np.reshape([s.center for s in scene.spheres], (-1, 3))]
-    points += [p.center + grid @ np.array([p.half_u, p.half_v]) for p in scene.rectangles]
-    points = np.concatenate(points)
+    parts = [np.reshape([s.center for s in scene.spheres], (-1, 3))]
+    parts += [p.center + grid @ np.array([p.half_u, p.half_v]) for p in scene.rectangles]
+    points = np.concatenate(parts)
     for c in (a, b):
         points = points[(points @ np.asarray(c.R_cam_board).T + c.t_cam_board)[:, 2] > 0]
     if not len(points):
@@ -228,7 +234,7 @@ class Settings:
     sampling: str = "center"
 
     def noisy(self, rung: str) -> bool:
-        return twin.RUNGS[rung] is not None or (self.sampling == "area" and rung != "surface")
+        return RUNGS[rung].noisy or (self.sampling == "area" and RUNGS[rung].lit)
 
 
 def render(scene: Scene, rung: str, settings: Settings, progress: Progress = silent) -> Image:
@@ -238,7 +244,7 @@ def render(scene: Scene, rung: str, settings: Settings, progress: Progress = sil
     """
     if not settings.noisy(rung):
         image = twin.render(scene, rung, sampling=settings.sampling)
-        return image if rung == "surface" else replace(image, surface=None)
+        return replace(image, surface=None) if RUNGS[rung].lit else image
     if settings.samples < 1 or settings.samples % (STINTS * BATCHES):
         raise InputError("samples", f"a multiple of {STINTS * BATCHES}", settings.samples)
     made = []
@@ -264,9 +270,13 @@ def pooled(images: Sequence[Image]) -> Image:
     With means m and variances of the mean v: n = k b, sum of squares S = Σ b (b - 1) v + Σ b (m - M)²,
     variance S / (n (n - 1)). Chan, Golub and LeVeque 1983.
     """
-    b, n = images[0].batches, sum(i.batches for i in images)
-    mean = np.mean([i.mean for i in images], axis=0, dtype=np.float64)
-    squares = sum(b * (b - 1) * i.variance.astype(np.float64) + b * np.square(i.mean - mean) for i in images)
+    b = images[0].batches or 1
+    n = b * len(images)
+    mean: np.ndarray = np.mean([i.mean for i in images], axis=0, dtype=np.float64)
+    squares: np.ndarray = np.zeros(mean.shape)
+    for image in images:
+        within = 0.0 if image.variance is None else image.variance.astype(np.float64)
+        squares = squares + b * (b - 1) * within + b * np.square(image.mean - mean)
     samples = sum(i.samples for i in images)
     return Image(mean.astype(np.float32), (squares / (n * (n - 1))).astype(np.float32), samples, None, n)
 
@@ -338,9 +348,12 @@ def make(
     known = old if old is not None and old.written is not None else None
     same_scene = known is not None and known.header["scene_hash"] == hashed
     settings = _settings(known.header if known else {}, samples, seed, sampling)
-    found = _at_size(found or find_scene(scene, progress), size or (known.camera.image_size if same_scene else None))
-    if same_scene and _same_but_for_digits(found.scene, known.camera):
-        found = found.with_camera(known.camera)
+    found = _at_size(
+        found or find_scene(scene, progress),
+        size or (known.origin().camera.image_size if known and same_scene else None),
+    )
+    if known and same_scene and _same_but_for_digits(found.scene, known.origin().camera):
+        found = found.with_camera(known.origin().camera)
     header = describe(found.scene, written.name, hashed, rung, settings)
     if known and not again and all(known.header.get(k) == header[k] for k in _DECIDES) and known.camera == found.camera:
         header |= {k: v for k, v in known.header.items() if k not in ("set_up", "checksum")}
@@ -425,7 +438,7 @@ def check(
     if why := stale(old, scene) or strayed(old, found):
         return Check(path, (f"{path}: stale: {why}",), old)
     settings = Settings(samples, int(old.header["seed"]) + 1, old.header["sampling"])
-    today = render(old.scene, rung, settings, progress)
+    today = render(old.origin(), rung, settings, progress)
     comparison = compare(today, old.image, tolerance=old.tolerance)
     problems = () if comparison.passed else (f"{path}: today's render disagrees", *comparison.reasons)
     return Check(path, problems, old, today, comparison)
@@ -445,7 +458,8 @@ def stale(old: Reference, scene: str | Path) -> str | None:
 
 def strayed(old: Reference, found: SceneFile) -> str | None:
     """Why the reference no longer fits the camera that its scene's photos give today; None where it does."""
-    by = moved(found.scene, old.camera, _at_size(found, old.camera.image_size).camera)
+    camera = old.origin().camera
+    by = moved(found.scene, camera, _at_size(found, camera.image_size).scene.camera)
     return f"today's calibration moves the picture by {by:.2g} px" if by > MOVED_PX else None
 
 
@@ -455,7 +469,7 @@ def strayed(old: Reference, found: SceneFile) -> str | None:
 def listed(folder: str | Path) -> list[tuple[str, str]]:
     """(scene, rung) of every reference in the folder, by scene, then in the rungs' order."""
     found = ((f.parent.name, f.stem) for f in Path(folder).glob("*/*.exr") if f.stem in RUNGS)
-    return sorted(found, key=lambda case: (case[0], RUNGS.index(case[1])))
+    return sorted(found, key=lambda case: (case[0], list(RUNGS).index(case[1])))
 
 
 def show(reference: Reference) -> list[str]:
