@@ -315,56 +315,56 @@ def test_a_reference_that_todays_mitsuba_does_not_make_fails(overlap, folder, ru
 
 def test_the_command_replaces_only_when_told_to(overlap, folder, tmp_path):
     asked = ("make", "overlap", "--rung", "shadow", "--rung", "path", "--size", "48x36", "--samples", "64")
-    first = raytwin(*asked, cwd=tmp_path)
+    first = raytwin("reference", *asked, cwd=tmp_path)
     assert first.returncode == 0, first.stderr
     assert first.stdout.count("written") == 2
-    assert raytwin("check", "--rung", "shadow", cwd=tmp_path).returncode == 0
+    assert raytwin("reference", "check", "--rung", "shadow", cwd=tmp_path).returncode == 0
     edit(overlap, "radius = 0.05\n", "radius = 0.051\n")
     before = (folder / "overlap" / "shadow.exr").read_bytes()
-    stale = raytwin("check", "--rung", "shadow", cwd=tmp_path)
+    stale = raytwin("reference", "check", "--rung", "shadow", cwd=tmp_path)
     assert stale.returncode == 1
     assert "FAIL  overlap/shadow" in stale.stdout
 
-    refused = raytwin("make", "overlap", "--rung", "shadow", cwd=tmp_path)
+    refused = raytwin("reference", "make", "overlap", "--rung", "shadow", cwd=tmp_path)
     assert refused.returncode == 2
     assert "the new beside the old: fail" in refused.stdout
     assert refused.stderr.count("\n") == 1
     assert "--yes" in refused.stderr
     assert (folder / "overlap" / "shadow.exr").read_bytes() == before
-    told = raytwin("diff", "overlap", "--rung", "shadow", cwd=tmp_path)
+    told = raytwin("reference", "diff", "overlap", "--rung", "shadow", cwd=tmp_path)
     assert told.returncode == 1
     assert (folder / "overlap" / "shadow.exr").read_bytes() == before
 
-    assert raytwin("make", "overlap", "--rung", "shadow", "--yes", cwd=tmp_path).returncode == 0
+    assert raytwin("reference", "make", "overlap", "--rung", "shadow", "--yes", cwd=tmp_path).returncode == 0
     assert (folder / "overlap" / "shadow.exr").read_bytes() != before
-    assert raytwin("check", "scenes/overlap", "--rung", "shadow", cwd=tmp_path).returncode == 0
+    assert raytwin("reference", "check", "scenes/overlap", "--rung", "shadow", cwd=tmp_path).returncode == 0
 
 
 def test_show_tells_a_line_of_each_reference_and_all_of_a_single_one(overlap, folder, tmp_path):
     found = [make(overlap, rung, folder).new for rung in ("lambert", "shadow")]
-    lines = raytwin("show", cwd=tmp_path).stdout.splitlines()
+    lines = raytwin("reference", "show", cwd=tmp_path).stdout.splitlines()
     assert [line.split()[0] for line in lines] == ["reference", "overlap/lambert", "overlap/shadow"]
     assert f"{float(found[1].image.mean.mean()):.4g}" in lines[2]
-    single = raytwin("show", "--rung", "shadow", cwd=tmp_path).stdout
+    single = raytwin("reference", "show", "--rung", "shadow", cwd=tmp_path).stdout
     assert found[1].header["scene_hash"] in single
-    assert raytwin("show", "--all", cwd=tmp_path).stdout.endswith(single)
+    assert raytwin("reference", "show", "--all", cwd=tmp_path).stdout.endswith(single)
 
 
 def test_show_names_what_made_a_reference_and_fails_on_a_damaged_one(overlap, folder, tmp_path):
     path = make(overlap, "shadow", folder).new.path
-    shown = raytwin("show", cwd=tmp_path)
+    shown = raytwin("reference", "show", cwd=tmp_path)
     assert shown.returncode == 0
     assert "mitsuba" in shown.stdout
     path.write_bytes(path.read_bytes()[:-50])
-    assert raytwin("show", cwd=tmp_path).returncode == 1
-    assert raytwin("show", "nosuch", cwd=tmp_path).returncode == 2
+    assert raytwin("reference", "show", cwd=tmp_path).returncode == 1
+    assert raytwin("reference", "show", "nosuch", cwd=tmp_path).returncode == 2
 
 
 @pytest.mark.parametrize(
     "wrong", [("check", "nosuch"), ("make", "overlap", "--rung", "sun"), ("show", "--rung", "sun")]
 )
 def test_wrong_input_is_one_line_and_exit_code_2(overlap, tmp_path, wrong):
-    done = raytwin(*wrong, cwd=tmp_path)
+    done = raytwin("reference", *wrong, cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith("raytwin: ")
     assert done.stderr.count("\n") == 1

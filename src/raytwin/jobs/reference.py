@@ -272,8 +272,8 @@ def pooled(images: Sequence[Image]) -> Image:
     """
     b = images[0].batches or 1
     n = b * len(images)
-    mean: np.ndarray = np.mean([i.mean for i in images], axis=0, dtype=np.float64)
-    squares: np.ndarray = np.zeros(mean.shape)
+    mean: np.ndarray = np.asarray(np.mean([i.mean for i in images], axis=0, dtype=np.float64))
+    squares = np.zeros(mean.shape)
     for image in images:
         within = 0.0 if image.variance is None else image.variance.astype(np.float64)
         squares = squares + b * (b - 1) * within + b * np.square(image.mean - mean)
