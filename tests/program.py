@@ -13,8 +13,9 @@ def raytwin(*arguments: object, cwd: Path | None = None, **environment: str) -> 
     """What it did, without the lines that a busy machine's long stages leave on standard error."""
     command = [sys.executable, "-m", "raytwin", *map(str, arguments)]
     run = subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, env=os.environ | environment, timeout=600, check=False
-    )
+        command, capture_output=True, text=True, cwd=cwd, env=os.environ | environment, timeout=600, check=False,
+        stdin=subprocess.DEVNULL,
+    )  # fmt: skip
     run.stderr = STAGE.sub("", run.stderr)
     return run
 

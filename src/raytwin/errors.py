@@ -1,5 +1,8 @@
 """What goes wrong because of the input or the machine, said in one line."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class InputError(Exception):
     """`where: expected ..., got ...`: the caller's input is at fault, never a traceback's business.
@@ -16,6 +19,19 @@ class InputError(Exception):
     def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
         # The default rebuilds from the one formatted argument, which loses the fields between processes.
         return type(self), (self.where, self.expected, self.got)
+
+
+def check_one_of(where: object, value: str, known: Iterable[str]) -> None:
+    """InputError where `value` is none of `known`, with what was probably meant.
+
+    >>> check_one_of("--rung", "shadw", ("lambert", "shadow"))
+    Traceback (most recent call last):
+    raytwin.errors.InputError: --rung: expected one of lambert, shadow, got shadw (did you mean shadow?)
+    """
+    if value not in (names := list(known)):
+        meant = get_close_matches(value, names, 1)
+        got = f"{value} (did you mean {meant[0]}?)" if meant else value
+        raise InputError(where, f"one of {', '.join(names)}", got)
 
 
 def _line(text: str) -> str:

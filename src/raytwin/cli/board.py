@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
 
 
 def board_command(
@@ -66,8 +66,7 @@ def board_command(
     chosen = (paper or "a4").strip().lower()
     size = lengths.parse_paper(chosen, "--paper")
     family = family or "tag36h11"
-    if family not in boards.FAMILIES:
-        raise InputError("--family", f"one of {', '.join(boards.FAMILIES)}", family)
+    check_one_of("--family", family, boards.FAMILIES)
     definition = boards.Board(family, edge, boards.Grid(columns, rows, step, first_id or 0))
     sheet.check_gap(definition)
     boards.check_board(definition)

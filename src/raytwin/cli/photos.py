@@ -7,7 +7,7 @@ import typer
 
 from raytwin.cli.options import JsonFile, check_outputs, parse_numbers, parse_size
 from raytwin.cli.progress import show_progress, tell_seconds
-from raytwin.errors import InputError
+from raytwin.errors import check_one_of
 
 
 def calibrate_command(
@@ -32,13 +32,13 @@ def calibrate_command(
     definition = boards.read_board(board)
     with show_progress() as progress:
         paths = list_photos(photos)
+        check_one_of("--photo", photo or paths[0].name, (p.name for p in paths))
         calibration = taken.calibrate(paths, definition, model=model, progress=progress)
     if json:
         files.write_json(json, calibration.numbers())
     if out:
         names = [view.photo for view in calibration.views]
-        if photo is not None and photo not in names:
-            raise InputError("--photo", f"one of {', '.join(names)}", photo)
+        check_one_of("--photo", photo or names[0], names)
         pose = taken.pose_of_photo(calibration, photos / (photo or names[0]), definition)
         camera = taken.camera_at(calibration, pose.refined)
         files.write_camera(out, camera, f"Calibrated from {len(names)} photos, rms {calibration.rms_px:.3f} px.")

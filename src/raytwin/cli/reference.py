@@ -9,7 +9,7 @@ import typer
 
 from raytwin.cli.options import parse_size
 from raytwin.cli.progress import show_progress
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
 
 app = typer.Typer(help="Reference images: make, check, show them, or see what would change.", no_args_is_help=True)
 
@@ -153,8 +153,7 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> Iterator[tuple
     from raytwin.jobs import reference
 
     for rung in rungs or ():
-        if rung not in reference.RUNGS:
-            raise InputError("--rung", f"one of {', '.join(reference.RUNGS)}", rung)
+        check_one_of("--rung", rung, reference.RUNGS)
     chosen = [files.find_scene(s) for s in scenes or ()] or files.all_scenes()
     for scene in chosen:
         with show_progress() as progress:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from raytwin import boards, photographer, photos
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Scene, SceneFile
 
@@ -51,9 +51,8 @@ def find_camera(
     board = boards.read_board(folder / asked.board)
     taken = list_photos(folder / asked.photos)
     name = photo or asked.photo
-    if name not in (names := [p.name for p in taken]):
-        where = "--photo" if photo else f"{folder / 'scene.toml'}: camera.photo"
-        raise InputError(where, f"one of {', '.join(names)}", name)
+    where = "--photo" if photo else f"{folder / 'scene.toml'}: camera.photo"
+    check_one_of(where, name, (p.name for p in taken))
     calibration = photos.calibrate(taken, board, model=asked.model, progress=progress)
     pose = photos.pose_of_photo(calibration, folder / asked.photos / name, board)
     camera = photos.camera_at(calibration, pose.refined)

@@ -9,7 +9,7 @@ from raytwin import files, photographer, photos, twin
 from raytwin.augment import augment
 from raytwin.compare import Comparison, Report, compare
 from raytwin.compare.report import Timing
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image
 from raytwin.jobs.camera import TruthRow, compare_truth, find_camera
 from raytwin.jobs.versions import versions
@@ -133,9 +133,8 @@ def compare_scene(
 
 
 def _check(rung: str, sampling: str, samples: int | None) -> None:
-    for option, value, known in (("--rung", rung, RUNGS), ("--sampling", sampling, twin.SAMPLINGS)):
-        if value not in known:
-            raise InputError(option, f"one of {', '.join(known)}", value)
+    check_one_of("--rung", rung, RUNGS)
+    check_one_of("--sampling", sampling, twin.SAMPLINGS)
     if samples is not None and samples < 1:
         raise InputError("--samples", "a whole number >= 1", samples)
 

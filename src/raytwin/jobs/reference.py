@@ -19,7 +19,7 @@ import numpy as np
 
 from raytwin import files, twin
 from raytwin.compare import Comparison, compare
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
 from raytwin.rungs import RUNGS
@@ -79,8 +79,7 @@ class Reference:
 
 def path_of(folder: str | Path, name: str, rung: str) -> Path:
     """`<folder>/<scene>/<rung>.exr`; InputError for a rung or a name that cannot be one."""
-    if rung not in RUNGS:
-        raise InputError("rung", f"one of {', '.join(RUNGS)}", rung)
+    check_one_of("rung", rung, RUNGS)
     if not re.fullmatch(r"\w[\w .+-]*", name):
         raise InputError("scene", "the name of a scene's folder", repr(name))
     return Path(folder) / name / f"{rung}.exr"

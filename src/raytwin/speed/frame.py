@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.errors import InputError
+from raytwin.errors import check_one_of
 from raytwin.image import Image, Surface
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, seen_from_eye
@@ -111,8 +111,7 @@ def check_rows(rung: str, engine: str, solver: str, trim: str) -> None:
     """Raise InputError unless each is a row of its table."""
     tables = ("rung", rung, RADIANCE), ("engine", engine, ENGINES), ("solver", solver, SOLVERS), ("trim", trim, TRIMS)
     for what, name, table in tables:
-        if name not in table:
-            raise InputError(what, f"one of {', '.join(table)}", name)
+        check_one_of(what, name, table)
 
 
 def with_solver(stages: Stages, solver: str) -> Stages:

@@ -14,7 +14,7 @@ closed form.
 
 import numpy as np
 
-from raytwin.errors import InputError
+from raytwin.errors import check_one_of
 from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
@@ -42,8 +42,7 @@ def speculate(
     `tolerance`: the largest interpolation error allowed in a block, in units of radiance. n = 1 traces every pixel.
     Raises InputError for a `way` that is not in WAYS.
     """
-    if way not in WAYS:
-        raise InputError("way", f"one of {', '.join(WAYS)}", way)
+    check_one_of("way", way, WAYS)
     w, h = scene.camera.image_size
     out = background(scene, rung)
     if n == 1:
