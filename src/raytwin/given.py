@@ -1,4 +1,4 @@
-"""What a test hands over, as an Image: arrays, files, repeated renders, or a function that renders from a seed."""
+"""What a user hands over, as an Image: arrays, files, repeated renders, or a function that renders from a seed."""
 
 import os
 from collections.abc import Callable
@@ -14,6 +14,7 @@ from raytwin.image import Image
 
 RENDERS = 8
 """How often a function is called: so many renders tell their variance to within a factor of two or so."""
+ENDINGS = (".exr", ".pfm", ".hdr", ".png", ".jpg", ".jpeg")
 FEWEST = 4
 """Fewer renders know too little of their variance: with 2, a third of all correct images would fail."""
 
@@ -46,6 +47,43 @@ def take(thing: Any, variance: Any = None, renders: int = RENDERS) -> Given:
     if _is_many(thing):
         return _repeated([_single(one) for one in thing])
     return _single(thing)
+
+
+def read_side(
+    where: Path, part: str | None = None, layer: str | None = None, variance: Path | None = None, samples: int = 0
+) -> Given:
+    """A file, or several renders: a folder of images, or a pattern such as `render_*.exr`.
+
+    `variance` is an image file that holds the variance of the mean, `samples` the samples a pixel of each file, where
+    the file does not tell them itself: with them, the moments that Mitsuba's `moment` integrator wrote are a variance.
+    """
+    paths = renders_at(where)
+    if len(paths) > 1 or where.is_dir():
+        if variance is not None:
+            raise InputError(where, "one image, where its variance is given", f"{len(paths)} renders")
+        made = [_read(path, part, layer) for path in paths]
+        return _repeated([g._replace(image=replace(g.image, samples=g.image.samples or samples)) for g in made])
+    taken = _read(paths[0], part, layer)
+    image = replace(taken.image, samples=taken.image.samples or samples)
+    if variance is not None:
+        image = replace(image, variance=files.read_image(variance).mean)
+    elif image.variance is None and image.samples > 1 and part is None and layer is None:
+        moments = files.read_moments(paths[0])
+        image = image if moments is None else replace(image, variance=moments / np.float32(image.samples - 1))
+    return taken._replace(image=image)
+
+
+def renders_at(where: Path) -> list[Path]:
+    """The image files of a folder, or those that fit a pattern, by name; else the path itself."""
+    if where.is_dir():
+        found = sorted(p for p in where.iterdir() if p.suffix.lower() in ENDINGS)
+    elif where.exists() or not any(c in where.name for c in "*?["):
+        return [where]
+    else:
+        found = sorted(where.parent.glob(where.name))
+    if not found:
+        raise InputError(where, f"images ({', '.join(ENDINGS)})", "none")
+    return found
 
 
 def _is_many(thing: Any) -> bool:
@@ -99,8 +137,8 @@ def _array(thing: Any) -> np.ndarray:
         raise InputError("image", "an array, a path, an Image or a function of a seed", error) from None
 
 
-def _read(path: Path) -> Given:
-    image = files.read_image(path)
+def _read(path: Path, part: str | None = None, layer: str | None = None) -> Given:
+    image = files.read_image(path, part, layer)
     return _rounded(image, files.rounding_of(path, image.mean))
 
 

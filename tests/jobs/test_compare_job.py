@@ -87,9 +87,12 @@ def test_a_given_camera_takes_no_photo(scenes):
         find_camera(files.read_scene(scenes / "single"), "photo_00.jpg")
 
 
-def test_the_rung_that_the_tracer_lacks_fails_and_says_what_is_missing(scenes):
+def test_the_rung_that_the_tracer_lacks_differs_as_it_must_and_says_what_is_missing(scenes):
     result = compare_scene(scenes / "overlap", rung="path", size=(160, 120), samples=64, cache=False)
-    assert result.comparison.verdict == "fail"
+    assert result.comparison.verdict == "differs"
+    assert result.comparison.exit_code == 0
+    assert "the tracer renders shadow, which has less light than path" in result.comparison.reasons[0]
+    assert not any("shifted" in reason for reason in result.comparison.reasons)
     assert result.settings["rung of the tracer"] == "shadow"
     assert result.settings["rung of the twin"] == "path"
 

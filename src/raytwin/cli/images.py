@@ -1,7 +1,7 @@
 """raytwin compare, raytwin diff: two images, held against each other."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -68,8 +68,15 @@ def compare_command(
 
 
 def diff_command(
-    a: Annotated[Path, typer.Argument(metavar="A", help="The image to test: EXR, PFM, HDR, PNG or JPEG.")],
-    b: Annotated[Path, typer.Argument(metavar="B", help="The reference.")],
+    a: Annotated[
+        Path,
+        typer.Argument(
+            metavar="A", help="The image to test: EXR, PFM, HDR, PNG, JPEG; renders as a folder or 'x_*.exr'."
+        ),
+    ],
+    b: Annotated[
+        Path, typer.Argument(metavar="B", help="The reference, alike; two folders are compared name by name.")
+    ],
     part: Annotated[str | None, typer.Option(metavar="NAME", help="An EXR's part: name or number.")] = None,
     layer: Annotated[str | None, typer.Option(metavar="NAME", help="diffuse for diffuse.R...; or one channel.")] = None,
     tolerance: Annotated[float, typer.Option(help="99.9 % of noise-free values may err by this.")] = 1e-5,
@@ -91,6 +98,14 @@ def diff_command(
     warn_relative: Annotated[float | None, typer.Option("--warnrelative", "--warn-relative")] = None,
     warn_percent: Annotated[float | None, typer.Option("--warnpercent", "--warn-percent")] = None,
     hard_warn: Annotated[float | None, typer.Option("--hardwarn", "--hard-warn")] = None,
+    variance_a: Annotated[Path | None, typer.Option(metavar="FILE", help="The variance of A's mean, an image.")] = None,
+    variance_b: Annotated[Path | None, typer.Option(metavar="FILE", help="The variance of B's mean.")] = None,
+    samples_a: Annotated[int, typer.Option(min=0, help="A's samples a pixel, where the file does not tell.")] = 0,
+    samples_b: Annotated[int, typer.Option(min=0, help="B's samples a pixel.")] = 0,
+    noise: Annotated[str, typer.Option(help="both; or reference: believe no variance that A claims.")] = "both",
+    must_see: Annotated[
+        float, typer.Option(min=0, help="Undecided where a larger error of the whole mean would be missed.")
+    ] = 0.1,
     flip: Flip = False,
     json: JsonFile = None,
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the verdict as JUnit XML.")] = None,
@@ -103,19 +118,25 @@ def diff_command(
     from raytwin.jobs import diff
 
     check_outputs(folders=(out,), files=(json, junit))
+    options = {
+        "part": part,
+        "layer": layer,
+        "tolerance": tolerance,
+        "false_alarm_rate": false_alarm_rate,
+        "limits": diff.limits("--fail", fail, fail_relative, fail_percent, hard_fail, allow_failures),
+        "warn": diff.limits("--warn", warn, warn_relative, warn_percent, hard_warn),
+        "flip": flip,
+        "samples": (samples_a, samples_b),
+        "noise": noise,
+        "must_see": must_see,
+    }
+    if a.is_dir() and b.is_dir():
+        if variance_a or variance_b:
+            raise InputError("--variance-a, --variance-b", "two images, not two folders", a)
+        diff_folders(a, b, options, json, junit, out)
     name = f"{a.name} against {b.name}"
     try:
-        found = diff.diff(
-            a,
-            b,
-            part=part,
-            layer=layer,
-            tolerance=tolerance,
-            false_alarm_rate=false_alarm_rate,
-            limits=diff.limits("--fail", fail, fail_relative, fail_percent, hard_fail, allow_failures),
-            warn=diff.limits("--warn", warn, warn_relative, warn_percent, hard_warn),
-            flip=flip,
-        )
+        found = diff.diff(a, b, variances=(variance_a, variance_b), **options)
     except InputError as error:
         if junit:
             report.write_junit([report.Case(name, "raytwin.diff", error)], junit)
@@ -132,3 +153,52 @@ def diff_command(
     if out:
         typer.echo(f"report: {out / 'report.html'}")
     raise typer.Exit(found.comparison.exit_code)
+
+
+def diff_folders(
+    a: Path, b: Path, options: dict[str, Any], json: Path | None, junit: Path | None, out: Path | None
+) -> NoReturn:
+    """Each image of A against that of the same name in B: a line each, one index, one JSON, one JUnit."""
+    from raytwin import files, report
+    from raytwin.jobs import diff
+    from raytwin.report import checks
+
+    cases: list[Any] = []
+    pairs: dict[str, Any] = {}
+    codes = []
+    if out:
+        checks.clear(out)
+    for number, (name, mine, theirs) in enumerate(diff.pairs(a, b)):
+        pictures: tuple[Any, ...] = ()
+        try:
+            if mine is None or theirs is None:
+                made = diff.lacking(name, a if mine is None else b)
+                pairs[name] = made.numbers()
+            else:
+                found = diff.diff(mine, theirs, **options)
+                made, pictures = found.report, (found.test, found.reference, found.tolerance)
+                pairs[name] = found.numbers()
+        except InputError as error:
+            typer.echo(f"ERROR  {error}")
+            cases.append(report.Case(name, "raytwin.diff", error))
+            pairs[name] = {"error": str(error)}
+            codes.append(2)
+            continue
+        cases.append(report.Case(name, "raytwin.diff", made))
+        codes.append(made.comparison.exit_code)
+        typer.echo(f"{made.comparison.verdict.upper()}  {name}: {made.comparison.reasons[0]}")
+        if out:
+            checks.write_check(out, name, number, made, (), *pictures)
+    worst = 1 if 1 in codes else max(codes)
+    verdict = {0: "pass", 1: "fail", 2: "undecided"}[worst]
+    if json:
+        files.write_json(json, {"verdict": verdict, "pairs": pairs})
+    if junit:
+        report.write_junit(cases, junit)
+    if out:
+        checks.write_index(out)
+        typer.echo(f"report: {out / checks.INDEX}")
+    typer.echo(
+        f"{verdict.upper()}  {len(codes)} pairs, {codes.count(1)} failed, {codes.count(2)} undecided or unreadable"
+    )
+    raise typer.Exit(worst)

@@ -21,6 +21,9 @@ from raytwin.scene import Tolerance
 DENSE = 1 / 6
 """Noise is everywhere: the effective share of a block's values that carry its scatter. Gaussian noise has a third."""
 
+HARDLY = 1 / 24
+"""The same for noise of one sample a pixel: the exponential's has a sixth, and its blocks scatter widely around it."""
+
 TINY = np.float32(1e-30)
 
 MOSTLY = 0.8
@@ -62,15 +65,18 @@ class Question:
     def answer(self, shift: Shift | None, must_see: float) -> Answer:
         """By what is told of the noise; where that fails and something is not told, by what the scatter shows."""
         told = self._filled()
-        untold = [name for name, i in (("A", told.test), ("B", told.reference)) if not noise_told(i)]
+        untold = [name for name, i in (("the test", told.test), ("the reference", told.reference)) if not noise_told(i)]
         first = told._by_what_is_told(shift, must_see)
-        if not untold or not first.findings:
+        if not untold:
             return first
+        claims = [block_means(i.variance) for i in (self.test, self.reference) if i.variance is not None]
+        if not (claims or first.findings):
+            return first
+        known = sum(claims, np.zeros(3))
         shown = residual(self.test.mean, self.reference.mean, carrying=True)
-        known = sum(block_means(i.variance) for i in (self.test, self.reference) if i.variance is not None)
-        if not may_be_noise(shown, known, self.bound.least):
-            return first
-        return self._by_scatter(first, shift, must_see, untold)
+        if (first.findings or unexplained(shown, known)) and may_be_noise(shown, known, self.bound.least):
+            return self._by_scatter(first, shift, must_see, untold)
+        return first
 
     # ---------------------------------------------------------------------------------- within
 
@@ -133,7 +139,7 @@ class Question:
         d = np.subtract(self.test.mean, self.reference.mean, dtype=np.float32)
         error = float(np.square(d).mean(dtype=np.float64))
         claimed = float(self.test.variance.mean(dtype=np.float64))
-        return error < 16 * claimed and float(np.median(shown.square)) < error / 4
+        return claimed / 50 < error < 16 * claimed and float(np.median(shown.square)) < error / 4
 
     def _exact(self, granted: np.ndarray | None) -> Answer:
         t, r = self.test.mean, self.reference.mean
@@ -196,8 +202,19 @@ def noise_told(image: Image) -> bool:
     return image.variance is not None or image.samples == 1
 
 
-def may_be_noise(shown: Residual, known: np.ndarray | float, least: float) -> bool:
-    """Whether the scatter beyond what is known of is dense wherever it is: a wrong edge or a wrong pixel is not."""
+def unexplained(shown: Residual, known: np.ndarray) -> bool:
+    """Whether most blocks scatter clearly more than what is known of: by 20 % of the variance."""
+    noisy = np.broadcast_to(known > 0, shown.square.shape)
+    return (
+        bool(noisy.any()) and float(np.median(shown.square[noisy] / np.broadcast_to(known, noisy.shape)[noisy])) > 1.2
+    )
+
+
+def may_be_noise(shown: Residual, known: np.ndarray, least: float) -> bool:
+    """Whether the scatter beyond what is known of is dense wherever it is: a wrong edge or a wrong pixel is not.
+
+    Where most of the picture scatters, it is no edge, and may have the tails of few samples.
+    """
     scatters = (shown.square > 1.5 * known + least**2) & (shown.count >= 16)
-    dense = shown.carrying >= DENSE * shown.count
+    dense = shown.carrying >= (DENSE if scatters.mean() < 0.5 else HARDLY) * shown.count
     return bool(scatters.any()) and float(dense[scatters].mean()) >= MOSTLY

@@ -43,17 +43,17 @@ def noise_findings(made: Decision, reference: Image, unit: float) -> list[Findin
 
 def _others(rank: int, family: Family, failed_pixels: int) -> str:
     if rank == TILE and family.failed > 1:
-        return f"; {_share(family.failed, family.tests)} of all tiles are beyond noise"
+        return f"; {_share(family.failed, family.tests)} tiles are beyond noise"
     if rank == VALUE and failed_pixels > 1:
         few = f"; so {'is' if failed_pixels == 2 else 'are'} {plural(failed_pixels - 1, 'other pixel')}"
         share = 3 * failed_pixels / family.tests
-        return few if share < 0.01 else f"; {_share(3 * failed_pixels, family.tests)} of all pixels are beyond noise"
+        return few if share < 0.01 else f"; {_share(3 * failed_pixels, family.tests)} pixels are beyond noise"
     return ""
 
 
 def _share(part: int, whole: int) -> str:
     share = 100 * part / whole
-    return "all" if part >= whole else f"{share:.0f} %" if share >= 1 else f"{share:.1g} %"
+    return "all" if part >= whole else f"{share:.{0 if share >= 1 else 2}f} % of all"
 
 
 def what_could_be_seen(made: Decision, rate: float) -> tuple[str, ...]:
@@ -77,5 +77,6 @@ def agreement(p999: float, allowed: float, quiet: Quiet) -> str:
     text = f"the images agree: 99.9 % of the values to {p999:.2g} (allowed {allowed:.2g})"
     if quiet.error <= 10 * allowed or math.isinf(allowed):
         return f"{text}, all to {quiet.error:.2g}"
-    place = f"{quiet.error:.2g} at {at(quiet.x, quiet.y)}"
-    return f"{text}; {plural(max(quiet.outliers, 1), 'pixel')} may err by more, and the worst errs by {place}"
+    count = max(quiet.outliers, 1)
+    more = f"{plural(count, 'pixel')} {'errs' if count == 1 else 'err'} by more"
+    return f"{text}; {more}, the worst by {quiet.error:.2g} at {at(quiet.x, quiet.y)}"

@@ -108,6 +108,9 @@ def read_moments(path: str | os.PathLike) -> np.ndarray | None:
     Channels NAME.R and m2_NAME.R, or X, Y, Z alike: E[x²] - E[x]². The moments of X, Y and Z do not tell how they vary
     together: a pixel's samples are taken to have one colour, as under lights of one colour.
     """
+    with Path(path).open("rb") as file:
+        if file.read(4) != EXR_MAGIC:
+            return None
     with _exr(path) as parts:
         for channels in (p.channels for p in parts.values()):
             names = {c[3:-2] for c in channels if c.startswith("m2_") and c[-2:] in (".R", ".X")}

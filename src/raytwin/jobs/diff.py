@@ -4,13 +4,15 @@ import math
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
 from raytwin import files
 from raytwin.compare import METRICS, Comparison, Limits, Report, compare, limit_findings, measure
+from raytwin.compare.verdict import MUST_SEE
 from raytwin.errors import InputError
+from raytwin.given import ENDINGS, read_side, renders_at
 from raytwin.image import Image
 from raytwin.scene import Tolerance
 
@@ -62,21 +64,36 @@ def diff(
     limits: Limits | None = None,
     warn: Limits | None = None,
     flip: bool = False,
+    variances: tuple[Path | None, Path | None] = (None, None),
+    samples: tuple[int, int] = (0, 0),
+    noise: Literal["both", "reference"] = "both",
+    must_see: float = MUST_SEE,
 ) -> Diff:
-    """Does the image file `a` show what `b` shows?
+    """Does the image `a` show what `b` shows? Each a file; or a folder or a pattern of renders that differ by seed.
 
     Without `limits`, `compare` decides: values without noise by `tolerance`, the others at `false_alarm_rate`. With
-    them, they alone do (and NaN, infinity or another size fail). `part` and `layer` choose within EXRs.
+    them, they alone do (and NaN, infinity or another size fail). `part` and `layer` choose within EXRs. `variances`
+    and `samples` are what the files of `a` and `b` do not tell; `noise` and `must_see` as in `compare`.
     """
     if not 0 < tolerance < math.inf:
         raise InputError("tolerance", "a finite number > 0", tolerance)
     a, b = Path(a), Path(b)
     start = time.perf_counter()
-    test, reference = (files.read_image(path, part, layer) for path in (a, b))
-    begins = files.read_origin(a, part), files.read_origin(b, part)
+    sides = [read_side(path, part, layer, v, n) for path, v, n in zip((a, b), variances, samples, strict=True)]
+    begins = tuple(files.read_origin(renders_at(path)[0], part) for path in (a, b))
+    test, reference = sides[1].fitted(sides[0].image), sides[0].fitted(sides[1].image)
     read = time.perf_counter() - start
     held = Tolerance(p999_abs=tolerance)
-    made = compare(test, reference, tolerance=held, false_alarm_rate=false_alarm_rate, flip=flip)
+    made = compare(
+        test,
+        reference,
+        tolerance=held,
+        false_alarm_rate=false_alarm_rate,
+        flip=flip,
+        noise="both" if sides[0].measured else noise,
+        must_see=must_see,
+        half_steps=(sides[0].rounding.half, sides[1].rounding.half),
+    )
     start = time.perf_counter()
     made = _decided(made, test, reference, limits, begins)
     warned = limit_findings(test, reference, warn)[0] if warn is not None and made.passed else []
@@ -99,6 +116,20 @@ def diff(
         warnings=tuple(f.text for f in warned),
         settings={"A": str(a), "B": str(b), **{k: v for k, v in chosen.items() if v is not None}, **decided},
     )
+
+
+def pairs(a: Path, b: Path) -> list[tuple[str, Path | None, Path | None]]:
+    """The images of two folders, and of the folders within, by name: None where one of them lacks it."""
+    inside = [{str(p.relative_to(f)): p for p in f.rglob("*") if p.suffix.lower() in ENDINGS} for f in (a, b)]
+    names = sorted(inside[0].keys() | inside[1].keys())
+    if not names:
+        raise InputError(a, "images that are in both folders", "none in either")
+    return [(name, inside[0].get(name), inside[1].get(name)) for name in names]
+
+
+def lacking(name: str, folder: Path) -> Report:
+    """The report on an image that one of two folders lacks."""
+    return Report(name, "", Comparison("fail", (f"{name} is missing in {folder}",)))
 
 
 def _decided(

@@ -1,0 +1,207 @@
+"""What is told of the noise, what is estimated, what is not believed, and what stays undecided."""
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from raytwin.bench.noises import KINDS, exact, picture, render, untold
+from raytwin.compare import Comparison, compare
+from raytwin.errors import InputError
+from raytwin.files import read_scene
+from raytwin.image import Image
+from raytwin.tracer import trace
+
+TRUTH = picture(48, 64)
+REFERENCE = render(np.random.default_rng(1), TRUTH, samples=4096)
+
+
+def claiming(mean, variance, samples=16):
+    return Image(np.asarray(mean, np.float32), np.asarray(variance, np.float32), samples, None, 16)
+
+
+def said(comparison, words):
+    return any(words in reason for reason in comparison.reasons)
+
+
+# --------------------------------------------------------------------------------------------- claims of variance
+
+
+def test_one_pixel_of_huge_variance_hides_no_wrong_brightness():
+    a = render(np.random.default_rng(2), TRUTH * 1.3)
+    a.variance[10, 20] = 1e8
+    c = compare(a, REFERENCE)
+    assert c.verdict == "fail"
+    assert c.reasons[0].startswith("the whole image is 29.9 % too bright")
+
+
+@pytest.mark.parametrize(("claim", "verdict"), [(1e-3, "fail"), (1.0, "undecided"), (1e4, "fail"), (1e12, "fail")])
+@pytest.mark.parametrize("grey", [0.2, 2.0])
+def test_a_grey_image_passes_whatever_variance_it_claims_never(grey, claim, verdict):
+    """Undecided where it errs by as much as it claims: so would noise that all pixels share."""
+    c = compare(claiming(np.full(TRUTH.shape, grey), np.full(TRUTH.shape, claim)), exact(TRUTH))
+    assert c.verdict == verdict
+
+
+def test_a_claim_that_is_four_times_too_large_still_leaves_room_for_correct_images():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        a = render(rng, TRUTH)
+        assert compare(replace(a, variance=4 * a.variance), REFERENCE).passed
+
+
+def test_noise_of_the_reference_alone_believes_no_claim():
+    a = render(np.random.default_rng(4), TRUTH, samples=64)
+    wrong = replace(a, mean=a.mean * np.float32(1.02), variance=a.variance * np.float32(3))
+    assert compare(a, REFERENCE, noise="reference").passed
+    assert compare(wrong, REFERENCE, noise="reference").verdict == "fail"
+    free = compare(Image(TRUTH.astype(np.float32), a.variance), REFERENCE, noise="reference")
+    assert free == msgspec.structs.replace(compare(Image(TRUTH.astype(np.float32)), REFERENCE), seconds=free.seconds)
+    with pytest.raises(InputError, match="both or reference"):
+        compare(a, REFERENCE, noise="mine")
+
+
+def test_what_is_too_noisy_to_see_a_tenth_of_the_mean_is_undecided():
+    rng = np.random.default_rng(5)
+    rare = {"p": 2e-4, "size": 1000.0, "proportional": True}
+    a, truth = render(rng, TRUTH, **rare), exact(TRUTH, **rare)
+    c = compare(a, truth)
+    assert c.verdict == "undecided"
+    assert c.exit_code == 2
+    assert said(c, "take more samples")
+    seen = c.statistics.minimum_detectable_bias
+    assert seen > 0.1
+    assert compare(a, truth, must_see=seen * 1.01).verdict == "pass"
+    assert compare(a, truth, must_see=seen * 0.99).verdict == "undecided"
+
+
+def test_equal_random_numbers_in_every_pixel_are_named():
+    rng = np.random.default_rng(6)
+    found = [compare(*KINDS["the same numbers in every pixel"](rng, TRUTH)) for _ in range(12)]
+    assert sum(said(c, "equal random numbers in every pixel") for c in found) >= 4
+    assert sum(c.verdict == "fail" for c in found) <= 1
+
+
+def test_an_error_that_the_claim_does_not_allow_is_no_case_of_equal_random_numbers():
+    c = compare(claiming(3 * TRUTH, np.square(TRUTH) / 16), exact(TRUTH))
+    assert c.verdict == "fail"
+
+
+# ------------------------------------------------------------------------------------------- what nobody tells
+
+
+@pytest.mark.parametrize("side", ["test", "reference"])
+def test_a_variance_follows_from_the_others_samples(side):
+    """3 % of two seeds of 64 samples are seen, and 20 correct pairs pass: as with both variances."""
+    rng = np.random.default_rng(7)
+
+    def pair(factor=1.0):
+        a, b = render(rng, TRUTH * factor, samples=64), render(rng, TRUTH, samples=256)
+        return (untold(a, 64), b) if side == "test" else (a, untold(b, 256))
+
+    found = [compare(*pair()) for _ in range(20)]
+    assert sum(c.passed for c in found) >= 19
+    assert not any(said(c, "tells no variance") for c in found)
+    assert compare(*pair(1.03)).verdict == "fail"
+    told = compare(render(rng, TRUTH, samples=64), render(rng, TRUTH, samples=256))
+    seen = found[0].statistics.minimum_detectable_bias
+    assert seen == pytest.approx(told.statistics.minimum_detectable_bias, rel=0.1)
+
+
+@pytest.mark.parametrize("untold_sides", ["test", "reference", "both"])
+def test_noise_that_nobody_tells_is_judged_by_the_scatter(untold_sides):
+    rng = np.random.default_rng(8)
+
+    def pair(factor=1.0):
+        a, b = render(rng, TRUTH * factor, samples=64), render(rng, TRUTH, samples=64)
+        a, b = (untold(i) if untold_sides in (s, "both") else i for i, s in ((a, "test"), (b, "reference")))
+        return a, b
+
+    found = [compare(*pair()) for _ in range(20)]
+    assert sum(c.passed for c in found) >= 19
+    who = {"test": "the test tells", "reference": "the reference tells", "both": "the test and the reference tell"}
+    assert sum(said(c, f"{who[untold_sides]} no variance") for c in found) >= 15
+    assert compare(*pair(1.03)).verdict == "fail"
+
+
+def test_what_is_untold_and_too_noisy_is_undecided_with_advice():
+    rng = np.random.default_rng(9)
+    a, b = (untold(render(rng, picture(24, 24), samples=2, batches=2, kind="exp", sd=1.0)) for _ in range(2))
+    c = compare(a, b)
+    assert c.verdict == "undecided"
+    assert said(c, "give variances, samples, or several renders")
+
+
+@pytest.fixture(scope="module")
+def frames(scenes):
+    scene = read_scene(scenes / "overlap").scene
+    scene = scene.with_camera(scene.camera.resized(168, 126))
+    return {rung: trace(scene, rung).mean.astype(np.float32) for rung in ("lambert", "shadow")}
+
+
+def faulty(name, r, other):
+    rng = np.random.default_rng(10)
+    y, x = np.mgrid[: r.shape[0], : r.shape[1]]
+    spots = {"sparse acne": rng.random(r.shape[:2]) < 0.002, "dense acne": rng.random(r.shape[:2]) < 0.3}
+    if name in spots:
+        t = r.copy()
+        t[spots[name]] *= np.float32(0.9)
+        return t
+    return {
+        "a ten-thousandth too bright": r * np.float32(1.0001),
+        "the shadows missing": other,
+        "a tenth of a pixel off": 0.9 * r + 0.1 * np.roll(r, 1, axis=1),
+        "gamma": np.power(r, 1 / 2.2),
+        "one half darker": np.where((y > r.shape[0] // 2)[..., None], r, 0.999 * r),
+        "a slope": r * (1 + 1e-3 * x / r.shape[1])[..., None],
+    }[name].astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["a ten-thousandth too bright", "the shadows missing", "a tenth of a pixel off", "gamma", "one half darker",
+     "a slope", "sparse acne", "dense acne"],
+)  # fmt: skip
+def test_the_faults_of_an_image_without_noise_are_not_taken_for_noise_that_nobody_tells(frames, name):
+    wrong = faulty(name, frames["shadow"], frames["lambert"])
+    told, silent = (compare(Image(wrong, samples=n), Image(frames["shadow"])) for n in (1, 0))
+    assert told.verdict == silent.verdict == "fail"
+    assert silent.reasons == told.reasons
+
+
+# ----------------------------------------------------------------------------------------------------- and beyond
+
+
+def test_less_light_on_purpose_differs_and_wrong_geometry_still_fails(frames):
+    lesser = "the tracer has no shadows"
+    a, b = Image(frames["lambert"]), Image(frames["shadow"])
+    c = compare(a, b, lesser=lesser)
+    assert (c.verdict, c.exit_code, c.passed) == ("differs", 0, True)
+    assert c.reasons[0] == lesser
+    assert c.reasons[1:] == compare(a, b).reasons
+    assert compare(b, b, lesser=lesser).verdict == "pass"
+    assert compare(Image(-frames["lambert"]), b, lesser=lesser).verdict == "fail"
+
+
+@pytest.mark.parametrize(
+    ("verdict", "code", "passed"),
+    [("pass", 0, True), ("differs", 0, True), ("fail", 1, False), ("undecided", 2, False)],
+)
+def test_the_exit_codes(verdict, code, passed):
+    c = Comparison(verdict)
+    assert (c.exit_code, c.passed) == (code, passed)
+
+
+def test_the_claim_holds_for_24_pixels_at_random_places():
+    """An error of the claimed size in 24 x 24 pixels anywhere is seen in 9 of 10 pairs: 40 of 60 is 1 in a million."""
+    rng = np.random.default_rng(12)
+    text = compare(render(rng, TRUTH, samples=64), REFERENCE).reasons[0]
+    size = float(text.split(", or of ")[1].split(" %")[0]) / 100
+    seen = 0
+    for _ in range(60):
+        y, x = int(rng.integers(48 - 24)), int(rng.integers(64 - 24))
+        truth = TRUTH.copy()
+        truth[y : y + 24, x : x + 24] *= 1 + size
+        seen += compare(render(rng, truth, samples=64), REFERENCE).verdict == "fail"
+    assert seen >= 41

@@ -1,0 +1,267 @@
+"""What the noise is: surveys, caps, inflation and what may have been missed, against plain loops and closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from raytwin.bench.noises import filtered, render
+from raytwin.compare import noise
+from raytwin.compare.blocks import SIDE, block_sums, dilate, slide, strips
+from raytwin.image import Image
+
+
+def flat(v, mean=0.5, samples=16, batches=16):
+    return Image(np.full_like(v, mean), v, samples, None, batches)
+
+
+@pytest.mark.parametrize("batches", [(16, None), (None, 16), (2, None), (None, 2)])
+def test_degrees_of_freedom_are_the_batches_less_one_and_without_them_the_samples(batches):
+    v = np.ones((1, 1, 3), np.float32)
+    known = batches[0] or batches[1]
+    assert noise.degrees_of_freedom(Image(v, v, batches[1] or 64, None, batches[0])) == known - 1
+    assert noise.degrees_of_freedom(Image(v, v)) == math.inf
+
+
+@given(st.integers(1, 41), st.integers(1, 41), st.integers(0, 2**32 - 1))
+def test_blocks_and_neighbourhoods_are_those_of_a_plain_loop(h, w, seed):
+    v = np.random.default_rng(seed).random((h, w, 3)).astype(np.float32)
+    sums = np.concatenate([block_sums(v[a:b], rows) for a, b, rows in strips(h, 16)])
+    for j in range(-(-h // SIDE)):
+        for i in range(-(-w // SIDE)):
+            block = v[j * SIDE : (j + 1) * SIDE, i * SIDE : (i + 1) * SIDE]
+            assert np.allclose(sums[j, i], block.sum(axis=(0, 1)), rtol=1e-5)
+    tiles = slide(sums)
+    for j, i in ((0, 0), (tiles.shape[0] - 1, tiles.shape[1] - 1)):
+        tile = v[SIDE * j : SIDE * (j + 2), SIDE * i : SIDE * (i + 2)]
+        assert np.allclose(tiles[j, i], tile.sum(axis=(0, 1)), rtol=1e-5)
+    largest = np.concatenate([dilate(v, a, b) for a, b, _ in strips(h, 16)])
+    for y, x in ((0, 0), (h - 1, w - 1), (h // 2, w // 2)):
+        around = v[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2]
+        assert np.array_equal(largest[y, x], around.max(axis=(0, 1)))
+
+
+@given(st.integers(1, 41), st.integers(1, 41), st.integers(0, 2**32 - 1))
+def test_residuals_are_the_unbiased_variance_of_each_block(h, w, seed):
+    a, b = np.random.default_rng(seed).random((2, h, w, 3)).astype(np.float32)
+    shown = noise.residual(a, b, carrying=True)
+    scatter = noise.estimated(a, b)
+    for j in range(-(-h // SIDE)):
+        for i in range(-(-w // SIDE)):
+            rows, columns = slice(j * SIDE, (j + 1) * SIDE), slice(i * SIDE, (i + 1) * SIDE)
+            d = (a[rows, columns].astype(float) - b[rows, columns]).reshape(-1, 3)
+            assert np.array_equal(shown.count[j, i], [len(d)] * 3)
+            if len(d) == 1:
+                assert np.isinf(shown.square[j, i]).all()
+                continue
+            assert np.allclose(shown.square[j, i], d.var(axis=0, ddof=1), rtol=1e-4, atol=1e-9)
+            e = np.square(d - d.mean(axis=0))
+            assert np.allclose(shown.carrying[j, i], e.sum(axis=0) ** 2 / np.square(e).sum(axis=0), rtol=1e-3)
+            assert np.allclose(scatter[rows, columns].mean(axis=(0, 1)), d.var(axis=0, ddof=1), rtol=1e-4, atol=1e-9)
+            assert np.allclose(noise.block_means(a)[j, i], a[rows, columns].mean(axis=(0, 1)), rtol=1e-5)
+
+
+# ------------------------------------------------------------------------------------------------------ fireflies
+
+
+def survey_of(peak, mean=0.5, beside=1.0):
+    """One value `peak` on a variance of 1, `beside` on two of its neighbours; the event lifts its pixel's mean."""
+    v = np.full((24, 24, 3), 1e-4, np.float32)
+    v[12, 12, 1] = peak * 1e-4
+    v[12, 11:14:2, 1] = beside * 1e-4
+    image = flat(v, mean)
+    image.mean[12, 12, 1] = mean
+    return noise.survey(image, np.full_like(v, 0.25))
+
+
+def typical(peak):
+    """(mean sqrt(v))² of a block of 64 in units of 1e-4, one of them `peak`."""
+    return ((63 + math.sqrt(peak)) / 64) ** 2
+
+
+def test_a_firefly_has_more_than_25_times_what_is_typical_of_its_block_and_neighbours():
+    low = next(p for p in np.arange(25, 40, 0.1) if p > 25 * typical(p))
+    for peak, seen in ((low * 0.98, 0), (low * 1.02, 1)):
+        side = survey_of(peak, mean=0.01)
+        assert list(side.events) == pytest.approx([0, seen, 0])
+        assert side.first[1] == pytest.approx(seen * math.sqrt(peak * 1e-4), rel=1e-5)
+        assert side.second[1] == pytest.approx(seen * peak * 1e-4, rel=1e-5)
+        assert side.share[1] == pytest.approx(4 * side.first[1], rel=1e-5)
+        assert side.shares[1] == pytest.approx(16 * side.second[1], rel=1e-5)
+        assert [len(place) for place in side.fireflies] == [seen] * 3
+    assert [int(place[0]) for place in survey_of(1e3, mean=0.01).fireflies] == [12, 12, 1]
+
+
+@pytest.mark.parametrize(("beside", "alone"), [(39, True), (41, False)])
+def test_a_firefly_with_two_neighbours_of_its_kind_is_an_edge(beside, alone):
+    assert survey_of(1000, mean=0.01, beside=beside).events.any() == alone
+
+
+@pytest.mark.parametrize(("events", "few"), [(7.9, True), (8.1, False)])
+def test_a_bright_pixel_of_many_samples_is_no_firefly(events, few):
+    """m² / v counts the events of one size that make a mean m with the variance v."""
+    assert survey_of(1000, mean=math.sqrt(0.1 * events)).events.any() == few
+
+
+def test_fireflies_are_counted_across_strips_and_at_the_frame():
+    v = np.full((130, 20, 3), 1e-6, np.float32)
+    places = [(0, 0, 0), (63, 19, 1), (64, 4, 2), (129, 10, 0)]
+    for y, x, c in places:
+        v[y, x, c] = 1.0
+    side = noise.survey(flat(v, 0.01), np.ones_like(v))
+    assert sorted(zip(*(map(int, p) for p in side.fireflies), strict=True)) == sorted(places)
+    assert list(side.first) == pytest.approx([2, 1, 1])
+    assert list(side.events) == pytest.approx([2, 1, 1])
+    assert side.mean == pytest.approx(float(v.mean(dtype=float)))
+
+
+def test_the_upper_limit_of_what_was_missed_is_that_of_a_poisson_mean():
+    """k alike: size / pixels times (sqrt(k) + c / 2)² + 1, and a fifth on top."""
+    v = np.full((64, 64, 3), 1e-8, np.float32)
+    v[4::16, 4::16] = 1.0
+    side = noise.survey(flat(v, 0.01), np.full_like(v, 1.0))
+    share, c = 2.5e-4, 3.4807564
+    mine, theirs = noise.missed(side, None, (0, 0), 64 * 64, share)
+    expected = 1.2 * ((math.sqrt(16) + c / 2) ** 2 + 1) / 64**2
+    assert list(mine.fixed) == pytest.approx([expected] * 3, rel=1e-6)
+    assert not mine.share.any()
+    assert theirs.nothing
+    radiance = np.array([0.5, 0.5, 0.5])
+    # Missing all of 20 has the probability exp(-20): from there on nothing is granted, but to sums without fireflies.
+    assert mine.of(5119, radiance)[0] == pytest.approx(expected)
+    assert mine.of(5121, radiance)[0] == 0
+    assert mine.always.of(1e9, radiance)[0] == pytest.approx(expected)
+
+
+def test_events_that_are_more_alike_relative_to_the_radiance_are_granted_relative_to_it():
+    v = np.full((64, 64, 3), 1e-8, np.float32)
+    radiance = np.ones_like(v)
+    radiance[:, 32:] = 3
+    v[4::16, 4::16] = np.square(radiance[4::16, 4::16])
+    mine, _ = noise.missed(noise.survey(flat(v, 0.01), radiance), None, (0, 0), 64 * 64, 2.5e-4)
+    assert not mine.fixed.any()
+    expected = 1.2 * ((math.sqrt(16) + 3.4807564 / 2) ** 2 + 1) / 64**2
+    assert list(mine.of(1, np.array([1.0, 2.0, 4.0]))) == pytest.approx(
+        [expected, 2 * expected, 4 * expected], rel=1e-6
+    )
+
+
+@pytest.mark.parametrize(("samples", "density"), [((16, 64), 64 / 16), ((16, 0), 0), ((1, 64), 0), ((2, 4), 2)])
+def test_what_one_image_has_seen_tells_how_much_the_other_must_have(samples, density):
+    v = np.full((64, 64, 3), 1e-8, np.float32)
+    quiet = noise.survey(flat(v, 0.01), np.ones_like(v))
+    v = v.copy()
+    v[4::16, 4::16] = 1.0
+    side = noise.survey(flat(v, 0.01), np.ones_like(v))
+    mine, theirs = noise.missed(side, quiet, samples, 64 * 64, 1e-3)
+    assert theirs.density[0] == pytest.approx(16 * density / 64**2)
+    assert mine.density[0] == pytest.approx(16 / 64**2)
+    assert noise.missed(quiet, side, samples[::-1], 64 * 64, 1e-3)[0].density[0] == pytest.approx(16 * density / 64**2)
+
+
+# -------------------------------------------------------------------------------------------------- two variances
+
+
+@pytest.mark.parametrize(
+    ("samples", "typical", "largest"),
+    [((16, 64), 4.0, 4.0), ((0, 64), 1.0, 1.0), ((2, 4), 2.0, 2.0), ((1, 64), 1.0, 1.0), ((64, 16), 1.0, 1.0)],
+)
+def test_the_ratio_of_variances_is_the_samples_but_no_less_than_the_median(samples, typical, largest):
+    v = np.ones((32, 32, 3), np.float32)
+    images = flat(v, samples=samples[0]), flat(v, samples=samples[1])
+    sides = [noise.survey(i, np.ones_like(v)) for i in images]
+    assert noise.variance_ratio(*images, *sides) == (typical, largest)
+    assert noise.variance_ratio(*images, sides[0], None) == (None, None)
+
+
+def test_the_largest_ratio_is_that_of_the_means_which_fireflies_rule():
+    v, peak = np.ones((32, 32, 3), np.float32), np.ones((32, 32, 3), np.float32)
+    peak[3, 3] = 1025
+    images = flat(peak, samples=0), flat(v, samples=0)
+    sides = [noise.survey(i, np.ones_like(v)) for i in images]
+    assert noise.variance_ratio(*images, *sides) == pytest.approx((1.0, 2.0))
+
+
+@pytest.mark.parametrize(("ratio", "kept"), [(0.9e6, True), (1.1e6, False), (1.1e-6, True), (0.9e-6, False)])
+def test_a_render_and_none_tell_nothing_of_each_other(ratio, kept):
+    v = np.ones((32, 32, 3), np.float32)
+    images = flat(v * np.float32(ratio), samples=0), flat(v, samples=0)
+    sides = [noise.survey(i, np.ones_like(v)) for i in images]
+    found = noise.variance_ratio(*images, *sides)
+    assert found == (pytest.approx((ratio, ratio), rel=1e-5) if kept else (None, None))
+
+
+def test_each_variance_is_its_own_or_what_the_other_says_of_it():
+    va, vb = np.array([1.0, 8.0, 0.0]), np.array([1.0, 1.0, 1.0])
+    assert list(noise.mutual(va, vb, None)) == [2, 9, 1]
+    assert list(noise.mutual(va, vb, 4.0)) == [5, 10, 5]
+
+
+def test_doubt_is_one_over_the_degrees_of_freedom_of_each_variance():
+    """4 v / m² where few events make the mean; between 1 / dof and 1; 1 for what is unusual."""
+    v = np.array([[1.0, 0.01, 1e-6, 0.01, 0.01]], np.float32)
+    m = np.array([[1.0, 1.0, 1.0, 1.0, 0.0]], np.float32)
+    unusual = np.array([[9.0, 9.0, 9.0, 0.001, 9.0]], np.float32)
+    assert noise.doubt(v, m, unusual, 100.0)[0] == pytest.approx([1, 0.04, 0.01, 1, 1])
+    assert noise.doubt(v, m, unusual, math.inf)[0] == pytest.approx([1, 0.04, 4e-6, 1, 1])
+
+
+def test_a_claim_is_capped_at_four_times_what_its_neighbourhood_scatters():
+    rng = np.random.default_rng(4)
+    a, b = np.zeros((40, 40, 3), np.float32), rng.normal(0, 0.1, (40, 40, 3)).astype(np.float32)
+    shown = noise.residual(a, b)
+    v = np.full((40, 40, 3), 0.01, np.float32)
+    kept, much = noise.capped(v, noise.block_means(v), shown)
+    assert kept is v
+    assert much == 0
+    v[:16] = 100.0
+    bounded, much = noise.capped(v, noise.block_means(v), shown)
+    assert much == pytest.approx(2 / 5)
+    assert np.array_equal(bounded[16:], v[16:])
+    means = noise.block_means(bounded)
+    assert means[0, 0] == pytest.approx(4 * shown.square[:2, :2].max(axis=(0, 1)), rel=1e-5)
+    assert means[1, 2] == pytest.approx(4 * shown.square[:3, 1:4].max(axis=(0, 1)), rel=1e-5)
+    assert v[0, 0, 0] == 100  # the input stays
+
+
+# ---------------------------------------------------------------------------------------------------- correlation
+
+
+def inflation_of(a, b):
+    v = noise.block_means(a.variance) + (noise.block_means(b.variance) if b.variance is not None else 0)
+    return noise.inflation(a.mean, b.mean, v.astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    # 1 / Σ of the squared weights, per axis: a box's is 1, a tent's 3/2, a Gaussian's 2 sqrt(pi) of its deviation.
+    [("box", 1.0), ("tent", 1.5**2), ("Mitsuba's Gaussian", np.pi), ("Gaussian, 1 pixel", 4 * np.pi)],
+)
+def test_a_filters_inflation_is_its_own_whatever_the_brightness(name, expected):
+    """Four seeds; the mean of their estimates is known to some per cent. A uniform error of 2 σ changes nothing."""
+    truth = np.full((72, 96, 3), 0.5)
+    found = []
+    for seed in range(4):
+        a = filtered(np.random.default_rng(seed), truth, name, samples=8, batches=8)
+        exact = Image(truth.astype(np.float32))
+        off = np.float32(2 * np.sqrt(a.variance.mean()))
+        found += [inflation_of(Image(a.mean + bias, a.variance), exact) for bias in (np.float32(0), off)]
+    assert np.mean(found) == pytest.approx(expected, rel=0.25)
+
+
+def test_noise_of_independent_pixels_is_not_inflated_even_around_a_wrong_edge():
+    rng = np.random.default_rng(8)
+    truth = np.full((96, 128, 3), 0.5)
+    truth[:, 60:] = 1.0
+    moved = np.full((96, 128, 3), 0.5)
+    moved[:, 61:] = 1.0
+    found = [inflation_of(render(rng, moved), render(rng, truth, samples=64)) for _ in range(5)]
+    assert np.mean(found) < 1.15
+
+
+def test_pictures_too_small_to_tell_are_taken_for_independent():
+    rng = np.random.default_rng(9)
+    a, b = (render(rng, np.full((17, 17, 3), 0.5)) for _ in range(2))
+    assert inflation_of(a, b) == 1

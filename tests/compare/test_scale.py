@@ -1,0 +1,119 @@
+"""The verdict does not change when both images are multiplied by a power of two."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from raytwin.bench.noises import picture, quantised, render
+from raytwin.compare import compare
+from raytwin.compare.scale import Bound, scale_of, unit_of
+from raytwin.files.rounding import half_code
+from raytwin.image import Image
+
+TRUTH = picture(24, 32)
+
+
+def pairs():
+    """Pairs that pass, fail, and are undecided, with noise and without; made once."""
+    rng = np.random.default_rng(11)
+    exact = TRUTH.astype(np.float32)
+    wrong = exact.copy()
+    wrong[5:9, 7:9] *= np.float32(1.0002)
+    a, b = render(rng, TRUTH), render(rng, TRUTH, samples=1024)
+    bits = quantised(a)
+    made = {
+        "equal": (Image(exact), Image(exact.copy())),
+        "rounding": (Image(exact * np.float32(1 + 3e-6)), Image(exact)),
+        "a little wrong": (Image(wrong), Image(exact)),
+        "shifted": (Image(np.roll(exact, 1, axis=1)), Image(exact)),
+        "negative": (Image(exact - np.float32(0.4)), Image(exact)),
+        "noise": (a, b),
+        "noise, 3 % off": (replace(a, mean=a.mean * np.float32(1.03)), b),
+        "near the tolerance": (render(rng, TRUTH, sd=2e-5), render(rng, TRUTH, sd=2e-5)),
+        "nothing told": (replace(a, variance=None, samples=0), replace(b, variance=None, samples=0)),
+        "claims": (replace(a, variance=a.variance * np.float32(1e6)), b),
+        "fireflies": (render(rng, TRUTH, p=1e-3, size=30.0), b),
+        "8 bits": (bits, b),
+    }
+    return {name: (*pair, half_code(bits.mean, 255) if name == "8 bits" else None) for name, pair in made.items()}
+
+
+PAIRS = pairs()
+
+
+def times(image, k):
+    variance = None if image.variance is None else np.ldexp(image.variance, 2 * k)
+    return replace(image, mean=np.ldexp(image.mean, k), variance=variance)
+
+
+@settings(max_examples=150)
+@given(st.sampled_from(sorted(PAIRS)), st.integers(-30, 30))
+@example("noise", 30)
+@example("near the tolerance", -30)
+@example("8 bits", 12)
+def test_the_verdict_stays_when_both_images_are_multiplied_by_a_power_of_two(name, k):
+    a, b, step = PAIRS[name]
+    before = compare(a, b, half_steps=(step, None))
+    after = compare(times(a, k), times(b, k), half_steps=(None if step is None else np.ldexp(step, k), None))
+    assert after.verdict == before.verdict
+    assert len(after.reasons) == len(before.reasons)
+    for x, y in zip(vars_of(after), vars_of(before), strict=True):
+        assert x == (y if y is None else pytest.approx(y, rel=1e-4))
+
+
+def vars_of(c):
+    s = c.statistics
+    return s.z_mean, s.z_tile_worst, s.pixel_fail_fraction, s.minimum_detectable_bias, c.geometry.shift_px
+
+
+def test_the_pairs_have_every_verdict():
+    found = {name: compare(a, b, half_steps=(step, None)).verdict for name, (a, b, step) in PAIRS.items()}
+    assert set(found.values()) == {"pass", "fail", "undecided"}
+    assert found["near the tolerance"] == found["8 bits"] == found["rounding"] == "pass"
+
+
+def test_errors_are_told_in_the_images_own_units():
+    a, b, _ = PAIRS["a little wrong"]
+    small, large = (compare(times(a, k), times(b, k)).reasons for k in (-20, 20))
+    worst = float(np.abs(a.mean - b.mean).max())
+    assert f"the worst {worst * 2.0**-20:.3g} at" in small[0]
+    assert f"the worst {worst * 2.0**20:.3g} at" in large[0]
+
+
+@pytest.mark.parametrize("share", [0.02, 0.5, 1.0])
+def test_the_scale_is_what_is_lit_best_whatever_share_is_background(share):
+    r = np.zeros((40, 50, 3), np.float32)
+    r[: int(40 * share) or 1] = np.float32(0.8)
+    r[0, 0, 0] = 1e6  # a highlight
+    assert scale_of(Image(r)) == pytest.approx(0.8)
+    assert scale_of(Image(np.zeros_like(r)), Image(r)) == pytest.approx(0.8)
+    assert scale_of(Image(np.zeros_like(r)), Image(np.zeros_like(r))) == 1
+
+
+def test_the_scale_is_the_99_per_cent_quantile_of_positive_values():
+    values = np.arange(-200, 1000, dtype=np.float32).reshape(20, 20, 3)
+    assert scale_of(Image(values)) == pytest.approx(1 + 0.99 * 998, abs=1)
+
+
+@given(st.floats(1e-30, 1e30))
+def test_the_unit_is_the_power_of_two_below(scale):
+    unit = unit_of(scale)
+    assert math.frexp(unit)[0] == 0.5
+    assert unit <= scale < 2 * unit
+
+
+def test_a_bound_is_a_share_of_the_scale_or_of_a_brighter_value():
+    bound = Bound(1e-5, 0.5)
+    assert bound.least == 5e-6
+    assert bound.of(np.array([0.0, 0.4, -2.0, 100.0])) == pytest.approx([5e-6, 5e-6, 2e-5, 1e-3])
+    r = np.full((20, 20, 3), 0.5, np.float32)
+    r[3, 3] = 1e5
+    t = r.copy()
+    t[3, 3] += np.float32(0.1)  # rounding of a lamp, not an error of a thousand times the tolerance
+    assert compare(Image(t), Image(r)).passed
+    t[3, 3] += np.float32(1000)
+    assert not compare(Image(t), Image(r)).passed

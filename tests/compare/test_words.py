@@ -1,0 +1,69 @@
+"""The verdict in words: no number that says nothing."""
+
+import re
+
+import numpy as np
+import pytest
+
+from raytwin.bench.noises import picture, render
+from raytwin.compare import compare
+from raytwin.compare.exact import Quiet
+from raytwin.compare.words import agreement, deviations, percent
+from raytwin.image import Image
+
+TRUTH = picture(48, 64)
+
+
+@pytest.mark.parametrize(
+    ("x", "text"),
+    [(0.0123, "1.2 %"), (0.5, "50 %"), (0.99, "99 %"), (3.456, "346 %"), (1e9, "any size"), (np.inf, "any size")],
+)
+def test_shares_are_told_to_two_digits_and_no_further(x, text):
+    assert percent(x) == text
+
+
+@pytest.mark.parametrize(
+    ("z", "text"),
+    [
+        (4.567, "4.57 standard deviations"),
+        (45.67, "46 standard deviations"),
+        (4050.0, "far beyond noise"),
+        (np.inf, "far beyond noise"),
+    ],
+)
+def test_deviations_are_told_where_they_mean_something(z, text):
+    assert deviations(z) == text
+
+
+def test_a_gross_fault_is_told_without_absurd_numbers():
+    rng = np.random.default_rng(1)
+    c = compare(render(rng, 2 * TRUTH, samples=1024), render(rng, TRUTH, samples=4096))
+    text = " ".join(c.reasons)
+    assert c.reasons[0].startswith("the whole image is 100 % too bright in ")
+    assert not re.search(r"e-\d{2,3}\b|e\+\d", text)
+    assert "all of all" not in text
+    assert "; all tiles are beyond noise" in text
+    assert re.search(r"; (all|\d+ % of all) pixels are beyond noise", text)
+
+
+def test_a_pass_with_an_excused_pixel_says_so():
+    r = np.full((120, 100, 3), 0.5, np.float32)
+    t = r.copy()
+    t[7, 9, 1] += np.float32(0.2)
+    c = compare(Image(t), Image(r))
+    assert c.passed
+    assert "1 pixel errs by more, the worst by 0.2 at (x=9, y=7)" in c.reasons[0]
+    assert agreement(1e-7, 1e-5, Quiet(error=9e-5)).endswith("all to 9e-05")
+    assert "3 pixels err by more, the worst by 0.5 at (x=4, y=5)" in agreement(
+        1e-7, 1e-5, Quiet(outliers=3, error=0.5, x=4, y=5)
+    )
+
+
+def test_a_filter_wider_than_the_pixel_is_told():
+    from raytwin.bench.noises import filtered
+
+    rng = np.random.default_rng(2)
+    a, b = (filtered(rng, TRUTH, "Gaussian, 1 pixel", samples=16) for _ in range(2))
+    c = compare(a, b)
+    assert c.passed
+    assert any("neighbouring pixels share their noise" in r for r in c.reasons)
