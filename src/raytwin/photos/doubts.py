@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 
 from raytwin.boards.board import Board
-from raytwin.photos import lens, pose
+from raytwin.photos import pose
 from raytwin.photos.detection import Tag
+from raytwin.scene.lens import undone
 
 CODES = {
     "swapped-orientation": "photos whose width and height are those of the others, swapped: left out",
@@ -92,11 +93,8 @@ def doubts_about(
         which = f"{len(mirrored)} of {len(views)} views"
         text = f"the board is seen from behind in {which}: its description is mirrored (swap the sign of x)"
         found.append(("mirrored-board", text))
-    error, (u, v) = lens.inverse_error(calibration.K, calibration.dist, calibration.image_size)
-    if error > lens.CONVERGED_PX:
-        found.append(
-            ("unconverged-distortion", f"undistorting and distorting pixel ({u}, {v}) comes back {error:.2g} px off")
-        )
+    if fault := undone(calibration.K, calibration.dist, calibration.image_size).fault:
+        found.append(("unconverged-distortion", f"the distortion cannot be undone at {fault}"))
     for photo, ids in outliers.items():
         if ids:
             found.append(("outlier-tags", f"{photo}: rejected tags {', '.join(map(str, sorted(ids)))}"))

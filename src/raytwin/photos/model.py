@@ -11,6 +11,7 @@ from raytwin.errors import InputError
 from raytwin.photos import lens, pose
 from raytwin.photos.fit import MODELS, NAMES, Fit, Seen, fit
 from raytwin.scene import Record
+from raytwin.scene.lens import undone
 
 LADDER = ("none", "k1", "k1k2", "k1k2k3", "full5")
 """What `auto` chooses from, smallest first; each adds coefficients to the one before."""
@@ -37,7 +38,7 @@ class ModelTrial(Record, frozen=True):
 def select_model(views: Sequence[Seen], image_size: tuple[int, int], board: Board) -> tuple[str, dict[str, ModelTrial]]:
     """The smallest sound model within 5 % of the best held-out error; and what came of each model.
 
-    Sound: the fit converges, the radial distortion grows out to the image's corner, and what the model adds to the
+    Sound: the fit converges, its distortion can be undone over the whole image, and what the model adds to the
     next smaller one exceeds 3 standard deviations. Where none is, `none` is taken.
     """
     trials: dict[str, ModelTrial] = {}
@@ -87,9 +88,8 @@ def _doubt(whole: Fit, added: Sequence[str], image_size: tuple[int, int]) -> str
     value = dict(zip(NAMES, whole.dist, strict=False))
     if added and not any(abs(value[n]) > SIGNIFICANT * whole.sigma[n] for n in added):
         return f"{', '.join(added)} within {SIGNIFICANT:g} standard deviations of 0"
-    if not lens.is_monotone(whole.K, whole.dist, image_size):
-        return "the distortion folds back inside the image"
-    return ""
+    fault = undone(whole.K, whole.dist, image_size).fault
+    return f"the distortion cannot be undone at {fault}" if fault else ""
 
 
 def held_out(

@@ -10,12 +10,12 @@ the camera's plane (a hyperbola) or lies behind it (nothing). The horizontal tan
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import product
-from math import ceil, floor, hypot, inf, pi
+from math import ceil, floor, inf, pi
 
 import numpy as np
 
-from raytwin.errors import InputError
 from raytwin.scene import Camera, Rectangle, Shape, Sphere
+from raytwin.scene.lens import LEAST, determinant, undone
 from raytwin.speed.start import invert_lens
 from raytwin.tracer.camera import distort
 
@@ -30,8 +30,8 @@ def trim_boxes(things: Sequence[Shape], camera: Camera) -> np.ndarray:
     """(n, 4) ints: for each object the pixels whose centre's ray can meet it; EMPTY where there are none.
 
     Exact for a pinhole to one pixel, a little larger with a lens: the object's rectangle of normalised coordinates is
-    cut to what the frame can see, and its sides are bent by the distortion. Where the distortion is not monotone over
-    that field of view, the whole frame is returned.
+    cut to what the frame can see, and its sides are bent by the distortion. Where the distortion folds within that
+    field of view, if only in a corner that the frame leaves out, the whole frame is returned.
     """
     low, high = _extents(things, camera)  # (n, 2) each: x, y
     field = field_of_view(camera)
@@ -65,24 +65,20 @@ def trim_box(thing: Shape, camera: Camera) -> Box:
 
 @lru_cache(maxsize=64)
 def field_of_view(camera: Camera) -> tuple[float, float, float, float] | None:
-    """(x_min, x_max, y_min, y_max) of normalised coordinates that the frame sees; None where the lens folds over."""
+    """(x_min, x_max, y_min, y_max) of normalised coordinates that the frame sees; None where the lens folds there."""
     w, h = camera.width - 0.5, camera.height - 0.5
     us, vs = -0.5 + (w + 0.5) * SIDE, -0.5 + (h + 0.5) * SIDE
     u = np.concatenate([us, us, -0.5 + 0 * vs, w + 0 * vs])
     v = np.concatenate([-0.5 + 0 * us, h + 0 * us, vs, vs])
     xd, yd = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
-    try:
-        x, y = invert_lens(camera).undo(xd, yd, camera.coefficients)
-    except InputError:
+    if undone(camera.K, camera.dist, camera.image_size).fault:
         return None
+    x, y = invert_lens(camera).undo(xd, yd, camera.coefficients)
     pad_x, pad_y = 0.01 * np.ptp(x), 0.01 * np.ptp(y)
     field = float(x.min() - pad_x), float(x.max() + pad_x), float(y.min() - pad_y), float(y.max() + pad_y)
-    # Monotone along every radius out to the field's farthest corner: then sides bend, but never fold.
-    k1, k2, _, _, k3 = camera.coefficients
-    reach = hypot(max(-field[0], field[1]), max(-field[2], field[3]))
-    rr = np.linspace(0.0, reach * reach, 257)
-    slope = 1 + rr * (3 * k1 + rr * (5 * k2 + rr * 7 * k3))
-    return field if slope.min() > 0 else None
+    # What lies between the sides of a rectangle comes out between its bent sides if nothing folds within.
+    across, down = (field[a] + (field[a + 1] - field[a]) * SIDE for a in (0, 2))
+    return field if determinant(across, down[:, None], camera.coefficients).min() >= LEAST else None
 
 
 def _extents(things: Sequence[Shape], camera: Camera) -> tuple[np.ndarray, np.ndarray]:

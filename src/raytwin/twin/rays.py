@@ -7,6 +7,7 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.scene import Camera
+from raytwin.scene.lens import check_lens
 
 ENOUGH = 1e-8
 """Pixels: how closely the inverse must come back."""
@@ -62,35 +63,24 @@ def directions(xp: ModuleType, lens: Lens, u: Any, v: Any) -> tuple[Any, Any, An
 
 
 def lens_of(camera: Camera) -> Lens:
-    """The camera's numbers with as many Newton steps as its distortion needs.
+    """The camera's numbers with as many of its own Newton steps as its distortion needs.
 
-    Raises InputError where the distortion cannot be undone somewhere in the image: where Newton's method does not come
-    back to the pixel, or where the Jacobian does not stay positive from the optical axis out to the solution (past such
-    a fold two directions share a pixel). Tested on a grid that includes the image's border.
+    Raises InputError where `check_lens` does, or where these steps do not come back to a pixel of a grid that includes
+    the image's border.
     """
     lens = Lens(camera.fx, camera.fy, camera.cx, camera.cy, camera.coefficients, 0)
     if not any(lens.coefficients):
         return lens
+    check_lens(camera)
     w, h = camera.image_size
     u, v = (a.ravel() for a in np.meshgrid(np.linspace(-0.5, w - 0.5, 65), np.linspace(-0.5, h - 0.5, 65)))
     xd, yd = (u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy
-    along = np.linspace(0, 1, 33)[:, None]
     with np.errstate(all="ignore"):
         for steps in (4, 6, 10, 20):
-            x, y = undistort(xd, yd, lens.coefficients, steps)
-            back = distort(x, y, lens.coefficients)
+            back = distort(*undistort(xd, yd, lens.coefficients, steps), lens.coefficients)
             off = np.hypot((back[0] - xd) * lens.fx, (back[1] - yd) * lens.fy)
             if (off < ENOUGH).all():
-                break
-        _, _, xx, xy, yy = distort(x * along, y * along, lens.coefficients)
-    folded = ((xx * yy - xy * xy <= 0) | (xx + yy <= 0)).any(axis=0)
-    lost = ~(off < ENOUGH)
-    if not (lost | folded).any():
-        return lens._replace(steps=steps)
-    i = int(np.argmax(np.nan_to_num(off, nan=np.inf) if lost.any() else folded))
-    how = f"the way back ends {off[i]:.3g} px off" if lost[i] else "two directions share it"
-    raise InputError(
-        "camera.dist",
-        "a distortion that can be undone over the whole image",
-        f"{list(camera.dist)}, which cannot at pixel ({u[i]:.1f}, {v[i]:.1f}): {how}",
-    )
+                return lens._replace(steps=steps)
+    i = int(np.nan_to_num(off, nan=np.inf).argmax())
+    where = f"pixel ({u[i]:.1f}, {v[i]:.1f}), which comes back {off[i]:.3g} px off"
+    raise InputError("camera.dist", "a distortion that the twin can undo", f"{list(camera.dist)}: {where}")

@@ -1,0 +1,154 @@
+"""Can this lens be undone? Over which part of the frame, and at which pixel not: the one answer that all ask for.
+
+    x' = x g + 2 p1 x y + p2 (r² + 2 x²)      g = 1 + k1 r² + k2 r⁴ + k3 r⁶,  r² = x² + y²
+    y' = y g + p1 (r² + 2 y²) + 2 p2 x y      (Brown 1966; in OpenCV's order k1, k2, p1, p2, k3)
+
+takes an ideal point (x, y) to the distorted one, u = fx x' + cx, v = fy y' + cy. Far enough out every such polynomial
+folds back or runs away: an inverse is one only along a way from the middle. The way to a distorted point q is the curve
+x(s) with distort(x(s)) = s q and x(0) = 0. It goes on while the Jacobian's determinant is positive; where that is 0
+lies a fold, at which two directions share a pixel. Seen from the principal point no pixel hides behind another, so if
+the way reaches every pixel of the border, it reaches all, and the inverse is smooth over the whole frame.
+
+Second, whoever undoes a lens here does it by Newton's method from the distorted point: it must come to the way's end.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytwin.errors import InputError
+from raytwin.scene.camera import Camera
+
+LEAST = 1e-3
+"""The least determinant that counts as undone: there a pixel sees a thousand times the solid angle of the middle's."""
+
+STEPS = 20
+"""Of Newton's: each doubles the number of right digits; a strong lens needs half a dozen before that begins."""
+
+SIDE = 65
+"""Places tested on each side of the border, corners included. A smooth fold that comes in between two of them comes in
+by (side / 128)² / (2 · its radius of curvature): less than the half pixel from the border to a pixel's centre."""
+
+LONGEST, SHORTEST = 1 / 16, 1e-6
+"""Steps along a way, as a share of it."""
+
+
+class Undone(NamedTuple):
+    """Over which part of the frame a distortion can be undone; all arrays are by place, border and inside.
+
+    `pixels` (n, 2): the places. `share` (n,): how much of the way from the principal point to each can be undone, 1 for
+    all of it. `ideal` (n, 2): where that ends, normalised. `found` (n,): Newton's method comes there.
+    """
+
+    pixels: np.ndarray
+    share: np.ndarray
+    ideal: np.ndarray
+    found: np.ndarray
+
+    @property
+    def fault(self) -> str:
+        """Which pixel cannot be undone, and why; empty where all can."""
+        if (self.share == 1).all() and self.found.all():
+            return ""
+        worst = int(self.share.argmin() if (self.share < 1).any() else self.found.argmin())
+        why = "two directions share it" if self.share[worst] < 1 else "Newton's method does not come there"
+        return "pixel ({:.1f}, {:.1f}): {}".format(*self.pixels[worst], why)
+
+
+def undone(K: Any, dist: Sequence[float], image_size: tuple[int, int]) -> Undone:
+    """Where the distortion `dist` (any prefix of k1, k2, p1, p2, k3) can be undone in a frame of (width, height)."""
+    numbers = (*map(float, dist), *(0.0,) * (5 - len(dist)))
+    (fx, _, cx), (_, fy, cy), _ = np.asarray(K, float).tolist()
+    return _undone(fx, fy, cx, cy, numbers, tuple(image_size))
+
+
+def check_lens(camera: Camera) -> None:
+    """Raise InputError, the pixel named, unless the camera's distortion can be undone over the whole frame."""
+    if fault := undone(camera.K, camera.dist, camera.image_size).fault:
+        found = f"{list(camera.dist)}, which cannot at {fault}"
+        raise InputError("camera.dist", "a distortion that can be undone over the whole image", found)
+
+
+@lru_cache(maxsize=64)
+def _undone(fx: float, fy: float, cx: float, cy: float, dist: tuple[float, ...], image_size: tuple[int, int]) -> Undone:
+    us, vs = (np.linspace(-0.5, side - 0.5, SIDE) for side in image_size)
+    u, v = (a.ravel() for a in np.meshgrid(us[::2], vs[::2]))
+    sides = (us, vs[0] + 0 * us), (us, vs[-1] + 0 * us), (us[0] + 0 * vs, vs), (us[-1] + 0 * vs, vs)
+    u, v = (np.concatenate(a) for a in zip(*sides, (u, v), strict=True))
+    xd, yd = (u - cx) / fx, (v - cy) / fy
+    share, x, y = follow(xd, yd, dist) if any(dist) else (np.ones(len(u)), xd, yd)
+    ended = newton(xd, yd, dist)
+    found = np.hypot(ended[0] - x, ended[1] - y) <= 1e-9 * (1 + np.hypot(x, y))
+    return Undone(np.stack([u, v], axis=1), share, np.stack([x, y], axis=1), found)
+
+
+def distort(x: Any, y: Any, dist: Sequence[float]) -> tuple[Any, Any]:
+    """(x', y') of the ideal (x, y); `dist`: k1, k2, p1, p2, k3."""
+    k1, k2, p1, p2, k3 = dist
+    rr = x * x + y * y
+    g = 1 + rr * (k1 + rr * (k2 + rr * k3))
+    return x * g + 2 * p1 * x * y + p2 * (rr + 2 * x * x), y * g + p1 * (rr + 2 * y * y) + 2 * p2 * x * y
+
+
+def jacobian(x: Any, y: Any, dist: Sequence[float]) -> tuple[Any, Any, Any]:
+    """∂x'/∂x, ∂x'/∂y = ∂y'/∂x, ∂y'/∂y."""
+    k1, k2, p1, p2, k3 = dist
+    rr = x * x + y * y
+    g = 1 + rr * (k1 + rr * (k2 + rr * k3))
+    slope = 2 * (k1 + rr * (2 * k2 + rr * 3 * k3))  # dg = slope (x dx + y dy)
+    xx, yy = g + x * x * slope + 2 * p1 * y + 6 * p2 * x, g + y * y * slope + 6 * p1 * y + 2 * p2 * x
+    return xx, x * y * slope + 2 * p1 * x + 2 * p2 * y, yy
+
+
+def determinant(x: Any, y: Any, dist: Sequence[float]) -> Any:
+    """How much larger a small area is distorted than ideal: 0 at a fold, and 1 in the middle."""
+    xx, xy, yy = jacobian(x, y, dist)
+    return xx * yy - xy * xy
+
+
+def newton(xd: np.ndarray, yd: np.ndarray, dist: Sequence[float], steps: int = STEPS) -> tuple[np.ndarray, np.ndarray]:
+    """The (x, y) with distort(x, y) = (xd, yd), by Newton's method from (xd, yd); right where `undone` says so."""
+    x, y = xd, yd
+    with np.errstate(all="ignore"):
+        for _ in range(steps):
+            fx, fy = distort(x, y, dist)
+            dx, dy = _solve(x, y, xd - fx, yd - fy, dist)
+            x, y = x + dx, y + dy
+    return x, y
+
+
+def follow(xd: np.ndarray, yd: np.ndarray, dist: Sequence[float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Follow the way to each (xd, yd) (n,) by short steps: the share of it that can be gone, and the (x, y) there.
+
+    A step goes along the tangent, then by Newton's method. One that Newton's method bends by more than a quarter, that
+    does not come to rest or goes through a fold is halved, so that none leaps to where the polynomial comes back.
+    """
+    x, y, s = np.zeros((3, len(xd)))
+    step = np.full(len(xd), LONGEST)
+    with np.errstate(all="ignore"):
+        while (going := np.flatnonzero((s < 1) & (step > SHORTEST))).size:
+            x0, y0, qx, qy, to = x[going], y[going], xd[going], yd[going], np.minimum(s + step, 1.0)[going]
+            ahead = to - s[going]
+            tx, ty = _solve(x0, y0, ahead * qx, ahead * qy, dist)
+            x1, y1 = x0 + tx, y0 + ty
+            for _ in range(4):
+                fx, fy = distort(x1, y1, dist)
+                dx, dy = _solve(x1, y1, to * qx - fx, to * qy - fy, dist)
+                x1, y1 = x1 + dx, y1 + dy
+            rests = np.hypot(dx, dy) <= 1e-12 * (1 + np.hypot(x1, y1))
+            bent = np.hypot(x1 - x0 - tx, y1 - y0 - ty) > 0.25 * np.hypot(tx, ty) + 1e-15
+            sound = np.minimum(determinant((x0 + x1) / 2, (y0 + y1) / 2, dist), determinant(x1, y1, dist)) >= LEAST
+            good = rests & ~bent & sound
+            here = going[good]
+            x[here], y[here], s[here] = x1[good], y1[good], to[good]
+            step[going] = np.minimum(step[going] * np.where(good, 2.0, 0.5), LONGEST)
+    return s, x, y
+
+
+def _solve(x: Any, y: Any, ex: Any, ey: Any, dist: Sequence[float]) -> tuple[Any, Any]:
+    """J⁻¹ e, J at (x, y)."""
+    a, b, c = jacobian(x, y, dist)
+    scale = 1 / (a * c - b * b)
+    return (c * ex - b * ey) * scale, (a * ey - b * ex) * scale

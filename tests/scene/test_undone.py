@@ -1,0 +1,209 @@
+"""Can this lens be undone: against closed forms, a march by other means, and everybody who asks."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from raytwin.errors import InputError
+from raytwin.scene import Camera
+from raytwin.scene.lens import LEAST, check_lens, determinant, distort, follow, undone
+
+SIZE = (640, 480)
+UNTURNED = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def camera_of(f=600.0, center=(319.5, 239.5), dist=(), fy=None) -> Camera:
+    K = ((f, 0.0, center[0]), (0.0, fy or f, center[1]), (0.0, 0.0, 1.0))
+    return Camera(SIZE, K, UNTURNED, (0.0, 0.0, 0.0), tuple(dist))
+
+
+def fault_of(camera: Camera) -> str:
+    return undone(camera.K, camera.dist, camera.image_size).fault
+
+
+@st.composite
+def cameras(draw) -> Camera:
+    """From mild to absurd: about a quarter cannot be undone."""
+    unit = st.floats(-1, 1)
+    size = draw(st.sampled_from([0.05, 0.3, 1.0, 3.0]))
+    dist = [draw(unit) * size * share for share in (1, 1, 0.1, 0.1, 1)][: draw(st.integers(1, 5))]
+    center = 320 + 320 * draw(unit), 240 + 240 * draw(unit)
+    f = draw(st.floats(200, 1500))
+    return camera_of(f, center, dist, f * draw(st.floats(0.9, 1.1)))
+
+
+def test_a_pinhole_and_a_growing_lens_can_be_undone_everywhere():
+    for dist in ((), (0.0,) * 5, (0.1, 0.2)):
+        known = undone(camera_of(dist=dist).K, dist, SIZE)
+        assert known.fault == ""
+        assert (known.share == 1).all()
+
+
+@pytest.mark.parametrize("k1", [-3.0, -0.7, -0.4])
+def test_a_way_ends_where_k1_alone_folds(k1):
+    """r (1 + k1 r²) is greatest at r = 1 / √(-3 k1), where it is 2/3 of that."""
+    camera = camera_of(300.0, dist=(k1,))
+    known = undone(camera.K, camera.dist, SIZE)
+    wanted = np.linalg.norm((known.pixels - (319.5, 239.5)) / 300, axis=1)
+    reached = known.share < 1
+    fold = 1 / math.sqrt(-3 * k1)
+    assert reached.any()
+    np.testing.assert_allclose((known.share * wanted)[reached], fold * 2 / 3, rtol=1e-4)
+    np.testing.assert_allclose(np.linalg.norm(known.ideal[reached], axis=1), fold, rtol=1e-2)
+    assert (wanted[~reached] < fold * 2 / 3).all()
+
+
+def test_a_fold_of_the_tangential_part_is_found_where_every_radial_slope_grows():
+    """With p1 alone, above the middle y' = y + 3 p1 y²: it turns at y = -1 / (6 p1), pixel v = cy - fy / (12 p1)."""
+    for p1, folds in ((0.3, True), (0.1, False)):
+        camera = camera_of(600.0, dist=(0.0, 0.0, p1))
+        known = undone(camera.K, camera.dist, SIZE)
+        top = np.flatnonzero((known.pixels == (319.5, -0.5)).all(axis=1))[0]
+        turn = 600 / (12 * p1)
+        assert (turn < 240) is folds
+        assert known.share[top] == pytest.approx(min(turn / 240, 1), abs=1e-4)
+        assert (fault_of(camera) != "") is folds
+
+
+def test_the_pixel_that_cannot_be_undone_is_named_in_one_line():
+    with pytest.raises(InputError) as caught:
+        check_lens(camera_of(dist=(-2.5,)))
+    assert str(caught.value) == (
+        "camera.dist: expected a distortion that can be undone over the whole image, "
+        "got [-2.5], which cannot at pixel (-0.5, -0.5): two directions share it"
+    )
+    check_lens(camera_of(2000.0, dist=(-2.5,)))  # a longer lens sees only the part before the fold
+
+
+def test_a_lens_that_newtons_method_does_not_find_its_way_through_is_refused_too():
+    camera = camera_of(401.0, (101.0, 409.0), (0.853, -0.066, -0.01, -0.114, -0.089))
+    known = undone(camera.K, camera.dist, SIZE)
+    assert (known.share == 1).all()
+    assert known.fault.endswith("Newton's method does not come there")
+
+
+@settings(max_examples=40, deadline=None)
+@given(cameras())
+def test_what_is_undone_comes_back_and_grows_all_along_its_way(camera):
+    known = undone(camera.K, camera.dist, SIZE)
+    xd, yd = ((known.pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
+    x, y = known.ideal.T
+    back = np.stack(distort(x, y, camera.coefficients))
+    scale = 1 + np.abs(known.ideal).max()
+    np.testing.assert_allclose(back, known.share * np.stack([xd, yd]), rtol=0, atol=1e-12 * scale)
+    assert (determinant(x, y, camera.coefficients) >= LEAST).all()
+    # The part that can be undone is one piece: a way that can be gone can be gone half, and the inverse is one to one.
+    for part in (0.25, 0.5, 0.999):
+        share, hx, hy = follow(part * known.share * xd, part * known.share * yd, camera.coefficients)
+        assert (share == 1).all()
+        assert (determinant(hx, hy, camera.coefficients) >= LEAST).all()
+
+
+def march(xd, yd, dist, h=4e-3, most=3000):
+    """(share, least determinant) of each way, by another route: by arc length in the ideal plane, Runge and Kutta.
+
+    With A = adj J the curve dx/dτ = A q / |A q|, ds/dτ = det J / |A q| has distort(x) = s q; it walks through a fold
+    instead of stopping at it, so that s turns back there.
+    """
+
+    def slope(x, y):
+        k1, k2, p1, p2, k3 = dist
+        rr = x * x + y * y
+        g, dg = 1 + k1 * rr + k2 * rr**2 + k3 * rr**3, 2 * k1 + 4 * k2 * rr + 6 * k3 * rr**2
+        a = g + x * x * dg + 2 * p1 * y + 6 * p2 * x
+        b = x * y * dg + 2 * p1 * x + 2 * p2 * y
+        c = g + y * y * dg + 6 * p1 * y + 2 * p2 * x
+        wx, wy = c * xd - b * yd, a * yd - b * xd
+        n = np.hypot(wx, wy)
+        return wx / n, wy / n, (a * c - b * b) / n, a * c - b * b
+
+    x, y, s = np.zeros((3, len(xd)))
+    best, least, open_ = np.zeros(len(xd)), np.ones(len(xd)), np.ones(len(xd), bool)
+    for _ in range(most):
+        one = slope(x, y)
+        two = slope(x + h / 2 * one[0], y + h / 2 * one[1])
+        three = slope(x + h / 2 * two[0], y + h / 2 * two[1])
+        four = slope(x + h * three[0], y + h * three[1])
+        dx, dy, ds, _ = ((a + 2 * b + 2 * c + d) * h / 6 for a, b, c, d in zip(one, two, three, four, strict=True))
+        least = np.where(open_, np.minimum(least, one[3]), least)
+        open_ &= one[3] > 0
+        best = np.where(open_, s, best)
+        open_ &= s < 1
+        if not open_.any():
+            return np.minimum(best, 1), least
+        x, y, s = x + dx, y + dy, s + ds
+    return np.minimum(best, 1), least
+
+
+@settings(max_examples=15, deadline=None)
+@given(cameras())
+def test_a_march_by_another_route_ends_at_the_same_places(camera):
+    known = undone(camera.K, camera.dist, SIZE)
+    some = np.linspace(0, len(known.share) - 1, 60).astype(int)
+    xd, yd = ((known.pixels[some] - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
+    away = np.hypot(xd, yd) > 1e-3
+    with np.errstate(all="ignore"):
+        share, least = march(xd[away], yd[away], camera.coefficients)
+    ours = known.share[some][away]
+    # Between 0 and LEAST, and within a step of either, both answers are right.
+    assert (ours[(least > 3 * LEAST) & (share == 1)] == 1).all()
+    folded = least < 0
+    np.testing.assert_allclose(ours[folded], share[folded], atol=0.01)
+    assert (ours[folded & (share < 0.99)] < 1).all()
+
+
+def answers(camera: Camera) -> dict[str, bool]:
+    """Who takes the lens."""
+    from raytwin.photos.fit import Fit
+    from raytwin.photos.model import _doubt
+    from raytwin.speed.start import invert_lens
+    from raytwin.twin.rays import lens_of
+
+    def takes(ask) -> bool:
+        try:
+            ask(camera)
+        except InputError:
+            return False
+        return True
+
+    fitted = Fit(np.array(camera.K), camera.dist, {}, 0.0, ())
+    return {
+        "record": takes(check_lens),
+        "tracer": takes(invert_lens),
+        "twin": takes(lens_of),
+        "calibration": not _doubt(fitted, [], camera.image_size),
+    }
+
+
+@settings(max_examples=40, deadline=None)
+@given(cameras())
+def test_all_who_ask_take_the_same_lenses(camera):
+    from raytwin.speed.boxes import field_of_view
+
+    asked = answers(camera)
+    assert len(set(asked.values())) == 1, asked
+    if not asked["record"]:
+        assert field_of_view(camera) is None
+
+
+@settings(max_examples=40, deadline=None)
+@given(cameras())
+def test_the_tracers_quick_inverse_and_its_plain_one_and_the_twins_end_where_the_way_does(camera):
+    from raytwin.speed.start import invert_lens
+    from raytwin.tracer.camera import undistort
+    from raytwin.twin import rays
+
+    known = undone(camera.K, camera.dist, SIZE)
+    assume(not known.fault)
+    xd, yd = ((known.pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
+    dist = camera.coefficients
+    allowed = 1e-9 * (1 + np.abs(known.ideal).max()) / determinant(*known.ideal.T, dist).clip(LEAST, 1).min()
+    for x, y in (
+        invert_lens(camera).undo(xd, yd, dist),
+        undistort(xd, yd, dist),
+        rays.undistort(xd, yd, dist, rays.lens_of(camera).steps),
+    ):
+        np.testing.assert_allclose(np.stack([x, y], axis=1), known.ideal, rtol=0, atol=allowed)
