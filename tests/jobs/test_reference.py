@@ -1,17 +1,16 @@
 """References: whole or refused, stale when their scene moves, resumed when interrupted, replaced only when asked."""
 
 import shutil
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 import numpy as np
-import program
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from program import raytwin
 
 from raytwin import files, twin
 from raytwin.compare import compare
@@ -312,10 +311,6 @@ def test_a_reference_that_todays_mitsuba_does_not_make_fails(overlap, folder, ru
 
 
 # ------------------------------------------------------------------------------------------ the command
-
-
-def raytwin(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return program.raytwin("reference", *arguments, cwd=cwd)
 
 
 def test_the_command_replaces_only_when_told_to(overlap, folder, tmp_path):
