@@ -217,7 +217,7 @@ def test_update_makes_what_is_missing_or_stale_from_the_scene_and_the_command_it
 def test_update_takes_an_image_without_a_scene_as_its_own_reference_but_never_a_broken_one(pytester):
     source = """
 def test_it(raytwin_reference):
-    raytwin_reference("mine", "path").check(np.full((6, 8, 3), VALUE))
+    raytwin_reference("mine", "path", image=True).check(np.full((6, 8, 3), VALUE))
 """
     run(pytester, source.replace("VALUE", "0.5")).assert_outcomes(failed=1)
     run(pytester, source.replace("VALUE", "0.5"), "--raytwin-update").assert_outcomes(passed=1)
@@ -228,6 +228,29 @@ def test_it(raytwin_reference):
     broken.stdout.fnmatch_lines(["*no reference can be made of this image*NaN*"])
     run(pytester, source.replace("VALUE", "0.6"), "--raytwin-update").assert_outcomes(passed=1)
     run(pytester, source.replace("VALUE", "0.6")).assert_outcomes(passed=1)
+
+
+def test_update_makes_no_reference_of_a_mistyped_scenes_image(pytester):
+    source = """
+def test_it(raytwin_reference):
+    raytwin_reference("overlpa", "shadow").check(np.full((6, 8, 3), 0.5))
+"""
+    result = run(pytester, source, "--raytwin-update")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*There: desk, distorted, grazing, overlap, single*", "*'overlpa', *image=True*"])
+    assert not (pytester.path / "reference").exists()
+
+
+def test_a_wrong_word_in_the_marker_is_named_with_the_right_ones(pytester):
+    source = """
+@pytest.mark.raytwin(scene="overlap")
+def test_it(raytwin_case):
+    pass
+"""
+    result = run(pytester, source)
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*test_it: the marker is raytwin(scenes=None, rungs=None)*argument 'scene'*"])
+    result.stdout.no_fnmatch_line("*INTERNALERROR*")
 
 
 def test_update_leaves_shipped_references_alone(pytester):

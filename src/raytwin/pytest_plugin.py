@@ -46,7 +46,11 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "raytwin_case" not in metafunc.fixturenames:
         return
     marker = metafunc.definition.get_closest_marker("raytwin")
-    asked = _marked(*marker.args, **marker.kwargs) if marker else (None, None)
+    try:
+        asked = _marked(*marker.args, **marker.kwargs) if marker else (None, None)
+    except TypeError as error:
+        what = str(error).partition(") ")[2].replace("_marked()", "it")
+        raise pytest.Collector.CollectError(f"{metafunc.definition.nodeid}: the marker is {MARKER}: {what}") from None
     cases = _Folders(metafunc.config).cases(*asked)
     if not cases:
         raise pytest.UsageError(f"{metafunc.definition.nodeid}: no reference in {_Folders(metafunc.config)}")
@@ -63,11 +67,14 @@ def _marked(scenes: list[str] | None = None, rungs: list[str] | None = None) -> 
 
 @pytest.fixture
 def raytwin_reference(request: pytest.FixtureRequest) -> "Callable[..., Held]":
-    """`raytwin_reference(scene, rung="shadow")`: the reference, with `.check(image)`, `.scene` and `.camera`."""
+    """`raytwin_reference(scene, rung="shadow")`: the reference, with `.check(image)`, `.scene` and `.camera`.
 
-    def find(scene: str, rung: str = "shadow") -> Held:
+    `image=True`: there is no scene of that name, and --raytwin-update takes the image under test for the reference.
+    """
+
+    def find(scene: str, rung: str = "shadow", image: bool = False) -> Held:
         __tracebackhide__ = True
-        return Held(request.node, scene, rung)
+        return Held(request.node, scene, rung, image)
 
     return find
 
@@ -81,9 +88,9 @@ def raytwin_case(request: pytest.FixtureRequest) -> "Held":
 class Held:
     """A reference that images are held to. Missing, damaged or stale, it fails the test and says what to do."""
 
-    def __init__(self, node: pytest.Item, name: str, rung: str) -> None:
+    def __init__(self, node: pytest.Item, name: str, rung: str, image: bool = False) -> None:
         __tracebackhide__ = True
-        self.name, self.rung = name, rung
+        self.name, self.rung, self._of_an_image = name, rung, image
         self._node, self._folders = node, _Folders(node.config)
         self.reference: Reference | None = self._find()
 
@@ -240,7 +247,7 @@ class Held:
             print("\n".join(made.lines()))
             reference.save(made.new)
             return made.new
-        if folders.update and own:
+        if folders.update and own and (self._of_an_image or (found is not None and found.scene is None)):
             return None
         self._fail(f"{why}\n  {self._remedy(scene)}")
 
@@ -255,7 +262,8 @@ class Held:
         there = ", ".join(dict.fromkeys(name for name, _ in self._folders.cases(None, None)))
         return (
             f"There: {there or 'none'}. To make it, write {shown[0]}/scene.toml, then: {command}\n"
-            "  To take the image under test for it: pytest --raytwin-update"
+            f"  Where it is to be an image of no scene: raytwin_reference({self.name!r}, {self.rung!r}, image=True), "
+            "and pytest --raytwin-update"
         )
 
     def _golden(self, image: "Image") -> bool:

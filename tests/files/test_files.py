@@ -6,6 +6,8 @@ import os
 import pickle
 import re
 import struct
+import subprocess
+import sys
 import threading
 import tomllib
 import zlib
@@ -170,7 +172,7 @@ def test_what_is_not_there_or_not_text_is_named(tmp_path):
     (tmp_path / "latin.toml").write_bytes(b"x = '\xe9'")
     with pytest.raises(InputError, match=r"latin\.toml: expected UTF-8 text, got byte 0xe9 at 5"):
         files.read_toml(tmp_path / "latin.toml")
-    with pytest.raises(InputError, match="expected a TOML file, got Is a directory"):
+    with pytest.raises(InputError, match="expected a TOML file, got a folder"):
         files.read_toml(tmp_path)
 
 
@@ -298,12 +300,43 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path):
     assert (tmp_path / "file").read_text() == "x"
 
 
-def test_a_link_stays_a_link(tmp_path):
+def test_a_planted_link_is_replaced_and_what_it_leads_to_is_left_alone(tmp_path):
     (tmp_path / "real").write_text("old")
+    (tmp_path / "real").chmod(0o600)
     (tmp_path / "link").symlink_to("real")
-    files.write_text(tmp_path / "link", "new")
-    assert (tmp_path / "link").is_symlink()
-    assert (tmp_path / "real").read_text() == "new"
+    (tmp_path / "dangling").symlink_to("made by nobody")
+    for name in ("link", "dangling"):
+        files.write_text(tmp_path / name, "new")
+        assert not (tmp_path / name).is_symlink()
+        assert (tmp_path / name).read_text() == "new"
+    assert (tmp_path / "real").read_text() == "old"
+    assert not (tmp_path / "made by nobody").exists()
+    assert (tmp_path / "link").stat().st_mode & 0o777 != 0o600 or os.umask(os.umask(0)) & 0o077 == 0o077
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o755])
+def test_a_files_mode_is_kept(tmp_path, mode):
+    (tmp_path / "x").write_text("old")
+    (tmp_path / "x").chmod(mode)
+    files.write_text(tmp_path / "x", "new")
+    assert (tmp_path / "x").stat().st_mode & 0o7777 == mode
+
+
+def test_standard_output_redirected_to_a_file_is_written_into(tmp_path):
+    code = "from raytwin import files; files.write_text('/dev/stdout', 'through')"
+    with (tmp_path / "out").open("w") as out:
+        subprocess.run([sys.executable, "-c", code], stdout=out, check=True)
+    assert (tmp_path / "out").read_text() == "through"
+    assert Path("/dev/stdout").is_symlink()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes are a POSIX thing")
+def test_devices_and_pipes_are_refused_as_input(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero")):
+        for read in (files.read_image, files.read_photo, files.read_exr, files.read_toml, files.photo_size):
+            with pytest.raises(InputError, match="got a device or a pipe"):
+                read(path)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes are a POSIX thing")

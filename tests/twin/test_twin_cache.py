@@ -1,4 +1,5 @@
 import dataclasses
+import zipfile
 
 import msgspec
 import numpy as np
@@ -42,6 +43,28 @@ def test_a_damaged_file_is_rendered_again(scene, tmp_path):
         file.write_bytes(damaged)
         assert same(first, render(scene, "path", samples=2))
         assert len(file.read_bytes()) == len(whole)
+
+
+def test_a_crafted_file_is_rendered_again(scene, tmp_path):
+    """Sound archives whose arrays no render of this scene can have."""
+    first = render(scene, "path", samples=2)
+    (file,) = tmp_path.glob("renders/*.npz")
+    with np.load(file) as kept:
+        sound = {name: kept[name] for name in kept.files}
+    nan, wide = sound["mean"].copy(), np.zeros((24, 33, 3), np.float32)
+    nan[3, 4, 1] = np.nan
+    for crafted in (
+        {"mean": nan}, {"mean": wide}, {"mean": sound["mean"].astype(np.float64)}, {"variance": sound["mean"][:3]},
+        {"ids": sound["ids"][0]}, {"ids": sound["ids"] + 0.5}, {"depth": np.float32(1)}, {"samples": np.array([1, 2])},
+        {"samples": np.int64(-4)}, {"normal": np.full_like(sound["normal"], np.inf)}, {"batches": np.array("x")},
+    ):  # fmt: skip
+        np.savez(file, **(sound | crafted))
+        assert same(first, render(scene, "path", samples=2)), crafted
+    header = b"{'descr': '<f4', 'fortran_order': False, 'shape': (1000000, 1000000, 3), }"
+    npy = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("mean.npy", npy)
+    assert same(first, render(scene, "path", samples=2))
 
 
 def test_everything_that_moves_a_pixel_is_in_the_key(scene):

@@ -1,7 +1,6 @@
 """What the bench writes and reads back: plain records, one JSON file."""
 
 import os
-from pathlib import Path
 
 import msgspec
 
@@ -144,10 +143,9 @@ def write_bench(bench: Bench, path: str | os.PathLike, repeats: bool = True) -> 
 
 def read_bench(path: str | os.PathLike) -> Bench:
     """What `write_bench` wrote. Raises InputError with the file and the field that is wrong."""
+    path = files.check_file(path, "a file that `raytwin bench --save` wrote")
     try:
-        data = msgspec.json.decode(Path(path).read_bytes())
-    except FileNotFoundError:
-        raise InputError(path, "a file that `raytwin bench --save` wrote", "no such file") from None
+        data = msgspec.json.decode(path.read_bytes())
     except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
         raise InputError(path, "JSON that `raytwin bench --save` wrote", error) from None
     return files.to_record(path, data, Bench)

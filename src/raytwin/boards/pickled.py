@@ -15,13 +15,13 @@ import pickle
 import pickletools
 import warnings
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 
 from raytwin.boards.board import FAMILIES, Board, BoardTag, check_board, family_size
 from raytwin.errors import InputError
+from raytwin.files import check_file
 
 LARGEST = 1 << 20
 """Bytes of a file; a board of a thousand tags takes a tenth."""
@@ -229,7 +229,7 @@ class _Reader(pickle._Unpickler):
 
 def read_pickle(path: str | os.PathLike) -> Any:
     """The plain data in a pickle of any protocol, arrays as `_Array`; InputError for all else. Runs nothing."""
-    path = Path(path)
+    path = check_file(path, "a pickle of boards")
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST + 1)

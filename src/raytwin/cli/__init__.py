@@ -3,7 +3,11 @@
 Exit codes: 0 pass, 1 the comparison failed, 2 undecided, or the input or the machine is at fault.
 """
 
+import contextlib
+import io
+import os
 import sys
+import traceback
 from typing import Annotated
 
 import typer
@@ -63,21 +67,60 @@ EXTRAS = {
 """What the light install leaves out, by the extra that brings it."""
 
 
+INTERRUPTED, CLOSED, OWN_FAULT = 130, 141, 70
+"""Exit codes as shells and sysexits.h have them. 1 says that a comparison failed, and nothing else."""
+
+
 def main() -> None:
-    """The entry point: an InputError becomes one line on standard error and exit code 2."""
+    """The entry point: whatever goes wrong is one line on standard error, and an exit code that is not 1."""
+    sys.exit(_run())
+
+
+def _run() -> int:
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
     try:
-        app()
-    except ModuleNotFoundError as error:
-        name = (error.name or "").partition(".")[0]
-        if name not in EXTRAS:
-            raise
-        print(f"raytwin: this needs {name}: pip install 'raytwin[{EXTRAS[name]}]'", file=sys.stderr)
-        sys.exit(2)
-    except InputError as error:
-        print(f"raytwin: {error}", file=sys.stderr)
-        sys.exit(2)
-    except BrokenPipeError:
-        sys.exit(141)
+        code = app(standalone_mode=False)
+        sys.stdout.flush()
+        return code or 0
+    except Exception as error:
+        return _told(error)
     except KeyboardInterrupt:
-        print("raytwin: interrupted", file=sys.stderr)
-        sys.exit(130)
+        return _said("interrupted", INTERRUPTED)
+    except SystemExit as ended:
+        if isinstance(ended.__context__, BrokenPipeError):  # typer's own answer to it is exit code 1
+            return _told(ended.__context__)
+        raise
+
+
+def _told(error: Exception) -> int:
+    """The error in one line on standard error, and its exit code."""
+    if isinstance(error, InputError):
+        return _said(str(error))
+    if isinstance(error, ModuleNotFoundError) and (name := (error.name or "").partition(".")[0]) in EXTRAS:
+        return _said(f"this needs {name}: pip install 'raytwin[{EXTRAS[name]}]'")
+    if isinstance(error, typer.Abort):
+        return _said("interrupted", INTERRUPTED)
+    if hasattr(error, "show"):  # typer's own: an option that is none
+        error.show()
+        return 2
+    if isinstance(error, OSError):
+        if error.filename is None:  # what was left to print: not a second time, when Python ends
+            with contextlib.suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            return CLOSED
+        return _said(str(InputError(error.filename or "standard output", "a working one", error.strerror or error)))
+    if isinstance(error, UnicodeEncodeError):
+        return _said(str(InputError("the name of a file", "UTF-8", repr(error.object)[:80])))
+    if isinstance(error, MemoryError):
+        return _said(f"not enough memory{f': {error}' if str(error) else ''}")
+    traceback.print_exception(error)
+    return _said("this is a fault of raytwin's own", OWN_FAULT)
+
+
+def _said(text: str, code: int = 2) -> int:
+    with contextlib.suppress(OSError):
+        print(f"raytwin: {text}", file=sys.stderr)
+    return code

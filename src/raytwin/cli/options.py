@@ -1,5 +1,6 @@
 """Options that several commands share, and what their texts mean. Everything here is checked before work begins."""
 
+import math
 import os
 import re
 from pathlib import Path
@@ -26,6 +27,8 @@ Flip = Annotated[
     bool, typer.Option("--flip", callback=_flip, help="Add NVIDIA's perceptual metric FLIP (slow; extra `flip`).")
 ]
 
+MOST_PIXELS = 400_000_000
+"""As much as a file may have."""
 MOST_SIDE = 100_000
 """Pixels of a picture's width or height that are taken for meant."""
 
@@ -38,18 +41,28 @@ def parse_size(text: str, option: str) -> tuple[int, int]:
     match = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", text)
     if not match or not all(0 < int(side) <= MOST_SIDE for side in match.groups()):
         raise InputError(option, "WIDTHxHEIGHT in pixels, as 640x480", text)
-    return int(match[1]), int(match[2])
+    width, height = int(match[1]), int(match[2])
+    if width * height > MOST_PIXELS:
+        gigabytes = 12e-9 * width * height
+        raise InputError(option, f"at most {MOST_PIXELS / 1e6:.0f} megapixels", f"{text}, {gigabytes:.0f} GB an image")
+    return width, height
 
 
-def parse_numbers(text: str, option: str) -> tuple[float, ...]:
-    """
+def parse_numbers(text: str, option: str, most: int | None = None) -> tuple[float, ...]:
+    """At most `most` finite numbers.
+
     >>> parse_numbers("0.1,-0.2", "--dist"), parse_numbers("", "--dist")
     ((0.1, -0.2), ())
     """
     try:
-        return tuple(float(part) for part in text.split(",")) if text.strip() else ()
+        numbers = tuple(float(part) for part in text.split(",")) if text.strip() else ()
     except ValueError:
         raise InputError(option, "numbers separated by commas", text) from None
+    if not all(map(math.isfinite, numbers)):
+        raise InputError(option, "finite numbers", text)
+    if most is not None and len(numbers) > most:
+        raise InputError(option, f"at most {most} numbers", len(numbers))
+    return numbers
 
 
 def parse_counts(text: str, option: str) -> tuple[int, ...]:

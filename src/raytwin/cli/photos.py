@@ -74,7 +74,7 @@ def photograph_command(
             count=count,
             size=parse_size(size, "--size"),
             focal=focal,
-            dist=parse_numbers(dist, "--dist"),
+            dist=parse_numbers(dist, "--dist", 5),
             samples=samples,
             seed=seed,
             with_objects=with_objects,

@@ -20,7 +20,7 @@ from raytwin.files.pictures import (
 )
 from raytwin.files.records import plain, read_toml, to_record, write_json, write_toml
 from raytwin.files.rounding import Rounding, half_floats, rounding_of
-from raytwin.files.safe import replacing, write_text
+from raytwin.files.safe import check_file, replacing, write_text
 from raytwin.files.scenes import check_camera, read_camera, read_scene, write_camera
 from raytwin.files.shipped import REFERENCES, SCENES, all_scenes, copy_scene, find_scene, scene_folders, scene_sentence
 
@@ -31,6 +31,7 @@ __all__ = [
     "Rounding",
     "all_scenes",
     "check_camera",
+    "check_file",
     "copy_scene",
     "find_scene",
     "from_bytes",

@@ -1,6 +1,7 @@
 """EXR: an Image with its variance, surface and provenance as parts of one file; and whatever others write."""
 
 import contextlib
+import errno
 import io
 import os
 from collections.abc import Iterable, Iterator, Mapping
@@ -11,9 +12,10 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.files.limits import check_size
-from raytwin.files.safe import replacing
+from raytwin.files.safe import check_file, replacing
 from raytwin.image import Image, Surface
 
+FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 
 
@@ -45,7 +47,13 @@ def write_exr(path: str | os.PathLike, image: Image, header: Mapping[str, str] |
                 attributes |= {"raytwin/batches": str(image.batches)}
         built.append(OpenEXR.Part(attributes, channels, name))
     with replacing(path) as temporary, OpenEXR.File(built) as file:
-        file.write(str(temporary))
+        try:
+            file.write(str(temporary))
+        except RuntimeError as error:  # OpenEXR makes no OSError of what the system says
+            said = next((text for text in map(os.strerror, FULL) if text in str(error)), None)
+            if said is None:
+                raise
+            raise InputError(path, "a place that can be written", said) from None
 
 
 def _rgb(pixels: np.ndarray) -> dict[str, np.ndarray]:
@@ -174,8 +182,7 @@ def _opened(path: str | os.PathLike, header_only: bool = False) -> Iterator[list
     """The parts as OpenEXR has them. From 3.5 on it survives all damage of tests/files/hostile.py."""
     import OpenEXR
 
-    if not Path(path).is_file():
-        raise InputError(path, "an EXR file", "a folder" if Path(path).is_dir() else "no such file")
+    check_file(path, "an EXR file")
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # it prints what it cannot read
             opened = OpenEXR.File(str(path), separate_channels=True, header_only=header_only)

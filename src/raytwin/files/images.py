@@ -8,7 +8,7 @@ from raytwin.files.exr import EXR_MAGIC, exr_layer, read_exr, stack, write_exr
 from raytwin.files.hdr import read_hdr
 from raytwin.files.pfm import pfm_bytes, read_pfm
 from raytwin.files.pictures import check_png, from_bytes, read_deep_png, read_photo, to_bytes, write_picture
-from raytwin.files.safe import replacing
+from raytwin.files.safe import check_file, replacing
 from raytwin.image import Image
 
 MAGIC = {
@@ -24,9 +24,7 @@ def read_image(path: str | os.PathLike, part: str | None = None, layer: str | No
     Grey becomes three equal channels; alpha is left out; PNG and JPEG are taken for sRGB. An EXR's pixels are those of
     its data window.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "an image file", "a folder" if path.is_dir() else "no such file")
+    path = check_file(path, "an image file")
     try:
         with path.open("rb") as file:
             start = file.read(8)

@@ -14,7 +14,7 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.files.limits import check_size
-from raytwin.files.safe import replacing
+from raytwin.files.safe import check_file, replacing
 
 
 def srgb_encode(linear: np.ndarray) -> np.ndarray:
@@ -77,8 +77,7 @@ def photo_orientation(path: str | os.PathLike) -> int:
 def _opened(path: str | os.PathLike) -> Iterator[Any]:
     from PIL import Image as Pillow  # 40 ms: not at import
 
-    if Path(path).is_dir():
-        raise InputError(path, "a photo (JPEG or PNG)", "a folder")
+    check_file(path, "a photo (JPEG or PNG)")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)
@@ -86,7 +85,7 @@ def _opened(path: str | os.PathLike) -> Iterator[Any]:
             with Pillow.open(io.BytesIO(Path(path).read_bytes()), formats=("JPEG", "PNG")) as photo:
                 check_size(path, *photo.size, 12)
                 yield photo
-    except (FileNotFoundError, PermissionError) as error:
+    except PermissionError as error:
         raise InputError(path, "a photo (JPEG or PNG)", error.strerror.lower()) from None
     except Pillow.UnidentifiedImageError:
         raise InputError(path, "a photo (JPEG or PNG)", "a file of another kind, or a damaged header") from None

@@ -5,7 +5,6 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
@@ -13,7 +12,7 @@ import numpy as np
 import tomli_w
 
 from raytwin.errors import InputError
-from raytwin.files.safe import write_text
+from raytwin.files.safe import check_file, write_text
 
 T = TypeVar("T")
 
@@ -42,11 +41,9 @@ def _foreign(value: Any) -> Any:
 
 
 def read_toml(path: str | os.PathLike) -> dict[str, Any]:
-    path = Path(path)
+    path = check_file(path, "a TOML file")
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(path, "a TOML file", "no such file") from None
     except OSError as error:
         raise InputError(path, "a TOML file", error.strerror) from None
     except UnicodeDecodeError as error:

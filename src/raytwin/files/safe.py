@@ -3,6 +3,7 @@
 import contextlib
 import os
 import secrets
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,25 +14,46 @@ from raytwin.errors import InputError
 def replacing(path: str | os.PathLike) -> Iterator[Path]:
     """A temporary path beside `path`, renamed to it when the block ends well and removed when it does not.
 
-    Links are followed. A device or a pipe (/dev/stdout) is handed out as it is: a rename would replace it.
+    A file that was there gives its mode. A link that was there is replaced, never followed: who planted it does not
+    choose what is overwritten. What a device or a pipe is, or leads to (/dev/stdout), is handed out as it is.
     """
-    real = Path(os.path.realpath(path))
-    if real.is_dir():
-        raise InputError(path, "a file to write", "a folder")
-    temporary = real.parent / f".{real.stem}-{secrets.token_hex(4)}{real.suffix}"
+    path = Path(path)
+    temporary = path.parent / f".{path.stem}-{secrets.token_hex(4)}{path.suffix}"
     try:
-        if real.exists() and not real.is_file():
-            yield real
+        if path.is_dir():
+            raise InputError(path, "a file to write", "a folder")
+        if (path.exists() and not path.is_file()) or _is_of_the_system(path):
+            yield path
             return
-        real.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         temporary.touch(exist_ok=False)
         yield temporary
-        temporary.replace(real)
+        if path.is_file() and not path.is_symlink():
+            temporary.chmod(stat.S_IMODE(path.stat().st_mode) & 0o777)
+        temporary.replace(path)
     except OSError as error:
         raise InputError(path, "a place that can be written", error.strerror or error) from error
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def _is_of_the_system(path: Path) -> bool:
+    """/dev/stdout, /proc/self/fd/1: where these lead to a file, replacing it would leave the opened one behind."""
+    return path.absolute().parts[1:2] in (("dev",), ("proc",))
+
+
+def check_file(path: str | os.PathLike, kind: str) -> Path:
+    """`path` if it is a file, which `kind` names: no folder, and no device or pipe, which may never end."""
+    path = Path(path)
+    try:
+        whole = path.is_file()
+    except OSError as error:  # a folder above that may not be entered
+        raise InputError(path, kind, error.strerror or error) from None
+    if not whole:
+        what = "a folder" if path.is_dir() else "a device or a pipe" if path.exists() else "no such file"
+        raise InputError(path, kind, what)
+    return path
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:

@@ -29,6 +29,8 @@ VARIANTS = ("llvm_ad_rgb", SCALAR, "cuda_ad_rgb")
 PROBE = Path(__file__).with_name("probe.py")
 PROBE_SECONDS = 120
 PACKAGES = ("raytwin", "mitsuba", "drjit", "numpy", "opencv-contrib-python-headless")
+NO_LIBRARY = os.devnull
+"""For DRJIT_LIBLLVM_PATH, where none works: left to itself, Dr.Jit takes one of the system's, and may abort with it."""
 LLVM_FOLDERS = (
     "/usr/lib/llvm*/lib",
     "/usr/lib/*-linux-gnu",
@@ -88,9 +90,12 @@ def activate(variant: str | None = None) -> Backend:
     # Dr.Jit loads a libLLVM when it is imported, whatever the variant: let it be one that works.
     library = backend.libllvm
     if library is None and "drjit" not in sys.modules:
-        library = choose().libllvm
+        library = choose().libllvm or NO_LIBRARY
     if library:
         os.environ["DRJIT_LIBLLVM_PATH"] = _set_here = library
+    if library == NO_LIBRARY:
+        with _no_words():
+            import drjit  # noqa: F401
     import mitsuba as mi
 
     try:
@@ -101,6 +106,16 @@ def activate(variant: str | None = None) -> Backend:
     return backend
 
 
+@contextlib.contextmanager
+def _no_words() -> Iterator[None]:
+    """Dr.Jit says on standard error, past Python, that it found no library: that is known."""
+    with contextlib.ExitStack() as stack:
+        kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+        stack.callback(lambda: (os.dup2(kept, 2), os.close(kept), os.close(nowhere)))
+        os.dup2(nowhere, 2)
+        yield
+
+
 def choose(forced: str | None = None) -> Backend:
     """The backend that `activate` would make current: remembered on this machine, or found by probing."""
     start = time.perf_counter()
@@ -108,6 +123,8 @@ def choose(forced: str | None = None) -> Backend:
     memory = cache_folder() / f"backend-{_machine(forced, paths)}.json"
     with contextlib.suppress(OSError, msgspec.MsgspecError):
         known = msgspec.json.decode(memory.read_bytes(), type=Backend)
+        if known.variant not in VARIANTS or known.libllvm not in (None, *paths):
+            raise msgspec.ValidationError("a backend that was not found here")
         return msgspec.structs.replace(known, seconds=time.perf_counter() - start)
     backend = _probe_all(forced, paths, start)
     with contextlib.suppress(InputError):  # a cache that cannot be written costs a probe next time, nothing else
@@ -251,7 +268,8 @@ def _machine(forced: str | None, paths: list[str]) -> str:
     facts = [forced, sys.prefix, versions(), _processor(), PROBE.read_text()]
     for path in paths:
         try:
-            facts.append((path, os.path.realpath(path), Path(path).stat().st_mtime_ns))
+            known = Path(path).stat()
+            facts.append((path, os.path.realpath(path), known.st_mtime_ns, known.st_size, known.st_ino))
         except OSError:
             facts.append((path, None, None))
     return hashlib.sha256(repr(facts).encode()).hexdigest()[:20]

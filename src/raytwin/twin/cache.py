@@ -3,6 +3,7 @@
 import contextlib
 import os
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +21,8 @@ def path_of(key: str) -> Path:
     return cache_folder() / "renders" / f"{key}.npz"
 
 
-def load(key: str) -> Image | None:
-    """The image kept under `key`; None where there is none, or a damaged one (npz checks its sums)."""
+def load(key: str, shape: tuple[int, ...]) -> Image | None:
+    """The image kept under `key`, of `shape` (H, W, 3); None where there is none, or one that no render can be."""
     path = path_of(key)
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
@@ -33,11 +34,22 @@ def load(key: str) -> Image | None:
             Surface(found["ids"], found["depth"], found["normal"]),
             int(found["batches"]) if "variance" in found else None,
         )
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+    except (OSError, ValueError, KeyError, TypeError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error):
+        return None
+    if not _is_whole(image, shape):
         return None
     with contextlib.suppress(OSError):
         os.utime(path)
     return image
+
+
+def _is_whole(image: Image, shape: tuple[int, ...]) -> bool:
+    """A file in the cache may be of another's making: shapes, kinds and finiteness are those of a render."""
+    s = image.surface
+    floats = [image.mean, s.normal, *([] if image.variance is None else [image.variance])]
+    shapes = all(a.shape == shape for a in floats) and s.ids.shape == s.depth.shape == shape[:2]
+    kinds = all(a.dtype == np.float32 for a in (*floats, s.depth)) and s.ids.dtype == np.int32
+    return shapes and kinds and all(bool(np.isfinite(a).all()) for a in (*floats, s.depth)) and image.samples > 0
 
 
 def store(key: str, image: Image) -> None:

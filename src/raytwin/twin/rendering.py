@@ -76,7 +76,7 @@ def render(
     textures = check_textures(scene, textures)
     about = _about(scene, plan, textures, activate(variant).variant)
     key = hashlib.sha256(repr(about).encode()).hexdigest()[:32]
-    if cache and (image := kept.load(key)) is not None:
+    if cache and (image := kept.load(key, (scene.camera.height, scene.camera.width, 3))) is not None:
         return image
 
     start = time.perf_counter()

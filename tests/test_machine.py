@@ -1,0 +1,145 @@
+"""What the machine or the input refuses is one line and exit code 2: never 1, which says that a comparison failed."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from program import raytwin, refused
+
+from raytwin import files
+from raytwin.cli import main
+from raytwin.image import Image
+
+LONG = "/" + "x" * 300
+"""No folder can have this name: asking for it fails, as one that may not be entered does."""
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="a Linux thing")
+
+
+@pytest.fixture
+def pair(tmp_path) -> tuple[Path, Path]:
+    """Two images that differ."""
+    a = np.random.default_rng(3).random((90, 120, 3)).astype(np.float32)
+    for name, image in (("a", a), ("b", 1.5 * a)):
+        files.write_exr(tmp_path / f"{name}.exr", Image(image))
+    return tmp_path / "a.exr", tmp_path / "b.exr"
+
+
+@LINUX
+def test_a_full_disk_is_said_and_leaves_nothing_behind(pair, tmp_path):
+    """No file may grow beyond 20 kB: the system refuses as it does where the disk is full."""
+    (tmp_path / "sitecustomize.py").write_text(
+        "import resource, signal\nsignal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))\n"
+    )
+    (tmp_path / "out").mkdir()
+    path = os.pathsep.join([str(tmp_path), str(Path(files.__file__).parents[2])])
+    code = (
+        "import numpy as np; from raytwin import files; from raytwin.image import Image; import sys\n"
+        "files.write_image(sys.argv[1], Image(np.random.rand(90, 120, 3).astype('f')))"
+    )
+    for ending in ("exr", "pfm", "png"):
+        child = subprocess.run(
+            [sys.executable, "-c", code, tmp_path / "out" / f"x.{ending}"],
+            env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True,
+        )  # fmt: skip
+        assert child.stderr.endswith(f"x.{ending}: expected a place that can be written, got File too large\n")
+    run = raytwin("diff", *pair, "-o", tmp_path / "out", PYTHONPATH=path)
+    refused(run, "out/", "File too large")
+    assert not [p for p in (tmp_path / "out").iterdir() if p.suffix != ".json"]
+
+
+@LINUX
+def test_standard_output_on_a_full_disk_is_exit_code_2():
+    command = [sys.executable, "-m", "raytwin", "scenes"]
+    with Path("/dev/full").open("w") as full:
+        run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert (run.returncode, run.stderr) == (
+        2, "raytwin: standard output: expected a working one, got No space left on device\n",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("command", [("scenes",), ("diff", "A", "B")])
+def test_a_closed_pipe_is_no_failed_comparison(pair, command):
+    command = [str(pair["AB".index(c)]) if c in ("A", "B") else c for c in command]
+    reading, writing = os.pipe()
+    os.close(reading)
+    run = subprocess.run([sys.executable, "-m", "raytwin", *command], stdout=writing, stderr=subprocess.PIPE, text=True)
+    os.close(writing)
+    assert (run.returncode, run.stderr) == (141, "")
+
+
+@LINUX
+def test_a_home_that_cannot_be_entered_costs_the_cache_alone(tmp_path):
+    asked = ("compare", "single", "--size", "32x24", "-o", tmp_path / "out")
+    run = raytwin(*asked, HOME=LONG, XDG_CACHE_HOME="", RAYTWIN_CACHE="")
+    assert run.returncode == 0, run.stderr
+
+
+@LINUX
+def test_a_name_that_is_not_utf8_is_no_traceback(pair, tmp_path):
+    odd = os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9.png")
+    files.write_picture(odd, np.zeros((4, 5, 3), np.uint8))
+    refused(raytwin("diff", odd, tmp_path / "nosuch.png"), "nosuch.png", "no such file")
+    refused(raytwin("diff", odd, odd, "--json", tmp_path / "x.json"), "UTF-8", "caf")
+    assert raytwin("diff", odd, odd).returncode == 0
+
+
+@LINUX
+def test_a_file_that_cannot_be_read_is_named(pair):
+    refused(raytwin("diff", "/proc/self/mem", pair[0]), "/proc/self/mem", "Input/output error")
+
+
+def test_pipes_and_devices_are_refused_where_files_are_read(tmp_path, pair):
+    os.mkfifo(tmp_path / "pipe")
+    for command in (
+        ("diff", tmp_path / "pipe", pair[0]),
+        ("bench", "single", "--against", tmp_path / "pipe"),
+        ("board", "--import", tmp_path / "pipe", "-o", tmp_path / "x.toml"),
+        ("calibrate", tmp_path, "--board", tmp_path / "pipe"),
+    ):
+        refused(raytwin(*command), "pipe")
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (("compare", "single", "--size", "100000x100000"), "400 megapixels, got 100000x100000, 120 GB an image"),
+        (("photograph", "-o", "OUT", "--board", "B", "--dist", "nan"), "--dist: expected finite numbers, got nan"),
+        (("photograph", "-o", "OUT", "--board", "B", "--dist", "1,2,3,4,5,6"), "--dist: expected at most 5 numbers"),
+        (("bench", "single", "--spheres", "inf"), "--spheres: expected finite numbers"),
+        (("bench", "single", "--sizes", "nan"), "--sizes: expected finite numbers"),
+        (("bench", "single", "--crowd", "-3"), "--crowd: expected numbers above 0, got -3"),
+        (("compare", "single", "--rung", "shadwo"), "got shadwo (did you mean shadow?)"),
+        (("compare", "single", "--engine", "numpy46"), "(did you mean numpy64?)"),
+        (("compare", "sinlge"), "no such scene (did you mean single?)"),
+    ],
+)  # fmt: skip
+def test_an_option_beyond_reason_is_refused(tmp_path, scenes, command, said):
+    command = [{"OUT": tmp_path / "o", "B": scenes / "desk" / "board.toml"}.get(c, c) for c in command]
+    refused(raytwin(*command), said)
+
+
+def test_raytwins_own_fault_is_neither_a_failed_comparison_nor_the_inputs(monkeypatch, capsys):
+    monkeypatch.setattr("raytwin.cli.app", lambda **_: [][1])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 70
+    assert "IndexError" in capsys.readouterr().err
+
+
+BAD_LLVM = next(iter(sorted(Path("/usr/lib").glob("*/libLLVM-15.so.1"))), None)
+
+
+@LINUX
+@pytest.mark.skipif(BAD_LLVM is None, reason="no libLLVM that Dr.Jit aborts with (15)")
+def test_an_engine_takes_no_libllvm_that_was_not_seen_to_work(tmp_path):
+    """LLVM 15 aborts the process at the first kernel on some machines; with every candidate hidden, nothing is left."""
+    asked = ("compare", "single", "--size", "32x24", "-o", tmp_path / "out", "--engine", "drjit32")
+    run = raytwin(*asked, RAYTWIN_NO_LLVM="1", DRJIT_LIBLLVM_PATH=str(BAD_LLVM))
+    refused(run, "engine", "expected a machine with llvm for Dr.Jit, got none")
+    bench = ("bench", "single", "--sizes", "0.003", "--budget", "5", "--methods", "drjit32*,numpy32*")
+    run = raytwin(*bench, "-o", tmp_path / "b", RAYTWIN_NO_LLVM="1", DRJIT_LIBLLVM_PATH=str(BAD_LLVM))
+    assert run.returncode == 0, run.stderr
