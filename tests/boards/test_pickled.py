@@ -420,4 +420,4 @@ def tries(tmp_path_factory, data: bytes) -> None:
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
     refused(tmp_path / "none.pickle", "none.pickle", "no such file")
-    refused(tmp_path, "directory")
+    refused(tmp_path, "a folder")
