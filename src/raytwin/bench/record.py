@@ -136,12 +136,12 @@ class Bench(msgspec.Struct, frozen=True):
     repeats: tuple[Repeats, ...] = ()
 
 
-def write_bench(bench: Bench, path: str | os.PathLike, repeats: bool = True) -> None:
+def write_bench(bench: Bench, path: str | os.PathLike[str], repeats: bool = True) -> None:
     """As JSON; NaN and infinity, which JSON lacks, become null."""
     files.write_json(path, bench if repeats else msgspec.structs.replace(bench, repeats=()))
 
 
-def read_bench(path: str | os.PathLike) -> Bench:
+def read_bench(path: str | os.PathLike[str]) -> Bench:
     """What `write_bench` wrote. Raises InputError with the file and the field that is wrong."""
     path = files.check_file(path, "a file that `raytwin bench --save` wrote")
     try:

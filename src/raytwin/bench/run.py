@@ -12,14 +12,14 @@ import numpy as np
 from raytwin import files, twin
 from raytwin.bench.crowd import crowded
 from raytwin.bench.frontier import median_iqr, on_frontier
-from raytwin.bench.measure import Measured, guess, repeat, warm
+from raytwin.bench.measure import Look, Measured, guess, repeat, warm
 from raytwin.bench.record import Bench, Converged, Deviation, Growth, LeftOut, Measurement, Repeats
 from raytwin.bench.truth import WHOLE, converge, measure, truth_of
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.jobs.camera import find_camera
 from raytwin.jobs.versions import versions
-from raytwin.methods.method import Method
+from raytwin.methods.method import Call, Method
 from raytwin.methods.table import choose
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Scene
@@ -104,7 +104,13 @@ def bench(
 
 
 def measure_size(
-    scene: Scene, methods: Sequence[Method], deadline: float, repeats: int, truth_samples: int, flip: bool, progress
+    scene: Scene,
+    methods: Sequence[Method],
+    deadline: float,
+    repeats: int,
+    truth_samples: int,
+    flip: bool,
+    progress: Progress,
 ) -> tuple[list[Measurement], list[Converged], list[Deviation], list[LeftOut], list[Repeats]]:
     """Truths, warm-up, timed rounds, for one size of picture."""
     w, h = scene.camera.image_size
@@ -140,7 +146,7 @@ def comparable(truth: str) -> bool:
 
 
 def get_ready(
-    scene: Scene, methods: Sequence[Method], deadline: float, progress
+    scene: Scene, methods: Sequence[Method], deadline: float, progress: Progress
 ) -> tuple[list[Measured], list[LeftOut]]:
     """Each method prepared, compiled and tried on two thumbnails, which tell what it will take at full size."""
     w, h = scene.camera.image_size
@@ -172,7 +178,7 @@ def get_ready(
 
 
 def warm_up(
-    ready: list[Measured], look, deadline: float, left: list[LeftOut], size: tuple[int, int], progress
+    ready: list[Measured], look: Look, deadline: float, left: list[LeftOut], size: tuple[int, int], progress: Progress
 ) -> list[Measured]:
     """The methods that had their first call at full size: the quick ones first, as many as can have three more."""
     done, owed = [], 0.0
@@ -223,12 +229,12 @@ def mean_of(values: list[float | None]) -> float | None:
 
 
 def measure_growth(
-    scene: Scene, count: int, methods: Sequence[Method], deadline: float, repeats: int, progress
+    scene: Scene, count: int, methods: Sequence[Method], deadline: float, repeats: int, progress: Progress
 ) -> tuple[list[Growth], list[LeftOut]]:
     """The methods' seconds on a picture of `count` spheres."""
     w, h = scene.camera.image_size
 
-    def ignore(method: Method, image: Image) -> dict:
+    def ignore(method: Method, image: Image) -> dict[str, dict[str, float | None]]:
         return {}
 
     ready, left = get_ready(scene, methods, deadline, progress)
@@ -261,7 +267,7 @@ def area(scene: Scene) -> int:
     return scene.camera.width * scene.camera.height
 
 
-def timed(call) -> float:
+def timed(call: Call) -> float:
     start = time.perf_counter()
     call(0)
     return time.perf_counter() - start

@@ -1,7 +1,7 @@
 """raytwin bench: speed against accuracy; its kin `paper`, `calibration` and `list`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -23,7 +23,7 @@ CALIBRATIONS = 7
 class OrDefault(TyperGroup):
     """A group whose first word may be left out: what is no command begins DEFAULT's arguments."""
 
-    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         if args and args[0] not in (*self.commands, *ctx.help_option_names):
             args = [DEFAULT, *args]
         return super().parse_args(ctx, args)

@@ -1,11 +1,13 @@
 """raytwin board: a board to print, or one from a pickle."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import typer
 
 from raytwin.errors import InputError, check_one_of
+
+T = TypeVar("T")
 
 
 def board_command(
@@ -46,28 +48,48 @@ def board_command(
     for option, value in (importing if pickle is None else drawing).items():
         if value is not None:
             raise InputError(option, f"nothing {'without' if pickle is None else 'with'} --import", value)
-    given = {"--tag": tag, "--out": out}
-    if pickle is not None:
-        # Who asks for the names needs to know nothing else.
-        if name is not None:
-            _all_of({"--unit": unit, **given})
-        _import(pickle, name, unit or "m", tag or "1m", bool(y_down), out or Path("board.toml"))
-        return
-    _all_of({"--columns": columns, "--rows": rows, "--pitch": pitch, **given})
-    for option in ("--columns", "--rows", "--first-id"):
-        if drawing[option] is not None and drawing[option] < (option != "--first-id"):
-            raise InputError(option, f"a whole number from {int(option != '--first-id')}", drawing[option])
+    if pickle is None:
+        grid = _counted("--columns", columns, 1), _counted("--rows", rows, 1), needed("--pitch", pitch)
+        first = _counted("--first-id", first_id or 0, 0)
+        _draw(grid, needed("--tag", tag), needed("--out", out), paper, margin, landscape, first, family or "tag36h11")
+    elif name is None:  # who asks for the names needs to know nothing else
+        _import(pickle, None, unit or "m", tag or "1m", bool(y_down), out or Path("board.toml"))
+    else:
+        _import(pickle, name, needed("--unit", unit), needed("--tag", tag), bool(y_down), needed("--out", out))
 
+
+def needed(option: str, value: T | None) -> T:
+    if value is None:
+        raise InputError(option, "a value", "nothing")
+    return value
+
+
+def _counted(option: str, value: int | None, least: int) -> int:
+    if (count := needed(option, value)) < least:
+        raise InputError(option, f"a whole number from {least}", count)
+    return count
+
+
+def _draw(
+    grid: tuple[int, int, str],
+    tag: str,
+    out: Path,
+    paper: str | None,
+    margin: str | None,
+    landscape: bool | None,
+    first_id: int,
+    family: str,
+) -> None:
     from raytwin import boards
     from raytwin.boards import lengths, sheet
 
+    columns, rows, pitch = grid
     edge, step = lengths.parse_length(tag, "--tag"), lengths.parse_length(pitch, "--pitch")
     blank = lengths.parse_length(margin, "--margin", zero=True) if margin is not None else 0.005
     chosen = (paper or "a4").strip().lower()
     size = lengths.parse_paper(chosen, "--paper")
-    family = family or "tag36h11"
     check_one_of("--family", family, boards.FAMILIES)
-    definition = boards.Board(family, edge, boards.Grid(columns, rows, step, first_id or 0))
+    definition = boards.Board(family, edge, boards.Grid(columns, rows, step, first_id))
     sheet.check_gap(definition)
     boards.check_board(definition)
     inches = "in" in chosen or chosen in ("letter", "legal", "tabloid")
@@ -75,12 +97,6 @@ def board_command(
     toml = sheet.write_sheet(out, laid)
     width, height = (f"{v * 1000:.5g}" for v in laid.paper)
     typer.echo(f"{columns * rows} tags on {width} x {height} mm, print at 100 %: {out}, {toml}")
-
-
-def _all_of(options: dict[str, object]) -> None:
-    for option, value in options.items():
-        if value is None:
-            raise InputError(option, "a value", "nothing")
 
 
 def _import(pickle: Path, name: str | None, unit: str, tag: str, y_down: bool, out: Path) -> None:
@@ -91,4 +107,4 @@ def _import(pickle: Path, name: str | None, unit: str, tag: str, y_down: bool, o
     edge, metres = lengths.parse_length(tag, "--tag"), lengths.parse_unit(unit, "--unit")
     board = pickled.read_pickled(pickle, name, edge, metres, y_down)
     write_board(out, board, f"Imported from {pickle.name}: {name}.")
-    typer.echo(f"{len(board.tags)} tags of {name}: {out}")
+    typer.echo(f"{len(board.centers())} tags of {name}: {out}")

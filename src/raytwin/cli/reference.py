@@ -1,15 +1,18 @@
 """raytwin reference make | check | show | diff: references that renders are held to. Imported by cli.py."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from raytwin.cli.options import parse_size
 from raytwin.cli.progress import show_progress
 from raytwin.errors import InputError, check_one_of
+
+if TYPE_CHECKING:
+    from raytwin.scene import SceneFile
 
 app = typer.Typer(help="Reference images: make, check, show them, or see what would change.", no_args_is_help=True)
 
@@ -147,7 +150,7 @@ def diff_command(
         raise typer.Exit(1)
 
 
-def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> Iterator[tuple]:
+def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[tuple[Path, str, SceneFile]]":
     """(scene's path, rung, scene with its camera found) of every reference that is asked for."""
     from raytwin import files
     from raytwin.jobs import reference
@@ -176,5 +179,5 @@ def _asked(question: str) -> bool:
     return _terminal() and typer.confirm(question, default=False)
 
 
-def _count(things: list) -> str:
+def _count(things: Sequence[object]) -> str:
     return f"{len(things)} reference{'s' * (len(things) != 1)}"

@@ -58,7 +58,7 @@ SHARES = {"calibration": 0.55, "small": 0.2}
 
 
 def paper(
-    path: str | os.PathLike | None = None,
+    path: str | os.PathLike[str] | None = None,
     *,
     shoot: Shoot | None = None,
     taken: Sequence[Taken] = (),
@@ -82,7 +82,15 @@ def paper(
         return _paper(path, shoot, Taken(folder, shoot.board), taken, budget, repeats, progress)
 
 
-def _paper(path, shoot: Shoot, synthetic: Taken, taken, budget: float, repeats: int, progress) -> Paper:
+def _paper(
+    path: str | os.PathLike[str] | None,
+    shoot: Shoot,
+    synthetic: Taken,
+    taken: Sequence[Taken],
+    budget: float,
+    repeats: int,
+    progress: Progress,
+) -> Paper:
     start = time.perf_counter()
     scene = find_camera(files.read_scene(path), progress=progress)[0] if path else two_spheres(*shoot.size)
     until = start + SHARES["calibration"] * budget
@@ -126,7 +134,9 @@ class Frames(NamedTuple):
     left_out: list[LeftOut]
 
 
-def measure_frames(scene: Scene, methods: Sequence[Method], deadline: float, repeats: int, progress) -> Frames:
+def measure_frames(
+    scene: Scene, methods: Sequence[Method], deadline: float, repeats: int, progress: Progress
+) -> Frames:
     """Every method warm and in turn with the others."""
     truth = trace(scene, RUNG, "numpy64", trim="none")
 

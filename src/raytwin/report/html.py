@@ -5,7 +5,7 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from importlib import resources
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import jinja2
 import numpy as np
@@ -26,7 +26,7 @@ LISTED = 8
 """Worst pixels in the table."""
 
 
-def write_report(shown: "PairView | Result", path: str | os.PathLike) -> None:
+def write_report(shown: "PairView | Result", path: str | os.PathLike[str]) -> None:
     """The whole report as one HTML file without references to any other; some megabytes, mostly pictures."""
     view = shown if isinstance(shown, PairView) else view_of(shown)
     page = template().render(
@@ -42,7 +42,7 @@ def write_report(shown: "PairView | Result", path: str | os.PathLike) -> None:
     files.write_text(path, page)
 
 
-def side_by_side(view: PairView) -> dict:
+def side_by_side(view: PairView) -> dict[str, Any]:
     """Linked pictures, the inspector's values, the worst pixels."""
     error = signed_error(view.test, view.reference, "absolute")
     held = view.tolerance or Tolerance()
@@ -165,7 +165,7 @@ def ring_note(apart: list[tuple[int, int]]) -> str:
     return f"the first {pictures.MARKS} pixels that differ are ringed"
 
 
-def colour_bar(scale: pictures.Scale, tolerance: float | None) -> dict:
+def colour_bar(scale: pictures.Scale, tolerance: float | None) -> dict[str, Any]:
     """A strip of the palette, its ticks (position in percent, text), its words, where `tolerance` is."""
     strip = pictures.png_url(np.arange(255, dtype=np.uint8)[None], pictures.palette())
     if scale.logarithmic:
@@ -188,7 +188,7 @@ def colour_bar(scale: pictures.Scale, tolerance: float | None) -> dict:
 # ------------------------------------------------------------------------------------------ numbers for the page
 
 
-def meta(view: PairView, values: Values) -> dict:
+def meta(view: PairView, values: Values) -> dict[str, Any]:
     """What report.js needs to decode the values and to name what a pixel sees."""
     height, width = view.reference.shape[:2]
     planes = [{k: v for k, v in asdict(plane).items() if k != "data"} for plane in values.planes]
@@ -198,7 +198,7 @@ def meta(view: PairView, values: Values) -> dict:
     }  # fmt: skip
 
 
-def pixel_rows(view: PairView, worst: list[tuple[int, int]], apart: list[tuple[int, int]]) -> list[dict]:
+def pixel_rows(view: PairView, worst: list[tuple[int, int]], apart: list[tuple[int, int]]) -> list[dict[str, Any]]:
     """Exact values at pixels worth a look: those that see another object first, then the worst errors."""
     names = dict(enumerate(view.objects)) | {-1: "background"}
     chosen = list(dict.fromkeys([*apart[: LISTED // 2], *worst]))[:LISTED]
@@ -214,7 +214,7 @@ def pixel_rows(view: PairView, worst: list[tuple[int, int]], apart: list[tuple[i
     return rows
 
 
-def calibrated(view: PairView) -> dict | None:
+def calibrated(view: PairView) -> dict[str, Any] | None:
     """Intrinsics with their standard deviations, views worst first, and the spread of the views' rms for the bars."""
     calibration = view.calibration
     if calibration is None:

@@ -6,6 +6,6 @@ from raytwin import files
 from raytwin.compare import Report
 
 
-def write_comparison(report: Report, path: str | os.PathLike) -> None:
+def write_comparison(report: Report, path: str | os.PathLike[str]) -> None:
     """Every number of the report under its field's name; NaN and infinity, which JSON lacks, become null."""
     files.write_json(path, report.numbers())

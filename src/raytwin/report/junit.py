@@ -20,7 +20,7 @@ class Case(NamedTuple):
     output: str = ""
 
 
-def write_junit(cases: Iterable[Case], path: str | os.PathLike, suite: str = "raytwin") -> None:
+def write_junit(cases: Iterable[Case], path: str | os.PathLike[str], suite: str = "raytwin") -> None:
     """A failed comparison is a `failure` with its reasons; an undecided one and an InputError are an `error`."""
     cases = list(cases)
     kinds = [_kind(c.outcome) for c in cases]

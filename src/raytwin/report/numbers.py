@@ -81,8 +81,8 @@ def rows(
         for number in (n for n in NUMBERS if n.group == group):
             value = getattr(getattr(comparison, group), number.key)
             number = number._replace(absent=number.absent.format(reference=reference))
-            free = number.bound is None or tolerance is None or (noisy and number.key in FOR_EXACT)
-            bound = None if free else number.bound(tolerance)
+            free = noisy and number.key in FOR_EXACT
+            bound = number.bound(tolerance) if number.bound and tolerance and not free else None
             # A pass holds every bound: pixels that are allowed to see another object are excused from the others.
             held = None if value is None or bound is None else comparison.passed or value <= bound
             found.append(NumberRow(number, value, bound, held))

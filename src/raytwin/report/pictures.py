@@ -4,12 +4,16 @@ import base64
 import io
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from raytwin import files
 from raytwin.compare import error_map, error_scale
 from raytwin.image import BACKGROUND, Image, Surface
+
+if TYPE_CHECKING:
+    from PIL import Image as Pillow
 
 ONLY_TEST, ONLY_REFERENCE, OTHER_OBJECT = "#e66100", "#5d3a9b", "#d6006e"
 """Orange and purple stay apart for every kind of colour vision (and from the greys of agreement)."""
@@ -167,7 +171,7 @@ def picture_url(pixels: np.ndarray) -> tuple[str, bool]:
     return jpeg_url(pixels), False
 
 
-def _url(picture, kind: str, **options) -> str:
+def _url(picture: "Pillow.Image", kind: str, **options: Any) -> str:
     buffer = io.BytesIO()
     picture.save(buffer, kind, **options)
     return f"data:image/{kind};base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"

@@ -1,6 +1,6 @@
 """A comparison or a calibration in a few lines of text, for the terminal."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from raytwin.compare import METRICS
 from raytwin.jobs.diff import Diff
@@ -50,13 +50,13 @@ def calibration_summary(calibration: "Calibration") -> str:
     lines.append(f"  rms {calibration.rms_px:.3f} px")
     lines += [
         f"  {'*' if t.taken else ' '} {t.model:<7} held out {t.held_out_px:.3f} px: {t.why}"
-        for t in explained(calibration.evidence.trials, calibration.model)
+        for t in (explained(calibration.evidence.trials, calibration.model) if calibration.evidence else ())
     ]
     lines += [f"  warning ({w.code}): {w.text}" for w in calibration.warnings]
     return "\n".join(lines)
 
 
-def augment_summary(rows: list[dict]) -> str:
+def augment_summary(rows: list[dict[str, Any]]) -> str:
     """A line per photo, and where there is a truth, the error of each region: linear light, 1 is white."""
     lines = []
     for row in rows:

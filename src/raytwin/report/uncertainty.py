@@ -94,7 +94,7 @@ def stretched(values: np.ndarray, width: int, height: int) -> np.ndarray:
     return np.asarray(grid.resize((width, height), Pillow.Resampling.BILINEAR))
 
 
-def coloured(values: np.ndarray, low: float, high: float, lines: Sequence[float] = ()) -> np.ndarray:
+def coloured(values: np.ndarray, low: float, high: float, lines: Sequence[float] | np.ndarray = ()) -> np.ndarray:
     """(H, W, 3) uint8: VIRIDIS from low to high, white where a neighbour is on the other side of one of `lines`."""
     share = (values - low) / (high - low)
     at = np.linspace(0, 1, len(VIRIDIS))

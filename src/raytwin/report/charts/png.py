@@ -66,9 +66,11 @@ def draw(canvas: "Pillow.Image", pen: "ImageDraw.ImageDraw", shape: Shape, k: in
         case Words() if shape.turned:
             _turned(canvas, shape, k)
         case Words(text, at, size, colour, bold, anchor, _, halo):
-            edge = {"stroke_width": k, "stroke_fill": "#ffffff"} if halo else {}
             letter = {"start": "l", "middle": "m", "end": "r"}[anchor]
-            pen.text(_up(at, k), text, colour, font(bold, size * k), letter + "m", **edge)
+            edge = k if halo else 0
+            pen.text(
+                _up(at, k), text, colour, font(bold, size * k), letter + "m", stroke_width=edge, stroke_fill="white"
+            )
         case Picture(low, high, pixels):
             _picture(canvas, _up(low, k), _up(high, k), pixels)
 

@@ -1,5 +1,6 @@
 """A drawing as SVG: text stays text; a point carries its name and tells its tip on hover."""
 
+from collections.abc import Iterable
 from html import escape
 
 from raytwin.report.charts.shapes import Box, Drawing, Marker, Picture, Shape, Stroke, Words
@@ -46,5 +47,5 @@ def _box(low: tuple[float, float], high: tuple[float, float]) -> str:
     return f'x="{low[0]:.1f}" y="{low[1]:.1f}" width="{high[0] - low[0]:.1f}" height="{high[1] - low[1]:.1f}"'
 
 
-def _points(points) -> str:
+def _points(points: Iterable[tuple[float, float]]) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
