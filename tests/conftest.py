@@ -4,6 +4,7 @@ from pathlib import Path
 
 import hypothesis
 import pytest
+import shape_checks  # noqa: F401  before anything of raytwin is imported
 
 pytest_plugins = ["engines"]
 

@@ -71,6 +71,7 @@ def test_the_tracer_is_numpy_and_records_and_nothing_else():
         "raytwin.image",
         "raytwin.rungs",
         "raytwin.scene",
+        "raytwin.shapes",
     }
 
 

@@ -353,7 +353,7 @@ def test_loading_the_plugin_loads_nothing_else():
 
 def test_a_run_that_does_not_use_the_plugin_loads_no_numpy_for_it(pytester):
     pytester.makepyfile("import sys\ndef test_it():\n    assert 'numpy' not in sys.modules\n")
-    pytester.runpytest_subprocess("-p", "no:hypothesispytest").assert_outcomes(passed=1)
+    pytester.runpytest_subprocess("-p", "no:hypothesispytest", "-p", "no:jaxtyping").assert_outcomes(passed=1)
 
 
 # ------------------------------------------------------------------------------------------ formats

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from raytwin.shapes import Bool, Float, Float32, Int32
+
 BACKGROUND = -1
 
 
@@ -16,9 +18,9 @@ class Surface:
     eye, 0 at the background.
     """
 
-    ids: np.ndarray
-    depth: np.ndarray
-    normal: np.ndarray
+    ids: Int32[np.ndarray, "h w"]
+    depth: Float32[np.ndarray, "h w"]
+    normal: Float32[np.ndarray, "h w 3"]
 
     @classmethod
     def empty(cls, width: int, height: int) -> "Surface":
@@ -27,7 +29,7 @@ class Surface:
         return cls(np.full((height, width), BACKGROUND, np.int32), depth, normal)
 
     @property
-    def mask(self) -> np.ndarray:
+    def mask(self) -> Bool[np.ndarray, "h w"]:
         """(H, W) bool: an object is seen here."""
         return np.asarray(self.ids != BACKGROUND)
 
@@ -42,8 +44,8 @@ class Image:
     centres see, where the renderer tells.
     """
 
-    mean: np.ndarray
-    variance: np.ndarray | None = None
+    mean: Float[np.ndarray, "h w 3"]
+    variance: Float[np.ndarray, "h w 3"] | None = None
     samples: int = 1
     surface: Surface | None = None
     batches: int | None = None

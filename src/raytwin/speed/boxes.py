@@ -16,6 +16,7 @@ import numpy as np
 
 from raytwin.scene import Camera, Rectangle, Shape, Sphere
 from raytwin.scene.lens import LEAST, determinant, undone
+from raytwin.shapes import Int
 from raytwin.speed.start import invert_lens
 from raytwin.tracer.camera import distort
 
@@ -26,7 +27,7 @@ EMPTY: Box = (0, 0, 0, 0)
 SIDE = np.linspace(0.0, 1.0, 65)
 
 
-def trim_boxes(things: Sequence[Shape], camera: Camera) -> np.ndarray:
+def trim_boxes(things: Sequence[Shape], camera: Camera) -> Int[np.ndarray, "n 4"]:
     """(n, 4) ints: for each object the pixels whose centre's ray can meet it; EMPTY where there are none.
 
     Exact for a pinhole to one pixel, a little larger with a lens: the object's rectangle of normalised coordinates is
@@ -140,11 +141,11 @@ def corner_box(thing: Shape, camera: Camera) -> Box:
     return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else EMPTY
 
 
-def whole_frames(things: Sequence[Shape], camera: Camera) -> np.ndarray:
+def whole_frames(things: Sequence[Shape], camera: Camera) -> Int[np.ndarray, "n 4"]:
     return np.tile((0, 0, camera.width, camera.height), (len(things), 1))
 
 
-def corner_boxes(things: Sequence[Shape], camera: Camera) -> np.ndarray:
+def corner_boxes(things: Sequence[Shape], camera: Camera) -> Int[np.ndarray, "n 4"]:
     return np.array([corner_box(thing, camera) for thing in things], int).reshape(-1, 4)
 
 

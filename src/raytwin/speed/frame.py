@@ -11,6 +11,7 @@ from raytwin.errors import check_one_of
 from raytwin.image import Image, Surface
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, seen_from_eye
+from raytwin.shapes import Float32, Int
 from raytwin.speed.boxes import TRIMS
 from raytwin.speed.engine import ENGINES, Engine, canvas, flush, lift, only_where, pixel_grid, store, tile_grid
 from raytwin.speed.lists import Listed, Table, walk, walk_all
@@ -49,7 +50,9 @@ def trace(
     return Image(mean, surface=surface)
 
 
-def background(scene: Scene, rung: str = "shadow", out: np.ndarray | None = None) -> np.ndarray:
+def background(
+    scene: Scene, rung: str = "shadow", out: Float32[np.ndarray, "h w 3"] | None = None
+) -> Float32[np.ndarray, "h w 3"]:
     """What the camera sees where it meets nothing: (H, W, 3) float32, the sky's radiance, or 0 where a rung has none.
 
     `out` is filled, where given, and returned.
@@ -69,7 +72,7 @@ def background(scene: Scene, rung: str = "shadow", out: np.ndarray | None = None
 
 def draw(
     scene: Scene,
-    out: np.ndarray,
+    out: Float32[np.ndarray, "h w 3"],
     rung: str = "shadow",
     engine: str = "numpy64",
     solver: str = "robust",
@@ -149,7 +152,7 @@ class View:
         return Listed(self.table, ids) if self.engine.is_numpy else walk_all(self.table, self.engine)
 
 
-def tiles(view: View, boxes: np.ndarray, shadows: bool) -> Iterator[Piece]:
+def tiles(view: View, boxes: Int[np.ndarray, "n 4"], shadows: bool) -> Iterator[Piece]:
     """(u, v, place, world) of one tile after the other, whose arrays stay in the processor's cache."""
     work = plan(view.local, boxes, view.local.camera.image_size, TILE_NUMPY, shadows)
     for tile in work.tiles.tolist():
@@ -162,7 +165,7 @@ def tiles(view: View, boxes: np.ndarray, shadows: bool) -> Iterator[Piece]:
         yield u, v, place, view.world(Listed(view.table, ids), Listed(view.table, work.casters.at(tile)))
 
 
-def kernel(view: View, boxes: np.ndarray, shadows: bool) -> Iterator[Piece]:
+def kernel(view: View, boxes: Int[np.ndarray, "n 4"], shadows: bool) -> Iterator[Piece]:
     """The same for Dr.Jit: all tiles at once."""
     w, h = view.local.camera.image_size
     work = plan(view.local, boxes, (w, h), TILE_DRJIT, shadows)

@@ -8,6 +8,7 @@ import numpy as np
 
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
+from raytwin.shapes import Bool, Float32, Int32
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
 from raytwin.speed.frame import TILE_DRJIT, View
@@ -25,10 +26,10 @@ CHUNK = 1 << 14
 class Points(NamedTuple):
     """Per ray (m,): `colour` (m, 3), `ids`, `lit`: the sun reaches it, `point` (m, 3): from the eye, board's axes."""
 
-    colour: np.ndarray
-    ids: np.ndarray
-    lit: np.ndarray
-    point: np.ndarray | None
+    colour: Float32[np.ndarray, "m 3"]
+    ids: Int32[np.ndarray, " m"]
+    lit: Bool[np.ndarray, " m"]
+    point: Float32[np.ndarray, "m 3"] | None
 
 
 def trace_points(

@@ -1,7 +1,7 @@
 """What a ray meets: the nearest of all objects, its point, normal and albedo; or whether anything at all."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -37,6 +37,7 @@ def facts_of(thing: Shape) -> Facts:
     return Facts(thing.center, thing.normal, 0.0, thing.material.albedo)
 
 
+@runtime_checkable
 class Objects(Protocol):
     """What rays are tested against: state = body(state, id, object) for one after the other, `facts` of those met."""
 
@@ -61,10 +62,7 @@ class Every(NamedTuple):
 
 
 class Hit(NamedTuple):
-    """Per ray: `t` metres, `ids`, `point`, `normal` (unit, to the eye), `albedo`; `inside`: a sphere, seen from within.
-
-    Where nothing is met, t is infinity, id -1, and the others mean nothing.
-    """
+    """Per ray: `t` metres (infinity: nothing), `ids` (-1: nothing), unit `normal` to the eye; `inside` of a sphere."""
 
     t: Any
     ids: Any
