@@ -56,6 +56,32 @@ def test_a_way_ends_where_k1_alone_folds(k1):
     assert (wanted[~reached] < fold * 2 / 3).all()
 
 
+def dipping(m: float, least: float) -> tuple[float, ...]:
+    """k1 = -2 c m / 3, k2 = c / 5 with c = (1 - least) / m²: its slope is c (r² - m)² + least."""
+    c = (1 - least) / m**2
+    return -2 * c * m / 3, c / 5, 0.0, 0.0, 0.0
+
+
+def test_no_way_leaps_over_a_shallow_fold_to_where_the_polynomial_comes_back():
+    rng = np.random.default_rng(20251121)
+    for m, dip in zip(rng.uniform(0.05, 1, 100), 10 ** rng.uniform(-4, -0.5, 100), strict=True):
+        dist = dipping(m, -dip)
+        r = math.sqrt(m - m * math.sqrt(dip / (1 + dip)))
+        fold = r * (1 + dist[0] * r**2 + dist[1] * r**4)
+        wanted = np.linspace(0.05, 3, 40) * math.sqrt(m)
+        turn = rng.uniform(0, 2 * math.pi)
+        share, _, _ = follow(wanted * math.cos(turn), wanted * math.sin(turn), dist)
+        assert (share[wanted > 1.0001 * fold] < 1).all()
+        assert (share[wanted < 0.99 * fold] == 1).all()
+
+
+def test_a_place_that_is_squeezed_two_thousandfold_counts_as_a_fold_and_a_hundredfold_does_not():
+    wanted = np.array([0.3, 2.0])  # before and past it
+    for least, passes in ((5e-4, False), (1e-2, True)):
+        share, _, _ = follow(wanted, 0 * wanted, dipping(0.5, 2 * least))  # the determinant: the slope times r'/r
+        assert (share == 1).tolist() == [True, passes]
+
+
 def test_a_fold_of_the_tangential_part_is_found_where_every_radial_slope_grows():
     """With p1 alone, above the middle y' = y + 3 p1 y²: it turns at y = -1 / (6 p1), pixel v = cy - fy / (12 p1)."""
     for p1, folds in ((0.3, True), (0.1, False)):

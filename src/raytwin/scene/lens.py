@@ -54,7 +54,8 @@ class Undone(NamedTuple):
             return ""
         worst = int(self.share.argmin() if (self.share < 1).any() else self.found.argmin())
         why = "two directions share it" if self.share[worst] < 1 else "Newton's method does not come there"
-        return "pixel ({:.1f}, {:.1f}): {}".format(*self.pixels[worst], why)
+        u, v = self.pixels[worst]
+        return f"pixel ({u:.1f}, {v:.1f}): {why}"
 
 
 def undone(K: Any, dist: Sequence[float], image_size: tuple[int, int]) -> Undone:
