@@ -6,8 +6,9 @@ import pytest
 
 from raytwin import files
 from raytwin.errors import InputError
+from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.twin import RUNGS, activate, render
+from raytwin.twin import activate, render
 
 DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 SUN, SKY = Sun(to_light=(0.0, 0.0, 1.0), irradiance=(3.0, 2.0, 1.0)), Sky((0.1, 0.2, 0.3))

@@ -16,8 +16,9 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -134,16 +135,17 @@ def choose(forced: str | None = None) -> Backend:
 
 def _probe_all(forced: str | None, paths: list[str], start: float) -> Backend:
     tried: list[Tried] = []
-    found = (SCALAR, None, None)
+    found: tuple[str, str | None, str | None] = (SCALAR, None, None)
     if forced != SCALAR:
         wanted = forced or "llvm_ad_rgb"
-        for path in paths if wanted == "llvm_ad_rgb" else [None]:
+        candidates: Sequence[str | None] = paths if wanted == "llvm_ad_rgb" else [None]
+        for path in candidates:
             outcome, version = probe(wanted, path)
             tried.append(outcome)
             if outcome.ok:
                 found = (wanted, path, version)
                 break
-        if forced and found[0] != forced:
+        if forced is not None and found[0] != forced:
             what = "; ".join(f"{t.path}: {t.why}" for t in tried) or "no libLLVM at all"
             remedy = "pip install 'raytwin[llvm]' or DRJIT_LIBLLVM_PATH" if "llvm" in forced else "an NVIDIA GPU"
             needed = f"a machine where it works (needs {remedy}; {SCALAR} works everywhere)"
@@ -195,12 +197,14 @@ def llvm_candidates() -> list[str]:
         return []
     if loaded := loaded_llvm():
         return [loaded]
-    found = [_users_llvm()] if _users_llvm() else []
+    found = [path] if (path := _users_llvm()) else []
     prefix = Path(sys.prefix)
     found += _newest_first([*prefix.glob("lib/libLLVM*"), *prefix.glob("Library/bin/LLVM-C.dll")])
     found += _newest_first(_system_llvm())
-    seen: set[str] = set()
-    return [p for p in found if not (os.path.realpath(p) in seen or seen.add(os.path.realpath(p)))]
+    unlike: dict[str, str] = {}
+    for path in found:
+        unlike.setdefault(os.path.realpath(path), path)
+    return list(unlike.values())
 
 
 def loaded_llvm() -> str | None:
@@ -265,7 +269,7 @@ def versions() -> dict[str, str]:
 
 def _machine(forced: str | None, paths: list[str]) -> str:
     """A hash of everything that could change the answer: Python, packages, processor, candidates and their dates."""
-    facts = [forced, sys.prefix, versions(), _processor(), PROBE.read_text()]
+    facts: list[Any] = [forced, sys.prefix, versions(), _processor(), PROBE.read_text()]
     for path in paths:
         try:
             known = Path(path).stat()

@@ -5,6 +5,7 @@ import os
 import zipfile
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -54,9 +55,10 @@ def _is_whole(image: Image, shape: tuple[int, ...]) -> bool:
 
 def store(key: str, image: Image) -> None:
     """Keep the image; a cache that cannot be written is no error."""
-    parts = {"mean": image.mean, "samples": np.int64(image.samples)}
+    assert image.surface is not None  # the twin always has one
+    parts: dict[str, Any] = {"mean": image.mean, "samples": image.samples}
     if image.variance is not None:
-        parts |= {"variance": image.variance, "batches": np.int64(image.batches)}
+        parts |= {"variance": image.variance, "batches": image.batches}
     parts |= {"ids": image.surface.ids, "depth": image.surface.depth, "normal": image.surface.normal}
     with contextlib.suppress(InputError, OSError):
         with files.replacing(path_of(key)) as temporary:

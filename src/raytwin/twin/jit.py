@@ -34,19 +34,23 @@ class Hit(NamedTuple):
 
 
 class Renderer:
-    """One scene, loaded. Pixels are numbered row by row; every result is for the pixels [first, first + count)."""
+    """One scene, loaded. Pixels are numbered row by row; every result is for the pixels [first, first + count).
+
+    `depth` of the light's way where it is followed, counted as Mitsuba does; 0 where it is not.
+    """
 
     lanes = 1 << 22
     """How many rays to launch at once: enough to fill any machine, 50 MB an array of three floats."""
 
-    def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int | None) -> None:
+    def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int) -> None:
         self.double, bodies = dr.float64_array_t(mi.Float), table(scene)
         large = [i for i in too_large(bodies) if i not in textures]
         self.scene, self.depth = load(translate(scene, textures, large)), depth
-        self.path = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
+        self.path: Any = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
         # Opaque numbers are a kernel's parameters: another camera or light runs the kernel that is compiled already.
-        fx, fy, cx, cy, coefficients, steps = lens_of(scene.camera)
-        self.lens = Lens(*map(self._number, (fx, fy, cx, cy)), tuple(map(self._number, coefficients)), steps)
+        lens = lens_of(scene.camera)
+        fx, fy, cx, cy, coefficients = (self._number(field) for field in lens[:5])
+        self.lens = Lens(fx, fy, cx, cy, coefficients, lens.steps)
         self.large = {i: Body(body.round, *(self._number(field) for field in body[1:]))
                       for i, body in ((i, bodies.at(i)) for i in large)}  # fmt: skip
         self.width, self.R = scene.camera.width, np.asarray(scene.camera.R_cam_board)
@@ -80,8 +84,8 @@ class Renderer:
         du, dv = sampler.next_2d() - 0.5
         hit = self._look(pixel, du, dv)
         blocker = self._blocker(hit) if shadows else mi.Int32(-1)
-        colour = self._first_light(hit, blocker, sky_at_hit=self.depth is None)
-        if self.depth is not None:
+        colour = self._first_light(hit, blocker, sky_at_hit=not self.depth)
+        if self.depth:
             colour += dr.select(hit.seen, hit.albedo * self._incoming(hit, sampler), 0)
         return _gathered(colour, batches)
 

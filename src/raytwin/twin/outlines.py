@@ -71,7 +71,7 @@ def settle(scene: Scene, seen: Seen, shadows: bool) -> np.ndarray:
     if shadows:
         start = d * t + n * (START * t)
         seen.blocker[doubtful] = np.where(dot(n, sun) > 0, trace(bodies, start, sun[:, None])[0], -1)
-    return doubtful
+    return np.asarray(doubtful)
 
 
 def borders(image: np.ndarray) -> np.ndarray:
@@ -117,9 +117,8 @@ def _grazes(body: Body, o: np.ndarray, d: np.ndarray) -> np.ndarray:
     t = -dot(f, body.n) / toward
     p = f + t * d
     off_edge = np.minimum(*(abs(abs(dot(p, e)) - 1) / np.sqrt(dot(e, e)) for e in (body.u, body.v)))
-    return np.where(
-        body.round, off_rim < DOUBT * (far + np.sqrt(away)), ~(off_edge * abs(toward) > DOUBT * (far + abs(t)))
-    )
+    to_rim, to_edge = off_rim < DOUBT * (far + np.sqrt(away)), ~(off_edge * abs(toward) > DOUBT * (far + abs(t)))
+    return np.asarray(np.where(body.round, to_rim, to_edge))
 
 
 def trace(bodies: Body, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

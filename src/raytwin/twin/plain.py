@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.scene import Camera, Scene
+from raytwin.scene import Scene
 from raytwin.twin.backend import SCALAR, activate
 from raytwin.twin.rays import lens_of
 from raytwin.twin.world import UNIT, load, translate
@@ -41,9 +41,9 @@ def load_plain(scene: Scene, integrator: str = "direct", variant: str | None = N
     }  # fmt: skip
     if any(camera.coefficients) or not square:
         _register_lens()
-        world["sensor"] = {"type": "raytwin_lens", "film": film}
-        world["sensor"] |= dict(zip(("fx", "fy", "cx", "cy", "steps"), _numbers(camera), strict=True))
-        world["sensor"] |= {f"k{i}": float(k) for i, k in enumerate(camera.coefficients)}
+        numbers = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.coefficients)
+        world["sensor"] = {"type": "raytwin_lens", "film": film, "steps": lens_of(camera).steps}
+        world["sensor"] |= dict(zip(_LENS, map(float, numbers), strict=True))
     else:
         world["sensor"] = {
             "type": "perspective", "film": film, "fov_axis": "x", "near_clip": 1e-3 * UNIT, "far_clip": 1e6 * UNIT,
@@ -62,7 +62,7 @@ def render_plain(loaded: Any, samples: int = 1, seed: int = 0) -> np.ndarray:
 
     film = loaded.sensors()[0].film().size()
     pixels = int(film[0]) * int(film[1])
-    each = min(samples, max(1, LANES // pixels)) if "scalar" not in mi.variant() else samples
+    each = min(samples, max(1, LANES // pixels)) if mi.variant() != SCALAR else samples
     while samples % each:
         each -= 1
     total = np.zeros((int(film[1]), int(film[0]), 3), np.float32)
@@ -74,8 +74,7 @@ def render_plain(loaded: Any, samples: int = 1, seed: int = 0) -> np.ndarray:
     return total / (samples // each)
 
 
-def _numbers(camera: Camera) -> tuple[float, float, float, float, int]:
-    return camera.fx, camera.fy, camera.cx, camera.cy, max(lens_of(camera).steps, 0)
+_LENS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 
 
 def _register_lens() -> None:
@@ -85,28 +84,26 @@ def _register_lens() -> None:
 
     from raytwin.twin.rays import Lens, directions
 
-    class RaytwinLens(mi.Sensor):
+    class RaytwinLens(mi.Sensor):  # type: ignore[misc]  # Mitsuba's classes have no types until a variant is set
         """A pinhole behind Brown and Conrady's distortion, as `rays.py` has it."""
 
         def __init__(self, props: Any) -> None:
             super().__init__(props)
             double = dr.float64_array_t(mi.Float)
-            k = tuple(dr.opaque(double, props[f"k{i}"]) for i in range(5))
-            self.lens = Lens(*(dr.opaque(double, props[n]) for n in ("fx", "fy", "cx", "cy")), k, int(props["steps"]))
+            fx, fy, cx, cy, *k = (dr.opaque(double, props[name]) for name in _LENS)
+            self.lens = Lens(fx, fy, cx, cy, tuple(k), int(props["steps"]))
 
-        def sample_ray(self, time, wavelength_sample, position_sample, aperture_sample, active=True):
+        def sample_ray(self, time: Any, wave: Any, position: Any, aperture: Any, active: Any = True) -> tuple[Any, Any]:
             double, size = dr.float64_array_t(mi.Float), self.film().crop_size()
             # The position is (0, 0) at the image's corner; pixel 0's centre is at 1/2.
-            u = double(position_sample.x) * int(size[0]) - 0.5
-            v = double(position_sample.y) * int(size[1]) - 0.5
+            u, v = double(position.x) * int(size[0]) - 0.5, double(position.y) * int(size[1]) - 0.5
             d = mi.Vector3f(*map(mi.Float, directions(dr, self.lens, u, v)))
             ray = mi.Ray3f(mi.Point3f(0), d)
-            wavelengths, weight = self.sample_wavelengths(dr.zeros(mi.SurfaceInteraction3f), wavelength_sample, active)
-            ray.wavelengths = wavelengths
+            ray.wavelengths, weight = self.sample_wavelengths(dr.zeros(mi.SurfaceInteraction3f), wave, active)
             return ray, weight
 
-        def sample_ray_differential(self, time, wavelength_sample, position_sample, aperture_sample, active=True):
-            ray, weight = self.sample_ray(time, wavelength_sample, position_sample, aperture_sample, active)
+        def sample_ray_differential(self, *numbers: Any) -> tuple[Any, Any]:
+            ray, weight = self.sample_ray(*numbers)
             return mi.RayDifferential3f(ray), weight
 
         def to_string(self) -> str:

@@ -13,6 +13,7 @@ from raytwin import files
 from raytwin.errors import InputError
 from raytwin.image import Image, Surface
 from raytwin.progress import Progress, silent
+from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene
 from raytwin.twin import cache as kept
 from raytwin.twin.backend import activate, versions
@@ -22,10 +23,6 @@ from raytwin.twin.outlines import Seen, settle
 from raytwin.twin.rays import lens_of
 from raytwin.twin.world import check_textures
 
-RUNGS = {"surface": None, "lambert": None, "shadow": None, "sky": 2, "path": 8}
-"""name -> default depth of the light's way, counted as Mitsuba does: 2 is light, surface, eye. None: no integrator."""
-
-_SHADOWS = ("shadow", "sky", "path")
 SAMPLINGS = ("center", "area")
 BATCHES = 16
 TWIN = "2"
@@ -80,23 +77,24 @@ def render(
         return image
 
     start = time.perf_counter()
-    renderer = _engine(about["variant"]).Renderer(scene, textures, plan.depth)
+    renderer = _engine(about["variant"]).Renderer(scene, textures, plan.depth or 0)
     passes = 1 if plan.exact else 1 + plan.samples
 
     def say(passes_done: float) -> None:
         progress("twin", round(100 * passes_done / passes), 100)
 
-    seen, colour, albedo = _exact(renderer, scene, plan, say, settled=not textures)
-    variance = None
+    seen, mean, albedo = _exact(renderer, scene, plan, say, settled=not textures)
+    variance: np.ndarray | None = None
     if not plan.exact:
-        mean, variance = _sampled(renderer, scene.camera, plan, seen, lambda part: say(1 + part * plan.samples))
-        if plan.sampling == "center":
-            mean = colour + albedo * mean
-            variance = variance if variance is None else np.square(albedo) * variance
-        colour = mean
+        found, variance = _sampled(renderer, scene.camera, plan, seen, lambda part: say(1 + part * plan.samples))
+        mean = mean + albedo * found if plan.sampling == "center" else found
+        if variance is not None and plan.sampling == "center":
+            variance = np.square(albedo) * variance
     h, w = scene.camera.height, scene.camera.width
     surface = Surface(seen.ids.reshape(h, w), seen.depth.reshape(h, w), seen.normal.reshape(h, w, 3))
-    mean, variance = (x if x is None else x.astype(np.float32).reshape(h, w, 3) for x in (colour, variance))
+    if variance is not None:
+        variance = variance.astype(np.float32).reshape(h, w, 3)
+    mean = mean.astype(np.float32, copy=False).reshape(h, w, 3)
     image = Image(mean, variance, plan.samples, surface, None if variance is None else plan.batches)
     if cache and time.perf_counter() - start > WORTH_KEEPING:
         kept.store(key, image)
@@ -132,15 +130,16 @@ class _Plan(msgspec.Struct, frozen=True):
 
     @property
     def exact(self) -> bool:
-        return self.rung == "surface" or (self.sampling == "center" and self.depth is None)
+        """Nothing is random: one ray a pixel, through its centre."""
+        return RUNGS[self.rung].sky == "none" or (self.sampling == "center" and not RUNGS[self.rung].noisy)
 
 
 def _plan(
     scene: Scene, rung: str, sampling: str, samples: int, seed: int, batches: int | None, max_depth: int | None
 ) -> _Plan:
-    for where, value, known in (("rung", rung, RUNGS), ("sampling", sampling, SAMPLINGS)):
-        if value not in known:
-            raise InputError(where, " or ".join(known), value)
+    for where, name, known in (("rung", rung, tuple(RUNGS)), ("sampling", sampling, SAMPLINGS)):
+        if name not in known:
+            raise InputError(where, " or ".join(known), name)
     files.check_camera(scene.camera, "camera")
     lens_of(scene.camera)  # raises where the distortion cannot be undone
     for where, value, least in (("samples", samples, 1), ("seed", seed, 0)):
@@ -152,7 +151,7 @@ def _plan(
         raise InputError("batches", f"a whole number from 1 to samples ({samples})", batches)
     if max_depth is not None and max_depth < 2:
         raise InputError("max_depth", "at least 2 (light, surface, eye)", max_depth)
-    depth = RUNGS[rung] and (max_depth or RUNGS[rung])
+    depth = RUNGS[rung].depth and (max_depth or RUNGS[rung].depth)
     plan = _Plan(rung, sampling, samples, seed, batches, depth)
     return msgspec.structs.replace(plan, samples=1, seed=0, batches=1) if plan.exact else plan
 
@@ -188,7 +187,7 @@ def _exact(
     `settled`: float64 decides in the pixels in doubt (not where textures are: those are photographs).
     """
     n = scene.camera.width * scene.camera.height
-    shadows, sky_at_hit = plan.rung in _SHADOWS and plan.sampling == "center", plan.depth is None
+    shadows, sky_at_hit = RUNGS[plan.rung].shadows and plan.sampling == "center", plan.depth is None
     seen = Seen(np.empty(n, np.int32), np.empty(n, np.float32), np.empty((n, 3), np.float32), np.empty(n, np.int32))
     colour, albedo = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
     for a in range(0, n, renderer.lanes):
@@ -202,7 +201,7 @@ def _exact(
         ids, _, normal, blocker = (part[again] for part in seen)
         albedo[again] = albedos(scene)[ids]
         colour[again] = first_light(scene, ids, albedo[again], normal, blocker, sky_at_hit)
-    if plan.rung == "surface":
+    if RUNGS[plan.rung].sky == "none":
         colour = np.where(seen.ids[:, None] < 0, np.float32(0), (seen.normal + 1) / 2)
     return seen, colour, albedo
 
@@ -218,7 +217,7 @@ def _sampled(
         b = min(n, a + block)
         seed = int(np.random.SeedSequence([plan.seed, a]).generate_state(1)[0])
         if plan.sampling == "area":
-            mean[a:b], spread[a:b] = renderer.sampled(a, b - a, batches, seed, plan.rung in _SHADOWS)
+            mean[a:b], spread[a:b] = renderer.sampled(a, b - a, batches, seed, RUNGS[plan.rung].shadows)
         else:
             mean[a:b], spread[a:b] = renderer.bounced(a, b - a, batches, seed, Seen(*(part[a:b] for part in seen)))
         say(b / n)

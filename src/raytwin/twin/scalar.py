@@ -34,16 +34,19 @@ class Hit(NamedTuple):
 
 
 class Renderer:
-    """One scene, loaded. Pixels are numbered row by row; every result is for the pixels [first, first + count)."""
+    """One scene, loaded. Pixels are numbered row by row; every result is for the pixels [first, first + count).
+
+    `depth` of the light's way where it is followed, counted as Mitsuba does; 0 where it is not.
+    """
 
     lanes = 1 << 16
     """How many rays to take at once: the progress shows in these steps."""
 
-    def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int | None) -> None:
+    def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int) -> None:
         bodies = table(scene)
         self.large = {i: bodies.at(i) for i in too_large(bodies) if i not in textures}
         self.scene, self.depth = load(translate(scene, textures, self.large)), depth
-        self.path = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
+        self.path: Any = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
         self.lens, self.width = lens_of(scene.camera), scene.camera.width
         self.R = np.asarray(scene.camera.R_cam_board)
         self.to_light = self.R @ scene.sun.to_light
@@ -63,8 +66,8 @@ class Renderer:
         pixel, rng = np.repeat(np.arange(first, first + count), batches.lanes), np.random.default_rng(seed)
         hit = self._look(pixel, *(rng.random((2, len(pixel))) - 0.5))
         blocker = self._blocker(hit) if shadows else np.full(len(pixel), -1)
-        colour = self._first_light(hit, blocker, sky_at_hit=self.depth is None)
-        if self.depth is not None:
+        colour = self._first_light(hit, blocker, sky_at_hit=not self.depth)
+        if self.depth:
             colour += hit.albedo * self._incoming(hit, rng)
         return batches.gathered(colour)
 
@@ -115,7 +118,7 @@ class Renderer:
         return Hit(ids, t, n, self._start(o + d * t[:, None], n), albedo)
 
     def _start(self, p: np.ndarray, n: np.ndarray) -> np.ndarray:
-        return p + n * (SHADOW_OFFSET * np.linalg.norm(p, axis=1, keepdims=True))
+        return np.asarray(p + n * (SHADOW_OFFSET * np.linalg.norm(p, axis=1, keepdims=True)))
 
     def _blocker(self, hit: Hit) -> np.ndarray:
         """The id of what hides the sun, -1 where nothing does or the surface is turned away from it."""
@@ -166,4 +169,4 @@ def _cosine(n: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     z, turn = rng.random(len(n)) * 2 - 1, rng.random(len(n)) * 2 * pi
     ring = np.sqrt(1 - z * z)
     d = n + np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
-    return d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)
+    return np.asarray(d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300))
