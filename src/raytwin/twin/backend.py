@@ -110,11 +110,14 @@ def activate(variant: str | None = None) -> Backend:
 @contextlib.contextmanager
 def _no_words() -> Iterator[None]:
     """Dr.Jit says on standard error, past Python, that it found no library: that is known."""
-    with contextlib.ExitStack() as stack:
-        kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-        stack.callback(lambda: (os.dup2(kept, 2), os.close(kept), os.close(nowhere)))
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
         os.dup2(nowhere, 2)
         yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
 
 
 def choose(forced: str | None = None) -> Backend:

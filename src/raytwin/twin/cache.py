@@ -47,6 +47,8 @@ def load(key: str, shape: tuple[int, ...]) -> Image | None:
 def _is_whole(image: Image, shape: tuple[int, ...]) -> bool:
     """A file in the cache may be of another's making: shapes, kinds and finiteness are those of a render."""
     s = image.surface
+    if s is None:
+        return False
     floats = [image.mean, s.normal, *([] if image.variance is None else [image.variance])]
     shapes = all(a.shape == shape for a in floats) and s.ids.shape == s.depth.shape == shape[:2]
     kinds = all(a.dtype == np.float32 for a in (*floats, s.depth)) and s.ids.dtype == np.int32

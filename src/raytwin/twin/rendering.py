@@ -131,7 +131,7 @@ class _Plan(msgspec.Struct, frozen=True):
     @property
     def exact(self) -> bool:
         """Nothing is random: one ray a pixel, through its centre."""
-        return RUNGS[self.rung].sky == "none" or (self.sampling == "center" and not RUNGS[self.rung].noisy)
+        return not RUNGS[self.rung].lit or (self.sampling == "center" and not RUNGS[self.rung].noisy)
 
 
 def _plan(
@@ -201,7 +201,7 @@ def _exact(
         ids, _, normal, blocker = (part[again] for part in seen)
         albedo[again] = albedos(scene)[ids]
         colour[again] = first_light(scene, ids, albedo[again], normal, blocker, sky_at_hit)
-    if RUNGS[plan.rung].sky == "none":
+    if not RUNGS[plan.rung].lit:
         colour = np.where(seen.ids[:, None] < 0, np.float32(0), (seen.normal + 1) / 2)
     return seen, colour, albedo
 
