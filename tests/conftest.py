@@ -95,11 +95,16 @@ def shoot(tmp_path_factory):
 
     made = {}
 
-    def take(count: int = 12, dist=(0.08, -0.16), width: int = 1008, height: int = 756, seed: int = 1):
-        key = (count, dist, width, height, seed)
+    def take(
+        count: int = 12, dist=(0.08, -0.16), width: int = 1008, height: int = 756, seed: int = 1, bend: float = 0.0
+    ):
+        key = (count, dist, width, height, seed, bend)
         if key not in made:
             out = tmp_path_factory.mktemp("photos")
-            made[key] = out, photograph(BOARD, a_camera(width, height, dist), count, out, PlainRenderer(), seed=seed)
+            made[key] = (
+                out,
+                photograph(BOARD, a_camera(width, height, dist), count, out, PlainRenderer(), seed=seed, bend=bend),
+            )
         return made[key]
 
     return take

@@ -7,8 +7,10 @@ a `render` that the caller passes in.
 import math
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -19,6 +21,7 @@ from raytwin.photos import lens
 from raytwin.photos.pose import rotation
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Matrix, PixelCount, Record, Rectangle, Vector
+from raytwin.scene.record import NonNegative
 
 Render = Callable[[Camera, np.ndarray, Rectangle], np.ndarray]
 """render(camera, texture, sheet) -> linear radiance (H, W, 3), 1 is white.
@@ -36,12 +39,16 @@ MAX_TEXTURE = 16_000_000
 
 
 class Truth(Record, frozen=True):
-    """The true camera, and for each photo its true (R_cam_board, t_cam_board): what calibration should find."""
+    """The true camera, and for each photo its true (R_cam_board, t_cam_board): what calibration should find.
+
+    `bend_mm`: how far the sheet was bent. Its board frame is then the one that the flat sheet had.
+    """
 
     image_size: tuple[PixelCount, PixelCount]
     K: Matrix
     dist: tuple[float, ...]
     photos: dict[str, tuple[Matrix, Vector]]
+    bend_mm: NonNegative = 0.0
 
 
 def read_truth(path: str | os.PathLike) -> Truth:
@@ -69,11 +76,13 @@ def photograph(
     *,
     seed: int = 1,
     margin: float | tuple[float, float] | None = None,
+    bend: float = 0.0,
     progress: Progress = silent,
 ) -> Truth:
     """`count` photos of the board by `camera` (its pose is not used), written to `out` with board.toml and truth.toml.
 
-    The truth is written last: where it is, the photos are whole. `margin`: white paper around the tags, metres.
+    The truth is written last: where it is, the photos are whole. `margin`: white paper around the tags, metres. `bend`:
+    the sheet is bent into a `Bow` of so many metres.
     """
     check_board(board)
     out = Path(out)
@@ -85,19 +94,96 @@ def photograph(
     density = 2 * max(camera.fx, camera.fy) / nearest
     texture, extent = draw_board(board, min(density, _affordable(board, margin)), margin)
     sheet = sheet_of(extent)
+    bow = bow_of(board, bend) if bend else None
     truth = {}
     progress("photograph", 0, count)
     for i, (R, t) in enumerate(stands):
         view = Camera(camera.image_size, camera.K, R, t, camera.dist)
         name = f"photo_{i:02d}.jpg"
-        pixels = expose(render(view, texture, sheet), rng, view)
+        shown = texture if bow is None else bow.seen_from(texture, extent, np.array(view.eye))
+        pixels = expose(render(view, shown, sheet), rng, view)
         files.write_picture(out / name, pixels, quality=QUALITY)
         truth[name] = (R, t)
         progress("photograph", i + 1, count)
-    written = Truth(camera.image_size, camera.K, camera.dist, truth)
+    written = Truth(camera.image_size, camera.K, camera.dist, truth, 1e3 * bend)
     write_board(out / "board.toml", board)
     write_truth(out / "truth.toml", written)
     return written
+
+
+BOW_DEGREES = 30.0
+"""The direction in which a bow's height changes, from the board's X."""
+
+NODES = 16
+"""How a bent sheet is seen is computed for every 16th texel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bow:
+    """A sheet bent about one direction and not stretched: z = bend/2 (1 + cos(pi s / reach)), s along `across`, metres.
+
+    `bend` is the height from the middle to the outermost tags. No polynomial, so that it is no shape that a fit of
+    polynomials could find exactly. `s`, `arc`: a table of how long the sheet is from the middle to s.
+    """
+
+    bend: float
+    reach: float
+    middle: np.ndarray
+    across: np.ndarray
+    s: np.ndarray
+    arc: np.ndarray
+
+    def height(self, s: np.ndarray) -> np.ndarray:
+        return self.bend / 2 * (1 + np.cos(np.pi / self.reach * s))
+
+    def bent(self, flat: np.ndarray) -> np.ndarray:
+        """(n, 3): where the flat sheet's points (n, 2) are in space."""
+        along = (flat - self.middle) @ self.across
+        s = np.interp(along, self.arc, self.s)
+        return np.c_[flat + (s - along)[:, None] * self.across, self.height(s)]
+
+    def seen_from(self, texture: np.ndarray, extent: tuple[float, float, float, float], eye: np.ndarray) -> np.ndarray:
+        """What a flat sheet must show, for an eye at `eye`, to look like the bent one: its texture moved accordingly.
+
+        A ray from the eye meets the bent sheet at another place than the flat one: exact for where things are seen; the
+        light is the flat sheet's.
+        """
+        h, w = texture.shape
+        x0, x1, y0, y1 = extent
+        columns, rows = np.meshgrid(*(np.arange(-(-n // NODES) + 1) * NODES for n in (w, h)))
+        flat = np.stack([x0 + (columns + 0.5) * (x1 - x0) / w, y1 - (rows + 0.5) * (y1 - y0) / h], axis=-1)
+        met = flat
+        for _ in range(20):  # each time the error shrinks by the slope times the tangent of the view's tilt
+            z = self.height((met - self.middle) @ self.across)
+            met = flat + (eye[:2] - flat) * (z / eye[2])[..., None]
+        s = (met - self.middle) @ self.across
+        printed = met + (np.interp(s, self.s, self.arc) - s)[..., None] * self.across
+        moved = ((printed - flat) * [w / (x1 - x0), -h / (y1 - y0)]).astype(np.float32)
+        scale = np.array([[1 / NODES, 0, 0], [0, 1 / NODES, 0]])
+        dx, dy = (
+            cv2.warpAffine(
+                np.ascontiguousarray(moved[..., i]), scale, (w, h), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+            )
+            for i in (0, 1)
+        )
+        dx += np.arange(w, dtype=np.float32)
+        dy += np.arange(h, dtype=np.float32)[:, None]
+        return cv2.remap(texture, dx, dy, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+def bow_of(board: Board, bend: float) -> Bow:
+    """The bow that lifts the board's middle by `bend` metres over its outermost tags."""
+    xy = np.array(list(board.centers().values()))
+    middle = (xy.min(axis=0) + xy.max(axis=0)) / 2
+    across = np.array([math.cos(math.radians(BOW_DEGREES)), math.sin(math.radians(BOW_DEGREES))])
+    reach = float(np.abs((xy - middle) @ across).max())
+    if bend > reach / 2:
+        raise InputError("bend", f"at most {1e3 * reach / 2:.0f} mm for this board", f"{1e3 * bend:g} mm")
+    s = np.linspace(-3, 3, 6001) * reach
+    slope = -bend / 2 * np.pi / reach * np.sin(np.pi / reach * s)
+    length = np.sqrt(1 + slope**2)
+    arc = np.concatenate([[0], np.cumsum((length[1:] + length[:-1]) / 2 * np.diff(s))])
+    return Bow(bend, reach, middle, across, s, arc - np.interp(0, s, arc))
 
 
 def sheet_of(extent: tuple[float, float, float, float]) -> Rectangle:

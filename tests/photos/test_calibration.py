@@ -14,10 +14,11 @@ from raytwin import files
 from raytwin.boards.board import Board, BoardTag, Grid
 from raytwin.errors import InputError
 from raytwin.photographer import poses
-from raytwin.photos import CODES, calibrate, calibrate_detections, camera_of_photo, pose_of_photo
-from raytwin.photos.fit import MODELS, Seen
-from raytwin.photos.model import select_model
+from raytwin.photos import CODES, calibrate, calibrate_detections, camera_of_photo, pose_of_photo, uncertainty_map
+from raytwin.photos.fit import MODELS
+from raytwin.photos.model import AS_WELL
 from raytwin.photos.pose import rotation_degrees
+from raytwin.scene.lens import undone
 
 SIZE = (1008, 756)
 
@@ -128,24 +129,11 @@ def test_its_json_has_exactly_the_promised_keys(tmp_path):
         tmp_path / "c.json", calibrate_detections(dict(list(tags.items())[:5]), SIZE, SMALL, "k1").numbers()
     )
     data = json.loads((tmp_path / "c.json").read_text())
-    assert list(data) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "warnings"]
-    assert list(data["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board"]
+    assert list(data) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "boards", "warnings"]
+    assert list(data["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board", "influence", "board"]
+    assert list(data["boards"][0]) == ["heights", "bend_mm", "bend_sigma_mm"]
     assert list(data["warnings"][0]) == ["code", "text"]
     assert data["image_size"] == [1008, 756]
-
-
-def test_a_coefficient_within_its_own_error_makes_a_model_unsound():
-    _, _, tags = _views(())
-    _, table = select_model([Seen(p, tuple(t)) for p, t in tags.items()], SIZE, SMALL)
-    assert [m for m, trial in table.items() if trial.sound] == ["none"]
-
-
-def test_a_distortion_that_folds_back_inside_the_image_makes_a_model_unsound(real_tags, real_board):
-    tags, size = real_tags("desk_tilted")
-    chosen, table = select_model([Seen(p, tuple(t)) for p, t in tags.items()], size, real_board("coarse"))
-    assert not table["k1k2"].sound
-    assert table["k1k2k3"].sound
-    assert chosen == "k1k2k3"
 
 
 # ---------------------------------------------------------------------------------- real photos
@@ -155,9 +143,11 @@ def test_twenty_real_photos_and_one_of_two_boards_give_the_known_camera(shared_p
     photos = sorted((shared_photos / "april_fine").glob("*.JPG"))
     found = calibrate(photos, real_board("fine"))
     assert len(found.views) == len(photos) == 21
-    assert found.K[0][0] == pytest.approx(1014.8, rel=0.003)
-    assert found.K[1][1] == pytest.approx(1014.4, rel=0.003)
-    assert found.warnings == ()
+    # What a flat board gives; the sigmas are honest, so it lies within three of them.
+    assert abs(found.K[0][0] - 1014.8) < 3 * found.sigma["fx"]
+    assert abs(found.K[1][1] - 1014.4) < 3 * found.sigma["fy"]
+    assert _codes(found) == {"bent-board"}
+    assert 0.5 < found.boards[0].bend_mm < 1.5
 
 
 @pytest.mark.parametrize("model", ["k1", "full5"])
@@ -169,19 +159,28 @@ def test_the_set_with_the_lowest_error_is_the_one_that_is_called_degenerate(mode
     assert min(found, key=lambda n: found[n].rms_px) == "desk_degenerate"
     assert "degenerate-views" in _codes(found["desk_degenerate"])
     assert not _codes(found["desk_tilted"]) & {"degenerate-views", "few-views"}
-    assert _codes(found["april_fine"]) == set()
+    assert _codes(found["april_fine"]) == {"bent-board"}
 
 
-def test_on_real_views_auto_takes_the_model_that_predicts_unseen_ones_best(real_tags, real_board):
-    tags, size = real_tags("april_fine")
-    board = real_board("fine")
-    views = [Seen(p, tuple(t for t in seen_ if t.id in board.centers())) for p, seen_ in tags.items()]
-    chosen, table = select_model(views, size, board)
-    assert chosen == "k1k2k3"
-    assert table["k1k2k3"].held_out_px < 0.9 * min(table[m].held_out_px for m in ("none", "k1", "k1k2"))
+@pytest.mark.parametrize(
+    ("name", "board"), [("april_fine", "fine"), ("desk_tilted", "coarse"), ("desk_degenerate", "coarse")]
+)
+def test_what_is_taken_predicts_unseen_photos_as_well_as_five_coefficients_on_a_flat_board(
+    name, board, real_tags, real_board
+):
+    tags, size = real_tags(name)
+    evidence = calibrate_detections(tags, size, real_board(board)).evidence
+    assert evidence.trials[evidence.taken].held_out_px <= 1.0001 * AS_WELL * evidence.trials["full5"].held_out_px
+    # These boards are bent.
+    assert evidence.trials[evidence.taken].held_out_px < 0.8 * evidence.trials["full5"].held_out_px
 
 
-# ---------------------------------------------------------------------------------- doubts, each provoked
+def test_a_bent_board_was_all_that_was_wrong_with_the_degenerate_sets_centre(real_tags, real_board):
+    """Taken for flat, cy = 638 ± 29 by OpenCV's word; the image's middle is 1511.5."""
+    tags, size = real_tags("desk_degenerate")
+    found = calibrate_detections(tags, size, real_board("coarse"))
+    assert abs(found.K[1][2] - 1511.5) < 100
+    assert found.K[0][0] / found.K[1][1] == pytest.approx(1, abs=0.02)
 
 
 def test_a_sound_set_raises_no_doubt():
@@ -212,13 +211,30 @@ def test_a_mirrored_description_is_named_though_it_fits_as_well():
     assert _codes(wrong) == {"mirrored-board"}
 
 
-def test_a_distortion_without_inverse_is_named():
-    # Nothing in the middle of the frame says what happens at its corner: a strong k1 folds back there.
+def _seen_in_the_middle(noise: float) -> dict:
+    """Nothing in the middle of the frame says what happens at its corner: a strong k1 folds back there."""
     camera = a_camera(*SIZE, dist=(-0.55,))
     rng = np.random.default_rng(6)
     stands = [(R, np.array(t) * (1, 1, 2.2)) for R, t in poses(BOARD, a_camera(*SIZE, dist=()), 12, rng)]
-    found = calibrate_detections(seen(camera, stands, noise=0.02, rng=rng), SIZE, SMALL, "k1")
-    assert "unconverged-distortion" in _codes(found)
+    return seen(camera, stands, noise=noise, rng=rng)
+
+
+def test_a_lens_is_kept_from_folding_back_where_that_predicts_as_well():
+    found = calibrate_detections(_seen_in_the_middle(0.3), SIZE, SMALL)
+    assert not undone(found.K, found.dist, SIZE).fault
+    assert "unconverged-distortion" not in _codes(found)
+    assert found.evidence.trials[found.evidence.taken].doubt == "kept from folding back in a corner"
+
+
+def test_where_that_predicts_worse_the_part_of_the_frame_without_rays_is_named_and_masked():
+    found = calibrate_detections(_seen_in_the_middle(0.001), SIZE, SMALL, "k1")
+    assert found.dist[0] == pytest.approx(-0.55, abs=0.01)
+    (text,) = [w.text for w in found.warnings if w.code == "unconverged-distortion"]
+    assert "no ray belongs to" in text
+    shown = uncertainty_map(found)
+    assert np.isnan(shown[0, 0])
+    assert np.isfinite(shown[20:28, 20:40]).all()
+    assert np.isnan(shown).mean() < 0.4
 
 
 def test_misplaced_tags_are_rejected_and_named():
@@ -302,7 +318,8 @@ def test_where_too_few_upright_photos_remain_a_turned_one_is_refused(shoot, tmp_
 
 
 def test_every_code_is_provoked_by_a_test_and_no_other_is_tested_for():
-    tested = set(re.findall(r'"([a-z]+(?:-[a-z]+)+)"', Path(__file__).read_text()))
+    tests = (Path(__file__).read_text(), (Path(__file__).parent / "test_trust.py").read_text())
+    tested = set(re.findall(r'"([a-z]+(?:-[a-z]+)+)"', "".join(tests)))
     assert tested == CODES.keys()
 
 
@@ -326,12 +343,16 @@ def test_auto_keeps_what_came_of_every_model_and_why_some_were_passed_over():
     _, _, tags = _views((0.08,))
     found = calibrate_detections(tags, SIZE, SMALL)
     trials = found.evidence.trials
-    assert list(trials) == ["none", "k1", "k1k2", "k1k2k3", "full5"]
-    assert found.model == "k1"
+    bent = ["full5, bent 2", "full5, bent 3", "full5, bent 4"]
+    assert list(trials) == ["full5", *bent, "k1k2k3", "k1k2", "k1", "none"]
+    assert found.model == found.evidence.taken == "k1"
     assert trials["k1"].held_out_px < 0.5 * trials["none"].held_out_px
-    assert trials["k1"].sound
-    assert trials["k1k2"].doubt == "k2 within 3 standard deviations of 0"
-    assert calibrate_detections(tags, SIZE, SMALL, "k1").evidence.trials == {}
+    assert calibrate_detections(tags, SIZE, SMALL, "k1").evidence.trials.keys() == {
+        "k1",
+        "k1, bent 2",
+        "k1, bent 3",
+        "k1, bent 4",
+    }
 
 
 # ---------------------------------------------------------------------------------- wrong input
@@ -353,14 +374,27 @@ def test_no_photo_at_all_is_refused():
         calibrate([], BOARD)
 
 
-def test_mixed_sizes_are_refused_with_both_photos(shoot, tmp_path):
+def test_a_photo_of_another_size_is_left_out_and_named(shoot, tmp_path):
     folder, _ = shoot()
-    other = tmp_path / "small.jpg"
+    photos = [shutil.copy(folder / f"photo_{i:02d}.jpg", tmp_path) for i in range(8)]
+    other = tmp_path / "a_small.jpg"
     files.write_picture(other, np.zeros((300, 400, 3), np.uint8))
+    found = calibrate([other, *photos], BOARD, "k1k2")
+    assert _codes(found) == {"other-size"}
+    assert found.warnings[0].text == "a_small.jpg: left out, being 400 x 300 where the others are 1008 x 756"
+    assert len(found.views) == 8
+
+
+def test_where_half_the_photos_are_of_another_size_they_are_refused_with_both(shoot, tmp_path):
+    folder, _ = shoot()
+    photos = [folder / f"photo_{i:02d}.jpg" for i in range(4)]
+    for i in range(4):
+        photos.append(tmp_path / f"small_{i}.jpg")
+        files.write_picture(photos[-1], np.zeros((300 + i, 400, 3), np.uint8))
     with pytest.raises(
-        InputError, match=r"small\.jpg: expected 1008 x 756 pixels, as photo_00\.jpg has, got 400 x 300"
+        InputError, match=r"small_0\.jpg: expected 1008 x 756 pixels, as photo_00\.jpg has, got 400 x 300"
     ):
-        calibrate([folder / "photo_00.jpg", folder / "photo_01.jpg", other], BOARD)
+        calibrate(photos, BOARD)
 
 
 def test_a_truncated_photo_is_refused_by_name(shoot, tmp_path):

@@ -153,7 +153,7 @@ def measure_calibration(
         if len(c.views) <= photos.LEAST_VIEWS:
             left.append(LeftOut(f"calibration: {m.method.name}", *size, "too few photos to hold one out"))
             continue
-        tags = photos.detect_photos(taken, board.family, find=m.method.find)[0]
+        tags = photos.detect_photos(taken, board.kind, find=m.method.find)[0]
         error = held_out({Path(p).name: t for p, t in tags.items()}, c, board, judge)
         rows.append(row_of(m.method, c, m.seconds, name, truth, error))
     return rows, left
@@ -188,7 +188,7 @@ def by_truth(truth: photographer.Truth, board: Board) -> Judge:
 def by_full_size(taken: Sequence[Path], board: Board) -> Judge:
     """Against what is detected at full size, outliers left out."""
     whole = SETTINGS[0]
-    seen = {Path(p).name: t for p, t in photos.detect_photos(taken, board.family, find=whole.find)[0].items()}
+    seen = {Path(p).name: t for p, t in photos.detect_photos(taken, board.kind, find=whole.find)[0].items()}
 
     def judge(camera: photos.Calibration, photo: str) -> tuple[float, int]:
         report = photos.pose_of_tags(camera.K, camera.dist, seen[photo], board, photo)

@@ -4,13 +4,14 @@ The board frame: X to the right, Y up, Z out of the printed face towards the vie
 """
 
 import os
-from typing import Annotated
+from typing import Annotated, Literal
 
 import cv2
 import msgspec
 import numpy as np
 
 from raytwin import files
+from raytwin.boards.shape import Heights, bending, count, heights_at
 from raytwin.errors import InputError
 from raytwin.scene import Positive, Record
 
@@ -31,13 +32,15 @@ TagId = Annotated[int, msgspec.Meta(ge=0)]
 class Grid(Record, frozen=True):
     """Tag `first_id + row * columns + column` has its centre at (column, row) * pitch: row 0 is the lowest.
 
-    The origin is the centre of the first tag, at the lower left; `pitch` is in metres.
+    With `order = "down"` row 0 is the highest, and the other rows have y < 0. The origin is the centre of the first
+    tag; `pitch` is in metres.
     """
 
     columns: Count
     rows: Count
     pitch: Positive
     first_id: TagId = 0
+    order: Literal["up", "down"] = "up"
 
 
 class BoardTag(Record, frozen=True):
@@ -46,28 +49,55 @@ class BoardTag(Record, frozen=True):
 
 
 class Board(Record, frozen=True):
-    """Tags of one family with black edges of `tag_edge` metres: either a `grid`, or a list of `tags`."""
+    """Tags of one family with black edges of `tag_edge` metres: either a `grid`, or a list of `tags`.
+
+    `border_bits`: how many cells wide the tags' black border is; Kalibr prints two. `heights`: how the sheet is bent,
+    as a calibration finds it; flat without one.
+    """
 
     family: str
     tag_edge: Positive
     grid: Grid | None = None
     tags: tuple[BoardTag, ...] | None = None
+    border_bits: Literal[1, 2] = 1
+    heights: Heights | None = None
 
     def centers(self) -> dict[int, tuple[float, float]]:
-        """id -> (x, y) of the tag's centre, metres, board frame (z = 0)."""
+        """id -> (x, y) of the tag's centre on the flat sheet, metres, board frame."""
         if self.grid is None:
             return {tag.id: tag.center for tag in self.tags or ()}
         g = self.grid
+        rise = g.pitch if g.order == "up" else -g.pitch
         return {
-            g.first_id + row * g.columns + column: (column * g.pitch, row * g.pitch)
+            g.first_id + row * g.columns + column: (column * g.pitch, row * rise)
             for row in range(g.rows)
             for column in range(g.columns)
         }
 
     def points(self, ids) -> np.ndarray:
-        """(n, 3) float64: the centres of the tags `ids`, metres, board frame."""
-        centers = self.centers()
-        return np.array([(*centers[i], 0.0) for i in ids]).reshape(-1, 3)
+        """(n, 3) float64: the centres of the tags `ids`, metres, board frame, where the sheet's shape puts them."""
+        centers, ids = self.centers(), list(ids)
+        flat = np.array([(*centers[i], 0.0) for i in ids]).reshape(-1, 3)
+        if self.heights is None:
+            return flat
+        place = {tag: i for i, tag in enumerate(centers)}
+        moved = bending(tuple(centers.values()), self.heights.degree).move(np.array(self.heights.coefficients))
+        return flat + moved[[place[i] for i in ids]].reshape(-1, 3)
+
+    def rise(self, xy: np.ndarray) -> np.ndarray:
+        """(...): the height over the board's plane of the sheet at xy (..., 2), metres."""
+        if self.heights is None:
+            return np.zeros(xy.shape[:-1])
+        return heights_at(xy, tuple(self.centers().values()), self.heights.degree) @ np.array(self.heights.coefficients)
+
+    @property
+    def kind(self) -> str:
+        """What a detector must look for: `tag36h11`, or `tag36h11/2` for a border of two bits."""
+        return self.family if self.border_bits == 1 else f"{self.family}/{self.border_bits}"
+
+    def flat(self) -> "Board":
+        """The same board on a flat sheet."""
+        return self if self.heights is None else msgspec.structs.replace(self, heights=None)
 
 
 def read_board(path: str | os.PathLike) -> Board:
@@ -106,11 +136,21 @@ def check_board(board: Board, where: object = "board") -> None:
     ids, xy = list(board.centers()), np.array(list(board.centers().values())).reshape(-1, 2)
     if not spans_a_plane(xy):
         raise InputError(f"{where}: tags", "at least 4 tags, not in one line", f"{len(xy)} tags")
+    _check_heights(board.heights, where)
     gap = np.abs(xy[:, None] - xy[None]).max(axis=-1) + np.diag(np.full(len(xy), np.inf))
     if gap.min() <= board.tag_edge:
         a, b = divmod(int(gap.argmin()), len(xy))
         want = f"centres more than tag_edge ({board.tag_edge:g} m) apart"
         raise InputError(f"{where}: tags", want, f"ids {ids[a]} and {ids[b]} closer")
+
+
+def _check_heights(heights: Heights | None, where: object) -> None:
+    if heights is None:
+        return
+    c = heights.coefficients
+    if len(c) != count(heights.degree) or not np.isfinite(c).all():
+        expected = f"{count(heights.degree)} finite numbers for degree {heights.degree}"
+        raise InputError(f"{where}: heights.coefficients", expected, c)
 
 
 def spans_a_plane(xy: np.ndarray) -> bool:
@@ -126,10 +166,11 @@ def family_size(family: str) -> int:
     return len(cv2.aruco.getPredefinedDictionary(FAMILIES[family]).bytesList)
 
 
-def tag_cells(family: str, tag_id: int) -> np.ndarray:
-    """(n, n) float: 1 where the tag's cell is white; n counts the black border's two cells."""
+def tag_cells(family: str, tag_id: int, border_bits: int = 1) -> np.ndarray:
+    """(n, n) float: 1 where the tag's cell is white; n counts the black border's cells on both sides."""
     dictionary = cv2.aruco.getPredefinedDictionary(FAMILIES[family])
-    cells = cv2.aruco.generateImageMarker(dictionary, tag_id, dictionary.markerSize + 2, borderBits=1)
+    side = dictionary.markerSize + 2 * border_bits
+    cells = cv2.aruco.generateImageMarker(dictionary, tag_id, side, borderBits=border_bits)
     # OpenCV stores the AprilTag families turned by half a turn against the AprilTag library's upright.
     return np.rot90(cells, 2) / 255.0
 
@@ -154,7 +195,7 @@ def draw_board(
     x_min, y_max = (low + high + np.array([-width, height]) / pixels_per_metre) / 2
     sheet = np.full((height, width), PAPER, np.float32)
     for tag_id, (x, y) in centers.items():
-        cells = INK + (PAPER - INK) * tag_cells(board.family, tag_id)
+        cells = INK + (PAPER - INK) * tag_cells(board.family, tag_id, board.border_bits)
         left = (x - board.tag_edge / 2 - x_min) * pixels_per_metre
         top = (y_max - y - board.tag_edge / 2) * pixels_per_metre
         columns, across = _coverage(left, board.tag_edge * pixels_per_metre, len(cells))

@@ -96,7 +96,7 @@ def _fit(
 
 def cell(board: Board) -> float:
     """Metres: the side of a tag's bit."""
-    return board.tag_edge / len(tag_cells(board.family, 0))
+    return board.tag_edge / len(tag_cells(board.family, 0, board.border_bits))
 
 
 def _id_size(board: Board) -> float:
@@ -111,7 +111,7 @@ def check_gap(board: Board, where: str = "--pitch") -> None:
     neighbour's black edge comes into that, and the blur of lens and print closes the gap.
     """
     if cell(board) < SMALLEST_CELL:
-        smallest = SMALLEST_CELL * len(tag_cells(board.family, 0))
+        smallest = SMALLEST_CELL * len(tag_cells(board.family, 0, board.border_bits))
         raise InputError("--tag", f"at least {_mm(smallest)}, so that a printer can draw its bits", _mm(board.tag_edge))
     least = board.tag_edge + cell(board)
     if board.grid.pitch < least - 1e-9:
@@ -154,7 +154,7 @@ def pdf_bytes(sheet: Sheet) -> bytes:
 
 def _draw_tag(canvas, board: Board, tag_id: int, left: float, bottom: float) -> None:
     """The tag's black runs as one path with shared coordinates, so that no seam shows between neighbours."""
-    cells = tag_cells(board.family, tag_id)
+    cells = tag_cells(board.family, tag_id, board.border_bits)
     n = len(cells)
     xs = [POINTS * (left + board.tag_edge * i / n) for i in range(n + 1)]
     ys = [POINTS * (bottom + board.tag_edge * i / n) for i in range(n, -1, -1)]

@@ -11,8 +11,10 @@ from raytwin.errors import check_one_of
 
 
 def calibrate_command(
-    photos: Annotated[Path, typer.Argument(help="A folder of photos of the board.")],
-    board: Annotated[Path, typer.Option(metavar="BOARD", help="The board's TOML file.")],
+    photos: Annotated[
+        list[Path], typer.Argument(metavar="PHOTOS...", help="Photos of the board, or a folder of them.")
+    ],
+    board: Annotated[list[Path], typer.Option(metavar="BOARD", help="The board's TOML file; once for each board.")],
     model: Annotated[str, typer.Option(help="auto, none, k1, k1k2, k1k2k3 or full5.")] = "auto",
     photo: Annotated[
         str | None, typer.Option(metavar="NAME", help="Whose pose the written camera gets (the first photo's).")
@@ -29,17 +31,20 @@ def calibrate_command(
     from raytwin.jobs.camera import list_photos
 
     check_outputs(files=(json, out, uncertainty))
-    definition = boards.read_board(board)
+    definitions = [boards.read_board(path) for path in board]
+    paths = [path for named in photos for path in list_photos(named)]
     with show_progress() as progress:
-        paths = list_photos(photos)
         check_one_of("--photo", photo or paths[0].name, (p.name for p in paths))
-        calibration = taken.calibrate(paths, definition, model=model, progress=progress)
+        calibration = taken.calibrate(paths, definitions, model=model, progress=progress)
     if json:
         files.write_json(json, calibration.numbers())
     if out:
-        names = [view.photo for view in calibration.views]
-        check_one_of("--photo", photo or names[0], names)
-        pose = taken.pose_of_photo(calibration, photos / (photo or names[0]), definition)
+        # Of several boards, the pose is that of the first that the photo shows.
+        shown = {view.photo: view.board for view in reversed(calibration.views)}
+        name = photo or calibration.views[0].photo
+        check_one_of("--photo", name, shown)
+        path = next(p for p in paths if name in (p.name, str(p)))
+        pose = taken.pose_of_photo(calibration, path, definitions[shown[name]])
         camera = taken.camera_at(calibration, pose.refined)
         files.write_camera(out, camera, f"Calibrated from {len(names)} photos, rms {calibration.rms_px:.3f} px.")
     if uncertainty:
@@ -58,6 +63,7 @@ def photograph_command(
     dist: Annotated[str, typer.Option(help="Distortion: k1,k2,p1,p2,k3 or a prefix.")] = "0.08,-0.16",
     samples: Annotated[int, typer.Option(min=1, help="Light paths per pixel.")] = 32,
     seed: Annotated[int, typer.Option(help="Of poses, light paths and sensor noise.")] = 1,
+    bend: Annotated[float, typer.Option(min=0.0, metavar="MM", help="Bend the sheet by so many millimetres.")] = 0.0,
     with_objects: Annotated[
         bool, typer.Option("--with-objects", help="Put the scene's spheres really there: the truth for augment.")
     ] = False,
@@ -78,6 +84,7 @@ def photograph_command(
             samples=samples,
             seed=seed,
             with_objects=with_objects,
+            bend=bend / 1000,
             progress=progress,
         )
     tell_seconds(progress)

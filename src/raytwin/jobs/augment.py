@@ -37,7 +37,14 @@ def augment_photos(
     if board is None and asked is None:
         raise InputError("--board", "a board's TOML file, since the scene names none", "nothing")
     definition = boards.read_board(board or Path(scene.folder) / (asked.board if asked else ""))
-    lens = find_camera(scene, progress=progress)[0].camera if camera is None else files.read_camera(camera)
+    calibration = None
+    if camera is None:
+        placed, _, calibration, _ = find_camera(scene, progress=progress)
+        lens = placed.camera
+    else:
+        lens = files.read_camera(camera)
+    if calibration is not None:
+        definition = calibration.shaped(definition)
     out = Path(out)
     if names := sorted(n for n in {p.name for p in taken} if sum(p.name == n for p in taken) > 1):
         raise InputError("photos", "names that differ, since each is written under its own", ", ".join(names))
@@ -52,7 +59,8 @@ def augment_photos(
             turned = ": the same, turned by a quarter" if pixels.shape[:2] == lens.image_size else ""
             found = f"{pixels.shape[1]} x {pixels.shape[0]}{turned}"
             raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", found)
-        tags = photos.detect_photo(path, definition.family)
+        tags = calibration.tags_of(path, definition) if calibration is not None else None
+        tags = photos.detect_photo(path, definition.kind) if tags is None else tags
         pose = photos.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
         stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
         here = scene.at(stand)

@@ -22,12 +22,17 @@ class TruthRow:
     unit: str
 
 
+SUFFIXES = (".jpg", ".jpeg", ".png")
+
+
 def list_photos(folder: str | Path) -> list[Path]:
-    """The photos of a folder, by name. Raises InputError where there are none."""
+    """The photos of a folder, by name; a photo's file stands for itself. Raises InputError where there are none."""
     folder = Path(folder)
+    if folder.is_file() and folder.suffix.lower() in SUFFIXES:
+        return [folder]
     if not folder.is_dir():
         raise InputError(folder, "a folder of photos", "no such folder" if not folder.exists() else "a file")
-    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".jpg", ".jpeg", ".png"))
+    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES)
     if not found:
         raise InputError(folder, "photos (.jpg, .jpeg, .png)", "none")
     return found
@@ -60,7 +65,11 @@ def find_camera(
 
 
 def compare_truth(
-    truth: photographer.Truth, calibration: photos.Calibration, camera: Camera, photo: str
+    truth: photographer.Truth,
+    calibration: photos.Calibration,
+    camera: Camera,
+    photo: str,
+    pose: photos.PoseReport | None = None,
 ) -> tuple[TruthRow, ...]:
     """Found beside true: focal lengths and centre in pixels, the compared photo's pose in degrees and millimetres."""
     rows = []
@@ -74,7 +83,8 @@ def compare_truth(
     if photo in truth.photos:
         R, t = (np.asarray(a) for a in truth.photos[photo])
         angle = photos.rotation_degrees(np.asarray(camera.R_cam_board), R)
-        rows.append(TruthRow("rotation off by", 0.0, angle, None, "degrees"))
+        rows.append(TruthRow("rotation off by", 0.0, angle, pose and pose.sigma_degrees, "degrees"))
         apart = 1e3 * np.linalg.norm(np.asarray(camera.eye) - (-R.T @ t))
-        rows.append(TruthRow("eye off by", 0.0, float(apart), None, "mm"))
+        away = None if pose is None or pose.sigma_metres is None else 1e3 * pose.sigma_metres
+        rows.append(TruthRow("eye off by", 0.0, float(apart), away, "mm"))
     return tuple(rows)

@@ -86,7 +86,7 @@ def compare_scene(
         scene, photo_path, calibration, pose = find_camera(written, photo, stages)
     truth: tuple[TruthRow, ...] = ()
     if photo_path is not None and calibration is not None and (truth_file := photo_path.parent / "truth.toml").exists():
-        truth = compare_truth(photographer.read_truth(truth_file), calibration, scene.camera, photo_path.name)
+        truth = compare_truth(photographer.read_truth(truth_file), calibration, scene.camera, photo_path.name, pose)
     if size is not None:
         scene = scene.with_camera(scene.camera.resized(*size))
     with stages.stage("tracer"):

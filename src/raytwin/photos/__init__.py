@@ -4,7 +4,16 @@ detection -> calibration (fit, model, bias, uncertainty) -> pose; `lens` holds t
 against a calibration. Importing this loads OpenCV: commands do so only when they run.
 """
 
-from raytwin.photos.calibration import LEAST_VIEWS, Calibration, View, Warning_, calibrate, calibrate_detections
+from raytwin.photos.calibration import (
+    LEAST_VIEWS,
+    Calibration,
+    Evidence,
+    FoundBoard,
+    View,
+    Warning_,
+    calibrate,
+    calibrate_detections,
+)
 from raytwin.photos.detection import NoTags, Tag, detect, detect_photo, detect_photos
 from raytwin.photos.doubts import CODES
 from raytwin.photos.fit import MODELS
@@ -21,7 +30,7 @@ from raytwin.photos.pose import (
     refined_pose,
     rotation_degrees,
 )
-from raytwin.photos.uncertainty import Evidence, deviations, uncertainty_map
+from raytwin.photos.uncertainty import deviations, pose_deviation, uncertainty_map
 
 __all__ = [
     "CODES",
@@ -29,6 +38,7 @@ __all__ = [
     "MODELS",
     "Calibration",
     "Evidence",
+    "FoundBoard",
     "ModelTrial",
     "NoTags",
     "Pose",
@@ -47,6 +57,7 @@ __all__ = [
     "deviations",
     "explained",
     "homography_pose",
+    "pose_deviation",
     "pose_of_photo",
     "pose_of_tags",
     "project",

@@ -1,11 +1,12 @@
 """A distorted tag's diagonals do not cross at its centre: what a detector that fits straight edges gets wrong.
 
-The lens bends a tag's edges; the detector fits straight lines to them, and calls the point where the diagonals of
-their four crossings meet the centre. Through a known camera the same can be done to the true edges. What comes out
-differs from the image of the true centre by the detector's bias: a fifth of a pixel (rms) on large tags under moderate
-distortion, four times the detector's noise.
+The lens bends a tag's edges; the detector fits straight lines to them, and calls the point where the diagonals of their
+four crossings meet the centre. Through a known camera the same can be done to the true edges. What comes out differs
+from the image of the true centre by the detector's bias, which a bent sheet changes: a fifth of a pixel (rms) on large
+tags under moderate distortion, four times the detector's noise.
 """
 
+import functools
 from collections.abc import Sequence
 
 import msgspec
@@ -22,11 +23,8 @@ POINTS = 9
 def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float]) -> np.ndarray:
     """(n, 2) pixels: crossing of the diagonals of straight lines through the distorted edges, minus the true centre."""
     centers = board.points(ids)
-    s = np.linspace(-1, 1, POINTS)
-    one = np.ones(POINTS)
-    # Around the tag: lower, right, upper, left edge.
-    edges = np.stack([np.c_[s, -one], np.c_[one, s], np.c_[-s, one], np.c_[-one, -s]]) * board.tag_edge / 2
-    around = centers[:, None, None] + np.concatenate([edges, np.zeros((4, POINTS, 1))], axis=-1)
+    edges = _edges(board)
+    around = centers[:, None, None] + np.stack([edges[i] for i in ids])
     pixels = lens.project(around.reshape(-1, 3), R, t, K, dist).reshape(len(centers), 4, POINTS, 2)
     middle = pixels.mean(axis=2)
     spread = pixels - middle[:, :, None]
@@ -36,6 +34,19 @@ def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float]
     corner = [_meet(normal[:, i - 1], offset[:, i - 1], normal[:, i], offset[:, i]) for i in range(4)]
     crossing = _meet(*_line(corner[0], corner[2]), *_line(corner[1], corner[3]))
     return crossing - lens.project(centers, R, t, K, dist)
+
+
+@functools.lru_cache(maxsize=16)
+def _edges(board: Board) -> dict[int, np.ndarray]:
+    """By id, (4, POINTS, 3): from the tag's centre to points on its lower, right, upper and left edge, metres.
+
+    On a bent sheet the edges lie higher or lower than the centre; that a tilt shortens them is second order.
+    """
+    s, one = np.linspace(-1, 1, POINTS), np.ones(POINTS)
+    flat = np.stack([np.c_[s, -one], np.c_[one, s], np.c_[-s, one], np.c_[-one, -s]]) * board.tag_edge / 2
+    centers = np.array(list(board.centers().values()))
+    rise = board.rise(centers[:, None, None] + flat) - board.rise(centers)[:, None, None]
+    return {tag: np.concatenate([flat, z[..., None]], axis=-1) for tag, z in zip(board.centers(), rise, strict=True)}
 
 
 def unbiased(tags: Sequence[Tag], board: Board, R, t, K, dist: Sequence[float]) -> list[Tag]:

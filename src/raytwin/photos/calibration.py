@@ -1,12 +1,13 @@
-"""Photos of a board -> K and distortion, with standard deviations, poses, and doubts: detect, fit, doubt.
+"""Photos of boards -> K and distortion, with standard deviations, poses, and doubts: detect, fit, choose, doubt.
 
-The fit is on tag centres (`fit`); the lens model is the smallest that predicts views it has not seen (`selection`).
+The fit is on tag centres (`fit`); lens model and boards' shapes are what predicts photos not seen (`model`); how far
+off it may be is told by how the photos disagree (`uncertainty`).
 """
 
 import math
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,16 @@ import msgspec
 import numpy as np
 
 from raytwin import files
-from raytwin.boards.board import Board, spans_a_plane
+from raytwin.boards import Board, Heights
+from raytwin.boards.board import spans_a_plane
 from raytwin.errors import InputError
-from raytwin.photos import lens, pose, uncertainty
+from raytwin.photos import lens, pose
 from raytwin.photos.bias import unbiased
 from raytwin.photos.detection import Find, Tag, detect, detect_photos
 from raytwin.photos.doubts import coverage, doubts_about, tilts
-from raytwin.photos.fit import MODELS, Fit, Seen, fit
-from raytwin.photos.model import ModelTrial, select_model
+from raytwin.photos.fit import INTRINSICS, MODELS, Fit, Form, Seen, fit, matched
+from raytwin.photos.model import ModelTrial, name, select_model
+from raytwin.photos.uncertainty import Spread, spread, with_poses
 from raytwin.progress import Progress, silent
 from raytwin.scene import Matrix, Record, Vector
 
@@ -39,13 +42,28 @@ than any lens bends a board."""
 
 
 class View(Record, frozen=True):
-    """One photo: tags used, root mean squared distance, `p_cam = R_cam_board @ p_board + t_cam_board` (metres)."""
+    """One board in one photo: tags used, root mean squared distance, `p_cam = R_cam_board @ p_board + t_cam_board` (m).
+
+    `influence`: by how many of their standard deviations fx, fy, cx and cy move (rms) when the photo is left out.
+    `board`: which of the boards, counted from 0.
+    """
 
     photo: str
     tags: int
     rms_px: float
     R_cam_board: Matrix
     t_cam_board: Vector
+    influence: float = 0.0
+    board: int = 0
+
+
+class FoundBoard(Record, frozen=True):
+    """A board as the photos tell it: `heights` None where a flat one predicts as well. `bend_mm`: from the lowest tag's
+    height to the highest's, `bend_sigma_mm` one standard deviation of it."""
+
+    heights: Heights | None = None
+    bend_mm: float = 0.0
+    bend_sigma_mm: float = 0.0
 
 
 class Warning_(Record, frozen=True):
@@ -53,6 +71,29 @@ class Warning_(Record, frozen=True):
 
     code: str
     text: str
+
+
+class Evidence(Record, frozen=True):
+    """What a calibration rests on, and what may be said from it; not part of its JSON.
+
+    `coverage`: the share of the frame's 10 x 10 cells with a tag's centre. `tilts`: the angle between the board's
+    normal and the line of sight, degrees, by view. `distance`: the board's middle from the camera, the median over the
+    views, metres. `covariance`: of (fx, fy, cx, cy, the model's coefficients, omega, tau), see `uncertainty`; pixels,
+    radians, metres; `noise_px`: one standard deviation of a tag's coordinate that goes with it. `trials`: what came of
+    each model, `taken` among them. `boards`: with their shapes. `found`: by kind of tag and by photo, all tags that
+    were detected.
+    """
+
+    coverage: float
+    tilts: tuple[float, ...]
+    distance: float
+    covariance: tuple[tuple[float, ...], ...]
+    noise_px: float
+    trials: dict[str, ModelTrial]
+    taken: str
+    boards: tuple[Board, ...]
+    seen: tuple[tuple[float, float], ...]
+    found: dict[str, dict[str, tuple[Tag, ...]]]
 
 
 class Calibration(Record, frozen=True):
@@ -69,177 +110,287 @@ class Calibration(Record, frozen=True):
     sigma: dict[str, float]
     rms_px: float
     views: tuple[View, ...]
+    boards: tuple[FoundBoard, ...] = ()
     warnings: tuple[Warning_, ...] = ()
-    evidence: uncertainty.Evidence | None = None
+    evidence: Evidence | None = None
 
     def numbers(self) -> dict[str, Any]:
         """What the JSON holds."""
         return {k: v for k, v in msgspec.structs.asdict(self).items() if k != "evidence"}
 
+    def shaped(self, board: Board) -> Board:
+        """The board with the shape that was found for it; as it is if it is none of those calibrated from."""
+        known = self.evidence.boards if self.evidence is not None else ()
+        return next((b for b in known if b.flat() == board.flat()), board)
+
+    def tags_of(self, photo: str | os.PathLike, board: Board) -> tuple[Tag, ...] | None:
+        """The tags that were found in a photo, so that it need not be searched again; None for any other photo."""
+        if self.evidence is None:
+            return None
+        found = self.evidence.found.get(board.kind, {})
+        return found.get(str(photo))
+
 
 def calibrate(
     photos: Sequence[str | os.PathLike],
-    board: Board,
+    board: Board | Sequence[Board],
     model: str = "auto",
     progress: Progress = silent,
     find: Find = detect,
     threads: int | None = None,
 ) -> Calibration:
-    """The camera that took `photos`, all of one size, of one board. `find`, `threads`: see `detect_photos`.
+    """The camera that took `photos`, all of one size, of one board, or of several. `find`, `threads`: `detect_photos`.
 
-    Photos without tags are left out with a warning as long as three others remain. Raises InputError for anything
-    from which no camera follows.
+    Photos without tags, and those of another size, are left out with a warning as long as three others remain. Raises
+    InputError for anything from which no camera follows.
     """
     paths = [Path(p) for p in photos]
+    boards = _boards(board)
     where = str(paths[0].parent) if paths else "photos"
     _check_model(model)
     if len(paths) < LEAST_VIEWS:
         raise InputError(where, f"at least {LEAST_VIEWS} photos of the board, from different sides", len(paths))
     paths, image_size, doubts = _of_one_size(paths)
-    found, wrong = detect_photos(paths, board.family, progress, find, threads)
+    found: dict[str, dict[str, Sequence[Tag]]] = {}
+    wrong: dict[str, str] = {}
+    for kind in dict.fromkeys(b.kind for b in boards):
+        found[kind], without = detect_photos(paths, kind, progress, find, threads)
+        wrong |= without
+    wrong = {p: why for p, why in wrong.items() if not any(p in tags for tags in found.values())}
     unique = len({p.name for p in paths}) == len(paths)
-    name = {str(p): p.name if unique else str(p) for p in paths}
+    shown = {str(p): p.name if unique else str(p) for p in paths}
     progress("fit", 0, 1)
-    result = calibrate_detections(
-        {name[p]: tags for p, tags in found.items()},
-        image_size,
-        board,
-        model,
-        where,
-        {name[p]: why for p, why in wrong.items()},
-        doubts,
-    )
+    result = _calibrate(
+        {key: {shown[p]: tags for p, tags in by_photo.items()} for key, by_photo in found.items()},
+        image_size, boards, model, where, {shown[p]: why for p, why in wrong.items()}, doubts,
+    )  # fmt: skip
     progress("fit", 1, 1)
+    # By path too, for whoever wants the pose of one of them.
+    kept = {key: {p: tuple(tags) for p, tags in by_photo.items()} for key, by_photo in found.items()}
+    result = msgspec.structs.replace(result, evidence=msgspec.structs.replace(result.evidence, found=kept))
     return result
 
 
 def calibrate_detections(
-    detections: dict[str, Sequence[Tag]],
+    detections: Mapping[str, Sequence[Tag]],
     image_size: tuple[int, int],
-    board: Board,
+    board: Board | Sequence[Board],
     model: str = "auto",
     where: str = "photos",
-    wrong: dict[str, str] | None = None,
+    wrong: Mapping[str, str] | None = None,
     doubts: Sequence[Warning_] = (),
 ) -> Calibration:
-    """The same from tags already found, by photo.
+    """The same from tags already found, by photo; those of several boards have ids of their own.
 
     `wrong` says of other photos why they have none, `doubts` are about the photos themselves.
     """
     _check_model(model)
-    wrong = dict(wrong or {})
-    if not any(detections.values()):
+    boards = _boards(board)
+    found = {b.kind: detections for b in boards}
+    return _calibrate(found, image_size, boards, model, where, dict(wrong or {}), doubts)
+
+
+def _calibrate(
+    found: Mapping[str, Mapping[str, Sequence[Tag]]],
+    image_size: tuple[int, int],
+    boards: Sequence[Board],
+    model: str,
+    where: str,
+    wrong: dict[str, str],
+    doubts: Sequence[Warning_],
+) -> Calibration:
+    """From tags by kind and by photo."""
+    if not any(tags for by_photo in found.values() for tags in by_photo.values()):
         seen = "; ".join(f"{name}: {why}" for name, why in list(wrong.items())[:3])
-        raise InputError(where, f"photos of {board.family} tags", seen or "none")
-    pose.check_ids(list(detections.values()), board, where)
-    _check_inside(detections, image_size)
-    views, straight = [], []
-    known = board.centers()
-    for photo, tags in detections.items():
-        tags = [t for t in tags if t.id in known]
-        inside = np.ones(len(tags), bool)
-        if spans_a_plane(board.points(t.id for t in tags)[:, :2]):
-            inside = pose.consistent(*pose.matched(tags, board), GROSS * image_size[0])
-        if spans_a_plane(board.points(t.id for t in tags)[inside, :2]):
-            views.append(Seen(photo, tuple(tags)))
-            straight.append(Seen(photo, tuple(t for t, ok in zip(tags, inside, strict=True) if ok)))
-        else:
-            wrong.setdefault(photo, f"{len(tags)} tags of the board, too few or in one line")
+        raise InputError(where, f"photos of {' or '.join(found)} tags", seen or "none")
+    for key, by_photo in found.items():
+        pose.check_ids(list(by_photo.values()), [b for b in boards if b.kind == key], where)
+        _check_inside(by_photo, image_size)
+    views, straight = _first_views(found, image_size, boards, wrong)
     _check_enough(views, wrong, where)
     trials: dict[str, ModelTrial] = {}
-    chosen = PRELIMINARY if model == "auto" else model
+    result: Fit | None = None
+    form = Form(PRELIMINARY if model == "auto" else model)
     for turn in range(ROUNDS):
         # The fit tells the detector's bias and the outliers; without both, the next fit is a better one.
-        if model == "auto" and turn == 1:
-            chosen, trials = select_model(straight, image_size, board)
-        result = fit(straight, image_size, board, chosen)
+        result = fit(straight, image_size, boards, form, result)
+        if turn == 1:
+            result, trials = select_model(straight, image_size, boards, model, result)
+            form = result.form
         if turn < ROUNDS - 1:
-            views, straight = _inliers(views, board, result, wrong)
+            views, straight = _inliers(views, boards, result, wrong)
             _check_enough(views, wrong, where)
     outliers = {
         v.photo: sorted({t.id for t in v.tags} - {t.id for t in s.tags}) for v, s in zip(views, straight, strict=True)
     }
-    found = _calibration(straight, image_size, board, chosen, result, trials)
-    more = doubts_about(found, {v.photo: v.tags for v in straight}, board, wrong, outliers)
-    return msgspec.structs.replace(found, warnings=(*doubts, *(Warning_(*d) for d in more)))
+    known = spread(result)
+    made = _calibration(straight, image_size, boards, result, known, trials, found)
+    more = doubts_about(made, result, known, straight, image_size, boards, wrong, outliers)
+    return msgspec.structs.replace(made, warnings=(*doubts, *(Warning_(*d) for d in more)))
 
 
-def _inliers(views, board: Board, result: Fit, wrong: dict[str, str]) -> tuple[list[Seen], list[Seen]]:
+def _first_views(
+    found: Mapping[str, Mapping[str, Sequence[Tag]]],
+    image_size: tuple[int, int],
+    boards: Sequence[Board],
+    wrong: dict[str, str],
+) -> tuple[list[Seen], list[Seen]]:
+    """The boards in the photos, in the photos' order: all their tags, and those that one homography agrees with."""
+    views, straight = [], []
+    photos = dict.fromkeys(photo for by_photo in found.values() for photo in by_photo)
+    for photo in photos:
+        most = 0
+        for i, board in enumerate(boards):
+            known, flat = board.centers(), board.flat()
+            tags = [t for t in found[board.kind].get(photo, ()) if t.id in known]
+            most = max(most, len(tags))
+            inside = np.ones(len(tags), bool)
+            if spans_a_plane(flat.points(t.id for t in tags)[:, :2]):
+                inside = pose.consistent(*matched(tags, flat), GROSS * image_size[0])
+            if spans_a_plane(flat.points(t.id for t in tags)[inside, :2]):
+                views.append(Seen(photo, tuple(tags), i))
+                straight.append(Seen(photo, tuple(t for t, ok in zip(tags, inside, strict=True) if ok), i))
+        if not views or views[-1].photo != photo:
+            wrong.setdefault(photo, f"{most} tags of the board, too few or in one line")
+    return views, straight
+
+
+def _shaped(boards: Sequence[Board], result: Fit) -> tuple[Board, ...]:
+    return tuple(msgspec.structs.replace(b, heights=s) for b, s in zip(boards, result.shapes, strict=True))
+
+
+def _inliers(
+    views: Sequence[Seen], boards: Sequence[Board], result: Fit, wrong: dict[str, str]
+) -> tuple[list[Seen], list[Seen]]:
     """The views that keep enough tags by `result`: all their tags, and the inliers without the detector's bias.
 
     Every tag is judged anew: one that an outlier had pulled away comes back.
     """
     moved, errors = [], []
+    shaped = _shaped(boards, result)
     for view, (R, t) in zip(views, result.poses, strict=True):
+        board = shaped[view.board]
         tags = unbiased(view.tags, board, R, t, result.K, result.dist)
-        points, pixels = pose.matched(tags, board)
+        points, pixels = matched(tags, board)
         moved.append(tags)
         errors.append(np.linalg.norm(lens.project(points, R, t, result.K, result.dist) - pixels, axis=1))
     limit = pose.outlier_limit(np.concatenate(errors))
     kept, straight = [], []
     for view, tags, error in zip(views, moved, errors, strict=True):
         inside = tuple(t for t, e in zip(tags, error, strict=True) if e <= limit)
-        if spans_a_plane(board.points(t.id for t in inside)[:, :2]):
+        if spans_a_plane(shaped[view.board].points(t.id for t in inside)[:, :2]):
             kept.append(view)
-            straight.append(Seen(view.photo, inside))
+            straight.append(Seen(view.photo, inside, view.board))
         else:
             wrong[view.photo] = "too few tags that agree with the board"
     return kept, straight
 
 
-def _calibration(views, image_size, board, model, result: Fit, trials: dict[str, ModelTrial]) -> Calibration:
-    shown = []
-    for i, view in enumerate(views):
-        R, t = result.poses[i]
-        rms = math.sqrt(float((_errors(view, board, result, i) ** 2).mean()))
-        shown.append(View(view.photo, len(view.tags), rms, pose.rotation(R), tuple(t.tolist())))
+def _calibration(
+    views: Sequence[Seen],
+    image_size: tuple[int, int],
+    boards: Sequence[Board],
+    result: Fit,
+    known: Spread,
+    trials: dict[str, ModelTrial],
+    found: Mapping[str, Mapping[str, Sequence[Tag]]],
+) -> Calibration:
+    names = result.form.names
+    sigma = np.sqrt(np.diag(known.covariance)[: len(names)])
+    moved = known.moves[:, : len(INTRINSICS)] / np.maximum(sigma[: len(INTRINSICS)], 1e-300)
+    influence = np.sqrt((moved**2).mean(axis=1))
+    square = (result.residuals**2).sum(axis=(1, 2)) / result.sights.weight.sum(axis=1)
+    shown = tuple(
+        View(
+            view.photo, len(view.tags), math.sqrt(square[i]), pose.rotation(R), tuple(t.tolist()),
+            float(influence[result.sights.photo[i]]), view.board,
+        )
+        for i, (view, (R, t)) in enumerate(zip(views, result.poses, strict=True))
+    )  # fmt: skip
     K = result.K
-    middle = np.append(np.mean(list(board.centers().values()), axis=0), 0.0)
+    shaped = _shaped(boards, result)
+    middles = [np.append(np.mean(list(b.centers().values()), axis=0), 0.0) for b in boards]
+    away = [np.linalg.norm(R @ middles[v.board] + t) for v, (R, t) in zip(views, result.poses, strict=True)]
     seen = tuple(tuple(map(float, t.center)) for v in views for t in v.tags)
-    evidence = uncertainty.Evidence(
+    evidence = Evidence(
         coverage=coverage(np.array(seen), image_size),
-        tilts=tuple(tilts(shown, board)),
-        distance=float(np.median([np.linalg.norm(R @ middle + t) for R, t in result.poses])),
-        covariance=tuple(map(tuple, uncertainty.covariance(views, board, result, model).tolist())),
+        tilts=tuple(tilts(shown, boards)),
+        distance=float(np.median(away)),
+        covariance=tuple(map(tuple, with_poses(result, known).tolist())),
+        noise_px=known.noise_px,
         trials=trials,
+        taken=name(result.form),
+        boards=shaped,
         seen=seen,
+        found={key: {photo: tuple(tags) for photo, tags in by_photo.items()} for key, by_photo in found.items()},
     )
     return Calibration(
         image_size=tuple(image_size),
-        model=model,
+        model=result.form.model,
         K=((float(K[0, 0]), 0.0, float(K[0, 2])), (0.0, float(K[1, 1]), float(K[1, 2])), (0.0, 0.0, 1.0)),
         dist=result.dist,
-        sigma=result.sigma,
+        sigma=dict(zip(names, sigma.tolist(), strict=True)),
         rms_px=result.rms_px,
-        views=tuple(shown),
+        views=shown,
+        boards=_found_boards(result, known),
         evidence=evidence,
     )
 
 
-def _errors(view: Seen, board: Board, result: Fit, i: int) -> np.ndarray:
-    points, pixels = pose.matched(view.tags, board)
-    return np.linalg.norm(lens.project(points, *result.poses[i], result.K, result.dist) - pixels, axis=1)
+def _found_boards(result: Fit, known: Spread) -> tuple[FoundBoard, ...]:
+    boards, at = [], len(result.form.names)
+    for shape, bent in zip(result.shapes, result.sights.bendings, strict=True):
+        if shape is None or bent is None:
+            boards.append(FoundBoard())
+            continue
+        n = len(shape.coefficients)
+        heights = bent.heights @ np.array(shape.coefficients)
+        across = bent.heights[heights.argmax()] - bent.heights[heights.argmin()]
+        variance = float(across @ known.covariance[at : at + n, at : at + n] @ across)
+        boards.append(FoundBoard(shape, 1e3 * float(np.ptp(heights)), 1e3 * math.sqrt(max(variance, 0.0))))
+        at += n
+    return tuple(boards)
+
+
+def _boards(board: Board | Sequence[Board]) -> tuple[Board, ...]:
+    """As a tuple; InputError where two share a tag, which could be either's."""
+    boards = (board,) if isinstance(board, Board) else tuple(board)
+    if not boards:
+        raise InputError("board", "at least one", "none")
+    for i, b in enumerate(boards):
+        for other in boards[:i]:
+            if b.kind == other.kind and (shared := set(b.centers()) & set(other.centers())):
+                raise InputError("board", "boards whose tags differ", f"id {min(shared)} on two of them")
+    return boards
 
 
 def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], list[Warning_]]:
     """The photos of the commonest size, that size, and doubts about which way up the photos are.
 
     Photos a quarter turn from the others are left out: their pixels were turned after the lens had drawn them, and its
-    centre and its axes with them. Any other size is an error.
+    centre and its axes with them. So are photos of any other size, which another camera took or a program cut, unless
+    they are half of all.
     """
     sizes = dict(zip(paths, map(files.photo_size, paths), strict=True))
     size = Counter(sizes.values()).most_common(1)[0][0]
     example = next(p for p in paths if sizes[p] == size)
     kept = [p for p in paths if sizes[p] == size]
     swapped = [p for p in paths if sizes[p] == size[::-1] != size]
+    others = [p for p in paths if p not in kept and p not in swapped]
     expected = f"{size[0]} x {size[1]} pixels, as {example.name} has"
-    for path in paths:
+    for path in (*others, *swapped):
         w, h = sizes[path]
-        if path not in kept and path not in swapped:
-            raise InputError(path, expected, f"{w} x {h}")
-        if path in swapped and len(kept) < LEAST_VIEWS:
-            raise InputError(path, expected, f"{w} x {h}: the same, turned by a quarter")
+        if len(kept) < LEAST_VIEWS or 2 * len(others) >= len(paths):
+            turned = ": the same, turned by a quarter" if path in swapped else ""
+            raise InputError(path, expected, f"{w} x {h}{turned}")
     doubts = []
+    if others:
+        text = ", ".join(sorted({"{} x {}".format(*sizes[p]) for p in others}))
+        doubts.append(
+            Warning_(
+                "other-size", f"{_some(others)}: left out, being {text} where the others are {size[0]} x {size[1]}"
+            )
+        )
     if swapped:
         w, h = size
         text = f"left out, being {h} x {w} where the others are {w} x {h}: pixels turned after the photo was taken"
@@ -260,7 +411,7 @@ def _some(paths: Sequence[Path]) -> str:
     return ", ".join([p.name for p in paths[:3]] + ["..."] * (len(paths) > 3))
 
 
-def _check_inside(detections: dict[str, Sequence[Tag]], image_size: tuple[int, int]) -> None:
+def _check_inside(detections: Mapping[str, Sequence[Tag]], image_size: tuple[int, int]) -> None:
     width, height = image_size
     for photo, tags in detections.items():
         for tag in tags:
@@ -272,9 +423,10 @@ def _check_inside(detections: dict[str, Sequence[Tag]], image_size: tuple[int, i
 
 
 def _check_enough(views: Sequence[Seen], wrong: dict[str, str], where: str) -> None:
-    if len(views) < LEAST_VIEWS:
+    photos = {v.photo for v in views}
+    if len(photos) < LEAST_VIEWS:
         reasons = "".join(f"; {name}: {why}" for name, why in list(wrong.items())[:3])
-        raise InputError(where, f"at least {LEAST_VIEWS} photos that show the board", f"{len(views)}{reasons}")
+        raise InputError(where, f"at least {LEAST_VIEWS} photos that show the board", f"{len(photos)}{reasons}")
 
 
 def _check_model(model: str) -> None:

@@ -1,7 +1,12 @@
-"""AprilTags in a photo: pupil_apriltags, shifted by half a pixel into OpenCV's convention."""
+"""AprilTags in a photo: pupil_apriltags, shifted by half a pixel into OpenCV's convention.
+
+A kind of tag is a family, `tag36h11`, or one whose black border is two bits wide, `tag36h11/2`, as Kalibr prints them:
+the AprilTag library finds none of those, OpenCV's ArUco all.
+"""
 
 import os
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -11,12 +16,13 @@ import numpy as np
 import pupil_apriltags
 
 from raytwin import files
+from raytwin.boards import FAMILIES
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
 from raytwin.scene import Record
 
 Find = Callable[[np.ndarray, str], "list[Tag]"]
-"""find(grey, family) -> the tags in a photo, in the photo's own pixels; `detect` is one."""
+"""find(grey, kind) -> the tags in a photo, in the photo's own pixels; `detect` is one."""
 
 
 class NoTags(InputError):
@@ -76,26 +82,43 @@ scale, in a tenth of the time.
 """
 
 
-def detect(pixels: np.ndarray, family: str = "tag36h11", reductions: Sequence[float] | None = None) -> list[Tag]:
+def detect(pixels: np.ndarray, kind: str = "tag36h11", reductions: Sequence[float] | None = None) -> list[Tag]:
     """The tags in a photo, sRGB uint8 (H, W, 3) or grey (H, W), by id.
 
     An id seen at two places says nothing about which is the board's: both are dropped. So are tags that need more
     than one corrected bit, and tags whose white ring the frame cuts: what is left of them has its centre elsewhere.
     `reductions`: the scales to search at, by turns (by default REDUCTIONS for large photos, else full scale).
     """
+    found = _all(pixels, kind, reductions)
+    times = Counter(tag.id for tag in found)
+    return [tag for tag in found if times[tag.id] == 1]
+
+
+def repeated_ids(pixels: np.ndarray, kind: str = "tag36h11") -> list[int]:
+    """The ids that are in the photo more than once."""
+    return sorted(i for i, n in Counter(tag.id for tag in _all(pixels, kind)).items() if n > 1)
+
+
+def _all(pixels: np.ndarray, kind: str, reductions: Sequence[float] | None = None) -> list[Tag]:
+    """All whole tags, by id."""
     grey = pixels if pixels.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(pixels), cv2.COLOR_RGB2GRAY)
     grey = np.ascontiguousarray(grey)
     size = np.array(grey.shape[::-1])
+    family, _, border = kind.partition("/")
+    if border:
+        found = _wide_bordered(grey, family, int(border))
+    else:
+        found = _bordered_by_one(grey, family, reductions or (REDUCTIONS if size.max() > SEARCH_SIDE else (1.0,)))
+    return sorted((t for t in found if _is_whole(np.array(t.corners) + 0.5, size)), key=lambda t: t.id)
+
+
+def _bordered_by_one(grey: np.ndarray, family: str, reductions: Sequence[float]) -> list[Tag]:
     with _borrowed(family) as detector:
-        for reduction in reductions or (REDUCTIONS if size.max() > SEARCH_SIDE else (1.0,)):
+        for reduction in reductions:
             detector.tag_detector_ptr.contents.quad_decimate = reduction
             found = [d for d in detector.detect(grey) if d.hamming <= 1]
             if found and min(map(_shortest_edge, found)) >= SMALLEST_SEARCHED * reduction:
                 break
-    found = [d for d in found if _is_whole(d.corners, size)]
-    seen: dict[int, int] = {}
-    for d in found:
-        seen[d.tag_id] = seen.get(d.tag_id, 0) + 1
     # AprilTag's (0, 0) is the corner of the first pixel, OpenCV's is its centre.
     return [
         Tag(
@@ -104,9 +127,24 @@ def detect(pixels: np.ndarray, family: str = "tag36h11", reductions: Sequence[fl
             tuple(tuple(c) for c in (d.corners - 0.5).tolist()),
             float(d.decision_margin),
         )
-        for d in sorted(found, key=lambda d: d.tag_id)
-        if seen[d.tag_id] == 1
+        for d in found
     ]
+
+
+def _wide_bordered(grey: np.ndarray, family: str, border: int) -> list[Tag]:
+    options = cv2.aruco.DetectorParameters()
+    options.markerBorderBits = border
+    options.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(FAMILIES[family]), options)
+    corners, ids, _ = detector.detectMarkers(grey)
+    found = []
+    for quad, tag_id in zip(corners, np.ravel(ids) if ids is not None else (), strict=True):
+        # Clockwise from the upper left of OpenCV's upright, which is AprilTag's turned by half a turn.
+        a, b, c, d = quad[0].astype(float)
+        meet = np.linalg.solve(np.stack([c - a, b - d], axis=-1), b - a)
+        center = a + meet[0] * (c - a)
+        found.append(Tag(int(tag_id), tuple(center.tolist()), tuple(tuple(p.tolist()) for p in (b, a, d, c)), 0.0))
+    return found
 
 
 def _shortest_edge(detection) -> float:
@@ -119,19 +157,29 @@ def _is_whole(corners: np.ndarray, size: np.ndarray) -> bool:
     return bool(corners.min() >= edge / 8 and (size - corners).min() >= edge / 8)
 
 
-def detect_photo(path: str | os.PathLike, family: str = "tag36h11", find: Find = detect) -> list[Tag]:
-    """The tags in a photo's file; InputError where there is none, or where the photo is mirrored."""
+def detect_photo(path: str | os.PathLike, kind: str = "tag36h11", find: Find = detect) -> list[Tag]:
+    """The tags in a photo's file; NoTags, with the reason, where there is none."""
     grey = files.read_grey(path)
-    if tags := find(grey, family):
+    if tags := find(grey, kind):
         return tags
-    if mirrored := find(grey[:, ::-1], family):
-        raise NoTags(path, f"{family} tags", f"a mirrored photo (its mirror image shows {len(mirrored)} tags)")
-    raise NoTags(path, f"{family} tags", "none")
+    if repeated := repeated_ids(grey, kind):
+        text = ", ".join(map(str, repeated[:8])) + (", ..." if len(repeated) > 8 else "")
+        raise NoTags(path, f"{kind} tags, each once", f"tag{'s' if len(repeated) > 1 else ''} {text} there twice")
+    if mirrored := find(grey[:, ::-1], kind):
+        raise NoTags(path, f"{kind} tags", f"a mirrored photo (its mirror image shows {len(mirrored)} tags)")
+    family, _, border = kind.partition("/")
+    other = family if border else f"{family}/2"
+    if others := find(grey, other):
+        bits = 1 if border else 2
+        raise NoTags(
+            path, f"{kind} tags", f"{len(others)} with a border of {bits}: border_bits = {bits} in the board's file"
+        )
+    raise NoTags(path, f"{kind} tags", "none")
 
 
 def detect_photos(
     photos: Sequence[str | os.PathLike],
-    family: str,
+    kind: str,
     progress: Progress = silent,
     find: Find = detect,
     threads: int | None = None,
@@ -145,7 +193,7 @@ def detect_photos(
 
     def look(photo: str | os.PathLike) -> list[Tag] | NoTags:
         try:
-            return detect_photo(photo, family, find)
+            return detect_photo(photo, kind, find)
         except NoTags as error:
             return error
 

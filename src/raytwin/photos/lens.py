@@ -44,6 +44,18 @@ def turning_radius(dist: Sequence[float]) -> float:
     return math.sqrt(min(squares)) if squares else math.inf
 
 
+def grows(rays: np.ndarray, dist: Sequence[float]) -> np.ndarray:
+    """(n,) bool: whether the lens has not folded back before the camera's ray (n, 3)."""
+    return np.hypot(rays[:, 0], rays[:, 1]) < turning_radius(dist) * rays[:, 2]
+
+
+def corner_radius(intrinsics: Sequence[float], image_size: tuple[int, int]) -> float:
+    """The distance of the image's farthest corner from the lens's centre, in focal lengths, given fx, fy, cx, cy."""
+    fx, fy, cx, cy = intrinsics
+    width, height = image_size
+    return math.hypot(max(cx + 0.5, width - 0.5 - cx) / fx, max(cy + 0.5, height - 0.5 - cy) / fy)
+
+
 def five(dist: Sequence[float]) -> np.ndarray:
     """k1, k2, p1, p2, k3 of any prefix of them, the missing ones 0."""
     return np.array([*dist, *(0.0,) * (5 - len(dist))], float)

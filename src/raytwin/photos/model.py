@@ -1,60 +1,39 @@
-"""Which distortion model: the smallest that predicts views it has not seen, by cross-validation over the views."""
+"""Which lens model and which shape of the boards: what predicts photos that the fit has not seen, by leaving each out.
+
+The five coefficients of a plain OpenCV fit on a flat board are always among the candidates. A smaller model is taken
+only where it predicts as well, a bent board only where it predicts better.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import cv2
-
-from raytwin.boards.board import Board
+from raytwin.boards import Board
+from raytwin.boards.shape import DEGREES
 from raytwin.errors import InputError
-from raytwin.photos import lens, pose
-from raytwin.photos.fit import MODELS, NAMES, Fit, Seen, fit
+from raytwin.photos.fit import Fit, Form, Seen, fit
+from raytwin.photos.uncertainty import leave_one_out
 from raytwin.scene import Record
 from raytwin.scene.lens import undone
 
 LADDER = ("none", "k1", "k1k2", "k1k2k3", "full5")
 """What `auto` chooses from, smallest first; each adds coefficients to the one before."""
 
-WITHIN, SIGNIFICANT, FOLDS = 1.05, 3.0, 5
-"""`auto` takes the smallest model whose held-out error is within 5 % of the best and whose newest coefficients exceed
-3 standard deviations; held-out by turns is a fifth of the views."""
+AS_WELL, NOTHING = 1.01, 0.002
+"""As good as the best: within 1 % of its held-out error, or within so many pixels, which no detector knows."""
+
+UNFOLDED = 1.02
+"""A lens that folds back inside the frame is kept from it where that costs no more than 2 % of the held-out error."""
+
+LEAST_FOR_SHAPE = 6
+"""Photos: with fewer, boards are taken for flat."""
 
 
 class ModelTrial(Record, frozen=True):
-    """What came of fitting one model: its held-out error in pixels, infinite where no fit converges, and `doubt`.
-
-    `doubt` says why the model is unsound, and is empty where it is sound.
-    """
+    """What came of one model: its held-out error in pixels, infinite where no fit converges, and a `doubt`, if any."""
 
     held_out_px: float
     doubt: str = ""
-
-    @property
-    def sound(self) -> bool:
-        return not self.doubt
-
-
-def select_model(views: Sequence[Seen], image_size: tuple[int, int], board: Board) -> tuple[str, dict[str, ModelTrial]]:
-    """The smallest sound model within 5 % of the best held-out error; and what came of each model.
-
-    Sound: the fit converges, its distortion can be undone over the whole image, and what the model adds to the
-    next smaller one exceeds 3 standard deviations. Where none is, `none` is taken.
-    """
-    trials: dict[str, ModelTrial] = {}
-    smaller: tuple[str, ...] = ()
-    for model in LADDER:
-        try:
-            whole = fit(views, image_size, board, model)
-            error = held_out(views, image_size, board, model, whole)
-        except InputError:
-            trials[model] = ModelTrial(math.inf, "the fit does not converge")
-            continue
-        trials[model] = ModelTrial(error, _doubt(whole, [n for n in MODELS[model] if n not in smaller], image_size))
-        smaller = MODELS[model]
-    sound = [m for m in LADDER if trials[m].sound] or ["none"]
-    best = min(trials[m].held_out_px for m in sound)
-    return next(m for m in sound if trials[m].held_out_px <= WITHIN * best), trials
 
 
 class Told(NamedTuple):
@@ -66,47 +45,77 @@ class Told(NamedTuple):
     why: str
 
 
+def name(form: Form) -> str:
+    """`full5`, or `full5, bent 3`: the lens, and the degree of the boards' heights."""
+    return form.model if form.degree == 0 else f"{form.model}, bent {form.degree}"
+
+
+def held_out(found: Fit) -> float:
+    """The mean over the photos of the rms distance in each, pixels, in the fit without it: its pose alone is fitted to
+    it.
+
+    A mean of photos, not of squares, so that one foreign photo does not choose the model.
+    """
+    return float(leave_one_out(found)[1].mean())
+
+
+def select_model(
+    views: Sequence[Seen], image_size: tuple[int, int], boards: Sequence[Board], model: str, start: Fit
+) -> tuple[Fit, dict[str, ModelTrial]]:
+    """The fit to take, and what came of every model that was tried: first the boards' shape, then the lens."""
+    trials: dict[str, ModelTrial] = {}
+    fits: dict[str, Fit] = {}
+
+    def attempt(form: Form, begin: Fit) -> None:
+        try:
+            fits[name(form)] = fit(views, image_size, boards, form, begin)
+            trials[name(form)] = ModelTrial(held_out(fits[name(form)]))
+        except InputError:
+            trials[name(form)] = ModelTrial(math.inf, "the fit does not converge")
+
+    richest = LADDER[-1] if model == "auto" else model
+    enough = len({v.photo for v in views}) >= LEAST_FOR_SHAPE
+    degrees = (0, *DEGREES) if enough else (0,)
+    for degree in degrees:
+        attempt(Form(richest, degree), next(reversed(fits.values()), start))
+    if not fits:
+        raise InputError("views", "photos from which a camera follows", "a fit that does not converge")
+    taken = fits[_as_good(trials, [name(Form(richest, d)) for d in degrees])[0]]
+    good = [name(taken.form)]
+    if model == "auto":
+        degree = taken.form.degree
+        for smaller in reversed(LADDER[:-1]):
+            attempt(Form(smaller, degree), taken)
+        good = _as_good(trials, [name(Form(m, degree)) for m in LADDER])
+    limit = UNFOLDED * min(trials[n].held_out_px for n in good)
+    for n in good:
+        if not undone(fits[n].K, fits[n].dist, image_size).fault:
+            return fits[n], trials
+        form = Form(fits[n].form.model, fits[n].form.degree, unfolded=True)
+        held = fit(views, image_size, boards, form, fits[n])
+        if not undone(held.K, held.dist, image_size).fault and (error := held_out(held)) <= limit:
+            trials[n] = ModelTrial(error, "kept from folding back in a corner")
+            return held, trials
+        trials[n] = ModelTrial(trials[n].held_out_px, "the lens folds back inside the frame")
+    return fits[good[0]], trials
+
+
+def _as_good(trials: dict[str, ModelTrial], names: Sequence[str]) -> list[str]:
+    """Those of the names, smallest first, that predict as well as the best of them."""
+    best = min(trials[n].held_out_px for n in names)
+    return [n for n in names if trials[n].held_out_px <= max(AS_WELL * best, best + NOTHING)]
+
+
 def explained(trials: Mapping[str, ModelTrial], taken: str) -> list[Told]:
-    """What came of each model, in the order they were tried; empty where the model was given."""
-    best = min((t.held_out_px for t in trials.values() if t.sound), default=math.inf)
+    """What came of each model, in the order they were tried; empty where there was none to choose."""
+    best = min((t.held_out_px for t in trials.values()), default=math.inf)
     told = []
     for model, trial in trials.items():
-        times = trial.held_out_px / best
+        why = [trial.doubt] if trial.doubt else []
         if model == taken:
-            why = "the smallest that is sound and near the best" if trial.sound else "none is sound"
-        elif trial.doubt:
-            why = trial.doubt
-        elif times > WITHIN:
-            why = f"{times:.3g} times the best"
-        else:
-            why = "larger than needed"
-        told.append(Told(model, trial.held_out_px, model == taken, why))
+            why.insert(0, "the smallest that predicts as well as the best")
+        elif math.isfinite(trial.held_out_px):
+            times = trial.held_out_px / best
+            why.insert(0, "larger than needed" if times <= AS_WELL else f"{times:.3g} times the best")
+        told.append(Told(model, trial.held_out_px, model == taken, "; ".join(why)))
     return told
-
-
-def _doubt(whole: Fit, added: Sequence[str], image_size: tuple[int, int]) -> str:
-    value = dict(zip(NAMES, whole.dist, strict=False))
-    if added and not any(abs(value[n]) > SIGNIFICANT * whole.sigma[n] for n in added):
-        return f"{', '.join(added)} within {SIGNIFICANT:g} standard deviations of 0"
-    fault = undone(whole.K, whole.dist, image_size).fault
-    return f"the distortion cannot be undone at {fault}" if fault else ""
-
-
-def held_out(
-    views: Sequence[Seen], image_size: tuple[int, int], board: Board, model: str, start: Fit | None = None
-) -> float:
-    """Root mean squared pixel distance in views that the fit has not seen, their poses alone being fitted to them.
-
-    Every FOLDS-th view is left out by turns. `start` is a fit of all views to begin from.
-    """
-    squares, count = 0.0, 0
-    folds = min(FOLDS, len(views))
-    for k in range(folds):
-        rest = [v for i, v in enumerate(views) if i % folds != k]
-        found = fit(rest, image_size, board, model, start)
-        for view in views[k::folds]:
-            points, pixels = pose.matched(view.tags, board)
-            _, rvec, tvec = cv2.solvePnP(points, pixels, found.K, lens.five(found.dist))
-            error = lens.project(points, cv2.Rodrigues(rvec)[0], tvec, found.K, found.dist) - pixels
-            squares, count = squares + float((error**2).sum()), count + len(points)
-    return math.sqrt(squares / count)

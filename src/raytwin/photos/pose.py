@@ -8,6 +8,7 @@ import os
 from collections.abc import Sequence
 
 import cv2
+import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -16,6 +17,8 @@ from raytwin.errors import InputError
 from raytwin.photos import lens
 from raytwin.photos.bias import unbiased
 from raytwin.photos.detection import Tag, detect_photo
+from raytwin.photos.fit import matched
+from raytwin.photos.uncertainty import pose_deviation
 from raytwin.scene import Camera, Matrix, Record, Vector
 
 AMBIGUOUS = 1.5
@@ -56,7 +59,8 @@ class PoseReport(Record, frozen=True):
 
     `ambiguity`: the error of the second minimum that every planar pose has over that of the first, None where both
     starts end in one pose; below AMBIGUOUS the pose may be the wrong one of the two. `tags` counts the tags used,
-    `outliers` are the ids of those left out.
+    `outliers` are the ids of those left out. `sigma_degrees`, `sigma_metres`: one standard deviation of the refined
+    pose, of the camera's turn and of its place; None where the camera's own is not known.
     """
 
     photo: str
@@ -67,6 +71,8 @@ class PoseReport(Record, frozen=True):
     translation_metres: float
     ambiguity: float | None
     outliers: tuple[int, ...] = ()
+    sigma_degrees: float | None = None
+    sigma_metres: float | None = None
 
 
 def homography_pose(K, dist: Sequence[float], tags: Sequence[Tag], board: Board) -> Pose:
@@ -75,7 +81,7 @@ def homography_pose(K, dist: Sequence[float], tags: Sequence[Tag], board: Board)
     The nearest rotation to [r1 r2 r1 × r2] = U S V^T in the Frobenius norm is U V^T. Zhang, A flexible new technique
     for camera calibration (2000), section 3.1 and appendix C.
     """
-    points, pixels = matched(tags, board)
+    points, pixels = matched(tags, board.flat())
     H = None
     if spans_a_plane(points[:, :2]):
         H, _ = cv2.findHomography(points[:, :2], lens.undistort(pixels, K, dist))
@@ -102,7 +108,7 @@ def refined_pose(
     start = start or homography_pose(K, dist, tags, board)
     K5, d5 = np.asarray(K, float), np.array([*dist, *(0.0,) * (5 - len(dist))])
     starts = [(cv2.Rodrigues(start.R)[0], start.t.reshape(3, 1))]
-    found = cv2.solvePnPGeneric(points, pixels, K5, d5, flags=cv2.SOLVEPNP_IPPE)
+    found = cv2.solvePnPGeneric(matched(tags, board.flat())[0], pixels, K5, d5, flags=cv2.SOLVEPNP_IPPE)
     starts += list(zip(found[1], found[2], strict=True))
     poses = [_pose(start.R, start.t, points, pixels, K, dist)]
     for rvec, tvec in starts:
@@ -118,7 +124,7 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
     """Both poses from the tags of one photo; tags that are not on the board are passed over."""
     known = board.centers()
     used = [t for t in tags if t.id in known]
-    check_ids([tags], board, photo)
+    check_ids([tags], [board], photo)
     if not spans_a_plane(board.points(t.id for t in used)[:, :2]):
         raise InputError(photo, "at least 4 tags of the board, not in one line", f"ids {_list(t.id for t in used)}")
     # Known distortion: what is left of a tag's distance from the homography is noise, or a mistake.
@@ -149,9 +155,20 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
 
 
 def pose_of_photo(calibration, photo: str | os.PathLike, board: Board) -> PoseReport:
-    """Both poses of a photo of the board, taken with the calibrated camera."""
-    tags = detect_photo(photo, board.family)
-    return pose_of_tags(calibration.K, calibration.dist, tags, board, str(photo))
+    """Both poses of a photo of the board, taken with the calibrated camera; the board in the shape it was found to
+    have.
+
+    A photo that the calibration saw is not searched again.
+    """
+    tags = calibration.tags_of(photo, board)
+    tags = detect_photo(photo, board.kind) if tags is None else tags
+    shaped = calibration.shaped(board)
+    found = pose_of_tags(calibration.K, calibration.dist, tags, shaped, str(photo))
+    if calibration.evidence is None:
+        return found
+    used = [t.id for t in tags if t.id in board.centers() and t.id not in found.outliers]
+    degrees, metres = pose_deviation(calibration, shaped.points(used), found.refined.R, found.refined.t)
+    return msgspec.structs.replace(found, sigma_degrees=degrees, sigma_metres=metres)
 
 
 def camera_of_photo(calibration, photo: str | os.PathLike, board: Board) -> Camera:
@@ -164,11 +181,6 @@ def camera_at(calibration, pose: Pose) -> Camera:
     return Camera(calibration.image_size, calibration.K, pose.R_cam_board, pose.t_cam_board, calibration.dist)
 
 
-def matched(tags: Sequence[Tag], board: Board) -> tuple[np.ndarray, np.ndarray]:
-    """Board points (n, 3), metres, and pixels (n, 2) of tags that all are on the board."""
-    return board.points(t.id for t in tags), np.array([t.center for t in tags]).reshape(-1, 2)
-
-
 def consistent(points: np.ndarray, image: np.ndarray, threshold: float) -> np.ndarray:
     """(n,) bool: which of the image points (n, 2) one homography of the board's points puts within `threshold`.
 
@@ -178,10 +190,10 @@ def consistent(points: np.ndarray, image: np.ndarray, threshold: float) -> np.nd
     return np.ones(len(points), bool) if inside is None else inside.ravel().astype(bool)
 
 
-def check_ids(views: Sequence[Sequence[Tag]], board: Board, where: str) -> None:
-    """Raise InputError unless some tag of some view is on the board."""
+def check_ids(views: Sequence[Sequence[Tag]], boards: Sequence[Board], where: str) -> None:
+    """Raise InputError unless some tag of some view is on one of the boards."""
     shown = {t.id for tags in views for t in tags}
-    known = set(board.centers())
+    known = {i for board in boards for i in board.centers()}
     if shown and not shown & known:
         raise InputError(where, f"tags of the board (ids {_list(known)})", f"other tags (ids {_list(shown)})")
 

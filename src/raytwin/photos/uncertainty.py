@@ -1,89 +1,112 @@
-"""How far off a projected pixel may be: sqrt of the largest eigenvalue of Var[q] = J C J^T, over the whole image.
+"""How far off a calibration may be, told from how photos disagree; and how far off, then, a projected pixel.
+
+Tags in one photo do not err on their own: blur, a board that is not quite as described, a focus that moved, pull all of
+them the same way. So the photo is the unit (clusters, in a statistician's words). Without photo i the shared numbers
+move by delta_i = (H - H_i)^-1 g_i, in one step of Gauss-Newton, and the jackknife says
+
+    V = (n - 1)/n Σ (delta_i - mean) (delta_i - mean)^T.
+
+Few photos know V badly, but its size well: towards kappa s² H^-1, the covariance if all coordinates erred alike, times
+what the whole of V is larger, it is drawn by m / (m + n), m numbers from n photos. kappa is never below 1: photos that
+agree by chance are no reason to claim more than their tags' number allows.
 
 A camera that is a little wrong is for the most part a camera that looks a little elsewhere, and every pose found with
 it looks elsewhere by the same amount: such an error is invisible in use. What counts is what is left. So a point fixed
 to the boards, not to the camera, is followed: the perturbed poses carry it along, on average over the views, by a turn
 omega and a shift tau, and only then is it projected through the perturbed lens:
 
-    q' = project(p + omega x p + tau; intrinsics + d),  J = dq' / d(intrinsics, omega, tau).
+    q' = project(p + omega x p + tau; intrinsics + d),  J = dq' / d(intrinsics, omega, tau),  Var[q] = J C J^T.
 
-After mrcal's projection uncertainty (Kogan, mrcal.secretsauce.net/uncertainty.html), to first order.
+After mrcal's projection uncertainty (Kogan, mrcal.secretsauce.net/uncertainty.html), to first order; the jackknife by
+photo is Bell and McCaffrey's CR3 (Survey Methodology 28, 2002).
 """
 
 import math
-from collections.abc import Sequence
+from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from raytwin.boards.board import Board
-from raytwin.photos import lens, pose
-from raytwin.photos.fit import MODELS, NAMES, Fit, Seen
-from raytwin.photos.model import ModelTrial
-from raytwin.scene import Record
+from raytwin.photos import lens
+from raytwin.photos.fit import MODELS, Fit, linearise, of_pose, solve_scaled
+
+UNDONE_PX = 1e-3
+"""A pixel whose undistorted ray does not come back to within this has none."""
 
 CELL = 16
 """The map has one value for each CELL x CELL pixels."""
 
 
-class Evidence(Record, frozen=True):
-    """What a calibration rests on, and what may be said from it; not part of its JSON.
+def leave_one_out(found: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """By photo: how the shared numbers move without it (n, m), and the rms distance of its own tags then (n,),
+    pixels."""
+    photo = found.sights.photo
+    total = found.H.sum(axis=0) + found.prior
+    moves, errors = [], []
+    for i in range(photo.max() + 1):
+        mine = photo == i
+        move = solve_scaled(total - found.H[mine].sum(axis=0), found.g[mine].sum(axis=0))
+        # Its pose follows as well as it can.
+        by = ((found.A[mine] + found.B[mine] @ found.follow[mine]) @ move).reshape(found.residuals[mine].shape)
+        squares = float(((found.residuals[mine] + by) ** 2).sum())
+        moves.append(move)
+        errors.append(math.sqrt(squares / found.sights.weight[mine].sum()))
+    return np.array(moves), np.array(errors)
 
-    `coverage`: the share of the frame's 10 x 10 cells with a tag's centre. `tilts`: the angle between the board's
-    normal and the line of sight, degrees, by view. `distance`: the board's middle from the camera, the median over the
-    views, metres. `covariance`: of (fx, fy, cx, cy, the model's coefficients, omega, tau), see above; pixels, radians,
-    metres. `trials`: what came of each model, where one was to be chosen. `seen`: the tags' centres in all the photos,
-    pixels.
-    """
 
-    coverage: float
-    tilts: tuple[float, ...]
-    distance: float
-    covariance: tuple[tuple[float, ...], ...]
-    trials: dict[str, ModelTrial]
-    seen: tuple[tuple[float, float], ...]
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """What the photos' disagreement says: `covariance` (m, m) of `Fit.shared`; `noise_px`: one standard deviation of a
+    coordinate that would explain it; `moves` (n, m), `errors` (n,): see `leave_one_out`."""
+
+    covariance: np.ndarray
+    noise_px: float
+    moves: np.ndarray
+    errors: np.ndarray
 
 
-def covariance(views: Sequence[Seen], board: Board, found: Fit, model: str) -> np.ndarray:
-    """T s² (J^T J)^-1 T^T: of the intrinsics and of the views' mean omega and tau, s² = residuals² / (2 n - columns).
+def spread(found: Fit) -> Spread:
+    moves, errors = leave_one_out(found)
+    n, m = moves.shape
+    H = found.H.sum(axis=0) + found.prior
+    centred = moves - moves.mean(axis=0)
+    jackknife = (n - 1) / n * centred.T @ centred
+    alike = found.variance * solve_scaled(H, np.eye(m))
+    kappa = max(1.0, float((H * jackknife).sum()) / (m * max(found.variance, 1e-300)))
+    few = m / (m + n)
+    return Spread((1 - few) * jackknife + few * kappa * alike, math.sqrt(kappa * found.variance), moves, errors)
 
-    J has a row for each coordinate of each tag and a column for each intrinsic and for each view's own omega and tau;
-    T averages the latter.
-    """
-    intrinsics = 4 + len(MODELS[model])
-    count = intrinsics + 6 * len(views)
-    normal = np.zeros((count, count))
-    squares, rows = 0.0, 0
-    for i, (view, (R, t)) in enumerate(zip(views, found.poses, strict=True)):
-        points, pixels = pose.matched(view.tags, board)
-        projected, of_lens, of_pose = _jacobians(points @ R.T + t, found.K, found.dist, model)
-        J = np.zeros((len(of_lens), count))
-        J[:, :intrinsics] = of_lens
-        J[:, intrinsics + 6 * i : intrinsics + 6 * (i + 1)] = of_pose
-        normal += J.T @ J
-        squares, rows = squares + float(((projected - pixels) ** 2).sum()), rows + len(J)
-    # Pixels, radians and metres differ by orders of magnitude: make the diagonal 1 before inverting.
-    scale = 1 / np.sqrt(np.diag(normal))
-    inverse = np.linalg.pinv(normal * np.outer(scale, scale), hermitian=True) * np.outer(scale, scale)
-    T = np.zeros((intrinsics + 6, count))
-    T[:intrinsics, :intrinsics] = np.eye(intrinsics)
-    T[intrinsics:, intrinsics:] = np.tile(np.eye(6), len(views)) / len(views)
-    return squares / max(rows - count, 1) * T @ inverse @ T.T
+
+def with_poses(found: Fit, known: Spread) -> np.ndarray:
+    """(k + 6, k + 6): the covariance of K and distortion and of the views' mean omega and tau."""
+    k, m, v = len(found.form.names), len(found.shared), len(found.R)
+    T = np.concatenate([np.eye(k, m), found.follow.mean(axis=0)])
+    covariance = T @ known.covariance @ T.T
+    covariance[k:, k:] += known.noise_px**2 * found.local.sum(axis=0) / v**2
+    return covariance
 
 
 def deviations(calibration, pixels: np.ndarray, distance: float = math.inf) -> np.ndarray:
     """(n,): one standard deviation, in the direction that is worst, of what is seen at `pixels` (n, 2), in pixels.
 
-    What is seen lies `distance` metres from the camera. At infinity, shifts of the camera make no difference.
+    What is seen lies `distance` metres from the camera. At infinity, shifts of the camera make no difference. NaN where
+    the lens has no inverse: no ray belongs to such a pixel.
     """
-    rays = np.c_[lens.undistort(pixels, calibration.K, calibration.dist), np.ones(len(pixels))]
-    unit = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    _, of_lens, of_pose = _jacobians(unit, calibration.K, calibration.dist, calibration.model)
+    pixels = np.asarray(pixels, float)
+    K, dist = calibration.K, calibration.dist
+    with np.errstate(all="ignore"):
+        rays = np.c_[lens.undistort(pixels, K, dist), np.ones(len(pixels))]
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        residuals, of_lens, of_point = linearise(rays, pixels, K, dist, MODELS[calibration.model])
+        unseen = ~(np.linalg.norm(residuals, axis=1) <= UNDONE_PX) | ~lens.grows(rays, dist)
+    by_pose = of_pose(rays, of_point)
     # On unit rays d/d tau is that of a point 1 m away.
-    of_pose[:, 3:] /= distance
-    J = np.concatenate([of_lens, of_pose], axis=1).reshape(len(pixels), 2, -1)
+    by_pose[..., 3:] /= distance
+    J = np.concatenate([of_lens, by_pose], axis=-1)
+    J[unseen] = 0
     variance = J @ np.array(calibration.evidence.covariance) @ J.transpose(0, 2, 1)
-    return np.sqrt(np.maximum(np.linalg.eigvalsh(variance)[:, -1], 0))
+    found = np.sqrt(np.maximum(np.linalg.eigvalsh(variance)[:, -1], 0))
+    found[unseen] = math.nan
+    return found
 
 
 def uncertainty_map(calibration, distance: float | None = None) -> np.ndarray:
@@ -99,11 +122,20 @@ def uncertainty_map(calibration, distance: float | None = None) -> np.ndarray:
     return deviations(calibration, pixels, where).reshape(h, w)
 
 
-def _jacobians(points: np.ndarray, K, dist: Sequence[float], model: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pixels (n, 2) of camera points (n, 3); d/d(fx, fy, cx, cy, coefficients) (2n, m); d/d(omega, tau) (2n, 6)."""
-    # OpenCV's Jacobian at the identity: d/d rvec is d/d omega, d/d tvec is d/d tau.
-    pixels, J = cv2.projectPoints(
-        np.ascontiguousarray(points, float), np.zeros(3), np.zeros(3), np.asarray(K, float), lens.five(dist)
-    )[:2]
-    columns = [6, 7, 8, 9, *(10 + NAMES.index(n) for n in MODELS[model])]
-    return pixels.reshape(-1, 2), J[:, columns], J[:, :6].copy()
+def pose_deviation(calibration, points: np.ndarray, R: np.ndarray, t: np.ndarray) -> tuple[float, float]:
+    """One standard deviation of a pose found from board points (n, 3) with the calibrated camera: degrees, and metres.
+
+    Of the camera's turn about its own centre, and of where that centre is. The camera's own error carries over, and the
+    tags' noise adds to it: Var = F C F^T + s² (B^T B)^-1, F = -(B^T B)^-1 B^T A.
+    """
+    seen = points @ R.T + t
+    _, of_lens, of_point = linearise(
+        seen, np.zeros((len(seen), 2)), calibration.K, calibration.dist, MODELS[calibration.model]
+    )
+    A, B = (j.reshape(2 * len(seen), -1) for j in (of_lens, of_pose(seen, of_point)))
+    local = solve_scaled(B.T @ B, np.eye(6))
+    follow = -local @ B.T @ A
+    k = A.shape[1]
+    variance = follow @ np.array(calibration.evidence.covariance)[:k, :k] @ follow.T
+    variance += calibration.evidence.noise_px**2 * local
+    return math.degrees(math.sqrt(np.trace(variance[:3, :3]))), math.sqrt(np.trace(variance[3:, 3:]))

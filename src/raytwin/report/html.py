@@ -220,7 +220,7 @@ def calibrated(view: PairView) -> dict[str, Any] | None:
     if calibration is None:
         return None
     from raytwin.photos import explained  # these two load OpenCV
-    from raytwin.report.uncertainty import uncertainty_url
+    from raytwin.report.uncertainty import bend_url, uncertainty_url
 
     k = calibration.K
     found = [("fx", k[0][0], "px"), ("fy", k[1][1], "px"), ("cx", k[0][2], "px"), ("cy", k[1][2], "px")]
@@ -231,7 +231,10 @@ def calibrated(view: PairView) -> dict[str, Any] | None:
         "views": views,
         "posed": view.photographed,
         # A calibration that was read back has no evidence any more.
-        "models": explained(calibration.evidence.trials, calibration.model) if calibration.evidence else [],
+        "models": explained(calibration.evidence.trials, calibration.evidence.taken) if calibration.evidence else [],
         "uncertainty": uncertainty_url(calibration) if calibration.evidence else None,
+        "bends": [(b, bend_url(calibration, i)) for i, b in enumerate(calibration.boards) if b.heights]
+        if calibration.evidence
+        else [],
         "largest": max((v.rms_px for v in views), default=1.0) or 1.0,
     }

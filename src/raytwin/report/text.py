@@ -38,7 +38,10 @@ def diff_summary(found: Diff) -> str:
 
 
 def calibration_summary(calibration: "Calibration") -> str:
-    """K and distortion with their standard deviations, the fit's rms, and every warning."""
+    """K and distortion with their standard deviations, what each photo does to them, and every warning.
+
+    `pull`: by how many of their standard deviations K's numbers move (rms) without the photo.
+    """
     from raytwin.photos import explained
 
     k, s = calibration.K, calibration.sigma
@@ -49,9 +52,16 @@ def calibration_summary(calibration: "Calibration") -> str:
     lines += [f"  {n:<3} {v:12.5g}" + (f" +- {s[n]:.2g}" if n in s else "") for n, v in found.items()]
     lines.append(f"  rms {calibration.rms_px:.3f} px")
     lines += [
-        f"  {'*' if t.taken else ' '} {t.model:<7} held out {t.held_out_px:.3f} px: {t.why}"
-        for t in (explained(calibration.evidence.trials, calibration.model) if calibration.evidence else ())
+        f"  {'*' if t.taken else ' '} {t.model:<15} held out {t.held_out_px:.3f} px: {t.why}"
+        for t in (explained(calibration.evidence.trials, calibration.evidence.taken) if calibration.evidence else ())
     ]
+    lines += [
+        f"  board {i} bent by {b.bend_mm:.2g} +- {b.bend_sigma_mm:.1g} mm"
+        for i, b in enumerate(calibration.boards, start=1)
+        if b.heights
+    ]
+    lines.append("  photo                            tags   rms px   pull")
+    lines += [f"  {v.photo[-32:]:<32} {v.tags:>4}   {v.rms_px:6.3f}   {v.influence:4.2f}" for v in calibration.views]
     lines += [f"  warning ({w.code}): {w.text}" for w in calibration.warnings]
     return "\n".join(lines)
 

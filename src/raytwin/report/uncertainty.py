@@ -28,6 +28,9 @@ VIRIDIS = (
 
 
 DOT = "#e8eef2"
+RAYLESS = (0x80, 0x80, 0x80)
+"""Where the lens has no inverse, so that no ray belongs to a pixel."""
+
 EDGE = 24
 """Pixels that a number keeps from the frame, in the map that is twice as fine as the drawing."""
 
@@ -47,6 +50,8 @@ def uncertainty_url(calibration: Calibration) -> str:
 def uncertainty_png(calibration: Calibration) -> bytes:
     """One standard deviation of what is seen at each pixel, `photos.uncertainty_map`, with contours: a PNG."""
     found = uncertainty_map(calibration)
+    rayless = np.isnan(found)
+    found = np.where(rayless, np.nanmax(found), found)
     k = SIDE / max(calibration.image_size)
     width, height = (round(k * side) for side in calibration.image_size)
     low, high = LEFT, TOP
@@ -54,9 +59,9 @@ def uncertainty_png(calibration: Calibration) -> bytes:
     # Logarithmic: from the middle to a corner without tags it may grow a hundredfold.
     ends = math.log(levels[0]), math.log(levels[-1])
     fine = stretched(np.log(np.maximum(found, levels[0])), 2 * width, 2 * height)
-    shapes: list[Shape] = [
-        Picture((low, high), (low + width, high + height), coloured(fine, *ends, np.log(levels[1:-1])))
-    ]
+    shown = coloured(fine, *ends, np.log(levels[1:-1]))
+    shown[stretched(rayless.astype(float), 2 * width, 2 * height) > 0.5] = RAYLESS
+    shapes: list[Shape] = [Picture((low, high), (low + width, high + height), shown)]
     shapes += [
         Marker((low + k * (u + 0.5), high + k * (v + 0.5)), 0.9, (), DOT, DOT, "", "")
         for u, v in calibration.evidence.seen
@@ -76,6 +81,37 @@ def uncertainty_png(calibration: Calibration) -> bytes:
     title = f"1 standard deviation of a point {calibration.evidence.distance:.2g} m away, pixels; dots: tags seen"
     shapes.insert(0, Words(title, (low, 12), 10, INK))
     return png_bytes(Drawing(x + BAR + TICKS, high + height + 8, title, tuple(shapes)))
+
+
+def bend_url(calibration: Calibration, index: int) -> str:
+    """`bend_png` for a page that has no files beside it."""
+    return f"data:image/png;base64,{base64.b64encode(bend_png(calibration, index)).decode('ascii')}"
+
+
+def bend_png(calibration: Calibration, index: int) -> bytes:
+    """The heights over its plane of the index-th board, as the photos tell them, between its tags' centres: a PNG."""
+    board = calibration.evidence.boards[index]
+    xy = np.array(list(board.centers().values()))
+    (x0, y0), (x1, y1) = xy.min(axis=0), xy.max(axis=0)
+    k = SIDE / 2 / max(x1 - x0, y1 - y0)
+    width, height = max(round(k * (x1 - x0)), 40), max(round(k * (y1 - y0)), 40)
+    x, y = np.meshgrid(np.linspace(x0, x1, 2 * width), np.linspace(y1, y0, 2 * height))
+    found = 1e3 * board.rise(np.stack([x, y], axis=-1))
+    low, high = float(found.min()), float(found.max())
+    lines = [v for v in np.arange(math.floor(low), math.ceil(high), 0.25) if low < v < high]
+    shapes: list[Shape] = [
+        Words("heights of the board, mm", (LEFT, 12), 10, INK),
+        Picture((LEFT, TOP), (LEFT + width, TOP + height), coloured(found, low, max(high, low + 1e-6), lines)),
+        Box((LEFT, TOP), (LEFT + width, TOP + height), line=SOFT),
+    ]
+    shapes += [Marker((LEFT + k * (u - x0), TOP + k * (y1 - v)), 0.9, (), DOT, DOT, "", "") for u, v in xy.tolist()]
+    bar = LEFT + width + 12
+    ramp = np.repeat(np.linspace(high, low, 2 * height)[:, None], 2 * BAR, axis=1)
+    shapes.append(Picture((bar, TOP), (bar + BAR, TOP + height), coloured(ramp, low, max(high, low + 1e-6))))
+    for share in (0, 0.5, 1):
+        y_of = TOP + height * (1 - share)
+        shapes.append(Words(f"{low + share * (high - low):+.2f}", (bar + BAR + 6, y_of), 9, SOFT))
+    return png_bytes(Drawing(bar + BAR + TICKS + 8, TOP + height + 8, "heights of the board", tuple(shapes)))
 
 
 def steps(low: float, high: float) -> list[float]:

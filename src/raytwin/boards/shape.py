@@ -1,0 +1,118 @@
+"""A sheet that is not flat: its heights as a polynomial, and where its points go when paper bends and does not stretch.
+
+z(x, y) = Σ c_ij P_i(x) P_j(y), 2 <= i + j <= degree, Legendre's polynomials of coordinates that run from -1 to 1 along
+the longer side of the tags' centres. (Degrees 0 and 1 are a shift and a tilt: they belong to the pose.) Heights alone
+would make every line on the sheet longer; so the points also move within the plane, by the displacement d whose strain
+compensates the slopes, in least squares where no displacement can:
+
+    d1_x + z_x²/2 = 0,  d2_y + z_y²/2 = 0,  d1_y + d2_x + z_x z_y = 0,
+
+to second order in the slopes: 0.1 mm where a sheet of 250 mm is bent by 3 mm.
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from numpy.polynomial.legendre import legder, legvander
+
+from raytwin.scene import Record
+
+GRID = 11
+"""The strain is compensated at GRID x GRID points."""
+
+
+DEGREES = (2, 3, 4)
+
+
+class Heights(Record, frozen=True):
+    """The coefficients c_ij, metres: of degree 2 (c_20, c_11, c_02), then of degree 3, and so on."""
+
+    degree: Annotated[int, msgspec.Meta(ge=DEGREES[0], le=DEGREES[-1])]
+    coefficients: tuple[float, ...]
+
+
+def count(degree: int) -> int:
+    """How many coefficients a shape of this degree has."""
+    return sum(d + 1 for d in range(2, degree + 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Bending:
+    """What the coefficients c (s,) of a shape do to n points, in metres.
+
+    `heights` (n, s): z = heights @ c. `slopes` (2, g, s): z_x and z_y on the grid. `shift` (2, n, 3 g): the
+    displacement that compensates three strains on the grid.
+    """
+
+    heights: np.ndarray
+    slopes: np.ndarray
+    shift: np.ndarray
+
+    def move(self, c: np.ndarray) -> np.ndarray:
+        """(n, 3): how far the points lie from their places on the flat sheet."""
+        zx, zy = self.slopes @ c
+        return np.stack(
+            [*(self.shift @ np.concatenate([-zx * zx / 2, -zy * zy / 2, -zx * zy])), self.heights @ c], axis=-1
+        )
+
+    def moves(self, c: np.ndarray) -> np.ndarray:
+        """(n, s, 3): d move / d c."""
+        sx, sy = self.slopes
+        zx, zy = (s @ c for s in self.slopes)
+        strain = np.concatenate([-zx[:, None] * sx, -zy[:, None] * sy, -zx[:, None] * sy - zy[:, None] * sx])
+        return np.stack([*(self.shift @ strain), self.heights], axis=-1)
+
+
+def heights_at(at: np.ndarray, xy: tuple[tuple[float, float], ...], degree: int) -> np.ndarray:
+    """(..., s): what each coefficient of the shape of a board with centres at `xy` adds to the height at `at` (...,
+    2)."""
+    middle, half = _frame(xy)
+    u = (at - middle) / half
+    return _table(u[..., 0].ravel(), u[..., 1].ravel(), _terms(degree)).reshape(*at.shape[:-1], -1)
+
+
+@functools.lru_cache(maxsize=32)
+def bending(xy: tuple[tuple[float, float], ...], degree: int) -> Bending:
+    """The bending of a board with tags' centres at `xy`, metres."""
+    middle, half = _frame(xy)
+    u = (np.array(xy) - middle) / half
+    reach = np.ptp(u, axis=0) / 2
+    line = np.linspace(-1, 1, GRID)
+    gx, gy = (g.ravel() for g in np.meshgrid(line * reach[0], line * reach[1]))
+    terms = _terms(degree)
+    slopes = np.stack([_table(gx, gy, terms, (1, 0)), _table(gx, gy, terms, (0, 1))]) / half
+    # The displacement: polynomials of the degree that the product of two slopes, integrated, has.
+    free = [(i, d - i) for d in range(2 * degree) for i in range(d, -1, -1)]
+    dx, dy = _table(gx, gy, free, (1, 0)), _table(gx, gy, free, (0, 1))
+    none = np.zeros_like(dx)
+    strain = np.block([[dx, none], [none, dy], [dy, dx]])
+    # Least squares; the whole sheet's shift and turn strain nothing, and the small ridge leaves them at 0.
+    normal = strain.T @ strain
+    inverse = half * np.linalg.solve(normal + 1e-9 * normal.max() * np.eye(len(normal)), strain.T)
+    values = _table(*u.T, free)
+    shift = np.stack([values @ inverse[: len(free)], values @ inverse[len(free) :]])
+    return Bending(_table(*u.T, terms), slopes, shift)
+
+
+def _frame(xy: tuple[tuple[float, float], ...]) -> tuple[np.ndarray, float]:
+    """The middle of the centres, and half of their longer side, metres."""
+    at = np.array(xy)
+    low, high = at.min(axis=0), at.max(axis=0)
+    return (low + high) / 2, float((high - low).max() / 2)
+
+
+def _terms(degree: int) -> list[tuple[int, int]]:
+    return [(i, d - i) for d in range(2, degree + 1) for i in range(d, -1, -1)]
+
+
+def _table(x: np.ndarray, y: np.ndarray, terms: list[tuple[int, int]], derive: tuple[int, int] = (0, 0)) -> np.ndarray:
+    """(n, terms): P_i(x) P_j(y), or its derivative so many times in x and y."""
+    tables = []
+    for at, times, index in ((x, derive[0], 0), (y, derive[1], 1)):
+        most = max(term[index] for term in terms)
+        turned = legder(np.eye(most + 1), times) if times else np.eye(most + 1)
+        tables.append((legvander(at, len(turned) - 1) @ turned)[:, [term[index] for term in terms]])
+    return tables[0] * tables[1]
