@@ -1,6 +1,16 @@
 """Drawing into photos: a scene's objects with their shadows, and transparent pyramids."""
 
+from raytwin.augment.colour import to_rec709
 from raytwin.augment.objects import REGIONS, Augmented, augment, drawn_ids, errors_by_region, regions_of
 from raytwin.augment.pyramid import draw_pyramid
 
-__all__ = ["REGIONS", "Augmented", "augment", "draw_pyramid", "drawn_ids", "errors_by_region", "regions_of"]
+__all__ = [
+    "REGIONS",
+    "Augmented",
+    "augment",
+    "draw_pyramid",
+    "drawn_ids",
+    "errors_by_region",
+    "regions_of",
+    "to_rec709",
+]

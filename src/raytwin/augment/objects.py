@@ -44,11 +44,13 @@ def augment(
     subsamples: int = 4,
     shadows: bool = True,
     exposure: float = 1.0,
+    space: np.ndarray | None = None,
 ) -> Augmented:
     """The scene's objects drawn into `photo`, uint8 sRGB (H, W, 3), taken by `scene.camera`.
 
     Pixels on an edge, of an object or of a shadow, are the mean of `subsamples`² rays; the others take one. `exposure`:
-    the photo's linear value of radiance 1. Objects that the photo already shows (`in_photo`) only catch shadows.
+    the photo's linear value of radiance 1. Objects that the photo already shows (`in_photo`) only catch shadows. `space`
+    (3, 3): the photo's linear RGB to Rec. 709, see `colour`.
     """
     camera = scene.camera
     h, w = photo.shape[:2]
@@ -81,9 +83,10 @@ def augment(
     touched = (coverage > 0) | (ratio != 1).any(axis=-1)
     out = photo.copy()
     a = coverage[touched][:, None]
-    out[touched] = files.to_bytes(
-        files.from_bytes(photo[touched]) * ratio[touched] * (1 - a) + exposure * value[touched] * a
-    )
+    M = np.eye(3, dtype=np.float32) if space is None else space.astype(np.float32)
+    light = files.from_bytes(photo[touched]) @ M.T
+    mixed = light * ratio[touched] * (1 - a) + exposure * value[touched] * a
+    out[touched] = files.to_bytes(mixed @ np.linalg.inv(M).T)
     return Augmented(out, coverage, ratio)
 
 

@@ -46,7 +46,7 @@ def calibrate_command(
         path = next(p for p in paths if name in (p.name, str(p)))
         pose = taken.pose_of_photo(calibration, path, definitions[shown[name]])
         camera = taken.camera_at(calibration, pose.refined)
-        files.write_camera(out, camera, f"Calibrated from {len(names)} photos, rms {calibration.rms_px:.3f} px.")
+        files.write_camera(out, camera, f"Calibrated from {len(shown)} photos, rms {calibration.rms_px:.3f} px.")
     if uncertainty:
         report.write_uncertainty(calibration, uncertainty)
     typer.echo(report.calibration_summary(calibration))

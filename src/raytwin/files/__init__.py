@@ -8,6 +8,7 @@ from raytwin.files.images import read_image, write_image
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.pictures import (
     from_bytes,
+    photo_extras,
     photo_orientation,
     photo_size,
     read_grey,
@@ -15,7 +16,6 @@ from raytwin.files.pictures import (
     srgb_decode,
     srgb_encode,
     to_bytes,
-    upright,
     write_picture,
 )
 from raytwin.files.records import plain, read_toml, to_record, write_json, write_toml
@@ -36,6 +36,7 @@ __all__ = [
     "find_scene",
     "from_bytes",
     "half_floats",
+    "photo_extras",
     "photo_orientation",
     "photo_size",
     "plain",
@@ -56,7 +57,6 @@ __all__ = [
     "srgb_encode",
     "to_bytes",
     "to_record",
-    "upright",
     "write_camera",
     "write_exr",
     "write_image",

@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 
 from raytwin import boards, files, photos, twin
-from raytwin.augment import augment, draw_pyramid, errors_by_region
+from raytwin.augment import augment, draw_pyramid, errors_by_region, to_rec709
 from raytwin.errors import InputError
 from raytwin.jobs.camera import find_camera
 from raytwin.methods.traced import fast_engine
@@ -25,12 +25,12 @@ def augment_photos(
     exposure: float = 1.0,
     progress: Progress = silent,
 ) -> list[dict[str, Any]]:
-    """Draw the scene's objects into each photo and write it to `out` under its own name, upright, as PNG or JPEG.
+    """Draw the scene's objects into each photo and write it to `out` under its own name, as PNG or JPEG.
 
     `camera`: a camera.toml, whose K and distortion count; without it the scene's own photos are calibrated. Each
     photo's pose comes from its own tags of `board` (the scene's, if none is named). `against`: a folder of true photos
     of the same names, the objects really there. Returns a row per photo: its name, its pose's rms in pixels, and with
-    `against` the errors by region.
+    `against` the errors by region. The photo's ICC profile and EXIF are kept as they are, its orientation with them.
     """
     scene = files.read_scene(scene_path)
     asked = scene.photos
@@ -54,7 +54,8 @@ def augment_photos(
     rows = []
     for done, path in enumerate(taken):
         progress("augment", done, len(taken))
-        pixels = files.read_photo(path)
+        pixels, extras = files.read_photo(path), files.photo_extras(path)
+        space = to_rec709(extras.get("icc_profile"))
         if pixels.shape[1::-1] != lens.image_size:
             turned = ": the same, turned by a quarter" if pixels.shape[:2] == lens.image_size else ""
             found = f"{pixels.shape[1]} x {pixels.shape[0]}{turned}"
@@ -64,15 +65,15 @@ def augment_photos(
         pose = photos.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
         stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
         here = scene.at(stand)
-        result = augment(pixels, here, engine=engine, shadows=shadows, exposure=exposure)
+        result = augment(pixels, here, engine=engine, shadows=shadows, exposure=exposure, space=space)
         drawn = result.pixels
         for pyramid in scene.pyramids:
-            drawn = draw_pyramid(drawn, stand, pyramid)
+            drawn = draw_pyramid(drawn, stand, pyramid, space)
         row: dict[str, Any] = {"photo": path.name, "pose_rms_px": pose.rms_px}
         if against is not None:
             truth = files.read_photo(Path(against) / path.name)
             row["regions"] = errors_by_region(result, truth, here)
-        files.write_picture(out / path.name, files.upright(drawn, files.photo_orientation(path)), quality=95)
+        files.write_picture(out / path.name, drawn, quality=95, extras=extras)
         rows.append(row)
     progress("augment", len(taken), len(taken))
     return rows
