@@ -82,7 +82,8 @@ def test_drawing_beats_not_drawing(taken, rows):
 
 
 def apples_p3() -> bytes:
-    """A Display P3 profile of the smallest kind, built here: sRGB's curve, the primaries of SMPTE EG 432-1 under D50."""
+    """A Display P3 profile of the smallest kind, built here: sRGB's curve, the primaries of SMPTE EG 432-1 under
+    D50."""
 
     def fixed(*numbers: float) -> bytes:
         return b"".join(struct.pack(">i", round(n * 65536)) for n in numbers)

@@ -49,8 +49,8 @@ def augment(
     """The scene's objects drawn into `photo`, uint8 sRGB (H, W, 3), taken by `scene.camera`.
 
     Pixels on an edge, of an object or of a shadow, are the mean of `subsamples`² rays; the others take one. `exposure`:
-    the photo's linear value of radiance 1. Objects that the photo already shows (`in_photo`) only catch shadows. `space`
-    (3, 3): the photo's linear RGB to Rec. 709, see `colour`.
+    the photo's linear value of radiance 1. Objects that the photo already shows (`in_photo`) only catch shadows.
+    `space` (3, 3): the photo's linear RGB to Rec. 709, see `colour`.
     """
     camera = scene.camera
     h, w = photo.shape[:2]

@@ -19,7 +19,8 @@ def draw_pyramid(photo: np.ndarray, camera: Camera, pyramid: Pyramid, space: np.
     """The pyramid drawn into a copy of `photo`, uint8 sRGB (H, W, 3), back faces first.
 
     Each face covers what lies behind it by its `opacity`, in linear light: a face seen from inside (its outer side
-    turned away) is drawn before those seen from outside. `space`: the photo's linear RGB to Rec. 709. A pyramid that reaches the camera's plane is left out whole.
+    turned away) is drawn before those seen from outside. `space`: the photo's linear RGB to Rec. 709. A pyramid that
+    reaches the camera's plane is left out whole.
     """
     vertices = np.array(pyramid.vertices)
     R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)

@@ -3,7 +3,9 @@
 import contextlib
 import io
 import os
+import struct
 import warnings
+import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -72,7 +74,8 @@ def photo_orientation(path: str | os.PathLike) -> int:
 
 
 def photo_extras(path: str | os.PathLike) -> dict[str, bytes]:
-    """What a photo says of itself besides its pixels, byte for byte: `icc_profile` and `exif`, what of them there is."""
+    """What a photo says of itself besides its pixels, byte for byte: `icc_profile` and `exif`, what of them there
+    is."""
     with _opened(path) as photo:
         return {key: photo.info[key] for key in ("icc_profile", "exif") if photo.info.get(key)}
 
@@ -102,7 +105,7 @@ def _opened(path: str | os.PathLike) -> Iterator[Any]:
 def write_picture(
     path: str | os.PathLike, pixels: np.ndarray, quality: int = 92, extras: Mapping[str, bytes] | None = None
 ) -> None:
-    """sRGB uint8 (H, W) or (H, W, 3) as PNG or, by the name's ending, JPEG; with another photo's `photo_extras`."""
+    """sRGB uint8 (H, W) or (H, W, 3) as PNG or, by the name's ending, JPEG; with a photo's `photo_extras`."""
     from PIL import Image as Pillow
 
     suffix = Path(path).suffix.lower()
@@ -111,6 +114,36 @@ def write_picture(
     options = {"compress_level": 6} if suffix == ".png" else {"quality": quality, "subsampling": 0}
     with replacing(path) as temporary:
         Pillow.fromarray(np.ascontiguousarray(pixels)).save(temporary, **options, **(extras or {}))
+
+
+def check_png(path: Path) -> None:
+    """InputError where a PNG ends before its last row: Pillow would take the rest for black."""
+    data, at, packed = path.read_bytes(), 8, []
+    width, height, depth, kind, _, _, interlaced = struct.unpack(">IIBBBBB", data[16:29].ljust(13, b"\0"))
+    while at + 8 <= len(data):
+        length = int.from_bytes(data[at : at + 4])
+        if data[at + 4 : at + 8] == b"IDAT":
+            packed.append(data[at + 8 : at + 8 + length])
+        at += 12 + length
+    bits = depth * {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}.get(kind, 1)
+    passes = ADAM7 if interlaced else ((0, 0, 1, 1),)
+    sizes = [(-(-(width - x) // dx), -(-(height - y) // dy)) for x, y, dx, dy in passes]
+    expected = sum(rows * (1 + -(-columns * bits // 8)) for columns, rows in sizes if columns > 0 and rows > 0)
+    check_size(path, width, height, 12)
+    inflated, stream = 0, zlib.decompressobj()
+    try:
+        for piece in packed:
+            while piece and inflated < expected:
+                inflated += len(stream.decompress(piece, 1 << 20))
+                piece = stream.unconsumed_tail
+    except zlib.error as error:
+        raise InputError(path, "a whole photo (JPEG or PNG)", f"a damaged one ({error})") from None
+    if inflated < expected:
+        raise InputError(path, "a whole PNG", f"one that ends after {100 * inflated // expected} % of it")
+
+
+ADAM7 = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
+"""The passes of an interlaced PNG: x and y of the first pixel, steps."""
 
 
 def read_deep_png(path: Path) -> np.ndarray | None:
