@@ -41,6 +41,7 @@ def alarms(name, understated=1.0):
     return count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_noise_alone_fails_no_more_often_than_stated(name):
     assert alarms(name) <= MOST

@@ -8,7 +8,7 @@ import pytest
 from raytwin.bench.noises import picture, render
 from raytwin.compare import compare
 from raytwin.compare.exact import Quiet
-from raytwin.compare.words import agreement, deviations, percent
+from raytwin.compare.words import _amount, agreement, deviations, percent
 from raytwin.image import Image
 
 TRUTH = picture(48, 64)
@@ -33,6 +33,22 @@ def test_shares_are_told_to_two_digits_and_no_further(x, text):
 )
 def test_deviations_are_told_where_they_mean_something(z, text):
     assert deviations(z) == text
+
+
+@pytest.mark.parametrize(
+    ("error", "area", "text"),
+    [
+        (0.01, 0.5, "2 % too bright"),
+        (-0.25, 0.5, "50 % too dark"),
+        (4.5, 0.5, "900 % too bright"),
+        (31.5, 0.5, "64 times too bright"),
+        (0.25, 0.0, "1 too bright"),
+        (-0.5, 0.0, "2 too dark"),
+    ],
+)
+def test_an_error_is_told_relative_to_what_should_be_there(error, area, text):
+    """Where nothing should be, in units of radiance: four of the comparison's."""
+    assert _amount(error, area, 4.0) == text
 
 
 def test_a_gross_fault_is_told_without_absurd_numbers():

@@ -1,6 +1,6 @@
 """What a verdict sees: faults put into correct renders and how often each tool finds them; alarms where there is none.
 
-`python -m raytwin.bench.power` prints the README's two tables. The tools, each at a setting that its users take:
+`python -m raytwin.bench.power` prints the tables of tests/README.md. The tools, each at a setting that its users take:
 
 - raytwin: `compare` at a false-alarm rate of 1e-3;
 - idiff: OpenImageIO's `ImageBufAlgo.compare`, fails where more than 10 % of the pixels differ by more than 0.004 or any
@@ -10,14 +10,18 @@
   the image at 1 %, passed where 99.75 % of the values pass.
 """
 
+import functools
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import msgspec
 import numpy as np
 
+from raytwin.bench.noises import KINDS, picture
 from raytwin.compare import compare
+from raytwin.compare.words import percent
 from raytwin.files import read_scene
 from raytwin.image import Image
 from raytwin.scene import Scene
@@ -28,6 +32,7 @@ DEPTH = 3
 Fault = Callable[[Scene, int, int], Image]
 
 
+@functools.lru_cache(maxsize=64)
 def render(scene: Scene, samples: int, seed: int, depth: int = DEPTH, rung: str = "path", sampling: str = "center"):
     from raytwin import twin
 
@@ -61,6 +66,10 @@ def edited(edit: Callable[[np.ndarray], None]) -> Fault:
 def _tile(mean: np.ndarray) -> None:
     h, w = mean.shape[:2]
     mean[h // 2 : h // 2 + 16, w // 2 : w // 2 + 16] *= np.float32(1.05)
+
+
+def _square(mean: np.ndarray) -> None:
+    mean[13:37, 19:43] *= np.float32(1.02)
 
 
 def _gamma(mean: np.ndarray) -> None:
@@ -99,6 +108,7 @@ FAULTS: dict[str, Fault] = {
     "1 % too bright": scaled(1.01),
     "3 % too bright": scaled(1.03),
     "a 16 x 16 tile 5 % too bright": edited(_tile),
+    "24 x 24 pixels 2 % too bright": edited(_square),
     "a bounce missing": lambda scene, samples, seed: render(scene, samples, seed, DEPTH - 1),
     "sun 1 degree off": _sun,
     "a sphere 0.1 px off": _moved,
@@ -182,6 +192,40 @@ def false_alarms(scenes: dict[str, Scene], count: int = 2000, rate: float = 1e-3
     return [*rows, _counted("all", each * len(cases), total)]
 
 
+def noise_table(count: int = 500, shape: tuple[int, int] = (48, 64), rate: float = 1e-3) -> list[dict[str, object]]:
+    """Made-up noise of every kind: how many of `count` correct pairs alarm or stay undecided, and what faults are seen.
+
+    Rows {"what", "comparisons", "alarms", "low", "high", "undecided", "detectable", "seen": {1.01: share, 1.03: ...}};
+    `detectable` is the median of the stated minimum detectable bias, `seen` of a tenth as many pairs each.
+    """
+    truth, rows = picture(*shape), []
+    for name, make in KINDS.items():
+        rng = np.random.default_rng([20_000, *name.encode()])
+        found = [compare(*make(rng, truth), false_alarm_rate=rate) for _ in range(count)]
+        biases = [b for c in found if (b := c.statistics.minimum_detectable_bias) is not None]
+        few = max(count // 10, 1)
+        seen = {
+            f: sum(compare(*make(rng, truth, f), false_alarm_rate=rate).verdict == "fail" for _ in range(few)) / few
+            for f in (1.01, 1.03)
+        }
+        row = _counted(name, count, sum(c.verdict == "fail" for c in found))
+        undecided = sum(c.verdict == "undecided" for c in found)
+        rows.append(row | {"undecided": undecided, "detectable": float(np.median(biases or [np.nan])), "seen": seen})
+    return rows
+
+
+def noise_markdown(rows: list[dict[str, Any]]) -> str:
+    head = (
+        "| noise | alarms | undecided | detectable | 1 % seen | 3 % seen |\n| --- | ---: | ---: | ---: | ---: | ---: |"
+    )
+    lines = [head]
+    for r in rows:
+        shares = " | ".join(f"{100 * s:.0f} %" for s in r["seen"].values())
+        size = percent(r["detectable"])
+        lines.append(f"| {r['what']} | {r['alarms']} of {r['comparisons']} | {r['undecided']} | {size} | {shares} |")
+    return "\n".join(lines)
+
+
 def _counted(what: str, n: int, k: int) -> dict[str, object]:
     from scipy.stats import binomtest
 
@@ -207,11 +251,13 @@ def main(scenes: str = "scenes") -> None:
     named = {n: read_scene(f"{scenes}/{n}").scene for n in ("single", "overlap", "distorted", "grazing")}
     small = {n: s.with_camera(s.camera.resized(64, 48)) for n, s in named.items()}
     overlap = named["overlap"].with_camera(named["overlap"].camera.resized(160, 120))
-    counts = [16, 64, 256, 1024]
+    counts = [16, 64, 256, 1024, 4096]
     print(markdown(power_table(overlap, counts), counts))
     print("\n| correct renders | comparisons | alarms | 95 % interval of the rate |\n| --- | --- | --- | --- |")
     for row in false_alarms(small):
         print(f"| {row['what']} | {row['comparisons']} | {row['alarms']} | {row['low']:.2g} to {row['high']:.2g} |")
+    print()
+    print(noise_markdown(noise_table()))
 
 
 if __name__ == "__main__":

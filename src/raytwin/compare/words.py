@@ -27,8 +27,7 @@ def noise_findings(made: Decision, reference: Image, unit: float) -> list[Findin
             continue
         w = family.worst
         area = reference.mean[w.y : w.y + w.height, w.x : w.x + w.width, w.channel].mean(dtype=float)
-        relative = f"{100 * abs(w.error) / area:.3g} %" if area > 0 else f"{abs(w.error) * unit:.3g}"
-        off = f"{relative} too {'bright' if w.error > 0 else 'dark'} in {CHANNELS[w.channel]}"
+        off = f"{_amount(w.error, float(area), unit)} in {CHANNELS[w.channel]}"
         sure = deviations(w.z)
         if w.p >= CERTAIN:
             sure += f", p = {w.p:.1g} where noise may have {family.level:.1g}"
@@ -39,6 +38,14 @@ def noise_findings(made: Decision, reference: Image, unit: float) -> list[Findin
         }[rank]
         findings.append(Finding(rank, f"{where} is {off} ({sure}){_others(rank, family, made.failed_pixels)}"))
     return findings
+
+
+def _amount(error: float, area: float, unit: float) -> str:
+    """How far off a mean is of what it should be."""
+    if area > 0 and error > 10 * area:
+        return f"{1 + error / area:.0f} times too bright"
+    size = f"{100 * abs(error) / area:.3g} %" if area > 0 else f"{abs(error) * unit:.3g}"
+    return f"{size} too {'bright' if error > 0 else 'dark'}"
 
 
 def _others(rank: int, family: Family, failed_pixels: int) -> str:
