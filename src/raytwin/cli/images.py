@@ -79,7 +79,7 @@ def diff_command(
     ],
     part: Annotated[str | None, typer.Option(metavar="NAME", help="An EXR's part: name or number.")] = None,
     layer: Annotated[str | None, typer.Option(metavar="NAME", help="diffuse for diffuse.R...; or one channel.")] = None,
-    tolerance: Annotated[float, typer.Option(help="99.9 % of noise-free values may err by this.")] = 1e-5,
+    tolerance: Annotated[float, typer.Option(help="99.9 % of noise-free values may err by it, relative to B.")] = 1e-5,
     false_alarm_rate: Annotated[float, typer.Option(help="Share of noisy pairs that fail by chance.")] = 1e-3,
     fail: Annotated[float | None, typer.Option("--fail", help="A pixel may err by this (1e-6); as idiff.")] = None,
     fail_relative: Annotated[

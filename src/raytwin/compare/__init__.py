@@ -9,6 +9,7 @@ from raytwin.compare.heatmap import KINDS, error_map, error_scale
 from raytwin.compare.limits import Limits, limit_findings
 from raytwin.compare.metrics import METRICS, Metric, measure
 from raytwin.compare.report import Part, Report
+from raytwin.compare.scale import scaled
 from raytwin.compare.verdict import compare
 
 __all__ = [
@@ -29,4 +30,5 @@ __all__ = [
     "error_scale",
     "limit_findings",
     "measure",
+    "scaled",
 ]

@@ -3,9 +3,11 @@
 import math
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from raytwin.image import Image
+from raytwin.scene import Tolerance
 
 BRIGHT = 0.99
 """The scale is this quantile of the reference's positive values: what is lit best, but for a few highlights."""
@@ -20,6 +22,11 @@ def scale_of(*images: Image) -> float:
         if values.size:
             return float(np.partition(values, k := int(BRIGHT * (values.size - 1)))[k])
     return 1.0
+
+
+def scaled(tolerance: Tolerance, *images: Image) -> Tolerance:
+    """The tolerance in units of radiance: what a value as bright as the first image's scale may err by."""
+    return msgspec.structs.replace(tolerance, p999_abs=tolerance.p999_abs * scale_of(*images))
 
 
 def unit_of(scale: float) -> float:

@@ -18,7 +18,7 @@ from raytwin.compare.heatmap import signed_error
 from raytwin.image import Image
 from raytwin.report import numbers, pictures
 from raytwin.report.html import asset, write_report
-from raytwin.report.view import Names, PairView, Tile, silhouette_tile
+from raytwin.report.view import Names, PairView, Tile, in_radiance, silhouette_tile
 from raytwin.scene import Tolerance
 
 THUMB = 150
@@ -99,6 +99,7 @@ def _view(
 ) -> PairView:
     noisy = image.variance is not None or reference.variance is not None
     c, r = report.comparison, report.comparison.radiance
+    tolerance = in_radiance(tolerance, reference, image)
     tiles = [
         Tile(
             "Error, 99.9 %",

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from raytwin.compare import METRICS, Comparison, Report
+from raytwin.compare import METRICS, Comparison, Report, scaled
 from raytwin.compare.report import Timing
 from raytwin.image import Image
 from raytwin.jobs.diff import Diff
@@ -108,7 +108,8 @@ def showable(image: Image) -> bool:
 
 def view_of(result: "Result") -> PairView:
     """The tracer beside its twin."""
-    c, about, tolerance = result.comparison, result.report, result.tolerance
+    c, about = result.comparison, result.report
+    tolerance = in_radiance(result.tolerance, result.twin, result.subject)
     kinds = ["sphere" if isinstance(thing, Sphere) else "plane" for thing in result.scene.objects]
     objects = tuple(f"{kind} {kinds[:i].count(kind)}" for i, kind in enumerate(kinds))
     return PairView(
@@ -151,6 +152,11 @@ def view_of(result: "Result") -> PairView:
     )
 
 
+def in_radiance(tolerance: Tolerance, reference: Image, test: Image) -> Tolerance:
+    """The tolerance as the comparison of the two images holds it, where they are pictures."""
+    return scaled(tolerance, reference, test) if showable(reference) and showable(test) else tolerance
+
+
 def silhouette_tile(comparison: Comparison, tolerance: Tolerance) -> Tile:
     apart = comparison.geometry.mask_mismatch_pixels
     unit = "pixel differs" if apart == 1 else "pixels differ"
@@ -161,7 +167,7 @@ def view_of_diff(found: Diff) -> PairView:
     """A beside B, whoever rendered them."""
     r = found.comparison.radiance
     noisy = found.test.variance is not None or found.reference.variance is not None
-    held = None if found.limits else found.tolerance
+    held = None if found.limits else in_radiance(found.tolerance, found.reference, found.test)
     below = "noise included" if noisy else "" if held is None else f"held to {numbers.short(held.p999_abs)}"
     others = [k for k, v in found.metrics.items() if k not in r.__struct_fields__ and v is not None]
     return PairView(

@@ -71,8 +71,9 @@ class Tolerance(Record, frozen=True):
     """When two noise-free images agree: every number is a bound that the comparison tests.
 
     `mask_pixels`: pixels in which different objects may be seen; `p999_abs`: the 99.9 % quantile of the absolute
-    error of radiance, in units of radiance; `outlier_fraction`: how large a share of the pixels may err by
-    more than ten times that.
+    error of radiance, as a share of the reference's scale (the 99 % quantile of its positive values: about 1 where
+    white is 1) or of a brighter value; `outlier_fraction`: how large a share of the pixels may err by more than ten
+    times that.
     """
 
     mask_pixels: Annotated[int, msgspec.Meta(ge=0)] = 0
