@@ -118,7 +118,7 @@ def diff_command(
     from raytwin.jobs import diff
 
     check_outputs(folders=(out,), files=(json, junit))
-    options = {
+    options: dict[str, Any] = {
         "part": part,
         "layer": layer,
         "tolerance": tolerance,

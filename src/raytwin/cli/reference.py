@@ -154,14 +154,15 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[tupl
     """(scene's path, rung, scene with its camera found) of every reference that is asked for."""
     from raytwin import files
     from raytwin.jobs import reference
+    from raytwin.rungs import RUNGS
 
     for rung in rungs or ():
-        check_one_of("--rung", rung, reference.RUNGS)
+        check_one_of("--rung", rung, RUNGS)
     chosen = [files.find_scene(s) for s in scenes or ()] or files.all_scenes()
     for scene in chosen:
         with show_progress() as progress:
             found = reference.find_scene(scene, progress)
-        for rung in rungs or reference.RUNGS:
+        for rung in rungs or RUNGS:
             yield scene, rung, found
 
 

@@ -139,7 +139,7 @@ def _thumbs(view: PairView, tolerance: Tolerance) -> tuple[str, str]:
     indices = pictures.error_indices(error, scale)
     height, width = (n - n % step for n in indices.shape)
     blocks = indices[:height, :width].reshape(height // step, step, width // step, step).swapaxes(1, 2)
-    blocks = blocks.reshape(*blocks.shape[:2], -1)
-    far = np.abs(blocks.astype(int) - 127).argmax(axis=-1, keepdims=True)
-    shown = np.take_along_axis(blocks, far, axis=-1)[..., 0]
+    flat = blocks.reshape(*blocks.shape[:2], -1)
+    far = np.abs(flat.astype(int) - 127).argmax(axis=-1, keepdims=True)
+    shown = np.take_along_axis(flat, far, axis=-1)[..., 0]
     return pictures.png_url(small), pictures.png_url(shown, pictures.palette())

@@ -31,8 +31,8 @@ def write_all(result: "Result", folder: Path, json: Path | None = None, progress
         error = Image(result.subject.mean - result.twin.mean)
         steps.append(lambda: files.write_exr(folder / "error.exr", error, header | {"content": "tracer - twin"}))
         steps.append(lambda: files.write_picture(folder / "overview.png", overview(result)))
-    if result.augmented is not None:
-        steps.append(lambda: files.write_picture(folder / "augmented.png", result.augmented))
+    if (augmented := result.augmented) is not None:
+        steps.append(lambda: files.write_picture(folder / "augmented.png", augmented))
     if json is not None:
         steps.append(lambda: write_comparison(result.report, json))
     for done, step in enumerate(steps):
@@ -44,7 +44,7 @@ def write_all(result: "Result", folder: Path, json: Path | None = None, progress
 def write_diff(found: Diff, folder: Path, progress: Progress = silent) -> None:
     """Of any two images: report.html, comparison.json and, where they are of one size, heatmap.png."""
     view = view_of_diff(found)
-    steps = [
+    steps: list[Callable[[], None]] = [
         lambda: files.write_json(folder / "comparison.json", found.numbers()),
         lambda: write_report(view, folder / "report.html"),
     ]

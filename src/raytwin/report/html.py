@@ -12,7 +12,7 @@ import numpy as np
 
 from raytwin import files
 from raytwin.compare.heatmap import signed_error
-from raytwin.image import Image
+from raytwin.image import Image, Surface
 from raytwin.report import numbers, pictures
 from raytwin.report.figures import Picture, embed, script_of_bokeh
 from raytwin.report.values import Values, pack_values
@@ -48,7 +48,7 @@ def side_by_side(view: PairView) -> dict[str, Any]:
     held = view.tolerance or Tolerance()
     scale = pictures.choose_scale(view.test, view.reference, error, held.p999_abs)
     with ThreadPoolExecutor() as pool:
-        packing = pool.submit(pack_values, view.test, view.reference, surfaces=view.both_surfaces)
+        packing = pool.submit(pack_values, view.test, view.reference, surfaces=view.surfaces is not None)
         worst = pictures.worst_pixels(error, LISTED)
         apart = mismatches(view)
         panels = draw(view, error, scale, worst, apart, pool)
@@ -130,8 +130,8 @@ def draw(
             "error", "Signed error", alt, "the channel that errs most; rings: the worst pixels", url, (*worst,)
         )
 
-    def outlines() -> Picture:
-        indices = pictures.silhouette_indices(view.test.surface, view.reference.surface)
+    def outlines(surfaces: tuple[Surface, Surface]) -> Picture:
+        indices = pictures.silhouette_indices(*surfaces)
         alt = f"Which object each pixel sees, {size}: grey where the two agree, coloured where they do not"
         url = pictures.png_url(indices, pictures.silhouette_palette())
         return Picture("silhouettes", "Silhouettes", alt, ring_note(apart), url, (*apart,))
@@ -144,8 +144,8 @@ def draw(
     jobs.append(pool.submit(radiance, names.test, names.test_title, view.test))
     jobs.append(pool.submit(radiance, names.reference, names.reference_title, view.reference))
     jobs.append(pool.submit(signed))
-    if view.both_surfaces:
-        jobs.append(pool.submit(outlines))
+    if view.surfaces:
+        jobs.append(pool.submit(outlines, view.surfaces))
     return [job.result() for job in jobs]
 
 
@@ -154,7 +154,7 @@ def _lossy(lossless: bool) -> str:
 
 
 def mismatches(view: PairView) -> list[tuple[int, int]]:
-    return pictures.mismatches(view.test.surface, view.reference.surface) if view.both_surfaces else []
+    return pictures.mismatches(*view.surfaces) if view.surfaces else []
 
 
 def ring_note(apart: list[tuple[int, int]]) -> str:
@@ -179,9 +179,9 @@ def colour_bar(scale: pictures.Scale, tolerance: float | None) -> dict[str, Any]
     marks = [(-s, s) for s in sizes]
     ticks = [(50.0, "0")]
     for s in (s for pair in marks for s in pair):
-        at = 50 + 50 * float(scale.position(np.float32(s)))
+        at = 50 + 50 * float(scale.position(np.array(s, np.float32)))
         ticks.append((at, ("+" if s > 0 else "−") + numbers.short(abs(s))))
-    held = None if tolerance is None else 50 * float(scale.position(np.float32(tolerance)))
+    held = None if tolerance is None else 50 * float(scale.position(np.array(tolerance, np.float32)))
     return {"strip": strip, "ticks": sorted(ticks), "words": words, "held": held, "tolerance": tolerance}
 
 
@@ -206,9 +206,8 @@ def pixel_rows(view: PairView, worst: list[tuple[int, int]], apart: list[tuple[i
     for x, y in chosen:
         a, b = view.test.mean[y, x].astype(float), view.reference.mean[y, x].astype(float)
         row = {"x": x, "y": y, "reference": b.tolist(), "error": (a - b).tolist(), "seen": "–"}
-        if view.both_surfaces:
-            ids = int(view.test.surface.ids[y, x]), int(view.reference.surface.ids[y, x])
-            seen = [names.get(i, f"object {i}") for i in ids]
+        if view.surfaces:
+            seen = [names.get(i, f"object {i}") for i in (int(s.ids[y, x]) for s in view.surfaces)]
             row["seen"] = seen[0] if seen[0] == seen[1] else f"{seen[0]} / {seen[1]}"
         rows.append(row)
     return rows

@@ -58,7 +58,7 @@ class Scale:
             share = np.log10(np.maximum(size, np.float32(self.low)) / np.float32(self.low)) / np.float32(decades)
         else:
             share = size / np.float32(self.high)
-        return np.copysign(np.minimum(share, np.float32(1)), error)
+        return np.asarray(np.copysign(np.minimum(share, np.float32(1)), error))
 
 
 def noisy(test: Image, reference: Image) -> bool:
@@ -78,14 +78,14 @@ def choose_scale(test: Image, reference: Image, error: np.ndarray, tolerance: fl
 def palette() -> np.ndarray:
     """(256, 3) uint8: the colours of `compare.error_map` from -1 to 1 in 255 steps, and that of a missing error."""
     ramp = np.repeat(np.append(np.linspace(-1, 1, 255), np.nan).astype(np.float32)[None, :, None], 3, axis=-1)
-    return files.to_bytes(error_map(Image(ramp), Image(np.zeros_like(ramp)), scale=1.0))[0]
+    return np.asarray(files.to_bytes(error_map(Image(ramp), Image(np.zeros_like(ramp)), scale=1.0))[0])
 
 
 def error_indices(error: np.ndarray, scale: Scale) -> np.ndarray:
     """(H, W) uint8 into `palette`."""
     position = scale.position(error)
     missing = np.isnan(position)
-    indices = np.rint(np.where(missing, np.float32(0), position) * 127 + 127).astype(np.uint8)
+    indices: np.ndarray = np.rint(np.where(missing, np.float32(0), position) * 127 + 127).astype(np.uint8)
     indices[missing] = 255
     return indices
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from raytwin import files
+from raytwin.errors import InputError
 from raytwin.photos import Calibration, uncertainty_map
 from raytwin.report.charts import INK, SOFT, png_bytes
 from raytwin.report.charts.shapes import XY, Box, Drawing, Marker, Picture, Shape, Stroke, Words
@@ -49,6 +50,8 @@ def uncertainty_url(calibration: Calibration) -> str:
 
 def uncertainty_png(calibration: Calibration) -> bytes:
     """One standard deviation of what is seen at each pixel, `photos.uncertainty_map`, with contours: a PNG."""
+    if (evidence := calibration.evidence) is None:
+        raise InputError("calibration", "one with its evidence, as `calibrate` makes it", "one that was read back")
     found = uncertainty_map(calibration)
     rayless = np.isnan(found)
     found = np.where(rayless, np.nanmax(found), found)
@@ -64,7 +67,7 @@ def uncertainty_png(calibration: Calibration) -> bytes:
     shapes: list[Shape] = [Picture((low, high), (low + width, high + height), shown)]
     shapes += [
         Marker((low + k * (u + 0.5), high + k * (v + 0.5)), 0.9, (), DOT, DOT, "", "")
-        for u, v in calibration.evidence.seen
+        for u, v in evidence.seen
     ]
     shapes += [
         Words(f"{level:g}", (low + at[0] / 2, high + at[1] / 2), 9, INK, anchor="middle", halo=True)
@@ -78,7 +81,7 @@ def uncertainty_png(calibration: Calibration) -> bytes:
     for level in levels:
         y = high + height * (1 - (math.log(level) - ends[0]) / (ends[1] - ends[0]))
         shapes += [Stroke(((x + BAR, y), (x + BAR + 3, y)), SOFT, 1), Words(short(level), (x + BAR + 6, y), 9, SOFT)]
-    title = f"1 standard deviation of a point {calibration.evidence.distance:.2g} m away, pixels; dots: tags seen"
+    title = f"1 standard deviation of a point {evidence.distance:.2g} m away, pixels; dots: tags seen"
     shapes.insert(0, Words(title, (low, 12), 10, INK))
     return png_bytes(Drawing(x + BAR + TICKS, high + height + 8, title, tuple(shapes)))
 

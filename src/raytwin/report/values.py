@@ -102,5 +102,5 @@ def _pack(name: str, kind: str, plane: np.ndarray) -> PackedPlane:
     if differences:
         words = np.diff(words, axis=1, prepend=np.uint16(0))  # unsigned: wraps, and so does the sum that undoes it
     pair = np.stack([words >> 8, words & 255]).astype(np.uint8)
-    data = base64.b64encode(zlib.compress(pair, 1)).decode("ascii")
+    data = base64.b64encode(zlib.compress(pair.tobytes(), 1)).decode("ascii")
     return PackedPlane(name, kind.split()[0], differences, shift, step, data)

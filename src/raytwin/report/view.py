@@ -8,7 +8,7 @@ import numpy as np
 
 from raytwin.compare import METRICS, Comparison, Report, scaled
 from raytwin.compare.report import Timing
-from raytwin.image import Image
+from raytwin.image import Image, Surface
 from raytwin.jobs.diff import Diff
 from raytwin.report import numbers
 from raytwin.scene import Sphere, Tolerance
@@ -89,10 +89,10 @@ class PairView:
         return showable(self.test) and showable(self.reference) and self.test.shape == self.reference.shape
 
     @property
-    def both_surfaces(self) -> bool:
-        """Both tell what each of their pixels sees."""
-        surfaces = self.test.surface, self.reference.surface
-        return all(s is not None and np.shape(s.ids) == self.reference.shape[:2] for s in surfaces)
+    def surfaces(self) -> tuple[Surface, Surface] | None:
+        """What each pixel of the two sees, where both tell it."""
+        a, b, shape = self.test.surface, self.reference.surface, self.reference.shape[:2]
+        return (a, b) if a is not None and b is not None and np.shape(a.ids) == np.shape(b.ids) == shape else None
 
     @property
     def photographed(self) -> str | None:
