@@ -5,6 +5,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 import shape_checks  # noqa: F401  before anything of raytwin is imported
+from slow import is_slow
 
 pytest_plugins = ["engines"]
 
@@ -13,6 +14,12 @@ hypothesis.settings.register_profile("raytwin", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("raytwin")
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if is_slow(item.nodeid):
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(autouse=True, scope="session")

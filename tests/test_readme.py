@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from slow import is_slow, rows_that_name_nothing
 from typer.main import get_command
 
 from raytwin.cli import app
@@ -102,7 +103,6 @@ def run(words: list[str], cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(words, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False)
 
 
-@pytest.mark.slow
 def test_every_command_of_the_readme_runs_as_written(checkout):
     """In the order of the page, since later ones read what earlier ones wrote; a comment tells another exit code."""
     ran = [line for block in blocks(README, "sh") for line in block.splitlines() if not line.startswith(SET_UP)]
@@ -140,3 +140,9 @@ def test_the_instructors_test_passes_with_a_right_renderer_and_fails_with_a_wron
         )
         assert (done.returncode == 0) == passed, done.stdout + done.stderr
         assert ("1 passed" if passed else "1 failed") in done.stdout
+
+
+def test_every_row_of_the_slow_tests_names_one_that_is_there():
+    assert rows_that_name_nothing(ROOT / "tests") == []
+    assert is_slow("tests/twin/test_truths.py::test_anything[1-2]")
+    assert not is_slow("tests/twin/test_twin_render.py::test_anything")

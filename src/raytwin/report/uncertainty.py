@@ -65,10 +65,7 @@ def uncertainty_png(calibration: Calibration) -> bytes:
     shown = coloured(fine, *ends, np.log(levels[1:-1]))
     shown[stretched(rayless.astype(float), 2 * width, 2 * height) > 0.5] = RAYLESS
     shapes: list[Shape] = [Picture((low, high), (low + width, high + height), shown)]
-    shapes += [
-        Marker((low + k * (u + 0.5), high + k * (v + 0.5)), 0.9, (), DOT, DOT, "", "")
-        for u, v in evidence.seen
-    ]
+    shapes += [Marker((low + k * (u + 0.5), high + k * (v + 0.5)), 0.9, (), DOT, DOT, "", "") for u, v in evidence.seen]
     shapes += [
         Words(f"{level:g}", (low + at[0] / 2, high + at[1] / 2), 9, INK, anchor="middle", halo=True)
         for level in levels[1:-1]
