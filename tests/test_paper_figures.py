@@ -11,7 +11,6 @@ import pytest
 
 from raytwin import boards, files, photographer, photos, twin
 from raytwin.jobs.augment import augment_photos
-from raytwin.jobs.camera import list_photos
 from raytwin.jobs.photograph import photograph_board
 from raytwin.photos.lens import undistort
 from raytwin.scene import Camera, Pyramid, WrittenSphere
@@ -62,7 +61,7 @@ def studio(scenes, tmp_path_factory):
 def augmented(folder):
     """Each photo drawn on, its truth, and the errors by region; the camera is calibrated from the photos."""
     camera, board = folder / "camera.toml", boards.read_board(folder / "board.toml")
-    taken = list_photos(folder / "photos")
+    taken = files.list_photos(folder / "photos")
     found = photos.calibrate(taken, board, "k1k2")
     files.write_camera(camera, photos.camera_of_photo(found, taken[0], board))
     rows = augment_photos(taken, folder, folder / "drawn", camera=camera, against=folder / "with")

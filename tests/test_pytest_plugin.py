@@ -7,13 +7,12 @@ import sys
 import numpy as np
 import pytest
 
-from raytwin import files, given
+from raytwin import files, given, references
 from raytwin.errors import InputError
 from raytwin.image import Image
-from raytwin.jobs import reference
 
 pytest_plugins = ["pytester"]
-SHIPPED = reference.SHIPPED
+SHIPPED = references.SHIPPED
 
 
 @pytest.fixture(autouse=True)
@@ -330,7 +329,7 @@ def test_twice(raytwin_reference):
 
 def test_cases_default_to_all_references_that_are_there(pytester):
     result = run(pytester, "def test_cases(raytwin_case):\n    assert raytwin_case.camera\n")
-    result.assert_outcomes(passed=len(reference.listed(SHIPPED)))
+    result.assert_outcomes(passed=len(references.listed(SHIPPED)))
 
 
 def test_cases_of_a_scene_that_is_not_there_fail_instead_of_vanishing(pytester):

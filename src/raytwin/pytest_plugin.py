@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from raytwin.compare import Comparison
     from raytwin.image import Image
-    from raytwin.jobs.reference import Reference
+    from raytwin.references import Reference
     from raytwin.scene import Camera, Scene, Tolerance
 
 MARKER = "raytwin(scenes=None, rungs=None): which references the fixture raytwin_case goes through (default: all)."
@@ -220,17 +220,17 @@ class Held:
     def _find(self) -> "Reference | None":
         """The reference, whole and of its scene as it is; None where --raytwin-update may make it from an image."""
         __tracebackhide__ = True
+        from raytwin import references
         from raytwin.errors import InputError
-        from raytwin.jobs import reference
 
         folders, scene = self._folders, self._folders.scene(self.name)
         paths, path, found, why = [], None, None, None
         try:
             # A scene of the user's own is not the shipped one of the same name.
-            paths = [reference.path_of(f, self.name, self.rung) for f in (folders.all[:1] if scene else folders.all)]
+            paths = [references.path_of(f, self.name, self.rung) for f in (folders.all[:1] if scene else folders.all)]
             path = next((p for p in paths if p.exists()), None)
             if path is not None:
-                found = reference.load(path)
+                found = references.load(path)
         except InputError as error:
             why = str(error)
         if not paths:  # no such rung, or no name at all
@@ -238,14 +238,16 @@ class Held:
         own = path in (None, paths[0])
         if path is None:
             why = f"{self.name}/{self.rung}: no such reference in {' or '.join(map(str, paths))}"
-        elif found is not None and scene and (reason := reference.stale(found, scene)):
+        elif found is not None and scene and (reason := references.stale(found, scene)):
             why = f"{path}: stale: {reason}"
         if why is None:
             return found
         if folders.update and own and scene:
+            from raytwin.jobs import reference  # the one place that needs Mitsuba
+
             made = reference.make(scene, self.rung, folders.own)
             print("\n".join(made.lines()))
-            reference.save(made.new)
+            references.save(made.new)
             return made.new
         if folders.update and own and (self._of_an_image or (found is not None and found.scene is None)):
             return None
@@ -273,16 +275,16 @@ class Held:
 
     def _keep(self, image: "Image") -> None:
         __tracebackhide__ = True
+        from raytwin import references
         from raytwin.compare import compare
-        from raytwin.jobs import reference
 
         wrong = compare(image, image)  # NaN, black, of another shape: nothing to hold others to
         if not wrong.passed:
             self._fail(f"{self.name}/{self.rung}: no reference can be made of this image: {'; '.join(wrong.reasons)}")
         header = {"scene": self.name, "rung": self.rung, "renderer": f"the test {self._node.nodeid}"}
-        path = reference.path_of(self._folders.own, self.name, self.rung)
-        self.reference = reference.sealed(path, image, header, None)
-        reference.save(self.reference)
+        path = references.path_of(self._folders.own, self.name, self.rung)
+        self.reference = references.sealed(path, image, header, None)
+        references.save(self.reference)
 
     def _fail(self, text: str) -> None:
         __tracebackhide__ = True
@@ -321,7 +323,7 @@ class _Folders:
 
     @property
     def all(self) -> list[Path]:
-        from raytwin.jobs.reference import SHIPPED
+        from raytwin.references import SHIPPED
 
         return [self.own, SHIPPED]
 
@@ -334,7 +336,7 @@ class _Folders:
 
     def cases(self, scenes: list[str] | None, rungs: list[str] | None) -> list[tuple[str, str]]:
         """(scene, rung) of all that is asked for, there or not; of all that are there, where nothing is asked for."""
-        from raytwin.jobs.reference import listed
+        from raytwin.references import listed
 
         there = list(dict.fromkeys(case for folder in self.all for case in listed(folder)))
         names = scenes or list(dict.fromkeys(name for name, _ in there))

@@ -13,7 +13,6 @@ from raytwin import files, photographer
 from raytwin.augment import to_rec709
 from raytwin.errors import InputError
 from raytwin.jobs.augment import augment_photos
-from raytwin.jobs.camera import list_photos
 from raytwin.jobs.photograph import photograph_board
 from raytwin.scene import Camera
 
@@ -47,7 +46,7 @@ def taken(scenes, tmp_path_factory):
 @pytest.fixture(scope="module")
 def rows(taken, scenes, tmp_path_factory):
     return augment_photos(
-        list_photos(taken / "without"),
+        files.list_photos(taken / "without"),
         scenes / "desk",
         tmp_path_factory.mktemp("drawn"),
         camera=taken / "camera.toml",

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from program import raytwin
 from truths import from_element
 
-from raytwin import files, twin
+from raytwin import files, references, twin
 from raytwin.compare import compare
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -44,7 +44,7 @@ def folder(tmp_path) -> Path:
 
 def make(scene: Path, rung: str, folder: Path, **options) -> reference.Change:
     change = reference.make(scene, rung, folder, **({"size": SIZE, "samples": 64} | options))
-    reference.save(change.new)
+    references.save(change.new)
     return change
 
 
@@ -60,7 +60,7 @@ def edit(scene: Path, old: str, new: str) -> None:
 @pytest.mark.parametrize("rung", reference.RUNGS)
 def test_a_reference_is_read_back_as_it_was_made(overlap, folder, rung):
     made = make(overlap, rung, folder).new
-    read = reference.load(made.path)
+    read = references.load(made.path)
     assert read.header == made.header
     assert read.written == msgspec.structs.replace(made.written, folder=".")
     assert np.array_equal(read.image.mean, made.image.mean)
@@ -87,7 +87,7 @@ def test_no_flipped_byte_goes_unnoticed(overlap, folder):
     for at in np.linspace(0, len(whole) - 1, 250).astype(int):
         made.path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x10]) + whole[at + 1 :])
         try:
-            read = reference.load(made.path)
+            read = references.load(made.path)
         except InputError:
             noticed += 1
             continue
@@ -104,13 +104,13 @@ def test_a_file_cut_short_is_damaged(overlap, folder):
     for part in (0, 100, len(whole) // 2, len(whole) - 1):
         made.path.write_bytes(whole[:part])
         with pytest.raises(InputError, match=r"shadow\.exr"):
-            reference.load(made.path)
+            references.load(made.path)
 
 
 def test_another_exr_is_no_reference(tmp_path):
     files.write_exr(tmp_path / "shadow.exr", Image(np.ones((4, 4, 3), np.float32)))
     with pytest.raises(InputError, match="checksum"):
-        reference.load(tmp_path / "shadow.exr")
+        references.load(tmp_path / "shadow.exr")
 
 
 def test_a_reference_under_another_name_is_refused(overlap, folder):
@@ -118,13 +118,13 @@ def test_a_reference_under_another_name_is_refused(overlap, folder):
     moved = made.path.with_name("lambert.exr")
     shutil.copy(made.path, moved)
     with pytest.raises(InputError, match="that of overlap, rung shadow"):
-        reference.load(moved)
+        references.load(moved)
 
 
 @pytest.mark.parametrize("name", ["", "..", "a/b", "../overlap"])
 def test_a_name_cannot_lead_out_of_the_folder(folder, name):
     with pytest.raises(InputError, match="scene"):
-        reference.path_of(folder, name, "path")
+        references.path_of(folder, name, "path")
 
 
 @given(seed=st.integers(0, 2**32 - 1), scale=st.sampled_from([1e-12, 1e-3, 1.0, 1e4]))
@@ -132,17 +132,17 @@ def test_a_noisy_mean_is_kept_to_an_eighth_of_its_deviation_and_an_exact_one_to_
     rng = np.random.default_rng(seed)
     mean = (scale * rng.random((6, 7, 3))).astype(np.float32)
     sd = (scale * 10.0 ** rng.uniform(-5, 0, mean.shape)).astype(np.float32) * (rng.random(mean.shape) < 0.7)
-    kept = reference.stepped(mean, np.square(sd))
+    kept = references.stepped(mean, np.square(sd))
     assert np.array_equal(kept[sd == 0], mean[sd == 0])
     assert (np.abs(kept - mean) <= sd / 8 * 1.001 + np.abs(mean) * 2.0**-24).all()
-    assert np.array_equal(reference.stepped(kept, np.square(sd)), kept)
-    assert len(np.unique(reference.stepped(mean, np.full_like(sd, scale * scale)))) < 10
+    assert np.array_equal(references.stepped(kept, np.square(sd)), kept)
+    assert len(np.unique(references.stepped(mean, np.full_like(sd, scale * scale)))) < 10
 
 
 @given(st.lists(st.floats(0, 2.0**100, width=32), min_size=1, max_size=20))
 def test_rounding_keeps_eight_bits_to_nearest(values):
     x = np.array(values, np.float32)
-    short = reference.rounded(x, 8)
+    short = references.rounded(x, 8)
     assert not (short.view(np.uint32) & 0xFFFF).any()
     normal = x > 1e-37
     assert (np.abs(short[normal] - x[normal]) <= x[normal] * np.float64(2.0**-8)).all()
@@ -174,24 +174,24 @@ def test_a_reference_keeps_its_cameras_aspect_ratio(width, height):
 
 
 def test_the_hash_is_of_what_the_scene_says_not_of_how(overlap):
-    before = reference.scene_hash(files.read_scene(overlap))
+    before = references.scene_hash(files.read_scene(overlap))
     edit(overlap, "# Three spheres", "# Some spheres")
     edit(overlap, "[[760.0, 0.0,", "[[760, 0,")
-    assert reference.scene_hash(files.read_scene(overlap)) == before
+    assert references.scene_hash(files.read_scene(overlap)) == before
     edit(overlap, "[-0.8, -0.1, 0.55]", "[-0.8, -0.1, 0.56]")
-    assert reference.scene_hash(files.read_scene(overlap)) != before
+    assert references.scene_hash(files.read_scene(overlap)) != before
 
 
 def test_the_hash_of_a_photographed_scene_is_of_its_photos_and_board(scenes, tmp_path):
     desk = Path(shutil.copytree(scenes / "desk", tmp_path / "desk"))
-    before = reference.scene_hash(files.read_scene(desk))
+    before = references.scene_hash(files.read_scene(desk))
     (desk / "notes.txt").write_text("no part of the scene")
     board = desk / "board.toml"
     board.write_text("# the same board\n" + board.read_text())
-    assert reference.scene_hash(files.read_scene(desk)) == before
+    assert references.scene_hash(files.read_scene(desk)) == before
     photo = desk / "photos" / "photo_03.jpg"
     photo.write_bytes(photo.read_bytes() + b"\0")
-    assert reference.scene_hash(files.read_scene(desk)) != before
+    assert references.scene_hash(files.read_scene(desk)) != before
 
 
 def test_a_calibration_may_move_in_its_last_digits_but_not_by_a_pixel(overlap, folder):
@@ -221,7 +221,7 @@ def test_a_new_tolerance_needs_no_render(overlap, folder, monkeypatch):
     monkeypatch.setattr(twin, "render", None)
     change = make(overlap, "path", folder)
     assert change.kind == "changed"
-    assert reference.load(change.new.path).tolerance == Tolerance(p999_abs=2e-5)
+    assert references.load(change.new.path).tolerance == Tolerance(p999_abs=2e-5)
 
 
 def test_a_change_is_told_in_words(overlap, folder):
@@ -305,7 +305,7 @@ def test_a_reference_that_todays_mitsuba_does_not_make_fails(overlap, folder, ru
     """Whole, fresh, signed, and 1 % too bright."""
     made = make(overlap, rung, folder, size=(96, 72), samples=256).new
     bright = replace(made.image, mean=made.image.mean * np.float32(1.01))
-    reference.save(reference.sealed(made.path, bright, made.header, made.written))
+    references.save(references.sealed(made.path, bright, made.header, made.written))
     problems = reference.check(overlap, rung, folder).problems
     assert "today's render disagrees" in problems[0]
     assert "%" in problems[1]
@@ -381,15 +381,15 @@ ALL = [
 
 
 def test_every_shipped_scene_has_all_its_references(scenes):
-    assert reference.listed(reference.SHIPPED) == ALL
+    assert references.listed(references.SHIPPED) == ALL
     assert {f.parent.name for f in scenes.glob("*/scene.toml")} == {name for name, _ in ALL}
-    assert sum(f.stat().st_size for f in reference.SHIPPED.glob("*/*.exr")) < 40e6
+    assert sum(f.stat().st_size for f in references.SHIPPED.glob("*/*.exr")) < 40e6
 
 
 @pytest.mark.parametrize(("name", "rung"), ALL)
 def test_a_shipped_reference_is_whole_and_of_its_scene(scenes, name, rung):
-    found = reference.load(reference.path_of(reference.SHIPPED, name, rung))
-    assert reference.stale(found, scenes / name) is None
+    found = references.load(references.path_of(references.SHIPPED, name, rung))
+    assert references.stale(found, scenes / name) is None
     assert found.image.samples >= (4096 if rung in ("sky", "path") else 1)
     if rung in ("surface", "lambert", "shadow"):  # what the tracer can do too
         made = compare(trace(found.scene, rung), found.image, tolerance=found.tolerance)
@@ -398,7 +398,7 @@ def test_a_shipped_reference_is_whole_and_of_its_scene(scenes, name, rung):
 
 @pytest.mark.parametrize(("name", "rung"), [("desk", "shadow"), ("distorted", "surface"), ("overlap", "path")])
 def test_todays_mitsuba_agrees_with_shipped_references(scenes, name, rung):
-    done = reference.check(scenes / name, rung, reference.SHIPPED, samples=64)
+    done = reference.check(scenes / name, rung, references.SHIPPED, samples=64)
     assert done.passed, done.problems
 
 
@@ -407,7 +407,7 @@ def test_in_the_scene_single_the_sky_and_the_bounces_add_what_the_closed_form_sa
 
     But for one ray in 4096, here and there, that leaves the sphere so flatly that rounding lets it hit.
     """
-    images = [reference.load(reference.path_of(reference.SHIPPED, "single", r)).image for r in ("lambert", "path")]
+    images = [references.load(references.path_of(references.SHIPPED, "single", r)).image for r in ("lambert", "path")]
     np.testing.assert_allclose(images[1].mean, images[0].mean, atol=1e-4)
 
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from raytwin import boards, photos, report
+from raytwin import boards, files, photos, report
 from raytwin.errors import InputError
-from raytwin.jobs.camera import list_photos
 from raytwin.photos import ModelTrial, explained, uncertainty_map
 from raytwin.report.uncertainty import uncertainty_url
 
@@ -18,7 +17,7 @@ from raytwin.report.uncertainty import uncertainty_url
 @pytest.fixture(scope="module")
 def calibration(scenes):
     folder = scenes / "desk"
-    return photos.calibrate(list_photos(folder / "photos"), boards.read_board(folder / "board.toml"))
+    return photos.calibrate(files.list_photos(folder / "photos"), boards.read_board(folder / "board.toml"))
 
 
 def picture_of(url: str) -> np.ndarray:

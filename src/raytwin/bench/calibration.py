@@ -21,7 +21,6 @@ from raytwin.bench.record import Bench, Calibrated, LeftOut
 from raytwin.bench.run import machine
 from raytwin.boards import Board, Grid
 from raytwin.errors import InputError
-from raytwin.jobs.camera import list_photos
 from raytwin.jobs.photograph import photograph_board
 from raytwin.jobs.versions import versions
 from raytwin.photos import Tag
@@ -116,7 +115,7 @@ def measure_calibration(
     `folder` may hold a truth.toml, which tells the true error of the focal length. `name`: what the rows call the
     photos. `deadline`: by time.perf_counter, for the timed calls; finding the held-out errors comes after it.
     """
-    taken = list_photos(folder)
+    taken = files.list_photos(folder)
     size = files.photo_size(taken[0])
     truth_file = folder / "truth.toml"
     truth = photographer.read_truth(truth_file) if truth_file.exists() else None

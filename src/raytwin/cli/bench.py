@@ -195,16 +195,15 @@ def shoot_of(scene: Path | None, count: int, size: str) -> "Shoot":
 
 def real_photos(folders: list[Path] | None, boards: list[Path] | None) -> "list[Taken]":
     """Each folder with its board: the one named at the same place, the only one named, or the folder's own."""
-    from raytwin import bench
+    from raytwin import bench, files
     from raytwin.boards import read_board
-    from raytwin.jobs.camera import list_photos
 
     folders, boards = folders or [], boards or []
     if len(boards) not in (0, 1, len(folders)):
         raise InputError("--board", f"one, or one for each of {len(folders)} --photos", len(boards))
     found = []
     for i, folder in enumerate(folders):
-        list_photos(folder)
+        files.list_photos(folder)
         board = boards[i] if len(boards) > 1 else boards[0] if boards else folder / "board.toml"
         found.append(bench.Taken(folder, read_board(board)))
     return found

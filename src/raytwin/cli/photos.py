@@ -28,11 +28,10 @@ def calibrate_command(
     """Find the camera: detect the board's tags in the photos, fit K, distortion and a pose for each photo."""
     from raytwin import boards, files, report
     from raytwin import photos as taken
-    from raytwin.jobs.camera import list_photos
 
     check_outputs(files=(json, out, uncertainty))
     definitions = [boards.read_board(path) for path in board]
-    paths = [path for named in photos for path in list_photos(named)]
+    paths = [path for named in photos for path in files.list_photos(named)]
     with show_progress() as progress:
         check_one_of("--photo", photo or paths[0].name, (p.name for p in paths))
         calibration = taken.calibrate(paths, definitions, model=model, progress=progress)

@@ -42,6 +42,7 @@ def make_command(
 
     Interrupted, it goes on where it stopped.
     """
+    from raytwin import references
     from raytwin.jobs import reference
 
     refused = []
@@ -64,7 +65,7 @@ def make_command(
         if change.kind == "same":
             continue
         if change.kind == "new" or yes or _asked(f"Replace {change.new.path}?"):
-            reference.save(change.new)
+            references.save(change.new)
             typer.echo(f"  written: {change.new.path}")
         else:
             refused.append(change.new.path)
@@ -101,23 +102,23 @@ def show_command(
     whole: Annotated[bool, typer.Option("--all", help="Everything that is known of each, as of a single one.")] = False,
 ) -> None:
     """What made each reference, and what it is worth: a line each, of a single one all. Fails on damaged ones."""
-    from raytwin.jobs import reference
+    from raytwin import references
 
     folder, names = _source(folder), [s.resolve().name for s in scenes or ()]
-    cases = [c for c in reference.listed(folder) if c[0] in (names or [c[0]]) and c[1] in (rung or [c[1]])]
+    cases = [c for c in references.listed(folder) if c[0] in (names or [c[0]]) and c[1] in (rung or [c[1]])]
     if not cases:
         raise InputError(folder, "references", "none of these")
     whole, damaged = whole or len(cases) == 1, False
     if not whole:
-        typer.echo(reference.OUTLINE)
+        typer.echo(references.OUTLINE)
     for name, one in cases:
         try:
-            found = reference.load(reference.path_of(folder, name, one))
+            found = references.load(references.path_of(folder, name, one))
         except InputError as error:
             damaged = True
             typer.echo(f"{name}/{one}  {error}")
         else:
-            typer.echo("\n".join(reference.show(found)) if whole else reference.outline(found))
+            typer.echo("\n".join(references.show(found)) if whole else references.outline(found))
     if damaged:
         raise typer.Exit(1)
 
@@ -131,6 +132,7 @@ def diff_command(
     samples: Samples = None,
 ) -> None:
     """What `make --again` would change, without writing; or what differs from the references in another folder."""
+    from raytwin import references
     from raytwin.compare import compare
     from raytwin.jobs import reference
 
@@ -141,7 +143,7 @@ def diff_command(
                 change = reference.make(scene, one, folder, samples=samples, again=True, found=found, progress=progress)
         else:
             name = found.name
-            new, old = (reference.load(reference.path_of(f, name, one)) for f in (folder, against))
+            new, old = (references.load(references.path_of(f, name, one)) for f in (folder, against))
             c = compare(new.image, old.image, tolerance=new.tolerance)
             change = reference.Change(new, old, tuple(reference.header_changes(old.header, new.header)), c)
         typer.echo("\n".join(change.lines()))

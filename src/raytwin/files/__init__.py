@@ -8,6 +8,7 @@ from raytwin.files.images import read_image, write_image
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.pictures import (
     from_bytes,
+    list_photos,
     photo_extras,
     photo_orientation,
     photo_size,
@@ -36,6 +37,7 @@ __all__ = [
     "find_scene",
     "from_bytes",
     "half_floats",
+    "list_photos",
     "photo_extras",
     "photo_orientation",
     "photo_size",

@@ -42,6 +42,22 @@ def from_bytes(pixels: np.ndarray) -> np.ndarray:
     return _DECODE[pixels]
 
 
+PHOTOS = (".jpg", ".jpeg", ".png")
+
+
+def list_photos(folder: str | Path) -> list[Path]:
+    """The photos of a folder, by name; a photo's file stands for itself. Raises InputError where there are none."""
+    folder = Path(folder)
+    if folder.is_file() and folder.suffix.lower() in PHOTOS:
+        return [folder]
+    if not folder.is_dir():
+        raise InputError(folder, "a folder of photos", "no such folder" if not folder.exists() else "a file")
+    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in PHOTOS)
+    if not found:
+        raise InputError(folder, "photos (.jpg, .jpeg, .png)", "none")
+    return found
+
+
 def photo_size(path: str | os.PathLike) -> tuple[int, int]:
     """(width, height) of a photo from its header alone."""
     with _opened(path) as photo:

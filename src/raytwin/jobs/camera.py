@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytwin import boards, photographer, photos
+from raytwin import boards, files, photographer, photos
 from raytwin.errors import InputError, check_one_of
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Scene, SceneFile
@@ -20,22 +20,6 @@ class TruthRow:
     found: float
     sigma: float | None
     unit: str
-
-
-SUFFIXES = (".jpg", ".jpeg", ".png")
-
-
-def list_photos(folder: str | Path) -> list[Path]:
-    """The photos of a folder, by name; a photo's file stands for itself. Raises InputError where there are none."""
-    folder = Path(folder)
-    if folder.is_file() and folder.suffix.lower() in SUFFIXES:
-        return [folder]
-    if not folder.is_dir():
-        raise InputError(folder, "a folder of photos", "no such folder" if not folder.exists() else "a file")
-    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES)
-    if not found:
-        raise InputError(folder, "photos (.jpg, .jpeg, .png)", "none")
-    return found
 
 
 def find_camera(
@@ -54,7 +38,7 @@ def find_camera(
         return written.scene, None, None, None
     folder = Path(written.folder)
     board = boards.read_board(folder / asked.board)
-    taken = list_photos(folder / asked.photos)
+    taken = files.list_photos(folder / asked.photos)
     name = photo or asked.photo
     where = "--photo" if photo else f"{folder / 'scene.toml'}: camera.photo"
     check_one_of(where, name, (p.name for p in taken))

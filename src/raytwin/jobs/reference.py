@@ -7,174 +7,29 @@ the scene as it is written, and a checksum of everything, since EXR itself does 
     check   is the file whole, is its scene still the one on disk, does today's Mitsuba agree?
 """
 
-import hashlib
 import math
-import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from raytwin import files, twin
 from raytwin.compare import Comparison, compare
-from raytwin.errors import InputError, check_one_of
+from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
+from raytwin.references import Reference, load, path_of, scene_hash, sealed, stale
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Scene, SceneFile, Tolerance
+from raytwin.scene import Camera, Scene, SceneFile
 
-SHIPPED = files.REFERENCES
-"""The references that come with raytwin; in a checkout, its own reference/."""
-FORMAT = "1"
 PIXELS = 336 * 252
 """About what a reference has: a shadow's edge is still some pixels from the next, and all files fit a repository."""
 SAMPLES, CHECKED_SAMPLES = 4096, 256
 STINTS, BATCHES = 8, 8
 """A long render comes in so many pieces, each kept in the cache when done, each of so many independent batches."""
-VARIANCE_BITS = 6
-"""Significant bits kept of a variance: it is known to 18 % from 64 batches, and kept to 1.6 %."""
-NOISE_STEPS = 4
-"""A noisy mean is kept in steps of a quarter of its standard deviation or less, which adds at most 0.5 % to its
-variance; all further digits are noise, which does not compress. Both together save 32 % of the references' bytes."""
 MOVED_PX = 0.05
 """Pixels by which a new calibration may move the picture before its reference counts as stale."""
-
-
-SET_UP = ("name", "camera", "spheres", "planes", "sun", "sky", "tolerance")
-"""What a header holds of a SceneFile whose camera has been found."""
-
-
-@dataclass(frozen=True, eq=False)
-class Reference:
-    """The image, and its header: what made it, as text. `written` (camera found) is None for a golden image."""
-
-    path: Path
-    image: Image
-    header: dict[str, str] = field(default_factory=dict)
-    written: SceneFile | None = None
-
-    @property
-    def scene(self) -> Scene | None:
-        return self.written.scene if self.written else None
-
-    @property
-    def camera(self) -> Camera | None:
-        return self.written.camera if self.written else None
-
-    def origin(self) -> Scene:
-        """The scene that it was made from. Raises InputError for one that was made from an image."""
-        if self.written is None:
-            raise InputError(self.path, "a reference made from a scene", "one made from an image")
-        return self.written.scene
-
-    @property
-    def tolerance(self) -> Tolerance:
-        return self.written.tolerance if self.written else Tolerance()
-
-
-# ------------------------------------------------------------------------------------------ files
-
-
-def path_of(folder: str | Path, name: str, rung: str) -> Path:
-    """`<folder>/<scene>/<rung>.exr`; InputError for a rung or a name that cannot be one."""
-    check_one_of("rung", rung, RUNGS)
-    if not re.fullmatch(r"\w[\w .+-]*", name):
-        raise InputError("scene", "the name of a scene's folder", repr(name))
-    return Path(folder) / name / f"{rung}.exr"
-
-
-def load(path: str | Path) -> Reference:
-    """The reference, once its checksum holds and it lies under its own name. Raises InputError, also for no file."""
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "a reference", "no such file")
-    image, header = files.read_exr(path)
-    if "checksum" not in header:
-        raise InputError(path, "a reference, with a checksum in its header", "an EXR without")
-    if header["checksum"] != checksum(image, header):
-        raise InputError(path, "a reference", "a damaged one (it does not have the checksum written into it)")
-    if header.get("format") != FORMAT:
-        raise InputError(path, f"a reference of format {FORMAT}", header.get("format"))
-    named = header.get("scene"), header.get("rung")
-    if named != (path.parent.name, path.stem):
-        raise InputError(path, "the reference of its scene and rung", f"that of {named[0]}, rung {named[1]}")
-    written = None
-    if "set_up" in header:
-        written = files.to_record(f"{path}: set_up", msgspec.json.decode(header["set_up"]), SceneFile)
-    return Reference(path, image, header, written)
-
-
-def save(reference: Reference) -> None:
-    """Write it, checksum included, to its path: under another name first, so that nothing half-written is left."""
-    files.write_exr(reference.path, reference.image, reference.header)
-
-
-def checksum(image: Image, header: dict[str, str]) -> str:
-    """SHA-256 of all pixels and of the header without the checksum itself, 32 hexadecimal digits."""
-    own = {k: v for k, v in header.items() if k not in ("checksum", "samples", "batches")}
-    own |= {"samples": str(image.samples), "batches": str(image.batches)}
-    total = hashlib.sha256(msgspec.json.encode(own, order="sorted"))
-    parts = {"mean": image.mean, "variance": image.variance}
-    if image.surface is not None:
-        parts |= {name: getattr(image.surface, name) for name in ("ids", "depth", "normal")}
-    for name, pixels in parts.items():
-        if pixels is not None:
-            whole = name == "ids"
-            total.update(f"{name} {pixels.shape}".encode())
-            total.update(np.ascontiguousarray(pixels, "<i4" if whole else "<f4").tobytes())
-    return total.hexdigest()[:32]
-
-
-def sealed(path: Path, image: Image, header: dict[str, str], written: SceneFile | None) -> Reference:
-    """The reference as it will be read back: rounded as far as noise lets, scene and checksum in the header."""
-    if image.variance is not None:
-        variance = rounded(np.asarray(image.variance, np.float32), VARIANCE_BITS)
-        image = replace(image, mean=stepped(image.mean, variance), variance=variance)
-    header = {k: v for k, v in header.items() if k not in ("checksum", "batches")} | {"format": FORMAT}
-    if written is not None:
-        header["set_up"] = msgspec.json.encode({name: getattr(written, name) for name in SET_UP}).decode()
-    header |= {"samples": str(image.samples)} | ({"batches": str(image.batches)} if image.batches else {})
-    return Reference(path, image, header | {"checksum": checksum(image, header)}, written)
-
-
-def rounded(x: np.ndarray, bits: int) -> np.ndarray:
-    """float32 to `bits` significant bits, to nearest: the rest is zeros, which compress."""
-    drop = 24 - bits
-    whole = x.view(np.uint32) + np.uint32((1 << (drop - 1)) - 1) + (x.view(np.uint32) >> np.uint32(drop) & np.uint32(1))
-    return (whole & np.uint32(0xFFFFFFFF << drop & 0xFFFFFFFF)).view(np.float32)
-
-
-def stepped(mean: np.ndarray, variance: np.ndarray) -> np.ndarray:
-    """The mean to the nearest multiple of the largest power of two below sd / NOISE_STEPS; as it is where sd = 0."""
-    with np.errstate(divide="ignore"):
-        step = np.exp2(np.floor(np.log2(np.sqrt(variance.astype(np.float64)) / NOISE_STEPS)))
-    noisy = step > 0
-    safe = np.where(noisy, step, 1.0)
-    return np.where(noisy, np.round(mean / safe) * safe, mean).astype(np.float32)
-
-
-# ------------------------------------------------------------------------------------------ scenes
-
-
-def scene_hash(written: SceneFile) -> str:
-    """SHA-256 of the scene as written, 32 hexadecimal digits: camera, objects, lights; not comments or tolerance.
-
-    Where the camera is to be calibrated, of its photos' bytes and of its board, not of what the calibration finds:
-    another version of OpenCV changes that in its last digits.
-    """
-    seen = {name: getattr(written, name) for name in ("spheres", "planes", "sun", "sky")}
-    seen["camera"] = written.photos or written.camera
-    total = hashlib.sha256(msgspec.json.encode(seen, order="sorted"))
-    if asked := written.photos:
-        from raytwin.jobs.camera import list_photos
-
-        folder = Path(written.folder)
-        total.update(msgspec.json.encode(files.read_toml(folder / asked.board), order="sorted"))
-        for photo in list_photos(folder / asked.photos):
-            total.update(photo.name.encode() + hashlib.sha256(photo.read_bytes()).digest())
-    return total.hexdigest()[:32]
 
 
 def size_of(image_size: tuple[int, int]) -> tuple[int, int]:
@@ -443,57 +298,8 @@ def check(
     return Check(path, problems, old, today, comparison)
 
 
-def stale(old: Reference, scene: str | Path) -> str | None:
-    """Why the reference no longer fits the scene as it is written; None where it does."""
-    written = files.read_scene(scene)
-    if old.written is None:
-        return f"it was made from an image, but now there is a scene: {scene}"
-    if old.header["scene_hash"] != scene_hash(written):
-        return "the scene has changed since"
-    if old.tolerance != written.tolerance:
-        return "the scene's tolerance has changed since"
-    return None
-
-
 def strayed(old: Reference, found: SceneFile) -> str | None:
     """Why the reference no longer fits the camera that its scene's photos give today; None where it does."""
     camera = old.origin().camera
     by = moved(found.scene, camera, _at_size(found, camera.image_size).scene.camera)
     return f"today's calibration moves the picture by {by:.2g} px" if by > MOVED_PX else None
-
-
-# ------------------------------------------------------------------------------------------ show
-
-
-def listed(folder: str | Path) -> list[tuple[str, str]]:
-    """(scene, rung) of every reference in the folder, by scene, then in the rungs' order."""
-    found = ((f.parent.name, f.stem) for f in Path(folder).glob("*/*.exr") if f.stem in RUNGS)
-    return sorted(found, key=lambda case: (case[0], list(RUNGS).index(case[1])))
-
-
-def show(reference: Reference) -> list[str]:
-    """The header, one line each, and what the image is worth."""
-    header = reference.header
-    lines = [f"{header['scene']}/{header['rung']}  {reference.path}"]
-    lines += [f"  {k:<12} {v}" for k, v in header.items() if k not in ("set_up", "scene", "rung") and v != "None"]
-    mean, sd = _worth(reference.image)
-    noise = f"standard deviation {sd:.2g} a pixel, {100 * sd / max(mean, 1e-30):.2g} % of the mean" if sd else "none"
-    return [*lines, f"  {'mean':<12} {mean:.6g}", f"  {'noise':<12} {noise}"]
-
-
-def outline(reference: Reference) -> str:
-    """The same in one line: what, size, samples a pixel, mean, noise in % of it, Mitsuba's version."""
-    header, (mean, sd) = reference.header, _worth(reference.image)
-    noise = f"{100 * sd / max(mean, 1e-30):.2g} %" if sd else "none"
-    name, version = f"{header['scene']}/{header['rung']}", header.get("mitsuba", "–")
-    return f"{name:<20} {header.get('size', '–'):<12} {header['samples']:>7} {mean:>9.4g} {noise:>8}  {version}"
-
-
-OUTLINE = f"{'reference':<20} {'size':<12} {'samples':>7} {'mean':>9} {'noise':>8}  Mitsuba"
-"""What stands above `outline`."""
-
-
-def _worth(image: Image) -> tuple[float, float]:
-    """The mean of all values, and their standard deviation where there is noise."""
-    variance = 0.0 if image.variance is None else float(image.variance.mean(dtype=np.float64))
-    return float(image.mean.mean(dtype=np.float64)), math.sqrt(variance)
