@@ -241,7 +241,7 @@ def _stand(board: Board, camera: Camera, R: np.ndarray, aim: np.ndarray, share: 
     around = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
     corners = centers[:, None] + around
     size = np.array(camera.image_size)
-    x, y = lens.undistort(((0.5 + aim) * size - 0.5)[None], camera.K, camera.dist)[0]
+    x, y = lens.undistort(((0.5 + aim) * size - 0.5)[None], np.array(camera.K), camera.dist)[0]
     middle = (centers.min(axis=0) + centers.max(axis=0)) / 2
     reach = np.linalg.norm(np.ptp(centers, axis=0)) + board.tag_edge
     limit = lens.turning_radius(camera.dist)
@@ -251,7 +251,7 @@ def _stand(board: Board, camera: Camera, R: np.ndarray, aim: np.ndarray, share: 
         if cam[:, 2].min() < 0.1 * distance:
             continue
         near = np.hypot(cam[:, 0], cam[:, 1]) < 0.98 * limit * cam[:, 2]  # past it the lens model folds back
-        pixels = lens.project(corners.reshape(-1, 3), R, t, camera.K, camera.dist)
+        pixels = lens.project(corners.reshape(-1, 3), R, t, np.array(camera.K), camera.dist)
         border = 0.01 * size.min()
         inside = near & (pixels > border).all(axis=1) & (pixels < size - 1 - border).all(axis=1)
         inside = inside.reshape(-1, 4).all(axis=1)

@@ -11,7 +11,7 @@ import itertools
 import os
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import pytest
 
@@ -139,7 +139,7 @@ class Held:
         renders: int = 8,
         tolerance: "float | Tolerance | None" = None,
         false_alarm_rate: float = 1e-3,
-        noise: str = "both",
+        noise: Literal["both", "reference"] = "both",
     ) -> "Comparison":
         """The verdict on `image`, without failing.
 
@@ -168,7 +168,7 @@ class Held:
         renders: int = 8,
         tolerance: "float | Tolerance | None" = None,
         false_alarm_rate: float = 1e-3,
-        noise: str = "both",
+        noise: Literal["both", "reference"] = "both",
     ) -> "tuple[Comparison, str]":
         """The verdict, and the text for a failed test."""
         __tracebackhide__ = True
@@ -234,7 +234,7 @@ class Held:
         except InputError as error:
             why = str(error)
         if not paths:  # no such rung, or no name at all
-            self._fail(why)
+            self._fail(why or self.name)
         own = path in (None, paths[0])
         if path is None:
             why = f"{self.name}/{self.rung}: no such reference in {' or '.join(map(str, paths))}"
@@ -286,7 +286,7 @@ class Held:
         self.reference = references.sealed(path, image, header, None)
         references.save(self.reference)
 
-    def _fail(self, text: str) -> None:
+    def _fail(self, text: str) -> NoReturn:
         __tracebackhide__ = True
         from raytwin.compare import Comparison
 
@@ -380,5 +380,5 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
     if counted := config.stash.get(_COUNTED, None):
-        index = _report_folder(config) / "index.html"
+        index = (_report_folder(config) or Path()) / "index.html"
         terminalreporter.write_line(f"raytwin: {counted[0]} comparisons, {counted[1]} failed: {index}")

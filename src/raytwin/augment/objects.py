@@ -19,8 +19,9 @@ import numpy as np
 
 from raytwin import files
 from raytwin.errors import InputError
+from raytwin.image import Surface
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
-from raytwin.speed import trace, trace_points, trim_box
+from raytwin.speed import background, draw, trace_points, trim_box
 
 REGIONS = ("spheres", "shadows", "board", "rest")
 SKY_REACH = 1 / 512
@@ -95,11 +96,12 @@ def regions_of(result: Augmented, scene: Scene) -> dict[str, np.ndarray]:
 
     `board` is what of the first photographed plane neither an object covers nor a sun's shadow reaches.
     """
-    ids = trace(scene, "surface", "numpy32").surface.ids
+    surface = Surface.empty(*scene.camera.image_size)
+    draw(scene, background(scene), "surface", "numpy32", surface=surface)
     spheres = result.coverage > 0
     shadows = ~spheres & (result.ratio < 0.9).any(axis=-1)
     boards = [i for i, thing in enumerate(scene.objects) if _shown(thing)][:1]
-    board = ~spheres & ~shadows & np.isin(ids, boards)
+    board = ~spheres & ~shadows & np.isin(surface.ids, boards)
     return {"spheres": spheres, "shadows": shadows, "board": board, "rest": ~(spheres | shadows | board)}
 
 
@@ -145,7 +147,7 @@ def _shade(scene: Scene, u: np.ndarray, v: np.ndarray, engine: str, shadows: boo
             lit_before = np.ones(len(here), bool)
             if len(bare.objects) > 1:
                 lit_before = trace_points(bare, u[here], v[here], "shadow", engine).lit
-            ratio[here] = _ratio(scene, plane, found.point[here], found.lit[here], lit_before)
+            ratio[here] = _ratio(scene, plane, np.asarray(found.point)[here], found.lit[here], lit_before)
     return np.where(keep[:, None], ratio, found.colour), keep.astype(np.int8), found.ids, found.lit
 
 

@@ -69,11 +69,11 @@ def against(new: Bench, old: Bench) -> Changes:
 
 def errors_ratio(now: tuple[float, ...], then: tuple[float, ...], floor: float) -> tuple[float, float, float]:
     """The ratio of the RMSEs; without noise there is one of each, and nothing to resample."""
-    now, then = np.maximum(now, floor), np.maximum(then, floor)
-    if len(now) == 1 or len(then) == 1:
-        ratio = float(np.median(now) / np.median(then))
+    ours, theirs = (np.maximum(np.asarray(errors), floor) for errors in (now, then))
+    if len(ours) == 1 or len(theirs) == 1:
+        ratio = float(np.median(ours) / np.median(theirs))
         return ratio, ratio, ratio
-    return ratio_interval(now, then)
+    return ratio_interval(ours.tolist(), theirs.tolist())
 
 
 def judge(seconds: tuple[float, float, float], error: tuple[float, float, float], drift: float) -> str:

@@ -153,8 +153,8 @@ def measure_calibration(
             left.append(LeftOut(f"calibration: {m.method.name}", *size, "too few photos to hold one out"))
             continue
         tags = photos.detect_photos(taken, board.kind, find=m.method.find)[0]
-        error = held_out({Path(p).name: t for p, t in tags.items()}, c, board, judge)
-        rows.append(row_of(m.method, c, m.seconds, name, truth, error))
+        unseen = held_out({Path(p).name: t for p, t in tags.items()}, c, board, judge)
+        rows.append(row_of(m.method, c, m.seconds, name, truth, unseen))
     return rows, left
 
 
@@ -169,11 +169,11 @@ def by_truth(truth: photographer.Truth, board: Board) -> Judge:
     points = np.array([(*center, 0.0) for center in board.centers().values()])
     shown = {}
     for photo, (R, t) in truth.photos.items():
-        pixels = photos.project(points, np.array(R), np.array(t), truth.K, truth.dist)
-        inside = ((pixels > -0.5) & (pixels < np.array(truth.image_size) - 0.5)).all(axis=1)
+        pixels = photos.project(points, np.array(R), np.array(t), np.array(truth.K), truth.dist)
+        inside = np.all((pixels > -0.5) & (pixels < np.array(truth.image_size) - 0.5), axis=1)
         shown[photo] = [
             Tag(i, tuple(p), (tuple(p),) * 4, 0.0)
-            for i, p, ok in zip(board.centers(), pixels.tolist(), inside, strict=True)
+            for i, p, ok in zip(board.centers(), pixels.tolist(), inside.tolist(), strict=True)
             if ok
         ]
 

@@ -8,33 +8,46 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
 from raytwin.image import Image
-from raytwin.methods.method import Call, Method
+from raytwin.methods.method import Method
 
 Clock = Callable[[], float]
 T = TypeVar("T")
-Look = Callable[[Method, Image], dict[str, dict[str, float | None]]]
-"""(method, image) -> truth's name -> ERRORS."""
+Errors = dict[str, dict[str, float | None]]
+"""Truth's name -> ERRORS."""
+Look = Callable[[Method, Image], Errors]
 
 NOISY_IMAGES = 5
 """Of a method whose images differ from seed to seed, so many are held against the truth."""
 
 
+class Timed(Protocol):
+    """Anything that can be timed: what a Method says of itself."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def noisy(self) -> bool: ...
+
+
+M = TypeVar("M", bound=Timed)
+
+
 @dataclass(eq=False)
-class Measured:
+class Measured(Generic[M, T]):
     """One method while it is measured. `guess`: the seconds that its next call is expected to take."""
 
-    method: Method
-    call: Call
+    method: M
+    call: Callable[[int], T]
     guess: float
     compile_seconds: float = 0.0
     peak_mib: float | None = None
     seconds: list[float] = field(default_factory=list)
-    errors: list[dict[str, dict[str, float | None]]] = field(default_factory=list)
+    errors: list[Errors] = field(default_factory=list)
 
 
 def orders(count: int, seed: int = 0) -> Iterator[list[int]]:
@@ -44,7 +57,7 @@ def orders(count: int, seed: int = 0) -> Iterator[list[int]]:
         yield [int(i) for i in rng.permutation(count)]
 
 
-def warm(measured: Measured, look: Look, clock: Clock = time.perf_counter) -> None:
+def warm(measured: Measured[Method, Image], look: Look, clock: Clock = time.perf_counter) -> None:
     """The first call at full size: not timed for the median; its memory and its image's error are taken."""
     start = clock()
     image, measured.peak_mib = with_peak(lambda: measured.call(0))
@@ -56,7 +69,11 @@ def warm(measured: Measured, look: Look, clock: Clock = time.perf_counter) -> No
 
 
 def repeat(
-    all_of_them: Sequence[Measured], look: Look, deadline: float, repeats: int, clock: Clock = time.perf_counter
+    all_of_them: Sequence[Measured[M, T]],
+    look: Callable[[M, T], Errors],
+    deadline: float,
+    repeats: int,
+    clock: Clock = time.perf_counter,
 ) -> None:
     """Rounds of timed calls, until each has `repeats`, or its share of the time is spent, or the deadline is near.
 

@@ -24,6 +24,7 @@ from raytwin.compare import compare
 from raytwin.compare.words import percent
 from raytwin.files import read_scene
 from raytwin.image import Image
+from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 
 DEPTH = 3
@@ -33,11 +34,14 @@ Fault = Callable[[Scene, int, int], Image]
 
 
 @functools.lru_cache(maxsize=64)
-def render(scene: Scene, samples: int, seed: int, depth: int = DEPTH, rung: str = "path", sampling: str = "center"):
+def render(
+    scene: Scene, samples: int, seed: int, depth: int = DEPTH, rung: str = "path", sampling: str = "center"
+) -> Image:
     from raytwin import twin
 
-    depth_of = {"max_depth": depth} if rung == "path" else {}
-    return twin.render(scene, rung, sampling=sampling, samples=samples, seed=seed, cache=False, **depth_of)
+    deepest = RUNGS[rung].depth or 0
+    most = depth if deepest > depth else None
+    return twin.render(scene, rung, sampling=sampling, samples=samples, seed=seed, cache=False, max_depth=most)
 
 
 def scaled(factor: float) -> Fault:
@@ -45,7 +49,8 @@ def scaled(factor: float) -> Fault:
 
     def fault(scene: Scene, samples: int, seed: int) -> Image:
         image = render(scene, samples, seed)
-        gain = np.where(image.surface.mask[..., None], np.float32(factor), np.float32(1))
+        mask = image.surface.mask if image.surface is not None else np.ones(image.shape[:2], bool)
+        gain = np.where(mask[..., None], np.float32(factor), np.float32(1))
         return replace(image, mean=image.mean * gain, variance=image.variance * gain**2)
 
     return fault
@@ -126,8 +131,8 @@ def sees_idiff(test: Image, reference: Image) -> bool:
     import OpenImageIO as oiio
 
     pair = [oiio.ImageBuf(np.ascontiguousarray(i.mean, np.float32)) for i in (test, reference)]
-    found = oiio.ImageBufAlgo.compare(*pair, 0.004, 0.004)
-    worst = oiio.ImageBufAlgo.compare(*pair, 0.1, 0.1)
+    found = oiio.ImageBufAlgo.compare(pair[0], pair[1], 0.004, 0.004)
+    worst = oiio.ImageBufAlgo.compare(pair[0], pair[1], 0.1, 0.1)
     return found.nfail > 0.1 * test.mean[..., 0].size or worst.nfail > 0
 
 
@@ -141,6 +146,8 @@ def sees_flip(test: Image, reference: Image) -> bool:
 def sees_z_test(test: Image, reference: Image) -> bool:
     from scipy.special import ndtr
 
+    if reference.variance is None:
+        raise ValueError("a reference without variance")
     variance = reference.variance * (reference.samples / test.samples)
     with np.errstate(invalid="ignore", divide="ignore"):
         z = np.abs(test.mean - reference.mean) / np.sqrt(np.maximum(variance, 1e-12))
@@ -233,7 +240,7 @@ def _counted(what: str, n: int, k: int) -> dict[str, object]:
     return {"what": what, "comparisons": n, "alarms": k, "low": float(interval.low), "high": float(interval.high)}
 
 
-def markdown(rows: list[dict[str, object]], samples: list[int]) -> str:
+def markdown(rows: list[dict[str, Any]], samples: list[int]) -> str:
     """One line a fault: for each tool the share seen at each number of samples, in per cent."""
     head = "| fault | " + " | ".join(f"{tool} at {' / '.join(map(str, samples))}" for tool in TOOLS) + " |"
     lines = [head, "| --- |" + " --- |" * len(TOOLS)]

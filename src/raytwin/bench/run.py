@@ -12,7 +12,7 @@ import numpy as np
 from raytwin import files, twin
 from raytwin.bench.crowd import crowded
 from raytwin.bench.frontier import median_iqr, on_frontier
-from raytwin.bench.measure import Look, Measured, guess, repeat, warm
+from raytwin.bench.measure import Errors, Look, Measured, guess, repeat, warm
 from raytwin.bench.record import Bench, Converged, Deviation, Growth, LeftOut, Measurement, Repeats
 from raytwin.bench.truth import WHOLE, converge, measure, truth_of
 from raytwin.errors import InputError
@@ -82,13 +82,21 @@ def bench(
     if crowd:
         scene = crowded(scene, crowd)
     parts = len(sizes) + (1 if growing else 0)
-    rows, truths, errors, left, repeated, growth = [], [], [], [], [], []
+    rows: list[Measurement] = []
+    truths: list[Converged] = []
+    errors: list[Deviation] = []
+    left: list[LeftOut] = []
+    repeated: list[Repeats] = []
+    growth: list[Growth] = []
     for i, megapixels in enumerate(sizes):
         view = scene.with_camera(sized(scene.camera, megapixels))
         until = time.perf_counter() + (deadline - time.perf_counter()) / (parts - i)
-        found = measure_size(view, chosen, until, repeats, truth_samples, flip, progress)
-        for made, into in zip(found, (rows, truths, errors, left, repeated), strict=True):
-            into += made
+        sized_run = measure_size(view, chosen, until, repeats, truth_samples, flip, progress)
+        rows += sized_run[0]
+        truths += sized_run[1]
+        errors += sized_run[2]
+        left += sized_run[3]
+        repeated += sized_run[4]
     if growing:
         view = scene.with_camera(sized(scene.camera, sizes[0]))
         for i, count in enumerate(sorted(spheres)):
@@ -124,7 +132,7 @@ def measure_size(
         images[name], truths[name] = converge(scene, name, truth_samples, seconds, flip)
     progress("truths", len(names), len(names))
 
-    def look(method: Method, image: Image) -> dict[str, dict[str, float | None]]:
+    def look(method: Method, image: Image) -> Errors:
         own = truth_of(method)
         return {name: measure(image.mean, images[name], flip) for name in names if name == own or comparable(name)}
 
@@ -134,7 +142,7 @@ def measure_size(
     done = [m for m in done if m.seconds]
     rows, errors = summarize(done, truths, (w, h))
     kept = [
-        Repeats(m.method.name, w, h, tuple(m.seconds), tuple(e[truth_of(m.method)]["rmse"] for e in m.errors))
+        Repeats(m.method.name, w, h, tuple(m.seconds), tuple(number(e[truth_of(m.method)]["rmse"]) for e in m.errors))
         for m in done
     ]
     return rows, [truths[n] for n in names], errors, left, kept
@@ -147,10 +155,12 @@ def comparable(truth: str) -> bool:
 
 def get_ready(
     scene: Scene, methods: Sequence[Method], deadline: float, progress: Progress
-) -> tuple[list[Measured], list[LeftOut]]:
+) -> tuple[list[Measured[Method, Image]], list[LeftOut]]:
     """Each method prepared, compiled and tried on two thumbnails, which tell what it will take at full size."""
     w, h = scene.camera.image_size
-    ready, left, absent = [], [], {}
+    ready: list[Measured[Method, Image]] = []
+    left: list[LeftOut] = []
+    absent: dict[str, str] = {}
     for i, method in enumerate(methods):
         progress("prepare", i, len(methods))
         if method.library in absent:
@@ -178,8 +188,13 @@ def get_ready(
 
 
 def warm_up(
-    ready: list[Measured], look: Look, deadline: float, left: list[LeftOut], size: tuple[int, int], progress: Progress
-) -> list[Measured]:
+    ready: list[Measured[Method, Image]],
+    look: Look,
+    deadline: float,
+    left: list[LeftOut],
+    size: tuple[int, int],
+    progress: Progress,
+) -> list[Measured[Method, Image]]:
     """The methods that had their first call at full size: the quick ones first, as many as can have three more."""
     done, owed = [], 0.0
     for i, m in enumerate(sorted(ready, key=lambda m: m.guess)):
@@ -195,7 +210,7 @@ def warm_up(
 
 
 def summarize(
-    done: list[Measured], truths: dict[str, Converged], size: tuple[int, int]
+    done: list[Measured[Method, Image]], truths: dict[str, Converged], size: tuple[int, int]
 ) -> tuple[list[Measurement], list[Deviation]]:
     """Rows against each method's own truth, and the errors against every truth, each with its frontier."""
     times = {m.method.name: median_iqr(m.seconds) for m in done}
@@ -204,9 +219,12 @@ def summarize(
         held = [m for m in done if name in m.errors[0]]
         means = [{k: mean_of([e[name][k] for e in m.errors]) for k in m.errors[0][name]} for m in held]
         seconds = [times[m.method.name][0] for m in held]
-        flags = on_frontier(seconds, [e["rmse"] for e in means], truth.floor["rmse"])
-        for m, e, flag in zip(held, means, flags, strict=True):
-            errors[m.method.name, name] = Deviation(m.method.name, *size, name, **e, on_frontier=flag)
+        flags = on_frontier(seconds, [number(mean["rmse"]) for mean in means], number(truth.floor["rmse"]))
+        for m, mean, flag in zip(held, means, flags, strict=True):
+            rmse, relmse, p999_abs = (number(mean[key]) for key in ("rmse", "relmse", "p999_abs"))
+            errors[m.method.name, name] = Deviation(
+                m.method.name, *size, name, rmse, relmse, p999_abs, mean["flip"], on_frontier=flag
+            )
     rows = []
     for m in done:
         own = truth_of(m.method)
@@ -217,7 +235,7 @@ def summarize(
                 rung=m.method.rung, trim=m.method.trim, speculation=m.method.step, samples=m.method.samples,
                 width=size[0], height=size[1], seconds_median=times[m.method.name][0],
                 seconds_iqr=times[m.method.name][1], compile_seconds=m.compile_seconds, peak_mib=m.peak_mib,
-                rmse=e.rmse, relmse=e.relmse, p999_abs=e.p999_abs, flip=e.flip, truth_floor=t.floor["rmse"],
+                rmse=e.rmse, relmse=e.relmse, p999_abs=e.p999_abs, flip=e.flip, truth_floor=number(t.floor["rmse"]),
                 on_frontier=e.on_frontier,
             )
         )  # fmt: skip
@@ -225,7 +243,15 @@ def summarize(
 
 
 def mean_of(values: list[float | None]) -> float | None:
-    return None if values[0] is None else float(np.mean(values))
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+def number(value: float | None) -> float:
+    """An error that every image has: all but FLIP."""
+    if value is None:
+        raise ValueError("an error that was not measured")
+    return value
 
 
 def measure_growth(

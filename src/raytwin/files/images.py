@@ -42,8 +42,8 @@ def read_image(path: str | os.PathLike, part: str | None = None, layer: str | No
         else:
             if kind == "PNG":
                 check_png(path)
-            pixels = read_deep_png(path) if kind == "PNG" else None
-            pixels = from_bytes(read_photo(path)) if pixels is None else pixels
+            deep = read_deep_png(path) if kind == "PNG" else None
+            pixels = from_bytes(read_photo(path)) if deep is None else deep
     except OSError as error:
         raise InputError(path, "an image file", error.strerror or error) from None
     return Image(pixels if pixels.ndim == 3 else stack([pixels] * 3), samples=0)

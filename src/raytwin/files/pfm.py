@@ -37,7 +37,7 @@ def read_pfm(path: str | os.PathLike) -> np.ndarray:
     pixels = np.ascontiguousarray(pixels, np.float32)
     if abs(scale) != 1:
         with np.errstate(over="ignore", invalid="ignore"):
-            pixels *= np.float32(min(abs(scale), np.finfo(np.float32).max))
+            pixels = pixels * np.float32(min(abs(scale), float(np.finfo(np.float32).max)))
     return pixels
 
 

@@ -109,7 +109,7 @@ def _opened(path: str | os.PathLike) -> Iterator[Any]:
                 check_size(path, *photo.size, 12)
                 yield photo
     except PermissionError as error:
-        raise InputError(path, "a photo (JPEG or PNG)", error.strerror.lower()) from None
+        raise InputError(path, "a photo (JPEG or PNG)", str(error.strerror).lower()) from None
     except Pillow.UnidentifiedImageError:
         raise InputError(path, "a photo (JPEG or PNG)", "a file of another kind, or a damaged header") from None
     except Pillow.DecompressionBombError as error:
@@ -127,7 +127,7 @@ def write_picture(
     suffix = Path(path).suffix.lower()
     if suffix not in (".png", ".jpg", ".jpeg"):
         raise InputError(path, "a name that ends in .png, .jpg or .jpeg", suffix or "no ending")
-    options = {"compress_level": 6} if suffix == ".png" else {"quality": quality, "subsampling": 0}
+    options: dict[str, Any] = {"compress_level": 6} if suffix == ".png" else {"quality": quality, "subsampling": 0}
     with replacing(path) as temporary:
         Pillow.fromarray(np.ascontiguousarray(pixels)).save(temporary, **options, **(extras or {}))
 
