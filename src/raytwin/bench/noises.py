@@ -13,7 +13,7 @@ import numpy as np
 from raytwin.image import Image
 
 Pair = tuple[Image, Image]
-Maker = Callable[[np.random.Generator, np.ndarray, "np.ndarray | float"], Pair]
+Maker = Callable[..., tuple[Image, Image]]
 
 
 def picture(height: int = 40, width: int = 56) -> np.ndarray:

@@ -205,7 +205,8 @@ def noise_table(count: int = 500, shape: tuple[int, int] = (48, 64), rate: float
     Rows {"what", "comparisons", "alarms", "low", "high", "undecided", "detectable", "seen": {1.01: share, 1.03: ...}};
     `detectable` is the median of the stated minimum detectable bias, `seen` of a tenth as many pairs each.
     """
-    truth, rows = picture(*shape), []
+    truth = picture(*shape)
+    rows: list[dict[str, object]] = []
     for name, make in KINDS.items():
         rng = np.random.default_rng([20_000, *name.encode()])
         found = [compare(*make(rng, truth), false_alarm_rate=rate) for _ in range(count)]

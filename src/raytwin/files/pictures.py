@@ -129,7 +129,7 @@ def write_picture(
         raise InputError(path, "a name that ends in .png, .jpg or .jpeg", suffix or "no ending")
     options: dict[str, Any] = {"compress_level": 6} if suffix == ".png" else {"quality": quality, "subsampling": 0}
     with replacing(path) as temporary:
-        Pillow.fromarray(np.ascontiguousarray(pixels)).save(temporary, **options, **(extras or {}))
+        Pillow.fromarray(np.ascontiguousarray(pixels)).save(temporary, **options | dict(extras or {}))
 
 
 def check_png(path: Path) -> None:

@@ -12,7 +12,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from raytwin.bench.calibration import OURS, SHRUNK_ALONE, WHOLE, Shoot, Taken, m
 from raytwin.bench.frontier import median_iqr
 from raytwin.bench.measure import repeat
 from raytwin.bench.record import Calibrated, LeftOut
-from raytwin.bench.run import get_ready, machine, warm_up
+from raytwin.bench.run import get_ready, machine, number, warm_up
 from raytwin.bench.truth import rounding
 from raytwin.compare import METRICS
 from raytwin.errors import InputError
@@ -108,7 +108,7 @@ def _paper(
     boxes = [*slow.boxes, *fast.boxes, *(b for hard in hard_cases() for b in boxed(hard))]
     return Paper(
         scene=scene.name, machine=machine(), versions=versions(), budget=float(budget),
-        seconds=time.perf_counter() - start, covered=float(fast.truth.surface.mask.mean()), published=PUBLISHED,
+        seconds=time.perf_counter() - start, covered=float(mask_of(fast.truth).mean()), published=PUBLISHED,
         calibration=tuple(calibration), intersection=tuple(intersection), speculation=tuple(speculation),
         boxes=tuple(boxes),
         ratios=tuple(ratios(slow.frames, fast.frames, calibration, float(fast.truth.mean.max()))),
@@ -166,10 +166,17 @@ def measure_frames(
                 wasted=box.wasted if box else None,
             )
         )
-    return Frames(size, frames, truth, rounding(truth.mean)["rmse"], boxes, left)
+    return Frames(size, frames, truth, number(rounding(truth.mean)["rmse"]), boxes, left)
 
 
-def errors(image: np.ndarray, truth: np.ndarray) -> dict[str, float]:
+def mask_of(image: Image) -> np.ndarray:
+    """(H, W) bool: where an object is seen. The tracer always tells."""
+    if image.surface is None:
+        raise ValueError("an image without a surface")
+    return image.surface.mask
+
+
+def errors(image: np.ndarray, truth: np.ndarray) -> dict[str, float | None]:
     return {name: METRICS[name].function(image, truth) for name in ERRORS}
 
 
@@ -180,7 +187,7 @@ def boxed(scene: Scene, trims: dict[str, Callable] = TRIMS) -> list[Boxed]:
     """What each kind of box costs: a visible pixel is one whose centre's ray meets the object, alone in the scene."""
     w, h = scene.camera.image_size
     alone = (Scene(scene.name, scene.camera, (thing,)) for thing in scene.objects)
-    seen = [trace(one, "surface", trim="none").surface.mask for one in alone]
+    seen = [mask_of(trace(one, "surface", trim="none")) for one in alone]
     rows = []
     for trim, boxes_of in trims.items():
         start = time.perf_counter()
@@ -208,7 +215,7 @@ def ratios(
     trimmed, full = f"drjit32-{RUNG}-conic", f"drjit32-{RUNG}-none"
     numpy_trimmed, mitsuba, careful = f"numpy32-{RUNG}-conic", "mitsuba-llvm-direct-1", f"numpy32-{RUNG}-careful8"
     whole, ours, quarter = (WHOLE, 1.0), (OURS, 1.0), (SHRUNK_ALONE, 0.25)
-    asked = (
+    asked: tuple[tuple[str, str, dict[Any, Any], Any, Any], ...] = (
         ("Dr.Jit trimmed frame / one fill", "at most 2", fast, trimmed, "fill"),
         ("Mitsuba direct / Dr.Jit trimmed frame", "at least 25", fast, mitsuba, trimmed),
         ("Mitsuba direct / Dr.Jit full frame", "at least 8", fast, mitsuba, full),

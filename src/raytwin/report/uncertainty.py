@@ -90,6 +90,8 @@ def bend_url(calibration: Calibration, index: int) -> str:
 
 def bend_png(calibration: Calibration, index: int) -> bytes:
     """The heights over its plane of the index-th board, as the photos tell them, between its tags' centres: a PNG."""
+    if calibration.evidence is None:
+        raise ValueError("a calibration that was read back, without its evidence")
     board = calibration.evidence.boards[index]
     xy = np.array(list(board.centers().values()))
     (x0, y0), (x1, y1) = xy.min(axis=0), xy.max(axis=0)
