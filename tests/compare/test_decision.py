@@ -8,6 +8,8 @@ import pytest
 from raytwin.bench import noises
 from raytwin.bench.noises import KINDS, picture
 from raytwin.compare import compare
+from raytwin.compare.decision import decide
+from raytwin.compare.scale import Bound
 from raytwin.image import Image
 from raytwin.scene import Tolerance
 
@@ -180,3 +182,59 @@ def test_a_bias_of_the_minimum_detectable_size_is_found_nine_times_in_ten_and_a_
 
     assert found(bias) >= 40
     assert found(bias / 3) <= 20
+
+
+# ------------------------------------------------------------------------------------------------------- the tests
+
+
+def decided(a, b, **options):
+    return decide(a, b, Bound(1e-5, 1.0), 1e-3, **options)
+
+
+def test_four_kinds_of_tests_share_the_rate_and_each_its_own_among_its_values():
+    """40 x 56 pixels: 5 x 7 tiles of 8, 4 x 6 of 16, then every second: 1 x 2 of 32, in three channels."""
+    rng = np.random.default_rng(20)
+    made = decided(render(rng), render(rng, samples=4096))
+    share = 1 - (1 - 1e-3) ** (1 / 4)
+    tiles = 3 * (5 * 7 + 4 * 6)
+    for family, tests in ((made.value, H * W * 3), (made.tile, tiles), (made.image, 3)):
+        assert family.tests == tests
+        assert family.level == pytest.approx(1 - (1 - share) ** (1 / tests), rel=1e-9)
+        assert family.passed == (family.worst.p >= family.level)
+    assert decided(render(rng), render(rng, samples=4096), by_value=False).value.worst.p == 1
+
+
+def test_the_worst_tile_tells_its_own_place_size_and_mean_error():
+    rng = np.random.default_rng(21)
+    a, b = render(rng, samples=256), render(rng, samples=4096)
+    a.mean[8:24, 16:32, 1] += np.float32(0.1)
+    tile = decided(a, b).tile
+    w = tile.worst
+    assert (w.x, w.y, w.width, w.height, w.channel) == (16, 8, 16, 16, 1)
+    assert w.error == pytest.approx(float((a.mean - b.mean)[8:24, 16:32, 1].mean()), rel=1e-5)
+    assert w.signed == w.z > 10
+    a.mean[8:24, 16:32, 1] -= np.float32(0.2)
+    w = decided(a, b).tile.worst
+    assert w.signed == -w.z < -10
+    image = decided(a, b).image.worst
+    assert (image.x, image.y, image.width, image.height) == (0, 0, W, H)
+    c = image.channel
+    assert image.error == pytest.approx(float((a.mean - b.mean)[..., c].mean(dtype=float)), rel=1e-4)
+
+
+def test_a_mean_s_deviation_is_that_of_independent_pixels():
+    """Σ v / n² against the truth, beyond what is granted; no fireflies and no filter here."""
+    rng = np.random.default_rng(22)
+    a = render(rng, sd=0.2)
+    image = decided(a, exact()).image.worst
+    d = (a.mean - TRUTH)[..., image.channel].mean()
+    sd = np.sqrt(a.variance[..., image.channel].sum(dtype=float)) / (H * W)
+    granted = 1e-5 * max(1.0, TRUTH[..., image.channel].mean())
+    assert image.z == pytest.approx((abs(d) - granted) / sd, rel=1e-3)
+
+
+@pytest.mark.parametrize(("share", "noisy"), [(0.098, False), (0.102, True)])
+def test_a_deviation_below_a_tenth_of_the_tolerance_is_silence(share, noisy):
+    v = np.full((24, 24, 3), np.square(share * 1e-5), np.float32)
+    a, b = (Image(np.full((24, 24, 3), 0.5, np.float32), v * k, 16, None, 16) for k in (1, 0))
+    assert decided(a, b).quiet.values == (0 if noisy else 24 * 24 * 3)

@@ -95,3 +95,15 @@ def test_metrics_are_those_of_the_finite_values_and_null_without_any():
     assert measure(np.full_like(ONES, np.nan), ONES, names) == dict.fromkeys(names)
     assert measure(ONES[:5], ONES, names) == dict.fromkeys(names)
     assert measure(ONES, ONES, ["psnr"]) == {"psnr": None}  # infinite
+
+
+def test_the_worst_is_told_however_small_and_whatever_else_is_no_number():
+    spoilt = ONE_OFF.copy()
+    spoilt[9, 9, 2] = math.nan
+    found, _ = limit_findings(Image(spoilt), Image(ONES), Limits(error=0.05, percent=1, pixels=1, hard=0.09))
+    assert "1 NaN value" in found[0].text
+    found, _ = limit_findings(Image(spoilt), Image(ONES), Limits(error=0.05, hard=0.05))
+    assert found[-1].text.endswith("; the worst 0.1 at (x=0, y=0), red")
+    found, _ = limit_findings(Image(HALF_OFF), Image(ONES), Limits(error=0.05, pixels=2, percent=1))
+    assert "(allowed 1 % or 2 pixels)" in found[0].text
+    assert "(allowed 1 %)" in limit_findings(Image(HALF_OFF), Image(ONES), Limits(error=0.05, percent=1))[0][0].text

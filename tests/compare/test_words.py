@@ -8,7 +8,7 @@ import pytest
 from raytwin.bench.noises import picture, render
 from raytwin.compare import compare
 from raytwin.compare.exact import Quiet
-from raytwin.compare.words import _amount, agreement, deviations, percent
+from raytwin.compare.words import _amount, _share, agreement, deviations, percent
 from raytwin.image import Image
 
 TRUTH = picture(48, 64)
@@ -83,3 +83,10 @@ def test_a_filter_wider_than_the_pixel_is_told():
     c = compare(a, b)
     assert c.passed
     assert any("neighbouring pixels share their noise" in r for r in c.reasons)
+
+
+@pytest.mark.parametrize(
+    ("part", "whole", "text"), [(7, 7, "all"), (3, 4, "75 % of all"), (1, 100, "1 % of all"), (1, 400, "0.25 % of all")]
+)
+def test_shares_of_all(part, whole, text):
+    assert _share(part, whole) == text
