@@ -52,7 +52,7 @@ def test_residuals_are_the_unbiased_variance_of_each_block(h, w, seed):
         for i in range(-(-w // SIDE)):
             rows, columns = slice(j * SIDE, (j + 1) * SIDE), slice(i * SIDE, (i + 1) * SIDE)
             d = (a[rows, columns].astype(float) - b[rows, columns]).reshape(-1, 3)
-            assert np.array_equal(shown.count[j, i], [len(d)] * 3)
+            assert np.array_equal(shown.pixels[j, i], [len(d)] * 3)
             if len(d) == 1:
                 assert np.isinf(shown.square[j, i]).all()
                 continue

@@ -100,7 +100,8 @@ class Question:
         """
         if all(h is None for h in self.half_steps):
             return None, self
-        value = mean = np.float32(0)
+        value: np.ndarray | np.float32 = np.float32(0)
+        mean: np.ndarray | np.float32 = np.float32(0)
         images = []
         for image, h in zip((self.test, self.reference), self.half_steps, strict=True):
             if h is not None:
@@ -136,6 +137,8 @@ class Question:
 
     def _shares_noise(self, shown: Residual) -> bool:
         """The images err by about what the test's variance allows, but all pixels alike: their noise is one."""
+        if self.test.variance is None:
+            return False
         d = np.subtract(self.test.mean, self.reference.mean, dtype=np.float32)
         error = float(np.square(d).mean(dtype=np.float64))
         claimed = float(self.test.variance.mean(dtype=np.float64))
@@ -170,7 +173,8 @@ class Question:
             (made.failed_pixels + made.quiet.outliers) / self.pixels,
             seen if np.isfinite(seen) else None,
         )
-        notes, doubts = what_could_be_seen(made, self.rate), ()
+        notes = what_could_be_seen(made, self.rate)
+        doubts: tuple[str, ...] = ()
         if not findings and seen > must_see:
             doubts = (
                 f"undecided: so noisy that an error of less than {percent(seen)} of the whole image's mean would have "
@@ -215,6 +219,6 @@ def may_be_noise(shown: Residual, known: np.ndarray, least: float) -> bool:
 
     Where most of the picture scatters, it is no edge, and may have the tails of few samples.
     """
-    scatters = (shown.square > 1.5 * known + least**2) & (shown.count >= 16)
-    dense = shown.carrying >= (DENSE if scatters.mean() < 0.5 else HARDLY) * shown.count
+    scatters = (shown.square > 1.5 * known + least**2) & (shown.pixels >= 16)
+    dense = shown.carrying >= (DENSE if scatters.mean() < 0.5 else HARDLY) * shown.pixels
     return bool(scatters.any()) and float(dense[scatters].mean()) >= MOSTLY

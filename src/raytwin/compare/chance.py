@@ -24,7 +24,7 @@ def two_sided(z: np.ndarray | float, dof: np.ndarray | float) -> np.ndarray:
     from scipy.special import ndtr, stdtr
 
     finite = np.isfinite(dof)
-    return 2 * np.where(finite, stdtr(np.where(finite, dof, 1.0), -np.abs(z)), ndtr(-np.abs(z)))
+    return np.asarray(2.0 * np.where(finite, stdtr(np.where(finite, dof, 1.0), -np.abs(z)), ndtr(-np.abs(z))))
 
 
 def quantile(p: float, dof: np.ndarray | float) -> np.ndarray:
@@ -32,4 +32,4 @@ def quantile(p: float, dof: np.ndarray | float) -> np.ndarray:
     from scipy.special import ndtri, stdtrit
 
     finite = np.isfinite(dof)
-    return np.where(finite, -stdtrit(np.where(finite, dof, 1.0), p / 2), -ndtri(p / 2))
+    return np.asarray(np.where(finite, -stdtrit(np.where(finite, dof, 1.0), p / 2), -ndtri(p / 2)))

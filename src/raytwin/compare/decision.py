@@ -140,11 +140,12 @@ class Grants(NamedTuple):
         if not (self.by_test.nothing and self.by_reference.nothing):
             dark, bright = (m.of(pixels, radiance) for m in (self.by_test, self.by_reference))
             granted += np.where(error < 0, dark, bright).astype(granted.dtype)
-        return granted
+        return np.asarray(granted)
 
     def most(self, pixels: np.ndarray | int, radiance: np.ndarray) -> np.ndarray:
         """The larger of the two directions."""
-        return np.maximum(*(self.of(np.full_like(radiance, sign), pixels, radiance) for sign in (-1, 1)))
+        dark, bright = (self.of(np.full_like(radiance, sign), pixels, radiance) for sign in (-1, 1))
+        return np.asarray(np.maximum(dark, bright))
 
 
 def decide(
@@ -203,15 +204,15 @@ def decide(
                 failed_pixels += int(np.count_nonzero(failed.any(axis=-1)))
 
         made = _sums(d, r, silent, (test, a, dofs[0]), (reference, b, dofs[1]), rounding, y0, rows, unit)
-        for k, x in made.items():
-            sums[k].append(x)
+        for k, total in made.items():
+            sums[k].append(total)
         places = [_within(side, y0, y1) for side in noisy]
         if any(y.size for y, _, _ in places):
             for place in places:
                 d[place], silent[place] = 0, True
             made = _sums(d, r, silent, (test, a, dofs[0]), (reference, b, dofs[1]), rounding, y0, rows, unit)
-        for k, x in made.items():
-            without[k].append(x)
+        for k, total in made.items():
+            without[k].append(total)
 
     grids = {k: np.concatenate(v) for k, v in sums.items()}
     blocks = ((grids["va"] + grids["vb"]) / grids["n"]).astype(np.float32)
@@ -250,7 +251,7 @@ def _sums(
     vv = np.zeros_like(d)
     found: Sums = {}
     for key, (image, side, nu) in (("va", a), ("vb", b)):
-        if side is None:
+        if side is None or image.variance is None:
             found[key] = np.zeros((len(d) // rows, -(-d.shape[1] // SIDE), 3))
             continue
         v = np.where(silent, np.float32(0), image.variance[y0 : y0 + len(d)])

@@ -6,7 +6,7 @@ One more metric is one more row of METRICS.
 import math
 from collections.abc import Callable, Iterable, Iterator
 from importlib.util import find_spec
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -93,7 +93,7 @@ def flip_is_installed() -> bool:
     return find_spec("flip_evaluator") is not None
 
 
-def _flip(test: np.ndarray, reference: np.ndarray, kind: str, settings: dict) -> float:
+def _flip(test: np.ndarray, reference: np.ndarray, kind: str, settings: dict[str, Any]) -> float:
     # NVIDIA's package prints and exits where an argument displeases it, and gives NaN pixels a finite error.
     if test.ndim != 3 or test.shape[-1] != 3 or test.shape != reference.shape:
         raise InputError("FLIP", "two images of one shape (H, W, 3)", f"{test.shape} and {reference.shape}")
@@ -109,7 +109,7 @@ def _flip(test: np.ndarray, reference: np.ndarray, kind: str, settings: dict) ->
 
 
 def _absolute(t: np.ndarray, r: np.ndarray) -> np.ndarray:
-    return np.abs(t - r)
+    return np.asarray(np.abs(t - r))
 
 
 def order_statistic(values: np.ndarray, q: float) -> float:

@@ -55,7 +55,7 @@ class Side(NamedTuple):
 
 def effective(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """(Σ x)² / Σ x²: how many, were all alike."""
-    return np.divide(np.square(first), second, out=np.zeros(3), where=second > 0)
+    return np.asarray(np.divide(np.square(first), second, out=np.zeros(3), where=second > 0))
 
 
 def survey(image: Image, other: np.ndarray) -> Side | None:
@@ -74,7 +74,7 @@ def survey(image: Image, other: np.ndarray) -> Side | None:
         bright = unblock(strip, rows) > spread(unusual[-1], v.shape[1])
         if bright.any():
             y, x, c = np.nonzero(bright.reshape(strip.shape))
-            y, x, c = _fireflies(image, y + y0, x, c)
+            y, x, c = _fireflies(image.mean, v, y + y0, x, c)
             places.append(np.array([y, x, c]))
             own = v[y, x, c].astype(np.float64)
             radiance = other[y, x, c].astype(np.float64)
@@ -85,7 +85,10 @@ def survey(image: Image, other: np.ndarray) -> Side | None:
         float(v.mean(dtype=np.float64)),
         np.concatenate(blocks),
         np.concatenate(unusual),
-        *sums,
+        sums[0],
+        sums[1],
+        sums[2],
+        sums[3],
         tuple(np.concatenate(places, axis=1)),
     )
 
@@ -97,12 +100,11 @@ def block_counts(strip: np.ndarray, rows: int) -> np.ndarray:
 
 def spread(blocks: np.ndarray, width: int) -> np.ndarray:
     """A number per block (by, bx, c) for each of its pixels, to be broadcast over rows: (by, 1, width, c)."""
-    return np.repeat(blocks, SIDE, axis=1)[:, None, :width]
+    return np.asarray(np.repeat(blocks, SIDE, axis=1)[:, None, :width])
 
 
-def _fireflies(image: Image, y: np.ndarray, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, ...]:
+def _fireflies(mean: np.ndarray, v: np.ndarray, y: np.ndarray, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, ...]:
     """Those of the values (y, x, c) that are an event or few, and alone: an edge is noisier than its block too."""
-    v = image.variance
     height, width = v.shape[:2]
     neighbours = np.zeros((8, len(y)), v.dtype)
     steps = [(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx]
@@ -111,7 +113,7 @@ def _fireflies(image: Image, y: np.ndarray, x: np.ndarray, c: np.ndarray) -> tup
         neighbours[k, inside] = v[y[inside] + dy, x[inside] + dx, c[inside]]
     own = v[y, x, c].astype(np.float64)
     alone = own > FIREFLY * np.partition(neighbours, -2, axis=0)[-2]
-    alone &= EVENTS * own > np.square(image.mean[y, x, c].astype(np.float64))
+    alone &= EVENTS * own > np.square(mean[y, x, c].astype(np.float64))
     return y[alone], x[alone], c[alone]
 
 
@@ -126,7 +128,7 @@ def doubt(variance: np.ndarray, mean: np.ndarray, unusual: np.ndarray, dof: floa
     out = np.divide(4 * variance, below, out=np.ones_like(variance), where=below > 0)
     np.clip(out, known, 1, out=out)
     np.copyto(out, 1, where=variance > unusual)
-    return out
+    return np.asarray(out)
 
 
 def regularised(v: np.ndarray | None, side: Side | None, y0: int, y1: int, rows: int) -> np.ndarray:
@@ -151,7 +153,7 @@ class Residual(NamedTuple):
 
     square: np.ndarray
     carrying: np.ndarray
-    count: np.ndarray
+    pixels: np.ndarray
 
 
 def residual(test: np.ndarray, reference: np.ndarray, carrying: bool = False) -> Residual:
@@ -192,7 +194,7 @@ def estimated(test: np.ndarray, reference: np.ndarray) -> np.ndarray:
         n = block_counts(d, rows)
         in_blocks = unblock(d, rows)
         in_blocks *= spread((n / np.maximum(n - 1, 1)).astype(np.float32), d.shape[1])
-    return out
+    return np.asarray(out)
 
 
 def capped(variance: np.ndarray, claimed: np.ndarray, shown: Residual) -> tuple[np.ndarray, float]:
@@ -236,7 +238,7 @@ def inflation(test: np.ndarray, reference: np.ndarray, blocks: np.ndarray, most_
     v = np.repeat(np.repeat(blocks[y0 // SIDE :], SIDE, axis=0)[:rows], SIDE, axis=1)[:, :width]
     e = np.divide(d, np.sqrt(v), out=np.zeros_like(d), where=v > 0)
     np.clip(e, -3, 3, out=e)
-    values = max(np.count_nonzero(e), 1) / 3  # channels share their samples
+    values = max(int(np.count_nonzero(e)), 1) / 3  # channels share their samples
     return _along(e, values) * _along(e.swapaxes(0, 1), values)
 
 
@@ -247,7 +249,7 @@ def _along(e: np.ndarray, values: float) -> float:
 
     def gamma(h: int) -> float:
         step = e[h:] - e[:-h]
-        return float(np.vdot(step, step)) / step.size
+        return float(np.vdot(step, step)) / float(step.size)
 
     far = sum(gamma(h) for h in FAR) / len(FAR)
     total = 1.0
@@ -285,7 +287,7 @@ class Missed(NamedTuple):
         """For means over so many pixels, (..., 1) or one number, of mean radiance (..., 3), to (..., 3)."""
         if self.nothing:
             return np.zeros(3)
-        return np.where(self.density * pixels < SURE, self.fixed + self.share * radiance, 0.0)
+        return np.asarray(np.where(self.density * pixels < SURE, self.fixed + self.share * radiance, 0.0))
 
 
 def missed(
@@ -303,7 +305,7 @@ def missed(
 
     def limit(first: np.ndarray, second: np.ndarray) -> np.ndarray:
         size = np.divide(second, first, out=np.zeros(3), where=first > 0)
-        return (first + c * np.sqrt(second) + (c * c / 4 + 1) * size) / pixels
+        return np.asarray((first + c * np.sqrt(second) + (c * c / 4 + 1) * size) / pixels)
 
     known = [s for s in (a, b) if s is not None]
     # Among many fireflies some have two neighbours of their kind, and pass for an edge.
@@ -333,10 +335,10 @@ def variance_ratio(
     (more than `least`) in both: rare events show in the median of the better-known image alone. Largest is that or the
     ratio of the means, which fireflies rule.
     """
-    if a is None or b is None:
+    if a is None or b is None or test.variance is None or reference.variance is None:
         return None, None
     step = max(1, math.isqrt(test.mean.size // 3 // 50_000))
-    va, vb = (np.asarray(i.variance[::step, ::step], np.float64).ravel() for i in (test, reference))
+    va, vb = (np.asarray(v[::step, ::step], np.float64).ravel() for v in (test.variance, reference.variance))
     # Rounding makes a variance of its own, which has nothing to tell.
     both = (va > least) & (vb > least)
     typical = float(np.median(va[both] / vb[both])) if both.sum() >= 30 else 0.0
@@ -344,13 +346,14 @@ def variance_ratio(
         typical = max(typical, reference.samples / test.samples)
     largest = max(a.mean / b.mean if a.mean > 0 and b.mean > 0 else 0.0, typical)
     # A ratio beyond a million compares a render with none: what one says of the other is nothing.
-    return tuple(x if 1e-6 < x < 1e6 else None for x in (typical, largest))
+    typical_, largest_ = (x if 1e-6 < x < 1e6 else None for x in (typical, largest))
+    return typical_, largest_
 
 
 def mutual(va: np.ndarray, vb: np.ndarray, ratio: float | None) -> np.ndarray:
     """The variance of t - r: each image's own, or what the other's says of it, whichever is larger."""
     if ratio is None:
-        return va + vb
+        return np.asarray(va + vb)
     ratio = va.dtype.type(ratio)
     va = np.maximum(va, ratio * vb)
-    return va + np.maximum(vb, va / ratio)
+    return np.asarray(va + np.maximum(vb, va / ratio))

@@ -46,7 +46,6 @@ class Bound(NamedTuple):
 
     def of(self, radiance: np.ndarray) -> np.ndarray:
         """(...) the same shape: share * max(scale, |r|)."""
-        out = np.abs(radiance)
+        out = np.asarray(np.abs(radiance))
         np.maximum(out, out.dtype.type(self.scale), out=out)
-        out *= out.dtype.type(self.share)
-        return out
+        return np.asarray(np.multiply(out, out.dtype.type(self.share), out=out))

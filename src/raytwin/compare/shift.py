@@ -57,9 +57,10 @@ def find_shift(test: np.ndarray, reference: np.ndarray, most_pixels: int = 1_000
     factor = max(1, int(np.ceil(np.sqrt(test.shape[0] * test.shape[1] / most_pixels))))
     levels = [(_binned(test, factor), _binned(reference, factor))]
     while min(levels[-1][0].shape) >= 64 and len(levels) < 6:
-        levels.append(tuple(_binned(i[..., None], 2) for i in levels[-1]))
+        coarse, other = (_binned(i[..., None], 2) for i in levels[-1])
+        levels.append((coarse, other))
     dx = dy = 0.0
-    step = None
+    step: Shift | None = None
     for k, (t, r) in enumerate(reversed(levels)):
         if k:
             dx, dy = 2 * dx, 2 * dy
@@ -71,8 +72,8 @@ def find_shift(test: np.ndarray, reference: np.ndarray, most_pixels: int = 1_000
             dx, dy = step.dx, step.dy
             if not moved:
                 break
-        if step is None and k == len(levels) - 1:
-            return None
+    if step is None:
+        return None
     shift = Shift(factor * step.dx, factor * step.dy, factor * step.sigma, step.dof, step.explained, step.light)
     return shift if _explains(step, *levels[0]) else None
 
@@ -83,7 +84,8 @@ def _explains(shift: Shift, t: np.ndarray, r: np.ndarray) -> bool:
         return True
 
     def unlike(dx: int, dy: int) -> float:
-        return 1 - float(np.corrcoef(*(i.ravel() for i in _overlap(t, r, dx, dy)))[0, 1])
+        a, b = _overlap(t, r, dx, dy)
+        return 1 - float(np.corrcoef(a.ravel(), b.ravel())[0, 1])
 
     return unlike(round(shift.dx), round(shift.dy)) < unlike(0, 0) / 2
 
@@ -102,7 +104,7 @@ def _binned(x: np.ndarray, factor: int) -> np.ndarray:
     h, w, c = x.shape[0] // factor, x.shape[1] // factor, x.shape[2]
     x = x[: h * factor, : w * factor]
     rows = x.reshape(h, factor, w * factor * c).sum(axis=1, dtype=np.float32)
-    return rows.reshape(h, w, factor * c).mean(axis=-1)
+    return np.asarray(rows.reshape(h, w, factor * c).mean(axis=-1))
 
 
 _SMOOTH = np.array([1, 4, 6, 4, 1], np.float32) / 16
@@ -113,8 +115,8 @@ FOOTPRINT = float(np.square(_SMOOTH).sum()) ** 2
 
 def _smoothed(x: np.ndarray) -> np.ndarray:
     """Binomial filter, no padding: four rows and columns fewer. An edge one pixel wide has no gradient without it."""
-    x = sum(w * x[i : i + len(x) - 4] for i, w in enumerate(_SMOOTH))
-    return sum(w * x[:, i : i + x.shape[1] - 4] for i, w in enumerate(_SMOOTH))
+    x = np.asarray(sum(w * x[i : i + len(x) - 4] for i, w in enumerate(_SMOOTH)))
+    return np.asarray(sum(w * x[:, i : i + x.shape[1] - 4] for i, w in enumerate(_SMOOTH)))
 
 
 def _step(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> Shift | None:

@@ -94,7 +94,8 @@ def _compare(
     unit = unit_of(scale)
     if not SAFE_UNITS[0] <= unit <= SAFE_UNITS[1]:
         test, reference = _scaled(test, unit), _scaled(reference, unit)
-        half_steps = tuple(None if s is None else s / unit for s in half_steps)
+        mine, theirs = (None if s is None else s / unit for s in half_steps)
+        half_steps = mine, theirs
         scale /= unit
     else:
         unit = 1.0
