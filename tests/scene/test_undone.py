@@ -183,8 +183,7 @@ def test_a_march_by_another_route_ends_at_the_same_places(camera):
 
 def answers(camera: Camera) -> dict[str, bool]:
     """Who takes the lens."""
-    from raytwin.photos.fit import Fit
-    from raytwin.photos.model import _doubt
+    from raytwin.photos import model
     from raytwin.speed.start import invert_lens
     from raytwin.twin.rays import lens_of
 
@@ -195,12 +194,11 @@ def answers(camera: Camera) -> dict[str, bool]:
             return False
         return True
 
-    fitted = Fit(np.array(camera.K), camera.dist, {}, 0.0, ())
     return {
         "record": takes(check_lens),
         "tracer": takes(invert_lens),
         "twin": takes(lens_of),
-        "calibration": not _doubt(fitted, [], camera.image_size),
+        "calibration": not model.undone(np.array(camera.K), camera.dist, camera.image_size).fault,
     }
 
 
