@@ -115,14 +115,42 @@ def test_calibrate_writes_json_and_a_camera(desk, tmp_path):
     )
     assert run.returncode == 0, run.stderr
     found = json.loads((tmp_path / "c.json").read_text())
-    assert list(found) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "warnings"]
-    assert list(found["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board"]
+    assert list(found) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "boards", "warnings"]
+    assert list(found["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board", "influence", "board"]
     camera = files.read_camera(tmp_path / "camera.toml")
     assert camera.image_size == (2016, 1512)
     assert camera.fx == pytest.approx(1560, rel=0.01)
     R, t = np.array(found["views"][0]["R_cam_board"]), np.array(found["views"][0]["t_cam_board"])
     assert np.allclose(R, camera.R_cam_board, atol=5e-3)
     assert np.allclose(t, camera.t_cam_board, atol=5e-3)
+
+
+def test_calibrate_takes_photos_one_by_one_and_several_boards(desk, tmp_path):
+    """The board cut in two: each half has a pose of its own, turned alike; the camera stands where asked."""
+    halves = []
+    for part, (first, rows) in enumerate(((0, 4), (20, 3))):
+        halves += ["--board", tmp_path / f"{part}.toml"]
+        text = (desk / "board.toml").read_text().replace("rows = 7", f"rows = {rows}")
+        (tmp_path / f"{part}.toml").write_text(text.replace("first_id = 0", f"first_id = {first}"))
+    photos = [desk / "photos" / f"photo_{i:02d}.jpg" for i in range(8)]
+    run = raytwin(
+        "calibrate",
+        *photos,
+        *halves,
+        "--json",
+        tmp_path / "c.json",
+        "-o",
+        tmp_path / "c.toml",
+        "--photo",
+        photos[3].name,
+    )
+    assert run.returncode == 0, run.stderr
+    found = json.loads((tmp_path / "c.json").read_text())
+    assert {v["photo"] for v in found["views"]} == {p.name for p in photos}
+    a, b = (next(v for v in found["views"] if v["photo"] == photos[3].name and v["board"] == i) for i in (0, 1))
+    assert np.allclose(a["R_cam_board"], b["R_cam_board"], atol=5e-3)
+    assert np.allclose(files.read_camera(tmp_path / "c.toml").t_cam_board, a["t_cam_board"], atol=5e-3)
+    assert "photo_03.jpg" in run.stdout
 
 
 def test_a_negative_radius_is_refused(scenes, tmp_path):

@@ -5,8 +5,8 @@
 Each set is split 20 times at random into halves. z: by how many of their joint sigmas fx, fy, cx and cy of the two
 calibrations differ (rms; 1 is honest). ratio: the median distance of a half's tags, as detected, in the camera
 calibrated from the other half, over the same with five coefficients on a flat board by OpenCV, the tags' poses alone
-being fitted; the median over both ways and all splits, and the worst. Of synthetic sets the whole's K stands beside the
-truth.
+being fitted; the median over both ways and all splits, and the worst; then the same of tags without the detector's
+bias. Of synthetic sets the whole's K stands beside the truth.
 """
 
 import json
@@ -25,6 +25,7 @@ from raytwin import files
 from raytwin.boards import Board, BoardTag, read_board
 from raytwin.photographer import Truth, photograph
 from raytwin.photos import Calibration, Tag, calibrate_detections, detect_photos
+from raytwin.photos.bias import unbiased
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "photos"
@@ -151,13 +152,22 @@ def plain(tags: Mapping[str, Sequence[Tag]], size: tuple[int, int], board: Board
     return K, dist.ravel()
 
 
-def distances(tags: Mapping[str, Sequence[Tag]], board: Board, K: np.ndarray, dist: Sequence[float]) -> np.ndarray:
-    """Of every tag from where the camera sees it, in pixels, the photos' poses alone being fitted."""
+def distances(
+    tags: Mapping[str, Sequence[Tag]], board: Board, K: np.ndarray, dist: Sequence[float], straight: bool = False
+) -> np.ndarray:
+    """Of every tag from where the camera sees it, in pixels, the photos' poses alone being fitted.
+
+    `straight`: of the tags without the detector's bias, as this camera tells it.
+    """
     K, dist, found = np.array(K), np.array([*dist, *(0.0,) * (5 - len(dist))]), []
     for seen in tags.values():
         points, pixels = board.points(t.id for t in seen), np.array([t.center for t in seen])
         _, turn, shift = cv2.solvePnP(board.flat().points(t.id for t in seen), pixels, K, dist)
         turn, shift = cv2.solvePnPRefineLM(points, pixels, K, dist, turn, shift)
+        if straight:
+            tags_there = unbiased(seen, board, cv2.Rodrigues(turn)[0], shift.ravel(), K, dist)
+            pixels = np.array([t.center for t in tags_there])
+            turn, shift = cv2.solvePnPRefineLM(points, pixels, K, dist, turn, shift)
         found.append(np.linalg.norm(cv2.projectPoints(points, turn, shift, K, dist)[0][:, 0] - pixels, axis=1))
     return np.concatenate(found)
 
@@ -176,15 +186,17 @@ def measure(name: str) -> str:
     seconds = time.perf_counter() - begin
     rng = np.random.default_rng(0)
     names = sorted(tags)
-    z, ratios = [], []
+    z, ratios, straightened = [], [], []
     for _ in range(SPLITS):
         order = rng.permutation(len(names))
         halves = [{names[i]: tags[names[i]] for i in part} for part in np.array_split(order, 2)]
         found = []
         for seen, unseen in (halves, halves[::-1]):
             c = calibrate_detections(seen, size, board)
-            ours = np.median(distances(unseen, c.shaped(board), c.K, c.dist))
-            ratios.append(ours / np.median(distances(unseen, board, *plain(seen, size, board))))
+            theirs = plain(seen, size, board)
+            for straight, into in ((False, ratios), (True, straightened)):
+                ours = np.median(distances(unseen, c.shaped(board), c.K, c.dist, straight))
+                into.append(ours / np.median(distances(unseen, board, *theirs, straight)))
             found.append(c)
         sigma = np.hypot(*([c.sigma[n] for n in ("fx", "fy", "cx", "cy")] for c in found))
         z.append((four(found[0]) - four(found[1])) / sigma)
@@ -194,7 +206,8 @@ def measure(name: str) -> str:
         f"{name:<18} {len(tags):>3} photos  {whole.evidence.taken:<16} {bend:<16} rms {whole.rms_px:.3f} px, "
         f"{seconds:.2f} s",
         f"    z {np.sqrt(square.mean()):.2f} ({' '.join(f'{v:.2f}' for v in np.sqrt(square.mean(axis=0)))})"
-        f"  ratio {np.median(ratios):.3f}, worst {max(ratios):.3f}",
+        f"  ratio {np.median(ratios):.3f}, worst {max(ratios):.3f}; without the detector's bias "
+        f"{np.median(straightened):.3f}, worst {max(straightened):.3f}",
     ]
     sigma = np.array([whole.sigma[n] for n in ("fx", "fy", "cx", "cy")])
     if truth is not None:

@@ -130,7 +130,7 @@ def check_board(board: Board, where: object = "board") -> None:
     for i, tag in enumerate(board.tags or ()):
         if tag.id >= size:
             raise InputError(f"{where}: tags[{i}].id", f"at most {size - 1}, the last of {board.family}", tag.id)
-        first = next(j for j, other in enumerate(board.tags) if other.id == tag.id)
+        first = next(j for j, other in enumerate(board.tags or ()) if other.id == tag.id)
         if first != i:
             raise InputError(f"{where}: tags[{i}].id", "an id of its own", f"{tag.id}, as tags[{first}] has")
     ids, xy = list(board.centers()), np.array(list(board.centers().values())).reshape(-1, 2)
@@ -201,8 +201,8 @@ def draw_board(
         columns, across = _coverage(left, board.tag_edge * pixels_per_metre, len(cells))
         rows, down = _coverage(top, board.tag_edge * pixels_per_metre, len(cells))
         sheet[rows, columns] += (down @ (cells - PAPER) @ across.T).astype(np.float32)
-    extent = (x_min, x_min + width / pixels_per_metre, y_max - height / pixels_per_metre, y_max)
-    return sheet, tuple(float(v) for v in extent)
+    x_max, y_min = x_min + width / pixels_per_metre, y_max - height / pixels_per_metre
+    return sheet, (float(x_min), float(x_max), float(y_min), float(y_max))
 
 
 def _coverage(start: float, length: float, cells: int) -> tuple[slice, np.ndarray]:

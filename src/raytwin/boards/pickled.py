@@ -173,6 +173,13 @@ class _Steps(dict[int, Callable[[Any], None]]):
 class _Reader(pickle._Unpickler):
     """Python's own reader, in Python: the one in C sets aside as much memory as a file says that it needs."""
 
+    stack: list[Any]
+    memo: dict[int, Any]
+    append: Callable[[Any], None]
+    pop_mark: Callable[[], list[Any]]
+    read: Callable[[int], bytes]
+    readline: Callable[[], bytes]
+
     def find_class(self, module: str, name: str) -> _StandIn:
         # NumPy 2 moved numpy.core to numpy._core.
         moved = f"{module}.{name}".replace("numpy._core.", "numpy.core.", 1)
@@ -317,5 +324,11 @@ def _kind(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"{len(value)} values"
     return (
-        "an array" if isinstance(value, _Array) else {dict: "a dictionary", bytes: "bytes"}.get(type(value), "another")
+        "an array"
+        if isinstance(value, _Array)
+        else "a dictionary"
+        if isinstance(value, dict)
+        else "bytes"
+        if isinstance(value, bytes)
+        else "another"
     )

@@ -83,6 +83,7 @@ def bending(xy: tuple[tuple[float, float], ...], degree: int) -> Bending:
     line = np.linspace(-1, 1, GRID)
     gx, gy = (g.ravel() for g in np.meshgrid(line * reach[0], line * reach[1]))
     terms = _terms(degree)
+    x, y = u.T
     slopes = np.stack([_table(gx, gy, terms, (1, 0)), _table(gx, gy, terms, (0, 1))]) / half
     # The displacement: polynomials of the degree that the product of two slopes, integrated, has.
     free = [(i, d - i) for d in range(2 * degree) for i in range(d, -1, -1)]
@@ -92,9 +93,9 @@ def bending(xy: tuple[tuple[float, float], ...], degree: int) -> Bending:
     # Least squares; the whole sheet's shift and turn strain nothing, and the small ridge leaves them at 0.
     normal = strain.T @ strain
     inverse = half * np.linalg.solve(normal + 1e-9 * normal.max() * np.eye(len(normal)), strain.T)
-    values = _table(*u.T, free)
+    values = _table(x, y, free)
     shift = np.stack([values @ inverse[: len(free)], values @ inverse[len(free) :]])
-    return Bending(_table(*u.T, terms), slopes, shift)
+    return Bending(_table(x, y, terms), slopes, shift)
 
 
 def _frame(xy: tuple[tuple[float, float], ...]) -> tuple[np.ndarray, float]:

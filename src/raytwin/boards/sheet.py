@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from raytwin import files
-from raytwin.boards.board import Board, tag_cells, write_board
+from raytwin.boards.board import Board, Grid, tag_cells, write_board
 from raytwin.errors import InputError
 
 POINTS = 72 / 0.0254
@@ -75,7 +75,7 @@ def _fit(
     board: Board, paper: tuple[float, float], margin: float, inches: bool
 ) -> tuple[Sheet | None, tuple[float, float]]:
     """The sheet, None where the paper is too small; and the smallest paper that would do at this width's layout."""
-    grid, ring = board.grid, cell(board)
+    grid, ring = grid_of(board), cell(board)
     # The detector needs a cell's width of white around the outermost tags too; three digits are 1.7 sizes wide.
     blank, side = max(margin, ring), max(margin + 2 * _id_size(board), ring)
     wide, high = ((n - 1) * grid.pitch + board.tag_edge for n in (grid.columns, grid.rows))
@@ -94,6 +94,13 @@ def _fit(
     return Sheet(board, paper, origin, ((paper[0] - bar - notes) / 2, bottom), bar, beside, inches), needed
 
 
+def grid_of(board: Board) -> Grid:
+    """The board's grid: a list of tags cannot be laid out."""
+    if board.grid is None:
+        raise InputError("board", "a grid of tags", "a list of them")
+    return board.grid
+
+
 def cell(board: Board) -> float:
     """Metres: the side of a tag's bit."""
     return board.tag_edge / len(tag_cells(board.family, 0, board.border_bits))
@@ -101,7 +108,7 @@ def cell(board: Board) -> float:
 
 def _id_size(board: Board) -> float:
     """Metres: the size of the ids' letters, so that three digits fit into the gap."""
-    return min(0.002, 0.45 * (board.grid.pitch - board.tag_edge))
+    return min(0.002, 0.45 * (grid_of(board).pitch - board.tag_edge))
 
 
 def check_gap(board: Board, where: str = "--pitch") -> None:
@@ -114,9 +121,9 @@ def check_gap(board: Board, where: str = "--pitch") -> None:
         smallest = SMALLEST_CELL * len(tag_cells(board.family, 0, board.border_bits))
         raise InputError("--tag", f"at least {_mm(smallest)}, so that a printer can draw its bits", _mm(board.tag_edge))
     least = board.tag_edge + cell(board)
-    if board.grid.pitch < least - 1e-9:
+    if grid_of(board).pitch < least - 1e-9:
         want = f"at least {_mm(least)}: the tag and one of its bits of white, which the detector needs"
-        raise InputError(where, want, _mm(board.grid.pitch))
+        raise InputError(where, want, _mm(grid_of(board).pitch))
 
 
 def write_sheet(path: str | os.PathLike, sheet: Sheet) -> Path:
@@ -176,7 +183,7 @@ def _add_rectangle(path, left: float, bottom: float, right: float, top: float) -
 
 
 def _notes(sheet: Sheet) -> list[str]:
-    board, grid = sheet.board, sheet.board.grid
+    board, grid = sheet.board, grid_of(sheet.board)
     last = grid.first_id + grid.columns * grid.rows - 1
     return [
         f"print at 100 %; this bar must measure {_mm(sheet.bar)}",

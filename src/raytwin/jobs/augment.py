@@ -60,8 +60,8 @@ def augment_photos(
             turned = ": the same, turned by a quarter" if pixels.shape[:2] == lens.image_size else ""
             found = f"{pixels.shape[1]} x {pixels.shape[0]}{turned}"
             raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", found)
-        tags = calibration.tags_of(path, definition) if calibration is not None else None
-        tags = photos.detect_photo(path, definition.kind) if tags is None else tags
+        known = calibration.tags_of(path, definition) if calibration is not None else None
+        tags = photos.detect_photo(path, definition.kind) if known is None else known
         pose = photos.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
         stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
         here = scene.at(stand)

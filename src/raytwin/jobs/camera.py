@@ -67,7 +67,9 @@ def compare_truth(
     if photo in truth.photos:
         R, t = (np.asarray(a) for a in truth.photos[photo])
         angle = photos.rotation_degrees(np.asarray(camera.R_cam_board), R)
-        rows.append(TruthRow("rotation off by", 0.0, angle, pose and pose.sigma_degrees, "degrees"))
+        rows.append(
+            TruthRow("rotation off by", 0.0, angle, pose.sigma_degrees if pose is not None else None, "degrees")
+        )
         apart = 1e3 * np.linalg.norm(np.asarray(camera.eye) - (-R.T @ t))
         away = None if pose is None or pose.sigma_metres is None else 1e3 * pose.sigma_metres
         rows.append(TruthRow("eye off by", 0.0, float(apart), away, "mm"))

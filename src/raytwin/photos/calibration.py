@@ -118,6 +118,13 @@ class Calibration(Record, frozen=True):
         """What the JSON holds."""
         return {k: v for k, v in msgspec.structs.asdict(self).items() if k != "evidence"}
 
+    @property
+    def basis(self) -> Evidence:
+        """The evidence; InputError for a calibration that was read back, which has none any more."""
+        if self.evidence is None:
+            raise InputError("calibration", "one made here, with what it rests on", "one that was read back")
+        return self.evidence
+
     def shaped(self, board: Board) -> Board:
         """The board with the shape that was found for it; as it is if it is none of those calibrated from."""
         known = self.evidence.boards if self.evidence is not None else ()
@@ -151,7 +158,7 @@ def calibrate(
     if len(paths) < LEAST_VIEWS:
         raise InputError(where, f"at least {LEAST_VIEWS} photos of the board, from different sides", len(paths))
     paths, image_size, doubts = _of_one_size(paths)
-    found: dict[str, dict[str, Sequence[Tag]]] = {}
+    found: dict[str, dict[str, list[Tag]]] = {}
     wrong: dict[str, str] = {}
     for kind in dict.fromkeys(b.kind for b in boards):
         found[kind], without = detect_photos(paths, kind, progress, find, threads)
@@ -167,7 +174,7 @@ def calibrate(
     progress("fit", 1, 1)
     # By path too, for whoever wants the pose of one of them.
     kept = {key: {p: tuple(tags) for p, tags in by_photo.items()} for key, by_photo in found.items()}
-    result = msgspec.structs.replace(result, evidence=msgspec.structs.replace(result.evidence, found=kept))
+    result = msgspec.structs.replace(result, evidence=msgspec.structs.replace(result.basis, found=kept))
     return result
 
 
@@ -209,17 +216,14 @@ def _calibrate(
     views, straight = _first_views(found, image_size, boards, wrong)
     _check_enough(views, wrong, where)
     trials: dict[str, ModelTrial] = {}
-    result: Fit | None = None
-    form = Form(PRELIMINARY if model == "auto" else model)
-    for turn in range(ROUNDS):
+    result = fit(straight, image_size, boards, Form(PRELIMINARY if model == "auto" else model))
+    for turn in range(1, ROUNDS):
         # The fit tells the detector's bias and the outliers; without both, the next fit is a better one.
-        result = fit(straight, image_size, boards, form, result)
+        views, straight = _inliers(views, boards, result, wrong)
+        _check_enough(views, wrong, where)
+        result = fit(straight, image_size, boards, result.form, result)
         if turn == 1:
             result, trials = select_model(straight, image_size, boards, model, result)
-            form = result.form
-        if turn < ROUNDS - 1:
-            views, straight = _inliers(views, boards, result, wrong)
-            _check_enough(views, wrong, where)
     outliers = {
         v.photo: sorted({t.id for t in v.tags} - {t.id for t in s.tags}) for v, s in zip(views, straight, strict=True)
     }
@@ -311,7 +315,7 @@ def _calibration(
     shaped = _shaped(boards, result)
     middles = [np.append(np.mean(list(b.centers().values()), axis=0), 0.0) for b in boards]
     away = [np.linalg.norm(R @ middles[v.board] + t) for v, (R, t) in zip(views, result.poses, strict=True)]
-    seen = tuple(tuple(map(float, t.center)) for v in views for t in v.tags)
+    seen = tuple((float(t.center[0]), float(t.center[1])) for v in views for t in v.tags)
     evidence = Evidence(
         coverage=coverage(np.array(seen), image_size),
         tilts=tuple(tilts(shown, boards)),
@@ -325,7 +329,7 @@ def _calibration(
         found={key: {photo: tuple(tags) for photo, tags in by_photo.items()} for key, by_photo in found.items()},
     )
     return Calibration(
-        image_size=tuple(image_size),
+        image_size=(int(image_size[0]), int(image_size[1])),
         model=result.form.model,
         K=((float(K[0, 0]), 0.0, float(K[0, 2])), (0.0, float(K[1, 1]), float(K[1, 2])), (0.0, 0.0, 1.0)),
         dist=result.dist,

@@ -257,7 +257,7 @@ def _better_turned(case: Case, i: int) -> float:
     dist = [value.get(n, 0.0) for n in NAMES]
     turn = np.diag([-1.0, -1.0, 1.0])
     squares = np.zeros(2)
-    for j in np.flatnonzero(case.found.sights.photo == i):
+    for j in np.flatnonzero(case.found.sights.photo == i).tolist():
         view, R, t = case.views[j], case.found.R[j], case.found.t[j]
         points, pixels = matched(view.tags, case.calibration.evidence.boards[view.board])
         for k, (seen, R0, t0) in enumerate(

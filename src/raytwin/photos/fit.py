@@ -367,7 +367,7 @@ def _fold(form: Form, image_size: tuple[int, int], shared: np.ndarray, sights: S
     radial = [n for n in ("k1", "k2", "k3") if n in free]
     if not form.unfolded or not radial:
         return np.zeros(0), np.zeros((0, len(shared)))
-    far = lens.corner_radius(shared[:4], image_size)
+    far = lens.corner_radius(shared[:4].tolist(), image_size)
     value = dict(zip(free, shared[4:], strict=False))
     k1, k2, k3 = (value.get(n, 0.0) for n in ("k1", "k2", "k3"))
     r = RADII * 2 * far

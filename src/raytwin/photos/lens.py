@@ -6,6 +6,7 @@ x' = x g + 2 p1 x y + p2 (r² + 2 x²), y' = y g + p1 (r² + 2 y²) + 2 p2 x y; 
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import cv2
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from raytwin.scene.lens import newton
 
 
-def project(points: np.ndarray, R: np.ndarray, t: np.ndarray, K: np.ndarray, dist: Sequence[float]) -> np.ndarray:
+def project(points: np.ndarray, R: Any, t: Any, K: Any, dist: Sequence[float]) -> np.ndarray:
     """Pixels (n, 2) of board points (n, 3): cv2.projectPoints with a rotation matrix."""
     rvec = cv2.Rodrigues(np.asarray(R, float))[0]
     pixels, _ = cv2.projectPoints(
@@ -22,7 +23,7 @@ def project(points: np.ndarray, R: np.ndarray, t: np.ndarray, K: np.ndarray, dis
     return pixels.reshape(-1, 2)
 
 
-def undistort(pixels: np.ndarray, K: np.ndarray, dist: Sequence[float]) -> np.ndarray:
+def undistort(pixels: Any, K: Any, dist: Sequence[float]) -> np.ndarray:
     """Normalised x, y (n, 2) of pixels (n, 2); right where the lens can be undone (`raytwin.scene.lens`).
 
     OpenCV's own stops after 5 steps without looking at what is left, and with more does not always converge.

@@ -212,7 +212,8 @@ def rotation_degrees(A: np.ndarray, B: np.ndarray) -> float:
 
 
 def rotation(R: np.ndarray) -> Matrix:
-    return tuple(tuple(row) for row in np.asarray(R, float).tolist())
+    (a, b, c), (d, e, f), (g, h, i) = np.asarray(R, float).tolist()
+    return (a, b, c), (d, e, f), (g, h, i)
 
 
 def _pose(R: np.ndarray, t: np.ndarray, points: np.ndarray, pixels: np.ndarray, K, dist) -> Pose:

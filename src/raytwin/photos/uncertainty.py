@@ -103,7 +103,7 @@ def deviations(calibration, pixels: np.ndarray, distance: float = math.inf) -> n
     by_pose[..., 3:] /= distance
     J = np.concatenate([of_lens, by_pose], axis=-1)
     J[unseen] = 0
-    variance = J @ np.array(calibration.evidence.covariance) @ J.transpose(0, 2, 1)
+    variance = J @ np.array(calibration.basis.covariance) @ J.transpose(0, 2, 1)
     found = np.sqrt(np.maximum(np.linalg.eigvalsh(variance)[:, -1], 0))
     found[unseen] = math.nan
     return found
@@ -118,7 +118,7 @@ def uncertainty_map(calibration, distance: float | None = None) -> np.ndarray:
     w, h = max(2, round(width / CELL)), max(2, round(height / CELL))
     u, v = np.meshgrid((np.arange(w) + 0.5) * width / w - 0.5, (np.arange(h) + 0.5) * height / h - 0.5)
     pixels = np.stack([u.ravel(), v.ravel()], axis=-1)
-    where = calibration.evidence.distance if distance is None else distance
+    where = calibration.basis.distance if distance is None else distance
     return deviations(calibration, pixels, where).reshape(h, w)
 
 
@@ -136,6 +136,6 @@ def pose_deviation(calibration, points: np.ndarray, R: np.ndarray, t: np.ndarray
     local = solve_scaled(B.T @ B, np.eye(6))
     follow = -local @ B.T @ A
     k = A.shape[1]
-    variance = follow @ np.array(calibration.evidence.covariance)[:k, :k] @ follow.T
-    variance += calibration.evidence.noise_px**2 * local
+    variance = follow @ np.array(calibration.basis.covariance)[:k, :k] @ follow.T
+    variance += calibration.basis.noise_px**2 * local
     return math.degrees(math.sqrt(np.trace(variance[:3, :3]))), math.sqrt(np.trace(variance[3:, 3:]))
