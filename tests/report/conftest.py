@@ -77,7 +77,7 @@ def photographed(result: Result) -> Result:
     sigma = {"fx": 0.42, "fy": 0.43, "cx": 0.31, "cy": 0.35, "k1": 0.0006, "k2": 0.0031}
     calibration = Calibration(
         (width, height), "k1k2", camera.K, (0.0803, -0.1624), sigma, 0.1274, views,
-        (Warning_("few_views", "12 photos: 15 or more would halve the standard deviations."),),
+        warnings=(Warning_("few_views", "12 photos: 15 or more would halve the standard deviations."),),
     )  # fmt: skip
     far = tuple(x + 0.0011 for x in t)
     pose = PoseReport("photo_03.jpg", 35, Pose(R, far, 0.52), Pose(R, t, 0.118), 0.084, 0.0019, 7.3, (12,))
