@@ -10,7 +10,7 @@ from raytwin.errors import InputError, MachineError
 from raytwin.scene import Lambert, Rectangle, Sky, Sphere, Sun
 from raytwin.speed import ENGINES, trace
 from raytwin.speed.engine import pixel_grid
-from raytwin.speed.frame import View, with_solver
+from raytwin.speed.frame import EyeScene, with_solver
 from raytwin.speed.lists import Listed
 from raytwin.tracer import RADIANCE, SOLVERS, STAGES, Every, World, intersect_rectangle, intersect_sphere
 
@@ -174,7 +174,7 @@ def test_numpy_stays_in_the_precision_that_was_asked_for(overlap, name):
     engine = ENGINES[name]
     for rung in RADIANCE:
         for solver in SOLVERS:
-            view = View(overlap.with_camera(wide), engine, with_solver(STAGES, solver))
+            view = EyeScene(overlap.with_camera(wide), engine, with_solver(STAGES, solver))
             world = view.world(*[Listed(view.table, range(4))] * 2)
             with np.errstate(all="ignore"):
                 hit = world.nearest((0.0, 0.0, 0.0), view.ray(*pixel_grid(engine, (0, 0, 64, 48))))

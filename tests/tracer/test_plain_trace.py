@@ -10,7 +10,7 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import seen_from_eye
 from raytwin.speed.boxes import TRIMS
 from raytwin.speed.engine import from_numpy, to_numpy
-from raytwin.speed.frame import View
+from raytwin.speed.frame import EyeScene
 from raytwin.speed.lists import Listed
 
 FLOAT32_AGREES = 1e-5
@@ -75,7 +75,7 @@ def test_a_bounced_ray_can_ask_what_it_meets_and_whether_its_way_is_free(overlap
     # From what the eye sees along its normal, with the tile's lists, which do not hold for such rays, laid aside.
     how = speed.ENGINES[engine]
     local = seen_from_eye(overlap)
-    view, every = View(overlap, how), tracer.Every(local.objects)
+    view, every = EyeScene(overlap, how), tracer.Every(local.objects)
     plain = tracer.World(every, every, lambda: every, tracer.STAGES)
     u, v = (a.ravel() for a in np.meshgrid(np.arange(0.0, 640, 16), np.arange(0.0, 480, 16)))
     up = seen_from_eye(overlap).sun.to_light

@@ -54,7 +54,9 @@ def against(new: Bench, old: Bench) -> Changes:
     for (now, then), seconds in zip(pairs, times, strict=True):
         floor = floors[now.method, now.width, now.height]
         error = errors_ratio(now.rmse, then.rmse, floor)
-        changes.append(MethodChange(now.method, now.width, now.height, seconds, error, judge(seconds, error, drift)))
+        changes.append(
+            MethodChange(now.method, now.width, now.height, seconds, error, better_or_worse(seconds, error, drift))
+        )
     doubts = [
         f"another {name}: {new.machine[name]}, before {was}"
         for name, was in old.machine.items()
@@ -76,7 +78,7 @@ def errors_ratio(now: tuple[float, ...], then: tuple[float, ...], floor: float) 
     return ratio_interval(ours.tolist(), theirs.tolist())
 
 
-def judge(seconds: tuple[float, float, float], error: tuple[float, float, float], drift: float) -> str:
+def better_or_worse(seconds: tuple[float, float, float], error: tuple[float, float, float], drift: float) -> str:
     words = []
     ratio, low, high = seconds
     if low > SLOWER:

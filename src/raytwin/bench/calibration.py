@@ -143,7 +143,7 @@ def measure_calibration(
     repeat(done, lambda setting, calibration: {}, deadline, repeats)
     progress(f"calibrate {name}".strip(), len(settings), len(settings))
     rows = []
-    judge = by_truth(truth, board) if truth is not None else by_full_size(taken, board)
+    ruler = by_truth(truth, board) if truth is not None else by_full_size(taken, board)
     for m in done:
         if not m.seconds:
             left.append(LeftOut(f"calibration: {m.method.name}", *size, "no time left for a timed call"))
@@ -153,18 +153,18 @@ def measure_calibration(
             left.append(LeftOut(f"calibration: {m.method.name}", *size, "too few photos to hold one out"))
             continue
         tags = photos.detect_photos(taken, board.kind, find=m.method.find)[0]
-        unseen = held_out({Path(p).name: t for p, t in tags.items()}, c, board, judge)
+        unseen = held_out({Path(p).name: t for p, t in tags.items()}, c, board, ruler)
         rows.append(row_of(m.method, c, m.seconds, name, truth, unseen))
     return rows, left
 
 
 # One ruler for all settings: judged by its own detections, a coarse one would be charged for their noise twice, and one
 # that loses the difficult tags would be rewarded for it.
-Judge = Callable[[photos.Calibration, str], tuple[float, int]]
+Ruler = Callable[[photos.Calibration, str], tuple[float, int]]
 """(camera, photo's name) -> rms error in that photo, pixels, its pose alone being fitted; how many tags tell it."""
 
 
-def by_truth(truth: photographer.Truth, board: Board) -> Judge:
+def by_truth(truth: photographer.Truth, board: Board) -> Ruler:
     """Against where the true camera sees the centres of all the board's tags that lie within the frame."""
     points = np.array([(*center, 0.0) for center in board.centers().values()])
     shown = {}
@@ -177,26 +177,26 @@ def by_truth(truth: photographer.Truth, board: Board) -> Judge:
             if ok
         ]
 
-    def judge(camera: photos.Calibration, photo: str) -> tuple[float, int]:
+    def ruler(camera: photos.Calibration, photo: str) -> tuple[float, int]:
         pose, _ = photos.refined_pose(camera.K, camera.dist, shown[photo], board)
         return pose.rms_px, len(shown[photo])
 
-    return judge
+    return ruler
 
 
-def by_full_size(taken: Sequence[Path], board: Board) -> Judge:
+def by_full_size(taken: Sequence[Path], board: Board) -> Ruler:
     """Against what is detected at full size, outliers left out."""
     whole = SETTINGS[0]
     seen = {Path(p).name: t for p, t in photos.detect_photos(taken, board.kind, find=whole.find)[0].items()}
 
-    def judge(camera: photos.Calibration, photo: str) -> tuple[float, int]:
+    def ruler(camera: photos.Calibration, photo: str) -> tuple[float, int]:
         report = photos.pose_of_tags(camera.K, camera.dist, seen[photo], board, photo)
         return report.refined.rms_px, report.tags
 
-    return judge
+    return ruler
 
 
-def held_out(tags: Mapping[str, Sequence[Tag]], found: photos.Calibration, board: Board, judge: Judge) -> float:
+def held_out(tags: Mapping[str, Sequence[Tag]], found: photos.Calibration, board: Board, ruler: Ruler) -> float:
     """Rms in pixels over photos that a fit of `found`'s model has not seen, a fifth of them by turns."""
     names = [view.photo for view in found.views]
     squares, count = 0.0, 0
@@ -205,7 +205,7 @@ def held_out(tags: Mapping[str, Sequence[Tag]], found: photos.Calibration, board
         rest = {name: tags[name] for i, name in enumerate(names) if i % folds != k}
         camera = photos.calibrate_detections(rest, found.image_size, board, found.model)
         for name in names[k::folds]:
-            rms, n = judge(camera, name)
+            rms, n = ruler(camera, name)
             squares, count = squares + n * rms**2, count + n
     return (squares / count) ** 0.5
 

@@ -1,6 +1,6 @@
 """All that makes the subject fast, and changes no pixel of it: engines, boxes, lists of objects, points, speculation.
 
-scene -> View (camera's frame, engine's floats) -> boxes -> plan (tiles and their lists) -> tracer -> canvas
+scene -> EyeScene (camera's frame, engine's floats) -> boxes -> plan (tiles and their lists) -> tracer -> canvas
 """
 
 from raytwin.speed.boxes import TRIMS, corner_box, trim_box, trim_boxes

@@ -86,7 +86,7 @@ def draw(
     """
     check_rows(rung, engine, solver, trim)
     how, boxes = ENGINES[engine], TRIMS[trim](scene.objects, scene.camera)
-    view = View(scene, how, with_solver(stages, solver))
+    view = EyeScene(scene, how, with_solver(stages, solver))
     layers = [out] if surface is None else [out, surface.ids, surface.depth, surface.normal]
     queued = [(layer, canvas(how, layer)) for layer in layers]
 
@@ -124,7 +124,7 @@ def with_solver(stages: Stages, solver: str) -> Stages:
     return stages._replace(intersect_sphere=partial(intersect_sphere, solver=solver))
 
 
-class View:
+class EyeScene:
     """A scene seen from its eye: `local` in the camera's frame, in float64; the rest in the engine's floats.
 
     `camera` keeps its rotation, which leads back to the board's frame.
@@ -152,7 +152,7 @@ class View:
         return Listed(self.table, ids) if self.engine.is_numpy else walk_all(self.table, self.engine)
 
 
-def tiles(view: View, boxes: Int[np.ndarray, "n 4"], shadows: bool) -> Iterator[Piece]:
+def tiles(view: EyeScene, boxes: Int[np.ndarray, "n 4"], shadows: bool) -> Iterator[Piece]:
     """(u, v, place, world) of one tile after the other, whose arrays stay in the processor's cache."""
     work = plan(view.local, boxes, view.local.camera.image_size, TILE_NUMPY, shadows)
     for tile in work.tiles.tolist():
@@ -165,7 +165,7 @@ def tiles(view: View, boxes: Int[np.ndarray, "n 4"], shadows: bool) -> Iterator[
         yield u, v, place, view.world(Listed(view.table, ids), Listed(view.table, work.casters.at(tile)))
 
 
-def kernel(view: View, boxes: Int[np.ndarray, "n 4"], shadows: bool) -> Iterator[Piece]:
+def kernel(view: EyeScene, boxes: Int[np.ndarray, "n 4"], shadows: bool) -> Iterator[Piece]:
     """The same for Dr.Jit: all tiles at once."""
     w, h = view.local.camera.image_size
     work = plan(view.local, boxes, (w, h), TILE_DRJIT, shadows)

@@ -11,7 +11,7 @@ from raytwin.scene import Scene
 from raytwin.shapes import Bool, Float32, Int32
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
-from raytwin.speed.frame import TILE_DRJIT, View
+from raytwin.speed.frame import TILE_DRJIT, EyeScene
 from raytwin.speed.lists import Listed, walk
 from raytwin.speed.plan import plan, shading
 from raytwin.tracer.arrays import dot
@@ -36,7 +36,7 @@ def trace_points(
     scene: Scene, u: np.ndarray, v: np.ndarray, rung: str, engine: str, light: bool = True, point: bool = False
 ) -> Points:
     """What the rays through pixels (u, v) (m,) see; `lit` is found where `light` asks for it, and `point` likewise."""
-    view, m = View(scene, ENGINES[engine]), len(u)
+    view, m = EyeScene(scene, ENGINES[engine]), len(u)
     colour, ids, lit = np.empty((m, 3), np.float32), np.empty(m, np.int32), np.zeros(m, bool)
     place = np.empty((m, 3), np.float32) if point else None
     shaded = RUNGS[rung].shadows
@@ -58,7 +58,7 @@ def trace_points(
     return Points(colour, ids, lit, place)
 
 
-def _parts(view: View, u: np.ndarray, v: np.ndarray, shadows: bool) -> Iterator[tuple[slice, World]]:
+def _parts(view: EyeScene, u: np.ndarray, v: np.ndarray, shadows: bool) -> Iterator[tuple[slice, World]]:
     """The points in portions, each with the objects it may see and those that may shade these."""
     if not len(u):
         return
