@@ -65,6 +65,13 @@ def test_a_replaced_lens_is_not_undone_behind_the_stages_back(scenes, engine):
     assert (fast.surface.ids != speed.trace(scene, "surface", engine).surface.ids).mean() > 0.01
 
 
+def test_a_lens_that_folds_over_is_refused_by_both(single, engine):
+    folding = single.with_camera(msgspec.structs.replace(single.camera, dist=(-2.5,)))
+    for trace in (tracer.trace, lambda scene: speed.trace(scene, engine=engine)):
+        with pytest.raises(InputError, match="two directions share it"):
+            trace(folding)
+
+
 def test_the_tracer_climbs_the_first_rungs_of_the_ladder(single):
     assert list(RUNGS)[: len(tracer.RADIANCE)] == list(tracer.RADIANCE)
     with pytest.raises(InputError, match=r"^rung: expected one of surface, lambert, shadow, got path$"):

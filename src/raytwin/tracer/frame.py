@@ -6,6 +6,7 @@ from raytwin.errors import InputError
 from raytwin.image import BACKGROUND, Image, Surface
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, seen_from_eye
+from raytwin.scene.lens import check_lens
 from raytwin.tracer.camera import back_project, to_board, undistort
 from raytwin.tracer.hit import Every, Stages, World, nearer, normal
 from raytwin.tracer.light import RADIANCE, lambert, lighting, sun_visible
@@ -19,11 +20,12 @@ STAGES = Stages(undistort, back_project, intersect_sphere, intersect_rectangle, 
 def trace(scene: Scene, rung: str = "shadow", stages: Stages = STAGES) -> Image:
     """Radiance and surface of what each pixel's centre sees, in float64 and without any shortcut.
 
-    `raytwin.speed.trace` gives the same, fast. Raises InputError for a rung that the tracer does not climb.
+    `raytwin.speed.trace` gives the same, fast. Raises InputError for an unknown rung, or a lens that cannot be undone.
     """
     if rung not in RADIANCE:
         raise InputError("rung", f"one of {', '.join(RADIANCE)}", rung)
-    camera, local = scene.camera, seen_from_eye(scene)
+    check_lens(camera := scene.camera)
+    local = seen_from_eye(scene)
     every, light = Every(local.objects), lighting(local)
     world = World(every, every, lambda: every, stages)
     sky = light.sky if RUNGS[rung].background else (0.0, 0.0, 0.0)
