@@ -69,14 +69,17 @@ class Renderer:
         return dr.opaque(self.double, float(x)) if np.ndim(x) == 0 else tuple(map(self._number, x))
 
     def exact(self, first: int, count: int, shadows: bool, sky_at_hit: bool) -> tuple[np.ndarray, ...]:
-        """Through the pixels' centres: radiance of the first light (n, 3), then `Seen`'s four, then albedo (n, 3)."""
+        """Through the pixels' centres: radiance of the first light (n, 3), then `Seen`'s four; where light is followed
+        further, albedo (n, 3).
+        """
         hit = self._look(dr.arange(mi.UInt32, count) + dr.opaque(mi.UInt32, first), 0.0, 0.0)
         blocker = self._blocker(hit) if shadows else dr.full(mi.Int32, -1, count)
         colour = self._first_light(hit, blocker, sky_at_hit)
         depth, n = mi.Float(hit.t / UNIT), dr.select(hit.seen, hit.n, 0)
-        dr.eval(colour, hit.ids, depth, n, blocker, hit.albedo)
+        albedo = [hit.albedo] if self.depth else []
+        dr.eval(colour, hit.ids, depth, n, blocker, *albedo)
         n = n.numpy().T @ self.R.astype(np.float32)
-        return colour.numpy().T, hit.ids.numpy(), depth.numpy(), n, blocker.numpy(), hit.albedo.numpy().T
+        return colour.numpy().T, hit.ids.numpy(), depth.numpy(), n, blocker.numpy(), *(a.numpy().T for a in albedo)
 
     def sampled(self, first: int, count: int, batches: Batches, seed: int, shadows: bool) -> tuple[np.ndarray, ...]:
         """Radiance by rays spread over the pixel: mean and spread (n, 3), see `Batches`."""

@@ -5,7 +5,8 @@ Mitsuba's rays and shapes are float32, off by some 2⁻²⁴ of their distance f
 found from Mitsuba's own answer: a pixel with a neighbour of another answer, whose ray passes that neighbour's object
 (or its own) so closely that float32 cannot tell. Those few rays alone are traced again, in float64, against everything.
 
-Everywhere else Mitsuba's answer stands.
+Everywhere else Mitsuba's answer stands; and so it does in a crowd of some thousand objects (MOST), where tracing again
+would take longer than all else.
 """
 
 from typing import NamedTuple
@@ -25,6 +26,9 @@ Shadow rays start 4e-6 of the distance off the surface (`world.SHADOW_OFFSET`), 
 
 START = 1e-9
 """How far off the surface a float64 shadow ray starts, as a part of the distance from the eye."""
+
+MOST = 1 << 22
+"""Pairs of rays and objects that are traced again at most, half a second's work; setting out counts as 1000 rays."""
 
 
 class Seen(NamedTuple):
@@ -62,6 +66,8 @@ def settle(scene: Scene, seen: Seen, shadows: bool) -> np.ndarray:
         # What a neighbour sees may shade this pixel, and no other.
         shaded = [_doubted(bodies, met, edge, points, sun[:, None]) for met in (blockers, ids)]
         doubtful = np.union1d(doubtful, edge[shaded[0] | shaded[1]])
+    if (len(doubtful) + 1000) * len(scene.objects) > MOST:
+        return np.zeros(0, int)
     d = rays(doubtful)
     seen.ids[doubtful], t = trace(bodies, np.zeros((3, 1)), d)
     seen.depth[doubtful] = t / UNIT

@@ -193,7 +193,7 @@ def _exact(
     for a in range(0, n, renderer.lanes):
         b = min(n, a + renderer.lanes)
         found = renderer.exact(a, b - a, shadows, sky_at_hit)
-        for whole, part in zip((colour, *seen, albedo), found, strict=True):
+        for whole, part in zip((colour, *seen, albedo), found, strict=False):  # albedo where light goes on, else none
             whole[a:b] = part
         say(b / n)
     if settled:

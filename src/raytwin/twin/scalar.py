@@ -55,11 +55,14 @@ class Renderer:
         self.ids = {shape: int(shape.id()[7:]) for shape in self.scene.shapes()}
 
     def exact(self, first: int, count: int, shadows: bool, sky_at_hit: bool) -> tuple[np.ndarray, ...]:
-        """Through the pixels' centres: radiance of the first light (n, 3), then `Seen`'s four, then albedo (n, 3)."""
+        """Through the pixels' centres: radiance of the first light (n, 3), then `Seen`'s four; where light is followed
+        further, albedo (n, 3).
+        """
         hit = self._look(np.arange(first, first + count), 0.0, 0.0)
         blocker = self._blocker(hit) if shadows else np.full(count, -1)
         colour = self._first_light(hit, blocker, sky_at_hit)
-        return colour, hit.ids, hit.t / UNIT, hit.normal @ self.R, blocker, hit.albedo
+        albedo = [hit.albedo] if self.depth else []
+        return colour, hit.ids, hit.t / UNIT, hit.normal @ self.R, blocker, *albedo
 
     def sampled(self, first: int, count: int, batches: Batches, seed: int, shadows: bool) -> tuple[np.ndarray, ...]:
         """Radiance by rays spread over the pixel: mean and spread (n, 3), see `Batches`."""
