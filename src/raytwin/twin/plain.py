@@ -84,7 +84,7 @@ def _register_lens() -> None:
 
     from raytwin.twin.rays import Lens, directions
 
-    class RaytwinLens(mi.Sensor):  # type: ignore[misc]  # Mitsuba's classes have no types until a variant is set
+    class RaytwinLens(mi.Sensor):
         """A pinhole behind Brown and Conrady's distortion, as `rays.py` has it."""
 
         def __init__(self, props: Any) -> None:
