@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from raytwin import files
 from raytwin.cli.options import check_outputs
 from raytwin.cli.progress import lines, tell_seconds
+from raytwin.image import Image
 from raytwin.progress import Stages
 
 KEYS = {
@@ -78,9 +79,17 @@ def test_compare_passes_and_writes_every_file(scenes, tmp_path):
 
 
 def test_compare_fails_with_1_where_the_images_differ(scenes, tmp_path):
-    run = raytwin("compare", scenes / "overlap", "--size", "80x60", "--rung", "sky", "--samples", 16, "-o", tmp_path)
+    files.write_image(tmp_path / "black.exr", Image(np.zeros((60, 80, 3), np.float32)))
+    wrong = "--subject", tmp_path / "black.exr", "-o", tmp_path
+    run = raytwin("compare", scenes / "overlap", "--size", "80x60", *wrong)
     assert run.returncode == 1, run.stderr
     assert run.stdout.startswith("FAIL")
+
+
+def test_compare_says_with_0_that_a_lower_rung_differs_as_it_must(scenes, tmp_path):
+    run = raytwin("compare", scenes / "overlap", "--size", "80x60", "--rung", "sky", "--samples", 16, "-o", tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.startswith("DIFFERS")
 
 
 def test_it_works_without_any_llvm(scenes, tmp_path):
@@ -125,14 +134,14 @@ def test_calibrate_writes_json_and_a_camera(desk, tmp_path):
     assert np.allclose(t, camera.t_cam_board, atol=5e-3)
 
 
-def test_calibrate_takes_photos_one_by_one_and_several_boards(desk, tmp_path):
+def test_calibrate_takes_photos_one_by_one_and_several_boards(scenes, tmp_path):
     """The board cut in two: each half has a pose of its own, turned alike; the camera stands where asked."""
     halves = []
     for part, (first, rows) in enumerate(((0, 4), (20, 3))):
         halves += ["--board", tmp_path / f"{part}.toml"]
-        text = (desk / "board.toml").read_text().replace("rows = 7", f"rows = {rows}")
+        text = (scenes / "desk" / "board.toml").read_text().replace("rows = 7", f"rows = {rows}")
         (tmp_path / f"{part}.toml").write_text(text.replace("first_id = 0", f"first_id = {first}"))
-    photos = [desk / "photos" / f"photo_{i:02d}.jpg" for i in range(8)]
+    photos = [scenes / "desk" / "photos" / f"photo_{i:02d}.jpg" for i in range(8)]
     run = raytwin(
         "calibrate",
         *photos,
@@ -176,9 +185,17 @@ def test_a_truncated_photo_is_refused_by_name(desk):
     refused(raytwin("compare", desk, "-o", desk / "out"), "photo_04.jpg", "truncated")
 
 
-def test_mixed_image_sizes_are_refused(desk):
-    files.write_picture(desk / "photos" / "photo_04.jpg", files.read_photo(desk / "photos" / "photo_04.jpg")[:1000])
-    refused(raytwin("compare", desk), "photo_04.jpg", "2016 x 1512", "2016 x 1000")
+def test_a_photo_of_another_size_is_left_out_and_named_and_half_of_them_are_refused(desk):
+    def cut(name):
+        files.write_picture(desk / "photos" / name, files.read_photo(desk / "photos" / name)[:1000])
+
+    cut("photo_04.jpg")
+    run = raytwin("calibrate", desk / "photos", "--board", desk / "board.toml")
+    assert run.returncode == 0, run.stderr
+    assert "other-size" in run.stdout
+    assert "photo_04.jpg" in run.stdout
+    cut("photo_05.jpg")
+    refused(raytwin("compare", desk), "photo_0", "2016 x 1512", "2016 x 1000")
 
 
 def test_one_photo_alone_is_refused(desk):

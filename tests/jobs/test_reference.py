@@ -415,7 +415,7 @@ def test_in_the_scene_weekend_the_ground_ends_where_the_cone_that_grazes_it_does
     """Every ray within asin(R / D) of the direction to the ground's centre meets something, and no ray outside that
     misses the balls does: none of 84 000 pixels is on the wrong side.
     """
-    found = reference.load(reference.path_of(reference.SHIPPED, "weekend", "surface"))
+    found = references.load(references.path_of(files.REFERENCES, "weekend", "surface"))
     surface, d, eye = found.image.surface, board_rays(found.scene.camera), np.array(found.scene.camera.eye)
     inside = np.zeros(surface.ids.shape, bool)
     for ball in found.scene.objects:
@@ -433,11 +433,11 @@ def test_in_the_scene_weekend_the_open_ground_lacks_the_sky_that_the_balls_hide_
     Balls may that take 3e-5 of the sky at most. A sample sees the sky or it does not, so the variance is that of a
     binomial, too: z's mean is within 4 standard errors of 0, its square within 10 % of 1.
     """
-    found, direct = (reference.load(reference.path_of(reference.SHIPPED, "weekend", r)) for r in ("sky", "surface"))
+    found, direct = (references.load(references.path_of(files.REFERENCES, "weekend", r)) for r in ("sky", "surface"))
     scene, surface = found.scene, direct.image.surface
     points = np.array(scene.camera.eye) + board_rays(scene.camera) * surface.depth[..., None]
     n = (points - scene.objects[0].center) / scene.objects[0].radius
-    shadow = reference.load(reference.path_of(reference.SHIPPED, "weekend", "shadow")).image.mean
+    shadow = references.load(references.path_of(files.REFERENCES, "weekend", "shadow")).image.mean
     open_ground = surface.ids == 0
     cones = []
     for ball in scene.objects[1:]:
