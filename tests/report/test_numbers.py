@@ -62,7 +62,10 @@ def test_numbers_are_shown_to_three_digits(value, text):
     assert numbers.shown(value).replace("\u202f", " ") == text
 
 
-@pytest.mark.parametrize(("value", "text"), [(1e-5, "1e−5"), (0.5, "0.5"), (2.5e-4, "2.5e−4"), (20, "20"), (0, "0")])
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(1e-5, "1e−5"), (7.038194e-6, "7.04e−6"), (0.5, "0.5"), (2.5e-4, "2.5e−4"), (20, "20"), (0, "0")],
+)
 def test_bounds_are_written_as_people_write_them(value, text):
     assert numbers.short(value) == text
 

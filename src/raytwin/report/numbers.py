@@ -118,9 +118,9 @@ def beside(value: float | None, sigma: float | None) -> str:
 
 
 def short(value: float) -> str:
-    """A bound or a tick as people write it: 1e-5, 0.5, 20."""
+    """A bound or a tick as people write it, small ones to three digits: 1e-5, 7.04e-6, 0.5, 20."""
     small = value and not 1e-3 <= abs(value) < 1e4
-    mantissa, _, exponent = (f"{value:.6e}" if small else f"{value:.6g}").partition("e")
+    mantissa, _, exponent = (f"{value:.2e}" if small else f"{value:.6g}").partition("e")
     mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
     return (mantissa + (f"e{int(exponent)}" if exponent else "")).replace("-", "−")
 
