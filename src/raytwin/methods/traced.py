@@ -1,6 +1,6 @@
 """The subject, in its many ways: whole frames, several rays a pixel, guesses between rays; and the paper's loop."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -116,14 +116,15 @@ class Supersampled(_ByEngine):
         return lambda seed: Image(mean_of_shifts(scene, self.rung, self.engine, shifts), samples=self.samples)
 
 
-def mean_of_shifts(scene: Scene, rung: str, engine: str, shifts: Iterable[tuple[float, float]]) -> np.ndarray:
+def mean_of_shifts(scene: Scene, rung: str, engine: str, shifts: Sequence[tuple[float, float]]) -> np.ndarray:
     """The mean image (H, W, 3) over rays through pixel centres moved by each (x, y) of `shifts`, in pixels."""
-    total, count = np.zeros((scene.camera.height, scene.camera.width, 3), np.float32), 0
-    for x, y in shifts:
+    total = background(scene, rung)
+    draw(shifted(scene, *shifts[0]), total, rung, engine)
+    for x, y in shifts[1:]:
         out = background(scene, rung)
         draw(shifted(scene, x, y), out, rung, engine)
-        total, count = np.add(total, out, out=total) if count else out, count + 1
-    return total / np.float32(count)
+        total += out
+    return total / np.float32(len(shifts))
 
 
 def shifted(scene: Scene, x: float, y: float) -> Scene:
