@@ -122,6 +122,12 @@ PROBE = """<script>(async () => {
       ?? [...node.querySelectorAll("*")].map((n) => n.shadowRoot && find(n.shadowRoot)).find(Boolean);
     return find(document.getElementById(`view-${key}`));
   };
+  // Read from a copy that is made for reading: the browser remarks on a page's own canvas that is read again and again.
+  const pixels = (key, x = 0, y = 0, width = canvas(key).width, height = canvas(key).height) => {
+    const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+    copy.drawImage(canvas(key), x, y, width, height, 0, 0, width, height);
+    return copy.getImageData(0, 0, width, height).data;
+  };
   const result = {};
   try { %s } catch (error) { result.failure = String(error); }
   const out = document.createElement("script");
@@ -135,7 +141,8 @@ PROBE = """<script>(async () => {
 def browse(tmp_path_factory) -> Callable[..., tuple[dict, list[str]]]:
     """`browse(page, address="", script="")`: what the script put into `result`, and the errors on the console.
 
-    The script runs in the ready page and knows `pause()`, `texts(row)`, `canvas(key)`. Nothing outside is reachable.
+    The script runs in the ready page and knows `pause()`, `texts(row)`, `canvas(key)` and
+    `pixels(key, x, y, width, height)`. Nothing outside is reachable.
     """
     program = next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:

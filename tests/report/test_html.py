@@ -165,7 +165,7 @@ def test_pictures_are_drawn_at_their_pixels_and_stay_sharp_when_magnified(spoile
         // A busy machine paints late: look until the picture is the expected one, or for so long that it never will be.
         for (let tries = 0; tries < 40; tries++) {
           await pause();
-          const all = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;
+          const all = pixels(key);
           colours = [[-1, 0], [0, 0], [1, 0], [1, 1]].flatMap(([dx, dy]) => [-0.3, 0.3].map((off) => {
             const [px, py] = at(dx + off, dy + off);
             return [...all.slice(4 * (py * c.width + px))].slice(0, 3);
@@ -264,7 +264,7 @@ def test_a_photo_of_another_size_spans_the_same_picture(make_result, tmp_path, b
     script += """
       for (const key of ["photo", "twin"]) {
         const c = canvas(key), at = [fx * c.width, fy * c.height].map(Math.round);
-        result[key] = [...c.getContext("2d").getImageData(...at, 1, 1).data].slice(0, 3);
+        result[key] = [...pixels(key, ...at, 1, 1)].slice(0, 3);
       }"""
     read, console = browse(tmp_path / "report.html", "", script)
     assert console == []
