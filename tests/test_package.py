@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-MOST_BYTES = 16e6
+MOST_BYTES = 12.5e6
+"""Of the wheel: references 7.2 MB, scenes 4.4 MB, code 0.4 MB."""
 
 pytestmark = pytest.mark.slow
 
