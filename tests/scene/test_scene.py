@@ -24,6 +24,7 @@ from raytwin.scene import (
     WrittenSky,
     WrittenSphere,
     WrittenSun,
+    seen_from_eye,
 )
 
 CAMERA = Camera(
@@ -158,3 +159,11 @@ def test_a_surfaces_mask_is_where_an_object_is_seen():
     surface = Surface(ids, np.zeros((2, 2), np.float32), np.zeros((2, 2, 3), np.float32))
     np.testing.assert_array_equal(surface.mask, [[False, True], [True, False]])
     assert Image(np.zeros((2, 2, 3), np.float32), surface=surface).shape == (2, 2, 3)
+
+
+@pytest.mark.parametrize(("precision", "size"), [("float32", 1e20), ("float32", 1e-20), ("float64", 1e154)])
+def test_a_length_whose_square_floats_cannot_hold_is_named(precision, size):
+    camera = Camera((1, 1), *2 * (((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),), (0.0, 0.0, 0.0))
+    scene = Scene("stars", camera, (Sphere((0.0, 0.0, 3 * size), size),))
+    with pytest.raises(InputError, match=r"objects\[0\] of scene stars: expected lengths of .* for " + precision):
+        seen_from_eye(scene, precision)

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from raytwin.cli import bench, board, images, photos, reference, scenes
+from raytwin.cli import bench, board, images, photos, reference, scenes, stability
 from raytwin.errors import InputError
 
 app = typer.Typer(
@@ -49,6 +49,7 @@ app.command("augment")(photos.augment_command)
 app.command("board")(board.board_command)
 app.command("photograph")(photos.photograph_command)
 app.add_typer(bench.app, name="bench")
+app.command("stability")(stability.stability_command)
 
 
 @app.command("doctor")

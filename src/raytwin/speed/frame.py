@@ -131,7 +131,8 @@ class EyeScene:
     """
 
     def __init__(self, scene: Scene, engine: Engine, stages: Stages = STAGES) -> None:
-        self.engine, self.stages, self.local = engine, stages, seen_from_eye(scene)
+        self.engine, self.stages = engine, stages
+        self.local = seen_from_eye(scene, engine.precision)
         self.camera: Camera = lift(scene.camera, engine)
         light: Lighting = lift(lighting(self.local), engine)
         self.light = light._replace(to_sun=unit(light.to_sun))  # in the engine's own floats

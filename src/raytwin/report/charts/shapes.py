@@ -137,9 +137,10 @@ def layout(chart: Chart) -> Drawing:
 
 def ticks(ends: Range) -> list[float]:
     """Powers of ten, with 2 and 5 between where there are few of them, every second or third where there are many."""
-    decades = range(math.floor(math.log10(ends[0])), math.ceil(math.log10(ends[1])) + 1)
+    low, high = sorted(ends)  # an axis may run downwards
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     for multiples in ((1,), (1, 2, 5)):
-        found = [m * 10.0**k for k in decades for m in multiples if ends[0] <= m * 10.0**k <= ends[1]]
+        found = [m * 10.0**k for k in decades for m in multiples if low <= m * 10.0**k <= high]
         if len(found) > 2:
             break
     return found[:: max(1, math.ceil(len(found) / 9))]
