@@ -237,7 +237,7 @@ EXPERIMENTS = (
         "it by δ / 2√disc. The robust solver's δ is u D, the others' u D², and where δ is all of the discriminant, "
         "hits become misses.",
         HAINES,
-        laws(*(grazing(k) for k in (100, 10, 10))), more=decades(-1, -12, 3),
+        laws(grazing(100), grazing(10), grazing(10)), more=decades(-1, -12, 3),
     ),
     Experiment(
         "sphere-surface", "Rays that start just below the surface", "depth / radius",
