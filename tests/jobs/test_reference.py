@@ -362,13 +362,14 @@ def test_show_tells_a_line_of_each_reference_and_all_of_a_single_one(overlap, fo
     assert raytwin("reference", "show", "--all", cwd=tmp_path).stdout.endswith(single)
 
 
-def test_show_names_what_made_a_reference_and_fails_on_a_damaged_one(overlap, folder, tmp_path):
+def test_show_names_what_made_a_reference_and_a_damaged_one_is_bad_input(overlap, folder, tmp_path):
     path = make(overlap, "shadow", folder).new.path
     shown = raytwin("reference", "show", cwd=tmp_path)
     assert shown.returncode == 0
     assert "mitsuba" in shown.stdout
     path.write_bytes(path.read_bytes()[:-50])
-    assert raytwin("reference", "show", cwd=tmp_path).returncode == 1
+    assert raytwin("reference", "show", cwd=tmp_path).returncode == 2
+    assert raytwin("reference", "diff", "scenes/overlap", "--rung", "shadow", cwd=tmp_path).returncode == 2
     assert raytwin("reference", "show", "nosuch", cwd=tmp_path).returncode == 2
 
 

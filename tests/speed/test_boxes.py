@@ -3,6 +3,7 @@
 import math
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import assume, example, given, reject, settings
@@ -10,7 +11,8 @@ from hypothesis import strategies as st
 
 from raytwin.errors import InputError
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere, Sun
-from raytwin.speed import trace, trim_box
+from raytwin.speed import plan as speed_plan
+from raytwin.speed import trace, trace_points, trim_box
 from raytwin.speed.boxes import EMPTY, _tangents, field_of_view
 from raytwin.speed.plan import plan, shading
 from raytwin.speed.start import invert_lens
@@ -202,7 +204,7 @@ def test_every_tile_lists_the_objects_whose_boxes_touch_it_the_spheres_first(sid
         assert work.casters.at(tile) == []
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.integers(1, 100), st.integers(0, 3), vectors(-1, 1), st.integers(0, 2**32 - 1))
 def test_no_object_that_shades_another_is_missed(count, planes, to_light, seed):
     assume(max(map(abs, to_light)) > 1e-3)
@@ -213,11 +215,15 @@ def test_no_object_that_shades_another_is_missed(count, planes, to_light, seed):
         Rectangle(tuple(c), (0.2, 0.0, 0.0), (0.0, 0.2, 0.1)) for c in rng.uniform(-1, 1, (planes, 3)).tolist()
     )
     scene = Scene("cloud", None, (*spheres, *leaves), (Sun(to_light),))
-    first, flat = shading(scene)
+    found = shading(scene)
+    assert found is not None
+    first, flat = found
     assert len(first) == count + planes + 1
-    for j, thing in enumerate(scene.objects):
+    for j in range(len(scene.objects)):
         listed = flat[first[j] : first[j + 1]].tolist()
         assert listed == sorted(set(listed) - {j})
+    for j in rng.choice(len(scene.objects), min(6, len(scene.objects)), replace=False).tolist():
+        thing, listed = scene.objects[j], flat[first[j] : first[j + 1]].tolist()
         # Points on the object, and the objects that truly stand between them and the sun.
         if isinstance(thing, Sphere):
             way = rng.normal(size=(3, 40))
@@ -230,6 +236,42 @@ def test_no_object_that_shades_another_is_missed(count, planes, to_light, seed):
                 meet = intersect_sphere if isinstance(other, Sphere) else intersect_rectangle
                 with np.errstate(all="ignore"):
                     assert not (meet(tuple(points), scene.sun.to_light, other) < np.inf).any(), (i, j)
+
+
+def a_cloud(single: Scene, count: int = 90) -> Scene:
+    """Spheres, a few of them large, and two rectangles, in a small picture."""
+    rng = np.random.default_rng(7)
+    places = rng.uniform(-0.1, 0.1, (count, 3)).tolist()
+    spheres = [Sphere(tuple(c), 0.05 if i % 40 == 0 else 0.006) for i, c in enumerate(places)]
+    leaves = [Rectangle((0.0, 0.0, z), (0.06, 0.0, 0.0), (0.0, 0.06, 0.03)) for z in (-0.1, 0.02)]
+    return msgspec.structs.replace(single, camera=single.camera.resized(107, 80), objects=(*spheres, *leaves))
+
+
+def test_shading_in_portions_is_the_same(single, monkeypatch):
+    scene = a_cloud(single)
+    whole = shading(scene)
+    monkeypatch.setattr(speed_plan, "PORTION", 37)
+    np.testing.assert_array_equal(np.concatenate(shading(scene)), np.concatenate(whole))
+
+
+@pytest.mark.parametrize("most", [100, 1000, 1500])
+def test_too_many_pairs_become_one_list_for_all_tiles_and_the_same_pixels(single, monkeypatch, most):
+    """Below 100 the tiles' own lists are one, below 1000 the casters' of each object, then those of each tile."""
+    scene = a_cloud(single)
+    exact = trace(scene, "shadow", "numpy32")
+    some = trace_points(scene, *np.indices((107, 80), float).reshape(2, -1)[:, ::97], "shadow", "numpy32")
+    monkeypatch.setattr(speed_plan, "MOST", most)
+    np.testing.assert_array_equal(trace(scene, "shadow", "numpy32").mean, exact.mean)
+    again = trace_points(scene, *np.indices((107, 80), float).reshape(2, -1)[:, ::97], "shadow", "numpy32")
+    np.testing.assert_array_equal(again.colour, some.colour)
+
+
+@pytest.mark.parametrize("count", [10_000, 100_000])
+def test_spheres_in_a_line_to_the_sun_are_listed_once(count):
+    """Each shades all behind it: 5e9 pairs would take 74 GB."""
+    to_light = np.array([0.6, 0.0, 0.8])
+    spheres = tuple(Sphere(tuple(c), 0.01) for c in (0.02 * np.arange(count)[:, None] * to_light).tolist())
+    assert shading(Scene("line", None, spheres, (Sun(tuple(to_light.tolist())),))) is None
 
 
 # ------------------------------------------------------------------------------------------------ images

@@ -1,6 +1,9 @@
 """Whole images: closed forms, and every engine, rung and solver against each other."""
 
 import math
+import os
+import subprocess
+import sys
 
 import msgspec
 import numpy as np
@@ -247,3 +250,18 @@ def test_an_engine_that_the_machine_lacks_is_refused(single, packages, name):
         pytest.skip("for a machine with Dr.Jit but without CUDA")
     with pytest.raises(MachineError, match="engine: expected a machine with cuda"):
         trace(single, engine=name)
+
+
+def test_dr_jit_is_not_left_to_choose_a_libllvm_by_itself(scenes):
+    """A wrong one aborts the process at the first kernel: only one that was tried, or the user's, is taken."""
+    code = (
+        "import sys; from raytwin import files; from raytwin.speed import trace\n"
+        f"try: trace(files.read_scene({str(scenes / 'single')!r}).scene, engine='drjit32')\n"
+        "except Exception as error: print(error, 'drjit' in sys.modules)"
+    )
+    environment = {k: v for k, v in os.environ.items() if k != "DRJIT_LIBLLVM_PATH"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert done.stdout.startswith(
+        "engine: expected a libLLVM that was seen to work: call raytwin.twin.activate() first"
+    )
+    assert done.stdout.endswith("False\n")

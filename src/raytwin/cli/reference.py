@@ -101,7 +101,7 @@ def show_command(
     folder: Source = None,
     whole: Annotated[bool, typer.Option("--all", help="Everything that is known of each, as of a single one.")] = False,
 ) -> None:
-    """What made each reference, and what it is worth: a line each, of a single one all. Fails on damaged ones."""
+    """What made each reference, and what it is worth: a line each, of a single one all. A damaged one exits with 2."""
     from raytwin import references
 
     folder, names = _source(folder), [s.resolve().name for s in scenes or ()]
@@ -120,7 +120,7 @@ def show_command(
         else:
             typer.echo("\n".join(references.show(found)) if whole else references.outline(found))
     if damaged:
-        raise typer.Exit(1)
+        raise typer.Exit(2)
 
 
 @app.command("diff")
@@ -136,7 +136,7 @@ def diff_command(
     from raytwin.compare import compare
     from raytwin.jobs import reference
 
-    folder, failed = _source(folder), False
+    folder, codes = _source(folder), set()
     for scene, one, found in _cases(scenes, rung):
         if against is None:
             with show_progress() as progress:
@@ -147,9 +147,11 @@ def diff_command(
             c = compare(new.image, old.image, tolerance=new.tolerance)
             change = reference.Change(new, old, tuple(reference.header_changes(old.header, new.header)), c)
         typer.echo("\n".join(change.lines()))
-        failed |= change.comparison is None or not change.comparison.passed
-    if failed:
-        raise typer.Exit(1)
+        if change.comparison is not None:
+            codes.add(change.comparison.exit_code)
+        else:
+            codes.add(2 if change.kind == "damaged" else 1)
+    raise typer.Exit(1 if 1 in codes else max(codes, default=0))
 
 
 def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[tuple[Path, str, SceneFile]]":

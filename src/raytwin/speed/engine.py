@@ -1,5 +1,7 @@
 """What computes: NumPy or Dr.Jit, in which precision, and the way of pixels and scenes into its arrays and back."""
 
+import os
+import sys
 from collections.abc import Callable
 from copy import copy
 from typing import Any, NamedTuple
@@ -35,6 +37,10 @@ class Engine(NamedTuple):
         """The type that holds one float per pixel. Raises MachineError where the machine lacks the backend."""
         if self.is_numpy:
             return np.dtype(self.precision).type
+        # Dr.Jit takes whatever libLLVM it finds when it is imported, and a wrong one aborts the process at a kernel.
+        if self.package == "llvm" and "drjit" not in sys.modules and not os.environ.get("DRJIT_LIBLLVM_PATH"):
+            needed = "a libLLVM that was seen to work: call raytwin.twin.activate() first, or set DRJIT_LIBLLVM_PATH"
+            raise MachineError("engine", needed, "none that was tried")
         import drjit
 
         backend = {"llvm": drjit.JitBackend.LLVM, "cuda": drjit.JitBackend.CUDA}[self.package]
@@ -98,9 +104,10 @@ def lift(value: Any, engine: Engine) -> Any:
         return value
     if engine.is_numpy:
         return float(value)  # not NumPy's scalar, for `sqrt`'s reason
+    kind = engine.float_type  # which looks before Dr.Jit is imported
     import drjit
 
-    return drjit.opaque(engine.float_type, float(value))
+    return drjit.opaque(kind, float(value))
 
 
 def canvas(engine: Engine, out: np.ndarray) -> list[Any]:

@@ -9,6 +9,12 @@ from raytwin.scene import Rectangle, Scene, Sphere
 FEW = 64
 """So many objects are held against each other without sorting them first."""
 
+MOST = 20_000_000
+"""Pairs, of two objects or of a tile and an object: more take over a gigabyte, and one list for all tiles does."""
+
+PORTION = 2_000_000
+"""Pairs held against each other at once."""
+
 
 class Lists(NamedTuple):
     """A list of ids for each tile: `flat[first:last]`; rectangles begin at `middle`. Each (tiles,) int32."""
@@ -41,24 +47,40 @@ def plan(scene: Scene, boxes: np.ndarray, size: tuple[int, int], side: int, shad
     """Which tile must know which object, from the objects' boxes (n, 4) of pixels: x0 <= u < x1, y0 <= v < y1."""
     n, is_flat = len(boxes), np.array([not isinstance(thing, Sphere) for thing in scene.objects], bool)
     columns, rows = -(-size[0] // side), -(-size[1] // side)
-    if n and (boxes == (0, 0, *size)).all():  # nothing is trimmed: one list does for all
-        ends = [np.full(columns * rows, k, np.int32) for k in (0, n - np.count_nonzero(is_flat), n)]
-        every = Lists(np.argsort(is_flat, kind="stable").astype(np.int32), *ends)
-        return Plan(side, columns, np.arange(columns * rows), every, every)
     x0, y0, x1, y1 = boxes.reshape(-1, 4).T
     left, top = x0 // side, y0 // side
     wide, high = -(-x1 // side) - left, -(-y1 // side) - top
+    if n and ((boxes == (0, 0, *size)).all() or (wide * high).sum() > MOST):  # nothing is trimmed, or hardly anything
+        every = _one_list(columns * rows, is_flat)
+        return Plan(side, columns, np.arange(columns * rows), every, every)
     thing, k = spread(wide * high)
     tile = (top[thing] + k // np.maximum(wide, 1)[thing]) * columns + left[thing] + k % np.maximum(wide, 1)[thing]
     seen = _lists(tile, thing, columns * rows, is_flat)
     casters = Lists(*(np.zeros(len(part), np.int32) for part in seen))
     if shadows:
-        first, flat = shading(scene)
-        pair, k = spread(first[thing + 1] - first[thing])
-        shaded, caster = tile[pair], flat[first[thing[pair]] + k]
-        both = np.unique(shaded.astype(np.int64) * n + caster)
-        casters = _lists(both // max(n, 1), both % max(n, 1), columns * rows, is_flat)
+        casters = _casters(scene, tile, thing, columns * rows, is_flat)
     return Plan(side, columns, np.flatnonzero(seen.last > seen.first), seen, casters)
+
+
+def _casters(scene: Scene, tile: np.ndarray, thing: np.ndarray, tiles: int, is_flat: np.ndarray) -> Lists:
+    """The casters of whatever the tiles see: `tile` and `thing` are pairs."""
+    n = max(len(is_flat), 1)
+    if (found := shading(scene)) is None:
+        return _one_list(tiles, is_flat)
+    first, flat = found
+    counts = first[thing + 1] - first[thing]
+    if counts.sum() > MOST:
+        return _one_list(tiles, is_flat)
+    pair, k = spread(counts)
+    both = np.unique(tile[pair].astype(np.int64) * n + flat[first[thing[pair]] + k])
+    return _lists(both // n, both % n, tiles, is_flat)
+
+
+def _one_list(tiles: int, is_flat: np.ndarray) -> Lists:
+    """All objects for every tile."""
+    n = len(is_flat)
+    ends = (np.full(tiles, k, np.int32) for k in (0, n - np.count_nonzero(is_flat), n))
+    return Lists(np.argsort(is_flat, kind="stable").astype(np.int32), *ends)
 
 
 def spread(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -75,11 +97,11 @@ def _lists(tile: np.ndarray, thing: np.ndarray, tiles: int, is_flat: np.ndarray)
     return Lists(*(a.astype(np.int32) for a in (thing[order], first, middle, last)))
 
 
-def shading(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+def shading(scene: Scene) -> tuple[np.ndarray, np.ndarray] | None:
     """(first, flat): `flat[first[j]:first[j + 1]]` are the objects that may cast a shadow on object j; never too few.
 
     Both are put into balls. Seen along the sun's rays these are discs, which must overlap, and the caster's ball must
-    not lie behind the other's.
+    not lie behind the other's. None where there are more than MOST pairs: as of 10 000 objects in a line to the sun.
     """
     things = scene.objects
     n = len(things)
@@ -90,22 +112,46 @@ def shading(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     axes = np.stack([side / np.linalg.norm(side), np.cross(to_light, side) / np.linalg.norm(side), to_light])
     x, y, height = axes @ center.T
     radius = radius * (1 + 1e-4) + 1e-6 * np.abs(center).max(initial=0)  # for float32's rounding
+    x, y = _principal(x, y)
     # Sorted along x, a small object's partners lie in a short stretch; large ones are held against all.
     large = radius > 8 * np.median(radius) if n > FEW else np.ones(n, bool)
-    small = np.flatnonzero(~large)[np.argsort(x[~large])]
+    small, big = np.flatnonzero(~large)[np.argsort(x[~large])], np.flatnonzero(large)
     reach = radius[small] + radius[small].max(initial=0)
-    low, high = (np.searchsorted(x[small], x[small] + sign * reach) for sign in (-1, 1))
-    i, k = spread(high - low)
-    big = np.flatnonzero(large)
-    a, b = (m.ravel() for m in np.meshgrid(big, np.arange(n)))
-    c, d = (m.ravel() for m in np.meshgrid(small, big))
-    shaded, caster = np.concatenate([small[i], a, c]), np.concatenate([small[low[i] + k], b, d])
-    both = radius[shaded] + radius[caster]
-    over = (x[caster] - x[shaded]) ** 2 + (y[caster] - y[shaded]) ** 2 <= both**2
-    keep = over & (height[caster] - height[shaded] >= -both) & (caster != shaded)
-    order = np.lexsort((caster[keep], shaded[keep]))
-    first = np.concatenate([[0], np.cumsum(np.bincount(shaded[keep], minlength=n))])
-    return first, caster[keep][order]
+    near = (np.searchsorted(x[small], x[small] + sign * reach) for sign in (-1, 1))
+    # In the line of small and big objects, each shaded one's casters lie between `low` and `high`.
+    line, whose, few = np.concatenate([small, big]), np.concatenate([small, small, big]), len(small)
+    low, high = (
+        np.concatenate([stretch, np.full(few, end[0]), np.full(n - few, end[1])])
+        for stretch, end in zip(near, ((few, 0), (n, n)), strict=True)
+    )
+    counts = np.cumsum(high - low)
+    if counts.max(initial=0) > 30 * MOST:
+        return None
+    cuts = np.searchsorted(counts, np.arange(PORTION, counts.max(initial=0), PORTION))
+    found = []
+    for part in np.split(np.arange(len(whose)), cuts):
+        i, k = spread((high - low)[part])
+        shaded, caster = whose[part][i], line[low[part][i] + k]
+        both = radius[shaded] + radius[caster]
+        over = (x[caster] - x[shaded]) ** 2 + (y[caster] - y[shaded]) ** 2 <= both**2
+        keep = over & (height[caster] - height[shaded] >= -both) & (caster != shaded)
+        found.append((shaded[keep].astype(np.int32), caster[keep].astype(np.int32)))
+        if sum(len(s) for s, _ in found) > MOST:
+            return None
+    shaded, caster = (np.concatenate(p) for p in zip(*found, strict=True))
+    order = np.lexsort((caster, shaded))
+    first = np.concatenate([[0], np.cumsum(np.bincount(shaded, minlength=n))])
+    return first, caster[order]
+
+
+def _principal(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points in axes of which the first is the one along which they are spread most."""
+    off = np.stack([x, y])
+    if off.shape[1] < 2:
+        return x, y
+    axes = np.linalg.eigh(np.cov(off))[1]
+    b, a = axes.T @ off
+    return a, b
 
 
 def _lengths(plane: Rectangle) -> tuple[float, float]:

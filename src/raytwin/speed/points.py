@@ -1,6 +1,6 @@
 """The tracer at any points of the image plane: what speculation and drawing into photos ask for."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -74,11 +74,14 @@ def _parts(view: EyeScene, u: np.ndarray, v: np.ndarray, shadows: bool) -> Itera
         lists = (walk(view.table, view.engine, a, every, tile) for a in (work.seen, work.casters))
         yield slice(None), view.world(*lists)
         return
-    first, flat = shading(view.local) if shadows else (np.zeros(len(boxes) + 1, int), np.zeros(0, int))
+    found = shading(view.local) if shadows else (np.zeros(len(boxes) + 1, int), np.zeros(0, int))
     x0, y0, x1, y1 = boxes.T
     for start in range(0, len(u), CHUNK):
         part = slice(start, start + CHUNK)
         c, r = column[part], row[part]
         ids = np.flatnonzero((x0 <= c.max()) & (c.min() < x1) & (y0 <= r.max()) & (r.min() < y1)).tolist()
-        casters = sorted(set().union(*(flat[first[i] : first[i + 1]].tolist() for i in ids)))
+        casters: Sequence[int] = range(len(boxes))
+        if found is not None:
+            first, flat = found
+            casters = sorted(set().union(*(flat[first[i] : first[i + 1]].tolist() for i in ids)))
         yield part, view.world(Listed(view.table, ids), Listed(view.table, casters))
