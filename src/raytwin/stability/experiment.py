@@ -148,3 +148,8 @@ def decades(first: int, last: int, each: int = 1) -> tuple[float, ...]:
     """10^first ... 10^last, `each` values a decade."""
     step = 1 if last >= first else -1
     return tuple(float(f"{10 ** (k / each):.3g}") for k in range(first * each, last * each + step, step))
+
+
+def spaced(first: float, last: float, count: int) -> tuple[float, ...]:
+    """`count` values in equal ratios."""
+    return tuple(float(f"{x:.3g}") for x in np.geomspace(first, last, count))
