@@ -8,8 +8,17 @@ SIDE = 8
 """Pixels on the side of the smallest tile: small enough to be local, large enough for its mean to be near Gaussian."""
 
 
-def strips(height: int, rows: int = 8 * SIDE) -> Iterator[tuple[int, int, int]]:
-    """(first row, end row, rows per block): strips are whole blocks high; the last may hold one lower row of blocks."""
+CACHED = 64_000
+"""Pixels of a strip: 768 kB an array of three floats."""
+
+
+def strips(shape: tuple[int, ...], rows: int = 8 * SIDE) -> Iterator[tuple[int, int, int]]:
+    """(first row, end row, rows per block) of an image (H, W, ...): strips are whole blocks high, at most `rows`.
+
+    Wide images have lower ones, so that a few arrays fit the cache; the last may hold one lower row of blocks.
+    """
+    height, width = shape[:2]
+    rows = min(rows, max(CACHED // width // SIDE, 1) * SIDE)
     whole = height - height % SIDE
     for y in range(0, whole, rows):
         yield y, min(y + rows, whole), SIDE
@@ -26,6 +35,14 @@ def block_sums(x: np.ndarray, rows: int) -> np.ndarray:
     """Sums over blocks of `rows` x 8 pixels: (h, w, c) -> (h / rows, ceil(w / 8), c) float64."""
     columns = unblock(x, rows).sum(axis=1)
     return np.add.reduceat(columns, np.arange(0, x.shape[1], SIDE), axis=1).astype(np.float64)
+
+
+def block_counts(strip: np.ndarray, rows: int) -> np.ndarray:
+    """(h / rows, ceil(w / 8), 1): the pixels of each block."""
+    high, width = len(strip) // rows, strip.shape[1]
+    counts = np.full((high, -(-width // SIDE), 1), float(rows * SIDE))
+    counts[:, width // SIDE :] = rows * (width % SIDE)
+    return counts
 
 
 def slide(x: np.ndarray) -> np.ndarray:

@@ -33,13 +33,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.compare.blocks import SIDE, block_sums, slide, strips, unblock
+from raytwin.compare.blocks import SIDE, block_counts, block_sums, slide, strips, unblock
 from raytwin.compare.chance import quantile, sidak, two_sided, welch
 from raytwin.compare.exact import Quiet
 from raytwin.compare.noise import (
     Missed,
     Side,
-    block_counts,
     degrees_of_freedom,
     doubt,
     inflation,
@@ -134,12 +133,17 @@ class Grants(NamedTuple):
     by_test: Missed
     by_reference: Missed
 
-    def of(self, error: np.ndarray, pixels: np.ndarray | int, radiance: np.ndarray) -> np.ndarray:
-        """For mean errors (..., 3): a test that is too dark may have missed events, one too bright has seen more."""
-        granted = self.bound.of(radiance)
+    def of(
+        self, error: np.ndarray, pixels: np.ndarray | int, radiance: np.ndarray, allowed: np.ndarray | None = None
+    ) -> np.ndarray:
+        """For mean errors (..., 3): a test that is too dark may have missed events, one too bright has seen more.
+
+        `allowed`: the bound of that radiance, where it is known already.
+        """
+        granted = self.bound.of(radiance) if allowed is None else allowed
         if not (self.by_test.nothing and self.by_reference.nothing):
             dark, bright = (m.of(pixels, radiance) for m in (self.by_test, self.by_reference))
-            granted += np.where(error < 0, dark, bright).astype(granted.dtype)
+            granted = granted + np.where(error < 0, dark, bright).astype(granted.dtype)
         return np.asarray(granted)
 
     def most(self, pixels: np.ndarray | int, radiance: np.ndarray) -> np.ndarray:
@@ -172,17 +176,18 @@ def decide(
     without: dict[str, list[np.ndarray]] = {k: [] for k in KEYS}
     worst, quiet = Worst(), Quiet()
     failed_values = failed_pixels = 0
-    for y0, y1, rows in strips(test.shape[0]):
+    for y0, y1, rows in strips(test.shape):
         r = np.asarray(reference.mean[y0:y1], np.float32)
         d = np.subtract(test.mean[y0:y1], r, dtype=np.float32)
         va = regularised(test.variance, a, y0, y1, rows)
         vb = regularised(reference.variance, b, y0, y1, rows)
         error = np.abs(d)
         allowed = bound.of(r)
-        silent = va + vb <= np.square(np.float32(SILENT) * allowed)
-        v = mutual(va, vb, largest)
+        v = va + vb
+        silent = v <= np.square(np.float32(SILENT) * allowed)
+        v = mutual(va, vb, largest, v)
         more = np.float32(0) if rounding is None else rounding.value[y0:y1]
-        granted = grants.of(d, 1, r) + more
+        granted = grants.of(d, 1, r, allowed) + more
         if silent.any():
             still = np.where(silent, error, np.float32(0))
             quiet = quiet.plus(still, int(np.count_nonzero(silent)), allowed, granted - allowed, y0)
@@ -248,27 +253,24 @@ def _sums(
     unit: np.float32,
 ) -> Sums:  # fmt: skip
     """KEYS of the rows from y0 on, over blocks: pixels, errors, radiance, variances, variances² / ν, rounding."""
-    vv = np.zeros_like(d)
-    found: Sums = {}
+    found: Sums = {"d": block_sums(d, rows), "r": block_sums(r, rows), "n": block_counts(d, rows)}
+    none = np.zeros_like(found["d"])
+    found["vv"], some_silent = none, bool(silent.any())
     for key, (image, side, nu) in (("va", a), ("vb", b)):
         if side is None or image.variance is None:
-            found[key] = np.zeros((len(d) // rows, -(-d.shape[1] // SIDE), 3))
+            found[key] = none
             continue
-        v = np.where(silent, np.float32(0), image.variance[y0 : y0 + len(d)])
+        v = image.variance[y0 : y0 + len(d)]
+        if some_silent:
+            v = np.where(silent, np.float32(0), v)
         found[key] = block_sums(v, rows)
         unusual = spread(side.unusual[y0 // SIDE : y0 // SIDE + len(d) // rows], d.shape[1])
-        unsure = doubt(unblock(v, rows), unblock(image.mean[y0 : y0 + len(d)], rows), unusual, nu).reshape(d.shape)
-        v /= unit
-        v *= v
-        v *= unsure
-        vv += v
-    found["vv"] = block_sums(vv, rows) * float(unit) ** 2
-    found["d"] = block_sums(d, rows)
-    found["r"] = block_sums(r, rows)
-    found["n"] = block_counts(d, rows)
-    found["round"] = (
-        np.zeros_like(found["d"]) if rounding is None else block_sums(rounding.mean[y0 : y0 + len(d)], rows)
-    )
+        vv = doubt(unblock(v, rows), unblock(image.mean[y0 : y0 + len(d)], rows), unusual, nu).reshape(d.shape)
+        v = v / unit
+        vv *= v
+        vv *= v
+        found["vv"] = found["vv"] + block_sums(vv, rows) * float(unit) ** 2
+    found["round"] = none if rounding is None else block_sums(rounding.mean[y0 : y0 + len(d)], rows)
     return found
 
 

@@ -59,7 +59,7 @@ class Quiet(NamedTuple):
 def count_quiet(test: np.ndarray, reference: np.ndarray, bound: Bound, granted: np.ndarray | None = None) -> Quiet:
     """Every value of two noise-free images of one shape; `granted` (H, W, 3) is forgiven beyond the bound."""
     quiet = Quiet()
-    for y0, y1, _ in strips(len(test)):
+    for y0, y1, _ in strips(test.shape):
         d = np.subtract(test[y0:y1], reference[y0:y1])
         np.abs(d, out=d)
         more = 0.0 if granted is None else granted[y0:y1]

@@ -41,7 +41,7 @@ def limit_findings(test: Image, reference: Image, limits: Limits) -> tuple[list[
     erring = beyond = 0
     worst, x, y, channel = 0.0, 0, 0, 0
     with np.errstate(invalid="ignore", over="ignore"):
-        for y0, y1, _ in strips(test.shape[0]):
+        for y0, y1, _ in strips(test.shape):
             t, r = (np.asarray(i.mean[y0:y1], np.float32) for i in (test, reference))
             error = np.abs(t - r)
             wrong = error > np.float32(limits.error)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.compare.blocks import SIDE, block_sums, dilate, strips, unblock
+from raytwin.compare.blocks import SIDE, block_counts, block_sums, dilate, strips, unblock
 from raytwin.image import Image
 
 FIREFLY = 25.0
@@ -19,6 +19,10 @@ SURE = 20.0
 
 CAP = 4.0
 """A block's claimed variance may be this many times what the scatter of t - r within it shows."""
+
+
+TINY = np.float32(1e-38)
+"""Nearly the least that float32 holds with all its digits."""
 
 
 def degrees_of_freedom(image: Image) -> float:
@@ -64,7 +68,7 @@ def survey(image: Image, other: np.ndarray) -> Side | None:
     if v is None:
         return None
     blocks, unusual, sums, places = [], [], np.zeros((4, 3)), [np.zeros((3, 0), np.intp)]
-    for y0, y1, rows in strips(len(v)):
+    for y0, y1, rows in strips(v.shape):
         strip = v[y0:y1]
         count = block_counts(strip, rows)
         blocks.append((block_sums(strip, rows) / count).astype(np.float32))
@@ -93,11 +97,6 @@ def survey(image: Image, other: np.ndarray) -> Side | None:
     )
 
 
-def block_counts(strip: np.ndarray, rows: int) -> np.ndarray:
-    """(h / rows, ceil(w / 8), 1): the pixels of each block."""
-    return block_sums(np.ones((*strip.shape[:2], 1), np.float32), rows)
-
-
 def spread(blocks: np.ndarray, width: int) -> np.ndarray:
     """A number per block (by, bx, c) for each of its pixels, to be broadcast over rows: (by, 1, width, c)."""
     return np.asarray(np.repeat(blocks, SIDE, axis=1)[:, None, :width])
@@ -124,9 +123,13 @@ def doubt(variance: np.ndarray, mean: np.ndarray, unusual: np.ndarray, dof: floa
     Gaussian's are more, and end at the batches'); a value that is unusual in its block tells it with one.
     """
     known = np.float32(1 / dof if dof > 0 else 1)
-    below = np.square(mean, dtype=np.float32)
-    out = np.divide(4 * variance, below, out=np.ones_like(variance), where=below > 0)
-    np.clip(out, known, 1, out=out)
+    out = np.square(mean, dtype=np.float32)
+    np.maximum(out, TINY, out=out)  # of black, all is doubtful
+    with np.errstate(over="ignore"):
+        np.divide(variance, out, out=out)
+        out *= 4
+    np.maximum(out, known, out=out)
+    np.minimum(out, 1, out=out)
     np.copyto(out, 1, where=variance > unusual)
     return np.asarray(out)
 
@@ -159,7 +162,7 @@ class Residual(NamedTuple):
 def residual(test: np.ndarray, reference: np.ndarray, carrying: bool = False) -> Residual:
     """Of two means (H, W, 3); what carries it only where asked for, else 0."""
     squares, fourths, counts = [], [], []
-    for y0, y1, rows in strips(len(test)):
+    for y0, y1, rows in strips(test.shape):
         d = demeaned(np.subtract(test[y0:y1], reference[y0:y1], dtype=np.float32), rows)
         d *= d
         squares.append(block_sums(d, rows))
@@ -174,7 +177,7 @@ def residual(test: np.ndarray, reference: np.ndarray, carrying: bool = False) ->
 
 def block_means(x: np.ndarray) -> np.ndarray:
     """(H, W, 3) to (by, bx, 3): the means of its 8 x 8 blocks."""
-    return np.concatenate([block_sums(x[a:b], rows) / block_counts(x[a:b], rows) for a, b, rows in strips(len(x))])
+    return np.concatenate([block_sums(x[a:b], rows) / block_counts(x[a:b], rows) for a, b, rows in strips(x.shape)])
 
 
 def demeaned(d: np.ndarray, rows: int) -> np.ndarray:
@@ -188,7 +191,7 @@ def demeaned(d: np.ndarray, rows: int) -> np.ndarray:
 def estimated(test: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """A variance of t - r where neither image tells one: the square of its deviation from its block's mean."""
     out = np.subtract(test, reference, dtype=np.float32)
-    for y0, y1, rows in strips(len(out)):
+    for y0, y1, rows in strips(out.shape):
         d = demeaned(out[y0:y1], rows)
         d *= d
         n = block_counts(d, rows)
@@ -213,7 +216,7 @@ def capped(variance: np.ndarray, claimed: np.ndarray, shown: Residual) -> tuple[
         return variance, much
     factor = np.divide(most, claimed, out=np.ones_like(most), where=over).astype(np.float32)
     out = variance.copy()
-    for y0, y1, rows in strips(len(out)):
+    for y0, y1, rows in strips(out.shape):
         in_blocks = unblock(out[y0:y1], rows)
         in_blocks *= spread(factor[y0 // SIDE : y0 // SIDE + (y1 - y0) // rows], out.shape[1])
     return out, much
@@ -223,7 +226,7 @@ LAGS, FAR = 5, (7, 8, 9)
 """Neighbours at 1 to LAGS pixels may share noise; at FAR pixels they share nothing that is not in all."""
 
 
-def inflation(test: np.ndarray, reference: np.ndarray, blocks: np.ndarray, most_pixels: int = 1_000_000) -> float:
+def inflation(test: np.ndarray, reference: np.ndarray, blocks: np.ndarray, most_pixels: int = 500_000) -> float:
     """By how much the variance of a mean over many pixels exceeds that of independent ones: 1 + Σ ρ(lag), >= 1.
 
     A reconstruction filter wider than the pixel gives neighbours the same samples. Its correlation ρ is read off the
@@ -234,21 +237,22 @@ def inflation(test: np.ndarray, reference: np.ndarray, blocks: np.ndarray, most_
     height, width = test.shape[:2]
     rows = min(height, max(SIDE, most_pixels // width // SIDE * SIDE))
     y0 = (height - rows) // 2 // SIDE * SIDE
-    d = np.subtract(test[y0 : y0 + rows], reference[y0 : y0 + rows], dtype=np.float32)
-    v = np.repeat(np.repeat(blocks[y0 // SIDE :], SIDE, axis=0)[:rows], SIDE, axis=1)[:, :width]
-    e = np.divide(d, np.sqrt(v), out=np.zeros_like(d), where=v > 0)
+    e = np.subtract(test[y0 : y0 + rows], reference[y0 : y0 + rows], dtype=np.float32)
+    sd = np.sqrt(blocks[y0 // SIDE : -(-(y0 + rows) // SIDE)])
+    sure = np.divide(np.float32(1), sd, out=np.zeros_like(sd), where=sd > 0)
+    e *= np.repeat(np.repeat(sure, SIDE, axis=0)[:rows], SIDE, axis=1)[:, :width]
     np.clip(e, -3, 3, out=e)
     values = max(int(np.count_nonzero(e)), 1) / 3  # channels share their samples
-    return _along(e, values) * _along(e.swapaxes(0, 1), values)
+    return _along(e, 0, values) * _along(e, 1, values)
 
 
-def _along(e: np.ndarray, values: float) -> float:
-    """1 + 2 Σ ρ(h) along the first axis, up to the first lag that is no more than chance."""
-    if len(e) < 2 * FAR[-1]:
+def _along(e: np.ndarray, axis: int, values: float) -> float:
+    """1 + 2 Σ ρ(h) along the axis, up to the first lag that is no more than chance."""
+    if e.shape[axis] < 2 * FAR[-1]:
         return 1.0
 
     def gamma(h: int) -> float:
-        step = e[h:] - e[:-h]
+        step = e[h:] - e[:-h] if axis == 0 else e[:, h:] - e[:, :-h]
         return float(np.vdot(step, step)) / float(step.size)
 
     far = sum(gamma(h) for h in FAR) / len(FAR)
@@ -350,10 +354,14 @@ def variance_ratio(
     return typical_, largest_
 
 
-def mutual(va: np.ndarray, vb: np.ndarray, ratio: float | None) -> np.ndarray:
-    """The variance of t - r: each image's own, or what the other's says of it, whichever is larger."""
+def mutual(va: np.ndarray, vb: np.ndarray, ratio: float | None, total: np.ndarray | None = None) -> np.ndarray:
+    """The variance of t - r: each image's own, or what the other's says of it, whichever is larger.
+
+    `total`: their sum, where it is known already. max(va, ρ vb) + max(vb, va / ρ) = (1 + 1/ρ) max(va, ρ vb).
+    """
     if ratio is None:
-        return np.asarray(va + vb)
-    ratio = va.dtype.type(ratio)
-    va = np.maximum(va, ratio * vb)
-    return np.asarray(va + np.maximum(vb, va / ratio))
+        return np.asarray(va + vb if total is None else total)
+    out = vb * va.dtype.type(ratio)
+    out = np.maximum(va, out)
+    out *= va.dtype.type(1 + 1 / ratio)
+    return np.asarray(out)
