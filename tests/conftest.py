@@ -4,7 +4,7 @@ from pathlib import Path
 
 import hypothesis
 import pytest
-import shape_checks  # noqa: F401  before anything of raytwin is imported
+import shape_checks  # before anything of raytwin is imported
 from slow import is_slow
 
 pytest_plugins = ["engines"]
@@ -20,6 +20,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if is_slow(item.nodeid):
             item.add_marker(pytest.mark.slow)
+
+
+def pytest_runtest_setup() -> None:
+    shape_checks.next_test()
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -1,0 +1,40 @@
+"""Annotated shapes are checked in the tests, and cost a user nothing."""
+
+import subprocess
+import sys
+
+import jaxtyping
+import numpy as np
+import pytest
+import shape_checks
+
+from raytwin import files
+from raytwin.speed import draw
+
+
+@pytest.fixture
+def scene(scenes):
+    scene = files.read_scene(scenes / "single").scene
+    return scene.with_camera(scene.camera.resized(8, 6))
+
+
+@pytest.mark.parametrize("wrong", [np.zeros((6, 8, 4), np.float32), np.zeros((6, 8, 3)), np.zeros(6, np.float32)])
+def test_an_array_of_another_shape_or_kind_is_caught_by_its_annotation(scene, wrong):
+    with pytest.raises(jaxtyping.TypeCheckError):
+        draw(scene, wrong, "lambert", "numpy64")
+
+
+def test_each_test_checks_the_first_calls_of_every_function(scene):
+    right, wrong = np.zeros((6, 8, 3), np.float32), np.zeros((6, 8, 3))
+    for _ in range(shape_checks.CALLS):
+        draw(scene, right, "lambert", "numpy64")
+    draw(scene, wrong, "lambert", "numpy64")
+    shape_checks.next_test()
+    with pytest.raises(jaxtyping.TypeCheckError):
+        draw(scene, wrong, "lambert", "numpy64")
+
+
+def test_in_use_nothing_of_it_is_imported():
+    code = "import sys, raytwin.speed; print({'jaxtyping', 'beartype'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
