@@ -105,3 +105,42 @@ def test_frames_of_every_size_are_filled_to_their_last_row_and_column(scenes, wa
     for n in (2, 4, 8):
         guess, _ = speculate(scene, n, "lambert", engine="numpy64", way=way)
         np.testing.assert_allclose(guess, truth.mean, atol=1e-6)
+
+
+@pytest.mark.parametrize("radius_px", [0.5, 1, 2, 4, 8])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_shadow_smaller_than_a_block_is_never_guessed_away(radius_px, seed):
+    """Of a sphere outside the frame on the plane that fills it: no lattice point need see either."""
+    scene = sphere_scene(size=(160, 120), to_light=(0.4, 0.3, 1.0))
+    x, y = np.random.default_rng(seed).uniform(-0.1, 0.1, 2)
+    above = np.array((x, y, 0.0)) + 2.0 * np.array(scene.sun.to_light)
+    ball, floor = Sphere(tuple(above.tolist()), radius_px * 0.5 / 200), Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0))
+    scene = msgspec.structs.replace(scene, objects=(floor, ball))
+    guess, share = speculate(scene, 8, "shadow", engine="numpy64", tolerance=TOLERANCE)
+    truth = trace(scene, "shadow").mean
+    assert (truth.max() - truth.min() > 0.1) or radius_px < 1
+    assert np.abs(guess - truth).max() <= TOLERANCE
+    assert share < 0.2
+
+
+@pytest.mark.parametrize("gap", [0.5, 2.0, 6.0])
+def test_light_between_two_shadows_is_never_guessed_away(gap):
+    """Two sheets cast two shadows with a gap of some pixels between them, less than a block."""
+    scene = sphere_scene(size=(160, 120), to_light=(0.0, 0.0, 1.0))
+    pixel = 0.5 / 200
+    floor = Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0))
+    left, right = (Rectangle((s * (0.3 + gap * pixel / 2) + 0.001, 0, 5), (0.3, 0, 0), (0, 1, 0)) for s in (-1, 1))
+    scene = msgspec.structs.replace(scene, objects=(floor, left, right))
+    guess, _ = speculate(scene, 8, "shadow", engine="numpy64", tolerance=TOLERANCE)
+    assert np.abs(guess - trace(scene, "shadow").mean).max() <= TOLERANCE
+
+
+@pytest.mark.parametrize("width_px", [0.5, 2.0, 6.0])
+def test_a_rod_thinner_than_a_block_and_its_shadow_are_never_guessed_away(width_px):
+    scene = sphere_scene(size=(160, 120), to_light=(0.4, 0.3, 1.0))
+    along, across = np.array((0.8, 0.6, 0.0)), np.array((-0.6, 0.8, 0.0))
+    rod = Rectangle((0.01, 0.02, 0.1), tuple(0.05 * along), tuple(width_px * 0.5 / 400 * across))
+    scene = msgspec.structs.replace(scene, objects=(Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), rod))
+    guess, share = speculate(scene, 8, "shadow", engine="numpy64", tolerance=TOLERANCE)
+    assert np.abs(guess - trace(scene, "shadow").mean).max() <= TOLERANCE
+    assert share < 0.9

@@ -1,43 +1,53 @@
 """The tracer at any points of the image plane: what speculation and drawing into photos ask for."""
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene
+from raytwin.scene import Scene, Shape
 from raytwin.shapes import Bool, Float32, Int32
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
 from raytwin.speed.frame import TILE_DRJIT, EyeScene
 from raytwin.speed.lists import Listed, walk
 from raytwin.speed.plan import plan, shading
-from raytwin.tracer.arrays import dot
+from raytwin.tracer.arrays import INFINITY, Vec, dot, integers, select
 from raytwin.tracer.camera import to_board
 from raytwin.tracer.frame import EYE
-from raytwin.tracer.hit import World
-from raytwin.tracer.light import RADIANCE, sun_visible
+from raytwin.tracer.hit import Hit, World, intersect
+from raytwin.tracer.light import RADIANCE
 
 CHUNK = 1 << 14
 
 
+LIT, AWAY = -1, -2
+"""What hides the sun, where nothing does, and where the surface is turned away from it, or there is none."""
+
+
 class Points(NamedTuple):
-    """Per ray (m,): `colour` (m, 3), `ids`, `lit`: the sun reaches it, `point` (m, 3): from the eye, board's axes."""
+    """Per ray (m,): `colour` (m, 3), `ids`, `blocker`: id of an object that hides the sun there, LIT or AWAY; `point`
+    (m, 3): from the eye, board's axes."""
 
     colour: Float32[np.ndarray, "m 3"]
     ids: Int32[np.ndarray, " m"]
-    lit: Bool[np.ndarray, " m"]
+    blocker: Int32[np.ndarray, " m"]
     point: Float32[np.ndarray, "m 3"] | None
+
+    @property
+    def lit(self) -> Bool[np.ndarray, " m"]:
+        """(m,): the sun reaches it."""
+        return np.asarray(self.blocker == LIT)
 
 
 def trace_points(
     scene: Scene, u: np.ndarray, v: np.ndarray, rung: str, engine: str, light: bool = True, point: bool = False
 ) -> Points:
-    """What the rays through pixels (u, v) (m,) see; `lit` is found where `light` asks for it, and `point` likewise."""
+    """What the rays through pixels (u, v) (m,) see; `blocker` is found where `light` asks for it, `point` likewise."""
     view, m = EyeScene(scene, ENGINES[engine]), len(u)
-    colour, ids, lit = np.empty((m, 3), np.float32), np.empty(m, np.int32), np.zeros(m, bool)
+    colour, ids, blocker = np.empty((m, 3), np.float32), np.empty(m, np.int32), np.full(m, AWAY, np.int32)
     place = np.empty((m, 3), np.float32) if point else None
     shaded = RUNGS[rung].shadows
     for part, world in _parts(view, u, v, shaded):
@@ -46,8 +56,8 @@ def trace_points(
             layers = [(colour[part], RADIANCE[rung](hit, view.light, world, view.camera)), (ids[part], (hit.ids,))]
             if light:
                 facing = (hit.ids >= 0) & (dot(hit.normal, view.light.to_sun) > 0)
-                lit_here = facing & (sun_visible(hit, view.light, world) > 0) if shaded else facing
-                layers.append((lit[part], (lit_here,)))
+                hides = _blocker(hit, view.light.to_sun, world) if shaded else integers(hit.t, LIT)
+                layers.append((blocker[part], (select(facing, hides, AWAY),)))
             if place is not None:
                 layers.append((place[part], to_board(hit.point, view.camera)))
         evaluate(view.engine, [values for _, values in layers])
@@ -55,7 +65,17 @@ def trace_points(
             columns = out.reshape(len(out), -1)
             for c, value in enumerate(values):
                 columns[:, c] = to_numpy(value, (len(out),))
-    return Points(colour, ids, lit, place)
+    return Points(colour, ids, blocker, place)
+
+
+def _blocker(hit: Hit, to_sun: Vec, world: World) -> Any:
+    """The id of the last object in the world's order that hides the sun, as `World.blocked` has it; LIT: none does."""
+
+    def block(state: Any, index: Any, thing: Shape) -> Any:
+        t = intersect(hit.point, to_sun, thing, world.stages)
+        return (select((hit.ids != index) & (t < INFINITY), index, state[0]),)
+
+    return world.casters.fold((select(hit.inside, hit.ids, LIT),), block)[0]
 
 
 def _parts(view: EyeScene, u: np.ndarray, v: np.ndarray, shadows: bool) -> Iterator[tuple[slice, World]]:

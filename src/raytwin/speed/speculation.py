@@ -1,8 +1,9 @@
 """High-resolution speculation: trace a coarse lattice, guess the pixels between by interpolation.
 
 `paper` guesses everywhere, edges too. `careful` guesses only where nothing but smooth shading lies between four lattice
-points: a block of n x n pixels is traced whole where its corners see different objects or lit and unlit sides, where a
-small object or a neighbour's edge may cross it, or where the second differences say that interpolation errs too much.
+points: a block of n x n pixels is traced whole where its corners see different objects, or light that other objects
+hide, where a neighbour's edge, a slender object or its shadow may cross it, or where the second differences say that
+interpolation errs too much.
 
 The bound. Bilinear interpolation over a step h errs by at most (|f_uu| + |f_vv|) h²/8. On a sphere whose image has
 the radius R pixels, seen nearly head on, L = a + b n·l with n = (x, y, √(1 - x² - y²)), x and y in radii; only n_z
@@ -12,14 +13,17 @@ takes twice their value, for the growth of the curvature between two lattice poi
 closed form.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from raytwin.errors import check_one_of
 from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene
+from raytwin.scene import Scene, Shape, Sphere, seen_from_eye
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.frame import background, draw
+from raytwin.speed.plan import shading
 from raytwin.speed.points import trace_points
 
 WAYS = ("careful", "paper")
@@ -53,10 +57,10 @@ def speculate(
     across, down = np.meshgrid(np.arange(columns) * n, np.arange(rows) * n)
     lattice = trace_points(scene, across.ravel(), down.ravel(), rung, engine)
     colour = lattice.colour.reshape(rows, columns, 3)
-    ids, lit = lattice.ids.reshape(rows, columns), lattice.lit.reshape(rows, columns)
+    ids, blocker = lattice.ids.reshape(rows, columns), lattice.blocker.reshape(rows, columns)
     whole = np.zeros((rows - 1, columns - 1), bool)
     if way == "careful":
-        whole = doubtful(scene, colour, ids, lit, n, tolerance)
+        whole = doubtful(scene, colour, ids, blocker, n, tolerance, RUNGS[rung].shadows)
     guessed = ~whole & (_blocks(ids != BACKGROUND).any(axis=0) if way == "paper" else ids[:-1, :-1] != BACKGROUND)
     colour[ids == BACKGROUND] = scene.sky.radiance if RUNGS[rung].background else 0.0
     _interpolate(out, colour, guessed, n)
@@ -73,11 +77,18 @@ def speculate(
 
 
 def doubtful(
-    scene: Scene, colour: np.ndarray, ids: np.ndarray, lit: np.ndarray, n: int, tolerance: float
+    scene: Scene,
+    colour: np.ndarray,
+    ids: np.ndarray,
+    blocker: np.ndarray,
+    n: int,
+    tolerance: float,
+    shadows: bool = True,
 ) -> np.ndarray:
     """(rows - 1, columns - 1) bool: the blocks between lattice points that must be traced pixel by pixel."""
-    state = _blocks(2 * ids + lit)
-    edge = (state != state[0]).any(axis=0)
+    # Which object hides the sun counts too: between the shadows of two, light may come through.
+    seen = _blocks(ids)
+    edge = np.asarray(sum((a != a[0]).any(axis=0) for a in (seen, _blocks(blocker))) > 0)
     # An edge may bulge into the next block between two of its corners: take the neighbours too.
     padded = np.pad(edge, 1)
     grown = sum(
@@ -88,13 +99,87 @@ def doubtful(
     bend = np.zeros(ids.shape, np.float32)
     bend[:, 1:-1] += np.abs(np.diff(colour, 2, axis=1)).max(axis=-1)
     bend[1:-1] += np.abs(np.diff(colour, 2, axis=0)).max(axis=-1)
-    curved = (_blocks(bend).max(axis=0) * 2 / 8 > tolerance) & (state[0] >= 0)
+    curved = (_blocks(bend).max(axis=0) * 2 / 8 > tolerance) & (seen[0] >= 0)
     whole = np.asarray((grown > 0) | curved)
-    # An object smaller than two blocks may hide between lattice points.
-    for x0, y0, x1, y1 in trim_boxes(scene.spheres, scene.camera).tolist():
-        if 0 < min(x1 - x0, y1 - y0) <= 2 * n:
-            whole[y0 // n : -(-y1 // n), x0 // n : -(-x1 // n)] = True
+    for x0, y0, x1, y1 in slender(scene, n, shadows).tolist():
+        whole[y0 // n : -(-y1 // n), x0 // n : -(-x1 // n)] = True
     return whole
+
+
+def slender(scene: Scene, n: int, shadows: bool = True) -> np.ndarray:
+    """(k, 4): boxes of pixels round what may hide between lattice points, being less than two blocks wide somewhere:
+    an object, or the shadow of one on another."""
+    local = seen_from_eye(scene)
+    if not (things := local.objects):
+        return np.zeros((0, 4), int)
+    center = np.array([thing.center for thing in things])
+    own = _half_axes(things, center)
+    boxes = [trim_boxes(things, local.camera)[_width(center, own, local) <= 2 * n]]
+    if shadows and (pairs := shading(local)) is None:  # too many to look at
+        return np.array([[0, 0, *local.camera.image_size]])
+    if shadows and pairs is not None:
+        light, (first, caster) = np.array(local.sun.to_light), pairs
+        shaded = np.repeat(np.arange(len(things)), np.diff(first))
+        onto, n_onto, falls = _fallen(things, center, shaded, center[caster], light)
+        # Slid along the light into the plane that touches where the shadow's middle falls.
+        axes = _half_axes(things, np.broadcast_to(light, center.shape))[caster]
+        steep = np.maximum(n_onto @ light, 1e-3)[:, None, None]
+        axes = axes - light * (axes @ n_onto[:, :, None]) / steep
+        size = np.array([thing.radius if isinstance(thing, Sphere) else np.inf for thing in things])[shaded]
+        radius = np.minimum(np.sqrt((axes**2).sum(axis=(1, 2))), 2 * size)
+        thin = falls & (_width(onto, axes, local) <= 2 * n)
+        patches = [
+            Sphere((x, y, z), r) for (x, y, z), r in zip(onto[thin].tolist(), radius[thin].tolist(), strict=True)
+        ]
+        boxes.append(trim_boxes(patches, local.camera))
+    return np.concatenate(boxes)
+
+
+def _half_axes(things: Sequence[Shape], along: np.ndarray) -> np.ndarray:
+    """(n, 2, 3): a rectangle's half-edges; a sphere's radius, twice, perpendicular to `along` (n, 3)."""
+    along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+    side = np.cross(along, np.eye(3)[np.abs(along).argmin(axis=1)])
+    side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-300)
+    round_ = np.stack([side, np.cross(along, side)], axis=1)
+    return np.array(
+        [thing.radius * axes if isinstance(thing, Sphere) else (thing.half_u, thing.half_v)
+         for thing, axes in zip(things, round_, strict=True)]
+    )  # fmt: skip
+
+
+def _fallen(
+    things: Sequence[Shape], center: np.ndarray, shaded: np.ndarray, start: np.ndarray, light: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where the way from `start` against the light meets the objects `shaded`, and the normal there, (k, 3) each; (k,):
+    it does. One that passes a sphere shades it beside the terminator at most, which is an edge anyway."""
+    off = start - center[shaded]
+    radius = np.array([thing.radius if isinstance(thing, Sphere) else 0.0 for thing in things])[shaded, None]
+    across = off - (off @ light)[:, None] * light
+    far = np.linalg.norm(across, axis=1, keepdims=True)
+    n = across + np.sqrt(np.maximum(radius**2 - (across**2).sum(axis=1, keepdims=True), 0)) * light
+    flat = np.array([light if isinstance(thing, Sphere) else thing.normal for thing in things])[shaded]
+    flat = flat * np.where(flat @ light < 0, -1, 1)[:, None]
+    slope = (flat @ light)[:, None]
+    on_plane = off - light * (off * flat).sum(axis=1, keepdims=True) / np.maximum(slope, 1e-9)
+    is_round = radius > 0
+    normal = np.where(is_round, n / np.maximum(radius, 1e-300), flat)
+    return center[shaded] + np.where(is_round, n, on_plane), normal, ((far < radius) | ~is_round)[:, 0]
+
+
+def _width(place: np.ndarray, axes: np.ndarray, local: Scene) -> np.ndarray:
+    """(k,): about how many pixels wide the ellipse round `place` (k, 3) with half-axes (k, 2, 3) looks where it is
+    narrowest: at its middle, or at the ends of its axes. Infinite where all of that lies behind the eye."""
+    camera, widths = local.camera, []
+    for at in (place, *(place + s * axes[:, i] for i in (0, 1) for s in (-1, 1))):
+        x, y, far = at.T
+        z = np.where(far > 0, far, 1)
+        # (u, v) = (fx X / Z, fy Y / Z) and their change along the axes. A lens is smooth: half as narrow, at most.
+        u, v = (f * (axes[..., i] - axes[..., 2] * (a / z)[:, None]) / z[:, None]
+                for i, f, a in ((0, camera.fx, x), (1, camera.fy, y)))  # fmt: skip
+        trace_, det = (u * u + v * v).sum(axis=1), u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+        least = (trace_ - np.sqrt(np.maximum(trace_**2 - 4 * det**2, 0))) / 2
+        widths.append(np.where(far > 0, 2 * np.sqrt(np.maximum(least, 0)), np.inf))
+    return np.asarray(np.min(widths, axis=0) / (2 if any(camera.dist) else 1))
 
 
 def _blocks(a: np.ndarray) -> np.ndarray:
