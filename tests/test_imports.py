@@ -18,7 +18,6 @@ HEAVY = (
     "drjit",
     "cv2",
     "pupil_apriltags",
-    "bokeh",
     "PIL",
     "OpenEXR",
     "jinja2",

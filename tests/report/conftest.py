@@ -114,14 +114,12 @@ QUIET = (
 
 PROBE = """<script>(async () => {
   const until = async (test) => { while (!test()) await new Promise((done) => setTimeout(done, 20)); };
-  await until(() => document.body.dataset.ready);
-  const pause = () => until(() => Bokeh.documents[0].is_idle);
-  const texts = (id) => [...document.querySelectorAll(`#row-${id} td`)].map((cell) => cell.textContent);
-  const canvas = (key) => {
-    const find = (node) => node.querySelector?.("canvas")
-      ?? [...node.querySelectorAll("*")].map((n) => n.shadowRoot && find(n.shadowRoot)).find(Boolean);
-    return find(document.getElementById(`view-${key}`));
-  };
+  const root = document.getElementById("viewer");
+  await until(() => document.body.dataset.ready || root?.dataset.ready);
+  const viewer = root?.viewer, pause = () => new Promise((done) => setTimeout(done, 50)), drawn = () => viewer.drawn();
+  const texts = (id) => [...root.querySelectorAll(`.rt-${id} td`)].map((cell) => cell.textContent);
+  const canvas = (key) => viewer.panes.get(key).canvas;
+  const status = () => root.querySelector(".rt-status").textContent;
   // Read from a copy that is made for reading: the browser remarks on a page's own canvas that is read again and again.
   const pixels = (key, x = 0, y = 0, width = canvas(key).width, height = canvas(key).height) => {
     const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
@@ -129,10 +127,10 @@ PROBE = """<script>(async () => {
     return copy.getImageData(0, 0, width, height).data;
   };
   const result = {};
-  try { %s } catch (error) { result.failure = String(error); }
+  try { %s } catch (error) { result.failure = `${error} ${error.stack}`; }
   const out = document.createElement("script");
   out.type = "application/json"; out.id = "probed";
-  out.textContent = JSON.stringify(result).replaceAll("<", "\\\\u003c");
+  out.textContent = JSON.stringify(result).replaceAll("<", "\\u003c");
   document.body.append(out);
 })();</script>"""
 
@@ -141,8 +139,8 @@ PROBE = """<script>(async () => {
 def browse(tmp_path_factory) -> Callable[..., tuple[dict, list[str]]]:
     """`browse(page, address="", script="")`: what the script put into `result`, and the errors on the console.
 
-    The script runs in the ready page and knows `pause()`, `texts(row)`, `canvas(key)` and
-    `pixels(key, x, y, width, height)`. Nothing outside is reachable.
+    The script runs in the ready page and knows `viewer`, `drawn()`, `pause()`, `texts(row)`, `status()`, `canvas(key)`,
+    `pixels(key, x, y, width, height)`. Files beside the page are there; nothing outside is reachable.
     """
     program = next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:
@@ -153,11 +151,13 @@ def browse(tmp_path_factory) -> Callable[..., tuple[dict, list[str]]]:
         copy = folder / "page.html"
         text = page.read_text(encoding="utf-8")
         copy.write_text(text.replace("</body>", PROBE % script + "</body>"), encoding="utf-8")
+        for beside in page.parent.glob("*.js"):
+            shutil.copy(beside, folder)
         command = [program, *QUIET, f"--user-data-dir={folder / 'user'}", "--dump-dom", copy.as_uri() + address]
         done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
         found = re.search(r'<script type="application/json" id="probed">(.*?)</script>', done.stdout, re.DOTALL)
         assert found, f"the page did not become ready\n{done.stderr[-2000:]}"
-        console = [line for line in done.stderr.splitlines() if "CONSOLE" in line and "[bokeh" not in line]
+        console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
         result = json.loads(found[1])
         assert "failure" not in result, result["failure"]
         return result, console

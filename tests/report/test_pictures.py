@@ -65,16 +65,17 @@ def test_the_palette_is_blue_then_white_then_red():
     assert colours.shape == (256, 3)
 
 
-def test_silhouettes_tell_who_sees_what():
+def test_mismatches_are_listed_from_the_top():
     test, twin = surface([[-1, 0, -1, 1, 2]]), surface([[-1, -1, 0, 2, 2]])
-    indices = pictures.silhouette_indices(test, twin)[0].tolist()
-    assert indices == [0, 9, 10, 11, 3]
     assert pictures.mismatches(test, twin) == [(1, 0), (2, 0), (3, 0)]
 
 
-def test_the_outline_runs_along_the_last_pixel_before_another_object():
-    one = surface([[-1, -1, -1], [-1, 0, 0], [-1, 0, 0]])
-    assert pictures.silhouette_indices(one, one).tolist() == [[0, 12, 12], [12, 1, 1], [12, 1, 1]]
+def test_what_changed_is_found_on_the_jpegs_grid():
+    before = np.zeros((50, 70, 3), np.uint8)
+    after = before.copy()
+    assert pictures.changed(before, after) == (0, 0, 16, 16)
+    after[20, 35] = after[33, 69] = 1
+    assert pictures.changed(before, after) == (32, 16, 38, 32)
 
 
 def test_worst_pixels_come_worst_first_and_one_from_a_tile():

@@ -62,7 +62,7 @@ def doctor() -> None:
 
 
 EXTRAS = {
-    "mitsuba": "twin", "drjit": "twin", "cv2": "photos", "pupil_apriltags": "photos", "bokeh": "charts",
+    "mitsuba": "twin", "drjit": "twin", "cv2": "photos", "pupil_apriltags": "photos",
     "reportlab": "charts",
 }  # fmt: skip
 """What the light install leaves out, by the extra that brings it."""

@@ -7,7 +7,7 @@ colours; a `Report` is a Comparison with its scene and its costs.
 from raytwin.compare.comparison import Comparison, Geometry, Perceptual, Radiance, Statistics, Verdict
 from raytwin.compare.heatmap import KINDS, error_map, error_scale
 from raytwin.compare.limits import Limits, limit_findings
-from raytwin.compare.metrics import METRICS, Metric, measure
+from raytwin.compare.metrics import METRICS, Metric, flip_map, measure
 from raytwin.compare.report import Part, Report
 from raytwin.compare.scale import scaled
 from raytwin.compare.verdict import compare
@@ -28,6 +28,7 @@ __all__ = [
     "compare",
     "error_map",
     "error_scale",
+    "flip_map",
     "limit_findings",
     "measure",
     "scaled",

@@ -81,11 +81,18 @@ def mean_ratio(test: np.ndarray, reference: np.ndarray) -> float:
 
 
 def flip_hdr(test: np.ndarray, reference: np.ndarray) -> float:
-    return _flip(np.maximum(test, 0), np.maximum(reference, 0), "HDR", FLIP_EXPOSURES)
+    return _flip(np.maximum(test, 0), np.maximum(reference, 0), "HDR", FLIP_EXPOSURES)[1]
+
+
+def flip_map(test: np.ndarray, reference: np.ndarray) -> np.ndarray | None:
+    """(H, W) float32, HDR-FLIP of each pixel, 0 to 1; None where it is not installed or the images do not suit."""
+    if not flip_is_installed() or test.shape != reference.shape or not all_finite(test, reference):
+        return None
+    return _flip(np.maximum(test, 0), np.maximum(reference, 0), "HDR", FLIP_EXPOSURES)[0][..., 0]
 
 
 def flip_ldr(test: np.ndarray, reference: np.ndarray) -> float:
-    return _flip(np.clip(test, 0, 1), np.clip(reference, 0, 1), "LDR", {})
+    return _flip(np.clip(test, 0, 1), np.clip(reference, 0, 1), "LDR", {})[1]
 
 
 def flip_is_installed() -> bool:
@@ -93,19 +100,21 @@ def flip_is_installed() -> bool:
     return find_spec("flip_evaluator") is not None
 
 
-def _flip(test: np.ndarray, reference: np.ndarray, kind: str, settings: dict[str, Any]) -> float:
+def _flip(test: np.ndarray, reference: np.ndarray, kind: str, settings: dict[str, Any]) -> tuple[np.ndarray, float]:
+    """The map (H, W, 1 or 3) and its mean."""
     # NVIDIA's package prints and exits where an argument displeases it, and gives NaN pixels a finite error.
     if test.ndim != 3 or test.shape[-1] != 3 or test.shape != reference.shape:
         raise InputError("FLIP", "two images of one shape (H, W, 3)", f"{test.shape} and {reference.shape}")
     if not (np.isfinite(test).all() and np.isfinite(reference).all()):
         raise InputError("FLIP", "finite radiance", "NaN or infinity")
     if not flip_is_installed():
-        return float("nan")
+        return np.full((*test.shape[:2], 1), np.nan, np.float32), float("nan")
     import flip_evaluator
 
     pair = [np.ascontiguousarray(i, np.float32) for i in (reference, test)]
     settings = {"ppd": FLIP_PIXELS_PER_DEGREE, **settings}
-    return float(flip_evaluator.evaluate(*pair, kind, inputsRGB=False, applyMagma=False, parameters=settings)[1])
+    found, mean, _ = flip_evaluator.evaluate(*pair, kind, inputsRGB=False, applyMagma=False, parameters=settings)
+    return np.asarray(found), float(mean)
 
 
 def _absolute(t: np.ndarray, r: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import jinja2
 import msgspec
 import numpy as np
 
-from raytwin import files
+from raytwin import files, viewer
 from raytwin.compare import Report
 from raytwin.compare.heatmap import signed_error
 from raytwin.image import Image
@@ -24,6 +24,8 @@ from raytwin.scene import Tolerance
 THUMB = 150
 """Pixels across a small picture in the index."""
 INDEX = "index.html"
+SCRIPT = "check-viewer.js"
+"""The viewer, which all pages of a run share."""
 GOOD = ("pass", "differs")
 
 NAMES = Names("test", "reference", "the test's image", "the reference", "The test's image", "The reference")
@@ -69,7 +71,9 @@ def write_check(
     if image is not None and reference is not None:
         view = _view(test, report, notes, image, reference, tolerance or Tolerance())
         row.page, page = f"{stem}.html", folder / f"{stem}.html"
-        write_report(view, page)
+        if not (folder / SCRIPT).exists():
+            files.write_text(folder / SCRIPT, viewer.script())
+        write_report(view, page, SCRIPT)
         if view.alike:
             row.picture, row.error = _thumbs(view, tolerance or Tolerance())
     files.write_json(folder / f"{stem}.json", row)
@@ -78,7 +82,7 @@ def write_check(
 
 def clear(folder: Path) -> None:
     """Take away what an earlier run wrote; nothing else."""
-    for old in [*folder.glob("check-*.html"), *folder.glob("check-*.json"), folder / INDEX]:
+    for old in [*folder.glob("check-*.html"), *folder.glob("check-*.json"), folder / INDEX, folder / SCRIPT]:
         old.unlink(missing_ok=True)
 
 

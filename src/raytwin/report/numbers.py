@@ -7,12 +7,9 @@ from typing import NamedTuple
 from raytwin.compare import METRICS, Comparison
 from raytwin.scene import Tolerance
 
-NO_SURFACE = "one of the images does not tell which object a pixel sees"
-NO_NOISE = "both images are free of noise"
-
 
 class Number(NamedTuple):
-    """`group` and `key` are the JSON's; `bound(tolerance)`: the largest allowed value; `absent`: why it may be null."""
+    """`group` and `key` are the JSON's; `bound(tolerance)`: the largest allowed value."""
 
     group: str
     key: str
@@ -20,34 +17,32 @@ class Number(NamedTuple):
     unit: str
     bound: Callable[[Tolerance], float] | None
     meaning: str
-    absent: str
 
 
 NUMBERS: tuple[Number, ...] = (
     Number("geometry", "mask_mismatch_pixels", "Silhouette mismatch", "pixels", lambda t: t.mask_pixels,
-           "pixels whose centre sees another object", NO_SURFACE),
+           "pixels whose centre sees another object"),
     Number("geometry", "depth_max_rel", "Depth, worst", "relative", None,
-           "largest |t − t_ref| / t_ref where both see the same object", NO_SURFACE),
+           "largest |t − t_ref| / t_ref where both see the same object"),
     Number("geometry", "normal_max_deg", "Normal, worst", "degrees", None,
-           "largest angle between the normals where both see the same object", NO_SURFACE),
+           "largest angle between the normals where both see the same object"),
     Number("geometry", "shift_px", "Shift", "pixels", None,
-           "translation between the two images", "too little detail to tell, or not asked for"),
+           "translation between the two images"),
     Number("radiance", "p999_abs", "Error, 99.9 % quantile", "radiance", lambda t: t.p999_abs,
-           METRICS["p999_abs"].formula, "no value is finite"),
-    Number("radiance", "max_abs", "Error, worst", "radiance", None, METRICS["max_abs"].formula, "no value is finite"),
-    Number("radiance", "rmse", "RMSE", "radiance", None, METRICS["rmse"].formula, "no value is finite"),
-    Number("radiance", "relmse", "relMSE", "", None, METRICS["relmse"].formula, "no value is finite"),
-    Number("radiance", "mean_ratio", "Ratio of means", "", None, METRICS["mean_ratio"].formula,
-           "{reference}'s image is black"),
+           METRICS["p999_abs"].formula),
+    Number("radiance", "max_abs", "Error, worst", "radiance", None, METRICS["max_abs"].formula),
+    Number("radiance", "rmse", "RMSE", "radiance", None, METRICS["rmse"].formula),
+    Number("radiance", "relmse", "relMSE", "", None, METRICS["relmse"].formula),
+    Number("radiance", "mean_ratio", "Ratio of means", "", None, METRICS["mean_ratio"].formula),
     Number("statistics", "z_mean", "Whole image", "σ", None,
-           "the image's mean error over its standard deviation, worst channel", NO_NOISE),
-    Number("statistics", "z_tile_worst", "Worst tile", "σ", None, "the same for the least plausible tile", NO_NOISE),
+           "the image's mean error over its standard deviation, worst channel"),
+    Number("statistics", "z_tile_worst", "Worst tile", "σ", None, "the same for the least plausible tile"),
     Number("statistics", "pixel_fail_fraction", "Failing pixels", "share", lambda t: t.outlier_fraction,
-           "pixels with a value that fails its own test", "the images were not compared value by value"),
+           "pixels with a value that fails its own test"),
     Number("statistics", "minimum_detectable_bias", "Detectable bias", "relative", None,
-           "the smallest error of the whole image's mean that this comparison would have found", NO_NOISE),
+           "the smallest error of the whole image's mean that this comparison would have found"),
     Number("perceptual", "flip_mean", "FLIP, mean", "0 to 1", None,
-           "how different the two look to an eye that flips between them", "FLIP was not asked for, or is missing"),
+           "how different the two look to an eye that flips between them"),
 )  # fmt: skip
 """One more number is one more row."""
 
@@ -60,10 +55,10 @@ GROUPS = {
 
 
 class NumberRow(NamedTuple):
-    """A Number with its value: `held` is True, False, or None where nothing bounds it or it is missing."""
+    """A Number with its value: `held` is True, False, or None where nothing bounds it."""
 
     number: Number
-    value: float | None
+    value: float
     bound: float | None
     held: bool | None
 
@@ -72,21 +67,24 @@ FOR_EXACT = ("p999_abs", "pixel_fail_fraction")
 """Bounds that images without noise are held to; with noise the statistics decide."""
 
 
-def rows(
-    comparison: Comparison, tolerance: Tolerance | None, noisy: bool, reference: str = "the twin"
-) -> Iterator[tuple[str, list[NumberRow]]]:
-    """(heading, rows) of each group; `noisy`: one of the images has a variance; no tolerance: nothing is bounded."""
+def rows(comparison: Comparison, tolerance: Tolerance | None, noisy: bool) -> Iterator[tuple[str, list[NumberRow]]]:
+    """(heading, rows) of each group, of what has a value; `noisy`: one of the images has a variance.
+
+    Without a tolerance nothing is bounded.
+    """
     for group, heading in GROUPS.items():
         found = []
         for number in (n for n in NUMBERS if n.group == group):
-            value = getattr(getattr(comparison, group), number.key)
-            number = number._replace(absent=number.absent.format(reference=reference))
+            if (value := getattr(getattr(comparison, group), number.key)) is None:
+                continue
             free = noisy and number.key in FOR_EXACT
             bound = number.bound(tolerance) if number.bound and tolerance and not free else None
             # A pass holds every bound: pixels that are allowed to see another object are excused from the others.
-            held = None if value is None or bound is None else comparison.passed or value <= bound
-            found.append(NumberRow(number, value, bound, held))
-        yield heading, found
+            found.append(
+                NumberRow(number, value, bound, None if bound is None else comparison.passed or value <= bound)
+            )
+        if found:
+            yield heading, found
 
 
 def shown(value: float | None, digits: int = 3) -> str:

@@ -10,13 +10,10 @@ import numpy as np
 
 from raytwin import files
 from raytwin.compare import error_map, error_scale
-from raytwin.image import BACKGROUND, Image, Surface
+from raytwin.image import Image, Surface
 
 if TYPE_CHECKING:
     from PIL import Image as Pillow
-
-ONLY_TEST, ONLY_REFERENCE, OTHER_OBJECT = "#e66100", "#5d3a9b", "#d6006e"
-"""Orange and purple stay apart for every kind of colour vision (and from the greys of agreement)."""
 
 MARKS = 300
 """Most pixels that get a ring drawn around them."""
@@ -90,31 +87,6 @@ def error_indices(error: np.ndarray, scale: Scale) -> np.ndarray:
     return indices
 
 
-# ------------------------------------------------------------------------------------------ silhouettes
-
-
-def silhouette_palette() -> np.ndarray:
-    """(256, 3) uint8: 0 background, 1 to 8 greys of objects, 9 to 11 disagreements, 12 outline."""
-    colours = np.full((256, 3), 255, np.uint8)
-    colours[0] = 250
-    colours[1:9] = np.array([206, 178, 221, 190, 168, 213, 184, 198])[:, None]
-    for i, name in enumerate((ONLY_TEST, ONLY_REFERENCE, OTHER_OBJECT, "#3b424c"), 9):
-        colours[i] = [int(name[k : k + 2], 16) for k in (1, 3, 5)]
-    return colours
-
-
-def silhouette_indices(test: Surface, reference: Surface) -> np.ndarray:
-    """(H, W) uint8 into `silhouette_palette`: greys where the ids agree, with the outlines of the reference."""
-    a, b = test.ids, reference.ids
-    out = np.where(b == BACKGROUND, 0, b % 8 + 1).astype(np.uint8)
-    # An outline is a pixel whose right or lower neighbour is another object's.
-    out[:, :-1][b[:, :-1] != b[:, 1:]] = 12
-    out[:-1][b[:-1] != b[1:]] = 12
-    apart = a != b
-    out[apart] = np.where(b[apart] == BACKGROUND, 9, np.where(a[apart] == BACKGROUND, 10, 11))
-    return out
-
-
 # ------------------------------------------------------------------------------------------ pixels worth a look
 
 
@@ -160,7 +132,23 @@ def jpeg_url(pixels: np.ndarray) -> str:
     """sRGB uint8 (H, W, 3) as a JPEG in a data URL: sensor noise would make a PNG of several megabytes."""
     from PIL import Image as Pillow
 
-    return _url(Pillow.fromarray(np.ascontiguousarray(pixels)), "jpeg", quality=90, subsampling=0)
+    return _url(Pillow.fromarray(np.ascontiguousarray(pixels)), "jpeg", quality=87)
+
+
+def changed(before: np.ndarray, after: np.ndarray) -> tuple[int, int, int, int]:
+    """(x, y, width, height) of what differs between two pictures (H, W, 3), on JPEG's grid of 16; one cell if none."""
+    differs = (before != after).any(axis=-1)
+    rows, columns = (np.flatnonzero(differs.any(axis=axis)) for axis in (1, 0))
+    if not rows.size:
+        return 0, 0, min(16, before.shape[1]), min(16, before.shape[0])
+    x0, y0, x1, y1 = (int(n[k]) for k in (0, -1) for n in (columns, rows))
+    x0, y0 = x0 // 16 * 16, y0 // 16 * 16
+    return (
+        x0,
+        y0,
+        min(-(-(x1 + 1) // 16) * 16, before.shape[1]) - x0,
+        min(-(-(y1 + 1) // 16) * 16, before.shape[0]) - y0,
+    )
 
 
 def picture_url(pixels: np.ndarray) -> tuple[str, bool]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from raytwin.compare import METRICS, Comparison, Report, scaled
 from raytwin.compare.report import Timing
+from raytwin.compare.scale import scale_of
 from raytwin.image import Image, Surface
 from raytwin.jobs.diff import Diff
 from raytwin.report import numbers
@@ -48,13 +49,13 @@ class Tile:
 class PairView:
     """Two images and their comparison, ready for the page.
 
-    `tolerance` is None where something else than it decided; `held_to` says what did. `about` is a word and the name
-    it introduces (rung, shadow). `objects` names `surface.ids` from 0 on. `metrics` are
-    further ones: name, value, formula.
+    `report` is None where nothing was judged; `tolerance` where something else than it decided: `held_to` says what
+    did. `about` is a word and the name it introduces (rung, shadow). `objects` names `surface.ids` from 0 on.
+    `metrics` are further ones: name, value, formula.
     """
 
     title: str
-    report: Report
+    report: Report | None
     test: Image
     reference: Image
     names: Names
@@ -75,8 +76,18 @@ class PairView:
     metrics: tuple[tuple[str, float | None, str], ...] = ()
 
     @property
-    def comparison(self) -> Comparison:
-        return self.report.comparison
+    def comparison(self) -> Comparison | None:
+        return self.report.comparison if self.report else None
+
+    @property
+    def flipped(self) -> bool:
+        """FLIP was asked for, and has a value."""
+        return self.comparison is not None and self.comparison.perceptual.flip_mean is not None
+
+    @property
+    def scale(self) -> float:
+        """What the tolerance is relative to."""
+        return scale_of(self.reference, self.test)
 
     @property
     def noisy(self) -> bool:

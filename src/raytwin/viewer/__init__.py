@@ -1,0 +1,27 @@
+"""The one picture viewer: a script that every page of pictures, a live page or a notebook mounts, and what feeds it.
+
+`pack` makes planes of two images; `script()` and `style()` are viewer.js and viewer.css. Knows images, and nothing of
+what made them.
+"""
+
+from importlib import resources
+
+from raytwin.viewer.packing import Packed, Plane, pack
+
+__all__ = ["Packed", "Plane", "module", "pack", "script", "style"]
+
+
+def module() -> str:
+    """viewer.js, an ES module that exports `mount(element, data)`."""
+    return resources.files("raytwin.viewer").joinpath("viewer.js").read_text(encoding="utf-8")
+
+
+def script() -> str:
+    """The same as a plain script, which leaves `raytwin.mount`: a browser loads no module from a file beside a page."""
+    body, mark, _ = module().rpartition("export { mount };")
+    assert mark, "viewer.js must end with its export"
+    return f'"use strict";\n(() => {{\n{body}globalThis.raytwin = {{ mount }};\n}})();\n'
+
+
+def style() -> str:
+    return resources.files("raytwin.viewer").joinpath("viewer.css").read_text(encoding="utf-8")

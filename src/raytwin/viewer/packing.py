@@ -1,0 +1,187 @@
+"""Two images as the viewer's planes: a few bytes a pixel, deflated, decoded by viewer.js.
+
+A plane (H, W) becomes 16-bit words, one of
+
+    half    float16 of value * 2^-shift: 11 significant bits over nine decades below the largest value; the power of two
+            keeps tiny errors off float16's coarse subnormals and bright pixels below its infinity
+    steps   round(value / step), of which whole numbers (step 1) are a case
+
+Where `left`, each row holds the differences (mod 2^16) from the left neighbour; all high bytes stand before all low
+bytes: smooth images shrink to a fraction of a byte a value. The test image is stored as its error, t - r, which keeps
+11 bits of its own, however small; t is r + error. Where there is noise, digits below it are noise, too: both are
+rounded to the power of two between σ/16 and σ/8, with σ as the page knows it (6 bits).
+
+Beyond a budget, only one pixel of each block of n x n is kept: the one that errs most, so that none falls between.
+"""
+
+import base64
+import math
+import zlib
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytwin.image import Image
+
+MOST_PIXELS = 4_200_000
+"""Above this the browser would hold more than 100 MB of values: the planes are thinned."""
+
+BUDGET = 4_500_000
+"""Deflated bytes of all planes. Noise does not shrink; where it exceeds this, the planes are thinned."""
+
+DEPTH_STEPS = 4095
+"""Of the largest depth: three digits near it."""
+
+LEVEL = 4
+"""Of deflate: a fifth smaller than level 1, at half as much time again."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """How viewer.js reads one plane: `value = word * step` or `half(word) * 2^shift`; `data` is base64 of deflate."""
+
+    name: str
+    kind: str
+    left: bool
+    shift: int
+    step: float
+    data: str
+
+
+@dataclass(frozen=True)
+class Packed:
+    """Planes of `lines` rows and `columns` columns: a pixel of each block of `thin` x `thin`, from (0, 0) on."""
+
+    width: int
+    height: int
+    thin: int
+    columns: int
+    lines: int
+    planes: tuple[Plane, ...]
+
+    def for_page(self) -> dict[str, Any]:
+        """As viewer.js takes it."""
+        return asdict(self)
+
+
+class _Raw(NamedTuple):
+    """A plane before it is deflated: `words` (H, W) are float16 or int16."""
+
+    kind: str
+    words: np.ndarray
+    left: bool = False
+    shift: int = 0
+    step: float = 1.0
+
+
+def pack(
+    test: Image,
+    reference: Image,
+    *,
+    flip: np.ndarray | None = None,
+    surfaces: bool = True,
+    budget: int = BUDGET,
+    most_pixels: int = MOST_PIXELS,
+) -> Packed:
+    """Reference and error (R, G, B); σ where there is noise; ids and depths where both tell them; FLIP's map (H, W)."""
+    height, width = test.shape[:2]
+    planes = _planes(test, reference, flip, surfaces)
+    thin = max(1, math.ceil(math.sqrt(height * width / most_pixels)))
+    # An eighth of the rows, in bands, tells what the whole will take.
+    bands = (np.arange(height) // 8 % 8 == 0) if height > 64 else np.ones(height, bool)
+    sample = {n: p._replace(words=p.words[bands]) for n, p in planes.items()}
+    estimate = sum(len(p.data) for p in _deflated(sample)) * 0.75 * height / max(int(bands.sum()), 1)
+    thin = max(thin, math.ceil(math.sqrt(estimate / budget)))
+    if thin > 1:
+        planes = _thinned(planes, thin)
+    lines, columns = next(iter(planes.values())).words.shape
+    return Packed(width, height, thin, columns, lines, _deflated(planes))
+
+
+# ------------------------------------------------------------------------------------------ values
+
+
+def _planes(test: Image, reference: Image, flip: np.ndarray | None, surfaces: bool) -> dict[str, _Raw]:
+    planes: dict[str, _Raw] = {}
+    variances = [i.variance for i in (test, reference) if i.variance is not None]
+    for c, name in enumerate("RGB"):
+        r = np.asarray(reference.mean[..., c], np.float32)
+        with np.errstate(invalid="ignore", over="ignore"):
+            d = np.asarray(test.mean[..., c], np.float32) - r
+            if variances:
+                s = rounded_sigma(np.sum([v[..., c] for v in variances], axis=0))
+                planes["s" + name] = _half(s)
+                r, d = (to_noise(x, s) for x in (r, d))
+        planes |= {name: _half(r, left=True), "d" + name: _half(d)}
+    a, b = test.surface, reference.surface
+    if surfaces and a is not None and b is not None:
+        step = float(b.depth.max(initial=0.0, where=np.isfinite(b.depth))) / DEPTH_STEPS or 1.0
+        depth, other = (_steps(x, step) for x in (b.depth, a.depth))
+        planes |= {"id": _Raw("steps", b.ids.astype(np.int16)), "did": _Raw("steps", (a.ids - b.ids).astype(np.int16))}
+        planes |= {"depth": _Raw("steps", depth, True, 0, step), "ddepth": _Raw("steps", other - depth, False, 0, step)}
+    if flip is not None:
+        planes["flip"] = _Raw("steps", _steps(flip, 1 / 255), True, 0, 1 / 255)
+    return planes
+
+
+def _half(values: np.ndarray, left: bool = False) -> _Raw:
+    top = float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
+    shift = math.frexp(top)[1] - 15 if top > 0 else 0
+    with np.errstate(over="ignore"):
+        return _Raw("half", np.ldexp(values, -shift).astype(np.float16), left, shift)
+
+
+def _steps(values: np.ndarray, step: float) -> np.ndarray:
+    return np.rint(np.nan_to_num(values / np.float32(step), posinf=0, neginf=0).clip(0, 2**14)).astype(np.int16)
+
+
+def rounded_sigma(variance: np.ndarray) -> np.ndarray:
+    """sqrt(variance) to 6 significant bits, float32."""
+    m, e = np.frexp(np.sqrt(np.asarray(variance, np.float32)))
+    return np.asarray(np.ldexp(np.rint(m * 64) / 64, e), np.float32)
+
+
+def to_noise(values: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """`values` to whole multiples of 2^(floor(log2 sigma) - 3); as they are where there is no noise."""
+    there = (sigma > 0) & np.isfinite(sigma) & np.isfinite(values)
+    e = np.where(there, np.frexp(sigma)[1] - 4, 0)
+    return np.where(there, np.ldexp(np.rint(np.ldexp(values, -e)), e), values).astype(np.float32)
+
+
+# ------------------------------------------------------------------------------------------ fewer, and deflated
+
+
+def _thinned(planes: Mapping[str, _Raw], n: int) -> dict[str, _Raw]:
+    """Of each block the pixel that errs most (the first of equals); and `at`, which it was: row * n + column."""
+    d = [planes["d" + c] for c in "RGB"]
+    size = np.max([np.abs(np.ldexp(p.words.astype(np.float32), p.shift)) for p in d], axis=0)
+    size[np.isnan(size)] = np.inf
+    h, w = size.shape
+    lines, columns = math.ceil(h / n), math.ceil(w / n)
+    padded = np.full((lines * n, columns * n), -1, np.float32)
+    padded[:h, :w] = size
+    blocks = padded.reshape(lines, n, columns, n).transpose(0, 2, 1, 3).reshape(lines, columns, n * n)
+    at = blocks.argmax(axis=-1)
+    y, x = np.ogrid[:lines, :columns]
+    flat = (y * n + at // n) * w + x * n + at % n
+    fewer = {name: p._replace(words=p.words.ravel()[flat]) for name, p in planes.items()}
+    return fewer | {"at": _Raw("steps", at.astype(np.int16))}
+
+
+def _deflated(planes: Mapping[str, _Raw]) -> tuple[Plane, ...]:
+    with ThreadPoolExecutor() as pool:
+        return tuple(pool.map(lambda item: _one(*item), planes.items()))
+
+
+def _one(name: str, raw: _Raw) -> Plane:
+    words = np.ascontiguousarray(raw.words).view(np.uint16)
+    if raw.left:
+        words = np.diff(words, axis=1, prepend=np.uint16(0))  # unsigned: wraps, and so does the sum that undoes it
+    pair = np.empty((2, *words.shape), np.uint8)
+    np.right_shift(words, 8, out=pair[0], casting="unsafe")
+    np.bitwise_and(words, 255, out=pair[1], casting="unsafe")
+    data = base64.b64encode(zlib.compress(pair.data, LEVEL)).decode("ascii")
+    return Plane(name, raw.kind, raw.left, raw.shift, raw.step, data)
