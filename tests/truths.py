@@ -1,6 +1,10 @@
-"""Closed forms of light that more than one folder of tests holds images to."""
+"""Closed forms of light, and the scenes they hold in, that more than one folder of tests holds images to."""
 
-from math import acos, atan, pi, sqrt
+from math import acos, atan, cos, hypot, inf, pi, radians, sin, sqrt
+
+import numpy as np
+
+from raytwin.scene import Camera, Lambert, Rectangle, Shape, Sky
 
 
 def from_element(h: float, c: float) -> float:
@@ -15,3 +19,72 @@ def from_element(h: float, c: float) -> float:
     cut = sqrt(1 - h * h * c * c)
     above = c * acos(-c * sqrt((h * h - 1) / (1 - c * c))) - cut * sqrt(h * h - 1)
     return (above / h**2 + atan(cut / sqrt(h * h - 1))) / pi
+
+
+def view_of(point, eye, extent: float, pixels: int = 16) -> Camera:
+    """From `eye` at `point`, the picture `extent` wide there: all its pixels see nearly the same place."""
+    eye, point = np.array(eye, float), np.array(point, float)
+    far = np.linalg.norm(point - eye)
+    z = (point - eye) / far
+    x = np.cross(z, (0.6, 0.8, 0.0) if abs(z[2]) > 0.5 else (0.0, 0.0, 1.0))
+    x /= np.linalg.norm(x)
+    R = np.stack([x, np.cross(z, x), z])
+    f, c = pixels * far / extent, (pixels - 1) / 2
+    K = ((f, 0.0, c), (0.0, f, c), (0.0, 0.0, 1.0))
+    return Camera((pixels, pixels), K, tuple(map(tuple, R.tolist())), tuple((-R @ eye).tolist()))
+
+
+WHITE = (Sky((1.0, 1.0, 1.0)),)
+BLACK = Lambert((0.0, 0.0, 0.0))
+
+
+def grey(albedo: float) -> Lambert:
+    return Lambert((albedo,) * 3)
+
+
+def element(normal, albedo: float = 0.5) -> Rectangle:
+    """A small sheet at the origin that faces along `normal`."""
+    n = np.divide(normal, np.linalg.norm(normal))
+    u = np.cross(n, (0.36, 0.48, 0.8) if abs(n[2]) < 0.9 else (1.0, 0.0, 0.0))
+    u /= np.linalg.norm(u)
+    return Rectangle((0, 0, 0), tuple((0.01 * u).tolist()), tuple((0.01 * np.cross(n, u)).tolist()), grey(albedo))
+
+
+def agrees(found: tuple[float, float], expected: float, bias: float = 0.0) -> bool:
+    """Within 3.5 standard errors, and what the scene's finite size takes away."""
+    mean, error = found
+    return abs(mean - expected) < 3.5 * error + bias + 1e-6
+
+
+def parallel(A: float, B: float) -> float:
+    """F of a rectangle parallel to the element, one corner above it: sides A and B of its height."""
+    first = A / hypot(1, A) * atan(B / hypot(1, A)) + B / hypot(1, B) * atan(A / hypot(1, B))
+    return first / (2 * pi)
+
+
+def perpendicular(X: float, Y: float) -> float:
+    """F of a rectangle upright on the element's plane, a corner opposite: X = height / width, Y = distance / width."""
+    return (atan(1 / Y) - Y / hypot(X, Y) * atan(1 / hypot(X, Y))) / (2 * pi)
+
+
+def wedge(degrees: float, one: float, other: float, half: float) -> tuple[Shape, ...]:
+    """Two sheets of side 2 `half` that meet in the y axis: the floor, and one at the angle to it."""
+    a = radians(degrees)
+    floor = Rectangle((half, 0, 0), (half, 0, 0), (0, half, 0), grey(one))
+    up = np.array([cos(a), 0, sin(a)]) * half
+    return floor, Rectangle(tuple(up.tolist()), tuple(up.tolist()), (0, half, 0), grey(other))
+
+
+def in_wedge(degrees: float, one: float, other: float, bounces: float, suns: tuple[float, float] = (0, 0)) -> float:
+    """The radiance of the first plane of an endless wedge under a sky of 1: L_n = a (1 - F + s) + a F L'_{n-1}.
+
+    F = (1 + cos α) / 2, s = E cos θ / π of a sun that lights the whole of the plane; each plane's radiance is constant.
+    """
+    F = (1 + cos(radians(degrees))) / 2
+    light = [a * (1 - F + s) for a, s in zip((one, other), suns, strict=True)]
+    if bounces == inf:
+        return (light[0] + one * F * light[1]) / (1 - one * other * F * F)
+    lit = list(light)
+    for _ in range(int(bounces)):
+        lit = [light[0] + one * F * lit[1], light[1] + other * F * lit[0]]
+    return lit[0]

@@ -5,30 +5,29 @@ albedo a under a sky of radiance Ls alone the element shows a (1 - F) Ls at one 
 its standard errors: a correct twin fails in 5 of 10 000 tests of new seeds. The seeds here are fixed.
 """
 
-from math import atan, cos, hypot, inf, pi, radians, sin, sqrt
+from math import cos, hypot, inf, pi, radians, sin, sqrt
 
 import numpy as np
 import pytest
-from truths import from_element
+from truths import (
+    BLACK,
+    WHITE,
+    agrees,
+    element,
+    from_element,
+    grey,
+    in_wedge,
+    parallel,
+    perpendicular,
+    view_of,
+    wedge,
+)
 
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Shape, Sky, Sphere, Sun
+from raytwin.scene import Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.twin import render
 
 MANY = {"llvm_ad_rgb": 1 << 20, "scalar_rgb": 1 << 14}
 """Samples of a test. `scalar_rgb` takes 20 s for a million; its arithmetic is the same."""
-
-
-def view_of(point, eye, extent: float, pixels: int = 16) -> Camera:
-    """From `eye` at `point`, the picture `extent` wide there: all its pixels see nearly the same place."""
-    eye, point = np.array(eye, float), np.array(point, float)
-    far = np.linalg.norm(point - eye)
-    z = (point - eye) / far
-    x = np.cross(z, (0.6, 0.8, 0.0) if abs(z[2]) > 0.5 else (0.0, 0.0, 1.0))
-    x /= np.linalg.norm(x)
-    R = np.stack([x, np.cross(z, x), z])
-    f, c = pixels * far / extent, (pixels - 1) / 2
-    K = ((f, 0.0, c), (0.0, f, c), (0.0, 0.0, 1.0))
-    return Camera((pixels, pixels), K, tuple(map(tuple, R.tolist())), tuple((-R @ eye).tolist()))
 
 
 def mean_of(scene: Scene, variant: str, rung: str = "sky", **options) -> tuple[float, float]:
@@ -54,28 +53,6 @@ def test_a_wall_hides_its_share_of_the_sky_from_the_floor_beside_it(variant, at,
         mean, error = mean_of(Scene("wall", camera, planes, (Sky((1, 1, 1)),)), variant)
         assert error < 4e-4 * np.sqrt(MANY["llvm_ad_rgb"] / MANY[variant])
         assert mean == pytest.approx(expected, abs=3.5 * error)
-
-
-WHITE = (Sky((1.0, 1.0, 1.0)),)
-BLACK = Lambert((0.0, 0.0, 0.0))
-
-
-def grey(albedo: float) -> Lambert:
-    return Lambert((albedo,) * 3)
-
-
-def element(normal, albedo: float = 0.5) -> Rectangle:
-    """A small sheet at the origin that faces along `normal`."""
-    n = np.divide(normal, np.linalg.norm(normal))
-    u = np.cross(n, (0.36, 0.48, 0.8) if abs(n[2]) < 0.9 else (1.0, 0.0, 0.0))
-    u /= np.linalg.norm(u)
-    return Rectangle((0, 0, 0), tuple((0.01 * u).tolist()), tuple((0.01 * np.cross(n, u)).tolist()), grey(albedo))
-
-
-def agrees(found: tuple[float, float], expected: float, bias: float = 0.0) -> bool:
-    """Within 3.5 standard errors, and what the scene's finite size takes away."""
-    mean, error = found
-    return abs(mean - expected) < 3.5 * error + bias + 1e-6
 
 
 # ---------------------------------------------------------------------------------------------- sphere and element
@@ -126,17 +103,6 @@ def test_a_ball_over_an_endless_floor_sees_its_half_of_the_sky(variant, slope):
 # ---------------------------------------------------------------------------------------------- rectangle and element
 
 
-def parallel(A: float, B: float) -> float:
-    """F of a rectangle parallel to the element, one corner above it: sides A and B of its height."""
-    first = A / hypot(1, A) * atan(B / hypot(1, A)) + B / hypot(1, B) * atan(A / hypot(1, B))
-    return first / (2 * pi)
-
-
-def perpendicular(X: float, Y: float) -> float:
-    """F of a rectangle upright on the element's plane, a corner opposite: X = height / width, Y = distance / width."""
-    return (atan(1 / Y) - Y / hypot(X, Y) * atan(1 / hypot(X, Y))) / (2 * pi)
-
-
 def test_a_lid_hides_from_the_element_under_its_corner_what_its_solid_angle_does(variant):
     assert parallel(1, 1) == pytest.approx(0.138531605995, rel=1e-11)
     lid = Rectangle((0.75, 0.5, 1.0), (0.75, 0, 0), (0, 0.5, 0), BLACK)
@@ -154,29 +120,6 @@ def test_a_wall_opposite_the_element_hides_what_its_solid_angle_does(variant):
 
 
 # ---------------------------------------------------------------------------------------------- wedge: every depth
-
-
-def wedge(degrees: float, one: float, other: float, half: float) -> tuple[Shape, ...]:
-    """Two sheets of side 2 `half` that meet in the y axis: the floor, and one at the angle to it."""
-    a = radians(degrees)
-    floor = Rectangle((half, 0, 0), (half, 0, 0), (0, half, 0), grey(one))
-    up = np.array([cos(a), 0, sin(a)]) * half
-    return floor, Rectangle(tuple(up.tolist()), tuple(up.tolist()), (0, half, 0), grey(other))
-
-
-def in_wedge(degrees: float, one: float, other: float, bounces: float, suns: tuple[float, float] = (0, 0)) -> float:
-    """The radiance of the first plane of an endless wedge under a sky of 1: L_n = a (1 - F + s) + a F L'_{n-1}.
-
-    F = (1 + cos α) / 2, s = E cos θ / π of a sun that lights the whole of the plane; each plane's radiance is constant.
-    """
-    F = (1 + cos(radians(degrees))) / 2
-    light = [a * (1 - F + s) for a, s in zip((one, other), suns, strict=True)]
-    if bounces == inf:
-        return (light[0] + one * F * light[1]) / (1 - one * other * F * F)
-    lit = list(light)
-    for _ in range(int(bounces)):
-        lit = [light[0] + one * F * lit[1], light[1] + other * F * lit[0]]
-    return lit[0]
 
 
 def test_the_wedges_formula_gives_the_written_numbers():

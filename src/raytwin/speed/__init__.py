@@ -1,4 +1,4 @@
-"""All that makes the subject fast, and changes no pixel of it: engines, boxes, lists of objects, points, speculation.
+"""All that makes the subject fast, and changes no pixel of it: engines, boxes, lists, points, speculation, walks.
 
 scene -> EyeScene (camera's frame, engine's floats) -> boxes -> plan (tiles and their lists) -> tracer -> canvas
 """
@@ -8,8 +8,9 @@ from raytwin.speed.engine import ENGINES
 from raytwin.speed.frame import background, check_rows, draw, trace, with_solver
 from raytwin.speed.points import trace_points
 from raytwin.speed.speculation import WAYS, speculate
+from raytwin.speed.walks import PARTS, light_parts, walk
 
 __all__ = [
-    "ENGINES", "TRIMS", "WAYS", "background", "check_rows", "corner_box", "draw", "speculate", "trace", "trace_points",
-    "trim_box", "trim_boxes", "with_solver",
+    "ENGINES", "PARTS", "TRIMS", "WAYS", "background", "check_rows", "corner_box", "draw", "light_parts", "speculate",
+    "trace", "trace_points", "trim_box", "trim_boxes", "walk", "with_solver",
 ]  # fmt: skip

@@ -68,6 +68,23 @@ def pixel_grid(engine: Engine, box: tuple[int, int, int, int]) -> tuple[Any, Any
     return np.arange(x0, x1, dtype=kind)[None, :], np.arange(y0, y1, dtype=kind)[:, None]
 
 
+def constant(engine: Engine, value: int) -> Any:
+    """A whole number that all share; on Dr.Jit as data, so that another needs no other kernel."""
+    if engine.is_numpy:
+        return value
+    import drjit
+
+    return drjit.opaque(drjit.uint32_array_t(engine.float_type), value)
+
+
+def pixel_numbers(engine: Engine, place: Any, width: int) -> Any:
+    """Which pixel of the frame each is, counted row by row, from what `store` takes."""
+    if not engine.is_numpy:
+        return place
+    rows, columns = place
+    return np.arange(rows.start, rows.stop)[:, None] * width + np.arange(columns.start, columns.stop)[None, :]
+
+
 def tile_grid(
     engine: Engine, tiles: np.ndarray, side: int, columns: int, size: tuple[int, int]
 ) -> tuple[Any, Any, Any, Any]:

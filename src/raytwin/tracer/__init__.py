@@ -2,17 +2,20 @@
 
     pixel -> camera.back_project -> ray -> hit.World.nearest (sphere, rectangle) -> hit -> light.RADIANCE -> radiance
 
-Read it in this order: frame, camera, hit, sphere, rectangle, light; arrays last. `raytwin.speed` makes it fast.
+Read it in this order: frame, camera, hit, sphere, rectangle, light; then path and random, which follow light from one
+surface to the next; arrays last. `raytwin.speed` makes it fast.
 """
 
 from raytwin.tracer.camera import back_project, distort, undistort
-from raytwin.tracer.frame import STAGES, trace
+from raytwin.tracer.frame import STAGES, trace, trace_paths
 from raytwin.tracer.hit import Every, Hit, Stages, World
 from raytwin.tracer.light import RADIANCE, Lighting, lambert, lighting, sun_visible
+from raytwin.tracer.path import about, follow
 from raytwin.tracer.rectangle import intersect_rectangle
 from raytwin.tracer.sphere import SOLVERS, intersect_sphere
 
 __all__ = [
-    "RADIANCE", "SOLVERS", "STAGES", "Every", "Hit", "Lighting", "Stages", "World", "back_project", "distort",
-    "intersect_rectangle", "intersect_sphere", "lambert", "lighting", "sun_visible", "trace", "undistort",
+    "RADIANCE", "SOLVERS", "STAGES", "Every", "Hit", "Lighting", "Stages", "World", "about", "back_project", "distort",
+    "follow", "intersect_rectangle", "intersect_sphere", "lambert", "lighting", "sun_visible", "trace", "trace_paths",
+    "undistort",
 ]  # fmt: skip

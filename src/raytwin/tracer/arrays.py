@@ -27,6 +27,14 @@ def sqrt(x: Any) -> Any:
     return math.sqrt(x) if isinstance(x, int | float) else library(x).sqrt(x)
 
 
+def cos(x: Any) -> Any:
+    return library(x).cos(x)
+
+
+def sin(x: Any) -> Any:
+    return library(x).sin(x)
+
+
 def maximum(a: Any, b: Any) -> Any:
     return library(a, b).maximum(a, b)
 
@@ -50,6 +58,42 @@ def integers(like: Any, value: int) -> Any:
     if (xp := library(like)) is np:
         return np.full(np.shape(like), value)
     return xp.full(xp.int32_array_t(type(like)), value, xp.width(like))
+
+
+def unsigned(like: Any, value: Any) -> Any:
+    """Whole numbers modulo 2³², as many as `like` has."""
+    if (xp := library(like)) is np:
+        return np.broadcast_to(np.asarray(value).astype(np.uint32), np.shape(like))
+    return xp.uint32_array_t(type(like))(value)
+
+
+def floats(like: Any, whole: Any) -> Any:
+    """Whole numbers as floats of `like`'s precision."""
+    return whole.astype(like.dtype) if library(like) is np else type(like)(whole)
+
+
+def look_up(table: list[int], index: Any) -> Any:
+    """table[index], whole numbers modulo 2³²."""
+    if (xp := library(index)) is np:
+        return np.array(table, np.uint32)[index]
+    return xp.gather(type(index), type(index)(table), index)
+
+
+def repeat(
+    times: Any,
+    body: Callable[..., tuple[Any, ...]],
+    state: tuple[Any, ...],
+    going: Callable[..., Any] = lambda *_: True,
+) -> tuple[Any, ...]:
+    """state = body(k, *state) for k = 0, 1, ... times - 1; on Dr.Jit a loop within the kernel, while going(*state)."""
+    if (xp := library(*state)) is np:
+        for k in range(times):
+            if np.any(going(*state)):
+                state = body(k, *state)
+        return state
+    count = xp.uint32_array_t(type(state[0]))(0)
+    looped = xp.while_loop((count, *state), lambda k, *s: (k < times) & going(*s), lambda k, *s: (k + 1, *body(k, *s)))
+    return tuple(looped[1:])
 
 
 def dot(a: Vec, b: Vec) -> Any:

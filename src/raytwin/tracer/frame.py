@@ -1,5 +1,8 @@
 """The whole tracer: for every pixel a ray, for every ray the nearest object, for every hit its radiance."""
 
+from functools import partial
+from typing import Any
+
 import numpy as np
 
 from raytwin.errors import InputError
@@ -7,9 +10,12 @@ from raytwin.image import BACKGROUND, Image, Surface
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, seen_from_eye
 from raytwin.scene.lens import check_lens
+from raytwin.tracer.arrays import Vec
 from raytwin.tracer.camera import back_project, to_board, undistort
 from raytwin.tracer.hit import Every, Stages, World, nearer, normal
-from raytwin.tracer.light import RADIANCE, lambert, lighting, sun_visible
+from raytwin.tracer.light import RADIANCE, Lighting, lambert, lighting, sun_visible
+from raytwin.tracer.path import follow
+from raytwin.tracer.random import draw, places
 from raytwin.tracer.rectangle import intersect_rectangle
 from raytwin.tracer.sphere import intersect_sphere
 
@@ -24,18 +30,43 @@ def trace(scene: Scene, rung: str = "shadow", stages: Stages = STAGES) -> Image:
     """
     if rung not in RADIANCE:
         raise InputError("rung", f"one of {', '.join(RADIANCE)}", rung)
-    check_lens(camera := scene.camera)
-    local = seen_from_eye(scene)
-    every, light = Every(local.objects), lighting(local)
-    world = World(every, every, lambda: every, stages)
+    u, v, light, world = _look(scene, stages)
     sky = light.sky if RUNGS[rung].background else (0.0, 0.0, 0.0)
     with np.errstate(all="ignore"):  # infinities and NaN of missed rays are selected away
-        u, v = np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float))
-        hit = world.nearest(EYE, stages.back_project(u, v, camera, stages.undistort))
+        hit = world.nearest(EYE, stages.back_project(u, v, scene.camera, stages.undistort))
         seen = hit.ids > BACKGROUND
-        radiance = RADIANCE[rung](hit, light, world, camera)
-        mean = np.stack([np.where(seen, L, Ls) for L, Ls in zip(radiance, sky, strict=True)], axis=-1)
-        normal = np.stack([np.where(seen, n, 0) for n in to_board(hit.normal, camera)], axis=-1)
+        mean = _picture(seen, RADIANCE[rung](hit, light, world, scene.camera), sky)
+        normal = _picture(seen, to_board(hit.normal, scene.camera), EYE)
         depth = np.where(seen, hit.t, 0)
     surface = Surface(hit.ids.astype(np.int32), depth.astype(np.float32), normal.astype(np.float32))
     return Image(mean.astype(np.float32), surface=surface)
+
+
+def trace_paths(scene: Scene, depth: int = 8, samples: int = 16, seed: int = 0, stages: Stages = STAGES) -> Image:
+    """The mean radiance over each pixel's area by random walks of up to `depth` - 1 surfaces; float64, no shortcut.
+
+    `raytwin.speed.walk` gives the same, fast, and its variance.
+    """
+    u, v, light, world = _look(scene, stages)
+    pixel, total = np.arange(u.size).reshape(u.shape), np.zeros((*u.shape, 3))
+    with np.errstate(all="ignore"):
+        for batch, place in places(samples):
+            numbers = partial(draw, u, pixel, batch, place, seed & 0xFFFFFFFF)
+            a, b = numbers(0)
+            hit = world.nearest(EYE, stages.back_project(u + a - 0.5, v + b - 0.5, scene.camera, stages.undistort))
+            found = follow(hit, light, world, numbers, depth)
+            total += _picture(hit.ids > BACKGROUND, found[0], light.sky)
+    return Image((total / samples).astype(np.float32), samples=samples)
+
+
+def _look(scene: Scene, stages: Stages) -> tuple[np.ndarray, np.ndarray, Lighting, World]:
+    """Pixel centres u, v (h, w); light and world as the eye has them."""
+    check_lens(camera := scene.camera)
+    local = seen_from_eye(scene)
+    every = Every(local.objects)
+    u, v = np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float))
+    return u, v, lighting(local), World(every, every, lambda: every, stages)
+
+
+def _picture(seen: Any, colour: Vec, otherwise: Vec) -> np.ndarray:
+    return np.stack([np.where(seen, c, o) for c, o in zip(colour, otherwise, strict=True)], axis=-1)

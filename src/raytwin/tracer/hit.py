@@ -84,6 +84,11 @@ def nearer(t: Any, best: Any) -> Any:
     return t < best
 
 
+def chord(start: Hit, d: Vec, radius: Any) -> Any:
+    """2 r n·d: from a sphere's inside along d to its other side; infinity from outside."""
+    return select(start.inside, 2 * radius * dot(start.normal, d), INFINITY)
+
+
 def normal(point: Vec, facts: Facts) -> Vec:
     """flat + bend (p - center): unit, outwards."""
     return tuple(n + facts.bend * (p - c) for n, p, c in zip(facts.flat, point, facts.center, strict=True))
@@ -104,11 +109,18 @@ class World(NamedTuple):
         """The same for rays that start elsewhere."""
         return self._replace(objects=(every := self.others()), casters=every)
 
-    def first(self, origin: Vec, d: Vec) -> Any:
-        """(t, id) of the nearest object on each ray; infinity and -1 where there is none."""
+    def first(self, origin: Vec, d: Vec, start: Hit | None = None) -> Any:
+        """(t, id) of the nearest object on each ray; infinity and -1 where there is none.
+
+        A ray from a surface, `start`, needs no offset along the normal: a convex object is not met again from outside;
+        from inside, a sphere is where the chord ends.
+        """
 
         def closer(state: Any, index: Any, thing: Shape) -> Any:
             t = intersect(origin, d, thing, self.stages)
+            if start is not None:
+                own = chord(start, d, thing.radius) if isinstance(thing, Sphere) else INFINITY
+                t = select(start.ids == index, own, t)
             hides = self.stages.nearer(t, state[0])
             return select(hides, t, state[0]), select(hides, index, state[1])
 
@@ -126,6 +138,10 @@ class World(NamedTuple):
     def nearest(self, origin: Vec, d: Vec) -> Hit:
         """The first object on each ray, and what is met there."""
         return self.describe(origin, d, *self.first(origin, d))
+
+    def onward(self, start: Hit, d: Vec) -> Hit:
+        """The first object on each ray from one surface to the next."""
+        return self.describe(start.point, d, *self.first(start.point, d, start))
 
     def blocked(self, hit: Hit, d: Vec) -> Any:
         """Does anything lie on the way from the hit points along d?

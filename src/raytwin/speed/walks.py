@@ -1,0 +1,153 @@
+"""Light that is followed from surface to surface, over the whole frame: mean, variance, and the parts it is made of."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from raytwin.image import Image, Surface
+from raytwin.rungs import RUNGS
+from raytwin.scene import Camera, Scene
+from raytwin.shapes import Int
+from raytwin.speed.boxes import trim_boxes
+from raytwin.speed.engine import ENGINES, canvas, constant, flush, pixel_numbers, store
+from raytwin.speed.frame import EyeScene, background, draw, kernel, tiles
+from raytwin.tracer.arrays import Vec, repeat, select
+from raytwin.tracer.frame import EYE, STAGES
+from raytwin.tracer.hit import Hit, Stages, World
+from raytwin.tracer.light import Lighting, lambert_radiance, shadow_radiance
+from raytwin.tracer.path import Draw, follow
+from raytwin.tracer.random import BATCHES
+from raytwin.tracer.random import draw as random
+
+PARTS = ("open", "shadow", "occlusion", "bounce 1", "bounce 2", "bounce 3+")
+"""What adds up to the whole light: sun and sky that nothing hides; what hides them takes away; what bounces bring."""
+
+Integrand = Callable[[EyeScene, World, Hit, Draw], list[Vec]]
+"""What a sample brings: some colours."""
+
+
+def walk(
+    scene: Scene,
+    rung: str = "path",
+    engine: str = "numpy64",
+    *,
+    sampling: str = "area",
+    samples: int = 16,
+    seed: int = 0,
+    depth: int | None = None,
+    stages: Stages = STAGES,
+) -> Image:
+    """The radiance of a rung whose light is followed: mean and variance over the pixels' `area`, or at the `center`.
+
+    `depth` counts surfaces as Mitsuba does and is the rung's own where not given.
+    """
+    deep = depth or RUNGS[rung].depth or 2
+
+    def whole(view: EyeScene, world: World, hit: Hit, numbers: Draw) -> list[Vec]:
+        return [_or_sky(hit, follow(hit, view.light, world, numbers, deep)[0], view.light)]
+
+    ((mean, variance),) = _sampled(scene, whole, [background(scene, rung)], engine, sampling, samples, seed, stages)
+    surface, colour = Surface.empty(*scene.camera.image_size), background(scene)
+    draw(scene, colour, "surface", engine, surface=surface, stages=stages)
+    return Image(mean, variance, samples, surface, min(BATCHES, samples))
+
+
+def light_parts(
+    scene: Scene, engine: str = "numpy64", *, samples: int = 64, seed: int = 0, depth: int = 8, stages: Stages = STAGES
+) -> dict[str, Image]:
+    """The whole light over the pixels' area, as PARTS whose sum it is; all from the same samples."""
+
+    def parts(view: EyeScene, world: World, hit: Hit, numbers: Draw) -> list[Vec]:
+        open_, lit = (f(hit, view.light, world, view.camera) for f in (lambert_radiance, shadow_radiance))
+        direct, *bounces = follow(hit, view.light, world, numbers, depth, parts=4)
+        seen = hit.ids >= 0
+        shadow, occlusion = (
+            tuple(select(seen, x - y, 0.0) for x, y in zip(a, b, strict=True)) for a, b in ((lit, open_), (direct, lit))
+        )
+        return [_or_sky(hit, open_, view.light), shadow, occlusion, *bounces]
+
+    start = [background(scene), *(np.zeros((*scene.camera.image_size[::-1], 3), np.float32) for _ in PARTS[1:])]
+    found = _sampled(scene, parts, start, engine, "area", samples, seed, stages)
+    return {
+        name: Image(mean, variance, samples, batches=min(BATCHES, samples))
+        for name, (mean, variance) in zip(PARTS, found, strict=True)
+    }
+
+
+def _or_sky(hit: Hit, colour: Vec, light: Lighting) -> Vec:
+    r, g, b = (select(hit.ids >= 0, c, sky) for c, sky in zip(colour, light.sky, strict=True))
+    return r, g, b
+
+
+def _sampled(
+    scene: Scene,
+    integrand: Integrand,
+    start: list[np.ndarray],
+    engine: str,
+    sampling: str,
+    samples: int,
+    seed: int,
+    stages: Stages,
+) -> list[tuple[np.ndarray, np.ndarray | None]]:
+    """For each of the integrand's colours its mean, and that mean's variance; `start` is where no object is seen."""
+    how, view, spread = ENGINES[engine], EyeScene(scene, ENGINES[engine], stages), 1.0 if sampling == "area" else 0.0
+    batches, values = min(BATCHES, samples), 3 * len(start)
+    number, size, more, key = (
+        constant(how, n) for n in (batches, samples // batches, samples % batches, seed & 0xFFFFFFFF)
+    )
+    variances = [np.zeros_like(mean) for mean in start]
+    queued = [(out, canvas(how, out)) for out in (*start, *variances)]
+
+    def estimate(u: Any, v: Any, pixel: Any, world: World) -> tuple[Any, ...]:
+        def batch(index: Any, *state: Any) -> tuple[Any, ...]:
+            mean, scatter, before = state[:values], state[values:-1], state[-1]
+
+            def sample(place: Any, *sums: Any) -> tuple[Any, ...]:
+                numbers = partial(random, u, pixel, index, place, key)
+                a, b = numbers(0)
+                d = view.ray(u + spread * (a - 0.5), v + spread * (b - 0.5))
+                brought = integrand(view, world, world.nearest(EYE, d), numbers)
+                return tuple(x + y for x, y in zip(sums, sum(brought, ()), strict=True))
+
+            count = size + select(index < more, 1, 0)
+            means = [total / count for total in repeat(count, sample, (0 * u,) * values)]
+            # Chan, Golub and LeVeque's update: no difference of large numbers.
+            after = before + count
+            steps = [m - x for m, x in zip(means, mean, strict=True)]
+            moved = (x + s * (count / after) for x, s in zip(mean, steps, strict=True))
+            return (*moved, *(x + s * s * (count * before / after) for x, s in zip(scatter, steps, strict=True)), after)
+
+        return repeat(number, batch, (0 * u,) * (2 * values + 1))[:-1]
+
+    with np.errstate(all="ignore"):
+        for u, v, place, world in (tiles if how.is_numpy else kernel)(view, area_boxes(scene), True):
+            u, v = (u + 0 * v, v + 0 * u)
+            found = estimate(u, v, pixel_numbers(how, place, scene.camera.width), world)
+            scale = 1 / (samples * max(batches - 1, 1))
+            colours = (*found[:values], *(x * scale for x in found[values:]))
+            for i, (_, targets) in enumerate(queued):
+                store(how, targets, place, colours[3 * i : 3 * i + 3], u == u)
+    flush(how, queued)
+    return [(mean, variance if batches > 1 else None) for mean, variance in zip(start, variances, strict=True)]
+
+
+def area_boxes(scene: Scene) -> Int[np.ndarray, "n 4"]:
+    """Which pixels can see each object in any part of their area: the boxes of `trim_boxes`, grown by a pixel."""
+    camera = scene.camera
+    padded = padded_camera(camera)
+    boxes = trim_boxes(scene.objects, padded)
+    empty = (boxes[:, 2:] <= boxes[:, :2]).any(axis=1)
+    frame = np.array(camera.image_size)
+    low, high = np.maximum(boxes[:, :2] - 2, 0), np.minimum(boxes[:, 2:], frame)
+    empty |= (low >= high).any(axis=1)
+    return np.where(empty[:, None], 0, np.concatenate([low, high], axis=1))
+
+
+def padded_camera(camera: Camera) -> Camera:
+    """The same with a pixel more on each side."""
+    (a, s, cx), (z, b, cy), last = camera.K
+    w, h = camera.image_size
+    return msgspec.structs.replace(camera, K=((a, s, cx + 1), (z, b, cy + 1), last), image_size=(w + 2, h + 2))

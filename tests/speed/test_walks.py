@@ -1,0 +1,254 @@
+"""Light that is followed: against the plain tracer, closed forms and the twin; the same on every engine.
+
+A sampled mean may err by 4 of its standard errors, each of which 16 batches tell to a fifth: a correct tracer fails in
+1 of 1000 tests of new seeds. The seeds here are fixed.
+"""
+
+from functools import partial
+from math import cos, hypot, inf, pi, radians, sin, sqrt
+
+import numpy as np
+import pytest
+from truths import BLACK, WHITE, element, from_element, grey, in_wedge, parallel, view_of, wedge
+
+from raytwin import speed, twin
+from raytwin.scene import Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.speed import ENGINES, frame
+from raytwin.speed.engine import from_numpy, to_numpy
+from raytwin.tracer import about, trace_paths
+from raytwin.tracer.random import BATCHES, draw, places
+
+MANY = {"drjit32": 1 << 20, "numpy32": 1 << 13}
+
+
+def mean_of(scene: Scene, engine: str, depth: int) -> tuple[float, float]:
+    """Of the picture's green channel, which is even: the mean and its standard error."""
+    pixels = scene.camera.width * scene.camera.height
+    samples = MANY[engine] // pixels
+    image = speed.walk(scene, "path", engine, samples=samples, seed=3, depth=depth)
+    error = np.sqrt(image.variance[..., 1].sum(dtype=float)) / pixels
+    return float(image.mean[..., 1].mean(dtype=float)), float(error)
+
+
+@pytest.fixture
+def fast(packages) -> str:
+    """One engine, the fastest here: that all follow the same paths is a test of its own."""
+    return "drjit32" if "llvm" in packages else "numpy32"
+
+
+def assert_agrees(found: tuple[float, float], expected: float, bias: float = 0.0) -> None:
+    assert abs(found[0] - expected) < 4 * found[1] + bias + 1e-6, (found, expected)
+
+
+# ---------------------------------------------------------------------------------------------- numbers
+
+
+def test_the_same_numbers_come_on_every_engine(engine):
+    like, pixel = np.zeros(5000), np.arange(5000)
+    lifted, how = from_numpy(ENGINES[engine], like), ENGINES[engine]
+    places_, pixels = (from_numpy(how, a, whole=True) for a in (pixel % 7, pixel))
+    expected = draw(like, pixel, 3, pixel % 7, 5, 2)
+    for found, numbers in zip(draw(lifted, pixels, 3, places_, 5, 2), expected, strict=True):
+        np.testing.assert_array_equal(to_numpy(found, (5000,)), numbers)
+
+
+@pytest.mark.parametrize("key", ["pixel", "batch", "seed", "bounce"])
+def test_what_is_counted_by_any_key_is_uniform_and_its_pairs_are_independent(key):
+    """Chi-square of 8 x 8 cells: 63 +- 11.2; 4.5 of these fail one correct hash in 10 000."""
+    n = 1 << 16
+    keys = {"pixel": 11, "batch": 2, "place": 0, "seed": 5, "bounce": 1}
+    counted = np.arange(n)
+    if key == "seed":
+        pairs = np.array([draw(np.zeros(1), 11, 2, 0, s, 1) for s in range(1 << 10)]).reshape(-1, 2)
+    else:
+        pairs = np.stack(draw(np.zeros(n), **(keys | {key: counted})), axis=1)
+    cells = np.histogram2d(*pairs.T, bins=8, range=[[0, 1], [0, 1]])[0]
+    expected = len(pairs) / 64
+    assert ((cells - expected) ** 2 / expected).sum() == pytest.approx(63, abs=4.5 * sqrt(2 * 63))
+
+
+def test_a_batchs_places_fill_each_dimension_more_evenly_than_chance_does():
+    """64 samples in 16 cells: by chance a cell's count has variance 3.75 +- 0.17 over 32 dimensions."""
+    counts = [
+        np.histogram(numbers, bins=16, range=(0, 1))[0]
+        for bounce in range(16)
+        for numbers in draw(np.zeros(64), 7, 1, np.arange(64), 0, bounce)
+    ]
+    assert np.var(counts) < 2
+
+
+def test_places_share_the_samples_evenly_over_the_batches():
+    for samples in (1, 3, 16, 17, 50):
+        found = places(samples)
+        assert len(set(found)) == samples
+        counts = np.bincount([batch for batch, _ in found])
+        assert len(counts) == min(BATCHES, samples)
+        assert counts.max() - counts.min() <= 1
+
+
+def test_directions_about_a_normal_are_unit_and_dense_as_the_cosine():
+    """Of density cos/π: the mean of ω is 2/3 n, that of (n·ω)² is 1/2; 2¹⁶ stratified samples err by less than 1e-3."""
+    a, b = ((i.ravel() + 0.5) / 256 for i in np.mgrid[:256, :256])
+    for n in np.vstack([np.eye(3), -np.eye(3), np.random.default_rng(1).normal(size=(20, 3))]):
+        n /= np.linalg.norm(n)
+        d = np.stack(about(tuple(np.full(a.shape, c) for c in n), a, b))
+        np.testing.assert_allclose((d * d).sum(axis=0), 1, atol=1e-12)
+        np.testing.assert_allclose(d.mean(axis=1), 2 / 3 * n, atol=1e-3)
+        assert ((n @ d) ** 2).mean() == pytest.approx(0.5, abs=1e-3)
+        assert (n @ d).min() >= 0
+
+
+# ---------------------------------------------------------------------------------------------- one source
+
+
+@pytest.mark.parametrize("samples", [3, 18])
+def test_every_engine_follows_the_plain_tracers_paths(shipped, engine, samples):
+    """The same numbers, the same paths; float32's rounding sends one in a thousand elsewhere at an edge."""
+    small = shipped.with_camera(shipped.camera.resized(32, 24))
+    plain, fast = (
+        trace_paths(small, 4, samples, seed=9),
+        speed.walk(small, "path", engine, samples=samples, seed=9, depth=4),
+    )
+    off = np.abs(fast.mean - plain.mean).max(axis=-1)
+    assert off.max() <= 3e-7 * plain.mean.max() if ENGINES[engine].bits == 64 else (off > 1e-5).mean() < 0.01
+    assert (fast.samples, fast.batches) == (samples, min(samples, BATCHES))
+
+
+def test_tiles_of_any_size_give_the_same_image(overlap, monkeypatch):
+    small = overlap.with_camera(overlap.camera.resized(60, 50))
+    first = speed.walk(small, "path", "numpy64", samples=2, depth=3)
+    monkeypatch.setattr(frame, "TILE_NUMPY", 32)
+    again = speed.walk(small, "path", "numpy64", samples=2, depth=3)
+    np.testing.assert_array_equal(first.mean, again.mean)
+    np.testing.assert_array_equal(first.variance, again.variance)
+
+
+def test_parts_of_the_light_add_up_to_the_whole(shipped, engine):
+    small = shipped.with_camera(shipped.camera.resized(48, 36))
+    parts, whole = speed.light_parts(small, engine, samples=8), speed.walk(small, "path", engine, samples=8)
+    assert tuple(parts) == speed.PARTS
+    total = sum(part.mean.astype(float) for part in parts.values())
+    np.testing.assert_allclose(total, whole.mean, atol=1e-6 * whole.mean.max())
+    assert parts["shadow"].mean.max() <= 0
+    for name in speed.PARTS[3:]:
+        assert parts[name].mean.min() >= 0
+
+
+def test_the_variance_is_that_of_the_mean(overlap, fast):
+    """100 seeds' spread beside the variance told: their ratio is 1 to within 10 %, 4 standard errors."""
+    small = overlap.with_camera(overlap.camera.resized(16, 12))
+    images = [speed.walk(small, "path", fast, samples=36, seed=seed) for seed in range(100)]
+    spread = np.var([image.mean for image in images], axis=0, ddof=1, dtype=float).mean()
+    assert np.mean([image.variance for image in images], dtype=float) == pytest.approx(spread, rel=0.1)
+
+
+# ---------------------------------------------------------------------------------------------- closed forms
+
+
+@pytest.mark.parametrize(("h", "c"), [(2, 1), (2, 0), (2, -0.25), (1.5, 0.3), (1.01, 0)])
+def test_a_sphere_hides_from_an_element_what_howell_says(fast, h, c):
+    ball = Sphere((h * sqrt(1 - c * c), 0, h * c), 1.0, BLACK)
+    camera = view_of((0, 0, 0), (-0.6, 0.2, 0.3), 1e-3)
+    found = mean_of(Scene("element", camera, (element((0, 0, 1)), ball), WHITE), fast, 2)
+    assert_agrees(found, 0.5 * (1 - from_element(h, c)))
+
+
+@pytest.mark.parametrize("at", [0.5, 1.0, 3.0])
+def test_a_ball_on_the_floor_hides_its_share_of_the_sky(fast, at):
+    floor = Rectangle((0, 0, 0), (10, 0, 0), (0, 10, 0), grey(0.5))
+    camera = view_of((at, 0, 0), (at + 2.5, 0.0, 0.15), 1e-3)
+    scene = Scene("ball", camera, (Sphere((0, 0, 1.0), 1.0, grey(0.3)), floor), WHITE)
+    assert_agrees(mean_of(scene, fast, 2), 0.5 * (1 - 1 / hypot(at, 1) ** 3), 2e-5)
+
+
+def test_a_lid_hides_from_the_element_under_its_corner_what_its_solid_angle_does(fast):
+    lid = Rectangle((0.75, 0.5, 1.0), (0.75, 0, 0), (0, 0.5, 0), BLACK)
+    camera = view_of((0, 0, 0), (-0.6, -0.5, 0.5), 1e-3)
+    found = mean_of(Scene("lid", camera, (element((0, 0, 1)), lid), WHITE), fast, 2)
+    assert_agrees(found, 0.5 * (1 - parallel(1.5, 1.0)))
+
+
+@pytest.mark.parametrize("degrees", [60, 90, 120])
+@pytest.mark.parametrize(("one", "other", "bounces", "sun"), [
+    (0.5, 0.5, 0, 0), (0.5, 0.5, 1, 0), (0.5, 0.5, 2, 0), (0.8, 0.3, 30, 0), (0.3, 0.8, 2, 2.0),
+])  # fmt: skip
+def test_light_between_two_planes_is_exact_at_every_depth(fast, degrees, one, other, bounces, sun):
+    """Seen 5 mm from the edge of sheets of 1 km: the sky that comes in where they end adds 1e-5 at most."""
+    tilt = radians(degrees / 2)
+    lights = WHITE + ((Sun((cos(tilt), 0.0, sin(tilt)), (sun,) * 3),) if sun else ())
+    expected = in_wedge(degrees, one, other, bounces, (sun * sin(tilt) / pi,) * 2)
+    eye = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
+    scene = Scene("wedge", view_of((0.005, 0, 0), eye, 1e-5), wedge(degrees, one, other, 500.0), lights)
+    assert_agrees(mean_of(scene, fast, bounces + 2), expected, 1e-5)
+
+
+def test_bounces_alone_are_the_terms_of_the_wedges_series(fast):
+    """In a wedge of 90 degrees, albedo 1/2: 1/4, then each bounce a quarter of the one before it."""
+    eye = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
+    scene = Scene("wedge", view_of((0.005, 0, 0), eye, 1e-5), wedge(90, 0.5, 0.5, 500.0), WHITE)
+    parts = speed.light_parts(scene, fast, samples=1 << 12, depth=30)
+    terms = [in_wedge(90, 0.5, 0.5, n) for n in (0, 1, 2, inf)]
+    for name, expected in {
+        "open": 0.5, "shadow": 0.0, "occlusion": terms[0] - 0.5, "bounce 1": terms[1] - terms[0],
+        "bounce 2": terms[2] - terms[1], "bounce 3+": terms[3] - terms[2],
+    }.items():  # fmt: skip
+        image = parts[name]
+        error = np.sqrt(image.variance[..., 1].sum(dtype=float)) / image.mean[..., 1].size
+        assert_agrees((float(image.mean[..., 1].mean(dtype=float)), float(error)), expected, 1e-5)
+
+
+@pytest.mark.parametrize("depth", [2, 5, 1024])
+def test_a_white_scene_in_a_white_sky_is_never_brighter_than_it_and_as_bright_in_the_end(fast, depth):
+    things = (Sphere((0, 0, 1), 1.0, grey(1)), Sphere((1.5, 1, 0.5), 0.5, grey(1)), Rectangle(
+        (0, 0, 0), (5, 0, 0), (0, 5, 0), grey(1)))  # fmt: skip
+    scene = Scene("furnace", view_of((0.8, 0.0, 0.0), (3.0, 0.2, 0.4), 1e-3), things, (Sky((0.7, 0.7, 0.7)),))
+    mean, error = mean_of(scene, fast, depth)
+    assert mean < 0.7 + 4 * error + 1e-5
+    if depth == 1024:  # after 62 bounces 1.5e-4 of the light is still on its way where ball and floor touch
+        assert_agrees((mean, error), 0.7, 1e-5)
+    else:
+        assert mean < 0.69
+
+
+def test_inside_a_white_sphere_light_is_followed_from_wall_to_wall(fast):
+    """The eye inside a closed ball of albedo a under a sun and sky outside: no light comes in."""
+    scene = Scene(
+        "inside", view_of((0.9, 0, 0), (0, 0, 0), 0.2), (Sphere((0, 0, 0), 0.9, grey(0.9)),), (*WHITE, Sun((0, 0, 1)))
+    )
+    np.testing.assert_array_equal(speed.walk(scene, "path", fast, samples=16).mean, 0)
+
+
+# ---------------------------------------------------------------------------------------------- the twin
+
+
+@pytest.mark.parametrize("depth", [2, 3, 8])
+def test_the_twin_sees_the_same_light_in_every_tile(shipped, fast, depth):
+    """8 x 8 tiles, three channels: 4.5 standard errors are left by one correct render in 700."""
+    small = shipped.with_camera(shipped.camera.resized(96, 72))
+    mine = speed.walk(small, "path", fast, samples=256, seed=4, depth=depth)
+    other = twin.render(small, "path", sampling="area", samples=256, seed=5, max_depth=depth, cache=False)
+
+    def tiles(values: np.ndarray) -> np.ndarray:
+        return values.reshape(8, 9, 8, 12, 3).sum(axis=(1, 3), dtype=float)
+
+    error = np.sqrt(tiles(mine.variance) + tiles(other.variance)) + 1e-6 * tiles(other.mean)
+    z = (tiles(mine.mean) - tiles(other.mean)) / np.maximum(error, 1e-12)
+    assert np.abs(z).max() < 4.5
+
+
+def test_at_the_centre_the_first_hit_has_no_noise(overlap, fast):
+    small = overlap.with_camera(overlap.camera.resized(48, 36))
+    centre = speed.walk(small, "sky", fast, sampling="center", samples=16)
+    exact = speed.trace(small, "shadow", fast)
+    background = exact.surface.ids < 0
+    np.testing.assert_array_equal(centre.mean[background], exact.mean[background])
+    assert centre.variance[background].max() == 0
+    assert (centre.mean <= exact.mean + 1e-6).all()
+    np.testing.assert_array_equal(centre.surface.ids, exact.surface.ids)
+
+
+def test_numbers_are_partial_to_no_seed(overlap):
+    small = overlap.with_camera(overlap.camera.resized(24, 18))
+    render = partial(speed.walk, small, "path", "numpy64", samples=2)
+    assert np.array_equal(render(seed=1).mean, render(seed=1).mean)
+    assert not np.array_equal(render(seed=1).mean, render(seed=2).mean)
