@@ -121,5 +121,13 @@ def test_inside_a_sphere_it_is_dark_but_for_the_sky(engine):
     assert trace(scene, "lambert", engine).mean[10, 10, 0] == pytest.approx(0.05 + 1.5 / math.pi, rel=1e-6)
 
 
+def test_the_surface_is_coloured_by_its_normal_on_the_boards_axes(engine):
+    """(n + 1) / 2: a sheet that leans by 30 degrees to the right shows (3/4, 1/2, (2 + sqrt 3) / 4)."""
+    s, c = math.sin(math.pi / 6), math.cos(math.pi / 6)
+    sheet = Rectangle((0.0, 0.0, 0.0), (c, 0.0, -s), (0.0, 1.0, 0.0))
+    image = trace(Scene("sheet", camera_above(1.0, 11), (sheet,), (Sky((0.2,) * 3),)), "surface", engine)
+    np.testing.assert_allclose(image.mean, np.broadcast_to([0.75, 0.5, (2 + math.sqrt(3)) / 4], (11, 11, 3)), rtol=1e-6)
+
+
 def test_a_sphere_does_not_shade_its_own_lit_side(engine, single):
     np.testing.assert_array_equal(trace(single, "shadow", engine).mean, trace(single, "lambert", engine).mean)

@@ -44,6 +44,17 @@ def test_a_head_on_sphere_is_a_disc_of_the_closed_forms_radius(single, variant):
     assert image.variance is None
 
 
+def test_the_surface_is_coloured_by_its_normal_and_the_background_is_black(variant):
+    """(n + 1) / 2: where the sphere turns by 30 degrees to the right, (3/4, 1/2, (2 + sqrt 3) / 4)."""
+    f, distance, radius = 100.0, 1.0, 0.25
+    u = f * radius * 0.5 / (distance - radius * math.sqrt(0.75))
+    camera = msgspec.structs.replace(looking_down(), K=((f, 0.0, 32 - (u - round(u))), (0.0, f, 32.0), (0.0, 0.0, 1.0)))
+    scene = Scene("s", camera, (Sphere((0, 0, 0), radius),), (SUN, SKY))
+    mean = render(scene, "surface", cache=False).mean
+    np.testing.assert_allclose(mean[32, 32 + round(u)], (0.75, 0.5, (2 + math.sqrt(3)) / 4), atol=2e-5)
+    assert not mean[0, 0].any()
+
+
 def test_the_brightest_pixel_of_a_sphere_faces_the_sun(variant):
     albedo = (0.8, 0.4, 0.2)
     scene = Scene("s", looking_down(), (Sphere((0, 0, 0), 0.25, Lambert(albedo)),), (SUN, SKY))
@@ -167,6 +178,20 @@ def test_a_textured_plane_is_not_mirrored(variant):
         np.testing.assert_allclose(mean[20, 50], (0, 1, 0), atol=1e-5)
         np.testing.assert_allclose(mean[45, 15], (0, 0, 1), atol=1e-5)
         np.testing.assert_allclose(mean[45, 50], (0, 0, 0), atol=1e-5)
+
+
+@pytest.mark.parametrize("texture", [[[0.2, 0.6]], [[0.2], [0.6]], [[0.4]], [[0.2, 0.6], [0.2, 0.6]]])
+def test_a_texture_one_pixel_wide_is_that_pixel_across(texture):
+    """Bilinear between pixels' centres: at the plane's middle their mean, a tenth of its length in their own."""
+    plane = Rectangle((0, 0, 0), (0.3, 0, 0), (0, 0.3, 0))
+    scene = Scene("t", looking_down(), (plane,), (Sun((0, 0, 1), (math.pi,) * 3),))
+    mean = render(scene, "lambert", textures={0: np.array(texture)}, cache=False).mean[..., 1]
+    assert mean[32, 32] == pytest.approx(0.4, abs=1e-5)
+    across, down = (0.2, 0.6), (0.4, 0.4)
+    if len(texture[0]) == 1:
+        across, down = down, (texture[0][0], texture[-1][0])
+    assert (mean[32, 6], mean[32, 58]) == pytest.approx(across, abs=1e-5)
+    assert (mean[6, 32], mean[58, 32]) == pytest.approx(down, abs=1e-5)
 
 
 @pytest.mark.parametrize(
