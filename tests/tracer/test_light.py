@@ -8,7 +8,7 @@ import pytest
 
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import trace
-from raytwin.tracer import STAGES, Every, Hit, World, back_project, lambert, lighting, sun_visible
+from raytwin.tracer import STAGES, Every, Hit, World, back_project, intersect_rectangle, lambert, lighting, sun_visible
 from raytwin.tracer.camera import to_board
 
 DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
@@ -111,14 +111,28 @@ def test_a_rectangle_is_lit_and_seen_from_both_sides(engine, sun_above):
             np.testing.assert_array_equal(image.surface.normal, np.broadcast_to(np.float32([0, 0, 1]), (11, 11, 3)))
 
 
-def test_inside_a_sphere_it_is_dark_but_for_the_sky(engine):
-    scene = Scene("cave", camera_above(0.1, 21, 10.0), (Sphere((0.0, 0.0, 0.0), 0.5, Lambert((0.5, 0.6, 0.7))),))
+@pytest.mark.parametrize("radius", [0.5, 4.0])
+def test_inside_a_sphere_it_is_dark_but_for_the_sky(engine, radius):
+    scene = Scene("cave", camera_above(0.1, 21, 10.0), (Sphere((0.0, 0.0, 0.0), radius, Lambert((0.5, 0.6, 0.7))),))
     scene = msgspec.structs.replace(scene, lights=(Sun((0.0, 0.0, 1.0), (3.0,) * 3), Sky((0.1, 0.2, 0.3))))
     image = trace(scene, "shadow", engine)
     assert (image.surface.ids == 0).all()
     np.testing.assert_allclose(image.mean, np.broadcast_to([0.05, 0.12, 0.21], (21, 21, 3)), rtol=1e-6)
     # The rung without shadows lets the sun shine through the shell, onto the floor of the cave.
     assert trace(scene, "lambert", engine).mean[10, 10, 0] == pytest.approx(0.05 + 1.5 / math.pi, rel=1e-6)
+
+
+def test_a_rectangle_ends_with_its_edges_and_lies_before_the_eye():
+    """Its corners at (±2, ±3, 0): t = 1 straight down on an edge; none beyond it, behind the eye, along the plane."""
+    sheet = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 3.0, 0.0))
+    for x, y, met in (
+        (2, 0, 1), (-2, 0, 1), (0, 3, 1), (0, -3, 1), (2, -3, 1),
+        (2.01, 0, math.inf), (-2.01, 0, math.inf), (0, 3.01, math.inf), (0, -3.01, math.inf),
+    ):  # fmt: skip
+        assert intersect_rectangle((float(x), float(y), 1.0), (0.0, 0.0, -1.0), sheet) == met
+    for d in ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)):
+        assert intersect_rectangle((0.0, 0.0, 1.0), d, sheet) == math.inf
+    assert intersect_rectangle((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), sheet) == math.inf  # on it: t = 0
 
 
 def test_the_surface_is_coloured_by_its_normal_on_the_boards_axes(engine):

@@ -70,6 +70,9 @@ def test_every_solver_is_right_where_the_sphere_is_near_and_numbers_are_long(sol
         roots = np.array([exact_roots(a, b, 1) for a, b in zip(f, d, strict=True)])
         np.testing.assert_allclose(near, roots[:, 0], rtol=0, atol=2e-12)
         np.testing.assert_allclose(far, roots[:, 1], rtol=0, atol=2e-12)
+        _, near, far = solve(solver, tuple(f.T), tuple(-d.T), 1.0)  # away from it: both lie behind
+        np.testing.assert_allclose(near, -roots[:, 1], rtol=0, atol=2e-12)
+        np.testing.assert_allclose(far, -roots[:, 0], rtol=0, atol=2e-12)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -94,6 +97,14 @@ def test_standing_one_metre_above_a_huge_sphere_only_robust_finds_the_ground_in_
     worst = {s: np.abs(intersect_sphere(origin, d, Sphere((0.0,) * 3, radius), s) - truth).max() for s in SOLVERS}
     assert worst["robust"] < 1e-6
     assert worst["textbook"] > 1e-3
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_both_roots_are_in_order_just_before_and_just_behind_the_middle(solver):
+    """Through a unit sphere's centre from x: t = -x - 1 and -x + 1."""
+    for x in (-1.2, -0.5, -1e-3, 1e-3, 0.5, 1.2):
+        _, near, far = solve(solver, (x, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0)
+        assert (near, far) == pytest.approx((-x - 1, -x + 1), abs=1e-12)
 
 
 @pytest.mark.parametrize("solver", RIGHT)
