@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from raytwin.compare import compare
 from raytwin.compare.geometry import geometry_findings
 from raytwin.compare.shift import find_shift
+from raytwin.files import read_image
 from raytwin.image import Image, Surface
 from raytwin.scene import Tolerance
 
@@ -149,3 +150,17 @@ def test_a_shifted_image_fails_with_the_shift_before_the_radiance():
     assert not c.passed
     assert c.geometry.shift_px == pytest.approx(0.1, rel=0.1)
     assert c.reasons[0].startswith("the test image is shifted by (+0.10")
+
+
+def test_shadows_that_are_missing_are_not_told_as_a_shift(scenes):
+    """The overlap scene's references carry no surface: that nothing moved must be read off the radiance."""
+    lit, shaded = (
+        read_image(scenes.parent / "reference" / "overlap" / f"{rung}.exr") for rung in ("lambert", "shadow")
+    )
+    found = find_shift(lit.mean, shaded.mean)
+    assert found.length > 0.3
+    assert found.significant
+    assert not found.better_than_light
+    c = compare(lit, shaded)
+    assert c.geometry.shift_px is None
+    assert not any("shift" in reason for reason in c.reasons)

@@ -10,7 +10,8 @@ class Geometry(Record, frozen=True):
 
     `mask_mismatch_pixels`: pixels whose centre sees another object; `depth_max_rel`: largest |t - t_ref| / t_ref and
     `normal_max_deg`: largest angle, both over pixels that see the same object; `shift_px`: length of the translation
-    between the two images, pixels, null where the pictures hold too little detail to tell.
+    between the two images, pixels, null where the pictures hold too little detail to tell, or where another light
+    explains more of the difference.
     """
 
     mask_mismatch_pixels: int | None = None

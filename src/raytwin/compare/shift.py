@@ -32,11 +32,13 @@ class Shift(NamedTuple):
     light: float = 0.0
 
     @property
+    def significant(self) -> bool:
+        return self.length > max(5 * self.sigma, 2 * GRANTED_SHIFT)
+
+    @property
     def certain(self) -> bool:
         """Beyond its sigma, and the cause of most of the difference: a missing shadow pulls at the edges too."""
-        if self.length <= max(5 * self.sigma, 2 * GRANTED_SHIFT):
-            return False
-        return self.length > 1 or (self.explained > 0.5 and self.better_than_light)
+        return self.significant and (self.length > 1 or (self.explained > 0.5 and self.better_than_light))
 
     @property
     def better_than_light(self) -> bool:

@@ -102,7 +102,8 @@ def _compare(
     # Where both tell what they see, and see the same, nothing is shifted.
     aligned = geometry.mask_mismatch_pixels is not None and not any(f.rank == SILHOUETTE for f in findings)
     shift = None if aligned else find_shift(test.mean, reference.mean)
-    if shift is not None and shift.sigma <= SURE_SHIFT:
+    # Another light pulls at the edges too: that is no shift to be told of.
+    if shift is not None and shift.sigma <= SURE_SHIFT and (shift.better_than_light or not shift.significant):
         geometry = msgspec.structs.replace(geometry, shift_px=shift.length)
     mismatch = geometry.mask_mismatch_pixels or 0
     excused = mismatch if mismatch <= tolerance.mask_pixels else 0
