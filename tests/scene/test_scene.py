@@ -167,3 +167,50 @@ def test_a_length_whose_square_floats_cannot_hold_is_named(precision, size):
     scene = Scene("stars", camera, (Sphere((0.0, 0.0, 3 * size), size),))
     with pytest.raises(InputError, match=r"objects\[0\] of scene stars: expected lengths of .* for " + precision):
         seen_from_eye(scene, precision)
+
+
+def upright(*things, eye=(0.1, 0.2, 0.5)) -> Scene:
+    """Seen from `eye`, looking along y, a little down: turned, so that coordinates are rounded."""
+    down = math.radians(20)
+    R = np.array([[1, 0, 0], [0, -math.sin(down), -math.cos(down)], [0, math.cos(down), -math.sin(down)]])
+    camera = Camera(
+        (1, 1), ((1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0)), tuple(map(tuple, R.tolist())), tuple((-R @ eye).tolist())
+    )
+    return Scene("places", camera, things)
+
+
+TABLE = Rectangle((0.1, 0.05, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    "sheet",
+    [
+        Rectangle((0.01, 0.02, 0.0), (0.3, 0.0, 0.0), (0.0, 0.3, 0.0)),
+        Rectangle((0.5, 0.4, 0.0), (0.21, 0.21, 0.0), (0.3, -0.3, 0.0)),
+        Rectangle((1.3, 0.0, 0.0), (0.25, 0.0, 0.0), (0.0, 5.0, 0.0)),
+        Rectangle((1.3, 0.0, 0.0), (0.0, 5.0, 0.0), (0.25, 0.0, 0.0)),
+        TABLE,
+    ],
+)
+def test_two_surfaces_in_one_place_are_refused_and_a_little_apart_they_are_not(sheet):
+    for order in ((TABLE, sheet), (sheet, TABLE)):
+        with pytest.raises(InputError, match=r"objects\[1\] of scene places: expected a surface apart from all others"):
+            seen_from_eye(upright(*order))
+    raised = msgspec.structs.replace(sheet, center=(*sheet.center[:2], 1e-4))
+    seen_from_eye(upright(TABLE, raised), "float32")
+    with pytest.raises(InputError, match="apart from all others"):
+        seen_from_eye(upright(TABLE, msgspec.structs.replace(sheet, center=(*sheet.center[:2], 1e-8))), "float32")
+
+
+def test_surfaces_that_share_an_edge_or_lie_side_by_side_in_a_plane_are_taken():
+    beside = Rectangle((1.5, 0.05, 0.0), (0.4, 0.0, 0.0), (0.0, 1.0, 0.0))
+    standing = Rectangle((0.1, 1.05, 0.5), (1.0, 0.0, 0.0), (0.0, 0.0, 0.5))
+    diagonal = Rectangle((1.5, 1.95, 0.0), (0.4, 0.4, 0.0), (0.4, -0.4, 0.0))
+    seen_from_eye(upright(TABLE, beside, standing, diagonal), "float32")
+
+
+def test_an_eye_in_a_rectangle_is_refused_and_one_in_its_plane_beside_it_is_not():
+    with pytest.raises(InputError, match=r"camera of scene places: expected an eye off every surface"):
+        seen_from_eye(upright(TABLE, eye=(0.3, 0.4, 0.0)))
+    seen_from_eye(upright(TABLE, eye=(1.3, 0.4, 0.0)))
+    seen_from_eye(upright(TABLE, eye=(0.3, 0.4, 1e-4)), "float32")

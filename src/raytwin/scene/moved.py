@@ -1,13 +1,12 @@
 """The same scene from another place."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from raytwin.errors import InputError
+from raytwin.scene.held import check_lengths, check_places
 from raytwin.scene.record import Vector
 from raytwin.scene.scene import Scene
 from raytwin.scene.shapes import Shape, Sphere
@@ -17,7 +16,7 @@ def seen_from_eye(scene: Scene, precision: str = "float64") -> Scene:
     """The scene in the camera's frame, in float64: the eye is the origin, and rays need no turning.
 
     Coordinates are then as small as the distances that matter, and float32 keeps the digits of far scenes. Raises
-    InputError where a length is none whose products the floats of `precision` hold.
+    InputError where the floats of `precision` do not hold the scene: see `scene.held`.
     """
     R, eye = np.asarray(scene.camera.R_cam_board), np.asarray(scene.camera.eye)
     replace = msgspec.structs.replace
@@ -38,19 +37,6 @@ def seen_from_eye(scene: Scene, precision: str = "float64") -> Scene:
     )
     sun = replace(scene.sun, to_light=turned(scene.sun.to_light)[0])
     local = replace(scene, camera=camera, objects=objects, lights=(sun, scene.sky))
-    _check_lengths(local, precision)
+    check_lengths(local, precision)
+    check_places(local, precision)
     return local
-
-
-LENGTHS = {"float32": (1e-12, 1e12), "float64": (1e-100, 1e100)}
-"""Metres: a rectangle's test takes products of three lengths, and floats hold them between these."""
-
-
-def _check_lengths(local: Scene, precision: str) -> None:
-    least, most = LENGTHS[precision]
-    for i, thing in enumerate(local.objects):
-        sizes = (thing.radius,) if isinstance(thing, Sphere) else (math.hypot(*thing.half_u), math.hypot(*thing.half_v))
-        for size in (*sizes, max(math.hypot(*thing.center), sizes[0])):
-            if not least <= size <= most:
-                where = f"objects[{i}] of scene {local.name}"
-                raise InputError(where, f"lengths of {least:g} to {most:g} m for {precision}", f"{size:g}")

@@ -1,0 +1,57 @@
+"""Whether floats hold a scene: lengths that do not overflow, surfaces that rounding does not mix up.
+
+All scenes here are seen from the eye, which is the origin.
+"""
+
+import math
+
+import numpy as np
+
+from raytwin.errors import InputError
+from raytwin.scene.scene import Scene
+from raytwin.scene.shapes import Rectangle, Sphere
+
+LENGTHS = {"float32": (1e-12, 1e12), "float64": (1e-100, 1e100)}
+"""Metres: a rectangle's test takes products of three lengths, and floats hold them between these."""
+
+ROUNDING = {"float32": 2e-6, "float64": 1e-13}
+"""As shares of the distance from the eye: surfaces nearer to each other than this are in one place."""
+
+
+def check_lengths(local: Scene, precision: str) -> None:
+    """InputError where a length is none whose products these floats hold."""
+    least, most = LENGTHS[precision]
+    for i, thing in enumerate(local.objects):
+        sizes = (thing.radius,) if isinstance(thing, Sphere) else (math.hypot(*thing.half_u), math.hypot(*thing.half_v))
+        for size in (*sizes, max(math.hypot(*thing.center), sizes[0])):
+            if not least <= size <= most:
+                where = f"objects[{i}] of scene {local.name}"
+                raise InputError(where, f"lengths of {least:g} to {most:g} m for {precision}", f"{size:g}")
+
+
+def check_places(local: Scene, precision: str) -> None:
+    """InputError where rounding would choose what is seen, or shade it: rectangles in one place, an eye in one."""
+    ids = [i for i, thing in enumerate(local.objects) if isinstance(thing, Rectangle)]
+    flat, rounding = local.rectangles, ROUNDING[precision]
+    center, normal = (np.array(a).reshape(-1, 3) for a in ([t.center for t in flat], [t.normal for t in flat]))
+    far = rounding * np.array([math.hypot(*t.center) + math.hypot(*t.half_u) + math.hypot(*t.half_v) for t in flat])
+    for k in np.flatnonzero(np.abs((normal * center).sum(axis=1)) <= far).tolist():
+        if all(abs(np.dot(flat[k].center, half)) <= np.dot(half, half) for half in (flat[k].half_u, flat[k].half_v)):
+            raise InputError(
+                f"camera of scene {local.name}", "an eye off every surface", f"one within objects[{ids[k]}]"
+            )
+    for k in range(1, len(flat)):
+        level = np.abs((center[:k] - center[k]) @ normal[k]) <= np.maximum(far[:k], far[k])
+        level &= np.linalg.norm(np.cross(normal[:k], normal[k]), axis=1) <= rounding
+        for other in np.flatnonzero(level).tolist():
+            if _overlap(flat[k], flat[other]):
+                found = f"one in the place of objects[{ids[other]}] (raise one of them a little)"
+                raise InputError(f"objects[{ids[k]}] of scene {local.name}", "a surface apart from all others", found)
+
+
+def _overlap(a: Rectangle, b: Rectangle) -> bool:
+    """Whether two in one plane share more than an edge: along no edge of theirs lies one beside the other."""
+    apart, halves = np.subtract(a.center, b.center), (a.half_u, a.half_v, b.half_u, b.half_v)
+    return all(
+        abs(np.dot(apart, axis)) < (1 - 1e-6) * sum(abs(np.dot(half, axis)) for half in halves) for axis in halves
+    )
