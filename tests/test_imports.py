@@ -29,7 +29,7 @@ HEAVY = (
 PACKAGES = ("tracer", "speed", "boards", "photos", "augment", "twin", "compare", "report", "bench")
 
 STAGES = {
-    "back_project", "distort", "undistort", "intersect_sphere", "intersect_rectangle", "World", "Hit", "lambert",
+    "back_project", "undistort", "intersect_sphere", "intersect_rectangle", "World", "Hit", "lambert",
     "sun_visible", "trace", "RADIANCE", "SOLVERS", "STAGES",
 }  # fmt: skip
 

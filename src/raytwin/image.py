@@ -50,6 +50,16 @@ class Image:
     surface: Surface | None = None
     batches: int | None = None
 
+    def blacken(self, lost: Bool[np.ndarray, "h w"] | None) -> "Image":
+        """Itself, with the pixels `lost`, that no ray belongs to, black and without doubt: they meet nothing."""
+        if lost is not None:
+            self.mean[lost] = 0
+            if self.variance is not None:
+                self.variance[lost] = 0
+            if self.surface is not None:
+                self.surface.ids[lost], self.surface.depth[lost], self.surface.normal[lost] = BACKGROUND, 0, 0
+        return self
+
     @property
     def shape(self) -> tuple[int, ...]:
         return self.mean.shape

@@ -244,13 +244,12 @@ def _stand(board: Board, camera: Camera, R: np.ndarray, aim: np.ndarray, share: 
     x, y = lens.undistort(((0.5 + aim) * size - 0.5)[None], np.array(camera.K), camera.dist)[0]
     middle = (centers.min(axis=0) + centers.max(axis=0)) / 2
     reach = np.linalg.norm(np.ptp(centers, axis=0)) + board.tag_edge
-    limit = lens.turning_radius(camera.dist)
     for distance in reach * camera.fx / max(camera.image_size) * np.geomspace(0.4, 6, 80):
         t = slack * distance * np.array([x, y, 1.0]) - R @ middle
         cam = corners.reshape(-1, 3) @ R.T + t
         if cam[:, 2].min() < 0.1 * distance:
             continue
-        near = np.hypot(cam[:, 0], cam[:, 1]) < 0.98 * limit * cam[:, 2]  # past it the lens model folds back
+        near = lens.grows(cam / (1, 1, 1.02), camera.dist)  # past it the lens model folds back
         pixels = lens.project(corners.reshape(-1, 3), R, t, np.array(camera.K), camera.dist)
         border = 0.01 * size.min()
         inside = near & (pixels > border).all(axis=1) & (pixels < size - 1 - border).all(axis=1)

@@ -9,6 +9,7 @@ from raytwin.errors import InputError
 from raytwin.jobs.camera import compare_truth, find_camera
 from raytwin.jobs.compare import compare_scene
 from raytwin.scene import Camera
+from raytwin.scene.lens import Folds
 from raytwin.speed import trace
 
 GIVEN = ["single", "overlap", "distorted", "grazing"]
@@ -124,3 +125,12 @@ def test_truth_rows_measure_a_known_turn_and_shift():
     rows = {row.name: row.found for row in compare_truth(truth, Sigma(), found, "a.jpg")}
     assert rows["rotation off by"] == pytest.approx(1, abs=1e-9)
     assert rows["eye off by"] == pytest.approx(2, abs=1e-9)
+
+
+def test_a_lens_that_folds_over_in_the_corners_is_compared_in_the_rest_and_said_so(scenes, tmp_path):
+    text = (scenes / "single" / "scene.toml").read_text()
+    (tmp_path / "scene.toml").write_text(text.replace("[[spheres]]", "dist = [-1.3]\n\n[[spheres]]", 1))
+    with pytest.warns(Folds, match="cannot be undone there"):
+        result = compare_scene(tmp_path, size=(160, 120))
+    assert result.comparison.verdict == "pass"
+    assert result.comparison.reasons[-1].startswith("no ray belongs to 30 % of the frame")

@@ -2,7 +2,6 @@ import math
 
 import cv2
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from photo_helpers import a_camera
@@ -40,10 +39,20 @@ def test_opencvs_default_of_five_steps_would_not_come_back():
 
 @settings(derandomize=True, deadline=None)
 @given(st.floats(-2.0, -0.01))
-def test_the_turning_radius_of_k1_alone_is_one_over_the_root_of_minus_3_k1(k1):
-    assert lens.turning_radius((k1,)) == pytest.approx(1 / math.sqrt(-3 * k1), rel=1e-9)
+def test_k1_alone_grows_out_to_one_over_the_root_of_minus_3_k1(k1):
+    fold = 1 / math.sqrt(-3 * k1)
+    r = fold * np.array([0.1, 0.98, 1.02, 1.5, 30])
+    rays = np.c_[0.6 * r, -0.8 * r, np.ones(5)]
+    assert lens.grows(2.5 * rays, (k1,)).tolist() == [True, True, False, False, False]
 
 
-def test_a_lens_without_or_with_growing_distortion_never_turns():
-    assert lens.turning_radius(()) == math.inf
-    assert lens.turning_radius((0.1, 0.2, 0, 0, 0.3)) == math.inf
+def test_p1_alone_folds_above_the_middle_where_every_radial_slope_grows():
+    """y' = y + 3 p1 y² there: it turns at y = -1 / (6 p1)."""
+    rays = np.array([[0, y, 1.0] for y in (-0.49, -0.51, 0.51)])
+    assert lens.grows(rays, (0, 0, 1 / 3)).tolist() == [True, False, True]
+
+
+def test_a_lens_without_or_with_growing_distortion_grows_wherever_the_camera_looks():
+    rays = np.array([[0.3, 0.2, 1], [50, -80, 1], [0.3, 0.2, -1], [0.3, 0.2, 0]])
+    for dist in ((), (0.1, 0.2, 0, 0, 0.3)):
+        assert lens.grows(rays, dist).tolist() == [True, True, False, False]

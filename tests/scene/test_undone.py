@@ -9,7 +9,18 @@ from hypothesis import strategies as st
 
 from raytwin.errors import InputError
 from raytwin.scene import Camera
-from raytwin.scene.lens import LEAST, check_lens, determinant, distort, follow, undone
+from raytwin.scene.lens import (
+    CELLS,
+    LEAST,
+    MOST,
+    Folds,
+    check_lens,
+    determinant,
+    distort,
+    follow,
+    undone,
+    without_ray,
+)
 
 SIZE = (640, 480)
 UNTURNED = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -64,7 +75,7 @@ def dipping(m: float, least: float) -> tuple[float, ...]:
 
 def test_no_way_leaps_over_a_shallow_fold_to_where_the_polynomial_comes_back():
     rng = np.random.default_rng(20251121)
-    for m, dip in zip(rng.uniform(0.05, 1, 100), 10 ** rng.uniform(-4, -0.5, 100), strict=True):
+    for m, dip in zip(rng.uniform(0.05, 1, 40), 10 ** rng.uniform(-4, -0.5, 40), strict=True):
         dist = dipping(m, -dip)
         r = math.sqrt(m - m * math.sqrt(dip / (1 + dip)))
         fold = r * (1 + dist[0] * r**2 + dist[1] * r**4)
@@ -98,20 +109,39 @@ def test_the_pixel_that_cannot_be_undone_is_named_in_one_line():
     with pytest.raises(InputError) as caught:
         check_lens(camera_of(dist=(-2.5,)))
     assert str(caught.value) == (
-        "camera.dist: expected a distortion that can be undone over the whole image, "
-        "got [-2.5], which cannot at pixel (-0.5, -0.5): two directions share it"
+        "camera.dist: expected a distortion that can be undone over most of the image, "
+        "got [-2.5], which cannot at pixel (-0.5, -0.5): two directions share it, nor over 79 % of it"
     )
     check_lens(camera_of(2000.0, dist=(-2.5,)))  # a longer lens sees only the part before the fold
 
 
-def test_a_lens_that_newtons_method_does_not_find_its_way_through_is_refused_too():
+def test_pixels_past_a_fold_and_those_within_a_cell_of_it_have_no_ray_and_a_warning_counts_them():
+    """k1 folds at the distorted radius 2/3 / √(-3 k1): here at 0.4 of 600 px, where the frame's corner is at 0.667."""
+    camera = camera_of(dist=(-((2 / 3 / 0.4) ** 2) / 3,))
+    with pytest.warns(Folds, match=r"no ray belongs to (\d+) of 307200 pixels \(\d+ %\): left black") as said:
+        lost = without_ray(camera)
+    assert str(lost.sum()) in str(said[0].message)
+    v, u = np.mgrid[:480, :640]
+    away = np.hypot(u - 319.5, v - 239.5)
+    assert lost[away >= 240].all()
+    assert not lost[away < 240 - np.hypot(640, 480) / CELLS].any()
+    assert without_ray(camera_of(dist=(-0.1,))) is None
+    check_lens(camera)
+
+
+def test_what_newtons_method_does_not_find_its_way_through_has_no_ray_either():
     camera = camera_of(401.0, (101.0, 409.0), (0.853, -0.066, -0.01, -0.114, -0.089))
     known = undone(camera.K, camera.dist, SIZE)
     assert (known.share == 1).all()
     assert known.fault.endswith("Newton's method does not come there")
+    u, v = known.pixels[~known.found].T
+    with pytest.warns(Folds):
+        lost = without_ray(camera)
+    inside = (np.abs(u - 320) < 319) & (np.abs(v - 240) < 239)
+    assert lost[v[inside].round().astype(int), u[inside].round().astype(int)].mean() > 0.9
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(cameras())
 def test_what_is_undone_comes_back_and_grows_all_along_its_way(camera):
     known = undone(camera.K, camera.dist, SIZE)
@@ -183,7 +213,6 @@ def test_a_march_by_another_route_ends_at_the_same_places(camera):
 
 def answers(camera: Camera) -> dict[str, bool]:
     """Who takes the lens."""
-    from raytwin.photos import model
     from raytwin.speed.start import invert_lens
     from raytwin.twin.rays import lens_of
 
@@ -198,22 +227,22 @@ def answers(camera: Camera) -> dict[str, bool]:
         "record": takes(check_lens),
         "tracer": takes(invert_lens),
         "twin": takes(lens_of),
-        "calibration": not model.undone(np.array(camera.K), camera.dist, camera.image_size).fault,
     }
 
 
-@settings(max_examples=40, deadline=None)
+@pytest.mark.filterwarnings("ignore::raytwin.scene.lens.Folds")
+@settings(max_examples=20, deadline=None)
 @given(cameras())
 def test_all_who_ask_take_the_same_lenses(camera):
     from raytwin.speed.boxes import field_of_view
 
     asked = answers(camera)
     assert len(set(asked.values())) == 1, asked
-    if not asked["record"]:
-        assert field_of_view(camera) is None
+    assert (field_of_view(camera) is None) >= bool(fault_of(camera))
 
 
-@settings(max_examples=40, deadline=None)
+@pytest.mark.filterwarnings("ignore::raytwin.scene.lens.Folds")
+@settings(max_examples=20, deadline=None)
 @given(cameras())
 def test_the_tracers_quick_inverse_and_its_plain_one_and_the_twins_end_where_the_way_does(camera):
     from raytwin.speed.start import invert_lens
@@ -221,13 +250,16 @@ def test_the_tracers_quick_inverse_and_its_plain_one_and_the_twins_end_where_the
     from raytwin.twin import rays
 
     known = undone(camera.K, camera.dist, SIZE)
-    assume(not known.fault)
-    xd, yd = ((known.pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
-    dist = camera.coefficients
-    allowed = 1e-9 * (1 + np.abs(known.ideal).max()) / determinant(*known.ideal.T, dist).clip(LEAST, 1).min()
+    lost = without_ray(camera)
+    assume(lost is None or lost.mean() <= MOST)
+    u, v = known.pixels.T.round().astype(int).clip(0, [[639], [479]])
+    here = np.full(len(u), True) if lost is None else ~lost[v, u]
+    xd, yd = ((known.pixels[here] - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
+    dist, ideal = camera.coefficients, known.ideal[here]
+    allowed = 1e-9 * (1 + np.abs(ideal).max()) / determinant(*ideal.T, dist).clip(LEAST, 1).min()
     for x, y in (
         invert_lens(camera).undo(xd, yd, dist),
         undistort(xd, yd, dist),
         rays.undistort(xd, yd, dist, rays.lens_of(camera).steps),
     ):
-        np.testing.assert_allclose(np.stack([x, y], axis=1), known.ideal, rtol=0, atol=allowed)
+        np.testing.assert_allclose(np.stack([x, y], axis=1), ideal, rtol=0, atol=allowed)

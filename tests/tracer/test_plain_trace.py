@@ -8,6 +8,7 @@ from raytwin import speed, tracer
 from raytwin.errors import InputError
 from raytwin.rungs import RUNGS
 from raytwin.scene import seen_from_eye
+from raytwin.scene.lens import without_ray
 from raytwin.speed.boxes import TRIMS
 from raytwin.speed.engine import from_numpy, to_numpy
 from raytwin.speed.frame import EyeScene
@@ -65,7 +66,35 @@ def test_a_replaced_lens_is_not_undone_behind_the_stages_back(scenes, engine):
     assert (fast.surface.ids != speed.trace(scene, "surface", engine).surface.ids).mean() > 0.01
 
 
-def test_a_lens_that_folds_over_is_refused_by_both(single, engine):
+@pytest.mark.filterwarnings("ignore::raytwin.scene.lens.Folds")
+def test_past_where_a_lens_folds_over_both_are_black_and_meet_nothing(single, engine):
+    """The sphere reaches 30 degrees off the axis, 0.577, and k1 folds at 1 / √3.9 = 0.506."""
+    camera = msgspec.structs.replace(single.camera, dist=(-1.3,)).resized(320, 240)
+    (sphere,) = single.objects
+    folding = msgspec.structs.replace(single, camera=camera, objects=(msgspec.structs.replace(sphere, radius=0.2),))
+    lost = without_ray(camera)
+    plain, fast = tracer.trace(folding), speed.trace(folding, engine=engine)
+    assert 0.2 < lost.mean() < 0.5
+    for image in (plain, fast):
+        assert not image.mean[lost].any()
+        assert (image.surface.ids == np.where(lost, -1, 0)).all()
+        assert not image.surface.depth[lost].any()
+        assert (image.mean[~lost].min(axis=-1) > 0.05).all()
+    np.testing.assert_allclose(fast.mean, plain.mean, rtol=0, atol=FLOAT32_AGREES)
+    v, u = np.mgrid[:240, :320].astype(float)
+    points = speed.trace_points(folding, u.ravel(), v.ravel(), "shadow", engine)
+    assert ((points.ids == -1) == lost.ravel()).all()
+    assert not points.lit[lost.ravel()].any()
+    held = np.full((240, 320, 3), 7, np.float32)  # a photo that is drawn into keeps what it shows there
+    speed.draw(folding, held, engine=engine)
+    assert (held[lost] == 7).all()
+    assert (held[~lost] != 7).all()
+    for way in speed.WAYS:
+        guessed, _ = speed.speculate(folding, 4, engine=engine, way=way)
+        assert not guessed[lost].any()
+
+
+def test_a_lens_that_folds_over_most_of_the_frame_is_refused_by_both(single, engine):
     folding = single.with_camera(msgspec.structs.replace(single.camera, dist=(-2.5,)))
     for trace in (tracer.trace, lambda scene: speed.trace(scene, engine=engine)):
         with pytest.raises(InputError, match="two directions share it"):

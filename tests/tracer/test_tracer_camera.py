@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from raytwin.files import read_scene
 from raytwin.scene import Camera
+from raytwin.scene.lens import distort
 from raytwin.speed.boxes import field_of_view
 from raytwin.speed.start import invert_lens
-from raytwin.tracer import back_project, distort, undistort
+from raytwin.tracer import back_project, undistort
 from raytwin.tracer.camera import to_board
 
 

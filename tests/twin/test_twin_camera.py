@@ -6,6 +6,7 @@ import pytest
 from raytwin import files
 from raytwin.errors import InputError
 from raytwin.scene import Scene, Sphere, Sun
+from raytwin.scene.lens import without_ray
 from raytwin.twin import activate, render
 from raytwin.twin.rays import directions, lens_of
 from raytwin.twin.world import translate
@@ -100,8 +101,24 @@ def test_path_agrees_with_mitsubas_path_from_the_eye(scenes):
         assert ours.variance.mean() * 32 < 0.2 * theirs.var(axis=0).mean()
 
 
-@pytest.mark.parametrize("dist", [(-0.9,), (-0.5, 0.1), (0.0, 0.0, 0.5, 0.5), (0.0, -3.0)])
-def test_a_distortion_that_folds_the_image_is_refused(scenes, dist):
+@pytest.mark.filterwarnings("ignore::raytwin.scene.lens.Folds")
+@pytest.mark.parametrize("rung", ["shadow", "path"])
+def test_past_where_a_lens_folds_over_the_twin_is_black_and_meets_nothing(scenes, variant, rung):
+    scene = files.read_scene(scenes / "single").scene
+    camera = msgspec.structs.replace(scene.camera, dist=(-1.3,)).resized(80, 60)
+    sphere = msgspec.structs.replace(scene.objects[0], radius=0.2)
+    made = render(msgspec.structs.replace(scene, camera=camera, objects=(sphere,)), rung, samples=4, cache=False)
+    lost = without_ray(camera)
+    assert 0.2 < lost.mean() < 0.5
+    assert (made.surface.ids == np.where(lost, -1, 0)).all()
+    assert not made.mean[lost].any()
+    assert np.isfinite(made.mean).all()
+    assert (made.mean[~lost].min(axis=-1) > 0.05).all()
+    assert made.variance is None or not made.variance[lost].any()
+
+
+@pytest.mark.parametrize("dist", [(-1.9,), (-1.5, -0.9), (0.0, 0.0, 1.5, 1.5), (0.0, -6.0)])
+def test_a_distortion_that_folds_most_of_the_image_is_refused(scenes, dist):
     scene = files.read_scene(scenes / "distorted").scene
     scene = scene.with_camera(msgspec.structs.replace(scene.camera, dist=dist))
     with pytest.raises(InputError) as caught:

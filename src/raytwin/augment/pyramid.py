@@ -20,11 +20,11 @@ def draw_pyramid(photo: np.ndarray, camera: Camera, pyramid: Pyramid, space: np.
 
     Each face covers what lies behind it by its `opacity`, in linear light: a face seen from inside (its outer side
     turned away) is drawn before those seen from outside. `space`: the photo's linear RGB to Rec. 709. A pyramid that
-    reaches the camera's plane is left out whole.
+    reaches the camera's plane, or past where the lens folds back, is left out whole.
     """
     vertices = np.array(pyramid.vertices)
     R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
-    if (vertices @ R.T + t)[:, 2].min() <= 0:
+    if not lens.grows(vertices @ R.T + t, camera.dist).all():
         return photo.copy()
     eye, middle = np.array(camera.eye), vertices.mean(axis=0)
     # Blending does not care for primaries: the colour goes into the photo's.

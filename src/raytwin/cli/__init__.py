@@ -8,6 +8,7 @@ import io
 import os
 import sys
 import traceback
+import warnings
 from typing import Annotated
 
 import typer
@@ -81,6 +82,7 @@ def _run() -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
+    warnings.showwarning = lambda message, *_, **__: print(f"raytwin: {message}", file=sys.stderr)
     try:
         code = app(standalone_mode=False)
         sys.stdout.flush()

@@ -18,6 +18,7 @@ from raytwin.methods.traced import Traced, fast_engine
 from raytwin.progress import Progress, Stages, silent
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Tolerance
+from raytwin.scene.lens import without_ray
 from raytwin.speed import check_rows
 from raytwin.tracer import RADIANCE
 
@@ -120,7 +121,7 @@ def compare_scene(
     return Result(
         scene=scene,
         tolerance=written.tolerance,
-        report=Report(scene.name, rung, comparison, dict(stages.seconds), numbers),
+        report=Report(scene.name, rung, comparison, dict(stages.seconds), numbers).saying(*_folded(scene)),
         subject=made,
         twin=reference,
         photo=picture,
@@ -132,6 +133,14 @@ def compare_scene(
         settings=settings,
         versions=versions(),
     )
+
+
+def _folded(scene: Scene) -> tuple[str, ...]:
+    """What to say where the lens gives a part of the frame no ray."""
+    lost = without_ray(scene.camera)
+    if lost is None:
+        return ()
+    return (f"no ray belongs to {100 * lost.mean():.2g} % of the frame, where the lens folds back: black in both",)
 
 
 def _check(rung: str, sampling: str, samples: int | None) -> None:

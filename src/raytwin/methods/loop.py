@@ -11,6 +11,7 @@ import numpy as np
 
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Shape, Sphere, Vector
+from raytwin.scene.lens import without_ray
 from raytwin.speed import TRIMS, background
 from raytwin.speed.start import invert_lens
 
@@ -31,12 +32,13 @@ def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:
     if not boxes:
         return out
     x0, y0, x1, y1 = (list(side) for side in zip(*boxes, strict=True))
+    lost = without_ray(camera)
     for v in range(min(y0), max(y1)):
         row = [i for i, box in enumerate(boxes) if box[1] <= v < box[3]]
         for u in range(min(x0), max(x1)):
             near, seen = inf, None
             tests = [i for i in row if boxes[i][0] <= u < boxes[i][2]]
-            if not tests:
+            if not tests or (lost is not None and lost[v, u]):
                 continue
             x, y = (u - cx) / fx, (v - cy) / fy
             x, y = undo(x, y, dist)

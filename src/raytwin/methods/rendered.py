@@ -8,6 +8,7 @@ from raytwin.image import Image
 from raytwin.methods.method import Call, Method
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
+from raytwin.scene.lens import without_ray
 
 SHORT = {"llvm_ad_rgb": "llvm", "scalar_rgb": "scalar", "cuda_ad_rgb": "cuda"}
 """Mitsuba's variants as names have them."""
@@ -91,7 +92,8 @@ class Plain(_ByVariant):
 
         def call(seed: int) -> Image:
             twin.activate(self.variant)
-            return Image(twin.render_plain(loaded, self.samples, seed), samples=self.samples)
+            image = Image(twin.render_plain(loaded, self.samples, seed), samples=self.samples)
+            return image.blacken(without_ray(scene.camera))
 
         return call
 

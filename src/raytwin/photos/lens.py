@@ -11,7 +11,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from raytwin.scene.lens import newton
+from raytwin.scene.lens import LEAST, jacobian, newton
+
+WAYPOINTS = 32
 
 
 def project(points: np.ndarray, R: Any, t: Any, K: Any, dist: Sequence[float]) -> np.ndarray:
@@ -33,21 +35,15 @@ def undistort(pixels: Any, K: Any, dist: Sequence[float]) -> np.ndarray:
     return np.stack(newton((u - cx) / fx, (v - cy) / fy, five(dist).tolist()), axis=1)
 
 
-def turning_radius(dist: Sequence[float]) -> float:
-    """The smallest r at which r (1 + k1 r² + k2 r⁴ + k3 r⁶) stops growing; infinite where it never does.
-
-    Past it the lens model folds back: two directions would share a pixel. (r = 1000 is 90 degrees off the axis.)
-    """
-    k1, k2, _, _, k3 = five(dist)
-    slope = np.array([7 * k3, 5 * k2, 3 * k1, 1.0])  # of r² as the variable
-    roots = np.roots(np.where(np.abs(slope) < 1e-12, 0.0, slope))
-    squares = [z.real for z in roots if abs(z.imag) < 1e-9 * max(1.0, abs(z)) and 0 < z.real < 1e6]
-    return math.sqrt(min(squares)) if squares else math.inf
-
-
 def grows(rays: np.ndarray, dist: Sequence[float]) -> np.ndarray:
-    """(n,) bool: whether the lens has not folded back before the camera's ray (n, 3)."""
-    return np.hypot(rays[:, 0], rays[:, 1]) < turning_radius(dist) * rays[:, 2]
+    """(n,) bool: whether the lens does not fold back between its middle and the camera's ray (n, 3).
+
+    At WAYPOINTS places on the way, in ideal coordinates, its Jacobian is positive definite, as it is in the middle.
+    """
+    with np.errstate(all="ignore"):
+        x, y = (np.linspace(0, 1, WAYPOINTS + 1)[1:, None] * (rays[:, i] / rays[:, 2]) for i in (0, 1))
+        a, b, c = jacobian(x, y, five(dist).tolist())
+        return (rays[:, 2] > 0) & ((a > 0) & (a * c - b * b >= LEAST)).all(axis=0)
 
 
 def corner_radius(intrinsics: Sequence[float], image_size: tuple[int, int]) -> float:

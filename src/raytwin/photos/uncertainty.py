@@ -10,6 +10,15 @@ Few photos know V badly, but its size well: towards kappa s² H^-1, the covarian
 what the whole of V is larger, it is drawn by m / (m + n), m numbers from n photos. kappa is never below 1: photos that
 agree by chance are no reason to claim more than their tags' number allows.
 
+Of photos that do err alike this says too much, twice too much of four: what a photo alone can tell moves far without
+it. Whether they do is what
+
+    q = Σ g_i · delta_i / (m s²)
+
+tells, which is 1 then on average and spreads by sqrt(2 Σ tr (H^-1 H_i)²) / m (Bell and McCaffrey's CR2: unbiased, as
+the jackknife, their CR3, is not). So the covariance is max(q, 1) s² H^-1 as far as q is within DISSENT such spreads
+of 1, and V beyond.
+
 A camera that is a little wrong is for the most part a camera that looks a little elsewhere, and every pose found with
 it looks elsewhere by the same amount: such an error is invisible in use. What counts is what is left. So a point fixed
 to the boards, not to the camera, is followed: the perturbed poses carry it along, on average over the views, by a turn
@@ -31,6 +40,9 @@ from raytwin.photos.fit import MODELS, Fit, linearise, of_pose, solve_scaled
 
 UNDONE_PX = 1e-3
 """A pixel whose undistorted ray does not come back to within this has none."""
+
+DISSENT = 2.0
+"""Photos that disagree by so many spreads of what chance makes of them outweigh the belief that they err alike."""
 
 CELL = 16
 """The map has one value for each CELL x CELL pixels."""
@@ -67,13 +79,22 @@ class Spread:
 def spread(found: Fit) -> Spread:
     moves, errors = leave_one_out(found)
     n, m = moves.shape
-    H = found.H.sum(axis=0) + found.prior
+    H, s2 = found.H.sum(axis=0) + found.prior, max(found.variance, 1e-300)
     centred = moves - moves.mean(axis=0)
     jackknife = (n - 1) / n * centred.T @ centred
-    alike = found.variance * solve_scaled(H, np.eye(m))
-    kappa = max(1.0, float((H * jackknife).sum()) / (m * max(found.variance, 1e-300)))
+    alike = s2 * solve_scaled(H, np.eye(m))
+    kappa = max(1.0, float((H * jackknife).sum()) / (m * s2))
     few = m / (m + n)
-    return Spread((1 - few) * jackknife + few * kappa * alike, math.sqrt(kappa * found.variance), moves, errors)
+    apart = (1 - few) * jackknife + few * kappa * alike
+    photo = found.sights.photo
+    of_photo = [(found.H[photo == i].sum(axis=0), found.g[photo == i].sum(axis=0)) for i in range(n)]
+    q = max(1.0, sum(float(g @ move) for (_, g), move in zip(of_photo, moves, strict=True)) / (m * s2))
+    shares = [solve_scaled(H, own) for own, _ in of_photo]
+    chance = math.sqrt(2 * sum(float((share * share.T).sum()) for share in shares)) / m
+    as_one = 1 / (1 + ((q - 1) / (DISSENT * chance)) ** 2)
+    covariance = as_one * q * alike + (1 - as_one) * apart
+    noise = math.sqrt((as_one * q + (1 - as_one) * kappa) * s2)
+    return Spread(covariance, noise, moves, errors)
 
 
 def with_poses(found: Fit, known: Spread) -> np.ndarray:

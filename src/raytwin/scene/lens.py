@@ -10,8 +10,12 @@ lies a fold, at which two directions share a pixel. Seen from the principal poin
 the way reaches every pixel of the border, it reaches all, and the inverse is smooth over the whole frame.
 
 Second, whoever undoes a lens here does it by Newton's method from the distorted point: it must come to the way's end.
+
+A fit folds where no photo tells the lens, in a corner. Renderers leave such pixels black, as if they met nothing
+(`without_ray`), and say so once; a lens that loses more than MOST of the frame is refused (`check_lens`).
 """
 
+import warnings
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -20,6 +24,7 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
+from raytwin.shapes import Bool
 
 LEAST = 1e-3
 """The least determinant that counts as undone: there a pixel sees a thousand times the solid angle of the middle's."""
@@ -27,9 +32,19 @@ LEAST = 1e-3
 STEPS = 20
 """Of Newton's: each doubles the number of right digits; a strong lens needs half a dozen before that begins."""
 
+SETTLED = 1e-9
+"""After a step of Newton's shorter than this the next would be rounding."""
+
 SIDE = 65
 """Places tested on each side of the border, corners included. A smooth fold that comes in between two of them comes in
 by (side / 128)² / (2 · its radius of curvature): less than the half pixel from the border to a pixel's centre."""
+
+CELLS = 128
+"""Pixels without a ray are told by cells, so many along each side: one has rays where all four of its corners do. The
+part that can be undone is round, so a cell whose corners lie within it lies within it whole."""
+
+MOST = 0.5
+"""Of the frame that may be without rays."""
 
 LONGEST, SHORTEST = 1 / 16, 1e-6
 """Steps along a way, as a share of it."""
@@ -66,10 +81,60 @@ def undone(K: Any, dist: Sequence[float], image_size: tuple[int, int]) -> Undone
 
 
 def check_lens(camera: Camera) -> None:
-    """Raise InputError, the pixel named, unless the camera's distortion can be undone over the whole frame."""
-    if fault := undone(camera.K, camera.dist, camera.image_size).fault:
-        found = f"{list(camera.dist)}, which cannot at {fault}"
-        raise InputError("camera.dist", "a distortion that can be undone over the whole image", found)
+    """Raise InputError, a pixel named, unless the camera's distortion can be undone over most of the frame."""
+    lost = without_ray(camera)
+    if lost is not None and lost.mean() > MOST:
+        fault = undone(camera.K, camera.dist, camera.image_size).fault
+        found = f"{list(camera.dist)}, which cannot at {fault}, nor over {100 * lost.mean():.0f} % of it"
+        raise InputError("camera.dist", "a distortion that can be undone over most of the image", found)
+
+
+class Folds(UserWarning):
+    """A lens that cannot be undone over a part of the frame, whose pixels are left black."""
+
+
+def without_ray(camera: Camera) -> Bool[np.ndarray, "h w"] | None:
+    """(H, W) bool, not to be written to: the pixels that no ray belongs to; None where all have one, as they should."""
+    if not any(camera.dist) or not undone(camera.K, camera.dist, camera.image_size).fault:
+        return None
+    lost = _without_ray(camera.fx, camera.fy, camera.cx, camera.cy, camera.coefficients, camera.image_size)
+    return lost if lost.any() else None
+
+
+def rayless(camera: Camera, u: Any, v: Any) -> np.ndarray:
+    """Of places (u, v) in the image, which lie in a pixel that no ray belongs to, or beyond the frame next to one."""
+    u, v = np.broadcast_arrays(u, v)
+    if (lost := without_ray(camera)) is None:
+        return np.zeros(u.shape, bool)
+    column, row = (np.clip(np.rint(a).astype(int), 0, n - 1) for a, n in ((u, camera.width), (v, camera.height)))
+    return np.asarray(lost[row, column])
+
+
+@lru_cache(maxsize=8)
+def _without_ray(
+    fx: float, fy: float, cx: float, cy: float, dist: tuple[float, ...], image_size: tuple[int, int]
+) -> np.ndarray:
+    us, vs = (np.linspace(-0.5, side - 0.5, CELLS + 1) for side in image_size)
+    xd, yd = (a.ravel() for a in np.meshgrid((us - cx) / fx, (vs - cy) / fy))
+    bad = ~_comes_back(xd, yd, dist)[0].reshape(CELLS + 1, CELLS + 1)
+    bad = bad[:-1, :-1] | bad[:-1, 1:] | bad[1:, :-1] | bad[1:, 1:]
+    column, row = (CELLS * (2 * np.arange(side) + 1) // (2 * side) for side in image_size)
+    lost: np.ndarray = bad[row[:, None], column]
+    lost.flags.writeable = False
+    if lost.sum() > 0 and lost.mean() <= MOST:
+        text = f"no ray belongs to {lost.sum()} of {lost.size} pixels ({100 * lost.mean():.2g} %): left black"
+        warnings.warn(f"camera.dist: {list(dist)} cannot be undone there, and {text}", Folds, stacklevel=2)
+    return lost
+
+
+def _comes_back(
+    xd: np.ndarray, yd: np.ndarray, dist: tuple[float, ...]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Whether the way to each (xd, yd) (n,) can be gone and Newton's method comes to its end; and `Undone`'s fields."""
+    share, x, y = follow(xd, yd, dist) if any(dist) else (np.ones(len(xd)), xd, yd)
+    ended = newton(xd, yd, dist)
+    found = np.hypot(ended[0] - x, ended[1] - y) <= 1e-9 * (1 + np.hypot(x, y))
+    return (share == 1) & found, share, x, y, found
 
 
 @lru_cache(maxsize=64)
@@ -79,9 +144,7 @@ def _undone(fx: float, fy: float, cx: float, cy: float, dist: tuple[float, ...],
     sides = (us, vs[0] + 0 * us), (us, vs[-1] + 0 * us), (us[0] + 0 * vs, vs), (us[-1] + 0 * vs, vs)
     u, v = (np.concatenate(a) for a in zip(*sides, (u, v), strict=True))
     xd, yd = (u - cx) / fx, (v - cy) / fy
-    share, x, y = follow(xd, yd, dist) if any(dist) else (np.ones(len(u)), xd, yd)
-    ended = newton(xd, yd, dist)
-    found = np.hypot(ended[0] - x, ended[1] - y) <= 1e-9 * (1 + np.hypot(x, y))
+    _, share, x, y, found = _comes_back(xd, yd, dist)
     return Undone(np.stack([u, v], axis=1), share, np.stack([x, y], axis=1), found)
 
 
@@ -117,6 +180,8 @@ def newton(xd: np.ndarray, yd: np.ndarray, dist: Sequence[float], steps: int = S
             fx, fy = distort(x, y, dist)
             dx, dy = _solve(x, y, xd - fx, yd - fy, dist)
             x, y = x + dx, y + dy
+            if not (np.abs(dx) + np.abs(dy) > SETTLED).any():
+                break
     return x, y
 
 

@@ -15,10 +15,9 @@ from math import ceil, floor, inf, pi
 import numpy as np
 
 from raytwin.scene import Camera, Rectangle, Shape, Sphere
-from raytwin.scene.lens import LEAST, determinant, undone
+from raytwin.scene.lens import LEAST, determinant, distort, undone
 from raytwin.shapes import Int
 from raytwin.speed.start import invert_lens
-from raytwin.tracer.camera import distort
 
 Box = tuple[int, int, int, int]
 """x0, y0, x1, y1 in pixels: x0 <= u < x1 and y0 <= v < y1."""

@@ -11,6 +11,7 @@ from raytwin.errors import check_one_of
 from raytwin.image import Image, Surface
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, seen_from_eye
+from raytwin.scene.lens import without_ray
 from raytwin.shapes import Float32, Int
 from raytwin.speed.boxes import TRIMS
 from raytwin.speed.engine import ENGINES, Engine, canvas, flush, lift, only_where, pixel_grid, store, tile_grid
@@ -53,7 +54,8 @@ def trace(
 def background(
     scene: Scene, rung: str = "shadow", out: Float32[np.ndarray, "h w 3"] | None = None
 ) -> Float32[np.ndarray, "h w 3"]:
-    """What the camera sees where it meets nothing: (H, W, 3) float32, the sky's radiance, or 0 where a rung has none.
+    """What the camera sees where it meets nothing: (H, W, 3) float32, the sky's radiance, or 0 where a rung or the lens
+    has none.
 
     `out` is filled, where given, and returned.
     """
@@ -67,6 +69,8 @@ def background(
     else:  # one thread does not use all of the memory's speed
         with ThreadPoolExecutor(2) as pool:
             list(pool.map(lambda rows: np.copyto(rows, row), np.array_split(out, 2)))
+    if (lost := without_ray(scene.camera)) is not None:
+        out[lost] = 0
     return out
 
 
@@ -89,6 +93,8 @@ def draw(
     view = EyeScene(scene, how, with_solver(stages, solver))
     layers = [out] if surface is None else [out, surface.ids, surface.depth, surface.normal]
     queued = [(layer, canvas(how, layer)) for layer in layers]
+    lost = without_ray(scene.camera)
+    before = [] if lost is None else [layer[lost] for layer in layers]
 
     def paint(u: Any, v: Any, place: Any, world: World) -> None:
         d = view.ray(u, v)
@@ -108,6 +114,8 @@ def draw(
         for piece in (tiles if how.is_numpy else kernel)(view, boxes, RUNGS[rung].shadows):
             paint(*piece)
     flush(how, queued)
+    for layer, values in zip(layers, before, strict=False):
+        layer[lost] = values
 
 
 def check_rows(rung: str, engine: str, solver: str, trim: str) -> None:

@@ -6,8 +6,10 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
+from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Shape
+from raytwin.scene.lens import rayless
 from raytwin.shapes import Bool, Float32, Int32
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
@@ -65,6 +67,8 @@ def trace_points(
             columns = out.reshape(len(out), -1)
             for c, value in enumerate(values):
                 columns[:, c] = to_numpy(value, (len(out),))
+    lost = rayless(scene.camera, u, v)
+    colour[lost], ids[lost], blocker[lost] = 0, BACKGROUND, AWAY
     return Points(colour, ids, blocker, place)
 
 

@@ -21,6 +21,7 @@ from raytwin.errors import check_one_of
 from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Shape, Sphere, seen_from_eye
+from raytwin.scene.lens import without_ray
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.frame import background, draw
 from raytwin.speed.plan import shading
@@ -73,6 +74,8 @@ def speculate(
     traced = trace_points(scene, column, row, rung, engine, light=False)
     seen = traced.ids != BACKGROUND
     out[row[seen], column[seen]] = traced.colour[seen]
+    if (lost := without_ray(scene.camera)) is not None:
+        out[lost] = 0
     return out, (columns * rows + len(column)) / (w * h)
 
 

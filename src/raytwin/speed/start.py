@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.scene import Camera
-from raytwin.scene.lens import check_lens
+from raytwin.scene.lens import check_lens, distort, rayless
 from raytwin.tracer.arrays import library
-from raytwin.tracer.camera import STEPS, distort, undistort
+from raytwin.tracer.camera import STEPS, undistort
 
 TERMS = 8, 3
 """Of the radial and of the tangential series: with 3 of these, float32 needs one step for most lenses."""
@@ -72,7 +72,7 @@ def _fma(a: Any, b: Any, c: Any) -> Any:
 
 @lru_cache(maxsize=64)
 def invert_lens(camera: Camera, precision: str = "float64", fitted: bool = True) -> Inverse:
-    """The cheapest Inverse that undoes the camera's distortion to rounding all over the frame; no step for a pinhole.
+    """The cheapest Inverse that undoes the camera's distortion to rounding wherever it can be; no step for a pinhole.
 
     The start is `fitted` to the frame, so that one step serves in float32 for most lenses, and two in float64; for
     single numbers more steps from the distorted point itself are quicker. Raises InputError where `check_lens` does.
@@ -83,10 +83,11 @@ def invert_lens(camera: Camera, precision: str = "float64", fitted: bool = True)
     u = np.linspace(-0.5, camera.width - 0.5, 33)
     v = np.linspace(-0.5, camera.height - 0.5, 33)[:, None]
     xd, yd = np.broadcast_arrays((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)
+    xd, yd = (a[~rayless(camera, u, v)] for a in (xd, yd))
     with np.errstate(all="ignore"):
         x, y = Inverse(STEPS).undo(xd, yd, camera.coefficients)
         enough = 2e-14 if precision == "float64" else 2e-8
-        guess = _fit(xd.ravel(), yd.ravel(), x.ravel(), y.ravel(), camera) if fitted else Inverse(0)
+        guess = _fit(xd, yd, x, y, camera) if fitted else Inverse(0)
         for start in (guess, Inverse(0)):
             for steps in range(STEPS):
                 inverse = start._replace(steps=steps)

@@ -10,6 +10,7 @@ import numpy as np
 from raytwin.image import Image, Surface
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene
+from raytwin.scene.lens import without_ray
 from raytwin.shapes import Int
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, canvas, constant, flush, pixel_numbers, store
@@ -52,7 +53,8 @@ def walk(
     ((mean, variance),) = _sampled(scene, whole, [background(scene, rung)], engine, sampling, samples, seed, stages)
     surface, colour = Surface.empty(*scene.camera.image_size), background(scene)
     draw(scene, colour, "surface", engine, surface=surface, stages=stages)
-    return Image(mean, variance, samples, surface, min(BATCHES, samples))
+    image = Image(mean, variance, samples, surface, min(BATCHES, samples))
+    return image.blacken(without_ray(scene.camera))
 
 
 def light_parts(
@@ -72,7 +74,7 @@ def light_parts(
     start = [background(scene), *(np.zeros((*scene.camera.image_size[::-1], 3), np.float32) for _ in PARTS[1:])]
     found = _sampled(scene, parts, start, engine, "area", samples, seed, stages)
     return {
-        name: Image(mean, variance, samples, batches=min(BATCHES, samples))
+        name: Image(mean, variance, samples, batches=min(BATCHES, samples)).blacken(without_ray(scene.camera))
         for name, (mean, variance) in zip(PARTS, found, strict=True)
     }
 

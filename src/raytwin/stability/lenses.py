@@ -4,9 +4,9 @@ from math import asin, hypot, inf, sin, sqrt
 
 import numpy as np
 
-from raytwin.scene.lens import follow, undone
+from raytwin.scene.lens import distort, follow, undone
 from raytwin.stability.experiment import Error, Experiment, Law, spaced
-from raytwin.tracer import distort, undistort
+from raytwin.tracer import undistort
 
 SIZE, FOCAL = (4032, 3024), 3000.0
 """A phone's photo."""

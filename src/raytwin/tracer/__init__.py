@@ -6,7 +6,7 @@ Read it in this order: frame, camera, hit, sphere, rectangle, light; then path a
 surface to the next; arrays last. `raytwin.speed` makes it fast.
 """
 
-from raytwin.tracer.camera import back_project, distort, undistort
+from raytwin.tracer.camera import back_project, undistort
 from raytwin.tracer.frame import STAGES, trace, trace_paths
 from raytwin.tracer.hit import Every, Hit, Stages, World
 from raytwin.tracer.light import RADIANCE, Lighting, lambert, lighting, sun_visible
@@ -15,7 +15,7 @@ from raytwin.tracer.rectangle import intersect_rectangle
 from raytwin.tracer.sphere import SOLVERS, intersect_sphere
 
 __all__ = [
-    "RADIANCE", "SOLVERS", "STAGES", "Every", "Hit", "Lighting", "Stages", "World", "about", "back_project", "distort",
+    "RADIANCE", "SOLVERS", "STAGES", "Every", "Hit", "Lighting", "Stages", "World", "about", "back_project",
     "follow", "intersect_rectangle", "intersect_sphere", "lambert", "lighting", "sun_visible", "trace", "trace_paths",
     "undistort",
 ]  # fmt: skip

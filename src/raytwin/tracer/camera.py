@@ -13,20 +13,11 @@ STEPS = 20
 """Of Newton's: each doubles the number of right digits; a strong lens needs half a dozen before that begins."""
 
 
-def distort(x: Any, y: Any, dist: Any) -> tuple[Any, Any]:
-    """x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²), and y' alike: ideal to distorted coordinates.
-
-    `dist` is (k1, k2, p1, p2, k3), in OpenCV's order (Brown 1966; OpenCV, "Camera Calibration and 3D Reconstruction").
-    """
-    k1, k2, p1, p2, k3 = dist
-    rr = x * x + y * y
-    radial = 1 + rr * (k1 + rr * (k2 + rr * k3))
-    return x * radial + 2 * p1 * x * y + p2 * (rr + 2 * x * x), y * radial + p1 * (rr + 2 * y * y) + 2 * p2 * x * y
-
-
 def undistort(xd: Any, yd: Any, dist: Any, start: Any = None, steps: int = STEPS) -> tuple[Any, Any]:
-    """The (x, y) with distort(x, y) = (xd, yd), by Newton's method; its Jacobian [[a, b], [b, c]] is symmetric.
+    """The (x, y) that the lens takes to (xd, yd), by Newton's method; its Jacobian [[a, b], [b, c]] is symmetric.
 
+    xd = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²), and yd alike: ideal to distorted coordinates.
+    `dist` is (k1, k2, p1, p2, k3), in OpenCV's order (Brown 1966; OpenCV, "Camera Calibration and 3D Reconstruction").
     `start` is where it begins, (xd, yd) itself if nothing better is known.
     """
     k1, k2, p1, p2, k3 = dist

@@ -7,7 +7,7 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.scene import Camera
-from raytwin.scene.lens import check_lens
+from raytwin.scene.lens import check_lens, rayless
 
 ENOUGH = 1e-8
 """Pixels: how closely the inverse must come back."""
@@ -66,7 +66,7 @@ def lens_of(camera: Camera) -> Lens:
     """The camera's numbers with as many of its own Newton steps as its distortion needs.
 
     Raises InputError where `check_lens` does, or where these steps do not come back to a pixel of a grid that includes
-    the image's border.
+    the image's border; pixels that no ray belongs to left out.
     """
     lens = Lens(camera.fx, camera.fy, camera.cx, camera.cy, camera.coefficients, 0)
     if not any(lens.coefficients):
@@ -74,6 +74,7 @@ def lens_of(camera: Camera) -> Lens:
     check_lens(camera)
     w, h = camera.image_size
     u, v = (a.ravel() for a in np.meshgrid(np.linspace(-0.5, w - 0.5, 65), np.linspace(-0.5, h - 0.5, 65)))
+    u, v = (a[~rayless(camera, u, v)] for a in (u, v))
     xd, yd = (u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy
     with np.errstate(all="ignore"):
         for steps in (4, 6, 10, 20):

@@ -15,6 +15,7 @@ from raytwin.image import Image, Surface
 from raytwin.progress import Progress, silent
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene
+from raytwin.scene.lens import without_ray
 from raytwin.twin import cache as kept
 from raytwin.twin.backend import activate, versions
 from raytwin.twin.batches import Batches
@@ -96,6 +97,7 @@ def render(
         variance = variance.astype(np.float32).reshape(h, w, 3)
     mean = mean.astype(np.float32, copy=False).reshape(h, w, 3)
     image = Image(mean, variance, plan.samples, surface, None if variance is None else plan.batches)
+    image.blacken(without_ray(scene.camera))
     if cache and time.perf_counter() - start > WORTH_KEEPING:
         kept.store(key, image)
     return image
