@@ -4,12 +4,12 @@ import pytest
 from photo_helpers import BOARD, SMALL, a_camera, seen
 
 from raytwin import files
-from raytwin.boards.board import Board, Grid
+from raytwin.boards.board import Board, Grid, spans_a_plane
 from raytwin.errors import InputError
 from raytwin.photographer import poses
 from raytwin.photos import doubts
 from raytwin.photos.pose import (
-    AMBIGUOUS,
+    ambiguous,
     camera_at,
     homography_pose,
     matched,
@@ -67,8 +67,32 @@ def test_a_far_small_board_has_two_poses_and_a_near_one_has_not():
     for distance in (4.0, 0.5):
         tags = seen(CAMERA, [(R, (0, 0, distance))], noise=0.3, rng=rng)["view_00"]
         ratios.append(refined_pose(CAMERA.K, CAMERA.dist, tags, SMALL)[1])
-    assert ratios[0] < AMBIGUOUS
-    assert ratios[1] is None or ratios[1] > 5 * AMBIGUOUS
+    assert ambiguous(ratios[0], 35)
+    assert ratios[1] is None or not ambiguous(ratios[1] / 5, 35)
+
+
+def test_how_much_worse_a_second_pose_must_fit_to_be_ruled_out_is_fishers_f():
+    """At 1 in 1000; with 2 and 2 degrees of freedom F's tail is 1 / (1 + F): F = 999."""
+    assert ambiguous(999**0.5 - 0.01, 4)
+    assert not ambiguous(999**0.5 + 0.01, 4)
+    assert not ambiguous(1.6, 35)
+    assert not ambiguous(None, 4)
+
+
+@pytest.mark.parametrize("count", [4, 5])
+def test_a_pose_from_few_tags_is_right_or_said_to_be_ambiguous(count):
+    """Tags drawn at random, three of them often in a line, which leaves their homography undetermined."""
+    rng, wrong = np.random.default_rng(5), 0
+    tilt = np.deg2rad(30)
+    R = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]]) @ np.diag([1, -1, -1])
+    for _ in range(40):
+        tags = seen(CAMERA, [(R, (-0.08, 0.1, 0.6))], noise=0.3, rng=rng)["view_00"]
+        tags = [tags[i] for i in rng.permutation(len(tags))[:count]]
+        if not spans_a_plane(SMALL.points(t.id for t in tags)[:, :2]):
+            continue
+        found, ratio = refined_pose(CAMERA.K, CAMERA.dist, tags, SMALL)
+        wrong += rotation_degrees(found.R, R) > 15 and not ambiguous(ratio, count)
+    assert wrong == 0
 
 
 def test_tags_that_lie_elsewhere_are_left_out_and_named(stands):

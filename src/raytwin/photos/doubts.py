@@ -291,7 +291,7 @@ def _ambiguous(case: Case) -> Doubts:
     for view, shown in zip(case.views, c.views, strict=True):
         start = pose.Pose(shown.R_cam_board, shown.t_cam_board, shown.rms_px)
         _, ratio = pose.refined_pose(c.K, c.dist, view.tags, c.evidence.boards[view.board], start)
-        if ratio is not None and ratio < pose.AMBIGUOUS:
+        if ratio is not None and pose.ambiguous(ratio, len(view.tags)):
             yield "ambiguous-pose", f"{view.photo}: a second pose fits with only {ratio:.2f} times the error"
 
 

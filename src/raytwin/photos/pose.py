@@ -3,6 +3,7 @@
 Twice: by the homography, closed form but not the most likely pose, and from there by Levenberg-Marquardt on pixels.
 """
 
+import contextlib
 import math
 import os
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ import cv2
 import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
+from scipy.special import fdtri
 
 from raytwin.boards.board import Board, spans_a_plane
 from raytwin.errors import InputError
@@ -21,8 +23,8 @@ from raytwin.photos.fit import matched
 from raytwin.photos.uncertainty import pose_deviation
 from raytwin.scene import Camera, Matrix, Record, Vector
 
-AMBIGUOUS = 1.5
-"""A second pose whose error is less than this many times the first's cannot be ruled out."""
+SURE = 1e-3
+"""A second pose is ruled out by its error where noise would do so wrongly with this probability."""
 
 SAME_POSE = 1.0
 """Two poses less than this many degrees apart are one."""
@@ -32,6 +34,16 @@ OUTLIER_SIGMAS, OUTLIER_PX = 15.0, 1.0
 
 Fifteen, because a real print is never quite flat: its errors have heavier tails than the detector's noise.
 """
+
+
+def ambiguous(ratio: float | None, tags: int) -> bool:
+    """Whether a pose with `ratio` times the error of the best cannot be ruled out, from so many tags.
+
+    Two numbers a tag, six of the pose: the ratio's square of two independent ones is Fisher's F of 2 n - 6 and as many
+    degrees of freedom, 1.5² for 35 tags, 32² for four.
+    """
+    free = max(2 * tags - 6, 1)
+    return ratio is not None and ratio**2 < float(fdtri(free, free, 1 - SURE))
 
 
 GROSS = 0.004
@@ -58,9 +70,9 @@ class PoseReport(Record, frozen=True):
     """Both poses of one photo and how far they lie apart.
 
     `ambiguity`: the error of the second minimum that every planar pose has over that of the first, None where both
-    starts end in one pose; below AMBIGUOUS the pose may be the wrong one of the two. `tags` counts the tags used,
-    `outliers` are the ids of those left out. `sigma_degrees`, `sigma_metres`: one standard deviation of the refined
-    pose, of the camera's turn and of its place; None where the camera's own is not known.
+    starts end in one pose; where it is `ambiguous`, the pose may be the wrong one of the two. `tags` counts those
+    used, `outliers` are the ids of those left out. `sigma_degrees`, `sigma_metres`: one standard deviation of the
+    refined pose, of the camera's turn and of its place; None where the camera's own is not known.
     """
 
     photo: str
@@ -101,15 +113,18 @@ def refined_pose(
 ) -> tuple[Pose, float | None]:
     """The pose of least squared pixel distance, and its ambiguity (see PoseReport).
 
-    Levenberg-Marquardt from `start` (the homography's pose) and from both solutions that a plane has (Collins and
-    Bartoli, Infinitesimal plane-based pose estimation, 2014).
+    Levenberg-Marquardt from `start` (the homography's pose), from both solutions that a plane has (Collins and Bartoli,
+    Infinitesimal plane-based pose estimation, 2014), and from SQPnP's (Terzakis and Lourakis, 2020).
     """
     points, pixels = matched(tags, board)
     start = start or homography_pose(K, dist, tags, board)
     K5, d5 = np.asarray(K, float), np.array([*dist, *(0.0,) * (5 - len(dist))])
     starts = [(cv2.Rodrigues(start.R)[0], start.t.reshape(3, 1))]
-    found = cv2.solvePnPGeneric(matched(tags, board.flat())[0], pixels, K5, d5, flags=cv2.SOLVEPNP_IPPE)
-    starts += list(zip(found[1], found[2], strict=True))
+    # Few tags, three of them in a line, leave a homography undetermined, and with it IPPE; SQPnP needs none.
+    for flag in (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_SQPNP):
+        with contextlib.suppress(cv2.error):  # SQPnP refuses tags that are a few pixels apart
+            found = cv2.solvePnPGeneric(matched(tags, board.flat())[0], pixels, K5, d5, flags=flag)
+            starts += list(zip(found[1], found[2], strict=True))
     poses = [_pose(start.R, start.t, points, pixels, K, dist)]
     for rvec, tvec in starts:
         rvec, tvec = cv2.solvePnPRefineLM(points, pixels, K5, d5, rvec.copy(), tvec.copy())
