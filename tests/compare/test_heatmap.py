@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from raytwin.compare import KINDS, error_map, error_scale
+from raytwin.compare.heatmap import signed_error
 from raytwin.errors import InputError
 from raytwin.image import Image
 
@@ -63,3 +64,9 @@ def test_every_kind_has_a_formula_and_others_are_refused():
         error_map(Image(R), Image(R), "z")
     with pytest.raises(InputError, match="scale"):
         error_map(Image(R), Image(R), scale=0.0)
+
+
+def test_the_channel_that_errs_most_is_shown_the_first_of_equals_and_nan_before_all():
+    test = np.array([[[1, -3, 2], [2, -2, 2], [0, np.nan, 9], [np.nan, 1, 2], [0, 0, np.inf]]], np.float32)
+    found = signed_error(Image(test), Image(np.zeros_like(test)), "absolute")[0]
+    np.testing.assert_array_equal(found, np.float32([-3, 2, np.nan, np.nan, np.inf]))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from raytwin.compare import METRICS
-from raytwin.compare.metrics import CHUNK, order_statistic, p999_abs, upper_quantile
+from raytwin.compare.metrics import CHUNK, nth_largest, order_statistic, p999_abs, upper_quantile
 from raytwin.errors import InputError
 
 R = np.full((20, 30, 3), 0.5, np.float32)
@@ -120,3 +120,11 @@ def test_flip_refuses_nan_and_wrong_shapes_instead_of_exiting():
         of("flip_hdr", bad, R)
     with pytest.raises(InputError, match="FLIP"):
         of("flip_ldr", R[:5], R)
+
+
+def test_the_nth_largest_is_that_of_sorting_whatever_the_sample_says():
+    rng = np.random.default_rng(4)
+    for values in (rng.random(200_003), np.zeros(1000), np.r_[np.zeros(99_999), 1.0], rng.random(3)):
+        values = values.astype(np.float32)
+        for above in (0, 1, len(values) // 1000, len(values) - 1):
+            assert nth_largest(values, above) == np.sort(values)[::-1][above]

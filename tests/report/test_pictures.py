@@ -105,3 +105,11 @@ def test_indices_become_the_palette_s_colours():
     indices = np.arange(256, dtype=np.uint8).reshape(16, 16)
     picture = loaded(pictures.png_url(indices, pictures.palette()))
     np.testing.assert_array_equal(np.asarray(picture.convert("RGB")), pictures.palette()[indices])
+
+
+def test_of_each_block_the_error_farthest_from_zero_is_kept():
+    error = np.zeros((7, 9), np.float32)
+    error[1, 1], error[2, 0], error[4, 5], error[6, 8] = 2, -3, -1, 9  # the last is in no whole block
+    assert pictures.worst_of_blocks(error, 3).tolist() == [[-3, 0, 0], [0, -1, 0]]
+    error[0, 8] = np.nan
+    assert np.isnan(pictures.worst_of_blocks(error, 3)[0, 2])

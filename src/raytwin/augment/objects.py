@@ -11,9 +11,11 @@ factor of a differential element to a sphere; Howell, "A Catalog of Radiation He
 Light that the objects send to the photographed surfaces is left out.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi
 
+import cv2
 import msgspec
 import numpy as np
 
@@ -26,6 +28,9 @@ from raytwin.speed import background, draw, trace_points, trim_box
 REGIONS = ("spheres", "shadows", "board", "rest")
 SKY_REACH = 1 / 512
 """A share of the sky smaller than this changes no 8-bit pixel."""
+
+STRIP = 1 << 20
+"""Pixels worked on at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,38 +62,62 @@ def augment(
     h, w = photo.shape[:2]
     if camera.image_size != (w, h):
         raise InputError("photo", f"{camera.width} x {camera.height} pixels, as the camera's", f"{w} x {h}")
-    area = _affected(scene, camera, shadows)
-    v, u = np.nonzero(area)
-    colour, keep, ids, lit = _shade(scene, u, v, engine, shadows)
-    state = np.full((h, w), -9, np.int32)
-    state[v, u] = 2 * ids + lit
-    edge = _edges(state) & area
     value, ratio = np.zeros((h, w, 3), np.float32), np.ones((h, w, 3), np.float32)
     coverage = np.zeros((h, w), np.float32)
-    drawn = keep == 0
-    value[v, u] = np.where(drawn[:, None], colour, 0)
-    ratio[v, u] = np.where(drawn[:, None], 1, colour)
-    coverage[v, u] = drawn
+    state = np.full((h, w), -9, np.float32)
+    parts = list(_strips(_affected(scene, camera, shadows)))
+    for part in parts:
+        v, u = np.mgrid[part].astype(np.float32).reshape(2, -1)
+        colour, scaled, drawn, told = _shade(scene, u, v, engine, shadows)
+        size = coverage[part].shape
+        coverage[part], state[part] = drawn.reshape(size), told.reshape(size)
+        ratio[part] = scaled.reshape(*size, 3)
+        value[part][drawn.reshape(size)] = colour[drawn]
+    # A pixel that differs from one of its eight neighbours lies on an edge.
+    square = np.ones((3, 3), np.uint8)
+    edge = (cv2.dilate(state, square) != cv2.erode(state, square)) & (state != -9)
     if subsamples > 1 and edge.any():
         ev, eu = np.nonzero(edge)
-        offsets = (np.arange(subsamples) + 0.5) / subsamples - 0.5
-        su = (eu[:, None, None] + offsets[None, :, None] + 0 * offsets[None, None, :]).reshape(-1)
-        sv = (ev[:, None, None] + 0 * offsets[None, :, None] + offsets[None, None, :]).reshape(-1)
-        c, k, _, _ = _shade(scene, su, sv, engine, shadows)
-        c, k = c.reshape(len(eu), -1, 3), k.reshape(len(eu), -1)
-        coverage[ev, eu] = 1 - k.mean(axis=1)
-        value[ev, eu] = (c * (1 - k[..., None])).sum(axis=1) / np.maximum((1 - k).sum(axis=1), 1)[:, None]
-        ratio[ev, eu] = np.where(
-            k.any(axis=1)[:, None], (c * k[..., None]).sum(axis=1) / np.maximum(k.sum(axis=1), 1)[:, None], 1
-        )
-    touched = (coverage > 0) | (ratio != 1).any(axis=-1)
+        offsets = ((np.arange(subsamples) + 0.5) / subsamples - 0.5).astype(np.float32)
+        su = np.broadcast_to(eu[:, None, None].astype(np.float32) + offsets[:, None], (len(eu), subsamples, subsamples))
+        sv = np.broadcast_to(ev[:, None, None].astype(np.float32) + offsets, su.shape)
+        c, scaled, hit, _ = _shade(scene, su.reshape(-1), sv.reshape(-1), engine, shadows)
+        c, scaled, hit = (x.reshape(len(eu), subsamples**2, *x.shape[1:]) for x in (c, scaled, hit))
+        there = hit.sum(axis=1)[:, None]
+        coverage[ev, eu] = there[:, 0] / subsamples**2
+        value[ev, eu] = (c * hit[..., None]).sum(axis=1) / np.maximum(there, 1)
+        left = subsamples**2 - there
+        ratio[ev, eu] = np.where(left > 0, (scaled * ~hit[..., None]).sum(axis=1) / np.maximum(left, 1), 1)
     out = photo.copy()
-    a = coverage[touched][:, None]
-    M = np.eye(3, dtype=np.float32) if space is None else space.astype(np.float32)
-    light = files.from_bytes(photo[touched]) @ M.T
-    mixed = light * ratio[touched] * (1 - a) + exposure * value[touched] * a
-    out[touched] = files.to_bytes(mixed @ np.linalg.inv(M).T)
+    for part in parts:
+        out[part] = _mixed(photo[part], ratio[part], coverage[part], exposure * value[part], space)
     return Augmented(out, coverage, ratio)
+
+
+def _mixed(
+    photo: np.ndarray, ratio: np.ndarray, coverage: np.ndarray, value: np.ndarray, space: np.ndarray | None
+) -> np.ndarray:
+    """sRGB uint8: the photo times the ratio, and over it, by its coverage, what is drawn."""
+    light = files.from_bytes(photo)
+    if space is not None:
+        light = light @ space.T.astype(np.float32)
+    light *= ratio
+    if (over := coverage > 0).any():
+        a = coverage[over][:, None]
+        light[over] = light[over] * (1 - a) + value[over] * a
+    return files.to_bytes(light if space is None else light @ np.linalg.inv(space).T.astype(np.float32))
+
+
+def _strips(area: np.ndarray) -> Iterator[tuple[slice, slice]]:
+    """Rows and columns that hold all of `area` (H, W), some STRIP pixels at a time, without what lies around it."""
+    rows = np.flatnonzero(area.any(axis=1))
+    if not rows.size:
+        return
+    step = max(1, STRIP // area.shape[1])
+    for y in range(int(rows[0]), int(rows[-1]) + 1, step):
+        columns = np.flatnonzero(area[y : y + step].any(axis=0))
+        if columns.size:
+            yield slice(y, min(y + step, int(rows[-1]) + 1)), slice(int(columns[0]), int(columns[-1]) + 1)
 
 
 def regions_of(result: Augmented, scene: Scene) -> dict[str, np.ndarray]:
@@ -134,21 +163,32 @@ def errors_by_region(result: Augmented, truth: np.ndarray, scene: Scene) -> list
     return rows
 
 
-def _shade(scene: Scene, u: np.ndarray, v: np.ndarray, engine: str, shadows: bool):
-    """At pixels (u, v): a drawn object's radiance or the ratio for the photo; 0 or 1, which of them; ids and lit."""
+def _shade(
+    scene: Scene, u: np.ndarray, v: np.ndarray, engine: str, shadows: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """At pixels (u, v): radiance and the ratio for the photo (m, 3); whether an object is drawn; what tells edges."""
     found = trace_points(scene, u, v, "shadow", engine, point=True)
-    keep = ~np.isin(found.ids, drawn_ids(scene))
+    ours = np.zeros(len(scene.objects) + 1, bool)  # the last: the background, whose id is -1
+    ours[drawn_ids(scene)] = True
     ratio = np.ones((len(u), 3), np.float32)
-    bare = msgspec.structs.replace(scene, objects=tuple(thing for thing in scene.objects if _shown(thing)))
+    lit = found.lit
     for index, plane in enumerate(scene.objects) if shadows else ():
         here = np.flatnonzero(found.ids == index)
         if isinstance(plane, Rectangle) and plane.in_photo and len(here):
             # What the photo shows in the shade already: only other photographed planes can be at fault.
-            lit_before = np.ones(len(here), bool)
-            if len(bare.objects) > 1:
-                lit_before = trace_points(bare, u[here], v[here], "shadow", engine).lit
-            ratio[here] = _ratio(scene, plane, np.asarray(found.point)[here], found.lit[here], lit_before)
-    return np.where(keep[:, None], ratio, found.colour), keep.astype(np.int8), found.ids, found.lit
+            before = lit[here]
+            asked = np.flatnonzero(ours[found.blocker[here]] & (found.blocker[here] >= 0))
+            before[asked] = _lit_without(scene, u[here[asked]], v[here[asked]], engine)
+            ratio[here] = _ratio(scene, plane, np.asarray(found.point)[here], lit[here], before)
+    return found.colour, ratio, ours[found.ids], 2 * found.ids + lit
+
+
+def _lit_without(scene: Scene, u: np.ndarray, v: np.ndarray, engine: str) -> np.ndarray:
+    """(m,) bool: the sun reaches the photographed planes there, were nothing drawn."""
+    bare = msgspec.structs.replace(scene, objects=tuple(thing for thing in scene.objects if _shown(thing)))
+    if len(bare.objects) < 2 or not len(u):
+        return np.ones(len(u), bool)
+    return trace_points(bare, u, v, "shadow", engine).lit
 
 
 def drawn_ids(scene: Scene) -> list[int]:
@@ -162,20 +202,26 @@ def _shown(thing: Shape) -> bool:
 
 
 def _ratio(scene: Scene, plane: Rectangle, point: np.ndarray, lit: np.ndarray, lit_before: np.ndarray) -> np.ndarray:
+    """(m, 3) float32; without any light before, 1."""
     n, eye = np.array(plane.normal), np.array(scene.camera.eye)
     n = n if n @ (eye - np.array(plane.center)) > 0 else -n
     sun = np.array(scene.sun.irradiance) * max(0.0, float(n @ np.array(scene.sun.to_light)))
     sky = pi * np.array(scene.sky.radiance)
+    x, y, z = (np.ascontiguousarray(point[:, k]) for k in range(3))
     hidden = np.zeros(len(point), np.float32)
     for sphere in scene.spheres:
-        to = (np.array(sphere.center) - eye).astype(np.float32) - point
-        height = to @ n.astype(np.float32)
-        squared = (to * to).sum(axis=-1)
-        hidden += np.where(height > 0, sphere.radius**2 * height / (squared * np.sqrt(squared)), 0)
-    hidden = np.where(hidden < SKY_REACH, 0, np.minimum(hidden, 1))[:, None]
-    before = sun * lit_before[:, None] + sky
-    after = sun * (lit & lit_before)[:, None] + sky * (1 - hidden)
-    return np.where(before > 0, after / np.where(before > 0, before, 1), 1).astype(np.float32)
+        dx, dy, dz = (np.float32(c - e) - p for c, e, p in zip(sphere.center, eye, (x, y, z), strict=True))
+        height = np.maximum(dx * np.float32(n[0]) + dy * np.float32(n[1]) + dz * np.float32(n[2]), 0)
+        squared = dx * dx + dy * dy + dz * dz
+        hidden += np.float32(sphere.radius**2) * height / (squared * np.sqrt(squared))
+    sky_left = np.where(hidden < SKY_REACH, np.float32(1), 1 - np.minimum(hidden, 1))
+    out = np.empty((len(point), 3), np.float32)
+    for c in range(3):
+        both = sun[c] + sky[c]
+        of_sky = np.float32(sky[c] / both if both > 0 else 0)
+        in_sun = sky_left * of_sky + lit * (np.float32(1) - of_sky) if both > 0 else np.float32(1)
+        out[:, c] = np.where(lit_before, in_sun, sky_left if sky[c] > 0 else np.float32(1))
+    return out
 
 
 def _affected(scene: Scene, camera: Camera, shadows: bool) -> np.ndarray:
@@ -217,15 +263,3 @@ def _reach(sphere: Sphere, plane: Rectangle, scene: Scene) -> list[Rectangle]:
         )
         for p, s in parts
     ]
-
-
-def _edges(state: np.ndarray) -> np.ndarray:
-    """Pixels whose state differs from a neighbour's, of the eight."""
-    out = np.zeros(state.shape, bool)
-    for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        a = state[: state.shape[0] - dy, max(0, -dx) : state.shape[1] - max(0, dx)]
-        b = state[dy:, max(0, dx) : state.shape[1] + min(0, dx)]
-        differ = a != b
-        out[: state.shape[0] - dy, max(0, -dx) : state.shape[1] - max(0, dx)] |= differ
-        out[dy:, max(0, dx) : state.shape[1] + min(0, dx)] |= differ
-    return out

@@ -38,12 +38,12 @@ def compare_command(
     ] = None,
 ) -> None:
     """Compare the tracer with its twin: report.html, EXRs of both images and of the error, comparison.json."""
-    from raytwin import report
-    from raytwin.jobs.compare import compare_scene
-    from raytwin.methods.others import find_subject
-
     check_outputs(folders=(out or Path("out"),), files=(json,))
     with show_progress() as progress:
+        with progress.stage("imports"):
+            from raytwin import report
+            from raytwin.jobs.compare import compare_scene
+            from raytwin.methods.others import find_subject
         result = compare_scene(
             scene,
             rung=rung,

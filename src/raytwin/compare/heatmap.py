@@ -33,8 +33,12 @@ def signed_error(test: Image, reference: Image, kind: str) -> np.ndarray:
                 raise InputError("error map", "a variance for a z map", "two images without one")
             # 0 / 0 is a pixel without noise that agrees.
             error = np.where(error == 0, np.float32(0), error / np.sqrt(sum(variances)))
-    worst = np.abs(error).argmax(axis=-1)
-    return np.take_along_axis(error, worst[..., None], axis=-1)[..., 0]
+    worst = error[..., 0]
+    for c in (1, 2):
+        # The first of equals; NaN is worse than any number.
+        keep = (np.abs(error[..., c]) <= np.abs(worst)) | np.isnan(worst)
+        worst = np.where(keep, worst, error[..., c])
+    return worst
 
 
 def error_scale(test: Image, reference: Image, kind: str = "absolute") -> float:

@@ -127,6 +127,16 @@ def order_statistic(values: np.ndarray, q: float) -> float:
     return float(np.partition(values.ravel(), k)[k])
 
 
+def nth_largest(values: np.ndarray, above: int) -> float:
+    """The value that `above` others are at or above; only what a sample takes for large is sorted."""
+    flat = values.ravel()
+    guess = np.quantile(flat[:: max(1, flat.size // 50_000)], max(0.0, 1 - 2 * (above + 1) / flat.size))
+    top = flat[flat >= guess]
+    if top.size <= above:  # the sample misled
+        top = flat
+    return float(np.partition(top, top.size - 1 - above)[top.size - 1 - above])
+
+
 def upper_quantile(
     test: np.ndarray, reference: np.ndarray, q: float, term: Callable[..., np.ndarray] = _absolute
 ) -> float:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import jinja2
 import msgspec
-import numpy as np
 
 from raytwin import files, viewer
 from raytwin.compare import Report
@@ -139,11 +138,5 @@ def _thumbs(view: PairView, tolerance: Tolerance) -> tuple[str, str]:
     scale = pictures.choose_scale(view.test, view.reference, error, tolerance.p999_abs)
     step = max(1, -(-error.shape[1] // THUMB))
     small = pictures.exposed(view.test, pictures.exposure(view.reference))[::step, ::step]
-    # The largest error of each block: a single wrong pixel must not fall between the ones that are kept.
-    indices = pictures.error_indices(error, scale)
-    height, width = (n - n % step for n in indices.shape)
-    blocks = indices[:height, :width].reshape(height // step, step, width // step, step).swapaxes(1, 2)
-    flat = blocks.reshape(*blocks.shape[:2], -1)
-    far = np.abs(flat.astype(int) - 127).argmax(axis=-1, keepdims=True)
-    shown = np.take_along_axis(flat, far, axis=-1)[..., 0]
+    shown = pictures.error_indices(pictures.worst_of_blocks(error, step), scale)
     return pictures.png_url(small), pictures.png_url(shown, pictures.palette())

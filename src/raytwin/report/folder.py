@@ -21,24 +21,29 @@ if TYPE_CHECKING:
 def write_all(result: "Result", folder: Path, json: Path | None = None, progress: Progress = silent) -> None:
     """Write every view of `result` into `folder`; `json` names a second place for comparison.json."""
     header = {**result.settings, **{f"version of {k}": v for k, v in result.versions.items()}}
-    steps: list[Callable[[], None]] = [
-        lambda: files.write_exr(folder / "tracer.exr", result.subject, header | {"renderer": "raytwin's tracer"}),
-        lambda: files.write_exr(folder / "twin.exr", result.twin, header | {"renderer": "Mitsuba"}),
-        lambda: write_comparison(result.report, folder / "comparison.json"),
-        lambda: write_report(result, folder / "report.html"),
+    alike = result.subject.mean.shape == result.twin.mean.shape
+    exrs = [
+        ("tracer", result.subject, {"renderer": "raytwin's tracer"}),
+        ("twin", result.twin, {"renderer": "Mitsuba"}),
     ]
-    if result.subject.mean.shape == result.twin.mean.shape:
-        error = Image(result.subject.mean - result.twin.mean)
-        steps.append(lambda: files.write_exr(folder / "error.exr", error, header | {"content": "tracer - twin"}))
-        steps.append(lambda: files.write_picture(folder / "overview.png", overview(result)))
+    if alike:
+        exrs.append(("error", Image(result.subject.mean - result.twin.mean), {"content": "tracer - twin"}))
+    for done, (name, image, more) in enumerate(exrs):
+        progress("EXRs", done, len(exrs))
+        files.write_exr(folder / f"{name}.exr", image, header | more)
+    progress("EXRs", len(exrs), len(exrs))
+    for path in (folder / "comparison.json", json):
+        if path is not None:
+            write_comparison(result.report, path)
+    steps: dict[str, Callable[[], None]] = {"page": lambda: write_report(result, folder / "report.html")}
     if (augmented := result.augmented) is not None:
-        steps.append(lambda: files.write_picture(folder / "augmented.png", augmented))
-    if json is not None:
-        steps.append(lambda: write_comparison(result.report, json))
-    for done, step in enumerate(steps):
-        progress("report", done, len(steps))
+        steps["picture"] = lambda: files.write_picture(folder / "augmented.png", augmented)
+    if alike:
+        steps["overview"] = lambda: files.write_picture(folder / "overview.png", overview(result))
+    for stage, step in steps.items():
+        progress(stage, 0, 1)
         step()
-    progress("report", len(steps), len(steps))
+        progress(stage, 1, 1)
 
 
 def write_diff(found: Diff, folder: Path, progress: Progress = silent) -> None:

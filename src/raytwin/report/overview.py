@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from raytwin.compare.heatmap import signed_error
+from raytwin.image import Image
 from raytwin.report import pictures
 
 if TYPE_CHECKING:
@@ -17,21 +19,26 @@ GAP = 8
 def overview(result: "Result") -> np.ndarray:
     """uint8 sRGB: photo, augmented photo (where there are any), tracer, twin and signed error, side by side."""
     gain = pictures.exposure(result.twin)
-    error = result.subject.mean - result.twin.mean
-    worst = np.take_along_axis(error, np.abs(error).argmax(axis=-1)[..., None], axis=-1)[..., 0]
+    error = signed_error(result.subject, result.twin, "absolute")
     scale = pictures.choose_scale(result.subject, result.twin, error, result.tolerance.p999_abs)
-    panels = [p for p in (result.photo, result.augmented) if p is not None and p.shape == result.twin.shape]
-    panels += [pictures.exposed(image, gain) for image in (result.subject, result.twin)]
-    panels.append(pictures.palette()[pictures.error_indices(worst, scale)])
-    small = [_shrunk(p) for p in panels]
+    small = [_shrunk(p) for p in (result.photo, result.augmented) if p is not None and p.shape == result.twin.shape]
+    small += [_seen(image, gain) for image in (result.subject, result.twin)]
+    worst = pictures.worst_of_blocks(error, max(1, error.shape[1] // PANEL))
+    small.append(_shrunk(pictures.palette()[pictures.error_indices(worst, scale)], small[0].shape))
     gap = np.full((small[0].shape[0], GAP, 3), 255, np.uint8)
     strip = [part for p in small for part in (p, gap)][:-1]
     return np.concatenate(strip, axis=1)
 
 
-def _shrunk(pixels: np.ndarray) -> np.ndarray:
+def _shrunk(pixels: np.ndarray, like: tuple[int, ...] | None = None) -> np.ndarray:
+    """uint8 (H, W, 3), or one channel of floats, at the panel's size."""
     from PIL import Image as Pillow
 
-    height, width = pixels.shape[:2]
-    size = (PANEL, max(1, round(PANEL * height / width)))
-    return np.asarray(Pillow.fromarray(np.ascontiguousarray(pixels)).resize(size, Pillow.Resampling.BOX))
+    height, width = like[:2] if like else (max(1, round(PANEL * pixels.shape[0] / pixels.shape[1])), PANEL)
+    return np.asarray(Pillow.fromarray(pixels).resize((width, height), Pillow.Resampling.BOX))
+
+
+def _seen(image: Image, gain: float) -> np.ndarray:
+    """The mean of each panel's pixel, exposed: as an eye sees it that stands far off."""
+    planes = [_shrunk(np.ascontiguousarray(image.mean[..., c], np.float32)) for c in range(3)]
+    return pictures.exposed(Image(np.stack(planes, axis=-1)), gain)

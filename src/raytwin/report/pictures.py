@@ -109,6 +109,17 @@ def worst_pixels(error: np.ndarray, count: int, tile: int = 32) -> list[tuple[in
     return found
 
 
+def worst_of_blocks(error: np.ndarray, side: int) -> np.ndarray:
+    """Of each block of side x side the error farthest from 0: a wrong pixel must not fall between those that are kept.
+
+    What does not fill a block at the right and at the bottom is left out.
+    """
+    height, width = (n - n % side for n in error.shape)
+    blocks = error[:height, :width].reshape(height // side, side, width // side, side)
+    highest, lowest = blocks.max(axis=(1, 3)), blocks.min(axis=(1, 3))
+    return np.where(highest >= -lowest, highest, lowest)
+
+
 def mismatches(test: Surface, reference: Surface) -> list[tuple[int, int]]:
     """(x, y) of the first MARKS pixels whose centre sees another object, top to bottom."""
     flat = np.flatnonzero(test.ids != reference.ids)[:MARKS]
