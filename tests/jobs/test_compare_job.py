@@ -1,5 +1,8 @@
 """The halves together: the tracer against Mitsuba on every shipped scene, and the photographed one whole."""
 
+from dataclasses import dataclass
+
+import msgspec
 import numpy as np
 import pytest
 
@@ -8,6 +11,7 @@ from raytwin.compare import compare
 from raytwin.errors import InputError
 from raytwin.jobs.camera import compare_truth, find_camera
 from raytwin.jobs.compare import compare_scene
+from raytwin.methods.traced import Traced
 from raytwin.scene import Camera
 from raytwin.scene.lens import Folds
 from raytwin.speed import trace
@@ -94,8 +98,42 @@ def test_the_rung_that_the_tracer_lacks_differs_as_it_must_and_says_what_is_miss
     assert result.comparison.exit_code == 0
     assert "the tracer renders shadow, which has less light than path" in result.comparison.reasons[0]
     assert not any("shifted" in reason for reason in result.comparison.reasons)
+    assert any("without bounce 1 it is" in reason for reason in result.comparison.reasons)
+    assert result.comparison.reasons[-1] == "on its own rung, shadow, it agrees with the twin"
     assert result.settings["rung of the tracer"] == "shadow"
     assert result.settings["rung of the twin"] == "path"
+
+
+@dataclass(frozen=True)
+class Moved(Traced):
+    """The tracer with its first sphere 0.2 pixels to the right."""
+
+    def prepare(self, scene):
+        sphere, *others = scene.objects
+        K, R, t = (np.asarray(a) for a in (scene.camera.K, scene.camera.R_cam_board, scene.camera.t_cam_board))
+        aside = 0.2 * (R @ sphere.center + t)[2] / K[0, 0] * R[0]
+        moved = msgspec.structs.replace(sphere, center=tuple((sphere.center + aside).tolist()))
+        return super().prepare(msgspec.structs.replace(scene, objects=(moved, *others)))
+
+
+def test_a_bug_is_not_hidden_by_light_that_is_missing_on_purpose(scenes):
+    for subject, verdict in ((Traced(surface=True), "differs"), (Moved(surface=True), "fail")):
+        result = compare_scene(
+            scenes / "overlap", subject=subject, rung="path", size=(160, 120), samples=64, cache=False
+        )
+        assert result.comparison.verdict == verdict
+    assert all("on its own rung, shadow: " in reason for reason in result.comparison.reasons)
+    assert result.comparison.exit_code == 1
+
+
+def test_the_tracer_may_climb_as_high_as_the_twin(scenes):
+    result = compare_scene(
+        scenes / "overlap", rung="path", tracer_rung="path", engine="drjit32", size=(80, 60), samples=64, cache=False
+    )
+    assert result.comparison.verdict == "pass"
+    assert result.settings["rung of the tracer"] == "path"
+    with pytest.raises(InputError, match=r"--tracer-rung: expected one of surface, lambert, shadow, got path"):
+        compare_scene(scenes / "overlap", rung="shadow", tracer_rung="path")
 
 
 @pytest.mark.parametrize("option", ["rung", "engine", "sampling", "solver"])

@@ -12,9 +12,11 @@ from raytwin.errors import InputError
 
 def compare_command(
     scene: ScenePath,
-    rung: Annotated[
-        str, typer.Option(help="surface, lambert, shadow; or sky, path for what the tracer lacks.")
-    ] = "shadow",
+    rung: Annotated[str, typer.Option(help="The twin's: surface, lambert, shadow, sky or path.")] = "shadow",
+    tracer_rung: Annotated[
+        str | None,
+        typer.Option(metavar="RUNG", help="The tracer's, by default the highest up to --rung that a formula gives."),
+    ] = None,
     subject: Annotated[
         str | None,
         typer.Option(
@@ -47,7 +49,8 @@ def compare_command(
         result = compare_scene(
             scene,
             rung=rung,
-            subject=find_subject(subject, rung) if subject else None,
+            tracer_rung=tracer_rung,
+            subject=find_subject(subject, tracer_rung or rung) if subject else None,
             engine=engine,
             solver=solver,
             sampling=sampling,

@@ -40,7 +40,6 @@ def compare(
     must_see: float = MUST_SEE,
     noise: Literal["both", "reference"] = "both",
     half_steps: tuple[np.ndarray | None, np.ndarray | None] = (None, None),
-    lesser: str = "",
     flip: bool = False,
 ) -> Comparison:
     """Does `test` show what `reference` shows? The verdict, its reasons in words, and every number behind it.
@@ -50,9 +49,8 @@ def compare(
     that two images that differ by noise alone fail. A pass that would have missed `must_see` of the mean is undecided.
 
     `noise="reference"` believes no variance that the test claims. `half_steps` (H, W, 3) are what the test's and the
-    reference's format may have rounded off. `lesser` says in words that the test models less light on purpose: then
-    another radiance `differs`. `flip` adds the perceptual metric, which takes longer than all else. A bad image never
-    raises: it fails.
+    reference's format may have rounded off. `flip` adds the perceptual metric, which takes longer than all else. A bad
+    image never raises: it fails.
     """
     if not 0 < false_alarm_rate < 1:
         raise InputError("false_alarm_rate", "a probability between 0 and 1", false_alarm_rate)
@@ -61,7 +59,7 @@ def compare(
     start = time.perf_counter()
     # Finite values near float32's end may overflow when squared: infinite errors fail, and need no warning.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        made = _compare(test, reference, tolerance, false_alarm_rate, must_see, noise, half_steps, lesser, flip)
+        made = _compare(test, reference, tolerance, false_alarm_rate, must_see, noise, half_steps, flip)
     return msgspec.structs.replace(made, seconds=time.perf_counter() - start)
 
 
@@ -73,7 +71,6 @@ def _compare(
     must_see: float,
     noise: str,
     half_steps: tuple[np.ndarray | None, np.ndarray | None],
-    lesser: str,
     flip: bool,
 ) -> Comparison:
     if findings := shape_findings(test, reference):
@@ -114,7 +111,7 @@ def _compare(
         findings += find_hints(*as_given)
         if shift is not None and shift.certain and not any(f.rank in (SHIFT, HINT) for f in findings):
             findings.append(shift_finding(shift))
-    made = _made(
+    return _made(
         findings,
         answer.notes,
         () if misplaced else answer.doubts,
@@ -123,9 +120,6 @@ def _compare(
         statistics=answer.statistics,
         perceptual=perceptual,
     )
-    if lesser and made.verdict != "pass" and not misplaced and not any(f.rank == SHIFT for f in findings):
-        return msgspec.structs.replace(made, verdict="differs", reasons=(lesser, *made.reasons))
-    return made
 
 
 def _made(

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from raytwin import files, photographer, photos, twin
@@ -12,9 +13,10 @@ from raytwin.compare.report import Timing
 from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image
 from raytwin.jobs.camera import TruthRow, compare_truth, find_camera
+from raytwin.jobs.ledger import LEFT_OUT, Ledger, make_ledger
 from raytwin.jobs.versions import versions
 from raytwin.methods.method import Method
-from raytwin.methods.traced import Traced, fast_engine
+from raytwin.methods.traced import Followed, Traced, fast_engine
 from raytwin.progress import Progress, Stages, silent
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Tolerance
@@ -43,6 +45,7 @@ class Result:
     times: tuple[Timing, ...] = ()
     settings: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
+    ledger: Ledger | None = None
 
     @property
     def comparison(self) -> Comparison:
@@ -53,6 +56,7 @@ def compare_scene(
     path: str | Path,
     *,
     rung: str = "shadow",
+    tracer_rung: str | None = None,
     subject: Method | None = None,
     engine: str = "numpy64",
     solver: str = "robust",
@@ -68,16 +72,22 @@ def compare_scene(
 ) -> Result:
     """Compare a subject, by default the hand-written tracer, with its Mitsuba twin on the scene at `path`.
 
-    `rung` is the twin's; the tracer stands on the highest that it climbs up to there, and the comparison shows what the
-    further light adds. `subject`: any method in the tracer's place; `engine`, `solver` and `trim` are the tracer's.
+    `rung` is the twin's. The tracer stands on `tracer_rung`, by default the highest up to there that a formula gives,
+    and the ledger tells what the further light adds: where the tracer agrees with the twin at its own rung, the two
+    differ as they must. `subject`: any method in the tracer's place; `engine`, `solver` and `trim` are the tracer's.
     `size` (width, height) renders at other than the camera's own size. `samples`: the twin's samples per pixel, by
     default 1 where every sample through the pixel's centre is the same, else 64. `flip` adds the perceptual metric,
     which is slow.
     """
     _check(rung, sampling, samples)
-    climbed = list(RADIANCE)[min(list(RUNGS).index(rung), len(RADIANCE) - 1)]
-    check_rows(climbed, engine, solver, trim)
+    ladder = list(RUNGS)
+    climbed = tracer_rung or list(RADIANCE)[min(ladder.index(rung), len(RADIANCE) - 1)]
+    check_one_of("--tracer-rung", climbed, ladder[: ladder.index(rung) + 1])
+    check_rows("shadow", engine, solver, trim)
     engine = subject.name if subject else engine
+    samples = samples or (MANY if RUNGS[rung].noisy or sampling == "area" else FEW)
+    if subject is None and RUNGS[climbed].noisy:
+        subject = Followed(climbed, engine, samples, sampling, surface=True)
     subject = subject or Traced(climbed, engine, trim, solver, surface=True)
     stages = Stages(progress)
     with stages.stage("backend"):
@@ -94,13 +104,18 @@ def compare_scene(
         made = subject(scene, seed)
     with stages.stage("twin"):
         reference = twin.render(
-            scene, rung, sampling=sampling, seed=seed, cache=cache, progress=stages,
-            samples=samples or (MANY if RUNGS[rung].noisy or sampling == "area" else FEW),
-        )  # fmt: skip
+            scene, rung, sampling=sampling, seed=seed, cache=cache, progress=stages, samples=samples
+        )
+    ledger = None
+    if RUNGS[subject.rung].lit:
+        with stages.stage("ledger"):
+            ledger = make_ledger(scene, made, subject.rung, fast_engine(backend.variant))
     with stages.stage("compare"):
-        on_purpose = f"differs as it must: the tracer renders {climbed}, which has less light than {rung}"
-        lesser = on_purpose if isinstance(subject, Traced) and climbed != rung else ""
-        comparison = compare(made, reference, tolerance=written.tolerance, lesser=lesser, flip=flip)
+        comparison = compare(made, reference, tolerance=written.tolerance, flip=flip)
+        if subject.rung != rung and comparison.verdict != "pass":
+            level = twin.render(scene, subject.rung, sampling=subject.sampling, samples=samples, seed=seed, cache=cache)
+            at_own = compare(made, level, tolerance=written.tolerance)
+            comparison = _as_it_must(comparison, at_own, subject.rung, rung, ledger)
     picture = augmented = None
     if photo_path is not None:
         with stages.stage("augment"):
@@ -121,7 +136,9 @@ def compare_scene(
     return Result(
         scene=scene,
         tolerance=written.tolerance,
-        report=Report(scene.name, rung, comparison, dict(stages.seconds), numbers).saying(*_folded(scene)),
+        report=Report(
+            scene.name, rung, comparison, dict(stages.seconds), numbers, ledger.parts if ledger else ()
+        ).saying(*_folded(scene)),
         subject=made,
         twin=reference,
         photo=picture,
@@ -132,6 +149,7 @@ def compare_scene(
         times=_times(stages.seconds, comparison, calibration),
         settings=settings,
         versions=versions(),
+        ledger=ledger,
     )
 
 
@@ -141,6 +159,33 @@ def _folded(scene: Scene) -> tuple[str, ...]:
     if lost is None:
         return ()
     return (f"no ray belongs to {100 * lost.mean():.2g} % of the frame, where the lens folds back: black in both",)
+
+
+def _as_it_must(whole: Comparison, at_own: Comparison, climbed: str, rung: str, ledger: Ledger | None) -> Comparison:
+    """The comparison with a twin that has more light: a bug must not hide under what is missing on purpose.
+
+    Judged is what the tracer claims to be, beside the twin on the same rung; what the further light adds is the
+    difference of two rungs of the twin.
+    """
+    if at_own.verdict != "pass":
+        reasons = tuple(f"on its own rung, {climbed}: {reason}" for reason in at_own.reasons)
+        return msgspec.structs.replace(whole, verdict=at_own.verdict, reasons=reasons)
+    less = "less" if list(RUNGS).index(climbed) < list(RUNGS).index(rung) else "more"
+    must = f"differs as it must: the tracer renders {climbed}, which has {less} light than {rung}"
+    agrees = f"on its own rung, {climbed}, it agrees with the twin"
+    return msgspec.structs.replace(whole, verdict="differs", reasons=(must, *_left_out(ledger), agrees))
+
+
+def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
+    """What the rung leaves out, in words, the largest part first."""
+    rows = [row for row in ledger.parts if row.part in LEFT_OUT and row.share_of_light] if ledger else []
+    told = []
+    for row in sorted(rows, key=lambda row: -abs(row.share_of_light or 0)):
+        share = 100 * (row.share_of_light or 0)
+        where = f", most on {row.between[0]}" if len(row.between) == 1 else ""
+        where = f", most between {' and '.join(row.between)}" if len(row.between) > 1 else where
+        told.append(f"without {row.part} it is {abs(share):.2g} % too {'bright' if share > 0 else 'dark'}{where}")
+    return tuple(told)
 
 
 def _check(rung: str, sampling: str, samples: int | None) -> None:

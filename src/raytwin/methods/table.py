@@ -6,7 +6,7 @@ from fnmatch import fnmatchcase
 from raytwin.errors import InputError
 from raytwin.methods.method import Method
 from raytwin.methods.rendered import Denoised, Plain, Twin
-from raytwin.methods.traced import Filled, Looped, Speculated, Supersampled, Traced
+from raytwin.methods.traced import Filled, Followed, Looped, Speculated, Supersampled, Traced
 
 COUNTS, FEW = (1, 4, 16, 64, 256, 1024), (1, 4, 16)
 LLVM, SCALAR, CUDA = "llvm_ad_rgb", "scalar_rgb", "cuda_ad_rgb"
@@ -27,6 +27,8 @@ METHODS: dict[str, Method] = {
           for trim in trims),
         *(Traced(engine=engine, in_place=True) for engine in ("drjit32", "numpy32")),
         *(Supersampled(engine=engine, samples=n) for engine in ("numpy32", "drjit32", "cuda32") for n in (4, 16, 64)),
+        # The same where light is followed from surface to surface.
+        *(Followed(rung, engine, n) for engine in ("drjit32", "cuda32") for rung in ("sky", "path") for n in COUNTS),
         # The paper's speculation, and ours.
         *(Speculated(engine="numpy32", way=way, n=n) for way in ("paper", "careful") for n in (1, 2, 4, 8, 16)),
         # The twin, as `raytwin compare` renders it.

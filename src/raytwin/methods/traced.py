@@ -11,7 +11,7 @@ from raytwin.image import Image, Surface
 from raytwin.methods.loop import loop
 from raytwin.methods.method import Call, Method
 from raytwin.scene import Scene
-from raytwin.speed import ENGINES, background, draw, speculate
+from raytwin.speed import ENGINES, background, draw, speculate, walk
 from raytwin.tracer import STAGES, Stages
 
 
@@ -75,6 +75,45 @@ class Traced(_ByEngine):
             return Image(out, surface=surface)
 
         return call
+
+
+@dataclass(frozen=True)
+class Followed(_ByEngine):
+    """Light followed from surface to surface by random walks, `samples` of them a pixel.
+
+    `over`: the pixel's `area`, or its `center`. `surface`: also what the ray through the centre met.
+    """
+
+    rung: str = "path"
+    samples: int = 16
+    over: str = "area"
+    surface: bool = False
+
+    @property
+    def name(self) -> str:
+        return f"{self.engine}-{self.rung}-{self.samples}{'' if self.over == 'area' else '-center'}"
+
+    @property
+    def label(self) -> str:
+        return str(self.samples)
+
+    @property
+    def sampling(self) -> str:
+        return self.over
+
+    @property
+    def noisy(self) -> bool:
+        return True
+
+    @property
+    def trim(self) -> str:
+        return "conic"
+
+    def prepare(self, scene: Scene) -> Call:
+        self.ready()
+        return lambda seed: walk(
+            scene, self.rung, self.engine, sampling=self.over, samples=self.samples, seed=seed, surface=self.surface
+        )
 
 
 def fast_engine(variant: str) -> str:

@@ -12,7 +12,7 @@ from raytwin.compare.scale import scale_of
 from raytwin.image import Image, Surface
 from raytwin.jobs.diff import Diff
 from raytwin.report import numbers
-from raytwin.scene import Sphere, Tolerance
+from raytwin.scene import Tolerance
 
 if TYPE_CHECKING:
     from raytwin.jobs.camera import TruthRow
@@ -121,8 +121,6 @@ def view_of(result: "Result") -> PairView:
     """The tracer beside its twin."""
     c, about = result.comparison, result.report
     tolerance = in_radiance(result.tolerance, result.twin, result.subject)
-    kinds = ["sphere" if isinstance(thing, Sphere) else "plane" for thing in result.scene.objects]
-    objects = tuple(f"{kind} {kinds[:i].count(kind)}" for i, kind in enumerate(kinds))
     return PairView(
         title=about.scene,
         about=("rung", about.rung),
@@ -133,7 +131,7 @@ def view_of(result: "Result") -> PairView:
         tolerance=tolerance,
         held_to="the scene's tolerance",
         motto="a hand-written ray tracer beside its Mitsuba twin",
-        objects=objects,
+        objects=result.scene.names,
         photo=result.photo,
         augmented=result.augmented,
         calibration=result.calibration,

@@ -33,6 +33,12 @@ class Scene(Record, frozen=True):
         return tuple(thing for thing in self.objects if isinstance(thing, Rectangle))
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """What people call the objects: sphere 0, sphere 1, plane 0."""
+        kinds = ["sphere" if isinstance(thing, Sphere) else "plane" for thing in self.objects]
+        return tuple(f"{kind} {kinds[:i].count(kind)}" for i, kind in enumerate(kinds))
+
+    @property
     def sun(self) -> Sun:
         """The sun, or one that is dark. Raises InputError where there are two: nothing here sums over suns yet."""
         return self._only(Sun, NO_SUN)

@@ -39,28 +39,41 @@ def walk(
     samples: int = 16,
     seed: int = 0,
     depth: int | None = None,
+    surface: bool = True,
     stages: Stages = STAGES,
 ) -> Image:
     """The radiance of a rung whose light is followed: mean and variance over the pixels' `area`, or at the `center`.
 
-    `depth` counts surfaces as Mitsuba does and is the rung's own where not given.
+    `depth` counts surfaces as Mitsuba does and is the rung's own where not given. `surface`: also what the rays
+    through the pixels' centres meet first.
     """
-    deep = depth or RUNGS[rung].depth or 2
+    deep, side = depth or RUNGS[rung].depth or 2, 1.0 if sampling == "area" else 0.0
 
     def whole(view: EyeScene, world: World, hit: Hit, numbers: Draw) -> list[Vec]:
         return [_or_sky(hit, follow(hit, view.light, world, numbers, deep)[0], view.light)]
 
-    ((mean, variance),) = _sampled(scene, whole, [background(scene, rung)], engine, sampling, samples, seed, stages)
-    surface, colour = Surface.empty(*scene.camera.image_size), background(scene)
-    draw(scene, colour, "surface", engine, surface=surface, stages=stages)
-    image = Image(mean, variance, samples, surface, min(BATCHES, samples))
+    ((mean, variance),) = _sampled(scene, whole, [background(scene, rung)], engine, side, samples, seed, stages)
+    seen = Surface.empty(*scene.camera.image_size) if surface else None
+    if seen is not None:
+        draw(scene, background(scene), "surface", engine, surface=seen, stages=stages)
+    image = Image(mean, variance, samples, seen, min(BATCHES, samples))
     return image.blacken(without_ray(scene.camera))
 
 
 def light_parts(
-    scene: Scene, engine: str = "numpy64", *, samples: int = 64, seed: int = 0, depth: int = 8, stages: Stages = STAGES
+    scene: Scene,
+    engine: str = "numpy64",
+    *,
+    samples: int = 64,
+    seed: int = 0,
+    depth: int = 8,
+    side: float = 1.0,
+    stages: Stages = STAGES,
 ) -> dict[str, Image]:
-    """The whole light over the pixels' area, as PARTS whose sum it is; all from the same samples."""
+    """The whole light over the pixels' area, as PARTS whose sum it is; all from the same samples.
+
+    `side` of the area, in pixels, about their centres.
+    """
 
     def parts(view: EyeScene, world: World, hit: Hit, numbers: Draw) -> list[Vec]:
         open_, lit = (f(hit, view.light, world, view.camera) for f in (lambert_radiance, shadow_radiance))
@@ -72,7 +85,7 @@ def light_parts(
         return [_or_sky(hit, open_, view.light), shadow, occlusion, *bounces]
 
     start = [background(scene), *(np.zeros((*scene.camera.image_size[::-1], 3), np.float32) for _ in PARTS[1:])]
-    found = _sampled(scene, parts, start, engine, "area", samples, seed, stages)
+    found = _sampled(scene, parts, start, engine, side, samples, seed, stages)
     return {
         name: Image(mean, variance, samples, batches=min(BATCHES, samples)).blacken(without_ray(scene.camera))
         for name, (mean, variance) in zip(PARTS, found, strict=True)
@@ -89,13 +102,13 @@ def _sampled(
     integrand: Integrand,
     start: list[np.ndarray],
     engine: str,
-    sampling: str,
+    side: float,
     samples: int,
     seed: int,
     stages: Stages,
 ) -> list[tuple[np.ndarray, np.ndarray | None]]:
     """For each of the integrand's colours its mean, and that mean's variance; `start` is where no object is seen."""
-    how, view, spread = ENGINES[engine], EyeScene(scene, ENGINES[engine], stages), 1.0 if sampling == "area" else 0.0
+    how, view = ENGINES[engine], EyeScene(scene, ENGINES[engine], stages)
     batches, values = min(BATCHES, samples), 3 * len(start)
     number, size, more, key = (
         constant(how, n) for n in (batches, samples // batches, samples % batches, seed & 0xFFFFFFFF)
@@ -110,7 +123,7 @@ def _sampled(
             def sample(place: Any, *sums: Any) -> tuple[Any, ...]:
                 numbers = partial(random, u, pixel, index, place, key)
                 a, b = numbers(0)
-                d = view.ray(u + spread * (a - 0.5), v + spread * (b - 0.5))
+                d = view.ray(u + side * (a - 0.5), v + side * (b - 0.5))
                 brought = integrand(view, world, world.nearest(EYE, d), numbers)
                 return tuple(x + y for x, y in zip(sums, sum(brought, ()), strict=True))
 
