@@ -1,16 +1,67 @@
-"""The command line in a process of its own, as a user meets it."""
+"""The command line as a user meets it, in this process; or, where a fresh one is the point, in one of its own."""
 
+import contextlib
+import io
 import os
 import re
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+
+from raytwin.cli import main
 
 STAGE = re.compile(r"^[\w/ .-]+: \d+ of \d+, [\d.]+ s\n", re.MULTILINE)
 
+Done = subprocess.CompletedProcess[str]
 
-def raytwin(*arguments: object, cwd: Path | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
+
+def raytwin(*arguments: object, cwd: Path | None = None) -> Done:
     """What it did, without the lines that a busy machine's long stages leave on standard error."""
+    command = ["raytwin", *map(str, arguments)]
+    with (
+        contextlib.chdir(cwd or Path.cwd()), _kept("stdout", 1) as out, _kept("stderr", 2) as err,
+        _instead("argv", command), _instead("stdin", io.StringIO()),
+    ):  # fmt: skip
+        try:
+            main()
+        except SystemExit as ended:
+            code = ended.code
+    return subprocess.CompletedProcess(command, code, out[0], STAGE.sub("", err[0]))
+
+
+@contextlib.contextmanager
+def _kept(name: str, number: int) -> Iterator[list[str]]:
+    """What is written to the stream, by libraries in C too: told in the list's only place in the end."""
+    told = [""]
+    with tempfile.TemporaryFile() as file:
+        before = os.dup(number)
+        os.dup2(file.fileno(), number)
+        try:
+            with _instead(name, io.TextIOWrapper(os.fdopen(number, "wb", closefd=False), "utf-8")) as stream:
+                yield told
+                stream.flush()
+        finally:
+            os.dup2(before, number)
+            os.close(before)
+            file.seek(0)
+            told[0] = file.read().decode()
+
+
+@contextlib.contextmanager
+def _instead(name: str, value):
+    """sys's own, for a while."""
+    before = getattr(sys, name)
+    setattr(sys, name, value)
+    try:
+        yield value
+    finally:
+        setattr(sys, name, before)
+
+
+def raytwin_alone(*arguments: object, cwd: Path | None = None, **environment: str) -> Done:
+    """The same in a process of its own, with more in its environment."""
     command = [sys.executable, "-m", "raytwin", *map(str, arguments)]
     run = subprocess.run(
         command, capture_output=True, text=True, cwd=cwd, env=os.environ | environment, timeout=600, check=False,
@@ -20,7 +71,7 @@ def raytwin(*arguments: object, cwd: Path | None = None, **environment: str) -> 
     return run
 
 
-def refused(run: subprocess.CompletedProcess[str], *parts: str) -> None:
+def refused(run: Done, *parts: str) -> None:
     """Exit code 2 and one line, without a traceback, that holds all of `parts`."""
     assert run.returncode == 2, run.stderr
     assert run.stderr.startswith("raytwin: ")

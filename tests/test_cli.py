@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from program import raytwin, refused
+from program import raytwin, raytwin_alone, refused
 from typer.testing import CliRunner
 
 from raytwin import files
@@ -43,14 +43,14 @@ def desk(scenes, tmp_path) -> Path:
 
 
 def test_help_names_the_commands():
-    run = raytwin("--help")
+    run = raytwin_alone("--help")
     assert run.returncode == 0
     for command in ("compare", "calibrate", "photograph", "doctor"):
         assert command in run.stdout
 
 
 def test_compare_passes_and_writes_every_file(scenes, tmp_path):
-    run = raytwin(
+    run = raytwin_alone(
         "compare", scenes / "overlap", "--size", "160x120", "-o", tmp_path / "out", "--json", tmp_path / "a.json"
     )
     assert run.returncode == 0, run.stderr
@@ -94,7 +94,7 @@ def test_compare_says_with_0_that_a_lower_rung_differs_as_it_must(scenes, tmp_pa
 
 def test_it_works_without_any_llvm(scenes, tmp_path):
     """On scalar_rgb, distorted camera included, with the same numbers."""
-    run = raytwin(
+    run = raytwin_alone(
         "compare",
         scenes / "distorted",
         "--size",
@@ -239,7 +239,7 @@ def test_the_output_may_not_be_a_file(scenes, tmp_path):
 
 
 def test_doctor_says_what_was_tried():
-    run = raytwin("doctor")
+    run = raytwin_alone("doctor")
     assert run.returncode == 0
     assert "backend" in run.stdout
     assert "mitsuba" in run.stdout

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from program import raytwin, refused
+from program import raytwin, raytwin_alone, refused
 
 from raytwin import files
 from raytwin.cli import main
@@ -46,7 +46,7 @@ def test_a_full_disk_is_said_and_leaves_nothing_behind(pair, tmp_path):
             env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True,
         )  # fmt: skip
         assert child.stderr.endswith(f"x.{ending}: expected a place that can be written, got File too large\n")
-    run = raytwin("diff", *pair, "-o", tmp_path / "out", PYTHONPATH=path)
+    run = raytwin_alone("diff", *pair, "-o", tmp_path / "out", PYTHONPATH=path)
     refused(run, "out/", "File too large")
     assert not [p for p in (tmp_path / "out").iterdir() if p.suffix != ".json"]
 
@@ -74,7 +74,7 @@ def test_a_closed_pipe_is_no_failed_comparison(pair, command):
 @LINUX
 def test_a_home_that_cannot_be_entered_costs_the_cache_alone(tmp_path):
     asked = ("compare", "single", "--size", "32x24", "-o", tmp_path / "out")
-    run = raytwin(*asked, HOME=LONG, XDG_CACHE_HOME="", RAYTWIN_CACHE="")
+    run = raytwin_alone(*asked, HOME=LONG, XDG_CACHE_HOME="", RAYTWIN_CACHE="")
     assert run.returncode == 0, run.stderr
 
 
@@ -138,8 +138,8 @@ BAD_LLVM = next(iter(sorted(Path("/usr/lib").glob("*/libLLVM-15.so.1"))), None)
 def test_an_engine_takes_no_libllvm_that_was_not_seen_to_work(tmp_path):
     """LLVM 15 aborts the process at the first kernel on some machines; with every candidate hidden, nothing is left."""
     asked = ("compare", "single", "--size", "32x24", "-o", tmp_path / "out", "--engine", "drjit32")
-    run = raytwin(*asked, RAYTWIN_NO_LLVM="1", DRJIT_LIBLLVM_PATH=str(BAD_LLVM))
+    run = raytwin_alone(*asked, RAYTWIN_NO_LLVM="1", DRJIT_LIBLLVM_PATH=str(BAD_LLVM))
     refused(run, "engine", "expected a machine with llvm for Dr.Jit, got none")
     bench = ("bench", "single", "--sizes", "0.003", "--budget", "5", "--methods", "drjit32*,numpy32*")
-    run = raytwin(*bench, "-o", tmp_path / "b", RAYTWIN_NO_LLVM="1", DRJIT_LIBLLVM_PATH=str(BAD_LLVM))
+    run = raytwin_alone(*bench, "-o", tmp_path / "b", RAYTWIN_NO_LLVM="1", DRJIT_LIBLLVM_PATH=str(BAD_LLVM))
     assert run.returncode == 0, run.stderr
