@@ -1,5 +1,7 @@
 """Cameras, boards and detections that the tests of photos share."""
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 
@@ -9,23 +11,28 @@ from raytwin.photos.detection import Tag
 from raytwin.scene import Camera
 
 
+@lru_cache(maxsize=2)
+def rays_of(size: tuple[int, int], K: tuple, dist: tuple[float, ...], n: int) -> np.ndarray:
+    """(n H n W, 3): the rays through n x n places of each pixel. The same for all photos of a camera."""
+    grid = np.stack(np.meshgrid(*map(np.arange, size)), axis=-1).reshape(-1, 2)
+    ideal = lens.undistort(grid, K, dist).reshape(*size[::-1], 2)
+    # Between pixels' centres a lens bends by less than 1e-4 px.
+    ideal = cv2.resize(ideal, None, fx=n, fy=n, interpolation=cv2.INTER_LINEAR).reshape(-1, 2)
+    return np.c_[ideal, np.ones(len(ideal))].astype(np.float32)
+
+
 class PlainRenderer:
     """A `render` without a renderer: each pixel's mean over `n` x `n` rays of the sheet's albedo times `light`."""
 
-    def __init__(self, n: int = 3, light: float = 0.8, table: float = 0.25):
-        self.n, self.light, self.table, self.rays = n, light, table, None
+    def __init__(self, n: int = 2, light: float = 0.8, table: float = 0.25):
+        self.n, self.light, self.table = n, light, table
 
     def __call__(self, camera, texture, sheet):
         n = self.n
-        if self.rays is None:  # one camera, many poses
-            grid = np.stack(np.meshgrid(*map(np.arange, camera.image_size)), axis=-1).reshape(-1, 2)
-            ideal = lens.undistort(grid, camera.K, camera.dist).reshape(camera.height, camera.width, 2)
-            # Between pixels' centres a lens bends by less than 1e-4 px.
-            ideal = cv2.resize(ideal, None, fx=n, fy=n, interpolation=cv2.INTER_LINEAR).reshape(-1, 2)
-            self.rays = np.c_[ideal, np.ones(len(ideal))].astype(np.float32)
+        rays = rays_of(camera.image_size, camera.K, camera.dist, n)
         R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
         # Board point (x, y, 1) -> ray: [r1 r2 t]; its inverse leads each ray to the board's plane.
-        x, y, w = np.linalg.inv(np.stack([R[:, 0], R[:, 1], t], axis=1)).astype(np.float32) @ self.rays.T
+        x, y, w = np.linalg.inv(np.stack([R[:, 0], R[:, 1], t], axis=1)).astype(np.float32) @ rays.T
         (cx, cy, _), half_u, half_v = sheet.center, sheet.half_u[0], sheet.half_v[1]
         h, w_px = texture.shape
         column = ((x / w - cx) / half_u + 1) / 2 * w_px - 0.5

@@ -214,7 +214,7 @@ def test_on_photos_of_a_bent_board_the_bend_and_the_camera_are_the_truth(shoot, 
 
 
 def test_a_flat_board_is_taken_for_flat(shoot):
-    found = calibrate(sorted(shoot(14)[0].glob("*.jpg")), BOARD)
+    found = calibrate(sorted(shoot()[0].glob("*.jpg")), BOARD)
     assert found.boards[0].heights is None
     assert codes(found) == set()
 
