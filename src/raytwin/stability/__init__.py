@@ -7,14 +7,14 @@ To add an experiment, write a function (x, rng, trials) -> errors by method, and
 
 from raytwin.errors import check_one_of
 from raytwin.progress import Progress, silent
-from raytwin.stability import guesses, lenses, poses, reference, spheres, sums, surfaces, trims
+from raytwin.stability import calibrations, guesses, lenses, poses, reference, spheres, sums, surfaces, trims, verdicts
 from raytwin.stability.experiment import Atlas, Curve, Experiment, Found, digits, run
 
 __all__ = ["EXPERIMENTS", "Atlas", "Curve", "Experiment", "Found", "atlas", "digits", "run"]
 
-EXPERIMENTS: dict[str, Experiment] = {
-    e.name: e for file in (spheres, surfaces, lenses, trims, guesses, poses, sums, reference) for e in file.EXPERIMENTS
-}
+FILES = spheres, surfaces, lenses, trims, guesses, poses, calibrations, verdicts, sums, reference
+
+EXPERIMENTS: dict[str, Experiment] = {e.name: e for file in FILES for e in file.EXPERIMENTS}
 """name -> row, in the order of the page."""
 
 
