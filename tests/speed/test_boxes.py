@@ -235,6 +235,24 @@ def test_no_object_that_shades_another_is_missed(count, planes, to_light, seed):
                     assert not (meet(tuple(points), scene.sun.to_light, other) < np.inf).any(), (i, j)
 
 
+@pytest.mark.parametrize("scale", [1.0, 50.0])
+def test_a_caster_may_be_a_ten_thousandth_beyond_touching_for_float32_and_no_further(scale):
+    """Of radii 0.1 and 0.05 under the zenith: 0.15 (1 + 1e-4), and 1e-6 of the largest coordinate for each."""
+    room = 0.15 * 1.0001 + 2e-6
+
+    def listed(x: float, z: float) -> list[list[int]]:
+        spheres = (Sphere((0.0, 0.0, 0.0), 0.1 * scale), Sphere((0.0, x * scale, z * scale), 0.05 * scale))
+        first, flat = shading(Scene("two", None, spheres, (Sun((0.0, 0.0, 1.0)),)))
+        return [flat[first[j] : first[j + 1]].tolist() for j in (0, 1)]
+
+    assert listed(room - 2e-7, 1.0) == [[1], []]
+    assert listed(room + 2e-7, 1.0) == [[], []]
+    assert listed(0.0, -1.0) == [[], [0]]
+    low = 0.15 * 1.0001 + 2e-6 * 0.15
+    assert listed(0.0, -low * (1 - 1e-6)) == [[1], [0]]
+    assert listed(0.0, -low * (1 + 1e-6)) == [[], [0]]
+
+
 def a_cloud(single: Scene, count: int = 90) -> Scene:
     """Spheres, a few of them large, and two rectangles, in a small picture."""
     rng = np.random.default_rng(7)
