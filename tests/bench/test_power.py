@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 
 from raytwin import twin
-from raytwin.bench.power import FAULTS, TOOLS, _counted, false_alarms, markdown, power_table, render, sees_z_test
+from raytwin.bench.power import (
+    FAULTS,
+    SAMPLED,
+    TOOLS,
+    _counted,
+    false_alarms,
+    markdown,
+    power_table,
+    render,
+    samples_table,
+    sees_z_test,
+)
 from raytwin.files import read_scene
 from raytwin.image import Image
 
@@ -60,3 +71,14 @@ def test_the_table_has_a_line_a_fault_and_a_dash_where_a_tool_is_missing():
     lines = markdown(rows, [16]).splitlines()
     assert len(lines) == 2 + len(FAULTS)
     assert lines[2] == "| none | 50 | - | 50 | 50 |"
+
+
+def test_more_samples_see_more_and_nothing_is_seen_where_nothing_is_wrong():
+    rows = dict(row.strip("| ").split(" | ", 1) for row in samples_table((16, 1024), 4, (24, 32)).splitlines()[2:])
+    assert list(rows) == list(SAMPLED)
+    assert rows["Gaussian"].startswith("0 / 0 | ")
+    assert rows["Gaussian"].endswith(" | 100 / 100")
+    none, one, _ = (cell.split(" / ") for cell in rows["exponential"].split(" | "))
+    assert none == ["0", "0"]
+    assert int(one[0]) < int(one[1]) == 100
+    assert rows["rare events"].split(" | ")[0].startswith("- / ")
