@@ -262,11 +262,24 @@ def a_cloud(single: Scene, count: int = 90) -> Scene:
     return msgspec.structs.replace(single, camera=single.camera.resized(107, 80), objects=(*spheres, *leaves))
 
 
-def test_shading_in_portions_is_the_same(single, monkeypatch):
+def test_shading_lists_the_balls_that_overlap_seen_from_the_sun_and_are_not_behind(single, monkeypatch):
+    """|(c_i - c_j) x l| <= R_i + R_j and (c_i - c_j) · l >= -(R_i + R_j), pair by pair; in portions too."""
     scene = a_cloud(single)
-    whole = shading(scene)
-    monkeypatch.setattr(speed_plan, "PORTION", 37)
-    np.testing.assert_array_equal(np.concatenate(shading(scene)), np.concatenate(whole))
+    c, light = np.array([thing.center for thing in scene.objects]), np.array(scene.sun.to_light)
+    R = np.array(
+        [t.radius if isinstance(t, Sphere) else math.hypot(0.06, math.hypot(0.06, 0.03)) for t in scene.objects]
+    )
+    R = R * (1 + 1e-4) + 1e-6 * abs(c).max()
+    expected = []
+    for j in range(len(c)):
+        apart = c - c[j]
+        over = np.linalg.norm(np.cross(apart, light), axis=1) <= R + R[j]
+        expected.append([i for i in np.flatnonzero(over & (apart @ light >= -(R + R[j]))).tolist() if i != j])
+    assert 300 < sum(map(len, expected)) < 5000
+    for portion in (speed_plan.PORTION, 37):
+        monkeypatch.setattr(speed_plan, "PORTION", portion)
+        first, flat = shading(scene)
+        assert [flat[first[j] : first[j + 1]].tolist() for j in range(len(c))] == expected
 
 
 @pytest.mark.parametrize("most", [100, 1000, 1500])
