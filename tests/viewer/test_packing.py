@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from raytwin.image import Image, Surface
 from raytwin.viewer import Packed, pack
+from raytwin.viewer.packing import binned
 
 
 def decoded(values: Packed) -> dict[str, np.ndarray]:
@@ -131,3 +132,16 @@ def test_one_row_and_one_column_survive():
     for shape in ((1, 9), (9, 1), (1, 1)):
         test, reference = images(np.random.default_rng(5), *shape)
         np.testing.assert_array_equal(decoded(pack(test, reference))["id"], reference.surface.ids)
+
+
+def test_binned_images_are_means_of_blocks_with_the_variance_of_means():
+    rng = np.random.default_rng(9)
+    image = Image(rng.random((5, 7, 3), np.float32), rng.random((5, 7, 3), np.float32), 4)
+    small = binned(image, 3)
+    assert small.shape == (2, 3, 3)
+    np.testing.assert_allclose(small.mean[0, 1], image.mean[:3, 3:6].mean(axis=(0, 1)), rtol=1e-6)
+    np.testing.assert_allclose(small.variance[0, 1], image.variance[:3, 3:6].sum(axis=(0, 1)) / 81, rtol=1e-6)
+    np.testing.assert_allclose(small.mean[1, 2], image.mean[3:, 6:].mean(axis=(0, 1)), rtol=1e-6)
+    np.testing.assert_allclose(small.variance[1, 2], image.variance[3:, 6:].sum(axis=(0, 1)) / 4, rtol=1e-6)
+    packed = pack(image, image, most_pixels=4)
+    assert (packed.binned, packed.thin) == (True, 3)

@@ -110,6 +110,7 @@ def augment_command(
     from raytwin.jobs.augment import augment_photos
 
     check_outputs(folders=(out,), files=(json,))
+    pages = report.Against(out) if against else None
     with show_progress() as progress:
         rows = augment_photos(
             photos,
@@ -120,10 +121,13 @@ def augment_command(
             against=against,
             shadows=shadows,
             exposure=exposure,
+            each=pages.add if pages else None,
             progress=progress,
         )
     if json:
         files.write_json(json, {"photos": rows})
     typer.echo(report.augment_summary(rows))
     tell_seconds(progress)
+    if pages:
+        typer.echo(f"report: {pages.finish()}")
     typer.echo(f"{len(rows)} photos: {out}")

@@ -1,9 +1,11 @@
 """Photos of a board -> the same photos with a scene's objects in them."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from raytwin import boards, files, photos, twin
 from raytwin.augment import augment, draw_pyramid, errors_by_region, to_rec709
@@ -23,6 +25,7 @@ def augment_photos(
     against: str | Path | None = None,
     shadows: bool = True,
     exposure: float = 1.0,
+    each: Callable[[dict[str, Any], np.ndarray, np.ndarray], None] | None = None,
     progress: Progress = silent,
 ) -> list[dict[str, Any]]:
     """Draw the scene's objects into each photo and write it to `out` under its own name, as PNG or JPEG.
@@ -30,7 +33,8 @@ def augment_photos(
     `camera`: a camera.toml, whose K and distortion count; without it the scene's own photos are calibrated. Each
     photo's pose comes from its own tags of `board` (the scene's, if none is named). `against`: a folder of true photos
     of the same names, the objects really there. Returns a row per photo: its name, its pose's rms in pixels, and with
-    `against` the errors by region. The photo's ICC profile and EXIF are kept as they are, its orientation with them.
+    `against` the errors by region; `each` is given it as it is made, with the drawn and the true photo. The photo's
+    ICC profile and EXIF are kept as they are, its orientation with them.
     """
     scene = files.read_scene(scene_path)
     asked = scene.photos
@@ -73,6 +77,8 @@ def augment_photos(
         if against is not None:
             truth = files.read_photo(Path(against) / path.name)
             row["regions"] = errors_by_region(result, truth, here)
+            if each is not None:
+                each(row, result.pixels, truth)
         files.write_picture(out / path.name, drawn, quality=95, extras=extras)
         rows.append(row)
     progress("augment", len(taken), len(taken))

@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import Any
 
 _HOME = {
+    "Against": "against",
     "Case": "junit",
     "PairView": "view",
     "atlas_summary": "atlas",

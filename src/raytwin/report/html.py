@@ -30,7 +30,6 @@ def write_report(shown: "PairView | Result", path: str | os.PathLike[str], scrip
         r=view,
         c=view.comparison,
         css=asset("report.css") + (viewer.style() if view.alike else ""),
-        noisy=view.noisy,
         groups=list(numbers.rows(view.comparison, view.tolerance, view.noisy)) if view.comparison else [],
         calibrated=calibrated(view),
         reasons=places(view)[0],
@@ -53,11 +52,12 @@ def side_by_side(view: PairView) -> dict[str, Any]:
         "names": {"test": view.names.test, "reference": view.names.reference},
         "panes": panes,
         "objects": view.objects,
-        "noisy": view.noisy,
+        "noisy": view.rough,
         "bound": {"share": share, "scale": view.scale, "held": allowed(view) is not None},
         "places": places(view)[1],
         "marks": apart,
         "exposure": round(math.log2(pictures.exposure(view.reference)), 2),
+        "start": worst[0] if worst else None,
         "address": True,
     }
     rows = pixel_rows(view, worst, apart)
@@ -77,7 +77,9 @@ def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]
         panes.append({"key": "objects", "kind": "objects", "title": "Silhouettes", "tab": "silhouettes"})
     with ThreadPoolExecutor() as pool:
         drawn = pool.submit(photos, view)
-        packed = viewer.pack(view.test, view.reference, flip=flipped, surfaces=view.surfaces is not None)
+        packed = viewer.pack(
+            view.test, view.reference, flip=flipped, surfaces=view.surfaces is not None, means=view.rough
+        )
         panes += drawn.result()
     return packed, [pane | {"alt": f"{pane['title']} {of}"} for pane in panes]
 

@@ -95,6 +95,11 @@ class PairView:
         return self.test.variance is not None or self.reference.variance is not None
 
     @property
+    def rough(self) -> bool:
+        """Single errors mean little: there is noise, or these are photos, which nothing judged."""
+        return self.noisy or self.report is None
+
+    @property
     def alike(self) -> bool:
         """Both are pictures of one size: only then is there an error to show."""
         return showable(self.test) and showable(self.reference) and self.test.shape == self.reference.shape

@@ -11,7 +11,8 @@ bytes: smooth images shrink to a fraction of a byte a value. The test image is s
 11 bits of its own, however small; t is r + error. Where there is noise, digits below it are noise, too: both are
 rounded to the power of two between σ/16 and σ/8, with σ as the page knows it (6 bits).
 
-Beyond a budget, only one pixel of each block of n x n is kept: the one that errs most, so that none falls between.
+Beyond a budget, only one pixel of each block of n x n is kept: the one that errs most, so that none falls between; of
+noise, which would be the noisiest, the block's mean with its variance.
 """
 
 import base64
@@ -24,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytwin.image import Image
+from raytwin.image import Image, Surface
 
 MOST_PIXELS = 4_200_000
 """Above this the browser would hold more than 100 MB of values: the planes are thinned."""
@@ -53,7 +54,7 @@ class Plane:
 
 @dataclass(frozen=True)
 class Packed:
-    """Planes of `lines` rows and `columns` columns: a pixel of each block of `thin` x `thin`, from (0, 0) on."""
+    """Planes of `lines` rows and `columns` columns: of each block of `thin` x `thin` a pixel; if `binned`, its mean."""
 
     width: int
     height: int
@@ -61,6 +62,7 @@ class Packed:
     columns: int
     lines: int
     planes: tuple[Plane, ...]
+    binned: bool = False
 
     def for_page(self) -> dict[str, Any]:
         """As viewer.js takes it."""
@@ -83,10 +85,14 @@ def pack(
     *,
     flip: np.ndarray | None = None,
     surfaces: bool = True,
+    means: bool = False,
     budget: int = BUDGET,
     most_pixels: int = MOST_PIXELS,
 ) -> Packed:
-    """Reference and error (R, G, B); σ where there is noise; ids and depths where both tell them; FLIP's map (H, W)."""
+    """Reference and error (R, G, B); σ where there is noise; ids and depths where both tell them; FLIP's map (H, W).
+
+    `means`: thinned as noise is, though no variance says so.
+    """
     height, width = test.shape[:2]
     planes = _planes(test, reference, flip, surfaces)
     thin = max(1, math.ceil(math.sqrt(height * width / most_pixels)))
@@ -95,10 +101,33 @@ def pack(
     sample = {n: p._replace(words=p.words[bands]) for n, p in planes.items()}
     estimate = sum(len(p.data) for p in _deflated(sample)) * 0.75 * height / max(int(bands.sum()), 1)
     thin = max(thin, math.ceil(math.sqrt(estimate / budget)))
-    if thin > 1:
+    means = means or test.variance is not None or reference.variance is not None
+    if thin > 1 and means:
+        fewer = None if flip is None else flip[::thin, ::thin]
+        planes = _planes(binned(test, thin), binned(reference, thin), fewer, surfaces)
+    elif thin > 1:
         planes = _thinned(planes, thin)
     lines, columns = next(iter(planes.values())).words.shape
-    return Packed(width, height, thin, columns, lines, _deflated(planes))
+    return Packed(width, height, thin, columns, lines, _deflated(planes), means and thin > 1)
+
+
+def binned(image: Image, n: int) -> Image:
+    """Means over blocks of n x n, with their variance; the surface of each block's first pixel."""
+    rows, columns = (np.arange(0, side, n) for side in image.mean.shape[:2])
+    pixels = np.outer(
+        *(np.diff(at, append=side) for at, side in zip((rows, columns), image.mean.shape[:2], strict=True))
+    )
+
+    def sums(x: np.ndarray) -> np.ndarray:
+        return np.add.reduceat(np.add.reduceat(x, rows, axis=0), columns, axis=1)
+
+    s = image.surface
+    return Image(
+        (sums(image.mean) / pixels[..., None]).astype(np.float32),
+        None if image.variance is None else (sums(image.variance) / pixels[..., None] ** 2).astype(np.float32),
+        image.samples,
+        None if s is None else Surface(*(np.ascontiguousarray(x[::n, ::n]) for x in (s.ids, s.depth, s.normal))),
+    )
 
 
 # ------------------------------------------------------------------------------------------ values

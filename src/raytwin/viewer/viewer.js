@@ -122,14 +122,14 @@ async function values(data) {
 class Viewer {
   constructor(root, data) {
     this.root = root;
-    this.data = { columns: data.width, lines: data.height, thin: 1, panes: [], places: [], marks: [], objects: [], exposure: 0, noisy: false, bound: null, ...data };
-    const { width, height, columns, lines, exposure, noisy } = this.data;
+    this.data = { columns: data.width, lines: data.height, thin: 1, panes: [], places: [], marks: [], objects: [], exposure: 0, noisy: false, binned: false, bound: null, ...data };
+    const { width, height, columns, lines, exposure } = this.data, sigmas = (this.data.planes ?? []).some((plane) => plane.name === "sR");
     this.values = { count: columns * lines };
     this.kept = this.at = null; // the clicked pixel, which stays when the pointer leaves; the one that is shown
     this.place = -1;
     this.state = {
       mode: root.clientWidth < 700 ? "one" : "grid", solo: this.data.panes[0]?.key, wipe: 0.5, exposure, gamma: 1, tone: "sRGB",
-      channel: "RGB", map: noisy ? "sigmas" : "signed", scale: 0, outlines: true,
+      channel: "RGB", map: sigmas ? "sigmas" : "signed", scale: 0, outlines: true,
     };
     this.view = { x: (width - 1) / 2, y: (height - 1) / 2, span: Infinity };
     this.cache = new Map();
@@ -148,6 +148,9 @@ class Viewer {
     [this.values] = await Promise.all([values(this.data), ...pictures]);
     this.refresh();
     this.say("point at a pixel, or click one");
+    const [first] = this.data.places, start = first ? [first.x + (first.width >> 1), first.y + (first.height >> 1)] : this.data.start;
+    if (start && this.panes.size) this.inspect(...start);
+    this.at = null;
     if (this.data.address) this.follow(location.hash, false);
     this.drawn();
     this.root.dataset.ready = "true";
@@ -221,25 +224,59 @@ class Viewer {
 
   // Float32Array of one of MAPS in the chosen channel; of all three, that which is farthest off.
   map() {
-    const { map, channel } = this.state, { r, d, s, flip, count } = this.values, only = CHANNELS.indexOf(channel) - 1;
-    return this.remember("map", () => {
-      if (map === "flip") return flip ?? new Float32Array(count);
-      const made = new Float32Array(count), of = [0, 0, 0];
-      if (!d) return made;
-      for (let i = 0, at = 0; i < count; i++, at += 3) {
-        for (let c = 0; c < 3; c++) {
-          const e = d[at + c];
-          of[c] = map === "signed" ? e : map === "relative" ? e / (Math.abs(r[at + c]) + 0.01) : e === 0 ? 0 : e / (s ? s[at + c] : 0);
-        }
-        if (only >= 0 && only < 3) made[i] = of[only];
-        else if (only === 3) made[i] = of[0] * WEIGHTS[0] + of[1] * WEIGHTS[1] + of[2] * WEIGHTS[2];
-        else {
-          const far = of.map((x) => (Number.isNaN(x) ? Infinity : Math.abs(x)));
-          made[i] = far[0] >= far[1] && far[0] >= far[2] ? of[0] : far[1] >= far[2] ? of[1] : of[2];
-        }
+    const { map } = this.state, { r, d, s, flip, count } = this.values;
+    return this.remember("map", () => (map === "flip" ? flip ?? new Float32Array(count) : this.errors(count, d, r, s)));
+  }
+
+  errors(count, d, r, s) {
+    const { map, channel } = this.state, only = CHANNELS.indexOf(channel) - 1, made = new Float32Array(count), of = [0, 0, 0];
+    if (!d) return made;
+    for (let i = 0, at = 0; i < count; i++, at += 3) {
+      for (let c = 0; c < 3; c++) {
+        const e = d[at + c];
+        of[c] = map === "signed" ? e : map === "relative" ? e / (Math.abs(r[at + c]) + 0.01) : e === 0 ? 0 : e / (s ? s[at + c] : 0);
       }
-      return made;
-    });
+      if (only >= 0 && only < 3) made[i] = of[only];
+      else if (only === 3) made[i] = of[0] * WEIGHTS[0] + of[1] * WEIGHTS[1] + of[2] * WEIGHTS[2];
+      else {
+        let [far, best] = [-1, 0];
+        for (const x of of) if (!(Math.abs(x) <= far) && far < Infinity) [far, best] = [Number.isNaN(x) ? Infinity : Math.abs(x), x];
+        made[i] = best;
+      }
+    }
+    return made;
+  }
+
+  // The map with k x k pixels in one: of exact images the worst of them, of noise their mean.
+  reduced(k, w, h) {
+    const map = this.map(), { columns, lines, noisy } = this.data, { d, r, s } = this.values;
+    if (k === 1) return map;
+    const mean = noisy && d && this.state.map !== "flip", size = new Float32Array(w * h).fill(-1), worst = new Float32Array(w * h);
+    const sums = mean ? [d, r, s].map(() => new Float32Array(3 * w * h)) : [], n = mean ? new Float32Array(w * h) : null;
+    for (let y = 0, i = 0; y < lines; y++)
+      for (let x = 0, row = Math.floor(y / k) * w; x < columns; x++, i++) {
+        const at = row + Math.floor(x / k);
+        if (mean) {
+          n[at]++;
+          for (let c = 0; c < 3; c++) {
+            sums[0][3 * at + c] += d[3 * i + c];
+            sums[1][3 * at + c] += r[3 * i + c];
+            if (s) sums[2][3 * at + c] += s[3 * i + c] ** 2;
+          }
+          continue;
+        }
+        const v = map[i], far = Number.isNaN(v) ? Infinity : Math.abs(v);
+        if (far > size[at]) { size[at] = far; worst[at] = v; }
+      }
+    if (!mean) return worst;
+    const [e, b, v] = sums;
+    for (let i = 0; i < e.length; i++) {
+      const count = n[Math.floor(i / 3)];
+      e[i] /= count;
+      b[i] /= count;
+      v[i] = Math.sqrt(v[i]) / count;
+    }
+    return this.errors(w * h, e, b, s ? v : null);
   }
 
   // From which value on a map has which colour: equal ratios between low and high where the images are exact.
@@ -272,7 +309,7 @@ class Viewer {
     return mix(t < 0 ? DARKER : BRIGHTER, Math.abs(t)).map((x) => Math.round(255 * encode(x)));
   }
 
-  // A canvas for a pane, each of its pixels k x k of the planes' (their worst), k = 1 for radiance.
+  // A canvas for a pane, each of its pixels k x k of the planes', k = 1 for radiance.
   layer(pane, k) {
     const { channel, exposure, gamma, tone, map, scale } = this.state, key = [k, channel, exposure, gamma, tone, map, scale].join();
     if (pane.drawn === key) return pane.layer;
@@ -308,16 +345,9 @@ class Viewer {
   }
 
   colours(out, k, w) {
-    const map = this.map(), { columns, lines } = this.data;
-    const colour = this.remember("colours", () => table(Uint32Array, (v) => rgba(this.shade(v))));
-    const worst = new Float32Array(out.length), size = new Float32Array(out.length).fill(-1);
-    for (let y = 0, i = 0; y < lines; y++)
-      for (let x = 0, row = Math.floor(y / k) * w; x < columns; x++, i++) {
-        const v = map[i], at = k === 1 ? i : row + Math.floor(x / k), far = Number.isNaN(v) ? Infinity : Math.abs(v);
-        if (far > size[at]) { size[at] = far; worst[at] = v; }
-      }
+    const map = this.reduced(k, w, out.length / w), colour = this.remember("colours", () => table(Uint32Array, (v) => rgba(this.shade(v))));
     for (let i = 0; i < out.length; i++) {
-      FLOAT[0] = worst[i];
+      FLOAT[0] = map[i];
       out[i] = colour[BITS[0] >>> 15];
     }
   }
@@ -432,7 +462,7 @@ class Viewer {
   }
 
   numbers(g, pane, f) {
-    const { width, height, thin } = this.data, lines = pane.kind === "radiance" ? 3 : 1;
+    const { width, height, thin } = this.data, lines = pane.kind === "radiance" ? 3 : 1, line = this.state.mode === "wipe" ? this.state.wipe * f.w : Infinity;
     if (pane.picture) return;
     const from = (edge) => Math.max(0, Math.floor(edge + 0.5)), size = Math.min(12, f.s / 4.6);
     for (let y = from(f.top); y < Math.min(height, f.top + f.h / f.s + 1); y++)
@@ -442,8 +472,8 @@ class Viewer {
         g.lineWidth = 1;
         g.strokeRect(left - f.s / 2, top - f.s / 2, f.s, f.s);
         if (thin > 1 && (x % thin || y % thin)) continue;
-        const said = pane.kind === "radiance" ? here[pane.key].map(([v, e]) => digits(v, e)) : pane.kind === "map" ? [here.map] : [here.objects.join(" / ")];
-        said.forEach((text, i) => this.label(g, text, left, top + (i - lines / 2) * 1.25 * size, "center", size));
+        const said = pane.kind === "radiance" ? here[left > line ? "reference" : pane.key].map(([v, e]) => digits(v, e)) : pane.kind === "map" ? [here.map] : [here.objects.join(" / ")];
+        said.forEach((text, i) => this.label(g, text, left + ((thin - 1) / 2) * f.s, top + ((thin - 1) / 2) * f.s + (i - lines / 2) * 1.25 * size, "center", size));
       }
   }
 
@@ -498,7 +528,7 @@ class Viewer {
 
   inspect(x, y) {
     if (!this.values.r && !this.values.t) return;
-    const here = this.read(x, y), { bound, noisy } = this.data, further = noisy ? "sigmas" : "relative";
+    const here = this.read(x, y), { bound } = this.data, further = this.values.s ? "sigmas" : "relative";
     this.at = here.meant;
     const row = (name, colours, object, depth, sign = false) => {
       const cells = this.cells[name], texts = [...colours.map(([v, e]) => digits(v, e, { sign }))];
@@ -513,7 +543,8 @@ class Viewer {
       here.error.forEach(([e], c) => this.cells.error.list[c].classList.toggle("rt-over", !(Math.abs(e) <= bound.share * Math.max(bound.scale, Math.abs(here.reference[c][0])))));
     [this.x.value, this.y.value] = here.meant;
     const away = here.meant[0] !== x || here.meant[1] !== y;
-    this.say(away ? "the pixel of its block that errs most" : this.kept && this.kept[0] === x && this.kept[1] === y ? "kept; in the page's address" : "");
+    const { thin, binned } = this.data, block = `${thin} × ${thin} pixels`;
+    this.say(binned ? `means of ${block}` : away ? `of ${block}, the one that errs most` : this.kept && this.kept[0] === x && this.kept[1] === y ? "kept; in the page's address" : "");
     this.show();
   }
 
@@ -680,13 +711,13 @@ class Viewer {
 
   maps() {
     const { s, flip } = this.values;
-    return ["signed", "relative", ...(s || (!this.root.dataset.ready && this.data.noisy) ? ["sigmas"] : []), ...(flip ? ["flip"] : [])];
+    return ["signed", "relative", ...(s || this.state.map === "sigmas" ? ["sigmas"] : []), ...(flip ? ["flip"] : [])];
   }
 
   // ---------------------------------------------------------------- the page around the pictures
 
   build() {
-    const { names, panes, places, width, height, noisy } = this.data, s = this.state;
+    const { names, panes, places, width, height } = this.data, s = this.state;
     const button = (text, title, act) => el("button", { type: "button", textContent: text, title, ...(text.length === 1 ? { ariaLabel: title } : {}), onclick: act });
     const group = (label, ...children) => el("div", { className: "rt-group", role: "group", ariaLabel: label }, ...children);
     const mode = (name, text, title) => Object.assign(button(text, title, () => this.set({ mode: name })), { of: name });
@@ -720,7 +751,7 @@ class Viewer {
       range("Exposure", "exposure", -12, 12, 0.05, (x) => signed(x, 2)), range("Gamma", "gamma", 0.4, 3, 0.05, (x) => x.toFixed(2)),
       choice("Tone", "tone", () => Object.keys(TONES)), choice("Channel", "channel", () => CHANNELS),
       choice("Map", "map", () => this.maps(), (x) => ({ signed: "signed", relative: "relative", sigmas: "in sigmas", flip: "FLIP" })[x]),
-      range("Map's range", "scale", -8, 8, 1, (x) => `× ${short(Number((10 ** (x / 2)).toPrecision(2)))}`), el("label", {}, tick, " Outlines"), button("Reset", "As it was (r)", () => this.reset())));
+      range("Range", "scale", -8, 8, 1, (x) => `× ${short(Number((10 ** (x / 2)).toPrecision(2)))}`), el("label", {}, tick, " Outlines"), button("Reset", "As it was (r)", () => this.reset())));
     const step = (text, title, by) => button(text, title, () => this.go(by));
     const bar = el("div", { className: "rt-bar" }, group("Layout", ...this.modes), this.tab_group,
       group("Zoom", button("−", "Zoom out (−)", () => this.zoom(1 / 1.5)), button("+", "Zoom in (+)", () => this.zoom(1.5)), button("Whole", "The whole picture (0)", () => this.whole())));
@@ -744,7 +775,7 @@ class Viewer {
       this.cells[name] = { list, object: surfaces };
       return el("tr", { className: `rt-${name}` }, el("th", { scope: "row", textContent: title }), ...list);
     };
-    const rows = names.reference ? [row("test", names.test), row("reference", names.reference), row("error", `${names.test} − ${names.reference}`), row("further", noisy ? "in σ" : "relative")] : [row("test", names.test)];
+    const rows = names.reference ? [row("test", names.test), row("reference", names.reference), row("error", `${names.test} − ${names.reference}`), row("further", s.map === "sigmas" ? "in σ" : "relative")] : [row("test", names.test)];
     const table = el("table", {}, el("thead", {}, el("tr", {}, el("td"), ...heads.map((text) => el("th", { scope: "col", textContent: text })))), el("tbody", {}, ...rows));
     this.bars = el("canvas", { className: "rt-histogram", role: "img", ariaLabel: `Histogram of the chosen channel in stops around white: ${names.test} filled, ${names.reference ?? ""} as a line` });
     const where = el("form", { onsubmit: (event) => event.preventDefault() }, el("b", { textContent: "Pixel " }), el("span", {}, "x ", this.x, " y ", this.y), this.status);
@@ -797,7 +828,7 @@ class Viewer {
     for (const [list, now] of [[this.modes, s.mode], [this.tabs, s.mode === "one" ? s.solo : ""]])
       for (const button of list) button.ariaPressed = String(button.of === now);
     this.tab_group.hidden = s.mode !== "one";
-    this.count.textContent = `${this.place < 0 ? "Places" : this.place + 1} ${this.place < 0 ? `: ${places.length}` : `of ${places.length}`}`;
+    this.count.textContent = this.place < 0 ? `${places.length} place${places.length === 1 ? "" : "s"}` : `${this.place + 1} of ${places.length}`;
     for (const update of this.controls) update();
   }
 
@@ -842,7 +873,8 @@ class Viewer {
       return span;
     }));
     const words = map === "flip" ? "dark: alike" : `blue: ${names.test} darker, red: brighter${log ? `; below ${short(low)} white` : ""}${held ? `; lines: the tolerance, ${short(bound.share * bound.scale)}` : ""}`;
-    pane.said.textContent = `${map === "flip" ? "FLIP" : `${names.test} − ${names.reference}`}, ${MAPS[map].unit}; ${words}`;
+    const seen = log || map === "flip" ? "; zoomed out, the worst pixel shows" : this.data.noisy ? "; zoomed out, means show" : "";
+    pane.said.textContent = `${map === "flip" ? "FLIP" : `${names.test} − ${names.reference}`}, ${MAPS[map].unit}; ${words}${seen}`;
   }
 
   histogram() {

@@ -1,0 +1,90 @@
+"""Augmented photos beside true ones; and noise: pages whose single errors mean little."""
+
+import re
+
+import numpy as np
+import pytest
+from test_html import assert_true_digits
+
+from raytwin import files
+from raytwin.compare import Report, compare
+from raytwin.image import Image
+from raytwin.report import Against, write_report
+from raytwin.report.view import PairView, view_of
+
+RNG = np.random.default_rng(3)
+
+
+def region(name: str, share: float = 0.5) -> dict:
+    return {"region": name, "share": share, "mean": -0.01, "rms": 0.02, "p95": 0.03, "codes": 1.5}
+
+
+def test_each_photo_has_a_page_that_shows_its_errors_and_all_share_one_script(tmp_path, browse):
+    truth = RNG.integers(0, 256, (30, 40, 3), np.uint8)
+    drawn = truth.copy()
+    drawn[10:20, 5:9] //= 2
+    pages = Against(tmp_path)
+    for name in ("a.jpg", "b.png"):
+        regions = [region("spheres"), region("shadows", 0.0), region("all")]
+        pages.add({"photo": name, "pose_rms_px": 0.1, "regions": regions}, drawn, truth)
+    index = pages.finish()
+    assert {p.name for p in tmp_path.iterdir()} == {
+        "against.html", "against-viewer.js", "against-a.jpg.html", "against-b.png.html",
+    }  # fmt: skip
+    text = index.read_text(encoding="utf-8")
+    assert re.findall(r'href="(against[^"]*)"', text) == ["against-a.jpg.html", "against-b.png.html"]
+    assert "shadows" not in text  # there are none
+    script = """
+      viewer.keep(6, 12);
+      result.read = ["test", "reference"].map((row) => texts(row));
+      result.map = [viewer.panes.get("map").head.textContent, viewer.scale().log];
+      result.wide = [document.documentElement.scrollWidth, innerWidth];
+      result.tiles = [...document.querySelectorAll(".tiles dd")].map((cell) => cell.textContent);"""
+    read, console = browse(tmp_path / "against-b.png.html", "", script)
+    assert console == []
+    for row, photo in zip(read["read"], (drawn, truth), strict=True):
+        for shown, value in zip(row, files.from_bytes(photo)[12, 6], strict=True):
+            assert float(shown) == pytest.approx(float(value), rel=0.02, abs=5e-5)
+    assert read["map"] == ["Difference", False]
+    assert read["wide"][0] <= read["wide"][1]
+    assert read["tiles"][0] == "0.0200 rms"
+
+
+def test_noise_is_shown_in_sigmas_and_as_means_where_not_every_pixel_fits(make_result, tmp_path, browse, monkeypatch):
+    from raytwin import viewer
+    from raytwin.viewer.packing import binned
+
+    monkeypatch.setattr(
+        "raytwin.report.html.viewer.pack", lambda *a, **k: viewer.packing.pack(*a, **k, most_pixels=5000)
+    )
+    result = make_result()
+    variance = np.full_like(result.twin.mean, 1e-4)
+    mean = (result.twin.mean + 0.01 * RNG.normal(size=variance.shape)).astype(np.float32)
+    mean[40:48, 60:68] += 0.03
+    test, reference = Image(mean, variance, 64), Image(result.twin.mean, 0 * variance, 1 << 20)
+    shown = PairView(
+        "s", Report("s", "", compare(test, reference)), test, reference, view_of(result).names, None, "", ""
+    )
+    write_report(shown, tmp_path / "page.html")
+    script = """
+      viewer.keep(62, 44);
+      for (const row of ["test", "error", "further"]) result[row] = texts(row);
+      result.said = status();
+      result.map = [viewer.state.map, viewer.panes.get("map").head.textContent];
+      // zoomed out to blocks of 4 x 4 kept means: the wrong corner, which is 2 x 2 of them, stands out
+      const z = viewer.reduced(2, 40, 30), at = 11 * 40 + 15;
+      result.z = [z[at], Math.sqrt(z.reduce((sum, x) => sum + x * x, 0) / z.length)];"""
+    read, console = browse(tmp_path / "page.html", "", script)
+    assert console == []
+    assert read["said"] == "means of 2 × 2 pixels"
+    assert read["map"] == ["sigmas", "Difference in σ"]
+    a, b = binned(test, 2), binned(reference, 2)
+    error, sigma = (a.mean - b.mean)[22, 31], np.sqrt(a.variance)[22, 31]
+    for text, value in zip(read["test"][:3], a.mean[22, 31], strict=True):
+        assert_true_digits(text, float(value))
+    for row, values in (("error", error), ("further", error / sigma)):
+        for text, value in zip(read[row][:3], values, strict=True):
+            assert_true_digits(text.lstrip("+"), float(value))
+    z = (mean - result.twin.mean)[44:48, 60:64].mean(axis=(0, 1)) / (0.01 / 4)
+    assert read["z"][0] == pytest.approx(z[np.abs(z).argmax()], rel=0.05)
+    assert read["z"][1] < 3
