@@ -121,9 +121,11 @@ PROBE = """<script>(async () => {
   const canvas = (key) => viewer.panes.get(key).canvas;
   const status = () => root.querySelector(".rt-status").textContent;
   // Read from a copy that is made for reading: the browser remarks on a page's own canvas that is read again and again.
-  const pixels = (key, x = 0, y = 0, width = canvas(key).width, height = canvas(key).height) => {
+  const pixels = (key, x = 0, y = 0, width = canvas(key).width, height = canvas(key).height) =>
+    read(canvas(key), x, y, width, height);
+  const read = (canvas, x, y, width, height) => {
     const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
-    copy.drawImage(canvas(key), x, y, width, height, 0, 0, width, height);
+    copy.drawImage(canvas, x, y, width, height, 0, 0, width, height);
     return copy.getImageData(0, 0, width, height).data;
   };
   const result = {};
@@ -140,7 +142,8 @@ def browse(tmp_path_factory) -> Callable[..., tuple[dict, list[str]]]:
     """`browse(page, address="", script="")`: what the script put into `result`, and the errors on the console.
 
     The script runs in the ready page and knows `viewer`, `drawn()`, `pause()`, `texts(row)`, `status()`, `canvas(key)`,
-    `pixels(key, x, y, width, height)`. Files beside the page are there; nothing outside is reachable.
+    `read(canvas, x, y, width, height)` and `pixels(key, x, y, width, height)`. Files beside the page are there; nothing
+    outside is reachable.
     """
     program = next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:

@@ -1,7 +1,13 @@
 """The one picture viewer: a script that every page of pictures, a live page or a notebook mounts, and what feeds it.
 
 `pack` makes planes of two images; `script()` and `style()` are viewer.js and viewer.css. Knows images, and nothing of
-what made them.
+what made them. In a page of pictures the data lies in the page; a live one pushes it:
+
+    const panes = [{ key: "test", kind: "radiance", title: "Tracer", alt: "The scene" }];
+    const viewer = mount(element, { width, height, names: { test: "tracer" }, panes });
+    viewer.update("test", halves);          // a Uint16Array of half floats, a Float32Array, or a decoded JPEG
+    viewer.set({ exposure: 1, map: "relative" });
+    viewer.look(x, y, span);
 """
 
 from importlib import resources

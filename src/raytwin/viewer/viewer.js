@@ -145,7 +145,8 @@ class Viewer {
       await image.decode();
       this.panes.get(pane.key).picture = image;
     });
-    [this.values] = await Promise.all([values(this.data), ...pictures]);
+    const [stored] = await Promise.all([values(this.data), ...pictures]);
+    Object.assign(this.values, stored); // what was pushed meanwhile stays
     this.refresh();
     this.say("point at a pixel, or click one");
     const [first] = this.data.places, start = first ? [first.x + (first.width >> 1), first.y + (first.height >> 1)] : this.data.start;
@@ -156,7 +157,8 @@ class Viewer {
     this.root.dataset.ready = "true";
   }
 
-  // New pixels of a pane: Float32Array or Uint16Array (half floats), R, G, B of each pixel; or a picture of 8 bits.
+  // New pixels of a pane: Float32Array or Uint16Array (half floats), R, G, B of each pixel; or anything that a canvas
+  // draws (an image, a bitmap), which is shown as it is.
   update(name, pixels) {
     const v = this.values, pane = this.panes.get(name);
     pane.picture = ArrayBuffer.isView(pixels) ? null : pixels;
@@ -531,6 +533,7 @@ class Viewer {
     const here = this.read(x, y), { bound } = this.data, further = this.values.s ? "sigmas" : "relative";
     this.at = here.meant;
     const row = (name, colours, object, depth, sign = false) => {
+      if (!this.cells[name]) return;
       const cells = this.cells[name], texts = [...colours.map(([v, e]) => digits(v, e, { sign }))];
       if (cells.object) texts.push(object, depth ? digits(...depth, { sign }) : "–");
       cells.list.forEach((cell, i) => { cell.textContent = texts[i]; });
@@ -539,7 +542,7 @@ class Viewer {
     row("reference", here.reference, here.objects[1], here.depths[1]);
     row("error", here.error, here.same ? "the same" : "another", here.depths[2], true);
     row("further", here[further], "", null, true);
-    if (bound?.held)
+    if (bound?.held && this.cells.error)
       here.error.forEach(([e], c) => this.cells.error.list[c].classList.toggle("rt-over", !(Math.abs(e) <= bound.share * Math.max(bound.scale, Math.abs(here.reference[c][0])))));
     [this.x.value, this.y.value] = here.meant;
     const away = here.meant[0] !== x || here.meant[1] !== y;
@@ -607,6 +610,7 @@ class Viewer {
   }
 
   flip() {
+    if (!this.data.names.reference) return;
     const { solo, mode } = this.state;
     this.set({ mode: mode === "grid" ? "one" : mode === "wipe" ? "one" : mode, solo: solo === "test" ? "reference" : "test" });
   }
