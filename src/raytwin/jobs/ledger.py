@@ -31,6 +31,8 @@ LEFT_OUT = {
 
 PIXELS, PIXELS_NUMPY, SAMPLES = 1 << 18, 1 << 13, 8
 """A larger frame's ledger is made of every k-th pixel of every k-th row; twice so many samples each."""
+SEEDS = 0xA11CE, 0xB0B
+"""Others than a user's, so that no picture is held against its own samples."""
 SMALL = 96
 """Pixels across, when objects are taken away one by one to see what they had to do with a part."""
 
@@ -59,7 +61,7 @@ def make_ledger(scene: Scene, shown: Image, rung: str, engine: str, depth: int =
     step = math.ceil(math.sqrt(w * h / (PIXELS_NUMPY if ENGINES[engine].is_numpy else PIXELS)))
     thin, seen = scene.with_camera(_every(scene.camera, step)), shown.mean[::step, ::step]
     began = time.perf_counter()
-    halves = [light_parts(thin, engine, samples=SAMPLES, seed=k, depth=depth, side=1 / step) for k in (0, 1)]
+    halves = [light_parts(thin, engine, samples=SAMPLES, seed=k, depth=depth, side=1 / step) for k in SEEDS]
     seconds = time.perf_counter() - began
     kept = _shown_by(rung)
     split = [_split(thin, seen, rung, engine, light, kept) for light in halves]

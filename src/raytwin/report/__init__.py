@@ -12,6 +12,7 @@ _HOME = {
     "bench_summary": "bench_page",
     "calibration_summary": "text",
     "diff_summary": "text",
+    "ladder_summary": "ladder",
     "summary": "text",
     "write_all": "folder",
     "write_atlas": "atlas",
@@ -19,6 +20,7 @@ _HOME = {
     "write_comparison": "json",
     "write_diff": "folder",
     "write_junit": "junit",
+    "write_ladder": "ladder",
     "write_report": "html",
     "write_uncertainty": "uncertainty",
 }

@@ -12,9 +12,9 @@ what made them. In a page of pictures the data lies in the page; a live one push
 
 from importlib import resources
 
-from raytwin.viewer.packing import Packed, Plane, pack
+from raytwin.viewer.packing import Packed, Plane, pack, pack_one
 
-__all__ = ["Packed", "Plane", "module", "pack", "script", "style"]
+__all__ = ["Packed", "Plane", "module", "pack", "pack_one", "script", "style"]
 
 
 def module() -> str:

@@ -130,6 +130,12 @@ def binned(image: Image, n: int) -> Image:
     )
 
 
+def pack_one(image: Image) -> tuple[Plane, ...]:
+    """Planes R, G, B of a picture that may take another's place: `update(name, await decode(planes))`."""
+    mean = np.asarray(image.mean, np.float32)
+    return _deflated({name: _half(mean[..., c], left=True) for c, name in enumerate("RGB")})
+
+
 # ------------------------------------------------------------------------------------------ values
 
 

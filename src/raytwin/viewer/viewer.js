@@ -169,6 +169,13 @@ class Viewer {
     this.refresh();
   }
 
+  // Planes R, G, B of another picture of this size, as `update` takes them.
+  async decode(planes) {
+    const { columns, lines } = this.data, into = new Float32Array(3 * columns * lines);
+    await Promise.all(planes.map((plane, c) => decode(plane, columns, lines, into, c, 3)));
+    return into;
+  }
+
   // Any of `state`.
   set(changes) {
     const s = Object.assign(this.state, changes);
