@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from raytwin.cli.options import parse_size
+from raytwin.cli.options import check_outputs, parse_size
 from raytwin.cli.progress import show_progress
 from raytwin.errors import InputError, check_one_of
 
@@ -45,6 +45,7 @@ def make_command(
     from raytwin import references
     from raytwin.jobs import reference
 
+    check_outputs(folders=(folder,))
     refused = []
     pixels = parse_size(size, "--size") if size else None
     for scene, one, found in _cases(scenes, rung):

@@ -15,7 +15,9 @@ from raytwin.files.limits import check_size
 from raytwin.files.safe import check_file, replacing
 from raytwin.image import Image, Surface
 
-FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
+REFUSALS = (
+    errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO, errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS,
+)  # fmt: skip
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 
 
@@ -50,7 +52,7 @@ def write_exr(path: str | os.PathLike, image: Image, header: Mapping[str, str] |
         try:
             file.write(str(temporary))
         except RuntimeError as error:  # OpenEXR makes no OSError of what the system says
-            said = next((text for text in map(os.strerror, FULL) if text in str(error)), None)
+            said = next((text for text in map(os.strerror, REFUSALS) if text in str(error)), None)
             if said is None:
                 raise
             raise InputError(path, "a place that can be written", said) from None
