@@ -5,10 +5,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from raytwin import report, stability
+from raytwin.cli import app
 from raytwin.errors import InputError
-from raytwin.stability import EXPERIMENTS, Experiment, Found, digits
+from raytwin.report.atlas import fate as fate_of
+from raytwin.stability import EXPERIMENTS, Curve, Experiment, Found, digits
 from raytwin.stability.experiment import breaks_at, predicted, run
 
 KEYS = ["name", "parameter", "values", "bound", "methods", "why", "source"]
@@ -145,3 +148,22 @@ def test_a_refusal_is_shown_as_one_and_breaks_no_bound():
 def test_an_unknown_experiment_is_named_with_what_was_meant():
     with pytest.raises(InputError, match="did you mean sphere-far"):
         stability.atlas(("sphere-fat",))
+
+
+def test_the_command_lists_runs_and_writes(tmp_path):
+    listed = CliRunner().invoke(app, ["stability", "--list"])
+    assert [line.split()[0] for line in listed.output.splitlines()] == list(EXPERIMENTS)
+    ran = CliRunner().invoke(app, ["stability", "sphere-far", "--json", f"{tmp_path}/a.json", "-o", f"{tmp_path}/out"])
+    assert ran.exit_code == 0, ran.output
+    assert "textbook, float32" in ran.output
+    assert "predicted 92" in ran.output
+    assert (tmp_path / "out/atlas.html").exists()
+    assert json.loads((tmp_path / "a.json").read_text())["experiments"][0]["name"] == "sphere-far"
+
+
+@pytest.mark.parametrize(
+    ("errors", "fate"), [((1e-6, None), "refuses at 10"), ((0.0, 0.5), "breaks at 10"), ((0.0, 0.0), "holds")]
+)
+def test_a_methods_fate_is_said_in_a_word(errors, fate):
+    curve = Curve(errors, breaks_at((1.0, 10.0), errors, 1e-3), None)
+    assert fate_of(Found("f", "x", (1.0, 10.0), 1e-3, {"m": curve}, "", ""), "m") == fate

@@ -1,5 +1,6 @@
 """The stability atlas as a page: an index picture coloured by digits kept, and one chart an experiment."""
 
+import math
 import os
 from pathlib import Path
 from typing import NamedTuple
@@ -55,6 +56,7 @@ def write_atlas(found: Atlas, folder: str | os.PathLike[str]) -> None:
         ],
         scale=[Cell(str(k), *colours(k), False, "") for k in range(0, 17, 2)],
         edge=edge,
+        fate=fate,
         last=lambda f, name: kept(f.methods[name].errors[-1]),
     )  # fmt: skip
     files.write_json(folder / "atlas.json", found)
@@ -68,10 +70,17 @@ def atlas_summary(found: Atlas) -> str:
     for f in found.experiments:
         lines.append(f"{f.name}: {f.parameter} {short(f.values[0])} to {short(f.values[-1])}, bound {short(f.bound)}")
         for name, curve in f.methods.items():
-            told = f"breaks at {edge(curve.breaks_at)}" if curve.breaks_at is not None else "holds"
-            theory = f", predicted {edge(curve.predicted)}" if curve.predicted is not None else ""
-            lines.append(f"  {name:<32} {told}{theory}; {kept(curve.errors[-1])} at the last")
+            lines.append(f"  {name:<38} {fate(f, name)}; {kept(curve.errors[-1])} at the last")
     return "\n".join(lines)
+
+
+def fate(f: Found, method: str) -> str:
+    """Where the method breaks, or from where on it refuses, beside what theory predicts."""
+    curve = f.methods[method]
+    refused = next((x for x, e in zip(f.values, curve.errors, strict=True) if e is None), None)
+    told = "holds" if refused is None else f"refuses at {short(refused)}"
+    told = told if curve.breaks_at is None else f"breaks at {edge(curve.breaks_at)}"
+    return told if curve.predicted is None else f"{told}; predicted {edge(curve.predicted)}"
 
 
 def edge(value: float | None) -> str:
@@ -160,10 +169,11 @@ def law_of(
     """The law's line, as far as it lies within the chart."""
     if name not in e.laws:
         return []
-    xs = np.geomspace(*x_range, STEPS).tolist()
-    ys = [min(max(float(e.laws[name](x)), y_range[0]), y_range[1]) for x in xs]
+    told = [(x, float(e.laws[name](x))) for x in np.geomspace(*x_range, STEPS).tolist()]
+    xs = [x for x, y in told if math.isfinite(y)]
+    ys = [min(max(y, y_range[0]), y_range[1]) for _, y in told if math.isfinite(y)]
     # A law that jumps is drawn as its jump alone; where it lies on the chart's edge it is not drawn.
-    inner = [any(y_range[0] < y < y_range[1] or y != ys[i] for y in ys[max(i - 1, 0) : i + 2]) for i in range(STEPS)]
+    inner = [any(y_range[0] < y < y_range[1] or y != ys[i] for y in ys[max(i - 1, 0) : i + 2]) for i in range(len(ys))]
     drawn = [(x, y) for x, y, shows in zip(xs, ys, inner, strict=True) if shows]
     if len(drawn) < 2:
         return []

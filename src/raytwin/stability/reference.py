@@ -197,6 +197,17 @@ def emitters(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
     }
 
 
+def bright(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
+    """A floor under a sun of irradiance x: relative error of its radiance."""
+    truth = 0.5 / np.pi * x * TO_SUN[2]
+    a, b, c = TO_SUN.tolist()
+    images = seen_by(Scene("bright", view((0.1, 0.2, 1.0), side=4), (FLOOR,), (Sun((a, b, c), (x, x, x)),)))
+    return {
+        name: None if image is None else float(np.abs(image.mean[..., 1] / truth - 1).max())
+        for name, image in images.items()
+    }
+
+
 def fought(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
     """Two floors, the upper x of the eye's height above the lower: the share of pixels that see the wrong one."""
     turn = np.array([[0.8, 0.6, 0], [-0.6 * 0.6, 0.6 * 0.8, -0.8], [-0.8 * 0.6, 0.8 * 0.8, 0.6]])
@@ -310,6 +321,13 @@ EXPERIMENTS = (
         "divide: twice the samples, twice the light. The twin sums the sun by one shadow ray of its own.",
         f"{MITSUBA}, integrators/direct.cpp; open in its tracker", {PLAIN: lambda x: x - 1}, slack=1.5, trials=1,
         many=1,
+    ),
+    Experiment(
+        "mitsuba-bright", "A sun in physical units, and beyond", "irradiance", "relative error of radiance", 1e-5,
+        (1.0, 1e4, 1e5, 1e10, 1e20, 1e30, 1e37), bright, (TWIN, TRACER),
+        "Radiance is multiplied and added, so floats keep its relative error at any scale up to 3e38, where pictures "
+        "end. What breaks with a bright sun is a fixed tolerance; raytwin's follows the picture's own scale.",
+        "IEEE 754; tests/README.md: scale", trials=1, many=1,
     ),
     Experiment(
         "planes-fight", "Two sheets, one close above the other", "distance apart / height of the eye",

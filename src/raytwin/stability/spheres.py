@@ -11,6 +11,7 @@ from raytwin.scene import Camera, Scene, Sphere, seen_from_eye
 from raytwin.stability.exact import hits
 from raytwin.stability.experiment import U32, U64, Error, Experiment, Law, decades
 from raytwin.tracer import SOLVERS, intersect_sphere
+from raytwin.tracer.arrays import dot, unit
 
 HAINES = (
     "Haines, Günther and Akenine-Möller, Precision Improvements for Ray/Sphere Intersection (Ray Tracing Gems, 2019)"
@@ -118,6 +119,27 @@ def scale(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
     for kind in ("float32", "float64"):
         taken = all(_is_taken(2.0**k, kind) for k in (exponent, -exponent))
         found[f"raytwin, {kind}"] = found[f"robust, {kind}"] if taken else None
+    return found
+
+
+def stretched(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
+    """The sphere three radii away, and directions that are x times, and 1 / x times, as long as they should be."""
+    rays = seen_at(3.0, 0.9 * rng.random(n), rng)
+    truth, found = hits(*rays[:4]), dict[str, Error]()
+    for kind in (np.float32, np.float64):
+        center: np.ndarray = np.asarray(rays.center, kind)
+        ball, worse = Sphere(tuple(center.T), float(1)), dict.fromkeys(("as given", "a = d·d", "made unit"), 0.0)
+        for length in (x, 1 / x):
+            d = tuple(np.asarray(rays.d * length, kind).T)
+            eye, f = (kind(0),) * 3, tuple(-center.T)
+            a, b, q = dot(d, d), 2 * dot(f, d), dot(f, f) - 1
+            t = {
+                "as given": intersect_sphere(eye, d, ball),
+                "a = d·d": (-b - np.sqrt(b * b - 4 * a * q)) / (2 * a) * kind(length),
+                "made unit": intersect_sphere(eye, unit(d), ball),
+            }
+            worse = {name: max(e, worst(np.asarray(t[name], float), truth, rays.unit)) for name, e in worse.items()}
+        found |= {f"{name}, {np.dtype(kind)}": e for name, e in worse.items()}
     return found
 
 
@@ -264,5 +286,16 @@ EXPERIMENTS = (
         "1e154. raytwin refuses scenes of such lengths and names the number.",
         "IEEE 754; Blue, A portable Fortran program to find the Euclidean norm of a vector (1978)",
         {f"{s}, float32": lambda x: float(x > 2.0**64 / 6) for s in ("textbook", "robust")},
+    ),
+    Experiment(
+        "sphere-length", "Directions that are not unit", "length of the direction, and its inverse",
+        "error of the hit, radii",
+        1e-3, decades(0, 20), stretched, ("made unit, float64",),
+        "Solvers that take the direction for unit are wrong as soon as it is not, and one that divides by a = d·d "
+        "lives until its squares leave the range of floats, at 1e19 in float32. raytwin makes each direction unit "
+        "where it comes in, in float64.",
+        HAINES,
+        {"as given, float32": lambda x: min(1.0, x - 1), "as given, float64": lambda x: min(1.0, x - 1),
+         "a = d·d, float32": lambda x: float(x > 2.0**64 / 6), "made unit, float32": lambda x: float(x > 2.0**64)},
     ),
 )  # fmt: skip

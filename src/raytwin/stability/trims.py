@@ -98,7 +98,7 @@ EXPERIMENTS = (
         "At acos(r / d) off the axis the sphere crosses the camera's plane: its outline reaches to infinity, and a box "
         "round the projections of eight points is finite, so visible pixels are cut. The conic's tangents are angles, "
         "which stay right whatever lies behind.",
-        ZISSERMAN, {"eight corners": lambda x: 0.05 * (x > CROSSING)}, slack=1.1, trials=300, many=20_000,
+        ZISSERMAN, {"eight corners": lambda x: 0.05 * (x > CROSSING)}, slack=1.1, trials=300, many=30_000,
     ),
     Experiment(
         "trim-near", "The box round a sphere that comes near", "distance of its centre / radius", SHARE, 1e-3,
@@ -106,7 +106,7 @@ EXPERIMENTS = (
         "A near sphere crosses the camera's plane and the frame's side at once, and a camera within it sees nothing "
         "else. The eight corners are then projected through the eye, some to the wrong side, and what they leave out "
         "is wrongly cut.",
-        ZISSERMAN, {"eight corners": lambda x: 0.05 * (x < NEAREST)}, slack=2, trials=300, many=20_000,
+        ZISSERMAN, {"eight corners": lambda x: 0.05 * (x < NEAREST)}, slack=2, trials=300, many=30_000,
     ),
     Experiment(
         "trim-barrel", "The box under a barrel lens", "|k1|, k1 < 0", SHARE, 1e-3,
@@ -114,13 +114,13 @@ EXPERIMENTS = (
         "A lens bends the sphere's outline and moves the cube's corners by other amounts, so a box round eight points "
         "no longer holds what lies between. raytwin bends the whole sides of the box, and takes the whole frame where "
         "the lens folds.",
-        ZISSERMAN, trials=300, many=20_000,
+        ZISSERMAN, trials=300, many=30_000,
     ),
     Experiment(
         "trim-pincushion", "The box under a pincushion lens", "k1", SHARE, 1e-3,
         (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0), pincushion, OURS,
         "A pincushion lens draws the corners of the cube outwards, so that its box grows and holds the sphere all the "
         "better. Only spheres partly behind the eye are cut, as without a lens.",
-        ZISSERMAN, trials=300, many=20_000,
+        ZISSERMAN, trials=300, many=30_000,
     ),
 )  # fmt: skip
