@@ -249,10 +249,11 @@ def _stand(board: Board, camera: Camera, R: np.ndarray, aim: np.ndarray, share: 
         cam = corners.reshape(-1, 3) @ R.T + t
         if cam[:, 2].min() < 0.1 * distance:
             continue
-        near = lens.grows(cam / (1, 1, 1.02), camera.dist)  # past it the lens model folds back
         pixels = lens.project(corners.reshape(-1, 3), R, t, np.array(camera.K), camera.dist)
         border = 0.01 * size.min()
-        inside = near & (pixels > border).all(axis=1) & (pixels < size - 1 - border).all(axis=1)
+        inside = (pixels > border).all(axis=1) & (pixels < size - 1 - border).all(axis=1)
+        if inside.reshape(-1, 4).all(axis=1).mean() >= share:
+            inside &= lens.grows(cam / (1, 1, 1.02), camera.dist)  # past it the lens model folds back
         inside = inside.reshape(-1, 4).all(axis=1)
         if inside.mean() >= share and inside.sum() >= 4:
             quads = pixels.reshape(-1, 4, 2)[inside]

@@ -92,3 +92,14 @@ def test_a_boards_shape_is_written_and_read(tmp_path):
 def test_a_shape_of_other_than_its_degrees_numbers_is_refused(coefficients):
     with pytest.raises(InputError, match=r"heights\.coefficients: expected 3 finite numbers for degree 2"):
         check_board(msgspec.structs.replace(BOARD, heights=Heights(2, coefficients)))
+
+
+@pytest.mark.parametrize(("columns", "rows", "free"), [(6, 4, 12 - 1), (5, 7, 12), (3, 3, 12 - 4 - 2), (7, 2, 6)])
+def test_a_grid_of_few_rows_leaves_out_the_degrees_that_they_do_not_tell(columns, rows, free):
+    """Of x^i y^j with 2 <= i + j <= 4, those with i < columns and j < rows are told, and no others."""
+    x, y = np.meshgrid(0.03 * np.arange(columns), 0.03 * np.arange(rows))
+    bent = bending(tuple(zip(x.ravel().tolist(), y.ravel().tolist(), strict=True)), 4)
+    told = [i < columns and j < rows for d in (2, 3, 4) for i, j in ((d - k, k) for k in range(d + 1))]
+    assert sum(told) == free
+    assert (np.abs(bent.heights).max(axis=0) > 0).tolist() == told
+    assert (np.abs(bent.slopes).max(axis=(0, 1)) > 0).tolist() == told

@@ -22,10 +22,11 @@ import numpy as np
 from photo_helpers import BOARD, PlainRenderer, a_camera
 
 from raytwin import files
-from raytwin.boards import Board, BoardTag, read_board
+from raytwin.boards import Board, BoardTag, Grid, read_board
 from raytwin.photographer import Truth, photograph
 from raytwin.photos import Calibration, Tag, calibrate_detections, detect_photos
 from raytwin.photos.bias import unbiased
+from raytwin.scene import Camera
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "photos"
@@ -70,17 +71,29 @@ def by_name(found: Mapping[str, list[Tag]]) -> dict[str, list[Tag]]:
 
 
 def taken(
-    count: int, bend: float = 0.0, seed: int = 1, spoil: Callable[[np.ndarray, int], np.ndarray] | None = None
+    count: int,
+    bend: float = 0.0,
+    seed: int = 1,
+    spoil: Callable[[np.ndarray, int], np.ndarray] | None = None,
+    board: Board = BOARD,
+    camera: Camera | None = None,
 ) -> Set:
     """Photos by the plain renderer, searched by the detector. `spoil(pixels, i)` changes the i-th photo."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
-        truth = photograph(BOARD, a_camera(), count, out, PlainRenderer(), seed=seed, bend=bend)
+        truth = photograph(board, camera or a_camera(), count, out, PlainRenderer(), seed=seed, bend=bend)
         photos = sorted(out.glob("*.jpg"))
         for i, photo in enumerate(photos):
             if spoil is not None:
                 files.write_picture(photo, spoil(files.read_photo(photo), i))
-        return BOARD, by_name(detect_photos(photos, BOARD.kind)[0]), truth.image_size, truth
+        return board, by_name(detect_photos(photos, board.kind)[0]), truth.image_size, truth
+
+
+def held_back(bend: float = 0.0, count: int = 12) -> Set:
+    """Never looked at while the method was chosen: another board, a barrel lens with all five numbers, other poses."""
+    board = Board("tag25h9", 0.024, Grid(6, 4, 0.034))
+    camera = a_camera(1100, 900, (-0.21, 0.07, 0.0011, -0.0008, -0.012))
+    return taken(count, bend, seed=77, board=board, camera=camera)
 
 
 def blurred(pixels: np.ndarray, i: int) -> np.ndarray:
@@ -140,6 +153,9 @@ SETS: dict[str, Callable[[], Set]] = {
     "zoomed, 14": lambda: taken(14, spoil=zoomed),
     "turned, 14": lambda: taken(14, spoil=turned),
     "foreign, 14": lambda: foreign(14),
+    "held back, bend 0, 12": held_back,
+    "held back, bend 2, 12": lambda: held_back(2e-3),
+    "held back, bend 0, 24": lambda: held_back(count=24),
 }
 
 

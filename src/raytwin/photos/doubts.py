@@ -50,6 +50,9 @@ ODD_RMS, ODD_PULL, ODD_TURN = 2.5, 5.0, 2.5
 as much, for what it can tell of it, as the median photo does; or whose rms is so many times what it is when its pixels
 are turned by half a turn. (Sound sets: at most 2.4, 3.8 and 1.9.)"""
 
+ODD_PX = 0.2
+"""Pixels: a photo of a smaller rms is not odd for it; small tags and slanting ones are read no better."""
+
 LEAST_FOR_ODD = 5
 """Photos: with fewer, none can be odd."""
 
@@ -219,12 +222,13 @@ def _odd(case: Case) -> Doubts:
     photo = case.found.sights.photo
     squares = np.bincount(photo, (case.found.residuals**2).sum(axis=(1, 2)))
     rms = np.sqrt(squares / np.bincount(photo, case.found.sights.weight.sum(axis=1)))
+    seen = np.maximum(rms, case.known.errors) > ODD_PX
     rms, without = (e / max(float(np.median(e)), 1e-9) for e in (rms, case.known.errors))
     pull = _pull(case)
     for i, name in enumerate(case.photos):
         turned = _better_turned(case, i)
         why = []
-        if max(rms[i], without[i]) > ODD_RMS:
+        if seen[i] and max(rms[i], without[i]) > ODD_RMS:
             why.append(f"its rms is {max(rms[i], without[i]):.1f} times the median")
         if pull[i] > ODD_PULL:
             why.append(f"it pulls K {pull[i]:.1f} times as much as the others")
