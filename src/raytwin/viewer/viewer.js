@@ -23,6 +23,7 @@ const DARKER = [[1, 1, 1], [0.25, 0.55, 0.95], [0.01, 0.06, 0.45]], BRIGHTER = [
 const MAGMA = ["000004", "1d1147", "51127c", "832681", "b73779", "e75263", "fc8961", "fec488", "fcfdbf"];
 const LOST = [0, 203, 0]; // NaN and infinity
 const OBJECTS = [[250, 250, 250], ...[206, 178, 221, 190, 168, 213, 184, 198].map((v) => [v, v, v]), [59, 66, 76], [230, 97, 0], [93, 58, 155], [214, 0, 110]];
+const TONING = ["exposure", "gamma", "tone"], MAPPING = ["map", "channel"]; // parts of the state, and what depends on them
 const MOST = 256; // CSS pixels a pixel is magnified to at most
 const NUMBERS = 46; // from here on its values are written into it
 const EPSILON = 2 ** -12; // relative rounding of a half float
@@ -183,8 +184,7 @@ class Viewer {
     s.gamma = clamp(s.gamma, 0.2, 5);
     s.scale = clamp(s.scale, -8, 8);
     s.wipe = clamp(s.wipe, 0, 1);
-    if (["tone", "channel", "map", "exposure", "gamma", "scale"].some((name) => name in changes)) this.refresh();
-    else this.show();
+    this.show();
   }
 
   refresh() {
@@ -208,15 +208,17 @@ class Viewer {
 
   // ---------------------------------------------------------------- layers: values as colours
 
-  remember(key, make) {
-    if (!this.cache.has(key)) this.cache.set(key, make());
-    return this.cache.get(key);
+  // What `make` gave, as long as the named parts of the state are what they were.
+  remember(name, on, make) {
+    const key = on.map((part) => this.state[part] ?? part).join();
+    if (this.cache.get(name)?.key !== key) this.cache.set(name, { key, value: make() });
+    return this.cache.get(name).value;
   }
 
   // Bytes by the upper bits of a radiance.
   tones() {
     const { exposure, gamma, tone } = this.state, gain = 2 ** exposure, curve = TONES[tone];
-    return this.remember("tones", () => table(Uint8Array, (x) => {
+    return this.remember("tones", TONING, () => table(Uint8Array, (x) => {
       if (!(x > 0)) return 0;
       const y = clamp(curve(Math.min(x * gain, 1e9)), 0, 1);
       return Math.round(255 * (gamma === 1 ? encode(y) : encode(y) ** (1 / gamma)));
@@ -234,7 +236,7 @@ class Viewer {
   // Float32Array of one of MAPS in the chosen channel; of all three, that which is farthest off.
   map() {
     const { map } = this.state, { r, d, s, flip, count } = this.values;
-    return this.remember("map", () => (map === "flip" ? flip ?? new Float32Array(count) : this.errors(count, d, r, s)));
+    return this.remember("map", MAPPING, () => (map === "flip" ? flip ?? new Float32Array(count) : this.errors(count, d, r, s)));
   }
 
   errors(count, d, r, s) {
@@ -291,7 +293,7 @@ class Viewer {
   // From which value on a map has which colour: equal ratios between low and high where the images are exact.
   scale() {
     const { map, scale } = this.state, { bound, noisy } = this.data, factor = 10 ** (scale / 2);
-    return this.remember("scale", () => {
+    return this.remember("scale", [...MAPPING, "scale"], () => {
       if (map === "flip") return { low: 0, high: 1 * factor, log: false };
       if (map === "sigmas") return { low: 0, high: 5 * factor, log: false };
       const sizes = sorted(this.map().map(Math.abs)), worst = sizes.at(-1) ?? 0;
@@ -318,15 +320,15 @@ class Viewer {
     return mix(t < 0 ? DARKER : BRIGHTER, Math.abs(t)).map((x) => Math.round(255 * encode(x)));
   }
 
-  // A canvas for a pane, each of its pixels k x k of the planes', k = 1 for radiance.
+  // A canvas for a pane, each of its pixels k x k of the planes'.
   layer(pane, k) {
-    const { channel, exposure, gamma, tone, map, scale } = this.state, key = [k, channel, exposure, gamma, tone, map, scale].join();
+    const on = { radiance: [...TONING, "channel"], map: [...MAPPING, "scale"], objects: [] }[pane.kind], key = [k, ...on.map((part) => this.state[part])].join();
     if (pane.drawn === key) return pane.layer;
     const { columns, lines } = this.data, w = Math.ceil(columns / k), h = Math.ceil(lines / k);
     pane.layer ??= el("canvas");
     if (pane.layer.width !== w || pane.layer.height !== h) Object.assign(pane.layer, { width: w, height: h });
     const context = pane.layer.getContext("2d"), image = context.createImageData(w, h), out = new Uint32Array(image.data.buffer);
-    if (pane.kind === "radiance") this.expose(pane.key, out);
+    if (pane.kind === "radiance") this.expose(pane.key, out, k, w);
     else if (pane.kind === "objects") this.objects(out, k, w);
     else this.colours(out, k, w);
     context.putImageData(image, 0, 0);
@@ -334,10 +336,26 @@ class Viewer {
     return pane.layer;
   }
 
-  expose(key, out) {
+  // The pixels of the test or the reference, k x k in one: their mean, as if it had been rendered smaller.
+  mean(key, k, w, out) {
+    const { r, d, t } = this.values, { columns, lines } = this.data, base = key === "test" && t ? t : r, more = key === "test" && !t ? d : null;
+    return this.remember(`mean ${key}`, [String(k)], () => {
+      const sums = new Float32Array(3 * out.length), n = new Float32Array(out.length);
+      for (let y = 0, i = 0; y < lines; y++)
+        for (let x = 0, row = Math.floor(y / k) * w; x < columns; x++, i++) {
+          const at = row + Math.floor(x / k);
+          n[at]++;
+          for (let c = 0; c < 3; c++) sums[3 * at + c] += more ? base[3 * i + c] + more[3 * i + c] : base[3 * i + c];
+        }
+      for (let i = 0; i < sums.length; i++) sums[i] /= n[Math.floor(i / 3)];
+      return sums;
+    });
+  }
+
+  expose(key, out, k, w) {
     const { r, d, t } = this.values, byte = this.tones(), lost = rgba(LOST), only = CHANNELS.indexOf(this.state.channel) - 1;
-    const base = key === "test" && t ? t : r, more = key === "test" && !t ? d : null, of = [0, 0, 0];
-    if (!base) return;
+    if (!(key === "test" && t ? t : r)) return;
+    const base = k > 1 ? this.mean(key, k, w, out) : key === "test" && t ? t : r, more = k === 1 && key === "test" && !t ? d : null, of = [0, 0, 0];
     for (let i = 0, at = 0; i < out.length; i++, at += 3) {
       let x = base[at], y = base[at + 1], z = base[at + 2];
       if (more) { x += more[at]; y += more[at + 1]; z += more[at + 2]; }
@@ -354,7 +372,7 @@ class Viewer {
   }
 
   colours(out, k, w) {
-    const map = this.reduced(k, w, out.length / w), colour = this.remember("colours", () => table(Uint32Array, (v) => rgba(this.shade(v))));
+    const map = this.reduced(k, w, out.length / w), colour = this.remember("colours", [...MAPPING, "scale"], () => table(Uint32Array, (v) => rgba(this.shade(v))));
     for (let i = 0; i < out.length; i++) {
       FLOAT[0] = map[i];
       out[i] = colour[BITS[0] >>> 15];
@@ -426,7 +444,7 @@ class Viewer {
     let source = pane.picture, cw, ch;
     if (source) [cw, ch] = [width / (source.naturalWidth || source.width), height / (source.naturalHeight || source.height)];
     else {
-      const k = pane.kind === "radiance" ? 1 : Math.max(1, Math.ceil(1 / (f.s * dots * thin) - 1e-6));
+      const fewer = 1 / (f.s * dots * thin), k = Math.max(1, pane.kind === "radiance" ? Math.floor(fewer + 1e-6) : Math.ceil(fewer - 1e-6));
       if (pane.kind === "picture") return;
       source = this.layer(pane, k);
       cw = ch = thin * k;
@@ -856,7 +874,7 @@ class Viewer {
     const { g, w, h, ink } = this.sheet(pane.legend), { map } = this.state, { low, high, log } = this.scale(), from = MAPS[map].signed ? -1 : 0;
     const { names, bound } = this.data, bar = 14, top = h - bar, n = 101;
     const value = (t) => Math.sign(t) * (log ? low * (high / low) ** Math.abs(t) : high * Math.abs(t)), at = (t) => ((t - from) / (1 - from)) * w;
-    const bins = this.remember(`bins ${w}`, () => {
+    const bins = this.remember(`bins ${w}`, [...MAPPING, "scale"], () => {
       const made = new Float64Array(n), all = this.map(), step = Math.max(1, Math.floor(all.length / 1e5));
       for (let i = 0; i < all.length; i += step) if (Number.isFinite(all[i])) made[Math.round(((this.position(all[i]) - from) / (1 - from)) * (n - 1))]++;
       return made;
@@ -891,7 +909,7 @@ class Viewer {
   histogram() {
     if (!this.bars.clientWidth) return;
     const { g, w, h, ink } = this.sheet(this.bars), low = -10, high = 4, n = 84, only = CHANNELS.indexOf(this.state.channel) - 1;
-    const count = (key) => this.remember(`histogram ${key}`, () => {
+    const count = (key) => this.remember(`histogram ${key}`, ["exposure", "channel"], () => {
       const made = new Float64Array(n), all = this.values.count, step = Math.max(1, Math.floor(all / 6e4));
       for (let i = 0; i < all; i += step) {
         const of = this.colour(key, i), parts = only < 0 ? of : only < 3 ? [of[only]] : [of[0] * WEIGHTS[0] + of[1] * WEIGHTS[1] + of[2] * WEIGHTS[2]];
