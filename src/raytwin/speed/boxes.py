@@ -33,7 +33,16 @@ def trim_boxes(things: Sequence[Shape], camera: Camera) -> Int[np.ndarray, "n 4"
     cut to what the frame can see, and its sides are bent by the distortion. Where the distortion folds within that
     field of view, if only in a corner that the frame leaves out, the whole frame is returned.
     """
-    low, high = _extents(things, camera)  # (n, 2) each: x, y
+    return _boxes(*_extents(things, camera), camera)
+
+
+def ball_boxes(center: np.ndarray, radius: np.ndarray, camera: Camera) -> Int[np.ndarray, "n 4"]:
+    """The same for balls round `center` (n, 3) with `radius` (n,)."""
+    return _boxes(*_ball_extents(center, radius, camera), camera)
+
+
+def _boxes(low: np.ndarray, high: np.ndarray, camera: Camera) -> Int[np.ndarray, "n 4"]:
+    """From the least and the greatest normalised (x, y) (n, 2)."""
     field = field_of_view(camera)
     frame = np.array((camera.width, camera.height))
     empty = np.asarray(~(low < high).all(axis=1))
@@ -86,14 +95,18 @@ def _extents(things: Sequence[Shape], camera: Camera) -> tuple[np.ndarray, np.nd
     low, high = np.full((2, len(things), 2), [[[np.inf]], [[-np.inf]]])
     spheres = [i for i, thing in enumerate(things) if isinstance(thing, Sphere)]
     center = np.array([things[i].center for i in spheres]).reshape(-1, 3)
-    x, y, z = np.asarray(camera.R_cam_board) @ center.T + np.asarray(camera.t_cam_board)[:, None]
     radius = np.array([thing.radius for thing in things if isinstance(thing, Sphere)])
-    for axis, a in enumerate((x, y)):
-        low[spheres, axis], high[spheres, axis] = _tangents(a, z, radius)
+    low[spheres], high[spheres] = _ball_extents(center, radius, camera)
     for i, thing in enumerate(things):
         if isinstance(thing, Rectangle) and (extent := _plane_extent(thing, camera)):
             low[i], high[i] = np.transpose(extent)
     return low, high
+
+
+def _ball_extents(center: np.ndarray, radius: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    x, y, z = np.asarray(camera.R_cam_board) @ center.T + np.asarray(camera.t_cam_board)[:, None]
+    sides = [_tangents(a, z, radius) for a in (x, y)]
+    return np.stack([low for low, _ in sides], axis=1), np.stack([high for _, high in sides], axis=1)
 
 
 def _tangents(a: np.ndarray, z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

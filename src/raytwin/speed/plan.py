@@ -2,9 +2,12 @@
 
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from raytwin.scene import Rectangle, Scene, Sphere
+from raytwin.speed.boxes import ball_boxes
+from raytwin.speed.shadows import fall
 
 FEW = 64
 """So many objects are held against each other without sorting them first."""
@@ -47,33 +50,50 @@ def plan(scene: Scene, boxes: np.ndarray, size: tuple[int, int], side: int, shad
     """Which tile must know which object, from the objects' boxes (n, 4) of pixels: x0 <= u < x1, y0 <= v < y1."""
     n, is_flat = len(boxes), np.array([not isinstance(thing, Sphere) for thing in scene.objects], bool)
     columns, rows = -(-size[0] // side), -(-size[1] // side)
-    x0, y0, x1, y1 = boxes.reshape(-1, 4).T
-    left, top = x0 // side, y0 // side
-    wide, high = -(-x1 // side) - left, -(-y1 // side) - top
-    if n and ((boxes == (0, 0, *size)).all() or (wide * high).sum() > MOST):  # nothing is trimmed, or hardly anything
+    tile, thing, full = _covered(boxes.reshape(-1, 4), side, columns)
+    if n and ((boxes == (0, 0, *size)).all() or full):  # nothing is trimmed, or hardly anything
         every = _one_list(columns * rows, is_flat)
         return Plan(side, columns, np.arange(columns * rows), every, every)
-    thing, k = spread(wide * high)
-    tile = (top[thing] + k // np.maximum(wide, 1)[thing]) * columns + left[thing] + k % np.maximum(wide, 1)[thing]
     seen = _lists(tile, thing, columns * rows, is_flat)
     casters = Lists(*(np.zeros(len(part), np.int32) for part in seen))
     if shadows:
-        casters = _casters(scene, tile, thing, columns * rows, is_flat)
+        casters = _casters(scene, boxes.reshape(-1, 4), size, side, is_flat)
     return Plan(side, columns, np.flatnonzero(seen.last > seen.first), seen, casters)
 
 
-def _casters(scene: Scene, tile: np.ndarray, thing: np.ndarray, tiles: int, is_flat: np.ndarray) -> Lists:
-    """The casters of whatever the tiles see: `tile` and `thing` are pairs."""
-    n = max(len(is_flat), 1)
+def _covered(boxes: np.ndarray, side: int, columns: int) -> tuple[np.ndarray, np.ndarray, bool]:
+    """The tiles that each box (n, 4) touches, and which box; none where they were more than MOST, then True."""
+    x0, y0, x1, y1 = boxes.T
+    left, top = x0 // side, y0 // side
+    wide, high = np.maximum(-(-x1 // side) - left, 0), np.maximum(-(-y1 // side) - top, 0)
+    if (wide * high).sum() > MOST:
+        return np.zeros(0, int), np.zeros(0, int), True
+    which, k = spread(wide * high)
+    wide = np.maximum(wide, 1)[which]
+    return (top[which] + k // wide) * columns + left[which] + k % wide, which, False
+
+
+def _casters(scene: Scene, boxes: np.ndarray, size: tuple[int, int], side: int, is_flat: np.ndarray) -> Lists:
+    """The casters of what the tiles see: on a rectangle, only those whose shadow's box touches the tile."""
+    columns, rows = -(-size[0] // side), -(-size[1] // side)
     if (found := shading(scene)) is None:
-        return _one_list(tiles, is_flat)
-    first, flat = found
-    counts = first[thing + 1] - first[thing]
-    if counts.sum() > MOST:
-        return _one_list(tiles, is_flat)
-    pair, k = spread(counts)
-    both = np.unique(tile[pair].astype(np.int64) * n + flat[first[thing[pair]] + k])
-    return _lists(both // n, both % n, tiles, is_flat)
+        return _one_list(columns * rows, is_flat)
+    first, caster = found
+    shaded = np.repeat(np.arange(len(is_flat)), np.diff(first))
+    reach = boxes[shaded]
+    if (flat := np.flatnonzero(is_flat[shaded])).size:
+        fallen = fall(scene, shaded[flat], caster[flat])
+        camera = msgspec.structs.replace(scene.camera, image_size=size)
+        radius = fallen.reach * (1 + 1e-3) + 1e-5 * np.linalg.norm(fallen.middle, axis=1)  # for float32's rounding
+        around = ball_boxes(fallen.middle, radius, camera)
+        reach[flat, :2] = np.maximum(reach[flat, :2], around[:, :2])
+        reach[flat, 2:] = np.minimum(reach[flat, 2:], around[:, 2:])
+    tile, pair, full = _covered(reach, side, columns)
+    if full:
+        return _one_list(columns * rows, is_flat)
+    n = max(len(is_flat), 1)
+    both = np.unique(tile.astype(np.int64) * n + caster[pair])
+    return _lists(both // n, both % n, columns * rows, is_flat)
 
 
 def _one_list(tiles: int, is_flat: np.ndarray) -> Lists:

@@ -13,19 +13,18 @@ takes twice their value, for the growth of the curvature between two lattice poi
 closed form.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from raytwin.errors import check_one_of
 from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene, Shape, Sphere, seen_from_eye
+from raytwin.scene import Scene, Sphere, seen_from_eye
 from raytwin.scene.lens import without_ray
-from raytwin.speed.boxes import trim_boxes
+from raytwin.speed.boxes import ball_boxes, trim_boxes
 from raytwin.speed.frame import background, draw
 from raytwin.speed.plan import shading
 from raytwin.speed.points import trace_points
+from raytwin.speed.shadows import fall, half_axes
 
 WAYS = ("careful", "paper")
 
@@ -116,57 +115,19 @@ def slender(scene: Scene, n: int, shadows: bool = True) -> np.ndarray:
     if not (things := local.objects):
         return np.zeros((0, 4), int)
     center = np.array([thing.center for thing in things])
-    own = _half_axes(things, center)
+    own = half_axes(things, center)
     boxes = [trim_boxes(things, local.camera)[_width(center, own, local) <= 2 * n]]
     if shadows and (pairs := shading(local)) is None:  # too many to look at
         return np.array([[0, 0, *local.camera.image_size]])
     if shadows and pairs is not None:
-        light, (first, caster) = np.array(local.sun.to_light), pairs
+        first, caster = pairs
         shaded = np.repeat(np.arange(len(things)), np.diff(first))
-        onto, n_onto, falls = _fallen(things, center, shaded, center[caster], light)
-        # Slid along the light into the plane that touches where the shadow's middle falls.
-        axes = _half_axes(things, np.broadcast_to(light, center.shape))[caster]
-        steep = np.maximum(n_onto @ light, 1e-3)[:, None, None]
-        axes = axes - light * (axes @ n_onto[:, :, None]) / steep
+        fallen = fall(local, shaded, caster)
         size = np.array([thing.radius if isinstance(thing, Sphere) else np.inf for thing in things])[shaded]
-        radius = np.minimum(np.sqrt((axes**2).sum(axis=(1, 2))), 2 * size)
-        thin = falls & (_width(onto, axes, local) <= 2 * n)
-        patches = [
-            Sphere((x, y, z), r) for (x, y, z), r in zip(onto[thin].tolist(), radius[thin].tolist(), strict=True)
-        ]
-        boxes.append(trim_boxes(patches, local.camera))
+        thin = fallen.meets & (_width(fallen.middle, fallen.axes, local) <= 2 * n)
+        radius = np.minimum(fallen.reach, 2 * size)
+        boxes.append(ball_boxes(fallen.middle[thin], radius[thin], local.camera))
     return np.concatenate(boxes)
-
-
-def _half_axes(things: Sequence[Shape], along: np.ndarray) -> np.ndarray:
-    """(n, 2, 3): a rectangle's half-edges; a sphere's radius, twice, perpendicular to `along` (n, 3)."""
-    along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
-    side = np.cross(along, np.eye(3)[np.abs(along).argmin(axis=1)])
-    side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-300)
-    round_ = np.stack([side, np.cross(along, side)], axis=1)
-    return np.array(
-        [thing.radius * axes if isinstance(thing, Sphere) else (thing.half_u, thing.half_v)
-         for thing, axes in zip(things, round_, strict=True)]
-    )  # fmt: skip
-
-
-def _fallen(
-    things: Sequence[Shape], center: np.ndarray, shaded: np.ndarray, start: np.ndarray, light: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where the way from `start` against the light meets the objects `shaded`, and the normal there, (k, 3) each; (k,):
-    it does. One that passes a sphere shades it beside the terminator at most, which is an edge anyway."""
-    off = start - center[shaded]
-    radius = np.array([thing.radius if isinstance(thing, Sphere) else 0.0 for thing in things])[shaded, None]
-    across = off - (off @ light)[:, None] * light
-    far = np.linalg.norm(across, axis=1, keepdims=True)
-    n = across + np.sqrt(np.maximum(radius**2 - (across**2).sum(axis=1, keepdims=True), 0)) * light
-    flat = np.array([light if isinstance(thing, Sphere) else thing.normal for thing in things])[shaded]
-    flat = flat * np.where(flat @ light < 0, -1, 1)[:, None]
-    slope = (flat @ light)[:, None]
-    on_plane = off - light * (off * flat).sum(axis=1, keepdims=True) / np.maximum(slope, 1e-9)
-    is_round = radius > 0
-    normal = np.where(is_round, n / np.maximum(radius, 1e-300), flat)
-    return center[shaded] + np.where(is_round, n, on_plane), normal, ((far < radius) | ~is_round)[:, 0]
 
 
 def _width(place: np.ndarray, axes: np.ndarray, local: Scene) -> np.ndarray:
