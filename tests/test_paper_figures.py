@@ -39,7 +39,7 @@ def studio(scenes, tmp_path_factory):
     made = {}
     desk = files.read_toml(scenes / "desk" / "scene.toml")
     board = boards.read_board(scenes / "desk" / "board.toml")
-    take = partial(photograph_board, count=COUNT, size=SIZE, samples=32)
+    take = partial(photograph_board, count=COUNT, size=SIZE, samples=16)
 
     def make(spheres: tuple[WrittenSphere, ...], pyramids: tuple[Pyramid, ...] = ()):
         if (spheres, pyramids) in made:

@@ -33,7 +33,7 @@ def taken(scenes, tmp_path_factory):
             scene=scenes / "desk",
             count=COUNT,
             size=SIZE,
-            samples=32,
+            samples=16,
             with_objects=really_there,
         )
     truth = photographer.read_truth(folder / "without" / "truth.toml")
