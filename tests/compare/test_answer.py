@@ -1,6 +1,7 @@
 """What is told of the noise, what is estimated, what is not believed, and what stays undecided."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 
 from raytwin.bench.noises import KINDS, exact, picture, render, untold
 from raytwin.compare import Comparison, compare
+from raytwin.compare.answer import Question, may_be_noise, unexplained
+from raytwin.compare.noise import Residual
 from raytwin.errors import InputError
 from raytwin.files import read_scene
 from raytwin.image import Image
@@ -81,6 +84,58 @@ def test_equal_random_numbers_in_every_pixel_are_named():
     found = [compare(*KINDS["the same numbers in every pixel"](rng, TRUTH)) for _ in range(12)]
     assert sum(said(c, "equal random numbers in every pixel") for c in found) >= 4
     assert sum(c.verdict == "fail" for c in found) <= 1
+
+
+@pytest.mark.parametrize(
+    ("claimed", "scatter", "shared"),
+    [
+        (1.0, 0.24, True),
+        (1.0, 0.26, False),
+        (0.063, 0.1, True),
+        (0.062, 0.1, False),
+        (49.9, 0.1, True),
+        (50.1, 0.1, False),
+    ],
+)
+def test_pixels_share_their_noise_where_all_err_alike_and_by_what_they_claim(claimed, scatter, shared):
+    """An error of 1: a claim from 1/16 to 50 of it allows that, but pixels would scatter by more than a quarter."""
+    blank, shape = np.zeros((16, 16, 3), np.float32), (2, 2, 3)
+    asked = SimpleNamespace(test=claiming(blank + 1, blank + claimed), reference=Image(blank))
+    shown = Residual(np.full(shape, scatter), np.full(shape, 20.0), np.full(shape, 64.0))
+    assert Question._shares_noise(asked, shown) == shared
+
+
+def blocks(few: float, many: float, count: int) -> np.ndarray:
+    """(5, 5, 3): `many` in the first `count` blocks, `few` in the others."""
+    return np.where(np.arange(25) < count, many, few).reshape(5, 5, 1).repeat(3, axis=2)
+
+
+@pytest.mark.parametrize(
+    ("square", "carrying", "pixels", "noise"),
+    [
+        (blocks(1, 1, 0), blocks(16, 16, 0), 16, True),
+        (blocks(1, 1, 0), blocks(15, 15, 0), 15, False),  # too few pixels to tell
+        (blocks(0, 1, 10), blocks(0, 64 / 5.9, 10), 64, True),  # here and there: a sixth of the values must carry it
+        (blocks(0, 1, 10), blocks(0, 64 / 6.1, 10), 64, False),
+        (blocks(0, 1, 13), blocks(0, 64 / 23.9, 13), 64, True),  # over most of the picture: a twenty-fourth
+        (blocks(0, 1, 13), blocks(0, 64 / 24.1, 13), 64, False),
+        (blocks(1, 1, 0), blocks(0, 64, 20), 64, True),  # in four of five blocks
+        (blocks(1, 1, 0), blocks(0, 64, 19), 64, False),
+        (blocks(0, 0.1504, 25), blocks(64, 64, 0), 64, True),  # by more than half beyond what is known, 0.1
+        (blocks(0, 0.1496, 25), blocks(64, 64, 0), 64, False),
+    ],
+)
+def test_scatter_may_be_noise_where_it_is_dense_wherever_it_is(square, carrying, pixels, noise):
+    known = np.full((5, 5, 3), 0.1)
+    shown = Residual(square, carrying, np.full((5, 5, 3), float(pixels)))
+    assert may_be_noise(shown, known, least=0.01) == noise
+
+
+@pytest.mark.parametrize(("count", "factor", "beyond"), [(13, 1.21, True), (13, 1.19, False), (12, 9.0, False)])
+def test_scatter_is_unexplained_where_most_blocks_have_a_fifth_more_than_is_known(count, factor, beyond):
+    shown = Residual(blocks(0.1, 0.1 * factor, count), blocks(64, 64, 0), np.full((5, 5, 3), 64.0))
+    assert unexplained(shown, np.full((5, 5, 3), 0.1)) == beyond
+    assert not unexplained(shown, np.zeros((5, 5, 3)))
 
 
 def test_an_error_that_the_claim_does_not_allow_is_no_case_of_equal_random_numbers():

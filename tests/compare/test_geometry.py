@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from raytwin.compare import compare
 from raytwin.compare.geometry import geometry_findings
-from raytwin.compare.shift import find_shift
+from raytwin.compare.shift import Shift, find_shift
 from raytwin.files import read_image
 from raytwin.image import Image, Surface
 from raytwin.scene import Tolerance
@@ -150,6 +150,23 @@ def test_a_shifted_image_fails_with_the_shift_before_the_radiance():
     assert not c.passed
     assert c.geometry.shift_px == pytest.approx(0.1, rel=0.1)
     assert c.reasons[0].startswith("the test image is shifted by (+0.10")
+
+
+@pytest.mark.parametrize(
+    ("length", "sigma", "explained", "light", "better", "significant", "certain"),
+    [
+        (0.5, 0.01, 0.8, 0.7, True, True, True),
+        (0.5, 0.01, 0.7, 0.8, False, True, False),
+        (0.5, 0.01, 0.4, 0.3, True, True, False),  # what is left is more
+        (1.5, 0.01, 0.1, 0.9, True, True, True),  # of whole pixels, no light explains it
+        (0.5, 0.11, 0.8, 0.7, True, False, False),  # 4.5 sigma
+        (0.019, 0.001, 0.8, 0.7, True, False, False),
+        (0.021, 0.001, 0.8, 0.7, True, True, True),
+    ],
+)
+def test_what_a_shift_says_of_itself(length, sigma, explained, light, better, significant, certain):
+    shift = Shift(0.6 * length, -0.8 * length, sigma, 100.0, explained, light)
+    assert (shift.better_than_light, shift.significant, shift.certain) == (better, significant, certain)
 
 
 def test_shadows_that_are_missing_are_not_told_as_a_shift(scenes):

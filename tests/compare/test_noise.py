@@ -270,7 +270,9 @@ def test_noise_of_independent_pixels_is_not_inflated_even_around_a_wrong_edge():
     assert np.mean(found) < 1.15
 
 
-def test_pictures_too_small_to_tell_are_taken_for_independent():
-    rng = np.random.default_rng(9)
-    a, b = (render(rng, np.full((17, 17, 3), 0.5)) for _ in range(2))
-    assert inflation_of(a, b) == 1
+@pytest.mark.parametrize(("side", "told"), [(17, False), (18, True)])
+def test_pictures_below_twice_the_farthest_lag_are_taken_for_independent(side, told):
+    """Noise that 2 x 2 pixels share."""
+    shared = np.random.default_rng(9).normal(0, 0.1, (9, 9, 3)).repeat(2, 0).repeat(2, 1)[:side, :side]
+    a, b = (Image((0.5 + x).astype(np.float32), np.full(x.shape, 0.01, np.float32)) for x in (shared, 0 * shared))
+    assert (noise.inflation(a.mean, b.mean, noise.block_means(a.variance).astype(np.float32)) > 1.5) == told
