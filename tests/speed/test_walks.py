@@ -7,15 +7,16 @@ A sampled mean may err by 4 of its standard errors, each of which 16 batches tel
 from functools import partial
 from math import cos, hypot, inf, pi, radians, sin, sqrt
 
+import msgspec
 import numpy as np
 import pytest
 from truths import BLACK, WHITE, element, from_element, grey, in_wedge, parallel, view_of, wedge
 
-from raytwin import speed, twin
+from raytwin import files, speed, twin
 from raytwin.scene import Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import ENGINES, frame
 from raytwin.speed.engine import from_numpy, to_numpy
-from raytwin.tracer import about, trace_paths
+from raytwin.tracer import about, back_project, trace_paths
 from raytwin.tracer.random import BATCHES, draw, places
 
 MANY = {"drjit32": 1 << 20, "numpy32": 1 << 13}
@@ -216,6 +217,55 @@ def test_inside_a_white_sphere_light_is_followed_from_wall_to_wall(fast):
         "inside", view_of((0.9, 0, 0), (0, 0, 0), 0.2), (Sphere((0, 0, 0), 0.9, grey(0.9)),), (*WHITE, Sun((0, 0, 1)))
     )
     np.testing.assert_array_equal(speed.walk(scene, "path", fast, samples=16).mean, 0)
+
+
+# ---------------------------------------------------------------------------------------------- shipped scenes
+
+
+@pytest.mark.parametrize(("bounces", "expected"), [(0, 1 / 4), (1, 5 / 16), (2, 21 / 64), (30, 1 / 3)])
+def test_the_scene_wedge_shows_one_radiance_in_all_its_pixels(scenes, fast, bounces, expected):
+    scene = files.read_scene(scenes / "wedge").scene
+    small = scene.with_camera(scene.camera.resized(80, 60))
+    image = speed.walk(small, "path", fast, samples=64, depth=bounces + 2)
+    for ids in (0, 1):
+        own = image.surface.ids == ids
+        error = np.sqrt(image.variance[own].sum(dtype=float)) / (3 * own.sum()) * sqrt(3)  # channels share their paths
+        assert image.mean[own].mean(dtype=float) == pytest.approx(expected, abs=4 * error + 1e-3 * expected)
+    np.testing.assert_array_equal(speed.trace(small, "shadow", "numpy64").mean, 0.5)
+
+
+def test_the_scene_ball_shows_the_closed_forms_of_its_comment(scenes, fast):
+    """Rays through the pixels' centres; rings of the floor and bands of the ball, 4 standard errors."""
+    scene = files.read_scene(scenes / "ball").scene
+    small = scene.with_camera(scene.camera.resized(160, 120))
+    image, exact = (
+        speed.walk(small, "sky", fast, sampling="center", samples=64), speed.trace(small, "shadow", "numpy64").surface
+    )  # fmt: skip
+    v, u = np.mgrid[:120, :160].astype(float)
+    R, eye = np.asarray(small.camera.R_cam_board), np.asarray(small.camera.eye)
+    d = np.stack(back_project(u, v, small.camera), axis=-1) @ R
+    point = eye + exact.depth[..., None].astype(float) * d
+    p = np.hypot(point[..., 0], point[..., 1]) / 0.1
+    expected = np.where(exact.ids == 1, 0.5 * (1 - (1 + p**2) ** -1.5), 0.8 * (1 + exact.normal[..., 2]) / 2)
+    parts = [(exact.ids == 1) & (p > a) & (p <= b) for a, b in ((0, 1), (1, 1.5), (1.5, 2), (2, 3), (3, 4))]
+    parts += [(exact.ids == 0) & (exact.normal[..., 2] > a) & (exact.normal[..., 2] <= a + 0.5) for a in (-0.5, 0, 0.5)]
+    for part in parts:
+        assert part.sum() > 50
+        error = np.sqrt(image.variance[part, 1].sum(dtype=float)) / part.sum()
+        assert image.mean[part, 1].mean(dtype=float) == pytest.approx(expected[part].mean(), abs=4 * error + 1e-5)
+
+
+def test_the_scene_eclipse_shows_what_other_scenes_hide(scenes):
+    """A sphere's shadow on a sphere, radiance beyond 1, a rotation that is not its own transpose."""
+    scene = files.read_scene(scenes / "eclipse").scene
+    image, open_ = (speed.trace(scene, rung, "numpy64") for rung in ("shadow", "lambert"))
+    facing = open_.mean[..., 0] > 0.75 * 0.25 + 0.2  # of the large sphere, what the sun would light well
+    assert ((image.surface.ids == 0) & facing & (image.mean[..., 0] < open_.mean[..., 0])).sum() > 300
+    assert (image.mean > 1).mean() > 0.2
+    R = np.asarray(scene.camera.R_cam_board)
+    assert np.abs(R - R.T).max() > 0.5
+    turned = scene.with_camera(msgspec.structs.replace(scene.camera, R_cam_board=tuple(map(tuple, R.T.tolist()))))
+    assert (speed.trace(turned, "surface", "numpy64").surface.ids != image.surface.ids).mean() > 0.2
 
 
 # ---------------------------------------------------------------------------------------------- the twin
