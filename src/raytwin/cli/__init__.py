@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from raytwin.cli import bench, board, images, ladder, photos, reference, scenes, stability
+from raytwin.cli import bench, board, images, ladder, needs, photos, reference, scenes, stability
 from raytwin.errors import InputError
 
 app = typer.Typer(
@@ -43,6 +43,7 @@ def _options(
 
 app.command("compare")(images.compare_command)
 app.command("ladder")(ladder.ladder_command)
+app.command("needs")(needs.needs_command)
 app.command("diff")(images.diff_command)
 app.add_typer(reference.app, name="reference")
 app.add_typer(scenes.app, name="scenes")

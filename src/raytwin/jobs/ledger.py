@@ -59,7 +59,7 @@ def make_ledger(scene: Scene, shown: Image, rung: str, engine: str, depth: int =
     """
     w, h = scene.camera.image_size
     step = math.ceil(math.sqrt(w * h / (PIXELS_NUMPY if ENGINES[engine].is_numpy else PIXELS)))
-    thin, seen = scene.with_camera(_every(scene.camera, step)), shown.mean[::step, ::step]
+    thin, seen = scene.with_camera(every(scene.camera, step)), shown.mean[::step, ::step]
     began = time.perf_counter()
     halves = [light_parts(thin, engine, samples=SAMPLES, seed=k, depth=depth, side=1 / step) for k in SEEDS]
     seconds = time.perf_counter() - began
@@ -93,7 +93,7 @@ def make_ledger(scene: Scene, shown: Image, rung: str, engine: str, depth: int =
     return Ledger(tuple(rows), pictures, error, step, -left_out / whole if whole else 0.0)
 
 
-def _every(camera: Camera, step: int) -> Camera:
+def every(camera: Camera, step: int) -> Camera:
     """The camera whose pixel (u, v) stands where the other's (step u, step v) does."""
     (a, s, cx), (z, b, cy), last = camera.K
     size = -(-camera.width // step), -(-camera.height // step)
@@ -159,7 +159,7 @@ def _partners(scene: Scene, engine: str, depth: int, parts: list[str]) -> dict[s
     found = {part: np.zeros((n, n)) for part in parts}
     for j in range(n):
         without = msgspec.structs.replace(
-            small, objects=tuple(_gone(thing) if i == j else thing for i, thing in enumerate(small.objects))
+            small, objects=tuple(gone(thing) if i == j else thing for i, thing in enumerate(small.objects))
         )
         after, same = light_parts(without, engine, samples=16, depth=depth), ids == _ids(without, engine)
         for part in parts:
@@ -175,7 +175,7 @@ def _ids(scene: Scene, engine: str) -> np.ndarray:
     return surface.ids
 
 
-def _gone(thing: Shape) -> Shape:
+def gone(thing: Shape) -> Shape:
     """The same kind of object, too small and too far below to be met."""
     far: Any = (0.0, 0.0, -1e6)
     if isinstance(thing, Rectangle):

@@ -81,17 +81,20 @@ class Traced(_ByEngine):
 class Followed(_ByEngine):
     """Light followed from surface to surface by random walks, `samples` of them a pixel.
 
-    `over`: the pixel's `area`, or its `center`. `surface`: also what the ray through the centre met.
+    `over`: the pixel's `area`, or its `center`. `surface`: also what the ray through the centre met. `depth`: the
+    rung's own where not given.
     """
 
     rung: str = "path"
     samples: int = 16
     over: str = "area"
     surface: bool = False
+    depth: int | None = None
 
     @property
     def name(self) -> str:
-        return f"{self.engine}-{self.rung}-{self.samples}{'' if self.over == 'area' else '-center'}"
+        rung = self.rung if self.depth is None else f"{self.rung}-depth{self.depth}"
+        return f"{self.engine}-{rung}-{self.samples}{'' if self.over == 'area' else '-center'}"
 
     @property
     def label(self) -> str:
@@ -112,8 +115,9 @@ class Followed(_ByEngine):
     def prepare(self, scene: Scene) -> Call:
         self.ready()
         return lambda seed: walk(
-            scene, self.rung, self.engine, sampling=self.over, samples=self.samples, seed=seed, surface=self.surface
-        )
+            scene, self.rung, self.engine, sampling=self.over, samples=self.samples, seed=seed, depth=self.depth,
+            surface=self.surface,
+        )  # fmt: skip
 
 
 def fast_engine(variant: str) -> str:

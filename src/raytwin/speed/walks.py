@@ -23,8 +23,16 @@ from raytwin.tracer.path import Draw, follow
 from raytwin.tracer.random import BATCHES
 from raytwin.tracer.random import draw as random
 
-PARTS = ("open", "shadow", "occlusion", "bounce 1", "bounce 2", "bounce 3+")
-"""What adds up to the whole light: sun and sky that nothing hides; what hides them takes away; what bounces bring."""
+
+def part_names(bounces: int = 3) -> tuple[str, ...]:
+    """What adds up to the whole light: sun and sky that nothing hides; what hides them takes away; what bounces bring.
+
+    The last of the `bounces` has all that follow.
+    """
+    return ("open", "shadow", "occlusion", *(f"bounce {k}" for k in range(1, bounces)), f"bounce {bounces}+")
+
+
+PARTS = part_names()
 
 Integrand = Callable[[EyeScene, World, Hit, Draw], list[Vec]]
 """What a sample brings: some colours."""
@@ -39,15 +47,16 @@ def walk(
     samples: int = 16,
     seed: int = 0,
     depth: int | None = None,
+    side: float = 1.0,
     surface: bool = True,
     stages: Stages = STAGES,
 ) -> Image:
     """The radiance of a rung whose light is followed: mean and variance over the pixels' `area`, or at the `center`.
 
-    `depth` counts surfaces as Mitsuba does and is the rung's own where not given. `surface`: also what the rays
-    through the pixels' centres meet first.
+    `depth` counts surfaces as Mitsuba does and is the rung's own where not given. `side` of the area, in pixels, about
+    their centres. `surface`: also what the rays through the pixels' centres meet first.
     """
-    deep, side = depth or RUNGS[rung].depth or 2, 1.0 if sampling == "area" else 0.0
+    deep, side = depth or RUNGS[rung].depth or 2, side if sampling == "area" else 0.0
 
     def whole(view: EyeScene, world: World, hit: Hit, numbers: Draw) -> list[Vec]:
         return [_or_sky(hit, follow(hit, view.light, world, numbers, deep)[0], view.light)]
@@ -68,27 +77,29 @@ def light_parts(
     seed: int = 0,
     depth: int = 8,
     side: float = 1.0,
+    bounces: int = 3,
     stages: Stages = STAGES,
 ) -> dict[str, Image]:
-    """The whole light over the pixels' area, as PARTS whose sum it is; all from the same samples.
+    """The whole light over the pixels' area, as `part_names(bounces)` whose sum it is; all from the same samples.
 
     `side` of the area, in pixels, about their centres.
     """
 
     def parts(view: EyeScene, world: World, hit: Hit, numbers: Draw) -> list[Vec]:
         open_, lit = (f(hit, view.light, world, view.camera) for f in (lambert_radiance, shadow_radiance))
-        direct, *bounces = follow(hit, view.light, world, numbers, depth, parts=4)
+        direct, *later = follow(hit, view.light, world, numbers, depth, parts=bounces + 1)
         seen = hit.ids >= 0
         shadow, occlusion = (
             tuple(select(seen, x - y, 0.0) for x, y in zip(a, b, strict=True)) for a, b in ((lit, open_), (direct, lit))
         )
-        return [_or_sky(hit, open_, view.light), shadow, occlusion, *bounces]
+        return [_or_sky(hit, open_, view.light), shadow, occlusion, *later]
 
-    start = [background(scene), *(np.zeros((*scene.camera.image_size[::-1], 3), np.float32) for _ in PARTS[1:])]
+    names = part_names(bounces)
+    start = [background(scene), *(np.zeros((*scene.camera.image_size[::-1], 3), np.float32) for _ in names[1:])]
     found = _sampled(scene, parts, start, engine, side, samples, seed, stages)
     return {
         name: Image(mean, variance, samples, batches=min(BATCHES, samples)).blacken(without_ray(scene.camera))
-        for name, (mean, variance) in zip(PARTS, found, strict=True)
+        for name, (mean, variance) in zip(names, found, strict=True)
     }
 
 

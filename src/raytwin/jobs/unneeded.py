@@ -1,0 +1,205 @@
+"""What a scene does not need, as far as closed forms prove it: terms of the lens, bounces, an unseen sphere.
+
+The bound on bounces. Let F_i be the largest share of the hemisphere over a point of surface i that other objects fill,
+weighted by cosines, and q = max_i a_i F_i, a_i its albedo. Light that has met one surface is at most
+
+    L_0 = max_i a_i (E/π + L_s)          a sun of irradiance E that shines head on, and all of a sky of radiance L_s
+
+since a/π E max(0, n·l) <= a/π E and the sky's part of the hemisphere is at most all of it. Each further surface gathers
+
+    L_k(x) = a_i ∫ L_{k-1} dF <= a_i F_i sup L_{k-1} <= q sup L_{k-1}
+
+because directions that meet no object bring no light that has met one. So L_k <= q^k L_0, and what all bounces beyond
+the n-th bring is at most the geometric tail
+
+    Σ_{k>n} L_k <= L_0 q^{n+1} / (1 - q),
+
+per colour channel, wherever the eye looks; q <= a F with a and F the largest of each. It proves nothing at q = 1. A
+sphere fills at most r²/d² of the hemisphere over a point at the distance d from its centre (Howell, B; equality where
+it stands over the point), a rectangle of area A that is nowhere nearer than d at most A/(π d²), anything at most 1.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
+from raytwin.scene.lens import distort, newton, without_ray
+from raytwin.speed.plan import shading
+from raytwin.speed.walks import area_boxes
+
+STILL = 0.05
+"""Pixels: a term of the lens that moves none by more is not needed."""
+
+TERMS = "k1", "k2", "p1", "p2", "k3"
+
+
+class Moves(NamedTuple):
+    """Terms of a distortion, and by how many pixels leaving them out moves any: `measured`, and the `bound`."""
+
+    terms: tuple[str, ...]
+    measured: float
+    bound: float
+
+
+def still_terms(camera: Camera, limit: float = STILL) -> Moves:
+    """The terms that can be left out together, the others as they are, without moving a pixel by `limit`.
+
+    Each term moves the ideal point (x, y) by a homogeneous polynomial of degree 3, 5, 7 (k) or 2 (p), which grows along
+    every ray from the middle: the largest move is on the frame's border. Between two places there, half a pixel apart,
+    it is less than the larger of both and an eighth of the second difference; the bound takes all of that, and adds the
+    terms up. None where the lens folds back within the frame.
+    """
+    if not any(camera.dist) or without_ray(camera) is not None:
+        return Moves((), 0.0, 0.0)
+    w, h = camera.image_size
+    us, vs = np.linspace(-0.5, w - 0.5, 2 * w + 1), np.linspace(-0.5, h - 0.5, 2 * h + 1)
+    sides = [(us, -0.5 + 0 * us), (w - 0.5 + 0 * vs, vs), (us[::-1], h - 0.5 + 0 * us), (-0.5 + 0 * vs, vs[::-1])]
+    u, v = (np.concatenate(a) for a in zip(*sides, strict=True))
+    x, y = newton((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, camera.coefficients)
+    moves = {}
+    for i, term in enumerate(TERMS):
+        if camera.coefficients[i]:
+            only = [c if k == i else 0.0 for k, c in enumerate(camera.coefficients)]
+            dx, dy = (after - before for after, before in zip(distort(x, y, only), (x, y), strict=True))
+            moves[term] = np.stack([camera.fx * dx, camera.fy * dy])
+    bounds = {term: float(np.hypot(*move).max() + _bend(move)) for term, move in moves.items()}
+    left: list[str] = []
+    for term in sorted(bounds, key=bounds.__getitem__):
+        if sum(bounds[t] for t in (*left, term)) < limit:
+            left.append(term)
+    together = sum((moves[t] for t in left), np.zeros((2, 1)))
+    return Moves(tuple(t for t in TERMS if t in left), float(np.hypot(*together).max()), sum(bounds[t] for t in left))
+
+
+def _bend(move: np.ndarray) -> float:
+    """The largest second difference along the border: corners, where it turns, make it larger, never smaller."""
+    return float(np.abs(np.diff(move, 2, axis=1)).max())
+
+
+class Bounds:
+    """What closed forms say of a scene's light, before any render; all radiances are the largest of the channels.
+
+    `seen`: the objects that some pixel's area may see; `covered`: the largest share of the frame that they fill.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, n = scene, len(scene.objects)
+        boxes = area_boxes(scene)
+        self.seen = np.asarray((boxes[:, 2:] > boxes[:, :2]).all(axis=1), bool)
+        w, h = scene.camera.image_size
+        mask = np.zeros((h, w), bool)
+        for x0, y0, x1, y1 in boxes.tolist():
+            mask[y0:y1, x0:x1] = True
+        self.covered = float(mask.mean())
+        self.albedo = np.array([thing.material.albedo for thing in scene.objects]).reshape(n, 3)
+        self.sun = np.array(scene.sun.irradiance) / np.pi
+        self.sky = np.array(scene.sky.radiance)
+        things = scene.objects
+        self.shares = np.array([[_share(scene, i, j) for j in range(n)] for i in range(n)]).reshape(n, n)
+        self.filled = np.minimum(self.shares.sum(axis=1), 1.0)
+        self.shades = np.zeros((n, n), bool)
+        found = shading(scene) if n else None
+        if found is None:
+            self.shades[:] = len(things) > 0
+        else:
+            first, flat = found
+            for i in range(n):
+                self.shades[i, flat[first[i] : first[i + 1]]] = True
+            self.shades |= np.diag(np.diag(self.shares) > 0)  # a sphere seen from within hides the sun from itself
+        self.q = (self.albedo * self.filled[:, None]).max(axis=0, initial=0.0)
+        self.direct = (self.albedo * (self.sun + self.sky)).max(axis=0, initial=0.0)
+
+    def beyond(self, bounces: int) -> float:
+        """L_0 q^{n+1} / (1 - q): the most that all bounces beyond the n-th bring to any pixel."""
+        return float((self.direct * self._tail(self.q ** (bounces + 1))).max())
+
+    def occlusion(self) -> float:
+        """a F L_s: the most of the sky's light that other objects take from any point that is seen."""
+        lost = self.albedo * self.filled[:, None] * self.sky
+        return float(lost[self.seen].max(initial=0.0))
+
+    def shadow(self) -> float:
+        """a E/π, where something may stand between the sun and a point that is seen."""
+        shaded = self.seen & self.shades.any(axis=1)
+        return float((self.albedo * self.sun)[shaded].max(initial=0.0))
+
+    def without(self, j: int) -> float:
+        """The most by which the light of what is seen changes where object j is taken away.
+
+        On surface i the sun may come free, and a share F_ij of the hemisphere shows something else, whose radiance was
+        and is at most M: a_i (E/π + F_ij M). All surfaces then change by at most D <= max of that + q D.
+        """
+        most = np.maximum(self.sky, self.direct * self._tail(np.ones(3)))
+        others = np.arange(len(self.albedo)) != j
+        shaded = self.shades[:, j, None] * self.sun
+        with np.errstate(invalid="ignore"):  # nothing of an infinite bound is nothing
+            first = self.albedo * (shaded + np.nan_to_num(self.shares[:, j, None] * most, nan=0.0, posinf=np.inf))
+            spread = first[others].max(axis=0, initial=0.0) * self._tail(np.ones(3))
+            again = np.nan_to_num(self.albedo * self.filled[:, None] * spread, nan=0.0, posinf=np.inf)
+        return float((first + again)[others & self.seen].max(initial=0.0))
+
+    def _tail(self, factor: np.ndarray) -> np.ndarray:
+        return np.where(self.q < 1, factor / np.where(self.q < 1, 1 - self.q, 1.0), np.where(factor > 0, np.inf, 0.0))
+
+    def of_metric(self, metric: str, largest: float) -> float | None:
+        """The most that `metric` can be where no value errs by more than `largest`, and none beyond what is covered."""
+        found = {
+            "rmse": largest * self.covered**0.5, "mae": largest * self.covered, "p999_rel": 100 * largest,
+            "relmse": 100 * largest**2 * self.covered,
+        }.get(metric, largest)  # fmt: skip
+        return found if np.isfinite(found) else None
+
+
+def _share(scene: Scene, i: int, j: int) -> float:
+    """F_ij: the most of the hemisphere over any point of object i that object j fills."""
+    here, there = scene.objects[i], scene.objects[j]
+    if i == j:
+        return 1.0 if isinstance(here, Sphere) and _entered(scene, i) else 0.0
+    if isinstance(there, Sphere):
+        gap = _gap(here, there.center)
+        return 1.0 if gap <= there.radius else (there.radius / gap) ** 2
+    area = 4 * float(np.linalg.norm(there.half_u) * np.linalg.norm(there.half_v))
+    if isinstance(here, Sphere):
+        gap = max(_gap(there, here.center) - here.radius, 0.0)
+    else:
+        if _coplanar(here, there):
+            return 0.0
+        gap = max(float(np.linalg.norm(np.subtract(here.center, there.center))) - _reach(here) - _reach(there), 0.0)
+    return min(1.0, area / (np.pi * gap * gap)) if gap > 0 else 1.0
+
+
+def _entered(scene: Scene, i: int) -> bool:
+    """The inside of sphere i may be met: the eye is within. From without no way leads through an opaque surface."""
+    ball = scene.objects[i]
+    assert isinstance(ball, Sphere)
+    return bool(np.linalg.norm(np.subtract(scene.camera.eye, ball.center)) <= ball.radius)
+
+
+def _apart(a: Shape, b: Shape) -> float:
+    return float(np.linalg.norm(np.subtract(a.center, b.center)))
+
+
+def _gap(thing: Shape, point: tuple[float, float, float]) -> float:
+    """The distance of a point from the nearest of a surface."""
+    off = np.subtract(point, thing.center)
+    if isinstance(thing, Sphere):
+        return abs(float(np.linalg.norm(off)) - thing.radius)
+    for half in (np.array(thing.half_u), np.array(thing.half_v)):
+        off = off - half * np.clip(off @ half / (half @ half), -1, 1)
+    return float(np.linalg.norm(off))
+
+
+def _reach(plane: Rectangle) -> float:
+    return float(np.hypot(np.linalg.norm(plane.half_u), np.linalg.norm(plane.half_v)))
+
+
+def _coplanar(a: Rectangle, b: Rectangle) -> bool:
+    """To rounding: neither sees the other then."""
+    n, size = np.array(a.normal), _reach(a) + _reach(b) + _apart(a, b)
+    offs = [
+        np.subtract(b.center, a.center) + i * np.array(b.half_u) + k * np.array(b.half_v)
+        for i in (-1, 1)
+        for k in (-1, 1)
+    ]
+    return bool(np.abs(np.array(offs) @ n).max() <= 1e-12 * size)
