@@ -18,17 +18,26 @@ sys.modules.update(dict.fromkeys({names}))
 for name in {missing}:
     if hasattr(os, name):
         delattr(os, name)
+
+def closed(event, asked):
+    if event in ("open", "os.listdir", "os.scandir") and str(asked[0]).startswith({folders}):
+        raise FileNotFoundError(2, "No such file or directory", asked[0])
+
+sys.addaudithook(closed)
 """
 EXTRAS = ("mitsuba", "drjit", "cv2", "pupil_apriltags", "reportlab", "flip_evaluator")
 
 
 @pytest.fixture
 def run(tmp_path, request):
-    """`run(*command)`: python -m ..., where some modules and missing of os are not there; in tmp_path."""
+    """`run(*command)`: python -m ..., where some modules, names of os and folders are not there; in tmp_path."""
 
-    def child(*command: str, names: tuple[str, ...] = EXTRAS, missing: tuple[str, ...] = (), code: int = 0):
+    def child(
+        *command: str, names: tuple[str, ...] = EXTRAS, missing: tuple[str, ...] = (), folders: tuple[str, ...] = (),
+        code: int = 0,
+    ):  # fmt: skip
         (tmp_path / "without").mkdir(exist_ok=True)
-        text = BLOCKED.format(names=set(names), missing=missing)
+        text = BLOCKED.format(names=set(names), missing=missing, folders=folders)
         (tmp_path / "without" / "sitecustomize.py").write_text(text)
         path = os.pathsep.join([str(tmp_path / "without"), str(Path(files.__file__).parents[2])])
         environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")} | {"PYTHONPATH": path}
@@ -80,7 +89,7 @@ def test_without_flip_its_metric_is_null_and_the_reason_is_said(run, tmp_path):
 
 
 def test_light_journeys_need_nothing_of_unix(run):
-    """What Windows lacks: resource, fcntl, pwd, termios; fork, links, pipes with names."""
+    """What Windows lacks: resource, fcntl, pwd, termios; fork, links, pipes with names; /proc, /sys."""
     unix = ("resource", "fcntl", "pwd", "grp", "termios", "tty", "pty", "syslog")
     missing = ("fork", "forkpty", "symlink", "link", "mkfifo", "chown", "O_NOFOLLOW")
-    light_journeys(run, names=(*EXTRAS, *unix), missing=missing)
+    light_journeys(run, names=(*EXTRAS, *unix), missing=missing, folders=("/proc", "/sys"))
