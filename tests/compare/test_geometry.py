@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from raytwin.compare import compare
 from raytwin.compare.geometry import geometry_findings
-from raytwin.compare.shift import Shift, find_shift
+from raytwin.compare.shift import Shift, _overlap, find_shift
 from raytwin.files import read_image
 from raytwin.image import Image, Surface
 from raytwin.scene import Tolerance
@@ -167,6 +167,16 @@ def test_a_shifted_image_fails_with_the_shift_before_the_radiance():
 def test_what_a_shift_says_of_itself(length, sigma, explained, light, better, significant, certain):
     shift = Shift(0.6 * length, -0.8 * length, sigma, 100.0, explained, light)
     assert (shift.better_than_light, shift.significant, shift.certain) == (better, significant, certain)
+
+
+@pytest.mark.parametrize("dx", [-3, 0, 2])
+@pytest.mark.parametrize("dy", [-2, 0, 1])
+def test_the_overlap_of_an_image_and_itself_moved_is_the_same_in_both(dx, dy):
+    r, t = np.random.default_rng(2).random((9, 11)), np.full((9 + 6, 11 + 6), np.nan)
+    t[3 + dy : 12 + dy, 3 + dx : 14 + dx] = r
+    a, b = _overlap(t[3:12, 3:14], r, dx, dy)
+    assert a.shape == (9 - abs(dy), 11 - abs(dx))
+    assert np.array_equal(a, b)
 
 
 def test_shadows_that_are_missing_are_not_told_as_a_shift(scenes):

@@ -108,6 +108,23 @@ def test_a_firefly_with_two_neighbours_of_its_kind_is_an_edge(beside, alone):
     assert survey_of(1000, mean=0.01, beside=beside).events.any() == alone
 
 
+def test_its_neighbours_are_the_eight_around_it():
+    """Two of its kind among them make an edge, wherever; one does not, nor do two at a distance of two pixels."""
+    steps = [(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx]
+    far = [(dy, dx) for dy in range(-2, 3) for dx in range(-2, 3) if max(abs(dy), abs(dx)) == 2]
+
+    def alone(*beside) -> bool:
+        v = np.full((5, 5, 3), 1e-4, np.float32)
+        for dy, dx in ((0, 0), *beside):
+            v[2 + dy, 2 + dx, 1] = 1.0
+        return len(noise._fireflies(np.full_like(v, 0.01), v, *(np.array([i]) for i in (2, 2, 1)))[0]) == 1
+
+    assert alone(*far)
+    for i, one in enumerate(steps):
+        assert alone(one)
+        assert not any(alone(one, other) for other in steps[:i])
+
+
 @pytest.mark.parametrize(("events", "few"), [(7.9, True), (8.1, False)])
 def test_a_bright_pixel_of_many_samples_is_no_firefly(events, few):
     """m² / v counts the events of one size that make a mean m with the variance v."""
