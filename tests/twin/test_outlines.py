@@ -8,7 +8,7 @@ from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.twin import render
 from raytwin.twin.bodies import distance, normal, table, too_large
 from raytwin.twin.light import albedos, first_light
-from raytwin.twin.outlines import Seen, borders, settle, trace
+from raytwin.twin.outlines import Seen, _doubted, _grazes, borders, settle, trace
 from raytwin.twin.rays import directions, lens_of
 from raytwin.twin.world import UNIT
 
@@ -122,6 +122,50 @@ def test_the_borders_of_an_image_are_the_pixels_with_another_value_beside_them()
     padded = np.pad(image, 1, mode="edge")
     beside = np.stack([padded[1 + y : 10 + y, 1 + x : 12 + x] for y in (-1, 0, 1) for x in (-1, 0, 1)])
     assert (borders(image) == np.flatnonzero((beside != image).any(axis=0))).all()
+
+
+AHEAD = Camera((5, 5), ((1, 0, 0), (0, 1, 0), (0, 0, 1)), ((1, 0, 0), (0, 1, 0), (0, 0, 1)), (0, 0, 0))
+STRAIGHT = np.array([[0.0], [0.0], [1.0]])
+
+
+def doubted(apart: float, *where: tuple[int, int]) -> bool:
+    """Whether the middle pixel, which sees a sheet at 1 m, doubts it beside pixels that see another so far behind."""
+    sheets = tuple(Rectangle((0, 0, 1 + z), (9, 0, 0), (0, 9, 0)) for z in (0, apart))
+    met = np.zeros((5, 5), np.int32)
+    for down, right in where:
+        met[2 + down, 2 + right] = 1
+    bodies = table(Scene("sheets", AHEAD, sheets))
+    return bool(_doubted(bodies, met, np.array([12]), np.zeros((3, 1)), STRAIGHT)[0])
+
+
+def test_a_pixel_is_doubted_beside_what_lies_within_a_ten_thousandth_of_its_depth():
+    assert doubted(0.99e-4, (0, 1))
+    assert not doubted(1.01e-4, (0, 1))
+    assert not doubted(0.5e-4)
+
+
+def test_the_neighbours_of_a_doubted_pixel_are_the_eight_around_it():
+    places = [(down, right) for down in range(-2, 3) for right in range(-2, 3) if down or right]
+    for down, right in places:
+        assert doubted(0.5e-4, (down, right)) == (max(abs(down), abs(right)) == 1)
+
+
+@pytest.mark.parametrize("radius", [1e-4, 0.3])
+def test_a_ray_grazes_a_sphere_whose_rim_it_passes_within_a_hundred_thousandth_of_the_way(radius):
+    for off in (-1.2, -0.8, 0.8, 1.2):
+        beside = radius + off * 1e-5 * 2.0
+        body = table(Scene("ball", AHEAD, (Sphere((beside, 0, 2.0), radius),))).at(np.zeros(1, int))
+        with np.errstate(all="ignore"):  # as for what is no rectangle
+            assert _grazes(body, np.zeros((3, 1)), STRAIGHT)[0] == (abs(off) < 1)
+
+
+def test_a_ray_grazes_a_rectangle_whose_edge_it_passes_as_closely():
+    for edge in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        for off in (-1.2, -0.8, 0.8, 1.2):
+            beside = 0.5 + off * 1e-5 * 2.0
+            sheet = Rectangle((beside * edge[0], beside * edge[1], 2.0), (0.5, 0, 0), (0, 0.5, 0))
+            body = table(Scene("sheet", AHEAD, (sheet,))).at(np.zeros(1, int))
+            assert _grazes(body, np.zeros((3, 1)), STRAIGHT)[0] == (abs(off) < 1)
 
 
 def test_settling_changes_nothing_where_nothing_is_in_doubt():
