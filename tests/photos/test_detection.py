@@ -184,3 +184,23 @@ def test_a_photo_of_tags_with_another_border_is_told_what_to_write(tmp_path):
     files.write_picture(tmp_path / "usual.png", (255 * draw_board(BOARD, 3000.0)[0]).astype(np.uint8))
     with pytest.raises(NoTags, match=r"35 with a border of 1: border_bits = 1 in the board's file"):
         detect_photo(tmp_path / "usual.png", "tag36h11/2")
+
+
+@pytest.mark.parametrize("dist", [(-0.3, 0.08), (0.1, -0.1, 0.002, -0.001)])
+def test_a_tags_centre_is_off_by_what_straight_lines_through_its_bent_edges_make_of_it(dist):
+    """As the AprilTag library has it: least squares through 16 places inside each edge, lines by cross products."""
+    K, R, t = np.array([[800.0, 0, 500], [0, 800, 380], [0, 0, 1]]), np.diag([1.0, -1, -1]), (0.1, 0.05, 0.5)
+    ids, half = [0, 12, 34], BOARD.tag_edge / 2
+    inside, one = 2 * np.arange(1, 17) / 17 - 1, np.ones(16)
+    off = []
+    for center in BOARD.points(ids):
+        lines = []
+        for x, y in ((inside, -one), (one, inside), (-inside, one), (-one, -inside)):
+            edge = lens.project(center + half * np.c_[x, y, 0 * x], R, t, K, dist)
+            (dx, dy), middle = np.linalg.svd(edge - edge.mean(axis=0))[2][0], edge.mean(axis=0)
+            lines.append((-dy, dx, dy * middle[0] - dx * middle[1]))
+        a, b, c, d = (np.cross(lines[i - 1], lines[i]) for i in range(4))
+        meet = np.cross(np.cross(a, c), np.cross(b, d))
+        off.append(meet[:2] / meet[2] - lens.project(center[None], R, t, K, dist)[0])
+    assert np.abs(off).max() > 0.02
+    np.testing.assert_allclose(center_bias(ids, BOARD, R, t, K, dist), off, rtol=0, atol=0.02 * np.abs(off).max())

@@ -102,7 +102,7 @@ def bend_png(calibration: Calibration, index: int) -> bytes:
     low, high = float(found.min()), float(found.max())
     lines = [v for v in np.arange(math.floor(low), math.ceil(high), 0.25) if low < v < high]
     shapes: list[Shape] = [
-        Words("heights of the board, mm", (LEFT, 12), 10, INK),
+        Words("heights of the board, mm; a line every 0.25", (LEFT, 12), 10, INK),
         Picture((LEFT, TOP), (LEFT + width, TOP + height), coloured(found, low, max(high, low + 1e-6), lines)),
         Box((LEFT, TOP), (LEFT + width, TOP + height), line=SOFT),
     ]
