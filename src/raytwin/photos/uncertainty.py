@@ -13,11 +13,12 @@ agree by chance are no reason to claim more than their tags' number allows.
 Of photos that do err alike this says too much, twice too much of four: what a photo alone can tell moves far without
 it. Whether they do is what
 
-    q = Σ g_i · delta_i / (m s²)
+    q = Σ |(I - M_i)^-1/2 H^-1/2 g_i|² / (m s²),  M_i = H^-1/2 H_i H^-1/2
 
-tells, which is 1 then on average and spreads by sqrt(2 Σ tr (H^-1 H_i)²) / m (Bell and McCaffrey's CR2: unbiased, as
-the jackknife, their CR3, is not). So the covariance is max(q, 1) s² H^-1 as far as q is within DISSENT such spreads
-of 1, and V beyond.
+tells, and q_K, the mean of the same for fx, fy, cx and cy alone: both are 1 then on average (Bell and McCaffrey's CR2:
+unbiased, as the jackknife, their CR3, is not). A number, v in the root's coordinates, spreads by sqrt(2 Σ (v M_i v)²),
+and the mean of the four as that of two, for fx and fy err as one. So the covariance is max(q, 1) s² H^-1 as long as
+neither is above 1 by more than that, V beyond, and half of each between.
 
 A camera that is a little wrong is for the most part a camera that looks a little elsewhere, and every pose found with
 it looks elsewhere by the same amount: such an error is invisible in use. What counts is what is left. So a point fixed
@@ -40,9 +41,6 @@ from raytwin.photos.fit import MODELS, Fit, linearise, of_pose, solve_scaled
 
 UNDONE_PX = 1e-3
 """A pixel whose undistorted ray does not come back to within this has none."""
-
-DISSENT = 2.0
-"""Photos that disagree by so many spreads of what chance makes of them outweigh the belief that they err alike."""
 
 CELL = 16
 """The map has one value for each CELL x CELL pixels."""
@@ -86,15 +84,30 @@ def spread(found: Fit) -> Spread:
     kappa = max(1.0, float((H * jackknife).sum()) / (m * s2))
     few = m / (m + n)
     apart = (1 - few) * jackknife + few * kappa * alike
-    photo = found.sights.photo
-    of_photo = [(found.H[photo == i].sum(axis=0), found.g[photo == i].sum(axis=0)) for i in range(n)]
-    q = max(1.0, sum(float(g @ move) for (_, g), move in zip(of_photo, moves, strict=True)) / (m * s2))
-    shares = [solve_scaled(H, own) for own, _ in of_photo]
-    chance = math.sqrt(2 * sum(float((share * share.T).sum()) for share in shares)) / m
-    as_one = 1 / (1 + ((q - 1) / (DISSENT * chance)) ** 2)
-    covariance = as_one * q * alike + (1 - as_one) * apart
-    noise = math.sqrt((as_one * q + (1 - as_one) * kappa) * s2)
+    q, of_K, chance = _dissent(found, moves, H, s2)
+    as_one = 1 / (1 + ((max(q, of_K, 1) - 1) / chance) ** 2)
+    covariance = as_one * max(q, 1) * alike + (1 - as_one) * apart
+    noise = math.sqrt((as_one * max(q, 1) + (1 - as_one) * kappa) * s2)
     return Spread(covariance, noise, moves, errors)
+
+
+def _dissent(found: Fit, moves: np.ndarray, H: np.ndarray, s2: float) -> tuple[float, float, float]:
+    """q, q_K, and how far chance spreads the latter: see above."""
+    n, m = moves.shape
+    photo = found.sights.photo
+    mine = np.array([found.H[photo == i].sum(axis=0) for i in range(n)])
+    g = np.array([found.g[photo == i].sum(axis=0) for i in range(n)])
+    scale = 1 / np.sqrt(np.maximum(np.diag(H), 1e-300))
+    size, axes = np.linalg.eigh(H * np.outer(scale, scale))
+    told = size > 1e-13 * size[-1]
+    root = scale[:, None] * axes[:, told] / np.sqrt(size[told])  # root root^T = H^-1
+    share, turn = np.linalg.eigh(root.T @ mine @ root)
+    pulls = ((g @ root)[:, None] @ turn)[:, 0] / np.sqrt(np.maximum(1 - share, 1e-9))
+    pulls = (turn @ pulls[..., None])[..., 0]
+    number = root[:4] / np.linalg.norm(root[:4], axis=1, keepdims=True)
+    shares = np.einsum("ka,iab,kb->ki", number, root.T @ mine @ root, number)
+    of_K = float(((number @ pulls.T) ** 2).sum()) / (4 * s2)
+    return float((pulls**2).sum()) / (m * s2), of_K, math.sqrt(float((shares**2).sum()) / 4)
 
 
 def with_poses(found: Fit, known: Spread) -> np.ndarray:
