@@ -13,6 +13,7 @@ import math
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -51,11 +52,12 @@ MOST_SAMPLES, MOST_WALKS, MOST_WALKS_NUMPY = 1 << 14, 1 << 26, 1 << 21
 ROUNDS, PATIENCE, TIE = 5, 1.5, 1.1
 """Calls timed of each, about so many seconds of them; times within this ratio are a tie."""
 
-OUT_OF_RACE = 3.0
+OUT_OF_RACE = 2.0
 """What takes so many times the fastest's seconds is called no more."""
 
-LONG = 1.0
-"""Seconds: what is expected to take longer at full size is verified on every k-th pixel, and its time is scaled up."""
+LONG, FINAL = 1.0, 4.0
+"""Seconds: what is expected to take longer than the first at full size is verified on every k-th pixel, and its time is
+scaled up; the choice is verified at full size too where that takes no longer than the second."""
 
 
 class Row(Record, frozen=True):
@@ -133,11 +135,12 @@ def measure(metric: str, one: np.ndarray, other: np.ndarray, whole: np.ndarray) 
         function = METRICS[metric].function
         value, noise = function(whole + mean, whole), function(whole + apart / 2, whole)
         return Error(value, max(value - noise, 0.0), value)
-    weight = 1 / (np.square(whole) + np.float32(0.01)) if metric == "relmse" else np.float32(1)
-    value = float((weight * one * other).mean(dtype=float))
-    per_pixel = np.abs(weight * mean * apart).sum(axis=-1, dtype=float) ** 2
-    per_pixel += (weight * np.square(apart) / 2).sum(axis=-1, dtype=float) ** 2
-    sigma = math.sqrt(per_pixel.sum()) / one.size
+    if metric == "relmse":  # the same with both errors divided
+        root_weight = 1 / np.sqrt(np.square(whole) + np.float32(0.01))
+        one, other, mean, apart = (x * root_weight for x in (one, other, mean, apart))
+    value = float((one * other).mean(dtype=float))
+    per_pixel = (np.square(x[..., 0] + x[..., 1] + x[..., 2]) for x in (np.abs(mean * apart), np.square(apart) / 2))
+    sigma = math.sqrt(sum(float(x.sum(dtype=float)) for x in per_pixel)) / one.size
     root = math.sqrt if metric == "rmse" else float
     return Error(*(root(max(x, 0.0)) for x in (value, value - 2 * sigma, max(value, 0.0) + 2 * sigma)))
 
@@ -150,7 +153,7 @@ class Truth:
     samples: int
     parts: tuple[dict[str, np.ndarray], ...] = ()
 
-    @property
+    @cached_property
     def mean(self) -> np.ndarray:
         return np.asarray((self.halves[0] + self.halves[1]) / 2)
 
@@ -343,15 +346,23 @@ class _Search:
         if not meet:
             more, failed = self._many_rays()
             meet, fail = more, fail + failed
+        while meet and not self._confirmed(best := self._fastest(meet)):
+            meet.remove(best)
+            fail.append(best)
         if not meet:
             return None, _rows(fail, self._why), f"nothing that was tried has {self.metric} <= {self.tolerance:g}"
-        best = self._fastest(meet)
         slower = sorted((m for m in meet if m is not best), key=lambda m: m.median)
         cheaper = sorted((f for f in fail if _simplicity(f.method) < _simplicity(best.method)), key=lambda f: -_rank(f))
         others = [f for f in fail if f not in cheaper]
         words = f"{self.metric} {best.error.value:.2g} <= {self.tolerance:g}" if best.error else ""
         told = _rows(cheaper + others, self._why) + tuple(m.row(_slower(m, best)) for m in slower)
         return best.row(words), told, ""
+
+    def _confirmed(self, best: _Tried) -> bool:
+        """At full size too, where that has not been looked at and takes no more than FINAL seconds."""
+        if best.pixels != 1 and best.median <= FINAL:
+            self._look(best)
+        return self._meets(best)
 
     def _why(self, tried: _Tried) -> str:
         """What stands against it."""
@@ -405,17 +416,36 @@ class _Search:
         if meet and isinstance(meet[0].method, Traced):
             for variant in self._variants(meet[0].method):
                 tried = _Tried(variant, 0.0)
-                if self._look(tried):
+                if self._look(tried, whole=False):
                     (meet if self._meets(tried) else fail).append(tried)
+            self._guesses(meet, fail)
         return meet, fail
+
+    def _guesses(self, meet: list[_Tried], fail: list[_Tried]) -> None:
+        """Every 8-th pixel traced; other steps only where that is nearly as fast as tracing all."""
+        traced = meet[0]
+        for engine in dict.fromkeys((self.engine, "numpy32")):
+            for n in (8, 4, 16, 2):
+                tried = _Tried(Speculated(traced.method.rung, engine, n=n), 0.0)
+                if not self._look(tried, whole=False):
+                    break
+                (meet if self._meets(tried) else fail).append(tried)
+                seconds = [self._called(t) for t in (tried, traced)]
+                if seconds[0] > 2 * seconds[1]:
+                    break
+
+    def _called(self, tried: _Tried) -> float:
+        """Seconds of one call more."""
+        assert tried.call is not None
+        began = time.perf_counter()
+        tried.call(1)
+        return time.perf_counter() - began
 
     def _variants(self, traced: Traced) -> Iterable[Method]:
         package = ENGINES[self.engine].package
         engines = [name for name, row in ENGINES.items() if row.package in ("numpy", package)]
         yield from (replace(traced, engine=name) for name in engines if name != traced.engine)
         yield from (replace(traced, trim=name) for name in TRIMS if name != traced.trim)
-        for n in (2, 4, 8, 16):
-            yield from (Speculated(traced.rung, name, n=n) for name in dict.fromkeys((self.engine, "numpy32")))
 
     @property
     def _frame(self) -> int:
@@ -426,14 +456,18 @@ class _Search:
             return method(self.thin).mean
         return trace(self.thin, method.rung, self.engine).mean
 
-    def _look(self, tried: _Tried) -> bool:
-        """Its first call at full size, and its error there; not where the machine cannot."""
+    def _look(self, tried: _Tried, whole: bool = True) -> bool:
+        """Its first call at full size, and its error there, or at every k-th pixel; not where the machine cannot."""
         try:
             tried.call = tried.method.prepare(self.scene)
-            image = tried.call(0)
+            image = tried.call(0).mean
         except MachineError:
             return False
-        tried.error, tried.pixels = self.full.error(image.mean, self.metric), 1.0
+        if whole:
+            tried.error, tried.pixels = self.full.error(image, self.metric), 1.0
+        else:
+            few = np.ascontiguousarray(image[:: self.step, :: self.step])
+            tried.error, tried.pixels = self.low.error(few, self.metric), self.pixels / self._frame
         return True
 
     # ---------------------------------------------------------------------------- many rays
@@ -532,7 +566,11 @@ class _Search:
             self._verify(half)
             (meet if self._meets(half) else fail).append(half)
             if not self._meets(half):
-                return
+                break
+        if (between := replace(method, samples=method.samples * 3 // 2)).samples not in (method.samples, 1):
+            middle = _Tried(between, tried.guess * between.samples / tried.method.samples)
+            self._verify(middle)
+            (meet if self._meets(middle) else fail).append(middle)
 
     def _verify(self, tried: _Tried) -> None:
         """Its error: at full size, or on every k-th pixel where that would take long; noise is the same everywhere."""
@@ -554,10 +592,8 @@ class _Search:
             for m in timed[:: 1 if turn % 2 == 0 else -1]:
                 least = min((x.median for x in timed if x.seconds), default=math.inf)
                 lost = bool(m.seconds) and min(m.seconds) > OUT_OF_RACE * least
-                if m.call is not None and not lost and (time.perf_counter() < until or turn < 3):
-                    began = time.perf_counter()
-                    m.call(turn + 1)
-                    m.seconds = (*m.seconds, time.perf_counter() - began)
+                if not lost and (time.perf_counter() < until or turn < 3):
+                    m.seconds = (*m.seconds, self._called(m))
         for m in meet:
             if m.call is None and isinstance(m.method, Followed):
                 m.guess = self._scaled(m.method, m.guess)
