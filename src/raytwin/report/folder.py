@@ -1,6 +1,7 @@
 """A comparison's folder: report.html, comparison.json, the EXRs of both images and of their difference."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,10 +29,6 @@ def write_all(result: "Result", folder: Path, json: Path | None = None, progress
     ]
     if alike:
         exrs.append(("error", Image(result.subject.mean - result.twin.mean), {"content": "tracer - twin"}))
-    for done, (name, image, more) in enumerate(exrs):
-        progress("EXRs", done, len(exrs))
-        files.write_exr(folder / f"{name}.exr", image, header | more)
-    progress("EXRs", len(exrs), len(exrs))
     for path in (folder / "comparison.json", json):
         if path is not None:
             write_comparison(result.report, path)
@@ -40,10 +37,16 @@ def write_all(result: "Result", folder: Path, json: Path | None = None, progress
         steps["picture"] = lambda: files.write_picture(folder / "augmented.png", augmented)
     if alike:
         steps["overview"] = lambda: files.write_picture(folder / "overview.png", overview(result))
-    for stage, step in steps.items():
-        progress(stage, 0, 1)
-        step()
-        progress(stage, 1, 1)
+    with ThreadPoolExecutor(1) as pool:  # OpenEXR packs without the interpreter: one core packs, the other draws
+        writing = [pool.submit(files.write_exr, folder / f"{n}.exr", image, header | more) for n, image, more in exrs]
+        for stage, step in steps.items():
+            progress(stage, 0, 1)
+            step()
+            progress(stage, 1, 1)
+        for done, job in enumerate(writing):
+            progress("EXRs", done, len(writing))
+            job.result()
+        progress("EXRs", len(writing), len(writing))
 
 
 def write_diff(found: Diff, folder: Path, progress: Progress = silent) -> None:

@@ -46,7 +46,7 @@ def png_bytes(drawing: Drawing) -> bytes:
     for shape in drawing.shapes:
         draw(canvas, pen, shape, k)
     buffer = io.BytesIO()
-    canvas.reduce(FINER).save(buffer, "png", optimize=True, dpi=(96 * SCALE, 96 * SCALE))
+    canvas.reduce(FINER).save(buffer, "png", compress_level=6, dpi=(96 * SCALE, 96 * SCALE))
     return buffer.getvalue()
 
 
