@@ -229,7 +229,7 @@ def test_a_size_that_is_none_is_refused(scenes, size):
 
 
 def test_a_scene_that_is_not_there_is_refused(tmp_path):
-    refused(raytwin("compare", tmp_path / "nowhere"), "nowhere", "no such scene (there are desk")
+    refused(raytwin("compare", tmp_path / "nowhere"), "nowhere", "no such scene (there are", "desk")
 
 
 def test_the_output_may_not_be_a_file(scenes, tmp_path):
