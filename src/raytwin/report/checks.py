@@ -115,7 +115,7 @@ def _view(
     if c.geometry.mask_mismatch_pixels is not None:
         tiles.insert(0, silhouette_tile(c, tolerance))
     return PairView(
-        title=f"{report.scene}, {report.rung}",
+        title=", ".join(filter(None, (report.scene, report.rung))),
         about=("test", test.rpartition("/")[2]),
         report=report.saying(*(f"note: {n}" for n in notes)),
         test=image,
