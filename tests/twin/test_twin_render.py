@@ -215,6 +215,16 @@ def test_a_texture_that_does_not_fit_is_named(textures, where):
 # ---------------------------------------------------------------------------------------------- noise
 
 
+@pytest.mark.parametrize("rung", ["shadow", "path"])
+def test_progress_climbs_to_a_hundred(rung, variant):
+    scene, told = Scene("s", looking_down(), (Sphere((0, 0, 0), 0.25),), (SUN, SKY)), []
+    render(scene, rung, samples=4, cache=False, progress=lambda *step: told.append(step))
+    assert {(what, most) for what, _, most in told} == {("twin", 100)}
+    done = [step[1] for step in told]
+    assert done == sorted(done)
+    assert done[-1] == 100
+
+
 def test_variance_by_batches_predicts_the_spread_between_seeds(scenes, variant):
     scene = files.read_scene(scenes / "overlap").scene
     scene = scene.with_camera(scene.camera.resized(40, 30))
