@@ -125,3 +125,15 @@ def test_both_pages_open_without_an_error(pair, browse):
 def test_the_page_of_two_sizes_runs_no_script(pair):
     _, out = pair(A, A[:-1])
     assert "<script" not in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_flips_map_is_on_the_page_where_it_was_asked_for(pair):
+    pytest.importorskip("flip_evaluator")
+    smooth = np.repeat(np.linspace(0, 1, 36, dtype=np.float32)[None, :, None], 24, axis=0).repeat(3, axis=2)
+    wrong = smooth.copy()
+    wrong[8:16, 8:16] += 0.5
+    for flip in (False, True):
+        found, out = pair(wrong, smooth, flip=flip)
+        text = (out / "report.html").read_text(encoding="utf-8")
+        assert ('"name": "flip"' in text) == flip
+        assert (found.comparison.perceptual.flip_mean is None) != flip
