@@ -47,7 +47,7 @@ FIRST = 8, 2
 """Samples of each half to begin with: of a few pixels, of the whole frame."""
 
 MOST_SAMPLES, MOST_WALKS, MOST_WALKS_NUMPY = 1 << 14, 1 << 26, 1 << 21
-"""A half of the truth has no more samples a pixel, and no more in all."""
+"""Nothing has more samples a pixel; a half of the truth has no more in all, and what is verified a quarter."""
 
 ROUNDS, PATIENCE, TIE = 5, 1.5, 1.1
 """Calls timed of each, about so many seconds of them; times within this ratio are a tie."""
@@ -123,11 +123,12 @@ class Error(NamedTuple):
     most: float
 
 
-def measure(metric: str, one: np.ndarray, other: np.ndarray, whole: np.ndarray) -> Error:
+def measure(metric: str, one: np.ndarray, other: np.ndarray, whole: np.ndarray, sampled: bool = False) -> Error:
     """The metric of an error, of which `one` and `other` (H, W, 3) are two estimates with independent noise.
 
     With d their difference and m their mean the product's variance is at most m² d² + (d²/2)², the noise of the three
-    channels of a pixel being taken as one. Metrics that are no mean of squares have no such estimate: theirs is of m,
+    channels of a pixel being taken as one; where the pixels are only `sampled` from more, it is what their products
+    scatter by, if that is larger. Metrics that are no mean of squares have no such estimate: theirs is of m,
     which the noise only makes larger, and the same of d/2 says by how much.
     """
     mean, apart = (one + other) / 2, one - other
@@ -141,24 +142,30 @@ def measure(metric: str, one: np.ndarray, other: np.ndarray, whole: np.ndarray) 
     value = float((one * other).mean(dtype=float))
     per_pixel = (np.square(x[..., 0] + x[..., 1] + x[..., 2]) for x in (np.abs(mean * apart), np.square(apart) / 2))
     sigma = math.sqrt(sum(float(x.sum(dtype=float)) for x in per_pixel)) / one.size
+    if sampled:
+        sigma = max(sigma, float((one * other).mean(axis=-1).std(dtype=float)) / math.sqrt(one.size / one.shape[-1]))
     root = math.sqrt if metric == "rmse" else float
     return Error(*(root(max(x, 0.0)) for x in (value, value - 2 * sigma, max(value, 0.0) + 2 * sigma)))
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """The whole light in two halves, each of `samples`; `parts` of each half where they are told apart."""
+    """The whole light in two halves, each of `samples`; `parts` of each half where they are told apart.
+
+    `sampled`: at some of the pixels that are judged.
+    """
 
     halves: tuple[np.ndarray, np.ndarray]
     samples: int
     parts: tuple[dict[str, np.ndarray], ...] = ()
+    sampled: bool = False
 
     @cached_property
     def mean(self) -> np.ndarray:
         return np.asarray((self.halves[0] + self.halves[1]) / 2)
 
     def error(self, image: np.ndarray, metric: str) -> Error:
-        return measure(metric, image - self.halves[0], image - self.halves[1], self.mean)
+        return measure(metric, image - self.halves[0], image - self.halves[1], self.mean, self.sampled)
 
     def noise(self, metric: str) -> float:
         """The largest error that cannot be told from none."""
@@ -170,7 +177,12 @@ class Truth:
     def of(self, metric: str, *names: str) -> Error:
         """The error of an image that lacks these parts and has all others."""
         one, other = (-sum((half[name] for name in names), np.zeros_like(self.mean)) for half in self.parts)
-        return measure(metric, one, other, self.mean)
+        return measure(metric, one, other, self.mean, self.sampled)
+
+    def every(self, step: int) -> "Truth":
+        """At every `step`-th of its pixels."""
+        one, other = (np.ascontiguousarray(half[::step, ::step]) for half in self.halves)
+        return Truth((one, other), self.samples, sampled=True)
 
     def sample_noise(self) -> float:
         """The variance of one sample a pixel, on average."""
@@ -191,11 +203,13 @@ def converge(render: Render, metric: str, enough: float, pixels: int, first: int
 
     truth = halves(first, 1001)
     falls = 0.5 if metric != "relmse" else 1.0  # the noise is a power of the samples
-    for seed in (2001, 3001):
+    for seed in range(2001, 9001, 1000):
         missing = truth.noise(metric) / enough
         if missing <= 1:
             break
-        wanted = int(min(truth.samples * missing ** (1 / falls) * 1.3, MOST_SAMPLES, most // pixels)) - truth.samples
+        # No more than six times as many at once: samples of a lattice often do better than chance.
+        wanted = truth.samples * min(1.1 * missing ** (1 / falls), 6.0)
+        wanted = int(min(wanted, MOST_SAMPLES, most // pixels)) - truth.samples
         if wanted <= 0:
             break
         truth = _together(truth, halves(wanted, seed))
@@ -312,8 +326,8 @@ class _Search:
         self.thin = scene.with_camera(every(scene.camera, self.step))
         self.pixels = self.thin.camera.width * self.thin.camera.height
         self.most = MOST_WALKS_NUMPY if self.slow else MOST_WALKS
-        self.most_samples = min(MOST_SAMPLES, self.most // self.pixels)
         self.low = converge(self.parts, metric, tolerance / 3, self.pixels, FIRST[0], self.most)
+        self.low = replace(self.low, sampled=self.step > 1)
         self._full: Truth | None = None
         self.sample_seconds = 0.0
 
@@ -350,7 +364,9 @@ class _Search:
             meet.remove(best)
             fail.append(best)
         if not meet:
-            return None, _rows(fail, self._why), f"nothing that was tried has {self.metric} <= {self.tolerance:g}"
+            near = max(fail, key=_rank)
+            words = f"nothing that was tried is known to meet {self.tolerance:g}; nearest comes {near.method.name}"
+            return None, _rows(fail, self._why), f"{words}: {self._why(near)}"
         slower = sorted((m for m in meet if m is not best), key=lambda m: m.median)
         cheaper = sorted((f for f in fail if _simplicity(f.method) < _simplicity(best.method)), key=lambda f: -_rank(f))
         others = [f for f in fail if f not in cheaper]
@@ -408,7 +424,7 @@ class _Search:
             tried = _Tried(method, 0.0)
             image = self._thinly(method)
             tried.error, tried.pixels = self.low.error(image, self.metric), self.pixels / self._frame
-            if tried.error.least <= 1.3 * self.tolerance:  # a part of the pixels may mislead
+            if tried.error.least <= self.tolerance:
                 self._look(tried)
             (meet if self._meets(tried) else fail).append(tried)
             if meet:
@@ -487,7 +503,7 @@ class _Search:
                 continue
             if self._meets(tried):
                 self._fewer(tried, tried.method, meet, fail)
-            elif tried.method.over == "area" and 2 * tried.method.samples <= self.most_samples:
+            elif tried.method.over == "area" and 2 * tried.method.samples <= MOST_SAMPLES:
                 queue.append(_Tried(replace(tried.method, samples=2 * tried.method.samples), 2 * tried.guess))
         return meet, fail
 
@@ -506,7 +522,7 @@ class _Search:
                 )
                 guess = (time.perf_counter() - began) * self._frame / self.pixels
                 error = self.low.error(image, self.metric)
-                if error.least <= 1.3 * self.tolerance:
+                if error.least <= self.tolerance:
                     yield _Tried(method, guess, error, self.pixels / self._frame)
                 if error.most <= self.tolerance:
                     break
@@ -524,7 +540,7 @@ class _Search:
                 continue
             room = self.tolerance**2 - bias.most**2 if self.metric != "relmse" else self.tolerance - bias.most
             guessed = variance / max(room, 1e-30) / (1.0 if self.metric != "relmse" else max(seen**2, 0.01))
-            if not guessed <= self.most_samples:
+            if not guessed <= MOST_SAMPLES:
                 continue
             samples = 1 << max(0, math.ceil(math.log2(max(guessed, 1.0))))
             method = Followed(
@@ -578,11 +594,17 @@ class _Search:
         if tried.guess <= LONG or not isinstance(method, Followed):
             self._look(tried)
             return
-        image = walk(
-            self.thin, method.rung, self.engine, sampling=method.over, samples=method.samples, seed=1,
-            depth=method.depth, side=1 / self.step, surface=False,
-        )  # fmt: skip
-        tried.error, tried.pixels = self.low.error(image.mean, self.metric), self.pixels / self._frame
+        for walks in (self.most / 4, self.most):
+            times = math.ceil(math.sqrt(method.samples * self.pixels / walks))
+            few = self.scene.with_camera(every(self.scene.camera, self.step * times))
+            image = walk(
+                few, method.rung, self.engine, sampling=method.over, samples=method.samples, seed=1, depth=method.depth,
+                side=1 / (self.step * times), surface=False,
+            )  # fmt: skip
+            tried.error = self.low.every(times).error(image.mean, self.metric)
+            tried.pixels = few.camera.width * few.camera.height / self._frame
+            if times == 1 or not tried.error.least <= self.tolerance < tried.error.most:
+                return
 
     def _fastest(self, meet: list[_Tried]) -> _Tried:
         """Timed in turns: each is called ROUNDS times, or as often as there is time; the simplest of a tie."""
@@ -678,7 +700,7 @@ def _unseen(search: _Search) -> Iterable[NotNeeded]:
         without = msgspec.structs.replace(scene, objects=others)
         after = [sum(search.parts(samples, seed, without).values(), np.float32(0)) for seed in (1, 2)]
         one, other = (np.asarray(x - y) for x, y in zip(after, before, strict=True))
-        error = measure(search.metric, one, other, low.mean)
+        error = measure(search.metric, one, other, low.mean, low.sampled)
         if error.most <= search.tolerance:
             why = f"no pixel sees it, and what it does to the light of others is {_below(search, error)}"
             yield NotNeeded(scene.names[i], why, search.bound(search.bounds.without(i)), error.value)
