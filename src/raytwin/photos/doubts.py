@@ -278,7 +278,7 @@ def _unsupported(case: Case) -> Doubts:
     known = undone(case.calibration.K, case.calibration.dist, case.image_size)
     if known.fault:
         lost = 100 * float((known.share[4 * SIDE :] < 1).mean())
-        text = f"no ray belongs to {lost:.2g} % of the frame: the distortion cannot be undone at {known.fault}"
+        text = f"no ray belongs to {lost:.2g} % of the frame, left black: the lens cannot be undone at {known.fault}"
         yield "unconverged-distortion", f"{text}; photograph the board there"
 
 
