@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from raytwin.compare import compare
 from raytwin.compare.geometry import geometry_findings
-from raytwin.compare.shift import Shift, _overlap, find_shift
+from raytwin.compare.shift import Shift, _lit, _overlap, find_shift
 from raytwin.files import read_image
 from raytwin.image import Image, Surface
 from raytwin.scene import Tolerance
@@ -177,6 +177,12 @@ def test_the_overlap_of_an_image_and_itself_moved_is_the_same_in_both(dx, dy):
     a, b = _overlap(t[3:12, 3:14], r, dx, dy)
     assert a.shape == (9 - abs(dy), 11 - abs(dx))
     assert np.array_equal(a, b)
+
+
+def test_what_light_explains_does_not_depend_on_the_scale():
+    d, m = np.random.default_rng(4).random((2, 40, 50))
+    assert _lit(1e-3 * d, 1e-3 * m) == pytest.approx(1e-6 * _lit(d, m), rel=1e-12)
+    assert _lit(0.3 * m, m) == pytest.approx(np.square(0.3 * m).sum(), rel=1e-12)
 
 
 def test_shadows_that_are_missing_are_not_told_as_a_shift(scenes):

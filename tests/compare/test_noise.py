@@ -161,6 +161,16 @@ def test_the_upper_limit_of_what_was_missed_is_that_of_a_poisson_mean():
     assert mine.always.of(1e9, radiance)[0] == pytest.approx(expected)
 
 
+def test_what_was_missed_follows_the_events_size():
+    found = []
+    for size in (1.0, 1e-3):
+        v = np.full((64, 64, 3), 1e-8 * size**2, np.float32)
+        v[4::16, 4::16] = size**2
+        side = noise.survey(flat(v, 0.01 * size), np.full_like(v, size))
+        found.append(noise.missed(side, None, (0, 0), 64 * 64, 2.5e-4)[0].fixed / size)
+    assert list(found[1]) == pytest.approx(list(found[0]), rel=1e-5)
+
+
 def test_events_that_are_more_alike_relative_to_the_radiance_are_granted_relative_to_it():
     v = np.full((64, 64, 3), 1e-8, np.float32)
     radiance = np.ones_like(v)
