@@ -542,7 +542,7 @@ class _Search:
             guessed = variance / max(room, 1e-30) / (1.0 if self.metric != "relmse" else max(seen**2, 0.01))
             if not guessed <= MOST_SAMPLES:
                 continue
-            samples = 1 << max(0, math.ceil(math.log2(max(guessed, 1.0))))
+            samples = 1 << max(0, math.ceil(math.log2(max(guessed / 4, 1.0))))  # a lattice may do better than chance
             method = Followed(
                 "sky" if depth == 2 else "path", self.engine, samples, depth=None if depth == 2 else depth
             )
