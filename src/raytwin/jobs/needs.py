@@ -533,6 +533,7 @@ class _Search:
         variance = self.low.sample_noise()
         a_sample = self._seconds_a_sample()
         seen = np.abs(self.low.mean).mean(dtype=float) or 1.0
+        centered = False
         for depth in (2, 3, 4, 5, DEEP):
             left = names[min(depth - 2, len(names)) :] if depth != DEEP else []
             bias = self.low.of(self.metric, *left) if left else Error(0.0, 0.0, 0.0)
@@ -547,9 +548,9 @@ class _Search:
                 "sky" if depth == 2 else "path", self.engine, samples, depth=None if depth == 2 else depth
             )
             yield _Tried(method, samples * a_sample * (0.8 + 0.2 * depth / DEEP))
-            if samples > 1 and depth < DEEP and self.metric == "rmse":
+            if samples > 1 and not centered and self.metric == "rmse":
+                centered = True
                 yield from self._at_the_center(method, samples * a_sample)
-                return
 
     def _at_the_center(self, method: Followed, guess: float) -> Iterable[_Tried]:
         """Fewer samples may do where none of them is spent on edges, at the price of the pixels' area."""
