@@ -102,6 +102,14 @@ def inside(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
     return errors(rays._replace(unit=hits(*rays[:4])))
 
 
+def behind(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
+    """From x radii above the surface, away from it: there is no hit."""
+    w, p = directions(rng, n)
+    slope = rng.uniform(0.2, 0.9, n)
+    d = slope[:, None] * w + np.sqrt(1 - slope**2)[:, None] * p
+    return errors(Rays((1 + x) * w, d, 0 * w, np.ones(n), np.ones(n)))
+
+
 def level(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
     """From within, along the x axis, the centre x radii ahead: what is left of b when the origin is level with it."""
     y, z = 0.3 * rng.random((2, n))
@@ -269,6 +277,15 @@ EXPERIMENTS = (
         "from, and raytwin's never does.",
         "Pharr, Jakob and Humphreys, Physically Based Rendering (2023), section 6.8",
         laws(lambda u, x: u / x, lambda u, x: u / x, lambda u, x: u / x / 2), more=decades(-1, -12, 3),
+    ),
+    Experiment(
+        "sphere-behind", "A sphere just behind the ray", "height above the surface / radius",
+        "1 where a ray meets what lies behind it", 1e-3, decades(-1, -12), behind, OURS,
+        "The farther root is as far behind the ray as its start is above the surface, and rounding moves the start by "
+        "u: below that, some starts are within the sphere and their rays meet it from inside. No solver can tell; "
+        "float64 can, down to the width of an atom.",
+        "Pharr, Jakob and Humphreys, Physically Based Rendering (2023), section 6.8",
+        laws(lambda u, x: float(x < u), lambda u, x: float(x < u), lambda u, x: float(x < u)), more=decades(-1, -12, 3),
     ),
     Experiment(
         "sphere-level", "A ray that starts level with the centre", "b = distance to the centre's level, radii",
