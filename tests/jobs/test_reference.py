@@ -440,10 +440,10 @@ def test_in_the_scene_weekend_the_ground_ends_where_the_cone_that_grazes_it_does
 
 
 def test_in_the_scene_weekend_the_open_ground_lacks_the_sky_that_the_balls_hide_and_no_more():
-    """a (E cos V / pi + Ls (1 - sum of the balls' F)) where no two balls stand before each other: in 2927 pixels.
+    """a (E cos V / pi + Ls (1 - sum of the balls' F)) where no two balls stand before each other: in 1278 pixels.
 
     Balls may that take 3e-5 of the sky at most. A sample sees the sky or it does not, so the variance is that of a
-    binomial, too: z's mean is within 4 standard errors of 0, its square within 10 % of 1.
+    binomial, too: z's mean is within 4 standard errors of 0, its square within 16 %, 4 again, of 1.
     """
     found, direct = (references.load(references.path_of(files.REFERENCES, "weekend", r)) for r in ("sky", "surface"))
     scene, surface = found.scene, direct.image.surface
@@ -467,13 +467,13 @@ def test_in_the_scene_weekend_the_open_ground_lacks_the_sky_that_the_balls_hide_
             open_ground &= apart | (np.minimum(F, G) < 3e-5)
     hidden = sum(F for *_, F in cones)
     open_ground &= hidden > 1e-3
-    assert open_ground.sum() > 2500
+    assert open_ground.sum() > 1200
     sky = scene.objects[0].material.albedo[1] * scene.sky.radiance[1]
     off = found.image.mean[..., 1].astype(float) - (shadow[..., 1] - sky * hidden)
     F, off = hidden[open_ground], off[open_ground]
     z = off / (sky * np.sqrt(F * (1 - F) / found.image.samples))
     assert abs(z.mean()) < 4 / np.sqrt(len(z))
-    assert np.mean(z**2) == pytest.approx(1, rel=0.1)
+    assert np.mean(z**2) == pytest.approx(1, rel=0.16)
 
 
 def board_rays(camera) -> np.ndarray:
