@@ -332,7 +332,7 @@ EXPERIMENTS = (
     Experiment(
         "planes-fight", "Two sheets, one close above the other", "distance apart / height of the eye",
         "share of pixels that see the lower",
-        1e-3, decades(-1, -16), fought, (TRACER,),
+        1e-3, decades(-1, -16), fought, (TWIN, TRACER),
         "Sheets nearer to each other than rounding fight for each pixel, and shade each other in patches. raytwin "
         "refuses a scene whose rectangles lie in one place, to the floats that are used, and says which two.",
         "Lapidous and Jiao, Optimal Depth Buffer for Low-Cost Graphics Hardware (1999): the same in rasterisers",
