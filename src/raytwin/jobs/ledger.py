@@ -41,15 +41,13 @@ SMALL = 96
 class Ledger:
     """`parts` as comparison.json has them; `pictures`: each part of the error (h, w, 3), whose sum is `error`.
 
-    Of every `step`-th pixel. `left_out`: of the whole light, the share that the rung leaves out; less than 0 where it
-    shows too much.
+    Of every `step`-th pixel.
     """
 
     parts: tuple[Part, ...]
     pictures: dict[str, np.ndarray]
     error: np.ndarray
     step: int
-    left_out: float
 
 
 def make_ledger(scene: Scene, shown: Image, rung: str, engine: str, depth: int = 8) -> Ledger:
@@ -64,7 +62,8 @@ def make_ledger(scene: Scene, shown: Image, rung: str, engine: str, depth: int =
     halves = [light_parts(thin, engine, samples=SAMPLES, seed=k, depth=depth, side=1 / step) for k in SEEDS]
     seconds = time.perf_counter() - began
     kept = _shown_by(rung)
-    split = [_split(thin, seen, rung, engine, light, kept) for light in halves]
+    exact = None if RUNGS[rung].noisy else _exact(thin, rung, engine)
+    split = [_split(seen, exact, light, kept) for light in halves]
     errors = [_sum(pictures.values(), seen) for pictures in split]
     squared = float((errors[0] * errors[1]).sum(dtype=float))
     whole = sum(float(part.mean.mean(dtype=float)) for light in halves for part in light.values()) / 2
@@ -88,9 +87,7 @@ def make_ledger(scene: Scene, shown: Image, rung: str, engine: str, depth: int =
         )
     noise = float(np.sqrt(np.square(errors[0] - errors[1], dtype=float).mean())) / 2
     rows.append(Part("noise", rmse=noise, noise=noise))
-    left_out = sum(float(p.mean(dtype=float)) for name, p in pictures.items() if name in LEFT_OUT)
-    error = (errors[0] + errors[1]) / 2
-    return Ledger(tuple(rows), pictures, error, step, -left_out / whole if whole else 0.0)
+    return Ledger(tuple(rows), pictures, (errors[0] + errors[1]) / 2, step)
 
 
 def every(camera: Camera, step: int) -> Camera:
@@ -102,13 +99,13 @@ def every(camera: Camera, step: int) -> Camera:
 
 
 def _split(
-    scene: Scene, seen: np.ndarray, rung: str, engine: str, light: dict[str, Image], kept: tuple[str, ...]
+    seen: np.ndarray, exact: np.ndarray | None, light: dict[str, Image], kept: tuple[str, ...]
 ) -> dict[str, np.ndarray]:
+    """The parts of what is seen; `exact`: its rung without error, where no samples make it."""
     over_area = _sum((light[name].mean for name in kept), seen)
-    if RUNGS[rung].noisy:
+    if exact is None:
         own = {"its own samples": seen - over_area}
     else:
-        exact = _exact(scene, rung, engine)
         own = {"numerics": seen - exact, "pixel sampling": exact - over_area}
     return own | {name: -light[part].mean for name, part in LEFT_OUT.items() if part not in kept}
 

@@ -1,6 +1,5 @@
 """report.html: one file that opens offline; the viewer, numbers, calibration, times beside errors."""
 
-import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from importlib import resources
@@ -56,7 +55,7 @@ def side_by_side(view: PairView) -> dict[str, Any]:
         "bound": {"share": share, "scale": view.scale, "held": allowed(view) is not None},
         "places": places(view)[1],
         "marks": apart,
-        "exposure": round(math.log2(pictures.exposure(view.reference)), 2),
+        "exposure": pictures.stops(view.reference),
         "start": worst[0] if worst else None,
         "address": True,
     }

@@ -10,7 +10,7 @@ from raytwin.image import Image
 from raytwin.report.charts import Asked, Chart, Line, Point, layout, log_range, placed, svg_text, write_charts
 from raytwin.report.html import asset, environment
 from raytwin.report.numbers import seconds, shown
-from raytwin.report.pictures import exposure
+from raytwin.report.pictures import stops
 
 if TYPE_CHECKING:
     from raytwin.jobs.ladder import Ladder, Rungs, Step
@@ -40,7 +40,7 @@ def write_ladder(found: "Ladder", folder: str | os.PathLike[str]) -> None:
     ]
     data = packed.for_page() | {
         "names": {"test": "A", "reference": "B"}, "panes": panes, "noisy": False,
-        "bound": {"share": LINEAR, "scale": 1.0, "held": False}, "exposure": _stops(Image(images["whole light"])),
+        "bound": {"share": LINEAR, "scale": 1.0, "held": False}, "exposure": stops(Image(images["whole light"])),
     }  # fmt: skip
     drawn = error_chart(rungs)
     page = environment().from_string(asset("ladder.html.j2")).render(
@@ -110,9 +110,3 @@ def bars(rungs: "Rungs", rung: str) -> list[dict[str, Any]]:
 def _tip(step: "Step") -> str:
     noise = "" if step.noise is None else f"\nnoise {shown(step.noise, 2)}"
     return f"{step.method}\n{seconds(step.seconds)}\nRMSE {shown(step.rmse, 3)}{noise}"
-
-
-def _stops(image: Image) -> float:
-    import math
-
-    return round(math.log2(exposure(image)), 2)

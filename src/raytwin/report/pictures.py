@@ -30,6 +30,11 @@ def exposure(image: Image) -> float:
     return 1 / white if white > 0 else 1.0
 
 
+def stops(image: Image) -> float:
+    """The same in stops, to two digits: what the viewer opens with."""
+    return round(math.log2(exposure(image)), 2)
+
+
 def exposed(image: Image, gain: float) -> np.ndarray:
     """sRGB uint8 of gain * radiance."""
     with np.errstate(invalid="ignore", over="ignore"):
