@@ -11,7 +11,7 @@ import numpy as np
 
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.speed.engine import Engine, from_numpy, gather
-from raytwin.speed.plan import Lists
+from raytwin.speed.plan import Lists, one_list
 from raytwin.tracer.hit import Facts, facts_of
 
 FIELDS = {"center": 3, "radius": 1, "half_u": 3, "half_v": 3, "albedo": 3, "flat": 3, "bend": 1}
@@ -109,9 +109,6 @@ def walk(table: Table, engine: Engine, lists: Lists, tiles: np.ndarray, number: 
 
 def walk_all(table: Table, engine: Engine) -> Walked:
     """All objects for every ray, on Dr.Jit."""
-    n = len(table.objects)
-    even = np.array([not isinstance(thing, Sphere) for thing in table.objects], bool)
-    ends = (np.array([k, k]) for k in (0, n - np.count_nonzero(even), n))
-    lists = Lists(np.argsort(even, kind="stable"), *ends)
+    is_flat = np.array([not isinstance(thing, Sphere) for thing in table.objects], bool)
     zero = from_numpy(engine, np.zeros(1, int), whole=True)
-    return walk(table, engine, lists, np.zeros(2, int), zero)
+    return walk(table, engine, one_list(2, is_flat), np.zeros(2, int), zero)

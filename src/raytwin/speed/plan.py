@@ -52,7 +52,7 @@ def plan(scene: Scene, boxes: np.ndarray, size: tuple[int, int], side: int, shad
     columns, rows = -(-size[0] // side), -(-size[1] // side)
     tile, thing, full = _covered(boxes.reshape(-1, 4), side, columns)
     if n and ((boxes == (0, 0, *size)).all() or full):  # nothing is trimmed, or hardly anything
-        every = _one_list(columns * rows, is_flat)
+        every = one_list(columns * rows, is_flat)
         return Plan(side, columns, np.arange(columns * rows), every, every)
     seen = _lists(tile, thing, columns * rows, is_flat)
     casters = Lists(*(np.zeros(len(part), np.int32) for part in seen))
@@ -77,7 +77,7 @@ def _casters(scene: Scene, boxes: np.ndarray, size: tuple[int, int], side: int, 
     """The casters of what the tiles see: on a rectangle, only those whose shadow's box touches the tile."""
     columns, rows = -(-size[0] // side), -(-size[1] // side)
     if (found := shading(scene)) is None:
-        return _one_list(columns * rows, is_flat)
+        return one_list(columns * rows, is_flat)
     first, caster = found
     shaded = np.repeat(np.arange(len(is_flat)), np.diff(first))
     reach = boxes[shaded]
@@ -90,13 +90,13 @@ def _casters(scene: Scene, boxes: np.ndarray, size: tuple[int, int], side: int, 
         reach[flat, 2:] = np.minimum(reach[flat, 2:], around[:, 2:])
     tile, pair, full = _covered(reach, side, columns)
     if full:
-        return _one_list(columns * rows, is_flat)
+        return one_list(columns * rows, is_flat)
     n = max(len(is_flat), 1)
     both = np.unique(tile.astype(np.int64) * n + caster[pair])
     return _lists(both // n, both % n, columns * rows, is_flat)
 
 
-def _one_list(tiles: int, is_flat: np.ndarray) -> Lists:
+def one_list(tiles: int, is_flat: np.ndarray) -> Lists:
     """All objects for every tile."""
     n = len(is_flat)
     ends = (np.full(tiles, k, np.int32) for k in (0, n - np.count_nonzero(is_flat), n))
