@@ -1,0 +1,1 @@
+"""Students' tracers, graded."""

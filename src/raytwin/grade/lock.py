@@ -1,0 +1,285 @@
+"""A process locks itself in: rlimits, another uid, Landlock, seccomp; what the machine lacks is said, never assumed.
+
+Standard library alone (and landlockpy, if it is there): a submission's process loads this file before any of the
+submission's code. Each lock holds for the process and all that it starts, and cannot be taken back.
+"""
+
+import contextlib
+import ctypes
+import errno
+import os
+import platform
+import struct
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+LOCKS = {
+    "process group": "left-over processes are killed",
+    "rlimits": "memory, CPU seconds, size of files, number of processes",
+    "other uid": "reads and kills nothing of the grader's",
+    "Landlock": "sees Python, its own files and an empty folder",
+    "seccomp": "no sockets, no ptrace, no other namespaces, no signals to others",
+}
+"""What can hold, and what it is for."""
+
+HELD = "holds"
+
+
+def lock(folder: Path, submission: Path, limits: dict[str, int], hidden: Sequence[str], uid: bool) -> dict[str, str]:
+    """Of every lock `HELD`, or why it does not. `folder` alone can be written to; `hidden` folders cannot be read."""
+    unseen = [*hidden, *(str(Path(p, "raytwin")) for p in sys.path)]
+    steps = {
+        "process group": _own_group,
+        "rlimits": lambda: _limit(limits),
+        "Landlock": lambda: _landlock(folder, submission, [Path(h).resolve() for h in unseen]),
+        "other uid": lambda: _drop(folder, limits["processes"]) if uid else _said("not asked for"),
+        "seccomp": _seccomp,
+    }
+    found = {}
+    for name, step in steps.items():
+        try:
+            step()
+            found[name] = HELD
+        except _Lacking as reason:
+            found[name] = str(reason)
+        except (OSError, AttributeError, ImportError, ValueError) as error:
+            found[name] = f"{type(error).__name__}: {error}"
+    return found
+
+
+class _Lacking(Exception):
+    """A lock that this machine has not."""
+
+
+def _said(reason: str) -> None:
+    raise _Lacking(reason)
+
+
+# ------------------------------------------------------------------------------------------ group, limits, uid
+
+
+def _own_group() -> None:
+    if not hasattr(os, "getpgid"):
+        raise _Lacking("not on this system")
+    if os.getpgid(0) != os.getpid():
+        raise _Lacking("it is in another's group")
+    if sys.platform == "linux":
+        _prctl(1, 9)  # PR_SET_PDEATHSIG: killed with the grader
+        _prctl(38, 1)  # PR_SET_NO_NEW_PRIVS: no setuid program helps
+        with contextlib.suppress(OSError):  # where memory ends, this process ends, not the grader
+            Path("/proc/self/oom_score_adj").write_text("1000")
+
+
+def _limit(limits: dict[str, int]) -> None:
+    try:
+        import resource
+    except ImportError:
+        raise _Lacking("not on this system") from None
+    asked = {
+        "RLIMIT_CORE": 0,
+        "RLIMIT_AS": limits["memory"],
+        "RLIMIT_CPU": limits["cpu"],
+        "RLIMIT_FSIZE": limits["file"],
+        "RLIMIT_NOFILE": 256,
+        "RLIMIT_MSGQUEUE": 0,
+        "RLIMIT_MEMLOCK": 0,
+    }
+    if os.getuid() != 0:
+        asked["RLIMIT_NPROC"] = _threads_of(os.getuid()) + limits["processes"]
+    for name, value in asked.items():
+        if (kind := getattr(resource, name, None)) is not None:
+            most = resource.getrlimit(kind)[1]
+            value = value if most == resource.RLIM_INFINITY else min(value, most)
+            resource.setrlimit(kind, (value, value + (name == "RLIMIT_CPU" and value != most)))
+
+
+def _threads_of(uid: int) -> int:
+    """How many threads the user runs: the limit is one on all of them together."""
+    count = 0
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            if entry.stat().st_uid == uid:
+                count += sum(1 for _ in (entry / "task").iterdir())
+        except OSError:  # it has ended, or is another's
+            continue
+    return count
+
+
+def _drop(folder: Path, processes: int) -> None:
+    """To a uid that no other process has: this process's number above 60 000."""
+    if not hasattr(os, "getuid") or os.getuid() != 0:
+        raise _Lacking("the grader is not root")
+    uid = 60_000 + os.getpid() % 5_000
+    os.chown(folder, uid, uid)
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_NPROC, (processes, processes))
+    os.setgroups([])
+    os.setresgid(uid, uid, uid)
+    os.setresuid(uid, uid, uid)
+    if sys.platform == "linux":
+        _prctl(1, 9)  # a change of uid has taken it back
+    for name in ("numpy", "encodings"):  # what lies where the uid cannot read cannot be imported any more
+        there = getattr(sys.modules.get(name), "__file__", None)
+        if there is not None and not os.access(there, os.R_OK):
+            raise OSError(errno.EACCES, "another uid cannot read Python's packages", there)
+
+
+def _prctl(option: int, value: int) -> None:
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.prctl(option, ctypes.c_ulong(value), *(ctypes.c_ulong(0),) * 3):
+        raise OSError(ctypes.get_errno(), f"prctl {option}")
+
+
+# ------------------------------------------------------------------------------------------ Landlock
+
+
+def _landlock(folder: Path, submission: Path, hidden: Sequence[Path]) -> None:
+    if sys.platform != "linux":
+        raise _Lacking("not on this system")
+    try:
+        from landlockpy import AccessFS, Ruleset, Scope, supported
+    except ImportError:
+        raise _Lacking("pip install landlockpy") from None
+    if not supported():
+        raise _Lacking("not in this kernel")
+    reading = AccessFS.READ_FILE | AccessFS.READ_DIR | AccessFS.EXECUTE
+    both = Scope.ABSTRACT_UNIX_SOCKET | Scope.SIGNAL
+    with Ruleset(scoped=both) as rules:
+        for path, listed in readable(hidden):
+            rules.allow_path(path, AccessFS.READ_DIR if listed else reading if path.is_dir() else AccessFS.READ_FILE)
+        rules.allow_path("/dev/null", AccessFS.READ_FILE | AccessFS.WRITE_FILE)
+        rules.allow_path(submission, reading)
+        special = AccessFS.MAKE_CHAR | AccessFS.MAKE_BLOCK | AccessFS.MAKE_SOCK | AccessFS.IOCTL_DEV
+        rules.allow_path(folder, AccessFS(sum(AccessFS) & ~special))
+        rules.restrict()
+
+
+def readable(hidden: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
+    """Python, the system's libraries and packages, without what is hidden; True: only the names in it."""
+    roots = [sys.prefix, sys.base_prefix, *sys.path, "/usr", "/lib", "/lib64", "/bin"]
+    files = ["/etc/ld.so.cache", "/etc/localtime", "/dev/urandom", "/dev/zero", "/proc/cpuinfo", "/proc/meminfo"]
+    files += ["/sys/devices/system/cpu"]
+    there = {Path(p).resolve() for p in [*roots, *files] if p and Path(p).exists()} - {Path("/")}
+    for root in sorted(there):
+        yield from _without(root, hidden)
+
+
+def _without(root: Path, hidden: Iterable[Path]) -> Iterator[tuple[Path, bool]]:
+    inside = [h for h in hidden if h.is_relative_to(root)]
+    if root in inside or any(root.is_relative_to(h) for h in hidden):
+        return
+    if not inside:
+        yield root, False
+        return
+    yield root, True
+    for child in sorted(root.iterdir()):
+        if not child.is_symlink():
+            yield from _without(child, inside)
+
+
+# ------------------------------------------------------------------------------------------ seccomp
+
+DENIED: dict[str, tuple[int, int]] = {
+    # sockets: a connected pair of streams is all that there is
+    "socket": (41, 198), "connect": (42, 203), "accept": (43, 202), "accept4": (288, 242), "bind": (49, 200),
+    "listen": (50, 201), "sendmmsg": (307, 269),
+    # other processes
+    "ptrace": (101, 117), "process_vm_readv": (310, 270), "process_vm_writev": (311, 271), "kcmp": (312, 272),
+    "pidfd_open": (434, 434), "pidfd_getfd": (438, 438), "pidfd_send_signal": (424, 424), "tkill": (200, 130),
+    "rt_sigqueueinfo": (129, 138), "rt_tgsigqueueinfo": (297, 240), "process_madvise": (440, 440),
+    "process_mrelease": (448, 448), "migrate_pages": (256, 238), "move_pages": (279, 239), "setpriority": (141, 140),
+    "sched_setaffinity": (203, 122), "sched_setscheduler": (144, 119), "sched_setparam": (142, 118),
+    "sched_setattr": (314, 274), "ioprio_set": (251, 30),
+    # out of the group that is killed in the end
+    "setsid": (112, 157), "setpgid": (109, 154),
+    # namespaces, mounts, handles of files
+    "unshare": (272, 97), "setns": (308, 268), "mount": (165, 40), "umount2": (166, 39), "pivot_root": (155, 41),
+    "chroot": (161, 51), "open_tree": (428, 428), "move_mount": (429, 429), "fsopen": (430, 430),
+    "fsconfig": (431, 431), "fsmount": (432, 432), "fspick": (433, 433), "mount_setattr": (442, 442),
+    "name_to_handle_at": (303, 264), "open_by_handle_at": (304, 265), "fanotify_init": (300, 262),
+    # ways round a filter, and into the kernel
+    "io_uring_setup": (425, 425), "io_uring_enter": (426, 426), "io_uring_register": (427, 427), "bpf": (321, 280),
+    "perf_event_open": (298, 241), "userfaultfd": (323, 282), "add_key": (248, 217), "request_key": (249, 218),
+    "keyctl": (250, 219), "init_module": (175, 105), "finit_module": (313, 273), "delete_module": (176, 106),
+    "kexec_load": (246, 104), "kexec_file_load": (320, 294), "personality": (135, 92), "syslog": (103, 116),
+    # the machine's
+    "reboot": (169, 142), "swapon": (167, 224), "swapoff": (168, 225), "quotactl": (179, 60), "acct": (163, 89),
+    "settimeofday": (164, 170), "clock_settime": (227, 112), "adjtimex": (159, 171), "clock_adjtime": (305, 266),
+    "sethostname": (170, 161), "setdomainname": (171, 162), "vhangup": (153, 58),
+    # memory that outlives the process, or that no limit counts
+    "shmget": (29, 194), "semget": (64, 190), "msgget": (68, 186), "mq_open": (240, 180), "memfd_create": (319, 279),
+    "memfd_secret": (447, 447),
+}  # fmt: skip
+"""System calls that are refused: their numbers on x86_64 and on aarch64."""
+
+PARTLY = {
+    "clone": (56, 220), "clone3": (435, 435), "kill": (62, 129), "tgkill": (234, 131), "prlimit64": (302, 261),
+    "socketpair": (53, 199), "fcntl": (72, 25), "ioctl": (16, 29),
+}  # fmt: skip
+"""Refused for some arguments."""
+
+MACHINES = {"x86_64": (0xC000003E, 0), "amd64": (0xC000003E, 0), "aarch64": (0xC00000B7, 1), "arm64": (0xC00000B7, 1)}
+"""AUDIT_ARCH_*, and the column above."""
+
+NEW_NAMESPACES = 0x7E020080
+"""CLONE_NEWNS, CGROUP, UTS, IPC, USER, PID, NET, TIME."""
+F_SETOWN, F_SETSIG, F_SETOWN_EX = 8, 10, 15
+FIOSETOWN, SIOCSPGRP, TIOCSTI, TIOCLINUX = 0x8901, 0x8902, 0x5412, 0x541C
+
+_LOAD, _EQUAL, _AT_LEAST, _ANY_BIT, _MASK, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x54, 0x06
+_ALLOW, _KILL, _ERRNO = 0x7FFF0000, 0x80000000, 0x00050000
+_REFUSE, _ABSENT = _ERRNO | errno.EPERM, _ERRNO | errno.ENOSYS
+
+
+def _seccomp() -> None:
+    if sys.platform != "linux" or platform.machine().lower() not in MACHINES:
+        raise _Lacking("not on this system")
+    program = assembled(*MACHINES[platform.machine().lower()], os.getpid())
+    text = ctypes.create_string_buffer(program, len(program))
+
+    class Program(ctypes.Structure):
+        _fields_ = [("length", ctypes.c_ushort), ("filter", ctypes.c_void_p)]
+
+    told = Program(len(program) // 8, ctypes.addressof(text))
+    _prctl(38, 1)
+    libc = ctypes.CDLL(None, use_errno=True)
+    call = {0: 317, 1: 277}[MACHINES[platform.machine().lower()][1]]
+    if libc.syscall(call, 1, 1, ctypes.byref(told)) and libc.prctl(22, 2, ctypes.byref(told), 0, 0):
+        raise OSError(ctypes.get_errno(), "the kernel takes no filter")
+
+
+def assembled(architecture: int, column: int, pid: int) -> bytes:
+    """The filter, in classic BPF. Another architecture's calls are refused, and x32's, whose numbers are others."""
+    code: list[tuple[int, int, int, int]] = [(_LOAD, 0, 0, 4), (_EQUAL, 1, 0, architecture), (_RETURN, 0, 0, _KILL)]
+    code += [(_LOAD, 0, 0, 0), (_AT_LEAST, 0, 1, 0x40000000), (_RETURN, 0, 0, _REFUSE)]
+    number = {name: both[column] for name, both in PARTLY.items()}
+    for name in DENIED:
+        code += [(_EQUAL, 0, 1, DENIED[name][column]), (_RETURN, 0, 0, _REFUSE)]
+    code += [(_EQUAL, 0, 1, number["clone3"]), (_RETURN, 0, 0, _ABSENT)]  # its flags lie in memory: clone comes next
+    code += _refused(number["clone"], 0, _ANY_BIT, NEW_NAMESPACES)
+    code += _allowed(number["kill"], 0, (pid, 0))
+    code += _allowed(number["tgkill"], 0, (pid,))
+    code += _allowed(number["prlimit64"], 0, (pid, 0))
+    code += _allowed(number["socketpair"], 1, (1,), mask=0xF)  # SOCK_STREAM, for which a message has no address
+    for argument in (F_SETOWN, F_SETSIG, F_SETOWN_EX):
+        code += _refused(number["fcntl"], 1, _EQUAL, argument)
+    for argument in (FIOSETOWN, SIOCSPGRP, TIOCSTI, TIOCLINUX):
+        code += _refused(number["ioctl"], 1, _EQUAL, argument)
+    code.append((_RETURN, 0, 0, _ALLOW))
+    return b"".join(struct.pack("<HBBI", *line) for line in code)
+
+
+def _refused(number: int, argument: int, test: int, value: int) -> list[tuple[int, int, int, int]]:
+    """The call of that number, refused where its argument passes the test."""
+    body = [(_LOAD, 0, 0, 16 + 8 * argument), (test, 0, 1, value), (_RETURN, 0, 0, _REFUSE), (_LOAD, 0, 0, 0)]
+    return [(_EQUAL, 0, len(body), number), *body]
+
+
+def _allowed(number: int, argument: int, values: Sequence[int], mask: int = 0) -> list[tuple[int, int, int, int]]:
+    """The call of that number, refused where its argument (its bits of the mask) is none of the values."""
+    body = [(_LOAD, 0, 0, 16 + 8 * argument), *([(_MASK, 0, 0, mask)] if mask else [])]
+    body += [(_EQUAL, len(values) - i, 0, value) for i, value in enumerate(values)]
+    body += [(_RETURN, 0, 0, _REFUSE), (_LOAD, 0, 0, 0)]
+    return [(_EQUAL, 0, len(body), number), *body]

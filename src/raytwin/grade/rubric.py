@@ -1,0 +1,170 @@
+"""A rubric in TOML: exercises with their points, partial credit by measured error, speed against accuracy, limits.
+
+    title = "The paper's pipeline"
+    [[exercises]]
+    stage = "render"
+    scenes = ["single", "overlap"]      # shipped, or in the folder `scenes` beside the rubric
+    drawn = 2                           # and two that nobody has seen, drawn anew for each submission
+    rung = "shadow"
+    points = 30
+    credit = [[1e-4, 0.9], [1e-2, 0.5]] # an error of 1e-4 earns 0.9 of the points, of 1e-2 a half, above that nothing
+    visibility = "after_due_date"
+
+`raytwin grade starter --rubric` writes a whole one. Knows numbers, not how they were measured.
+"""
+
+import hashlib
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from raytwin import files
+from raytwin.errors import InputError, check_one_of
+from raytwin.grade.sandbox import Limits
+from raytwin.rungs import RUNGS
+
+PICTURES = ("hit_points", "render")
+"""Stages that take a scene: these can be held to scenes by name, and to drawn ones."""
+STAGES = ("back_project", "estimate_pose", "intersect_sphere", "shade", *PICTURES)
+ONE_RAY = ("lambert", "shadow")
+"""Rungs without noise, which a student's tracer may be held to."""
+
+Visibility = Literal["visible", "hidden", "after_due_date"]
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The base of what a rubric holds."""
+
+
+class Exercise(Record, frozen=True):
+    """One row: a `stage` held to its own cases, or a picture to `scenes` by name and to as many `drawn` ones.
+
+    `tolerance`: of the stage's error, or of a picture's, relative to its scale; None: the stage's own, the scene's own.
+    A case or scene that passes earns its share of the points whole; one that does not earns what `credit` says of its
+    error (`measure`: `wrong`, the share of values that are off), interpolated over the error's logarithm: the first
+    row's share below it, nothing above the last.
+    """
+
+    stage: str
+    points: Annotated[float, msgspec.Meta(ge=0)]
+    name: str = ""
+    scenes: tuple[str, ...] = ()
+    drawn: Annotated[int, msgspec.Meta(ge=0, le=100)] = 0
+    rung: str = "shadow"
+    tolerance: Positive | None = None
+    visibility: Visibility = "visible"
+    credit: tuple[tuple[Positive, Share], ...] = ()
+    measure: Literal["error", "wrong"] = "error"
+
+    def share(self, passed: bool, error: float | None, wrong: float | None) -> float:
+        """What one case or scene earns, 0 to 1.
+
+        >>> Exercise("shade", 10, credit=((1e-4, 0.9), (1e-2, 0.5))).share(False, 1e-3, None)
+        0.7
+        """
+        value = error if self.measure == "error" else wrong
+        if passed:
+            return 1.0
+        if not self.credit or value is None or not math.isfinite(value) or value > self.credit[-1][0]:
+            return 0.0
+        below = self.credit[0]
+        for above in self.credit:
+            if value <= above[0]:
+                if above[0] == below[0] or value <= below[0]:
+                    return below[1]
+                x = math.log(value / below[0]) / math.log(above[0] / below[0])
+                return round(below[1] + x * (above[1] - below[1]), 6)
+            below = above
+        return 0.0
+
+
+class Speed(Record, frozen=True):
+    """Speed against accuracy, of the pictures of the exercise `of`: a leaderboard, and a bonus if wanted.
+
+    The whole `bonus` at `fast` seconds a picture or fewer, none at `slow`, in between by the logarithm; only where the
+    exercise is passed.
+    """
+
+    of: str
+    leaderboard: bool = True
+    bonus: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    fast: Positive = 0.1
+    slow: Positive = 10.0
+
+    def earned(self, seconds: float) -> float:
+        """
+        >>> Speed("image", bonus=4, fast=0.1, slow=10).earned(1.0)
+        2.0
+        """
+        x = math.log(self.slow / max(seconds, 1e-9)) / math.log(self.slow / self.fast)
+        return round(self.bonus * min(1.0, max(0.0, x)), 4)
+
+
+class Rubric(Record, frozen=True):
+    """`seed`: of the drawn scenes, cases and orders, together with each submission's own content: keep it to yourself.
+
+    `folder`: where the rubric lies, with `scenes` and `reference` of its own if it has any.
+    """
+
+    title: str
+    exercises: Annotated[tuple[Exercise, ...], msgspec.Meta(min_length=1)]
+    seed: int = 0
+    speed: Speed | None = None
+    limits: Limits = Limits()
+    folder: str = "."
+
+    @property
+    def points(self) -> float:
+        return sum(e.points for e in self.exercises)
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(e.stage for e in self.exercises))
+
+    def seed_of(self, content: bytes) -> int:
+        """Of one submission: nobody without the rubric's own can tell it."""
+        total = hashlib.sha256(f"{self.seed} ".encode() + content).digest()
+        return int.from_bytes(total[:4], "little")
+
+
+def read_rubric(path: str | Path) -> Rubric:
+    """The rubric of a TOML file, or an InputError that names the field."""
+    path = Path(path)
+    data = files.read_toml(path)
+    if "folder" in data:
+        raise InputError(f"{path}: folder", "only known keys", "the unknown key 'folder'")
+    rubric = files.to_record(path, data | {"folder": str(path.parent)}, Rubric)
+    named = []
+    for i, exercise in enumerate(rubric.exercises):
+        _check(f"{path}: exercises[{i}]", exercise)
+        named.append(msgspec.structs.replace(exercise, name=exercise.name or _name(exercise)))
+    names = [e.name for e in named]
+    if twice := next((n for n in names if names.count(n) > 1), None):
+        raise InputError(f"{path}: exercises: name", "names that differ", f"{twice!r} twice")
+    if rubric.speed is not None:
+        pictures = [e.name for e in named if e.stage in PICTURES]
+        check_one_of(f"{path}: speed.of", rubric.speed.of, pictures)
+        if not rubric.speed.fast < rubric.speed.slow:
+            raise InputError(f"{path}: speed.fast", "seconds below `slow`", rubric.speed.fast)
+    return msgspec.structs.replace(rubric, exercises=tuple(named))
+
+
+def _check(where: str, e: Exercise) -> None:
+    check_one_of(f"{where}.stage", e.stage, STAGES)
+    check_one_of(f"{where}.rung", e.rung, RUNGS)
+    if e.rung not in ONE_RAY:
+        raise InputError(f"{where}.rung", f"a rung without noise ({', '.join(ONE_RAY)})", e.rung)
+    if e.stage not in PICTURES and (e.scenes or e.drawn):
+        raise InputError(f"{where}.scenes", f"none: {e.stage} has cases of its own", e.scenes or e.drawn)
+    errors = [row[0] for row in e.credit]
+    if errors != sorted(errors):
+        raise InputError(f"{where}.credit", "rows by rising error", errors)
+
+
+def _name(e: Exercise) -> str:
+    of = ", ".join([*e.scenes, *([f"{e.drawn} drawn"] if e.drawn else [])])
+    return f"{e.stage} ({e.rung}: {of})" if of and e.stage == "render" else f"{e.stage} ({of})" if of else e.stage

@@ -1,0 +1,259 @@
+"""Hostile submissions: what each tries, and the verdict that it must get.
+
+ATTACKS: functions of one submission; each gives 1.0 where it has worked, 0.0 (or an error) where not. ENDINGS:
+submissions whose process does not live to tell; the sort of verdict, and a word of it.
+"""
+
+from typing import NamedTuple
+
+ATTACKS = '''
+import ctypes, errno, fcntl, os, resource, signal, socket, struct, subprocess, sys
+import numpy as np
+
+libc = ctypes.CDLL(None, use_errno=True)
+HOME = os.getcwd()
+PARENT = os.getppid()
+
+def tried(attack):
+    def call(*arguments):
+        try:
+            return np.array(1.0 if attack(*arguments) else 0.0)
+        except (OSError, ValueError, ImportError, MemoryError, subprocess.SubprocessError):
+            return np.array(0.0)
+    return call
+
+def opens(path, mode="r"):
+    with open(path, mode) as file:
+        file.read(1) if mode == "r" else file.write("hacked")
+    return True
+
+@tried
+def has_the_graders_descriptors(told):
+    mine = [fd for fd in range(3, 256) if is_open(fd)]
+    return len(mine) > 2  # requests and answers
+@tried
+def reads_the_references(told): return opens(told["reference"])
+@tried
+def reads_the_rubric(told): return opens(told["rubric"])
+@tried
+def lists_the_graders_folder(told): return bool(os.listdir(told["folder"]))
+@tried
+def writes_the_results(told): return opens(told["results"], "w")
+@tried
+def appends_to_run_autograder(told): return opens(told["run_autograder"], "a")
+@tried
+def reads_the_parents_environment(told): return opens(f"/proc/{PARENT}/environ")
+@tried
+def opens_the_parents_memory(told): return opens(f"/proc/{PARENT}/mem", "r")
+@tried
+def writes_to_tmp(told): return opens("/tmp/raytwin-hacked", "w")
+@tried
+def writes_to_shared_memory(told): return opens("/dev/shm/raytwin-hacked", "w")
+@tried
+def writes_beside_its_folder(told): return opens(os.path.join(HOME, "..", "submission", "hacked"), "w")
+@tried
+def leaves_by_a_link(told):
+    os.symlink(told["folder"], "out")
+    return opens("out/results.json", "w") or opens("out/results.json")
+@tried
+def leaves_by_a_hard_link(told):
+    os.link(told["reference"], "hard")
+    return opens("hard")
+@tried
+def connects_by_tcp(told):
+    with socket.socket() as s:
+        s.settimeout(1)
+        s.connect(("127.0.0.1", told["port"]))
+        return True
+@tried
+def sends_by_udp(told):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as s:
+        return s.sendto(b"secret", ("127.0.0.1", told["port"])) > 0
+@tried
+def connects_by_unix(told):
+    with socket.socket(socket.AF_UNIX) as s:
+        s.connect("\\0" + told["name"])
+        return True
+@tried
+def sends_by_unix_datagram(told):
+    a, b = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    return True
+@tried
+def kills_the_parent(told):
+    os.kill(PARENT, 0)
+    return True
+@tried
+def kills_all(told):
+    os.kill(-1, 0)
+    return True
+@tried
+def kills_the_parent_by_descriptor(told):
+    return libc.syscall(434, PARENT, 0) >= 0
+@tried
+def kills_the_parent_by_a_files_owner(told):
+    a, b = os.pipe()
+    fcntl.fcntl(a, fcntl.F_SETOWN, PARENT)
+    return True
+@tried
+def limits_the_parent(told):
+    resource.prlimit(PARENT, resource.RLIMIT_CPU, (1000, 1000))
+    return True
+@tried
+def slows_the_parent(told):
+    os.setpriority(os.PRIO_PROCESS, PARENT, 19)
+    return True
+@tried
+def traces_the_parent(told):
+    return libc.ptrace(16, PARENT, 0, 0) == 0  # PTRACE_ATTACH
+@tried
+def reads_the_parents_memory(told):
+    buffer = ctypes.create_string_buffer(8)
+    vector = (ctypes.c_void_p * 2)(ctypes.addressof(buffer), 8)
+    done = libc.process_vm_readv(PARENT, ctypes.byref(vector), 1, ctypes.byref(vector), 1, 0)
+    return done >= 0 or ctypes.get_errno() != errno.EPERM
+@tried
+def makes_a_namespace(told): return libc.unshare(0x10000000) == 0
+@tried
+def clones_into_a_namespace(told): return libc.syscall(56, 0x10000000 | 17, 0, 0, 0, 0) >= 0
+@tried
+def sets_up_io_uring(told): return libc.syscall(425, 8, ctypes.create_string_buffer(256)) >= 0
+@tried
+def calls_by_x32(told):
+    return libc.syscall(0x40000000 | 41, 2, 1, 0) >= 0
+@tried
+def leaves_its_session(told):
+    os.setsid()
+    return True
+@tried
+def leaves_its_group(told):
+    if (pid := os.fork()) == 0:
+        try:
+            os.setpgid(0, 0)
+            os._exit(1)
+        except OSError:
+            os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 1
+@tried
+def raises_its_limits(told):
+    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+    resource.setrlimit(resource.RLIMIT_AS, (2 * hard, 2 * hard))
+    return True
+@tried
+def gains_rights(told):
+    os.setuid(0)
+    return os.getuid() == 0 and opens("/etc/shadow")
+@tried
+def takes_all_memory(told): return np.ones(1 << 40).sum() > 0
+@tried
+def fills_a_file(told):
+    with open("big", "wb") as file:
+        file.truncate(1 << 40)
+    return True
+@tried
+def keeps_memory_after_its_end(told): return libc.shmget(0, 4096, 0o1666) >= 0
+@tried
+def asks_raytwin_for_the_answers(told):
+    sys.modules.pop("raytwin", None)
+    import raytwin.tracer
+    return True
+@tried
+def mounts(told): return libc.mount(b"none", HOME.encode(), b"tmpfs", 0, None) == 0
+@tried
+def loads_a_kernel_program(told): return libc.syscall(321, 0, ctypes.create_string_buffer(128), 128) >= 0
+def is_open(fd):
+    try:
+        os.fstat(fd)
+        return True
+    except OSError:
+        return False
+
+def leaves_a_child_behind():
+    """Answers, and leaves a process that sleeps."""
+    if (pid := os.fork()) == 0:
+        import time
+        time.sleep(600)
+        os._exit(0)
+    return np.array(pid)
+
+def digs_deep():
+    """A folder 1100 deep, in which nobody may look."""
+    for _ in range(1100):
+        os.mkdir("d")
+        os.chdir("d")
+    os.chdir(HOME)
+    os.mkdir("shut", 0)
+    return np.array(1.0)
+
+def breaks_numpy():
+    np.allclose = lambda *a, **k: True
+    np.ndarray.tobytes  # cannot be changed: a type of C
+    return np.array([np.nan, np.inf])
+
+class Bomb:
+    def __reduce__(self): return os.system, ("touch /tmp/raytwin-hacked",)
+
+def returns_a_pickle_bomb(): return Bomb()
+def returns_objects(): return np.array([Bomb(), None])
+def returns_nothing(): return None
+def returns_far_too_much(): return np.broadcast_to(np.float64(1), (1 << 14, 1 << 14))
+def returns_another_shape(): return np.zeros((3, 0, 5), bool)
+def ends_python(): sys.exit(0)
+
+class Mute(Exception):
+    def __str__(self): raise self
+
+def raises_what_cannot_be_printed(): raise Mute
+def recurses(): return recurses()
+'''
+
+
+class Ending(NamedTuple):
+    """`f` is called twice, if it answers; `sort` and `word` are of the verdict on the last call."""
+
+    source: str
+    sort: str
+    word: str
+
+
+ENDINGS = {
+    "an endless loop": Ending("def f():\n while True: pass", "limit", "not done after"),
+    "an endless loop while it is loaded": Ending("while True: pass", "limit", "not done after"),
+    "a loop that computes for too long": Ending(
+        "def f():\n while True: pass", "limit", "of computing"
+    ),
+    "a sleep": Ending("import time\ndef f(): time.sleep(600)", "limit", "not done after"),
+    "a stop": Ending("import os, signal\ndef f(): os.kill(os.getpid(), signal.SIGSTOP)", "limit", "not done after"),
+    "a print without end": Ending("def f():\n while True: print('x' * 100_000)", "limit", "printed more than"),
+    "a fork bomb": Ending(
+        "import os, time\ndef f():\n"
+        " for _ in range(60):\n  try:\n   os.fork()\n  except OSError: pass\n time.sleep(600)",
+        "limit", "",
+    ),
+    "memory, bit by bit": Ending("def f():\n x = []\n while True: x.append(bytearray(10**7))", "error limit", ""),
+    "many files": Ending(
+        "def f():\n i = 0\n while True:\n  open(str(i), 'wb').write(b'x' * 1000_000)\n  i += 1", "limit", "wrote more"
+    ),
+    "os._exit": Ending("import os\ndef f(): os._exit(0)", "broken", "exit code 0"),
+    "os._exit while it is loaded": Ending("import os\nos._exit(0)", "broken", "exit code 0"),
+    "a crash": Ending("import ctypes\ndef f(): ctypes.string_at(0)", "broken", "SIGSEGV"),
+    "an abort": Ending("import os\ndef f(): os.abort()", "broken", "SIGABRT"),
+    "all descriptors closed": Ending("import os\ndef f(): os.closerange(0, 256)", "broken", "without an answer"),
+    "noise in the grader's pipe": Ending(
+        "import os\ndef f():\n for fd in range(3, 20):\n  try: os.write(fd, b'\\xff' * 64)\n  except OSError: pass",
+        "broken", "pipe",
+    ),
+    "a forged answer": Ending(
+        "import json, os\ndef f():\n"
+        " head = json.dumps({'value': {'table': {'call': 1, 'arrays': 'x'}}, 'arrays': []}).encode()\n"
+        " text = (8 + len(head)).to_bytes(8, 'little') + len(head).to_bytes(8, 'little') + head\n"
+        " for fd in range(3, 20):\n  try: os.write(fd, text)\n  except OSError: pass",
+        "broken", "pipe",
+    ),
+    "two answers": Ending("import os\ndef f():\n os.fork()\n return 1.0", "broken none", ""),  # whose comes first?
+    "a syntax error": Ending("def f(: pass", "error", "SyntaxError"),
+    "an import that is not there": Ending("import torch_of_mine", "error", "ModuleNotFoundError"),
+    "an end while it is loaded": Ending("import sys\nsys.exit(3)", "error", "SystemExit"),
+    "an array that never comes": Ending(
+        "class A:\n def __array__(self, *a, **k):\n  while True: pass\ndef f(): return A()", "limit", "not done"
+    ),
+}  # fmt: skip

@@ -1,0 +1,77 @@
+"""A rubric: what it says in TOML, what it earns, and what is wrong with it in one line."""
+
+import re
+
+import pytest
+
+from raytwin.errors import InputError
+from raytwin.grade.rubric import Exercise, Speed, read_rubric
+
+GOOD = """
+title = "t"
+[[exercises]]
+stage = "intersect_sphere"
+points = 10
+[[exercises]]
+stage = "render"
+scenes = ["single"]
+drawn = 2
+rung = "lambert"
+points = 20
+visibility = "hidden"
+credit = [[1e-4, 0.8], [1e-2, 0.4]]
+"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    def of(text: str):
+        (tmp_path / "r.toml").write_text(text)
+        return read_rubric(tmp_path / "r.toml")
+
+    return of
+
+
+def test_a_rubric_is_read_with_names_that_tell_its_rows(read):
+    rubric = read(GOOD)
+    assert [e.name for e in rubric.exercises] == ["intersect_sphere", "render (lambert: single, 2 drawn)"]
+    assert (rubric.points, rubric.stages) == (30, ("intersect_sphere", "render"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"intersect_sphere"', '"intersect_spere"', "did you mean intersect_sphere?"),
+        ('"lambert"', '"path"', "a rung without noise"),
+        ("points = 10", "points = -1", "exercises[0].points"),
+        ("points = 10", "points = 10\ndrawn = 1", "has cases of its own"),
+        ("[[1e-4, 0.8], [1e-2, 0.4]]", "[[1e-2, 0.8], [1e-4, 0.4]]", "rows by rising error"),
+        ("points = 10", 'points = 10\nname = "render (lambert: single, 2 drawn)"', "names that differ"),
+        ('title = "t"', 'title = "t"\nfolder = "x"', "unknown key"),
+        ('title = "t"', 'title = "t"\n[speed]\nof = "intersect_sphere"', "speed.of"),
+    ],
+)
+def test_what_is_wrong_with_a_rubric_is_said_with_its_field(read, old, new, said):
+    with pytest.raises(InputError, match=re.escape(said)):
+        read(GOOD.replace(old, new))
+
+
+def test_partial_credit_falls_with_the_logarithm_of_the_error():
+    row = Exercise("shade", 10, credit=((1e-6, 0.9), (1e-4, 0.5), (1e-2, 0.1)))
+    earned = [row.share(False, e, None) for e in (1e-9, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.011, None, float("nan"))]
+    assert earned == pytest.approx([0.9, 0.9, 0.7, 0.5, 0.3, 0.1, 0, 0, 0])
+    assert row.share(True, 1.0, None) == 1.0
+    assert Exercise("shade", 10).share(False, 1e-9, 0.0) == 0.0
+    by_pixels = Exercise("render", 10, measure="wrong", credit=((0.01, 0.8), (0.1, 0.2)))
+    assert by_pixels.share(False, 1e3, 0.01) == 0.8
+
+
+def test_a_bonus_for_speed_is_whole_at_fast_and_gone_at_slow():
+    speed = Speed("image", bonus=6, fast=0.01, slow=10)
+    assert [speed.earned(s) for s in (1e-12, 0.01, 0.1, 10, 100)] == [6, 6, 4, 0, 0]
+
+
+def test_a_seed_belongs_to_the_submission_and_the_rubric(read):
+    one, other = read(GOOD), read("seed = 1\n" + GOOD)
+    assert one.seed_of(b"a") == one.seed_of(b"a")
+    assert len({one.seed_of(b"a"), one.seed_of(b"b"), other.seed_of(b"a")}) == 3
