@@ -207,7 +207,7 @@ def converge(render: Render, metric: str, enough: float, pixels: int, first: int
         missing = truth.noise(metric) / enough
         if missing <= 1:
             break
-        # No more than six times as many at once: samples of a lattice often do better than chance.
+        # No more than six times as many at once: samples of a sequence often do better than chance.
         wanted = truth.samples * min(1.1 * missing ** (1 / falls), 6.0)
         wanted = int(min(wanted, MOST_SAMPLES, most // pixels)) - truth.samples
         if wanted <= 0:
@@ -543,7 +543,7 @@ class _Search:
             guessed = variance / max(room, 1e-30) / (1.0 if self.metric != "relmse" else max(seen**2, 0.01))
             if not guessed <= MOST_SAMPLES:
                 continue
-            samples = 1 << max(0, math.ceil(math.log2(max(guessed / 4, 1.0))))  # a lattice may do better than chance
+            samples = 1 << max(0, math.ceil(math.log2(max(guessed / 4, 1.0))))  # a sequence does better
             method = Followed(
                 "sky" if depth == 2 else "path", self.engine, samples, depth=None if depth == 2 else depth
             )

@@ -72,11 +72,13 @@ def floats(like: Any, whole: Any) -> Any:
     return whole.astype(like.dtype) if library(like) is np else type(like)(whole)
 
 
-def look_up(table: list[int], index: Any) -> Any:
-    """table[index], whole numbers modulo 2³²."""
-    if (xp := library(index)) is np:
-        return np.array(table, np.uint32)[index]
-    return xp.gather(type(index), type(index)(table), index)
+def reverse_bits(x: Any) -> Any:
+    """Whole numbers modulo 2³² with their lowest bit for the highest, and so on."""
+    if (xp := library(x)) is not np:
+        return xp.brev(x)
+    for step, kept in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF)):
+        x = ((x >> step) & kept) | ((x & kept) << step)
+    return (x >> 16) | (x << 16)
 
 
 def repeat(

@@ -1,20 +1,15 @@
 """Random numbers by counting: the same pixel, batch, place, bounce and seed draw the same numbers on every engine.
 
 No state is carried from one number to the next, so that neither the order of the pixels nor their tiling matters.
-The samples of a batch lie on a lattice, which fills a pixel's integral more evenly than chance does; a shift at random
-makes each sample uniform, and batches are independent, so that their spread tells the error of their mean (Cranley and
-Patterson, SIAM J. Numer. Anal. 13(6), 1976).
+A batch's samples are, at each bounce, points of Sobol's (0, 2) sequence: the first 2ᵏ of them have one in each cell of
+area 2⁻ᵏ, however long or wide. Owen's scrambling makes each uniform and independent of other batches, so that their
+spread tells the error of their mean, and takes the points of each bounce in an order of its own (Burley, "Practical
+Hash-based Owen Scrambling", JCGT 9(4), 2020). Where the integrand is smooth the error falls faster than by chance.
 """
 
-from math import isqrt
 from typing import Any
 
-from raytwin.tracer.arrays import floats, look_up, unsigned
-
-PRIMES = [n for n in range(2, 312) if all(n % k for k in range(2, isqrt(n) + 1))]
-STEPS = [isqrt(p << 64) & 0xFFFFFFFF for p in PRIMES]
-"""The lattice's step in each dimension, in parts of 2³²: the fraction of a prime's square root (Richtmyer, 1951)."""
-
+from raytwin.tracer.arrays import floats, reverse_bits, unsigned
 
 BATCHES = 16
 """Independent means of a pixel's samples, whose spread tells the variance: as many as the twin's."""
@@ -39,6 +34,28 @@ def draw(like: Any, pixel: Any, batch: Any, place: Any, seed: Any, bounce: Any) 
         z = z + x * y
         w = w + y * z
         x, y, z, w = (n ^ (n >> 16) for n in (x, y, z, w))
-    row = unsigned(like, bounce) % (len(STEPS) // 2) * 2
-    a, b = (shift + unsigned(like, place) * look_up(STEPS, row + k) for k, shift in enumerate((x, y)))
+    index = scrambled(reverse_bits(unsigned(like, place)), z)
+    a, b = scrambled(index, x), scrambled(second_of_sobol(index), y)
     return floats(like, a >> 8) * 2.0**-24, floats(like, b >> 8) * 2.0**-24
+
+
+def second_of_sobol(index: Any) -> Any:
+    """The binary digits of a point's second coordinate, lowest bit first; those of the first are `index` itself.
+
+    Bit i is the sum of bits k >= i of `index` times (k over i), modulo 2: Pascal's triangle as a matrix, which takes
+    one step for each doubling (Ahmed, "An Implementation Algorithm of 2D Sobol Sequence", 2024).
+    """
+    for step, kept in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF)):
+        index = index ^ ((index >> step) & kept)
+    return index
+
+
+def scrambled(digits: Any, seed: Any) -> Any:
+    """Owen's scrambling of binary digits, lowest bit first; the result has its highest bit first.
+
+    Each is flipped or not by a hash of `seed` and those before it (Laine and Karras 2011; constants: Vegdahl 2021).
+    """
+    n = digits ^ (digits * 0x3D20ADEA)
+    n = (n + seed) * ((seed >> 16) | 1)
+    n = n ^ (n * 0x05526C56)
+    return reverse_bits(n ^ (n * 0x53A22864))
