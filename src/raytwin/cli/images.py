@@ -44,8 +44,8 @@ def compare_command(
     with show_progress() as progress:
         with progress.stage("imports"):
             from raytwin import report
+            from raytwin.grade.subject import find_subject
             from raytwin.jobs.compare import compare_scene
-            from raytwin.methods.others import find_subject
         result = compare_scene(
             scene,
             rung=rung,

@@ -1,0 +1,254 @@
+"""A stage's function held against its cases: called (where the student's code may run), then judged (where it may not).
+
+What is wrong is found by prediction: each variant of the stage, a typical mistake, is called with the same arguments,
+and named where it gives the numbers that were found, in all cases. Two at once are tried where none alone does.
+"""
+
+import traceback
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace
+
+from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant
+from raytwin.grade.stage_result import CaseResult, StageResult
+
+Outcome = Arrays | str
+"""What a call gave: arrays, or in words why there are none."""
+
+PARTNERS = 6
+"""So many variants, those that leave least unexplained, are tried together with every other."""
+
+
+def judge_function(stage: Stage, function: Function, seed: int = 0) -> StageResult:
+    """Both at once: the function called and judged in this process."""
+    cases = stage.cases(seed)
+    return judge(stage, cases, call_stage(stage, function, cases))
+
+
+# ------------------------------------------------------------------------------------------ calling
+
+
+def call_stage(stage: Stage, function: Function, cases: Iterable[Case]) -> list[Outcome]:
+    """The function's answer to each case; it gets copies of the arguments, and whatever it raises is its answer."""
+    if told := stage.misfit(function):
+        return [f"it is {told}, and is called as {stage.signature}" for _ in cases]
+    return [_call(function, case) for case in cases]
+
+
+def _call(function: Function, case: Case) -> Outcome:
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            return as_arrays(function(*_copied(case.args)))
+    except Exception as error:  # theirs, whatever it is
+        return _told(error)
+
+
+def _copied(args: Any) -> Any:
+    if isinstance(args, np.ndarray):
+        return args.copy()
+    if isinstance(args, dict):
+        return {key: _copied(value) for key, value in args.items()}
+    return type(args)(map(_copied, args)) if isinstance(args, list | tuple) else args
+
+
+def as_arrays(made: Any) -> Outcome:
+    """What was returned as arrays of floats: a tuple's items one by one, anything else as one."""
+    try:
+        arrays = tuple(np.asarray(one) for one in (made if isinstance(made, tuple) else (made,)))
+    except (TypeError, ValueError, RuntimeError):
+        return f"it returned a {type(made).__name__} that is no array"
+    if any(a.dtype.kind not in "fiub" for a in arrays):
+        return "it returned None: is there a return?" if made is None else f"it returned {_kinds(arrays)}, not numbers"
+    return tuple(a.astype(float) for a in arrays)
+
+
+def _kinds(arrays: Arrays) -> str:
+    names = {"c": "complex numbers", "O": "objects", "U": "text"}
+    return " and ".join(dict.fromkeys(names.get(a.dtype.kind, str(a.dtype)) for a in arrays))
+
+
+def _told(error: Exception) -> str:
+    """`it raised ValueError: ... (line 12: x = a @ b)`, the line being the student's own."""
+    text = " ".join(str(error).split())[:200]
+    own = [
+        f
+        for f in traceback.extract_tb(error.__traceback__)
+        if f.filename != __file__ and "site-packages" not in f.filename
+    ]
+    where = f" (line {own[-1].lineno}{f': {own[-1].line}' if own[-1].line else ''})" if own else ""
+    return f"it raised {type(error).__name__}{': ' + text if text else ''}{where}"
+
+
+# ------------------------------------------------------------------------------------------ judging
+
+
+def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> StageResult:
+    """No code of the student's runs here."""
+    checked = [_checked(stage, case, outcome) for case, outcome in zip(cases, outcomes, strict=True)]
+    results = tuple(_case_result(stage, case, got) for case, got in zip(cases, checked, strict=True))
+    worst = max(
+        range(len(cases)), key=lambda i: (not results[i].passed, isinstance(checked[i], str), results[i].error or 0)
+    )
+    errors = [r.error for r in results]
+    error = None if None in errors else max(e for e in errors if e is not None)
+    wrong = float(np.mean([r.wrong for r in results]))
+    base = StageResult(
+        stage.name, all(r.passed for r in results), error, stage.tolerance, stage.unit, "", wrong=wrong, cases=results
+    )
+    if base.passed:
+        return replace(base, sentence=f"right in all {len(cases)} cases, to {error:.2g} {stage.unit}")
+    broken = next((got for got in checked if isinstance(got, str)), None)
+    if broken is not None:
+        where = "" if all(isinstance(got, str) for got in checked) else f" ({cases[worst].shows})"
+        return replace(base, sentence=broken + where, inputs=_short_args(stage, cases[worst]))
+    arrays = [got for got in checked if not isinstance(got, str)]
+    causes = explain(stage, cases, arrays)
+    inputs, expected, found = _worst_value(stage, cases[worst], arrays[worst])
+    sentence = _blame(causes) if causes else f"no typical mistake explains it: {_where(results)}"
+    names = tuple(dict.fromkeys(" and ".join(v.name for v in cause) for cause in causes))
+    return replace(base, sentence=sentence, causes=names, inputs=inputs, expected=expected, got=found)
+
+
+def _checked(stage: Stage, case: Case, outcome: Outcome) -> Outcome:
+    """The arrays in the shapes that are expected, or in words what is wrong with theirs."""
+    if isinstance(outcome, str):
+        return outcome
+    if stage.columns and len(outcome) == len(case.expected):
+        outcome = tuple(a.reshape(e.shape) if a.size == e.size and a.ndim == 2 and e.ndim == 1 else a
+                        for a, e in zip(outcome, case.expected, strict=True))  # fmt: skip
+    if [a.shape for a in outcome] == [a.shape for a in case.expected]:
+        return outcome
+    names = ", ".join(f"{n} {_shape(a)}" for n, a in zip(stage.returns, case.expected, strict=True))
+    found = " and ".join(_shape(a) for a in outcome) or "nothing"
+    hint = stage.hint(case.expected, outcome)
+    return f"it returned an array {found}, where {names} is wanted{': ' + hint if hint else ''}"
+
+
+def _shape(a: np.ndarray) -> str:
+    return str(a.shape).replace(",)", ",)") if a.shape else "of one number"
+
+
+def _case_result(stage: Stage, case: Case, got: Outcome) -> CaseResult:
+    if isinstance(got, str):
+        return CaseResult(case.shows, False)
+    errors = _errors(stage, case, got)
+    error = stage.worst(errors)
+    wrong = float((errors > stage.tolerance).mean())
+    return CaseResult(case.shows, error <= stage.tolerance, error if np.isfinite(error) else None, wrong)
+
+
+def _errors(stage: Stage, case: Case, got: Arrays) -> np.ndarray:
+    with np.errstate(all="ignore"):
+        errors = stage.errors(case.expected, got)
+    return np.where(np.isnan(errors), np.inf, errors)
+
+
+def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[tuple[Variant, ...]]:
+    """The variants that give these numbers in all cases; else the pairs that do; empty where none does."""
+    left: dict[int, float] = {}
+    found: list[tuple[Variant, ...]] = []
+    for i, variant in enumerate(stage.variants):
+        left[i] = _unexplained(stage, [variant], cases, got)
+        if left[i] == 0:
+            found.append((variant,))
+    if not found:
+        best = sorted(left, key=lambda i: left[i])[:PARTNERS]
+        pairs = [(stage.variants[i], other) for i in best for other in stage.variants if other is not stage.variants[i]]
+        found = [pair for pair in pairs if _unexplained(stage, pair, cases, got, early=True) == 0]
+    return found
+
+
+def _unexplained(
+    stage: Stage, chain: Sequence[Variant], cases: Sequence[Case], got: Sequence[Arrays], early: bool = False
+) -> float:
+    """The share of values, over all cases, that the variants, one upon the other, do not give; 0 for a full account."""
+    function = stage.reference
+    for variant in chain:
+        function = variant.change(function)
+    shares = []
+    for case, found in zip(cases, got, strict=True):
+        share = _share(stage, function, case, found)
+        if early and share > 0:
+            return 1.0
+        shares.append(share)
+    return float(np.mean(shares))
+
+
+def _share(stage: Stage, function: Function, case: Case, found: Arrays) -> float:
+    """Of the values, those that `function` does not give; NaN and infinities must be where it has them."""
+    outcome = _call(function, case)
+    if isinstance(outcome, str) or [a.shape for a in outcome] != [a.shape for a in found]:
+        return 1.0
+    off = [_unlike(a, b, stage.tolerance) for a, b in zip(outcome, found, strict=True)]
+    share = float(np.mean([o.mean() for o in off]))
+    return share if share > stage.outliers else 0.0
+
+
+def _unlike(a: np.ndarray, b: np.ndarray, tolerance: float) -> np.ndarray:
+    finite = np.isfinite(a)
+    scale = np.abs(a[finite]).max(initial=1e-300)
+    with np.errstate(all="ignore"):
+        same = np.where(finite, np.abs(a - b) <= tolerance * scale, (a == b) | (np.isnan(a) & np.isnan(b)))
+    return ~same
+
+
+def _blame(causes: list[tuple[Variant, ...]]) -> str:
+    """The sentence; of several that explain it equally, all."""
+    told = list(dict.fromkeys("; and ".join(v.sentence for v in cause) for cause in _distinct(causes)))
+    return told[0] if len(told) == 1 else "one of these, which these cases cannot tell apart: " + "; or: ".join(told)
+
+
+def _distinct(causes: list[tuple[Variant, ...]]) -> Iterator[tuple[Variant, ...]]:
+    """A pair once, whichever comes first."""
+    seen: set[frozenset[str]] = set()
+    for cause in causes:
+        if (names := frozenset(v.sentence for v in cause)) not in seen:
+            seen.add(names)
+            yield cause
+
+
+def _where(results: Sequence[CaseResult]) -> str:
+    """Which cases are wrong, and which right."""
+    bad = [f"{r.shows} ({100 * r.wrong:.0f} % of the values)" for r in results if not r.passed]
+    good = [r.shows for r in results if r.passed]
+    return f"wrong for {'; '.join(bad)}" + (f"; right for {'; '.join(good)}" if good else "")
+
+
+# ------------------------------------------------------------------------------------------ the worst value
+
+
+def _worst_value(stage: Stage, case: Case, got: Arrays) -> tuple[str, str, str]:
+    """Inputs, what was expected and what was found, of the value that is off by most."""
+    errors = _errors(stage, case, got)
+    at = np.unravel_index(int(errors.argmax()), errors.shape)
+    if len(case.expected) > 1:
+        return _short_args(stage, case), _short(case.expected), _short(got)
+    return _short_args(stage, case, at), _short((case.expected[0][at],)), _short((got[0][at],))
+
+
+def _short_args(stage: Stage, case: Case, at: tuple[Any, ...] = ()) -> str:
+    """`directions[3] = [0.1, 0.2, 0.9], radius = 0.2`: rows of the value at `at`, and what is short as a whole."""
+    told = []
+    for name, arg in zip(stage.parameters, case.args, strict=True):
+        if isinstance(arg, dict):
+            continue
+        if isinstance(arg, np.ndarray) and arg.ndim == 2 and len(at) and len(arg) == len(case.expected[0]):
+            told.append(f"{name}[{at[0]}] = {_number(arg[at[0]])}")
+        elif not isinstance(arg, np.ndarray) or arg.size <= 9:
+            told.append(f"{name} = {_number(arg)}")
+    if len(case.expected) == 1 and len(at) >= 2 and case.expected[0].ndim == 3:
+        told.insert(0, f"pixel u = {at[1]}, v = {at[0]}")
+    return f"{case.shows}: {', '.join(told)}" if told else case.shows
+
+
+def _short(arrays: Arrays) -> str:
+    return ", ".join(_number(a) for a in arrays)
+
+
+def _number(value: Any) -> str:
+    with np.printoptions(precision=5, suppress=True):
+        return " ".join(np.array2string(np.asarray(value, float), separator=", ").split()).replace("[ ", "[")

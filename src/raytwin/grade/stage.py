@@ -1,0 +1,91 @@
+"""What a stage of a tracer is: a function that students write, the calls that test it, the mistakes it is known for."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Function = Callable[..., Any]
+Arrays = tuple[np.ndarray, ...]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One call: `args` in the stage's order, and the arrays `expected` of it. `shows`: in words, what it tries."""
+
+    shows: str
+    args: tuple[Any, ...]
+    expected: Arrays
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A typical mistake: `change` makes it from the right function, `sentence` tells it to whoever made it.
+
+    Several variants may share a `name`: the same mistake in other numbers.
+    """
+
+    name: str
+    sentence: str
+    change: Callable[[Any], Function]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A function of the contract. Its name, parameters and docstring are those of `reference`, which does it right.
+
+    `cases(seed)`: the calls. `errors(expected, got)`: how far each value is off, in `unit`; at most `tolerance` passes,
+    but for a share `outliers` of the values. `returns`: what its arrays are called. `columns`: (3, 1) does for (3,).
+    `hint(expected, got)`: what another shape, or a number of arrays, is likely to be; empty where that says nothing.
+    """
+
+    reference: Function
+    returns: tuple[str, ...]
+    cases: Callable[[int], list[Case]]
+    errors: Callable[[Arrays, Arrays], np.ndarray]
+    tolerance: float
+    unit: str
+    variants: tuple[Variant, ...]
+    outliers: float = 0.0
+    columns: bool = False
+    hint: Callable[[Arrays, Arrays], str] = lambda expected, got: ""
+
+    @property
+    def name(self) -> str:
+        return self.reference.__name__
+
+    @property
+    def doc(self) -> str:
+        return inspect.getdoc(self.reference) or ""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return tuple(inspect.signature(self.reference).parameters)
+
+    @property
+    def signature(self) -> str:
+        """`back_project(K, dist, width, height)`."""
+        return f"{self.name}({', '.join(self.parameters)})"
+
+    def misfit(self, function: Function) -> str:
+        """The function with its own parameters, where it cannot be called with the stage's arguments; else empty."""
+        try:
+            signature = inspect.signature(function)
+        except (TypeError, ValueError):  # compiled: it tells none
+            return ""
+        try:
+            signature.bind(*self.parameters)
+        except TypeError:
+            return f"{getattr(function, '__name__', 'a function')}{signature}"
+        return ""
+
+    def worst(self, errors: np.ndarray) -> float:
+        """The largest of `errors`, the outliers left out."""
+        ordered = np.sort(errors, axis=None)
+        return float(ordered[len(ordered) - 1 - int(self.outliers * len(ordered))])
+
+    def error(self, expected: Arrays, got: Arrays) -> float:
+        """How far off a case is."""
+        return self.worst(self.errors(expected, got))

@@ -1,0 +1,25 @@
+"""What `raytwin compare --subject` takes: a method by its name, or a submission of any kind."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from raytwin.errors import InputError
+from raytwin.grade.submission import load
+from raytwin.methods.method import Method
+from raytwin.methods.others import Called
+from raytwin.methods.table import METHODS
+from raytwin.methods.traced import Traced
+
+
+def find_subject(text: str, rung: str) -> Method:
+    """A name of METHODS; FILE.py, FILE.ipynb, either with :FUNCTION; an image or a folder of images; a command."""
+    if text in METHODS:
+        method = METHODS[text]
+        return replace(method, surface=True) if isinstance(method, Traced) else method
+    path, colon, _ = text.rpartition(":")
+    if "{out}" not in text and not Path(path if colon and path.endswith((".py", ".ipynb")) else text).exists():
+        known = (
+            "a method's name (`raytwin bench list`), FILE.py:FUNCTION, an image, or a command with {scene} and {out}"
+        )
+        raise InputError("--subject", known, text)
+    return Called(rung, text, load(text).stage("render"))

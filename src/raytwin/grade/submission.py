@@ -1,0 +1,218 @@
+"""What a student hands in: a Python file, a notebook, a program of any language, or a folder of images.
+
+Each becomes a `Submission`: functions by the names of the contract. A program and a folder of images have but one,
+`render`; so whoever grades calls functions and need not know the kind.
+"""
+
+import importlib.util
+import itertools
+import os
+import shlex
+import subprocess
+import sys
+import tempfile
+import traceback
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import CodeType, ModuleType
+from typing import Any
+
+import msgspec
+
+from raytwin import files
+from raytwin.errors import InputError
+from raytwin.given import ENDINGS, take
+from raytwin.grade.contract import CONTRACT
+from raytwin.grade.stage import Function
+from raytwin.image import Image
+from raytwin.methods.exchange import as_json
+
+SECONDS = 600
+"""A program that takes longer is stopped."""
+
+_numbers = itertools.count()
+
+
+@dataclass(frozen=True)
+class Submission:
+    """`name`: what was handed in. `stages`: of the contract's functions those that it has, in the contract's order.
+
+    `notes`: what a reader should know, a line each (cells of a notebook that failed). `module`: what was run.
+    """
+
+    name: str
+    stages: Mapping[str, Function]
+    notes: tuple[str, ...] = ()
+    module: ModuleType | None = field(default=None, compare=False)
+
+    def stage(self, name: str) -> Function:
+        """The function of that name. Raises InputError where there is none, or one that takes other arguments."""
+        if name not in self.stages:
+            raise InputError(f"{self.name}: {name}", "a function", "nothing of that name")
+        if told := CONTRACT[name].misfit(self.stages[name]):
+            raise InputError(f"{self.name}: {name}", f"a function called as {CONTRACT[name].signature}", told)
+        return self.stages[name]
+
+
+def load(what: str | os.PathLike, function: str | None = None) -> Submission:
+    """FILE.py, NOTEBOOK.ipynb, FILE:FUNCTION, a folder of images, an image, or a command with {scene} and {out}.
+
+    `function` names what is called to render, `render` by default. Raises InputError where nothing can be made of it.
+    """
+    text = os.fspath(what)
+    if "{out}" in text:
+        return Submission(text, {"render": Program(text)})
+    path, colon, named = text.rpartition(":")
+    if colon and path.endswith((".py", ".ipynb")):
+        text, function = path, named
+    if not Path(text).exists():
+        raise InputError(text, "a Python file, a notebook, a folder of images, or a command with {out}", "no such file")
+    if text.endswith((".py", ".ipynb")):
+        return load_code(Path(text), function)
+    return Submission(text, {"render": Shown(Path(text))})
+
+
+# ------------------------------------------------------------------------------------------ code
+
+
+def load_code(path: Path, function: str | None = None) -> Submission:
+    """The functions of a Python file or a notebook, which is run."""
+    module, notes = run_notebook(path) if path.suffix == ".ipynb" else (run_file(path), ())
+    found = {name: getattr(module, name) for name in CONTRACT if callable(getattr(module, name, None))}
+    if function is not None:
+        if not callable(getattr(module, function, None)):
+            raise InputError(f"{path}: {function}", "a function", "; ".join(("nothing of that name", *notes)))
+        found["render"] = getattr(module, function)
+    if not found:
+        raise InputError(path, f"a function of {', '.join(CONTRACT)}", "; ".join(("none", *notes)))
+    return Submission(str(path), found, notes, module)
+
+
+def run_file(path: Path) -> ModuleType:
+    """The module that a Python file is. Raises InputError where it cannot be run to its end."""
+    code = _compiled(path, _read(path), str(path))
+    module = _new_module(path)
+    try:
+        exec(code, module.__dict__)
+    except Exception as error:
+        raise InputError(path, "a Python file that can be imported", _told(error, str(path))) from error
+    except SystemExit as error:
+        raise InputError(path, "a Python file that can be imported", f"exit({error.code})") from error
+    return module
+
+
+def run_notebook(path: Path) -> tuple[ModuleType, tuple[str, ...]]:
+    """The code cells of a notebook, one after the other; and what went wrong in those that failed: no other is lost.
+
+    Magics (%, %%) and shell commands (!) are left out.
+    """
+    module, notes = _new_module(path), []
+    module.__dict__["display"] = lambda *things, **options: None
+    for number, text in _cells(path):
+        name = f"{path}: cell {number}"
+        try:
+            exec(_compiled(path, text, name), module.__dict__)
+        except InputError as error:
+            notes.append(f"cell {number}: {error.got}")
+        except (Exception, SystemExit) as error:
+            notes.append(f"cell {number}: {_told(error, name)}")
+    return module, tuple(notes)
+
+
+def _cells(path: Path) -> Iterator[tuple[int, str]]:
+    """The code cells by their number among all cells, from 1; a cell of another language (%%) is none."""
+    try:
+        written = msgspec.json.decode(_read(path).encode())
+        cells = [(cell["cell_type"], "".join(cell["source"])) for cell in written["cells"]]
+    except (msgspec.DecodeError, KeyError, TypeError) as error:
+        raise InputError(path, "a notebook (JSON, version 4)", error) from None
+    for number, (kind, text) in enumerate(cells, start=1):
+        if kind == "code" and not text.lstrip().startswith("%%"):
+            lines = ("" if line.startswith(("%", "!")) else line for line in text.splitlines())
+            yield number, "\n".join(lines)
+
+
+def _read(path: Path) -> str:
+    try:
+        return files.check_file(path, "a file of Python").read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(path, "a file that can be read", error.strerror) from None
+    except UnicodeDecodeError as error:
+        raise InputError(path, "UTF-8 text", f"byte {error.object[error.start]:#04x} at {error.start}") from None
+
+
+def _compiled(path: Path, text: str, name: str) -> CodeType:
+    try:
+        return compile(text, name, "exec", dont_inherit=True)
+    except SyntaxError as error:
+        line = f"line {error.lineno}: {(error.text or '').strip()[:60]}"
+        raise InputError(path, "Python", f"{type(error).__name__}: {error.msg} ({line})") from None
+    except ValueError as error:  # null bytes
+        raise InputError(path, "Python", error) from None
+
+
+def _new_module(path: Path) -> ModuleType:
+    """Registered before it runs, since dataclasses and pickle look it up; its folder's other files can be imported."""
+    name = f"raytwin_submission_{next(_numbers)}_{path.stem}"
+    module = ModuleType(name)
+    module.__file__ = str(path)
+    module.__spec__ = importlib.util.spec_from_loader(name, loader=None)
+    sys.modules[name] = module
+    if (folder := str(path.absolute().parent)) not in sys.path:
+        sys.path.append(folder)
+    return module
+
+
+def _told(error: BaseException, name: str) -> str:
+    """`KeyError: 'moon' (line 12)`, the line being the file's own."""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == name]
+    return f"{type(error).__name__}: {error}" + (f" (line {lines[-1]})" if lines else "")
+
+
+# ------------------------------------------------------------------------------------------ programs and images
+
+
+@dataclass(frozen=True)
+class Program:
+    """A program of any language: `command` finds the scene as JSON at `{scene}`, and writes its image to `{out}`.
+
+    `{out}` ends in .exr; a program that writes another format says `{out}.pfm`, `{out}.png` and so on.
+    """
+
+    command: str
+
+    def __call__(self, scene: dict[str, Any]) -> Image:
+        with tempfile.TemporaryDirectory() as folder:
+            told, out = Path(folder) / "scene.json", Path(folder) / "out.exr"
+            files.write_json(told, as_json(scene))
+            words = [word.replace("{scene}", str(told)).replace("{out}", str(out)) for word in self._words()]
+            try:
+                done = subprocess.run(words, capture_output=True, timeout=SECONDS, check=False)
+            except (OSError, subprocess.TimeoutExpired) as error:
+                raise InputError(self.command, "a program that runs", error) from None
+            written = [p for p in (out, *(out.with_name(out.name + e) for e in ENDINGS)) if p.is_file()]
+            if done.returncode or not written:
+                said = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [""]
+                raise InputError(self.command, "an image at {out}", f"exit code {done.returncode}: {said[0]}")
+            return take(written[0]).image
+
+    def _words(self) -> list[str]:
+        try:
+            return shlex.split(self.command, posix=os.name != "nt")
+        except ValueError as error:
+            raise InputError(self.command, "a command", error) from None
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An image file, or of a folder the one that bears the scene's name."""
+
+    path: Path
+
+    def __call__(self, scene: dict[str, Any]) -> Image:
+        path = self.path
+        if path.is_dir():
+            named = [path / f"{scene['name']}{ending}" for ending in ENDINGS]
+            path = next((file for file in named if file.is_file()), named[0])
+        return take(path).image
