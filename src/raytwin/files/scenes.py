@@ -1,15 +1,22 @@
 """scene.toml and camera.toml: read, checked, written."""
 
+import base64
 import math
 import os
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from raytwin.errors import InputError
+from raytwin.files.images import read_image
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.records import plain, read_toml, to_record, write_toml
 from raytwin.files.shipped import find_scene
-from raytwin.scene import Camera, PhotoCamera, SceneFile
+from raytwin.scene import Camera, PhotoCamera, SceneFile, material_of
+
+MOST_COLUMNS = 4096
+"""Of an environment map: 100 MB of floats. Light from the sky is smooth; a smaller map serves as well."""
 
 
 def read_scene(path: str | os.PathLike) -> SceneFile:
@@ -29,12 +36,46 @@ def read_scene(path: str | os.PathLike) -> SceneFile:
         check_camera(data["camera"], f"{file}: camera.")
     data["name"] = file.resolve().parent.name + ("" if file.name == "scene.toml" else f"-{file.stem}")
     data["folder"] = str(file.parent)
+    _read_map(file, data)
     scene = to_record(file, data, SceneFile)
     if not math.hypot(*scene.sun.to_light) > 0:
         raise InputError(f"{file}: sun.to_light", "a direction", "the zero vector")
     for i, plane in enumerate(scene.planes):
         _check_edges(f"{file}: planes[{i}]", np.asarray(plane.half_u), np.asarray(plane.half_v))
+    for kind in ("spheres", "planes"):
+        for i, thing in enumerate(getattr(scene, kind)):
+            try:
+                material_of(thing)
+            except InputError as error:
+                raise InputError(f"{file}: {kind}[{i}]", error.expected, error.got) from None
     return scene
+
+
+def _read_map(file: Path, data: dict[str, Any]) -> None:
+    """Put the pixels of [sky] map into the table, from which the record is made."""
+    if not isinstance(sky := data.get("sky"), dict):
+        return
+    if "texels" in sky:
+        raise InputError(f"{file}: sky.texels", "only known keys", "the unknown key 'texels'")
+    if "map" not in sky:
+        if odd := sky.keys() & {"scale", "rotation"}:
+            raise InputError(f"{file}: sky.{min(odd)}", "only where there is a map", sky[min(odd)])
+        return
+    if "radiance" in sky:
+        raise InputError(f"{file}: sky", "radiance or map", "both")
+    if not isinstance(sky["map"], str):
+        raise InputError(f"{file}: sky.map", "an image file's name", repr(sky["map"]))
+    path = file.parent / sky["map"]
+    pixels = read_image(path).mean
+    h, w = pixels.shape[:2]
+    if w != 2 * h or w < 4 or w > MOST_COLUMNS:
+        expected = f"an equirectangular map, twice as wide as high, of 4 to {MOST_COLUMNS} columns"
+        raise InputError(f"{file}: sky.map: {path}", expected, f"{w} x {h} pixels")
+    if not (np.isfinite(pixels).all() and pixels.min() >= 0):
+        found = f"{pixels.min():g}" if np.isfinite(pixels).all() else "NaN or infinity"
+        raise InputError(f"{file}: sky.map: {path}", "radiance of 0 or more everywhere", found)
+    texels = base64.b64encode(np.ascontiguousarray(pixels, "<f4").tobytes()).decode()
+    data["sky"] = sky | {"texels": {"size": [w, h], "texels": texels}}
 
 
 def _check_edges(where: str, u: np.ndarray, v: np.ndarray) -> None:

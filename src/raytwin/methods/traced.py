@@ -161,11 +161,12 @@ class Supersampled(_ByEngine):
 
 def mean_of_shifts(scene: Scene, rung: str, engine: str, shifts: Sequence[tuple[float, float]]) -> np.ndarray:
     """The mean image (H, W, 3) over rays through pixel centres moved by each (x, y) of `shifts`, in pixels."""
-    total = background(scene, rung)
-    draw(shifted(scene, *shifts[0]), total, rung, engine)
-    for x, y in shifts[1:]:
-        out = background(scene, rung)
-        draw(shifted(scene, x, y), out, rung, engine)
+    moved = [shifted(scene, x, y) for x, y in shifts]
+    total = background(moved[0], rung)
+    draw(moved[0], total, rung, engine)
+    for one in moved[1:]:
+        out = background(one, rung)
+        draw(one, out, rung, engine)
         total += out
     return total / np.float32(len(shifts))
 

@@ -1,8 +1,8 @@
 """A scene is a camera, shapes and lights: plain frozen records. `SceneFile` is what is written, `Scene` is rendered."""
 
 from raytwin.scene.camera import Camera
-from raytwin.scene.lights import Light, Sky, Sun
-from raytwin.scene.material import Lambert, Material
+from raytwin.scene.lights import Environment, Light, Sky, Sun
+from raytwin.scene.material import Lambert, Material, Phong
 from raytwin.scene.moved import seen_from_eye
 from raytwin.scene.record import Albedo, Matrix, PixelCount, Positive, Radiance, Record, Vector
 from raytwin.scene.scene import Scene
@@ -11,20 +11,24 @@ from raytwin.scene.scene_file import (
     Pyramid,
     SceneFile,
     Tolerance,
+    WrittenMap,
     WrittenPlane,
     WrittenSky,
     WrittenSphere,
     WrittenSun,
+    material_of,
 )
 from raytwin.scene.shapes import Rectangle, Shape, Sphere
 
 __all__ = [
     "Albedo",
     "Camera",
+    "Environment",
     "Lambert",
     "Light",
     "Material",
     "Matrix",
+    "Phong",
     "PhotoCamera",
     "PixelCount",
     "Positive",
@@ -40,9 +44,11 @@ __all__ = [
     "Sun",
     "Tolerance",
     "Vector",
+    "WrittenMap",
     "WrittenPlane",
     "WrittenSky",
     "WrittenSphere",
     "WrittenSun",
+    "material_of",
     "seen_from_eye",
 ]

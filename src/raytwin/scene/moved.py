@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 
 from raytwin.scene.held import check_lengths, check_places
+from raytwin.scene.lights import Environment, Sky
 from raytwin.scene.record import Vector
 from raytwin.scene.scene import Scene
 from raytwin.scene.shapes import Shape, Sphere
@@ -36,7 +37,14 @@ def seen_from_eye(scene: Scene, precision: str = "float64") -> Scene:
         scene.camera, R_cam_board=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), t_cam_board=(0.0, 0.0, 0.0)
     )
     sun = replace(scene.sun, to_light=turned(scene.sun.to_light)[0])
-    local = replace(scene, camera=camera, objects=objects, lights=(sun, scene.sky))
+    local = replace(scene, camera=camera, objects=objects, lights=(sun, _sky(scene, R)))
     check_lengths(local, precision)
     check_places(local, precision)
     return local
+
+
+def _sky(scene: Scene, R: np.ndarray) -> Sky | Environment:
+    if (around := scene.environment) is None:
+        return scene.sky
+    x, y, z = (np.asarray(around.R_map_board) @ R.T).tolist()
+    return msgspec.structs.replace(around, R_map_board=(tuple(x), tuple(y), tuple(z)))

@@ -3,15 +3,17 @@
 `SceneFile.at(camera)` makes the Scene that is rendered.
 """
 
+import math
 from typing import Annotated
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
 from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
-from raytwin.scene.lights import Sky, Sun
-from raytwin.scene.material import Lambert
-from raytwin.scene.record import Albedo, Fraction, Positive, Radiance, Record, Vector
+from raytwin.scene.lights import Environment, Sky, Sun
+from raytwin.scene.material import Lambert, Material, Phong
+from raytwin.scene.record import Albedo, Fraction, NonNegative, PixelCount, Positive, Radiance, Record, Vector
 from raytwin.scene.scene import Scene
 from raytwin.scene.shapes import Rectangle, Sphere
 
@@ -29,21 +31,38 @@ class PhotoCamera(Record, frozen=True):
 
 
 class WrittenSphere(Record, frozen=True):
-    """[[spheres]]: a Lambertian one."""
+    """[[spheres]]: a Lambertian one, or Phong's where it has `specular` and `exponent`.
+
+    What is unset is not in the scene's hash, so that a new key leaves the hashes of old scenes as they were.
+    """
 
     center: Vector
     radius: Positive
     albedo: Albedo = (0.8, 0.8, 0.8)
+    specular: Albedo | UnsetType = UNSET
+    exponent: Positive | UnsetType = UNSET
 
 
 class WrittenPlane(Record, frozen=True):
-    """[[planes]]: a Lambertian rectangle."""
+    """[[planes]]: a rectangle, of a material as a sphere's."""
 
     center: Vector
     half_u: Vector
     half_v: Vector
     albedo: Albedo = (0.8, 0.8, 0.8)
     in_photo: bool = False
+    specular: Albedo | UnsetType = UNSET
+    exponent: Positive | UnsetType = UNSET
+
+
+def material_of(thing: WrittenSphere | WrittenPlane) -> Material:
+    """Raises InputError where one of `specular` and `exponent` is missing, or more light leaves than comes."""
+    specular, exponent = thing.specular, thing.exponent
+    if specular is UNSET and exponent is UNSET:
+        return Lambert(thing.albedo)
+    if specular is UNSET or exponent is UNSET:
+        raise InputError("Phong", "both specular and exponent", "one of them")
+    return Phong(thing.albedo, specular, exponent)
 
 
 class WrittenSun(Record, frozen=True):
@@ -53,10 +72,33 @@ class WrittenSun(Record, frozen=True):
     irradiance: Radiance = (3.0, 3.0, 3.0)
 
 
+class WrittenMap(Record, frozen=True):
+    """What an environment map's file held: see `Environment`."""
+
+    size: tuple[PixelCount, PixelCount]
+    texels: bytes
+
+
 class WrittenSky(Record, frozen=True):
-    """[sky]"""
+    """[sky]: `radiance`, the same everywhere; or `map`, a file's name, times `scale`, turned by `rotation`.
+
+    Degrees about the board's z axis, counterclockwise as seen from its tip. `texels`: what was read from the file.
+    """
 
     radiance: Radiance = (0.0, 0.0, 0.0)
+    map: str | UnsetType = UNSET
+    scale: NonNegative | UnsetType = UNSET
+    rotation: float | UnsetType = UNSET
+    texels: WrittenMap | UnsetType = UNSET
+
+    @property
+    def light(self) -> Sky | Environment:
+        if self.texels is UNSET:
+            return Sky(self.radiance)
+        turn = math.radians(0.0 if self.rotation is UNSET else self.rotation)
+        c, s = math.cos(turn), math.sin(turn)
+        found = Environment(self.texels.size, self.texels.texels, ((c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0)))
+        return found if self.scale is UNSET else found.scaled(self.scale)
 
 
 class Pyramid(Record, frozen=True):
@@ -100,9 +142,9 @@ class SceneFile(Record, frozen=True):
 
     def at(self, camera: Camera) -> Scene:
         """What `camera` sees: the spheres, then the planes."""
-        spheres = (Sphere(s.center, s.radius, Lambert(s.albedo)) for s in self.spheres)
-        planes = (Rectangle(p.center, p.half_u, p.half_v, Lambert(p.albedo), p.in_photo) for p in self.planes)
-        lights = Sun(self.sun.to_light, self.sun.irradiance), Sky(self.sky.radiance)
+        spheres = (Sphere(s.center, s.radius, material_of(s)) for s in self.spheres)
+        planes = (Rectangle(p.center, p.half_u, p.half_v, material_of(p), p.in_photo) for p in self.planes)
+        lights = Sun(self.sun.to_light, self.sun.irradiance), self.sky.light
         return Scene(self.name, camera, (*spheres, *planes), lights)
 
     @property

@@ -117,6 +117,8 @@ def lift(value: Any, engine: Engine) -> Any:
     if isinstance(value, tuple):
         lifted = [lift(v, engine) for v in value]
         return type(value)(*lifted) if hasattr(value, "_fields") else tuple(lifted)
+    if isinstance(value, np.ndarray):
+        return from_numpy(engine, value)
     if not isinstance(value, float):
         return value
     if engine.is_numpy:

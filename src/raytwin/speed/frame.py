@@ -54,17 +54,20 @@ def trace(
 def background(
     scene: Scene, rung: str = "shadow", out: Float32[np.ndarray, "h w 3"] | None = None
 ) -> Float32[np.ndarray, "h w 3"]:
-    """What the camera sees where it meets nothing: (H, W, 3) float32, the sky's radiance, or 0 where a rung or the lens
-    has none.
+    """What the camera sees where it meets nothing, through the pixels' centres: (H, W, 3) float32, the sky's radiance,
+    or 0 where a rung or the lens has none.
 
     `out` is filled, where given, and returned.
     """
     w, h = scene.camera.image_size
-    row = np.empty((w, 3), np.float32)
-    row[:] = scene.sky.radiance if RUNGS[rung].background else 0.0
     if out is None:
         out = np.empty((h, w, 3), np.float32)
-    if w * h < 1 << 20:
+    mapped = RUNGS[rung].background and scene.environment is not None
+    row = np.empty((w, 3), np.float32)
+    row[:] = scene.sky.radiance if RUNGS[rung].background and not mapped else 0.0
+    if mapped:
+        _look_up_sky(scene, out)
+    elif w * h < 1 << 20:
         out[:] = row
     else:  # one thread does not use all of the memory's speed
         with ThreadPoolExecutor(2) as pool:
@@ -72,6 +75,16 @@ def background(
     if (lost := without_ray(scene.camera)) is not None:
         out[lost] = 0
     return out
+
+
+def _look_up_sky(scene: Scene, out: np.ndarray) -> None:
+    view, (w, h) = EyeScene(scene, ENGINES["numpy64"]), scene.camera.image_size
+    step = max(1, (1 << 16) // w)
+    with np.errstate(all="ignore"):  # where the lens has no ray
+        for y in range(0, h, step):
+            d = view.ray(*pixel_grid(view.engine, (0, y, w, min(y + step, h))))
+            for c, channel in enumerate(view.light.toward(d)):
+                out[y : y + step, :, c] = channel
 
 
 def draw(

@@ -12,10 +12,11 @@ import numpy as np
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.speed.engine import Engine, from_numpy, gather
 from raytwin.speed.plan import Lists, one_list
-from raytwin.tracer.hit import Facts, facts_of
+from raytwin.tracer.hit import NO_GLOSS, Facts, Gloss, facts_of
 
 FIELDS = {"center": 3, "radius": 1, "half_u": 3, "half_v": 3, "albedo": 3, "flat": 3, "bend": 1}
-"""The table's fields and how many numbers each has."""
+GLOSS = {"specular": 3, "exponent": 1}
+"""The table's fields and how many numbers each has; GLOSS only where an object has a highlight."""
 
 
 class Table:
@@ -23,10 +24,12 @@ class Table:
 
     def __init__(self, scene: Scene, engine: Engine) -> None:
         self.objects, self.kinds = scene.objects, {type(thing) for thing in scene.objects}
+        self.glossy = scene.glossy
+        fields = FIELDS | (GLOSS if self.glossy else {})
         # Two rows of nothing: Dr.Jit cannot look up in an empty array, and treats one of one number as that number.
-        rows = [*(_row(thing) for thing in scene.objects), *[(0.0,) * sum(FIELDS.values())] * 2]
+        rows = [*(_row(thing, self.glossy) for thing in scene.objects), *[(0.0,) * sum(fields.values())] * 2]
         columns = iter(from_numpy(engine, np.ascontiguousarray(c)) for c in np.array(rows, float).T)
-        self.columns = {name: tuple(next(columns) for _ in range(n)) for name, n in FIELDS.items()}
+        self.columns = {name: tuple(next(columns) for _ in range(n)) for name, n in fields.items()}
 
     def look_up(self, field: str, ids: Any, where: Any = True) -> tuple[Any, ...]:
         """The field's numbers for each of `ids`; anything where `where` does not hold."""
@@ -36,13 +39,17 @@ class Table:
         center, flat, bend, albedo = (
             self.look_up(name, ids, ids >= 0) for name in ("center", "flat", "bend", "albedo")
         )
-        return Facts(center, flat, bend[0], albedo)
+        if not self.glossy:
+            return Facts(center, flat, bend[0], albedo)
+        specular, exponent = (self.look_up(name, ids, ids >= 0) for name in GLOSS)
+        return Facts(center, flat, bend[0], albedo, Gloss(specular, exponent[0]))
 
 
-def _row(thing: Shape) -> tuple[float, ...]:
+def _row(thing: Shape, glossy: bool) -> tuple[float, ...]:
     facts, zero = facts_of(thing), (0.0, 0.0, 0.0)
     shape = (thing.radius, *zero, *zero) if isinstance(thing, Sphere) else (0.0, *thing.half_u, *thing.half_v)
-    return (*facts.center, *shape, *facts.albedo, *facts.flat, facts.bend)
+    specular, exponent = facts.gloss or NO_GLOSS
+    return (*facts.center, *shape, *facts.albedo, *facts.flat, facts.bend, *((*specular, exponent) if glossy else ()))
 
 
 class Listed(NamedTuple):

@@ -62,7 +62,8 @@ def speculate(
     if way == "careful":
         whole = doubtful(scene, colour, ids, blocker, n, tolerance, RUNGS[rung].shadows)
     guessed = ~whole & (_blocks(ids != BACKGROUND).any(axis=0) if way == "paper" else ids[:-1, :-1] != BACKGROUND)
-    colour[ids == BACKGROUND] = scene.sky.radiance if RUNGS[rung].background else 0.0
+    bare = ids == BACKGROUND
+    colour[bare] = out[np.minimum(down, h - 1), np.minimum(across, w - 1)][bare]
     _interpolate(out, colour, guessed, n)
     y, x = np.nonzero(whole)
     inner = np.arange(n)

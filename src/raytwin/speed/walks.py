@@ -19,6 +19,7 @@ from raytwin.tracer.arrays import Vec, repeat, select
 from raytwin.tracer.frame import EYE, STAGES
 from raytwin.tracer.hit import Hit, Stages, World
 from raytwin.tracer.light import Lighting, lambert_radiance, shadow_radiance
+from raytwin.tracer.occlusion import sky_left
 from raytwin.tracer.path import Draw, follow
 from raytwin.tracer.random import BATCHES
 from raytwin.tracer.random import draw as random
@@ -34,8 +35,11 @@ def part_names(bounces: int = 3) -> tuple[str, ...]:
 
 PARTS = part_names()
 
-Integrand = Callable[[EyeScene, World, Hit, Draw], list[Vec]]
-"""What a sample brings: some colours."""
+Integrand = Callable[[EyeScene, World, Hit], Callable[[Draw], list[Vec]]]
+"""What a sample of a place brings: some colours."""
+
+FEW = 16
+"""Objects among which the sky's occlusion is looked for in closed form: all pairs of them, at every pixel."""
 
 
 def walk(
@@ -58,8 +62,11 @@ def walk(
     """
     deep, side = depth or RUNGS[rung].depth or 2, side if sampling == "area" else 0.0
 
-    def whole(view: EyeScene, world: World, hit: Hit, numbers: Draw) -> list[Vec]:
-        return [_or_sky(hit, follow(hit, view.light, world, numbers, deep)[0], view.light)]
+    closed = deep == 2 and not side and len(scene.objects) <= FEW and not scene.environment and not scene.glossy
+
+    def whole(view: EyeScene, world: World, hit: Hit) -> Callable[[Draw], list[Vec]]:
+        even = sky_left(hit, world) if closed else None
+        return lambda numbers: [_or_sky(hit, follow(hit, view.light, world, numbers, deep, 1, even)[0], view.light)]
 
     ((mean, variance),) = _sampled(scene, whole, [background(scene, rung)], engine, side, samples, seed, stages)
     seen = Surface.empty(*scene.camera.image_size) if surface else None
@@ -85,14 +92,16 @@ def light_parts(
     `side` of the area, in pixels, about their centres.
     """
 
-    def parts(view: EyeScene, world: World, hit: Hit, numbers: Draw) -> list[Vec]:
+    def parts(view: EyeScene, world: World, hit: Hit) -> Callable[[Draw], list[Vec]]:
         open_, lit = (f(hit, view.light, world, view.camera) for f in (lambert_radiance, shadow_radiance))
-        direct, *later = follow(hit, view.light, world, numbers, depth, parts=bounces + 1)
-        seen = hit.ids >= 0
-        shadow, occlusion = (
-            tuple(select(seen, x - y, 0.0) for x, y in zip(a, b, strict=True)) for a, b in ((lit, open_), (direct, lit))
-        )
-        return [_or_sky(hit, open_, view.light), shadow, occlusion, *later]
+
+        def sample(numbers: Draw) -> list[Vec]:
+            direct, *later = follow(hit, view.light, world, numbers, depth, parts=bounces + 1)
+            seen, changes = hit.ids >= 0, ((lit, open_), (direct, lit))
+            shadow, occlusion = (tuple(select(seen, x - y, 0.0) for x, y in zip(a, b, strict=True)) for a, b in changes)
+            return [_or_sky(hit, open_, view.light), shadow, occlusion, *later]
+
+        return sample
 
     names = part_names(bounces)
     start = [background(scene), *(np.zeros((*scene.camera.image_size[::-1], 3), np.float32) for _ in names[1:])]
@@ -104,7 +113,7 @@ def light_parts(
 
 
 def _or_sky(hit: Hit, colour: Vec, light: Lighting) -> Vec:
-    r, g, b = (select(hit.ids >= 0, c, sky) for c, sky in zip(colour, light.sky, strict=True))
+    r, g, b = (select(hit.ids >= 0, c, sky) for c, sky in zip(colour, light.toward(hit.d), strict=True))
     return r, g, b
 
 
@@ -125,17 +134,27 @@ def _sampled(
         constant(how, n) for n in (batches, samples // batches, samples % batches, seed & 0xFFFFFFFF)
     )
     variances = [np.zeros_like(mean) for mean in start]
+    boxes = area_boxes(scene)
+    if side and scene.environment:  # which differs within a pixel: all of them are sampled
+        boxes[:] = (0, 0, *scene.camera.image_size)
     queued = [(out, canvas(how, out)) for out in (*start, *variances)]
 
     def estimate(u: Any, v: Any, pixel: Any, world: World) -> tuple[Any, ...]:
+        def place_at(u: Any, v: Any) -> Callable[[Draw], list[Vec]]:
+            return integrand(view, world, world.nearest(EYE, view.ray(u, v)))
+
+        centre = None if side else place_at(u, v)  # what all samples share is found once
+
         def batch(index: Any, *state: Any) -> tuple[Any, ...]:
             mean, scatter, before = state[:values], state[values:-1], state[-1]
 
             def sample(place: Any, *sums: Any) -> tuple[Any, ...]:
                 numbers = partial(random, u, pixel, index, place, key)
-                a, b = numbers(0)
-                d = view.ray(u + side * (a - 0.5), v + side * (b - 0.5))
-                brought = integrand(view, world, world.nearest(EYE, d), numbers)
+                if centre is None:
+                    a, b = numbers(0)
+                    brought = place_at(u + side * (a - 0.5), v + side * (b - 0.5))(numbers)
+                else:
+                    brought = centre(numbers)
                 return tuple(x + y for x, y in zip(sums, sum(brought, ()), strict=True))
 
             count = size + select(index < more, 1, 0)
@@ -149,7 +168,7 @@ def _sampled(
         return repeat(number, batch, (0 * u,) * (2 * values + 1))[:-1]
 
     with np.errstate(all="ignore"):
-        for u, v, place, world in (tiles if how.is_numpy else kernel)(view, area_boxes(scene), True):
+        for u, v, place, world in (tiles if how.is_numpy else kernel)(view, boxes, True):
             u, v = (u + 0 * v, v + 0 * u)
             found = estimate(u, v, pixel_numbers(how, place, scene.camera.width), world)
             scale = 1 / (samples * max(batches - 1, 1))

@@ -35,6 +35,14 @@ def sin(x: Any) -> Any:
     return library(x).sin(x)
 
 
+def arctan2(y: Any, x: Any) -> Any:
+    return np.arctan2(y, x) if (xp := library(y, x)) is np else xp.atan2(y, x)
+
+
+def minimum(a: Any, b: Any) -> Any:
+    return library(a, b).minimum(a, b)
+
+
 def maximum(a: Any, b: Any) -> Any:
     return library(a, b).maximum(a, b)
 
@@ -79,6 +87,18 @@ def reverse_bits(x: Any) -> Any:
     for step, kept in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF)):
         x = ((x >> step) & kept) | ((x & kept) << step)
     return (x >> 16) | (x << 16)
+
+
+def whole(x: Any) -> Any:
+    """The whole number at or below each, as an integer."""
+    return np.floor(x).astype(np.int32) if (xp := library(x)) is np else xp.int32_array_t(type(x))(xp.floor(x))
+
+
+def take(numbers: Any, places: Any) -> Any:
+    """numbers[places]."""
+    if (xp := library(numbers)) is np:
+        return np.take(numbers, places)
+    return xp.gather(type(numbers), numbers, xp.uint32_array_t(type(places))(places))
 
 
 def repeat(

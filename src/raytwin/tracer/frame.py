@@ -32,10 +32,10 @@ def trace(scene: Scene, rung: str = "shadow", stages: Stages = STAGES) -> Image:
     if rung not in RADIANCE:
         raise InputError("rung", f"one of {', '.join(RADIANCE)}", rung)
     u, v, light, world = _look(scene, stages)
-    sky = light.sky if RUNGS[rung].background else (0.0, 0.0, 0.0)
     with np.errstate(all="ignore"):  # infinities and NaN of missed rays are selected away
         hit = world.nearest(EYE, stages.back_project(u, v, scene.camera, stages.undistort))
         seen = hit.ids > BACKGROUND
+        sky = light.toward(hit.d) if RUNGS[rung].background else EYE
         mean = _picture(seen, RADIANCE[rung](hit, light, world, scene.camera), sky)
         normal = _picture(seen, to_board(hit.normal, scene.camera), EYE)
         depth = np.where(seen, hit.t, 0)
@@ -56,7 +56,7 @@ def trace_paths(scene: Scene, depth: int = 8, samples: int = 16, seed: int = 0, 
             a, b = numbers(0)
             hit = world.nearest(EYE, stages.back_project(u + a - 0.5, v + b - 0.5, scene.camera, stages.undistort))
             found = follow(hit, light, world, numbers, depth)
-            total += _picture(hit.ids > BACKGROUND, found[0], light.sky)
+            total += _picture(hit.ids > BACKGROUND, found[0], light.toward(hit.d))
     return Image((total / samples).astype(np.float32), samples=samples).blacken(without_ray(scene.camera))
 
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from raytwin.scene import Shape, Sphere
+from raytwin.scene import Phong, Shape, Sphere
 from raytwin.tracer.arrays import INFINITY, Vec, dot, integers, select
 
 
@@ -22,6 +22,13 @@ class Stages(NamedTuple):
     sun_visible: Callable[..., Any]
 
 
+class Gloss(NamedTuple):
+    """The highlight of `scene.Phong`; none, for all objects at once, where the scene has no such material."""
+
+    specular: Vec
+    exponent: Any
+
+
 class Facts(NamedTuple):
     """Of an object, or of what each ray met. The normal at p is flat + bend (p - center); a sphere's bend is 1/r."""
 
@@ -29,12 +36,23 @@ class Facts(NamedTuple):
     flat: Vec
     bend: Any
     albedo: Vec
+    gloss: Gloss | None = None
 
 
 def facts_of(thing: Shape) -> Facts:
+    rho, gloss = thing.material.albedo, gloss_of(thing)
     if isinstance(thing, Sphere):
-        return Facts(thing.center, (0.0, 0.0, 0.0), 1 / thing.radius, thing.material.albedo)
-    return Facts(thing.center, thing.normal, 0.0, thing.material.albedo)
+        return Facts(thing.center, (0.0, 0.0, 0.0), 1 / thing.radius, rho, gloss)
+    return Facts(thing.center, thing.normal, 0.0, rho, gloss)
+
+
+def gloss_of(thing: Shape) -> Gloss | None:
+    material = thing.material
+    return Gloss(material.specular, material.exponent) if isinstance(material, Phong) else None
+
+
+NO_GLOSS = Gloss((0.0, 0.0, 0.0), 1.0)
+"""Of the Lambertian objects of a scene that has others, too."""
 
 
 @runtime_checkable
@@ -56,13 +74,20 @@ class Every(NamedTuple):
         return state
 
     def facts(self, ids: Any) -> Facts:
-        rows = [np.hstack(facts_of(thing)) for thing in self.things] or [np.zeros(10)]
+        rows = [np.hstack([*(facts := facts_of(thing))[:4], *(facts.gloss or NO_GLOSS)]) for thing in self.things] or [
+            np.zeros(14)
+        ]
         columns = np.array(rows).T[:, ids]
-        return Facts(tuple(columns[:3]), tuple(columns[3:6]), columns[6], tuple(columns[7:]))
+        glossy = any(gloss_of(thing) for thing in self.things)
+        gloss = Gloss(tuple(columns[10:13]), columns[13]) if glossy else None
+        return Facts(tuple(columns[:3]), tuple(columns[3:6]), columns[6], tuple(columns[7:10]), gloss)
 
 
 class Hit(NamedTuple):
-    """Per ray: `t` metres (infinity: nothing), `ids` (-1: nothing), unit `normal` to the eye; `inside` of a sphere."""
+    """Per ray: `t` metres (infinity: nothing), `ids` (-1: nothing), unit `normal` to the eye; `inside` of a sphere.
+
+    `d`: the ray's direction; `gloss`: None where no object of the scene has any.
+    """
 
     t: Any
     ids: Any
@@ -70,6 +95,8 @@ class Hit(NamedTuple):
     normal: Vec
     albedo: Vec
     inside: Any
+    d: Vec
+    gloss: Gloss | None = None
 
 
 def intersect(origin: Vec, d: Vec, thing: Shape, stages: Stages) -> Any:
@@ -133,7 +160,8 @@ class World(NamedTuple):
         facts = self.objects.facts(ids)
         n = self.stages.normal(point, facts)
         away = dot(n, d) > 0
-        return Hit(t, ids, point, tuple(select(away, -c, c) for c in n), facts.albedo, away & (facts.bend > 0))
+        n = tuple(select(away, -c, c) for c in n)
+        return Hit(t, ids, point, n, facts.albedo, away & (facts.bend > 0), d, facts.gloss)
 
     def nearest(self, origin: Vec, d: Vec) -> Hit:
         """The first object on each ray, and what is met there."""

@@ -7,19 +7,34 @@ from typing import Any, NamedTuple
 from raytwin.scene import Camera, Scene
 from raytwin.tracer.arrays import Vec, dot, maximum, select
 from raytwin.tracer.camera import to_board
+from raytwin.tracer.environment import Around, around
 from raytwin.tracer.hit import Hit, World
 
 
 class Lighting(NamedTuple):
-    """`to_sun`: unit, in the rays' frame; `irradiance` E of the sun on a surface that faces it; `sky`: its radiance."""
+    """`to_sun`: unit, in the rays' frame; `irradiance` E of the sun on a surface that faces it; `sky`: its radiance.
+
+    `around`: the map in the place of an even sky, where there is one.
+    """
 
     to_sun: Vec
     irradiance: Vec
     sky: Vec
+    around: Around | None = None
+
+    def toward(self, d: Vec) -> Vec:
+        """The sky's radiance along d."""
+        return self.sky if self.around is None else self.around.radiance(d)
+
+    def even(self, normal: Vec) -> Vec:
+        """The radiance of an even sky that would light a surface as much, where nothing hides this one."""
+        return self.sky if self.around is None else self.around.even(normal)
 
 
 def lighting(scene: Scene) -> Lighting:
-    return Lighting(scene.sun.to_light, scene.sun.irradiance, scene.sky.radiance)
+    if (found := scene.environment) is None:
+        return Lighting(scene.sun.to_light, scene.sun.irradiance, scene.sky.radiance)
+    return Lighting(scene.sun.to_light, scene.sun.irradiance, (0.0, 0.0, 0.0), around(found))
 
 
 def lambert(albedo: Any, normal: Vec, to_light: Vec, irradiance: Any, visible: Any, sky: Any) -> Any:
@@ -30,6 +45,23 @@ def lambert(albedo: Any, normal: Vec, to_light: Vec, irradiance: Any, visible: A
     is albedo Lₛ.
     """
     return albedo / pi * irradiance * visible * maximum(dot(normal, to_light), 0.0) + albedo * sky
+
+
+def highlight(hit: Hit, to_light: Vec) -> Vec:
+    """specular (n + 2)/2 max(0, r·v)ⁿ: π times Phong's highlight, with r·v = 2 (n·l)(n·v) - l·v and v = -d."""
+    assert hit.gloss is not None
+    specular, exponent = hit.gloss
+    along = dot(to_light, hit.d) - 2 * dot(hit.normal, to_light) * dot(hit.normal, hit.d)
+    lobe = (exponent + 2) / 2 * maximum(along, 0.0) ** exponent
+    return specular[0] * lobe, specular[1] * lobe, specular[2] * lobe
+
+
+def reflectance(hit: Hit, to_light: Vec) -> Vec:
+    """π f: albedo, and the highlight of what has one."""
+    if hit.gloss is None:
+        return hit.albedo
+    r, g, b = (rho + h for rho, h in zip(hit.albedo, highlight(hit, to_light), strict=True))
+    return r, g, b
 
 
 def sun_visible(hit: Hit, light: Lighting, world: World) -> Any:
@@ -53,8 +85,15 @@ def shadow_radiance(hit: Hit, light: Lighting, world: World, camera: Camera) -> 
 
 
 def _direct(hit: Hit, light: Lighting, world: World, visible: Any) -> Vec:
-    channels = zip(hit.albedo, light.irradiance, light.sky, strict=True)
-    return tuple(world.stages.lambert(rho, hit.normal, light.to_sun, E, visible, sky) for rho, E, sky in channels)
+    """Lambert's law under the sun and an open sky; of which, by the highlight too, `specular` is sent on."""
+    even = light.even(hit.normal)
+    channels = zip(hit.albedo, light.irradiance, even, strict=True)
+    L = tuple(world.stages.lambert(rho, hit.normal, light.to_sun, E, visible, sky) for rho, E, sky in channels)
+    if hit.gloss is None:
+        return L
+    share = visible * maximum(dot(hit.normal, light.to_sun), 0.0) / pi
+    shine = zip(L, highlight(hit, light.to_sun), light.irradiance, hit.gloss.specular, even, strict=True)
+    return tuple(x + h * E * share + k * sky for x, h, E, k, sky in shine)
 
 
 Radiance = Callable[[Hit, Lighting, World, Camera], Vec]

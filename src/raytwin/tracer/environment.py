@@ -1,0 +1,171 @@
+"""A sky that differs by direction: its radiance, directions drawn by its luminance, and its cheap model, harmonics.
+
+The map is what `scene.Environment` says: bilinear between the centres of its texels, which are equal steps of u (round)
+and v (down). A row of texels fills the solid angle between two heights z.
+"""
+
+from functools import lru_cache
+from math import pi
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytwin.scene import Environment
+from raytwin.tracer.arrays import Vec, arctan2, cos, dot, floats, maximum, minimum, select, sin, sqrt, take, whole
+
+REC_709 = np.array((0.2126, 0.7152, 0.0722))
+
+
+class Around(NamedTuple):
+    """The map as rays ask for it. `texels`: three channels, row by row; `axes`: the map's x, y, z in the rays' frame.
+
+    `rows` (h + 1) and `columns` (h, w + 1): the shares of light above each row's edge, and, within a row, to the left
+    of each column's; `heights` (h + 1): z of the rows' edges; `density` (h, w): of drawn directions, a steradian.
+    `harmonics`: nine numbers a channel, see `even`. All but `size` (w, h) in the engine's floats.
+    """
+
+    size: tuple[int, int]
+    texels: Vec
+    axes: tuple[Vec, Vec, Vec]
+    rows: Any
+    columns: Any
+    heights: Any
+    density: Any
+    harmonics: tuple[tuple[Any, ...], ...]
+
+    def radiance(self, d: Vec) -> Vec:
+        """L(d): bilinear between the four nearest centres."""
+        w, h = self.size
+        x, y = self._place(d)
+        i, j = whole(x - 0.5), whole(y - 0.5)
+        a, b = x - 0.5 - floats(x, i), y - 0.5 - floats(y, j)
+        left, right = select(i < 0, w - 1, i), select(i + 1 < w, i + 1, 0)
+        top, low = maximum(j, 0) * w, minimum(j + 1, h - 1) * w
+        r, g, b_ = (
+            (1 - b) * ((1 - a) * take(c, top + left) + a * take(c, top + right))
+            + b * ((1 - a) * take(c, low + left) + a * take(c, low + right))
+            for c in self.texels
+        )
+        return r, g, b_
+
+    def density_at(self, d: Vec) -> Any:
+        """With what density, a steradian, `draw` finds d."""
+        w, h = self.size
+        x, y = self._place(d)
+        return take(self.density, minimum(whole(y), h - 1) * w + minimum(whole(x), w - 1))
+
+    def draw(self, a: Any, b: Any) -> tuple[Vec, Any]:
+        """A direction with about the density of its luminance, from two numbers in [0, 1); and that density.
+
+        A row by its share of the light, a column by its share of the row's, evenly within the texel.
+        """
+        w, h = self.size
+        j, down = _interval(self.rows, 0 * whole(a), h, a)
+        i, right = _interval(self.columns, j * (w + 1), w, b)
+        top, low = take(self.heights, j), take(self.heights, j + 1)
+        z, turn = top + down * (low - top), ((floats(right, i) + right) * (2 / w) - 1) * pi
+        level = sqrt(maximum(1 - z * z, 0.0))
+        local = level * sin(turn), level * cos(turn), z
+        x, y, z = (dot(local, column) for column in zip(*self.axes, strict=True))
+        return (x, y, z), take(self.density, j * w + i)
+
+    def even(self, n: Vec) -> Vec:
+        """E(n)/π, where nothing hides the map: the even sky whose light would be the same on a surface that faces n.
+
+        E(n) = Σ Â_l L_lm Y_lm(n) to l = 2, with Â = π, 2π/3, π/4: what is left out is small, since the cosine hardly
+        lets more through (Ramamoorthi and Hanrahan, "An Efficient Representation for Irradiance Environment Maps",
+        SIGGRAPH 2001). Never below 0.
+        """
+        x, y, z = (dot(axis, n) for axis in self.axes)
+        basis = polynomials(x, y, z)
+        r, g, b = (maximum(sum(k * p for k, p in zip(c, basis, strict=True)), 0.0) for c in self.harmonics)
+        return r, g, b
+
+    def _place(self, d: Vec) -> tuple[Any, Any]:
+        """Columns from the map's left edge and rows from its top."""
+        w, h = self.size
+        x, y, z = (dot(axis, d) for axis in self.axes)
+        return (0.5 + arctan2(x, y) / (2 * pi)) * w, arctan2(sqrt(x * x + y * y), z) / pi * h
+
+
+def polynomials(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
+    """The nine harmonics to l = 2 as polynomials of a unit direction, without their factors."""
+    return 0 * x + 1, x, y, z, x * y, y * z, x * z, x * x - y * y, 3 * z * z - 1
+
+
+SQUARES = np.array([1, *[1 / 3] * 3, *[1 / 15] * 3, 4 / 15, 4 / 5])
+"""Their squares' means over the sphere."""
+TRANSFER = np.array([1, *[2 / 3] * 3, *[1 / 4] * 5])
+"""Â_l / π."""
+
+
+def _interval(ends: Any, first: Any, count: int, x: Any) -> tuple[Any, Any]:
+    """(k, how far into it): the last k < count with ends[first + k] <= x, by halving; ends[first] is 0."""
+    k, step = 0 * first, 1 << (count - 1).bit_length()
+    while step := step >> 1:
+        further = k + step
+        there = take(ends, first + minimum(further, count - 1)) <= x
+        k = select((further < count) & there, further, k)
+    low, high = take(ends, first + k), take(ends, first + k + 1)
+    return k, minimum((x - low) / maximum(high - low, 1e-30), 1 - 2.0**-24)
+
+
+@lru_cache(maxsize=4)
+def _tables(size: tuple[int, int], texels: bytes) -> Around:
+    """All that does not depend on which way the map is turned."""
+    w, h = size
+    light = np.asarray(Environment(size, texels).radiance, float)
+    edges = np.cos(np.linspace(0, pi, h + 1))
+    steradians = (edges[:-1] - edges[1:])[:, None] * (2 * pi / w)
+    # The mean over a texel of what lies bilinearly between centres: not 0 where any of it is not.
+    mean = light @ REC_709
+    mean = (np.roll(mean, 1, 1) + 6 * mean + np.roll(mean, -1, 1)) / 8
+    padded = np.pad(mean, ((1, 1), (0, 0)), "edge")
+    share = ((padded[:-2] + 6 * mean + padded[2:]) / 8 + (0 if mean.any() else 1)) * steradians
+    share /= share.sum()
+    of_row = share.sum(axis=1)
+    rows = np.concatenate([[0], np.cumsum(of_row)])
+    within = np.cumsum(share / np.where(of_row > 0, of_row, 1)[:, None], axis=1)
+    columns = np.concatenate([np.zeros((h, 1)), within], axis=1).ravel()
+    axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    r, g, b = (tuple(c) for c in _harmonics(light).tolist())
+    red, green, blue = (light[..., c].ravel() for c in range(3))
+    return Around(size, (red, green, blue), axes, rows, columns, edges, (share / steradians).ravel(), (r, g, b))
+
+
+def around(environment: Environment) -> Around:
+    """Its tables, made once a map."""
+    x, y, z = environment.R_map_board
+    return _tables(environment.size, environment.texels)._replace(axes=(x, y, z))
+
+
+def _harmonics(light: np.ndarray) -> np.ndarray:
+    """(3, 9): the factors of `even`'s polynomials for a map (h, w, 3), Â_l / π times the map's mean with each over that
+    polynomial's mean square; exact for what lies bilinearly between centres.
+
+    A hat of a column's width 2π/w about its centre a has ∫ hat cos(m φ) = 2π/w sinc²(m π/w) cos(m a); down the rows
+    Gauss's rule with 8 points in each half texel is exact to rounding.
+    """
+    h, w = light.shape[:2]
+    turn = (2 * (np.arange(w) + 0.5) / w - 1) * pi
+    narrow = [np.sinc(m / w) ** 2 / w for m in range(3)]
+    c, s, c2, s2 = np.cos(turn), np.sin(turn), np.cos(2 * turn), np.sin(2 * turn)
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    v = (np.arange(2 * h)[:, None] + (nodes + 1) / 2).ravel() / 2  # in rows from the top
+    z, level = np.cos(v * pi / h), np.sin(v * pi / h)
+    area = np.tile(weights, 2 * h) * (pi / (8 * h)) * level  # of a sphere of area 1
+    place = np.clip(v - 0.5, 0, h - 1)
+    upper = np.minimum(place.astype(int), h - 2)
+
+    def down(f: np.ndarray) -> np.ndarray:
+        """What each row's texels have of the integral of f down the rows."""
+        lower = (place - upper) * area * f
+        return np.bincount(upper, area * f - lower, h) + np.bincount(upper + 1, lower, h)
+
+    even = narrow[0] + 0 * turn
+    pairs = (
+        (1 + 0 * z, even), (level, narrow[1] * s), (level, narrow[1] * c), (z, even), (level**2, narrow[2] * s2 / 2),
+        (level * z, narrow[1] * c), (level * z, narrow[1] * s), (level**2, -narrow[2] * c2), (3 * z * z - 1, even),
+    )  # fmt: skip
+    means = np.array([np.einsum("hwc,h,w->c", light, down(f), g, optimize=True) for f, g in pairs])
+    return np.asarray((means / SQUARES[:, None] * TRANSFER[:, None]).T)

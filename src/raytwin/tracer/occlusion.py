@@ -1,0 +1,75 @@
+"""How much of an even sky other spheres leave to a surface, where a closed form holds.
+
+A sphere of radius r at the distance d fills, weighed by the cosine with the normal, the share of the hemisphere
+
+    F = 1/π { [c atan2(w, -c q) - w q] / h² + atan2(w, q) }        h = d/r, q = √(h² - 1), w = √max(0, 1 - h² c²)
+
+where c is the cosine between the normal and the direction to its centre: c/h² where it stands wholly above the horizon,
+0 where it lies below, and the part above where the horizon cuts it (Howell, "A Catalog of Radiation Heat Transfer
+Configuration Factors", section B; there with arc cosines, and case by case). Spheres that do not overlap, as seen from
+the point, add up. A rectangle above the horizon, or two spheres that overlap, have no such form: random rays must do.
+"""
+
+from math import pi
+from typing import Any
+
+from raytwin.scene import Rectangle, Shape, Sphere
+from raytwin.tracer.arrays import Vec, arctan2, dot, maximum, minimum, select, sqrt
+from raytwin.tracer.hit import Hit, World
+
+ABOVE = 1e-5
+"""How far above the horizon, as the sine of its angle, a rectangle's corner counts: more than float32's rounding."""
+
+
+def sphere_share(h: Any, c: Any) -> Any:
+    """F of a sphere whose centre stands h radii away, c: see above."""
+    q, w = sqrt(maximum((h - 1) * (h + 1), 0.0)), sqrt(maximum((1 - h * c) * (1 + h * c), 0.0))
+    return ((c * arctan2(w, -c * q) - w * q) / (h * h) + arctan2(w, q)) / pi
+
+
+def sky_left(hit: Hit, world: World) -> tuple[Any, Any]:
+    """The share of an even sky that the other objects leave to each point; and where this holds."""
+    objects = world.others()
+
+    def take_away(state: Any, index: Any, thing: Shape) -> Any:
+        left, known = state
+        other = hit.ids != index
+        if isinstance(thing, Rectangle):
+            return left, known & ~(other & _rises(thing, hit))
+        toward, sine, cosine = _seen(thing, hit)
+        hides = other & (cosine + sine > 0)
+
+        def beside(apart: Any, second: Any, that: Shape) -> Any:
+            if isinstance(that, Rectangle):
+                return (apart[0],)
+            to, wide, level = _seen(that, hit)
+            below = (level + wide <= 0) | (second <= index) | (hit.ids == second)
+            # the angle between them is at least the sum of both half angles, a and b: cos(a + b) from their sines
+            both = sqrt((1 - sine * sine) * (1 - wide * wide)) - sine * wide
+            return (apart[0] & (below | (dot(toward, to) <= both)),)
+
+        apart = objects.fold((hides == hides,), beside)[0]
+        return left - select(hides, sphere_share(1 / sine, cosine), 0.0), known & (~hides | apart)
+
+    start = select(hit.inside, 0.0, 0 * hit.point[0] + 1)
+    left, known = objects.fold((start, hit.ids >= 0), take_away)
+    return select(hit.inside, 0.0, maximum(left, 0.0)), known | hit.inside
+
+
+def _seen(thing: Sphere, hit: Hit) -> tuple[Vec, Any, Any]:
+    """The unit direction to the centre, sin of the half angle that it fills, the direction's cosine with the normal."""
+    f = tuple(c - p for c, p in zip(thing.center, hit.point, strict=True))
+    far = sqrt(dot(f, f))
+    x, y, z = (a / far for a in f)
+    return (x, y, z), minimum(thing.radius / far, 1.0), dot((x, y, z), hit.normal)
+
+
+def _rises(thing: Rectangle, hit: Hit) -> Any:
+    """Whether any corner stands above the horizon."""
+    above = hit.ids < -1
+    for a in (-1, 1):
+        for b in (-1, 1):
+            corners = zip(thing.center, thing.half_u, thing.half_v, hit.point, strict=True)
+            x, y, z = (c + a * u + b * v - p for c, u, v, p in corners)
+            above = above | (dot((x, y, z), hit.normal) > ABOVE * sqrt(x * x + y * y + z * z))
+    return above

@@ -1,0 +1,185 @@
+"""A sky that is a map: its convention, the density of what is drawn from it, and its cheap model."""
+
+from math import pi
+
+import msgspec
+import numpy as np
+import pytest
+from test_light import camera_above
+
+from raytwin import speed
+from raytwin.scene import Environment, Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.speed import ENGINES
+from raytwin.speed.engine import from_numpy, lift, to_numpy
+from raytwin.tracer import trace_paths
+from raytwin.tracer.environment import around
+
+TURNED = ((0.6, 0.8, 0.0), (-0.8, 0.6, 0.0), (0.0, 0.0, 1.0))
+LEVEL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def a_map(radiance: np.ndarray, axes=LEVEL) -> Environment:
+    h, w, _ = radiance.shape
+    return Environment((w, h), np.ascontiguousarray(radiance, "<f4").tobytes(), axes)
+
+
+@pytest.fixture
+def spotted(rng) -> Environment:
+    """Bright spots on a dark ground, every channel another, turned by 53 degrees."""
+    return a_map(4 * rng.random((8, 16, 3)) ** 6, TURNED)
+
+
+def directions(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Every direction (3, n) and its share of the sphere: Gauss's rule along z, even steps about it."""
+    z, weights = np.polynomial.legendre.leggauss(count)
+    turn = (np.arange(2 * count) + 0.5) * pi / count
+    level = np.sqrt(1 - z * z)[:, None]
+    d = np.stack([level * np.sin(turn), level * np.cos(turn), z[:, None] + 0 * turn])
+    return d.reshape(3, -1), np.repeat(weights / (4 * count), 2 * count)
+
+
+def test_the_middle_of_the_map_is_y_its_right_is_x_and_its_top_is_z():
+    radiance = np.zeros((4, 8, 3))
+    radiance[0], radiance[-1] = 7, 9
+    radiance[1:3, :, 0] = np.arange(8)
+    look = around(a_map(radiance)).radiance
+    s = np.sqrt(0.5)
+    assert look((0.0, 0.0, 1.0)) == (7, 7, 7) and look((0.0, 0.0, -1.0)) == (9, 9, 9)
+    # Columns 3 and 4 lie beside the middle, 5 and 6 beside its right hand, 0 and 7 beside what is behind.
+    for d, expected in (((0, 1, 0), 3.5), ((1, 0, 0), 5.5), ((-1, 0, 0), 1.5), ((0, -1, 0), 3.5), ((s, s, 0), 4.5)):
+        assert look(tuple(map(float, d)))[0] == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_rotation_carries_the_middle_of_the_map_from_y_towards_minus_x():
+    radiance = np.zeros((4, 8, 3))
+    radiance[:, 3:5] = 1
+    look = around(a_map(radiance, ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))).radiance
+    assert look((-1.0, 0.0, 0.0))[0] == 1 and look((0.0, 1.0, 0.0))[0] == 0
+
+
+def test_drawn_directions_have_the_density_that_they_tell_and_find_all_of_the_light(spotted, rng):
+    """400 000 directions: means within 4.5 standard errors."""
+    sky = around(spotted)
+    d, p = sky.draw(*rng.random((2, 400_000)))
+    np.testing.assert_allclose(np.linalg.norm(d, axis=0), 1, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(sky.density_at(d), p, rtol=1e-9)
+    every, share = directions(256)
+    assert (sky.density_at(tuple(every)) * share).sum() * 4 * pi == pytest.approx(
+        1, abs=2e-3
+    )  # it steps from texel to texel
+    for f, whole in ((1 / p, 4 * pi), *((c / p, 4 * pi * (k * share).sum()) for c, k in zip(
+        sky.radiance(d), sky.radiance(tuple(every)), strict=True))):  # fmt: skip
+        assert abs(f.mean() - whole) < 4.5 * f.std() / np.sqrt(len(f)) + 1e-4 * whole
+
+
+def test_directions_are_drawn_alike_on_every_engine(spotted, engine, rng):
+    how, numbers = ENGINES[engine], np.floor(rng.random((2, 500)) * 2**24) / 2**24
+    expected = around(spotted).draw(*numbers)
+    d, p = lift(around(spotted), how).draw(*(from_numpy(how, n) for n in numbers))
+    close = 1e-12 if how.bits == 64 else 1e-5
+    np.testing.assert_allclose([to_numpy(c, (500,)) for c in d], expected[0], rtol=0, atol=close)
+    np.testing.assert_allclose(to_numpy(p, (500,)), expected[1], rtol=close)
+
+
+def test_a_map_that_is_black_draws_evenly_and_an_empty_row_is_never_drawn(rng):
+    assert around(a_map(np.zeros((4, 8, 3)))).density_at((0.0, 0.6, 0.8)) == pytest.approx(1 / (4 * pi))
+    radiance = np.zeros((8, 16, 3))
+    radiance[5, 3] = 1
+    (_, _, z), p = around(a_map(radiance)).draw(*rng.random((2, 1000)))
+    assert z.max() < np.cos(4 * pi / 8) + 1e-9 and z.min() > np.cos(7 * pi / 8) - 1e-9 and p.min() > 0
+
+
+def test_harmonics_of_any_map_are_its_moments_by_quadrature(spotted):
+    d, share = directions(512)
+    x, y, z = np.array(TURNED) @ d
+    basis = np.stack([1 + 0 * x, x, y, z, x * y, y * z, x * z, x * x - y * y, 3 * z * z - 1])
+    transfer = np.array([1] + [2 / 3] * 3 + [1 / 4] * 5)
+    light = np.stack(around(spotted).radiance(tuple(d)))
+    moments = (light * share) @ basis.T / ((basis**2 * share).sum(axis=1)) * transfer
+    np.testing.assert_allclose(around(spotted).harmonics, moments, rtol=0, atol=1e-5)
+
+
+def test_harmonics_give_the_irradiance_of_a_map_of_low_order_by_quadrature():
+    """L = 2 + x + y/2 - z/3 + x y - (3 z² - 1)/2: its own harmonics end at l = 2, and so does what they leave out."""
+    h, w = 512, 1024
+    v, u = (np.mgrid[:h, :w] + 0.5) * pi / h
+    x, y, z = np.sin(v) * np.sin(u - pi), np.sin(v) * np.cos(u - pi), np.cos(v)
+    radiance = 2 + x + y / 2 - z / 3 + x * y - (3 * z * z - 1) / 2
+    assert radiance.min() > 0
+    sky = around(a_map(np.repeat(radiance[..., None], 3, axis=2)))
+    d, share = directions(256)
+    light = sky.radiance(tuple(d))[0]
+    for n in np.array([(0, 0, 1), (0.6, 0, -0.8), (0.36, 0.48, 0.8), (-0.48, 0.64, -0.6)]):
+        expected = 4 * (light * np.maximum(n @ d, 0) * share).sum()
+        assert sky.even(tuple(n.tolist()))[0] == pytest.approx(expected, abs=1e-5)
+
+
+def test_the_cheap_model_is_never_negative_under_a_single_lamp():
+    radiance = np.zeros((32, 64, 3))
+    radiance[0] = 1000
+    lamp = around(a_map(radiance))
+    assert lamp.even((0.6, 0.0, -0.8)) == (0, 0, 0) and min(lamp.even((0.0, 0.6, 0.8))) > 0
+
+
+# ---------------------------------------------------------------------------------------------- in a scene
+
+
+def lit_by(scene: Scene, sky) -> Scene:
+    return msgspec.structs.replace(scene, lights=(scene.sun, sky))
+
+
+@pytest.mark.parametrize("rung", ["lambert", "shadow"])
+def test_a_map_of_one_radiance_is_an_even_sky_to_rounding(overlap, engine, rung):
+    scene, sky = overlap.with_camera(overlap.camera.resized(64, 48)), overlap.sky
+    flat = np.broadcast_to(sky.radiance, (4, 8, 3))
+    even, mapped = (speed.trace(lit_by(scene, s), rung, engine).mean for s in (sky, a_map(flat, TURNED)))
+    np.testing.assert_allclose(mapped, even, rtol=0, atol=2e-7)
+
+
+def test_a_white_scene_in_a_map_of_one_radiance_is_lost_in_it():
+    """Furnace: a white ball alone shows the sky's radiance; 2e4 walks, 4.5 standard errors."""
+    scene = Scene("ball", camera_above(4.0, 16, 14.0), (Sphere((0.0, 0.0, 0.0), 1.0, Lambert((1.0,) * 3)),),
+                  (a_map(np.full((4, 8, 3), 0.7)),))  # fmt: skip
+    image = speed.walk(scene, "path", "numpy32", samples=80, seed=2)
+    error = np.sqrt(image.variance.sum(axis=(0, 1))) / 256
+    assert (abs(image.mean.mean(axis=(0, 1)) - 0.7) < 4.5 * error + 1e-6).all() and error.max() < 0.01
+    assert speed.trace(scene, "lambert").mean == pytest.approx(0.7, abs=1e-6)
+
+
+def test_the_light_of_a_map_on_an_open_sheet_is_its_irradiance_by_quadrature(spotted):
+    """One sheet, no noise but the walks': 4.5 standard errors; and the same numbers in the plain tracer."""
+    sheet = Rectangle((0.0, 0.0, 0.0), (9.0, 0.0, 0.0), (0.0, 9.0, 0.0), Lambert((0.5, 0.6, 0.7)))
+    scene = Scene("sheet", camera_above(1.0, 8, 10.0), (sheet,), (spotted,))
+    image = speed.walk(scene, "sky", "numpy64", samples=256)
+    d, share = directions(256)
+    light = np.stack(around(spotted).radiance(tuple(d))) @ (np.maximum(d[2], 0) * share) * 4 * (0.5, 0.6, 0.7)
+    error = np.sqrt(image.variance.sum(axis=(0, 1))) / 64
+    assert (abs(image.mean.mean(axis=(0, 1)) - light) < 4.5 * error).all() and (error < 0.02 * light).all()
+
+
+def test_every_engine_follows_the_same_paths_under_a_map(overlap, spotted, engine):
+    scene = lit_by(overlap.with_camera(overlap.camera.resized(24, 18)), spotted)
+    found = speed.walk(scene, "path", engine, samples=3, depth=3)
+    plain = trace_paths(scene, 3, 3)
+    close = 1e-6 if ENGINES[engine].bits == 64 else 2e-4
+    assert np.quantile(abs(found.mean - plain.mean), 0.99) < close * plain.mean.max()
+
+
+def test_the_background_is_the_map_in_every_way_to_trace(overlap, spotted, engine):
+    scene = lit_by(overlap.with_camera(overlap.camera.resized(48, 36)), spotted)
+    image = speed.trace(scene, "shadow", engine)
+    behind = image.surface.ids < 0
+    v, u = np.mgrid[:36, :48].astype(float)
+    camera = scene.camera
+    d = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1 + 0 * u], axis=-1) @ camera.R_cam_board
+    expected = np.stack(around(spotted).radiance(tuple(np.moveaxis(d, -1, 0))), axis=-1)
+    assert behind.mean() > 0.2
+    np.testing.assert_allclose(image.mean[behind], expected[behind], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(speed.walk(scene, "sky", engine, sampling="center", samples=1).mean[behind],
+                               expected[behind], rtol=0, atol=2e-5)  # fmt: skip
+
+
+def test_what_knows_only_an_even_sky_says_so(overlap, spotted):
+    with pytest.raises(Exception, match="expected the same radiance everywhere, for this, got an environment map"):
+        _ = lit_by(overlap, spotted).sky
+    assert lit_by(overlap, Sky((1.0, 1.0, 1.0))).environment is None and isinstance(overlap.sun, Sun)

@@ -1,0 +1,91 @@
+"""The sky that spheres leave, in closed form: Howell's numbers, and where it must not be used."""
+
+import numpy as np
+import pytest
+from truths import WHITE, element, from_element, view_of
+
+from raytwin import files, speed
+from raytwin.scene import Rectangle, Scene, Shape, Sphere
+from raytwin.tracer import STAGES, Every, World
+from raytwin.tracer.hit import Hit
+from raytwin.tracer.occlusion import sky_left, sphere_share
+
+TRUTHS = [(2, 1, 0.25), (2, 0.5, 0.125), (2, 0, 0.0288344428112), (2, -0.25, 0.00619138643466),
+          (1.5, 0.3, 0.155199137089), (1.5, 0, 0.0741100731061), (4, 0.1, 0.00726762714777),
+          (1.01, 0, 0.410931538210), (3, -0.9, 0.0), (1, 0.3, 0.65)]  # fmt: skip
+UP = (0.0, 0.6, 0.8)
+
+
+def ball(direction, h: float, radius: float = 1.0) -> Sphere:
+    """A sphere h radii away from the origin."""
+    x, y, z = (np.asarray(direction) / np.linalg.norm(direction) * h * radius).tolist()
+    return Sphere((x, y, z), radius)
+
+
+def left_at_origin(*others: Shape, inside: bool = False) -> tuple[float, bool]:
+    """`sky_left` on a sheet at the origin that faces UP, object 0."""
+    every = Every((element(UP), *others))
+    point = tuple(np.zeros(1) for _ in range(3))
+    normal = tuple(np.full(1, c) for c in UP)
+    hit = Hit(np.ones(1), np.zeros(1, int), point, normal, normal, np.full(1, inside), normal)
+    left, known = sky_left(hit, World(every, every, lambda: every, STAGES))
+    return float(left[0]), bool(known[0])
+
+
+@pytest.mark.parametrize(("precision", "most"), [(np.float64, 1e-12), (np.float32, 3e-7)])
+def test_a_sphere_takes_the_share_that_howell_gives_cut_by_the_horizon_or_not(precision, most):
+    h, c, F = np.array(TRUTHS).T
+    np.testing.assert_allclose(sphere_share(h.astype(precision), c.astype(precision)), F, rtol=0, atol=max(most, 6e-13))
+    h, c = np.random.default_rng(3).uniform((1.001, -1), (9, 1), (200, 2)).T
+    expected = [from_element(*pair) for pair in zip(h, c, strict=True)]
+    np.testing.assert_allclose(sphere_share(h.astype(precision), c.astype(precision)), expected, rtol=0, atol=most)
+
+
+def test_spheres_that_stand_apart_add_up_and_those_below_the_horizon_do_not_matter():
+    along, across = np.array((1.0, 0.8, -0.6)), np.array((-1.0, 0.8, -0.6))
+    left, known = left_at_origin(ball(UP, 3.0, 0.2), ball(along, 2.0), ball(-np.array(UP), 1.2, 9.0), ball(across, 2.0))
+    assert known and left == pytest.approx(1 - 1 / 9 - 2 * from_element(2.0, 0.0), abs=1e-12)
+    deep = -np.array(UP) + (0.2, 0.0, 0.0)  # overlaps the other, but both lie under the horizon
+    assert left_at_origin(ball(-np.array(UP), 1.2), ball(deep, 1.3)) == (1.0, True)
+
+
+def test_nothing_is_claimed_where_spheres_overlap_or_a_rectangle_rises():
+    aside = np.array(UP) + (0.5, 0.0, 0.0)  # 26.6 degrees away
+    h = 1 / np.sin(np.arctan(0.5) / 2)
+    assert left_at_origin(ball(UP, h * 1.001), ball(aside, h * 1.001, 3.0))[1]
+    assert not left_at_origin(ball(UP, h * 0.999), ball(aside, h * 0.999, 3.0))[1]
+    assert not left_at_origin(ball(aside, h * 0.999), ball(UP, h * 0.999, 3.0))[1]
+    wall = Rectangle((0.0, 2.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    under = Rectangle((0.0, 0.0, -3.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    assert not left_at_origin(wall)[1]
+    assert left_at_origin(under) == (1.0, True)
+
+
+def test_within_a_sphere_there_is_no_sky():
+    assert left_at_origin(ball(UP, 2.0), inside=True) == (0.0, True)
+
+
+@pytest.mark.parametrize(("h", "c"), [(2, 1), (2, 0), (2, -0.25), (1.01, 0)])
+def test_the_rung_sky_is_closed_and_without_noise_over_an_element(engine, h, c):
+    """On every engine to 1e-5: the picture is 1e-4 wide."""
+    up = np.array(UP)
+    across = np.cross(up, (1.0, 0.0, 0.0))
+    hides = ball(c * up + np.sqrt(1 - c * c) * across, h, 1e3)
+    camera = view_of((0, 0, 0), 0.003 * up + (0.001, 0.0, 0.0), 1e-4, 4)
+    scene = Scene("element", camera, (element(UP, 1.0), hides), WHITE)
+    image = speed.walk(scene, "sky", engine, sampling="center", samples=4)
+    assert image.variance is not None and image.variance.max() < 1e-12
+    np.testing.assert_allclose(image.mean, 1 - from_element(h, c), rtol=0, atol=1e-5)
+
+
+def test_the_scene_ball_has_no_noise_on_its_floor_and_its_closed_form_in_every_pixel(scenes, engine):
+    scene = files.read_scene(scenes / "ball").scene
+    scene = scene.with_camera(scene.camera.resized(64, 48))
+    image = speed.walk(scene, "sky", engine, sampling="center", samples=2)
+    floor = image.surface.ids == 1
+    d = np.stack([*np.meshgrid(np.arange(64.0), np.arange(48.0)), np.ones((48, 64))], axis=-1)
+    d = d @ np.linalg.inv(scene.camera.K).T @ np.array(scene.camera.R_cam_board)
+    p = scene.camera.eye - d * (scene.camera.eye[2] / d[..., 2:])
+    expected = 0.5 * (1 - (1 + (np.hypot(p[..., 0], p[..., 1]) / 0.1) ** 2) ** -1.5)
+    assert floor.mean() > 0.5 and image.variance[floor].max() < 1e-12
+    np.testing.assert_allclose(image.mean[floor, 0], expected[floor], rtol=0, atol=1e-5)
