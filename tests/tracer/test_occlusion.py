@@ -44,13 +44,14 @@ def test_a_sphere_takes_the_share_that_howell_gives_cut_by_the_horizon_or_not(pr
 def test_spheres_that_stand_apart_add_up_and_those_below_the_horizon_do_not_matter():
     along, across = np.array((1.0, 0.8, -0.6)), np.array((-1.0, 0.8, -0.6))
     left, known = left_at_origin(ball(UP, 3.0, 0.2), ball(along, 2.0), ball(-np.array(UP), 1.2, 9.0), ball(across, 2.0))
-    assert known and left == pytest.approx(1 - 1 / 9 - 2 * from_element(2.0, 0.0), abs=1e-12)
-    deep = -np.array(UP) + (0.2, 0.0, 0.0)  # overlaps the other, but both lie under the horizon
+    assert known
+    assert left == pytest.approx(1 - 1 / 9 - 2 * from_element(2.0, 0.0), abs=1e-12)
+    deep = np.subtract((0.2, 0.0, 0.0), UP)  # overlaps the other, but both lie under the horizon
     assert left_at_origin(ball(-np.array(UP), 1.2), ball(deep, 1.3)) == (1.0, True)
 
 
 def test_nothing_is_claimed_where_spheres_overlap_or_a_rectangle_rises():
-    aside = np.array(UP) + (0.5, 0.0, 0.0)  # 26.6 degrees away
+    aside = np.add(UP, (0.5, 0.0, 0.0))  # 26.6 degrees away
     h = 1 / np.sin(np.arctan(0.5) / 2)
     assert left_at_origin(ball(UP, h * 1.001), ball(aside, h * 1.001, 3.0))[1]
     assert not left_at_origin(ball(UP, h * 0.999), ball(aside, h * 0.999, 3.0))[1]
@@ -74,7 +75,8 @@ def test_the_rung_sky_is_closed_and_without_noise_over_an_element(engine, h, c):
     camera = view_of((0, 0, 0), 0.003 * up + (0.001, 0.0, 0.0), 1e-4, 4)
     scene = Scene("element", camera, (element(UP, 1.0), hides), WHITE)
     image = speed.walk(scene, "sky", engine, sampling="center", samples=4)
-    assert image.variance is not None and image.variance.max() < 1e-12
+    assert image.variance is not None
+    assert image.variance.max() < 1e-12
     np.testing.assert_allclose(image.mean, 1 - from_element(h, c), rtol=0, atol=1e-5)
 
 
@@ -87,5 +89,6 @@ def test_the_scene_ball_has_no_noise_on_its_floor_and_its_closed_form_in_every_p
     d = d @ np.linalg.inv(scene.camera.K).T @ np.array(scene.camera.R_cam_board)
     p = scene.camera.eye - d * (scene.camera.eye[2] / d[..., 2:])
     expected = 0.5 * (1 - (1 + (np.hypot(p[..., 0], p[..., 1]) / 0.1) ** 2) ** -1.5)
-    assert floor.mean() > 0.5 and image.variance[floor].max() < 1e-12
+    assert floor.mean() > 0.5
+    assert image.variance[floor].max() < 1e-12
     np.testing.assert_allclose(image.mean[floor, 0], expected[floor], rtol=0, atol=1e-5)
