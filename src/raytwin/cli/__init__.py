@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from raytwin.cli import bench, board, images, ladder, needs, photos, reference, scenes, stability
+from raytwin.cli import bench, board, explore, images, ladder, needs, photos, reference, scenes, stability
 from raytwin.errors import InputError
 
 app = typer.Typer(
@@ -44,6 +44,7 @@ def _options(
 app.command("compare")(images.compare_command)
 app.command("ladder")(ladder.ladder_command)
 app.command("needs")(needs.needs_command)
+app.command("explore")(explore.explore_command)
 app.command("diff")(images.diff_command)
 app.add_typer(reference.app, name="reference")
 app.add_typer(scenes.app, name="scenes")
@@ -66,7 +67,7 @@ def doctor() -> None:
 
 EXTRAS = {
     "mitsuba": "twin", "drjit": "twin", "cv2": "photos", "pupil_apriltags": "photos",
-    "reportlab": "charts",
+    "reportlab": "charts", "tornado": "live",
 }  # fmt: skip
 """What the light install leaves out, by the extra that brings it."""
 

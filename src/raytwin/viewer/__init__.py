@@ -6,15 +6,16 @@ what made them. In a page of pictures the data lies in the page; a live one push
     const panes = [{ key: "test", kind: "radiance", title: "Tracer", alt: "The scene" }];
     const viewer = mount(element, { width, height, names: { test: "tracer" }, panes });
     viewer.update("test", halves);          // a Uint16Array of half floats, a Float32Array, or a decoded JPEG
+    viewer.feed(planes);                    // what `raw` gives of two images, each with its `words`, a Uint16Array
     viewer.set({ exposure: 1, map: "relative" });
     viewer.look(x, y, span);
 """
 
 from importlib import resources
 
-from raytwin.viewer.packing import Packed, Plane, pack, pack_one
+from raytwin.viewer.packing import Packed, Plane, pack, pack_one, raw
 
-__all__ = ["Packed", "Plane", "module", "pack", "pack_one", "script", "style"]
+__all__ = ["Packed", "Plane", "module", "pack", "pack_one", "raw", "script", "style"]
 
 
 def module() -> str:

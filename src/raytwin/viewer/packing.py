@@ -130,6 +130,15 @@ def binned(image: Image, n: int) -> Image:
     )
 
 
+def raw(test: Image, reference: Image) -> list[tuple[dict[str, Any], bytes]]:
+    """The planes as they are, for a page on this machine: `feed` of viewer.js takes them with `words`."""
+    planes = _planes(test, reference, None, True)
+    return [
+        ({"name": name, "kind": p.kind, "left": False, "shift": p.shift, "step": p.step}, p.words.tobytes())
+        for name, p in planes.items()
+    ]
+
+
 def pack_one(image: Image) -> tuple[Plane, ...]:
     """Planes R, G, B of a picture that may take another's place: `update(name, await decode(planes))`."""
     mean = np.asarray(image.mean, np.float32)

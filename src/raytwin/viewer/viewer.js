@@ -2,7 +2,7 @@
 //
 // Pixel (x, y) covers x - 1/2 .. x + 1/2, y down. `data` is what packing.py makes, with `names` {test, reference},
 // `panes` [{key, kind, title, alt, note}], `objects`, `tolerance` {share, scale} or null, `noisy`, `places` [{x, y,
-// width, height}], `marks` [[x, y]], `exposure` (stops), `address` (whether the page's address says where to look).
+// width, height}], `marks` [[x, y]], `overlay(g, pane, frame, viewer)` (draws more), `exposure` (stops), `address` (whether the page's address says where to look).
 // Kinds of panes: radiance (key test or reference), map (of their difference), objects (what each pixel sees), picture
 // (8 bits: `url`, perhaps drawn `over` another pane at `box`). All panes show the same part of the frame.
 
@@ -26,7 +26,7 @@ const OBJECTS = [[250, 250, 250], ...[206, 178, 221, 190, 168, 213, 184, 198].ma
 const TONING = ["exposure", "gamma", "tone"], MAPPING = ["map", "channel"]; // parts of the state, and what depends on them
 const MOST = 256; // CSS pixels a pixel is magnified to at most
 const NUMBERS = 46; // from here on its values are written into it
-const EPSILON = 2 ** -12; // relative rounding of a half float
+const EPSILON = 2 ** -11; // relative rounding of a half float
 
 const rgba = ([r, g, b]) => ((255 << 24) | (b << 16) | (g << 8) | r) >>> 0;
 const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
@@ -57,12 +57,12 @@ function table(Kind, of) {
   return made;
 }
 
-// v as it is known to +- e: its last digit is right. At most `most` significant digits.
+// v as it is known to +- e: its last digit is right but for one. At most `most` significant digits.
 function digits(v, e, { sign = false, most = 3 } = {}) {
   if (v === null || v === undefined) return "–";
   if (!Number.isFinite(v)) return String(v).replace("-", "−");
   if (v === 0) return "0";
-  const size = Math.floor(Math.log10(Math.abs(v))), place = e > 0 ? Math.ceil(Math.log10(4 * e) - 1e-9) : -99;
+  const size = Math.floor(Math.log10(Math.abs(v))), place = e > 0 ? Math.ceil(Math.log10(2 * e) - 1e-9) : -99;
   const count = Math.min(size - place + 1, most);
   let text = "0";
   if (count >= 1) text = size < -3 || size > 4 ? v.toExponential(count - 1) : count > size ? v.toPrecision(count) : String(Number(v.toPrecision(count)));
@@ -94,7 +94,7 @@ async function inflate(plane, count) {
 }
 
 async function decode(plane, columns, lines, into, offset, stride) {
-  const words = await inflate(plane, columns * lines), half = plane.kind === "half", scale = half ? 2 ** plane.shift : plane.step;
+  const words = plane.words ?? (await inflate(plane, columns * lines)), half = plane.kind === "half", scale = half ? 2 ** plane.shift : plane.step;
   for (let y = 0, i = 0; y < lines; y++)
     for (let x = 0, before = 0; x < columns; x++, i++) {
       const word = plane.left ? (before = (before + words[i]) & 0xffff) : words[i];
@@ -168,6 +168,16 @@ class Viewer {
       if (v.t && v.r) v.d = v.t.map((x, i) => x - v.r[i]);
     }
     this.refresh();
+  }
+
+  // All that is known of both images, anew: planes as `values` takes them.
+  async feed(planes) {
+    this.values = await values({ ...this.data, planes });
+    this.data.noisy = Boolean(this.values.s);
+    for (const pane of this.panes.values()) if (pane.kind === "radiance") pane.picture = null;
+    if (this.state.map === "sigmas" && !this.values.s) this.state.map = "signed";
+    this.refresh();
+    if (this.at) this.inspect(...this.at);
   }
 
   // Planes R, G, B of another picture of this size, as `update` takes them.
@@ -436,6 +446,7 @@ class Viewer {
     }
     if (f.s >= NUMBERS) this.numbers(g, pane, f);
     if (this.state.outlines) this.outlines(g, pane, f);
+    this.data.overlay?.(g, pane, f, this);
     this.cross(g, f);
   }
 
@@ -567,12 +578,13 @@ class Viewer {
     row("reference", here.reference, here.objects[1], here.depths[1]);
     row("error", here.error, here.same ? "the same" : "another", here.depths[2], true);
     row("further", here[further], "", null, true);
+    if (this.cells.further) this.cells.further.head.textContent = this.values.s ? "in σ" : "relative";
     if (bound?.held && this.cells.error)
       here.error.forEach(([e], c) => this.cells.error.list[c].classList.toggle("rt-over", !(Math.abs(e) <= bound.share * Math.max(bound.scale, Math.abs(here.reference[c][0])))));
     [this.x.value, this.y.value] = here.meant;
     const away = here.meant[0] !== x || here.meant[1] !== y;
     const { thin, binned } = this.data, block = `${thin} × ${thin} pixels`;
-    this.say(binned ? `means of ${block}` : away ? `of ${block}, the one that errs most` : this.kept && this.kept[0] === x && this.kept[1] === y ? "kept; in the page's address" : "");
+    this.say(binned ? `means of ${block}` : away ? `of ${block}, the one that errs most` : this.kept && this.kept[0] === x && this.kept[1] === y ? (this.data.address ? "kept; in the page's address" : "kept") : "");
     this.show();
   }
 
@@ -797,14 +809,15 @@ class Viewer {
     } });
     [this.x, this.y] = [number(width - 1, "x of the pixel"), number(height - 1, "y of the pixel")];
     this.status = el("p", { className: "rt-status", ariaLive: "polite", textContent: "unpacking the values …" });
-    const surfaces = (this.data.planes ?? []).some((plane) => plane.name === "id"), heads = ["R", "G", "B", ...(surfaces ? ["object", "depth, m"] : [])];
+    const surfaces = this.data.surfaces ?? (this.data.planes ?? []).some((plane) => plane.name === "id"), heads = ["R", "G", "B", ...(surfaces ? ["object", "depth, m"] : [])];
     this.cells = {};
     const row = (name, title) => {
       const list = heads.map(() => el("td", { textContent: "–" }));
-      this.cells[name] = { list, object: surfaces };
-      return el("tr", { className: `rt-${name}` }, el("th", { scope: "row", textContent: title }), ...list);
+      const head = el("th", { scope: "row", textContent: title });
+      this.cells[name] = { list, head, object: surfaces };
+      return el("tr", { className: `rt-${name}` }, head, ...list);
     };
-    const rows = names.reference ? [row("test", names.test), row("reference", names.reference), row("error", `${names.test} − ${names.reference}`), row("further", s.map === "sigmas" ? "in σ" : "relative")] : [row("test", names.test)];
+    const rows = names.reference ? [row("test", names.test), row("reference", names.reference), row("error", `${names.test} − ${names.reference}`), row("further", "")] : [row("test", names.test)];
     const table = el("table", {}, el("thead", {}, el("tr", {}, el("td"), ...heads.map((text) => el("th", { scope: "col", textContent: text })))), el("tbody", {}, ...rows));
     this.bars = el("canvas", { className: "rt-histogram", role: "img", ariaLabel: `Histogram of the chosen channel in stops around white: ${names.test} filled, ${names.reference ?? ""} as a line` });
     const where = el("form", { onsubmit: (event) => event.preventDefault() }, el("b", { textContent: "Pixel " }), el("span", {}, "x ", this.x, " y ", this.y), this.status);
