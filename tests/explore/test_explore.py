@@ -24,7 +24,7 @@ from raytwin.explore.passes import Studio, told
 from raytwin.explore.server import Worker
 from raytwin.explore.wanted import Wanted, from_json, from_link, scene_toml, wanted_of
 from raytwin.explore.way import way_of_light
-from raytwin.methods.others import find_subject
+from raytwin.grade.subject import find_subject
 from raytwin.speed import trace
 from raytwin.tracer import trace_paths
 

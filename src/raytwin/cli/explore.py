@@ -33,8 +33,8 @@ def explore_command(
             from raytwin.explore import Server
             from raytwin.explore.passes import Studio
             from raytwin.explore.wanted import from_link
+            from raytwin.grade.subject import find_subject
             from raytwin.jobs.camera import find_camera
-            from raytwin.methods.others import find_subject
         base = files.read_scene(scene)
         found, *_ = find_camera(base, photo, progress)
         camera = found.camera
