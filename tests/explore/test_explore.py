@@ -25,6 +25,7 @@ from raytwin.explore.server import Worker
 from raytwin.explore.wanted import Wanted, from_json, from_link, scene_toml, wanted_of
 from raytwin.explore.way import way_of_light
 from raytwin.grade.subject import find_subject
+from raytwin.image import Image
 from raytwin.speed import trace
 from raytwin.tracer import trace_paths
 
@@ -482,3 +483,21 @@ def test_play_keeps_no_memory(base):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     made = play(50)
     assert 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) < made / 10
+
+
+def test_a_map_is_scaled_and_turned_and_never_named_by_the_page(scenes, tmp_path):
+    folder = tmp_path / "lit"
+    folder.mkdir()
+    files.write_image(folder / "sky.exr", Image(np.ones((4, 8, 3), np.float32)))
+    text = re.sub(r"\[sky\]\n(?:.+\n)*", "", (scenes / "single" / "scene.toml").read_text())
+    (folder / "scene.toml").write_text(f'{text}\n[sky]\nmap = "sky.exr"\nscale = 0.5\n')
+    base = files.read_scene(folder)
+    wish = wanted_of(base, "numpy64")
+    assert "sky.exr" not in msgspec.json.encode(wish).decode()
+    assert wish.scene(base).lights == base.scene.lights
+    brighter = msgspec.structs.replace(wish, sky=msgspec.structs.replace(wish.sky, scale=2.0, rotation=90.0))
+    assert brighter.scene(base).environment.radiance == pytest.approx(2.0)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "scene.toml").write_text(scene_toml(base, brighter, base.camera), encoding="utf-8")
+    again = files.read_scene(tmp_path / "mine").scene
+    assert again.lights == brighter.scene(base).lights

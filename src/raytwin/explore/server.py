@@ -241,6 +241,7 @@ class _Page(_Guarded):
             "camera": files.plain(scene.camera), "first": files.plain(self.server.first),
             "rungs": list(RUNGS),
             "engines": list(studio.engines), "solvers": list(SOLVERS),
+            "map": studio.base.sky.map is not msgspec.UNSET,
             "subject": studio.subject.name if studio.subject else None,
         }  # fmt: skip
         page = jinja2.Environment(autoescape=True).from_string(source)

@@ -2,6 +2,7 @@
 
 import base64
 import binascii
+from pathlib import Path
 from typing import Annotated
 
 import msgspec
@@ -11,13 +12,11 @@ from raytwin import files
 from raytwin.errors import InputError, check_one_of
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, SceneFile, WrittenPlane, WrittenSky, WrittenSphere, WrittenSun
-from raytwin.scene.record import Record
+from raytwin.scene.record import Radiance, Record
 from raytwin.speed import ENGINES
 from raytwin.tracer import SOLVERS
 
 MOST_OBJECTS, MOST_SAMPLES = 1000, 4096
-
-Number = Annotated[float, msgspec.Meta(ge=-1e4, le=1e4)]
 
 
 class Look(Record, frozen=True):
@@ -26,6 +25,14 @@ class Look(Record, frozen=True):
     exposure: Annotated[float, msgspec.Meta(ge=-20, le=20)] = 0.0
     gamma: Annotated[float, msgspec.Meta(ge=0.2, le=5)] = 1.0
     tone: str = "sRGB"
+
+
+class WantedSky(Record, frozen=True):
+    """The `radiance` of an even sky; or of a map, which the page does not name, scale and turn in degrees."""
+
+    radiance: Radiance = (0.0, 0.0, 0.0)
+    scale: Annotated[float, msgspec.Meta(ge=0, le=1e6)] = 1.0
+    rotation: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 0.0
 
 
 class Wanted(Record, frozen=True):
@@ -38,7 +45,7 @@ class Wanted(Record, frozen=True):
     spheres: Annotated[tuple[WrittenSphere, ...], msgspec.Meta(max_length=MOST_OBJECTS)] = ()
     planes: Annotated[tuple[WrittenPlane, ...], msgspec.Meta(max_length=MOST_OBJECTS)] = ()
     sun: WrittenSun = WrittenSun((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-    sky: WrittenSky = WrittenSky()
+    sky: WantedSky = WantedSky()
     rung: str = "shadow"
     twin_rung: str = "path"
     depth: Annotated[int, msgspec.Meta(ge=2, le=64)] = 8
@@ -61,7 +68,11 @@ class Wanted(Record, frozen=True):
 
     def written(self, base: SceneFile) -> SceneFile:
         """The scene's file as it would stand for this."""
-        return msgspec.structs.replace(base, spheres=self.spheres, planes=self.planes, sun=self.sun, sky=self.sky)
+        if base.sky.map is msgspec.UNSET:
+            sky = WrittenSky(self.sky.radiance)
+        else:
+            sky = msgspec.structs.replace(base.sky, scale=self.sky.scale, rotation=self.sky.rotation)
+        return msgspec.structs.replace(base, spheres=self.spheres, planes=self.planes, sun=self.sun, sky=sky)
 
     def scene(self, base: SceneFile) -> Scene:
         return self.written(base).scene
@@ -69,7 +80,9 @@ class Wanted(Record, frozen=True):
 
 def wanted_of(base: SceneFile, engine: str) -> Wanted:
     """What is shown first."""
-    return Wanted(base.spheres, base.planes, base.sun, base.sky, engine=engine)
+    sky = base.sky
+    scale, turn = (default if x is msgspec.UNSET else x for x, default in ((sky.scale, 1.0), (sky.rotation, 0.0)))
+    return Wanted(base.spheres, base.planes, base.sun, WantedSky(sky.radiance, scale, turn), engine=engine)
 
 
 def from_json(text: str | bytes) -> Wanted:
@@ -94,6 +107,9 @@ def scene_toml(base: SceneFile, wanted: Wanted, camera: Camera) -> str:
     """A scene.toml of its own: what was calibrated is written out, so that it needs no photo."""
     written = files.plain(wanted.written(msgspec.structs.replace(base, camera=camera, photos=None)))
     kept = {k: v for k, v in written.items() if k not in ("name", "folder", "photos") and v not in ((), [], None)}
+    if "map" in kept["sky"]:
+        kept["sky"] = {k: v for k, v in kept["sky"].items() if k in ("map", "scale", "rotation")}
+        kept["sky"]["map"] = str((Path(base.folder) / kept["sky"]["map"]).resolve())  # it may be saved anywhere
     order = ("camera", "sun", "sky", "tolerance")
     tables = {key: kept.pop(key) for key in order if key in kept}
     head = f"# {base.name}, as it was left while exploring it.\n\n"

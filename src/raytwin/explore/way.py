@@ -18,8 +18,8 @@ from raytwin.tracer import STAGES
 from raytwin.tracer.arrays import Vec, dot
 from raytwin.tracer.frame import EYE
 from raytwin.tracer.hit import Every, Hit, World
-from raytwin.tracer.light import RADIANCE, lighting
-from raytwin.tracer.path import about, sunlight
+from raytwin.tracer.light import RADIANCE, lighting, reflectance
+from raytwin.tracer.path import about, drawn_sky, sky_along, sunlight
 from raytwin.tracer.random import BATCHES, draw
 
 Pixel = tuple[float, float]
@@ -65,34 +65,34 @@ def way_of_light(
         hit = world.nearest(EYE, d)
         at = (float(u[0]), float(v[0]))
         if int(hit.ids[0]) == BACKGROUND:
-            sky = light.sky if row.background else EYE
-            return Way((Leg("eye", at, at, _three(sky)),), ("the sky",), _three(sky))
+            sky = _three(_colour(light.toward(d)) if row.background else EYE)
+            return Way((Leg("eye", at, at, sky),), ("the sky",), sky)
         legs, met = [Leg("eye", at, at, (0.0, 0.0, 0.0))], [scene.names[int(hit.ids[0])]]
         if not row.noisy:
-            colour = np.array([_one(c) for c in RADIANCE[rung](hit, light, world, scene.camera)])
+            colour = _colour(RADIANCE[rung](hit, light, world, scene.camera))
             if row.lit:
-                ambient = np.array([_one(c) for c in hit.albedo]) * np.array(light.sky)
+                ambient = _colour(hit.albedo) * _colour(light.even(hit.normal))
                 rays = _to_sun(hit, world, light.to_sun, far, project, row.shadows)
                 legs += [leg._replace(light=_three(colour - ambient)) for leg in rays]
                 legs.append(Leg("sky", at, at, _three(ambient)))
             return Way(tuple(legs), tuple(met), _three(colour))
-        world, weight = world.beyond(), np.array(hit.albedo).reshape(3)
+        world, weight = world.beyond(), np.ones(3)
         for k in range((2 if row.depth == 2 else depth) - 1):
-            here = Hit(0.0, hit.ids, hit.point, hit.normal, hit.albedo, hit.inside)
-            brought = weight * np.array(sunlight(here, light, world)).reshape(3)
-            legs += [
-                leg._replace(light=_three(brought)) for leg in _to_sun(here, world, light.to_sun, far, project, True)
-            ]
             onward = about(hit.normal, *numbers(k + 1))
-            there = world.onward(here, onward)
+            there, onto = world.onward(hit, onward), weight * _colour(reflectance(hit, onward))
+            sun = weight * _colour(sunlight(hit, light, world))
+            legs += [leg._replace(light=_three(sun)) for leg in _to_sun(hit, world, light.to_sun, far, project, True)]
+            if light.around is not None:
+                drawn = weight * _colour(drawn_sky(hit, light, world, *numbers(~k)))
+                legs.append(Leg("sky", project(hit.point), project(hit.point), _three(drawn)))
             if int(there.ids[0]) == BACKGROUND:
                 end = project([p + far * c for p, c in zip(hit.point, onward, strict=True)], hit.point)
-                legs.append(Leg("sky", project(hit.point), end, _three(weight * np.array(light.sky))))
+                legs.append(Leg("sky", project(hit.point), end, _three(onto * _colour(sky_along(hit, light, onward)))))
                 met.append("the sky")
                 break
             legs.append(Leg("bounce", project(hit.point), project(there.point, hit.point), (0.0, 0.0, 0.0)))
             met.append(scene.names[int(there.ids[0])])
-            hit, weight = there, weight * np.array(there.albedo).reshape(3)
+            hit, weight = there, onto
     return Way(tuple(legs), tuple(met), _three(np.sum([leg.light for leg in legs], axis=0)))
 
 
@@ -125,6 +125,10 @@ def _project(camera: Camera, point: Sequence[Any], start: Sequence[Any] | None =
 
 def _one(value: Any) -> float:
     return float(np.asarray(value).reshape(-1)[0])
+
+
+def _colour(values: Sequence[Any]) -> np.ndarray:
+    return np.array([_one(value) for value in values])
 
 
 def _three(colour: Sequence[Any] | np.ndarray) -> tuple[float, float, float]:
