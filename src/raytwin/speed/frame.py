@@ -1,8 +1,8 @@
 """The whole tracer, fast: tiles with short lists of objects, in any engine; the same pixels as `tracer.trace`."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,10 @@ from raytwin.scene.lens import without_ray
 from raytwin.shapes import Float32, Int
 from raytwin.speed.boxes import TRIMS
 from raytwin.speed.engine import ENGINES, Engine, canvas, flush, lift, only_where, pixel_grid, store, tile_grid
-from raytwin.speed.lists import Listed, Table, walk, walk_all
+from raytwin.speed.lists import Listed, Table, walk, walk_some
 from raytwin.speed.plan import plan
 from raytwin.speed.start import invert_lens, quick
+from raytwin.speed.tree import everything
 from raytwin.tracer.arrays import Vec, unit
 from raytwin.tracer.camera import to_board
 from raytwin.tracer.frame import EYE, STAGES
@@ -167,11 +168,18 @@ class EyeScene:
 
     def world(self, seen: Objects, casters: Objects) -> World:
         """With short lists for rays from the eye and to the sun, and all objects for the others."""
-        return World(seen, casters, self.everything, self.stages)
+        return World(seen, casters, lambda: self.everything, self.stages)
 
+    @cached_property
     def everything(self) -> Objects:
-        ids = range(len(self.table.objects))
-        return Listed(self.table, ids) if self.engine.is_numpy else walk_all(self.table, self.engine)
+        def few(ids: Sequence[int]) -> Objects:
+            return Listed(self.table, ids) if self.engine.is_numpy else walk_some(self.table, self.engine, ids)
+
+        # What stands in the place of a step may meet objects beyond their boxes.
+        own = self.stages.intersect_sphere, self.stages.intersect_rectangle
+        if own != (STAGES.intersect_sphere, STAGES.intersect_rectangle):
+            return few(range(len(self.table.objects)))
+        return everything(self.local, self.table, self.engine, few)
 
 
 def tiles(view: EyeScene, boxes: Int[np.ndarray, "n 4"], shadows: bool) -> Iterator[Piece]:

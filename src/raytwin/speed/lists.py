@@ -4,7 +4,7 @@ NumPy, where all rays of a tile share one list, loops over it in Python. On Dr.J
 loop within the kernel: it does not grow with the scene, and another scene needs no other kernel.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +12,8 @@ import numpy as np
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.speed.engine import Engine, from_numpy, gather
 from raytwin.speed.plan import Lists, one_list
-from raytwin.tracer.hit import NO_GLOSS, Facts, Gloss, facts_of
+from raytwin.tracer.arrays import INFINITY
+from raytwin.tracer.hit import NO_GLOSS, Body, Facts, Gloss, Ray, Reach, facts_of
 
 FIELDS = {"center": 3, "radius": 1, "half_u": 3, "half_v": 3, "albedo": 3, "flat": 3, "bend": 1}
 GLOSS = {"specular": 3, "exponent": 1}
@@ -44,6 +45,12 @@ class Table:
         specular, exponent = (self.look_up(name, ids, ids >= 0) for name in GLOSS)
         return Facts(center, flat, bend[0], albedo, Gloss(specular, exponent[0]))
 
+    def object(self, kind: type, ids: Any) -> Shape:
+        """A sphere or a rectangle, each of whose numbers are those of `ids`."""
+        if kind is Sphere:
+            return Sphere(self.look_up("center", ids), *self.look_up("radius", ids))
+        return Rectangle(self.look_up("center", ids), self.look_up("half_u", ids), self.look_up("half_v", ids))
+
 
 def _row(thing: Shape, glossy: bool) -> tuple[float, ...]:
     facts, zero = facts_of(thing), (0.0, 0.0, 0.0)
@@ -58,9 +65,9 @@ class Listed(NamedTuple):
     table: Table
     ids: Sequence[int]
 
-    def fold(self, state: Any, body: Callable[..., Any]) -> Any:
+    def fold(self, ray: Ray | None, state: Any, body: Body, reach: Reach = lambda state: INFINITY) -> Any:
         for index in self.ids:
-            state = body(state, index, self.table.objects[index])
+            state = body(state, ray, index, self.table.objects[index])
         return state
 
     def facts(self, ids: Any) -> Facts:
@@ -77,34 +84,26 @@ class Walked(NamedTuple):
     middle: Any
     last: Any
 
-    def fold(self, state: Any, body: Callable[..., Any]) -> Any:
+    def fold(self, ray: Ray | None, state: Any, body: Body, reach: Reach = lambda state: INFINITY) -> Any:
         for kind, start, stop in ((Sphere, self.first, self.middle), (Rectangle, self.middle, self.last)):
             if kind in self.table.kinds:
-                state = self._walk(kind, start, stop, state, body)
+                state = self._walk(kind, start, stop, ray, state, body)
         return state
 
     def facts(self, ids: Any) -> Facts:
         return self.table.facts(ids)
 
-    def _walk(self, kind: type, start: Any, stop: Any, state: Any, body: Callable[..., Any]) -> Any:
+    def _walk(self, kind: type, start: Any, stop: Any, ray: Ray | None, state: Any, body: Body) -> Any:
         import drjit
 
         start, stop = gather(start, self.number), gather(stop, self.number)
 
         def step(place: Any, *state: Any) -> Any:
             index = gather(self.flat, place)
-            return (place + 1, *body(state, index, self._object(kind, index)))
+            return (place + 1, *body(state, ray, index, self.table.object(kind, index)))
 
         _, *state_after = drjit.while_loop((start, *state), lambda place, *state: place < stop, step)
         return tuple(state_after)
-
-    def _object(self, kind: type, index: Any) -> Shape:
-        def vector(name: str) -> Any:
-            return self.table.look_up(name, index)
-
-        if kind is Sphere:
-            return Sphere(vector("center"), *vector("radius"))
-        return Rectangle(vector("center"), vector("half_u"), vector("half_v"))
 
 
 def walk(table: Table, engine: Engine, lists: Lists, tiles: np.ndarray, number: Any) -> Walked:
@@ -114,8 +113,9 @@ def walk(table: Table, engine: Engine, lists: Lists, tiles: np.ndarray, number: 
     return Walked(table, number, flat, *ends)
 
 
-def walk_all(table: Table, engine: Engine) -> Walked:
-    """All objects for every ray, on Dr.Jit."""
-    is_flat = np.array([not isinstance(thing, Sphere) for thing in table.objects], bool)
+def walk_some(table: Table, engine: Engine, ids: Sequence[int]) -> Walked:
+    """The same objects for every ray, on Dr.Jit."""
+    is_flat = np.array([not isinstance(table.objects[i], Sphere) for i in ids], bool)
+    one = one_list(2, is_flat)
     zero = from_numpy(engine, np.zeros(1, int), whole=True)
-    return walk(table, engine, one_list(2, is_flat), np.zeros(2, int), zero)
+    return walk(table, engine, one._replace(flat=np.array(ids, int)[one.flat]), np.zeros(2, int), zero)

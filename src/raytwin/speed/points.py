@@ -19,7 +19,7 @@ from raytwin.speed.plan import plan, shading
 from raytwin.tracer.arrays import INFINITY, Vec, dot, integers, select
 from raytwin.tracer.camera import to_board
 from raytwin.tracer.frame import EYE
-from raytwin.tracer.hit import Hit, World, intersect
+from raytwin.tracer.hit import Hit, Ray, World, intersect
 from raytwin.tracer.light import RADIANCE
 
 CHUNK = 1 << 14
@@ -75,11 +75,12 @@ def trace_points(
 def _blocker(hit: Hit, to_sun: Vec, world: World) -> Any:
     """The id of the last object in the world's order that hides the sun, as `World.blocked` has it; LIT: none does."""
 
-    def block(state: Any, index: Any, thing: Shape) -> Any:
-        t = intersect(hit.point, to_sun, thing, world.stages)
+    def block(state: Any, ray: Ray, index: Any, thing: Shape) -> Any:
+        t = intersect(ray.origin, ray.d, thing, world.stages)
         return (select((hit.ids != index) & (t < INFINITY), index, state[0]),)
 
-    return world.casters.fold((select(hit.inside, hit.ids, LIT),), block)[0]
+    none = (select(hit.inside, hit.ids, LIT),)
+    return world.casters.fold(Ray(hit.point, to_sun), none, block)[0]
 
 
 def _parts(view: EyeScene, u: np.ndarray, v: np.ndarray, shadows: bool) -> Iterator[tuple[slice, World]]:

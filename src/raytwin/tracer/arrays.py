@@ -39,12 +39,12 @@ def arctan2(y: Any, x: Any) -> Any:
     return np.arctan2(y, x) if (xp := library(y, x)) is np else xp.atan2(y, x)
 
 
-def minimum(a: Any, b: Any) -> Any:
-    return library(a, b).minimum(a, b)
-
-
 def maximum(a: Any, b: Any) -> Any:
     return library(a, b).maximum(a, b)
+
+
+def minimum(a: Any, b: Any) -> Any:
+    return library(a, b).minimum(a, b)
 
 
 def select(mask: Any, a: Any, b: Any) -> Any:

@@ -55,11 +55,26 @@ NO_GLOSS = Gloss((0.0, 0.0, 0.0), 1.0)
 """Of the Lambertian objects of a scene that has others, too."""
 
 
+class Ray(NamedTuple):
+    """From `origin` along the unit `d`; `start`: the surface that it leaves, None for the eye."""
+
+    origin: Vec
+    d: Vec
+    start: Any = None
+
+
+Body = Callable[..., Any]
+Reach = Callable[[Any], Any]
+
+
 @runtime_checkable
 class Objects(Protocol):
-    """What rays are tested against: state = body(state, id, object) for one after the other, `facts` of those met."""
+    """What rays are tested against: state = body(state, ray, id, object) for one after the other, `facts` of those met.
 
-    def fold(self, state: Any, body: Callable[..., Any]) -> Any: ...
+    What a ray cannot meet, or only beyond reach(state), may be left out; without a ray nothing is.
+    """
+
+    def fold(self, ray: Ray | None, state: Any, body: Body, reach: Reach = lambda state: INFINITY) -> Any: ...
     def facts(self, ids: Any) -> Facts: ...
 
 
@@ -68,9 +83,9 @@ class Every(NamedTuple):
 
     things: Sequence[Shape]
 
-    def fold(self, state: Any, body: Callable[..., Any]) -> Any:
+    def fold(self, ray: Ray | None, state: Any, body: Body, reach: Reach = lambda state: INFINITY) -> Any:
         for index, thing in enumerate(self.things):
-            state = body(state, index, thing)
+            state = body(state, ray, index, thing)
         return state
 
     def facts(self, ids: Any) -> Facts:
@@ -143,15 +158,16 @@ class World(NamedTuple):
         from inside, a sphere is where the chord ends.
         """
 
-        def closer(state: Any, index: Any, thing: Shape) -> Any:
-            t = intersect(origin, d, thing, self.stages)
-            if start is not None:
-                own = chord(start, d, thing.radius) if isinstance(thing, Sphere) else INFINITY
-                t = select(start.ids == index, own, t)
+        def closer(state: Any, ray: Ray, index: Any, thing: Shape) -> Any:
+            t = intersect(ray.origin, ray.d, thing, self.stages)
+            if ray.start is not None:
+                own = chord(ray.start, ray.d, thing.radius) if isinstance(thing, Sphere) else INFINITY
+                t = select(ray.start.ids == index, own, t)
             hides = self.stages.nearer(t, state[0])
             return select(hides, t, state[0]), select(hides, index, state[1])
 
-        return self.objects.fold((0 * d[0] + INFINITY, integers(d[0], -1)), closer)
+        nothing = 0 * d[0] + INFINITY, integers(d[0], -1)
+        return self.objects.fold(Ray(origin, d, start), nothing, closer, lambda state: state[0])
 
     def describe(self, origin: Vec, d: Vec, t: Any, ids: Any) -> Hit:
         """What lies at the distance t on each ray: a point of the object `ids`."""
@@ -178,8 +194,8 @@ class World(NamedTuple):
         from outside, so each object is left out of its own test; seen from inside, a sphere hides everything.
         """
 
-        def block(state: Any, index: Any, thing: Shape) -> Any:
-            t = intersect(hit.point, d, thing, self.stages)
-            return (state[0] | ((hit.ids != index) & (t < INFINITY)),)
+        def block(state: Any, ray: Ray, index: Any, thing: Shape) -> Any:
+            t = intersect(ray.origin, ray.d, thing, self.stages)
+            return (state[0] | ((ray.start.ids != index) & (t < INFINITY)),)
 
-        return self.casters.fold((hit.inside,), block)[0]
+        return self.casters.fold(Ray(hit.point, d, hit), (hit.inside,), block, lambda s: select(s[0], 0.0, INFINITY))[0]

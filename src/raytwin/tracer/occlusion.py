@@ -31,7 +31,7 @@ def sky_left(hit: Hit, world: World) -> tuple[Any, Any]:
     """The share of an even sky that the other objects leave to each point; and where this holds."""
     objects = world.others()
 
-    def take_away(state: Any, index: Any, thing: Shape) -> Any:
+    def take_away(state: Any, _: None, index: Any, thing: Shape) -> Any:
         left, known = state
         other = hit.ids != index
         if isinstance(thing, Rectangle):
@@ -39,7 +39,7 @@ def sky_left(hit: Hit, world: World) -> tuple[Any, Any]:
         toward, sine, cosine = _seen(thing, hit)
         hides = other & (cosine + sine > 0)
 
-        def beside(apart: Any, second: Any, that: Shape) -> Any:
+        def beside(apart: Any, _: None, second: Any, that: Shape) -> Any:
             if isinstance(that, Rectangle):
                 return (apart[0],)
             to, wide, level = _seen(that, hit)
@@ -48,11 +48,11 @@ def sky_left(hit: Hit, world: World) -> tuple[Any, Any]:
             both = sqrt((1 - sine * sine) * (1 - wide * wide)) - sine * wide
             return (apart[0] & (below | (dot(toward, to) <= both)),)
 
-        apart = objects.fold((hides == hides,), beside)[0]
+        apart = objects.fold(None, (hides == hides,), beside)[0]
         return left - select(hides, sphere_share(1 / sine, cosine), 0.0), known & (~hides | apart)
 
     start = select(hit.inside, 0.0, 0 * hit.point[0] + 1)
-    left, known = objects.fold((start, hit.ids >= 0), take_away)
+    left, known = objects.fold(None, (start, hit.ids >= 0), take_away)
     return select(hit.inside, 0.0, maximum(left, 0.0)), known | hit.inside
 
 

@@ -1,0 +1,180 @@
+"""Many objects for rays from anywhere: a tree of boxes, most of which a ray misses with all that they hold.
+
+The nodes lie in the order of a walk that goes down before it goes on, and each tells where the walk goes on when its
+box is missed (Smits, "Efficiency Issues for Ray Tracing", JGT 3(2), 1998): on Dr.Jit a loop without a stack, within the
+kernel. On NumPy each node is entered by all rays that meet its box.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytwin.scene import Rectangle, Scene, Shape, Sphere
+from raytwin.speed.engine import Engine, from_numpy, gather
+from raytwin.speed.lists import Table
+from raytwin.tracer.arrays import INFINITY, Vec, maximum, minimum, select
+from raytwin.tracer.hit import Body, Facts, Objects, Ray, Reach
+
+FEW, LEAF = 32, 4
+"""So many of a kind are tested one after the other: a tree would not be faster; on NumPy so many of a tree's."""
+MARGIN = 2e-6
+"""By so much of the scene's extent boxes are larger than what they hold, for float32's rounding."""
+FLAT = 1e-20
+"""A ray's component below this is none: its inverse must be finite."""
+
+
+class Nodes(NamedTuple):
+    """Of a binary tree over n objects, 2n - 1 in the order of the walk. `low`, `high`: the box. `thing`: the object of
+    a leaf, -1 of others. `onward`: where the walk goes on when the box is missed; when it is not, at the next node."""
+
+    low: Vec
+    high: Vec
+    thing: Any
+    onward: Any
+
+    def box(self, place: Any) -> tuple[Vec, Vec]:
+        (a, b, c), (d, e, f) = (tuple(gather(side, place) for side in corner) for corner in (self.low, self.high))
+        return (a, b, c), (d, e, f)
+
+
+def grow(low: np.ndarray, high: np.ndarray) -> Nodes:
+    """Halve the objects, by their boxes' middles along the axis of their largest spread, until each is alone.
+
+    `low`, `high`: (n, 3), n > 0. All nodes of a level at once.
+    """
+    n = len(low)
+    middle, order = (low + high) / 2, np.arange(n)
+    box, thing, onward = np.zeros((2, 2 * n - 1, 3)), np.full(2 * n - 1, -1), np.zeros(2 * n - 1, int)
+    first, count, place = np.zeros(1, int), np.array([n]), np.zeros(1, int)
+    while len(first):
+        # Of each node: its objects are order[first:first + count], its own place in the walk is `place`.
+        here = np.repeat(np.arange(len(first)), count)
+        at = np.arange(len(here)) - np.repeat(np.cumsum(count) - count, count) + first[here]
+        starts = np.cumsum(count) - count
+        least, most = (f.reduceat(middle[order[at]], starts) for f in (np.minimum, np.maximum))
+        box[0, place] = np.minimum.reduceat(low[order[at]], starts)
+        box[1, place] = np.maximum.reduceat(high[order[at]], starts)
+        onward[place], alone = place + 2 * count - 1, count == 1
+        thing[place[alone]] = order[first[alone]]
+        along = (most - least).argmax(axis=1)[here]
+        order[at] = order[at][np.lexsort((middle[order[at], along], here))]
+        first, count, place = first[~alone], count[~alone], place[~alone]
+        half = count // 2
+        first, place = np.concatenate([first, first + half]), np.concatenate([place + 1, place + 2 * half])
+        count = np.concatenate([half, count - half])
+    return Nodes(tuple(box[0].T), tuple(box[1].T), thing, onward)
+
+
+class Grown(NamedTuple):
+    """All objects for every ray: `few` one after the other, and `trees` of the kinds of which there are more."""
+
+    every: Objects
+    few: Objects
+    table: Table
+    trees: tuple[tuple[type, Nodes], ...]
+
+    def fold(self, ray: Ray | None, state: Any, body: Body, reach: Reach = lambda state: INFINITY) -> Any:
+        if ray is None:
+            return self.every.fold(ray, state, body, reach)
+        state = self.few.fold(ray, state, body, reach)
+        for kind, nodes in self.trees:
+            if isinstance(nodes.thing, np.ndarray):
+                state = self._enter(nodes, ray, state, body, reach)
+            else:
+                state = self._walk(kind, nodes, ray, state, body, reach)
+        return state
+
+    def facts(self, ids: Any) -> Facts:
+        return self.table.facts(ids)
+
+    def _walk(self, kind: type, nodes: Nodes, ray: Ray, state: Any, body: Body, reach: Reach) -> Any:
+        """On Dr.Jit each ray goes from node to node."""
+        import drjit
+
+        inverse = inverted(ray.d)
+        end = len(nodes.thing) - 2  # as in Table
+
+        def step(place: Any, *state: Any) -> Any:
+            near, far = through(*nodes.box(place), ray.origin, inverse)
+            met, thing = (near <= far) & (near < reach(state)), gather(nodes.thing, place)
+
+            def test(*state: Any) -> Any:
+                return body(state, ray, thing, self.table.object(kind, thing))
+
+            state = drjit.if_stmt(state, met & (thing >= 0), test, lambda *same: same)
+            return (select(met, place + 1, gather(nodes.onward, place)), *state)
+
+        place = drjit.zeros(type(nodes.thing), drjit.width(ray.d[0]))
+        return tuple(drjit.while_loop((place, *state), lambda place, *_: place < end, step)[1:])
+
+    def _enter(self, nodes: Nodes, ray: Ray, state: Any, body: Body, reach: Reach) -> Any:
+        """On NumPy each node is entered by all rays that meet its box; the last few objects are tested without."""
+        shape, state = np.shape(state[0]), tuple(np.ravel(values).copy() for values in state)
+        entered = [(0, np.arange(len(state[0])))]
+        while entered:
+            place, rows = entered.pop()
+            origin, d = picked(ray[:2], rows)
+            near, far = through(*nodes.box(place), origin, inverted(d))
+            rows = rows[(near <= far) & (near < reach(picked(state, rows)))]
+            after = int(nodes.onward[place])
+            if len(rows) and after - place > 2 * LEAF:
+                entered += [(int(nodes.onward[place + 1]), rows), (place + 1, rows)]
+            elif len(rows):
+                own, found = picked(ray, rows), picked(state, rows)
+                for thing in nodes.thing[place:after].tolist():
+                    found = body(found, own, thing, self.table.objects[thing]) if thing >= 0 else found
+                for values, part in zip(state, found, strict=True):
+                    values[rows] = part
+        return tuple(values.reshape(shape) for values in state)
+
+
+def everything(scene: Scene, table: Table, engine: Engine, few: Callable[[Sequence[int]], Objects]) -> Objects:
+    """All of the scene's objects; `few`: ids -> what tests these one after the other."""
+    rest, trees = list(range(len(scene.objects))), []
+    for kind in (Sphere, Rectangle):
+        ids = [i for i, thing in enumerate(scene.objects) if isinstance(thing, kind)]
+        if len(ids) > FEW:
+            rest = [i for i in rest if i not in set(ids)]
+            nodes = grow(*corners([scene.objects[i] for i in ids]))
+            thing = np.where(nodes.thing >= 0, np.array(ids)[nodes.thing], -1)
+            trees.append((kind, lifted(nodes._replace(thing=thing), engine)))
+    every = few(range(len(scene.objects)))
+    return Grown(every, few(rest), table, tuple(trees)) if trees else every
+
+
+def corners(things: Sequence[Shape]) -> tuple[np.ndarray, np.ndarray]:
+    """The least and the greatest x, y, z (n, 3) of each, and a margin for float32's rounding."""
+    reach = [(t.radius,) * 3 if isinstance(t, Sphere) else np.abs([t.half_u, t.half_v]).sum(axis=0) for t in things]
+    center, half = np.array([thing.center for thing in things]), np.array(reach)
+    half = half + MARGIN * (np.abs(center) + half).max()
+    return center - half, center + half
+
+
+def lifted(nodes: Nodes, engine: Engine) -> Nodes:
+    """In the engine's numbers."""
+    if engine.is_numpy:
+        return nodes
+    low, high = (tuple(from_numpy(engine, np.append(c, (0, 0))) for c in side) for side in (nodes.low, nodes.high))
+    thing, onward = (from_numpy(engine, np.append(a, (0, 0)), whole=True) for a in nodes[2:])
+    return Nodes((low[0], low[1], low[2]), (high[0], high[1], high[2]), thing, onward)
+
+
+def picked(value: Any, rows: np.ndarray) -> Any:
+    """Some rows of each of nested arrays; what is no array holds for all."""
+    if isinstance(value, tuple):
+        parts = [picked(part, rows) for part in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    return np.ravel(value)[rows] if isinstance(value, np.ndarray) and value.ndim else value
+
+
+def inverted(d: Vec) -> Vec:
+    x, y, z = (1 / select(abs(c) > FLAT, c, FLAT) for c in d)
+    return x, y, z
+
+
+def through(low: Vec, high: Vec, origin: Vec, inverse: Vec) -> tuple[Any, Any]:
+    """(t where the ray enters the box, or 0; t where it leaves it): entered where the first is not the larger."""
+    sides = [((a - o) * i, (b - o) * i) for a, b, o, i in zip(low, high, origin, inverse, strict=True)]
+    (x, y, z), (u, v, w) = (tuple(order(a, b) for a, b in sides) for order in (minimum, maximum))
+    return maximum(maximum(x, y), maximum(z, 0.0)), minimum(minimum(u, v), w)
