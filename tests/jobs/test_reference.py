@@ -362,6 +362,22 @@ def test_show_tells_a_line_of_each_reference_and_all_of_a_single_one(overlap, fo
     assert raytwin("reference", "show", "--all", cwd=tmp_path).stdout.endswith(single)
 
 
+def test_check_exits_with_2_on_what_it_cannot_read_once_all_others_were_checked(overlap, folder, tmp_path):
+    """Missing, cut short, or no reference at all is bad input; 1 says that a comparison failed, and nothing else."""
+    path = make(overlap, "lambert", folder).new.path
+    make(overlap, "shadow", folder)
+    asked = ("check", "overlap", "--rung", "lambert", "--rung", "shadow")
+    for spoil in (lambda: path.write_bytes(path.read_bytes()[:-50]), lambda: path.write_text("no EXR"), path.unlink):
+        spoil()
+        done = raytwin("reference", *asked, cwd=tmp_path)
+        assert done.returncode == 2, done.stdout + done.stderr
+        assert "?     overlap/lambert" in done.stdout
+        assert "pass  overlap/shadow" in done.stdout
+        assert "2 references, 0 failed, 1 could not be checked" in done.stdout
+    edit(overlap, "radius = 0.05\n", "radius = 0.051\n")
+    assert raytwin("reference", *asked, cwd=tmp_path).returncode == 1
+
+
 def test_show_names_what_made_a_reference_and_a_damaged_one_is_bad_input(overlap, folder, tmp_path):
     path = make(overlap, "shadow", folder).new.path
     shown = raytwin("reference", "show", cwd=tmp_path)

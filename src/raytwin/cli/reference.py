@@ -24,6 +24,8 @@ Source = Annotated[
 ]
 Samples = Annotated[int | None, typer.Option(help="Per pixel, where there is noise (4096); a multiple of 64.")]
 REFERENCES = Path("reference")
+WORDS = ("pass", "FAIL", "?   ")
+"""By exit code."""
 
 
 @app.command("make")
@@ -76,7 +78,10 @@ def make_command(
 
 @app.command("check")
 def check_command(scenes: Scenes = None, rung: Rungs = None, folder: Source = None, samples: Samples = None) -> None:
-    """Fail on references that are missing, damaged, older than their scene, or disagree with today's Mitsuba."""
+    """Fail on references older than their scene, or that disagree with today's Mitsuba.
+
+    What is missing or damaged is bad input: the others are checked, then the exit code is 2 where none failed.
+    """
     from raytwin.jobs import reference
 
     folder, checked = _source(folder), []
@@ -86,13 +91,13 @@ def check_command(scenes: Scenes = None, rung: Rungs = None, folder: Source = No
                 scene, one, folder, samples=samples or reference.CHECKED_SAMPLES, found=found, progress=progress
             )
         checked.append(done)
-        typer.echo(f"{'pass' if done.passed else 'FAIL'}  {done.path.parent.name}/{done.path.stem}")
+        typer.echo(f"{WORDS[done.exit_code]}  {done.path.parent.name}/{done.path.stem}")
         for problem in done.problems:
             typer.echo(f"  {problem}")
-    failed = [c for c in checked if not c.passed]
-    typer.echo(f"{_count(checked)}, {len(failed)} failed")
-    if failed:
-        raise typer.Exit(1)
+    codes = [c.exit_code for c in checked]
+    unknown = f", {codes.count(2)} could not be checked" if 2 in codes else ""
+    typer.echo(f"{_count(checked)}, {codes.count(1)} failed{unknown}")
+    raise typer.Exit(_worst(codes))
 
 
 @app.command("show")
@@ -137,7 +142,7 @@ def diff_command(
     from raytwin.compare import compare
     from raytwin.jobs import reference
 
-    folder, codes = _source(folder), set()
+    folder, codes = _source(folder), list[int]()
     for scene, one, found in _cases(scenes, rung):
         if against is None:
             with show_progress() as progress:
@@ -149,10 +154,10 @@ def diff_command(
             change = reference.Change(new, old, tuple(reference.header_changes(old.header, new.header)), c)
         typer.echo("\n".join(change.lines()))
         if change.comparison is not None:
-            codes.add(change.comparison.exit_code)
+            codes.append(change.comparison.exit_code)
         else:
-            codes.add(2 if change.kind == "damaged" else 1)
-    raise typer.Exit(1 if 1 in codes else max(codes, default=0))
+            codes.append(2 if change.kind == "damaged" else 1)
+    raise typer.Exit(_worst(codes))
 
 
 def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[tuple[Path, str, SceneFile]]":
@@ -169,6 +174,11 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[tupl
             found = reference.find_scene(scene, progress)
         for rung in rungs or RUNGS:
             yield scene, rung, found
+
+
+def _worst(codes: list[int]) -> int:
+    """One failed comparison is a failure, whatever else could not be compared."""
+    return 1 if 1 in codes else max(codes, default=0)
 
 
 def _source(folder: Path | None) -> Path:

@@ -257,9 +257,14 @@ def header_changes(old: dict[str, str], new: dict[str, str]) -> Iterator[str]:
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """What is wrong with a reference (nothing: `problems` is empty), and the render that it was held to."""
+    """What is wrong with a reference (nothing: `problems` is empty), and the render that it was held to.
+
+    `exit_code`: 1 where it disagrees with its scene or with today's render, 2 where that cannot be told: the file is
+    missing or damaged, or the comparison is undecided.
+    """
 
     path: Path
+    exit_code: int
     problems: tuple[str, ...] = ()
     reference: Reference | None = None
     today: Image | None = None
@@ -267,7 +272,7 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        return not self.problems
+        return self.exit_code == 0
 
 
 def check(
@@ -287,15 +292,16 @@ def check(
     try:
         old = load(path)
     except InputError as error:
-        return Check(path, (str(error),))
+        return Check(path, 2, (str(error),))
     found = found or find_scene(scene, progress)
     if why := stale(old, scene) or strayed(old, found):
-        return Check(path, (f"{path}: stale: {why}",), old)
+        return Check(path, 1, (f"{path}: stale: {why}",), old)
     settings = Settings(samples, int(old.header["seed"]) + 1, old.header["sampling"])
     today = render(old.origin(), rung, settings, progress)
     comparison = compare(today, old.image, tolerance=old.tolerance)
-    problems = () if comparison.passed else (f"{path}: today's render disagrees", *comparison.reasons)
-    return Check(path, problems, old, today, comparison)
+    said = "cannot be told from today's render" if comparison.exit_code == 2 else "today's render disagrees"
+    problems = () if comparison.passed else (f"{path}: {said}", *comparison.reasons)
+    return Check(path, comparison.exit_code, problems, old, today, comparison)
 
 
 def strayed(old: Reference, found: SceneFile) -> str | None:
