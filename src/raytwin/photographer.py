@@ -12,7 +12,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from raytwin import files
 from raytwin.boards.board import Board, check_board, draw_board, write_board
@@ -218,8 +217,8 @@ def poses(board: Board, camera: Camera, count: int, rng: np.random.Generator) ->
             roll = math.radians(rng.normal(0, 10) + 90 * rng.choice([0, 0, 0, 0, 1, -1]))
             tilt = math.radians(tilts[i]) * (1 - attempt / TRIES)
             aim = place * rng.uniform(0.15, 0.26, 2) * (1 - attempt / TRIES)
-            lean = Rotation.from_rotvec([tilt * math.cos(azimuth), tilt * math.sin(azimuth), 0])
-            R = (Rotation.from_rotvec([0, 0, roll]) * lean).as_matrix() @ np.diag([1, -1, -1])
+            lean, _ = cv2.Rodrigues(np.array([tilt * math.cos(azimuth), tilt * math.sin(azimuth), 0]))
+            R = cv2.Rodrigues(np.array([0, 0, roll]))[0] @ lean @ np.diag([1, -1, -1])
             t = _stand(board, camera, R, aim, share=0.65 if place.any() else 1.0, slack=rng.uniform(1.0, 1.2))
             if t is not None:
                 found.append((rotation(R), tuple(t.tolist())))

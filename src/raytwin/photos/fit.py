@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from raytwin.boards import Board, Heights
 from raytwin.boards.shape import Bending, bending
@@ -388,7 +387,7 @@ def _fold(form: Form, image_size: tuple[int, int], shared: np.ndarray, sights: S
 def _moved(
     sights: Sights, form: Form, image_size: tuple[int, int], here: _Step, d_shared: np.ndarray, d_poses: np.ndarray
 ) -> _Step:
-    turn = Rotation.from_rotvec(d_poses[:, :3]).as_matrix()
+    turn = np.array([cv2.Rodrigues(turned)[0] for turned in d_poses[:, :3]])
     t = (turn @ here.t[..., None])[..., 0] + d_poses[:, 3:]
     return _step(sights, form, image_size, here.shared + d_shared, turn @ here.R, t)
 
