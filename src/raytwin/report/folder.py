@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,21 +33,22 @@ def write_all(result: "Result", folder: Path, json: Path | None = None, progress
     for path in (folder / "comparison.json", json):
         if path is not None:
             write_comparison(result.report, path)
-    steps: dict[str, Callable[[], None]] = {"page": lambda: write_report(result, folder / "report.html")}
+    jobs: list[Callable[[], None]] = [
+        partial(files.write_exr, folder / f"{n}.exr", image, header | more) for n, image, more in exrs
+    ]
     if (augmented := result.augmented) is not None:
-        steps["picture"] = lambda: files.write_picture(folder / "augmented.png", augmented)
+        jobs.append(partial(files.write_picture, folder / "augmented.png", augmented))
     if alike:
-        steps["overview"] = lambda: files.write_picture(folder / "overview.png", overview(result))
-    with ThreadPoolExecutor(1) as pool:  # OpenEXR packs without the interpreter: one core packs, the other draws
-        writing = [pool.submit(files.write_exr, folder / f"{n}.exr", image, header | more) for n, image, more in exrs]
-        for stage, step in steps.items():
-            progress(stage, 0, 1)
-            step()
-            progress(stage, 1, 1)
+        jobs.append(lambda: files.write_picture(folder / "overview.png", overview(result)))
+    with ThreadPoolExecutor(1) as pool:  # EXRs and PNGs are packed without the interpreter: one core packs, one draws
+        writing = [pool.submit(job) for job in jobs]
+        progress("page", 0, 1)
+        write_report(result, folder / "report.html")
+        progress("page", 1, 1)
         for done, job in enumerate(writing):
-            progress("EXRs", done, len(writing))
+            progress("pictures", done, len(writing))
             job.result()
-        progress("EXRs", len(writing), len(writing))
+        progress("pictures", len(writing), len(writing))
 
 
 def write_diff(found: Diff, folder: Path, progress: Progress = silent) -> None:
