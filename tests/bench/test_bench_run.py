@@ -18,10 +18,9 @@ from raytwin.errors import InputError
 from raytwin.methods.loop import loop
 from raytwin.methods.rendered import Denoised, Plain, Twin
 from raytwin.methods.table import METHODS, choose
-from raytwin.methods.traced import Filled, Speculated, shifted
+from raytwin.methods.traced import Filled, Speculated
 from raytwin.report.bench_charts import METRICS as SHOWN
 from raytwin.speed import trace
-from raytwin.tracer import back_project
 
 KEYS = [
     "method", "engine", "precision", "rung", "trim", "speculation", "samples", "width", "height", "seconds_median",
@@ -93,14 +92,6 @@ def test_exact_methods_do_not_depend_on_the_seed_and_noisy_ones_do(view):
         call = method.prepare(scene)
         assert method.noisy == (not same)
         assert np.array_equal(call(1).mean.copy(), call(2).mean) == same
-
-
-def test_a_shifted_camera_sees_what_lies_beside_the_pixel(view):
-    scene = view("distorted")
-    moved = shifted(scene, 0.25, -0.5).camera
-    np.testing.assert_allclose(
-        back_project(10.0, 20.0, moved), back_project(10.25, 19.5, scene.camera), rtol=0, atol=1e-9
-    )
 
 
 def test_patterns_choose_methods_in_the_tables_order():

@@ -141,3 +141,14 @@ def test_one_step_of_newtons_undoes_a_phones_lens_in_float32_and_two_in_float64(
         assert invert_lens(camera, "float32").steps <= 1
         assert invert_lens(camera, "float64").steps <= 2
         assert invert_lens(camera, "float32", fitted=False).steps > 1
+
+
+def test_another_grid_of_pixels_sees_what_lies_there(scenes):
+    """Beside the pixel by a part of one; every third of every third row; and a pixel more all round."""
+    camera = read_scene(scenes / "distorted").scene.camera
+    for grid, (x, y) in (
+        (camera.grid(0.25, -0.5), (10.25, 19.5)), (camera.every(3), (30.0, 60.0)), (camera.grid(-1, -1), (9.0, 19.0)),
+    ):  # fmt: skip
+        np.testing.assert_allclose(back_project(10.0, 20.0, grid), back_project(x, y, camera), rtol=0, atol=1e-9)
+    assert camera.grid().image_size == (800, 600)
+    assert camera.every(7).image_size == (115, 86)

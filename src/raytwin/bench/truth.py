@@ -14,7 +14,6 @@ from raytwin import twin
 from raytwin.bench.record import ERRORS, Converged
 from raytwin.compare import METRICS
 from raytwin.methods.method import Method
-from raytwin.methods.traced import shifted
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 from raytwin.speed import ENGINES, background, draw
@@ -70,7 +69,7 @@ def _traced(scene: Scene, rung: str, first: int, seed: int) -> np.ndarray:
     for i in range(first, first + BATCH):
         x, y = (start + (i + 1) * np.array([0.7548776662466927, 0.5698402909980532])) % 1 - 0.5
         image = background(scene, rung)
-        draw(shifted(scene, float(x), float(y)), image, rung, engine)
+        draw(scene.with_camera(scene.camera.grid(float(x), float(y))), image, rung, engine)
         total += image
     return total
 

@@ -13,7 +13,7 @@ from raytwin.compare.report import Part
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.jobs.camera import find_camera
-from raytwin.jobs.ledger import make_ledger
+from raytwin.jobs.ledger import WholeLight, split_error
 from raytwin.methods.method import Method
 from raytwin.methods.traced import Followed, Traced, fast_engine
 from raytwin.progress import Progress, Stages, silent
@@ -85,6 +85,8 @@ def climb(
     deepest = max(row.depth or 0 for row in RUNGS.values())
     with stages.stage("whole light"):
         whole = walk(scene, "path", engine, samples=MORE * samples, seed=seed + 1, surface=False)
+    with stages.stage("ledger"):
+        split = WholeLight(scene, engine, deepest)
     images, steps, ledgers = {}, [], {}
     for name, row in RUNGS.items():
         method = Followed(name, engine, samples) if row.noisy else Traced(name, engine)
@@ -101,7 +103,7 @@ def climb(
             )
         if row.lit:
             with stages.stage("ledger"):
-                ledgers[name] = make_ledger(scene, mine, name, engine, deepest).parts
+                ledgers[name] = split_error(split, mine, name).parts
     with stages.stage("parts"):
         light = light_parts(scene, engine, samples=samples, seed=seed, depth=deepest)
     total = np.zeros_like(whole.mean)

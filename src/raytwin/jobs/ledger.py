@@ -12,6 +12,7 @@ import math
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import msgspec
@@ -20,7 +21,7 @@ import numpy as np
 from raytwin.compare.report import Part
 from raytwin.image import BACKGROUND, Image
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Rectangle, Scene, Shape
+from raytwin.scene import Rectangle, Scene, Shape
 from raytwin.speed import ENGINES, light_parts, trace
 
 LEFT_OUT = {
@@ -50,24 +51,43 @@ class Ledger:
     step: int
 
 
-def make_ledger(scene: Scene, shown: Image, rung: str, engine: str, depth: int = 8) -> Ledger:
-    """The parts of `shown`'s error, a picture that stands on `rung`; `engine`: the fastest here, of ENGINES.
+class WholeLight:
+    """All light of a scene, in parts, at every `step`-th pixel; what ledgers of pictures on any rung are made from.
 
     Two independent halves of the samples: products of one half's error with the other's have no noise in their mean.
+    `engine`: the fastest here, of ENGINES. `seconds` that the halves took.
     """
-    w, h = scene.camera.image_size
-    step = math.ceil(math.sqrt(w * h / (PIXELS_NUMPY if ENGINES[engine].is_numpy else PIXELS)))
-    thin, seen = scene.with_camera(every(scene.camera, step)), shown.mean[::step, ::step]
-    began = time.perf_counter()
-    halves = [light_parts(thin, engine, samples=SAMPLES, seed=k, depth=depth, side=1 / step) for k in SEEDS]
-    seconds = time.perf_counter() - began
-    kept = _shown_by(rung)
-    exact = None if RUNGS[rung].noisy else _exact(thin, rung, engine)
-    split = [_split(seen, exact, light, kept) for light in halves]
+
+    def __init__(self, scene: Scene, engine: str, depth: int = 8) -> None:
+        self.scene, self.engine, self.depth = scene, engine, depth
+        w, h = scene.camera.image_size
+        self.step = math.ceil(math.sqrt(w * h / (PIXELS_NUMPY if ENGINES[engine].is_numpy else PIXELS)))
+        self.thin = scene.with_camera(scene.camera.every(self.step))
+        began = time.perf_counter()
+        self.halves = [
+            light_parts(self.thin, engine, samples=SAMPLES, seed=k, depth=depth, side=1 / self.step) for k in SEEDS
+        ]
+        self.seconds = time.perf_counter() - began
+
+    @cached_property
+    def partners(self) -> dict[str, np.ndarray]:
+        return _partners(self.scene, self.engine, self.depth)
+
+
+def make_ledger(scene: Scene, shown: Image, rung: str, engine: str, depth: int = 8) -> Ledger:
+    """The parts of `shown`'s error, a picture that stands on `rung`."""
+    return split_error(WholeLight(scene, engine, depth), shown, rung)
+
+
+def split_error(light: WholeLight, shown: Image, rung: str) -> Ledger:
+    """The parts of the error of `shown`, a picture of the light's scene that stands on `rung`."""
+    scene, step, seen = light.scene, light.step, shown.mean[:: light.step, :: light.step]
+    exact = None if RUNGS[rung].noisy else _exact(light.thin, rung, light.engine)
+    split = [_split(seen, exact, half, rung) for half in light.halves]
     errors = [_sum(pictures.values(), seen) for pictures in split]
     squared = float((errors[0] * errors[1]).sum(dtype=float))
-    whole = sum(float(part.mean.mean(dtype=float)) for light in halves for part in light.values()) / 2
-    partners = _partners(scene, engine, depth, [LEFT_OUT[name] for name in split[0] if name in LEFT_OUT])
+    whole = sum(float(part.mean.mean(dtype=float)) for half in light.halves for part in half.values()) / 2
+    partners = light.partners if any(name in LEFT_OUT for name in split[0]) else {}
     ids = None if shown.surface is None else shown.surface.ids[::step, ::step]
     rows, pictures = [], {name: (split[0][name] + split[1][name]) / 2 for name in split[0]}
     for name, picture in pictures.items():
@@ -78,7 +98,7 @@ def make_ledger(scene: Scene, shown: Image, rung: str, engine: str, depth: int =
             Part(
                 name,
                 rmse=math.sqrt(max(float((one * other).mean(dtype=float)), 0.0)),
-                seconds=seconds if name in LEFT_OUT else None,
+                seconds=light.seconds if name in LEFT_OUT else None,
                 share_of_light=float(picture.mean(dtype=float)) / whole if whole else None,
                 share_of_error=along / squared if squared > 0 else None,
                 noise=float(np.sqrt(np.square(one - other, dtype=float).mean())) / 2 if sampled else None,
@@ -90,37 +110,19 @@ def make_ledger(scene: Scene, shown: Image, rung: str, engine: str, depth: int =
     return Ledger(tuple(rows), pictures, (errors[0] + errors[1]) / 2, step)
 
 
-def every(camera: Camera, step: int) -> Camera:
-    """The camera whose pixel (u, v) stands where the other's (step u, step v) does."""
-    (a, s, cx), (z, b, cy), last = camera.K
-    size = -(-camera.width // step), -(-camera.height // step)
-    K = ((a / step, s / step, cx / step), (z, b / step, cy / step), last)
-    return msgspec.structs.replace(camera, image_size=size, K=K)
-
-
-def _split(
-    seen: np.ndarray, exact: np.ndarray | None, light: dict[str, Image], kept: tuple[str, ...]
-) -> dict[str, np.ndarray]:
+def _split(seen: np.ndarray, exact: np.ndarray | None, light: dict[str, Image], rung: str) -> dict[str, np.ndarray]:
     """The parts of what is seen; `exact`: its rung without error, where no samples make it."""
-    over_area = _sum((light[name].mean for name in kept), seen)
+    lacks = RUNGS[rung].lacks
+    over_area = _sum((part.mean for name, part in light.items() if not lacks(name)), seen)
     if exact is None:
         own = {"its own samples": seen - over_area}
     else:
         own = {"numerics": seen - exact, "pixel sampling": exact - over_area}
-    return own | {name: -light[part].mean for name, part in LEFT_OUT.items() if part not in kept}
+    return own | {name: -light[part].mean for name, part in LEFT_OUT.items() if lacks(part)}
 
 
 def _sum(pictures: Iterable[np.ndarray], like: np.ndarray) -> np.ndarray:
     return sum(pictures, start=np.zeros_like(like))
-
-
-def _shown_by(rung: str) -> tuple[str, ...]:
-    """The parts of the light that a rung has."""
-    row = RUNGS[rung]
-    if not row.lit:
-        return ()
-    bounces = ("bounce 1", "bounce 2", "bounce 3+") if row.depth is not None and row.depth > 2 else ()
-    return ("open", *(("shadow",) if row.shadows else ()), *(("occlusion",) if row.sky == "occluded" else ()), *bounces)
 
 
 def _exact(scene: Scene, rung: str, engine: str) -> np.ndarray:
@@ -141,13 +143,13 @@ def _between(scene: Scene, picture: np.ndarray, ids: np.ndarray, partners: np.nd
     return names[most], names[int(partners[most].argmax())]
 
 
-def _partners(scene: Scene, engine: str, depth: int, parts: list[str]) -> dict[str, np.ndarray]:
+def _partners(scene: Scene, engine: str, depth: int) -> dict[str, np.ndarray]:
     """part -> (n, n): by how much it changes on object i (row) when object j is taken away: sum of |change|.
 
     On a small frame, from the same random numbers, so that what does not depend on j does not change.
     """
-    n = len(scene.objects)
-    if not 2 <= n <= 8 or not parts:
+    n, parts = len(scene.objects), LEFT_OUT.values()
+    if not 2 <= n <= 8:
         return {}
     w, h = scene.camera.image_size
     small = scene.with_camera(scene.camera.resized(SMALL, max(1, round(SMALL * h / w))))

@@ -24,7 +24,7 @@ from raytwin import files, twin
 from raytwin.compare.metrics import METRICS
 from raytwin.errors import InputError, MachineError, check_one_of
 from raytwin.jobs.camera import find_camera
-from raytwin.jobs.ledger import LEFT_OUT, every, gone
+from raytwin.jobs.ledger import LEFT_OUT, gone
 from raytwin.jobs.unneeded import STILL, Bounds, still_terms
 from raytwin.methods.method import Call, Method
 from raytwin.methods.traced import Filled, Followed, Speculated, Supersampled, Traced, fast_engine, mean_of_shifts
@@ -323,7 +323,7 @@ class _Search:
         self.bounds = Bounds(scene)
         w, h = scene.camera.image_size
         self.step = math.ceil(math.sqrt(w * h / (PIXELS_NUMPY if self.slow else PIXELS)))
-        self.thin = scene.with_camera(every(scene.camera, self.step))
+        self.thin = scene.with_camera(scene.camera.every(self.step))
         self.pixels = self.thin.camera.width * self.thin.camera.height
         self.most = MOST_WALKS_NUMPY if self.slow else MOST_WALKS
         self.low = converge(self.parts, metric, tolerance / 3, self.pixels, FIRST[0], self.most)
@@ -405,10 +405,8 @@ class _Search:
         return f": {few}"
 
     def _left_out(self, method: Method) -> list[str]:
-        names = [name for name in self.low.parts[0] if name != "open"]
-        if isinstance(method, Followed):
-            return names[2 + (method.depth or 2) - 2 :]
-        return names if method.rung == "lambert" else names[1:]
+        depth = method.depth if isinstance(method, Followed) else None
+        return [name for name in self.low.parts[0] if RUNGS[method.rung].lacks(name, depth)]
 
     def _meets(self, tried: _Tried) -> bool:
         return tried.error is not None and tried.error.most <= self.tolerance
@@ -509,8 +507,8 @@ class _Search:
 
     def _grids(self) -> Iterable[_Tried]:
         """Several rays a pixel where a formula gives the light: the fewest that may do, and what fails before."""
-        for rung, missing in (("lambert", 1), ("shadow", 2)):
-            names = [name for name in self.low.parts[0] if name != "open"][missing - 1 :]
+        for rung in ("lambert", "shadow"):
+            names = [name for name in self.low.parts[0] if RUNGS[rung].lacks(name)]
             if self.low.of(self.metric, *names).least > self.tolerance:
                 continue
             for n in (4, 16, 64, 256):
@@ -529,13 +527,12 @@ class _Search:
 
     def _walks(self) -> Iterable[_Tried]:
         """Light that is followed: for each depth the samples that bring noise and what is left out to the tolerance."""
-        names = [name for name in self.low.parts[0] if name.startswith("bounce")]
         variance = self.low.sample_noise()
         a_sample = self._seconds_a_sample()
         seen = np.abs(self.low.mean).mean(dtype=float) or 1.0
         centered = False
         for depth in (2, 3, 4, 5, DEEP):
-            left = names[min(depth - 2, len(names)) :] if depth != DEEP else []
+            left = [name for name in self.low.parts[0] if RUNGS["path"].lacks(name, depth)]
             bias = self.low.of(self.metric, *left) if left else Error(0.0, 0.0, 0.0)
             if bias.most > self.tolerance:
                 continue
@@ -597,7 +594,7 @@ class _Search:
             return
         for walks in (self.most / 4, self.most):
             times = math.ceil(math.sqrt(method.samples * self.pixels / walks))
-            few = self.scene.with_camera(every(self.scene.camera, self.step * times))
+            few = self.scene.with_camera(self.scene.camera.every(self.step * times))
             image = walk(
                 few, method.rung, self.engine, sampling=method.over, samples=method.samples, seed=1, depth=method.depth,
                 side=1 / (self.step * times), surface=False,

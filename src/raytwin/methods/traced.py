@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
 from raytwin import twin
@@ -161,7 +160,7 @@ class Supersampled(_ByEngine):
 
 def mean_of_shifts(scene: Scene, rung: str, engine: str, shifts: Sequence[tuple[float, float]]) -> np.ndarray:
     """The mean image (H, W, 3) over rays through pixel centres moved by each (x, y) of `shifts`, in pixels."""
-    moved = [shifted(scene, x, y) for x, y in shifts]
+    moved = [scene.with_camera(scene.camera.grid(x, y)) for x, y in shifts]
     total = background(moved[0], rung)
     draw(moved[0], total, rung, engine)
     for one in moved[1:]:
@@ -169,12 +168,6 @@ def mean_of_shifts(scene: Scene, rung: str, engine: str, shifts: Sequence[tuple[
         draw(one, out, rung, engine)
         total += out
     return total / np.float32(len(shifts))
-
-
-def shifted(scene: Scene, x: float, y: float) -> Scene:
-    """The scene whose pixel (u, v) sees what (u + x, v + y) did."""
-    (a, s, cx), (z, b, cy), last = scene.camera.K
-    return scene.with_camera(msgspec.structs.replace(scene.camera, K=((a, s, cx - x), (z, b, cy - y), last)))
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,16 @@ class Camera(Record, frozen=True):
         x, y, z = (-np.asarray(self.R_cam_board).T @ np.asarray(self.t_cam_board)).tolist()
         return x, y, z
 
+    def grid(self, x: float = 0, y: float = 0, step: int = 1, size: tuple[int, int] | None = None) -> "Camera":
+        """The camera whose pixel (u, v) sees what this one's (x + step u, y + step v) does; of its size unless told."""
+        (a, s, cx), (z, b, cy), last = self.K
+        K = ((a / step, s / step, (cx - x) / step), (z, b / step, (cy - y) / step), last)
+        return msgspec.structs.replace(self, image_size=size or self.image_size, K=K)
+
+    def every(self, step: int) -> "Camera":
+        """Every `step`-th pixel of every `step`-th row, from the first."""
+        return self.grid(step=step, size=(-(-self.width // step), -(-self.height // step)))
+
     def resized(self, width: int, height: int) -> "Camera":
         """The same camera with another number of pixels over the same sensor.
 

@@ -4,12 +4,11 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from raytwin.image import Image, Surface
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Scene
+from raytwin.scene import Scene
 from raytwin.scene.lens import without_ray
 from raytwin.shapes import Int
 from raytwin.speed.boxes import trim_boxes
@@ -182,17 +181,9 @@ def _sampled(
 def area_boxes(scene: Scene) -> Int[np.ndarray, "n 4"]:
     """Which pixels can see each object in any part of their area: the boxes of `trim_boxes`, grown by a pixel."""
     camera = scene.camera
-    padded = padded_camera(camera)
-    boxes = trim_boxes(scene.objects, padded)
+    w, h = camera.image_size
+    boxes = trim_boxes(scene.objects, camera.grid(-1, -1, size=(w + 2, h + 2)))
     empty = (boxes[:, 2:] <= boxes[:, :2]).any(axis=1)
-    frame = np.array(camera.image_size)
-    low, high = np.maximum(boxes[:, :2] - 2, 0), np.minimum(boxes[:, 2:], frame)
+    low, high = np.maximum(boxes[:, :2] - 2, 0), np.minimum(boxes[:, 2:], (w, h))
     empty |= (low >= high).any(axis=1)
     return np.where(empty[:, None], 0, np.concatenate([low, high], axis=1))
-
-
-def padded_camera(camera: Camera) -> Camera:
-    """The same with a pixel more on each side."""
-    (a, s, cx), (z, b, cy), last = camera.K
-    w, h = camera.image_size
-    return msgspec.structs.replace(camera, K=((a, s, cx + 1), (z, b, cy + 1), last), image_size=(w + 2, h + 2))
