@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from raytwin.cli import bench, board, explore, images, ladder, needs, photos, reference, scenes, stability
+from raytwin.cli import bench, board, explore, grade, images, ladder, needs, photos, reference, scenes, stability
 from raytwin.errors import InputError
 
 app = typer.Typer(
@@ -52,16 +52,18 @@ app.command("calibrate")(photos.calibrate_command)
 app.command("augment")(photos.augment_command)
 app.command("board")(board.board_command)
 app.command("photograph")(photos.photograph_command)
+app.add_typer(grade.app, name="grade")
 app.add_typer(bench.app, name="bench")
 app.command("stability")(stability.stability_command)
 
 
 @app.command("doctor")
 def doctor() -> None:
-    """Show which backend the twin uses on this machine, what else was tried, and why."""
+    """Show which backend the twin uses on this machine, what else was tried, and why; and what holds a submission."""
     from raytwin import twin
+    from raytwin.grade import sandbox
 
-    for name, value in twin.doctor():
+    for name, value in (*twin.doctor(), *((f"sandbox: {n}", state) for n, state in sandbox.told(sandbox.probe()))):
         typer.echo(f"{name:<24} {value}")
 
 

@@ -44,11 +44,11 @@ def main() -> None:
     held = lock.lock(folder, submission, told["limits"], told["hidden"], told["uid"])
     wire.write(answers, {"locks": held, "pid": os.getpid()})
     try:
-        functions = _load(told, submission, readers)
+        functions, notes = _load(told, submission, readers)
     except BaseException as error:
         wire.write(answers, {"error": _said(error, submission)})
         return
-    wire.write(answers, {"functions": sorted(n for n in told["asked"] if n in functions)})
+    wire.write(answers, {"functions": sorted(n for n in told["asked"] if n in functions), "notes": notes})
     while True:
         try:
             call = wire.read(take, most)
@@ -73,19 +73,27 @@ def _beside(here: Path, name: str) -> ModuleType:
     return module
 
 
-def _load(told: dict[str, Any], submission: Path, readers: Any) -> Functions:
-    """The submission's functions that are `asked` for."""
+def _load(told: dict[str, Any], submission: Path, readers: Any) -> tuple[Functions, list[str]]:
+    """The submission's functions that are `asked` for; and of a notebook what went wrong in cells that failed."""
     if told["kind"] == "images":
-        return {"render": lambda scene: _image_of(submission, scene["name"], readers)}
+        return {"render": lambda scene: _image_of(submission, scene["name"], readers)}, []
     if told["kind"] == "command":
-        return {"render": lambda scene: _run(told["command"], submission, scene, readers)}
+        return {"render": lambda scene: _run(told["command"], submission, scene, readers)}, []
     sys.modules["raytwin"] = None  # type: ignore[assignment]  # it has the answers
     sys.path.insert(0, str(submission))
     module = ModuleType("submission")
     module.__file__ = str(submission / told["file"])
-    sys.modules["submission"] = module  # dataclasses and pickles look their module up
-    exec(compile(told["source"], module.__file__, "exec"), vars(module))
-    return {name: f for name in told["asked"] if callable(f := getattr(module, name, None))}
+    sys.modules["submission"] = module  # dataclasses and pickle look their module up
+    vars(module)["display"] = lambda *things, **options: None
+    notes: list[str] = []
+    for name, text in told["cells"]:
+        try:
+            exec(compile(text, str(submission / name), "exec", dont_inherit=True), vars(module))
+        except BaseException as error:
+            if len(told["cells"]) == 1:
+                raise
+            notes.append(f"{name}: {_said(error, submission)}"[:200])
+    return {name: f for name in told["asked"] if callable(f := getattr(module, name, None))}, notes[:20]
 
 
 def _arrays(result: Any, most: int) -> list[np.ndarray]:

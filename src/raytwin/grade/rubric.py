@@ -107,7 +107,9 @@ class Speed(Record, frozen=True):
 class Rubric(Record, frozen=True):
     """`seed`: of the drawn scenes, cases and orders, together with each submission's own content: keep it to yourself.
 
-    `folder`: where the rubric lies, with `scenes` and `reference` of its own if it has any.
+    `file`: what a submission's Python file is called, where it is one of several. `command`: what runs one that is a
+    program: {scene} is the scene as JSON, {out} the image to write. `folder`: where the rubric lies, with a
+    `reference` of its own if it has one.
     """
 
     title: str
@@ -115,6 +117,8 @@ class Rubric(Record, frozen=True):
     seed: int = 0
     speed: Speed | None = None
     limits: Limits = Limits()
+    file: str = "tracer"
+    command: str = ""
     folder: str = "."
 
     @property

@@ -58,7 +58,8 @@ class Limits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Code:
-    """What is run: `source` of the Python file or notebook `file`; a `command` with {scene} and {out}; or images.
+    """What is run: `source` of the Python file `file`, or a notebook's `cells` (name, text); a `command` with {scene}
+    and {out}; or images.
 
     `folder` is copied for it, links left out; None: nothing but the source.
     """
@@ -66,6 +67,7 @@ class Code:
     kind: Literal["python", "command", "images"] = "python"
     source: str = ""
     file: str = "submission.py"
+    cells: tuple[tuple[str, str], ...] = ()
     command: tuple[str, ...] = ()
     folder: Path | None = None
     asked: tuple[str, ...] = ()
@@ -99,6 +101,7 @@ class Sandbox:
     ) -> None:
         self.limits, self.printed = limits or Limits(), ""
         self.functions: tuple[str, ...] = ()
+        self.notes: tuple[str, ...] = ()
         self.locks: dict[str, str] = {}
         self._code, self._ended, self._calls = code, _Ended(), 0
         self._uid: int | None = None
@@ -122,7 +125,7 @@ class Sandbox:
         code = self._code
         if code.folder is not None:
             copy_files(code.folder, self._copy, self.limits.folder_mb * MEGA)
-        if code.kind == "python":
+        if code.kind == "python" and code.source:  # so that a traceback finds its lines
             (self._copy / code.file).write_text(code.source, encoding="utf-8")
         child = Path(__file__).with_name("child.py")
         self._process = subprocess.Popen(
@@ -146,12 +149,8 @@ class Sandbox:
             "processes": self.limits.processes,
             "answer": most - (1 << 16),
         }
-        told: dict[str, Any] = {
-            "kind": code.kind,
-            "source": code.source,
-            "file": code.file,
-            "command": list(code.command),
-        }
+        told: dict[str, Any] = {"kind": code.kind, "file": code.file, "command": list(code.command)}
+        told["cells"] = [list(cell) for cell in code.cells or ((code.file, code.source),)]
         told |= {"asked": list(code.asked), "seed": code.seed, "uid": self._with_uid, "hidden": list(self._hidden)}
         told |= {"limits": limits, "folder": str(self._work), "submission": str(self._copy)}
         told["packages"] = [p for p in dict.fromkeys([*sys.path, str(_package().parent)]) if p and Path(p).is_dir()]
@@ -174,6 +173,7 @@ class Sandbox:
                 if "error" in loaded:
                     self._end(plain(loaded["error"]), "error")
                 self.functions = tuple(str(n) for n in loaded.get("functions", ()))
+                self.notes = tuple(plain(n) for n in loaded.get("notes", ()))
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
         self.close()

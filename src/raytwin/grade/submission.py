@@ -109,7 +109,7 @@ def run_notebook(path: Path) -> tuple[ModuleType, tuple[str, ...]]:
     """
     module, notes = _new_module(path), []
     module.__dict__["display"] = lambda *things, **options: None
-    for number, text in _cells(path):
+    for number, text in cells(path):
         name = f"{path}: cell {number}"
         try:
             exec(_compiled(path, text, name), module.__dict__)
@@ -120,7 +120,7 @@ def run_notebook(path: Path) -> tuple[ModuleType, tuple[str, ...]]:
     return module, tuple(notes)
 
 
-def _cells(path: Path) -> Iterator[tuple[int, str]]:
+def cells(path: Path) -> Iterator[tuple[int, str]]:
     """The code cells by their number among all cells, from 1; a cell of another language (%%) is none."""
     try:
         written = msgspec.json.decode(_read(path).encode())

@@ -1,0 +1,120 @@
+"""What came of one submission: the record that is written, shown, scored and handed to Gradescope and others."""
+
+from typing import Literal
+
+import msgspec
+
+from raytwin.grade.rubric import Visibility
+
+Status = Literal["pass", "fail", "error", "missing", "limit", "broken"]
+"""`fail`: other numbers than expected; `error`: it raised, or gave no array of the right kind; `missing`: no such
+function; `limit`: too much time, memory or output; `broken`: its process ended."""
+
+
+class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The base of what is written of a submission."""
+
+
+class Part(Record, frozen=True):
+    """A case or scene: what it `shows`; `error`: in the exercise's unit, None where there is no number; `wrong`: the
+    share of values that are off; `share`: of its points; `problem`: in words, where there are no numbers."""
+
+    shows: str
+    passed: bool
+    share: float = 0.0
+    error: float | None = None
+    wrong: float | None = None
+    seconds: float = 0.0
+    problem: str = ""
+
+
+class Marked(Record, frozen=True):
+    """An exercise, marked. `sentences`: for the student, the first is the cause where one is named (`causes`, by name).
+
+    `inputs`, `expected`, `got`: of the worst value of a stage's cases.
+    """
+
+    name: str
+    stage: str
+    status: Status
+    points: float
+    of: float
+    visibility: Visibility
+    unit: str
+    tolerance: float
+    sentences: tuple[str, ...] = ()
+    causes: tuple[str, ...] = ()
+    sureness: str = ""
+    inputs: str = ""
+    expected: str = ""
+    got: str = ""
+    parts: tuple[Part, ...] = ()
+
+    @property
+    def error(self) -> float | None:
+        """The worst part's; None where one has no number."""
+        errors = [p.error for p in self.parts]
+        return None if None in errors or not errors else max(e for e in errors if e is not None)
+
+    @property
+    def seconds(self) -> float:
+        """Of a part, on average."""
+        return sum(p.seconds for p in self.parts) / max(1, len(self.parts))
+
+
+class Picture(Record, frozen=True):
+    """A picture that is wrong. `thumb`: expected, got and error side by side, a PNG as a data URL; `planes`: as the
+    viewer takes them, JSON, empty where others are worse; `sample`: of the error, to find pictures that are alike."""
+
+    exercise: str
+    shows: str
+    thumb: str
+    planes: str = ""
+    stops: float = 0.0
+    share: float = 1e-5
+    scale: float = 1.0
+    sample: tuple[float, ...] = ()
+
+
+class Result(Record, frozen=True):
+    """`student`: the name of what was handed in. `key`: of the content, the rubric and the seed. `problem`: why nothing
+    ran. `bonus`: for speed. `own_seconds`: what the submission itself took, of `seconds` in all. `open_locks`: those of
+    the sandbox that did not hold."""
+
+    student: str
+    key: str
+    title: str
+    exercises: tuple[Marked, ...]
+    problem: str = ""
+    bonus: float = 0.0
+    seed: int = 0
+    own_seconds: float = 0.0
+    seconds: float = 0.0
+    printed: str = ""
+    notes: tuple[str, ...] = ()
+    open_locks: tuple[str, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    speed: tuple[tuple[str, float, float], ...] = ()
+
+    @property
+    def points(self) -> float:
+        return round(sum(e.points for e in self.exercises) + self.bonus, 4)
+
+    @property
+    def of(self) -> float:
+        return sum(e.of for e in self.exercises)
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(c for e in self.exercises for c in e.causes))
+
+    @property
+    def all_passed(self) -> bool:
+        return not self.problem and all(e.status == "pass" for e in self.exercises)
+
+    @property
+    def first_problem(self) -> str:
+        """In words, of the exercise that went worst: one that ended the process before one that is not there."""
+        order: tuple[Status, ...] = ("limit", "broken", "error", "fail", "missing")
+        bad = sorted((e for e in self.exercises if e.status != "pass"), key=lambda e: order.index(e.status))
+        return next((e.sentences[0] for e in bad if e.sentences), "")

@@ -1,0 +1,132 @@
+"""The same function over many things: here, in local processes, on a Dask cluster, or a share of a Slurm array."""
+
+import multiprocessing
+import re
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeVar
+
+from raytwin.errors import InputError, MachineError
+
+T = TypeVar("T")
+
+TRIES = 3
+"""A thing whose process is killed so often is given up."""
+CONNECT = 5
+"""Seconds for a scheduler to answer."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """`jobs` local processes (1: this one), or the Dask scheduler at `dask`; `shard` (k, n): the k-th of n."""
+
+    jobs: int = 1
+    dask: str = ""
+    shard: tuple[int, int] = (1, 1)
+
+    def share(self, things: Sequence[T]) -> list[T]:
+        """Every n-th thing: neighbours, which cost alike, go to different shards."""
+        return list(things[self.shard[0] - 1 :: self.shard[1]])
+
+
+class Done(NamedTuple):
+    """`thing` and what the function gave, or the error that came of it."""
+
+    thing: Any
+    result: Any = None
+    error: Exception | None = None
+
+
+def parse_spread(jobs: int, dask: str, shard: str) -> Spread:
+    """
+    >>> parse_spread(1, "", "3/40")
+    Spread(jobs=1, dask='', shard=(3, 40))
+    """
+    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", shard or "1/1")
+    if not match or not 1 <= int(match[1]) <= int(match[2]):
+        raise InputError("--shard", "K/N with 1 <= K <= N, as 3/40", shard)
+    if jobs < 1:
+        raise InputError("--jobs", "a number of processes >= 1", jobs)
+    if dask and jobs > 1:
+        raise InputError("--dask", "a cluster or local processes (--jobs), not both", f"--jobs {jobs}")
+    return Spread(jobs, dask, (int(match[1]), int(match[2])))
+
+
+def over(function: Callable[[T], Any], things: Sequence[T], spread: Spread) -> Iterator[Done]:
+    """What the function gives for each thing of the share, as it is done. An error costs its own thing only.
+
+    Function and things are pickled where other processes take them.
+    """
+    chosen = spread.share(things)
+    if spread.dask:
+        yield from _on_cluster(function, chosen, spread.dask)
+    elif spread.jobs == 1 or len(chosen) < 2:
+        yield from (_here(function, thing) for thing in chosen)
+    else:
+        yield from _in_processes(function, chosen, spread.jobs)
+
+
+def _here(function: Callable[[T], Any], thing: T) -> Done:
+    try:
+        return Done(thing, function(thing))
+    except Exception as error:
+        return Done(thing, error=error)
+
+
+def _in_processes(function: Callable[[T], Any], things: Sequence[T], jobs: int) -> Iterator[Done]:
+    """A process that is killed takes its pool along: what was not done is begun again in another."""
+    todo, tries = list(range(len(things))), [0] * len(things)
+    while todo:
+        with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+            # Few at a time: who is lost with the pool has been begun.
+            running: dict[Future[Any], int] = {}
+            try:
+                while todo or running:
+                    while todo and len(running) < jobs:
+                        running[pool.submit(function, things[todo[0]])] = todo[0]
+                        tries[todo.pop(0)] += 1
+                    for future in wait(running, return_when=FIRST_COMPLETED).done:
+                        if isinstance(future.exception(), BrokenProcessPool):
+                            raise BrokenProcessPool
+                        i, error = running.pop(future), future.exception()
+                        if isinstance(error, Exception):
+                            yield Done(things[i], error=error)
+                        else:
+                            yield Done(things[i], future.result())
+            except BrokenProcessPool:
+                lost = sorted(running.values())
+                for i in lost:
+                    if tries[i] >= TRIES:
+                        yield Done(
+                            things[i], error=MachineError(things[i], "a process that lives", "one that is killed")
+                        )
+                todo = [i for i in lost if tries[i] < TRIES] + todo
+
+
+def _on_cluster(function: Callable[[T], Any], things: Sequence[T], address: str) -> Iterator[Done]:
+    """Dask begins again elsewhere what a worker was doing that is lost, `TRIES` times."""
+    try:
+        from distributed import Client, as_completed
+    except ModuleNotFoundError:
+        raise MachineError("--dask", "dask.distributed (pip install 'raytwin[cluster]')", "none") from None
+    try:
+        client = Client(address, timeout=CONNECT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise MachineError("--dask", "the address of a Dask scheduler", f"{address} ({error})") from None
+    with client:
+        # One thing a worker's thread; the result is the caller's to write.
+        futures = {client.submit(function, thing, pure=False): thing for thing in things}
+        for future in as_completed(list(futures), loop=client.loop, raise_errors=False):
+            wrong = future.exception() if future.status == "error" else None
+            if isinstance(wrong, Exception):
+                yield Done(futures[future], error=wrong)
+            else:
+                yield Done(futures[future], future.result())
+
+
+def time_left(began: float, done: int, total: int) -> float:
+    """Seconds, if the rest takes as long as what is done."""
+    return (time.monotonic() - began) * (total - done) / done if done else 0.0

@@ -1,0 +1,308 @@
+"""A class is graded: each its verdict and points, whatever the others do; outputs that say so."""
+
+import csv
+import json
+import os
+import re
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+import tracers
+
+from raytwin import files
+from raytwin.grade.result import Result
+from raytwin.grade.rubric import read_rubric
+from raytwin.grade.run import collect, jobs_of, run
+from raytwin.report import grade as pages
+from raytwin.report import grade_sites as sites
+from raytwin.spread import Spread, over
+from raytwin.tracer import trace
+
+RUBRIC = """
+title = "Six < seven"
+seed = 5
+[[exercises]]
+stage = "intersect_sphere"
+points = 10
+[[exercises]]
+stage = "shade"
+points = 10
+visibility = "hidden"
+[[exercises]]
+name = "image"
+stage = "render"
+scenes = ["single"]
+drawn = 1
+points = 20
+credit = [[1e-1, 0.5], [10.0, 0.25]]
+[speed]
+of = "image"
+bonus = 2
+fast = 100.0
+slow = 1000.0
+[limits]
+seconds = 30
+seconds_a_call = 3
+"""
+
+
+@pytest.fixture(scope="module")
+def graded(tmp_path_factory):
+    """(results by student, folder of outputs, jobs, rubric's path)"""
+    folder = tmp_path_factory.mktemp("class")
+    (folder / "rubric.toml").write_text(RUBRIC)
+    for name in ("", *tracers.WRONG):
+        path = folder / "in" / f"{name or 'right'}.py"
+        files.write_text(path, tracers.tracer(name))
+    files.write_text(folder / "in" / "<script>" / "tracer.py", "import helper\nrender = helper.render\n")
+    files.write_text(folder / "in" / "<script>" / "helper.py", tracers.tracer("gamma"))
+    files.write_text(folder / "in" / "empty.py", "")
+    files.write_text(folder / "in" / "syntax.py", "def render(:")
+    files.write_text(folder / "in" / "hard coded.py", tracers.RIGHT.replace("center\n", "center + 0\n"))
+    jobs = jobs_of(folder / "in", folder / "rubric.toml")
+    results = run(jobs, folder / "out", Spread(1))
+    rubric = read_rubric(folder / "rubric.toml")
+    pages.write_class(results, rubric, folder / "out")
+    return {r.student: r for r in results}, folder / "out", jobs, rubric
+
+
+def image(graded, student: str):
+    return graded[0][student].exercises[2]
+
+
+def test_a_right_tracer_gets_all_points_and_the_bonus(graded):
+    assert [e.status for e in graded[0]["right"].exercises] == ["pass"] * 3
+    assert (graded[0]["right"].points, graded[0]["right"].of) == (42, 40)
+
+
+@pytest.mark.parametrize(
+    ("student", "status", "word"),
+    [
+        ("no shadows", "fail", ""),
+        ("gamma", "fail", ""),
+        ("nan", "fail", ""),
+        ("cached", "error", "is wanted"),
+        ("shape", "error", "is wanted"),
+        ("raises", "error", "ValueError: <b>no</b>"),
+        ("hangs", "limit", "not done after 3 s"),
+        ("exits", "broken", "exit code 3"),
+        ("empty", "missing", "render is not defined"),
+        ("syntax", "error", "SyntaxError"),
+    ],
+)
+def test_each_mistake_has_its_verdict_and_its_reason(graded, student, status, word):
+    if student == "cached":  # which of two sizes comes first is the seed's choice
+        assert image(graded, student).status in ("error", "fail")
+        return
+    assert image(graded, student).status == status
+    assert any(word in text for text in image(graded, student).sentences)
+
+
+def test_a_mistake_costs_its_own_exercise_and_no_other(graded):
+    for student in ("no shadows", "raises", "hangs", "exits", "nan"):
+        assert [e.status for e in graded[0][student].exercises[:2]] == ["pass", "pass"], student
+    assert graded[0]["pi"].exercises[0].status == "pass"
+    assert graded[0]["pi"].exercises[1].causes
+
+
+def test_points_are_what_the_parts_earn(graded):
+    for result in graded[0].values():
+        for e in result.exercises:
+            assert e.points == pytest.approx(e.of * np.mean([p.share for p in e.parts]), abs=1e-4)
+            assert all(p.share == 1 for p in e.parts if p.passed)
+    single, drawn = image(graded, "no shadows").parts
+    assert single.passed  # one sphere casts its shadow on nothing
+    assert 0.25 <= drawn.share < 0.5
+    assert drawn.error > 0.1
+    assert drawn.wrong > 0.01
+
+
+def test_helpers_beside_the_file_are_imported_and_names_that_are_html_are_escaped(graded):
+    assert image(graded, "<script>").status == "fail"
+    assert image(graded, "<script>").parts[1].seconds > 0
+    for page in [graded[1] / "index.html", *(graded[1] / "students").iterdir()]:
+        text = page.read_text()
+        assert "<script>" not in text
+        assert "<b>no</b>" not in text
+    assert not any("<" in p.name for p in (graded[1] / "students").iterdir())
+
+
+def test_pages_are_whole_and_share_their_scripts(graded):
+    results, out, _, _ = graded
+    for page in [out / "index.html", *(out / "students").iterdir()]:
+        for found in re.findall(r'(?:href|src)="([^":]+)"', page.read_text()):
+            assert (page.parent / found).is_file(), (page, found)
+        assert page.stat().st_size < 300_000
+    index = (out / "index.html").read_text()
+    for result in results.values():
+        assert pages.page_name(result) in index
+    student = (out / "students" / pages.page_name(results["gamma"])).read_text()
+    assert student.index("✗ image") < student.index("✓ intersect_sphere")  # failures first
+    data = json.loads(re.search(r'<script type="application/json">(.*?)</script>', student, re.DOTALL)[1])
+    assert (data["width"], data["height"]) in ((336, 252), (160, 120))
+
+
+def test_near_identical_wrong_pictures_are_found_and_right_ones_are_none(graded):
+    results, alike = graded[0], pages.near_identical(list(graded[0].values()))
+    assert {r.student for r, _ in alike[results["gamma"].key]} == {"<script>"}
+    assert not {results[n].key for n in ("right", "hard coded", "pi", "nan")} & set(alike)
+
+
+def test_a_second_run_grades_nothing_and_finds_the_same(graded, monkeypatch):
+    results, out, jobs, _ = graded
+    monkeypatch.setattr("raytwin.grade.run.assess", None)
+    assert run(jobs, out, Spread(1)) == list(results.values())
+    assert collect(jobs, out) == list(results.values())
+
+
+def test_a_result_that_is_half_written_is_made_again(graded, tmp_path):
+    _, out, jobs, _ = graded
+    job = next(j for j in jobs if j.student == "empty")
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / f"{job.key}.json").write_bytes((out / "results" / f"{job.key}.json").read_bytes()[:100])
+    assert run([job], tmp_path, Spread(1))[0].student == "empty"
+    assert msgspec.json.decode((tmp_path / "results" / f"{job.key}.json").read_bytes(), type=Result).key == job.key
+
+
+def test_another_rubric_or_another_text_is_another_job(graded, tmp_path):
+    rubric = tmp_path / "rubric.toml"
+    (tmp_path / "a.py").write_text("a = 1")
+    keys = set()
+    for text, code in ((RUBRIC, "a = 1"), (RUBRIC + " ", "a = 1"), (RUBRIC, "a = 2")):
+        rubric.write_text(text)
+        (tmp_path / "a.py").write_text(code)
+        keys.add(jobs_of(tmp_path / "a.py", rubric)[0].key)
+    assert len(keys) == 3
+
+
+# ------------------------------------------------------------------------------------------ outputs
+
+
+def test_gradescope_gets_text_first_a_picture_a_failing_test_and_a_leaderboard(graded, tmp_path):
+    results, _, _, rubric = graded
+    sites.write_gradescope(results["gamma"], rubric, tmp_path / "r.json")
+    told = json.loads((tmp_path / "r.json").read_text())
+    assert [t["visibility"] for t in told["tests"]] == ["visible", "hidden", "visible"]
+    assert [t["output_format"] for t in told["tests"]] == ["text", "text", "html"]
+    assert sum(t["score"] for t in told["tests"]) == pytest.approx(told["score"])
+    assert 'src="data:image/png;base64,' in told["tests"][2]["output"]
+    assert [row["name"] for row in told["leaderboard"]] == ["seconds a picture", "error"]
+    for result in results.values():
+        sites.write_gradescope(result, rubric, tmp_path / "r.json")
+        assert (tmp_path / "r.json").stat().st_size < 1e6
+
+
+def test_pictures_go_where_a_result_would_be_too_large(graded, tmp_path, monkeypatch):
+    results, _, _, rubric = graded
+    monkeypatch.setattr(sites, "MOST_BYTES", 4000)
+    sites.write_gradescope(results["gamma"], rubric, tmp_path / "r.json")
+    assert "base64" not in (tmp_path / "r.json").read_text()
+    assert "no room" in (tmp_path / "r.json").read_text()
+
+
+def test_prairielearn_gets_a_score_from_0_to_1_and_no_hidden_test(graded, tmp_path):
+    results, _, _, rubric = graded
+    sites.write_prairielearn(results["gamma"], rubric, tmp_path / "r.json")
+    told = json.loads((tmp_path / "r.json").read_text())
+    assert 0 < told["score"] < 1
+    assert [t["name"] for t in told["tests"]] == ["intersect_sphere", "image"]
+    assert told["tests"][1]["images"][0]["url"].startswith("data:image/png;base64,")
+    sites.write_prairielearn(results["right"], rubric, tmp_path / "r.json")
+    assert json.loads((tmp_path / "r.json").read_text())["score"] == 1
+
+
+def test_junit_csv_and_json_agree(graded, tmp_path):
+    results, out, _, _ = graded
+    sites.write_grade_junit(list(results.values()), tmp_path / "j.xml")
+    suites = {s.get("name"): s for s in ET.parse(tmp_path / "j.xml").getroot()}
+    rows = {row["student"]: row for row in csv.DictReader((out / "results.csv").read_text().splitlines())}
+    told = {r["student"]: r for r in json.loads((out / "results.json").read_text())["results"]}
+    assert set(suites) == set(rows) == set(told) == set(results)
+    for name, result in results.items():
+        failing = sum(e.status != "pass" for e in result.exercises)
+        assert int(suites[name].get("failures")) + int(suites[name].get("errors")) == failing
+        assert float(rows[name]["points"]) == pytest.approx(result.points, abs=0.006)
+        assert told[name]["points"] == result.points
+    assert rows["hangs"]["image: status"] == "limit"
+
+
+def test_a_spreadsheet_takes_no_name_for_a_formula():
+    assert [pages._tame(c) for c in ("=1+1", "-2.5", "@x", "Ada")] == ["'=1+1", "-2.5", "'@x", "Ada"]
+
+
+# ------------------------------------------------------------------------------------------ kinds of submissions
+
+
+def test_a_notebook_a_program_and_a_folder_of_images_are_graded(tmp_path):
+    rubric = tmp_path / "rubric.toml"
+    rubric.write_text(
+        'title = "t"\n[[exercises]]\nstage = "render"\nscenes = ["single"]\nrung = "lambert"\npoints = 1\n'
+    )
+    cells = [{"cell_type": "code", "source": text} for text in (tracers.RIGHT, "1 / 0", "%matplotlib inline")]
+    files.write_text(tmp_path / "in" / "book.ipynb", json.dumps({"cells": cells, "nbformat": 4}))
+    (tmp_path / "in" / "images").mkdir()
+    from raytwin import references
+
+    held = references.load(references.path_of(references.SHIPPED, "single", "lambert"))
+    picture = trace(held.origin(), "lambert")
+    files.write_image(tmp_path / "in" / "images" / "single.png", picture)
+    (tmp_path / "in" / "wrong").mkdir()
+    files.write_exr(tmp_path / "in" / "wrong" / "single.exr", type(picture)(picture.mean * 1.01))
+    found = {r.student: r for r in run(jobs_of(tmp_path / "in", rubric), tmp_path / "out", Spread(1))}
+    assert {n: r.points for n, r in found.items()} == {"book": 1, "images": 1, "wrong": 0}
+    assert "ZeroDivisionError" in found["book"].notes[0]
+    rubric.write_text(f'command = "{sys.executable} main.py {{scene}} {{out}}.pfm"\n' + rubric.read_text())
+    program = tmp_path / "program" / "ann"
+    main = (
+        "import json, sys\nimport numpy as np\nfrom tracer import render\n"
+        "def whole(v): return {k: whole(x) for k, x in v.items()} if isinstance(v, dict) else "
+        "[whole(x) for x in v] if v == [] or isinstance(v, list) and isinstance(v[0], dict) else "
+        "np.array(v) if isinstance(v, list) else v\n"
+        "made = render(whole(json.load(open(sys.argv[1])))).astype('<f4')[::-1]\n"
+        "open(sys.argv[2], 'wb').write(b'PF\\n%d %d\\n-1\\n' % made.shape[1::-1] + made.tobytes())\n"
+    )
+    files.write_text(program / "main.py", main)
+    files.write_text(program / "tracer.py", tracers.RIGHT)
+    done = run(jobs_of(program, rubric, whole=True), tmp_path / "out", Spread(1))
+    assert done[0].points == 1, done[0].exercises[0].sentences
+
+
+# ------------------------------------------------------------------------------------------ many
+
+
+def square(x: int) -> int:
+    if x < 0:
+        raise ValueError(x)
+    return x * x
+
+
+def die_once(flag: str) -> str:
+    """Ends its process, but the first time only."""
+    path = Path(flag)
+    if path.exists():
+        return "alive"
+    path.touch()
+    os._exit(9)
+
+
+def test_shards_share_all_things_out():
+    things = list(range(17))
+    shares = [Spread(shard=(k, 5)).share(things) for k in range(1, 6)]
+    assert sorted(x for share in shares for x in share) == things
+    assert max(map(len, shares)) - min(map(len, shares)) == 1
+
+
+def test_an_error_costs_its_own_thing_alone():
+    done = {d.thing: d.result if d.error is None else str(d.error) for d in over(square, [2, -1, 3], Spread(1))}
+    assert done == {2: 4, -1: "-1", 3: 9}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the test's module is found by fork's path alone")
+def test_a_process_that_is_killed_takes_nothing_with_it(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]))
+    done = list(over(die_once, [str(tmp_path / "a"), str(tmp_path / "b")], Spread(2)))
+    assert [d.result for d in done] == ["alive", "alive"]

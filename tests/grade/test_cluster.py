@@ -1,0 +1,87 @@
+"""A real Dask cluster of two workers: what one process gives, they give, though one of them is killed."""
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import msgspec
+import pytest
+import tracers
+
+from raytwin.errors import MachineError
+from raytwin.grade.run import jobs_of, run
+from raytwin.spread import Spread, over
+
+distributed = pytest.importorskip("distributed")
+
+# Dask's own, of sockets and loops that it leaves to the garbage collector.
+pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning", "ignore::UserWarning")
+
+RUBRIC = """
+title = "t"
+[[exercises]]
+stage = "intersect_sphere"
+points = 10
+[[exercises]]
+stage = "shade"
+points = 5
+[limits]
+seconds = 30
+"""
+
+
+def slow_square(x: int) -> int:
+    time.sleep(0.2)
+    return x * x
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]))
+        made = distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1",
+            local_directory=str(tmp_path_factory.mktemp("dask")), silence_logs=50,
+        )  # fmt: skip
+        with made:
+            yield made
+
+
+def test_a_cluster_grades_as_one_process_does(cluster, tmp_path):
+    (tmp_path / "rubric.toml").write_text(RUBRIC)
+    for name in ("", "pi"):
+        path = tmp_path / "in" / f"{name or 'right'}.py"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(tracers.tracer(name))
+    jobs = jobs_of(tmp_path / "in", tmp_path / "rubric.toml")
+    there = run(jobs, tmp_path / "there", Spread(dask=cluster.scheduler_address))
+    here = run(jobs, tmp_path / "here", Spread())
+
+    def timeless(result):
+        exercises = [
+            msgspec.structs.replace(e, parts=tuple(msgspec.structs.replace(p, seconds=0) for p in e.parts))
+            for e in result.exercises
+        ]
+        return msgspec.structs.replace(result, exercises=tuple(exercises), seconds=0, own_seconds=0)
+
+    assert [timeless(r) for r in there] == [timeless(r) for r in here]
+    assert sorted(p.name for p in (tmp_path / "there" / "results").iterdir()) == sorted(f"{j.key}.json" for j in jobs)
+
+
+def test_a_worker_that_is_killed_in_the_middle_costs_nothing(cluster):
+    things, done = list(range(12)), []
+    pids = [worker.process.pid for worker in cluster.workers.values()]
+    for found in over(slow_square, things, Spread(dask=cluster.scheduler_address)):
+        done.append(found)
+        if len(done) == 3:
+            os.kill(pids[0], signal.SIGKILL)
+    assert sorted((d.thing, d.result) for d in done) == [(x, x * x) for x in things]
+    assert threading.active_count() < 100
+
+
+def test_no_scheduler_at_the_address_is_said(monkeypatch):
+    monkeypatch.setattr("raytwin.spread.CONNECT", 0.5)
+    with pytest.raises(MachineError, match="the address of a Dask scheduler"):
+        list(over(slow_square, [1], Spread(dask="tcp://127.0.0.1:1")))
