@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from raytwin.bench import (
     METHODS,
     Bench,
+    Converged,
     Measurement,
     Repeats,
     against,
@@ -18,6 +19,7 @@ from raytwin.bench import (
     ratio_interval,
     staircase,
 )
+from raytwin.bench.equal import equal_error, passed
 from raytwin.bench.frontier import median_iqr
 from raytwin.bench.measure import Measured, guess, orders, repeat
 from raytwin.errors import InputError
@@ -228,3 +230,50 @@ def test_another_machine_is_a_doubt():
 def test_runs_with_nothing_in_common_are_refused():
     with pytest.raises(InputError, match="none in common"):
         against(run({"a": (1.0,)}, EXACT), run({"b": (1.0,)}, EXACT))
+
+
+def test_seconds_to_an_error_lie_on_monte_carlos_line_between_two_counts():
+    """Error 1/n, 10 ms and n ms: 1e-3 is passed at n = 1000, which 256 and 1024 tell on a line in logarithms."""
+    points = [(0.001 * n, 1 / n, n) for n in (1024, 64, 256)]
+    assert passed(points) == pytest.approx((1.0, 1000.0))
+    assert passed(points, 0.1) == (0.064, 64.0)  # fewer were not tried
+    assert passed(points, 1e-4) is None
+
+
+def test_each_family_is_held_against_the_truth_of_its_own_rung_whose_noise_is_not_its_own():
+    def row(name: str, seconds: float, relmse: float) -> Measurement:
+        m = METHODS[name]
+        return Measurement(
+            name,
+            m.library,
+            "float32",
+            m.rung,
+            m.trim,
+            1,
+            m.samples,
+            8,
+            6,
+            seconds,
+            0,
+            0,
+            None,
+            0,
+            relmse,
+            0,
+            None,
+            0,
+            False,
+        )
+
+    rows = [
+        row(f"{start}{n}", n * cost, 0.1 / n + 1e-4)
+        for start, cost in (("drjit32-path-", 1e-3), ("mitsuba-llvm-path-", 2e-3), ("drjit32-sky-", 5e-4))
+        for n in (16, 64, 256)
+    ]
+    truths = [Converged(name, 8, 6, 64, 1.0, {"relmse": 1e-4}) for name in ("path-area", "sky-area")]
+    found = equal_error(rows, truths)
+    assert [(e.family, e.truth) for e in found] == [
+        ("drjit32 path", "path-area"), ("Mitsuba llvm path", "path-area"), ("drjit32 sky", "sky-area"),
+    ]  # fmt: skip
+    assert [e.seconds for e in found] == pytest.approx([0.1, 0.2, 0.05])
+    assert [e.samples for e in found] == pytest.approx([100] * 3)

@@ -100,6 +100,19 @@ class Calibrated(msgspec.Struct, frozen=True):
     height: int = 0
 
 
+class Equal(msgspec.Struct, frozen=True):
+    """Where a family of methods falls to one relMSE against the truth of its own rung: seconds a frame, and samples a
+    pixel, between two that were measured."""
+
+    family: str
+    truth: str
+    width: int
+    height: int
+    relmse: float
+    seconds: float
+    samples: float
+
+
 class LeftOut(msgspec.Struct, frozen=True):
     """A method that was asked for and not measured, and why."""
 
@@ -134,6 +147,7 @@ class Bench(msgspec.Struct, frozen=True):
     calibration: tuple[Calibrated, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     repeats: tuple[Repeats, ...] = ()
+    equal: tuple[Equal, ...] = ()
 
 
 def write_bench(bench: Bench, path: str | os.PathLike[str], repeats: bool = True) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from raytwin import files, twin
 from raytwin.bench.crowd import crowded
+from raytwin.bench.equal import equal_error
 from raytwin.bench.frontier import median_iqr, on_frontier
 from raytwin.bench.measure import Errors, Look, Measured, guess, repeat, warm
 from raytwin.bench.record import Bench, Converged, Deviation, Growth, LeftOut, Measurement, Repeats
@@ -108,6 +109,7 @@ def bench(
         scene=scene.name, machine=machine(), versions=versions(), budget=float(budget),
         seconds=time.perf_counter() - start, rows=tuple(rows), truths=tuple(truths), errors=tuple(errors),
         growth=tuple(growth), left_out=tuple(left), repeats=tuple(repeated),
+        equal=equal_error(rows, truths),
     )  # fmt: skip
 
 

@@ -1,0 +1,46 @@
+"""Seconds to one error: where a family of methods, of more and more samples, falls to a given relMSE."""
+
+from collections.abc import Sequence
+from math import log
+
+from raytwin.bench.record import Converged, Equal, Measurement
+from raytwin.bench.truth import truth_of
+from raytwin.methods.table import METHODS
+
+TARGET = 1e-3
+"""relMSE: a picture in which noise can hardly be seen."""
+
+
+def equal_error(rows: Sequence[Measurement], truths: Sequence[Converged]) -> tuple[Equal, ...]:
+    """Of each family with several sample counts, against the truth of its own rung; by size and truth, then seconds.
+
+    What the truth's own noise adds to each relMSE is taken away.
+    """
+    floor_of = {(t.name, t.width, t.height): t.floor["relmse"] or 0.0 for t in truths}
+    groups: dict[tuple[int, int, str, str], list[tuple[float, float, int]]] = {}
+    for r in rows:
+        method = METHODS[r.method]
+        if (floor := floor_of.get((truth := truth_of(method), r.width, r.height))) is not None:
+            own = r.seconds_median, r.relmse - floor, r.samples
+            groups.setdefault((r.width, r.height, truth, method.family), []).append(own)
+    found = [
+        Equal(name, truth, w, h, TARGET, *at)
+        for (w, h, truth, name), points in groups.items()
+        if len({samples for *_, samples in points}) > 1 and (at := passed(points)) is not None
+    ]
+    return tuple(sorted(found, key=lambda e: (e.width * e.height, e.truth, e.seconds)))
+
+
+def passed(points: Sequence[tuple[float, float, int]], target: float = TARGET) -> tuple[float, float] | None:
+    """(seconds, samples) at which the error falls to `target`, on the line through the two nearest (seconds, error,
+    samples) in logarithms; the first where it is below already; None where none is."""
+    before: tuple[float, float, int] | None = None
+    for point in sorted(points, key=lambda p: p[2]):
+        if point[1] <= target:
+            if before is None:
+                return point[0], float(point[2])
+            (t0, e0, n0), (t1, e1, n1) = before, point
+            share = log(e0 / target) / log(e0 / max(e1, 1e-30))
+            return t0 * (t1 / t0) ** share, n0 * (n1 / n0) ** share
+        before = point
+    return None
