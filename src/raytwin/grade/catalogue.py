@@ -1,0 +1,1014 @@
+"""The catalogue of mistakes: what is made wrong in tracers, as data, a row each, with the sentence that helps.
+
+A fault has one or more `ways` to be made, each a change of the tracer's `Steps` (see `predict`), and all called by the
+same sentence. To add a fault, add a row; to add a way, add it to its row. Factors that are not known beforehand are
+rows of `fitted`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import pi
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from raytwin.files import srgb_decode, srgb_encode
+from raytwin.grade.predict import (
+    Array,
+    Change,
+    Hits,
+    Rays,
+    Steps,
+    Terms,
+    along,
+    direct_ray,
+    hidden,
+    lambert,
+    meet,
+    nearest,
+    others_hide,
+    outward,
+)
+from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
+from raytwin.scene.lens import distort
+from raytwin.tracer import intersect_rectangle, intersect_sphere, undistort
+
+CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, OUTPUT, SAMPLING = (
+    "camera", "solver", "order", "normals", "light", "shadow", "output", "sampling",
+)  # fmt: skip
+STAGES = (CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
+"""From the pixel to the picture: what stands earlier is told first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fault:
+    """`name` is unique; `sentence` says to a student what is wrong and what is right."""
+
+    name: str
+    stage: str
+    sentence: str
+    ways: tuple[Change, ...]
+
+
+def row(name: str, stage: str, sentence: str, *ways: Change) -> Fault:
+    return Fault(name, stage, sentence, ways)
+
+
+def put(**steps: Any) -> Change:
+    """The steps in the place of the right ones."""
+    return lambda s: s._replace(**steps)
+
+
+def both(*changes: Change) -> Change:
+    """One after the other."""
+
+    def change(s: Steps) -> Steps:
+        for one in changes:
+            s = one(s)
+        return s
+
+    return change
+
+
+# ------------------------------------------------------------------------------------------ camera
+
+
+def at(f: Callable[[Array, Array, Camera], tuple[Any, Any]]) -> Change:
+    """Rays through other places in the image than the pixels' centres."""
+    return lambda s: s._replace(place=lambda u, v, camera: f(*s.place(u, v, camera), camera))
+
+
+def seen(f: Callable[[Camera], Camera]) -> Change:
+    """Another K or other coefficients."""
+    return lambda s: s._replace(lens=lambda camera: f(s.lens(camera)))
+
+
+def lens(fx: Any = None, fy: Any = None, cx: Any = None, cy: Any = None) -> Change:
+    def changed(camera: Camera) -> Camera:
+        a, b, c, d = (f(camera) if f else old for f, old in
+                      ((fx, camera.fx), (fy, camera.fy), (cx, camera.cx), (cy, camera.cy)))  # fmt: skip
+        return msgspec.structs.replace(camera, K=((a, 0.0, c), (0.0, b, d), (0.0, 0.0, 1.0)))
+
+    return seen(changed)
+
+
+def coefficients(f: Callable[..., tuple[float, ...]]) -> Change:
+    return seen(lambda camera: msgspec.structs.replace(camera, dist=f(*camera.coefficients)))
+
+
+def posed(f: Callable[[Array, Array], tuple[Any, Any]]) -> Change:
+    """(R, t) -> the eye in the board's frame, and the matrix that turns directions from the camera's axes to its."""
+
+    def changed(camera: Camera) -> Camera:
+        R, t = np.asarray(camera.R_cam_board), np.asarray(camera.t_cam_board)
+        eye, turn = f(R, t)
+        matrix, moved = np.asarray(turn).T, -np.asarray(turn).T @ np.asarray(eye)
+        return msgspec.structs.replace(
+            camera, R_cam_board=tuple(map(tuple, matrix.tolist())), t_cam_board=tuple(moved.tolist())
+        )
+
+    return lambda s: s._replace(camera=lambda camera: changed(s.camera(camera)))
+
+
+def axes(x: float, y: float, z: float) -> Change:
+    """Rays with some of their axes turned round."""
+    return lambda s: s._replace(ray=partial(_mirrored, ray=s.ray, signs=(x, y, z)))
+
+
+def _mirrored(x: Array, y: Array, camera: Camera, ray: Any, signs: tuple[float, float, float]) -> Rays:
+    rays, R = ray(x, y, camera), np.asarray(camera.R_cam_board)
+    turn = R.T @ np.diag(signs) @ R
+    return rays._replace(d=turn @ rays.d, aim=turn @ rays.aim)
+
+
+def fixed_point(steps: int, divide: bool) -> Change:
+    """x = (x' - tangential) / radial, or x = x - (distort(x) - x'), so many times from x'."""
+
+    def undo(xd: Array, yd: Array, dist: Any) -> tuple[Array, Array]:
+        k1, k2, p1, p2, k3 = dist
+        x, y = xd, yd
+        for _ in range(steps):
+            if divide:
+                rr = x * x + y * y
+                radial = 1 + rr * (k1 + rr * (k2 + rr * k3))
+                dx, dy = 2 * p1 * x * y + p2 * (rr + 2 * x * x), p1 * (rr + 2 * y * y) + 2 * p2 * x * y
+                x, y = (xd - dx) / radial, (yd - dy) / radial
+            else:
+                ax, ay = distort(x, y, dist)
+                x, y = x - (ax - xd), y - (ay - yd)
+        return x, y
+
+    return put(undo=undo)
+
+
+def _by_radius(xd: Array, yd: Array, dist: Any) -> tuple[Array, Array]:
+    """Undoes 1 + k1 r + k2 r² + k3 r³: r for r²."""
+    k1, k2, _, _, k3 = dist
+    x, y = xd, yd
+    for _ in range(60):
+        r = np.hypot(x, y)
+        radial = 1 + r * (k1 + r * (k2 + r * k3))
+        x, y = xd / radial, yd / radial
+    return x, y
+
+
+def _reshaped(u: Array, v: Array, camera: Camera) -> tuple[Array, Array]:
+    """Column by column, written into the picture row by row."""
+    place = v * camera.width + u
+    return place // camera.height, place % camera.height
+
+
+def _unstretched(x: Array, y: Array, camera: Camera, ray: Any) -> Rays:
+    """t of unit rays goes along (x, y, 1)."""
+    rays = ray(x, y, camera)
+    return rays._replace(aim=rays.d * rays.stretch)
+
+
+def _not_unit(x: Array, y: Array, camera: Camera, ray: Any) -> Rays:
+    rays = ray(x, y, camera)
+    long = rays.d * rays.stretch
+    return rays._replace(d=long, aim=long)
+
+
+I3 = np.eye(3)
+CAMERAS = (
+    row("half-pixel", CAMERA,
+        "your rays go half a pixel beside the pixels' centres: here (0, 0) is the centre of the top-left pixel, so "
+        "use u and v as they are, without 0.5",
+        at(lambda u, v, c: (u + 0.5, v + 0.5)), at(lambda u, v, c: (u - 0.5, v - 0.5))),
+    row("count-from-one", CAMERA,
+        "your pixels are a whole one off: the first is u = 0, v = 0",
+        at(lambda u, v, c: (u + 1, v + 1)), at(lambda u, v, c: (u - 1, v - 1)),
+        at(lambda u, v, c: (u + 1, v)), at(lambda u, v, c: (u, v + 1))),
+    row("linspace", CAMERA,
+        "your pixels reach to the far edge of the frame (linspace(0, width, width)): the last is width - 1, a step of 1",
+        at(lambda u, v, c: (u * c.width / (c.width - 1), v * c.height / (c.height - 1))),
+        at(lambda u, v, c: (u * c.width / (c.width - 1) - 0.5, v * c.height / (c.height - 1) - 0.5)),
+        at(lambda u, v, c: (u * (c.width - 1) / c.width, v * (c.height - 1) / c.height))),
+    row("distortion-kept", CAMERA,
+        "the lens's distortion is not undone: pixels are distorted, rays are not, so solve for the (x, y) that the "
+        "lens takes to each pixel",
+        put(undo=lambda x, y, dist: (x, y))),
+    row("distortion-forward", CAMERA,
+        "you distort the rays once more instead of undoing the distortion: the lens takes (x, y) to the pixel, and "
+        "you need the way back",
+        put(undo=distort)),
+    row("distortion-sign", CAMERA,
+        "the distortion has the wrong sign: rays bend to the other side",
+        coefficients(lambda *dist: tuple(-k for k in dist)),
+        coefficients(lambda k1, k2, p1, p2, k3: (-k1, -k2, p1, p2, -k3)),
+        coefficients(lambda k1, k2, p1, p2, k3: (-k1, k2, p1, p2, k3)),
+        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, -p1, -p2, k3))),
+    row("distortion-few-steps", CAMERA,
+        "undoing the distortion stops too early: the corners are still off; repeat until nothing moves any more",
+        *(fixed_point(n, divide) for divide in (True, False) for n in (1, 2, 3, 4, 5, 6, 8)),
+        *(put(undo=partial(undistort, steps=n)) for n in (1, 2))),
+    row("k3-left-out", CAMERA, "k3, the fifth coefficient of the distortion, is left out",
+        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, p1, p2, 0.0))),
+    row("k2-left-out", CAMERA, "k2, the second coefficient of the distortion, is left out",
+        coefficients(lambda k1, k2, p1, p2, k3: (k1, 0.0, p1, p2, k3)),
+        coefficients(lambda k1, k2, p1, p2, k3: (k1, 0.0, p1, p2, 0.0)),
+        coefficients(lambda k1, k2, p1, p2, k3: (k1, 0.0, 0.0, 0.0, 0.0))),
+    row("tangential-left-out", CAMERA,
+        "p1 and p2, the tangential part of the distortion, are left out",
+        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, 0.0, 0.0, k3)),
+        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, 0.0, 0.0, 0.0))),
+    row("tangential-swapped", CAMERA,
+        "p1 and p2 are mixed up: x' has 2 p1 x y + p2 (r² + 2 x²), y' has p1 (r² + 2 y²) + 2 p2 x y",
+        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, p2, p1, k3))),
+    row("coefficients-order", CAMERA,
+        "the coefficients are read in the wrong order: dist is k1, k2, p1, p2, k3, with k3 last",
+        coefficients(lambda a, b, c, d, e: (a, b, d, e, c)), coefficients(lambda a, b, c, d, e: (a, b, 0.0, 0.0, c))),
+    row("radius-for-its-square", CAMERA,
+        "the distortion grows with r² (then r⁴, r⁶), where r² = x² + y²: you use r",
+        put(undo=_by_radius)),
+    row("swapped-axes", CAMERA,
+        "rows and columns are swapped: u counts columns (x), v counts rows (y), and the image is indexed [v, u]",
+        at(lambda u, v, c: (v, u))),
+    row("reshaped", CAMERA,
+        "width and height are swapped where the image is put together (reshape, or meshgrid with indexing='ij'): it "
+        "has height rows of width pixels",
+        at(_reshaped)),
+    row("swapped-focal", CAMERA, "fx and fy are swapped: x = (u - cx) / fx, y = (v - cy) / fy",
+        lens(fx=lambda c: c.fy, fy=lambda c: c.fx)),
+    row("one-focal", CAMERA, "one focal length is used for both axes: x goes with fx, y with fy",
+        lens(fy=lambda c: c.fx), lens(fx=lambda c: c.fy)),
+    row("swapped-centre", CAMERA, "cx and cy are swapped: x = (u - cx) / fx, y = (v - cy) / fy",
+        lens(cx=lambda c: c.cy, cy=lambda c: c.cx)),
+    row("centre-of-image", CAMERA,
+        "the image's middle is taken for the principal point: use cx and cy from K",
+        lens(cx=lambda c: c.width / 2, cy=lambda c: c.height / 2),
+        lens(cx=lambda c: (c.width - 1) / 2, cy=lambda c: (c.height - 1) / 2),
+        lens(cx=lambda c: c.height / 2, cy=lambda c: c.width / 2)),
+    row("centre-left-out", CAMERA, "the principal point (cx, cy) is not subtracted: x = (u - cx) / fx",
+        lens(cx=lambda c: 0.0, cy=lambda c: 0.0)),
+    row("y-up", CAMERA,
+        "the camera's y axis points down here (OpenCV): yours points up, so that the image is seen upside down",
+        axes(1, -1, 1)),
+    row("x-left", CAMERA, "the camera's x axis points right here (OpenCV): yours points left", axes(-1, 1, 1)),
+    row("z-backwards", CAMERA,
+        "the camera looks along +z here (OpenCV), not along -z (OpenGL)",
+        axes(1, 1, -1), axes(1, -1, -1), axes(-1, 1, -1), axes(-1, -1, -1), axes(-1, -1, 1)),
+    row("transposed-R", CAMERA,
+        "R is transposed: p_cam = R p_board + t, so directions go to the board's frame by R transposed, d_board = Rᵀ d_cam",
+        posed(lambda R, t: (-R.T @ t, R)), posed(lambda R, t: (-R @ t, R))),
+    row("inverse-pose", CAMERA,
+        "the pose is used the wrong way round: (R, t) takes board to camera, not camera to board",
+        posed(lambda R, t: (t, R))),
+    row("wrong-eye", CAMERA,
+        "the eye is in the wrong place: the camera's centre in the board's frame is -Rᵀ t",
+        posed(lambda R, t: (t, R.T)), posed(lambda R, t: (-t, R.T)), posed(lambda R, t: (R.T @ t, R.T)),
+        posed(lambda R, t: (-R @ t, R.T)), posed(lambda R, t: (R @ t, R.T)), posed(lambda R, t: (R.T @ t, R)),
+        posed(lambda R, t: (-t, R))),
+    row("eye-at-origin", CAMERA,
+        "rays start at the board's origin: the camera's centre there is -Rᵀ t",
+        posed(lambda R, t: (0 * t, R.T)), posed(lambda R, t: (0 * t, R))),
+    row("rotation-left-out", CAMERA,
+        "the camera's rotation is left out: turn the rays by Rᵀ",
+        posed(lambda R, t: (-R.T @ t, I3)), posed(lambda R, t: (-t, I3)), posed(lambda R, t: (t, I3))),
+)  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------ solver
+
+Roots = Callable[[Any, Any, Any], tuple[Any, Any, Any]]
+
+
+def quadratic(b: float = 2, disc: float = 4, half: float = 2, a: bool = False, c_of: Any = None) -> Roots:
+    """(b' , c, a) -> (discriminant, near, far): b f·d, b² - disc a c, (-b ± √) / half: 2, 4, 2 are right."""
+
+    def roots(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
+        scale = aa if a else 1.0
+        D = (b * fd) ** 2 - disc * scale * c
+        root = np.sqrt(np.maximum(D, 0))
+        return D, (-b * fd - root) / half, (-b * fd + root) / half
+
+    return roots
+
+
+def solver(roots: Roots, pick: Any = None, r2: Callable[[float], float] = lambda r: r * r) -> Any:
+    """A sphere's test by (f·d, c, d·d) -> roots, where `pick` chooses among them."""
+    pick = pick or _first_positive
+
+    def sphere(o: Any, d: Any, s: Sphere) -> Array:
+        f = np.asarray(o) - np.array(s.center)[:, None]
+        d = np.asarray(d)
+        fd, c, aa = (f * d).sum(axis=0), (f * f).sum(axis=0) - r2(s.radius), (d * d).sum(axis=0)
+        D, near, far = roots(fd, c, aa)
+        return np.where(D >= 0, pick(near, far), np.inf)
+
+    return sphere
+
+
+def _first_positive(near: Array, far: Array) -> Array:
+    t = np.where(near > 1e-9, near, far)
+    return np.where(t > 1e-9, t, np.inf)
+
+
+def _far(near: Array, far: Array) -> Array:
+    return np.where(far > 1e-9, far, np.inf)
+
+
+def _least_magnitude(near: Array, far: Array) -> Array:
+    return np.where(np.abs(near) < np.abs(far), near, far)
+
+
+def _no_root(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
+    """The discriminant itself for its root."""
+    D = 4 * fd**2 - 4 * c
+    return D, (-2 * fd - D) / 2, (-2 * fd + D) / 2
+
+
+def resized(factor: float, length: float = 1) -> Change:
+    """Spheres of another radius, whose normals have this length."""
+
+    def things(all_: tuple[Shape, ...]) -> tuple[Shape, ...]:
+        return tuple(msgspec.structs.replace(x, radius=factor * x.radius) if isinstance(x, Sphere) else x for x in all_)
+
+    return both(lambda s: s._replace(objects=lambda all_: things(s.objects(all_))), on_spheres(lambda n: n * length))
+
+
+def on_spheres(f: Callable[[Array], Array]) -> Change:
+    """Another normal of spheres."""
+    return normals(lambda n, p, rays, thing: f(n) if isinstance(thing, Sphere) else n)
+
+
+def rectangle(f: Callable[[Rectangle], Rectangle]) -> Change:
+    """Another rectangle is tested."""
+    return lambda s: s._replace(rectangle=lambda o, d, thing: s.rectangle(o, d, f(thing)))
+
+
+def _scaled(factor: float) -> Callable[[Rectangle], Rectangle]:
+    def f(thing: Rectangle) -> Rectangle:
+        u, v = (tuple(factor * x for x in half) for half in (thing.half_u, thing.half_v))
+        return msgspec.structs.replace(thing, half_u=u, half_v=v)
+
+    return f
+
+
+def _by_square(thing: Rectangle) -> Rectangle:
+    """|q·u| <= |u| with u not unit: reaches 1 along u, whatever its length."""
+    def grown(half: Any) -> Any:
+        length = np.linalg.norm(half)
+        return tuple((np.array(half) / length**2).tolist())
+
+    return msgspec.structs.replace(thing, half_u=grown(thing.half_u), half_v=grown(thing.half_v))
+
+
+def _any_side(o: Any, d: Any, thing: Rectangle) -> Array:
+    """t of any sign."""
+    ahead, behind = intersect_rectangle(o, d, thing), intersect_rectangle(o, tuple(-np.asarray(d)), thing)
+    return np.where(np.isfinite(ahead), ahead, -np.asarray(behind))
+
+
+def _either(o: Any, d: Any, thing: Rectangle) -> Array:
+    t = _any_side(o, d, thing)
+    return np.where(np.isfinite(t), t, np.inf)
+
+
+def normals(f: Callable[[Array, Array, Rays, Shape], Array]) -> Change:
+    """(right normal, point, rays, thing) -> normal."""
+    return lambda s: s._replace(normal=lambda p, rays, thing: f(s.normal(p, rays, thing), p, rays, thing))
+
+
+def _made_unit(n: Array, *_: Any) -> Array:
+    length = np.linalg.norm(n, axis=0)
+    return n / np.where(length > 0, length, 1)
+
+
+nowhere = solver(quadratic(), lambda near, far: 0 * near + np.inf)
+bent = lambda s: s._replace(ray=partial(_unstretched, ray=s.ray))  # noqa: E731
+long = lambda s: s._replace(ray=partial(_not_unit, ray=s.ray))  # noqa: E731
+SOLVERS = (
+    row("far-root", SOLVER,
+        "you take the far root, where the ray leaves the sphere: take the smallest t > 0",
+        put(sphere=solver(quadratic(), _far))),
+    row("behind-the-eye", SOLVER,
+        "hits behind the ray's start count too: take the smallest positive t, not the smallest |t|, and none where "
+        "both are negative",
+        put(sphere=solver(quadratic(), lambda near, far: near)),
+        put(sphere=solver(quadratic(), _least_magnitude)),
+        put(sphere=solver(quadratic(), _least_magnitude), rectangle=_either,
+            order=lambda t, things, rays: nearest(np.abs(t), things, rays)),
+        put(sphere=solver(quadratic(), _least_magnitude), order=lambda t, things, rays: nearest(np.abs(t), things, rays)),
+        put(sphere=solver(quadratic(), lambda near, far: near), rectangle=_either)),
+    row("sign-of-zero", SOLVER,
+        "sign(0) is 0: where b = 0 your q is 0 and the root is lost; let the sign be 1 there",
+        put(sphere=partial(intersect_sphere, solver="paper"))),
+    row("t-along-z", SOLVER,
+        "t was found for unit rays, but is applied to (x, y, 1): use one and the same vector for both",
+        bent, both(bent, normals(_made_unit))),
+    row("rays-not-unit", SOLVER,
+        "your rays are not unit, but the quadratic leaves out a = d·d: make them unit, or keep a",
+        both(long, put(sphere=solver(quadratic()))),
+        both(long, put(sphere=solver(quadratic())), normals(_made_unit)),
+        both(long, put(sphere=solver(quadratic(a=True)))),
+        both(long, put(sphere=solver(lambda fd, c, aa: quadratic()(fd / np.sqrt(aa), c, aa))))),
+    row("radius-not-squared", SOLVER,
+        "the radius is not squared: c = f·f - r²",
+        put(sphere=solver(quadratic(), r2=lambda r: r)), both(put(sphere=solver(quadratic(), r2=lambda r: r)),
+                                                           normals(_made_unit))),
+    row("radius-squared-twice", SOLVER, "the radius is squared twice: c = f·f - r²",
+        put(sphere=solver(quadratic(), r2=lambda r: r**4)),
+        both(put(sphere=solver(quadratic(), r2=lambda r: r**4)), normals(_made_unit))),
+    row("diameter", SOLVER, "your spheres are twice as large: the scene gives the radius, not the diameter",
+        resized(2), resized(2, 2)),
+    row("half-radius", SOLVER, "your spheres are half as large: the scene gives the radius, not the diameter",
+        resized(0.5), resized(0.5, 0.5)),
+    row("factor-in-quadratic", SOLVER,
+        "a factor is wrong in the quadratic: with b = 2 f·d, t = (-b - √(b² - 4c)) / 2; with b = f·d, t = -b - √(b² - c)",
+        *(both(put(sphere=solver(q)), unit) for unit in (lambda s: s, normals(_made_unit)) for q in (
+            quadratic(b=1), quadratic(b=1, half=1), quadratic(disc=1), quadratic(half=1), quadratic(b=1, disc=1),
+            quadratic(disc=2), quadratic(b=2, disc=1, half=1), quadratic(half=4), _no_root,
+            quadratic(b=2, disc=-4), quadratic(b=4), quadratic(b=0.5)))),
+    row("b-sign", SOLVER,
+        "f points the wrong way in the quadratic: f goes from the sphere's centre to the ray's origin (o - c)",
+        put(sphere=solver(quadratic(b=-2))), both(put(sphere=solver(quadratic(b=-2))), normals(_made_unit))),
+    row("no-spheres", SOLVER, "no sphere is hit at all: the discriminant or the test t > 0 throws every hit away",
+        put(sphere=nowhere)),
+    row("no-planes", SOLVER, "the planes are missing: scene['planes'] holds rectangles, which rays meet too",
+        put(rectangle=lambda o, d, thing: 0 * np.asarray(d)[0] + np.inf)),
+    row("endless-planes", SOLVER, "your planes have no end: a rectangle ends at center ± half_u ± half_v",
+        rectangle(_scaled(1e4)), rectangle(_by_square)),
+    row("half-edges", SOLVER,
+        "your rectangles have the wrong size: half_u and half_v are half-edges, from the centre to the rim",
+        rectangle(_scaled(0.5)), rectangle(_scaled(2.0))),
+    row("planes-behind", SOLVER, "planes behind the ray's start count too: keep t > 0 alone",
+        put(rectangle=_either)),
+)  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------ order
+
+
+def last_of(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
+    """The last that is hit at all."""
+    met = np.isfinite(t)
+    return np.where(met.any(axis=0), len(t) - 1 - met[::-1].argmax(axis=0), -1)
+
+
+def first_of(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
+    met = np.isfinite(t)
+    return np.where(met.any(axis=0), met.argmax(axis=0), -1)
+
+
+def _last_sphere(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
+    """The last sphere that is hit, or a plane before it."""
+    spheres = np.array([is_sphere(thing) for thing in things])
+    last = last_of(np.where(spheres[:, None], t, np.inf), things, rays)
+    others = np.arange(len(things))[:, None] != last
+    return nearest(np.where(spheres[:, None] & others, np.inf, t), things, rays)
+
+
+def by_key(key: Callable[[Array, Shape, Rays], Array]) -> Change:
+    """Of all that are hit the one of the least key (t (N,), thing, rays) -> (N,)."""
+
+    def order(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
+        keys = np.stack([np.broadcast_to(key(t[k], thing, rays), t[k].shape) for k, thing in enumerate(things)])
+        return nearest(np.where(np.isfinite(t), keys, np.inf), things, rays)
+
+    return put(order=order)
+
+
+def _center_away(t: Array, thing: Shape, rays: Rays) -> Any:
+    return np.linalg.norm(rays.origin[:, 0] - thing.center)
+
+
+def is_sphere(thing: Shape) -> bool:
+    return isinstance(thing, Sphere)
+
+
+ORDERS = (
+    row("last-wins", ORDER,
+        "no depth test: of all objects on a ray, the last one tested is shown; keep the one of the smallest t",
+        put(order=last_of)),
+    row("first-wins", ORDER,
+        "no depth test: of all objects on a ray, the first one tested is shown; keep the one of the smallest t",
+        put(order=first_of)),
+    row("painter", ORDER,
+        "objects are drawn by the distance of their centres (painter's order): compare t on each ray",
+        by_key(_center_away),
+        by_key(lambda t, thing, rays: _center_away(t, thing, rays) if is_sphere(thing) else 1e6 + t),
+        by_key(lambda t, thing, rays: _center_away(t, thing, rays) - (thing.radius if isinstance(thing, Sphere) else 0)),
+        by_key(lambda t, thing, rays: -thing.center[2] if is_sphere(thing) else 1e6 + t)),
+    row("spheres-on-top", ORDER,
+        "spheres always hide planes: compare the t of all objects, planes and spheres alike",
+        by_key(lambda t, thing, rays: t if is_sphere(thing) else t + 1e6)),
+    row("planes-on-top", ORDER,
+        "planes always hide spheres: compare the t of all objects, planes and spheres alike",
+        by_key(lambda t, thing, rays: t + 1e6 if is_sphere(thing) else t)),
+    row("last-sphere-wins", ORDER,
+        "among spheres the last one hit is shown, not the nearest: compare t between them too",
+        put(order=_last_sphere)),
+    row("farthest-wins", ORDER, "the farthest object on a ray is shown: keep the one of the smallest t",
+        by_key(lambda t, thing, rays: -t)),
+    row("t-of-other-rays", ORDER,
+        "t of spheres and of planes is compared across rays of different length: t is a distance only along unit rays",
+        by_key(lambda t, thing, rays: t if is_sphere(thing) else t / rays.stretch),
+        by_key(lambda t, thing, rays: t / rays.stretch if is_sphere(thing) else t)),
+    row("one-sphere", ORDER, "only one of the spheres is there: test every ray against all of them",
+        *(lambda s, k=k: s._replace(objects=partial(_only_sphere, keep=k, objects=s.objects)) for k in (0, -1))),
+)  # fmt: skip
+
+
+def _only_sphere(things: tuple[Shape, ...], keep: int, objects: Any) -> tuple[Shape, ...]:
+    """The others stay in the list, so that ids stay, but out of reach."""
+    things = objects(things)
+    spheres = [i for i, thing in enumerate(things) if is_sphere(thing)]
+    kept = spheres[keep] if spheres else -1
+    return tuple(
+        msgspec.structs.replace(thing, center=(0.0, 0.0, -1e9), radius=1e-9)
+        if isinstance(thing, Sphere) and i != kept else thing for i, thing in enumerate(things)
+    )  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------ normals
+
+open_back = put(blocked=others_hide)
+"""A point that faces away from the sun is not in its own shadow: what a clamp at 0 hides."""
+
+
+def twice(*changes: Change) -> tuple[Change, ...]:
+    """Each with and without its own object's shadow on the side that faces away from the sun."""
+    return (*changes, *(both(change, open_back) for change in changes))
+
+
+def _from_origin(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
+    return _made_unit(p) if is_sphere(thing) else n
+
+
+def _from_eye(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
+    return _made_unit(p - rays.origin) if is_sphere(thing) else n
+
+
+def _edges_crossed(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
+    return n if isinstance(thing, Sphere) else n * np.linalg.norm(np.cross(thing.half_u, thing.half_v))
+
+
+def _by_r2(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
+    return n / thing.radius if isinstance(thing, Sphere) else n
+
+
+NORMALS_ = (
+    row("normal-inward", NORMALS,
+        "the spheres' normals point inwards: n = (p - center) / radius, from the centre to the point",
+        *twice(on_spheres(lambda n: -n))),
+    row("all-normals-inward", NORMALS,
+        "the normals point away from the eye, those of planes too: turn them round",
+        *twice(normals(lambda n, *_: -n))),
+    row("plane-normal-turned", NORMALS,
+        "the planes' normals point to the side that the eye does not see: turn them round where n·d > 0",
+        *twice(normals(lambda n, p, rays, thing: n if is_sphere(thing) else -n))),
+    row("normal-not-unit", NORMALS,
+        "the spheres' normals are not unit: divide p - center by the radius",
+        normals(lambda n, p, rays, thing: n * thing.radius if isinstance(thing, Sphere) else n)),
+    row("normal-by-radius-twice", NORMALS,
+        "the spheres' normals are divided by the radius once too often: (p - center) / radius is unit",
+        normals(_by_r2)),
+    row("normal-from-origin", NORMALS,
+        "the spheres' normals point away from the origin, not from the sphere's centre: n = (p - center) / radius",
+        *twice(normals(_from_origin), normals(_from_eye))),
+    row("normal-to-eye", NORMALS,
+        "the spheres' normals are the directions to the eye: n = (p - center) / radius",
+        *twice(normals(lambda n, p, rays, thing: -_made_unit(p - rays.origin) if is_sphere(thing) else n))),
+    row("plane-normal-not-unit", NORMALS,
+        "the planes' normals are not unit: half_u × half_v has to be divided by its length",
+        normals(_edges_crossed)),
+    row("normal-axis", NORMALS,
+        "one axis of the normals has the wrong sign",
+        *(on_spheres(lambda n, k=k: np.where(np.arange(3)[:, None] == k, -n, n)) for k in range(3))),
+)  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------ light
+
+
+def terms(f: Callable[[Terms], Terms]) -> Change:
+    """Other things to shade with."""
+    return lambda s: s._replace(shade=lambda x: s.shade(f(x)))
+
+
+def shaded(f: Callable[[Terms], Array]) -> Change:
+    """Another formula."""
+    return put(shade=f)
+
+
+def lit(f: Callable[[Array, Scene, Hits], Array]) -> Change:
+    """Another direction to the light (3, 1) or (3, N), for shading and for shadows."""
+    return lambda s: s._replace(light=lambda l, scene, hits: f(s.light(l, scene, hits), scene, hits))
+
+
+def half_lit(f: Callable[[Array, Scene, Hits], Array]) -> Change:
+    """The same for shading alone: shadows are cast rightly."""
+
+    def recast(x: Terms) -> Terms:
+        l = f(np.array(x.scene.sun.to_light)[:, None], x.scene, x.hits)
+        return x._replace(cos=(x.hits.normal * l).sum(axis=0))
+
+    return terms(recast)
+
+
+def sun(x: Terms, cos: Any = None) -> Array:
+    """The sun's part."""
+    return x.albedo / pi * x.irradiance * x.visible * (np.maximum(x.cos, 0) if cos is None else cos)
+
+
+def ambient(x: Terms) -> Array:
+    return x.albedo * x.sky
+
+
+def sun_times(f: Any) -> Change:
+    """The sun's part, a function of it and the terms; or a factor."""
+    return terms(lambda x: x._replace(irradiance=x.irradiance * (f(x) if callable(f) else f)))
+
+
+def sky_times(f: Any) -> Change:
+    return terms(lambda x: x._replace(sky=x.sky * (f(x) if callable(f) else f)))
+
+
+def turned(turn: Callable[[Array], Array]) -> tuple[Change, ...]:
+    """The light's direction turned by a function of R: everywhere, or for shading alone."""
+    f = lambda l, scene, hits: turn(np.asarray(scene.camera.R_cam_board)) @ l  # noqa: E731
+    return lit(f), half_lit(f), both(half_lit(f), open_back)
+
+
+def _to_position(l: Array, scene: Scene, hits: Hits) -> Array:
+    return _made_unit(l - hits.point)
+
+
+def _grey(x: Array) -> Array:
+    return np.broadcast_to(x.mean(axis=0, keepdims=True), x.shape)
+
+
+def _permuted(*order: int, sign: tuple[int, int, int] = (1, 1, 1)) -> Callable[[Array, Scene, Hits], Array]:
+    return lambda l, scene, hits: l[list(order)] * np.array(sign)[:, None]
+
+
+def _of_first(x: Terms) -> Array:
+    """The first object's albedo on all spheres."""
+    first = np.array(x.scene.objects[0].material.albedo)[:, None] if x.scene.objects else 1.0
+    spheres = np.array([is_sphere(thing) for thing in x.scene.objects] + [False])[x.hits.ids]
+    return np.where(spheres, first, x.albedo)
+
+
+def _of_next(x: Terms, by: int) -> Array:
+    """The albedo of the sphere `by` places on."""
+    balls = [i for i, thing in enumerate(x.scene.objects) if is_sphere(thing)]
+    table = [thing.material.albedo for thing in x.scene.objects]
+    for k, i in enumerate(balls):
+        table[i] = x.scene.objects[balls[(k + by) % len(balls)]].material.albedo
+    return np.array([*table, (0.0, 0.0, 0.0)])[x.hits.ids].T
+
+
+def _colour(f: Callable[[Terms], Array]) -> Change:
+    return terms(lambda x: x._replace(albedo=f(x)))
+
+
+def _sky_inside(x: Terms) -> Array:
+    """The clamp is put round sun and sky together."""
+    return np.maximum(x.albedo / pi * x.irradiance * x.visible * x.cos + x.albedo * x.sky, 0)
+
+
+def _sky_in_cosine(x: Terms) -> Array:
+    return x.albedo / pi * x.irradiance * x.visible * np.maximum(x.cos + x.sky, 0)
+
+
+def _sky_as_irradiance(x: Terms) -> Array:
+    return np.maximum(x.albedo / pi * (x.irradiance * x.visible * x.cos + pi * x.sky), 0)
+
+
+def _falloff(x: Terms) -> Array:
+    """1 / (distance to to_light, taken for a place)²."""
+    away = np.array(x.scene.sun.to_light)[:, None] - x.hits.point
+    return 1 / np.maximum((away * away).sum(axis=0), 1e-12)
+
+
+def _in_shadow(x: Terms) -> Array:
+    return np.where((x.visible > 0) & (x.cos > 0), 0.0, 1.0)
+
+
+def _up(x: Terms) -> Array:
+    return (1 + x.hits.normal[2]) / 2
+
+
+LIGHTS = (
+    row("light-reversed", LIGHT,
+        "the light comes from the wrong side: to_light points from the surface to the sun, use it as it is",
+        *twice(lit(lambda l, *_: -l), half_lit(lambda l, *_: -l))),
+    row("light-in-camera-frame", LIGHT,
+        "the sun's direction is given in the board's frame, but your normals are in the camera's (or the other way "
+        "round): turn one of them by R",
+        *turned(lambda R: R.T)),
+    row("light-turned-needlessly", LIGHT,
+        "the sun's direction is turned by R although points and normals are in the board's frame already",
+        *turned(lambda R: R)),
+    row("light-turned-by-transpose", LIGHT,
+        "the sun's direction is turned by Rᵀ instead of R",
+        *turned(lambda R: R.T @ R.T)),
+    row("light-axes", LIGHT, "the axes of the sun's direction are mixed up, or one has the wrong sign: z is up here",
+        lit(_permuted(0, 2, 1)), lit(_permuted(1, 0, 2)), lit(_permuted(2, 1, 0)),
+        lit(_permuted(0, 2, 1, sign=(1, 1, -1))), lit(_permuted(0, 1, 2, sign=(1, -1, 1))),
+        lit(_permuted(0, 1, 2, sign=(-1, 1, 1))), lit(_permuted(0, 1, 2, sign=(1, 1, -1))),
+        lit(_permuted(0, 1, 2, sign=(-1, -1, 1))), lit(_permuted(0, 2, 1, sign=(1, -1, 1)))),
+    row("light-as-place", LIGHT,
+        "to_light is used as a point that the light sits at: it is a direction, the same for every surface",
+        *twice(lit(_to_position)), both(lit(_to_position), sun_times(_falloff)), half_lit(_to_position)),
+    row("no-clamp", LIGHT,
+        "light is negative where a surface faces away from the sun: max(0, n·l)",
+        *twice(shaded(lambda x: sun(x, x.cos) + ambient(x)))),
+    row("abs-cosine", LIGHT,
+        "surfaces that face away from the sun are lit: max(0, n·l), not |n·l|",
+        both(shaded(lambda x: sun(x, np.abs(x.cos)) + ambient(x)), open_back)),
+    row("squared-cosine", LIGHT, "the cosine is squared: max(0, n·l) goes in once",
+        shaded(lambda x: sun(x, np.maximum(x.cos, 0) ** 2) + ambient(x)),
+        both(shaded(lambda x: sun(x, x.cos**2) + ambient(x)), open_back)),
+    row("no-cosine", LIGHT, "the cosine is missing: the sun's light falls with max(0, n·l)",
+        shaded(lambda x: sun(x, np.where(x.cos > 0, 1.0, 0.0)) + ambient(x)),
+        both(shaded(lambda x: sun(x, 1.0) + ambient(x)), open_back)),
+    row("half-lambert", LIGHT, "n·l is mapped to 0..1 as (1 + n·l) / 2: it has to be max(0, n·l)",
+        *twice(shaded(lambda x: sun(x, (1 + x.cos) / 2) + ambient(x)),
+               shaded(lambda x: sun(x, ((1 + x.cos) / 2) ** 2) + ambient(x)))),
+    row("albedo-missing-sun", LIGHT, "the albedo is missing in the sun's part: albedo/π E max(0, n·l)",
+        shaded(lambda x: sun(x._replace(albedo=1.0)) + ambient(x))),
+    row("albedo-missing", LIGHT, "the albedo is missing: it multiplies the sun's part and the sky's",
+        _colour(lambda x: np.ones_like(x.albedo))),
+    row("albedo-squared", LIGHT, "the albedo is multiplied in twice",
+        _colour(lambda x: x.albedo**2), sun_times(lambda x: x.albedo), sky_times(lambda x: x.albedo)),
+    row("albedo-decoded", LIGHT, "the albedo is treated as a display colour: it is linear, use it as it is",
+        _colour(lambda x: srgb_decode(x.albedo)), _colour(lambda x: x.albedo**2.2),
+        _colour(lambda x: srgb_encode(x.albedo)), _colour(lambda x: x.albedo ** (1 / 2.2))),
+    row("albedo-of-another", LIGHT, "spheres have another object's albedo: check the index",
+        _colour(_of_first), *(_colour(partial(_of_next, by=k)) for k in (1, -1))),
+    row("albedo-channels", LIGHT, "the albedo's channels are mixed up: they are red, green, blue",
+        _colour(lambda x: x.albedo[::-1]), _colour(lambda x: np.broadcast_to(x.albedo[:1], x.albedo.shape)),
+        _colour(lambda x: _grey(x.albedo))),
+    row("light-colour", LIGHT, "the light's colour is lost: irradiance and sky have three channels",
+        sun_times(lambda x: _grey(x.irradiance) / x.irradiance),
+        sun_times(lambda x: x.irradiance[:1] / x.irradiance), sun_times(lambda x: x.irradiance[::-1] / x.irradiance),
+        sky_times(lambda x: _grey(x.sky) / np.maximum(x.sky, 1e-9)),
+        sky_times(lambda x: x.sky[:1] / np.maximum(x.sky, 1e-9))),
+    row("irradiance-missing", LIGHT, "the sun's irradiance E is missing: albedo/π E max(0, n·l)",
+        sun_times(lambda x: 1 / x.irradiance), sun_times(lambda x: pi / x.irradiance)),
+    row("pi-missing", LIGHT,
+        "the sun's part is π times too bright: a Lambertian surface reflects albedo/π, not albedo",
+        sun_times(pi)),
+    row("pi-twice", LIGHT, "the sun's part is divided by π twice", sun_times(1 / pi)),
+    row("pi-missing-everywhere", LIGHT, "everything that is lit is π times too bright: reflection is albedo/π of the "
+        "irradiance, and a sky of constant radiance gives π Lₛ of it", both(sun_times(pi), sky_times(pi))),
+    row("sun-twice", LIGHT, "the sun's light is added twice", sun_times(2)),
+    row("sun-half", LIGHT, "the sun's part is half as bright as it should be", sun_times(0.5)),
+    row("sun-missing", LIGHT, "the sun's part is missing: only the sky's light is there", sun_times(0)),
+    row("sky-twice", LIGHT, "the sky's light is added twice", sky_times(2)),
+    row("sky-missing", LIGHT, "the sky's light (albedo times sky) is missing on surfaces", sky_times(0)),
+    row("sky-by-pi", LIGHT,
+        "the sky's part is divided by π: a sky of constant radiance gives albedo Lₛ",
+        sky_times(1 / pi)),
+    row("sky-times-pi", LIGHT, "the sky's part is π times too bright: it is albedo Lₛ", sky_times(pi)),
+    row("sky-half", LIGHT, "the sky's part is half as bright as it should be", sky_times(0.5)),
+    row("sky-without-albedo", LIGHT, "the sky's light is added without the albedo: albedo Lₛ",
+        shaded(lambda x: sun(x) + x.sky + 0 * x.albedo)),
+    row("sky-without-colour", LIGHT, "the sky's radiance is left out of its part: albedo Lₛ, not albedo",
+        shaded(lambda x: sun(x) + x.albedo)),
+    row("sky-before-clamp", LIGHT, "the clamp comes too late: max(0, n·l) alone, then the sky's light is added",
+        *twice(shaded(_sky_inside), shaded(_sky_in_cosine), shaded(_sky_as_irradiance))),
+    row("sky-only-in-shadow", LIGHT, "the sky lights only what the sun does not: add it everywhere",
+        sky_times(_in_shadow), sky_times(lambda x: 1 - x.visible), sky_times(lambda x: np.where(x.cos > 0, 0.0, 1.0))),
+    row("shadow-black", LIGHT, "shadows are black: the sky's light reaches them too",
+        sky_times(lambda x: x.visible), sky_times(lambda x: 1 - _in_shadow(x)),
+        sky_times(lambda x: np.where(x.cos > 0, 1.0, 0.0)),
+        both(open_back, sky_times(lambda x: x.visible))),
+    row("sky-by-height", LIGHT, "the sky's light is weighed by the normal: here it is albedo Lₛ whatever way it faces",
+        sky_times(_up), sky_times(lambda x: np.maximum(x.hits.normal[2], 0)), sky_times(lambda x: np.maximum(x.cos, 0))),
+)  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------ shadow
+
+Casters = tuple[Shape, ...]
+
+
+def shadows(f: Callable[[Hits, Array, Casters, Steps], Array]) -> Change:
+    """(hits, to the light, things, steps) -> (N,) bool: blocked. Without shadows (rung lambert) it has no effect."""
+    return put(blocked=f)
+
+
+def offset_by(eps: float, along_light: bool = False) -> Callable[[Hits, Array, Casters, Steps], Array]:
+    """The shadow ray starts eps metres along the normal (or towards the light), and may meet its own object."""
+
+    def blocked(hits: Hits, l: Array, things: Casters, steps: Steps) -> Array:
+        away = np.broadcast_to(l, hits.point.shape) if along_light else hits.normal
+        return _any_blocks(hits.point + eps * away, l, things, steps)
+
+    return blocked
+
+
+def _any_blocks(start: Array, l: Array, things: Casters, steps: Steps, limit: float = np.inf) -> Array:
+    l = np.broadcast_to(l, start.shape)
+    found = np.zeros(start.shape[1], bool)
+    for thing in things:
+        t = meet(start, l, thing, steps)
+        found |= np.isfinite(t) & (t < limit)
+    return found
+
+
+def within(limit: float) -> Callable[[Hits, Array, Casters, Steps], Array]:
+    """Only what is nearer than this, metres, casts a shadow."""
+
+    def blocked(hits: Hits, l: Array, things: Casters, steps: Steps) -> Array:
+        away = (hits.normal * l).sum(axis=0) <= 0
+        return away | _any_blocks(hits.point + 1e-7 * hits.normal, l, things, steps, limit)
+
+    return blocked
+
+
+def cast_by(keep: Callable[[int, Shape, Casters], bool]) -> Change:
+    """Only some objects cast shadows; every object still lies in its own."""
+    return shadows(lambda hits, l, things, steps: hidden(
+        hits, l, tuple(x if keep(i, x, things) else _gone(x) for i, x in enumerate(things)), steps))  # fmt: skip
+
+
+def _gone(thing: Shape) -> Shape:
+    if isinstance(thing, Sphere):
+        return msgspec.structs.replace(thing, center=(0.0, 0.0, -1e9), radius=1e-9)
+    return msgspec.structs.replace(thing, center=(0.0, 0.0, -1e9), half_u=(1e-9, 0.0, 0.0), half_v=(0.0, 1e-9, 0.0))
+
+
+def received_by(keep: Callable[[Shape], bool]) -> Callable[[Hits, Array, Casters, Steps], Array]:
+    def blocked(hits: Hits, l: Array, things: Casters, steps: Steps) -> Array:
+        receives = np.array([keep(thing) for thing in things] + [False])[hits.ids]
+        return (receives & others_hide(hits, l, things, steps)) | ((hits.normal * l).sum(axis=0) <= 0)
+
+    return blocked
+
+
+def _line(hits: Hits, l: Array, things: Casters, steps: Steps) -> Array:
+    """What lies behind the point, away from the sun, hides it too."""
+    return hidden(hits, l, things, steps) | others_hide(hits, -l, things, steps)
+
+
+def _from(start: Callable[[Hits, Scene | None], Any]) -> Callable[[Hits, Array, Casters, Steps], Array]:
+    def blocked(hits: Hits, l: Array, things: Casters, steps: Steps) -> Array:
+        moved = hits._replace(point=np.broadcast_to(start(hits, None), hits.point.shape))
+        return others_hide(moved, l, things, steps) | ((hits.normal * l).sum(axis=0) <= 0)
+
+    return blocked
+
+
+def _all_dark(hits: Hits, l: Array, things: Casters, steps: Steps) -> Array:
+    return np.ones(hits.t.shape, bool)
+
+
+def _as_lambert(hits: Hits, l: Array, things: Casters, steps: Steps) -> Array:
+    return (hits.normal * l).sum(axis=0) <= 0
+
+
+def _sphere_index(k: int, things: Casters) -> int:
+    spheres = [i for i, thing in enumerate(things) if is_sphere(thing)]
+    return spheres[k] if spheres else -1
+
+
+def _dimmed(x: Terms, by: float) -> Array:
+    return lambert(x._replace(visible=np.ones_like(x.visible))) * np.where(x.visible > 0, 1.0, by)
+
+
+SHADOWS = (
+    row("no-shadow", SHADOW, "there are no cast shadows: send a ray from each point to the sun",
+        shadows(_as_lambert)),
+    row("all-in-shadow", SHADOW,
+        "every surface is in its own shadow: start the shadow ray a little off the surface, or leave its own object out",
+        shadows(_all_dark)),
+    row("shadow-offset", SHADOW,
+        "the shadow ray starts too far from the surface: shadows near what casts them are lost; 1e-4 of the scene is "
+        "enough",
+        *(shadows(offset_by(eps, way)) for way in (False, True) for eps in (3e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.5, 1.0))),
+    row("shadow-inside", SHADOW,
+        "the shadow ray starts on the wrong side of the surface, inside the object: move it along +n",
+        *(shadows(offset_by(-eps)) for eps in (1e-5, 1e-3, 1e-2))),
+    row("shadow-both-ways", SHADOW,
+        "what lies on the far side of the surface, away from the sun, casts shadows too: keep t > 0 alone",
+        shadows(_line)),
+    row("shadow-reversed", SHADOW, "shadow rays go away from the sun: they go along to_light",
+        shadows(lambda hits, l, things, steps: others_hide(hits, -l, things, steps)
+                | ((hits.normal * l).sum(axis=0) <= 0)),
+        shadows(lambda hits, l, things, steps: others_hide(hits, -l, things, steps)),
+        shadows(lambda hits, l, things, steps: hidden(hits, -l, things, steps))),
+    row("shadow-bounded", SHADOW,
+        "only near objects cast shadows: nothing bounds the way to the sun",
+        *(shadows(within(limit)) for limit in (0.02, 0.05, 0.1, 0.2, 0.25, 0.3, 0.5))),
+    row("spheres-receive-none", SHADOW, "no shadow falls on spheres: test every surface, whatever its kind",
+        shadows(received_by(lambda thing: not is_sphere(thing)))),
+    row("planes-receive-none", SHADOW, "no shadow falls on planes: test every surface, whatever its kind",
+        shadows(received_by(is_sphere))),
+    row("planes-cast-none", SHADOW, "planes cast no shadows: test shadow rays against planes too",
+        cast_by(lambda i, thing, things: is_sphere(thing))),
+    row("spheres-cast-none", SHADOW, "spheres cast no shadows: test shadow rays against spheres too",
+        cast_by(lambda i, thing, things: not is_sphere(thing))),
+    row("one-casts", SHADOW,
+        "only one object casts shadows: the answer of each test overwrites the one before; any hit hides the sun",
+        cast_by(lambda i, thing, things: i == _sphere_index(0, things)),
+        cast_by(lambda i, thing, things: i == _sphere_index(-1, things)),
+        cast_by(lambda i, thing, things: i == len(things) - 1)),
+    row("one-casts-not", SHADOW, "one of the spheres casts no shadow: test shadow rays against all of them",
+        cast_by(lambda i, thing, things: i != _sphere_index(0, things)),
+        cast_by(lambda i, thing, things: i != _sphere_index(-1, things))),
+    row("shadow-from-elsewhere", SHADOW,
+        "shadow rays start in the wrong place: they start at the point that the eye's ray met",
+        shadows(_from(lambda hits, _: 0.0))),
+    row("shadow-inverted", SHADOW, "light and shadow are swapped: V is 1 where the way to the sun is free",
+        shadows(lambda hits, l, things, steps: ~hidden(hits, l, things, steps)),
+        shadows(lambda hits, l, things, steps: ~others_hide(hits, l, things, steps))),
+    row("shadow-dims-all", SHADOW, "shadows scale the whole light: they take away the sun's part alone",
+        *(both(open_back, shaded(partial(_dimmed, by=k))) for k in (0.5, 0.3, 0.2))),
+)  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------ output
+
+
+def shown(f: Callable[[Array], Array]) -> Change:
+    """Other values, each by itself."""
+    return lambda s: s._replace(output=lambda x, brightest: f(s.output(x, brightest)))
+
+
+def behind(f: Callable[[Scene], Any]) -> Change:
+    """Another background."""
+    return put(background=lambda scene: np.broadcast_to(np.asarray(f(scene), float), 3))
+
+
+def _overflow(x: Array) -> Array:
+    return np.floor(np.maximum(x, 0) * 255 + 1e-9) % 256 / 255
+
+
+def _power(x: Array, k: float) -> Array:
+    return np.maximum(x, 0) ** k
+
+
+OUTPUTS = (
+    row("gamma-once", OUTPUT,
+        "the values are encoded for display (gamma): hand in linear radiance, without a power of 1/2.2",
+        shown(srgb_encode), shown(partial(_power, k=1 / 2.2)), shown(partial(_power, k=1 / 2)),
+        shown(lambda x: srgb_encode(np.clip(x, 0, 1))), shown(lambda x: _power(np.clip(x, 0, 1), 1 / 2.2))),
+    row("gamma-twice", OUTPUT, "the values are encoded for display twice",
+        shown(lambda x: srgb_encode(srgb_encode(x))), shown(partial(_power, k=1 / 2.2**2))),
+    row("gamma-missing", OUTPUT,
+        "the values are decoded once too often: linear numbers were written where a display's (sRGB) were expected",
+        shown(lambda x: srgb_decode(np.maximum(x, 0))), shown(partial(_power, k=2.2)), shown(partial(_power, k=2))),
+    row("bgr", OUTPUT, "red and blue are swapped: OpenCV writes BGR, the order here is RGB",
+        shown(lambda x: x[..., ::-1])),
+    row("channels-turned", OUTPUT, "the channels are in the wrong order: red, green, blue",
+        shown(lambda x: x[..., [1, 2, 0]]), shown(lambda x: x[..., [2, 0, 1]]), shown(lambda x: x[..., [1, 0, 2]]),
+        shown(lambda x: x[..., [0, 2, 1]])),
+    row("grey", OUTPUT, "the image has no colours: all channels are equal",
+        shown(lambda x: np.broadcast_to(x.mean(axis=-1, keepdims=True), x.shape)),
+        shown(lambda x: np.broadcast_to(x @ np.array([0.2126, 0.7152, 0.0722])[:, None], x.shape)),
+        shown(lambda x: np.broadcast_to(x @ np.array([0.299, 0.587, 0.114])[:, None], x.shape)),
+        *(shown(lambda x, k=k: np.broadcast_to(x[..., k : k + 1], x.shape)) for k in range(3))),
+    row("clamped", OUTPUT, "values are cut off at 1: radiance may be larger, leave it as it is",
+        shown(lambda x: np.minimum(x, 1))),
+    row("overflow", OUTPUT, "8-bit values overflow: what is brighter than white wraps round to black; clip first",
+        shown(_overflow), shown(lambda x: srgb_decode(_overflow(srgb_encode(x)))),
+        shown(lambda x: _overflow(srgb_encode(x))), shown(lambda x: _overflow(_power(x, 1 / 2.2)))),
+    row("eight-bits", OUTPUT, "the values are rounded to 8 bits: hand in floats",
+        shown(lambda x: np.floor(np.clip(x, 0, 1) * 255) / 255), shown(lambda x: np.rint(np.clip(x, 0, 1) * 255) / 255),
+        shown(lambda x: srgb_decode(np.floor(srgb_encode(np.clip(x, 0, 1)) * 255) / 255)),
+        shown(lambda x: srgb_decode(np.rint(srgb_encode(np.clip(x, 0, 1)) * 255) / 255))),
+    row("times-255", OUTPUT, "the values are 255 times too large: radiance is not a byte",
+        shown(lambda x: 255 * x), shown(lambda x: np.floor(np.clip(x, 0, 1) * 255)),
+        shown(lambda x: np.rint(np.clip(x, 0, 1) * 255))),
+    row("by-255", OUTPUT, "the values are divided by 255, though they are no bytes", shown(lambda x: x / 255)),
+    row("half-float", OUTPUT, "the values are rounded to half floats (float16): use float32",
+        shown(lambda x: np.clip(x, -65504, 65504).astype(np.float16).astype(float))),
+    row("upside-down", OUTPUT, "the image is upside down: row 0 is the top one",
+        at(lambda u, v, c: (u, c.height - 1 - v))),
+    row("mirrored", OUTPUT, "the image is mirrored left to right",
+        at(lambda u, v, c: (c.width - 1 - u, v))),
+    row("half-turn", OUTPUT, "the image is turned by half a turn",
+        at(lambda u, v, c: (c.width - 1 - u, c.height - 1 - v))),
+    row("normalised", OUTPUT, "the image is divided by its brightest value: radiance has a scale of its own",
+        lambda s: s._replace(output=lambda x, brightest: s.output(x, brightest) / brightest)),
+    row("tone-mapped", OUTPUT, "the values are tone-mapped, x / (1 + x): hand in linear radiance",
+        shown(lambda x: x / (1 + np.maximum(x, 0))), shown(lambda x: 1 - np.exp(-np.maximum(x, 0)))),
+    row("negative", OUTPUT, "the image is a negative: 1 - value", shown(lambda x: 1 - x)),
+    row("background-black", OUTPUT,
+        "the background is black: a ray that meets nothing shows the sky's radiance",
+        behind(lambda scene: 0.0)),
+    row("background-white", OUTPUT, "the background is white: a ray that meets nothing shows the sky's radiance",
+        behind(lambda scene: 1.0)),
+    row("background-scaled", OUTPUT,
+        "the background is not the sky's radiance as it is: a factor of π or 2 has slipped in",
+        *(behind(lambda scene, k=k: k * np.array(scene.sky.radiance)) for k in (pi, 1 / pi, 2.0, 0.5))),
+    row("background-sun", OUTPUT, "the background shows the sun's colour: it shows the sky's radiance",
+        behind(lambda scene: scene.sun.irradiance), behind(lambda scene: np.array(scene.sun.irradiance) / pi)),
+    row("premultiplied", OUTPUT, "colours are multiplied by their own coverage or value once more (premultiplied)",
+        shown(lambda x: x * x)),
+    row("half-bright", OUTPUT, "the whole image, background too, is half as bright", shown(lambda x: x / 2)),
+    row("twice-bright", OUTPUT, "the whole image, background too, is twice as bright", shown(lambda x: 2 * x)),
+    row("image-by-pi", OUTPUT, "the whole image, background too, is divided by π", shown(lambda x: x / pi)),
+    row("image-times-pi", OUTPUT, "the whole image, background too, is multiplied by π", shown(lambda x: x * pi)),
+    row("empty", OUTPUT, "the image is black everywhere", shown(lambda x: 0 * x)),
+)  # fmt: skip
+
+FAULTS: tuple[Fault, ...] = (*CAMERAS, *SOLVERS, *ORDERS, *NORMALS_, *LIGHTS, *SHADOWS, *OUTPUTS)
+"""Every mistake there is, by stage."""

@@ -1,0 +1,256 @@
+"""Which mistake explains these pictures? Each fault's prediction beside what was handed in, over all scenes together.
+
+A fault is believed for what it predicts: its picture of every scene is held against the one that was submitted, the
+scenes that are right included. Where no single one suffices, faults are added one by one; where none does, it is said
+where the picture is wrong. The cost of errors e is Σ log(1 + (e/τ)²), minus the log likelihood of values that are
+either hit closely or missed by any amount, so that a few odd pixels decide nothing.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from raytwin.grade.catalogue import FAULTS, STAGES, Fault
+from raytwin.grade.fitted import FAMILIES, Family, fit, total
+from raytwin.grade.predict import RIGHT, Array, Steps
+from raytwin.grade.sight import Sight, View, many
+from raytwin.grade.whereabouts import whereabouts
+
+EXPLAINED = 0.9
+"""Share of the squared error below which no cause is named."""
+SURE = 0.995
+FEW = 6
+"""Wrong pixels below which nothing is named: rounding on outlines."""
+SCREEN = 4
+"""Every fault is tried on one in so many of the pixels first."""
+FINALISTS = 24
+BEAM = 4
+"""Single faults that a second one is added to."""
+
+Sureness = Literal["sure", "likely", "unknown"]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A fault of the catalogue or of a family: `name`, `stage`, and `sentence`, what a student is told."""
+
+    name: str
+    stage: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """`causes`: all that is wrong, together; each with those that explain it as well (`alternatives`, same order).
+
+    `explained`: share of the squared error. `held_out`: the same of the worst scene, its own numbers fitted on the
+    others. `where`: where the pictures are wrong. `nearest`: the best cause where none suffices.
+    """
+
+    right: bool
+    causes: tuple[Cause, ...] = ()
+    alternatives: tuple[tuple[Cause, ...], ...] = ()
+    explained: float = 0.0
+    held_out: float | None = None
+    sureness: Sureness = "unknown"
+    where: str = ""
+    nearest: Cause | None = None
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Sentences for a report: the cause, or where it is wrong."""
+        if self.right:
+            return ()
+        if not self.causes:
+            near = ""
+            if self.nearest is not None and self.explained >= 0.5:
+                near = f"; nearest, explaining {100 * self.explained:.0f} % of the squared error: {self.nearest.sentence}"
+            return (f"cause unknown: {self.where}{near}",)
+        said = []
+        for cause, others in zip(self.causes, self.alternatives, strict=True):
+            text = cause.sentence
+            for other in others:
+                text += f"; or, with the same effect here: {other.sentence}"
+            said.append(f"cause ({self.sureness}): {text}")
+        share = f"explains {_percent(self.explained)} of the squared error"
+        if self.held_out is not None:
+            share += f", of the scene that it explains least {_percent(self.held_out)}"
+        said[-1] += f" ({share})"
+        return (*said, self.where)
+
+
+def _percent(x: float) -> str:
+    return f"{100 * min(x, 0.9999 if x < 1 - 1e-9 else 1):.4g} %"
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """What is tried: causes that are made one after the other, the steps that come of them, and their cost."""
+
+    causes: tuple[Cause, ...]
+    steps: Steps
+    cost: float = np.inf
+    refit: Callable[[Sequence[Sight]], Steps] | None = None
+
+
+def diagnose(views: Sequence[View], seed: int = 0, faults: Sequence[Fault] = FAULTS, most: int = 2) -> Diagnosis:
+    """The cause of all that is wrong in the views of one submission; `most`: faults together.
+
+    Give the views that are right too: a fault that would have spoiled them is none.
+    """
+    sights = many(views, seed)
+    errors = [s.off(s.predict(RIGHT)) for s in sights]
+    count = sum(int(s.wrong.sum()) for s in sights)
+    where = whereabouts(sights, errors)
+    if count == 0:
+        return Diagnosis(right=True, explained=1.0, where="right everywhere")
+    if count < FEW:
+        return Diagnosis(right=False, where=where)
+    sights = [s for s in sights if s.weight.size]
+    small = [s.fewer(SCREEN) for s in sights]
+    base = Guess((), RIGHT, total(sights, RIGHT))
+    found = _round(base, sights, small, faults)
+    beam = found[:BEAM]
+    for _ in range(most - 1):
+        if not beam or _explained(sights, beam[0].steps)[0] > SURE:
+            break
+        found = sorted(
+            (*found, *(g for one in beam for g in _round(one, sights, small, faults))),
+            key=lambda g: g.cost + len(g.causes) * _price(base),
+        )
+        beam = found[:BEAM]
+    return _told(found, sights, base, where)
+
+
+def _price(base: Guess) -> float:
+    """What another cause has to bring: a twentieth of the cost."""
+    return 0.03 * base.cost
+
+
+def _round(before: Guess, sights: list[Sight], small: list[Sight], faults: Sequence[Fault]) -> list[Guess]:
+    """All that may be added to a guess, the best first."""
+    tried = []
+    for fault in faults:
+        if any(cause.name == fault.name for cause in before.causes):
+            continue
+        cause = Cause(fault.name, fault.stage, fault.sentence)
+        for way in fault.ways:
+            steps = way(before.steps)
+            tried.append(Guess((*before.causes, cause), steps, total(small, steps)))
+    tried.sort(key=lambda g: g.cost)
+    exact = [_weighed(g, sights) for g in tried[:FINALISTS]]
+    exact.sort(key=lambda g: g.cost)
+    if exact and _explained(sights, exact[0].steps)[0] > SURE and exact[0].cost < 0.1 * before.cost:
+        return exact
+    fitted = []
+    for family in FAMILIES:
+        p, cost = fit(family, small, before.steps)
+        if cost > 0.9 * before.cost:
+            continue
+        p, cost = fit(_from(family, p), sights, before.steps)
+        cause = Cause(family.name, family.stage, family.say(p))
+        refit = lambda some, family=family, p=p: _refit(family, p, some, before.steps)  # noqa: E731
+        extra = 0.01 * before.cost * len(p)
+        fitted.append(Guess((*before.causes, cause), family.make(p)(before.steps), cost + extra, refit))
+    return sorted((*exact, *fitted), key=lambda g: g.cost)
+
+
+def _from(family: Family, p: tuple[float, ...]) -> Family:
+    """The family, to be fitted from there on."""
+    return replace(family, start=p, tries=())
+
+
+def _refit(family: Family, p: tuple[float, ...], sights: Sequence[Sight], base: Steps) -> Steps:
+    return family.make(fit(_from(family, p), sights, base)[0])(base)
+
+
+def _weighed(guess: Guess, sights: Sequence[Sight]) -> Guess:
+    return replace(guess, cost=total(sights, guess.steps))
+
+
+def _explained(sights: Sequence[Sight], steps: Steps) -> tuple[float, Array]:
+    """The share of the squared error that is explained, of all and of each view (NaN where that was right before)."""
+    before = np.array([s.squared(s.predict(RIGHT)) for s in sights])
+    after = np.array([s.squared(s.predict(steps)) for s in sights])
+    whole = 1 - after.sum() / before.sum() if before.sum() > 0 else 0.0
+    some = before > 1e-6 * before.sum()
+    with np.errstate(all="ignore"):
+        each = np.where(some, 1 - after / before, np.where(after > 1e-6 * before.sum(), 0.0, np.nan))
+    return float(whole), each
+
+
+def _hits(sights: Sequence[Sight], steps: Steps) -> tuple[float, float]:
+    """Of the wrong pixels the share that is hit closely, and of the right ones the share that stays right."""
+    hit = [(s.errors(steps) <= 4 * s.tau, s) for s in sights]
+    shares = []
+    for wrong in (True, False):
+        weights = np.concatenate([s.weight * (s.wrong == wrong) for _, s in hit])
+        good = np.concatenate([h for h, _ in hit])
+        shares.append(float((weights * good).sum() / weights.sum()) if weights.sum() > 0 else 1.0)
+    return shares[0], shares[1]
+
+
+def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> Diagnosis:
+    if not found:
+        return Diagnosis(right=False, where=where)
+    best = found[0]
+    share, each = _explained(sights, best.steps)
+    hit, kept = _hits(sights, best.steps)
+    if share < EXPLAINED or best.cost > 0.6 * base.cost:
+        single = min((g for g in found if len(g.causes) == 1), key=lambda g: g.cost)
+        share = _explained(sights, single.steps)[0]
+        return Diagnosis(right=False, explained=max(share, 0.0), where=where, nearest=single.causes[0])
+    sureness: Sureness = "sure" if share > SURE and hit > 0.95 and kept > 0.99 else "likely"
+    held = _held_out(best, sights, each)
+    others = _as_good(best, found, sights)
+    order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
+    return Diagnosis(
+        right=False,
+        causes=tuple(best.causes[k] for k in order),
+        alternatives=tuple(others[k] for k in order),
+        explained=share,
+        held_out=held,
+        sureness=sureness,
+        where=where,
+    )
+
+
+def _held_out(best: Guess, sights: list[Sight], each: Array) -> float | None:
+    """The share explained of the scene that is explained least, what was fitted being fitted on the others."""
+    if len(sights) < 2:
+        return None
+    if best.refit is not None:
+        each = np.array([
+            _explained([s], best.refit([x for x in sights if x is not s]))[0] if np.isfinite(each[k]) else np.nan
+            for k, s in enumerate(sights)
+        ])  # fmt: skip
+    finite = each[np.isfinite(each)]
+    return float(max(finite.min(), 0.0)) if finite.size else None
+
+
+def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight]) -> list[tuple[Cause, ...]]:
+    """For each cause of the best guess those that explain the pictures as well in its place."""
+    own = [s.predict(best.steps) for s in sights]
+    names = [cause.name for cause in best.causes]
+    others: list[dict[str, Cause]] = [{} for _ in names]
+    for guess in found:
+        if len(guess.causes) != len(names) or (guess.refit is None) != (best.refit is None):
+            continue
+        new = [cause for cause in guess.causes if cause.name not in names]
+        gone = [k for k, name in enumerate(names) if name not in {cause.name for cause in guess.causes}]
+        if len(new) != 1 or len(gone) != 1:
+            continue
+        if guess.cost < 1.25 * best.cost or all(_same(s, a, s.predict(guess.steps)) for s, a in zip(sights, own, strict=True)):
+            others[gone[0]].setdefault(new[0].name, new[0])
+    return [tuple(list(found.values())[:2]) for found in others]
+
+
+def _same(sight: Sight, a: Array, b: Array) -> bool:
+    """Two predictions that these pixels do not tell apart."""
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(a - b) - sight.slack
+    if sight.view.points:
+        apart = np.where(np.isnan(a) & np.isnan(b), 0.0, apart)
+    return float((sight.weight * ~(apart.max(axis=-1) <= 4 * sight.tau)).sum()) < 1e-3

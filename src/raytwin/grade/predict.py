@@ -1,0 +1,235 @@
+"""What a tracer would show at chosen pixels if one of its steps were wrong: the tracer again, in finer steps.
+
+    pixel -> place -> undo -> ray -> sphere, rectangle -> order -> point -> normal -> visible -> shade -> output
+
+`raytwin.tracer.Stages` has the steps that a learner replaces; a mistake sits within one of them, so here they are cut
+smaller. All is in the board's frame, float64, vectors (3, N), N chosen pixels. A fault is a change of `Steps`; two
+faults are one change after the other. What a change leaves alone is computed once (`Bench`).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import pi
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
+from raytwin.tracer import intersect_rectangle, intersect_sphere, undistort
+
+Array = np.ndarray
+
+
+class Pixels(NamedTuple):
+    """(u, v) of the chosen pixels, (N,), and the camera as the scene tells it."""
+
+    u: Array
+    v: Array
+    camera: Camera
+
+
+class Rays(NamedTuple):
+    """`origin` (3, 1); `d` (3, N): what solvers are given; `aim` (3, N): what t is applied to, both `d` where right.
+
+    `stretch` (N,): the length of (x, y, 1), by which t is smaller for rays that are not made unit.
+    """
+
+    origin: Array
+    d: Array
+    aim: Array
+    stretch: Array
+
+
+class Hits(NamedTuple):
+    """(N,) `ids` (-1: nothing) and `t`; (3, N) `point`, `normal`, `albedo`."""
+
+    ids: Array
+    t: Array
+    point: Array
+    normal: Array
+    albedo: Array
+
+
+class Terms(NamedTuple):
+    """What shading is made of: `cos` n·l (N,), not clamped; `visible` (N,); `irradiance`, `sky` (3, 1)."""
+
+    albedo: Array
+    cos: Array
+    visible: Array
+    irradiance: Array
+    sky: Array
+    hits: Hits
+    scene: Scene
+    shadows: bool
+
+
+class Steps(NamedTuple):
+    """The tracer's steps as data, finer than `tracer.Stages`; `Steps()` is the right tracer."""
+
+    place: Callable[[Array, Array, Camera], tuple[Array, Array]]
+    lens: Callable[[Camera], Camera]
+    undo: Callable[[Array, Array, Any], tuple[Array, Array]]
+    ray: Callable[[Array, Array, Camera], Rays]
+    camera: Callable[[Camera], Camera]
+    objects: Callable[[tuple[Shape, ...]], tuple[Shape, ...]]
+    sphere: Callable[[Array, Array, Sphere], Array]
+    rectangle: Callable[[Array, Array, Rectangle], Array]
+    order: Callable[[Array, tuple[Shape, ...], Rays], Array]
+    point: Callable[[Rays, Array], Array]
+    normal: Callable[[Array, Rays, Shape], Array]
+    light: Callable[[Array, Scene, Hits], Array]
+    blocked: Callable[..., Array]
+    shade: Callable[[Terms], Array]
+    background: Callable[[Scene], Array]
+    output: Callable[[Array, float], Array]
+
+
+def direct_ray(x: Array, y: Array, camera: Camera) -> Rays:
+    """(x, y, 1) made unit and turned to the board's axes, from the camera's centre."""
+    d = np.stack([x, y, np.ones_like(x)])
+    length = np.linalg.norm(d, axis=0)
+    d = np.asarray(camera.R_cam_board).T @ (d / length)
+    return Rays(np.array(camera.eye)[:, None], d, d, length)
+
+
+def nearest(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
+    """Of t (K, N) the index of the least, -1 where none is finite."""
+    return np.where(np.isfinite(t).any(axis=0), t.argmin(axis=0), -1)
+
+
+def along(rays: Rays, t: Array) -> Array:
+    """origin + t d."""
+    return rays.origin + t * rays.aim
+
+
+def outward(point: Array, rays: Rays, thing: Shape) -> Array:
+    """(p - center) / r of a sphere; a rectangle's own, to the side of the eye."""
+    if isinstance(thing, Sphere):
+        return (point - np.array(thing.center)[:, None]) / thing.radius
+    n = np.array(thing.normal)[:, None]
+    return np.where((n * rays.d).sum(axis=0) > 0, -n, n)
+
+
+def to_sun(l: Array, scene: Scene, hits: Hits) -> Array:
+    """The sun is far away: one direction (3, 1) for all."""
+    return l
+
+
+def hidden(hits: Hits, l: Array, things: tuple[Shape, ...], steps: "Steps") -> Array:
+    """(N,) bool: another object lies on the way along l, or the point faces away from it."""
+    return others_hide(hits, l, things, steps) | ((hits.normal * l).sum(axis=0) <= 0)
+
+
+def others_hide(hits: Hits, l: Array, things: tuple[Shape, ...], steps: "Steps") -> Array:
+    """(N,) bool: another object than the point's own lies on the way along l."""
+    l = np.broadcast_to(l, hits.point.shape)
+    found = np.zeros(hits.t.shape, bool)
+    for index, thing in enumerate(things):
+        found |= (hits.ids != index) & np.isfinite(meet(hits.point, l, thing, steps))
+    return found
+
+
+def lambert(terms: Terms) -> Array:
+    """albedo/π E V max(0, n·l) + albedo Lₛ."""
+    sun = terms.albedo / pi * terms.irradiance * terms.visible * np.maximum(terms.cos, 0)
+    return sun + terms.albedo * terms.sky
+
+
+RIGHT = Steps(
+    place=lambda u, v, camera: (u, v),
+    lens=lambda camera: camera,
+    undo=undistort,
+    ray=direct_ray,
+    camera=lambda camera: camera,
+    objects=lambda things: things,
+    sphere=intersect_sphere,
+    rectangle=intersect_rectangle,
+    order=nearest,
+    point=along,
+    normal=outward,
+    light=to_sun,
+    blocked=hidden,
+    shade=lambert,
+    background=lambda scene: np.array(scene.sky.radiance),
+    output=lambda radiance, brightest: radiance,
+)
+"""The tracer as it should be."""
+
+Change = Callable[[Steps], Steps]
+
+
+def meet(origin: Array, d: Array, thing: Shape, steps: Steps) -> Array:
+    """t along d, infinity for a miss."""
+    if isinstance(thing, Sphere):
+        return np.asarray(steps.sphere(origin, d, thing))
+    return np.asarray(steps.rectangle(origin, d, thing))
+
+
+@dataclass(eq=False)
+class Bench:
+    """One scene at chosen pixels, on which changes are tried; what is found stays, by the steps that made it."""
+
+    scene: Scene
+    u: Array
+    v: Array
+    shadows: bool = True
+    brightest: float = 1.0
+    kept: dict[tuple[Any, ...], Any] = field(default_factory=dict)
+
+    def rays(self, steps: Steps) -> Rays:
+        key = ("rays", *steps[:5])
+        if key not in self.kept:
+            lens = steps.camera(self.scene.camera)
+            u, v = steps.place(self.u, self.v, self.scene.camera)
+            seen = steps.lens(lens)
+            x, y = (u - seen.cx) / seen.fx, (v - seen.cy) / seen.fy
+            self.kept[key] = steps.ray(*steps.undo(x, y, seen.coefficients), lens)
+        return self.kept[key]  # type: ignore[no-any-return]
+
+    def things(self, steps: Steps) -> tuple[Shape, ...]:
+        return steps.objects(self.scene.objects)
+
+    def hits(self, steps: Steps) -> Hits:
+        """What the eye's rays meet first, and its normal and albedo."""
+        key = ("hits", *steps[:11])
+        if key not in self.kept:
+            rays, things = self.rays(steps), self.things(steps)
+            t = np.stack([np.broadcast_to(meet(rays.origin, rays.d, thing, steps), self.u.shape) for thing in things])
+            t = np.where(np.isnan(t), np.inf, t)
+            ids = steps.order(t, things, rays)
+            reach = np.where(ids >= 0, np.take_along_axis(t, np.maximum(ids, 0)[None], 0)[0], 0.0)
+            reach = np.where(np.isfinite(reach), reach, 0.0)
+            point, normal, albedo = steps.point(rays, reach), np.zeros((3, ids.size)), np.zeros((3, ids.size))
+            for index, thing in enumerate(things):
+                here = ids == index
+                if here.any():
+                    part = Rays(rays.origin, rays.d[:, here], rays.aim[:, here], rays.stretch[here])
+                    normal[:, here] = steps.normal(point[:, here], part, thing)
+                    albedo[:, here] = np.array(thing.material.albedo)[:, None]
+            self.kept[key] = Hits(ids, reach, point, normal, albedo)
+        return self.kept[key]  # type: ignore[no-any-return]
+
+    def terms(self, steps: Steps) -> Terms:
+        key = ("terms", *steps[:13])
+        if key not in self.kept:
+            hits, sun = self.hits(steps), self.scene.sun
+            l = steps.light(np.array(sun.to_light)[:, None], self.scene, hits)
+            visible = np.ones(hits.t.shape)
+            if self.shadows and any(sun.irradiance):
+                visible = np.where(steps.blocked(hits, l, self.things(steps), steps), 0.0, 1.0)
+            self.kept[key] = Terms(
+                hits.albedo, (hits.normal * l).sum(axis=0), visible, np.array(sun.irradiance)[:, None],
+                np.array(self.scene.sky.radiance)[:, None], hits, self.scene, self.shadows,
+            )  # fmt: skip
+        return self.kept[key]  # type: ignore[no-any-return]
+
+    def radiance(self, steps: Steps) -> Array:
+        """(N, 3), before output."""
+        terms = self.terms(steps)
+        behind = np.broadcast_to(steps.background(self.scene)[:, None], terms.albedo.shape)
+        return np.where(terms.hits.ids >= 0, steps.shade(terms), behind).T
+
+    def points(self, steps: Steps) -> Array:
+        """(N, 3) where each ray first meets a sphere, NaN for none."""
+        hits = self.hits(steps)
+        return np.where(hits.ids >= 0, hits.point, np.nan).T
