@@ -1,10 +1,12 @@
 """Tracers as students write them, and mistakes put into their text: they share no code with the catalogue."""
 
+# ruff: noqa: E501 (a mistake a line)
+
 from typing import Any
 
 import numpy as np
 
-CAMERA_FRAME = '''
+CAMERA_FRAME = """
 import numpy as np
 
 EPS = 1e-4
@@ -110,9 +112,9 @@ def _any(start, L, c, hu, hv):
     q = start + t[..., None] * L - c
     inside = (np.abs(q @ hu) <= hu @ hu) & (np.abs(q @ hv) <= hv @ hv)
     return np.where(inside & (t > 1e-9), t, np.inf)
-'''
+"""
 
-BOARD_FRAME = '''
+BOARD_FRAME = """
 import numpy as np
 from dataclasses import dataclass
 
@@ -200,7 +202,7 @@ def render(scene):
                     free &= ~np.isfinite(other.hit(p, np.tile(sun["to_light"], (len(p), 1))))
         out[m] = thing.rho * (sun["irradiance"] / np.pi * (cos * free)[:, None] + sky)
     return out.reshape(scene["height"], scene["width"], 3)
-'''
+"""
 
 # name of the fault -> which text, what stands there, what the student wrote. A list: any of the names is right.
 A, B = CAMERA_FRAME, BOARD_FRAME

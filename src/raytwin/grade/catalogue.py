@@ -6,7 +6,7 @@ rows of `fitted`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import pi
 from typing import Any
@@ -22,22 +22,22 @@ from raytwin.grade.predict import (
     Rays,
     Steps,
     Terms,
-    along,
-    direct_ray,
     hidden,
     lambert,
     meet,
     nearest,
+    on_rectangle,
+    on_sphere,
     others_hide,
-    outward,
 )
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
 from raytwin.scene.lens import distort
-from raytwin.tracer import intersect_rectangle, intersect_sphere, undistort
+from raytwin.tracer import undistort
 
 CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, OUTPUT, SAMPLING = (
     "camera", "solver", "order", "normals", "light", "shadow", "output", "sampling",
 )  # fmt: skip
+Casters = tuple[Shape, ...]
 STAGES = (CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
 """From the pixel to the picture: what stands earlier is told first."""
 
@@ -54,6 +54,13 @@ class Fault:
 
 def row(name: str, stage: str, sentence: str, *ways: Change) -> Fault:
     return Fault(name, stage, sentence, ways)
+
+
+def self_testing(*faults: Fault) -> tuple[Fault, ...]:
+    """Each also made by those whose shadow rays start just off the surface and are tested against its own object."""
+    return tuple(
+        replace(f, ways=(*f.ways, *(both(way, put(blocked=offset_by(1e-5))) for way in f.ways))) for f in faults
+    )
 
 
 def put(**steps: Any) -> Change:
@@ -183,7 +190,7 @@ CAMERAS = (
         at(lambda u, v, c: (u + 1, v + 1)), at(lambda u, v, c: (u - 1, v - 1)),
         at(lambda u, v, c: (u + 1, v)), at(lambda u, v, c: (u, v + 1))),
     row("linspace", CAMERA,
-        "your pixels reach to the far edge of the frame (linspace(0, width, width)): the last is width - 1, a step of 1",
+        "your pixels reach to the far edge (linspace(0, width, width)): the last is width - 1, a step of 1",
         at(lambda u, v, c: (u * c.width / (c.width - 1), v * c.height / (c.height - 1))),
         at(lambda u, v, c: (u * c.width / (c.width - 1) - 0.5, v * c.height / (c.height - 1) - 0.5)),
         at(lambda u, v, c: (u * (c.width - 1) / c.width, v * (c.height - 1) / c.height))),
@@ -252,7 +259,7 @@ CAMERAS = (
         "the camera looks along +z here (OpenCV), not along -z (OpenGL)",
         axes(1, 1, -1), axes(1, -1, -1), axes(-1, 1, -1), axes(-1, -1, -1), axes(-1, -1, 1)),
     row("transposed-R", CAMERA,
-        "R is transposed: p_cam = R p_board + t, so directions go to the board's frame by R transposed, d_board = Rᵀ d_cam",
+        "R is transposed: p_cam = R p_board + t, so directions go to the board's frame by d_board = Rᵀ d_cam",
         posed(lambda R, t: (-R.T @ t, R)), posed(lambda R, t: (-R @ t, R))),
     row("inverse-pose", CAMERA,
         "the pose is used the wrong way round: (R, t) takes board to camera, not camera to board",
@@ -350,6 +357,7 @@ def _scaled(factor: float) -> Callable[[Rectangle], Rectangle]:
 
 def _by_square(thing: Rectangle) -> Rectangle:
     """|q·u| <= |u| with u not unit: reaches 1 along u, whatever its length."""
+
     def grown(half: Any) -> Any:
         length = np.linalg.norm(half)
         return tuple((np.array(half) / length**2).tolist())
@@ -359,8 +367,8 @@ def _by_square(thing: Rectangle) -> Rectangle:
 
 def _any_side(o: Any, d: Any, thing: Rectangle) -> Array:
     """t of any sign."""
-    ahead, behind = intersect_rectangle(o, d, thing), intersect_rectangle(o, tuple(-np.asarray(d)), thing)
-    return np.where(np.isfinite(ahead), ahead, -np.asarray(behind))
+    ahead, behind = on_rectangle(o, d, thing), on_rectangle(o, -np.asarray(d), thing)
+    return np.where(np.isfinite(ahead), ahead, -behind)
 
 
 def _either(o: Any, d: Any, thing: Rectangle) -> Array:
@@ -392,11 +400,12 @@ SOLVERS = (
         put(sphere=solver(quadratic(), _least_magnitude)),
         put(sphere=solver(quadratic(), _least_magnitude), rectangle=_either,
             order=lambda t, things, rays: nearest(np.abs(t), things, rays)),
-        put(sphere=solver(quadratic(), _least_magnitude), order=lambda t, things, rays: nearest(np.abs(t), things, rays)),
+        put(sphere=solver(quadratic(), _least_magnitude),
+            order=lambda t, things, rays: nearest(np.abs(t), things, rays)),
         put(sphere=solver(quadratic(), lambda near, far: near), rectangle=_either)),
     row("sign-of-zero", SOLVER,
         "sign(0) is 0: where b = 0 your q is 0 and the root is lost; let the sign be 1 there",
-        put(sphere=partial(intersect_sphere, solver="paper"))),
+        put(sphere=partial(on_sphere, solver="paper"))),
     row("t-along-z", SOLVER,
         "t was found for unit rays, but is applied to (x, y, 1): use one and the same vector for both",
         bent, both(bent, normals(_made_unit))),
@@ -418,7 +427,8 @@ SOLVERS = (
     row("half-radius", SOLVER, "your spheres are half as large: the scene gives the radius, not the diameter",
         resized(0.5), resized(0.5, 0.5)),
     row("factor-in-quadratic", SOLVER,
-        "a factor is wrong in the quadratic: with b = 2 f·d, t = (-b - √(b² - 4c)) / 2; with b = f·d, t = -b - √(b² - c)",
+        "a factor is wrong in the quadratic: with b = 2 f·d, t = (-b - √(b² - 4c)) / 2; with b = f·d, "
+        "t = -b - √(b² - c)",
         *(both(put(sphere=solver(q)), unit) for unit in (lambda s: s, normals(_made_unit)) for q in (
             quadratic(b=1), quadratic(b=1, half=1), quadratic(disc=1), quadratic(half=1), quadratic(b=1, disc=1),
             quadratic(disc=2), quadratic(b=2, disc=1, half=1), quadratic(half=4), _no_root,
@@ -462,7 +472,7 @@ def _last_sphere(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
     return nearest(np.where(spheres[:, None] & others, np.inf, t), things, rays)
 
 
-def by_key(key: Callable[[Array, Shape, Rays], Array]) -> Change:
+def by_key(key: Callable[[Array, Shape, Rays], Any]) -> Change:
     """Of all that are hit the one of the least key (t (N,), thing, rays) -> (N,)."""
 
     def order(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
@@ -480,6 +490,21 @@ def is_sphere(thing: Shape) -> bool:
     return isinstance(thing, Sphere)
 
 
+def _one_sphere(keep: int) -> Change:
+    return lambda s: s._replace(objects=partial(_only_sphere, keep=keep, objects=s.objects))
+
+
+def _only_sphere(things: tuple[Shape, ...], keep: int, objects: Any) -> tuple[Shape, ...]:
+    """The others stay in the list, so that ids stay, but out of reach."""
+    things = objects(things)
+    spheres = [i for i, thing in enumerate(things) if is_sphere(thing)]
+    kept = spheres[keep] if spheres else -1
+    return tuple(
+        msgspec.structs.replace(thing, center=(0.0, 0.0, -1e9), radius=1e-9)
+        if isinstance(thing, Sphere) and i != kept else thing for i, thing in enumerate(things)
+    )  # fmt: skip
+
+
 ORDERS = (
     row("last-wins", ORDER,
         "no depth test: of all objects on a ray, the last one tested is shown; keep the one of the smallest t",
@@ -491,7 +516,7 @@ ORDERS = (
         "objects are drawn by the distance of their centres (painter's order): compare t on each ray",
         by_key(_center_away),
         by_key(lambda t, thing, rays: _center_away(t, thing, rays) if is_sphere(thing) else 1e6 + t),
-        by_key(lambda t, thing, rays: _center_away(t, thing, rays) - (thing.radius if isinstance(thing, Sphere) else 0)),
+        by_key(lambda t, thing, rays: _center_away(t, thing, rays) - getattr(thing, "radius", 0.0)),
         by_key(lambda t, thing, rays: -thing.center[2] if is_sphere(thing) else 1e6 + t)),
     row("spheres-on-top", ORDER,
         "spheres always hide planes: compare the t of all objects, planes and spheres alike",
@@ -509,19 +534,8 @@ ORDERS = (
         by_key(lambda t, thing, rays: t if is_sphere(thing) else t / rays.stretch),
         by_key(lambda t, thing, rays: t / rays.stretch if is_sphere(thing) else t)),
     row("one-sphere", ORDER, "only one of the spheres is there: test every ray against all of them",
-        *(lambda s, k=k: s._replace(objects=partial(_only_sphere, keep=k, objects=s.objects)) for k in (0, -1))),
+        *(_one_sphere(k) for k in (0, -1))),
 )  # fmt: skip
-
-
-def _only_sphere(things: tuple[Shape, ...], keep: int, objects: Any) -> tuple[Shape, ...]:
-    """The others stay in the list, so that ids stay, but out of reach."""
-    things = objects(things)
-    spheres = [i for i, thing in enumerate(things) if is_sphere(thing)]
-    kept = spheres[keep] if spheres else -1
-    return tuple(
-        msgspec.structs.replace(thing, center=(0.0, 0.0, -1e9), radius=1e-9)
-        if isinstance(thing, Sphere) and i != kept else thing for i, thing in enumerate(things)
-    )  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------ normals
@@ -545,6 +559,10 @@ def _from_eye(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
 
 def _edges_crossed(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
     return n if isinstance(thing, Sphere) else n * np.linalg.norm(np.cross(thing.half_u, thing.half_v))
+
+
+def _axis_turned(n: Array, k: int) -> Array:
+    return np.where(np.arange(3)[:, None] == k, -n, n)
 
 
 def _by_r2(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
@@ -578,7 +596,7 @@ NORMALS_ = (
         normals(_edges_crossed)),
     row("normal-axis", NORMALS,
         "one axis of the normals has the wrong sign",
-        *(on_spheres(lambda n, k=k: np.where(np.arange(3)[:, None] == k, -n, n)) for k in range(3))),
+        *(on_spheres(partial(_axis_turned, k=k)) for k in range(3))),
 )  # fmt: skip
 
 
@@ -597,15 +615,15 @@ def shaded(f: Callable[[Terms], Array]) -> Change:
 
 def lit(f: Callable[[Array, Scene, Hits], Array]) -> Change:
     """Another direction to the light (3, 1) or (3, N), for shading and for shadows."""
-    return lambda s: s._replace(light=lambda l, scene, hits: f(s.light(l, scene, hits), scene, hits))
+    return lambda s: s._replace(light=lambda to, scene, hits: f(s.light(to, scene, hits), scene, hits))
 
 
 def half_lit(f: Callable[[Array, Scene, Hits], Array]) -> Change:
     """The same for shading alone: shadows are cast rightly."""
 
     def recast(x: Terms) -> Terms:
-        l = f(np.array(x.scene.sun.to_light)[:, None], x.scene, x.hits)
-        return x._replace(cos=(x.hits.normal * l).sum(axis=0))
+        to = f(np.array(x.scene.sun.to_light)[:, None], x.scene, x.hits)
+        return x._replace(cos=(x.hits.normal * to).sum(axis=0))
 
     return terms(recast)
 
@@ -630,12 +648,12 @@ def sky_times(f: Any) -> Change:
 
 def turned(turn: Callable[[Array], Array]) -> tuple[Change, ...]:
     """The light's direction turned by a function of R: everywhere, or for shading alone."""
-    f = lambda l, scene, hits: turn(np.asarray(scene.camera.R_cam_board)) @ l  # noqa: E731
+    f = lambda to, scene, hits: turn(np.asarray(scene.camera.R_cam_board)) @ to  # noqa: E731
     return lit(f), half_lit(f), both(half_lit(f), open_back)
 
 
-def _to_position(l: Array, scene: Scene, hits: Hits) -> Array:
-    return _made_unit(l - hits.point)
+def _to_position(to: Array, scene: Scene, hits: Hits) -> Array:
+    return _made_unit(to - hits.point)
 
 
 def _grey(x: Array) -> Array:
@@ -643,7 +661,7 @@ def _grey(x: Array) -> Array:
 
 
 def _permuted(*order: int, sign: tuple[int, int, int] = (1, 1, 1)) -> Callable[[Array, Scene, Hits], Array]:
-    return lambda l, scene, hits: l[list(order)] * np.array(sign)[:, None]
+    return lambda to, scene, hits: to[list(order)] * np.array(sign)[:, None]
 
 
 def _of_first(x: Terms) -> Array:
@@ -693,10 +711,29 @@ def _up(x: Terms) -> Array:
     return (1 + x.hits.normal[2]) / 2
 
 
+def offset_by(eps: float, along_light: bool = False) -> Callable[[Hits, Array, Casters, Steps], Array]:
+    """The shadow ray starts eps metres along the normal (or towards the light), and may meet its own object."""
+
+    def blocked(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
+        away = np.broadcast_to(to, hits.point.shape) if along_light else hits.normal
+        return _any_blocks(hits.point + eps * away, to, things, steps)
+
+    return blocked
+
+
+def _any_blocks(start: Array, to: Array, things: Casters, steps: Steps, limit: float = np.inf) -> Array:
+    to = np.broadcast_to(to, start.shape)
+    found = np.zeros(start.shape[1], bool)
+    for thing in things:
+        t = meet(start, to, thing, steps)
+        found |= np.isfinite(t) & (t < limit)
+    return found
+
+
 LIGHTS = (
     row("light-reversed", LIGHT,
         "the light comes from the wrong side: to_light points from the surface to the sun, use it as it is",
-        *twice(lit(lambda l, *_: -l), half_lit(lambda l, *_: -l))),
+        *twice(lit(lambda to, *_: -to), half_lit(lambda to, *_: -to))),
     row("light-in-camera-frame", LIGHT,
         "the sun's direction is given in the board's frame, but your normals are in the camera's (or the other way "
         "round): turn one of them by R",
@@ -717,7 +754,8 @@ LIGHTS = (
         *twice(lit(_to_position)), both(lit(_to_position), sun_times(_falloff)), half_lit(_to_position)),
     row("no-clamp", LIGHT,
         "light is negative where a surface faces away from the sun: max(0, n·l)",
-        *twice(shaded(lambda x: sun(x, x.cos) + ambient(x)))),
+        *twice(shaded(lambda x: sun(x, x.cos) + ambient(x))),
+        *(both(shaded(lambda x: sun(x, x.cos) + ambient(x)), put(blocked=offset_by(eps))) for eps in (1e-4, 1e-3))),
     row("abs-cosine", LIGHT,
         "surfaces that face away from the sun are lit: max(0, n·l), not |n·l|",
         both(shaded(lambda x: sun(x, np.abs(x.cos)) + ambient(x)), open_back)),
@@ -731,7 +769,7 @@ LIGHTS = (
         *twice(shaded(lambda x: sun(x, (1 + x.cos) / 2) + ambient(x)),
                shaded(lambda x: sun(x, ((1 + x.cos) / 2) ** 2) + ambient(x)))),
     row("albedo-missing-sun", LIGHT, "the albedo is missing in the sun's part: albedo/π E max(0, n·l)",
-        shaded(lambda x: sun(x._replace(albedo=1.0)) + ambient(x))),
+        shaded(lambda x: sun(x._replace(albedo=np.ones_like(x.albedo))) + ambient(x))),
     row("albedo-missing", LIGHT, "the albedo is missing: it multiplies the sun's part and the sky's",
         _colour(lambda x: np.ones_like(x.albedo))),
     row("albedo-squared", LIGHT, "the albedo is multiplied in twice",
@@ -780,13 +818,12 @@ LIGHTS = (
         sky_times(lambda x: np.where(x.cos > 0, 1.0, 0.0)),
         both(open_back, sky_times(lambda x: x.visible))),
     row("sky-by-height", LIGHT, "the sky's light is weighed by the normal: here it is albedo Lₛ whatever way it faces",
-        sky_times(_up), sky_times(lambda x: np.maximum(x.hits.normal[2], 0)), sky_times(lambda x: np.maximum(x.cos, 0))),
+        sky_times(_up), sky_times(lambda x: np.maximum(x.hits.normal[2], 0)),
+        sky_times(lambda x: np.maximum(x.cos, 0))),
 )  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------ shadow
-
-Casters = tuple[Shape, ...]
 
 
 def shadows(f: Callable[[Hits, Array, Casters, Steps], Array]) -> Change:
@@ -794,39 +831,20 @@ def shadows(f: Callable[[Hits, Array, Casters, Steps], Array]) -> Change:
     return put(blocked=f)
 
 
-def offset_by(eps: float, along_light: bool = False) -> Callable[[Hits, Array, Casters, Steps], Array]:
-    """The shadow ray starts eps metres along the normal (or towards the light), and may meet its own object."""
-
-    def blocked(hits: Hits, l: Array, things: Casters, steps: Steps) -> Array:
-        away = np.broadcast_to(l, hits.point.shape) if along_light else hits.normal
-        return _any_blocks(hits.point + eps * away, l, things, steps)
-
-    return blocked
-
-
-def _any_blocks(start: Array, l: Array, things: Casters, steps: Steps, limit: float = np.inf) -> Array:
-    l = np.broadcast_to(l, start.shape)
-    found = np.zeros(start.shape[1], bool)
-    for thing in things:
-        t = meet(start, l, thing, steps)
-        found |= np.isfinite(t) & (t < limit)
-    return found
-
-
 def within(limit: float) -> Callable[[Hits, Array, Casters, Steps], Array]:
     """Only what is nearer than this, metres, casts a shadow."""
 
-    def blocked(hits: Hits, l: Array, things: Casters, steps: Steps) -> Array:
-        away = (hits.normal * l).sum(axis=0) <= 0
-        return away | _any_blocks(hits.point + 1e-7 * hits.normal, l, things, steps, limit)
+    def blocked(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
+        away = (hits.normal * to).sum(axis=0) <= 0
+        return away | _any_blocks(hits.point + 1e-7 * hits.normal, to, things, steps, limit)
 
     return blocked
 
 
 def cast_by(keep: Callable[[int, Shape, Casters], bool]) -> Change:
     """Only some objects cast shadows; every object still lies in its own."""
-    return shadows(lambda hits, l, things, steps: hidden(
-        hits, l, tuple(x if keep(i, x, things) else _gone(x) for i, x in enumerate(things)), steps))  # fmt: skip
+    return shadows(lambda hits, to, things, steps: hidden(
+        hits, to, tuple(x if keep(i, x, things) else _gone(x) for i, x in enumerate(things)), steps))  # fmt: skip
 
 
 def _gone(thing: Shape) -> Shape:
@@ -835,33 +853,47 @@ def _gone(thing: Shape) -> Shape:
     return msgspec.structs.replace(thing, center=(0.0, 0.0, -1e9), half_u=(1e-9, 0.0, 0.0), half_v=(0.0, 1e-9, 0.0))
 
 
-def received_by(keep: Callable[[Shape], bool]) -> Callable[[Hits, Array, Casters, Steps], Array]:
-    def blocked(hits: Hits, l: Array, things: Casters, steps: Steps) -> Array:
-        receives = np.array([keep(thing) for thing in things] + [False])[hits.ids]
-        return (receives & others_hide(hits, l, things, steps)) | ((hits.normal * l).sum(axis=0) <= 0)
+def one_other(last: bool) -> Callable[[Hits, Array, Casters, Steps], Array]:
+    """Of all objects but the point's own only the last one tested, or the first, decides."""
+
+    def blocked(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
+        found = np.zeros(hits.t.shape, bool)
+        along = np.broadcast_to(to, hits.point.shape)
+        for index, thing in enumerate(things if last else things[::-1]):
+            hit = np.isfinite(meet(hits.point, along, thing, steps))
+            found = np.where(hits.ids == (index if last else len(things) - 1 - index), found, hit)
+        return found | ((hits.normal * to).sum(axis=0) <= 0)
 
     return blocked
 
 
-def _line(hits: Hits, l: Array, things: Casters, steps: Steps) -> Array:
+def received_by(keep: Callable[[Shape], bool]) -> Callable[[Hits, Array, Casters, Steps], Array]:
+    def blocked(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
+        receives = np.array([keep(thing) for thing in things] + [False])[hits.ids]
+        return (receives & others_hide(hits, to, things, steps)) | ((hits.normal * to).sum(axis=0) <= 0)
+
+    return blocked
+
+
+def _line(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
     """What lies behind the point, away from the sun, hides it too."""
-    return hidden(hits, l, things, steps) | others_hide(hits, -l, things, steps)
+    return hidden(hits, to, things, steps) | others_hide(hits, -to, things, steps)
 
 
 def _from(start: Callable[[Hits, Scene | None], Any]) -> Callable[[Hits, Array, Casters, Steps], Array]:
-    def blocked(hits: Hits, l: Array, things: Casters, steps: Steps) -> Array:
+    def blocked(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
         moved = hits._replace(point=np.broadcast_to(start(hits, None), hits.point.shape))
-        return others_hide(moved, l, things, steps) | ((hits.normal * l).sum(axis=0) <= 0)
+        return others_hide(moved, to, things, steps) | ((hits.normal * to).sum(axis=0) <= 0)
 
     return blocked
 
 
-def _all_dark(hits: Hits, l: Array, things: Casters, steps: Steps) -> Array:
+def _all_dark(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
     return np.ones(hits.t.shape, bool)
 
 
-def _as_lambert(hits: Hits, l: Array, things: Casters, steps: Steps) -> Array:
-    return (hits.normal * l).sum(axis=0) <= 0
+def _as_lambert(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
+    return (hits.normal * to).sum(axis=0) <= 0
 
 
 def _sphere_index(k: int, things: Casters) -> int:
@@ -877,7 +909,7 @@ SHADOWS = (
     row("no-shadow", SHADOW, "there are no cast shadows: send a ray from each point to the sun",
         shadows(_as_lambert)),
     row("all-in-shadow", SHADOW,
-        "every surface is in its own shadow: start the shadow ray a little off the surface, or leave its own object out",
+        "every surface is in its own shadow: start the shadow ray a little off it, or leave its own object out",
         shadows(_all_dark)),
     row("shadow-offset", SHADOW,
         "the shadow ray starts too far from the surface: shadows near what casts them are lost; 1e-4 of the scene is "
@@ -890,10 +922,10 @@ SHADOWS = (
         "what lies on the far side of the surface, away from the sun, casts shadows too: keep t > 0 alone",
         shadows(_line)),
     row("shadow-reversed", SHADOW, "shadow rays go away from the sun: they go along to_light",
-        shadows(lambda hits, l, things, steps: others_hide(hits, -l, things, steps)
-                | ((hits.normal * l).sum(axis=0) <= 0)),
-        shadows(lambda hits, l, things, steps: others_hide(hits, -l, things, steps)),
-        shadows(lambda hits, l, things, steps: hidden(hits, -l, things, steps))),
+        shadows(lambda hits, to, things, steps: others_hide(hits, -to, things, steps)
+                | ((hits.normal * to).sum(axis=0) <= 0)),
+        shadows(lambda hits, to, things, steps: others_hide(hits, -to, things, steps)),
+        shadows(lambda hits, to, things, steps: hidden(hits, -to, things, steps))),
     row("shadow-bounded", SHADOW,
         "only near objects cast shadows: nothing bounds the way to the sun",
         *(shadows(within(limit)) for limit in (0.02, 0.05, 0.1, 0.2, 0.25, 0.3, 0.5))),
@@ -909,7 +941,8 @@ SHADOWS = (
         "only one object casts shadows: the answer of each test overwrites the one before; any hit hides the sun",
         cast_by(lambda i, thing, things: i == _sphere_index(0, things)),
         cast_by(lambda i, thing, things: i == _sphere_index(-1, things)),
-        cast_by(lambda i, thing, things: i == len(things) - 1)),
+        cast_by(lambda i, thing, things: i == len(things) - 1),
+        shadows(one_other(True)), shadows(one_other(False))),
     row("one-casts-not", SHADOW, "one of the spheres casts no shadow: test shadow rays against all of them",
         cast_by(lambda i, thing, things: i != _sphere_index(0, things)),
         cast_by(lambda i, thing, things: i != _sphere_index(-1, things))),
@@ -917,8 +950,8 @@ SHADOWS = (
         "shadow rays start in the wrong place: they start at the point that the eye's ray met",
         shadows(_from(lambda hits, _: 0.0))),
     row("shadow-inverted", SHADOW, "light and shadow are swapped: V is 1 where the way to the sun is free",
-        shadows(lambda hits, l, things, steps: ~hidden(hits, l, things, steps)),
-        shadows(lambda hits, l, things, steps: ~others_hide(hits, l, things, steps))),
+        shadows(lambda hits, to, things, steps: ~hidden(hits, to, things, steps)),
+        shadows(lambda hits, to, things, steps: ~others_hide(hits, to, things, steps))),
     row("shadow-dims-all", SHADOW, "shadows scale the whole light: they take away the sun's part alone",
         *(both(open_back, shaded(partial(_dimmed, by=k))) for k in (0.5, 0.3, 0.2))),
 )  # fmt: skip
@@ -937,8 +970,20 @@ def behind(f: Callable[[Scene], Any]) -> Change:
     return put(background=lambda scene: np.broadcast_to(np.asarray(f(scene), float), 3))
 
 
+def _normalised(s: Steps) -> Steps:
+    return s._replace(output=lambda x, brightest: s.output(x, brightest) / brightest)
+
+
 def _overflow(x: Array) -> Array:
     return np.floor(np.maximum(x, 0) * 255 + 1e-9) % 256 / 255
+
+
+def _sky_scaled(scene: Scene, k: float) -> Array:
+    return k * np.array(scene.sky.radiance)
+
+
+def _channel(x: Array, k: int) -> Array:
+    return np.broadcast_to(x[..., k : k + 1], x.shape)
 
 
 def _power(x: Array, k: float) -> Array:
@@ -964,7 +1009,7 @@ OUTPUTS = (
         shown(lambda x: np.broadcast_to(x.mean(axis=-1, keepdims=True), x.shape)),
         shown(lambda x: np.broadcast_to(x @ np.array([0.2126, 0.7152, 0.0722])[:, None], x.shape)),
         shown(lambda x: np.broadcast_to(x @ np.array([0.299, 0.587, 0.114])[:, None], x.shape)),
-        *(shown(lambda x, k=k: np.broadcast_to(x[..., k : k + 1], x.shape)) for k in range(3))),
+        *(shown(partial(_channel, k=k)) for k in range(3))),
     row("clamped", OUTPUT, "values are cut off at 1: radiance may be larger, leave it as it is",
         shown(lambda x: np.minimum(x, 1))),
     row("overflow", OUTPUT, "8-bit values overflow: what is brighter than white wraps round to black; clip first",
@@ -987,7 +1032,7 @@ OUTPUTS = (
     row("half-turn", OUTPUT, "the image is turned by half a turn",
         at(lambda u, v, c: (c.width - 1 - u, c.height - 1 - v))),
     row("normalised", OUTPUT, "the image is divided by its brightest value: radiance has a scale of its own",
-        lambda s: s._replace(output=lambda x, brightest: s.output(x, brightest) / brightest)),
+        _normalised),
     row("tone-mapped", OUTPUT, "the values are tone-mapped, x / (1 + x): hand in linear radiance",
         shown(lambda x: x / (1 + np.maximum(x, 0))), shown(lambda x: 1 - np.exp(-np.maximum(x, 0)))),
     row("negative", OUTPUT, "the image is a negative: 1 - value", shown(lambda x: 1 - x)),
@@ -998,7 +1043,7 @@ OUTPUTS = (
         behind(lambda scene: 1.0)),
     row("background-scaled", OUTPUT,
         "the background is not the sky's radiance as it is: a factor of π or 2 has slipped in",
-        *(behind(lambda scene, k=k: k * np.array(scene.sky.radiance)) for k in (pi, 1 / pi, 2.0, 0.5))),
+        *(behind(partial(_sky_scaled, k=k)) for k in (pi, 1 / pi, 2.0, 0.5))),
     row("background-sun", OUTPUT, "the background shows the sun's colour: it shows the sky's radiance",
         behind(lambda scene: scene.sun.irradiance), behind(lambda scene: np.array(scene.sun.irradiance) / pi)),
     row("premultiplied", OUTPUT, "colours are multiplied by their own coverage or value once more (premultiplied)",
@@ -1010,5 +1055,7 @@ OUTPUTS = (
     row("empty", OUTPUT, "the image is black everywhere", shown(lambda x: 0 * x)),
 )  # fmt: skip
 
-FAULTS: tuple[Fault, ...] = (*CAMERAS, *SOLVERS, *ORDERS, *NORMALS_, *LIGHTS, *SHADOWS, *OUTPUTS)
+FAULTS: tuple[Fault, ...] = (
+    *CAMERAS, *self_testing(*SOLVERS), *ORDERS, *self_testing(*NORMALS_), *LIGHTS, *SHADOWS, *OUTPUTS,
+)  # fmt: skip
 """Every mistake there is, by stage."""

@@ -12,21 +12,28 @@ from typing import Literal
 
 import numpy as np
 
-from raytwin.grade.catalogue import FAULTS, STAGES, Fault
-from raytwin.grade.fitted import FAMILIES, Family, fit, total
+from raytwin.grade.catalogue import FAULTS, OUTPUT, STAGES, Fault
+from raytwin.grade.fitted import FAMILIES, Family, fit, promising, total
 from raytwin.grade.predict import RIGHT, Array, Steps
 from raytwin.grade.sight import Sight, View, many
 from raytwin.grade.whereabouts import whereabouts
+from raytwin.scene import Scene
 
 EXPLAINED = 0.9
 """Share of the squared error below which no cause is named."""
 SURE = 0.995
 FEW = 6
 """Wrong pixels below which nothing is named: rounding on outlines."""
+RARE = 3e-3
+"""Of a picture's pixels: where no more are wrong, only single faults without numbers are tried."""
 SCREEN = 4
 """Every fault is tried on one in so many of the pixels first."""
 FINALISTS = 24
-BEAM = 4
+HOPELESS = 0.97
+"""Of the cost: what leaves more of it is not worth a second fault."""
+FITS = 5
+"""Families whose numbers are fitted to the end, of those whose first step explains most."""
+BEAM = 3
 """Single faults that a second one is added to."""
 
 Sureness = Literal["sure", "likely", "unknown"]
@@ -66,7 +73,9 @@ class Diagnosis:
         if not self.causes:
             near = ""
             if self.nearest is not None and self.explained >= 0.5:
-                near = f"; nearest, explaining {100 * self.explained:.0f} % of the squared error: {self.nearest.sentence}"
+                near = (
+                    f"; nearest, explaining {100 * self.explained:.0f} % of the squared error: {self.nearest.sentence}"
+                )
             return (f"cause unknown: {self.where}{near}",)
         said = []
         for cause, others in zip(self.causes, self.alternatives, strict=True):
@@ -95,7 +104,22 @@ class Guess:
     refit: Callable[[Sequence[Sight]], Steps] | None = None
 
 
-def diagnose(views: Sequence[View], seed: int = 0, faults: Sequence[Fault] = FAULTS, most: int = 2) -> Diagnosis:
+PLAIN = tuple(
+    fault for fault in FAULTS
+    if fault.name == "swapped-axes" or (fault.stage == OUTPUT and all(way(RIGHT).background is RIGHT.background
+                                                                      for way in fault.ways))
+)  # fmt: skip
+"""What may be wrong with a picture of nobody knows what: its values and its order."""
+PLAIN_FAMILIES = tuple(family for family in FAMILIES if family.name in ("image-scaled", "offset", "power"))
+
+
+def diagnose(
+    views: Sequence[View],
+    seed: int = 0,
+    faults: Sequence[Fault] = FAULTS,
+    families: Sequence[Family] = FAMILIES,
+    most: int = 2,
+) -> Diagnosis:
     """The cause of all that is wrong in the views of one submission; `most`: faults together.
 
     Give the views that are right too: a fault that would have spoiled them is none.
@@ -110,18 +134,38 @@ def diagnose(views: Sequence[View], seed: int = 0, faults: Sequence[Fault] = FAU
         return Diagnosis(right=False, where=where)
     sights = [s for s in sights if s.weight.size]
     small = [s.fewer(SCREEN) for s in sights]
+    thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
     base = Guess((), RIGHT, total(sights, RIGHT))
-    found = _round(base, sights, small, faults)
-    beam = found[:BEAM]
+    found = _round(base, sights, small, faults, families if thorough else ())
     for _ in range(most - 1):
-        if not beam or _explained(sights, beam[0].steps)[0] > SURE:
+        if not thorough or not found or _good(sights, found[0].steps):
             break
-        found = sorted(
-            (*found, *(g for one in beam for g in _round(one, sights, small, faults))),
-            key=lambda g: g.cost + len(g.causes) * _price(base),
-        )
-        beam = found[:BEAM]
+        faults = _distinct(faults, small)
+        for k, one in enumerate([g for g in found[:BEAM] if g.cost < HOPELESS * base.cost]):
+            found += _round(one, sights, small, faults, () if k else families)
+        found.sort(key=lambda g: g.cost + len(g.causes) * _price(base))
     return _told(found, sights, base, where)
+
+
+def explain(
+    shown: Array,
+    right: Array,
+    scene: Scene | None = None,
+    rung: str = "shadow",
+    half: Array | None = None,
+    clipped: bool = False,
+) -> tuple[str, ...]:
+    """In words, why one picture is wrong: of a known scene, any fault; else what a writer of pictures does wrong.
+
+    Empty where there is nothing to say: of an unknown scene only a cause that explains it is told.
+    """
+    if np.shape(shown) != np.shape(right) or np.ndim(shown) != 3 or not np.isfinite(shown).all():
+        return ()
+    view = View(scene, shown, right, rung, half=half, clipped=clipped)
+    if scene is not None:
+        return diagnose([view]).words
+    made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, most=1)
+    return tuple(text for text in made.words if text) if made.causes else ()
 
 
 def _price(base: Guess) -> float:
@@ -129,7 +173,9 @@ def _price(base: Guess) -> float:
     return 0.03 * base.cost
 
 
-def _round(before: Guess, sights: list[Sight], small: list[Sight], faults: Sequence[Fault]) -> list[Guess]:
+def _round(
+    before: Guess, sights: list[Sight], small: list[Sight], faults: Sequence[Fault], families: Sequence[Family]
+) -> list[Guess]:
     """All that may be added to a guess, the best first."""
     tried = []
     for fault in faults:
@@ -142,10 +188,10 @@ def _round(before: Guess, sights: list[Sight], small: list[Sight], faults: Seque
     tried.sort(key=lambda g: g.cost)
     exact = [_weighed(g, sights) for g in tried[:FINALISTS]]
     exact.sort(key=lambda g: g.cost)
-    if exact and _explained(sights, exact[0].steps)[0] > SURE and exact[0].cost < 0.1 * before.cost:
+    if not families or (exact and exact[0].cost < 0.1 * before.cost and _good(sights, exact[0].steps)):
         return exact
     fitted = []
-    for family in FAMILIES:
+    for family in promising(families, small, before.steps, FITS):
         p, cost = fit(family, small, before.steps)
         if cost > 0.9 * before.cost:
             continue
@@ -155,6 +201,21 @@ def _round(before: Guess, sights: list[Sight], small: list[Sight], faults: Seque
         extra = 0.01 * before.cost * len(p)
         fitted.append(Guess((*before.causes, cause), family.make(p)(before.steps), cost + extra, refit))
     return sorted((*exact, *fitted), key=lambda g: g.cost)
+
+
+def _distinct(faults: Sequence[Fault], small: Sequence[Sight]) -> list[Fault]:
+    """The faults with the ways that show on these pictures, and of ways that show the same the first."""
+    right, kept = _print(small, RIGHT), []
+    for fault in faults:
+        found = {_print(small, way(RIGHT)): way for way in reversed(fault.ways)}
+        found.pop(right, None)
+        kept.append(replace(fault, ways=tuple(reversed(found.values()))))
+    return [fault for fault in kept if fault.ways]
+
+
+def _print(small: Sequence[Sight], steps: Steps) -> bytes:
+    """What tells predictions apart."""
+    return b"".join(np.float32(np.round(s.predict(steps) / s.scale, 5)).tobytes() for s in small)
 
 
 def _from(family: Family, p: tuple[float, ...]) -> Family:
@@ -181,6 +242,12 @@ def _explained(sights: Sequence[Sight], steps: Steps) -> tuple[float, Array]:
     return float(whole), each
 
 
+def _good(sights: Sequence[Sight], steps: Steps) -> bool:
+    """Nothing is left to be explained."""
+    hit, kept = _hits(sights, steps)
+    return kept > 0.99 and hit > 0.95 and (hit > 0.98 or _explained(sights, steps)[0] > SURE)
+
+
 def _hits(sights: Sequence[Sight], steps: Steps) -> tuple[float, float]:
     """Of the wrong pixels the share that is hit closely, and of the right ones the share that stays right."""
     hit = [(s.errors(steps) <= 4 * s.tau, s) for s in sights]
@@ -198,11 +265,11 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
     best = found[0]
     share, each = _explained(sights, best.steps)
     hit, kept = _hits(sights, best.steps)
-    if share < EXPLAINED or best.cost > 0.6 * base.cost:
+    if (share < EXPLAINED or best.cost > 0.6 * base.cost) and not (hit > EXPLAINED and kept > 0.99):
         single = min((g for g in found if len(g.causes) == 1), key=lambda g: g.cost)
         share = _explained(sights, single.steps)[0]
         return Diagnosis(right=False, explained=max(share, 0.0), where=where, nearest=single.causes[0])
-    sureness: Sureness = "sure" if share > SURE and hit > 0.95 and kept > 0.99 else "likely"
+    sureness: Sureness = "sure" if _good(sights, best.steps) else "likely"
     held = _held_out(best, sights, each)
     others = _as_good(best, found, sights)
     order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
@@ -242,7 +309,9 @@ def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight]) -> list[t
         gone = [k for k, name in enumerate(names) if name not in {cause.name for cause in guess.causes}]
         if len(new) != 1 or len(gone) != 1:
             continue
-        if guess.cost < 1.25 * best.cost or all(_same(s, a, s.predict(guess.steps)) for s, a in zip(sights, own, strict=True)):
+        if guess.cost < 1.25 * best.cost or all(
+            _same(s, a, s.predict(guess.steps)) for s, a in zip(sights, own, strict=True)
+        ):
             others[gone[0]].setdefault(new[0].name, new[0])
     return [tuple(list(found.values())[:2]) for found in others]
 

@@ -5,7 +5,7 @@ cost of `Sight`, whose tolerance begins at the size of the errors and shrinks to
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 from typing import Any
 
@@ -13,8 +13,25 @@ import msgspec
 import numpy as np
 
 from raytwin.grade.catalogue import (
-    CAMERA, LIGHT, OUTPUT, SHADOW, SOLVER, _any_blocks, at, behind, lens, lit, offset_by, posed, resized, shaded,
-    shadows, shown, sky_times, sun, sun_times, within,
+    CAMERA,
+    LIGHT,
+    OUTPUT,
+    SHADOW,
+    SOLVER,
+    at,
+    behind,
+    lens,
+    lit,
+    offset_by,
+    posed,
+    resized,
+    shaded,
+    shadows,
+    shown,
+    sky_times,
+    sun,
+    sun_times,
+    within,
 )  # fmt: skip
 from raytwin.grade.predict import RIGHT, Array, Change, Steps, Terms
 from raytwin.grade.sight import Sight
@@ -65,7 +82,7 @@ def _turned(p: Sequence[float]) -> Array:
 
 def _light_turned(p: Sequence[float]) -> Change:
     turn = _turned((*p, 0.0)[:3])
-    return lit(lambda l, scene, hits: turn @ l)
+    return lit(lambda to, scene, hits: turn @ to)
 
 
 def _camera_turned(p: Sequence[float]) -> Change:
@@ -149,8 +166,8 @@ FAMILIES = (
            lambda p: "the background is ({:.3g}, {:.3g}, {:.3g}): a ray that meets nothing shows the sky's "
                      "radiance".format(*p)),
     Family("shadow-start", SHADOW, (-6.0,), 0.2, lambda p: shadows(offset_by(10 ** p[0])),
-           lambda p: f"the shadow ray starts too far from the surface ({10 ** p[0]:.2g} m): shadows near what casts them "
-                     "are lost", ((-3.0,), (-2.3,), (-1.7,), (-1.0,), (-0.3,))),
+           lambda p: f"the shadow ray starts too far from the surface ({10 ** p[0]:.2g} m): shadows near what "
+                     "casts them are lost", ((-3.0,), (-2.3,), (-1.7,), (-1.0,), (-0.3,))),
     Family("shadow-reach", SHADOW, (3.0,), 0.1, lambda p: shadows(within(10 ** p[0])),
            lambda p: f"only what is nearer than {10 ** p[0]:.2g} m casts a shadow: nothing bounds the way to the sun",
            ((-0.7,), (-1.2,), (0.0,))),
@@ -160,9 +177,25 @@ FAMILIES = (
 
 def fit(family: Family, sights: Sequence[Sight], base: Steps = RIGHT) -> tuple[tuple[float, ...], float]:
     """The parameters that explain most, and their cost, the mean over sights."""
-    found = [_descend(family, sights, base, np.array(start, float)) for start in (family.start, *family.tries)]
+    found = [Descent(family, sights, base, np.array(p, float)).run() for p in (family.start, *family.tries)]
     p, cost = min(found, key=lambda x: x[1])
     return tuple(float(x) for x in p), cost
+
+
+def promising(families: Sequence[Family], sights: Sequence[Sight], base: Steps, most: int) -> list[Family]:
+    """Those whose first step explains most, each begun at its best place."""
+    tried: list[tuple[float, int, Family, Array]] = []
+    for family in families:
+        for start in (family.start, *family.tries):
+            descent = Descent(family, sights, base, np.array(start, float))
+            gain = descent.advance()
+            tried.append(
+                (descent.cost(descent.before, descent.first) if gain else np.inf, len(tried), family, descent.p)
+            )
+    found: dict[str, Family] = {}
+    for _, _, family, p in sorted(tried, key=lambda x: x[:2]):
+        found.setdefault(family.name, replace(family, start=tuple(p), tries=()))
+    return list(found.values())[:most]
 
 
 def total(sights: Sequence[Sight], steps: Steps, widen: float = 1) -> float:
@@ -170,51 +203,57 @@ def total(sights: Sequence[Sight], steps: Steps, widen: float = 1) -> float:
     return float(np.mean([s.cost(s.errors(steps), widen * s.tau) for s in sights]))
 
 
-def _descend(family: Family, sights: Sequence[Sight], base: Steps, p: Array) -> tuple[Array, float]:
-    """Gauss and Newton's steps, kept where the cost falls."""
+class Descent:
+    """Gauss and Newton's steps, kept where the cost falls; `widen`: times the last tolerance."""
 
-    def residuals(q: Array) -> Array:
-        steps = family.make(tuple(q))(base)
-        r = [np.sqrt(s.weight / len(sights))[:, None] * np.clip((s.shown - s.predict(steps)) / s.tau, -1e8, 1e8)
-             for s in sights]  # fmt: skip
-        return np.nan_to_num(np.concatenate(r)).ravel()
+    def __init__(self, family: Family, sights: Sequence[Sight], base: Steps, p: Array) -> None:
+        self.family, self.sights, self.base, self.p = family, sights, base, p
+        self.roots = np.concatenate([np.repeat(np.sqrt(s.weight / len(sights)), 3) for s in sights])
+        self.before = self.residuals(p)
+        right = np.abs(self._residuals(base) / self.roots)
+        self.first = self.widen = float(np.median(right[right > 1])) if (right > 1).any() else 1.0
+        self.step = family.step
 
-    roots = np.concatenate([np.repeat(np.sqrt(s.weight / len(sights)), 3) for s in sights])
+    def residuals(self, p: Array) -> Array:
+        return self._residuals(self.family.make(tuple(p))(self.base))
 
-    def cost(r: Array, widen: float) -> float:
-        return float((roots**2 * np.log1p(np.square(r / roots / widen))).sum())
+    def _residuals(self, steps: Steps) -> Array:
+        off = [np.clip((s.shown - s.predict(steps)) / s.tau, -1e8, 1e8).ravel() for s in self.sights]
+        return self.roots * np.nan_to_num(np.concatenate(off))
 
-    before = residuals(p)
-    bare = np.abs(before / roots)
-    off = bare[bare > 1]
-    widen = float(np.median(off)) if off.size else 1.0
-    step = family.step
-    for _ in range(14):
+    def cost(self, r: Array, widen: float) -> float:
+        return float((self.roots**2 * np.log1p(np.square(r / self.roots / widen))).sum())
+
+    def advance(self) -> float:
+        """One step, as long as it helps: its length; 0 where none does."""
         columns = []
-        for k in range(p.size):
-            moved = p.copy()
-            moved[k] += step
-            columns.append((residuals(moved) - before) / step)
+        for k in range(self.p.size):
+            moved = self.p.copy()
+            moved[k] += self.step
+            columns.append((self.residuals(moved) - self.before) / self.step)
         J = np.stack(columns, axis=1)
-        w = 1 / (1 + np.square(before / roots / widen))
-        A, b = (J * w[:, None]).T @ J, (J * w[:, None]).T @ before
+        w = 1 / (1 + np.square(self.before / self.roots / self.widen))
+        A, b = (J * w[:, None]).T @ J, (J * w[:, None]).T @ self.before
         try:
             change = -np.linalg.solve(A + 1e-9 * np.diag(np.diag(A) + 1e-12), b)
         except np.linalg.LinAlgError:
-            break
-        now, best = cost(before, widen), None
-        for shorter in (1.0, 0.5, 0.2):
-            tried = residuals(p + shorter * change)
-            if (c := cost(tried, widen)) < now:
-                best, now = (p + shorter * change, tried), c
+            return 0.0
+        now = self.cost(self.before, self.widen)
+        for shorter in (1.0, 0.4):
+            tried = self.residuals(self.p + shorter * change)
+            if self.cost(tried, self.widen) < now:
+                self.p, self.before = self.p + shorter * change, tried
+                return float(np.abs(change).max())
+        return 0.0
+
+    def run(self) -> tuple[Array, float]:
+        for _ in range(12):
+            length = self.advance()
+            if not length:
+                if self.widen <= 1 and self.step <= self.family.step * 0.1:
+                    break
+                self.step = max(self.step / 4, self.family.step * 1e-2)
+            elif self.widen <= 1 and length < 1e-5 * self.family.step:
                 break
-        if best is None:
-            if widen <= 1 and step <= family.step * 1e-2:
-                break
-            step = max(step / 4, family.step * 1e-3)
-        else:
-            p, before = best
-        widen = max(widen / 3, 1.0)
-        if widen <= 1 and best is not None and np.abs(change).max() < 1e-6 * family.step:
-            break
-    return p, total(sights, family.make(tuple(p))(base))
+            self.widen = max(self.widen / 4, 1.0)
+        return self.p, total(self.sights, self.family.make(tuple(self.p))(self.base))

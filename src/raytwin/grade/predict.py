@@ -20,14 +20,6 @@ from raytwin.tracer import intersect_rectangle, intersect_sphere, undistort
 Array = np.ndarray
 
 
-class Pixels(NamedTuple):
-    """(u, v) of the chosen pixels, (N,), and the camera as the scene tells it."""
-
-    u: Array
-    v: Array
-    camera: Camera
-
-
 class Rays(NamedTuple):
     """`origin` (3, 1); `d` (3, N): what solvers are given; `aim` (3, N): what t is applied to, both `d` where right.
 
@@ -72,8 +64,8 @@ class Steps(NamedTuple):
     ray: Callable[[Array, Array, Camera], Rays]
     camera: Callable[[Camera], Camera]
     objects: Callable[[tuple[Shape, ...]], tuple[Shape, ...]]
-    sphere: Callable[[Array, Array, Sphere], Array]
-    rectangle: Callable[[Array, Array, Rectangle], Array]
+    sphere: Callable[[Any, Any, Sphere], Any]
+    rectangle: Callable[[Any, Any, Rectangle], Any]
     order: Callable[[Array, tuple[Shape, ...], Rays], Array]
     point: Callable[[Rays, Array], Array]
     normal: Callable[[Array, Rays, Shape], Array]
@@ -90,6 +82,15 @@ def direct_ray(x: Array, y: Array, camera: Camera) -> Rays:
     length = np.linalg.norm(d, axis=0)
     d = np.asarray(camera.R_cam_board).T @ (d / length)
     return Rays(np.array(camera.eye)[:, None], d, d, length)
+
+
+def on_sphere(origin: Any, d: Any, sphere: Sphere, solver: str = "robust") -> Array:
+    """The tracer's own solver."""
+    return np.asarray(intersect_sphere(tuple(origin), tuple(d), sphere, solver))
+
+
+def on_rectangle(origin: Any, d: Any, rectangle: Rectangle) -> Array:
+    return np.asarray(intersect_rectangle(tuple(origin), tuple(d), rectangle))
 
 
 def nearest(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
@@ -110,22 +111,22 @@ def outward(point: Array, rays: Rays, thing: Shape) -> Array:
     return np.where((n * rays.d).sum(axis=0) > 0, -n, n)
 
 
-def to_sun(l: Array, scene: Scene, hits: Hits) -> Array:
+def to_sun(to: Array, scene: Scene, hits: Hits) -> Array:
     """The sun is far away: one direction (3, 1) for all."""
-    return l
+    return to
 
 
-def hidden(hits: Hits, l: Array, things: tuple[Shape, ...], steps: "Steps") -> Array:
-    """(N,) bool: another object lies on the way along l, or the point faces away from it."""
-    return others_hide(hits, l, things, steps) | ((hits.normal * l).sum(axis=0) <= 0)
+def hidden(hits: Hits, to: Array, things: tuple[Shape, ...], steps: "Steps") -> Array:
+    """(N,) bool: another object lies on the way along the light, or the point faces away from it."""
+    return others_hide(hits, to, things, steps) | ((hits.normal * to).sum(axis=0) <= 0)
 
 
-def others_hide(hits: Hits, l: Array, things: tuple[Shape, ...], steps: "Steps") -> Array:
+def others_hide(hits: Hits, to: Array, things: tuple[Shape, ...], steps: "Steps") -> Array:
     """(N,) bool: another object than the point's own lies on the way along l."""
-    l = np.broadcast_to(l, hits.point.shape)
+    to = np.broadcast_to(to, hits.point.shape)
     found = np.zeros(hits.t.shape, bool)
     for index, thing in enumerate(things):
-        found |= (hits.ids != index) & np.isfinite(meet(hits.point, l, thing, steps))
+        found |= (hits.ids != index) & np.isfinite(meet(hits.point, to, thing, steps))
     return found
 
 
@@ -142,8 +143,8 @@ RIGHT = Steps(
     ray=direct_ray,
     camera=lambda camera: camera,
     objects=lambda things: things,
-    sphere=intersect_sphere,
-    rectangle=intersect_rectangle,
+    sphere=on_sphere,
+    rectangle=on_rectangle,
     order=nearest,
     point=along,
     normal=outward,
@@ -156,6 +157,8 @@ RIGHT = Steps(
 """The tracer as it should be."""
 
 Change = Callable[[Steps], Steps]
+KEPT = 6
+"""Intermediate results of wrong tracers that are kept for the next."""
 
 
 def meet(origin: Array, d: Array, thing: Shape, steps: Steps) -> Array:
@@ -167,7 +170,7 @@ def meet(origin: Array, d: Array, thing: Shape, steps: Steps) -> Array:
 
 @dataclass(eq=False)
 class Bench:
-    """One scene at chosen pixels, on which changes are tried; what is found stays, by the steps that made it."""
+    """One scene at chosen pixels, on which changes are tried; what was found last stays, by the steps that made it."""
 
     scene: Scene
     u: Array
@@ -176,6 +179,14 @@ class Bench:
     brightest: float = 1.0
     kept: dict[tuple[Any, ...], Any] = field(default_factory=dict)
 
+    @property
+    def camera(self) -> Camera:
+        return self.scene.camera
+
+    def at(self, u: Array, v: Array) -> "Bench":
+        """The same at other pixels."""
+        return Bench(self.scene, u, v, self.shadows, self.brightest)
+
     def rays(self, steps: Steps) -> Rays:
         key = ("rays", *steps[:5])
         if key not in self.kept:
@@ -183,8 +194,14 @@ class Bench:
             u, v = steps.place(self.u, self.v, self.scene.camera)
             seen = steps.lens(lens)
             x, y = (u - seen.cx) / seen.fx, (v - seen.cy) / seen.fy
-            self.kept[key] = steps.ray(*steps.undo(x, y, seen.coefficients), lens)
-        return self.kept[key]  # type: ignore[no-any-return]
+            self.keep(key, steps.ray(*steps.undo(x, y, seen.coefficients), lens))
+        return self.kept[key]
+
+    def keep(self, key: tuple[Any, ...], value: Any) -> None:
+        """The right tracer's for good, and the last few others."""
+        self.kept[key] = value
+        for old in [k for k in self.kept if k[1:] != RIGHT[: len(k) - 1]][:-KEPT]:
+            del self.kept[old]
 
     def things(self, steps: Steps) -> tuple[Shape, ...]:
         return steps.objects(self.scene.objects)
@@ -206,22 +223,21 @@ class Bench:
                     part = Rays(rays.origin, rays.d[:, here], rays.aim[:, here], rays.stretch[here])
                     normal[:, here] = steps.normal(point[:, here], part, thing)
                     albedo[:, here] = np.array(thing.material.albedo)[:, None]
-            self.kept[key] = Hits(ids, reach, point, normal, albedo)
-        return self.kept[key]  # type: ignore[no-any-return]
+            self.keep(key, Hits(ids, reach, point, normal, albedo))
+        return self.kept[key]
 
     def terms(self, steps: Steps) -> Terms:
         key = ("terms", *steps[:13])
         if key not in self.kept:
             hits, sun = self.hits(steps), self.scene.sun
-            l = steps.light(np.array(sun.to_light)[:, None], self.scene, hits)
+            to = steps.light(np.array(sun.to_light)[:, None], self.scene, hits)
             visible = np.ones(hits.t.shape)
             if self.shadows and any(sun.irradiance):
-                visible = np.where(steps.blocked(hits, l, self.things(steps), steps), 0.0, 1.0)
-            self.kept[key] = Terms(
-                hits.albedo, (hits.normal * l).sum(axis=0), visible, np.array(sun.irradiance)[:, None],
-                np.array(self.scene.sky.radiance)[:, None], hits, self.scene, self.shadows,
-            )  # fmt: skip
-        return self.kept[key]  # type: ignore[no-any-return]
+                visible = np.where(steps.blocked(hits, to, self.things(steps), steps), 0.0, 1.0)
+            cos, E, sky = (hits.normal * to).sum(axis=0), sun.irradiance, self.scene.sky.radiance
+            E3, sky3 = np.array(E)[:, None], np.array(sky)[:, None]
+            self.keep(key, Terms(hits.albedo, cos, visible, E3, sky3, hits, self.scene, self.shadows))
+        return self.kept[key]
 
     def radiance(self, steps: Steps) -> Array:
         """(N, 3), before output."""
@@ -233,3 +249,30 @@ class Bench:
         """(N, 3) where each ray first meets a sphere, NaN for none."""
         hits = self.hits(steps)
         return np.where(hits.ids >= 0, hits.point, np.nan).T
+
+
+@dataclass(eq=False)
+class Plain:
+    """A right picture (H, W, 3) of nobody knows which scene: its pixels can be moved, and its values changed."""
+
+    right: Array
+    u: Array
+    v: Array
+    brightest: float = 1.0
+
+    @property
+    def camera(self) -> Camera:
+        """Of the picture's size; nothing else is known of it."""
+        h, w = self.right.shape[:2]
+        K = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        return Camera((w, h), K, K, (0.0, 0.0, 0.0))
+
+    def at(self, u: Array, v: Array) -> "Plain":
+        return Plain(self.right, u, v, self.brightest)
+
+    def radiance(self, steps: Steps) -> Array:
+        """(N, 3), before output; NaN beyond the picture."""
+        h, w = self.right.shape[:2]
+        u, v = (np.rint(x).astype(int) for x in steps.place(self.u, self.v, self.camera))
+        there = (u >= 0) & (u < w) & (v >= 0) & (v < h)
+        return np.where(there[:, None], self.right[np.clip(v, 0, h - 1), np.clip(u, 0, w - 1)], np.nan)

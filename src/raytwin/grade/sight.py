@@ -1,5 +1,6 @@
-"""One submitted picture beside what is right, at chosen pixels: where it is wrong, and how well a change explains it."""
+"""A submitted picture beside what is right, at chosen pixels: where it is wrong, how well a change explains it."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -8,31 +9,32 @@ import msgspec
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.grade.predict import RIGHT, Array, Bench, Steps
+from raytwin.grade.predict import RIGHT, Array, Bench, Plain, Steps
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene, Sphere
+from raytwin.scene import Camera, Scene, Sphere
 from raytwin.scene.lens import without_ray
-from raytwin.speed import trace
-from raytwin.tracer import RADIANCE
+from raytwin.tracer import RADIANCE, trace
 
 WRONG, KEPT, EDGES = 700, 500, 250
 """Pixels that are looked at: of those that are wrong, those that are right, and those of them beside an outline."""
 CLOSE = 3e-4
 """Of the scale: the largest error that a prediction may have and still be said to hit a value."""
+GRID = 100_000
+"""Of larger pictures only every k-th pixel of every k-th row is looked at."""
 DIGITS = 3e-6
 """Of the scale: what float32 rounds off."""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A submission's picture of one scene.
+    """A submission's picture of one scene; of None, where nobody knows which.
 
     `shown` (H, W, 3): linear radiance, or with `points` where each pixel's ray first meets a sphere, NaN for none.
     `right`: what it should be; the tracer's own picture where none is given. `half` (H, W, 3): what its format may have
     rounded off; `clipped`: it holds nothing above 1.
     """
 
-    scene: Scene
+    scene: Scene | None
     shown: Array
     right: Array | None = None
     rung: str = "shadow"
@@ -46,7 +48,7 @@ class Sight:
     """A view at N chosen pixels, weighted so that they stand for all.
 
     `shown`, `right` (N, 3); `slack` (N, 3): what rounding may do; `scale`: of the values; `tau`: an error of this size
-    is one. `extra` (H, W, 3): light that no formula of the tracer gives, None where there is none. `wrong`, `edge`: (N,).
+    is one. `wrong`, `edge`: (N,). `more`: the right picture has light that sun, shadow and open sky do not make.
     """
 
     view: View
@@ -59,27 +61,29 @@ class Sight:
     tau: float
     wrong: Array
     edge: Array
-    bench: Bench
-    noisy: bool
+    bench: Bench | Plain
+    more: bool
+    step: int
     moved: dict[Any, Array] = field(default_factory=dict)
 
     def predict(self, steps: Steps) -> Array:
         """(N, 3): what would be shown."""
         with np.errstate(all="ignore"):
-            if self.view.points:
+            if self.view.points and isinstance(self.bench, Bench):
                 return self.bench.points(steps)
             light = self.bench.radiance(steps)
-            if self.noisy:
+            if self.more:
                 light = light + self.beyond(steps)
             made = np.asarray(steps.output(light, self.bench.brightest), float)
         return np.clip(made, 0, 1) if self.view.clipped else made
 
     def beyond(self, steps: Steps) -> Array:
-        """Light of the right picture that sun, shadow and open sky do not make, at the places that the steps look at."""
+        """Light of the right picture that sun, shadow and open sky do not make, where the steps look."""
         if steps.place not in self.moved:
             alone = RIGHT._replace(place=steps.place)
-            height, width = self.view.shown.shape[:2]
-            u, v = (np.rint(x).astype(int) for x in steps.place(self.bench.u, self.bench.v, self.bench.scene.camera))
+            height, width = _right(self.view).shape[:2]
+            place = steps.place(self.bench.u, self.bench.v, self.bench.camera)
+            u, v = (np.rint(x / self.step).astype(int) for x in place)
             right = _right(self.view)[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)]
             self.moved[steps.place] = right - self.bench.radiance(alone)
         return self.moved[steps.place]
@@ -111,10 +115,10 @@ class Sight:
 
     def fewer(self, step: int) -> "Sight":
         """The same at every step-th of its pixels."""
-        bench = Bench(self.bench.scene, self.bench.u[::step], self.bench.v[::step], self.bench.shadows,
-                      self.bench.brightest)  # fmt: skip
+        bench = self.bench.at(self.bench.u[::step], self.bench.v[::step])
         cut: dict[str, Any] = {
-            name: getattr(self, name)[::step] for name in ("index", "weight", "shown", "right", "slack", "wrong", "edge")
+            name: getattr(self, name)[::step]
+            for name in ("index", "weight", "shown", "right", "slack", "wrong", "edge")
         }
         cut["weight"] = cut["weight"] / max(cut["weight"].sum(), 1e-300)
         return replace(self, **cut, bench=bench, moved={})
@@ -125,26 +129,63 @@ def _right(view: View) -> Array:
     return view.right
 
 
-def whole(view: View) -> View:
-    """The view with what is right in it, in float64."""
-    height, width = view.scene.camera.height, view.scene.camera.width
+def every(camera: Camera, step: int) -> Camera:
+    """The camera whose pixel (u, v) stands where the other's (step u, step v) does."""
+    (a, s, cx), (z, b, cy), last = camera.K
+    K = ((a / step, s / step, cx / step), (z, b / step, cy / step), last)
+    return msgspec.structs.replace(
+        camera, image_size=(-(-camera.width // step), -(-camera.height // step)), K=K
+    )  # fmt: skip
+
+
+def thinned(view: View) -> tuple[View, int, Array, Array]:
+    """Every step-th pixel, in float64, with what is right; the step; outlines and pixels with a ray (H, W)."""
+    if view.scene is None:
+        return _unknown(view)
+    camera = view.scene.camera
     shown = np.asarray(view.shown)
-    if shown.shape != (height, width, 3) or shown.dtype.kind not in "fiu":
-        raise InputError("view.shown", f"an image ({height}, {width}, 3)", f"{shown.dtype} {shown.shape}")
-    right = view.right
-    if view.points:
-        view = replace(view, scene=_of_spheres(view.scene))
-        if right is None:
-            v, u = np.indices((height, width), float).reshape(2, -1)
-            right = Bench(view.scene, u, v).points(RIGHT).reshape(height, width, 3)
-    elif right is None:
-        if view.rung not in RADIANCE or not RUNGS[view.rung].lit:
-            raise InputError("view.right", f"a reference, on the rung {view.rung}", "none")
-        right = trace(view.scene, view.rung, "numpy64").mean
-    right = np.asarray(right, float)
-    if right.shape != shown.shape:
-        raise InputError("view.right", f"an image {shown.shape}", f"{right.shape}")
-    return replace(view, shown=shown.astype(float), right=np.clip(right, 0, 1) if view.clipped else right)
+    if shown.shape != (camera.height, camera.width, 3) or shown.dtype.kind not in "fiu":
+        expected = f"an image ({camera.height}, {camera.width}, 3)"
+        raise InputError("view.shown", expected, f"{shown.dtype} {shown.shape}")
+    if view.right is not None and np.shape(view.right) != shown.shape:
+        raise InputError("view.right", f"an image {shown.shape}", f"{np.shape(view.right)}")
+    if not view.points and view.right is None and (view.rung not in RADIANCE or not RUNGS[view.rung].lit):
+        raise InputError("view.right", f"a reference, on the rung {view.rung}", "none")
+    scene = _of_spheres(view.scene) if view.points else view.scene
+    step = math.ceil(math.sqrt(camera.width * camera.height / GRID))
+    thin = scene.with_camera(every(camera, step))
+    traced = trace(thin, view.rung if view.rung in RADIANCE and RUNGS[view.rung].lit else "lambert")
+    assert traced.surface is not None
+    half, right = view.half, view.right
+    cut = slice(None, None, step)
+    if right is not None:
+        right = np.asarray(right, float)[cut, cut]
+    elif view.points:
+        v, u = np.indices(traced.surface.ids.shape, float).reshape(2, -1)
+        right = Bench(thin, u, v).points(RIGHT).reshape(*traced.surface.ids.shape, 3)
+    else:
+        right = traced.mean.astype(float)
+    right = np.clip(right, 0, 1) if view.clipped else right
+    lost = without_ray(camera)
+    rays = np.ones(right.shape[:2], bool) if lost is None else ~lost[cut, cut]
+    half = None if half is None else half[cut, cut]
+    made = replace(view, scene=scene, shown=shown[cut, cut].astype(float), right=right, half=half)
+    return made, step, _outlines(traced.surface.ids), rays
+
+
+def _unknown(view: View) -> tuple[View, int, Array, Array]:
+    """The same of a picture whose scene is not known."""
+    shown, right = np.asarray(view.shown), np.asarray(view.right)
+    if view.right is None or right.shape != shown.shape or shown.ndim != 3:
+        raise InputError("view.right", f"an image {shown.shape}", f"{None if view.right is None else right.shape}")
+    none = np.zeros(shown.shape[:2], bool)
+    right = right.astype(float)
+    return (
+        replace(view, shown=shown.astype(float), right=np.clip(right, 0, 1) if view.clipped else right),
+        1,
+        none,
+        ~none,
+    )
 
 
 def _of_spheres(scene: Scene) -> Scene:
@@ -153,32 +194,26 @@ def _of_spheres(scene: Scene) -> Scene:
 
 def look(view: View, seed: int = 0) -> Sight:
     """Choose pixels: all kinds of wrong ones, and right ones that a wrong cause would spoil."""
-    view = whole(view)
+    view, step, edge, rays = thinned(view)
     right, shown = _right(view), view.shown
-    height, width = shown.shape[:2]
+    width = shown.shape[1]
     scale = _scale(view)
     half = np.zeros(shown.shape) if view.half is None else view.half
     with np.errstate(invalid="ignore"):
         e = np.abs(shown - right) - half
     if view.points:
         e = np.where(np.isnan(shown) & np.isnan(right), 0.0, e)
-    e = np.maximum(np.where(np.isnan(e), np.inf, e), 0).max(axis=-1)
-    lost = without_ray(view.scene.camera)
-    if lost is not None:
-        e[lost] = 0
-    noisy = not view.points and RUNGS[view.rung].noisy
+    e = np.maximum(np.where(np.isnan(e), np.inf, e), 0).max(axis=-1) * rays
     tau = CLOSE * scale
     large = e[e > tau]
-    if not large.size:  # all errors are small ones: look closer
+    if large.size < 1e-4 * e.size:  # errors are small ones: look closer
         large = e[e > DIGITS * scale]
     typical = float(np.median(large)) if large.size else 0.0
     tau = float(np.clip(0.03 * typical, DIGITS * scale, tau))
     wrong = e > tau
-    edge = _outlines(view.scene)
-    use = np.ones(e.shape, bool) if lost is None else ~lost
     rng = np.random.default_rng(seed)
     chosen, weights = [], []
-    for mask, most in ((wrong, WRONG), (~wrong & ~edge & use, KEPT), (~wrong & edge & use, EDGES)):
+    for mask, most in ((wrong, WRONG), (~wrong & ~edge & rays, KEPT), (~wrong & edge & rays, EDGES)):
         there = np.flatnonzero(mask)
         if there.size:
             n = min(most, there.size)
@@ -189,30 +224,36 @@ def look(view: View, seed: int = 0) -> Sight:
     index, weight = np.concatenate(chosen), np.concatenate(weights)
     mixed = rng.permutation(index.size)
     index, weight = index[mixed], weight[mixed] / weight.sum()
-    u, v = (index % width).astype(float), (index // width).astype(float)
+    u, v = (index % width * step).astype(float), (index // width * step).astype(float)
     brightest = float(np.nanmax(right)) if right.size and not view.points else 1.0
-    bench = Bench(view.scene, u, v, view.points or RUNGS[view.rung].shadows, brightest)
+    bench: Bench | Plain = Plain(right, u, v, brightest)
+    if view.scene is not None:
+        bench = Bench(view.scene, u, v, view.points or RUNGS[view.rung].shadows, brightest)
     flat = lambda x: x.reshape(-1, 3)[index]  # noqa: E731
+    more = False
+    if not view.points and view.scene is not None:
+        with np.errstate(all="ignore"):
+            alone = bench.radiance(RIGHT)
+        beyond = np.abs((np.clip(alone, 0, 1) if view.clipped else alone) - flat(right)).max(axis=-1)
+        more = RUNGS[view.rung].noisy or float((weight * (beyond > 0.01 * scale)).sum()) > 0.02
     return Sight(
         view, index, weight, flat(shown), flat(right), flat(half), scale, tau, wrong.ravel()[index],
-        edge.ravel()[index], bench, noisy,
+        edge.ravel()[index], bench, more, step,
     )  # fmt: skip
 
 
 def _scale(view: View) -> float:
     right = _right(view)
     if view.points:
+        assert view.scene is not None
         found = np.linalg.norm(right - np.array(view.scene.camera.eye), axis=-1)
         return float(np.nanmedian(found)) if np.isfinite(found).any() else 1.0
     positive = right[np.isfinite(right) & (right > 0)]
     return float(np.quantile(positive, 0.99)) if positive.size else 1.0
 
 
-def _outlines(scene: Scene) -> Array:
+def _outlines(ids: Array) -> Array:
     """(H, W) bool: within two pixels of where another object begins."""
-    surface = trace(scene, "surface", "numpy64").surface
-    assert surface is not None
-    ids = surface.ids
     beside = np.zeros(ids.shape, bool)
     for k in (1, 2):
         across, down = ids[:, k:] != ids[:, :-k], ids[k:] != ids[:-k]

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from raytwin.grade.predict import RIGHT, Array
+from raytwin.grade.predict import RIGHT, Array, Bench
 from raytwin.grade.sight import Sight
-from raytwin.scene import Sphere
+from raytwin.scene import Scene, Sphere
 
 MUCH, LITTLE = 0.05, 0.005
 """A region is wrong where more of its pixels are, and right where fewer are."""
@@ -16,12 +16,18 @@ LIGHTS = ("lit", "facing away from the sun", "in cast shadow")
 
 def whereabouts(sights: Sequence[Sight], errors: Sequence[Array]) -> str:
     """`wrong only in cast shadow on spheres, right elsewhere`; `errors`: of each sight's pixels."""
+    known = [k for k, s in enumerate(sights) if isinstance(s.bench, Bench)]
+    if not known:
+        return ""
+    sights, errors = [sights[k] for k in known], [errors[k] for k in known]
     bad = [e > s.tau for e, s in zip(errors, sights, strict=True)]
     share = [float((s.weight * b).sum()) for s, b in zip(sights, bad, strict=True)]
     if not any(share):
         return "right everywhere"
     table = np.zeros((3, 3, 2, 2))  # kind, light, outline, (all, wrong)
-    for s, b in zip(sights, bad, strict=True):
+    for s, b, some in zip(sights, bad, share, strict=True):
+        if some < 1e-4:
+            continue
         kind, light = _regions(s)
         for wrong in (0, 1):
             np.add.at(table[..., wrong], (kind, light, s.edge.astype(int)), s.weight * (b if wrong else 1.0))
@@ -30,6 +36,7 @@ def whereabouts(sights: Sequence[Sight], errors: Sequence[Array]) -> str:
 
 def _regions(sight: Sight) -> tuple[Array, Array]:
     """Of each pixel the index of its row in KINDS and in LIGHTS."""
+    assert isinstance(sight.bench, Bench)
     with np.errstate(all="ignore"):
         terms = sight.bench.terms(RIGHT)
     spheres = np.array([isinstance(x, Sphere) for x in sight.bench.scene.objects] + [False])
@@ -42,7 +49,7 @@ def _said(table: Array) -> str:
     inside, outline = table[:, :, 0], table[:, :, 1]
     with np.errstate(all="ignore"):
         rate = inside[..., 1] / inside[..., 0]
-    there = inside[..., 0] > 1e-4
+    there = inside[..., 0] > 1e-3 * inside[..., 0].sum()
     wrong = there & (rate > MUCH)
     if not wrong.any():
         if outline[..., 1].sum() > 4 * inside[..., 1].sum():
@@ -71,7 +78,7 @@ def _name(kind: int, at: set[int], has: set[int]) -> str:
 
 
 def _scenes(sights: Sequence[Sight], share: Sequence[float]) -> str:
-    right = [s.view.scene.name for s, x in zip(sights, share, strict=True) if x < 1e-4]
+    right = [_scene(s).name for s, x in zip(sights, share, strict=True) if x < 1e-4]
     return f"; all of {', '.join(right)} is right" if right else ""
 
 
@@ -79,6 +86,7 @@ def _objects(sights: Sequence[Sight], bad: Sequence[Array]) -> str:
     """Where some of a scene's spheres are wrong and others are not."""
     said = []
     for s, b in zip(sights, bad, strict=True):
+        assert isinstance(s.bench, Bench)
         ids, names = s.bench.hits(RIGHT).ids, s.bench.scene.names
         inside = ~s.edge
         rates = {}
@@ -88,5 +96,10 @@ def _objects(sights: Sequence[Sight], bad: Sequence[Array]) -> str:
                 rates[name] = float((s.weight * b)[here].sum() / s.weight[here].sum())
         wrong = [name for name, rate in rates.items() if rate > MUCH]
         if wrong and any(rate < LITTLE for rate in rates.values()):
-            said.append(f"{' and '.join(wrong)} of {s.view.scene.name}")
+            said.append(f"{' and '.join(wrong)} of {_scene(s).name}")
     return f"; of the spheres only {', '.join(said[:3])}" if said else ""
+
+
+def _scene(sight: Sight) -> Scene:
+    assert isinstance(sight.bench, Bench)
+    return sight.bench.scene

@@ -1,0 +1,171 @@
+import msgspec
+import numpy as np
+import pytest
+from students import CORRECT, MISTAKES, mistaken, run
+
+from raytwin import files
+from raytwin.files.rounding import half_code
+from raytwin.grade.catalogue import FAULTS, STAGES
+from raytwin.grade.diagnosis import View, diagnose, explain
+from raytwin.grade.predict import RIGHT, Bench
+from raytwin.methods.exchange import as_arrays
+from raytwin.tracer import trace
+
+SIZES = {"eclipse": (80, 60), "overlap": (88, 66), "distorted": (88, 66)}
+
+
+def small(name):
+    scene = files.read_scene(files.find_scene(files.SCENES / name)).scene
+    return scene.with_camera(scene.camera.resized(*SIZES[name]))
+
+
+SCENES = [small(name) for name in SIZES]
+
+
+def bench(scene):
+    v, u = np.indices((scene.camera.height, scene.camera.width), float).reshape(2, -1)
+    return Bench(scene, u, v)
+
+
+def planted(change, scene):
+    """The picture of a tracer with this fault."""
+    made = bench(scene)
+    with np.errstate(all="ignore"):
+        picture = change(RIGHT).output(made.radiance(change(RIGHT)), 1.0)
+    return picture.reshape(scene.camera.height, scene.camera.width, 3)
+
+
+def fault(name):
+    return next(f for f in FAULTS if f.name == name)
+
+
+def names(diagnosis):
+    return [cause.name for cause in diagnosis.causes]
+
+
+def views(pictures):
+    return [View(scene, picture) for scene, picture in zip(SCENES, pictures, strict=True)]
+
+
+def test_the_catalogue_has_its_faults_each_under_its_own_name_and_stage():
+    assert len({f.name for f in FAULTS}) == len(FAULTS) >= 60
+    assert {f.stage for f in FAULTS} <= set(STAGES)
+    assert all(f.ways and f.sentence and f.sentence[-1] not in ".,;" for f in FAULTS)
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=SIZES)
+def test_without_a_fault_the_steps_are_the_tracer(scene):
+    made = planted(lambda steps: steps, scene)
+    assert np.abs(made - trace(scene).mean).max() < 1e-6
+
+
+def test_every_fault_shows_on_these_scenes_but_for_those_that_need_others():
+    hidden = {"sign-of-zero", "last-sphere-wins", "spheres-on-top", "planes-behind", "planes-cast-none", "normalised"}
+    thin = [Bench(s, *(x.ravel()[::7] for x in np.indices((66, 88), float)[::-1])) for s in SCENES]
+    with np.errstate(all="ignore"):
+        right = [b.radiance(RIGHT) for b in thin]
+        for f in FAULTS:
+            off = [
+                np.abs(s.output(b.radiance(s), 1.0) - r).max() > 1e-4
+                for s in (way(RIGHT) for way in f.ways)
+                for b, r in zip(thin, right, strict=True)
+            ]
+            assert any(off) or f.name in hidden, f.name
+
+
+@pytest.mark.parametrize("name", ["half-pixel", "t-along-z", "spheres-receive-none"])
+def test_a_fault_that_is_planted_alone_is_named_for_sure(name):
+    made = diagnose(views([planted(fault(name).ways[0], scene) for scene in SCENES]))
+    assert names(made) == [name]
+    assert made.sureness == "sure"
+    assert made.held_out > 0.99
+    assert fault(name).sentence in made.words[0]
+
+
+CHOSEN = [
+    m for m in MISTAKES if m[0][0] in ("transposed-R", "sun-twice", "one-casts", "rays-not-unit", "radius-scaled")
+]
+
+
+@pytest.mark.parametrize("mistake", CHOSEN, ids=lambda m: m[0][0])
+def test_a_students_mistake_is_named(mistake):
+    wanted, text, old, new = mistake
+    made = diagnose(views(run(mistaken(text, old, new), [as_arrays(scene) for scene in SCENES])))
+    assert len(made.causes) == 1
+    assert made.causes[0].name in wanted
+
+
+@pytest.mark.parametrize("variation", (CORRECT[1], CORRECT[3]), ids=["board", "float32"])
+def test_a_tracer_that_is_right_in_its_own_way_is_not_blamed(variation):
+    made = diagnose(views(run(mistaken(*variation), [as_arrays(scene) for scene in SCENES])))
+    assert not made.causes
+
+
+def test_two_faults_are_both_named_geometry_first():
+    both = [fault("sky-missing").ways[0], fault("y-up").ways[0]]
+    made = diagnose(views([planted(lambda s: both[1](both[0](s)), scene) for scene in SCENES]))
+    assert names(made) == ["y-up", "sky-missing"]
+
+
+def test_faults_that_give_the_same_pictures_are_both_named():
+    scene = SCENES[1]  # here the plane is the last object tested
+    made = diagnose([View(scene, planted(fault("last-wins").ways[0], scene))])
+    assert {made.causes[0].name, *(cause.name for cause in made.alternatives[0])} == {"last-wins", "planes-on-top"}
+    assert "with the same effect here" in made.words[0]
+
+
+def test_eight_bits_hide_no_cause():
+    scene = SCENES[1]
+    code = np.rint(files.srgb_encode(planted(fault("pi-twice").ways[0], scene)) * 255) / 255
+    shown = files.srgb_decode(code)
+    made = diagnose([View(scene, shown, half=half_code(shown, 255), clipped=True)])
+    assert names(made) == ["pi-twice"]
+
+
+def test_where_nothing_explains_it_is_said_where_it_is_wrong():
+    pictures = [trace(scene).mean.copy() for scene in SCENES]
+    rng = np.random.default_rng(1)
+    seen = bench(SCENES[0]).hits(RIGHT).ids.reshape(60, 80)
+    on = np.isin(seen, [0, 1])
+    pictures[0][on] *= rng.uniform(0.5, 1.5, (on.sum(), 1)).astype(np.float32)
+    made = diagnose(views(pictures))
+    assert not made.causes
+    assert made.words[0].startswith("cause unknown: wrong only on spheres, right elsewhere")
+    assert "all of overlap, distorted is right" in made.words[0]
+
+
+def test_points_are_told_from_the_points_that_a_fault_would_give():
+    scene = SCENES[1]
+    balls = msgspec.structs.replace(scene, objects=scene.spheres)
+    steps = fault("t-along-z").ways[0](RIGHT)
+    shown = bench(balls).points(steps).reshape(66, 88, 3)
+    assert names(diagnose([View(scene, shown, points=True)])) == ["t-along-z"]
+
+
+P = np.random.default_rng(2).random((40, 50, 3))
+APPEARANCE = {
+    "mirrored left to right": P[:, ::-1],
+    "upside down": P[::-1],
+    "half a turn": P[::-1, ::-1],
+    "red and blue are swapped": P[..., ::-1],
+    "encoded for display (gamma)": P ** (1 / 2.2),
+    "decoded once too often": P**2.2,
+    "divided by π": P / np.pi,
+    "multiplied by π": P * np.pi,
+    "twice as bright": P * 2,
+    "1.3 times too bright": P * 1.3,
+    "0.2 is added": P + 0.2,
+}
+
+
+@pytest.mark.parametrize("name", APPEARANCE)
+def test_of_an_unknown_scene_what_a_writer_of_pictures_does_wrong_is_named(name):
+    (said,) = explain(APPEARANCE[name], P)
+    assert name in said
+
+
+def test_of_an_unknown_scene_an_error_without_such_a_cause_gets_no_words():
+    t = P.copy()
+    t[20:30, 20:30] = 0
+    assert explain(t, P) == ()
+    assert explain(P + 0.1 * np.random.default_rng(3).random(P.shape), P) == ()
