@@ -95,7 +95,7 @@ def test_a_students_mistake_is_named(mistake):
     assert made.causes[0].name in wanted
 
 
-@pytest.mark.parametrize("variation", (CORRECT[1], CORRECT[3]), ids=["board", "float32"])
+@pytest.mark.parametrize("variation", [CORRECT[1], CORRECT[3]], ids=["board", "float32"])
 def test_a_tracer_that_is_right_in_its_own_way_is_not_blamed(variation):
     made = diagnose(views(run(mistaken(*variation), [as_arrays(scene) for scene in SCENES])))
     assert not made.causes
