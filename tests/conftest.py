@@ -34,8 +34,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log):
     return LoadFileScheduling(config, log)
 
 
-def pytest_runtest_setup() -> None:
-    shape_checks.next_test()
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    shape_checks.next_test(foreign=item.get_closest_marker("foreign") is not None)
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -9,7 +9,13 @@ import pytest
 import shape_checks
 
 from raytwin import files
+from raytwin.compare.metrics import rmse
+from raytwin.compare.noise import Residual
+from raytwin.image import Image, Surface
+from raytwin.scene.lens import newton
 from raytwin.speed import draw
+
+DEEP = np.zeros((6, 8, 3))
 
 
 @pytest.fixture
@@ -24,6 +30,26 @@ def test_an_array_of_another_shape_or_kind_is_caught_by_its_annotation(scene, wr
         draw(scene, wrong, "lambert", "numpy64")
 
 
+@pytest.mark.parametrize(
+    ("make", "arrays"),
+    [
+        (Image, (DEEP, DEEP[:, :7])),  # a record
+        (Surface, (np.zeros((6, 8), int), np.zeros((6, 8), np.float32), DEEP)),
+        (Residual, (DEEP, DEEP, DEEP[:5])),  # a NamedTuple
+        (rmse, (DEEP, DEEP[:5])),  # compare
+        (newton, (np.zeros(5), np.zeros(4), (0.1, 0.0, 0.0, 0.0, 0.0))),  # scene
+    ],
+)
+def test_records_and_the_comparison_are_held_to_their_annotations_too(make, arrays):
+    with pytest.raises(jaxtyping.TypeCheckError):
+        make(*arrays)
+
+
+@pytest.mark.foreign
+def test_a_test_of_foreign_images_is_left_alone():
+    assert Image(DEEP, DEEP[:, :7]).shape == DEEP.shape
+
+
 def test_each_test_checks_the_first_calls_of_every_function(scene):
     right, wrong = np.zeros((6, 8, 3), np.float32), np.zeros((6, 8, 3))
     for _ in range(shape_checks.CALLS):
@@ -35,6 +61,6 @@ def test_each_test_checks_the_first_calls_of_every_function(scene):
 
 
 def test_in_use_nothing_of_it_is_imported():
-    code = "import sys, raytwin.speed; print({'jaxtyping', 'beartype'} & set(sys.modules))"
+    code = "import sys, raytwin.speed, raytwin.compare; print({'jaxtyping', 'beartype'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"

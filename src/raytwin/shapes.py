@@ -6,12 +6,12 @@ The tests check them at run time; otherwise each is plain `np.ndarray`, and jaxt
 import os
 from typing import TYPE_CHECKING, Any
 
-__all__ = ["Bool", "Float", "Float32", "Int", "Int32", "UInt8"]
+__all__ = ["Bool", "Float", "Float32", "Float64", "Int", "Int32", "UInt8"]
 
 CHECKED = "RAYTWIN_CHECK_SHAPES"
 
 if TYPE_CHECKING or CHECKED in os.environ:
-    from jaxtyping import Bool, Float, Float32, Int, Int32, UInt8
+    from jaxtyping import Bool, Float, Float32, Float64, Int, Int32, UInt8
 else:
 
     class _Plain:
@@ -20,4 +20,4 @@ else:
         def __class_getitem__(cls, item: tuple[Any, str]) -> Any:
             return item[0]
 
-    Bool = Float = Float32 = Int = Int32 = UInt8 = _Plain
+    Bool = Float = Float32 = Float64 = Int = Int32 = UInt8 = _Plain

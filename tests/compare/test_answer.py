@@ -54,6 +54,7 @@ def test_a_claim_that_is_four_times_too_large_still_leaves_room_for_correct_imag
         assert compare(replace(a, variance=4 * a.variance), REFERENCE).passed
 
 
+@pytest.mark.foreign
 def test_noise_of_the_reference_alone_believes_no_claim():
     a = render(np.random.default_rng(4), TRUTH, samples=64)
     wrong = replace(a, mean=a.mean * np.float32(1.02), variance=a.variance * np.float32(3))
@@ -107,7 +108,7 @@ def test_pixels_share_their_noise_where_all_err_alike_and_by_what_they_claim(cla
 
 def blocks(few: float, many: float, count: int) -> np.ndarray:
     """(5, 5, 3): `many` in the first `count` blocks, `few` in the others."""
-    return np.where(np.arange(25) < count, many, few).reshape(5, 5, 1).repeat(3, axis=2)
+    return np.where(np.arange(25) < count, float(many), few).reshape(5, 5, 1).repeat(3, axis=2)
 
 
 @pytest.mark.parametrize(

@@ -158,7 +158,7 @@ def test_the_upper_limit_of_what_was_missed_is_that_of_a_poisson_mean():
     # Missing all of 20 has the probability exp(-20): from there on nothing is granted, but to sums without fireflies.
     assert mine.of(5119, radiance)[0] == pytest.approx(expected)
     assert mine.of(5121, radiance)[0] == 0
-    assert mine.always.of(1e9, radiance)[0] == pytest.approx(expected)
+    assert mine.always.of(10**9, radiance)[0] == pytest.approx(expected)
 
 
 def test_what_was_missed_follows_the_events_size():

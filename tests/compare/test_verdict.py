@@ -138,6 +138,7 @@ def test_two_black_images_agree():
     assert compare(Image(0 * P), Image(0 * P)).passed
 
 
+@pytest.mark.foreign
 @pytest.mark.parametrize(
     ("mean", "words"),
     [
@@ -158,6 +159,7 @@ def test_what_is_no_image_of_this_size_fails_in_words(mean, words):
     assert said(c, words)
 
 
+@pytest.mark.foreign
 def test_a_variance_of_another_shape_fails():
     assert said(compare(Image(P, P[:-1]), REFERENCE), "variance has the shape")
 

@@ -85,6 +85,7 @@ def test_other_sizes_give_a_page_that_shows_both(pair, other):
     assert not (out / "heatmap.png").exists()
 
 
+@pytest.mark.foreign
 def test_the_tracers_report_survives_a_twin_of_another_size_or_kind(make_result, tmp_path):
     from dataclasses import replace
 

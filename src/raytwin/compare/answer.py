@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from raytwin.compare.blocks import Pixels
 from raytwin.compare.chance import sidak
 from raytwin.compare.comparison import Statistics
 from raytwin.compare.decision import TESTS, Decision, Rounding, decide
@@ -17,6 +18,7 @@ from raytwin.compare.shift import Shift, shift_findings
 from raytwin.compare.words import agreement, noise_findings, percent, what_could_be_seen
 from raytwin.image import Image
 from raytwin.scene import Tolerance
+from raytwin.shapes import Float
 
 DENSE = 1 / 6
 """Noise is everywhere: the effective share of a block's values that carry its scatter. Gaussian noise has a third."""
@@ -55,7 +57,7 @@ class Question:
     bound: Bound
     unit: float
     rate: float
-    half_steps: tuple[np.ndarray | None, np.ndarray | None]
+    half_steps: tuple[Pixels | None, Pixels | None]
     excused: int
 
     @property
@@ -144,7 +146,7 @@ class Question:
         claimed = float(self.test.variance.mean(dtype=np.float64))
         return claimed / 50 < error < 16 * claimed and float(np.median(shown.square)) < error / 4
 
-    def _exact(self, granted: np.ndarray | None) -> Answer:
+    def _exact(self, granted: Pixels | None) -> Answer:
         t, r = self.test.mean, self.reference.mean
         quiet = count_quiet(t, r, self.bound, granted)
         findings = self._quiet_findings(quiet)
@@ -206,7 +208,7 @@ def noise_told(image: Image) -> bool:
     return image.variance is not None or image.samples == 1
 
 
-def unexplained(shown: Residual, known: np.ndarray) -> bool:
+def unexplained(shown: Residual, known: Float[np.ndarray, "*blocks 3"]) -> bool:
     """Whether most blocks scatter clearly more than what is known of: by 20 % of the variance."""
     noisy = np.broadcast_to(known > 0, shown.square.shape)
     return (
@@ -214,7 +216,7 @@ def unexplained(shown: Residual, known: np.ndarray) -> bool:
     )
 
 
-def may_be_noise(shown: Residual, known: np.ndarray, least: float) -> bool:
+def may_be_noise(shown: Residual, known: Float[np.ndarray, "*blocks 3"], least: float) -> bool:
     """Whether the scatter beyond what is known of is dense wherever it is: a wrong edge or a wrong pixel is not.
 
     Where most of the picture scatters, it is no edge, and may have the tails of few samples.

@@ -4,6 +4,19 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from raytwin.shapes import Float, Float32, Float64
+
+Pixels = Float[np.ndarray, "h w 3"]
+"""Values of an image, or of a strip of it."""
+
+Blocks = Float[np.ndarray, "by bx 3"]
+"""A value each for its blocks of 8 x 8 pixels."""
+
+Means = Float[np.ndarray, "*n 3"]
+"""Of any tiles, each of so many pixels: `Counts`."""
+
+Counts = Float[np.ndarray, "*n 1"]
+
 SIDE = 8
 """Pixels on the side of the smallest tile: small enough to be local, large enough for its mean to be near Gaussian."""
 
@@ -26,18 +39,18 @@ def strips(shape: tuple[int, ...], rows: int = 8 * SIDE) -> Iterator[tuple[int, 
         yield whole, height, height - whole
 
 
-def unblock(x: np.ndarray, rows: int) -> np.ndarray:
+def unblock(x: Float[np.ndarray, "h w c"], rows: int) -> Float[np.ndarray, "by {rows} w c"]:
     """(h, w, c) as a view (h / rows, rows, w, c): blocks one above the other."""
     return x.reshape(-1, rows, *x.shape[1:])
 
 
-def block_sums(x: np.ndarray, rows: int) -> np.ndarray:
+def block_sums(x: Float[np.ndarray, "h w c"], rows: int) -> Float64[np.ndarray, "by bx c"]:
     """Sums over blocks of `rows` x 8 pixels: (h, w, c) -> (h / rows, ceil(w / 8), c) float64."""
     columns = unblock(x, rows).sum(axis=1)
     return np.add.reduceat(columns, np.arange(0, x.shape[1], SIDE), axis=1).astype(np.float64)
 
 
-def block_counts(strip: np.ndarray, rows: int) -> np.ndarray:
+def block_counts(strip: Float[np.ndarray, "h w c"], rows: int) -> Float64[np.ndarray, "by bx 1"]:
     """(h / rows, ceil(w / 8), 1): the pixels of each block."""
     high, width = len(strip) // rows, strip.shape[1]
     counts = np.full((high, -(-width // SIDE), 1), float(rows * SIDE))
@@ -45,13 +58,13 @@ def block_counts(strip: np.ndarray, rows: int) -> np.ndarray:
     return counts
 
 
-def slide(x: np.ndarray) -> np.ndarray:
+def slide(x: Float64[np.ndarray, "by bx c"]) -> Float64[np.ndarray, "ty tx c"]:
     """Sums over 2 x 2 neighbours at every place: tiles of twice the side, overlapping by half of it."""
     x = x[:-1] + x[1:] if len(x) > 1 else x
     return x[:, :-1] + x[:, 1:] if x.shape[1] > 1 else x
 
 
-def dilate(v: np.ndarray, y0: int, y1: int) -> np.ndarray:
+def dilate(v: Float[np.ndarray, "h w c"], y0: int, y1: int) -> Float32[np.ndarray, "{y1-y0} w c"]:
     """The largest value of each 3 x 3 neighbourhood in rows y0 to y1 of `v` (H, W, C), float32."""
     top, bottom = max(y0 - 1, 0), min(y1 + 1, len(v))
     rows = v[top:bottom]

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+from raytwin.shapes import Float, Float64
+
 
 def sidak(rate: float, tests: float) -> float:
     """1 - (1 - rate)^(1 / tests): the level of each of `tests` independent tests that share `rate`."""
@@ -19,7 +21,7 @@ def welch(parts: list[tuple[float, float]]) -> float:
     return total * total / below if below > 0 else math.inf
 
 
-def two_sided(z: np.ndarray | float, dof: np.ndarray | float) -> np.ndarray:
+def two_sided(z: Float[np.ndarray, "*n"] | float, dof: Float[np.ndarray, "*n"] | float) -> Float64[np.ndarray, "*n"]:
     """P(|T| >= z) for Student's t with `dof` degrees of freedom (the Gaussian where infinite)."""
     from scipy.special import ndtr, stdtr
 
@@ -27,7 +29,7 @@ def two_sided(z: np.ndarray | float, dof: np.ndarray | float) -> np.ndarray:
     return np.asarray(2.0 * np.where(finite, stdtr(np.where(finite, dof, 1.0), -np.abs(z)), ndtr(-np.abs(z))))
 
 
-def quantile(p: float, dof: np.ndarray | float) -> np.ndarray:
+def quantile(p: float, dof: Float[np.ndarray, "*n"] | float) -> Float64[np.ndarray, "*n"]:
     """z with P(|T| >= z) = p, the inverse of `two_sided`."""
     from scipy.special import ndtri, stdtrit
 

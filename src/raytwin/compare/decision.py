@@ -33,7 +33,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.compare.blocks import SIDE, block_counts, block_sums, slide, strips, unblock
+from raytwin.compare.blocks import SIDE, Counts, Means, Pixels, block_counts, block_sums, slide, strips, unblock
 from raytwin.compare.chance import quantile, sidak, two_sided, welch
 from raytwin.compare.exact import Quiet
 from raytwin.compare.noise import (
@@ -51,8 +51,9 @@ from raytwin.compare.noise import (
 )
 from raytwin.compare.scale import Bound
 from raytwin.image import Image
+from raytwin.shapes import Bool, Float32, Float64, Int
 
-Sums = dict[str, np.ndarray]
+Sums = dict[str, Float64[np.ndarray, "..."]]
 Size = tuple[int, ...]
 KEYS = ("n", "d", "r", "va", "vb", "vv", "round")
 
@@ -122,8 +123,8 @@ class Decision(NamedTuple):
 class Rounding(NamedTuple):
     """What the images' formats round off: `value` (H, W, 3) at most, `mean` of it what is left in a mean of noise."""
 
-    value: np.ndarray
-    mean: np.ndarray
+    value: Pixels
+    mean: Pixels
 
 
 class Grants(NamedTuple):
@@ -133,9 +134,7 @@ class Grants(NamedTuple):
     by_test: Missed
     by_reference: Missed
 
-    def of(
-        self, error: np.ndarray, pixels: np.ndarray | int, radiance: np.ndarray, allowed: np.ndarray | None = None
-    ) -> np.ndarray:
+    def of(self, error: Means, pixels: Counts | int, radiance: Means, allowed: Means | None = None) -> Means:
         """For mean errors (..., 3): a test that is too dark may have missed events, one too bright has seen more.
 
         `allowed`: the bound of that radiance, where it is known already.
@@ -146,7 +145,7 @@ class Grants(NamedTuple):
             granted = granted + np.where(error < 0, dark, bright).astype(granted.dtype)
         return np.asarray(granted)
 
-    def most(self, pixels: np.ndarray | int, radiance: np.ndarray) -> np.ndarray:
+    def most(self, pixels: Counts | int, radiance: Means) -> Means:
         """The larger of the two directions."""
         dark, bright = (self.of(np.full_like(radiance, sign), pixels, radiance) for sign in (-1, 1))
         return np.asarray(np.maximum(dark, bright))
@@ -238,7 +237,7 @@ def decide(
     )
 
 
-def _within(side: Side, y0: int, y1: int) -> tuple[np.ndarray, ...]:
+def _within(side: Side, y0: int, y1: int) -> tuple[Int[np.ndarray, " n"], ...]:
     """The fireflies in rows y0 to y1, as places within them."""
     y, x, c = side.fireflies
     inside = (y >= y0) & (y < y1)
@@ -249,8 +248,8 @@ Told = tuple[Image, Side | None, float]
 
 
 def _sums(
-    d: np.ndarray, r: np.ndarray, silent: np.ndarray, a: Told, b: Told, rounding: Rounding | None, y0: int, rows: int,
-    unit: np.float32,
+    d: Float32[np.ndarray, "h w 3"], r: Float32[np.ndarray, "h w 3"], silent: Bool[np.ndarray, "h w 3"],
+    a: Told, b: Told, rounding: Rounding | None, y0: int, rows: int, unit: np.float32,
 ) -> Sums:  # fmt: skip
     """KEYS of the rows from y0 on, over blocks: pixels, errors, radiance, variances, variances² / ν, rounding."""
     found: Sums = {"d": block_sums(d, rows), "r": block_sums(r, rows), "n": block_counts(d, rows)}
@@ -286,12 +285,12 @@ class Way(NamedTuple):
 class _Tested(NamedTuple):
     """Of sums, (..., 3) each: |mean error| beyond what is granted over its standard deviation, and what that took."""
 
-    z: np.ndarray
-    sd: np.ndarray
-    dof: np.ndarray
-    granted: np.ndarray
-    radiance: np.ndarray
-    error: np.ndarray
+    z: Means
+    sd: Means
+    dof: Means
+    granted: Means
+    radiance: Means
+    error: Means
 
 
 def _student(ways: list[Way], level: float) -> _Tested:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.compare.blocks import strips
+from raytwin.compare.blocks import Pixels, strips
 from raytwin.compare.finding import CHANNELS, EXACT, Finding, at, plural
 from raytwin.compare.scale import Bound
 from raytwin.scene import Tolerance
@@ -24,7 +24,7 @@ class Quiet(NamedTuple):
     y: int = 0
     channel: int = 0
 
-    def plus(self, error: np.ndarray, values: int, bound: np.ndarray, granted: np.ndarray | float, y0: int) -> "Quiet":
+    def plus(self, error: Pixels, values: int, bound: Pixels, granted: Pixels | float, y0: int) -> "Quiet":
         """With the rows from y0 on: `error` (h, W, 3) is |t - r|, 0 where there is noise.
 
         `bound` is what a value may err by, `granted` what is forgiven beyond it, once, not ten times.
@@ -56,7 +56,7 @@ class Quiet(NamedTuple):
         return findings
 
 
-def count_quiet(test: np.ndarray, reference: np.ndarray, bound: Bound, granted: np.ndarray | None = None) -> Quiet:
+def count_quiet(test: Pixels, reference: Pixels, bound: Bound, granted: Pixels | None = None) -> Quiet:
     """Every value of two noise-free images of one shape; `granted` (H, W, 3) is forgiven beyond the bound."""
     quiet = Quiet()
     for y0, y1, _ in strips(test.shape):

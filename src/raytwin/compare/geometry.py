@@ -7,6 +7,7 @@ from raytwin.compare.finding import DEPTH, HARD, NORMAL, SILHOUETTE, Finding, at
 from raytwin.compare.metrics import all_finite, nth_largest
 from raytwin.image import BACKGROUND, Image, Surface
 from raytwin.scene import Tolerance
+from raytwin.shapes import Bool, Float32
 
 DEPTH_REL = 1e-4
 """Bound on the 99.9 % quantile of |t - t_ref| / t_ref: rounding at a sphere's rim stays below, a wrong radius not."""
@@ -29,7 +30,7 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
     if mismatch > tolerance.mask_pixels:
         ys, xs = np.nonzero(differ)
         y, x = int(ys[0]), int(xs[0])
-        seen = f"the test sees {_named(t.ids[y, x])}, the reference {_named(r.ids[y, x])}"
+        seen = f"the test sees {_named(int(t.ids[y, x]))}, the reference {_named(int(r.ids[y, x]))}"
         findings.append(
             Finding(
                 SILHOUETTE,
@@ -50,13 +51,13 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
         in_units = _degrees if what == "normal" else float
         if not all_finite(error):
             finite = np.isfinite(error)
-            largest[what] = in_units(error[finite].max()) if (finite & same).any() else None
+            largest[what] = in_units(float(error[finite].max())) if (finite & same).any() else None
             y, x = (int(i) for i in np.argwhere(~finite)[0])
             count = plural(int((~finite).sum()), "pixel")
             findings.append(Finding(HARD, f"the {what} of {count} is not a number, first at {at(x, y)}"))
             continue
         y, x = (int(i) for i in np.unravel_index(int(error.argmax()), error.shape))
-        largest[what] = in_units(error[y, x])
+        largest[what] = in_units(float(error[y, x]))
         p999 = in_units(nth_largest(error, above))
         if p999 > bound:
             kind = "relative error" if what == "depth" else "angle"
@@ -70,7 +71,9 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
     return Geometry(mismatch, largest["depth"], largest["normal"]), findings
 
 
-def _errors(t: Surface, r: Surface, same: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _errors(
+    t: Surface, r: Surface, same: Bool[np.ndarray, "h w"]
+) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
     """(H, W) float32 each, 0 where not `same`: |t - t_ref| / t_ref; the chord between the normals' ends.
 
     arccos(a . b) loses half of the digits of a small angle; the chord does not.
@@ -93,7 +96,7 @@ def _errors(t: Surface, r: Surface, same: np.ndarray) -> tuple[np.ndarray, np.nd
 
 def _degrees(chord: float) -> float:
     """The angle of a chord of the unit circle."""
-    return float(np.degrees(2 * np.arcsin(min(float(chord) / 2, 1.0))))
+    return float(np.degrees(2 * np.arcsin(min(chord / 2, 1.0))))
 
 
 def _named(index: int) -> str:

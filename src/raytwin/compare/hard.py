@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from raytwin.compare.blocks import Pixels
 from raytwin.compare.finding import HARD, Finding, at, plural
 from raytwin.image import Image
 
@@ -45,7 +46,7 @@ def value_findings(test: Image, reference: Image, least: float) -> list[Finding]
     return findings
 
 
-def bad_values(name: str, x: np.ndarray, least: float) -> list[Finding]:
+def bad_values(name: str, x: Pixels, least: float) -> list[Finding]:
     """NaN, infinite, and values below -least, counted and located."""
     # Two reductions tell a sound image: NaN and infinity both show in the extremes.
     low, high = x.min(), x.max()

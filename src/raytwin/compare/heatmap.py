@@ -5,6 +5,7 @@ import numpy as np
 from raytwin.compare.metrics import order_statistic
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.shapes import Float, Float32
 
 KINDS = {
     "absolute": "t - r, units of radiance",
@@ -19,7 +20,7 @@ _POSITIVE = np.array([[1.0, 1.0, 1.0], [0.95, 0.42, 0.22], [0.42, 0.005, 0.02]],
 _INVALID = np.array([0.0, 0.6, 0.0], np.float32)
 
 
-def signed_error(test: Image, reference: Image, kind: str) -> np.ndarray:
+def signed_error(test: Image, reference: Image, kind: str) -> Float[np.ndarray, "h w"]:
     """(H, W) float32: the signed error of the channel that errs most, as KINDS gives it; NaN where it has none."""
     if kind not in KINDS:
         raise InputError("error map", " or ".join(KINDS), kind)
@@ -52,7 +53,9 @@ def error_scale(test: Image, reference: Image, kind: str = "absolute") -> float:
     return float(decade * next(step for step in (1, 2, 5, 10) if step * decade >= quantile * (1 - 1e-3)))
 
 
-def error_map(test: Image, reference: Image, kind: str = "absolute", scale: float | None = None) -> np.ndarray:
+def error_map(
+    test: Image, reference: Image, kind: str = "absolute", scale: float | None = None
+) -> Float32[np.ndarray, "h w 3"]:
     """Colours (H, W, 3) float32, linear Rec. 709: blue at -scale, white at 0, red at +scale, green where not finite.
 
     `kind` is a key of KINDS; `scale` defaults to `error_scale(test, reference, kind)`.

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.errors import InputError
+from raytwin.shapes import Float, Float32
 
 CHUNK = 1 << 17
 """Values worked on at a time: they stay in the cache, where one pass over 12 megapixels would not."""
@@ -29,69 +30,73 @@ class Metric(NamedTuple):
     function: Callable[[np.ndarray, np.ndarray], float]
 
 
-def chunks(*arrays: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
+def chunks(*arrays: Float[np.ndarray, "..."]) -> Iterator[tuple[Float[np.ndarray, " n"], ...]]:
     """The same stretch of each array, flat, CHUNK values at a time."""
     flat = [a.ravel() for a in arrays]
     for i in range(0, flat[0].size, CHUNK):
         yield tuple(f[i : i + CHUNK] for f in flat)
 
 
-def mean_of(term: Callable[[np.ndarray, np.ndarray], np.ndarray], test: np.ndarray, reference: np.ndarray) -> float:
+def mean_of(
+    term: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    test: Float[np.ndarray, "*n"],
+    reference: Float[np.ndarray, "*n"],
+) -> float:
     """mean(term(t, r)) over all values, summed in float64."""
     return sum(float(term(t, r).sum(dtype=np.float64)) for t, r in chunks(test, reference)) / max(test.size, 1)
 
 
-def mse(test: np.ndarray, reference: np.ndarray) -> float:
+def mse(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
     return mean_of(lambda t, r: np.square(t - r), test, reference)
 
 
-def rmse(test: np.ndarray, reference: np.ndarray) -> float:
+def rmse(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
     return float(np.sqrt(mse(test, reference)))
 
 
-def relmse(test: np.ndarray, reference: np.ndarray) -> float:
+def relmse(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
     return mean_of(lambda t, r: np.square(t - r) / (np.square(r) + t.dtype.type(0.01)), test, reference)
 
 
-def mae(test: np.ndarray, reference: np.ndarray) -> float:
+def mae(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
     return mean_of(lambda t, r: np.abs(t - r), test, reference)
 
 
-def max_abs(test: np.ndarray, reference: np.ndarray) -> float:
+def max_abs(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
     return max((float(np.abs(t - r).max()) for t, r in chunks(test, reference)), default=0.0)
 
 
-def p999_abs(test: np.ndarray, reference: np.ndarray) -> float:
+def p999_abs(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
     return upper_quantile(test, reference, 0.999)
 
 
-def p999_rel(test: np.ndarray, reference: np.ndarray) -> float:
+def p999_rel(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
     return upper_quantile(test, reference, 0.999, lambda t, r: np.abs(t - r) / (np.abs(r) + t.dtype.type(0.01)))
 
 
-def psnr(test: np.ndarray, reference: np.ndarray) -> float:
+def psnr(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
     error = rmse(test, reference)
     with np.errstate(divide="ignore"):
         return float(20 * np.log10(np.max(reference) / error)) if error > 0 else float("inf")
 
 
-def mean_ratio(test: np.ndarray, reference: np.ndarray) -> float:
+def mean_ratio(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
     below = float(np.mean(reference, dtype=np.float64))
     return float(np.mean(test, dtype=np.float64)) / below if below else float("nan")
 
 
-def flip_hdr(test: np.ndarray, reference: np.ndarray) -> float:
+def flip_hdr(test: Float[np.ndarray, "..."], reference: Float[np.ndarray, "..."]) -> float:
     return _flip(np.maximum(test, 0), np.maximum(reference, 0), "HDR", FLIP_EXPOSURES)[1]
 
 
-def flip_map(test: np.ndarray, reference: np.ndarray) -> np.ndarray | None:
+def flip_map(test: Float[np.ndarray, "..."], reference: Float[np.ndarray, "..."]) -> Float32[np.ndarray, "h w"] | None:
     """(H, W) float32, HDR-FLIP of each pixel, 0 to 1; None where it is not installed or the images do not suit."""
     if not flip_is_installed() or test.shape != reference.shape or not all_finite(test, reference):
         return None
     return _flip(np.maximum(test, 0), np.maximum(reference, 0), "HDR", FLIP_EXPOSURES)[0][..., 0]
 
 
-def flip_ldr(test: np.ndarray, reference: np.ndarray) -> float:
+def flip_ldr(test: Float[np.ndarray, "..."], reference: Float[np.ndarray, "..."]) -> float:
     return _flip(np.clip(test, 0, 1), np.clip(reference, 0, 1), "LDR", {})[1]
 
 
@@ -100,7 +105,9 @@ def flip_is_installed() -> bool:
     return find_spec("flip_evaluator") is not None
 
 
-def _flip(test: np.ndarray, reference: np.ndarray, kind: str, settings: dict[str, Any]) -> tuple[np.ndarray, float]:
+def _flip(
+    test: Float[np.ndarray, "..."], reference: Float[np.ndarray, "..."], kind: str, settings: dict[str, Any]
+) -> tuple[Float32[np.ndarray, "h w c"], float]:
     """The map (H, W, 1 or 3) and its mean."""
     # NVIDIA's package prints and exits where an argument displeases it, and gives NaN pixels a finite error.
     if test.ndim != 3 or test.shape[-1] != 3 or test.shape != reference.shape:
@@ -117,17 +124,17 @@ def _flip(test: np.ndarray, reference: np.ndarray, kind: str, settings: dict[str
     return np.asarray(found), float(mean)
 
 
-def _absolute(t: np.ndarray, r: np.ndarray) -> np.ndarray:
+def _absolute(t: Float[np.ndarray, "*n"], r: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     return np.asarray(np.abs(t - r))
 
 
-def order_statistic(values: np.ndarray, q: float) -> float:
+def order_statistic(values: Float[np.ndarray, "..."], q: float) -> float:
     """The smallest of `values` with at least a share q of them at or below it (no interpolation)."""
     k = max(int(np.ceil(q * values.size)), 1) - 1
     return float(np.partition(values.ravel(), k)[k])
 
 
-def nth_largest(values: np.ndarray, above: int) -> float:
+def nth_largest(values: Float[np.ndarray, "..."], above: int) -> float:
     """The value that `above` others are at or above; only what a sample takes for large is sorted."""
     flat = values.ravel()
     guess = np.quantile(flat[:: max(1, flat.size // 50_000)], max(0.0, 1 - 2 * (above + 1) / flat.size))
@@ -138,7 +145,10 @@ def nth_largest(values: np.ndarray, above: int) -> float:
 
 
 def upper_quantile(
-    test: np.ndarray, reference: np.ndarray, q: float, term: Callable[..., np.ndarray] = _absolute
+    test: Float[np.ndarray, "*n"],
+    reference: Float[np.ndarray, "*n"],
+    q: float,
+    term: Callable[..., np.ndarray] = _absolute,
 ) -> float:
     """`order_statistic(term(test, reference), q)` for q near 1, without sorting what lies far below it."""
     above = test.size - max(int(np.ceil(q * test.size)), 1)  # so many values may lie above it
@@ -179,7 +189,9 @@ METRICS: dict[str, Metric] = {
 }
 
 
-def measure(test: np.ndarray, reference: np.ndarray, names: Iterable[str]) -> dict[str, float | None]:
+def measure(
+    test: Float[np.ndarray, "..."], reference: Float[np.ndarray, "..."], names: Iterable[str]
+) -> dict[str, float | None]:
     """The named metrics over the values that are finite in both images; null where one has no value.
 
     FLIP sees whole pictures: it is null where any value is not finite.
@@ -199,6 +211,6 @@ def measure(test: np.ndarray, reference: np.ndarray, names: Iterable[str]) -> di
     return missing | {name: x if math.isfinite(x) else None for name, x in numbers.items()}
 
 
-def all_finite(*arrays: np.ndarray) -> bool:
+def all_finite(*arrays: Float[np.ndarray, "..."]) -> bool:
     """Two reductions tell, and no array of flags is made: NaN and infinity both show in the extremes."""
     return all(math.isfinite(a.min()) and math.isfinite(a.max()) for a in arrays)

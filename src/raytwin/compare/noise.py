@@ -5,8 +5,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.compare.blocks import SIDE, block_counts, block_sums, dilate, strips, unblock
+from raytwin.compare.blocks import (
+    SIDE,
+    Blocks,
+    Counts,
+    Means,
+    Pixels,
+    block_counts,
+    block_sums,
+    dilate,
+    strips,
+    unblock,
+)
 from raytwin.image import Image
+from raytwin.shapes import Float, Float32, Float64, Int
 
 FIREFLY = 25.0
 """A firefly's variance over that of its block and its neighbours: five times their standard deviation."""
@@ -43,26 +55,26 @@ class Side(NamedTuple):
     """
 
     mean: float
-    blocks: np.ndarray
-    unusual: np.ndarray
-    first: np.ndarray
-    second: np.ndarray
-    share: np.ndarray
-    shares: np.ndarray
-    fireflies: tuple[np.ndarray, ...]
+    blocks: Float32[np.ndarray, "by bx 3"]
+    unusual: Float32[np.ndarray, "by bx 3"]
+    first: Float[np.ndarray, "3"]
+    second: Float[np.ndarray, "3"]
+    share: Float[np.ndarray, "3"]
+    shares: Float[np.ndarray, "3"]
+    fireflies: tuple[Int[np.ndarray, " n"], ...]
 
     @property
-    def events(self) -> np.ndarray:
+    def events(self) -> Float[np.ndarray, "3"]:
         """(3,) the effective number of fireflies: their count, where all are alike."""
         return effective(self.first, self.second)
 
 
-def effective(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def effective(first: Float[np.ndarray, "3"], second: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
     """(Σ x)² / Σ x²: how many, were all alike."""
     return np.asarray(np.divide(np.square(first), second, out=np.zeros(3), where=second > 0))
 
 
-def survey(image: Image, other: np.ndarray) -> Side | None:
+def survey(image: Image, other: Pixels) -> Side | None:
     """The noise of one image, in one pass; None where it has none. `other` is the radiance of the other image."""
     v = image.variance
     if v is None:
@@ -97,12 +109,14 @@ def survey(image: Image, other: np.ndarray) -> Side | None:
     )
 
 
-def spread(blocks: np.ndarray, width: int) -> np.ndarray:
+def spread(blocks: Float[np.ndarray, "by bx c"], width: int) -> Float[np.ndarray, "by 1 {width} c"]:
     """A number per block (by, bx, c) for each of its pixels, to be broadcast over rows: (by, 1, width, c)."""
     return np.asarray(np.repeat(blocks, SIDE, axis=1)[:, None, :width])
 
 
-def _fireflies(mean: np.ndarray, v: np.ndarray, y: np.ndarray, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, ...]:
+def _fireflies(
+    mean: Pixels, v: Pixels, y: Int[np.ndarray, " n"], x: Int[np.ndarray, " n"], c: Int[np.ndarray, " n"]
+) -> tuple[Int[np.ndarray, " k"], ...]:
     """Those of the values (y, x, c) that are an event or few, and alone: an edge is noisier than its block too."""
     height, width = v.shape[:2]
     neighbours = np.zeros((8, len(y)), v.dtype)
@@ -116,7 +130,9 @@ def _fireflies(mean: np.ndarray, v: np.ndarray, y: np.ndarray, x: np.ndarray, c:
     return y[alone], x[alone], c[alone]
 
 
-def doubt(variance: np.ndarray, mean: np.ndarray, unusual: np.ndarray, dof: float) -> np.ndarray:
+def doubt(
+    variance: Float[np.ndarray, "*n"], mean: Float[np.ndarray, "*n"], unusual: Float[np.ndarray, "..."], dof: float
+) -> Float32[np.ndarray, "*n"]:
     """1 / ν of each value's variance, between 1 / dof and 1: how little is known of it.
 
     m² / v events of one size tell their variance with a quarter of so many degrees of freedom (exponential noise; the
@@ -134,7 +150,9 @@ def doubt(variance: np.ndarray, mean: np.ndarray, unusual: np.ndarray, dof: floa
     return np.asarray(out)
 
 
-def regularised(v: np.ndarray | None, side: Side | None, y0: int, y1: int, rows: int) -> np.ndarray:
+def regularised(
+    v: Pixels | None, side: Side | None, y0: int, y1: int, rows: int
+) -> Float32[np.ndarray, "{y1-y0} w 3"] | Float32[np.ndarray, ""]:
     """Rows y0 to y1 of `v`: the largest of each 3 x 3 neighbourhood, but no less than the 8 x 8 block's mean."""
     if v is None or side is None:
         return np.zeros((), np.float32)
@@ -154,12 +172,12 @@ class Residual(NamedTuple):
     `carrying`: the effective number of values that carry it, (Σd²)² / Σd⁴; a third of them all for Gaussian noise.
     """
 
-    square: np.ndarray
-    carrying: np.ndarray
-    pixels: np.ndarray
+    square: Blocks
+    carrying: Blocks
+    pixels: Blocks
 
 
-def residual(test: np.ndarray, reference: np.ndarray, carrying: bool = False) -> Residual:
+def residual(test: Pixels, reference: Pixels, carrying: bool = False) -> Residual:
     """Of two means (H, W, 3); what carries it only where asked for, else 0."""
     squares, fourths, counts = [], [], []
     for y0, y1, rows in strips(test.shape):
@@ -175,12 +193,12 @@ def residual(test: np.ndarray, reference: np.ndarray, carrying: bool = False) ->
         return Residual(np.where(n > 1, s / (n - 1), np.inf), np.where(f > 0, s * s / f, 0), n)
 
 
-def block_means(x: np.ndarray) -> np.ndarray:
+def block_means(x: Pixels) -> Float64[np.ndarray, "by bx 3"]:
     """(H, W, 3) to (by, bx, 3): the means of its 8 x 8 blocks."""
     return np.concatenate([block_sums(x[a:b], rows) / block_counts(x[a:b], rows) for a, b, rows in strips(x.shape)])
 
 
-def demeaned(d: np.ndarray, rows: int) -> np.ndarray:
+def demeaned(d: Float32[np.ndarray, "h w 3"], rows: int) -> Float32[np.ndarray, "h w 3"]:
     """`d` less its blocks' means, in place."""
     mean = (block_sums(d, rows) / block_counts(d, rows)).astype(np.float32)
     in_blocks = unblock(d, rows)
@@ -188,7 +206,7 @@ def demeaned(d: np.ndarray, rows: int) -> np.ndarray:
     return d
 
 
-def estimated(test: np.ndarray, reference: np.ndarray) -> np.ndarray:
+def estimated(test: Pixels, reference: Pixels) -> Float32[np.ndarray, "h w 3"]:
     """A variance of t - r where neither image tells one: the square of its deviation from its block's mean."""
     out = np.subtract(test, reference, dtype=np.float32)
     for y0, y1, rows in strips(out.shape):
@@ -200,7 +218,7 @@ def estimated(test: np.ndarray, reference: np.ndarray) -> np.ndarray:
     return np.asarray(out)
 
 
-def capped(variance: np.ndarray, claimed: np.ndarray, shown: Residual) -> tuple[np.ndarray, float]:
+def capped(variance: Pixels, claimed: Blocks, shown: Residual) -> tuple[Pixels, float]:
     """The claimed variance, no more than CAP times what the residuals show; the share of blocks that
     claim more than their own.
 
@@ -226,7 +244,9 @@ LAGS, FAR = 5, (7, 8, 9)
 """Neighbours at 1 to LAGS pixels may share noise; at FAR pixels they share nothing that is not in all."""
 
 
-def inflation(test: np.ndarray, reference: np.ndarray, blocks: np.ndarray, most_pixels: int = 500_000) -> float:
+def inflation(
+    test: Pixels, reference: Pixels, blocks: Float32[np.ndarray, "by bx 3"], most_pixels: int = 500_000
+) -> float:
     """By how much the variance of a mean over many pixels exceeds that of independent ones: 1 + Σ ρ(lag), >= 1.
 
     A reconstruction filter wider than the pixel gives neighbours the same samples. Its correlation ρ is read off the
@@ -246,7 +266,7 @@ def inflation(test: np.ndarray, reference: np.ndarray, blocks: np.ndarray, most_
     return _along(e, 0, values) * _along(e, 1, values)
 
 
-def _along(e: np.ndarray, axis: int, values: float) -> float:
+def _along(e: Float32[np.ndarray, "h w 3"], axis: int, values: float) -> float:
     """1 + 2 Σ ρ(h) along the axis, up to the first lag that is no more than chance."""
     if e.shape[axis] < 2 * FAR[-1]:
         return 1.0
@@ -274,9 +294,9 @@ class Missed(NamedTuple):
     `fixed` in units of radiance plus `share` relative to the radiance: one of them is 0.
     """
 
-    fixed: np.ndarray
-    share: np.ndarray
-    density: np.ndarray
+    fixed: Float[np.ndarray, "3"]
+    share: Float[np.ndarray, "3"]
+    density: Float[np.ndarray, "3"]
 
     @property
     def always(self) -> "Missed":
@@ -287,7 +307,7 @@ class Missed(NamedTuple):
     def nothing(self) -> bool:
         return not (self.fixed.any() or self.share.any())
 
-    def of(self, pixels: np.ndarray | int, radiance: np.ndarray) -> np.ndarray:
+    def of(self, pixels: Counts | int, radiance: Means) -> Means | Float[np.ndarray, "3"]:
         """For means over so many pixels, (..., 1) or one number, of mean radiance (..., 3), to (..., 3)."""
         if self.nothing:
             return np.zeros(3)
@@ -354,7 +374,12 @@ def variance_ratio(
     return typical_, largest_
 
 
-def mutual(va: np.ndarray, vb: np.ndarray, ratio: float | None, total: np.ndarray | None = None) -> np.ndarray:
+def mutual(
+    va: Float[np.ndarray, "..."],
+    vb: Float[np.ndarray, "..."],
+    ratio: float | None,
+    total: Float[np.ndarray, "*n"] | None = None,
+) -> Float[np.ndarray, "*n"]:
     """The variance of t - r: each image's own, or what the other's says of it, whichever is larger.
 
     `total`: their sum, where it is known already. max(va, ρ vb) + max(vb, va / ρ) = (1 + 1/ρ) max(va, ρ vb).

@@ -8,6 +8,7 @@ import numpy as np
 
 from raytwin.image import Image
 from raytwin.scene import Tolerance
+from raytwin.shapes import Float
 
 BRIGHT = 0.99
 """The scale is this quantile of the reference's positive values: what is lit best, but for a few highlights."""
@@ -44,7 +45,7 @@ class Bound(NamedTuple):
     def least(self) -> float:
         return self.share * self.scale
 
-    def of(self, radiance: np.ndarray) -> np.ndarray:
+    def of(self, radiance: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """(...) the same shape: share * max(scale, |r|)."""
         out = np.asarray(np.abs(radiance))
         np.maximum(out, out.dtype.type(self.scale), out=out)

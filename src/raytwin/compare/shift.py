@@ -7,6 +7,7 @@ import numpy as np
 
 from raytwin.compare.chance import sidak, two_sided
 from raytwin.compare.finding import SHIFT, Finding
+from raytwin.shapes import Float, Float32
 
 GRANTED_SHIFT = 0.01
 """Pixels by which two images may be shifted: a tenth of what calibration can tell."""
@@ -50,7 +51,9 @@ class Shift(NamedTuple):
         return float(np.hypot(self.dx, self.dy))
 
 
-def find_shift(test: np.ndarray, reference: np.ndarray, most_pixels: int = 1_000_000) -> Shift | None:
+def find_shift(
+    test: Float[np.ndarray, "h w c"], reference: Float[np.ndarray, "h w c"], most_pixels: int = 1_000_000
+) -> Shift | None:
     """The translation (dx, dy) for which t(x + dx) = r(x), from coarse to fine; None where nothing fixes it.
 
     Lucas and Kanade 1981, symmetric: t - r = -grad(m) . (dx, dy) + gain m + offset, m = (t + r) / 2, by least squares,
@@ -80,7 +83,7 @@ def find_shift(test: np.ndarray, reference: np.ndarray, most_pixels: int = 1_000
     return shift if _explains(step, *levels[0]) else None
 
 
-def _explains(shift: Shift, t: np.ndarray, r: np.ndarray) -> bool:
+def _explains(shift: Shift, t: Float[np.ndarray, "h w"], r: Float[np.ndarray, "h w"]) -> bool:
     """A shift of more than a pixel is one only if it makes the images more alike: two different pictures have none."""
     if shift.length <= 1:
         return True
@@ -92,7 +95,9 @@ def _explains(shift: Shift, t: np.ndarray, r: np.ndarray) -> bool:
     return unlike(round(shift.dx), round(shift.dy)) < unlike(0, 0) / 2
 
 
-def _overlap(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> tuple[np.ndarray, np.ndarray]:
+def _overlap(
+    t: Float[np.ndarray, "h w"], r: Float[np.ndarray, "h w"], dx: int, dy: int
+) -> tuple[Float[np.ndarray, "y x"], Float[np.ndarray, "y x"]]:
     """The parts of t and r that show the same when t is r moved by whole pixels."""
     h, w = t.shape
     return (
@@ -101,7 +106,7 @@ def _overlap(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> tuple[np.ndarray
     )
 
 
-def _binned(x: np.ndarray, factor: int) -> np.ndarray:
+def _binned(x: Float[np.ndarray, "h w c"], factor: int) -> Float32[np.ndarray, "h//{factor} w//{factor}"]:
     """The mean over factor x factor pixels and all channels, float32 (H // factor, W // factor)."""
     h, w, c = x.shape[0] // factor, x.shape[1] // factor, x.shape[2]
     x = x[: h * factor, : w * factor]
@@ -115,13 +120,13 @@ FOOTPRINT = float(np.square(_SMOOTH).sum()) ** 2
 """White noise keeps this share of its variance under the filter: 1 / FOOTPRINT pixels share one error."""
 
 
-def _smoothed(x: np.ndarray) -> np.ndarray:
+def _smoothed(x: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h-4 w-4"]:
     """Binomial filter, no padding: four rows and columns fewer. An edge one pixel wide has no gradient without it."""
     x = np.asarray(sum(w * x[i : i + len(x) - 4] for i, w in enumerate(_SMOOTH)))
     return np.asarray(sum(w * x[:, i : i + x.shape[1] - 4] for i, w in enumerate(_SMOOTH)))
 
 
-def _step(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> Shift | None:
+def _step(t: Float[np.ndarray, "h w"], r: Float[np.ndarray, "h w"], dx: int, dy: int) -> Shift | None:
     """One least-squares step around the whole shift (dx, dy)."""
     h, w = t.shape
     if h - abs(dy) < 16 or w - abs(dx) < 16:
@@ -157,7 +162,7 @@ def _step(t: np.ndarray, r: np.ndarray, dx: int, dy: int) -> Shift | None:
     return Shift(x, y, float(np.sqrt(variance.max())), dof, explained, light)
 
 
-def _lit(d: np.ndarray, m: np.ndarray) -> float:
+def _lit(d: Float[np.ndarray, "h w"], m: Float[np.ndarray, "h w"]) -> float:
     """How much of Σ d² the best factor of m in every LIGHT x LIGHT block takes away: Σ (Σ d m)² / Σ m²."""
 
     def blocks(x: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from raytwin.compare.answer import Question
+from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Comparison, Perceptual, Radiance, Verdict
 from raytwin.compare.finding import HARD, HINT, SHIFT, SILHOUETTE, Finding
 from raytwin.compare.geometry import geometry_findings
@@ -39,7 +40,7 @@ def compare(
     false_alarm_rate: float = 1e-3,
     must_see: float = MUST_SEE,
     noise: Literal["both", "reference"] = "both",
-    half_steps: tuple[np.ndarray | None, np.ndarray | None] = (None, None),
+    half_steps: tuple[Pixels | None, Pixels | None] = (None, None),
     flip: bool = False,
 ) -> Comparison:
     """Does `test` show what `reference` shows? The verdict, its reasons in words, and every number behind it.
@@ -70,7 +71,7 @@ def _compare(
     rate: float,
     must_see: float,
     noise: str,
-    half_steps: tuple[np.ndarray | None, np.ndarray | None],
+    half_steps: tuple[Pixels | None, Pixels | None],
     flip: bool,
 ) -> Comparison:
     if findings := shape_findings(test, reference):

@@ -24,7 +24,10 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
-from raytwin.shapes import Bool
+from raytwin.shapes import Bool, Float
+
+Places = Float[np.ndarray, " n"]
+"""A coordinate, or a share, of each of n places."""
 
 LEAST = 1e-3
 """The least determinant that counts as undone: there a pixel sees a thousand times the solid angle of the middle's."""
@@ -57,10 +60,10 @@ class Undone(NamedTuple):
     all of it. `ideal` (n, 2): where that ends, normalised. `found` (n,): Newton's method comes there.
     """
 
-    pixels: np.ndarray
-    share: np.ndarray
-    ideal: np.ndarray
-    found: np.ndarray
+    pixels: Float[np.ndarray, "n 2"]
+    share: Float[np.ndarray, " n"]
+    ideal: Float[np.ndarray, "n 2"]
+    found: Bool[np.ndarray, " n"]
 
     @property
     def fault(self) -> str:
@@ -101,7 +104,7 @@ def without_ray(camera: Camera) -> Bool[np.ndarray, "h w"] | None:
     return lost if lost.any() else None
 
 
-def rayless(camera: Camera, u: Any, v: Any) -> np.ndarray:
+def rayless(camera: Camera, u: Any, v: Any) -> Bool[np.ndarray, "..."]:
     """Of places (u, v) in the image, which lie in a pixel that no ray belongs to, or beyond the frame next to one."""
     u, v = np.broadcast_arrays(u, v)
     if (lost := without_ray(camera)) is None:
@@ -113,7 +116,7 @@ def rayless(camera: Camera, u: Any, v: Any) -> np.ndarray:
 @lru_cache(maxsize=8)
 def _without_ray(
     fx: float, fy: float, cx: float, cy: float, dist: tuple[float, ...], image_size: tuple[int, int]
-) -> np.ndarray:
+) -> Bool[np.ndarray, "h w"]:
     us, vs = (np.linspace(-0.5, side - 0.5, CELLS + 1) for side in image_size)
     xd, yd = (a.ravel() for a in np.meshgrid((us - cx) / fx, (vs - cy) / fy))
     bad = ~_comes_back(xd, yd, dist)[0].reshape(CELLS + 1, CELLS + 1)
@@ -128,8 +131,8 @@ def _without_ray(
 
 
 def _comes_back(
-    xd: np.ndarray, yd: np.ndarray, dist: tuple[float, ...]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    xd: Places, yd: Places, dist: tuple[float, ...]
+) -> tuple[Bool[np.ndarray, " n"], Places, Places, Places, Bool[np.ndarray, " n"]]:
     """Whether the way to each (xd, yd) (n,) can be gone and Newton's method comes to its end; and `Undone`'s fields."""
     share, x, y = follow(xd, yd, dist) if any(dist) else (np.ones(len(xd)), xd, yd)
     ended = newton(xd, yd, dist)
@@ -172,7 +175,9 @@ def determinant(x: Any, y: Any, dist: Sequence[float]) -> Any:
     return xx * yy - xy * xy
 
 
-def newton(xd: np.ndarray, yd: np.ndarray, dist: Sequence[float], steps: int = STEPS) -> tuple[np.ndarray, np.ndarray]:
+def newton(
+    xd: Float[np.ndarray, "*n"], yd: Float[np.ndarray, "*n"], dist: Sequence[float], steps: int = STEPS
+) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
     """The (x, y) with distort(x, y) = (xd, yd), by Newton's method from (xd, yd); right where `undone` says so."""
     x, y = xd, yd
     with np.errstate(all="ignore"):
@@ -185,7 +190,7 @@ def newton(xd: np.ndarray, yd: np.ndarray, dist: Sequence[float], steps: int = S
     return x, y
 
 
-def follow(xd: np.ndarray, yd: np.ndarray, dist: Sequence[float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def follow(xd: Places, yd: Places, dist: Sequence[float]) -> tuple[Places, Places, Places]:
     """Follow the way to each (xd, yd) (n,) by short steps: the share of it that can be gone, and the (x, y) there.
 
     A step goes along the tangent, then by Newton's method. One that Newton's method bends by more than a quarter, that

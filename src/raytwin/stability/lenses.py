@@ -26,8 +26,9 @@ def fixed_point(xd: np.ndarray, yd: np.ndarray, dist: tuple[float, ...], steps: 
     """x <- (xd - tangential(x)) / radial(x), as OpenCV does it: back to (xd, yd) where a radial is negative."""
     import cv2
 
-    points = np.stack([xd, yd], axis=-1).reshape(-1, 1, 2)
-    undone = cv2.undistortPoints(points, np.eye(3), np.array(dist), criteria=(cv2.TERM_CRITERIA_COUNT, steps, 0))
+    points, none, until = np.stack([xd, yd], axis=-1).reshape(-1, 1, 2), np.eye(3), (cv2.TERM_CRITERIA_COUNT, steps, 0)
+    undistort_points = getattr(cv2, "undistortPointsIter", cv2.undistortPoints)  # OpenCV 4 has two
+    undone = undistort_points(points, none, np.array(dist), R=none, P=none, criteria=until)
     return undone[:, 0, 0], undone[:, 0, 1]
 
 
