@@ -81,6 +81,21 @@ def test_a_worker_that_is_killed_in_the_middle_costs_nothing(cluster):
     assert threading.active_count() < 100
 
 
+def test_a_cluster_and_shards_make_the_references_that_one_process_makes(cluster, tmp_path):
+    from raytwin.cli.reference import _cases, _changes
+
+    options = {"size": (24, 18)}
+
+    def made(spread):
+        found = _changes(_cases([Path("single"), Path("ball")], ["lambert"]), tmp_path, options, spread)
+        return {change.new.path: change.new.header["checksum"] for change in found}
+
+    here = made(Spread())
+    assert len(here) == 2
+    assert made(Spread(dask=cluster.scheduler_address)) == here
+    assert made(Spread(shard=(1, 2))) | made(Spread(shard=(2, 2))) == here
+
+
 def test_no_scheduler_at_the_address_is_said(monkeypatch):
     monkeypatch.setattr("raytwin.spread.CONNECT", 0.5)
     with pytest.raises(MachineError, match="the address of a Dask scheduler"):

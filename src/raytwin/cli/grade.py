@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from raytwin.cli.options import check_outputs
+from raytwin.cli.options import Dask, Jobs, Shard, check_outputs
 from raytwin.cli.progress import show_progress
 from raytwin.errors import InputError
 
@@ -29,15 +29,6 @@ app = typer.Typer(
     no_args_is_help=True,
     cls=_Submissions,
 )
-
-Jobs = Annotated[int, typer.Option("--jobs", "-j", metavar="N", help="Local processes (1).")]
-Dask = Annotated[
-    str, typer.Option(metavar="ADDRESS", help="Of a Dask scheduler (extra `cluster`); its workers share the disk.")
-]
-Shard = Annotated[
-    str, typer.Option(metavar="K/N", help="Only every N-th, from the K-th on: one task of a Slurm array.")
-]
-File = typer.Option(metavar="FILE")
 
 
 @app.command("class")

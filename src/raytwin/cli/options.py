@@ -14,6 +14,15 @@ ScenePath = Annotated[Path, typer.Argument(help="A scene's folder, its scene.tom
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the numbers as JSON.")]
 
 
+Jobs = Annotated[int, typer.Option("--jobs", "-j", metavar="N", help="Local processes (1).")]
+Dask = Annotated[
+    str, typer.Option(metavar="ADDRESS", help="Of a Dask scheduler (extra `cluster`); its workers share the disk.")
+]
+Shard = Annotated[
+    str, typer.Option(metavar="K/N", help="Only every N-th, from the K-th on: one task of a Slurm array.")
+]
+
+
 def _flip(asked: bool) -> bool:
     if asked:
         from raytwin.compare.metrics import flip_is_installed

@@ -2,17 +2,23 @@
 
 import sys
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from raytwin.cli.options import check_outputs, parse_size
+from raytwin.cli.options import Dask, Jobs, Shard, check_outputs, parse_size
 from raytwin.cli.progress import show_progress
 from raytwin.errors import InputError, check_one_of
+from raytwin.progress import Progress, silent
 
 if TYPE_CHECKING:
+    from raytwin.jobs.reference import Change
     from raytwin.scene import SceneFile
+    from raytwin.spread import Spread
+
+    Case = tuple[Path, str, SceneFile]
 
 app = typer.Typer(help="Reference images: make, check, show them, or see what would change.", no_args_is_help=True)
 
@@ -39,31 +45,22 @@ def make_command(
     size: Annotated[str | None, typer.Option(metavar="WxH", help="About 336x252 by default.")] = None,
     again: Annotated[bool, typer.Option("--again", help="Render also what is up to date.")] = False,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Replace old references without asking.")] = False,
+    jobs: Jobs = 1,
+    dask: Dask = "",
+    shard: Shard = "",
 ) -> None:
     """Render references with Mitsuba. An old one is replaced only after showing what changes.
 
     Interrupted, it goes on where it stopped.
     """
     from raytwin import references
-    from raytwin.jobs import reference
+    from raytwin.spread import parse_spread
 
     check_outputs(folders=(folder,))
     refused = []
     pixels = parse_size(size, "--size") if size else None
-    for scene, one, found in _cases(scenes, rung):
-        with show_progress() as progress:
-            change = reference.make(
-                scene,
-                one,
-                folder,
-                samples=samples,
-                seed=seed,
-                sampling=sampling,
-                size=pixels,
-                again=again,
-                found=found,
-                progress=progress,
-            )
+    options = {"samples": samples, "seed": seed, "sampling": sampling, "size": pixels, "again": again}
+    for change in _changes(_cases(scenes, rung), folder.absolute(), options, parse_spread(jobs, dask, shard)):
         typer.echo("\n".join(change.lines()))
         if change.kind == "same":
             continue
@@ -160,7 +157,7 @@ def diff_command(
     raise typer.Exit(_worst(codes))
 
 
-def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[tuple[Path, str, SceneFile]]":
+def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[Case]":
     """(scene's path, rung, scene with its camera found) of every reference that is asked for."""
     from raytwin import files
     from raytwin.jobs import reference
@@ -174,6 +171,35 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[tupl
             found = reference.find_scene(scene, progress)
         for rung in rungs or RUNGS:
             yield scene, rung, found
+
+
+def _changes(cases: "Iterator[Case]", folder: Path, options: dict[str, Any], spread: "Spread") -> "Iterator[Change]":
+    """What `make` found of each case of the share, as it is done; an error comes after all the others."""
+    from raytwin.spread import over
+
+    errors = []
+    if spread.jobs == 1 and not spread.dask:  # one after the other, each with its own bar
+        for case in spread.share(list(cases)):
+            with show_progress() as progress:
+                change = _made(case, folder, options, progress)
+            yield change
+        return
+    chosen = [(scene.absolute(), rung, found) for scene, rung, found in cases]
+    with show_progress() as progress:
+        for count, done in enumerate(over(partial(_made, folder=folder, options=options), chosen, spread), start=1):
+            progress("references", count, len(spread.share(chosen)))
+            if done.error is None:
+                yield done.result
+            errors += [done.error] if done.error else []
+    if errors:
+        raise errors[0]
+
+
+def _made(case: "Case", folder: Path, options: dict[str, Any], progress: Progress = silent) -> "Change":
+    from raytwin.jobs import reference
+
+    scene, rung, found = case
+    return reference.make(scene, rung, folder, found=found, progress=progress, **options)
 
 
 def _worst(codes: list[int]) -> int:
