@@ -12,6 +12,7 @@ SLOW = (
     "files/test_hostile_images.py",
     "grade/test_class.py",
     "grade/test_cluster.py",
+    "grade/test_gradescope.py",
     "grade/test_hostile.py",
     "jobs/test_reference.py::test_todays_mitsuba_agrees_with_shipped_references",
     "paper/test_paper.py",

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from raytwin.errors import InputError
-from raytwin.grade.rubric import Exercise, Speed, read_rubric
+from raytwin.grade.rubric import READY, STAGES, Exercise, Speed, read_rubric
 
 GOOD = """
 title = "t"
@@ -75,3 +75,9 @@ def test_a_seed_belongs_to_the_submission_and_the_rubric(read):
     one, other = read(GOOD), read("seed = 1\n" + GOOD)
     assert one.seed_of(b"a") == one.seed_of(b"a")
     assert len({one.seed_of(b"a"), one.seed_of(b"b"), other.seed_of(b"a")}) == 3
+
+
+def test_the_ready_rubric_has_every_stage_and_a_hundred_points():
+    ready = read_rubric(READY)
+    assert set(ready.stages) == set(STAGES)
+    assert ready.points == 100

@@ -135,6 +135,10 @@ class Rubric(Record, frozen=True):
         return int.from_bytes(total[:4], "little")
 
 
+READY = Path(__file__).with_name("rubric.toml")
+"""A whole rubric for the paper's pipeline, to be copied and changed."""
+
+
 def read_rubric(path: str | Path) -> Rubric:
     """The rubric of a TOML file, or an InputError that names the field."""
     path = Path(path)

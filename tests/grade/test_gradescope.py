@@ -1,0 +1,95 @@
+"""autograder.zip, unpacked and run as Gradescope does, in its own folders below a temporary one."""
+
+import json
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+import tracers
+
+from raytwin.errors import InputError
+from raytwin.grade.gradescope import write_zip
+
+resource = pytest.importorskip("resource")
+
+RUBRIC = """
+title = "t"
+[[exercises]]
+stage = "intersect_sphere"
+points = 10
+[[exercises]]
+name = "image"
+stage = "render"
+scenes = ["single"]
+rung = "lambert"
+points = 20
+visibility = "hidden"
+[limits]
+memory_mb = 300
+"""
+MEGABYTES = 768
+"""What Gradescope gives a container by default."""
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Gradescope's containers are Linux")
+
+
+def container(folder: Path, submission: str) -> tuple[dict, float]:
+    """results.json after setup.sh and run_autograder, and the largest resident memory of a process, in MB."""
+    rubric = folder / "rubric.toml"
+    rubric.write_text(RUBRIC)
+    write_zip(rubric, folder / "autograder.zip")
+    base = folder / "autograder"
+    with zipfile.ZipFile(folder / "autograder.zip") as archive:
+        assert {"setup.sh", "run_autograder"} <= set(archive.namelist())
+        archive.extractall(base / "source")
+    (base / "run_autograder").write_bytes((base / "source" / "run_autograder").read_bytes())
+    for name in ("submission", "results"):
+        (base / name).mkdir()
+    (base / "submission" / "my tracer.py").write_text(submission)
+    # The packages of this environment stand for what pip would bring.
+    python = base / "raytwin" / "bin" / "python"
+    python.parent.mkdir(parents=True)
+    source = Path(write_zip.__code__.co_filename).parents[2]
+    python.write_text(f'#!/bin/sh\nPYTHONPATH="{source}" exec "{sys.executable}" "$@"\n')
+    python.chmod(0o755)
+    environment = os.environ | {"RAYTWIN_AUTOGRADER": str(base), "RAYTWIN_NO_INSTALL": "1"}
+    for script in ("source/setup.sh", "run_autograder"):
+        done = subprocess.run(
+            ["bash", str(base / script)], env=environment, capture_output=True, text=True, timeout=120
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1000
+    return json.loads((base / "results" / "results.json").read_text()), peak
+
+
+def test_it_grades_a_submission_in_gradescopes_folders(tmp_path):
+    told, peak = container(tmp_path, tracers.tracer("gamma"))
+    assert (told["score"], [t["score"] for t in told["tests"]]) == (10, [10, 0])
+    assert told["tests"][1]["visibility"] == "hidden"
+    assert 2 * peak < MEGABYTES  # the grader and the submission
+
+
+def test_a_submission_finds_neither_references_nor_rubric_nor_results(tmp_path):
+    base = tmp_path / "autograder"
+    steal = tracers.RIGHT + (
+        "\nimport glob\n"
+        f"for path in glob.glob({str(base)!r} + '/**', recursive=True) + [{str(base / 'source' / 'rubric.toml')!r}]:\n"
+        "    try:\n        print('STOLEN', path, open(path, 'rb').read(8))\n    except OSError: pass\n"
+        f"try:\n    open({str(base / 'results' / 'results.json')!r}, 'w').write('hacked')\nexcept OSError: pass\n"
+        f"try:\n    open({str(base / 'run_autograder')!r}, 'a').write('hacked')\nexcept OSError: pass\n"
+    )
+    told, _ = container(tmp_path, steal)
+    assert told["score"] == 30
+    (result,) = (base / "results" / ".grades" / "results").iterdir()
+    assert "STOLEN" not in json.loads(result.read_text())["printed"]
+    assert "hacked" not in (base / "run_autograder").read_text()
+
+
+def test_a_rubric_whose_scene_has_no_reference_is_refused(tmp_path):
+    (tmp_path / "r.toml").write_text(RUBRIC.replace('"single"', '"nowhere"'))
+    with pytest.raises(InputError, match="nowhere"):
+        write_zip(tmp_path / "r.toml", tmp_path / "a.zip")
+    assert not (tmp_path / "a.zip").exists()
