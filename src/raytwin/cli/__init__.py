@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from raytwin.cli import bench, board, explore, grade, images, ladder, needs, photos, reference, scenes, stability
+from raytwin.cli import bench, board, explore, grade, images, ladder, needs, photos, reference, scenes, stability, walk
 from raytwin.errors import InputError
 
 app = typer.Typer(
@@ -45,6 +45,7 @@ app.command("compare")(images.compare_command)
 app.command("ladder")(ladder.ladder_command)
 app.command("needs")(needs.needs_command)
 app.command("explore")(explore.explore_command)
+app.command("walk")(walk.walk_command)
 app.command("diff")(images.diff_command)
 app.add_typer(reference.app, name="reference")
 app.add_typer(scenes.app, name="scenes")
@@ -69,7 +70,7 @@ def doctor() -> None:
 
 EXTRAS = {
     "mitsuba": "twin", "drjit": "twin", "cv2": "photos", "pupil_apriltags": "photos",
-    "reportlab": "charts", "tornado": "live",
+    "reportlab": "charts", "tornado": "live", "jupytext": "notebook",
 }  # fmt: skip
 """What the light install leaves out, by the extra that brings it."""
 

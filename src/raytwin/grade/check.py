@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from raytwin.errors import check_one_of
-from raytwin.grade.contract import CONTRACT
+from raytwin.grade.contract import LESSONS
 from raytwin.grade.judge import judge_function
 from raytwin.grade.stage_result import StageResult
 
@@ -24,8 +24,8 @@ def check(stage: str, function: Callable[..., Any], *, raises: bool = False, see
     A script prints the sentence; the Python prompt and a notebook show the result, a notebook as a small page.
     `raises`: StageFailed, an AssertionError, where it fails. `seed`: of the numbers that it is tried with.
     """
-    check_one_of("stage", stage, CONTRACT)
-    result = judge_function(CONTRACT[stage], function, seed)
+    check_one_of("stage", stage, LESSONS)
+    result = judge_function(LESSONS[stage], function, seed)
     if raises and not result.passed:
         raise StageFailed(result)
     if not hasattr(sys, "ps1"):  # no prompt, of Python's or of a notebook, that shows what is returned
