@@ -175,6 +175,7 @@ class Held:
         from raytwin import given
         from raytwin.compare import compare
         from raytwin.errors import InputError
+        from raytwin.grade.diagnosis import explain
         from raytwin.scene import Tolerance
 
         taken = None
@@ -199,6 +200,8 @@ class Held:
             noise="both" if taken.measured else noise,
             half_steps=(taken.rounding.half, None),
         )
+        if made.verdict == "fail":
+            made = made.saying(*explain(taken.image, shown, known.scene, self.rung, taken.rounding, most=1))
         notes = list(taken.notes)
         if not made.passed and shown.variance is not None and taken.image.variance is None:
             notes.append(

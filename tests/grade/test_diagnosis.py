@@ -8,6 +8,7 @@ from raytwin.files.rounding import half_code
 from raytwin.grade.catalogue import FAULTS, STAGES
 from raytwin.grade.diagnosis import View, diagnose, explain
 from raytwin.grade.predict import RIGHT, Bench
+from raytwin.image import Image
 from raytwin.methods.exchange import as_arrays
 from raytwin.tracer import trace
 
@@ -160,12 +161,13 @@ APPEARANCE = {
 
 @pytest.mark.parametrize("name", APPEARANCE)
 def test_of_an_unknown_scene_what_a_writer_of_pictures_does_wrong_is_named(name):
-    (said,) = explain(APPEARANCE[name], P)
+    (said,) = explain(Image(np.ascontiguousarray(APPEARANCE[name])), Image(P))
     assert name in said
 
 
 def test_of_an_unknown_scene_an_error_without_such_a_cause_gets_no_words():
     t = P.copy()
     t[20:30, 20:30] = 0
-    assert explain(t, P) == ()
-    assert explain(P + 0.1 * np.random.default_rng(3).random(P.shape), P) == ()
+    assert explain(Image(t), Image(P)) == ()
+    assert explain(Image(P + 0.1 * np.random.default_rng(3).random(P.shape)), Image(P)) == ()
+    assert explain(Image(P[:, :20]), Image(P)) == ()

@@ -122,7 +122,9 @@ def test_a_bug_is_not_hidden_by_light_that_is_missing_on_purpose(scenes):
             scenes / "overlap", subject=subject, rung="path", size=(160, 120), samples=64, cache=False
         )
         assert result.comparison.verdict == verdict
-    assert all("on its own rung, shadow: " in reason for reason in result.comparison.reasons)
+    *reasons, cause = result.comparison.reasons
+    assert all("on its own rung, shadow: " in reason for reason in reasons)
+    assert cause.startswith("cause")
     assert result.comparison.exit_code == 1
 
 

@@ -2,6 +2,8 @@
 
 from typing import Literal
 
+import msgspec
+
 from raytwin.scene import Record
 
 
@@ -69,6 +71,10 @@ class Comparison(Record, frozen=True):
     statistics: Statistics = Statistics()
     perceptual: Perceptual = Perceptual()
     seconds: float = 0.0
+
+    def saying(self, *further: str) -> "Comparison":
+        """The same with further reasons, behind the others."""
+        return msgspec.structs.replace(self, reasons=(*self.reasons, *further))
 
     @property
     def passed(self) -> bool:

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 CHANNELS = ("red", "green", "blue")
 
-# Worst first: what is no image at all, then where things are, then how bright, then what might be the cause.
-HARD, SILHOUETTE, SHIFT, DEPTH, NORMAL, IMAGE, TILE, VALUE, EXACT, HINT = range(10)
+# Worst first: what is no image at all, then where things are, then how bright.
+HARD, SILHOUETTE, SHIFT, DEPTH, NORMAL, IMAGE, TILE, VALUE, EXACT = range(9)
 
 
 class Finding(NamedTuple):

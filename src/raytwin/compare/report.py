@@ -49,8 +49,7 @@ class Report(Record, frozen=True):
 
     def saying(self, *further: str) -> "Report":
         """The same with further reasons, behind the others."""
-        comparison = msgspec.structs.replace(self.comparison, reasons=(*self.comparison.reasons, *further))
-        return msgspec.structs.replace(self, comparison=comparison)
+        return msgspec.structs.replace(self, comparison=self.comparison.saying(*further))
 
     def numbers(self) -> dict[str, Any]:
         """What comparison.json holds, in its order."""

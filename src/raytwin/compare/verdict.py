@@ -11,10 +11,9 @@ import numpy as np
 from raytwin.compare.answer import Question
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Comparison, Perceptual, Radiance, Verdict
-from raytwin.compare.finding import HARD, HINT, SHIFT, SILHOUETTE, Finding
+from raytwin.compare.finding import HARD, SHIFT, SILHOUETTE, Finding
 from raytwin.compare.geometry import geometry_findings
 from raytwin.compare.hard import shape_findings, value_findings
-from raytwin.compare.hints import find_hints
 from raytwin.compare.metrics import measure
 from raytwin.compare.scale import Bound, scale_of, unit_of
 from raytwin.compare.shift import find_shift, shift_finding
@@ -85,7 +84,6 @@ def _compare(
     if any(f.rank == HARD for f in findings):
         return _made(findings, geometry=geometry, radiance=radiance)
     perceptual = Perceptual(measure(test.mean, reference.mean, ["flip_hdr"])["flip_hdr"] if flip else None)
-    as_given = test.mean, reference.mean
 
     if noise == "reference":
         test = replace(test, variance=None, samples=0, batches=None)
@@ -108,10 +106,9 @@ def _compare(
     question = Question(test, reference, tolerance, Bound(tolerance.p999_abs, scale), unit, rate, half_steps, excused)
     answer = question.answer(shift, must_see)
     findings += answer.findings
-    if findings and not answer.doubts:
-        findings += find_hints(*as_given)
-        if shift is not None and shift.certain and not any(f.rank in (SHIFT, HINT) for f in findings):
-            findings.append(shift_finding(shift))
+    told = any(f.rank == SHIFT for f in findings)
+    if findings and not answer.doubts and shift is not None and shift.certain and not told:
+        findings.append(shift_finding(shift))
     return _made(
         findings,
         answer.notes,

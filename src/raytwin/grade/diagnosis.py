@@ -12,11 +12,14 @@ from typing import Literal
 
 import numpy as np
 
+from raytwin.files import Rounding
 from raytwin.grade.catalogue import FAULTS, OUTPUT, STAGES, Fault
 from raytwin.grade.fitted import FAMILIES, Family, fit, promising, total
 from raytwin.grade.predict import RIGHT, Array, Steps
 from raytwin.grade.sight import Sight, View, many
 from raytwin.grade.whereabouts import whereabouts
+from raytwin.image import Image
+from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 
 EXPLAINED = 0.9
@@ -86,8 +89,8 @@ class Diagnosis:
         share = f"explains {_percent(self.explained)} of the squared error"
         if self.held_out is not None:
             share += f", of the scene that it explains least {_percent(self.held_out)}"
-        said[-1] += f" ({share})"
-        return (*said, self.where)
+        said[-1] += f" ({share}){'; ' if self.where else ''}{self.where}"
+        return tuple(said)
 
 
 def _percent(x: float) -> str:
@@ -148,24 +151,30 @@ def diagnose(
 
 
 def explain(
-    shown: Array,
-    right: Array,
+    test: Image,
+    reference: Image,
     scene: Scene | None = None,
     rung: str = "shadow",
-    half: Array | None = None,
-    clipped: bool = False,
+    rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
+    most: int = 2,
 ) -> tuple[str, ...]:
-    """In words, why one picture is wrong: of a known scene, any fault; else what a writer of pictures does wrong.
+    """In words, why an image is not its reference: of a known scene any fault, else what a writer does wrong.
 
-    Empty where there is nothing to say: of an unknown scene only a cause that explains it is told.
+    Of an unknown scene only a cause that explains it is told. `rounding`: of the test's format.
     """
-    if np.shape(shown) != np.shape(right) or np.ndim(shown) != 3 or not np.isfinite(shown).all():
+    shown, right = test.mean, reference.mean
+    if shown.shape != right.shape or shown.ndim != 3 or not (np.isfinite(shown).all() and np.isfinite(right).all()):
         return ()
-    view = View(scene, shown, right, rung, half=half, clipped=clipped)
-    if scene is not None:
-        return diagnose([view]).words
+    variances = [image.variance for image in (test, reference) if image.variance is not None]
+    slack = np.zeros(shown.shape) if rounding.half is None else rounding.half.astype(float)
+    if variances:
+        slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
+    known = scene is not None and RUNGS[rung].lit and scene.objects
+    view = View(scene if known else None, shown, right, rung, half=slack, clipped=rounding.clipped)
+    if known:
+        return diagnose([view], most=most).words
     made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, most=1)
-    return tuple(text for text in made.words if text) if made.causes else ()
+    return made.words if made.causes else ()
 
 
 def _price(base: Guess) -> float:

@@ -11,6 +11,7 @@ from raytwin.augment import augment
 from raytwin.compare import Comparison, Report, compare
 from raytwin.compare.report import Timing
 from raytwin.errors import InputError, check_one_of
+from raytwin.grade.diagnosis import explain
 from raytwin.image import Image
 from raytwin.jobs.camera import TruthRow, compare_truth, find_camera
 from raytwin.jobs.ledger import LEFT_OUT, Ledger, make_ledger
@@ -111,11 +112,14 @@ def compare_scene(
         with stages.stage("ledger"):
             ledger = make_ledger(scene, made, subject.rung, fast_engine(backend.variant))
     with stages.stage("compare"):
-        comparison = compare(made, reference, tolerance=written.tolerance, flip=flip)
+        comparison, held_to = compare(made, reference, tolerance=written.tolerance, flip=flip), reference
         if subject.rung != rung and comparison.verdict != "pass":
             level = twin.render(scene, subject.rung, sampling=subject.sampling, samples=samples, seed=seed, cache=cache)
-            at_own = compare(made, level, tolerance=written.tolerance)
+            at_own, held_to = compare(made, level, tolerance=written.tolerance), level
             comparison = _as_it_must(comparison, at_own, subject.rung, rung, ledger)
+    if comparison.verdict == "fail":
+        with stages.stage("cause"):
+            comparison = comparison.saying(*explain(made, held_to, scene, subject.rung))
     picture = augmented = None
     if photo_path is not None:
         with stages.stage("augment"):

@@ -13,6 +13,7 @@ from raytwin.compare import METRICS, Comparison, Limits, Report, compare, limit_
 from raytwin.compare.verdict import MUST_SEE
 from raytwin.errors import InputError
 from raytwin.given import ENDINGS, read_side, renders_at
+from raytwin.grade.diagnosis import explain
 from raytwin.image import Image
 from raytwin.scene import Tolerance
 
@@ -95,6 +96,8 @@ def diff(
         half_steps=(sides[0].rounding.half, sides[1].rounding.half),
     )
     start = time.perf_counter()
+    if made.verdict == "fail" and limits is None:
+        made = made.saying(*explain(test, reference, rounding=sides[0].rounding))
     made = _decided(made, test, reference, limits, begins)
     warned = limit_findings(test, reference, warn)[0] if warn is not None and made.passed else []
     metrics = msgspec.structs.asdict(made.radiance)
