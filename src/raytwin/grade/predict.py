@@ -194,7 +194,9 @@ class Bench:
             u, v = steps.place(self.u, self.v, self.scene.camera)
             seen = steps.lens(lens)
             x, y = (u - seen.cx) / seen.fx, (v - seen.cy) / seen.fy
-            self.keep(key, steps.ray(*steps.undo(x, y, seen.coefficients), lens))
+            if any(seen.coefficients):
+                x, y = steps.undo(x, y, seen.coefficients)
+            self.keep(key, steps.ray(x, y, lens))
         return self.kept[key]
 
     def keep(self, key: tuple[Any, ...], value: Any) -> None:
