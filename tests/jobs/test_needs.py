@@ -61,6 +61,17 @@ def test_in_a_wedge_the_bound_holds_for_every_bounce_and_is_the_geometric_tail(d
         )  # a L_s (a F)^n+1 / (1 - a F)
 
 
+def test_between_two_albedos_the_bound_shrinks_by_both_in_turn():
+    """Shares of 1 at most: L = .8, .3, then each times the other's: (.24 + .192) / (1 - .24) is left beyond none."""
+    scene = Scene("wedge", view_of((0.1, 0, 0), (1, 0.5, 1), 1), wedge(90, 0.8, 0.3, 500.0), WHITE)
+    bounds = Bounds(scene)
+    assert bounds.beyond(0) == pytest.approx((0.24 + 0.192) / 0.76)
+    assert bounds.beyond(2) == pytest.approx((0.24 + 0.192) / 0.76 * 0.24)
+    for n in range(5):
+        for one, other in ((0.8, 0.3), (0.3, 0.8)):
+            assert in_wedge(90, one, other, inf) - in_wedge(90, one, other, n) < bounds.beyond(n)
+
+
 def test_nothing_is_proven_of_a_white_furnace_and_all_of_a_convex_body():
     camera = view_of((0, 0, 0), (0, 0, 3), 3)
     white = Scene("furnace", camera, wedge(90, 1.0, 1.0, 5.0), WHITE)

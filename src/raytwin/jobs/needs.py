@@ -164,8 +164,10 @@ class Truth:
     def mean(self) -> np.ndarray:
         return np.asarray((self.halves[0] + self.halves[1]) / 2)
 
-    def error(self, image: np.ndarray, metric: str) -> Error:
-        return measure(metric, image - self.halves[0], image - self.halves[1], self.mean, self.sampled)
+    def error(self, image: np.ndarray, metric: str, noisy: bool = False) -> Error:
+        """`noisy`: another seed gives another image, whose error must be covered too."""
+        one, other = (image - half for half in self.halves)
+        return measure(metric, one, other, self.mean, self.sampled or noisy)
 
     def noise(self, metric: str) -> float:
         """The largest error that cannot be told from none."""
@@ -478,7 +480,7 @@ class _Search:
         except MachineError:
             return False
         if whole:
-            tried.error, tried.pixels = self.full.error(image, self.metric), 1.0
+            tried.error, tried.pixels = self.full.error(image, self.metric, tried.method.noisy), 1.0
         else:
             few = np.ascontiguousarray(image[:: self.step, :: self.step])
             tried.error, tried.pixels = self.low.error(few, self.metric), self.pixels / self._frame

@@ -1,21 +1,23 @@
 """What a scene does not need, as far as closed forms prove it: terms of the lens, bounces, an unseen sphere.
 
-The bound on bounces. Let F_i be the largest share of the hemisphere over a point of surface i that other objects fill,
-weighted by cosines, and q = max_i a_i F_i, a_i its albedo. Light that has met one surface is at most
+The bound on bounces, by pairs of objects. Let F_ij be the largest share of the hemisphere over a point of surface i
+that object j fills, weighted by cosines, and a_i the albedo. Light that has met one surface is on surface i at most
 
-    L_0 = max_i a_i (E/π + L_s)          a sun of irradiance E that shines head on, and all of a sky of radiance L_s
+    L_0i = a_i (E/π + L_s)          a sun of irradiance E that shines head on, and all of a sky of radiance L_s
 
 since a/π E max(0, n·l) <= a/π E and the sky's part of the hemisphere is at most all of it. Each further surface gathers
 
-    L_k(x) = a_i ∫ L_{k-1} dF <= a_i F_i sup L_{k-1} <= q sup L_{k-1}
+    L_ki = a_i ∫ L_{k-1} dF <= a_i max Σ_j f_j L_{k-1,j}          over all shares f_j <= F_ij with Σ_j f_j <= 1
 
-because directions that meet no object bring no light that has met one. So L_k <= q^k L_0, and what all bounces beyond
-the n-th bring is at most the geometric tail
+because directions that meet no object bring no light that has met one; the brightest objects first make the most of it.
+This step keeps order and scale: if L_{k+2} <= c L_k everywhere with c < 1, every two further ones shrink by c too, and
 
-    Σ_{k>n} L_k <= L_0 q^{n+1} / (1 - q),
+    Σ_{m>=k} L_m <= (L_k + L_{k+1}) / (1 - c),
 
-per colour channel, wherever the eye looks; q <= a F with a and F the largest of each. It proves nothing at q = 1. A
-sphere fills at most r²/d² of the hemisphere over a point at the distance d from its centre (Howell, B; equality where
+per colour channel, wherever the eye looks. Between two surfaces this shrinks by both albedos in turn, where the largest
+albedo a and the largest share F alone, L_0 (a F)^{n+1} / (1 - a F), would prove less. It proves nothing where c = 1.
+
+A sphere fills at most r²/d² of the hemisphere over a point at the distance d from its centre (Howell, B; equality where
 it stands over the point), a rectangle of area A that is nowhere nearer than d at most A/(π d²), anything at most 1.
 """
 
@@ -94,7 +96,8 @@ class Bounds:
         self.covered = float(mask.mean())
         self.albedo = np.array([thing.material.albedo for thing in scene.objects]).reshape(n, 3)
         self.sun = np.array(scene.sun.irradiance) / np.pi
-        self.sky = np.array(scene.sky.radiance)
+        around = scene.environment
+        self.sky = np.array(scene.sky.radiance) if around is None else around.radiance.max(axis=(0, 1)).astype(float)
         things = scene.objects
         self.shares = np.array([[_share(scene, i, j) for j in range(n)] for i in range(n)]).reshape(n, n)
         self.filled = np.minimum(self.shares.sum(axis=1), 1.0)
@@ -109,10 +112,28 @@ class Bounds:
             self.shades |= np.diag(np.diag(self.shares) > 0)  # a sphere seen from within hides the sun from itself
         self.q = (self.albedo * self.filled[:, None]).max(axis=0, initial=0.0)
         self.direct = (self.albedo * (self.sun + self.sky)).max(axis=0, initial=0.0)
+        self.series = [self.albedo * (self.sun + self.sky)]
 
     def beyond(self, bounces: int) -> float:
-        """L_0 q^{n+1} / (1 - q): the most that all bounces beyond the n-th bring to any pixel."""
-        return float((self.direct * self._tail(self.q ** (bounces + 1))).max())
+        """The most that all bounces beyond the n-th bring to any pixel."""
+        if not self.seen.any():
+            return 0.0
+        for _ in range(bounces + 4 - len(self.series)):
+            self.series.append(self._gathered(self.series[-1]))
+        first, second, third = self.series[bounces + 1 : bounces + 4]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shrinks = np.where(first > 0, third / first, np.where(third > 0, np.inf, 0.0)).max(axis=0)
+            tail = np.where(shrinks < 1, (first + second) / (1 - shrinks), np.where(first + second > 0, np.inf, 0.0))
+        return float(tail[self.seen].max())
+
+    def _gathered(self, light: np.ndarray) -> np.ndarray:
+        """a_i max Σ_j f_j L_j (n, 3), from L (n, 3): the brightest objects' shares first, until all is full."""
+        found = np.zeros_like(light)
+        for channel, L in enumerate(light.T):
+            order = np.argsort(-L)
+            full = np.minimum(np.cumsum(self.shares[:, order], axis=1), 1.0)
+            found[:, channel] = self.albedo[:, channel] * (np.diff(full, axis=1, prepend=0.0) @ L[order])
+        return found
 
     def occlusion(self) -> float:
         """a F L_s: the most of the sky's light that other objects take from any point that is seen."""
@@ -143,12 +164,15 @@ class Bounds:
         return np.where(self.q < 1, factor / np.where(self.q < 1, 1 - self.q, 1.0), np.where(factor > 0, np.inf, 0.0))
 
     def of_metric(self, metric: str, largest: float) -> float | None:
-        """The most that `metric` can be where no value errs by more than `largest`, and none beyond what is covered."""
+        """The most that `metric` can be where no value errs by more than `largest`, and none beyond what is covered.
+
+        None where nothing is proven; a highlight may send on more than an albedo of what comes from one direction.
+        """
         found = {
             "rmse": largest * self.covered**0.5, "mae": largest * self.covered, "p999_rel": 100 * largest,
             "relmse": 100 * largest**2 * self.covered,
         }.get(metric, largest)  # fmt: skip
-        return found if np.isfinite(found) else None
+        return found if np.isfinite(found) and not self.scene.glossy else None
 
 
 def _share(scene: Scene, i: int, j: int) -> float:
