@@ -235,9 +235,12 @@ def test_runs_with_nothing_in_common_are_refused():
 def test_seconds_to_an_error_lie_on_monte_carlos_line_between_two_counts():
     """Error 1/n, 10 ms and n ms: 1e-3 is passed at n = 1000, which 256 and 1024 tell on a line in logarithms."""
     points = [(0.001 * n, 1 / n, n) for n in (1024, 64, 256)]
-    assert passed(points) == pytest.approx((1.0, 1000.0))
-    assert passed(points, 0.1) == (0.064, 64.0)  # fewer were not tried
-    assert passed(points, 1e-4) is None
+    assert passed(points) == pytest.approx((1.0, 1000.0, True))
+    assert passed(points, 0.1) == (0.064, 64.0, True)  # fewer were not tried
+    assert passed(points, 2e-4) == pytest.approx((5.0, 5000.0, False))
+    assert passed(points, 1e-4) is None  # too far
+    plateau = [(0.001 * n, 1 / n + 0.01, n) for n in (64, 256, 1024)]
+    assert passed(plateau) is None
 
 
 def test_each_family_is_held_against_the_truth_of_its_own_rung_whose_noise_is_not_its_own():

@@ -1,7 +1,7 @@
 """Seconds to one error: where a family of methods, of more and more samples, falls to a given relMSE."""
 
 from collections.abc import Sequence
-from math import log
+from math import inf, log
 
 from raytwin.bench.record import Converged, Equal, Measurement
 from raytwin.bench.truth import truth_of
@@ -9,6 +9,7 @@ from raytwin.methods.table import METHODS
 
 TARGET = 1e-3
 """relMSE: a picture in which noise can hardly be seen."""
+FARTHEST = 8.0
 
 
 def equal_error(rows: Sequence[Measurement], truths: Sequence[Converged]) -> tuple[Equal, ...]:
@@ -31,16 +32,21 @@ def equal_error(rows: Sequence[Measurement], truths: Sequence[Converged]) -> tup
     return tuple(sorted(found, key=lambda e: (e.width * e.height, e.truth, e.seconds)))
 
 
-def passed(points: Sequence[tuple[float, float, int]], target: float = TARGET) -> tuple[float, float] | None:
-    """(seconds, samples) at which the error falls to `target`, on the line through the two nearest (seconds, error,
-    samples) in logarithms; the first where it is below already; None where none is."""
-    before: tuple[float, float, int] | None = None
-    for point in sorted(points, key=lambda p: p[2]):
-        if point[1] <= target:
-            if before is None:
-                return point[0], float(point[2])
-            (t0, e0, n0), (t1, e1, n1) = before, point
-            share = log(e0 / target) / log(e0 / max(e1, 1e-30))
-            return t0 * (t1 / t0) ** share, n0 * (n1 / n0) ** share
-        before = point
-    return None
+def passed(points: Sequence[tuple[float, float, int]], target: float = TARGET) -> tuple[float, float, bool] | None:
+    """(seconds, samples, measured) where the error falls to `target`, on the line through the two nearest (seconds,
+    error, samples) in logarithms; the first point where that is below already.
+
+    Beyond the last point, up to FARTHEST times its samples, it is not `measured`, and only told where the error falls
+    as Monte Carlo's; else None.
+    """
+    ranked = sorted(points, key=lambda p: p[2])
+    if ranked[0][1] <= target:
+        return ranked[0][0], float(ranked[0][2]), True
+    after = next((i for i, point in enumerate(ranked) if point[1] <= target), len(ranked) - 1)
+    (t0, e0, n0), (t1, e1, n1) = ranked[after - 1], ranked[after]
+    falls = log(e0 / max(e1, 1e-30)) / log(n1 / n0)
+    share = log(e0 / target) / (falls * log(n1 / n0)) if falls > 0 else inf
+    samples = n0 * (n1 / n0) ** min(share, 99.0)
+    if share > 1 and (abs(falls - 1) > 0.3 or samples > FARTHEST * n1):
+        return None
+    return t0 * (t1 / t0) ** share, samples, share <= 1

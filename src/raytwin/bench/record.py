@@ -101,8 +101,10 @@ class Calibrated(msgspec.Struct, frozen=True):
 
 
 class Equal(msgspec.Struct, frozen=True):
-    """Where a family of methods falls to one relMSE against the truth of its own rung: seconds a frame, and samples a
-    pixel, between two that were measured."""
+    """Where a family of methods falls to one relMSE against its own rung's truth: seconds a frame, samples a pixel.
+
+    Between two that were `measured`; or beyond the last of them, as the error falls.
+    """
 
     family: str
     truth: str
@@ -111,6 +113,7 @@ class Equal(msgspec.Struct, frozen=True):
     relmse: float
     seconds: float
     samples: float
+    measured: bool = True
 
 
 class LeftOut(msgspec.Struct, frozen=True):

@@ -105,7 +105,8 @@ def bench_summary(bench: Bench, changes: Changes | None = None) -> str:
         first = next(o for o in bench.equal if (o.truth, o.width, o.height) == (e.truth, e.width, e.height))
         if e is first:
             lines.append(f"  to relMSE {e.relmse:g} against {e.truth}, {e.width} x {e.height}:")
-        lines.append(f"    {e.family:<30} {seconds(e.seconds):>10}   {e.seconds / first.seconds:5.3g} x")
+        beyond = "" if e.measured else ", beyond what was measured"
+        lines.append(f"    {e.family:<30} {seconds(e.seconds):>10}   {e.seconds / first.seconds:5.3g} x{beyond}")
     lines += [
         f"  {c.source}: {c.setting}, scale {c.scale:g}: {seconds(c.seconds_median)}, held out {shown(c.heldout_px)} px"
         for c in bench.calibration
