@@ -231,19 +231,67 @@ def test_a_poses_sigma_is_how_far_poses_lie_off():
 # ---------------------------------------------------------------------------------- the board's own shape
 
 
-@pytest.mark.parametrize("bend", [0.5, 1.0, 3.0])
-def test_on_photos_of_a_bent_board_the_bend_and_the_camera_are_the_truth(shoot, bend):
-    folder, truth = shoot(14, bend=1e-3 * bend)
+def crossings(bend: float, camera, stand) -> np.ndarray:
+    """(n, 2) pixels: where the diagonals cross of straight lines through bent tags' edges."""
+    s, one = np.linspace(-0.767, 0.767, 5), np.ones(5)
+    around = np.stack([np.c_[s, -one], np.c_[one, s], np.c_[-s, one], np.c_[-one, -s]]) * BOARD.tag_edge / 2
+    flat = np.array(list(BOARD.centers().values()))[:, None, None] + around
+    edges = bow_of(BOARD, bend).bent(flat.reshape(-1, 2))
+    pixels = lens.project(edges, *stand, camera.K, camera.dist).reshape(-1, 4, 5, 2)
+    middle = pixels.mean(axis=2)
+    along = np.linalg.svd(pixels - middle[:, :, None])[2][:, :, 0]
+    line = np.cross(np.insert(middle, 2, 1, axis=-1), np.insert(along, 2, 0, axis=-1))
+    corner = np.cross(np.roll(line, 1, axis=1), line)
+    found = np.cross(np.cross(corner[:, 0], corner[:, 2]), np.cross(corner[:, 1], corner[:, 3]))
+    return found[:, :2] / found[:, 2:]
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.5, 1.0, 3.0])
+def test_however_a_board_is_bent_the_camera_lies_as_far_off_as_sigma_says(bend):
+    """z of fx, fy, cx, cy of five sets: fx and fy err as one, so 15 independent draws.
+
+    Were sigma true, their rms were above 1.6, and the mean of fx beyond 3.3 of its own deviation, once in a thousand.
+    """
+    camera, z = a_camera(*SIZE), []
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        tags = {}
+        for i, stand in enumerate(poses(BOARD, camera, 12, rng)):
+            (found,) = seen(camera, [stand], BOARD).values()
+            at = dict(zip(BOARD.centers(), rng.normal(crossings(1e-3 * bend, camera, stand), 0.05), strict=True))
+            tags[f"{i}"] = [moved(t, at[t.id]) for t in found if inside(at[t.id])]
+        found = calibrate_detections(tags, SIZE, BOARD, "k1k2")
+        assert found.boards[0].bend_mm == pytest.approx(bend, abs=0.06)
+        off = four(found) - (camera.fx, camera.fy, camera.cx, camera.cy)
+        z.append(off / [found.sigma[n] for n in FOUR])
+    assert np.sqrt(np.square(z).mean()) < 1.6, z
+    assert np.abs(np.mean(z, axis=0)).max() * np.sqrt(5) < 3.3, z
+
+
+def test_on_photos_of_a_bent_board_the_bend_and_the_camera_are_the_truth(shoot):
+    """One set in eight would have one of the four numbers beyond two of its sigmas; this seed's has none."""
+    folder, truth = shoot(14, bend=3e-3)
     found = calibrate(sorted(folder.glob("*.jpg")), BOARD)
     (board,) = found.boards
-    assert board.bend_mm == pytest.approx(bend, rel=0.06)
+    assert board.bend_mm == pytest.approx(3, rel=0.02)
     true = np.array([truth.K[0][0], truth.K[1][1], truth.K[0][2], truth.K[1][2]])
-    # At 3 mm the outermost tags are bent in a way that a sheet of the fourth degree does not know: fx is off by 0.05 %.
-    sigmas = 2 if bend < 3 else 3
-    assert (np.abs(four(found) - true) < sigmas * np.array([found.sigma[n] for n in FOUR])).all()
+    assert (np.abs(four(found) - true) < 2 * np.array([found.sigma[n] for n in FOUR])).all()
     assert codes(found) == {"bent-board"}
     assert f"bent by {board.bend_mm:.2g}" in found.warnings[0].text
-    assert truth.bend_mm == bend
+    assert truth.bend_mm == 3
+
+
+def test_what_few_rows_do_not_tell_of_a_shape_stays_nought():
+    """Four rows tell no fourth degree: its coefficient is 0, and the sheet between the rows not left to chance."""
+    board = Board("tag36h11", 0.001, Grid(6, 4, 0.038))
+    camera = a_camera(*SIZE)
+    stands = poses(msgspec.structs.replace(board, tag_edge=0.03), camera, 8, np.random.default_rng(1))
+    tags = seen(camera, stands, board, 0.05, np.random.default_rng(2))
+    found = fit([Seen(p, tuple(t)) for p, t in tags.items()], SIZE, [board], Form("k1k2", 4))
+    (shape,) = found.shapes
+    assert shape.coefficients[-1] == 0
+    assert found.told == len(found.shared) - 1
+    assert np.abs(shape.coefficients).max() < 1e-3
 
 
 def test_a_flat_board_is_taken_for_flat(shoot):
@@ -387,4 +435,4 @@ def test_its_json_holds_the_shape(tmp_path):
     files.write_json(tmp_path / "c.json", calibrate_detections(tags, SIZE, SMALL).numbers())
     (board,) = json.loads((tmp_path / "c.json").read_text())["boards"]
     assert board["bend_mm"] == pytest.approx(2, rel=0.1)
-    assert len(board["heights"]["coefficients"]) in (3, 7, 12)
+    assert len(board["heights"]["coefficients"]) in (3, 7, 12, 25)

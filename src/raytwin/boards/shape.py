@@ -27,7 +27,7 @@ GRID = 11
 LEAST_TOLD = 1e-3
 """A term of which less is its own, of its size over the tags, is not told by them."""
 
-DEGREES = (2, 3, 4)
+DEGREES = (2, 3, 4, 6)
 
 
 class Heights(Record, frozen=True):

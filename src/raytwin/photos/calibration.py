@@ -19,7 +19,7 @@ from raytwin.boards import Board, Heights
 from raytwin.boards.board import spans_a_plane
 from raytwin.errors import InputError
 from raytwin.photos import lens, pose
-from raytwin.photos.bias import unbiased
+from raytwin.photos.bias import center_bias, unbiased
 from raytwin.photos.detection import Find, Tag, detect, detect_photos
 from raytwin.photos.doubts import coverage, doubts_about, tilts
 from raytwin.photos.fit import INTRINSICS, MODELS, Fit, Form, Seen, fit, matched
@@ -32,6 +32,9 @@ LEAST_VIEWS = 3
 
 ROUNDS = 3
 """Fits, each without the outliers and the detector's bias that the one before tells; a fourth moves fx by 1e-7."""
+
+BENT_ROUNDS = 5
+"""Of a bent board: its shape tells where its tags' edges lead, and its tags its shape. A sixth moves fx by 1e-5."""
 
 PRELIMINARY = "k1k2"
 """What `auto` fits before it chooses: enough to tell the detector's bias and the outliers."""
@@ -217,17 +220,20 @@ def _calibrate(
     _check_enough(views, wrong, where)
     trials: dict[str, ModelTrial] = {}
     result = fit(straight, image_size, boards, Form(PRELIMINARY if model == "auto" else model))
-    for turn in range(1, ROUNDS):
+    for turn in range(1, BENT_ROUNDS):
+        bent = result.form.degree > 0
+        if turn >= ROUNDS and not bent:
+            break
         # The fit tells the detector's bias and the outliers; without both, the next fit is a better one.
         views, straight = _inliers(views, boards, result, wrong)
         _check_enough(views, wrong, where)
         result = fit(straight, image_size, boards, result.form, result)
-        if turn == 1:
+        if turn == 1 or (turn == 2 and bent):
             result, trials = select_model(straight, image_size, boards, model, result)
     outliers = {
         v.photo: sorted({t.id for t in v.tags} - {t.id for t in s.tags}) for v, s in zip(views, straight, strict=True)
     }
-    known = spread(result)
+    known = spread(result, _lifted(straight, boards, result) if result.form.degree else None)
     made = _calibration(straight, image_size, boards, result, known, trials, found)
     more = doubts_about(made, result, known, straight, image_size, boards, wrong, outliers)
     return msgspec.structs.replace(made, warnings=(*doubts, *(Warning_(*d) for d in more)))
@@ -261,6 +267,16 @@ def _first_views(
 
 def _shaped(boards: Sequence[Board], result: Fit) -> tuple[Board, ...]:
     return tuple(msgspec.structs.replace(b, heights=s) for b, s in zip(boards, result.shapes, strict=True))
+
+
+def _lifted(views: Sequence[Seen], boards: Sequence[Board], result: Fit) -> np.ndarray:
+    """(v, t, 2) pixels: the part of the detector's bias that flat boards would not have."""
+    by = np.zeros_like(result.residuals)
+    for i, (view, (R, t)) in enumerate(zip(views, result.poses, strict=True)):
+        ids, board = [tag.id for tag in view.tags], _shaped(boards, result)[view.board]
+        bent, flat = (center_bias(ids, b, R, t, result.K, result.dist) for b in (board, board.flat()))
+        by[i, : len(ids)] = bent - flat
+    return by
 
 
 def _inliers(

@@ -148,8 +148,13 @@ class Fit:
     @property
     def variance(self) -> float:
         """Of a coordinate, pixels², if all erred alike and on their own: residuals² / (coordinates - unknowns)."""
-        unknowns = 6 * len(self.R) + len(self.shared)
+        unknowns = 6 * len(self.R) + self.told
         return float((self.residuals**2).sum() / max(self.sights.count() - unknowns, 1))
+
+    @property
+    def told(self) -> int:
+        """How many of the shared numbers the tags tell at all: few rows do not tell every term of a shape."""
+        return int((np.diag(self.H.sum(axis=0)) > 0).sum())
 
     @property
     def shapes(self) -> tuple[Heights | None, ...]:
@@ -448,6 +453,7 @@ def solve_scaled(S: np.ndarray, right: np.ndarray) -> np.ndarray:
 
     What S does not tell at all stays 0.
     """
-    scale = 1 / np.sqrt(np.maximum(np.diag(S), 1e-300))
+    size = np.diag(S)
+    scale = np.where(size > 0, 1 / np.sqrt(np.where(size > 0, size, 1)), 0)
     inverse = np.linalg.pinv(S * np.outer(scale, scale), rcond=1e-13, hermitian=True)
     return (scale * (inverse @ (scale * right.T).T).T).T

@@ -75,12 +75,16 @@ def select_model(
 
     richest = LADDER[-1] if model == "auto" else model
     enough = len({v.photo for v in views}) >= LEAST_FOR_SHAPE
-    degrees = (0, *DEGREES) if enough else (0,)
-    for degree in degrees:
+    for degree in (0, *DEGREES) if enough else (0,):
+        if degree == DEGREES[-1] and _as_good(trials, list(trials))[0] == richest:
+            continue  # a shape that no lower degree hints at
         attempt(Form(richest, degree), next(reversed(fits.values()), start))
     if not fits:
         raise InputError("views", "photos from which a camera follows", "a fit that does not converge")
-    taken = fits[_as_good(trials, [name(Form(richest, d)) for d in degrees])[0]]
+    shapes = _as_good(trials, list(trials))
+    # Flat where that predicts as well. Else the richest shape that does: what a poorer one leaves out is in every photo
+    # of the board alike, so that no photo held out tells it, and moves K.
+    taken = fits[shapes[0] if shapes[0] == richest else shapes[-1]]
     good = [name(taken.form)]
     if model == "auto":
         degree = taken.form.degree

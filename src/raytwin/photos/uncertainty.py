@@ -74,26 +74,40 @@ class Spread:
     errors: np.ndarray
 
 
-def spread(found: Fit) -> Spread:
+EXTRAPOLATED = {2: 0.5, 3: 0.5, 4: 0.25, 6: 0.07}
+"""By degree of the sheet's shape, the share of what bent tags' edges do to the shared numbers that is doubted.
+
+Heights are told at tags' centres, edges lie up to half a tag beyond the outermost. Measured on a cosine of 250 mm and 3
+mm, six sets of poses without noise: the fourth degree leaves 26 % of it, the sixth 7 % (rms).
+"""
+
+
+def spread(found: Fit, lifted: np.ndarray | None = None) -> Spread:
+    """`lifted` (v, t, 2): pixels by which bent tags' edges were found to lead the detector astray."""
     moves, errors = leave_one_out(found)
-    n, m = moves.shape
+    n, m = len(moves), found.told
     H, s2 = found.H.sum(axis=0) + found.prior, max(found.variance, 1e-300)
     centred = moves - moves.mean(axis=0)
     jackknife = (n - 1) / n * centred.T @ centred
-    alike = s2 * solve_scaled(H, np.eye(m))
+    alike = s2 * solve_scaled(H, np.eye(len(H)))
     kappa = max(1.0, float((H * jackknife).sum()) / (m * s2))
     few = m / (m + n)
     apart = (1 - few) * jackknife + few * kappa * alike
     q, of_K, chance = _dissent(found, moves, H, s2)
     as_one = 1 / (1 + ((max(q, of_K, 1) - 1) / chance) ** 2)
     covariance = as_one * max(q, 1) * alike + (1 - as_one) * apart
+    if lifted is not None:
+        by = lifted.reshape(len(found.R), -1, 1)
+        pull = found.A.swapaxes(1, 2) @ by + found.follow.swapaxes(1, 2) @ (found.B.swapaxes(1, 2) @ by)
+        doubted = EXTRAPOLATED[found.form.degree] * solve_scaled(H, pull.sum(axis=0)[:, 0])
+        covariance = covariance + np.outer(doubted, doubted)
     noise = math.sqrt((as_one * max(q, 1) + (1 - as_one) * kappa) * s2)
     return Spread(covariance, noise, moves, errors)
 
 
 def _dissent(found: Fit, moves: np.ndarray, H: np.ndarray, s2: float) -> tuple[float, float, float]:
     """q, q_K, and how far chance spreads the latter: see above."""
-    n, m = moves.shape
+    n, m = len(moves), found.told
     photo = found.sights.photo
     mine = np.array([found.H[photo == i].sum(axis=0) for i in range(n)])
     g = np.array([found.g[photo == i].sum(axis=0) for i in range(n)])
