@@ -82,9 +82,9 @@ def test_a_right_tracer_gets_all_points_and_the_bonus(graded):
 @pytest.mark.parametrize(
     ("student", "status", "word"),
     [
-        ("no shadows", "fail", ""),
-        ("gamma", "fail", ""),
-        ("nan", "fail", ""),
+        ("no shadows", "fail", "cause (sure): there are no cast shadows"),
+        ("gamma", "fail", "cause (sure): the values are encoded for display (gamma)"),
+        ("nan", "fail", "1 pixel is NaN or infinite, the first at (x=0, y=0)"),
         ("cached", "error", "is wanted"),
         ("shape", "error", "is wanted"),
         ("raises", "error", "ValueError: <b>no</b>"),

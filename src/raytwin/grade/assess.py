@@ -8,12 +8,12 @@ import base64
 import functools
 import hashlib
 import io
+import itertools
 import os
 import shlex
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,12 +28,14 @@ from raytwin.compare.scale import scale_of
 from raytwin.errors import InputError
 from raytwin.given import ENDINGS
 from raytwin.grade.contract import CONTRACT
+from raytwin.grade.diagnosis import Diagnosis, diagnose
 from raytwin.grade.draw import draw_scene
 from raytwin.grade.judge import judge
 from raytwin.grade.lock import HELD
 from raytwin.grade.result import Marked, Part, Picture, Result, Status
 from raytwin.grade.rubric import Exercise, Rubric, read_rubric
 from raytwin.grade.sandbox import Answer, Code, Sandbox, probe
+from raytwin.grade.sight import View
 from raytwin.grade.stage import Case
 from raytwin.grade.submission import cells
 from raytwin.image import Image
@@ -76,7 +78,7 @@ class _Held(NamedTuple):
     """A picture, held to what it should be."""
 
     part: Part
-    view: dict[str, Any] | None
+    view: View | None
     picture: Picture | None
 
 
@@ -188,6 +190,7 @@ def code_of(path: Path, rubric: Rubric) -> Code:
 
 
 def _asked(rubric: Rubric, seed: int) -> Iterator[_Asked]:
+    drawn = itertools.count(1)
     for number, exercise in enumerate(rubric.exercises):
         own = seed + 1000 * number
         if not (exercise.scenes or exercise.drawn):
@@ -195,7 +198,7 @@ def _asked(rubric: Rubric, seed: int) -> Iterator[_Asked]:
         for name in exercise.scenes:
             yield _reference(rubric, exercise, name)
         for i in range(exercise.drawn):
-            scene = draw_scene(own + i, name=f"drawn {i + 1}")
+            scene = draw_scene(own + i, name=f"drawn {next(drawn)}")
             yield _shown(exercise, scene, np.asarray(trace(scene, exercise.rung).mean, float), Tolerance())
 
 
@@ -228,12 +231,15 @@ def _shown(exercise: Exercise, scene: Scene, picture: np.ndarray, tolerance: Tol
 
 def _marked(result: Result, rubric: Rubric, asked: list[_Asked], began: float, problem: str) -> Result:
     exercises, pictures, speed = [], [], []
+    held = {id(a): _hold(a) for a in asked if a.scene is not None}
+    # One tracer made all pictures, so one cause is looked for in all; where there is none, in an exercise's own.
+    together = _cause(list(held.values()), result.seed)
     for exercise in rubric.exercises:
         mine = [a for a in asked if a.exercise is exercise]
         if mine[0].scene is None:
             marked = _stage(exercise, mine)
         else:
-            marked, wrong = _pictures(exercise, mine, result.seed)
+            marked, wrong = _pictures(exercise, mine, [held[id(a)] for a in mine], together, result.seed)
             pictures += wrong
         exercises.append(marked)
         if rubric.speed is not None and rubric.speed.of == exercise.name and marked.error is not None:
@@ -259,7 +265,13 @@ def _status(parts: list[Part], asked: list[_Asked]) -> Status:
     for sort in ("limit", "broken", "missing", "error"):
         if sort in sorts:
             return sort
-    return "pass" if all(p.passed for p in parts) else "error" if all(p.problem for p in parts) else "fail"
+    return (
+        "pass"
+        if all(p.passed for p in parts)
+        else "error"
+        if all(p.problem and p.wrong is None for p in parts)
+        else "fail"
+    )
 
 
 def _stage(exercise: Exercise, asked: list[_Asked]) -> Marked:
@@ -305,17 +317,23 @@ def _tolerant(stage: Any, tolerance: float) -> Any:
     return replace(stage, tolerance=tolerance)
 
 
-def _pictures(exercise: Exercise, asked: list[_Asked], seed: int) -> tuple[Marked, list[Picture]]:
-    held = [_hold(a) for a in asked]
+def _cause(held: list[_Held], seed: int) -> Diagnosis | None:
+    """Of pictures together, those that are right included: None where nothing is wrong, or there are no numbers."""
+    views = [h.view for h in held if h.view is not None]
+    return diagnose(views, seed) if any(h.view is not None and not h.part.passed for h in held) else None
+
+
+def _pictures(
+    exercise: Exercise, asked: list[_Asked], held: list[_Held], together: Diagnosis | None, seed: int
+) -> tuple[Marked, list[Picture]]:
     parts = [h.part for h in held]
     status = _status(parts, asked)
     sentences: tuple[str, ...] = tuple(dict.fromkeys(p.problem for p in parts if p.problem))
-    causes: tuple[str, ...] = ()
-    sureness = ""
-    views = [h.view for h in held if h.view is not None]
-    if views and any(not h.part.passed for h in held if h.view is not None):
-        causes, sureness, words = _cause(views, seed)
-        sentences = (*words, *sentences)
+    found = None
+    if any(not h.part.passed and h.view is not None for h in held):
+        found = together if together is not None and together.causes else _cause(held, seed)
+    if found is not None:
+        sentences = (*found.words, *sentences)
     elif status == "pass":
         sentences = (f"right in all {len(parts)} pictures",)
     # Pixel by pixel the worst; the others stay small.
@@ -335,21 +353,11 @@ def _pictures(exercise: Exercise, asked: list[_Asked], seed: int) -> tuple[Marke
         unit="of the picture's scale" if exercise.stage == "render" else "m",
         tolerance=asked[0].tolerance.p999_abs,
         sentences=sentences or ("wrong, by no typical mistake",),
-        causes=causes,
-        sureness=sureness,
+        causes=tuple(c.name for c in found.causes) if found else (),
+        sureness=found.sureness if found and found.causes else "",
         parts=tuple(parts),
     )
     return marked, pictures
-
-
-def _cause(views: list[dict[str, Any]], seed: int) -> tuple[tuple[str, ...], str, tuple[str, ...]]:
-    """Of all pictures of an exercise together, the right ones included: (names, how sure, sentences)."""
-    try:
-        diagnosis, sight = (import_module(f"raytwin.grade.{name}") for name in ("diagnosis", "sight"))
-    except ModuleNotFoundError:
-        return (), "", ()
-    found = diagnosis.diagnose([sight.View(**view) for view in views], seed)
-    return tuple(c.name for c in found.causes), found.sureness, tuple(found.words)
 
 
 def _hold(asked: _Asked) -> _Held:
@@ -369,8 +377,12 @@ def _hold(asked: _Asked) -> _Held:
     )
     part = Part(shows, passed, exercise.share(passed, error, wrong), error, wrong, answer.seconds)
     assert asked.scene is not None
-    view = {"scene": asked.scene, "shown": got, "right": right, "rung": exercise.rung, "points": points}
-    view |= {"half": half, "clipped": clipped}
+    if not points and (bad := ~np.isfinite(got).all(axis=-1)).any():
+        (y, x), count = np.argwhere(bad)[0], int(bad.sum())
+        problem = f"{count} pixel{'s are' if count > 1 else ' is'} NaN or infinite, the first at (x={x}, y={y})"
+        part = msgspec.structs.replace(part, problem=problem)
+        return _Held(part, None, _drawn(exercise, shows, right, got, asked.tolerance, scale, points))
+    view = View(asked.scene, got, right, exercise.rung, points, half, clipped)
     if passed:
         return _Held(part, view, None)
     return _Held(part, view, _drawn(exercise, shows, right, got, asked.tolerance, scale, points))

@@ -32,8 +32,10 @@ RUN = """#!/usr/bin/env bash
 set -uo pipefail
 base="${RAYTWIN_AUTOGRADER:-/autograder}"
 mkdir -p "$base/results"
-# Submissions run as another user: neither references, rubric nor results are for them.
-chmod -R o-rwx "$base/source" "$base/results" "$base/run_autograder" 2>/dev/null
+# Submissions run as another user: neither references, rubric, results nor raytwin's own tracer are for them.
+for closed in source results run_autograder raytwin/lib/python3*/site-packages/raytwin; do
+  chmod -R o-rwx "$base"/$closed 2>/dev/null
+done
 export OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 cd "$base/source"
 exec "$base/raytwin/bin/python" -m raytwin grade "$base/submission" --rubric rubric.toml --whole \\

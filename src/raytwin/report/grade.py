@@ -62,7 +62,7 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> None
 STATUS = {
     "pass": ("✓", "passes"),
     "fail": ("✗", "other numbers"),
-    "error": ("!", "raised an error"),
+    "error": ("!", "an error, or no usable array"),
     "missing": ("–", "not defined"),
     "limit": ("◷", "too much time, memory or output"),
     "broken": ("☇", "its process ended"),
