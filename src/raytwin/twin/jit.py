@@ -12,12 +12,14 @@ from raytwin.scene import Scene
 from raytwin.twin.batches import Batches
 from raytwin.twin.bodies import Body, distance, normal, table, too_large
 from raytwin.twin.outlines import Seen
+from raytwin.twin.phong import highlights, lobe
 from raytwin.twin.rays import Lens, directions, lens_of
+from raytwin.twin.sky import harmonics
 from raytwin.twin.world import SHADOW_OFFSET, UNIT, load, translate
 
 
 class Hit(NamedTuple):
-    """What rays meet first: `ids` -1 where nothing, the distance `t`, `n` on the side they come from.
+    """What rays along d meet first: `ids` -1 where nothing, the distance `t`, `n` on the side they come from.
 
     `start`: where rays go on from, off the surface; in float64 where the scene has an object too large for float32.
     """
@@ -27,6 +29,7 @@ class Hit(NamedTuple):
     n: Any
     start: Any
     albedo: Any
+    d: Any
 
     @property
     def seen(self) -> Any:
@@ -55,7 +58,13 @@ class Renderer:
                       for i, body in ((i, bodies.at(i)) for i in large)}  # fmt: skip
         self.width, self.R = scene.camera.width, np.asarray(scene.camera.R_cam_board)
         self.to_light = mi.Vector3f((self.R @ scene.sun.to_light).tolist())
-        self.irradiance, self.sky = _colour(scene.sun.irradiance), _colour(scene.sky.radiance)
+        self.irradiance = _colour(scene.sun.irradiance)
+        self.around = self.scene.environment() if scene.environment else None
+        self.sky = None if scene.environment else _colour(scene.sky.radiance)
+        M = harmonics(scene.environment, self.R).tolist() if scene.environment else []
+        self.harmonics = [[[dr.opaque(mi.Float, x) for x in row] for row in channel] for channel in M]
+        gloss: Any = np.roll(highlights(scene), 1, axis=0).T if scene.glossy else []  # id -1 first
+        self.gloss = [mi.Float(np.ascontiguousarray(column, np.float32)) for column in gloss]
         self.albedo = {i: _colour(scene.objects[i].material.albedo) for i in large}
         dr.make_opaque(self.to_light, self.irradiance, self.sky, self.albedo)
         # Mitsuba's shape pointers are small integers: a table takes them to our ids.
@@ -89,18 +98,25 @@ class Renderer:
         blocker = self._blocker(hit) if shadows else mi.Int32(-1)
         colour = self._first_light(hit, blocker, sky_at_hit=not self.depth)
         if self.depth:
-            colour += dr.select(hit.seen, hit.albedo * self._incoming(hit, sampler), 0)
+            colour += dr.select(hit.seen, self._incoming(hit, sampler), 0)
         return _gathered(colour, batches)
 
-    def bounced(self, first: int, count: int, batches: Batches, seed: int, seen: Seen) -> tuple[np.ndarray, ...]:
-        """Radiance that comes to what these pixels' centres see, `seen`, cosine-weighted: as `sampled`."""
+    def bounced(
+        self, first: int, count: int, batches: Batches, seed: int, seen: Seen, albedo: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        """Radiance that comes to what these pixels' centres see, `seen`, cosine-weighted: as `sampled`.
+
+        Where there are highlights, times π f; that of what has no highlight is its `albedo`, the same for all samples.
+        """
         pixel, sampler = self._lanes(first, count, batches, seed)
         mine = pixel - dr.opaque(mi.UInt32, first)
         ids = dr.gather(mi.Int32, mi.Int32(seen.ids), mine)
         t = dr.gather(mi.Float, mi.Float(seen.depth * np.float32(UNIT)), mine)
         n = dr.gather(mi.Normal3f, mi.Normal3f(np.ascontiguousarray((seen.normal @ self.R.T).T, np.float32)), mine)
         d = self._directions(pixel, 0.0, 0.0)
-        hit = Hit(ids, t, n, self._start(tuple(x * self.double(t) for x in d), n), None)
+        start = self._start(tuple(x * self.double(t) for x in d), n)
+        rho = dr.gather(mi.Color3f, mi.Color3f(np.ascontiguousarray(albedo.T)), mine) if self.gloss else mi.Color3f(1)
+        hit = Hit(ids, t, n, start, rho, mi.Vector3f(*map(mi.Float, d)))
         return _gathered(dr.select(hit.seen, self._incoming(hit, sampler), 0), batches)
 
     def _lanes(self, first: int, count: int, batches: Batches, seed: int) -> tuple[Any, Any]:
@@ -139,7 +155,7 @@ class Renderer:
             n = dr.select(closer, mi.Normal3f(*map(mi.Float, normal(body, p))), n)
             albedo = dr.select(closer, self.albedo[i], albedo)
         n = dr.select(dr.dot(n, toward) > 0, -n, n)
-        return Hit(ids, t, n, self._start(p, n), albedo)
+        return Hit(ids, t, n, self._start(p, n), albedo, toward)
 
     def _start(self, p: Any, n: Any) -> Any:
         """Where rays go on from p: off the surface by a part of p's distance from the eye."""
@@ -165,23 +181,53 @@ class Renderer:
         return blocker
 
     def _first_light(self, hit: Hit, blocker: Any, sky_at_hit: bool) -> Any:
-        """albedo/π E V max(0, n·l) (+ albedo Ls) where something is hit, Ls elsewhere."""
-        colour = hit.albedo * self._sun(hit, blocker)
+        """f E V max(0, n·l) (+ (albedo + specular) Ls) where something is hit, Ls elsewhere."""
+        colour = self._pi_f(hit, self.to_light) * self._sun(hit, blocker)
         if sky_at_hit:
-            colour += hit.albedo * self.sky
-        return dr.select(hit.seen, colour, self.sky)
+            both = hit.albedo + mi.Color3f(*self._gloss(hit)[:3]) if self.gloss else hit.albedo
+            colour += both * self._even(hit.n)
+        return dr.select(hit.seen, colour, self._sky(hit.d))
+
+    def _sky(self, d: Any) -> Any:
+        """The sky's radiance along d."""
+        if self.around is None:
+            return self.sky
+        si = dr.zeros(mi.SurfaceInteraction3f, dr.width(d))
+        si.wi = -d
+        return self.around.eval(si)
+
+    def _even(self, n: Any) -> Any:
+        """The radiance of an even sky that would light a surface as much: a map's by its harmonics."""
+        if self.around is None:
+            return self.sky
+        tall = (n.x, n.y, n.z, 1)
+        return mi.Color3f(*(
+            dr.maximum(sum(tall[i] * M[i][j] * tall[j] for i in range(4) for j in range(4)), 0) for M in self.harmonics
+        ))  # fmt: skip
+
+    def _gloss(self, hit: Hit) -> tuple[Any, ...]:
+        """Specular and exponent of what is hit."""
+        return tuple(dr.gather(mi.Float, column, hit.ids + 1) for column in self.gloss)
+
+    def _pi_f(self, hit: Hit, to_light: Any) -> Any:
+        """π f for light from there."""
+        if not self.gloss:
+            return hit.albedo
+        r, g, b, exponent = self._gloss(hit)
+        along = dr.dot(to_light, hit.d) - 2 * dr.dot(hit.n, to_light) * dr.dot(hit.n, hit.d)
+        return hit.albedo + mi.Color3f(r, g, b) * lobe(dr, along, exponent)
 
     def _sun(self, hit: Hit, blocker: Any) -> Any:
         """E/π V max(0, n·l)."""
         return self.irradiance * (dr.select(blocker < 0, dr.maximum(dr.dot(hit.n, self.to_light), 0), 0) / pi)
 
     def _incoming(self, hit: Hit, sampler: Any) -> Any:
-        """The radiance from one cosine-distributed direction, as Mitsuba's `path` finds it."""
+        """π f times the radiance from one cosine-distributed direction, as Mitsuba's `path` finds it."""
         d = mi.Frame3f(hit.n).to_world(mi.warp.square_to_cosine_hemisphere(sampler.next_2d()))
         if self.large:
-            return self._walk(hit, sampler, d)
+            return self._pi_f(hit, d) * self._walk(hit, sampler, d)
         ray = mi.RayDifferential3f(mi.Ray3f(mi.Point3f(*hit.start), d))
-        return self.path.sample(self.scene, sampler, ray, active=hit.seen)[0]
+        return self._pi_f(hit, d) * self.path.sample(self.scene, sampler, ray, active=hit.seen)[0]
 
     def _walk(self, hit: Hit, sampler: Any, d: Any) -> Any:
         """What Mitsuba's `path` would find along d, where the scene has an object too large for it."""
@@ -189,11 +235,12 @@ class Renderer:
 
         def onward(sampler: Any, o: Any, d: Any, total: Any, weight: Any, active: Any, left: Any) -> tuple[Any, ...]:
             hit = self._nearest(o, tuple(map(self.double, d)), active)
-            total += dr.select(active & ~hit.seen, weight * self.sky, 0)
+            total += dr.select(active & ~hit.seen, weight * self._sky(d), 0)
             active &= hit.seen & (left > 0)
-            weight *= hit.albedo
-            total += dr.select(active, weight * self._sun(hit, self._blocker(hit, active)), 0)
+            sun = self._pi_f(hit, self.to_light) * self._sun(hit, self._blocker(hit, active))
+            total += dr.select(active, weight * sun, 0)
             d = mi.Frame3f(hit.n).to_world(mi.warp.square_to_cosine_hemisphere(sampler.next_2d(active)))
+            weight *= self._pi_f(hit, d)
             return sampler, hit.start, d, total, weight, active, left - 1
 
         return dr.while_loop(state, lambda *state: state[5], onward)[3]

@@ -5,6 +5,8 @@ from math import pi
 import numpy as np
 
 from raytwin.scene import Scene
+from raytwin.twin.phong import highlights, pi_f
+from raytwin.twin.sky import even, toward
 
 
 def albedos(scene: Scene) -> np.ndarray:
@@ -19,9 +21,18 @@ def sunlight(scene: Scene, normal: np.ndarray, blocker: np.ndarray) -> np.ndarra
 
 
 def first_light(
-    scene: Scene, ids: np.ndarray, albedo: np.ndarray, normal: np.ndarray, blocker: np.ndarray, sky_at_hit: bool
+    scene: Scene,
+    ids: np.ndarray,
+    albedo: np.ndarray,
+    normal: np.ndarray,
+    d: np.ndarray,
+    blocker: np.ndarray,
+    sky_at_hit: bool,
 ) -> np.ndarray:
-    """albedo/π E V max(0, n·l) (+ albedo Ls) where something is hit, Ls elsewhere: (k, 3)."""
-    sky = np.asarray(scene.sky.radiance)
-    colour = albedo * (sunlight(scene, normal, blocker) + (sky if sky_at_hit else 0))
-    return np.where(ids[:, None] < 0, sky, colour)
+    """f E V max(0, n·l) (+ (albedo + specular) Ls) where rays along d hit something, Ls elsewhere: (k, 3)."""
+    colour = pi_f(scene, ids, albedo, normal, d, scene.sun.to_light) * sunlight(scene, normal, blocker)
+    if sky_at_hit:
+        colour = colour + (albedo + highlights(scene)[ids, :3]) * even(scene, normal)
+    missed = ids < 0
+    colour[missed] = toward(scene, d[missed])
+    return colour

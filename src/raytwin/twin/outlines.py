@@ -46,29 +46,24 @@ class Seen(NamedTuple):
 
 def settle(scene: Scene, seen: Seen, shadows: bool) -> np.ndarray:
     """Trace the pixels in doubt again, in float64, into `seen`. Returns their numbers (k,), row by row."""
-    camera, bodies, lens = scene.camera, table(scene), lens_of(scene.camera)
+    camera, bodies = scene.camera, table(scene)
     R = np.asarray(camera.R_cam_board)
     sun = R @ scene.sun.to_light
-
-    def rays(pixels: np.ndarray) -> np.ndarray:
-        v, u = np.divmod(pixels, camera.width)
-        return np.stack(directions(np, lens, u.astype(float), v.astype(float)))
-
     if not scene.objects:
         return np.zeros(0, int)
     ids, blockers = (x.reshape(camera.height, camera.width) for x in (seen.ids, seen.blocker))
     edge = borders(ids)
-    doubtful = edge[_doubted(bodies, ids, edge, np.zeros((3, 1)), rays(edge))]
+    doubtful = edge[_doubted(bodies, ids, edge, np.zeros((3, 1)), rays(scene, edge).T)]
     if shadows:
         edge = np.union1d(edge, borders(blockers))
         edge = edge[seen.ids[edge] >= 0]
-        points = rays(edge) * seen.depth[edge] * UNIT
+        points = rays(scene, edge).T * seen.depth[edge] * UNIT
         # What a neighbour sees may shade this pixel, and no other.
         shaded = [_doubted(bodies, met, edge, points, sun[:, None]) for met in (blockers, ids)]
         doubtful = np.union1d(doubtful, edge[shaded[0] | shaded[1]])
     if (len(doubtful) + 1000) * len(scene.objects) > MOST:
         return np.zeros(0, int)
-    d = rays(doubtful)
+    d = rays(scene, doubtful).T
     seen.ids[doubtful], t = trace(bodies, np.zeros((3, 1)), d)
     seen.depth[doubtful] = t / UNIT
     n = np.stack(normal(bodies.at(seen.ids[doubtful]), d * t)) * (seen.ids[doubtful] >= 0)
@@ -78,6 +73,12 @@ def settle(scene: Scene, seen: Seen, shadows: bool) -> np.ndarray:
         start = d * t + n * (START * t)
         seen.blocker[doubtful] = np.where(dot(n, sun) > 0, trace(bodies, start, sun[:, None])[0], -1)
     return np.asarray(doubtful)
+
+
+def rays(scene: Scene, pixels: np.ndarray) -> np.ndarray:
+    """The unit directions (k, 3), camera frame, through the centres of the pixels of these numbers, row by row."""
+    v, u = np.divmod(pixels, scene.camera.width)
+    return np.stack(directions(np, lens_of(scene.camera), u.astype(float), v.astype(float)), axis=1)
 
 
 def borders(image: np.ndarray) -> np.ndarray:

@@ -14,13 +14,13 @@ from raytwin.errors import InputError
 from raytwin.image import Image, Surface
 from raytwin.progress import Progress, silent
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Scene, seen_from_eye
+from raytwin.scene import Scene, seen_from_eye
 from raytwin.scene.lens import without_ray
 from raytwin.twin import cache as kept
 from raytwin.twin.backend import activate, versions
 from raytwin.twin.batches import Batches
 from raytwin.twin.light import albedos, first_light
-from raytwin.twin.outlines import Seen, settle
+from raytwin.twin.outlines import Seen, rays, settle
 from raytwin.twin.rays import lens_of
 from raytwin.twin.world import check_textures
 
@@ -51,7 +51,8 @@ def render(
     Radiance by rung, with albedo ρ, sun irradiance E from direction l, sky radiance Ls, n on the eye's side:
 
     - `surface`: (n + 1) / 2 as a colour, 0 at the background;
-    - `lambert`: ρ/π E max(0, n·l) + ρ Ls;
+    - `lambert`: ρ/π E max(0, n·l) + ρ Ls; of a map, Ls is E(n)/π by harmonics (`sky.harmonics`); with a highlight
+      (`phong`) π f stands for the first ρ, ρ + specular for the second;
     - `shadow`: the first term times the sun's visibility (Mitsuba's shadow test);
     - `sky`: the second term with the sky's occlusion too (Mitsuba's `path` at depth 2);
     - `path`: interreflection to `max_depth` (default 8), counted as Mitsuba does: 2 is direct light alone.
@@ -88,10 +89,11 @@ def render(
     seen, mean, albedo = _exact(renderer, scene, plan, say, settled=not textures)
     variance: np.ndarray | None = None
     if not plan.exact:
-        found, variance = _sampled(renderer, scene.camera, plan, seen, lambda part: say(1 + part * plan.samples))
-        mean = mean + albedo * found if plan.sampling == "center" else found
+        found, variance = _sampled(renderer, scene, plan, seen, albedo, lambda part: say(1 + part * plan.samples))
+        weight = np.ones_like(albedo) if scene.glossy else albedo  # with highlights, a sample has its own
+        mean = mean + weight * found if plan.sampling == "center" else found
         if variance is not None and plan.sampling == "center":
-            variance = np.square(albedo) * variance
+            variance = np.square(weight) * variance
     h, w = scene.camera.height, scene.camera.width
     surface = Surface(seen.ids.reshape(h, w), seen.depth.reshape(h, w), seen.normal.reshape(h, w, 3))
     if variance is not None:
@@ -201,19 +203,22 @@ def _exact(
         say(b / n)
     if settled:
         again = settle(scene, seen, shadows)
+        if scene.environment:  # a map's own detail is finer than float32's directions
+            again = np.union1d(again, np.flatnonzero(seen.ids < 0))
         ids, _, normal, blocker = (part[again] for part in seen)
         albedo[again] = albedos(scene)[ids]
-        colour[again] = first_light(scene, ids, albedo[again], normal, blocker, sky_at_hit)
+        d = rays(scene, again) @ np.asarray(scene.camera.R_cam_board)
+        colour[again] = first_light(scene, ids, albedo[again], normal, d, blocker, sky_at_hit)
     if not RUNGS[plan.rung].lit:
         colour = np.where(seen.ids[:, None] < 0, np.float32(0), (seen.normal + 1) / 2)
     return seen, colour, albedo
 
 
 def _sampled(
-    renderer: Any, camera: Camera, plan: _Plan, seen: Seen, say: Callable[[float], None]
+    renderer: Any, scene: Scene, plan: _Plan, seen: Seen, albedo: np.ndarray, say: Callable[[float], None]
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Mean (n, 3) of all samples and the variance of that mean; of the light that bounces, where the rest is known."""
-    n, batches = camera.width * camera.height, Batches(plan.batches, plan.samples)
+    n, batches = scene.camera.width * scene.camera.height, Batches(plan.batches, plan.samples)
     mean, spread = np.empty((n, 3)), np.empty((n, 3))
     block = max(1, renderer.lanes // batches.lanes)
     for a in range(0, n, block):
@@ -222,6 +227,7 @@ def _sampled(
         if plan.sampling == "area":
             mean[a:b], spread[a:b] = renderer.sampled(a, b - a, batches, seed, RUNGS[plan.rung].shadows)
         else:
-            mean[a:b], spread[a:b] = renderer.bounced(a, b - a, batches, seed, Seen(*(part[a:b] for part in seen)))
+            part = Seen(*(column[a:b] for column in seen))
+            mean[a:b], spread[a:b] = renderer.bounced(a, b - a, batches, seed, part, albedo[a:b])
         say(b / n)
     return mean, batches.variance(spread)

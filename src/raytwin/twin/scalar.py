@@ -16,12 +16,14 @@ from raytwin.twin.batches import Batches
 from raytwin.twin.bodies import distance, normal, table, too_large
 from raytwin.twin.light import albedos, first_light, sunlight
 from raytwin.twin.outlines import Seen
+from raytwin.twin.phong import pi_f
 from raytwin.twin.rays import directions, lens_of
+from raytwin.twin.sky import toward
 from raytwin.twin.world import SHADOW_OFFSET, UNIT, load, translate
 
 
 class Hit(NamedTuple):
-    """What n rays meet first: `ids` -1 where nothing, the distance `t`, `normal` on the side they come from.
+    """What n rays along d meet first: `ids` -1 where nothing, the distance `t`, `normal` on the side they come from.
 
     `start` (n, 3): where rays go on from, off the surface.
     """
@@ -31,6 +33,7 @@ class Hit(NamedTuple):
     normal: np.ndarray
     start: np.ndarray
     albedo: np.ndarray
+    d: np.ndarray
 
 
 class Renderer:
@@ -71,15 +74,22 @@ class Renderer:
         blocker = self._blocker(hit) if shadows else np.full(len(pixel), -1)
         colour = self._first_light(hit, blocker, sky_at_hit=not self.depth)
         if self.depth:
-            colour += hit.albedo * self._incoming(hit, rng)
+            colour += self._incoming(hit, rng)
         return batches.gathered(colour)
 
-    def bounced(self, first: int, count: int, batches: Batches, seed: int, seen: Seen) -> tuple[np.ndarray, ...]:
-        """Radiance that comes to what these pixels' centres see, `seen`, cosine-weighted: as `sampled`."""
+    def bounced(
+        self, first: int, count: int, batches: Batches, seed: int, seen: Seen, albedo: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        """Radiance that comes to what these pixels' centres see, `seen`, cosine-weighted: as `sampled`.
+
+        Where there are highlights, times π f; that of what has no highlight is its `albedo`, the same for all samples.
+        """
         pixel = np.repeat(np.arange(first, first + count), batches.lanes)
         found = (seen.ids, seen.depth * UNIT, seen.normal @ self.R.T)
         ids, t, n = (np.repeat(x, batches.lanes, axis=0) for x in found)
-        hit = Hit(ids, t, n, self._start(self._directions(pixel, 0.0, 0.0) * t[:, None], n), self.albedo[ids])
+        d = self._directions(pixel, 0.0, 0.0)
+        rho = np.repeat(albedo, batches.lanes, axis=0) if self.record.glossy else np.ones((len(ids), 3))
+        hit = Hit(ids, t, n, self._start(d * t[:, None], n), rho, d)
         return batches.gathered(self._incoming(hit, np.random.default_rng(seed)))
 
     def _directions(self, pixel: np.ndarray, du: Any, dv: Any) -> np.ndarray:
@@ -118,7 +128,7 @@ class Renderer:
         n[(n * d).sum(axis=1) > 0] *= -1
         plain = ~np.isin(ids, textured)
         albedo[plain] = self.albedo[ids[plain]]
-        return Hit(ids, t, n, self._start(o + d * t[:, None], n), albedo)
+        return Hit(ids, t, n, self._start(o + d * t[:, None], n), albedo, d)
 
     def _start(self, p: np.ndarray, n: np.ndarray) -> np.ndarray:
         return np.asarray(p + n * (SHADOW_OFFSET * np.linalg.norm(p, axis=1, keepdims=True)))
@@ -136,20 +146,24 @@ class Renderer:
         return blocker
 
     def _first_light(self, hit: Hit, blocker: np.ndarray, sky_at_hit: bool) -> np.ndarray:
-        return first_light(self.record, hit.ids, hit.albedo, hit.normal @ self.R, blocker, sky_at_hit)
+        R = self.R
+        return first_light(self.record, hit.ids, hit.albedo, hit.normal @ R, hit.d @ R, blocker, sky_at_hit)
+
+    def _pi_f(self, hit: Hit, to_light: np.ndarray) -> np.ndarray:
+        return pi_f(self.record, hit.ids, hit.albedo, hit.normal, hit.d, to_light)
 
     def _incoming(self, hit: Hit, rng: np.random.Generator) -> np.ndarray:
-        """The radiance from one cosine-distributed direction, as Mitsuba's `path` finds it; 0 where nothing is hit."""
+        """π f times the radiance from a cosine-distributed direction, as Mitsuba's `path` finds it; 0 without a hit."""
         d = _cosine(hit.normal, rng)
         if self.large:
-            return self._walk(hit, rng, d)
+            return self._pi_f(hit, d) * self._walk(hit, rng, d)
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(int(rng.integers(1 << 32)))
         path, Ray, Onward = self.path.sample, mi.Ray3f, mi.RayDifferential3f
         colour, lanes = np.zeros((len(d), 3)), np.flatnonzero(hit.ids >= 0)
         for i, start, direction in zip(lanes.tolist(), hit.start[lanes].tolist(), d[lanes].tolist(), strict=True):
             colour[i] = list(path(self.scene, sampler, Onward(Ray(start, direction)))[0])
-        return colour
+        return self._pi_f(hit, d) * colour
 
     def _walk(self, hit: Hit, rng: np.random.Generator, d: np.ndarray) -> np.ndarray:
         """What Mitsuba's `path` would find along d, where the scene has an object too large for it."""
@@ -157,13 +171,14 @@ class Renderer:
         total, weight = np.zeros((len(d), 3)), np.ones((len(d), 3))
         for left in reversed(range(self.depth - 1)):
             hit = self._nearest(hit.start, d, active)
-            total[active & (hit.ids < 0)] += (weight * self.record.sky.radiance)[active & (hit.ids < 0)]
+            missed = active & (hit.ids < 0)
+            total[missed] += weight[missed] * toward(self.record, d[missed] @ self.R)
             active &= hit.ids >= 0
             if left:
-                weight *= hit.albedo
-                sun = sunlight(self.record, hit.normal @ self.R, self._blocker(hit))
+                sun = self._pi_f(hit, self.to_light) * sunlight(self.record, hit.normal @ self.R, self._blocker(hit))
                 total += weight * sun * active[:, None]
                 d = _cosine(hit.normal, rng)
+                weight *= self._pi_f(hit, d)
         return total
 
 

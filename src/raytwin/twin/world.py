@@ -12,6 +12,8 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.scene import Rectangle, Scene
+from raytwin.twin import phong
+from raytwin.twin.sky import emitter
 
 UNIT = 1024.0
 """Mitsuba's lengths per metre."""
@@ -36,9 +38,11 @@ def load(world: dict[str, Any]) -> Any:
 
 
 def translate(scene: Scene, textures: Mapping[int, np.ndarray], without: Collection[int] = ()) -> dict[str, Any]:
-    """The dictionary for `load`: object i is called `object-i`, everything is two-sided diffuse."""
+    """The dictionary for `load`: object i is called `object-i`, everything is two-sided, diffuse or Phong's."""
     import mitsuba as mi
 
+    if scene.glossy:
+        phong.register()
     R, t = np.asarray(scene.camera.R_cam_board), np.asarray(scene.camera.t_cam_board)
     world: dict[str, Any] = {"type": "scene"}
     for i, thing in enumerate(scene.objects):
@@ -52,15 +56,14 @@ def translate(scene: Scene, textures: Mapping[int, np.ndarray], without: Collect
             shape = {"type": "rectangle", "to_world": mi.ScalarTransform4f(matrix)}
         else:
             shape = {"type": "sphere", "center": center.tolist(), "radius": thing.radius * UNIT}
-        shape["bsdf"] = {
-            "type": "twosided",
-            "bsdf": {"type": "diffuse", "reflectance": _albedo(thing, textures.get(i))},
-        }
+        shape["bsdf"] = {"type": "twosided", "bsdf": phong.bsdf(thing, _albedo(thing, textures.get(i)))}
         world[f"object-{i}"] = shape
     if any(scene.sun.irradiance):
         from_light = (-R @ scene.sun.to_light).tolist()
         world["sun"] = {"type": "directional", "direction": from_light, "irradiance": _rgb(scene.sun.irradiance)}
-    if any(scene.sky.radiance):
+    if around := scene.environment:
+        world["sky"] = emitter(around, R)
+    elif any(scene.sky.radiance):
         world["sky"] = {"type": "constant", "radiance": _rgb(scene.sky.radiance)}
     return world
 
