@@ -128,6 +128,12 @@ WRONG = {
     "an albedo over 1": ("[0.8, 0.4, 0.2]", "[0.8, 1.4, 0.2]", "spheres[1].albedo[1]: expected a number <= 1, got 1.4"),
     "a negative sky": ("radiance = [0.1", "radiance = [-0.1", "sky.radiance[0]: expected a number >= 0, got -0.1"),
     "a sun without direction": ("[0.3, 0.0, 1.0]", "[0, 0, 0]", "sun.to_light: expected a direction, got the zero vector"),  # noqa: E501
+    "a highlight without an exponent": ("radius = 0.04", "radius = 0.04\nspecular = [0.1, 0.1, 0.1]", "spheres[1]: expected both specular and exponent, got one of them"),  # noqa: E501
+    "a highlight that makes light": ("radius = 0.04", "radius = 0.04\nspecular = [0.3, 0.1, 0.1]\nexponent = 9", "spheres[1]: expected albedo and specular that sum to 1 at most, got 1.1"),  # noqa: E501
+    "an exponent of 0": ("radius = 0.04", "radius = 0.04\nspecular = [0.1, 0.1, 0.1]\nexponent = 0", "spheres[1].exponent: expected a number > 0, got 0"),  # noqa: E501
+    "a map and a radiance": ("radiance = [0.1", 'map = "x.exr"\nradiance = [0.1', "sky: expected radiance or map, got both"),  # noqa: E501
+    "a rotation without a map": ("radiance = [0.1", "rotation = 90.0\nradiance = [0.1", "sky.rotation: expected only where there is a map, got 90.0"),  # noqa: E501
+    "texels by hand": ("radiance = [0.1", "texels = 3\nradiance = [0.1", "sky.texels: expected only known keys, got the unknown key 'texels'"),  # noqa: E501
     "half-edges that lean": ("[0.0, 0.3, 0.0]", "[0.3, 0.3, 0.0]", "planes[0].half_v: expected a vector perpendicular to half_u, got 45 degrees"),  # noqa: E501
     "a half-edge of no length": ("[0.0, 0.3, 0.0]", "[0, 0, 0]", "planes[0]: expected half_u and half_v longer than 0 m"),  # noqa: E501
     "a mirrored R": ("[[1, 0, 0], [0, -1, 0]", "[[1, 0, 0], [0, 1, 0]", "camera.R_cam_board: expected a rotation matrix, got a mirroring"),  # noqa: E501
@@ -174,6 +180,42 @@ def test_what_is_not_there_or_not_text_is_named(tmp_path):
         files.read_toml(tmp_path / "latin.toml")
     with pytest.raises(InputError, match="expected a TOML file, got a folder"):
         files.read_toml(tmp_path)
+
+
+UNDER_A_MAP = re.sub(r"\nradiance = .*", '\nmap = "{}"\nscale = 2.0\nrotation = 90.0', SCENE)
+
+
+@pytest.mark.parametrize("ending", ["exr", "hdr"])
+def test_a_map_is_read_scaled_turned_and_part_of_the_scenes_hash(tmp_path, ending):
+    import cv2
+
+    from raytwin.references import scene_hash
+
+    pixels = np.zeros((4, 8, 3), np.float32)
+    pixels[:, 4] = 0.5
+    files.write_exr(tmp_path / "x.exr", Image(pixels, samples=0))
+    cv2.imwrite(str(tmp_path / "x.hdr"), pixels)  # 0 and a half, which RGBE holds
+    scene = files.read_scene(write_scene(tmp_path, UNDER_A_MAP.format(f"x.{ending}")))
+    found = scene.scene.environment
+    np.testing.assert_array_equal(found.radiance, 2 * pixels)
+    np.testing.assert_allclose(np.array(found.R_map_board) @ (-1, 0, 0), (0, 1, 0), atol=1e-15)  # the middle, turned
+    before = scene_hash(scene)
+    files.write_exr(tmp_path / f"x.{ending}", Image(pixels + 1, samples=0))
+    assert scene_hash(files.read_scene(tmp_path)) != before
+
+
+@pytest.mark.parametrize(("pixels", "message"), [
+    (np.ones((4, 9, 3)), "twice as wide as high, of 4 to 4096 columns, got 9 x 4 pixels"),
+    (np.ones((1, 2, 3)), "of 4 to 4096 columns, got 2 x 1 pixels"),
+    (np.full((4, 8, 3), -0.5), "x.exr: expected radiance of 0 or more everywhere, got -0.5"),
+    (np.full((4, 8, 3), np.nan), "x.exr: expected radiance of 0 or more everywhere, got NaN or infinity"),
+    (None, "expected an image file, got no such file"),
+])  # fmt: skip
+def test_a_wrong_map_is_one_line(tmp_path, pixels, message):
+    if pixels is not None:
+        files.write_exr(tmp_path / "x.exr", Image(pixels.astype(np.float32), samples=0))
+    with pytest.raises(InputError, match=re.escape(message)):
+        files.read_scene(write_scene(tmp_path, UNDER_A_MAP.format("x.exr")))
 
 
 JUNK = st.recursive(

@@ -403,7 +403,19 @@ def test_wrong_input_is_one_line_and_exit_code_2(overlap, tmp_path, wrong):
 
 ALL = [
     (name, rung)
-    for name in ("ball", "desk", "distorted", "eclipse", "grazing", "overlap", "single", "wedge", "weekend")
+    for name in (
+        "ball",
+        "desk",
+        "distorted",
+        "eclipse",
+        "gloss",
+        "grazing",
+        "overlap",
+        "single",
+        "studio",
+        "wedge",
+        "weekend",
+    )
     for rung in reference.RUNGS
 ]
 

@@ -94,6 +94,7 @@ class Bounds:
         for x0, y0, x1, y1 in boxes.tolist():
             mask[y0:y1, x0:x1] = True
         self.covered = float(mask.mean())
+        scene.check_lambertian("bounds on light")
         self.albedo = np.array([thing.material.albedo for thing in scene.objects]).reshape(n, 3)
         self.sun = np.array(scene.sun.irradiance) / np.pi
         around = scene.environment

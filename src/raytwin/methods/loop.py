@@ -21,6 +21,7 @@ def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:
 
     `trim`: the box of each object outside which it is not tested.
     """
+    scene.check_lambertian("the loop")
     camera = scene.camera
     out = background(scene, rung)
     (fx, cx), (fy, cy) = (camera.fx, camera.cx), (camera.fy, camera.cy)

@@ -3,7 +3,7 @@
     pixel -> camera.back_project -> ray -> hit.World.nearest (sphere, rectangle) -> hit -> light.RADIANCE -> radiance
 
 Read it in this order: frame, camera, hit, sphere, rectangle, light; then path and random, which follow light from one
-surface to the next; arrays last. `raytwin.speed` makes it fast.
+surface to the next; occlusion and environment, of the sky; arrays last. `raytwin.speed` makes it fast.
 """
 
 from raytwin.tracer.camera import back_project, undistort

@@ -1,0 +1,125 @@
+"""Phong's highlight in the tracer: against its formula, its energy by quadrature, and on every engine."""
+
+from math import pi
+
+import msgspec
+import numpy as np
+import pytest
+from scipy import integrate
+from test_light import camera_above
+
+from raytwin import files, speed
+from raytwin.scene import Lambert, Phong, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.speed import ENGINES
+from raytwin.tracer import trace_paths
+from raytwin.tracer.hit import Gloss, Hit
+from raytwin.tracer.light import highlight, reflectance
+
+SUN = Sun((0.6, 0.0, 0.8), (2.0, 2.0, 2.0))
+
+
+def sheet(material: Phong | Lambert, *lights) -> Scene:
+    return Scene("sheet", camera_above(1.0, 8, 400.0), (Rectangle((0, 0, 0), (9, 0, 0), (0, 9, 0), material),), lights)
+
+
+def f_of(material: Phong, v: np.ndarray, out: np.ndarray) -> float:
+    """The formula on a surface that faces z, red."""
+    mirrored = np.array((-v[0], -v[1], v[2])) @ out
+    lobe = (material.exponent + 2) / (2 * pi) * max(0.0, mirrored) ** material.exponent
+    return material.albedo[0] / pi + material.specular[0] * lobe
+
+
+def sent_back(material: Phong, v: np.ndarray) -> float:
+    """∫ f cos dω over the hemisphere."""
+
+    def at(phi: float, theta: float) -> float:
+        out = np.array((np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)))
+        return f_of(material, v, out) * np.sin(theta) * np.cos(theta)
+
+    return float(integrate.dblquad(at, 0, pi / 2, 0, 2 * pi, epsabs=1e-7)[0])
+
+
+@pytest.mark.parametrize("exponent", [0.5, 6.0, 96.0])
+def test_head_on_the_highlight_sends_back_its_specular_and_aslant_no_more(exponent):
+    material = Phong((0.0,) * 3, (0.3,) * 3, exponent)
+    sent = [sent_back(material, np.array((np.sin(t), 0.0, np.cos(t)))) for t in (0.0, 0.5, 1.2)]
+    assert sent[0] == pytest.approx(0.3, abs=1e-6)
+    assert 0.3 >= sent[1] > sent[2] > 0.05
+
+
+def test_light_may_go_either_way(rng):
+    """f(l, v) = f(v, l): Helmholtz's reciprocity."""
+    n = np.array((0.0, 0.0, 1.0))
+    for pair in abs(rng.normal(size=(20, 2, 3))):
+        to_light, v = pair / np.linalg.norm(pair, axis=1, keepdims=True)
+        there, back = (
+            highlight(Hit(1.0, 0, n, tuple(n), n, False, tuple(-a), Gloss((0.3, 0.2, 0.1), 7.0)), tuple(b))
+            for a, b in ((v, to_light), (to_light, v))
+        )
+        assert there == pytest.approx(back)
+
+
+def test_on_a_sheet_under_the_sun_every_engine_shows_the_formula(engine):
+    material = Phong((0.3, 0.2, 0.1), (0.4, 0.3, 0.2), 9.0)
+    scene = sheet(material, SUN, Sky((0.1, 0.1, 0.1)))
+    image = speed.trace(scene, "shadow", engine)
+    v, u = (np.mgrid[:8, :8] - 3.5) / 400
+    to_eye = np.stack([-u, v, np.ones((8, 8))], axis=-1)
+    to_eye /= np.linalg.norm(to_eye, axis=-1, keepdims=True)
+    expected = [[f_of(material, eye, np.array(SUN.to_light)) * 2 * 0.8 + 0.1 * 0.7 for eye in row] for row in to_eye]
+    np.testing.assert_allclose(image.mean[..., 0], expected, rtol=1e-6 if ENGINES[engine].bits == 64 else 1e-5)
+
+
+def test_under_an_even_sky_a_sheet_shows_what_quadrature_says():
+    """By random walks: 4.5 standard errors; seen straight from above the cheap rungs are right, too."""
+    material = Phong((0.3, 0.2, 0.1), (0.4, 0.3, 0.2), 9.0)
+    scene = sheet(material, Sky((1.0, 1.0, 1.0)))
+    image = speed.walk(scene, "sky", "numpy32", samples=256, seed=1)
+    error = float(np.sqrt(image.variance[..., 0].sum(dtype=float))) / 64
+    expected = sent_back(material, np.array((0.0, 0.0, 1.0)))
+    assert expected == pytest.approx(0.7, abs=1e-6)
+    assert error < 2e-3
+    assert float(image.mean[..., 0].mean()) == pytest.approx(
+        expected, abs=4.5 * error + 1e-4
+    )  # the picture is 1 degree
+    assert speed.trace(scene, "lambert").mean[..., 0] == pytest.approx(0.7, abs=1e-6)
+
+
+def test_every_engine_follows_the_plain_tracers_paths_from_highlight_to_highlight(scenes, engine):
+    scene = files.read_scene(scenes / "gloss").scene
+    scene = scene.with_camera(scene.camera.resized(24, 18))
+    found, plain = speed.walk(scene, "path", engine, samples=3, depth=4), trace_paths(scene, 4, 3)
+    close = 1e-6 if ENGINES[engine].bits == 64 else 2e-4
+    assert np.quantile(abs(found.mean - plain.mean), 0.99) < close * plain.mean.max()
+
+
+def test_parts_of_the_light_on_highlights_under_a_map_add_up_to_the_whole(scenes):
+    shiny, lit = (files.read_scene(scenes / name).scene for name in ("gloss", "studio"))
+    scene = msgspec.structs.replace(shiny, lights=(shiny.sun, lit.environment))
+    scene = scene.with_camera(scene.camera.resized(32, 24))
+    parts = speed.light_parts(scene, "numpy32", samples=4, seed=3)
+    whole = speed.walk(scene, "path", "numpy32", samples=4, seed=3)
+    np.testing.assert_allclose(sum(part.mean for part in parts.values()), whole.mean, rtol=0, atol=1e-5)
+
+
+def test_a_highlight_of_nothing_is_lamberts_law(overlap):
+    """`specular` 0: the same picture, bit by bit but for one sum."""
+    scene = overlap.with_camera(overlap.camera.resized(32, 24))
+    objects = tuple(
+        msgspec.structs.replace(thing, material=Phong(thing.material.albedo, (0.0,) * 3, 9.0))
+        for thing in scene.objects
+    )
+    dull = msgspec.structs.replace(scene, objects=objects)
+    for rung in ("lambert", "shadow"):
+        np.testing.assert_allclose(speed.trace(dull, rung).mean, speed.trace(scene, rung).mean, rtol=1e-6)
+    walks = [speed.walk(s, "path", samples=2, seed=5).mean for s in (dull, scene)]
+    np.testing.assert_allclose(*walks, rtol=1e-5, atol=1e-7)
+
+
+def test_a_surface_without_highlights_asks_for_none():
+    hit = Hit(1.0, 0, (0.0,) * 3, (0.0, 0.0, 1.0), (0.5, 0.4, 0.3), False, (0.0, 0.0, -1.0))
+    assert reflectance(hit, (0.0, 0.0, 1.0)) == (0.5, 0.4, 0.3)
+    ball = Sphere((0.0, 0.0, 0.0), 1.0)
+    assert not Scene("ball", camera_above(2.0), (ball,)).glossy
+    with pytest.raises(Exception, match="expected Lambertian objects alone, for me, got a Phong highlight"):
+        sheet(Phong()).check_lambertian("me")
