@@ -39,7 +39,7 @@ def by_float64(scene: Scene, rung: str) -> tuple[np.ndarray, np.ndarray, np.ndar
     blocker = trace(bodies, d * t + n_cam * 1e-9 * t, sun[:, None])[0]
     blocker = np.where((n_cam.T @ sun > 0) & (rung == "shadow"), blocker, -1)
     seen = seen._replace(ids=ids, normal=n_cam.T @ R, blocker=blocker)
-    return ids, t / UNIT, first_light(scene, ids, albedos(scene)[ids], seen.normal, blocker, True)
+    return ids, t / UNIT, first_light(scene, ids, albedos(scene)[ids], seen.normal, d.T @ R, blocker, True)
 
 
 def random_scene(k: int, size=(160, 120)) -> Scene:
