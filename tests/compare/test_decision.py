@@ -170,6 +170,16 @@ def test_a_pass_says_what_it_could_have_seen_and_more_samples_see_more():
     assert ratio == pytest.approx(4, rel=0.15)
 
 
+@pytest.mark.parametrize("dim", [0.0, 1e-4])
+def test_a_channel_that_is_all_but_black_hides_no_error_of_the_others(dim):
+    """What could be seen is told of the channels that give light."""
+    colour = np.array([1.0, 0.5, dim])
+    found = [compare(render(np.random.default_rng(19), TRUTH * c), noises.exact(TRUTH * c)) for c in (1, colour)]
+    assert all(c.passed for c in found)
+    seen = [c.statistics.minimum_detectable_bias for c in found]
+    assert seen[1] == pytest.approx(seen[0], rel=0.3)
+
+
 def test_a_bias_of_the_minimum_detectable_size_is_found_nine_times_in_ten_and_a_third_of_it_seldom():
     rng = np.random.default_rng(18)
     reference = exact()

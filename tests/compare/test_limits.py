@@ -48,6 +48,14 @@ def test_the_relative_error_is_that_of_the_two_values_mean():
         assert (not found) == passes
 
 
+@pytest.mark.parametrize(("relative", "said"), [(0.5, " and 0.5 of the value"), (0.0, "")])
+def test_a_relative_limit_is_told_whatever_its_size(relative, said):
+    _, counted = limit_findings(Image(ONES), Image(ONES), Limits(error=0.1, relative=relative))
+    assert counted == f"0 pixels of 100 (0 %) err by more than 0.1{said}"
+    found, _ = limit_findings(Image(4 * ONES), Image(ONES), Limits(error=0, relative=1.1))
+    assert (not found) == (3 <= 1.1 * 2.5)
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("which", [0, 1, 2])
 def test_what_is_not_finite_fails_where_idiff_passes_it(bad, which):

@@ -120,6 +120,9 @@ def test_flip_refuses_nan_and_wrong_shapes_instead_of_exiting():
         of("flip_hdr", bad, R)
     with pytest.raises(InputError, match="FLIP"):
         of("flip_ldr", R[:5], R)
+    for wrong in (np.ones((8, 8, 4), np.float32), np.ones((8, 8), np.float32)):
+        with pytest.raises(InputError, match="FLIP"):
+            of("flip_ldr", wrong, wrong)
 
 
 def test_the_nth_largest_is_that_of_sorting_whatever_the_sample_says():

@@ -287,6 +287,16 @@ def test_a_filters_inflation_is_its_own_whatever_the_brightness(name, expected):
     assert np.mean(found) == pytest.approx(expected, rel=0.25)
 
 
+@pytest.mark.parametrize("claimed", [0.25, 9.0])
+def test_a_filters_inflation_is_its_own_whatever_variance_is_claimed(claimed):
+    """A tent's, 9/4; the correlation is relative to the scatter that is there (cut at 3 of what is claimed)."""
+    truth = np.full((72, 96, 3), 0.5)
+    made = [filtered(np.random.default_rng(seed), truth, "tent", samples=8, batches=8) for seed in range(4)]
+    exact = Image(truth.astype(np.float32))
+    found = [inflation_of(Image(a.mean, np.float32(claimed) * a.variance), exact) for a in made]
+    assert np.mean(found) == pytest.approx(1.5**2, rel=0.25)
+
+
 def test_noise_of_independent_pixels_is_not_inflated_even_around_a_wrong_edge():
     rng = np.random.default_rng(8)
     truth = np.full((96, 128, 3), 0.5)
