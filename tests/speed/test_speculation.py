@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from raytwin.files import read_scene
-from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun, seen_from_eye
 from raytwin.speed import trace
-from raytwin.speed.speculation import WAYS, interpolation_bound, speculate
+from raytwin.speed.speculation import WAYS, _width, interpolation_bound, speculate
 
 TOLERANCE = 5e-4
 
@@ -144,3 +144,19 @@ def test_a_rod_thinner_than_a_block_and_its_shadow_are_never_guessed_away(width_
     guess, share = speculate(scene, 8, "shadow", engine="numpy64", tolerance=TOLERANCE)
     assert np.abs(guess - trace(scene, "shadow").mean).max() <= TOLERANCE
     assert share < 0.9
+
+
+def test_an_ellipse_is_as_wide_as_the_smaller_singular_value_of_its_picture(single):
+    """Small ones, so that all of it is seen alike; behind the eye it has no width."""
+    rng = np.random.default_rng(6)
+    local = seen_from_eye(single)
+    place = rng.uniform((-0.3, -0.3, 0.5), (0.3, 0.3, 2.0), (40, 3))
+    axes = 1e-5 * rng.normal(size=(40, 2, 3))
+    x, y, z = place.T
+    camera = local.camera
+    picture = np.zeros((40, 2, 3))
+    picture[:, 0, 0], picture[:, 0, 2] = camera.fx / z, -camera.fx * x / z**2
+    picture[:, 1, 1], picture[:, 1, 2] = camera.fy / z, -camera.fy * y / z**2
+    expected = 2 * np.linalg.svd(picture @ axes.transpose(0, 2, 1), compute_uv=False)[:, 1]
+    np.testing.assert_allclose(_width(place, axes, local), expected, rtol=1e-3)
+    assert np.isinf(_width(-place, axes, local)).all()
