@@ -13,7 +13,16 @@ def working_llvm(own_cache):
 @pytest.fixture(params=["llvm_ad_rgb", "scalar_rgb"])
 def variant(request) -> str:
     """Each Mitsuba variant that works here, made the current one."""
+    return working(request.param)
+
+
+@pytest.fixture
+def compiled() -> str:
+    return working("llvm_ad_rgb")
+
+
+def working(variant: str) -> str:
     try:
-        return activate(request.param).variant
+        return activate(variant).variant
     except MachineError as error:
-        pytest.skip(f"{request.param} does not work here: {error.got}")
+        pytest.skip(f"{variant} does not work here: {error.got}")

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from raytwin.twin import activate
 from raytwin.twin.batches import Batches
 
 SHAPES = [(1, 5), (2, 2), (2, 3), (3, 8), (4, 4), (4, 7), (16, 16), (16, 17), (16, 31), (16, 47), (16, 64)]
@@ -28,25 +27,30 @@ def test_batches_share_all_samples_and_differ_by_one_at_most(number, samples):
     assert batches.lanes == number * batches.each
 
 
-@pytest.mark.parametrize(("number", "samples"), SHAPES)
-@pytest.mark.parametrize("where", ["numpy", "llvm_ad_rgb"])
-def test_mean_and_spread_are_those_of_the_batches_one_by_one(where, number, samples):
-    batches = Batches(number, samples)
-    lanes, pixels = lanes_of(batches, 5)
-    if where == "numpy":
-        mean, spread = batches.gathered(lanes)
-    else:
-        activate(where)
-        import mitsuba as mi
-
-        from raytwin.twin.jit import _gathered
-
-        mean, spread = _gathered(mi.Color3f(lanes.T.astype(np.float32)), batches)
+def assert_gathered(mean, spread, pixels) -> None:
     for p, parts in enumerate(pixels):
         whole = np.concatenate(parts).mean(axis=0)
         np.testing.assert_allclose(mean[p], whole, rtol=1e-6)
         expected = sum(len(part) * np.square(part.mean(axis=0) - whole) for part in parts)
         np.testing.assert_allclose(spread[p], expected, rtol=1e-4, atol=1e-12)
+
+
+@pytest.mark.parametrize(("number", "samples"), SHAPES)
+def test_mean_and_spread_are_those_of_the_batches_one_by_one(number, samples):
+    batches = Batches(number, samples)
+    lanes, pixels = lanes_of(batches, 5)
+    assert_gathered(*batches.gathered(lanes), pixels)
+
+
+@pytest.mark.parametrize(("number", "samples"), SHAPES)
+def test_so_they_are_in_mitsubas_arrays(compiled, number, samples):
+    import mitsuba as mi
+
+    from raytwin.twin.jit import _gathered
+
+    batches = Batches(number, samples)
+    lanes, pixels = lanes_of(batches, 5)
+    assert_gathered(*_gathered(mi.Color3f(lanes.T.astype(np.float32)), batches), pixels)
 
 
 def test_the_variance_is_unbiased_also_where_batches_differ_in_size():
