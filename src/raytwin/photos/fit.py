@@ -447,13 +447,18 @@ def _solve(here: _Step, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
     return d, poses, promised
 
 
+def scaled(S: np.ndarray) -> np.ndarray:
+    """What makes the diagonal of S 1, left and right of it; 0 for what it does not tell."""
+    size = np.diag(S)
+    return np.where(size > 0, 1 / np.sqrt(np.where(size > 0, size, 1)), 0)
+
+
 def solve_scaled(S: np.ndarray, right: np.ndarray) -> np.ndarray:
     """S^-1 right for a positive S; pixels, coefficients and metres differ by orders of magnitude: its diagonal is made
     1.
 
     What S does not tell at all stays 0.
     """
-    size = np.diag(S)
-    scale = np.where(size > 0, 1 / np.sqrt(np.where(size > 0, size, 1)), 0)
+    scale = scaled(S)
     inverse = np.linalg.pinv(S * np.outer(scale, scale), rcond=1e-13, hermitian=True)
     return (scale * (inverse @ (scale * right.T).T).T).T

@@ -1,24 +1,21 @@
 """How far off a calibration may be, told from how photos disagree; and how far off, then, a projected pixel.
 
 Tags in one photo do not err on their own: blur, a board that is not quite as described, a focus that moved, pull all of
-them the same way. So the photo is the unit (clusters, in a statistician's words). Without photo i the shared numbers
-move by delta_i = (H - H_i)^-1 g_i, in one step of Gauss-Newton, and the jackknife says
+them the same way. So the photo is the unit (clusters, in a statistician's words). With M_i = H^-1/2 H_i H^-1/2, photo
+i's share of all that is told,
 
-    V = (n - 1)/n Σ (delta_i - mean) (delta_i - mean)^T.
+    V = H^-1/2 Σ u_i u_i^T H^-1/2,  u_i = (I - M_i)^-1/2 H^-1/2 g_i,
 
-Few photos know V badly, but its size well: towards kappa s² H^-1, the covariance if all coordinates erred alike, times
-what the whole of V is larger, it is drawn by m / (m + n), m numbers from n photos. kappa is never below 1: photos that
-agree by chance are no reason to claim more than their tags' number allows.
+which is s² H^-1 on average where all coordinates err alike (Bell and McCaffrey's CR2; the jackknife, their CR3, then
+says too much, twice too much of four photos), and as wide as photos disagree where they do not. q = Σ |u_i|² / (m s²),
+m shared numbers, and q_K, the same of fx, fy, cx and cy alone, are then 1 on average, and tell which it is.
 
-Of photos that do err alike this says too much, twice too much of four: what a photo alone can tell moves far without
-it. Whether they do is what
+Few photos know V badly, but its size well: V is drawn towards max(q, 1) s² H^-1 by 4 / (4 + n), four numbers of K from
+n photos. Photos that agree by chance are no reason to claim more than their tags' number allows.
 
-    q = Σ |(I - M_i)^-1/2 H^-1/2 g_i|² / (m s²),  M_i = H^-1/2 H_i H^-1/2
-
-tells, and q_K, the mean of the same for fx, fy, cx and cy alone: both are 1 then on average (Bell and McCaffrey's CR2:
-unbiased, as the jackknife, their CR3, is not). A number, v in the root's coordinates, spreads by sqrt(2 Σ (v M_i v)²),
-and the mean of the four as that of two, for fx and fy err as one. So the covariance is max(q, 1) s² H^-1 as long as
-neither is above 1 by more than that, V beyond, and half of each between.
+Where photos err alike, s² H^-1 is known far better than V. A number, v in the root's coordinates, spreads by
+sqrt(2 Σ (v M_i v)²), and the mean of the four as that of two, for fx and fy err as one. So max(q, 1) s² H^-1 it is as
+long as neither q nor q_K is above 1 by more than that, V beyond, and half of each between.
 
 A camera that is a little wrong is for the most part a camera that looks a little elsewhere, and every pose found with
 it looks elsewhere by the same amount: such an error is invisible in use. What counts is what is left. So a point fixed
@@ -27,8 +24,8 @@ omega and a shift tau, and only then is it projected through the perturbed lens:
 
     q' = project(p + omega x p + tau; intrinsics + d),  J = dq' / d(intrinsics, omega, tau),  Var[q] = J C J^T.
 
-After mrcal's projection uncertainty (Kogan, mrcal.secretsauce.net/uncertainty.html), to first order; the jackknife by
-photo is Bell and McCaffrey's CR3 (Survey Methodology 28, 2002).
+After mrcal's projection uncertainty (Kogan, mrcal.secretsauce.net/uncertainty.html), to first order; Bell and
+McCaffrey: Survey Methodology 28 (2002).
 """
 
 import math
@@ -37,7 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytwin.photos import lens
-from raytwin.photos.fit import MODELS, Fit, linearise, of_pose, solve_scaled
+from raytwin.photos.fit import MODELS, Fit, linearise, of_pose, scaled, solve_scaled
 
 UNDONE_PX = 1e-3
 """A pixel whose undistorted ray does not come back to within this has none."""
@@ -85,33 +82,27 @@ mm, six sets of poses without noise: the fourth degree leaves 26 % of it, the si
 def spread(found: Fit, lifted: np.ndarray | None = None) -> Spread:
     """`lifted` (v, t, 2): pixels by which bent tags' edges were found to lead the detector astray."""
     moves, errors = leave_one_out(found)
-    n, m = len(moves), found.told
     H, s2 = found.H.sum(axis=0) + found.prior, max(found.variance, 1e-300)
-    centred = moves - moves.mean(axis=0)
-    jackknife = (n - 1) / n * centred.T @ centred
-    alike = s2 * solve_scaled(H, np.eye(len(H)))
-    kappa = max(1.0, float((H * jackknife).sum()) / (m * s2))
-    few = m / (m + n)
-    apart = (1 - few) * jackknife + few * kappa * alike
-    q, of_K, chance = _dissent(found, moves, H, s2)
+    disagree, q, of_K, chance = _dissent(found, H, s2)
+    alike = max(q, 1) * s2 * solve_scaled(H, np.eye(len(H)))
+    few = 4 / (4 + len(moves))
     as_one = 1 / (1 + ((max(q, of_K, 1) - 1) / chance) ** 2)
-    covariance = as_one * max(q, 1) * alike + (1 - as_one) * apart
+    covariance = alike + (1 - as_one) * (1 - few) * (disagree - alike)
     if lifted is not None:
         by = lifted.reshape(len(found.R), -1, 1)
         pull = found.A.swapaxes(1, 2) @ by + found.follow.swapaxes(1, 2) @ (found.B.swapaxes(1, 2) @ by)
         doubted = EXTRAPOLATED[found.form.degree] * solve_scaled(H, pull.sum(axis=0)[:, 0])
         covariance = covariance + np.outer(doubted, doubted)
-    noise = math.sqrt((as_one * max(q, 1) + (1 - as_one) * kappa) * s2)
-    return Spread(covariance, noise, moves, errors)
+    return Spread(covariance, math.sqrt(max(q, 1) * s2), moves, errors)
 
 
-def _dissent(found: Fit, moves: np.ndarray, H: np.ndarray, s2: float) -> tuple[float, float, float]:
-    """q, q_K, and how far chance spreads the latter: see above."""
-    n, m = len(moves), found.told
+def _dissent(found: Fit, H: np.ndarray, s2: float) -> tuple[np.ndarray, float, float, float]:
+    """V, q, q_K, and how far chance spreads the latter: see above."""
     photo = found.sights.photo
+    n = photo.max() + 1
     mine = np.array([found.H[photo == i].sum(axis=0) for i in range(n)])
     g = np.array([found.g[photo == i].sum(axis=0) for i in range(n)])
-    scale = 1 / np.sqrt(np.maximum(np.diag(H), 1e-300))
+    scale = scaled(H)
     size, axes = np.linalg.eigh(H * np.outer(scale, scale))
     told = size > 1e-13 * size[-1]
     root = scale[:, None] * axes[:, told] / np.sqrt(size[told])  # root root^T = H^-1
@@ -121,7 +112,9 @@ def _dissent(found: Fit, moves: np.ndarray, H: np.ndarray, s2: float) -> tuple[f
     number = root[:4] / np.linalg.norm(root[:4], axis=1, keepdims=True)
     shares = np.einsum("ka,iab,kb->ki", number, root.T @ mine @ root, number)
     of_K = float(((number @ pulls.T) ** 2).sum()) / (4 * s2)
-    return float((pulls**2).sum()) / (m * s2), of_K, math.sqrt(float((shares**2).sum()) / 4)
+    moved = pulls @ root.T
+    q = float((pulls**2).sum()) / (found.told * s2)
+    return moved.T @ moved, q, of_K, math.sqrt(float((shares**2).sum()) / 4)
 
 
 def with_poses(found: Fit, known: Spread) -> np.ndarray:
