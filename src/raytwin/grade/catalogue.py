@@ -22,6 +22,8 @@ from raytwin.grade.predict import (
     Rays,
     Steps,
     Terms,
+    Walks,
+    gathered,
     hidden,
     lambert,
     meet,
@@ -810,7 +812,8 @@ LIGHTS = (
     row("sky-without-colour", LIGHT, "the sky's radiance is left out of its part: albedo Lₛ, not albedo",
         shaded(lambda x: sun(x) + x.albedo)),
     row("sky-before-clamp", LIGHT, "the clamp comes too late: max(0, n·l) alone, then the sky's light is added",
-        *twice(shaded(_sky_inside), shaded(_sky_in_cosine), shaded(_sky_as_irradiance))),
+        *twice(shaded(_sky_inside), shaded(_sky_in_cosine), shaded(_sky_as_irradiance)),
+        *(both(shaded(_sky_inside), put(blocked=offset_by(eps))) for eps in (1e-4, 1e-3))),
     row("sky-only-in-shadow", LIGHT, "the sky lights only what the sun does not: add it everywhere",
         sky_times(_in_shadow), sky_times(lambda x: 1 - x.visible), sky_times(lambda x: np.where(x.cos > 0, 0.0, 1.0))),
     row("shadow-black", LIGHT, "shadows are black: the sky's light reaches them too",
@@ -892,6 +895,11 @@ def _all_dark(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
     return np.ones(hits.t.shape, bool)
 
 
+def _spheres_dark(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
+    spheres = np.array([is_sphere(thing) for thing in things] + [False])
+    return hidden(hits, to, things, steps) | spheres[hits.ids]
+
+
 def _as_lambert(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
     return (hits.normal * to).sum(axis=0) <= 0
 
@@ -910,7 +918,7 @@ SHADOWS = (
         shadows(_as_lambert)),
     row("all-in-shadow", SHADOW,
         "every surface is in its own shadow: start the shadow ray a little off it, or leave its own object out",
-        shadows(_all_dark)),
+        shadows(_all_dark), shadows(_spheres_dark)),
     row("shadow-offset", SHADOW,
         "the shadow ray starts too far from the surface: shadows near what casts them are lost; 1e-4 of the scene is "
         "enough",
@@ -953,7 +961,7 @@ SHADOWS = (
         shadows(lambda hits, to, things, steps: ~hidden(hits, to, things, steps)),
         shadows(lambda hits, to, things, steps: ~others_hide(hits, to, things, steps))),
     row("shadow-dims-all", SHADOW, "shadows scale the whole light: they take away the sun's part alone",
-        *(both(open_back, shaded(partial(_dimmed, by=k))) for k in (0.5, 0.3, 0.2))),
+        *twice(*(shaded(partial(_dimmed, by=k)) for k in (0.5, 0.3, 0.2)))),
 )  # fmt: skip
 
 
@@ -1055,7 +1063,90 @@ OUTPUTS = (
     row("empty", OUTPUT, "the image is black everywhere", shown(lambda x: 0 * x)),
 )  # fmt: skip
 
+# ------------------------------------------------------------------------------------------ sampling
+
+
+def walked(f: Callable[[Walks], Array]) -> Change:
+    """Another sum over random walks; shows only where light is followed."""
+    return put(gather=f)
+
+
+def per_bounce(g: Callable[[Array], Any]) -> Change:
+    """Each change of direction weighs g(cos) too much, g = 1 where directions have density cos/π and weigh albedo."""
+
+    def f(walks: Walks) -> Array:
+        gain = np.broadcast_to(np.asarray(g(walks.cos), float), walks.cos.shape)
+        along = np.concatenate([np.ones_like(gain[:1]), np.cumprod(gain, axis=0)[:-1]])[:, None]
+        light = walks.weight * (along * walks.sun + along * gain[:, None] * walks.sky)
+        return np.asarray(light.sum(axis=0).mean(axis=-1).T)
+
+    return walked(f)
+
+
+def without(kept: Callable[[int], float]) -> Change:
+    """The sun at the k-th surface, and the sky seen from it, count kept(k) times."""
+
+    def f(walks: Walks) -> Array:
+        share = np.array([kept(k) for k in range(len(walks.cos))])[:, None, None, None]
+        return gathered(walks._replace(sun=share * walks.sun, sky=share * walks.sky))
+
+    return walked(f)
+
+
+def _each_sample(f: Callable[[Array], Array], back: Callable[[Array], Array] = lambda x: x) -> Change:
+    """The mean of a function of every walk's light."""
+
+    def gather(walks: Walks) -> Array:
+        light = (walks.weight * (walks.sun + walks.sky)).sum(axis=0)
+        return np.asarray(back(f(light).mean(axis=-1).T))
+
+    return walked(gather)
+
+
+def _sky_and_ambient(walks: Walks) -> Array:
+    """The open sky is added to what the walks find of it."""
+    sky = walks.sky.max(axis=(0, 2, 3))[:, None, None]
+    return gathered(walks) + np.asarray((walks.weight[0] * sky).mean(axis=-1).T)
+
+
+SAMPLINGS = (
+    row("no-interreflection", SAMPLING, "light that comes by way of another surface is missing: follow the walk on",
+        without(lambda k: float(k < 1))),
+    row("bounce-missing", SAMPLING,
+        "one bounce is missing: every surface on the way adds its own sunlight, the second one too",
+        without(lambda k: float(k != 1)), without(lambda k: float(k != 2))),
+    row("depth-off-by-one", SAMPLING,
+        "walks end too early: depth counts surfaces, light to surface to eye is 2; compare your loop's limit",
+        without(lambda k: float(k < 2)), without(lambda k: float(k < 3)), without(lambda k: float(k < 4))),
+    row("pdf-too-large", SAMPLING,
+        "each bounce is half as bright: directions that are uniform over the hemisphere have density 1/(2π), not 1/π",
+        per_bounce(lambda cos: 0.5)),
+    row("pdf-too-small", SAMPLING, "each bounce is twice as bright: a density is half of what it should be",
+        per_bounce(lambda cos: 2.0)),
+    row("bounce-by-pi", SAMPLING, "each bounce is divided by π: albedo/π times cosine, by cosine/π, is albedo",
+        per_bounce(lambda cos: 1 / pi)),
+    row("bounce-times-pi", SAMPLING, "each bounce is multiplied by π: albedo/π times cosine, by cosine/π, is albedo",
+        per_bounce(lambda cos: pi)),
+    row("cosine-twice", SAMPLING,
+        "the cosine counts twice: directions of density cosine/π hold it already, so a bounce weighs the albedo alone",
+        per_bounce(lambda cos: cos), per_bounce(lambda cos: 2 * cos), per_bounce(lambda cos: pi * cos)),
+    row("cosine-missing", SAMPLING,
+        "the cosine is missing at bounces: uniform directions weigh 2 albedo cosine",
+        per_bounce(lambda cos: 1 / np.maximum(cos, 0.02)), per_bounce(lambda cos: 0.5 / np.maximum(cos, 0.02))),
+    row("light-twice", SAMPLING, "the sun is counted twice where light is followed: once by its own ray is enough",
+        walked(lambda w: gathered(w._replace(sun=2 * w.sun))), without(lambda k: 2.0 if k else 1.0)),
+    row("sky-and-ambient", SAMPLING, "the sky is counted twice: walks that leave the scene find it, so add no ambient",
+        walked(_sky_and_ambient)),
+    row("sky-not-found", SAMPLING, "walks that leave the scene bring no light: there they meet the sky's radiance",
+        walked(lambda w: gathered(w._replace(sky=0 * w.sky)))),
+    row("gamma-in-mean", SAMPLING,
+        "the samples are encoded for display before their mean is taken: average radiance, encode last if at all",
+        _each_sample(lambda x: x ** (1 / 2.2)), _each_sample(lambda x: x ** (1 / 2.2), lambda x: x**2.2)),
+    row("clamp-in-mean", SAMPLING, "each sample is cut off at 1 before the mean is taken: radiance may be larger",
+        _each_sample(lambda x: np.minimum(x, 1))),
+)  # fmt: skip
+
 FAULTS: tuple[Fault, ...] = (
-    *CAMERAS, *self_testing(*SOLVERS), *ORDERS, *self_testing(*NORMALS_), *LIGHTS, *SHADOWS, *OUTPUTS,
+    *CAMERAS, *self_testing(*SOLVERS), *ORDERS, *self_testing(*NORMALS_), *LIGHTS, *SHADOWS, *SAMPLINGS, *OUTPUTS,
 )  # fmt: skip
 """Every mistake there is, by stage."""

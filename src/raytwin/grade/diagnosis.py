@@ -17,6 +17,7 @@ from raytwin.grade.catalogue import FAULTS, OUTPUT, STAGES, Fault
 from raytwin.grade.fitted import FAMILIES, Family, fit, promising, total
 from raytwin.grade.predict import RIGHT, Array, Steps
 from raytwin.grade.sight import Sight, View, many
+from raytwin.grade.split import split
 from raytwin.grade.whereabouts import whereabouts
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
@@ -56,7 +57,8 @@ class Diagnosis:
     """`causes`: all that is wrong, together; each with those that explain it as well (`alternatives`, same order).
 
     `explained`: share of the squared error. `held_out`: the same of the worst scene, its own numbers fitted on the
-    others. `where`: where the pictures are wrong. `nearest`: the best cause where none suffices.
+    others. `where`: where the pictures are wrong. `nearest`: the best cause where none suffices; `light`: factors of
+    the parts of light (sun, shadow, sky), where they explain one of the pictures.
     """
 
     right: bool
@@ -67,6 +69,7 @@ class Diagnosis:
     sureness: Sureness = "unknown"
     where: str = ""
     nearest: Cause | None = None
+    light: str = ""
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -79,7 +82,8 @@ class Diagnosis:
                 near = (
                     f"; nearest, explaining {100 * self.explained:.0f} % of the squared error: {self.nearest.sentence}"
                 )
-            return (f"cause unknown: {self.where}{near}",)
+            light = f"; as if {self.light}" if self.light else ""
+            return (f"cause unknown: {self.where}{light}{near}",)
         said = []
         for cause, others in zip(self.causes, self.alternatives, strict=True):
             text = cause.sentence
@@ -277,7 +281,10 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
     if (share < EXPLAINED or best.cost > 0.6 * base.cost) and not (hit > EXPLAINED and kept > 0.99):
         single = min((g for g in found if len(g.causes) == 1), key=lambda g: g.cost)
         share = _explained(sights, single.steps)[0]
-        return Diagnosis(right=False, explained=max(share, 0.0), where=where, nearest=single.causes[0])
+        told = [f"{s.view.scene.name}: {words}" for s in sights if s.view.scene and (words := split(s).words)]
+        return Diagnosis(
+            right=False, explained=max(share, 0.0), where=where, nearest=single.causes[0], light="; ".join(told)
+        )
     sureness: Sureness = "sure" if _good(sights, best.steps) else "likely"
     held = _held_out(best, sights, each)
     others = _as_good(best, found, sights)

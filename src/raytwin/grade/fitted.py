@@ -6,6 +6,7 @@ cost of `Sight`, whose tolerance begins at the size of the errors and shrinks to
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import pi
 from typing import Any
 
@@ -18,6 +19,7 @@ from raytwin.grade.catalogue import (
     OUTPUT,
     SHADOW,
     SOLVER,
+    _dimmed,
     at,
     behind,
     lens,
@@ -63,7 +65,7 @@ class Family:
 def factor(k: float) -> str:
     """3.142 = π."""
     named = next((f" = {name}" for value, name in NAMED if abs(k / value - 1) < 2e-3), "")
-    return f"{k:.4g}{named}"
+    return f"{k:.4g}{named if 'π' in named or '/' in named else ''}"
 
 
 def bright(k: float) -> str:
@@ -151,6 +153,8 @@ FAMILIES = (
            lambda p: "the sky that lights surfaces has ({:+.3g}, {:+.3g}, {:+.3g}) too much radiance".format(*p)),
     Family("shadow-strength", SHADOW, (0.0,), 0.1, _strength,
            lambda p: f"shadows let {100 * p[0]:.3g} % of the sun through: there is none where it is hidden"),
+    Family("shadow-dims", SHADOW, (1.0,), 0.1, lambda p: shaded(partial(_dimmed, by=p[0])),
+           lambda p: f"shadows scale the whole light by {p[0]:.3g}: they take away the sun's part alone"),
     Family("image-scaled", OUTPUT, (1.0,), 0.1, lambda p: shown(lambda x: p[0] * x),
            lambda p: f"the whole image, background too, is {bright(p[0])}"),
     Family("offset", OUTPUT, (0.0,), 0.01, lambda p: shown(lambda x: p[0] + x),

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
-from raytwin.tracer import intersect_rectangle, intersect_sphere, undistort
+from raytwin.tracer import about, intersect_rectangle, intersect_sphere, undistort
 
 Array = np.ndarray
 
@@ -74,6 +74,25 @@ class Steps(NamedTuple):
     shade: Callable[[Terms], Array]
     background: Callable[[Scene], Array]
     output: Callable[[Array, float], Array]
+    gather: Callable[["Walks"], Array]
+
+
+class Walks(NamedTuple):
+    """Light followed from S random walks a pixel, by the surfaces k = 0, 1, ... that each met.
+
+    `weight` (K, 3, N, S): the product of the albedos up to k; `cos` (K, N, S): of the direction that leaves k; `sun`
+    (K, 3, N, S): E/π V max(0, n·l) there; `sky` (K, 3, N, S): its radiance where the walk leaves the scene.
+    """
+
+    weight: Array
+    cos: Array
+    sun: Array
+    sky: Array
+
+
+def gathered(walks: Walks) -> Array:
+    """Σ weight (sun + sky), the mean over walks: (N, 3). Directions have density cos/π, which cancels cosine and π."""
+    return np.asarray((walks.weight * (walks.sun + walks.sky)).sum(axis=0).mean(axis=-1).T)
 
 
 def direct_ray(x: Array, y: Array, camera: Camera) -> Rays:
@@ -153,6 +172,7 @@ RIGHT = Steps(
     shade=lambert,
     background=lambda scene: np.array(scene.sky.radiance),
     output=lambda radiance, brightest: radiance,
+    gather=gathered,
 )
 """The tracer as it should be."""
 
@@ -202,7 +222,7 @@ class Bench:
     def keep(self, key: tuple[Any, ...], value: Any) -> None:
         """The right tracer's for good, and the last few others."""
         self.kept[key] = value
-        for old in [k for k in self.kept if k[1:] != RIGHT[: len(k) - 1]][:-KEPT]:
+        for old in [k for k in self.kept if k[0] != "walks" and k[1:] != RIGHT[: len(k) - 1]][:-KEPT]:
             del self.kept[old]
 
     def things(self, steps: Steps) -> tuple[Shape, ...]:
@@ -239,6 +259,41 @@ class Bench:
             cos, E, sky = (hits.normal * to).sum(axis=0), sun.irradiance, self.scene.sky.radiance
             E3, sky3 = np.array(E)[:, None], np.array(sky)[:, None]
             self.keep(key, Terms(hits.albedo, cos, visible, E3, sky3, hits, self.scene, self.shadows))
+        return self.kept[key]
+
+    def walks(self, samples: int, depth: int, seed: int = 1) -> Walks:
+        """Random walks of the right tracer, up to so many surfaces."""
+        key = ("walks", samples, depth)
+        if key not in self.kept:
+            rng, start = np.random.default_rng(seed), self.hits(RIGHT)
+            n = start.t.size * samples
+            many = lambda x: np.repeat(x, samples, axis=-1)  # noqa: E731
+            point, normal, ids, weight = many(start.point), many(start.normal), many(start.ids), np.ones((3, n))
+            albedo, rows = many(start.albedo), []
+            to = np.array(self.scene.sun.to_light)[:, None]
+            E, sky = (np.array(x)[:, None] for x in (self.scene.sun.irradiance, self.scene.sky.radiance))
+            table = np.array([*(x.material.albedo for x in self.scene.objects), (0.0, 0.0, 0.0)])
+            for _ in range(depth):
+                weight = weight * albedo
+                hits = Hits(ids, np.zeros(n), point, normal, albedo)
+                cos = (normal * to).sum(axis=0)
+                sun = E / pi * np.where(hidden(hits, to, self.scene.objects, RIGHT), 0.0, np.maximum(cos, 0))
+                d = np.stack(about(tuple(normal), *rng.random((2, n))))
+                t = np.stack([meet(point, d, thing, RIGHT) for thing in self.scene.objects])
+                t[np.maximum(ids, 0), np.arange(n)] = np.inf  # convex: not met again from outside
+                after = np.where(ids >= 0, nearest(t, self.scene.objects, Rays(point, d, d, np.ones(n))), -1)
+                gone = (after < 0) & (ids >= 0)
+                rows.append((weight, np.maximum((normal * d).sum(axis=0), 0), sun * (ids >= 0), sky * gone))
+                reach = np.where(after >= 0, t[np.maximum(after, 0), np.arange(n)], 0.0)
+                point, ids, albedo, normal = point + reach * d, after, table[after].T, np.zeros((3, n))
+                for index, thing in enumerate(self.scene.objects):
+                    here = ids == index
+                    part = Rays(point[:, here], d[:, here], d[:, here], np.ones(here.sum()))
+                    normal[:, here] = outward(point[:, here], part, thing)
+            size = start.t.size, samples
+            weights, cosines, suns, skies = (np.stack(column) for column in zip(*rows, strict=True))
+            light = (x.reshape(depth, 3, *size) for x in (suns, skies))
+            self.kept[key] = Walks(weights.reshape(depth, 3, *size), cosines.reshape(depth, *size), *light)
         return self.kept[key]
 
     def radiance(self, steps: Steps) -> Array:

@@ -15,6 +15,8 @@ from raytwin.scene import Camera, Scene, Sphere
 from raytwin.scene.lens import without_ray
 from raytwin.tracer import RADIANCE, trace
 
+WALKS, DEEPEST = 64, 5
+"""Random walks a pixel where light is followed, and the surfaces that they meet at most."""
 WRONG, KEPT, EDGES = 700, 500, 250
 """Pixels that are looked at: of those that are wrong, those that are right, and those of them beside an outline."""
 CLOSE = 3e-4
@@ -48,7 +50,8 @@ class Sight:
     """A view at N chosen pixels, weighted so that they stand for all.
 
     `shown`, `right` (N, 3); `slack` (N, 3): what rounding may do; `scale`: of the values; `tau`: an error of this size
-    is one. `wrong`, `edge`: (N,). `more`: the right picture has light that sun, shadow and open sky do not make.
+    is one. `wrong`, `edge`: (N,). `more`: the right picture has light that sun, shadow and open sky do not make;
+    `deep`: the surfaces that it was followed along.
     """
 
     view: View
@@ -64,6 +67,7 @@ class Sight:
     bench: Bench | Plain
     more: bool
     step: int
+    deep: int = 0
     moved: dict[Any, Array] = field(default_factory=dict)
 
     def predict(self, steps: Steps) -> Array:
@@ -74,6 +78,9 @@ class Sight:
             light = self.bench.radiance(steps)
             if self.more:
                 light = light + self.beyond(steps)
+            if steps.gather is not RIGHT.gather and self.deep and isinstance(self.bench, Bench):
+                walks = self.bench.walks(WALKS, self.deep)
+                light = light + steps.gather(walks) - RIGHT.gather(walks)
             made = np.asarray(steps.output(light, self.bench.brightest), float)
         return np.clip(made, 0, 1) if self.view.clipped else made
 
@@ -210,13 +217,16 @@ def look(view: View, seed: int = 0) -> Sight:
         large = e[e > DIGITS * scale]
     typical = float(np.median(large)) if large.size else 0.0
     tau = float(np.clip(0.03 * typical, DIGITS * scale, tau))
+    deep = min(RUNGS[view.rung].depth or 0, DEEPEST) if view.scene is not None and not view.points else 0
+    if deep:  # what is predicted has noise, too
+        tau = max(tau, 0.3 * typical)
     wrong = e > tau
     rng = np.random.default_rng(seed)
     chosen, weights = [], []
     for mask, most in ((wrong, WRONG), (~wrong & ~edge & rays, KEPT), (~wrong & edge & rays, EDGES)):
         there = np.flatnonzero(mask)
         if there.size:
-            n = min(most, there.size)
+            n = min(most // (4 if deep else 1), there.size)
             # One of each of n runs: spread over the picture, without a grid's beat.
             at = (np.arange(n) + rng.random(n)) * there.size // n
             chosen.append(there[at.astype(int)])
@@ -238,7 +248,7 @@ def look(view: View, seed: int = 0) -> Sight:
         more = RUNGS[view.rung].noisy or float((weight * (beyond > 0.01 * scale)).sum()) > 0.02
     return Sight(
         view, index, weight, flat(shown), flat(right), flat(half), scale, tau, wrong.ravel()[index],
-        edge.ravel()[index], bench, more, step,
+        edge.ravel()[index], bench, more, step, deep,
     )  # fmt: skip
 
 
