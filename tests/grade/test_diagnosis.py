@@ -105,7 +105,7 @@ def test_a_tracer_that_is_right_in_its_own_way_is_not_blamed(variation):
 
 def test_two_faults_are_both_named_geometry_first():
     both = [fault("sky-missing").ways[0], fault("y-up").ways[0]]
-    made = diagnose(views([planted(lambda s: both[1](both[0](s)), scene) for scene in SCENES[:1]]))
+    made = diagnose(views([planted(lambda s: both[1](both[0](s)), scene) for scene in SCENES[:2]]))
     assert names(made) == ["y-up", "sky-missing"]
 
 

@@ -319,17 +319,21 @@ def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight]) -> list[t
     names = [cause.name for cause in best.causes]
     others: list[dict[str, Cause]] = [{} for _ in names]
     for guess in found:
-        if len(guess.causes) != len(names) or (guess.refit is None) != (best.refit is None):
+        if len(guess.causes) != len(names):
             continue
         new = [cause for cause in guess.causes if cause.name not in names]
         gone = [k for k, name in enumerate(names) if name not in {cause.name for cause in guess.causes}]
-        if len(new) != 1 or len(gone) != 1:
+        if len(new) != 1 or len(gone) != 1 or _is_fitted(new[0]) != _is_fitted(best.causes[gone[0]]):
             continue
         if guess.cost < 1.25 * best.cost or all(
             _same(s, a, s.predict(guess.steps)) for s, a in zip(sights, own, strict=True)
         ):
             others[gone[0]].setdefault(new[0].name, new[0])
     return [tuple(list(found.values())[:2]) for found in others]
+
+
+def _is_fitted(cause: Cause) -> bool:
+    return any(cause.name == family.name for family in FAMILIES)
 
 
 def _same(sight: Sight, a: Array, b: Array) -> bool:

@@ -69,6 +69,8 @@ def factor(k: float) -> str:
 
 
 def bright(k: float) -> str:
+    if abs(k - 1) < 2e-3:
+        return "right"
     return f"{factor(k)} times too bright" if k > 1 else f"too dark by a factor of {factor(1 / k)}" if k > 0 else "gone"
 
 

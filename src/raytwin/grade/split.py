@@ -119,6 +119,7 @@ def _fitted(
         return None
     S = sight.shown[mask].ravel()
     X, Y = (np.stack([seen[name][k] for name in names], axis=1) for k in (0, 1))
+    alone = np.array_equal(X, Y)
     u, factors, A = w.copy(), np.ones(len(names)), np.eye(len(names))
     off = S - X.sum(axis=1)
     spread = max(float(np.median(np.abs(off))), sight.tau)
@@ -128,7 +129,8 @@ def _fitted(
         factors = np.linalg.lstsq(A, ((X + Y) / 2 * u[:, None]).T @ S, rcond=1e-9)[0]
         rest = S - (X + Y) / 2 @ factors
         spread = max(spread / 3, sight.tau, float(np.median(np.abs(rest))))
-        u = w / (1 + np.square(rest / spread))
+        if alone:  # weights by the residual would bring back the noise that halves take out
+            u = w / (1 + np.square(rest / spread))
     size = max(int(mask.sum()), 1)
     errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(A)) * float((u * rest**2).sum()) / size, 0))
     shares = tuple(
