@@ -248,3 +248,30 @@ def test_a_deviation_below_a_tenth_of_the_tolerance_is_silence(share, noisy):
     v = np.full((24, 24, 3), np.square(share * 1e-5), np.float32)
     a, b = (Image(np.full((24, 24, 3), 0.5, np.float32), v * k, 16, None, 16) for k in (1, 0))
     assert decided(a, b).quiet.values == (0 if noisy else 24 * 24 * 3)
+
+
+def test_every_tile_that_fails_is_told_and_none_that_does_not():
+    """Two wrong corners of a noisy picture, and two wrong pixels of one without noise."""
+    rng = np.random.default_rng(3)
+    truth = np.full((96, 128, 3), 0.5, np.float32)
+    sd = np.float32(0.02)
+    noisy = [
+        Image(
+            (truth + sd * rng.normal(size=truth.shape)).astype(np.float32), np.full_like(truth, sd**2), 64, batches=16
+        )
+        for _ in range(2)
+    ]
+    noisy[0].mean[8:24, 96:112] += 0.1
+    noisy[0].mean[64:72, 16:24] += 0.1
+    wrong = np.zeros(truth.shape[:2], bool)
+    wrong[8:24, 96:112] = wrong[64:72, 16:24] = True
+    told = np.zeros_like(wrong)
+    for x, y, w, h in compare(*noisy).failing:
+        assert wrong[y : y + h, x : x + w].any()
+        told[y : y + h, x : x + w] = True
+    assert told[wrong].all()
+
+    exact = Image(truth.copy())
+    exact.mean[3, 5], exact.mean[80, 127, 1] = 0.6, 0.7
+    assert set(compare(exact, Image(truth)).failing) == {(0, 0, 16, 16), (112, 80, 16, 16)}
+    assert compare(Image(truth), Image(truth)).failing == ()

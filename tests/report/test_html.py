@@ -9,9 +9,12 @@ import msgspec
 import numpy as np
 import pytest
 
+from raytwin import files
 from raytwin.image import Image
+from raytwin.jobs.diff import diff
 from raytwin.report import write_report
 from raytwin.report.pictures import exposed, exposure
+from raytwin.report.view import view_of_diff
 
 
 @pytest.fixture(scope="module")
@@ -357,3 +360,36 @@ def test_noise_is_not_measured_against_the_tolerance_of_exact_images(make_result
     assert "noise included" in text
     assert "64 samples a pixel" in text
     assert not data_of(tmp_path / "report.html")["bound"]["held"]
+
+
+def test_where_there_is_no_noise_the_map_in_sigmas_holds_errors_to_the_tolerance(tmp_path, browse):
+    """Noise on the left half; on the right an error of rounding, and one far beyond the tolerance."""
+    reference = Image(np.full((16, 32, 3), 0.5, np.float32), np.zeros((16, 32, 3), np.float32), 64, batches=16)
+    reference.variance[:, :16] = 1e-4
+    test = replace(reference, mean=reference.mean.copy())
+    test.mean[4, 20] += 1e-6
+    test.mean[9, 25] += 1e-2
+    test.mean[9, 5] += 0.02
+    for name, image in (("a", test), ("b", reference)):
+        files.write_image(tmp_path / f"{name}.exr", image)
+    found = diff(tmp_path / "a.exr", tmp_path / "b.exr")
+    assert (16, 0, 16, 16) in found.comparison.failing
+    write_report(view_of_diff(found), tmp_path / "report.html")
+    script = """
+    const shade = (x, y) => { const i = y * 32 + x; return viewer.shade(viewer.map()[i]); };
+    result.map = viewer.state.map;
+    result.shades = [shade(20, 4), shade(25, 9), shade(5, 9)];
+    result.failing = viewer.data.failing;
+    viewer.keep(25, 9);
+    result.row = texts("further");
+    """
+    read, console = browse(tmp_path / "report.html", script=script)
+    assert console == []
+    assert read["map"] == "sigmas"
+    small, large, noisy = read["shades"]
+    assert small == [255, 255, 255]
+    assert large[0] > 100  # as red as can be
+    assert max(large[1:]) < 40
+    assert noisy[0] > noisy[2] > max(large[1:])  # 2 sigma: pale red
+    assert [16, 0, 16, 16] in read["failing"]
+    assert read["row"][:3] == ["–"] * 3

@@ -10,7 +10,7 @@ from raytwin.compare.chance import sidak
 from raytwin.compare.comparison import Statistics
 from raytwin.compare.decision import TESTS, Decision, Rounding, decide
 from raytwin.compare.exact import Quiet, count_quiet
-from raytwin.compare.finding import EXACT, Finding
+from raytwin.compare.finding import EXACT, Finding, Place
 from raytwin.compare.metrics import METRICS, p999_abs
 from raytwin.compare.noise import Residual, block_means, capped, estimated, residual
 from raytwin.compare.scale import Bound
@@ -39,12 +39,13 @@ SHARED = (
 
 
 class Answer(NamedTuple):
-    """What is wrong; why nothing can be decided (`doubts`); else what could have been seen (`notes`)."""
+    """What is wrong, and where (`failing`); why nothing can be decided (`doubts`); else what could have been seen."""
 
     findings: list[Finding]
     statistics: Statistics
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    failing: tuple[Place, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +159,7 @@ class Question:
         allowed = self.tolerance.p999_abs * self.bound.scale * self.unit
         statistics = Statistics(pixel_fail_fraction=quiet.outliers / self.pixels)
         quiet = quiet._replace(error=quiet.error * self.unit)
-        return Answer(findings, statistics, (agreement(p999, allowed, quiet),))
+        return Answer(findings, statistics, (agreement(p999, allowed, quiet),), failing=quiet.places)
 
     def _quiet_findings(self, quiet: Quiet) -> list[Finding]:
         quiet = quiet._replace(error=quiet.error * self.unit)
@@ -182,7 +183,8 @@ class Question:
                 f"undecided: so noisy that an error of less than {percent(seen)} of the whole image's mean would have "
                 f"been missed (a pass needs {percent(must_see)}): take more samples",
             )
-        return Answer(findings, statistics, notes, doubts)
+        failing = (*made.tile.places, *made.value.places, *made.quiet.places)
+        return Answer(findings, statistics, notes, doubts, tuple(dict.fromkeys(failing)))
 
     def _by_scatter(self, first: Answer, shift: Shift | None, must_see: float, untold: list[str]) -> Answer:
         """The scatter of t - r within blocks as the noise of both: tiles and the image tell, single pixels do not."""

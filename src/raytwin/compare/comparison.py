@@ -61,7 +61,8 @@ Verdict = Literal["pass", "differs", "fail", "undecided"]
 class Comparison(Record, frozen=True):
     """The verdict on two images and every number behind it; `reasons` are in words, worst first.
 
-    A pass has reasons too: what it could have seen. `seconds` is what the comparison itself took.
+    A pass has reasons too: what it could have seen. `seconds` is what the comparison itself took. `failing`: (x, y,
+    width, height) of the tiles that fail, and of blocks with values that do; for pictures, not in comparison.json.
     """
 
     verdict: Verdict
@@ -71,6 +72,7 @@ class Comparison(Record, frozen=True):
     statistics: Statistics = Statistics()
     perceptual: Perceptual = Perceptual()
     seconds: float = 0.0
+    failing: tuple[tuple[int, int, int, int], ...] = ()
 
     def saying(self, *further: str) -> "Comparison":
         """The same with further reasons, behind the others."""

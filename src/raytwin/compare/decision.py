@@ -36,6 +36,7 @@ import numpy as np
 from raytwin.compare.blocks import SIDE, Counts, Means, Pixels, block_counts, block_sums, slide, strips, unblock
 from raytwin.compare.chance import quantile, sidak, two_sided, welch
 from raytwin.compare.exact import Quiet
+from raytwin.compare.finding import MOST_PLACES, Place, blocks_of
 from raytwin.compare.noise import (
     Missed,
     Side,
@@ -89,13 +90,14 @@ class Worst(NamedTuple):
 
 
 class Family(NamedTuple):
-    """Tests of one kind: the worst, the level that its p-value must stay above, how many of how many fell below."""
+    """Tests of one kind: the worst, the level that p-values must stay above, how many of how many fell below, where."""
 
     worst: Worst
     level: float
     failed: int
     tests: int
     detectable: float = math.nan
+    places: tuple[Place, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -175,6 +177,7 @@ def decide(
     without: dict[str, list[np.ndarray]] = {k: [] for k in KEYS}
     worst, quiet = Worst(), Quiet()
     failed_values = failed_pixels = 0
+    places_of_values: tuple[Place, ...] = ()
     for y0, y1, rows in strips(test.shape):
         r = np.asarray(reference.mean[y0:y1], np.float32)
         d = np.subtract(test.mean[y0:y1], r, dtype=np.float32)
@@ -206,6 +209,7 @@ def decide(
                 failed = error > threshold**2
                 failed_values += int(np.count_nonzero(failed))
                 failed_pixels += int(np.count_nonzero(failed.any(axis=-1)))
+                places_of_values = (*places_of_values, *blocks_of(failed.any(axis=-1), y0))[:MOST_PLACES]
 
         made = _sums(d, r, silent, (test, a, dofs[0]), (reference, b, dofs[1]), rounding, y0, rows, unit)
         for k, total in made.items():
@@ -228,7 +232,7 @@ def decide(
         ]
         ways.append(Way({k: np.concatenate(v) for k, v in without.items()}, Grants(bound, *left), typical, wide))
     return Decision(
-        Family(worst, level, failed_values, test.mean.size),
+        Family(worst, level, failed_values, test.mean.size, places=places_of_values),
         _tiles(ways, share, test.shape[:2]),
         _image(ways, share, test.shape[:2]),
         quiet,
@@ -328,6 +332,7 @@ def _tiles(ways: list[Way], share: float, size: Size) -> Family:
     level = sidak(share, tests)
     doubtful = float(quantile(level, math.inf))
     worst, failed, detectable = Worst(width=SIDE, height=SIDE), 0, math.nan
+    found: list[Place] = []
     for k, (side, step, here) in enumerate(scales):
         t = _student(here, level)
         # Student's tails are wider than the Gaussian's: only what a Gaussian would doubt needs them.
@@ -335,6 +340,10 @@ def _tiles(ways: list[Way], share: float, size: Size) -> Family:
         p = np.ones_like(t.z)
         p[unsure] = two_sided(t.z[unsure], t.dof[unsure])
         failed += int(np.count_nonzero(p < level))
+        for y, x in np.argwhere((p < level).any(axis=-1))[: MOST_PLACES - len(found)].tolist():
+            place = Place(x * step, y * step, min(side, width - x * step), min(side, height - y * step))
+            if not any(_holds(place, finer) for finer in found):
+                found.append(place)
         least = np.flatnonzero(p == p.min())
         i = int(least[t.z.flat[least].argmax()])
         if (p.flat[i], -t.z.flat[i]) < (worst.p, -worst.z):
@@ -343,7 +352,16 @@ def _tiles(ways: list[Way], share: float, size: Size) -> Family:
             worst = Worst(float(t.z.flat[i]), float(p.flat[i]), x * step, y * step, w, h, c, float(t.error.flat[i]))
         if k == min(1, len(scales) - 1):
             detectable = _seen_somewhere(t, level)
-    return Family(worst, level, failed, tests, detectable)
+    return Family(worst, level, failed, tests, detectable, tuple(found))
+
+
+def _holds(outer: Place, inner: Place) -> bool:
+    return (
+        outer.x <= inner.x
+        and outer.y <= inner.y
+        and outer.x + outer.width >= inner.x + inner.width
+        and outer.y + outer.height >= inner.y + inner.height
+    )
 
 
 def _seen_somewhere(t: _Tested, level: float) -> float:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytwin.compare.blocks import Pixels, strips
-from raytwin.compare.finding import CHANNELS, EXACT, Finding, at, plural
+from raytwin.compare.finding import CHANNELS, EXACT, MOST_PLACES, Finding, Place, at, blocks_of, plural
 from raytwin.compare.scale import Bound
 from raytwin.scene import Tolerance
 
@@ -14,7 +14,7 @@ OUTLIER = 10.0
 
 
 class Quiet(NamedTuple):
-    """Values without noise: how many, how many beyond the tolerance, how many pixels are outliers, and the worst."""
+    """Values without noise: how many, how many beyond the tolerance and where, how many outliers, and the worst."""
 
     values: int = 0
     over: int = 0
@@ -23,6 +23,7 @@ class Quiet(NamedTuple):
     x: int = 0
     y: int = 0
     channel: int = 0
+    places: tuple[Place, ...] = ()
 
     def plus(self, error: Pixels, values: int, bound: Pixels, granted: Pixels | float, y0: int) -> "Quiet":
         """With the rows from y0 on: `error` (h, W, 3) is |t - r|, 0 where there is noise.
@@ -30,16 +31,21 @@ class Quiet(NamedTuple):
         `bound` is what a value may err by, `granted` what is forgiven beyond it, once, not ten times.
         """
         peak = int(error.argmax())
-        place = self[3:]
+        place = self[3:-1]
         if error.flat[peak] > self.error:
             y, x, c = (int(i) for i in np.unravel_index(peak, error.shape))
             place = (float(error.flat[peak]), x, y + y0, c)
-        over = outliers = 0
+        over, outliers, places = 0, 0, self.places
         if float(error.flat[peak]) > bound.min():
-            over = int(np.count_nonzero(error > bound + granted))
+            wrong = error > bound + granted
+            over = int(np.count_nonzero(wrong))
+            if over and len(places) < MOST_PLACES:
+                places = tuple(dict.fromkeys((*places, *blocks_of(np.any(np.atleast_3d(wrong), axis=-1), y0))))[
+                    :MOST_PLACES
+                ]
             beyond = error > OUTLIER * bound + granted
             outliers = int(np.count_nonzero(beyond.any(axis=-1)))
-        return Quiet(self.values + values, self.over + over, self.outliers + outliers, *place)
+        return Quiet(self.values + values, self.over + over, self.outliers + outliers, *place, places)
 
     def findings(self, tolerance: Tolerance, scale: float, pixels: int, excused: int) -> list[Finding]:
         """The two bounds of the tolerance; `excused` pixels see another object, and may."""

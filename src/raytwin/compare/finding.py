@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 CHANNELS = ("red", "green", "blue")
 
 # Worst first: what is no image at all, then where things are, then how bright.
@@ -13,6 +15,26 @@ class Finding(NamedTuple):
 
     rank: int
     text: str
+
+
+class Place(NamedTuple):
+    """A part of the image that fails, in pixels."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+BLOCK, MOST_PLACES = 16, 400
+"""Pixels of the side of a place that holds single values; so many places of a kind are told."""
+
+
+def blocks_of(wrong: np.ndarray, y0: int) -> tuple[Place, ...]:
+    """Where pixels (h, w) bool of the rows from y0 on are `wrong`: blocks of BLOCK x BLOCK, cut at the right."""
+    ys, xs = np.nonzero(wrong)
+    at_ = np.unique(np.stack([(ys + y0) // BLOCK, xs // BLOCK], axis=1), axis=0)[:MOST_PLACES] * BLOCK
+    return tuple(Place(x, y, min(BLOCK, wrong.shape[1] - x), BLOCK) for y, x in at_.tolist())
 
 
 def at(x: int, y: int) -> str:

@@ -117,6 +117,7 @@ def _compare(
         radiance=radiance,
         statistics=answer.statistics,
         perceptual=perceptual,
+        failing=answer.failing if findings and not answer.doubts else (),
     )
 
 

@@ -54,6 +54,7 @@ def side_by_side(view: PairView) -> dict[str, Any]:
         "noisy": view.rough,
         "bound": {"share": share, "scale": view.scale, "held": allowed(view) is not None},
         "places": places(view)[1],
+        "failing": view.comparison.failing if view.comparison else (),
         "marks": apart,
         "exposure": pictures.stops(view.reference),
         "start": worst[0] if worst else None,

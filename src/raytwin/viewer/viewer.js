@@ -1,8 +1,9 @@
 // One viewer for two images of radiance and what belongs to them: mount(element, data) -> { update, set, look, ... }.
 //
 // Pixel (x, y) covers x - 1/2 .. x + 1/2, y down. `data` is what packing.py makes, with `names` {test, reference},
-// `panes` [{key, kind, title, alt, note}], `objects`, `tolerance` {share, scale} or null, `noisy`, `places` [{x, y,
-// width, height}], `marks` [[x, y]], `overlay(g, pane, frame, viewer)` (draws more), `exposure` (stops), `address` (whether the page's address says where to look).
+// `panes` [{key, kind, title, alt, note}], `objects`, `bound` {share, scale, held} or null, `noisy`, `places` [{x, y,
+// width, height}], `failing` [[x, y, width, height]], `marks` [[x, y]], `overlay(g, pane, frame, viewer)` (draws more),
+// `exposure` (stops), `address` (whether the page's address says where to look).
 // Kinds of panes: radiance (key test or reference), map (of their difference), objects (what each pixel sees), picture
 // (8 bits: `url`, perhaps drawn `over` another pane at `box`). All panes show the same part of the frame.
 
@@ -123,7 +124,7 @@ async function values(data) {
 class Viewer {
   constructor(root, data) {
     this.root = root;
-    this.data = { columns: data.width, lines: data.height, thin: 1, panes: [], places: [], marks: [], objects: [], exposure: 0, noisy: false, binned: false, bound: null, ...data };
+    this.data = { columns: data.width, lines: data.height, thin: 1, panes: [], places: [], failing: [], marks: [], objects: [], exposure: 0, noisy: false, binned: false, bound: null, ...data };
     const { width, height, columns, lines, exposure } = this.data, sigmas = (this.data.planes ?? []).some((plane) => plane.name === "sR");
     this.values = { count: columns * lines };
     this.kept = this.at = null; // the clicked pixel, which stays when the pointer leaves; the one that is shown
@@ -255,7 +256,7 @@ class Viewer {
     for (let i = 0, at = 0; i < count; i++, at += 3) {
       for (let c = 0; c < 3; c++) {
         const e = d[at + c];
-        of[c] = map === "signed" ? e : map === "relative" ? e / (Math.abs(r[at + c]) + 0.01) : e === 0 ? 0 : e / (s ? s[at + c] : 0);
+        of[c] = map === "signed" ? e : map === "relative" ? e / (Math.abs(r[at + c]) + 0.01) : this.sigmas(e, s ? s[at + c] : 0, r[at + c]);
       }
       if (only >= 0 && only < 3) made[i] = of[only];
       else if (only === 3) made[i] = of[0] * WEIGHTS[0] + of[1] * WEIGHTS[1] + of[2] * WEIGHTS[2];
@@ -266,6 +267,12 @@ class Viewer {
       }
     }
     return made;
+  }
+
+  // Without noise there is no σ: an error is none within the tolerance, and beyond all of them else.
+  sigmas(e, s, r) {
+    const { share, scale } = this.data.bound ?? { share: 1e-5, scale: 1 };
+    return s > 0 || !Number.isFinite(e) ? e / s : Math.abs(e) <= share * Math.max(scale, Math.abs(r)) ? 0 : e * Infinity;
   }
 
   // The map with k x k pixels in one: of exact images the worst of them, of noise their mean.
@@ -324,7 +331,7 @@ class Viewer {
   }
 
   shade(v) {
-    if (!Number.isFinite(v)) return LOST;
+    if (!Number.isFinite(v) && (Number.isNaN(v) || this.state.map !== "sigmas")) return LOST;
     if (this.state.map === "flip") return mix(MAGMA.map((hex) => [0, 2, 4].map((k) => parseInt(hex.slice(k, k + 2), 16))), this.position(v)).map(Math.round);
     const t = this.position(v);
     return mix(t < 0 ? DARKER : BRIGHTER, Math.abs(t)).map((x) => Math.round(255 * encode(x)));
@@ -515,7 +522,7 @@ class Viewer {
       }
   }
 
-  // Where the reasons are, and pixels that see another object.
+  // Where the reasons are, all tiles that fail, and pixels that see another object.
   outlines(g, pane, f) {
     const at = (x, y) => [(x - f.left) * f.s, (y - f.top) * f.s];
     if (pane.kind === "map" || pane.kind === "objects")
@@ -523,6 +530,15 @@ class Viewer {
         const [u, v] = at(x, y);
         this.twice(g, () => g.arc(u, v, Math.max(7, 0.75 * f.s), 0, 2 * Math.PI));
       }
+    g.beginPath();
+    for (const [x, y, width, height] of this.data.failing) g.rect(...at(x - 0.5, y - 0.5), width * f.s, height * f.s);
+    g.lineWidth = 1;
+    for (const [colour, dash] of [["#fff", []], ["#b42318", [3, 3]]]) {
+      g.strokeStyle = colour;
+      g.setLineDash(dash);
+      g.stroke();
+    }
+    g.setLineDash([]);
     this.data.places.forEach(({ x, y, width, height }, i) => {
       const [u, v] = at(x - 0.5, y - 0.5), grow = Math.max(0, 6 - (width * f.s) / 2), w = width * f.s + 2 * grow, h = height * f.s + 2 * grow;
       if (width >= this.data.width && height >= this.data.height) return;
@@ -551,7 +567,7 @@ class Viewer {
     const meant = at ? [Math.min(column * thin + (at[i] % thin), width - 1), Math.min(line * thin + Math.floor(at[i] / thin), height - 1)] : [x, y];
     const channels = [0, 1, 2].map((c) => {
       const k = 3 * i + c, sigma = s ? s[k] : 0, noise = sigma > 0 ? 2 ** (Math.floor(Math.log2(sigma)) - 4) : 0;
-      const b = r ? r[k] : NaN, e = d ? d[k] : NaN, eb = Math.abs(b) * EPSILON + noise, ee = Math.abs(e) * EPSILON + noise, z = e === 0 ? 0 : e / sigma;
+      const b = r ? r[k] : NaN, e = d ? d[k] : NaN, eb = Math.abs(b) * EPSILON + noise, ee = Math.abs(e) * EPSILON + noise, z = sigma > 0 ? e / sigma : null;
       return { reference: [b, eb], test: [t ? t[k] : b + e, eb + ee], error: [e, ee], sigmas: [z, ee / sigma + Math.abs(z) / 63], relative: [e / (Math.abs(b) + 0.01), (ee + (Math.abs(e) * eb) / (Math.abs(b) + 0.01)) / (Math.abs(b) + 0.01)] };
     });
     const of = (key) => channels.map((channel) => channel[key]), name = (n) => (n < 0 ? "background" : this.data.objects[n] ?? `object ${n}`);
