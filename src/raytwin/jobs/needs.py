@@ -550,6 +550,8 @@ class _Search:
             if samples > 1 and not centered and self.metric == "rmse":
                 centered = True
                 yield from self._at_the_center(method, samples * a_sample)
+            if bias.most <= self.tolerance / 10:
+                break  # what is deeper would save no samples
 
     def _at_the_center(self, method: Followed, guess: float) -> Iterable[_Tried]:
         """Fewer samples may do where none of them is spent on edges, at the price of the pixels' area."""
