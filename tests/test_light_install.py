@@ -50,6 +50,8 @@ def run(tmp_path, request):
     a = np.random.default_rng(1).random((20, 30, 3)).astype(np.float32)
     for name, image in (("a", a), ("b", 1.5 * a)):
         files.write_exr(tmp_path / f"{name}.exr", Image(image))
+    (tmp_path / "spheres.py").write_text("def intersect_sphere(o, d, c, r):\n    return o[:, 0] * 0\n")
+    (tmp_path / "rubric.toml").write_text('title = "t"\n[[exercises]]\nstage = "intersect_sphere"\npoints = 1\n')
     (tmp_path / "test_mine.py").write_text(
         "def test_equal(raytwin_reference):\n"
         "    reference = raytwin_reference('single', 'lambert')\n"
@@ -63,6 +65,8 @@ def light_journeys(run, **without) -> None:
     run("raytwin", "diff", "a.exr", "b.exr", "--junit", "b.xml", code=1, **without)
     assert "single/lambert" in run("raytwin", "reference", "show", "single", **without).stdout
     assert "desk" in run("raytwin", "scenes", **without).stdout
+    graded = run("raytwin", "grade", "spheres.py", "--rubric", "rubric.toml", "-o", "grades", **without).stdout
+    assert "1 graded; report: grades" in graded
     assert "1 passed" in run("pytest", "-q", "-p", "no:cacheprovider", "test_mine.py", **without).stdout
 
 

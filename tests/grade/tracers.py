@@ -1,4 +1,8 @@
-"""A student's tracer, right in every stage, in plain NumPy; and mistakes in it, as replacements of its text."""
+"""A student's tracer, right in every stage, in plain NumPy; mistakes in it, as replacements of its text; and functions
+that other processes call: they import nothing of raytwin."""
+
+import os
+from pathlib import Path
 
 RIGHT = """
 import numpy as np
@@ -91,3 +95,18 @@ def tracer(mistake: str = "") -> str:
     old, new = WRONG[mistake]
     assert old in RIGHT
     return RIGHT.replace(old, new)
+
+
+def square(x: int) -> int:
+    if x < 0:
+        raise ValueError(x)
+    return x * x
+
+
+def die_once(flag: str) -> str:
+    """Ends its process, but the first time only."""
+    path = Path(flag)
+    if path.exists():
+        return "alive"
+    path.touch()
+    os._exit(9)
