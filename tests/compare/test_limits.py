@@ -73,6 +73,13 @@ def test_a_pixel_beyond_the_hard_limit_fails_where_no_other_limit_is_met():
     assert [f.text for f in found] == ["1 pixel of 100 err by more than 1 (allowed 0); the worst 2 at (x=9, y=9), red"]
 
 
+def test_one_channel_beyond_the_hard_limit_is_enough():
+    found, _ = limit_findings(Image(ONE_OFF), Image(ONES), Limits(error=10, hard=0.05))
+    assert [f.text for f in found] == [
+        "1 pixel of 100 err by more than 0.05 (allowed 0); the worst 0.1 at (x=0, y=0), red"
+    ]
+
+
 def test_negative_values_are_values():
     assert not limit_findings(Image(-ONES), Image(-ONES), Limits())[0]
 

@@ -11,7 +11,7 @@ from raytwin.compare import compare
 from raytwin.errors import InputError
 from raytwin.jobs.camera import compare_truth, find_camera
 from raytwin.jobs.compare import compare_scene
-from raytwin.methods.traced import Traced
+from raytwin.methods.traced import Traced, fast_engine
 from raytwin.scene import Camera
 from raytwin.scene.lens import Folds
 from raytwin.speed import trace
@@ -129,8 +129,9 @@ def test_a_bug_is_not_hidden_by_light_that_is_missing_on_purpose(scenes):
 
 
 def test_the_tracer_may_climb_as_high_as_the_twin(scenes):
+    engine = fast_engine(twin.activate().variant)
     result = compare_scene(
-        scenes / "overlap", rung="path", tracer_rung="path", engine="drjit32", size=(80, 60), samples=64, cache=False
+        scenes / "overlap", rung="path", tracer_rung="path", engine=engine, size=(80, 60), samples=64, cache=False
     )
     assert result.comparison.verdict == "pass"
     assert result.settings["rung of the tracer"] == "path"

@@ -97,6 +97,7 @@ def test_a_shadow_lies_between_what_casts_it_and_what_it_falls_on(fast):
 def test_a_large_frame_is_judged_by_every_kth_pixel_with_that_pixels_own_area(overlap, fast, monkeypatch):
     small = overlap.with_camera(overlap.camera.resized(160, 120))
     shown = speed.trace(small, "shadow", fast)
+    monkeypatch.setattr(ledger, "PIXELS_NUMPY", 160 * 120)
     whole = make_ledger(small, shown, "shadow", fast)
     monkeypatch.setattr(ledger, "PIXELS", 160 * 120 // 4)
     monkeypatch.setattr(ledger, "PIXELS_NUMPY", 160 * 120 // 4)

@@ -9,6 +9,7 @@ from raytwin.errors import InputError
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.twin import activate, render
+from raytwin.twin.bodies import normal, table
 
 DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 SUN, SKY = Sun(to_light=(0.0, 0.0, 1.0), irradiance=(3.0, 2.0, 1.0)), Sky((0.1, 0.2, 0.3))
@@ -323,3 +324,20 @@ def test_every_rung_renders_in_both_samplings(variant):
             assert image.mean.dtype == image.surface.depth.dtype == image.surface.normal.dtype == np.float32
             assert image.surface.ids.dtype == np.int32
             assert np.isfinite(image.mean).all()
+
+
+def test_a_sun_of_one_colour_is_followed_from_surface_to_surface_in_that_colour(scenes):
+    scene = files.read_scene(scenes / "overlap").scene
+    scene = scene.with_camera(scene.camera.resized(32, 24))
+    red = msgspec.structs.replace(scene, lights=(Sun(scene.sun.to_light, (3.0, 0.0, 0.0)), Sky((0.0, 0.0, 0.0))))
+    direct, whole = (render(red, rung, samples=16, cache=False).mean.sum(axis=(0, 1)) for rung in ("shadow", "path"))
+    assert whole[0] > 1.01 * direct[0]
+    assert not whole[1:].any()
+
+
+def test_normals_of_round_things_are_unit_and_point_away_from_the_centre(single):
+    body = table(single).at(0)
+    out = np.random.default_rng(1).normal(size=(3, 20))
+    out /= np.linalg.norm(out, axis=0)
+    points = [body.center[k] + body.radius * out[k] for k in range(3)]
+    np.testing.assert_allclose(normal(body, points), out, rtol=0, atol=1e-12)
