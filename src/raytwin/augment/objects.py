@@ -89,6 +89,8 @@ def augment(
         left = subsamples**2 - there
         ratio[ev, eu] = np.where(left > 0, (scaled * ~hit[..., None]).sum(axis=1) / np.maximum(left, 1), 1)
     out = photo.copy()
+    if space is not None and np.array_equal(space, np.eye(3)):
+        space = None  # two products of all pixels that change none
     for part in parts:
         out[part] = _mixed(photo[part], ratio[part], coverage[part], exposure * value[part], space)
     return Augmented(out, coverage, ratio)
@@ -173,13 +175,16 @@ def _shade(
     ratio = np.ones((len(u), 3), np.float32)
     lit = found.lit
     for index, plane in enumerate(scene.objects) if shadows else ():
-        here = np.flatnonzero(found.ids == index)
-        if isinstance(plane, Rectangle) and plane.in_photo and len(here):
+        if not (isinstance(plane, Rectangle) and plane.in_photo):
+            continue
+        here = found.ids == index
+        if here.any():
             # What the photo shows in the shade already: only other photographed planes can be at fault.
-            before = lit[here]
-            asked = np.flatnonzero(ours[found.blocker[here]] & (found.blocker[here] >= 0))
-            before[asked] = _lit_without(scene, u[here[asked]], v[here[asked]], engine)
-            ratio[here] = _ratio(scene, plane, np.asarray(found.point)[here], lit[here], before)
+            at = slice(None) if here.all() else np.flatnonzero(here)
+            before = lit.copy()
+            asked = np.flatnonzero(here & (found.blocker >= 0) & ours[found.blocker])
+            before[asked] = _lit_without(scene, u[asked], v[asked], engine)
+            ratio[at] = _ratio(scene, plane, np.asarray(found.point)[at], lit[at], before[at])
     return found.colour, ratio, ours[found.ids], 2 * found.ids + lit
 
 
