@@ -11,7 +11,7 @@ import hostile
 import numpy as np
 import pytest
 
-from raytwin.grade.lock import HELD
+from raytwin.grade.lock import HELD, _without
 from raytwin.grade.sandbox import Code, Limits, Sandbox, group_of, probe
 
 NAMES = re.findall(r"@tried\ndef (\w+)", hostile.ATTACKS)
@@ -104,6 +104,15 @@ def test_arrays_come_as_they_are_whatever_became_of_numpy_in_the_child(outcome):
     np.testing.assert_array_equal(outcome["breaks_numpy"].arrays[0], [np.nan, np.inf])
     assert outcome["returns_another_shape"].arrays[0].shape == (3, 0, 5)
     assert not np.allclose(1, 2)
+
+
+def test_python_stays_readable_in_a_hidden_folder_and_what_is_hidden_in_it_does_not(tmp_path):
+    for name in ("course/.venv/lib/numpy", "course/.venv/lib/raytwin/shipped", "course/.venv/bin", "course/reference"):
+        (tmp_path / name).mkdir(parents=True)
+    course = tmp_path / "course"
+    found = dict(_without(course / ".venv", [course, course / ".venv" / "lib" / "raytwin"]))
+    names = {str(path.relative_to(course)): listed for path, listed in found.items()}
+    assert names == {".venv": True, ".venv/bin": False, ".venv/lib": True, ".venv/lib/numpy": False}
 
 
 @pytest.mark.parametrize("name", hostile.ENDINGS)

@@ -113,3 +113,19 @@ def gradescope_zip_command(
     check_outputs(files=(out,))
     names = write_zip(rubric, out, wheel)
     typer.echo(f"{out}: {len(names)} files, {out.stat().st_size / 1e6:.1f} MB")
+
+
+@app.command("rubric")
+def rubric_command(
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="What to write.")] = Path("rubric.toml"),
+    force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
+) -> None:
+    """Write a whole rubric for the paper's pipeline, to be changed."""
+    from raytwin import files
+    from raytwin.grade.rubric import READY
+
+    check_outputs(files=(out,))
+    if out.is_file() and not force:
+        raise InputError(out, "a file that is not there yet, or --force", "one that is")
+    files.write_text(out, READY.read_text(encoding="utf-8"))
+    typer.echo(f"{out}: change it, then raytwin grade SUBMISSIONS --rubric {out}")

@@ -167,8 +167,9 @@ def readable(hidden: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
 
 
 def _without(root: Path, hidden: Iterable[Path]) -> Iterator[tuple[Path, bool]]:
+    """What is hidden above it is no reason: nothing can be read but what is named here."""
     inside = [h for h in hidden if h.is_relative_to(root)]
-    if root in inside or any(root.is_relative_to(h) for h in hidden):
+    if root in inside:
         return
     if not inside:
         yield root, False
