@@ -281,6 +281,7 @@ MISTAKES: list[Mistake] = [
     (("shadow-black",), A, "img = sun + albedo * sky", "img = (sun + albedo * sky) * visible[..., None]"),
     (("sky-only-in-shadow",), B, "+ sky)", "+ sky * (cos * free <= 0)[:, None])"),
     (("light-as-place",), B, "(n * sun[\"to_light\"])", "(n * normalize(sun[\"to_light\"] - p))"),
+    (("acne",), A, "EPS * normal", "0 * normal|> 1e-9|> 0"),
     (("no-shadow",), A, 'scene["rung"] == "shadow"', "False"),
     (("all-in-shadow", "sun-missing"), B, "if j != i:", "if True:|(t > 1e-7), t|(t > -1e-7), t|tca - thc > 1e-7, tca - thc|tca - thc > -1e-7, tca - thc"),
     (("shadow-offset", "shadow-start"), A, "start = point + EPS * normal", "start = point + 0.03 * normal"),

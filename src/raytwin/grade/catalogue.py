@@ -1146,6 +1146,11 @@ SAMPLINGS = (
         _each_sample(lambda x: np.minimum(x, 1))),
 )  # fmt: skip
 
+ACNE = row("acne", SHADOW,
+    "speckles: rounding puts the start of shadow rays now above, now below the surface, so that it shades itself; "
+    "start them a little off it, or leave its own object out", shadows(_all_dark))  # fmt: skip
+"""Which points are dark is chance: told by pixels that are all as lit or as dark as can be, and mixed."""
+
 FAULTS: tuple[Fault, ...] = (
     *CAMERAS, *self_testing(*SOLVERS), *ORDERS, *self_testing(*NORMALS_), *LIGHTS, *SHADOWS, *SAMPLINGS, *OUTPUTS,
 )  # fmt: skip

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from raytwin.files import Rounding
-from raytwin.grade.catalogue import FAULTS, OUTPUT, STAGES, Fault
+from raytwin.grade.catalogue import ACNE, FAULTS, OUTPUT, STAGES, Fault
 from raytwin.grade.fitted import FAMILIES, Family, fit, promising, total
 from raytwin.grade.predict import RIGHT, Array, Steps
 from raytwin.grade.sight import Sight, View, many
@@ -33,6 +33,8 @@ RARE = 3e-3
 SCREEN = 4
 """Every fault is tried on one in so many of the pixels first."""
 FINALISTS = 24
+SPECKLED = 0.2
+"""Share of right neighbours from which on wrong pixels are speckles."""
 HOPELESS = 0.97
 """Of the cost: what leaves more of it is not worth a second fault."""
 FITS = 5
@@ -281,6 +283,8 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
     if (share < EXPLAINED or best.cost > 0.6 * base.cost) and not (hit > EXPLAINED and kept > 0.99):
         single = min((g for g in found if len(g.causes) == 1), key=lambda g: g.cost)
         share = _explained(sights, single.steps)[0]
+        if (acne := _speckled(sights, where)) is not None:
+            return acne
         told = [f"{s.view.scene.name}: {words}" for s in sights if s.view.scene and (words := split(s).words)]
         return Diagnosis(
             right=False, explained=max(share, 0.0), where=where, nearest=single.causes[0], light="; ".join(told)
@@ -298,6 +302,21 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
         sureness=sureness,
         where=where,
     )
+
+
+def _speckled(sights: Sequence[Sight], where: str) -> Diagnosis | None:
+    """Acne: what is wrong is as dark as in shadow, and mixed with what is right."""
+    dark = ACNE.ways[0](RIGHT)
+    spoilt = [s for s in sights if s.wrong.any()]
+    mixed = np.average([s.mixed for s in spoilt], weights=[s.wrong.sum() for s in spoilt])
+    hit = np.concatenate([s.errors(dark)[s.wrong] <= 4 * s.tau for s in spoilt])
+    if mixed < SPECKLED or hit.mean() < EXPLAINED:
+        return None
+    squared = [(s.squared(s.predict(RIGHT)), s.squared(np.where(s.wrong[:, None], s.predict(dark), s.predict(RIGHT))))
+               for s in spoilt]  # fmt: skip
+    before, after = np.sum(squared, axis=0)
+    cause = Cause(ACNE.name, ACNE.stage, ACNE.sentence)
+    return Diagnosis(False, (cause,), ((),), 1 - float(after / max(before, 1e-300)), None, "likely", where)
 
 
 def _held_out(best: Guess, sights: list[Sight], each: Array) -> float | None:

@@ -51,7 +51,7 @@ class Sight:
 
     `shown`, `right` (N, 3); `slack` (N, 3): what rounding may do; `scale`: of the values; `tau`: an error of this size
     is one. `wrong`, `edge`: (N,). `more`: the right picture has light that sun, shadow and open sky do not make;
-    `deep`: the surfaces that it was followed along.
+    `deep`: the surfaces that it was followed along. `mixed`: the share of the wrong pixels' neighbours that are right.
     """
 
     view: View
@@ -68,6 +68,7 @@ class Sight:
     more: bool
     step: int
     deep: int = 0
+    mixed: float = 0.0
     moved: dict[Any, Array] = field(default_factory=dict)
 
     def predict(self, steps: Steps) -> Array:
@@ -249,7 +250,15 @@ def look(view: View, seed: int = 0) -> Sight:
     return Sight(
         view, index, weight, flat(shown), flat(right), flat(half), scale, tau, wrong.ravel()[index],
         edge.ravel()[index], bench, more, step, deep,
+        _mixed(wrong),
     )  # fmt: skip
+
+
+def _mixed(wrong: Array) -> float:
+    """Of (H, W): half where chance decides, little where whole regions are wrong."""
+    inner = wrong[1:-1, 1:-1]
+    beside = (wrong[:-2, 1:-1], wrong[2:, 1:-1], wrong[1:-1, :-2], wrong[1:-1, 2:])
+    return float(np.mean([~other[inner] for other in beside])) if inner.any() else 0.0
 
 
 def _scale(view: View) -> float:
