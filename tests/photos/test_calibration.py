@@ -16,7 +16,7 @@ from raytwin.errors import InputError
 from raytwin.photographer import poses
 from raytwin.photos import CODES, calibrate, calibrate_detections, camera_of_photo, pose_of_photo, uncertainty_map
 from raytwin.photos.fit import MODELS
-from raytwin.photos.model import AS_WELL
+from raytwin.photos.model import AS_WELL, ModelTrial, explained
 from raytwin.photos.pose import rotation_degrees
 from raytwin.scene.lens import undone
 
@@ -353,6 +353,18 @@ def test_auto_keeps_what_came_of_every_model_and_why_some_were_passed_over():
         "k1, bent 3",
         "k1, bent 4",
     }
+
+
+def test_each_model_that_was_tried_is_told_why_it_was_not_taken():
+    errors = {"full5": 0.5, "full5, bent 4": 0.1005, "full5, bent 6": 0.1, "k1, bent 6": 0.1003}
+    told = explained({n: ModelTrial(e) for n, e in errors.items()}, "k1, bent 6")
+    assert [t.why for t in told] == [
+        "5 times the best",
+        "a poorer shape",
+        "larger than needed",
+        "the smallest that predicts as well as the best; its shape the richest that does",
+    ]
+    assert [t.taken for t in told] == [False, False, False, True]
 
 
 # ---------------------------------------------------------------------------------- wrong input

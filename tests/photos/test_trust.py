@@ -262,6 +262,9 @@ def test_however_a_board_is_bent_the_camera_lies_as_far_off_as_sigma_says(bend):
             tags[f"{i}"] = [moved(t, at[t.id]) for t in found if inside(at[t.id])]
         found = calibrate_detections(tags, SIZE, BOARD, "k1k2")
         assert found.boards[0].bend_mm == pytest.approx(bend, abs=0.06)
+        assert found.basis.taken == (
+            "k1k2, bent 6" if bend else "k1k2"
+        )  # no photo tells what a poorer shape leaves out
         off = four(found) - (camera.fx, camera.fy, camera.cx, camera.cy)
         z.append(off / [found.sigma[n] for n in FOUR])
     assert np.sqrt(np.square(z).mean()) < 1.6, z

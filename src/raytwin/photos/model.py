@@ -1,7 +1,7 @@
 """Which lens model and which shape of the boards: what predicts photos that the fit has not seen, by leaving each out.
 
 The five coefficients of a plain OpenCV fit on a flat board are always among the candidates. A smaller model is taken
-only where it predicts as well, a bent board only where it predicts better.
+only where it predicts as well, a bent board only where it predicts better, and then the richest shape that does.
 """
 
 import math
@@ -48,6 +48,11 @@ class Told(NamedTuple):
 def name(form: Form) -> str:
     """`full5`, or `full5, bent 3`: the lens, and the degree of the boards' heights."""
     return form.model if form.degree == 0 else f"{form.model}, bent {form.degree}"
+
+
+def degree_of(trial: str) -> int:
+    """Of the boards' heights, from a trial's name; 0: flat."""
+    return int(trial.rpartition(", bent ")[2]) if ", bent " in trial else 0
 
 
 def held_out(found: Fit) -> float:
@@ -117,9 +122,11 @@ def explained(trials: Mapping[str, ModelTrial], taken: str) -> list[Told]:
     for model, trial in trials.items():
         why = [trial.doubt] if trial.doubt else []
         if model == taken:
-            why.insert(0, "the smallest that predicts as well as the best")
+            bent = "; its shape the richest that does" if degree_of(taken) else ""
+            why.insert(0, f"the smallest that predicts as well as the best{bent}")
         elif math.isfinite(trial.held_out_px):
             times = trial.held_out_px / best
-            why.insert(0, "larger than needed" if times <= AS_WELL else f"{times:.3g} times the best")
+            needless = "a poorer shape" if degree_of(model) < degree_of(taken) else "larger than needed"
+            why.insert(0, needless if times <= AS_WELL else f"{times:.3g} times the best")
         told.append(Told(model, trial.held_out_px, model == taken, "; ".join(why)))
     return told
