@@ -1,11 +1,16 @@
 """What is built works where it is installed: no checkout beside it, nothing but what the wheel brings."""
 
 import ast
+import contextlib
 import os
+import re
+import runpy
+import shutil
 import subprocess
 import sys
 import sysconfig
 import tarfile
+import urllib.request
 import zipfile
 from pathlib import Path
 
@@ -26,8 +31,13 @@ def clean_environment(home: Path) -> dict[str, str]:
 @pytest.fixture(scope="module")
 def built(tmp_path_factory) -> Path:
     """A folder with the sdist, and the wheel made of it."""
-    out = tmp_path_factory.mktemp("dist")
-    subprocess.run([sys.executable, "-m", "build", "--quiet", "--outdir", out, ROOT], check=True, timeout=300)
+    out, source = tmp_path_factory.mktemp("dist"), tmp_path_factory.mktemp("source")
+    # Of a copy: building writes beside what it builds, where another run may be at it.
+    for part in ("src", "scenes", "reference", "tests", ".ci"):
+        shutil.copytree(ROOT / part, source / part, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+    for part in ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE"):
+        shutil.copy(ROOT / part, source)
+    subprocess.run([sys.executable, "-m", "build", "--quiet", "--outdir", out, source], check=True, timeout=300)
     return out
 
 
@@ -54,7 +64,18 @@ def installed(built, tmp_path_factory):
         assert done.returncode == code, f"{command}: {done.returncode}\n{done.stdout}{done.stderr}"
         return done.stdout
 
-    run.folder = empty
+    @contextlib.contextmanager
+    def started(*command: str):
+        command = [python, "-u", "-m", *command]
+        child = subprocess.Popen(command, cwd=empty, env=environment, stdout=subprocess.PIPE, text=True)
+        try:
+            yield child
+        finally:
+            child.terminate()
+            child.wait(60)
+            child.stdout.close()
+
+    run.folder, run.started = empty, started
     return run
 
 
@@ -98,6 +119,45 @@ def test_an_installed_raytwin_does_its_jobs_in_an_empty_folder(installed):
     installed("raytwin", "scenes", "copy", "desk", "mine")
     installed("raytwin", "scenes", "copy", "desk", "mine", code=2)
     assert "rms" in installed("raytwin", "calibrate", "mine/photos", "--board", "mine/board.toml")
+
+
+def test_an_installed_raytwin_says_what_a_scene_needs_and_where_methods_fail(installed):
+    assert "CHOICE" in installed("raytwin", "needs", "single", "--tolerance", "0.1", "--size", "32x24")
+    assert "report: out/single-ladder/ladder.html" in installed("raytwin", "ladder", "single", "--size", "64x48")
+    assert "report: out/stability/atlas.html" in installed("raytwin", "stability", "sum-samples")
+
+
+RUBRIC = """
+title = "One scene"
+[[exercises]]
+stage = "render"
+scenes = ["single"]
+rung = "lambert"
+points = 10
+"""
+
+
+def test_an_installed_raytwin_grades_a_class(installed):
+    tracer = runpy.run_path(str(ROOT / "tests" / "grade" / "tracers.py"))["tracer"]
+    (installed.folder / "rubric.toml").write_text(RUBRIC)
+    (installed.folder / "students").mkdir()
+    for name in ("", "gamma"):
+        (installed.folder / "students" / f"{name or 'right'}.py").write_text(tracer(name))
+    told = installed("raytwin", "grade", "students", "--rubric", "rubric.toml")
+    assert "10 of 10  right: all right" in told
+    assert re.search(r" 0 of 10  gamma: .*gamma", told), told
+    assert "report: out/grades/index.html" in told
+    (rows,) = (installed.folder / "out" / "grades").glob("*.csv")
+    assert rows.read_text().splitlines()[2].startswith("right,10,10")
+
+
+def test_an_installed_raytwin_shows_a_scene_on_a_live_page(installed):
+    with installed.started("raytwin", "explore", "single", "--size", "32x24", "--no-browser") as child:
+        address = child.stdout.readline().split(" at ")[1].strip()
+        with urllib.request.urlopen(address, timeout=100) as answer:
+            page = answer.read().decode()
+    assert "single" in page
+    assert "<script" in page
 
 
 def test_an_installed_plugin_holds_renders_to_the_shipped_references(installed):
