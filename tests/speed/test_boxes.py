@@ -66,7 +66,7 @@ def assert_nothing_is_cut(thing: Shape, camera: Camera) -> None:
     assert not outside.any(), f"cut: {np.argwhere(outside)[:5].tolist()} beyond {(x0, y0, x1, y1)}"
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(cameras(distorted=False) | cameras(distorted=True), vectors(-1.5, 1.5), reals(0.01, 1))
 def test_a_spheres_box_holds_every_hit(camera, place, radius):
     # About the eye: before it, across the camera's plane, behind it, round it.
@@ -74,14 +74,14 @@ def test_a_spheres_box_holds_every_hit(camera, place, radius):
     assert_nothing_is_cut(Sphere(center, radius), camera)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(cameras(distorted=True), reals(-0.6, 0.6), reals(-0.6, 0.6), reals(0.02, 5), reals(0.05, 1.2))
 def test_a_spheres_box_holds_every_hit_of_a_sphere_before_the_lens(camera, x, y, depth, share):
     ahead = np.asarray(camera.R_cam_board).T @ np.array([x * depth, y * depth, depth])
     assert_nothing_is_cut(Sphere(tuple((np.asarray(camera.eye) + ahead).tolist()), share * depth), camera)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     cameras(distorted=False) | cameras(distorted=True),
     vectors(-1.5, 1.5),
@@ -99,7 +99,7 @@ def test_a_rectangles_box_holds_every_hit(camera, place, u, v, length):
     assert_nothing_is_cut(Rectangle(center, tuple(u.tolist()), tuple((v * length).tolist())), camera)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(cameras(distorted=False), reals(-1.5, 1.5), reals(-1.5, 1.5), reals(0.02, 0.7))
 def test_a_pinholes_box_is_tight(camera, x, y, share):
     # The sphere stands before the camera: its outline is an ellipse, here found on a grid twice as fine.

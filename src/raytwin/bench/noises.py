@@ -90,16 +90,17 @@ def filtered(
     wide = np.pad(truth, pad, mode="edge")
     made = []
     for _ in range(batches):
-        total, below = np.zeros(truth.shape), np.zeros((h, w, 1))
+        total = np.zeros((4, h, w))  # light, and the weight that it came with
         for _ in range(samples // batches):
-            value = wide * rng.gamma(1 / sd**2, sd**2, wide.shape)
-            u, v = rng.uniform(-0.5, 0.5, (2, *wide.shape[:2], 1))
-            for dy in range(-reach, reach + 1):
-                for dx in range(-reach, reach + 1):
-                    rows, columns = slice(reach + dy, reach + dy + h), slice(reach + dx, reach + dx + w)
-                    share = weight(dy + v[rows, columns]) * weight(dx + u[rows, columns])
-                    total += share * value[rows, columns]
-                    below += share
+            light = wide * rng.gamma(1 / sd**2, sd**2, wide.shape)
+            value = np.stack([*np.moveaxis(light, -1, 0), np.ones(wide.shape[:2])])
+            u, v = rng.uniform(-0.5, 0.5, (2, *wide.shape[:2]))
+            across = [weight(dx + u) for dx in range(-reach, reach + 1)]
+            for dy in range(2 * reach + 1):
+                row = (weight(dy - reach + v) * value)[:, dy : dy + h]
+                for dx, share in enumerate(across):
+                    total += share[dy : dy + h, dx : dx + w] * row[..., dx : dx + w]
+        total, below = np.moveaxis(total[:3], 0, -1), total[3][..., None]
         # An empty pixel of a narrow filter keeps its truth: no renderer leaves one here.
         made.append(np.where(below > 0, total / np.maximum(below, 1e-12), truth))
     stack = np.array(made)
