@@ -77,33 +77,38 @@ def _here(function: Callable[[T], Any], thing: T) -> Done:
 
 
 def _in_processes(function: Callable[[T], Any], things: Sequence[T], jobs: int) -> Iterator[Done]:
-    """A process that is killed takes its pool along: what was not done is begun again in another."""
-    todo, tries = list(range(len(things))), [0] * len(things)
+    """A process that is killed takes its pool along: whatever was in it is done again, each alone."""
+    todo = list(range(len(things)))
     while todo:
-        with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-            # Few at a time: who is lost with the pool has been begun.
-            running: dict[Future[Any], int] = {}
-            try:
+        # Few at a time: who is lost with the pool has been begun, or nearly.
+        running: dict[Future[Any], int] = {}
+        try:
+            with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
                 while todo or running:
                     while todo and len(running) < jobs:
                         running[pool.submit(function, things[todo[0]])] = todo[0]
-                        tries[todo.pop(0)] += 1
+                        todo.pop(0)
                     for future in wait(running, return_when=FIRST_COMPLETED).done:
                         if isinstance(future.exception(), BrokenProcessPool):
                             raise BrokenProcessPool
-                        i, error = running.pop(future), future.exception()
-                        if isinstance(error, Exception):
-                            yield Done(things[i], error=error)
-                        else:
-                            yield Done(things[i], future.result())
-            except BrokenProcessPool:
-                lost = sorted(running.values())
-                for i in lost:
-                    if tries[i] >= TRIES:
-                        yield Done(
-                            things[i], error=MachineError(things[i], "a process that lives", "one that is killed")
-                        )
-                todo = [i for i in lost if tries[i] < TRIES] + todo
+                        yield _told(things[running.pop(future)], future)
+        except BrokenProcessPool:
+            yield from (_alone(function, things[i]) for i in sorted(running.values()))
+
+
+def _alone(function: Callable[[T], Any], thing: T) -> Done:
+    """Nobody else can have ended its process: after `TRIES` it was its own doing."""
+    for _ in range(TRIES):
+        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+            found = _told(thing, pool.submit(function, thing))
+            if not isinstance(found.error, BrokenProcessPool):
+                return found
+    return Done(thing, error=MachineError(thing, "a process that lives", "one that is killed"))
+
+
+def _told(thing: Any, future: "Future[Any]") -> Done:
+    error = future.exception()
+    return Done(thing, error=error) if isinstance(error, Exception) else Done(thing, future.result())
 
 
 def _on_cluster(function: Callable[[T], Any], things: Sequence[T], address: str) -> Iterator[Done]:
