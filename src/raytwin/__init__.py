@@ -7,6 +7,7 @@
     a scene.toml -------------------------------------------> compare_scene --> Result: all of this at once
     two files, of any renderers ------------------------------> diff_files -----> Diff
     Scene + photo -> augment_photo: its spheres and their shadows drawn in
+    a student's function -> check: is it what its stage of a tracer asks for, and if not, why
 
 Lengths are metres, pixels OpenCV's, radiance linear Rec. 709 in float32 (H, W, 3), row 0 on top. Wrong input raises
 InputError(where, expected, got). Nothing is imported before it is asked for.
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from raytwin.compare import compare as compare_images
     from raytwin.errors import InputError
     from raytwin.files import read_image, read_scene, write_image
+    from raytwin.grade.check import check
     from raytwin.image import Image
     from raytwin.jobs.compare import compare_scene
     from raytwin.jobs.diff import diff as diff_files
@@ -50,6 +52,7 @@ _HOME = {
     "Sun": "scene",
     "augment_photo": "augment:augment",
     "calibrate": "photos",
+    "check": "grade.check",
     "compare_images": "compare:compare",
     "compare_scene": "jobs.compare",
     "diff_files": "jobs.diff:diff",
@@ -75,6 +78,7 @@ __all__ = [
     "Sun",
     "augment_photo",
     "calibrate",
+    "check",
     "compare_images",
     "compare_scene",
     "diff_files",

@@ -13,7 +13,21 @@ from typing import Annotated
 
 import typer
 
-from raytwin.cli import bench, board, explore, grade, images, ladder, needs, photos, reference, scenes, stability, walk
+from raytwin.cli import (
+    bench,
+    board,
+    explore,
+    export,
+    grade,
+    images,
+    ladder,
+    needs,
+    photos,
+    reference,
+    scenes,
+    stability,
+    walk,
+)
 from raytwin.errors import InputError
 
 app = typer.Typer(
@@ -53,6 +67,7 @@ app.command("calibrate")(photos.calibrate_command)
 app.command("augment")(photos.augment_command)
 app.command("board")(board.board_command)
 app.command("photograph")(photos.photograph_command)
+app.command("export")(export.export_command)
 app.add_typer(grade.app, name="grade")
 app.add_typer(bench.app, name="bench")
 app.command("stability")(stability.stability_command)

@@ -96,6 +96,22 @@ def _line(result: "Result", rubric: "Rubric") -> str:
     return f"{of_points(result.points):>7} of {of_points(rubric.points)}  {result.student}: {first[:100]}"
 
 
+@app.command("starter")
+def starter_command(
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="What to write.")] = Path("tracer.py"),
+    force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
+) -> None:
+    """Write the file that students start from: the six functions, their docstrings, a worked example, their checks."""
+    from raytwin import files
+    from raytwin.grade.starter import starter
+
+    check_outputs(files=(out,))
+    if out.is_file() and not force:
+        raise InputError(out, "a file that is not there yet, or --force", "one that may hold a student's work")
+    files.write_text(out, starter(out.name))
+    typer.echo(f"{out}: to check what is written, run it: python {out}")
+
+
 @app.command("gradescope-zip")
 def gradescope_zip_command(
     rubric: Annotated[Path, typer.Argument(help="The rubric, TOML.")],

@@ -19,7 +19,7 @@ from raytwin.files.pictures import (
     to_bytes,
     write_picture,
 )
-from raytwin.files.records import plain, read_toml, to_record, write_json, write_toml
+from raytwin.files.records import json_text, plain, read_toml, to_record, write_json, write_toml
 from raytwin.files.rounding import Rounding, half_floats, rounding_of
 from raytwin.files.safe import check_file, replacing, write_text
 from raytwin.files.scenes import check_camera, read_camera, read_scene, write_camera
@@ -37,6 +37,7 @@ __all__ = [
     "find_scene",
     "from_bytes",
     "half_floats",
+    "json_text",
     "list_photos",
     "photo_extras",
     "photo_orientation",

@@ -18,8 +18,12 @@ T = TypeVar("T")
 
 
 def write_json(path: str | os.PathLike, value: Any) -> None:
+    write_text(path, json_text(value))
+
+
+def json_text(value: Any) -> str:
     """`value` (plain data, records, arrays as lists) as indented JSON; NaN and infinity become null."""
-    write_text(path, msgspec.json.format(msgspec.json.encode(value, enc_hook=_foreign), indent=2).decode() + "\n")
+    return msgspec.json.format(msgspec.json.encode(value, enc_hook=_foreign), indent=2).decode() + "\n"
 
 
 def write_toml(path: str | os.PathLike, value: Mapping[str, Any], comment: str = "") -> None:

@@ -58,22 +58,26 @@ class Met(NamedTuple):
 class Renderer:
     """A tracer as a record of its parts; three of them are stages that are handed in.
 
-    `sun_visible(scene, met, dark)`: where the sun shines, of points that objects hide from it where `dark`.
-    `finish(scene, picture)`: what is returned.
+    `given(scene)`: the scene as it is read. `sun_visible(scene, met, dark)`: where the sun shines; objects hide it
+    from points that are `dark`.
+    `normals(scene, met, normals)`: those to the eye, as they are used. `finish(scene, picture)`: what is returned.
     """
 
+    given: Function = lambda scene: scene
     back_project: Function = back_project
     view: Function = view
     intersect_sphere: Function = intersect_sphere
     intersect_plane: Function = intersect_plane
     nearest: Function = nearest
     sphere_normal: Function = sphere_normal
+    normals: Function = lambda scene, met, normals: normals
     shade: Function = shade
     finish: Function = lambda scene, picture: picture
     sun_visible: Function = lambda scene, met, dark: ~dark
 
     def hit_points(self, scene: SceneDict) -> Any:
         """Where each pixel's ray first meets a sphere: points (H, W, 3) in the board's frame, metres; NaN for none."""
+        scene = self.given(scene)
         met = self.meet(scene, scene["spheres"], [])
         points = np.where((met.which >= 0)[:, None], met.points, np.nan)
         return self.finish(scene, points.reshape(scene["height"], scene["width"], 3))
@@ -85,13 +89,14 @@ class Renderer:
         it meets nothing. With scene["rung"] == "shadow" the sun does not reach points that another object hides from
         it; with "lambert" nothing casts shadows. Planes are rectangles, center ± half_u ± half_v, lit from both sides.
         """
+        scene = self.given(scene)
         objects = [*scene["spheres"], *scene["planes"]]
         met = self.meet(scene, scene["spheres"], scene["planes"])
         picture = np.tile(scene["sky"]["radiance"], (len(met.t), 1))
         seen = np.ones(len(met.t), bool)
         if scene["rung"] == "shadow":
             seen = self.sun_visible(scene, met, self.dark(scene, met))
-        normals = self._normals(scene, met)
+        normals = self.normals(scene, met, self._normals(scene, met))
         albedo = np.array([thing["albedo"] for thing in objects] or [[0.0] * 3])[met.which]
         for chosen, lit in (((met.which >= 0) & seen, 1.0), ((met.which >= 0) & ~seen, 0.0)):
             if chosen.any():
@@ -150,9 +155,9 @@ def compose(stages: Mapping[str, Function]) -> Renderer:
 
 
 def made_of(stages: Mapping[str, Function]) -> str:
-    """In words, what `compose` makes: `render: made of your back_project and shade; the rest is the reference's`."""
+    """In words, what `compose` makes: `render is made of its shade, the rest is ours`."""
     own = [name for name in PARTS if name in stages]
-    return f"render: made of your {' and '.join(own)}; the rest is the reference's" if own else "render: none"
+    return f"render is made of its {' and '.join(own)}, the rest is ours" if own else ""
 
 
 def changed(part: str, change: Callable[[Any], Function]) -> Callable[[Any], Function]:

@@ -18,8 +18,8 @@ from raytwin.grade.stage_result import CaseResult, StageResult
 Outcome = Arrays | str
 """What a call gave: arrays, or in words why there are none."""
 
-PARTNERS = 6
-"""So many variants, those that leave least unexplained, are tried together with every other."""
+PAIRS = 1000
+"""So many pairs of variants are tried: those that leave least unexplained, each with every other."""
 
 
 def judge_function(stage: Stage, function: Function, seed: int = 0) -> StageResult:
@@ -73,13 +73,15 @@ def _kinds(arrays: Arrays) -> str:
 
 def _told(error: Exception) -> str:
     """`it raised ValueError: ... (line 12: x = a @ b)`, the line being the student's own."""
+    if isinstance(error, NotImplementedError):
+        return "it is not written yet"
     text = " ".join(str(error).split())[:200]
     own = [
         f
         for f in traceback.extract_tb(error.__traceback__)
         if f.filename != __file__ and "site-packages" not in f.filename
     ]
-    where = f" (line {own[-1].lineno}{f': {own[-1].line}' if own[-1].line else ''})" if own else ""
+    where = f" (line {own[-1].lineno}{f': {own[-1].line[:60]}' if own[-1].line else ''})" if own else ""
     return f"it raised {type(error).__name__}{': ' + text if text else ''}{where}"
 
 
@@ -129,7 +131,7 @@ def _checked(stage: Stage, case: Case, outcome: Outcome) -> Outcome:
 
 
 def _shape(a: np.ndarray) -> str:
-    return str(a.shape).replace(",)", ",)") if a.shape else "of one number"
+    return str(a.shape) if a.shape else "of one number"
 
 
 def _case_result(stage: Stage, case: Case, got: Outcome) -> CaseResult:
@@ -148,61 +150,64 @@ def _errors(stage: Stage, case: Case, got: Arrays) -> np.ndarray:
 
 
 def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[tuple[Variant, ...]]:
-    """The variants that give these numbers in all cases; else the pairs that do; empty where none does."""
-    left: dict[int, float] = {}
-    found: list[tuple[Variant, ...]] = []
-    for i, variant in enumerate(stage.variants):
-        left[i] = _unexplained(stage, [variant], cases, got)
-        if left[i] == 0:
-            found.append((variant,))
-    if not found:
-        best = sorted(left, key=lambda i: left[i])[:PARTNERS]
-        pairs = [(stage.variants[i], other) for i in best for other in stage.variants if other is not stage.variants[i]]
-        found = [pair for pair in pairs if _unexplained(stage, pair, cases, got, early=True) == 0]
-    return found
+    """The variants that give these numbers in all cases; else the pairs that do; empty where none does.
+
+    One that fails the first case that is wrong is not tried on the others. What passes that case itself is no
+    explanation: it would account for whatever is hardly wrong.
+    """
+    order = sorted(range(len(cases)), key=lambda i: _case_result(stage, cases[i], got[i]).passed)
+    first, *rest = [(cases[i], got[i]) for i in order]
+
+    def left(chain: Sequence[Variant]) -> float:
+        """What is left of the first case where these, one upon the other, are the mistake; 0: nothing of any case."""
+        function = stage.reference
+        for variant in chain:
+            function = variant.change(function)
+        predicted = _call(function, first[0])
+        return (
+            _left(stage, predicted, first[1])
+            or max((_left(stage, _call(function, case), found) for case, found in rest), default=0.0)
+            or float(_passes(stage, first[0], predicted))
+        )
+
+    alone = {i: left([variant]) for i, variant in enumerate(stage.variants)}
+    found: list[tuple[Variant, ...]] = [(stage.variants[i],) for i, rest_of_it in alone.items() if rest_of_it == 0]
+    if found:
+        return found
+    best = sorted(alone, key=lambda i: alone[i])[: PAIRS // max(1, len(alone))]
+    pairs = [(i, j) for i in best for j in alone if i != j]
+    return list(_distinct(chain for i, j in pairs if left(chain := (stage.variants[i], stage.variants[j])) == 0))
 
 
-def _unexplained(
-    stage: Stage, chain: Sequence[Variant], cases: Sequence[Case], got: Sequence[Arrays], early: bool = False
-) -> float:
-    """The share of values, over all cases, that the variants, one upon the other, do not give; 0 for a full account."""
-    function = stage.reference
-    for variant in chain:
-        function = variant.change(function)
-    shares = []
-    for case, found in zip(cases, got, strict=True):
-        share = _share(stage, function, case, found)
-        if early and share > 0:
-            return 1.0
-        shares.append(share)
-    return float(np.mean(shares))
+def _passes(stage: Stage, case: Case, outcome: Outcome) -> bool:
+    checked = _checked(stage, case, outcome)
+    return not isinstance(checked, str) and _case_result(stage, case, checked).passed
 
 
-def _share(stage: Stage, function: Function, case: Case, found: Arrays) -> float:
-    """Of the values, those that `function` does not give; NaN and infinities must be where it has them."""
-    outcome = _call(function, case)
-    if isinstance(outcome, str) or [a.shape for a in outcome] != [a.shape for a in found]:
+def _left(stage: Stage, predicted: Outcome, found: Arrays) -> float:
+    """How far the values are from those predicted, 0 to 1, as a mean; 0 where they agree, outliers apart."""
+    if isinstance(predicted, str) or [a.shape for a in predicted] != [a.shape for a in found]:
         return 1.0
-    off = [_unlike(a, b, stage.tolerance) for a, b in zip(outcome, found, strict=True)]
-    share = float(np.mean([o.mean() for o in off]))
-    return share if share > stage.outliers else 0.0
+    off = np.concatenate([_distance(a, b).ravel() for a, b in zip(predicted, found, strict=True)])
+    return 0.0 if (off > stage.tolerance).mean() <= stage.outliers else float(off.mean())
 
 
-def _unlike(a: np.ndarray, b: np.ndarray, tolerance: float) -> np.ndarray:
+def _distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """|a - b| by the largest finite |a|, 1 at most; NaN and infinities agree with their like alone."""
     finite = np.isfinite(a)
     scale = np.abs(a[finite]).max(initial=1e-300)
     with np.errstate(all="ignore"):
-        same = np.where(finite, np.abs(a - b) <= tolerance * scale, (a == b) | (np.isnan(a) & np.isnan(b)))
-    return ~same
+        off = np.where(finite, np.abs(a - b) / scale, np.where((a == b) | (np.isnan(a) & np.isnan(b)), 0.0, 1.0))
+    return np.where(off <= 1, off, 1.0)
 
 
 def _blame(causes: list[tuple[Variant, ...]]) -> str:
     """The sentence; of several that explain it equally, all."""
-    told = list(dict.fromkeys("; and ".join(v.sentence for v in cause) for cause in _distinct(causes)))
+    told = list(dict.fromkeys("; and ".join(v.sentence for v in cause) for cause in causes))
     return told[0] if len(told) == 1 else "one of these, which these cases cannot tell apart: " + "; or: ".join(told)
 
 
-def _distinct(causes: list[tuple[Variant, ...]]) -> Iterator[tuple[Variant, ...]]:
+def _distinct(causes: Iterable[tuple[Variant, ...]]) -> Iterator[tuple[Variant, ...]]:
     """A pair once, whichever comes first."""
     seen: set[frozenset[str]] = set()
     for cause in causes:
@@ -213,7 +218,11 @@ def _distinct(causes: list[tuple[Variant, ...]]) -> Iterator[tuple[Variant, ...]
 
 def _where(results: Sequence[CaseResult]) -> str:
     """Which cases are wrong, and which right."""
-    bad = [f"{r.shows} ({100 * r.wrong:.0f} % of the values)" for r in results if not r.passed]
+    bad = [
+        f"{r.shows}{f' ({100 * r.wrong:.0f} % of the values)' if r.wrong < 0.995 else ''}"
+        for r in results
+        if not r.passed
+    ]
     good = [r.shows for r in results if r.passed]
     return f"wrong for {'; '.join(bad)}" + (f"; right for {'; '.join(good)}" if good else "")
 
@@ -250,5 +259,6 @@ def _short(arrays: Arrays) -> str:
 
 
 def _number(value: Any) -> str:
-    with np.printoptions(precision=5, suppress=True):
-        return " ".join(np.array2string(np.asarray(value, float), separator=", ").split()).replace("[ ", "[")
+    if np.ndim(value):
+        return f"[{', '.join(map(_number, value))}]"
+    return f"{float(value):.5g}"

@@ -1,5 +1,7 @@
 """What came of one stage: the record that is written, read, shown and scored."""
 
+from html import escape
+
 import msgspec
 
 
@@ -34,5 +36,35 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     wrong: float = 0.0
     cases: tuple[CaseResult, ...] = ()
 
+    def __repr__(self) -> str:
+        return str(self)
+
     def __str__(self) -> str:
         return f"{'PASS' if self.passed else 'FAIL'}  {self.stage}: {self.sentence}"
+
+    def _repr_html_(self) -> str:
+        """A small page for notebooks: the sentence, the worst value, and every case."""
+        rows = "".join(_row(case, self) for case in self.cases)
+        worst = [("inputs", self.inputs), ("expected", self.expected), ("got", self.got)]
+        mark = f'<b style="color:{COLOURS[self.passed]}">{"✓" if self.passed else "✗"} {escape(self.stage)}</b>'
+        told = "".join(f"<tr>{_cell(name)}{_cell(text, CODE)}</tr>" for name, text in worst if text and not self.passed)
+        return (
+            f'<div style="border-left:4px solid {COLOURS[self.passed]};padding:2px 12px;max-width:60em">'
+            f'<p style="margin:4px 0">{mark} {escape(self.sentence)}</p>'
+            + (f"<table>{told}</table>" if told else "")
+            + f"<table><tr>{_cell('case')}{_cell(f'error ({self.unit})')}{_cell('values off')}</tr>{rows}</table></div>"
+        )
+
+
+COLOURS = {True: "#2a9d4a", False: "#d6453d"}
+CODE = "font-family:monospace;overflow-wrap:anywhere"
+
+
+def _row(case: CaseResult, result: StageResult) -> str:
+    mark = f'<span style="color:{COLOURS[case.passed]}">{"✓" if case.passed else "✗"}</span> '
+    error = "–" if case.error is None else f"{case.error:.2g}"
+    return f"<tr>{_cell(case.shows, mark=mark)}{_cell(error)}{_cell(f'{100 * case.wrong:.0f} %')}</tr>"
+
+
+def _cell(text: str, style: str = "", mark: str = "") -> str:
+    return f'<td style="text-align:left;vertical-align:top;padding:1px 14px 1px 0;{style}">{mark}{escape(text)}</td>'

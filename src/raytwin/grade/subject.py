@@ -22,4 +22,5 @@ def find_subject(text: str, rung: str) -> Method:
             "a method's name (`raytwin bench list`), FILE.py:FUNCTION, an image, or a command with {scene} and {out}"
         )
         raise InputError("--subject", known, text)
-    return Called(rung, text, load(text).stage("render"))
+    render, made = load(text).picture()
+    return Called(rung, f"{text} ({made})" if made else text, render)

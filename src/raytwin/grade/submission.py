@@ -23,6 +23,7 @@ import msgspec
 from raytwin import files
 from raytwin.errors import InputError
 from raytwin.given import ENDINGS, take
+from raytwin.grade.compose import PARTS, compose, made_of
 from raytwin.grade.contract import CONTRACT
 from raytwin.grade.stage import Function
 from raytwin.image import Image
@@ -45,6 +46,17 @@ class Submission:
     stages: Mapping[str, Function]
     notes: tuple[str, ...] = ()
     module: ModuleType | None = field(default=None, compare=False)
+
+    def picture(self) -> tuple[Function, str]:
+        """What renders a scene: its own `render`, or our tracer with its stages in it; in words, what that is made of.
+
+        Raises InputError where it has no stage that a tracer is made of.
+        """
+        if "render" in self.stages:
+            return self.stage("render"), ""
+        if not (own := {name: self.stage(name) for name in PARTS if name in self.stages}):
+            raise InputError(f"{self.name}: render", "a function", "nothing of that name")
+        return compose(own).render, made_of(own)
 
     def stage(self, name: str) -> Function:
         """The function of that name. Raises InputError where there is none, or one that takes other arguments."""
@@ -79,7 +91,8 @@ def load(what: str | os.PathLike, function: str | None = None) -> Submission:
 def load_code(path: Path, function: str | None = None) -> Submission:
     """The functions of a Python file or a notebook, which is run."""
     module, notes = run_notebook(path) if path.suffix == ".ipynb" else (run_file(path), ())
-    found = {name: getattr(module, name) for name in CONTRACT if callable(getattr(module, name, None))}
+    named = {name: getattr(module, name, None) for name in CONTRACT}
+    found: dict[str, Function] = {name: f for name, f in named.items() if callable(f) and not is_unwritten(f)}
     if function is not None:
         if not callable(getattr(module, function, None)):
             raise InputError(f"{path}: {function}", "a function", "; ".join(("nothing of that name", *notes)))
@@ -87,6 +100,12 @@ def load_code(path: Path, function: str | None = None) -> Submission:
     if not found:
         raise InputError(path, f"a function of {', '.join(CONTRACT)}", "; ".join(("none", *notes)))
     return Submission(str(path), found, notes, module)
+
+
+def is_unwritten(function: Function) -> bool:
+    """It does nothing but raise NotImplementedError, as the starter file's do."""
+    code = getattr(function, "__code__", None)
+    return code is not None and code.co_names == ("NotImplementedError",)
 
 
 def run_file(path: Path) -> ModuleType:

@@ -12,6 +12,7 @@ def as_arrays(scene: Scene, rung: str = "shadow") -> dict[str, Any]:
 
     Keys: name, width, height, K, dist (k1, k2, p1, p2, k3), R_cam_board, t_cam_board, spheres [{center, radius,
     albedo}], planes [{center, half_u, half_v, albedo}], sun {to_light (unit), irradiance}, sky {radiance}, rung.
+    Raises InputError where the scene has more than that.
     """
     scene.check_lambertian("a renderer of one's own")
     camera = scene.camera

@@ -137,15 +137,28 @@ def _fixed_point(steps: int) -> Callable[[Any, Any, Any], Any]:
     return undo
 
 
+def _corrected(steps: int) -> Callable[[Any, Any, Any], Any]:
+    """What is too much after distorting is taken off, `steps` times."""
+
+    def undo(xd: Any, yd: Any, dist: Any) -> Any:
+        x, y = xd, yd
+        for _ in range(steps):
+            fx, fy = distort(x, y, dist)
+            x, y = x - (fx - xd), y - (fy - yd)
+        return x, y
+
+    return undo
+
+
 def _flipped(K: Any, dist: Any, width: int, height: int) -> tuple[Any, ...]:
     """Row 0 below: v from height - 1 down to 0, which a negative focal length says, the lens left as it is."""
     return _with(K, K[0, 0], -K[1, 1], K[0, 2], height - 1 - K[1, 2]), dist, width, height
 
 
 VARIANTS = (
-    Variant("half a pixel", "half a pixel is added: integers are already the pixels' centres, so u runs 0, 1, 2, ...",
+    Variant("half a pixel", "half a pixel is added: integers are already the pixels' centres, the first is u = 0",
             _before(_moved(0.5, 0.5))),
-    Variant("half a pixel", "half a pixel is taken off: integers are already the pixels' centres, so u runs 0, 1, ...",
+    Variant("half a pixel", "half a pixel is taken off: integers are already the pixels' centres, the first is u = 0",
             _before(_moved(-0.5, -0.5))),
     Variant("one pixel", "pixels are counted from 1: the first column is u = 0, the first row v = 0",
             _before(_moved(1, 1))),
@@ -163,7 +176,9 @@ VARIANTS = (
             "first order only; iterate", _lens(lambda x, y, dist: distort(x, y, (-np.asarray(dist)).tolist()))),
     *(Variant("too few steps", f"the distortion is undone with too few steps ({steps} of the fixed-point iteration"
               f"{', where cv2.undistortPoints stops unless told' if steps == 5 else ''}): iterate until nothing moves",
-              _lens(_fixed_point(steps))) for steps in (1, 2, 3, 4, 5, 6, 8, 10)),
+              _lens(_fixed_point(steps))) for steps in (1, 2, 3, 4, 5)),
+    *(Variant("too few steps", f"the distortion is undone with too few steps ({steps} of x += xd - distort(x)): "
+              "iterate until nothing moves", _lens(_corrected(steps))) for steps in (1, 2, 3, 4, 5)),
     Variant("k3 left out", "k3, the fifth coefficient, is left out", _before(_only(0, 1, 2, 3))),
     Variant("p1 and p2 left out", "the tangential distortion is left out: p1 and p2, the third and fourth coefficient",
             _before(_only(0, 1, 4))),

@@ -95,7 +95,8 @@ def _case(shows: str, dist: Any, size: tuple[int, int], tilt: float, rng: np.ran
         p = points @ R.T + t
         x, y = distort(p[:, 0] / p[:, 2], p[:, 1] / p[:, 2], dist.tolist())
         u, v = K[0, 0] * x + K[0, 2], K[1, 1] * y + K[1, 2]
-        if u.min() > 0 and u.max() < 640 and v.min() > 0 and v.max() < 480 and not undone(K, dist, (640, 480)).fault:
+        within = u.min() > 0 and u.max() < 640 and v.min() > 0 and v.max() < 480
+        if within and not undone(K, dist.tolist(), (640, 480)).fault:
             return Case(shows, (K, dist, points, np.stack([u, v], axis=-1)), (R, t))
 
 

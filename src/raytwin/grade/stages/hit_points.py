@@ -7,7 +7,7 @@ import numpy as np
 from raytwin.grade.compose import Renderer, SceneDict, changed
 from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant
 from raytwin.grade.stages import back_project, intersect_sphere
-from raytwin.grade.stages.drawn import LENS, NO_LENS, draw_scene
+from raytwin.grade.stages.drawn import AROUND, LENS, draw_scene
 
 
 def cases(seed: int) -> list[Case]:
@@ -15,13 +15,13 @@ def cases(seed: int) -> list[Case]:
     rng = np.random.default_rng(seed)
     drawn = (
         ("one sphere", draw_scene(rng, ((0.3, 0.2, 0.6, 0.6),), 0, "lambert")),
-        ("a sphere before another", draw_scene(rng, ((-0.2, -0.4, 1.1, 0.5), (0.4, 0.6, 0.4, 0.7)), 1, "lambert")),
-        ("a sphere behind another", draw_scene(rng, ((0.4, 0.6, 0.4, 0.7), (-0.2, -0.4, 1.1, 0.5)), 1, "lambert")),
-        ("a lens", draw_scene(rng, ((0.7, 0.1, 0.6, 0.5), (-0.6, 0.6, 0.5, 0.6)), 1, "lambert", LENS)),
+        ("a sphere that fills the picture", draw_scene(rng, (), 0, "lambert")),
         (
-            "a sphere behind the camera",
-            draw_scene(rng, ((0.3, 0.2, 0.6, 0.6), (-4.4, -9.0, 8.6, 0.8)), 0, "lambert", NO_LENS),
+            "three spheres",
+            draw_scene(rng, ((0.4, 0.4, 0.7, 0.7), (-0.6, -0.5, 1.3, 0.3), (-0.3, 0.0, 0.9, 0.4)), 1, "lambert"),
         ),
+        ("spheres on all sides", draw_scene(rng, AROUND, 0, "lambert")),
+        ("spheres on all sides, through a lens", draw_scene(rng, AROUND, 0, "lambert", LENS)),
     )
     return [Case(shows, (scene,), (Renderer().hit_points(scene),)) for shows, scene in drawn]
 
@@ -88,9 +88,17 @@ def _t_of_unit_rays(f: Function) -> Function:
     return lambda o, d, center, radius: f(o, d / np.linalg.norm(d, axis=-1, keepdims=True), center, radius)
 
 
-def lifted(part: str, variants: tuple[Variant, ...]) -> tuple[Variant, ...]:
+PARTS = {"back_project": "rays", "intersect_sphere": "t of spheres", "shade": "shading"}
+"""What a stage makes, in a tracer that has no function of that name."""
+
+
+def lifted(part: str, variants: tuple[Variant, ...], *without: str) -> tuple[Variant, ...]:
     """A stage's own mistakes, as they show in a picture."""
-    return tuple(Variant(v.name, v.sentence, changed(part, v.change)) for v in variants)
+    return tuple(
+        Variant(v.name, f"{PARTS[part]}: {v.sentence}", changed(part, v.change))
+        for v in variants
+        if v.name not in without
+    )
 
 
 def _t_on_long_rays(f: Any) -> Function:
@@ -133,7 +141,7 @@ ORDER = (
 )  # fmt: skip
 
 VARIANTS = (
-    *(v for v in lifted("back_project", back_project.VARIANTS) if v.name != LONG),
+    *lifted("back_project", back_project.VARIANTS, LONG),
     *lifted("intersect_sphere", intersect_sphere.VARIANTS),
     *GEOMETRY,
     *ORDER,
@@ -141,7 +149,7 @@ VARIANTS = (
             changed("finish", lambda f: lambda s, p: p @ s["R_cam_board"].T + s["t_cam_board"])),
     Variant("distances from the eye", "eye is missing: the points are t d, which is eye + t d",
             changed("finish", lambda f: lambda s, p: p + s["R_cam_board"].T @ s["t_cam_board"])),
-    Variant("misses are 0", "pixels that meet nothing are 0: NaN is wanted",
+    Variant("pixels of 0", "pixels that meet nothing are 0: NaN is wanted",
             changed("finish", lambda f: lambda s, p: np.nan_to_num(p, nan=0.0))),
     Variant("misses are the eye's", "pixels that meet nothing hold the eye: NaN is wanted",
             changed("finish", lambda f: lambda s, p: np.where(np.isnan(p), -s["R_cam_board"].T @ s["t_cam_board"], p))),

@@ -35,7 +35,8 @@ def cases(seed: int) -> list[Case]:
     aim = center + 0.8 * radius * _unit(rng.normal(size=(32, 3))) * rng.uniform(0, 1, (32, 1))
     towards = _unit(aim - outside)
     side = _unit(np.cross(out, rng.normal(size=(32, 3))))
-    past = _unit(center + radius * rng.uniform(1.15, 1.4, (32, 1)) * side - outside)
+    sine = radius * rng.uniform(1.1, 1.4, (32, 1)) / np.linalg.norm(outside - center, axis=-1, keepdims=True)
+    past = sine * side - np.sqrt(1 - sine**2) * out
     lengths = np.concatenate([rng.uniform(0.3, 0.8, (16, 1)), rng.uniform(1.3, 4, (16, 1))])
     anywhere = _unit(rng.normal(size=(32, 3)))
     axes = np.eye(3)[[0, 1, 2]]
@@ -146,6 +147,8 @@ def _factors(disc_of: Callable[..., Any], root_of: Callable[..., Any]) -> Callab
 VARIANTS = (
     Variant("far root", "the far root is returned where the near one is wanted: (-b - √disc) comes first",
             _solved(lambda near, far: _positive_or_miss(far))),
+    Variant("far root", "the far root is returned, behind the ray's origin too: the smallest t > 0 is wanted, "
+            "(-b - √disc) if that is > 0", _solved(lambda near, far: far)),
     Variant("smallest |t|", "the root of smallest |t| is returned: the smallest t > 0 is wanted, so negative roots are "
             "out first", _solved(_smallest)),
     Variant("smallest |t|", "the root of smallest |t| is taken, and none where it is negative: the smallest t > 0 is "

@@ -8,22 +8,20 @@ import numpy as np
 from raytwin.grade.compose import Met, Renderer, SceneDict, changed
 from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant
 from raytwin.grade.stages import back_project, intersect_sphere, shade
-from raytwin.grade.stages.drawn import LENS, draw_scene
+from raytwin.grade.stages.drawn import AROUND, LENS, draw_scene
 from raytwin.grade.stages.hit_points import GEOMETRY, LONG, ORDER, lifted
 
 
 def cases(seed: int) -> list[Case]:
     """Pictures of 26 x 18 pixels, from one sphere to shadows of all on all."""
     rng = np.random.default_rng(seed)
-    one, front, back = (0.3, 0.2, 0.6, 0.6), (-0.2, -0.4, 1.1, 0.5), (0.5, 0.6, 0.5, 0.7)
+    front, back, high = (-0.6, -0.5, 1.3, 0.3), (0.4, 0.4, 0.7, 0.7), (0.87, -0.26, 1.6, 0.4)
     drawn = (
-        ("one sphere", draw_scene(rng, (one,), 0, "lambert")),
-        ("two spheres on a floor, no shadows", draw_scene(rng, (front, back), 1, "lambert")),
-        ("two spheres on a floor, with shadows", draw_scene(rng, (back, front), 1, "shadow")),
-        (
-            "two spheres, a floor and a wall, with shadows, through a lens",
-            draw_scene(rng, (front, back), 2, "shadow", LENS),
-        ),
+        ("a sphere that fills the picture", draw_scene(rng, (), 0, "lambert")),
+        ("three spheres on a floor, no shadows", draw_scene(rng, (back, front, high), 1, "lambert")),
+        ("three spheres on a floor, with shadows", draw_scene(rng, (front, back, high), 1, "shadow")),
+        ("spheres, a floor and a wall, with shadows", draw_scene(rng, (back, high, front), 2, "shadow")),
+        ("spheres on all sides, through a lens", draw_scene(rng, AROUND, 2, "lambert", LENS)),
     )
     return [Case(shows, (scene,), (Renderer().render(scene),)) for shows, scene in drawn]
 
@@ -86,7 +84,7 @@ def _turned(scene: SceneDict) -> SceneDict:
 
 def _scene(change: Callable[[SceneDict], SceneDict]) -> Callable[[Any], Function]:
     """The right picture of another scene."""
-    return lambda f: lambda scene: f(change(scene))
+    return changed("given", lambda f: lambda scene: change(f(scene)))
 
 
 def _srgb(x: Any) -> Any:
@@ -110,9 +108,10 @@ def _black_shadows(scene: SceneDict, picture: Any) -> Any:
     return np.where(dark.reshape(*picture.shape[:2], 1), 0.0, picture)
 
 
-def _inward(f: Function) -> Function:
+def _inward(scene: SceneDict, met: Met, normals: Any) -> Any:
     """Spheres' normals the other way; planes look to the eye."""
-    return lambda points, normals, *rest: f(points, -normals, *rest)
+    sphere = (met.which >= 0) & (met.which < len(scene["spheres"]))
+    return np.where(sphere[:, None], -normals, normals)
 
 
 def _sized(plane: SceneDict, factor: float) -> SceneDict:
@@ -120,9 +119,9 @@ def _sized(plane: SceneDict, factor: float) -> SceneDict:
 
 
 VARIANTS = (
-    *(v for v in lifted("back_project", back_project.VARIANTS) if v.name != LONG),
+    *lifted("back_project", back_project.VARIANTS, LONG),
     *lifted("intersect_sphere", intersect_sphere.VARIANTS),
-    *lifted("shade", shade.VARIANTS),
+    *lifted("shade", shade.VARIANTS, "gamma", "clipped at 1", "BGR"),
     *GEOMETRY,
     *ORDER,
     Variant("no shadows", "there are no shadows: with the rung \"shadow\" the sun does not reach what another object "
@@ -140,7 +139,7 @@ VARIANTS = (
             casters="plane"))),
     Variant("shadows from the other side", "shadows fall towards the sun: the shadow ray goes along to_light",
             _visible(lambda s, met, d: ~_dark(s | {"sun": s["sun"] | {"to_light": -s["sun"]["to_light"]}}, met))),
-    Variant("normals inward", "the spheres' normals point inwards", changed("shade", lambda f: _inward(f))),
+    Variant("normals inward", "the spheres' normals point inwards", changed("normals", lambda f: _inward)),
     Variant("normals not unit", "the spheres' normals are not unit: divide p - center by the radius",
             changed("sphere_normal", lambda f: lambda p, s: p - s["center"])),
     Variant("normals from the origin", "the spheres' normals are those of spheres about the origin: (p - center) / "
@@ -174,7 +173,6 @@ VARIANTS = (
             _picture(lambda s, L: L / L.max())),
     Variant("BGR", "red and blue are swapped, as OpenCV has them", _picture(lambda s, L: L[..., ::-1])),
     Variant("grey", "the colour is lost", _picture(lambda s, L: np.repeat(L.mean(axis=-1, keepdims=True), 3, axis=-1))),
-    Variant("upside down", "the rows are upside down: row 0 is the top", _picture(lambda s, L: L[::-1])),
     Variant("mirrored", "left and right are swapped", _picture(lambda s, L: L[:, ::-1])),
 )  # fmt: skip
 

@@ -1,0 +1,91 @@
+"""raytwin export: what other renderers are told is the scene, and they render the same picture from it."""
+
+import json
+
+import numpy as np
+import pytest
+from program import raytwin, refused
+
+from raytwin import files, given, twin
+from raytwin.compare import compare
+from raytwin.errors import InputError
+from raytwin.methods.exchange import as_arrays
+from raytwin.methods.mitsuba_xml import mitsuba_xml, moved_by
+from raytwin.scene import Camera, Lambert, Phong, Scene, Sphere
+
+
+def test_json_says_the_scene_to_the_last_bit_and_a_look_at_camera_too(tmp_path, overlap):
+    run = raytwin("export", "overlap", "--json", "-o", tmp_path / "overlap.json")
+    assert (run.returncode, run.stdout) == (0, "")
+    told = json.loads((tmp_path / "overlap.json").read_text())
+    expected = as_arrays(overlap)
+    assert list(told) == [*expected, "camera"]
+    for name in ("K", "dist", "R_cam_board", "t_cam_board"):
+        np.testing.assert_array_equal(told[name], expected[name])
+    np.testing.assert_array_equal(told["planes"][0]["half_v"], expected["planes"][0]["half_v"])
+    # A point of the board seen by the look-at camera is where K, R and t put it.
+    look, R, t = told["camera"], expected["R_cam_board"], expected["t_cam_board"]
+    p = np.array([0.02, 0.03, 0.05])
+    x, y, z = (np.dot(look[axis], p - look["eye"]) for axis in ("right", "up", "forward"))
+    np.testing.assert_allclose([x, -y, z], R @ p + t, atol=1e-15)
+    np.testing.assert_allclose(np.subtract(look["look_at"], look["eye"]), look["forward"], atol=1e-15)
+    assert look["fov_x"] == pytest.approx(np.degrees(2 * np.arctan(320 / expected["K"][0, 0])))
+
+
+@pytest.mark.parametrize(("name", "rung"), [("overlap", "path"), ("wedge", "sky")])
+def test_mitsuba_renders_the_same_picture_from_the_file(scenes, tmp_path, name, rung):
+    """`overlap`: three spheres and a sheet; `wedge`: two planes of one albedo, which Mitsuba would merge and leak."""
+    twin.activate()
+    import mitsuba as mi
+
+    scene = files.read_scene(scenes / name).scene
+    scene = scene.with_camera(scene.camera.resized(64, 48))
+    (tmp_path / "scene.xml").write_text(mitsuba_xml(scene, rung))
+    loaded = mi.load_file(str(tmp_path / "scene.xml"))
+    renders = [np.array(mi.render(loaded, spp=64, seed=seed)) for seed in range(8)]
+    reference = twin.render(scene, rung, sampling="area", samples=512, seed=99)
+    found = compare(given.take(renders).image, reference)
+    assert found.verdict == "pass", found.reasons
+    wrong = compare(given.take([0.98 * np.float32(r) for r in renders]).image, reference)
+    assert wrong.verdict == "fail"  # so much it would have seen
+
+
+def test_what_a_file_of_mitsubas_cannot_say_is_told_in_one_line(tmp_path, scenes):
+    run = raytwin("export", "distorted", "--mitsuba-xml", "-o", tmp_path / "a.xml")
+    camera = files.read_scene(scenes / "distorted").scene.camera
+    x, y = np.array([camera.cx, camera.cy]) / [camera.fx, camera.fy]
+    assert run.returncode == 0
+    assert run.stderr.count("\n") == 1
+    assert "neither distortion nor a second focal length: it sees up to" in run.stderr
+    assert moved_by(files.read_scene(scenes / "distorted").scene) > 1
+    assert moved_by(files.read_scene(scenes / "overlap").scene) < 1e-9
+    assert x > 0
+    assert y > 0
+
+
+def test_a_second_focal_length_moves_what_the_file_sees_by_what_is_told():
+    K = ((100.0, 0.0, 49.5), (0.0, 110.0, 49.5), (0.0, 0.0, 1.0))
+    camera = Camera((100, 100), K, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (0.0, 0.0, 1.0))
+    # v - cy = 49.5 is seen where y = 49.5 / 110, which fx puts at 45.
+    assert moved_by(Scene("a", camera)) == pytest.approx(4.5)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("overlap",), "--json, --mitsuba-xml: expected one of them, got neither"),
+        (("overlap", "--json", "--mitsuba-xml"), "expected one of them, got both"),
+        (("overlap", "--mitsuba-xml", "--rung", "shadow"), "--rung: expected a rung that Mitsuba's integrators have"),
+        (("overlap", "--json", "--rung", "shadw"), "did you mean shadow?"),
+        (("nowhere", "--json"), "nowhere"),
+    ],
+)
+def test_what_is_asked_wrongly_is_told(words, said):
+    refused(raytwin("export", *words), said)
+
+
+def test_what_others_are_not_told_is_no_secret(overlap):
+    glossy = Scene("a", overlap.camera, (Sphere((0.0, 0.0, 0.0), 1.0, Phong()),))
+    with pytest.raises(InputError, match="Lambertian objects alone, for a renderer of one's own"):
+        as_arrays(glossy)
+    assert as_arrays(Scene("a", overlap.camera, (Sphere((0.0, 0.0, 0.0), 1.0, Lambert()),)))["planes"] == []
