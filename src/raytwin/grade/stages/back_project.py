@@ -178,7 +178,7 @@ VARIANTS = (
               f"{', where cv2.undistortPoints stops unless told' if steps == 5 else ''}): iterate until nothing moves",
               _lens(_fixed_point(steps))) for steps in (1, 2, 3, 4, 5)),
     *(Variant("too few steps", f"the distortion is undone with too few steps ({steps} of x += xd - distort(x)): "
-              "iterate until nothing moves", _lens(_corrected(steps))) for steps in (1, 2, 3, 4, 5)),
+              "iterate until nothing moves", _lens(_corrected(steps))) for steps in (2, 3, 4, 5)),
     Variant("k3 left out", "k3, the fifth coefficient, is left out", _before(_only(0, 1, 2, 3))),
     Variant("p1 and p2 left out", "the tangential distortion is left out: p1 and p2, the third and fourth coefficient",
             _before(_only(0, 1, 4))),
