@@ -46,8 +46,8 @@ PIXELS, PIXELS_NUMPY = 1 << 15, 1 << 12
 FIRST = 8, 2
 """Samples of each half to begin with: of a few pixels, of the whole frame."""
 
-MOST_SAMPLES, MOST_WALKS, MOST_WALKS_NUMPY = 1 << 14, 1 << 26, 1 << 21
-"""Nothing has more samples a pixel; a half of the truth has no more in all, and what is verified a quarter."""
+MOST_SAMPLES, MOST_WALKS, MOST_WALKS_NUMPY = 1 << 14, 1 << 27, 1 << 21
+"""Nothing has more samples a pixel; a half of the truth has no more in all, and what is verified an eighth."""
 
 ROUNDS, PATIENCE, TIE = 5, 1.5, 1.1
 """Calls timed of each, about so many seconds of them; times within this ratio are a tie."""
@@ -596,7 +596,7 @@ class _Search:
         if tried.guess <= LONG or not isinstance(method, Followed):
             self._look(tried)
             return
-        for walks in (self.most / 4, self.most):
+        for walks in (self.most / 8, self.most):
             times = math.ceil(math.sqrt(method.samples * self.pixels / walks))
             few = self.scene.with_camera(self.scene.camera.every(self.step * times))
             image = walk(
