@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 import zipfile
@@ -86,6 +87,14 @@ def test_a_submission_finds_neither_references_nor_rubric_nor_results(tmp_path):
     (result,) = (base / "results" / ".grades" / "results").iterdir()
     assert "STOLEN" not in json.loads(result.read_text())["printed"]
     assert "hacked" not in (base / "run_autograder").read_text()
+
+
+def test_packages_of_the_rubric_are_installed_and_run_nothing(tmp_path):
+    (tmp_path / "r.toml").write_text('packages = ["numba>=0.6", "a; rm -rf /"]\n' + RUBRIC)
+    write_zip(tmp_path / "r.toml", tmp_path / "a.zip")
+    with zipfile.ZipFile(tmp_path / "a.zip") as archive:
+        (line,) = (s for s in archive.read("setup.sh").decode().splitlines() if "pip install" in s)
+    assert shlex.split(line)[-2:] == ["numba>=0.6", "a; rm -rf /"]
 
 
 def test_a_rubric_whose_scene_has_no_reference_is_refused(tmp_path):

@@ -5,6 +5,7 @@ References lie inside, so that nothing is rendered by Mitsuba there; a submissio
 another uid, and no rights for others on both folders.
 """
 
+import shlex
 import zipfile
 from importlib.metadata import version
 from pathlib import Path
@@ -47,9 +48,10 @@ def write_zip(rubric_path: Path, out: Path, wheel: Path | None = None) -> list[s
     """The names inside. Raises InputError where a scene of the rubric has no reference."""
     rubric = read_rubric(rubric_path)
     held = {f"reference/{n}/{r}.exr": path for n, r, path in _references(rubric)}
-    if wheel is not None and wheel.suffix != ".whl":
+    if wheel is not None and (wheel.suffix != ".whl" or not wheel.is_file()):
         raise InputError("--wheel", "a wheel of raytwin (python -m build)", wheel)
     required = f'"$base/source/{wheel.name}"' if wheel else f'"raytwin=={version("raytwin")}"'
+    required = " ".join([required, *(shlex.quote(name) for name in rubric.packages)])
     with files.replacing(out) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in (("setup.sh", SETUP.replace("@REQUIRED@", required)), ("run_autograder", RUN)):
             entry = zipfile.ZipInfo(name, (2000, 1, 1, 0, 0, 0))

@@ -108,8 +108,8 @@ class Rubric(Record, frozen=True):
     """`seed`: of the drawn scenes, cases and orders, together with each submission's own content: keep it to yourself.
 
     `file`: what a submission's Python file is called, where it is one of several. `command`: what runs one that is a
-    program: {scene} is the scene as JSON, {out} the image to write. `folder`: where the rubric lies, with a
-    `reference` of its own if it has one.
+    program: {scene} is the scene as JSON, {out} the image to write. `packages`: what submissions may import beside
+    NumPy and SciPy, for pip on Gradescope. `folder`: where the rubric lies, with a `reference` of its own if any.
     """
 
     title: str
@@ -119,6 +119,7 @@ class Rubric(Record, frozen=True):
     limits: Limits = Limits()
     file: str = "tracer"
     command: str = ""
+    packages: tuple[str, ...] = ()
     folder: str = "."
 
     @property
