@@ -144,6 +144,16 @@ def test_points_are_told_from_the_points_that_a_fault_would_give():
     assert names(diagnose([View(scene, shown, points=True)])) == ["t-along-z"]
 
 
+def test_nan_an_empty_scene_and_a_black_picture_are_no_obstacle():
+    scene = SCENES[0]
+    shown = trace(scene).mean.copy()
+    shown[20:30, 20:30] = np.nan
+    assert not diagnose([View(scene, shown)], most=1).right
+    empty = msgspec.structs.replace(scene, objects=())
+    assert names(diagnose([View(empty, 2 * trace(empty).mean)], most=1))
+    assert names(diagnose([View(scene, 0 * trace(scene).mean)], most=1)) == ["empty"]
+
+
 P = np.random.default_rng(2).random((40, 50, 3))
 APPEARANCE = {
     "mirrored left to right": P[:, ::-1],

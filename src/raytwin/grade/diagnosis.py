@@ -285,7 +285,8 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
         share = _explained(sights, single.steps)[0]
         if (acne := _speckled(sights, where)) is not None:
             return acne
-        told = [f"{s.view.scene.name}: {words}" for s in sights if s.view.scene and (words := split(s).words)]
+        lit = [(s, s.view.scene) for s in sights if s.view.scene and s.view.scene.objects and not s.view.points]
+        told = [f"{scene.name}: {words}" for s, scene in lit if (words := split(s).words)]
         return Diagnosis(
             right=False, explained=max(share, 0.0), where=where, nearest=single.causes[0], light="; ".join(told)
         )

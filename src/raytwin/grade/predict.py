@@ -233,9 +233,11 @@ class Bench:
         key = ("hits", *steps[:11])
         if key not in self.kept:
             rays, things = self.rays(steps), self.things(steps)
-            t = np.stack([np.broadcast_to(meet(rays.origin, rays.d, thing, steps), self.u.shape) for thing in things])
-            t = np.where(np.isnan(t), np.inf, t)
-            ids = steps.order(t, things, rays)
+            t = np.full((max(len(things), 1), self.u.size), np.inf)
+            for index, thing in enumerate(things):
+                t[index] = meet(rays.origin, rays.d, thing, steps)
+            t[np.isnan(t)] = np.inf
+            ids = steps.order(t, things, rays) if things else np.full(self.u.size, -1)
             reach = np.where(ids >= 0, np.take_along_axis(t, np.maximum(ids, 0)[None], 0)[0], 0.0)
             reach = np.where(np.isfinite(reach), reach, 0.0)
             point, normal, albedo = steps.point(rays, reach), np.zeros((3, ids.size)), np.zeros((3, ids.size))

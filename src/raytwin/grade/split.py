@@ -110,6 +110,7 @@ def _fitted(
     sight: Sight, parts: dict[str, Halves], mask: Array, where: str
 ) -> tuple[tuple[Share, ...], float, float] | None:
     """Factors of the parts that show at these pixels, and the squared error after and before; None where none do."""
+    mask = mask & (np.abs(sight.shown) < 1e6 * sight.scale).all(axis=-1)  # NaN is none
     weight = sight.weight[mask]
     seen = {name: (one[mask].ravel(), other[mask].ravel()) for name, (one, other) in parts.items()}
     w = np.repeat(weight, 3)
