@@ -25,6 +25,8 @@ from raytwin.scene import Scene
 
 EXPLAINED = 0.9
 """Share of the squared error below which no cause is named."""
+MATCHED = 0.5
+"""Share of the wrong pixels below which no cause is named: its values have to be hit, not only come near."""
 SURE = 0.995
 FEW = 6
 """Wrong pixels below which nothing is named: rounding on outlines."""
@@ -280,7 +282,8 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
     best = found[0]
     share, each = _explained(sights, best.steps)
     hit, kept = _hits(sights, best.steps)
-    if (share < EXPLAINED or best.cost > 0.6 * base.cost) and not (hit > EXPLAINED and kept > 0.99):
+    loose = hit < MATCHED and not any(s.deep for s in sights)
+    if (share < EXPLAINED or best.cost > 0.6 * base.cost or loose) and not (hit > EXPLAINED and kept > 0.99):
         single = min((g for g in found if len(g.causes) == 1), key=lambda g: g.cost)
         share = _explained(sights, single.steps)[0]
         if (acne := _speckled(sights, where)) is not None:

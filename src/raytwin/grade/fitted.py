@@ -71,7 +71,9 @@ def factor(k: float) -> str:
 def bright(k: float) -> str:
     if abs(k - 1) < 2e-3:
         return "right"
-    return f"{factor(k)} times too bright" if k > 1 else f"too dark by a factor of {factor(1 / k)}" if k > 0 else "gone"
+    if abs(k) < 1e-3 or k < 0:
+        return "gone" if abs(k) < 1e-3 else f"negative: multiplied by {k:.4g}"
+    return f"{factor(k)} times too bright" if k > 1 else f"too dark by a factor of {factor(1 / k)}"
 
 
 def _turned(p: Sequence[float]) -> Array:
