@@ -21,7 +21,7 @@ def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
     Mitsuba's perspective camera has one focal length and no distortion: fx is taken, and `moved_by` says what is lost.
     Raises InputError for a rung without a depth, for a map in the place of the sky, and for highlights.
     """
-    scene.check_lambertian("Mitsuba's file, as it is written here,")
+    scene.check_lambertian("a file of Mitsuba's")
     if rung not in RUNGS or RUNGS[rung].depth is None:
         raise InputError("--rung", FOUND, rung)
     lines = [

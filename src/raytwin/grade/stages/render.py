@@ -114,6 +114,12 @@ def _inward(scene: SceneDict, met: Met, normals: Any) -> Any:
     return np.where(sphere[:, None], -normals, normals)
 
 
+def _far_root(f: Any) -> Function:
+    """With normals that are not turned to the eye: they point away from it there, where the ray leaves the sphere."""
+    far = next(v for v in intersect_sphere.VARIANTS if v.name == "far root")
+    return changed("normals", lambda g: _inward)(changed("intersect_sphere", far.change)(f))
+
+
 def _sized(plane: SceneDict, factor: float) -> SceneDict:
     return plane | {"half_u": factor * plane["half_u"], "half_v": factor * plane["half_v"]}
 
@@ -151,6 +157,8 @@ VARIANTS = (
     Variant("light in the camera's frame", "the light's direction is turned once too often, by R: points, normals and "
             "to_light are all in the board's frame",
             _scene(lambda s: s | {"sun": s["sun"] | {"to_light": s["R_cam_board"] @ s["sun"]["to_light"]}})),
+    Variant("far root", "t of spheres: the far root is returned where the near one is wanted: (-b - √disc) comes first",
+            _far_root),
     Variant("no planes", "the planes are left out", _scene(lambda scene: scene | {"planes": []})),
     Variant("no spheres", "the spheres are left out", _scene(lambda scene: scene | {"spheres": []})),
     Variant("whole edges", "half_u and half_v are taken for whole edges: a plane is center ± half_u ± half_v",
