@@ -13,6 +13,7 @@ from raytwin.photos.pose import (
     camera_at,
     homography_pose,
     matched,
+    outlier_limit,
     pose_of_tags,
     refined_pose,
     rotation_degrees,
@@ -132,3 +133,9 @@ def test_too_few_tags_or_tags_in_a_line_give_no_pose(stands, ids):
         pose_of_tags(CAMERA.K, CAMERA.dist, tags, SMALL)
     with pytest.raises(InputError):
         homography_pose(CAMERA.K, CAMERA.dist, tags, SMALL)
+
+
+def test_no_tag_within_a_pixel_or_fifteen_deviations_is_an_outlier():
+    assert outlier_limit(np.full(20, 0.01)) == 1
+    off = np.random.default_rng(0).normal(0, 0.5, (100_000, 2))
+    assert outlier_limit(np.linalg.norm(off, axis=1)) == pytest.approx(15 * 0.5, rel=0.02)

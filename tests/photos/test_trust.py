@@ -1,6 +1,7 @@
 """What a calibration says of itself holds: its sigmas, the board's bend, and which photo or board is at fault."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import msgspec
@@ -21,8 +22,8 @@ from raytwin.photos import (
     pose_of_photo,
     rotation_degrees,
 )
-from raytwin.photos.fit import Form, Seen, fit, linearise
-from raytwin.photos.uncertainty import leave_one_out, spread
+from raytwin.photos.fit import Form, Seen, fit, linearise, solve_scaled
+from raytwin.photos.uncertainty import EXTRAPOLATED, leave_one_out, spread
 
 SIZE = (1008, 756)
 FOUR = ("fx", "fy", "cx", "cy")
@@ -181,6 +182,30 @@ def test_over_a_hundred_sets_the_truth_lies_as_far_off_as_sigma_says():
     assert max(by_kind) < 1.6, by_kind
     assert 0.75 < np.sqrt((z**2).mean()) < 1.3
     assert 0.88 < (np.abs(z) < 2).mean() < 0.99
+
+
+def test_what_a_bent_sheet_leaves_in_doubt_widens_sigma_by_its_share():
+    """Were all tags led astray by one pixel to the right, cx would be wrong by one, and nothing else."""
+    _, _, tags = views(bend=1e-3)
+    found = fit([Seen(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], Form("k1k2", 6))
+    astray = np.zeros_like(found.residuals)
+    astray[..., 0] = found.sights.weight
+    more = spread(found, astray).covariance - spread(found).covariance
+    assert more[2, 2] == pytest.approx(EXTRAPOLATED[6] ** 2, rel=1e-6)
+    assert np.abs(np.diag(more)[[0, 1, 3]]).max() < 1e-9
+
+
+def test_photos_that_disagree_widen_sigma_and_photos_that_agree_by_chance_narrow_none():
+    """Without any pull sigma is that of coordinates that err alike; with a hundred times the pull, as much wider."""
+    _, _, tags = views()
+    found = fit([Seen(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], Form("k1k2"))
+    alike = found.variance * solve_scaled(found.H.sum(axis=0), np.eye(6))
+    calm = spread(replace(found, g=np.zeros_like(found.g))).covariance
+    assert np.allclose(calm, alike, rtol=1e-6, atol=0)
+    assert np.diag(spread(replace(found, g=100 * found.g)).covariance).min() > 0
+    assert spread(replace(found, g=100 * found.g)).noise_px == pytest.approx(
+        100 * spread(replace(found, g=10 * found.g)).noise_px / 10, rel=1e-6
+    )
 
 
 def halves_apart(tags: dict, size, board, splits: int = 6) -> float:
@@ -408,6 +433,7 @@ def test_two_boards_give_one_camera_and_each_its_own_pose():
     assert rotation_degrees(np.array(found.views[0].R_cam_board), np.array(stands[0][0])) < 0.1
     assert found.boards[1].bend_mm == pytest.approx(2, rel=0.1)
     assert found.boards[0].bend_mm < 0.15
+    assert [w.text[:20] for w in found.warnings if w.code == "bent-board"] == ["the board 2 is bent "]
     alone = calibrate_detections(tags, SIZE, SMALL)
     assert found.sigma["fx"] < alone.sigma["fx"]
 
