@@ -3,7 +3,9 @@
 import re
 
 import pytest
+from typer.testing import CliRunner
 
+from raytwin.cli import app
 from raytwin.errors import InputError
 from raytwin.grade.rubric import READY, STAGES, Exercise, Speed, read_rubric
 
@@ -81,3 +83,11 @@ def test_the_ready_rubric_has_every_stage_and_a_hundred_points():
     ready = read_rubric(READY)
     assert set(ready.stages) == set(STAGES)
     assert ready.points == 100
+
+
+def test_the_starter_writes_it_and_nothing_over_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run = CliRunner().invoke
+    assert "change it" in run(app, ["grade", "starter", "--rubric"]).output
+    assert read_rubric(tmp_path / "rubric.toml").exercises == read_rubric(READY).exercises
+    assert isinstance(run(app, ["grade", "starter", "--rubric"]).exception, InputError)

@@ -98,17 +98,25 @@ def _line(result: "Result", rubric: "Rubric") -> str:
 
 @app.command("starter")
 def starter_command(
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="What to write.")] = Path("tracer.py"),
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE", help="What to write (tracer.py, or rubric.toml).")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
+    rubric: Annotated[bool, typer.Option("--rubric", help="Write a whole rubric instead, to be changed.")] = False,
 ) -> None:
     """Write the file that students start from: the six functions, their docstrings, a worked example, their checks."""
     from raytwin import files
+    from raytwin.grade.rubric import READY
     from raytwin.grade.starter import starter
 
+    out = out or Path("rubric.toml" if rubric else "tracer.py")
     check_outputs(files=(out,))
     if out.is_file() and not force:
         raise InputError(out, "a file that is not there yet, or --force", "one that may hold a student's work")
-    files.write_text(out, starter(out.name))
+    files.write_text(out, READY.read_text(encoding="utf-8") if rubric else starter(out.name))
+    if rubric:
+        typer.echo(f"{out}: change it, then raytwin grade SUBMISSIONS --rubric {out}")
+        return
     typer.echo(f"{out}: to check what is written, run it: python {out}")
 
 
@@ -129,19 +137,3 @@ def gradescope_zip_command(
     check_outputs(files=(out,))
     names = write_zip(rubric, out, wheel)
     typer.echo(f"{out}: {len(names)} files, {out.stat().st_size / 1e6:.1f} MB")
-
-
-@app.command("rubric")
-def rubric_command(
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="What to write.")] = Path("rubric.toml"),
-    force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
-) -> None:
-    """Write a whole rubric for the paper's pipeline, to be changed."""
-    from raytwin import files
-    from raytwin.grade.rubric import READY
-
-    check_outputs(files=(out,))
-    if out.is_file() and not force:
-        raise InputError(out, "a file that is not there yet, or --force", "one that is")
-    files.write_text(out, READY.read_text(encoding="utf-8"))
-    typer.echo(f"{out}: change it, then raytwin grade SUBMISSIONS --rubric {out}")
