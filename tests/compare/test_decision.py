@@ -125,11 +125,11 @@ def test_black_rows_fail_even_with_no_variance_of_their_own():
     assert not compare(a, render(rng, samples=4096)).passed
 
 
-def test_gamma_applied_twice_fails_with_its_name():
+def test_gamma_applied_twice_fails():
     rng = np.random.default_rng(14)
     c = compare(render(rng, TRUTH ** (1 / 2.2), samples=64), render(rng, samples=4096))
-    assert not c.passed
-    assert "gamma" in c.reasons[-1]
+    assert c.verdict == "fail"
+    assert "too bright" in c.reasons[0]
 
 
 def test_one_firefly_does_not_hide_a_wrong_tile():
