@@ -63,7 +63,7 @@ def speculate(
         whole = doubtful(scene, colour, ids, blocker, n, tolerance, RUNGS[rung].shadows)
     guessed = ~whole & (_blocks(ids != BACKGROUND).any(axis=0) if way == "paper" else ids[:-1, :-1] != BACKGROUND)
     bare = ids == BACKGROUND
-    colour[bare] = out[np.minimum(down, h - 1), np.minimum(across, w - 1)][bare]
+    colour[bare] = out[np.minimum(down[bare], h - 1), np.minimum(across[bare], w - 1)]
     _interpolate(out, colour, guessed, n)
     y, x = np.nonzero(whole)
     inner = np.arange(n)
