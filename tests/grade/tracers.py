@@ -79,7 +79,7 @@ WRONG = {
     "nan": ("return out.reshape", "out[0] = np.nan; return out.reshape"),
     "shape": ('return out.reshape(scene["height"], scene["width"], 3)', "return out"),
     "raises": ("return out.reshape", "raise ValueError('<b>no</b>'); return out.reshape"),
-    "hangs": ("return out.reshape", "while True: pass\n    return out.reshape"),
+    "hangs": ("return out.reshape", "import time\n    while True: time.sleep(1)\n    return out.reshape"),
     "exits": ("return out.reshape", "import os; os._exit(3)\n    return out.reshape"),
     "cached": (
         "def render(scene):",
