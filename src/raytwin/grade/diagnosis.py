@@ -30,6 +30,8 @@ MATCHED = 0.5
 SURE = 0.995
 FEW = 6
 """Wrong pixels below which nothing is named: rounding on outlines."""
+ALTERNATIVES = 4
+"""Causes that explain it as well, at most so many of which are told."""
 RARE = 3e-3
 """Of a picture's pixels: where no more are wrong, only single faults without numbers are tried."""
 SCREEN = 4
@@ -352,7 +354,7 @@ def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight]) -> list[t
             _same(s, a, s.predict(guess.steps)) for s, a in zip(sights, own, strict=True)
         ):
             others[gone[0]].setdefault(new[0].name, new[0])
-    return [tuple(list(found.values())[:2]) for found in others]
+    return [tuple(list(found.values())[:ALTERNATIVES]) for found in others]
 
 
 def _is_fitted(cause: Cause) -> bool:
