@@ -37,7 +37,7 @@ def built(tmp_path_factory) -> Path:
         shutil.copytree(ROOT / part, source / part, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
     for part in ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE"):
         shutil.copy(ROOT / part, source)
-    subprocess.run([sys.executable, "-m", "build", "--quiet", "--outdir", out, source], check=True, timeout=300)
+    subprocess.run([sys.executable, "-m", "build", "--outdir", out, source], check=True, timeout=300)
     return out
 
 
