@@ -7,15 +7,15 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-import hostile
+import attacks
 import numpy as np
 import pytest
 
 from raytwin.grade.lock import HELD, _without
 from raytwin.grade.sandbox import Code, Limits, Sandbox, group_of, probe
 
-NAMES = re.findall(r"@tried\ndef (\w+)", hostile.ATTACKS)
-OTHERS = re.findall(r"^def (\w+)\(\)", hostile.ATTACKS, re.MULTILINE)
+NAMES = re.findall(r"@tried\ndef (\w+)", attacks.ATTACKS)
+OTHERS = re.findall(r"^def (\w+)\(\)", attacks.ATTACKS, re.MULTILINE)
 SHORT = Limits(
     seconds=20, seconds_a_call=0.5, cpu_seconds=20, memory_mb=200, folder_mb=8, file_mb=4, processes=12, output_mb=2,
     answer_mb=4,
@@ -46,7 +46,7 @@ def outcome(tmp_path_factory):
             unix.bind("\0" + told["name"])
             unix.listen()
         limits = Limits(seconds=60, memory_mb=400, answer_mb=4)
-        with Sandbox(Code(source=hostile.ATTACKS, asked=(*NAMES, *OTHERS)), limits) as child:
+        with Sandbox(Code(source=attacks.ATTACKS, asked=(*NAMES, *OTHERS)), limits) as child:
             found = {name: child.call(name, told) for name in NAMES} | {n: child.call(n) for n in OTHERS}
             pid = child._process.pid
     return {**found, "folder": folder, "left": left_of(pid), "base": child._base}
@@ -115,9 +115,9 @@ def test_python_stays_readable_in_a_hidden_folder_and_what_is_hidden_in_it_does_
     assert names == {".venv": True, ".venv/bin": False, ".venv/lib": True, ".venv/lib/numpy": False}
 
 
-@pytest.mark.parametrize("name", hostile.ENDINGS)
+@pytest.mark.parametrize("name", attacks.ENDINGS)
 def test_an_ending_has_its_reason_and_leaves_nothing(name):
-    ending = hostile.ENDINGS[name]
+    ending = attacks.ENDINGS[name]
     limits = SHORT
     if name == "a loop that computes for too long":
         limits = Limits(seconds=20, cpu_seconds=1)
