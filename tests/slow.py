@@ -9,6 +9,8 @@ SLOW = (
     "bench/test_calibration_cost.py",
     "bench/test_power.py",
     "compare/test_decision.py::test_noise_alone_fails_no_more_often_than_stated",
+    "explore/test_explore.py::test_ctrl_c_ends_it",
+    "explore/test_explore.py::test_play_keeps_no_memory",
     "files/test_hostile_images.py",
     "grade/test_class.py",
     "grade/test_cluster.py",
@@ -67,6 +69,9 @@ SLOW = (
     "twin/test_truths.py",
     "twin/test_twin_camera.py::test_small_spheres_stand_where_opencv_projects_them",
     "twin/test_twin_render.py::test_variance_by_batches_predicts_the_spread_between_seeds",
+    "walk/test_walk.py::test_each_planted_mistake_is_said_in_words_and_the_walk_goes_on",
+    "walk/test_walk.py::test_the_notebook_runs_from_its_first_cell_to_its_last",
+    "walk/test_walk.py::test_with_its_functions_filled_in_it_arrives_at_the_twin",
 )
 
 

@@ -14,7 +14,7 @@ import tracers
 from raytwin.errors import InputError
 from raytwin.grade.gradescope import write_zip
 
-resource = pytest.importorskip("resource")
+pytest.importorskip("resource")
 
 RUBRIC = """
 title = "t"
@@ -31,6 +31,14 @@ visibility = "hidden"
 [limits]
 memory_mb = 300
 """
+MEASURED = """
+import resource, subprocess, sys
+done = subprocess.run(sys.argv[1:])
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+sys.exit(done.returncode)
+"""
+"""A small process of its own: its children begin with what it holds, and no other test's are among them."""
+
 MEGABYTES = 768
 """What Gradescope gives a container by default."""
 
@@ -57,12 +65,14 @@ def container(folder: Path, submission: str) -> tuple[dict, float]:
     python.write_text(f'#!/bin/sh\nPYTHONPATH="{source}" exec "{sys.executable}" "$@"\n')
     python.chmod(0o755)
     environment = os.environ | {"RAYTWIN_AUTOGRADER": str(base), "RAYTWIN_NO_INSTALL": "1"}
+    peak = 0.0
     for script in ("source/setup.sh", "run_autograder"):
         done = subprocess.run(
-            ["bash", str(base / script)], env=environment, capture_output=True, text=True, timeout=120
-        )
+            [sys.executable, "-c", MEASURED, "bash", str(base / script)],
+            env=environment, capture_output=True, text=True, timeout=120,
+        )  # fmt: skip
         assert done.returncode == 0, done.stdout + done.stderr
-    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1000
+        peak = max(peak, int(done.stdout.splitlines()[-1]) / 1000)
     return json.loads((base / "results" / "results.json").read_text()), peak
 
 
