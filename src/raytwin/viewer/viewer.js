@@ -164,10 +164,9 @@ class Viewer {
   update(name, pixels) {
     const v = this.values, pane = this.panes.get(name);
     pane.picture = ArrayBuffer.isView(pixels) ? null : pixels;
-    if (!pane.picture) {
-      v[name === "test" ? "t" : "r"] = pixels instanceof Uint16Array ? Float32Array.from(pixels, (word) => HALVES[word]) : pixels;
-      if (v.t && v.r) v.d = v.t.map((x, i) => x - v.r[i]);
-    }
+    if (pane.picture) return void (pane.figure.hidden || this.paint_pane(pane)); // nothing else has changed
+    v[name === "test" ? "t" : "r"] = pixels instanceof Uint16Array ? Float32Array.from(pixels, (word) => HALVES[word]) : pixels;
+    if (v.t && v.r) v.d = v.t.map((x, i) => x - v.r[i]);
     this.refresh();
   }
 
