@@ -9,6 +9,7 @@ import io
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import msgspec
@@ -142,13 +143,19 @@ TONES = {
 
 
 def to_screen(mean: np.ndarray, look: Look) -> np.ndarray:
-    """(H, W, 3) uint8 by the viewer's exposure, tone and gamma: a look-up for every half float."""
+    """(H, W, 3) uint8 by the viewer's exposure, tone and gamma."""
+    with np.errstate(over="ignore"):
+        return _bytes_of(look)[mean.astype(np.float16).view(np.uint16)]
+
+
+@lru_cache(4)
+def _bytes_of(look: Look) -> np.ndarray:
+    """(65536,) uint8: what is shown for every half float. Many pictures in a row have one look."""
     halves = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.float32)
     with np.errstate(all="ignore"):
         x = np.minimum(np.where(halves > 0, halves, 0) * 2.0**look.exposure, 1e9)
         y = files.srgb_encode(np.clip(TONES.get(look.tone, TONES["sRGB"])(x), 0, 1)) ** (1 / look.gamma)
-        table = np.nan_to_num(255 * y + 0.5).astype(np.uint8)
-        return table[mean.astype(np.float16).view(np.uint16)]
+        return np.nan_to_num(255 * y + 0.5).astype(np.uint8)
 
 
 def told(event: Mapping[str, Any], blobs: tuple[bytes, ...]) -> bytes:
