@@ -32,6 +32,26 @@ class Variant:
     change: Callable[[Any], Function]
 
 
+def before(change: Callable[..., tuple[Any, ...]]) -> Callable[[Function], Function]:
+    """A variant's `change`: the right function, called with other arguments."""
+    return lambda f: lambda *args: f(*change(*args))
+
+
+def after(change: Callable[..., Any]) -> Callable[[Function], Function]:
+    """The right function, its one result changed."""
+    return lambda f: lambda *args: change(f(*args))
+
+
+def instead(function: Function) -> Callable[[Function], Function]:
+    """Another function."""
+    return lambda f: function
+
+
+def unit(v: np.ndarray) -> np.ndarray:
+    """Vectors along the last axis, made unit."""
+    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
+
+
 @dataclass(frozen=True)
 class Stage:
     """A function of the contract. Its name, parameters and docstring are those of `reference`, which does it right.

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant
+from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant, after
 from raytwin.scene.lens import distort, undone
 from raytwin.tracer import undistort
 
@@ -80,10 +80,6 @@ def hint(expected: Arrays, got: Arrays) -> str:
 
 def _before(change: Callable[..., tuple[Any, ...]]) -> Callable[[Function], Function]:
     return lambda f: lambda K, dist, width, height: f(*change(np.array(K, float), np.array(dist, float), width, height))
-
-
-def _after(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Function], Function]:
-    return lambda f: lambda *args: change(f(*args))
 
 
 def _lens(undo: Callable[..., Any]) -> Callable[[Function], Function]:
@@ -200,14 +196,14 @@ VARIANTS = (
             "cy)"
             " = (K[0, 2], K[1, 2])", _before(_centred(0))),
     Variant("x and y swapped", "x and y of the rays are swapped: x belongs to the column u, y to the row v",
-            _after(lambda rays: rays[..., [1, 0, 2]])),
-    Variant("y up", "y points up: in the camera frame y points down, as rows do", _after(lambda rays: rays * [1, -1,
+            after(lambda rays: rays[..., [1, 0, 2]])),
+    Variant("y up", "y points up: in the camera frame y points down, as rows do", after(lambda rays: rays * [1, -1,
             1])),
     Variant("OpenGL's frame", "y points up and the rays go along -z, as in OpenGL: here y points down, and z forward",
-            _after(lambda rays: rays * [1, -1, -1])),
-    Variant("backwards", "the rays go backwards: z is forward, so it is positive", _after(lambda rays: -rays)),
+            after(lambda rays: rays * [1, -1, -1])),
+    Variant("backwards", "the rays go backwards: z is forward, so it is positive", after(lambda rays: -rays)),
     Variant("rows flipped", "the rows are upside down: row 0 is the top", _before(_flipped)),
-    Variant("not unit", "the rays are not unit: divide (x, y, 1) by its length", _after(lambda r: r / r[..., 2:])),
+    Variant("not unit", "the rays are not unit: divide (x, y, 1) by its length", after(lambda r: r / r[..., 2:])),
 )  # fmt: skip
 
 STAGE = Stage(back_project, ("rays",), cases, errors, 2e-5, "radians", VARIANTS, hint=hint)

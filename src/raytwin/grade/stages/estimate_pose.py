@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant
+from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant, before
 from raytwin.scene.lens import distort, undone
 from raytwin.tracer import undistort
 
@@ -124,10 +124,6 @@ def hint(expected: Arrays, got: Arrays) -> str:
 # ------------------------------------------------------------------------------------------ typical mistakes
 
 
-def _before(change: Callable[..., tuple[Any, ...]]) -> Callable[[Function], Function]:
-    return lambda f: lambda K, dist, object_points, image_points: f(*change(K, dist, object_points, image_points))
-
-
 def _after(change: Callable[[Any, Any], tuple[Any, Any]]) -> Callable[[Function], Function]:
     return lambda f: lambda *args: change(*f(*args))
 
@@ -161,13 +157,13 @@ def _one_focal_length(K: Any) -> np.ndarray:
 FLIP = np.diag([1.0, -1.0, -1.0])
 VARIANTS = (
     Variant("distortion not undone", "the distortion is not undone: dist is left out",
-            _before(lambda K, dist, p, q: (K, 0 * dist, p, q))),
-    Variant("distortion's sign", "the distortion is undone with the wrong sign", _before(lambda K, dist, p, q: (K,
+            before(lambda K, dist, p, q: (K, 0 * dist, p, q))),
+    Variant("distortion's sign", "the distortion is undone with the wrong sign", before(lambda K, dist, p, q: (K,
             -dist, p, q))),
     Variant("p1 and p2 left out", "the tangential distortion p1, p2 is left out",
-            _before(lambda K, dist, p, q: (K, dist * [1, 1, 0, 0, 1], p, q))),
+            before(lambda K, dist, p, q: (K, dist * [1, 1, 0, 0, 1], p, q))),
     Variant("coefficients' order", "the coefficients are read as k1, k2, k3, p1, p2: the order is k1, k2, p1, p2, k3",
-            _before(lambda K, dist, p, q: (K, dist[[0, 1, 3, 4, 2]], p, q))),
+            before(lambda K, dist, p, q: (K, dist[[0, 1, 3, 4, 2]], p, q))),
     Variant("transposed R", "R is transposed: p_cam = R @ p_board + t", _after(lambda R, t: (R.T, t))),
     Variant("inverse pose", "the inverse pose is returned, the camera's in the board's frame: p_cam = R @ p_board + t "
             "is "
@@ -190,22 +186,22 @@ VARIANTS = (
             _after(lambda R, t: (FLIP @ R, FLIP @ t))),
     Variant("half a pixel", "half a pixel is added to the image points: (0, 0) is the centre of the top-left pixel "
             "already",
-            _before(lambda K, dist, p, q: (K, dist, p, q + 0.5))),
+            before(lambda K, dist, p, q: (K, dist, p, q + 0.5))),
     Variant("half a pixel", "half a pixel is taken off the image points: (0, 0) is the centre of the top-left pixel "
             "already",
-            _before(lambda K, dist, p, q: (K, dist, p, q - 0.5))),
+            before(lambda K, dist, p, q: (K, dist, p, q - 0.5))),
     Variant("u and v swapped", "u and v of the image points are swapped: the column u comes first",
-            _before(lambda K, dist, p, q: (K, dist, p, q[:, ::-1]))),
+            before(lambda K, dist, p, q: (K, dist, p, q[:, ::-1]))),
     Variant("x and y swapped", "x and y of the board's points are swapped",
-            _before(lambda K, dist, p, q: (K, dist, p[:, [1, 0, 2]], q))),
-    Variant("board turned over", "the board's y points the other way", _before(lambda K, dist, p, q: (K, dist,
+            before(lambda K, dist, p, q: (K, dist, p[:, [1, 0, 2]], q))),
+    Variant("board turned over", "the board's y points the other way", before(lambda K, dist, p, q: (K, dist,
             p * [1, -1, 1], q))),
     Variant("origin in the board's middle", "the board's points are centred first, and t is that of their mean: t "
             "belongs "
-            "to the origin (0, 0, 0) of object_points", _before(lambda K, dist, p, q: (K, dist, p - p.mean(axis=0),
+            "to the origin (0, 0, 0) of object_points", before(lambda K, dist, p, q: (K, dist, p - p.mean(axis=0),
             q))),
     Variant("one focal length", "fx is used for both axes: v is divided by fy = K[1, 1]",
-            _before(lambda K, dist, p, q: (_one_focal_length(K), dist, p, q))),
+            before(lambda K, dist, p, q: (_one_focal_length(K), dist, p, q))),
 )  # fmt: skip
 
 STAGE = Stage(

@@ -1,11 +1,10 @@
 """A bounce's direction, drawn as often as Lambert's law weighs it: density max(0, n·ω) / π."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant
+from raytwin.grade.stage import Arrays, Case, Stage, Variant, instead
 
 
 def hemisphere(a: Any, b: Any) -> Any:
@@ -45,31 +44,27 @@ def hint(expected: Arrays, got: Arrays) -> str:
 # ------------------------------------------------------------------------------------------ typical mistakes
 
 
-def _instead(function: Callable[[Any, Any], Any]) -> Callable[[Function], Function]:
-    return lambda f: function
-
-
 VARIANTS = (
     Variant("even over the hemisphere", "the directions are even over the hemisphere, density 1 / 2π: z = 1 - a; "
             "Lambert's law wants cos θ / π, z = √(1 - a)",
-            _instead(lambda a, b: _raised(np.sqrt(1 - (1 - a) ** 2), 2 * np.pi * b))),
+            instead(lambda a, b: _raised(np.sqrt(1 - (1 - a) ** 2), 2 * np.pi * b))),
     Variant("even over the hemisphere", "the directions are even over the hemisphere, density 1 / 2π: z = a; Lambert's "
-            "law wants cos θ / π, z = √(1 - a)", _instead(lambda a, b: _raised(np.sqrt(1 - a**2), 2 * np.pi * b))),
+            "law wants cos θ / π, z = √(1 - a)", instead(lambda a, b: _raised(np.sqrt(1 - a**2), 2 * np.pi * b))),
     Variant("no root", "the disk's radius is a: its middle gets too many points; √a is even over the area",
-            _instead(lambda a, b: _raised(a, 2 * np.pi * b))),
+            instead(lambda a, b: _raised(a, 2 * np.pi * b))),
     Variant("a reversed", "z = √a: that is as likely, but here a = 0 is to be the normal itself, z = √(1 - a)",
-            _instead(lambda a, b: _raised(np.sqrt(1 - a), 2 * np.pi * b))),
+            instead(lambda a, b: _raised(np.sqrt(1 - a), 2 * np.pi * b))),
     Variant("angle even", "θ itself is even, θ = aπ/2: too many near the normal; sin² θ = a",
-            _instead(lambda a, b: _raised(np.sin(a * np.pi / 2), 2 * np.pi * b))),
+            instead(lambda a, b: _raised(np.sin(a * np.pi / 2), 2 * np.pi * b))),
     Variant("half a turn", "b goes half around only: the angle is 2πb",
-            _instead(lambda a, b: _raised(np.sqrt(a), np.pi * b))),
-    Variant("b in radians", "b is taken for radians: the angle is 2πb", _instead(lambda a, b: _raised(np.sqrt(a), b))),
+            instead(lambda a, b: _raised(np.sqrt(a), np.pi * b))),
+    Variant("b in radians", "b is taken for radians: the angle is 2πb", instead(lambda a, b: _raised(np.sqrt(a), b))),
     Variant("not unit", "the directions are not unit: z = 1 - a is not √(1 - x² - y²)",
-            _instead(lambda a, b: _raised(np.sqrt(a), 2 * np.pi * b, 1 - a))),
+            instead(lambda a, b: _raised(np.sqrt(a), 2 * np.pi * b, 1 - a))),
     Variant("a and b swapped", "a and b are swapped: a is the radius's, b the angle's",
-            _instead(lambda a, b: _raised(np.sqrt(b), 2 * np.pi * a))),
+            instead(lambda a, b: _raised(np.sqrt(b), 2 * np.pi * a))),
     Variant("x and y swapped", "x and y are swapped: x = √a cos 2πb",
-            _instead(lambda a, b: hemisphere(a, b)[:, [1, 0, 2]])),
+            instead(lambda a, b: hemisphere(a, b)[:, [1, 0, 2]])),
 )  # fmt: skip
 
 STAGE = Stage(hemisphere, ("directions",), cases, errors, 1e-5, "of 1", VARIANTS, hint=hint)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant
+from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant, before, unit
 from raytwin.scene import Sphere
 from raytwin.tracer import intersect_sphere as tracers
 
@@ -29,16 +29,16 @@ def cases(seed: int) -> list[Case]:
     """32 rays of each kind, none of them near the outline, where rounding decides."""
     rng = np.random.default_rng(seed)
     center, radius = rng.uniform([-0.1, -0.4, 0.6], [0.5, 0.2, 1.2]), float(rng.uniform(0.15, 0.3))
-    out = _unit(rng.normal(size=(32, 3)))
+    out = unit(rng.normal(size=(32, 3)))
     outside = center + radius * rng.uniform(1.5, 4, (32, 1)) * out
     inside = center + radius * rng.uniform(0.1, 0.8, (32, 1)) * out
-    aim = center + 0.8 * radius * _unit(rng.normal(size=(32, 3))) * rng.uniform(0, 1, (32, 1))
-    towards = _unit(aim - outside)
-    side = _unit(np.cross(out, rng.normal(size=(32, 3))))
+    aim = center + 0.8 * radius * unit(rng.normal(size=(32, 3))) * rng.uniform(0, 1, (32, 1))
+    towards = unit(aim - outside)
+    side = unit(np.cross(out, rng.normal(size=(32, 3))))
     sine = radius * rng.uniform(1.1, 1.4, (32, 1)) / np.linalg.norm(outside - center, axis=-1, keepdims=True)
     past = sine * side - np.sqrt(1 - sine**2) * out
     lengths = np.concatenate([rng.uniform(0.3, 0.8, (16, 1)), rng.uniform(1.3, 4, (16, 1))])
-    anywhere = _unit(rng.normal(size=(32, 3)))
+    anywhere = unit(rng.normal(size=(32, 3)))
     axes = np.eye(3)[[0, 1, 2]]
     drawn = (
         ("rays that meet it from outside", outside, towards),
@@ -55,10 +55,6 @@ def cases(seed: int) -> list[Case]:
         args = (o, d, center, radius)
         made.append(Case(shows, args, (intersect_sphere(*args),)))
     return made
-
-
-def _unit(v: np.ndarray) -> np.ndarray:
-    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
 def errors(expected: Arrays, got: Arrays) -> np.ndarray:
@@ -108,10 +104,6 @@ def _solved(
             return np.where(disc >= 0, choose(near, far), miss)
 
     return lambda f: wrong
-
-
-def _before(change: Callable[..., tuple[Any, ...]]) -> Callable[[Function], Function]:
-    return lambda f: lambda o, d, center, radius: f(*change(o, d, center, radius))
 
 
 def _miss(value: float) -> Callable[[Function], Function]:
@@ -173,21 +165,21 @@ VARIANTS = (
             _factors(lambda a, b, c: b * b - c, lambda a, b, s: -b + s)),
     Variant("t of unit rays", "t is that of unit directions: the directions are made unit inside, and t is not divided "
             "by their length afterwards",
-            _before(lambda o, d, c, r: (o, d / np.linalg.norm(d, axis=-1, keepdims=True), c, r))),
-    Variant("radius squared twice", "the radius is squared once too often", _before(lambda o, d, c, r: (o, d, c,
+            before(lambda o, d, c, r: (o, d / np.linalg.norm(d, axis=-1, keepdims=True), c, r))),
+    Variant("radius squared twice", "the radius is squared once too often", before(lambda o, d, c, r: (o, d, c,
             r * r))),
     Variant("radius not squared", "the radius is not squared: c = f·f - r²",
-            _before(lambda o, d, c, r: (o, d, c, np.sqrt(r)))),
+            before(lambda o, d, c, r: (o, d, c, np.sqrt(r)))),
     Variant("diameter", "the radius is halved: it is given as the radius, not as the diameter",
-            _before(lambda o, d, c, r: (o, d, c, r / 2))),
+            before(lambda o, d, c, r: (o, d, c, r / 2))),
     Variant("diameter", "the radius is doubled: it is given as the radius, and used as it is",
-            _before(lambda o, d, c, r: (o, d, c, 2 * r))),
+            before(lambda o, d, c, r: (o, d, c, 2 * r))),
     Variant("centre left out", "the sphere's centre is left out: f = origin - center",
-            _before(lambda o, d, c, r: (o, d, 0 * c, r))),
+            before(lambda o, d, c, r: (o, d, 0 * c, r))),
     Variant("origin left out", "the rays' origin is left out: f = origin - center",
-            _before(lambda o, d, c, r: (0 * o, d, c, r))),
+            before(lambda o, d, c, r: (0 * o, d, c, r))),
     Variant("f reversed", "f = center - origin in a formula that has f = origin - center: b has the wrong sign",
-            _before(lambda o, d, c, r: (2 * c - o, d, c, r))),
+            before(lambda o, d, c, r: (2 * c - o, d, c, r))),
     Variant("a factor 2 in b", "a factor 2 is missing in b: with a t² + b t + c it is b = 2 f·d",
             _factors(lambda a, b, c: b * b - 4 * a * c, lambda a, b, s: (-b + s) / (2 * a))),
     Variant("a factor 2 in b", "b = 2 f·d belongs to disc = b² - 4ac and (-b ± √disc) / 2a: here a 2 too many is left",

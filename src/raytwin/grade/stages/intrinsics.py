@@ -1,11 +1,10 @@
 """K from a board's homographies: Zhang, "A Flexible New Technique for Camera Calibration", PAMI 22(11), 2000."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant
+from raytwin.grade.stage import Arrays, Case, Stage, Variant, after, before
 
 
 def intrinsics(homographies: Any) -> Any:
@@ -68,27 +67,19 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
 # ------------------------------------------------------------------------------------------ typical mistakes
 
 
-def _before(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Function], Function]:
-    return lambda f: lambda homographies: f(change(np.asarray(homographies, float)))
-
-
-def _after(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Function], Function]:
-    return lambda f: lambda homographies: change(f(homographies))
-
-
 VARIANTS = (
     Variant("rows for columns", "h1 and h2 are taken from the rows of H: they are its first two columns, H[:, 0] and "
-            "H[:, 1]", _before(lambda H: H.transpose(0, 2, 1))),
+            "H[:, 1]", before(lambda H: (H.transpose(0, 2, 1),))),
     Variant("no scale of B", "B is known up to a scale: fx² = s / B11 with s = B33 + cx B13 + cy B23",
             lambda f: lambda H: _from_B(_solved(np.asarray(H, float)), scaled=False)),
-    Variant("K inverted", "that is K⁻¹: B = K⁻ᵀ K⁻¹", _after(np.linalg.inv)),
-    Variant("K transposed", "K is transposed: cx and cy stand in its last column", _after(lambda K: K.T)),
+    Variant("K inverted", "that is K⁻¹: B = K⁻ᵀ K⁻¹", after(np.linalg.inv)),
+    Variant("K transposed", "K is transposed: cx and cy stand in its last column", after(lambda K: K.T)),
     Variant("focal lengths swapped", "fx and fy are swapped: fx² = s / B11",
-            _after(lambda K: np.array([[K[1, 1], 0, K[0, 2]], [0, K[0, 0], K[1, 2]], [0, 0, 1]]))),
+            after(lambda K: np.array([[K[1, 1], 0, K[0, 2]], [0, K[0, 0], K[1, 2]], [0, 0, 1]]))),
     Variant("principal point swapped", "cx and cy are swapped: cx = -B13 / B11",
-            _after(lambda K: np.array([[K[0, 0], 0, K[1, 2]], [0, K[1, 1], K[0, 2]], [0, 0, 1]]))),
+            after(lambda K: np.array([[K[0, 0], 0, K[1, 2]], [0, K[1, 1], K[0, 2]], [0, 0, 1]]))),
     Variant("focal lengths squared", "fx and fy are squared: take the root",
-            _after(lambda K: np.array([[K[0, 0] ** 2, 0, K[0, 2]], [0, K[1, 1] ** 2, K[1, 2]], [0, 0, 1]]))),
+            after(lambda K: np.array([[K[0, 0] ** 2, 0, K[0, 2]], [0, K[1, 1] ** 2, K[1, 2]], [0, 0, 1]]))),
 )  # fmt: skip
 
 STAGE = Stage(intrinsics, ("K",), cases, errors, 1e-4, "of fx", VARIANTS)

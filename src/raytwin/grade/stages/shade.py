@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant
+from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant, before, unit
 from raytwin.tracer import lambert
 
 
@@ -28,9 +28,9 @@ def shade(points: Any, normals: Any, albedo: Any, to_light: Any, irradiance: Any
 def cases(seed: int) -> list[Case]:
     """24 points of each kind, with numbers that make every factor show."""
     rng = np.random.default_rng(seed)
-    to_light = _unit(rng.uniform([0.2, -0.8, 0.5], [0.8, -0.2, 0.9]))
+    to_light = unit(rng.uniform([0.2, -0.8, 0.5], [0.8, -0.2, 0.9]))
     E, sky = rng.uniform([2.0, 2.6, 3.2], [2.4, 3.0, 3.8]), rng.uniform([0.1, 0.2, 0.3], [0.15, 0.26, 0.4])
-    normals = _unit(rng.normal(size=(200, 3)))
+    normals = unit(rng.normal(size=(200, 3)))
     cosine = normals @ to_light
     lit, away = normals[(cosine > 0.15) & (cosine < 0.9)][:24], normals[cosine < -0.1][:24]
     points, each, one = rng.uniform(-0.2, 0.2, (24, 3)), rng.uniform(0.1, 0.95, (24, 3)), rng.uniform(0.2, 0.9, 3)
@@ -45,10 +45,6 @@ def cases(seed: int) -> list[Case]:
         ("light brighter than 1", (points, lit, each, to_light, 4 * E, 3 * sky)),
     )
     return [Case(shows, args, (shade(*args),)) for shows, args in drawn]
-
-
-def _unit(v: np.ndarray) -> np.ndarray:
-    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
 def errors(expected: Arrays, got: Arrays) -> np.ndarray:
@@ -70,10 +66,6 @@ def hint(expected: Arrays, got: Arrays) -> str:
 # ------------------------------------------------------------------------------------------ typical mistakes
 
 
-def _before(change: Callable[..., tuple[Any, ...]]) -> Callable[[Function], Function]:
-    return lambda f: lambda *args: f(*change(*args))
-
-
 def _terms(change: Callable[..., Any]) -> Callable[[Function], Function]:
     """Of `change(albedo, n·l, irradiance, sky)`."""
 
@@ -85,7 +77,7 @@ def _terms(change: Callable[..., Any]) -> Callable[[Function], Function]:
 
 def _lamp(p: Any, n: Any, a: Any, to_light: Any, E: Any, sky: Any) -> Any:
     """to_light taken for the place of a lamp."""
-    cosine = np.maximum(0, (n * _unit(to_light - p)).sum(-1))
+    cosine = np.maximum(0, (n * unit(to_light - p)).sum(-1))
     return a / np.pi * E * cosine[:, None] + a * sky
 
 
@@ -110,7 +102,7 @@ VARIANTS = (
     Variant("no cosine", "the cosine is left out: the sun's part is albedo / pi * E * max(0, n·l)",
             _terms(lambda a, c, E, s: a / np.pi * E * (c > 0) + a * s)),
     Variant("light reversed", "the light comes from the wrong side: to_light points from the surface to the sun",
-            _before(lambda p, n, a, d, E, s: (p, n, a, -d, E, s))),
+            before(lambda p, n, a, d, E, s: (p, n, a, -d, E, s))),
     Variant("lamp for sun", "to_light is taken for the place of a lamp: it is a direction, the same at every point",
             lambda f: _lamp),
     Variant("albedo missing", "the albedo is missing in the sun's part", _terms(lambda a, c, E,
@@ -120,7 +112,7 @@ VARIANTS = (
     Variant("albedo missing", "the albedo is missing in both parts", _terms(lambda a, c, E,
             s: E / np.pi * _lit(c) + s)),
     Variant("albedo squared", "the albedo is multiplied twice",
-            _before(lambda p, n, a, d, E, s: (p, n, a * a, d, E, s))),
+            before(lambda p, n, a, d, E, s: (p, n, a * a, d, E, s))),
     Variant("missing pi", "the sun's part is pi times too bright: albedo / pi * E * max(0, n·l)",
             _terms(lambda a, c, E, s: a * E * _lit(c) + a * s)),
     Variant("pi multiplied", "the sun's part is multiplied by pi: it is divided by it",
@@ -135,9 +127,9 @@ VARIANTS = (
     Variant("pi in the sky", "the sky's part is multiplied by pi: it is albedo * sky",
             _terms(lambda a, c, E, s: a / np.pi * E * _lit(c) + a * np.pi * s)),
     Variant("no sky", "the sky's part, albedo * sky, is missing",
-            _before(lambda p, n, a, d, E, s: (p, n, a, d, E, 0 * s))),
-    Variant("no sun", "the sun's part is missing", _before(lambda p, n, a, d, E, s: (p, n, a, d, 0 * E, s))),
-    Variant("sky twice", "the sky is added twice", _before(lambda p, n, a, d, E, s: (p, n, a, d, E, 2 * s))),
+            before(lambda p, n, a, d, E, s: (p, n, a, d, E, 0 * s))),
+    Variant("no sun", "the sun's part is missing", before(lambda p, n, a, d, E, s: (p, n, a, d, 0 * E, s))),
+    Variant("sky twice", "the sky is added twice", before(lambda p, n, a, d, E, s: (p, n, a, d, E, 2 * s))),
     Variant("sky only in the dark", "the sky is added only where the sun does not shine: it is added everywhere",
             _terms(lambda a, c, E, s: np.where(c > 0, a / np.pi * E * c, a * s))),
     Variant("sky only in the sun", "the sky is added only where the sun shines: it is added everywhere",
@@ -145,9 +137,9 @@ VARIANTS = (
     Variant("sky times the cosine", "the sky is multiplied by the cosine, too: only the sun is",
             _terms(lambda a, c, E, s: _lit(c) * (a / np.pi * E + a * s))),
     Variant("irradiance left out", "the irradiance is left out: the sun's part is albedo / pi * E * max(0, n·l)",
-            _before(lambda p, n, a, d, E, s: (p, n, a, d, (np.asarray(E) != 0) * 1.0, s))),
+            before(lambda p, n, a, d, E, s: (p, n, a, d, (np.asarray(E) != 0) * 1.0, s))),
     Variant("grey light", "the sun's colour is lost: irradiance has one number a channel",
-            _before(lambda p, n, a, d, E, s: (p, n, a, d, 0 * E + np.mean(E), s))),
+            before(lambda p, n, a, d, E, s: (p, n, a, d, 0 * E + np.mean(E), s))),
     Variant("clipped at 1", "radiance is cut off at 1: it has no upper bound", lambda f: lambda *x: _bounded(f(*x))),
     Variant("gamma", "a gamma of 1/2.2 is applied: radiance is linear", lambda f: lambda *x: _lit(f(*x)) ** (1 / 2.2)),
     Variant("BGR", "red and blue are swapped", lambda f: lambda *x: f(*x)[:, ::-1]),

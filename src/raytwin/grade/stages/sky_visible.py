@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant
+from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant, before
 
 
 def sky_visible(points: Any, normals: Any, centers: Any, radii: Any) -> Any:
@@ -57,10 +57,6 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
 # ------------------------------------------------------------------------------------------ typical mistakes
 
 
-def _before(change: Callable[..., tuple[Any, ...]]) -> Callable[[Function], Function]:
-    return lambda f: lambda *args: f(*change(*args))
-
-
 def _by(hidden: Callable[[Any, Any], Any]) -> Callable[[Function], Function]:
     return lambda f: lambda p, n, c, r: _share(p, n, c, r, hidden)
 
@@ -79,7 +75,7 @@ VARIANTS = (
     Variant("occlusion for light", "that is what is hidden: 1 - it is what is seen",
             lambda f: lambda *args: 1 - f(*args)),
     Variant("only the first sphere", "only the first sphere hides the sky: sum over all",
-            _before(lambda p, n, c, r: (p, n, c[:1], r[:1]))),
+            before(lambda p, n, c, r: (p, n, c[:1], r[:1]))),
     Variant("cosine of a vector that is not unit", "the cosine is that of a vector which is not unit: divide n·f by d",
             lambda f: lambda p, n, c, r: _scaled(p, n, c, r)),
     Variant("no occlusion", "nothing is hidden", lambda f: lambda p, n, c, r: np.ones(len(p))),

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant
+from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant, before, unit
 
 
 def sun_visible(points: Any, to_light: Any, centers: Any, radii: Any) -> Any:
@@ -32,7 +32,7 @@ def _visible(points: Any, to_light: Any, centers: Any, radii: Any, ahead: Any) -
 def cases(seed: int) -> list[Case]:
     """Points on a floor and on the spheres above it, none near a shadow's edge."""
     rng = np.random.default_rng(seed)
-    to_light = _unit(rng.uniform([0.3, 0.2, 0.8], [0.5, 0.4, 1.0]))
+    to_light = unit(rng.uniform([0.3, 0.2, 0.8], [0.5, 0.4, 1.0]))
     centers = np.array([[0.0, 0.0, 0.3], [0.5, 0.1, 0.25], [-0.4, 0.4, 0.5]]) + rng.uniform(-0.05, 0.05, (3, 3))
     centers[1] = centers[0] + 0.55 * to_light  # it shades the first, and what that shades
     radii = rng.uniform(0.12, 0.2, 3)
@@ -45,7 +45,7 @@ def cases(seed: int) -> list[Case]:
             [c + r * a for (c, r), a in zip(balls, away, strict=True)]
         ),
         "points on the spheres themselves": np.concatenate(
-            [c + r * _unit(rng.normal(size=(12, 3)) + 2 * to_light) for c, r in balls]
+            [c + r * unit(rng.normal(size=(12, 3)) + 2 * to_light) for c, r in balls]
         ),
     }
     made = []
@@ -68,19 +68,11 @@ def _sure(points: np.ndarray, to_light: np.ndarray, centers: np.ndarray, radii: 
     return np.asarray((np.reshape(found, (2, -1)) == same).all(axis=0))
 
 
-def _unit(v: np.ndarray) -> np.ndarray:
-    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
-
-
 def errors(expected: Arrays, got: Arrays) -> np.ndarray:
     return np.asarray(np.abs(got[0] - expected[0]))
 
 
 # ------------------------------------------------------------------------------------------ typical mistakes
-
-
-def _before(change: Callable[..., tuple[Any, ...]]) -> Callable[[Function], Function]:
-    return lambda f: lambda *args: f(*change(*args))
 
 
 def _by(ahead: Callable[[Any, Any], Any]) -> Callable[[Function], Function]:
@@ -107,19 +99,19 @@ VARIANTS = (
     Variant("spheres behind", "spheres behind the point block, too: only those with t > 0, towards the sun, are in the "
             "way", _by(lambda along, half: along == along)),
     Variant("light reversed", "the ray goes away from the sun: to_light points to it",
-            _before(lambda p, d, c, r: (p, -np.asarray(d), c, r))),
+            before(lambda p, d, c, r: (p, -np.asarray(d), c, r))),
     Variant("no shadows", "there are no shadows: 0 where a sphere is in the way",
             lambda f: lambda p, d, c, r: np.ones(len(p))),
     Variant("only the first sphere", "only the first sphere casts a shadow",
-            _before(lambda p, d, c, r: (p, d, c[:1], r[:1]))),
+            before(lambda p, d, c, r: (p, d, c[:1], r[:1]))),
     Variant("only the last sphere", "only the last sphere casts a shadow: each answer replaces the one before",
-            _before(lambda p, d, c, r: (p, d, c[-1:], r[-1:]))),
+            before(lambda p, d, c, r: (p, d, c[-1:], r[-1:]))),
     Variant("own shadow", "a sphere is in the way of its own points: rounding puts them a little inside, so start the "
             "ray a little off the surface, or leave the own sphere out", lambda f: _itself),
     Variant("spheres receive none", "points on the spheres are never in shadow: other spheres are in their way",
             lambda f: _never),
-    Variant("diameter", "the radius is halved", _before(lambda p, d, c, r: (p, d, c, np.asarray(r) / 2))),
-    Variant("radius not squared", "the radius is not squared", _before(lambda p, d, c, r: (p, d, c, np.sqrt(r)))),
+    Variant("diameter", "the radius is halved", before(lambda p, d, c, r: (p, d, c, np.asarray(r) / 2))),
+    Variant("radius not squared", "the radius is not squared", before(lambda p, d, c, r: (p, d, c, np.sqrt(r)))),
 )  # fmt: skip
 
 STAGE = Stage(sun_visible, ("visible",), cases, errors, 1e-6, "of 1", VARIANTS)

@@ -1,11 +1,10 @@
 """A tag's corners to its centre: where the diagonals cross, in pixels whose integers are the pixels' centres."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant
+from raytwin.grade.stage import Arrays, Case, Stage, Variant, after, instead
 
 
 def tag_centers(corners: Any) -> Any:
@@ -53,24 +52,16 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
 # ------------------------------------------------------------------------------------------ typical mistakes
 
 
-def _after(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Function], Function]:
-    return lambda f: lambda corners: change(f(corners))
-
-
-def _instead(function: Function) -> Callable[[Function], Function]:
-    return lambda f: function
-
-
 VARIANTS = (
     Variant("half a pixel left out", "half a pixel is to be taken off: the AprilTag library counts from the outer "
-            "corner of the top-left pixel, OpenCV from its centre", _after(lambda c: c + 0.5)),
-    Variant("half a pixel added", "half a pixel is added: it is to be taken off", _after(lambda c: c + 1)),
+            "corner of the top-left pixel, OpenCV from its centre", after(lambda c: c + 0.5)),
+    Variant("half a pixel added", "half a pixel is added: it is to be taken off", after(lambda c: c + 1)),
     Variant("mean of the corners", "the mean of the corners is taken: a tag's far half is seen smaller, so its centre "
-            "is where the diagonals cross", _instead(lambda corners: np.mean(corners, axis=1) - 0.5)),
+            "is where the diagonals cross", instead(lambda corners: np.mean(corners, axis=1) - 0.5)),
     Variant("mean of the corners and half a pixel", "the mean of the corners is taken, and half a pixel is not taken "
             "off: the centre is where the diagonals cross, less (0.5, 0.5)",
-            _instead(lambda corners: np.mean(corners, axis=1))),
-    Variant("x and y swapped", "u and v are swapped: u, along the rows, comes first", _after(lambda c: c[:, ::-1])),
+            instead(lambda corners: np.mean(corners, axis=1))),
+    Variant("x and y swapped", "u and v are swapped: u, along the rows, comes first", after(lambda c: c[:, ::-1])),
 )  # fmt: skip
 
 STAGE = Stage(tag_centers, ("centers",), cases, errors, 1e-3, "pixels", VARIANTS)
