@@ -208,33 +208,33 @@ def test_photos_that_disagree_widen_sigma_and_photos_that_agree_by_chance_narrow
     )
 
 
-def halves_apart(tags: dict, size, board, splits: int = 6) -> float:
+def halves_apart(tags: dict, size, board, model: str, splits: int = 6) -> float:
     """The rms of how far K of disjoint halves lie apart, in their joint sigmas."""
     rng, names, z = np.random.default_rng(7), sorted(tags), []
     for _ in range(splits):
         order = rng.permutation(len(names))
         parts = ({names[i]: tags[names[i]] for i in part} for part in np.array_split(order, 2))
-        a, b = (calibrate_detections(part, size, board) for part in parts)
+        a, b = (calibrate_detections(part, size, board, model) for part in parts)
         z.append((four(a) - four(b)) / np.hypot(*([c.sigma[n] for n in FOUR] for c in (a, b))))
     return float(np.sqrt(np.mean(np.square(z))))
 
 
 def test_halves_of_a_real_set_differ_by_what_their_sigmas_say(real_tags, real_board):
     tags, size = real_tags("april_fine")
-    assert 0.6 < halves_apart(tags, size, real_board("fine")) < 1.5
+    assert 0.6 < halves_apart(tags, size, real_board("fine"), "k1k2k3", 4) < 1.5
 
 
 def test_halves_of_the_shipped_photos_differ_by_what_their_sigmas_say(scenes):
     folder = scenes / "desk"
     board = read_board(folder / "board.toml")
     photos = sorted((folder / "photos").glob("*.jpg"))
-    assert 0.5 < halves_apart(detect_photos(photos, board.kind)[0], files.photo_size(photos[0]), board) < 1.5
+    tags = detect_photos(photos, board.kind)[0]
+    assert 0.5 < halves_apart(tags, files.photo_size(photos[0]), board, "k1k2") < 1.5
 
 
-def test_photos_that_err_as_one_widen_sigma(real_tags, real_board):
+def test_photos_that_err_as_one_widen_sigma(real_found):
     """A board that is not as described errs alike all over a photo: OpenCV's ± 0.66 on fx is a fifth of the truth."""
-    tags, size = real_tags("april_fine")
-    assert calibrate_detections(tags, size, real_board("fine")).sigma["fx"] > 2
+    assert real_found("april_fine").sigma["fx"] > 2
 
 
 def test_a_poses_sigma_is_how_far_poses_lie_off():
@@ -369,12 +369,9 @@ def test_a_photo_at_odds_with_the_rest_is_named(spoil):
     assert ("turned by half a turn, it fits" in named[0]) == (spoil is upside_down)
 
 
-@pytest.mark.parametrize(
-    ("name", "board"), [("april_fine", "fine"), ("desk_tilted", "coarse"), ("desk_degenerate", "coarse")]
-)
-def test_no_photo_of_a_real_set_is_called_odd(name, board, real_tags, real_board):
-    tags, size = real_tags(name)
-    assert "odd-photo" not in codes(calibrate_detections(tags, size, real_board(board)))
+@pytest.mark.parametrize("name", ["april_fine", "desk_tilted", "desk_degenerate"])
+def test_no_photo_of_a_real_set_is_called_odd(name, real_found):
+    assert "odd-photo" not in codes(real_found(name))
 
 
 def test_each_photo_says_how_much_it_pulls():
@@ -394,7 +391,7 @@ def stretched(board: Board, by: float) -> Board:
 
 def test_a_pitch_wrong_in_one_direction_is_blamed_on_the_board():
     _, _, tags = views(count=14)
-    found = calibrate_detections(tags, SIZE, stretched(SMALL, 1 / 1.09))
+    found = calibrate_detections(tags, SIZE, stretched(SMALL, 1 / 1.09), "k1k2")
     (text,) = [w.text for w in found.warnings if w.code == "board-pitch"]
     assert text.startswith("the board's pitch in y looks wrong by 1.09")
     assert not any("fx / fy" in w.text for w in found.warnings)
