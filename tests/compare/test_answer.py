@@ -62,8 +62,19 @@ def test_noise_of_the_reference_alone_believes_no_claim():
     assert compare(wrong, REFERENCE, noise="reference").verdict == "fail"
     free = compare(Image(TRUTH.astype(np.float32), a.variance), REFERENCE, noise="reference")
     assert free == msgspec.structs.replace(compare(Image(TRUTH.astype(np.float32)), REFERENCE), seconds=free.seconds)
-    with pytest.raises(InputError, match="both or reference"):
+    with pytest.raises(InputError, match="both, reference or none"):
         compare(a, REFERENCE, noise="mine")
+
+
+def test_where_neither_may_have_noise_what_scatters_is_an_error_and_what_rounds_is_none():
+    right = Image(TRUTH.astype(np.float32))
+    noisy = render(np.random.default_rng(4), TRUTH, samples=64)
+    for claim in (noisy.variance, None):
+        assert compare(replace(noisy, variance=claim), right, noise="none").verdict == "fail"
+    rounded = Image((np.round(right.mean * 256) / 256).astype(np.float32))
+    assert compare(rounded, right, noise="none").verdict == "fail"
+    half = np.full(TRUTH.shape, 1 / 512, np.float32)
+    assert compare(rounded, right, noise="none", half_steps=(half, None)).passed
 
 
 def test_what_is_too_noisy_to_see_a_tenth_of_the_mean_is_undecided():

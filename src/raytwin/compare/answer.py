@@ -81,6 +81,10 @@ class Question:
             return self._by_scatter(first, shift, must_see, untold)
         return first
 
+    def exactly(self) -> Answer:
+        """Of images without noise: value by value."""
+        return self._exact(None if (rounding := self._rounding()[0]) is None else rounding.value)
+
     # ---------------------------------------------------------------------------------- within
 
     def _filled(self) -> "Question":
@@ -125,7 +129,7 @@ class Question:
     def _by_what_is_told(self, shift: Shift | None, must_see: float) -> Answer:
         rounding, self = self._rounding()
         if self.test.variance is None and self.reference.variance is None:
-            return self._exact(None if rounding is None else rounding.value)
+            return self.exactly()
         a, b = self.test, self.reference
         much = 0.0
         if a.variance is not None:

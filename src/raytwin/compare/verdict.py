@@ -38,7 +38,7 @@ def compare(
     tolerance: Tolerance = Tolerance(),  # noqa: B008 (frozen)
     false_alarm_rate: float = 1e-3,
     must_see: float = MUST_SEE,
-    noise: Literal["both", "reference"] = "both",
+    noise: Literal["both", "reference", "none"] = "both",
     half_steps: tuple[Pixels | None, Pixels | None] = (None, None),
     flip: bool = False,
 ) -> Comparison:
@@ -48,14 +48,15 @@ def compare(
     then radiance. Values without noise must meet `tolerance`; for the others `false_alarm_rate` is the probability
     that two images that differ by noise alone fail. A pass that would have missed `must_see` of the mean is undecided.
 
-    `noise="reference"` believes no variance that the test claims. `half_steps` (H, W, 3) are what the test's and the
+    `noise="reference"` believes no variance that the test claims; with "none" neither has noise, and what scatters is
+    an error: for a tracer that is asked for one ray a pixel. `half_steps` (H, W, 3) are what the test's and the
     reference's format may have rounded off. `flip` adds the perceptual metric, which takes longer than all else. A bad
     image never raises: it fails.
     """
     if not 0 < false_alarm_rate < 1:
         raise InputError("false_alarm_rate", "a probability between 0 and 1", false_alarm_rate)
-    if noise not in ("both", "reference"):
-        raise InputError("noise", "both or reference", noise)
+    if noise not in ("both", "reference", "none"):
+        raise InputError("noise", "both, reference or none", noise)
     start = time.perf_counter()
     # Finite values near float32's end may overflow when squared: infinite errors fail, and need no warning.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -85,8 +86,10 @@ def _compare(
         return _made(findings, geometry=geometry, radiance=radiance)
     perceptual = Perceptual(measure(test.mean, reference.mean, ["flip_hdr"])["flip_hdr"] if flip else None)
 
-    if noise == "reference":
+    if noise != "both":
         test = replace(test, variance=None, samples=0, batches=None)
+    if noise == "none":
+        reference = replace(reference, variance=None)
     unit = unit_of(scale)
     if not SAFE_UNITS[0] <= unit <= SAFE_UNITS[1]:
         test, reference = _scaled(test, unit), _scaled(reference, unit)
@@ -97,14 +100,14 @@ def _compare(
         unit = 1.0
     # Where both tell what they see, and see the same, nothing is shifted.
     aligned = geometry.mask_mismatch_pixels is not None and not any(f.rank == SILHOUETTE for f in findings)
-    shift = None if aligned else find_shift(test.mean, reference.mean)
+    shift = None if aligned or noise == "none" else find_shift(test.mean, reference.mean)
     # Another light pulls at the edges too: that is no shift to be told of.
     if shift is not None and shift.sigma <= SURE_SHIFT and (shift.better_than_light or not shift.significant):
         geometry = msgspec.structs.replace(geometry, shift_px=shift.length)
     mismatch = geometry.mask_mismatch_pixels or 0
     excused = mismatch if mismatch <= tolerance.mask_pixels else 0
     question = Question(test, reference, tolerance, Bound(tolerance.p999_abs, scale), unit, rate, half_steps, excused)
-    answer = question.answer(shift, must_see)
+    answer = question.exactly() if noise == "none" else question.answer(shift, must_see)
     findings += answer.findings
     told = any(f.rank == SHIFT for f in findings)
     if findings and not answer.doubts and shift is not None and shift.certain and not told:

@@ -35,13 +35,12 @@ from raytwin.grade.lock import HELD
 from raytwin.grade.result import Marked, Part, Picture, Result, Status
 from raytwin.grade.rubric import Exercise, Rubric, read_rubric
 from raytwin.grade.sandbox import Answer, Code, Sandbox, probe
-from raytwin.grade.sight import View
+from raytwin.grade.sight import View, traced_once
 from raytwin.grade.stage import Case
 from raytwin.grade.submission import cells
 from raytwin.image import Image
 from raytwin.methods.exchange import as_arrays, as_json
 from raytwin.scene import Scene, Tolerance
-from raytwin.tracer import trace
 from raytwin.viewer import pack
 
 CODE = (".py", ".ipynb")
@@ -199,7 +198,7 @@ def _asked(rubric: Rubric, seed: int) -> Iterator[_Asked]:
             yield _reference(rubric, exercise, name)
         for i in range(exercise.drawn):
             scene = draw_scene(own + i, name=f"drawn {next(drawn)}")
-            yield _shown(exercise, scene, np.asarray(trace(scene, exercise.rung).mean, float), Tolerance())
+            yield _shown(exercise, scene, np.asarray(traced_once(scene, exercise.rung).mean, float), Tolerance())
 
 
 def _reference(rubric: Rubric, exercise: Exercise, name: str) -> _Asked:
@@ -407,7 +406,7 @@ def _radiance(
     should = np.clip(right, 0, 1) if clipped else right
     with np.errstate(over="ignore"):
         test, reference = (Image(x.astype(np.float32)) for x in (got, should))
-    made = compare(test, reference, tolerance=asked.tolerance, noise="reference", half_steps=(half, None))
+    made = compare(test, reference, tolerance=asked.tolerance, noise="none", half_steps=(half, None))
     error = made.radiance.p999_abs
     finite = error is not None and bool(np.isfinite(got).all())
     with np.errstate(invalid="ignore"):

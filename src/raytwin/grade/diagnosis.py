@@ -37,6 +37,8 @@ RARE = 3e-3
 SCREEN = 4
 """Every fault is tried on one in so many of the pixels first."""
 FINALISTS = 24
+CLEAR = 0.1
+"""Of the cost: what leaves less of it is looked at no further for numbers to be fitted."""
 SPECKLED = 0.2
 """Share of right neighbours from which on wrong pixels are speckles."""
 HOPELESS = 0.97
@@ -201,13 +203,12 @@ def _round(
         if any(cause.name == fault.name for cause in before.causes):
             continue
         cause = Cause(fault.name, fault.stage, fault.sentence)
-        for way in fault.ways:
-            steps = way(before.steps)
-            tried.append(Guess((*before.causes, cause), steps, total(small, steps)))
-    tried.sort(key=lambda g: g.cost)
-    exact = [_weighed(g, sights) for g in tried[:FINALISTS]]
-    exact.sort(key=lambda g: g.cost)
-    if not families or (exact and exact[0].cost < 0.1 * before.cost and _good(sights, exact[0].steps)):
+        tried += [Guess((*before.causes, cause), way(before.steps)) for way in fault.ways]
+    seen, unseen = _screened(before, tried, small)
+    exact = _finalists(seen, sights)
+    if unseen and not (exact and _good(sights, exact[0].steps)):
+        exact = _finalists([*seen, *(replace(g, cost=total(small, g.steps)) for g in unseen)], sights)
+    if not families or (exact and exact[0].cost < CLEAR * before.cost and _good(sights, exact[0].steps)):
         return exact
     fitted = []
     for family in promising(families, small, before.steps, FITS):
@@ -220,6 +221,30 @@ def _round(
         extra = 0.01 * before.cost * len(p)
         fitted.append(Guess((*before.causes, cause), family.make(p)(before.steps), cost + extra, refit))
     return sorted((*exact, *fitted), key=lambda g: g.cost)
+
+
+def _screened(before: Guess, tried: list[Guess], small: list[Sight]) -> tuple[list[Guess], list[Guess]]:
+    """The guesses with their cost on every scene; and those that one scene rules out, since another guess leaves less
+    than half of that on all of them together: no scene's cost is negative.
+    """
+    base = total(small, before.steps)
+    first, *rest = sorted(small, key=lambda s: -s.cost(s.errors(before.steps)))
+    least = [first.cost(first.errors(g.steps)) / len(small) for g in tried]
+    seen, unseen, best = [], [], np.inf
+    for k in np.argsort(least, kind="stable"):
+        if best < CLEAR * base and least[k] > 2 * CLEAR * base:
+            unseen.append(tried[k])
+            continue
+        cost = least[k] + sum(s.cost(s.errors(tried[k].steps)) for s in rest) / len(small)
+        best = min(best, cost)
+        seen.append(replace(tried[k], cost=cost))
+    return seen, unseen
+
+
+def _finalists(screened: list[Guess], sights: Sequence[Sight]) -> list[Guess]:
+    """The best, by their cost at all pixels."""
+    chosen = sorted(screened, key=lambda g: g.cost)[:FINALISTS]
+    return sorted((_weighed(g, sights) for g in chosen), key=lambda g: g.cost)
 
 
 def _distinct(faults: Sequence[Fault], small: Sequence[Sight]) -> list[Fault]:

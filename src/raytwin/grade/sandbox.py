@@ -407,7 +407,8 @@ def group_of(number: int) -> tuple[int, int]:
     count, pages = 0, 0
     for pid in _processes():
         with contextlib.suppress(OSError, ValueError, IndexError):
-            told = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()  # after the name, which is free
+            with open(f"/proc/{pid}/stat", "rb", 0) as file:  # ten times a second: Path takes thrice as long
+                told = file.read(1024).rpartition(b")")[2].split()  # after the name, which is free
             if int(told[2]) == number and told[0] != b"Z":  # a dead one may wait long for its parent
                 count, pages = count + 1, pages + int(told[21])
     return count, pages * PAGE
@@ -415,7 +416,7 @@ def group_of(number: int) -> tuple[int, int]:
 
 def _processes() -> Iterator[int]:
     with contextlib.suppress(OSError):
-        yield from (int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit())
+        yield from (int(name) for name in os.listdir("/proc") if name.isdigit())
 
 
 def _owner(pid: int) -> int | None:

@@ -1,5 +1,6 @@
 """A submitted picture beside what is right, at chosen pixels: where it is wrong, how well a change explains it."""
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -10,6 +11,7 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.grade.predict import RIGHT, Array, Bench, Plain, Steps
+from raytwin.image import Image
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, Sphere
 from raytwin.scene.lens import without_ray
@@ -162,7 +164,7 @@ def thinned(view: View) -> tuple[View, int, Array, Array]:
     scene = _of_spheres(view.scene) if view.points else view.scene
     step = math.ceil(math.sqrt(camera.width * camera.height / GRID))
     thin = scene.with_camera(every(camera, step))
-    traced = trace(thin, view.rung if view.rung in RADIANCE and RUNGS[view.rung].lit else "lambert")
+    traced = traced_once(thin, view.rung if view.rung in RADIANCE and RUNGS[view.rung].lit else "lambert")
     assert traced.surface is not None
     half, right = view.half, view.right
     cut = slice(None, None, step)
@@ -179,6 +181,12 @@ def thinned(view: View) -> tuple[View, int, Array, Array]:
     half = None if half is None else half[cut, cut]
     made = replace(view, scene=scene, shown=shown[cut, cut].astype(float), right=right, half=half)
     return made, step, _outlines(traced.surface.ids), rays
+
+
+@functools.lru_cache(maxsize=16)
+def traced_once(scene: Scene, rung: str) -> Image:
+    """The tracer's picture, the same for all that are held to it."""
+    return trace(scene, rung)
 
 
 def _unknown(view: View) -> tuple[View, int, Array, Array]:
