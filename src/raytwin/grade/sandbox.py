@@ -407,16 +407,24 @@ def group_of(number: int) -> tuple[int, int]:
     count, pages = 0, 0
     for pid in _processes():
         with contextlib.suppress(OSError, ValueError, IndexError):
-            with open(f"/proc/{pid}/stat", "rb", 0) as file:  # ten times a second: Path takes thrice as long
-                told = file.read(1024).rpartition(b")")[2].split()  # after the name, which is free
+            told = _start_of(f"/proc/{pid}/stat").rpartition(b")")[2].split()  # after the name, which is free
             if int(told[2]) == number and told[0] != b"Z":  # a dead one may wait long for its parent
                 count, pages = count + 1, pages + int(told[21])
     return count, pages * PAGE
 
 
 def _processes() -> Iterator[int]:
-    with contextlib.suppress(OSError):
-        yield from (int(name) for name in os.listdir("/proc") if name.isdigit())
+    with contextlib.suppress(OSError), os.scandir("/proc") as entries:
+        yield from (int(entry.name) for entry in entries if entry.name.isdigit())
+
+
+def _start_of(path: str) -> bytes:
+    """Its first bytes; a hundred files ten times a second, so no Path."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        return os.read(descriptor, 1024)
+    finally:
+        os.close(descriptor)
 
 
 def _owner(pid: int) -> int | None:
