@@ -1,4 +1,5 @@
 import dataclasses
+import os
 import zipfile
 
 import msgspec
@@ -67,6 +68,14 @@ def test_a_crafted_file_is_rendered_again(scene, tmp_path):
     assert same(first, render(scene, "path", samples=2))
 
 
+def test_a_pipe_in_the_cache_is_not_waited_for(scene, tmp_path):
+    first = render(scene, "shadow")
+    (file,) = tmp_path.glob("renders/*.npz")
+    file.unlink()
+    os.mkfifo(file)
+    assert same(first, render(scene, "shadow"))
+
+
 def test_everything_that_moves_a_pixel_is_in_the_key(scene):
     base = dict(rung="path", samples=4)  # noqa: C408
     sun = msgspec.structs.replace(scene.sun, irradiance=(1.0, 1.0, 1.0))
@@ -93,8 +102,6 @@ def test_noise_free_renders_ignore_the_seed(scene):
 
 
 def test_the_cache_drops_what_was_used_longest_ago(scene, tmp_path, monkeypatch):
-    import os
-
     for seed in range(4):
         render(scene, "path", samples=2, seed=seed)
     kept = sorted(tmp_path.glob("renders/*.npz"))
@@ -111,8 +118,6 @@ def test_the_cache_drops_what_was_used_longest_ago(scene, tmp_path, monkeypatch)
 
 
 def test_use_keeps_a_render_young(scene, tmp_path):
-    import os
-
     render(scene, "path", samples=2)
     (file,) = tmp_path.glob("renders/*.npz")
     os.utime(file, (1e9, 1e9))

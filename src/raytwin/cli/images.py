@@ -32,7 +32,9 @@ def compare_command(
     seed: Annotated[int, typer.Option(help="Of the twin's samples.")] = 0,
     photo: Annotated[str | None, typer.Option(metavar="NAME", help="Which photo's camera to stand at.")] = None,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="Render at another size than the camera's.")] = None,
-    cache: Annotated[bool, typer.Option(help="Reuse the twin's renders of the same content.")] = True,
+    cache: Annotated[
+        bool, typer.Option(help="Reuse the twin's renders, and the tags in photos, of the same content.")
+    ] = True,
     flip: Flip = False,
     json: JsonFile = None,
     out: Annotated[

@@ -95,7 +95,7 @@ def compare_scene(
         backend = twin.activate()
     written = files.read_scene(path)
     with stages.stage("calibrate"):
-        scene, photo_path, calibration, pose = find_camera(written, photo, stages)
+        scene, photo_path, calibration, pose = find_camera(written, photo, stages, cache)
     truth: tuple[TruthRow, ...] = ()
     if photo_path is not None and calibration is not None and (truth_file := photo_path.parent / "truth.toml").exists():
         truth = compare_truth(photographer.read_truth(truth_file), calibration, scene.camera, photo_path.name, pose)

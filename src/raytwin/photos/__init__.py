@@ -17,6 +17,7 @@ from raytwin.photos.calibration import (
 from raytwin.photos.detection import NoTags, Tag, detect, detect_photo, detect_photos
 from raytwin.photos.doubts import CODES
 from raytwin.photos.fit import MODELS
+from raytwin.photos.kept import detect_photo_once
 from raytwin.photos.lens import project
 from raytwin.photos.model import ModelTrial, Told, explained
 from raytwin.photos.pose import (
@@ -53,6 +54,7 @@ __all__ = [
     "camera_of_photo",
     "detect",
     "detect_photo",
+    "detect_photo_once",
     "detect_photos",
     "deviations",
     "explained",

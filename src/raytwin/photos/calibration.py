@@ -20,7 +20,7 @@ from raytwin.boards.board import spans_a_plane
 from raytwin.errors import InputError
 from raytwin.photos import lens, pose
 from raytwin.photos.bias import center_bias, unbiased
-from raytwin.photos.detection import Find, Tag, detect, detect_photos
+from raytwin.photos.detection import Find, Read, Tag, detect, detect_photos
 from raytwin.photos.doubts import coverage, doubts_about, tilts
 from raytwin.photos.fit import INTRINSICS, MODELS, Fit, Form, Seen, fit, matched
 from raytwin.photos.model import ModelTrial, name, select_model
@@ -148,8 +148,9 @@ def calibrate(
     progress: Progress = silent,
     find: Find = detect,
     threads: int | None = None,
+    read: Read | None = None,
 ) -> Calibration:
-    """The camera that took `photos`, all of one size, of one board, or of several. `find`, `threads`: `detect_photos`.
+    """The camera that took `photos`, all of one size, of one board, or of several; the rest as `detect_photos` has it.
 
     Photos without tags, and those of another size, are left out with a warning as long as three others remain. Raises
     InputError for anything from which no camera follows.
@@ -164,7 +165,7 @@ def calibrate(
     found: dict[str, dict[str, list[Tag]]] = {}
     wrong: dict[str, str] = {}
     for kind in dict.fromkeys(b.kind for b in boards):
-        found[kind], without = detect_photos(paths, kind, progress, find, threads)
+        found[kind], without = detect_photos(paths, kind, progress, find, threads, read)
         wrong |= without
     wrong = {p: why for p, why in wrong.items() if not any(p in tags for tags in found.values())}
     unique = len({p.name for p in paths}) == len(paths)

@@ -40,7 +40,7 @@ def write_all(result: "Result", folder: Path, json: Path | None = None, progress
         jobs.append(partial(files.write_picture, folder / "augmented.png", augmented))
     if alike:
         jobs.append(lambda: files.write_picture(folder / "overview.png", overview(result)))
-    with ThreadPoolExecutor(1) as pool:  # EXRs and PNGs are packed without the interpreter: one core packs, one draws
+    with ThreadPoolExecutor(2) as pool:  # EXRs and PNGs are packed without the interpreter, while the page is drawn
         writing = [pool.submit(job) for job in jobs]
         progress("page", 0, 1)
         write_report(result, folder / "report.html")

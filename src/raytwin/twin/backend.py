@@ -124,7 +124,7 @@ def choose(forced: str | None = None) -> Backend:
     """The backend that `activate` would make current: remembered on this machine, or found by probing."""
     start = time.perf_counter()
     paths = llvm_candidates() if forced in (None, "llvm_ad_rgb") else []
-    memory = cache_folder() / f"backend-{_machine(forced, paths)}.json"
+    memory = files.cache_folder() / f"backend-{_machine(forced, paths)}.json"
     with contextlib.suppress(OSError, msgspec.MsgspecError):
         known = msgspec.json.decode(memory.read_bytes(), type=Backend)
         if known.variant not in VARIANTS or known.libllvm not in (None, *paths):
@@ -254,13 +254,6 @@ def _newest_first(paths: list[Path] | Iterator[Path]) -> list[str]:
 # ---------------------------------------------------------------------------------------------- what is remembered
 
 
-def cache_folder() -> Path:
-    """The user's cache folder of raytwin, or RAYTWIN_CACHE."""
-    import platformdirs
-
-    return Path(os.environ.get("RAYTWIN_CACHE") or platformdirs.user_cache_dir("raytwin", appauthor=False))
-
-
 def versions() -> dict[str, str]:
     """Python's version and those of the packages that decide what a render looks like."""
     found = {"python": platform.python_version()}
@@ -300,7 +293,7 @@ def doctor() -> list[tuple[str, str]]:
     rows = [*versions().items()]
     rows.append(("processor", next((s.split(":")[1].strip() for s in _processor().splitlines() if "model" in s), "?")))
     rows.append(("cores", str(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count())))
-    rows.append(("cache", str(cache_folder())))
+    rows.append(("cache", str(files.cache_folder())))
     settings = ("RAYTWIN_VARIANT", "RAYTWIN_NO_LLVM", "DRJIT_LIBLLVM_PATH")
     rows += [(name, os.environ[name]) for name in settings if os.environ.get(name) not in (None, "", _set_here)]
     candidates = llvm_candidates()

@@ -1,7 +1,6 @@
 """Renders kept by content: the name is a hash of everything that decides the pixels, so nothing is ever stale."""
 
 import contextlib
-import os
 import zipfile
 import zlib
 from pathlib import Path
@@ -12,19 +11,20 @@ import numpy as np
 from raytwin import files
 from raytwin.errors import InputError
 from raytwin.image import Image, Surface
-from raytwin.twin.backend import cache_folder
 
 LIMIT = 2 << 30
 """Bytes; beyond it the renders used longest ago go."""
 
 
 def path_of(key: str) -> Path:
-    return cache_folder() / "renders" / f"{key}.npz"
+    return files.cache_folder() / "renders" / f"{key}.npz"
 
 
 def load(key: str, shape: tuple[int, ...]) -> Image | None:
     """The image kept under `key`, of `shape` (H, W, 3); None where there is none, or one that no render can be."""
     path = path_of(key)
+    if not files.is_plain(path):
+        return None
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
             found = {name: kept[name] for name in kept.files}
@@ -39,8 +39,7 @@ def load(key: str, shape: tuple[int, ...]) -> Image | None:
         return None
     if not _is_whole(image, shape):
         return None
-    with contextlib.suppress(OSError):
-        os.utime(path)
+    files.mark_used(path)
     return image
 
 
@@ -58,6 +57,8 @@ def _is_whole(image: Image, shape: tuple[int, ...]) -> bool:
 def store(key: str, image: Image) -> None:
     """Keep the image; a cache that cannot be written is no error."""
     assert image.surface is not None  # the twin always has one
+    if not files.is_plain(path_of(key)):
+        return
     parts: dict[str, Any] = {"mean": image.mean, "samples": image.samples}
     if image.variance is not None:
         parts |= {"variance": image.variance, "batches": image.batches}
@@ -65,13 +66,4 @@ def store(key: str, image: Image) -> None:
     with contextlib.suppress(InputError, OSError):
         with files.replacing(path_of(key)) as temporary:
             np.savez(temporary, **parts)
-        _shrink(path_of(key).parent)
-
-
-def _shrink(folder: Path) -> None:
-    kept = sorted(((f.stat().st_mtime, f.stat().st_size, f) for f in folder.glob("*.npz")), reverse=True)
-    total = 0
-    for _, size, file in kept:
-        total += size
-        if total > LIMIT:
-            file.unlink(missing_ok=True)
+        files.drop_oldest(path_of(key).parent, LIMIT)

@@ -1,0 +1,37 @@
+"""What is kept between runs, by content: a file's name is a hash of all that decides what is in it, so none is stale.
+
+A kept file may be damaged, or of another's making: whoever reads one checks it, and makes anew what is not sound.
+"""
+
+import contextlib
+import os
+from pathlib import Path
+
+
+def cache_folder() -> Path:
+    """The user's cache folder of raytwin, or RAYTWIN_CACHE."""
+    import platformdirs
+
+    return Path(os.environ.get("RAYTWIN_CACHE") or platformdirs.user_cache_dir("raytwin", appauthor=False))
+
+
+def is_plain(path: Path) -> bool:
+    """A file, or nothing yet; a planted pipe would be waited for without end."""
+    return path.is_file() or not path.exists()
+
+
+def mark_used(path: Path) -> None:
+    """What was used last is dropped last."""
+    with contextlib.suppress(OSError):
+        os.utime(path)
+
+
+def drop_oldest(folder: Path, limit: int) -> None:
+    """Of a folder's files the ones used longest ago go, so that no more than `limit` bytes stay."""
+    files = (f for f in folder.iterdir() if f.is_file() and not f.name.startswith("."))  # others are being written
+    known = sorted(((f.stat().st_mtime, f.stat().st_size, f) for f in files), reverse=True)
+    total = 0
+    for _, size, file in known:
+        total += size
+        if total > limit:
+            file.unlink(missing_ok=True)
