@@ -4,6 +4,7 @@ import base64
 import io
 import math
 
+import msgspec
 import numpy as np
 import pytest
 from PIL import Image as Pillow
@@ -55,6 +56,27 @@ def test_a_file_is_written_whole_or_not_at_all(calibration, tmp_path):
     with pytest.raises(InputError, match=r"map\.png"):
         report.write_uncertainty(calibration, tmp_path / "map.png" / "map.png")
     assert [p.name for p in tmp_path.iterdir()] == ["map.png"]
+
+
+def test_a_boards_picture_is_brightest_where_it_is_highest_one_file_a_board(calibration, tmp_path):
+    """z = c x y, x to the right and y up: high in two corners, low in the two others."""
+    (board,) = calibration.basis.boards
+    bent = msgspec.structs.replace(board, heights=boards.Heights(2, (0.0, 1e-3, 0.0)))
+    evidence = msgspec.structs.replace(calibration.basis, boards=(bent, board))
+    report.write_bends(msgspec.structs.replace(calibration, evidence=evidence), tmp_path / "bend.png")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bend.png", "bend_2.png"]
+    shown, flat = (files.read_photo(tmp_path / name).astype(float) for name in ("bend.png", "bend_2.png"))
+    xy = np.array(list(board.centers().values()))
+    (w, h), longest = np.ptp(xy, axis=0), np.ptp(xy, axis=0).max()
+    # Twice as fine as the drawing: 2 x 26 pixels above the sheet, 2 x 8 beside it, 2 x 220 its longer side.
+    sheet = slice(52, 52 + round(440 * h / longest)), slice(16, 16 + round(440 * w / longest)), 1
+    green = shown[sheet]
+    y, x = np.meshgrid(
+        *(np.linspace(1, -1, n) * sign for n, sign in zip(green.shape, (1, -1), strict=True)), indexing="ij"
+    )
+    ranks = [np.argsort(np.argsort(a[::7, ::7].ravel())) for a in (green, x * y)]
+    assert np.corrcoef(*ranks)[0, 1] > 0.8  # dots and contours are white
+    assert np.unique(flat[sheet], return_counts=True)[1].max() > 0.9 * green.size
 
 
 def test_each_model_tried_has_its_reason():

@@ -24,12 +24,15 @@ def calibrate_command(
     uncertainty: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw how far off each pixel may be.")
     ] = None,
+    bend: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Draw the board's heights; of a second board, FILE_2.png.")
+    ] = None,
 ) -> None:
     """Find the camera: detect the board's tags in the photos, fit K, distortion and a pose for each photo."""
     from raytwin import boards, files, report
     from raytwin import photos as taken
 
-    check_outputs(files=(json, out, uncertainty))
+    check_outputs(files=(json, out, uncertainty, bend))
     definitions = [boards.read_board(path) for path in board]
     paths = [path for named in photos for path in files.list_photos(named)]
     with show_progress() as progress:
@@ -48,6 +51,8 @@ def calibrate_command(
         files.write_camera(out, camera, f"Calibrated from {len(shown)} photos, rms {calibration.rms_px:.3f} px.")
     if uncertainty:
         report.write_uncertainty(calibration, uncertainty)
+    if bend:
+        report.write_bends(calibration, bend)
     typer.echo(report.calibration_summary(calibration))
     tell_seconds(progress)
 

@@ -17,6 +17,7 @@ _HOME = {
     "write_all": "folder",
     "write_atlas": "atlas",
     "write_bench_all": "bench_page",
+    "write_bends": "uncertainty",
     "write_comparison": "json",
     "write_diff": "folder",
     "write_junit": "junit",

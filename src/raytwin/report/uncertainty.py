@@ -4,11 +4,11 @@ import base64
 import math
 import os
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from raytwin import files
-from raytwin.errors import InputError
 from raytwin.photos import Calibration, uncertainty_map
 from raytwin.report.charts import INK, SOFT, png_bytes
 from raytwin.report.charts.shapes import XY, Box, Drawing, Marker, Picture, Shape, Stroke, Words
@@ -50,9 +50,7 @@ def uncertainty_url(calibration: Calibration) -> str:
 
 def uncertainty_png(calibration: Calibration) -> bytes:
     """One standard deviation of what is seen at each pixel, `photos.uncertainty_map`, with contours: a PNG."""
-    if (evidence := calibration.evidence) is None:
-        raise InputError("calibration", "one with its evidence, as `calibrate` makes it", "one that was read back")
-    found = uncertainty_map(calibration)
+    evidence, found = calibration.basis, uncertainty_map(calibration)
     rayless = np.isnan(found)
     found = np.where(rayless, np.nanmax(found), found)
     k = SIDE / max(calibration.image_size)
@@ -83,6 +81,15 @@ def uncertainty_png(calibration: Calibration) -> bytes:
     return png_bytes(Drawing(x + BAR + TICKS, high + height + 8, title, tuple(shapes)))
 
 
+def write_bends(calibration: Calibration, path: str | os.PathLike[str]) -> None:
+    """`bend_png` of the first board at `path`, of the n-th at NAME_n.png beside it."""
+    path = Path(path)
+    for i, _ in enumerate(calibration.basis.boards):
+        data = bend_png(calibration, i)
+        with files.replacing(path.with_stem(f"{path.stem}_{i + 1}") if i else path) as temporary:
+            temporary.write_bytes(data)
+
+
 def bend_url(calibration: Calibration, index: int) -> str:
     """`bend_png` for a page that has no files beside it."""
     return f"data:image/png;base64,{base64.b64encode(bend_png(calibration, index)).decode('ascii')}"
@@ -90,9 +97,7 @@ def bend_url(calibration: Calibration, index: int) -> str:
 
 def bend_png(calibration: Calibration, index: int) -> bytes:
     """The heights over its plane of the index-th board, as the photos tell them, between its tags' centres: a PNG."""
-    if calibration.evidence is None:
-        raise ValueError("a calibration that was read back, without its evidence")
-    board = calibration.evidence.boards[index]
+    board = calibration.basis.boards[index]
     xy = np.array(list(board.centers().values()))
     (x0, y0), (x1, y1) = xy.min(axis=0), xy.max(axis=0)
     k = SIDE / 2 / max(x1 - x0, y1 - y0)
