@@ -1,5 +1,7 @@
 """The pytest plugin as its users meet it: small test files, run by a pytest of their own."""
 
+import json
+import os
 import re
 import subprocess
 import sys
@@ -15,14 +17,55 @@ pytest_plugins = ["pytester"]
 SHIPPED = references.SHIPPED
 
 
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path_factory, monkeypatch):
-    monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path_factory.mktemp("cache")))
+# A process that has imported all that a run needs, and is forked for each: importing costs a second.
+WARM = """
+import json, os, sys
+import numpy, pytest, raytwin.grade.diagnosis, raytwin.references, raytwin.report.checks, raytwin.speed
+told = os.dup(1)
+os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+pytest.main(["--version", "-W", "ignore:Module already imported"])  # loads the environment's plugins
+for line in sys.stdin:
+    environment, folder, out, words = json.loads(line)
+    child = os.fork()
+    if not child:
+        os.environ.clear()
+        os.environ.update(environment)
+        os.chdir(folder)
+        file = os.open(out, os.O_WRONLY | os.O_CREAT)
+        os.dup2(file, 1)
+        os.dup2(file, 2)
+        code = pytest.main(words)
+        sys.stdout.flush()
+        os._exit(code)
+    os.write(told, b"%d\\n" % os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
 
 
-def run(pytester: pytest.Pytester, source: str, *options: str) -> pytest.RunResult:
-    pytester.makepyfile(test_it="import numpy as np\nimport pytest\n" + source)
-    return pytester.runpytest_subprocess("-W", "error", "--strict-markers", *options)
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory):
+    empty = tmp_path_factory.mktemp("warm")
+    with subprocess.Popen(
+        [sys.executable, "-c", WARM], cwd=empty, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as child:
+        yield child
+        child.stdin.close()
+        assert child.wait(60) == 0
+
+
+@pytest.fixture
+def run(pytester: pytest.Pytester, warm):
+    def run(source: str, *options: str) -> pytest.RunResult:
+        pytester.makepyfile(test_it="import numpy as np\nimport pytest\n" + source)
+        out = pytester.path.with_suffix(".told")
+        out.unlink(missing_ok=True)
+        known = ("-W", "error", "-W", "ignore:Module already imported", "--strict-markers")
+        asked = dict(os.environ), str(pytester.path), str(out), [*known, *options]
+        warm.stdin.write(json.dumps(asked).encode() + b"\n")
+        warm.stdin.flush()
+        code = int(warm.stdout.readline())
+        return pytest.RunResult(code, out.read_text().splitlines(), [], 0.0)
+
+    return run
 
 
 def failures(result: pytest.RunResult) -> dict[str, str]:
@@ -34,9 +77,8 @@ def failures(result: pytest.RunResult) -> dict[str, str]:
 # ------------------------------------------------------------------------------------------ what may be checked
 
 
-def test_arrays_files_renders_and_functions_pass_where_they_agree_and_fail_where_not(pytester):
+def test_arrays_files_renders_and_functions_pass_where_they_agree_and_fail_where_not(run):
     result = run(
-        pytester,
         """
         from raytwin import files
         from raytwin.image import Image
@@ -109,9 +151,8 @@ def test_arrays_files_renders_and_functions_pass_where_they_agree_and_fail_where
     result.stdout.fnmatch_lines(["*overlap/shadow: fail*", cause])
 
 
-def test_what_is_no_image_fails_with_a_clear_line_and_without_a_traceback_of_ours(pytester):
+def test_what_is_no_image_fails_with_a_clear_line_and_without_a_traceback_of_ours(run):
     result = run(
-        pytester,
         """
 def test_file(raytwin_reference):
     raytwin_reference("overlap").check("nosuch.png")
@@ -179,8 +220,8 @@ def test_traced(raytwin_reference):
 """
 
 
-def test_a_missing_reference_fails_and_names_the_command_that_makes_it(pytester):
-    result = run(pytester, TRACED.replace("ball", "nosuch").replace("shadow", "sky"))
+def test_a_missing_reference_fails_and_names_the_command_that_makes_it(run, pytester):
+    result = run(TRACED.replace("ball", "nosuch").replace("shadow", "sky"))
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(
         [
@@ -188,54 +229,54 @@ def test_a_missing_reference_fails_and_names_the_command_that_makes_it(pytester)
             "*raytwin reference make scenes/nosuch --rung sky",
         ]
     )
-    result = run(pytester, TRACED.replace('"shadow"', '"sun"'))
+    result = run(TRACED.replace('"shadow"', '"sun"'))
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*rung: expected one of surface, lambert, shadow, sky, path, got sun"])
 
 
-def test_update_makes_what_is_missing_or_stale_from_the_scene_and_the_command_it_names_works(pytester):
+def test_update_makes_what_is_missing_or_stale_from_the_scene_and_the_command_it_names_works(run, pytester):
     pytester.makeini("[pytest]\nraytwin_references = my/images\nraytwin_scenes = my/scenes\n")
     scene = pytester.path / "my/scenes/ball/scene.toml"
     scene.parent.mkdir(parents=True)
     scene.write_text(SCENE)
-    result = run(pytester, TRACED)
+    result = run(TRACED)
     result.assert_outcomes(failed=1)
     command = next(line for line in result.outlines if "To make it: " in line).partition("To make it: ")[2].split()
     assert command == ["raytwin", "reference", "make", "my/scenes/ball", "--rung", "shadow", "--folder", "my/images"]
     made = subprocess.run([sys.executable, "-m", *command], cwd=pytester.path, capture_output=True, text=True)
     assert made.returncode == 0, made.stderr
-    run(pytester, TRACED).assert_outcomes(passed=1)
+    run(TRACED).assert_outcomes(passed=1)
 
     scene.write_text(SCENE.replace("radius = 0.05", "radius = 0.04"))
-    stale = run(pytester, TRACED)
+    stale = run(TRACED)
     stale.assert_outcomes(failed=1)
     stale.stdout.fnmatch_lines(["*stale: the scene has changed since"])
-    run(pytester, TRACED, "--raytwin-update").assert_outcomes(passed=1)
-    run(pytester, TRACED).assert_outcomes(passed=1)
+    run(TRACED, "--raytwin-update").assert_outcomes(passed=1)
+    run(TRACED).assert_outcomes(passed=1)
 
 
-def test_update_takes_an_image_without_a_scene_as_its_own_reference_but_never_a_broken_one(pytester):
+def test_update_takes_an_image_without_a_scene_as_its_own_reference_but_never_a_broken_one(run):
     source = """
 def test_it(raytwin_reference):
     raytwin_reference("mine", "path", image=True).check(np.full((6, 8, 3), VALUE))
 """
-    run(pytester, source.replace("VALUE", "0.5")).assert_outcomes(failed=1)
-    run(pytester, source.replace("VALUE", "0.5"), "--raytwin-update").assert_outcomes(passed=1)
-    run(pytester, source.replace("VALUE", "0.5")).assert_outcomes(passed=1)
-    run(pytester, source.replace("VALUE", "0.6")).assert_outcomes(failed=1)
-    broken = run(pytester, source.replace("VALUE", "np.nan"), "--raytwin-update")
+    run(source.replace("VALUE", "0.5")).assert_outcomes(failed=1)
+    run(source.replace("VALUE", "0.5"), "--raytwin-update").assert_outcomes(passed=1)
+    run(source.replace("VALUE", "0.5")).assert_outcomes(passed=1)
+    run(source.replace("VALUE", "0.6")).assert_outcomes(failed=1)
+    broken = run(source.replace("VALUE", "np.nan"), "--raytwin-update")
     broken.assert_outcomes(failed=1)
     broken.stdout.fnmatch_lines(["*no reference can be made of this image*NaN*"])
-    run(pytester, source.replace("VALUE", "0.6"), "--raytwin-update").assert_outcomes(passed=1)
-    run(pytester, source.replace("VALUE", "0.6")).assert_outcomes(passed=1)
+    run(source.replace("VALUE", "0.6"), "--raytwin-update").assert_outcomes(passed=1)
+    run(source.replace("VALUE", "0.6")).assert_outcomes(passed=1)
 
 
-def test_update_makes_no_reference_of_a_mistyped_scenes_image(pytester):
+def test_update_makes_no_reference_of_a_mistyped_scenes_image(run, pytester):
     source = """
 def test_it(raytwin_reference):
     raytwin_reference("overlpa", "shadow").check(np.full((6, 8, 3), 0.5))
 """
-    result = run(pytester, source, "--raytwin-update")
+    result = run(source, "--raytwin-update")
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(
         ["*There: ball, desk, distorted, eclipse, gloss, grazing, overlap, single*", "*'overlpa', *image=True*"]
@@ -243,47 +284,47 @@ def test_it(raytwin_reference):
     assert not (pytester.path / "reference").exists()
 
 
-def test_a_wrong_word_in_the_marker_is_named_with_the_right_ones(pytester):
+def test_a_wrong_word_in_the_marker_is_named_with_the_right_ones(run):
     source = """
 @pytest.mark.raytwin(scene="overlap")
 def test_it(raytwin_case):
     pass
 """
-    result = run(pytester, source)
+    result = run(source)
     result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines(["*test_it: the marker is raytwin(scenes=None, rungs=None)*argument 'scene'*"])
     result.stdout.no_fnmatch_line("*INTERNALERROR*")
 
 
-def test_update_leaves_shipped_references_alone(pytester):
+def test_update_leaves_shipped_references_alone(run, pytester):
     before = {f: f.stat().st_mtime_ns for f in SHIPPED.glob("*/*.exr")}
     source = """
 def test_it(raytwin_reference):
     held = raytwin_reference("overlap", "shadow")
     held.check(1.1 * held.image.mean)
 """
-    run(pytester, source, "--raytwin-update").assert_outcomes(failed=1)
+    run(source, "--raytwin-update").assert_outcomes(failed=1)
     assert {f: f.stat().st_mtime_ns for f in SHIPPED.glob("*/*.exr")} == before
     assert not (pytester.path / "reference").exists()
 
 
-def test_a_scene_of_ones_own_is_not_held_to_the_shipped_one_of_its_name(pytester):
+def test_a_scene_of_ones_own_is_not_held_to_the_shipped_one_of_its_name(run, pytester):
     scene = pytester.path / "scenes/overlap/scene.toml"
     scene.parent.mkdir(parents=True)
     scene.write_text(SCENE)
-    result = run(pytester, TRACED.replace("ball", "overlap"))
+    result = run(TRACED.replace("ball", "overlap"))
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*raytwin reference make scenes/overlap --rung shadow"])
-    run(pytester, TRACED.replace("ball", "overlap"), "--raytwin-update").assert_outcomes(passed=1)
+    run(TRACED.replace("ball", "overlap"), "--raytwin-update").assert_outcomes(passed=1)
 
 
-def test_a_damaged_reference_fails(pytester):
+def test_a_damaged_reference_fails(run, pytester):
     own = pytester.path / "reference/overlap/shadow.exr"
     own.parent.mkdir(parents=True)
     whole = bytearray((SHIPPED / "overlap/shadow.exr").read_bytes())
     whole[len(whole) // 2] ^= 1
     own.write_bytes(whole)
-    result = run(pytester, TRACED.replace("ball", "overlap"))
+    result = run(TRACED.replace("ball", "overlap"))
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*damaged*"])
 
@@ -298,7 +339,7 @@ def test_cases(raytwin_case):
 
 
 @pytest.mark.parametrize("workers", [(), ("-n", "2")], ids=["one process", "two workers"])
-def test_report_lists_every_comparison_once_failures_first(pytester, workers):
+def test_report_lists_every_comparison_once_failures_first(run, pytester, workers):
     source = (
         CASES
         + """
@@ -315,7 +356,7 @@ def test_twice(raytwin_reference):
     out.mkdir()
     (out / "check-of-an-earlier-run.json").write_text("{}")
     (out / "notes.txt").write_text("not ours")
-    result = run(pytester, source, "--raytwin-report", "out", *workers)
+    result = run(source, "--raytwin-report", "out", *workers)
     result.assert_outcomes(passed=2, failed=4)
     result.stdout.fnmatch_lines([f"raytwin: 7 comparisons, 4 failed: {out}/index.html"])
     index = (out / "index.html").read_text()
@@ -330,14 +371,14 @@ def test_twice(raytwin_reference):
     assert (out / "notes.txt").exists()
 
 
-def test_cases_default_to_all_references_that_are_there(pytester):
-    result = run(pytester, "def test_cases(raytwin_case):\n    assert raytwin_case.camera\n")
+def test_cases_default_to_all_references_that_are_there(run):
+    result = run("def test_cases(raytwin_case):\n    assert raytwin_case.camera\n")
     result.assert_outcomes(passed=len(references.listed(SHIPPED)))
 
 
-def test_cases_of_a_scene_that_is_not_there_fail_instead_of_vanishing(pytester):
+def test_cases_of_a_scene_that_is_not_there_fail_instead_of_vanishing(run):
     source = "@pytest.mark.raytwin(scenes=['nosuch'])\ndef test_cases(raytwin_case):\n    pass\n"
-    result = run(pytester, source)
+    result = run(source)
     assert result.ret != 0
     result.stdout.fnmatch_lines(["*no such reference*nosuch*"])
 
