@@ -1,13 +1,20 @@
 import json
+import os
 import sys
 from pathlib import Path
 
 import hypothesis
 import pytest
 import shape_checks  # before anything of raytwin is imported
+import threadpoolctl
 from slow import is_slow
 
 pytest_plugins = ["engines"]
+
+# One thread of OpenBLAS each: beside other processes its second spins, and small fits cost five times as much. The
+# variable is for the processes that tests start; NumPy is here already.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+threadpoolctl.threadpool_limits(1, user_api="blas")
 
 # The same examples every time: a run that passed passes again.
 hypothesis.settings.register_profile("raytwin", derandomize=True, deadline=None)

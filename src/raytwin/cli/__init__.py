@@ -104,6 +104,9 @@ def _run() -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
     warnings.showwarning = lambda message, *_, **__: print(f"raytwin: {message}", file=sys.stderr)
+    # No command has matrices large enough for two: beside another process the second spins, and a fit takes five times
+    # as long.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         code = app(standalone_mode=False)
         sys.stdout.flush()
