@@ -91,13 +91,38 @@ def test_a_right_tracer_gets_all_points_and_the_bonus(graded):
         ("raises", "error", "ValueError: <b>no</b>"),
         ("hangs", "limit", "not done after 5 s"),
         ("exits", "broken", "exit code 3"),
-        ("empty", "missing", "render is not defined"),
+        ("empty", "missing", "render is not written"),
         ("syntax", "error", "SyntaxError"),
     ],
 )
 def test_each_mistake_has_its_verdict_and_its_reason(graded, student, status, word):
     assert image(graded, student).status == status
     assert any(word in text for text in image(graded, student).sentences)
+
+
+PARTS = tracers.RIGHT.replace("def render", "def own")
+"""A tracer without a function for the whole."""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "points", "said"),
+    [
+        ("", "", 20, "render is made of its back_project and intersect_sphere and shade, the rest is ours"),
+        ("np.pi *", "1 *", 0, "cause (sure): the sun's part is π times too bright"),
+        ("def shade", "def shade_", 0, "render is not written"),
+        ("return np.where(disc", "return (disc", 0, "intersect_sphere: it returned 2 arrays"),
+        ("return np.where(disc < 0", "return np.where(disc[:5] < 0", 0, "ValueError"),
+        ("def own(scene):", "def render(scene):\n    raise NotImplementedError\ndef own(scene):", 20, "is made of its"),
+    ],
+)
+def test_end_to_end_a_picture_is_made_of_the_parts_where_there_is_no_render(tmp_path, old, new, points, said):
+    (tmp_path / "r.toml").write_text(
+        'title = "t"\n[[exercises]]\nstage = "render"\nscenes = ["eclipse"]\npoints = 20\n'
+    )
+    (tmp_path / "a.py").write_text(PARTS.replace(old, new) if old else PARTS)
+    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Spread())
+    assert result.points == points
+    assert any(said in sentence for sentence in result.exercises[0].sentences), result.exercises[0].sentences
 
 
 def test_a_cache_that_is_keyed_too_coarsely_shows(tmp_path):

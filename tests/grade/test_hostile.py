@@ -86,8 +86,8 @@ def test_no_process_and_no_folder_is_left_behind(outcome):
 @pytest.mark.parametrize(
     ("name", "word"),
     [
-        ("returns_a_pickle_bomb", "no numbers"),
-        ("returns_objects", "no numbers"),
+        ("returns_a_pickle_bomb", "not numbers"),
+        ("returns_objects", "not numbers"),
         ("returns_nothing", "return"),
         ("returns_far_too_much", "more than is taken"),
         ("ends_python", "SystemExit"),

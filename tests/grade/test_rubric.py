@@ -7,7 +7,8 @@ from typer.testing import CliRunner
 
 from raytwin.cli import app
 from raytwin.errors import InputError
-from raytwin.grade.rubric import READY, STAGES, Exercise, Speed, read_rubric
+from raytwin.grade.contract import CONTRACT, LESSONS
+from raytwin.grade.rubric import READY, Exercise, Speed, read_rubric
 
 GOOD = """
 title = "t"
@@ -81,8 +82,23 @@ def test_a_seed_belongs_to_the_submission_and_the_rubric(read):
 
 def test_the_ready_rubric_has_every_stage_and_a_hundred_points():
     ready = read_rubric(READY)
-    assert set(ready.stages) == set(STAGES)
+    assert set(ready.stages) == set(CONTRACT)
     assert ready.points == 100
+
+
+def test_a_walks_lessons_are_stages_too_and_the_starter_has_those_that_are_asked_for(read, tmp_path):
+    lessons = [name for name in LESSONS if name not in CONTRACT]
+    rows = "".join(f'[[exercises]]\nstage = "{name}"\npoints = 1\n' for name in lessons)
+    assert read('title = "t"\n' + rows).stages == tuple(lessons)
+    words = [word for name in lessons[:2] for word in ("--stage", name)]
+    CliRunner().invoke(app, ["grade", "starter", "-o", str(tmp_path / "mine.py"), *words])
+    written = (tmp_path / "mine.py").read_text()
+    assert re.findall(r"^def (\w+)", written, re.MULTILINE)[1:] == lessons[:2]  # the first is the example
+    assert "scene[" not in written
+
+
+def test_what_a_picture_can_be_made_of_is_looked_for_too(read):
+    assert read(GOOD).functions == ("intersect_sphere", "render", "back_project", "shade")
 
 
 def test_the_starter_writes_it_and_nothing_over_it(tmp_path, monkeypatch):

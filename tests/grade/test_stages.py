@@ -217,6 +217,16 @@ def test_check_prints_its_sentence_and_returns_the_numbers(capsys):
     assert str(found).startswith("PASS  shade: right in all 7 cases, to ")
 
 
+def test_check_names_in_a_picture_what_no_variant_has_with_its_number():
+    def bright_shadows(scene):
+        lit = Renderer(sun_visible=lambda scene, met, dark: np.ones_like(dark)).render(scene)
+        return 0.3 * lit + 0.7 * Renderer().render(scene)
+
+    found = judge_function(CONTRACT["render"], bright_shadows)
+    assert found.causes == ("shadow-strength",)
+    assert found.sentence.startswith("cause (sure): shadows let 30 % of the sun through")
+
+
 def test_check_raises_when_told_to_and_only_where_it_fails():
     raytwin.check("shade", by_hand.shade, raises=True)
     with pytest.raises(

@@ -8,7 +8,7 @@ from typer.core import TyperGroup
 
 from raytwin.cli.options import Dask, Jobs, Shard, check_outputs
 from raytwin.cli.progress import show_progress
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
 
 if TYPE_CHECKING:
     from raytwin.grade.result import Result
@@ -103,17 +103,24 @@ def starter_command(
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
     rubric: Annotated[bool, typer.Option("--rubric", help="Write a whole rubric instead, to be changed.")] = False,
+    stage: Annotated[
+        list[str] | None,
+        typer.Option(help="A function of the contract, or of a walk's lesson; several times. Else the six."),
+    ] = None,
 ) -> None:
     """Write the file that students start from: the six functions, their docstrings, a worked example, their checks."""
     from raytwin import files
+    from raytwin.grade.contract import CONTRACT, LESSONS
     from raytwin.grade.rubric import READY
     from raytwin.grade.starter import starter
 
+    for name in stage or ():
+        check_one_of("--stage", name, LESSONS)
     out = out or Path("rubric.toml" if rubric else "tracer.py")
     check_outputs(files=(out,))
     if out.is_file() and not force:
         raise InputError(out, "a file that is not there yet, or --force", "one that may hold a student's work")
-    files.write_text(out, READY.read_text(encoding="utf-8") if rubric else starter(out.name))
+    files.write_text(out, READY.read_text(encoding="utf-8") if rubric else starter(out.name, stage or tuple(CONTRACT)))
     if rubric:
         typer.echo(f"{out}: change it, then raytwin grade SUBMISSIONS --rubric {out}")
         return

@@ -13,7 +13,7 @@ import os
 import shlex
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -27,7 +27,8 @@ from raytwin.compare import compare, error_map
 from raytwin.compare.scale import scale_of
 from raytwin.errors import InputError
 from raytwin.given import ENDINGS
-from raytwin.grade.contract import CONTRACT
+from raytwin.grade.compose import NEEDED, compose, made_of
+from raytwin.grade.contract import LESSONS
 from raytwin.grade.diagnosis import Diagnosis, diagnose
 from raytwin.grade.draw import draw_scene
 from raytwin.grade.judge import judge
@@ -36,7 +37,7 @@ from raytwin.grade.result import Marked, Part, Picture, Result, Status
 from raytwin.grade.rubric import Exercise, Rubric, read_rubric
 from raytwin.grade.sandbox import Answer, Code, Sandbox, probe
 from raytwin.grade.sight import View, traced_once
-from raytwin.grade.stage import Case
+from raytwin.grade.stage import Case, Function
 from raytwin.grade.submission import cells
 from raytwin.image import Image
 from raytwin.methods.exchange import as_arrays, as_json
@@ -68,17 +69,23 @@ class _Asked:
     case: Case
     scene: Scene | None = None
     tolerance: Tolerance = field(default_factory=Tolerance)
-    half: np.ndarray | None = None
-    clipped: bool = False
     answer: Answer = field(default_factory=Answer)
+    made_of: str = ""
 
 
 class _Held(NamedTuple):
-    """A picture, held to what it should be."""
+    """A picture, held to what it should be; `got`: where it is wrong and can be shown."""
 
     part: Part
     view: View | None
-    picture: Picture | None
+    got: np.ndarray | None
+
+
+class _PartFailed(Exception):
+    """Of a submission's function that a picture is made with: its answer is the picture's."""
+
+    def __init__(self, answer: Answer) -> None:
+        self.answer = answer
 
 
 def job_of(student: str, path: Path, rubric_path: Path, rubric: Rubric) -> Job:
@@ -133,9 +140,7 @@ def _called(result: Result, code: Code, rubric: Rubric, asked: list[_Asked]) -> 
         limits = msgspec.structs.replace(rubric.limits, seconds=max(0.1, deadline - time.monotonic()))
         with Sandbox(code, limits, hidden) as child:
             while left and not child.problem.problem:
-                one = left.pop()
-                told = (as_json(one.case.args[0]),) if code.kind == "command" else one.case.args
-                one.answer = child.call(one.exercise.stage, *told)
+                _ask(one := left.pop(), child, code)
         printed = (printed + child.printed)[:16_384]
         ended = child.problem
         if not ended.problem:
@@ -156,9 +161,46 @@ def _called(result: Result, code: Code, rubric: Rubric, asked: list[_Asked]) -> 
     return msgspec.structs.replace(result, printed=printed, notes=child.notes, open_locks=locks), problem
 
 
+def _ask(one: _Asked, child: Sandbox, code: Code) -> None:
+    stage, parts = one.exercise.stage, NEEDED.get(one.exercise.stage, ())
+    if code.kind == "command":
+        one.answer = child.call(stage, as_json(one.case.args[0]))
+    elif stage in child.functions or not parts or not set(parts) <= set(child.functions):
+        one.answer = child.call(stage, *one.case.args)
+    else:
+        one.answer, one.made_of = _composed(child, stage, one.case.args[0]), made_of(parts, stage)
+
+
+def _composed(child: Sandbox, stage: str, scene: dict[str, Any]) -> Answer:
+    """End to end without a function for it: our tracer with the submission's parts, each called in its process."""
+    seconds = 0.0
+
+    def part(name: str) -> Function:
+        def call(*arguments: Any) -> np.ndarray:
+            nonlocal seconds
+            answer = child.call(name, *arguments)
+            seconds += answer.seconds
+            if len(answer.arrays) > 1:
+                answer = Answer(problem=f"it returned {len(answer.arrays)} arrays, where one is wanted", sort="error")
+            if answer.problem:
+                raise _PartFailed(replace(answer, problem=f"{name}: {answer.problem}"))
+            return answer.arrays[0]
+
+        return call
+
+    try:
+        with np.errstate(all="ignore"):
+            picture = getattr(compose({name: part(name) for name in NEEDED[stage]}), stage)(scene)
+        return Answer((np.asarray(picture, float),), seconds)
+    except _PartFailed as failed:
+        return replace(failed.answer, seconds=seconds)
+    except (ValueError, TypeError, IndexError) as error:  # arrays that do not fit one another
+        return Answer((), seconds, f"its {' and '.join(NEEDED[stage])} do not fit together: {error}", "error")
+
+
 def code_of(path: Path, rubric: Rubric) -> Code:
     """What a submission's file or folder holds: Python, a notebook, a program (the rubric's command), or images."""
-    asked = rubric.stages
+    asked = rubric.functions
     if path.is_dir() and rubric.command:
         return Code("command", command=tuple(shlex.split(rubric.command)), folder=path, asked=asked)
     file = path
@@ -193,7 +235,7 @@ def _asked(rubric: Rubric, seed: int) -> Iterator[_Asked]:
     for number, exercise in enumerate(rubric.exercises):
         own = seed + 1000 * number
         if not (exercise.scenes or exercise.drawn):
-            yield from (_Asked(exercise, case) for case in CONTRACT[exercise.stage].cases(own))
+            yield from (_Asked(exercise, case) for case in LESSONS[exercise.stage].cases(own))
         for name in exercise.scenes:
             yield _reference(rubric, exercise, name)
         for i in range(exercise.drawn):
@@ -218,7 +260,7 @@ def _loaded(path: Path) -> references.Reference:
 def _shown(exercise: Exercise, scene: Scene, picture: np.ndarray, tolerance: Tolerance) -> _Asked:
     told = as_arrays(scene, exercise.rung)
     if exercise.stage == "hit_points":
-        picture = np.asarray(CONTRACT["hit_points"].reference(told))
+        picture = np.asarray(LESSONS["hit_points"].reference(told))
     if exercise.tolerance is not None:
         tolerance = msgspec.structs.replace(tolerance, p999_abs=exercise.tolerance)
     case = Case(f"{scene.name}, {exercise.rung}" if exercise.stage == "render" else scene.name, (told,), (picture,))
@@ -274,9 +316,9 @@ def _status(parts: list[Part], asked: list[_Asked]) -> Status:
 
 
 def _stage(exercise: Exercise, asked: list[_Asked]) -> Marked:
-    stage = CONTRACT[exercise.stage]
+    stage = LESSONS[exercise.stage]
     if exercise.tolerance is not None:
-        stage = _tolerant(stage, exercise.tolerance)
+        stage = replace(stage, tolerance=exercise.tolerance)
     outcomes = [a.answer.problem or tuple(x.astype(float) for x in a.answer.arrays) for a in asked]
     found = judge(stage, [a.case for a in asked], outcomes)
     parts = [
@@ -310,12 +352,6 @@ def _stage(exercise: Exercise, asked: list[_Asked]) -> Marked:
     )
 
 
-def _tolerant(stage: Any, tolerance: float) -> Any:
-    from dataclasses import replace
-
-    return replace(stage, tolerance=tolerance)
-
-
 def _cause(held: list[_Held], seed: int) -> Diagnosis | None:
     """Of pictures together, those that are right included: None where nothing is wrong, or there are no numbers."""
     views = [h.view for h in held if h.view is not None]
@@ -335,13 +371,11 @@ def _pictures(
         sentences = (*found.words, *sentences)
     elif status == "pass":
         sentences = (f"right in all {len(parts)} pictures",)
+    sentences = (*sentences, *dict.fromkeys(a.made_of for a in asked if a.made_of))
     # Pixel by pixel the worst; the others stay small.
-    wrong = sorted((h for h in held if h.picture is not None), key=lambda h: -(h.part.error or 0))
-    pictures = [
-        h.picture if i < MOST_VIEWS else msgspec.structs.replace(h.picture, planes="")
-        for i, h in enumerate(wrong)
-        if h.picture
-    ]
+    wrong = [(a, h.got, h.part) for a, h in zip(asked, held, strict=True) if h.got is not None]
+    wrong.sort(key=lambda w: -(w[2].error or 0))
+    pictures = [_drawn(a, got, whole=i < MOST_VIEWS) for i, (a, got, _) in enumerate(wrong)]
     marked = Marked(
         name=exercise.name,
         stage=exercise.stage,
@@ -380,11 +414,9 @@ def _hold(asked: _Asked) -> _Held:
         (y, x), count = np.argwhere(bad)[0], int(bad.sum())
         problem = f"{count} pixel{'s are' if count > 1 else ' is'} NaN or infinite, the first at (x={x}, y={y})"
         part = msgspec.structs.replace(part, problem=problem)
-        return _Held(part, None, _drawn(exercise, shows, right, got, asked.tolerance, scale, points))
+        return _Held(part, None, got)
     view = View(asked.scene, got, right, exercise.rung, points, half, clipped)
-    if passed:
-        return _Held(part, view, None)
-    return _Held(part, view, _drawn(exercise, shows, right, got, asked.tolerance, scale, points))
+    return _Held(part, view, None if passed else got)
 
 
 def _picture_of(answer: Answer) -> tuple[np.ndarray, np.ndarray | None, bool]:
@@ -429,30 +461,34 @@ def _points(right: np.ndarray, got: np.ndarray, tolerance: Tolerance) -> tuple[b
 # ------------------------------------------------------------------------------------------ what is shown of it
 
 
-def _drawn(
-    exercise: Exercise, shows: str, right: np.ndarray, got: np.ndarray, tolerance: Tolerance, scale: float, points: bool
-) -> Picture:
+def _drawn(asked: _Asked, got: np.ndarray, whole: bool) -> Picture:
+    """A wrong picture beside the right one; `whole`: with every value, for the viewer."""
+    (right,), points = asked.case.expected, asked.exercise.stage == "hit_points"
+    scale = 1.0 if points else scale_of(Image(right.astype(np.float32)))
     if points:  # x, y, z as red, green, blue, from the least to the largest that there is
         seen = np.isfinite(right).all(axis=-1)
         low, high = (f(right[seen], axis=0, initial=0.0) for f in (np.min, np.max))
         right, got = (np.where(np.isfinite(x), (x - low) / np.maximum(high - low, 1e-9), 0.0) for x in (right, got))
-        scale = 1.0
     with np.errstate(over="ignore", invalid="ignore"):
         test, reference = (Image(np.nan_to_num(x, nan=np.nan, posinf=np.inf).astype(np.float32)) for x in (got, right))
-    packed = pack(test, reference, surfaces=False, most_pixels=MOST_PIXELS)
     brightest = np.quantile(reference.mean.max(axis=-1), 0.995)
     rows, columns = (np.linspace(0, n - 1, k).astype(int) for n, k in zip(right.shape[:2], SAMPLE, strict=True))
     sample = np.nan_to_num((got - right)[np.ix_(rows, columns)].sum(axis=-1) / scale, posinf=1e6, neginf=-1e6)
     return Picture(
-        exercise=exercise.name,
-        shows=shows,
+        exercise=asked.exercise.name,
+        shows=asked.case.shows,
         thumb=_thumb(test, reference),
-        planes=msgspec.json.encode(packed.for_page()).decode(),
+        planes=_planes(test, reference) if whole else "",
         stops=round(-float(np.log2(brightest)), 2) if brightest > 0 else 0.0,
-        share=tolerance.p999_abs,
+        share=asked.tolerance.p999_abs,
         scale=scale,
         sample=tuple(float(f"{x:.4g}") for x in np.clip(sample, -1e6, 1e6).ravel()),
     )
+
+
+def _planes(test: Image, reference: Image) -> str:
+    packed = pack(test, reference, surfaces=False, most_pixels=MOST_PIXELS)
+    return msgspec.json.encode(packed.for_page()).decode()
 
 
 def _thumb(test: Image, reference: Image) -> str:

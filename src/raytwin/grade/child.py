@@ -9,7 +9,6 @@ import importlib.util
 import json
 import os
 import random
-import subprocess
 import sys
 import traceback
 from collections.abc import Callable
@@ -21,14 +20,11 @@ import numpy as np
 
 SAID = 2000
 """Characters of an error that are sent."""
-ENDINGS = (".exr", ".pfm", ".hdr", ".png", ".jpg", ".jpeg")
-
-Functions = dict[str, Callable[..., Any]]
 
 
 def main() -> None:
     here = Path(__file__).resolve().parent
-    lock, wire = _beside(here, "lock"), _beside(here, "wire")
+    lock, wire, loading = (_beside(here, name) for name in ("lock", "wire", "loading"))
     requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     null = os.open(os.devnull, os.O_RDONLY)
     os.dup2(null, 0)
@@ -44,7 +40,7 @@ def main() -> None:
     held = lock.lock(folder, submission, told["limits"], told["hidden"], told["uid"])
     wire.write(answers, {"locks": held, "pid": os.getpid()})
     try:
-        functions, notes = _load(told, submission, readers)
+        functions, notes = _load(told, submission, readers, loading)
     except BaseException as error:
         wire.write(answers, {"error": _said(error, submission)})
         return
@@ -56,7 +52,10 @@ def main() -> None:
             return
         answer: dict[str, Any] = {"call": call["call"]}
         try:
-            answer["arrays"] = _arrays(functions[call["function"]](*call["arguments"]), told["limits"]["answer"])
+            arrays = loading.arrays_of(functions[call["function"]](*call["arguments"]))[:8]
+            if sum(a.nbytes for a in arrays) > told["limits"]["answer"]:
+                raise MemoryError(f"it returned arrays of {[a.shape for a in arrays]}: more than is taken")
+            answer["arrays"] = list(arrays)
         except BaseException as error:
             answer |= {"error": _said(error, submission)}
         with contextlib.suppress(Exception):
@@ -73,43 +72,23 @@ def _beside(here: Path, name: str) -> ModuleType:
     return module
 
 
-def _load(told: dict[str, Any], submission: Path, readers: Any) -> tuple[Functions, list[str]]:
+def _load(
+    told: dict[str, Any], submission: Path, readers: Any, loading: Any
+) -> tuple[dict[str, Callable[..., Any]], list[str]]:
     """The submission's functions that are `asked` for; and of a notebook what went wrong in cells that failed."""
+    endings = told["endings"]
     if told["kind"] == "images":
-        return {"render": lambda scene: _image_of(submission, scene["name"], readers)}, []
+        return {"render": lambda scene: _image(loading.image_at(submission, scene["name"], endings), readers)}, []
     if told["kind"] == "command":
-        return {"render": lambda scene: _run(told["command"], submission, scene, readers)}, []
+        return {"render": lambda scene: _run(told, submission, scene, readers, loading)}, []
     sys.modules["raytwin"] = None  # type: ignore[assignment]  # it has the answers
     sys.path.insert(0, str(submission))
-    module = ModuleType("submission")
-    module.__file__ = str(submission / told["file"])
-    sys.modules["submission"] = module  # dataclasses and pickle look their module up
-    vars(module)["display"] = lambda *things, **options: None
-    notes: list[str] = []
-    for name, text in told["cells"]:
-        try:
-            exec(compile(text, str(submission / name), "exec", dont_inherit=True), vars(module))
-        except BaseException as error:
-            if len(told["cells"]) == 1:
-                raise
-            notes.append(f"{name}: {_said(error, submission)}"[:200])
-    return {name: f for name in told["asked"] if callable(f := getattr(module, name, None))}, notes[:20]
-
-
-def _arrays(result: Any, most: int) -> list[np.ndarray]:
-    """One array, or those of a tuple. Raises TypeError for what is none of numbers."""
-    if result is None:
-        raise TypeError("it returned nothing (None): is the `return` missing?")
-    parts = result if isinstance(result, tuple) else (result,)
-    arrays = []
-    for part in parts[:8]:
-        array = np.asarray(part)
-        if array.dtype.kind not in "fiub" or array.dtype.itemsize > 8:
-            raise TypeError(f"it returned {type(part).__name__} of {array.dtype}, which are no numbers")
-        arrays.append(array)
-    if sum(a.nbytes for a in arrays) > most:
-        raise MemoryError(f"it returned arrays of {[a.shape for a in arrays]}: more than is taken")
-    return arrays
+    module = loading.new_module("submission", submission / told["file"])
+    failed = loading.run_cells(module, [(str(submission / name), text) for name, text in told["cells"]])
+    if failed and len(told["cells"]) == 1:
+        raise next(iter(failed.values()))
+    notes = [f"{Path(name).name}: {_said(error, submission)}"[:200] for name, error in failed.items()]
+    return loading.functions_of(module, told["asked"]), notes[:20]
 
 
 def _said(error: BaseException, submission: Path) -> str:
@@ -141,33 +120,21 @@ def _readers(packages: list[str]) -> Any:
     return given
 
 
-def _image_of(folder: Path, scene: str, given: Any) -> tuple[np.ndarray, ...]:
-    found = [path for ending in ENDINGS if (path := folder / f"{scene}{ending}").is_file()]
-    if not found:
-        raise FileNotFoundError(f"no {scene}{ENDINGS[0]} (nor {', '.join(ENDINGS[1:])})")
-    return _read(found[0], given)
-
-
-def _read(path: Path, given: Any) -> tuple[np.ndarray, ...]:
+def _image(path: Path, given: Any) -> tuple[np.ndarray, ...]:
     """Its pixels, and the file's first bytes: they tell what the format rounds."""
     with path.open("rb") as file:
         start = file.read(26)
     return np.asarray(given.take(path).image.mean, np.float32), np.frombuffer(start, np.uint8)
 
 
-def _run(command: list[str], submission: Path, scene: dict[str, Any], given: Any) -> tuple[np.ndarray, ...]:
+def _run(
+    code: dict[str, Any], submission: Path, scene: dict[str, Any], given: Any, loading: Any
+) -> tuple[np.ndarray, ...]:
     told, out = Path("scene.json").resolve(), Path("out.exr").resolve()
     for old in out.parent.glob("out.exr*"):
         old.unlink()
     told.write_text(json.dumps(scene, default=lambda array: array.tolist()))
-    words = [w.replace("{scene}", str(told)).replace("{out}", str(out)) for w in command]
-    done = subprocess.run(words, cwd=submission, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
-    sys.stderr.write(done.stderr[-SAID:].decode(errors="replace"))
-    written = [p for p in (out, *(out.with_name(out.name + e) for e in ENDINGS)) if p.is_file() and not p.is_symlink()]
-    if done.returncode or not written:
-        said = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [""]
-        raise RuntimeError(f"no image at {{out}}, exit code {done.returncode}: {said[0]}")
-    return _read(written[0], given)
+    return _image(loading.run_program(code["command"], told, out, code["endings"], cwd=submission), given)
 
 
 if __name__ == "__main__":

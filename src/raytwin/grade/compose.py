@@ -1,6 +1,6 @@
 """A whole tracer out of stages: a submission's own where it has them, ours for the rest."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -148,16 +148,19 @@ class Renderer:
 PARTS = ("back_project", "intersect_sphere", "shade")
 """The parts of Renderer that are stages of the contract."""
 
+NEEDED = {"hit_points": PARTS[:2], "render": PARTS}
+"""Of what a submission makes these end to end, where it has no function of that name."""
+
 
 def compose(stages: Mapping[str, Function]) -> Renderer:
     """Our tracer with these stages in the place of its own."""
     return Renderer(**{name: stages[name] for name in PARTS if name in stages})
 
 
-def made_of(stages: Mapping[str, Function]) -> str:
+def made_of(stages: Collection[str], what: str = "render") -> str:
     """In words, what `compose` makes: `render is made of its shade, the rest is ours`."""
     own = [name for name in PARTS if name in stages]
-    return f"render is made of its {' and '.join(own)}, the rest is ours" if own else ""
+    return f"{what} is made of its {' and '.join(own)}, the rest is ours" if own else ""
 
 
 def changed(part: str, change: Callable[[Any], Function]) -> Callable[[Any], Function]:

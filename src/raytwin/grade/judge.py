@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
+from raytwin.grade.compose import NEEDED
+from raytwin.grade.loading import arrays_of
 from raytwin.grade.stage import Arrays, Case, Function, Stage, Variant
 from raytwin.grade.stage_result import CaseResult, StageResult
 
@@ -56,19 +58,11 @@ def _copied(args: Any) -> Any:
 
 
 def as_arrays(made: Any) -> Outcome:
-    """What was returned as arrays of floats: a tuple's items one by one, anything else as one."""
+    """What was returned as arrays of floats, or in words what else it was."""
     try:
-        arrays = tuple(np.asarray(one) for one in (made if isinstance(made, tuple) else (made,)))
-    except (TypeError, ValueError, RuntimeError):
-        return f"it returned a {type(made).__name__} that is no array"
-    if any(a.dtype.kind not in "fiub" for a in arrays):
-        return "it returned None: is there a return?" if made is None else f"it returned {_kinds(arrays)}, not numbers"
-    return tuple(a.astype(float) for a in arrays)
-
-
-def _kinds(arrays: Arrays) -> str:
-    names = {"c": "complex numbers", "O": "objects", "U": "text"}
-    return " and ".join(dict.fromkeys(names.get(a.dtype.kind, str(a.dtype)) for a in arrays))
+        return tuple(a.astype(float) for a in arrays_of(made))
+    except TypeError as error:
+        return str(error)
 
 
 def _told(error: Exception) -> str:
@@ -112,7 +106,29 @@ def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> S
     inputs, expected, found = _worst_value(stage, cases[worst], arrays[worst])
     sentence = _blame(causes) if causes else f"no typical mistake explains it: {_where(results)}"
     names = tuple(dict.fromkeys(" and ".join(v.name for v in cause) for cause in causes))
+    if not causes and stage.name in NEEDED:
+        names, sentence = _diagnosed(stage, cases, arrays)
     return replace(base, sentence=sentence, causes=names, inputs=inputs, expected=expected, got=found)
+
+
+def _diagnosed(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> tuple[tuple[str, ...], str]:
+    """Of pictures of scenes: the names of the causes that explain most of what is wrong, and the sentence."""
+    from raytwin.grade.diagnosis import diagnose
+    from raytwin.grade.sight import View
+    from raytwin.methods.exchange import as_scene
+
+    views = [
+        View(
+            as_scene(case.args[0] | {"name": case.shows}),
+            picture,
+            case.expected[0],
+            case.args[0]["rung"],
+            stage.name == "hit_points",
+        )
+        for case, (picture,) in zip(cases, got, strict=True)
+    ]
+    found = diagnose(views)
+    return tuple(cause.name for cause in found.causes), "; ".join(found.words)
 
 
 def _checked(stage: Stage, case: Case, outcome: Outcome) -> Outcome:
@@ -174,6 +190,8 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
     found: list[tuple[Variant, ...]] = [(stage.variants[i],) for i, rest_of_it in alone.items() if rest_of_it == 0]
     if found:
         return found
+    if stage.name in NEEDED:  # of pictures these are too many, and more is known of them than variants
+        return []
     best = sorted(alone, key=lambda i: alone[i])[: PAIRS // max(1, len(alone))]
     pairs = [(i, j) for i in best for j in alone if i != j]
     return list(_distinct(chain for i, j in pairs if left(chain := (stage.variants[i], stage.variants[j])) == 0))

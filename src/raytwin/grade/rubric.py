@@ -10,7 +10,7 @@
     credit = [[1e-4, 0.9], [1e-2, 0.5]] # an error of 1e-4 earns 0.9 of the points, of 1e-2 a half, above that nothing
     visibility = "after_due_date"
 
-`raytwin grade starter --rubric` writes a whole one. Knows numbers, not how they were measured.
+`raytwin grade starter --rubric` writes a whole one. `stage`: any that `raytwin.check` knows, a walk's lessons too.
 """
 
 import hashlib
@@ -22,12 +22,13 @@ import msgspec
 
 from raytwin import files
 from raytwin.errors import InputError, check_one_of
+from raytwin.grade.compose import NEEDED
+from raytwin.grade.contract import LESSONS
 from raytwin.grade.sandbox import Limits
 from raytwin.rungs import RUNGS
 
-PICTURES = ("hit_points", "render")
+PICTURES = tuple(NEEDED)
 """Stages that take a scene: these can be held to scenes by name, and to drawn ones."""
-STAGES = ("back_project", "estimate_pose", "intersect_sphere", "shade", *PICTURES)
 ONE_RAY = ("lambert", "shadow")
 """Rungs without noise, which a student's tracer may be held to."""
 
@@ -130,6 +131,11 @@ class Rubric(Record, frozen=True):
     def stages(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(e.stage for e in self.exercises))
 
+    @property
+    def functions(self) -> tuple[str, ...]:
+        """What is looked for in a submission: the stages, and what a picture can be made of where one is missing."""
+        return tuple(dict.fromkeys([*self.stages, *(part for s in self.stages for part in NEEDED.get(s, ()))]))
+
     def seed_of(self, content: bytes) -> int:
         """Of one submission: nobody without the rubric's own can tell it."""
         total = hashlib.sha256(f"{self.seed} ".encode() + content).digest()
@@ -163,7 +169,7 @@ def read_rubric(path: str | Path) -> Rubric:
 
 
 def _check(where: str, e: Exercise) -> None:
-    check_one_of(f"{where}.stage", e.stage, STAGES)
+    check_one_of(f"{where}.stage", e.stage, LESSONS)
     check_one_of(f"{where}.rung", e.rung, RUNGS)
     if e.rung not in ONE_RAY:
         raise InputError(f"{where}.rung", f"a rung without noise ({', '.join(ONE_RAY)})", e.rung)

@@ -33,6 +33,7 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.files.shipped import REFERENCES
+from raytwin.given import ENDINGS
 from raytwin.grade import wire
 from raytwin.grade.lock import HELD, LOCKS
 
@@ -152,6 +153,7 @@ class Sandbox:
         told: dict[str, Any] = {"kind": code.kind, "file": code.file, "command": list(code.command)}
         told["cells"] = [list(cell) for cell in code.cells or ((code.file, code.source),)]
         told |= {"asked": list(code.asked), "seed": code.seed, "uid": self._with_uid, "hidden": list(self._hidden)}
+        told["endings"] = list(ENDINGS)
         told |= {"limits": limits, "folder": str(self._work), "submission": str(self._copy)}
         told["packages"] = [p for p in dict.fromkeys([*sys.path, str(_package().parent)]) if p and Path(p).is_dir()]
         stdin, stdout, stderr = self._process.stdin, self._process.stdout, self._process.stderr
@@ -185,7 +187,7 @@ class Sandbox:
         if self._ended.problem:
             return Answer(problem=self._ended.problem, sort=self._ended.sort)
         if function not in self.functions:
-            return Answer(problem=f"{function} is not defined", sort="missing")
+            return Answer(problem=f"{function} is not written", sort="missing")
         self._calls += 1
         start = time.monotonic()
         self._inbox.put({"call": self._calls, "function": function, "arguments": list(arguments)})

@@ -1,8 +1,9 @@
 """The file that a student starts from: the contract's functions, their docstrings, one worked example, their checks."""
 
 import textwrap
+from collections.abc import Sequence
 
-from raytwin.grade.contract import CONTRACT
+from raytwin.grade.contract import CONTRACT, LESSONS
 from raytwin.grade.stage import Stage
 
 HEAD = '''"""A ray tracer in stages: functions that take and return NumPy arrays, each graded alone, in any order.
@@ -10,13 +11,7 @@ HEAD = '''"""A ray tracer in stages: functions that take and return NumPy arrays
 Run this file to check what is written so far: `python {name}`. In a notebook, `raytwin.check("shade", shade)` shows it
 as a small page. Keep names and parameters; helpers, classes and imports of your own (numpy, scipy, cv2) are welcome. A
 function that is left as it is counts as not written.
-
-`scene` is a dict: "name", "width", "height"; the camera "K" (3, 3), "dist" (5,), "R_cam_board" (3, 3), "t_cam_board"
-(3,); "spheres", a list of {{"center" (3,), "radius", "albedo" (3,)}}; "planes", a list of {{"center", "half_u",
-"half_v", "albedo"}}; "sun", {{"to_light" (3,), unit, "irradiance" (3,)}}; "sky", {{"radiance" (3,)}}; "rung", "lambert"
-or "shadow". Lengths are in metres; the scene's places and directions are in the board's frame, and
-p_cam = R_cam_board @ p_board + t_cam_board takes them to the camera's.
-"""
+{scene}"""
 
 import numpy as np
 
@@ -35,20 +30,29 @@ def intersect_plane(origins, directions, center, half_u, half_v):
     return np.where(inside & (t > 0), t, np.inf)
 '''
 
+SCENE = """
+`scene` is a dict: "name", "width", "height"; the camera "K" (3, 3), "dist" (5,), "R_cam_board" (3, 3), "t_cam_board"
+(3,); "spheres", a list of {"center" (3,), "radius", "albedo" (3,)}; "planes", a list of {"center", "half_u",
+"half_v", "albedo"}; "sun", {"to_light" (3,), unit, "irradiance" (3,)}; "sky", {"radiance" (3,)}; "rung", "lambert"
+or "shadow". Lengths are in metres; the scene's places and directions are in the board's frame, and
+p_cam = R_cam_board @ p_board + t_cam_board takes them to the camera's.
+"""
+
 TAIL = """
 
 if __name__ == "__main__":
     import raytwin
 
-    for function in ({names}):
+    for function in ({names},):
         raytwin.check(function.__name__, function)
 """
 
 
-def starter(name: str = "tracer.py") -> str:
+def starter(name: str = "tracer.py", stages: Sequence[str] = tuple(CONTRACT)) -> str:
     """The text of that file."""
-    bodies = "".join(_function(stage) for stage in CONTRACT.values())
-    return HEAD.format(name=name) + bodies + TAIL.format(names=", ".join(CONTRACT))
+    chosen = [LESSONS[stage] for stage in stages]
+    scene = SCENE if any("scene" in stage.parameters for stage in chosen) else ""
+    return HEAD.format(name=name, scene=scene) + "".join(map(_function, chosen)) + TAIL.format(names=", ".join(stages))
 
 
 def _function(stage: Stage) -> str:

@@ -4,7 +4,6 @@ Each becomes a `Submission`: functions by the names of the contract. A program a
 `render`; so whoever grades calls functions and need not know the kind.
 """
 
-import importlib.util
 import itertools
 import os
 import shlex
@@ -15,7 +14,7 @@ import traceback
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import ModuleType
 from typing import Any
 
 import msgspec
@@ -25,6 +24,7 @@ from raytwin.errors import InputError
 from raytwin.given import ENDINGS, take
 from raytwin.grade.compose import PARTS, compose, made_of
 from raytwin.grade.contract import CONTRACT
+from raytwin.grade.loading import functions_of, image_at, new_module, run_cells, run_program
 from raytwin.grade.stage import Function
 from raytwin.image import Image
 from raytwin.methods.exchange import as_json
@@ -91,8 +91,7 @@ def load(what: str | os.PathLike, function: str | None = None) -> Submission:
 def load_code(path: Path, function: str | None = None) -> Submission:
     """The functions of a Python file or a notebook, which is run."""
     module, notes = run_notebook(path) if path.suffix == ".ipynb" else (run_file(path), ())
-    named = {name: getattr(module, name, None) for name in CONTRACT}
-    found: dict[str, Function] = {name: f for name, f in named.items() if callable(f) and not is_unwritten(f)}
+    found: dict[str, Function] = functions_of(module, CONTRACT)
     if function is not None:
         if not callable(getattr(module, function, None)):
             raise InputError(f"{path}: {function}", "a function", "; ".join(("nothing of that name", *notes)))
@@ -102,41 +101,23 @@ def load_code(path: Path, function: str | None = None) -> Submission:
     return Submission(str(path), found, notes, module)
 
 
-def is_unwritten(function: Function) -> bool:
-    """It does nothing but raise NotImplementedError, as the starter file's do."""
-    code = getattr(function, "__code__", None)
-    return code is not None and code.co_names == ("NotImplementedError",)
-
-
 def run_file(path: Path) -> ModuleType:
     """The module that a Python file is. Raises InputError where it cannot be run to its end."""
-    code = _compiled(path, _read(path), str(path))
     module = _new_module(path)
-    try:
-        exec(code, module.__dict__)
-    except Exception as error:
-        raise InputError(path, "a Python file that can be imported", _told(error, str(path))) from error
-    except SystemExit as error:
-        raise InputError(path, "a Python file that can be imported", f"exit({error.code})") from error
+    for error in run_cells(module, [(str(path), _read(path))]).values():
+        expected = "Python" if isinstance(error, SyntaxError) else "a Python file that can be imported"
+        raise InputError(path, expected, _told(error, str(path))) from error
     return module
 
 
 def run_notebook(path: Path) -> tuple[ModuleType, tuple[str, ...]]:
-    """The code cells of a notebook, one after the other; and what went wrong in those that failed: no other is lost.
+    """The code cells of a notebook, one after the other; and what went wrong in those that failed.
 
     Magics (%, %%) and shell commands (!) are left out.
     """
-    module, notes = _new_module(path), []
-    module.__dict__["display"] = lambda *things, **options: None
-    for number, text in cells(path):
-        name = f"{path}: cell {number}"
-        try:
-            exec(_compiled(path, text, name), module.__dict__)
-        except InputError as error:
-            notes.append(f"cell {number}: {error.got}")
-        except (Exception, SystemExit) as error:
-            notes.append(f"cell {number}: {_told(error, name)}")
-    return module, tuple(notes)
+    module = _new_module(path)
+    failed = run_cells(module, [(f"cell {number}", text) for number, text in cells(path)])
+    return module, tuple(f"{name}: {_told(error, name)}" for name, error in failed.items())
 
 
 def cells(path: Path) -> Iterator[tuple[int, str]]:
@@ -161,30 +142,19 @@ def _read(path: Path) -> str:
         raise InputError(path, "UTF-8 text", f"byte {error.object[error.start]:#04x} at {error.start}") from None
 
 
-def _compiled(path: Path, text: str, name: str) -> CodeType:
-    try:
-        return compile(text, name, "exec", dont_inherit=True)
-    except SyntaxError as error:
-        line = f"line {error.lineno}: {(error.text or '').strip()[:60]}"
-        raise InputError(path, "Python", f"{type(error).__name__}: {error.msg} ({line})") from None
-    except ValueError as error:  # null bytes
-        raise InputError(path, "Python", error) from None
-
-
 def _new_module(path: Path) -> ModuleType:
-    """Registered before it runs, since dataclasses and pickle look it up; its folder's other files can be imported."""
-    name = f"raytwin_submission_{next(_numbers)}_{path.stem}"
-    module = ModuleType(name)
-    module.__file__ = str(path)
-    module.__spec__ = importlib.util.spec_from_loader(name, loader=None)
-    sys.modules[name] = module
+    """Its folder's other files can be imported."""
     if (folder := str(path.absolute().parent)) not in sys.path:
         sys.path.append(folder)
-    return module
+    return new_module(f"raytwin_submission_{next(_numbers)}_{path.stem}", path)
 
 
 def _told(error: BaseException, name: str) -> str:
     """`KeyError: 'moon' (line 12)`, the line being the file's own."""
+    if isinstance(error, SystemExit):
+        return f"exit({error.code})"
+    if isinstance(error, SyntaxError):
+        return f"{type(error).__name__}: {error.msg} (line {error.lineno}: {(error.text or '').strip()[:60]})"
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == name]
     return f"{type(error).__name__}: {error}" + (f" (line {lines[-1]})" if lines else "")
 
@@ -205,16 +175,13 @@ class Program:
         with tempfile.TemporaryDirectory() as folder:
             told, out = Path(folder) / "scene.json", Path(folder) / "out.exr"
             files.write_json(told, as_json(scene))
-            words = [word.replace("{scene}", str(told)).replace("{out}", str(out)) for word in self._words()]
             try:
-                done = subprocess.run(words, capture_output=True, timeout=SECONDS, check=False)
+                options = {"stdout": subprocess.DEVNULL, "timeout": SECONDS}
+                return take(run_program(self._words(), told, out, ENDINGS, **options)).image
             except (OSError, subprocess.TimeoutExpired) as error:
                 raise InputError(self.command, "a program that runs", error) from None
-            written = [p for p in (out, *(out.with_name(out.name + e) for e in ENDINGS)) if p.is_file()]
-            if done.returncode or not written:
-                said = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [""]
-                raise InputError(self.command, "an image at {out}", f"exit code {done.returncode}: {said[0]}")
-            return take(written[0]).image
+            except RuntimeError as error:
+                raise InputError(self.command, "an image at {out}", error) from None
 
     def _words(self) -> list[str]:
         try:
@@ -231,7 +198,4 @@ class Shown:
 
     def __call__(self, scene: dict[str, Any]) -> Image:
         path = self.path
-        if path.is_dir():
-            named = [path / f"{scene['name']}{ending}" for ending in ENDINGS]
-            path = next((file for file in named if file.is_file()), named[0])
-        return take(path).image
+        return take(image_at(path, scene["name"], ENDINGS) if path.is_dir() else path).image

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.scene import Record, Scene
+from raytwin.scene import Camera, Lambert, Record, Rectangle, Scene, Sky, Sphere, Sun
 
 
 def as_arrays(scene: Scene, rung: str = "shadow") -> dict[str, Any]:
@@ -34,6 +34,24 @@ def as_arrays(scene: Scene, rung: str = "shadow") -> dict[str, Any]:
 
 def _arrays(record: Record, *names: str) -> dict[str, Any]:
     return {name: np.array(getattr(record, name), float) for name in names}
+
+
+def as_scene(told: dict[str, Any]) -> Scene:
+    """The scene that `as_arrays` tells."""
+
+    def plain(value: np.ndarray) -> Any:
+        return tuple(plain(row) if row.ndim else float(row) for row in value)
+
+    camera = Camera(
+        (told["width"], told["height"]), *(plain(told[k]) for k in ("K", "R_cam_board", "t_cam_board", "dist"))
+    )
+    spheres = [Sphere(plain(s["center"]), s["radius"], Lambert(plain(s["albedo"]))) for s in told["spheres"]]
+    planes = [
+        Rectangle(plain(p["center"]), plain(p["half_u"]), plain(p["half_v"]), Lambert(plain(p["albedo"])))
+        for p in told["planes"]
+    ]
+    sun = Sun(plain(told["sun"]["to_light"]), plain(told["sun"]["irradiance"]))
+    return Scene(told["name"], camera, (*spheres, *planes), (sun, Sky(plain(told["sky"]["radiance"]))))
 
 
 def as_json(scene: dict[str, Any]) -> dict[str, Any]:

@@ -63,7 +63,7 @@ STATUS = {
     "pass": ("✓", "passes"),
     "fail": ("✗", "other numbers"),
     "error": ("!", "an error, or no usable array"),
-    "missing": ("–", "not defined"),
+    "missing": ("–", "not written"),
     "limit": ("◷", "too much time, memory or output"),
     "broken": ("☇", "its process ended"),
 }

@@ -1,0 +1,86 @@
+"""What is made of what a student hands in: functions by name, arrays, a program's image, an image by a scene's name.
+
+Standard library and NumPy alone: a submission's process (child.py) loads this file without the rest of raytwin, which
+imports it.
+"""
+
+import importlib.util
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+Functions = dict[str, Callable[..., Any]]
+
+
+def new_module(name: str, file: Path) -> ModuleType:
+    """Registered before it runs, since dataclasses and pickle look it up."""
+    module = ModuleType(name)
+    module.__file__ = str(file)
+    module.__spec__ = importlib.util.spec_from_loader(name, loader=None)
+    sys.modules[name] = module
+    return module
+
+
+def run_cells(module: ModuleType, cells: Iterable[tuple[str, str]]) -> dict[str, BaseException]:
+    """Runs each (name, text) in the module; name -> error of those that failed: none is lost by another."""
+    failed: dict[str, BaseException] = {}
+    vars(module)["display"] = lambda *things, **options: None
+    for name, text in cells:
+        try:
+            exec(compile(text, name, "exec", dont_inherit=True), vars(module))
+        except (Exception, SystemExit) as error:  # theirs, whatever it is
+            failed[name] = error
+    return failed
+
+
+def functions_of(module: ModuleType, names: Iterable[str]) -> Functions:
+    """Those of these names that are written."""
+    found = {name: getattr(module, name, None) for name in names}
+    return {name: f for name, f in found.items() if callable(f) and not is_unwritten(f)}
+
+
+def is_unwritten(function: Any) -> bool:
+    """It does nothing but raise NotImplementedError, as the starter file's do."""
+    code = getattr(function, "__code__", None)
+    return code is not None and code.co_names == ("NotImplementedError",)
+
+
+def arrays_of(made: Any) -> tuple[np.ndarray, ...]:
+    """What a function returned: a tuple's items one by one, anything else as one. TypeError, in words, where a student
+    returned something else than numbers."""
+    try:
+        arrays = tuple(np.asarray(one) for one in (made if isinstance(made, tuple) else (made,)))
+    except (TypeError, ValueError, RuntimeError):
+        raise TypeError(f"it returned a {type(made).__name__} that is no array") from None
+    if made is None:
+        raise TypeError("it returned None: is there a return?")
+    if any(a.dtype.kind not in "fiub" for a in arrays):
+        names = {"c": "complex numbers", "O": "objects", "U": "text"}
+        kinds = dict.fromkeys(names.get(a.dtype.kind, str(a.dtype)) for a in arrays)
+        raise TypeError(f"it returned {' and '.join(kinds)}, not numbers")
+    return tuple(a if a.dtype.itemsize <= 8 else a.astype(float) for a in arrays)
+
+
+def run_program(command: Sequence[str], told: Path, out: Path, endings: Sequence[str], **options: Any) -> Path:
+    """The image that a program wrote, which finds `{scene}` at `told` and writes to `{out}`, or to `{out}.pfm` and so
+    on. RuntimeError, in words, where there is none."""
+    words = [word.replace("{scene}", str(told)).replace("{out}", str(out)) for word in command]
+    done = subprocess.run(words, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False, **options)
+    sys.stderr.write(done.stderr[-2000:].decode(errors="replace"))
+    paths = (out, *(out.with_name(out.name + ending) for ending in endings))
+    written = [p for p in paths if p.is_file() and not p.is_symlink()]
+    if done.returncode or not written:
+        said = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [""]
+        raise RuntimeError(f"exit code {done.returncode}{', no image' if not written else ''}: {said[0]}")
+    return written[0]
+
+
+def image_at(folder: Path, scene: str, endings: Sequence[str]) -> Path:
+    """Of a folder of images the one that bears the scene's name; where there is none, the first it might be."""
+    named = [folder / f"{scene}{ending}" for ending in endings]
+    return next((path for path in named if path.is_file()), named[0])
