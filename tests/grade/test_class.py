@@ -110,7 +110,7 @@ PARTS = tracers.RIGHT.replace("def render", "def own")
         ("", "", 20, "render is made of its back_project and intersect_sphere and shade, the rest is ours"),
         ("np.pi *", "1 *", 0, "cause (sure): the sun's part is π times too bright"),
         ("def shade", "def shade_", 0, "render is not written"),
-        ("return np.where(disc", "return (disc", 0, "intersect_sphere: it returned 2 arrays"),
+        ("return np.where(disc", "return (disc", 0, "intersect_sphere: it returned 3 arrays"),
         ("return np.where(disc < 0", "return np.where(disc[:5] < 0", 0, "ValueError"),
         ("def own(scene):", "def render(scene):\n    raise NotImplementedError\ndef own(scene):", 20, "is made of its"),
     ],
