@@ -16,6 +16,7 @@ from raytwin.image import Image
 
 LONG = "/" + "x" * 300
 """No folder can have this name: asking for it fails, as one that may not be entered does."""
+RUBRIC = Path(files.__file__).parents[1] / "grade" / "rubric.toml"
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="a Linux thing")
 
 
@@ -106,6 +107,8 @@ def test_pipes_and_devices_are_refused_where_files_are_read(tmp_path, pair):
     os.mkfifo(tmp_path / "pipe")
     for command in (
         ("diff", tmp_path / "pipe", pair[0]),
+        ("compare", "single", "--subject", tmp_path / "pipe"),
+        ("grade", tmp_path / "pipe", "-r", RUBRIC),
         ("bench", "single", "--against", tmp_path / "pipe"),
         ("board", "--import", tmp_path / "pipe", "-o", tmp_path / "x.toml"),
         ("calibrate", tmp_path, "--board", tmp_path / "pipe"),
@@ -122,6 +125,10 @@ def test_pipes_and_devices_are_refused_where_files_are_read(tmp_path, pair):
         (("bench", "single", "--spheres", "inf"), "--spheres: expected finite numbers"),
         (("bench", "single", "--sizes", "nan"), "--sizes: expected finite numbers"),
         (("bench", "single", "--crowd", "-3"), "--crowd: expected numbers above 0, got -3"),
+        (("bench", "single", "--sizes", "1e9"), "--sizes: expected at most 1000, got 1e+09"),
+        (("compare", "single", "--rung", "path", "--samples", "99999999999"), "whole number from 1 to 16777216, got"),
+        (("ladder", "single", "--samples", "99999999999"), "whole number from 2 to 16777216, got"),
+        (("walk", "-o", "B"), "board.toml: expected a folder to write, got a file"),
         (("compare", "single", "--rung", "shadwo"), "got shadwo (did you mean shadow?)"),
         (("compare", "single", "--engine", "numpy46"), "(did you mean numpy64?)"),
         (("compare", "sinlge"), "no such scene (did you mean single?)"),

@@ -66,14 +66,21 @@ def bench(
     """
     for where, value, right in (
         ("--budget", budget, budget > 0),
-        ("--sizes", list(sizes), bool(sizes) and all(0 < s <= 1000 for s in sizes)),
-        ("--spheres", list(spheres), all(1 <= n <= 100_000 for n in spheres)),
-        ("--crowd", crowd, crowd is None or 1 <= crowd <= 100_000),
+        ("--sizes", list(sizes), bool(sizes) and all(s > 0 for s in sizes)),
+        ("--spheres", list(spheres), all(n >= 1 for n in spheres)),
+        ("--crowd", crowd, crowd is None or crowd >= 1),
         ("--repeats", repeats, repeats >= 1),
         ("--truth-samples", truth_samples, truth_samples >= 1),
     ):
         if not right:
             raise InputError(where, "numbers above 0", value)
+    for where, numbers, most in (
+        ("--sizes", sizes, 1000),
+        ("--spheres", spheres, 100_000),
+        ("--crowd", [crowd or 1], 100_000),
+    ):
+        if max(numbers, default=1) > most:
+            raise InputError(where, f"at most {most}", f"{max(numbers):g}")
     chosen = choose(tuple(methods))
     start = time.perf_counter()
     deadline = start + budget

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from raytwin.cli.options import check_outputs
+
 
 def walk_command(
     notebook: Annotated[
@@ -16,6 +18,7 @@ def walk_command(
     """Write the walk: eight lessons, each with an empty function to fill, a check in words, and the picture so far."""
     from raytwin.walk.written import write_walk
 
+    check_outputs(folders=(out,))
     path = write_walk(out, notebook, solved)
     typer.echo(f"wrote {path}")
     typer.echo(

@@ -16,8 +16,11 @@ def cache_folder() -> Path:
 
 
 def is_plain(path: Path) -> bool:
-    """A file, or nothing yet; a planted pipe would be waited for without end."""
-    return path.is_file() or not path.exists()
+    """A file, or nothing yet, where either may be; a planted pipe would be waited for without end."""
+    try:
+        return path.is_file() or not path.exists()
+    except OSError:  # a folder above that may not be entered, a name too long
+        return False
 
 
 def mark_used(path: Path) -> None:

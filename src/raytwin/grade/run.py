@@ -30,6 +30,8 @@ def jobs_of(submissions: Path, rubric_path: Path, whole: bool = False) -> list[J
     rubric = read_rubric(rubric_path)
     if not submissions.exists():
         raise InputError(submissions, "submissions: files, or folders, of students", "no such folder")
+    if not (submissions.is_dir() or submissions.is_file()):
+        raise InputError(submissions, "submissions: files, or folders, of students", "a device or a pipe")
     paths = (
         [submissions]
         if whole or _is_one(submissions, rubric)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from raytwin import files
 from raytwin.errors import InputError
 from raytwin.grade.submission import load
 from raytwin.methods.method import Method
@@ -22,5 +23,7 @@ def find_subject(text: str, rung: str) -> Method:
             "a method's name (`raytwin bench list`), FILE.py:FUNCTION, an image, or a command with {scene} and {out}"
         )
         raise InputError("--subject", known, text)
+    if Path(text).exists() and not Path(text).is_dir():
+        files.check_file(text, "an image, a folder of images, or Python")
     render, made = load(text).picture()
     return Called(rung, f"{text} ({made})" if made else text, render)

@@ -195,8 +195,8 @@ def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
 def _check(rung: str, sampling: str, samples: int | None) -> None:
     check_one_of("--rung", rung, RUNGS)
     check_one_of("--sampling", sampling, twin.SAMPLINGS)
-    if samples is not None and samples < 1:
-        raise InputError("--samples", "a whole number >= 1", samples)
+    if samples is not None and not 1 <= samples <= twin.MOST_SAMPLES:
+        raise InputError("--samples", f"a whole number from 1 to {twin.MOST_SAMPLES}", samples)
 
 
 def _times(

@@ -74,8 +74,8 @@ def climb(
     progress: Progress = silent,
 ) -> Ladder:
     """Render the scene at `path` on all rungs, on both sides, and split what each leaves out."""
-    if samples < 2:
-        raise InputError("--samples", "a whole number >= 2", samples)
+    if not 2 <= samples <= twin.MOST_SAMPLES:
+        raise InputError("--samples", f"a whole number from 2 to {twin.MOST_SAMPLES}", samples)
     began, stages = time.perf_counter(), Stages(progress)
     with stages.stage("backend"):
         engine = fast_engine(twin.activate().variant)

@@ -6,10 +6,11 @@ imported when the first of them is called, not before.
 
 from raytwin.twin.backend import VARIANTS, Backend, Tried, activate, doctor
 from raytwin.twin.plain import INTEGRATORS, load_plain, render_plain
-from raytwin.twin.rendering import SAMPLINGS, provenance, render
+from raytwin.twin.rendering import MOST_SAMPLES, SAMPLINGS, provenance, render
 
 __all__ = [
     "INTEGRATORS",
+    "MOST_SAMPLES",
     "SAMPLINGS",
     "VARIANTS",
     "Backend",

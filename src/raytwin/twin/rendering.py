@@ -26,6 +26,8 @@ from raytwin.twin.world import check_textures
 
 SAMPLINGS = ("center", "area")
 BATCHES = 16
+MOST_SAMPLES = 1 << 24
+"""Of a pixel, which are all followed at once: 2 GB. For more, take the mean of renders of several seeds."""
 TWIN = "2"
 """The twin's own version, part of every cache key: raise it when a change moves a pixel."""
 WORTH_KEEPING = 1.0
@@ -147,9 +149,10 @@ def _plan(
             raise InputError(where, " or ".join(known), name)
     files.check_camera(scene.camera, "camera")
     lens_of(scene.camera)  # raises where the distortion cannot be undone
-    for where, value, least in (("samples", samples, 1), ("seed", seed, 0)):
-        if value < least:
-            raise InputError(where, f"a whole number, at least {least}", value)
+    if not 1 <= samples <= MOST_SAMPLES:
+        raise InputError("samples", f"a whole number from 1 to {MOST_SAMPLES}", samples)
+    if seed < 0:
+        raise InputError("seed", "a whole number, at least 0", seed)
     if batches is None:
         batches = min(samples, BATCHES)
     elif not 1 <= batches <= samples:

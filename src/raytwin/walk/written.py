@@ -36,7 +36,6 @@ def write_walk(folder: Path, notebook: bool = False, solved: bool = False) -> Pa
     path = folder / ("walk.ipynb" if notebook else "walk.py")
     if path.exists():
         raise InputError(path, "a new file", "one that is there, perhaps half walked")
-    folder.mkdir(parents=True, exist_ok=True)
     files.write_text(path, as_notebook(text) if notebook else text)
     return path
 
