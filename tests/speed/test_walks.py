@@ -28,7 +28,7 @@ from truths import (
 )
 
 from raytwin import files, speed, twin
-from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Phong, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import ENGINES, frame
 from raytwin.speed.engine import from_numpy, to_numpy
 from raytwin.tracer import about, back_project, trace_paths
@@ -302,6 +302,9 @@ def test_inside_a_white_sphere_light_is_followed_from_wall_to_wall(fast):
         "inside", view_of((0.9, 0, 0), (0, 0, 0), 0.2), (Sphere((0, 0, 0), 0.9, grey(0.9)),), (*WHITE, Sun((0, 0, 1)))
     )
     np.testing.assert_array_equal(speed.walk(scene, "path", fast, samples=16).mean, 0)
+    shiny = msgspec.structs.replace(scene.objects[0], material=Phong((0.5,) * 3, (0.4,) * 3, 100.0))
+    within = msgspec.structs.replace(scene, objects=(shiny,))  # a way's rounding errors must not grow by each bounce
+    np.testing.assert_array_equal(speed.walk(within, "path", fast, samples=16, depth=100).mean, 0)
 
 
 # ---------------------------------------------------------------------------------------------- shipped scenes

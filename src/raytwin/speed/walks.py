@@ -60,12 +60,12 @@ def walk(
     their centres. `surface`: also what the rays through the pixels' centres meet first.
     """
     deep, side = depth or RUNGS[rung].depth or 2, side if sampling == "area" else 0.0
-
+    surfaces = constant(ENGINES[engine], deep)
     closed = deep == 2 and not side and len(scene.objects) <= FEW and not scene.environment and not scene.glossy
 
     def whole(view: EyeScene, world: World, hit: Hit) -> Callable[[Draw], list[Vec]]:
         even = sky_left(hit, world) if closed else None
-        return lambda numbers: [_or_sky(hit, follow(hit, view.light, world, numbers, deep, 1, even)[0], view.light)]
+        return lambda numbers: [_or_sky(hit, follow(hit, view.light, world, numbers, surfaces, 1, even)[0], view.light)]
 
     ((mean, variance),) = _sampled(scene, whole, [background(scene, rung)], engine, side, samples, seed, stages)
     seen = Surface.empty(*scene.camera.image_size) if surface else None
@@ -90,12 +90,13 @@ def light_parts(
 
     `side` of the area, in pixels, about their centres.
     """
+    surfaces = constant(ENGINES[engine], depth)
 
     def parts(view: EyeScene, world: World, hit: Hit) -> Callable[[Draw], list[Vec]]:
         open_, lit = (f(hit, view.light, world, view.camera) for f in (lambert_radiance, shadow_radiance))
 
         def sample(numbers: Draw) -> list[Vec]:
-            direct, *later = follow(hit, view.light, world, numbers, depth, parts=bounces + 1)
+            direct, *later = follow(hit, view.light, world, numbers, surfaces, parts=bounces + 1)
             seen, changes = hit.ids >= 0, ((lit, open_), (direct, lit))
             shadow, occlusion = (tuple(select(seen, x - y, 0.0) for x, y in zip(a, b, strict=True)) for a, b in changes)
             return [_or_sky(hit, open_, view.light), shadow, occlusion, *later]

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from math import pi
 from typing import Any
 
-from raytwin.tracer.arrays import Vec, cos, dot, maximum, repeat, select, sin, sqrt
+from raytwin.tracer.arrays import Vec, cos, dot, maximum, repeat, select, sin, sqrt, unit
 from raytwin.tracer.hit import Gloss, Hit, World
 from raytwin.tracer.light import Lighting, reflectance
 
@@ -22,7 +22,7 @@ Draw = Callable[[Any], tuple[Any, Any]]
 
 
 def follow(
-    hit: Hit, light: Lighting, world: World, draw: Draw, depth: int, parts: int = 1, even: Any = None
+    hit: Hit, light: Lighting, world: World, draw: Draw, depth: Any, parts: int = 1, even: Any = None
 ) -> list[Vec]:
     """Light (r, g, b) by the surfaces that it met: [of 1, of 2, ...], the last of `parts` and more; 0 where none is.
 
@@ -35,7 +35,7 @@ def follow(
     def bounce(k: Any, *state: Any) -> tuple[Any, ...]:
         """At one surface, the first for k = 0; and along a random ray to the next."""
         here, found = unpacked(state[:-values]), state[-values:]
-        d = about(here.normal, *draw(k + 1))
+        d = unit(about(here.normal, *draw(k + 1)))  # or rounding would grow by t/r from surface to surface
         there, onto = world.onward(here, d), reflectance(here, d)
         met = there.ids >= 0
         dark = met | known & (k == 0) if even else met
