@@ -8,7 +8,7 @@ from truths import WHITE, grey, in_wedge, view_of, wedge
 
 from raytwin import files, speed, twin
 from raytwin.image import Image
-from raytwin.jobs import ledger
+from raytwin.jobs import ledger, whole_light
 from raytwin.jobs.ledger import make_ledger
 from raytwin.rungs import RUNGS
 from raytwin.scene import Rectangle, Scene, Sphere, Sun
@@ -44,14 +44,15 @@ def test_parts_add_up_to_what_is_shown_less_the_whole_light(overlap, fast, rung)
     assert len(left) == {"lambert": 5, "shadow": 4, "sky": 3, "path": 0}[rung]
 
 
-@pytest.mark.parametrize("name", ["distorted", "grazing", "wedge", "ball", "eclipse", "weekend"])
+@pytest.mark.parametrize("name", ["distorted", "grazing", "wedge", "ball", "eclipse", "weekend", "gloss", "studio"])
 def test_on_every_scene_the_parts_are_the_whole_error_pixel_by_pixel(scenes, fast, name):
     """What is shown less the walks of the ledger's own seeds, to float32's rounding of a handful of sums."""
     scene = files.read_scene(scenes / name).scene
     small = scene.with_camera(scene.camera.resized(64, 48))
     shown = speed.trace(small, "lambert", fast)
     halves = [
-        speed.walk(small, "path", fast, samples=ledger.SAMPLES, seed=seed, surface=False).mean for seed in ledger.SEEDS
+        speed.walk(small, "path", fast, samples=whole_light.SAMPLES, seed=seed, surface=False).mean
+        for seed in whole_light.SEEDS
     ]
     found = make_ledger(small, shown, "lambert", fast)
     total = sum(picture.astype(float) for picture in found.pictures.values())
@@ -97,10 +98,10 @@ def test_a_shadow_lies_between_what_casts_it_and_what_it_falls_on(fast):
 def test_a_large_frame_is_judged_by_every_kth_pixel_with_that_pixels_own_area(overlap, fast, monkeypatch):
     small = overlap.with_camera(overlap.camera.resized(160, 120))
     shown = speed.trace(small, "shadow", fast)
-    monkeypatch.setattr(ledger, "PIXELS_NUMPY", 160 * 120)
+    monkeypatch.setattr(whole_light, "PIXELS_NUMPY", 160 * 120)
     whole = make_ledger(small, shown, "shadow", fast)
-    monkeypatch.setattr(ledger, "PIXELS", 160 * 120 // 4)
-    monkeypatch.setattr(ledger, "PIXELS_NUMPY", 160 * 120 // 4)
+    monkeypatch.setattr(whole_light, "PIXELS", 160 * 120 // 4)
+    monkeypatch.setattr(whole_light, "PIXELS_NUMPY", 160 * 120 // 4)
     thin = make_ledger(small, shown, "shadow", fast)
     assert (whole.step, thin.step) == (1, 2)
     assert thin.error.shape == (60, 80, 3)

@@ -16,7 +16,7 @@ from raytwin.files import Rounding
 from raytwin.grade.catalogue import ACNE, FAULTS, OUTPUT, STAGES, Fault
 from raytwin.grade.fitted import FAMILIES, Family, fit, promising, total
 from raytwin.grade.predict import RIGHT, Array, Steps
-from raytwin.grade.sight import Sight, View, many
+from raytwin.grade.sight import Sampled, Sight, View, many
 from raytwin.grade.split import split
 from raytwin.grade.whereabouts import whereabouts
 from raytwin.image import Image
@@ -169,10 +169,12 @@ def explain(
     rung: str = "shadow",
     rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
     most: int = 2,
+    sampled: Sampled | None = None,
 ) -> tuple[str, ...]:
     """In words, why an image is not its reference: of a known scene any fault, else what a writer does wrong.
 
-    Of an unknown scene only a cause that explains it is told. `rounding`: of the test's format.
+    Of an unknown scene only a cause that explains it is told. `rounding`: of the test's format. `sampled`: the parts of
+    light that chance finds, for the factors of light that are told where no cause explains it.
     """
     shown, right = test.mean, reference.mean
     if shown.shape != right.shape or shown.ndim != 3 or not (np.isfinite(shown).all() and np.isfinite(right).all()):
@@ -182,7 +184,7 @@ def explain(
     if variances:
         slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
     known = scene is not None and RUNGS[rung].lit and scene.objects
-    view = View(scene if known else None, shown, right, rung, half=slack, clipped=rounding.clipped)
+    view = View(scene if known else None, shown, right, rung, half=slack, clipped=rounding.clipped, sampled=sampled)
     if known:
         return diagnose([view], most=most).words
     made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, most=1)

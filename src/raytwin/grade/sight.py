@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -29,13 +29,17 @@ DIGITS = 3e-6
 """Of the scale: what float32 rounds off."""
 
 
+Sampled = Callable[[int], Mapping[str, tuple[Array, Array]]]
+"""k -> parts of the light (h, w, 3) at every k-th pixel, each twice, from independent samples."""
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """A submission's picture of one scene; of None, where nobody knows which.
 
     `shown` (H, W, 3): linear radiance, or with `points` where each pixel's ray first meets a sphere, NaN for none.
     `right`: what it should be; the tracer's own picture where none is given. `half` (H, W, 3): what its format may have
-    rounded off; `clipped`: it holds nothing above 1.
+    rounded off; `clipped`: it holds nothing above 1. `sampled`: of the scene's light what chance finds.
     """
 
     scene: Scene | None
@@ -45,6 +49,7 @@ class View:
     points: bool = False
     half: Array | None = None
     clipped: bool = False
+    sampled: Sampled | None = None
 
 
 @dataclass(eq=False)

@@ -16,6 +16,7 @@ from raytwin.image import Image
 from raytwin.jobs.camera import TruthRow, compare_truth, find_camera
 from raytwin.jobs.ledger import LEFT_OUT, Ledger, make_ledger
 from raytwin.jobs.versions import versions
+from raytwin.jobs.whole_light import sampled_parts
 from raytwin.methods.method import Method
 from raytwin.methods.traced import Followed, Traced, fast_engine
 from raytwin.progress import Progress, Stages, silent
@@ -110,7 +111,7 @@ def compare_scene(
     ledger = None
     if RUNGS[subject.rung].lit:
         with stages.stage("ledger"):
-            ledger = make_ledger(scene, made, subject.rung, fast_engine(backend.variant))
+            ledger = make_ledger(scene, made, subject.rung, fast_engine(backend.variant), keep=cache)
     with stages.stage("compare"):
         comparison, held_to = compare(made, reference, tolerance=written.tolerance, flip=flip), reference
         if subject.rung != rung and comparison.verdict != "pass":
@@ -119,7 +120,8 @@ def compare_scene(
             comparison = _as_it_must(comparison, at_own, subject.rung, rung, ledger)
     if comparison.verdict == "fail":
         with stages.stage("cause"):
-            comparison = comparison.saying(*explain(made, held_to, scene, subject.rung))
+            sampled = sampled_parts(scene, subject.rung, fast_engine(backend.variant), subject.sampling)
+            comparison = comparison.saying(*explain(made, held_to, scene, subject.rung, sampled=sampled))
     picture = augmented = None
     if photo_path is not None:
         with stages.stage("augment"):

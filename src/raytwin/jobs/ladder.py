@@ -13,7 +13,8 @@ from raytwin.compare.report import Part
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.jobs.camera import find_camera
-from raytwin.jobs.ledger import WholeLight, split_error
+from raytwin.jobs.ledger import split_error
+from raytwin.jobs.whole_light import WholeLight
 from raytwin.methods.method import Method
 from raytwin.methods.traced import Followed, Traced, fast_engine
 from raytwin.progress import Progress, Stages, silent

@@ -24,8 +24,9 @@ from raytwin import files, twin
 from raytwin.compare.metrics import METRICS
 from raytwin.errors import InputError, MachineError, check_one_of
 from raytwin.jobs.camera import find_camera
-from raytwin.jobs.ledger import LEFT_OUT, gone
+from raytwin.jobs.ledger import LEFT_OUT
 from raytwin.jobs.unneeded import STILL, Bounds, still_terms
+from raytwin.jobs.whole_light import gone
 from raytwin.methods.method import Call, Method
 from raytwin.methods.traced import Filled, Followed, Speculated, Supersampled, Traced, fast_engine, mean_of_shifts
 from raytwin.progress import Progress, silent
@@ -291,6 +292,11 @@ class _Tried:
     @property
     def median(self) -> float:
         return float(np.median(self.seconds)) if self.seconds else self.guess
+
+    @property
+    def least(self) -> float:
+        """What a busy machine makes longer least."""
+        return min(self.seconds, default=self.guess)
 
     @property
     def spread(self) -> float:
@@ -621,9 +627,8 @@ class _Search:
         for m in meet:
             if m.call is None and isinstance(m.method, Followed):
                 m.guess = self._scaled(m.method, m.guess)
-        fast = min(meet, key=lambda m: m.median)
-        slack = max(fast.median * TIE, fast.median + fast.spread)
-        return min((m for m in meet if m.median <= slack), key=lambda m: _simplicity(m.method))
+        slack = TIE * min(m.least for m in meet)
+        return min((m for m in meet if m.least <= slack), key=lambda m: _simplicity(m.method))
 
     def _scaled(self, method: Followed, guess: float) -> float:
         """The seconds at full size, by the median of three calls with fewer samples."""

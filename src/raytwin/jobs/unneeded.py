@@ -133,7 +133,7 @@ class Bounds:
         if not self.seen.any():
             return 0.0
         for _ in range(bounces + 4 - len(self.series)):
-            self.series.append(sum((_gathered(*lobe, self.series[-1]) for lobe in self.lobes), 0 * self.series[-1]))
+            self.series.append(np.sum([_gathered(a, f, self.series[-1]) for a, f in self.lobes], axis=0))
         first, second, third = self.series[bounces + 1 : bounces + 4]
         with np.errstate(divide="ignore", invalid="ignore"):
             shrinks = np.where(first > 0, third / first, np.where(third > 0, np.inf, 0.0)).max(axis=0)
@@ -171,7 +171,7 @@ class Bounds:
 
     def _filled(self) -> np.ndarray:
         """What each object sends on of an even light from all others (n, 3)."""
-        return sum((a * _full(shares) for a, shares in self.lobes), np.zeros((len(self.seen), 3)))
+        return np.asarray(np.sum([a * _full(shares) for a, shares in self.lobes], axis=0))
 
     def _tail(self, factor: np.ndarray) -> np.ndarray:
         return np.where(self.q < 1, factor / np.where(self.q < 1, 1 - self.q, 1.0), np.where(factor > 0, np.inf, 0.0))
@@ -190,7 +190,7 @@ class Bounds:
 
 def _full(shares: np.ndarray) -> np.ndarray:
     """(n, 1): the share that all others fill together."""
-    return np.minimum(shares.sum(axis=1, keepdims=True), 1.0)
+    return np.asarray(np.minimum(shares.sum(axis=1, keepdims=True), 1.0))
 
 
 def _gathered(a: np.ndarray, shares: np.ndarray, light: np.ndarray) -> np.ndarray:

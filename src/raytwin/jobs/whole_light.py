@@ -1,0 +1,204 @@
+"""All light of a scene, in parts: what ledgers of pictures on any rung, and fitted splits, are made from.
+
+It is kept between runs, under a hash of the scene, of the tracer's own source and of what computes: changed code finds
+nothing of the old. A kept file that is not what was written is made anew.
+"""
+
+import contextlib
+import hashlib
+import importlib.metadata
+import math
+import time
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+import raytwin
+from raytwin import files
+from raytwin.errors import InputError
+from raytwin.image import BACKGROUND
+from raytwin.rungs import RUNGS
+from raytwin.scene import Rectangle, Scene, Shape
+from raytwin.speed import ENGINES, PARTS, light_parts, trace, walk
+
+PIXELS, PIXELS_NUMPY, SAMPLES = 1 << 18, 1 << 13, 8
+"""A larger frame's light is that of every k-th pixel of every k-th row; twice so many samples each."""
+SEEDS = 0xA11CE, 0xB0B
+"""Others than a user's, so that no picture is held against its own samples."""
+SMALL = 96
+"""Pixels across, when objects are taken away one by one to see what they had to do with a part."""
+LIMIT = 1 << 29
+"""Bytes that are kept."""
+MADE_BY = "scene", "tracer", "speed", "jobs/whole_light.py"
+"""Whose source decides the numbers."""
+REMOVED_BY = {"shadow": ("shadow", 0), "occlusion": ("sky", 2), "bounce 1": ("path", 3), "bounce 2": ("path", 4)}
+"""A part of the light -> the cheapest rung that has it, and to what depth; `path` to the whole depth for the others."""
+
+Arrays = Mapping[str, np.ndarray]
+
+
+class WholeLight:
+    """At every `step`-th pixel, each with its own area.
+
+    Two independent halves of the samples: products of one half's error with the other's have no noise in their mean.
+    `engine`: the fastest here, of ENGINES. `seconds`: part -> what a whole frame of the rung that has it takes, where
+    light is followed with as many samples. `keep`: between runs.
+    """
+
+    def __init__(self, scene: Scene, engine: str, depth: int = 8, keep: bool = False) -> None:
+        self.scene, self.engine, self.depth, self.keep = scene, engine, depth, keep
+        w, h = scene.camera.image_size
+        self.step = math.ceil(math.sqrt(w * h / (PIXELS_NUMPY if ENGINES[engine].is_numpy else PIXELS)))
+        self.thin = scene.with_camera(scene.camera.every(self.step))
+        self.shape = (self.thin.camera.height, self.thin.camera.width, 3)
+        names = {(k, part): f"{k} {part}" for k in range(len(SEEDS)) for part in PARTS}
+        found = self._kept(
+            "halves", self._sampled, dict.fromkeys(names.values(), self.shape) | {"seconds": (len(PARTS) - 1,)}
+        )
+        self.seconds = dict(zip(PARTS[1:], found["seconds"].tolist(), strict=True))
+        self.halves = [{part: found[names[k, part]] for part in PARTS} for k in range(len(SEEDS))]
+
+    @cached_property
+    def partners(self) -> Arrays:
+        """part -> (n, n): by how much it changes on object i (row) when object j is taken away: sum of |change|."""
+        n = len(self.scene.objects)
+        if not 2 <= n <= 8:
+            return {}
+        return self._kept("partners", self._taken_away, dict.fromkeys(PARTS[1:], (n, n)))
+
+    def exact(self, rung: str) -> np.ndarray:
+        """A rung that a formula gives, at each pixel's centre, in float64."""
+        row = ENGINES[self.engine]._replace(precision="float64")
+        double = next(name for name, known in ENGINES.items() if known == row)
+        return self._kept(rung, lambda: {"mean": trace(self.thin, rung, double).mean}, {"mean": self.shape})["mean"]
+
+    def _kept(self, what: str, make: Callable[[], Arrays], shapes: Mapping[str, tuple[int, ...]]) -> Arrays:
+        if not self.keep:
+            return make()
+        about = (_made_by(), what, self.engine, self.depth, self.scene.camera, self.scene.objects, self.scene.lights)
+        key = hashlib.sha256(msgspec.json.encode((*about, PIXELS, PIXELS_NUMPY), enc_hook=files.plain)).hexdigest()[:32]
+        path = files.cache_folder() / "light" / f"{key}.npz"
+        found = load(path, shapes)
+        if found is None:
+            found = make()
+            store(path, found)
+        return found
+
+    def _sampled(self) -> Arrays:
+        halves = [
+            light_parts(self.thin, self.engine, samples=SAMPLES, seed=seed, depth=self.depth, side=1 / self.step)
+            for seed in SEEDS
+        ]
+        found = {f"{k} {part}": image.mean for k, half in enumerate(halves) for part, image in half.items()}
+        seconds = [self._seconds(*REMOVED_BY.get(part, ("path", self.depth))) for part in PARTS[1:]]
+        return found | {"seconds": np.array(seconds, np.float32)}
+
+    def _seconds(self, rung: str, depth: int) -> float:
+        """Of a whole frame, from the pixels looked at and a few samples; by a second call, since the first compiles."""
+        few, side, began = 4, 1 / self.step, 0.0
+        for _ in range(2):
+            began = time.perf_counter()
+            if depth:
+                walk(self.thin, rung, self.engine, samples=few, depth=depth, side=side, surface=False)
+            else:
+                trace(self.thin, rung, self.engine)
+        times = SAMPLES * len(SEEDS) / few if depth else 1.0
+        return (time.perf_counter() - began) * times * self.step**2
+
+    def _taken_away(self) -> Arrays:
+        """On a small frame, from the same random numbers, so that what does not depend on j does not change."""
+        n, scene = len(self.scene.objects), self.scene
+        w, h = scene.camera.image_size
+        small = scene.with_camera(scene.camera.resized(SMALL, max(1, round(SMALL * h / w))))
+        ids = _ids(small, self.engine)
+        before = light_parts(small, self.engine, samples=16, depth=self.depth)
+        found = {part: np.zeros((n, n), np.float32) for part in PARTS[1:]}
+        for j in range(n):
+            without = msgspec.structs.replace(
+                small, objects=tuple(gone(thing) if i == j else thing for i, thing in enumerate(small.objects))
+            )
+            after = light_parts(without, self.engine, samples=16, depth=self.depth)
+            use = (ids == _ids(without, self.engine)) & (ids > BACKGROUND) & (ids != j)
+            for part, changes in found.items():
+                change = np.abs(after[part].mean - before[part].mean).sum(axis=-1)
+                changes[:, j] = np.bincount(ids[use], change[use], minlength=n)
+        return found
+
+
+def _ids(scene: Scene, engine: str) -> np.ndarray:
+    surface = trace(scene, "surface", engine).surface
+    assert surface is not None  # the tracer always has one
+    return surface.ids
+
+
+def gone(thing: Shape) -> Shape:
+    """The same kind of object, too small and too far below to be met."""
+    far: Any = (0.0, 0.0, -1e6)
+    if isinstance(thing, Rectangle):
+        return msgspec.structs.replace(thing, center=far, half_u=(1e-9, 0.0, 0.0), half_v=(0.0, 1e-9, 0.0))
+    return msgspec.structs.replace(thing, center=far, radius=1e-9)
+
+
+# ------------------------------------------------------------------------------------------------ kept between runs
+
+
+@cache
+def _made_by() -> tuple[str, ...]:
+    root, source = Path(raytwin.__file__).parent, hashlib.sha256()
+    for place in MADE_BY:
+        for file in sorted((root / place).rglob("*.py")) or [root / place]:
+            source.update(file.name.encode() + file.read_bytes())
+    return source.hexdigest(), *(importlib.metadata.version(name) for name in ("numpy", "drjit"))
+
+
+def load(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> Arrays | None:
+    """Finite float32 arrays of these names and shapes, and no others; None where there are none."""
+    if not files.is_plain(path):
+        return None
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
+            found = {name: kept[name] for name in kept.files}
+    except (OSError, ValueError, KeyError, TypeError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error):
+        return None
+    sound = all(a.dtype == np.float32 and bool(np.isfinite(a).all()) for a in found.values())
+    if not sound or {name: a.shape for name, a in found.items()} != dict(shapes):
+        return None
+    files.mark_used(path)
+    return found
+
+
+def store(path: Path, arrays: Arrays) -> None:
+    """Keep them; a folder that cannot be written is no error."""
+    if not files.is_plain(path):
+        return
+    named: dict[str, Any] = dict(arrays)
+    with contextlib.suppress(InputError, OSError):
+        with files.replacing(path) as temporary:
+            np.savez(temporary, **named)
+        files.drop_oldest(path.parent, LIMIT)
+
+
+# ------------------------------------------------------------------------------------------------ of any picture
+
+
+def sampled_parts(scene: Scene, rung: str, engine: str, sampling: str) -> Callable[[int], dict[str, Any]]:
+    """k -> at every k-th pixel, twice, the parts that chance finds on a rung; for `grade.split`."""
+
+    def parts(step: int) -> dict[str, Any]:
+        row = RUNGS[rung]
+        if not row.noisy:
+            return {}
+        thin, side = scene.with_camera(scene.camera.every(step)), 1 / step if sampling == "area" else 0.0
+        samples = 64 if not ENGINES[engine].is_numpy else SAMPLES
+        one, other = (
+            light_parts(thin, engine, samples=samples, seed=seed, depth=row.depth or 2, side=side) for seed in SEEDS
+        )
+        return {name: (one[name].mean, other[name].mean) for name in PARTS[1:] if not row.lacks(name)}
+
+    return parts
