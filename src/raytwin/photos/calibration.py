@@ -303,7 +303,7 @@ def _inliers(
             kept.append(view)
             straight.append(Seen(view.photo, inside, view.board))
         else:
-            wrong[view.photo] = "too few tags that agree with the board"
+            wrong[view.photo] = "too few of its tags agree with the camera of the others: another camera or zoom?"
     return kept, straight
 
 

@@ -7,7 +7,8 @@ or the board, is at odds with all the rest.
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -80,6 +81,20 @@ class Case:
     def photos(self) -> list[str]:
         return list(dict.fromkeys(v.photo for v in self.views))
 
+    @cached_property
+    def pitches(self) -> list[str]:
+        """What is wrong with which board's pitch: such a board is to blame for what K and the photos look like."""
+        return list(_wrong_pitches(self))
+
+    def without(self, photo: str) -> "Case":
+        """The same, fitted without one photo, by the richest lens that was tried: the photo may have led the choice
+        astray."""
+        kept = [i for i, v in enumerate(self.views) if v.photo != photo]
+        views, start = [self.views[i] for i in kept], replace(self.found, R=self.found.R[kept], t=self.found.t[kept])
+        form = replace(self.found.form, model=next(iter(self.calibration.evidence.trials)), unfolded=False)
+        found = fit(views, self.image_size, self.boards, form, start)
+        return replace(self, views=views, found=found, known=spread(found))
+
 
 Doubts = Iterator[tuple[str, str]]
 """(code, text)"""
@@ -151,17 +166,18 @@ def _degenerate(case: Case) -> Doubts:
     width, height = case.image_size
     sd = case.calibration.sigma
     found = []
-    for name, value in (("fx", fx), ("fy", fy)):
-        if sd[name] > FOCAL_SD * value:
-            found.append(f"{name} = {value:.0f} ± {sd[name]:.0f} px")
-    for name, side in (("cx", width), ("cy", height)):
-        if sd[name] > CENTER_SD * side:
-            found.append(f"{name} is known to ± {sd[name]:.0f} px only")
-    if abs(fx / fy - 1) > ASPECT and not any(_pitch(case)):
-        found.append(f"fx / fy = {fx / fy:.3f}, where cameras have 1")
-    for name, value, side in (("cx", cx, width), ("cy", cy, height)):
-        if abs(value - (side - 1) / 2) > CENTER_OFFSET * side:
-            found.append(f"{name} = {value:.0f} lies {abs(value - (side - 1) / 2):.0f} px from the image's middle")
+    if not case.pitches:
+        for name, value in (("fx", fx), ("fy", fy)):
+            if sd[name] > FOCAL_SD * value:
+                found.append(f"{name} = {value:.0f} ± {sd[name]:.0f} px")
+        for name, side in (("cx", width), ("cy", height)):
+            if sd[name] > CENTER_SD * side:
+                found.append(f"{name} is known to ± {sd[name]:.0f} px only")
+        if abs(fx / fy - 1) > ASPECT:
+            found.append(f"fx / fy = {fx / fy:.3f}, where cameras have 1")
+        for name, value, side in (("cx", cx, width), ("cy", cy, height)):
+            if abs(off := value - (side - 1) / 2) > CENTER_OFFSET * side:
+                found.append(f"{name} = {value:.0f} lies {abs(off):.0f} px from the image's middle")
     spread = normal_spread(list(case.found.R))
     if spread < NORMAL_SPREAD:
         found.append(f"the board's tilt differs by {spread:.0f} degrees at most: tilt it more ways")
@@ -185,6 +201,11 @@ def _mirrored(case: Case) -> Doubts:
 
 
 def _pitch(case: Case) -> Doubts:
+    for text in case.pitches:
+        yield "board-pitch", text
+
+
+def _wrong_pitches(case: Case) -> Iterator[str]:
     """Whether a board whose y may be longer or shorter explains the photos: then its description is wrong."""
     form = case.found.form
     try:
@@ -197,13 +218,12 @@ def _pitch(case: Case) -> Doubts:
     for i, (stretch, sd) in enumerate(zip(free.stretches, sigma, strict=True)):
         if abs(stretch - 1) > max(STRETCHED, SURELY * sd):
             which = f" (board {i + 1})" if len(case.boards) > 1 else ""
-            yield (
-                "board-pitch",
-                f"the board's pitch in y looks wrong by {stretch:.3f} (± {sd:.2g}){which}: measure it both ways",
-            )
+            yield f"the board's pitch in y looks wrong by {stretch:.3f} (± {sd:.2g}){which}: measure it both ways"
 
 
 def _bent(case: Case) -> Doubts:
+    if case.pitches:
+        return
     for i, (board, found) in enumerate(zip(case.boards, case.calibration.boards, strict=True)):
         diagonal = 1e3 * float(np.linalg.norm(np.ptp(list(board.centers().values()), axis=0)))
         if found.bend_mm > max(BENT * diagonal, SURELY * found.bend_sigma_mm):
@@ -216,9 +236,21 @@ def _bent(case: Case) -> Doubts:
 
 
 def _odd(case: Case) -> Doubts:
-    """Photos at odds with the rest, by what the fit without each says of it."""
-    if len(case.photos) < LEAST_FOR_ODD:
-        return
+    """Photos at odds with the rest, the worst first; each next one by the fit without those: an odd one makes others
+    look so."""
+    while len(case.photos) >= LEAST_FOR_ODD and not case.pitches:
+        _, name, why = max(_oddities(case), default=(0.0, "", ""))
+        if not why:
+            return
+        yield "odd-photo", f"{name}: {why} (another camera, zoom or orientation, or blur): leave it out"
+        try:
+            case = case.without(name)
+        except InputError:
+            return
+
+
+def _oddities(case: Case) -> Iterator[tuple[float, str, str]]:
+    """How odd, which photo, and why, by what the fit without it says of it; 1 and more is odd."""
     photo = case.found.sights.photo
     squares = np.bincount(photo, (case.found.residuals**2).sum(axis=(1, 2)))
     rms = np.sqrt(squares / np.bincount(photo, case.found.sights.weight.sum(axis=1)))
@@ -226,16 +258,16 @@ def _odd(case: Case) -> Doubts:
     rms, without = (e / max(float(np.median(e)), 1e-9) for e in (rms, case.known.errors))
     pull = _pull(case)
     for i, name in enumerate(case.photos):
-        turned = _better_turned(case, i)
+        turned, times = _better_turned(case, i), max(rms[i], without[i])
         why = []
-        if seen[i] and max(rms[i], without[i]) > ODD_RMS:
-            why.append(f"its rms is {max(rms[i], without[i]):.1f} times the median")
+        if seen[i] and times > ODD_RMS:
+            why.append(f"its rms is {times:.1f} times the median")
         if pull[i] > ODD_PULL:
             why.append(f"it pulls K {pull[i]:.1f} times as much as the others")
         if turned > ODD_TURN or (why and turned > ODD_RMS / 2):
             why.append(f"turned by half a turn, it fits {turned:.1f} times as well")
         if why:
-            yield "odd-photo", f"{name}: {'; '.join(why)} (another camera, zoom or orientation, or blur): leave it out"
+            yield max(times / ODD_RMS, pull[i] / ODD_PULL, turned / ODD_TURN), name, "; ".join(why)
 
 
 def _pull(case: Case) -> np.ndarray:
