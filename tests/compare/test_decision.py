@@ -271,7 +271,8 @@ def test_every_tile_that_fails_is_told_and_none_that_does_not():
         told[y : y + h, x : x + w] = True
     assert told[wrong].all()
 
+    truth = truth[:90, :120]  # the last blocks are cut at both edges
     exact = Image(truth.copy())
-    exact.mean[3, 5], exact.mean[80, 127, 1] = 0.6, 0.7
-    assert set(compare(exact, Image(truth)).failing) == {(0, 0, 16, 16), (112, 80, 16, 16)}
+    exact.mean[3, 5], exact.mean[80, 119, 1] = 0.6, 0.7
+    assert set(compare(exact, Image(truth)).failing) == {(0, 0, 16, 16), (112, 80, 8, 10)}
     assert compare(Image(truth), Image(truth)).failing == ()

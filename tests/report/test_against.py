@@ -72,7 +72,7 @@ def test_noise_is_shown_in_sigmas_and_as_means_where_not_every_pixel_fits(make_r
       result.said = status();
       result.map = [viewer.state.map, viewer.panes.get("map").head.textContent];
       // zoomed out to blocks of 4 x 4 kept means: the wrong corner, which is 2 x 2 of them, stands out
-      const z = viewer.reduced(2, 40, 30), at = 11 * 40 + 15;
+      const z = viewer.reduced(2), at = 11 * 40 + 15;
       result.z = [z[at], Math.sqrt(z.reduce((sum, x) => sum + x * x, 0) / z.length)];
       // a live page: no planes, pixels are pushed, a picture of 8 bits between them
       const place = document.createElement("div");

@@ -25,13 +25,17 @@ class Place(NamedTuple):
     width: int
     height: int
 
+    def above(self, edge: int) -> "Place":
+        """Itself, cut at the image's lower edge."""
+        return self._replace(height=min(self.height, edge - self.y))
+
 
 BLOCK, MOST_PLACES = 16, 400
 """Pixels of the side of a place that holds single values; so many places of a kind are told."""
 
 
 def blocks_of(wrong: np.ndarray, y0: int) -> tuple[Place, ...]:
-    """Where pixels (h, w) bool of the rows from y0 on are `wrong`: blocks of BLOCK x BLOCK, cut at the right."""
+    """Where pixels (h, w) bool of the rows from y0 on are `wrong`: blocks of BLOCK x BLOCK, cut at the right alone."""
     ys, xs = np.nonzero(wrong)
     at_ = np.unique(np.stack([(ys + y0) // BLOCK, xs // BLOCK], axis=1), axis=0)[:MOST_PLACES] * BLOCK
     return tuple(Place(x, y, min(BLOCK, wrong.shape[1] - x), BLOCK) for y, x in at_.tolist())

@@ -120,7 +120,7 @@ def _compare(
         radiance=radiance,
         statistics=answer.statistics,
         perceptual=perceptual,
-        failing=answer.failing if findings and not answer.doubts else (),
+        failing=tuple(p.above(reference.shape[0]) for p in answer.failing) if findings and not answer.doubts else (),
     )
 
 

@@ -1,7 +1,7 @@
 // The live page: controls on the left, the viewer, the chart and the ledger. What is wanted goes to the server as JSON
 // whenever it changes; pictures come back one at a time, each answered when it is shown.
 
-import { mount } from "/viewer.js";
+import { digits, el, encode, mount } from "/viewer.js";
 
 const about = JSON.parse(document.querySelector("main").dataset.about);
 const $ = (id) => document.getElementById(id);
@@ -11,15 +11,7 @@ let selected = wanted.spheres.length ? 0 : -1;
 let sample = 0, way = null, number = 0, shown = 0, socket = null, began = 0;
 const points = { now: [], past: [] };
 
-function el(tag, properties = {}, ...children) {
-  const made = document.createElement(tag);
-  Object.assign(made, properties);
-  made.append(...children);
-  return made;
-}
-
 const seconds = (s) => (s >= 1 ? `${s.toFixed(2)} s` : `${(1000 * s).toPrecision(s < 0.01 ? 2 : 3)} ms`);
-const small = (x, most = 3) => (x === null || x === undefined ? "–" : x === 0 ? "0" : (Math.abs(x) < 1e-3 || Math.abs(x) >= 1e4 ? x.toExponential(1) : String(Number(x.toPrecision(most)))).replace("-", "−"));
 
 // ------------------------------------------------------------------------------------------ the viewer
 
@@ -143,7 +135,7 @@ function say(text, bad = false) {
 
 const updates = []; // bring the controls to what is wanted
 
-function range(label, low, high, step, get, set, show = small) {
+function range(label, low, high, step, get, set, show = (x) => digits(x)) {
   const input = el("input", { type: "range", min: low, max: high, step }), said = el("output");
   input.oninput = () => { set(input.valueAsNumber); refresh(); ask(true); };
   input.onchange = () => ask();
@@ -163,7 +155,6 @@ const group = (title, ...children) => el("fieldset", {}, el("legend", { textCont
 const degrees = (x) => `${Math.round(x)}°`;
 const brightest = (colour) => Math.max(...colour);
 const scaled = (colour, to) => (brightest(colour) > 0 ? colour.map((c) => (c * to) / brightest(colour)) : [to, to, to]);
-const encode = (x) => (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055);
 const decode = (x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
 const hex = (colour) => `#${colour.map((c) => Math.round(255 * encode(c)).toString(16).padStart(2, "0")).join("")}`;
 const unhex = (text) => [1, 3, 5].map((i) => Number(decode(parseInt(text.slice(i, i + 2), 16) / 255).toFixed(4)));
@@ -205,7 +196,7 @@ function build() {
       range("elevation", -90, 90, 1, elevation, (x) => sun(azimuth(), x), degrees),
       range("sun", 0, 10, 0.05, () => brightest(wanted.sun.irradiance), (x) => { wanted.sun.irradiance = scaled(wanted.sun.irradiance, x); }),
       ...(about.map
-        ? [range("sky's map", 0, 4, 0.02, () => wanted.sky.scale, (x) => { wanted.sky.scale = x; }, (x) => `× ${small(x)}`), range("its turn", -180, 180, 1, () => wanted.sky.rotation, (x) => { wanted.sky.rotation = x; }, degrees)]
+        ? [range("sky's map", 0, 4, 0.02, () => wanted.sky.scale, (x) => { wanted.sky.scale = x; }, (x) => `× ${digits(x)}`), range("its turn", -180, 180, 1, () => wanted.sky.rotation, (x) => { wanted.sky.rotation = x; }, degrees)]
         : [range("sky", 0, 2, 0.01, () => brightest(wanted.sky.radiance), (x) => { wanted.sky.radiance = scaled(wanted.sky.radiance, x); })])),
     group("Spheres", el("label", { className: "wide" }, "which", which), place(0), place(1), place(2),
       range("radius", reach / 500, reach / 2, reach / 1000, () => sphere()?.radius ?? null, (x) => { sphere().radius = x; }, (x) => `${(100 * x).toFixed(1)} cm`),
@@ -372,7 +363,7 @@ function overlay(g, pane, f) {
 function tell_way() {
   $("way").hidden = !way;
   if (!way) return;
-  const light = (colour) => colour.map((c) => small(c)).join(", ");
+  const light = (colour) => colour.map((c) => digits(c)).join(", ");
   const lines = way.legs.filter(({ kind }) => kind !== "eye" && kind !== "bounce").map(({ kind, light: brought }) => el("li", { textContent: `${WAYS[kind][1]}: ${light(brought)}` }));
   $("way").querySelector("div").replaceChildren(
     el("p", { textContent: `Pixel ${way.pixel.join(", ")}, sample ${way.sample}: ${way.met.join(" → ")}` }), el("ol", {}, ...lines),
@@ -400,13 +391,13 @@ function chart() {
       if (own.length > 1) parts.push(made("path", { class: age, stroke: colour, d: `M${own.map((p) => `${x(p.seconds)} ${y(error(p))}`).join("L")}` }));
       for (const p of own) {
         const dot = made("circle", { class: age, cx: x(p.seconds), cy: y(error(p)), r: 4.5, stroke: colour, "stroke-width": 2, fill: p.error === null ? "var(--ground)" : colour });
-        dot.append(made("title", {}, `${p.name}, ${p.samples} sample${p.samples === 1 ? "" : "s"}: ${seconds(p.seconds)}, RMSE ${p.error === null ? "below " : ""}${small(error(p))}`));
+        dot.append(made("title", {}, `${p.name}, ${p.samples} sample${p.samples === 1 ? "" : "s"}: ${seconds(p.seconds)}, RMSE ${p.error === null ? "below " : ""}${digits(error(p))}`));
         parts.push(dot);
       }
       const last = own.at(-1), left = x(last.seconds) > w - 110;
       if (!age) parts.push(made("text", { class: "name", x: x(last.seconds) + (left ? -9 : 9), y: y(error(last)) - 8, "text-anchor": left ? "end" : "start", }, `${side} ${last.samples > 1 ? last.samples : ""}`));
     }
-  const svg = made("svg", { viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": points.now.map((p) => `${p.side}, ${p.samples} samples: ${seconds(p.seconds)}, error ${p.error === null ? "below " : ""}${small(error(p))}`).join("; ") });
+  const svg = made("svg", { viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": points.now.map((p) => `${p.side}, ${p.samples} samples: ${seconds(p.seconds)}, error ${p.error === null ? "below " : ""}${digits(error(p))}`).join("; ") });
   svg.append(...parts);
   $("chart").querySelector("div").replaceChildren(svg);
 }
@@ -416,8 +407,8 @@ function ledger(parts) {
   const row = (p) => {
     const bar = el("i");
     bar.style.width = `${(100 * (p.rmse ?? 0)) / most}%`;
-    const percent = (x) => (x === null || x === undefined ? "" : `${small(100 * x, 2)} %`);
-    return el("tr", {}, el("td", { textContent: p.part }), el("td", { className: "bar" }, bar), ...[small(p.rmse), percent(p.share_of_light), percent(p.share_of_error)].map((textContent) => el("td", { textContent })));
+    const percent = (x) => (x === null || x === undefined ? "" : `${digits(100 * x, 0, { most: 2 })} %`);
+    return el("tr", {}, el("td", { textContent: p.part }), el("td", { className: "bar" }, bar), ...[digits(p.rmse), percent(p.share_of_light), percent(p.share_of_error)].map((textContent) => el("td", { textContent })));
   };
   const head = el("tr", {}, ...["part", "", "RMSE", "of the light", "of the error²"].map((textContent) => el("th", { scope: "col", textContent })));
   $("ledger").querySelector("div").replaceChildren(el("table", {}, el("thead", {}, head), el("tbody", {}, ...parts.map(row))));

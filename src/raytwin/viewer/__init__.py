@@ -19,13 +19,13 @@ __all__ = ["Packed", "Plane", "module", "pack", "pack_one", "raw", "script", "st
 
 
 def module() -> str:
-    """viewer.js, an ES module that exports `mount(element, data)`."""
+    """viewer.js, an ES module that exports `mount(element, data)`, and what the live page takes from it."""
     return resources.files("raytwin.viewer").joinpath("viewer.js").read_text(encoding="utf-8")
 
 
 def script() -> str:
     """The same as a plain script, which leaves `raytwin.mount`: a browser loads no module from a file beside a page."""
-    body, mark, _ = module().rpartition("export { mount };")
+    body, mark, _ = module().rpartition("export {")
     assert mark, "viewer.js must end with its export"
     return f'"use strict";\n(() => {{\n{body}globalThis.raytwin = {{ mount }};\n}})();\n'
 

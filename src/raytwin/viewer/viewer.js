@@ -18,7 +18,7 @@ const TONES = {
   Reinhard: (x) => x / (1 + x),
   filmic: (x) => (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14), // Narkowicz's fit of ACES
 };
-const CHANNELS = ["RGB", "R", "G", "B", "luminance"], WEIGHTS = [0.2126, 0.7152, 0.0722];
+const CHANNELS = ["RGB", "R", "G", "B", "luminance"];
 // Linear Rec. 709, pale to dark; dark enough to differ by lightness as well as by hue.
 const DARKER = [[1, 1, 1], [0.25, 0.55, 0.95], [0.01, 0.06, 0.45]], BRIGHTER = [[1, 1, 1], [0.95, 0.42, 0.22], [0.42, 0.005, 0.02]];
 const MAGMA = ["000004", "1d1147", "51127c", "832681", "b73779", "e75263", "fc8961", "fec488", "fcfdbf"];
@@ -37,6 +37,10 @@ const mix = (stops, t) => {
   return stops[i].map((v, c) => v + f * (stops[i + 1][c] - v));
 };
 
+const single = (channel, x, y, z) => (channel === "R" ? x : channel === "G" ? y : channel === "B" ? z : 0.2126 * x + 0.7152 * y + 0.0722 * z);
+const distance = (x) => (Number.isNaN(x) ? Infinity : Math.abs(x));
+const farther = (x, y) => (distance(y) > distance(x) ? y : x);
+
 const FLOAT = new Float32Array(1), BITS = new Uint32Array(FLOAT.buffer);
 const HALVES = (() => {
   const table = new Float32Array(65536);
@@ -47,6 +51,12 @@ const HALVES = (() => {
   }
   return table;
 })();
+
+function mapped(Kind, from, of) {
+  const made = new Kind(from.length);
+  for (let i = 0; i < made.length; i++) made[i] = of(from[i], i);
+  return made;
+}
 
 // A table over the upper 17 bits of a float32: sign, exponent, 8 bits of fraction.
 function table(Kind, of) {
@@ -103,7 +113,7 @@ async function decode(plane, columns, lines, into, offset, stride) {
     }
 }
 
-// What is known of both images: interleaved r, t - r and σ; ids and depths; each null where there is none.
+// What is known of both images: interleaved r, t - r, t and σ; ids and depths; each null where there is none.
 async function values(data) {
   const n = data.columns * data.lines, found = { count: n }, jobs = [];
   const named = Object.fromEntries((data.planes ?? []).map((plane) => [plane.name, plane]));
@@ -115,6 +125,7 @@ async function values(data) {
   for (const [key, Kind] of [["id", Int16Array], ["did", Int16Array], ["depth", Float32Array], ["ddepth", Float32Array], ["flip", Float32Array], ["at", Uint16Array]])
     if (named[key]) jobs.push(decode(named[key], data.columns, data.lines, (found[key] = new Kind(n)), 0, 1));
   await Promise.all(jobs);
+  if (found.d) found.t = mapped(Float32Array, found.r, (x, i) => x + found.d[i]);
   found.step = named.depth?.step ?? 0;
   return found;
 }
@@ -165,8 +176,8 @@ class Viewer {
     const v = this.values, pane = this.panes.get(name);
     pane.picture = ArrayBuffer.isView(pixels) ? null : pixels;
     if (pane.picture) return void (pane.figure.hidden || this.paint_pane(pane)); // nothing else has changed
-    v[name === "test" ? "t" : "r"] = pixels instanceof Uint16Array ? Float32Array.from(pixels, (word) => HALVES[word]) : pixels;
-    if (v.t && v.r) v.d = v.t.map((x, i) => x - v.r[i]);
+    v[name === "test" ? "t" : "r"] = pixels instanceof Uint16Array ? mapped(Float32Array, pixels, (word) => HALVES[word]) : pixels;
+    if (v.t && v.r) v.d = mapped(Float32Array, v.t, (x, i) => x - v.r[i]);
     this.refresh();
   }
 
@@ -235,35 +246,19 @@ class Viewer {
     }));
   }
 
-  // (r, g, b) of pixel i of the test or the reference, as known.
-  colour(key, i) {
-    const { r, d, t } = this.values, at = 3 * i;
-    if (key === "test" && t) return [t[at], t[at + 1], t[at + 2]];
-    if (!r) return [0, 0, 0];
-    return key === "test" && d ? [r[at] + d[at], r[at + 1] + d[at + 1], r[at + 2] + d[at + 2]] : [r[at], r[at + 1], r[at + 2]];
-  }
-
-  // Float32Array of one of MAPS in the chosen channel; of all three, that which is farthest off.
+  // Float32Array of one of MAPS.
   map() {
-    const { map } = this.state, { r, d, s, flip, count } = this.values;
-    return this.remember("map", MAPPING, () => (map === "flip" ? flip ?? new Float32Array(count) : this.errors(count, d, r, s)));
+    const { r, d, s, flip, count } = this.values;
+    return this.remember("map", MAPPING, () => (this.state.map === "flip" ? flip ?? new Float32Array(count) : this.errors(d, r, s)));
   }
 
-  errors(count, d, r, s) {
-    const { map, channel } = this.state, only = CHANNELS.indexOf(channel) - 1, made = new Float32Array(count), of = [0, 0, 0];
-    if (!d) return made;
-    for (let i = 0, at = 0; i < count; i++, at += 3) {
-      for (let c = 0; c < 3; c++) {
-        const e = d[at + c];
-        of[c] = map === "signed" ? e : map === "relative" ? e / (Math.abs(r[at + c]) + 0.01) : this.sigmas(e, s ? s[at + c] : 0, r[at + c]);
-      }
-      if (only >= 0 && only < 3) made[i] = of[only];
-      else if (only === 3) made[i] = of[0] * WEIGHTS[0] + of[1] * WEIGHTS[1] + of[2] * WEIGHTS[2];
-      else {
-        let [far, best] = [-1, 0];
-        for (const x of of) if (!(Math.abs(x) <= far) && far < Infinity) [far, best] = [Number.isNaN(x) ? Infinity : Math.abs(x), x];
-        made[i] = best;
-      }
+  // Errors d of r with deviations s in the map's unit and the chosen channel; of all three, that which is farthest off.
+  errors(d, r, s) {
+    const { map, channel } = this.state, made = new Float32Array(d ? d.length / 3 : this.values.count);
+    const unit = { signed: (e) => e, relative: (e, at) => e / (Math.abs(r[at]) + 0.01), sigmas: (e, at) => this.sigmas(e, s ? s[at] : 0, r[at]) }[map];
+    for (let i = 0, at = 0; d && i < made.length; i++, at += 3) {
+      const x = unit(d[at], at), y = unit(d[at + 1], at + 1), z = unit(d[at + 2], at + 2);
+      made[i] = channel === "RGB" ? farther(farther(x, y), z) : single(channel, x, y, z);
     }
     return made;
   }
@@ -275,35 +270,40 @@ class Viewer {
   }
 
   // The map with k x k pixels in one: of exact images the worst of them, of noise their mean.
-  reduced(k, w, h) {
-    const map = this.map(), { columns, lines, noisy } = this.data, { d, r, s } = this.values;
-    if (k === 1) return map;
-    const mean = noisy && d && this.state.map !== "flip", size = new Float32Array(w * h).fill(-1), worst = new Float32Array(w * h);
-    const sums = mean ? [d, r, s].map(() => new Float32Array(3 * w * h)) : [], n = mean ? new Float32Array(w * h) : null;
+  reduced(k) {
+    const { d, r, s } = this.values;
+    if (k === 1 || !this.data.noisy || !d || this.state.map === "flip") return this.worst(this.map(), k);
+    return this.errors(this.mean(d, k), this.mean(r, k), s && this.mean(s, k, true));
+  }
+
+  // k x k pixels in one: `into(i, at)` for pixel i, which goes into `at`.
+  blocks(k, into) {
+    const { columns, lines } = this.data, w = Math.ceil(columns / k);
     for (let y = 0, i = 0; y < lines; y++)
-      for (let x = 0, row = Math.floor(y / k) * w; x < columns; x++, i++) {
-        const at = row + Math.floor(x / k);
-        if (mean) {
-          n[at]++;
-          for (let c = 0; c < 3; c++) {
-            sums[0][3 * at + c] += d[3 * i + c];
-            sums[1][3 * at + c] += r[3 * i + c];
-            if (s) sums[2][3 * at + c] += s[3 * i + c] ** 2;
-          }
-          continue;
-        }
-        const v = map[i], far = Number.isNaN(v) ? Infinity : Math.abs(v);
-        if (far > size[at]) { size[at] = far; worst[at] = v; }
-      }
-    if (!mean) return worst;
-    const [e, b, v] = sums;
-    for (let i = 0; i < e.length; i++) {
-      const count = n[Math.floor(i / 3)];
-      e[i] /= count;
-      b[i] /= count;
-      v[i] = Math.sqrt(v[i]) / count;
-    }
-    return this.errors(w * h, e, b, s ? v : null);
+      for (let x = 0, row = Math.floor(y / k) * w; x < columns; x++, i++) into(i, row + Math.floor(x / k));
+    return w;
+  }
+
+  // Of each k x k values the farthest from 0.
+  worst(from, k) {
+    if (k === 1) return from;
+    const { columns, lines } = this.data, made = new from.constructor(Math.ceil(columns / k) * Math.ceil(lines / k)), far = new Float32Array(made.length).fill(-1);
+    this.blocks(k, (i, at) => {
+      const size = distance(from[i]);
+      if (size > far[at]) { far[at] = size; made[at] = from[i]; }
+    });
+    return made;
+  }
+
+  // The mean of k x k pixels' R, G, B, as if it had been rendered smaller; of deviations, the mean's.
+  mean(from, k, deviations = false) {
+    if (k === 1) return from;
+    const { columns, lines } = this.data, n = new Float32Array(Math.ceil(columns / k) * Math.ceil(lines / k)), made = new Float32Array(3 * n.length);
+    this.blocks(k, (i, at) => {
+      n[at]++;
+      for (let c = 0; c < 3; c++) made[3 * at + c] += deviations ? from[3 * i + c] ** 2 : from[3 * i + c];
+    });
+    return made.map((sum, i) => (deviations ? Math.sqrt(sum) : sum) / n[Math.floor(i / 3)]);
   }
 
   // From which value on a map has which colour: equal ratios between low and high where the images are exact.
@@ -340,75 +340,45 @@ class Viewer {
   layer(pane, k) {
     const on = { radiance: [...TONING, "channel"], map: [...MAPPING, "scale"], objects: [] }[pane.kind], key = [k, ...on.map((part) => this.state[part])].join();
     if (pane.drawn === key) return pane.layer;
-    const { columns, lines } = this.data, w = Math.ceil(columns / k), h = Math.ceil(lines / k);
+    const w = Math.ceil(this.data.columns / k), h = Math.ceil(this.data.lines / k), made = { radiance: () => this.expose(pane.key, k), map: () => this.colours(k), objects: () => this.silhouettes(k) }[pane.kind]();
     pane.layer ??= el("canvas");
     if (pane.layer.width !== w || pane.layer.height !== h) Object.assign(pane.layer, { width: w, height: h });
-    const context = pane.layer.getContext("2d"), image = context.createImageData(w, h), out = new Uint32Array(image.data.buffer);
-    if (pane.kind === "radiance") this.expose(pane.key, out, k, w);
-    else if (pane.kind === "objects") this.objects(out, k, w);
-    else this.colours(out, k, w);
-    context.putImageData(image, 0, 0);
+    if (made) pane.layer.getContext("2d").putImageData(new ImageData(new Uint8ClampedArray(made.buffer), w), 0, 0);
     pane.drawn = key;
     return pane.layer;
   }
 
-  // The pixels of the test or the reference, k x k in one: their mean, as if it had been rendered smaller.
-  mean(key, k, w, out) {
-    const { r, d, t } = this.values, { columns, lines } = this.data, base = key === "test" && t ? t : r, more = key === "test" && !t ? d : null;
-    return this.remember(`mean ${key}`, [String(k)], () => {
-      const sums = new Float32Array(3 * out.length), n = new Float32Array(out.length);
-      for (let y = 0, i = 0; y < lines; y++)
-        for (let x = 0, row = Math.floor(y / k) * w; x < columns; x++, i++) {
-          const at = row + Math.floor(x / k);
-          n[at]++;
-          for (let c = 0; c < 3; c++) sums[3 * at + c] += more ? base[3 * i + c] + more[3 * i + c] : base[3 * i + c];
-        }
-      for (let i = 0; i < sums.length; i++) sums[i] /= n[Math.floor(i / 3)];
-      return sums;
-    });
-  }
-
-  expose(key, out, k, w) {
-    const { r, d, t } = this.values, byte = this.tones(), lost = rgba(LOST), only = CHANNELS.indexOf(this.state.channel) - 1;
-    if (!(key === "test" && t ? t : r)) return;
-    const base = k > 1 ? this.mean(key, k, w, out) : key === "test" && t ? t : r, more = k === 1 && key === "test" && !t ? d : null, of = [0, 0, 0];
+  expose(key, k) {
+    const all = this.values[key === "test" ? "t" : "r"], { channel } = this.state, byte = this.tones(), lost = rgba(LOST);
+    if (!all) return null;
+    const from = this.remember(`mean ${key}`, [String(k)], () => this.mean(all, k)), out = new Uint32Array(from.length / 3);
     for (let i = 0, at = 0; i < out.length; i++, at += 3) {
-      let x = base[at], y = base[at + 1], z = base[at + 2];
-      if (more) { x += more[at]; y += more[at + 1]; z += more[at + 2]; }
+      let x = from[at], y = from[at + 1], z = from[at + 2];
       if (!(Math.abs(x + y + z) < Infinity)) { out[i] = lost; continue; }
-      if (only >= 0) {
-        of[0] = x; of[1] = y; of[2] = z;
-        x = y = z = only < 3 ? of[only] : x * WEIGHTS[0] + y * WEIGHTS[1] + z * WEIGHTS[2];
-      }
+      if (channel !== "RGB") x = y = z = single(channel, x, y, z);
       FLOAT[0] = x; const a = byte[BITS[0] >>> 15];
       FLOAT[0] = y; const b = byte[BITS[0] >>> 15];
       FLOAT[0] = z; const c = byte[BITS[0] >>> 15];
       out[i] = 0xff000000 | (c << 16) | (b << 8) | a;
     }
+    return out;
   }
 
-  colours(out, k, w) {
-    const map = this.reduced(k, w, out.length / w), colour = this.remember("colours", [...MAPPING, "scale"], () => table(Uint32Array, (v) => rgba(this.shade(v))));
-    for (let i = 0; i < out.length; i++) {
-      FLOAT[0] = map[i];
-      out[i] = colour[BITS[0] >>> 15];
-    }
+  colours(k) {
+    const colour = this.remember("colours", [...MAPPING, "scale"], () => table(Uint32Array, (v) => rgba(this.shade(v))));
+    return mapped(Uint32Array, this.reduced(k), (v) => { FLOAT[0] = v; return colour[BITS[0] >>> 15]; });
   }
 
   // Greys where both see the same, with the reference's outlines; colours where they do not, which always show.
-  objects(out, k, w) {
-    const { id, did } = this.values, { columns, lines } = this.data, colours = OBJECTS.map(rgba), rank = new Uint8Array(out.length);
-    if (!id) return;
-    for (let y = 0, i = 0; y < lines; y++)
-      for (let x = 0; x < columns; x++, i++) {
-        const b = id[i], a = b + did[i];
-        let code = b < 0 ? 0 : (b % 8) + 1;
-        if (a !== b) code = b < 0 ? 10 : a < 0 ? 11 : 12;
-        else if ((x + 1 < columns && id[i + 1] !== b) || (y + 1 < lines && id[i + columns] !== b)) code = 9;
-        const at = Math.floor(y / k) * w + Math.floor(x / k);
-        rank[at] = Math.max(rank[at], code);
-      }
-    for (let i = 0; i < out.length; i++) out[i] = colours[rank[i]];
+  silhouettes(k) {
+    const { id, did } = this.values, { columns, lines } = this.data, colours = OBJECTS.map(rgba), { length } = id ?? [];
+    if (!id) return null;
+    const codes = this.remember("objects", [], () => mapped(Uint8Array, id, (b, i) => {
+      if (did[i]) return b < 0 ? 10 : b + did[i] < 0 ? 11 : 12;
+      const edge = ((i + 1) % columns && id[i + 1] !== b) || (i + columns < length && id[i + columns] !== b);
+      return edge ? 9 : b < 0 ? 0 : (b % 8) + 1;
+    }));
+    return mapped(Uint32Array, this.worst(codes, k), (code) => colours[code]);
   }
 
   // ---------------------------------------------------------------- painting
@@ -567,7 +537,7 @@ class Viewer {
     const channels = [0, 1, 2].map((c) => {
       const k = 3 * i + c, sigma = s ? s[k] : 0, noise = sigma > 0 ? 2 ** (Math.floor(Math.log2(sigma)) - 4) : 0;
       const b = r ? r[k] : NaN, e = d ? d[k] : NaN, eb = Math.abs(b) * EPSILON + noise, ee = Math.abs(e) * EPSILON + noise, z = sigma > 0 ? e / sigma : null;
-      return { reference: [b, eb], test: [t ? t[k] : b + e, eb + ee], error: [e, ee], sigmas: [z, ee / sigma + Math.abs(z) / 63], relative: [e / (Math.abs(b) + 0.01), (ee + (Math.abs(e) * eb) / (Math.abs(b) + 0.01)) / (Math.abs(b) + 0.01)] };
+      return { reference: [b, eb], test: [t ? t[k] : NaN, eb + ee], error: [e, ee], sigmas: [z, ee / sigma + Math.abs(z) / 63], relative: [e / (Math.abs(b) + 0.01), (ee + (Math.abs(e) * eb) / (Math.abs(b) + 0.01)) / (Math.abs(b) + 0.01)] };
     });
     const of = (key) => channels.map((channel) => channel[key]), name = (n) => (n < 0 ? "background" : this.data.objects[n] ?? `object ${n}`);
     const { map, channel } = this.state, v = this.map()[i], key = map === "signed" ? "error" : map, known = map === "flip" ? null : of(key).find(([value]) => Math.fround(value) === v);
@@ -670,67 +640,64 @@ class Viewer {
   // ---------------------------------------------------------------- pointer, fingers, keys
 
   listen(pane) {
-    const c = pane.canvas, spot = (event) => {
-      const box = c.getBoundingClientRect(), f = this.frame_of(pane);
-      return { x: f.left + (event.clientX - box.left) / f.s, y: f.top + (event.clientY - box.top) / f.s, u: (event.clientX - box.left) / f.w, f };
+    const c = pane.canvas, down = new Map(); // pointers that are down: one drags, two zoom
+    const spot = (event) => {
+      const box = c.getBoundingClientRect(), f = this.frame_of(pane), u = event.clientX - box.left;
+      return { x: f.left + u / f.s, y: f.top + (event.clientY - box.top) / f.s, u: u / f.w, f };
     };
-    const pixel = ({ x, y }) => [Math.round(x), Math.round(y)];
+    const inside = (event) => {
+      const { x, y } = spot(event), at = [Math.round(x), Math.round(y)];
+      return this.inside(...at) ? at : null;
+    };
+    const between = () => {
+      const [a, b] = down.values();
+      return { clientX: (a.clientX + b.clientX) / 2, clientY: (a.clientY + b.clientY) / 2, apart: Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY) };
+    };
+    const pan = (from, by, s) => this.look(from.x - by[0] / s, from.y - by[1] / s);
     let held = null;
-    c.addEventListener("pointerdown", (event) => {
+    const on = (types, act) => types.forEach((type) => c.addEventListener(type, act, { passive: false }));
+    on(["pointerdown"], (event) => {
       if (event.button) return;
-      const at = spot(event);
-      held = { x: event.clientX, y: event.clientY, moved: false, wipe: this.state.mode === "wipe" && Math.abs(at.u - this.state.wipe) * at.f.w < 14, from: { ...this.view }, s: at.f.s };
+      const { u, f } = spot(event), wipe = this.state.mode === "wipe" && Math.abs(u - this.state.wipe) * f.w < 14;
+      down.set(event.pointerId, event);
+      held = down.size > 1 ? null : { x: event.clientX, y: event.clientY, moved: false, wipe, from: { ...this.view }, s: f.s };
       try { c.setPointerCapture(event.pointerId); } catch { /* a pointer made up by a test */ }
     });
-    c.addEventListener("pointermove", (event) => {
-      if (held && this.fingers) return;
+    on(["pointermove"], (event) => {
+      if (down.size > 1) {
+        const before = between();
+        down.set(event.pointerId, event);
+        const now = between(), { x, y, f } = spot(now);
+        pan(this.view, [now.clientX - before.clientX, now.clientY - before.clientY], f.s);
+        return this.zoom(now.apart / before.apart, x, y);
+      }
       if (held) {
-        const dx = event.clientX - held.x, dy = event.clientY - held.y;
-        held.moved ||= Math.hypot(dx, dy) > 4;
+        const by = [event.clientX - held.x, event.clientY - held.y];
+        held.moved ||= Math.hypot(...by) > 4;
         if (held.wipe) this.set({ wipe: spot(event).u });
-        else if (held.moved) this.look(held.from.x - dx / held.s, held.from.y - dy / held.s);
+        else if (held.moved) pan(held.from, by, held.s);
         if (held.moved) return;
       }
-      const at = pixel(spot(event));
-      if (event.pointerType !== "touch" && this.inside(...at)) this.inspect(...at);
+      const at = inside(event);
+      if (event.pointerType !== "touch" && at) this.inspect(...at);
     });
-    c.addEventListener("pointerup", (event) => {
-      const at = pixel(spot(event));
-      if (held && !held.moved && !held.wipe && !this.fingers && this.inside(...at)) this.keep(...at);
+    on(["pointerup", "pointercancel", "lostpointercapture"], (event) => {
+      const at = event.type === "pointerup" && held && !held.moved && !held.wipe && inside(event);
+      down.delete(event.pointerId);
       held = null;
+      if (at) this.keep(...at);
     });
-    for (const type of ["pointercancel", "lostpointercapture"]) c.addEventListener(type, () => { held = null; });
-    c.addEventListener("pointerleave", () => { if (this.kept && !held) this.inspect(...this.kept); });
-    c.addEventListener("dblclick", (event) => { const { x, y } = spot(event); this.zoom(2, x, y); });
-    c.addEventListener("wheel", (event) => {
+    on(["pointerleave"], () => { if (this.kept && !held) this.inspect(...this.kept); });
+    on(["dblclick"], (event) => { const { x, y } = spot(event); this.zoom(2, x, y); });
+    on(["wheel"], (event) => {
       if (!event.ctrlKey && !event.shiftKey) return; // without a key, the wheel scrolls the page
       event.preventDefault();
       const { x, y } = spot(event), turn = event.deltaY || event.deltaX;
       if (event.ctrlKey) this.zoom(Math.exp(-turn / 300), x, y);
       else this.set({ exposure: this.state.exposure - Math.sign(turn) / 4 });
-    }, { passive: false });
-    // One finger scrolls the page, or pans sideways; two zoom and pan.
-    let pinch = null;
-    const two = (event) => {
-      const [a, b] = event.touches;
-      return { clientX: (a.clientX + b.clientX) / 2, clientY: (a.clientY + b.clientY) / 2, apart: Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY) };
-    };
-    c.addEventListener("touchstart", (event) => {
-      if (event.touches.length !== 2) return;
-      event.preventDefault();
-      this.fingers = true;
-      pinch = two(event);
-    }, { passive: false });
-    c.addEventListener("touchmove", (event) => {
-      if (!pinch || event.touches.length !== 2) return;
-      event.preventDefault();
-      const now = two(event), { x, y, f } = spot(now);
-      this.look(this.view.x - (now.clientX - pinch.clientX) / f.s, this.view.y - (now.clientY - pinch.clientY) / f.s);
-      this.zoom(now.apart / pinch.apart, x, y);
-      pinch = now;
-    }, { passive: false });
-    for (const type of ["touchend", "touchcancel"]) c.addEventListener(type, (event) => { if (!event.touches.length) this.fingers = pinch = null; });
-    c.addEventListener("keydown", (event) => this.key(event));
+    });
+    on(["touchstart", "touchmove"], (event) => { if (event.touches.length > 1) event.preventDefault(); }); // one finger scrolls the page
+    on(["keydown"], (event) => this.key(event));
   }
 
   key(event) {
@@ -936,16 +903,16 @@ class Viewer {
 
   histogram() {
     if (!this.bars.clientWidth) return;
-    const { g, w, h, ink } = this.sheet(this.bars), low = -10, high = 4, n = 84, only = CHANNELS.indexOf(this.state.channel) - 1;
+    const { g, w, h, ink } = this.sheet(this.bars), low = -10, high = 4, n = 84, { channel, exposure } = this.state;
     const count = (key) => this.remember(`histogram ${key}`, ["exposure", "channel"], () => {
-      const made = new Float64Array(n), all = this.values.count, step = Math.max(1, Math.floor(all / 6e4));
-      for (let i = 0; i < all; i += step) {
-        const of = this.colour(key, i), parts = only < 0 ? of : only < 3 ? [of[only]] : [of[0] * WEIGHTS[0] + of[1] * WEIGHTS[1] + of[2] * WEIGHTS[2]];
-        for (const v of parts) if (v > 0) made[clamp(Math.floor(((Math.log2(v) + this.state.exposure - low) / (high - low)) * n), 0, n - 1)]++;
-      }
+      const made = new Float64Array(n), all = this.values[key] ?? [], step = 3 * Math.max(1, Math.floor(all.length / 2e5));
+      const add = (v) => { if (v > 0) made[clamp(Math.floor(((Math.log2(v) + exposure - low) / (high - low)) * n), 0, n - 1)]++; };
+      for (let i = 0; i < all.length; i += step)
+        if (channel === "RGB") for (let c = 0; c < 3; c++) add(all[i + c]);
+        else add(single(channel, all[i], all[i + 1], all[i + 2]));
       return made;
     });
-    const test = count("test"), reference = this.data.names.reference ? count("reference") : test, most = Math.log1p(Math.max(...test, ...reference)) || 1;
+    const test = count("t"), reference = this.data.names.reference ? count("r") : test, most = Math.log1p(Math.max(...test, ...reference)) || 1;
     const tall = (x) => (Math.log1p(x) / most) * (h - 16), bottom = h - 13;
     g.fillStyle = g.strokeStyle = ink;
     g.globalAlpha = 0.35;
@@ -996,4 +963,4 @@ function mount(element, data) {
   return viewer;
 }
 
-export { mount };
+export { digits, el, encode, mount };
