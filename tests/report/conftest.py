@@ -1,9 +1,5 @@
 """Results to report on: the tracer in float64 beside itself in float32, and a made-up calibration."""
 
-import json
-import re
-import shutil
-import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -104,15 +100,7 @@ def photographed(result: Result) -> Result:
 
 # ------------------------------------------------------------------------------------------ a browser
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-QUIET = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-extensions",
-    "--enable-logging=stderr", "--v=0", "--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=20000",
-    "--window-size=1400,1200",
-)  # fmt: skip
-
-PROBE = """<script>(async () => {
+PROBE = """async () => {
   const until = async (test) => { while (!test()) await new Promise((done) => setTimeout(done, 20)); };
   const root = document.getElementById("viewer");
   await until(() => document.body.dataset.ready || root?.dataset.ready);
@@ -129,40 +117,25 @@ PROBE = """<script>(async () => {
     return copy.getImageData(0, 0, width, height).data;
   };
   const result = {};
-  try { %s } catch (error) { result.failure = `${error} ${error.stack}`; }
-  const out = document.createElement("script");
-  out.type = "application/json"; out.id = "probed";
-  out.textContent = JSON.stringify(result).replaceAll("<", "\\u003c");
-  document.body.append(out);
-})();</script>"""
+  %s
+  return JSON.parse(JSON.stringify(result));
+}"""
 
 
-@pytest.fixture(scope="session")
-def browse(tmp_path_factory) -> Callable[..., tuple[dict, list[str]]]:
-    """`browse(page, address="", script="")`: what the script put into `result`, and the errors on the console.
+@pytest.fixture(scope="module")
+def browse(chromium) -> Callable[..., tuple[dict, list[str]]]:
+    """`browse(page, address="", script="")`: what the script put into `result`, and what stood on the console.
 
     The script runs in the ready page and knows `viewer`, `drawn()`, `pause()`, `texts(row)`, `status()`, `canvas(key)`,
-    `read(canvas, x, y, width, height)` and `pixels(key, x, y, width, height)`. Files beside the page are there; nothing
-    outside is reachable.
+    `read(canvas, x, y, width, height)` and `pixels(key, x, y, width, height)`. Nothing outside is reachable.
     """
-    program = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if program is None:
-        pytest.skip(f"a browser to open the report in: none of {', '.join(BROWSERS)} is installed")
 
-    def open_page(page: Path, address: str = "", script: str = "") -> tuple[dict, list[str]]:
-        folder = tmp_path_factory.mktemp("browser")
-        copy = folder / "page.html"
-        text = page.read_text(encoding="utf-8")
-        copy.write_text(text.replace("</body>", PROBE % script + "</body>"), encoding="utf-8")
-        for beside in page.parent.glob("*.js"):
-            shutil.copy(beside, folder)
-        command = [program, *QUIET, f"--user-data-dir={folder / 'user'}", "--dump-dom", copy.as_uri() + address]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-        found = re.search(r'<script type="application/json" id="probed">(.*?)</script>', done.stdout, re.DOTALL)
-        assert found, f"the page did not become ready\n{done.stderr[-2000:]}"
-        console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
-        result = json.loads(found[1])
-        assert "failure" not in result, result["failure"]
-        return result, console
+    def open_page(path: Path, address: str = "", script: str = "") -> tuple[dict, list[str]]:
+        console: list[str] = []
+        with chromium.new_page(viewport={"width": 1400, "height": 1200}) as page:
+            page.on("console", lambda message: console.append(message.text))
+            page.on("pageerror", lambda error: console.append(str(error)))
+            page.goto(path.as_uri() + address)
+            return page.evaluate(PROBE % script), console
 
     return open_page

@@ -8,7 +8,7 @@ const $ = (id) => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
 let wanted = structuredClone(about.first);
 let selected = wanted.spheres.length ? 0 : -1;
-let sample = 0, way = null, number = 0, shown = 0, socket = null, began = 0;
+let sample = 0, way = null, number = 0, shown = 0, socket = null;
 const points = { now: [], past: [] };
 
 const seconds = (s) => (s >= 1 ? `${s.toFixed(2)} s` : `${(1000 * s).toPrecision(s < 0.01 ? 2 : 3)} ms`);
@@ -40,9 +40,11 @@ function connect() {
   socket.onclose = () => say("raytwin explore has ended, or another page has taken over: reload to go on", true);
 }
 
-// One wish a frame at most: the newest.
-let asking = null;
+// One wish a frame at most: the newest. `began`: when a wish's first change came, by its number.
+let asking = null, change = 0;
+const began = new Map();
 function ask(moving = false) {
+  if (!asking) change = performance.now();
   wanted.moving = moving;
   const { exposure, gamma, tone } = viewer.state;
   wanted.look = { exposure, gamma, tone };
@@ -50,7 +52,7 @@ function ask(moving = false) {
     asking = null;
     if (socket.readyState !== 1) return;
     number += 1;
-    began = performance.now();
+    began.set(number, change);
     socket.send(JSON.stringify({ number, wanted }));
     $("viewer").classList.add("stale");
     if (!wanted.moving) keep_link();
@@ -95,13 +97,14 @@ const handlers = {
     viewer.update(event.pane, bitmap);
     viewer.drawn();
     const side = event.pane === "test" ? "tracer" : "twin";
-    globalThis.latency?.push([side, performance.now() - began]);
+    tell("picture", side, event.number);
     say(`${side}: ${seconds(event.seconds)}`);
   },
   async pair(event, data, blobs, old) {
     if (old) return;
     await viewer.feed(event.planes.map((plane, i) => ({ ...plane, words: new Uint16Array(data, blobs[i][0], blobs[i][1] / 2) })));
     viewer.drawn();
+    tell("pair", "both", event.number);
     $("viewer").classList.remove("stale");
     say(`${event.samples[0]} sample${event.samples[0] === 1 ? "" : "s"} a pixel by the tracer, ${event.samples[1]} by the twin`);
   },
@@ -125,6 +128,12 @@ const handlers = {
     document.body.dataset.rest = String(shown);
   },
 };
+
+// For whoever measures: what has come to be seen, and how many milliseconds after the change that asked for it.
+function tell(kind, side, of) {
+  document.dispatchEvent(new CustomEvent("seen", { detail: { kind, side, ms: performance.now() - (began.get(of) ?? NaN) } }));
+  for (const old of began.keys()) if (old < of) began.delete(old);
+}
 
 function say(text, bad = false) {
   $("state").textContent = text;
@@ -152,7 +161,7 @@ function choice(label, options, get, set, disabled = false) {
 
 const button = (text, title, onclick) => el("button", { type: "button", textContent: text, title, onclick });
 const group = (title, ...children) => el("fieldset", {}, el("legend", { textContent: title }), ...children);
-const degrees = (x) => `${Math.round(x)}°`;
+const degrees = (x) => `${Math.round(x)}°`.replace("-", "−"), centimetres = (x) => `${(100 * x).toFixed(1)} cm`.replace("-", "−");
 const brightest = (colour) => Math.max(...colour);
 const scaled = (colour, to) => (brightest(colour) > 0 ? colour.map((c) => (c * to) / brightest(colour)) : [to, to, to]);
 const decode = (x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
@@ -170,11 +179,11 @@ const elevation = () => (Math.atan2(wanted.sun.to_light[2], Math.hypot(...wanted
 
 function build() {
   const reach = Math.max(...wanted.spheres.map((s) => Math.hypot(...s.center) + s.radius), ...wanted.planes.map((p) => Math.hypot(...p.center) + Math.hypot(...p.half_u)), 0.1);
-  const place = (axis) => range("xyz"[axis], -reach, reach, reach / 500, () => sphere()?.center[axis] ?? null, (x) => { sphere().center[axis] = x; }, (x) => `${(100 * x).toFixed(1)} cm`);
+  const place = (axis) => range("xyz"[axis], -reach, reach, reach / 500, () => sphere()?.center[axis] ?? null, (x) => { sphere().center[axis] = x; }, centimetres);
   const which = el("select", { id: "which" });
   which.onchange = () => { selected = Number(which.value); refresh(); };
   updates.push(() => {
-    which.replaceChildren(...wanted.spheres.map((_, i) => el("option", { value: i, textContent: `sphere ${i}` })));
+    if (which.options.length !== wanted.spheres.length) which.replaceChildren(...wanted.spheres.map((_, i) => el("option", { value: i, textContent: `sphere ${i}` })));
     which.value = selected;
   });
   const colour = el("input", { type: "color" });
@@ -199,7 +208,7 @@ function build() {
         ? [range("sky's map", 0, 4, 0.02, () => wanted.sky.scale, (x) => { wanted.sky.scale = x; }, (x) => `× ${digits(x)}`), range("its turn", -180, 180, 1, () => wanted.sky.rotation, (x) => { wanted.sky.rotation = x; }, degrees)]
         : [range("sky", 0, 2, 0.01, () => brightest(wanted.sky.radiance), (x) => { wanted.sky.radiance = scaled(wanted.sky.radiance, x); })])),
     group("Spheres", el("label", { className: "wide" }, "which", which), place(0), place(1), place(2),
-      range("radius", reach / 500, reach / 2, reach / 1000, () => sphere()?.radius ?? null, (x) => { sphere().radius = x; }, (x) => `${(100 * x).toFixed(1)} cm`),
+      range("radius", reach / 500, reach / 2, reach / 1000, () => sphere()?.radius ?? null, (x) => { sphere().radius = x; }, centimetres),
       el("label", { className: "wide" }, "albedo", colour),
       el("div", { className: "buttons" }, button("Add", "One more sphere", add), button("Remove", "The chosen sphere", remove)),
       el("p", { textContent: "Or drag one in a picture: over the board, with Shift up and down." })),
@@ -395,7 +404,7 @@ function chart() {
         parts.push(dot);
       }
       const last = own.at(-1), left = x(last.seconds) > w - 110;
-      if (!age) parts.push(made("text", { class: "name", x: x(last.seconds) + (left ? -9 : 9), y: y(error(last)) - 8, "text-anchor": left ? "end" : "start", }, `${side} ${last.samples > 1 ? last.samples : ""}`));
+      if (!age) parts.push(made("text", { class: "name", x: x(last.seconds) + (left ? -9 : 9), y: y(error(last)) + (left ? 17 : -8), "text-anchor": left ? "end" : "start" }, `${side} ${last.samples > 1 ? last.samples : ""}`));
     }
   const svg = made("svg", { viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": points.now.map((p) => `${p.side}, ${p.samples} samples: ${seconds(p.seconds)}, error ${p.error === null ? "below " : ""}${digits(error(p))}`).join("; ") });
   svg.append(...parts);

@@ -78,8 +78,8 @@ class Studio:
         yield picture("reference", reference, wanted.look, seconds_twin, reference.samples)
         if wanted.moving:
             return
-        halves = [Followed("path", fast, WHOLE_SAMPLES)(scene, seed) for seed in SEEDS]
         yield pair(test, reference)
+        halves = [Followed("path", fast, WHOLE_SAMPLES)(scene, seed) for seed in SEEDS]
         yield point("tracer", method, test, seconds, halves)
         yield point("twin", None, reference, seconds_twin, halves)
         if RUNGS[wanted.rung].lit:

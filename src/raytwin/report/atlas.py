@@ -111,10 +111,13 @@ def cells(f: Found, method: str) -> list[Cell]:
 
 
 def colours(left: float) -> tuple[str, str]:
-    """Ground and ink for so many digits kept."""
+    """Ground and ink for so many digits kept: black or white, whichever contrasts more (4.58 at least)."""
     low, high, share = (LOST, HALF, left / 8) if left < 8 else (HALF, KEPT, left / 8 - 1)
     ground = tuple(round(a + (b - a) * share) for a, b in zip(low, high, strict=True))
-    return "#{:02x}{:02x}{:02x}".format(*ground), "#ffffff" if left < 3 or left > 13 else INK
+    red, green, blue = files.srgb_decode(np.array(ground) / 255)
+    luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    bright = (luminance + 0.05) ** 2 > 1.05 * 0.05
+    return "#{:02x}{:02x}{:02x}".format(*ground), "#000000" if bright else "#ffffff"
 
 
 # ------------------------------------------------------------------------------------------ a chart

@@ -21,7 +21,7 @@ const TONES = {
 const CHANNELS = ["RGB", "R", "G", "B", "luminance"];
 // Linear Rec. 709, pale to dark; dark enough to differ by lightness as well as by hue.
 const DARKER = [[1, 1, 1], [0.25, 0.55, 0.95], [0.01, 0.06, 0.45]], BRIGHTER = [[1, 1, 1], [0.95, 0.42, 0.22], [0.42, 0.005, 0.02]];
-const MAGMA = ["000004", "1d1147", "51127c", "832681", "b73779", "e75263", "fc8961", "fec488", "fcfdbf"];
+const MAGMA = [0x000004, 0x1d1147, 0x51127c, 0x832681, 0xb73779, 0xe75263, 0xfc8961, 0xfec488, 0xfcfdbf].map((hex) => [hex >> 16, (hex >> 8) & 255, hex & 255]);
 const LOST = [0, 203, 0]; // NaN and infinity
 const OBJECTS = [[250, 250, 250], ...[206, 178, 221, 190, 168, 213, 184, 198].map((v) => [v, v, v]), [59, 66, 76], [230, 97, 0], [93, 58, 155], [214, 0, 110]];
 const TONING = ["exposure", "gamma", "tone"], MAPPING = ["map", "channel"]; // parts of the state, and what depends on them
@@ -209,7 +209,7 @@ class Viewer {
   }
 
   refresh() {
-    this.cache.clear();
+    for (const name of this.cache.keys()) if (name !== "tones" && name !== "colours") this.cache.delete(name);
     for (const pane of this.panes.values()) pane.drawn = "";
     this.show();
   }
@@ -312,11 +312,13 @@ class Viewer {
     return this.remember("scale", [...MAPPING, "scale"], () => {
       if (map === "flip") return { low: 0, high: 1 * factor, log: false };
       if (map === "sigmas") return { low: 0, high: 5 * factor, log: false };
-      const sizes = sorted(this.map().map(Math.abs)), worst = sizes.at(-1) ?? 0;
+      const all = this.map();
       if (noisy) {
-        const q = sizes[Math.ceil(0.999 * sizes.length) - 1] || 1, decade = 10 ** Math.floor(Math.log10(q));
+        const step = Math.max(1, Math.floor(all.length / 3e4)), some = all.filter((v, i) => i % step === 0 && Number.isFinite(v)).map(Math.abs).sort();
+        const q = some[Math.ceil(0.999 * some.length) - 1] || 1, decade = 10 ** Math.floor(Math.log10(q));
         return { low: 0, high: decade * [1, 2, 5, 10].find((step) => step * decade >= q * 0.999) * factor, log: false };
       }
+      const worst = all.reduce((most, v) => (Number.isFinite(v) ? Math.max(most, Math.abs(v)) : most), 0);
       const allowed = (bound?.share ?? 1e-5) * (map === "signed" ? bound?.scale ?? 1 : 1);
       const low = 10 ** (Math.floor(Math.log10(allowed)) - 2), high = Math.max(10 ** Math.ceil(Math.log10(worst || low) - 1e-9), 1e3 * low);
       return { low: low * factor, high: high * factor, log: true };
@@ -331,8 +333,8 @@ class Viewer {
 
   shade(v) {
     if (!Number.isFinite(v) && (Number.isNaN(v) || this.state.map !== "sigmas")) return LOST;
-    if (this.state.map === "flip") return mix(MAGMA.map((hex) => [0, 2, 4].map((k) => parseInt(hex.slice(k, k + 2), 16))), this.position(v)).map(Math.round);
     const t = this.position(v);
+    if (this.state.map === "flip") return mix(MAGMA, t).map(Math.round);
     return mix(t < 0 ? DARKER : BRIGHTER, Math.abs(t)).map((x) => Math.round(255 * encode(x)));
   }
 
@@ -365,7 +367,7 @@ class Viewer {
   }
 
   colours(k) {
-    const colour = this.remember("colours", [...MAPPING, "scale"], () => table(Uint32Array, (v) => rgba(this.shade(v))));
+    const colour = this.remember("colours", [this.state.map, ...Object.values(this.scale())], () => table(Uint32Array, (v) => rgba(this.shade(v))));
     return mapped(Uint32Array, this.reduced(k), (v) => { FLOAT[0] = v; return colour[BITS[0] >>> 15]; });
   }
 
@@ -443,7 +445,7 @@ class Viewer {
       return;
     }
     g.imageSmoothingEnabled = pane.kind !== "map" && pane.kind !== "objects" && f.s * dots * cw < 1;
-    g.imageSmoothingQuality = "medium";
+    g.imageSmoothingQuality = source instanceof ImageBitmap ? "low" : "medium"; // one of many that move
     const most = [source.naturalWidth || source.width, source.naturalHeight || source.height];
     const part = (from, size, cell, all) => {
       const first = clamp(Math.floor((from + 0.5) / cell), 0, all), last = clamp(Math.ceil((from + 0.5 + size) / cell), 0, all);
@@ -930,18 +932,6 @@ class Viewer {
       g.fillText(stop ? `−${-stop} stops` : "white", x, h);
     }
   }
-}
-
-// The finite ones of some 250 000 values, in order, and the largest of all in the end.
-function sorted(values) {
-  const step = Math.max(1, Math.floor(values.length / 250000)), some = [];
-  let most = 0;
-  for (let i = 0; i < values.length; i++) {
-    if (!Number.isFinite(values[i])) continue;
-    if (i % step === 0) some.push(values[i]);
-    if (values[i] > most) most = values[i];
-  }
-  return Float32Array.from([...some, most]).sort();
 }
 
 function mount(element, data) {
