@@ -10,7 +10,7 @@ SLOW = (
     "bench/test_power.py",
     "compare/test_decision.py::test_noise_alone_fails_no_more_often_than_stated",
     "explore/test_explore.py::test_ctrl_c_ends_it",
-    "explore/test_explore.py::test_play_keeps_no_memory",
+    "explore/test_explore.py::test_a_studio_at_play_keeps_no_memory",
     "files/test_hostile_images.py",
     "grade/test_class.py",
     "grade/test_cluster.py",

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 import pytest
 import tracers
+from browser import barriers_of
 
 from raytwin import files
 from raytwin.grade.result import Result
@@ -176,6 +177,12 @@ def test_pages_are_whole_and_share_their_scripts(graded):
     assert student.index("✗ image") < student.index("✓ intersect_sphere")  # failures first
     data = json.loads(re.search(r'<script type="application/json">(.*?)</script>', student, re.DOTALL)[1])
     assert (data["width"], data["height"]) in ((336, 252), (160, 120))
+
+
+def test_axe_core_finds_nothing_serious(graded, chromium):
+    results, out, _, _ = graded
+    for page in ("index.html", f"students/{pages.page_name(results['no shadows'])}"):
+        assert barriers_of(chromium, out / page) == []
 
 
 def test_near_identical_wrong_pictures_are_found_and_right_ones_are_none(graded):

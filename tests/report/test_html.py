@@ -8,6 +8,7 @@ from html import unescape
 import msgspec
 import numpy as np
 import pytest
+from browser import barriers_of
 
 from raytwin import files
 from raytwin.image import Image
@@ -310,6 +311,10 @@ def test_links_places_flip_wipe_and_maps_do_what_they_say(looked):
     assert read["map"] == "Relative difference"
     assert "0" in read["ticks"]
     assert all(text[0] in "+−0" for text in read["ticks"])
+
+
+def test_axe_core_finds_nothing_serious(spoiled, chromium):
+    assert barriers_of(chromium, spoiled[1]) == []
 
 
 def test_a_photo_of_another_size_spans_the_same_picture_and_thinned_values_are_their_blocks_worst(

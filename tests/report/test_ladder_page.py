@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from browser import barriers_of
 
 from raytwin.jobs.ladder import Ladder, Rungs, Step
 from raytwin.report.ladder import bars, ladder_summary, write_ladder
@@ -35,7 +36,8 @@ def test_any_two_pictures_are_shown_to_eleven_bits(made, browse, tmp_path):
       select.value = "bounce 1 alone"; select.dispatchEvent(new Event("change"));
       await until(() => shown() === "tracer: shadow | bounce 1 alone");
       const at = 5 * 32 + 7;
-      for (const [key, name] of [["a", "test"], ["b", "reference"]]) result[key] = viewer.read(7, 5)[name].map(([v]) => v);
+      const here = viewer.read(7, 5);
+      for (const [key, name] of [["a", "test"], ["b", "reference"]]) result[key] = here[name].map(([v]) => v);
       result.d = [0, 1, 2].map((c) => viewer.values.d[3 * at + c]);
       result.outside = [...document.querySelectorAll("[src], [href]")]
         .map((node) => node.getAttribute("src") ?? node.getAttribute("href"))
@@ -52,6 +54,11 @@ def test_any_two_pictures_are_shown_to_eleven_bits(made, browse, tmp_path):
     assert "made <up>" in read["text"]
     assert "−1.91 %" in read["text"]
     assert {p.name for p in tmp_path.iterdir()} == {"ladder.html", "ladder.json", "ladder.svg", "ladder.png"}
+
+
+def test_axe_core_finds_nothing_serious(made, chromium, tmp_path):
+    write_ladder(made, tmp_path)
+    assert barriers_of(chromium, tmp_path / "ladder.html") == []
 
 
 def test_bars_are_as_long_as_their_parts_are_large(made):

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from browser import barriers_of
 from typer.testing import CliRunner
 
 from raytwin import report, stability
@@ -131,6 +132,11 @@ def test_the_page_stands_alone_and_shows_every_experiment_its_reason_and_its_sou
         assert (tmp_path / f"{found.name}.svg").exists()
         for method in found.methods:
             assert method in page
+
+
+def test_axe_core_finds_nothing_serious(two, chromium, tmp_path):
+    report.write_atlas(two, tmp_path)
+    assert barriers_of(chromium, tmp_path / "atlas.html") == []
 
 
 def test_a_refusal_is_shown_as_one_and_breaks_no_bound():

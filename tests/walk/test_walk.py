@@ -1,14 +1,18 @@
 """The walk as a learner takes it: a script with its functions filled in, or with mistakes in them, and a notebook."""
 
+import json
 import re
 import runpy
 
+import numpy as np
 import pytest
+from browser import barriers_of
 from program import raytwin, refused
 
 from raytwin.grade.contract import CONTRACT, LESSONS
 from raytwin.grade.judge import judge_function
 from raytwin.walk import solutions, with_functions, write_walk
+from raytwin.walk.show import widget
 from raytwin.walk.written import solutions as solution_texts
 from raytwin.walk.written import source
 
@@ -115,6 +119,21 @@ def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path, monkeypatch
     assert not [output for output in outputs if output.output_type == "error"]
     widgets = [o for o in outputs if "application/vnd.jupyter.widget-view+json" in o.get("data", {})]
     assert len(widgets) == 7  # each stage's picture but the second's, in the reports' own viewer
+
+
+def test_axe_core_finds_nothing_serious_in_what_a_cell_shows(tmp_path, chromium):
+    """A wrong function's check, and two pictures in the viewer as a notebook mounts it."""
+    pytest.importorskip("anywidget")
+    check = judge_function(LESSONS["shade"], lambda *a: np.pi * solutions.shade(*a), seed=3)
+    made = widget("5 shade", *np.random.default_rng(1).random((2, 6, 8, 3), np.float32))
+    cell = f"""<!DOCTYPE html><html lang="en"><title>a notebook</title><style>{made._css}</style>
+    <main><h1>5. Shade</h1>{check._repr_html_()}<div class="rt" id="cell"></div></main><script type="module">
+    const module = new Blob([{json.dumps(made._esm)}], {{ type: "text/javascript" }});
+    const {{ default: {{ render }} }} = await import(URL.createObjectURL(module));
+    render({{ model: new Map([["data", {json.dumps(made.data)}]]), el: document.getElementById("cell") }});
+    </script></html>"""
+    (tmp_path / "cell.html").write_text(cell, encoding="utf-8")
+    assert barriers_of(chromium, tmp_path / "cell.html") == []
 
 
 def test_what_is_half_walked_is_not_overwritten(tmp_path):

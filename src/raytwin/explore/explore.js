@@ -193,7 +193,9 @@ function build() {
   const mine = about.subject !== null;
   const tick = el("input", { type: "checkbox", id: "show-way", onchange: () => { if (tick.checked) ask_way(); else { way = null; tell_way(); viewer.show(); } } });
   $("controls").onsubmit = (event) => event.preventDefault();
-  $("controls").append(
+  const fold = el("button", { type: "button", className: "fold", textContent: "Controls", ariaExpanded: "true" }); // of a phone's sheet
+  fold.onclick = () => { fold.ariaExpanded = String($("controls").classList.toggle("folded") === false); };
+  $("controls").append(fold,
     group("Tracer", ...(mine ? [el("p", { textContent: about.subject })] : []),
       choice("rung", about.rungs, () => wanted.rung, (x) => { wanted.rung = x; }),
       choice("engine", about.engines, () => wanted.engine, (x) => { wanted.engine = x; }, mine),
@@ -306,6 +308,11 @@ function pixel_of(event) {
 }
 
 let held = null;
+// A finger on a sphere drags it; anywhere else it scrolls the page.
+$("viewer").addEventListener("touchstart", (event) => {
+  const pixel = event.touches.length === 1 ? pixel_of(event.touches[0]) : null;
+  if (pixel && sphere_at(pixel) >= 0) event.preventDefault();
+}, { passive: false, capture: true });
 $("viewer").addEventListener("pointerdown", (event) => {
   const pixel = event.button ? null : pixel_of(event), index = pixel ? sphere_at(pixel) : -1;
   if (index < 0 || event.pointerType === "touch" && !event.isPrimary) return;

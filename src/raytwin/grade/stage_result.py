@@ -56,7 +56,7 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         )
 
 
-COLOURS = {True: "#2a9d4a", False: "#d6453d"}
+COLOURS = {True: "#1a7f37", False: "#cf222e"}
 CODE = "font-family:monospace;overflow-wrap:anywhere"
 
 

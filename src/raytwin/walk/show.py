@@ -60,7 +60,7 @@ def widget(name: str, yours: np.ndarray, twin: np.ndarray | None) -> Any:
 
     class Viewer(anywidget.AnyWidget):
         _esm = viewer.module() + "\nexport default { render({ model, el }) { mount(el, model.get('data')); } };\n"
-        _css = viewer.style()
+        _css = viewer.style() + ".rt { padding: 8px 12px; background: var(--rt-ground); }"  # whatever a cell's is
         data = traitlets.Dict().tag(sync=True)
 
     panes = [{"key": "test", "kind": "radiance", "title": f"{name}: yours", "tab": "yours", "alt": f"{name}, yours"}]
