@@ -22,7 +22,7 @@ from raytwin.photos import (
     pose_of_photo,
     rotation_degrees,
 )
-from raytwin.photos.fit import Form, Seen, fit, linearise, solve_scaled
+from raytwin.photos.fit import Form, Seen, fit, solve_scaled
 from raytwin.photos.uncertainty import EXTRAPOLATED, leave_one_out, spread
 
 SIZE = (1008, 756)
@@ -103,7 +103,7 @@ def test_its_jacobian_is_that_of_differences():
     rng = np.random.default_rng(4)
     K, dist = np.array([[800.0, 0, 500], [0, 790, 380], [0, 0, 1]]), [0.1, -0.2, 0.003, -0.002, 0.05]
     points, names = rng.uniform((-0.3, -0.3, 0.8), (0.3, 0.3, 1.5), (20, 3)), ("k1", "k2", "p1", "p2", "k3")
-    _, of_lens, of_point = linearise(points, np.zeros((20, 2)), K, dist, names)
+    _, of_lens, of_point = lens.linearise(points, np.zeros((20, 2)), K, dist, names)
 
     def at(numbers: np.ndarray, p: np.ndarray) -> np.ndarray:
         fx, fy, cx, cy = numbers[:4]

@@ -15,7 +15,7 @@ from raytwin.image import Image, Surface
 from raytwin.jobs.camera import TruthRow
 from raytwin.jobs.compare import Result
 from raytwin.photos import Calibration, Pose, PoseReport
-from raytwin.photos.calibration import View, Warning_
+from raytwin.photos.calibrated import View, Warning_
 from raytwin.scene import Scene
 from raytwin.speed import trace
 

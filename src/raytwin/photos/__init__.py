@@ -1,19 +1,11 @@
 """Photos of an AprilTag board in, a calibrated camera out.
 
-detection -> calibration (fit, model, bias, uncertainty) -> pose; `lens` holds the distortion, `doubts` what speaks
-against a calibration. Importing this loads OpenCV: commands do so only when they run.
+detection -> calibration (fit, model, bias, uncertainty) -> pose; `calibrated` is what comes out, `lens` holds the
+distortion, `doubts` what speaks against a calibration. Importing this loads OpenCV: commands do so only when they run.
 """
 
-from raytwin.photos.calibration import (
-    LEAST_VIEWS,
-    Calibration,
-    Evidence,
-    FoundBoard,
-    View,
-    Warning_,
-    calibrate,
-    calibrate_detections,
-)
+from raytwin.photos.calibrated import Calibration, Evidence, FoundBoard, View, Warning_
+from raytwin.photos.calibration import LEAST_VIEWS, calibrate, calibrate_detections
 from raytwin.photos.detection import NoTags, Tag, detect, detect_photo, detect_photos
 from raytwin.photos.doubts import CODES
 from raytwin.photos.fit import MODELS

@@ -9,7 +9,6 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import cv2
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from raytwin.boards import Board
 from raytwin.errors import InputError
 from raytwin.photos import lens, pose
+from raytwin.photos.calibrated import Calibration
 from raytwin.photos.fit import NAMES, Fit, Form, Seen, fit, matched, solve_scaled
 from raytwin.photos.uncertainty import Spread, spread
 from raytwin.scene.lens import SIDE, undone
@@ -68,7 +68,7 @@ STRETCHED, EXPLAINED = 0.01, 0.8
 class Case:
     """What the doubts are about: a `calibration`, the fit that made it and what it is known to, and what went in."""
 
-    calibration: Any
+    calibration: Calibration
     found: Fit
     known: Spread
     views: Sequence[Seen]
@@ -91,7 +91,7 @@ class Case:
         astray."""
         kept = [i for i, v in enumerate(self.views) if v.photo != photo]
         views, start = [self.views[i] for i in kept], replace(self.found, R=self.found.R[kept], t=self.found.t[kept])
-        form = replace(self.found.form, model=next(iter(self.calibration.evidence.trials)), unfolded=False)
+        form = replace(self.found.form, model=next(iter(self.calibration.basis.trials)), unfolded=False)
         found = fit(views, self.image_size, self.boards, form, start)
         return replace(self, views=views, found=found, known=spread(found))
 
@@ -134,7 +134,7 @@ def is_mirrored(points: np.ndarray, pixels: np.ndarray) -> bool:
 
 
 def doubts_about(
-    calibration: Any,
+    calibration: Calibration,
     found: Fit,
     known: Spread,
     views: Sequence[Seen],
@@ -295,7 +295,7 @@ def _better_turned(case: Case, i: int) -> float:
     squares = np.zeros(2)
     for j in np.flatnonzero(case.found.sights.photo == i).tolist():
         view, R, t = case.views[j], case.found.R[j], case.found.t[j]
-        points, pixels = matched(view.tags, case.calibration.evidence.boards[view.board])
+        points, pixels = matched(view.tags, case.calibration.basis.boards[view.board])
         for k, (seen, R0, t0) in enumerate(
             ((pixels, R, t), (np.array(case.image_size) - 1 - pixels, turn @ R, turn @ t))
         ):
@@ -326,7 +326,7 @@ def _ambiguous(case: Case) -> Doubts:
     c = case.calibration
     for view, shown in zip(case.views, c.views, strict=True):
         start = pose.Pose(shown.R_cam_board, shown.t_cam_board, shown.rms_px)
-        _, ratio = pose.refined_pose(c.K, c.dist, view.tags, c.evidence.boards[view.board], start)
+        _, ratio = pose.refined_pose(c.K, c.dist, view.tags, c.basis.boards[view.board], start)
         if ratio is not None and pose.ambiguous(ratio, len(view.tags)):
             yield "ambiguous-pose", f"{view.photo}: a second pose fits with only {ratio:.2f} times the error"
 

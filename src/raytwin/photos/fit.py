@@ -284,49 +284,6 @@ def _shaped(sights: Sights, form: Form, shared: np.ndarray) -> tuple[np.ndarray,
     return points, moves
 
 
-def linearise(
-    points: np.ndarray, pixels: np.ndarray, K: np.ndarray, dist: Sequence[float], free: Sequence[str]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Residuals (..., 2) of camera points (..., 3); d / d(fx, fy, cx, cy, free) (..., 2, m); d / d point (..., 2,
-    3)."""
-    k1, k2, p1, p2, k3 = lens.five(dist)
-    fx, fy, cx, cy = K[0][0], K[1][1], K[0][2], K[1][2]
-    near = 1 / points[..., 2]
-    x, y = points[..., 0] * near, points[..., 1] * near
-    s = x * x + y * y
-    radial = 1 + s * (k1 + s * (k2 + s * k3))
-    slope = k1 + s * (2 * k2 + s * 3 * k3)
-    xd = x * radial + 2 * p1 * x * y + p2 * (s + 2 * x * x)
-    yd = y * radial + p1 * (s + 2 * y * y) + 2 * p2 * x * y
-    residuals = np.stack([fx * xd + cx, fy * yd + cy], axis=-1) - pixels
-    mixed = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
-    xx = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
-    yy = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
-    of_point = np.stack(
-        [
-            (fx * near)[..., None] * np.stack([xx, mixed, -(xx * x + mixed * y)], axis=-1),
-            (fy * near)[..., None] * np.stack([mixed, yy, -(mixed * x + yy * y)], axis=-1),
-        ],
-        axis=-2,
-    )
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    across = {"k1": x * s, "k2": x * s * s, "k3": x * s**3, "p1": 2 * x * y, "p2": s + 2 * x * x}
-    down = {"k1": y * s, "k2": y * s * s, "k3": y * s**3, "p1": s + 2 * y * y, "p2": 2 * x * y}
-    of_lens = np.stack(
-        [
-            np.stack([xd, zero, one, zero, *(fx * across[n] for n in free)], axis=-1),
-            np.stack([zero, yd, zero, one, *(fy * down[n] for n in free)], axis=-1),
-        ],
-        axis=-2,
-    )
-    return residuals, of_lens, of_point
-
-
-def of_pose(points: np.ndarray, of_point: np.ndarray) -> np.ndarray:
-    """(..., 2, 6): d residuals / d(omega, tau) at camera points (..., 3)."""
-    return np.concatenate([np.cross(points[..., None, :], of_point), of_point], axis=-1)
-
-
 @dataclass(frozen=True, eq=False)
 class _Step:
     """The fit's state at one place; `fold`, `of_fold`: residuals and Jacobian of what keeps the lens from folding."""
@@ -349,10 +306,10 @@ def _step(sights: Sights, form: Form, image_size: tuple[int, int], shared, R, t)
     board, moves = _shaped(sights, form, shared)
     points = board @ R.swapaxes(1, 2) + t[:, None]
     with np.errstate(all="ignore"):  # a step too far gives no finite cost, and is not taken
-        r, A, of_point = linearise(points, sights.pixels, K, [value.get(n, 0.0) for n in NAMES], free)
+        r, A, of_point = lens.linearise(points, sights.pixels, K, [value.get(n, 0.0) for n in NAMES], free)
         A = np.concatenate([A, np.einsum("vtci,vij,vtsj->vtcs", of_point, R, moves, optimize=True)], axis=-1)
         w = sights.weight[..., None]
-        r, A, B = r * w, A * w[..., None], of_pose(points, of_point) * w[..., None]
+        r, A, B = r * w, A * w[..., None], lens.of_pose(points, of_point) * w[..., None]
         fold, of_fold = _fold(form, image_size, shared, sights)
         cost = float((r * r).sum() + fold @ fold)
     if not np.isfinite(cost) or (points[..., 2] <= 0).any():

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from raytwin import photos
 from raytwin.errors import InputError
 from raytwin.photos import Tag, project
-from raytwin.photos.fit import MODELS, linearise, of_pose
+from raytwin.photos.fit import MODELS
+from raytwin.photos.lens import linearise, of_pose
 from raytwin.stability.experiment import Error, Experiment, Measure
 from raytwin.stability.poses import BOARD, MIDDLE
 

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from raytwin.boards import Board, BoardTag, Grid
 from raytwin.errors import InputError
 from raytwin.photos import Tag, homography_pose, project, refined_pose
-from raytwin.photos.fit import MODELS, linearise, of_pose
+from raytwin.photos.fit import MODELS
+from raytwin.photos.lens import linearise, of_pose
 from raytwin.photos.pose import ambiguous
 from raytwin.stability.experiment import Error, Experiment, Law
 
