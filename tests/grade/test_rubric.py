@@ -1,5 +1,6 @@
 """A rubric: what it says in TOML, what it earns, and what is wrong with it in one line."""
 
+import os
 import re
 
 import pytest
@@ -7,6 +8,7 @@ from typer.testing import CliRunner
 
 from raytwin.cli import app
 from raytwin.errors import InputError
+from raytwin.grade.assess import code_of
 from raytwin.grade.contract import CONTRACT, LESSONS
 from raytwin.grade.rubric import READY, Exercise, Speed, read_rubric
 
@@ -107,3 +109,9 @@ def test_the_starter_writes_it_and_nothing_over_it(tmp_path, monkeypatch):
     assert "change it" in run(app, ["grade", "starter", "--rubric"]).output
     assert read_rubric(tmp_path / "rubric.toml").exercises == read_rubric(READY).exercises
     assert isinstance(run(app, ["grade", "starter", "--rubric"]).exception, InputError)
+
+
+def test_a_pipe_handed_in_is_refused_and_not_waited_for(read, tmp_path):
+    os.mkfifo(tmp_path / "bob.py")
+    with pytest.raises(InputError, match=r"bob.py: expected a Python file.*a device or a pipe"):
+        code_of(tmp_path / "bob.py", read(GOOD))

@@ -1,3 +1,5 @@
+import json
+import math
 import os
 import subprocess
 import sys
@@ -72,6 +74,18 @@ def test_a_candidate_that_hangs_or_draws_nonsense_is_passed_over(monkeypatch, tm
         outcome, _ = backend.probe("llvm_ad_rgb", str(script))
         assert not outcome.ok
         assert why in outcome.why
+
+
+@pytest.mark.parametrize(("name", "found", "right"), [
+    ("depth", 3 + 0.9e-3, True), ("depth", 3 - 1.1e-3, False), ("lit", 1 - 1 / 4096, False),
+    ("light", 0.125 + 4.9e-3, True), ("light", 0.125 - 5.1e-3, False), ("light", math.nan, False),
+])  # fmt: skip
+def test_a_probes_picture_may_err_by_its_noise_alone(monkeypatch, tmp_path, name, found, right):
+    script = tmp_path / "told.py"
+    told = {"depth": 3.0, "lit": 1.0, "light": 0.125, "llvm": [99, 0, 0]} | {name: found}
+    script.write_text(f"print({json.dumps(json.dumps(told))})")
+    monkeypatch.setattr(backend, "PROBE", script)
+    assert backend.probe("llvm_ad_rgb", str(script))[0].ok == right
 
 
 def test_the_answer_is_remembered(monkeypatch, llvm):

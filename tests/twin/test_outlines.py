@@ -144,6 +144,21 @@ def test_a_pixel_is_doubted_beside_what_lies_within_a_ten_thousandth_of_its_dept
     assert not doubted(0.5e-4)
 
 
+def test_the_first_objects_outline_is_doubted_as_any_others():
+    """A ball's rim, a millionth of its distance beside the ray; then another object before it in the list."""
+    ball = Sphere((0.1 * (1 + 1e-6), 0, 1), 0.1)
+    for others in ((), (Sphere((0, 5, 1), 0.1),)):
+        bodies = table(Scene("rim", AHEAD, (*others, ball)))
+        for met, expected in ((len(others), True), (-1, False)):
+            found = _doubted(bodies, np.full((5, 5), met, np.int32), np.array([12]), np.zeros((3, 1)), STRAIGHT)
+            assert found[0] == expected
+
+
+def test_albedos_are_the_materials_and_what_is_no_object_is_black():
+    scene = Scene("two", AHEAD, (Sphere((0, 0, 1), 0.1, Lambert((0.1, 0.2, 0.3))), Sphere((0, 1, 1), 0.1)))
+    np.testing.assert_array_equal(albedos(scene), [(0.1, 0.2, 0.3), scene.objects[1].material.albedo, (0, 0, 0)])
+
+
 def test_the_neighbours_of_a_doubted_pixel_are_the_eight_around_it():
     places = [(down, right) for down in range(-2, 3) for right in range(-2, 3) if down or right]
     for down, right in places:

@@ -73,6 +73,15 @@ def test_the_twins_harmonics_are_the_tracers_in_any_frame(spotted, turn, directi
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5)
 
 
+@pytest.mark.parametrize("width", [3, 1030])
+def test_a_map_of_one_radiance_lights_every_normal_alike_however_wide_it_is(width):
+    """E/π is the radiance itself: in the quadratic form the corner of 1, and all else 0."""
+    found = sky.harmonics(Environment((width, 2), np.full((2, width, 3), 0.7, "<f4").tobytes(), TURNED), np.eye(3))
+    np.testing.assert_allclose(found[:, 3, 3], 0.7, rtol=1e-4)
+    n = np.array([[0.6, 0.0, 0.8, 1.0], [0.0, 0.0, -1.0, 1.0]])
+    np.testing.assert_allclose(np.einsum("ki,cij,kj->kc", n, found, n), 0.7, rtol=1e-4)
+
+
 def test_the_map_of_the_scene_studio_is_its_formula_and_its_harmonics_have_the_closed_form_of_the_comment(scenes):
     made: dict = {}
     exec((scenes / "studio" / "sky.py").read_text().split("if __name__")[0], made)

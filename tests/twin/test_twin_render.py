@@ -201,6 +201,7 @@ def test_a_texture_one_pixel_wide_is_that_pixel_across(texture):
         ({0: np.ones((2, 2))}, "textures[0]"),
         ({5: np.ones((2, 2))}, "textures[5]"),
         ({1: np.ones((2, 2, 4))}, "textures[1]"),
+        ({1: np.ones((0, 2))}, "textures[1]"),
         ({1: np.full((2, 2), 1.5)}, "textures[1]"),
         ({1: np.full((2, 2), np.nan)}, "textures[1]"),
     ],

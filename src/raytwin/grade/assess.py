@@ -213,6 +213,7 @@ def code_of(path: Path, rubric: Rubric) -> Code:
             got = ", ".join(p.name for p in found) or "none"
             raise InputError(path, f"one file of Python, or {rubric.file}.py beside others", got)
         file = (named or found)[0]
+    files.check_file(file, "a Python file, a notebook, or a folder")  # a pipe would be waited for without end
     if file.suffix not in CODE:
         raise InputError(path, "a Python file, a notebook, or a folder", file.suffix or "a file of another kind")
     folder = path if path.is_dir() else None

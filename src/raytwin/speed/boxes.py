@@ -146,7 +146,7 @@ def corner_box(thing: Shape, camera: Camera) -> Box:
     with np.errstate(all="ignore"):
         x, y, z = np.asarray(camera.R_cam_board) @ corners.T + np.asarray(camera.t_cam_board)[:, None]
         u, v = _to_pixels(x / z, y / z, camera)
-    if not (np.isfinite(u).all() and np.isfinite(v).all()):
+    if not np.isfinite(u + v).all():
         return (0, 0, camera.width, camera.height)
     x0, x1 = max(floor(u.min()), 0), min(ceil(u.max()) + 1, camera.width)
     y0, y1 = max(floor(v.min()), 0), min(ceil(v.max()) + 1, camera.height)

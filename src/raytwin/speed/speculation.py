@@ -102,7 +102,7 @@ def doubtful(
     bend = np.zeros(ids.shape, np.float32)
     bend[:, 1:-1] += np.abs(np.diff(colour, 2, axis=1)).max(axis=-1)
     bend[1:-1] += np.abs(np.diff(colour, 2, axis=0)).max(axis=-1)
-    curved = (_blocks(bend).max(axis=0) * 2 / 8 > tolerance) & (seen[0] >= 0)
+    curved = (_blocks(bend).max(axis=0) / 4 > tolerance) & (seen[0] >= 0)
     whole = np.asarray((grown > 0) | curved)
     for x0, y0, x1, y1 in slender(scene, n, shadows).tolist():
         whole[y0 // n : -(-y1 // n), x0 // n : -(-x1 // n)] = True

@@ -44,7 +44,7 @@ def grow(low: np.ndarray, high: np.ndarray) -> Nodes:
     `low`, `high`: (n, 3), n > 0. All nodes of a level at once.
     """
     n = len(low)
-    middle, order = (low + high) / 2, np.arange(n)
+    middle, order = low + high, np.arange(n)  # twice the middle
     box, thing, onward = np.zeros((2, 2 * n - 1, 3)), np.full(2 * n - 1, -1), np.zeros(2 * n - 1, int)
     first, count, place = np.zeros(1, int), np.array([n]), np.zeros(1, int)
     while len(first):

@@ -184,7 +184,6 @@ def area_boxes(scene: Scene) -> Int[np.ndarray, "n 4"]:
     camera = scene.camera
     w, h = camera.image_size
     boxes = trim_boxes(scene.objects, camera.grid(-1, -1, size=(w + 2, h + 2)))
-    empty = (boxes[:, 2:] <= boxes[:, :2]).any(axis=1)
+    empty = np.asarray((boxes[:, 2:] <= boxes[:, :2]).any(axis=1))
     low, high = np.maximum(boxes[:, :2] - 2, 0), np.minimum(boxes[:, 2:], (w, h))
-    empty |= (low >= high).any(axis=1)
     return np.where(empty[:, None], 0, np.concatenate([low, high], axis=1))

@@ -93,7 +93,7 @@ def _register_lens() -> None:
             fx, fy, cx, cy, *k = (dr.opaque(double, props[name]) for name in _LENS)
             self.lens = Lens(fx, fy, cx, cy, tuple(k), int(props["steps"]))
 
-        def sample_ray(self, time: Any, wave: Any, position: Any, aperture: Any, active: Any = True) -> tuple[Any, Any]:
+        def sample_ray(self, time: Any, wave: Any, position: Any, aperture: Any, active: Any) -> tuple[Any, Any]:
             double, size = dr.float64_array_t(mi.Float), self.film().crop_size()
             # The position is (0, 0) at the image's corner; pixel 0's centre is at 1/2.
             u, v = double(position.x) * int(size[0]) - 0.5, double(position.y) * int(size[1]) - 0.5

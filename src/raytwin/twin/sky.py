@@ -67,8 +67,8 @@ def _own_harmonics(environment: Environment) -> np.ndarray:
     """
     rows = from_pole_to_pole(environment.radiance)
     h, w = len(rows) - 1, rows.shape[1]
-    fine = max(1, 1024 // w)
-    v, u = (np.arange(h * fine) + 0.5) / fine, (np.arange(w * fine) + 0.5) / fine - 0.5
+    high, wide = max(1, 1024 // h), max(1, 1024 // w)
+    v, u = (np.arange(h * high) + 0.5) / high, (np.arange(w * wide) + 0.5) / wide - 0.5
     j, i = v.astype(int), np.floor(u).astype(int)
     b, a = (v - j)[:, None, None], (u - i)[:, None]
     theta, turn = v * pi / h, ((u + 0.5) / w - 0.5) * 2 * pi
@@ -76,7 +76,8 @@ def _own_harmonics(environment: Environment) -> np.ndarray:
     # Down the rows first: what is left for each of Y's functions of u is a sum over one row.
     at = (1 - b) * rows[j] + b * rows[j + 1]
     level = np.sin(theta)
-    area = (np.cos(theta - pi / (2 * h * fine)) - np.cos(theta + pi / (2 * h * fine))) * 2 * pi / len(u)
+    step = pi / (2 * h * high)
+    area = (np.cos(theta - step) - np.cos(theta + step)) * 2 * pi / len(u)
     z = np.cos(theta)
 
     def moment(down: np.ndarray, along: np.ndarray) -> np.ndarray:
