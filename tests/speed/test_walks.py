@@ -5,6 +5,7 @@ A sampled mean may err by 4 of its standard errors, each of which 16 batches tel
 """
 
 from functools import partial
+from itertools import pairwise
 from math import cos, hypot, inf, pi, radians, sin, sqrt
 
 import msgspec
@@ -16,6 +17,7 @@ from truths import (
     WHITE,
     Shown,
     agrees,
+    by_chance,
     element,
     from_element,
     grey,
@@ -28,6 +30,7 @@ from truths import (
 )
 
 from raytwin import files, speed, twin
+from raytwin.image import Image
 from raytwin.scene import Camera, Phong, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import ENGINES, frame
 from raytwin.speed.engine import from_numpy, to_numpy
@@ -359,21 +362,54 @@ def test_the_scene_eclipse_shows_what_other_scenes_hide(scenes):
 # ---------------------------------------------------------------------------------------------- the twin
 
 
-@pytest.mark.parametrize("depth", [2, 3, 8])
-@pytest.mark.parametrize("name", EVERY)
+def tiles(values: np.ndarray) -> np.ndarray:
+    return values.reshape(8, 9, 8, 12, 3).sum(axis=(1, 3), dtype=float)
+
+
+def apart(mine, other) -> np.ndarray:
+    """(8, 8, 3): by how many standard errors the tiles of two (mean, variance) differ, float32's rounding granted."""
+    error = np.sqrt(tiles(mine[1]) + tiles(other[1])) + 1e-6 * tiles(np.ones_like(other[0]))
+    return (tiles(mine[0]) - tiles(other[0])) / error
+
+
+def twin_to(scene: Scene, depth: int, seed: int) -> Image:
+    """Mitsuba's light to a depth; the eye alone sees what black objects leave of it."""
+    if depth == 1:
+        black = tuple(msgspec.structs.replace(thing, material=BLACK) for thing in scene.objects)
+        scene = msgspec.structs.replace(scene, objects=black)
+    return twin.render(scene, "path", sampling="area", samples=160, seed=seed, max_depth=max(depth, 2), cache=False)
+
+
+@pytest.mark.parametrize("depth", [1, 2, 3, 8])
+@pytest.mark.parametrize("name", [*EVERY, "gloss", "studio"])
 def test_the_twin_sees_the_same_light_in_every_tile(scenes, name, fast, depth):
-    """8 x 8 tiles, three channels: 4.5 standard errors are left by one correct render in 700."""
+    """1.1 million samples each; a channel's 8 x 8 tiles by chance, so that a correct pair fails in 3 of 1000."""
     scene = files.read_scene(scenes / name).scene
     small = scene.with_camera(scene.camera.resized(96, 72))
-    mine = speed.walk(small, "path", fast, samples=128, seed=4, depth=depth)
-    other = twin.render(small, "path", sampling="area", samples=128, seed=5, max_depth=depth, cache=False)
+    mine = speed.walk(small, "path", fast, samples=160, seed=4, depth=depth)
+    other = twin_to(small, depth, 5)
+    z = apart((mine.mean, mine.variance), (other.mean, other.variance))
+    assert all(by_chance(z[..., channel]) for channel in range(3)), np.sort(np.abs(z).ravel())[-4:]
+    if depth == 1:
+        assert mine.mean[mine.surface.ids >= 0].min() == 0
 
-    def tiles(values: np.ndarray) -> np.ndarray:
-        return values.reshape(8, 9, 8, 12, 3).sum(axis=(1, 3), dtype=float)
 
-    error = np.sqrt(tiles(mine.variance) + tiles(other.variance)) + 1e-6 * tiles(other.mean)
-    z = (tiles(mine.mean) - tiles(other.mean)) / np.maximum(error, 1e-12)
-    assert np.abs(z).max() < 4.5
+@pytest.mark.parametrize("name", ["overlap", "eclipse"])
+def test_each_bounce_alone_is_the_difference_of_two_of_the_twins_depths_and_all_add_up(scenes, name, fast):
+    scene = files.read_scene(scenes / name).scene
+    small = scene.with_camera(scene.camera.resized(96, 72))
+    parts = speed.light_parts(small, fast, samples=160, seed=4, depth=8)
+    alone = {2: ("open", "shadow", "occlusion"), 3: ("bounce 1",), 4: ("bounce 2",), 8: ("bounce 3+",)}
+    depths = {depth: twin_to(small, depth, 11 + depth) for depth in (1, *alone)}
+    for (before, after), names in zip(pairwise(depths.items()), alone.values(), strict=True):
+        # the whole has the sky past the objects, as depth 1 has
+        sky = depths[1].mean if after[0] == 2 else 0
+        mean = sum(parts[part].mean for part in names) - sky
+        variance = len(names) * sum(parts[part].variance for part in names)
+        other = after[1].mean - before[1].mean, after[1].variance + before[1].variance
+        assert np.abs(apart((mean, variance), other)).max() < 4.5, names
+    whole = sum(image.mean for image in parts.values()), sum(len(parts) * image.variance for image in parts.values())
+    assert np.abs(apart(whole, (depths[8].mean, depths[8].variance))).max() < 4.5
 
 
 def test_at_the_centre_the_first_hit_has_no_noise(overlap, fast):
