@@ -12,12 +12,17 @@ from raytwin import files, twin
 from raytwin.compare import METRICS
 from raytwin.errors import InputError
 from raytwin.jobs import needs
-from raytwin.jobs.needs import find_needs, measure
-from raytwin.jobs.unneeded import Bounds, still_terms
-from raytwin.scene import Camera, Rectangle, Scene, Sphere, Sun
+from raytwin.jobs.needs import find_needs, look
+from raytwin.jobs.needs.bounds import Bounds
+from raytwin.jobs.needs.spare import still_terms
+from raytwin.jobs.needs.truth import measure
+from raytwin.jobs.whole_light import gone
+from raytwin.methods.traced import Filled, Speculated, Supersampled
+from raytwin.scene import Camera, Environment, Rectangle, Scene, Sphere, Sun
 from raytwin.scene.lens import distort
 from raytwin.speed import light_parts, walk
-from raytwin.tracer import trace
+from raytwin.tracer import about, trace
+from raytwin.tracer.environment import around
 
 
 @pytest.fixture(scope="module")
@@ -103,10 +108,34 @@ def test_no_part_of_the_light_exceeds_its_bound(scenes, fast, name):
     assert largest("bounce 2", "bounce 3+") <= bounds.beyond(1)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_harmonics_miss_a_maps_light_by_no_more_than_its_bound(seed):
+    """E/π by 2¹⁴ directions of each normal's hemisphere, lights of a few texels; the largest even sky, too."""
+    light = np.random.default_rng(seed).gamma(0.05, 10, (8, 16, 3)).astype(np.float32)
+    tables = around(Environment((16, 8), light.tobytes()))
+    camera = view_of((0, 0, 0), (0, 0, 3), 3)
+    bounds = Bounds(
+        Scene("map", camera, (Sphere((0, 0, 0), 1.0, grey(1.0)),), (Environment((16, 8), light.tobytes()),))
+    )
+    a, b = ((i.ravel() + 0.5) / 128 for i in np.mgrid[:128, :128])
+    worst, brightest = np.zeros(3), np.zeros(3)
+    for n in np.random.default_rng(seed).normal(size=(40, 3)):
+        n /= np.linalg.norm(n)
+        even = np.array(
+            [channel.mean() for channel in tables.radiance(about(tuple(np.full(a.size, c) for c in n), a, b))]
+        )
+        worst = np.maximum(worst, np.abs(even - np.array(tables.even(tuple(n)))))
+        brightest = np.maximum(brightest, even)
+    assert (worst <= bounds.unlike).all()
+    assert (worst > 0.03 * bounds.unlike).all()
+    assert (brightest <= bounds.even).all()
+    assert (bounds.even < 6 * brightest).all()
+
+
 def test_what_a_taken_sphere_changes_stays_below_its_bound(small, fast):
     for i in range(3):
-        gone = tuple(needs.gone(o) if k == i else o for k, o in enumerate(small.objects))
-        alone = msgspec.structs.replace(small, objects=gone)
+        others = tuple(gone(o) if k == i else o for k, o in enumerate(small.objects))
+        alone = msgspec.structs.replace(small, objects=others)
         before, after = (walk(s, "path", fast, samples=64, depth=8, surface=False) for s in (small, alone))
         ids = trace(small, "surface").surface.ids, trace(alone, "surface").surface.ids
         same = (ids[0] == ids[1]) & (ids[0] != i)
@@ -201,15 +230,15 @@ def test_the_choice_rerun_meets_the_tolerance_and_the_next_cheaper_fails(small, 
 
 def rendered(scene: Scene, row: needs.Row, seed: int) -> np.ndarray:
     if row.rung == "none":
-        return needs.Filled()(scene).mean
+        return Filled()(scene).mean
     if row.rung in ("sky", "path"):
         return walk(
             scene, row.rung, row.engine, sampling=row.sampling, samples=row.samples, seed=seed, depth=row.depth
         ).mean
     if row.samples > 1:
-        return needs.Supersampled(row.rung, row.engine, row.samples)(scene).mean
+        return Supersampled(row.rung, row.engine, row.samples)(scene).mean
     if row.speculation > 1:
-        return needs.Speculated(row.rung, row.engine, n=row.speculation)(scene).mean
+        return Speculated(row.rung, row.engine, n=row.speculation)(scene).mean
     return trace(scene, row.rung).mean
 
 
@@ -227,8 +256,8 @@ def test_the_sphere_behind_the_camera_is_spared_and_one_that_shades_what_is_seen
 
 
 def test_a_truth_too_noisy_for_the_tolerance_says_so_and_claims_nothing(small, fast, monkeypatch):
-    monkeypatch.setattr(needs, "MOST_WALKS", 1)
-    monkeypatch.setattr(needs, "MOST_WALKS_NUMPY", 1)
+    monkeypatch.setattr(look, "MOST_WALKS", 1)
+    monkeypatch.setattr(look, "MOST_WALKS_NUMPY", 1)
     found = find_needs(small, 1e-4, engine=fast)
     assert found.choice is None
     assert found.not_needed == ()

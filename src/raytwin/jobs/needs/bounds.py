@@ -1,6 +1,6 @@
-"""What a scene does not need, as far as closed forms prove it: terms of the lens, bounces, an unseen sphere.
+"""What closed forms prove of a scene's light before any render: the most that a part of it can be.
 
-The bound on bounces, by pairs of objects. Let F_ij be the largest share of the hemisphere over a point of surface i
+The bound on bounces goes by pairs of objects. Let F_ij be the largest share of the hemisphere over a point of surface i
 that object j fills, weighted by cosines, and a_i the albedo. Light that has met one surface is on surface i at most
 
     L_0i = a_i (E/π + L_s)          a sun of irradiance E that shines head on, and all of a sky of radiance L_s
@@ -31,64 +31,13 @@ A sphere fills at most r²/d² of the hemisphere over a point at the distance d 
 it stands over the point), a rectangle of area A that is nowhere nearer than d at most A/(π d²), anything at most 1.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
-from raytwin.scene.lens import distort, newton, without_ray
+from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.speed.plan import shading
 from raytwin.speed.walks import area_boxes
 from raytwin.tracer.environment import around
 from raytwin.tracer.hit import NO_GLOSS, gloss_of
-
-STILL = 0.05
-"""Pixels: a term of the lens that moves none by more is not needed."""
-
-TERMS = "k1", "k2", "p1", "p2", "k3"
-
-
-class Moves(NamedTuple):
-    """Terms of a distortion, and by how many pixels leaving them out moves any: `measured`, and the `bound`."""
-
-    terms: tuple[str, ...]
-    measured: float
-    bound: float
-
-
-def still_terms(camera: Camera, limit: float = STILL) -> Moves:
-    """The terms that can be left out together, the others as they are, without moving a pixel by `limit`.
-
-    Each term moves the ideal point (x, y) by a homogeneous polynomial of degree 3, 5, 7 (k) or 2 (p), which grows along
-    every ray from the middle: the largest move is on the frame's border. Between two places there, half a pixel apart,
-    it is less than the larger of both and an eighth of the second difference; the bound takes all of that, and adds the
-    terms up. None where the lens folds back within the frame.
-    """
-    if not any(camera.dist) or without_ray(camera) is not None:
-        return Moves((), 0.0, 0.0)
-    w, h = camera.image_size
-    us, vs = np.linspace(-0.5, w - 0.5, 2 * w + 1), np.linspace(-0.5, h - 0.5, 2 * h + 1)
-    sides = [(us, -0.5 + 0 * us), (w - 0.5 + 0 * vs, vs), (us[::-1], h - 0.5 + 0 * us), (-0.5 + 0 * vs, vs[::-1])]
-    u, v = (np.concatenate(a) for a in zip(*sides, strict=True))
-    x, y = newton((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, camera.coefficients)
-    moves = {}
-    for i, term in enumerate(TERMS):
-        if camera.coefficients[i]:
-            only = [c if k == i else 0.0 for k, c in enumerate(camera.coefficients)]
-            dx, dy = (after - before for after, before in zip(distort(x, y, only), (x, y), strict=True))
-            moves[term] = np.stack([camera.fx * dx, camera.fy * dy])
-    bounds = {term: float(np.hypot(*move).max() + _bend(move)) for term, move in moves.items()}
-    left: list[str] = []
-    for term in sorted(bounds, key=bounds.__getitem__):
-        if sum(bounds[t] for t in (*left, term)) < limit:
-            left.append(term)
-    together = sum((moves[t] for t in left), np.zeros((2, 1)))
-    return Moves(tuple(t for t in TERMS if t in left), float(np.hypot(*together).max()), sum(bounds[t] for t in left))
-
-
-def _bend(move: np.ndarray) -> float:
-    """The largest second difference along the border: corners, where it turns, make it larger, never smaller."""
-    return float(np.abs(np.diff(move, 2, axis=1)).max())
 
 
 class Bounds:
@@ -213,8 +162,9 @@ def _skies(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     heights = np.cos(np.linspace(0, np.pi, h + 1))
     share = np.repeat((heights[:-1] - heights[1:])[:, None] / (2 * w), w, axis=1)[..., None]
     off = np.square(light - (share * light).sum(axis=(0, 1)))
-    # Between centres it is bilinear: no square there is beyond the largest of the texels around.
-    off = np.maximum.reduce([np.roll(off, k, axis=1) for k in (-1, 0, 1)])
+    # Between centres it is bilinear: round a row its squares are at most the columns' mean, weighed as it weighs
+    # them; down a column at most the largest.
+    off = (np.roll(off, -1, axis=1) + 6 * off + np.roll(off, 1, axis=1)) / 8
     off = np.maximum.reduce([off, np.concatenate([off[:1], off[:-1]]), np.concatenate([off[1:], off[-1:]])])
     unlike = np.sqrt((share * off).sum(axis=(0, 1)) / 48)
     even = []
