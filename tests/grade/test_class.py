@@ -15,6 +15,7 @@ import tracers
 from browser import barriers_of
 
 from raytwin import files
+from raytwin.grade.assess import code_of
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import read_rubric
 from raytwin.grade.run import collect, jobs_of, run
@@ -229,6 +230,8 @@ def test_gradescope_gets_text_first_a_picture_a_failing_test_and_a_leaderboard(g
     assert [t["output_format"] for t in told["tests"]] == ["text", "text", "html"]
     assert sum(t["score"] for t in told["tests"]) == pytest.approx(told["score"])
     assert 'src="data:image/png;base64,' in told["tests"][2]["output"]
+    seen = sum(t["score"] for t in told["tests"] if t["visibility"] == "visible")
+    assert told["output"].startswith(f"{pages.of_points(seen)} of 30 points, of the exercises that are shown now")
     assert [row["name"] for row in told["leaderboard"]] == ["seconds a picture", "error"]
     for result in results.values():
         sites.write_gradescope(result, rubric, tmp_path / "r.json")
@@ -291,8 +294,11 @@ def test_a_notebook_a_program_and_a_folder_of_images_are_graded(tmp_path):
     files.write_image(tmp_path / "in" / "images" / "single.png", picture)
     (tmp_path / "in" / "wrong").mkdir()
     files.write_exr(tmp_path / "in" / "wrong" / "single.exr", type(picture)(picture.mean * 1.01))
+    rubric.write_text(
+        rubric.read_text() + '[speed]\nof = "render (lambert: single)"\nbonus = 1\nfast = 99\nslow = 100\n'
+    )
     found = {r.student: r for r in run(jobs_of(tmp_path / "in", rubric), tmp_path / "out", Spread(1))}
-    assert {n: r.points for n, r in found.items()} == {"book": 1, "images": 1, "wrong": 0}
+    assert {n: r.points for n, r in found.items()} == {"book": 2, "images": 1, "wrong": 0}  # images take no time
     assert "ZeroDivisionError" in found["book"].notes[0]
     rubric.write_text(f'command = "{sys.executable} main.py {{scene}} {{out}}.pfm"\n' + rubric.read_text())
     program = tmp_path / "program" / "ann"
@@ -307,7 +313,9 @@ def test_a_notebook_a_program_and_a_folder_of_images_are_graded(tmp_path):
     files.write_text(program / "main.py", main)
     files.write_text(program / "tracer.py", tracers.RIGHT)
     done = run(jobs_of(program, rubric, whole=True), tmp_path / "out", Spread(1))
-    assert done[0].points == 1, done[0].exercises[0].sentences
+    assert done[0].points == 2, done[0].exercises[0].sentences
+    assert jobs_of(tmp_path / "in", rubric)[1].student == "images"
+    assert code_of(tmp_path / "in" / "images", read_rubric(rubric)).kind == "images"  # though others hand in programs
 
 
 # ------------------------------------------------------------------------------------------ many

@@ -76,26 +76,35 @@ def container(folder: Path, submission: str) -> tuple[dict, float]:
     return json.loads((base / "results" / "results.json").read_text()), peak
 
 
-def test_it_grades_a_submission_in_gradescopes_folders(tmp_path):
-    told, peak = container(tmp_path, tracers.tracer("gamma"))
-    assert (told["score"], [t["score"] for t in told["tests"]]) == (10, [10, 0])
-    assert told["tests"][1]["visibility"] == "hidden"
-    assert 2 * peak < MEGABYTES  # the grader and the submission
-
-
-def test_a_submission_finds_neither_references_nor_rubric_nor_results(tmp_path):
-    base = tmp_path / "autograder"
-    steal = tracers.RIGHT + (
+@pytest.fixture(scope="module")
+def graded(tmp_path_factory):
+    """(results.json, MB, /autograder) of a tracer with a mistake that also reads and writes wherever it can."""
+    folder = tmp_path_factory.mktemp("gradescope")
+    base = folder / "autograder"
+    steal = tracers.tracer("gamma") + (
         "\nimport glob\n"
         f"for path in glob.glob({str(base)!r} + '/**', recursive=True) + [{str(base / 'source' / 'rubric.toml')!r}]:\n"
         "    try:\n        print('STOLEN', path, open(path, 'rb').read(8))\n    except OSError: pass\n"
         f"try:\n    open({str(base / 'results' / 'results.json')!r}, 'w').write('hacked')\nexcept OSError: pass\n"
         f"try:\n    open({str(base / 'run_autograder')!r}, 'a').write('hacked')\nexcept OSError: pass\n"
+        "print('as far as it came')\n"
     )
-    told, _ = container(tmp_path, steal)
-    assert told["score"] == 30
+    return *container(folder, steal), base
+
+
+def test_it_grades_a_submission_in_gradescopes_folders(graded):
+    told, peak, _ = graded
+    assert (told["score"], [t["score"] for t in told["tests"]]) == (10, [10, 0])
+    assert told["tests"][1]["visibility"] == "hidden"
+    assert 2 * peak < MEGABYTES  # the grader and the submission
+
+
+def test_a_submission_finds_neither_references_nor_rubric_nor_results(graded):
+    base = graded[2]
     (result,) = (base / "results" / ".grades" / "results").iterdir()
-    assert "STOLEN" not in json.loads(result.read_text())["printed"]
+    printed = json.loads(result.read_text())["printed"]
+    assert "as far as it came" in printed
+    assert "STOLEN" not in printed
     assert "hacked" not in (base / "run_autograder").read_text()
 
 

@@ -16,10 +16,13 @@ if TYPE_CHECKING:
 
 
 class _Submissions(TyperGroup):
-    """`raytwin grade FOLDER ...` is `raytwin grade class FOLDER ...`: what is no command's name is a folder."""
+    """`raytwin grade FOLDER ...` is `raytwin grade class FOLDER ...`: what is no command's name is a folder; so is
+    `class` itself, where there is one and no other is told."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        if args and args[0] not in (*self.commands, "-h", "--help"):
+        alone = args[1:2] != ["-h"] and args[1:2] != ["--help"] and all(word.startswith("-") for word in args[1:2])
+        its_name = args[:1] == ["class"] and alone and Path("class").is_dir()
+        if args and (its_name or args[0] not in (*self.commands, "-h", "--help")):
             args = ["class", *args]
         return super().parse_args(ctx, args)
 

@@ -126,7 +126,7 @@ def assess(job: Job) -> Result:
             one.answer = Answer(problem=f"expected {error.expected}, got {error.got}", sort="missing")
         return _marked(result, rubric, asked, began, problem=str(error))
     result, problem = _called(result, code, rubric, asked)
-    return _marked(result, rubric, asked, began, problem)
+    return _marked(result, rubric, asked, began, problem, timed=code.kind != "images")
 
 
 def _called(result: Result, code: Code, rubric: Rubric, asked: list[_Asked]) -> tuple[Result, str]:
@@ -200,15 +200,16 @@ def _composed(child: Sandbox, stage: str, scene: dict[str, Any]) -> Answer:
 
 def code_of(path: Path, rubric: Rubric) -> Code:
     """What a submission's file or folder holds: Python, a notebook, a program (the rubric's command), or images."""
-    asked = rubric.functions
+    asked, inside = rubric.functions, list(_files(path))
+    found = sorted(p for p in inside if p.suffix in CODE and p.parent == path)
+    shown = sum(p.suffix.lower() in ENDINGS for p in inside)
+    if path.is_dir() and shown and (shown == len(inside) or not (found or rubric.command)):
+        return Code("images", folder=path, asked=asked)
     if path.is_dir() and rubric.command:
         return Code("command", command=tuple(shlex.split(rubric.command)), folder=path, asked=asked)
     file = path
     if path.is_dir():
-        found = sorted(p for p in _files(path) if p.suffix in CODE and p.parent == path)
         named = [p for p in found if p.stem == rubric.file]
-        if not found and any(p.suffix.lower() in ENDINGS for p in _files(path)):
-            return Code("images", folder=path, asked=asked)
         if len(named or found) != 1:
             got = ", ".join(p.name for p in found) or "none"
             raise InputError(path, f"one file of Python, or {rubric.file}.py beside others", got)
@@ -271,7 +272,10 @@ def _shown(exercise: Exercise, scene: Scene, picture: np.ndarray, tolerance: Tol
 # ------------------------------------------------------------------------------------------ what it is worth
 
 
-def _marked(result: Result, rubric: Rubric, asked: list[_Asked], began: float, problem: str) -> Result:
+def _marked(
+    result: Result, rubric: Rubric, asked: list[_Asked], began: float, problem: str, timed: bool = True
+) -> Result:
+    """`timed`: what was asked was computed here, so its seconds count."""
     exercises, pictures, speed = [], [], []
     held = {id(a): _hold(a) for a in asked if a.scene is not None}
     # One tracer made all pictures, so one cause is looked for in all; where there is none, in an exercise's own.
@@ -284,7 +288,7 @@ def _marked(result: Result, rubric: Rubric, asked: list[_Asked], began: float, p
             marked, wrong = _pictures(exercise, mine, [held[id(a)] for a in mine], together, result.seed)
             pictures += wrong
         exercises.append(marked)
-        if rubric.speed is not None and rubric.speed.of == exercise.name and marked.error is not None:
+        if timed and rubric.speed is not None and rubric.speed.of == exercise.name and marked.error is not None:
             speed.append((exercise.name, marked.seconds, marked.error))
     bonus = 0.0
     if rubric.speed is not None and speed and all(e.status == "pass" for e in exercises if e.name == rubric.speed.of):

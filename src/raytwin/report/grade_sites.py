@@ -51,7 +51,7 @@ def gradescope(result: Result, rubric: Rubric) -> dict[str, Any]:
         "execution_time": max(1, round(result.seconds)),
         "visibility": "visible",
         "stdout_visibility": "hidden",
-        "output": result.problem or f"{of_points(result.points)} of {of_points(rubric.points)} points",
+        "output": result.problem or _sum_shown(result),
         "output_format": "text",
         "tests": tests,
         "extra_data": {"key": result.key, "open_locks": list(result.open_locks)},
@@ -63,6 +63,14 @@ def gradescope(result: Result, rubric: Rubric) -> dict[str, Any]:
             {"name": "error", "value": float(f"{error:.3g}"), "order": "asc"},
         ]
     return made
+
+
+def _sum_shown(result: Result) -> str:
+    """In words; what is shown later, or never, is not given away by a sum."""
+    shown = [e for e in result.exercises if e.visibility == "visible"]
+    points, of = sum(e.points for e in shown) + result.bonus, sum(e.of for e in shown)
+    more = "" if len(shown) == len(result.exercises) else ", of the exercises that are shown now"
+    return f"{of_points(points)} of {of_points(of)} points{more}"
 
 
 def prairielearn(result: Result, rubric: Rubric) -> dict[str, Any]:
