@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from photo_helpers import BOARD, SMALL, a_camera, seen
 from PIL import Image as Pillow
+from threadpoolctl import threadpool_limits
 
 from raytwin import files
 from raytwin.boards.board import Board, BoardTag, Grid
@@ -78,6 +79,13 @@ def test_the_same_detections_give_the_same_camera_to_the_last_bit_and_opencv_kee
         assert cv2.getNumThreads() == 8
     finally:
         cv2.setNumThreads(threads)
+
+
+def test_the_same_detections_give_the_same_camera_on_any_number_of_threads(real_found, real_tags, real_board):
+    """The tests' BLAS has one; on two, desk_degenerate's fx once differed in its 14th digit."""
+    with threadpool_limits(2, user_api="blas"):
+        again = calibrate_detections(*real_tags("desk_degenerate"), real_board("coarse"))
+    assert again == real_found("desk_degenerate")
 
 
 def test_the_pose_of_a_photo_is_the_one_its_calibration_found(shoot):

@@ -146,7 +146,9 @@ def test_the_stored_detections_of_real_photos_are_found_again(shared_photos, rea
 def test_a_tag_that_is_there_twice_is_called_that(sheet, tmp_path):
     file = tmp_path / "twice.png"
     files.write_picture(file, np.hstack([sheet, sheet]))
-    with pytest.raises(NoTags, match=r"twice\.png: expected tag36h11 tags, each once, got tags 0, 1, 2, 3 there twice"):
+    with pytest.raises(
+        NoTags, match=r"twice\.png: expected tag36h11 tags, each once, got tags 0, 1, 2, 3 are there twice"
+    ):
         detect_photo(file)
 
 

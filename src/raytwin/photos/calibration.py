@@ -12,6 +12,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from raytwin import files
 from raytwin.boards import Board
@@ -103,6 +104,8 @@ def calibrate_detections(
     return _calibrate(found, image_size, boards, model, where, dict(wrong or {}), doubts)
 
 
+# On several threads BLAS adds up in another order: each number of threads would end in other bits, and none sooner.
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def _calibrate(
     found: Mapping[str, Mapping[str, Sequence[Tag]]],
     image_size: tuple[int, int],

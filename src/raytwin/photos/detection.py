@@ -167,7 +167,11 @@ def detect_photo(path: str | os.PathLike, kind: str = "tag36h11", find: Find = d
         return tags
     if repeated := repeated_ids(grey, kind):
         text = ", ".join(map(str, repeated[:8])) + (", ..." if len(repeated) > 8 else "")
-        raise NoTags(path, f"{kind} tags, each once", f"tag{'s' if len(repeated) > 1 else ''} {text} there twice")
+        raise NoTags(
+            path,
+            f"{kind} tags, each once",
+            f"tag{'s' if len(repeated) > 1 else ''} {text} {'are' if len(repeated) > 1 else 'is'} there twice",
+        )
     if mirrored := find(grey[:, ::-1], kind):
         raise NoTags(path, f"{kind} tags", f"a mirrored photo (its mirror image shows {len(mirrored)} tags)")
     family, _, border = kind.partition("/")
