@@ -326,7 +326,7 @@ class Page:
         self.until(ready)
 
     def until(self, expression: str) -> None:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 300
         while not self.page.evaluate(f"Boolean({expression})"):
             assert time.monotonic() < deadline, f"{expression}: {self.page.inner_text('#state')}"
             time.sleep(0.02)

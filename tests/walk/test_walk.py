@@ -12,7 +12,7 @@ from program import raytwin, refused
 from raytwin.grade.contract import CONTRACT, LESSONS
 from raytwin.grade.judge import judge_function
 from raytwin.walk import solutions, with_functions, write_walk
-from raytwin.walk.show import widget
+from raytwin.walk.show import mine, widget
 from raytwin.walk.written import solutions as solution_texts
 from raytwin.walk.written import source
 
@@ -98,6 +98,17 @@ def test_each_planted_mistake_is_said_in_words_and_the_walk_goes_on(tmp_path, mo
         assert "no typical mistake" not in line
         assert words in line
     assert errors(said)["shade"] < 1e-6  # raytwin's own took their places
+
+
+def test_a_function_that_is_still_empty_is_to_do_and_no_mistake(capsys):
+    def shade(points, normals, albedo, to_light, irradiance, sky):
+        """(N, 3): the radiance that each point sends back."""
+        ...  # yours
+
+    assert mine("shade", shade) is LESSONS["shade"].reference
+    assert capsys.readouterr().out.startswith("TODO  shade: yours to write")
+    assert mine("shade", lambda *a: None) is LESSONS["shade"].reference
+    assert capsys.readouterr().out.startswith("FAIL  shade: it returned None")
 
 
 def test_a_function_that_is_not_there_is_named():

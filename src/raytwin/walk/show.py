@@ -17,7 +17,10 @@ FOLDER = Path("walk")
 
 
 def mine(stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, checked; raytwin's own where it is not right yet, so that the walk goes on."""
+    """The function, checked; raytwin's own where it is empty or not right yet, so that the walk goes on."""
+    if getattr(getattr(function, "__code__", None), "co_code", b"") == _empty.__code__.co_code:
+        print(f"TODO  {stage}: yours to write (until then raytwin's own takes its place)")
+        return LESSONS[stage].reference
     result = check(stage, function)
     if in_notebook():
         from IPython.display import display
@@ -27,6 +30,11 @@ def mine(stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
         return function
     print(f"       (raytwin's own {stage} takes its place in what follows)")
     return LESSONS[stage].reference
+
+
+def _empty() -> None:
+    """As the lessons' functions are before anyone fills them."""
+    ...
 
 
 def show(name: str, yours: np.ndarray, twin: np.ndarray | Image | None = None) -> Any:
