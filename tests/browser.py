@@ -47,4 +47,6 @@ def barriers_of(chromium, path: Path) -> list[str]:
             page.evaluate("for (const part of document.querySelectorAll('details')) part.open = true")
             page.wait_for_function("[...document.querySelectorAll('.rt')].every((root) => root.dataset.ready)")
             found += [f"{scheme}, {width}: {line}" for line in barriers(page)]
+            if page.evaluate("document.documentElement.scrollWidth") > width:
+                found.append(f"{width}: it scrolls sideways")
     return found
