@@ -83,18 +83,19 @@ def _albedo(thing: Any, texture: np.ndarray | None) -> dict[str, Any]:
 
 
 def check_textures(scene: Scene, textures: Mapping[int, np.ndarray] | None) -> dict[int, np.ndarray]:
-    """The textures as float32 (h, w, 3) by object id; InputError where one does not fit."""
+    """The textures as float32 (h, w, 1 or 3) by object id; InputError where one does not fit."""
     checked, flat = {}, [i for i, thing in enumerate(scene.objects) if isinstance(thing, Rectangle)]
     for i, texture in sorted((textures or {}).items()):
         where = f"textures[{i}]"
         if i not in flat:
             raise InputError(where, "the id of a rectangle", f"{i}, where these are {flat}")
         a = np.asarray(texture, np.float32)
-        if a.ndim == 2:
-            a = np.repeat(a[..., None], 3, axis=2)
-        if a.ndim != 3 or a.shape[2] != 3 or 0 in a.shape:
+        grey = a.ndim == 2
+        if (not grey and (a.ndim != 3 or a.shape[2] != 3)) or 0 in a.shape:
             raise InputError(where, "an array (h, w) or (h, w, 3)", a.shape)
-        a = np.repeat(np.repeat(a, 1 + (a.shape[0] == 1), axis=0), 1 + (a.shape[1] == 1), axis=1)  # Mitsuba wants 2 x 2
+        a = a[..., None] if grey else a
+        for axis in (0, 1):  # Mitsuba wants 2 x 2
+            a = np.repeat(a, 2, axis) if a.shape[axis] == 1 else a
         if not (a.min() >= 0 and a.max() <= 1):
             raise InputError(where, "albedo from 0 to 1", f"{a.min()} to {a.max()}")
         checked[i] = a
