@@ -2,6 +2,7 @@
 
 import ast
 import contextlib
+import json
 import os
 import re
 import runpy
@@ -21,6 +22,21 @@ MOST_BYTES = 12.5e6
 """Of the wheel: references 7.2 MB, scenes 4.4 MB, code 0.4 MB."""
 
 pytestmark = pytest.mark.slow
+
+# Several commands in one process, which imports once: told are their exit codes and what they print.
+CHAIN = """
+import contextlib, io, json, sys
+from raytwin.cli import main
+told = []
+for words in json.loads(sys.argv[1]):
+    sys.argv[1:] = words
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        try:
+            main()
+        except SystemExit as ended:
+            told.append((ended.code, out.getvalue()))
+print(json.dumps(told))
+"""
 
 
 def clean_environment(home: Path) -> dict[str, str]:
@@ -56,12 +72,13 @@ def installed(built, tmp_path_factory):
     Path(site, "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
     empty = home / "empty"
     empty.mkdir()
+    (empty / "chain.py").write_text(CHAIN)
 
-    def run(*command: str, code: int = 0) -> str:
+    def run(*command: str, code: int | None = 0) -> str:
         done = subprocess.run(
             [python, "-m", *command], cwd=empty, env=environment, capture_output=True, text=True, timeout=300
         )
-        assert done.returncode == code, f"{command}: {done.returncode}\n{done.stdout}{done.stderr}"
+        assert code in (None, done.returncode), f"{command}: {done.returncode}\n{done.stdout}{done.stderr}"
         return done.stdout
 
     @contextlib.contextmanager
@@ -75,7 +92,13 @@ def installed(built, tmp_path_factory):
             child.wait(60)
             child.stdout.close()
 
-    run.folder, run.started = empty, started
+    def chain(*steps: tuple[str, int, str]) -> None:
+        """Each step: a command, its exit code, and what it prints, among other things."""
+        done = json.loads(run("chain", json.dumps([command.split() for command, _, _ in steps])))
+        for (command, code, part), (found, told) in zip(steps, done, strict=True):
+            assert (found, part in told) == (code, True), f"{command}: {found}\n{told}"
+
+    run.folder, run.started, run.chain = empty, started, chain
     return run
 
 
@@ -109,24 +132,50 @@ def test_the_sdist_brings_tests_scenes_and_references(built):
 
 
 def test_an_installed_raytwin_does_its_jobs_in_an_empty_folder(installed):
-    assert "desk" in installed("raytwin", "scenes")
     assert "report: out/desk/report.html" in installed("raytwin", "compare", "desk", "--size", "168x126")
-    installed("raytwin", "compare", "scenes/single", "--size", "64x48")
-    mine, theirs = (f"out/single/{name}.exr" for name in ("tracer", "twin"))
-    installed("raytwin", "diff", mine, theirs, "--fail", "1e-4", "-o", "out/diff")
-    installed("raytwin", "bench", "single", "--sizes", "0.003", "--budget", "5", "--methods", "loop*,numpy*")
-    assert "single/shadow" in installed("raytwin", "reference", "show", "single")
-    assert "1 reference, 0 failed" in installed("raytwin", "reference", "check", "single", "--rung", "shadow")
-    installed("raytwin", "scenes", "copy", "desk", "mine")
-    installed("raytwin", "scenes", "copy", "desk", "mine", code=2)
-    assert "rms" in installed("raytwin", "calibrate", "mine/photos", "--board", "mine/board.toml")
+    installed.chain(
+        ("scenes", 0, "desk"),
+        ("compare scenes/single --size 64x48", 0, "report: out/single/report.html"),
+        ("diff out/single/tracer.exr out/single/twin.exr --fail 1e-4 -o out/diff", 0, "report: out/diff/report.html"),
+        ("bench single --sizes 0.003 --budget 5 --methods numpy*", 0, "numpy32"),
+        ("reference show single", 0, "single/shadow"),
+        ("reference check single --rung shadow", 0, "1 reference, 0 failed"),
+        ("scenes copy desk mine", 0, "mine"),
+        ("scenes copy desk mine", 2, ""),
+        ("calibrate mine/photos --board mine/board.toml", 0, "rms"),
+        ("export single --json -o out/single.json", 0, ""),
+        ("export single --mitsuba-xml", 0, "<scene version"),
+        ("needs single --tolerance 0.1 --size 32x24", 0, "CHOICE"),
+        ("ladder single --size 64x48", 0, "report: out/single-ladder/ladder.html"),
+        ("stability sum-samples", 0, "report: out/stability/atlas.html"),
+        ("walk --notebook -o lessons", 0, "wrote lessons/"),
+    )
+    assert json.loads((installed.folder / "out" / "single.json").read_text())["width"] == 640
+    assert len(list((installed.folder / "lessons").glob("*.ipynb"))) == 1
 
 
-def test_an_installed_raytwin_says_what_a_scene_needs_and_where_methods_fail(installed):
-    assert "CHOICE" in installed("raytwin", "needs", "single", "--tolerance", "0.1", "--size", "32x24")
-    assert "report: out/single-ladder/ladder.html" in installed("raytwin", "ladder", "single", "--size", "64x48")
-    assert "report: out/stability/atlas.html" in installed("raytwin", "stability", "sum-samples")
+def test_an_installed_raytwin_checks_a_students_functions(installed):
+    """`raytwin.check`, from the file that students begin with: nothing is written yet, then a sphere's far side."""
+    installed("raytwin", "grade", "starter", "-o", "tracer.py")
+    told = installed("tracer", code=None)
+    assert "intersect_sphere" in told
+    (installed.folder / "far.py").write_text(FAR)
+    assert "the far root is returned where the near one is wanted" in installed("far")
 
+
+FAR = """
+import numpy as np
+import raytwin
+
+def intersect_sphere(o, d, c, r):
+    f = o - c
+    a, b = (d * d).sum(-1), (f * d).sum(-1)
+    left = b * b - a * ((f * f).sum(-1) - r * r)
+    t = (np.sqrt(np.maximum(left, 0)) - b) / a
+    return np.where((left >= 0) & (t > 0), t, np.inf)
+
+raytwin.check("intersect_sphere", intersect_sphere)
+"""
 
 RUBRIC = """
 title = "One scene"
