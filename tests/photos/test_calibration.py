@@ -374,9 +374,10 @@ def test_a_swapped_image_size_is_refused():
         calibrate_detections(tags, SIZE[::-1], SMALL)
 
 
-def test_one_photo_only_is_refused(shoot):
+@pytest.mark.parametrize("times", [1, 3])
+def test_one_photo_only_is_refused(shoot, times):
     with pytest.raises(InputError, match=r"expected at least 3 photos of the board, from different sides, got 1"):
-        calibrate([shoot()[0] / "photo_00.jpg"], BOARD)
+        calibrate([shoot()[0] / "photo_00.jpg"] * times, BOARD)
 
 
 def test_no_photo_at_all_is_refused():

@@ -1,6 +1,6 @@
 """Drawing into photos: a scene's objects with their shadows, and transparent pyramids."""
 
-from raytwin.augment.colour import to_rec709
+from raytwin.augment.colour import of_three_channels, to_rec709
 from raytwin.augment.objects import REGIONS, Augmented, augment, drawn_ids, errors_by_region, regions_of
 from raytwin.augment.pyramid import draw_pyramid
 
@@ -11,6 +11,7 @@ __all__ = [
     "draw_pyramid",
     "drawn_ids",
     "errors_by_region",
+    "of_three_channels",
     "regions_of",
     "to_rec709",
 ]

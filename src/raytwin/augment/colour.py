@@ -5,8 +5,14 @@ their linear values lies one matrix, M = (Rec. 709 to XYZ)^-1 (photo to XYZ), wh
 """
 
 import io
+from collections.abc import Mapping
 
 import numpy as np
+
+
+def of_three_channels(extras: Mapping[str, bytes]) -> dict[str, bytes]:
+    """A photo's `files.photo_extras` without the profile of a grey photo or of four inks: what is drawn on is RGB."""
+    return {key: value for key, value in extras.items() if key != "icc_profile" or value[16:20] == b"RGB "}
 
 
 def to_rec709(icc: bytes | None) -> np.ndarray:

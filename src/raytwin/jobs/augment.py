@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from raytwin import boards, files, photos, twin
-from raytwin.augment import augment, draw_pyramid, errors_by_region, to_rec709
+from raytwin.augment import augment, draw_pyramid, errors_by_region, of_three_channels, to_rec709
 from raytwin.errors import InputError
 from raytwin.jobs.camera import find_camera
 from raytwin.methods.traced import fast_engine
@@ -58,7 +58,7 @@ def augment_photos(
     rows = []
     for done, path in enumerate(taken):
         progress("augment", done, len(taken))
-        pixels, extras = files.read_photo(path), files.photo_extras(path)
+        pixels, extras = files.read_photo(path), of_three_channels(files.photo_extras(path))
         space = to_rec709(extras.get("icc_profile"))
         if pixels.shape[1::-1] != lens.image_size:
             turned = ": the same, turned by a quarter" if pixels.shape[:2] == lens.image_size else ""

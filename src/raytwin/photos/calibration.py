@@ -58,7 +58,7 @@ def calibrate(
     Photos without tags, and those of another size, are left out with a warning as long as three others remain. Raises
     InputError for anything from which no camera follows.
     """
-    paths = [Path(p) for p in photos]
+    paths = list(dict.fromkeys(map(Path, photos)))
     boards = _boards(board)
     where = str(paths[0].parent) if paths else "photos"
     _check_model(model)
