@@ -175,6 +175,7 @@ def test_pages_are_whole_and_share_their_scripts(graded):
     for result in results.values():
         assert pages.page_name(result) in index
     student = (out / "students" / pages.page_name(results["gamma"])).read_text()
+    assert '<p class="note">the values are encoded for display (gamma)' in index  # what the fault's name means
     assert student.index("✗ image") < student.index("✓ intersect_sphere")  # failures first
     data = json.loads(re.search(r'<script type="application/json">(.*?)</script>', student, re.DOTALL)[1])
     assert (data["width"], data["height"]) in ((336, 252), (160, 120))

@@ -37,7 +37,7 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> None
     files.write_text(shared / "grade.css", asset("report.css") + viewer.style() + asset("grade.css"))
     alike = near_identical(results)
     made, names = environment(), {r.key: page_name(r) for r in results}
-    made.globals |= {"of_points": of_points, "STATUS": STATUS, "page": lambda r: names[r.key]}
+    made.globals |= {"of_points": of_points, "STATUS": STATUS, "page": lambda r: names[r.key], "says": said_of}
     student = made.from_string(asset("grade_student.html.j2"))
     for result in results:
         views = [_view(p) for p in result.pictures]
@@ -101,6 +101,12 @@ def faults(results: Sequence[Result]) -> list[tuple[str, list[Result]]]:
         for cause in result.causes:
             found.setdefault(cause, []).append(result)
     return sorted(found.items(), key=lambda item: (-len(item[1]), item[0]))
+
+
+def said_of(cause: str, result: Result) -> str:
+    """What the student was told of it: neither how sure it is, nor what explains as much."""
+    said = next(e.sentences[0] for e in result.exercises if cause in e.causes and e.sentences)
+    return re.sub(r"^cause \(\w+\): | \(explains .*|; or, with the same .*", "", said, flags=re.DOTALL)
 
 
 def near_identical(results: Sequence[Result]) -> dict[str, list[tuple[Result, str]]]:
