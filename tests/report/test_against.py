@@ -86,6 +86,8 @@ def test_noise_is_shown_in_sigmas_and_as_means_where_not_every_pixel_fits(make_r
         const c = live.panes.get("test").canvas;
         return [...read(c, 0.28 * c.width | 0, 0.36 * c.height | 0, 1, 1)].slice(0, 3);
       };
+      live.key(new KeyboardEvent("keydown", { key: "w" }));  // there is nothing to wipe to
+      result.alone = [live.state.mode, ...[...place.querySelectorAll(".rt-bar button")].map((b) => b.textContent)];
       live.update("test", new Uint16Array(36).fill(0x3800));  // 0.5 as a half float
       live.inspect(2, 1); live.at = null;
       result.live = [[...place.querySelectorAll(".rt-test td")].map((cell) => cell.textContent), colour()];
@@ -109,4 +111,5 @@ def test_noise_is_shown_in_sigmas_and_as_means_where_not_every_pixel_fits(make_r
     z = (mean - result.twin.mean)[44:48, 60:64].mean(axis=(0, 1)) / (0.01 / 4)
     assert read["z"][0] == pytest.approx(z[np.abs(z).argmax()], rel=0.05)
     assert read["z"][1] < 3
+    assert read["alone"] == ["grid", "Live", "−", "+", "Whole"]
     assert read["live"] == [["0.500", "0.500", "0.500"], [188] * 3, [255, 0, 0], [255] * 3]

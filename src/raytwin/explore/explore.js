@@ -148,7 +148,12 @@ function range(label, low, high, step, get, set, show = (x) => digits(x)) {
   const input = el("input", { type: "range", min: low, max: high, step }), said = el("output");
   input.oninput = () => { set(input.valueAsNumber); refresh(); ask(true); };
   input.onchange = () => ask();
-  updates.push(() => { const x = get(); if (x !== null) { input.value = x; said.textContent = show(x); } input.disabled = x === null; });
+  let last;
+  updates.push(() => {
+    const x = get();
+    input.disabled = x === null;
+    if (x !== null && x !== last) [input.value, said.textContent, last] = [x, show(x), x];
+  });
   return el("label", {}, label, input, said);
 }
 
@@ -360,9 +365,8 @@ const WAYS = { eye: ["#ffffff", "seen"], bounce: ["#7c3aed", "on to"], sun: ["#f
 
 function overlay(g, pane, f) {
   if (!way || !["test", "reference"].includes(pane.key)) return;
-  const at = ([x, y]) => [(x - f.left) * f.s, (y - f.top) * f.s];
   for (const { kind, start, end } of way.legs) {
-    const [a, b] = [at(start), at(end)];
+    const [a, b] = [f.at(...start), f.at(...end)];
     for (const [colour, width] of [["#fffc", 5], [WAYS[kind][0], 2]]) {
       g.strokeStyle = colour;
       g.lineWidth = width;

@@ -57,8 +57,8 @@ class Studio:
             return replace(self.subject, rung=wanted.rung)
         if RUNGS[wanted.rung].noisy:
             depth = None if RUNGS[wanted.rung].depth == 2 else wanted.depth
-            return Followed(wanted.rung, wanted.engine, samples, surface=True, depth=depth)
-        return Traced(wanted.rung, wanted.engine, solver=wanted.solver, surface=True)
+            return Followed(wanted.rung, wanted.engine, samples, surface=not wanted.moving, depth=depth)
+        return Traced(wanted.rung, wanted.engine, solver=wanted.solver, surface=not wanted.moving)
 
     def twin(self, wanted: Wanted, scene: Scene, samples: int, seed: int) -> Image:
         row = RUNGS[wanted.twin_rung]

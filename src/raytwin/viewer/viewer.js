@@ -32,6 +32,7 @@ const EPSILON = 2 ** -11; // relative rounding of a half float
 const rgba = ([r, g, b]) => ((255 << 24) | (b << 16) | (g << 8) | r) >>> 0;
 const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
 const encode = (x) => (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055);
+const signed = (x) => (x < 0 ? "−" : "+") + Math.abs(x).toFixed(2);
 const mix = (stops, t) => {
   const at = clamp(t, 0, 1) * (stops.length - 1), i = Math.min(Math.floor(at), stops.length - 2), f = at - i;
   return stops[i].map((v, c) => v + f * (stops[i + 1][c] - v));
@@ -385,7 +386,7 @@ class Viewer {
 
   // ---------------------------------------------------------------- painting
 
-  // CSS pixels of the panes, all alike; CSS pixels a pixel; the frame's edge that is seen.
+  // CSS pixels of the panes, all alike; CSS pixels a pixel; the frame's edge that is seen; where in the pane a place is.
   frame_of(pane) {
     const { width, height } = this.data, w = pane.canvas.clientWidth || 1, h = pane.canvas.clientHeight || 1, v = this.view;
     const widest = Math.max(width, (height * w) / h);
@@ -393,7 +394,8 @@ class Viewer {
     const seen = (v.span * h) / w, keep = (at, all, part) => (part >= all ? (all - 1) / 2 : clamp(at, part / 2 - 0.5, all - 0.5 - part / 2));
     v.x = keep(v.x, width, v.span);
     v.y = keep(v.y, height, seen);
-    return { w, h, s: w / v.span, left: v.x - v.span / 2, top: v.y - seen / 2 };
+    const s = w / v.span, left = v.x - v.span / 2, top = v.y - seen / 2;
+    return { w, h, s, left, top, at: (x, y) => [(x - left) * s, (y - top) * s] };
   }
 
   paint() {
@@ -441,8 +443,7 @@ class Viewer {
     if (pane.over) {
       this.draw(g, this.panes.get(pane.over), f, dots);
       const [x, y, w, h] = pane.box;
-      g.drawImage(source, (x - 0.5 - f.left) * f.s, (y - 0.5 - f.top) * f.s, w * f.s, h * f.s);
-      return;
+      return g.drawImage(source, ...f.at(x - 0.5, y - 0.5), w * f.s, h * f.s);
     }
     g.imageSmoothingEnabled = pane.kind !== "map" && pane.kind !== "objects" && f.s * dots * cw < 1;
     g.imageSmoothingQuality = source instanceof ImageBitmap ? "low" : "medium"; // one of many that move
@@ -452,7 +453,7 @@ class Viewer {
       return [first, last - first];
     };
     const [sx, sw] = part(f.left, f.w / f.s, cw, most[0]), [sy, sh] = part(f.top, f.h / f.s, ch, most[1]);
-    if (sw > 0 && sh > 0) g.drawImage(source, sx, sy, sw, sh, (sx * cw - 0.5 - f.left) * f.s, (sy * ch - 0.5 - f.top) * f.s, sw * cw * f.s, sh * ch * f.s);
+    if (sw > 0 && sh > 0) g.drawImage(source, sx, sy, sw, sh, ...f.at(sx * cw - 0.5, sy * ch - 0.5), sw * cw * f.s, sh * ch * f.s);
   }
 
   // Light on dark: seen on every ground.
@@ -483,7 +484,7 @@ class Viewer {
     const from = (edge) => Math.max(0, Math.floor(edge + 0.5)), size = Math.min(12, f.s / 4.6);
     for (let y = from(f.top); y < Math.min(height, f.top + f.h / f.s + 1); y++)
       for (let x = from(f.left); x < Math.min(width, f.left + f.w / f.s + 1); x++) {
-        const here = this.read(x, y), left = (x - f.left) * f.s, top = (y - f.top) * f.s;
+        const here = this.read(x, y), [left, top] = f.at(x, y);
         g.strokeStyle = "#8888";
         g.lineWidth = 1;
         g.strokeRect(left - f.s / 2, top - f.s / 2, f.s, f.s);
@@ -495,14 +496,10 @@ class Viewer {
 
   // Where the reasons are, all tiles that fail, and pixels that see another object.
   outlines(g, pane, f) {
-    const at = (x, y) => [(x - f.left) * f.s, (y - f.top) * f.s];
     if (pane.kind === "map" || pane.kind === "objects")
-      for (const [x, y] of this.data.marks) {
-        const [u, v] = at(x, y);
-        this.twice(g, () => g.arc(u, v, Math.max(7, 0.75 * f.s), 0, 2 * Math.PI));
-      }
+      for (const mark of this.data.marks) this.twice(g, () => g.arc(...f.at(...mark), Math.max(7, 0.75 * f.s), 0, 2 * Math.PI));
     g.beginPath();
-    for (const [x, y, width, height] of this.data.failing) g.rect(...at(x - 0.5, y - 0.5), width * f.s, height * f.s);
+    for (const [x, y, width, height] of this.data.failing) g.rect(...f.at(x - 0.5, y - 0.5), width * f.s, height * f.s);
     g.lineWidth = 1;
     for (const [colour, dash] of [["#fff", []], ["#b42318", [3, 3]]]) {
       g.strokeStyle = colour;
@@ -511,7 +508,7 @@ class Viewer {
     }
     g.setLineDash([]);
     this.data.places.forEach(({ x, y, width, height }, i) => {
-      const [u, v] = at(x - 0.5, y - 0.5), grow = Math.max(0, 6 - (width * f.s) / 2), w = width * f.s + 2 * grow, h = height * f.s + 2 * grow;
+      const [u, v] = f.at(x - 0.5, y - 0.5), grow = Math.max(0, 6 - (width * f.s) / 2), w = width * f.s + 2 * grow, h = height * f.s + 2 * grow;
       if (width >= this.data.width && height >= this.data.height) return;
       this.twice(g, () => g.rect(u - grow, v - grow, w, h));
       this.label(g, String(i + 1), u - grow + w + 4, v - grow - 2);
@@ -520,7 +517,7 @@ class Viewer {
 
   cross(g, f) {
     if (!this.at) return;
-    const [x, y] = this.at, u = (x - f.left) * f.s, v = (y - f.top) * f.s, gap = Math.max(f.s / 2, 4);
+    const [u, v] = f.at(...this.at), gap = Math.max(f.s / 2, 4);
     g.globalAlpha = 0.75;
     this.twice(g, () => {
       for (const [a, b, c, d] of [[0, v, u - gap, v], [u + gap, v, f.w, v], [u, 0, u, v - gap], [u, v + gap, u, f.h]]) { g.moveTo(a, b); g.lineTo(c, d); }
@@ -713,7 +710,7 @@ class Viewer {
       g: () => this.set({ gamma: s.gamma * 1.1 }), G: () => this.set({ gamma: s.gamma / 1.1 }),
       s: () => this.set({ scale: s.scale - 1 }), S: () => this.set({ scale: s.scale + 1 }),
       t: () => this.set({ tone: next(Object.keys(TONES), s.tone) }), c: () => this.set({ channel: next(CHANNELS, s.channel) }),
-      m: () => this.set({ map: next(this.maps(), s.map) }), f: () => this.flip(), w: () => this.set({ mode: s.mode === "wipe" ? "grid" : "wipe" }),
+      m: () => this.set({ map: next(this.maps(), s.map) }), f: () => this.flip(), w: () => this.data.names.reference && this.set({ mode: s.mode === "wipe" ? "grid" : "wipe" }),
       "[": () => this.set({ wipe: s.wipe - 0.02 }), "]": () => this.set({ wipe: s.wipe + 0.02 }),
       o: () => this.set({ outlines: !s.outlines }), a: () => this.set({ mode: s.mode === "grid" ? "one" : "grid" }),
       n: () => this.go(1), p: () => this.go(-1), r: () => this.reset(),
@@ -746,7 +743,8 @@ class Viewer {
     const button = (text, title, act) => el("button", { type: "button", textContent: text, title, ...(text.length === 1 ? { ariaLabel: title } : {}), onclick: act });
     const group = (label, ...children) => el("div", { className: "rt-group", role: "group", ariaLabel: label }, ...children);
     const mode = (name, text, title) => Object.assign(button(text, title, () => this.set({ mode: name })), { of: name });
-    this.modes = [mode("grid", "All", "All pictures (a)"), mode("one", "One", "One large picture (1, 2, ...)"), mode("wipe", "Wipe", `${names.test} left of the line, ${names.reference} right of it (w)`)];
+    this.modes = panes.length < 2 ? [] : [mode("grid", "All", "All pictures (a)"), mode("one", "One", "One large picture (1, 2, ...)")];
+    if (names.reference) this.modes.push(mode("wipe", "Wipe", `${names.test} left of the line, ${names.reference} right of it (w)`));
     this.tabs = panes.map((pane, i) => Object.assign(button(pane.tab ?? pane.title, `${pane.title} (${i + 1})`, () => this.set({ mode: "one", solo: pane.key })), { of: pane.key }));
     this.tab_group = group("Picture", ...this.tabs);
     this.count = el("span", { className: "rt-count" });
@@ -769,14 +767,14 @@ class Viewer {
       return el("label", {}, `${label} `, input);
     };
     this.controls = [];
-    const signed = (x, digits) => (x < 0 ? "−" : "+") + Math.abs(x).toFixed(digits);
     const tick = el("input", { type: "checkbox", onchange: () => this.set({ outlines: tick.checked }) });
     this.controls.push(() => { tick.checked = s.outlines; });
     const adjust = el("details", { className: "rt-adjust", open: this.root.clientWidth >= 700 }, el("summary", { textContent: "Exposure, tone, maps" }), el("div", {},
-      range("Exposure", "exposure", -12, 12, 0.05, (x) => signed(x, 2)), range("Gamma", "gamma", 0.4, 3, 0.05, (x) => x.toFixed(2)),
+      range("Exposure", "exposure", -12, 12, 0.05, signed), range("Gamma", "gamma", 0.4, 3, 0.05, (x) => x.toFixed(2)),
       choice("Tone", "tone", () => Object.keys(TONES)), choice("Channel", "channel", () => CHANNELS),
-      choice("Map", "map", () => this.maps(), (x) => ({ signed: "signed", relative: "relative", sigmas: "in sigmas", flip: "FLIP" })[x]),
-      range("Range", "scale", -8, 8, 1, (x) => `× ${short(Number((10 ** (x / 2)).toPrecision(2)))}`), el("label", {}, tick, " Outlines"), button("Reset", "As it was (r)", () => this.reset())));
+      ...(names.reference ? [choice("Map", "map", () => this.maps(), (x) => ({ signed: "signed", relative: "relative", sigmas: "in sigmas", flip: "FLIP" })[x]),
+        range("Range", "scale", -8, 8, 1, (x) => `× ${short(Number((10 ** (x / 2)).toPrecision(2)))}`), el("label", {}, tick, " Outlines")] : []),
+      button("Reset", "As it was (r)", () => this.reset())));
     const step = (text, title, by) => button(text, title, () => this.go(by));
     const bar = el("div", { className: "rt-bar" }, group("Layout", ...this.modes), this.tab_group,
       group("Zoom", button("−", "Zoom out (−)", () => this.zoom(1 / 1.5)), button("+", "Zoom in (+)", () => this.zoom(1.5)), button("Whole", "The whole picture (0)", () => this.whole())));
@@ -848,12 +846,12 @@ class Viewer {
       pane.figure.hidden = s.mode !== "grid" && pane.key !== solo;
       if (pane.kind === "radiance") {
         pane.head.textContent = s.mode === "wipe" ? `${names.test} | ${names.reference}` : pane.title;
-        pane.said.textContent = `${s.exposure < 0 ? "−" : "+"}${Math.abs(s.exposure).toFixed(2)} stops, ${s.tone}${s.gamma === 1 ? "" : `, gamma ${s.gamma.toFixed(2)}`}${s.channel === "RGB" ? "" : `, ${s.channel}`}`;
+        pane.said.textContent = `${signed(s.exposure)} stops, ${s.tone}${s.gamma === 1 ? "" : `, gamma ${s.gamma.toFixed(2)}`}${s.channel === "RGB" ? "" : `, ${s.channel}`}`;
       } else if (pane.kind === "map") pane.head.textContent = MAPS[s.map].title;
     }
     for (const [list, now] of [[this.modes, s.mode], [this.tabs, s.mode === "one" ? s.solo : ""]])
       for (const button of list) button.ariaPressed = String(button.of === now);
-    this.tab_group.hidden = s.mode !== "one";
+    this.tab_group.hidden = s.mode !== "one" || this.tabs.length < 2;
     this.count.textContent = this.place < 0 ? `${places.length} place${places.length === 1 ? "" : "s"}` : `${this.place + 1} of ${places.length}`;
     for (const update of this.controls) update();
   }
