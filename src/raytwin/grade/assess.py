@@ -30,6 +30,7 @@ from raytwin.given import ENDINGS
 from raytwin.grade.compose import NEEDED, compose, made_of
 from raytwin.grade.contract import LESSONS
 from raytwin.grade.diagnosis import Diagnosis, diagnose
+from raytwin.grade.doubt import forgiven
 from raytwin.grade.draw import draw_scene
 from raytwin.grade.judge import judge
 from raytwin.grade.lock import HELD
@@ -371,7 +372,11 @@ def _pictures(
     sentences: tuple[str, ...] = tuple(dict.fromkeys(p.problem for p in parts if p.problem))
     found = None
     if any(not h.part.passed and h.view is not None for h in held):
-        found = together if together is not None and together.causes else _cause(held, seed)
+        found = together
+        if together is not None and not together.causes:
+            found = _cause(held, seed)
+            # What other pictures speak against is not sure.
+            found = found and replace(found, sureness="likely" if found.causes else "unknown")
     if found is not None:
         sentences = (*found.words, *sentences)
     elif status == "pass":
@@ -409,12 +414,14 @@ def _hold(asked: _Asked) -> _Held:
         problem = f"it returned an array {got.shape}, where {right.shape} is wanted"
         return _Held(Part(shows, False, seconds=answer.seconds, problem=problem), None, None)
     points = exercise.stage == "hit_points"
+    assert asked.scene is not None
+    if not points:
+        got = forgiven(got, np.clip(right, 0, 1) if clipped else right, asked.scene, exercise.rung)
     scale = 1.0 if points else scale_of(Image(right.astype(np.float32)))
     passed, error, wrong = (
         _points(right, got, asked.tolerance) if points else _radiance(right, got, asked, half, clipped, scale)
     )
     part = Part(shows, passed, exercise.share(passed, error, wrong), error, wrong, answer.seconds)
-    assert asked.scene is not None
     if not points and (bad := ~np.isfinite(got).all(axis=-1)).any():
         (y, x), count = np.argwhere(bad)[0], int(bad.sum())
         problem = f"{count} pixel{'s are' if count > 1 else ' is'} NaN or infinite, the first at (x={x}, y={y})"

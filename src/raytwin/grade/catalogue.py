@@ -58,13 +58,6 @@ def row(name: str, stage: str, sentence: str, *ways: Change) -> Fault:
     return Fault(name, stage, sentence, ways)
 
 
-def self_testing(*faults: Fault) -> tuple[Fault, ...]:
-    """Each also made by those whose shadow rays start just off the surface and are tested against its own object."""
-    return tuple(
-        replace(f, ways=(*f.ways, *(both(way, put(blocked=offset_by(1e-5))) for way in f.ways))) for f in faults
-    )
-
-
 def put(**steps: Any) -> Change:
     """The steps in the place of the right ones."""
     return lambda s: s._replace(**steps)
@@ -121,6 +114,11 @@ def posed(f: Callable[[Array, Array], tuple[Any, Any]]) -> Change:
     return lambda s: s._replace(camera=lambda camera: changed(s.camera(camera)))
 
 
+def other(f: Callable[[Shape, Camera], Shape]) -> Change:
+    """Another object in the place of each."""
+    return lambda s: s._replace(objects=lambda all_, camera: tuple(f(x, camera) for x in s.objects(all_, camera)))
+
+
 def axes(x: float, y: float, z: float) -> Change:
     """Rays with some of their axes turned round."""
     return lambda s: s._replace(ray=partial(_mirrored, ray=s.ray, signs=(x, y, z)))
@@ -152,6 +150,21 @@ def fixed_point(steps: int, divide: bool) -> Change:
     return put(undo=undo)
 
 
+def _iterated(
+    xd: Array, yd: Array, dist: Any, cross: float = 2, square: float = 2, after: bool = False, powers: Any = (1, 2, 3)
+) -> tuple[Array, Array]:
+    """The fixed-point iteration, to the end, of another lens; `powers`: of r²."""
+    k1, k2, p1, p2, k3 = dist
+    x, y = xd, yd
+    for _ in range(60):
+        rr = x * x + y * y
+        radial = 1 + k1 * rr ** powers[0] + k2 * rr ** powers[1] + k3 * rr ** powers[2]
+        dx = cross * p1 * x * y + p2 * (rr + square * x * x)
+        dy = p1 * (rr + square * y * y) + cross * p2 * x * y
+        x, y = (xd / radial - dx, yd / radial - dy) if after else ((xd - dx) / radial, (yd - dy) / radial)
+    return x, y
+
+
 def _by_radius(xd: Array, yd: Array, dist: Any) -> tuple[Array, Array]:
     """Undoes 1 + k1 r + k2 r² + k3 r³: r for r²."""
     k1, k2, _, _, k3 = dist
@@ -175,6 +188,26 @@ def _unstretched(x: Array, y: Array, camera: Camera, ray: Any) -> Rays:
     return rays._replace(aim=rays.d * rays.stretch)
 
 
+def _as_point(x: Array, y: Array, camera: Camera, ray: Any, unit: bool, forward: bool) -> Rays:
+    """Directions with a homogeneous 1: moved as well as turned."""
+    rays, R, t = ray(x, y, camera), np.asarray(camera.R_cam_board), np.array(camera.t_cam_board)[:, None]
+    d = rays.d * (1.0 if unit else rays.stretch)
+    d = _made_unit(R @ R @ d + t if forward else d + rays.origin)
+    return rays._replace(d=d, aim=d)
+
+
+def _left_behind(x: Shape, camera: Camera, kind: type, turned: bool) -> Shape:
+    """Of this kind: as if coordinates of the board's frame, `turned` or not, were the camera's."""
+    if not isinstance(x, kind):
+        return x
+    R, t = np.asarray(camera.R_cam_board), np.asarray(camera.t_cam_board)
+    back = np.eye(3) if turned else R.T
+    c = _three(back @ x.center - R.T @ t)
+    if isinstance(x, Sphere):
+        return msgspec.structs.replace(x, center=c)
+    return msgspec.structs.replace(x, center=c, half_u=_three(back @ x.half_u), half_v=_three(back @ x.half_v))
+
+
 def _not_unit(x: Array, y: Array, camera: Camera, ray: Any) -> Rays:
     rays = ray(x, y, camera)
     long = rays.d * rays.stretch
@@ -186,7 +219,8 @@ CAMERAS = (
     row("half-pixel", CAMERA,
         "your rays go half a pixel beside the pixels' centres: here (0, 0) is the centre of the top-left pixel, so "
         "use u and v as they are, without 0.5",
-        at(lambda u, v, c: (u + 0.5, v + 0.5)), at(lambda u, v, c: (u - 0.5, v - 0.5))),
+        at(lambda u, v, c: (u + 0.5, v + 0.5)), at(lambda u, v, c: (u - 0.5, v - 0.5)),
+        at(lambda u, v, c: (u + 0.5, v)), at(lambda u, v, c: (u, v + 0.5))),
     row("count-from-one", CAMERA,
         "your pixels are a whole one off: the first is u = 0, v = 0",
         at(lambda u, v, c: (u + 1, v + 1)), at(lambda u, v, c: (u - 1, v - 1)),
@@ -230,6 +264,16 @@ CAMERAS = (
     row("coefficients-order", CAMERA,
         "the coefficients are read in the wrong order: dist is k1, k2, p1, p2, k3, with k3 last",
         coefficients(lambda a, b, c, d, e: (a, b, d, e, c)), coefficients(lambda a, b, c, d, e: (a, b, 0.0, 0.0, c))),
+    row("tangential-factor", CAMERA,
+        "the tangential part of the distortion lacks a factor 2: x' has 2 p1 x y + p2 (r² + 2 x²), y' has "
+        "p1 (r² + 2 y²) + 2 p2 x y",
+        *(put(undo=partial(_iterated, cross=c, square=q)) for c, q in ((1, 2), (2, 1), (1, 1), (2, 0)))),
+    row("tangential-after", CAMERA,
+        "the tangential part is taken away after the division by the radial factor: it is (x' - tangential) / radial",
+        put(undo=partial(_iterated, after=True))),
+    row("powers-of-r", CAMERA,
+        "the powers of r are wrong in the distortion: 1 + k1 r² + k2 r⁴ + k3 r⁶",
+        *(put(undo=partial(_iterated, powers=powers)) for powers in ((1, 1, 1), (1, 2, 2), (1, 2, 4), (2, 4, 6)))),
     row("radius-for-its-square", CAMERA,
         "the distortion grows with r² (then r⁴, r⁶), where r² = x² + y²: you use r",
         put(undo=_by_radius)),
@@ -271,6 +315,16 @@ CAMERAS = (
         posed(lambda R, t: (t, R.T)), posed(lambda R, t: (-t, R.T)), posed(lambda R, t: (R.T @ t, R.T)),
         posed(lambda R, t: (-R @ t, R.T)), posed(lambda R, t: (R @ t, R.T)), posed(lambda R, t: (R.T @ t, R)),
         posed(lambda R, t: (-t, R))),
+    row("kind-not-moved", CAMERA,
+        "only spheres, or only planes, are moved to the camera's frame: p_cam = R p_board + t holds for every centre, "
+        "and edges are turned by R",
+        *(other(partial(_left_behind, kind=kind, turned=turned))
+          for kind in (Sphere, Rectangle) for turned in (False, True))),
+    row("direction-as-point", CAMERA,
+        "the rays' directions are moved as if they were points (a homogeneous 1): only turn them, d_board = Rᵀ d_cam",
+        *(lambda s, unit=unit, forward=forward: s._replace(
+            ray=partial(_as_point, ray=s.ray, unit=unit, forward=forward))
+          for forward in (False, True) for unit in (True, False))),
     row("eye-at-origin", CAMERA,
         "rays start at the board's origin: the camera's centre there is -Rᵀ t",
         posed(lambda R, t: (0 * t, R.T)), posed(lambda R, t: (0 * t, R))),
@@ -330,13 +384,25 @@ def _no_root(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
     return D, (-2 * fd - D) / 2, (-2 * fd + D) / 2
 
 
+def _rooted(fd: Array, D: Array) -> tuple[Array, Array, Array]:
+    return D, -fd - np.sqrt(D), -fd + np.sqrt(D)
+
+
+def _minus(v: Any) -> Any:
+    return tuple(-x for x in v)
+
+
+def _beyond(o: Any, d: Any, thing: Any, solve: Any, least: float) -> Array:
+    """Nothing nearer than `least`."""
+    t = solve(o, d, thing)
+    return np.where(t > least, t, np.inf)
+
+
 def resized(factor: float, length: float = 1) -> Change:
     """Spheres of another radius, whose normals have this length."""
 
-    def things(all_: tuple[Shape, ...]) -> tuple[Shape, ...]:
-        return tuple(msgspec.structs.replace(x, radius=factor * x.radius) if isinstance(x, Sphere) else x for x in all_)
-
-    return both(lambda s: s._replace(objects=lambda all_: things(s.objects(all_))), on_spheres(lambda n: n * length))
+    grown = other(lambda x, _: msgspec.structs.replace(x, radius=factor * x.radius) if isinstance(x, Sphere) else x)
+    return both(grown, on_spheres(lambda n: n * length))
 
 
 def on_spheres(f: Callable[[Array], Array]) -> Change:
@@ -357,14 +423,68 @@ def _scaled(factor: float) -> Callable[[Rectangle], Rectangle]:
     return f
 
 
-def _by_square(thing: Rectangle) -> Rectangle:
-    """|q·u| <= |u| with u not unit: reaches 1 along u, whatever its length."""
+def _scaled_edges(thing: Rectangle, u: float, v: float) -> Rectangle:
+    a, b = (tuple(k * x for x in half) for k, half in ((u, thing.half_u), (v, thing.half_v)))
+    return msgspec.structs.replace(thing, half_u=a, half_v=b)
 
-    def grown(half: Any) -> Any:
-        length = np.linalg.norm(half)
-        return tuple((np.array(half) / length**2).tolist())
 
-    return msgspec.structs.replace(thing, half_u=grown(thing.half_u), half_v=grown(thing.half_v))
+def _by_length(power: int) -> Callable[[Rectangle], Rectangle]:
+    """|q·u| <= 1 (2) or |q·u| <= |u| (1), u not unit: reaches 1/|u|, or 1, along u."""
+
+    def f(thing: Rectangle) -> Rectangle:
+        return _scaled_edges(thing, *(float(np.linalg.norm(x)) ** -power for x in (thing.half_u, thing.half_v)))
+
+    return f
+
+
+def _cornered(thing: Rectangle, u: float, v: float, size: float) -> Rectangle:
+    """0 <= a <= 2 size along half_u, and so along half_v, from the centre on."""
+    a, b = (np.array(half) * (size if k else 1) for k, half in ((u, thing.half_u), (v, thing.half_v)))
+    middle = np.array(thing.center) + u * a + v * b
+    return msgspec.structs.replace(thing, center=_three(middle), half_u=_three(a), half_v=_three(b))
+
+
+def _three(v: Any) -> Any:
+    return tuple(np.asarray(v, float).tolist())
+
+
+def _edges_swapped(thing: Rectangle) -> Rectangle:
+    u, v = np.linalg.norm(thing.half_u), np.linalg.norm(thing.half_v)
+    return _scaled_edges(thing, float(v / u), float(u / v))
+
+
+def _disc(o: Any, d: Any, thing: Rectangle, reach: Any) -> Array:
+    t = on_rectangle(o, d, _scaled(1e4)(thing))
+    r = reach(*(float(np.linalg.norm(x)) for x in (thing.half_u, thing.half_v)))
+    away = np.asarray(o) + np.where(np.isfinite(t), t, 0.0) * np.asarray(d) - np.array(thing.center)[:, None]
+    return np.where(np.linalg.norm(away, axis=0) <= r, t, np.inf)
+
+
+def _culled(o: Any, d: Any, thing: Rectangle, sign: int) -> Array:
+    facing = (np.asarray(d) * np.array(thing.normal)[:, None]).sum(axis=0) * sign < 0
+    return np.where(facing, on_rectangle(o, d, thing), np.inf)
+
+
+def only_seen(change: Change) -> Change:
+    """For the eye's rays alone: shadow rays meet what they should."""
+    return both(change, lambda s: s._replace(blocked=lambda hits, to, things, steps: s.blocked(
+        hits, to, things, steps._replace(sphere=on_sphere, rectangle=on_rectangle))))  # fmt: skip
+
+
+def _edges_turned(x: Shape, camera: Camera, back: bool) -> Shape:
+    """Centres stand in the camera's frame, edges in the board's."""
+    if isinstance(x, Sphere):
+        return x
+    R = np.asarray(camera.R_cam_board)
+    turn = R if back else R.T
+    return msgspec.structs.replace(x, half_u=_three(turn @ x.half_u), half_v=_three(turn @ x.half_v))
+
+
+def _edges_moved(x: Shape, camera: Camera) -> Shape:
+    if isinstance(x, Sphere):
+        return x
+    moved = np.asarray(camera.R_cam_board).T @ camera.t_cam_board
+    return msgspec.structs.replace(x, half_u=_three(x.half_u + moved), half_v=_three(x.half_v + moved))
 
 
 def _any_side(o: Any, d: Any, thing: Rectangle) -> Array:
@@ -410,20 +530,17 @@ SOLVERS = (
         put(sphere=partial(on_sphere, solver="paper"))),
     row("t-along-z", SOLVER,
         "t was found for unit rays, but is applied to (x, y, 1): use one and the same vector for both",
-        bent, both(bent, normals(_made_unit))),
+        bent),
     row("rays-not-unit", SOLVER,
         "your rays are not unit, but the quadratic leaves out a = d·d: make them unit, or keep a",
         both(long, put(sphere=solver(quadratic()))),
-        both(long, put(sphere=solver(quadratic())), normals(_made_unit)),
         both(long, put(sphere=solver(quadratic(a=True)))),
         both(long, put(sphere=solver(lambda fd, c, aa: quadratic()(fd / np.sqrt(aa), c, aa))))),
     row("radius-not-squared", SOLVER,
         "the radius is not squared: c = f·f - r²",
-        put(sphere=solver(quadratic(), r2=lambda r: r)), both(put(sphere=solver(quadratic(), r2=lambda r: r)),
-                                                           normals(_made_unit))),
+        put(sphere=solver(quadratic(), r2=lambda r: r))),
     row("radius-squared-twice", SOLVER, "the radius is squared twice: c = f·f - r²",
-        put(sphere=solver(quadratic(), r2=lambda r: r**4)),
-        both(put(sphere=solver(quadratic(), r2=lambda r: r**4)), normals(_made_unit))),
+        put(sphere=solver(quadratic(), r2=lambda r: r**4))),
     row("diameter", SOLVER, "your spheres are twice as large: the scene gives the radius, not the diameter",
         resized(2), resized(2, 2)),
     row("half-radius", SOLVER, "your spheres are half as large: the scene gives the radius, not the diameter",
@@ -431,19 +548,53 @@ SOLVERS = (
     row("factor-in-quadratic", SOLVER,
         "a factor is wrong in the quadratic: with b = 2 f·d, t = (-b - √(b² - 4c)) / 2; with b = f·d, "
         "t = -b - √(b² - c)",
-        *(both(put(sphere=solver(q)), unit) for unit in (lambda s: s, normals(_made_unit)) for q in (
+        *(put(sphere=solver(q)) for q in (
             quadratic(b=1), quadratic(b=1, half=1), quadratic(disc=1), quadratic(half=1), quadratic(b=1, disc=1),
             quadratic(disc=2), quadratic(b=2, disc=1, half=1), quadratic(half=4), _no_root,
             quadratic(b=2, disc=-4), quadratic(b=4), quadratic(b=0.5)))),
     row("b-sign", SOLVER,
         "f points the wrong way in the quadratic: f goes from the sphere's centre to the ray's origin (o - c)",
-        put(sphere=solver(quadratic(b=-2))), both(put(sphere=solver(quadratic(b=-2))), normals(_made_unit))),
+        put(sphere=solver(quadratic(b=-2)))),
+    row("disc-not-tested", SOLVER,
+        "the discriminant is not tested: where it is negative the ray misses the sphere",
+        put(sphere=solver(lambda fd, c, aa: (np.ones_like(fd), *quadratic()(fd, c, aa)[1:]))),
+        put(sphere=solver(lambda fd, c, aa: _rooted(fd, np.abs(fd**2 - c))))),
+    row("center-left-out", SOLVER, "the spheres' centres are left out of the quadratic: f = o - c",
+        put(sphere=lambda o, d, s: on_sphere(o, d, msgspec.structs.replace(s, center=(0.0, 0.0, 0.0)))),
+        put(sphere=lambda o, d, s: on_sphere(o, d, msgspec.structs.replace(s, center=_minus(s.center))))),
+    row("t-too-near", SOLVER,
+        "hits are thrown away unless t is large: the smallest t > 0 counts, however small",
+        *(put(sphere=partial(_beyond, solve=on_sphere, least=k), rectangle=partial(_beyond, solve=on_rectangle, least=k))
+          for k in (0.1, 0.5, 1.0)),
+        *(put(sphere=partial(_beyond, solve=on_sphere, least=k)) for k in (0.1, 0.5, 1.0))),
     row("no-spheres", SOLVER, "no sphere is hit at all: the discriminant or the test t > 0 throws every hit away",
         put(sphere=nowhere)),
     row("no-planes", SOLVER, "the planes are missing: scene['planes'] holds rectangles, which rays meet too",
         put(rectangle=lambda o, d, thing: 0 * np.asarray(d)[0] + np.inf)),
     row("endless-planes", SOLVER, "your planes have no end: a rectangle ends at center ± half_u ± half_v",
-        rectangle(_scaled(1e4)), rectangle(_by_square)),
+        rectangle(_scaled(1e4)), rectangle(_by_length(2)), rectangle(_by_length(1)),
+        *(rectangle(partial(_scaled_edges, u=u, v=v)) for u, v in ((1.0, 1e4), (1e4, 1.0)))),
+    row("corner", SOLVER,
+        "your rectangles begin at their centre: a plane's center is its middle, and it reaches from -half_u to half_u",
+        *(rectangle(partial(_cornered, u=u, v=v, size=k)) for k in (0.5, 1.0) for u, v in ((1, 1), (1, 0), (0, 1)))),
+    row("edges-swapped", SOLVER, "half_u and half_v are swapped in a rectangle's test: |q·u| <= u·u, |q·v| <= v·v",
+        rectangle(_edges_swapped)),
+    row("disc-for-rectangle", SOLVER, "your planes are round: a rectangle ends at center ± half_u ± half_v",
+        *(put(rectangle=partial(_disc, reach=f)) for f in (
+            lambda u, v: max(u, v), lambda u, v: min(u, v), lambda u, v: np.hypot(u, v), lambda u, v: u,
+            lambda u, v: v))),
+    row("plane-through-origin", SOLVER, "your planes go through the origin: (p - center)·n = 0",
+        rectangle(lambda thing: msgspec.structs.replace(thing, center=(0.0, 0.0, 0.0)))),
+    row("one-sided", SOLVER,
+        "planes are met from one side only: they are rectangles that are seen, lit and cast shadows from both sides",
+        *(put(rectangle=partial(_culled, sign=k)) for k in (1, -1)),
+        *(only_seen(put(rectangle=partial(_culled, sign=k))) for k in (1, -1))),
+    row("edges-not-turned", SOLVER,
+        "the planes' centres are in one frame and their edges in another: half_u and half_v are turned by R, too",
+        other(partial(_edges_turned, back=False)), other(partial(_edges_turned, back=True))),
+    row("edges-moved", SOLVER,
+        "t is added to the planes' edges: half_u and half_v are directions, which are turned only",
+        other(_edges_moved)),
     row("half-edges", SOLVER,
         "your rectangles have the wrong size: half_u and half_v are half-edges, from the centre to the rim",
         rectangle(_scaled(0.5)), rectangle(_scaled(2.0))),
@@ -492,19 +643,22 @@ def is_sphere(thing: Shape) -> bool:
     return isinstance(thing, Sphere)
 
 
-def _one_sphere(keep: int) -> Change:
-    return lambda s: s._replace(objects=partial(_only_sphere, keep=keep, objects=s.objects))
+def _without(things: Casters, camera: Camera, gone: int, kind: type, objects: Any) -> Casters:
+    things = objects(things, camera)
+    alike = [i for i, thing in enumerate(things) if isinstance(thing, kind)]
+    return tuple(_gone(x) if alike and i == alike[gone] else x for i, x in enumerate(things))
 
 
-def _only_sphere(things: tuple[Shape, ...], keep: int, objects: Any) -> tuple[Shape, ...]:
-    """The others stay in the list, so that ids stay, but out of reach."""
-    things = objects(things)
-    spheres = [i for i, thing in enumerate(things) if is_sphere(thing)]
-    kept = spheres[keep] if spheres else -1
-    return tuple(
-        msgspec.structs.replace(thing, center=(0.0, 0.0, -1e9), radius=1e-9)
-        if isinstance(thing, Sphere) and i != kept else thing for i, thing in enumerate(things)
-    )  # fmt: skip
+def _one(keep: int, kind: type) -> Change:
+    return lambda s: s._replace(objects=partial(_only, keep=keep, kind=kind, objects=s.objects))
+
+
+def _only(things: Casters, camera: Camera, keep: int, kind: type, objects: Any) -> Casters:
+    """The others of this kind stay in the list, so that ids stay, but out of reach."""
+    things = objects(things, camera)
+    alike = [i for i, thing in enumerate(things) if isinstance(thing, kind)]
+    kept = alike[keep] if alike else -1
+    return tuple(_gone(x) if isinstance(x, kind) and i != kept else x for i, x in enumerate(things))
 
 
 ORDERS = (
@@ -536,19 +690,47 @@ ORDERS = (
         by_key(lambda t, thing, rays: t if is_sphere(thing) else t / rays.stretch),
         by_key(lambda t, thing, rays: t / rays.stretch if is_sphere(thing) else t)),
     row("one-sphere", ORDER, "only one of the spheres is there: test every ray against all of them",
-        *(_one_sphere(k) for k in (0, -1))),
+        *(_one(k, Sphere) for k in (0, -1))),
+    row("object-missing", ORDER, "one object is missing: the loop ends too early or begins too late, test them all",
+        *(lambda s, keep=keep, kind=kind: s._replace(objects=partial(_without, gone=keep, kind=kind, objects=s.objects))
+          for kind in (Sphere, Rectangle) for keep in (0, -1))),
+    row("one-plane", ORDER, "only one of the planes is there: test every ray against all of them",
+        *(_one(k, Rectangle) for k in (0, -1))),
 )  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------ normals
 
-open_back = put(blocked=others_hide)
-"""A point that faces away from the sun is not in its own shadow: what a clamp at 0 hides."""
+def _of_plane(n: Array, thing: Shape) -> Array:
+    """half_u × half_v, whichever side is seen."""
+    return _fixed(n, thing.normal) if isinstance(thing, Rectangle) else n
 
 
-def twice(*changes: Change) -> tuple[Change, ...]:
-    """Each with and without its own object's shadow on the side that faces away from the sun."""
-    return (*changes, *(both(change, open_back) for change in changes))
+def _fixed(n: Array, axis: Any) -> Array:
+    return np.broadcast_to(np.array(axis)[:, None], n.shape)
+
+
+def _turned_to_eye(n: Array, rays: Rays) -> Array:
+    return np.where((n * rays.d).sum(axis=0) > 0, -n, n)
+
+
+def _along_edge(n: Array, p: Array, rays: Rays, thing: Shape, edge: int) -> Array:
+    if isinstance(thing, Sphere):
+        return n
+    return _turned_to_eye(_fixed(n, _unit((thing.half_u, thing.half_v)[edge])), rays)
+
+
+def _unit(v: Any) -> Array:
+    return np.asarray(v) / np.linalg.norm(v)
+
+
+def _on_plane(x: Terms) -> Array:
+    return np.array([not is_sphere(thing) for thing in x.scene.objects] + [False])[x.hits.ids]
+
+
+def terms(f: Callable[[Terms], Terms]) -> Change:
+    """Other things to shade with."""
+    return lambda s: s._replace(shade=lambda x: s.shade(f(x)))
 
 
 def _from_origin(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
@@ -574,13 +756,26 @@ def _by_r2(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
 NORMALS_ = (
     row("normal-inward", NORMALS,
         "the spheres' normals point inwards: n = (p - center) / radius, from the centre to the point",
-        *twice(on_spheres(lambda n: -n))),
+        on_spheres(lambda n: -n)),
     row("all-normals-inward", NORMALS,
         "the normals point away from the eye, those of planes too: turn them round",
-        *twice(normals(lambda n, *_: -n))),
+        normals(lambda n, *_: -n)),
     row("plane-normal-turned", NORMALS,
         "the planes' normals point to the side that the eye does not see: turn them round where n·d > 0",
-        *twice(normals(lambda n, p, rays, thing: n if is_sphere(thing) else -n))),
+        normals(lambda n, p, rays, thing: n if is_sphere(thing) else -n)),
+    row("plane-normal-fixed", NORMALS,
+        "the planes' normals are half_u × half_v whatever side is seen: turn them round where n·d > 0",
+        normals(lambda n, p, rays, thing: n if is_sphere(thing) else _of_plane(n, thing)),
+        normals(lambda n, p, rays, thing: n if is_sphere(thing) else -_of_plane(n, thing))),
+    row("plane-faces-light", NORMALS,
+        "planes are lit on both sides at once: their normal belongs to the side that the eye sees, and max(0, n·l) is 0 "
+        "where that is turned away from the sun",
+        terms(lambda x: x._replace(cos=np.where(_on_plane(x), np.abs(x.cos), x.cos)))),
+    row("plane-normal-up", NORMALS, "the planes' normals are taken for the board's z axis: they are half_u × half_v",
+        normals(lambda n, p, rays, thing: n if is_sphere(thing) else _fixed(n, (0.0, 0.0, 1.0))),
+        normals(lambda n, p, rays, thing: n if is_sphere(thing) else _turned_to_eye(_fixed(n, (0.0, 0.0, 1.0)), rays))),
+    row("plane-normal-edge", NORMALS, "the planes' normals lie in the plane: they are half_u × half_v",
+        *(normals(partial(_along_edge, edge=k)) for k in (0, 1))),
     row("normal-not-unit", NORMALS,
         "the spheres' normals are not unit: divide p - center by the radius",
         normals(lambda n, p, rays, thing: n * thing.radius if isinstance(thing, Sphere) else n)),
@@ -589,10 +784,10 @@ NORMALS_ = (
         normals(_by_r2)),
     row("normal-from-origin", NORMALS,
         "the spheres' normals point away from the origin, not from the sphere's centre: n = (p - center) / radius",
-        *twice(normals(_from_origin), normals(_from_eye))),
+        normals(_from_origin), normals(_from_eye)),
     row("normal-to-eye", NORMALS,
         "the spheres' normals are the directions to the eye: n = (p - center) / radius",
-        *twice(normals(lambda n, p, rays, thing: -_made_unit(p - rays.origin) if is_sphere(thing) else n))),
+        normals(lambda n, p, rays, thing: -_made_unit(p - rays.origin) if is_sphere(thing) else n)),
     row("plane-normal-not-unit", NORMALS,
         "the planes' normals are not unit: half_u × half_v has to be divided by its length",
         normals(_edges_crossed)),
@@ -603,11 +798,6 @@ NORMALS_ = (
 
 
 # ------------------------------------------------------------------------------------------ light
-
-
-def terms(f: Callable[[Terms], Terms]) -> Change:
-    """Other things to shade with."""
-    return lambda s: s._replace(shade=lambda x: s.shade(f(x)))
 
 
 def shaded(f: Callable[[Terms], Array]) -> Change:
@@ -651,7 +841,17 @@ def sky_times(f: Any) -> Change:
 def turned(turn: Callable[[Array], Array]) -> tuple[Change, ...]:
     """The light's direction turned by a function of R: everywhere, or for shading alone."""
     f = lambda to, scene, hits: turn(np.asarray(scene.camera.R_cam_board)) @ to  # noqa: E731
-    return lit(f), half_lit(f), both(half_lit(f), open_back)
+    return lit(f), half_lit(f)
+
+
+def moved_light(f: Callable[[Array, Array, Array], Array]) -> tuple[Change, ...]:
+    """(to, R, t) -> a direction, made unit or not."""
+
+    def g(to: Array, scene: Scene, hits: Hits, unit: bool) -> Array:
+        R, t = np.asarray(scene.camera.R_cam_board), np.array(scene.camera.t_cam_board)[:, None]
+        return _made_unit(f(to, R, t)) if unit else f(to, R, t)
+
+    return tuple(lit(partial(g, unit=unit)) for unit in (True, False))
 
 
 def _to_position(to: Array, scene: Scene, hits: Hits) -> Array:
@@ -664,6 +864,12 @@ def _grey(x: Array) -> Array:
 
 def _permuted(*order: int, sign: tuple[int, int, int] = (1, 1, 1)) -> Callable[[Array, Scene, Hits], Array]:
     return lambda to, scene, hits: to[list(order)] * np.array(sign)[:, None]
+
+
+def _of_one(x: Terms, k: int) -> Array:
+    """The first or the last object's albedo on all."""
+    one = np.array(x.scene.objects[k].material.albedo)[:, None] if x.scene.objects else 1.0
+    return one + 0 * x.albedo
 
 
 def _of_first(x: Terms) -> Array:
@@ -735,7 +941,7 @@ def _any_blocks(start: Array, to: Array, things: Casters, steps: Steps, limit: f
 LIGHTS = (
     row("light-reversed", LIGHT,
         "the light comes from the wrong side: to_light points from the surface to the sun, use it as it is",
-        *twice(lit(lambda to, *_: -to), half_lit(lambda to, *_: -to))),
+        lit(lambda to, *_: -to), half_lit(lambda to, *_: -to)),
     row("light-in-camera-frame", LIGHT,
         "the sun's direction is given in the board's frame, but your normals are in the camera's (or the other way "
         "round): turn one of them by R",
@@ -746,6 +952,10 @@ LIGHTS = (
     row("light-turned-by-transpose", LIGHT,
         "the sun's direction is turned by Rᵀ instead of R",
         *turned(lambda R: R.T @ R.T)),
+    row("light-moved", LIGHT,
+        "the sun's direction is moved by t as if it were a point (a homogeneous 1): only turn it",
+        *moved_light(lambda to, R, t: to + R.T @ t), *moved_light(lambda to, R, t: to - R.T @ t),
+        *moved_light(lambda to, R, t: to + t)),
     row("light-axes", LIGHT, "the axes of the sun's direction are mixed up, or one has the wrong sign: z is up here",
         lit(_permuted(0, 2, 1)), lit(_permuted(1, 0, 2)), lit(_permuted(2, 1, 0)),
         lit(_permuted(0, 2, 1, sign=(1, 1, -1))), lit(_permuted(0, 1, 2, sign=(1, -1, 1))),
@@ -753,23 +963,22 @@ LIGHTS = (
         lit(_permuted(0, 1, 2, sign=(-1, -1, 1))), lit(_permuted(0, 2, 1, sign=(1, -1, 1)))),
     row("light-as-place", LIGHT,
         "to_light is used as a point that the light sits at: it is a direction, the same for every surface",
-        *twice(lit(_to_position)), both(lit(_to_position), sun_times(_falloff)), half_lit(_to_position)),
+        lit(_to_position), both(lit(_to_position), sun_times(_falloff)), half_lit(_to_position)),
     row("no-clamp", LIGHT,
         "light is negative where a surface faces away from the sun: max(0, n·l)",
-        *twice(shaded(lambda x: sun(x, x.cos) + ambient(x))),
-        *(both(shaded(lambda x: sun(x, x.cos) + ambient(x)), put(blocked=offset_by(eps))) for eps in (1e-4, 1e-3))),
+        shaded(lambda x: sun(x, x.cos) + ambient(x))),
     row("abs-cosine", LIGHT,
         "surfaces that face away from the sun are lit: max(0, n·l), not |n·l|",
-        both(shaded(lambda x: sun(x, np.abs(x.cos)) + ambient(x)), open_back)),
+        shaded(lambda x: sun(x, np.abs(x.cos)) + ambient(x))),
     row("squared-cosine", LIGHT, "the cosine is squared: max(0, n·l) goes in once",
         shaded(lambda x: sun(x, np.maximum(x.cos, 0) ** 2) + ambient(x)),
-        both(shaded(lambda x: sun(x, x.cos**2) + ambient(x)), open_back)),
+        shaded(lambda x: sun(x, x.cos**2) + ambient(x))),
     row("no-cosine", LIGHT, "the cosine is missing: the sun's light falls with max(0, n·l)",
         shaded(lambda x: sun(x, np.where(x.cos > 0, 1.0, 0.0)) + ambient(x)),
-        both(shaded(lambda x: sun(x, 1.0) + ambient(x)), open_back)),
+        shaded(lambda x: sun(x, 1.0) + ambient(x))),
     row("half-lambert", LIGHT, "n·l is mapped to 0..1 as (1 + n·l) / 2: it has to be max(0, n·l)",
-        *twice(shaded(lambda x: sun(x, (1 + x.cos) / 2) + ambient(x)),
-               shaded(lambda x: sun(x, ((1 + x.cos) / 2) ** 2) + ambient(x)))),
+        shaded(lambda x: sun(x, (1 + x.cos) / 2) + ambient(x)),
+        shaded(lambda x: sun(x, ((1 + x.cos) / 2) ** 2) + ambient(x))),
     row("albedo-missing-sun", LIGHT, "the albedo is missing in the sun's part: albedo/π E max(0, n·l)",
         shaded(lambda x: sun(x._replace(albedo=np.ones_like(x.albedo))) + ambient(x))),
     row("albedo-missing", LIGHT, "the albedo is missing: it multiplies the sun's part and the sky's",
@@ -778,9 +987,11 @@ LIGHTS = (
         _colour(lambda x: x.albedo**2), sun_times(lambda x: x.albedo), sky_times(lambda x: x.albedo)),
     row("albedo-decoded", LIGHT, "the albedo is treated as a display colour: it is linear, use it as it is",
         _colour(lambda x: srgb_decode(x.albedo)), _colour(lambda x: x.albedo**2.2),
-        _colour(lambda x: srgb_encode(x.albedo)), _colour(lambda x: x.albedo ** (1 / 2.2))),
-    row("albedo-of-another", LIGHT, "spheres have another object's albedo: check the index",
-        _colour(_of_first), *(_colour(partial(_of_next, by=k)) for k in (1, -1))),
+        _colour(lambda x: srgb_encode(x.albedo)), _colour(lambda x: x.albedo ** (1 / 2.2)),
+        _colour(lambda x: np.sqrt(x.albedo))),
+    row("albedo-of-another", LIGHT, "objects have another one's albedo: check the index",
+        _colour(_of_first), _colour(partial(_of_one, k=0)), _colour(partial(_of_one, k=-1)),
+        *(_colour(partial(_of_next, by=k)) for k in (1, -1))),
     row("albedo-channels", LIGHT, "the albedo's channels are mixed up: they are red, green, blue",
         _colour(lambda x: x.albedo[::-1]), _colour(lambda x: np.broadcast_to(x.albedo[:1], x.albedo.shape)),
         _colour(lambda x: _grey(x.albedo))),
@@ -791,6 +1002,9 @@ LIGHTS = (
         sky_times(lambda x: x.sky[:1] / np.maximum(x.sky, 1e-9))),
     row("irradiance-missing", LIGHT, "the sun's irradiance E is missing: albedo/π E max(0, n·l)",
         sun_times(lambda x: 1 / x.irradiance), sun_times(lambda x: pi / x.irradiance)),
+    row("irradiance-squared", LIGHT, "the sun's irradiance is multiplied in twice", sun_times(lambda x: x.irradiance)),
+    row("pi-multiplied", LIGHT, "the sun's part is multiplied by π where it has to be divided: albedo/π E max(0, n·l)",
+        sun_times(pi * pi)),
     row("pi-missing", LIGHT,
         "the sun's part is π times too bright: a Lambertian surface reflects albedo/π, not albedo",
         sun_times(pi)),
@@ -812,14 +1026,12 @@ LIGHTS = (
     row("sky-without-colour", LIGHT, "the sky's radiance is left out of its part: albedo Lₛ, not albedo",
         shaded(lambda x: sun(x) + x.albedo)),
     row("sky-before-clamp", LIGHT, "the clamp comes too late: max(0, n·l) alone, then the sky's light is added",
-        *twice(shaded(_sky_inside), shaded(_sky_in_cosine), shaded(_sky_as_irradiance)),
-        *(both(shaded(_sky_inside), put(blocked=offset_by(eps))) for eps in (1e-4, 1e-3))),
+        shaded(_sky_inside), shaded(_sky_in_cosine), shaded(_sky_as_irradiance)),
     row("sky-only-in-shadow", LIGHT, "the sky lights only what the sun does not: add it everywhere",
         sky_times(_in_shadow), sky_times(lambda x: 1 - x.visible), sky_times(lambda x: np.where(x.cos > 0, 0.0, 1.0))),
     row("shadow-black", LIGHT, "shadows are black: the sky's light reaches them too",
         sky_times(lambda x: x.visible), sky_times(lambda x: 1 - _in_shadow(x)),
-        sky_times(lambda x: np.where(x.cos > 0, 1.0, 0.0)),
-        both(open_back, sky_times(lambda x: x.visible))),
+        sky_times(lambda x: np.where(x.cos > 0, 1.0, 0.0))),
     row("sky-by-height", LIGHT, "the sky's light is weighed by the normal: here it is albedo Lₛ whatever way it faces",
         sky_times(_up), sky_times(lambda x: np.maximum(x.hits.normal[2], 0)),
         sky_times(lambda x: np.maximum(x.cos, 0))),
@@ -895,9 +1107,42 @@ def _all_dark(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
     return np.ones(hits.t.shape, bool)
 
 
-def _spheres_dark(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
-    spheres = np.array([is_sphere(thing) for thing in things] + [False])
-    return hidden(hits, to, things, steps) | spheres[hits.ids]
+def shadowed_by(f: Callable[[Array, Scene, Hits], Array]) -> Change:
+    """Another direction to the light, for shadows alone."""
+
+    def rightly(x: Terms) -> Terms:
+        return x._replace(cos=(x.hits.normal * np.array(x.scene.sun.to_light)[:, None]).sum(axis=0))
+
+    return both(lit(f), terms(rightly), put(blocked=others_hide))
+
+
+def _turned_light(to: Array, scene: Scene, hits: Hits, turn: Any) -> Array:
+    return np.asarray(turn(np.asarray(scene.camera.R_cam_board)) @ to)
+
+
+def _to_eye(to: Array, scene: Scene, hits: Hits, sign: int) -> Array:
+    return sign * _made_unit(np.array(scene.camera.eye)[:, None] - hits.point)
+
+
+def _dark_on(hits: Hits, to: Array, things: Casters, steps: Steps, spheres: bool) -> Array:
+    dark = np.array([is_sphere(thing) == spheres for thing in things] + [False])
+    return hidden(hits, to, things, steps) | dark[hits.ids]
+
+
+def _not_by_own_kind(hits: Hits, to: Array, things: Casters, steps: Steps, kinds: tuple[type, ...]) -> Array:
+    """On objects of these kinds only the other kind casts shadows."""
+    spheres = tuple(x if is_sphere(x) else _gone(x) for x in things)
+    planes = tuple(_gone(x) if is_sphere(x) else x for x in things)
+    by_balls, by_planes = hidden(hits, to, spheres, steps), hidden(hits, to, planes, steps)
+    on_ball = np.array([is_sphere(thing) for thing in things] + [False])[hits.ids]
+    balls_count, planes_count = ~(on_ball & (Sphere in kinds)), ~(~on_ball & (Rectangle in kinds))
+    return (by_balls & balls_count) | (by_planes & planes_count) | ((hits.normal * to).sum(axis=0) <= 0)
+
+
+def _from_center(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
+    """Shadow rays start at the centres."""
+    centers = np.array([*(thing.center for thing in things), (0.0, 0.0, 0.0)])[hits.ids].T
+    return others_hide(hits._replace(point=centers), to, things, steps) | ((hits.normal * to).sum(axis=0) <= 0)
 
 
 def _as_lambert(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
@@ -916,24 +1161,34 @@ def _dimmed(x: Terms, by: float) -> Array:
 SHADOWS = (
     row("no-shadow", SHADOW, "there are no cast shadows: send a ray from each point to the sun",
         shadows(_as_lambert)),
+    row("shadows-always", SHADOW,
+        "shadows are cast with the rung \"lambert\", too: there nothing casts any, only with \"shadow\"",
+        put(shadows=lambda asked: True)),
+    row("shadows-inverse", SHADOW,
+        "shadows are cast with the rung \"lambert\", and none with \"shadow\": it is the other way round",
+        put(shadows=lambda asked: not asked)),
     row("all-in-shadow", SHADOW,
-        "every surface is in its own shadow: start the shadow ray a little off it, or leave its own object out",
-        shadows(_all_dark), shadows(_spheres_dark)),
+        "every surface is in its own shadow: the shadow ray goes away from the sun (it goes along to_light, not "
+        "-to_light), or starts inside the object (move it a little along +n), or t = 0 counts as a hit",
+        shadows(_all_dark), shadows(partial(_dark_on, spheres=True)), shadows(partial(_dark_on, spheres=False))),
     row("shadow-offset", SHADOW,
         "the shadow ray starts too far from the surface: shadows near what casts them are lost; 1e-4 of the scene is "
         "enough",
         *(shadows(offset_by(eps, way)) for way in (False, True) for eps in (3e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.5, 1.0))),
-    row("shadow-inside", SHADOW,
-        "the shadow ray starts on the wrong side of the surface, inside the object: move it along +n",
-        *(shadows(offset_by(-eps)) for eps in (1e-5, 1e-3, 1e-2))),
     row("shadow-both-ways", SHADOW,
         "what lies on the far side of the surface, away from the sun, casts shadows too: keep t > 0 alone",
         shadows(_line)),
     row("shadow-reversed", SHADOW, "shadow rays go away from the sun: they go along to_light",
         shadows(lambda hits, to, things, steps: others_hide(hits, -to, things, steps)
                 | ((hits.normal * to).sum(axis=0) <= 0)),
-        shadows(lambda hits, to, things, steps: others_hide(hits, -to, things, steps)),
-        shadows(lambda hits, to, things, steps: hidden(hits, -to, things, steps))),
+        shadows(lambda hits, to, things, steps: others_hide(hits, -to, things, steps))),
+    row("shadow-light-turned", SHADOW,
+        "shadows fall by another direction than the light: the shadow ray goes along the same to_light, in the same "
+        "frame",
+        *(shadowed_by(partial(_turned_light, turn=f)) for f in (
+            lambda R: R, lambda R: R.T, lambda R: np.diag([1, 1, -1.0]), lambda R: np.diag([-1.0, -1, 1])))),
+    row("shadow-to-eye", SHADOW, "shadow rays go to the eye, or away from it: they go to the sun, along to_light",
+        *(shadowed_by(partial(_to_eye, sign=k)) for k in (1, -1))),
     row("shadow-bounded", SHADOW,
         "only near objects cast shadows: nothing bounds the way to the sun",
         *(shadows(within(limit)) for limit in (0.02, 0.05, 0.1, 0.2, 0.25, 0.3, 0.5))),
@@ -941,6 +1196,9 @@ SHADOWS = (
         shadows(received_by(lambda thing: not is_sphere(thing)))),
     row("planes-receive-none", SHADOW, "no shadow falls on planes: test every surface, whatever its kind",
         shadows(received_by(is_sphere))),
+    row("shadow-own-kind", SHADOW, "a surface's own kind is left out of its shadow test: only its own object may be (spheres shadow spheres, planes planes)",
+        shadows(partial(_not_by_own_kind, kinds=(Sphere,))), shadows(partial(_not_by_own_kind, kinds=(Rectangle,))),
+        shadows(partial(_not_by_own_kind, kinds=(Sphere, Rectangle)))),
     row("planes-cast-none", SHADOW, "planes cast no shadows: test shadow rays against planes too",
         cast_by(lambda i, thing, things: is_sphere(thing))),
     row("spheres-cast-none", SHADOW, "spheres cast no shadows: test shadow rays against spheres too",
@@ -956,12 +1214,12 @@ SHADOWS = (
         cast_by(lambda i, thing, things: i != _sphere_index(-1, things))),
     row("shadow-from-elsewhere", SHADOW,
         "shadow rays start in the wrong place: they start at the point that the eye's ray met",
-        shadows(_from(lambda hits, _: 0.0))),
+        shadows(_from(lambda hits, _: 0.0)), shadows(_from_center)),
     row("shadow-inverted", SHADOW, "light and shadow are swapped: V is 1 where the way to the sun is free",
         shadows(lambda hits, to, things, steps: ~hidden(hits, to, things, steps)),
         shadows(lambda hits, to, things, steps: ~others_hide(hits, to, things, steps))),
     row("shadow-dims-all", SHADOW, "shadows scale the whole light: they take away the sun's part alone",
-        *twice(*(shaded(partial(_dimmed, by=k)) for k in (0.5, 0.3, 0.2)))),
+        *(shaded(partial(_dimmed, by=k)) for k in (0.5, 0.3, 0.2))),
 )  # fmt: skip
 
 
@@ -1152,6 +1410,28 @@ ACNE = row("acne", SHADOW,
 """Which points are dark is chance: told by pixels that are all as lit or as dark as can be, and mixed."""
 
 FAULTS: tuple[Fault, ...] = (
-    *CAMERAS, *self_testing(*SOLVERS), *ORDERS, *self_testing(*NORMALS_), *LIGHTS, *SHADOWS, *SAMPLINGS, *OUTPUTS,
+    *CAMERAS, *SOLVERS, *ORDERS, *NORMALS_, *LIGHTS, *SHADOWS, *SAMPLINGS, *OUTPUTS,
 )  # fmt: skip
 """Every mistake there is, by stage."""
+
+
+def faced(s: Steps) -> Steps:
+    """Normals of spheres, too, are turned to the eye."""
+    return normals(lambda n, p, rays, thing: _turned_to_eye(n, rays))(s)
+
+
+def tested(f: Any) -> Change:
+    """Another shadow test, where that is not the mistake itself."""
+    return lambda s: s._replace(blocked=f) if s.blocked is hidden else s
+
+
+COARSE = (others_hide, offset_by(1e-4), offset_by(1e-4, True))
+TESTS = (*COARSE, *(offset_by(eps, way) for eps in (1e-6, 1e-5, 1e-3) for way in (False, True)))
+"""Ways to test for shadows that are all right: the own object left out, or a start a little off the surface."""
+HABITS: tuple[Change, ...] = tuple(
+    both(*normal, *test)
+    for test in ((), *((tested(one),) for one in COARSE))
+    for normal in ((), (faced,), (normals(_made_unit),), (normals(_made_unit), faced))
+)[1:]
+"""What may be done in one way or another without harm, but shows where something else is wrong: normals turned to the
+eye, or made unit; how shadows are tested."""

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from raytwin.files import Rounding
-from raytwin.grade.catalogue import ACNE, FAULTS, OUTPUT, STAGES, Fault
+from raytwin.grade.catalogue import ACNE, FAULTS, HABITS, OUTPUT, STAGES, TESTS, Fault
 from raytwin.grade.fitted import FAMILIES, Family, fit, promising, total
 from raytwin.grade.predict import RIGHT, Array, Steps
 from raytwin.grade.sight import Sampled, Sight, View, many
@@ -27,7 +27,8 @@ EXPLAINED = 0.9
 """Share of the squared error below which no cause is named."""
 MATCHED = 0.5
 """Share of the wrong pixels below which no cause is named: its values have to be hit, not only come near."""
-SURE = 0.995
+SURE, WHOLE = 0.995, 0.999
+"""Shares of the squared error: of what leaves nothing, and of what does for proof in one scene alone."""
 FEW = 6
 """Wrong pixels below which nothing is named: rounding on outlines."""
 ALTERNATIVES = 4
@@ -39,6 +40,16 @@ SCREEN = 4
 FINALISTS = 24
 CLEAR = 0.1
 """Of the cost: what leaves less of it is looked at no further for numbers to be fitted."""
+CLOSE = 4
+"""Of the cost of the best: what costs more on few pixels is not tried on all."""
+TEMPTING = 10
+"""Faults that are tried with every habit."""
+EVEN = 5e-4
+"""Of the cost without any cause: differences that make no cause better than another."""
+TIED = 0.01
+"""Costs of one view that tell nothing apart."""
+SOME = 3
+"""Views, the most wrong ones, on which it is seen which numbers are worth fitting."""
 SPECKLED = 0.2
 """Share of right neighbours from which on wrong pixels are speckles."""
 HOPELESS = 0.97
@@ -155,7 +166,6 @@ def diagnose(
     for _ in range(most - 1):
         if not thorough or not found or _good(sights, found[0].steps):
             break
-        faults = _distinct(faults, small)
         for k, one in enumerate([g for g in found[:BEAM] if g.cost < HOPELESS * base.cost]):
             found += _round(one, sights, small, faults, () if k else families)
         found.sort(key=lambda g: g.cost + len(g.causes) * _price(base))
@@ -200,20 +210,24 @@ def _round(
     before: Guess, sights: list[Sight], small: list[Sight], faults: Sequence[Fault], families: Sequence[Family]
 ) -> list[Guess]:
     """All that may be added to a guess, the best first."""
-    tried = []
-    for fault in faults:
-        if any(cause.name == fault.name for cause in before.causes):
-            continue
-        cause = Cause(fault.name, fault.stage, fault.sentence)
-        tried += [Guess((*before.causes, cause), way(before.steps)) for way in fault.ways]
-    seen, unseen = _screened(before, tried, small)
-    exact = _finalists(seen, sights)
-    if unseen and not (exact and _good(sights, exact[0].steps)):
-        exact = _finalists([*seen, *(replace(g, cost=total(small, g.steps)) for g in unseen)], sights)
+    named = {cause.name for cause in before.causes}
+    ways = [(Cause(f.name, f.stage, f.sentence), way) for f in faults if f.name not in named for way in f.ways]
+    order = _order(small, before.steps)
+    tried = _screened([Guess((*before.causes, cause), way(before.steps)) for cause, way in ways], order)
+    best = {guess.causes[-1].name: guess for guess in reversed(tried)}
+    some = sorted(best.values(), key=lambda g: g.cost)[:TEMPTING]
+    tried += _screened([replace(g, steps=habit(g.steps), cost=np.inf) for g in some for habit in HABITS], order)
+    some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if g.steps.blocked in TESTS]
+    tried += _screened([replace(g, steps=g.steps._replace(blocked=t)) for g in some for t in TESTS], order, TEMPTING)
+    tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
+    exact = [_weighed(g, sights) for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
+    rank = {f.name: k for k, f in enumerate(faults)}
+    # Of causes that cost the same, the one that stands first in the catalogue.
+    exact.sort(key=lambda g: (round(g.cost / max(EVEN * before.cost, 1e-12)), rank[g.causes[-1].name], g.cost))
     if not families or (exact and exact[0].cost < CLEAR * before.cost and _good(sights, exact[0].steps)):
         return exact
     fitted = []
-    for family in promising(families, small, before.steps, FITS):
+    for family in promising(families, order[:SOME], before.steps, FITS):
         p, cost = fit(family, small, before.steps)
         if cost > 0.9 * before.cost:
             continue
@@ -225,43 +239,23 @@ def _round(
     return sorted((*exact, *fitted), key=lambda g: g.cost)
 
 
-def _screened(before: Guess, tried: list[Guess], small: list[Sight]) -> tuple[list[Guess], list[Guess]]:
-    """The guesses with their cost on every scene; and those that one scene rules out, since another guess leaves less
-    than half of that on all of them together: no scene's cost is negative.
-    """
-    base = total(small, before.steps)
-    first, *rest = sorted(small, key=lambda s: -s.cost(s.errors(before.steps)))
-    least = [first.cost(first.errors(g.steps)) / len(small) for g in tried]
-    seen, unseen, best = [], [], np.inf
-    for k in np.argsort(least, kind="stable"):
-        if best < CLEAR * base and least[k] > 2 * CLEAR * base:
-            unseen.append(tried[k])
-            continue
-        cost = least[k] + sum(s.cost(s.errors(tried[k].steps)) for s in rest) / len(small)
-        best = min(best, cost)
-        seen.append(replace(tried[k], cost=cost))
-    return seen, unseen
+def _screened(guesses: list[Guess], order: Sequence[Sight], least: int = FINALISTS) -> list[Guess]:
+    """Those that cost least, by one view after the other; a quarter is left each time, and what costs hardly more."""
+    sums = np.zeros(len(guesses))
+    for sight in order:
+        sums = sums + [total([sight], guess.steps) for guess in guesses]
+        few = max(least, len(guesses) // 4)
+        limit = np.sort(sums)[few - 1] if few < len(sums) else np.inf
+        kept = [int(k) for k in np.argsort(sums, kind="stable") if sums[k] <= limit + TIED]
+        guesses, sums = [guesses[k] for k in kept], sums[kept]
+    return [replace(guess, cost=cost / len(order)) for guess, cost in zip(guesses, sums.tolist(), strict=True)]
 
 
-def _finalists(screened: list[Guess], sights: Sequence[Sight]) -> list[Guess]:
-    """The best, by their cost at all pixels."""
-    chosen = sorted(screened, key=lambda g: g.cost)[:FINALISTS]
-    return sorted((_weighed(g, sights) for g in chosen), key=lambda g: g.cost)
-
-
-def _distinct(faults: Sequence[Fault], small: Sequence[Sight]) -> list[Fault]:
-    """The faults with the ways that show on these pictures, and of ways that show the same the first."""
-    right, kept = _print(small, RIGHT), []
-    for fault in faults:
-        found = {_print(small, way(RIGHT)): way for way in reversed(fault.ways)}
-        found.pop(right, None)
-        kept.append(replace(fault, ways=tuple(reversed(found.values()))))
-    return [fault for fault in kept if fault.ways]
-
-
-def _print(small: Sequence[Sight], steps: Steps) -> bytes:
-    """What tells predictions apart."""
-    return b"".join(np.float32(np.round(s.predict(steps) / s.scale, 5)).tobytes() for s in small)
+def _order(small: Sequence[Sight], before: Steps) -> list[Sight]:
+    """The one that is most wrong, then the one of another rung that is, then the others."""
+    worst = sorted(small, key=lambda s: -total([s], before))
+    second = next((s for s in worst if s.view.rung != worst[0].view.rung), worst[0])
+    return [worst[0], *([second] if second is not worst[0] else []), *(s for s in worst[1:] if s is not second)]
 
 
 def _from(family: Family, p: tuple[float, ...]) -> Family:
@@ -322,9 +316,12 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
         return Diagnosis(
             right=False, explained=max(share, 0.0), where=where, nearest=single.causes[0], light="; ".join(told)
         )
-    sureness: Sureness = "sure" if _good(sights, best.steps) else "likely"
     held = _held_out(best, sights, each)
     others = _as_good(best, found, sights)
+    alone = len(best.causes) == 1 and not others[0]
+    shown = share > WHOLE or (share > EXPLAINED and sum(bool(s.wrong.any()) for s in sights) > 1)
+    agreed = held is None or held > EXPLAINED
+    sureness: Sureness = "sure" if alone and shown and agreed and _good(sights, best.steps) else "likely"
     order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
     return Diagnosis(
         right=False,

@@ -1,63 +1,88 @@
 """Scenes that nobody has seen: drawn from a seed, and drawn again where a mistake could hide in them.
 
 A scene is blind to a transposed R where R is symmetric, to missing shadows where nothing is in shadow, to clipping
-where nothing exceeds 1, to a missing depth test where nothing is hidden, to lit backs where no sphere shows one.
+where nothing exceeds 1, to a missing depth test where nothing is hidden, to normals that are not turned to the eye
+where no plane is seen from behind, to hits behind the eye where nothing is there.
 """
 
 import msgspec
 import numpy as np
 
 from raytwin.errors import InputError
+from raytwin.grade.predict import RIGHT, Bench, meet
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.tracer import trace
 
-SIZE = (160, 120)
+SIZE = (120, 88)
 """Pixels."""
-LEAST = 0.01
+LEAST = 0.005
 """Of the pixels: what fewer show may be overlooked."""
 TRIES = 1000
+AROUND = (((0.0, -2.2, -0.3), 0.6), ((0.0, 2.6, 0.0), 0.8), ((0.0, 1.5, -2.6), 1.5))
+"""Large spheres far away, where rays of a wrong camera go: what they meet tells which way it is wrong."""
+GAP = 0.004
+"""Metres, between any two things: more than by what a shadow ray starts off its surface."""
 
 
 def draw_scene(seed: int, size: tuple[int, int] = SIZE, name: str = "") -> Scene:
-    """Three or four spheres on and above a floor, a lens with all five coefficients, sun and sky: blind to nothing."""
+    """Spheres on and above a floor, panels seen from both sides, things behind the eye, a lens with all coefficients.
+
+    Sun and sky have colours. Blind to nothing.
+    """
     rng = np.random.default_rng([seed, 7])
     for _ in range(TRIES):
         scene = _drawn(rng, size, name or f"drawn-{seed}")
-        half = msgspec.structs.replace(scene, camera=scene.camera.resized(size[0] // 2, size[1] // 2))
-        if not blind_to(half) and not blind_to(scene):  # the half tells most, in a quarter of the time
+        quarter = msgspec.structs.replace(scene, camera=scene.camera.resized(size[0] // 5, size[1] // 5))
+        if not blind_to(quarter, 0.7 * LEAST) and not blind_to(scene):
             return scene
     raise InputError("seed", "one that gives a scene", seed)
 
 
-def blind_to(scene: Scene) -> list[str]:
+def blind_to(scene: Scene, least: float = LEAST) -> list[str]:
     """The kinds of mistake that this scene would not show."""
-    if not _overlap(scene):  # the cheapest question first
-        return ["a missing depth test"]
-    lambert, shadow = trace(scene, "lambert"), trace(scene, "shadow")
-    surface = shadow.surface
-    assert surface is not None
+    v, u = np.indices((scene.camera.height, scene.camera.width), float).reshape(2, -1)
+    bench = Bench(scene, u, v)
+    rays, hits, terms = bench.rays(RIGHT), bench.hits(RIGHT), bench.terms(RIGHT)
+    count = len(scene.spheres)
+    ball, flat = (hits.ids >= 0) & (hits.ids < count), hits.ids >= count
+    facing, to = terms.cos > 0.05, np.broadcast_to(np.array(scene.sun.to_light)[:, None], hits.point.shape)
+    hides = np.array([np.isfinite(meet(hits.point, to, x, RIGHT)) for x in scene.objects])
+    hides &= facing & (np.arange(len(hides))[:, None] != hits.ids)
+    by_balls, by_planes = hides[:count].any(axis=0), hides[count:].any(axis=0)
+    own = np.array([x.normal if isinstance(x, Rectangle) else (0, 0, 0) for x in scene.objects]).T[:, hits.ids]
+    behind = np.array([np.isfinite(meet(rays.origin, -rays.d, x, RIGHT)) for x in scene.objects])
+    ahead = np.array([np.isfinite(meet(rays.origin, rays.d, x, RIGHT)) for x in scene.objects])
+    away = np.array([np.linalg.norm(np.subtract(x.center, scene.camera.eye)) for x in scene.objects])
+    painted = np.where(ahead, away[:, None], np.inf).argmin(axis=0)
     R = np.asarray(scene.camera.R_cam_board)
-    spheres = len(scene.spheres)
-    ids, light = surface.ids, np.asarray(scene.sun.to_light)
-    facing = (surface.normal @ light / np.linalg.norm(light))[surface.mask & (ids < spheres)]
-    dark = np.abs(lambert.mean - shadow.mean).max(axis=-1) > 0.05 * lambert.mean.max()
-    missing = {
-        "a transposed R": np.abs(R - R.T).max() < 0.3,
-        "missing shadows": dark.mean() < LEAST or dark[surface.mask & (ids < spheres)].mean() < LEAST,
-        "clipping": (shadow.mean > 1).any(axis=-1).mean() < LEAST,
-        "lit backs": (facing < 0).mean() < LEAST,
-        "an object": min((ids == i).mean() for i in range(len(scene.objects))) < LEAST / 2,
-        "the background": (ids < 0).mean() < LEAST,
+    lit = facing & ~by_balls & ~by_planes
+    shows = {
+        "shadows of spheres on spheres": ball & by_balls & ~by_planes,
+        "shadows of planes on spheres": ball & by_planes & ~by_balls,
+        "shadows of spheres on planes": flat & by_balls & ~by_planes,
+        "shadows of planes on planes": flat & by_planes & ~by_balls,
+        "clipping": (bench.radiance(RIGHT) > 1).any(axis=-1),
+        "lit backs": ball & (terms.cos < -0.05),
+        "a lit plane, seen from behind": flat & lit & ((own * rays.d).sum(axis=0) > 0.05),
+        "a plane's dark side": flat & (terms.cos < -0.05),
+        "light on spheres": ball & lit,
+        "the background": hits.ids < 0,
+        "spheres behind the eye": behind[:count].any(axis=0),
+        "planes behind the eye": behind[count:].any(axis=0),
+        "a plane before a sphere": flat & ahead[:count].any(axis=0),
+        "drawing by the centres' distance": (hits.ids >= 0) & (painted != hits.ids),
     }
-    return [name for name, holds in missing.items() if holds]
+    return [
+        *(["a missing depth test"] if not _overlap(list(scene.spheres), np.asarray(scene.camera.eye)) else []),
+        *(["a transposed R"] if np.abs(R - R.T).max() < 0.3 else []),
+        *(name for name, there in shows.items() if there.mean() < least),
+    ]
 
 
-def _overlap(scene: Scene) -> bool:
+def _overlap(spheres: list[Sphere], eye: np.ndarray) -> bool:
     """A sphere hides one that comes later in the list, and one that comes earlier: seen from the eye."""
-    eye = np.asarray(scene.camera.eye)
     found = set()
-    for i, a in enumerate(scene.spheres):
-        for j, b in enumerate(scene.spheres):
+    for i, a in enumerate(spheres):
+        for j, b in enumerate(spheres):
             to_a, to_b = np.subtract(a.center, eye), np.subtract(b.center, eye)
             da, db = np.linalg.norm(to_a), np.linalg.norm(to_b)
             apart = np.arccos(np.clip(to_a @ to_b / (da * db), -1, 1))
@@ -68,59 +93,117 @@ def _overlap(scene: Scene) -> bool:
 
 def _drawn(rng: np.random.Generator, size: tuple[int, int], name: str) -> Scene:
     width, height = size
-    f = width * rng.uniform(0.9, 1.2)
+    f = width * rng.uniform(0.9, 1.1)
     K = (
         (f, 0.0, width * rng.uniform(0.42, 0.47)),
         (0.0, f * rng.uniform(1.02, 1.06), height * rng.uniform(0.53, 0.58)),
     )
-    eye = np.array([rng.uniform(-0.3, 0.3), rng.uniform(-0.9, -0.7), rng.uniform(0.35, 0.6)])
+    eye = np.array([rng.uniform(-0.3, 0.3), rng.uniform(-0.9, -0.7), rng.uniform(0.4, 0.65)])
     R = _looking(eye, np.array([*rng.uniform(-0.05, 0.05, 2), rng.uniform(0.08, 0.16)]), rng.uniform(-0.3, 0.3))
-    t = -R @ eye
     camera = Camera(
         K=(*K, (0.0, 0.0, 1.0)),
         image_size=size,
-        dist=tuple((rng.uniform(0.7, 1.3, 5) * [-0.12, 0.04, 0.004, -0.003, 0.01]).tolist()),
+        dist=tuple((rng.uniform(0.7, 1.3, 5) * [-0.2, 0.07, 0.008, -0.006, 0.05]).tolist()),
         R_cam_board=(_three(R[0]), _three(R[1]), _three(R[2])),
-        t_cam_board=_three(t),
+        t_cam_board=_three(-R @ eye),
     )
-    angle, up = rng.uniform(0, 2 * np.pi), rng.uniform(0.7, 1.6)
-    to_light = np.array([np.cos(angle), np.sin(angle), up])
-    to_light /= np.linalg.norm(to_light)
+    angle, up = -np.pi / 2 + rng.choice([-1, 1]) * rng.uniform(0.5, 1.7), rng.uniform(0.7, 1.6)  # from the eye's side
+    to_light = _unit(np.array([np.cos(angle), np.sin(angle), up]))
     spheres = _spheres(rng, eye, to_light)
-    half = rng.uniform(0.28, 0.36, 2)
-    floor = Rectangle((0.0, 0.0, 0.0), (float(half[0]), 0.0, 0.0), (0.0, float(half[1]), 0.0), Lambert(_albedo(rng)))
-    sun, sky = Sun(_three(to_light), _three(rng.uniform(4.5, 7.0, 3))), Sky(_three(rng.uniform(0.08, 0.3, 3)))
-    return Scene(name, camera, (*spheres, floor), (sun, sky))
+    planes = _planes(rng, eye, to_light, spheres)
+    # Behind the eye, to be met by none of its rays.
+    for place, radius in ((eye - 0.5 * R[2], 0.13), *((np.array(p), r) for p, r in AROUND)):
+        ball = Sphere(_three(place + radius * rng.uniform(-0.3, 0.3, 3)), radius, _paint(rng))
+        spheres.insert(rng.integers(len(spheres) + 1), ball)
+    planes.append(_rectangle(rng, eye - 0.8 * R[2], _unit(R[2] + rng.uniform(-0.2, 0.2, 3)), 0.2, 0.3))
+    objects = [*spheres, *(planes[i] for i in rng.permutation(len(planes)))]
+    sun, sky = Sun(_three(to_light), _colour(rng, 4.5, 7.5)), Sky(_colour(rng, 0.08, 0.3))
+    return Scene(name, camera, tuple(objects), (sun, sky))
 
 
 def _spheres(rng: np.random.Generator, eye: np.ndarray, to_light: np.ndarray) -> list[Sphere]:
-    """One; another in its shadow; another before or behind it; perhaps a fourth anywhere. In any order."""
-    first = np.array([*rng.uniform(-0.08, 0.08, 2), rng.uniform(0.14, 0.2)])
-    view = (first - eye) / np.linalg.norm(first - eye)
-    centers = [first, first - rng.uniform(0.16, 0.2) * to_light + rng.uniform(-0.03, 0.03, 3)]
-    centers.append(first + rng.choice([-1, 1]) * rng.uniform(0.16, 0.2) * view + rng.uniform(-0.07, 0.07, 3))
-    if rng.random() < 0.5:
-        centers.append(np.array([*rng.uniform(-0.2, 0.2, 2), 0.1]))
-    rng.shuffle(centers)
-    radii = rng.uniform(0.05, 0.085, len(centers))
-    return [
-        Sphere((float(x), float(y), max(float(z), float(r) + 0.002)), float(r), Lambert(_albedo(rng)))
-        for (x, y, z), r in zip(centers, radii, strict=True)
-    ]
+    """One; another in its shadow; another before or behind it; perhaps a fourth. In any order, none touching."""
+    while True:
+        first = np.array([*rng.uniform(-0.08, 0.08, 2), rng.uniform(0.17, 0.23)])
+        centers = [first, first - rng.uniform(0.16, 0.2) * to_light + rng.uniform(-0.02, 0.02, 3)]
+        along = rng.choice([-1, 1]) * rng.uniform(0.16, 0.2) * _unit(first - eye)
+        centers.append(first + along + rng.uniform(-0.07, 0.07, 3))
+        if rng.random() < 0.4:
+            centers.append(np.array([*rng.uniform(-0.2, 0.2, 2), 0.1]))
+        rng.shuffle(centers)
+        radii = rng.uniform(0.05, 0.085, len(centers))
+        made = [
+            Sphere((float(x), float(y), max(float(z), float(r) + GAP)), float(r), _paint(rng))
+            for (x, y, z), r in zip(centers, radii, strict=True)
+        ]
+        close = (
+            np.linalg.norm(np.subtract(a.center, b.center)) < a.radius + b.radius + GAP
+            for i, a in enumerate(made) for b in made[:i]
+        )  # fmt: skip
+        if _overlap(made, eye) and not any(close):
+            return made
+
+
+def _planes(
+    rng: np.random.Generator, eye: np.ndarray, to_light: np.ndarray, spheres: list[Sphere]
+) -> list[Rectangle]:
+    """A floor; a panel between a sphere and the sun, whose back is seen and lit; one seen from its dark side,
+    before a sphere."""
+    floor = np.array([*rng.uniform(-0.03, 0.03, 2), 0.0])
+    made = [_rectangle(rng, floor, np.array([0.0, 0.0, 1.0]), 0.28, 0.36)]
+    while len(made) < 2:
+        place = np.array(spheres[rng.integers(len(spheres))].center) + rng.uniform(0.12, 0.25) * to_light
+        place = place + rng.uniform(-0.05, 0.05, 3)
+        normal = _unit(_unit(eye - place) + to_light + rng.uniform(-0.2, 0.2, 3))
+        made += _clear(_rectangle(rng, place, -normal, 0.05, 0.08), spheres)
+    while len(made) < 3:
+        place = np.array(spheres[rng.integers(len(spheres))].center)
+        to_eye = _unit(eye - place)
+        place = place + rng.uniform(0.12, 0.3) * to_eye + rng.uniform(-0.07, 0.07, 3)
+        normal = _unit(to_eye - (to_eye @ to_light + rng.uniform(0.3, 0.6)) * to_light) * rng.choice([-1, 1])
+        made += _clear(_rectangle(rng, place, normal, 0.04, 0.07), spheres)
+    return made
+
+
+def _clear(panel: Rectangle, spheres: list[Sphere]) -> list[Rectangle]:
+    """The panel, unless it touches the floor or a sphere."""
+    lowest = panel.center[2] - abs(panel.half_u[2]) - abs(panel.half_v[2])
+    for s in spheres:
+        away, near = np.subtract(s.center, panel.center), np.zeros(3)
+        for half in (np.array(panel.half_u), np.array(panel.half_v)):
+            near = near + np.clip(away @ half / (half @ half), -1, 1) * half
+        if np.linalg.norm(away - near) < s.radius + GAP:
+            return []
+    return [panel] if lowest > GAP else []
+
+
+def _rectangle(rng: np.random.Generator, center: np.ndarray, normal: np.ndarray, low: float, high: float) -> Rectangle:
+    """With this normal, half_u × half_v; its edges point anywhere."""
+    u = _unit(np.cross(normal, rng.normal(size=3)))
+    (a, b), v = rng.uniform(low, high, 2), np.cross(normal, u)
+    return Rectangle(_three(center), _three(a * u), _three(b * v), _paint(rng))
 
 
 def _looking(eye: np.ndarray, target: np.ndarray, roll: float) -> np.ndarray:
     """R_cam_board (3, 3) of a camera at `eye` that looks at `target`: rows are the camera's x, y, z in the board's."""
-    z = (target - eye) / np.linalg.norm(target - eye)
-    x = np.cross(z, [0.0, 0.0, 1.0])
-    x /= np.linalg.norm(x)
+    z = _unit(target - eye)
+    x = _unit(np.cross(z, [0.0, 0.0, 1.0]))
     y = np.cross(z, x)
     c, s = np.cos(roll), np.sin(roll)
     return np.stack([c * x + s * y, -s * x + c * y, z])
 
 
-def _albedo(rng: np.random.Generator) -> tuple[float, float, float]:
-    return _three(rng.uniform(0.35, 0.95, 3))
+def _paint(rng: np.random.Generator) -> Lambert:
+    return Lambert(_colour(rng, 0.3, 0.95))
+
+
+def _colour(rng: np.random.Generator, low: float, high: float) -> tuple[float, float, float]:
+    """Three values that differ by a fifth of the range at least."""
+    return _three(low + (high - low) * rng.permutation(np.array([0.0, 0.4, 0.8]) + rng.uniform(0, 0.2, 3)))
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    return np.asarray(v / np.linalg.norm(v))
 
 
 def _three(v: np.ndarray) -> tuple[float, float, float]:

@@ -63,13 +63,14 @@ class Steps(NamedTuple):
     undo: Callable[[Array, Array, Any], tuple[Array, Array]]
     ray: Callable[[Array, Array, Camera], Rays]
     camera: Callable[[Camera], Camera]
-    objects: Callable[[tuple[Shape, ...]], tuple[Shape, ...]]
+    objects: Callable[[tuple[Shape, ...], Camera], tuple[Shape, ...]]
     sphere: Callable[[Any, Any, Sphere], Any]
     rectangle: Callable[[Any, Any, Rectangle], Any]
     order: Callable[[Array, tuple[Shape, ...], Rays], Array]
     point: Callable[[Rays, Array], Array]
     normal: Callable[[Array, Rays, Shape], Array]
     light: Callable[[Array, Scene, Hits], Array]
+    shadows: Callable[[bool], bool]
     blocked: Callable[..., Array]
     shade: Callable[[Terms], Array]
     background: Callable[[Scene], Array]
@@ -161,13 +162,14 @@ RIGHT = Steps(
     undo=undistort,
     ray=direct_ray,
     camera=lambda camera: camera,
-    objects=lambda things: things,
+    objects=lambda things, camera: things,
     sphere=on_sphere,
     rectangle=on_rectangle,
     order=nearest,
     point=along,
     normal=outward,
     light=to_sun,
+    shadows=lambda asked: asked,
     blocked=hidden,
     shade=lambert,
     background=lambda scene: np.array(scene.sky.radiance),
@@ -226,7 +228,7 @@ class Bench:
             del self.kept[old]
 
     def things(self, steps: Steps) -> tuple[Shape, ...]:
-        return steps.objects(self.scene.objects)
+        return steps.objects(self.scene.objects, self.camera)
 
     def hits(self, steps: Steps) -> Hits:
         """What the eye's rays meet first, and its normal and albedo."""
@@ -251,12 +253,12 @@ class Bench:
         return self.kept[key]
 
     def terms(self, steps: Steps) -> Terms:
-        key = ("terms", *steps[:13])
+        key = ("terms", *steps[:14])
         if key not in self.kept:
             hits, sun = self.hits(steps), self.scene.sun
             to = steps.light(np.array(sun.to_light)[:, None], self.scene, hits)
             visible = np.ones(hits.t.shape)
-            if self.shadows and any(sun.irradiance):
+            if steps.shadows(self.shadows) and any(sun.irradiance):
                 visible = np.where(steps.blocked(hits, to, self.things(steps), steps), 0.0, 1.0)
             cos, E, sky = (hits.normal * to).sum(axis=0), sun.irradiance, self.scene.sky.radiance
             E3, sky3 = np.array(E)[:, None], np.array(sky)[:, None]
