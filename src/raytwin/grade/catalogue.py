@@ -6,7 +6,7 @@ rows of `fitted`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from math import pi
 from typing import Any
@@ -151,13 +151,20 @@ def fixed_point(steps: int, divide: bool) -> Change:
 
 
 def _iterated(
-    xd: Array, yd: Array, dist: Any, cross: float = 2, square: float = 2, after: bool = False, powers: Any = (1, 2, 3)
+    xd: Array,
+    yd: Array,
+    dist: Any,
+    cross: float = 2,
+    square: float = 2,
+    after: bool = False,
+    powers: Any = (1, 2, 3),
+    of_r: float = 1,
 ) -> tuple[Array, Array]:
     """The fixed-point iteration, to the end, of another lens; `powers`: of r²."""
     k1, k2, p1, p2, k3 = dist
     x, y = xd, yd
     for _ in range(60):
-        rr = x * x + y * y
+        rr = (x * x + y * y) ** of_r
         radial = 1 + k1 * rr ** powers[0] + k2 * rr ** powers[1] + k3 * rr ** powers[2]
         dx = cross * p1 * x * y + p2 * (rr + square * x * x)
         dy = p1 * (rr + square * y * y) + cross * p2 * x * y
@@ -276,7 +283,7 @@ CAMERAS = (
         *(put(undo=partial(_iterated, powers=powers)) for powers in ((1, 1, 1), (1, 2, 2), (1, 2, 4), (2, 4, 6)))),
     row("radius-for-its-square", CAMERA,
         "the distortion grows with r² (then r⁴, r⁶), where r² = x² + y²: you use r",
-        put(undo=_by_radius)),
+        put(undo=_by_radius), put(undo=partial(_iterated, of_r=0.5))),
     row("swapped-axes", CAMERA,
         "rows and columns are swapped: u counts columns (x), v counts rows (y), and the image is indexed [v, u]",
         at(lambda u, v, c: (v, u))),
@@ -382,6 +389,17 @@ def _no_root(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
     """The discriminant itself for its root."""
     D = 4 * fd**2 - 4 * c
     return D, (-2 * fd - D) / 2, (-2 * fd + D) / 2
+
+
+def _half_no_root(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
+    D = fd**2 - c
+    return D, -fd - D, -fd + D
+
+
+def _by_a(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
+    """a is left out of the discriminant, not of the division."""
+    D, near, far = quadratic()(fd, c, aa)
+    return D, near / aa, far / aa
 
 
 def _rooted(fd: Array, D: Array) -> tuple[Array, Array, Array]:
@@ -534,7 +552,7 @@ SOLVERS = (
     row("rays-not-unit", SOLVER,
         "your rays are not unit, but the quadratic leaves out a = d·d: make them unit, or keep a",
         both(long, put(sphere=solver(quadratic()))),
-        both(long, put(sphere=solver(quadratic(a=True)))),
+        both(long, put(sphere=solver(quadratic(a=True)))), both(long, put(sphere=solver(_by_a))),
         both(long, put(sphere=solver(lambda fd, c, aa: quadratic()(fd / np.sqrt(aa), c, aa))))),
     row("radius-not-squared", SOLVER,
         "the radius is not squared: c = f·f - r²",
@@ -550,7 +568,7 @@ SOLVERS = (
         "t = -b - √(b² - c)",
         *(put(sphere=solver(q)) for q in (
             quadratic(b=1), quadratic(b=1, half=1), quadratic(disc=1), quadratic(half=1), quadratic(b=1, disc=1),
-            quadratic(disc=2), quadratic(b=2, disc=1, half=1), quadratic(half=4), _no_root,
+            quadratic(disc=2), quadratic(b=2, disc=1, half=1), quadratic(half=4), _no_root, _half_no_root,
             quadratic(b=2, disc=-4), quadratic(b=4), quadratic(b=0.5)))),
     row("b-sign", SOLVER,
         "f points the wrong way in the quadratic: f goes from the sphere's centre to the ray's origin (o - c)",
@@ -564,8 +582,8 @@ SOLVERS = (
         put(sphere=lambda o, d, s: on_sphere(o, d, msgspec.structs.replace(s, center=_minus(s.center))))),
     row("t-too-near", SOLVER,
         "hits are thrown away unless t is large: the smallest t > 0 counts, however small",
-        *(put(sphere=partial(_beyond, solve=on_sphere, least=k), rectangle=partial(_beyond, solve=on_rectangle, least=k))
-          for k in (0.1, 0.5, 1.0)),
+        *(put(sphere=partial(_beyond, solve=on_sphere, least=k),
+              rectangle=partial(_beyond, solve=on_rectangle, least=k)) for k in (0.1, 0.5, 1.0)),
         *(put(sphere=partial(_beyond, solve=on_sphere, least=k)) for k in (0.1, 0.5, 1.0))),
     row("no-spheres", SOLVER, "no sphere is hit at all: the discriminant or the test t > 0 throws every hit away",
         put(sphere=nowhere)),
@@ -701,6 +719,7 @@ ORDERS = (
 
 # ------------------------------------------------------------------------------------------ normals
 
+
 def _of_plane(n: Array, thing: Shape) -> Array:
     """half_u × half_v, whichever side is seen."""
     return _fixed(n, thing.normal) if isinstance(thing, Rectangle) else n
@@ -768,8 +787,8 @@ NORMALS_ = (
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else _of_plane(n, thing)),
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else -_of_plane(n, thing))),
     row("plane-faces-light", NORMALS,
-        "planes are lit on both sides at once: their normal belongs to the side that the eye sees, and max(0, n·l) is 0 "
-        "where that is turned away from the sun",
+        "planes are lit on both sides at once: their normal belongs to the side that the eye sees, and max(0, n·l) is "
+        "0 where that is turned away from the sun",
         terms(lambda x: x._replace(cos=np.where(_on_plane(x), np.abs(x.cos), x.cos)))),
     row("plane-normal-up", NORMALS, "the planes' normals are taken for the board's z axis: they are half_u × half_v",
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else _fixed(n, (0.0, 0.0, 1.0))),
@@ -1196,7 +1215,9 @@ SHADOWS = (
         shadows(received_by(lambda thing: not is_sphere(thing)))),
     row("planes-receive-none", SHADOW, "no shadow falls on planes: test every surface, whatever its kind",
         shadows(received_by(is_sphere))),
-    row("shadow-own-kind", SHADOW, "a surface's own kind is left out of its shadow test: only its own object may be (spheres shadow spheres, planes planes)",
+    row("shadow-own-kind", SHADOW,
+        "a surface's own kind is left out of its shadow test: only its own object may be (spheres shadow spheres, "
+        "planes planes)",
         shadows(partial(_not_by_own_kind, kinds=(Sphere,))), shadows(partial(_not_by_own_kind, kinds=(Rectangle,))),
         shadows(partial(_not_by_own_kind, kinds=(Sphere, Rectangle)))),
     row("planes-cast-none", SHADOW, "planes cast no shadows: test shadow rays against planes too",

@@ -372,7 +372,7 @@ def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight]) -> list[t
             continue
         new = [cause for cause in guess.causes if cause.name not in names]
         gone = [k for k, name in enumerate(names) if name not in {cause.name for cause in guess.causes}]
-        if len(new) != 1 or len(gone) != 1 or _is_fitted(new[0]) != _is_fitted(best.causes[gone[0]]):
+        if len(new) != 1 or len(gone) != 1 or _numbers(new[0]) != _numbers(best.causes[gone[0]]):
             continue
         if guess.cost < 1.25 * best.cost or all(
             _same(s, a, s.predict(guess.steps)) for s, a in zip(sights, own, strict=True)
@@ -381,8 +381,9 @@ def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight]) -> list[t
     return [tuple(list(found.values())[:ALTERNATIVES]) for found in others]
 
 
-def _is_fitted(cause: Cause) -> bool:
-    return any(cause.name == family.name for family in FAMILIES)
+def _numbers(cause: Cause) -> int:
+    """So many are fitted: of two that explain as well, the one with fewer stands."""
+    return next((len(family.start) for family in FAMILIES if family.name == cause.name), 0)
 
 
 def _same(sight: Sight, a: Array, b: Array) -> bool:

@@ -4,12 +4,14 @@ A tracer that is right starts its shadow rays somewhere between 1e-6 and 1e-3 m 
 single precision. What that changes is no mistake.
 """
 
+from functools import partial
+
 import numpy as np
 
 from raytwin.grade.catalogue import at, offset_by, put
 from raytwin.grade.predict import RIGHT, Array, Bench, Change
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene
+from raytwin.scene import Camera, Scene
 
 FEW = 0.02
 """Of the pixels: where more are off, it is not by such differences."""
@@ -17,9 +19,15 @@ ASIDE = 1e-3
 """Pixels: by which rays miss the centre in single precision."""
 VISIBLE = 1e-6
 """Of the largest radiance."""
+
+
+def _aside(u: Array, v: Array, camera: Camera, x: float, y: float) -> tuple[Array, Array]:
+    return u + x, v + y
+
+
 VARIATIONS: tuple[Change, ...] = (
     *(put(blocked=offset_by(eps, along_light)) for eps in (1e-3, 3e-4, 1e-4, 1e-5) for along_light in (False, True)),
-    *(at(lambda u, v, c, x=x, y=y: (u + x, v + y)) for x in (-ASIDE, ASIDE) for y in (-ASIDE, ASIDE)),
+    *(at(partial(_aside, x=x, y=y)) for x in (-ASIDE, ASIDE) for y in (-ASIDE, ASIDE)),
 )  # fmt: skip
 
 

@@ -144,9 +144,7 @@ def _spheres(rng: np.random.Generator, eye: np.ndarray, to_light: np.ndarray) ->
             return made
 
 
-def _planes(
-    rng: np.random.Generator, eye: np.ndarray, to_light: np.ndarray, spheres: list[Sphere]
-) -> list[Rectangle]:
+def _planes(rng: np.random.Generator, eye: np.ndarray, to_light: np.ndarray, spheres: list[Sphere]) -> list[Rectangle]:
     """A floor; a panel between a sphere and the sun, whose back is seen and lit; one seen from its dark side,
     before a sphere."""
     floor = np.array([*rng.uniform(-0.03, 0.03, 2), 0.0])
