@@ -81,7 +81,7 @@ def test_every_fault_shows_on_drawn_scenes_but_for_those_that_a_stage_alone_show
             assert any(shows), f.name
 
 
-@pytest.mark.parametrize("name", ["half-pixel", "spheres-receive-none"])
+@pytest.mark.parametrize("name", ["half-pixel", "sky-missing"])
 def test_a_fault_that_is_planted_alone_is_named_for_sure(name):
     made = diagnose(views([planted(fault(name).ways[0], scene) for scene in SCENES]))
     assert names(made) == [name]
