@@ -253,6 +253,20 @@ def test_a_poses_sigma_is_how_far_poses_lie_off():
     assert 0.6 < np.sqrt(np.mean(np.square(places))) < 1.4
 
 
+def test_a_poses_sigma_counts_the_tags_that_it_rests_on_and_no_others():
+    _, _, tags = views(count=8)
+    seen_there = tags["view_02"]
+    stray = msgspec.structs.replace(seen_there[0], id=500)
+    seen_there[5] = moved(seen_there[5], np.array(seen_there[5].center) + 40)
+    found = calibrate_detections(tags | {"view_02": [*seen_there, stray]}, SIZE, SMALL, "k1k2")
+    report = pose_of_photo(found, "view_02", SMALL)
+    assert report.outliers == (seen_there[5].id,)
+    points = SMALL.points(t.id for t in seen_there if t is not seen_there[5])
+    assert (report.sigma_degrees, report.sigma_metres) == pose_deviation(
+        found, points, report.refined.R, report.refined.t
+    )
+
+
 # ---------------------------------------------------------------------------------- the board's own shape
 
 
