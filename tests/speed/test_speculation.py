@@ -160,3 +160,5 @@ def test_an_ellipse_is_as_wide_as_the_smaller_singular_value_of_its_picture(sing
     expected = 2 * np.linalg.svd(picture @ axes.transpose(0, 2, 1), compute_uv=False)[:, 1]
     np.testing.assert_allclose(_width(place, axes, local), expected, rtol=1e-3)
     assert np.isinf(_width(-place, axes, local)).all()
+    bent = msgspec.structs.replace(local, camera=msgspec.structs.replace(camera, dist=(-0.1,)))
+    np.testing.assert_allclose(_width(place, axes, bent), expected / 2, rtol=1e-3)  # as narrow as a lens may make it

@@ -74,3 +74,10 @@ def test_the_area_shrinks_to_the_centre_and_the_parts_are_those_of_the_same_samp
     np.testing.assert_array_equal(centre.mean[lost], exact.mean[lost])
     np.testing.assert_array_equal(centre.surface.ids, exact.surface.ids)
     assert speed.walk(TWO, samples=1, surface=False).surface is None
+
+
+def test_the_sky_at_the_centres_of_few_objects_has_a_closed_form_and_so_no_noise():
+    found = speed.walk(TWO, "sky", "numpy64", sampling="center", samples=2, seed=3)
+    assert found.variance.max() < 1e-12
+    further = speed.walk(TWO, "path", "numpy64", sampling="center", samples=2, seed=3, depth=3)
+    assert further.variance.max() > 1e-6

@@ -115,6 +115,17 @@ def quantised(image: Image) -> Image:
     return replace(image, mean=from_bytes(to_bytes(np.clip(image.mean, 0, 1))))
 
 
+def half_steps(name: str, test: Image, reference: Image) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """What a kind's formats round off, as `diff` finds it out of the files."""
+    from raytwin.files.rounding import half_code
+
+    sides = EIGHT_BITS.get(name, (False, False))
+    test_half, reference_half = (
+        half_code(i.mean, 255) if coded else None for i, coded in zip((test, reference), sides, strict=True)
+    )
+    return test_half, reference_half
+
+
 def untold(image: Image, samples: int = 0) -> Image:
     """Without its variance, and with another count of samples (0: not told)."""
     return replace(image, variance=None, samples=samples, batches=None)
@@ -165,6 +176,9 @@ def same_numbers(rng: np.random.Generator, truth: np.ndarray, fault=1.0) -> Pair
 _USUAL = pair({}, {"samples": 4096})
 _EXPONENTIAL = {"kind": "exp", "sd": 1.0}
 _RARE = {"p": 1e-4, "size": 1000.0, "proportional": True}
+
+EIGHT_BITS = {"8 bits on both sides": (True, True), "8 bits of 1024 samples": (True, False)}
+"""Which sides of a kind are kept in bytes."""
 
 KINDS: dict[str, Maker] = {
     "Gaussian against a reference": _USUAL,

@@ -19,8 +19,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin.bench.noises import KINDS, lognormal, pair, picture
-from raytwin.compare import compare
+from raytwin.bench.noises import KINDS, Maker, half_steps, lognormal, pair, picture
+from raytwin.compare import Comparison, compare
 from raytwin.compare.words import percent
 from raytwin.files import read_scene
 from raytwin.image import Image
@@ -209,13 +209,15 @@ def noise_table(count: int = 500, shape: tuple[int, int] = (48, 64), rate: float
     rows: list[dict[str, object]] = []
     for name, make in KINDS.items():
         rng = np.random.default_rng([20_000, *name.encode()])
-        found = [compare(*make(rng, truth), false_alarm_rate=rate) for _ in range(count)]
+
+        def judged(fault: float, name: str = name, make: Maker = make, rng: np.random.Generator = rng) -> Comparison:
+            pair = make(rng, truth, fault)
+            return compare(*pair, false_alarm_rate=rate, half_steps=half_steps(name, *pair))
+
+        found = [judged(1.0) for _ in range(count)]
         biases = [b for c in found if (b := c.statistics.minimum_detectable_bias) is not None]
         few = max(count // 10, 1)
-        seen = {
-            f: sum(compare(*make(rng, truth, f), false_alarm_rate=rate).verdict == "fail" for _ in range(few)) / few
-            for f in (1.01, 1.03)
-        }
+        seen = {f: sum(judged(f).verdict == "fail" for _ in range(few)) / few for f in (1.01, 1.03)}
         row = _counted(name, count, sum(c.verdict == "fail" for c in found))
         undecided = sum(c.verdict == "undecided" for c in found)
         rows.append(row | {"undecided": undecided, "detectable": float(np.median(biases or [np.nan])), "seen": seen})
