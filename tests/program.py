@@ -2,12 +2,13 @@
 
 import contextlib
 import io
+import json
 import os
 import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from raytwin.cli import main
@@ -79,3 +80,26 @@ def refused(run: Done, *parts: str) -> None:
     assert not run.stdout
     for part in parts:
         assert part in run.stderr
+
+
+# A module that runs several commands in one process, which imports once, and tells exit codes and what they print.
+CHAIN = """
+import contextlib, io, json, sys
+from raytwin.cli import main
+told = []
+for words in json.loads(sys.argv[1]):
+    sys.argv[1:] = words
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        try:
+            main()
+        except SystemExit as ended:
+            told.append((ended.code, out.getvalue()))
+print(json.dumps(told))
+"""
+
+
+def check_chain(steps: Sequence[tuple[str, int, str]], run: Callable[[str], str]) -> None:
+    """Each step: a command, its exit code, and what it prints, among other things. `run(words)`: CHAIN's answer."""
+    done = json.loads(run(json.dumps([command.split() for command, _, _ in steps])))
+    for (command, code, part), (found, told) in zip(steps, done, strict=True):
+        assert (found, part in told) == (code, True), f"{command}: {found}\n{told}"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from program import CHAIN, check_chain
 
 from raytwin import files
 from raytwin.image import Image
@@ -50,6 +51,7 @@ def run(tmp_path, request):
     a = np.random.default_rng(1).random((20, 30, 3)).astype(np.float32)
     for name, image in (("a", a), ("b", 1.5 * a)):
         files.write_exr(tmp_path / f"{name}.exr", Image(image))
+    (tmp_path / "chain.py").write_text(CHAIN)
     (tmp_path / "spheres.py").write_text("def intersect_sphere(o, d, c, r):\n    return o[:, 0] * 0\n")
     (tmp_path / "rubric.toml").write_text('title = "t"\n[[exercises]]\nstage = "intersect_sphere"\npoints = 1\n')
     (tmp_path / "test_mine.py").write_text(
@@ -61,12 +63,16 @@ def run(tmp_path, request):
 
 
 def light_journeys(run, **without) -> None:
-    run("raytwin", "diff", "a.exr", "a.exr", "--json", "a.json", "-o", "out", **without)
-    run("raytwin", "diff", "a.exr", "b.exr", "--junit", "b.xml", code=1, **without)
-    assert "single/lambert" in run("raytwin", "reference", "show", "single", **without).stdout
-    assert "desk" in run("raytwin", "scenes", **without).stdout
-    graded = run("raytwin", "grade", "spheres.py", "--rubric", "rubric.toml", "-o", "grades", **without).stdout
-    assert "1 graded; report: grades" in graded
+    steps = (
+        ("diff a.exr a.exr --json a.json -o out", 0, "report: out/report.html"),
+        ("diff a.exr b.exr --junit b.xml", 1, "FAIL"),
+        ("reference show single", 0, "single/lambert"),
+        ("scenes", 0, "desk"),
+        ("export single --json", 0, '"width": 640'),
+        ("grade starter -o tracer.py", 0, "tracer.py"),
+        ("grade spheres.py --rubric rubric.toml -o grades", 0, "1 graded; report: grades"),
+    )
+    check_chain(steps, lambda words: run("chain", words, **without).stdout)
     assert "1 passed" in run("pytest", "-q", "-p", "no:cacheprovider", "test_mine.py", **without).stdout
 
 

@@ -16,27 +16,13 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from program import CHAIN, check_chain
 
 ROOT = Path(__file__).resolve().parent.parent
 MOST_BYTES = 12.5e6
 """Of the wheel: references 7.2 MB, scenes 4.4 MB, code 0.4 MB."""
 
 pytestmark = pytest.mark.slow
-
-# Several commands in one process, which imports once: told are their exit codes and what they print.
-CHAIN = """
-import contextlib, io, json, sys
-from raytwin.cli import main
-told = []
-for words in json.loads(sys.argv[1]):
-    sys.argv[1:] = words
-    with contextlib.redirect_stdout(io.StringIO()) as out:
-        try:
-            main()
-        except SystemExit as ended:
-            told.append((ended.code, out.getvalue()))
-print(json.dumps(told))
-"""
 
 
 def clean_environment(home: Path) -> dict[str, str]:
@@ -93,10 +79,7 @@ def installed(built, tmp_path_factory):
             child.stdout.close()
 
     def chain(*steps: tuple[str, int, str]) -> None:
-        """Each step: a command, its exit code, and what it prints, among other things."""
-        done = json.loads(run("chain", json.dumps([command.split() for command, _, _ in steps])))
-        for (command, code, part), (found, told) in zip(steps, done, strict=True):
-            assert (found, part in told) == (code, True), f"{command}: {found}\n{told}"
+        check_chain(steps, lambda words: run("chain", words))
 
     run.folder, run.started, run.chain = empty, started, chain
     return run
