@@ -13,7 +13,7 @@ from collections.abc import Callable
 from math import pi
 from typing import Any
 
-from raytwin.tracer.arrays import Vec, cos, dot, maximum, repeat, select, sin, sqrt, unit
+from raytwin.tracer.arrays import Vec, cos, dot, maximum, repeat, select, sin, sqrt
 from raytwin.tracer.hit import Gloss, Hit, World
 from raytwin.tracer.light import Lighting, reflectance
 
@@ -35,7 +35,7 @@ def follow(
     def bounce(k: Any, *state: Any) -> tuple[Any, ...]:
         """At one surface, the first for k = 0; and along a random ray to the next."""
         here, found = unpacked(state[:-values]), state[-values:]
-        d = unit(about(here.normal, *draw(k + 1)))  # or rounding would grow by t/r from surface to surface
+        d = to_unit(about(here.normal, *draw(k + 1)))
         there, onto = world.onward(here, d), reflectance(here, d)
         met = there.ids >= 0
         dark = met | known & (k == 0) if even else met
@@ -91,6 +91,15 @@ def drawn_sky(hit: Hit, light: Lighting, world: World, a: Any, b: Any) -> Vec:
     cosine = maximum(dot(hit.normal, d), 0.0) * (1 / pi)
     share = select((cosine > 0) & ~world.blocked(hit, d), cosine / (p + cosine), 0.0)
     return tuple(share * r * L for r, L in zip(reflectance(hit, d), light.around.radiance(d), strict=True))
+
+
+def to_unit(d: Vec) -> Vec:
+    """d (3 - d·d) / 2: of nearly unit length made unit, as far as floats tell, by one of Newton's steps.
+
+    Or the length's error, which is the normal's, would grow by t/r from sphere to sphere.
+    """
+    scale = 1.5 - 0.5 * dot(d, d)
+    return d[0] * scale, d[1] * scale, d[2] * scale
 
 
 def about(normal: Vec, a: Any, b: Any) -> Vec:
