@@ -12,6 +12,7 @@ from raytwin.compare.scale import scale_of
 from raytwin.image import Image, Surface
 from raytwin.jobs.diff import Diff
 from raytwin.report import numbers
+from raytwin.report.parts import Small, small_pictures
 from raytwin.scene import Tolerance
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ class PairView:
 
     `report` is None where nothing was judged; `tolerance` where something else than it decided: `held_to` says what
     did. `about` is a word and the name it introduces (rung, shadow). `objects` names `surface.ids` from 0 on.
-    `metrics` are further ones: name, value, formula.
+    `metrics` are further ones: name, value, formula. `parts`: pictures of the ledger's.
     """
 
     title: str
@@ -74,6 +75,7 @@ class PairView:
     settings: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     metrics: tuple[tuple[str, float | None, str], ...] = ()
+    parts: dict[str, Small] = field(default_factory=dict)
 
     @property
     def comparison(self) -> Comparison | None:
@@ -145,6 +147,7 @@ def view_of(result: "Result") -> PairView:
         times=result.times,
         settings=result.settings,
         versions=result.versions,
+        parts=small_pictures(result.ledger),
         tiles=(
             silhouette_tile(c, tolerance),
             Tile(
