@@ -535,7 +535,7 @@ def test_a_page_at_play_keeps_no_memory(chromium, live, base):
         at = middle_of(base.scene.with_camera(base.camera.resized(*size)), "sphere 1")
         rows = []
         for part in range(13 if PLAY else 4):
-            felt = drag(shown.page, at, PLAY / 12 if PLAY else 0.6) if part else []
+            felt = drag(shown.page, at, PLAY / 12 if PLAY else 0.3) if part else []
             rows.append({**held(shown.page), **(memory(pid) if pid else {})})
             print(rows[-1], *felt, sep="; ")
         shown.context.close()

@@ -5,12 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from browser import barriers_of
 from typer.testing import CliRunner
 
 from raytwin import report, stability
 from raytwin.cli import app
 from raytwin.errors import InputError
+from raytwin.report.atlas import colours
 from raytwin.report.atlas import fate as fate_of
 from raytwin.stability import EXPERIMENTS, Curve, Experiment, Found, digits
 from raytwin.stability.experiment import breaks_at, predicted, run
@@ -134,9 +134,13 @@ def test_the_page_stands_alone_and_shows_every_experiment_its_reason_and_its_sou
             assert method in page
 
 
-def test_axe_core_finds_nothing_serious(two, chromium, tmp_path):
-    report.write_atlas(two, tmp_path)
-    assert barriers_of(chromium, tmp_path / "atlas.html") == []
+def test_numbers_are_legible_on_their_colour():
+    """WCAG's contrast (l + 0.05) / (d + 0.05) of luminances is at least 4.5."""
+    for left in np.arange(0, 16.1, 0.1):
+        pair = [[int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)] for colour in colours(left)]
+        linear = [[c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in rgb] for rgb in pair]
+        dark, light = sorted(float(np.dot(rgb, (0.2126, 0.7152, 0.0722))) for rgb in linear)
+        assert (light + 0.05) / (dark + 0.05) >= 4.5, left
 
 
 def test_a_refusal_is_shown_as_one_and_breaks_no_bound():
