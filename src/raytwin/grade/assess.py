@@ -358,10 +358,10 @@ def _stage(exercise: Exercise, asked: list[_Asked]) -> Marked:
     )
 
 
-def _cause(held: list[_Held], seed: int) -> Diagnosis | None:
+def _cause(held: list[_Held], seed: int, most: int = 2) -> Diagnosis | None:
     """Of pictures together, those that are right included: None where nothing is wrong, or there are no numbers."""
     views = [h.view for h in held if h.view is not None]
-    return diagnose(views, seed) if any(h.view is not None and not h.part.passed for h in held) else None
+    return diagnose(views, seed, most=most) if any(h.view is not None and not h.part.passed for h in held) else None
 
 
 def _pictures(
@@ -374,7 +374,7 @@ def _pictures(
     if any(not h.part.passed and h.view is not None for h in held):
         found = together
         if together is not None and not together.causes:
-            found = _cause(held, seed)
+            found = _cause(held, seed, most=1)
             # What other pictures speak against is not sure.
             found = found and replace(found, sureness="likely" if found.causes else "unknown")
     if found is not None:

@@ -387,13 +387,13 @@ def _least_magnitude(near: Array, far: Array) -> Array:
 
 def _no_root(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
     """The discriminant itself for its root."""
-    D = 4 * fd**2 - 4 * c
-    return D, (-2 * fd - D) / 2, (-2 * fd + D) / 2
+    D = 4 * fd**2 - 4 * aa * c
+    return D, (-2 * fd - D) / (2 * aa), (-2 * fd + D) / (2 * aa)
 
 
 def _half_no_root(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
-    D = fd**2 - c
-    return D, -fd - D, -fd + D
+    D = fd**2 - aa * c
+    return D, (-fd - D) / aa, (-fd + D) / aa
 
 
 def _by_a(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
@@ -569,7 +569,8 @@ SOLVERS = (
         *(put(sphere=solver(q)) for q in (
             quadratic(b=1), quadratic(b=1, half=1), quadratic(disc=1), quadratic(half=1), quadratic(b=1, disc=1),
             quadratic(disc=2), quadratic(b=2, disc=1, half=1), quadratic(half=4), _no_root, _half_no_root,
-            quadratic(b=2, disc=-4), quadratic(b=4), quadratic(b=0.5)))),
+            quadratic(b=2, disc=-4), quadratic(b=4), quadratic(b=0.5))),
+        *(both(long, put(sphere=solver(q))) for q in (_no_root, _half_no_root))),
     row("b-sign", SOLVER,
         "f points the wrong way in the quadratic: f goes from the sphere's centre to the ray's origin (o - c)",
         put(sphere=solver(quadratic(b=-2)))),
@@ -1053,7 +1054,7 @@ LIGHTS = (
         sky_times(lambda x: np.where(x.cos > 0, 1.0, 0.0))),
     row("sky-by-height", LIGHT, "the sky's light is weighed by the normal: here it is albedo Lₛ whatever way it faces",
         sky_times(_up), sky_times(lambda x: np.maximum(x.hits.normal[2], 0)),
-        sky_times(lambda x: np.maximum(x.cos, 0))),
+        sky_times(lambda x: np.maximum(x.cos, 0)), sky_times(lambda x: x.visible * np.maximum(x.cos, 0))),
 )  # fmt: skip
 
 

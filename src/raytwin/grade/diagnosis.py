@@ -216,7 +216,8 @@ def _round(
     tried = _screened([Guess((*before.causes, cause), way(before.steps)) for cause, way in ways], order)
     best = {guess.causes[-1].name: guess for guess in reversed(tried)}
     some = sorted(best.values(), key=lambda g: g.cost)[:TEMPTING]
-    tried += _screened([replace(g, steps=habit(g.steps), cost=np.inf) for g in some for habit in HABITS], order)
+    habits = HABITS if not before.causes else ()  # a second fault is added to what the first one's way has shown
+    tried += _screened([replace(g, steps=habit(g.steps), cost=np.inf) for g in some for habit in habits], order)
     some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if g.steps.blocked in TESTS]
     tried += _screened([replace(g, steps=g.steps._replace(blocked=t)) for g in some for t in TESTS], order, TEMPTING)
     tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
