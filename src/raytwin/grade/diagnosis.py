@@ -122,12 +122,16 @@ def _percent(x: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """What is tried: causes that are made one after the other, the steps that come of them, and their cost."""
+    """What is tried: causes that are made one after the other, the steps that come of them, and their cost.
+
+    `typical`: each cause in the first of its ways.
+    """
 
     causes: tuple[Cause, ...]
     steps: Steps
     cost: float = np.inf
     refit: Callable[[Sequence[Sight]], Steps] | None = None
+    typical: bool = True
 
 
 PLAIN = tuple(
@@ -211,9 +215,12 @@ def _round(
 ) -> list[Guess]:
     """All that may be added to a guess, the best first."""
     named = {cause.name for cause in before.causes}
-    ways = [(Cause(f.name, f.stage, f.sentence), way) for f in faults if f.name not in named for way in f.ways]
+    ways = [
+        Guess((*before.causes, Cause(f.name, f.stage, f.sentence)), way(before.steps), typical=before.typical and not k)
+        for f in faults if f.name not in named for k, way in enumerate(f.ways)
+    ]  # fmt: skip
     order = _order(small, before.steps)
-    tried = _screened([Guess((*before.causes, cause), way(before.steps)) for cause, way in ways], order)
+    tried = _screened(ways, order)
     best = {guess.causes[-1].name: guess for guess in reversed(tried)}
     some = sorted(best.values(), key=lambda g: g.cost)[:TEMPTING]
     habits = HABITS if not before.causes else ()  # a second fault is added to what the first one's way has shown
@@ -369,8 +376,8 @@ def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight]) -> list[t
     names = [cause.name for cause in best.causes]
     others: list[dict[str, Cause]] = [{} for _ in names]
     for guess in found:
-        if len(guess.causes) != len(names):
-            continue
+        if len(guess.causes) != len(names) or (best.typical and not guess.typical):
+            continue  # an offset of a metre casts no shadows, either: that is no reason to speak of offsets
         new = [cause for cause in guess.causes if cause.name not in names]
         gone = [k for k, name in enumerate(names) if name not in {cause.name for cause in guess.causes}]
         if len(new) != 1 or len(gone) != 1 or _numbers(new[0]) != _numbers(best.causes[gone[0]]):

@@ -114,9 +114,13 @@ def _drawn(rng: np.random.Generator, size: tuple[int, int], name: str) -> Scene:
     # Behind the eye, to be met by none of its rays.
     for place, radius in ((eye - 0.5 * R[2], 0.13), *((np.array(p), r) for p, r in AROUND)):
         ball = Sphere(_three(place + radius * rng.uniform(-0.3, 0.3, 3)), radius, _paint(rng))
-        spheres.insert(rng.integers(len(spheres) + 1), ball)
-    planes.append(_rectangle(rng, eye - 0.8 * R[2], _unit(R[2] + rng.uniform(-0.2, 0.2, 3)), 0.2, 0.3))
-    objects = [*spheres, *(planes[i] for i in rng.permutation(len(planes)))]
+        spheres.insert(rng.integers(1, len(spheres)), ball)
+    floor, *panels = planes
+    wall = _rectangle(rng, eye - 0.8 * R[2], _unit(R[2] + rng.uniform(-0.2, 0.2, 3)), 0.2, 0.3)
+    # First and last of each kind stand what casts shadows and is seen: loops that miss an end show.
+    one, other = rng.permutation(2)
+    middle = [floor, wall] if rng.random() < 0.5 else [wall, floor]
+    objects = [*spheres, panels[one], *middle, panels[other]]
     sun, sky = Sun(_three(to_light), _colour(rng, 4.5, 7.5)), Sky(_colour(rng, 0.08, 0.3))
     return Scene(name, camera, tuple(objects), (sun, sky))
 
