@@ -4,16 +4,12 @@ The map is what `scene.Environment` says: bilinear between the centres of its te
 and v (down). A row of texels fills the solid angle between two heights z.
 """
 
-from functools import lru_cache
 from math import pi
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from raytwin.scene import Environment
+from raytwin.scene.tabulated import tabulate
 from raytwin.tracer.arrays import Vec, arctan2, cos, dot, floats, maximum, minimum, select, sin, sqrt, take, whole
-
-REC_709 = np.array((0.2126, 0.7152, 0.0722))
 
 
 class Around(NamedTuple):
@@ -93,12 +89,6 @@ def polynomials(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
     return 0 * x + 1, x, y, z, x * y, y * z, x * z, x * x - y * y, 3 * z * z - 1
 
 
-SQUARES = np.array([1, *[1 / 3] * 3, *[1 / 15] * 3, 4 / 15, 4 / 5])
-"""Their squares' means over the sphere."""
-TRANSFER = np.array([1, *[2 / 3] * 3, *[1 / 4] * 5])
-"""Â_l / π."""
-
-
 def _interval(ends: Any, first: Any, count: int, x: Any) -> tuple[Any, Any]:
     """(k, how far into it): the last k < count with ends[first + k] <= x, by halving; ends[first] is 0."""
     k, step = 0 * first, 1 << (count - 1).bit_length()
@@ -110,62 +100,11 @@ def _interval(ends: Any, first: Any, count: int, x: Any) -> tuple[Any, Any]:
     return k, minimum((x - low) / maximum(high - low, 1e-30), 1 - 2.0**-24)
 
 
-@lru_cache(maxsize=4)
-def _tables(size: tuple[int, int], texels: bytes) -> Around:
-    """All that does not depend on which way the map is turned."""
-    w, h = size
-    light = np.asarray(Environment(size, texels).radiance, float)
-    edges = np.cos(np.linspace(0, pi, h + 1))
-    steradians = (edges[:-1] - edges[1:])[:, None] * (2 * pi / w)
-    # The mean over a texel of what lies bilinearly between centres: not 0 where any of it is not.
-    mean = light @ REC_709
-    mean = (np.roll(mean, 1, 1) + 6 * mean + np.roll(mean, -1, 1)) / 8
-    padded = np.pad(mean, ((1, 1), (0, 0)), "edge")
-    share = ((padded[:-2] + 6 * mean + padded[2:]) / 8 + (0 if mean.any() else 1)) * steradians
-    share /= share.sum()
-    of_row = share.sum(axis=1)
-    rows = np.concatenate([[0], np.cumsum(of_row)])
-    within = np.cumsum(share / np.where(of_row > 0, of_row, 1)[:, None], axis=1)
-    columns = np.concatenate([np.zeros((h, 1)), within], axis=1).ravel()
-    axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    r, g, b = (tuple(c) for c in _harmonics(light).tolist())
-    red, green, blue = (light[..., c].ravel() for c in range(3))
-    return Around(size, (red, green, blue), axes, rows, columns, edges, (share / steradians).ravel(), (r, g, b))
-
-
 def around(environment: Environment) -> Around:
-    """Its tables, made once a map."""
+    """What rays ask of it: its tables, and its axes."""
     x, y, z = environment.R_map_board
-    return _tables(environment.size, environment.texels)._replace(axes=(x, y, z))
-
-
-def _harmonics(light: np.ndarray) -> np.ndarray:
-    """(3, 9): the factors of `even`'s polynomials for a map (h, w, 3), Â_l / π times the map's mean with each over that
-    polynomial's mean square; exact for what lies bilinearly between centres.
-
-    A hat of a column's width 2π/w about its centre a has ∫ hat cos(m φ) = 2π/w sinc²(m π/w) cos(m a); down the rows
-    Gauss's rule with 8 points in each half texel is exact to rounding.
-    """
-    h, w = light.shape[:2]
-    turn = (2 * (np.arange(w) + 0.5) / w - 1) * pi
-    narrow = [np.sinc(m / w) ** 2 / w for m in range(3)]
-    c, s, c2, s2 = np.cos(turn), np.sin(turn), np.cos(2 * turn), np.sin(2 * turn)
-    nodes, weights = np.polynomial.legendre.leggauss(8)
-    v = (np.arange(2 * h)[:, None] + (nodes + 1) / 2).ravel() / 2  # in rows from the top
-    z, level = np.cos(v * pi / h), np.sin(v * pi / h)
-    area = np.tile(weights, 2 * h) * (pi / (8 * h)) * level  # of a sphere of area 1
-    place = np.clip(v - 0.5, 0, h - 1)
-    upper = np.minimum(place.astype(int), h - 2)
-
-    def down(f: np.ndarray) -> np.ndarray:
-        """What each row's texels have of the integral of f down the rows."""
-        lower = (place - upper) * area * f
-        return np.bincount(upper, area * f - lower, h) + np.bincount(upper + 1, lower, h)
-
-    even = narrow[0] + 0 * turn
-    pairs = (
-        (1 + 0 * z, even), (level, narrow[1] * s), (level, narrow[1] * c), (z, even), (level**2, narrow[2] * s2 / 2),
-        (level * z, narrow[1] * c), (level * z, narrow[1] * s), (level**2, -narrow[2] * c2), (3 * z * z - 1, even),
+    tables = tabulate(environment.size, environment.texels)
+    return Around(
+        environment.size, tables.texels, (x, y, z), tables.rows, tables.columns, tables.heights, tables.density,
+        tables.harmonics,
     )  # fmt: skip
-    means = np.array([np.einsum("hwc,h,w->c", light, down(f), g, optimize=True) for f, g in pairs])
-    return np.asarray((means / SQUARES[:, None] * TRANSFER[:, None]).T)

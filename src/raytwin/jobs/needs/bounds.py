@@ -34,9 +34,9 @@ it stands over the point), a rectangle of area A that is nowhere nearer than d a
 import numpy as np
 
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
+from raytwin.scene.tabulated import tabulate
 from raytwin.speed.plan import shading
 from raytwin.speed.walks import area_boxes
-from raytwin.tracer.environment import around
 from raytwin.tracer.hit import NO_GLOSS, gloss_of
 
 
@@ -168,7 +168,9 @@ def _skies(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     off = np.maximum.reduce([off, np.concatenate([off[:1], off[:-1]]), np.concatenate([off[1:], off[-1:]])])
     unlike = np.sqrt((share * off).sum(axis=(0, 1)) / 48)
     even = []
-    for k in np.array(around(found).harmonics):  # k0 + b.n + n.Q n, with a sphere's largest b.n and n.Q n
+    for k in np.array(
+        tabulate(found.size, found.texels).harmonics
+    ):  # k0 + b.n + n.Q n, with a sphere's largest b.n and n.Q n
         Q = np.array(
             [[k[7] - k[8], k[4] / 2, k[6] / 2], [k[4] / 2, -k[7] - k[8], k[5] / 2], [k[6] / 2, k[5] / 2, 2 * k[8]]]
         )
