@@ -27,6 +27,7 @@ from raytwin.grade.predict import (
     hidden,
     lambert,
     meet,
+    meet_all,
     nearest,
     on_rectangle,
     on_sphere,
@@ -951,11 +952,8 @@ def offset_by(eps: float, along_light: bool = False) -> Callable[[Hits, Array, C
 
 def _any_blocks(start: Array, to: Array, things: Casters, steps: Steps, limit: float = np.inf) -> Array:
     to = np.broadcast_to(to, start.shape)
-    found = np.zeros(start.shape[1], bool)
-    for thing in things:
-        t = meet(start, to, thing, steps)
-        found |= np.isfinite(t) & (t < limit)
-    return found
+    t = meet_all(start, to, things, steps)
+    return np.asarray((np.isfinite(t) & (t < limit)).any(axis=0))
 
 
 LIGHTS = (

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.grade.predict import RIGHT, Bench, meet
+from raytwin.grade.predict import RIGHT, Bench, meet_all
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 
 SIZE = (120, 88)
@@ -45,12 +45,12 @@ def blind_to(scene: Scene, least: float = LEAST) -> list[str]:
     count = len(scene.spheres)
     ball, flat = (hits.ids >= 0) & (hits.ids < count), hits.ids >= count
     facing, to = terms.cos > 0.05, np.broadcast_to(np.array(scene.sun.to_light)[:, None], hits.point.shape)
-    hides = np.array([np.isfinite(meet(hits.point, to, x, RIGHT)) for x in scene.objects])
+    hides = np.isfinite(meet_all(hits.point, to, scene.objects, RIGHT))
     hides &= facing & (np.arange(len(hides))[:, None] != hits.ids)
     by_balls, by_planes = hides[:count].any(axis=0), hides[count:].any(axis=0)
     own = np.array([x.normal if isinstance(x, Rectangle) else (0, 0, 0) for x in scene.objects]).T[:, hits.ids]
-    behind = np.array([np.isfinite(meet(rays.origin, -rays.d, x, RIGHT)) for x in scene.objects])
-    ahead = np.array([np.isfinite(meet(rays.origin, rays.d, x, RIGHT)) for x in scene.objects])
+    behind = np.isfinite(meet_all(rays.origin, -rays.d, scene.objects, RIGHT))
+    ahead = np.isfinite(meet_all(rays.origin, rays.d, scene.objects, RIGHT))
     away = np.array([np.linalg.norm(np.subtract(x.center, scene.camera.eye)) for x in scene.objects])
     painted = np.where(ahead, away[:, None], np.inf).argmin(axis=0)
     R = np.asarray(scene.camera.R_cam_board)
@@ -80,15 +80,12 @@ def blind_to(scene: Scene, least: float = LEAST) -> list[str]:
 
 def _overlap(spheres: list[Sphere], eye: np.ndarray) -> bool:
     """A sphere hides one that comes later in the list, and one that comes earlier: seen from the eye."""
-    found = set()
-    for i, a in enumerate(spheres):
-        for j, b in enumerate(spheres):
-            to_a, to_b = np.subtract(a.center, eye), np.subtract(b.center, eye)
-            da, db = np.linalg.norm(to_a), np.linalg.norm(to_b)
-            apart = np.arccos(np.clip(to_a @ to_b / (da * db), -1, 1))
-            if i != j and da < db and apart < 0.8 * (a.radius / da + b.radius / db):
-                found.add(i < j)
-    return found == {True, False}
+    to = np.array([s.center for s in spheres]) - eye
+    d = np.linalg.norm(to, axis=1)
+    apart = np.arccos(np.clip(to @ to.T / np.outer(d, d), -1, 1))
+    wide = np.array([s.radius for s in spheres]) / d
+    hides = (d[:, None] < d) & (apart < 0.8 * (wide[:, None] + wide))
+    return bool(np.triu(hides, 1).any() and np.tril(hides, -1).any())
 
 
 def _drawn(rng: np.random.Generator, size: tuple[int, int], name: str) -> Scene:

@@ -7,11 +7,13 @@ smaller. All is in the board's frame, float64, vectors (3, N), N chosen pixels. 
 faults are one change after the other. What a change leaves alone is computed once (`Bench`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from math import pi
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
@@ -143,11 +145,8 @@ def hidden(hits: Hits, to: Array, things: tuple[Shape, ...], steps: "Steps") -> 
 
 def others_hide(hits: Hits, to: Array, things: tuple[Shape, ...], steps: "Steps") -> Array:
     """(N,) bool: another object than the point's own lies on the way along l."""
-    to = np.broadcast_to(to, hits.point.shape)
-    found = np.zeros(hits.t.shape, bool)
-    for index, thing in enumerate(things):
-        found |= (hits.ids != index) & np.isfinite(meet(hits.point, to, thing, steps))
-    return found
+    met = np.isfinite(meet_all(hits.point, np.broadcast_to(to, hits.point.shape), things, steps))
+    return np.asarray((met & (hits.ids != np.arange(len(things))[:, None])).any(axis=0))
 
 
 def lambert(terms: Terms) -> Array:
@@ -188,6 +187,54 @@ def meet(origin: Array, d: Array, thing: Shape, steps: Steps) -> Array:
     if isinstance(thing, Sphere):
         return np.asarray(steps.sphere(origin, d, thing))
     return np.asarray(steps.rectangle(origin, d, thing))
+
+
+def meet_all(origin: Array, d: Array, things: Sequence[Shape], steps: Steps) -> Array:
+    """The same of all things, (K, N): the tracer's own solvers take all of a kind at once, as one of columns (K, 1)."""
+    t = np.full((len(things), d.shape[1]), np.inf)
+    for kind, own, names in (
+        (Sphere, steps.sphere is on_sphere, ("center", "radius")),
+        (Rectangle, steps.rectangle is on_rectangle, ("center", "half_u", "half_v")),
+    ):
+        here = [i for i, thing in enumerate(things) if isinstance(thing, kind)]
+        if own and len(here) > 1:
+            columns = {name: np.array([getattr(things[i], name) for i in here]).T[..., None] for name in names}
+            all_of_them = {name: tuple(x) if x.ndim == 3 else x for name, x in columns.items()}
+            t[here] = meet(origin, d, msgspec.structs.replace(things[here[0]], **all_of_them), steps)
+        else:
+            for i in here:
+                t[i] = meet(origin, d, things[i], steps)
+    return t
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Of K things and, in the last row, none: `albedo`, `center`, `facing` (a rectangle's normal) (K + 1, 3); `radius`
+    (K + 1,), infinite for a rectangle."""
+
+    albedo: Array
+    center: Array
+    facing: Array
+    radius: Array
+
+    def outward(self, point: Array, d: Array, ids: Array) -> Array:
+        """(3, N): `outward` of all points at once, 0 where nothing is met."""
+        flat = self.facing[ids].T
+        flat = np.where((flat * d).sum(axis=0) > 0, -flat, flat)
+        ball = np.isfinite(self.radius[ids])
+        with np.errstate(invalid="ignore"):
+            return np.where(ball, (point - self.center[ids].T) / self.radius[ids], flat)
+
+
+@lru_cache(maxsize=64)
+def _table(things: tuple[Shape, ...]) -> Table:
+    none = (0.0, 0.0, 0.0)
+    return Table(
+        np.array([*(x.material.albedo for x in things), none], float),
+        np.array([*(x.center for x in things), none], float),
+        np.array([*(x.normal if isinstance(x, Rectangle) else none for x in things), none], float),
+        np.array([*(x.radius if isinstance(x, Sphere) else np.inf for x in things), np.inf], float),
+    )
 
 
 @dataclass(eq=False)
@@ -235,21 +282,21 @@ class Bench:
         key = ("hits", *steps[:11])
         if key not in self.kept:
             rays, things = self.rays(steps), self.things(steps)
-            t = np.full((max(len(things), 1), self.u.size), np.inf)
-            for index, thing in enumerate(things):
-                t[index] = meet(rays.origin, rays.d, thing, steps)
+            t = meet_all(rays.origin, rays.d, things, steps) if things else np.full((1, self.u.size), np.inf)
             t[np.isnan(t)] = np.inf
             ids = steps.order(t, things, rays) if things else np.full(self.u.size, -1)
             reach = np.where(ids >= 0, np.take_along_axis(t, np.maximum(ids, 0)[None], 0)[0], 0.0)
             reach = np.where(np.isfinite(reach), reach, 0.0)
-            point, normal, albedo = steps.point(rays, reach), np.zeros((3, ids.size)), np.zeros((3, ids.size))
-            for index, thing in enumerate(things):
-                here = ids == index
-                if here.any():
-                    part = Rays(rays.origin, rays.d[:, here], rays.aim[:, here], rays.stretch[here])
-                    normal[:, here] = steps.normal(point[:, here], part, thing)
-                    albedo[:, here] = np.array(thing.material.albedo)[:, None]
-            self.keep(key, Hits(ids, reach, point, normal, albedo))
+            point, table = steps.point(rays, reach), _table(things)
+            if steps.normal is outward:
+                normal = table.outward(point, rays.d, ids)
+            else:
+                normal = np.zeros((3, ids.size))
+                for index, thing in enumerate(things):
+                    if (here := ids == index).any():
+                        part = Rays(rays.origin, rays.d[:, here], rays.aim[:, here], rays.stretch[here])
+                        normal[:, here] = steps.normal(point[:, here], part, thing)
+            self.keep(key, Hits(ids, reach, point, normal, table.albedo[ids].T))
         return self.kept[key]
 
     def terms(self, steps: Steps) -> Terms:
@@ -283,7 +330,7 @@ class Bench:
                 cos = (normal * to).sum(axis=0)
                 sun = E / pi * np.where(hidden(hits, to, self.scene.objects, RIGHT), 0.0, np.maximum(cos, 0))
                 d = np.stack(about(tuple(normal), *rng.random((2, n))))
-                t = np.stack([meet(point, d, thing, RIGHT) for thing in self.scene.objects])
+                t = meet_all(point, d, self.scene.objects, RIGHT)
                 t[np.maximum(ids, 0), np.arange(n)] = np.inf  # convex: not met again from outside
                 after = np.where(ids >= 0, nearest(t, self.scene.objects, Rays(point, d, d, np.ones(n))), -1)
                 gone = (after < 0) & (ids >= 0)

@@ -15,10 +15,11 @@ INFINITY = float("inf")
 
 def library(*values: Any) -> Any:
     """The array library that the values belong to: Dr.Jit if any of them is its, else NumPy."""
-    if any(type(v).__module__.startswith("drjit") for v in values):
-        import drjit
+    for value in values:
+        if type(value) is not np.ndarray and type(value).__module__.startswith("drjit"):
+            import drjit
 
-        return drjit
+            return drjit
     return np
 
 
