@@ -166,6 +166,21 @@ def test_a_lens_that_folds_over_gets_the_whole_frame(single):
     assert trim_box(single.spheres[0], folding) == (0, 0, *folding.image_size)
 
 
+@pytest.mark.parametrize("k1", [-0.08, -0.3])
+def test_what_a_frame_sees_of_a_lens_is_turned_with_the_frame(single, k1):
+    """Long and high: a lens that folds beyond the long side alone leaves boxes, one that folds within it none."""
+    fields = []
+    for w, h in ((200, 60), (60, 200)):
+        K = ((80.0, 0.0, (w - 1) / 2), (0.0, 80.0, (h - 1) / 2), (0.0, 0.0, 1.0))
+        fields.append(field_of_view(Camera((w, h), K, single.camera.R_cam_board, single.camera.t_cam_board, (k1,))))
+    if k1 == -0.3:
+        assert fields == [None, None]
+    else:
+        (x0, x1, y0, y1), high = fields
+        assert high == pytest.approx((y0, y1, x0, x1))
+        assert x1 > 100 / 80
+
+
 # ------------------------------------------------------------------------------------------------ tiles
 
 W, H = 300, 200
