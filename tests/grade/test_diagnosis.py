@@ -90,7 +90,7 @@ def test_a_fault_that_is_planted_alone_is_named_for_sure(name):
     assert fault(name).sentence in made.words[0]
 
 
-CHOSEN = [m for m in MISTAKES if m[0][0] in ("one-casts", "rays-not-unit", "radius-scaled", "acne")]
+CHOSEN = [m for m in MISTAKES if m[0][0] in ("rays-not-unit", "radius-scaled", "acne")]
 
 
 @pytest.mark.parametrize("mistake", CHOSEN, ids=lambda m: m[0][0])
@@ -118,6 +118,20 @@ def test_faults_that_give_the_same_pictures_are_both_named():
     made = diagnose([View(scene, planted(fault("last-wins").ways[0], scene))])
     assert {made.causes[0].name, *(cause.name for cause in made.alternatives[0])} == {"last-wins", "planes-on-top"}
     assert "with the same effect here" in made.words[0]
+
+
+def test_the_untypical_form_of_another_fault_is_no_alternative():
+    """Shadow rays that start a metre off find no shadows, either."""
+    scene = draw.draw_scene(1)
+    made = diagnose([View(scene, planted(fault("no-shadow").ways[0], scene))], most=1)
+    assert names(made) == ["no-shadow"]
+    assert made.sureness == "sure"
+
+
+def test_shadows_on_the_rung_without_any_are_told():
+    scene = draw.draw_scene(1)
+    made = diagnose([View(scene, trace(scene, "shadow").mean, rung="lambert")], most=1)
+    assert names(made) == ["shadows-always"]
 
 
 def test_eight_bits_hide_no_cause():
