@@ -7,6 +7,7 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
+import scipy.linalg
 from photo_helpers import BOARD, SMALL, a_camera, seen
 
 from raytwin import files
@@ -206,6 +207,30 @@ def test_photos_that_disagree_widen_sigma_and_photos_that_agree_by_chance_narrow
     assert spread(replace(found, g=100 * found.g)).noise_px == pytest.approx(
         100 * spread(replace(found, g=10 * found.g)).noise_px / 10, rel=1e-6
     )
+
+
+@pytest.mark.parametrize("pull", [0.3, 1.15, 2.0])
+def test_sigma_is_what_its_formulas_say_by_roots_of_matrices(pull):
+    """Bell and McCaffrey's CR2, by SciPy's square roots, blended as `uncertainty` says; `pull` times the photos'
+    gradients: photos that agree, that may err alike, and that do not."""
+    _, _, tags = views(noise=0.1)
+    found = fit([Seen(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], Form("k1k2"))
+    found = replace(found, g=pull * found.g)
+    size = 1 / np.sqrt(np.diag(found.H.sum(axis=0)))  # so that pixels and coefficients are of one size
+    H_i, g_i, n, m = found.H * np.outer(size, size), found.g * size, len(found.g), len(size)
+    root = np.linalg.inv(scipy.linalg.sqrtm(H_i.sum(axis=0)))
+    M = root @ H_i @ root
+    u = np.array([np.linalg.solve(scipy.linalg.sqrtm(np.eye(m) - M[i]), root @ g_i[i]) for i in range(n)])
+    V, s2 = root @ u.T @ u @ root, found.variance
+    v = root[:4] / np.linalg.norm(root[:4], axis=1)[:, None]
+    q, q_K = (u**2).sum() / (m * s2), ((u @ v.T) ** 2).sum() / (4 * s2)
+    chance = np.sqrt(sum((v[k] @ M[i] @ v[k]) ** 2 for k in range(4) for i in range(n)) / 4)
+    alike = max(q, 1) * s2 * root @ root
+    trust = 1 - 1 / (1 + ((max(q, q_K, 1) - 1) / chance) ** 2)
+    expected = (alike + trust * n / (n + 4) * (V - alike)) * np.outer(size, size)
+    assert (max(q, q_K) > 1) == (pull > 1)
+    np.testing.assert_allclose(spread(found).covariance, expected, rtol=1e-6)
+    assert spread(found).noise_px == pytest.approx(np.sqrt(max(q, 1) * s2), rel=1e-9)
 
 
 def halves_apart(tags: dict, size, board, model: str, splits: int = 6) -> float:
