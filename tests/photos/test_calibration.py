@@ -15,7 +15,7 @@ from raytwin import files
 from raytwin.boards.board import Board, BoardTag, Grid
 from raytwin.errors import InputError
 from raytwin.photographer import poses
-from raytwin.photos import CODES, calibrate, calibrate_detections, camera_of_photo, pose_of_photo, uncertainty_map
+from raytwin.photos import CODES, Tag, calibrate, calibrate_detections, camera_of_photo, pose_of_photo, uncertainty_map
 from raytwin.photos.fit import MODELS, Form, Seen, fit
 from raytwin.photos.model import AS_WELL, ModelTrial, explained
 from raytwin.photos.pose import rotation_degrees
@@ -438,6 +438,20 @@ def test_too_few_views_of_the_board_are_refused_with_the_reasons():
     few = {p: (t if i < 2 else t[:2]) for i, (p, t) in enumerate(tags.items())}
     with pytest.raises(InputError, match=r"at least 3 photos that show the board, got 2; view_02: 2 tags of the board"):
         calibrate_detections(few, SIZE, SMALL)
+
+
+@pytest.mark.parametrize(
+    ("center", "refused"),
+    [
+        ((99.5, 49.5), ""), ((-0.5, -0.5), ""), ((99.6, 10.0), "got one at 100, 10$"), ((10.0, -0.6), "got one at"),
+        ((49.5, 99.5), r"\(width and height swapped\?\)"), ((49.6, 60.0), "got one at 50, 60$"), ((-0.6, 60.0), "60$"),
+    ],
+)  # fmt: skip
+def test_a_tag_is_in_the_frame_out_to_its_pixels_edges(center, refused):
+    """A frame of 100 x 50 pixels; what lies in one of 50 x 100 may be of swapped sides."""
+    tags = {"p": [Tag(3, center, ((0.0, 0.0),) * 4, 1.0)]}
+    with pytest.raises(InputError, match=refused or "at least 3 photos that show the board"):
+        calibrate_detections(tags, (100, 50), SMALL)
 
 
 def test_an_unknown_model_is_refused_with_the_known_ones():

@@ -1,5 +1,6 @@
 import subprocess
 import sys
+import time
 
 import cv2
 import numpy as np
@@ -73,6 +74,20 @@ def test_photos_read_side_by_side_give_what_each_gives_alone_in_their_order(shoo
     assert found == {str(p): detect_photo(p) for p in photos}
     assert list(found) == [str(p) for p in photos]
     assert (wrong, steps) == ({}, [("detect", i, 12) for i in range(13)])
+
+
+def test_after_a_damaged_photo_no_other_is_searched():
+    searched = []
+
+    def read(path, kind):
+        searched.append(path)
+        if len(searched) > 1:
+            time.sleep(0.02)  # so that the first's failure is heard before the last's turn
+        raise InputError(path, "a whole photo", "a damaged one")
+
+    with pytest.raises(InputError, match="photo 0: expected a whole photo"):
+        detect_photos([f"photo {i}" for i in range(40)], "tag36h11", threads=1, read=read)
+    assert len(searched) < 40
 
 
 def test_a_process_that_has_read_several_families_ends_well():

@@ -140,18 +140,27 @@ def test_a_photo_is_called_odd_by_its_rms_in_medians_where_pixels_tell_it_of_eno
     assert [text.split(" (")[0] for text in shown] == [f"view_02: its rms is {times:.1f} times the median"] * doubted
 
 
-@pytest.mark.parametrize(("times", "doubted"), [(5.1, 1), (4.9, 0)])
-def test_a_photo_is_called_odd_by_its_pull_in_medians(sound, times, doubted):
-    """Each photo moves K by as much as it may, (H - H_i)^-1 H_i (H - H_i)^-1 along its first axis; one by more."""
-    _, found, known, *_ = sound
+def pulling(found, known, times: dict[int, float]) -> np.ndarray:
+    """Moves of each photo by as much as it may, (H - H_i)^-1 H_i (H - H_i)^-1, along its first axis; some by more."""
     C = np.linalg.pinv(known.covariance[:4, :4], hermitian=True)
     moves = []
     for own in found.H:
         rest = np.linalg.inv(found.H.sum(axis=0) - own)
-        expected = np.trace(C @ (rest @ own @ rest))
-        moves.append([np.sqrt(expected / C[0, 0]), 0, 0, 0])
-    moves = np.array(moves)
-    moves[5] *= times
-    case = (sound[0], found, replace(known, moves=moves, errors=np.ones(12)), *sound[3:])
-    shown = texts(case, "odd-photo")
+        moves.append([np.sqrt(np.trace(C @ (rest @ own @ rest)) / C[0, 0]), 0, 0, 0])
+    return np.array([np.multiply(move, times.get(i, 1)) for i, move in enumerate(moves)])
+
+
+@pytest.mark.parametrize(("times", "doubted"), [(5.1, 1), (4.9, 0)])
+def test_a_photo_is_called_odd_by_its_pull_in_medians(sound, times, doubted):
+    _, found, known, *_ = sound
+    odd = replace(known, moves=pulling(found, known, {5: times}), errors=np.ones(12))
+    shown = texts((sound[0], found, odd, *sound[3:]), "odd-photo")
     assert [text.startswith(f"view_05: it pulls K {times:.1f} times as much") for text in shown] == [True] * doubted
+
+
+def test_of_two_odd_photos_the_one_further_beyond_its_limit_is_named_first(sound):
+    _, found, known, *_ = sound
+    errors = np.ones(12)
+    errors[2] = 2.6
+    odd = replace(known, moves=pulling(found, known, {5: 10}), errors=errors)
+    assert texts((sound[0], found, odd, *sound[3:]), "odd-photo")[0].startswith("view_05")
