@@ -46,5 +46,5 @@ def test_the_numbers_are_json_that_reads_back(found, tmp_path):
 
 
 def test_too_few_samples_are_refused(scenes):
-    with pytest.raises(InputError, match="--samples: expected a whole number >= 2, got 1"):
+    with pytest.raises(InputError, match="--samples: expected a whole number from 2 to 16777216, got 1"):
         climb(scenes / "overlap", samples=1)
