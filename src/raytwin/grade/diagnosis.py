@@ -230,8 +230,10 @@ def _round(
     tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
     exact = [_weighed(g, sights) for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
     rank = {f.name: k for k, f in enumerate(faults)}
-    # Of causes that cost the same, the one that stands first in the catalogue.
-    exact.sort(key=lambda g: (round(g.cost / max(EVEN * before.cost, 1e-12)), rank[g.causes[-1].name], g.cost))
+    # Of causes that cost the same, the one in its typical form, then the one that stands first in the catalogue.
+    exact.sort(
+        key=lambda g: (round(g.cost / max(EVEN * before.cost, 1e-12)), not g.typical, rank[g.causes[-1].name], g.cost)
+    )
     if not families or (exact and exact[0].cost < CLEAR * before.cost and _good(sights, exact[0].steps)):
         return exact
     fitted = []
@@ -376,8 +378,8 @@ def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight]) -> list[t
     names = [cause.name for cause in best.causes]
     others: list[dict[str, Cause]] = [{} for _ in names]
     for guess in found:
-        if len(guess.causes) != len(names) or (best.typical and not guess.typical):
-            continue  # an offset of a metre casts no shadows, either: that is no reason to speak of offsets
+        if len(guess.causes) != len(names):
+            continue
         new = [cause for cause in guess.causes if cause.name not in names]
         gone = [k for k, name in enumerate(names) if name not in {cause.name for cause in guess.causes}]
         if len(new) != 1 or len(gone) != 1 or _numbers(new[0]) != _numbers(best.causes[gone[0]]):
