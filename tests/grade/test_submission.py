@@ -6,9 +6,14 @@ import sys
 import numpy as np
 import pytest
 
+from raytwin import files
 from raytwin.errors import InputError
+from raytwin.grade.diagnosis import explain
 from raytwin.grade.subject import find_subject
 from raytwin.grade.submission import load
+from raytwin.image import Image
+from raytwin.jobs.camera import find_camera
+from raytwin.speed import trace
 
 SHADE = """
 from dataclasses import dataclass
@@ -100,6 +105,16 @@ def test_without_a_render_the_picture_is_our_tracers_with_the_students_stages_in
     sky, E, albedo = small.sky.radiance[0], small.sun.irradiance[0], small.spheres[0].material.albedo[0]
     middle = subject(small).mean[11:13, 15:17, 0].mean()
     assert middle == pytest.approx(albedo * (E + sky), rel=0.02)  # head on, without pi: as it was handed in
+
+
+@pytest.mark.parametrize("name", ["studio", "gloss"])
+def test_an_image_may_be_of_a_scene_that_no_function_is_told_of_and_what_is_wrong_with_it_is_said(tmp_path, name):
+    scene = find_camera(files.read_scene(f"scenes/{name}"))[0]
+    small = scene.with_camera(scene.camera.resized(32, 24))
+    right = trace(small, "shadow", "numpy64")
+    files.write_image(tmp_path / "mine.exr", Image(right.mean ** np.float32(1 / 2.2)))
+    subject = find_subject(str(tmp_path / "mine.exr"), "shadow")
+    assert "gamma" in " ".join(explain(subject(small), right, small))
 
 
 def test_a_function_that_the_starter_left_unwritten_is_none(tmp_path):

@@ -197,7 +197,8 @@ def explain(
     slack = np.zeros(shown.shape) if rounding.half is None else rounding.half.astype(float)
     if variances:
         slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
-    known = scene is not None and RUNGS[rung].lit and scene.objects
+    # Faults are predicted under a constant sky, without highlights.
+    known = scene and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
     view = View(scene if known else None, shown, right, rung, half=slack, clipped=rounding.clipped, sampled=sampled)
     if known:
         return diagnose([view], most=most).words

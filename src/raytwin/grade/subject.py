@@ -2,14 +2,17 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from raytwin import files
 from raytwin.errors import InputError
-from raytwin.grade.submission import load
+from raytwin.grade.submission import Shown, load
+from raytwin.methods.exchange import as_arrays
 from raytwin.methods.method import Method
 from raytwin.methods.others import Called
 from raytwin.methods.table import METHODS
 from raytwin.methods.traced import Traced
+from raytwin.scene import Scene
 
 
 def find_subject(text: str, rung: str) -> Method:
@@ -26,4 +29,10 @@ def find_subject(text: str, rung: str) -> Method:
     if Path(text).exists() and not Path(text).is_dir():
         files.check_file(text, "an image, a folder of images, or Python")
     render, made = load(text).picture()
-    return Called(rung, f"{text} ({made})" if made else text, render)
+    tell = _name if isinstance(render, Shown) else as_arrays
+    return Called(rung, f"{text} ({made})" if made else text, render, tell)
+
+
+def _name(scene: Scene, rung: str) -> dict[str, Any]:
+    """All that an image need be told: so it may be of a scene with a map or highlights, too."""
+    return {"name": scene.name, "rung": rung}

@@ -16,10 +16,11 @@ from raytwin.scene import Scene
 
 @dataclass(frozen=True)
 class Called(Method):
-    """`render`, known as `label`, called with `as_arrays(scene, rung)`; it returns radiance (H, W, 3), or an Image."""
+    """`render`, known as `title`, called with `tell(scene, rung)`; it returns radiance (H, W, 3), or an Image."""
 
     title: str = ""
     render: Callable[[dict[str, Any]], Any] | None = None
+    tell: Callable[[Scene, str], dict[str, Any]] = as_arrays
 
     @property
     def name(self) -> str:
@@ -31,7 +32,7 @@ class Called(Method):
 
     def prepare(self, scene: Scene) -> Call:
         def call(seed: int) -> Image:
-            given = as_arrays(scene, self.rung)
+            given = self.tell(scene, self.rung)
             try:
                 made = self.render(given) if self.render else None
                 taken = made if isinstance(made, Image) else take(np.asarray(made)).image
