@@ -6,7 +6,7 @@ from students import CORRECT, MISTAKES, mistaken, run
 from raytwin import files
 from raytwin.files.rounding import half_code
 from raytwin.grade import draw
-from raytwin.grade.catalogue import FAULTS, SAMPLING, STAGES
+from raytwin.grade.catalogue import CHANCES, FAULTS, SAMPLING, STAGES, cached
 from raytwin.grade.diagnosis import View, diagnose, explain
 from raytwin.grade.predict import RIGHT, Bench
 from raytwin.grade.sight import look
@@ -126,6 +126,44 @@ def test_the_typical_form_of_a_fault_comes_before_the_untypical_one_of_another()
     made = diagnose([View(scene, planted(fault("no-spheres").ways[0], scene))], most=1)
     assert names(made)[0] == "no-spheres"
     assert made.sureness == "likely" or made.alternatives == ((),)
+
+
+def test_a_picture_without_any_hit_is_said_to_be_one_and_no_cause_is_guessed():
+    made = diagnose(views([planted(fault("nothing-met").ways[0], scene) for scene in SCENES[:2]]), most=1)
+    assert names(made) == ["nothing-met"]
+    assert made.alternatives == ((),)
+
+
+def test_light_reversed_in_shading_alone_is_told_beside_normals_that_do_the_same():
+    scene = draw.draw_scene(1)
+    made = diagnose([View(scene, planted(fault("light-reversed-in-shading").ways[0], scene))], most=1)
+    said = {*names(made), *(cause.name for cause in made.alternatives[0])}
+    assert said == {"all-normals-inward", "light-reversed-in-shading"}
+    assert made.sureness == "likely"
+
+
+def test_a_region_that_stays_wrong_is_told_and_makes_nothing_sure():
+    pictures = [planted(fault("pi-missing").ways[0], scene) for scene in SCENES]
+    v, u = np.argwhere(bench(SCENES[0]).hits(RIGHT).ids.reshape(60, 80) >= 0).mean(axis=0).astype(int)
+    pictures[0][v : v + 5, u : u + 5] *= 0.7
+    made = diagnose(views(pictures), most=1)
+    assert names(made) == ["pi-missing"]
+    assert made.sureness == "likely"
+    assert "something else is wrong, too: wrong" in made.words[0]
+
+
+def test_planes_that_rounding_turns_pixel_by_pixel_are_not_acne():
+    scene, chance = draw.draw_scene(1), np.random.default_rng(5).random((88, 120, 1)) < 0.5
+    one, other = (planted(way, scene) for way in CHANCES[0].ways)
+    made = diagnose([View(scene, np.where(chance, one, other))], most=1)
+    assert names(made) == ["plane-normal-by-origin"]
+
+
+def test_rays_that_are_kept_from_another_scene_of_the_same_size_are_told():
+    cameras = [scene.camera for scene in SCENES[1:]]
+    change = cached(cameras[:1], cameras)[0].ways[0]
+    made = diagnose([View(scene, planted(change, scene)) for scene in SCENES[1:]], most=1)
+    assert names(made) == ["rays-kept"]
 
 
 def test_shadows_on_the_rung_without_any_are_told():

@@ -5,9 +5,9 @@ same sentence. To add a fault, add a row; to add a way, add it to its row. Facto
 rows of `fitted`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from math import pi
 from typing import Any
 
@@ -16,7 +16,9 @@ import numpy as np
 
 from raytwin.files import srgb_decode, srgb_encode
 from raytwin.grade.predict import (
+    RIGHT,
     Array,
+    Bench,
     Change,
     Hits,
     Rays,
@@ -62,6 +64,11 @@ def row(name: str, stage: str, sentence: str, *ways: Change) -> Fault:
 def put(**steps: Any) -> Change:
     """The steps in the place of the right ones."""
     return lambda s: s._replace(**steps)
+
+
+def behind(f: Callable[[Scene], Any]) -> Change:
+    """Another background."""
+    return put(background=lambda scene: np.broadcast_to(np.asarray(f(scene), float), 3))
 
 
 def both(*changes: Change) -> Change:
@@ -222,8 +229,25 @@ def _not_unit(x: Array, y: Array, camera: Camera, ray: Any) -> Rays:
     return rays._replace(d=long, aim=long)
 
 
+def _in_halves(x: Array, y: Array, camera: Camera, ray: Any, board: bool) -> Rays:
+    """Directions in half precision, in the board's axes or in the camera's."""
+    rays, R = ray(x, y, camera), np.asarray(camera.R_cam_board)
+    d = (rays.d if board else R @ rays.d).astype(np.float16).astype(float)
+    d = d if board else R.T @ d
+    return rays._replace(d=d, aim=d)
+
+
+def _met(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
+    """Nothing."""
+    return np.full(t.shape[1], -1)
+
+
 I3 = np.eye(3)
 CAMERAS = (
+    row("nothing-met", CAMERA,
+        "no ray meets anything, the picture is the sky alone: look where rays start, which way they go, over which "
+        "axis they are made unit, and whether the test throws every hit away",
+        put(order=_met)),
     row("half-pixel", CAMERA,
         "your rays go half a pixel beside the pixels' centres: here (0, 0) is the centre of the top-left pixel, so "
         "use u and v as they are, without 0.5",
@@ -284,7 +308,8 @@ CAMERAS = (
         *(put(undo=partial(_iterated, powers=powers)) for powers in ((1, 1, 1), (1, 2, 2), (1, 2, 4), (2, 4, 6)))),
     row("radius-for-its-square", CAMERA,
         "the distortion grows with r² (then r⁴, r⁶), where r² = x² + y²: you use r",
-        put(undo=_by_radius), put(undo=partial(_iterated, of_r=0.5))),
+        put(undo=_by_radius), put(undo=partial(_iterated, of_r=0.5)),
+        put(undo=partial(_iterated, powers=(0.5, 1, 1.5)))),
     row("swapped-axes", CAMERA,
         "rows and columns are swapped: u counts columns (x), v counts rows (y), and the image is indexed [v, u]",
         at(lambda u, v, c: (v, u))),
@@ -339,6 +364,10 @@ CAMERAS = (
     row("rotation-left-out", CAMERA,
         "the camera's rotation is left out: turn the rays by Rᵀ",
         posed(lambda R, t: (-R.T @ t, I3)), posed(lambda R, t: (-t, I3)), posed(lambda R, t: (t, I3))),
+    row("rays-in-halves", CAMERA,
+        "the rays' directions are rounded to half floats (float16), which leaves three digits: use float64",
+        *(lambda s, board=board: s._replace(ray=partial(_in_halves, ray=s.ray, board=board), sphere=solver(_whole))
+          for board in (True, False))),
 )  # fmt: skip
 
 
@@ -401,6 +430,25 @@ def _by_a(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
     """a is left out of the discriminant, not of the division."""
     D, near, far = quadratic()(fd, c, aa)
     return D, near / aa, far / aa
+
+
+def _whole(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
+    """Right, for directions of any length."""
+    D = fd**2 - aa * c
+    root = np.sqrt(np.maximum(D, 0))
+    return D, (-fd - root) / aa, (-fd + root) / aa
+
+
+def _times_a(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
+    """(-b - √D) / 2 * a."""
+    D, near, far = _whole(fd, c, aa)
+    return D, near * aa**2, far * aa**2
+
+
+def _above(fd: Array, c: Array, aa: Array, least: float) -> tuple[Array, Array, Array]:
+    """A hit only where b² - 4ac is more than `least`."""
+    D, near, far = _whole(fd, c, aa)
+    return 4 * D - least, near, far
 
 
 def _rooted(fd: Array, D: Array) -> tuple[Array, Array, Array]:
@@ -477,6 +525,15 @@ def _disc(o: Any, d: Any, thing: Rectangle, reach: Any) -> Array:
     r = reach(*(float(np.linalg.norm(x)) for x in (thing.half_u, thing.half_v)))
     away = np.asarray(o) + np.where(np.isfinite(t), t, 0.0) * np.asarray(d) - np.array(thing.center)[:, None]
     return np.where(np.linalg.norm(away, axis=0) <= r, t, np.inf)
+
+
+def _boxed(o: Any, d: Any, thing: Rectangle, of_lengths: bool) -> Array:
+    """|q| <= |half_u| + |half_v| axis by axis; or |x| and |y| no more than their lengths."""
+    t = on_rectangle(o, d, _scaled(1e4)(thing))
+    q = np.asarray(o) + np.where(np.isfinite(t), t, 0.0) * np.asarray(d) - np.array(thing.center)[:, None]
+    u, v = np.array(thing.half_u), np.array(thing.half_v)
+    box = np.array([np.linalg.norm(u), np.linalg.norm(v), np.inf]) if of_lengths else np.abs(u) + np.abs(v)
+    return np.where((np.abs(q) <= box[:, None] + 1e-6).all(axis=0), t, np.inf)
 
 
 def _culled(o: Any, d: Any, thing: Rectangle, sign: int) -> Array:
@@ -572,6 +629,13 @@ SOLVERS = (
             quadratic(disc=2), quadratic(b=2, disc=1, half=1), quadratic(half=4), _no_root, _half_no_root,
             quadratic(b=2, disc=-4), quadratic(b=4), quadratic(b=0.5))),
         *(both(long, put(sphere=solver(q))) for q in (_no_root, _half_no_root))),
+    row("divided-by-half-a", SOLVER,
+        "`/ 2 * a` multiplies by a: write / (2 * a), or make the rays unit",
+        both(long, put(sphere=solver(_times_a)), normals(_made_unit)), both(long, put(sphere=solver(_times_a)))),
+    row("disc-above", SOLVER,
+        "the discriminant is held against a number above 0, so that spheres are too small, small ones most: a ray "
+        "meets the sphere wherever it is not negative",
+        *(put(sphere=solver(partial(_above, least=k))) for k in (4e-2, 1e-2, 4e-3, 1e-3, 4e-4, 1e-4))),
     row("b-sign", SOLVER,
         "f points the wrong way in the quadratic: f goes from the sphere's centre to the ray's origin (o - c)",
         put(sphere=solver(quadratic(b=-2)))),
@@ -592,8 +656,16 @@ SOLVERS = (
     row("no-planes", SOLVER, "the planes are missing: scene['planes'] holds rectangles, which rays meet too",
         put(rectangle=lambda o, d, thing: 0 * np.asarray(d)[0] + np.inf)),
     row("endless-planes", SOLVER, "your planes have no end: a rectangle ends at center ± half_u ± half_v",
-        rectangle(_scaled(1e4)), rectangle(_by_length(2)), rectangle(_by_length(1)),
+        rectangle(_scaled(1e4)),
         *(rectangle(partial(_scaled_edges, u=u, v=v)) for u, v in ((1.0, 1e4), (1e4, 1.0)))),
+    row("extent-not-unit", SOLVER,
+        "the extent of your rectangles is measured along half_u and half_v without dividing by their lengths: "
+        "|q·u| <= u·u, or |q·u| / |u| <= |u|",
+        rectangle(_by_length(1)), rectangle(_by_length(2))),
+    row("box-for-rectangle", SOLVER,
+        "a rectangle's extent is tested along the axes of the board, so that turned ones have another shape: test "
+        "along its own edges, |q·u| <= u·u, |q·v| <= v·v",
+        put(rectangle=partial(_boxed, of_lengths=False)), put(rectangle=partial(_boxed, of_lengths=True))),
     row("corner", SOLVER,
         "your rectangles begin at their centre: a plane's center is its middle, and it reaches from -half_u to half_u",
         *(rectangle(partial(_cornered, u=u, v=v, size=k)) for k in (0.5, 1.0) for u, v in ((1, 1), (1, 0), (0, 1)))),
@@ -645,6 +717,21 @@ def _last_sphere(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
     return nearest(np.where(spheres[:, None] & others, np.inf, t), things, rays)
 
 
+def _painted(t: Array, things: tuple[Shape, ...], rays: Rays, on_top: type) -> Array:
+    """The last of this kind that is hit, before all of the other."""
+    top = np.array([isinstance(thing, on_top) for thing in things])[:, None]
+    last = last_of(np.where(top, t, np.inf), things, rays)
+    return np.where(last >= 0, last, nearest(t, things, rays))
+
+
+def _first_sphere(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
+    """The first sphere that is hit, or a plane before it."""
+    spheres = np.array([is_sphere(thing) for thing in things])
+    first = first_of(np.where(spheres[:, None], t, np.inf), things, rays)
+    others = np.arange(len(things))[:, None] != first
+    return nearest(np.where(spheres[:, None] & others, np.inf, t), things, rays)
+
+
 def by_key(key: Callable[[Array, Shape, Rays], Any]) -> Change:
     """Of all that are hit the one of the least key (t (N,), thing, rays) -> (N,)."""
 
@@ -687,7 +774,7 @@ ORDERS = (
         put(order=last_of)),
     row("first-wins", ORDER,
         "no depth test: of all objects on a ray, the first one tested is shown; keep the one of the smallest t",
-        put(order=first_of)),
+        put(order=first_of), put(order=_first_sphere)),
     row("painter", ORDER,
         "objects are drawn by the distance of their centres (painter's order): compare t on each ray",
         by_key(_center_away),
@@ -696,10 +783,12 @@ ORDERS = (
         by_key(lambda t, thing, rays: -thing.center[2] if is_sphere(thing) else 1e6 + t)),
     row("spheres-on-top", ORDER,
         "spheres always hide planes: compare the t of all objects, planes and spheres alike",
-        by_key(lambda t, thing, rays: t if is_sphere(thing) else t + 1e6)),
+        by_key(lambda t, thing, rays: t if is_sphere(thing) else t + 1e6),
+        put(order=partial(_painted, on_top=Sphere))),
     row("planes-on-top", ORDER,
         "planes always hide spheres: compare the t of all objects, planes and spheres alike",
-        by_key(lambda t, thing, rays: t + 1e6 if is_sphere(thing) else t)),
+        by_key(lambda t, thing, rays: t + 1e6 if is_sphere(thing) else t),
+        put(order=partial(_painted, on_top=Rectangle))),
     row("last-sphere-wins", ORDER,
         "among spheres the last one hit is shown, not the nearest: compare t between them too",
         put(order=_last_sphere)),
@@ -749,6 +838,19 @@ def _on_plane(x: Terms) -> Array:
     return np.array([not is_sphere(thing) for thing in x.scene.objects] + [False])[x.hits.ids]
 
 
+def _lit_behind(x: Terms) -> Terms:
+    return x._replace(cos=np.where(_on_plane(x), np.abs(x.cos), x.cos))
+
+
+def _turned_by_origin(n: Array, p: Array, rays: Rays, thing: Shape, sign: int, flat: int = 1) -> Array:
+    """A plane's by n·p; `flat`: where that is 0, 1 for the eye's side and -1 for the other."""
+    if isinstance(thing, Sphere):
+        return n
+    axis = _fixed(n, thing.normal)
+    side = sign * float(np.dot(thing.normal, thing.center))
+    return flat * n if abs(side) < 1e-9 else axis * (1 if side < 0 else -1)
+
+
 def terms(f: Callable[[Terms], Terms]) -> Change:
     """Other things to shade with."""
     return lambda s: s._replace(shade=lambda x: s.shade(f(x)))
@@ -770,10 +872,46 @@ def _axis_turned(n: Array, k: int) -> Array:
     return np.where(np.arange(3)[:, None] == k, -n, n)
 
 
+@lru_cache(maxsize=8)
+def _norms(scene: Scene) -> dict[str, Array]:
+    """By what (K + 1, 3) each object's normals are divided where a norm is taken of more than one of them.
+
+    `drawn`: of all pixels where a sphere was nearest when it was its turn; `left`: where it is in the end; `columns`:
+    of these, axis by axis; `all`, `all columns`: of the whole picture.
+    """
+    step = int(np.ceil(np.sqrt(scene.camera.width * scene.camera.height / 20_000)))
+    camera = scene.camera.resized(-(-scene.camera.width // step), -(-scene.camera.height // step))
+    v, u = np.indices((camera.height, camera.width), float).reshape(2, -1)
+    bench = Bench(scene.with_camera(camera), u, v)
+    rays, hits = bench.rays(RIGHT), bench.hits(RIGHT)
+    made = {name: np.ones((len(scene.objects) + 1, 3)) for name in ("drawn", "left", "columns")}
+    t = meet_all(rays.origin, rays.d, scene.objects, RIGHT)
+    for k, thing in enumerate(scene.objects):
+        here = hits.ids == k
+        if is_sphere(thing) and here.any():
+            first = np.isfinite(t[k]) & (t[k] <= t[: k + 1].min(axis=0))
+            made["drawn"][k] = step * np.sqrt(first.sum())
+            made["left"][k] = step * np.sqrt(here.sum())
+            made["columns"][k] = step * np.linalg.norm(hits.normal[:, here], axis=1)
+    there = max(int((hits.ids >= 0).sum()), 1)
+    made["all"] = np.full((len(scene.objects) + 1, 3), step * np.sqrt(there))
+    made["all columns"] = step * np.linalg.norm(hits.normal, axis=1) + np.zeros((len(scene.objects) + 1, 1))
+    return made
+
+
+def _by_norm(x: Terms, of: str) -> Terms:
+    n = x.hits.normal / np.maximum(_norms(x.scene)[of][x.hits.ids].T, 1e-9)
+    return x._replace(cos=(n * np.array(x.scene.sun.to_light)[:, None]).sum(axis=0))
+
+
 def _by_r2(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
     return n / thing.radius if isinstance(thing, Sphere) else n
 
 
+PLANES_BY_ORIGIN = (
+    "the planes' normals are turned round by n·p, p measured from the board's origin: which side the eye sees is told "
+    "by n·d"
+)
 NORMALS_ = (
     row("normal-inward", NORMALS,
         "the spheres' normals point inwards: n = (p - center) / radius, from the centre to the point",
@@ -788,10 +926,13 @@ NORMALS_ = (
         "the planes' normals are half_u × half_v whatever side is seen: turn them round where n·d > 0",
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else _of_plane(n, thing)),
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else -_of_plane(n, thing))),
+    row("plane-normal-by-origin", NORMALS,
+        PLANES_BY_ORIGIN,
+        *(normals(partial(_turned_by_origin, sign=k)) for k in (1, -1))),
     row("plane-faces-light", NORMALS,
-        "planes are lit on both sides at once: their normal belongs to the side that the eye sees, and max(0, n·l) is "
-        "0 where that is turned away from the sun",
-        terms(lambda x: x._replace(cos=np.where(_on_plane(x), np.abs(x.cos), x.cos)))),
+        "planes are lit on both sides at once, their normals turned to the sun: a normal belongs to the side that the "
+        "eye sees, and max(0, n·l) is 0 where that is turned away from the sun",
+        terms(_lit_behind), both(put(blocked=others_hide), terms(_lit_behind))),
     row("plane-normal-up", NORMALS, "the planes' normals are taken for the board's z axis: they are half_u × half_v",
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else _fixed(n, (0.0, 0.0, 1.0))),
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else _turned_to_eye(_fixed(n, (0.0, 0.0, 1.0)), rays))),
@@ -803,6 +944,10 @@ NORMALS_ = (
     row("normal-by-radius-twice", NORMALS,
         "the spheres' normals are divided by the radius once too often: (p - center) / radius is unit",
         normals(_by_r2)),
+    row("normal-by-whole-norm", NORMALS,
+        "the normals are divided by the norm of the whole array, or along the wrong axis: each by its own length, "
+        "np.linalg.norm(n, axis=-1, keepdims=True)",
+        *(terms(partial(_by_norm, of=of)) for of in ("drawn", "left", "columns", "all", "all columns"))),
     row("normal-from-origin", NORMALS,
         "the spheres' normals point away from the origin, not from the sphere's centre: n = (p - center) / radius",
         normals(_from_origin), normals(_from_eye)),
@@ -909,6 +1054,30 @@ def _of_next(x: Terms, by: int) -> Array:
     return np.array([*table, (0.0, 0.0, 0.0)])[x.hits.ids].T
 
 
+def _of_table(x: Terms, f: Callable[[list[Any], list[Any]], list[Any]]) -> Array:
+    """By the object's index, from a table in another order: of the spheres' albedos and the planes'."""
+    balls, flats = (
+        [thing.material.albedo for thing in x.scene.objects if is_sphere(thing) == k] for k in (True, False)
+    )
+    table = f(balls, flats)
+    return np.array([*table, (0.0, 0.0, 0.0)])[np.minimum(x.hits.ids, len(table))].T
+
+
+def _darkened(x: Terms, f: Callable[[Array], Array]) -> Array:
+    """Of each object the product of f of the albedos of all before it: an array of the scene's is changed in place."""
+    each = [f(np.array(thing.material.albedo)) for thing in x.scene.objects]
+    return np.cumprod([np.ones(3), *each], axis=0)[x.hits.ids].T
+
+
+def _darkened_sky(scene: Scene) -> Array:
+    return np.array(scene.sky.radiance) * np.prod([thing.material.albedo for thing in scene.objects], axis=0)
+
+
+def _summed(x: Terms, light: Array) -> Array:
+    """albedo @ light, the same in all channels."""
+    return np.broadcast_to((x.albedo * light).sum(axis=0), x.albedo.shape)
+
+
 def _colour(f: Callable[[Terms], Array]) -> Change:
     return terms(lambda x: x._replace(albedo=f(x)))
 
@@ -959,7 +1128,11 @@ def _any_blocks(start: Array, to: Array, things: Casters, steps: Steps, limit: f
 LIGHTS = (
     row("light-reversed", LIGHT,
         "the light comes from the wrong side: to_light points from the surface to the sun, use it as it is",
-        lit(lambda to, *_: -to), half_lit(lambda to, *_: -to)),
+        lit(lambda to, *_: -to)),
+    row("light-reversed-in-shading", LIGHT,
+        "n·l is taken with the wrong sign of l, though shadow rays go the right way: to_light points from the surface "
+        "to the sun, use it as it is",
+        both(half_lit(lambda to, *_: -to), put(blocked=others_hide)), half_lit(lambda to, *_: -to)),
     row("light-in-camera-frame", LIGHT,
         "the sun's direction is given in the board's frame, but your normals are in the camera's (or the other way "
         "round): turn one of them by R",
@@ -1010,6 +1183,26 @@ LIGHTS = (
     row("albedo-of-another", LIGHT, "objects have another one's albedo: check the index",
         _colour(_of_first), _colour(partial(_of_one, k=0)), _colour(partial(_of_one, k=-1)),
         *(_colour(partial(_of_next, by=k)) for k in (1, -1))),
+    row("albedo-order", LIGHT,
+        "the table of albedos is in another order than the objects that the index counts: spheres, then planes, in "
+        "both",
+        *(_colour(partial(_of_table, f=f)) for f in (
+            lambda balls, flats: flats + balls, lambda balls, flats: (balls + flats)[::-1],
+            lambda balls, flats: balls + (balls * len(flats))[: len(flats)],
+            lambda balls, flats: (balls + flats)[1:] + (balls + flats)[:1],
+            lambda balls, flats: (balls + flats)[-1:] + (balls + flats)[:-1]))),
+    row("channels-summed", LIGHT,
+        "albedo and light are multiplied by a dot product (@), which sums over the channels: multiply channel by "
+        "channel (*)",
+        shaded(lambda x: _summed(x, x.irradiance) / pi * x.visible * np.maximum(x.cos, 0) + ambient(x)),
+        shaded(lambda x: _summed(x, x.irradiance) / pi * x.visible * np.maximum(x.cos, 0) + _summed(x, x.sky)),
+        shaded(lambda x: sun(x) + _summed(x, x.sky))),
+    row("changed-in-place", LIGHT,
+        "the scene's own array is changed in place (*=, /=), so that each object changes the light of the next one: "
+        "write a = b * c",
+        both(sky_times(partial(_darkened, f=lambda a: a)), behind(_darkened_sky)),
+        sky_times(partial(_darkened, f=lambda a: a)), sun_times(partial(_darkened, f=lambda a: a)),
+        sun_times(partial(_darkened, f=lambda a: a / pi)), sun_times(partial(_darkened, f=lambda a: 1 / pi + 0 * a))),
     row("albedo-channels", LIGHT, "the albedo's channels are mixed up: they are red, green, blue",
         _colour(lambda x: x.albedo[::-1]), _colour(lambda x: np.broadcast_to(x.albedo[:1], x.albedo.shape)),
         _colour(lambda x: _grey(x.albedo))),
@@ -1108,9 +1301,36 @@ def received_by(keep: Callable[[Shape], bool]) -> Callable[[Hits, Array, Casters
     return blocked
 
 
-def _line(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
+def _line(hits: Hits, to: Array, things: Casters, steps: Steps, kinds: Any = (Sphere, Rectangle)) -> Array:
     """What lies behind the point, away from the sun, hides it too."""
-    return hidden(hits, to, things, steps) | others_hide(hits, -to, things, steps)
+    behind = tuple(x if isinstance(x, kinds) else _gone(x) for x in things)
+    return hidden(hits, to, things, steps) | others_hide(hits, -to, behind, steps)
+
+
+def _by_index_of_kind(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
+    """Left out is not the own object, but whatever has its number, spheres and planes counted apart."""
+    count = {True: 0, False: 0}
+    number = []
+    for thing in things:
+        number.append(count[is_sphere(thing)])
+        count[is_sphere(thing)] += 1
+    met = np.isfinite(meet_all(hits.point, np.broadcast_to(to, hits.point.shape), things, steps))
+    own = np.array([*number, -1])[hits.ids]
+    return (met & (own != np.array(number)[:, None])).any(axis=0) | ((hits.normal * to).sum(axis=0) <= 0)
+
+
+def _from_far_side(hits: Hits, to: Array, things: Casters, steps: Steps, back: bool) -> Array:
+    """Planes seen from the side that half_u × half_v leaves (`back`), or points to, shade themselves."""
+    none = (0.0, 0.0, 0.0)
+    facing = np.array([*(x.normal if isinstance(x, Rectangle) else none for x in things), none])[hits.ids].T
+    side = (facing * hits.normal).sum(axis=0)
+    return hidden(hits, to, things, steps) | ((side < 0) if back else (side > 0))
+
+
+def in_shadow_test(change: Change) -> Change:
+    """For shadow rays alone: the eye sees what it should."""
+    return lambda s: s._replace(blocked=lambda hits, to, things, steps: s.blocked(
+        hits, to, things, steps._replace(sphere=change(s).sphere, rectangle=change(s).rectangle)))  # fmt: skip
 
 
 def _all_dark(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
@@ -1184,7 +1404,7 @@ SHADOWS = (
         *(shadows(offset_by(eps, way)) for way in (False, True) for eps in (3e-3, 1e-2, 2e-2, 5e-2))),
     row("shadow-both-ways", SHADOW,
         "what lies on the far side of the surface, away from the sun, casts shadows too: keep t > 0 alone",
-        shadows(_line)),
+        shadows(_line), shadows(partial(_line, kinds=(Sphere,))), shadows(partial(_line, kinds=(Rectangle,)))),
     row("shadow-reversed", SHADOW, "shadow rays go away from the sun: they go along to_light",
         shadows(lambda hits, to, things, steps: others_hide(hits, -to, things, steps)
                 | ((hits.normal * to).sum(axis=0) <= 0)),
@@ -1208,6 +1428,18 @@ SHADOWS = (
         "planes planes)",
         shadows(partial(_not_by_own_kind, kinds=(Sphere,))), shadows(partial(_not_by_own_kind, kinds=(Rectangle,))),
         shadows(partial(_not_by_own_kind, kinds=(Sphere, Rectangle)))),
+    row("own-number", SHADOW,
+        "sphere i casts no shadow on plane i, nor plane i on sphere i: leave out the surface's own object, not all "
+        "that have its number in their list",
+        shadows(_by_index_of_kind)),
+    row("plane-shades-itself", SHADOW,
+        "planes that are seen from one of their sides shade themselves: shadow rays start along the normal that is "
+        "turned to the eye, not along half_u × half_v",
+        *(shadows(partial(_from_far_side, back=back)) for back in (True, False))),
+    row("other-size-in-shadow", SHADOW,
+        "rectangles have another size in the shadow test than the eye sees: half_u and half_v are changed in place "
+        "(u /= |u|) or used otherwise there; write u = half_u / |half_u|",
+        *(in_shadow_test(rectangle(f)) for f in (_by_length(1), _scaled(1e4), _scaled(0.5), _scaled(2.0)))),
     row("planes-cast-none", SHADOW, "planes cast no shadows: test shadow rays against planes too",
         cast_by(lambda i, thing, things: is_sphere(thing))),
     row("spheres-cast-none", SHADOW, "spheres cast no shadows: test shadow rays against spheres too",
@@ -1238,11 +1470,6 @@ SHADOWS = (
 def shown(f: Callable[[Array], Array]) -> Change:
     """Other values, each by itself."""
     return lambda s: s._replace(output=lambda x, brightest: f(s.output(x, brightest)))
-
-
-def behind(f: Callable[[Scene], Any]) -> Change:
-    """Another background."""
-    return put(background=lambda scene: np.broadcast_to(np.asarray(f(scene), float), 3))
 
 
 def _normalised(s: Steps) -> Steps:
@@ -1276,7 +1503,7 @@ OUTPUTS = (
         "the values are decoded once too often: linear numbers were written where a display's (sRGB) were expected",
         shown(lambda x: srgb_decode(np.maximum(x, 0))), shown(partial(_power, k=2.2)), shown(partial(_power, k=2))),
     row("bgr", OUTPUT, "red and blue are swapped: OpenCV writes BGR, the order here is RGB",
-        shown(lambda x: x[..., ::-1])),
+        shown(lambda x: x[..., ::-1]), lambda s: s._replace(shade=lambda x: s.shade(x)[::-1])),
     row("channels-turned", OUTPUT, "the channels are in the wrong order: red, green, blue",
         shown(lambda x: x[..., [1, 2, 0]]), shown(lambda x: x[..., [2, 0, 1]]), shown(lambda x: x[..., [1, 0, 2]]),
         shown(lambda x: x[..., [0, 2, 1]])),
@@ -1288,7 +1515,8 @@ OUTPUTS = (
     row("clamped", OUTPUT, "values are cut off at 1: radiance may be larger, leave it as it is",
         shown(lambda x: np.minimum(x, 1))),
     row("overflow", OUTPUT, "8-bit values overflow: what is brighter than white wraps round to black; clip first",
-        shown(_overflow), shown(lambda x: srgb_decode(_overflow(srgb_encode(x)))),
+        shown(_overflow), shown(lambda x: np.rint(np.maximum(x, 0) * 255) % 256 / 255),
+        shown(lambda x: srgb_decode(_overflow(srgb_encode(x)))),
         shown(lambda x: _overflow(srgb_encode(x))), shown(lambda x: _overflow(_power(x, 1 / 2.2)))),
     row("eight-bits", OUTPUT, "the values are rounded to 8 bits: hand in floats",
         shown(lambda x: np.floor(np.clip(x, 0, 1) * 255) / 255), shown(lambda x: np.rint(np.clip(x, 0, 1) * 255) / 255),
@@ -1415,8 +1643,44 @@ SAMPLINGS = (
 
 ACNE = row("acne", SHADOW,
     "speckles: rounding puts the start of shadow rays now above, now below the surface, so that it shades itself; "
-    "start them a little off it, or leave its own object out", shadows(_all_dark))  # fmt: skip
+    "start them a little off it, or leave its own object out", lambda s: s, shadows(_all_dark))  # fmt: skip
 """Which points are dark is chance: told by pixels that are all as lit or as dark as can be, and mixed."""
+
+CHANCES = (
+    *(row("plane-normal-by-origin", NORMALS, PLANES_BY_ORIGIN,
+          *(normals(partial(_turned_by_origin, sign=k, flat=flat)) for flat in (1, -1))) for k in (1, -1)),
+    ACNE,
+)  # fmt: skip
+"""Faults of which rounding decides, pixel by pixel, what is seen: one of their ways."""
+
+CACHED = (
+    "a picture is drawn with the rays of another scene of the same size: what is kept between calls has to be found "
+    "by all that it depends on, K and dist too, not by width and height alone"
+)
+
+
+def cached(first: Sequence[Camera], cameras: Sequence[Camera]) -> tuple[Fault, ...]:
+    """Rays that are kept by the picture's size: with what one of the first gives all cameras of its size are used."""
+
+    def of(own: Camera, kept: Camera, eye_too: bool) -> Camera:
+        if own.image_size != kept.image_size or eye_too:
+            return own if own.image_size != kept.image_size else kept
+        R = np.asarray(kept.R_cam_board)
+        return msgspec.structs.replace(own, R_cam_board=kept.R_cam_board, t_cam_board=_three(-R @ np.array(own.eye)))
+
+    def way(kept: Camera, turned: bool, eye_too: bool) -> Change:
+        inner = seen(lambda own: kept if own.image_size == kept.image_size else own)
+        if not turned:
+            return inner
+        return both(inner, lambda s: s._replace(camera=lambda own: of(s.camera(own), kept, eye_too)))
+
+    which = [k for k in first if any(one.image_size == k.image_size and one != k for one in cameras)]
+    ways = [way(k, *what) for k in which for what in ((False, False), (True, False), (True, True))]
+    return (row("rays-kept", CAMERA, CACHED, *ways),) if ways else ()
+
+
+FACTS = frozenset({"nothing-met", "empty"})
+"""Faults that say what is seen, whatever has brought it about: of others that would, too, nothing is said."""
 
 FAULTS: tuple[Fault, ...] = (
     *CAMERAS, *SOLVERS, *ORDERS, *NORMALS_, *LIGHTS, *SHADOWS, *SAMPLINGS, *OUTPUTS,

@@ -13,7 +13,18 @@ from typing import Literal
 import numpy as np
 
 from raytwin.files import Rounding
-from raytwin.grade.catalogue import ACNE, FAULTS, HABITS, OUTPUT, STAGES, TESTS, Fault
+from raytwin.grade.catalogue import (
+    ACNE,
+    CHANCES,
+    FACTS,
+    FAULTS,
+    HABITS,
+    OUTPUT,
+    STAGES,
+    TESTS,
+    Fault,
+    cached,
+)
 from raytwin.grade.fitted import FAMILIES, Family, fit, promising, total
 from raytwin.grade.predict import RIGHT, Array, Steps
 from raytwin.grade.sight import Sampled, Sight, View, many
@@ -52,6 +63,8 @@ SOME = 3
 """Views, the most wrong ones, on which it is seen which numbers are worth fitting."""
 SPECKLED = 0.2
 """Share of right neighbours from which on wrong pixels are speckles."""
+REGION, REGION_SHARE = 8.0, 0.002
+"""Pixels that stay wrong among such, in one view: more, and more than this share of the wrong ones, are a region."""
 HOPELESS = 0.97
 """Of the cost: what leaves more of it is not worth a second fault."""
 FITS = 5
@@ -162,6 +175,9 @@ def diagnose(
         return Diagnosis(right=True, explained=1.0, where="right everywhere")
     if count < FEW:
         return Diagnosis(right=False, where=where)
+    if faults is FAULTS:
+        cameras = [(s.view.scene.camera, bool(s.wrong.any())) for s in sights if s.view.scene]
+        faults = (*FAULTS, *cached([c for c, wrong in cameras if not wrong], [c for c, _ in cameras]))
     sights = [s for s in sights if s.weight.size]
     small = [s.fewer(SCREEN) for s in sights]
     thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
@@ -332,7 +348,8 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
     alone = len(best.causes) == 1 and not others[0]
     shown = share > WHOLE or (share > EXPLAINED and sum(bool(s.wrong.any()) for s in sights) > 1)
     agreed = held is None or held > EXPLAINED
-    sureness: Sureness = "sure" if alone and shown and agreed and _good(sights, best.steps) else "likely"
+    left = _left(sights, best.steps)
+    sureness: Sureness = "sure" if alone and shown and agreed and not left and _good(sights, best.steps) else "likely"
     order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
     return Diagnosis(
         right=False,
@@ -341,23 +358,50 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
         explained=share,
         held_out=held,
         sureness=sureness,
-        where=where,
+        where=f"{where}; something else is wrong, too: {left}" if left else where,
     )
 
 
+def _left(sights: Sequence[Sight], steps: Steps) -> str:
+    """Where whole regions stay wrong, not single pixels or lines: wrong with five at least of the eight beside."""
+    errors, some = [], False
+    for s in sights:
+        e = s.errors(steps)
+        kept = np.zeros(e.shape)
+        if not s.deep and float((s.weight * (e > 4 * s.tau) * ~s.edge).sum()) > 0:
+            region = _crowded(s.everywhere(steps) > 4 * s.tau)
+            wrong = float((s.weight * s.wrong).sum()) * region.size
+            some = some or int(region.sum()) > max(REGION, REGION_SHARE * wrong)
+            kept = np.where(region.ravel()[s.index], e, 0.0)
+        errors.append(kept)
+    return whereabouts(sights, errors).split("; ")[0] if some else ""
+
+
+def _crowded(off: Array) -> Array:
+    """Of (H, W) bool those that have five of their neighbours at least."""
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(off, 1), (3, 3)).sum(axis=(2, 3))
+    return np.asarray(off & (around > 5))
+
+
 def _speckled(sights: Sequence[Sight], where: str) -> Diagnosis | None:
-    """Acne: what is wrong is as dark as in shadow, and mixed with what is right."""
-    dark = ACNE.ways[0](RIGHT)
+    """A cause that leaves it to chance which of its ways is seen at a pixel: acne, and what is like it."""
     spoilt = [s for s in sights if s.wrong.any()]
     mixed = np.average([s.mixed for s in spoilt], weights=[s.wrong.sum() for s in spoilt])
-    hit = np.concatenate([s.errors(dark)[s.wrong] <= 4 * s.tau for s in spoilt])
-    if mixed < SPECKLED or hit.mean() < EXPLAINED:
-        return None
-    squared = [(s.squared(s.predict(RIGHT)), s.squared(np.where(s.wrong[:, None], s.predict(dark), s.predict(RIGHT))))
-               for s in spoilt]  # fmt: skip
-    before, after = np.sum(squared, axis=0)
-    cause = Cause(ACNE.name, ACNE.stage, ACNE.sentence)
-    return Diagnosis(False, (cause,), ((),), 1 - float(after / max(before, 1e-300)), None, "likely", where)
+    for chance in CHANCES:
+        if chance is ACNE and mixed < SPECKLED:
+            continue
+        made = [[s.predict(way(RIGHT)) for way in chance.ways] for s in sights]
+        off = [np.stack([s.off(one) for one in all_]) for s, all_ in zip(sights, made, strict=True)]
+        hit = np.concatenate([e.min(axis=0)[s.wrong] <= 4 * s.tau for e, s in zip(off, sights, strict=True)])
+        kept = np.concatenate([e.min(axis=0)[~s.wrong] <= 4 * s.tau for e, s in zip(off, sights, strict=True)])
+        if hit.mean() < EXPLAINED or (kept.size and kept.mean() < 0.99):
+            continue
+        before = sum(s.squared(s.predict(RIGHT)) for s in sights)
+        after = sum(s.squared(np.take_along_axis(np.stack(all_), e.argmin(axis=0)[None, :, None], 0)[0])
+                    for s, e, all_ in zip(sights, off, made, strict=True))  # fmt: skip
+        cause = Cause(chance.name, chance.stage, chance.sentence)
+        return Diagnosis(False, (cause,), ((),), 1 - float(after / max(before, 1e-300)), None, "likely", where)
+    return None
 
 
 def _held_out(best: Guess, sights: list[Sight], each: Array) -> float | None:
@@ -378,6 +422,8 @@ def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight]) -> list[t
     own = [s.predict(best.steps) for s in sights]
     names = [cause.name for cause in best.causes]
     others: list[dict[str, Cause]] = [{} for _ in names]
+    if FACTS & set(names):
+        return [() for _ in names]
     for guess in found:
         if len(guess.causes) != len(names):
             continue

@@ -25,6 +25,8 @@ CLOSE = 3e-4
 """Of the scale: the largest error that a prediction may have and still be said to hit a value."""
 GRID = 100_000
 """Of larger pictures only every k-th pixel of every k-th row is looked at."""
+SOLID = 0.1
+"""Of the wrong pixels: where more have none but wrong ones around them, two pixels wide, it is not by chance."""
 DIGITS = 3e-6
 """Of the scale: what float32 rounds off."""
 
@@ -106,6 +108,18 @@ class Sight:
     def errors(self, steps: Steps) -> Array:
         """(N,): the largest error of any channel, beyond what rounding may do."""
         return self.off(self.predict(steps))
+
+    def everywhere(self, steps: Steps) -> Array:
+        """(H, W): the same of all pixels."""
+        height, width = self.view.shown.shape[:2]
+        index = np.arange(height * width)
+        half = np.zeros(self.view.shown.shape) if self.view.half is None else self.view.half
+        bench = self.bench.at((index % width * self.step).astype(float), (index // width * self.step).astype(float))
+        shown, right, slack = (np.asarray(x).reshape(-1, 3) for x in (self.view.shown, _right(self.view), half))
+        whole = replace(self, bench=bench, moved={}, shown=shown, right=right, slack=slack)
+        lost = without_ray(self.view.scene.camera) if self.view.scene is not None else None
+        e = whole.errors(steps).reshape(height, width)
+        return e if lost is None else np.where(lost[:: self.step, :: self.step], 0.0, e)
 
     def off(self, made: Array) -> Array:
         """The same of a prediction (N, 3)."""
@@ -268,10 +282,15 @@ def look(view: View, seed: int = 0) -> Sight:
 
 
 def _mixed(wrong: Array) -> float:
-    """Of (H, W): half where chance decides, little where whole regions are wrong."""
+    """Of (H, W): half where chance decides, little where whole regions are wrong, 0 where some are."""
     inner = wrong[1:-1, 1:-1]
+    if not inner.any():
+        return 0.0
+    windows = np.lib.stride_tricks.sliding_window_view(wrong, (5, 5))
+    if windows.all(axis=(2, 3)).sum() > SOLID * inner.sum():
+        return 0.0
     beside = (wrong[:-2, 1:-1], wrong[2:, 1:-1], wrong[1:-1, :-2], wrong[1:-1, 2:])
-    return float(np.mean([~other[inner] for other in beside])) if inner.any() else 0.0
+    return float(np.mean([~other[inner] for other in beside]))
 
 
 def _scale(view: View) -> float:
