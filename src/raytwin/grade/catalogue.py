@@ -237,6 +237,32 @@ def _in_halves(x: Array, y: Array, camera: Camera, ray: Any, board: bool) -> Ray
     return rays._replace(d=d, aim=d)
 
 
+@lru_cache(maxsize=8)
+def _all_rays(camera: Camera) -> Array:
+    """(H, W, 3), unit, in the camera's axes; of large pictures none."""
+    if camera.width * camera.height > 50_000:
+        return np.zeros((0, 0, 3))
+    v, u = np.indices((camera.height, camera.width), float)
+    x, y = undistort((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, camera.coefficients)
+    d = np.stack([x, y, np.ones_like(x)], axis=-1)
+    return d / np.linalg.norm(d, axis=-1, keepdims=True)
+
+
+def _by_norm_of_many(x: Array, y: Array, camera: Camera, ray: Any, axis: tuple[int, ...], board: bool) -> Rays:
+    """(H, W, 3) rays, before or after they are turned, divided by their norm over rows, columns or both."""
+    rays, R, all_ = ray(x, y, camera), np.asarray(camera.R_cam_board), _all_rays(camera)
+    if not all_.size:
+        return rays
+    norm = np.sqrt(np.square(all_ @ R if board else all_).sum(axis=axis, keepdims=True))
+    norm = np.broadcast_to(norm, all_.shape)
+    xd, yd = distort(x, y, camera.coefficients)
+    u, v = camera.fx * xd + camera.cx, camera.fy * yd + camera.cy
+    place = (np.clip(np.rint(k), 0, n - 1).astype(int) for k, n in ((v, camera.height), (u, camera.width)))
+    by = norm[tuple(place)].T
+    d = rays.d / by if board else R.T @ (R @ rays.d / by)
+    return rays._replace(d=d, aim=d)
+
+
 def _met(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
     """Nothing."""
     return np.full(t.shape[1], -1)
@@ -364,6 +390,11 @@ CAMERAS = (
     row("rotation-left-out", CAMERA,
         "the camera's rotation is left out: turn the rays by Rᵀ",
         posed(lambda R, t: (-R.T @ t, I3)), posed(lambda R, t: (-t, I3)), posed(lambda R, t: (t, I3))),
+    row("rays-by-norm-of-many", CAMERA,
+        "the rays are divided by a norm over pixels, not over x, y and z: np.linalg.norm(d, axis=-1, keepdims=True)",
+        *(lambda s, axis=axis, board=board: s._replace(
+            ray=partial(_by_norm_of_many, ray=s.ray, axis=axis, board=board), sphere=solver(_whole))
+          for axis in ((0, 1), (0,), (1,)) for board in (False, True))),
     row("rays-in-halves", CAMERA,
         "the rays' directions are rounded to half floats (float16), which leaves three digits: use float64",
         *(lambda s, board=board: s._replace(ray=partial(_in_halves, ray=s.ray, board=board), sphere=solver(_whole))
@@ -439,6 +470,10 @@ def _whole(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
     return D, (-fd - root) / aa, (-fd + root) / aa
 
 
+def _middle(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
+    return fd**2 - aa * c, -fd / aa, -fd / aa
+
+
 def _times_a(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
     """(-b - √D) / 2 * a."""
     D, near, far = _whole(fd, c, aa)
@@ -508,6 +543,15 @@ def _cornered(thing: Rectangle, u: float, v: float, size: float) -> Rectangle:
     """0 <= a <= 2 size along half_u, and so along half_v, from the centre on."""
     a, b = (np.array(half) * (size if k else 1) for k, half in ((u, thing.half_u), (v, thing.half_v)))
     middle = np.array(thing.center) + u * a + v * b
+    return msgspec.structs.replace(thing, center=_three(middle), half_u=_three(a), half_v=_three(b))
+
+
+def _open(thing: Rectangle, u: bool, v: bool, far: float = 1e4) -> Rectangle:
+    """From -∞ to half_u, and so along half_v."""
+    a, b = (np.array(half) * ((far + 1) / 2 if k else 1) for k, half in ((u, thing.half_u), (v, thing.half_v)))
+    middle = np.array(thing.center)
+    for k, half in ((u, thing.half_u), (v, thing.half_v)):
+        middle = middle - (far - 1) / 2 * np.array(half) * k
     return msgspec.structs.replace(thing, center=_three(middle), half_u=_three(a), half_v=_three(b))
 
 
@@ -590,11 +634,16 @@ long = lambda s: s._replace(ray=partial(_not_unit, ray=s.ray))  # noqa: E731
 SOLVERS = (
     row("far-root", SOLVER,
         "you take the far root, where the ray leaves the sphere: take the smallest t > 0",
-        put(sphere=solver(quadratic(), _far))),
+        put(sphere=solver(quadratic(), _far)), both(put(sphere=solver(quadratic(), _far)), lambda s: faced(s))),
+    row("closest-approach", SOLVER,
+        "the ray's point that is nearest to the centre is taken for the hit: half the chord has to be subtracted, "
+        "t = -f·d - √(...)",
+        put(sphere=solver(_middle)), both(put(sphere=solver(_middle)), normals(_made_unit))),
     row("behind-the-eye", SOLVER,
         "hits behind the ray's start count too: take the smallest positive t, not the smallest |t|, and none where "
         "both are negative",
         put(sphere=solver(quadratic(), lambda near, far: near)),
+        both(put(sphere=solver(quadratic(), lambda near, far: near)), lambda s: s._replace(blocked=offset_by(1e-6))),
         put(sphere=solver(quadratic(), _least_magnitude)),
         put(sphere=solver(quadratic(), _least_magnitude), rectangle=_either,
             order=lambda t, things, rays: nearest(np.abs(t), things, rays)),
@@ -658,6 +707,10 @@ SOLVERS = (
     row("endless-planes", SOLVER, "your planes have no end: a rectangle ends at center ± half_u ± half_v",
         rectangle(_scaled(1e4)),
         *(rectangle(partial(_scaled_edges, u=u, v=v)) for u, v in ((1.0, 1e4), (1e4, 1.0)))),
+    row("abs-missing", SOLVER,
+        "your rectangles end on one side only: a point may lie on either side of the centre, |q·u| <= u·u, "
+        "|q·v| <= v·v",
+        *(rectangle(partial(_open, u=u, v=v)) for u, v in ((True, True), (True, False), (False, True)))),
     row("extent-not-unit", SOLVER,
         "the extent of your rectangles is measured along half_u and half_v without dividing by their lengths: "
         "|q·u| <= u·u, or |q·u| / |u| <= |u|",
@@ -691,7 +744,7 @@ SOLVERS = (
         "your rectangles have the wrong size: half_u and half_v are half-edges, from the centre to the rim",
         rectangle(_scaled(0.5)), rectangle(_scaled(2.0))),
     row("planes-behind", SOLVER, "planes behind the ray's start count too: keep t > 0 alone",
-        put(rectangle=_either)),
+        put(rectangle=_either), both(put(rectangle=_either), lambda s: s._replace(blocked=offset_by(1e-6)))),
 )  # fmt: skip
 
 
@@ -798,6 +851,9 @@ ORDERS = (
         "t of spheres and of planes is compared across rays of different length: t is a distance only along unit rays",
         by_key(lambda t, thing, rays: t if is_sphere(thing) else t / rays.stretch),
         by_key(lambda t, thing, rays: t / rays.stretch if is_sphere(thing) else t)),
+    row("depth-from-elsewhere", ORDER,
+        "depth is measured from the board's origin, not from the eye: keep the smallest t on each ray",
+        by_key(lambda t, thing, rays: np.linalg.norm(rays.origin + np.where(np.isfinite(t), t, 0) * rays.aim, axis=0))),
     row("one-sphere", ORDER, "only one of the spheres is there: test every ray against all of them",
         *(_one(k, Sphere) for k in (0, -1))),
     row("object-missing", ORDER, "one object is missing: the loop ends too early or begins too late, test them all",
@@ -1073,6 +1129,11 @@ def _darkened_sky(scene: Scene) -> Array:
     return np.array(scene.sky.radiance) * np.prod([thing.material.albedo for thing in scene.objects], axis=0)
 
 
+def _on_kind(x: Terms, planes: bool, k: float) -> Array:
+    """A factor of one kind of objects."""
+    return np.where(_on_plane(x) == planes, k, 1.0)
+
+
 def _summed(x: Terms, light: Array) -> Array:
     """albedo @ light, the same in all channels."""
     return np.broadcast_to((x.albedo * light).sum(axis=0), x.albedo.shape)
@@ -1132,7 +1193,7 @@ LIGHTS = (
     row("light-reversed-in-shading", LIGHT,
         "n·l is taken with the wrong sign of l, though shadow rays go the right way: to_light points from the surface "
         "to the sun, use it as it is",
-        both(half_lit(lambda to, *_: -to), put(blocked=others_hide)), half_lit(lambda to, *_: -to)),
+        both(half_lit(lambda to, *_: -to), put(blocked=others_hide))),
     row("light-in-camera-frame", LIGHT,
         "the sun's direction is given in the board's frame, but your normals are in the camera's (or the other way "
         "round): turn one of them by R",
@@ -1160,7 +1221,8 @@ LIGHTS = (
         shaded(lambda x: sun(x, x.cos) + ambient(x))),
     row("abs-cosine", LIGHT,
         "surfaces that face away from the sun are lit: max(0, n·l), not |n·l|",
-        shaded(lambda x: sun(x, np.abs(x.cos)) + ambient(x))),
+        shaded(lambda x: sun(x, np.abs(x.cos)) + ambient(x)),
+        both(put(blocked=others_hide), shaded(lambda x: sun(x, np.abs(x.cos)) + ambient(x)))),
     row("squared-cosine", LIGHT, "the cosine is squared: max(0, n·l) goes in once",
         shaded(lambda x: sun(x, np.maximum(x.cos, 0) ** 2) + ambient(x)),
         shaded(lambda x: sun(x, x.cos**2) + ambient(x))),
@@ -1222,6 +1284,15 @@ LIGHTS = (
     row("pi-twice", LIGHT, "the sun's part is divided by π twice", sun_times(1 / pi)),
     row("pi-missing-everywhere", LIGHT, "everything that is lit is π times too bright: reflection is albedo/π of the "
         "irradiance, and a sky of constant radiance gives π Lₛ of it", both(sun_times(pi), sky_times(pi))),
+    row("one-kind-by-pi", LIGHT,
+        "spheres and planes are shaded by different formulas, the sun's part of one of them π times too bright or too "
+        "dark: both reflect albedo/π E max(0, n·l)",
+        *(sun_times(partial(_on_kind, planes=planes, k=k)) for planes in (False, True) for k in (pi, 1 / pi))),
+    *(row(f"one-kind-without-{name}", LIGHT,
+          f"spheres and planes are shaded by different formulas, one of them without the {name}'s light: both have "
+          "albedo/π E max(0, n·l) + albedo Lₛ",
+          *(times(partial(_on_kind, planes=planes, k=0.0)) for planes in (False, True)))
+      for name, times in (("sun", sun_times), ("sky", sky_times))),
     row("sun-twice", LIGHT, "the sun's light is added twice", sun_times(2)),
     row("sun-half", LIGHT, "the sun's part is half as bright as it should be", sun_times(0.5)),
     row("sun-missing", LIGHT, "the sun's part is missing: only the sky's light is there", sun_times(0)),
@@ -1416,6 +1487,9 @@ SHADOWS = (
             lambda R: R, lambda R: R.T, lambda R: np.diag([1, 1, -1.0]), lambda R: np.diag([-1.0, -1, 1])))),
     row("shadow-to-eye", SHADOW, "shadow rays go to the eye, or away from it: they go to the sun, along to_light",
         *(shadowed_by(partial(_to_eye, sign=k)) for k in (1, -1))),
+    row("shadow-to-place", SHADOW,
+        "shadow rays go to to_light as if it were a point: it is a direction, the same for every surface",
+        shadowed_by(_to_position)),
     row("shadow-bounded", SHADOW,
         "only near objects cast shadows: nothing bounds the way to the sun",
         *(shadows(within(limit)) for limit in (0.2, 0.1, 0.25, 0.3, 0.5))),
@@ -1439,7 +1513,7 @@ SHADOWS = (
     row("other-size-in-shadow", SHADOW,
         "rectangles have another size in the shadow test than the eye sees: half_u and half_v are changed in place "
         "(u /= |u|) or used otherwise there; write u = half_u / |half_u|",
-        *(in_shadow_test(rectangle(f)) for f in (_by_length(1), _scaled(1e4), _scaled(0.5), _scaled(2.0)))),
+        *(in_shadow_test(rectangle(f)) for f in (_by_length(1), _scaled(0.5), _scaled(2.0)))),
     row("planes-cast-none", SHADOW, "planes cast no shadows: test shadow rays against planes too",
         cast_by(lambda i, thing, things: is_sphere(thing))),
     row("spheres-cast-none", SHADOW, "spheres cast no shadows: test shadow rays against spheres too",
