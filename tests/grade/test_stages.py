@@ -66,6 +66,7 @@ def test_every_mistake_is_found_and_called_by_its_name_and_by_no_other(stage):
     answers = [(v.name, judging.call_stage(stage, v.change(stage.reference), cases)) for v in stage.variants]
     shown = [(name, answer) for name, answer in answers if not passes(answer)]
     assert {name for name, _ in answers} - {name for name, _ in shown} <= unseen
+    assert not [(name, one) for name, answer in shown for one in answer if isinstance(one, str)]
     for name, answer in shown:
         names = {other for other, given in shown if alike(given, answer)}
         assert names == {name} or names == SAME_FROM_OUTSIDE, name

@@ -100,11 +100,15 @@ def test_a_rectangles_box_holds_every_hit(camera, place, u, v, length):
 
 
 @settings(max_examples=50, deadline=None)
-@given(cameras(distorted=False), reals(-1.5, 1.5), reals(-1.5, 1.5), reals(0.02, 0.7))
-def test_a_pinholes_box_is_tight(camera, x, y, share):
-    # The sphere stands before the camera: its outline is an ellipse, here found on a grid twice as fine.
+@given(cameras(distorted=False), reals(0.3, 0.7), reals(0.3, 0.7), reals(0.1, 0.8))
+def test_a_pinholes_box_is_tight(camera, right, down, share):
+    # The sphere stands in the frame, reaching a share of the way to its sides: its outline is an ellipse, here found on
+    # a grid twice as fine.
+    K, (w, h) = np.asarray(camera.K), camera.image_size
+    x, y = (right * w - K[0, 2]) / K[0, 0], (down * h - K[1, 2]) / K[1, 1]
+    aside = 0.3 * min(w / K[0, 0], h / K[1, 1])
     ahead = np.asarray(camera.R_cam_board).T @ np.array([x, y, 1.0])
-    sphere = Sphere(tuple((np.asarray(camera.eye) + ahead).tolist()), share)
+    sphere = Sphere(tuple((np.asarray(camera.eye) + ahead).tolist()), share * aside / math.hypot(1, aside))
     seen = hits(sphere, camera.resized(2 * camera.width, 2 * camera.height))
     assume(seen.any() and not (seen[0].any() or seen[-1].any() or seen[:, 0].any() or seen[:, -1].any()))
     rows, columns = ((np.flatnonzero(seen.any(axis=i)) + 0.5) / 2 - 0.5 for i in (1, 0))
