@@ -178,7 +178,7 @@ RIGHT = Steps(
 """The tracer as it should be."""
 
 Change = Callable[[Steps], Steps]
-KEPT = 6
+KEPT = 8
 """Intermediate results of wrong tracers that are kept for the next."""
 
 
@@ -239,7 +239,10 @@ def _table(things: tuple[Shape, ...]) -> Table:
 
 @dataclass(eq=False)
 class Bench:
-    """One scene at chosen pixels, on which changes are tried; what was found last stays, by the steps that made it."""
+    """One scene at chosen pixels, on which changes are tried; what was found last stays, by the steps that made it.
+
+    `right`: what the lens of the scene gives, for good.
+    """
 
     scene: Scene
     u: Array
@@ -247,6 +250,7 @@ class Bench:
     shadows: bool = True
     brightest: float = 1.0
     kept: dict[tuple[Any, ...], Any] = field(default_factory=dict)
+    right: dict[str, Any] = field(default_factory=dict)
 
     @property
     def camera(self) -> Camera:
@@ -262,10 +266,30 @@ class Bench:
             lens = steps.camera(self.scene.camera)
             u, v = steps.place(self.u, self.v, self.scene.camera)
             seen = steps.lens(lens)
-            x, y = (u - seen.cx) / seen.fx, (v - seen.cy) / seen.fy
-            if any(seen.coefficients):
-                x, y = steps.undo(x, y, seen.coefficients)
+            # What a pose or another ray leaves alone: the lens of the scene's own K and coefficients.
+            own = seen.K == self.camera.K and seen.dist == self.camera.dist
+            own = own and steps.place is RIGHT.place and steps.undo is RIGHT.undo
+            if own and "xy" in self.right:
+                x, y = self.right["xy"]
+            else:
+                x, y = (u - seen.cx) / seen.fx, (v - seen.cy) / seen.fy
+                if any(seen.coefficients):
+                    x, y = steps.undo(x, y, seen.coefficients)
+                if own:
+                    self.right["xy"] = x, y
             self.keep(key, steps.ray(x, y, lens))
+        return self.kept[key]
+
+    def met(self, steps: Steps) -> tuple[Array, Array]:
+        """The index of what each ray of the eye meets first, -1 for nothing, and its t."""
+        key = ("met", *steps[:9])
+        if key not in self.kept:
+            rays, things = self.rays(steps), self.things(steps)
+            t = meet_all(rays.origin, rays.d, things, steps) if things else np.full((1, self.u.size), np.inf)
+            t[np.isnan(t)] = np.inf
+            ids = steps.order(t, things, rays) if things else np.full(self.u.size, -1)
+            reach = np.where(ids >= 0, np.take_along_axis(t, np.maximum(ids, 0)[None], 0)[0], 0.0)
+            self.keep(key, (ids, np.where(np.isfinite(reach), reach, 0.0)))
         return self.kept[key]
 
     def keep(self, key: tuple[Any, ...], value: Any) -> None:
@@ -282,11 +306,7 @@ class Bench:
         key = ("hits", *steps[:11])
         if key not in self.kept:
             rays, things = self.rays(steps), self.things(steps)
-            t = meet_all(rays.origin, rays.d, things, steps) if things else np.full((1, self.u.size), np.inf)
-            t[np.isnan(t)] = np.inf
-            ids = steps.order(t, things, rays) if things else np.full(self.u.size, -1)
-            reach = np.where(ids >= 0, np.take_along_axis(t, np.maximum(ids, 0)[None], 0)[0], 0.0)
-            reach = np.where(np.isfinite(reach), reach, 0.0)
+            ids, reach = self.met(steps)
             point, table = steps.point(rays, reach), _table(things)
             if steps.normal is outward:
                 normal = table.outward(point, rays.d, ids)
