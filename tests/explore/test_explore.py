@@ -281,25 +281,27 @@ def test_a_port_that_is_taken_is_named(live, scenes):
     refused(raytwin("explore", scenes / "overlap", "--no-browser", "--port", live.port), "--port", str(live.port))
 
 
+LISTENING = """
+import runpy, signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+runpy.run_module("raytwin", run_name="__main__")
+"""
+"""What a shell starts in the background does not hear Ctrl-C, nor what that starts."""
+
+
 def test_ctrl_c_ends_it(scenes):
-    command = [
-        sys.executable,
-        "-u",
-        "-m",
-        "raytwin",
-        "explore",
-        str(scenes / "overlap"),
-        "--no-browser",
-        "--size",
-        "40x30",
-    ]
+    command = [sys.executable, "-u", "-c", LISTENING, "explore", str(scenes / "overlap"), "--no-browser"]
+    command += ["--size", "40x30"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
-        line = run.stdout.readline()
-        assert re.fullmatch(r"overlap at http://127\.0\.0\.1:\d+/\?token=[0-9a-f]{32}\n", line)
-        run.stdout.readline()
-        time.sleep(0.2)
-        run.send_signal(signal.SIGINT)
-        out, err = run.communicate(timeout=60)
+        try:
+            line = run.stdout.readline()
+            assert re.fullmatch(r"overlap at http://127\.0\.0\.1:\d+/\?token=[0-9a-f]{32}\n", line)
+            run.stdout.readline()
+            time.sleep(0.2)
+            run.send_signal(signal.SIGINT)
+            out, err = run.communicate(timeout=60)
+        finally:
+            run.kill()
     assert run.returncode == 0
     assert out == "ended\n"
     assert "Traceback" not in err
