@@ -898,8 +898,8 @@ def _lit_behind(x: Terms) -> Terms:
     return x._replace(cos=np.where(_on_plane(x), np.abs(x.cos), x.cos))
 
 
-def _turned_by_origin(n: Array, p: Array, rays: Rays, thing: Shape, sign: int, flat: int = 1) -> Array:
-    """A plane's by n·p; `flat`: where that is 0, 1 for the eye's side and -1 for the other."""
+def _turned_by_origin(n: Array, p: Array, rays: Rays, thing: Shape, sign: int, flat: int = 0) -> Array:
+    """A plane's by n·p; `flat`: where that is 0, 1 for the eye's side, -1 for the other; 0: chance, not predicted."""
     if isinstance(thing, Sphere):
         return n
     axis = _fixed(n, thing.normal)
@@ -982,13 +982,13 @@ NORMALS_ = (
         "the planes' normals are half_u × half_v whatever side is seen: turn them round where n·d > 0",
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else _of_plane(n, thing)),
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else -_of_plane(n, thing))),
-    row("plane-normal-by-origin", NORMALS,
-        PLANES_BY_ORIGIN,
-        *(normals(partial(_turned_by_origin, sign=k)) for k in (1, -1))),
     row("plane-faces-light", NORMALS,
         "planes are lit on both sides at once, their normals turned to the sun: a normal belongs to the side that the "
         "eye sees, and max(0, n·l) is 0 where that is turned away from the sun",
-        terms(_lit_behind), both(put(blocked=others_hide), terms(_lit_behind))),
+        both(put(blocked=others_hide), terms(_lit_behind)), terms(_lit_behind)),
+    row("plane-normal-by-origin", NORMALS,
+        PLANES_BY_ORIGIN,
+        *(normals(partial(_turned_by_origin, sign=k)) for k in (1, -1))),
     row("plane-normal-up", NORMALS, "the planes' normals are taken for the board's z axis: they are half_u × half_v",
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else _fixed(n, (0.0, 0.0, 1.0))),
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else _turned_to_eye(_fixed(n, (0.0, 0.0, 1.0)), rays))),
