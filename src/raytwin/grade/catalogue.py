@@ -1390,14 +1390,6 @@ def _by_index_of_kind(hits: Hits, to: Array, things: Casters, steps: Steps) -> A
     return (met & (own != np.array(number)[:, None])).any(axis=0) | ((hits.normal * to).sum(axis=0) <= 0)
 
 
-def _from_far_side(hits: Hits, to: Array, things: Casters, steps: Steps, back: bool) -> Array:
-    """Planes seen from the side that half_u × half_v leaves (`back`), or points to, shade themselves."""
-    none = (0.0, 0.0, 0.0)
-    facing = np.array([*(x.normal if isinstance(x, Rectangle) else none for x in things), none])[hits.ids].T
-    side = (facing * hits.normal).sum(axis=0)
-    return hidden(hits, to, things, steps) | ((side < 0) if back else (side > 0))
-
-
 def in_shadow_test(change: Change) -> Change:
     """For shadow rays alone: the eye sees what it should."""
     return lambda s: s._replace(blocked=lambda hits, to, things, steps: s.blocked(
@@ -1506,10 +1498,6 @@ SHADOWS = (
         "sphere i casts no shadow on plane i, nor plane i on sphere i: leave out the surface's own object, not all "
         "that have its number in their list",
         shadows(_by_index_of_kind)),
-    row("plane-shades-itself", SHADOW,
-        "planes that are seen from one of their sides shade themselves: shadow rays start along the normal that is "
-        "turned to the eye, not along half_u × half_v",
-        *(shadows(partial(_from_far_side, back=back)) for back in (True, False))),
     row("other-size-in-shadow", SHADOW,
         "rectangles have another size in the shadow test than the eye sees: half_u and half_v are changed in place "
         "(u /= |u|) or used otherwise there; write u = half_u / |half_u|",
