@@ -5,7 +5,7 @@ Reading: TOML into records, scenes, photos, EXR, any image (`read_image`). Writi
 
 from raytwin.files.exr import read_exr, read_moments, read_origin, write_exr
 from raytwin.files.images import read_image, write_image
-from raytwin.files.kept import cache_folder, drop_oldest, is_plain, mark_used
+from raytwin.files.kept import cache_folder, is_plain, keep, load_arrays, mark_used
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.pictures import (
     from_bytes,
@@ -36,13 +36,14 @@ __all__ = [
     "check_camera",
     "check_file",
     "copy_scene",
-    "drop_oldest",
     "find_scene",
     "from_bytes",
     "half_floats",
     "is_plain",
     "json_text",
+    "keep",
     "list_photos",
+    "load_arrays",
     "mark_used",
     "photo_extras",
     "photo_orientation",

@@ -5,7 +5,15 @@ A kept file may be damaged, or of another's making: whoever reads one checks it,
 
 import contextlib
 import os
+import zipfile
+import zlib
+from collections.abc import Callable
 from pathlib import Path
+
+import numpy as np
+
+from raytwin.errors import InputError
+from raytwin.files.safe import replacing
 
 
 def cache_folder() -> Path:
@@ -38,3 +46,24 @@ def drop_oldest(folder: Path, limit: int) -> None:
         total += size
         if total > limit:
             file.unlink(missing_ok=True)
+
+
+def load_arrays(path: Path) -> dict[str, np.ndarray] | None:
+    """The arrays of a kept .npz by their names, not yet checked; None where none can be read."""
+    if not is_plain(path):
+        return None
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
+            return {name: kept[name] for name in kept.files}
+    except (OSError, ValueError, KeyError, TypeError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error):
+        return None
+
+
+def keep(path: Path, write: Callable[[Path], object], limit: int) -> None:
+    """`write` it, and drop the oldest beside it beyond `limit` bytes; a cache that cannot be written is no error."""
+    if not is_plain(path):
+        return
+    with contextlib.suppress(InputError, OSError):
+        with replacing(path) as temporary:
+            write(temporary)
+        drop_oldest(path.parent, limit)

@@ -4,13 +4,10 @@ It is kept between runs, under a hash of the scene, of the tracer's own source a
 nothing of the old. A kept file that is not what was written is made anew.
 """
 
-import contextlib
 import hashlib
 import importlib.metadata
 import math
 import time
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from functools import cache, cached_property
 from pathlib import Path
@@ -21,7 +18,6 @@ import numpy as np
 
 import raytwin
 from raytwin import files
-from raytwin.errors import InputError
 from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
 from raytwin.scene import Rectangle, Scene, Shape
@@ -159,12 +155,8 @@ def _made_by() -> tuple[str, ...]:
 
 def load(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> Arrays | None:
     """Finite float32 arrays of these names and shapes, and no others; None where there are none."""
-    if not files.is_plain(path):
-        return None
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
-            found = {name: kept[name] for name in kept.files}
-    except (OSError, ValueError, KeyError, TypeError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error):
+    found = files.load_arrays(path)
+    if found is None:
         return None
     sound = all(a.dtype == np.float32 and bool(np.isfinite(a).all()) for a in found.values())
     if not sound or {name: a.shape for name, a in found.items()} != dict(shapes):
@@ -175,13 +167,8 @@ def load(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> Arrays | None:
 
 def store(path: Path, arrays: Arrays) -> None:
     """Keep them; a folder that cannot be written is no error."""
-    if not files.is_plain(path):
-        return
     named: dict[str, Any] = dict(arrays)
-    with contextlib.suppress(InputError, OSError):
-        with files.replacing(path) as temporary:
-            np.savez(temporary, **named)
-        files.drop_oldest(path.parent, LIMIT)
+    files.keep(path, lambda to: np.savez(to, **named), LIMIT)
 
 
 # ------------------------------------------------------------------------------------------------ of any picture

@@ -11,7 +11,6 @@ from pathlib import Path
 import msgspec
 
 from raytwin import files
-from raytwin.errors import InputError
 from raytwin.photos import detection
 from raytwin.photos.detection import Tag, detect_photo
 
@@ -75,7 +74,4 @@ def _is_sound(tag: Tag, size: tuple[int, int]) -> bool:
 
 def _store(path: Path, tags: list[Tag]) -> None:
     """Keep the tags; a cache that cannot be written is no error."""
-    with contextlib.suppress(InputError, OSError):
-        with files.replacing(path) as temporary:
-            temporary.write_bytes(msgspec.json.encode(tags))
-        files.drop_oldest(path.parent, LIMIT)
+    files.keep(path, lambda to: to.write_bytes(msgspec.json.encode(tags)), LIMIT)

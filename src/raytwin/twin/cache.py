@@ -1,15 +1,11 @@
 """Renders kept by content: the name is a hash of everything that decides the pixels, so nothing is ever stale."""
 
-import contextlib
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from raytwin import files
-from raytwin.errors import InputError
 from raytwin.image import Image, Surface
 
 LIMIT = 2 << 30
@@ -23,11 +19,10 @@ def path_of(key: str) -> Path:
 def load(key: str, shape: tuple[int, ...]) -> Image | None:
     """The image kept under `key`, of `shape` (H, W, 3); None where there is none, or one that no render can be."""
     path = path_of(key)
-    if not files.is_plain(path):
+    found = files.load_arrays(path)
+    if found is None:
         return None
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
-            found = {name: kept[name] for name in kept.files}
         image = Image(
             found["mean"],
             found.get("variance"),
@@ -35,7 +30,7 @@ def load(key: str, shape: tuple[int, ...]) -> Image | None:
             Surface(found["ids"], found["depth"], found["normal"]),
             int(found["batches"]) if "variance" in found else None,
         )
-    except (OSError, ValueError, KeyError, TypeError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error):
+    except (ValueError, KeyError, TypeError):
         return None
     if not _is_whole(image, shape):
         return None
@@ -57,13 +52,8 @@ def _is_whole(image: Image, shape: tuple[int, ...]) -> bool:
 def store(key: str, image: Image) -> None:
     """Keep the image; a cache that cannot be written is no error."""
     assert image.surface is not None  # the twin always has one
-    if not files.is_plain(path_of(key)):
-        return
     parts: dict[str, Any] = {"mean": image.mean, "samples": image.samples}
     if image.variance is not None:
         parts |= {"variance": image.variance, "batches": image.batches}
     parts |= {"ids": image.surface.ids, "depth": image.surface.depth, "normal": image.surface.normal}
-    with contextlib.suppress(InputError, OSError):
-        with files.replacing(path_of(key)) as temporary:
-            np.savez(temporary, **parts)
-        files.drop_oldest(path_of(key).parent, LIMIT)
+    files.keep(path_of(key), lambda to: np.savez(to, **parts), LIMIT)
