@@ -25,7 +25,7 @@ def back_project(K: Any, dist: Any, width: int, height: int) -> Any:
 
 def _through(K: Any, dist: Any, width: int, height: int, undo: Callable[..., Any]) -> np.ndarray:
     u, v = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
-    x, y = undo((u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], dist)
+    x, y = undo((u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.asarray(dist, float).tolist())
     rays = np.stack([x, y, np.ones_like(x)], axis=-1)
     return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
@@ -169,7 +169,7 @@ VARIANTS = (
     Variant("distortion's sign", "the distortion is undone with the wrong sign: a lens is not undone by its negative "
             "coefficients", _before(lambda K, dist, w, h: (K, -dist, w, h))),
     Variant("distortion's sign", "the distortion is undone by applying it with negative coefficients: that is right to "
-            "first order only; iterate", _lens(lambda x, y, dist: distort(x, y, (-np.asarray(dist)).tolist()))),
+            "first order only; iterate", _lens(lambda x, y, dist: distort(x, y, [-k for k in dist]))),
     *(Variant("too few steps", f"the distortion is undone with too few steps ({steps} of the fixed-point iteration"
               f"{', where cv2.undistortPoints stops unless told' if steps == 5 else ''}): iterate until nothing moves",
               _lens(_fixed_point(steps))) for steps in (1, 2, 3, 4, 5)),
