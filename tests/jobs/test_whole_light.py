@@ -62,7 +62,7 @@ def test_another_scene_depth_or_source_finds_nothing_of_the_old(overlap, fast, f
     )
     WholeLight(scene, fast, 3, keep=True)
     assert len(list(folder.iterdir())) == 3
-    monkeypatch.setattr(whole_light, "_made_by", lambda: ("another tracer",))
+    monkeypatch.setattr(files, "made_by", lambda *_: "another tracer")
     WholeLight(scene, fast, keep=True)
     assert len(list(folder.iterdir())) == 4
 

@@ -47,7 +47,7 @@ def test_other_bytes_another_kind_of_tag_and_another_detector_are_searched_anew(
     detect_photo_once(photo, KIND)
     files.write_picture(photo, files.read_grey(photo)[::-1, ::-1])
     assert detect_photo_once(photo, KIND)[0].center != (0, 0)
-    monkeypatch.setattr(kept, "_detector", lambda: ("another",))
+    monkeypatch.setattr(files, "made_by", lambda *_: "another")
     detect_photo_once(photo, KIND)
     assert len(searched) == 3
 

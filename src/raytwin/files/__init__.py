@@ -5,7 +5,7 @@ Reading: TOML into records, scenes, photos, EXR, any image (`read_image`). Writi
 
 from raytwin.files.exr import read_exr, read_moments, read_origin, write_exr
 from raytwin.files.images import read_image, write_image
-from raytwin.files.kept import cache_folder, is_plain, keep, load_arrays, mark_used
+from raytwin.files.kept import cache_folder, installed, is_plain, keep, load_arrays, made_by, mark_used
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.pictures import (
     from_bytes,
@@ -39,11 +39,13 @@ __all__ = [
     "find_scene",
     "from_bytes",
     "half_floats",
+    "installed",
     "is_plain",
     "json_text",
     "keep",
     "list_photos",
     "load_arrays",
+    "made_by",
     "mark_used",
     "photo_extras",
     "photo_orientation",

@@ -4,10 +4,13 @@ A kept file may be damaged, or of another's making: whoever reads one checks it,
 """
 
 import contextlib
+import hashlib
 import os
+import platform
 import zipfile
 import zlib
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +24,27 @@ def cache_folder() -> Path:
     import platformdirs
 
     return Path(os.environ.get("RAYTWIN_CACHE") or platformdirs.user_cache_dir("raytwin", appauthor=False))
+
+
+def installed(packages: tuple[str, ...]) -> dict[str, str]:
+    """Python's version, and those of these packages that are installed."""
+    from importlib import metadata
+
+    found = {"python": platform.python_version()}
+    for name in packages:
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            found[name] = metadata.version(name)
+    return found
+
+
+@cache
+def made_by(sources: tuple[Path, ...], packages: tuple[str, ...]) -> str:
+    """A hash of what computes: our own source, each a file or a folder of them, and the packages' versions."""
+    total = hashlib.sha256(repr(installed(packages)).encode())
+    for place in sources:
+        for file in sorted(place.rglob("*.py")) or [place]:
+            total.update(file.name.encode() + file.read_bytes())
+    return total.hexdigest()
 
 
 def is_plain(path: Path) -> bool:

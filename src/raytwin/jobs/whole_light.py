@@ -5,11 +5,10 @@ nothing of the old. A kept file that is not what was written is made anew.
 """
 
 import hashlib
-import importlib.metadata
 import math
 import time
 from collections.abc import Callable, Mapping
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +30,8 @@ SMALL = 96
 """Pixels across, when objects are taken away one by one to see what they had to do with a part."""
 LIMIT = 1 << 29
 """Bytes that are kept."""
-MADE_BY = "scene", "tracer", "speed", "jobs/whole_light.py"
+ROOT = Path(raytwin.__file__).parent
+MADE_BY = ROOT / "scene", ROOT / "tracer", ROOT / "speed", Path(__file__)
 """Whose source decides the numbers."""
 REMOVED_BY = {"shadow": ("shadow", 0), "occlusion": ("sky", 2), "bounce 1": ("path", 3), "bounce 2": ("path", 4)}
 """A part of the light -> the cheapest rung that has it, and to what depth; `path` to the whole depth for the others."""
@@ -77,7 +77,8 @@ class WholeLight:
     def _kept(self, what: str, make: Callable[[], Arrays], shapes: Mapping[str, tuple[int, ...]]) -> Arrays:
         if not self.keep:
             return make()
-        about = (_made_by(), what, self.engine, self.depth, self.scene.camera, self.scene.objects, self.scene.lights)
+        code, scene = files.made_by(MADE_BY, ("numpy", "drjit")), self.scene
+        about = (code, what, self.engine, self.depth, scene.camera, scene.objects, scene.lights)
         key = hashlib.sha256(msgspec.json.encode((*about, PIXELS, PIXELS_NUMPY), enc_hook=files.plain)).hexdigest()[:32]
         path = files.cache_folder() / "light" / f"{key}.npz"
         found = load(path, shapes)
@@ -142,15 +143,6 @@ def gone(thing: Shape) -> Shape:
 
 
 # ------------------------------------------------------------------------------------------------ kept between runs
-
-
-@cache
-def _made_by() -> tuple[str, ...]:
-    root, source = Path(raytwin.__file__).parent, hashlib.sha256()
-    for place in MADE_BY:
-        for file in sorted((root / place).rglob("*.py")) or [root / place]:
-            source.update(file.name.encode() + file.read_bytes())
-    return source.hexdigest(), *(importlib.metadata.version(name) for name in ("numpy", "drjit"))
 
 
 def load(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> Arrays | None:

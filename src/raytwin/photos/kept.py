@@ -2,9 +2,7 @@
 
 import contextlib
 import hashlib
-import importlib.metadata
 import os
-from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -18,7 +16,8 @@ LIMIT = 64 << 20
 """Bytes in all: some ten thousand photos."""
 LARGEST = 4 << 20
 """Bytes of one file; ten thousand tags take less."""
-PACKAGES = ("pupil-apriltags", "opencv-contrib-python-headless", "pillow", "numpy")
+MADE_BY = Path(detection.__file__), Path(files.pictures.__file__)
+PACKAGES = "pupil-apriltags", "opencv-contrib-python-headless", "pillow", "numpy"
 
 
 def detect_photo_once(path: str | os.PathLike, kind: str) -> list[Tag]:
@@ -37,19 +36,8 @@ def detect_photo_once(path: str | os.PathLike, kind: str) -> list[Tag]:
 
 def path_of(photo: bytes, kind: str) -> Path:
     """Where the tags of that kind in a photo of these bytes are kept."""
-    digest = hashlib.sha256(repr((_detector(), kind)).encode() + photo)
+    digest = hashlib.sha256(repr((files.made_by(MADE_BY, PACKAGES), kind)).encode() + photo)
     return files.cache_folder() / "tags" / f"{digest.hexdigest()[:40]}.json"
-
-
-@cache
-def _detector() -> tuple[str, ...]:
-    """All that decides what is found in a photo: the libraries' versions and our own lines."""
-    source = Path(detection.__file__).read_bytes() + Path(files.pictures.__file__).read_bytes()
-    found = [hashlib.sha256(source).hexdigest()]
-    for name in PACKAGES:
-        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            found.append(f"{name} {importlib.metadata.version(name)}")
-    return tuple(found)
 
 
 def _load(path: Path, size: tuple[int, int]) -> list[Tag] | None:

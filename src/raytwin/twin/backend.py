@@ -8,7 +8,6 @@ Environment: RAYTWIN_VARIANT forces a variant, RAYTWIN_NO_LLVM=1 hides every lib
 
 import contextlib
 import hashlib
-import importlib.metadata
 import json
 import os
 import platform
@@ -256,11 +255,7 @@ def _newest_first(paths: list[Path] | Iterator[Path]) -> list[str]:
 
 def versions() -> dict[str, str]:
     """Python's version and those of the packages that decide what a render looks like."""
-    found = {"python": platform.python_version()}
-    for name in PACKAGES:
-        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            found[name] = importlib.metadata.version(name)
-    return found
+    return files.installed(PACKAGES)
 
 
 def _machine(forced: str | None, paths: list[str]) -> str:
