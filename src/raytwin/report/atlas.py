@@ -12,6 +12,7 @@ from raytwin.report.charts import INK, Asked, Chart, Line, Point, layout, log_ra
 from raytwin.report.html import asset, environment
 from raytwin.report.numbers import short, shown
 from raytwin.report.pictures import png_url
+from raytwin.scene.tabulated import REC_709
 from raytwin.stability import EXPERIMENTS, Atlas, Experiment, Found, digits
 
 OURS = "#0f7a3d", "#2563eb", "#0f8b8d"
@@ -114,8 +115,7 @@ def colours(left: float) -> tuple[str, str]:
     """Ground and ink for so many digits kept: black or white, whichever contrasts more (4.58 at least)."""
     low, high, share = (LOST, HALF, left / 8) if left < 8 else (HALF, KEPT, left / 8 - 1)
     ground = tuple(round(a + (b - a) * share) for a, b in zip(low, high, strict=True))
-    red, green, blue = files.srgb_decode(np.array(ground) / 255)
-    luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    luminance = files.srgb_decode(np.array(ground) / 255) @ REC_709
     bright = (luminance + 0.05) ** 2 > 1.05 * 0.05
     return "#{:02x}{:02x}{:02x}".format(*ground), "#000000" if bright else "#ffffff"
 

@@ -9,6 +9,7 @@ import numpy as np
 from raytwin.scene.lights import Environment
 
 REC_709 = np.array((0.2126, 0.7152, 0.0722))
+"""Luminance of linear red, green, blue."""
 
 Channels = tuple[Any, Any, Any]
 
