@@ -5,6 +5,7 @@ import numpy as np
 
 from raytwin.grade.draw import blind_to, draw_scene
 from raytwin.scene import Sun
+from raytwin.tracer import trace
 
 
 def test_a_seed_gives_one_scene_and_another_seed_another():
@@ -15,6 +16,12 @@ def test_a_seed_gives_one_scene_and_another_seed_another():
 def test_drawn_scenes_are_blind_to_nothing_at_their_own_size():
     for seed in range(3):
         assert blind_to(draw_scene(seed)) == [], seed
+
+
+def test_a_larger_scene_is_the_same_picture():
+    scene, larger = draw_scene(1), draw_scene(1, scale=6.0)
+    assert larger.spheres[0].radius == 6 * scene.spheres[0].radius
+    assert np.abs(trace(scene, "shadow").mean - trace(larger, "shadow").mean).max() < 1e-5
 
 
 def test_a_blind_scene_is_told():

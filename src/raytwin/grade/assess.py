@@ -50,6 +50,8 @@ MOST_VIEWS = 3
 """Wrong pictures of a submission that can be looked at pixel by pixel; of the others there is a small one."""
 MOST_PIXELS = 40_000
 SAMPLE = 12, 16
+LARGER = 6.0
+"""Every second drawn scene is so many times as large: a length that is taken for 1 shows."""
 
 
 class Job(msgspec.Struct, frozen=True):
@@ -242,7 +244,8 @@ def _asked(rubric: Rubric, seed: int) -> Iterator[_Asked]:
         for name in exercise.scenes:
             yield _reference(rubric, exercise, name)
         for i in range(exercise.drawn):
-            scene = draw_scene(own + i, name=f"drawn {next(drawn)}")
+            scale = LARGER if exercise.stage == "render" and i % 2 else 1.0
+            scene = draw_scene(own + i, name=f"drawn {next(drawn)}", scale=scale)
             yield _shown(exercise, scene, np.asarray(traced_once(scene, exercise.rung).mean, float), Tolerance())
 
 

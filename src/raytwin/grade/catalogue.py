@@ -8,6 +8,7 @@ rows of `fitted`.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from itertools import islice, product
 from math import pi
 from typing import Any
 
@@ -34,6 +35,7 @@ from raytwin.grade.predict import (
     on_rectangle,
     on_sphere,
     others_hide,
+    outward,
 )
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
 from raytwin.scene.lens import distort
@@ -82,6 +84,15 @@ def both(*changes: Change) -> Change:
     return change
 
 
+def terms(f: Callable[[Terms], Terms]) -> Change:
+    """Other things to shade with."""
+    return lambda s: s._replace(shade=lambda x: s.shade(f(x)))
+
+
+def _colour(f: Callable[[Terms], Array]) -> Change:
+    return terms(lambda x: x._replace(albedo=f(x)))
+
+
 # ------------------------------------------------------------------------------------------ camera
 
 
@@ -119,7 +130,12 @@ def posed(f: Callable[[Array, Array], tuple[Any, Any]]) -> Change:
             camera, R_cam_board=tuple(map(tuple, matrix.tolist())), t_cam_board=tuple(moved.tolist())
         )
 
-    return lambda s: s._replace(camera=lambda camera: changed(s.camera(camera)))
+    return placed(changed)
+
+
+def placed(f: Callable[[Camera], Camera]) -> Change:
+    """Another R and t."""
+    return lambda s: s._replace(camera=lambda camera: f(s.camera(camera)))
 
 
 def other(f: Callable[[Shape, Camera], Shape]) -> Change:
@@ -195,6 +211,12 @@ def _reshaped(u: Array, v: Array, camera: Camera) -> tuple[Array, Array]:
     """Column by column, written into the picture row by row."""
     place = v * camera.width + u
     return place // camera.height, place % camera.height
+
+
+def _reshaped_and_turned(u: Array, v: Array, camera: Camera) -> tuple[Array, Array]:
+    """Row by row, written column by column: reshape(width, height), transposed."""
+    place = u * camera.height + v
+    return place % camera.width, place // camera.width
 
 
 def _unstretched(x: Array, y: Array, camera: Camera, ray: Any) -> Rays:
@@ -341,8 +363,8 @@ CAMERAS = (
         at(lambda u, v, c: (v, u))),
     row("reshaped", CAMERA,
         "width and height are swapped where the image is put together (reshape, or meshgrid with indexing='ij'): it "
-        "has height rows of width pixels",
-        at(_reshaped)),
+        "has height rows of width pixels, so reshape(height, width, 3) and transpose nothing",
+        at(_reshaped), at(_reshaped_and_turned)),
     row("swapped-focal", CAMERA, "fx and fy are swapped: x = (u - cx) / fx, y = (v - cy) / fy",
         lens(fx=lambda c: c.fy, fy=lambda c: c.fx)),
     row("one-focal", CAMERA, "one focal length is used for both axes: x goes with fx, y with fy",
@@ -468,6 +490,11 @@ def _whole(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
     D = fd**2 - aa * c
     root = np.sqrt(np.maximum(D, 0))
     return D, (-fd - root) / aa, (-fd + root) / aa
+
+
+def _of_unit(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
+    """t along the ray made unit."""
+    return quadratic()(fd / np.sqrt(aa), c, aa)
 
 
 def _middle(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
@@ -655,12 +682,11 @@ SOLVERS = (
         put(sphere=partial(on_sphere, solver="paper"))),
     row("t-along-z", SOLVER,
         "t was found for unit rays, but is applied to (x, y, 1): use one and the same vector for both",
-        bent),
+        bent, both(long, put(sphere=solver(_of_unit)))),
     row("rays-not-unit", SOLVER,
         "your rays are not unit, but the quadratic leaves out a = d·d: make them unit, or keep a",
-        both(long, put(sphere=solver(quadratic()))),
-        both(long, put(sphere=solver(quadratic(a=True)))), both(long, put(sphere=solver(_by_a))),
-        both(long, put(sphere=solver(lambda fd, c, aa: quadratic()(fd / np.sqrt(aa), c, aa))))),
+        *(both(long, put(sphere=solver(roots)), *unit)
+          for unit in ((), (normals(_made_unit),)) for roots in (quadratic(), quadratic(a=True), _by_a))),
     row("radius-not-squared", SOLVER,
         "the radius is not squared: c = f·f - r²",
         put(sphere=solver(quadratic(), r2=lambda r: r))),
@@ -785,6 +811,29 @@ def _first_sphere(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
     return nearest(np.where(spheres[:, None] & others, np.inf, t), things, rays)
 
 
+def _all_written(x: Terms, kinds: tuple[type, ...], albedo: bool, normal: bool) -> Terms:
+    """Of all that the eye's ray meets the last one of these kinds has its albedo or its normal written."""
+    eye, things = np.array(x.scene.camera.eye)[:, None], x.scene.objects
+    if not things:
+        return x
+    d = _made_unit(x.hits.point - eye)
+    rays = Rays(eye, d, d, np.ones(d.shape[1]))
+    t = meet_all(eye, d, things, RIGHT)
+    t[[not isinstance(thing, kinds) for thing in things]] = np.inf
+    last = last_of(t, things, rays)
+    ids = np.where(last >= 0, last, x.hits.ids)
+    if albedo:
+        x = x._replace(albedo=np.array([*(thing.material.albedo for thing in things), (0.0, 0.0, 0.0)])[ids].T)
+    if not normal:
+        return x
+    n = x.hits.normal.copy()
+    for k in np.unique(last[last >= 0]):
+        here = last == k
+        own = Rays(eye, d[:, here], d[:, here], rays.stretch[here])
+        n[:, here] = outward(eye + t[k, here] * own.d, own, things[k])
+    return x._replace(cos=(n * np.array(x.scene.sun.to_light)[:, None]).sum(axis=0))
+
+
 def by_key(key: Callable[[Array, Shape, Rays], Any]) -> Change:
     """Of all that are hit the one of the least key (t (N,), thing, rays) -> (N,)."""
 
@@ -854,6 +903,12 @@ ORDERS = (
     row("depth-from-elsewhere", ORDER,
         "depth is measured from the board's origin, not from the eye: keep the smallest t on each ray",
         by_key(lambda t, thing, rays: np.linalg.norm(rays.origin + np.where(np.isfinite(t), t, 0) * rays.aim, axis=0))),
+    row("hidden-one-written", ORDER,
+        "albedo or normals are written for every object that a ray meets, not only for the nearest: use the mask of "
+        "the closer t for them, too",
+        *(terms(partial(_all_written, kinds=kinds, albedo=albedo, normal=normal))
+          for albedo, normal in ((True, False), (False, True), (True, True))
+          for kinds in ((Sphere, Rectangle), (Rectangle,), (Sphere,)))),
     row("one-sphere", ORDER, "only one of the spheres is there: test every ray against all of them",
         *(_one(k, Sphere) for k in (0, -1))),
     row("object-missing", ORDER, "one object is missing: the loop ends too early or begins too late, test them all",
@@ -867,9 +922,16 @@ ORDERS = (
 # ------------------------------------------------------------------------------------------ normals
 
 
-def _of_plane(n: Array, thing: Shape) -> Array:
+def _of_plane(n: Array, p: Array, rays: Rays, thing: Shape, sign: int = 1) -> Array:
     """half_u × half_v, whichever side is seen."""
-    return _fixed(n, thing.normal) if isinstance(thing, Rectangle) else n
+    return sign * _fixed(n, thing.normal) if isinstance(thing, Rectangle) else n
+
+
+def _backs_shaded(x: Terms) -> Terms:
+    """Planes that are seen from behind meet themselves on the way to the sun."""
+    own = np.array([getattr(thing, "normal", (0, 0, 0)) for thing in x.scene.objects] + [(0, 0, 0)])[x.hits.ids].T
+    hides = x.shadows & ((own * (np.array(x.scene.camera.eye)[:, None] - x.hits.point)).sum(axis=0) < 0)
+    return x._replace(visible=np.where(hides, 0.0, x.visible))
 
 
 def _fixed(n: Array, axis: Any) -> Array:
@@ -907,11 +969,6 @@ def _turned_by_origin(n: Array, p: Array, rays: Rays, thing: Shape, sign: int, f
     return flat * n if abs(side) < 1e-9 else axis * (1 if side < 0 else -1)
 
 
-def terms(f: Callable[[Terms], Terms]) -> Change:
-    """Other things to shade with."""
-    return lambda s: s._replace(shade=lambda x: s.shade(f(x)))
-
-
 def _from_origin(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
     return _made_unit(p) if is_sphere(thing) else n
 
@@ -922,6 +979,10 @@ def _from_eye(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
 
 def _edges_crossed(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
     return n if isinstance(thing, Sphere) else n * np.linalg.norm(np.cross(thing.half_u, thing.half_v))
+
+
+def _albedo_for_normal(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
+    return _fixed(n, thing.material.albedo)
 
 
 def _axis_turned(n: Array, k: int) -> Array:
@@ -979,9 +1040,10 @@ NORMALS_ = (
         "the planes' normals point to the side that the eye does not see: turn them round where n·d > 0",
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else -n)),
     row("plane-normal-fixed", NORMALS,
-        "the planes' normals are half_u × half_v whatever side is seen: turn them round where n·d > 0",
-        normals(lambda n, p, rays, thing: n if is_sphere(thing) else _of_plane(n, thing)),
-        normals(lambda n, p, rays, thing: n if is_sphere(thing) else -_of_plane(n, thing))),
+        "the planes' normals are half_u × half_v whatever side is seen, in shading or where shadow rays start: turn "
+        "them round where n·d > 0",
+        normals(_of_plane), normals(lambda n, p, rays, thing: _of_plane(n, p, rays, thing, -1)),
+        both(normals(_of_plane), put(blocked=others_hide), terms(_backs_shaded)), terms(_backs_shaded)),
     row("plane-faces-light", NORMALS,
         "planes are lit on both sides at once, their normals turned to the sun: a normal belongs to the side that the "
         "eye sees, and max(0, n·l) is 0 where that is turned away from the sun",
@@ -1013,6 +1075,11 @@ NORMALS_ = (
     row("plane-normal-not-unit", NORMALS,
         "the planes' normals are not unit: half_u × half_v has to be divided by its length",
         normals(_edges_crossed)),
+    row("one-array", NORMALS,
+        "normals and albedo (or points) are kept in one and the same array, so that writing one overwrites the other: "
+        "make one for each, a = b = np.zeros(...) makes only one",
+        normals(_albedo_for_normal), normals(lambda *of: _turned_to_eye(_albedo_for_normal(*of), of[2])),
+        normals(lambda n, p, rays, thing: p), _colour(lambda x: x.hits.normal)),
     row("normal-axis", NORMALS,
         "one axis of the normals has the wrong sign",
         *(on_spheres(partial(_axis_turned, k=k)) for k in range(3))),
@@ -1137,10 +1204,6 @@ def _on_kind(x: Terms, planes: bool, k: float) -> Array:
 def _summed(x: Terms, light: Array) -> Array:
     """albedo @ light, the same in all channels."""
     return np.broadcast_to((x.albedo * light).sum(axis=0), x.albedo.shape)
-
-
-def _colour(f: Callable[[Terms], Array]) -> Change:
-    return terms(lambda x: x._replace(albedo=f(x)))
 
 
 def _sky_inside(x: Terms) -> Array:
@@ -1721,23 +1784,28 @@ CACHED = (
 )
 
 
+def _kept(own: Camera, kept: dict[Any, Camera]) -> Camera:
+    return kept.get(own.image_size, own)
+
+
 def cached(first: Sequence[Camera], cameras: Sequence[Camera]) -> tuple[Fault, ...]:
     """Rays that are kept by the picture's size: with what one of the first gives all cameras of its size are used."""
+    by_size: dict[tuple[int, int], list[Camera]] = {}
+    for one in dict.fromkeys(first):
+        if any(other.image_size == one.image_size and other != one for other in cameras):
+            by_size.setdefault(one.image_size, []).append(one)
 
-    def of(own: Camera, kept: Camera, eye_too: bool) -> Camera:
-        if own.image_size != kept.image_size or eye_too:
-            return own if own.image_size != kept.image_size else kept
-        R = np.asarray(kept.R_cam_board)
-        return msgspec.structs.replace(own, R_cam_board=kept.R_cam_board, t_cam_board=_three(-R @ np.array(own.eye)))
+    def turned(own: Camera, kept: dict[Any, Camera]) -> Camera:
+        """With the kept one's axes, from its own eye."""
+        R = _kept(own, kept).R_cam_board
+        return msgspec.structs.replace(own, R_cam_board=R, t_cam_board=_three(-np.asarray(R) @ np.array(own.eye)))
 
-    def way(kept: Camera, turned: bool, eye_too: bool) -> Change:
-        inner = seen(lambda own: kept if own.image_size == kept.image_size else own)
-        if not turned:
-            return inner
-        return both(inner, lambda s: s._replace(camera=lambda own: of(s.camera(own), kept, eye_too)))
-
-    which = [k for k in first if any(one.image_size == k.image_size and one != k for one in cameras)]
-    ways = [way(k, *what) for k in which for what in ((False, False), (True, False), (True, True))]
+    ways: list[Change] = []
+    for one_each in islice(product(*by_size.values()), 8 if by_size else 0):
+        kept = {one.image_size: one for one in one_each}
+        inner = seen(partial(_kept, kept=kept))
+        eyes = (partial(turned, kept=kept), partial(_kept, kept=kept))
+        ways += [inner, *(both(inner, placed(eye)) for eye in eyes)]
     return (row("rays-kept", CAMERA, CACHED, *ways),) if ways else ()
 
 

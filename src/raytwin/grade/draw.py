@@ -10,7 +10,7 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.grade.predict import RIGHT, Bench, meet_all
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Lambert, Rectangle, Scene, Shape, Sky, Sphere, Sun
 
 SIZE = (120, 88)
 """Pixels."""
@@ -23,18 +23,34 @@ GAP = 0.004
 """Metres, between any two things: more than by what a shadow ray starts off its surface."""
 
 
-def draw_scene(seed: int, size: tuple[int, int] = SIZE, name: str = "") -> Scene:
+def draw_scene(seed: int, size: tuple[int, int] = SIZE, name: str = "", scale: float = 1) -> Scene:
     """Spheres on and above a floor, panels seen from both sides, things behind the eye, a lens with all coefficients.
 
-    Sun and sky have colours. Blind to nothing.
+    Sun and sky have colours. Blind to nothing. `scale`: all lengths are so many times as long, with the same picture:
+    a length that is taken for 1 shows.
     """
     rng = np.random.default_rng([seed, 7])
     for _ in range(TRIES):
         scene = _drawn(rng, size, name or f"drawn-{seed}")
         quarter = msgspec.structs.replace(scene, camera=scene.camera.resized(size[0] // 5, size[1] // 5))
         if not blind_to(quarter, 0.7 * LEAST) and not blind_to(scene):
-            return scene
+            return _larger(scene, scale) if scale != 1 else scene
     raise InputError("seed", "one that gives a scene", seed)
+
+
+def _larger(scene: Scene, by: float) -> Scene:
+    def times(v: tuple[float, float, float]) -> tuple[float, float, float]:
+        return _three(by * np.array(v))
+
+    replace = msgspec.structs.replace
+    objects: list[Shape] = []
+    for x in scene.objects:
+        if isinstance(x, Sphere):
+            objects.append(replace(x, center=times(x.center), radius=by * x.radius))
+        elif isinstance(x, Rectangle):
+            objects.append(replace(x, center=times(x.center), half_u=times(x.half_u), half_v=times(x.half_v)))
+    camera = replace(scene.camera, t_cam_board=times(scene.camera.t_cam_board))
+    return replace(scene, camera=camera, objects=tuple(objects))
 
 
 def blind_to(scene: Scene, least: float = LEAST) -> list[str]:
