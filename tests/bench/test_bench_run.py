@@ -1,7 +1,8 @@
 """Methods, truths and a whole run: tiny pictures, small budgets, no word about how fast anything is."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -9,16 +10,19 @@ import pytest
 from program import raytwin
 
 from raytwin import bench, files, twin
+from raytwin.bench import run
 from raytwin.bench.crowd import crowded
 from raytwin.bench.measure import with_peak
 from raytwin.bench.run import sized, thumbnail
 from raytwin.bench.truth import converge, measure, truth_of
 from raytwin.compare import METRICS
-from raytwin.errors import InputError
+from raytwin.errors import InputError, MachineError
 from raytwin.methods.loop import loop
+from raytwin.methods.method import Method
 from raytwin.methods.rendered import Denoised, Plain, Twin
 from raytwin.methods.table import METHODS, choose
 from raytwin.methods.traced import Filled, Speculated
+from raytwin.progress import silent
 from raytwin.report.bench_charts import METRICS as SHOWN
 from raytwin.speed import trace
 
@@ -204,11 +208,44 @@ def test_a_run_accounts_for_every_method(small_run):
     assert all(o.why for o in small_run.left_out)
 
 
-def test_a_run_without_time_measures_nothing_and_says_so_of_every_method(scenes):
-    found = bench.bench(scenes / "single", methods=("fill", "numpy32-shadow-*"), sizes=(0.002,), budget=1e-9)
-    assert (found.rows, found.errors, found.repeats) == ((), (), ())
-    assert {o.method for o in found.left_out} == {m.name for m in choose(("fill", "numpy32-shadow-*"))}
-    assert all("a call would take" in o.why for o in found.left_out)
+def test_a_run_without_time_says_that_it_measured_nothing_and_what_to_give(scenes):
+    with pytest.raises(InputError, match="more seconds, or fewer --methods: none of 6 .* got 1e-09; prep") as error:
+        bench.bench(scenes / "single", methods=("fill", "loop-*"), sizes=(0.002,), budget=1e-9)
+    assert error.value.where == "--budget"
+
+
+def test_a_run_of_what_this_machine_lacks_says_what_is_lacking(scenes, monkeypatch):
+    def lacking(self, scene):
+        raise MachineError("variant", "a machine with it", "none")
+
+    monkeypatch.setattr(Filled, "prepare", lacking)
+    with pytest.raises(InputError, match="fill: variant: expected a machine with it") as error:
+        bench.bench(scenes / "single", methods=("fill",), sizes=(0.002,), budget=AMPLE)
+    assert error.value.where == "--methods"
+
+
+def test_preparing_may_take_half_of_the_time_and_leaves_some_of_every_family(view, monkeypatch):
+    """On a machine so busy that preparing all would take three times what there is: 8 methods, 3 s each, of 8 s."""
+    now = [100.0]
+    monkeypatch.setattr(run, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+
+    @dataclass(frozen=True)
+    class Slow(Method):
+        kind: str = "a"
+        n: int = 0
+        name = property(lambda self: f"{self.kind}-{self.n}")
+        family = property(lambda self: self.kind)
+
+        def prepare(self, scene):
+            now[0] += 1.0  # three times: two thumbnails and the picture
+            return lambda seed: None
+
+    methods = [Slow(kind=kind, n=n) for kind in "ab" for n in range(4)]
+    ready, left = run.get_ready(view("single"), methods, now[0] + 8, silent)
+    assert [m.method.name for m in ready] == ["a-0", "b-0"]
+    assert now[0] == 106
+    assert {o.method for o in left} == {m.name for m in methods} - {"a-0", "b-0"}
+    assert all("no time to prepare it" in o.why for o in left)
 
 
 def test_a_row_has_exactly_the_promised_keys(small_run, tmp_path):

@@ -25,8 +25,11 @@ from raytwin.methods.table import choose
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Scene
 
-TRUTH_SHARE = 0.3
-"""Of the time that a size may take, so much goes to its truths."""
+PREPARE_SHARE, TRUTH_SHARE = 0.5, 0.3
+"""Of the time that a size may take, no method is prepared after so much of it; of what is left, truths take so much."""
+
+LATE = "no time"
+"""How the reason begins where a larger budget would help."""
 
 GROWTH = (
     "loop-shadow-conic",
@@ -60,9 +63,9 @@ def bench(
     """Measure `methods` (patterns of names) on the scene at each of `sizes` (megapixels).
 
     `crowd`: so many small spheres stand in the place of the scene's objects. `spheres`: also time the methods of GROWTH
-    with so many small spheres in the picture, at the first size. `budget`: seconds; methods that do not fit are named
-    in `left_out`. `repeats`: most timed calls of each. `truth_samples`: most samples a pixel of each truth. `flip`: add
-    FLIP, which is slow.
+    with so many small spheres in the picture, at the first size. `budget`: seconds for all, preparing and truths too;
+    methods that do not fit are named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of
+    each. `truth_samples`: most samples a pixel of each truth. `flip`: add FLIP, which is slow.
     """
     for where, value, right in (
         ("--budget", budget, budget > 0),
@@ -112,12 +115,24 @@ def bench(
             grown, without = measure_growth(crowded(view, count), count, growing, until, repeats, progress)
             growth += grown
             left += without
+    if not rows and not growth:
+        raise _nothing(left, budget, time.perf_counter() - start)
     return Bench(
         scene=scene.name, machine=machine(), versions=versions(), budget=float(budget),
         seconds=time.perf_counter() - start, rows=tuple(rows), truths=tuple(truths), errors=tuple(errors),
         growth=tuple(growth), left_out=tuple(left), repeats=tuple(repeated),
         equal=equal_error(rows, truths),
     )  # fmt: skip
+
+
+def _nothing(left: Sequence[LeftOut], budget: float, spent: float) -> InputError:
+    """Why nothing was measured, and what to give."""
+    late = {o.method for o in left if o.why.startswith(LATE)}
+    if not late:
+        want = "one that this scene and this machine can have"
+        return InputError("--methods", want, f"{left[0].method}: {left[0].why}")
+    want = f"more seconds, or fewer --methods: none of {len(late)} could be prepared and timed"
+    return InputError("--budget", want, f"{budget:g}; preparing and truths took {spent:.2g} s")
 
 
 def measure_size(
@@ -147,7 +162,7 @@ def measure_size(
 
     done = warm_up(ready, look, deadline, left, (w, h), progress)
     repeat(done, look, deadline, repeats)
-    left += [LeftOut(m.method.name, w, h, "no time left for a timed call") for m in done if not m.seconds]
+    left += [LeftOut(m.method.name, w, h, f"{LATE} left for a timed call") for m in done if not m.seconds]
     done = [m for m in done if m.seconds]
     rows, errors = summarize(done, truths, (w, h))
     kept = [
@@ -165,15 +180,24 @@ def comparable(truth: str) -> bool:
 def get_ready(
     scene: Scene, methods: Sequence[Method], deadline: float, progress: Progress
 ) -> tuple[list[Measured[Method, Image]], list[LeftOut]]:
-    """Each method prepared, compiled and tried on two thumbnails, which tell what it will take at full size."""
+    """Each method prepared, compiled and tried on two thumbnails, which tell what it will take at full size.
+
+    One of each family before the second of any, so that time that is too short leaves some of every kind.
+    """
     w, h = scene.camera.image_size
+    until = time.perf_counter() + PREPARE_SHARE * (deadline - time.perf_counter())
+    families = [m.family for m in methods]
+    in_turn = sorted(methods, key=lambda m: families[: methods.index(m)].count(m.family))
     ready: list[Measured[Method, Image]] = []
     left: list[LeftOut] = []
     absent: dict[str, str] = {}
-    for i, method in enumerate(methods):
+    for i, method in enumerate(in_turn):
         progress("prepare", i, len(methods))
         if method.library in absent:
             left.append(LeftOut(method.name, w, h, absent[method.library]))
+            continue
+        if i > 0 and time.perf_counter() > until:
+            left.append(LeftOut(method.name, w, h, f"{LATE} to prepare it"))
             continue
         try:
             first, second = (thumbnail(scene, side) for side in (24, 48))
@@ -185,7 +209,7 @@ def get_ready(
             expected = guess((area(first), warm_one), (area(second), larger), w * h)
             left_over = deadline - time.perf_counter()
             if expected > left_over / 4:
-                left.append(LeftOut(method.name, w, h, f"a call would take about {expected:.2g} s"))
+                left.append(LeftOut(method.name, w, h, f"{LATE}: a call would take about {expected:.2g} s"))
                 continue
             ready.append(Measured(method, method.prepare(scene), expected, max(0.0, cold - warm_one)))
         except InputError as error:
@@ -193,7 +217,7 @@ def get_ready(
             if "cuda" in method.library:
                 absent[method.library] = str(error)  # each try would start a child process
     progress("prepare", len(methods), len(methods))
-    return ready, left
+    return sorted(ready, key=lambda m: methods.index(m.method)), left
 
 
 def warm_up(
@@ -209,7 +233,7 @@ def warm_up(
     for i, m in enumerate(sorted(ready, key=lambda m: m.guess)):
         progress("warm up", i, len(ready))
         if time.perf_counter() + owed + 4 * m.guess > deadline:
-            left.append(LeftOut(m.method.name, *size, f"no time: a call would take about {m.guess:.2g} s"))
+            left.append(LeftOut(m.method.name, *size, f"{LATE}: a call would take about {m.guess:.2g} s"))
             continue
         warm(m, look)
         done.append(m)
@@ -276,7 +300,7 @@ def measure_growth(
     done = warm_up(ready, ignore, deadline, left, (w, h), progress)
     repeat(done, ignore, deadline, repeats)
     made = [Growth(m.method.name, count, w, h, *median_iqr(m.seconds), m.compile_seconds) for m in done if m.seconds]
-    left += [LeftOut(m.method.name, w, h, "no time left for a timed call") for m in done if not m.seconds]
+    left += [LeftOut(m.method.name, w, h, f"{LATE} left for a timed call") for m in done if not m.seconds]
     return made, [LeftOut(f"{o.method} with {count} spheres", o.width, o.height, o.why) for o in left]
 
 
