@@ -198,7 +198,7 @@ def _draw_ruler(canvas, sheet: Sheet) -> None:
 
     x, bottom = sheet.strip
     notes = _notes(sheet)
-    line = bottom + (0 if sheet.beside else BELOW) + (0.0032 if sheet.inches else 0.0012)
+    line = bottom + (0 if sheet.beside else BELOW) + (0.0033 if sheet.inches else 0.0012)
     path = canvas.beginPath()
     thin = 0.00015
     _add_rectangle(path, *(POINTS * v for v in (x, line - thin / 2, x + sheet.bar, line + thin / 2)))
@@ -229,7 +229,7 @@ def _draw_ruler(canvas, sheet: Sheet) -> None:
     widest = max(stringWidth(note, TEXT, 1) for note in notes)
     canvas.setFont(TEXT, min(0.0022 * POINTS, room * POINTS / widest))
     for i, note in enumerate(notes, start=1):
-        canvas.drawString(left * POINTS, (top - i * LINE + 0.0006) * POINTS, note)
+        canvas.drawString(left * POINTS, (top - i * LINE + 0.0007) * POINTS, note)
 
 
 def _mm(metres: float) -> str:
