@@ -209,7 +209,7 @@ def test_a_run_accounts_for_every_method(small_run):
 
 
 def test_a_run_without_time_says_that_it_measured_nothing_and_what_to_give(scenes):
-    with pytest.raises(InputError, match="more seconds, or fewer --methods: none of 6 .* got 1e-09; prep") as error:
+    with pytest.raises(InputError, match=r"more seconds, or fewer --methods: none of 6 .* got 1e-09; prep") as error:
         bench.bench(scenes / "single", methods=("fill", "loop-*"), sizes=(0.002,), budget=1e-9)
     assert error.value.where == "--budget"
 
