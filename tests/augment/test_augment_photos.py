@@ -16,12 +16,12 @@ from raytwin.jobs.augment import augment_photos
 from raytwin.jobs.photograph import photograph_board
 from raytwin.scene import Camera
 
-SIZE, COUNT = (672, 504), 4
+SIZE, COUNT = (504, 378), 3
 
 
 @pytest.fixture(scope="module")
 def taken(scenes, tmp_path_factory):
-    """(photos without, photos with the spheres): the same poses and noise, 4 small photos each."""
+    """(photos without, photos with the spheres): the same poses and noise, small photos."""
     from raytwin import twin
 
     twin.activate()
@@ -33,7 +33,7 @@ def taken(scenes, tmp_path_factory):
             scene=scenes / "desk",
             count=COUNT,
             size=SIZE,
-            samples=16,
+            samples=8,
             with_objects=really_there,
         )
     truth = photographer.read_truth(folder / "without" / "truth.toml")
@@ -179,8 +179,8 @@ def test_the_photos_own_folder_is_never_written_to(taken, scenes):
 
 
 def test_a_photo_of_another_size_is_named(taken, scenes, tmp_path):
-    files.write_picture(tmp_path / "small.jpg", files.read_photo(taken / "without" / "photo_00.jpg")[:400])
-    with pytest.raises(InputError, match=r"small\.jpg: expected 672 x 504 pixels.*got 672 x 400"):
+    files.write_picture(tmp_path / "small.jpg", files.read_photo(taken / "without" / "photo_00.jpg")[:300])
+    with pytest.raises(InputError, match=r"small\.jpg: expected 504 x 378 pixels.*got 504 x 300"):
         augment_photos([tmp_path / "small.jpg"], scenes / "desk", tmp_path / "o", camera=taken / "camera.toml")
 
 

@@ -21,7 +21,7 @@ from raytwin.speed.boxes import TRIMS, trim_boxes
 def out(tmp_path_factory):
     """The folder of one small run of the command."""
     folder = tmp_path_factory.mktemp("out")
-    size = "--photo-size", "400x300", "--photo-count", "6"
+    size = "--photo-size", "400x300", "--photo-count", "5"
     run = CliRunner().invoke(app, ["bench", "paper", *size, "--budget", "3600", "--repeats", "1", "-o", str(folder)])
     assert run.exit_code == 0, run.output
     assert "calibration at full size in one thread / raytwin's" in run.output
