@@ -20,7 +20,7 @@ from raytwin.scene import Camera, Pyramid, WrittenSphere
 from raytwin.speed import trace
 from raytwin.speed.speculation import speculate
 
-SIZE, COUNT = (672, 504), 4
+SIZE, COUNT = (504, 378), 3
 ONE = (WrittenSphere((0.05, 0.09, 0.03), 0.03, (0.75, 0.3, 0.2)),)
 SEVERAL = (
     WrittenSphere((0.05, 0.09, 0.03), 0.03, (0.75, 0.3, 0.2)),
@@ -39,7 +39,7 @@ def studio(scenes, tmp_path_factory):
     made = {}
     desk = files.read_toml(scenes / "desk" / "scene.toml")
     board = boards.read_board(scenes / "desk" / "board.toml")
-    take = partial(photograph_board, count=COUNT, size=SIZE, samples=16)
+    take = partial(photograph_board, count=COUNT, size=SIZE, samples=8)
 
     def make(spheres: tuple[WrittenSphere, ...], pyramids: tuple[Pyramid, ...] = ()):
         if (spheres, pyramids) in made:
