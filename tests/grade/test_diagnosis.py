@@ -7,7 +7,8 @@ from raytwin import files
 from raytwin.files.rounding import half_code
 from raytwin.grade import draw
 from raytwin.grade.catalogue import CHANCES, FAULTS, SAMPLING, STAGES, cached
-from raytwin.grade.diagnosis import View, diagnose, explain
+from raytwin.grade.common import costs
+from raytwin.grade.diagnosis import Cause, Guess, View, _ranked, diagnose, explain
 from raytwin.grade.predict import RIGHT, Bench
 from raytwin.grade.sight import look
 from raytwin.grade.split import split
@@ -118,6 +119,36 @@ def test_faults_that_give_the_same_pictures_are_both_named():
     made = diagnose([View(scene, planted(fault("last-wins").ways[0], scene))])
     assert {made.causes[0].name, *(cause.name for cause in made.alternatives[0])} == {"last-wins", "planes-on-top"}
     assert "with the same effect here" in made.words[0]
+
+
+def test_of_one_fault_the_way_that_costs_least_stands_and_of_two_alike_the_typical_one():
+    def guess(name, cost, typical):
+        return Guess((Cause(name, "", ""),), RIGHT, cost, typical=typical)
+
+    ways = [guess("mirrored", 0.0, False), guess("upside-down", 0.002, True), guess("upside-down", 0.0001, False)]
+    found = [(g.causes[0].name, g.cost) for g in _ranked(ways, FAULTS, 0.001)]
+    assert found == [("upside-down", 0.0001), ("mirrored", 0.0), ("upside-down", 0.002)]
+    ways.append(guess("mirrored", 0.0003, True))
+    assert _ranked(ways, FAULTS, 0.001)[0].causes[0].name == "mirrored"
+
+
+def test_a_scene_that_everyone_is_asked_for_rules_out_what_it_speaks_against():
+    """The planted way leaves nothing of it; what shows in shadows alone leaves as much as none."""
+    ways = (fault("sky-missing").ways[0], fault("no-shadow").ways[0], fault("sky-twice").ways[0])
+    sight = look(View(SCENES[1], planted(ways[0], SCENES[1]), rung="shadow", common=True))
+    cost = costs(sight, ways)
+    assert cost[0] < 1e-9
+    assert cost[1] > 1
+    made = diagnose([View(scene, planted(ways[0], scene), common=k == 1) for k, scene in enumerate(SCENES)])
+    assert names(made) == ["sky-missing"]
+
+
+def test_a_second_fault_that_few_pixels_show_makes_the_first_unsure_and_it_is_told_where():
+    one, other = fault("bgr").ways[0], fault("shadow-bounded").ways[0]
+    made = diagnose(views([planted(lambda s: other(one(s)), scene) for scene in SCENES[:2]]))
+    assert names(made) == ["bgr"]
+    assert made.sureness == "likely"
+    assert "something else is wrong, too: wrong only at outlines" in made.words[0]
 
 
 def test_the_typical_form_of_a_fault_comes_before_the_untypical_one_of_another():

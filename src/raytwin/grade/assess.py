@@ -430,7 +430,7 @@ def _hold(asked: _Asked) -> _Held:
         problem = f"{count} pixel{'s are' if count > 1 else ' is'} NaN or infinite, the first at (x={x}, y={y})"
         part = msgspec.structs.replace(part, problem=problem)
         return _Held(part, None, got)
-    view = View(asked.scene, got, right, exercise.rung, points, half, clipped)
+    view = View(asked.scene, got, right, exercise.rung, points, half, clipped, common=bool(exercise.scenes))
     return _Held(part, view, None if passed else got)
 
 

@@ -25,6 +25,8 @@ from raytwin.grade.catalogue import (
     Fault,
     cached,
 )
+from raytwin.grade.common import costs
+from raytwin.grade.doubt import doubtful
 from raytwin.grade.fitted import FAMILIES, Family, fit, promising, total
 from raytwin.grade.predict import RIGHT, Array, Steps
 from raytwin.grade.sight import Sampled, Sight, View, many
@@ -57,14 +59,18 @@ TEMPTING = 10
 """Faults that are tried with every habit."""
 EVEN = 5e-4
 """Of the cost without any cause: differences that make no cause better than another."""
+NEAR = 0.5
+"""Of the cost: what leaves more of it is not tried further once something leaves hardly any."""
 TIED = 0.01
 """Costs of one view that tell nothing apart."""
 SOME = 3
 """Views, the most wrong ones, on which it is seen which numbers are worth fitting."""
 SPECKLED = 0.2
 """Share of right neighbours from which on wrong pixels are speckles."""
-REGION, REGION_SHARE = 8.0, 0.002
-"""Pixels that stay wrong among such, in one view: more, and more than this share of the wrong ones, are a region."""
+ENOUGH = 20
+"""Pixels that stay wrong for which a second fault is looked for, all of which it has to explain."""
+DOUBTED = 0.1
+"""Of the pixels: where more stay wrong, it is not by what right tracers differ in."""
 HOPELESS = 0.97
 """Of the cost: what leaves more of it is not worth a second fault."""
 FITS = 5
@@ -179,16 +185,23 @@ def diagnose(
         cameras = [(s.view.scene.camera, bool(s.wrong.any())) for s in sights if s.view.scene]
         faults = (*FAULTS, *cached([c for c, wrong in cameras if not wrong], [c for c, _ in cameras]))
     sights = [s for s in sights if s.weight.size]
-    small = [s.fewer(SCREEN) for s in sights]
+    small = [s.only(slice(None, None, SCREEN)) for s in sights]
     thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
     base = Guess((), RIGHT, total(sights, RIGHT))
     found = _round(base, sights, small, faults, families if thorough else ())
+    if not (found and _good(sights, found[0].steps)):
+        hit = _hits(sights, found[0].steps)[0] if found else 0.0
+        if (chance := _by_chance(sights, where, hit)) is not None:
+            return chance
     for _ in range(most - 1):
-        if not thorough or not found or _good(sights, found[0].steps):
+        if not thorough or not found or _settled(sights, found[0].steps):
             break
         for k, one in enumerate([g for g in found[:BEAM] if g.cost < HOPELESS * base.cost]):
             found += _round(one, sights, small, faults, () if k else families)
         found.sort(key=lambda g: g.cost + len(g.causes) * _price(base))
+        more = min(found, key=lambda g: g.cost)
+        if len(more.causes) > len(found[0].causes) and not _left(sights, more.steps)[0]:
+            found = [more, *(g for g in found if g is not more)]
     return _told(found, sights, base, where)
 
 
@@ -237,20 +250,23 @@ def _round(
         for f in faults if f.name not in named for k, way in enumerate(f.ways)
     ]  # fmt: skip
     order = _order(small, before.steps)
-    tried = _screened(ways, order)
+    if before.causes or faults[: len(FAULTS)] != FAULTS:
+        tried = _screened(ways, order, before)
+    else:
+        tried = _screened(_by_common(ways, sights, before), order, before)
     best = {guess.causes[-1].name: guess for guess in reversed(tried)}
     some = sorted(best.values(), key=lambda g: g.cost)[:TEMPTING]
+    if some and some[0].cost < CLEAR / 2 * before.cost:
+        some = [g for g in some if g.cost < NEAR * before.cost]
     habits = HABITS if not before.causes else ()  # a second fault is added to what the first one's way has shown
-    tried += _screened([replace(g, steps=habit(g.steps), cost=np.inf) for g in some for habit in habits], order)
+    tried += _screened([replace(g, steps=habit(g.steps), cost=np.inf) for g in some for habit in habits], order, before)
     some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if g.steps.blocked in TESTS]
-    tried += _screened([replace(g, steps=g.steps._replace(blocked=t)) for g in some for t in TESTS], order, TEMPTING)
+    tried += _screened(
+        [replace(g, steps=g.steps._replace(blocked=t)) for g in some for t in TESTS], order, before, TEMPTING
+    )
     tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
     exact = [_weighed(g, sights) for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
-    rank = {f.name: k for k, f in enumerate(faults)}
-    # Of causes that cost the same, the one in its typical form, then the one that stands first in the catalogue.
-    exact.sort(
-        key=lambda g: (round(g.cost / max(EVEN * before.cost, 1e-12)), not g.typical, rank[g.causes[-1].name], g.cost)
-    )
+    exact = _ranked(exact, faults, EVEN * before.cost)
     if not families or (exact and exact[0].cost < CLEAR * before.cost and _good(sights, exact[0].steps)):
         return exact
     fitted = []
@@ -266,16 +282,52 @@ def _round(
     return sorted((*exact, *fitted), key=lambda g: g.cost)
 
 
-def _screened(guesses: list[Guess], order: Sequence[Sight], least: int = FINALISTS) -> list[Guess]:
+def _ranked(guesses: Sequence[Guess], faults: Sequence[Fault], even: float) -> list[Guess]:
+    """The best way of each fault, by cost alone; then the other ways. Of faults that cost the same (but for `even`) the
+    one that is seen in its typical form comes first, then the one that stands first in the catalogue.
+    """
+    rank = {f.name: k for k, f in enumerate(faults)}
+    best: dict[str, Guess] = {}
+    others = []
+    usual = set()
+    for guess in sorted(guesses, key=lambda g: g.cost):
+        name = guess.causes[-1].name
+        if best.setdefault(name, guess) is not guess:
+            others.append(guess)
+        if guess.typical and guess.cost <= best[name].cost + even:
+            usual.add(name)
+    place = {name: (round(g.cost / max(even, 1e-12)), name not in usual, rank[name]) for name, g in best.items()}
+    return [*(best[name] for name in sorted(place, key=lambda n: place[n])), *others]
+
+
+def _by_common(ways: list[Guess], sights: Sequence[Sight], before: Guess) -> list[Guess]:
+    """Those that cost least in the scenes that everyone is asked for."""
+    common = [s for s in sights if s.view.common and not (s.more or s.deep)]
+    if not common:
+        return ways
+    changes = tuple(way for fault in FAULTS for way in fault.ways)
+    sums = np.sum([costs(s, changes) for s in common], axis=0)
+    limit = _limit(sums, total(common, before.steps) * len(common), FINALISTS)
+    return [w for k, w in enumerate(ways) if k >= len(sums) or sums[k] <= limit]
+
+
+def _screened(guesses: list[Guess], order: Sequence[Sight], before: Guess, least: int = FINALISTS) -> list[Guess]:
     """Those that cost least, by one view after the other; a quarter is left each time, and what costs hardly more."""
-    sums = np.zeros(len(guesses))
+    sums, wrong = np.zeros(len(guesses)), 0.0
     for sight in order:
         sums = sums + [total([sight], guess.steps) for guess in guesses]
-        few = max(least, len(guesses) // 4)
-        limit = np.sort(sums)[few - 1] if few < len(sums) else np.inf
-        kept = [int(k) for k in np.argsort(sums, kind="stable") if sums[k] <= limit + TIED]
+        wrong += total([sight], before.steps)
+        limit = _limit(sums, wrong, least)
+        kept = [int(k) for k in np.argsort(sums, kind="stable") if sums[k] <= limit]
         guesses, sums = [guesses[k] for k in kept], sums[kept]
     return [replace(guess, cost=cost / len(order)) for guess, cost in zip(guesses, sums.tolist(), strict=True)]
+
+
+def _limit(sums: Array, wrong: float, least: int) -> float:
+    """The cost up to which a guess is kept, of `wrong` without any: where one explains all, the others have to, too."""
+    few = max(least, sums.size // 4)
+    limit = float(np.sort(sums)[few - 1]) + TIED if few < sums.size else np.inf
+    return min(limit, NEAR * wrong) if sums.size and sums.min() < CLEAR / 2 * wrong else limit
 
 
 def _order(small: Sequence[Sight], before: Steps) -> list[Sight]:
@@ -315,6 +367,11 @@ def _good(sights: Sequence[Sight], steps: Steps) -> bool:
     return kept > 0.99 and hit > 0.95 and (hit > 0.98 or _explained(sights, steps)[0] > SURE)
 
 
+def _settled(sights: Sequence[Sight], steps: Steps) -> bool:
+    """The same, and hardly a pixel is wrong beyond doubt: no second fault is looked for."""
+    return _good(sights, steps) and _left(sights, steps)[0] < ENOUGH
+
+
 def _hits(sights: Sequence[Sight], steps: Steps) -> tuple[float, float]:
     """Of the wrong pixels the share that is hit closely, and of the right ones the share that stays right."""
     hit = [(s.errors(steps) <= 4 * s.tau, s) for s in sights]
@@ -336,8 +393,6 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
     if (share < EXPLAINED or best.cost > 0.6 * base.cost or loose) and not (hit > EXPLAINED and kept > 0.99):
         single = min((g for g in found if len(g.causes) == 1), key=lambda g: g.cost)
         share = _explained(sights, single.steps)[0]
-        if (acne := _speckled(sights, where)) is not None:
-            return acne
         lit = [(s, s.view.scene) for s in sights if s.view.scene and s.view.scene.objects and not s.view.points]
         told = [f"{scene.name}: {words}" for s, scene in lit if (words := split(s).words)]
         return Diagnosis(
@@ -348,8 +403,8 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
     alone = len(best.causes) == 1 and not others[0]
     shown = share > WHOLE or (share > EXPLAINED and sum(bool(s.wrong.any()) for s in sights) > 1)
     agreed = held is None or held > EXPLAINED
-    left = _left(sights, best.steps)
-    sureness: Sureness = "sure" if alone and shown and agreed and not left and _good(sights, best.steps) else "likely"
+    count, left = _left(sights, best.steps)
+    sureness: Sureness = "sure" if alone and shown and agreed and not count and _good(sights, best.steps) else "likely"
     order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
     return Diagnosis(
         right=False,
@@ -358,33 +413,28 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
         explained=share,
         held_out=held,
         sureness=sureness,
-        where=f"{where}; something else is wrong, too: {left}" if left else where,
+        where=f"{where}; something else is wrong, too: {left}".rstrip(": ") if count else where,
     )
 
 
-def _left(sights: Sequence[Sight], steps: Steps) -> str:
-    """Where whole regions stay wrong, not single pixels or lines: wrong with five at least of the eight beside."""
-    errors, some = [], False
+def _left(sights: Sequence[Sight], steps: Steps) -> tuple[int, str]:
+    """Pixels that stay wrong though no tracer with these steps shows them so: how many, and where."""
+    errors, count = [], 0
     for s in sights:
         e = s.errors(steps)
-        kept = np.zeros(e.shape)
-        if not s.deep and float((s.weight * (e > 4 * s.tau) * ~s.edge).sum()) > 0:
-            region = _crowded(s.everywhere(steps) > 4 * s.tau)
-            wrong = float((s.weight * s.wrong).sum()) * region.size
-            some = some or int(region.sum()) > max(REGION, REGION_SHARE * wrong)
-            kept = np.where(region.ravel()[s.index], e, 0.0)
-        errors.append(kept)
-    return whereabouts(sights, errors).split("; ")[0] if some else ""
+        off = (e > 4 * s.tau) & (not s.deep)
+        if off.any() and off.sum() <= DOUBTED * off.size:
+            off[off] = ~doubtful(s.only(off).predict, s.scale, steps)
+        errors.append(np.where(off, e, 0.0))
+        count += int(off.sum())
+    return count, whereabouts(sights, errors).split("; ")[0] if count else ""
 
 
-def _crowded(off: Array) -> Array:
-    """Of (H, W) bool those that have five of their neighbours at least."""
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(off, 1), (3, 3)).sum(axis=(2, 3))
-    return np.asarray(off & (around > 5))
+def _by_chance(sights: Sequence[Sight], where: str, least: float) -> Diagnosis | None:
+    """A cause that leaves it to chance which of its ways is seen at a pixel: acne, and what is like it.
 
-
-def _speckled(sights: Sequence[Sight], where: str) -> Diagnosis | None:
-    """A cause that leaves it to chance which of its ways is seen at a pixel: acne, and what is like it."""
+    `least`: the share of the wrong pixels that it has to hit, beside EXPLAINED.
+    """
     spoilt = [s for s in sights if s.wrong.any()]
     mixed = np.average([s.mixed for s in spoilt], weights=[s.wrong.sum() for s in spoilt])
     for chance in CHANCES:
@@ -394,7 +444,7 @@ def _speckled(sights: Sequence[Sight], where: str) -> Diagnosis | None:
         off = [np.stack([s.off(one) for one in all_]) for s, all_ in zip(sights, made, strict=True)]
         hit = np.concatenate([e.min(axis=0)[s.wrong] <= 4 * s.tau for e, s in zip(off, sights, strict=True)])
         kept = np.concatenate([e.min(axis=0)[~s.wrong] <= 4 * s.tau for e, s in zip(off, sights, strict=True)])
-        if hit.mean() < EXPLAINED or (kept.size and kept.mean() < 0.99):
+        if hit.mean() < max(EXPLAINED, least) or (kept.size and kept.mean() < 0.99):
             continue
         before = sum(s.squared(s.predict(RIGHT)) for s in sights)
         after = sum(s.squared(np.take_along_axis(np.stack(all_), e.argmin(axis=0)[None, :, None], 0)[0])

@@ -41,7 +41,8 @@ class View:
 
     `shown` (H, W, 3): linear radiance, or with `points` where each pixel's ray first meets a sphere, NaN for none.
     `right`: what it should be; the tracer's own picture where none is given. `half` (H, W, 3): what its format may have
-    rounded off; `clipped`: it holds nothing above 1. `sampled`: of the scene's light what chance finds.
+    rounded off; `clipped`: it holds nothing above 1. `sampled`: of the scene's light what chance finds. `common`: of a
+    scene that others are asked for, too.
     """
 
     scene: Scene | None
@@ -52,6 +53,7 @@ class View:
     half: Array | None = None
     clipped: bool = False
     sampled: Sampled | None = None
+    common: bool = False
 
 
 @dataclass(eq=False)
@@ -109,18 +111,6 @@ class Sight:
         """(N,): the largest error of any channel, beyond what rounding may do."""
         return self.off(self.predict(steps))
 
-    def everywhere(self, steps: Steps) -> Array:
-        """(H, W): the same of all pixels."""
-        height, width = self.view.shown.shape[:2]
-        index = np.arange(height * width)
-        half = np.zeros(self.view.shown.shape) if self.view.half is None else self.view.half
-        bench = self.bench.at((index % width * self.step).astype(float), (index // width * self.step).astype(float))
-        shown, right, slack = (np.asarray(x).reshape(-1, 3) for x in (self.view.shown, _right(self.view), half))
-        whole = replace(self, bench=bench, moved={}, shown=shown, right=right, slack=slack)
-        lost = without_ray(self.view.scene.camera) if self.view.scene is not None else None
-        e = whole.errors(steps).reshape(height, width)
-        return e if lost is None else np.where(lost[:: self.step, :: self.step], 0.0, e)
-
     def off(self, made: Array) -> Array:
         """The same of a prediction (N, 3)."""
         with np.errstate(invalid="ignore", over="ignore"):
@@ -131,7 +121,11 @@ class Sight:
 
     def cost(self, e: Array, tau: float | None = None) -> float:
         """Σ w log(1 + (e/τ)²): minus the log likelihood of errors (N,) that are mostly small, and sometimes any."""
-        return float((self.weight * np.log1p(np.square(e / (tau or self.tau)))).sum())
+        return float(self.costs(e, tau))
+
+    def costs(self, e: Array, tau: float | None = None) -> Array:
+        """The same of many, (..., N)."""
+        return np.asarray((self.weight * np.log1p(np.square(e / (tau or self.tau)))).sum(axis=-1))
 
     def squared(self, made: Array) -> float:
         """The mean squared error of a prediction (N, 3), in units of the scale."""
@@ -142,12 +136,11 @@ class Sight:
         e = np.maximum(np.abs(e) - self.slack, 0)
         return float((self.weight * np.square(np.minimum(e / self.scale, 10)).sum(axis=-1)).sum())
 
-    def fewer(self, step: int) -> "Sight":
-        """The same at every step-th of its pixels."""
-        bench = self.bench.at(self.bench.u[::step], self.bench.v[::step])
+    def only(self, part: Any) -> "Sight":
+        """The same at some of its pixels: a slice, or (N,) bool."""
+        bench = self.bench.at(self.bench.u[part], self.bench.v[part])
         cut: dict[str, Any] = {
-            name: getattr(self, name)[::step]
-            for name in ("index", "weight", "shown", "right", "slack", "wrong", "edge")
+            name: getattr(self, name)[part] for name in ("index", "weight", "shown", "right", "slack", "wrong", "edge")
         }
         cut["weight"] = cut["weight"] / max(cut["weight"].sum(), 1e-300)
         return replace(self, **cut, bench=bench, moved={})
@@ -199,7 +192,7 @@ def thinned(view: View) -> tuple[View, int, Array, Array]:
     rays = np.ones(right.shape[:2], bool) if lost is None else ~lost[cut, cut]
     half = None if half is None else half[cut, cut]
     made = replace(view, scene=scene, shown=shown[cut, cut].astype(float), right=right, half=half)
-    return made, step, _outlines(traced.surface.ids), rays
+    return made, step, outlines(traced.surface.ids), rays
 
 
 @functools.lru_cache(maxsize=16)
@@ -303,7 +296,7 @@ def _scale(view: View) -> float:
     return float(np.quantile(positive, 0.99)) if positive.size else 1.0
 
 
-def _outlines(ids: Array) -> Array:
+def outlines(ids: Array) -> Array:
     """(H, W) bool: within two pixels of where another object begins."""
     beside = np.zeros(ids.shape, bool)
     for k in (1, 2):
