@@ -26,6 +26,7 @@ from raytwin.grade.predict import (
     Steps,
     Terms,
     Walks,
+    _table,
     gathered,
     hidden,
     lambert,
@@ -183,15 +184,22 @@ def _iterated(
     after: bool = False,
     powers: Any = (1, 2, 3),
     of_r: float = 1,
+    which: tuple[int, int, int, int] = (0, 1, 0, 1),
+    of_bent: bool = False,
 ) -> tuple[Array, Array]:
-    """The fixed-point iteration, to the end, of another lens; `powers`: of r²."""
-    k1, k2, p1, p2, k3 = dist
+    """The fixed-point iteration, to the end, of another lens; `powers`: of r²; `which` of p1 and p2 its terms have.
+
+    `of_bent`: the tangential part is taken of what the radial factor has scaled already.
+    """
+    k1, k2, *p, k3 = dist
+    a, b, c, d = (p[k] for k in which)
     x, y = xd, yd
     for _ in range(60):
         rr = (x * x + y * y) ** of_r
         radial = 1 + k1 * rr ** powers[0] + k2 * rr ** powers[1] + k3 * rr ** powers[2]
-        dx = cross * p1 * x * y + p2 * (rr + square * x * x)
-        dy = p1 * (rr + square * y * y) + cross * p2 * x * y
+        sx, sy = (x * radial, y * radial) if of_bent else (x, y)
+        dx = cross * a * sx * sy + b * (rr + square * sx * sx)
+        dy = c * (rr + square * sy * sy) + cross * d * sx * sy
         x, y = (xd / radial - dx, yd / radial - dy) if after else ((xd - dx) / radial, (yd - dy) / radial)
     return x, y
 
@@ -217,6 +225,50 @@ def _reshaped_and_turned(u: Array, v: Array, camera: Camera) -> tuple[Array, Arr
     """Row by row, written column by column: reshape(width, height), transposed."""
     place = u * camera.height + v
     return place % camera.width, place // camera.width
+
+
+def _left_as_is(x: Array, y: Array, dist: Any) -> tuple[Array, Array]:
+    return x, y
+
+
+def _in_other_units(x: Array, y: Array, camera: Camera, ray: Any, by: Any, middle: bool) -> Rays:
+    """The distortion is undone in (u - a) / sx, (v - b) / sy; (sx, sy) = by(camera); (a, b): `middle` or (cx, cy)."""
+    a, b = (camera.width / 2, camera.height / 2) if middle else (camera.cx, camera.cy)
+    sx, sy = by(camera)
+    u, v = camera.fx * x + camera.cx, camera.fy * y + camera.cy
+    x, y = undistort((u - a) / sx, (v - b) / sy, camera.coefficients)
+    return ray((x * sx + a - camera.cx) / camera.fx, (y * sy + b - camera.cy) / camera.fy, camera)
+
+
+@lru_cache(maxsize=16)
+def _new_matrix(camera: Camera, whole: bool) -> tuple[float, float, float, float]:
+    """(fx, fy, cx, cy) that shows the `whole` undistorted image, or as much as has no empty edge, in the same size."""
+    u, v = (k.ravel() for k in np.meshgrid(np.linspace(0, camera.width - 1, 9), np.linspace(0, camera.height - 1, 9)))
+    x, y = (np.asarray(k).reshape(9, 9) for k in undistort(
+        (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, camera.coefficients))  # fmt: skip
+    if whole:
+        left, right, top, bottom = x.min(), x.max(), y.min(), y.max()
+    else:
+        left, right, top, bottom = x[:, 0].max(), x[:, -1].min(), y[0].max(), y[-1].min()
+    fx, fy = (camera.width - 1) / (right - left), (camera.height - 1) / (bottom - top)
+    return float(fx), float(fy), float(-fx * left), float(-fy * top)
+
+
+def _by_new_matrix(x: Array, y: Array, camera: Camera, ray: Any, whole: bool) -> Rays:
+    """Undistorted into the pixels of a new camera matrix, then made rays with the old one."""
+    if not any(camera.coefficients):
+        return ray(x, y, camera)
+    fx, fy, cx, cy = _new_matrix(camera, whole)
+    return ray((fx * x + cx - camera.cx) / camera.fx, (fy * y + cy - camera.cy) / camera.fy, camera)
+
+
+def angles(f: Callable[[float, float, Camera], tuple[float, float]]) -> Change:
+    """Other focal lengths by the fields of view, radians, of both axes."""
+
+    def focal(c: Camera, k: int) -> float:
+        return f(2 * float(np.arctan(c.width / 2 / c.fx)), 2 * float(np.arctan(c.height / 2 / c.fy)), c)[k]
+
+    return lens(fx=partial(focal, k=0), fy=partial(focal, k=1))
 
 
 def _unstretched(x: Array, y: Array, camera: Camera, ray: Any) -> Rays:
@@ -313,7 +365,7 @@ CAMERAS = (
     row("distortion-kept", CAMERA,
         "the lens's distortion is not undone: pixels are distorted, rays are not, so solve for the (x, y) that the "
         "lens takes to each pixel",
-        put(undo=lambda x, y, dist: (x, y))),
+        put(undo=_left_as_is)),
     row("distortion-forward", CAMERA,
         "you distort the rays once more instead of undoing the distortion: the lens takes (x, y) to the pixel, and "
         "you need the way back",
@@ -340,7 +392,9 @@ CAMERAS = (
         coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, 0.0, 0.0, 0.0))),
     row("tangential-swapped", CAMERA,
         "p1 and p2 are mixed up: x' has 2 p1 x y + p2 (r² + 2 x²), y' has p1 (r² + 2 y²) + 2 p2 x y",
-        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, p2, p1, k3))),
+        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, p2, p1, k3)),
+        *(put(undo=partial(_iterated, which=which)) for which in (
+            (0, 1, 0, 0), (0, 0, 0, 1), (0, 1, 1, 1), (1, 1, 0, 1), (0, 1, 1, 0), (1, 0, 0, 1)))),
     row("coefficients-order", CAMERA,
         "the coefficients are read in the wrong order: dist is k1, k2, p1, p2, k3, with k3 last",
         coefficients(lambda a, b, c, d, e: (a, b, d, e, c)), coefficients(lambda a, b, c, d, e: (a, b, 0.0, 0.0, c))),
@@ -351,6 +405,22 @@ CAMERAS = (
     row("tangential-after", CAMERA,
         "the tangential part is taken away after the division by the radial factor: it is (x' - tangential) / radial",
         put(undo=partial(_iterated, after=True))),
+    row("tangential-of-bent", CAMERA,
+        "the tangential part is computed from an x and y that the radial factor has scaled already: both parts are "
+        "made of the same undistorted (x, y)",
+        put(undo=partial(_iterated, of_bent=True))),
+    row("distortion-in-other-units", CAMERA,
+        "the distortion is undone in other units: its coefficients hold for x = (u - cx) / fx, y = (v - cy) / fy, not "
+        "for pixels divided by the image's size",
+        *(lambda s, by=by, middle=middle: s._replace(
+            undo=_left_as_is, ray=partial(_in_other_units, ray=s.ray, by=by, middle=middle))
+          for by in (lambda c: (c.width / 2, c.height / 2), lambda c: (c.width, c.height),
+                     lambda c: (max(c.image_size),) * 2) for middle in (True, False))),
+    row("new-camera-matrix", CAMERA,
+        "points are undistorted into the pixels of a new camera matrix (getOptimalNewCameraMatrix), but rays are made "
+        "with the old K: use one of them for both",
+        *(lambda s, whole=whole: s._replace(ray=partial(_by_new_matrix, ray=s.ray, whole=whole))
+          for whole in (True, False))),
     row("powers-of-r", CAMERA,
         "the powers of r are wrong in the distortion: 1 + k1 r² + k2 r⁴ + k3 r⁶",
         *(put(undo=partial(_iterated, powers=powers)) for powers in ((1, 1, 1), (1, 2, 2), (1, 2, 4), (2, 4, 6)))),
@@ -376,6 +446,17 @@ CAMERAS = (
         lens(cx=lambda c: c.width / 2, cy=lambda c: c.height / 2),
         lens(cx=lambda c: (c.width - 1) / 2, cy=lambda c: (c.height - 1) / 2),
         lens(cx=lambda c: c.height / 2, cy=lambda c: c.width / 2)),
+    row("centre-from-far-edge", CAMERA,
+        "the principal point is counted from the wrong edge: cx from the left and cy from the top, like u and v",
+        lens(cy=lambda c: c.height - 1 - c.cy), lens(cy=lambda c: c.height - c.cy),
+        lens(cx=lambda c: c.width - 1 - c.cx), lens(cx=lambda c: c.width - c.cx)),
+    row("field-of-view", CAMERA,
+        "a focal length is made of a field of view by a wrong formula: half the width is f tan(half the horizontal "
+        "angle), so heights and widths go with the tangents, not with the angles; or use fx and fy of K as they are",
+        angles(lambda h, v, c: (c.width / 2 * pi / h / 2, c.height / 2 * pi / v / 2)),
+        angles(lambda h, v, c: (c.fx, c.height / 2 / np.tan(h * c.height / c.width / 2))),
+        angles(lambda h, v, c: (c.width / 2 / np.tan(v * c.width / c.height / 2), c.fy)),
+        angles(lambda h, v, c: (c.width / 2 / np.tan(h), c.height / 2 / np.tan(v)))),
     row("centre-left-out", CAMERA, "the principal point (cx, cy) is not subtracted: x = (u - cx) / fx",
         lens(cx=lambda c: 0.0, cy=lambda c: 0.0)),
     row("y-up", CAMERA,
@@ -521,6 +602,15 @@ def _minus(v: Any) -> Any:
     return tuple(-x for x in v)
 
 
+def _from_moved(o: Any, d: Any, ball: Sphere) -> Array:
+    """The distance of the hit from the origin in the sphere's own frame, (o - c) / r."""
+    t = on_sphere(o, d, ball)
+    o = np.asarray(o)
+    moved = (o - np.array(ball.center)[:, None]) / ball.radius
+    away = np.linalg.norm(o + np.where(np.isfinite(t), t, 0.0) * np.asarray(d) - moved, axis=0)
+    return np.where(np.isfinite(t), away, t)
+
+
 def _beyond(o: Any, d: Any, thing: Any, solve: Any, least: float) -> Array:
     """Nothing nearer than `least`."""
     t = solve(o, d, thing)
@@ -532,6 +622,33 @@ def resized(factor: float, length: float = 1) -> Change:
 
     grown = other(lambda x, _: msgspec.structs.replace(x, radius=factor * x.radius) if isinstance(x, Sphere) else x)
     return both(grown, on_spheres(lambda n: n * length))
+
+
+def _first_radius(x: Sphere, balls: Sequence[Sphere]) -> float:
+    return balls[0].radius
+
+
+def _last_radius(x: Sphere, balls: Sequence[Sphere]) -> float:
+    return balls[-1].radius
+
+
+def reradiused(f: Callable[[Sphere, Sequence[Sphere]], float], own: bool = False) -> Change:
+    """Spheres of other radii, (the sphere, all spheres) -> r; `own`: normals are divided by the right ones."""
+
+    def spheres(things: Casters, camera: Camera, objects: Any) -> Casters:
+        things = objects(things, camera)
+        balls = [x for x in things if isinstance(x, Sphere)]
+        return tuple(
+            msgspec.structs.replace(x, radius=max(f(x, balls), 1e-9)) if isinstance(x, Sphere) else x for x in things
+        )
+
+    def by_own(x: Terms) -> Terms:
+        balls = [thing for thing in x.scene.objects if isinstance(thing, Sphere)]
+        longer = [f(thing, balls) / thing.radius if isinstance(thing, Sphere) else 1.0 for thing in x.scene.objects]
+        return x._replace(cos=x.cos * np.array([*longer, 1.0])[x.hits.ids])
+
+    change: Change = lambda s: s._replace(objects=partial(spheres, objects=s.objects))  # noqa: E731
+    return both(change, terms(by_own)) if own else change
 
 
 def on_spheres(f: Callable[[Array], Array]) -> Change:
@@ -573,8 +690,10 @@ def _cornered(thing: Rectangle, u: float, v: float, size: float) -> Rectangle:
     return msgspec.structs.replace(thing, center=_three(middle), half_u=_three(a), half_v=_three(b))
 
 
-def _open(thing: Rectangle, u: bool, v: bool, far: float = 1e4) -> Rectangle:
-    """From -∞ to half_u, and so along half_v."""
+def _open(thing: Rectangle, u: bool, v: bool, far: float = 1e4, sign: int = 1) -> Rectangle:
+    """From -∞ to half_u, and so along half_v; `sign` -1: from -half_u to ∞."""
+    if sign < 0:
+        thing = _scaled_edges(thing, -1.0 if u else 1.0, -1.0 if v else 1.0)
     a, b = (np.array(half) * ((far + 1) / 2 if k else 1) for k, half in ((u, thing.half_u), (v, thing.half_v)))
     middle = np.array(thing.center)
     for k, half in ((u, thing.half_u), (v, thing.half_v)):
@@ -591,6 +710,12 @@ def _edges_swapped(thing: Rectangle) -> Rectangle:
     return _scaled_edges(thing, float(v / u), float(u / v))
 
 
+def _one_bound(thing: Rectangle, of_u: bool, power: int) -> Rectangle:
+    """|q·v| <= u·u (2), or |q·v| / |v| <= |u| (1): u's bound for v too, or v's for u."""
+    u, v = float(np.linalg.norm(thing.half_u)), float(np.linalg.norm(thing.half_v))
+    return _scaled_edges(thing, *((1.0, (u / v) ** power) if of_u else ((v / u) ** power, 1.0)))
+
+
 def _disc(o: Any, d: Any, thing: Rectangle, reach: Any) -> Array:
     t = on_rectangle(o, d, _scaled(1e4)(thing))
     r = reach(*(float(np.linalg.norm(x)) for x in (thing.half_u, thing.half_v)))
@@ -605,6 +730,10 @@ def _boxed(o: Any, d: Any, thing: Rectangle, of_lengths: bool) -> Array:
     u, v = np.array(thing.half_u), np.array(thing.half_v)
     box = np.array([np.linalg.norm(u), np.linalg.norm(v), np.inf]) if of_lengths else np.abs(u) + np.abs(v)
     return np.where((np.abs(q) <= box[:, None] + 1e-6).all(axis=0), t, np.inf)
+
+
+def _either_bound(o: Any, d: Any, thing: Rectangle) -> Array:
+    return np.minimum(*(on_rectangle(o, d, _scaled_edges(thing, *k)) for k in ((1.0, 1e4), (1e4, 1.0))))
 
 
 def _culled(o: Any, d: Any, thing: Rectangle, sign: int) -> Array:
@@ -643,6 +772,41 @@ def _any_side(o: Any, d: Any, thing: Rectangle) -> Array:
 def _either(o: Any, d: Any, thing: Rectangle) -> Array:
     t = _any_side(o, d, thing)
     return np.where(np.isfinite(t), t, np.inf)
+
+
+def tilted(f: Callable[[Array, Array], Array]) -> Change:
+    """Planes whose normal (half_u, half_v) -> n is another: what rays meet, and what is lit."""
+
+    def meet_tilted(o: Any, d: Any, thing: Rectangle) -> Array:
+        u, v = np.array(thing.half_u), np.array(thing.half_v)
+        n, c, d = f(u, v), np.array(thing.center), np.asarray(d)
+        with np.errstate(all="ignore"):
+            t = (n @ c - n @ np.asarray(o)) / (n @ d)
+            q = np.asarray(o) + t * d - c[:, None]
+            inside = (np.abs(u @ q) <= u @ u) & (np.abs(v @ q) <= v @ v) & (t > 1e-9)
+        return np.where(inside, t, np.inf)
+
+    def normal(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
+        if isinstance(thing, Sphere):
+            return n
+        return _turned_to_eye(_fixed(n, f(np.array(thing.half_u), np.array(thing.half_v))), rays)
+
+    return both(put(rectangle=meet_tilted), normals(normal))
+
+
+def _mistyped(u: Array, v: Array, k: int, how: str) -> Array:
+    """u × v made unit, its component n_k = u_i v_j - u_j v_i being wrong."""
+    n, i, j = np.cross(u, v), (k + 1) % 3, (k + 2) % 3
+    wrong = {"sign": -n[k], "plus": u[i] * v[j] + u[j] * v[i], "of k": u[i] * v[j] - u[j] * v[k],
+             "of j": u[i] * v[j] - u[j] * v[j]}  # fmt: skip
+    n[k] = wrong[how]
+    return _made_unit(n)
+
+
+def _half_made_unit(u: Array, v: Array, k: int) -> Array:
+    """One component is left as it is."""
+    n = np.cross(u, v)
+    return np.where(np.arange(3) == k, n, _made_unit(n))
 
 
 def normals(f: Callable[[Array, Array, Rays, Shape], Array]) -> Change:
@@ -687,6 +851,11 @@ SOLVERS = (
         "your rays are not unit, but the quadratic leaves out a = d·d: make them unit, or keep a",
         *(both(long, put(sphere=solver(roots)), *unit)
           for unit in ((), (normals(_made_unit),)) for roots in (quadratic(), quadratic(a=True), _by_a))),
+    row("t-of-moved-ray", SOLVER,
+        "t is measured in the sphere's own frame, where the ray is moved and scaled: t counts along the ray as it was "
+        "given, so scale its direction as its origin, do not make it unit there, and apply t to the first one",
+        put(sphere=lambda o, d, ball: on_sphere(o, d, ball) / ball.radius),
+        put(sphere=lambda o, d, ball: on_sphere(o, d, ball) * ball.radius), put(sphere=_from_moved)),
     row("radius-not-squared", SOLVER,
         "the radius is not squared: c = f·f - r²",
         put(sphere=solver(quadratic(), r2=lambda r: r))),
@@ -696,6 +865,11 @@ SOLVERS = (
         resized(2), resized(2, 2)),
     row("half-radius", SOLVER, "your spheres are half as large: the scene gives the radius, not the diameter",
         resized(0.5), resized(0.5, 0.5)),
+    row("radius-of-another", SOLVER,
+        "spheres have a radius that is not theirs, the one of another sphere or a coordinate of the centre: each has "
+        "its own",
+        *(reradiused(f, own) for f in (_first_radius, _last_radius) for own in (False, True)),
+        reradiused(lambda x, balls: abs(x.center[2]))),
     row("factor-in-quadratic", SOLVER,
         "a factor is wrong in the quadratic: with b = 2 f·d, t = (-b - √(b² - 4c)) / 2; with b = f·d, "
         "t = -b - √(b² - c)",
@@ -736,7 +910,12 @@ SOLVERS = (
     row("abs-missing", SOLVER,
         "your rectangles end on one side only: a point may lie on either side of the centre, |q·u| <= u·u, "
         "|q·v| <= v·v",
-        *(rectangle(partial(_open, u=u, v=v)) for u, v in ((True, True), (True, False), (False, True)))),
+        *(rectangle(partial(_open, u=u, v=v, sign=sign))
+          for sign in (1, -1) for u, v in ((True, True), (True, False), (False, True)))),
+    row("or-for-and", SOLVER,
+        "a point counts as inside a rectangle where one of the two bounds holds: both have to, |q·u| <= u·u and "
+        "|q·v| <= v·v",
+        put(rectangle=_either_bound)),
     row("extent-not-unit", SOLVER,
         "the extent of your rectangles is measured along half_u and half_v without dividing by their lengths: "
         "|q·u| <= u·u, or |q·u| / |u| <= |u|",
@@ -748,8 +927,9 @@ SOLVERS = (
     row("corner", SOLVER,
         "your rectangles begin at their centre: a plane's center is its middle, and it reaches from -half_u to half_u",
         *(rectangle(partial(_cornered, u=u, v=v, size=k)) for k in (0.5, 1.0) for u, v in ((1, 1), (1, 0), (0, 1)))),
-    row("edges-swapped", SOLVER, "half_u and half_v are swapped in a rectangle's test: |q·u| <= u·u, |q·v| <= v·v",
-        rectangle(_edges_swapped)),
+    row("edges-swapped", SOLVER, "half_u and half_v are mixed up in a rectangle's test: |q·u| <= u·u, |q·v| <= v·v",
+        rectangle(_edges_swapped),
+        *(rectangle(partial(_one_bound, of_u=of_u, power=k)) for of_u in (True, False) for k in (2, 1))),
     row("disc-for-rectangle", SOLVER, "your planes are round: a rectangle ends at center ± half_u ± half_v",
         *(put(rectangle=partial(_disc, reach=f)) for f in (
             lambda u, v: max(u, v), lambda u, v: min(u, v), lambda u, v: np.hypot(u, v), lambda u, v: u,
@@ -769,6 +949,11 @@ SOLVERS = (
     row("half-edges", SOLVER,
         "your rectangles have the wrong size: half_u and half_v are half-edges, from the centre to the rim",
         rectangle(_scaled(0.5)), rectangle(_scaled(2.0))),
+    row("cross-product", SOLVER,
+        "your planes are tilted, half_u × half_v goes wrong: it is (u_y v_z - u_z v_y, u_z v_x - u_x v_z, "
+        "u_x v_y - u_y v_x), divided by its length in all three components",
+        *(tilted(partial(_mistyped, k=k, how=how)) for how in ("sign", "plus", "of k", "of j") for k in (1, 2, 0)),
+        *(tilted(partial(_half_made_unit, k=k)) for k in range(3))),
     row("planes-behind", SOLVER, "planes behind the ray's start count too: keep t > 0 alone",
         put(rectangle=_either), both(put(rectangle=_either), lambda s: s._replace(blocked=offset_by(1e-6)))),
 )  # fmt: skip
@@ -985,6 +1170,20 @@ def _albedo_for_normal(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
     return _fixed(n, thing.material.albedo)
 
 
+def _by_area(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
+    return n if isinstance(thing, Sphere) else n / np.linalg.norm(np.cross(thing.half_u, thing.half_v))
+
+
+def _turned_by_camera_ray(x: Terms, spheres: bool, inside: bool) -> Terms:
+    """n·d with d in the camera's axes; `spheres`: theirs, too; `inside`: shadow rays start within, and meet them."""
+    d = x.hits.point - np.array(x.scene.camera.eye)[:, None]
+    flat = _on_plane(x)
+    n = np.where(flat, _table(x.scene.objects).facing[x.hits.ids].T, x.hits.normal)
+    away = ((n * (np.asarray(x.scene.camera.R_cam_board) @ d)).sum(axis=0) > 0) & (flat | spheres)
+    dark = away & ~flat & (inside and x.shadows)
+    return x._replace(cos=np.array(x.scene.sun.to_light) @ np.where(away, -n, n), visible=x.visible * ~dark)
+
+
 def _axis_turned(n: Array, k: int) -> Array:
     return np.where(np.arange(3)[:, None] == k, -n, n)
 
@@ -1054,6 +1253,10 @@ NORMALS_ = (
     row("plane-normal-up", NORMALS, "the planes' normals are taken for the board's z axis: they are half_u × half_v",
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else _fixed(n, (0.0, 0.0, 1.0))),
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else _turned_to_eye(_fixed(n, (0.0, 0.0, 1.0)), rays))),
+    row("normal-turned-by-other-ray", NORMALS,
+        "normals are turned to the eye by a ray in another frame: in n·d both have to be in the board's",
+        *(both(put(blocked=others_hide), terms(partial(_turned_by_camera_ray, spheres=balls, inside=dark)))
+          for balls, dark in ((True, False), (True, True), (False, False)))),
     row("plane-normal-edge", NORMALS, "the planes' normals lie in the plane: they are half_u × half_v",
         *(normals(partial(_along_edge, edge=k)) for k in (0, 1))),
     row("normal-not-unit", NORMALS,
@@ -1062,6 +1265,9 @@ NORMALS_ = (
     row("normal-by-radius-twice", NORMALS,
         "the spheres' normals are divided by the radius once too often: (p - center) / radius is unit",
         normals(_by_r2)),
+    row("made-unit-by-square", NORMALS,
+        "vectors are divided by v·v, the square of their length: v / √(v·v) is unit",
+        both(normals(_by_r2), normals(_by_area)), normals(_by_area)),
     row("normal-by-whole-norm", NORMALS,
         "the normals are divided by the norm of the whole array, or along the wrong axis: each by its own length, "
         "np.linalg.norm(n, axis=-1, keepdims=True)",
@@ -1145,6 +1351,21 @@ def moved_light(f: Callable[[Array, Array, Array], Array]) -> tuple[Change, ...]
 
 def _to_position(to: Array, scene: Scene, hits: Hits) -> Array:
     return _made_unit(to - hits.point)
+
+
+def _to_eye(to: Array, scene: Scene, hits: Hits, sign: int) -> Array:
+    return sign * _made_unit(np.array(scene.camera.eye)[:, None] - hits.point)
+
+
+def _off_position(to: Array, scene: Scene, hits: Hits) -> Array:
+    return _made_unit(hits.point - to)
+
+
+def _dotted(x: Terms, k: int, how: str) -> Terms:
+    """n·l with one of its three products wrong."""
+    n, l = x.hits.normal, np.array(x.scene.sun.to_light)  # noqa: E741
+    made = {"n n": n[k] * n[k], "l l": l[k] * l[k] + 0 * n[k], "none": 0 * n[k]}
+    return x._replace(cos=3 * n[k] * l[k] if how == "all" else x.cos - n[k] * l[k] + made[how])
 
 
 def _grey(x: Array) -> Array:
@@ -1256,7 +1477,7 @@ LIGHTS = (
     row("light-reversed-in-shading", LIGHT,
         "n·l is taken with the wrong sign of l, though shadow rays go the right way: to_light points from the surface "
         "to the sun, use it as it is",
-        both(half_lit(lambda to, *_: -to), put(blocked=others_hide))),
+        *(both(half_lit(lambda to, *_: -to), put(blocked=test)) for test in (others_hide, offset_by(1e-6)))),
     row("light-in-camera-frame", LIGHT,
         "the sun's direction is given in the board's frame, but your normals are in the camera's (or the other way "
         "round): turn one of them by R",
@@ -1278,7 +1499,15 @@ LIGHTS = (
         lit(_permuted(0, 1, 2, sign=(-1, -1, 1))), lit(_permuted(0, 2, 1, sign=(1, -1, 1)))),
     row("light-as-place", LIGHT,
         "to_light is used as a point that the light sits at: it is a direction, the same for every surface",
-        lit(_to_position), both(lit(_to_position), sun_times(_falloff)), half_lit(_to_position)),
+        lit(_to_position), both(lit(_to_position), sun_times(_falloff)), half_lit(_to_position),
+        half_lit(_off_position), both(half_lit(_off_position), put(blocked=offset_by(1e-6))),
+        both(half_lit(_to_position), sun_times(_falloff))),
+    row("light-at-eye", LIGHT,
+        "surfaces are lit from the eye, by n·d of the ray that sees them: the sun's light falls along to_light",
+        half_lit(partial(_to_eye, sign=1)), half_lit(partial(_to_eye, sign=-1))),
+    row("dot-product", LIGHT,
+        "n·l is mistyped: it is n_x l_x + n_y l_y + n_z l_z, each component with the same one of the other",
+        *(terms(partial(_dotted, k=k, how=how)) for how in ("n n", "l l", "none", "all") for k in (2, 0, 1))),
     row("no-clamp", LIGHT,
         "light is negative where a surface faces away from the sun: max(0, n·l)",
         shaded(lambda x: sun(x, x.cos) + ambient(x))),
@@ -1476,10 +1705,6 @@ def _turned_light(to: Array, scene: Scene, hits: Hits, turn: Any) -> Array:
     return np.asarray(turn(np.asarray(scene.camera.R_cam_board)) @ to)
 
 
-def _to_eye(to: Array, scene: Scene, hits: Hits, sign: int) -> Array:
-    return sign * _made_unit(np.array(scene.camera.eye)[:, None] - hits.point)
-
-
 def _dark_on(hits: Hits, to: Array, things: Casters, steps: Steps, spheres: bool) -> Array:
     dark = np.array([is_sphere(thing) == spheres for thing in things] + [False])
     return hidden(hits, to, things, steps) | dark[hits.ids]
@@ -1584,6 +1809,9 @@ SHADOWS = (
     row("shadow-inverted", SHADOW, "light and shadow are swapped: V is 1 where the way to the sun is free",
         shadows(lambda hits, to, things, steps: ~hidden(hits, to, things, steps)),
         shadows(lambda hits, to, things, steps: ~others_hide(hits, to, things, steps))),
+    row("shadow-on-sky", SHADOW,
+        "shadows take away the sky's light and leave the sun's: it is the other way round",
+        shaded(lambda x: lambert(x._replace(visible=np.ones_like(x.visible), sky=x.sky * x.visible)))),
     row("shadow-dims-all", SHADOW, "shadows scale the whole light: they take away the sun's part alone",
         *(shaded(partial(_dimmed, by=k)) for k in (0.5, 0.3, 0.2))),
 )  # fmt: skip
@@ -1601,8 +1829,8 @@ def _normalised(s: Steps) -> Steps:
     return s._replace(output=lambda x, brightest: s.output(x, brightest) / brightest)
 
 
-def _overflow(x: Array) -> Array:
-    return np.floor(np.maximum(x, 0) * 255 + 1e-9) % 256 / 255
+def _overflow(x: Array, by: int = 255) -> Array:
+    return np.floor(np.maximum(x, 0) * by + 1e-9) % 256 / by
 
 
 def _sky_scaled(scene: Scene, k: float) -> Array:
@@ -1641,7 +1869,7 @@ OUTPUTS = (
         shown(lambda x: np.minimum(x, 1))),
     row("overflow", OUTPUT, "8-bit values overflow: what is brighter than white wraps round to black; clip first",
         shown(_overflow), shown(lambda x: np.rint(np.maximum(x, 0) * 255) % 256 / 255),
-        shown(lambda x: srgb_decode(_overflow(srgb_encode(x)))),
+        shown(partial(_overflow, by=256)), shown(lambda x: srgb_decode(_overflow(srgb_encode(x)))),
         shown(lambda x: _overflow(srgb_encode(x))), shown(lambda x: _overflow(_power(x, 1 / 2.2)))),
     row("eight-bits", OUTPUT, "the values are rounded to 8 bits: hand in floats",
         shown(lambda x: np.floor(np.clip(x, 0, 1) * 255) / 255), shown(lambda x: np.rint(np.clip(x, 0, 1) * 255) / 255),
