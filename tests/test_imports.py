@@ -63,6 +63,12 @@ def test_the_lower_floors_load_no_heavy_library(module):
     assert not loaded_by(f"import raytwin.{module}") & set(HEAVY)
 
 
+def test_to_draw_into_photos_and_tell_of_it_takes_neither_mitsuba_nor_what_compares_images():
+    loads = "import raytwin.cli, raytwin.report.text, raytwin.jobs.augment"
+    draws = "from raytwin import speed, twin; assert not twin.chosen().libllvm or speed.ENGINES['drjit32'].float_type"
+    assert not loaded_by(f"{loads}; {draws}") & {"mitsuba", "asyncio", "raytwin.compare", "raytwin.grade.diagnosis"}
+
+
 def test_the_tracer_is_numpy_and_records_and_nothing_else():
     ours = {m for m in loaded_by("import raytwin.tracer") if m.startswith("raytwin.")}
     assert {m for m in ours if not m.startswith(("raytwin.tracer", "raytwin.scene."))} == {

@@ -1,6 +1,5 @@
 """raytwin explore: a scene to play with, in the browser."""
 
-import asyncio
 from typing import Annotated
 
 import typer
@@ -26,6 +25,8 @@ def explore_command(
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open it.")] = True,
 ) -> None:
     """Play with a scene on a page of this machine: tracer, twin, their difference and the ledger, as they change."""
+    import asyncio
+
     asked = parse_size(size, "--size") if size else None
     with show_progress() as progress:
         with progress.stage("imports"):

@@ -54,7 +54,7 @@ def augment_photos(
         raise InputError("photos", "names that differ, since each is written under its own", ", ".join(names))
     if any((out / p.name).exists() and (out / p.name).samefile(p) for p in taken):
         raise InputError("--out", "another folder than the photos'", out)
-    engine = fast_engine(twin.activate().variant)
+    engine = fast_engine(twin.chosen().variant)
     rows = []
     for done, path in enumerate(taken):
         progress("augment", done, len(taken))

@@ -2,11 +2,9 @@
 
 from typing import TYPE_CHECKING, Any
 
-from raytwin.compare import METRICS
-from raytwin.jobs.diff import Diff
-
 if TYPE_CHECKING:
     from raytwin.jobs.compare import Result
+    from raytwin.jobs.diff import Diff
     from raytwin.photos import Calibration
 
 
@@ -25,8 +23,10 @@ def summary(result: "Result") -> str:
     return "\n".join(lines)
 
 
-def diff_summary(found: Diff) -> str:
+def diff_summary(found: "Diff") -> str:
     """Verdict first, its reasons, then every metric that has a value."""
+    from raytwin.compare import METRICS  # what only tells of photos needs none
+
     c = found.comparison
     lines = [f"{c.verdict.upper()}  {found.report.scene}", *(f"  {reason}" for reason in c.reasons)]
     lines += [f"  warning: {text}" for text in found.warnings]

@@ -1,10 +1,10 @@
 """The twin: the same scene through Mitsuba 3, the only home of Mitsuba.
 
 `activate()` finds a backend that works on this machine, `render()` renders, `doctor()` says what was found. Mitsuba is
-imported when the first of them is called, not before.
+imported when the first of them is called, not before; `chosen()` does without.
 """
 
-from raytwin.twin.backend import VARIANTS, Backend, Tried, activate, doctor
+from raytwin.twin.backend import VARIANTS, Backend, Tried, activate, chosen, doctor
 from raytwin.twin.plain import INTEGRATORS, load_plain, render_plain
 from raytwin.twin.rendering import MOST_SAMPLES, SAMPLINGS, provenance, render
 
@@ -16,6 +16,7 @@ __all__ = [
     "Backend",
     "Tried",
     "activate",
+    "chosen",
     "doctor",
     "load_plain",
     "provenance",

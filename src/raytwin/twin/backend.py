@@ -76,17 +76,34 @@ def activate(variant: str | None = None) -> Backend:
     """Choose a backend that works here, make it Mitsuba's current variant, and say which it is.
 
     `variant` (or RAYTWIN_VARIANT) forces one of VARIANTS. Without either: the one that is active already, else
-    `llvm_ad_rgb` where a libLLVM works, else `scalar_rgb`. Cheap to call again, also for another variant. Dr.Jit's own
-    LLVM arrays use the same library if Dr.Jit is imported after this; where it was imported before, its library is the
-    only one that this process can have. Raises MachineError where a forced variant is unknown or does not work.
+    `llvm_ad_rgb` where a libLLVM works, else `scalar_rgb`. Cheap to call again, also for another variant. Raises
+    MachineError where a forced variant is unknown or does not work.
     """
-    global _current, _set_here
+    global _current
+    _current = backend = chosen(variant)
+    import mitsuba as mi
+
+    try:
+        mi.set_variant(backend.variant)
+    except ImportError as error:  # Dr.Jit was imported before, and found no libLLVM then
+        needed = "a libLLVM when Dr.Jit was imported: import it after raytwin, or set DRJIT_LIBLLVM_PATH"
+        raise MachineError(f"variant {backend.variant}", needed, error) from None
+    return backend
+
+
+def chosen(variant: str | None = None) -> Backend:
+    """What `activate` would make current, and all that Dr.Jit's own arrays need: Mitsuba is not imported.
+
+    They use the same libLLVM if Dr.Jit is imported after this; where it was imported before, its library is the only
+    one that this process can have.
+    """
+    global _set_here
     forced = variant or os.environ.get("RAYTWIN_VARIANT") or None
     if forced not in (None, *VARIANTS):
         raise MachineError("variant" if variant else "RAYTWIN_VARIANT", " or ".join(VARIANTS), forced)
     key = (forced, _llvm_hidden(), _users_llvm())
     backend = (_current if forced is None else None) or _chosen.get(key) or choose(forced)
-    _chosen[key] = _current = backend
+    _chosen[key] = backend
     # Dr.Jit loads a libLLVM when it is imported, whatever the variant: let it be one that works.
     library = backend.libllvm
     if library is None and "drjit" not in sys.modules:
@@ -96,13 +113,6 @@ def activate(variant: str | None = None) -> Backend:
     if library == NO_LIBRARY:
         with _no_words():
             import drjit  # noqa: F401
-    import mitsuba as mi
-
-    try:
-        mi.set_variant(backend.variant)
-    except ImportError as error:  # Dr.Jit was imported before, and found no libLLVM then
-        needed = "a libLLVM when Dr.Jit was imported: import it after raytwin, or set DRJIT_LIBLLVM_PATH"
-        raise MachineError(f"variant {backend.variant}", needed, error) from None
     return backend
 
 
