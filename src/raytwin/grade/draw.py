@@ -5,6 +5,8 @@ where nothing exceeds 1, to a missing depth test where nothing is hidden, to nor
 where no plane is seen from behind, to hits behind the eye where nothing is there.
 """
 
+from collections.abc import Iterator
+
 import msgspec
 import numpy as np
 
@@ -33,7 +35,7 @@ def draw_scene(seed: int, size: tuple[int, int] = SIZE, name: str = "", scale: f
     for _ in range(TRIES):
         scene = _drawn(rng, size, name or f"drawn-{seed}")
         quarter = msgspec.structs.replace(scene, camera=scene.camera.resized(size[0] // 5, size[1] // 5))
-        if not blind_to(quarter, 0.7 * LEAST) and not blind_to(scene):
+        if all(np.mean(x) >= least for one, least in ((quarter, 0.7 * LEAST), (scene, LEAST)) for _, x in _shows(one)):
             return _larger(scene, scale) if scale != 1 else scene
     raise InputError("seed", "one that gives a scene", seed)
 
@@ -55,43 +57,44 @@ def _larger(scene: Scene, by: float) -> Scene:
 
 def blind_to(scene: Scene, least: float = LEAST) -> list[str]:
     """The kinds of mistake that this scene would not show."""
+    return [name for name, there in _shows(scene) if np.mean(there) < least]
+
+
+def _shows(scene: Scene) -> Iterator[tuple[str, np.ndarray | bool]]:
+    """Each kind of mistake, and the pixels that show it: those first that cost least to know and are missing most."""
+    yield "a missing depth test", _overlap(list(scene.spheres), np.asarray(scene.camera.eye))
+    R = np.asarray(scene.camera.R_cam_board)
+    yield "a transposed R", bool(np.abs(R - R.T).max() >= 0.3)
     v, u = np.indices((scene.camera.height, scene.camera.width), float).reshape(2, -1)
-    bench = Bench(scene, u, v)
-    rays, hits, terms = bench.rays(RIGHT), bench.hits(RIGHT), bench.terms(RIGHT)
-    count = len(scene.spheres)
-    ball, flat = (hits.ids >= 0) & (hits.ids < count), hits.ids >= count
-    facing, to = terms.cos > 0.05, np.broadcast_to(np.array(scene.sun.to_light)[:, None], hits.point.shape)
-    hides = np.isfinite(meet_all(hits.point, to, scene.objects, RIGHT))
-    hides &= facing & (np.arange(len(hides))[:, None] != hits.ids)
-    by_balls, by_planes = hides[:count].any(axis=0), hides[count:].any(axis=0)
-    own = np.array([x.normal if isinstance(x, Rectangle) else (0, 0, 0) for x in scene.objects]).T[:, hits.ids]
-    behind = np.isfinite(meet_all(rays.origin, -rays.d, scene.objects, RIGHT))
-    ahead = np.isfinite(meet_all(rays.origin, rays.d, scene.objects, RIGHT))
+    bench, count = Bench(scene, u, v, shadows=False), len(scene.spheres)
+    rays = bench.rays(RIGHT)
+    ahead = np.isfinite(bench.distances(RIGHT))
+    ids = bench.met(RIGHT)[0]
+    ball, flat = (ids >= 0) & (ids < count), ids >= count
     away = np.array([np.linalg.norm(np.subtract(x.center, scene.camera.eye)) for x in scene.objects])
     painted = np.where(ahead, away[:, None], np.inf).argmin(axis=0)
-    R = np.asarray(scene.camera.R_cam_board)
+    yield "drawing by the centres' distance", (ids >= 0) & (painted != ids)
+    yield "a plane before a sphere", flat & ahead[:count].any(axis=0)
+    yield "the background", ids < 0
+    hits, cos = bench.hits(RIGHT), bench.terms(RIGHT).cos
+    yield "a plane's dark side", flat & (cos < -0.05)
+    yield "lit backs", ball & (cos < -0.05)
+    to = np.broadcast_to(np.array(scene.sun.to_light)[:, None], hits.point.shape)
+    hides = np.isfinite(meet_all(hits.point, to, scene.objects, RIGHT)) & (np.arange(len(ahead))[:, None] != ids)
+    yield "clipping", (bench.radiance(RIGHT) > 1).any(axis=-1) & ~hides.any(axis=0)
+    facing = cos > 0.05
+    by_balls, by_planes = hides[:count].any(axis=0) & facing, hides[count:].any(axis=0) & facing
+    yield "shadows of spheres on spheres", ball & by_balls & ~by_planes
+    yield "shadows of planes on planes", flat & by_planes & ~by_balls
+    yield "shadows of planes on spheres", ball & by_planes & ~by_balls
+    yield "shadows of spheres on planes", flat & by_balls & ~by_planes
     lit = facing & ~by_balls & ~by_planes
-    shows = {
-        "shadows of spheres on spheres": ball & by_balls & ~by_planes,
-        "shadows of planes on spheres": ball & by_planes & ~by_balls,
-        "shadows of spheres on planes": flat & by_balls & ~by_planes,
-        "shadows of planes on planes": flat & by_planes & ~by_balls,
-        "clipping": (bench.radiance(RIGHT) > 1).any(axis=-1),
-        "lit backs": ball & (terms.cos < -0.05),
-        "a lit plane, seen from behind": flat & lit & ((own * rays.d).sum(axis=0) > 0.05),
-        "a plane's dark side": flat & (terms.cos < -0.05),
-        "light on spheres": ball & lit,
-        "the background": hits.ids < 0,
-        "spheres behind the eye": behind[:count].any(axis=0),
-        "planes behind the eye": behind[count:].any(axis=0),
-        "a plane before a sphere": flat & ahead[:count].any(axis=0),
-        "drawing by the centres' distance": (hits.ids >= 0) & (painted != hits.ids),
-    }
-    return [
-        *(["a missing depth test"] if not _overlap(list(scene.spheres), np.asarray(scene.camera.eye)) else []),
-        *(["a transposed R"] if np.abs(R - R.T).max() < 0.3 else []),
-        *(name for name, there in shows.items() if there.mean() < least),
-    ]
+    own = np.array([x.normal if isinstance(x, Rectangle) else (0, 0, 0) for x in scene.objects]).T[:, ids]
+    yield "a lit plane, seen from behind", flat & lit & ((own * rays.d).sum(axis=0) > 0.05)
+    yield "light on spheres", ball & lit
+    behind = np.isfinite(meet_all(rays.origin, -rays.d, scene.objects, RIGHT))
+    yield "spheres behind the eye", behind[:count].any(axis=0)
+    yield "planes behind the eye", behind[count:].any(axis=0)
 
 
 def _overlap(spheres: list[Sphere], eye: np.ndarray) -> bool:

@@ -178,7 +178,7 @@ RIGHT = Steps(
 """The tracer as it should be."""
 
 Change = Callable[[Steps], Steps]
-KEPT = 8
+KEPT = 10
 """Intermediate results of wrong tracers that are kept for the next."""
 
 
@@ -280,13 +280,21 @@ class Bench:
             self.keep(key, steps.ray(x, y, lens))
         return self.kept[key]
 
-    def met(self, steps: Steps) -> tuple[Array, Array]:
-        """The index of what each ray of the eye meets first, -1 for nothing, and its t."""
-        key = ("met", *steps[:9])
+    def distances(self, steps: Steps) -> Array:
+        """(K, N): t along each ray of the eye to each thing, infinity for a miss."""
+        key = ("t", *steps[:8])
         if key not in self.kept:
             rays, things = self.rays(steps), self.things(steps)
             t = meet_all(rays.origin, rays.d, things, steps) if things else np.full((1, self.u.size), np.inf)
             t[np.isnan(t)] = np.inf
+            self.keep(key, t)
+        return self.kept[key]
+
+    def met(self, steps: Steps) -> tuple[Array, Array]:
+        """The index of what each ray of the eye meets first, -1 for nothing, and its t."""
+        key = ("met", *steps[:9])
+        if key not in self.kept:
+            rays, things, t = self.rays(steps), self.things(steps), self.distances(steps)
             ids = steps.order(t, things, rays) if things else np.full(self.u.size, -1)
             reach = np.where(ids >= 0, np.take_along_axis(t, np.maximum(ids, 0)[None], 0)[0], 0.0)
             self.keep(key, (ids, np.where(np.isfinite(reach), reach, 0.0)))
