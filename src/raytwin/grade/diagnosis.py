@@ -257,10 +257,11 @@ def _round(
     best = {guess.causes[-1].name: guess for guess in reversed(tried)}
     some = sorted(best.values(), key=lambda g: g.cost)[:TEMPTING]
     if some and some[0].cost < CLEAR / 2 * before.cost:
-        some = [g for g in some if g.cost < NEAR * before.cost]
+        some = [g for g in some if EVEN * before.cost < g.cost < NEAR * before.cost]
     habits = HABITS if not before.causes else ()  # a second fault is added to what the first one's way has shown
     tried += _screened([replace(g, steps=habit(g.steps), cost=np.inf) for g in some for habit in habits], order, before)
     some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if g.steps.blocked in TESTS]
+    some = [g for g in some if g.cost > EVEN * before.cost]
     tried += _screened(
         [replace(g, steps=g.steps._replace(blocked=t)) for g in some for t in TESTS], order, before, TEMPTING
     )
