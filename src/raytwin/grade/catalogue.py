@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import islice, product
 from math import pi
+from operator import itemgetter
 from typing import Any
 
 import msgspec
@@ -186,6 +187,7 @@ def _iterated(
     of_r: float = 1,
     which: tuple[int, int, int, int] = (0, 1, 0, 1),
     of_bent: bool = False,
+    times: bool = False,
 ) -> tuple[Array, Array]:
     """The fixed-point iteration, to the end, of another lens; `powers`: of r²; `which` of p1 and p2 its terms have.
 
@@ -197,6 +199,7 @@ def _iterated(
     for _ in range(60):
         rr = (x * x + y * y) ** of_r
         radial = 1 + k1 * rr ** powers[0] + k2 * rr ** powers[1] + k3 * rr ** powers[2]
+        radial = 1 / radial if times else radial
         sx, sy = (x * radial, y * radial) if of_bent else (x, y)
         dx = cross * a * sx * sy + b * (rr + square * sx * sx)
         dy = c * (rr + square * sy * sy) + cross * d * sx * sy
@@ -371,11 +374,13 @@ CAMERAS = (
         "you need the way back",
         put(undo=distort)),
     row("distortion-sign", CAMERA,
-        "the distortion has the wrong sign: rays bend to the other side",
+        "the distortion bends rays to the other side: a sign is wrong, or you multiply by the radial factor where you "
+        "have to divide",
         coefficients(lambda *dist: tuple(-k for k in dist)),
         coefficients(lambda k1, k2, p1, p2, k3: (-k1, -k2, p1, p2, -k3)),
         coefficients(lambda k1, k2, p1, p2, k3: (-k1, k2, p1, p2, k3)),
-        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, -p1, -p2, k3))),
+        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, -p1, -p2, k3)),
+        put(undo=partial(_iterated, times=True))),
     row("distortion-few-steps", CAMERA,
         "undoing the distortion stops too early: the corners are still off; repeat until nothing moves any more",
         *(fixed_point(n, divide) for divide in (True, False) for n in (1, 2, 3, 4, 5, 6, 8)),
@@ -438,14 +443,21 @@ CAMERAS = (
     row("swapped-focal", CAMERA, "fx and fy are swapped: x = (u - cx) / fx, y = (v - cy) / fy",
         lens(fx=lambda c: c.fy, fy=lambda c: c.fx)),
     row("one-focal", CAMERA, "one focal length is used for both axes: x goes with fx, y with fy",
-        lens(fy=lambda c: c.fx), lens(fx=lambda c: c.fy)),
-    row("swapped-centre", CAMERA, "cx and cy are swapped: x = (u - cx) / fx, y = (v - cy) / fy",
-        lens(cx=lambda c: c.cy, cy=lambda c: c.cx)),
+        lens(fy=lambda c: c.fx), lens(fx=lambda c: c.fy),
+        lens(fx=lambda c: (c.fx + c.fy) / 2, fy=lambda c: (c.fx + c.fy) / 2)),
+    row("swapped-centre", CAMERA, "cx and cy are mixed up: x = (u - cx) / fx, y = (v - cy) / fy",
+        lens(cx=lambda c: c.cy, cy=lambda c: c.cx), lens(cx=lambda c: c.cy), lens(cy=lambda c: c.cx)),
+    row("whole-numbers", CAMERA, "K is rounded to whole numbers: use fx, fy, cx and cy as they are",
+        *(lens(cx=lambda c, f=f: f(c.cx), cy=lambda c, f=f: f(c.cy)) for f in (np.floor, np.rint)),
+        *(lens(fx=lambda c, f=f: f(c.fx), fy=lambda c, f=f: f(c.fy)) for f in (np.floor, np.rint)),
+        *(lens(*(lambda c, f=f, of=of: f(getattr(c, of)) for of in ("fx", "fy", "cx", "cy")))
+          for f in (np.floor, np.rint))),
     row("centre-of-image", CAMERA,
         "the image's middle is taken for the principal point: use cx and cy from K",
         lens(cx=lambda c: c.width / 2, cy=lambda c: c.height / 2),
         lens(cx=lambda c: (c.width - 1) / 2, cy=lambda c: (c.height - 1) / 2),
-        lens(cx=lambda c: c.height / 2, cy=lambda c: c.width / 2)),
+        lens(cx=lambda c: c.height / 2, cy=lambda c: c.width / 2),
+        lens(cx=lambda c: c.width / 2), lens(cy=lambda c: c.height / 2)),
     row("centre-from-far-edge", CAMERA,
         "the principal point is counted from the wrong edge: cx from the left and cy from the top, like u and v",
         lens(cy=lambda c: c.height - 1 - c.cy), lens(cy=lambda c: c.height - c.cy),
@@ -458,7 +470,8 @@ CAMERAS = (
         angles(lambda h, v, c: (c.width / 2 / np.tan(v * c.width / c.height / 2), c.fy)),
         angles(lambda h, v, c: (c.width / 2 / np.tan(h), c.height / 2 / np.tan(v)))),
     row("centre-left-out", CAMERA, "the principal point (cx, cy) is not subtracted: x = (u - cx) / fx",
-        lens(cx=lambda c: 0.0, cy=lambda c: 0.0)),
+        lens(cx=lambda c: 0.0, cy=lambda c: 0.0), lens(cx=lambda c: 0.0), lens(cy=lambda c: 0.0),
+        lens(cx=lambda c: -c.cx, cy=lambda c: -c.cy)),
     row("y-up", CAMERA,
         "the camera's y axis points down here (OpenCV): yours points up, so that the image is seen upside down",
         axes(1, -1, 1)),
@@ -510,7 +523,7 @@ CAMERAS = (
 Roots = Callable[[Any, Any, Any], tuple[Any, Any, Any]]
 
 
-def quadratic(b: float = 2, disc: float = 4, half: float = 2, a: bool = False, c_of: Any = None) -> Roots:
+def quadratic(b: float = 2, disc: float = 4, half: float = 2, a: bool = False) -> Roots:
     """(b' , c, a) -> (discriminant, near, far): b f·d, b² - disc a c, (-b ± √) / half: 2, 4, 2 are right."""
 
     def roots(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
@@ -522,14 +535,14 @@ def quadratic(b: float = 2, disc: float = 4, half: float = 2, a: bool = False, c
     return roots
 
 
-def solver(roots: Roots, pick: Any = None, r2: Callable[[float], float] = lambda r: r * r) -> Any:
-    """A sphere's test by (f·d, c, d·d) -> roots, where `pick` chooses among them."""
+def solver(roots: Roots, pick: Any = None, c_of: Any = lambda ff, r: ff - r * r) -> Any:
+    """A sphere's test by (f·d, c, d·d) -> roots, where `pick` chooses among them; `c_of`: (f·f, r) -> c."""
     pick = pick or _first_positive
 
     def sphere(o: Any, d: Any, s: Sphere) -> Array:
         f = np.asarray(o) - np.array(s.center)[:, None]
         d = np.asarray(d)
-        fd, c, aa = (f * d).sum(axis=0), (f * f).sum(axis=0) - r2(s.radius), (d * d).sum(axis=0)
+        fd, c, aa = (f * d).sum(axis=0), c_of((f * f).sum(axis=0), s.radius), (d * d).sum(axis=0)
         D, near, far = roots(fd, c, aa)
         return np.where(D >= 0, pick(near, far), np.inf)
 
@@ -656,84 +669,68 @@ def on_spheres(f: Callable[[Array], Array]) -> Change:
     return normals(lambda n, p, rays, thing: f(n) if isinstance(thing, Sphere) else n)
 
 
-def rectangle(f: Callable[[Rectangle], Rectangle]) -> Change:
-    """Another rectangle is tested."""
-    return lambda s: s._replace(rectangle=lambda o, d, thing: s.rectangle(o, d, f(thing)))
+def flat(inside: Any = None, **how: Any) -> Change:
+    """Another test of rectangles, see `_flat`."""
+    return put(rectangle=partial(_flat, inside=inside or _in_edges, **how))
 
 
-def _scaled(factor: float) -> Callable[[Rectangle], Rectangle]:
-    def f(thing: Rectangle) -> Rectangle:
-        u, v = (tuple(factor * x for x in half) for half in (thing.half_u, thing.half_v))
-        return msgspec.structs.replace(thing, half_u=u, half_v=v)
-
-    return f
+def _in_edges(a: Array, b: Array, u: float, v: float) -> Any:
+    return (np.abs(a) <= 1) & (np.abs(b) <= 1)
 
 
-def _scaled_edges(thing: Rectangle, u: float, v: float) -> Rectangle:
-    a, b = (tuple(k * x for x in half) for k, half in ((u, thing.half_u), (v, thing.half_v)))
-    return msgspec.structs.replace(thing, half_u=a, half_v=b)
+def _flat(
+    o: Any,
+    d: Any,
+    thing: Rectangle,
+    inside: Any,
+    through: float = 1,
+    about: float = 1,
+    start: float = 1,
+    of_t: Any = None,
+    normal: Any = None,
+) -> Array:
+    """t = (center - o)·n / d·n, then q = o + t d - center = a half_u + b half_v, `inside` by (a, b, |u|, |v|).
+
+    `through`, `about`, `start`: 0 where center in t, center in q, o in q are left out. `of_t`: of (t, |half_u ×
+    half_v|) another t; `normal`: of (half_u, half_v) another n.
+    """
+    n = normal(np.array(thing.half_u), np.array(thing.half_v)) if normal else thing.normal
+    n, c, u, v = (np.array(x)[:, None] for x in (n, thing.center, thing.half_u, thing.half_v))
+    o, d, uu, vv = np.asarray(o), np.asarray(d), float((u * u).sum()), float((v * v).sum())
+    with np.errstate(all="ignore"):
+        t = ((through * c - o) * n).sum(axis=0) / (d * n).sum(axis=0)
+        t = of_t(t, float(np.linalg.norm(np.cross(u[:, 0], v[:, 0])))) if of_t else t
+        q = start * o + t * d - about * c
+        met = inside((q * u).sum(axis=0) / uu, (q * v).sum(axis=0) / vv, uu**0.5, vv**0.5)
+        return np.where(met & (t > 1e-9), t, np.inf)
 
 
-def _by_length(power: int) -> Callable[[Rectangle], Rectangle]:
-    """|q·u| <= 1 (2) or |q·u| <= |u| (1), u not unit: reaches 1/|u|, or 1, along u."""
-
-    def f(thing: Rectangle) -> Rectangle:
-        return _scaled_edges(thing, *(float(np.linalg.norm(x)) ** -power for x in (thing.half_u, thing.half_v)))
-
-    return f
+def _unbounded(a: Array, b: Array, u: float, v: float) -> Array:
+    return np.isfinite(a)
 
 
-def _cornered(thing: Rectangle, u: float, v: float, size: float) -> Rectangle:
-    """0 <= a <= 2 size along half_u, and so along half_v, from the centre on."""
-    a, b = (np.array(half) * (size if k else 1) for k, half in ((u, thing.half_u), (v, thing.half_v)))
-    middle = np.array(thing.center) + u * a + v * b
-    return msgspec.structs.replace(thing, center=_three(middle), half_u=_three(a), half_v=_three(b))
+def _reaching(a: Array, b: Array, u: float, v: float, x: Any, y: Any) -> Array:
+    """|a| <= x and |b| <= y, functions of (|u|, |v|)."""
+    return (np.abs(a) <= x(u, v)) & (np.abs(b) <= y(u, v))
 
 
-def _open(thing: Rectangle, u: bool, v: bool, far: float = 1e4, sign: int = 1) -> Rectangle:
-    """From -∞ to half_u, and so along half_v; `sign` -1: from -half_u to ∞."""
-    if sign < 0:
-        thing = _scaled_edges(thing, -1.0 if u else 1.0, -1.0 if v else 1.0)
-    a, b = (np.array(half) * ((far + 1) / 2 if k else 1) for k, half in ((u, thing.half_u), (v, thing.half_v)))
-    middle = np.array(thing.center)
-    for k, half in ((u, thing.half_u), (v, thing.half_v)):
-        middle = middle - (far - 1) / 2 * np.array(half) * k
-    return msgspec.structs.replace(thing, center=_three(middle), half_u=_three(a), half_v=_three(b))
+def reach(x: Any, y: Any) -> Any:
+    return partial(_reaching, x=x, y=y)
+
+
+ONE = lambda u, v: 1.0  # noqa: E731
 
 
 def _three(v: Any) -> Any:
     return tuple(np.asarray(v, float).tolist())
 
 
-def _edges_swapped(thing: Rectangle) -> Rectangle:
-    u, v = np.linalg.norm(thing.half_u), np.linalg.norm(thing.half_v)
-    return _scaled_edges(thing, float(v / u), float(u / v))
-
-
-def _one_bound(thing: Rectangle, of_u: bool, power: int) -> Rectangle:
-    """|q·v| <= u·u (2), or |q·v| / |v| <= |u| (1): u's bound for v too, or v's for u."""
-    u, v = float(np.linalg.norm(thing.half_u)), float(np.linalg.norm(thing.half_v))
-    return _scaled_edges(thing, *((1.0, (u / v) ** power) if of_u else ((v / u) ** power, 1.0)))
-
-
-def _disc(o: Any, d: Any, thing: Rectangle, reach: Any) -> Array:
-    t = on_rectangle(o, d, _scaled(1e4)(thing))
-    r = reach(*(float(np.linalg.norm(x)) for x in (thing.half_u, thing.half_v)))
-    away = np.asarray(o) + np.where(np.isfinite(t), t, 0.0) * np.asarray(d) - np.array(thing.center)[:, None]
-    return np.where(np.linalg.norm(away, axis=0) <= r, t, np.inf)
-
-
-def _boxed(o: Any, d: Any, thing: Rectangle, of_lengths: bool) -> Array:
-    """|q| <= |half_u| + |half_v| axis by axis; or |x| and |y| no more than their lengths."""
-    t = on_rectangle(o, d, _scaled(1e4)(thing))
+def _boxed(o: Any, d: Any, thing: Rectangle, size: Any) -> Array:
+    """|q| <= size(half_u, half_v), axis by axis."""
+    t = _flat(o, d, thing, _unbounded)
     q = np.asarray(o) + np.where(np.isfinite(t), t, 0.0) * np.asarray(d) - np.array(thing.center)[:, None]
-    u, v = np.array(thing.half_u), np.array(thing.half_v)
-    box = np.array([np.linalg.norm(u), np.linalg.norm(v), np.inf]) if of_lengths else np.abs(u) + np.abs(v)
+    box = np.array(size(np.array(thing.half_u), np.array(thing.half_v)))
     return np.where((np.abs(q) <= box[:, None] + 1e-6).all(axis=0), t, np.inf)
-
-
-def _either_bound(o: Any, d: Any, thing: Rectangle) -> Array:
-    return np.minimum(*(on_rectangle(o, d, _scaled_edges(thing, *k)) for k in ((1.0, 1e4), (1e4, 1.0))))
 
 
 def _culled(o: Any, d: Any, thing: Rectangle, sign: int) -> Array:
@@ -747,13 +744,12 @@ def only_seen(change: Change) -> Change:
         hits, to, things, steps._replace(sphere=on_sphere, rectangle=on_rectangle))))  # fmt: skip
 
 
-def _edges_turned(x: Shape, camera: Camera, back: bool) -> Shape:
-    """Centres stand in the camera's frame, edges in the board's."""
+def _edges_turned(x: Shape, camera: Camera, turn: Any, which: str = "") -> Shape:
+    """Centres stand in the camera's frame, edges, or one of them, in the board's."""
     if isinstance(x, Sphere):
         return x
-    R = np.asarray(camera.R_cam_board)
-    turn = R if back else R.T
-    return msgspec.structs.replace(x, half_u=_three(turn @ x.half_u), half_v=_three(turn @ x.half_v))
+    matrix, names = turn(np.asarray(camera.R_cam_board)), (which,) if which else ("half_u", "half_v")
+    return msgspec.structs.replace(x, **{name: _three(matrix @ getattr(x, name)) for name in names})
 
 
 def _edges_moved(x: Shape, camera: Camera) -> Shape:
@@ -777,21 +773,12 @@ def _either(o: Any, d: Any, thing: Rectangle) -> Array:
 def tilted(f: Callable[[Array, Array], Array]) -> Change:
     """Planes whose normal (half_u, half_v) -> n is another: what rays meet, and what is lit."""
 
-    def meet_tilted(o: Any, d: Any, thing: Rectangle) -> Array:
-        u, v = np.array(thing.half_u), np.array(thing.half_v)
-        n, c, d = f(u, v), np.array(thing.center), np.asarray(d)
-        with np.errstate(all="ignore"):
-            t = (n @ c - n @ np.asarray(o)) / (n @ d)
-            q = np.asarray(o) + t * d - c[:, None]
-            inside = (np.abs(u @ q) <= u @ u) & (np.abs(v @ q) <= v @ v) & (t > 1e-9)
-        return np.where(inside, t, np.inf)
-
     def normal(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
         if isinstance(thing, Sphere):
             return n
         return _turned_to_eye(_fixed(n, f(np.array(thing.half_u), np.array(thing.half_v))), rays)
 
-    return both(put(rectangle=meet_tilted), normals(normal))
+    return both(flat(normal=f), normals(normal))
 
 
 def _mistyped(u: Array, v: Array, k: int, how: str) -> Array:
@@ -819,6 +806,7 @@ def _made_unit(n: Array, *_: Any) -> Array:
     return n / np.where(length > 0, length, 1)
 
 
+no_plane = lambda o, d, thing: 0 * np.asarray(d)[0] + np.inf  # noqa: E731
 nowhere = solver(quadratic(), lambda near, far: 0 * near + np.inf)
 bent = lambda s: s._replace(ray=partial(_unstretched, ray=s.ray))  # noqa: E731
 long = lambda s: s._replace(ray=partial(_not_unit, ray=s.ray))  # noqa: E731
@@ -858,9 +846,12 @@ SOLVERS = (
         put(sphere=lambda o, d, ball: on_sphere(o, d, ball) * ball.radius), put(sphere=_from_moved)),
     row("radius-not-squared", SOLVER,
         "the radius is not squared: c = f·f - r²",
-        put(sphere=solver(quadratic(), r2=lambda r: r))),
+        put(sphere=solver(quadratic(), c_of=lambda ff, r: ff - r))),
+    row("length-not-squared", SOLVER, "the length of f is not squared: c = f·f - r², where f·f = |f|²",
+        *(put(sphere=solver(quadratic(), c_of=f)) for f in (
+            lambda ff, r: np.sqrt(ff) - r * r, lambda ff, r: np.sqrt(ff) - r, lambda ff, r: (np.sqrt(ff) - r) ** 2))),
     row("radius-squared-twice", SOLVER, "the radius is squared twice: c = f·f - r²",
-        put(sphere=solver(quadratic(), r2=lambda r: r**4))),
+        put(sphere=solver(quadratic(), c_of=lambda ff, r: ff - r**4))),
     row("diameter", SOLVER, "your spheres are twice as large: the scene gives the radius, not the diameter",
         resized(2), resized(2, 2)),
     row("half-radius", SOLVER, "your spheres are half as large: the scene gives the radius, not the diameter",
@@ -901,61 +892,77 @@ SOLVERS = (
               rectangle=partial(_beyond, solve=on_rectangle, least=k)) for k in (0.1, 0.5, 1.0)),
         *(put(sphere=partial(_beyond, solve=on_sphere, least=k)) for k in (0.1, 0.5, 1.0))),
     row("no-spheres", SOLVER, "no sphere is hit at all: the discriminant or the test t > 0 throws every hit away",
-        put(sphere=nowhere)),
+        put(sphere=nowhere), only_seen(put(sphere=nowhere))),
     row("no-planes", SOLVER, "the planes are missing: scene['planes'] holds rectangles, which rays meet too",
-        put(rectangle=lambda o, d, thing: 0 * np.asarray(d)[0] + np.inf)),
+        put(rectangle=no_plane), only_seen(put(rectangle=no_plane))),
     row("endless-planes", SOLVER, "your planes have no end: a rectangle ends at center ± half_u ± half_v",
-        rectangle(_scaled(1e4)),
-        *(rectangle(partial(_scaled_edges, u=u, v=v)) for u, v in ((1.0, 1e4), (1e4, 1.0)))),
+        flat(_unbounded), flat(lambda a, b, u, v: np.abs(a) <= 1), flat(lambda a, b, u, v: np.abs(b) <= 1)),
     row("abs-missing", SOLVER,
         "your rectangles end on one side only: a point may lie on either side of the centre, |q·u| <= u·u, "
         "|q·v| <= v·v",
-        *(rectangle(partial(_open, u=u, v=v, sign=sign))
-          for sign in (1, -1) for u, v in ((True, True), (True, False), (False, True)))),
+        *(flat(lambda a, b, u, v, k=k: (k * a <= 1) & (k * b <= 1)) for k in (1, -1)),
+        *(flat(lambda a, b, u, v, k=k: (k * a <= 1) & (np.abs(b) <= 1)) for k in (1, -1)),
+        *(flat(lambda a, b, u, v, k=k: (np.abs(a) <= 1) & (k * b <= 1)) for k in (1, -1))),
     row("or-for-and", SOLVER,
         "a point counts as inside a rectangle where one of the two bounds holds: both have to, |q·u| <= u·u and "
         "|q·v| <= v·v",
-        put(rectangle=_either_bound)),
+        flat(lambda a, b, u, v: (np.abs(a) <= 1) | (np.abs(b) <= 1))),
     row("extent-not-unit", SOLVER,
         "the extent of your rectangles is measured along half_u and half_v without dividing by their lengths: "
         "|q·u| <= u·u, or |q·u| / |u| <= |u|",
-        rectangle(_by_length(1)), rectangle(_by_length(2))),
+        *(flat(reach(lambda u, v, k=k: u**k, lambda u, v, k=k: v**k)) for k in (-1, -2, 1))),
+    row("extent-from-elsewhere", SOLVER,
+        "a rectangle's extent is measured from the wrong point: q = p - center, where p = origin + t direction",
+        flat(about=0), flat(start=0)),
     row("box-for-rectangle", SOLVER,
         "a rectangle's extent is tested along the axes of the board, so that turned ones have another shape: test "
         "along its own edges, |q·u| <= u·u, |q·v| <= v·v",
-        put(rectangle=partial(_boxed, of_lengths=False)), put(rectangle=partial(_boxed, of_lengths=True))),
+        *(put(rectangle=partial(_boxed, size=f)) for f in (
+            lambda u, v: np.abs(u) + np.abs(v), lambda u, v: [*(np.abs(u) + np.abs(v))[:2], np.inf],
+            lambda u, v: [np.linalg.norm(u), np.linalg.norm(v), np.inf],
+            lambda u, v: [abs(u[0]), abs(v[1]), np.inf]))),
     row("corner", SOLVER,
         "your rectangles begin at their centre: a plane's center is its middle, and it reaches from -half_u to half_u",
-        *(rectangle(partial(_cornered, u=u, v=v, size=k)) for k in (0.5, 1.0) for u, v in ((1, 1), (1, 0), (0, 1)))),
+        *(flat(lambda a, b, u, v, k=k: (a >= 0) & (a <= k) & (b >= 0) & (b <= k)) for k in (1, 2)),
+        *(flat(lambda a, b, u, v, k=k: (a >= 0) & (a <= k) & (np.abs(b) <= 1)) for k in (1, 2)),
+        *(flat(lambda a, b, u, v, k=k: (np.abs(a) <= 1) & (b >= 0) & (b <= k)) for k in (1, 2))),
     row("edges-swapped", SOLVER, "half_u and half_v are mixed up in a rectangle's test: |q·u| <= u·u, |q·v| <= v·v",
-        rectangle(_edges_swapped),
-        *(rectangle(partial(_one_bound, of_u=of_u, power=k)) for of_u in (True, False) for k in (2, 1))),
-    row("disc-for-rectangle", SOLVER, "your planes are round: a rectangle ends at center ± half_u ± half_v",
-        *(put(rectangle=partial(_disc, reach=f)) for f in (
-            lambda u, v: max(u, v), lambda u, v: min(u, v), lambda u, v: np.hypot(u, v), lambda u, v: u,
-            lambda u, v: v))),
+        flat(reach(lambda u, v: v / u, lambda u, v: u / v)),
+        *(flat(reach(ONE, lambda u, v, k=k: (u / v) ** k)) for k in (1, 2)),
+        *(flat(reach(lambda u, v, k=k: (v / u) ** k, ONE)) for k in (1, 2))),
+    row("disc-for-rectangle", SOLVER,
+        "your planes have another shape: a rectangle ends at center ± half_u ± half_v, |a| <= 1 and |b| <= 1 each by "
+        "itself",
+        *(flat(lambda a, b, u, v, r=r: np.hypot(a * u, b * v) <= r(u, v)) for r in (
+            max, min, np.hypot, lambda u, v: u, lambda u, v: v)),
+        flat(lambda a, b, u, v: np.hypot(a, b) <= 1), flat(lambda a, b, u, v: np.abs(a) + np.abs(b) <= 1)),
     row("plane-through-origin", SOLVER, "your planes go through the origin: (p - center)·n = 0",
-        rectangle(lambda thing: msgspec.structs.replace(thing, center=(0.0, 0.0, 0.0)))),
+        flat(through=0, about=0), flat(through=0)),
+    row("plane-t", SOLVER,
+        "the planes' t is wrong: t = (center - origin)·n / d·n, with these signs, and the same n above and below",
+        *(flat(of_t=f) for f in (lambda t, k: -t, lambda t, k: t * k, lambda t, k: t / k, lambda t, k: 1 / t))),
     row("one-sided", SOLVER,
         "planes are met from one side only: they are rectangles that are seen, lit and cast shadows from both sides",
         *(put(rectangle=partial(_culled, sign=k)) for k in (1, -1)),
         *(only_seen(put(rectangle=partial(_culled, sign=k))) for k in (1, -1))),
     row("edges-not-turned", SOLVER,
         "the planes' centres are in one frame and their edges in another: half_u and half_v are turned by R, too",
-        other(partial(_edges_turned, back=False)), other(partial(_edges_turned, back=True))),
+        *(other(partial(_edges_turned, turn=f)) for f in (lambda R: R.T, lambda R: R, lambda R: R.T @ R.T)),
+        *(other(partial(_edges_turned, turn=lambda R: R.T, which=which)) for which in ("half_u", "half_v"))),
     row("edges-moved", SOLVER,
         "t is added to the planes' edges: half_u and half_v are directions, which are turned only",
         other(_edges_moved)),
     row("half-edges", SOLVER,
         "your rectangles have the wrong size: half_u and half_v are half-edges, from the centre to the rim",
-        rectangle(_scaled(0.5)), rectangle(_scaled(2.0))),
+        *(flat(reach(lambda u, v, k=k: k, lambda u, v, k=k: k)) for k in (0.5, 2.0))),
     row("cross-product", SOLVER,
         "your planes are tilted, half_u × half_v goes wrong: it is (u_y v_z - u_z v_y, u_z v_x - u_x v_z, "
         "u_x v_y - u_y v_x), divided by its length in all three components",
         *(tilted(partial(_mistyped, k=k, how=how)) for how in ("sign", "plus", "of k", "of j") for k in (1, 2, 0)),
         *(tilted(partial(_half_made_unit, k=k)) for k in range(3))),
     row("planes-behind", SOLVER, "planes behind the ray's start count too: keep t > 0 alone",
-        put(rectangle=_either), both(put(rectangle=_either), lambda s: s._replace(blocked=offset_by(1e-6)))),
+        put(rectangle=_either), both(put(rectangle=_either), lambda s: s._replace(blocked=offset_by(1e-6))),
+        flat(of_t=lambda t, k: np.abs(t))),
 )  # fmt: skip
 
 
@@ -973,12 +980,11 @@ def first_of(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
     return np.where(met.any(axis=0), met.argmax(axis=0), -1)
 
 
-def _last_sphere(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
-    """The last sphere that is hit, or a plane before it."""
-    spheres = np.array([is_sphere(thing) for thing in things])
-    last = last_of(np.where(spheres[:, None], t, np.inf), things, rays)
-    others = np.arange(len(things))[:, None] != last
-    return nearest(np.where(spheres[:, None] & others, np.inf, t), things, rays)
+def _one_of_kind(t: Array, things: tuple[Shape, ...], rays: Rays, kind: type, which: Any) -> Array:
+    """Of one kind the last or the first that is hit, or something of the other kind before it."""
+    alike = np.array([isinstance(thing, kind) for thing in things])[:, None]
+    one = which(np.where(alike, t, np.inf), things, rays)
+    return nearest(np.where(alike & (np.arange(len(things))[:, None] != one), np.inf, t), things, rays)
 
 
 def _painted(t: Array, things: tuple[Shape, ...], rays: Rays, on_top: type) -> Array:
@@ -986,14 +992,6 @@ def _painted(t: Array, things: tuple[Shape, ...], rays: Rays, on_top: type) -> A
     top = np.array([isinstance(thing, on_top) for thing in things])[:, None]
     last = last_of(np.where(top, t, np.inf), things, rays)
     return np.where(last >= 0, last, nearest(t, things, rays))
-
-
-def _first_sphere(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
-    """The first sphere that is hit, or a plane before it."""
-    spheres = np.array([is_sphere(thing) for thing in things])
-    first = first_of(np.where(spheres[:, None], t, np.inf), things, rays)
-    others = np.arange(len(things))[:, None] != first
-    return nearest(np.where(spheres[:, None] & others, np.inf, t), things, rays)
 
 
 def _all_written(x: Terms, kinds: tuple[type, ...], albedo: bool, normal: bool) -> Terms:
@@ -1037,22 +1035,22 @@ def is_sphere(thing: Shape) -> bool:
     return isinstance(thing, Sphere)
 
 
-def _without(things: Casters, camera: Camera, gone: int, kind: type, objects: Any) -> Casters:
-    things = objects(things, camera)
-    alike = [i for i, thing in enumerate(things) if isinstance(thing, kind)]
-    return tuple(_gone(x) if alike and i == alike[gone] else x for i, x in enumerate(things))
+def less(kind: type, lost: Callable[[list[int]], list[int]]) -> tuple[Change, Change]:
+    """Of the objects of this kind some are lost: out of reach, so that ids stay; or for the eye alone."""
 
+    def which(things: Casters) -> list[int]:
+        return lost([i for i, thing in enumerate(things) if isinstance(thing, kind)])
 
-def _one(keep: int, kind: type) -> Change:
-    return lambda s: s._replace(objects=partial(_only, keep=keep, kind=kind, objects=s.objects))
+    def order(t: Array, things: Casters, rays: Rays) -> Array:
+        t = t.copy()
+        t[which(things)] = np.inf
+        return nearest(t, things, rays)
 
+    def gone(things: Casters) -> Casters:
+        out = which(things)
+        return tuple(_gone(x) if i in out else x for i, x in enumerate(things))
 
-def _only(things: Casters, camera: Camera, keep: int, kind: type, objects: Any) -> Casters:
-    """The others of this kind stay in the list, so that ids stay, but out of reach."""
-    things = objects(things, camera)
-    alike = [i for i, thing in enumerate(things) if isinstance(thing, kind)]
-    kept = alike[keep] if alike else -1
-    return tuple(_gone(x) if isinstance(x, kind) and i != kept else x for i, x in enumerate(things))
+    return lambda s: s._replace(objects=lambda things, camera: gone(s.objects(things, camera))), put(order=order)
 
 
 ORDERS = (
@@ -1061,7 +1059,8 @@ ORDERS = (
         put(order=last_of)),
     row("first-wins", ORDER,
         "no depth test: of all objects on a ray, the first one tested is shown; keep the one of the smallest t",
-        put(order=first_of), put(order=_first_sphere)),
+        put(order=first_of),
+        *(put(order=partial(_one_of_kind, kind=kind, which=first_of)) for kind in (Sphere, Rectangle))),
     row("painter", ORDER,
         "objects are drawn by the distance of their centres (painter's order): compare t on each ray",
         by_key(_center_away),
@@ -1076,9 +1075,10 @@ ORDERS = (
         "planes always hide spheres: compare the t of all objects, planes and spheres alike",
         by_key(lambda t, thing, rays: t + 1e6 if is_sphere(thing) else t),
         put(order=partial(_painted, on_top=Rectangle))),
-    row("last-sphere-wins", ORDER,
-        "among spheres the last one hit is shown, not the nearest: compare t between them too",
-        put(order=_last_sphere)),
+    *(row(f"last-{name}-wins", ORDER,
+          f"among {name}s the last one hit is shown, not the nearest: compare t between them too",
+          put(order=partial(_one_of_kind, kind=kind, which=last_of)))
+      for name, kind in (("sphere", Sphere), ("plane", Rectangle))),
     row("farthest-wins", ORDER, "the farthest object on a ray is shown: keep the one of the smallest t",
         by_key(lambda t, thing, rays: -t)),
     row("t-of-other-rays", ORDER,
@@ -1095,12 +1095,12 @@ ORDERS = (
           for albedo, normal in ((True, False), (False, True), (True, True))
           for kinds in ((Sphere, Rectangle), (Rectangle,), (Sphere,)))),
     row("one-sphere", ORDER, "only one of the spheres is there: test every ray against all of them",
-        *(_one(k, Sphere) for k in (0, -1))),
+        *less(Sphere, lambda alike: alike[1:]), *less(Sphere, lambda alike: alike[:-1])),
     row("object-missing", ORDER, "one object is missing: the loop ends too early or begins too late, test them all",
-        *(lambda s, keep=keep, kind=kind: s._replace(objects=partial(_without, gone=keep, kind=kind, objects=s.objects))
-          for kind in (Sphere, Rectangle) for keep in (0, -1))),
+        *(way for kind in (Sphere, Rectangle) for one in (slice(1), slice(-1, None))
+          for way in less(kind, itemgetter(one)))),
     row("one-plane", ORDER, "only one of the planes is there: test every ray against all of them",
-        *(_one(k, Rectangle) for k in (0, -1))),
+        *less(Rectangle, lambda alike: alike[1:]), *less(Rectangle, lambda alike: alike[:-1])),
 )  # fmt: skip
 
 
@@ -1789,7 +1789,9 @@ SHADOWS = (
     row("other-size-in-shadow", SHADOW,
         "rectangles have another size in the shadow test than the eye sees: half_u and half_v are changed in place "
         "(u /= |u|) or used otherwise there; write u = half_u / |half_u|",
-        *(in_shadow_test(rectangle(f)) for f in (_by_length(1), _scaled(0.5), _scaled(2.0)))),
+        *(in_shadow_test(flat(reach(f, g))) for f, g in (
+            (lambda u, v: 1 / u, lambda u, v: 1 / v), (lambda u, v: 0.5, lambda u, v: 0.5),
+            (lambda u, v: 2.0, lambda u, v: 2.0)))),
     row("planes-cast-none", SHADOW, "planes cast no shadows: test shadow rays against planes too",
         cast_by(lambda i, thing, things: is_sphere(thing))),
     row("spheres-cast-none", SHADOW, "spheres cast no shadows: test shadow rays against spheres too",
