@@ -297,6 +297,22 @@ def test_a_filters_inflation_is_its_own_whatever_variance_is_claimed(claimed):
     assert np.mean(found) == pytest.approx(1.5**2, rel=0.25)
 
 
+@pytest.mark.parametrize(
+    ("name", "expected"), [("box", pytest.approx(1, abs=0.02)), ("tent", pytest.approx(2.25, rel=0.25))]
+)
+def test_a_filters_inflation_is_its_own_where_a_background_without_noise_frames_it(name, expected):
+    """The mean of eight seeds: each of a box's is 1, but that of one in a hundred, by a few per cent."""
+    truth = np.full((72, 96, 3), 0.5)
+    found = []
+    for seed in range(8):
+        a = filtered(np.random.default_rng(seed), truth, name, samples=8, batches=8)
+        inside = np.zeros((72, 96, 1), np.float32)
+        inside[20:52, 24:72] = 1
+        framed = Image(0.5 + inside * (a.mean - np.float32(0.5)), inside * a.variance)
+        found.append(inflation_of(framed, Image(truth.astype(np.float32))))
+    assert np.mean(found) == expected
+
+
 def test_noise_of_independent_pixels_is_not_inflated_even_around_a_wrong_edge():
     rng = np.random.default_rng(8)
     truth = np.full((96, 128, 3), 0.5)

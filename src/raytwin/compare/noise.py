@@ -250,9 +250,10 @@ def inflation(
     """By how much the variance of a mean over many pixels exceeds that of independent ones: 1 + Σ ρ(lag), >= 1.
 
     A reconstruction filter wider than the pixel gives neighbours the same samples. Its correlation ρ is read off the
-    variogram of (t - r) / sd, γ(h) = <(e(x) - e(x + h))²> / 2 = 1 - ρ(h), in which whatever is alike over some pixels
-    (a wrong brightness) cancels; e is cut at 3, so that neither edges nor fireflies rule. Filters are separable: rows
-    and columns are measured apart. Only correlation that is more than noise counts.
+    variogram of e = (t - r) / sd, γ(h) = <(e(x) - e(x + h))²> / <e(x)² + e(x + h)²> = 1 - ρ(h), in which whatever is
+    alike over some pixels (a wrong brightness) cancels, and so does noise that is less towards the image's edges; e is
+    cut at 3, so that neither edges nor fireflies rule. Filters are separable: rows and columns are measured apart. Only
+    correlation that is more than noise counts.
     """
     height, width = test.shape[:2]
     rows = min(height, max(SIDE, most_pixels // width // SIDE * SIDE))
@@ -262,18 +263,24 @@ def inflation(
     sure = np.divide(np.float32(1), sd, out=np.zeros_like(sd), where=sd > 0)
     e *= np.repeat(np.repeat(sure, SIDE, axis=0)[:rows], SIDE, axis=1)[:, :width]
     np.clip(e, -3, 3, out=e)
-    values = max(int(np.count_nonzero(e)), 1) / 3  # channels share their samples
-    return _along(e, 0, values) * _along(e, 1, values)
+    square = e * e
+    total, fourth = float(square.sum(dtype=float)), float(np.vdot(square, square))
+    # Of Gaussian noise a third of its values' number, since channels share their samples; of noise in places, less.
+    values = total * total / fourth if fourth > 0 else 1.0
+    return _along(e, square.sum(axis=(1, 2), dtype=float), 0, values) * _along(
+        e, square.sum(axis=(0, 2), dtype=float), 1, values
+    )
 
 
-def _along(e: Float32[np.ndarray, "h w 3"], axis: int, values: float) -> float:
-    """1 + 2 Σ ρ(h) along the axis, up to the first lag that is no more than chance."""
+def _along(e: Float32[np.ndarray, "h w 3"], lines: Float64[np.ndarray, " n"], axis: int, values: float) -> float:
+    """1 + 2 Σ ρ(h) along the axis, up to the first lag that is no more than chance. `lines`: sums of e² across it."""
     if e.shape[axis] < 2 * FAR[-1]:
         return 1.0
 
     def gamma(h: int) -> float:
         step = e[h:] - e[:-h] if axis == 0 else e[:, h:] - e[:, :-h]
-        return float(np.vdot(step, step)) / float(step.size)
+        both = float(lines[h:].sum() + lines[:-h].sum())
+        return float(np.vdot(step, step)) / both if both > 0 else 0.0
 
     far = sum(gamma(h) for h in FAR) / len(FAR)
     total = 1.0
