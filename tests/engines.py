@@ -59,8 +59,9 @@ def engine(request, packages) -> str:
 
 @pytest.fixture(scope="session", params=SHIPPED)
 def shipped(request, scenes) -> Scene:
-    """Each shipped scene whose camera is given."""
-    return files.read_scene(scenes / request.param).scene
+    """Each shipped scene whose camera is given, in a picture of several tiles, those at its edges cut."""
+    scene = files.read_scene(scenes / request.param).scene
+    return scene.with_camera(scene.camera.resized(400, 300))
 
 
 @pytest.fixture(scope="session")

@@ -120,7 +120,7 @@ def test_an_installed_raytwin_does_its_jobs_in_an_empty_folder(installed):
         ("scenes", 0, "desk"),
         ("compare scenes/single --size 64x48", 0, "report: out/single/report.html"),
         ("diff out/single/tracer.exr out/single/twin.exr --fail 1e-4 -o out/diff", 0, "report: out/diff/report.html"),
-        ("bench single --sizes 0.003 --budget 5 --methods numpy*", 0, "numpy32"),
+        ("bench single --sizes 0.003 --budget 3600 --repeats 2 --methods numpy32-*-conic", 0, "numpy32"),
         ("reference show single", 0, "single/shadow"),
         ("reference check single --rung shadow", 0, "1 reference, 0 failed"),
         ("scenes copy desk mine", 0, "mine"),

@@ -226,7 +226,7 @@ JUNK = st.recursive(
 FIELDS = st.sampled_from(["camera", "spheres", "planes", "sun", "sky", "tolerance", "x", "name", "photos"])
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     field=FIELDS,
     inner=st.sampled_from(["", "center", "radius", "K", "R_cam_board", "half_u", "to_light", "dist"]),

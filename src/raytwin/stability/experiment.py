@@ -16,6 +16,9 @@ Measure = Callable[[float, np.random.Generator, int], Mapping[str, Error]]
 
 Law = Callable[[float], float]
 
+STEPS = 20
+"""Of a law, to where it crosses the bound: so many coarse ones, and as many within one of these."""
+
 U32, U64 = 2.0**-24, 2.0**-53
 """Unit roundoff: the most that rounding moves a number by, as a share of it."""
 
@@ -122,14 +125,20 @@ def predicted(experiment: Experiment, method: str, values: Sequence[float]) -> f
     law = experiment.laws.get(method)
     if law is None:
         return None
-    steps = [_between(values[0], values[-1], k / 400) for k in range(401)]
-    above = next((i for i, x in enumerate(steps) if law(x) > experiment.bound), None)
-    if not above:
-        return None if above is None else values[0]
-    low, high = steps[above - 1], steps[above]
-    for _ in range(40):
+
+    def above(x: float) -> bool:
+        return law(x) > experiment.bound
+
+    # A law crosses its bound once: coarse steps find where, finer ones between two of them.
+    coarse, fine = ([_between(values[0], values[-1], k / n) for k in range(n + 1)] for n in (STEPS, STEPS**2))
+    last = next((i for i, x in enumerate(coarse) if above(x)), None)
+    if not last:
+        return None if last is None else values[0]
+    first = next(i for i in range((last - 1) * STEPS + 1, last * STEPS + 1) if above(fine[i]))
+    low, high = fine[first - 1], fine[first]
+    for _ in range(20):
         middle = _between(low, high, 0.5)
-        low, high = (low, middle) if law(middle) > experiment.bound else (middle, high)
+        low, high = (low, middle) if above(middle) else (middle, high)
     return float(f"{high:.4g}")
 
 
