@@ -72,7 +72,7 @@ def put(**steps: Any) -> Change:
 
 def behind(f: Callable[[Scene], Any]) -> Change:
     """Another background."""
-    return put(background=lambda scene: np.broadcast_to(np.asarray(f(scene), float), 3))
+    return put(background=lambda scene, d: np.broadcast_to(np.asarray(f(scene), float), 3)[:, None])
 
 
 def both(*changes: Change) -> Change:
@@ -180,8 +180,8 @@ def _iterated(
     xd: Array,
     yd: Array,
     dist: Any,
-    cross: float = 2,
-    square: float = 2,
+    cross: tuple[float, float] = (2, 2),
+    square: tuple[float, float] = (2, 2),
     after: bool = False,
     powers: Any = (1, 2, 3),
     of_r: float = 1,
@@ -189,20 +189,21 @@ def _iterated(
     of_bent: bool = False,
     times: bool = False,
 ) -> tuple[Array, Array]:
-    """The fixed-point iteration, to the end, of another lens; `powers`: of r²; `which` of p1 and p2 its terms have.
+    """The fixed-point iteration, to the end, of another lens; `powers`: of r²; `which` of p1, p2 and 0 its terms have.
 
-    `of_bent`: the tangential part is taken of what the radial factor has scaled already.
+    `cross`, `square`: their factors in x' and y'. `times`: multiplied by the radial factor, not divided. `of_bent`: the
+    tangential part is taken of what the radial factor has scaled already.
     """
-    k1, k2, *p, k3 = dist
-    a, b, c, d = (p[k] for k in which)
+    k1, k2, p1, p2, k3 = dist
+    a, b, c, d = ((p1, p2, 0.0)[k] for k in which)
     x, y = xd, yd
     for _ in range(60):
         rr = (x * x + y * y) ** of_r
         radial = 1 + k1 * rr ** powers[0] + k2 * rr ** powers[1] + k3 * rr ** powers[2]
         radial = 1 / radial if times else radial
         sx, sy = (x * radial, y * radial) if of_bent else (x, y)
-        dx = cross * a * sx * sy + b * (rr + square * sx * sx)
-        dy = c * (rr + square * sy * sy) + cross * d * sx * sy
+        dx = cross[0] * a * sx * sy + b * (rr + square[0] * sx * sx)
+        dy = c * (rr + square[1] * sy * sy) + cross[1] * d * sx * sy
         x, y = (xd / radial - dx, yd / radial - dy) if after else ((xd - dx) / radial, (yd - dy) / radial)
     return x, y
 
@@ -372,7 +373,7 @@ CAMERAS = (
     row("distortion-forward", CAMERA,
         "you distort the rays once more instead of undoing the distortion: the lens takes (x, y) to the pixel, and "
         "you need the way back",
-        put(undo=distort)),
+        put(undo=distort), put(undo=lambda x, y, dist: distort(x, y, (dist[0], dist[1], 0.0, 0.0, dist[4])))),
     row("distortion-sign", CAMERA,
         "the distortion bends rays to the other side: a sign is wrong, or you multiply by the radial factor where you "
         "have to divide",
@@ -394,7 +395,9 @@ CAMERAS = (
     row("tangential-left-out", CAMERA,
         "p1 and p2, the tangential part of the distortion, are left out",
         coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, 0.0, 0.0, k3)),
-        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, 0.0, 0.0, 0.0))),
+        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, 0.0, 0.0, 0.0)),
+        *(put(undo=partial(_iterated, which=which)) for which in (
+            (2, 1, 0, 1), (0, 2, 0, 1), (0, 1, 2, 1), (0, 1, 0, 2), (2, 2, 0, 1), (0, 1, 2, 2)))),
     row("tangential-swapped", CAMERA,
         "p1 and p2 are mixed up: x' has 2 p1 x y + p2 (r² + 2 x²), y' has p1 (r² + 2 y²) + 2 p2 x y",
         coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, p2, p1, k3)),
@@ -406,7 +409,9 @@ CAMERAS = (
     row("tangential-factor", CAMERA,
         "the tangential part of the distortion lacks a factor 2: x' has 2 p1 x y + p2 (r² + 2 x²), y' has "
         "p1 (r² + 2 y²) + 2 p2 x y",
-        *(put(undo=partial(_iterated, cross=c, square=q)) for c, q in ((1, 2), (2, 1), (1, 1), (2, 0)))),
+        *(put(undo=partial(_iterated, cross=(c, c), square=(q, q))) for c, q in ((1, 2), (2, 1), (1, 1), (2, 0))),
+        *(put(undo=partial(_iterated, cross=c)) for c in ((1, 2), (2, 1))),
+        *(put(undo=partial(_iterated, square=q)) for q in ((1, 2), (2, 1)))),
     row("tangential-after", CAMERA,
         "the tangential part is taken away after the division by the radial factor: it is (x' - tangential) / radial",
         put(undo=partial(_iterated, after=True))),
@@ -630,6 +635,11 @@ def _beyond(o: Any, d: Any, thing: Any, solve: Any, least: float) -> Array:
     return np.where(t > least, t, np.inf)
 
 
+def _before(o: Any, d: Any, thing: Any, solve: Any, most: float) -> Array:
+    t = solve(o, d, thing)
+    return np.where(t < most, t, np.inf)
+
+
 def resized(factor: float, length: float = 1) -> Change:
     """Spheres of another radius, whose normals have this length."""
 
@@ -731,6 +741,12 @@ def _boxed(o: Any, d: Any, thing: Rectangle, size: Any) -> Array:
     q = np.asarray(o) + np.where(np.isfinite(t), t, 0.0) * np.asarray(d) - np.array(thing.center)[:, None]
     box = np.array(size(np.array(thing.half_u), np.array(thing.half_v)))
     return np.where((np.abs(q) <= box[:, None] + 1e-6).all(axis=0), t, np.inf)
+
+
+def _not_grazing(o: Any, d: Any, thing: Rectangle, least: float) -> Array:
+    d = np.asarray(d)
+    across = np.abs(np.array(thing.normal) @ d) / np.linalg.norm(d, axis=0)
+    return np.where(across > least, on_rectangle(o, d, thing), np.inf)
 
 
 def _culled(o: Any, d: Any, thing: Rectangle, sign: int) -> Array:
@@ -839,6 +855,11 @@ SOLVERS = (
         "your rays are not unit, but the quadratic leaves out a = d·d: make them unit, or keep a",
         *(both(long, put(sphere=solver(roots)), *unit)
           for unit in ((), (normals(_made_unit),)) for roots in (quadratic(), quadratic(a=True), _by_a))),
+    row("hit-point", SOLVER,
+        "the hit point is wrong: it is the ray's origin plus t times its direction, o + t d",
+        *(put(point=f) for f in (
+            lambda rays, t: t * rays.aim, lambda rays, t: rays.origin - t * rays.aim,
+            lambda rays, t: rays.origin + 0 * t + rays.aim, lambda rays, t: (rays.origin + rays.aim) * t))),
     row("t-of-moved-ray", SOLVER,
         "t is measured in the sphere's own frame, where the ray is moved and scaled: t counts along the ray as it was "
         "given, so scale its direction as its origin, do not make it unit there, and apply t to the first one",
@@ -891,6 +912,11 @@ SOLVERS = (
         *(put(sphere=partial(_beyond, solve=on_sphere, least=k),
               rectangle=partial(_beyond, solve=on_rectangle, least=k)) for k in (0.1, 0.5, 1.0)),
         *(put(sphere=partial(_beyond, solve=on_sphere, least=k)) for k in (0.1, 0.5, 1.0))),
+    row("t-too-far", SOLVER,
+        "hits that are far away are thrown away: the first t to beat is infinity (np.inf)",
+        *(only_seen(put(
+            sphere=partial(_before, solve=on_sphere, most=k), rectangle=partial(_before, solve=on_rectangle, most=k)))
+          for k in (1.0, 2.0, 3.0, 5.0, 10.0))),
     row("no-spheres", SOLVER, "no sphere is hit at all: the discriminant or the test t > 0 throws every hit away",
         put(sphere=nowhere), only_seen(put(sphere=nowhere))),
     row("no-planes", SOLVER, "the planes are missing: scene['planes'] holds rectangles, which rays meet too",
@@ -903,6 +929,13 @@ SOLVERS = (
         *(flat(lambda a, b, u, v, k=k: (k * a <= 1) & (k * b <= 1)) for k in (1, -1)),
         *(flat(lambda a, b, u, v, k=k: (k * a <= 1) & (np.abs(b) <= 1)) for k in (1, -1)),
         *(flat(lambda a, b, u, v, k=k: (np.abs(a) <= 1) & (k * b <= 1)) for k in (1, -1))),
+    row("half-a-rectangle", SOLVER,
+        "only a triangle of each rectangle is there: a rectangle is two of them, or |q·u| <= u·u and |q·v| <= v·v",
+        *(flat(lambda a, b, u, v, k=k: _in_edges(a, b, u, v) & (k * (a + b) <= 0)) for k in (1, -1)),
+        flat(lambda a, b, u, v: (a >= 0) & (b >= 0) & (a + b <= 1))),
+    row("grazing-plane-lost", SOLVER,
+        "planes that are seen at a grazing angle are lost: only n·d = 0 itself, or less than 1e-9, is a miss",
+        *(put(rectangle=partial(_not_grazing, least=k)) for k in (0.5, 0.3, 0.1, 0.05))),
     row("or-for-and", SOLVER,
         "a point counts as inside a rectangle where one of the two bounds holds: both have to, |q·u| <= u·u and "
         "|q·v| <= v·v",
@@ -944,7 +977,8 @@ SOLVERS = (
     row("one-sided", SOLVER,
         "planes are met from one side only: they are rectangles that are seen, lit and cast shadows from both sides",
         *(put(rectangle=partial(_culled, sign=k)) for k in (1, -1)),
-        *(only_seen(put(rectangle=partial(_culled, sign=k))) for k in (1, -1))),
+        *(only_seen(put(rectangle=partial(_culled, sign=k))) for k in (1, -1)),
+        *(lambda s, k=k: in_shadow_test(put(rectangle=partial(_culled, sign=k)))(s) for k in (1, -1))),
     row("edges-not-turned", SOLVER,
         "the planes' centres are in one frame and their edges in another: half_u and half_v are turned by R, too",
         *(other(partial(_edges_turned, turn=f)) for f in (lambda R: R.T, lambda R: R, lambda R: R.T @ R.T)),
@@ -994,8 +1028,11 @@ def _painted(t: Array, things: tuple[Shape, ...], rays: Rays, on_top: type) -> A
     return np.where(last >= 0, last, nearest(t, things, rays))
 
 
-def _all_written(x: Terms, kinds: tuple[type, ...], albedo: bool, normal: bool) -> Terms:
-    """Of all that the eye's ray meets the last one of these kinds has its albedo or its normal written."""
+def _all_written(x: Terms, kinds: tuple[type, ...], albedo: bool, normal: bool, there: bool = True) -> Terms:
+    """Of all that the eye's ray meets the last one of these kinds has its albedo or its normal written.
+
+    `there`: the normal where it is met itself, not at the point that is seen.
+    """
     eye, things = np.array(x.scene.camera.eye)[:, None], x.scene.objects
     if not things:
         return x
@@ -1013,7 +1050,7 @@ def _all_written(x: Terms, kinds: tuple[type, ...], albedo: bool, normal: bool) 
     for k in np.unique(last[last >= 0]):
         here = last == k
         own = Rays(eye, d[:, here], d[:, here], rays.stretch[here])
-        n[:, here] = outward(eye + t[k, here] * own.d, own, things[k])
+        n[:, here] = outward(eye + t[k, here] * own.d if there else x.hits.point[:, here], own, things[k])
     return x._replace(cos=(n * np.array(x.scene.sun.to_light)[:, None]).sum(axis=0))
 
 
@@ -1093,7 +1130,10 @@ ORDERS = (
         "the closer t for them, too",
         *(terms(partial(_all_written, kinds=kinds, albedo=albedo, normal=normal))
           for albedo, normal in ((True, False), (False, True), (True, True))
-          for kinds in ((Sphere, Rectangle), (Rectangle,), (Sphere,)))),
+          for kinds in ((Sphere, Rectangle), (Rectangle,), (Sphere,))),
+        *(both(put(blocked=test), terms(partial(
+            _all_written, kinds=(Sphere, Rectangle), albedo=True, normal=True, there=False)))
+          for test in (hidden, others_hide))),
     row("one-sphere", ORDER, "only one of the spheres is there: test every ray against all of them",
         *less(Sphere, lambda alike: alike[1:]), *less(Sphere, lambda alike: alike[:-1])),
     row("object-missing", ORDER, "one object is missing: the loop ends too early or begins too late, test them all",
@@ -1168,6 +1208,16 @@ def _edges_crossed(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
 
 def _albedo_for_normal(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
     return _fixed(n, thing.material.albedo)
+
+
+def _normal_of(x: Terms, k: int, unit: bool) -> Terms:
+    """Of the first (0) or last (-1) sphere, on all of them."""
+    balls = [thing for thing in x.scene.objects if is_sphere(thing)]
+    if not balls:
+        return x
+    n = (x.hits.point - np.array(balls[k].center)[:, None]) / getattr(balls[k], "radius", 1.0)
+    n = np.where(_on_plane(x), x.hits.normal, _made_unit(n) if unit else n)
+    return x._replace(cos=np.array(x.scene.sun.to_light) @ n)
 
 
 def _by_area(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
@@ -1275,6 +1325,11 @@ NORMALS_ = (
     row("normal-from-origin", NORMALS,
         "the spheres' normals point away from the origin, not from the sphere's centre: n = (p - center) / radius",
         normals(_from_origin), normals(_from_eye)),
+    row("normal-of-another", NORMALS,
+        "the spheres' normals point away from another sphere's centre: n = (p - center) / radius, with the centre of "
+        "the sphere that was hit",
+        *(both(put(blocked=others_hide), terms(partial(_normal_of, k=k, unit=unit)))
+          for k in (-1, 0) for unit in (True, False))),
     row("normal-to-eye", NORMALS,
         "the spheres' normals are the directions to the eye: n = (p - center) / radius",
         normals(lambda n, p, rays, thing: -_made_unit(p - rays.origin) if is_sphere(thing) else n)),
@@ -1425,6 +1480,10 @@ def _on_kind(x: Terms, planes: bool, k: float) -> Array:
 def _summed(x: Terms, light: Array) -> Array:
     """albedo @ light, the same in all channels."""
     return np.broadcast_to((x.albedo * light).sum(axis=0), x.albedo.shape)
+
+
+def _ambient_of(x: Terms, k: float) -> Array:
+    return sun(x) + k * x.albedo
 
 
 def _sky_inside(x: Terms) -> Array:
@@ -1597,6 +1656,9 @@ LIGHTS = (
     row("sky-half", LIGHT, "the sky's part is half as bright as it should be", sky_times(0.5)),
     row("sky-without-albedo", LIGHT, "the sky's light is added without the albedo: albedo Lₛ",
         shaded(lambda x: sun(x) + x.sky + 0 * x.albedo)),
+    row("sky-constant", LIGHT,
+        "surfaces get a constant for the sky's light (ambient = 0.1): it is albedo Lₛ, Lₛ being the scene's sky",
+        *(shaded(partial(_ambient_of, k=k)) for k in (0.1, 0.2, 0.05, 0.3, 0.5))),
     row("sky-without-colour", LIGHT, "the sky's radiance is left out of its part: albedo Lₛ, not albedo",
         shaded(lambda x: sun(x) + x.albedo)),
     row("sky-before-clamp", LIGHT, "the clamp comes too late: max(0, n·l) alone, then the sky's light is added",
@@ -1747,7 +1809,7 @@ SHADOWS = (
         put(shadows=lambda asked: True)),
     row("all-in-shadow", SHADOW,
         "every surface is in its own shadow: the shadow ray goes away from the sun (it goes along to_light, not "
-        "-to_light), or starts inside the object (move it a little along +n), or t = 0 counts as a hit",
+        "-to_light), or starts inside the object (move it a little along +n), or t <= 0 counts as a hit",
         shadows(_all_dark), shadows(partial(_dark_on, spheres=True)), shadows(partial(_dark_on, spheres=False))),
     row("shadow-offset", SHADOW,
         "the shadow ray starts too far from the surface: shadows near what casts them are lost; 1e-4 of the scene is "
@@ -1772,7 +1834,7 @@ SHADOWS = (
         shadowed_by(_to_position)),
     row("shadow-bounded", SHADOW,
         "only near objects cast shadows: nothing bounds the way to the sun",
-        *(shadows(within(limit)) for limit in (0.2, 0.1, 0.25, 0.3, 0.5))),
+        *(shadows(within(limit)) for limit in (0.2, 0.1, 0.25, 0.3, 0.5, 1.0))),
     row("spheres-receive-none", SHADOW, "no shadow falls on spheres: test every surface, whatever its kind",
         shadows(received_by(lambda thing: not is_sphere(thing)))),
     row("planes-receive-none", SHADOW, "no shadow falls on planes: test every surface, whatever its kind",
@@ -1789,6 +1851,7 @@ SHADOWS = (
     row("other-size-in-shadow", SHADOW,
         "rectangles have another size in the shadow test than the eye sees: half_u and half_v are changed in place "
         "(u /= |u|) or used otherwise there; write u = half_u / |half_u|",
+        in_shadow_test(flat(_unbounded)),
         *(in_shadow_test(flat(reach(f, g))) for f, g in (
             (lambda u, v: 1 / u, lambda u, v: 1 / v), (lambda u, v: 0.5, lambda u, v: 0.5),
             (lambda u, v: 2.0, lambda u, v: 2.0)))),
@@ -1811,6 +1874,10 @@ SHADOWS = (
     row("shadow-inverted", SHADOW, "light and shadow are swapped: V is 1 where the way to the sun is free",
         shadows(lambda hits, to, things, steps: ~hidden(hits, to, things, steps)),
         shadows(lambda hits, to, things, steps: ~others_hide(hits, to, things, steps))),
+    row("shadow-colour", SHADOW,
+        "shadowed points have a colour of their own: there as elsewhere the sky gives albedo Lₛ, the sun alone is gone",
+        sky_times(lambda x: np.where(x.visible > 0, 1.0, 1 / np.maximum(x.albedo, 1e-9))),
+        sky_times(lambda x: np.where(x.visible > 0, 1.0, 1 / np.maximum(x.sky, 1e-9)))),
     row("shadow-on-sky", SHADOW,
         "shadows take away the sky's light and leave the sun's: it is the other way round",
         shaded(lambda x: lambert(x._replace(visible=np.ones_like(x.visible), sky=x.sky * x.visible)))),
@@ -1833,6 +1900,14 @@ def _normalised(s: Steps) -> Steps:
 
 def _overflow(x: Array, by: int = 255) -> Array:
     return np.floor(np.maximum(x, 0) * by + 1e-9) % 256 / by
+
+
+def _gradient(scene: Scene, d: Array, axis: int, camera: bool, blue: bool) -> Array:
+    """From white to the sky's radiance, or to a blue, by the unit direction's height: (1 - a) white + a sky."""
+    d = _made_unit(d)
+    height = -(np.asarray(scene.camera.R_cam_board) @ d)[axis] if camera else d[axis]
+    a = (height + 1) / 2
+    return (1 - a) + a * (np.array([0.5, 0.7, 1.0]) if blue else np.array(scene.sky.radiance))[:, None]
 
 
 def _sky_scaled(scene: Scene, k: float) -> Array:
@@ -1899,6 +1974,11 @@ OUTPUTS = (
         behind(lambda scene: 0.0)),
     row("background-white", OUTPUT, "the background is white: a ray that meets nothing shows the sky's radiance",
         behind(lambda scene: 1.0)),
+    row("background-gradient", OUTPUT,
+        "the background is a gradient by the rays' directions: a ray that meets nothing shows the sky's radiance, the "
+        "same everywhere",
+        *(put(background=partial(_gradient, axis=axis, camera=camera, blue=blue))
+          for blue in (False, True) for axis, camera in ((1, False), (2, False), (1, True)))),
     row("background-scaled", OUTPUT,
         "the background is not the sky's radiance as it is: a factor of π or 2 has slipped in",
         *(behind(partial(_sky_scaled, k=k)) for k in (pi, 1 / pi, 2.0, 0.5))),

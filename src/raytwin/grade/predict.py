@@ -75,7 +75,7 @@ class Steps(NamedTuple):
     shadows: Callable[[bool], bool]
     blocked: Callable[..., Array]
     shade: Callable[[Terms], Array]
-    background: Callable[[Scene], Array]
+    background: Callable[[Scene, Array], Array]
     output: Callable[[Array, float], Array]
     gather: Callable[["Walks"], Array]
 
@@ -171,7 +171,7 @@ RIGHT = Steps(
     shadows=lambda asked: asked,
     blocked=hidden,
     shade=lambert,
-    background=lambda scene: np.array(scene.sky.radiance),
+    background=lambda scene, d: np.array(scene.sky.radiance)[:, None],
     output=lambda radiance, brightest: radiance,
     gather=gathered,
 )
@@ -378,7 +378,7 @@ class Bench:
     def radiance(self, steps: Steps) -> Array:
         """(N, 3), before output."""
         terms = self.terms(steps)
-        behind = np.broadcast_to(steps.background(self.scene)[:, None], terms.albedo.shape)
+        behind = np.broadcast_to(steps.background(self.scene, self.rays(steps).d), terms.albedo.shape)
         return np.where(terms.hits.ids >= 0, steps.shade(terms), behind).T
 
     def points(self, steps: Steps) -> Array:
