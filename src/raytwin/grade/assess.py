@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -76,12 +76,14 @@ class _Asked:
     made_of: str = ""
 
 
-class _Held(NamedTuple):
-    """A picture, held to what it should be; `got`: where it is wrong and can be shown."""
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """A picture, held to what it should be; `got`: where it is wrong and can be shown; `scale`: of its values."""
 
     part: Part
     view: View | None
     got: np.ndarray | None
+    scale: float = 1.0
 
 
 class _PartFailed(Exception):
@@ -386,9 +388,9 @@ def _pictures(
         sentences = (f"right in all {len(parts)} pictures",)
     sentences = (*sentences, *dict.fromkeys(a.made_of for a in asked if a.made_of))
     # Pixel by pixel the worst; the others stay small.
-    wrong = [(a, h.got, h.part) for a, h in zip(asked, held, strict=True) if h.got is not None]
-    wrong.sort(key=lambda w: -(w[2].error or 0))
-    pictures = [_drawn(a, got, whole=i < MOST_VIEWS) for i, (a, got, _) in enumerate(wrong)]
+    wrong = [(a, h.got, h) for a, h in zip(asked, held, strict=True) if h.got is not None]
+    wrong.sort(key=lambda w: -(w[2].part.error or 0))
+    pictures = [_drawn(a, got, h.scale, whole=i < MOST_VIEWS) for i, (a, got, h) in enumerate(wrong)]
     marked = Marked(
         name=exercise.name,
         stage=exercise.stage,
@@ -429,9 +431,9 @@ def _hold(asked: _Asked) -> _Held:
         (y, x), count = np.argwhere(bad)[0], int(bad.sum())
         problem = f"{count} pixel{'s are' if count > 1 else ' is'} NaN or infinite, the first at (x={x}, y={y})"
         part = msgspec.structs.replace(part, problem=problem)
-        return _Held(part, None, got)
+        return _Held(part, None, got, scale)
     view = View(asked.scene, got, right, exercise.rung, points, half, clipped, common=bool(exercise.scenes))
-    return _Held(part, view, None if passed else got)
+    return _Held(part, view, None if passed else got, scale)
 
 
 def _picture_of(answer: Answer) -> tuple[np.ndarray, np.ndarray | None, bool]:
@@ -476,10 +478,9 @@ def _points(right: np.ndarray, got: np.ndarray, tolerance: Tolerance) -> tuple[b
 # ------------------------------------------------------------------------------------------ what is shown of it
 
 
-def _drawn(asked: _Asked, got: np.ndarray, whole: bool) -> Picture:
+def _drawn(asked: _Asked, got: np.ndarray, scale: float, whole: bool) -> Picture:
     """A wrong picture beside the right one; `whole`: with every value, for the viewer."""
     (right,), points = asked.case.expected, asked.exercise.stage == "hit_points"
-    scale = 1.0 if points else scale_of(Image(right.astype(np.float32)))
     if points:  # x, y, z as red, green, blue, from the least to the largest that there is
         seen = np.isfinite(right).all(axis=-1)
         low, high = (f(right[seen], axis=0, initial=0.0) for f in (np.min, np.max))

@@ -26,7 +26,8 @@ def costs(sight: Sight, ways: tuple[Change, ...]) -> Array:
     """(W,): of each mistake the cost of what it leaves of this view."""
     bench = sight.bench
     assert isinstance(bench, Bench)
-    index, weight, made = _shown(bench.scene, bench.shadows, sight.view.points, bench.brightest, ways)
+    at = bench.scene, sight.step, bench.shadows, sight.view.points, bench.brightest
+    index, weight, made = _shown(*at, ways)
     made = np.clip(made, 0, 1) if sight.view.clipped else made
     half = np.zeros(sight.view.shown.shape) if sight.view.half is None else sight.view.half
     shown, slack = (x.reshape(-1, 3)[index] for x in (sight.view.shown, half))
@@ -35,9 +36,9 @@ def costs(sight: Sight, ways: tuple[Change, ...]) -> Array:
 
 
 @lru_cache(maxsize=4)
-def _shown(scene: Scene, shadows: bool, points: bool, brightest: float, ways: tuple[Change, ...]) -> Shown:
-    width, height = scene.camera.image_size
-    v, u = np.indices((height, width), float).reshape(2, -1)
+def _shown(scene: Scene, step: int, shadows: bool, points: bool, brightest: float, ways: tuple[Change, ...]) -> Shown:
+    width, height = (-(-n // step) for n in scene.camera.image_size)
+    v, u = step * np.indices((height, width), float).reshape(2, -1)
     edge = outlines(Bench(scene, u, v).met(RIGHT)[0].reshape(height, width)).ravel()
     rng, index, weight = np.random.default_rng(0), [], []
     for there, most in ((np.flatnonzero(~edge), PIXELS), (np.flatnonzero(edge), EDGES)):

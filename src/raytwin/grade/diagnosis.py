@@ -69,6 +69,8 @@ SPECKLED = 0.2
 """Share of right neighbours from which on wrong pixels are speckles."""
 ENOUGH = 20
 """Pixels that stay wrong for which a second fault is looked for, all of which it has to explain."""
+MOST = 25_000
+"""Pixels of a picture that are looked at in the end."""
 DOUBTED = 0.1
 """Of the pixels: where more stay wrong, it is not by what right tracers differ in."""
 HOPELESS = 0.97
@@ -404,8 +406,9 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
     alone = len(best.causes) == 1 and not others[0]
     shown = share > WHOLE or (share > EXPLAINED and sum(bool(s.wrong.any()) for s in sights) > 1)
     agreed = held is None or held > EXPLAINED
-    count, left = _left(sights, best.steps)
-    sureness: Sureness = "sure" if alone and shown and agreed and not count and _good(sights, best.steps) else "likely"
+    count, left = _left([s.everywhere(MOST) for s in sights], best.steps)
+    whole = count < FEW and _good(sights, best.steps)
+    sureness: Sureness = "sure" if alone and shown and agreed and whole else "likely"
     order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
     return Diagnosis(
         right=False,
@@ -414,7 +417,7 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
         explained=share,
         held_out=held,
         sureness=sureness,
-        where=f"{where}; something else is wrong, too: {left}".rstrip(": ") if count else where,
+        where=f"{where}; something else is wrong, too: {left}".rstrip(": ") if count >= FEW else where,
     )
 
 

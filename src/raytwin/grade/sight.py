@@ -62,7 +62,8 @@ class Sight:
 
     `shown`, `right` (N, 3); `slack` (N, 3): what rounding may do; `scale`: of the values; `tau`: an error of this size
     is one. `wrong`, `edge`: (N,). `more`: the right picture has light that sun, shadow and open sky do not make;
-    `deep`: the surfaces that it was followed along. `mixed`: the share of the wrong pixels' neighbours that are right.
+    `whole`: (H, W) bool, the outlines, and where a ray belongs to a pixel; `deep`: the surfaces that light was followed
+    along. `mixed`: the share of the wrong pixels' neighbours that are right.
     """
 
     view: View
@@ -78,6 +79,7 @@ class Sight:
     bench: Bench | Plain
     more: bool
     step: int
+    whole: tuple[Array, Array]
     deep: int = 0
     mixed: float = 0.0
     moved: dict[Any, Array] = field(default_factory=dict)
@@ -135,6 +137,19 @@ class Sight:
             e = np.where(np.isnan(self.shown) & np.isnan(made), 0.0, e)
         e = np.maximum(np.abs(e) - self.slack, 0)
         return float((self.weight * np.square(np.minimum(e / self.scale, 10)).sum(axis=-1)).sum())
+
+    def everywhere(self, most: int) -> "Sight":
+        """The same at all of its pixels; at every k-th, where those are more than `most`."""
+        edge, rays = self.whole
+        index = np.flatnonzero(rays)
+        index = index[:: max(1, -(-index.size // most))]
+        half = np.zeros(self.view.shown.shape) if self.view.half is None else self.view.half
+        shown, right, slack = (x.reshape(-1, 3)[index] for x in (self.view.shown, _right(self.view), half))
+        v, u = (self.step * x.astype(float) for x in np.divmod(index, edge.shape[1]))
+        weight = np.full(index.size, 1 / max(index.size, 1))
+        made = replace(self, index=index, weight=weight, shown=shown, right=right, slack=slack, moved={})
+        made = replace(made, bench=self.bench.at(u, v), edge=edge.ravel()[index])
+        return replace(made, wrong=made.errors(RIGHT) > self.tau)
 
     def only(self, part: Any) -> "Sight":
         """The same at some of its pixels: a slice, or (N,) bool."""
@@ -269,7 +284,7 @@ def look(view: View, seed: int = 0) -> Sight:
         more = RUNGS[view.rung].noisy or float((weight * (beyond > 0.01 * scale)).sum()) > 0.02
     return Sight(
         view, index, weight, flat(shown), flat(right), flat(half), scale, tau, wrong.ravel()[index],
-        edge.ravel()[index], bench, more, step, deep,
+        edge.ravel()[index], bench, more, step, (edge, rays), deep,
         _mixed(wrong),
     )  # fmt: skip
 
