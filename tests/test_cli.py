@@ -12,6 +12,7 @@ from program import raytwin, raytwin_alone, refused
 from typer.testing import CliRunner
 
 from raytwin import files
+from raytwin.boards import Board, Grid, write_board
 from raytwin.cli.options import check_outputs
 from raytwin.cli.progress import lines, tell_seconds
 from raytwin.image import Image
@@ -226,6 +227,23 @@ def test_a_board_whose_ids_do_not_match_is_refused(desk):
 @pytest.mark.parametrize("size", ["640", "0x10", "axb", "-3x4", "640x480x3"])
 def test_a_size_that_is_none_is_refused(scenes, size):
     refused(raytwin("compare", scenes / "single", f"--size={size}"), "--size", "640x480")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("diff", "a.exr", "a.exr", "--allowfailures", "-1"), "--allowfailures: expected a number >= 0"),
+        (("diff", "a.exr", "a.exr", "--hardwarn", "-1"), "--hardwarn: expected a number >= 0"),
+        (("diff", "a.exr", "a.exr", "--warnpercent", "nan"), "--warnpercent: expected a number >= 0"),
+        (("calibrate", ".", "--board", "b.toml", "--uncertainty", "u.jpg"), "--uncertainty: expected a name that ends"),
+        (("photograph", "--board", "b.toml", "-o", "out", "--focal", "0"), "--focal, --size: K: expected focal"),
+    ],
+)
+def test_the_option_that_is_wrong_is_named_as_it_was_typed(tmp_path, monkeypatch, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    files.write_image(tmp_path / "a.exr", Image(np.ones((4, 4, 3), np.float32)))
+    write_board(tmp_path / "b.toml", Board("tag36h11", 0.03, Grid(3, 3, 0.04)))
+    refused(raytwin(*arguments), said)
 
 
 def test_a_scene_that_is_not_there_is_refused(tmp_path):

@@ -48,6 +48,9 @@ def wrong_size(scene):
 
 def broken(scene):
     return scene["moon"]
+
+def leaves(scene):
+    raise SystemExit(5)
 """
 
 
@@ -82,6 +85,7 @@ def test_a_learners_function_is_compared_in_the_tracers_place(theirs, scenes):
     [
         ("wrong_size", r"expected an image \(480, 640, 3\), got float64 \(3, 3, 3\)"),
         ("broken", "expected an image .*, got KeyError: 'moon'"),
+        ("leaves", "expected an image .*, got SystemExit: 5"),
         ("nosuch", "expected a function, got nothing of that name"),
     ],
 )
@@ -112,8 +116,9 @@ def test_a_program_reads_the_scene_and_writes_an_image(tmp_path, single):
     method = find_subject(f"{sys.executable} {program} {{scene}} {{out}}.pfm", "shadow")
     made = method(single)
     np.testing.assert_array_equal(made.mean, np.broadcast_to(np.float32(single.sky.radiance), made.mean.shape))
-    with pytest.raises(InputError, match=r"expected an image at \{out\}, got exit code 1"):
-        find_subject(f"{sys.executable} -c 1/0 {{out}}", "shadow")(single)
+    for code, said in (("1/0", "1, no image: ZeroDivisionError"), ("exit(3)", "3, no image$")):
+        with pytest.raises(InputError, match=rf"expected an image at \{{out\}}, got exit code {said}"):
+            find_subject(f"{sys.executable} -c {code} {{out}}", "shadow")(single)
 
 
 def test_a_row_of_the_table_is_a_subject_and_tells_what_its_rays_met(single, packages):
@@ -122,5 +127,7 @@ def test_a_row_of_the_table_is_a_subject_and_tells_what_its_rays_met(single, pac
     assert find_subject("twin-llvm-path-4", "path") == METHODS["twin-llvm-path-4"]
     with pytest.raises(InputError, match=r"--subject: expected a method's name .*, got nonsense"):
         find_subject("nonsense", "shadow")
+    with pytest.raises(InputError, match=r"a folder of images, .* got nothing\.py:f, but no such file$"):
+        find_subject("nothing.py:f", "shadow")
     with pytest.raises(InputError, match=r"expected a function of back_project, .*, got none"):
         find_subject(__file__, "shadow")

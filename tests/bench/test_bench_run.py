@@ -104,6 +104,8 @@ def test_patterns_choose_methods_in_the_tables_order():
     ]  # fmt: skip
     with pytest.raises(InputError, match="nonsense"):
         choose(("fill", "nonsense*"))
+    with pytest.raises(InputError, match=r"--methods: .*, got none"):
+        choose(())
 
 
 def test_sizes_keep_the_pictures_aspect(view):

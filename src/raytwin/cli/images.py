@@ -100,14 +100,20 @@ def diff_command(
         int | None, typer.Option("--allowfailures", "--allow-failures", help="Pixels that may err at will (0).")
     ] = None,
     warn: Annotated[float | None, typer.Option("--warn", help="As --fail, for a warning that passes.")] = None,
-    warn_relative: Annotated[float | None, typer.Option("--warnrelative", "--warn-relative")] = None,
-    warn_percent: Annotated[float | None, typer.Option("--warnpercent", "--warn-percent")] = None,
-    hard_warn: Annotated[float | None, typer.Option("--hardwarn", "--hard-warn")] = None,
+    warn_relative: Annotated[
+        float | None, typer.Option("--warnrelative", "--warn-relative", help="As --failrelative.")
+    ] = None,
+    warn_percent: Annotated[
+        float | None, typer.Option("--warnpercent", "--warn-percent", help="As --failpercent.")
+    ] = None,
+    hard_warn: Annotated[float | None, typer.Option("--hardwarn", "--hard-warn", help="As --hardfail.")] = None,
     variance_a: Annotated[Path | None, typer.Option(metavar="FILE", help="The variance of A's mean, an image.")] = None,
     variance_b: Annotated[Path | None, typer.Option(metavar="FILE", help="The variance of B's mean.")] = None,
     samples_a: Annotated[int, typer.Option(min=0, help="A's samples a pixel, where the file does not tell.")] = 0,
     samples_b: Annotated[int, typer.Option(min=0, help="B's samples a pixel.")] = 0,
-    noise: Annotated[str, typer.Option(help="both; or reference: believe no variance that A claims.")] = "both",
+    noise: Annotated[
+        str, typer.Option(help="both; reference: believe no variance that A claims; none: neither has any.")
+    ] = "both",
     must_see: Annotated[
         float, typer.Option(min=0, help="Undecided where a larger error of the whole mean would be missed.")
     ] = 0.1,

@@ -7,7 +7,7 @@ import typer
 
 from raytwin.cli.options import JsonFile, check_outputs, parse_numbers, parse_size
 from raytwin.cli.progress import show_progress, tell_seconds
-from raytwin.errors import check_one_of
+from raytwin.errors import InputError, check_one_of
 
 
 def calibrate_command(
@@ -15,7 +15,7 @@ def calibrate_command(
         list[Path], typer.Argument(metavar="PHOTOS...", help="Photos of the board, or a folder of them.")
     ],
     board: Annotated[list[Path], typer.Option(metavar="BOARD", help="The board's TOML file; once for each board.")],
-    model: Annotated[str, typer.Option(help="auto, none, k1, k1k2, k1k2k3 or full5.")] = "auto",
+    model: Annotated[str, typer.Option(help="auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or full5.")] = "auto",
     photo: Annotated[
         str | None, typer.Option(metavar="NAME", help="Whose pose the written camera gets (the first photo's).")
     ] = None,
@@ -33,6 +33,9 @@ def calibrate_command(
     from raytwin import photos as taken
 
     check_outputs(files=(json, out, uncertainty, bend))
+    for option, picture in (("--uncertainty", uncertainty), ("--bend", bend)):
+        if picture and picture.suffix.lower() != ".png":
+            raise InputError(option, "a name that ends in .png", picture)
     definitions = [boards.read_board(path) for path in board]
     paths = [path for named in photos for path in files.list_photos(named)]
     with show_progress() as progress:

@@ -85,12 +85,12 @@ def wanted_of(base: SceneFile, engine: str) -> Wanted:
     return Wanted(base.spheres, base.planes, base.sun, WantedSky(sky.radiance, scale, turn), engine=engine)
 
 
-def from_json(text: str | bytes) -> Wanted:
+def from_json(text: str | bytes, where: str = "what the page asks for") -> Wanted:
     """What the page asks for. Raises InputError."""
     try:
         return msgspec.json.decode(text, type=Wanted).check()
     except msgspec.DecodeError as error:
-        raise InputError("what the page asks for", "a scene and how to render it", error) from None
+        raise InputError(where, "a scene and how to render it", error) from None
 
 
 def from_link(text: str) -> Wanted:
@@ -100,7 +100,7 @@ def from_link(text: str) -> Wanted:
         plain = base64.urlsafe_b64decode(packed + "=" * (-len(packed) % 4))
     except (binascii.Error, ValueError):
         raise InputError("--view", "a link copied from the page", text[:60]) from None
-    return from_json(plain)
+    return from_json(plain, "--view")
 
 
 def scene_toml(base: SceneFile, wanted: Wanted, camera: Camera) -> str:

@@ -75,8 +75,8 @@ def run_program(command: Sequence[str], told: Path, out: Path, endings: Sequence
     paths = (out, *(out.with_name(out.name + ending) for ending in endings))
     written = [p for p in paths if p.is_file() and not p.is_symlink()]
     if done.returncode or not written:
-        said = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [""]
-        raise RuntimeError(f"exit code {done.returncode}{', no image' if not written else ''}: {said[0]}")
+        said = "".join(f": {line}" for line in done.stderr.decode(errors="replace").strip().splitlines()[-1:])
+        raise RuntimeError(f"exit code {done.returncode}{', no image' if not written else ''}{said}")
     return written[0]
 
 

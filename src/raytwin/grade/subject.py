@@ -20,12 +20,12 @@ def find_subject(text: str, rung: str) -> Method:
     if text in METHODS:
         method = METHODS[text]
         return replace(method, surface=True) if isinstance(method, Traced) else method
-    path, colon, _ = text.rpartition(":")
-    if "{out}" not in text and not Path(path if colon and path.endswith((".py", ".ipynb")) else text).exists():
-        known = (
-            "a method's name (`raytwin bench list`), FILE.py:FUNCTION, an image, or a command with {scene} and {out}"
-        )
-        raise InputError("--subject", known, text)
+    path = text.rpartition(":")[0] or text
+    python = path.endswith((".py", ".ipynb"))
+    if "{out}" not in text and not Path(path if python else text).exists():
+        images = "an image, a folder of images, or a command with {scene} and {out}"
+        known = f"a method's name (`raytwin bench list`), FILE.py:FUNCTION, {images}"
+        raise InputError("--subject", known, text + ", but no such file" * python)
     if Path(text).exists() and not Path(text).is_dir():
         files.check_file(text, "an image, a folder of images, or Python")
     render, made = load(text).picture()

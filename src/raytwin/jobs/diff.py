@@ -67,7 +67,7 @@ def diff(
     flip: bool = False,
     variances: tuple[Path | None, Path | None] = (None, None),
     samples: tuple[int, int] = (0, 0),
-    noise: Literal["both", "reference"] = "both",
+    noise: Literal["both", "reference", "none"] = "both",
     must_see: float = MUST_SEE,
 ) -> Diff:
     """Does the image `a` show what `b` shows? Each a file; or a folder or a pattern of renders that differ by seed.
@@ -161,9 +161,10 @@ def limits(
     """The limits that were given, the others as idiff has them; None where none was. `option` names them in errors."""
     asked = {"error": error, "relative": relative, "percent": percent, "hard": hard, "pixels": pixels}
     given: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
+    named = {"error": option, "hard": option.replace("--", "--hard"), "pixels": "--allowfailures"}
     for name, value in given.items():
         if not value >= 0:
-            raise InputError(f"{option} ({name})", "a number >= 0", value)
+            raise InputError(named.get(name, option + name), "a number >= 0", value)
     return Limits(**given) if given else None
 
 

@@ -44,7 +44,7 @@ def photograph_board(
     scale = width / 2016
     K = ((focal * scale, 0.0, 0.504 * width), (0.0, 1.001 * focal * scale, 0.497 * height), (0.0, 0.0, 1.0))
     lens = Camera(size, K, ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)), (0.0, 0.0, 1.0), dist)
-    files.check_camera(lens, "--focal, --size")
+    files.check_camera(lens, "--focal, --size: ")
     stage = files.read_scene(scene).at(lens) if scene is not None else Scene("desk", lens, (TABLE,), (SUN, SKY))
     table = tuple(p for p in stage.rectangles if p.center[2] < 0)
     twin.activate()

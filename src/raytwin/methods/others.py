@@ -38,7 +38,7 @@ class Called(Method):
                 taken = made if isinstance(made, Image) else take(np.asarray(made)).image
             except InputError:
                 raise
-            except Exception as error:  # theirs, whatever it is: the program that runs it goes on
+            except (Exception, SystemExit) as error:  # theirs, whatever it is: the program that runs it goes on
                 raise InputError(self.name, "an image (H, W, 3)", f"{type(error).__name__}: {error}") from error
             if taken.mean.dtype.kind not in "fiu" or taken.shape != (scene.camera.height, scene.camera.width, 3):
                 wanted = f"an image ({scene.camera.height}, {scene.camera.width}, 3)"

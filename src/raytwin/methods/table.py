@@ -44,7 +44,7 @@ METHODS: dict[str, Method] = {
 
 def choose(globs: Sequence[str] = ("*",)) -> list[Method]:
     """The methods whose name matches one of the patterns, in the table's order. InputError where a pattern has none."""
-    for glob in globs:
+    for glob in globs or ("",):
         if not any(fnmatchcase(name, glob) for name in METHODS):
-            raise InputError("--methods", "patterns of names as drjit32-* (`raytwin bench list`)", glob)
+            raise InputError("--methods", "patterns of names as drjit32-* (`raytwin bench list`)", glob or "none")
     return [method for name, method in METHODS.items() if any(fnmatchcase(name, glob) for glob in globs)]
