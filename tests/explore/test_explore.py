@@ -171,6 +171,22 @@ def test_no_picture_is_sent_before_the_page_answered_the_last(slow):
     wait_for(lambda: len(told_of) == 2)
 
 
+def test_a_page_that_takes_over_is_told_nothing_of_the_others_wishes(slow):
+    """Their numbers are its own: a higher one of another page's would pass for a later wish."""
+    studio, worker, told_of, tell = slow
+    mine = []
+
+    async def other(message: bytes) -> None:
+        mine.append(json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")]))
+
+    worker.want(7, Wanted(), tell)
+    assert studio.begun.wait(30)
+    worker.want(1, Wanted(), other)
+    studio.go.set()
+    wait_for(lambda: mine)
+    assert (told_of, mine[0]["number"]) == ([], 1)
+
+
 def test_passes_go_on_with_twice_the_samples_until_all_are_there(base):
     wish = msgspec.structs.replace(wanted_of(base, "drjit32"), samples=4)
     events = [event for event, _ in Studio(base).passes(wish)]

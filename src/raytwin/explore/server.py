@@ -41,6 +41,10 @@ POLICY = (
 )
 
 
+Tell = Callable[[bytes], Awaitable[None]]
+"""What sends a message to the page."""
+
+
 class Asked(msgspec.Struct, forbid_unknown_fields=True):
     """A message from the page: a wish, the answer to what it was sent, or a pixel whose way of light it wants."""
 
@@ -109,7 +113,7 @@ class Worker:
         self.studio = studio
         self.changed = threading.Condition()
         self.wanted: tuple[int, Wanted] | None = None
-        self.tell: Callable[[bytes], Awaitable[None]] | None = None
+        self.tell: Tell | None = None
         self.sent = self.answered = 0
         self.stopped = False
         self.rendered: list[int] = []
@@ -126,7 +130,7 @@ class Worker:
             self.stopped = True
             self.changed.notify_all()
 
-    def want(self, number: int, wanted: Wanted, tell: Callable[[bytes], Awaitable[None]]) -> None:
+    def want(self, number: int, wanted: Wanted, tell: Tell) -> None:
         """From now on this alone is rendered, and told to `tell`."""
         with self.changed:
             if tell != self.tell:
@@ -134,14 +138,14 @@ class Worker:
             self.wanted, self.tell = (number, wanted), tell
             self.changed.notify_all()
 
-    def answer(self, number: int, tell: Callable[[bytes], Awaitable[None]]) -> None:
+    def answer(self, number: int, tell: Tell) -> None:
         """The page has shown what it was sent as `number`."""
         with self.changed:
             if tell == self.tell:
                 self.answered = number
             self.changed.notify_all()
 
-    def leave(self, tell: Callable[[bytes], Awaitable[None]]) -> None:
+    def leave(self, tell: Tell) -> None:
         """The page is gone."""
         with self.changed:
             if tell == self.tell:
@@ -158,10 +162,11 @@ class Worker:
                 if self.stopped or self.wanted is None:
                     return
                 done = number, wanted = self.wanted
+                tell = self.tell
                 self.rendered = [*self.rendered[-99:], number]
             try:
                 for event in self.studio.passes(wanted):
-                    self._send(number, *event)
+                    self._send(tell, number, *event)
                     now = time.monotonic()
                     if event[0].get("pane") == "reference":
                         twin_at, twin_took = now, event[0]["seconds"]
@@ -169,15 +174,16 @@ class Worker:
                     if self.stopped or (self.wanted is not done and not due):
                         break
             except InputError as error:
-                self._send(number, {"kind": "refused", "text": str(error)}, ())
+                self._send(tell, number, {"kind": "refused", "text": str(error)}, ())
             except Exception:  # a subject's own, or ours: the page goes on
                 traceback.print_exc()
-                self._send(number, {"kind": "refused", "text": "this could not be rendered: see the terminal"}, ())
+                refused = {"kind": "refused", "text": "this could not be rendered: see the terminal"}
+                self._send(tell, number, refused, ())
 
-    def _send(self, number: int, event: dict[str, Any], blobs: tuple[bytes, ...]) -> None:
-        """After the page's answer to the one before; not at all where it is gone or something else is wanted."""
+    def _send(self, tell: Tell | None, number: int, event: dict[str, Any], blobs: tuple[bytes, ...]) -> None:
+        """To the page that wished for it, after its answer to the one before; not at all where it is gone, or another
+        page has taken over, whose wishes have numbers of their own."""
         with self.changed:
-            tell = self.tell
             self.changed.wait_for(lambda: self.stopped or self.tell != tell or self.answered >= self.sent)
             if self.stopped or tell is None or self.tell != tell:
                 return
