@@ -1072,7 +1072,7 @@ def is_sphere(thing: Shape) -> bool:
     return isinstance(thing, Sphere)
 
 
-def less(kind: type, lost: Callable[[list[int]], list[int]]) -> tuple[Change, Change]:
+def less(kind: Any, lost: Callable[[list[int]], list[int]]) -> tuple[Change, Change]:
     """Of the objects of this kind some are lost: out of reach, so that ids stay; or for the eye alone."""
 
     def which(things: Casters) -> list[int]:
@@ -1137,7 +1137,7 @@ ORDERS = (
     row("one-sphere", ORDER, "only one of the spheres is there: test every ray against all of them",
         *less(Sphere, lambda alike: alike[1:]), *less(Sphere, lambda alike: alike[:-1])),
     row("object-missing", ORDER, "one object is missing: the loop ends too early or begins too late, test them all",
-        *(way for kind in (Sphere, Rectangle) for one in (slice(1), slice(-1, None))
+        *(way for kind, one in product((Sphere, Rectangle, (Sphere, Rectangle)), (slice(1), slice(-1, None)))
           for way in less(kind, itemgetter(one)))),
     row("one-plane", ORDER, "only one of the planes is there: test every ray against all of them",
         *less(Rectangle, lambda alike: alike[1:]), *less(Rectangle, lambda alike: alike[:-1])),
@@ -1194,6 +1194,11 @@ def _turned_by_origin(n: Array, p: Array, rays: Rays, thing: Shape, sign: int, f
     return flat * n if abs(side) < 1e-9 else axis * (1 if side < 0 else -1)
 
 
+def _turned_by_eye(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
+    """A plane's by n·eye, as if it went through the origin."""
+    return n if is_sphere(thing) else n * np.where((n * rays.origin).sum(axis=0) < 0, -1, 1)
+
+
 def _from_origin(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
     return _made_unit(p) if is_sphere(thing) else n
 
@@ -1202,22 +1207,23 @@ def _from_eye(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
     return _made_unit(p - rays.origin) if is_sphere(thing) else n
 
 
+def _of_other_center(x: Terms, k: int, unit: bool, inside: bool) -> Terms:
+    """Of the first sphere or the last; `inside`: where that points inwards, shadow rays start within the own one."""
+    if not x.scene.spheres:
+        return x
+    one, flat = x.scene.spheres[k], _on_plane(x)
+    n = (x.hits.point - np.array(one.center)[:, None]) / one.radius
+    n = np.where(flat, x.hits.normal, _made_unit(n) if unit else n)
+    dark = (inside and x.shadows) & ((n * x.hits.normal).sum(axis=0) < 0)
+    return x._replace(cos=np.array(x.scene.sun.to_light) @ n, visible=np.where(dark, 0.0, x.visible))
+
+
 def _edges_crossed(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
     return n if isinstance(thing, Sphere) else n * np.linalg.norm(np.cross(thing.half_u, thing.half_v))
 
 
 def _albedo_for_normal(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
     return _fixed(n, thing.material.albedo)
-
-
-def _normal_of(x: Terms, k: int, unit: bool) -> Terms:
-    """Of the first (0) or last (-1) sphere, on all of them."""
-    balls = [thing for thing in x.scene.objects if is_sphere(thing)]
-    if not balls:
-        return x
-    n = (x.hits.point - np.array(balls[k].center)[:, None]) / getattr(balls[k], "radius", 1.0)
-    n = np.where(_on_plane(x), x.hits.normal, _made_unit(n) if unit else n)
-    return x._replace(cos=np.array(x.scene.sun.to_light) @ n)
 
 
 def _by_area(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
@@ -1270,8 +1276,8 @@ def _by_norm(x: Terms, of: str) -> Terms:
     return x._replace(cos=(n * np.array(x.scene.sun.to_light)[:, None]).sum(axis=0))
 
 
-def _by_r2(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
-    return n / thing.radius if isinstance(thing, Sphere) else n
+def _times_radius(n: Array, p: Array, rays: Rays, thing: Shape, power: int) -> Array:
+    return n * thing.radius**power if isinstance(thing, Sphere) else n
 
 
 PLANES_BY_ORIGIN = (
@@ -1294,12 +1300,14 @@ NORMALS_ = (
         normals(_of_plane), normals(lambda n, p, rays, thing: _of_plane(n, p, rays, thing, -1)),
         both(normals(_of_plane), put(blocked=others_hide), terms(_backs_shaded)), terms(_backs_shaded)),
     row("plane-faces-light", NORMALS,
-        "planes are lit on both sides at once, their normals turned to the sun: a normal belongs to the side that the "
-        "eye sees, and max(0, n·l) is 0 where that is turned away from the sun",
-        both(put(blocked=others_hide), terms(_lit_behind)), terms(_lit_behind)),
+        "planes are lit on both sides at once, their normals turned to the sun, or up: a normal belongs to the side "
+        "that the eye sees, and max(0, n·l) is 0 where that is turned away from the sun",
+        both(put(blocked=others_hide), terms(_lit_behind)), terms(_lit_behind),
+        normals(lambda n, p, rays, thing: n if is_sphere(thing) else n * np.where(n[2] < 0, -1, 1))),
     row("plane-normal-by-origin", NORMALS,
         PLANES_BY_ORIGIN,
-        *(normals(partial(_turned_by_origin, sign=k)) for k in (1, -1))),
+        *(normals(partial(_turned_by_origin, sign=k)) for k in (1, -1)),
+        normals(_turned_by_eye)),
     row("plane-normal-up", NORMALS, "the planes' normals are taken for the board's z axis: they are half_u × half_v",
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else _fixed(n, (0.0, 0.0, 1.0))),
         normals(lambda n, p, rays, thing: n if is_sphere(thing) else _turned_to_eye(_fixed(n, (0.0, 0.0, 1.0)), rays))),
@@ -1311,13 +1319,13 @@ NORMALS_ = (
         *(normals(partial(_along_edge, edge=k)) for k in (0, 1))),
     row("normal-not-unit", NORMALS,
         "the spheres' normals are not unit: divide p - center by the radius",
-        normals(lambda n, p, rays, thing: n * thing.radius if isinstance(thing, Sphere) else n)),
+        *(normals(partial(_times_radius, power=k)) for k in (1, 2))),
     row("normal-by-radius-twice", NORMALS,
         "the spheres' normals are divided by the radius once too often: (p - center) / radius is unit",
-        normals(_by_r2)),
+        normals(partial(_times_radius, power=-1))),
     row("made-unit-by-square", NORMALS,
         "vectors are divided by v·v, the square of their length: v / √(v·v) is unit",
-        both(normals(_by_r2), normals(_by_area)), normals(_by_area)),
+        both(normals(partial(_times_radius, power=-1)), normals(_by_area)), normals(_by_area)),
     row("normal-by-whole-norm", NORMALS,
         "the normals are divided by the norm of the whole array, or along the wrong axis: each by its own length, "
         "np.linalg.norm(n, axis=-1, keepdims=True)",
@@ -1328,8 +1336,8 @@ NORMALS_ = (
     row("normal-of-another", NORMALS,
         "the spheres' normals point away from another sphere's centre: n = (p - center) / radius, with the centre of "
         "the sphere that was hit",
-        *(both(put(blocked=others_hide), terms(partial(_normal_of, k=k, unit=unit)))
-          for k in (-1, 0) for unit in (True, False))),
+        *(both(put(blocked=others_hide), terms(partial(_of_other_center, k=k, unit=unit, inside=inside)))
+          for k in (-1, 0) for unit, inside in ((True, False), (False, False), (False, True)))),
     row("normal-to-eye", NORMALS,
         "the spheres' normals are the directions to the eye: n = (p - center) / radius",
         normals(lambda n, p, rays, thing: -_made_unit(p - rays.origin) if is_sphere(thing) else n)),
@@ -1551,11 +1559,14 @@ LIGHTS = (
         "the sun's direction is moved by t as if it were a point (a homogeneous 1): only turn it",
         *moved_light(lambda to, R, t: to + R.T @ t), *moved_light(lambda to, R, t: to - R.T @ t),
         *moved_light(lambda to, R, t: to + t)),
-    row("light-axes", LIGHT, "the axes of the sun's direction are mixed up, or one has the wrong sign: z is up here",
+    row("light-axes", LIGHT,
+        "the axes of the sun's direction (or of all normals) are mixed up, or one has the wrong sign: z is up here",
         lit(_permuted(0, 2, 1)), lit(_permuted(1, 0, 2)), lit(_permuted(2, 1, 0)),
         lit(_permuted(0, 2, 1, sign=(1, 1, -1))), lit(_permuted(0, 1, 2, sign=(1, -1, 1))),
         lit(_permuted(0, 1, 2, sign=(-1, 1, 1))), lit(_permuted(0, 1, 2, sign=(1, 1, -1))),
-        lit(_permuted(0, 1, 2, sign=(-1, -1, 1))), lit(_permuted(0, 2, 1, sign=(1, -1, 1)))),
+        lit(_permuted(0, 1, 2, sign=(-1, -1, 1))), lit(_permuted(0, 2, 1, sign=(1, -1, 1))),
+        *(half_lit(_permuted(0, 1, 2, sign=sign)) for sign in ((1, 1, -1), (1, -1, 1), (-1, 1, 1))),
+        *(half_lit(_permuted(*order)) for order in ((0, 2, 1), (1, 0, 2), (2, 1, 0)))),
     row("light-as-place", LIGHT,
         "to_light is used as a point that the light sits at: it is a direction, the same for every surface",
         lit(_to_position), both(lit(_to_position), sun_times(_falloff)), half_lit(_to_position),
@@ -1661,6 +1672,8 @@ LIGHTS = (
         *(shaded(partial(_ambient_of, k=k)) for k in (0.1, 0.2, 0.05, 0.3, 0.5))),
     row("sky-without-colour", LIGHT, "the sky's radiance is left out of its part: albedo Lₛ, not albedo",
         shaded(lambda x: sun(x) + x.albedo)),
+    row("sky-times-sun", LIGHT, "the sky's part is multiplied by the sun's irradiance: it is albedo Lₛ",
+        sky_times(lambda x: x.irradiance), sky_times(lambda x: x.irradiance / pi)),
     row("sky-before-clamp", LIGHT, "the clamp comes too late: max(0, n·l) alone, then the sky's light is added",
         shaded(_sky_inside), shaded(_sky_in_cosine), shaded(_sky_as_irradiance)),
     row("sky-only-in-shadow", LIGHT, "the sky lights only what the sun does not: add it everywhere",
