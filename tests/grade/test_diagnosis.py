@@ -6,11 +6,12 @@ from students import CORRECT, MISTAKES, mistaken, run
 from raytwin import files
 from raytwin.files.rounding import half_code
 from raytwin.grade import draw
+from raytwin.grade.between import between
 from raytwin.grade.catalogue import CHANCES, FAULTS, SAMPLING, STAGES, cached
 from raytwin.grade.common import costs
 from raytwin.grade.diagnosis import Cause, Guess, View, _ranked, diagnose, explain
 from raytwin.grade.predict import RIGHT, Bench
-from raytwin.grade.sight import look
+from raytwin.grade.sight import look, many
 from raytwin.grade.split import split
 from raytwin.image import Image
 from raytwin.methods.exchange import as_arrays
@@ -106,6 +107,15 @@ def test_a_students_mistake_is_named(mistake):
 def test_a_tracer_that_is_right_in_its_own_way_is_not_blamed(variation):
     made = diagnose(views(run(mistaken(*variation), [as_arrays(scene) for scene in SCENES[:2]])))
     assert not made.causes
+
+
+def test_several_rays_a_pixel_are_told_and_a_mistake_of_its_own_is_not_taken_for_them():
+    scene = SCENES[1]
+    corners = [fault("half-pixel").ways[0], lambda s: s, *fault("half-pixel").ways[2:]]
+    mean = np.mean([planted(way, scene) for way in corners], axis=0)
+    assert names(diagnose([View(scene, mean)], most=1)) == ["beside-the-centre"]
+    odd = View(scene, planted(fault("sky-missing").ways[0], scene))
+    assert between(many([odd], 0)) is None
 
 
 def test_two_faults_are_both_named_geometry_first():

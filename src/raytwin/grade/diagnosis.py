@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from raytwin.files import Rounding
+from raytwin.grade.between import between
 from raytwin.grade.catalogue import (
     ACNE,
     CHANCES,
@@ -204,7 +205,11 @@ def diagnose(
         more = min(found, key=lambda g: g.cost)
         if len(more.causes) > len(found[0].causes) and not _left(sights, more.steps)[0]:
             found = [more, *(g for g in found if g is not more)]
-    return _told(found, sights, base, where)
+    made = _told(found, sights, base, where)
+    if not made.causes and thorough and (beside := between(sights)) is not None:
+        fault, share = beside
+        return Diagnosis(False, (Cause(fault.name, fault.stage, fault.sentence),), ((),), share, None, "likely", where)
+    return made
 
 
 def explain(
