@@ -104,7 +104,4 @@ def around(environment: Environment) -> Around:
     """What rays ask of it: its tables, and its axes."""
     x, y, z = environment.R_map_board
     tables = tabulate(environment.size, environment.texels)
-    return Around(
-        environment.size, tables.texels, (x, y, z), tables.rows, tables.columns, tables.heights, tables.density,
-        tables.harmonics,
-    )  # fmt: skip
+    return Around(environment.size, tables.texels, (x, y, z), *tables[1:])

@@ -309,15 +309,14 @@ class Viewer {
 
   // From which value on a map has which colour: equal ratios between low and high where the images are exact.
   scale() {
-    const { map, scale } = this.state, { bound, noisy } = this.data, factor = 10 ** (scale / 2);
+    const { map, scale } = this.state, { bound, noisy } = this.data, factor = 10 ** (scale / 2), evenly = (high) => ({ low: 0, high: high * factor, log: false });
     return this.remember("scale", [...MAPPING, "scale"], () => {
-      if (map === "flip") return { low: 0, high: 1 * factor, log: false };
-      if (map === "sigmas") return { low: 0, high: 5 * factor, log: false };
+      if (map === "flip" || map === "sigmas") return evenly(map === "flip" ? 1 : 5);
       const all = this.map();
       if (noisy) {
         const step = Math.max(1, Math.floor(all.length / 3e4)), some = all.filter((v, i) => i % step === 0 && Number.isFinite(v)).map(Math.abs).sort();
         const q = some[Math.ceil(0.999 * some.length) - 1] || 1, decade = 10 ** Math.floor(Math.log10(q));
-        return { low: 0, high: decade * [1, 2, 5, 10].find((step) => step * decade >= q * 0.999) * factor, log: false };
+        return evenly(decade * [1, 2, 5, 10].find((step) => step * decade >= q * 0.999));
       }
       const worst = all.reduce((most, v) => (Number.isFinite(v) ? Math.max(most, Math.abs(v)) : most), 0);
       const allowed = (bound?.share ?? 1e-5) * (map === "signed" ? bound?.scale ?? 1 : 1);
@@ -374,7 +373,7 @@ class Viewer {
 
   // Greys where both see the same, with the reference's outlines; colours where they do not, which always show.
   silhouettes(k) {
-    const { id, did } = this.values, { columns, lines } = this.data, colours = OBJECTS.map(rgba), { length } = id ?? [];
+    const { id, did } = this.values, { columns } = this.data, colours = OBJECTS.map(rgba), { length } = id ?? [];
     if (!id) return null;
     const codes = this.remember("objects", [], () => mapped(Uint8Array, id, (b, i) => {
       if (did[i]) return b < 0 ? 10 : b + did[i] < 0 ? 11 : 12;
@@ -431,9 +430,10 @@ class Viewer {
   }
 
   draw(g, pane, f, dots) {
-    const { width, height, columns, thin } = this.data;
+    const { width, height, thin } = this.data;
+    const size = (image) => [image.naturalWidth || image.width, image.naturalHeight || image.height];
     let source = pane.picture, cw, ch;
-    if (source) [cw, ch] = [width / (source.naturalWidth || source.width), height / (source.naturalHeight || source.height)];
+    if (source) [cw, ch] = [width / size(source)[0], height / size(source)[1]];
     else {
       const fewer = 1 / (f.s * dots * thin), k = Math.max(1, pane.kind === "radiance" ? Math.floor(fewer + 1e-6) : Math.ceil(fewer - 1e-6));
       if (pane.kind === "picture") return;
@@ -447,8 +447,7 @@ class Viewer {
     }
     g.imageSmoothingEnabled = pane.kind !== "map" && pane.kind !== "objects" && f.s * dots * cw < 1;
     g.imageSmoothingQuality = source instanceof ImageBitmap ? "low" : "medium"; // one of many that move
-    const most = [source.naturalWidth || source.width, source.naturalHeight || source.height];
-    const part = (from, size, cell, all) => {
+    const most = size(source), part = (from, size, cell, all) => {
       const first = clamp(Math.floor((from + 0.5) / cell), 0, all), last = clamp(Math.ceil((from + 0.5 + size) / cell), 0, all);
       return [first, last - first];
     };
@@ -539,12 +538,12 @@ class Viewer {
       return { reference: [b, eb], test: [t ? t[k] : NaN, eb + ee], error: [e, ee], sigmas: [z, ee / sigma + Math.abs(z) / 63], relative: [e / (Math.abs(b) + 0.01), (ee + (Math.abs(e) * eb) / (Math.abs(b) + 0.01)) / (Math.abs(b) + 0.01)] };
     });
     const of = (key) => channels.map((channel) => channel[key]), name = (n) => (n < 0 ? "background" : this.data.objects[n] ?? `object ${n}`);
-    const { map, channel } = this.state, v = this.map()[i], key = map === "signed" ? "error" : map, known = map === "flip" ? null : of(key).find(([value]) => Math.fround(value) === v);
+    const { map } = this.state, v = this.map()[i], key = map === "signed" ? "error" : map, known = map === "flip" ? null : of(key).find(([value]) => Math.fround(value) === v);
     return {
       meant, reference: of("reference"), test: of("test"), error: of("error"), sigmas: of("sigmas"), relative: of("relative"),
       map: map === "flip" ? digits(flip?.[i], 1 / 510, { most: 2 }) : digits(v, known ? known[1] : Math.abs(v) / 40, { sign: true }),
       objects: id ? [name(id[i] + did[i]), name(id[i])] : [], same: id ? did[i] === 0 : null,
-      depths: depth ? [[depth[i] + ddepth[i], step / 2], [depth[i], step / 2], [ddepth[i], step]] : [], channel,
+      depths: depth ? [[depth[i] + ddepth[i], step / 2], [depth[i], step / 2], [ddepth[i], step]] : [],
     };
   }
 
@@ -554,7 +553,7 @@ class Viewer {
     this.at = here.meant;
     const row = (name, colours, object, depth, sign = false) => {
       if (!this.cells[name]) return;
-      const cells = this.cells[name], texts = [...colours.map(([v, e]) => digits(v, e, { sign }))];
+      const cells = this.cells[name], texts = colours.map(([v, e]) => digits(v, e, { sign }));
       if (cells.object) texts.push(object, depth ? digits(...depth, { sign }) : "–");
       cells.list.forEach((cell, i) => { cell.textContent = texts[i]; });
     };
@@ -566,8 +565,7 @@ class Viewer {
     if (bound?.held && this.cells.error)
       here.error.forEach(([e], c) => this.cells.error.list[c].classList.toggle("rt-over", !(Math.abs(e) <= bound.share * Math.max(bound.scale, Math.abs(here.reference[c][0])))));
     [this.x.value, this.y.value] = here.meant;
-    const away = here.meant[0] !== x || here.meant[1] !== y;
-    const { thin, binned } = this.data, block = `${thin} × ${thin} pixels`;
+    const away = here.meant[0] !== x || here.meant[1] !== y, { thin, binned } = this.data, block = `${thin} × ${thin} pixels`;
     this.say(binned ? `means of ${block}` : away ? `of ${block}, the one that errs most` : this.kept && this.kept[0] === x && this.kept[1] === y ? (this.data.address ? "kept; in the page's address" : "kept") : "");
     this.show();
   }
@@ -605,10 +603,10 @@ class Viewer {
   }
 
   go(step) {
-    const n = this.data.places.length;
+    const { places } = this.data, n = places.length;
     if (!n) return;
     this.place = (this.place + step + n) % n;
-    const { x, y, width, height } = this.data.places[this.place], px = x + (width >> 1), py = y + (height >> 1);
+    const { x, y, width, height } = places[this.place], px = x + (width >> 1), py = y + (height >> 1);
     this.keep(px, py);
     this.look(px, py, Math.max(24, 3 * Math.max(width, height)));
     this.arrange();
@@ -632,8 +630,7 @@ class Viewer {
 
   flip() {
     if (!this.data.names.reference) return;
-    const { solo, mode } = this.state;
-    this.set({ mode: mode === "grid" ? "one" : mode === "wipe" ? "one" : mode, solo: solo === "test" ? "reference" : "test" });
+    this.set({ mode: "one", solo: this.state.solo === "test" ? "reference" : "test" });
   }
 
   // ---------------------------------------------------------------- pointer, fingers, keys
@@ -646,7 +643,7 @@ class Viewer {
     };
     const inside = (event) => {
       const { x, y } = spot(event), at = [Math.round(x), Math.round(y)];
-      return this.inside(...at) ? at : null;
+      return this.inside(...at) && at;
     };
     const between = () => {
       const [a, b] = down.values();
