@@ -6,6 +6,9 @@ where no plane is seen from behind, to hits behind the eye where nothing is ther
 """
 
 from collections.abc import Iterator
+from itertools import permutations
+from math import cos, dist, hypot
+from operator import mul
 
 import msgspec
 import numpy as np
@@ -76,19 +79,18 @@ def _shows(scene: Scene) -> Iterator[tuple[str, np.ndarray | bool]]:
     yield "drawing by the centres' distance", (ids >= 0) & (painted != ids)
     yield "a plane before a sphere", flat & ahead[:count].any(axis=0)
     yield "the background", ids < 0
-    hits, cos = bench.hits(RIGHT), bench.terms(RIGHT).cos
-    yield "a plane's dark side", flat & (cos < -0.05)
-    yield "lit backs", ball & (cos < -0.05)
+    hits, facing = bench.hits(RIGHT), bench.terms(RIGHT).cos
+    yield "a plane's dark side", flat & (facing < -0.05)
+    yield "lit backs", ball & (facing < -0.05)
     to = np.broadcast_to(np.array(scene.sun.to_light)[:, None], hits.point.shape)
     hides = np.isfinite(meet_all(hits.point, to, scene.objects, RIGHT)) & (np.arange(len(ahead))[:, None] != ids)
     yield "clipping", (bench.radiance(RIGHT) > 1).any(axis=-1) & ~hides.any(axis=0)
-    facing = cos > 0.05
-    by_balls, by_planes = hides[:count].any(axis=0) & facing, hides[count:].any(axis=0) & facing
+    by_balls, by_planes = (x.any(axis=0) & (facing > 0.05) for x in (hides[:count], hides[count:]))
     yield "shadows of spheres on spheres", ball & by_balls & ~by_planes
     yield "shadows of planes on planes", flat & by_planes & ~by_balls
     yield "shadows of planes on spheres", ball & by_planes & ~by_balls
     yield "shadows of spheres on planes", flat & by_balls & ~by_planes
-    lit = facing & ~by_balls & ~by_planes
+    lit = (facing > 0.05) & ~by_balls & ~by_planes
     own = np.array([x.normal if isinstance(x, Rectangle) else (0, 0, 0) for x in scene.objects]).T[:, ids]
     yield "a lit plane, seen from behind", flat & lit & ((own * rays.d).sum(axis=0) > 0.05)
     yield "light on spheres", ball & lit
@@ -99,12 +101,15 @@ def _shows(scene: Scene) -> Iterator[tuple[str, np.ndarray | bool]]:
 
 def _overlap(spheres: list[Sphere], eye: np.ndarray) -> bool:
     """A sphere hides one that comes later in the list, and one that comes earlier: seen from the eye."""
-    to = np.array([s.center for s in spheres]) - eye
-    d = np.linalg.norm(to, axis=1)
-    apart = np.arccos(np.clip(to @ to.T / np.outer(d, d), -1, 1))
-    wide = np.array([s.radius for s in spheres]) / d
-    hides = (d[:, None] < d) & (apart < 0.8 * (wide[:, None] + wide))
-    return bool(np.triu(hides, 1).any() and np.tril(hides, -1).any())
+    to = [[c - e for c, e in zip(s.center, eye.tolist(), strict=True)] for s in spheres]
+    d = [hypot(*x) for x in to]
+    wide = [s.radius / x for s, x in zip(spheres, d, strict=True)]
+    hides = {
+        i < j
+        for i, j in permutations(range(len(spheres)), 2)
+        if d[i] < d[j] and sum(map(mul, to[i], to[j])) > d[i] * d[j] * cos(0.8 * (wide[i] + wide[j]))
+    }
+    return len(hides) == 2
 
 
 def _drawn(rng: np.random.Generator, size: tuple[int, int], name: str) -> Scene:
@@ -157,10 +162,10 @@ def _spheres(rng: np.random.Generator, eye: np.ndarray, to_light: np.ndarray) ->
             for (x, y, z), r in zip(centers, radii, strict=True)
         ]
         close = (
-            np.linalg.norm(np.subtract(a.center, b.center)) < a.radius + b.radius + GAP
+            dist(a.center, b.center) < a.radius + b.radius + GAP
             for i, a in enumerate(made) for b in made[:i]
         )  # fmt: skip
-        if _overlap(made, eye) and not any(close):
+        if not any(close) and _overlap(made, eye):
             return made
 
 

@@ -98,6 +98,18 @@ def gathered(walks: Walks) -> Array:
     return np.asarray((walks.weight * (walks.sun + walks.sky)).sum(axis=0).mean(axis=-1).T)
 
 
+def undo(xd: Array, yd: Array, dist: Any) -> tuple[Array, Array]:
+    """The tracer's own way back through the lens, ended where nothing moves any more."""
+    x, y = undistort(xd, yd, dist, steps=5)
+    for _ in range(5):
+        further = undistort(xd, yd, dist, (x, y), steps=3)
+        moved = max(np.abs(further[0] - x).max(initial=0.0), np.abs(further[1] - y).max(initial=0.0))
+        x, y = further
+        if moved < 1e-13:
+            break
+    return x, y
+
+
 def direct_ray(x: Array, y: Array, camera: Camera) -> Rays:
     """(x, y, 1) made unit and turned to the board's axes, from the camera's centre."""
     d = np.stack([x, y, np.ones_like(x)])
@@ -158,7 +170,7 @@ def lambert(terms: Terms) -> Array:
 RIGHT = Steps(
     place=lambda u, v, camera: (u, v),
     lens=lambda camera: camera,
-    undo=undistort,
+    undo=undo,
     ray=direct_ray,
     camera=lambda camera: camera,
     objects=lambda things, camera: things,
