@@ -1431,8 +1431,17 @@ def _dotted(x: Terms, k: int, how: str) -> Terms:
     return x._replace(cos=3 * n[k] * l[k] if how == "all" else x.cos - n[k] * l[k] + made[how])
 
 
+def _to_place_by_eye(to: Array, scene: Scene, hits: Hits) -> Array:
+    """The same in the camera's frame."""
+    return _made_unit(to + np.array(scene.camera.eye)[:, None] - hits.point)
+
+
 def _grey(x: Array) -> Array:
     return np.broadcast_to(x.mean(axis=0, keepdims=True), x.shape)
+
+
+def _one_for_all(x: Terms, f: Callable[[Array], Any]) -> Array:
+    return np.asarray(f(x.irradiance) / x.irradiance)
 
 
 def _permuted(*order: int, sign: tuple[int, int, int] = (1, 1, 1)) -> Callable[[Array, Scene, Hits], Array]:
@@ -1513,6 +1522,14 @@ def _falloff(x: Terms) -> Array:
     return 1 / np.maximum((away * away).sum(axis=0), 1e-12)
 
 
+def _by_angle(x: Terms, f: Callable[[Array], Array]) -> Array:
+    return sun(x, f(np.clip(x.cos, 0, 1))) + ambient(x)
+
+
+def _by_distance(x: Terms, power: int) -> Array:
+    return np.linalg.norm(x.hits.point - np.array(x.scene.camera.eye)[:, None], axis=0) ** -power
+
+
 def _in_shadow(x: Terms) -> Array:
     return np.where((x.visible > 0) & (x.cos > 0), 0.0, 1.0)
 
@@ -1569,7 +1586,7 @@ LIGHTS = (
         *(half_lit(_permuted(*order)) for order in ((0, 2, 1), (1, 0, 2), (2, 1, 0)))),
     row("light-as-place", LIGHT,
         "to_light is used as a point that the light sits at: it is a direction, the same for every surface",
-        lit(_to_position), both(lit(_to_position), sun_times(_falloff)), half_lit(_to_position),
+        lit(_to_position), both(lit(_to_position), sun_times(_falloff)), half_lit(_to_position), lit(_to_place_by_eye),
         half_lit(_off_position), both(half_lit(_off_position), put(blocked=offset_by(1e-6))),
         both(half_lit(_to_position), sun_times(_falloff))),
     row("light-at-eye", LIGHT,
@@ -1588,6 +1605,14 @@ LIGHTS = (
     row("squared-cosine", LIGHT, "the cosine is squared: max(0, n·l) goes in once",
         shaded(lambda x: sun(x, np.maximum(x.cos, 0) ** 2) + ambient(x)),
         shaded(lambda x: sun(x, x.cos**2) + ambient(x))),
+    row("angle-for-cosine", LIGHT,
+        "n·l is the cosine of the angle already: take no arccos, cos or sin of it, and no degrees",
+        *(shaded(partial(_by_angle, f=f)) for f in (
+            np.cos, np.arccos, lambda c: np.sqrt(1 - c * c), lambda c: np.cos(np.degrees(np.arccos(c)))))),
+    row("distance-falloff", LIGHT,
+        "the sun's light gets weaker with distance: the sun is so far away that its irradiance is the same everywhere",
+        *(sun_times(partial(_by_distance, power=k)) for k in (2, 1)),
+        both(sun_times(partial(_by_distance, power=2)), sky_times(partial(_by_distance, power=2)))),
     row("no-cosine", LIGHT, "the cosine is missing: the sun's light falls with max(0, n·l)",
         shaded(lambda x: sun(x, np.where(x.cos > 0, 1.0, 0.0)) + ambient(x)),
         shaded(lambda x: sun(x, 1.0) + ambient(x))),
@@ -1631,12 +1656,13 @@ LIGHTS = (
         _colour(lambda x: x.albedo[::-1]), _colour(lambda x: np.broadcast_to(x.albedo[:1], x.albedo.shape)),
         _colour(lambda x: _grey(x.albedo))),
     row("light-colour", LIGHT, "the light's colour is lost: irradiance and sky have three channels",
-        sun_times(lambda x: _grey(x.irradiance) / x.irradiance),
-        sun_times(lambda x: x.irradiance[:1] / x.irradiance), sun_times(lambda x: x.irradiance[::-1] / x.irradiance),
+        *(sun_times(partial(_one_for_all, f=f)) for f in (np.mean, lambda E: E[:1], np.max, np.linalg.norm, np.sum)),
+        sun_times(lambda x: x.irradiance[::-1] / x.irradiance),
         sky_times(lambda x: _grey(x.sky) / np.maximum(x.sky, 1e-9)),
         sky_times(lambda x: x.sky[:1] / np.maximum(x.sky, 1e-9))),
     row("irradiance-missing", LIGHT, "the sun's irradiance E is missing: albedo/π E max(0, n·l)",
-        sun_times(lambda x: 1 / x.irradiance), sun_times(lambda x: pi / x.irradiance)),
+        sun_times(lambda x: 1 / x.irradiance), sun_times(lambda x: pi / x.irradiance),
+        sun_times(lambda x: 1 / x.irradiance.max()), sun_times(lambda x: 1 / np.linalg.norm(x.irradiance))),
     row("irradiance-squared", LIGHT, "the sun's irradiance is multiplied in twice", sun_times(lambda x: x.irradiance)),
     row("pi-multiplied", LIGHT, "the sun's part is multiplied by π where it has to be divided: albedo/π E max(0, n·l)",
         sun_times(pi * pi)),
@@ -1677,7 +1703,8 @@ LIGHTS = (
     row("sky-before-clamp", LIGHT, "the clamp comes too late: max(0, n·l) alone, then the sky's light is added",
         shaded(_sky_inside), shaded(_sky_in_cosine), shaded(_sky_as_irradiance)),
     row("sky-only-in-shadow", LIGHT, "the sky lights only what the sun does not: add it everywhere",
-        sky_times(_in_shadow), sky_times(lambda x: 1 - x.visible), sky_times(lambda x: np.where(x.cos > 0, 0.0, 1.0))),
+        sky_times(_in_shadow), sky_times(lambda x: 1 - x.visible), sky_times(lambda x: np.where(x.cos > 0, 0.0, 1.0)),
+        shaded(lambda x: np.maximum(sun(x), ambient(x)))),
     row("shadow-black", LIGHT, "shadows are black: the sky's light reaches them too",
         sky_times(lambda x: x.visible), sky_times(lambda x: 1 - _in_shadow(x)),
         sky_times(lambda x: np.where(x.cos > 0, 1.0, 0.0))),
@@ -1805,9 +1832,40 @@ def _as_lambert(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
     return (hits.normal * to).sum(axis=0) <= 0
 
 
-def _sphere_index(k: int, things: Casters) -> int:
-    spheres = [i for i, thing in enumerate(things) if is_sphere(thing)]
-    return spheres[k] if spheres else -1
+def _index(k: int, things: Casters, kind: type = Sphere) -> int:
+    alike = [i for i, thing in enumerate(things) if isinstance(thing, kind)]
+    return alike[k] if alike else -1
+
+
+def _one_of_its_kind(i: int, thing: Shape, things: Casters, k: int, kind: type) -> bool:
+    return not isinstance(thing, kind) or i == _index(k, things, kind)
+
+
+def _half_of_pairs(hits: Hits, to: Array, things: Casters, steps: Steps, later: bool) -> Array:
+    """Only what comes after the own object, or before it, casts shadows on it."""
+    met, k = np.isfinite(meet_all(hits.point, np.broadcast_to(to, hits.point.shape), things, steps)), hits.ids
+    index = np.arange(len(things))[:, None]
+    return (met & (index > k if later else index < k)).any(axis=0) | ((hits.normal * to).sum(axis=0) <= 0)
+
+
+def _whole_object(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
+    """Of the points that are looked at one in shadow darkens all of its object."""
+    one = others_hide(hits, to, things, steps)
+    return np.isin(hits.ids, hits.ids[one]) | ((hits.normal * to).sum(axis=0) <= 0)
+
+
+def _recast(x: Terms, start: Any = lambda p, eye: p, own: bool = False, lets: Any = lambda n: 1.0 * (n == 0)) -> Terms:
+    """Shadow rays start at another place, a function of (point, eye); `own`: and may meet the own object.
+
+    `lets`: the share of the light that n objects on the way let through.
+    """
+    if not x.shadows or not x.scene.objects:
+        return x
+    from_ = np.broadcast_to(start(x.hits.point, np.array(x.scene.camera.eye)[:, None]), x.hits.point.shape)
+    to = np.broadcast_to(np.array(x.scene.sun.to_light)[:, None], from_.shape)
+    met = np.isfinite(meet_all(from_, to, x.scene.objects, RIGHT))
+    met &= own | (x.hits.ids != np.arange(len(met))[:, None])
+    return x._replace(visible=lets(met.sum(axis=0)))
 
 
 def _dimmed(x: Terms, by: float) -> Array:
@@ -1840,11 +1898,12 @@ SHADOWS = (
         "frame",
         *(shadowed_by(partial(_turned_light, turn=f)) for f in (
             lambda R: R, lambda R: R.T, lambda R: np.diag([1, 1, -1.0]), lambda R: np.diag([-1.0, -1, 1])))),
-    row("shadow-to-eye", SHADOW, "shadow rays go to the eye, or away from it: they go to the sun, along to_light",
-        *(shadowed_by(partial(_to_eye, sign=k)) for k in (1, -1))),
+    row("shadow-to-eye", SHADOW,
+        "shadow rays go to the eye, away from it, or along the normal: they go to the sun, along to_light",
+        *(shadowed_by(partial(_to_eye, sign=k)) for k in (1, -1)), shadowed_by(lambda to, scene, hits: hits.normal)),
     row("shadow-to-place", SHADOW,
         "shadow rays go to to_light as if it were a point: it is a direction, the same for every surface",
-        shadowed_by(_to_position)),
+        shadowed_by(_to_position), shadowed_by(_to_place_by_eye)),
     row("shadow-bounded", SHADOW,
         "only near objects cast shadows: nothing bounds the way to the sun",
         *(shadows(within(limit)) for limit in (0.2, 0.1, 0.25, 0.3, 0.5, 1.0))),
@@ -1874,16 +1933,30 @@ SHADOWS = (
         cast_by(lambda i, thing, things: not is_sphere(thing))),
     row("one-casts", SHADOW,
         "only one object casts shadows: the answer of each test overwrites the one before; any hit hides the sun",
-        cast_by(lambda i, thing, things: i == _sphere_index(0, things)),
-        cast_by(lambda i, thing, things: i == _sphere_index(-1, things)),
+        cast_by(lambda i, thing, things: i == _index(0, things)),
+        cast_by(lambda i, thing, things: i == _index(-1, things)),
         cast_by(lambda i, thing, things: i == len(things) - 1),
+        *(cast_by(partial(_one_of_its_kind, k=k, kind=kind)) for k in (0, -1) for kind in (Sphere, Rectangle)),
         shadows(one_other(True)), shadows(one_other(False))),
+    row("half-of-pairs", SHADOW,
+        "objects are tested for shadows only against those that come later in the list, or earlier: test against all "
+        "but the point's own",
+        *(shadows(partial(_half_of_pairs, later=later)) for later in (True, False))),
+    row("whole-object-in-shadow", SHADOW,
+        "one point in shadow darkens its whole object: np.any over all points instead of over the objects (axis=0), "
+        "each point has a shadow ray of its own",
+        shadows(_whole_object)),
     row("one-casts-not", SHADOW, "one of the spheres casts no shadow: test shadow rays against all of them",
-        cast_by(lambda i, thing, things: i != _sphere_index(0, things)),
-        cast_by(lambda i, thing, things: i != _sphere_index(-1, things))),
+        cast_by(lambda i, thing, things: i != _index(0, things)),
+        cast_by(lambda i, thing, things: i != _index(-1, things))),
     row("shadow-from-elsewhere", SHADOW,
         "shadow rays start in the wrong place: they start at the point that the eye's ray met",
-        shadows(_from_center)),
+        shadows(_from_center),
+        *(terms(partial(_recast, start=start, own=own)) for own in (False, True) for start in (
+            lambda p, eye: 0 * p, lambda p, eye: eye, lambda p, eye: p - eye))),
+    row("shadow-counts", SHADOW,
+        "what several objects hide is darker than what one hides: each hit takes light away once more, one is enough",
+        *(terms(partial(_recast, lets=lets)) for lets in (lambda n: 1.0 - n, lambda n: 0.5**n))),
     row("shadow-inverted", SHADOW, "light and shadow are swapped: V is 1 where the way to the sun is free",
         shadows(lambda hits, to, things, steps: ~hidden(hits, to, things, steps)),
         shadows(lambda hits, to, things, steps: ~others_hide(hits, to, things, steps))),
@@ -1921,6 +1994,10 @@ def _gradient(scene: Scene, d: Array, axis: int, camera: bool, blue: bool) -> Ar
     height = -(np.asarray(scene.camera.R_cam_board) @ d)[axis] if camera else d[axis]
     a = (height + 1) / 2
     return (1 - a) + a * (np.array([0.5, 0.7, 1.0]) if blue else np.array(scene.sky.radiance))[:, None]
+
+
+def _rounded(x: Array, digits: int) -> Array:
+    return np.round(x, digits)
 
 
 def _sky_scaled(scene: Scene, k: float) -> Array:
@@ -1965,6 +2042,8 @@ OUTPUTS = (
         shown(lambda x: np.floor(np.clip(x, 0, 1) * 255) / 255), shown(lambda x: np.rint(np.clip(x, 0, 1) * 255) / 255),
         shown(lambda x: srgb_decode(np.floor(srgb_encode(np.clip(x, 0, 1)) * 255) / 255)),
         shown(lambda x: srgb_decode(np.rint(srgb_encode(np.clip(x, 0, 1)) * 255) / 255))),
+    row("rounded", OUTPUT, "the values are rounded, to whole numbers or a few digits: hand in floats as they are",
+        shown(np.floor), shown(np.rint), *(shown(partial(_rounded, digits=k)) for k in (1, 2, 3))),
     row("times-255", OUTPUT, "the values are 255 times too large: radiance is not a byte",
         shown(lambda x: 255 * x), shown(lambda x: np.floor(np.clip(x, 0, 1) * 255)),
         shown(lambda x: np.rint(np.clip(x, 0, 1) * 255))),
