@@ -35,7 +35,7 @@ def built(tmp_path_factory) -> Path:
     """A folder with the sdist, and the wheel made of it."""
     out, source = tmp_path_factory.mktemp("dist"), tmp_path_factory.mktemp("source")
     # Of a copy: building writes beside what it builds, where another run may be at it.
-    for part in ("src", "scenes", "reference", "tests", ".ci"):
+    for part in ("src", "scenes", "reference", "tests", ".ci", ".github"):
         shutil.copytree(ROOT / part, source / part, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
     for part in ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE"):
         shutil.copy(ROOT / part, source)
@@ -111,7 +111,21 @@ def test_the_wheel_brings_scenes_and_references_and_stays_small(built):
 
 def test_the_sdist_brings_tests_scenes_and_references(built):
     there = contents(next(built.glob("*.tar.gz")))
-    assert tracked("src", "scenes", "reference", "tests", ".ci", "README.md", "setup.py", "pyproject.toml") <= there
+    parts = "src", "scenes", "reference", "tests", ".ci", ".github", "README.md", "setup.py", "pyproject.toml"
+    assert tracked(*parts) <= there
+
+
+def test_the_sdists_own_tests_find_what_they_need_beside_them(built, tmp_path):
+    """A part of them: the READMEs' links, which lead everywhere, and the references with their scenes."""
+    with tarfile.open(next(built.glob("*.tar.gz"))) as tar:
+        tar.extractall(tmp_path, filter="data")
+    (root,) = tmp_path.iterdir()
+    links = "tests/test_readme.py::test_links_lead_to_files_that_are_there"
+    references = "tests/jobs/test_reference.py::test_a_shipped_reference_is_whole_and_of_its_scene"
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", links, references]
+    environment = clean_environment(tmp_path) | {"PYTHONPATH": str(root / "src")}
+    done = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stdout[-3000:]
 
 
 def test_an_installed_raytwin_does_its_jobs_in_an_empty_folder(installed):
