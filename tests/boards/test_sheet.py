@@ -25,6 +25,7 @@ BOARDS = {
     "the task's, on letter": (Board("tag36h11", 0.030, Grid(5, 7, 0.038)), LETTER, True),
     "turned, up to the last id, the smallest gap": (Board("tag36h11", 0.030, Grid(8, 4, 0.03375, 555)), A4, False),
     "another family, narrow paper": (Board("tag16h5", 0.0254, Grid(2, 3, 0.03302, 7)), (0.09, 0.127), True),
+    "counted downwards": (Board("tag36h11", 0.02, Grid(2, 3, 0.025, 3, "down")), (0.1, 0.13), False),
     "small tags": (Board("tag25h9", 0.014, Grid(5, 7, 0.016)), (0.12, 0.2), False),
 }
 TASK = BOARDS["the task's, on letter"][0]

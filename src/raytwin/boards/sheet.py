@@ -89,7 +89,8 @@ def _fit(
     spare = (paper[1] - needed[1]) / 2
     bottom = margin + spare
     left = (paper[0] - wide) / 2
-    origin = left + board.tag_edge / 2, bottom + strip + ring + board.tag_edge / 2
+    row_0 = bottom + strip + ring + board.tag_edge / 2 + (high - board.tag_edge if grid.order == "down" else 0)
+    origin = left + board.tag_edge / 2, row_0
     notes = NOTES if beside else 0
     return Sheet(board, paper, origin, ((paper[0] - bar - notes) / 2, bottom), bar, beside, inches), needed
 
