@@ -1226,6 +1226,20 @@ def _albedo_for_normal(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
     return _fixed(n, thing.material.albedo)
 
 
+def _by_number(x: Terms, inside: bool) -> Terms:
+    """Sphere k has the normal of plane k, and planes have none; `inside`: shadow rays start there, and meet it."""
+    flats = [thing.normal for thing in x.scene.objects if isinstance(thing, Rectangle)]
+    balls = [k for k, thing in enumerate(x.scene.objects) if is_sphere(thing)]
+    table = np.zeros((len(x.scene.objects) + 1, 3))
+    for k, normal in zip(balls, flats, strict=False):
+        table[k] = normal
+    given, d = table[x.hits.ids].T, x.hits.point - np.array(x.scene.camera.eye)[:, None]
+    given = np.where((given * d).sum(axis=0) > 0, -given, given)
+    n = np.where(_on_plane(x) | given.any(axis=0), given, x.hits.normal)
+    dark = ((n * x.hits.normal).sum(axis=0) < 0) & (inside and x.shadows)
+    return x._replace(cos=np.array(x.scene.sun.to_light) @ n, visible=x.visible * ~dark)
+
+
 def _by_area(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
     return n if isinstance(thing, Sphere) else n / np.linalg.norm(np.cross(thing.half_u, thing.half_v))
 
@@ -1338,6 +1352,10 @@ NORMALS_ = (
         "the sphere that was hit",
         *(both(put(blocked=others_hide), terms(partial(_of_other_center, k=k, unit=unit, inside=inside)))
           for k in (-1, 0) for unit, inside in ((True, False), (False, False), (False, True)))),
+    row("normal-by-number", NORMALS,
+        "the planes' normals are given to the spheres of the same number: in one list of all objects plane k has the "
+        "number k + len(spheres)",
+        *(both(put(blocked=others_hide), terms(partial(_by_number, inside=dark))) for dark in (True, False))),
     row("normal-to-eye", NORMALS,
         "the spheres' normals are the directions to the eye: n = (p - center) / radius",
         normals(lambda n, p, rays, thing: -_made_unit(p - rays.origin) if is_sphere(thing) else n)),
