@@ -946,7 +946,7 @@ SOLVERS = (
         *(flat(reach(lambda u, v, k=k: u**k, lambda u, v, k=k: v**k)) for k in (-1, -2, 1))),
     row("extent-from-elsewhere", SOLVER,
         "a rectangle's extent is measured from the wrong point: q = p - center, where p = origin + t direction",
-        flat(about=0), flat(start=0)),
+        flat(about=0), flat(start=0), flat(about=0, start=0)),
     row("box-for-rectangle", SOLVER,
         "a rectangle's extent is tested along the axes of the board, so that turned ones have another shape: test "
         "along its own edges, |q·u| <= u·u, |q·v| <= v·v",
@@ -1517,6 +1517,10 @@ def _summed(x: Terms, light: Array) -> Array:
     return np.broadcast_to((x.albedo * light).sum(axis=0), x.albedo.shape)
 
 
+def _sky_scaled(scene: Scene, k: float) -> Array:
+    return k * np.array(scene.sky.radiance)
+
+
 def _ambient_of(x: Terms, k: float) -> Array:
     return sun(x) + k * x.albedo
 
@@ -1716,6 +1720,10 @@ LIGHTS = (
         *(shaded(partial(_ambient_of, k=k)) for k in (0.1, 0.2, 0.05, 0.3, 0.5))),
     row("sky-without-colour", LIGHT, "the sky's radiance is left out of its part: albedo Lₛ, not albedo",
         shaded(lambda x: sun(x) + x.albedo)),
+    row("sky-on-all", LIGHT,
+        "the sky's radiance is added to every pixel, to surfaces too: only rays that meet nothing show it as it is",
+        shaded(lambda x: lambert(x) + x.sky),
+        both(shaded(lambda x: lambert(x) + x.sky), behind(partial(_sky_scaled, k=2.0)))),
     row("sky-times-sun", LIGHT, "the sky's part is multiplied by the sun's irradiance: it is albedo Lₛ",
         sky_times(lambda x: x.irradiance), sky_times(lambda x: x.irradiance / pi)),
     row("sky-before-clamp", LIGHT, "the clamp comes too late: max(0, n·l) alone, then the sky's light is added",
@@ -2018,10 +2026,6 @@ def _rounded(x: Array, digits: int) -> Array:
     return np.round(x, digits)
 
 
-def _sky_scaled(scene: Scene, k: float) -> Array:
-    return k * np.array(scene.sky.radiance)
-
-
 def _channel(x: Array, k: int) -> Array:
     return np.broadcast_to(x[..., k : k + 1], x.shape)
 
@@ -2093,7 +2097,9 @@ OUTPUTS = (
         "the background is not the sky's radiance as it is: a factor of π or 2 has slipped in",
         *(behind(partial(_sky_scaled, k=k)) for k in (pi, 1 / pi, 2.0, 0.5))),
     row("background-sun", OUTPUT, "the background shows the sun's colour: it shows the sky's radiance",
-        behind(lambda scene: scene.sun.irradiance), behind(lambda scene: np.array(scene.sun.irradiance) / pi)),
+        behind(lambda scene: scene.sun.irradiance),
+        behind(lambda scene: np.add(scene.sky.radiance, scene.sun.irradiance)),
+        behind(lambda scene: np.array(scene.sun.irradiance) / pi)),
     row("premultiplied", OUTPUT, "colours are multiplied by their own coverage or value once more (premultiplied)",
         shown(lambda x: x * x)),
     row("half-bright", OUTPUT, "the whole image, background too, is half as bright", shown(lambda x: x / 2)),
