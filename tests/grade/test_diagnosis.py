@@ -13,6 +13,7 @@ from raytwin.grade.diagnosis import Cause, Guess, View, _ranked, diagnose, expla
 from raytwin.grade.predict import RIGHT, Bench
 from raytwin.grade.sight import look, many
 from raytwin.grade.split import split
+from raytwin.grade.whereabouts import whereabouts
 from raytwin.image import Image
 from raytwin.methods.exchange import as_arrays
 from raytwin.speed import light_parts
@@ -159,6 +160,13 @@ def test_a_second_fault_that_few_pixels_show_makes_the_first_unsure_and_it_is_to
     assert names(made) == ["bgr"]
     assert made.sureness == "likely"
     assert "something else is wrong, too: wrong in single pixels" in made.words[0]
+
+
+def test_of_few_wrong_pixels_it_is_said_where_they_are():
+    sight = look(View(SCENES[0], trace(SCENES[0]).mean)).everywhere(10_000)
+    errors = np.where(np.arange(sight.index.size) == 2400, 1.0, 0.0)
+    sight.weight *= 1e-3
+    assert whereabouts([sight], [errors]).startswith("wrong in single pixels (0.021 %), most ")
 
 
 def test_the_typical_form_of_a_fault_comes_before_the_untypical_one_of_another():

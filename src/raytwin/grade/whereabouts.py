@@ -26,7 +26,7 @@ def whereabouts(sights: Sequence[Sight], errors: Sequence[Array]) -> str:
         return "right everywhere"
     table = np.zeros((3, 3, 2, 2))  # kind, light, outline, (all, wrong)
     for s, b, some in zip(sights, bad, share, strict=True):
-        if some < 1e-4:
+        if some < min(1e-4, max(share)):
             continue
         kind, light = _regions(s)
         for wrong in (0, 1):
