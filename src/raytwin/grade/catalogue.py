@@ -5,7 +5,7 @@ same sentence. To add a fault, add a row; to add a way, add it to its row. Facto
 rows of `fitted`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import islice, product
@@ -171,6 +171,26 @@ def fixed_point(steps: int, divide: bool) -> Change:
             else:
                 ax, ay = distort(x, y, dist)
                 x, y = x - (ax - xd), y - (ay - yd)
+        return x, y
+
+    return put(undo=undo)
+
+
+def cumulative(steps: int, divide: bool = True, tangential: bool = True) -> Change:
+    """x = (x - tangential) / radial, or x = x - (distort(x) - x), so many times: corrected again, not from x'."""
+
+    def undo(xd: Array, yd: Array, dist: Any) -> tuple[Array, Array]:
+        k1, k2, p1, p2, k3 = dist if tangential else (*dist[:2], 0.0, 0.0, dist[4])
+        x, y = xd, yd
+        for _ in range(steps):
+            if divide:
+                rr = x * x + y * y
+                radial = 1 + rr * (k1 + rr * (k2 + rr * k3))
+                dx, dy = 2 * p1 * x * y + p2 * (rr + 2 * x * x), p1 * (rr + 2 * y * y) + 2 * p2 * x * y
+                x, y = (x - dx) / radial, (y - dy) / radial
+            else:
+                ax, ay = distort(x, y, (k1, k2, p1, p2, k3))
+                x, y = 2 * x - ax, 2 * y - ay
         return x, y
 
     return put(undo=undo)
@@ -386,6 +406,12 @@ CAMERAS = (
         "undoing the distortion stops too early: the corners are still off; repeat until nothing moves any more",
         *(fixed_point(n, divide) for divide in (True, False) for n in (1, 2, 3, 4, 5, 6, 8)),
         *(put(undo=partial(undistort, steps=n)) for n in (1, 2))),
+    row("distortion-cumulative", CAMERA,
+        "each step that undoes the distortion corrects the estimate of the step before once more: start every step "
+        "from the distorted point, x = (x' - tangential) / radial; the estimate belongs in tangential and radial alone",
+        *(cumulative(n) for n in (2, 3, 4, 5, 6, 8, 10, 20, 30, 50)),
+        *(cumulative(n, tangential=False) for n in (5, 10)),
+        *(cumulative(n, divide=False) for n in (2, 3, 4, 5, 10))),
     row("k3-left-out", CAMERA, "k3, the fifth coefficient of the distortion, is left out",
         coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, p1, p2, 0.0))),
     row("k2-left-out", CAMERA, "k2, the second coefficient of the distortion, is left out",
@@ -1090,6 +1116,64 @@ def less(kind: Any, lost: Callable[[list[int]], list[int]]) -> tuple[Change, Cha
     return lambda s: s._replace(objects=lambda things, camera: gone(s.objects(things, camera))), put(order=order)
 
 
+def offset_by(eps: float, along_light: bool = False) -> Callable[[Hits, Array, Casters, Steps], Array]:
+    """The shadow ray starts eps metres along the normal (or towards the light), and may meet its own object."""
+
+    def blocked(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
+        away = np.broadcast_to(to, hits.point.shape) if along_light else hits.normal
+        return _any_blocks(hits.point + eps * away, to, things, steps)
+
+    return blocked
+
+
+def _any_blocks(start: Array, to: Array, things: Casters, steps: Steps, limit: float = np.inf) -> Array:
+    to = np.broadcast_to(to, start.shape)
+    t = meet_all(start, to, things, steps)
+    return np.asarray((np.isfinite(t) & (t < limit)).any(axis=0))
+
+
+def all_at_last(*kinds: type) -> Change:
+    """Of each of these kinds the last one is in the place of all: the first one's colour is seen on it."""
+
+    def merged(things: Casters) -> Casters:
+        made = list(things)
+        for kind in kinds:
+            alike = [i for i, thing in enumerate(things) if isinstance(thing, kind)]
+            for i in alike[1:]:
+                made[i] = _gone(things[i])
+            for i in alike[:1]:
+                made[i] = msgspec.structs.replace(things[alike[-1]], material=things[i].material)
+        return tuple(made)
+
+    return lambda s: s._replace(objects=lambda things, camera: merged(s.objects(things, camera)))
+
+
+def _by_rounded(t: Array, things: Casters, rays: Rays, to: Any, unit: bool) -> Array:
+    """The least rounded t, of rays that are `unit` or have z = 1; of those that are equal the first."""
+    return nearest(to(t / (1.0 if unit else rays.stretch)), things, rays)
+
+
+def _at_rounded(rays: Rays, t: Array, to: Any, unit: bool) -> Array:
+    stretch = 1.0 if unit else rays.stretch
+    return rays.origin + to(t / stretch) * stretch * rays.aim
+
+
+def _of_true_point(point: Array, rays: Rays, thing: Shape) -> Array:
+    """Normals that are taken where the ray meets the object, whatever point is kept."""
+    t = meet(rays.origin, rays.d, thing, RIGHT)
+    return outward(rays.origin + np.where(np.isfinite(t), t, 0) * rays.d, rays, thing)
+
+
+def rounded_t(to: Any) -> Iterator[Change]:
+    """t is kept as to(t): to be compared alone, for where shadow rays start, too, or even for normals."""
+    for unit in (True, False):
+        order = put(order=partial(_by_rounded, to=to, unit=unit))
+        yield order
+        for test in (offset_by(1e-6), others_hide):
+            point = both(order, put(point=partial(_at_rounded, to=to, unit=unit), blocked=test))
+            yield from (both(point, put(normal=_of_true_point)), point)
+
+
 ORDERS = (
     row("last-wins", ORDER,
         "no depth test: of all objects on a ray, the last one tested is shown; keep the one of the smallest t",
@@ -1134,13 +1218,25 @@ ORDERS = (
         *(both(put(blocked=test), terms(partial(
             _all_written, kinds=(Sphere, Rectangle), albedo=True, normal=True, there=False)))
           for test in (hidden, others_hide))),
-    row("one-sphere", ORDER, "only one of the spheres is there: test every ray against all of them",
-        *less(Sphere, lambda alike: alike[1:]), *less(Sphere, lambda alike: alike[:-1])),
+    row("t-rounded", ORDER,
+        "t is kept in whole numbers or few digits (np.full(n, 10000) makes an array of integers): objects are compared "
+        "by it, or points are made of it; keep it in float64, np.full(n, np.inf)",
+        *rounded_t(np.floor), *(put(order=partial(_by_rounded, to=f, unit=unit))
+                                for f in (np.rint, partial(np.round, decimals=1)) for unit in (True, False)),
+        *(put(point=partial(_at_rounded, to=partial(np.round, decimals=k), unit=True), blocked=others_hide)
+          for k in (0, 1, 2))),
+    row("one-sphere", ORDER,
+        "only one of the spheres is there, in its own colour or in another's: test every ray against each of them "
+        "(functions that are made in a loop see its variable as it is in the end: the last sphere)",
+        *less(Sphere, lambda alike: alike[1:]), *less(Sphere, lambda alike: alike[:-1]),
+        all_at_last(Sphere), all_at_last(Sphere, Rectangle)),
     row("object-missing", ORDER, "one object is missing: the loop ends too early or begins too late, test them all",
         *(way for kind, one in product((Sphere, Rectangle, (Sphere, Rectangle)), (slice(1), slice(-1, None)))
           for way in less(kind, itemgetter(one)))),
-    row("one-plane", ORDER, "only one of the planes is there: test every ray against all of them",
-        *less(Rectangle, lambda alike: alike[1:]), *less(Rectangle, lambda alike: alike[:-1])),
+    row("one-plane", ORDER,
+        "only one of the planes is there, in its own colour or in another's: test every ray against each of them "
+        "(functions that are made in a loop see its variable as it is in the end: the last plane)",
+        *less(Rectangle, lambda alike: alike[1:]), *less(Rectangle, lambda alike: alike[:-1]), all_at_last(Rectangle)),
 )  # fmt: skip
 
 
@@ -1560,20 +1656,9 @@ def _up(x: Terms) -> Array:
     return (1 + x.hits.normal[2]) / 2
 
 
-def offset_by(eps: float, along_light: bool = False) -> Callable[[Hits, Array, Casters, Steps], Array]:
-    """The shadow ray starts eps metres along the normal (or towards the light), and may meet its own object."""
-
-    def blocked(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
-        away = np.broadcast_to(to, hits.point.shape) if along_light else hits.normal
-        return _any_blocks(hits.point + eps * away, to, things, steps)
-
-    return blocked
-
-
-def _any_blocks(start: Array, to: Array, things: Casters, steps: Steps, limit: float = np.inf) -> Array:
-    to = np.broadcast_to(to, start.shape)
-    t = meet_all(start, to, things, steps)
-    return np.asarray((np.isfinite(t) & (t < limit)).any(axis=0))
+def where_cast(change: Change) -> Change:
+    """What is done in shadow is done where another object casts it: what faces away from the sun is not tested."""
+    return both(put(blocked=others_hide), change)
 
 
 LIGHTS = (
@@ -1730,10 +1815,11 @@ LIGHTS = (
         shaded(_sky_inside), shaded(_sky_in_cosine), shaded(_sky_as_irradiance)),
     row("sky-only-in-shadow", LIGHT, "the sky lights only what the sun does not: add it everywhere",
         sky_times(_in_shadow), sky_times(lambda x: 1 - x.visible), sky_times(lambda x: np.where(x.cos > 0, 0.0, 1.0)),
+        where_cast(sky_times(lambda x: 1 - x.visible)),
         shaded(lambda x: np.maximum(sun(x), ambient(x)))),
     row("shadow-black", LIGHT, "shadows are black: the sky's light reaches them too",
         sky_times(lambda x: x.visible), sky_times(lambda x: 1 - _in_shadow(x)),
-        sky_times(lambda x: np.where(x.cos > 0, 1.0, 0.0))),
+        sky_times(lambda x: np.where(x.cos > 0, 1.0, 0.0)), where_cast(sky_times(lambda x: x.visible))),
     row("sky-by-height", LIGHT, "the sky's light is weighed by the normal: here it is albedo Lₛ whatever way it faces",
         sky_times(_up), sky_times(lambda x: np.maximum(x.hits.normal[2], 0)),
         sky_times(lambda x: np.maximum(x.cos, 0)), sky_times(lambda x: x.visible * np.maximum(x.cos, 0))),
@@ -1894,6 +1980,15 @@ def _recast(x: Terms, start: Any = lambda p, eye: p, own: bool = False, lets: An
     return x._replace(visible=lets(met.sum(axis=0)))
 
 
+def _without(x: Terms, what: str) -> Array:
+    """The factor of the sky's part by which the albedo or the sky is not in it where the sun is hidden."""
+    return np.where(x.visible > 0, 1.0, 1 / np.maximum(getattr(x, what), 1e-9))
+
+
+def _grey_where_dark(x: Terms, k: float) -> Array:
+    return np.where(x.visible > 0, lambert(x), k)
+
+
 def _dimmed(x: Terms, by: float) -> Array:
     return lambert(x._replace(visible=np.ones_like(x.visible))) * np.where(x.visible > 0, 1.0, by)
 
@@ -1988,13 +2083,15 @@ SHADOWS = (
         shadows(lambda hits, to, things, steps: ~others_hide(hits, to, things, steps))),
     row("shadow-colour", SHADOW,
         "shadowed points have a colour of their own: there as elsewhere the sky gives albedo Lₛ, the sun alone is gone",
-        sky_times(lambda x: np.where(x.visible > 0, 1.0, 1 / np.maximum(x.albedo, 1e-9))),
-        sky_times(lambda x: np.where(x.visible > 0, 1.0, 1 / np.maximum(x.sky, 1e-9)))),
+        *(way(sky_times(partial(_without, what=what))) for way in (both, where_cast) for what in ("albedo", "sky")),
+        *(way(shaded(partial(_grey_where_dark, k=k))) for way in (both, where_cast) for k in (0.05, 0.1, 0.2))),
     row("shadow-on-sky", SHADOW,
         "shadows take away the sky's light and leave the sun's: it is the other way round",
-        shaded(lambda x: lambert(x._replace(visible=np.ones_like(x.visible), sky=x.sky * x.visible)))),
+        shaded(lambda x: lambert(x._replace(visible=np.ones_like(x.visible), sky=x.sky * x.visible))),
+        where_cast(shaded(
+            lambda x: lambert(x._replace(visible=np.ones_like(x.visible), sky=x.sky * x.visible))))),
     row("shadow-dims-all", SHADOW, "shadows scale the whole light: they take away the sun's part alone",
-        *(shaded(partial(_dimmed, by=k)) for k in (0.5, 0.3, 0.2))),
+        *(way(shaded(partial(_dimmed, by=k))) for way in (both, where_cast) for k in (0.5, 0.3, 0.2))),
 )  # fmt: skip
 
 

@@ -133,6 +133,18 @@ def _fixed_point(steps: int) -> Callable[[Any, Any, Any], Any]:
     return undo
 
 
+def _cumulative(steps: int, divide: bool) -> Callable[[Any, Any, Any], Any]:
+    """Each step begins with the estimate, not with the distorted point."""
+
+    def undo(xd: Any, yd: Any, dist: Any) -> Any:
+        x, y = xd, yd
+        for _ in range(steps):
+            x, y = _fixed_point(1)(x, y, dist) if divide else _corrected(1)(x, y, dist)
+        return x, y
+
+    return undo
+
+
 def _corrected(steps: int) -> Callable[[Any, Any, Any], Any]:
     """What is too much after distorting is taken off, `steps` times."""
 
@@ -175,6 +187,10 @@ VARIANTS = (
               _lens(_fixed_point(steps))) for steps in (1, 2, 3, 4, 5)),
     *(Variant("too few steps", f"the distortion is undone with too few steps ({steps} of x += xd - distort(x)): "
               "iterate until nothing moves", _lens(_corrected(steps))) for steps in (2, 3, 4, 5)),
+    *(Variant("corrected again and again", "each step that undoes the distortion corrects the estimate of the step "
+              "before once more: start every step from the distorted point, x = (x' - tangential) / radial",
+              _lens(_cumulative(steps, divide)))
+      for divide, some in ((True, (2, 3, 4, 5, 6, 8, 10, 20, 30, 50)), (False, (2, 3, 4, 5, 10))) for steps in some),
     Variant("k3 left out", "k3, the fifth coefficient, is left out", _before(_only(0, 1, 2, 3))),
     Variant("p1 and p2 left out", "the tangential distortion is left out: p1 and p2, the third and fourth coefficient",
             _before(_only(0, 1, 4))),
