@@ -56,7 +56,7 @@ CLEAR = 0.1
 """Of the cost: what leaves less of it is looked at no further for numbers to be fitted."""
 CLOSE = 4
 """Of the cost of the best: what costs more on few pixels is not tried on all."""
-TEMPTING = 10
+TEMPTING = 16
 """Faults that are tried with every habit."""
 EVEN = 5e-4
 """Of the cost without any cause: differences that make no cause better than another."""
