@@ -11,7 +11,7 @@ from raytwin.scene import Scene, Sphere
 MUCH, LITTLE = 0.05, 0.005
 """A region is wrong where more of its pixels are, and right where fewer are."""
 KINDS = ("spheres", "planes", "the background")
-LIGHTS = ("lit", "facing away from the sun", "in cast shadow")
+LIGHTS = ("in sunlight", "facing away from the sun", "in cast shadow")
 
 
 def whereabouts(sights: Sequence[Sight], errors: Sequence[Array]) -> str:
@@ -66,7 +66,7 @@ def _said(table: Array) -> str:
         if at:
             named.append(_name(kind, at, has))
     clean = not (there & ~wrong & (rate > LITTLE)).any()
-    text = " and ".join(named) if len(named) < 3 else ", ".join(named[:-1]) + " and " + named[-1]
+    text = _listed(named)
     return f"wrong only {text}, right elsewhere" if clean else f"wrong {text}, mostly right elsewhere"
 
 
@@ -96,8 +96,12 @@ def _objects(sights: Sequence[Sight], bad: Sequence[Array]) -> str:
                 rates[name] = float((s.weight * b)[here].sum() / s.weight[here].sum())
         wrong = [name for name, rate in rates.items() if rate > MUCH]
         if wrong and any(rate < LITTLE for rate in rates.values()):
-            said.append(f"{' and '.join(wrong)} of {_scene(s).name}")
-    return f"; of the spheres only {', '.join(said[:3])}" if said else ""
+            said.append(f"{_listed(wrong)} of {_scene(s).name}")
+    return f"; of the spheres only {'; '.join(said[:3])}" if said else ""
+
+
+def _listed(words: Sequence[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def _scene(sight: Sight) -> Scene:
