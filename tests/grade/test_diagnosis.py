@@ -8,9 +8,10 @@ from raytwin.files.rounding import half_code
 from raytwin.grade import draw
 from raytwin.grade.between import between
 from raytwin.grade.catalogue import CHANCES, FAULTS, SAMPLING, STAGES, cached
+from raytwin.grade.clues import _some, averaged, by_channel, stale, wrong_channels
 from raytwin.grade.common import costs
 from raytwin.grade.diagnosis import Cause, Guess, View, _ranked, diagnose, explain
-from raytwin.grade.predict import RIGHT, Bench
+from raytwin.grade.predict import FIRST, RIGHT, Before, Bench
 from raytwin.grade.sight import look, many
 from raytwin.grade.split import split
 from raytwin.grade.whereabouts import whereabouts
@@ -28,6 +29,7 @@ def small(name):
 
 
 SCENES = [small(name) for name in SIZES]
+DRAWN = [draw.draw_scene(seed, (60, 44)) for seed in (1, 2)]
 
 
 def bench(scene):
@@ -35,9 +37,10 @@ def bench(scene):
     return Bench(scene, u, v)
 
 
-def planted(change, scene):
+def planted(change, scene, before=FIRST):
     """The picture of a tracer with this fault."""
     made = bench(scene)
+    made.before = before
     with np.errstate(all="ignore"):
         picture = change(RIGHT).output(made.radiance(change(RIGHT)), 1.0)
     return picture.reshape(scene.camera.height, scene.camera.width, 3)
@@ -114,7 +117,8 @@ def test_several_rays_a_pixel_are_told_and_a_mistake_of_its_own_is_not_taken_for
     scene = SCENES[1]
     corners = [fault("half-pixel").ways[0], lambda s: s, *fault("half-pixel").ways[2:]]
     mean = np.mean([planted(way, scene) for way in corners], axis=0)
-    assert names(diagnose([View(scene, mean)], most=1)) == ["beside-the-centre"]
+    assert names(diagnose([View(scene, mean)], most=1)) == ["averaged-from-corner"]
+    assert between(many([View(scene, mean)], 0))[0].name == "beside-the-centre"
     odd = View(scene, planted(fault("sky-missing").ways[0], scene))
     assert between(many([odd], 0)) is None
 
@@ -213,6 +217,63 @@ def test_rays_that_are_kept_from_another_scene_of_the_same_size_are_told():
     change = cached(cameras[:1], cameras)[0].ways[0]
     made = diagnose([View(scene, planted(change, scene)) for scene in SCENES[1:]], most=1)
     assert names(made) == ["rays-kept"]
+
+
+def test_a_channel_that_is_read_from_another_one_is_told_by_term_and_channel():
+    index = [0, 1, 1]
+
+    def change(s):
+        return s._replace(shade=lambda x: s.shade(x._replace(irradiance=x.irradiance[index], sky=x.sky[index])))
+
+    made = diagnose([View(scene, planted(change, scene)) for scene in DRAWN], most=1)
+    assert names(made) == ["channel-of-the-irradiance-and-the-sky"]
+    assert "blue from green" in made.words[0]
+    assert made.sureness == "sure"
+
+
+def test_a_formula_that_is_wrong_in_one_channel_alone_is_told_with_the_channel():
+    sights = many([View(scene, planted(lambda s: s, scene) * [0.5, 1, 1]) for scene in DRAWN])
+    assert wrong_channels(sights) == (0,)
+    found = next(f for f in by_channel((0,)) if f.name == "squared-cosine-in-one-channel")
+    made = diagnose([View(scene, planted(found.ways[0], scene)) for scene in DRAWN], most=1)
+    assert names(made) == ["squared-cosine-in-one-channel"]
+    assert "in red alone" in made.words[0]
+
+
+def test_the_mean_of_several_rays_a_pixel_is_told_for_sure():
+    made = diagnose([View(scene, planted(averaged()[0].ways[0], scene)) for scene in DRAWN], most=1)
+    assert names(made) == ["averaged-over-pixel"]
+    assert made.sureness == "sure"
+
+
+@pytest.mark.parametrize("name", ["objects-kept", "light-kept"])
+def test_what_a_process_keeps_of_earlier_scenes_is_told(name):
+    """The first scene is right; a wrong one that nothing came before speaks against it."""
+    befores = [Before("render"), Before("render", (("render", DRAWN[0]),))]
+    right = [View(scene, planted(lambda s: s, scene), before=b) for scene, b in zip(DRAWN, befores, strict=True)]
+    (one,) = (f for f in stale(many(right)) if f.name == name)
+    shown = [planted(one.ways[0], scene, b) for scene, b in zip(DRAWN, befores, strict=True)]
+    told = diagnose([View(s, x, before=b) for s, x, b in zip(DRAWN, shown, befores, strict=True)], most=1)
+    assert names(told) == [name]
+    assert stale(many([View(DRAWN[0], shown[1], before=befores[0])])) == ()
+
+
+def test_scenes_are_kept_by_stages_together_or_by_each_on_its_own():
+    calls = (("hit_points", SCENES[0]), ("render", SCENES[1]))
+    both = ("hit_points", "render")
+    assert _some(Before("render", calls), both, apart=False) == [SCENES[0], SCENES[1]]
+    assert _some(Before("render", calls), both, apart=True) == [SCENES[1]]
+    assert _some(Before("hit_points", calls), ("render",), apart=False) == []
+
+
+def test_where_a_few_pixels_of_large_pictures_are_wrong_is_said_without_a_warning():
+    scene = SCENES[0].with_camera(SCENES[0].camera.resized(160, 120))
+    (sight,) = many([View(scene, trace(scene).mean)])
+    sight = sight.everywhere(25_000)
+    errors = np.zeros(sight.index.size)
+    errors[7000] = 1.0
+    assert (sight.weight * (errors > sight.tau)).sum() < 1e-4
+    assert whereabouts([sight], [errors]).startswith("wrong in single pixels")
 
 
 def test_shadows_on_the_rung_without_any_are_told():

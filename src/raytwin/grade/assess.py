@@ -34,6 +34,7 @@ from raytwin.grade.doubt import forgiven
 from raytwin.grade.draw import draw_scene
 from raytwin.grade.judge import judge
 from raytwin.grade.lock import HELD
+from raytwin.grade.predict import FIRST, Before
 from raytwin.grade.result import Marked, Part, Picture, Result, Status
 from raytwin.grade.rubric import Exercise, Rubric, read_rubric
 from raytwin.grade.sandbox import Answer, Code, Sandbox, probe
@@ -66,13 +67,17 @@ class Job(msgspec.Struct, frozen=True):
 
 @dataclass(eq=False)
 class _Asked:
-    """One call: of the exercise, its case; of a picture its scene, too. `answer`, once there is one."""
+    """One call: of the exercise, its case; of a picture its scene, too. `answer`, once there is one.
+
+    `before`: what its process was given earlier.
+    """
 
     exercise: Exercise
     case: Case
     scene: Scene | None = None
     tolerance: Tolerance = field(default_factory=Tolerance)
     answer: Answer = field(default_factory=Answer)
+    before: Before = FIRST
     made_of: str = ""
 
 
@@ -143,9 +148,14 @@ def _called(result: Result, code: Code, rubric: Rubric, asked: list[_Asked]) -> 
     deadline, killed, printed, problem = time.monotonic() + rubric.limits.seconds, False, "", ""
     while left:
         limits = msgspec.structs.replace(rubric.limits, seconds=max(0.1, deadline - time.monotonic()))
+        calls: list[tuple[str, Scene]] = []
         with Sandbox(code, limits, hidden) as child:
             while left and not child.problem.problem:
-                _ask(one := left.pop(), child, code)
+                one = left.pop()
+                one.before = Before(one.exercise.stage, tuple(calls))
+                _ask(one, child, code)
+                if code.kind == "python" and one.scene is not None:
+                    calls.append((one.exercise.stage, one.scene))
         printed = (printed + child.printed)[:16_384]
         ended = child.problem
         if not ended.problem:
@@ -432,7 +442,8 @@ def _hold(asked: _Asked) -> _Held:
         problem = f"{count} pixel{'s are' if count > 1 else ' is'} NaN or infinite, the first at (x={x}, y={y})"
         part = msgspec.structs.replace(part, problem=problem)
         return _Held(part, None, got, scale)
-    view = View(asked.scene, got, right, exercise.rung, points, half, clipped, common=bool(exercise.scenes))
+    common, before = bool(exercise.scenes), asked.before
+    view = View(asked.scene, got, right, exercise.rung, points, half, clipped, common=common, before=before)
     return _Held(part, view, None if passed else got, scale)
 
 

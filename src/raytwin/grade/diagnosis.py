@@ -26,6 +26,7 @@ from raytwin.grade.catalogue import (
     Fault,
     cached,
 )
+from raytwin.grade.clues import clued
 from raytwin.grade.common import costs
 from raytwin.grade.doubt import doubtful
 from raytwin.grade.fitted import FAMILIES, Family, fit, promising, total
@@ -184,7 +185,8 @@ def diagnose(
         return Diagnosis(right=True, explained=1.0, where="right everywhere")
     if count < FEW:
         return Diagnosis(right=False, where=where)
-    if faults is FAULTS:
+    every = faults is FAULTS
+    if every:
         cameras = [(s.view.scene.camera, bool(s.wrong.any())) for s in sights if s.view.scene]
         faults = (*FAULTS, *cached([c for c, wrong in cameras if not wrong], [c for c, _ in cameras]))
     sights = [s for s in sights if s.weight.size]
@@ -192,6 +194,8 @@ def diagnose(
     thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
     base = Guess((), RIGHT, total(sights, RIGHT))
     found = _round(base, sights, small, faults, families if thorough else ())
+    if thorough and every and not (found and _good(sights, found[0].steps)) and (clues := clued(sights)):
+        found = sorted([*_round(base, sights, small, clues, ()), *found], key=lambda g: g.cost)
     if not (found and _good(sights, found[0].steps)):
         hit = _hits(sights, found[0].steps)[0] if found else 0.0
         if (chance := _by_chance(sights, where, hit)) is not None:

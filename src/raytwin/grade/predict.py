@@ -78,6 +78,18 @@ class Steps(NamedTuple):
     background: Callable[[Scene, Array], Array]
     output: Callable[[Array, float], Array]
     gather: Callable[["Walks"], Array]
+    spread: tuple[tuple[float, float], ...]
+    earlier: Callable[[Scene, "Before"], Scene]
+
+
+class Before(NamedTuple):
+    """`calls`: the stage and the scene of each that a process was given before, in order; `stage`: of this one."""
+
+    stage: str = ""
+    calls: tuple[tuple[str, Scene], ...] = ()
+
+
+FIRST = Before()
 
 
 class Walks(NamedTuple):
@@ -186,6 +198,8 @@ RIGHT = Steps(
     background=lambda scene, d: np.array(scene.sky.radiance)[:, None],
     output=lambda radiance, brightest: radiance,
     gather=gathered,
+    spread=((0.0, 0.0),),
+    earlier=lambda scene, before: scene,
 )
 """The tracer as it should be."""
 
@@ -253,7 +267,7 @@ def _table(things: tuple[Shape, ...]) -> Table:
 class Bench:
     """One scene at chosen pixels, on which changes are tried; what was found last stays, by the steps that made it.
 
-    `right`: what the lens of the scene gives, for good.
+    `right`: what the lens of the scene gives, for good. `before`: what may have stayed of other scenes.
     """
 
     scene: Scene
@@ -263,6 +277,7 @@ class Bench:
     brightest: float = 1.0
     kept: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     right: dict[str, Any] = field(default_factory=dict)
+    before: Before = FIRST
 
     @property
     def camera(self) -> Camera:
@@ -270,7 +285,16 @@ class Bench:
 
     def at(self, u: Array, v: Array) -> "Bench":
         """The same at other pixels."""
-        return Bench(self.scene, u, v, self.shadows, self.brightest)
+        return Bench(self.scene, u, v, self.shadows, self.brightest, before=self.before)
+
+    def of(self, steps: Steps) -> "Bench":
+        """The same on the scene that is left of this one and earlier ones."""
+        if not self.before.calls or (scene := steps.earlier(self.scene, self.before)) is self.scene:
+            return self
+        key = ("of", steps.earlier)
+        if key not in self.kept:
+            self.keep(key, Bench(scene, self.u, self.v, self.shadows, self.brightest))
+        return self.kept[key]
 
     def rays(self, steps: Steps) -> Rays:
         key = ("rays", *steps[:5])
@@ -388,14 +412,19 @@ class Bench:
         return self.kept[key]
 
     def radiance(self, steps: Steps) -> Array:
-        """(N, 3), before output."""
-        terms = self.terms(steps)
-        behind = np.broadcast_to(steps.background(self.scene, self.rays(steps).d), terms.albedo.shape)
+        """(N, 3), before output: the mean over all rays of a pixel."""
+        if steps.spread != RIGHT.spread:
+            one = steps._replace(spread=RIGHT.spread)
+            rays = [self.at(self.u + x, self.v + y).radiance(one) for x, y in steps.spread]
+            return np.asarray(sum(rays) / len(rays))
+        seen = self.of(steps)
+        terms = seen.terms(steps)
+        behind = np.broadcast_to(steps.background(seen.scene, seen.rays(steps).d), terms.albedo.shape)
         return np.where(terms.hits.ids >= 0, steps.shade(terms), behind).T
 
     def points(self, steps: Steps) -> Array:
         """(N, 3) where each ray first meets a sphere, NaN for none."""
-        hits = self.hits(steps)
+        hits = self.of(steps).hits(steps)
         return np.where(hits.ids >= 0, hits.point, np.nan).T
 
 

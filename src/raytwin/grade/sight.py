@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.grade.predict import RIGHT, Array, Bench, Plain, Steps
+from raytwin.grade.predict import FIRST, RIGHT, Array, Before, Bench, Plain, Steps
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, Sphere
@@ -42,7 +42,7 @@ class View:
     `shown` (H, W, 3): linear radiance, or with `points` where each pixel's ray first meets a sphere, NaN for none.
     `right`: what it should be; the tracer's own picture where none is given. `half` (H, W, 3): what its format may have
     rounded off; `clipped`: it holds nothing above 1. `sampled`: of the scene's light what chance finds. `common`: of a
-    scene that others are asked for, too.
+    scene that others are asked for, too. `before`: what the same process was given earlier.
     """
 
     scene: Scene | None
@@ -54,6 +54,7 @@ class View:
     clipped: bool = False
     sampled: Sampled | None = None
     common: bool = False
+    before: Before = FIRST
 
 
 @dataclass(eq=False)
@@ -188,7 +189,9 @@ def thinned(view: View) -> tuple[View, int, Array, Array]:
         raise InputError("view.right", f"an image {shown.shape}", f"{np.shape(view.right)}")
     if not view.points and view.right is None and (view.rung not in RADIANCE or not RUNGS[view.rung].lit):
         raise InputError("view.right", f"a reference, on the rung {view.rung}", "none")
-    scene = _of_spheres(view.scene) if view.points else view.scene
+    scene, before = view.scene, view.before
+    if view.points:
+        scene, before = _of_spheres(scene), Before(before.stage, tuple((k, _of_spheres(x)) for k, x in before.calls))
     step = math.ceil(math.sqrt(camera.width * camera.height / GRID))
     thin = scene.with_camera(every(camera, step))
     traced = traced_once(thin, view.rung if view.rung in RADIANCE and RUNGS[view.rung].lit else "lambert")
@@ -206,7 +209,7 @@ def thinned(view: View) -> tuple[View, int, Array, Array]:
     lost = without_ray(camera)
     rays = np.ones(right.shape[:2], bool) if lost is None else ~lost[cut, cut]
     half = None if half is None else half[cut, cut]
-    made = replace(view, scene=scene, shown=shown[cut, cut].astype(float), right=right, half=half)
+    made = replace(view, scene=scene, shown=shown[cut, cut].astype(float), right=right, half=half, before=before)
     return made, step, outlines(traced.surface.ids), rays
 
 
@@ -274,7 +277,8 @@ def look(view: View, seed: int = 0) -> Sight:
     brightest = float(np.nanmax(right)) if right.size and not view.points else 1.0
     bench: Bench | Plain = Plain(right, u, v, brightest)
     if view.scene is not None:
-        bench = Bench(view.scene, u, v, view.points or RUNGS[view.rung].shadows, brightest)
+        shadows = view.points or RUNGS[view.rung].shadows
+        bench = Bench(view.scene, u, v, shadows, brightest, before=view.before)
     flat = lambda x: x.reshape(-1, 3)[index]  # noqa: E731
     more = False
     if not view.points and view.scene is not None:
