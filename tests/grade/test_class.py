@@ -209,7 +209,7 @@ def test_a_result_that_is_half_written_is_made_again(graded, tmp_path):
     assert msgspec.json.decode((tmp_path / "results" / f"{job.key}.json").read_bytes(), type=Result).key == job.key
 
 
-def test_another_rubric_or_another_text_is_another_job(graded, tmp_path):
+def test_another_rubric_another_text_or_another_grader_is_another_job(graded, tmp_path, monkeypatch):
     rubric = tmp_path / "rubric.toml"
     (tmp_path / "a.py").write_text("a = 1")
     keys = set()
@@ -217,7 +217,12 @@ def test_another_rubric_or_another_text_is_another_job(graded, tmp_path):
         rubric.write_text(text)
         (tmp_path / "a.py").write_text(code)
         keys.add(jobs_of(tmp_path / "a.py", rubric)[0].key)
-    assert len(keys) == 3
+    (tmp_path / "a.py").write_text("a = 1")
+    for number in "12":  # what grades
+        (tmp_path / number).write_text(number)
+        monkeypatch.setattr("raytwin.grade.assess.GRADER", (tmp_path / number,))
+        keys.add(jobs_of(tmp_path / "a.py", rubric)[0].key)
+    assert len(keys) == 5
 
 
 # ------------------------------------------------------------------------------------------ outputs
