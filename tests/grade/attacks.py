@@ -216,13 +216,13 @@ class Ending(NamedTuple):
 
 
 ENDINGS = {
-    "an endless loop": Ending("def f():\n while True: pass", "limit", "not done after"),
-    "an endless loop while it is loaded": Ending("while True: pass", "limit", "not done after"),
+    "an endless loop": Ending("def f():\n while True: pass", "limit", "computing"),
+    "an endless loop while it is loaded": Ending("while True: pass", "limit", "computing"),
     "a loop that computes for too long": Ending(
         "def f():\n while True: pass", "limit", "of computing"
     ),
-    "a sleep": Ending("import time\ndef f(): time.sleep(600)", "limit", "not done after"),
-    "a stop": Ending("import os, signal\ndef f(): os.kill(os.getpid(), signal.SIGSTOP)", "limit", "not done after"),
+    "a sleep": Ending("import time\ndef f(): time.sleep(600)", "limit", "asleep"),
+    "a stop": Ending("import os, signal\ndef f(): os.kill(os.getpid(), signal.SIGSTOP)", "limit", "asleep"),
     "a print without end": Ending("def f():\n while True: print('x' * 100_000)", "limit", "printed more than"),
     "a fork bomb": Ending(
         "import os, time\ndef f():\n"

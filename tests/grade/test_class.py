@@ -91,7 +91,7 @@ def test_a_right_tracer_gets_all_points_and_the_bonus(graded):
         ("nan", "fail", "1 pixel is NaN or infinite, the first at (x=0, y=0)"),
         ("shape", "error", "is wanted"),
         ("raises", "error", "ValueError: <b>no</b>"),
-        ("hangs", "limit", "not done after 5 s"),
+        ("hangs", "limit", "not done after 5 s, asleep"),
         ("exits", "broken", "exit code 3"),
         ("empty", "missing", "render is not written"),
         ("syntax", "error", "SyntaxError"),

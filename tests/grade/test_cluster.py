@@ -96,6 +96,29 @@ def test_a_cluster_and_shards_make_the_references_that_one_process_makes(cluster
     assert made(Spread(shard=(1, 2))) | made(Spread(shard=(2, 2))) == here
 
 
+def test_workers_render_with_the_callers_variant_whatever_they_have_chosen_before(cluster, tmp_path):
+    from raytwin import twin
+    from raytwin.cli.reference import _cases, _changes
+
+    for variant in ("scalar_rgb", twin.chosen().variant):
+        twin.activate(variant)
+        cases = _cases([Path("single")], ["surface"])
+        (made,) = _changes(cases, tmp_path, {"size": (8, 6)}, Spread(dask=cluster.scheduler_address))
+        assert made.new.header["variant"] == variant
+
+
+def test_a_worker_that_cannot_have_the_callers_variant_says_so_in_one_line(monkeypatch, tmp_path):
+    from raytwin import twin
+    from raytwin.cli.reference import _cases, _changes
+
+    if twin.activate().variant == "scalar_rgb":
+        pytest.skip("every worker can have it")
+    monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")  # which the workers inherit; here it is chosen already
+    cases = _cases([Path("single")], ["surface", "lambert"])
+    with pytest.raises(MachineError, match=r"^variant llvm_ad_rgb: expected a machine where it works [^\n]*$"):
+        list(_changes(cases, tmp_path, {"size": (8, 6)}, Spread(jobs=2)))
+
+
 def test_no_scheduler_at_the_address_is_said(monkeypatch):
     monkeypatch.setattr("raytwin.spread.CONNECT", 0.5)
     with pytest.raises(MachineError, match="the address of a Dask scheduler"):

@@ -3,6 +3,8 @@
 import os
 import re
 import socket
+import subprocess
+import sys
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -131,6 +133,36 @@ def test_an_ending_has_its_reason_and_leaves_nothing(name):
     assert not ending.word or any(word in answer.problem for word in (ending.word, *ending.word.split(" ")[:2])), answer
     assert left_of(child._process.pid) == 0
     assert not child._base.exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone tells who waits for a core")
+@pytest.mark.parametrize("threads", [0, 1])
+def test_waiting_for_a_busy_core_is_not_counted(threads):
+    """Two others share the core, so that 0.25 s of computing take about 0.75 s, whether in a thread or not."""
+    source = (
+        "import threading, time\ndef work():\n"
+        " while time.process_time() < end: pass\n"
+        "def f(threads):\n global end\n end = time.process_time() + 0.25\n"
+        " todo = threading.Thread(target=work)\n"
+        " todo.start() if threads else work()\n todo.join() if threads else None\n return 1.0"
+    )
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(cores)})
+    others = []
+    try:
+        with Sandbox(Code(source=source, asked=("f",)), Limits(seconds_a_call=0.5)) as child:
+            os.sched_setaffinity(0, cores)
+            loop = [sys.executable, "-S", "-c", "while True: pass"]
+            others += [subprocess.Popen(loop, start_new_session=True) for _ in range(2)]
+            for other in others:
+                os.sched_setaffinity(other.pid, {min(cores)})
+            answer = child.call("f", threads)
+    finally:
+        os.sched_setaffinity(0, cores)
+        for other in others:
+            other.kill()
+            other.wait()
+    assert not answer.problem
 
 
 def test_the_next_submission_is_unharmed_and_what_it_prints_is_kept():

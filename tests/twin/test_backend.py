@@ -93,6 +93,24 @@ def test_the_answer_is_remembered(monkeypatch, llvm):
     assert backend.choose().libllvm == llvm
 
 
+@pytest.mark.parametrize(("source", "asked"), [
+    ("import time; time.sleep(60)", 2),
+    ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", 2),
+    ("import os; os.abort()", 1),
+])  # fmt: skip
+def test_a_probe_that_came_to_no_end_is_asked_again_by_the_next_process(monkeypatch, tmp_path, source, asked):
+    script = tmp_path / "late.py"
+    script.write_text(source)
+    monkeypatch.setattr(backend, "PROBE", script)
+    monkeypatch.setattr(backend, "PROBE_SECONDS", 0.2 if "sleep" in source else 60)
+    monkeypatch.setattr(backend, "llvm_candidates", lambda: [str(script)])
+    probed = []
+    probe = backend.probe
+    monkeypatch.setattr(backend, "probe", lambda *a: probed.append(a) or probe(*a))
+    assert {backend.choose().variant for _ in range(2)} == {"scalar_rgb"}
+    assert len(probed) == asked
+
+
 def test_a_damaged_memory_is_probed_again(tmp_path, llvm):
     (memory,) = tmp_path.glob("backend-*.json")
     memory.write_text('{"variant": 3')

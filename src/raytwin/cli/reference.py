@@ -174,7 +174,11 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[Case
 
 
 def _changes(cases: "Iterator[Case]", folder: Path, options: dict[str, Any], spread: "Spread") -> "Iterator[Change]":
-    """What `make` found of each case of the share, as it is done; an error comes after all the others."""
+    """What `make` found of each case of the share, as it is done; an error comes after all the others.
+
+    Other processes render with the variant that this one would: no set of references mixes two.
+    """
+    from raytwin import twin
     from raytwin.spread import over
 
     errors = []
@@ -185,8 +189,9 @@ def _changes(cases: "Iterator[Case]", folder: Path, options: dict[str, Any], spr
             yield change
         return
     chosen = [(scene.absolute(), rung, found) for scene, rung, found in cases]
+    made = partial(_made, folder=folder, options=options, variant=twin.chosen().variant)
     with show_progress() as progress:
-        for count, done in enumerate(over(partial(_made, folder=folder, options=options), chosen, spread), start=1):
+        for count, done in enumerate(over(made, chosen, spread), start=1):
             progress("references", count, len(spread.share(chosen)))
             if done.error is None:
                 yield done.result
@@ -195,9 +200,14 @@ def _changes(cases: "Iterator[Case]", folder: Path, options: dict[str, Any], spr
         raise errors[0]
 
 
-def _made(case: "Case", folder: Path, options: dict[str, Any], progress: Progress = silent) -> "Change":
+def _made(
+    case: "Case", folder: Path, options: dict[str, Any], progress: Progress = silent, variant: str | None = None
+) -> "Change":
+    from raytwin import twin
     from raytwin.jobs import reference
 
+    if variant is not None:
+        twin.activate(variant)  # which says where this machine cannot
     scene, rung, found = case
     return reference.make(scene, rung, folder, found=found, progress=progress, **options)
 

@@ -141,9 +141,9 @@ def _called(result: Result, code: Code, rubric: Rubric, asked: list[_Asked]) -> 
     """
     hidden = (Path(rubric.folder), Path.cwd())
     left = [asked[i] for i in np.random.default_rng(result.seed).permutation(len(asked))]
-    deadline, killed, printed, problem = time.monotonic() + rubric.limits.seconds, False, "", ""
+    seconds, killed, printed, problem = rubric.limits.seconds, False, "", ""
     while left:
-        limits = msgspec.structs.replace(rubric.limits, seconds=max(0.1, deadline - time.monotonic()))
+        limits = msgspec.structs.replace(rubric.limits, seconds=max(0.1, seconds))
         calls: list[tuple[str, Scene]] = []
         with Sandbox(code, limits, hidden) as child:
             while left and not child.problem.problem:
@@ -152,6 +152,7 @@ def _called(result: Result, code: Code, rubric: Rubric, asked: list[_Asked]) -> 
                 _ask(one, child, code)
                 if code.kind == "python" and one.scene is not None:
                     calls.append((one.exercise.stage, one.scene))
+        seconds -= child.spent
         printed = (printed + child.printed)[:16_384]
         ended = child.problem
         if not ended.problem:

@@ -26,7 +26,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, Literal
+from typing import Any, BinaryIO, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -39,12 +39,19 @@ from raytwin.grade.lock import HELD, LOCKS
 
 MEGA = 1_000_000
 PAGE = 4096
+TICKS = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 POLL = 0.1
 """Seconds between two looks at the clock, the processes, their memory and their folder."""
+PATIENCE = 10
+"""Times a limit of seconds: where the clock shows so much, no load explains it."""
 
 
 class Limits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Of one submission, all its processes together; `seconds` are the clock's, `cpu_seconds` each process's."""
+    """Of one submission, all its processes together; `cpu_seconds` each process's.
+
+    `seconds` and `seconds_a_call` are those that it computed or slept, not those that it waited for a core: a busy
+    machine fails nobody. Where the system does not tell (no /proc), they are the clock's.
+    """
 
     seconds: float = 60.0
     seconds_a_call: float = 20.0
@@ -86,6 +93,21 @@ class Answer:
     sort: Literal["", "error", "limit", "broken", "missing"] = ""
 
 
+class Spent(NamedTuple):
+    """Seconds of all processes together: of computing, of all being asleep, and of the clock."""
+
+    computed: float = 0.0
+    asleep: float = 0.0
+    clock: float = 0.0
+
+    def beyond(self, limit: float, words: bool) -> str:
+        """What is said where it is too much; `words`: the system tells computing from sleeping."""
+        if self.computed + self.asleep >= limit:
+            how = ", asleep" if self.asleep > self.computed else " of computing"
+            return f"not done after {limit:g} s{how if words else ''}: ended"
+        return f"not done after {PATIENCE * limit:g} s of the clock: ended" if self.clock > PATIENCE * limit else ""
+
+
 @dataclass
 class _Ended:
     """Why the process is not there any more."""
@@ -105,6 +127,7 @@ class Sandbox:
         self.notes: tuple[str, ...] = ()
         self.locks: dict[str, str] = {}
         self._code, self._ended, self._calls = code, _Ended(), 0
+        self._spent, self._seen = Spent(), 0.0
         self._uid: int | None = None
         self._hidden = tuple(str(Path(h).resolve()) for h in (*hidden, REFERENCES, _package()))
         self._with_uid = uid if uid is not None else probe().get("other uid") == HELD
@@ -138,8 +161,6 @@ class Sandbox:
             env=_environment(self._work),
             start_new_session=os.name == "posix",
         )
-        self._started = self._deadline = time.monotonic()
-        self._deadline += self.limits.seconds
         self._inbox: queue.Queue[Any] = queue.Queue(1)
         self._outbox: queue.Queue[Any] = queue.Queue(1)
         most = self.limits.answer_mb * MEGA
@@ -164,13 +185,13 @@ class Sandbox:
         self._draining.start()
         threading.Thread(target=self._pump, args=(stdin, stdout, most), daemon=True).start()
         self._inbox.put(told)
-        ready = self._wait(self._deadline)
+        ready = self._wait(self.limits.seconds)
         if isinstance(ready, dict):
             self.locks = {str(k): str(v) for k, v in ready["locks"].items()}
             if self.locks.get("other uid") == HELD:
                 self._uid = 60_000 + self._process.pid % 5_000
             self._inbox.put(None)
-            loaded = self._wait(self._deadline)
+            loaded = self._wait(self.limits.seconds)
             if isinstance(loaded, dict):
                 if "error" in loaded:
                     self._end(plain(loaded["error"]), "error")
@@ -189,9 +210,10 @@ class Sandbox:
         if function not in self.functions:
             return Answer(problem=f"{function} is not written", sort="missing")
         self._calls += 1
+        self._look(0.0)  # what it has computed until now is no part of this call
         start = time.monotonic()
         self._inbox.put({"call": self._calls, "function": function, "arguments": list(arguments)})
-        answer = self._wait(min(self._deadline, start + self.limits.seconds_a_call))
+        answer = self._wait(self.limits.seconds_a_call)
         seconds = time.monotonic() - start
         if not isinstance(answer, dict) or answer.get("call") != self._calls:
             if not self._ended.problem:
@@ -203,6 +225,11 @@ class Sandbox:
         if not isinstance(arrays, list) or not all(isinstance(a, np.ndarray) for a in arrays):
             return Answer(seconds=seconds, problem="it wrote into the grader's pipe", sort="broken")
         return Answer(tuple(arrays), seconds)
+
+    @property
+    def spent(self) -> float:
+        """Seconds, as `Limits.seconds` counts them."""
+        return self._spent.computed + self._spent.asleep
 
     @property
     def problem(self) -> Answer:
@@ -238,13 +265,17 @@ class Sandbox:
         with contextlib.suppress(OSError):
             stderr.close()
 
-    def _wait(self, deadline: float) -> Any:
-        """The next answer; None once there can be none, and then `_ended` says why."""
+    def _wait(self, most: float) -> Any:
+        """The next answer, that may take `most` seconds; None once there can be none, and then `_ended` says why."""
+        before, looked = self._spent, time.monotonic()
         while True:
             try:
-                answer = self._outbox.get(timeout=max(0.0, min(POLL, deadline - time.monotonic())))
+                answer = self._outbox.get(timeout=POLL)
             except queue.Empty:
-                if exceeded := self._exceeded(deadline):
+                now = time.monotonic()
+                processes, memory = self._look(now - looked)
+                looked = now
+                if exceeded := self._exceeded(most, before, processes, memory):
                     self._end(exceeded, "limit")
                     return None
                 continue
@@ -254,14 +285,24 @@ class Sandbox:
                 return None
             return answer
 
-    def _exceeded(self, deadline: float) -> str:
-        now, limits = time.monotonic(), self.limits
-        if now >= deadline:
-            all_of_it = now - self._started >= limits.seconds
-            return f"not done after {limits.seconds if all_of_it else limits.seconds_a_call:g} s: ended"
+    def _look(self, elapsed: float) -> tuple[int, int]:
+        """(processes, bytes) now. What they computed since the last look, or slept of these `elapsed` s, is added."""
+        processes, memory, seconds = group_of(self._process.pid)
+        computed = max(0.0, seconds - self._seen)  # one that has ended may take its seconds along
+        self._seen = seconds
+        # Where this process had to wait itself, nobody knows what the other did meanwhile.
+        slept = 0.0 if computed or _awake(self._process.pid) else min(elapsed, 2 * POLL)
+        new = (computed, slept, elapsed)
+        self._spent = Spent(*(a + b for a, b in zip(self._spent, new, strict=True)))
+        return processes, memory
+
+    def _exceeded(self, most: float, before: Spent, processes: int, memory: int) -> str:
+        limits, words = self.limits, self._spent.computed > 0
+        of_this = Spent(*(a - b for a, b in zip(self._spent, before, strict=True)))
+        if beyond := self._spent.beyond(limits.seconds, words) or of_this.beyond(most, words):
+            return beyond
         if _bytes_below(self._work, limits.folder_mb * MEGA) > limits.folder_mb * MEGA:
             return f"it wrote more than {limits.folder_mb} MB: ended"
-        processes, memory = group_of(self._process.pid)
         if processes > limits.processes:
             return f"it started more than {limits.processes} processes: ended"
         if memory > limits.memory_mb * MEGA:
@@ -404,15 +445,36 @@ def _bytes_below(folder: Path, enough: int) -> int:
     return size
 
 
-def group_of(number: int) -> tuple[int, int]:
-    """(processes, bytes in use by all of them) of a process group; zeros where /proc does not tell."""
-    count, pages = 0, 0
+def group_of(number: int) -> tuple[int, int, float]:
+    """(processes, bytes in use, seconds computed) of a process group; zeros where /proc does not tell."""
+    count, pages, ticks = 0, 0, 0
+    for _, told in _members(number):
+        ticks += sum(map(int, told[11:15]))  # in user's and system's mode, its own and those of children that ended
+        if told[0] != b"Z":  # a dead one may wait long for its parent
+            count, pages = count + 1, pages + int(told[21])
+    return count, pages * PAGE, ticks / TICKS
+
+
+def _awake(number: int) -> bool:
+    """Whether any thread of a process group computes, waits for a core to do so, or for a disk."""
+    for pid, _ in _members(number):
+        with contextlib.suppress(OSError, IndexError):
+            for thread in Path(f"/proc/{pid}/task").iterdir():
+                if _stat(f"{thread}/stat")[0] in (b"R", b"D"):
+                    return True
+    return False
+
+
+def _members(number: int) -> Iterator[tuple[int, list[bytes]]]:
+    """(process, what /proc/PID/stat tells after its name, which is free) of a process group."""
     for pid in _processes():
         with contextlib.suppress(OSError, ValueError, IndexError):
-            told = _start_of(f"/proc/{pid}/stat").rpartition(b")")[2].split()  # after the name, which is free
-            if int(told[2]) == number and told[0] != b"Z":  # a dead one may wait long for its parent
-                count, pages = count + 1, pages + int(told[21])
-    return count, pages * PAGE
+            if int((told := _stat(f"/proc/{pid}/stat"))[2]) == number:
+                yield pid, told
+
+
+def _stat(path: str) -> list[bytes]:
+    return _start_of(path).rpartition(b")")[2].split()
 
 
 def _processes() -> Iterator[int]:

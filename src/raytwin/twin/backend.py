@@ -12,6 +12,7 @@ import json
 import os
 import platform
 import re
+import signal
 import subprocess
 import sys
 import time
@@ -45,11 +46,15 @@ LLVM_FOLDERS = (
 
 
 class Tried(msgspec.Struct, frozen=True):
-    """One candidate: the library's path (or the variant's name, where it needs none) and how its probe went."""
+    """One candidate: the library's path (or the variant's name, where it needs none) and how its probe went.
+
+    `settled`: it would go so again; a probe that came to no end may just have met a busy machine.
+    """
 
     path: str
     ok: bool
     why: str
+    settled: bool = True
 
 
 class Backend(msgspec.Struct, frozen=True):
@@ -140,6 +145,8 @@ def choose(forced: str | None = None) -> Backend:
             raise msgspec.ValidationError("a backend that was not found here")
         return msgspec.structs.replace(known, seconds=time.perf_counter() - start)
     backend = _probe_all(forced, paths, start)
+    if not all(t.settled for t in backend.tried):
+        return backend  # asked again by the next process
     with contextlib.suppress(InputError):  # a cache that cannot be written costs a probe next time, nothing else
         files.write_json(memory, backend)
     return backend
@@ -178,15 +185,16 @@ def probe(variant: str, libllvm: str | None = None) -> tuple[Tried, str | None]:
             env=environment, capture_output=True, text=True, errors="replace", timeout=PROBE_SECONDS,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return Tried(name, False, f"no picture after {PROBE_SECONDS} s"), None
+        return Tried(name, False, f"no picture after {PROBE_SECONDS} s", settled=False), None
     except OSError as error:
-        return Tried(name, False, f"cannot start {sys.executable or 'Python'}: {error}"), None
+        return Tried(name, False, f"cannot start {sys.executable or 'Python'}: {error}", settled=False), None
     try:
         found = json.loads(child.stdout.strip().splitlines()[-1])
         version = ".".join(map(str, found["llvm"])) if found["llvm"] else None
         right = abs(found["depth"] - 3) < 1e-3 and found["lit"] == 1 and abs(found["light"] - 0.125) < 5e-3
     except (IndexError, ValueError, KeyError, TypeError):
-        return Tried(name, False, _last_words(child.returncode, child.stderr)), None
+        killed = child.returncode == -getattr(signal, "SIGKILL", 9)  # from outside, as where memory ends
+        return Tried(name, False, _last_words(child.returncode, child.stderr), settled=not killed), None
     if child.returncode != 0 or not right:
         return Tried(name, False, f"a wrong picture: {found}" if child.returncode == 0 else "crashed at exit"), version
     return Tried(name, True, f"renders (LLVM {version})" if version else "renders"), version
