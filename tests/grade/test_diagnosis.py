@@ -136,6 +136,16 @@ def test_faults_that_give_the_same_pictures_are_both_named():
     assert "with the same effect here" in made.words[0]
 
 
+@pytest.mark.parametrize("composed", [True, False])
+def test_points_that_are_composed_say_nothing_of_the_order(composed):
+    """There the order along a ray is ours: right points speak against a wrong order of the submission's own alone."""
+    camera = SCENES[1].camera
+    right = bench(msgspec.structs.replace(SCENES[1], objects=SCENES[1].spheres)).points(RIGHT)
+    sight = look(View(SCENES[1], right.reshape(camera.height, camera.width, 3), points=True, composed=composed))
+    cost = sight.squared(sight.predict(fault("first-wins").ways[0](RIGHT)))
+    assert (cost == 0) == composed
+
+
 def test_of_one_fault_the_way_that_costs_least_stands_and_of_two_alike_the_typical_one():
     def guess(name, cost, typical):
         return Guess((Cause(name, "", ""),), RIGHT, cost, typical=typical)

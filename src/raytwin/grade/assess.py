@@ -439,8 +439,9 @@ def _hold(asked: _Asked) -> _Held:
         problem = f"{count} pixel{'s are' if count > 1 else ' is'} NaN or infinite, the first at (x={x}, y={y})"
         part = msgspec.structs.replace(part, problem=problem)
         return _Held(part, None, got, scale)
-    common, before = bool(exercise.scenes), asked.before
-    view = View(asked.scene, got, right, exercise.rung, points, half, clipped, common=common, before=before)
+    ours = bool(asked.made_of)
+    common, before = bool(exercise.scenes) and not ours, asked.before
+    view = View(asked.scene, got, right, exercise.rung, points, half, clipped, None, common, before, composed=ours)
     return _Held(part, view, None if passed else got, scale)
 
 

@@ -580,6 +580,15 @@ def solver(roots: Roots, pick: Any = None, c_of: Any = lambda ff, r: ff - r * r)
     return sphere
 
 
+def _missed(o: Any, d: Any, s: Sphere, above: Any) -> Array:
+    """A sphere by the ray's squared distance from its centre, of which something else tells a miss."""
+    f, d = np.asarray(o) - np.array(s.center)[:, None], np.asarray(d)
+    fd, aa = (f * d).sum(axis=0), (d * d).sum(axis=0)
+    d2 = (f * f).sum(axis=0) - fd**2 / aa
+    root = np.sqrt(np.maximum(s.radius**2 - d2, 0) * aa)
+    return np.where(above(d2, s.radius), np.inf, _first_positive((-fd - root) / aa, (-fd + root) / aa))
+
+
 def _first_positive(near: Array, far: Array) -> Array:
     t = np.where(near > 1e-9, near, far)
     return np.where(t > 1e-9, t, np.inf)
@@ -894,6 +903,11 @@ SOLVERS = (
     row("radius-not-squared", SOLVER,
         "the radius is not squared: c = f·f - r²",
         put(sphere=solver(quadratic(), c_of=lambda ff, r: ff - r))),
+    row("miss-by-radius", SOLVER,
+        "a distance is held against a square: a ray misses the sphere where its distance from the centre, squared, "
+        "is above r² (both squared, or neither)",
+        put(sphere=partial(_missed, above=lambda d2, r: d2 > r)),
+        put(sphere=partial(_missed, above=lambda d2, r: d2 > r**4))),
     row("length-not-squared", SOLVER, "the length of f is not squared: c = f·f - r², where f·f = |f|²",
         *(put(sphere=solver(quadratic(), c_of=f)) for f in (
             lambda ff, r: np.sqrt(ff) - r * r, lambda ff, r: np.sqrt(ff) - r, lambda ff, r: (np.sqrt(ff) - r) ** 2))),
@@ -1040,6 +1054,13 @@ def first_of(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
     return np.where(met.any(axis=0), met.argmax(axis=0), -1)
 
 
+def _planes_first(t: Array, things: tuple[Shape, ...], rays: Rays, which: Any) -> Array:
+    """One of a list that has the planes before the spheres."""
+    order = np.array(sorted(range(len(things)), key=lambda k: is_sphere(things[k])), int)
+    found = which(t[order], tuple(things[k] for k in order), rays)
+    return np.where(found >= 0, order[found], -1)
+
+
 def _one_of_kind(t: Array, things: tuple[Shape, ...], rays: Rays, kind: type, which: Any) -> Array:
     """Of one kind the last or the first that is hit, or something of the other kind before it."""
     alike = np.array([isinstance(thing, kind) for thing in things])[:, None]
@@ -1177,10 +1198,10 @@ def rounded_t(to: Any) -> Iterator[Change]:
 ORDERS = (
     row("last-wins", ORDER,
         "no depth test: of all objects on a ray, the last one tested is shown; keep the one of the smallest t",
-        put(order=last_of)),
+        put(order=last_of), put(order=partial(_planes_first, which=last_of))),
     row("first-wins", ORDER,
         "no depth test: of all objects on a ray, the first one tested is shown; keep the one of the smallest t",
-        put(order=first_of),
+        put(order=first_of), put(order=partial(_planes_first, which=first_of)),
         *(put(order=partial(_one_of_kind, kind=kind, which=first_of)) for kind in (Sphere, Rectangle))),
     row("painter", ORDER,
         "objects are drawn by the distance of their centres (painter's order): compare t on each ray",
@@ -2085,6 +2106,10 @@ SHADOWS = (
         "shadowed points have a colour of their own: there as elsewhere the sky gives albedo Lₛ, the sun alone is gone",
         *(way(sky_times(partial(_without, what=what))) for way in (both, where_cast) for what in ("albedo", "sky")),
         *(way(shaded(partial(_grey_where_dark, k=k))) for way in (both, where_cast) for k in (0.05, 0.1, 0.2))),
+    row("shadow-by-pi", SHADOW,
+        "the sky's part is divided by π in shadow: there as elsewhere it is albedo Lₛ; albedo /= π inside shade "
+        "changes the array that it was given, so that the next call divides once more",
+        *(way(sky_times(lambda x: np.where(x.visible > 0, 1.0, 1 / np.pi))) for way in (both, where_cast))),
     row("shadow-on-sky", SHADOW,
         "shadows take away the sky's light and leave the sun's: it is the other way round",
         shaded(lambda x: lambert(x._replace(visible=np.ones_like(x.visible), sky=x.sky * x.visible))),

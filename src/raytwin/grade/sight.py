@@ -42,7 +42,8 @@ class View:
     `shown` (H, W, 3): linear radiance, or with `points` where each pixel's ray first meets a sphere, NaN for none.
     `right`: what it should be; the tracer's own picture where none is given. `half` (H, W, 3): what its format may have
     rounded off; `clipped`: it holds nothing above 1. `sampled`: of the scene's light what chance finds. `common`: of a
-    scene that others are asked for, too. `before`: what the same process was given earlier.
+    scene that others are asked for, too. `before`: what the same process was given earlier. `composed`: made of the
+    submission's stages, where the order along a ray is ours.
     """
 
     scene: Scene | None
@@ -55,6 +56,7 @@ class View:
     sampled: Sampled | None = None
     common: bool = False
     before: Before = FIRST
+    composed: bool = False
 
 
 @dataclass(eq=False)
@@ -87,6 +89,7 @@ class Sight:
 
     def predict(self, steps: Steps) -> Array:
         """(N, 3): what would be shown."""
+        steps = steps._replace(order=RIGHT.order) if self.view.composed else steps
         with np.errstate(all="ignore"):
             if self.view.points and isinstance(self.bench, Bench):
                 return self.bench.points(steps)
