@@ -276,16 +276,6 @@ def test_scenes_are_kept_by_stages_together_or_by_each_on_its_own():
     assert _some(Before("hit_points", calls), ("render",), apart=False) == []
 
 
-def test_where_a_few_pixels_of_large_pictures_are_wrong_is_said_without_a_warning():
-    scene = SCENES[0].with_camera(SCENES[0].camera.resized(160, 120))
-    (sight,) = many([View(scene, trace(scene).mean)])
-    sight = sight.everywhere(25_000)
-    errors = np.zeros(sight.index.size)
-    errors[7000] = 1.0
-    assert (sight.weight * (errors > sight.tau)).sum() < 1e-4
-    assert whereabouts([sight], [errors]).startswith("wrong in single pixels")
-
-
 def test_shadows_on_the_rung_without_any_are_told():
     scene = draw.draw_scene(1)
     made = diagnose([View(scene, trace(scene, "shadow").mean, rung="lambert")], most=1)

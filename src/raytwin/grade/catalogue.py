@@ -156,41 +156,22 @@ def _mirrored(x: Array, y: Array, camera: Camera, ray: Any, signs: tuple[float, 
     return rays._replace(d=turn @ rays.d, aim=turn @ rays.aim)
 
 
-def fixed_point(steps: int, divide: bool) -> Change:
-    """x = (x' - tangential) / radial, or x = x - (distort(x) - x'), so many times from x'."""
-
-    def undo(xd: Array, yd: Array, dist: Any) -> tuple[Array, Array]:
-        k1, k2, p1, p2, k3 = dist
-        x, y = xd, yd
-        for _ in range(steps):
-            if divide:
-                rr = x * x + y * y
-                radial = 1 + rr * (k1 + rr * (k2 + rr * k3))
-                dx, dy = 2 * p1 * x * y + p2 * (rr + 2 * x * x), p1 * (rr + 2 * y * y) + 2 * p2 * x * y
-                x, y = (xd - dx) / radial, (yd - dy) / radial
-            else:
-                ax, ay = distort(x, y, dist)
-                x, y = x - (ax - xd), y - (ay - yd)
-        return x, y
-
-    return put(undo=undo)
-
-
-def cumulative(steps: int, divide: bool = True, tangential: bool = True) -> Change:
-    """x = (x - tangential) / radial, or x = x - (distort(x) - x), so many times: corrected again, not from x'."""
+def fixed_point(steps: int, divide: bool = True, tangential: bool = True, again: bool = False) -> Change:
+    """x = (x' - tangential) / radial, or x = x - (distort(x) - x'), so many times; `again`: of x itself, not of x'."""
 
     def undo(xd: Array, yd: Array, dist: Any) -> tuple[Array, Array]:
         k1, k2, p1, p2, k3 = dist if tangential else (*dist[:2], 0.0, 0.0, dist[4])
         x, y = xd, yd
         for _ in range(steps):
+            u, v = (x, y) if again else (xd, yd)
             if divide:
                 rr = x * x + y * y
                 radial = 1 + rr * (k1 + rr * (k2 + rr * k3))
                 dx, dy = 2 * p1 * x * y + p2 * (rr + 2 * x * x), p1 * (rr + 2 * y * y) + 2 * p2 * x * y
-                x, y = (x - dx) / radial, (y - dy) / radial
+                x, y = (u - dx) / radial, (v - dy) / radial
             else:
                 ax, ay = distort(x, y, (k1, k2, p1, p2, k3))
-                x, y = 2 * x - ax, 2 * y - ay
+                x, y = x - (ax - u), y - (ay - v)
         return x, y
 
     return put(undo=undo)
@@ -409,9 +390,9 @@ CAMERAS = (
     row("distortion-cumulative", CAMERA,
         "each step that undoes the distortion corrects the estimate of the step before once more: start every step "
         "from the distorted point, x = (x' - tangential) / radial; the estimate belongs in tangential and radial alone",
-        *(cumulative(n) for n in (2, 3, 4, 5, 6, 8, 10, 20, 30, 50)),
-        *(cumulative(n, tangential=False) for n in (5, 10)),
-        *(cumulative(n, divide=False) for n in (2, 3, 4, 5, 10))),
+        *(fixed_point(n, again=True) for n in (2, 3, 4, 5, 6, 8, 10, 20, 30, 50)),
+        *(fixed_point(n, again=True, tangential=False) for n in (5, 10)),
+        *(fixed_point(n, again=True, divide=False) for n in (2, 3, 4, 5, 10))),
     row("k3-left-out", CAMERA, "k3, the fifth coefficient of the distortion, is left out",
         coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, p1, p2, 0.0))),
     row("k2-left-out", CAMERA, "k2, the second coefficient of the distortion, is left out",
