@@ -3,6 +3,7 @@
 The board frame: X to the right, Y up, Z out of the printed face towards the viewer who sees the tags upright.
 """
 
+import hashlib
 import os
 from typing import Annotated, Literal
 
@@ -95,6 +96,16 @@ class Board(Record, frozen=True):
         """What a detector must look for: `tag36h11`, or `tag36h11/2` for a border of two bits."""
         return self.family if self.border_bits == 1 else f"{self.family}/{self.border_bits}"
 
+    @property
+    def digest(self) -> str:
+        """16 hex digits of what is printed: family, border, edge and centres (to 1 nm), not the sheet's shape.
+
+        A grid and the same tags as a list have the same digest; so do boards whose tags are listed in another order.
+        """
+        places = sorted((i, round(1e9 * x), round(1e9 * y)) for i, (x, y) in self.centers().items())
+        text = repr((self.kind, round(1e9 * self.tag_edge), places))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
     def flat(self) -> "Board":
         """The same board on a flat sheet."""
         return self if self.heights is None else msgspec.structs.replace(self, heights=None)
@@ -136,7 +147,7 @@ def check_board(board: Board, where: object = "board") -> None:
     ids, xy = list(board.centers()), np.array(list(board.centers().values())).reshape(-1, 2)
     if not spans_a_plane(xy):
         raise InputError(f"{where}: tags", "at least 4 tags, not in one line", f"{len(xy)} tags")
-    _check_heights(board.heights, where)
+    check_heights(board.heights, where)
     gap = np.abs(xy[:, None] - xy[None]).max(axis=-1) + np.diag(np.full(len(xy), np.inf))
     if gap.min() <= board.tag_edge:
         a, b = divmod(int(gap.argmin()), len(xy))
@@ -144,7 +155,8 @@ def check_board(board: Board, where: object = "board") -> None:
         raise InputError(f"{where}: tags", want, f"ids {ids[a]} and {ids[b]} closer")
 
 
-def _check_heights(heights: Heights | None, where: object) -> None:
+def check_heights(heights: Heights | None, where: object) -> None:
+    """Raise InputError unless there are as many coefficients as the degree has, all finite."""
     if heights is None:
         return
     c = heights.coefficients

@@ -51,7 +51,8 @@ def calibrate_command(
         path = next(p for p in paths if name in (p.name, str(p)))
         pose = taken.pose_of_photo(calibration, path, definitions[shown[name]])
         camera = taken.camera_at(calibration, pose.refined)
-        files.write_camera(out, camera, f"Calibrated from {len(shown)} photos, rms {calibration.rms_px:.3f} px.")
+        comment = f"Calibrated from {len(shown)} photos, rms {calibration.rms_px:.3f} px."
+        taken.write_camera_file(out, camera, calibration.basis.boards, comment)
     if uncertainty:
         report.write_uncertainty(calibration, uncertainty)
     if bend:

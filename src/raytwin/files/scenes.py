@@ -108,8 +108,10 @@ def check_camera(camera: Camera, where: str) -> None:
 
 
 def read_camera(path: str | os.PathLike) -> Camera:
-    """A camera.toml, as `raytwin calibrate -o` writes it."""
-    camera = to_record(path, read_toml(path), Camera)
+    """A camera.toml, as `raytwin calibrate -o` writes it; the boards' shapes in it are passed over."""
+    data = read_toml(path)
+    data.pop("boards", None)
+    camera = to_record(path, data, Camera)
     check_camera(camera, f"{path}: ")
     return camera
 

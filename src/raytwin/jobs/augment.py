@@ -30,11 +30,11 @@ def augment_photos(
 ) -> list[dict[str, Any]]:
     """Draw the scene's objects into each photo and write it to `out` under its own name, as PNG or JPEG.
 
-    `camera`: a camera.toml, whose K and distortion count; without it the scene's own photos are calibrated. Each
-    photo's pose comes from its own tags of `board` (the scene's, if none is named). `against`: a folder of true photos
-    of the same names, the objects really there. Returns a row per photo: its name, its pose's rms in pixels, and with
-    `against` the errors by region; `each` is given it as it is made, with the drawn and the true photo. The photo's
-    ICC profile and EXIF are kept as they are, its orientation with them.
+    `camera`: a camera.toml, whose K, distortion and board's shape count; without it the scene's own photos are
+    calibrated. Each photo's pose comes from its own tags of `board` (the scene's, if none is named). `against`: a
+    folder of true photos of the same names, the objects really there. Returns a row per photo: its name, its pose's rms
+    in pixels, and with `against` the errors by region; `each` is given it as it is made, with the drawn and the true
+    photo. The photo's ICC profile and EXIF are kept as they are, its orientation with them.
     """
     scene = files.read_scene(scene_path)
     asked = scene.photos
@@ -47,6 +47,7 @@ def augment_photos(
         lens = placed.camera
     else:
         lens = files.read_camera(camera)
+        definition = photos.with_shape(definition, photos.read_board_shapes(camera))
     if calibration is not None:
         definition = calibration.shaped(definition)
     out = Path(out)

@@ -6,6 +6,7 @@ distortion, `doubts` what speaks against a calibration. Importing this loads Ope
 
 from raytwin.photos.calibrated import Calibration, Evidence, FoundBoard, View, Warning_
 from raytwin.photos.calibration import LEAST_VIEWS, calibrate, calibrate_detections
+from raytwin.photos.camera_file import BoardShape, read_board_shapes, with_shape, write_camera_file
 from raytwin.photos.detection import NoTags, Tag, detect, detect_photo, detect_photos
 from raytwin.photos.doubts import CODES
 from raytwin.photos.fit import MODELS
@@ -29,6 +30,7 @@ __all__ = [
     "CODES",
     "LEAST_VIEWS",
     "MODELS",
+    "BoardShape",
     "Calibration",
     "Evidence",
     "FoundBoard",
@@ -55,7 +57,10 @@ __all__ = [
     "pose_of_photo",
     "pose_of_tags",
     "project",
+    "read_board_shapes",
     "refined_pose",
     "rotation_degrees",
     "uncertainty_map",
+    "with_shape",
+    "write_camera_file",
 ]

@@ -76,7 +76,7 @@ class Desk:
         """Itself, with the camera that raytwin finds: K and the distortion by least squares, and the photo's pose."""
         sizes = self.photo.shape[1], self.photo.shape[0]
         found = photos.calibrate_detections(self._found, sizes, self.board)
-        pose = photos.pose_of_tags(found.K, found.dist, self._found[self._name], self.board).refined
+        pose = photos.pose_of_tags(found.K, found.dist, self._found[self._name], found.shaped(self.board)).refined
         camera = photos.camera_at(found, pose)
         self.full_K = np.array(found.K)
         camera = camera.resized(self._width, round(self._width * sizes[1] / sizes[0]))
