@@ -198,7 +198,7 @@ def test_an_undecided_comparison_exits_with_2_and_is_an_error_in_junit(tmp_path)
     run = raytwin("diff", "a.pfm", "b.pfm", "--junit", "x.xml", cwd=tmp_path)
     assert run.returncode == 2
     assert run.stdout.startswith("UNDECIDED  a.pfm against b.pfm")
-    assert "give variances, samples, or several renders" in run.stdout
+    assert "the samples per pixel (--samples-a) or several renders" in run.stdout
     assert ET.parse(tmp_path / "x.xml").getroot().get("errors") == "1"
     assert raytwin("diff", "a.pfm", "b.pfm", "--must-see", "9", cwd=tmp_path).returncode == 0
 

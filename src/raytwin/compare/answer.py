@@ -14,6 +14,7 @@ from raytwin.compare.finding import EXACT, Finding, Place
 from raytwin.compare.metrics import METRICS, p999_abs
 from raytwin.compare.noise import Residual, block_means, capped, estimated, residual
 from raytwin.compare.scale import Bound
+from raytwin.compare.scatter import borne_out, patterned, two_valued
 from raytwin.compare.shift import Shift, shift_findings
 from raytwin.compare.words import agreement, noise_findings, percent, what_could_be_seen
 from raytwin.image import Image
@@ -36,6 +37,11 @@ SHARED = (
     "undecided: the test errs by no more than the noise it claims, but all its pixels alike: equal random numbers in "
     "every pixel? Seed each pixel apart, or give several renders of other seeds"
 )
+
+
+UNEXPLAINED = "the images differ from pixel to pixel by more than the reference's own noise explains"
+
+GIVE = "give a variance (variance=, --variance-a), the samples per pixel (--samples-a) or several renders"
 
 
 class Answer(NamedTuple):
@@ -78,7 +84,7 @@ class Question:
         known = sum(claims, np.zeros(3))
         shown = residual(self.test.mean, self.reference.mean, carrying=True)
         if (first.findings or unexplained(shown, known)) and may_be_noise(shown, known, self.bound.least):
-            return self._by_scatter(first, shift, must_see, untold)
+            return self._by_scatter(first, shift, must_see, untold, shown)
         return first
 
     def exactly(self) -> Answer:
@@ -190,22 +196,34 @@ class Question:
         failing = (*made.tile.places, *made.value.places, *made.quiet.places)
         return Answer(findings, statistics, notes, doubts, tuple(dict.fromkeys(failing)))
 
-    def _by_scatter(self, first: Answer, shift: Shift | None, must_see: float, untold: list[str]) -> Answer:
-        """The scatter of t - r within blocks as the noise of both: tiles and the image tell, single pixels do not."""
-        a = replace(self.test, variance=estimated(self.test.mean, self.reference.mean), samples=0, batches=2)
+    def _by_scatter(
+        self, first: Answer, shift: Shift | None, must_see: float, untold: list[str], shown: Residual
+    ) -> Answer:
+        """The scatter of t - r within blocks as the noise of both: tiles and the image tell, single pixels do not.
+
+        It may convict an image; it excuses one only where the reference's own noise bears it out.
+        """
+        t, r = self.test.mean, self.reference.mean
+        a = replace(self.test, variance=estimated(t, r), samples=0, batches=2)
         b = replace(self.reference, variance=None, samples=0, batches=None)
         rounding, bare = replace(self, test=a, reference=b)._rounding()
         made = decide(bare.test, b, self.bound, self.rate, rounding, by_value=False)
         answer = self._answered(made, b, shift, must_see)
+        known = borne_out(t, r, shown, self.bound.least)
         if answer.findings:
-            return first if any(f.rank == EXACT for f in first.findings) else answer
-        which = " and ".join(untold) + (" tell" if len(untold) > 1 else " tells")
+            return answer if known or not any(f.rank == EXACT for f in first.findings) else first
+        if patterned(t, r, shown.square):
+            return first
+        have = "have" if len(untold) > 1 else "has"
+        which = f"{' and '.join(untold)} {have} no variance"
+        if not known or two_valued(shown, self.bound.least):
+            return answer._replace(doubts=(*answer.doubts, f"undecided: {which}, and {UNEXPLAINED}: {GIVE}"))
         told = (
-            f"{which} no variance: noise was judged by the scatter of the difference within 8 x 8 pixels, from which "
-            "single wrong pixels cannot be told"
+            f"{which}: noise was estimated from the difference within 8 x 8 pixels, where single wrong pixels go "
+            "unnoticed"
         )
         if answer.doubts:
-            return answer._replace(doubts=(*answer.doubts, f"{told}: give variances, samples, or several renders"))
+            return answer._replace(doubts=(*answer.doubts, f"{told}: {GIVE}"))
         return answer._replace(notes=(*answer.notes, told))
 
 

@@ -1,0 +1,243 @@
+"""Measure whether an image full of wrong pixels can pass for noise where nobody says how noisy it is.
+
+`python tests/measure/untold_patterns.py` multiplies correct images by 40 kinds of pattern at 5 amplitudes and compares
+them, without variance, samples or renders, with references of three kinds. No image may pass. Beside it, alarms and
+passes on genuine noise that has no variance either, and what is seen of 3 % too much light in it.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from raytwin.bench.noises import picture, render, untold
+from raytwin.compare import compare
+from raytwin.image import Image
+
+Rng = np.random.Generator
+Pattern = Callable[[Rng, int, int], np.ndarray]
+"""(rng, height, width) to (height, width) or (height, width, 3): mean about 0, largest magnitude about 1."""
+
+AMPLITUDES = (0.06, 0.12, 0.25, 0.5, 1.0)
+
+
+def _signs(wave: np.ndarray) -> np.ndarray:
+    return np.where(wave, 1.0, -1.0)
+
+
+def _stripes(period: int, down: int, across: int) -> Pattern:
+    def pattern(rng: Rng, h: int, w: int) -> np.ndarray:
+        y, x = np.mgrid[:h, :w]
+        return _signs((down * y + across * x) % period < period / 2)
+
+    return pattern
+
+
+def _checkers(side: int) -> Pattern:
+    def pattern(rng: Rng, h: int, w: int) -> np.ndarray:
+        y, x = np.mgrid[:h, :w]
+        return _signs((y // side + x // side) % 2 == 0)
+
+    return pattern
+
+
+def _wave(period: float, down: float, across: float) -> Pattern:
+    def pattern(rng: Rng, h: int, w: int) -> np.ndarray:
+        y, x = np.mgrid[:h, :w]
+        return np.sin(2 * np.pi * (down * y + across * x) / period)
+
+    return pattern
+
+
+def _random(draw: Callable[[Rng, tuple[int, ...]], np.ndarray], channels: int = 1, side: int = 1) -> Pattern:
+    """Independent in every `side` x `side` pixels; of three channels or alike in all."""
+
+    def pattern(rng: Rng, h: int, w: int) -> np.ndarray:
+        values = draw(rng, (-(-h // side), -(-w // side), channels))
+        return np.repeat(np.repeat(values, side, axis=0), side, axis=1)[:h, :w]
+
+    return pattern
+
+
+def _lines(axis: int, draw: Callable[[Rng, tuple[int, ...]], np.ndarray]) -> Pattern:
+    def pattern(rng: Rng, h: int, w: int) -> np.ndarray:
+        return np.broadcast_to(draw(rng, (h, 1) if axis == 0 else (1, w)), (h, w))
+
+    return pattern
+
+
+def _dither(size: int) -> Pattern:
+    """Bayer's matrix of ordered dithering."""
+
+    def pattern(rng: Rng, h: int, w: int) -> np.ndarray:
+        m = np.zeros((1, 1))
+        while len(m) < size:
+            m = np.block([[4 * m, 4 * m + 2], [4 * m + 3, 4 * m + 1]])
+        return np.tile((m - m.mean()) / (m.max() / 2), (h // size + 1, w // size + 1))[:h, :w]
+
+    return pattern
+
+
+def _two(rng: Rng, shape: tuple[int, ...]) -> np.ndarray:
+    return _signs(rng.random(shape) < 0.5)
+
+
+def _three(rng: Rng, shape: tuple[int, ...]) -> np.ndarray:
+    return rng.integers(-1, 2, shape).astype(float)
+
+
+def _uneven(rng: Rng, shape: tuple[int, ...]) -> np.ndarray:
+    """One in five up by 1, the others down by a quarter."""
+    return np.where(rng.random(shape) < 0.2, 1.0, -0.25)
+
+
+def _even(rng: Rng, shape: tuple[int, ...]) -> np.ndarray:
+    return rng.uniform(-1, 1, shape)
+
+
+def _thirds(rng: Rng, shape: tuple[int, ...]) -> np.ndarray:
+    """A third of all pixels x 0 to 2 at amplitude 1, the others right."""
+    return np.where(rng.random(shape) < 1 / 3, rng.uniform(-1, 1, shape), 0.0)
+
+
+def _gauss(rng: Rng, shape: tuple[int, ...]) -> np.ndarray:
+    return np.clip(rng.normal(size=shape), -1, 1)
+
+
+def _exponential(rng: Rng, shape: tuple[int, ...]) -> np.ndarray:
+    return rng.exponential(1, shape) - 1
+
+
+def _half(place: Callable[[np.ndarray, np.ndarray, int, int], np.ndarray]) -> Pattern:
+    """Two values at random, in a part of the picture."""
+
+    def pattern(rng: Rng, h: int, w: int) -> np.ndarray:
+        y, x = np.mgrid[:h, :w]
+        return np.where(place(y, x, h, w), _two(rng, (h, w)), 0.0)
+
+    return pattern
+
+
+PATTERNS: dict[str, Pattern] = {
+    **{f"columns, period {p}": _stripes(p, 0, 1) for p in (2, 3, 4, 8)},
+    **{f"rows, period {p}": _stripes(p, 1, 0) for p in (2, 3, 4, 8)},
+    **{f"diagonals, period {p}": _stripes(p, 1, 1) for p in (2, 3, 5)},
+    "falling diagonals, period 3": _stripes(3, 1, -1),
+    **{f"checkers of {s}": _checkers(s) for s in (1, 2, 3, 4)},
+    **{f"dither of {s}": _dither(s) for s in (2, 4, 8)},
+    **{f"wave, period {p}": _wave(p, 0, 1) for p in (2.7, 5.3)},
+    "slanted wave": _wave(4.1, 0.6, 0.8),
+    "two values at random": _random(_two),
+    "two values, each channel": _random(_two, 3),
+    "two values in 2 x 2": _random(_two, 1, 2),
+    "two values in 3 x 3": _random(_two, 1, 3),
+    "three values at random": _random(_three),
+    "three values, each channel": _random(_three, 3),
+    "one in five brighter": _random(_uneven),
+    "even at random": _random(_even),
+    "even, each channel": _random(_even, 3),
+    "a third of the pixels": _random(_thirds),
+    "a third, each channel": _random(_thirds, 3),
+    "Gaussian": _random(_gauss),
+    "Gaussian, each channel": _random(_gauss, 3),
+    "exponential": _random(_exponential),
+    "columns at random": _lines(1, _even),
+    "rows at random": _lines(0, _two),
+    "the left half": _half(lambda y, x, h, w: x < w / 2),
+    "the lower quarter": _half(lambda y, x, h, w: y > 0.75 * h),
+    "a disc": _half(lambda y, x, h, w: np.hypot(x - w / 2, y - h / 2) < h / 3),
+    "every other block of 16": _half(lambda y, x, h, w: (y // 16 + x // 16) % 2 == 0),
+}
+
+TRUTH = picture(72, 96)
+
+
+def bases(rng: Rng) -> dict[str, tuple[np.ndarray, Image]]:
+    """Name to a correct mean (H, W, 3) and the reference it is compared with."""
+    exact = Image(TRUTH.astype(np.float32))
+    noisy = render(rng, TRUTH, samples=4096)
+    return {
+        "a noise-free reference": (TRUTH, exact),
+        "a file without noise, variance or samples": (TRUTH, untold(exact)),
+        "the reference's own pixels, 0.5 % noise": (noisy.mean, noisy),
+        "a render of the same quality": (render(rng, TRUTH, samples=4096).mean, noisy),
+        "two files without variance, 0.5 % noise": (render(rng, TRUTH, samples=4096).mean, untold(noisy)),
+    }
+
+
+def wrong(rng: Rng, mean: np.ndarray, pattern: Pattern, amplitude: float) -> Image:
+    """An image with a pattern of wrong pixels, that says nothing of its noise."""
+    h, w = mean.shape[:2]
+    p = pattern(rng, h, w)
+    factor = np.maximum(1 + amplitude * (p if p.ndim == 3 else p[..., None]), 0)
+    return Image((mean * factor).astype(np.float32), samples=0)
+
+
+def genuine(rng: Rng, factor: float = 1.0) -> dict[str, tuple[Image, Image]]:
+    """Name to a correct pair (but for `factor`) of which one side or both have no variance."""
+    truth = TRUTH * factor
+    one = {"kind": "exp", "sd": 1.0}
+    return {
+        "two files, 64 samples each": (
+            untold(render(rng, truth, samples=64, kind="exp")), untold(render(rng, TRUTH, samples=64, kind="exp")),
+        ),
+        "two noisy files, 16 samples each": (
+            untold(render(rng, truth, **one)), untold(render(rng, TRUTH, **one)),
+        ),
+        "16 samples beside a reference of 64": (untold(render(rng, truth)), render(rng, TRUTH, samples=64)),
+        "64 samples beside a reference of 4096": (untold(render(rng, truth, samples=64)), render(rng, TRUTH, samples=4096)),
+        "64 samples beside the truth": (untold(render(rng, truth, samples=64)), Image(TRUTH.astype(np.float32))),
+        "64 samples beside a file of the truth": (
+            untold(render(rng, truth, samples=64)), untold(Image(TRUTH.astype(np.float32))),
+        ),
+        "a reference of 64 samples without variance": (
+            render(rng, truth, samples=64), untold(render(rng, TRUTH, samples=64)),
+        ),
+    }  # fmt: skip
+
+
+def measure_patterns(amplitudes: tuple[float, ...] = AMPLITUDES) -> tuple[dict[str, Counter], list[str]]:
+    """Verdicts by base, and what passed."""
+    rng = np.random.default_rng(41)
+    counts: dict[str, Counter] = {}
+    passed = []
+    for name, (mean, reference) in bases(rng).items():
+        counts[name] = Counter()
+        for kind, pattern in PATTERNS.items():
+            for amplitude in amplitudes:
+                verdict = compare(wrong(rng, mean, pattern, amplitude), reference).verdict
+                counts[name][verdict] += 1
+                if verdict == "pass":
+                    passed.append(f"{kind} x {amplitude:g} beside {name}")
+    return counts, passed
+
+
+def measure_noise(count: int = 60) -> dict[str, tuple[Counter, int]]:
+    """Verdicts on `count` correct pairs of each kind, and in how many of 24 pairs 3 % too much light is seen."""
+    rng = np.random.default_rng(42)
+    verdicts: dict[str, Counter] = {}
+    seen: Counter = Counter()
+    for _ in range(count):
+        for name, pair in genuine(rng).items():
+            verdicts.setdefault(name, Counter())[compare(*pair).verdict] += 1
+    for _ in range(24):
+        for name, pair in genuine(rng, 1.03).items():
+            seen[name] += compare(*pair).verdict == "fail"
+    return {name: (verdicts[name], seen[name]) for name in verdicts}
+
+
+def main() -> None:
+    print(f"{len(PATTERNS)} patterns x {len(AMPLITUDES)} amplitudes\n")
+    print("| compared with | pass | undecided | fail |\n| --- | ---: | ---: | ---: |")
+    counts, passed = measure_patterns()
+    for name, c in counts.items():
+        print(f"| {name} | {c['pass']} | {c['undecided']} | {c['fail']} |")
+    print("".join(f"\npassed: {what}" for what in passed))
+    print("| genuine noise | pass | undecided | alarms | 3 % seen of 24 |\n| --- | ---: | ---: | ---: | ---: |")
+    for name, (c, seen) in measure_noise().items():
+        print(f"| {name} | {c['pass']} | {c['undecided']} | {c['fail']} | {seen} |")
+
+
+if __name__ == "__main__":
+    main()
