@@ -7,7 +7,6 @@ passes on genuine noise that has no variance either, and what is seen of 3 % too
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -186,7 +185,9 @@ def genuine(rng: Rng, factor: float = 1.0) -> dict[str, tuple[Image, Image]]:
             untold(render(rng, truth, **one)), untold(render(rng, TRUTH, **one)),
         ),
         "16 samples beside a reference of 64": (untold(render(rng, truth)), render(rng, TRUTH, samples=64)),
-        "64 samples beside a reference of 4096": (untold(render(rng, truth, samples=64)), render(rng, TRUTH, samples=4096)),
+        "64 samples beside a reference of 4096": (
+            untold(render(rng, truth, samples=64)), render(rng, TRUTH, samples=4096),
+        ),
         "64 samples beside the truth": (untold(render(rng, truth, samples=64)), Image(TRUTH.astype(np.float32))),
         "64 samples beside a file of the truth": (
             untold(render(rng, truth, samples=64)), untold(Image(TRUTH.astype(np.float32))),

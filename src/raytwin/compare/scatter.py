@@ -52,7 +52,7 @@ def borne_out(test: Pixels, reference: Pixels, shown: Residual, least: float) ->
 
 
 def _own_noise(test: Pixels, reference: Pixels) -> Float64[np.ndarray, "by bx"]:
-    """The reference's variance in every block, from the covariance of t - r with r within 2 x 2 pixels, all channels."""
+    """The reference's variance, summed over channels, from the covariance of t - r with r within 2 x 2 pixels."""
     found = []
     for y0, y1, rows in strips(test.shape):
         r = np.asarray(reference[y0:y1], np.float32)
@@ -68,7 +68,7 @@ def _within_cells(x: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "he we c"]
     """`x` less the mean of its cell of 2 x 2 pixels; an odd row or column is left out."""
     h, w = x.shape[0] // 2, x.shape[1] // 2
     cells = x[: 2 * h, : 2 * w].reshape(h, 2, w, 2, -1)
-    return (cells - cells.mean(axis=(1, 3), keepdims=True)).reshape(2 * h, 2 * w, -1)
+    return np.asarray((cells - cells.mean(axis=(1, 3), keepdims=True)).reshape(2 * h, 2 * w, -1))
 
 
 def two_valued(shown: Residual, least: float) -> bool:
