@@ -82,7 +82,7 @@ def shared_photos() -> Path:
 @pytest.fixture(scope="session")
 def real_board(shared_photos):
     """boards.json's `coarse` or `fine`, in metres."""
-    from raytwin.boards import Board, BoardTag
+    from raytwin.calib.boards import Board, BoardTag
 
     def load(name: str):
         data = json.loads((shared_photos / "boards.json").read_text())[name]
@@ -95,7 +95,7 @@ def real_board(shared_photos):
 @pytest.fixture(scope="session")
 def real_tags(shared_photos):
     """A set's stored detections, in OpenCV's pixels, and its image size."""
-    from raytwin.photos import Tag
+    from raytwin.calib.photos import Tag
 
     def load(name: str):
         images = json.loads((shared_photos / name / "detections.json").read_text())["images"]
@@ -121,7 +121,7 @@ def shoot(tmp_path_factory):
     """A folder of photos of the plain renderer's, and their truth; made once for the same arguments."""
     from photo_helpers import BOARD, PlainRenderer, a_camera
 
-    from raytwin.photographer import photograph
+    from raytwin.calib.synthetic_photos import photograph
 
     made = {}
 

@@ -5,9 +5,9 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from raytwin.boards.board import Board, Grid
-from raytwin.photos import lens
-from raytwin.photos.detection import Tag
+from raytwin.calib.boards.board import Board, Grid
+from raytwin.calib.photos import lens
+from raytwin.calib.photos.detection import Tag
 from raytwin.scene import Camera
 
 

@@ -77,7 +77,7 @@ jaxtyping.install_import_hook(list(ROOMS), "shape_checks.checked")
 
 # For this process alone: those that tests start are as light as a user's.
 os.environ["RAYTWIN_CHECK_SHAPES"] = "1"
-import raytwin.shapes  # noqa: E402
+import raytwin.array_types  # noqa: E402
 
 del os.environ["RAYTWIN_CHECK_SHAPES"]
-assert raytwin.shapes.Float32 is jaxtyping.Float32
+assert raytwin.array_types.Float32 is jaxtyping.Float32

@@ -12,9 +12,9 @@ from program import raytwin, raytwin_alone, refused
 from typer.testing import CliRunner
 
 from raytwin import files
-from raytwin.boards import Board, Grid, write_board
+from raytwin.calib.boards import Board, Grid, write_board
 from raytwin.cli.options import check_outputs
-from raytwin.cli.progress import lines, tell_seconds
+from raytwin.cli.progress_bar import lines, tell_seconds
 from raytwin.image import Image
 from raytwin.progress import Stages
 
@@ -298,7 +298,7 @@ def test_an_output_that_cannot_be_written_is_told_before_the_work(scenes, tmp_pa
 
 def test_long_stages_leave_one_line_each_where_there_is_no_terminal(capsys, monkeypatch):
     clock = iter([0.0, 0.1, 5.0, 5.0, 5.5, 6.0, 9.0])
-    monkeypatch.setattr("raytwin.cli.progress.time.perf_counter", lambda: next(clock))
+    monkeypatch.setattr("raytwin.cli.progress_bar.time.perf_counter", lambda: next(clock))
     show = lines()
     for stage, done, total in (
         ("calibrate", 0, 3), ("calibrate", 1, 3), ("calibrate", 3, 3), ("tracer", 0, 1), ("tracer", 1, 1),
@@ -327,8 +327,8 @@ def test_every_stage_is_timed_once_and_parts_of_a_stage_are_not_counted_again(mo
 def test_the_seconds_that_are_told_make_up_the_whole(capsys, monkeypatch):
     stages = Stages()
     stages.seconds |= {"calibrate": 2.0, "tracer": 0.04, "report": 1.5}
-    monkeypatch.setattr("raytwin.cli.progress.STARTED", 100.0)
-    monkeypatch.setattr("raytwin.cli.progress.time.perf_counter", lambda: 105.0)
+    monkeypatch.setattr("raytwin.cli.progress_bar.STARTED", 100.0)
+    monkeypatch.setattr("raytwin.cli.progress_bar.time.perf_counter", lambda: 105.0)
     tell_seconds(stages, ("calibrate",))
     told = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert told == [["report", "1.50", "s"], ["the", "rest", "1.46", "s"], ["in", "all", "5.00", "s"]]

@@ -6,7 +6,7 @@ import pickle
 import pytest
 from program import raytwin, refused
 
-from raytwin.boards import read_board
+from raytwin.calib.boards import read_board
 
 GRID = ("board", "--columns", 3, "--rows", 4, "--tag", "30mm", "--pitch", "38mm")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from raytwin import twin
-from raytwin.denoise import denoise
+from raytwin.calib.denoise import denoise
 from raytwin.files import read_scene
 from raytwin.image import Image
 

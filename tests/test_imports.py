@@ -26,7 +26,7 @@ HEAVY = (
     "reportlab",
 )
 
-PACKAGES = ("tracer", "speed", "boards", "photos", "augment", "twin", "compare", "report", "bench")
+PACKAGES = ("tracer", "speed", "calib.boards", "calib.photos", "calib.augment", "twin", "compare", "report", "bench")
 
 STAGES = {
     "back_project", "undistort", "intersect_sphere", "intersect_rectangle", "World", "Hit", "lambert",
@@ -64,9 +64,9 @@ def test_the_lower_floors_load_no_heavy_library(module):
 
 
 def test_to_draw_into_photos_and_tell_of_it_takes_neither_mitsuba_nor_what_compares_images():
-    loads = "import raytwin.cli, raytwin.report.text, raytwin.jobs.augment"
+    loads = "import raytwin.cli, raytwin.report.terminal_text, raytwin.workflows.augment_photos"
     draws = "from raytwin import speed, twin; assert not twin.chosen().libllvm or speed.ENGINES['drjit32'].float_type"
-    assert not loaded_by(f"{loads}; {draws}") & {"mitsuba", "asyncio", "raytwin.compare", "raytwin.grade.diagnosis"}
+    assert not loaded_by(f"{loads}; {draws}") & {"mitsuba", "asyncio", "raytwin.compare", "raytwin.diagnose.diagnosis"}
 
 
 def test_the_tracer_is_numpy_and_records_and_nothing_else():
@@ -76,7 +76,7 @@ def test_the_tracer_is_numpy_and_records_and_nothing_else():
         "raytwin.image",
         "raytwin.rungs",
         "raytwin.scene",
-        "raytwin.shapes",
+        "raytwin.array_types",
     }
 
 
@@ -91,7 +91,7 @@ def test_every_exported_name_is_there(package):
     assert not missing
 
 
-@pytest.mark.parametrize("package", ["boards", "photos", "augment"])
+@pytest.mark.parametrize("package", ["calib.boards", "calib.photos", "calib.augment"])
 def test_no_exported_name_hides_a_submodule_of_its_package(package):
     module = importlib.import_module(f"raytwin.{package}")
     submodules = {name for _, name, _ in pkgutil.iter_modules(module.__path__)}

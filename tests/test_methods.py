@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from raytwin import files, tracer
+from raytwin.contract.subject import find_subject
 from raytwin.errors import InputError
-from raytwin.grade.subject import find_subject
 from raytwin.image import Image
-from raytwin.jobs.compare import compare_scene
-from raytwin.methods.exchange import as_arrays
-from raytwin.methods.table import METHODS
+from raytwin.renderers.renderer_table import METHODS
+from raytwin.renderers.scene_exchange import as_arrays
+from raytwin.workflows.compare_scene import compare_scene
 
 LEARNERS = """
 from dataclasses import dataclass

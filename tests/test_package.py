@@ -121,7 +121,7 @@ def test_the_sdists_own_tests_find_what_they_need_beside_them(built, tmp_path):
         tar.extractall(tmp_path, filter="data")
     (root,) = tmp_path.iterdir()
     links = "tests/test_readme.py::test_links_lead_to_files_that_are_there"
-    references = "tests/jobs/test_reference.py::test_a_shipped_reference_is_whole_and_of_its_scene"
+    references = "tests/workflows/test_reference.py::test_a_shipped_reference_is_whole_and_of_its_scene"
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", links, references]
     environment = clean_environment(tmp_path) | {"PYTHONPATH": str(root / "src")}
     done = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, timeout=600)
@@ -185,7 +185,7 @@ points = 10
 
 
 def test_an_installed_raytwin_grades_a_class(installed):
-    tracer = runpy.run_path(str(ROOT / "tests" / "grade" / "tracers.py"))["tracer"]
+    tracer = runpy.run_path(str(ROOT / "tests" / "submitted_tracers.py"))["tracer"]
     (installed.folder / "rubric.toml").write_text(RUBRIC)
     (installed.folder / "students").mkdir()
     for name in ("", "gamma"):

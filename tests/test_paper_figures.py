@@ -12,13 +12,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from raytwin import boards, files, photographer, photos, twin
-from raytwin.jobs.augment import augment_photos
-from raytwin.jobs.photograph import photograph_board
-from raytwin.photos.lens import project, undistort
+from raytwin import files, twin
+from raytwin.calib import boards, photos, synthetic_photos
+from raytwin.calib.photos.lens import project, undistort
 from raytwin.scene import Camera, Pyramid, WrittenSphere
 from raytwin.speed import trace
 from raytwin.speed.speculation import speculate
+from raytwin.workflows.augment_photos import augment_photos
+from raytwin.workflows.photograph import photograph_board
 
 SIZE, COUNT = (504, 378), 3
 ONE = (WrittenSphere((0.05, 0.09, 0.03), 0.03, (0.75, 0.3, 0.2)),)
@@ -79,7 +80,7 @@ def region(row: dict, name: str) -> dict:
 
 
 def true_cameras(folder) -> dict:
-    truth = photographer.read_truth(folder / "photos" / "truth.toml")
+    truth = synthetic_photos.read_truth(folder / "photos" / "truth.toml")
     return {name: Camera(truth.image_size, truth.K, R, t, truth.dist) for name, (R, t) in truth.photos.items()}
 
 

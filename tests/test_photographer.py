@@ -3,10 +3,10 @@ import pytest
 from photo_helpers import BOARD, PlainRenderer, a_camera
 
 from raytwin import files
-from raytwin.boards.board import read_board
+from raytwin.calib.boards.board import read_board
+from raytwin.calib.photos import doubts, lens
+from raytwin.calib.synthetic_photos import expose, photograph, poses, read_truth
 from raytwin.errors import InputError
-from raytwin.photographer import expose, photograph, poses, read_truth
-from raytwin.photos import doubts, lens
 
 CAMERA = a_camera()
 

@@ -25,19 +25,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from raytwin.augment import augment as augment_photo
-    from raytwin.boards import read_board
+    from raytwin.calib.augment import augment as augment_photo
+    from raytwin.calib.boards import read_board
+    from raytwin.calib.photos import calibrate
     from raytwin.compare import compare as compare_images
+    from raytwin.contract.check import check
     from raytwin.errors import InputError
     from raytwin.files import read_image, read_scene, write_image
-    from raytwin.grade.check import check
     from raytwin.image import Image
-    from raytwin.jobs.compare import compare_scene
-    from raytwin.jobs.diff import diff as diff_files
-    from raytwin.photos import calibrate
     from raytwin.scene import Camera, Lambert, Rectangle, Scene, SceneFile, Sky, Sphere, Sun
     from raytwin.tracer import trace
     from raytwin.twin import render
+    from raytwin.workflows.compare_scene import compare_scene
+    from raytwin.workflows.diff_files import diff as diff_files
 
 _HOME = {
     "Camera": "scene",
@@ -50,13 +50,13 @@ _HOME = {
     "Sky": "scene",
     "Sphere": "scene",
     "Sun": "scene",
-    "augment_photo": "augment:augment",
-    "calibrate": "photos",
-    "check": "grade.check",
+    "augment_photo": "calib.augment:augment",
+    "calibrate": "calib.photos",
+    "check": "contract.check",
     "compare_images": "compare:compare",
-    "compare_scene": "jobs.compare",
-    "diff_files": "jobs.diff:diff",
-    "read_board": "boards",
+    "compare_scene": "workflows.compare_scene",
+    "diff_files": "workflows.diff_files:diff",
+    "read_board": "calib.boards",
     "read_image": "files",
     "read_scene": "files",
     "render": "twin",

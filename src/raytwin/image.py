@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytwin.shapes import Bool, Float, Float32, Int32
+from raytwin.array_types import Bool, Float, Float32, Int32
 
 BACKGROUND = -1
 

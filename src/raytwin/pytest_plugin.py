@@ -172,15 +172,15 @@ class Held:
     ) -> "tuple[Comparison, str]":
         """The verdict, and the text for a failed test."""
         __tracebackhide__ = True
-        from raytwin import given
+        from raytwin import image_input
         from raytwin.compare import compare
+        from raytwin.diagnose.diagnosis import explain
         from raytwin.errors import InputError
-        from raytwin.grade.diagnosis import explain
         from raytwin.scene import Tolerance
 
         taken = None
         try:
-            taken = given.take(image, variance, renders)
+            taken = image_input.take(image, variance, renders)
         except InputError as error:
             wrong = str(error)
         if taken is None:  # not above: pytest would show the InputError's traceback too
@@ -246,9 +246,9 @@ class Held:
         if why is None:
             return found
         if folders.update and own and scene:
-            from raytwin.jobs import reference  # the one place that needs Mitsuba
+            from raytwin.workflows import make_reference
 
-            made = reference.make(scene, self.rung, folders.own)
+            made = make_reference.make(scene, self.rung, folders.own)
             print("\n".join(made.lines()))
             references.save(made.new)
             return made.new
@@ -301,10 +301,10 @@ class Held:
         if folder is None:
             return None
         from raytwin.compare import Report
-        from raytwin.report import checks
+        from raytwin.report import check_page
 
         number = self._node.stash.setdefault(_COUNTER, itertools.count())
-        return checks.write_check(
+        return check_page.write_check(
             folder, self._node.nodeid, next(number), Report(self.name, self.rung, made), notes, *images
         )
 
@@ -367,18 +367,18 @@ def _is_worker(config: pytest.Config) -> bool:
 def pytest_sessionstart(session: pytest.Session) -> None:
     folder = _report_folder(session.config)
     if folder is not None and not _is_worker(session.config):
-        from raytwin.report import checks
+        from raytwin.report import check_page
 
-        checks.clear(folder)
+        check_page.clear(folder)
 
 
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session: pytest.Session) -> None:
     folder = _report_folder(session.config)
     if folder is not None and not _is_worker(session.config):
-        from raytwin.report import checks
+        from raytwin.report import check_page
 
-        session.config.stash[_COUNTED] = checks.write_index(folder)
+        session.config.stash[_COUNTED] = check_page.write_index(folder)
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from raytwin import files, twin
-from raytwin.bench.run import sized
+from raytwin.bench.bench_run import sized
 from raytwin.compare import compare
 from raytwin.speed import background, draw, trace
 from raytwin.speed.speculation import speculate
@@ -51,7 +51,7 @@ def test_compare(benchmark, scene):
 
 def test_report(benchmark, scene, tmp_path):
     from raytwin import report
-    from raytwin.jobs.compare import compare_scene
+    from raytwin.workflows.compare_scene import compare_scene
 
     name = scene.name
     result = compare_scene(SCENES / name, size=scene.camera.image_size, engine="numpy32")

@@ -10,19 +10,19 @@ import pytest
 from program import raytwin
 
 from raytwin import bench, files, twin
-from raytwin.bench import run
-from raytwin.bench.crowd import crowded
-from raytwin.bench.measure import with_peak
-from raytwin.bench.run import sized, thumbnail
-from raytwin.bench.truth import converge, measure, truth_of
+from raytwin.bench import bench_run as run
+from raytwin.bench.bench_reference import converge, measure, truth_of
+from raytwin.bench.bench_run import sized, thumbnail
+from raytwin.bench.sphere_field import crowded
+from raytwin.bench.timing import with_peak
 from raytwin.compare import METRICS
 from raytwin.errors import InputError, MachineError
-from raytwin.methods.loop import loop
-from raytwin.methods.method import Method
-from raytwin.methods.rendered import Denoised, Plain, Twin
-from raytwin.methods.table import METHODS, choose
-from raytwin.methods.traced import Filled, Speculated
 from raytwin.progress import silent
+from raytwin.renderers.python_loop import loop
+from raytwin.renderers.renderer import Method
+from raytwin.renderers.renderer_table import METHODS, choose
+from raytwin.renderers.subject_renderers import Filled, Speculated
+from raytwin.renderers.twin_renderers import Denoised, Plain, Twin
 from raytwin.report.bench_charts import METRICS as SHOWN
 from raytwin.speed import trace
 

@@ -19,9 +19,9 @@ from raytwin.bench import (
     ratio_interval,
     staircase,
 )
-from raytwin.bench.equal import equal_error, passed
+from raytwin.bench.equal_error import equal_error, passed
 from raytwin.bench.frontier import median_iqr
-from raytwin.bench.measure import Measured, guess, orders, repeat
+from raytwin.bench.timing import Measured, guess, orders, repeat
 from raytwin.errors import InputError
 
 SECONDS = (1.0, 2.0, 4.0, 8.0, 8.2, 16.0)

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from raytwin import boards, photographer, photos
 from raytwin.bench import read_bench
-from raytwin.bench.calibration import (
+from raytwin.bench.calibration_cost import (
     BOARD,
     SETTINGS,
     Setting,
@@ -18,10 +17,11 @@ from raytwin.bench.calibration import (
     held_out,
     measure_calibration,
 )
-from raytwin.boards import Board, Grid, draw_board
+from raytwin.calib import boards, photos, synthetic_photos
+from raytwin.calib.boards import Board, Grid, draw_board
 from raytwin.cli import app
-from raytwin.jobs.photograph import photograph_board
 from raytwin.scene import Camera
+from raytwin.workflows.photograph import photograph_board
 
 EYE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 TRUE = Camera(
@@ -62,8 +62,10 @@ def test_a_setting_reaches_the_detector():
 
 def test_held_out_errors_are_those_of_the_camera_not_of_the_detections(tmp_path_factory):
     """Noise on what the fit sees raises the error by little, noise on the judge's side not at all: it has none."""
-    stands = photographer.poses(BOARD, TRUE, 8, np.random.default_rng(4))
-    truth = photographer.Truth(TRUE.image_size, TRUE.K, TRUE.dist, {f"{i}": stand for i, stand in enumerate(stands)})
+    stands = synthetic_photos.poses(BOARD, TRUE, 8, np.random.default_rng(4))
+    truth = synthetic_photos.Truth(
+        TRUE.image_size, TRUE.K, TRUE.dist, {f"{i}": stand for i, stand in enumerate(stands)}
+    )
     points = np.array([(*c, 0.0) for c in BOARD.centers().values()])
     rng = np.random.default_rng(5)
     found = {}

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from raytwin.bench.noises import KINDS, exact, picture, render, untold
+from raytwin.bench.noise_models import KINDS, exact, picture, render, untold
 from raytwin.compare import Comparison, compare
 from raytwin.compare.answer import Question, may_be_noise, unexplained
 from raytwin.compare.noise import Residual

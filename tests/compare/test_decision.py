@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from raytwin.bench import noises
-from raytwin.bench.noises import KINDS, picture
+from raytwin.bench import noise_models
+from raytwin.bench.noise_models import KINDS, picture
 from raytwin.compare import compare
 from raytwin.compare.decision import decide
 from raytwin.compare.scale import Bound
@@ -18,11 +18,11 @@ TRUTH = picture(H, W)
 
 
 def render(rng, truth=TRUTH, **settings):
-    return noises.render(rng, truth, **settings)
+    return noise_models.render(rng, truth, **settings)
 
 
 def exact():
-    return noises.exact(TRUTH)
+    return noise_models.exact(TRUTH)
 
 
 # ----------------------------------------------------------------------------------------------------- false alarms
@@ -178,7 +178,7 @@ def test_a_pass_says_what_it_could_have_seen_and_more_samples_see_more():
 def test_a_channel_that_is_all_but_black_hides_no_error_of_the_others(dim):
     """What could be seen is told of the channels that give light."""
     colour = np.array([1.0, 0.5, dim])
-    found = [compare(render(np.random.default_rng(19), TRUTH * c), noises.exact(TRUTH * c)) for c in (1, colour)]
+    found = [compare(render(np.random.default_rng(19), TRUTH * c), noise_models.exact(TRUTH * c)) for c in (1, colour)]
     assert all(c.passed for c in found)
     seen = [c.statistics.minimum_detectable_bias for c in found]
     assert seen[1] == pytest.approx(seen[0], rel=0.3)

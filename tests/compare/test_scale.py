@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from raytwin.bench.noises import picture, quantised, render
+from raytwin.bench.noise_models import picture, quantised, render
 from raytwin.compare import compare
 from raytwin.compare.scale import Bound, scale_of, unit_of
 from raytwin.files.rounding import half_code

@@ -11,18 +11,20 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-import tracers
+import submitted_tracers as tracers
 from browser import barriers_of
 
 from raytwin import files
-from raytwin.grade.assess import code_of
+from raytwin.grade.class_run import collect, jobs_of, run
+from raytwin.grade.grade_submission import code_of
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import read_rubric
-from raytwin.grade.run import collect, jobs_of, run
-from raytwin.report import grade as pages
-from raytwin.report import grade_sites as sites
-from raytwin.spread import Spread, over
+from raytwin.parallel import Spread, over
+from raytwin.report import autograder_sites as sites
+from raytwin.report import class_page as pages
 from raytwin.tracer import trace
+
+TESTS = str(Path(__file__).parents[1])
 
 RUBRIC = """
 title = "Six < seven"
@@ -195,7 +197,7 @@ def test_near_identical_wrong_pictures_are_found_and_right_ones_are_none(graded)
 
 def test_a_second_run_grades_nothing_and_finds_the_same(graded, monkeypatch):
     results, out, jobs, _ = graded
-    monkeypatch.setattr("raytwin.grade.run.assess", None)
+    monkeypatch.setattr("raytwin.grade.class_run.assess", None)
     assert run(jobs, out, Spread(1)) == list(results.values())
     assert collect(jobs, out) == list(results.values())
 
@@ -220,7 +222,7 @@ def test_another_rubric_another_text_or_another_grader_is_another_job(graded, tm
     (tmp_path / "a.py").write_text("a = 1")
     for number in "12":  # what grades
         (tmp_path / number).write_text(number)
-        monkeypatch.setattr("raytwin.grade.assess.GRADER", (tmp_path / number,))
+        monkeypatch.setattr("raytwin.grade.grade_submission.GRADER", (tmp_path / number,))
         keys.add(jobs_of(tmp_path / "a.py", rubric)[0].key)
     assert len(keys) == 5
 
@@ -341,6 +343,6 @@ def test_an_error_costs_its_own_thing_alone():
 
 @pytest.mark.skipif(os.name != "posix", reason="the test's module is found by fork's path alone")
 def test_a_process_that_is_killed_takes_nothing_with_it(tmp_path, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([TESTS, os.environ.get("PYTHONPATH", "")]))
     done = list(over(tracers.die_once, [str(tmp_path / "a"), str(tmp_path / "b")], Spread(2)))
     assert [d.result for d in done] == ["alive", "alive"]

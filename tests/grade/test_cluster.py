@@ -8,16 +8,18 @@ from pathlib import Path
 
 import msgspec
 import pytest
-import tracers
+import submitted_tracers as tracers
 
 from raytwin.errors import MachineError
-from raytwin.grade.run import jobs_of, run
-from raytwin.spread import Spread, over
+from raytwin.grade.class_run import jobs_of, run
+from raytwin.parallel import Spread, over
 
 distributed = pytest.importorskip("distributed")
 
 # Dask's own, of sockets and loops that it leaves to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning", "ignore::UserWarning")
+
+TESTS = str(Path(__file__).parents[1])
 
 RUBRIC = """
 title = "t"
@@ -40,7 +42,7 @@ def slow_square(x: int) -> int:
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]))
+        patch.setenv("PYTHONPATH", os.pathsep.join([TESTS, os.environ.get("PYTHONPATH", "")]))
         made = distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1",
             local_directory=str(tmp_path_factory.mktemp("dask")), silence_logs=50,
@@ -82,7 +84,7 @@ def test_a_worker_that_is_killed_in_the_middle_costs_nothing(cluster):
 
 
 def test_a_cluster_and_shards_make_the_references_that_one_process_makes(cluster, tmp_path):
-    from raytwin.cli.reference import _cases, _changes
+    from raytwin.cli.reference_commands import _cases, _changes
 
     options = {"size": (24, 18)}
 
@@ -98,7 +100,7 @@ def test_a_cluster_and_shards_make_the_references_that_one_process_makes(cluster
 
 def test_workers_render_with_the_callers_variant_whatever_they_have_chosen_before(cluster, tmp_path):
     from raytwin import twin
-    from raytwin.cli.reference import _cases, _changes
+    from raytwin.cli.reference_commands import _cases, _changes
 
     for variant in ("scalar_rgb", twin.chosen().variant):
         twin.activate(variant)
@@ -109,7 +111,7 @@ def test_workers_render_with_the_callers_variant_whatever_they_have_chosen_befor
 
 def test_a_worker_that_cannot_have_the_callers_variant_says_so_in_one_line(monkeypatch, tmp_path):
     from raytwin import twin
-    from raytwin.cli.reference import _cases, _changes
+    from raytwin.cli.reference_commands import _cases, _changes
 
     if twin.activate().variant == "scalar_rgb":
         pytest.skip("every worker can have it")
@@ -120,6 +122,6 @@ def test_a_worker_that_cannot_have_the_callers_variant_says_so_in_one_line(monke
 
 
 def test_no_scheduler_at_the_address_is_said(monkeypatch):
-    monkeypatch.setattr("raytwin.spread.CONNECT", 0.5)
+    monkeypatch.setattr("raytwin.parallel.CONNECT", 0.5)
     with pytest.raises(MachineError, match="the address of a Dask scheduler"):
         list(over(slow_square, [1], Spread(dask="tcp://127.0.0.1:1")))

@@ -9,7 +9,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-import tracers
+import submitted_tracers as tracers
 
 from raytwin.errors import InputError
 from raytwin.grade.gradescope import write_zip

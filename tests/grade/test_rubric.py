@@ -7,9 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 from raytwin.cli import app
+from raytwin.contract.stage_table import CONTRACT, LESSONS
 from raytwin.errors import InputError
-from raytwin.grade.assess import code_of
-from raytwin.grade.contract import CONTRACT, LESSONS
+from raytwin.grade.grade_submission import code_of
 from raytwin.grade.rubric import READY, Exercise, Speed, read_rubric
 
 GOOD = """

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from raytwin.bench.noises import picture, render, untold
+from raytwin.bench.noise_models import picture, render, untold
 from raytwin.compare import compare
 from raytwin.image import Image
 

@@ -8,11 +8,11 @@ import pytest
 from typer.testing import CliRunner
 
 from raytwin import bench, twin
-from raytwin.bench.run import thumbnail
+from raytwin.bench.bench_run import thumbnail
 from raytwin.cli import app
 from raytwin.errors import InputError
 from raytwin.files import read_scene
-from raytwin.paper.measure import SMALL, SPECULATION, boxed, errors, hard_cases, lambert, two_spheres
+from raytwin.paper.paper_runs import SMALL, SPECULATION, boxed, errors, hard_cases, lambert, two_spheres
 from raytwin.speed import trace
 from raytwin.speed.boxes import TRIMS, trim_boxes
 

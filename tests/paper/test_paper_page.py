@@ -6,10 +6,10 @@ import re
 import pytest
 
 from raytwin.bench import Calibrated, LeftOut
-from raytwin.bench.calibration import OURS, SHRUNK, WHOLE
+from raytwin.bench.calibration_cost import OURS, SHRUNK, WHOLE
 from raytwin.paper import paper_summary, write_paper_all
-from raytwin.paper.page import charts_of
-from raytwin.paper.record import PUBLISHED, Boxed, Frame, Paper, Ratio
+from raytwin.paper.paper_page import charts_of
+from raytwin.paper.paper_record import PUBLISHED, Boxed, Frame, Paper, Ratio
 from raytwin.report.numbers import seconds, shown
 
 

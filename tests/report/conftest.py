@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from raytwin import files
+from raytwin.calib.find_camera import TruthRow
+from raytwin.calib.photos import Calibration, Pose, PoseReport
+from raytwin.calib.photos.calibrated import View, Warning_
 from raytwin.compare import Report, compare
 from raytwin.compare.report import Timing
 from raytwin.image import Image, Surface
-from raytwin.jobs.camera import TruthRow
-from raytwin.jobs.compare import Result
-from raytwin.photos import Calibration, Pose, PoseReport
-from raytwin.photos.calibrated import View, Warning_
 from raytwin.scene import Scene
 from raytwin.speed import trace
+from raytwin.workflows.compare_scene import Result
 
 
 @pytest.fixture(scope="session")

@@ -57,7 +57,7 @@ def test_noise_is_shown_in_sigmas_and_as_means_where_not_every_pixel_fits(make_r
     from raytwin.viewer.packing import binned
 
     monkeypatch.setattr(
-        "raytwin.report.html.viewer.pack", lambda *a, **k: viewer.packing.pack(*a, **k, most_pixels=5000)
+        "raytwin.report.compare_page.viewer.pack", lambda *a, **k: viewer.packing.pack(*a, **k, most_pixels=5000)
     )
     result = make_result()
     variance = np.full_like(result.twin.mean, 1e-4)

@@ -27,8 +27,8 @@ from raytwin.report.bench_charts import calibration_charts, error_chart, growth_
 from raytwin.report.bench_page import bench_summary, error_charts, frontier_rows, write_bench_all, write_bench_page
 from raytwin.report.charts import FRAME, layout, png_bytes, svg_text
 from raytwin.report.charts.labels import BOLD_WIDTH, WIDTH, Label, place
+from raytwin.report.charts.marks import Marker, ticks
 from raytwin.report.charts.png import dashes
-from raytwin.report.charts.shapes import Marker, ticks
 from raytwin.report.numbers import shown
 
 SIZES = ((400, 300), (800, 600), (1600, 1200))

@@ -12,10 +12,10 @@ from browser import barriers_of
 
 from raytwin import files
 from raytwin.image import Image
-from raytwin.jobs.diff import diff
 from raytwin.report import write_report
-from raytwin.report.pictures import exposed, exposure
+from raytwin.report.data_urls import exposed, exposure
 from raytwin.report.view import view_of_diff
+from raytwin.workflows.diff_files import diff
 
 
 @pytest.fixture(scope="module")
@@ -324,7 +324,7 @@ def test_a_photo_of_another_size_spans_the_same_picture_and_thinned_values_are_t
     from raytwin import viewer
 
     monkeypatch.setattr(
-        "raytwin.report.html.viewer.pack", lambda *a, **k: viewer.packing.pack(*a, **k, most_pixels=5000)
+        "raytwin.report.compare_page.viewer.pack", lambda *a, **k: viewer.packing.pack(*a, **k, most_pixels=5000)
     )
     result = make_result(photos=True)
     large = np.repeat(np.repeat(result.photo, 2, axis=0), 2, axis=1)

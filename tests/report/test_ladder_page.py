@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from browser import barriers_of
 
-from raytwin.jobs.ladder import Ladder, Rungs, Step
-from raytwin.report.ladder import bars, ladder_summary, write_ladder
+from raytwin.analysis.ladder import Ladder, Rungs, Step
+from raytwin.report.ladder_page import bars, ladder_summary, write_ladder
 
 SIZE = 24, 32
 

@@ -87,7 +87,7 @@ def test_times_are_shown_to_about_three_digits(value, text):
 
 
 def test_the_json_has_the_designed_keys_and_null_for_what_is_not_finite(tmp_path):
-    from raytwin.report.json import write_comparison
+    from raytwin.report.json_report import write_comparison
 
     report = Report("s", "shadow", Comparison("pass", ("all well",), radiance=Radiance(max_abs=math.inf)))
     write_comparison(report, tmp_path / "comparison.json")

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from raytwin.jobs.ledger import Ledger
-from raytwin.report.parts import WIDE, small_pictures
+from raytwin.analysis.ledger import Ledger
+from raytwin.report.ledger_pictures import WIDE, small_pictures
 
 
 def shown(url: str) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 
 from raytwin.compare import compare
 from raytwin.image import Image
-from raytwin.report.places import linked
+from raytwin.report.locations import linked
 
 
 def test_every_place_that_a_comparison_names_is_found():

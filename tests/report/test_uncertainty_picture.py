@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from raytwin import boards, files, photos, report
+from raytwin import files, report
+from raytwin.calib import boards, photos
+from raytwin.calib.photos import ModelTrial, explained, uncertainty_map
 from raytwin.errors import InputError
-from raytwin.photos import ModelTrial, explained, uncertainty_map
 from raytwin.report.uncertainty import uncertainty_url
 
 

@@ -10,8 +10,8 @@ import pytest
 from raytwin import files
 from raytwin.compare import Limits
 from raytwin.image import Image, Surface
-from raytwin.jobs.diff import diff
 from raytwin.report import write_diff, write_report
+from raytwin.workflows.diff_files import diff
 
 RNG = np.random.default_rng(11)
 A = RNG.random((24, 36, 3)).astype(np.float32)

@@ -7,7 +7,7 @@ import pytest
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.twin import render
 from raytwin.twin.bodies import distance, normal, table, too_large
-from raytwin.twin.light import albedos, first_light
+from raytwin.twin.direct_light import albedos, first_light
 from raytwin.twin.outlines import Seen, _doubted, _grazes, borders, settle, trace
 from raytwin.twin.rays import directions, lens_of
 from raytwin.twin.world import UNIT

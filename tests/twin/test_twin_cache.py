@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from raytwin import files
-from raytwin.twin import activate, cache, provenance, render
+from raytwin.twin import activate, provenance, render, render_cache
 from raytwin.twin import render as render_function
 
 render_module = __import__("sys").modules["raytwin.twin.rendering"]
@@ -108,7 +108,7 @@ def test_the_cache_drops_what_was_used_longest_ago(scene, tmp_path, monkeypatch)
     for age, file in enumerate(kept):
         os.utime(file, (1e9 - age, 1e9 - age))
     size = kept[0].stat().st_size
-    monkeypatch.setattr(cache, "LIMIT", int(3.5 * size))
+    monkeypatch.setattr(render_cache, "LIMIT", int(3.5 * size))
     render(scene, "path", samples=2, seed=9)
     left = set(tmp_path.glob("renders/*.npz"))
     assert kept[0] in left

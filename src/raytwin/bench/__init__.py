@@ -3,10 +3,7 @@
 METHODS -> prepare -> measure (interleaved) -> truth -> Bench (JSON) -> frontier, fits, against -> report
 """
 
-from raytwin.bench.against import Changes, MethodChange, against
-from raytwin.bench.calibration import Shoot, Taken, bench_calibration
-from raytwin.bench.frontier import PowerLaw, fit_power, on_frontier, ratio_interval, staircase
-from raytwin.bench.record import (
+from raytwin.bench.bench_record import (
     ERRORS,
     Bench,
     Calibrated,
@@ -20,9 +17,12 @@ from raytwin.bench.record import (
     read_bench,
     write_bench,
 )
-from raytwin.bench.run import GROWTH, bench
-from raytwin.methods.method import Method
-from raytwin.methods.table import METHODS, choose
+from raytwin.bench.bench_run import GROWTH, bench
+from raytwin.bench.calibration_cost import Shoot, Taken, bench_calibration
+from raytwin.bench.frontier import PowerLaw, fit_power, on_frontier, ratio_interval, staircase
+from raytwin.bench.regression import Changes, MethodChange, against
+from raytwin.renderers.renderer import Method
+from raytwin.renderers.renderer_table import METHODS, choose
 
 __all__ = [
     "ERRORS",

@@ -19,7 +19,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin.bench.noises import KINDS, Maker, half_steps, lognormal, pair, picture
+from raytwin.bench.noise_models import KINDS, Maker, half_steps, lognormal, pair, picture
 from raytwin.compare import Comparison, compare
 from raytwin.compare.words import percent
 from raytwin.files import read_scene

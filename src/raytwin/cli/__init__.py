@@ -14,19 +14,19 @@ from typing import Annotated
 import typer
 
 from raytwin.cli import (
-    bench,
-    board,
-    explore,
-    export,
-    grade,
-    images,
-    ladder,
-    needs,
-    photos,
-    reference,
-    scenes,
-    stability,
-    walk,
+    atlas_command,
+    bench_commands,
+    board_commands,
+    compare_commands,
+    explore_command,
+    export_command,
+    grade_commands,
+    ladder_command,
+    needs_command,
+    photo_commands,
+    reference_commands,
+    scenes_command,
+    walk_command,
 )
 from raytwin.errors import InputError
 
@@ -55,29 +55,29 @@ def _options(
     pass
 
 
-app.command("compare")(images.compare_command)
-app.command("ladder")(ladder.ladder_command)
-app.command("needs")(needs.needs_command)
-app.command("explore")(explore.explore_command)
-app.command("walk")(walk.walk_command)
-app.command("diff")(images.diff_command)
-app.add_typer(reference.app, name="reference")
-app.add_typer(scenes.app, name="scenes")
-app.command("calibrate")(photos.calibrate_command)
-app.command("augment")(photos.augment_command)
-app.command("board")(board.board_command)
-app.command("photograph")(photos.photograph_command)
-app.command("export")(export.export_command)
-app.add_typer(grade.app, name="grade")
-app.add_typer(bench.app, name="bench")
-app.command("stability")(stability.stability_command)
+app.command("compare")(compare_commands.compare_command)
+app.command("ladder")(ladder_command.ladder_command)
+app.command("needs")(needs_command.needs_command)
+app.command("explore")(explore_command.explore_command)
+app.command("walk")(walk_command.walk_command)
+app.command("diff")(compare_commands.diff_command)
+app.add_typer(reference_commands.app, name="reference")
+app.add_typer(scenes_command.app, name="scenes")
+app.command("calibrate")(photo_commands.calibrate_command)
+app.command("augment")(photo_commands.augment_command)
+app.command("board")(board_commands.board_command)
+app.command("photograph")(photo_commands.photograph_command)
+app.command("export")(export_command.export_command)
+app.add_typer(grade_commands.app, name="grade")
+app.add_typer(bench_commands.app, name="bench")
+app.command("stability")(atlas_command.stability_command)
 
 
 @app.command("doctor")
 def doctor() -> None:
     """Show which backend the twin uses on this machine, what else was tried, and why; and what holds a submission."""
     from raytwin import twin
-    from raytwin.grade import sandbox
+    from raytwin.sandbox import sandbox
 
     for name, value in (*twin.doctor(), *((f"sandbox: {n}", state) for n, state in sandbox.told(sandbox.probe()))):
         typer.echo(f"{name:<24} {value}")

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from raytwin.array_types import Float
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.chance import sidak
 from raytwin.compare.comparison import Statistics
@@ -19,7 +20,6 @@ from raytwin.compare.shift import Shift, shift_findings
 from raytwin.compare.words import agreement, noise_findings, percent, what_could_be_seen
 from raytwin.image import Image
 from raytwin.scene import Tolerance
-from raytwin.shapes import Float
 
 DENSE = 1 / 6
 """Noise is everywhere: the effective share of a block's values that carry its scatter. Gaussian noise has a third."""

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from raytwin.shapes import Float, Float32, Float64
+from raytwin.array_types import Float, Float32, Float64
 
 Pixels = Float[np.ndarray, "h w 3"]
 """Values of an image, or of a strip of it."""

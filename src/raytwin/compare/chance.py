@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from raytwin.shapes import Float, Float64
+from raytwin.array_types import Float, Float64
 
 
 def sidak(rate: float, tests: float) -> float:

@@ -33,6 +33,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from raytwin.array_types import Bool, Float32, Float64, Int
 from raytwin.compare.blocks import SIDE, Counts, Means, Pixels, block_counts, block_sums, slide, strips, unblock
 from raytwin.compare.chance import quantile, sidak, two_sided, welch
 from raytwin.compare.exact import Quiet
@@ -52,7 +53,6 @@ from raytwin.compare.noise import (
 )
 from raytwin.compare.scale import Bound
 from raytwin.image import Image
-from raytwin.shapes import Bool, Float32, Float64, Int
 
 Sums = dict[str, Float64[np.ndarray, "..."]]
 Size = tuple[int, ...]

@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from raytwin.array_types import Bool, Float32
 from raytwin.compare.comparison import Geometry
 from raytwin.compare.finding import DEPTH, HARD, NORMAL, SILHOUETTE, Finding, at, plural
 from raytwin.compare.metrics import all_finite, nth_largest
 from raytwin.image import BACKGROUND, Image, Surface
 from raytwin.scene import Tolerance
-from raytwin.shapes import Bool, Float32
 
 DEPTH_REL = 1e-4
 """Bound on the 99.9 % quantile of |t - t_ref| / t_ref: rounding at a sphere's rim stays below, a wrong radius not."""

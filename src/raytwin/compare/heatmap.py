@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from raytwin.array_types import Float, Float32
 from raytwin.compare.metrics import order_statistic
 from raytwin.errors import InputError
 from raytwin.image import Image
-from raytwin.shapes import Float, Float32
 
 KINDS = {
     "absolute": "t - r, units of radiance",

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from raytwin.array_types import Float, Float32
 from raytwin.errors import InputError
-from raytwin.shapes import Float, Float32
 
 CHUNK = 1 << 17
 """Values worked on at a time: they stay in the cache, where one pass over 12 megapixels would not."""

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from raytwin.array_types import Float, Float32, Float64, Int
 from raytwin.compare.blocks import (
     SIDE,
     Blocks,
@@ -18,7 +19,6 @@ from raytwin.compare.blocks import (
     unblock,
 )
 from raytwin.image import Image
-from raytwin.shapes import Float, Float32, Float64, Int
 
 FIREFLY = 25.0
 """A firefly's variance over that of its block and its neighbours: five times their standard deviation."""

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from raytwin.array_types import Float
 from raytwin.image import Image
 from raytwin.scene import Tolerance
-from raytwin.shapes import Float
 
 BRIGHT = 0.99
 """The scale is this quantile of the reference's positive values: what is lit best, but for a few highlights."""

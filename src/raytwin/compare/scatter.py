@@ -11,9 +11,9 @@ Three questions, each of pixels alone, since nothing here is claimed:
 
 import numpy as np
 
+from raytwin.array_types import Float, Float64
 from raytwin.compare.blocks import SIDE, Blocks, Pixels, block_counts, block_sums, strips
 from raytwin.compare.noise import Residual
-from raytwin.shapes import Float, Float64
 
 LEVEL = 1 / 16
 """The reference's share of the scatter's variance: at least this, so at most 4 of its own standard deviations."""

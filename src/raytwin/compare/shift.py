@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from raytwin.array_types import Float, Float32
 from raytwin.compare.chance import sidak, two_sided
 from raytwin.compare.finding import SHIFT, Finding
-from raytwin.shapes import Float, Float32
 
 GRANTED_SHIFT = 0.01
 """Pixels by which two images may be shifted: a tenth of what calibration can tell."""

@@ -3,11 +3,11 @@
 Reading: TOML into records, scenes, photos, EXR, any image (`read_image`). Writing: always under a temporary name first.
 """
 
+from raytwin.files.cache import cache_folder, installed, is_plain, keep, load_arrays, made_by, mark_used
 from raytwin.files.exr import read_exr, read_moments, read_origin, write_exr
 from raytwin.files.images import read_image, write_image
-from raytwin.files.kept import cache_folder, installed, is_plain, keep, load_arrays, made_by, mark_used
 from raytwin.files.limits import MAX_PIXELS
-from raytwin.files.pictures import (
+from raytwin.files.photo_files import (
     from_bytes,
     list_photos,
     photo_extras,
@@ -20,11 +20,11 @@ from raytwin.files.pictures import (
     to_bytes,
     write_picture,
 )
-from raytwin.files.records import json_text, plain, read_toml, to_record, write_json, write_toml
 from raytwin.files.rounding import Rounding, half_floats, rounding_of
-from raytwin.files.safe import check_file, replacing, write_text
-from raytwin.files.scenes import check_camera, read_camera, read_scene, write_camera
+from raytwin.files.safe_write import check_file, replacing, write_text
+from raytwin.files.scene_files import check_camera, read_camera, read_scene, write_camera
 from raytwin.files.shipped import REFERENCES, SCENES, all_scenes, copy_scene, find_scene, scene_folders, scene_sentence
+from raytwin.files.toml_json import json_text, plain, read_toml, to_record, write_json, write_toml
 
 __all__ = [
     "MAX_PIXELS",

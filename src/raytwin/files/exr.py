@@ -12,7 +12,7 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.files.limits import check_size
-from raytwin.files.safe import check_file, replacing
+from raytwin.files.safe_write import check_file, replacing
 from raytwin.image import Image, Surface
 
 REFUSALS = (

@@ -7,8 +7,8 @@ from raytwin.errors import InputError
 from raytwin.files.exr import EXR_MAGIC, exr_layer, read_exr, stack, write_exr
 from raytwin.files.hdr import read_hdr
 from raytwin.files.pfm import pfm_bytes, read_pfm
-from raytwin.files.pictures import check_png, from_bytes, read_deep_png, read_photo, to_bytes, write_picture
-from raytwin.files.safe import check_file, replacing
+from raytwin.files.photo_files import check_png, from_bytes, read_deep_png, read_photo, to_bytes, write_picture
+from raytwin.files.safe_write import check_file, replacing
 from raytwin.image import Image
 
 MAGIC = {

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.files.pictures import srgb_decode, srgb_encode
+from raytwin.files.photo_files import srgb_decode, srgb_encode
 
 
 class Rounding(NamedTuple):

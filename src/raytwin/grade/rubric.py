@@ -21,11 +21,11 @@ from typing import Annotated, Literal
 import msgspec
 
 from raytwin import files
+from raytwin.contract.composed_tracer import NEEDED
+from raytwin.contract.stage_table import LESSONS
 from raytwin.errors import InputError, check_one_of
-from raytwin.grade.compose import NEEDED
-from raytwin.grade.contract import LESSONS
-from raytwin.grade.sandbox import Limits
 from raytwin.rungs import RUNGS
+from raytwin.sandbox.sandbox import Limits
 
 PICTURES = tuple(NEEDED)
 """Stages that take a scene: these can be held to scenes by name, and to drawn ones."""

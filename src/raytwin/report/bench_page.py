@@ -9,7 +9,7 @@ from raytwin.bench import METHODS, Bench, Changes, Converged, MethodChange, writ
 from raytwin.errors import InputError
 from raytwin.report.bench_charts import COLOURS, METRICS, TRUTHS, error_chart, megapixels, side_charts, sizes_of
 from raytwin.report.charts import Chart, layout, svg_text, write_charts
-from raytwin.report.html import asset, environment
+from raytwin.report.compare_page import asset, environment
 from raytwin.report.numbers import seconds, shown
 
 FIRST = "path-area/relmse"

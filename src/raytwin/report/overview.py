@@ -6,10 +6,10 @@ import numpy as np
 
 from raytwin.compare.heatmap import signed_error
 from raytwin.image import Image
-from raytwin.report import pictures
+from raytwin.report import data_urls
 
 if TYPE_CHECKING:
-    from raytwin.jobs.compare import Result
+    from raytwin.workflows.compare_scene import Result
 
 PANEL = 400
 """Width of a panel in pixels."""
@@ -18,13 +18,13 @@ GAP = 8
 
 def overview(result: "Result") -> np.ndarray:
     """uint8 sRGB: photo, augmented photo (where there are any), tracer, twin and signed error, side by side."""
-    gain = pictures.exposure(result.twin)
+    gain = data_urls.exposure(result.twin)
     error = signed_error(result.subject, result.twin, "absolute")
-    scale = pictures.choose_scale(result.subject, result.twin, error, result.tolerance.p999_abs)
+    scale = data_urls.choose_scale(result.subject, result.twin, error, result.tolerance.p999_abs)
     small = [_shrunk(p) for p in (result.photo, result.augmented) if p is not None and p.shape == result.twin.shape]
     small += [_seen(image, gain) for image in (result.subject, result.twin)]
-    worst = pictures.worst_of_blocks(error, max(1, error.shape[1] // PANEL))
-    small.append(_shrunk(pictures.palette()[pictures.error_indices(worst, scale)], small[0].shape))
+    worst = data_urls.worst_of_blocks(error, max(1, error.shape[1] // PANEL))
+    small.append(_shrunk(data_urls.palette()[data_urls.error_indices(worst, scale)], small[0].shape))
     gap = np.full((small[0].shape[0], GAP, 3), 255, np.uint8)
     strip = [part for p in small for part in (p, gap)][:-1]
     return np.concatenate(strip, axis=1)
@@ -41,4 +41,4 @@ def _shrunk(pixels: np.ndarray, like: tuple[int, ...] | None = None) -> np.ndarr
 def _seen(image: Image, gain: float) -> np.ndarray:
     """The mean of each panel's pixel, exposed: as an eye sees it that stands far off."""
     planes = [_shrunk(np.ascontiguousarray(image.mean[..., c], np.float32)) for c in range(3)]
-    return pictures.exposed(Image(np.stack(planes, axis=-1)), gain)
+    return data_urls.exposed(Image(np.stack(planes, axis=-1)), gain)

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from raytwin import files
-from raytwin.photos import Calibration, uncertainty_map
+from raytwin.calib.photos import Calibration, uncertainty_map
 from raytwin.report.charts import INK, SOFT, png_bytes
-from raytwin.report.charts.shapes import XY, Box, Drawing, Marker, Picture, Shape, Stroke, Words
+from raytwin.report.charts.marks import XY, Box, Drawing, Marker, Picture, Shape, Stroke, Words
 from raytwin.report.numbers import short
 
 SIDE = 440

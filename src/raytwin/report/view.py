@@ -10,15 +10,15 @@ from raytwin.compare import METRICS, Comparison, Report, scaled
 from raytwin.compare.report import Timing
 from raytwin.compare.scale import scale_of
 from raytwin.image import Image, Surface
-from raytwin.jobs.diff import Diff
 from raytwin.report import numbers
-from raytwin.report.parts import Small, small_pictures
+from raytwin.report.ledger_pictures import Small, small_pictures
 from raytwin.scene import Tolerance
+from raytwin.workflows.diff_files import Diff
 
 if TYPE_CHECKING:
-    from raytwin.jobs.camera import TruthRow
-    from raytwin.jobs.compare import Result
-    from raytwin.photos import Calibration, PoseReport
+    from raytwin.calib.find_camera import TruthRow
+    from raytwin.calib.photos import Calibration, PoseReport
+    from raytwin.workflows.compare_scene import Result
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
 """A scene is a camera, shapes and lights: plain frozen records. `SceneFile` is what is written, `Scene` is rendered."""
 
 from raytwin.scene.camera import Camera
+from raytwin.scene.camera_frame import seen_from_eye
 from raytwin.scene.lights import Environment, Light, Sky, Sun
 from raytwin.scene.material import Lambert, Material, Phong
-from raytwin.scene.moved import seen_from_eye
-from raytwin.scene.record import Albedo, Matrix, PixelCount, Positive, Radiance, Record, Vector
+from raytwin.scene.record_base import Albedo, Matrix, PixelCount, Positive, Radiance, Record, Vector
 from raytwin.scene.scene import Scene
 from raytwin.scene.scene_file import (
     PhotoCamera,

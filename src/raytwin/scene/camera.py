@@ -5,7 +5,7 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from raytwin.scene.record import Matrix, PixelCount, Record, Vector
+from raytwin.scene.record_base import Matrix, PixelCount, Record, Vector
 
 
 class Camera(Record, frozen=True):

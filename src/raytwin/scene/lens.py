@@ -22,9 +22,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from raytwin.array_types import Bool, Float
 from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
-from raytwin.shapes import Bool, Float
 
 Places = Float[np.ndarray, " n"]
 """A coordinate, or a share, of each of n places."""

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.scene.record import Matrix, PixelCount, Radiance, Record, Vector
+from raytwin.scene.record_base import Matrix, PixelCount, Radiance, Record, Vector
 
 
 class Sun(Record, frozen=True, tag="sun"):

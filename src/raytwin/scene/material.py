@@ -1,7 +1,7 @@
 """How a surface sends light back. To add a material, write its record and add it to the union."""
 
 from raytwin.errors import InputError
-from raytwin.scene.record import Albedo, Positive, Record
+from raytwin.scene.record_base import Albedo, Positive, Record
 
 
 class Lambert(Record, frozen=True, tag="lambert"):

@@ -8,7 +8,7 @@ from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
 from raytwin.scene.lights import Environment, Light, Sky, Sun
 from raytwin.scene.material import Phong
-from raytwin.scene.record import Record
+from raytwin.scene.record_base import Record
 from raytwin.scene.shapes import Rectangle, Shape, Sphere
 
 L = TypeVar("L", Sun, Sky, Environment)

@@ -13,7 +13,7 @@ from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
 from raytwin.scene.lights import Environment, Sky, Sun
 from raytwin.scene.material import Lambert, Material, Phong
-from raytwin.scene.record import Albedo, Fraction, NonNegative, PixelCount, Positive, Radiance, Record, Vector
+from raytwin.scene.record_base import Albedo, Fraction, NonNegative, PixelCount, Positive, Radiance, Record, Vector
 from raytwin.scene.scene import Scene
 from raytwin.scene.shapes import Rectangle, Sphere
 

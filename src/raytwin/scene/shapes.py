@@ -3,7 +3,7 @@
 import numpy as np
 
 from raytwin.scene.material import Lambert, Material
-from raytwin.scene.record import Positive, Record, Vector
+from raytwin.scene.record_base import Positive, Record, Vector
 
 
 class Sphere(Record, frozen=True, tag="sphere"):

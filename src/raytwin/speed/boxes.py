@@ -14,9 +14,9 @@ from math import ceil, floor, inf, pi
 
 import numpy as np
 
+from raytwin.array_types import Int
 from raytwin.scene import Camera, Rectangle, Shape, Sphere
 from raytwin.scene.lens import LEAST, determinant, distort, undone
-from raytwin.shapes import Int
 from raytwin.speed.start import invert_lens
 
 Box = tuple[int, int, int, int]

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from raytwin.array_types import Float32, Int
 from raytwin.errors import check_one_of
 from raytwin.image import Image, Surface
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, seen_from_eye
 from raytwin.scene.lens import without_ray
-from raytwin.shapes import Float32, Int
 from raytwin.speed.boxes import TRIMS
 from raytwin.speed.engine import ENGINES, Engine, canvas, flush, lift, only_where, pixel_grid, store, tile_grid
 from raytwin.speed.lists import Listed, Table, walk, walk_some

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
+from raytwin.array_types import Bool, Float32, Int32
 from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Shape
 from raytwin.scene.lens import rayless
-from raytwin.shapes import Bool, Float32, Int32
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
 from raytwin.speed.frame import TILE_DRJIT, EyeScene

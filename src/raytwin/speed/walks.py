@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from raytwin.array_types import Int
 from raytwin.image import Image, Surface
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 from raytwin.scene.lens import without_ray
-from raytwin.shapes import Int
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, canvas, constant, flush, pixel_numbers, store
 from raytwin.speed.frame import EyeScene, background, draw, kernel, tiles

@@ -8,7 +8,7 @@ from math import pi
 from typing import Any, NamedTuple
 
 from raytwin.scene import Environment
-from raytwin.scene.tabulated import tabulate
+from raytwin.scene.envmap_tables import tabulate
 from raytwin.tracer.arrays import Vec, arctan2, cos, dot, floats, maximum, minimum, select, sin, sqrt, take, whole
 
 

@@ -16,10 +16,10 @@ from raytwin.progress import Progress, silent
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, seen_from_eye
 from raytwin.scene.lens import without_ray
-from raytwin.twin import cache as kept
+from raytwin.twin import render_cache as kept
 from raytwin.twin.backend import activate, versions
 from raytwin.twin.batches import Batches
-from raytwin.twin.light import albedos, first_light
+from raytwin.twin.direct_light import albedos, first_light
 from raytwin.twin.outlines import Seen, rays, settle
 from raytwin.twin.rays import lens_of
 from raytwin.twin.world import check_textures

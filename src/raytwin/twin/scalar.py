@@ -14,7 +14,7 @@ import numpy as np
 from raytwin.scene import Scene
 from raytwin.twin.batches import Batches
 from raytwin.twin.bodies import distance, normal, table, too_large
-from raytwin.twin.light import albedos, first_light, sunlight
+from raytwin.twin.direct_light import albedos, first_light, sunlight
 from raytwin.twin.outlines import Seen
 from raytwin.twin.phong import pi_f
 from raytwin.twin.rays import directions, lens_of

@@ -4,8 +4,8 @@ chart.py what a chart holds; labels.py where its texts go; shapes.py frame, tick
 """
 
 from raytwin.report.charts.chart import FRAME, INK, SOFT, Asked, Chart, Line, Point, Text, log_range, placed
+from raytwin.report.charts.marks import layout
 from raytwin.report.charts.png import png_bytes, write_charts
-from raytwin.report.charts.shapes import layout
 from raytwin.report.charts.svg import svg_text
 
 __all__ = [

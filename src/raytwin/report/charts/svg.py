@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from html import escape
 
-from raytwin.report.charts.shapes import Box, Drawing, Marker, Picture, Shape, Stroke, Words
-from raytwin.report.pictures import png_url
+from raytwin.report.charts.marks import Box, Drawing, Marker, Picture, Shape, Stroke, Words
+from raytwin.report.data_urls import png_url
 
 FONT = "DejaVu Sans, Verdana, system-ui, sans-serif"
 DASHES = {"solid": "", "dotted": ' stroke-dasharray="1.5 3"', "dashed": ' stroke-dasharray="6 4"'}

@@ -1,0 +1,166 @@
+"""The ladder of light: every rung on both sides, its error and its seconds, and what each leaves out."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from raytwin import files, twin
+from raytwin.analysis.ledger import split_error
+from raytwin.analysis.light_parts import WholeLight
+from raytwin.calib.find_camera import find_camera
+from raytwin.compare.report import Part
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.progress import Progress, Stages, silent
+from raytwin.renderers.renderer import Method
+from raytwin.renderers.subject_renderers import Followed, Traced, fast_engine
+from raytwin.rungs import RUNGS
+from raytwin.scene import Record, Scene
+from raytwin.speed import PARTS, light_parts, walk
+
+WIDTH = 480
+"""Pixels across by default: fifteen pictures share a page."""
+MORE = 4
+"""Times the rungs' samples are those of the whole light."""
+CALLS = 3
+
+
+class Step(Record, frozen=True):
+    """One rung on one side: `seconds` a frame, and its error against the whole light over the pixels' area.
+
+    `rmse` is None where there is no light; `noise`: the rms standard error of its own samples, None where it has none.
+    """
+
+    rung: str
+    side: str
+    method: str
+    seconds: float
+    rmse: float | None
+    noise: float | None
+
+
+class Rungs(Record, frozen=True):
+    """What ladder.json holds. `floor`: the rms standard error of the whole light, below which no rmse can be told."""
+
+    scene: str
+    width: int
+    height: int
+    samples: int
+    depth: int
+    floor: float
+    steps: tuple[Step, ...]
+    ledgers: dict[str, tuple[Part, ...]]
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Ladder:
+    """`images`: title -> (H, W, 3), each rung on both sides, each part of the light alone and all up to it."""
+
+    rungs: Rungs
+    images: dict[str, np.ndarray]
+
+
+def climb(
+    path: str | Path,
+    *,
+    size: tuple[int, int] | None = None,
+    samples: int = 64,
+    seed: int = 0,
+    photo: str | None = None,
+    progress: Progress = silent,
+) -> Ladder:
+    """Render the scene at `path` on all rungs, on both sides, and split what each leaves out."""
+    if not 2 <= samples <= twin.MOST_SAMPLES:
+        raise InputError("--samples", f"a whole number from 2 to {twin.MOST_SAMPLES}", samples)
+    began, stages = time.perf_counter(), Stages(progress)
+    with stages.stage("backend"):
+        engine = fast_engine(twin.activate().variant)
+    scene, _, _, _ = find_camera(files.read_scene(path), photo, stages)
+    camera = scene.camera
+    scene = scene.with_camera(camera.resized(*(size or _small(camera.image_size))))
+    deepest = max(row.depth or 0 for row in RUNGS.values())
+    with stages.stage("whole light"):
+        whole = walk(scene, "path", engine, samples=MORE * samples, seed=seed + 1, surface=False)
+    with stages.stage("ledger"):
+        split = WholeLight(scene, engine, deepest)
+    images, steps, ledgers = {}, [], {}
+    for name, row in RUNGS.items():
+        method = Followed(name, engine, samples) if row.noisy else Traced(name, engine)
+        with stages.stage("tracer"):
+            mine, took = _timed(method, scene, seed)
+        with stages.stage("twin"):
+            theirs, twins = _twin(scene, name, samples, seed)
+        for side, made, label, seconds in (
+            ("tracer", mine, method.name, took), ("twin", theirs, f"twin-{name}", twins)
+        ):  # fmt: skip
+            images[f"{side}: {name}"] = made.mean
+            steps.append(
+                Step(name, side, label, seconds, _rms(made.mean - whole.mean) if row.lit else None, _noise(made))
+            )
+        if row.lit:
+            with stages.stage("ledger"):
+                ledgers[name] = split_error(split, mine, name).parts
+    with stages.stage("parts"):
+        light = light_parts(scene, engine, samples=samples, seed=seed, depth=deepest)
+    total = np.zeros_like(whole.mean)
+    for part in PARTS:
+        total = total + light[part].mean
+        images[f"{TITLES[part]} alone"] = light[part].mean
+        if part != PARTS[0]:
+            images[f"all light up to {TITLES[part]}"] = total
+    images["whole light"] = whole.mean
+    w, h = scene.camera.image_size
+    floor = _noise(whole) or 0.0
+    spent = time.perf_counter() - began
+    return Ladder(Rungs(scene.name, w, h, samples, deepest, floor, tuple(steps), ledgers, spent), images)
+
+
+TITLES = {
+    "open": "sun and open sky", "shadow": "the sun's shadow", "occlusion": "the sky's occlusion",
+    "bounce 1": "bounce 1", "bounce 2": "bounce 2", "bounce 3+": "bounces 3 and more",
+}  # fmt: skip
+
+
+def _small(size: tuple[int, int]) -> tuple[int, int]:
+    w, h = size
+    return (WIDTH, max(1, round(WIDTH * h / w))) if w > WIDTH else size
+
+
+def _timed(method: Method, scene: Scene, seed: int) -> tuple[Image, float]:
+    """The image and the median seconds of some calls, after one that nobody times."""
+    call: Callable[[int], Image] = method.prepare(scene)
+    call(seed)
+    seconds = []
+    for _ in range(CALLS):
+        start = time.perf_counter()
+        made = call(seed)
+        seconds.append(time.perf_counter() - start)
+    return made, median(seconds)
+
+
+def _twin(scene: Scene, rung: str, samples: int, seed: int) -> tuple[Image, float]:
+    """Over the area where it takes samples anyway; its second call is timed."""
+    noisy = RUNGS[rung].noisy
+
+    def call() -> Image:
+        return twin.render(
+            scene, rung, sampling="area" if noisy else "center", samples=samples if noisy else 1, seed=seed, cache=False
+        )
+
+    call()
+    start = time.perf_counter()
+    made = call()
+    return made, time.perf_counter() - start
+
+
+def _rms(picture: np.ndarray) -> float:
+    return float(np.sqrt(np.square(picture, dtype=float).mean()))
+
+
+def _noise(image: Image) -> float | None:
+    return None if image.variance is None else float(np.sqrt(image.variance.mean(dtype=float)))

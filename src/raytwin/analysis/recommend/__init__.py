@@ -1,0 +1,74 @@
+"""The cheapest way to a scene's image that meets a tolerance, by measurement; and what the scene does not need.
+
+Held against is the whole light over the pixels' area (`truth`). A few pixels are looked at first (`look`), and tell
+what may do (`candidates`). What is left is timed at full size, all in turns, and held against the whole frame
+(`choice`). What the scene can spare is told beside what is proven (`spare`, `bounds`).
+"""
+
+import math
+import time
+from pathlib import Path
+
+from raytwin import files, twin
+from raytwin.analysis.recommend.probe_pixels import DEEP
+from raytwin.analysis.recommend.recommendation import Needs, NotNeeded, Row, Whole
+from raytwin.analysis.recommend.search import Choice
+from raytwin.analysis.recommend.simplify import not_needed
+from raytwin.calib.find_camera import find_camera
+from raytwin.errors import InputError, check_one_of
+from raytwin.progress import Progress, silent
+from raytwin.renderers.subject_renderers import fast_engine
+from raytwin.scene import Scene
+
+__all__ = ["Needs", "NotNeeded", "Row", "Whole", "find_needs", "needs_of"]
+
+ERRORS = "rmse", "relmse", "mae", "max_abs", "p999_abs", "p999_rel"
+"""Of METRICS, those that are 0 where nothing errs."""
+
+
+def needs_of(
+    path: str | Path,
+    tolerance: float,
+    metric: str = "rmse",
+    *,
+    photo: str | None = None,
+    size: tuple[int, int] | None = None,
+    progress: Progress = silent,
+) -> Needs:
+    """What the scene at `path` needs; see `find_needs`."""
+    _check(tolerance, metric)
+    scene = find_camera(files.read_scene(path), photo, progress)[0]
+    return find_needs(scene.with_camera(scene.camera.resized(*size)) if size else scene, tolerance, metric, progress)
+
+
+def find_needs(
+    scene: Scene, tolerance: float, metric: str = "rmse", progress: Progress = silent, engine: str | None = None
+) -> Needs:
+    """The cheapest way to the image whose error against the whole light meets `tolerance`, and what is not needed.
+
+    `engine`: for the random walks, by default the fastest here. Raises InputError for a tolerance that is none.
+    """
+    _check(tolerance, metric)
+    began = time.perf_counter()
+    search = Choice(scene, tolerance, metric, engine or fast_engine(twin.activate().variant))
+    progress("truth", 0, 1)
+    noise = search.low.noise(metric)
+    progress("truth", 1, 1)
+    progress("candidates", 0, 1)
+    choice: Row | None = None
+    rejected: tuple[Row, ...] = ()
+    if noise > tolerance / 3:
+        reason = f"cannot tell: the truth's own noise is {noise:.2g} {metric}, more than a third of {tolerance:g}"
+    else:
+        choice, rejected, reason = search.choose()
+    progress("candidates", 1, 1)
+    whole = Whole(DEEP, 2 * search.low.samples, search.pixels, noise, search.bound(search.bounds.beyond(DEEP - 2)))
+    found = not_needed(search) if noise <= tolerance / 3 else ()
+    seconds = time.perf_counter() - began
+    return Needs(scene.name, tolerance, metric, choice, rejected, found, whole, reason, seconds)
+
+
+def _check(tolerance: float, metric: str) -> None:
+    check_one_of("--metric", metric, ERRORS)
+    if not (math.isfinite(tolerance) and tolerance > 0):
+        raise InputError("--tolerance", "a finite number > 0", tolerance)

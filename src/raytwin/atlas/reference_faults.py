@@ -1,0 +1,351 @@
+"""The reference itself: where Mitsuba, left to itself, is wrong, and what raytwin's twin and tracer do there."""
+
+from functools import lru_cache
+from math import hypot, sqrt
+from typing import Any
+
+import numpy as np
+
+from raytwin import twin
+from raytwin.atlas.experiment import U32, Error, Experiment, Law, decades
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.scene import Camera, Lambert, Rectangle, Scene, Shape, Sky, Sphere, Sun, seen_from_eye
+from raytwin.tracer import intersect_rectangle, trace
+from raytwin.tracer.arrays import unit
+
+SIDE, WIDTH = 48, 0.6
+"""Pixels of a view, and how wide it is at the distance 1."""
+
+TO_SUN = np.array([0.3, 0.4, 0.8]) / sqrt(0.89)
+DOWN = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])
+GREY = Lambert((0.5, 0.5, 0.5))
+
+
+def view(eye: Any, R: np.ndarray = DOWN, side: int = SIDE, width: float = WIDTH) -> Camera:
+    f, c = side / width, (side - 1) / 2
+    rows = [tuple(row) for row in R.tolist()]
+    return Camera((side, side), ((f, 0.0, c), (0.0, f, c), (0.0, 0.0, 1.0)), (rows[0], rows[1], rows[2]),
+                  tuple((-R @ np.array(eye, float)).tolist()))  # fmt: skip
+
+
+def rays(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """The eye (3,) and unit directions (3, n), in the world's axes and float64."""
+    at = np.arange(camera.width) - camera.cx
+    u, v = (a.ravel() / camera.fx for a in np.meshgrid(at, at))
+    d = np.array(camera.R_cam_board).T @ np.stack([u, v, np.ones(u.size)])
+    return np.array(camera.eye), d / np.linalg.norm(d, axis=0)
+
+
+def seen_by(scene: Scene) -> dict[str, Image | None]:
+    """What raytwin's own make of the scene: None where they refuse."""
+    found: dict[str, Image | None] = {}
+    for name, draw in (
+        ("raytwin's twin", lambda: twin.render(scene, "shadow", cache=False)),
+        ("raytwin's tracer", lambda: trace(scene, "shadow")),
+    ):
+        try:
+            found[name] = draw()
+        except InputError:
+            found[name] = None
+    return found
+
+
+# ------------------------------------------------------------------------------------------ Mitsuba as one writes it
+
+
+def written(things: tuple[Shape, ...], *lights: dict[str, Any], merge: bool = True) -> Any:
+    """A Mitsuba scene in metres, as a user writes it: with `merge`, as `load_dict` makes it unless told otherwise."""
+    twin.activate()
+    import mitsuba as mi
+
+    world: dict[str, Any] = {"type": "scene"}
+    for i, thing in enumerate(things):
+        bsdf = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.5}}}
+        if isinstance(thing, Sphere):
+            world[f"s{i}"] = {"type": "sphere", "center": list(thing.center), "radius": thing.radius, "bsdf": bsdf}
+        else:
+            matrix = np.eye(4)
+            matrix[:3] = np.array([thing.half_u, thing.half_v, thing.normal, thing.center]).T
+            world[f"s{i}"] = {"type": "rectangle", "to_world": mi.ScalarTransform4f(matrix), "bsdf": bsdf}
+    return mi.load_dict(world | {f"light{i}": light for i, light in enumerate(lights)}, optimize=merge)
+
+
+def met(loaded: Any, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(t, is the sun hidden there) of each ray (3, n), by Mitsuba's own tests and its own offset."""
+    import mitsuba as mi
+
+    sun = mi.Vector3f(TO_SUN.tolist())
+    if mi.variant().startswith("scalar"):
+        found = []
+        for way in d.T.tolist():
+            si = loaded.ray_intersect(mi.Ray3f(o.tolist(), way))
+            found.append((si.t, si.is_valid() and loaded.ray_test(si.spawn_ray(sun))))
+        return np.array([t for t, _ in found], float), np.array([hidden for _, hidden in found], bool)
+    si = loaded.ray_intersect(
+        mi.Ray3f(mi.Point3f(o.tolist()), mi.Vector3f(*(mi.Float(a.astype(np.float32)) for a in d)))
+    )
+    hidden = loaded.ray_test(si.spawn_ray(sun), si.is_valid())
+    return np.array(si.t, float), np.array(hidden, bool) & np.array(si.is_valid(), bool)
+
+
+def radiance(loaded: Any, integrator: dict[str, Any], o: np.ndarray, d: np.ndarray, n: int) -> float:
+    """The mean of n samples of one ray."""
+    import mitsuba as mi
+
+    made, sampler = mi.load_dict(integrator), mi.load_dict({"type": "independent"})
+    if mi.variant().startswith("scalar"):
+        sampler.seed(1)
+        ray = mi.RayDifferential3f(mi.Ray3f(o.tolist(), d.tolist()))
+        return float(np.mean([made.sample(loaded, sampler, ray)[0][1] for _ in range(min(n, 4096))]))
+    sampler.seed(1, n)
+    import drjit as dr
+
+    way = mi.Vector3f(*(dr.full(mi.Float, x, n) for x in d.tolist()))
+    colour = made.sample(loaded, sampler, mi.RayDifferential3f(mi.Ray3f(mi.Point3f(o.tolist()), way)))[0]
+    return float(np.mean(np.array(colour[1], float)))
+
+
+PLAIN = "Mitsuba, as written"
+
+# ------------------------------------------------------------------------------------------ the experiments
+
+
+@lru_cache(maxsize=32)
+def ground(radius: float) -> dict[str, tuple[Error, Error]]:
+    """A ground sphere seen from 2 m above: (share of sunlit points that are shaded, worst relative error of depth)."""
+    eye, d = rays(camera := view((0.0, 0.0, 2.0)))
+    ball = Sphere((0.0, 0.0, -radius), radius, GREY)
+    b, c = (2 + radius) * d[2], 2 * (2 + 2 * radius)
+    hit = b * b > c * (1 + 1e-9)
+    t = c / (-b + np.sqrt(np.maximum(b * b - c, 0)))
+    n = (eye[:, None] + t * d + np.array([[0], [0], [radius]])) / radius
+    lit = hit & (TO_SUN @ n > 0.02)
+
+    def wrong(found: np.ndarray, hidden: np.ndarray) -> tuple[Error, Error]:
+        both = hit & np.isfinite(found) & (found > 0)
+        return float(hidden[lit].mean()), float(np.abs(found[both] / t[both] - 1).max())
+
+    made = {PLAIN: wrong(*met(written((ball,)), eye, d))}
+    x, y, z = TO_SUN.tolist()
+    for name, image in seen_by(Scene("ground", camera, (ball,), (Sun((x, y, z)),))).items():
+        if image is not None and image.surface is not None:
+            made[name] = wrong(image.surface.depth.ravel().astype(float), image.mean[..., 1].ravel() <= 0)
+        else:
+            made[name] = None, None
+    return made
+
+
+def shaded(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
+    return {name: found[0] for name, found in ground(x).items()}
+
+
+def depth(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
+    return {name: found[1] for name, found in ground(x).items()}
+
+
+FLOOR = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), GREY)
+
+
+def gap(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
+    """A floor under a large sheet x m above it: the share of its points between them that the sun reaches."""
+    eye, R = np.array((0.0, 0.0, x / 2)), np.array([[1.0, 0, 0], [0, 0.0, -1], [0, 1, 0]])
+    camera = view(eye, R)
+    sheet = Rectangle((0.0, 0.0, x), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), GREY)
+    eye, d = rays(camera)
+    t = -eye[2] / np.where(d[2] < 0, d[2], -1.0)
+    between = (d[2] < 0) & (t < 0.5)
+
+    def leak(hidden: np.ndarray) -> float:
+        return float((~hidden)[between].mean())
+
+    found: dict[str, Error] = {PLAIN: leak(met(written((FLOOR, sheet), merge=False), eye, d)[1])}
+    a, b, c = TO_SUN.tolist()
+    for name, image in seen_by(Scene("gap", camera, (FLOOR, sheet), (Sun((a, b, c)),))).items():
+        found[name] = None if image is None else leak(image.mean[..., 1].ravel() <= 0)
+    return found
+
+
+def merged(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
+    """The floor at x beside a wall of height 1 under a sky: relative error of its radiance, a (1 + x/√(x² + 1)) / 2."""
+    floor = Rectangle((0.0, 0.0, 0.0), (100.0, 0.0, 0.0), (0.0, 100.0, 0.0), GREY)
+    wall = Rectangle((0.0, 0.0, 0.5), (0.0, 100.0, 0.0), (0.0, 0.0, 0.5), GREY)
+    truth = 0.25 * (1 + x / hypot(x, 1))
+    eye, d = np.array((x, 0.0, 1.5)), np.array((0.0, 0.0, -1.0))
+    path, sky = {"type": "path", "max_depth": 2}, {"type": "constant", "radiance": {"type": "rgb", "value": 1.0}}
+    found: dict[str, Error] = {
+        name: abs(radiance(written((floor, wall), sky, merge=merge), path, eye, d, n) / truth - 1)
+        for name, merge in ((PLAIN, True), ("Mitsuba, optimize=False", False))
+    }
+    scene = Scene("wall", view(eye, side=16, width=1e-3), (floor, wall), (Sky((1.0, 1.0, 1.0)),))
+    image = twin.render(scene, "sky", samples=max(n // 256, 2), cache=False)
+    return found | {"raytwin's twin": abs(float(image.mean[..., 1].mean(dtype=float)) / truth - 1)}
+
+
+def emitters(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
+    """A floor in the sun, by `direct` with x samples of the emitter: relative error of its radiance."""
+    irradiance = {"type": "rgb", "value": 3.0}
+    sun = {"type": "directional", "direction": (-TO_SUN).tolist(), "irradiance": irradiance}
+    truth = 0.5 / np.pi * 3 * TO_SUN[2]
+    eye, d = np.array((0.1, 0.2, 1.0)), np.array((0.0, 0.0, -1.0))
+    direct = {"type": "direct", "emitter_samples": round(x), "bsdf_samples": 1}
+    a, b, c = TO_SUN.tolist()
+    image = twin.render(Scene("floor", view(eye), (FLOOR,), (Sun((a, b, c)),)), "shadow", cache=False)
+    return {
+        PLAIN: abs(radiance(written((FLOOR,), sun, merge=False), direct, eye, d, 64) / truth - 1),
+        "raytwin's twin": float(np.abs(image.mean[..., 1] / truth - 1).max()),
+    }
+
+
+def bright(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
+    """A floor under a sun of irradiance x: relative error of its radiance."""
+    truth = 0.5 / np.pi * x * TO_SUN[2]
+    a, b, c = TO_SUN.tolist()
+    images = seen_by(Scene("bright", view((0.1, 0.2, 1.0), side=4), (FLOOR,), (Sun((a, b, c), (x, x, x)),)))
+    return {
+        name: None if image is None else float(np.abs(image.mean[..., 1] / truth - 1).max())
+        for name, image in images.items()
+    }
+
+
+def fought(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
+    """Two floors, the upper x of the eye's height above the lower: the share of pixels that see the wrong one."""
+    turn = np.array([[0.8, 0.6, 0], [-0.6 * 0.6, 0.6 * 0.8, -0.8], [-0.8 * 0.6, 0.8 * 0.8, 0.6]])
+    R = turn @ DOWN if np.linalg.det(turn @ DOWN) > 0 else turn
+    camera = view((0.1, 0.2, 1.0), R)
+    upper = Rectangle((0.05, 0.02, x), (3.0, 0.0, 0.0), (0.0, 3.0, 0.0), GREY)
+    lower = Rectangle((0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (0.0, 4.0, 0.0), GREY)
+    found: dict[str, Error] = {}
+    a, b, c = TO_SUN.tolist()
+    for name, image in seen_by(Scene("fight", camera, (lower, upper), (Sun((a, b, c)),))).items():
+        found[name] = None if image is None or image.surface is None else float((image.surface.ids == 0).mean())
+    # The same test of planes in float32, without a check, from the same eye.
+    R32, t32 = (np.array(m, np.float32) for m in (camera.R_cam_board, camera.t_cam_board))
+    at = np.arange(SIDE, dtype=np.float32) - np.float32(camera.cx)
+    u, v = (g.ravel() / np.float32(camera.fx) for g in np.meshgrid(at, at))
+    way = unit((u, v, np.ones_like(u)))
+    nearest = [intersect_rectangle((np.float32(0),) * 3, way, turned(plane, R32, t32)) for plane in (lower, upper)]
+    return found | {"float32, unchecked": float((nearest[0] <= nearest[1]).mean())}
+
+
+def turned(plane: Rectangle, R: np.ndarray, t: np.ndarray) -> Rectangle:
+    """In the camera's frame, in the floats of R and t."""
+    kind = R.dtype.type
+    middle, u, v = (R @ np.array(a, kind) for a in (plane.center, plane.half_u, plane.half_v))
+    return Rectangle(tuple(middle + t), tuple(u), tuple(v))
+
+
+def within(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
+    """The eye x above a floor of 2 m, in n turns, looking up from it: the share of rays that meet it all the same."""
+    height, unchecked, found = x if x > 1e-19 else 0.0, {np.float32: 0.0, np.float64: 0.0}, 0.0
+    refused = False
+    for _ in range(n):
+        q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        R = q * np.linalg.det(q)
+        eye = np.array((0.1, 0.2, height))
+        up = np.abs(rng.normal(size=(3, 200))) * np.array([[1], [1], [0.5]]) * (2 * rng.integers(0, 2, (3, 200)) - 1)
+        up[2] = np.abs(up[2]) + 1e-3
+        d = R @ (up / np.linalg.norm(up, axis=0))
+        for kind in unchecked:
+            local = turned(FLOOR, R.astype(kind), (-R @ eye).astype(kind))
+            way = d.astype(kind)
+            t = intersect_rectangle((kind(0),) * 3, (way[0], way[1], way[2]), local)
+            unchecked[kind] += float(np.isfinite(t).mean()) / n
+        r = [tuple(row) for row in R.tolist()]
+        camera = Camera((1, 1), EYE_K, (r[0], r[1], r[2]), tuple((-R @ eye).tolist()))
+        try:
+            floor = seen_from_eye(Scene("eye", camera, (FLOOR,))).rectangles[0]
+            found += float(np.isfinite(intersect_rectangle((0.0, 0.0, 0.0), (d[0], d[1], d[2]), floor)).mean()) / n
+        except InputError:
+            refused = True
+    return {
+        **{f"n·f / n·d, {np.dtype(k)}": e for k, e in unchecked.items()},
+        "raytwin's tracer": None if refused else found,
+    }
+
+
+EYE_K = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+def beyond(edge: float, share: float) -> Law:
+    """Nothing up to the edge, `share` behind it, the parameter falling."""
+    return lambda x: share if x < edge else 0.0
+
+
+TWIN, TRACER = "raytwin's twin", "raytwin's tracer"
+MITSUBA = "Mitsuba 3.9"
+
+EXPERIMENTS = (
+    Experiment(
+        "mitsuba-ground", "A ground sphere under the sun, seen from 2 m", "radius, m",
+        "share of sunlit points in shade", 1e-3,
+        decades(0, 8), shaded, (TWIN, TRACER),
+        "Mitsuba tests shadows against a sphere in float32, from the difference of the squares of its radius and of "
+        "the point's distance, and starts the ray 9e-5 m off: from some 2000 m on, rounding is more. raytwin's twin "
+        "meets such spheres in float64 itself; its tracer does not ask the ground about itself.",
+        f"{MITSUBA}, shapes/sphere.cpp; Shirley, Ray Tracing in One Weekend, where every scene has such a ground",
+        {PLAIN: lambda x: 0.5 * (U32 * x > 1500 * U32)}, trials=1, many=1, more=decades(0, 8, 4),
+    ),
+    Experiment(
+        "mitsuba-planet", "The distance to a ground sphere, seen from 2 m", "radius, m",
+        "relative error of the distance", 1e-5,
+        decades(0, 8), depth, (TWIN, TRACER),
+        "The height above the ground is the difference of two numbers as large as its radius, so float32 keeps 2^-24 "
+        "of the radius of it. In float64 the same loss comes 5e8 times later.",
+        f"{MITSUBA}, shapes/sphere.cpp", {PLAIN: lambda x: U32 * x}, trials=1, many=1, more=decades(0, 8, 4),
+    ),
+    Experiment(
+        "mitsuba-gap", "The shadow in a gap between two sheets", "width of the gap, m",
+        "share of points that the sun reaches", 1e-3,
+        decades(-1, -7, 2), gap, (TWIN, TRACER),
+        "Mitsuba's rays start 9e-5 m off their surface wherever the eye is, so that they begin beyond a sheet that is "
+        "nearer than this, and light comes through. The twin's world is 1024 times as large and its offset follows the "
+        "distance from the eye; the tracer has none.",
+        f"{MITSUBA}, render/interaction.h: offset_p", {PLAIN: beyond(1500 * U32, 1.0)}, trials=1, many=1,
+    ),
+    Experiment(
+        "mitsuba-merge", "A floor beside a wall, under the sky", "distance / height of the wall",
+        "relative error of radiance", 0.02,
+        (2.0, 1.0, 0.5, 0.2, 0.1), merged, (TWIN,),
+        "load_dict merges rectangles of one material unless told not to, and leaves the merged one out of the scene's "
+        "bounding box: rays to the sky end too soon, and light comes through walls, silently. The twin loads with "
+        "optimize=False.",
+        f"{MITSUBA}, load_dict; Howell, A Catalog of Radiation Heat Transfer Configuration Factors", trials=1 << 16,
+        many=1 << 20,
+    ),
+    Experiment(
+        "mitsuba-emitters", "Several samples of one sun", "emitter_samples of `direct`", "relative error of radiance",
+        0.02,
+        (1.0, 2.0, 4.0, 8.0), emitters, (TWIN,),
+        "For lights that only sampling finds, as a sun or a point is, `direct` adds its samples up and does not "
+        "divide: twice the samples, twice the light. The twin sums the sun by one shadow ray of its own.",
+        f"{MITSUBA}, integrators/direct.cpp; open in its tracker", {PLAIN: lambda x: x - 1}, slack=1.5, trials=1,
+        many=1,
+    ),
+    Experiment(
+        "mitsuba-bright", "A sun in physical units, and beyond", "irradiance", "relative error of radiance", 1e-5,
+        (1.0, 1e4, 1e5, 1e10, 1e20, 1e30, 1e37), bright, (TWIN, TRACER),
+        "Radiance is multiplied and added, so floats keep its relative error at any scale up to 3e38, where pictures "
+        "end. What breaks with a bright sun is a fixed tolerance; raytwin's follows the picture's own scale.",
+        "IEEE 754; tests/README.md: scale", trials=1, many=1,
+    ),
+    Experiment(
+        "planes-fight", "Two sheets, one close above the other", "distance apart / height of the eye",
+        "share of pixels that see the lower",
+        1e-3, decades(-1, -16), fought, (TWIN, TRACER),
+        "Sheets nearer to each other than rounding fight for each pixel, and shade each other in patches. raytwin "
+        "refuses a scene whose rectangles lie in one place, to the floats that are used, and says which two.",
+        "Lapidous and Jiao, Optimal Depth Buffer for Low-Cost Graphics Hardware (1999): the same in rasterisers",
+        {"float32, unchecked": beyond(U32, 0.3)}, trials=1, many=1,
+    ),
+    Experiment(
+        "plane-eye", "An eye within a sheet, looking up from it", "height of the eye, m",
+        "share of rays that meet the sheet",
+        1e-3, decades(-1, -19), within, (TRACER,),
+        "An eye exactly in a plane lies, to rounding, on one side or the other, and then sees the plane at a distance "
+        "of 1e-17 in half of its directions. What it should see is a matter of taste, so raytwin refuses.",
+        "The distance t = n·f / n·d, whose numerator is all rounding",
+        {"n·f / n·d, float32": beyond(0.2 * U32, 0.3), "n·f / n·d, float64": beyond(0.2 * 2.0**-53, 0.3)}, trials=8,
+        many=64,
+    ),
+)  # fmt: skip

@@ -1,0 +1,343 @@
+"""A scene, methods and sizes in; a Bench out, within a budget of seconds."""
+
+import os
+import platform
+import time
+from collections.abc import Sequence
+from math import gcd, sqrt
+from pathlib import Path
+
+import numpy as np
+
+from raytwin import files, twin
+from raytwin.bench.bench_record import Bench, Converged, Deviation, Growth, LeftOut, Measurement, Repeats
+from raytwin.bench.bench_reference import WHOLE, converge, measure, truth_of
+from raytwin.bench.equal_error import equal_error
+from raytwin.bench.frontier import median_iqr, on_frontier
+from raytwin.bench.sphere_field import crowded
+from raytwin.bench.timing import Errors, Look, Measured, guess, repeat, warm
+from raytwin.calib.find_camera import find_camera
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.progress import Progress, silent
+from raytwin.renderers.renderer import Call, Method
+from raytwin.renderers.renderer_table import choose
+from raytwin.scene import Camera, Scene
+from raytwin.workflows.versions import versions
+
+PREPARE_SHARE, TRUTH_SHARE = 0.5, 0.3
+"""Of the time that a size may take, no method is prepared after so much of it; of what is left, truths take so much."""
+
+LATE = "no time"
+"""How the reason begins where a larger budget would help."""
+
+GROWTH = (
+    "loop-shadow-conic",
+    "numpy32-shadow-none",
+    "numpy32-shadow-conic",
+    "numpy32-lambert-conic",
+    "drjit32-shadow-none",
+    "drjit32-shadow-conic",
+    "drjit32-lambert-conic",
+    "twin-llvm-shadow",
+    "mitsuba-llvm-direct-1",
+    "cuda32-shadow-conic",
+    "mitsuba-cuda-direct-1",
+)
+"""The methods whose cost is charted against pixels and spheres."""
+
+
+def bench(
+    path: str | Path,
+    *,
+    methods: Sequence[str] = ("*",),
+    sizes: Sequence[float] = (0.2,),
+    spheres: Sequence[int] = (),
+    crowd: int | None = None,
+    budget: float = 300.0,
+    repeats: int = 15,
+    truth_samples: int = 4096,
+    flip: bool = False,
+    progress: Progress = silent,
+) -> Bench:
+    """Measure `methods` (patterns of names) on the scene at each of `sizes` (megapixels).
+
+    `crowd`: so many small spheres stand in the place of the scene's objects. `spheres`: also time the methods of GROWTH
+    with so many small spheres in the picture, at the first size. `budget`: seconds for all, preparing and truths too;
+    methods that do not fit are named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of
+    each. `truth_samples`: most samples a pixel of each truth. `flip`: add FLIP, which is slow.
+    """
+    for where, value, right in (
+        ("--budget", budget, budget > 0),
+        ("--sizes", list(sizes), bool(sizes) and all(s > 0 for s in sizes)),
+        ("--spheres", list(spheres), all(n >= 1 for n in spheres)),
+        ("--crowd", crowd, crowd is None or crowd >= 1),
+        ("--repeats", repeats, repeats >= 1),
+        ("--truth-samples", truth_samples, truth_samples >= 1),
+    ):
+        if not right:
+            raise InputError(where, "numbers above 0", value)
+    for where, numbers, most in (
+        ("--sizes", sizes, 1000),
+        ("--spheres", spheres, 100_000),
+        ("--crowd", [crowd or 1], 100_000),
+    ):
+        if max(numbers, default=1) > most:
+            raise InputError(where, f"at most {most}", f"{max(numbers):g}")
+    chosen = choose(tuple(methods))
+    start = time.perf_counter()
+    deadline = start + budget
+    twin.activate()
+    scene = find_camera(files.read_scene(path), progress=progress)[0]
+    growing = [m for m in chosen if m.name in GROWTH] if spheres else []
+    if crowd:
+        scene = crowded(scene, crowd)
+    parts = len(sizes) + (1 if growing else 0)
+    rows: list[Measurement] = []
+    truths: list[Converged] = []
+    errors: list[Deviation] = []
+    left: list[LeftOut] = []
+    repeated: list[Repeats] = []
+    growth: list[Growth] = []
+    for i, megapixels in enumerate(sizes):
+        view = scene.with_camera(sized(scene.camera, megapixels))
+        until = time.perf_counter() + (deadline - time.perf_counter()) / (parts - i)
+        sized_run = measure_size(view, chosen, until, repeats, truth_samples, flip, progress)
+        rows += sized_run[0]
+        truths += sized_run[1]
+        errors += sized_run[2]
+        left += sized_run[3]
+        repeated += sized_run[4]
+    if growing:
+        view = scene.with_camera(sized(scene.camera, sizes[0]))
+        for i, count in enumerate(sorted(spheres)):
+            until = time.perf_counter() + (deadline - time.perf_counter()) / (len(spheres) - i)
+            grown, without = measure_growth(crowded(view, count), count, growing, until, repeats, progress)
+            growth += grown
+            left += without
+    if not rows and not growth:
+        raise _nothing(left, budget, time.perf_counter() - start)
+    return Bench(
+        scene=scene.name, machine=machine(), versions=versions(), budget=float(budget),
+        seconds=time.perf_counter() - start, rows=tuple(rows), truths=tuple(truths), errors=tuple(errors),
+        growth=tuple(growth), left_out=tuple(left), repeats=tuple(repeated),
+        equal=equal_error(rows, truths),
+    )  # fmt: skip
+
+
+def _nothing(left: Sequence[LeftOut], budget: float, spent: float) -> InputError:
+    """Why nothing was measured, and what to give."""
+    late = {o.method for o in left if o.why.startswith(LATE)}
+    if not late:
+        want = "one that this scene and this machine can have"
+        return InputError("--methods", want, f"{left[0].method}: {left[0].why}")
+    want = f"more seconds, or fewer --methods: none of {len(late)} could be prepared and timed"
+    return InputError("--budget", want, f"{budget:g}; preparing and truths took {spent:.2g} s")
+
+
+def measure_size(
+    scene: Scene,
+    methods: Sequence[Method],
+    deadline: float,
+    repeats: int,
+    truth_samples: int,
+    flip: bool,
+    progress: Progress,
+) -> tuple[list[Measurement], list[Converged], list[Deviation], list[LeftOut], list[Repeats]]:
+    """Truths, warm-up, timed rounds, for one size of picture."""
+    w, h = scene.camera.image_size
+    ready, left = get_ready(scene, methods, deadline, progress)
+    images, truths = {}, {}
+    names = sorted({truth_of(m.method) for m in ready} | ({WHOLE} if ready else set()))
+    until = time.perf_counter() + TRUTH_SHARE * (deadline - time.perf_counter())
+    for i, name in enumerate(names):
+        progress("truths", i, len(names))
+        seconds = (until - time.perf_counter()) / (len(names) - i)
+        images[name], truths[name] = converge(scene, name, truth_samples, seconds, flip)
+    progress("truths", len(names), len(names))
+
+    def look(method: Method, image: Image) -> Errors:
+        own = truth_of(method)
+        return {name: measure(image.mean, images[name], flip) for name in names if name == own or comparable(name)}
+
+    done = warm_up(ready, look, deadline, left, (w, h), progress)
+    repeat(done, look, deadline, repeats)
+    left += [LeftOut(m.method.name, w, h, f"{LATE} left for a timed call") for m in done if not m.seconds]
+    done = [m for m in done if m.seconds]
+    rows, errors = summarize(done, truths, (w, h))
+    kept = [
+        Repeats(m.method.name, w, h, tuple(m.seconds), tuple(number(e[truth_of(m.method)]["rmse"]) for e in m.errors))
+        for m in done
+    ]
+    return rows, [truths[n] for n in names], errors, left, kept
+
+
+def comparable(truth: str) -> bool:
+    """Truths that every method may be held against: those over the whole pixel."""
+    return truth.endswith("-area")
+
+
+def get_ready(
+    scene: Scene, methods: Sequence[Method], deadline: float, progress: Progress
+) -> tuple[list[Measured[Method, Image]], list[LeftOut]]:
+    """Each method prepared, compiled and tried on two thumbnails, which tell what it will take at full size.
+
+    One of each family before the second of any, so that time that is too short leaves some of every kind.
+    """
+    w, h = scene.camera.image_size
+    until = time.perf_counter() + PREPARE_SHARE * (deadline - time.perf_counter())
+    families = [m.family for m in methods]
+    in_turn = sorted(methods, key=lambda m: families[: methods.index(m)].count(m.family))
+    ready: list[Measured[Method, Image]] = []
+    left: list[LeftOut] = []
+    absent: dict[str, str] = {}
+    for i, method in enumerate(in_turn):
+        progress("prepare", i, len(methods))
+        if method.library in absent:
+            left.append(LeftOut(method.name, w, h, absent[method.library]))
+            continue
+        if i > 0 and time.perf_counter() > until:
+            left.append(LeftOut(method.name, w, h, f"{LATE} to prepare it"))
+            continue
+        try:
+            first, second = (thumbnail(scene, side) for side in (24, 48))
+            call = method.prepare(first)
+            cold, warm_one = timed(call), timed(call)
+            call = method.prepare(second)
+            timed(call)  # another size may be another kernel
+            larger = timed(call)
+            expected = guess((area(first), warm_one), (area(second), larger), w * h)
+            left_over = deadline - time.perf_counter()
+            if expected > left_over / 4:
+                left.append(LeftOut(method.name, w, h, f"{LATE}: a call would take about {expected:.2g} s"))
+                continue
+            ready.append(Measured(method, method.prepare(scene), expected, max(0.0, cold - warm_one)))
+        except InputError as error:
+            left.append(LeftOut(method.name, w, h, str(error)))
+            if "cuda" in method.library:
+                absent[method.library] = str(error)  # each try would start a child process
+    progress("prepare", len(methods), len(methods))
+    return sorted(ready, key=lambda m: methods.index(m.method)), left
+
+
+def warm_up(
+    ready: list[Measured[Method, Image]],
+    look: Look,
+    deadline: float,
+    left: list[LeftOut],
+    size: tuple[int, int],
+    progress: Progress,
+) -> list[Measured[Method, Image]]:
+    """The methods that had their first call at full size: the quick ones first, as many as can have three more."""
+    done, owed = [], 0.0
+    for i, m in enumerate(sorted(ready, key=lambda m: m.guess)):
+        progress("warm up", i, len(ready))
+        if time.perf_counter() + owed + 4 * m.guess > deadline:
+            left.append(LeftOut(m.method.name, *size, f"{LATE}: a call would take about {m.guess:.2g} s"))
+            continue
+        warm(m, look)
+        done.append(m)
+        owed += 3 * m.guess
+    progress("warm up", len(ready), len(ready))
+    return [m for m in ready if m in done]
+
+
+def summarize(
+    done: list[Measured[Method, Image]], truths: dict[str, Converged], size: tuple[int, int]
+) -> tuple[list[Measurement], list[Deviation]]:
+    """Rows against each method's own truth, and the errors against every truth, each with its frontier."""
+    times = {m.method.name: median_iqr(m.seconds) for m in done}
+    errors: dict[tuple[str, str], Deviation] = {}
+    for name, truth in truths.items():
+        held = [m for m in done if name in m.errors[0]]
+        means = [{k: mean_of([e[name][k] for e in m.errors]) for k in m.errors[0][name]} for m in held]
+        seconds = [times[m.method.name][0] for m in held]
+        flags = on_frontier(seconds, [number(mean["rmse"]) for mean in means], number(truth.floor["rmse"]))
+        for m, mean, flag in zip(held, means, flags, strict=True):
+            rmse, relmse, p999_abs = (number(mean[key]) for key in ("rmse", "relmse", "p999_abs"))
+            errors[m.method.name, name] = Deviation(
+                m.method.name, *size, name, rmse, relmse, p999_abs, mean["flip"], on_frontier=flag
+            )
+    rows = []
+    for m in done:
+        own = truth_of(m.method)
+        e, t = errors[m.method.name, own], truths[own]
+        rows.append(
+            Measurement(
+                method=m.method.name, engine=m.method.library, precision=f"float{m.method.precision}",
+                rung=m.method.rung, trim=m.method.trim, speculation=m.method.step, samples=m.method.samples,
+                width=size[0], height=size[1], seconds_median=times[m.method.name][0],
+                seconds_iqr=times[m.method.name][1], compile_seconds=m.compile_seconds, peak_mib=m.peak_mib,
+                rmse=e.rmse, relmse=e.relmse, p999_abs=e.p999_abs, flip=e.flip, truth_floor=number(t.floor["rmse"]),
+                on_frontier=e.on_frontier,
+            )
+        )  # fmt: skip
+    return rows, list(errors.values())
+
+
+def mean_of(values: list[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+def number(value: float | None) -> float:
+    """An error that every image has: all but FLIP."""
+    if value is None:
+        raise ValueError("an error that was not measured")
+    return value
+
+
+def measure_growth(
+    scene: Scene, count: int, methods: Sequence[Method], deadline: float, repeats: int, progress: Progress
+) -> tuple[list[Growth], list[LeftOut]]:
+    """The methods' seconds on a picture of `count` spheres."""
+    w, h = scene.camera.image_size
+
+    def ignore(method: Method, image: Image) -> dict[str, dict[str, float | None]]:
+        return {}
+
+    ready, left = get_ready(scene, methods, deadline, progress)
+    done = warm_up(ready, ignore, deadline, left, (w, h), progress)
+    repeat(done, ignore, deadline, repeats)
+    made = [Growth(m.method.name, count, w, h, *median_iqr(m.seconds), m.compile_seconds) for m in done if m.seconds]
+    left += [LeftOut(m.method.name, w, h, f"{LATE} left for a timed call") for m in done if not m.seconds]
+    return made, [LeftOut(f"{o.method} with {count} spheres", o.width, o.height, o.why) for o in left]
+
+
+# ------------------------------------------------------------------------------------------ sizes, machine
+
+
+def sized(camera: Camera, megapixels: float) -> Camera:
+    """The camera with about so many pixels, at its own aspect exactly where whole numbers allow it."""
+    w, h = camera.image_size
+    unit = gcd(w, h)
+    if (w // unit) * (h // unit) <= min(1e4, megapixels * 1e6 / 25):  # 4:3 and its like: steps of 4 x 3 pixels
+        steps = max(1, round(sqrt(megapixels * 1e6 / ((w // unit) * (h // unit)))))
+        return camera.resized(w // unit * steps, h // unit * steps)
+    scale = sqrt(megapixels * 1e6 / (w * h))
+    return camera.resized(max(1, round(w * scale)), max(1, round(h * scale)))
+
+
+def thumbnail(scene: Scene, height: int) -> Scene:
+    return scene.with_camera(sized(scene.camera, scene.camera.width / scene.camera.height * height**2 / 1e6))
+
+
+def area(scene: Scene) -> int:
+    return scene.camera.width * scene.camera.height
+
+
+def timed(call: Call) -> float:
+    start = time.perf_counter()
+    call(0)
+    return time.perf_counter() - start
+
+
+def machine() -> dict[str, str]:
+    """What two runs must share before their seconds can be compared."""
+    rows = dict(twin.doctor())
+    return {
+        "processor": rows.get("processor", "?"),
+        "cores": rows.get("cores", str(os.cpu_count())),
+        "backend": rows.get("backend", "?").split(",")[0],
+        "system": f"{platform.system()} {platform.machine()}",
+    }

@@ -1,0 +1,1 @@
+"""Photos of a board to a calibrated camera; synthetic photos; spheres drawn into photos."""

@@ -1,0 +1,27 @@
+"""What a board of AprilTags is: its tags' places in metres, its printed sheet, and boards from other people's files."""
+
+from raytwin.calib.boards.board import (
+    FAMILIES,
+    Board,
+    BoardTag,
+    Grid,
+    check_board,
+    check_heights,
+    draw_board,
+    read_board,
+    write_board,
+)
+from raytwin.calib.boards.shape import Heights
+
+__all__ = [
+    "FAMILIES",
+    "Board",
+    "BoardTag",
+    "Grid",
+    "Heights",
+    "check_board",
+    "check_heights",
+    "draw_board",
+    "read_board",
+    "write_board",
+]

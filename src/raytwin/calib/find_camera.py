@@ -1,0 +1,79 @@
+"""Photos of a board -> the camera that took one of them, beside the truth where there is one."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from raytwin import files
+from raytwin.calib import boards, photos, synthetic_photos
+from raytwin.errors import InputError, check_one_of
+from raytwin.progress import Progress, silent
+from raytwin.scene import Camera, Scene, SceneFile
+
+
+@dataclass(frozen=True)
+class TruthRow:
+    """One calibrated quantity beside the truth that the synthetic photographer wrote down."""
+
+    name: str
+    truth: float
+    found: float
+    sigma: float | None
+    unit: str
+
+
+def find_camera(
+    written: SceneFile, photo: str | None = None, progress: Progress = silent, cache: bool = True
+) -> tuple[Scene, Path | None, photos.Calibration | None, photos.PoseReport | None]:
+    """What is to be rendered, its camera found: calibrated from its photos, standing where `photo` was taken.
+
+    A scene with an explicit camera comes back as it is. `cache`: tags found in these photos before are not looked for
+    again. Returns the scene, the photo's path, calibration and pose.
+    """
+    asked = written.photos
+    if asked is None:
+        if photo is not None:
+            raise InputError(
+                "--photo", "a scene whose camera is calibrated from photos", f"{written.name}, whose is given"
+            )
+        return written.scene, None, None, None
+    folder = Path(written.folder)
+    board = boards.read_board(folder / asked.board)
+    taken = files.list_photos(folder / asked.photos)
+    name = photo or asked.photo
+    where = "--photo" if photo else f"{folder / 'scene.toml'}: camera.photo"
+    check_one_of(where, name, (p.name for p in taken))
+    read = photos.detect_photo_once if cache else None
+    calibration = photos.calibrate(taken, board, model=asked.model, progress=progress, read=read)
+    pose = photos.pose_of_photo(calibration, folder / asked.photos / name, board)
+    camera = photos.camera_at(calibration, pose.refined)
+    return written.at(camera), folder / asked.photos / name, calibration, pose
+
+
+def compare_truth(
+    truth: synthetic_photos.Truth,
+    calibration: photos.Calibration,
+    camera: Camera,
+    photo: str,
+    pose: photos.PoseReport | None = None,
+) -> tuple[TruthRow, ...]:
+    """Found beside true: focal lengths and centre in pixels, the compared photo's pose in degrees and millimetres."""
+    rows = []
+    for name, true, found in (
+        ("fx", truth.K[0][0], camera.fx),
+        ("fy", truth.K[1][1], camera.fy),
+        ("cx", truth.K[0][2], camera.cx),
+        ("cy", truth.K[1][2], camera.cy),
+    ):
+        rows.append(TruthRow(name, true, found, calibration.sigma.get(name), "px"))
+    if photo in truth.photos:
+        R, t = (np.asarray(a) for a in truth.photos[photo])
+        angle = photos.rotation_degrees(np.asarray(camera.R_cam_board), R)
+        rows.append(
+            TruthRow("rotation off by", 0.0, angle, pose.sigma_degrees if pose is not None else None, "degrees")
+        )
+        apart = 1e3 * np.linalg.norm(np.asarray(camera.eye) - (-R.T @ t))
+        away = None if pose is None or pose.sigma_metres is None else 1e3 * pose.sigma_metres
+        rows.append(TruthRow("eye off by", 0.0, float(apart), away, "mm"))
+    return tuple(rows)

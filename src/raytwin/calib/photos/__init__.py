@@ -1,0 +1,66 @@
+"""Photos of an AprilTag board in, a calibrated camera out.
+
+detection -> calibration (fit, model, bias, uncertainty) -> pose; `calibrated` is what comes out, `lens` holds the
+distortion, `doubts` what speaks against a calibration. Importing this loads OpenCV: commands do so only when they run.
+"""
+
+from raytwin.calib.photos.calibrated import Calibration, Evidence, FoundBoard, View, Warning_
+from raytwin.calib.photos.calibration import LEAST_VIEWS, calibrate, calibrate_detections
+from raytwin.calib.photos.camera_file import BoardShape, read_board_shapes, with_shape, write_camera_file
+from raytwin.calib.photos.detection import NoTags, Tag, detect, detect_photo, detect_photos
+from raytwin.calib.photos.doubts import CODES
+from raytwin.calib.photos.fit import MODELS
+from raytwin.calib.photos.lens import project
+from raytwin.calib.photos.model import ModelTrial, Told, explained
+from raytwin.calib.photos.pose import (
+    Pose,
+    PoseReport,
+    camera_at,
+    camera_of_photo,
+    homography_pose,
+    pose_of_photo,
+    pose_of_tags,
+    refined_pose,
+    rotation_degrees,
+)
+from raytwin.calib.photos.tag_cache import detect_photo_once
+from raytwin.calib.photos.uncertainty import deviations, pose_deviation, uncertainty_map
+
+__all__ = [
+    "CODES",
+    "LEAST_VIEWS",
+    "MODELS",
+    "BoardShape",
+    "Calibration",
+    "Evidence",
+    "FoundBoard",
+    "ModelTrial",
+    "NoTags",
+    "Pose",
+    "PoseReport",
+    "Tag",
+    "Told",
+    "View",
+    "Warning_",
+    "calibrate",
+    "calibrate_detections",
+    "camera_at",
+    "camera_of_photo",
+    "detect",
+    "detect_photo",
+    "detect_photo_once",
+    "detect_photos",
+    "deviations",
+    "explained",
+    "homography_pose",
+    "pose_deviation",
+    "pose_of_photo",
+    "pose_of_tags",
+    "project",
+    "read_board_shapes",
+    "refined_pose",
+    "rotation_degrees",
+    "uncertainty_map",
+    "with_shape",
+    "write_camera_file",
+]

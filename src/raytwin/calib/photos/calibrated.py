@@ -1,0 +1,109 @@
+"""What a calibration says: the camera, how well it is known, each photo's part in it, doubts, and what it rests on."""
+
+import os
+from typing import Any
+
+import msgspec
+
+from raytwin.calib.boards import Board, Heights
+from raytwin.calib.photos.detection import Tag
+from raytwin.calib.photos.model import ModelTrial
+from raytwin.errors import InputError
+from raytwin.scene import Matrix, Record, Vector
+
+
+class View(Record, frozen=True):
+    """One board in one photo: tags used, root mean squared distance, `p_cam = R_cam_board @ p_board + t_cam_board` (m).
+
+    `influence`: by how many of their standard deviations fx, fy, cx and cy move (rms) when the photo is left out.
+    `board`: which of the boards, counted from 0.
+    """
+
+    photo: str
+    tags: int
+    rms_px: float
+    R_cam_board: Matrix
+    t_cam_board: Vector
+    influence: float = 0.0
+    board: int = 0
+
+
+class FoundBoard(Record, frozen=True):
+    """A board as the photos tell it: `heights` None where a flat one predicts as well. `bend_mm`: from the lowest tag's
+    height to the highest's, `bend_sigma_mm` one standard deviation of it."""
+
+    heights: Heights | None = None
+    bend_mm: float = 0.0
+    bend_sigma_mm: float = 0.0
+
+
+class Warning_(Record, frozen=True):
+    """A doubt: `code` is stable (doubts.CODES), `text` is for people."""
+
+    code: str
+    text: str
+
+
+class Evidence(Record, frozen=True):
+    """What a calibration rests on, and what may be said from it; not part of its JSON.
+
+    `coverage`: the share of the frame's 10 x 10 cells with a tag's centre. `tilts`: the angle between the board's
+    normal and the line of sight, degrees, by view. `distance`: the board's middle from the camera, the median over the
+    views, metres. `covariance`: of (fx, fy, cx, cy, the model's coefficients, omega, tau), see `uncertainty`; pixels,
+    radians, metres; `noise_px`: one standard deviation of a tag's coordinate that goes with it. `trials`: what came of
+    each model, `taken` among them. `boards`: with their shapes. `found`: by kind of tag and by photo, all tags that
+    were detected.
+    """
+
+    coverage: float
+    tilts: tuple[float, ...]
+    distance: float
+    covariance: tuple[tuple[float, ...], ...]
+    noise_px: float
+    trials: dict[str, ModelTrial]
+    taken: str
+    boards: tuple[Board, ...]
+    seen: tuple[tuple[float, float], ...]
+    found: dict[str, dict[str, tuple[Tag, ...]]]
+
+
+class Calibration(Record, frozen=True):
+    """The camera and how well it is known; its fields, `evidence` aside, are the keys of the JSON.
+
+    `K` in pixels (OpenCV's: (0, 0) is a pixel's centre); `dist` is a prefix of k1, k2, p1, p2, k3; `sigma` holds one
+    standard deviation of fx, fy, cx, cy and of each coefficient that was fitted; `rms_px` is over all tags used.
+    """
+
+    image_size: tuple[int, int]
+    model: str
+    K: Matrix
+    dist: tuple[float, ...]
+    sigma: dict[str, float]
+    rms_px: float
+    views: tuple[View, ...]
+    boards: tuple[FoundBoard, ...] = ()
+    warnings: tuple[Warning_, ...] = ()
+    evidence: Evidence | None = None
+
+    def numbers(self) -> dict[str, Any]:
+        """What the JSON holds."""
+        return {k: v for k, v in msgspec.structs.asdict(self).items() if k != "evidence"}
+
+    @property
+    def basis(self) -> Evidence:
+        """The evidence; InputError for a calibration that was read back, which has none any more."""
+        if self.evidence is None:
+            raise InputError("calibration", "one made here, with what it rests on", "one that was read back")
+        return self.evidence
+
+    def shaped(self, board: Board) -> Board:
+        """The board with the shape that was found for it; as it is if it is none of those calibrated from."""
+        known = self.evidence.boards if self.evidence is not None else ()
+        return next((b for b in known if b.flat() == board.flat()), board)
+
+    def tags_of(self, photo: str | os.PathLike, board: Board) -> tuple[Tag, ...] | None:
+        """The tags that were found in a photo, so that it need not be searched again; None for any other photo."""
+        if self.evidence is None:
+            return None
+        found = self.evidence.found.get(board.kind, {})
+        return found.get(str(photo))

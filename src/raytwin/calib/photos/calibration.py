@@ -1,0 +1,360 @@
+"""Photos of boards -> K and distortion, with standard deviations, poses, and doubts: detect, fit, choose, doubt.
+
+The fit is on tag centres (`fit`); lens model and boards' shapes are what predicts photos not seen (`model`); how far
+off it may be is told by how the photos disagree (`uncertainty`).
+"""
+
+import math
+import os
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from raytwin import files
+from raytwin.calib.boards import Board
+from raytwin.calib.boards.board import spans_a_plane
+from raytwin.calib.photos import lens, pose
+from raytwin.calib.photos.bias import center_bias, unbiased
+from raytwin.calib.photos.calibrated import Calibration, Evidence, FoundBoard, View, Warning_
+from raytwin.calib.photos.detection import Find, Read, Tag, detect, detect_photos
+from raytwin.calib.photos.doubts import coverage, doubts_about, tilts
+from raytwin.calib.photos.fit import INTRINSICS, MODELS, Fit, Form, Seen, fit, matched
+from raytwin.calib.photos.model import ModelTrial, name, select_model
+from raytwin.calib.photos.uncertainty import Spread, spread, with_poses
+from raytwin.errors import InputError
+from raytwin.progress import Progress, silent
+
+LEAST_VIEWS = 3
+
+ROUNDS = 3
+"""Fits, each without the outliers and the detector's bias that the one before tells; a fourth moves fx by 1e-7."""
+
+BENT_ROUNDS = 5
+"""Of a bent board: its shape tells where its tags' edges lead, and its tags its shape. A sixth moves fx by 1e-5."""
+
+PRELIMINARY = "k1k2"
+"""What `auto` fits before it chooses: enough to tell the detector's bias and the outliers."""
+
+GROSS = 0.03
+"""Before anything is fitted: a tag this share of the image's width off its view's homography is an outlier, far more
+than any lens bends a board."""
+
+
+def calibrate(
+    photos: Sequence[str | os.PathLike],
+    board: Board | Sequence[Board],
+    model: str = "auto",
+    progress: Progress = silent,
+    find: Find = detect,
+    threads: int | None = None,
+    read: Read | None = None,
+) -> Calibration:
+    """The camera that took `photos`, all of one size, of one board, or of several; the rest as `detect_photos` has it.
+
+    Photos without tags, and those of another size, are left out with a warning as long as three others remain. Raises
+    InputError for anything from which no camera follows.
+    """
+    paths = list(dict.fromkeys(map(Path, photos)))
+    boards = _boards(board)
+    where = str(paths[0].parent) if paths else "photos"
+    _check_model(model)
+    if len(paths) < LEAST_VIEWS:
+        raise InputError(where, f"at least {LEAST_VIEWS} photos of the board, from different sides", len(paths))
+    paths, image_size, doubts = _of_one_size(paths)
+    found: dict[str, dict[str, list[Tag]]] = {}
+    wrong: dict[str, str] = {}
+    for kind in dict.fromkeys(b.kind for b in boards):
+        found[kind], without = detect_photos(paths, kind, progress, find, threads, read)
+        wrong |= without
+    wrong = {p: why for p, why in wrong.items() if not any(p in tags for tags in found.values())}
+    unique = len({p.name for p in paths}) == len(paths)
+    shown = {str(p): p.name if unique else str(p) for p in paths}
+    progress("fit", 0, 1)
+    result = _calibrate(
+        {key: {shown[p]: tags for p, tags in by_photo.items()} for key, by_photo in found.items()},
+        image_size, boards, model, where, {shown[p]: why for p, why in wrong.items()}, doubts,
+    )  # fmt: skip
+    progress("fit", 1, 1)
+    # By path too, for whoever wants the pose of one of them.
+    kept = {key: {p: tuple(tags) for p, tags in by_photo.items()} for key, by_photo in found.items()}
+    result = msgspec.structs.replace(result, evidence=msgspec.structs.replace(result.basis, found=kept))
+    return result
+
+
+def calibrate_detections(
+    detections: Mapping[str, Sequence[Tag]],
+    image_size: tuple[int, int],
+    board: Board | Sequence[Board],
+    model: str = "auto",
+    where: str = "photos",
+    wrong: Mapping[str, str] | None = None,
+    doubts: Sequence[Warning_] = (),
+) -> Calibration:
+    """The same from tags already found, by photo; those of several boards have ids of their own.
+
+    `wrong` says of other photos why they have none, `doubts` are about the photos themselves.
+    """
+    _check_model(model)
+    boards = _boards(board)
+    found = {b.kind: detections for b in boards}
+    return _calibrate(found, image_size, boards, model, where, dict(wrong or {}), doubts)
+
+
+# On several threads BLAS adds up in another order: each number of threads would end in other bits, and none sooner.
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def _calibrate(
+    found: Mapping[str, Mapping[str, Sequence[Tag]]],
+    image_size: tuple[int, int],
+    boards: Sequence[Board],
+    model: str,
+    where: str,
+    wrong: dict[str, str],
+    doubts: Sequence[Warning_],
+) -> Calibration:
+    """From tags by kind and by photo."""
+    if not any(tags for by_photo in found.values() for tags in by_photo.values()):
+        seen = "; ".join(f"{name}: {why}" for name, why in list(wrong.items())[:3])
+        raise InputError(where, f"photos of {' or '.join(found)} tags", seen or "none")
+    for key, by_photo in found.items():
+        pose.check_ids(list(by_photo.values()), [b for b in boards if b.kind == key], where)
+        _check_inside(by_photo, image_size)
+    views, straight = _first_views(found, image_size, boards, wrong)
+    _check_enough(views, wrong, where)
+    trials: dict[str, ModelTrial] = {}
+    result = fit(straight, image_size, boards, Form(PRELIMINARY if model == "auto" else model))
+    for turn in range(1, BENT_ROUNDS):
+        bent = result.form.degree > 0
+        if turn >= ROUNDS and not bent:
+            break
+        # The fit tells the detector's bias and the outliers; without both, the next fit is a better one.
+        views, straight = _inliers(views, boards, result, wrong)
+        _check_enough(views, wrong, where)
+        result = fit(straight, image_size, boards, result.form, result)
+        if turn == 1 or (turn == 2 and bent):
+            result, trials = select_model(straight, image_size, boards, model, result)
+    outliers = {
+        v.photo: sorted({t.id for t in v.tags} - {t.id for t in s.tags}) for v, s in zip(views, straight, strict=True)
+    }
+    known = spread(result, _lifted(straight, boards, result) if result.form.degree else None)
+    made = _calibration(straight, image_size, boards, result, known, trials, found)
+    more = doubts_about(made, result, known, straight, image_size, boards, wrong, outliers)
+    return msgspec.structs.replace(made, warnings=(*doubts, *(Warning_(*d) for d in more)))
+
+
+def _first_views(
+    found: Mapping[str, Mapping[str, Sequence[Tag]]],
+    image_size: tuple[int, int],
+    boards: Sequence[Board],
+    wrong: dict[str, str],
+) -> tuple[list[Seen], list[Seen]]:
+    """The boards in the photos, in the photos' order: all their tags, and those that one homography agrees with."""
+    views, straight = [], []
+    photos = dict.fromkeys(photo for by_photo in found.values() for photo in by_photo)
+    for photo in photos:
+        most = 0
+        for i, board in enumerate(boards):
+            known, flat = board.centers(), board.flat()
+            tags = [t for t in found[board.kind].get(photo, ()) if t.id in known]
+            most = max(most, len(tags))
+            inside = np.ones(len(tags), bool)
+            if spans_a_plane(flat.points(t.id for t in tags)[:, :2]):
+                inside = pose.consistent(*matched(tags, flat), GROSS * image_size[0])
+            if spans_a_plane(flat.points(t.id for t in tags)[inside, :2]):
+                views.append(Seen(photo, tuple(tags), i))
+                straight.append(Seen(photo, tuple(t for t, ok in zip(tags, inside, strict=True) if ok), i))
+        if not views or views[-1].photo != photo:
+            wrong.setdefault(photo, f"{most} tags of the board, too few or in one line")
+    return views, straight
+
+
+def _shaped(boards: Sequence[Board], result: Fit) -> tuple[Board, ...]:
+    return tuple(msgspec.structs.replace(b, heights=s) for b, s in zip(boards, result.shapes, strict=True))
+
+
+def _lifted(views: Sequence[Seen], boards: Sequence[Board], result: Fit) -> np.ndarray:
+    """(v, t, 2) pixels: the part of the detector's bias that flat boards would not have."""
+    by = np.zeros_like(result.residuals)
+    for i, (view, (R, t)) in enumerate(zip(views, result.poses, strict=True)):
+        ids, board = [tag.id for tag in view.tags], _shaped(boards, result)[view.board]
+        bent, flat = (center_bias(ids, b, R, t, result.K, result.dist) for b in (board, board.flat()))
+        by[i, : len(ids)] = bent - flat
+    return by
+
+
+def _inliers(
+    views: Sequence[Seen], boards: Sequence[Board], result: Fit, wrong: dict[str, str]
+) -> tuple[list[Seen], list[Seen]]:
+    """The views that keep enough tags by `result`: all their tags, and the inliers without the detector's bias.
+
+    Every tag is judged anew: one that an outlier had pulled away comes back.
+    """
+    moved, errors = [], []
+    shaped = _shaped(boards, result)
+    for view, (R, t) in zip(views, result.poses, strict=True):
+        board = shaped[view.board]
+        tags = unbiased(view.tags, board, R, t, result.K, result.dist)
+        points, pixels = matched(tags, board)
+        moved.append(tags)
+        errors.append(np.linalg.norm(lens.project(points, R, t, result.K, result.dist) - pixels, axis=1))
+    limit = pose.outlier_limit(np.concatenate(errors))
+    kept, straight = [], []
+    for view, tags, error in zip(views, moved, errors, strict=True):
+        inside = tuple(t for t, e in zip(tags, error, strict=True) if e <= limit)
+        if spans_a_plane(shaped[view.board].points(t.id for t in inside)[:, :2]):
+            kept.append(view)
+            straight.append(Seen(view.photo, inside, view.board))
+        else:
+            wrong[view.photo] = "too few of its tags agree with the camera of the others: another camera or zoom?"
+    return kept, straight
+
+
+def _calibration(
+    views: Sequence[Seen],
+    image_size: tuple[int, int],
+    boards: Sequence[Board],
+    result: Fit,
+    known: Spread,
+    trials: dict[str, ModelTrial],
+    found: Mapping[str, Mapping[str, Sequence[Tag]]],
+) -> Calibration:
+    names = result.form.names
+    sigma = np.sqrt(np.diag(known.covariance)[: len(names)])
+    moved = known.moves[:, : len(INTRINSICS)] / np.maximum(sigma[: len(INTRINSICS)], 1e-300)
+    influence = np.sqrt((moved**2).mean(axis=1))
+    square = (result.residuals**2).sum(axis=(1, 2)) / result.sights.weight.sum(axis=1)
+    shown = tuple(
+        View(
+            view.photo, len(view.tags), math.sqrt(square[i]), pose.rotation(R), tuple(t.tolist()),
+            float(influence[result.sights.photo[i]]), view.board,
+        )
+        for i, (view, (R, t)) in enumerate(zip(views, result.poses, strict=True))
+    )  # fmt: skip
+    K = result.K
+    shaped = _shaped(boards, result)
+    middles = [np.append(np.mean(list(b.centers().values()), axis=0), 0.0) for b in boards]
+    away = [np.linalg.norm(R @ middles[v.board] + t) for v, (R, t) in zip(views, result.poses, strict=True)]
+    seen = tuple((float(t.center[0]), float(t.center[1])) for v in views for t in v.tags)
+    evidence = Evidence(
+        coverage=coverage(np.array(seen), image_size),
+        tilts=tuple(tilts(shown, boards)),
+        distance=float(np.median(away)),
+        covariance=tuple(map(tuple, with_poses(result, known).tolist())),
+        noise_px=known.noise_px,
+        trials=trials,
+        taken=name(result.form),
+        boards=shaped,
+        seen=seen,
+        found={key: {photo: tuple(tags) for photo, tags in by_photo.items()} for key, by_photo in found.items()},
+    )
+    return Calibration(
+        image_size=(int(image_size[0]), int(image_size[1])),
+        model=result.form.model,
+        K=((float(K[0, 0]), 0.0, float(K[0, 2])), (0.0, float(K[1, 1]), float(K[1, 2])), (0.0, 0.0, 1.0)),
+        dist=result.dist,
+        sigma=dict(zip(names, sigma.tolist(), strict=True)),
+        rms_px=result.rms_px,
+        views=shown,
+        boards=_found_boards(result, known),
+        evidence=evidence,
+    )
+
+
+def _found_boards(result: Fit, known: Spread) -> tuple[FoundBoard, ...]:
+    boards, at = [], len(result.form.names)
+    for shape, bent in zip(result.shapes, result.sights.bendings, strict=True):
+        if shape is None or bent is None:
+            boards.append(FoundBoard())
+            continue
+        n = len(shape.coefficients)
+        heights = bent.heights @ np.array(shape.coefficients)
+        across = bent.heights[heights.argmax()] - bent.heights[heights.argmin()]
+        variance = float(across @ known.covariance[at : at + n, at : at + n] @ across)
+        boards.append(FoundBoard(shape, 1e3 * float(np.ptp(heights)), 1e3 * math.sqrt(max(variance, 0.0))))
+        at += n
+    return tuple(boards)
+
+
+def _boards(board: Board | Sequence[Board]) -> tuple[Board, ...]:
+    """As a tuple; InputError where two share a tag, which could be either's."""
+    boards = (board,) if isinstance(board, Board) else tuple(board)
+    if not boards:
+        raise InputError("board", "at least one", "none")
+    for i, b in enumerate(boards):
+        for other in boards[:i]:
+            if b.kind == other.kind and (shared := set(b.centers()) & set(other.centers())):
+                raise InputError("board", "boards whose tags differ", f"id {min(shared)} on two of them")
+    return boards
+
+
+def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], list[Warning_]]:
+    """The photos of the commonest size, that size, and doubts about which way up the photos are.
+
+    Photos a quarter turn from the others are left out: their pixels were turned after the lens had drawn them, and its
+    centre and its axes with them. So are photos of any other size, which another camera took or a program cut, unless
+    they are half of all.
+    """
+    sizes = dict(zip(paths, map(files.photo_size, paths), strict=True))
+    size = Counter(sizes.values()).most_common(1)[0][0]
+    example = next(p for p in paths if sizes[p] == size)
+    kept = [p for p in paths if sizes[p] == size]
+    swapped = [p for p in paths if sizes[p] == size[::-1] != size]
+    others = [p for p in paths if p not in kept and p not in swapped]
+    expected = f"{size[0]} x {size[1]} pixels, as {example.name} has"
+    for path in (*others, *swapped):
+        w, h = sizes[path]
+        if len(kept) < LEAST_VIEWS or 2 * len(others) >= len(paths):
+            turned = ": the same, turned by a quarter" if path in swapped else ""
+            raise InputError(path, expected, f"{w} x {h}{turned}")
+    doubts = []
+    if others:
+        text = ", ".join(sorted({"{} x {}".format(*sizes[p]) for p in others}))
+        doubts.append(
+            Warning_(
+                "other-size", f"{_some(others)}: left out, being {text} where the others are {size[0]} x {size[1]}"
+            )
+        )
+    if swapped:
+        w, h = size
+        text = f"left out, being {h} x {w} where the others are {w} x {h}: pixels turned after the photo was taken"
+        doubts.append(Warning_("swapped-orientation", f"{_some(swapped)}: {text}"))
+    by_turn: dict[int, list[Path]] = {}
+    for path in kept:
+        by_turn.setdefault(files.photo_orientation(path), []).append(path)
+    if len(by_turn) > 1:
+        groups = sorted(by_turn.items(), key=lambda group: -len(group[1]))
+        text = "; ".join(f"{turn} in {len(of)} ({_some(of)})" for turn, of in groups)
+        doubts.append(
+            Warning_("mixed-orientation", f"EXIF orientations differ: {text}: sound only if no pixels were ever turned")
+        )
+    return kept, size, doubts
+
+
+def _some(paths: Sequence[Path]) -> str:
+    return ", ".join([p.name for p in paths[:3]] + ["..."] * (len(paths) > 3))
+
+
+def _check_inside(detections: Mapping[str, Sequence[Tag]], image_size: tuple[int, int]) -> None:
+    width, height = image_size
+    for photo, tags in detections.items():
+        for tag in tags:
+            u, v = tag.center
+            if not (-0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5):
+                inside = -0.5 <= u <= height - 0.5 and -0.5 <= v <= width - 0.5
+                hint = " (width and height swapped?)" if inside else ""
+                raise InputError(photo, f"tags inside {width} x {height} pixels", f"one at {u:.0f}, {v:.0f}{hint}")
+
+
+def _check_enough(views: Sequence[Seen], wrong: dict[str, str], where: str) -> None:
+    photos = {v.photo for v in views}
+    if len(photos) < LEAST_VIEWS:
+        reasons = "".join(f"; {name}: {why}" for name, why in list(wrong.items())[:3])
+        raise InputError(where, f"at least {LEAST_VIEWS} photos that show the board", f"{len(photos)}{reasons}")
+
+
+def _check_model(model: str) -> None:
+    if model != "auto" and model not in MODELS:
+        raise InputError("model", f"one of auto, {', '.join(MODELS)}", repr(model))

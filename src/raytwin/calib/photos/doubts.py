@@ -1,0 +1,336 @@
+"""Whether a calibration deserves trust: never by its rms alone, which is lowest where the views say least.
+
+Six photos from one side fit anything. What tells is how well the views pin the camera down: standard deviations,
+square pixels, a principal point near the middle, board normals that spread, and a covered frame; and whether one photo,
+or the board, is at odds with all the rest.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from raytwin.calib.boards import Board
+from raytwin.calib.photos import lens, pose
+from raytwin.calib.photos.calibrated import Calibration
+from raytwin.calib.photos.fit import NAMES, Fit, Form, Seen, fit, matched, solve_scaled
+from raytwin.calib.photos.uncertainty import Spread, spread
+from raytwin.errors import InputError
+from raytwin.scene.lens import SIDE, undone
+
+CODES = {
+    "swapped-orientation": "photos whose width and height are those of the others, swapped: left out",
+    "mixed-orientation": "EXIF orientations differ: some photos' pixels may have been turned",
+    "other-size": "photos of another size than most: left out",
+    "no-tags": "photos that were left out, and why",
+    "few-views": "fewer views than a calibration should rest on",
+    "degenerate-views": "views too alike to tell focal length, centre and distortion apart",
+    "mirrored-board": "the board's description is a mirror image of the board",
+    "board-pitch": "the board's description is longer or shorter in y than the board",
+    "bent-board": "the board is bent: its shape was fitted along with the camera",
+    "odd-photo": "a photo that another camera, zoom or orientation may have taken",
+    "unconverged-distortion": "a part of the frame where the distortion has no inverse: no photo tells the lens there",
+    "outlier-tags": "tags that were rejected because they disagree with all others",
+    "ambiguous-pose": "views whose pose could be either of two",
+}
+"""Every code, and what it means. Codes are stable: tools may test for them."""
+
+FEW_VIEWS = 8
+FOCAL_SD, CENTER_SD = 0.02, 0.03
+ASPECT, CENTER_OFFSET = 0.02, 0.12
+NORMAL_SPREAD, COVERAGE = 15.0, 0.25
+"""Beyond these the views are degenerate: sd of a focal length as a share of it, sd of the centre as a share of the
+image's side, |fx / fy - 1|, the centre's distance from the middle as a share of the side, the largest angle between two
+of the board's normals in degrees, and the share of the frame's 10 x 10 cells that hold a tag's centre."""
+
+ODD_RMS, ODD_PULL, ODD_TURN = 2.5, 5.0, 2.5
+"""A photo is odd whose rms is so many times the median, in the fit with it or without it; which pulls K so many times
+as much, for what it can tell of it, as the median photo does; or whose rms is so many times what it is when its pixels
+are turned by half a turn. (Sound sets: at most 2.4, 3.8 and 1.9.)"""
+
+ODD_PX = 0.2
+"""Pixels: a photo of a smaller rms is not odd for it; small tags and slanting ones are read no better."""
+
+LEAST_FOR_ODD = 5
+"""Photos: with fewer, none can be odd."""
+
+BENT, SURELY = 5e-4, 4.0
+"""A board is called bent by more than this share of its diagonal, and so many standard deviations."""
+
+STRETCHED, EXPLAINED = 0.01, 0.8
+"""A board's y is called wrong by more than this share where a free one leaves less than so much of the rms."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """What the doubts are about: a `calibration`, the fit that made it and what it is known to, and what went in."""
+
+    calibration: Calibration
+    found: Fit
+    known: Spread
+    views: Sequence[Seen]
+    image_size: tuple[int, int]
+    boards: Sequence[Board]
+    wrong: Mapping[str, str]
+    outliers: Mapping[str, Sequence[int]]
+
+    @property
+    def photos(self) -> list[str]:
+        return list(dict.fromkeys(v.photo for v in self.views))
+
+    @cached_property
+    def pitches(self) -> list[str]:
+        """What is wrong with which board's pitch: such a board is to blame for what K and the photos look like."""
+        return list(_wrong_pitches(self))
+
+    def without(self, photo: str) -> "Case":
+        """The same, fitted without one photo, by the richest lens that was tried: the photo may have led the choice
+        astray."""
+        kept = [i for i, v in enumerate(self.views) if v.photo != photo]
+        views, start = [self.views[i] for i in kept], replace(self.found, R=self.found.R[kept], t=self.found.t[kept])
+        form = replace(self.found.form, model=next(iter(self.calibration.basis.trials)), unfolded=False)
+        found = fit(views, self.image_size, self.boards, form, start)
+        return replace(self, views=views, found=found, known=spread(found))
+
+
+Doubts = Iterator[tuple[str, str]]
+"""(code, text)"""
+
+
+def coverage(pixels: np.ndarray, image_size: tuple[int, int]) -> float:
+    """The share of the frame's 10 x 10 cells that hold one of the points (n, 2)."""
+    width, height = image_size
+    cells, _, _ = np.histogram2d(pixels[:, 0] + 0.5, pixels[:, 1] + 0.5, bins=10, range=[[0, width], [0, height]])
+    return float((cells > 0).mean())
+
+
+def normal_spread(rotations: Sequence[np.ndarray]) -> float:
+    """The largest angle between two of the board's normals in the camera frame, degrees."""
+    normals = np.array([np.asarray(R)[:, 2] for R in rotations])
+    return float(np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1, 1))))
+
+
+def tilts(views, boards: Sequence[Board]) -> list[float]:
+    """The angle between the board's normal and the line of sight to its middle, degrees, by view."""
+    middles = [np.append(np.mean(list(b.centers().values()), axis=0), 0.0) for b in boards]
+    sights = [np.array(v.R_cam_board) @ middles[v.board] + v.t_cam_board for v in views]
+    cosines = [abs(np.array(v.R_cam_board)[:, 2] @ s) / np.linalg.norm(s) for v, s in zip(views, sights, strict=True)]
+    return np.degrees(np.arccos(np.clip(cosines, 0, 1))).tolist()
+
+
+def is_mirrored(points: np.ndarray, pixels: np.ndarray) -> bool:
+    """det H > 0 for H from the board to pixels, scaled so that the board is in front: its back would face the camera.
+
+    det [r1 r2 t] = r3 . t: the board's normal points away from the camera. (The pixels' y points down as the camera's
+    does, so K does not change the sign.) A detector reads no tag from behind: the description is at fault.
+    """
+    H, _ = cv2.findHomography(points[:, :2], pixels)
+    if H is None:
+        return False
+    return bool(np.linalg.det(H) * np.sign(H[2] @ [*points[:, :2].mean(axis=0), 1.0]) > 0)
+
+
+def doubts_about(
+    calibration: Calibration,
+    found: Fit,
+    known: Spread,
+    views: Sequence[Seen],
+    image_size: tuple[int, int],
+    boards: Sequence[Board],
+    wrong: Mapping[str, str],
+    outliers: Mapping[str, Sequence[int]],
+) -> list[tuple[str, str]]:
+    """(code, text) of every doubt about a Calibration made from `views` by the fit `found`.
+
+    `wrong`: photos left out, and why. `outliers`: ids rejected, by photo.
+    """
+    case = Case(calibration, found, known, views, image_size, boards, wrong, outliers)
+    return [doubt for ask in ASKED for doubt in ask(case)]
+
+
+def _left_out(case: Case) -> Doubts:
+    for photo, why in case.wrong.items():
+        yield "no-tags", f"{photo} was left out: {why}"
+
+
+def _few(case: Case) -> Doubts:
+    if len(case.photos) < FEW_VIEWS:
+        yield "few-views", f"{len(case.photos)} views: with fewer than {FEW_VIEWS} the focal length moves by a per cent"
+
+
+def _degenerate(case: Case) -> Doubts:
+    (fx, _, cx), (_, fy, cy), _ = case.calibration.K
+    width, height = case.image_size
+    sd = case.calibration.sigma
+    found = []
+    if not case.pitches:
+        for name, value in (("fx", fx), ("fy", fy)):
+            if sd[name] > FOCAL_SD * value:
+                found.append(f"{name} = {value:.0f} ± {sd[name]:.0f} px")
+        for name, side in (("cx", width), ("cy", height)):
+            if sd[name] > CENTER_SD * side:
+                found.append(f"{name} is known to ± {sd[name]:.0f} px only")
+        if abs(fx / fy - 1) > ASPECT:
+            found.append(f"fx / fy = {fx / fy:.3f}, where cameras have 1")
+        for name, value, side in (("cx", cx, width), ("cy", cy, height)):
+            if abs(off := value - (side - 1) / 2) > CENTER_OFFSET * side:
+                found.append(f"{name} = {value:.0f} lies {abs(off):.0f} px from the image's middle")
+    spread = normal_spread(list(case.found.R))
+    if spread < NORMAL_SPREAD:
+        found.append(f"the board's tilt differs by {spread:.0f} degrees at most: tilt it more ways")
+    share = coverage(np.array([t.center for v in case.views for t in v.tags]), case.image_size)
+    if share < COVERAGE:
+        found.append(f"tags cover {100 * share:.0f} % of the frame: fill its corners too")
+    if found:
+        yield "degenerate-views", "; ".join(found)
+
+
+def _mirrored(case: Case) -> Doubts:
+    for i, board in enumerate(case.boards):
+        of = [v for v in case.views if v.board == i]
+        behind = [v for v in of if is_mirrored(*matched(v.tags, board.flat()))]
+        if behind:
+            advice = "swap the sign of x"
+            if board.grid is not None:
+                advice = f'write order = "{"up" if board.grid.order == "down" else "down"}" into its [grid]'
+            text = f"the board is seen from behind in {len(behind)} of {len(of)} views: its description is mirrored"
+            yield "mirrored-board", f"{text} ({advice})"
+
+
+def _pitch(case: Case) -> Doubts:
+    for text in case.pitches:
+        yield "board-pitch", text
+
+
+def _wrong_pitches(case: Case) -> Iterator[str]:
+    """Whether a board whose y may be longer or shorter explains the photos: then its description is wrong."""
+    form = case.found.form
+    try:
+        free = fit(case.views, case.image_size, case.boards, Form(form.model, form.degree, stretch=True), case.found)
+    except InputError:
+        return
+    if free.rms_px > EXPLAINED * case.found.rms_px:
+        return
+    sigma = np.sqrt(np.diag(spread(free).covariance)[free.stretch_at])
+    for i, (stretch, sd) in enumerate(zip(free.stretches, sigma, strict=True)):
+        if abs(stretch - 1) > max(STRETCHED, SURELY * sd):
+            which = f" (board {i + 1})" if len(case.boards) > 1 else ""
+            yield f"the board's pitch in y looks wrong by {stretch:.3f} (± {sd:.2g}){which}: measure it both ways"
+
+
+def _bent(case: Case) -> Doubts:
+    if case.pitches:
+        return
+    for i, (board, found) in enumerate(zip(case.boards, case.calibration.boards, strict=True)):
+        diagonal = 1e3 * float(np.linalg.norm(np.ptp(list(board.centers().values()), axis=0)))
+        if found.bend_mm > max(BENT * diagonal, SURELY * found.bend_sigma_mm):
+            which = f" {i + 1}" if len(case.boards) > 1 else ""
+            yield (
+                "bent-board",
+                f"the board{which} is bent by {found.bend_mm:.2g} ± {found.bend_sigma_mm:.1g} mm: fitted along with "
+                "the camera; glue it to something flat",
+            )
+
+
+def _odd(case: Case) -> Doubts:
+    """Photos at odds with the rest, the worst first; each next one by the fit without those: an odd one makes others
+    look so."""
+    while len(case.photos) >= LEAST_FOR_ODD and not case.pitches:
+        _, name, why = max(_oddities(case), default=(0.0, "", ""))
+        if not why:
+            return
+        yield "odd-photo", f"{name}: {why} (another camera, zoom or orientation, or blur): leave it out"
+        try:
+            case = case.without(name)
+        except InputError:
+            return
+
+
+def _oddities(case: Case) -> Iterator[tuple[float, str, str]]:
+    """How odd, which photo, and why, by what the fit without it says of it; 1 and more is odd."""
+    photo = case.found.sights.photo
+    squares = np.bincount(photo, (case.found.residuals**2).sum(axis=(1, 2)))
+    rms = np.sqrt(squares / np.bincount(photo, case.found.sights.weight.sum(axis=1)))
+    seen = np.maximum(rms, case.known.errors) > ODD_PX
+    rms, without = (e / max(float(np.median(e)), 1e-9) for e in (rms, case.known.errors))
+    pull = _pull(case)
+    for i, name in enumerate(case.photos):
+        turned, times = _better_turned(case, i), max(rms[i], without[i])
+        why = []
+        if seen[i] and times > ODD_RMS:
+            why.append(f"its rms is {times:.1f} times the median")
+        if pull[i] > ODD_PULL:
+            why.append(f"it pulls K {pull[i]:.1f} times as much as the others")
+        if turned > ODD_TURN or (why and turned > ODD_RMS / 2):
+            why.append(f"turned by half a turn, it fits {turned:.1f} times as well")
+        if why:
+            yield max(times / ODD_RMS, pull[i] / ODD_PULL, turned / ODD_TURN), name, "; ".join(why)
+
+
+def _pull(case: Case) -> np.ndarray:
+    """(n,): how far K moves without each photo, over what it would if photos erred alike: in medians over the
+    photos."""
+    H, photo = case.found.H.sum(axis=0) + case.found.prior, case.found.sights.photo
+    inverse = np.linalg.pinv(case.known.covariance[:4, :4], hermitian=True)
+    pulls = []
+    for i, move in enumerate(case.known.moves):
+        own = case.found.H[photo == i].sum(axis=0)
+        rest = solve_scaled(H - own, np.eye(len(H)))
+        expected = np.trace(inverse @ (rest @ own @ rest)[:4, :4])
+        pulls.append(math.sqrt(float(move[:4] @ inverse @ move[:4]) / max(expected, 1e-300)))
+    return np.array(pulls) / max(float(np.median(pulls)), 1e-300)
+
+
+def _better_turned(case: Case, i: int) -> float:
+    """The rms of a photo in the camera that the others tell, over what it is when its pixels are turned by half a
+    turn."""
+    shared = case.found.shared + case.known.moves[i]
+    K = np.array([[shared[0], 0, shared[2]], [0, shared[1], shared[3]], [0, 0, 1]])
+    value = dict(zip(case.found.form.names[4:], shared[4:], strict=False))
+    dist = [value.get(n, 0.0) for n in NAMES]
+    turn = np.diag([-1.0, -1.0, 1.0])
+    squares = np.zeros(2)
+    for j in np.flatnonzero(case.found.sights.photo == i).tolist():
+        view, R, t = case.views[j], case.found.R[j], case.found.t[j]
+        points, pixels = matched(view.tags, case.calibration.basis.boards[view.board])
+        for k, (seen, R0, t0) in enumerate(
+            ((pixels, R, t), (np.array(case.image_size) - 1 - pixels, turn @ R, turn @ t))
+        ):
+            start = cv2.Rodrigues(R0)[0], t0.reshape(3, 1).copy()
+            turns, shift = cv2.solvePnPRefineLM(points, seen, K, lens.five(dist), *start)
+            off = lens.project(points, cv2.Rodrigues(turns)[0], shift, K, dist) - seen
+            squares[k] += float((off**2).sum())
+    return math.sqrt(squares[0] / max(squares[1], 1e-12))
+
+
+def _unsupported(case: Case) -> Doubts:
+    known = undone(case.calibration.K, case.calibration.dist, case.image_size)
+    if known.fault:
+        lost = 100 * float((known.share[4 * SIDE :] < 1).mean())
+        text = f"no ray belongs to {lost:.2g} % of the frame, left black: the lens cannot be undone at {known.fault}"
+        yield "unconverged-distortion", f"{text}; photograph the board there"
+
+
+def _outliers(case: Case) -> Doubts:
+    for photo, ids in case.outliers.items():
+        if ids:
+            yield "outlier-tags", f"{photo}: rejected tags {', '.join(map(str, sorted(ids)))}"
+
+
+def _ambiguous(case: Case) -> Doubts:
+    if any(_mirrored(case)):
+        return
+    c = case.calibration
+    for view, shown in zip(case.views, c.views, strict=True):
+        start = pose.Pose(shown.R_cam_board, shown.t_cam_board, shown.rms_px)
+        _, ratio = pose.refined_pose(c.K, c.dist, view.tags, c.basis.boards[view.board], start)
+        if ratio is not None and pose.ambiguous(ratio, len(view.tags)):
+            yield "ambiguous-pose", f"{view.photo}: a second pose fits with only {ratio:.2f} times the error"
+
+
+ASKED: tuple[Callable[[Case], Doubts], ...] = (
+    _left_out, _few, _degenerate, _mirrored, _pitch, _bent, _odd, _unsupported, _outliers, _ambiguous,
+)  # fmt: skip

@@ -1,0 +1,421 @@
+"""Tags of boards, seen from many sides -> K, distortion, poses and the boards' shapes: min Σ |project(board) - tag|².
+
+OpenCV's first fit gives the start; from there it is Gauss-Newton with Marquardt's damping, where every view's six
+numbers of pose are eliminated first. With A = d residuals / d shared, B = d residuals / d pose of the view i (Schur
+complement),
+
+    H_i = A^T A - A^T B (B^T B)^-1 B^T A,  g_i = A^T r - A^T B (B^T B)^-1 B^T r
+
+are all that the view says about the numbers that the views share; the fit, its covariance and the fit without any one
+photo (`uncertainty`) are sums of them. A pose moves by a turn omega and a shift tau of the camera's frame:
+p' = p + omega x p + tau.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from raytwin.calib.boards import Board, Heights
+from raytwin.calib.boards.shape import Bending, bending
+from raytwin.calib.photos import lens
+from raytwin.calib.photos.detection import Tag
+from raytwin.errors import InputError
+from raytwin.scene import Record
+
+NAMES = ("k1", "k2", "p1", "p2", "k3")
+INTRINSICS = ("fx", "fy", "cx", "cy")
+
+MODELS: dict[str, tuple[str, ...]] = {
+    "none": (),
+    "k1": ("k1",),
+    "k1k2": ("k1", "k2"),
+    "k1k2p1p2": ("k1", "k2", "p1", "p2"),
+    "k1k2k3": ("k1", "k2", "k3"),
+    "full5": NAMES,
+}
+"""The coefficients that each model fits; the others are 0. To add one: a row here (OpenCV's five are all there are)."""
+
+START = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 30, 1e-6)
+STEPS, SETTLED = 100, 1e-10
+"""At most so many steps; the fit has settled once a step promises to lessen the squares by less than this share."""
+
+STEEP = 0.25
+"""A lens that is held `unfolded` grows at least so fast, d(r g)/dr, at every radius out to the frame's corner."""
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """OpenCV on one thread meanwhile: on several it adds up in any order, and no two fits end in the same bits."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(threads)
+
+
+class Seen(Record, frozen=True):
+    """One board's tags in one photo, none of them unknown to the board; internal to the fit. `board`: its index."""
+
+    photo: str
+    tags: tuple[Tag, ...]
+    board: int = 0
+
+
+@dataclass(frozen=True)
+class Form:
+    """What is fitted besides K and poses: a row of MODELS, the degree of the boards' heights (0: flat), whether a
+    stretch of the boards' y is free, and whether the lens is kept from folding back inside the frame."""
+
+    model: str
+    degree: int = 0
+    stretch: bool = False
+    unfolded: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of K and distortion, in the order of `Fit.shared`."""
+        return (*INTRINSICS, *MODELS[self.model])
+
+
+@dataclass(frozen=True, eq=False)
+class Sights:
+    """What v views saw, a row each, padded to the most tags t that any has.
+
+    `points` (v, t, 3) metres on the flat board; `pixels` (v, t, 2); `weight` (v, t): 1, or 0 where padded; `rows` (v,
+    t): the tag's place in its board's list; `board`, `photo` (v,): of which board in which photo, by number.
+    """
+
+    points: np.ndarray
+    pixels: np.ndarray
+    weight: np.ndarray
+    rows: np.ndarray
+    board: np.ndarray
+    photo: np.ndarray
+    bendings: tuple[Bending | None, ...]
+    height: tuple[float, ...]
+
+    def count(self) -> int:
+        """Coordinates seen."""
+        return 2 * int(self.weight.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What the optimizer gives: `shared` (m,) is fx, fy, cx, cy, the coefficients of `form`, then the boards' shapes.
+
+    R (v, 3, 3), t (v, 3): the poses. `residuals` (v, t, 2): projected minus seen, pixels. `H` (v, m, m), `g` (v, m):
+    see above; `prior` (m, m): what the fit was told besides. `A` (v, 2 t, m), `B` (v, 2 t, 6); `follow` (v, 6, m): d
+    pose / d shared; `local` (v, 6, 6): (B^T B)^-1.
+    """
+
+    form: Form
+    sights: Sights
+    shared: np.ndarray
+    R: np.ndarray
+    t: np.ndarray
+    residuals: np.ndarray
+    prior: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    H: np.ndarray
+    g: np.ndarray
+    follow: np.ndarray
+    local: np.ndarray
+
+    @property
+    def K(self) -> np.ndarray:
+        fx, fy, cx, cy = self.shared[:4]
+        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+    @property
+    def dist(self) -> tuple[float, ...]:
+        free = MODELS[self.form.model]
+        value = dict(zip(free, self.shared[4:].tolist(), strict=False))
+        return tuple(value.get(name, 0.0) for name in NAMES[: max((NAMES.index(n) + 1 for n in free), default=0)])
+
+    @property
+    def poses(self) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+        return tuple(zip(self.R, self.t, strict=True))
+
+    @property
+    def rms_px(self) -> float:
+        return float(np.sqrt((self.residuals**2).sum() / self.sights.weight.sum()))
+
+    @property
+    def variance(self) -> float:
+        """Of a coordinate, pixels², if all erred alike and on their own: residuals² / (coordinates - unknowns)."""
+        unknowns = 6 * len(self.R) + self.told
+        return float((self.residuals**2).sum() / max(self.sights.count() - unknowns, 1))
+
+    @property
+    def told(self) -> int:
+        """How many of the shared numbers the tags tell at all: few rows do not tell every term of a shape."""
+        return int((np.diag(self.H.sum(axis=0)) > 0).sum())
+
+    @property
+    def shapes(self) -> tuple[Heights | None, ...]:
+        """Of each board; None where it was taken for flat."""
+        parts = _parts(self.shared, self.form, self.sights)
+        return tuple(Heights(self.form.degree, tuple(c.tolist())) if len(c) else None for c, _ in parts)
+
+    @property
+    def stretch_at(self) -> list[int]:
+        """Where in `shared` the boards' stretches are."""
+        at, places = len(self.form.names), []
+        for b in self.sights.bendings:
+            at += 0 if b is None else b.heights.shape[1]
+            places += [at] if self.form.stretch else []
+            at += self.form.stretch
+        return places
+
+    @property
+    def stretches(self) -> tuple[float, ...]:
+        """By how much each board's y is longer than its description says; 1 where it was not free."""
+        return tuple(1 + s for _, s in _parts(self.shared, self.form, self.sights))
+
+
+def fit(
+    views: Sequence[Seen],
+    image_size: tuple[int, int],
+    boards: Sequence[Board],
+    form: Form,
+    start: Fit | None = None,
+) -> Fit:
+    """The camera, poses and shapes of least squared pixel distance; from `start`, a fit of the same views, where
+    given."""
+    sights = _sights(views, boards, form)
+    if start is None or len(start.R) != len(views):
+        K, dist, R, t = _first(views, image_size, boards)
+    else:
+        K, dist, R, t = start.K, start.dist, start.R, start.t
+    value = dict(zip(NAMES, dist, strict=False))
+    shared = np.zeros(4 + len(MODELS[form.model]) + _shape_count(sights, form))
+    shared[: len(form.names)] = K[0, 0], K[1, 1], K[0, 2], K[1, 2], *(value.get(n, 0.0) for n in MODELS[form.model])
+    if start is not None and start.form.degree == form.degree and not (start.form.stretch or form.stretch):
+        shared[len(form.names) :] = start.shared[len(start.form.names) :]
+    found = _settle(sights, form, image_size, shared, R, t)
+    if not (np.isfinite(found.shared).all() and (found.shared[:2] > 0).all()):
+        fx, fy = found.shared[:2]
+        raise InputError("views", "photos from which a camera follows", f"fx, fy = {fx:.4g}, {fy:.4g}")
+    return found
+
+
+def matched(tags: Sequence[Tag], board: Board) -> tuple[np.ndarray, np.ndarray]:
+    """Board points (n, 3), metres, and pixels (n, 2) of tags that all are on the board."""
+    return board.points(t.id for t in tags), np.array([t.center for t in tags]).reshape(-1, 2)
+
+
+def _first(
+    views: Sequence[Seen], image_size: tuple[int, int], boards: Sequence[Board]
+) -> tuple[np.ndarray, tuple[float, ...], np.ndarray, np.ndarray]:
+    """K, distortion and poses of flat boards, by OpenCV: Zhang's closed form, and steps from there."""
+    both = [matched(v.tags, boards[v.board].flat()) for v in views]
+    points, pixels = ([one.astype(np.float32) for one in side] for side in zip(*both, strict=True))
+    flags = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
+    try:
+        with one_thread():
+            _, K, dist, turns, shifts = cv2.calibrateCamera(
+                points, pixels, image_size, None, None, flags=flags, criteria=START
+            )
+    except cv2.error as error:
+        raise InputError("views", "photos from which a camera follows", error.err or "none") from None
+    R = np.array([cv2.Rodrigues(turn)[0] for turn in turns])
+    t = np.array([shift.ravel() for shift in shifts])
+    if not (np.isfinite(K).all() and np.isfinite(dist).all() and K[0, 0] > 0 and K[1, 1] > 0):
+        raise InputError("views", "photos from which a camera follows", f"fx, fy = {K[0, 0]:.4g}, {K[1, 1]:.4g}")
+    return K, tuple(dist.ravel()[:5].tolist()), R, t
+
+
+def _sights(views: Sequence[Seen], boards: Sequence[Board], form: Form) -> Sights:
+    most = max(len(v.tags) for v in views)
+    points, pixels = np.zeros((len(views), most, 3)), np.zeros((len(views), most, 2))
+    weight, rows = np.zeros((len(views), most)), np.zeros((len(views), most), int)
+    flat = [b.flat() for b in boards]
+    places = [{tag: i for i, tag in enumerate(b.centers())} for b in boards]
+    photos: dict[str, int] = {}
+    for i, view in enumerate(views):
+        n = len(view.tags)
+        points[i, :n], pixels[i, :n] = matched(view.tags, flat[view.board])
+        points[i, n:] = points[i, 0]  # in front of the camera wherever the others are
+        weight[i, :n] = 1
+        rows[i, :n] = [places[view.board][tag.id] for tag in view.tags]
+        photos.setdefault(view.photo, len(photos))
+    middle = tuple(float(np.mean([y for _, y in b.centers().values()])) for b in boards)
+    bendings = tuple(bending(tuple(b.centers().values()), form.degree) if form.degree else None for b in boards)
+    board, photo = (np.array(a) for a in ([v.board for v in views], [photos[v.photo] for v in views]))
+    return Sights(points, pixels, weight, rows, board, photo, bendings, middle)
+
+
+def _shape_count(sights: Sights, form: Form) -> int:
+    return sum((0 if b is None else b.heights.shape[1]) + form.stretch for b in sights.bendings)
+
+
+def _parts(shared: np.ndarray, form: Form, sights: Sights) -> list[tuple[np.ndarray, float]]:
+    """By board: the coefficients of its heights, and the stretch of its y."""
+    parts, at = [], len(form.names)
+    for b in sights.bendings:
+        n = 0 if b is None else b.heights.shape[1]
+        parts.append((shared[at : at + n], float(shared[at + n]) if form.stretch else 0.0))
+        at += n + form.stretch
+    return parts
+
+
+def _shaped(sights: Sights, form: Form, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The boards' points with their shape (v, t, 3), and how they move with its numbers (v, t, s, 3), metres."""
+    points = sights.points.copy()
+    moves = np.zeros((*points.shape[:2], _shape_count(sights, form), 3))
+    at = 0
+    for i, (b, (c, stretch)) in enumerate(zip(sights.bendings, _parts(shared, form, sights), strict=True)):
+        mine = sights.board == i
+        rows = sights.rows[mine]
+        if b is not None:
+            points[mine] += b.move(c)[rows]
+            moves[mine, :, at : at + len(c)] = b.moves(c)[rows]
+            at += len(c)
+        if form.stretch:
+            along = sights.points[mine][..., 1] - sights.height[i]
+            points[mine, :, 1] += stretch * along
+            moves[mine, :, at, 1] = along
+            at += 1
+    return points, moves
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """The fit's state at one place; `fold`, `of_fold`: residuals and Jacobian of what keeps the lens from folding."""
+
+    shared: np.ndarray
+    R: np.ndarray
+    t: np.ndarray
+    r: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    fold: np.ndarray
+    of_fold: np.ndarray
+    cost: float
+
+
+def _step(sights: Sights, form: Form, image_size: tuple[int, int], shared, R, t) -> _Step:
+    free = MODELS[form.model]
+    value = dict(zip(free, shared[4:], strict=False))
+    K = np.array([[shared[0], 0, shared[2]], [0, shared[1], shared[3]], [0, 0, 1]])
+    board, moves = _shaped(sights, form, shared)
+    points = board @ R.swapaxes(1, 2) + t[:, None]
+    with np.errstate(all="ignore"):  # a step too far gives no finite cost, and is not taken
+        r, A, of_point = lens.linearise(points, sights.pixels, K, [value.get(n, 0.0) for n in NAMES], free)
+        A = np.concatenate([A, np.einsum("vtci,vij,vtsj->vtcs", of_point, R, moves, optimize=True)], axis=-1)
+        w = sights.weight[..., None]
+        r, A, B = r * w, A * w[..., None], lens.of_pose(points, of_point) * w[..., None]
+        fold, of_fold = _fold(form, image_size, shared, sights)
+        cost = float((r * r).sum() + fold @ fold)
+    if not np.isfinite(cost) or (points[..., 2] <= 0).any():
+        cost = np.inf
+    v, n, _ = r.shape
+    return _Step(shared, R, t, r, A.reshape(v, 2 * n, -1), B.reshape(v, 2 * n, 6), fold, of_fold, cost)
+
+
+RADII = np.linspace(0.05, 1, 20)
+
+
+def _fold(form: Form, image_size: tuple[int, int], shared: np.ndarray, sights: Sights) -> tuple[np.ndarray, np.ndarray]:
+    """Where the slope d(r g)/dr = 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶ is below STEEP inside the frame: how far, made
+    dear."""
+    free = MODELS[form.model]
+    radial = [n for n in ("k1", "k2", "k3") if n in free]
+    if not form.unfolded or not radial:
+        return np.zeros(0), np.zeros((0, len(shared)))
+    far = lens.corner_radius(shared[:4].tolist(), image_size)
+    value = dict(zip(free, shared[4:], strict=False))
+    k1, k2, k3 = (value.get(n, 0.0) for n in ("k1", "k2", "k3"))
+    r = RADII * 2 * far
+    s = r * r
+    reached = r * (1 + s * (k1 + s * (k2 + s * k3)))
+    # Out to where the lens has reached the corner; one that folds before never does.
+    inside = np.arange(len(r)) <= (int(np.argmax(reached >= far)) if (reached >= far).any() else len(r))
+    s = s[inside]
+    lack = STEEP - (1 + s * (3 * k1 + s * (5 * k2 + s * 7 * k3)))
+    dear = 10 * np.sqrt(sights.count())
+    of_fold = np.zeros((len(s), len(shared)))
+    for name, column in (("k1", 3 * s), ("k2", 5 * s * s), ("k3", 7 * s**3)):
+        if name in free:
+            of_fold[:, 4 + free.index(name)] = -dear * column * (lack > 0)
+    return dear * np.maximum(lack, 0), of_fold
+
+
+def _moved(
+    sights: Sights, form: Form, image_size: tuple[int, int], here: _Step, d_shared: np.ndarray, d_poses: np.ndarray
+) -> _Step:
+    turn = np.array([cv2.Rodrigues(turned)[0] for turned in d_poses[:, :3]])
+    t = (turn @ here.t[..., None])[..., 0] + d_poses[:, 3:]
+    return _step(sights, form, image_size, here.shared + d_shared, turn @ here.R, t)
+
+
+def _settle(sights: Sights, form: Form, image_size: tuple[int, int], shared, R, t) -> Fit:
+    """Gauss-Newton, damped after Marquardt where a step would make it worse."""
+    here = _step(sights, form, image_size, shared, R, t)
+    damping = 1e-6
+    for _ in range(STEPS):
+        d_shared, d_poses, promised = _solve(here, damping)
+        if promised <= SETTLED * here.cost:
+            break
+        there = _moved(sights, form, image_size, here, d_shared, d_poses)
+        for _ in range(2):
+            # Where views hardly tell two numbers apart, the poses follow them along a bent valley: let them catch up.
+            if not (np.isfinite(there.cost) and here.cost - there.cost < promised / 2):
+                break
+            Bt = there.B.swapaxes(1, 2)
+            catch_up = -np.linalg.solve(Bt @ there.B, Bt @ there.r.reshape(len(R), -1, 1))[..., 0]
+            there = _moved(sights, form, image_size, there, np.zeros(len(shared)), catch_up)
+        if there.cost <= here.cost:
+            here, damping = there, max(damping / 10, 1e-12)
+        elif damping > 1e9:
+            break
+        else:
+            damping = max(damping, 1e-6) * 10
+    AB, BB = here.A.swapaxes(1, 2) @ here.B, here.B.swapaxes(1, 2) @ here.B
+    local = np.linalg.inv(BB)
+    r = here.r.reshape(len(here.R), -1, 1)
+    follow = -local @ AB.swapaxes(1, 2)
+    H = here.A.swapaxes(1, 2) @ here.A + AB @ follow
+    g = (here.A.swapaxes(1, 2) @ r + follow.swapaxes(1, 2) @ (here.B.swapaxes(1, 2) @ r))[..., 0]
+    prior = here.of_fold.T @ here.of_fold
+    return Fit(
+        form, sights, here.shared, here.R, here.t, here.r, prior, here.A, here.B, H, g, follow, local
+    )  # fmt: skip
+
+
+def _solve(here: _Step, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """The step of the shared numbers (m,) and of the poses (v, 6), and by how much it should lessen the squares."""
+    A, B, r = here.A, here.B, here.r.reshape(len(here.R), -1, 1)
+    At, Bt = A.swapaxes(1, 2), B.swapaxes(1, 2)
+    AB, BB, Br = At @ B, Bt @ B, Bt @ r
+    inverse = np.linalg.inv(BB * (1 + damping * np.eye(6)))
+    U = (At @ A).sum(axis=0) + here.of_fold.T @ here.of_fold
+    rhs = (At @ r).sum(axis=0)[:, 0] + here.of_fold.T @ here.fold
+    S = U * (1 + damping * np.eye(len(U))) - (AB @ inverse @ AB.swapaxes(1, 2)).sum(axis=0)
+    right = rhs - (AB @ inverse @ Br).sum(axis=0)[:, 0]
+    d = -solve_scaled(S, right)
+    poses = -(inverse @ (Br + AB.swapaxes(1, 2) @ d[:, None]))[..., 0]
+    promised = -float(d @ rhs + (poses * Br[..., 0]).sum())
+    return d, poses, promised
+
+
+def scaled(S: np.ndarray) -> np.ndarray:
+    """What makes the diagonal of S 1, left and right of it; 0 for what it does not tell."""
+    size = np.diag(S)
+    return np.where(size > 0, 1 / np.sqrt(np.where(size > 0, size, 1)), 0)
+
+
+def solve_scaled(S: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """S^-1 right for a positive S; pixels, coefficients and metres differ by orders of magnitude: its diagonal is made
+    1.
+
+    What S does not tell at all stays 0.
+    """
+    scale = scaled(S)
+    inverse = np.linalg.pinv(S * np.outer(scale, scale), rcond=1e-13, hermitian=True)
+    return (scale * (inverse @ (scale * right.T).T).T).T

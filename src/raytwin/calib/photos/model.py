@@ -1,0 +1,132 @@
+"""Which lens model and which shape of the boards: what predicts photos that the fit has not seen, by leaving each out.
+
+The five coefficients of a plain OpenCV fit on a flat board are always among the candidates. A smaller model is taken
+only where it predicts as well, a bent board only where it predicts better, and then the richest shape that does.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from raytwin.calib.boards import Board
+from raytwin.calib.boards.shape import DEGREES
+from raytwin.calib.photos.fit import Fit, Form, Seen, fit
+from raytwin.calib.photos.uncertainty import leave_one_out
+from raytwin.errors import InputError
+from raytwin.scene import Record
+from raytwin.scene.lens import undone
+
+LADDER = ("none", "k1", "k1k2", "k1k2k3", "full5")
+"""What `auto` chooses from, smallest first; each adds coefficients to the one before."""
+
+AS_WELL, NOTHING = 1.01, 0.002
+"""As good as the best: within 1 % of its held-out error, or within so many pixels, which no detector knows."""
+
+UNFOLDED = 1.02
+"""A lens that folds back inside the frame is kept from it where that costs no more than 2 % of the held-out error."""
+
+LEAST_FOR_SHAPE = 6
+"""Photos: with fewer, boards are taken for flat."""
+
+
+class ModelTrial(Record, frozen=True):
+    """What came of one model: its held-out error in pixels, infinite where no fit converges, and a `doubt`, if any."""
+
+    held_out_px: float
+    doubt: str = ""
+
+
+class Told(NamedTuple):
+    """A model that was tried: its held-out error in pixels, whether it was taken, and why, or why not."""
+
+    model: str
+    held_out_px: float
+    taken: bool
+    why: str
+
+
+def name(form: Form) -> str:
+    """`full5`, or `full5, bent 3`: the lens, and the degree of the boards' heights."""
+    return form.model if form.degree == 0 else f"{form.model}, bent {form.degree}"
+
+
+def degree_of(trial: str) -> int:
+    """Of the boards' heights, from a trial's name; 0: flat."""
+    return int(trial.rpartition(", bent ")[2]) if ", bent " in trial else 0
+
+
+def held_out(found: Fit) -> float:
+    """The mean over the photos of the rms distance in each, pixels, in the fit without it: its pose alone is fitted to
+    it.
+
+    A mean of photos, not of squares, so that one foreign photo does not choose the model.
+    """
+    return float(leave_one_out(found)[1].mean())
+
+
+def select_model(
+    views: Sequence[Seen], image_size: tuple[int, int], boards: Sequence[Board], model: str, start: Fit
+) -> tuple[Fit, dict[str, ModelTrial]]:
+    """The fit to take, and what came of every model that was tried: first the boards' shape, then the lens."""
+    trials: dict[str, ModelTrial] = {}
+    fits: dict[str, Fit] = {}
+
+    def attempt(form: Form, begin: Fit) -> None:
+        try:
+            fits[name(form)] = fit(views, image_size, boards, form, begin)
+            trials[name(form)] = ModelTrial(held_out(fits[name(form)]))
+        except InputError:
+            trials[name(form)] = ModelTrial(math.inf, "the fit does not converge")
+
+    richest = LADDER[-1] if model == "auto" else model
+    enough = len({v.photo for v in views}) >= LEAST_FOR_SHAPE
+    for degree in (0, *DEGREES) if enough else (0,):
+        if degree == DEGREES[-1] and _as_good(trials, list(trials))[0] == richest:
+            continue  # a shape that no lower degree hints at
+        attempt(Form(richest, degree), next(reversed(fits.values()), start))
+    if not fits:
+        raise InputError("views", "photos from which a camera follows", "a fit that does not converge")
+    shapes = _as_good(trials, list(trials))
+    # Flat where that predicts as well. Else the richest shape that does: what a poorer one leaves out is in every photo
+    # of the board alike, so that no photo held out tells it, and moves K.
+    taken = fits[shapes[0] if shapes[0] == richest else shapes[-1]]
+    good = [name(taken.form)]
+    if model == "auto":
+        degree = taken.form.degree
+        for smaller in reversed(LADDER[:-1]):
+            attempt(Form(smaller, degree), taken)
+        good = _as_good(trials, [name(Form(m, degree)) for m in LADDER])
+    limit = UNFOLDED * min(trials[n].held_out_px for n in good)
+    for n in good:
+        if not undone(fits[n].K, fits[n].dist, image_size).fault:
+            return fits[n], trials
+        form = Form(fits[n].form.model, fits[n].form.degree, unfolded=True)
+        held = fit(views, image_size, boards, form, fits[n])
+        if not undone(held.K, held.dist, image_size).fault and (error := held_out(held)) <= limit:
+            trials[n] = ModelTrial(error, "kept from folding back in a corner")
+            return held, trials
+        trials[n] = ModelTrial(trials[n].held_out_px, "the lens folds back inside the frame")
+    return fits[good[0]], trials
+
+
+def _as_good(trials: dict[str, ModelTrial], names: Sequence[str]) -> list[str]:
+    """Those of the names, smallest first, that predict as well as the best of them."""
+    best = min(trials[n].held_out_px for n in names)
+    return [n for n in names if trials[n].held_out_px <= max(AS_WELL * best, best + NOTHING)]
+
+
+def explained(trials: Mapping[str, ModelTrial], taken: str) -> list[Told]:
+    """What came of each model, in the order they were tried; empty where there was none to choose."""
+    best = min((t.held_out_px for t in trials.values()), default=math.inf)
+    told = []
+    for model, trial in trials.items():
+        why = [trial.doubt] if trial.doubt else []
+        if model == taken:
+            bent = "; its shape the richest that does" if degree_of(taken) else ""
+            why.insert(0, f"the smallest that predicts as well as the best{bent}")
+        elif math.isfinite(trial.held_out_px):
+            times = trial.held_out_px / best
+            needless = "a poorer shape" if degree_of(model) < degree_of(taken) else "larger than needed"
+            why.insert(0, needless if times <= AS_WELL else f"{times:.3g} times the best")
+        told.append(Told(model, trial.held_out_px, model == taken, "; ".join(why)))
+    return told

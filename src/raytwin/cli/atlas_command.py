@@ -1,0 +1,41 @@
+"""raytwin stability: where each numerical method fails, beside what theory predicts."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raytwin.cli.options import JsonFile, check_outputs
+from raytwin.cli.progress_bar import show_progress
+
+
+def stability_command(
+    experiments: Annotated[
+        list[str] | None, typer.Argument(metavar="[EXPERIMENT]...", help="Which; all by default.")
+    ] = None,
+    thorough: Annotated[
+        bool, typer.Option("--thorough", help="More values, and more trials of each: minutes.")
+    ] = False,
+    listed: Annotated[bool, typer.Option("--list", help="Name every experiment.")] = False,
+    json: JsonFile = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Where page and charts go (in out/).")
+    ] = None,
+) -> None:
+    """Drive each numerical method until it fails: atlas.html with charts, SVG and PNG beside it, atlas.json."""
+    from raytwin import atlas as stability
+    from raytwin import files, report
+
+    if listed:
+        for row in stability.EXPERIMENTS.values():
+            typer.echo(f"{row.name:<20} {row.title}")
+        return
+    folder = out or Path("out") / "stability"
+    check_outputs(folders=(folder,), files=(json,))
+    with show_progress() as progress:
+        found = stability.atlas(tuple(experiments or ()), thorough, progress)
+    if json:
+        files.write_json(json, found)
+    report.write_atlas(found, folder)
+    typer.echo(report.atlas_summary(found))
+    typer.echo(f"report: {folder / 'atlas.html'}")

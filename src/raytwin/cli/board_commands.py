@@ -1,0 +1,110 @@
+"""raytwin board: a board to print, or one from a pickle."""
+
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+import typer
+
+from raytwin.errors import InputError, check_one_of
+
+T = TypeVar("T")
+
+
+def board_command(
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FILE", help="board.pdf, its TOML beside it; with --import, a TOML."),
+    ] = None,
+    tag: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="Edge of a tag's black square, with its unit.")
+    ] = None,
+    columns: Annotated[int | None, typer.Option(metavar="N", help="Tags in a row.")] = None,
+    rows: Annotated[int | None, typer.Option(metavar="N", help="Rows of tags.")] = None,
+    pitch: Annotated[str | None, typer.Option(metavar="LENGTH", help="From centre to centre.")] = None,
+    paper: Annotated[
+        str | None, typer.Option(metavar="NAME|WxH", help="a4 (default), a3, letter, legal, tabloid; 200mmx300mm.")
+    ] = None,
+    margin: Annotated[str | None, typer.Option(metavar="LENGTH", help="Blank edge of the paper (5mm).")] = None,
+    landscape: Annotated[
+        bool | None, typer.Option("--landscape/--portrait", help="By default upright, or turned where only that fits.")
+    ] = None,
+    first_id: Annotated[int | None, typer.Option(metavar="N", help="Id of the lower left tag (0).")] = None,
+    family: Annotated[str | None, typer.Option(help="tag36h11 (default), tag25h9 or tag16h5.")] = None,
+    pickle: Annotated[
+        Path | None, typer.Option("--import", metavar="FILE", help="Read a pickle of boards (no code of it runs).")
+    ] = None,
+    name: Annotated[str | None, typer.Option(help="With --import: which of its boards.")] = None,
+    unit: Annotated[str | None, typer.Option(help="With --import: of its centres, mm, cm, m or inch.")] = None,
+    y_down: Annotated[
+        bool | None, typer.Option("--y-down", help="With --import: its Y counts downwards on the upright board.")
+    ] = None,
+) -> None:
+    """Make a board to print: a PDF at exact size with a ruler, and its TOML. Lengths have units: 30mm, 3cm, 0.8in."""
+    drawing = {
+        "--columns": columns, "--rows": rows, "--pitch": pitch, "--paper": paper, "--margin": margin,
+        "--landscape": landscape, "--first-id": first_id, "--family": family,
+    }  # fmt: skip
+    importing = {"--name": name, "--unit": unit, "--y-down": y_down}
+    for option, value in (importing if pickle is None else drawing).items():
+        if value is not None:
+            raise InputError(option, f"nothing {'without' if pickle is None else 'with'} --import", value)
+    if pickle is None:
+        grid = _counted("--columns", columns, 1), _counted("--rows", rows, 1), needed("--pitch", pitch)
+        first = _counted("--first-id", first_id or 0, 0)
+        _draw(grid, needed("--tag", tag), needed("--out", out), paper, margin, landscape, first, family or "tag36h11")
+    elif name is None:  # who asks for the names needs to know nothing else
+        _import(pickle, None, unit or "m", tag or "1m", bool(y_down), out or Path("board.toml"))
+    else:
+        _import(pickle, name, needed("--unit", unit), needed("--tag", tag), bool(y_down), needed("--out", out))
+
+
+def needed(option: str, value: T | None) -> T:
+    if value is None:
+        raise InputError(option, "a value", "nothing")
+    return value
+
+
+def _counted(option: str, value: int | None, least: int) -> int:
+    if (count := needed(option, value)) < least:
+        raise InputError(option, f"a whole number from {least}", count)
+    return count
+
+
+def _draw(
+    grid: tuple[int, int, str],
+    tag: str,
+    out: Path,
+    paper: str | None,
+    margin: str | None,
+    landscape: bool | None,
+    first_id: int,
+    family: str,
+) -> None:
+    from raytwin.calib import boards
+    from raytwin.calib.boards import lengths, sheet
+
+    columns, rows, pitch = grid
+    edge, step = lengths.parse_length(tag, "--tag"), lengths.parse_length(pitch, "--pitch")
+    blank = lengths.parse_length(margin, "--margin", zero=True) if margin is not None else 0.005
+    chosen = (paper or "a4").strip().lower()
+    size = lengths.parse_paper(chosen, "--paper")
+    check_one_of("--family", family, boards.FAMILIES)
+    definition = boards.Board(family, edge, boards.Grid(columns, rows, step, first_id))
+    sheet.check_gap(definition)
+    boards.check_board(definition)
+    inches = "in" in chosen or chosen in ("letter", "legal", "tabloid")
+    laid = sheet.lay_out(definition, size, blank, landscape, inches)
+    toml = sheet.write_sheet(out, laid)
+    width, height = (f"{v * 1000:.5g}" for v in laid.paper)
+    typer.echo(f"{columns * rows} tags on {width} x {height} mm, print at 100 %: {out}, {toml}")
+
+
+def _import(pickle: Path, name: str | None, unit: str, tag: str, y_down: bool, out: Path) -> None:
+    from raytwin.calib.boards import lengths, pickled, write_board
+
+    if out.suffix.lower() != ".toml":
+        raise InputError(out, "a name that ends in .toml", out.suffix or "no ending")
+    edge, metres = lengths.parse_length(tag, "--tag"), lengths.parse_unit(unit, "--unit")
+    board = pickled.read_pickled(pickle, name, edge, metres, y_down)
+    write_board(out, board, f"Imported from {pickle.name}: {name}.")
+    typer.echo(f"{len(board.centers())} tags of {name}: {out}")

@@ -1,0 +1,55 @@
+"""raytwin explore: a scene to play with, in the browser."""
+
+from typing import Annotated
+
+import typer
+
+from raytwin.cli.options import ScenePath, parse_size
+from raytwin.cli.progress_bar import show_progress
+
+WIDEST = 800
+"""Pixels: as large as pictures are unless asked otherwise."""
+
+
+def explore_command(
+    scene: ScenePath,
+    subject: Annotated[
+        str | None, typer.Option(metavar="WHAT", help="In the tracer's place: what `compare --subject` takes.")
+    ] = None,
+    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Which photo's camera to stand at.")] = None,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help=f"Of the pictures; the camera's, {WIDEST} wide at most.")
+    ] = None,
+    view: Annotated[str | None, typer.Option(metavar="LINK", help="Begin with a view that the page copied.")] = None,
+    port: Annotated[int, typer.Option(help="Of the page's address; 0: any that is free.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open it.")] = True,
+) -> None:
+    """Play with a scene on a page of this machine: tracer, twin, their difference and the ledger, as they change."""
+    import asyncio
+
+    asked = parse_size(size, "--size") if size else None
+    with show_progress() as progress:
+        with progress.stage("imports"):
+            from raytwin import files
+            from raytwin.calib.find_camera import find_camera
+            from raytwin.contract.subject import find_subject
+            from raytwin.live import Server
+            from raytwin.live.progressive import Studio
+            from raytwin.live.view_state import from_link
+        base = files.read_scene(scene)
+        found, *_ = find_camera(base, photo, progress)
+        camera = found.camera
+        scale = min(1, WIDEST / camera.width)
+        camera = camera.resized(*(asked or (round(camera.width * scale), max(1, round(camera.height * scale)))))
+        studio = Studio(base.with_camera(camera), find_subject(subject, "shadow") if subject else None)
+        server = Server(studio, port, from_link(view) if view else None)
+    typer.echo(f"{base.name} at {server.address}")
+    typer.echo("Ctrl-C ends it.")
+    if browser:
+        import webbrowser
+
+        webbrowser.open(server.address)
+    try:
+        asyncio.run(server.serve())
+    except KeyboardInterrupt:
+        typer.echo("ended")

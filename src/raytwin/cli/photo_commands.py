@@ -1,0 +1,143 @@
+"""raytwin calibrate, photograph, augment: from photos of a board to a camera, and back into photos."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raytwin.cli.options import JsonFile, check_outputs, parse_numbers, parse_size
+from raytwin.cli.progress_bar import show_progress, tell_seconds
+from raytwin.errors import InputError, check_one_of
+
+
+def calibrate_command(
+    photos: Annotated[
+        list[Path], typer.Argument(metavar="PHOTOS...", help="Photos of the board, or a folder of them.")
+    ],
+    board: Annotated[list[Path], typer.Option(metavar="BOARD", help="The board's TOML file; once for each board.")],
+    model: Annotated[str, typer.Option(help="auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or full5.")] = "auto",
+    photo: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Whose pose the written camera gets (the first photo's).")
+    ] = None,
+    json: JsonFile = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE", help="Write the camera, as TOML.")] = None,
+    uncertainty: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Draw how far off each pixel may be.")
+    ] = None,
+    bend: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Draw the board's heights; of a second board, FILE_2.png.")
+    ] = None,
+) -> None:
+    """Find the camera: detect the board's tags in the photos, fit K, distortion and a pose for each photo."""
+    from raytwin import files, report
+    from raytwin.calib import boards
+    from raytwin.calib import photos as taken
+
+    check_outputs(files=(json, out, uncertainty, bend))
+    for option, picture in (("--uncertainty", uncertainty), ("--bend", bend)):
+        if picture and picture.suffix.lower() != ".png":
+            raise InputError(option, "a name that ends in .png", picture)
+    definitions = [boards.read_board(path) for path in board]
+    paths = [path for named in photos for path in files.list_photos(named)]
+    with show_progress() as progress:
+        check_one_of("--photo", photo or paths[0].name, (p.name for p in paths))
+        calibration = taken.calibrate(paths, definitions, model=model, progress=progress)
+    if json:
+        files.write_json(json, calibration.numbers())
+    if out:
+        # Of several boards, the pose is that of the first that the photo shows.
+        shown = {view.photo: view.board for view in reversed(calibration.views)}
+        name = photo or calibration.views[0].photo
+        check_one_of("--photo", name, shown)
+        path = next(p for p in paths if name in (p.name, str(p)))
+        pose = taken.pose_of_photo(calibration, path, definitions[shown[name]])
+        camera = taken.camera_at(calibration, pose.refined)
+        comment = f"Calibrated from {len(shown)} photos, rms {calibration.rms_px:.3f} px."
+        taken.write_camera_file(out, camera, calibration.basis.boards, comment)
+    if uncertainty:
+        report.write_uncertainty(calibration, uncertainty)
+    if bend:
+        report.write_bends(calibration, bend)
+    typer.echo(report.calibration_summary(calibration))
+    tell_seconds(progress)
+
+
+def photograph_command(
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Where the photos and truth.toml go.")],
+    board: Annotated[Path, typer.Option(metavar="BOARD", help="The board's TOML file.")],
+    scene: Annotated[Path | None, typer.Option(help="Take sun, sky and table (its planes) from this scene.")] = None,
+    count: Annotated[int, typer.Option(min=1, max=1000, help="How many photos.")] = 14,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Pixels of a photo.")] = "2016x1512",
+    focal: Annotated[float, typer.Option(help="Focal length in pixels of a photo 2016 wide.")] = 1560.0,
+    dist: Annotated[str, typer.Option(help="Distortion: k1,k2,p1,p2,k3 or a prefix.")] = "0.08,-0.16",
+    samples: Annotated[int, typer.Option(min=1, help="Light paths per pixel.")] = 32,
+    seed: Annotated[int, typer.Option(help="Of poses, light paths and sensor noise.")] = 1,
+    bend: Annotated[float, typer.Option(min=0.0, metavar="MM", help="Bend the sheet by so many millimetres.")] = 0.0,
+    with_objects: Annotated[
+        bool, typer.Option("--with-objects", help="Put the scene's spheres really there: the truth for augment.")
+    ] = False,
+) -> None:
+    """Photograph an AprilTag board that exists only in Mitsuba, and write down the true camera."""
+    from raytwin.workflows.photograph import photograph_board
+
+    check_outputs(folders=(out,))
+    with show_progress() as progress:
+        photograph_board(
+            board,
+            out,
+            scene=scene,
+            count=count,
+            size=parse_size(size, "--size"),
+            focal=focal,
+            dist=parse_numbers(dist, "--dist", 5),
+            samples=samples,
+            seed=seed,
+            with_objects=with_objects,
+            bend=bend / 1000,
+            progress=progress,
+        )
+    tell_seconds(progress)
+    typer.echo(f"{count} photos, board.toml and truth.toml: {out}")
+
+
+def augment_command(
+    photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", help="Photos that show the board.")],
+    scene: Annotated[Path, typer.Option(metavar="SCENE", help="Whose spheres, planes and pyramids are drawn.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Where the drawn photos go.")],
+    camera: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="camera.toml (by default, calibrate the scene's own photos).")
+    ] = None,
+    board: Annotated[Path | None, typer.Option(metavar="BOARD", help="The board's TOML (the scene's).")] = None,
+    against: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="True photos of the same names: report the error by region.")
+    ] = None,
+    shadows: Annotated[bool, typer.Option(help="Cast shadows on what the photo shows.")] = True,
+    exposure: Annotated[float, typer.Option(min=0.0, help="The photo's linear value of radiance 1.")] = 1.0,
+    json: JsonFile = None,
+) -> None:
+    """Draw a scene's objects into photos, with antialiased outlines and their shadows on the board."""
+    from raytwin import files, report
+    from raytwin.workflows.augment_photos import augment_photos
+
+    check_outputs(folders=(out,), files=(json,))
+    pages = report.Against(out) if against else None
+    with show_progress() as progress:
+        rows = augment_photos(
+            photos,
+            scene,
+            out,
+            camera=camera,
+            board=board,
+            against=against,
+            shadows=shadows,
+            exposure=exposure,
+            each=pages.add if pages else None,
+            progress=progress,
+        )
+    if json:
+        files.write_json(json, {"photos": rows})
+    typer.echo(report.augment_summary(rows))
+    tell_seconds(progress)
+    if pages:
+        typer.echo(f"report: {pages.finish()}")
+    typer.echo(f"{len(rows)} photos: {out}")

@@ -1,0 +1,237 @@
+"""raytwin reference make | check | show | diff: references that renders are held to. Imported by cli.py."""
+
+import sys
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from raytwin.cli.options import Dask, Jobs, Shard, check_outputs, parse_size
+from raytwin.cli.progress_bar import show_progress
+from raytwin.errors import InputError, check_one_of
+from raytwin.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from raytwin.parallel import Spread
+    from raytwin.scene import SceneFile
+    from raytwin.workflows.make_reference import Change
+
+    Case = tuple[Path, str, SceneFile]
+
+app = typer.Typer(help="Reference images: make, check, show them, or see what would change.", no_args_is_help=True)
+
+Scenes = Annotated[list[Path] | None, typer.Argument(help="Folders or names of scenes (default: all there).")]
+Rungs = Annotated[list[str] | None, typer.Option("--rung", help="surface, lambert, shadow, sky or path; repeatable.")]
+Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where the references lie.")]
+Source = Annotated[
+    Path | None, typer.Option("--folder", metavar="DIR", help="Where they lie (reference/, or else those shipped).")
+]
+Samples = Annotated[int | None, typer.Option(help="Per pixel, where there is noise (4096); a multiple of 64.")]
+REFERENCES = Path("reference")
+WORDS = ("pass", "FAIL", "?   ")
+"""By exit code."""
+
+
+@app.command("make")
+def make_command(
+    scenes: Scenes = None,
+    rung: Rungs = None,
+    folder: Folder = REFERENCES,
+    samples: Samples = None,
+    seed: Annotated[int | None, typer.Option(help="Of the samples (0).")] = None,
+    sampling: Annotated[str | None, typer.Option(help="center: through the pixel's centre (default); area.")] = None,
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="About 336x252 by default.")] = None,
+    again: Annotated[bool, typer.Option("--again", help="Render also what is up to date.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Replace old references without asking.")] = False,
+    jobs: Jobs = 1,
+    dask: Dask = "",
+    shard: Shard = "",
+) -> None:
+    """Render references with Mitsuba. An old one is replaced only after showing what changes.
+
+    Interrupted, it goes on where it stopped.
+    """
+    from raytwin import references
+    from raytwin.parallel import parse_spread
+
+    check_outputs(folders=(folder,))
+    refused = []
+    pixels = parse_size(size, "--size") if size else None
+    options = {"samples": samples, "seed": seed, "sampling": sampling, "size": pixels, "again": again}
+    for change in _changes(_cases(scenes, rung), folder.absolute(), options, parse_spread(jobs, dask, shard)):
+        typer.echo("\n".join(change.lines()))
+        if change.kind == "same":
+            continue
+        if change.kind == "new" or yes or _asked(f"Replace {change.new.path}?"):
+            references.save(change.new)
+            typer.echo(f"  written: {change.new.path}")
+        else:
+            refused.append(change.new.path)
+    if refused and not _terminal():
+        raise InputError("raytwin reference make", "--yes, where nobody can be asked", f"{_count(refused)} to replace")
+
+
+@app.command("check")
+def check_command(scenes: Scenes = None, rung: Rungs = None, folder: Source = None, samples: Samples = None) -> None:
+    """Fail on references older than their scene, or that disagree with today's Mitsuba.
+
+    What is missing or damaged is bad input: the others are checked, then the exit code is 2 where none failed.
+    """
+    from raytwin.workflows import make_reference
+
+    folder, checked = _source(folder), []
+    for scene, one, found in _cases(scenes, rung):
+        with show_progress() as progress:
+            done = make_reference.check(
+                scene, one, folder, samples=samples or make_reference.CHECKED_SAMPLES, found=found, progress=progress
+            )
+        checked.append(done)
+        typer.echo(f"{WORDS[done.exit_code]}  {done.path.parent.name}/{done.path.stem}")
+        for problem in done.problems:
+            typer.echo(f"  {problem}")
+    codes = [c.exit_code for c in checked]
+    unknown = f", {codes.count(2)} could not be checked" if 2 in codes else ""
+    typer.echo(f"{_count(checked)}, {codes.count(1)} failed{unknown}")
+    raise typer.Exit(_worst(codes))
+
+
+@app.command("show")
+def show_command(
+    scenes: Scenes = None,
+    rung: Rungs = None,
+    folder: Source = None,
+    whole: Annotated[bool, typer.Option("--all", help="Everything that is known of each, as of a single one.")] = False,
+) -> None:
+    """What made each reference, and what it is worth: a line each, of a single one all. A damaged one exits with 2."""
+    from raytwin import references
+
+    folder, names = _source(folder), [s.resolve().name for s in scenes or ()]
+    cases = [c for c in references.listed(folder) if c[0] in (names or [c[0]]) and c[1] in (rung or [c[1]])]
+    if not cases:
+        raise InputError(folder, "references", "none of these")
+    whole, damaged = whole or len(cases) == 1, False
+    if not whole:
+        typer.echo(references.OUTLINE)
+    for name, one in cases:
+        try:
+            found = references.load(references.path_of(folder, name, one))
+        except InputError as error:
+            damaged = True
+            typer.echo(f"{name}/{one}  {error}")
+        else:
+            typer.echo("\n".join(references.show(found)) if whole else references.outline(found))
+    if damaged:
+        raise typer.Exit(2)
+
+
+@app.command("diff")
+def diff_command(
+    scenes: Scenes = None,
+    rung: Rungs = None,
+    folder: Source = None,
+    against: Annotated[Path | None, typer.Option(metavar="DIR", help="Another folder of references.")] = None,
+    samples: Samples = None,
+) -> None:
+    """What `make --again` would change, without writing; or what differs from the references in another folder."""
+    from raytwin import references
+    from raytwin.compare import compare
+    from raytwin.workflows import make_reference
+
+    folder, codes = _source(folder), list[int]()
+    for scene, one, found in _cases(scenes, rung):
+        if against is None:
+            with show_progress() as progress:
+                change = make_reference.make(
+                    scene, one, folder, samples=samples, again=True, found=found, progress=progress
+                )
+        else:
+            name = found.name
+            new, old = (references.load(references.path_of(f, name, one)) for f in (folder, against))
+            c = compare(new.image, old.image, tolerance=new.tolerance)
+            change = make_reference.Change(new, old, tuple(make_reference.header_changes(old.header, new.header)), c)
+        typer.echo("\n".join(change.lines()))
+        if change.comparison is not None:
+            codes.append(change.comparison.exit_code)
+        else:
+            codes.append(2 if change.kind == "damaged" else 1)
+    raise typer.Exit(_worst(codes))
+
+
+def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[Case]":
+    """(scene's path, rung, scene with its camera found) of every reference that is asked for."""
+    from raytwin import files
+    from raytwin.rungs import RUNGS
+    from raytwin.workflows import make_reference
+
+    for rung in rungs or ():
+        check_one_of("--rung", rung, RUNGS)
+    chosen = [files.find_scene(s) for s in scenes or ()] or files.all_scenes()
+    for scene in chosen:
+        with show_progress() as progress:
+            found = make_reference.find_scene(scene, progress)
+        for rung in rungs or RUNGS:
+            yield scene, rung, found
+
+
+def _changes(cases: "Iterator[Case]", folder: Path, options: dict[str, Any], spread: "Spread") -> "Iterator[Change]":
+    """What `make` found of each case of the share, as it is done; an error comes after all the others.
+
+    Other processes render with the variant that this one would: no set of references mixes two.
+    """
+    from raytwin import twin
+    from raytwin.parallel import over
+
+    errors = []
+    if spread.jobs == 1 and not spread.dask:  # one after the other, each with its own bar
+        for case in spread.share(list(cases)):
+            with show_progress() as progress:
+                change = _made(case, folder, options, progress)
+            yield change
+        return
+    chosen = [(scene.absolute(), rung, found) for scene, rung, found in cases]
+    made = partial(_made, folder=folder, options=options, variant=twin.chosen().variant)
+    with show_progress() as progress:
+        for count, done in enumerate(over(made, chosen, spread), start=1):
+            progress("references", count, len(spread.share(chosen)))
+            if done.error is None:
+                yield done.result
+            errors += [done.error] if done.error else []
+    if errors:
+        raise errors[0]
+
+
+def _made(
+    case: "Case", folder: Path, options: dict[str, Any], progress: Progress = silent, variant: str | None = None
+) -> "Change":
+    from raytwin import twin
+    from raytwin.workflows import make_reference
+
+    if variant is not None:
+        twin.activate(variant)  # which says where this machine cannot
+    scene, rung, found = case
+    return make_reference.make(scene, rung, folder, found=found, progress=progress, **options)
+
+
+def _worst(codes: list[int]) -> int:
+    """One failed comparison is a failure, whatever else could not be compared."""
+    return 1 if 1 in codes else max(codes, default=0)
+
+
+def _source(folder: Path | None) -> Path:
+    from raytwin import files
+
+    return folder or (REFERENCES if REFERENCES.is_dir() else files.REFERENCES)
+
+
+def _terminal() -> bool:
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
+def _asked(question: str) -> bool:
+    return _terminal() and typer.confirm(question, default=False)
+
+
+def _count(things: Sequence[object]) -> str:
+    return f"{len(things)} reference{'s' * (len(things) != 1)}"

@@ -1,0 +1,33 @@
+"""raytwin.check: a student's function held against the test of its stage, at home, in a notebook or in a test."""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from raytwin.contract.check_function import judge_function
+from raytwin.contract.stage_result import StageResult
+from raytwin.contract.stage_table import LESSONS
+from raytwin.errors import check_one_of
+
+
+class StageFailed(AssertionError):
+    """A stage's test failed; `result` has the numbers."""
+
+    def __init__(self, result: StageResult) -> None:
+        self.result = result
+        super().__init__(f"{result.stage}: {result.sentence}")
+
+
+def check(stage: str, function: Callable[..., Any], *, raises: bool = False, seed: int = 0) -> StageResult:
+    """Hold `function` against the test of the stage that it is to be: what is wrong, in a sentence.
+
+    A script prints the sentence; the Python prompt and a notebook show the result, a notebook as a small page.
+    `raises`: StageFailed, an AssertionError, where it fails. `seed`: of the numbers that it is tried with.
+    """
+    check_one_of("stage", stage, LESSONS)
+    result = judge_function(LESSONS[stage], function, seed)
+    if raises and not result.passed:
+        raise StageFailed(result)
+    if not hasattr(sys, "ps1"):  # no prompt, of Python's or of a notebook, that shows what is returned
+        print(result)
+    return result

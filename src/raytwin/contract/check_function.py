@@ -1,0 +1,282 @@
+"""A stage's function held against its cases: called (where the student's code may run), then judged (where it may not).
+
+What is wrong is found by prediction: each variant of the stage, a typical mistake, is called with the same arguments,
+and named where it gives the numbers that were found, in all cases. Two at once are tried where none alone does.
+"""
+
+import traceback
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace
+
+from raytwin.contract.composed_tracer import NEEDED
+from raytwin.contract.loading import arrays_of
+from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant
+from raytwin.contract.stage_result import CaseResult, StageResult
+
+Outcome = Arrays | str
+"""What a call gave: arrays, or in words why there are none."""
+
+PAIRS = 1000
+"""So many pairs of variants are tried: those that leave least unexplained, each with every other."""
+
+
+def judge_function(stage: Stage, function: Function, seed: int = 0) -> StageResult:
+    """Both at once: the function called and judged in this process."""
+    cases = stage.cases(seed)
+    return judge(stage, cases, call_stage(stage, function, cases))
+
+
+# ------------------------------------------------------------------------------------------ calling
+
+
+def call_stage(stage: Stage, function: Function, cases: Iterable[Case]) -> list[Outcome]:
+    """The function's answer to each case; it gets copies of the arguments, and whatever it raises is its answer."""
+    if told := stage.misfit(function):
+        return [f"it is {told}, and is called as {stage.signature}" for _ in cases]
+    return [_call(function, case) for case in cases]
+
+
+def _call(function: Function, case: Case) -> Outcome:
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            return as_arrays(function(*_copied(case.args)))
+    except Exception as error:  # theirs, whatever it is
+        return _told(error)
+
+
+def _copied(args: Any) -> Any:
+    if isinstance(args, np.ndarray):
+        return args.copy()
+    if isinstance(args, dict):
+        return {key: _copied(value) for key, value in args.items()}
+    return type(args)(map(_copied, args)) if isinstance(args, list | tuple) else args
+
+
+def as_arrays(made: Any) -> Outcome:
+    """What was returned as arrays of floats, or in words what else it was."""
+    try:
+        return tuple(a.astype(float) for a in arrays_of(made))
+    except TypeError as error:
+        return str(error)
+
+
+def _told(error: Exception) -> str:
+    """`it raised ValueError: ... (line 12: x = a @ b)`, the line being the student's own."""
+    if isinstance(error, NotImplementedError):
+        return "it is not written yet"
+    text = " ".join(str(error).split())[:200]
+    own = [
+        f
+        for f in traceback.extract_tb(error.__traceback__)
+        if f.filename != __file__ and "site-packages" not in f.filename
+    ]
+    where = f" (line {own[-1].lineno}{f': {own[-1].line[:60]}' if own[-1].line else ''})" if own else ""
+    return f"it raised {type(error).__name__}{': ' + text if text else ''}{where}"
+
+
+# ------------------------------------------------------------------------------------------ judging
+
+
+def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> StageResult:
+    """No code of the student's runs here."""
+    checked = [_checked(stage, case, outcome) for case, outcome in zip(cases, outcomes, strict=True)]
+    results = tuple(_case_result(stage, case, got) for case, got in zip(cases, checked, strict=True))
+    worst = max(
+        range(len(cases)), key=lambda i: (not results[i].passed, isinstance(checked[i], str), results[i].error or 0)
+    )
+    errors = [r.error for r in results]
+    error = None if None in errors else max(e for e in errors if e is not None)
+    wrong = float(np.mean([r.wrong for r in results]))
+    base = StageResult(
+        stage.name, all(r.passed for r in results), error, stage.tolerance, stage.unit, "", wrong=wrong, cases=results
+    )
+    if base.passed:
+        return replace(base, sentence=f"right in all {len(cases)} cases, to {error:.2g} {stage.unit}")
+    broken = next((got for got in checked if isinstance(got, str)), None)
+    if broken is not None:
+        where = "" if all(isinstance(got, str) for got in checked) else f" ({cases[worst].shows})"
+        return replace(base, sentence=broken + where, inputs=_short_args(stage, cases[worst]))
+    arrays = [got for got in checked if not isinstance(got, str)]
+    causes = explain(stage, cases, arrays)
+    inputs, expected, found = _worst_value(stage, cases[worst], arrays[worst])
+    sentence = _blame(causes) if causes else f"no typical mistake explains it: {_where(results)}"
+    names = tuple(dict.fromkeys(" and ".join(v.name for v in cause) for cause in causes))
+    if not causes and stage.name in NEEDED:
+        names, sentence = _diagnosed(stage, cases, arrays)
+    return replace(base, sentence=sentence, causes=names, inputs=inputs, expected=expected, got=found)
+
+
+def _diagnosed(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> tuple[tuple[str, ...], str]:
+    """Of pictures of scenes: the names of the causes that explain most of what is wrong, and the sentence."""
+    from raytwin.diagnose.diagnosis import diagnose
+    from raytwin.diagnose.pixel_sample import View
+    from raytwin.renderers.scene_exchange import as_scene
+
+    views = [
+        View(
+            as_scene(case.args[0] | {"name": case.shows}),
+            picture,
+            case.expected[0],
+            case.args[0]["rung"],
+            stage.name == "hit_points",
+        )
+        for case, (picture,) in zip(cases, got, strict=True)
+    ]
+    found = diagnose(views)
+    return tuple(cause.name for cause in found.causes), "; ".join(found.words)
+
+
+def _checked(stage: Stage, case: Case, outcome: Outcome) -> Outcome:
+    """The arrays in the shapes that are expected, or in words what is wrong with theirs."""
+    if isinstance(outcome, str):
+        return outcome
+    if stage.columns and len(outcome) == len(case.expected):
+        outcome = tuple(a.reshape(e.shape) if a.size == e.size and a.ndim == 2 and e.ndim == 1 else a
+                        for a, e in zip(outcome, case.expected, strict=True))  # fmt: skip
+    if [a.shape for a in outcome] == [a.shape for a in case.expected]:
+        return outcome
+    names = ", ".join(f"{n} {_shape(a)}" for n, a in zip(stage.returns, case.expected, strict=True))
+    found = " and ".join(_shape(a) for a in outcome) or "nothing"
+    hint = stage.hint(case.expected, outcome)
+    return f"it returned an array {found}, where {names} is wanted{': ' + hint if hint else ''}"
+
+
+def _shape(a: np.ndarray) -> str:
+    return str(a.shape) if a.shape else "of one number"
+
+
+def _case_result(stage: Stage, case: Case, got: Outcome) -> CaseResult:
+    if isinstance(got, str):
+        return CaseResult(case.shows, False)
+    errors = _errors(stage, case, got)
+    error = stage.worst(errors)
+    wrong = float((errors > stage.tolerance).mean())
+    return CaseResult(case.shows, error <= stage.tolerance, error if np.isfinite(error) else None, wrong)
+
+
+def _errors(stage: Stage, case: Case, got: Arrays) -> np.ndarray:
+    with np.errstate(all="ignore"):
+        errors = stage.errors(case.expected, got)
+    return np.where(np.isnan(errors), np.inf, errors)
+
+
+def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[tuple[Variant, ...]]:
+    """The variants that give these numbers in all cases; else the pairs that do; empty where none does.
+
+    One that fails the first case that is wrong is not tried on the others. What passes that case itself is no
+    explanation: it would account for whatever is hardly wrong.
+    """
+    order = sorted(range(len(cases)), key=lambda i: _case_result(stage, cases[i], got[i]).passed)
+    first, *rest = [(cases[i], got[i]) for i in order]
+
+    def left(chain: Sequence[Variant]) -> float:
+        """What is left of the first case where these, one upon the other, are the mistake; 0: nothing of any case."""
+        function = stage.reference
+        for variant in chain:
+            function = variant.change(function)
+        predicted = _call(function, first[0])
+        return (
+            _left(stage, predicted, first[1])
+            or max((_left(stage, _call(function, case), found) for case, found in rest), default=0.0)
+            or float(_passes(stage, first[0], predicted))
+        )
+
+    alone = {i: left([variant]) for i, variant in enumerate(stage.variants)}
+    found: list[tuple[Variant, ...]] = [(stage.variants[i],) for i, rest_of_it in alone.items() if rest_of_it == 0]
+    if found:
+        return found
+    if stage.name in NEEDED:  # of pictures these are too many, and more is known of them than variants
+        return []
+    best = sorted(alone, key=lambda i: alone[i])[: PAIRS // max(1, len(alone))]
+    pairs = [(i, j) for i in best for j in alone if i != j]
+    return list(_distinct(chain for i, j in pairs if left(chain := (stage.variants[i], stage.variants[j])) == 0))
+
+
+def _passes(stage: Stage, case: Case, outcome: Outcome) -> bool:
+    checked = _checked(stage, case, outcome)
+    return not isinstance(checked, str) and _case_result(stage, case, checked).passed
+
+
+def _left(stage: Stage, predicted: Outcome, found: Arrays) -> float:
+    """How far the values are from those predicted, 0 to 1, as a mean; 0 where they agree, outliers apart."""
+    if isinstance(predicted, str) or [a.shape for a in predicted] != [a.shape for a in found]:
+        return 1.0
+    off = np.concatenate([_distance(a, b).ravel() for a, b in zip(predicted, found, strict=True)])
+    return 0.0 if (off > stage.tolerance).mean() <= stage.outliers else float(off.mean())
+
+
+def _distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """|a - b| by the largest finite |a|, 1 at most; NaN and infinities agree with their like alone."""
+    finite = np.isfinite(a)
+    scale = np.abs(a[finite]).max(initial=1e-300)
+    with np.errstate(all="ignore"):
+        off = np.where(finite, np.abs(a - b) / scale, np.where((a == b) | (np.isnan(a) & np.isnan(b)), 0.0, 1.0))
+    return np.where(off <= 1, off, 1.0)
+
+
+def _blame(causes: list[tuple[Variant, ...]]) -> str:
+    """The sentence; of several that explain it equally, all."""
+    told = list(dict.fromkeys("; and ".join(v.sentence for v in cause) for cause in causes))
+    return told[0] if len(told) == 1 else "one of these, which these cases cannot tell apart: " + "; or: ".join(told)
+
+
+def _distinct(causes: Iterable[tuple[Variant, ...]]) -> Iterator[tuple[Variant, ...]]:
+    """A pair once, whichever comes first."""
+    seen: set[frozenset[str]] = set()
+    for cause in causes:
+        if (names := frozenset(v.sentence for v in cause)) not in seen:
+            seen.add(names)
+            yield cause
+
+
+def _where(results: Sequence[CaseResult]) -> str:
+    """Which cases are wrong, and which right."""
+    bad = [
+        f"{r.shows}{f' ({100 * r.wrong:.0f} % of the values)' if r.wrong < 0.995 else ''}"
+        for r in results
+        if not r.passed
+    ]
+    good = [r.shows for r in results if r.passed]
+    return f"wrong for {'; '.join(bad)}" + (f"; right for {'; '.join(good)}" if good else "")
+
+
+# ------------------------------------------------------------------------------------------ the worst value
+
+
+def _worst_value(stage: Stage, case: Case, got: Arrays) -> tuple[str, str, str]:
+    """Inputs, what was expected and what was found, of the value that is off by most."""
+    errors = _errors(stage, case, got)
+    at = np.unravel_index(int(errors.argmax()), errors.shape)
+    if len(case.expected) > 1:
+        return _short_args(stage, case), _short(case.expected), _short(got)
+    return _short_args(stage, case, at), _short((case.expected[0][at],)), _short((got[0][at],))
+
+
+def _short_args(stage: Stage, case: Case, at: tuple[Any, ...] = ()) -> str:
+    """`directions[3] = [0.1, 0.2, 0.9], radius = 0.2`: rows of the value at `at`, and what is short as a whole."""
+    told = []
+    for name, arg in zip(stage.parameters, case.args, strict=True):
+        if isinstance(arg, dict):
+            continue
+        if isinstance(arg, np.ndarray) and arg.ndim == 2 and len(at) and len(arg) == len(case.expected[0]):
+            told.append(f"{name}[{at[0]}] = {_number(arg[at[0]])}")
+        elif not isinstance(arg, np.ndarray) or arg.size <= 9:
+            told.append(f"{name} = {_number(arg)}")
+    if len(case.expected) == 1 and len(at) >= 2 and case.expected[0].ndim == 3:
+        told.insert(0, f"pixel u = {at[1]}, v = {at[0]}")
+    return f"{case.shows}: {', '.join(told)}" if told else case.shows
+
+
+def _short(arrays: Arrays) -> str:
+    return ", ".join(_number(a) for a in arrays)
+
+
+def _number(value: Any) -> str:
+    if np.ndim(value):
+        return f"[{', '.join(map(_number, value))}]"
+    return f"{float(value):.5g}"

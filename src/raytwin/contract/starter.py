@@ -1,0 +1,61 @@
+"""The file that a student starts from: the contract's functions, their docstrings, one worked example, their checks."""
+
+import textwrap
+from collections.abc import Sequence
+
+from raytwin.contract.stage import Stage
+from raytwin.contract.stage_table import CONTRACT, LESSONS
+
+HEAD = '''"""A ray tracer in stages: functions that take and return NumPy arrays, each graded alone, in any order.
+
+Run this file to check what is written so far: `python {name}`. In a notebook, `raytwin.check("shade", shade)` shows it
+as a small page. Keep names and parameters; helpers, classes and imports of your own (numpy, scipy, cv2) are welcome. A
+function that is left as it is counts as not written.
+{scene}"""
+
+import numpy as np
+
+
+def intersect_plane(origins, directions, center, half_u, half_v):
+    """A worked example, not graded: t (N,) > 0 where rays meet the rectangle center ± half_u ± half_v; inf for a miss.
+
+    The plane: (p - center) · n = 0 with n = half_u x half_v. With p = origin + t direction that is one equation for t.
+    origins, directions: (N, 3); the others (3,). No loop: every line works on all N rays at once.
+    """
+    n = np.cross(half_u, half_v)
+    with np.errstate(divide="ignore", invalid="ignore"):  # rays along the plane divide by 0, and miss
+        t = ((center - origins) @ n) / (directions @ n)  # (N,)
+        q = origins + t[:, None] * directions - center  # (N, 3): from the centre to where the ray meets the plane
+        inside = (np.abs(q @ half_u) <= half_u @ half_u) & (np.abs(q @ half_v) <= half_v @ half_v)
+    return np.where(inside & (t > 0), t, np.inf)
+'''
+
+SCENE = """
+`scene` is a dict: "name", "width", "height"; the camera "K" (3, 3), "dist" (5,), "R_cam_board" (3, 3), "t_cam_board"
+(3,); "spheres", a list of {"center" (3,), "radius", "albedo" (3,)}; "planes", a list of {"center", "half_u",
+"half_v", "albedo"}; "sun", {"to_light" (3,), unit, "irradiance" (3,)}; "sky", {"radiance" (3,)}; "rung", "lambert"
+or "shadow". Lengths are in metres; the scene's places and directions are in the board's frame, and
+p_cam = R_cam_board @ p_board + t_cam_board takes them to the camera's.
+"""
+
+TAIL = """
+
+if __name__ == "__main__":
+    import raytwin
+
+    for function in ({names},):
+        raytwin.check(function.__name__, function)
+"""
+
+
+def starter(name: str = "tracer.py", stages: Sequence[str] = tuple(CONTRACT)) -> str:
+    """The text of that file."""
+    chosen = [LESSONS[stage] for stage in stages]
+    scene = SCENE if any("scene" in stage.parameters for stage in chosen) else ""
+    return HEAD.format(name=name, scene=scene) + "".join(map(_function, chosen)) + TAIL.format(names=", ".join(stages))
+
+
+def _function(stage: Stage) -> str:
+    doc = textwrap.indent(f'"""{stage.doc}\n"""' if "\n" in stage.doc else f'"""{stage.doc}"""', "    ")
+    doc = "\n".join(line.rstrip() for line in doc.splitlines())
+    return f"\n\ndef {stage.signature}:\n{doc}\n    raise NotImplementedError\n"

@@ -1,0 +1,38 @@
+"""What `raytwin compare --subject` takes: a method by its name, or a submission of any kind."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from raytwin import files
+from raytwin.contract.submission import Shown, load
+from raytwin.errors import InputError
+from raytwin.renderers.renderer import Method
+from raytwin.renderers.renderer_table import METHODS
+from raytwin.renderers.scene_exchange import as_arrays
+from raytwin.renderers.subject_renderers import Traced
+from raytwin.renderers.user_renderers import Called
+from raytwin.scene import Scene
+
+
+def find_subject(text: str, rung: str) -> Method:
+    """A name of METHODS; FILE.py, FILE.ipynb, either with :FUNCTION; an image or a folder of images; a command."""
+    if text in METHODS:
+        method = METHODS[text]
+        return replace(method, surface=True) if isinstance(method, Traced) else method
+    path = text.rpartition(":")[0] or text
+    python = path.endswith((".py", ".ipynb"))
+    if "{out}" not in text and not Path(path if python else text).exists():
+        images = "an image, a folder of images, or a command with {scene} and {out}"
+        known = f"a method's name (`raytwin bench list`), FILE.py:FUNCTION, {images}"
+        raise InputError("--subject", known, text + ", but no such file" * python)
+    if Path(text).exists() and not Path(text).is_dir():
+        files.check_file(text, "an image, a folder of images, or Python")
+    render, made = load(text).picture()
+    tell = _name if isinstance(render, Shown) else as_arrays
+    return Called(rung, f"{text} ({made})" if made else text, render, tell)
+
+
+def _name(scene: Scene, rung: str) -> dict[str, Any]:
+    """All that an image need be told: so it may be of a scene with a map or highlights, too."""
+    return {"name": scene.name, "rung": rung}

@@ -1,0 +1,48 @@
+"""Pixels that show a mixture: what is seen at several places around their centres, averaged or drawn by chance."""
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+
+from raytwin.diagnose.catalogue import SAMPLING, Fault, at, row
+from raytwin.diagnose.pixel_sample import Sight
+from raytwin.diagnose.predict import RIGHT, Change
+
+REACHES = (0.5, 1.0)
+"""How far from the centre it is looked, pixels: that much to each side and half as much."""
+MOST = 0.97
+"""Of the wrong pixels the share that has to lie between what is seen around."""
+ALONG = 0.2
+"""Of the pixels beside outlines the share that has to be wrong: rounding moves a few of them."""
+BESIDE = row(
+    "beside-the-centre", SAMPLING,
+    "what your pixels show lies between what is seen around their centres: several rays a pixel are averaged, or rays "
+    "go through places of their own, at random or a little off; here one ray goes through each pixel's centre, (u, v)",
+    lambda s: s,
+)  # fmt: skip
+
+
+def _moved(x: float, y: float) -> Change:
+    return at(lambda u, v, camera: (u + x, v + y))
+
+
+def between(sights: Sequence[Sight]) -> tuple[Fault, float] | None:
+    """The fault, and the share of the squared error that it explains; None where it is not that."""
+    if any(s.view.points or s.view.scene is None for s in sights):
+        return None
+    edge = sum(float((s.weight * s.edge).sum()) for s in sights)
+    if sum(float((s.weight * s.edge * s.wrong).sum()) for s in sights) <= ALONG * edge:
+        return None
+    for reach in REACHES:
+        inside, wrong, before, after = 0.0, 0.0, 0.0, 0.0
+        for s in sights:
+            places = product((-reach, -reach / 2, 0.0, reach / 2, reach), repeat=2)
+            seen = np.stack([s.predict(_moved(x, y)(RIGHT)) for x, y in places])
+            near = np.clip(s.shown, seen.min(axis=0), seen.max(axis=0))
+            wrong += float((s.weight * s.wrong).sum())
+            inside += float((s.weight * s.wrong * (s.off(near) <= 4 * s.tau)).sum())
+            before, after = before + s.squared(s.predict(RIGHT)), after + s.squared(near)
+        if wrong > 0 and inside > MOST * wrong:
+            return BESIDE, 1 - after / before if before > 0 else 1.0
+    return None

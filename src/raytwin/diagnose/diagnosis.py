@@ -1,0 +1,515 @@
+"""Which mistake explains these pictures? Each fault's prediction beside what was handed in, over all scenes together.
+
+A fault is believed for what it predicts: its picture of every scene is held against the one that was submitted, the
+scenes that are right included. Where no single one suffices, faults are added one by one; where none does, it is said
+where the picture is wrong. The cost of errors e is Σ log(1 + (e/τ)²), minus the log likelihood of values that are
+either hit closely or missed by any amount, so that a few odd pixels decide nothing.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from raytwin.diagnose.antialiasing import between
+from raytwin.diagnose.catalogue import (
+    ACNE,
+    CHANCES,
+    FACTS,
+    FAULTS,
+    HABITS,
+    OUTPUT,
+    STAGES,
+    TESTS,
+    Fault,
+    cached,
+)
+from raytwin.diagnose.conditional_faults import clued
+from raytwin.diagnose.light_decomposition import split
+from raytwin.diagnose.localize import whereabouts
+from raytwin.diagnose.parametric_faults import FAMILIES, Family, fit, promising, total
+from raytwin.diagnose.pixel_sample import Sampled, Sight, View, many
+from raytwin.diagnose.predict import RIGHT, Array, Steps
+from raytwin.diagnose.prediction_cache import costs
+from raytwin.diagnose.tolerance_mask import doubtful
+from raytwin.files import Rounding
+from raytwin.image import Image
+from raytwin.rungs import RUNGS
+from raytwin.scene import Scene
+
+EXPLAINED = 0.9
+"""Share of the squared error below which no cause is named."""
+MATCHED = 0.5
+"""Share of the wrong pixels below which no cause is named: its values have to be hit, not only come near."""
+SURE, WHOLE = 0.995, 0.999
+"""Shares of the squared error: of what leaves nothing, and of what does for proof in one scene alone."""
+FEW = 6
+"""Wrong pixels below which nothing is named: rounding on outlines."""
+ALTERNATIVES = 4
+"""Causes that explain it as well, at most so many of which are told."""
+RARE = 3e-3
+"""Of a picture's pixels: where no more are wrong, only single faults without numbers are tried."""
+SCREEN = 4
+"""Every fault is tried on one in so many of the pixels first."""
+FINALISTS = 24
+CLEAR = 0.1
+"""Of the cost: what leaves less of it is looked at no further for numbers to be fitted."""
+CLOSE = 4
+"""Of the cost of the best: what costs more on few pixels is not tried on all."""
+TEMPTING = 16
+"""Faults that are tried with every habit."""
+EVEN = 5e-4
+"""Of the cost without any cause: differences that make no cause better than another."""
+NEAR = 0.5
+"""Of the cost: what leaves more of it is not tried further once something leaves hardly any."""
+TIED = 0.01
+"""Costs of one view that tell nothing apart."""
+SOME = 3
+"""Views, the most wrong ones, on which it is seen which numbers are worth fitting."""
+SPECKLED = 0.2
+"""Share of right neighbours from which on wrong pixels are speckles."""
+ENOUGH = 20
+"""Pixels that stay wrong for which a second fault is looked for, all of which it has to explain."""
+MOST = 25_000
+"""Pixels of a picture that are looked at in the end."""
+DOUBTED = 0.1
+"""Of the pixels: where more stay wrong, it is not by what right tracers differ in."""
+HOPELESS = 0.97
+"""Of the cost: what leaves more of it is not worth a second fault."""
+FITS = 5
+"""Families whose numbers are fitted to the end, of those whose first step explains most."""
+BEAM = 3
+"""Single faults that a second one is added to."""
+
+Sureness = Literal["sure", "likely", "unknown"]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A fault of the catalogue or of a family: `name`, `stage`, and `sentence`, what a student is told."""
+
+    name: str
+    stage: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """`causes`: all that is wrong, together; each with those that explain it as well (`alternatives`, same order).
+
+    `explained`: share of the squared error. `held_out`: the same of the worst scene, its own numbers fitted on the
+    others. `where`: where the pictures are wrong. `nearest`: the best cause where none suffices; `light`: factors of
+    the parts of light (sun, shadow, sky), where they explain one of the pictures.
+    """
+
+    right: bool
+    causes: tuple[Cause, ...] = ()
+    alternatives: tuple[tuple[Cause, ...], ...] = ()
+    explained: float = 0.0
+    held_out: float | None = None
+    sureness: Sureness = "unknown"
+    where: str = ""
+    nearest: Cause | None = None
+    light: str = ""
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Sentences for a report: the cause, or where it is wrong."""
+        if self.right:
+            return ()
+        if not self.causes:
+            near = ""
+            if self.nearest is not None and self.explained >= 0.5:
+                near = (
+                    f"; nearest, explaining {100 * self.explained:.0f} % of the squared error: {self.nearest.sentence}"
+                )
+            light = f"; as if {self.light}" if self.light else ""
+            return (f"cause unknown: {self.where}{light}{near}",)
+        said = []
+        for cause, others in zip(self.causes, self.alternatives, strict=True):
+            text = cause.sentence
+            for other in others:
+                text += f"; or, with the same effect here: {other.sentence}"
+            said.append(f"cause ({self.sureness}): {text}")
+        share = f"explains {_percent(self.explained)} of the squared error"
+        if self.held_out is not None:
+            share += f", of the scene that it explains least {_percent(self.held_out)}"
+        said[-1] += f" ({share}){'; ' if self.where else ''}{self.where}"
+        return tuple(said)
+
+
+def _percent(x: float) -> str:
+    return f"{100 * min(x, 0.9999 if x < 1 - 1e-9 else 1):.4g} %"
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """What is tried: causes that are made one after the other, the steps that come of them, and their cost.
+
+    `typical`: each cause in the first of its ways.
+    """
+
+    causes: tuple[Cause, ...]
+    steps: Steps
+    cost: float = np.inf
+    refit: Callable[[Sequence[Sight]], Steps] | None = None
+    typical: bool = True
+
+
+PLAIN = tuple(
+    fault for fault in FAULTS
+    if fault.name == "swapped-axes" or (fault.stage == OUTPUT and all(way(RIGHT).background is RIGHT.background
+                                                                      for way in fault.ways))
+)  # fmt: skip
+"""What may be wrong with a picture of nobody knows what: its values and its order."""
+PLAIN_FAMILIES = tuple(family for family in FAMILIES if family.name in ("image-scaled", "offset", "power"))
+
+
+def diagnose(
+    views: Sequence[View],
+    seed: int = 0,
+    faults: Sequence[Fault] = FAULTS,
+    families: Sequence[Family] = FAMILIES,
+    most: int = 2,
+) -> Diagnosis:
+    """The cause of all that is wrong in the views of one submission; `most`: faults together.
+
+    Give the views that are right too: a fault that would have spoiled them is none.
+    """
+    sights = many(views, seed)
+    errors = [s.off(s.predict(RIGHT)) for s in sights]
+    count = sum(int(s.wrong.sum()) for s in sights)
+    where = whereabouts(sights, errors)
+    if count == 0:
+        return Diagnosis(right=True, explained=1.0, where="right everywhere")
+    if count < FEW:
+        return Diagnosis(right=False, where=where)
+    every = faults is FAULTS
+    if every:
+        cameras = [(s.view.scene.camera, bool(s.wrong.any())) for s in sights if s.view.scene]
+        faults = (*FAULTS, *cached([c for c, wrong in cameras if not wrong], [c for c, _ in cameras]))
+    sights = [s for s in sights if s.weight.size]
+    small = [s.only(slice(None, None, SCREEN)) for s in sights]
+    thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
+    base = Guess((), RIGHT, total(sights, RIGHT))
+    found = _round(base, sights, small, faults, families if thorough else ())
+    if thorough and every and not (found and _good(sights, found[0].steps)) and (clues := clued(sights)):
+        found = sorted([*_round(base, sights, small, clues, ()), *found], key=lambda g: g.cost)
+    if not (found and _good(sights, found[0].steps)):
+        hit = _hits(sights, found[0].steps)[0] if found else 0.0
+        if (chance := _by_chance(sights, where, hit)) is not None:
+            return chance
+    for _ in range(most - 1):
+        if not thorough or not found or _settled(sights, found[0].steps):
+            break
+        for k, one in enumerate([g for g in found[:BEAM] if g.cost < HOPELESS * base.cost]):
+            found += _round(one, sights, small, faults, () if k else families)
+        found.sort(key=lambda g: g.cost + len(g.causes) * _price(base))
+        more = min(found, key=lambda g: g.cost)
+        if len(more.causes) > len(found[0].causes) and not _left(sights, more.steps)[0]:
+            found = [more, *(g for g in found if g is not more)]
+    made = _told(found, sights, base, where)
+    if not made.causes and thorough and (beside := between(sights)) is not None:
+        fault, share = beside
+        return Diagnosis(False, (Cause(fault.name, fault.stage, fault.sentence),), ((),), share, None, "likely", where)
+    return made
+
+
+def explain(
+    test: Image,
+    reference: Image,
+    scene: Scene | None = None,
+    rung: str = "shadow",
+    rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
+    most: int = 2,
+    sampled: Sampled | None = None,
+) -> tuple[str, ...]:
+    """In words, why an image is not its reference: of a known scene any fault, else what a writer does wrong.
+
+    Of an unknown scene only a cause that explains it is told. `rounding`: of the test's format. `sampled`: the parts of
+    light that chance finds, for the factors of light that are told where no cause explains it.
+    """
+    shown, right = test.mean, reference.mean
+    if shown.shape != right.shape or shown.ndim != 3 or not (np.isfinite(shown).all() and np.isfinite(right).all()):
+        return ()
+    variances = [image.variance for image in (test, reference) if image.variance is not None]
+    slack = np.zeros(shown.shape) if rounding.half is None else rounding.half.astype(float)
+    if variances:
+        slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
+    # Faults are predicted under a constant sky, without highlights.
+    known = scene and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
+    view = View(scene if known else None, shown, right, rung, half=slack, clipped=rounding.clipped, sampled=sampled)
+    if known:
+        return diagnose([view], most=most).words
+    made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, most=1)
+    return made.words if made.causes else ()
+
+
+def _price(base: Guess) -> float:
+    """What another cause has to bring: a twentieth of the cost."""
+    return 0.03 * base.cost
+
+
+def _round(
+    before: Guess, sights: list[Sight], small: list[Sight], faults: Sequence[Fault], families: Sequence[Family]
+) -> list[Guess]:
+    """All that may be added to a guess, the best first."""
+    named = {cause.name for cause in before.causes}
+    ways = [
+        Guess((*before.causes, Cause(f.name, f.stage, f.sentence)), way(before.steps), typical=before.typical and not k)
+        for f in faults if f.name not in named for k, way in enumerate(f.ways)
+    ]  # fmt: skip
+    order = _order(small, before.steps)
+    if before.causes or faults[: len(FAULTS)] != FAULTS:
+        tried = _screened(ways, order, before)
+    else:
+        tried = _screened(_by_common(ways, sights, before), order, before)
+    best = {guess.causes[-1].name: guess for guess in reversed(tried)}
+    some = sorted(best.values(), key=lambda g: g.cost)[:TEMPTING]
+    if some and some[0].cost < CLEAR / 2 * before.cost:
+        some = [g for g in some if EVEN * before.cost < g.cost < NEAR * before.cost]
+    habits = HABITS if not before.causes else ()  # a second fault is added to what the first one's way has shown
+    tried += _screened([replace(g, steps=habit(g.steps), cost=np.inf) for g in some for habit in habits], order, before)
+    some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if g.steps.blocked in TESTS]
+    some = [g for g in some if g.cost > EVEN * before.cost]
+    tried += _screened(
+        [replace(g, steps=g.steps._replace(blocked=t)) for g in some for t in TESTS], order, before, TEMPTING
+    )
+    tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
+    exact = [_weighed(g, sights) for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
+    exact = _ranked(exact, faults, EVEN * before.cost)
+    if not families or (exact and exact[0].cost < CLEAR * before.cost and _good(sights, exact[0].steps)):
+        return exact
+    fitted = []
+    for family in promising(families, order[:SOME], before.steps, FITS):
+        p, cost = fit(family, small, before.steps)
+        if cost > 0.9 * before.cost:
+            continue
+        p, cost = fit(_from(family, p), sights, before.steps)
+        cause = Cause(family.name, family.stage, family.say(p))
+        refit = lambda some, family=family, p=p: _refit(family, p, some, before.steps)  # noqa: E731
+        extra = 0.01 * before.cost * len(p)
+        fitted.append(Guess((*before.causes, cause), family.make(p)(before.steps), cost + extra, refit))
+    return sorted((*exact, *fitted), key=lambda g: g.cost)
+
+
+def _ranked(guesses: Sequence[Guess], faults: Sequence[Fault], even: float) -> list[Guess]:
+    """The best way of each fault, by cost alone; then the other ways. Of faults that cost the same (but for `even`) the
+    one that is seen in its typical form comes first, then the one that stands first in the catalogue.
+    """
+    rank = {f.name: k for k, f in enumerate(faults)}
+    best: dict[str, Guess] = {}
+    others = []
+    usual = set()
+    for guess in sorted(guesses, key=lambda g: g.cost):
+        name = guess.causes[-1].name
+        if best.setdefault(name, guess) is not guess:
+            others.append(guess)
+        if guess.typical and guess.cost <= best[name].cost + even:
+            usual.add(name)
+    place = {name: (round(g.cost / max(even, 1e-12)), name not in usual, rank[name]) for name, g in best.items()}
+    return [*(best[name] for name in sorted(place, key=lambda n: place[n])), *others]
+
+
+def _by_common(ways: list[Guess], sights: Sequence[Sight], before: Guess) -> list[Guess]:
+    """Those that cost least in the scenes that everyone is asked for."""
+    common = [s for s in sights if s.view.common and not (s.more or s.deep)]
+    if not common:
+        return ways
+    changes = tuple(way for fault in FAULTS for way in fault.ways)
+    sums = np.sum([costs(s, changes) for s in common], axis=0)
+    limit = _limit(sums, total(common, before.steps) * len(common), FINALISTS)
+    return [w for k, w in enumerate(ways) if k >= len(sums) or sums[k] <= limit]
+
+
+def _screened(guesses: list[Guess], order: Sequence[Sight], before: Guess, least: int = FINALISTS) -> list[Guess]:
+    """Those that cost least, by one view after the other; a quarter is left each time, and what costs hardly more."""
+    sums, wrong = np.zeros(len(guesses)), 0.0
+    for sight in order:
+        sums = sums + [total([sight], guess.steps) for guess in guesses]
+        wrong += total([sight], before.steps)
+        limit = _limit(sums, wrong, least)
+        kept = [int(k) for k in np.argsort(sums, kind="stable") if sums[k] <= limit]
+        guesses, sums = [guesses[k] for k in kept], sums[kept]
+    return [replace(guess, cost=cost / len(order)) for guess, cost in zip(guesses, sums.tolist(), strict=True)]
+
+
+def _limit(sums: Array, wrong: float, least: int) -> float:
+    """The cost up to which a guess is kept, of `wrong` without any: where one explains all, the others have to, too."""
+    few = max(least, sums.size // 4)
+    limit = float(np.sort(sums)[few - 1]) + TIED if few < sums.size else np.inf
+    return min(limit, NEAR * wrong) if sums.size and sums.min() < CLEAR / 2 * wrong else limit
+
+
+def _order(small: Sequence[Sight], before: Steps) -> list[Sight]:
+    """The one that is most wrong, then the one of another rung that is, then the others."""
+    worst = sorted(small, key=lambda s: -total([s], before))
+    second = next((s for s in worst if s.view.rung != worst[0].view.rung), worst[0])
+    return [worst[0], *([second] if second is not worst[0] else []), *(s for s in worst[1:] if s is not second)]
+
+
+def _from(family: Family, p: tuple[float, ...]) -> Family:
+    """The family, to be fitted from there on."""
+    return replace(family, start=p, tries=())
+
+
+def _refit(family: Family, p: tuple[float, ...], sights: Sequence[Sight], base: Steps) -> Steps:
+    return family.make(fit(_from(family, p), sights, base)[0])(base)
+
+
+def _weighed(guess: Guess, sights: Sequence[Sight]) -> Guess:
+    return replace(guess, cost=total(sights, guess.steps))
+
+
+def _explained(sights: Sequence[Sight], steps: Steps) -> tuple[float, Array]:
+    """The share of the squared error that is explained, of all and of each view (NaN where that was right before)."""
+    before = np.array([s.squared(s.predict(RIGHT)) for s in sights])
+    after = np.array([s.squared(s.predict(steps)) for s in sights])
+    whole = 1 - after.sum() / before.sum() if before.sum() > 0 else 0.0
+    some = before > 1e-6 * before.sum()
+    with np.errstate(all="ignore"):
+        each = np.where(some, 1 - after / before, np.where(after > 1e-6 * before.sum(), 0.0, np.nan))
+    return float(whole), each
+
+
+def _good(sights: Sequence[Sight], steps: Steps) -> bool:
+    """Nothing is left to be explained."""
+    hit, kept = _hits(sights, steps)
+    return kept > 0.99 and hit > 0.95 and (hit > 0.98 or _explained(sights, steps)[0] > SURE)
+
+
+def _settled(sights: Sequence[Sight], steps: Steps) -> bool:
+    """The same, and hardly a pixel is wrong beyond doubt: no second fault is looked for."""
+    return _good(sights, steps) and _left(sights, steps)[0] < ENOUGH
+
+
+def _hits(sights: Sequence[Sight], steps: Steps) -> tuple[float, float]:
+    """Of the wrong pixels the share that is hit closely, and of the right ones the share that stays right."""
+    hit = [(s.errors(steps) <= 4 * s.tau, s) for s in sights]
+    shares = []
+    for wrong in (True, False):
+        weights = np.concatenate([s.weight * (s.wrong == wrong) for _, s in hit])
+        good = np.concatenate([h for h, _ in hit])
+        shares.append(float((weights * good).sum() / weights.sum()) if weights.sum() > 0 else 1.0)
+    return shares[0], shares[1]
+
+
+def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> Diagnosis:
+    if not found:
+        return Diagnosis(right=False, where=where)
+    best = found[0]
+    share, each = _explained(sights, best.steps)
+    hit, kept = _hits(sights, best.steps)
+    loose = hit < MATCHED and not any(s.deep for s in sights)
+    if (share < EXPLAINED or best.cost > 0.6 * base.cost or loose) and not (hit > EXPLAINED and kept > 0.99):
+        single = min((g for g in found if len(g.causes) == 1), key=lambda g: g.cost)
+        share = _explained(sights, single.steps)[0]
+        lit = [(s, s.view.scene) for s in sights if s.view.scene and s.view.scene.objects and not s.view.points]
+        told = [f"{scene.name}: {words}" for s, scene in lit if (words := split(s).words)]
+        return Diagnosis(
+            right=False, explained=max(share, 0.0), where=where, nearest=single.causes[0], light="; ".join(told)
+        )
+    held = _held_out(best, sights, each)
+    others = _as_good(best, found, sights)
+    alone = len(best.causes) == 1 and not others[0]
+    shown = share > WHOLE or (share > EXPLAINED and sum(bool(s.wrong.any()) for s in sights) > 1)
+    agreed = held is None or held > EXPLAINED
+    count, left = _left([s.everywhere(MOST) for s in sights], best.steps)
+    whole = count < FEW and _good(sights, best.steps)
+    sureness: Sureness = "sure" if alone and shown and agreed and whole else "likely"
+    order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
+    return Diagnosis(
+        right=False,
+        causes=tuple(best.causes[k] for k in order),
+        alternatives=tuple(others[k] for k in order),
+        explained=share,
+        held_out=held,
+        sureness=sureness,
+        where=f"{where}; something else is wrong, too: {left}".rstrip(": ") if count >= FEW else where,
+    )
+
+
+def _left(sights: Sequence[Sight], steps: Steps) -> tuple[int, str]:
+    """Pixels that stay wrong though no tracer with these steps shows them so: how many, and where."""
+    errors, count = [], 0
+    for s in sights:
+        e = s.errors(steps)
+        off = (e > 4 * s.tau) & (not s.deep)
+        if off.any() and off.sum() <= DOUBTED * off.size:
+            off[off] = ~doubtful(s.only(off).predict, s.scale, steps)
+        errors.append(np.where(off, e, 0.0))
+        count += int(off.sum())
+    return count, whereabouts(sights, errors).split("; ")[0] if count else ""
+
+
+def _by_chance(sights: Sequence[Sight], where: str, least: float) -> Diagnosis | None:
+    """A cause that leaves it to chance which of its ways is seen at a pixel: acne, and what is like it.
+
+    `least`: the share of the wrong pixels that it has to hit, beside EXPLAINED.
+    """
+    spoilt = [s for s in sights if s.wrong.any()]
+    mixed = np.average([s.mixed for s in spoilt], weights=[s.wrong.sum() for s in spoilt])
+    for chance in CHANCES:
+        if chance is ACNE and mixed < SPECKLED:
+            continue
+        made = [[s.predict(way(RIGHT)) for way in chance.ways] for s in sights]
+        off = [np.stack([s.off(one) for one in all_]) for s, all_ in zip(sights, made, strict=True)]
+        hit = np.concatenate([e.min(axis=0)[s.wrong] <= 4 * s.tau for e, s in zip(off, sights, strict=True)])
+        kept = np.concatenate([e.min(axis=0)[~s.wrong] <= 4 * s.tau for e, s in zip(off, sights, strict=True)])
+        if hit.mean() < max(EXPLAINED, least) or (kept.size and kept.mean() < 0.99):
+            continue
+        before = sum(s.squared(s.predict(RIGHT)) for s in sights)
+        after = sum(s.squared(np.take_along_axis(np.stack(all_), e.argmin(axis=0)[None, :, None], 0)[0])
+                    for s, e, all_ in zip(sights, off, made, strict=True))  # fmt: skip
+        cause = Cause(chance.name, chance.stage, chance.sentence)
+        return Diagnosis(False, (cause,), ((),), 1 - float(after / max(before, 1e-300)), None, "likely", where)
+    return None
+
+
+def _held_out(best: Guess, sights: list[Sight], each: Array) -> float | None:
+    """The share explained of the scene that is explained least, what was fitted being fitted on the others."""
+    if len(sights) < 2:
+        return None
+    if best.refit is not None:
+        each = np.array([
+            _explained([s], best.refit([x for x in sights if x is not s]))[0] if np.isfinite(each[k]) else np.nan
+            for k, s in enumerate(sights)
+        ])  # fmt: skip
+    finite = each[np.isfinite(each)]
+    return float(max(finite.min(), 0.0)) if finite.size else None
+
+
+def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight]) -> list[tuple[Cause, ...]]:
+    """For each cause of the best guess those that explain the pictures as well in its place."""
+    own = [s.predict(best.steps) for s in sights]
+    names = [cause.name for cause in best.causes]
+    others: list[dict[str, Cause]] = [{} for _ in names]
+    if FACTS & set(names):
+        return [() for _ in names]
+    for guess in found:
+        if len(guess.causes) != len(names):
+            continue
+        new = [cause for cause in guess.causes if cause.name not in names]
+        gone = [k for k, name in enumerate(names) if name not in {cause.name for cause in guess.causes}]
+        if len(new) != 1 or len(gone) != 1 or _numbers(new[0]) != _numbers(best.causes[gone[0]]):
+            continue
+        if guess.cost < 1.25 * best.cost or all(
+            _same(s, a, s.predict(guess.steps)) for s, a in zip(sights, own, strict=True)
+        ):
+            others[gone[0]].setdefault(new[0].name, new[0])
+    return [tuple(list(found.values())[:ALTERNATIVES]) for found in others]
+
+
+def _numbers(cause: Cause) -> int:
+    """So many are fitted: of two that explain as well, the one with fewer stands."""
+    return next((len(family.start) for family in FAMILIES if family.name == cause.name), 0)
+
+
+def _same(sight: Sight, a: Array, b: Array) -> bool:
+    """Two predictions that these pixels do not tell apart."""
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(a - b) - sight.slack
+    if sight.view.points:
+        apart = np.where(np.isnan(a) & np.isnan(b), 0.0, apart)
+    return float((sight.weight * ~(apart.max(axis=-1) <= 4 * sight.tau)).sum()) < 1e-3

@@ -1,0 +1,234 @@
+"""Scenes that nobody has seen: drawn from a seed, and drawn again where a mistake could hide in them.
+
+A scene is blind to a transposed R where R is symmetric, to missing shadows where nothing is in shadow, to clipping
+where nothing exceeds 1, to a missing depth test where nothing is hidden, to normals that are not turned to the eye
+where no plane is seen from behind, to hits behind the eye where nothing is there.
+"""
+
+from collections.abc import Iterator
+from itertools import permutations
+from math import cos, dist, hypot
+from operator import mul
+
+import msgspec
+import numpy as np
+
+from raytwin.diagnose.predict import RIGHT, Bench, meet_all
+from raytwin.errors import InputError
+from raytwin.scene import Camera, Lambert, Rectangle, Scene, Shape, Sky, Sphere, Sun
+
+SIZE = (120, 88)
+"""Pixels."""
+LEAST = 0.005
+"""Of the pixels: what fewer show may be overlooked."""
+TRIES = 1000
+AROUND = (((0.0, -2.2, -0.3), 0.6), ((0.0, 2.6, 0.0), 0.8), ((0.0, 1.5, -2.6), 1.5), ((0.0, -0.8, 2.6), 0.5))
+"""Large spheres far away, where rays of a wrong camera go: what they meet tells which way it is wrong."""
+GAP = 0.004
+"""Metres, between any two things: more than by what a shadow ray starts off its surface."""
+
+
+def draw_scene(seed: int, size: tuple[int, int] = SIZE, name: str = "", scale: float = 1) -> Scene:
+    """Spheres on and above a floor, panels seen from both sides, things behind the eye, a lens with all coefficients.
+
+    Sun and sky have colours. Blind to nothing. `scale`: all lengths are so many times as long, with the same picture:
+    a length that is taken for 1 shows.
+    """
+    rng = np.random.default_rng([seed, 7])
+    for _ in range(TRIES):
+        scene = _drawn(rng, size, name or f"drawn-{seed}")
+        quarter = msgspec.structs.replace(scene, camera=scene.camera.resized(size[0] // 5, size[1] // 5))
+        if all(np.mean(x) >= least for one, least in ((quarter, 0.7 * LEAST), (scene, LEAST)) for _, x in _shows(one)):
+            return _larger(scene, scale) if scale != 1 else scene
+    raise InputError("seed", "one that gives a scene", seed)
+
+
+def _larger(scene: Scene, by: float) -> Scene:
+    def times(v: tuple[float, float, float]) -> tuple[float, float, float]:
+        return _three(by * np.array(v))
+
+    replace = msgspec.structs.replace
+    objects: list[Shape] = []
+    for x in scene.objects:
+        if isinstance(x, Sphere):
+            objects.append(replace(x, center=times(x.center), radius=by * x.radius))
+        elif isinstance(x, Rectangle):
+            objects.append(replace(x, center=times(x.center), half_u=times(x.half_u), half_v=times(x.half_v)))
+    camera = replace(scene.camera, t_cam_board=times(scene.camera.t_cam_board))
+    return replace(scene, camera=camera, objects=tuple(objects))
+
+
+def blind_to(scene: Scene, least: float = LEAST) -> list[str]:
+    """The kinds of mistake that this scene would not show."""
+    return [name for name, there in _shows(scene) if np.mean(there) < least]
+
+
+def _shows(scene: Scene) -> Iterator[tuple[str, np.ndarray | bool]]:
+    """Each kind of mistake, and the pixels that show it: those first that cost least to know and are missing most."""
+    yield "a missing depth test", _overlap(list(scene.spheres), np.asarray(scene.camera.eye))
+    R = np.asarray(scene.camera.R_cam_board)
+    yield "a transposed R", bool(np.abs(R - R.T).max() >= 0.3)
+    v, u = np.indices((scene.camera.height, scene.camera.width), float).reshape(2, -1)
+    bench, count = Bench(scene, u, v, shadows=False), len(scene.spheres)
+    rays = bench.rays(RIGHT)
+    ahead = np.isfinite(bench.distances(RIGHT))
+    ids = bench.met(RIGHT)[0]
+    ball, flat = (ids >= 0) & (ids < count), ids >= count
+    away = np.array([np.linalg.norm(np.subtract(x.center, scene.camera.eye)) for x in scene.objects])
+    painted = np.where(ahead, away[:, None], np.inf).argmin(axis=0)
+    yield "drawing by the centres' distance", (ids >= 0) & (painted != ids)
+    yield "a plane before a sphere", flat & ahead[:count].any(axis=0)
+    yield "the background", ids < 0
+    hits, facing = bench.hits(RIGHT), bench.terms(RIGHT).cos
+    yield "a plane's dark side", flat & (facing < -0.05)
+    yield "lit backs", ball & (facing < -0.05)
+    to = np.broadcast_to(np.array(scene.sun.to_light)[:, None], hits.point.shape)
+    hides = np.isfinite(meet_all(hits.point, to, scene.objects, RIGHT)) & (np.arange(len(ahead))[:, None] != ids)
+    yield "clipping", (bench.radiance(RIGHT) > 1).any(axis=-1) & ~hides.any(axis=0)
+    by_balls, by_planes = (x.any(axis=0) & (facing > 0.05) for x in (hides[:count], hides[count:]))
+    yield "shadows of spheres on spheres", ball & by_balls & ~by_planes
+    yield "shadows of planes on planes", flat & by_planes & ~by_balls
+    yield "shadows of planes on spheres", ball & by_planes & ~by_balls
+    yield "shadows of spheres on planes", flat & by_balls & ~by_planes
+    lit = (facing > 0.05) & ~by_balls & ~by_planes
+    own = np.array([x.normal if isinstance(x, Rectangle) else (0, 0, 0) for x in scene.objects]).T[:, ids]
+    yield "a lit plane, seen from behind", flat & lit & ((own * rays.d).sum(axis=0) > 0.05)
+    yield "light on spheres", ball & lit
+    behind = np.isfinite(meet_all(rays.origin, -rays.d, scene.objects, RIGHT))
+    yield "spheres behind the eye", behind[:count].any(axis=0)
+    yield "planes behind the eye", behind[count:].any(axis=0)
+
+
+def _overlap(spheres: list[Sphere], eye: np.ndarray) -> bool:
+    """A sphere hides one that comes later in the list, and one that comes earlier: seen from the eye."""
+    to = [[c - e for c, e in zip(s.center, eye.tolist(), strict=True)] for s in spheres]
+    d = [hypot(*x) for x in to]
+    wide = [s.radius / x for s, x in zip(spheres, d, strict=True)]
+    hides = {
+        i < j
+        for i, j in permutations(range(len(spheres)), 2)
+        if d[i] < d[j] and sum(map(mul, to[i], to[j])) > d[i] * d[j] * cos(0.8 * (wide[i] + wide[j]))
+    }
+    return len(hides) == 2
+
+
+def _drawn(rng: np.random.Generator, size: tuple[int, int], name: str) -> Scene:
+    width, height = size
+    f = width * rng.uniform(0.9, 1.1)
+    K = (
+        (f, 0.0, width * rng.uniform(0.42, 0.47)),
+        (0.0, f * rng.uniform(1.02, 1.06), height * rng.uniform(0.53, 0.58)),
+    )
+    eye = np.array([rng.uniform(-0.3, 0.3), rng.uniform(-0.9, -0.7), rng.uniform(0.4, 0.65)])
+    R = _looking(eye, np.array([*rng.uniform(-0.05, 0.05, 2), rng.uniform(0.08, 0.16)]), rng.uniform(-0.3, 0.3))
+    camera = Camera(
+        K=(*K, (0.0, 0.0, 1.0)),
+        image_size=size,
+        dist=tuple((rng.uniform(0.7, 1.3, 5) * [-0.2, 0.07, 0.008, -0.006, 0.05]).tolist()),
+        R_cam_board=(_three(R[0]), _three(R[1]), _three(R[2])),
+        t_cam_board=_three(-R @ eye),
+    )
+    angle, up = -np.pi / 2 + rng.choice([-1, 1]) * rng.uniform(0.5, 1.7), rng.uniform(0.7, 1.6)  # from the eye's side
+    to_light = _unit(np.array([np.cos(angle), np.sin(angle), up]))
+    spheres = _spheres(rng, eye, to_light)
+    planes = _planes(rng, eye, to_light, spheres)
+    # Behind the eye, to be met by none of its rays.
+    for place, radius in ((eye - 0.5 * R[2], 0.13), *((np.array(p), r) for p, r in AROUND)):
+        ball = Sphere(_three(place + radius * rng.uniform(-0.3, 0.3, 3)), radius, _paint(rng))
+        spheres.insert(rng.integers(1, len(spheres)), ball)
+    floor, *panels = planes
+    wall = _rectangle(rng, eye - 0.8 * R[2], _unit(R[2] + rng.uniform(-0.2, 0.2, 3)), 0.2, 0.3)
+    # First and last of each kind stand what casts shadows and is seen: loops that miss an end show.
+    one, other = rng.permutation(2)
+    middle = [floor, wall] if rng.random() < 0.5 else [wall, floor]
+    objects = [*spheres, panels[one], *middle, panels[other]]
+    sun, sky = Sun(_three(to_light), _colour(rng, 4.5, 7.5)), Sky(_colour(rng, 0.08, 0.3))
+    return Scene(name, camera, tuple(objects), (sun, sky))
+
+
+def _spheres(rng: np.random.Generator, eye: np.ndarray, to_light: np.ndarray) -> list[Sphere]:
+    """One; another in its shadow; another before or behind it; perhaps a fourth. In any order, none touching."""
+    while True:
+        first = np.array([*rng.uniform(-0.08, 0.08, 2), rng.uniform(0.17, 0.23)])
+        centers = [first, first - rng.uniform(0.16, 0.2) * to_light + rng.uniform(-0.02, 0.02, 3)]
+        along = rng.choice([-1, 1]) * rng.uniform(0.16, 0.2) * _unit(first - eye)
+        centers.append(first + along + rng.uniform(-0.07, 0.07, 3))
+        if rng.random() < 0.4:
+            centers.append(np.array([*rng.uniform(-0.2, 0.2, 2), 0.1]))
+        rng.shuffle(centers)
+        radii = rng.uniform(0.05, 0.085, len(centers))
+        made = [
+            Sphere((float(x), float(y), max(float(z), float(r) + GAP)), float(r), _paint(rng))
+            for (x, y, z), r in zip(centers, radii, strict=True)
+        ]
+        close = (
+            dist(a.center, b.center) < a.radius + b.radius + GAP
+            for i, a in enumerate(made) for b in made[:i]
+        )  # fmt: skip
+        if not any(close) and _overlap(made, eye):
+            return made
+
+
+def _planes(rng: np.random.Generator, eye: np.ndarray, to_light: np.ndarray, spheres: list[Sphere]) -> list[Rectangle]:
+    """A floor; a panel between a sphere and the sun, whose back is seen and lit; one seen from its dark side,
+    before a sphere."""
+    floor = np.array([*rng.uniform(-0.03, 0.03, 2), 0.0])
+    made = [_rectangle(rng, floor, np.array([0.0, 0.0, 1.0]), 0.28, 0.36)]
+    while len(made) < 2:
+        place = np.array(spheres[rng.integers(len(spheres))].center) + rng.uniform(0.12, 0.25) * to_light
+        place = place + rng.uniform(-0.05, 0.05, 3)
+        normal = _unit(_unit(eye - place) + to_light + rng.uniform(-0.2, 0.2, 3))
+        made += _clear(_rectangle(rng, place, -normal, 0.05, 0.08), spheres)
+    while len(made) < 3:
+        place = np.array(spheres[rng.integers(len(spheres))].center)
+        to_eye = _unit(eye - place)
+        place = place + rng.uniform(0.12, 0.3) * to_eye + rng.uniform(-0.07, 0.07, 3)
+        normal = _unit(to_eye - (to_eye @ to_light + rng.uniform(0.3, 0.6)) * to_light) * rng.choice([-1, 1])
+        made += _clear(_rectangle(rng, place, normal, 0.04, 0.07), spheres)
+    return made
+
+
+def _clear(panel: Rectangle, spheres: list[Sphere]) -> list[Rectangle]:
+    """The panel, unless it touches the floor or a sphere."""
+    lowest = panel.center[2] - abs(panel.half_u[2]) - abs(panel.half_v[2])
+    for s in spheres:
+        away, near = np.subtract(s.center, panel.center), np.zeros(3)
+        for half in (np.array(panel.half_u), np.array(panel.half_v)):
+            near = near + np.clip(away @ half / (half @ half), -1, 1) * half
+        if np.linalg.norm(away - near) < s.radius + GAP:
+            return []
+    return [panel] if lowest > GAP else []
+
+
+def _rectangle(rng: np.random.Generator, center: np.ndarray, normal: np.ndarray, low: float, high: float) -> Rectangle:
+    """With this normal, half_u × half_v; its edges point anywhere."""
+    u = _unit(np.cross(normal, rng.normal(size=3)))
+    (a, b), v = rng.uniform(low, high, 2), np.cross(normal, u)
+    return Rectangle(_three(center), _three(a * u), _three(b * v), _paint(rng))
+
+
+def _looking(eye: np.ndarray, target: np.ndarray, roll: float) -> np.ndarray:
+    """R_cam_board (3, 3) of a camera at `eye` that looks at `target`: rows are the camera's x, y, z in the board's."""
+    z = _unit(target - eye)
+    x = _unit(np.cross(z, [0.0, 0.0, 1.0]))
+    y = np.cross(z, x)
+    c, s = np.cos(roll), np.sin(roll)
+    return np.stack([c * x + s * y, -s * x + c * y, z])
+
+
+def _paint(rng: np.random.Generator) -> Lambert:
+    return Lambert(_colour(rng, 0.3, 0.95))
+
+
+def _colour(rng: np.random.Generator, low: float, high: float) -> tuple[float, float, float]:
+    """Three values that differ by a fifth of the range at least."""
+    return _three(low + (high - low) * rng.permutation(np.array([0.0, 0.4, 0.8]) + rng.uniform(0, 0.2, 3)))
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    return np.asarray(v / np.linalg.norm(v))
+
+
+def _three(v: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = v.tolist()
+    return (x, y, z)

@@ -1,0 +1,217 @@
+"""An image of unknown origin, as the light it is made of: image = Σ factor · part, each factor fitted, by object.
+
+The parts: the sun that nothing hides, what its shadows take away, the sky; and where they are given, what hides the sky
+and each bounce. A forgotten 1/π shows as "the sun's part is 3.142 times too bright", though in the whole the sky hides
+it. Parts that were sampled are given twice, from independent samples: products of the one with the other have no noise
+in their mean, so that noise does not pull factors towards 0. Bounces look alike, and would take each other's place in
+the noise: there the fewest factors are told that explain the image.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+
+from raytwin.diagnose.parametric_faults import bright
+from raytwin.diagnose.pixel_sample import Sight
+from raytwin.diagnose.predict import RIGHT, Array, Bench
+
+NAMES = {
+    "sun": "the sun's part", "shadow": "what shadows take away", "sky": "the sky's part",
+    "occlusion": "what hides the sky", "bounce 1": "the first bounce", "bounce 2": "the second bounce",
+    "bounce 3+": "what later bounces bring", "bounce 2 on": "what all bounces but the first bring",
+    "bounce 1 on": "what all bounces bring",
+}  # fmt: skip
+TAKEN = "shadow", "occlusion"
+"""Parts that light is lost by."""
+LEAST = 0.01
+"""A factor that is off by less is right; as is one that is off by less than FIRM of its standard errors."""
+FIRM = 4.0
+MOST = 4
+"""Factors of sampled parts, at most so many of which are told."""
+ALIKE = 0.02
+"""Factors of one part on several objects that differ by less are one."""
+EXPLAINED = 0.9
+TURNS = 8
+Halves = tuple[Array, Array]
+
+
+@dataclass(frozen=True)
+class Share:
+    """On `where` (an object's name; empty: on all) the `part` has this `factor`, 1 if right; `error`: standard."""
+
+    where: str
+    part: str
+    factor: float
+    error: float
+
+    @property
+    def wrong(self) -> bool:
+        return abs(self.factor - 1) > max(LEAST, FIRM * self.error)
+
+    @property
+    def words(self) -> str:
+        name = NAMES[self.part]
+        text = f"{name} is {bright(self.factor)}" if abs(self.factor) > LEAST + 2 * self.error else f"{name} is missing"
+        if self.part in TAKEN and not text.endswith("missing"):
+            text = f"{name} is {self.factor:.4g} times what it should be"
+        return f"{text} on {self.where}" if self.where else text
+
+
+@dataclass(frozen=True)
+class Split:
+    """`shares`: of all parts that show; `explained`: share of the squared error on objects that the factors explain."""
+
+    shares: tuple[Share, ...]
+    explained: float
+
+    @property
+    def words(self) -> str:
+        """What is wrong, if that explains the image; else nothing."""
+        off = [share for share in self.shares if share.wrong]
+        sun = {share.where: share.factor for share in off if share.part == "sun"}
+        # A sun of another strength casts shadows of another strength: that is one fault, not two.
+        wrong = [
+            share.words for share in off
+            if share.part != "shadow" or abs(share.factor / (sun.get(share.where) or np.inf) - 1) > LEAST
+        ]  # fmt: skip
+        return " and ".join(wrong) if wrong and self.explained >= EXPLAINED else ""
+
+
+def split(sight: Sight, given: Mapping[str, Halves] | None = None) -> Split:
+    """Of one view; `given`: sampled parts (H, W, 3), twice each, beside the sun, its shadow and the sky: the view's."""
+    bench = sight.bench
+    assert isinstance(bench, Bench)
+    if given is None and sight.view.sampled is not None:
+        given = sight.view.sampled(sight.step)
+    parts = _parts(bench, sight, given or {})
+    ids, names = bench.hits(RIGHT).ids, bench.scene.names
+    if given:
+        everywhere, by_object = (_fewest(sight, parts, ids, names, apart) for apart in (False, True))
+        return everywhere if everywhere.words else by_object
+    whole = _fitted(sight, parts, ids >= 0, "")
+    if whole is None:
+        return Split((), 0.0)
+    shares, left, before = whole
+    if 1 - left / max(before, 1e-300) >= EXPLAINED:
+        return Split(shares, 1 - left / before)
+    found: list[Share] = []
+    left = 0.0
+    for index, name in enumerate(names):
+        made = _fitted(sight, parts, ids == index, name)
+        if made is not None:
+            found += made[0]
+            left += made[1]
+    return Split(_joined(found), 1 - left / max(before, 1e-300))
+
+
+def _parts(bench: Bench, sight: Sight, given: Mapping[str, Halves]) -> dict[str, Halves]:
+    """(N, 3) of each at the sight's pixels."""
+    with np.errstate(all="ignore"):
+        terms = bench.terms(RIGHT)
+    on = terms.hits.ids >= 0
+    sun = (terms.albedo / pi * terms.irradiance * np.maximum(terms.cos, 0) * on).T
+    own = {"sun": sun, "shadow": sun * (terms.visible[:, None] - 1), "sky": (terms.albedo * terms.sky * on).T}
+    made = {name: (part, part) for name, part in own.items()}
+    for name, (one, other) in given.items():
+        made[name] = one.reshape(-1, 3)[sight.index], other.reshape(-1, 3)[sight.index]
+    return made
+
+
+def _fitted(
+    sight: Sight, parts: dict[str, Halves], mask: Array, where: str
+) -> tuple[tuple[Share, ...], float, float] | None:
+    """Factors of the parts that show at these pixels, and the squared error after and before; None where none do."""
+    mask = mask & (np.abs(sight.shown) < 1e6 * sight.scale).all(axis=-1)  # NaN is none
+    weight = sight.weight[mask]
+    seen = {name: (one[mask].ravel(), other[mask].ravel()) for name, (one, other) in parts.items()}
+    w = np.repeat(weight, 3)
+    energy = {name: float((w * one * other).sum()) for name, (one, other) in seen.items()}
+    names = [name for name, e in energy.items() if e > 1e-8 * sight.scale**2 * max(weight.sum(), 1e-300)]
+    if not names or mask.sum() < 10:
+        return None
+    S = sight.shown[mask].ravel()
+    X, Y = (np.stack([seen[name][k] for name in names], axis=1) for k in (0, 1))
+    alone = np.array_equal(X, Y)
+    u, factors, A = w.copy(), np.ones(len(names)), np.eye(len(names))
+    off = S - X.sum(axis=1)
+    spread = max(float(np.median(np.abs(off))), sight.tau)
+    for _ in range(TURNS):
+        A = (X * u[:, None]).T @ Y
+        A = (A + A.T) / 2 + 1e-9 * np.diag(np.diag(A))
+        factors = np.linalg.lstsq(A, ((X + Y) / 2 * u[:, None]).T @ S, rcond=1e-9)[0]
+        rest = S - (X + Y) / 2 @ factors
+        spread = max(spread / 3, sight.tau, float(np.median(np.abs(rest))))
+        if alone:  # weights by the residual would bring back the noise that halves take out
+            u = w / (1 + np.square(rest / spread))
+    size = max(int(mask.sum()), 1)
+    errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(A)) * float((u * rest**2).sum()) / size, 0))
+    shares = tuple(
+        Share(where, name, float(f), float(e)) for name, f, e in zip(names, factors, errors, strict=True)
+    )  # fmt: skip
+    return shares, float((w * rest**2).sum()), float((w * off**2).sum())
+
+
+def _fewest(sight: Sight, parts: dict[str, Halves], ids: Array, names: Sequence[str], apart: bool) -> Split:
+    """The fewest factors g + 1 that leave no more than noise: of parts on all objects, or on each `apart`.
+
+    With the parts' halves x and y, and what all of them lack of the image, d and e, Σ w (d - x g)(e - y g) is least.
+    Errors as far as pixels scatter, each pixel's channels as one (a sandwich). Not where outlines cross pixels.
+    """
+    keep = (ids >= 0) & ~sight.edge & (np.abs(sight.shown) < 1e6 * sight.scale).all(axis=-1)
+    w, shown = sight.weight[keep, None], sight.shown[keep]
+    halves = {name: (one[keep], other[keep]) for name, (one, other) in parts.items()}
+    d, e = (shown - np.sum([pair[k] for pair in halves.values()], axis=0) for k in (0, 1))
+    if "shadow" in halves:  # a sun of another strength casts shadows of another strength
+        halves["sun"] = _sum(halves, ["sun", "shadow"])
+    bounces = [name for name in halves if name.startswith("bounce")]
+    together = {f"{name} on": _sum(halves, bounces[k:]) for k, name in enumerate(bounces[:-1])}
+    where = [(name, (ids[keep] == i)[:, None]) for i, name in enumerate(names)] if apart else [("", np.array([[True]]))]
+    columns = {(at, part): (x * on, y * on) for part, (x, y) in (halves | together).items() for at, on in where}
+    columns = {key: (x, y) for key, (x, y) in columns.items() if (w * x * y).sum() > 1e-8 * sight.scale**2 * w.sum()}
+    before = float((w * d * e).sum())
+    noise = min(float((w * np.square(sight.slack[keep] / 3)).sum()), before)
+    found, left = Split((), 0.0), before
+    chosen: list[tuple[str, str]] = []
+    while len(chosen) < MOST and left - noise > LEAST * (before - noise):
+        fits = [(_with(w, d, e, [columns[k] for k in (*chosen, new)]), new) for new in columns if new not in chosen]
+        (least, g, errors), best = min(fits, key=lambda fit: fit[0][0], default=((left, d, d), None))
+        if best is None or not least < left or abs(g[-1]) < max(LEAST, FIRM * errors[-1]):
+            break
+        left = least
+        chosen.append(best)
+        shares = (Share(*key, float(a + 1), float(b)) for key, a, b in zip(chosen, g, errors, strict=True))
+        found = Split(_joined(tuple(shares)), 1 - max(left - noise, 0.0) / max(before - noise, 1e-300))
+    return found
+
+
+def _sum(halves: Mapping[str, Halves], names: Sequence[str]) -> Halves:
+    x, y = (np.sum([halves[name][k] for name in names], axis=0) for k in (0, 1))
+    return x, y
+
+
+def _with(w: Array, d: Array, e: Array, columns: Sequence[Halves]) -> tuple[float, Array, Array]:
+    """(what is left, g, its standard errors)."""
+    X, Y = (np.stack([pair[k] for pair in columns], axis=-1) for k in (0, 1))
+    A = np.einsum("nci,ncj->ij", w[..., None] * X, Y)
+    A = (A + A.T) / 2
+    g = np.linalg.lstsq(A, (np.einsum("nci,nc->i", X, w * e) + np.einsum("nci,nc->i", Y, w * d)) / 2, rcond=1e-9)[0]
+    one, other = d - X @ g, e - Y @ g
+    scores = (np.einsum("nci,nc->ni", X, w * other) + np.einsum("nci,nc->ni", Y, w * one)) / 2
+    inverse = np.linalg.pinv(A)
+    errors = np.sqrt(np.maximum(np.diag(inverse @ (scores.T @ scores) @ inverse.T), 0))
+    return float((w * one * other).sum()), g, errors
+
+
+def _joined(shares: Sequence[Share]) -> tuple[Share, ...]:
+    """One row where a part has the same factor on every object."""
+    made: list[Share] = []
+    for part in dict.fromkeys(share.part for share in shares):
+        own = [share for share in shares if share.part == part]
+        factors = [share.factor for share in own]
+        if len(own) > 1 and max(factors) - min(factors) < ALIKE * max(abs(np.median(factors)), 0.1):
+            made.append(Share("", part, float(np.median(factors)), max(share.error for share in own)))
+        else:
+            made += own
+    return tuple(made)

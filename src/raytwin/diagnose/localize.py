@@ -1,0 +1,109 @@
+"""Where pictures are wrong, in words: on which objects, lit or in shadow, at outlines or inside, in which scenes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from raytwin.diagnose.pixel_sample import Sight
+from raytwin.diagnose.predict import RIGHT, Array, Bench
+from raytwin.scene import Scene, Sphere
+
+MUCH, LITTLE = 0.05, 0.005
+"""A region is wrong where more of its pixels are, and right where fewer are."""
+KINDS = ("spheres", "planes", "the background")
+LIGHTS = ("in sunlight", "facing away from the sun", "in cast shadow")
+
+
+def whereabouts(sights: Sequence[Sight], errors: Sequence[Array]) -> str:
+    """`wrong only in cast shadow on spheres, right elsewhere`; `errors`: of each sight's pixels."""
+    known = [k for k, s in enumerate(sights) if isinstance(s.bench, Bench)]
+    if not known:
+        return ""
+    sights, errors = [sights[k] for k in known], [errors[k] for k in known]
+    bad = [e > s.tau for e, s in zip(errors, sights, strict=True)]
+    share = [float((s.weight * b).sum()) for s, b in zip(sights, bad, strict=True)]
+    if not any(share):
+        return "right everywhere"
+    table = np.zeros((3, 3, 2, 2))  # kind, light, outline, (all, wrong)
+    for s, b, some in zip(sights, bad, share, strict=True):
+        if some < min(1e-4, max(share)):
+            continue
+        kind, light = _regions(s)
+        for wrong in (0, 1):
+            np.add.at(table[..., wrong], (kind, light, s.edge.astype(int)), s.weight * (b if wrong else 1.0))
+    return _said(table) + _scenes(sights, share) + _objects(sights, bad)
+
+
+def _regions(sight: Sight) -> tuple[Array, Array]:
+    """Of each pixel the index of its row in KINDS and in LIGHTS."""
+    assert isinstance(sight.bench, Bench)
+    with np.errstate(all="ignore"):
+        terms = sight.bench.terms(RIGHT)
+    spheres = np.array([isinstance(x, Sphere) for x in sight.bench.scene.objects] + [False])
+    kind = np.where(terms.hits.ids < 0, 2, np.where(spheres[terms.hits.ids], 0, 1))
+    light = np.where(terms.cos <= 0, 1, np.where(terms.visible > 0, 0, 2))
+    return kind, np.where(kind == 2, 0, light)
+
+
+def _said(table: Array) -> str:
+    inside, outline = table[:, :, 0], table[:, :, 1]
+    with np.errstate(all="ignore"):
+        rate = inside[..., 1] / inside[..., 0]
+    there = inside[..., 0] > 1e-3 * inside[..., 0].sum()
+    wrong = there & (rate > MUCH)
+    if not wrong.any():
+        if outline[..., 1].sum() > 4 * inside[..., 1].sum():
+            return "wrong only at outlines, right inside"
+        scattered = 100 * table[..., 1].sum() / table[..., 0].sum()
+        most = np.unravel_index(np.argmax(table[..., 1].sum(axis=2)), (3, 3))
+        return f"wrong in single pixels ({scattered:.2g} %), most {_name(int(most[0]), {int(most[1])}, {int(most[1])})}"
+    if wrong[there].all():
+        return "wrong everywhere"
+    named = []
+    for kind in range(3):
+        has = {k for k in range(3) if there[kind, k]}
+        at = {k for k in has if wrong[kind, k]}
+        if at:
+            named.append(_name(kind, at, has))
+    clean = not (there & ~wrong & (rate > LITTLE)).any()
+    text = _listed(named)
+    return f"wrong only {text}, right elsewhere" if clean else f"wrong {text}, mostly right elsewhere"
+
+
+def _name(kind: int, at: set[int], has: set[int]) -> str:
+    if kind == 2:
+        return "in the background"
+    lights = "" if at == has and len(has) > 1 else " or ".join(LIGHTS[k] for k in sorted(at)) + " "
+    return f"{lights}on {KINDS[kind]}" if lights else f"on {KINDS[kind]}"
+
+
+def _scenes(sights: Sequence[Sight], share: Sequence[float]) -> str:
+    right = [_scene(s).name for s, x in zip(sights, share, strict=True) if x < 1e-4]
+    return f"; all of {', '.join(right)} is right" if right else ""
+
+
+def _objects(sights: Sequence[Sight], bad: Sequence[Array]) -> str:
+    """Where some of a scene's spheres are wrong and others are not."""
+    said = []
+    for s, b in zip(sights, bad, strict=True):
+        assert isinstance(s.bench, Bench)
+        ids, names = s.bench.hits(RIGHT).ids, s.bench.scene.names
+        inside = ~s.edge
+        rates = {}
+        for index, name in enumerate(names):
+            here = (ids == index) & inside
+            if name.startswith("sphere") and s.weight[here].sum() > 1e-3:
+                rates[name] = float((s.weight * b)[here].sum() / s.weight[here].sum())
+        wrong = [name for name, rate in rates.items() if rate > MUCH]
+        if wrong and any(rate < LITTLE for rate in rates.values()):
+            said.append(f"{_listed(wrong)} of {_scene(s).name}")
+    return f"; of the spheres only {'; '.join(said[:3])}" if said else ""
+
+
+def _listed(words: Sequence[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def _scene(sight: Sight) -> Scene:
+    assert isinstance(sight.bench, Bench)
+    return sight.bench.scene

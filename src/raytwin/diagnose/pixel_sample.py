@@ -1,0 +1,334 @@
+"""A submitted picture beside what is right, at chosen pixels: where it is wrong, how well a change explains it."""
+
+import functools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from raytwin.diagnose.predict import FIRST, RIGHT, Array, Before, Bench, Plain, Steps
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.rungs import RUNGS
+from raytwin.scene import Camera, Scene, Sphere
+from raytwin.scene.lens import without_ray
+from raytwin.tracer import RADIANCE, trace
+
+WALKS, DEEPEST = 64, 5
+"""Random walks a pixel where light is followed, and the surfaces that they meet at most."""
+WRONG, KEPT, EDGES = 700, 500, 250
+"""Pixels that are looked at: of those that are wrong, those that are right, and those of them beside an outline."""
+CLOSE = 3e-4
+"""Of the scale: the largest error that a prediction may have and still be said to hit a value."""
+GRID = 100_000
+"""Of larger pictures only every k-th pixel of every k-th row is looked at."""
+SOLID = 0.1
+"""Of the wrong pixels: where more have none but wrong ones around them, two pixels wide, it is not by chance."""
+DIGITS = 3e-6
+"""Of the scale: what float32 rounds off."""
+
+
+Sampled = Callable[[int], Mapping[str, tuple[Array, Array]]]
+"""k -> parts of the light (h, w, 3) at every k-th pixel, each twice, from independent samples."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A submission's picture of one scene; of None, where nobody knows which.
+
+    `shown` (H, W, 3): linear radiance, or with `points` where each pixel's ray first meets a sphere, NaN for none.
+    `right`: what it should be; the tracer's own picture where none is given. `half` (H, W, 3): what its format may have
+    rounded off; `clipped`: it holds nothing above 1. `sampled`: of the scene's light what chance finds. `common`: of a
+    scene that others are asked for, too. `before`: what the same process was given earlier. `composed`: made of the
+    submission's stages, where the order along a ray is ours.
+    """
+
+    scene: Scene | None
+    shown: Array
+    right: Array | None = None
+    rung: str = "shadow"
+    points: bool = False
+    half: Array | None = None
+    clipped: bool = False
+    sampled: Sampled | None = None
+    common: bool = False
+    before: Before = FIRST
+    composed: bool = False
+
+
+@dataclass(eq=False)
+class Sight:
+    """A view at N chosen pixels, weighted so that they stand for all.
+
+    `shown`, `right` (N, 3); `slack` (N, 3): what rounding may do; `scale`: of the values; `tau`: an error of this size
+    is one. `wrong`, `edge`: (N,). `more`: the right picture has light that sun, shadow and open sky do not make;
+    `whole`: (H, W) bool, the outlines, and where a ray belongs to a pixel; `deep`: the surfaces that light was followed
+    along. `mixed`: the share of the wrong pixels' neighbours that are right.
+    """
+
+    view: View
+    index: Array
+    weight: Array
+    shown: Array
+    right: Array
+    slack: Array
+    scale: float
+    tau: float
+    wrong: Array
+    edge: Array
+    bench: Bench | Plain
+    more: bool
+    step: int
+    whole: tuple[Array, Array]
+    deep: int = 0
+    mixed: float = 0.0
+    moved: dict[Any, Array] = field(default_factory=dict)
+
+    def predict(self, steps: Steps) -> Array:
+        """(N, 3): what would be shown."""
+        steps = steps._replace(order=RIGHT.order) if self.view.composed else steps
+        with np.errstate(all="ignore"):
+            if self.view.points and isinstance(self.bench, Bench):
+                return self.bench.points(steps)
+            light = self.bench.radiance(steps)
+            if self.more:
+                light = light + self.beyond(steps)
+            if steps.gather is not RIGHT.gather and self.deep and isinstance(self.bench, Bench):
+                walks = self.bench.walks(WALKS, self.deep)
+                light = light + steps.gather(walks) - RIGHT.gather(walks)
+            made = np.asarray(steps.output(light, self.bench.brightest), float)
+        return np.clip(made, 0, 1) if self.view.clipped else made
+
+    def beyond(self, steps: Steps) -> Array:
+        """Light of the right picture that sun, shadow and open sky do not make, where the steps look."""
+        if steps.place not in self.moved:
+            alone = RIGHT._replace(place=steps.place)
+            height, width = _right(self.view).shape[:2]
+            place = steps.place(self.bench.u, self.bench.v, self.bench.camera)
+            u, v = (np.rint(x / self.step).astype(int) for x in place)
+            right = _right(self.view)[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)]
+            self.moved[steps.place] = right - self.bench.radiance(alone)
+        return self.moved[steps.place]
+
+    def errors(self, steps: Steps) -> Array:
+        """(N,): the largest error of any channel, beyond what rounding may do."""
+        return self.off(self.predict(steps))
+
+    def off(self, made: Array) -> Array:
+        """The same of a prediction (N, 3)."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            e = np.abs(self.shown - made) - self.slack
+        if self.view.points:
+            e = np.where(np.isnan(self.shown) & np.isnan(made), 0.0, e)
+        return np.minimum(np.maximum(np.where(np.isnan(e), np.inf, e), 0).max(axis=-1), 100 * self.scale)
+
+    def cost(self, e: Array, tau: float | None = None) -> float:
+        """Σ w log(1 + (e/τ)²): minus the log likelihood of errors (N,) that are mostly small, and sometimes any."""
+        return float(self.costs(e, tau))
+
+    def costs(self, e: Array, tau: float | None = None) -> Array:
+        """The same of many, (..., N)."""
+        return np.asarray((self.weight * np.log1p(np.square(e / (tau or self.tau)))).sum(axis=-1))
+
+    def squared(self, made: Array) -> float:
+        """The mean squared error of a prediction (N, 3), in units of the scale."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            e = np.nan_to_num(self.shown - made, nan=self.scale, posinf=self.scale, neginf=-self.scale)
+        if self.view.points:
+            e = np.where(np.isnan(self.shown) & np.isnan(made), 0.0, e)
+        e = np.maximum(np.abs(e) - self.slack, 0)
+        return float((self.weight * np.square(np.minimum(e / self.scale, 10)).sum(axis=-1)).sum())
+
+    def everywhere(self, most: int) -> "Sight":
+        """The same at all of its pixels; at every k-th, where those are more than `most`."""
+        edge, rays = self.whole
+        index = np.flatnonzero(rays)
+        index = index[:: max(1, -(-index.size // most))]
+        half = np.zeros(self.view.shown.shape) if self.view.half is None else self.view.half
+        shown, right, slack = (x.reshape(-1, 3)[index] for x in (self.view.shown, _right(self.view), half))
+        v, u = (self.step * x.astype(float) for x in np.divmod(index, edge.shape[1]))
+        weight = np.full(index.size, 1 / max(index.size, 1))
+        made = replace(self, index=index, weight=weight, shown=shown, right=right, slack=slack, moved={})
+        made = replace(made, bench=self.bench.at(u, v), edge=edge.ravel()[index])
+        return replace(made, wrong=made.errors(RIGHT) > self.tau)
+
+    def only(self, part: Any) -> "Sight":
+        """The same at some of its pixels: a slice, or (N,) bool."""
+        bench = self.bench.at(self.bench.u[part], self.bench.v[part])
+        cut: dict[str, Any] = {
+            name: getattr(self, name)[part] for name in ("index", "weight", "shown", "right", "slack", "wrong", "edge")
+        }
+        cut["weight"] = cut["weight"] / max(cut["weight"].sum(), 1e-300)
+        return replace(self, **cut, bench=bench, moved={})
+
+
+def _right(view: View) -> Array:
+    assert view.right is not None
+    return view.right
+
+
+def every(camera: Camera, step: int) -> Camera:
+    """The camera whose pixel (u, v) stands where the other's (step u, step v) does."""
+    (a, s, cx), (z, b, cy), last = camera.K
+    K = ((a / step, s / step, cx / step), (z, b / step, cy / step), last)
+    return msgspec.structs.replace(
+        camera, image_size=(-(-camera.width // step), -(-camera.height // step)), K=K
+    )  # fmt: skip
+
+
+def thinned(view: View) -> tuple[View, int, Array, Array]:
+    """Every step-th pixel, in float64, with what is right; the step; outlines and pixels with a ray (H, W)."""
+    if view.scene is None:
+        return _unknown(view)
+    camera = view.scene.camera
+    shown = np.asarray(view.shown)
+    if shown.shape != (camera.height, camera.width, 3) or shown.dtype.kind not in "fiu":
+        expected = f"an image ({camera.height}, {camera.width}, 3)"
+        raise InputError("view.shown", expected, f"{shown.dtype} {shown.shape}")
+    if view.right is not None and np.shape(view.right) != shown.shape:
+        raise InputError("view.right", f"an image {shown.shape}", f"{np.shape(view.right)}")
+    if not view.points and view.right is None and (view.rung not in RADIANCE or not RUNGS[view.rung].lit):
+        raise InputError("view.right", f"a reference, on the rung {view.rung}", "none")
+    scene, before = view.scene, view.before
+    if view.points:
+        scene, before = _of_spheres(scene), Before(before.stage, tuple((k, _of_spheres(x)) for k, x in before.calls))
+    step = math.ceil(math.sqrt(camera.width * camera.height / GRID))
+    thin = scene.with_camera(every(camera, step))
+    traced = traced_once(thin, view.rung if view.rung in RADIANCE and RUNGS[view.rung].lit else "lambert")
+    assert traced.surface is not None
+    half, right = view.half, view.right
+    cut = slice(None, None, step)
+    if right is not None:
+        right = np.asarray(right, float)[cut, cut]
+    elif view.points:
+        v, u = np.indices(traced.surface.ids.shape, float).reshape(2, -1)
+        right = Bench(thin, u, v).points(RIGHT).reshape(*traced.surface.ids.shape, 3)
+    else:
+        right = traced.mean.astype(float)
+    right = np.clip(right, 0, 1) if view.clipped else right
+    lost = without_ray(camera)
+    rays = np.ones(right.shape[:2], bool) if lost is None else ~lost[cut, cut]
+    half = None if half is None else half[cut, cut]
+    made = replace(view, scene=scene, shown=shown[cut, cut].astype(float), right=right, half=half, before=before)
+    return made, step, outlines(traced.surface.ids), rays
+
+
+@functools.lru_cache(maxsize=16)
+def traced_once(scene: Scene, rung: str) -> Image:
+    """The tracer's picture, the same for all that are held to it."""
+    return trace(scene, rung)
+
+
+def _unknown(view: View) -> tuple[View, int, Array, Array]:
+    """The same of a picture whose scene is not known."""
+    shown, right = np.asarray(view.shown), np.asarray(view.right)
+    if view.right is None or right.shape != shown.shape or shown.ndim != 3:
+        raise InputError("view.right", f"an image {shown.shape}", f"{None if view.right is None else right.shape}")
+    none = np.zeros(shown.shape[:2], bool)
+    right = right.astype(float)
+    return (
+        replace(view, shown=shown.astype(float), right=np.clip(right, 0, 1) if view.clipped else right),
+        1,
+        none,
+        ~none,
+    )
+
+
+def _of_spheres(scene: Scene) -> Scene:
+    return msgspec.structs.replace(scene, objects=tuple(x for x in scene.objects if isinstance(x, Sphere)))
+
+
+def look(view: View, seed: int = 0) -> Sight:
+    """Choose pixels: all kinds of wrong ones, and right ones that a wrong cause would spoil."""
+    view, step, edge, rays = thinned(view)
+    right, shown = _right(view), view.shown
+    width = shown.shape[1]
+    scale = _scale(view)
+    half = np.zeros(shown.shape) if view.half is None else view.half
+    with np.errstate(invalid="ignore"):
+        e = np.abs(shown - right) - half
+    if view.points:
+        e = np.where(np.isnan(shown) & np.isnan(right), 0.0, e)
+    e = np.maximum(np.where(np.isnan(e), np.inf, e), 0).max(axis=-1) * rays
+    tau = CLOSE * scale
+    large = e[e > tau]
+    if large.size < 1e-4 * e.size:  # errors are small ones: look closer
+        large = e[e > DIGITS * scale]
+    typical = float(np.median(large)) if large.size else 0.0
+    tau = float(np.clip(0.03 * typical, DIGITS * scale, tau))
+    deep = min(RUNGS[view.rung].depth or 0, DEEPEST) if view.scene is not None and not view.points else 0
+    if deep:  # what is predicted has noise, too
+        tau = max(tau, 0.3 * typical)
+    wrong = e > tau
+    rng = np.random.default_rng(seed)
+    chosen, weights = [], []
+    for mask, most in ((wrong, WRONG), (~wrong & ~edge & rays, KEPT), (~wrong & edge & rays, EDGES)):
+        there = np.flatnonzero(mask)
+        if there.size:
+            n = min(most // (4 if deep else 1), there.size)
+            # One of each of n runs: spread over the picture, without a grid's beat.
+            at = (np.arange(n) + rng.random(n)) * there.size // n
+            chosen.append(there[at.astype(int)])
+            weights.append(np.full(n, there.size / n))
+    index, weight = np.concatenate(chosen), np.concatenate(weights)
+    mixed = rng.permutation(index.size)
+    index, weight = index[mixed], weight[mixed] / weight.sum()
+    u, v = (index % width * step).astype(float), (index // width * step).astype(float)
+    brightest = float(np.nanmax(right)) if right.size and not view.points else 1.0
+    bench: Bench | Plain = Plain(right, u, v, brightest)
+    if view.scene is not None:
+        shadows = view.points or RUNGS[view.rung].shadows
+        bench = Bench(view.scene, u, v, shadows, brightest, before=view.before)
+    flat = lambda x: x.reshape(-1, 3)[index]  # noqa: E731
+    more = False
+    if not view.points and view.scene is not None:
+        with np.errstate(all="ignore"):
+            alone = bench.radiance(RIGHT)
+        beyond = np.abs((np.clip(alone, 0, 1) if view.clipped else alone) - flat(right)).max(axis=-1)
+        more = RUNGS[view.rung].noisy or float((weight * (beyond > 0.01 * scale)).sum()) > 0.02
+    return Sight(
+        view, index, weight, flat(shown), flat(right), flat(half), scale, tau, wrong.ravel()[index],
+        edge.ravel()[index], bench, more, step, (edge, rays), deep,
+        _mixed(wrong),
+    )  # fmt: skip
+
+
+def _mixed(wrong: Array) -> float:
+    """Of (H, W): half where chance decides, little where whole regions are wrong, 0 where some are."""
+    inner = wrong[1:-1, 1:-1]
+    if not inner.any():
+        return 0.0
+    windows = np.lib.stride_tricks.sliding_window_view(wrong, (5, 5))
+    if windows.all(axis=(2, 3)).sum() > SOLID * inner.sum():
+        return 0.0
+    beside = (wrong[:-2, 1:-1], wrong[2:, 1:-1], wrong[1:-1, :-2], wrong[1:-1, 2:])
+    return float(np.mean([~other[inner] for other in beside]))
+
+
+def _scale(view: View) -> float:
+    right = _right(view)
+    if view.points:
+        assert view.scene is not None
+        found = np.linalg.norm(right - np.array(view.scene.camera.eye), axis=-1)
+        return float(np.nanmedian(found)) if np.isfinite(found).any() else 1.0
+    positive = right[np.isfinite(right) & (right > 0)]
+    return float(np.quantile(positive, 0.99)) if positive.size else 1.0
+
+
+def outlines(ids: Array) -> Array:
+    """(H, W) bool: within two pixels of where another object begins."""
+    beside = np.zeros(ids.shape, bool)
+    for k in (1, 2):
+        across, down = ids[:, k:] != ids[:, :-k], ids[k:] != ids[:-k]
+        beside[:, k:] |= across
+        beside[:, :-k] |= across
+        beside[k:] |= down
+        beside[:-k] |= down
+    return beside
+
+
+def many(views: Sequence[View], seed: int = 0) -> list[Sight]:
+    return [look(view, seed) for view in views]

@@ -1,0 +1,205 @@
+"""Photos and pictures, PNG and JPEG: sRGB in, sRGB out. The only place where sRGB exists."""
+
+import contextlib
+import io
+import os
+import struct
+import warnings
+import zlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytwin.errors import InputError
+from raytwin.files.limits import check_size
+from raytwin.files.safe_write import check_file, replacing
+
+
+def srgb_encode(linear: np.ndarray) -> np.ndarray:
+    """Linear [0, 1] to sRGB's [0, 1], clipped; IEC 61966-2-1."""
+    x = np.clip(np.nan_to_num(linear, nan=0.0, posinf=1.0, neginf=0.0), 0, 1)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.power(np.maximum(x, 1e-9), 1 / 2.4) - 0.055)
+
+
+def srgb_decode(encoded: np.ndarray) -> np.ndarray:
+    """sRGB's [0, 1] to linear [0, 1]; IEC 61966-2-1."""
+    x = np.asarray(encoded)
+    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+
+
+def to_bytes(linear: np.ndarray) -> np.ndarray:
+    """Linear radiance (H, W, 3), 1 is white, as sRGB uint8: `round(255 * srgb_encode(linear))`, six times as fast.
+
+    A cell of [0, 1] holds one step between two codes at most: its first code, and a comparison, are the whole answer.
+    """
+    linear = np.asarray(linear)
+    out = np.empty(linear.shape, np.uint8)
+    flat, codes = linear.reshape(-1), out.reshape(-1)
+    steps = _STEPS.astype(linear.dtype if linear.dtype.itemsize > 2 else np.float32)
+    for start in range(0, flat.size, CHUNK):
+        x = np.fmax(flat[start : start + CHUNK], steps.dtype.type(0))  # NaN is black
+        np.fmin(x, steps.dtype.type(1), out=x)
+        code = _FIRST[(x * _CELLS).astype(np.intp)]
+        code += x >= steps[code]
+        codes[start : start + CHUNK] = code
+    return out
+
+
+CHUNK = 1 << 15
+"""Values worked on at a time: they stay in the cache."""
+_CELLS = 1 << 13
+_STEPS = np.append(srgb_decode((np.arange(255) + 0.5) / 255), np.inf)
+_FIRST = np.searchsorted(_STEPS, np.arange(_CELLS + 1) / _CELLS, side="right").astype(np.uint8)
+_DECODE = srgb_decode(np.arange(256) / 255).astype(np.float32)
+
+
+def from_bytes(pixels: np.ndarray) -> np.ndarray:
+    """sRGB uint8 as linear float32 in [0, 1]."""
+    return _DECODE[pixels]
+
+
+PHOTOS = (".jpg", ".jpeg", ".png")
+
+
+def list_photos(folder: str | Path) -> list[Path]:
+    """The photos of a folder, by name; a photo's file stands for itself. Raises InputError where there are none."""
+    folder = Path(folder)
+    if folder.is_file() and folder.suffix.lower() in PHOTOS:
+        return [folder]
+    if not folder.is_dir():
+        raise InputError(folder, "a folder of photos", "no such folder" if not folder.exists() else "a file")
+    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in PHOTOS)
+    if not found:
+        raise InputError(folder, "photos (.jpg, .jpeg, .png)", "none")
+    return found
+
+
+def photo_size(path: str | os.PathLike) -> tuple[int, int]:
+    """(width, height) of a photo from its header alone."""
+    with _opened(path) as photo:
+        return photo.size
+
+
+def read_photo(path: str | os.PathLike) -> np.ndarray:
+    """A PNG or JPEG as sRGB uint8 (H, W, 3), in the sensor's own pixel grid.
+
+    An EXIF orientation is not applied: it turns the picture for the eye, but the lens and its K stay with the sensor.
+    """
+    with _opened(path) as photo:
+        return np.asarray(photo.convert("RGB"))
+
+
+def read_grey(path: str | os.PathLike) -> np.ndarray:
+    """A PNG or JPEG as grey uint8 (H, W), Rec. 601 luma of sRGB, in the sensor's own pixel grid.
+
+    A JPEG stores luma apart from colour: reading it alone takes a third of `read_photo`'s time.
+    """
+    with _opened(path) as photo:
+        photo.draft("L", photo.size)
+        return np.asarray(photo.convert("L"))
+
+
+def photo_orientation(path: str | os.PathLike) -> int:
+    """The EXIF orientation, 1 (upright) to 8; 1 where the file says nothing."""
+    with _opened(path) as photo:
+        return int(photo.getexif().get(0x0112, 1) or 1)
+
+
+def photo_extras(path: str | os.PathLike) -> dict[str, bytes]:
+    """What a photo says of itself besides its pixels, byte for byte: `icc_profile` and `exif`, what of them there
+    is."""
+    with _opened(path) as photo:
+        return {key: photo.info[key] for key in ("icc_profile", "exif") if photo.info.get(key)}
+
+
+@contextlib.contextmanager
+def _opened(path: str | os.PathLike) -> Iterator[Any]:
+    from PIL import Image as Pillow  # 40 ms: not at import
+
+    check_file(path, "a photo (JPEG or PNG)")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)
+            # From memory: of a file on disk, Pillow asks for as many bytes at once as a damaged chunk claims to have.
+            with Pillow.open(io.BytesIO(Path(path).read_bytes()), formats=("JPEG", "PNG")) as photo:
+                check_size(path, *photo.size, 12)
+                yield photo
+    except PermissionError as error:
+        raise InputError(path, "a photo (JPEG or PNG)", str(error.strerror).lower()) from None
+    except Pillow.UnidentifiedImageError:
+        raise InputError(path, "a photo (JPEG or PNG)", "a file of another kind, or a damaged header") from None
+    except Pillow.DecompressionBombError as error:
+        raise InputError(path, "a photo of a size that a camera makes", error) from None
+    except (OSError, SyntaxError, ValueError) as error:
+        raise InputError(path, "a whole photo (JPEG or PNG)", f"a damaged one ({error})") from None
+
+
+def write_picture(
+    path: str | os.PathLike, pixels: np.ndarray, quality: int = 92, extras: Mapping[str, bytes] | None = None
+) -> None:
+    """sRGB uint8 (H, W) or (H, W, 3) as PNG or, by the name's ending, JPEG; with a photo's `photo_extras`."""
+    from PIL import Image as Pillow
+
+    suffix = Path(path).suffix.lower()
+    if suffix not in (".png", ".jpg", ".jpeg"):
+        raise InputError(path, "a name that ends in .png, .jpg or .jpeg", suffix or "no ending")
+    options: dict[str, Any] = {"compress_level": 2} if suffix == ".png" else {"quality": quality, "subsampling": 0}
+    with replacing(path) as temporary:
+        Pillow.fromarray(np.ascontiguousarray(pixels)).save(temporary, **options | dict(extras or {}))
+
+
+def check_png(path: Path) -> None:
+    """InputError where a PNG ends before its last row: Pillow would take the rest for black."""
+    data, at, packed = path.read_bytes(), 8, []
+    width, height, depth, kind, _, _, interlaced = struct.unpack(">IIBBBBB", data[16:29].ljust(13, b"\0"))
+    while at + 8 <= len(data):
+        length = int.from_bytes(data[at : at + 4])
+        if data[at + 4 : at + 8] == b"IDAT":
+            packed.append(data[at + 8 : at + 8 + length])
+        at += 12 + length
+    bits = depth * {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}.get(kind, 1)
+    passes = ADAM7 if interlaced else ((0, 0, 1, 1),)
+    sizes = [(-(-(width - x) // dx), -(-(height - y) // dy)) for x, y, dx, dy in passes]
+    expected = sum(rows * (1 + -(-columns * bits // 8)) for columns, rows in sizes if columns > 0 and rows > 0)
+    check_size(path, width, height, 12)
+    inflated, stream = 0, zlib.decompressobj()
+    try:
+        for piece in packed:
+            while piece and inflated < expected:
+                inflated += len(stream.decompress(piece, 1 << 20))
+                piece = stream.unconsumed_tail
+    except zlib.error as error:
+        raise InputError(path, "a whole photo (JPEG or PNG)", f"a damaged one ({error})") from None
+    if inflated < expected:
+        raise InputError(path, "a whole PNG", f"one that ends after {100 * inflated // expected} % of it")
+
+
+ADAM7 = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
+"""The passes of an interlaced PNG: x and y of the first pixel, steps."""
+
+
+def read_deep_png(path: Path) -> np.ndarray | None:
+    """A PNG of 16 bits as linear float32, (H, W) or (H, W, 3); None where it has fewer."""
+    with _opened(path) as photo:
+        raw = photo.tile[0].args if photo.tile else None
+        raw = raw if isinstance(raw, str) else raw[0] if raw else ""
+        if not raw.endswith(";16B"):
+            return None
+        if photo.mode == "I;16":
+            return srgb_decode(np.asarray(photo, np.float32) / np.float32(65535)).astype(np.float32)
+        # Pillow keeps the first byte of each pair; told that the pairs are swapped, it keeps the second.
+        high = np.asarray(photo)[..., :3]
+    if raw not in ("RGB;16B", "RGBA;16B"):
+        return from_bytes(high)
+    with _opened(path) as photo:
+        photo.tile = [tile._replace(args=raw.replace("16B", "16L")) for tile in photo.tile]
+        low = np.asarray(photo)[..., :3]
+    return _decode_pairs(high, low)
+
+
+def _decode_pairs(high: np.ndarray, low: np.ndarray) -> np.ndarray:
+    codes = np.arange(1 << 16, dtype=np.float32) / np.float32(65535)
+    table = srgb_decode(codes).astype(np.float32)
+    return table[high.astype(np.uint16) << 8 | low]

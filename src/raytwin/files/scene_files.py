@@ -1,0 +1,120 @@
+"""scene.toml and camera.toml: read, checked, written."""
+
+import base64
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytwin.errors import InputError
+from raytwin.files.images import read_image
+from raytwin.files.limits import MAX_PIXELS
+from raytwin.files.shipped import find_scene
+from raytwin.files.toml_json import plain, read_toml, to_record, write_toml
+from raytwin.scene import Camera, PhotoCamera, SceneFile, material_of
+
+MOST_COLUMNS = 4096
+"""Of an environment map: 100 MB of floats. Light from the sky is smooth; a smaller map serves as well."""
+
+
+def read_scene(path: str | os.PathLike) -> SceneFile:
+    """A scene by its folder, scene.toml or name: as it is written, and checked."""
+    file = find_scene(path)
+    data = read_toml(file)
+    for key in ("name", "folder", "photos"):  # of the record, not of the file
+        if key in data:
+            raise InputError(f"{file}: {key}", "only known keys", f"the unknown key {key!r}")
+    if "camera" not in data:
+        raise InputError(f"{file}: camera", "a value", "nothing")
+    table = data.pop("camera")
+    if isinstance(table, dict) and "photos" in table:
+        data["photos"] = to_record(file, table, PhotoCamera, "camera")
+    else:
+        data["camera"] = to_record(file, table, Camera, "camera")
+        check_camera(data["camera"], f"{file}: camera.")
+    data["name"] = file.resolve().parent.name + ("" if file.name == "scene.toml" else f"-{file.stem}")
+    data["folder"] = str(file.parent)
+    _read_map(file, data)
+    scene = to_record(file, data, SceneFile)
+    if not math.hypot(*scene.sun.to_light) > 0:
+        raise InputError(f"{file}: sun.to_light", "a direction", "the zero vector")
+    for i, plane in enumerate(scene.planes):
+        _check_edges(f"{file}: planes[{i}]", np.asarray(plane.half_u), np.asarray(plane.half_v))
+    for kind in ("spheres", "planes"):
+        for i, thing in enumerate(getattr(scene, kind)):
+            try:
+                material_of(thing)
+            except InputError as error:
+                raise InputError(f"{file}: {kind}[{i}]", error.expected, error.got) from None
+    return scene
+
+
+def _read_map(file: Path, data: dict[str, Any]) -> None:
+    """Put the pixels of [sky] map into the table, from which the record is made."""
+    if not isinstance(sky := data.get("sky"), dict):
+        return
+    if "texels" in sky:
+        raise InputError(f"{file}: sky.texels", "only known keys", "the unknown key 'texels'")
+    if "map" not in sky:
+        if odd := sky.keys() & {"scale", "rotation"}:
+            raise InputError(f"{file}: sky.{min(odd)}", "only where there is a map", sky[min(odd)])
+        return
+    if "radiance" in sky:
+        raise InputError(f"{file}: sky", "radiance or map", "both")
+    if not isinstance(sky["map"], str):
+        raise InputError(f"{file}: sky.map", "an image file's name", repr(sky["map"]))
+    path = file.parent / sky["map"]
+    pixels = read_image(path).mean
+    h, w = pixels.shape[:2]
+    if w != 2 * h or w < 4 or w > MOST_COLUMNS:
+        expected = f"an equirectangular map, twice as wide as high, of 4 to {MOST_COLUMNS} columns"
+        raise InputError(f"{file}: sky.map: {path}", expected, f"{w} x {h} pixels")
+    if not (np.isfinite(pixels).all() and pixels.min() >= 0):
+        found = f"{pixels.min():g}" if np.isfinite(pixels).all() else "NaN or infinity"
+        raise InputError(f"{file}: sky.map: {path}", "radiance of 0 or more everywhere", found)
+    texels = base64.b64encode(np.ascontiguousarray(pixels, "<f4").tobytes()).decode()
+    data["sky"] = sky | {"texels": {"size": [w, h], "texels": texels}}
+
+
+def _check_edges(where: str, u: np.ndarray, v: np.ndarray) -> None:
+    lengths = np.linalg.norm(u) * np.linalg.norm(v)
+    if not lengths > 0:
+        raise InputError(where, "half_u and half_v longer than 0 m", f"{tuple(u.tolist())}, {tuple(v.tolist())}")
+    if abs(u @ v) > 1e-6 * lengths:
+        degrees = math.degrees(math.acos(np.clip(u @ v / lengths, -1, 1)))
+        raise InputError(f"{where}.half_v", "a vector perpendicular to half_u", f"{degrees:.4g} degrees")
+
+
+def check_camera(camera: Camera, where: str) -> None:
+    """Raise InputError unless K is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with positive foci and R is a rotation.
+
+    `where` is put before the field's name: `scenes/desk/scene.toml: camera.`.
+    """
+    if camera.width * camera.height > MAX_PIXELS:
+        raise InputError(
+            f"{where}image_size", f"at most {MAX_PIXELS / 1e6:.0f} megapixels", f"{camera.width} x {camera.height}"
+        )
+    if not (camera.fx > 0 and camera.fy > 0):
+        raise InputError(f"{where}K", "focal lengths > 0 px", f"{camera.fx}, {camera.fy}")
+    if camera.K[0][1] != 0 or camera.K[1][0] != 0 or tuple(camera.K[2]) != (0, 0, 1):
+        raise InputError(f"{where}K", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]", camera.K)
+    R = np.asarray(camera.R_cam_board)
+    off = float(np.abs(R @ R.T - np.eye(3)).max())
+    if off > 1e-6 or np.linalg.det(R) < 0:
+        found = "a mirroring" if off <= 1e-6 else f"R R^T off the identity by {off:.2g}"
+        raise InputError(f"{where}R_cam_board", "a rotation matrix", found)
+
+
+def read_camera(path: str | os.PathLike) -> Camera:
+    """A camera.toml, as `raytwin calibrate -o` writes it; the boards' shapes in it are passed over."""
+    data = read_toml(path)
+    data.pop("boards", None)
+    camera = to_record(path, data, Camera)
+    check_camera(camera, f"{path}: ")
+    return camera
+
+
+def write_camera(path: str | os.PathLike, camera: Camera, comment: str = "") -> None:
+    write_toml(path, plain(camera), comment)

@@ -1,0 +1,109 @@
+"""TOML and JSON from records, and TOML into records, or one line that names file, field and what was found."""
+
+import math
+import os
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeVar
+
+import msgspec
+import numpy as np
+import tomli_w
+
+from raytwin.errors import InputError
+from raytwin.files.safe_write import check_file, write_text
+
+T = TypeVar("T")
+
+
+def write_json(path: str | os.PathLike, value: Any) -> None:
+    write_text(path, json_text(value))
+
+
+def json_text(value: Any) -> str:
+    """`value` (plain data, records, arrays as lists) as indented JSON; NaN and infinity become null."""
+    return msgspec.json.format(msgspec.json.encode(value, enc_hook=_foreign), indent=2).decode() + "\n"
+
+
+def write_toml(path: str | os.PathLike, value: Mapping[str, Any], comment: str = "") -> None:
+    head = "".join(f"# {line}\n" for line in comment.splitlines())
+    write_text(path, head + tomli_w.dumps(plain(value)))
+
+
+def plain(value: Any) -> Any:
+    """Records, dataclasses and arrays as dicts, lists and numbers."""
+    return msgspec.to_builtins(value, str_keys=True, enc_hook=_foreign)
+
+
+def _foreign(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    raise TypeError(f"cannot write {type(value).__name__}")
+
+
+def read_toml(path: str | os.PathLike) -> dict[str, Any]:
+    path = check_file(path, "a TOML file")
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(path, "a TOML file", error.strerror) from None
+    except UnicodeDecodeError as error:
+        raise InputError(path, "UTF-8 text", f"byte {error.object[error.start]:#04x} at {error.start}") from None
+    except (ValueError, RecursionError) as error:  # beside TOMLDecodeError: numbers too long, lists too deep
+        raise InputError(path, "TOML", error) from None
+
+
+def to_record(path: str | os.PathLike, data: Any, kind: type[T], prefix: str = "") -> T:
+    """`data` (parsed TOML or JSON) as the record `kind`, or an InputError that names file, field and what was found."""
+    try:
+        record = msgspec.convert(data, kind)
+    except msgspec.ValidationError as error:
+        raise _readable(path, data, str(error), prefix) from None
+    if bad := next(_not_finite(data, ""), None):
+        raise InputError(f"{path}: {_join(prefix, bad[0])}", "a finite number", bad[1])
+    return record
+
+
+def _readable(path: str | os.PathLike, data: Any, message: str, prefix: str) -> InputError:
+    """msgspec's `Expected ... - at `$.spheres[1].radius`` in this project's words, with the value that was found."""
+    what, _, where = message.partition(" - at `$")
+    field = where.rstrip("`").lstrip(".")
+    found: Any = data
+    for key in re.findall(r"[^.\[\]]+", field):
+        try:
+            found = found[int(key)] if isinstance(found, list) else found[key]
+        except (KeyError, IndexError, TypeError, ValueError):
+            break
+    if match := re.match(r"Object contains unknown field `(.*)`", what):
+        name = match[1]
+        known = "only known keys"
+        return InputError(f"{path}: {_join(prefix, _join(field, name))}", known, f"the unknown key {name!r}")
+    if match := re.match(r"Object missing required field `(.*)`", what):
+        return InputError(f"{path}: {_join(prefix, _join(field, match[1]))}", "a value", "nothing")
+    what = re.sub(r"^Expected ", "", what)
+    what = re.sub(r", got (`.*`|\d+)$", "", what)
+    what = what.replace("`float`", "a number").replace("`int`", "a whole number").replace("`str`", "text")
+    what = what.replace("`array`", "a list").replace("`object`", "a table").replace("`bool`", "true or false")
+    what = re.sub(r"(\d)\.0\b", r"\1", what).replace("Number out of range", "a number that 64 bits hold")
+    if field.endswith("radius"):  # the only bounded length
+        what = what.replace("a number", "metres")
+    shown = repr(found)
+    return InputError(f"{path}: {_join(prefix, field)}", what, shown if len(shown) <= 60 else shown[:57] + "...")
+
+
+def _join(prefix: str, field: str) -> str:
+    return f"{prefix}.{field}" if prefix and field and not field.startswith("[") else f"{prefix}{field}"
+
+
+def _not_finite(data: Any, where: str) -> Iterator[tuple[str, float]]:
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield from _not_finite(value, _join(where, key))
+    elif isinstance(data, list):
+        for i, value in enumerate(data):
+            yield from _not_finite(value, f"{where}[{i}]")
+    elif isinstance(data, float) and not math.isfinite(data):
+        yield where, data

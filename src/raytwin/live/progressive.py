@@ -1,0 +1,168 @@
+"""What the page wants to see, rendered: a quick picture while something moves, one pass after the other when it rests.
+
+Each pass is a whole run of a method, so that its seconds and its error are those of that method: a point of the chart.
+Errors are against all light over the pixel's area, from two independent halves of random walks: the mean of
+(x - half) (x - other half) has no noise of the halves in it.
+"""
+
+import io
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import msgspec
+import numpy as np
+from PIL import Image as Pillow
+
+from raytwin import files, twin, viewer
+from raytwin.analysis.ledger import make_ledger
+from raytwin.image import Image
+from raytwin.live.view_state import Look, Wanted
+from raytwin.renderers.renderer import Method
+from raytwin.renderers.subject_renderers import Followed, Traced, fast_engine
+from raytwin.rungs import RUNGS
+from raytwin.scene import Scene, SceneFile
+from raytwin.speed import ENGINES
+
+QUALITY = 85
+WHOLE_SAMPLES = 8
+"""A pixel of each half of the whole light."""
+SEEDS = 0xE47, 0x10E
+"""Of the halves: others than a pass has."""
+TWIN_EVERY = 3
+"""While something moves, the twin rests so many times as long as it took: most of the time is the tracer's."""
+
+Event = tuple[dict[str, Any], tuple[bytes, ...]]
+"""What the page is told, and bytes that belong to it."""
+
+
+@dataclass(frozen=True)
+class Studio:
+    """A scene whose camera is known, and what can render it here. `subject`: in the tracer's place, where given."""
+
+    base: SceneFile
+    subject: Method | None = None
+
+    @property
+    def engines(self) -> tuple[str, ...]:
+        """Rows of ENGINES that work here, the fastest first."""
+        fast = fast_engine(twin.activate().variant)
+        double = next(name for name, row in ENGINES.items() if row == ENGINES[fast]._replace(precision="float64"))
+        return tuple(dict.fromkeys((fast, double, "numpy32", "numpy64")))
+
+    def tracer(self, wanted: Wanted, samples: int) -> Method:
+        if self.subject is not None:
+            return replace(self.subject, rung=wanted.rung)
+        if RUNGS[wanted.rung].noisy:
+            depth = None if RUNGS[wanted.rung].depth == 2 else wanted.depth
+            return Followed(wanted.rung, wanted.engine, samples, surface=not wanted.moving, depth=depth)
+        return Traced(wanted.rung, wanted.engine, solver=wanted.solver, surface=not wanted.moving)
+
+    def twin(self, wanted: Wanted, scene: Scene, samples: int, seed: int) -> Image:
+        row = RUNGS[wanted.twin_rung]
+        depth = None if row.depth in (None, 2) else wanted.depth
+        return twin.render(
+            scene, wanted.twin_rung, sampling="area" if row.noisy else "center", samples=samples, seed=seed,
+            max_depth=depth, cache=False,
+        )  # fmt: skip
+
+    def passes(self, wanted: Wanted) -> Iterator[Event]:
+        """What the page is to be told, one thing after the other. Between two of them it may be stopped."""
+        scene, fast = wanted.scene(self.base), self.engines[0]
+        method = self.tracer(wanted, 1)
+        test, seconds = _timed(method, scene, 0)
+        yield picture("test", test, wanted.look, seconds, test.samples)
+        reference, seconds_twin = _timed(self.twin, wanted, scene, 1, 0)
+        yield picture("reference", reference, wanted.look, seconds_twin, reference.samples)
+        if wanted.moving:
+            return
+        yield pair(test, reference)
+        halves = [Followed("path", fast, WHOLE_SAMPLES)(scene, seed) for seed in SEEDS]
+        yield point("tracer", method, test, seconds, halves)
+        yield point("twin", None, reference, seconds_twin, halves)
+        if RUNGS[wanted.rung].lit:
+            yield (
+                {
+                    "kind": "ledger",
+                    "parts": files.plain(make_ledger(scene, test, wanted.rung, fast, wanted.depth).parts),
+                },
+                (),
+            )
+        samples = 2
+        while samples <= wanted.samples and (method.noisy or RUNGS[wanted.twin_rung].noisy):
+            if method.noisy:
+                method = self.tracer(wanted, samples)
+                test, seconds = _timed(method, scene, samples)
+                yield point("tracer", method, test, seconds, halves)
+            if RUNGS[wanted.twin_rung].noisy:
+                reference, seconds = _timed(self.twin, wanted, scene, samples, samples)
+                yield point("twin", None, reference, seconds, halves)
+            yield pair(test, reference)
+            samples *= 2
+        yield {"kind": "rest"}, ()
+
+
+def _timed(make: Callable[..., Image], *arguments: Any) -> tuple[Image, float]:
+    start = time.perf_counter()
+    return make(*arguments), time.perf_counter() - start
+
+
+def point(side: str, method: Method | None, image: Image, seconds: float, halves: list[Image]) -> Event:
+    """Where a pass stands on the chart: seconds beside the RMSE against the whole light; null where
+    it lies below the `floor` that the halves' noise leaves."""
+    one, other = (image.mean - half.mean for half in halves)
+    squared = float((one * other).mean(dtype=float))
+    noise = float(np.mean([np.mean(half.variance, dtype=float) for half in halves if half.variance is not None]))
+    floor = float(np.sqrt(noise / np.sqrt(one.size)))
+    error = float(np.sqrt(squared)) if squared > floor**2 else None
+    about = {"side": side, "name": method.name if method else "twin", "samples": image.samples}
+    return {"kind": "point", **about, "seconds": seconds, "error": error, "floor": floor}, ()
+
+
+def picture(pane: str, image: Image, look: Look, seconds: float, samples: int) -> Event:
+    """A JPEG of it, as the page would show it."""
+    out = io.BytesIO()
+    Pillow.fromarray(to_screen(image.mean, look)).save(out, "jpeg", quality=QUALITY)
+    return {"kind": "picture", "pane": pane, "seconds": seconds, "samples": samples}, (out.getvalue(),)
+
+
+def pair(test: Image, reference: Image) -> Event:
+    """Both images' values."""
+    planes, words = zip(*viewer.raw(test, reference), strict=True)
+    return {"kind": "pair", "planes": planes, "samples": [test.samples, reference.samples]}, words
+
+
+TONES = {
+    "sRGB": lambda x: x,
+    "Reinhard": lambda x: x / (1 + x),
+    "filmic": lambda x: (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14),
+}
+"""As viewer.js has them."""
+
+
+def to_screen(mean: np.ndarray, look: Look) -> np.ndarray:
+    """(H, W, 3) uint8 by the viewer's exposure, tone and gamma."""
+    with np.errstate(over="ignore"):
+        return _bytes_of(look)[mean.astype(np.float16).view(np.uint16)]
+
+
+@lru_cache(4)
+def _bytes_of(look: Look) -> np.ndarray:
+    """(65536,) uint8: what is shown for every half float. Many pictures in a row have one look."""
+    halves = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.float32)
+    with np.errstate(all="ignore"):
+        x = np.minimum(np.where(halves > 0, halves, 0) * 2.0**look.exposure, 1e9)
+        y = files.srgb_encode(np.clip(TONES.get(look.tone, TONES["sRGB"])(x), 0, 1)) ** (1 / look.gamma)
+        return np.nan_to_num(255 * y + 0.5).astype(np.uint8)
+
+
+def told(event: Mapping[str, Any], blobs: tuple[bytes, ...]) -> bytes:
+    """One message: the length of the JSON (4 bytes, little end first), the JSON, and the bytes, each padded to four.
+
+    `sizes` in the JSON has their lengths.
+    """
+    head = msgspec.json.encode({**event, "sizes": [len(blob) for blob in blobs]})
+    head += b" " * (-len(head) % 4)
+    return b"".join([len(head).to_bytes(4, "little"), head, *(blob + bytes(-len(blob) % 4) for blob in blobs)])

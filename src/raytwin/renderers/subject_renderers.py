@@ -1,0 +1,247 @@
+"""The subject, in its many ways: whole frames, several rays a pixel, guesses between rays; and the paper's loop."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from raytwin import twin
+from raytwin.image import Image, Surface
+from raytwin.renderers.python_loop import loop
+from raytwin.renderers.renderer import Call, Method
+from raytwin.scene import Scene
+from raytwin.speed import ENGINES, background, draw, speculate, walk
+from raytwin.tracer import STAGES, Stages
+
+
+@dataclass(frozen=True)
+class _ByEngine(Method):
+    """`engine`: a row of ENGINES."""
+
+    engine: str = "numpy64"
+
+    @property
+    def library(self) -> str:
+        return ENGINES[self.engine].title
+
+    @property
+    def precision(self) -> int:
+        return ENGINES[self.engine].bits
+
+    @property
+    def family(self) -> str:
+        return f"{self.engine} {self.rung}"
+
+    def ready(self) -> None:
+        """Tell Dr.Jit which libLLVM to load: it asks but once."""
+        if not ENGINES[self.engine].is_numpy:
+            twin.activate()
+
+
+@dataclass(frozen=True)
+class Traced(_ByEngine):
+    """One ray through each pixel's centre.
+
+    `keep`: every frame goes into one array, as a film's do: a fresh one costs more than filling it, since the system
+    hands it out page by page. `in_place`: into a frame that is filled already, which is what drawing into a photo
+    costs. `surface`: also what each ray met.
+    """
+
+    trim: str = "conic"
+    solver: str = "robust"
+    keep: bool = False
+    in_place: bool = False
+    surface: bool = False
+    stages: Stages = STAGES
+
+    @property
+    def name(self) -> str:
+        solver = "" if self.solver == "robust" else f"-{self.solver}"
+        return f"{self.engine}-{self.rung}-{'inplace' if self.in_place else self.trim}{solver}"
+
+    @property
+    def label(self) -> str:
+        return "in place" if self.in_place else self.trim
+
+    def prepare(self, scene: Scene) -> Call:
+        self.ready()
+        kept = background(scene, self.rung) if self.keep or self.in_place else None
+
+        def call(seed: int) -> Image:
+            out = kept if kept is not None and self.in_place else background(scene, self.rung, kept)
+            surface = Surface.empty(*scene.camera.image_size) if self.surface else None
+            draw(scene, out, self.rung, self.engine, self.solver, self.trim, surface, self.stages)
+            return Image(out, surface=surface)
+
+        return call
+
+
+@dataclass(frozen=True)
+class Followed(_ByEngine):
+    """Light followed from surface to surface by random walks, `samples` of them a pixel.
+
+    `over`: the pixel's `area`, or its `center`. `surface`: also what the ray through the centre met. `depth`: the
+    rung's own where not given.
+    """
+
+    rung: str = "path"
+    samples: int = 16
+    over: str = "area"
+    surface: bool = False
+    depth: int | None = None
+
+    @property
+    def name(self) -> str:
+        rung = self.rung if self.depth is None else f"{self.rung}-depth{self.depth}"
+        return f"{self.engine}-{rung}-{self.samples}{'' if self.over == 'area' else '-center'}"
+
+    @property
+    def label(self) -> str:
+        return str(self.samples)
+
+    @property
+    def sampling(self) -> str:
+        return self.over
+
+    @property
+    def noisy(self) -> bool:
+        return True
+
+    @property
+    def trim(self) -> str:
+        return "conic"
+
+    def prepare(self, scene: Scene) -> Call:
+        self.ready()
+        return lambda seed: walk(
+            scene, self.rung, self.engine, sampling=self.over, samples=self.samples, seed=seed, depth=self.depth,
+            surface=self.surface,
+        )  # fmt: skip
+
+
+def fast_engine(variant: str) -> str:
+    """The fastest row of ENGINES on a machine where Mitsuba's `variant` works."""
+    return {"llvm_ad_rgb": "drjit32", "cuda_ad_rgb": "cuda32"}.get(variant, "numpy32")
+
+
+@dataclass(frozen=True)
+class Supersampled(_ByEngine):
+    """The mean of `samples` rays on a regular grid within the pixel."""
+
+    samples: int = 4
+
+    @property
+    def name(self) -> str:
+        return f"{self.engine}-{self.rung}-{self.samples}spp"
+
+    @property
+    def family(self) -> str:
+        return f"{self.engine} supersampled"
+
+    @property
+    def label(self) -> str:
+        return str(self.samples)
+
+    @property
+    def sampling(self) -> str:
+        return "area"
+
+    @property
+    def trim(self) -> str:
+        return "conic"
+
+    def prepare(self, scene: Scene) -> Call:
+        self.ready()
+        side = round(self.samples**0.5)
+        steps = ((np.arange(side) + 0.5) / side - 0.5).tolist()
+        shifts = [(x, y) for y in steps for x in steps]
+        return lambda seed: Image(mean_of_shifts(scene, self.rung, self.engine, shifts), samples=self.samples)
+
+
+def mean_of_shifts(scene: Scene, rung: str, engine: str, shifts: Sequence[tuple[float, float]]) -> np.ndarray:
+    """The mean image (H, W, 3) over rays through pixel centres moved by each (x, y) of `shifts`, in pixels."""
+    moved = [scene.with_camera(scene.camera.grid(x, y)) for x, y in shifts]
+    total = background(moved[0], rung)
+    draw(moved[0], total, rung, engine)
+    for one in moved[1:]:
+        out = background(one, rung)
+        draw(one, out, rung, engine)
+        total += out
+    return total / np.float32(len(shifts))
+
+
+@dataclass(frozen=True)
+class Speculated(_ByEngine):
+    """Every n-th pixel traced and the others guessed, in a `way` of speculation's WAYS."""
+
+    way: str = "careful"
+    n: int = 8
+
+    @property
+    def name(self) -> str:
+        return f"{self.engine}-{self.rung}-{self.way}{self.n}"
+
+    @property
+    def family(self) -> str:
+        return f"speculation, {self.way}"
+
+    @property
+    def label(self) -> str:
+        return f"n={self.n}"
+
+    @property
+    def trim(self) -> str:
+        return "conic"
+
+    @property
+    def step(self) -> int:
+        return self.n
+
+    def prepare(self, scene: Scene) -> Call:
+        self.ready()
+        return lambda seed: Image(speculate(scene, self.n, self.rung, self.engine, self.way)[0])
+
+
+@dataclass(frozen=True)
+class Looped(Method):
+    """The paper's way: a Python loop over the pixels."""
+
+    trim: str = "none"
+
+    @property
+    def name(self) -> str:
+        return f"loop-{self.rung}-{self.trim}"
+
+    @property
+    def family(self) -> str:
+        return f"Python loop {self.rung}"
+
+    @property
+    def label(self) -> str:
+        return self.trim
+
+    @property
+    def library(self) -> str:
+        return "python"
+
+    @property
+    def precision(self) -> int:
+        return 64
+
+    def prepare(self, scene: Scene) -> Call:
+        return lambda seed: Image(loop(scene, self.rung, self.trim))
+
+
+@dataclass(frozen=True)
+class Filled(Method):
+    """The frame filled with the sky: the least that any method can do. `keep` is as in Traced."""
+
+    keep: bool = False
+
+    @property
+    def name(self) -> str:
+        return "fill"
+
+    def prepare(self, scene: Scene) -> Call:
+        kept = background(scene) if self.keep else None
+        return lambda seed: Image(background(scene, out=kept))

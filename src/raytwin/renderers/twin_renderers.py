@@ -1,0 +1,115 @@
+"""The twin; Mitsuba left to itself; and few samples that are denoised."""
+
+from dataclasses import dataclass
+
+from raytwin import twin
+from raytwin.calib.denoise import denoise
+from raytwin.image import Image
+from raytwin.renderers.renderer import Call, Method
+from raytwin.rungs import RUNGS
+from raytwin.scene import Scene
+from raytwin.scene.lens import without_ray
+
+SHORT = {"llvm_ad_rgb": "llvm", "scalar_rgb": "scalar", "cuda_ad_rgb": "cuda"}
+"""Mitsuba's variants as names have them."""
+
+
+@dataclass(frozen=True)
+class _ByVariant(Method):
+    """`variant`: of Mitsuba, None for what works best here; `samples`: of each pixel."""
+
+    variant: str | None = None
+    samples: int = 1
+
+    @property
+    def short(self) -> str:
+        return SHORT[self.library]
+
+    @property
+    def integrator(self) -> str:
+        """Mitsuba's, for a rung that it follows light on."""
+        return "direct" if RUNGS[self.rung].depth == 2 else "path"
+
+    @property
+    def library(self) -> str:
+        return self.variant or twin.activate().variant
+
+    @property
+    def label(self) -> str:
+        return str(self.samples)
+
+    @property
+    def sampling(self) -> str:
+        return "area"
+
+    @property
+    def noisy(self) -> bool:
+        return True
+
+
+@dataclass(frozen=True)
+class Twin(_ByVariant):
+    """As `raytwin compare` renders it."""
+
+    @property
+    def name(self) -> str:
+        tail = f"{self.integrator}-{self.samples}" if RUNGS[self.rung].noisy else self.rung
+        return f"twin-{self.short}-{tail}"
+
+    @property
+    def family(self) -> str:
+        return f"twin {self.short} {self.integrator if RUNGS[self.rung].noisy else self.rung}"
+
+    @property
+    def sampling(self) -> str:
+        return "area" if RUNGS[self.rung].noisy else "center"
+
+    @property
+    def noisy(self) -> bool:
+        return RUNGS[self.rung].noisy
+
+    def prepare(self, scene: Scene) -> Call:
+        twin.activate(self.variant)
+        return lambda seed: twin.render(
+            scene, self.rung, sampling=self.sampling, samples=self.samples, seed=seed, cache=False, variant=self.variant
+        )
+
+
+@dataclass(frozen=True)
+class Plain(_ByVariant):
+    """Mitsuba's own sensor, film and integrator; loading its scene is not timed, which flatters it."""
+
+    @property
+    def name(self) -> str:
+        return f"mitsuba-{self.short}-{self.integrator}-{self.samples}"
+
+    @property
+    def family(self) -> str:
+        return f"Mitsuba {self.short} {self.integrator}"
+
+    def prepare(self, scene: Scene) -> Call:
+        loaded = twin.load_plain(scene, self.integrator, self.variant)
+
+        def call(seed: int) -> Image:
+            twin.activate(self.variant)
+            image = Image(twin.render_plain(loaded, self.samples, seed), samples=self.samples)
+            return image.blacken(without_ray(scene.camera))
+
+        return call
+
+
+@dataclass(frozen=True)
+class Denoised(_ByVariant):
+    """The twin with few samples, then OpenCV's non-local means."""
+
+    @property
+    def name(self) -> str:
+        return f"denoised-{self.short}-{self.integrator}-{self.samples}"
+
+    @property
+    def family(self) -> str:
+        return f"non-local means {self.short} {self.integrator}"
+
+    def prepare(self, scene: Scene) -> Call:
+        call = Twin(self.rung, self.variant, self.samples).prepare(scene)
+        return lambda seed: Image(denoise(call(seed)), samples=self.samples)

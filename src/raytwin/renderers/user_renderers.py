@@ -1,0 +1,48 @@
+"""Images that others make, by whatever function of a scene."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.image_input import take
+from raytwin.renderers.renderer import Call, Method
+from raytwin.renderers.scene_exchange import as_arrays
+from raytwin.scene import Scene
+
+
+@dataclass(frozen=True)
+class Called(Method):
+    """`render`, known as `title`, called with `tell(scene, rung)`; it returns radiance (H, W, 3), or an Image."""
+
+    title: str = ""
+    render: Callable[[dict[str, Any]], Any] | None = None
+    tell: Callable[[Scene, str], dict[str, Any]] = as_arrays
+
+    @property
+    def name(self) -> str:
+        return self.title
+
+    @property
+    def library(self) -> str:
+        return "python"
+
+    def prepare(self, scene: Scene) -> Call:
+        def call(seed: int) -> Image:
+            given = self.tell(scene, self.rung)
+            try:
+                made = self.render(given) if self.render else None
+                taken = made if isinstance(made, Image) else take(np.asarray(made)).image
+            except InputError:
+                raise
+            except (Exception, SystemExit) as error:  # theirs, whatever it is: the program that runs it goes on
+                raise InputError(self.name, "an image (H, W, 3)", f"{type(error).__name__}: {error}") from error
+            if taken.mean.dtype.kind not in "fiu" or taken.shape != (scene.camera.height, scene.camera.width, 3):
+                wanted = f"an image ({scene.camera.height}, {scene.camera.width}, 3)"
+                raise InputError(self.name, wanted, f"{taken.mean.dtype} {taken.shape}")
+            return taken if isinstance(made, Image) else Image(taken.mean.astype(np.float32))
+
+        return call

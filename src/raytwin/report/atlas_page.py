@@ -1,0 +1,183 @@
+"""The stability atlas as a page: an index picture coloured by digits kept, and one chart an experiment."""
+
+import math
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from raytwin import files
+from raytwin.atlas import EXPERIMENTS, Atlas, Experiment, Found, digits
+from raytwin.report.charts import INK, Asked, Chart, Line, Point, layout, log_range, placed, svg_text, write_charts
+from raytwin.report.compare_page import asset, environment
+from raytwin.report.data_urls import png_url
+from raytwin.report.numbers import short, shown
+from raytwin.scene.envmap_tables import REC_709
+
+OURS = "#0f7a3d", "#2563eb", "#0f8b8d"
+OTHERS = "#c02f4a", "#e07b00", "#8e44ad", "#7c4a21", "#d455a5", "#5a6575", "#a16207", "#111827"
+"""Of methods that are the product's own, and of those that they are held against."""
+
+LOST, HALF, KEPT = (178, 24, 43), (250, 232, 176), (26, 122, 72)
+"""sRGB of no digit, of eight, of sixteen."""
+
+Range = tuple[float, float]
+
+LEAST = 1e-17
+"""Smaller errors, and none at all, are drawn at the bottom."""
+
+STEPS = 160
+"""Points of a law's line."""
+
+
+class Cell(NamedTuple):
+    """One value of one method in the index: `text` the digits kept, `tip` the numbers; `broken`: beyond the bound."""
+
+    text: str
+    colour: str
+    ink: str
+    broken: bool
+    tip: str
+
+
+def write_atlas(found: Atlas, folder: str | os.PathLike[str]) -> None:
+    """atlas.html, atlas.json, and each chart as SVG and PNG."""
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = [(EXPERIMENTS[f.name], f) for f in found.experiments]
+    charts = [chart(e, f) for e, f in rows]
+    page = environment().from_string(asset("atlas.html.j2")).render(
+        css=asset("report.css") + asset("bench.css") + asset("atlas.css"),
+        js=asset("charts.js"),
+        experiments=[
+            (e, f, [(name, name in e.ours, cells(f, name)) for name in f.methods], svg_text(layout(c)),
+             [(caption, png_url(pixels)) for caption, pixels in (e.pictures() if e.pictures else ())])
+            for (e, f), c in zip(rows, charts, strict=True)
+        ],
+        scale=[Cell(str(k), *colours(k), False, "") for k in range(0, 17, 2)],
+        edge=edge,
+        fate=fate,
+        last=lambda f, name: kept(f.methods[name].errors[-1]),
+    )  # fmt: skip
+    files.write_json(folder / "atlas.json", found)
+    files.write_text(folder / "atlas.html", page)
+    write_charts(charts, folder)
+
+
+def atlas_summary(found: Atlas) -> str:
+    """Of each experiment: where each method first exceeds the bound, and where theory says that it does."""
+    lines = []
+    for f in found.experiments:
+        lines.append(f"{f.name}: {f.parameter} {short(f.values[0])} to {short(f.values[-1])}, bound {short(f.bound)}")
+        for name, curve in f.methods.items():
+            lines.append(f"  {name:<38} {fate(f, name)}; {kept(curve.errors[-1])} at the last")
+    return "\n".join(lines)
+
+
+def fate(f: Found, method: str) -> str:
+    """Where the method breaks, or from where on it refuses, beside what theory predicts."""
+    curve = f.methods[method]
+    refused = next((x for x, e in zip(f.values, curve.errors, strict=True) if e is None), None)
+    told = "holds" if refused is None else f"refuses at {short(refused)}"
+    told = told if curve.breaks_at is None else f"breaks at {edge(curve.breaks_at)}"
+    return told if curve.predicted is None else f"{told}; predicted {edge(curve.predicted)}"
+
+
+def edge(value: float | None) -> str:
+    return "–" if value is None else shown(value, 2)
+
+
+def kept(error: float | None) -> str:
+    left = digits(error)
+    return "refused" if left is None else "no error" if error == 0 else f"{left:.0f} digit{'s' * (round(left) != 1)}"
+
+
+# ------------------------------------------------------------------------------------------ the index
+
+
+def cells(f: Found, method: str) -> list[Cell]:
+    made = []
+    for x, error in zip(f.values, f.methods[method].errors, strict=True):
+        left = digits(error)
+        told = "refused, and said so" if error is None else f"error {shown(error)}"
+        tip = f"{f.parameter} {short(x)}: {told}"
+        if left is None:
+            made.append(Cell("–", "#e2e6eb", INK, False, tip))
+        else:
+            made.append(
+                Cell("✓" if error == 0 else f"{left:.0f}", *colours(left), error is not None and error > f.bound, tip)
+            )
+    return made
+
+
+def colours(left: float) -> tuple[str, str]:
+    """Ground and ink for so many digits kept: black or white, whichever contrasts more (4.58 at least)."""
+    low, high, share = (LOST, HALF, left / 8) if left < 8 else (HALF, KEPT, left / 8 - 1)
+    ground = tuple(round(a + (b - a) * share) for a, b in zip(low, high, strict=True))
+    luminance = files.srgb_decode(np.array(ground) / 255) @ REC_709
+    bright = (luminance + 0.05) ** 2 > 1.05 * 0.05
+    return "#{:02x}{:02x}{:02x}".format(*ground), "#000000" if bright else "#ffffff"
+
+
+# ------------------------------------------------------------------------------------------ a chart
+
+
+def chart(e: Experiment, f: Found) -> Chart:
+    """Error against the parameter, hard to the right; a dashed line is a method's law, the thick one the bound."""
+    x_range = log_range(f.values, 0.03)
+    if f.values[0] > f.values[-1]:
+        x_range = x_range[1], x_range[0]
+    y_range = heights(f)
+    palette = colour_of(e, f)
+    points, lines, asked = [], [Line(x_range, (f.bound, f.bound), INK, 2.5, strength=0.35)], []
+    for name, curve in f.methods.items():
+        ours = name in e.ours
+        group = [
+            Point(x, min(max(error, y_range[0]), y_range[1]), name, name, palette[name], "square" if ours else "circle",
+                  error < y_range[0], ours, f"{name}\n{f.parameter} {short(x)}\nerror {shown(error)}")
+            for x, error in zip(f.values, curve.errors, strict=True) if error is not None
+        ]  # fmt: skip
+        if not group:
+            continue
+        points += group
+        xs, ys = zip(*((p.x, p.y) for p in group), strict=True)
+        lines.append(Line(xs, ys, palette[name], 2.2 if ours else 1.4))
+        lines += law_of(e, name, x_range, y_range, palette[name])
+        asked.append(Asked(name, group[-1], others=tuple(group[::-1]), bold=ours))
+    texts, without = placed(asked, points, x_range, y_range)
+    refused = any(error is None for curve in f.methods.values() for error in curve.errors)
+    notes = ["thick grey: the bound; dashed: what theory predicts", "hollow, at the bottom: no error"]
+    notes += ["no point: the method refused, and said so"] if refused else []
+    return Chart(e.name, e.title, e.parameter, e.error, x_range, y_range, tuple(points), texts, tuple(lines), None,
+                 without, tuple(notes))  # fmt: skip
+
+
+def heights(f: Found) -> tuple[float, float]:
+    """From below the least error to above the largest and the bound."""
+    shown_ = [e for curve in f.methods.values() for e in curve.errors if e is not None and e > LEAST]
+    low = min([*shown_, f.bound])
+    high = max([*(e for e in shown_ if e < 1e6), f.bound, *([1.0] if max(shown_, default=0) > 0.1 else [])])
+    return low / 4, high * 4
+
+
+def colour_of(e: Experiment, f: Found) -> dict[str, str]:
+    ours, others = iter(OURS * 9), iter(OTHERS * 9)
+    return {name: next(ours if name in e.ours else others) for name in f.methods}
+
+
+def law_of(
+    e: Experiment, name: str, x_range: tuple[float, float], y_range: tuple[float, float], colour: str
+) -> list[Line]:
+    """The law's line, as far as it lies within the chart."""
+    if name not in e.laws:
+        return []
+    told = [(x, float(e.laws[name](x))) for x in np.geomspace(*x_range, STEPS).tolist()]
+    xs = [x for x, y in told if math.isfinite(y)]
+    ys = [min(max(y, y_range[0]), y_range[1]) for _, y in told if math.isfinite(y)]
+    # A law that jumps is drawn as its jump alone; where it lies on the chart's edge it is not drawn.
+    inner = [any(y_range[0] < y < y_range[1] or y != ys[i] for y in ys[max(i - 1, 0) : i + 2]) for i in range(len(ys))]
+    drawn = [(x, y) for x, y, shows in zip(xs, ys, inner, strict=True) if shows]
+    if len(drawn) < 2:
+        return []
+    return [Line(tuple(x for x, _ in drawn), tuple(y for _, y in drawn), colour, 1.2, "dashed", 0.75)]

@@ -1,0 +1,172 @@
+"""What came of one submission as autograders take it: Gradescope's results.json, PrairieLearn's, JUnit XML."""
+
+import json
+import os
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from raytwin import files
+from raytwin.grade.result import Marked, Picture, Result
+from raytwin.grade.rubric import Rubric
+from raytwin.report.class_page import STATUS, of_points
+
+MOST_BYTES = 950_000
+"""Of a results.json: Gradescope and PrairieLearn take one megabyte."""
+MOST_TEXT = 4000
+
+
+def write_gradescope(result: Result, rubric: Rubric, path: str | os.PathLike[str]) -> None:
+    """Text first; one small picture for each test that fails, as long as there is room for it."""
+    _write_within(gradescope(result, rubric), "output", path)
+
+
+def write_prairielearn(result: Result, rubric: Rubric, path: str | os.PathLike[str]) -> None:
+    _write_within(prairielearn(result, rubric), "images", path)
+
+
+def gradescope(result: Result, rubric: Rubric) -> dict[str, Any]:
+    """https://gradescope-autograders.readthedocs.io/en/latest/specs/"""
+    tests = []
+    for number, e in enumerate(result.exercises, start=1):
+        picture = _picture(result, e)
+        text = "\n".join(_lines(e))
+        test: dict[str, Any] = {
+            "name": e.name,
+            "number": str(number),
+            "score": e.points,
+            "max_score": e.of,
+            "status": "passed" if e.status == "pass" else "failed",
+            "visibility": e.visibility,
+            "output": text,
+            "output_format": "text",
+        }
+        if picture is not None:
+            test |= {"output": _html(text, picture), "output_format": "html"}
+        tests.append(test)
+    made: dict[str, Any] = {
+        "score": result.points,
+        "execution_time": max(1, round(result.seconds)),
+        "visibility": "visible",
+        "stdout_visibility": "hidden",
+        "output": result.problem or _sum_shown(result),
+        "output_format": "text",
+        "tests": tests,
+        "extra_data": {"key": result.key, "open_locks": list(result.open_locks)},
+    }
+    if rubric.speed is not None and rubric.speed.leaderboard and result.speed:
+        _, seconds, error = result.speed[0]
+        made["leaderboard"] = [
+            {"name": "seconds a picture", "value": float(f"{seconds:.3g}"), "order": "asc"},
+            {"name": "error", "value": float(f"{error:.3g}"), "order": "asc"},
+        ]
+    return made
+
+
+def _sum_shown(result: Result) -> str:
+    """In words; what is shown later, or never, is not given away by a sum."""
+    shown = [e for e in result.exercises if e.visibility == "visible"]
+    points, of = sum(e.points for e in shown) + result.bonus, sum(e.of for e in shown)
+    more = "" if len(shown) == len(result.exercises) else ", of the exercises that are shown now"
+    return f"{of_points(points)} of {of_points(of)} points{more}"
+
+
+def prairielearn(result: Result, rubric: Rubric) -> dict[str, Any]:
+    """https://prairielearn.readthedocs.io/en/latest/externalGrading/: score from 0 to 1, pictures of its own."""
+    tests = []
+    for e in result.exercises:
+        if e.visibility != "visible":
+            continue  # it has no tests that show later: they count in the score alone
+        picture = _picture(result, e)
+        test = {
+            "name": e.name,
+            "points": e.points,
+            "max_points": e.of,
+            "message": e.sentences[0] if e.sentences else "",
+            "output": "\n".join(_lines(e)),
+        }
+        images = [{"label": f"expected, got, difference: {picture.shows}", "url": picture.thumb}] if picture else []
+        tests.append(test | ({"images": images} if images else {}))
+    return {
+        "gradable": True,
+        "score": min(1.0, result.points / rubric.points) if rubric.points else 0.0,
+        "message": result.problem,
+        "tests": tests,
+    }
+
+
+def write_grade_junit(results: Sequence[Result], path: str | os.PathLike[str]) -> None:
+    """A suite a student, a case an exercise: points stand in a property, since JUnit has no place for them."""
+    root = ET.Element("testsuites")
+    for r in results:
+        bad = [e for e in r.exercises if e.status != "pass"]
+        failures = sum(e.status == "fail" for e in bad)
+        about = {"tests": str(len(r.exercises)), "failures": str(failures), "errors": str(len(bad) - failures)}
+        suite = ET.SubElement(root, "testsuite", {"name": _legal(r.student), "time": f"{r.seconds:.3f}"} | about)
+        told = ET.SubElement(suite, "properties")
+        for name, value in (("points", of_points(r.points)), ("of", of_points(r.of)), ("problem", _legal(r.problem))):
+            ET.SubElement(told, "property", {"name": name, "value": value})
+        for e in r.exercises:
+            seconds = f"{sum(p.seconds for p in e.parts):.3f}"
+            case = {"name": _legal(e.name), "classname": _legal(r.student), "time": seconds}
+            test = ET.SubElement(suite, "testcase", case)
+            if e.status != "pass":
+                message = _legal(e.sentences[0] if e.sentences else STATUS[e.status][1])
+                element = ET.SubElement(
+                    test, "failure" if e.status == "fail" else "error", {"message": message, "type": e.status}
+                )
+                element.text = _legal("\n".join(_lines(e)))
+    ET.indent(root)
+    files.write_text(path, ET.tostring(root, "unicode", xml_declaration=True) + "\n")
+
+
+def _legal(text: str) -> str:
+    """Without what XML 1.0 cannot hold, not even escaped: its section 2.2."""
+    return re.sub("[^\t\n\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "\ufffd", text)
+
+
+def _lines(e: Marked) -> list[str]:
+    """What a student reads: the sentence, then numbers, then which cases pass."""
+    lines = [*e.sentences]
+    if e.expected and e.status != "pass":
+        lines += [e.inputs, f"expected {e.expected}", f"got      {e.got}"]
+    for p in e.parts:
+        error = "" if p.error is None or p.passed else f", error {p.error:.3g} {e.unit}"
+        problem = f": {p.problem}" if p.problem and p.problem not in e.sentences else ""
+        lines.append(f"{'✓' if p.passed else '✗'} {p.shows}{error}{problem}")
+    text = "\n".join(line for line in lines if line)
+    return text[:MOST_TEXT].splitlines()
+
+
+def _picture(result: Result, e: Marked) -> Picture | None:
+    """The first is the worst."""
+    return next((p for p in result.pictures if p.exercise == e.name), None)
+
+
+def _html(text: str, picture: Picture) -> str:
+    from html import escape
+
+    shown = f'<img src="{picture.thumb}" alt="expected, got, difference: {escape(picture.shows, quote=True)}">'
+    return f"<pre>{escape(text)}</pre><p>Expected, got, difference: {escape(picture.shows)}</p>{shown}"
+
+
+def _write_within(made: dict[str, Any], key: str, path: str | os.PathLike[str]) -> None:
+    """Atomically; pictures go, the last first, until it is small enough."""
+    for test in reversed(made["tests"]):
+        if len(json.dumps(made)) <= MOST_BYTES:
+            break
+        if key == "images":
+            test.pop("images", None)
+        elif test.get("output_format") == "html":
+            test["output"] = re.sub(
+                r"<p>Expected.*$", "<p>(no room for its picture)</p>", test["output"], flags=re.DOTALL
+            )
+    files.write_text(Path(path), json.dumps(made, indent=1, allow_nan=False) + "\n")
+
+
+def write_unfinished(path: Path) -> None:
+    """What Gradescope finds if the grader does not come to its end."""
+    text = "Grading did not finish: it took too much time or memory. Hand in again, or tell your instructor."
+    files.write_text(path, json.dumps({"score": 0, "output": text, "output_format": "text", "visibility": "visible"}))

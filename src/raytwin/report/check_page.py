@@ -1,0 +1,142 @@
+"""A test run's comparisons: a page for each as it is made, then an index of all, failures first.
+
+Each comparison leaves `check-<test>-<hash>.json` and, where it has pictures, a page of the same name. The index is made
+from these files, so that tests may run in many processes at once.
+"""
+
+import hashlib
+import re
+from pathlib import Path
+
+import jinja2
+import msgspec
+
+from raytwin import files, viewer
+from raytwin.compare import Report
+from raytwin.compare.heatmap import signed_error
+from raytwin.image import Image
+from raytwin.report import data_urls, numbers
+from raytwin.report.compare_page import asset, write_report
+from raytwin.report.view import Names, PairView, Tile, in_radiance, silhouette_tile
+from raytwin.scene import Tolerance
+
+THUMB = 150
+"""Pixels across a small picture in the index."""
+INDEX = "index.html"
+SCRIPT = "check-viewer.js"
+"""The viewer, which all pages of a run share."""
+GOOD = ("pass", "differs")
+
+NAMES = Names("test", "reference", "the test's image", "the reference", "The test's image", "The reference")
+
+
+class CheckRow(msgspec.Struct):
+    """A line of the index. `page` and the pictures (data URLs) are empty where there was no image to show."""
+
+    test: str
+    number: int
+    scene: str
+    rung: str
+    verdict: str
+    reasons: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    rmse: float | None = None
+    worst: float | None = None
+    ratio: float | None = None
+    page: str = ""
+    picture: str = ""
+    error: str = ""
+
+
+def write_check(
+    folder: Path,
+    test: str,
+    number: int,
+    report: Report,
+    notes: tuple[str, ...] = (),
+    image: Image | None = None,
+    reference: Image | None = None,
+    tolerance: Tolerance | None = None,
+) -> Path | None:
+    """One comparison of the test called `test`: its row, and its page, whose path is returned."""
+    c, r = report.comparison, report.comparison.radiance
+    row = CheckRow(
+        test, number, report.scene, report.rung, c.verdict, c.reasons, notes, r.rmse, r.max_abs, r.mean_ratio
+    )
+    short = re.sub(r"[^A-Za-z0-9]+", "-", test.rpartition("/")[2]).strip("-")[:80]
+    unique = hashlib.sha256(f"{test} {number}".encode()).hexdigest()[:8]
+    stem = f"check-{short}-{unique}"
+    page = None
+    if image is not None and reference is not None:
+        view = _view(test, report, notes, image, reference, tolerance or Tolerance())
+        row.page, page = f"{stem}.html", folder / f"{stem}.html"
+        if not (folder / SCRIPT).exists():
+            files.write_text(folder / SCRIPT, viewer.script())
+        write_report(view, page, SCRIPT)
+        if view.alike:
+            row.picture, row.error = _thumbs(view, tolerance or Tolerance())
+    files.write_json(folder / f"{stem}.json", row)
+    return page
+
+
+def clear(folder: Path) -> None:
+    """Take away what an earlier run wrote; nothing else."""
+    for old in [*folder.glob("check-*.html"), *folder.glob("check-*.json"), folder / INDEX, folder / SCRIPT]:
+        old.unlink(missing_ok=True)
+
+
+def write_index(folder: Path) -> tuple[int, int]:
+    """index.html over all comparisons in the folder; how many there are, and how many failed."""
+    rows = [msgspec.json.decode(f.read_bytes(), type=CheckRow) for f in folder.glob("check-*.json")]
+    rows.sort(key=lambda row: (row.verdict in GOOD, row.test, row.number))
+    failed = sum(row.verdict not in GOOD for row in rows)
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["shown"] = numbers.shown
+    page = environment.from_string(asset("checks.html.j2")).render(rows=rows, failed=failed, css=asset("report.css"))
+    files.write_text(folder / INDEX, page)
+    return len(rows), failed
+
+
+def _view(
+    test: str, report: Report, notes: tuple[str, ...], image: Image, reference: Image, tolerance: Tolerance
+) -> PairView:
+    noisy = image.variance is not None or reference.variance is not None
+    c, r = report.comparison, report.comparison.radiance
+    tolerance = in_radiance(tolerance, reference, image)
+    tiles = [
+        Tile(
+            "Error, 99.9 %",
+            numbers.shown(r.p999_abs),
+            below="noise included" if noisy else f"held to {numbers.short(tolerance.p999_abs)}",
+        ),
+        Tile("RMSE", numbers.shown(r.rmse), below=f"worst {numbers.shown(r.max_abs)}"),
+        Tile("Ratio of means", numbers.shown(r.mean_ratio, 5), below="mean(test) / mean(reference)"),
+    ]
+    if c.geometry.mask_mismatch_pixels is not None:
+        tiles.insert(0, silhouette_tile(c, tolerance))
+    return PairView(
+        title=", ".join(filter(None, (report.scene, report.rung))),
+        about=("test", test.rpartition("/")[2]),
+        report=report.saying(*(f"note: {n}" for n in notes)),
+        test=image,
+        reference=reference,
+        names=NAMES,
+        tolerance=tolerance,
+        held_to="noise and tolerance" if noisy else "the tolerance",
+        motto="a renderer held to its reference",
+        tiles=tuple(tiles),
+        objects=tuple(
+            f"object {i}" for i in range(reference.surface.ids.max(initial=-1) + 1 if reference.surface else 0)
+        ),
+        settings={"test": test, "samples of the reference": str(reference.samples)},
+    )
+
+
+def _thumbs(view: PairView, tolerance: Tolerance) -> tuple[str, str]:
+    """The test's image and the signed error, small, as data URLs."""
+    error = signed_error(view.test, view.reference, "absolute")
+    scale = data_urls.choose_scale(view.test, view.reference, error, tolerance.p999_abs)
+    step = max(1, -(-error.shape[1] // THUMB))
+    small = data_urls.exposed(view.test, data_urls.exposure(view.reference))[::step, ::step]
+    shown = data_urls.error_indices(data_urls.worst_of_blocks(error, step), scale)
+    return data_urls.png_url(small), data_urls.png_url(shown, data_urls.palette())

@@ -1,0 +1,183 @@
+"""report.html: one file that opens offline; the viewer, numbers, calibration, times beside errors."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+import jinja2
+
+from raytwin import files, viewer
+from raytwin.compare import flip_map
+from raytwin.compare.heatmap import signed_error
+from raytwin.report import data_urls, numbers
+from raytwin.report.locations import linked
+from raytwin.report.view import PairView, showable, view_of
+from raytwin.scene import Tolerance
+
+if TYPE_CHECKING:
+    from raytwin.workflows.compare_scene import Result
+
+LISTED = 8
+"""Worst pixels in the table."""
+
+
+def write_report(shown: "PairView | Result", path: str | os.PathLike[str], script: str | None = None) -> None:
+    """The whole report as one HTML file that refers to no other; but to the viewer's script of a suite, if named."""
+    view = shown if isinstance(shown, PairView) else view_of(shown)
+    page = template().render(
+        r=view,
+        c=view.comparison,
+        css=asset("report.css") + (viewer.style() if view.alike else ""),
+        groups=list(numbers.rows(view.comparison, view.tolerance, view.noisy)) if view.comparison else [],
+        calibrated=calibrated(view),
+        reasons=places(view)[0],
+        shared=script,
+        script=None if script else viewer.script(),
+        **(side_by_side(view) if view.alike else {"alone": alone(view)}),
+    )
+    files.write_text(path, page)
+
+
+def side_by_side(view: PairView) -> dict[str, Any]:
+    """The viewer's data, and the worst pixels."""
+    error = signed_error(view.test, view.reference, "absolute")
+    worst = data_urls.worst_pixels(error, LISTED)
+    apart = data_urls.mismatches(*view.surfaces) if view.surfaces else []
+    height, width = error.shape
+    packed, panes = packed_and_panes(view)
+    share = view.tolerance.p999_abs / view.scale if view.tolerance else Tolerance().p999_abs
+    data = packed.for_page() | {
+        "names": {"test": view.names.test, "reference": view.names.reference},
+        "panes": panes,
+        "objects": view.objects,
+        "noisy": view.rough,
+        "bound": {"share": share, "scale": view.scale, "held": allowed(view) is not None},
+        "places": places(view)[1],
+        "failing": view.comparison.failing if view.comparison else (),
+        "marks": apart,
+        "exposure": data_urls.stops(view.reference),
+        "start": worst[0] if worst else None,
+        "address": True,
+    }
+    rows = pixel_rows(view, worst, apart)
+    return {"width": width, "height": height, "data": data, "thin": packed.thin, "worst": rows, "apart": len(apart)}
+
+
+def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]]]:
+    """The viewer's planes, and its panes in reading order; what the images lack is left out."""
+    flipped = flip_map(view.test.mean, view.reference.mean) if view.flipped else None
+    names, of = view.names, f"of {view.title}, {{1}} by {{0}} pixels".format(*view.reference.shape)
+    panes = [
+        {"key": "test", "kind": "radiance", "title": names.test_title, "tab": names.test},
+        {"key": "reference", "kind": "radiance", "title": names.reference_title, "tab": names.reference},
+        {"key": "map", "kind": "map", "title": "Difference", "tab": "difference"},
+    ]
+    if view.surfaces:
+        panes.append({"key": "objects", "kind": "objects", "title": "Silhouettes", "tab": "silhouettes"})
+    with ThreadPoolExecutor() as pool:
+        drawn = pool.submit(photos, view)
+        packed = viewer.pack(
+            view.test, view.reference, flip=flipped, surfaces=view.surfaces is not None, means=view.rough
+        )
+        panes += drawn.result()
+    return packed, [pane | {"alt": f"{pane['title']} {of}"} for pane in panes]
+
+
+def photos(view: PairView) -> list[dict[str, Any]]:
+    """The photo, and the augmented one as what it changed, laid over it."""
+    photo, augmented = view.photo, view.augmented
+    panes: list[dict[str, Any]] = []
+    if photo is not None:
+        panes.append({"key": "photo", "kind": "picture", "title": "Photo", "tab": "photo", "note": "JPEG"})
+        panes[0]["url"] = data_urls.jpeg_url(photo)
+    if augmented is not None:
+        pane: dict[str, Any] = {"key": "augmented", "kind": "picture", "title": "Augmented photo", "tab": "augmented"}
+        x, y, w, h = (0, 0, *augmented.shape[1::-1])
+        if photo is not None and photo.shape == augmented.shape == view.reference.shape:
+            x, y, w, h = data_urls.changed(photo, augmented)
+            pane |= {"over": "photo", "box": (x, y, w, h)}
+        panes.insert(0, pane | {"url": data_urls.jpeg_url(augmented[y : y + h, x : x + w]), "note": "JPEG"})
+    return panes
+
+
+def alone(view: PairView) -> list[dict[str, str]]:
+    """Each picture for itself, where the two cannot lie side by side; none of what is no picture at all."""
+    found = []
+    for title, image in ((view.names.test_title, view.test), (view.names.reference_title, view.reference)):
+        if showable(image):
+            url, lossless = data_urls.picture_url(data_urls.exposed(image, data_urls.exposure(image)))
+            size = "{1} × {0} pixels".format(*image.shape)
+            note = size + ("" if lossless else "; shown as JPEG")
+            found.append({"title": title, "alt": f"{title}, {size}", "note": note, "url": url})
+    return found
+
+
+def places(view: PairView) -> tuple[list[tuple[str, str | None]], list[dict[str, int]]]:
+    """The verdict's reasons with where they lead to, and the places."""
+    reasons = view.comparison.reasons if view.comparison else ()
+    return linked(reasons, view.reference.shape if view.alike else ())
+
+
+def allowed(view: PairView) -> float | None:
+    """The error that a single value may have, where that is what decides."""
+    return None if view.noisy or view.tolerance is None else view.tolerance.p999_abs
+
+
+def template() -> jinja2.Template:
+    return environment().from_string(asset("report.html.j2"))
+
+
+def environment() -> jinja2.Environment:
+    """Jinja as every page uses it: text is escaped, a name that is missing is an error."""
+    made = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
+    made.filters |= {f.__name__: f for f in (numbers.shown, numbers.beside, numbers.short, numbers.seconds)}
+    return made
+
+
+def asset(name: str) -> str:
+    return resources.files("raytwin.report").joinpath(name).read_text(encoding="utf-8")
+
+
+# ------------------------------------------------------------------------------------------ numbers for the page
+
+
+def pixel_rows(view: PairView, worst: list[tuple[int, int]], apart: list[tuple[int, int]]) -> list[dict[str, Any]]:
+    """Exact values at pixels worth a look: those that see another object first, then the worst errors."""
+    names = dict(enumerate(view.objects)) | {-1: "background"}
+    chosen = list(dict.fromkeys([*apart[: LISTED // 2], *worst]))[:LISTED]
+    rows = []
+    for x, y in chosen:
+        a, b = view.test.mean[y, x].astype(float), view.reference.mean[y, x].astype(float)
+        row = {"x": x, "y": y, "reference": b.tolist(), "error": (a - b).tolist(), "seen": "–"}
+        if view.surfaces:
+            seen = [names.get(i, f"object {i}") for i in (int(s.ids[y, x]) for s in view.surfaces)]
+            row["seen"] = seen[0] if seen[0] == seen[1] else f"{seen[0]} / {seen[1]}"
+        rows.append(row)
+    return rows
+
+
+def calibrated(view: PairView) -> dict[str, Any] | None:
+    """Intrinsics with their standard deviations, views worst first, and the spread of the views' rms for the bars."""
+    calibration = view.calibration
+    if calibration is None:
+        return None
+    from raytwin.calib.photos import explained  # these two load OpenCV
+    from raytwin.report.uncertainty import bend_url, uncertainty_url
+
+    k = calibration.K
+    found = [("fx", k[0][0], "px"), ("fy", k[1][1], "px"), ("cx", k[0][2], "px"), ("cy", k[1][2], "px")]
+    found += [(n, v, "") for n, v in zip(("k1", "k2", "p1", "p2", "k3"), calibration.dist, strict=False)]
+    views = sorted(calibration.views, key=lambda v: -v.rms_px)
+    return {
+        "intrinsics": [(n, v, calibration.sigma.get(n), unit) for n, v, unit in found],
+        "views": views,
+        "posed": view.photographed,
+        # A calibration that was read back has no evidence any more.
+        "models": explained(calibration.evidence.trials, calibration.evidence.taken) if calibration.evidence else [],
+        "uncertainty": uncertainty_url(calibration) if calibration.evidence else None,
+        "bends": [(b, bend_url(calibration, i)) for i, b in enumerate(calibration.boards) if b.heights]
+        if calibration.evidence
+        else [],
+        "largest": max((v.rms_px for v in views), default=1.0) or 1.0,
+    }

@@ -1,0 +1,112 @@
+"""The ladder as a page: any two of its pictures in the viewer, error against seconds, and what each rung leaves out."""
+
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from raytwin import files, viewer
+from raytwin.image import Image
+from raytwin.report.charts import Asked, Chart, Line, Point, layout, log_range, placed, svg_text, write_charts
+from raytwin.report.compare_page import asset, environment
+from raytwin.report.data_urls import stops
+from raytwin.report.numbers import seconds, shown
+
+if TYPE_CHECKING:
+    from raytwin.analysis.ladder import Ladder, Rungs, Step
+
+COLOURS = {"tracer": "#e07b00", "twin": "#0f8b8d"}
+PARTS = {
+    "numerics": "#6b7280", "its own samples": "#6b7280", "pixel sampling": "#a16207", "sun's shadow": "#174a7c",
+    "sky's occlusion": "#3b82c4", "bounce 1": "#c02f4a", "bounce 2": "#e07b00", "bounces 3 and more": "#d4a017",
+}  # fmt: skip
+FIRST = "tracer: shadow", "twin: path"
+"""The pictures that the page opens with."""
+LINEAR = 0.1
+"""Errors of a thousandth of this share of the light are still coloured."""
+
+
+def write_ladder(found: "Ladder", folder: str | os.PathLike[str]) -> None:
+    """ladder.html, ladder.json, and the chart as SVG and PNG."""
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    rungs, images = found.rungs, found.images
+    test, reference = (Image(images[name]) for name in FIRST)
+    packed = viewer.pack(test, reference, budget=1 << 40, most_pixels=1 << 40)
+    panes = [
+        {"key": "test", "kind": "radiance", "title": "A", "tab": "A", "alt": "picture A"},
+        {"key": "reference", "kind": "radiance", "title": "B", "tab": "B", "alt": "picture B"},
+        {"key": "map", "kind": "map", "title": "A − B", "tab": "A − B", "alt": "A minus B"},
+    ]
+    data = packed.for_page() | {
+        "names": {"test": "A", "reference": "B"}, "panes": panes, "noisy": False,
+        "bound": {"share": LINEAR, "scale": 1.0, "held": False}, "exposure": stops(Image(images["whole light"])),
+    }  # fmt: skip
+    drawn = error_chart(rungs)
+    page = environment().from_string(asset("ladder.html.j2")).render(
+        css=asset("report.css") + asset("bench.css") + asset("ladder.css") + viewer.style(),
+        js=asset("charts.js"), script=viewer.script(), data=data, first=FIRST, l=rungs, colours=PARTS,
+        pictures={name: [asdict(plane) for plane in viewer.pack_one(Image(mean))] for name, mean in images.items()},
+        bars=[(rung, bars(rungs, rung)) for rung in rungs.ledgers], chart=svg_text(layout(drawn)),
+    )  # fmt: skip
+    files.write_json(folder / "ladder.json", rungs)
+    files.write_text(folder / "ladder.html", page)
+    write_charts([drawn], folder)
+
+
+def ladder_summary(rungs: "Rungs") -> str:
+    """A line each rung and side, then what each rung leaves out."""
+    lines = [f"{rungs.scene}, {rungs.width} x {rungs.height}, {rungs.samples} samples where light is followed"]
+    for step in rungs.steps:
+        error = "no light" if step.rmse is None else f"rmse {shown(step.rmse, 3)}"
+        noise = "" if step.noise is None else f", of it noise {shown(step.noise, 2)}"
+        lines.append(f"  {step.rung:<8} {step.side:<6} {seconds(step.seconds):>9}   {error}{noise}")
+    for rung, parts in rungs.ledgers.items():
+        told = [
+            f"{part.part} {100 * part.share_of_light:+.2g} %"
+            for part in parts
+            if part.share_of_light is not None and abs(part.share_of_light) >= 5e-4
+        ]
+        lines.append(f"  {rung}: " + (", ".join(told) + " of the light" if told else "the whole light"))
+    return "\n".join(lines)
+
+
+def error_chart(rungs: "Rungs") -> Chart:
+    """Every lit rung's error against its seconds; a line a side."""
+    lit = [step for step in rungs.steps if step.rmse is not None]
+    points = [
+        Point(
+            s.seconds, max(s.rmse or 0.0, rungs.floor, 1e-9), s.rung, s.side, COLOURS[s.side], strong=True, tip=_tip(s)
+        )
+        for s in lit
+    ]
+    x_range, y_range = log_range([p.x for p in points], 0.15), log_range([p.y for p in points], 0.15)
+    lines = tuple(
+        Line(tuple(p.x for p in own), tuple(p.y for p in own), COLOURS[side])
+        for side in COLOURS
+        if (own := [p for p in points if p.family == side])
+    )
+    asked = [Asked(f"{p.family} {p.name}", p, p.name == "path", (p,)) for p in points]
+    texts, without = placed(asked, points, x_range, y_range)
+    return Chart(
+        "ladder", f"{rungs.scene}: every rung on both sides", "seconds a frame", "RMSE against the whole light",
+        x_range, y_range, tuple(points), texts, lines, rungs.floor or None, without,
+    )  # fmt: skip
+
+
+def bars(rungs: "Rungs", rung: str) -> list[dict[str, Any]]:
+    """A rung's parts as bars: `width` in percent of the largest rmse of all rungs."""
+    most = max(part.rmse or 0.0 for parts in rungs.ledgers.values() for part in parts if part.part in PARTS) or 1.0
+    return [
+        {
+            "part": part.part, "width": 100 * (part.rmse or 0.0) / most, "colour": PARTS[part.part],
+            "rmse": part.rmse, "share": part.share_of_light, "between": part.between,
+        }
+        for part in rungs.ledgers[rung]
+        if part.part in PARTS
+    ]  # fmt: skip
+
+
+def _tip(step: "Step") -> str:
+    noise = "" if step.noise is None else f"\nnoise {shown(step.noise, 2)}"
+    return f"{step.method}\n{seconds(step.seconds)}\nRMSE {shown(step.rmse, 3)}{noise}"

@@ -1,0 +1,59 @@
+"""Augmented photos beside the true ones: a page for each, an index of all."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytwin import files, viewer
+from raytwin.image import Image
+from raytwin.report.compare_page import asset, environment, write_report
+from raytwin.report.view import Names, PairView, Tile
+
+INDEX, SCRIPT = "against.html", "against-viewer.js"
+
+NAMES = Names("augmented", "true", "the augmented photo", "the true photo", "Augmented photo", "True photo")
+
+
+class Against:
+    """`add` as each photo is done, `finish` in the end: against.html in the folder, and what it links to."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.pages: list[tuple[str, dict[str, Any]]] = []
+
+    def add(self, row: dict[str, Any], drawn: np.ndarray, truth: np.ndarray) -> None:
+        """`row` as jobs.augment makes it; the two photos sRGB uint8 (H, W, 3)."""
+        if not self.pages:
+            files.write_text(self.folder / SCRIPT, viewer.script())
+        name = f"against-{row['photo']}.html"
+        regions = [part for part in row["regions"] if part["share"]]
+        about = "mean {mean:+.4f}, 95 % within {p95:.4f}, {codes:.2f} codes of 255; {percent:.1f} % of the photo"
+        view = PairView(
+            title=row["photo"],
+            about=("against", "the true photo"),
+            report=None,
+            test=Image(files.from_bytes(drawn)),
+            reference=Image(files.from_bytes(truth)),
+            names=NAMES,
+            tolerance=None,
+            held_to="",
+            motto="drawn objects beside real ones",
+            tiles=tuple(
+                Tile(f"Error on {part['region']}", f"{part['rms']:.4f}", "rms", f"{part['codes']:.2f} codes of 255")
+                for part in regions
+            ),
+            metrics=tuple(
+                (f"{part['region']}, rms", part["rms"], about.format(**part, percent=100 * part["share"]))
+                for part in regions
+            ),
+            settings={"pose's rms": f"{row['pose_rms_px']:.3f} px", "values": "linear light, 1 is white"},
+        )
+        write_report(view, self.folder / name, SCRIPT)
+        self.pages.append((name, row))
+
+    def finish(self) -> Path:
+        """The index; its path."""
+        page = environment().from_string(asset("against.html.j2")).render(pages=self.pages, css=asset("report.css"))
+        files.write_text(self.folder / INDEX, page)
+        return self.folder / INDEX

@@ -1,0 +1,67 @@
+"""A comparison's folder: report.html, comparison.json, the EXRs of both images and of their difference."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from raytwin import files
+from raytwin.compare import error_map
+from raytwin.image import Image
+from raytwin.progress import Progress, silent
+from raytwin.report.compare_page import write_report
+from raytwin.report.json_report import write_comparison
+from raytwin.report.overview import overview
+from raytwin.report.view import view_of_diff
+from raytwin.workflows.diff_files import Diff
+
+if TYPE_CHECKING:
+    from raytwin.workflows.compare_scene import Result
+
+
+def write_all(result: "Result", folder: Path, json: Path | None = None, progress: Progress = silent) -> None:
+    """Write every view of `result` into `folder`; `json` names a second place for comparison.json."""
+    header = {**result.settings, **{f"version of {k}": v for k, v in result.versions.items()}}
+    alike = result.subject.mean.shape == result.twin.mean.shape
+    exrs = [
+        ("tracer", result.subject, {"renderer": "raytwin's tracer"}),
+        ("twin", result.twin, {"renderer": "Mitsuba"}),
+    ]
+    if alike:
+        exrs.append(("error", Image(result.subject.mean - result.twin.mean), {"content": "tracer - twin"}))
+    for path in (folder / "comparison.json", json):
+        if path is not None:
+            write_comparison(result.report, path)
+    jobs: list[Callable[[], None]] = [
+        partial(files.write_exr, folder / f"{n}.exr", image, header | more) for n, image, more in exrs
+    ]
+    if (augmented := result.augmented) is not None:
+        jobs.append(partial(files.write_picture, folder / "augmented.png", augmented))
+    if alike:
+        jobs.append(lambda: files.write_picture(folder / "overview.png", overview(result)))
+    with ThreadPoolExecutor(2) as pool:  # EXRs and PNGs are packed without the interpreter, while the page is drawn
+        writing = [pool.submit(job) for job in jobs]
+        progress("page", 0, 1)
+        write_report(result, folder / "report.html")
+        progress("page", 1, 1)
+        for done, job in enumerate(writing):
+            progress("pictures", done, len(writing))
+            job.result()
+        progress("pictures", len(writing), len(writing))
+
+
+def write_diff(found: Diff, folder: Path, progress: Progress = silent) -> None:
+    """Of any two images: report.html, comparison.json and, where they are of one size, heatmap.png."""
+    view = view_of_diff(found)
+    steps: list[Callable[[], None]] = [
+        lambda: files.write_json(folder / "comparison.json", found.numbers()),
+        lambda: write_report(view, folder / "report.html"),
+    ]
+    if view.alike:
+        colours = error_map(found.test, found.reference)
+        steps.append(lambda: files.write_picture(folder / "heatmap.png", files.to_bytes(colours)))
+    for done, step in enumerate(steps):
+        progress("report", done, len(steps))
+        step()
+    progress("report", len(steps), len(steps))

@@ -1,0 +1,82 @@
+"""A comparison or a calibration in a few lines of text, for the terminal."""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from raytwin.calib.photos import Calibration
+    from raytwin.workflows.compare_scene import Result
+    from raytwin.workflows.diff_files import Diff
+
+
+def summary(result: "Result") -> str:
+    """Verdict first, then what it rests on, then times beside errors."""
+    c = result.comparison
+    g, r = c.geometry, c.radiance
+    lines = [
+        f"{c.verdict.upper()}  {result.report.scene}, rung {result.report.rung}",
+        *(f"  {reason}" for reason in c.reasons),
+        f"  silhouettes: {_number(g.mask_mismatch_pixels)} pixels differ",
+        f"  radiance: p99.9 error {_number(r.p999_abs)}, worst {_number(r.max_abs)}, rmse {_number(r.rmse)}",
+    ]
+    lines += [f"  {row.name}: {row.found:.6g} {row.unit}, true {row.truth:.6g}" for row in result.truth]
+    lines += [f"  {t.stage:<10} {t.seconds:7.2f} s   {t.error}" for t in result.times]
+    return "\n".join(lines)
+
+
+def diff_summary(found: "Diff") -> str:
+    """Verdict first, its reasons, then every metric that has a value."""
+    from raytwin.compare import METRICS  # what only tells of photos needs none
+
+    c = found.comparison
+    lines = [f"{c.verdict.upper()}  {found.report.scene}", *(f"  {reason}" for reason in c.reasons)]
+    lines += [f"  warning: {text}" for text in found.warnings]
+    if c.geometry.shift_px is not None:
+        lines.append(f"  shift      {c.geometry.shift_px:.3g} px")
+    known = [(METRICS[name], value) for name, value in found.metrics.items() if value is not None]
+    lines += [f"  {metric.name:<10} {value:<12.6g} {metric.formula}" for metric, value in known]
+    return "\n".join(lines)
+
+
+def calibration_summary(calibration: "Calibration") -> str:
+    """K and distortion with their standard deviations, what each photo does to them, and every warning.
+
+    `pull`: by how many of their standard deviations K's numbers move (rms) without the photo.
+    """
+    from raytwin.calib.photos import explained
+
+    k, s = calibration.K, calibration.sigma
+    found = {"fx": k[0][0], "fy": k[1][1], "cx": k[0][2], "cy": k[1][2]}
+    found |= dict(zip(("k1", "k2", "p1", "p2", "k3"), calibration.dist, strict=False))
+    width, height = calibration.image_size
+    lines = [f"{len(calibration.views)} photos of {width} x {height}, model {calibration.model}"]
+    lines += [f"  {n:<3} {v:12.5g}" + (f" +- {s[n]:.2g}" if n in s else "") for n, v in found.items()]
+    lines.append(f"  rms {calibration.rms_px:.3f} px")
+    lines += [
+        f"  {'*' if t.taken else ' '} {t.model:<15} held out {t.held_out_px:.3f} px: {t.why}"
+        for t in (explained(calibration.evidence.trials, calibration.evidence.taken) if calibration.evidence else ())
+    ]
+    lines += [
+        f"  board {i} bent by {b.bend_mm:.2g} +- {b.bend_sigma_mm:.1g} mm"
+        for i, b in enumerate(calibration.boards, start=1)
+        if b.heights
+    ]
+    lines.append("  photo                            tags   rms px   pull")
+    lines += [f"  {v.photo[-32:]:<32} {v.tags:>4}   {v.rms_px:6.3f}   {v.influence:4.2f}" for v in calibration.views]
+    lines += [f"  warning ({w.code}): {w.text}" for w in calibration.warnings]
+    return "\n".join(lines)
+
+
+def augment_summary(rows: list[dict[str, Any]]) -> str:
+    """A line per photo, and where there is a truth, the error of each region: linear light, 1 is white."""
+    lines = []
+    for row in rows:
+        lines.append(f"{row['photo']}  pose rms {row['pose_rms_px']:.3f} px")
+        for part in row.get("regions", ()):
+            if part["share"]:
+                error = f"mean {part['mean']:+.4f}  rms {part['rms']:.4f}  {part['codes']:.2f} codes"
+                lines.append(f"  {part['region']:<8} {100 * part['share']:5.1f} %  {error}")
+    return "\n".join(lines)
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"

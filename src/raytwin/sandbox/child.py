@@ -1,0 +1,141 @@
+"""The process that a submission runs in: locks itself in, loads the submission, answers calls until it is ended.
+
+sandbox.py runs this file as a script (`python -I child.py`), with its standard input and output as the two pipes; the
+submission gets neither. What it prints goes to standard error. raytwin itself is not importable here.
+"""
+
+import contextlib
+import importlib.util
+import json
+import os
+import random
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+SAID = 2000
+"""Characters of an error that are sent."""
+
+
+def main() -> None:
+    here = Path(__file__).resolve().parent
+    lock, wire = _load_file(here / "lock.py"), _load_file(here / "wire.py")
+    loading = _load_file(here.parent / "contract" / "loading.py")
+    requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    null = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(null, 0)
+    os.close(null)
+    os.dup2(2, 1)
+    take, most = wire.exactly(requests), 1 << 34
+    told = wire.read(take, most)
+    folder, submission = Path(told["folder"]), Path(told["submission"])
+    os.chdir(folder)
+    readers = _readers(told["packages"]) if told["kind"] != "python" else None
+    np.random.seed(told["seed"])  # noqa: NPY002 - the one that students call
+    random.seed(told["seed"])
+    held = lock.lock(folder, submission, told["limits"], told["hidden"], told["uid"])
+    wire.write(answers, {"locks": held, "pid": os.getpid()})
+    try:
+        functions, notes = _load(told, submission, readers, loading)
+    except BaseException as error:
+        wire.write(answers, {"error": _said(error, submission)})
+        return
+    wire.write(answers, {"functions": sorted(n for n in told["asked"] if n in functions), "notes": notes})
+    while True:
+        try:
+            call = wire.read(take, most)
+        except EOFError:
+            return
+        answer: dict[str, Any] = {"call": call["call"]}
+        try:
+            arrays = loading.arrays_of(functions[call["function"]](*call["arguments"]))[:8]
+            if sum(a.nbytes for a in arrays) > told["limits"]["answer"]:
+                raise MemoryError(f"it returned arrays of {[a.shape for a in arrays]}: more than is taken")
+            answer["arrays"] = list(arrays)
+        except BaseException as error:
+            answer |= {"error": _said(error, submission)}
+        with contextlib.suppress(Exception):
+            sys.stdout.flush()
+        wire.write(answers, answer)
+
+
+def _load_file(file: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"_{file.stem}", file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _load(
+    told: dict[str, Any], submission: Path, readers: Any, loading: Any
+) -> tuple[dict[str, Callable[..., Any]], list[str]]:
+    """The submission's functions that are `asked` for; and of a notebook what went wrong in cells that failed."""
+    endings = told["endings"]
+    if told["kind"] == "images":
+        return {"render": lambda scene: _image(loading.image_at(submission, scene["name"], endings), readers)}, []
+    if told["kind"] == "command":
+        return {"render": lambda scene: _run(told, submission, scene, readers, loading)}, []
+    sys.modules["raytwin"] = None  # type: ignore[assignment]  # it has the answers
+    sys.path.insert(0, str(submission))
+    module = loading.new_module("submission", submission / told["file"])
+    failed = loading.run_cells(module, [(str(submission / name), text) for name, text in told["cells"]])
+    if failed and len(told["cells"]) == 1:
+        raise next(iter(failed.values()))
+    notes = [f"{Path(name).name}: {_said(error, submission)}"[:200] for name, error in failed.items()]
+    return loading.functions_of(module, told["asked"]), notes[:20]
+
+
+def _said(error: BaseException, submission: Path) -> str:
+    """`ValueError: ...`, and the lines of the submission that led there."""
+    try:
+        lines = [f"{type(error).__name__}: {error}"]
+        frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename.startswith(str(submission))]
+        if isinstance(error, SyntaxError) and error.lineno:
+            lines.append(f"line {error.lineno}: {(error.text or '').strip()}")
+        lines += [f"{Path(f.filename).name}, line {f.lineno}, in {f.name}: {f.line}" for f in frames[-4:]]
+        return "\n".join(lines)[:SAID]
+    except BaseException:
+        return "an error that cannot be printed"
+
+
+# ------------------------------------------------------------------------------------------ images and programs
+
+
+def _readers(packages: list[str]) -> Any:
+    """raytwin's readers of images, loaded whole before the locks close: these formats are read in here, too."""
+    sys.path += packages
+    import OpenEXR  # noqa: F401
+    from PIL import Image as Pillow
+
+    from raytwin import image_input
+
+    Pillow.init()
+    return image_input
+
+
+def _image(path: Path, image_input: Any) -> tuple[np.ndarray, ...]:
+    """Its pixels, and the file's first bytes: they tell what the format rounds."""
+    with path.open("rb") as file:
+        start = file.read(26)
+    return np.asarray(image_input.take(path).image.mean, np.float32), np.frombuffer(start, np.uint8)
+
+
+def _run(
+    code: dict[str, Any], submission: Path, scene: dict[str, Any], image_input: Any, loading: Any
+) -> tuple[np.ndarray, ...]:
+    told, out = Path("scene.json").resolve(), Path("out.exr").resolve()
+    for old in out.parent.glob("out.exr*"):
+        old.unlink()
+    told.write_text(json.dumps(scene, default=lambda array: array.tolist()))
+    return _image(loading.run_program(code["command"], told, out, code["endings"], cwd=submission), image_input)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,50 @@
+"""The same scene from another place."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from raytwin.scene.lights import Environment, Sky
+from raytwin.scene.record_base import Vector
+from raytwin.scene.scene import Scene
+from raytwin.scene.shapes import Shape, Sphere
+from raytwin.scene.validate import check_lengths, check_places
+
+
+def seen_from_eye(scene: Scene, precision: str = "float64") -> Scene:
+    """The scene in the camera's frame, in float64: the eye is the origin, and rays need no turning.
+
+    Coordinates are then as small as the distances that matter, and float32 keeps the digits of far scenes. Raises
+    InputError where the floats of `precision` do not hold the scene: see `scene.held`.
+    """
+    R, eye = np.asarray(scene.camera.R_cam_board), np.asarray(scene.camera.eye)
+    replace = msgspec.structs.replace
+
+    def turned(vectors: Any) -> Sequence[Vector]:
+        return [(x, y, z) for x, y, z in (np.reshape(vectors, (-1, 3)) @ R.T).tolist()]
+
+    def moved(thing: Shape, center: Vector) -> Shape:
+        if isinstance(thing, Sphere):
+            return replace(thing, center=center)
+        half_u, half_v = turned([thing.half_u, thing.half_v])
+        return replace(thing, center=center, half_u=half_u, half_v=half_v)
+
+    centers = turned(np.array([thing.center for thing in scene.objects]).reshape(-1, 3) - eye)
+    objects = tuple(moved(thing, c) for thing, c in zip(scene.objects, centers, strict=True))
+    camera = replace(
+        scene.camera, R_cam_board=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), t_cam_board=(0.0, 0.0, 0.0)
+    )
+    sun = replace(scene.sun, to_light=turned(scene.sun.to_light)[0])
+    local = replace(scene, camera=camera, objects=objects, lights=(sun, _sky(scene, R)))
+    check_lengths(local, precision)
+    check_places(local, precision)
+    return local
+
+
+def _sky(scene: Scene, R: np.ndarray) -> Sky | Environment:
+    if (around := scene.environment) is None:
+        return scene.sky
+    x, y, z = (np.asarray(around.R_map_board) @ R.T).tolist()
+    return msgspec.structs.replace(around, R_map_board=(tuple(x), tuple(y), tuple(z)))

@@ -1,0 +1,88 @@
+"""What a learner sees: the check's sentence, and the picture so far beside the twin's."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytwin import files, viewer
+from raytwin.contract.check import check
+from raytwin.contract.stage_table import LESSONS
+from raytwin.image import Image
+
+FOLDER = Path("walk")
+"""Where a script's pictures go."""
+
+
+def mine(stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function, checked; raytwin's own where it is empty or not right yet, so that the walk goes on."""
+    if getattr(getattr(function, "__code__", None), "co_code", b"") == _empty.__code__.co_code:
+        print(f"TODO  {stage}: yours to write (until then raytwin's own takes its place)")
+        return LESSONS[stage].reference
+    result = check(stage, function)
+    if in_notebook():
+        from IPython.display import display
+
+        display(result)
+    if result.passed:
+        return function
+    print(f"       (raytwin's own {stage} takes its place in what follows)")
+    return LESSONS[stage].reference
+
+
+def _empty() -> None:
+    """As the lessons' functions are before anyone fills them."""
+    ...
+
+
+def show(name: str, yours: np.ndarray, twin: np.ndarray | Image | None = None) -> Any:
+    """Two images (H, W, 3) of linear radiance beside each other: the viewer in a notebook, else a file in walk/."""
+    other = twin.mean if isinstance(twin, Image) else twin
+    pair = np.asarray(yours, np.float32), None if other is None else np.asarray(other, np.float32)
+    told = name
+    if pair[1] is not None:
+        told += f": RMSE {np.sqrt(np.mean(np.square(pair[0] - pair[1], dtype=float))):.2g} beside the twin"
+    if in_notebook():
+        print(told)
+        return widget(name, *pair)
+    FOLDER.mkdir(exist_ok=True)
+    path = FOLDER / f"{name.replace(' ', '-')}.png"
+    gap = np.ones((pair[0].shape[0], 8, 3), np.float32)
+    row = pair[0] if pair[1] is None else np.concatenate([pair[0], gap, pair[1]], axis=1)
+    files.write_picture(path, files.to_bytes(row))
+    print(f"{told}, {path}")
+    return None
+
+
+def in_notebook() -> bool:
+    shell = sys.modules.get("IPython")
+    return shell is not None and getattr(shell.get_ipython(), "kernel", None) is not None
+
+
+def widget(name: str, yours: np.ndarray, twin: np.ndarray | None) -> Any:
+    """The same viewer as in every report, within a notebook's cell: an anywidget."""
+    import anywidget
+    import traitlets
+
+    class Viewer(anywidget.AnyWidget):
+        _esm = viewer.module() + "\nexport default { render({ model, el }) { mount(el, model.get('data')); } };\n"
+        _css = viewer.style() + ".rt { padding: 8px 12px; background: var(--rt-ground); }"  # whatever a cell's is
+        data = traitlets.Dict().tag(sync=True)
+
+    panes = [{"key": "test", "kind": "radiance", "title": f"{name}: yours", "tab": "yours", "alt": f"{name}, yours"}]
+    if twin is not None:
+        panes += [
+            {
+                "key": "reference",
+                "kind": "radiance",
+                "title": "The twin's",
+                "tab": "twin",
+                "alt": f"{name}, the twin's",
+            },
+            {"key": "map", "kind": "map", "title": "Difference", "tab": "difference", "alt": "Their difference"},
+        ]
+    names = {"test": "yours", "reference": "twin"} if twin is not None else {"test": "yours"}
+    packed = viewer.pack(Image(yours), Image(yours if twin is None else twin), surfaces=False)
+    return Viewer(data=packed.for_page() | {"names": names, "panes": panes})

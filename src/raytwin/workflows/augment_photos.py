@@ -1,0 +1,87 @@
+"""Photos of a board -> the same photos with a scene's objects in them."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from raytwin import files, twin
+from raytwin.calib import boards, photos
+from raytwin.calib.augment import augment, draw_pyramid, errors_by_region, of_three_channels, to_rec709
+from raytwin.calib.find_camera import find_camera
+from raytwin.errors import InputError
+from raytwin.progress import Progress, silent
+from raytwin.renderers.subject_renderers import fast_engine
+
+
+def augment_photos(
+    taken: list[Path],
+    scene_path: str | Path,
+    out: str | Path,
+    *,
+    camera: str | Path | None = None,
+    board: str | Path | None = None,
+    against: str | Path | None = None,
+    shadows: bool = True,
+    exposure: float = 1.0,
+    each: Callable[[dict[str, Any], np.ndarray, np.ndarray], None] | None = None,
+    progress: Progress = silent,
+) -> list[dict[str, Any]]:
+    """Draw the scene's objects into each photo and write it to `out` under its own name, as PNG or JPEG.
+
+    `camera`: a camera.toml, whose K, distortion and board's shape count; without it the scene's own photos are
+    calibrated. Each photo's pose comes from its own tags of `board` (the scene's, if none is named). `against`: a
+    folder of true photos of the same names, the objects really there. Returns a row per photo: its name, its pose's rms
+    in pixels, and with `against` the errors by region; `each` is given it as it is made, with the drawn and the true
+    photo. The photo's ICC profile and EXIF are kept as they are, its orientation with them.
+    """
+    scene = files.read_scene(scene_path)
+    asked = scene.photos
+    if board is None and asked is None:
+        raise InputError("--board", "a board's TOML file, since the scene names none", "nothing")
+    definition = boards.read_board(board or Path(scene.folder) / (asked.board if asked else ""))
+    calibration = None
+    if camera is None:
+        placed, _, calibration, _ = find_camera(scene, progress=progress)
+        lens = placed.camera
+    else:
+        lens = files.read_camera(camera)
+        definition = photos.with_shape(definition, photos.read_board_shapes(camera))
+    if calibration is not None:
+        definition = calibration.shaped(definition)
+    out = Path(out)
+    if names := sorted(n for n in {p.name for p in taken} if sum(p.name == n for p in taken) > 1):
+        raise InputError("photos", "names that differ, since each is written under its own", ", ".join(names))
+    if any((out / p.name).exists() and (out / p.name).samefile(p) for p in taken):
+        raise InputError("--out", "another folder than the photos'", out)
+    engine = fast_engine(twin.chosen().variant)
+    rows = []
+    for done, path in enumerate(taken):
+        progress("augment", done, len(taken))
+        pixels, extras = files.read_photo(path), of_three_channels(files.photo_extras(path))
+        space = to_rec709(extras.get("icc_profile"))
+        if pixels.shape[1::-1] != lens.image_size:
+            turned = ": the same, turned by a quarter" if pixels.shape[:2] == lens.image_size else ""
+            found = f"{pixels.shape[1]} x {pixels.shape[0]}{turned}"
+            raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", found)
+        known = calibration.tags_of(path, definition) if calibration is not None else None
+        tags = photos.detect_photo(path, definition.kind) if known is None else known
+        pose = photos.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
+        stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
+        here = scene.at(stand)
+        result = augment(pixels, here, engine=engine, shadows=shadows, exposure=exposure, space=space)
+        drawn = result.pixels
+        for pyramid in scene.pyramids:
+            drawn = draw_pyramid(drawn, stand, pyramid, space)
+        row: dict[str, Any] = {"photo": path.name, "pose_rms_px": pose.rms_px}
+        if against is not None:
+            truth = files.read_photo(Path(against) / path.name)
+            row["regions"] = errors_by_region(result, truth, here)
+            if each is not None:
+                each(row, result.pixels, truth)
+        files.write_picture(out / path.name, drawn, quality=95, extras=extras)
+        rows.append(row)
+    progress("augment", len(taken), len(taken))
+    return rows

@@ -1,0 +1,214 @@
+"""The main job: photos -> camera -> a subject beside the twin -> comparison."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from raytwin import files, twin
+from raytwin.analysis.ledger import LEFT_OUT, Ledger, make_ledger
+from raytwin.analysis.light_parts import sampled_parts
+from raytwin.calib import photos, synthetic_photos
+from raytwin.calib.augment import augment
+from raytwin.calib.find_camera import TruthRow, compare_truth, find_camera
+from raytwin.compare import Comparison, Report, compare
+from raytwin.compare.report import Timing
+from raytwin.diagnose.diagnosis import explain
+from raytwin.errors import InputError, check_one_of
+from raytwin.image import Image
+from raytwin.progress import Progress, Stages, silent
+from raytwin.renderers.renderer import Method
+from raytwin.renderers.subject_renderers import Followed, Traced, fast_engine
+from raytwin.rungs import RUNGS
+from raytwin.scene import Scene, Tolerance
+from raytwin.scene.lens import without_ray
+from raytwin.speed import check_rows
+from raytwin.tracer import RADIANCE
+from raytwin.workflows.versions import versions
+
+FEW, MANY = 1, 64
+"""The twin's samples a pixel where each is the same, and where they differ."""
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """All that `raytwin compare` found; every page is a view of it."""
+
+    scene: Scene
+    tolerance: Tolerance
+    report: Report
+    subject: Image
+    twin: Image
+    photo: np.ndarray | None = None
+    augmented: np.ndarray | None = None
+    calibration: photos.Calibration | None = None
+    pose: photos.PoseReport | None = None
+    truth: tuple[TruthRow, ...] = ()
+    times: tuple[Timing, ...] = ()
+    settings: dict[str, str] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+    ledger: Ledger | None = None
+
+    @property
+    def comparison(self) -> Comparison:
+        return self.report.comparison
+
+
+def compare_scene(
+    path: str | Path,
+    *,
+    rung: str = "shadow",
+    tracer_rung: str | None = None,
+    subject: Method | None = None,
+    engine: str = "numpy64",
+    solver: str = "robust",
+    sampling: str = "center",
+    samples: int | None = None,
+    seed: int = 0,
+    photo: str | None = None,
+    size: tuple[int, int] | None = None,
+    trim: str = "conic",
+    cache: bool = True,
+    flip: bool = False,
+    progress: Progress = silent,
+) -> Result:
+    """Compare a subject, by default the hand-written tracer, with its Mitsuba twin on the scene at `path`.
+
+    `rung` is the twin's. The tracer stands on `tracer_rung`, by default the highest up to there that a formula gives,
+    and the ledger tells what the further light adds: where the tracer agrees with the twin at its own rung, the two
+    differ as they must. `subject`: any method in the tracer's place; `engine`, `solver` and `trim` are the tracer's.
+    `size` (width, height) renders at other than the camera's own size. `samples`: the twin's samples per pixel, by
+    default 1 where every sample through the pixel's centre is the same, else 64. `flip` adds the perceptual metric,
+    which is slow.
+    """
+    _check(rung, sampling, samples)
+    ladder = list(RUNGS)
+    climbed = tracer_rung or list(RADIANCE)[min(ladder.index(rung), len(RADIANCE) - 1)]
+    check_one_of("--tracer-rung", climbed, ladder[: ladder.index(rung) + 1])
+    check_rows("shadow", engine, solver, trim)
+    engine = subject.name if subject else engine
+    samples = samples or (MANY if RUNGS[rung].noisy or sampling == "area" else FEW)
+    if subject is None and RUNGS[climbed].noisy:
+        subject = Followed(climbed, engine, samples, sampling, surface=True)
+    subject = subject or Traced(climbed, engine, trim, solver, surface=True)
+    stages = Stages(progress)
+    with stages.stage("backend"):
+        backend = twin.activate()
+    written = files.read_scene(path)
+    with stages.stage("calibrate"):
+        scene, photo_path, calibration, pose = find_camera(written, photo, stages, cache)
+    truth: tuple[TruthRow, ...] = ()
+    if photo_path is not None and calibration is not None and (truth_file := photo_path.parent / "truth.toml").exists():
+        truth = compare_truth(synthetic_photos.read_truth(truth_file), calibration, scene.camera, photo_path.name, pose)
+    if size is not None:
+        scene = scene.with_camera(scene.camera.resized(*size))
+    with stages.stage("tracer"):
+        made = subject(scene, seed)
+    with stages.stage("twin"):
+        reference = twin.render(
+            scene, rung, sampling=sampling, seed=seed, cache=cache, progress=stages, samples=samples
+        )
+    ledger = None
+    if RUNGS[subject.rung].lit:
+        with stages.stage("ledger"):
+            ledger = make_ledger(scene, made, subject.rung, fast_engine(backend.variant), keep=cache)
+    with stages.stage("compare"):
+        comparison, held_to = compare(made, reference, tolerance=written.tolerance, flip=flip), reference
+        if subject.rung != rung and comparison.verdict != "pass":
+            level = twin.render(scene, subject.rung, sampling=subject.sampling, samples=samples, seed=seed, cache=cache)
+            at_own, held_to = compare(made, level, tolerance=written.tolerance), level
+            comparison = _as_it_must(comparison, at_own, subject.rung, rung, ledger)
+    if comparison.verdict == "fail":
+        with stages.stage("cause"):
+            sampled = sampled_parts(scene, subject.rung, fast_engine(backend.variant), subject.sampling)
+            comparison = comparison.saying(*explain(made, held_to, scene, subject.rung, sampled=sampled))
+    picture = augmented = None
+    if photo_path is not None:
+        with stages.stage("augment"):
+            picture = files.read_photo(photo_path)
+            if size is None:
+                augmented = augment(picture, scene, engine=fast_engine(backend.variant)).pixels
+    numbers = {"twin_variant": backend.variant, "tracer_engine": engine, "libllvm": backend.libllvm, "solver": solver}
+    settings = {
+        "subject": subject.name,
+        "rung of the tracer": subject.rung,
+        "rung of the twin": rung,
+        "tracer's engine": engine,
+        "sphere solver": solver,
+        "twin's sampling": sampling,
+        "twin's samples per pixel": str(reference.samples),
+        "trim boxes": trim,
+    }
+    return Result(
+        scene=scene,
+        tolerance=written.tolerance,
+        report=Report(
+            scene.name, rung, comparison, dict(stages.seconds), numbers, ledger.parts if ledger else ()
+        ).saying(*_folded(scene)),
+        subject=made,
+        twin=reference,
+        photo=picture,
+        augmented=augmented,
+        calibration=calibration,
+        pose=pose,
+        truth=truth,
+        times=_times(stages.seconds, comparison, calibration),
+        settings=settings,
+        versions=versions(),
+        ledger=ledger,
+    )
+
+
+def _folded(scene: Scene) -> tuple[str, ...]:
+    """What to say where the lens gives a part of the frame no ray."""
+    lost = without_ray(scene.camera)
+    if lost is None:
+        return ()
+    return (f"no ray belongs to {100 * lost.mean():.2g} % of the frame, where the lens folds back: black in both",)
+
+
+def _as_it_must(whole: Comparison, at_own: Comparison, climbed: str, rung: str, ledger: Ledger | None) -> Comparison:
+    """The comparison with a twin that has more light: a bug must not hide under what is missing on purpose.
+
+    Judged is what the tracer claims to be, beside the twin on the same rung; what the further light adds is the
+    difference of two rungs of the twin.
+    """
+    if at_own.verdict != "pass":
+        reasons = tuple(f"on its own rung, {climbed}: {reason}" for reason in at_own.reasons)
+        return msgspec.structs.replace(whole, verdict=at_own.verdict, reasons=reasons)
+    less = "less" if list(RUNGS).index(climbed) < list(RUNGS).index(rung) else "more"
+    must = f"differs as it must: the tracer renders {climbed}, which has {less} light than {rung}"
+    agrees = f"on its own rung, {climbed}, it agrees with the twin"
+    return msgspec.structs.replace(whole, verdict="differs", reasons=(must, *_left_out(ledger), agrees))
+
+
+def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
+    """What the rung leaves out, in words, the largest part first."""
+    rows = [row for row in ledger.parts if row.part in LEFT_OUT and row.share_of_light] if ledger else []
+    told = []
+    for row in sorted(rows, key=lambda row: -abs(row.share_of_light or 0)):
+        share = 100 * (row.share_of_light or 0)
+        where = f", most on {row.between[0]}" if len(row.between) == 1 else ""
+        where = f", most between {' and '.join(row.between)}" if len(row.between) > 1 else where
+        told.append(f"without {row.part} it is {abs(share):.2g} % too {'bright' if share > 0 else 'dark'}{where}")
+    return tuple(told)
+
+
+def _check(rung: str, sampling: str, samples: int | None) -> None:
+    check_one_of("--rung", rung, RUNGS)
+    check_one_of("--sampling", sampling, twin.SAMPLINGS)
+    if samples is not None and not 1 <= samples <= twin.MOST_SAMPLES:
+        raise InputError("--samples", f"a whole number from 1 to {twin.MOST_SAMPLES}", samples)
+
+
+def _times(
+    seconds: dict[str, float], comparison: Comparison, calibration: photos.Calibration | None
+) -> tuple[Timing, ...]:
+    """Every stage's seconds, and beside them what its result is worth."""
+    worth = {
+        "calibrate": f"rms {calibration.rms_px:.3f} px" if calibration else "camera given",
+        "tracer": f"p99.9 error {comparison.radiance.p999_abs:.2g}",
+        "twin": "the reference",
+    }
+    return tuple(Timing(stage, s, worth.get(stage, "-")) for stage, s in seconds.items())

@@ -1,0 +1,111 @@
+"""The ledger against closed forms, the twin, and errors that were put in."""
+
+from math import cos, inf, radians, sin
+
+import numpy as np
+import pytest
+from truths import WHITE, grey, in_wedge, view_of, wedge
+
+from raytwin import files, speed, twin
+from raytwin.analysis import ledger, light_parts
+from raytwin.analysis.ledger import make_ledger
+from raytwin.image import Image
+from raytwin.rungs import RUNGS
+from raytwin.scene import Rectangle, Scene, Sphere, Sun
+
+LIT = [name for name, row in RUNGS.items() if row.lit]
+
+
+@pytest.fixture(scope="module")
+def fast() -> str:
+    return "drjit32" if twin.activate().variant != "scalar_rgb" else "numpy32"
+
+
+def rows(found):
+    return {part.part: part for part in found.parts}
+
+
+@pytest.mark.parametrize("rung", LIT)
+def test_parts_add_up_to_what_is_shown_less_the_whole_light(overlap, fast, rung):
+    """The error's mean beside that from the twin's own path tracing: 4.5 standard errors."""
+    small = overlap.with_camera(overlap.camera.resized(64, 48))
+    shown = speed.walk(small, rung, fast, seed=9) if RUNGS[rung].noisy else speed.trace(small, rung, fast)
+    found = make_ledger(small, shown, rung, fast)
+    whole = twin.render(small, "path", sampling="area", samples=256, cache=False)
+    total = sum(picture.astype(float) for picture in found.pictures.values())
+    np.testing.assert_allclose(total, found.error, atol=1e-6)
+    assert whole.variance is not None
+    sigma = np.sqrt(whole.variance.mean(dtype=float) + rows(found)["noise"].rmse ** 2) / np.sqrt(total.size)
+    assert total.mean() == pytest.approx((shown.mean - whole.mean).mean(dtype=float), abs=4.5 * sigma)
+    shares = [part.share_of_error for part in found.parts if part.share_of_error is not None]
+    assert sum(shares) == pytest.approx(1, abs=1e-5)
+    # What a rung has is not among what it leaves out.
+    left = {name for name in found.pictures if name in ledger.LEFT_OUT}
+    assert len(left) == {"lambert": 5, "shadow": 4, "sky": 3, "path": 0}[rung]
+
+
+@pytest.mark.parametrize("name", ["distorted", "grazing", "wedge", "ball", "eclipse", "weekend", "gloss", "studio"])
+def test_on_every_scene_the_parts_are_the_whole_error_pixel_by_pixel(scenes, fast, name):
+    """What is shown less the walks of the ledger's own seeds, to float32's rounding of a handful of sums."""
+    scene = files.read_scene(scenes / name).scene
+    small = scene.with_camera(scene.camera.resized(64, 48))
+    shown = speed.trace(small, "lambert", fast)
+    halves = [
+        speed.walk(small, "path", fast, samples=light_parts.SAMPLES, seed=seed, surface=False).mean
+        for seed in light_parts.SEEDS
+    ]
+    found = make_ledger(small, shown, "lambert", fast)
+    total = sum(picture.astype(float) for picture in found.pictures.values())
+    np.testing.assert_allclose(total, shown.mean - (halves[0] + halves[1]) / 2, atol=2e-6 * max(1, shown.mean.max()))
+
+
+def test_in_a_wedge_each_part_is_its_term_of_the_series(fast):
+    """90 degrees, albedo 1/2, sky of 1: 1/2 open, 1/4 occluded, bounces 1/16, 1/64 and 1/192 in all that follow."""
+    eye = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
+    scene = Scene("wedge", view_of((0.005, 0, 0), eye, 1e-5, 32), wedge(90, 0.5, 0.5, 500.0), WHITE)
+    found = make_ledger(scene, speed.trace(scene, "shadow", fast), "shadow", fast, depth=30)
+    terms = [in_wedge(90, 0.5, 0.5, n) for n in (0, 1, 2, inf)]
+    for name, missing in {
+        "sky's occlusion": terms[0] - 0.5, "bounce 1": terms[1] - terms[0], "bounce 2": terms[2] - terms[1],
+        "bounces 3 and more": terms[3] - terms[2],
+    }.items():  # fmt: skip
+        part = rows(found)[name]
+        error = 4.5 * part.noise / 32 / terms[3]
+        assert part.share_of_light == pytest.approx(-missing / terms[3], abs=error)
+        assert part.rmse == pytest.approx(abs(missing), rel=0.08)
+    assert rows(found)["numerics"].rmse < 1e-6
+    assert rows(found)["pixel sampling"].rmse < 1e-6
+
+
+def test_what_a_fault_adds_is_found_among_the_numerics_alone(overlap, fast):
+    small = overlap.with_camera(overlap.camera.resized(64, 48))
+    right = speed.trace(small, "shadow", fast)
+    wrong = make_ledger(small, Image(right.mean + np.float32(0.01), surface=right.surface), "shadow", fast)
+    assert rows(wrong)["numerics"].rmse == pytest.approx(0.01, rel=1e-3)
+    assert rows(wrong)["bounce 1"].rmse == rows(make_ledger(small, right, "shadow", fast))["bounce 1"].rmse
+
+
+def test_a_shadow_lies_between_what_casts_it_and_what_it_falls_on(fast):
+    floor = Rectangle((0, 0, 0), (3, 0, 0), (0, 3, 0), grey(0.5))
+    balls = Sphere((0.0, 0.0, 0.5), 0.3, grey(0.8)), Sphere((1.5, 1.5, 0.2), 0.02, grey(0.8))
+    camera = view_of((0.3, 0, 0), (0.5, -3.0, 3.0), 3.0, 48)
+    scene = Scene("shadow", camera, (*balls, floor), (*WHITE, Sun((0.3, 0.0, 0.95), (3.0, 3.0, 3.0))))
+    found = rows(make_ledger(scene, speed.trace(scene, "lambert", fast), "lambert", fast))
+    assert found["sun's shadow"].between == ("plane 0", "sphere 0")
+    assert set(found["sky's occlusion"].between) == {"plane 0", "sphere 0"}
+
+
+def test_a_large_frame_is_judged_by_every_kth_pixel_with_that_pixels_own_area(overlap, fast, monkeypatch):
+    small = overlap.with_camera(overlap.camera.resized(160, 120))
+    shown = speed.trace(small, "shadow", fast)
+    monkeypatch.setattr(light_parts, "PIXELS_NUMPY", 160 * 120)
+    whole = make_ledger(small, shown, "shadow", fast)
+    monkeypatch.setattr(light_parts, "PIXELS", 160 * 120 // 4)
+    monkeypatch.setattr(light_parts, "PIXELS_NUMPY", 160 * 120 // 4)
+    thin = make_ledger(small, shown, "shadow", fast)
+    assert (whole.step, thin.step) == (1, 2)
+    assert thin.error.shape == (60, 80, 3)
+    # The centres are the same rays: what is left of the tracer's own error is float32's rounding, no shifted picture.
+    assert rows(thin)["numerics"].rmse < 1e-6
+    assert rows(thin)["bounce 1"].rmse == pytest.approx(rows(whole)["bounce 1"].rmse, rel=0.2)
+    assert rows(thin)["pixel sampling"].rmse == pytest.approx(rows(whole)["pixel sampling"].rmse, rel=0.5)

@@ -1,0 +1,110 @@
+"""Spheres drawn into photos: coverage against areas, shadow ratios against closed forms, and nothing else touched."""
+
+import msgspec
+import numpy as np
+import pytest
+
+from raytwin import files
+from raytwin.calib.augment import augment, errors_by_region, regions_of
+from raytwin.errors import InputError
+from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
+
+CAMERA = Camera(
+    (320, 240),
+    ((400.0, 0.0, 159.5), (0.0, 400.0, 119.5), (0.0, 0.0, 1.0)),
+    ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
+    (0.0, 0.0, 0.5),
+)
+FLOOR = Rectangle((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0), in_photo=True)
+
+
+def stage(to_light=(1.0, 0.0, 1.0), sun=2.0, sky=0.2, center=(-0.03, 0.0, 0.05), radius=0.02) -> Scene:
+    return Scene("stage", CAMERA, (Sphere(center, radius), FLOOR), (Sun(to_light, (sun,) * 3), Sky((sky,) * 3)))
+
+
+def grey(value: int = 180) -> np.ndarray:
+    return np.full((240, 320, 3), value, np.uint8)
+
+
+def test_coverage_adds_up_to_the_silhouettes_area():
+    """A sphere head on: a disc of radius f r / √(d² - r²), whose area the partly covered pixels complete."""
+    d, r = 0.45, 0.05
+    result = augment(grey(), stage(center=(0.0, 0.0, 0.05), radius=r), subsamples=8, shadows=False)
+    area = np.pi * (400 * r) ** 2 / (d * d - r * r)
+    assert result.coverage.sum() == pytest.approx(area, rel=3e-4)
+    assert ((result.coverage > 0) & (result.coverage < 1)).sum() > 100
+
+
+def test_the_shadows_core_gets_the_skys_share_of_the_light():
+    """In the sun's shadow the ratio is π Ls (1 - F) over all the light, with F the closed form of the sphere's."""
+    scene = stage()
+    result = augment(grey(), scene)
+    # Along the sun's direction (1, 0, 1) from the centre (-0.03, 0, 0.05) the floor is met at x = -0.08.
+    point = np.array([-0.08, 0.0, 0.0])
+    u, v = 400 * point[0] / 0.5 + 159.5, 119.5
+    to = np.array(scene.spheres[0].center) - point
+    hidden = (0.02 / np.linalg.norm(to)) ** 2 * to[2] / np.linalg.norm(to)
+    sun, sky = 2.0 / np.sqrt(2), np.pi * 0.2
+    assert result.ratio[round(v), round(u), 0] == pytest.approx(sky * (1 - hidden) / (sun + sky), rel=2e-3)
+
+
+def test_nothing_changes_far_from_the_sphere():
+    rng = np.random.default_rng(1)
+    photo = rng.integers(0, 256, (240, 320, 3), dtype=np.uint8)
+    result = augment(photo, stage(radius=0.01))
+    same = (result.coverage == 0) & (result.ratio == 1).all(axis=-1)
+    assert same.mean() > 0.4
+    assert np.array_equal(result.pixels[same], photo[same])
+
+
+def test_a_shadow_that_the_photo_shows_already_is_not_cast_twice():
+    sheet = Rectangle((0.05, 0.0, 0.03), (0.02, 0.0, 0.0), (0.0, 0.02, 0.0), in_photo=True)
+    scene = msgspec.structs.replace(stage(), objects=(*stage().spheres, FLOOR, sheet))
+    before = augment(grey(), msgspec.structs.replace(scene, objects=scene.rectangles))
+    assert (before.ratio == 1).all()
+    assert np.array_equal(before.pixels, grey())
+
+
+def test_an_image_without_light_is_left_alone():
+    result = augment(grey(), stage(sun=0.0, sky=0.0))
+    assert (result.ratio == 1).all()
+
+
+@pytest.mark.parametrize("shadows", [True, False])
+def test_every_affected_pixel_is_found(monkeypatch, shadows):
+    """The boxes of what may change hold everything that changes when the whole frame is computed."""
+    from raytwin.calib.augment import objects
+
+    scene = stage(to_light=(1.0, 0.4, 0.5))
+    cut = augment(grey(), scene, shadows=shadows)
+    monkeypatch.setattr(objects, "_affected", lambda *_: np.ones((240, 320), bool))
+    whole = augment(grey(), scene, shadows=shadows)
+    assert np.array_equal(cut.pixels, whole.pixels)
+
+
+def test_the_regions_are_disjoint_and_cover_the_photo():
+    scene = stage()
+    regions = regions_of(augment(grey(), scene), scene)
+    assert (sum(mask.astype(int) for mask in regions.values()) == 1).all()
+    assert regions["spheres"].any()
+    assert regions["shadows"].any()
+    assert regions["board"].any()
+
+
+def test_errors_are_reported_by_region():
+    scene = stage()
+    result = augment(grey(), scene)
+    truth = result.pixels.copy()
+    truth[regions_of(result, scene)["board"]] += 10
+    rows = {row["region"]: row for row in errors_by_region(result, truth, scene)}
+    assert rows["spheres"]["rms"] == 0
+    assert rows["board"]["codes"] == pytest.approx(10)
+    assert rows["board"]["mean"] < 0
+    assert files.from_bytes(np.uint8(190)) - files.from_bytes(np.uint8(180)) == pytest.approx(
+        -rows["board"]["mean"], rel=5e-3
+    )
+
+
+def test_a_photo_of_another_size_is_refused():
+    with pytest.raises(InputError, match=r"photo: expected 320 x 240 pixels.*got 100 x 50"):
+        augment(np.zeros((50, 100, 3), np.uint8), stage())

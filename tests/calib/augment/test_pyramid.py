@@ -1,0 +1,77 @@
+"""The transparent pyramid: where it stands, in which order its faces cover, and what it leaves alone."""
+
+import cv2
+import msgspec
+import numpy as np
+import pytest
+
+from raytwin import files
+from raytwin.calib.augment import draw_pyramid
+from raytwin.scene import Camera, Pyramid
+
+CAMERA = Camera(
+    (400, 300),
+    ((400.0, 0.0, 199.5), (0.0, 400.0, 149.5), (0.0, 0.0, 1.0)),
+    ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
+    (0.0, 0.0, 0.5),
+    (0.05, -0.1),
+)
+# Seen from above, its apex over the middle: three faces look up, the base looks away.
+PYRAMID = Pyramid(((-0.1, -0.06, 0.0), (0.1, -0.06, 0.0), (0.0, 0.1, 0.0), (0.0, -0.01, 0.1)), (0.0, 0.5, 1.0), 0.3)
+
+
+def project(points) -> np.ndarray:
+    rvec = cv2.Rodrigues(np.array(CAMERA.R_cam_board))[0]
+    lens = np.array(CAMERA.K), np.array(CAMERA.coefficients)
+    return cv2.projectPoints(np.array(points), rvec, np.array(CAMERA.t_cam_board), *lens)[0][:, 0]
+
+
+def test_every_pixel_inside_is_covered_twice():
+    """Each ray meets one face from inside and one from outside: 1 - (1 - 0.3)² of the photo is covered."""
+    grey = np.full((300, 400, 3), 128, np.uint8)
+    drawn = files.from_bytes(draw_pyramid(grey, CAMERA, PYRAMID))
+    u, v = project([(-0.03, -0.035, 0.0)])[0].round().astype(int)
+    under = files.from_bytes(np.uint8(128))
+    expected = under * 0.7**2 + np.array(PYRAMID.color) * (1 - 0.7**2)
+    np.testing.assert_allclose(drawn[v, u], expected, atol=0.006)  # 8 bits: half a step is up to 0.004
+
+
+def test_the_drawing_fills_the_hull_of_the_projected_vertices():
+    black = np.zeros((300, 400, 3), np.uint8)
+    drawn = draw_pyramid(black, CAMERA, PYRAMID).any(axis=-1)
+    hull = np.zeros((300, 400), np.uint8)
+    cv2.fillConvexPoly(hull, cv2.convexHull(project(PYRAMID.vertices).round().astype(np.int32)), 1)
+    assert drawn.sum() == pytest.approx(hull.sum(), rel=0.05)  # the edges are a line wide
+    assert (drawn & (hull > 0)).sum() > 0.99 * hull.sum()
+
+
+def test_edges_are_drawn_darker_than_faces():
+    white = np.full((300, 400, 3), 255, np.uint8)
+    drawn = files.from_bytes(draw_pyramid(white, CAMERA, PYRAMID))
+    a, b = project([PYRAMID.vertices[0], PYRAMID.vertices[3]])
+    u, v = ((a + b) / 2).round().astype(int)
+    assert drawn[v, u, 2] < 0.5 < drawn[v + 8, u + 3, 2]
+
+
+def test_pixels_outside_stay_to_the_bit():
+    photo = np.random.default_rng(3).integers(0, 256, (300, 400, 3), dtype=np.uint8)
+    drawn = draw_pyramid(photo, CAMERA, PYRAMID)
+    u, v = np.meshgrid(np.arange(400), np.arange(300))
+    corners = project(PYRAMID.vertices)
+    outside = (u < corners[:, 0].min() - 3) | (u > corners[:, 0].max() + 3) | (v < corners[:, 1].min() - 3)
+    assert np.array_equal(drawn[outside], photo[outside])
+    assert outside.any()
+
+
+def test_the_order_of_faces_shows_with_two_colours():
+    """Opaque, only the near faces are left: turning the vertices' order must not change the picture."""
+    grey = np.full((300, 400, 3), 128, np.uint8)
+    first = draw_pyramid(grey, CAMERA, PYRAMID)
+    turned = msgspec.structs.replace(PYRAMID, vertices=PYRAMID.vertices[::-1])
+    assert np.abs(first.astype(int) - draw_pyramid(grey, CAMERA, turned)).max() <= 1
+
+
+def test_a_pyramid_behind_the_camera_is_left_out():
+    grey = np.full((300, 400, 3), 128, np.uint8)
+    behind = msgspec.structs.replace(PYRAMID, vertices=tuple((x, y, z + 1.0) for x, y, z in PYRAMID.vertices))
+    assert np.array_equal(draw_pyramid(grey, CAMERA, behind), grey)

@@ -1,0 +1,423 @@
+"""Boards in pickles: what NumPy and Python of any age write is read; whatever else a pickle can do is refused."""
+
+import datetime
+import os
+import pickle
+import struct
+import subprocess
+import tracemalloc
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from raytwin.calib.boards.board import read_board, write_board
+from raytwin.calib.boards.pickled import LARGEST, MOST_TAGS, read_pickle, read_pickled
+from raytwin.calib.photos.calibration import calibrate_detections
+from raytwin.errors import InputError
+
+INCH = 0.0254
+SQUARE = [(1.0, 1.0, 0.0), (2.0, 1.0, 0.0), (1.0, 2.5, 0.0), (2.0, 2.5, 0.0)]
+
+
+def tags(center=list, family="tag36h11", tag_id=int, centers=SQUARE) -> list[dict]:
+    return [{"tag_family": family, "tag_id": tag_id(i), "center": center(c)} for i, c in enumerate(centers, start=14)]
+
+
+@pytest.fixture
+def save(tmp_path):
+    def save(thing, protocol: int = 4):
+        path = tmp_path / "boards.pickle"
+        path.write_bytes(thing if isinstance(thing, bytes) else pickle.dumps(thing, protocol))
+        return path
+
+    return save
+
+
+def read(path, name="fine", **changes):
+    return read_pickled(path, name, 0.8 * INCH, INCH, **changes)
+
+
+def refused(path, *parts, name="fine"):
+    with pytest.raises(InputError) as error:
+        read(path, name)
+    text = str(error.value)
+    assert "\n" not in text
+    assert len(text) < 600
+    for part in parts:
+        assert part in text, text
+
+
+CENTERS = {
+    "list": list,
+    "tuple": tuple,
+    "array": np.array,
+    "float32": lambda c: np.array(c, np.float32),
+    "big-endian": lambda c: np.array(c, ">f8"),
+    "integers": lambda c: np.array([2 * v for v in c]).astype(np.int16),
+    "row": lambda c: np.array([c]),
+    "column": lambda c: np.array(c)[:, None],
+    "two values": lambda c: np.array(c[:2]),
+    "scalars": lambda c: [np.float64(v) for v in c],
+    "Fortran's order": lambda c: np.asfortranarray(c),
+    "every other": lambda c: np.repeat(np.array(c), 2)[::2],
+}
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+@pytest.mark.parametrize("kind", CENTERS)
+def test_centers_of_any_kind_and_protocol_are_read(save, kind, protocol):
+    board = read(save({"fine": tags(CENTERS[kind])}, protocol))
+    scale = 2 * INCH if kind == "integers" else INCH
+    assert list(board.centers()) == [14, 15, 16, 17]
+    want = np.array(SQUARE)[:, :2] * scale
+    np.testing.assert_allclose(list(board.centers().values()), want, rtol=1e-7)
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_arrays_of_numpy_1_and_of_numpy_2_are_read_alike(save, protocol):
+    data = pickle.dumps({"fine": tags(np.array, tag_id=np.int64)}, protocol)
+    assert b"numpy._core" in data  # this is NumPy 2
+    # Names with their length before them shrink by one.
+    old = data.replace(b"cnumpy._core", b"cnumpy.core")
+    for module in ("multiarray", "numeric"):
+        new_name, old_name = (f"numpy.{core}.{module}".encode() for core in ("_core", "core"))
+        old = old.replace(b"\x8c" + bytes([len(new_name)]) + new_name, b"\x8c" + bytes([len(old_name)]) + old_name)
+    assert b"numpy._core" not in old
+    assert read(save(old)) == read(save(data))
+
+
+def test_a_pickle_of_python_2s_is_read(save):
+    """Protocol 2, byte strings for names and for buffers, as cPickle wrote them."""
+    data = (
+        b"\x80\x02}U\x04fine](" + b"".join(
+            b"}(U\ntag_familyU\x08tag36h11U\x06tag_idK" + bytes([i])
+            + b"U\x06centercnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\x00\x85U\x01b\x87R"
+            + b"(K\x01K\x03\x85cnumpy\ndtype\nU\x02f8K\x00K\x01\x87R(K\x03U\x01<NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xff"
+            + b"K\x00tb\x89U\x18" + struct.pack("<3d", *c) + b"tbu"
+            for i, c in enumerate(SQUARE, start=14)
+        ) + b"es."
+    )  # fmt: skip
+    assert read(save(data)) == read(save({"fine": tags()}))
+
+
+def test_what_is_read_can_be_written_as_toml_and_read_again(save, tmp_path):
+    board = read(save({"coarse": [], "fine": tags()}))
+    write_board(tmp_path / "board.toml", board)
+    assert read_board(tmp_path / "board.toml") == board
+    assert board.centers()[17] == pytest.approx((2 * INCH, 2.5 * INCH))
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_a_family_in_bytes_is_read_as_the_text_it_stands_for(save, protocol):
+    """As the detector's own results hold it, and so the course's files."""
+    path = save({"at_coarseboard": tags(np.array), "at_fineboard": tags(np.array, family=b"tag36h11")}, protocol)
+    assert read(path, "at_fineboard") == read(path, "at_coarseboard")
+    refused(save({"fine": tags(family=b"tag36h10")}, protocol), "fine[0].tag_family", "'tag36h10'")
+
+
+def test_y_down_turns_the_sign_of_y(save):
+    path = save({"fine": tags()})
+    assert read(path, y_down=True).centers() == {i: (x, -y) for i, (x, y) in read(path).centers().items()}
+
+
+@pytest.mark.parametrize(("name", "photos"), [("fine", "april_fine"), ("coarse", "desk_tilted")])
+def test_the_courses_boards_are_right_handed_against_its_photos_and_y_down_would_mirror_them(
+    save, real_board, real_tags, name, photos
+):
+    original = real_board(name)
+    entries = [
+        {"tag_family": original.family, "tag_id": i, "center": np.array([x / INCH, y / INCH, 0])}
+        for i, (x, y) in original.centers().items()
+    ]
+    path = save({name: entries})
+    seen, size = real_tags(photos)
+    few = dict(list(seen.items())[:8])
+    for y_down in (False, True):
+        board = read_pickled(path, name, original.tag_edge, INCH, y_down=y_down)
+        found = calibrate_detections(few, size, board, "k1")
+        assert ("mirrored-board" in {w.code for w in found.warnings}) == y_down
+    assert np.allclose(
+        list(read_pickled(path, name, original.tag_edge, INCH).centers().values()), list(original.centers().values())
+    )
+
+
+@pytest.mark.parametrize(
+    ("boards", "parts"),
+    [
+        ({"fine": tags(family="tag36h10")}, ["fine[0].tag_family", "tag36h11", "'tag36h10'"]),
+        ({"fine": tags() + tags(family="tag25h9")}, ["fine: tag_family", "one family"]),
+        ({"fine": tags() + tags()[:1]}, ["fine: tags[4].id", "14, as tags[0] has"]),
+        ({"fine": tags(tag_id=lambda i: i + 600)}, ["fine[0].tag_id", "586"]),
+        ({"fine": tags(tag_id=bool)}, ["fine[0].tag_id", "True"]),
+        ({"fine": tags(tag_id=float)}, ["fine[0].tag_id", "14.0"]),
+        ({"fine": tags(centers=[*SQUARE[:3], (2.0, 2.5, 0.3)])}, ["fine: center", "plane", "0.3"]),
+        ({"fine": tags(centers=[(float(i), 0.0, 0.0) for i in range(5)])}, ["fine: tags", "not in one line"]),
+        ({"fine": tags(centers=[*SQUARE[:3], (2.0, np.nan, 0.0)])}, ["fine[3].center", "finite", "nan"]),
+        ({"fine": tags(np.array, centers=[*SQUARE[:3], (np.inf, 1.0, 0.0)])}, ["fine[3].center", "finite", "inf"]),
+        ({"fine": tags(centers=[*SQUARE[:3], (10**400, 1.0, 0.0)])}, ["fine[3].center", "huge"]),
+        ({"fine": tags(centers=[*SQUARE[:3], (1.2, 1.1, 0.0)])}, ["closer"]),
+        ({"fine": tags(lambda c: c[:1])}, ["fine[0].center", "two or three"]),
+        ({"fine": tags(lambda c: "123")}, ["fine[0].center", "'123'"]),
+        ({"fine": [{"tag_family": "tag36h11", "tag_id": 1}]}, ["fine[0].center", "nothing"]),
+        ({"fine": [3]}, ["fine[0]", "3"]),
+        ({"fine": {}}, ["fine", "a dictionary"]),
+        ({"fine": []}, ["fine", "0"]),
+        ({"fine": tags()[:1] * (MOST_TAGS + 1)}, [str(MOST_TAGS)]),
+        ([], ["boards by their names"]),
+        ({}, ["boards by their names"]),
+        ({1: []}, ["names as keys"]),
+    ],
+)  # fmt: skip
+def test_a_wrong_board_is_refused_with_what_is_wrong(save, boards, parts):
+    refused(save(boards), *parts)
+
+
+def test_a_missing_name_lists_the_names_there_are(save):
+    path = save({"coarse": tags(), "fine": tags()})
+    refused(path, "--name", "one of coarse, fine", "none", name=None)
+    refused(path, "--name", "one of coarse, fine", "medium", name="medium")
+    refused(save({"n" * 9999 + str(i): [] for i in range(50)}), "--name", "...", name=None)
+
+
+# ---------------------------------------------------------------------------------- hostile
+
+
+class Call:
+    """Pickles as a call of `function`."""
+
+    def __init__(self, function, *arguments):
+        self.made = function, arguments
+
+    def __reduce__(self):
+        return self.made
+
+
+@pytest.fixture
+def canary(tmp_path):
+    """A file that must not come to be, made by any hostile pickle that runs."""
+    path = tmp_path / "ran"
+    yield path
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+@pytest.mark.parametrize("depth", ["alone", "in a center", "in an array's arguments"])
+def test_no_call_is_run_wherever_it_stands(save, canary, protocol, depth):
+    for call in (
+        Call(os.system, f"touch {canary}"),
+        Call(eval, f"open({str(canary)!r}, 'w')"),
+        Call(exec, f"open({str(canary)!r}, 'w')"),
+        Call(open, str(canary), "w"),
+        Call(subprocess.Popen, ["touch", str(canary)]),
+        Call(getattr, "x", "upper"),
+        Call(np.load, str(canary)),
+        Call(np.fromfile, str(canary)),
+    ):
+        thing = {
+            "alone": call,
+            "in a center": {"fine": tags(lambda c, call=call: [*c[:2], call])},
+            "in an array's arguments": {"fine": tags(lambda c, call=call: Call(np.dtype, call))},
+        }[depth]
+        refused(save(thing, protocol), "expected plain data and NumPy's numbers", "a use of")
+
+
+@pytest.mark.parametrize(
+    "thing",
+    [
+        np.array([1, None], object),
+        np.array(["a", "b"]),
+        np.array([(1, 2.0)], [("a", "i4"), ("b", "f8")]),
+        np.array([1 + 2j]),
+        np.array(["2020-01-01"], "M8[D]"),
+        np.zeros((2, 2)),
+        np.zeros(17),
+        np.ma.array([1.0, 2.0]),
+        np.random.default_rng(0),
+        1j,
+        {1, 2},
+        frozenset("a"),
+        object(),
+        datetime.date(2020, 1, 1),
+        np.dtype("f8").type,
+        msgspec.Struct,
+    ],
+    ids=lambda thing: type(thing).__name__,
+)
+@pytest.mark.parametrize("protocol", [2, 4, 5])
+def test_objects_other_than_small_vectors_of_numbers_are_refused(save, thing, protocol):
+    refused(save({"fine": [thing]}, protocol), "expected")
+
+
+def nested_pairs(depth: int) -> list:
+    """Memory for `depth` lists, text for 2 ** depth."""
+    pair: list = []
+    for _ in range(depth):
+        pair = [pair, pair]
+    return pair
+
+
+def chatty(code: bytes) -> bytes:
+    return b"\x80\x04" + code + b"."
+
+
+HOSTILE = {
+    "memo bomb": pickle.dumps({"fine": [{"tag_family": nested_pairs(60), "tag_id": 1, "center": [1]}]}),
+    "memo bomb as board": pickle.dumps({"fine": nested_pairs(60)}),
+    "deep": b"]" * 60_000 + b"a" * 59_999 + b".",
+    "deep tuple": b")" + b"\x85" * 60_000 + b".",
+    "itself": b"]q\x00h\x00a.",
+    "empty": b"",
+    "only stop": b".",
+    "no stop": b"]",
+    "mark as value": b"(.",
+    "memo far off": chatty(b"Nr\xff\xff\xff\xff"),
+    "memo colliding": chatty(b"".join(b"Np%d\n0" % (i * (2**61 - 1)) for i in range(100))),
+    "keys that collide": chatty(b"}(" + b"".join(b"I%d\nN" % (i * (2**61 - 1)) for i in range(99)) + b"u"),
+    "text of 4 GiB": chatty(b"\x8d" + struct.pack("<Q", 1 << 32)),
+    "bytes of 2**63": chatty(b"\x8e" + struct.pack("<Q", 1 << 63)),
+    "bytearray of 2**40": b"\x80\x05\x96" + struct.pack("<Q", 1 << 40) + b".",
+    "frame of 2**62": b"\x80\x04\x95" + struct.pack("<Q", 1 << 62) + b"N.",
+    "integer of many digits": chatty(b"I" + b"9" * 9000 + b"\n"),
+    "float that is none": chatty(b"Fx\n"),
+    "persistent id": chatty(b"Pfile\n"),
+    "extension": chatty(b"\x82\x01"),
+    "old instance": b"(S'x'\nios\nsystem\n.",
+    "new object": chatty(b"cbuiltins\nobject\n)\x81"),
+    "call of a tuple like a name": chatty(b"\x8c\x06numpy.\x8c\x05dtype\x86\x8c\x02f8\x85R"),
+    "call of text": chatty(b"\x8c\x05dtype)R"),
+    "nested tuples as a key": chatty(
+        b"N\x940" + b"".join(b"h%ch%c\x86\x940" % (i, i) for i in range(60)) + b"}h" + bytes([60]) + b"Ns"
+    ),
+    "an instruction of tomorrow": chatty(b"N\xf0"),
+    "defaults of a function": chatty(b"c_codecs\nencode\nN}\x8c\x0c__defaults__)s\x86b"),
+    "state on a list": chatty(b"]}b"),
+    "state on a name": chatty(b"cnumpy\ndtype\n}b"),
+    "state on a function": chatty(b"c_codecs\nencode\n}b"),
+    "dotted name": chatty(b"\x8c\x05numpy\x8c\x0edtype.__init__\x93"),
+    "a name from under numpy": chatty(b"cnumpy.core.multiarray\nfromfile\n"),
+    "another codec": chatty(b"c_codecs\nencode\n\x8c\x01x\x8c\x03zip\x86R"),
+    "codec of bytes": chatty(b"c_codecs\nencode\n\x8e" + struct.pack("<Q", 1) + b"x\x8c\x06latin1\x86R"),
+    "ndarray called": chatty(b"cnumpy\nndarray\nM\xff\xff\x85\x85R"),
+    "array of 2**40": chatty(
+        b"cnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\x00\x85C\x01b\x87R"
+        b"(K\x01\x8a\x06\x00\x00\x00\x00\x00\x01\x85cnumpy\ndtype\n\x8c\x02f8\x89\x88\x87R"
+        b"(K\x03\x8c\x01<NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\x00tb\x89C\x08\x00\x00\x00\x00\x00\x00\x00\x00tb"
+    ),
+    "state with itself": chatty(
+        b"cnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\x00\x85C\x01b\x87R\x94(h\x00h\x00h\x00h\x00tb"
+    ),
+    "an escape": b"S'\\q'\n.",
+    "too large": b"N" * (LARGEST + 1),
+    "not a pickle": b"\x89PNG\r\n\x1a\n",
+    "latin": "Ünïcode".encode("latin-1"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_a_hostile_pickle_is_refused_in_one_line_and_little_memory(save, kind):
+    path = save(HOSTILE[kind])
+    tracemalloc.start()
+    try:
+        refused(path, "expected")
+        assert tracemalloc.get_traced_memory()[1] < 200 << 20
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    ("thing", "reason"),
+    [
+        (HOSTILE["memo far off"], "boards by their names"),
+        (HOSTILE["nested tuples as a key"], "names as keys"),
+        (HOSTILE["bytearray of 2**40"], "at most 128 bytes"),
+        (HOSTILE["an instruction of tomorrow"], "a damaged file"),
+        (HOSTILE["defaults of a function"], "a state of its own"),
+        (HOSTILE["memo colliding"], "a memo beyond its size"),
+        (HOSTILE["keys that collide"], "names as keys"),
+        (HOSTILE["too large"], "at most 1 MiB"),
+        (HOSTILE["old instance"], "the instruction INST"),
+        (HOSTILE["persistent id"], "the instruction PERSID"),
+        (HOSTILE["state on a function"], "a state of its own"),
+        (pickle.dumps(np.array([1, None], object), 4), "an array of objects"),
+        (pickle.dumps(np.zeros(17), 4), "at most 16 numbers"),
+    ],
+)
+def test_what_is_refused_is_refused_for_its_own_reason(save, thing, reason):
+    refused(save(thing), reason)
+
+
+def test_text_turned_to_bytes_again_and_again_is_bounded(save):
+    """One long text and many calls on it: a codec's honest answer would fill gigabytes."""
+    call = b"c_codecs\nencode\n\x94"
+    long = b"X" + struct.pack("<I", 500_000) + b"x" * 500_000 + b"\x94\x8c\x06latin1\x86\x94"
+    refused(save(chatty(call + long + b"R" + b"h\x00h\x02R" * 60_000)), "at most 128 bytes")
+
+
+def test_a_shape_of_many_ones_is_not_walked_again_and_again(save):
+    ones = b"(" + b"K\x01" * 200_000 + b"t\x94"
+    array = b"cnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\x00\x85C\x01b\x87R"
+    dtype = b"cnumpy\ndtype\n\x8c\x02u1\x89\x88\x87R"
+    refused(save(chatty(ones + array + b"(K\x01h\x00" + dtype + b"\x89C\x01xtb")), "a vector")
+
+
+@pytest.mark.parametrize("protocol", [0, 2, 4, 5])
+def test_every_truncated_pickle_is_refused(save, protocol):
+    data = pickle.dumps({"fine": tags(np.array)[:1]}, protocol)
+    for end in range(len(data)):
+        refused(save(data[:end]), "expected")
+
+
+WHOLE = [pickle.dumps({"fine": tags(np.array, tag_id=np.int32)}, p) for p in (0, 2, 4, 5)]
+
+
+@settings(max_examples=400)
+@given(
+    st.sampled_from(WHOLE), st.lists(st.tuples(st.integers(0, 1 << 12), st.integers(0, 255)), min_size=1, max_size=4)
+)
+def test_a_damaged_pickle_is_read_or_refused(tmp_path_factory, data, flips):
+    damaged = bytearray(data)
+    for at, value in flips:
+        damaged[at % len(damaged)] = value
+    tries(tmp_path_factory, bytes(damaged))
+
+
+OPS = [bytes([b]) for b in b"(.0]}).N\x85\x86\x87\x88\x89\x93\x94RbaestulK\x01h\x00q\x012o1\x81\x90\x91d"] + [
+    b"cnumpy\ndtype\n", b"cnumpy\nndarray\n", b"cnumpy.core.multiarray\n_reconstruct\n", b"c_codecs\nencode\n",
+    b"cnumpy._core.multiarray\nscalar\n", b"cnumpy._core.numeric\n_frombuffer\n", b"cos\nsystem\n", b"\x8c\x02f8",
+    b"\x8c\x01<", b"\x8c\x06latin1", b"C\x08abcdefgh", b"K\x01", b"K\x03", b"\x8c\x0btag_family", b"h\x00", b"q\x00",
+]  # fmt: skip
+
+
+@settings(max_examples=600)
+@given(st.lists(st.sampled_from(OPS), max_size=40))
+@example([b"cnumpy\ndtype\n", b"\x8c\x02f8", b"\x85", b"R", b"N", b"b"])
+def test_any_order_of_instructions_is_read_or_refused(tmp_path_factory, ops):
+    tries(tmp_path_factory, b"".join(ops) + b".")
+
+
+@settings(max_examples=300)
+@given(st.binary(max_size=200))
+def test_any_bytes_are_read_or_refused(tmp_path_factory, data):
+    tries(tmp_path_factory, data)
+
+
+def tries(tmp_path_factory, data: bytes) -> None:
+    path = tmp_path_factory.getbasetemp() / "any.pickle"
+    path.write_bytes(data)
+    try:
+        read_pickle(path)
+        read(path)
+    except InputError as error:
+        text = str(error)
+    else:
+        return
+    assert "\n" not in text
+    assert len(text) < 600
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path):
+    refused(tmp_path / "none.pickle", "none.pickle", "no such file")
+    refused(tmp_path, "a folder")

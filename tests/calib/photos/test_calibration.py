@@ -1,0 +1,467 @@
+import json
+import re
+import shutil
+from pathlib import Path
+
+import cv2
+import msgspec
+import numpy as np
+import pytest
+from photo_helpers import BOARD, SMALL, a_camera, seen
+from PIL import Image as Pillow
+from threadpoolctl import threadpool_limits
+
+from raytwin import files
+from raytwin.calib.boards.board import Board, BoardTag, Grid
+from raytwin.calib.photos import (
+    CODES,
+    Tag,
+    calibrate,
+    calibrate_detections,
+    camera_of_photo,
+    pose_of_photo,
+    uncertainty_map,
+)
+from raytwin.calib.photos.fit import MODELS, Form, Seen, fit
+from raytwin.calib.photos.model import AS_WELL, ModelTrial, explained
+from raytwin.calib.photos.pose import rotation_degrees
+from raytwin.calib.photos.uncertainty import spread
+from raytwin.calib.synthetic_photos import poses
+from raytwin.errors import InputError
+from raytwin.scene.lens import undone
+
+SIZE = (1008, 756)
+
+
+def _views(dist=(0.08, -0.16), count: int = 12, noise: float = 0.05, seed: int = 0):
+    camera = a_camera(*SIZE, dist=dist)
+    rng = np.random.default_rng(seed)
+    stands = poses(BOARD, camera, count, rng)
+    return camera, stands, seen(camera, stands, noise=noise, rng=rng)
+
+
+def _codes(calibration) -> set[str]:
+    codes = {w.code for w in calibration.warnings}
+    assert codes <= CODES.keys()
+    return codes
+
+
+# ---------------------------------------------------------------------------------- what is found
+
+
+def test_from_exact_detections_the_camera_and_every_pose_are_the_truth():
+    camera, stands, tags = _views(noise=0)
+    found = calibrate_detections(tags, SIZE, SMALL, "k1k2")
+    assert np.abs(np.array(found.K) - camera.K).max() < 2e-3
+    assert found.dist == pytest.approx(camera.dist, abs=1e-5)
+    for view, (R, t) in zip(found.views, stands, strict=True):
+        assert rotation_degrees(np.array(view.R_cam_board), np.array(R)) < 1e-3
+        assert np.abs(np.array(view.t_cam_board) - t).max() < 2e-6
+
+
+def test_photos_taken_with_a_known_camera_give_that_camera_back(shoot):
+    folder, truth = shoot()
+    found = calibrate(sorted(folder.glob("*.jpg")), BOARD)
+    K, true = np.array(found.K), np.array(truth.K)
+    assert found.model == "k1k2"
+    for (i, j), name, bound in (
+        ((0, 0), "fx", 1e-3 * true[0, 0]), ((1, 1), "fy", 1e-3 * true[1, 1]), ((0, 2), "cx", 1), ((1, 2), "cy", 1)
+    ):  # fmt: skip
+        assert abs(K[i, j] - true[i, j]) < min(bound, 4 * found.sigma[name]), name
+    assert len(found.views) == len(truth.photos)
+    assert found.warnings == ()
+    for view in found.views:
+        R, t = (np.array(a) for a in truth.photos[view.photo])
+        assert rotation_degrees(np.array(view.R_cam_board), R) < 0.1
+        assert np.linalg.norm(np.array(view.t_cam_board) - t) < 1e-3
+
+
+def test_the_same_detections_give_the_same_camera_to_the_last_bit_and_opencv_keeps_its_threads(real_tags, real_board):
+    (tags, size), board = real_tags("april_fine"), real_board("fine")
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(8)
+    try:
+        views = [Seen(p, tuple(t for t in seen if t.id in board.centers())) for p, seen in tags.items()]
+        made = (fit(views, size, [board], Form("full5")) for _ in range(8))
+        assert len({(c.shared.tobytes(), c.R.tobytes(), c.t.tobytes()) for c in made}) == 1
+        assert cv2.getNumThreads() == 8
+    finally:
+        cv2.setNumThreads(threads)
+
+
+def test_the_same_detections_give_the_same_camera_on_any_number_of_threads(real_found, real_tags, real_board):
+    """The tests' BLAS has one; on two, desk_degenerate's fx once differed in its 14th digit."""
+    with threadpool_limits(2, user_api="blas"):
+        again = calibrate_detections(*real_tags("desk_degenerate"), real_board("coarse"))
+    assert again == real_found("desk_degenerate")
+
+
+def test_the_pose_of_a_photo_is_the_one_its_calibration_found(shoot):
+    folder, _ = shoot()
+    found = calibrate(sorted(folder.glob("*.jpg")), BOARD, "k1k2")
+    view = found.views[2]
+    report = pose_of_photo(found, folder / view.photo, BOARD)
+    assert rotation_degrees(report.refined.R, np.array(view.R_cam_board)) < 2e-3
+    assert report.refined.rms_px == pytest.approx(view.rms_px, rel=0.01)
+    camera = camera_of_photo(found, folder / view.photo, BOARD)
+    assert (camera.K, camera.dist, camera.R_cam_board) == (found.K, found.dist, report.refined.R_cam_board)
+
+
+def test_its_standard_deviations_are_those_of_repeated_calibrations():
+    camera, stands, _ = _views((0.08,))
+    rng = np.random.default_rng(8)
+    tags = (seen(camera, stands, noise=0.2, rng=rng) for _ in range(40))
+    runs = [fit([Seen(p, tuple(t)) for p, t in one.items()], SIZE, [SMALL], Form("k1")) for one in tags]
+    stated = np.mean([np.sqrt(np.diag(spread(run).covariance)) for run in runs], axis=0)
+    # 40 draws know a standard deviation to a ninth: beyond three of these once in four hundred.
+    assert np.std([run.shared for run in runs], axis=0, ddof=1) == pytest.approx(stated, rel=0.35)
+
+
+@pytest.mark.parametrize(
+    ("dist", "model"),
+    [((), "none"), ((-0.1,), "k1"), ((0.08, -0.16), "k1k2"), ((0.1, -0.2, 0.004, 0.003, 0.2), "full5")],
+)
+def test_auto_takes_the_model_that_made_the_views(dist, model):
+    camera, _, tags = _views(dist)
+    found = calibrate_detections(tags, SIZE, SMALL)
+    assert found.model == model
+    assert len(found.dist) == len(dist)
+    assert abs(found.K[0][0] - camera.fx) < 1e-3 * camera.fx
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_model_fits_its_own_coefficients_and_leaves_the_others_at_zero(model):
+    _, _, tags = _views()
+    found = calibrate_detections(tags, SIZE, SMALL, model)
+    assert found.model == model
+    assert set(found.sigma) == {"fx", "fy", "cx", "cy", *MODELS[model]}
+    named = dict(zip(("k1", "k2", "p1", "p2", "k3"), found.dist, strict=False))
+    assert {n for n, v in named.items() if v != 0} == set(MODELS[model])
+
+
+def test_its_json_has_exactly_the_promised_keys(tmp_path):
+    _, _, tags = _views()
+    files.write_json(
+        tmp_path / "c.json", calibrate_detections(dict(list(tags.items())[:5]), SIZE, SMALL, "k1").numbers()
+    )
+    data = json.loads((tmp_path / "c.json").read_text())
+    assert list(data) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "boards", "warnings"]
+    assert list(data["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board", "influence", "board"]
+    assert list(data["boards"][0]) == ["heights", "bend_mm", "bend_sigma_mm"]
+    assert list(data["warnings"][0]) == ["code", "text"]
+    assert data["image_size"] == [1008, 756]
+
+
+# ---------------------------------------------------------------------------------- real photos
+
+
+def test_twenty_real_photos_and_one_of_two_boards_give_the_known_camera(shared_photos, real_board):
+    photos = sorted((shared_photos / "april_fine").glob("*.JPG"))
+    found = calibrate(photos, real_board("fine"))
+    assert len(found.views) == len(photos) == 21
+    # What a flat board gives; the sigmas are honest, so it lies within three of them.
+    assert abs(found.K[0][0] - 1014.8) < 3 * found.sigma["fx"]
+    assert abs(found.K[1][1] - 1014.4) < 3 * found.sigma["fy"]
+    assert _codes(found) == {"bent-board"}
+    assert 0.5 < found.boards[0].bend_mm < 1.5
+
+
+def test_the_set_with_the_lowest_error_is_the_one_that_is_called_degenerate(real_found):
+    found = {name: real_found(name) for name in ("april_fine", "desk_tilted", "desk_degenerate")}
+    assert min(found, key=lambda n: found[n].rms_px) == "desk_degenerate"
+    assert "degenerate-views" in _codes(found["desk_degenerate"])
+    assert not _codes(found["desk_tilted"]) & {"degenerate-views", "few-views"}
+    assert _codes(found["april_fine"]) == {"bent-board"}
+
+
+@pytest.mark.parametrize("name", ["april_fine", "desk_tilted", "desk_degenerate"])
+def test_what_is_taken_predicts_unseen_photos_as_well_as_five_coefficients_on_a_flat_board(name, real_found):
+    evidence = real_found(name).evidence
+    assert evidence.trials[evidence.taken].held_out_px <= 1.0001 * AS_WELL * evidence.trials["full5"].held_out_px
+    # These boards are bent.
+    assert evidence.trials[evidence.taken].held_out_px < 0.8 * evidence.trials["full5"].held_out_px
+
+
+def test_a_bent_board_was_all_that_was_wrong_with_the_degenerate_sets_centre(real_found):
+    """Taken for flat, cy = 638 ± 29 by OpenCV's word; the image's middle is 1511.5."""
+    found = real_found("desk_degenerate")
+    assert abs(found.K[1][2] - 1511.5) < 100
+    assert found.K[0][0] / found.K[1][1] == pytest.approx(1, abs=0.02)
+
+
+def test_a_sound_set_raises_no_doubt():
+    _, _, tags = _views()
+    assert _codes(calibrate_detections(tags, SIZE, SMALL)) == set()
+
+
+def test_five_views_are_few():
+    _, _, tags = _views(count=5)
+    assert _codes(calibrate_detections(tags, SIZE, SMALL, "k1k2")) == {"few-views"}
+
+
+def test_ten_views_from_one_side_are_degenerate():
+    camera = a_camera(*SIZE)
+    rng = np.random.default_rng(4)
+    R, t = (np.array(a) for a in poses(BOARD, camera, 4, np.random.default_rng(2))[1])
+    stands = [(R, t + rng.normal(0, 0.01, 3)) for _ in range(10)]
+    found = calibrate_detections(seen(camera, stands, noise=0.1, rng=rng), SIZE, SMALL, "k1")
+    assert "degenerate-views" in _codes(found)
+    assert "the board's tilt differs by 0 degrees at most" in next(w.text for w in found.warnings)
+
+
+def test_a_mirrored_description_is_named_though_it_fits_as_well():
+    _, _, tags = _views()
+    mirrored = Board("tag36h11", 0.001, tags=tuple(BoardTag(i, (-x, y)) for i, (x, y) in SMALL.centers().items()))
+    right, wrong = (calibrate_detections(tags, SIZE, b, "k1k2") for b in (SMALL, mirrored))
+    assert wrong.rms_px == pytest.approx(right.rms_px, rel=0.05)
+    assert _codes(wrong) == {"mirrored-board"}
+
+
+def _seen_in_the_middle(noise: float) -> dict:
+    """Nothing in the middle of the frame says what happens at its corner: a strong k1 folds back there."""
+    camera = a_camera(*SIZE, dist=(-0.55,))
+    rng = np.random.default_rng(6)
+    stands = [(R, np.array(t) * (1, 1, 2.2)) for R, t in poses(BOARD, a_camera(*SIZE, dist=()), 12, rng)]
+    return seen(camera, stands, noise=noise, rng=rng)
+
+
+def test_a_lens_is_kept_from_folding_back_where_that_predicts_as_well():
+    found = calibrate_detections(_seen_in_the_middle(0.3), SIZE, SMALL)
+    assert not undone(found.K, found.dist, SIZE).fault
+    assert "unconverged-distortion" not in _codes(found)
+    assert found.evidence.trials[found.evidence.taken].doubt == "kept from folding back in a corner"
+
+
+def test_where_that_predicts_worse_the_part_of_the_frame_without_rays_is_named_and_masked():
+    found = calibrate_detections(_seen_in_the_middle(0.001), SIZE, SMALL, "k1")
+    assert found.dist[0] == pytest.approx(-0.55, abs=0.01)
+    (text,) = [w.text for w in found.warnings if w.code == "unconverged-distortion"]
+    assert "no ray belongs to" in text
+    shown = uncertainty_map(found)
+    assert np.isnan(shown[0, 0])
+    assert np.isfinite(shown[20:28, 20:40]).all()
+    assert np.isnan(shown).mean() < 0.4
+
+
+def test_misplaced_tags_are_rejected_and_named():
+    _, _, tags = _views()
+    clean = calibrate_detections(tags, SIZE, SMALL, "k1k2")
+    spoiled = {p: list(t) for p, t in tags.items()}
+    for photo, by in (("view_01", (9.0, 3.0)), ("view_04", (-200.0, 90.0))):
+        tag = spoiled[photo][6]
+        spoiled[photo][6] = msgspec.structs.replace(tag, center=tuple(np.array(tag.center) + by))
+    found = calibrate_detections(spoiled, SIZE, SMALL, "k1k2")
+    named = {w.text.split(":")[0]: w.text for w in found.warnings if w.code == "outlier-tags"}
+    assert named.keys() == {"view_01", "view_04"}
+    assert named["view_01"].endswith(f"tags {tags['view_01'][6].id}")
+    assert found.K[0][0] == pytest.approx(clean.K[0][0], abs=0.2)
+
+
+def test_a_view_that_fits_two_poses_is_named():
+    camera, stands, _ = _views()
+    tilt = np.deg2rad(25)
+    R = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]]) @ np.diag([1, -1, -1])
+    tags = seen(camera, [*stands, (R, (0.0, 0.0, 6.0))], noise=0.3, rng=np.random.default_rng(2))
+    found = calibrate_detections(tags, SIZE, SMALL, "k1k2")
+    assert [w.text.split(":")[0] for w in found.warnings if w.code == "ambiguous-pose"] == ["view_12"]
+
+
+def test_a_photo_without_tags_among_many_is_left_out_and_named(shoot, tmp_path):
+    folder, _ = shoot()
+    photos = [shutil.copy(folder / f"photo_0{i}.jpg", tmp_path) for i in range(4)]
+    files.write_picture(tmp_path / "blank.jpg", np.full((756, 1008, 3), 99, np.uint8))
+    files.write_picture(tmp_path / "selfie.jpg", files.read_photo(photos[0])[:, ::-1])
+    found = calibrate([*photos, tmp_path / "blank.jpg", tmp_path / "selfie.jpg"], BOARD, "k1")
+    assert len(found.views) == 4
+    texts = [w.text for w in found.warnings if w.code == "no-tags"]
+    assert texts[0] == "blank.jpg was left out: none"
+    assert texts[1].startswith("selfie.jpg was left out: a mirrored photo")
+
+
+def _photos_with_exif(folder, to, orientations: dict[str, int]) -> list:
+    """Copies of the folder's photos, each with an EXIF orientation of its own."""
+    for name, orientation in orientations.items():
+        with Pillow.open(folder / name) as photo:
+            exif = photo.getexif()
+            exif[0x0112] = orientation
+            photo.save(to / name, exif=exif, quality="keep")
+    return [to / name for name in orientations]
+
+
+def test_photos_with_different_exif_orientations_are_named(shoot, tmp_path):
+    folder, _ = shoot()
+    names = [f"photo_{i:02d}.jpg" for i in range(8)]
+    found = calibrate(_photos_with_exif(folder, tmp_path, dict.fromkeys(names, 1) | {names[3]: 6}), BOARD, "k1k2")
+    assert _codes(found) == {"mixed-orientation"}
+    assert "1 in 7 (photo_00.jpg, photo_01.jpg, photo_02.jpg, ...); 6 in 1 (photo_03.jpg)" in found.warnings[0].text
+    assert len(found.views) == 8
+
+
+def test_photos_that_all_have_one_exif_orientation_are_sound(shoot, tmp_path):
+    folder, _ = shoot()
+    names = [f"photo_{i:02d}.jpg" for i in range(8)]
+    found = calibrate(_photos_with_exif(folder, tmp_path, dict.fromkeys(names, 6)), BOARD, "k1k2")
+    assert _codes(found) == set()
+
+
+def test_photos_whose_pixels_were_turned_by_a_quarter_are_left_out_and_named(shoot, tmp_path):
+    folder, _ = shoot()
+    upright = [shutil.copy(folder / f"photo_{i:02d}.jpg", tmp_path) for i in range(1, 9)]
+    turned = tmp_path / "photo_00.jpg"  # the first: it is the majority that is right
+    files.write_picture(turned, np.rot90(files.read_photo(folder / "photo_00.jpg")))
+    found = calibrate([turned, *upright], BOARD, "k1k2")
+    assert _codes(found) == {"swapped-orientation"}
+    assert found.warnings[0].text.startswith("photo_00.jpg: left out, being 756 x 1008 where the others are 1008 x 756")
+    assert (found.image_size, len(found.views)) == (SIZE, 8)
+
+
+def test_where_too_few_upright_photos_remain_a_turned_one_is_refused(shoot, tmp_path):
+    folder, _ = shoot()
+    turned = tmp_path / "turned.jpg"
+    files.write_picture(turned, np.rot90(files.read_photo(folder / "photo_00.jpg")))
+    with pytest.raises(InputError, match=r"turned\.jpg: .* got 756 x 1008: the same, turned by a quarter"):
+        calibrate([folder / "photo_00.jpg", folder / "photo_01.jpg", turned], BOARD)
+
+
+def test_every_code_is_provoked_by_a_test_and_no_other_is_tested_for():
+    tests = (Path(__file__).read_text(), (Path(__file__).parent / "test_trust.py").read_text())
+    tested = set(re.findall(r'"([a-z]+(?:-[a-z]+)+)"', "".join(tests)))
+    assert tested == CODES.keys()
+
+
+# ---------------------------------------------------------------------------------- what it rests on
+
+
+def test_the_evidence_says_how_much_of_the_frame_was_covered_and_how_far_the_board_was_tilted():
+    _, stands, tags = _views()
+    evidence = calibrate_detections(tags, SIZE, SMALL).evidence
+    centers = np.array([t.center for seen_ in tags.values() for t in seen_])
+    cells = {(int((u + 0.5) * 10 / SIZE[0]), int((v + 0.5) * 10 / SIZE[1])) for u, v in centers}
+    assert evidence.coverage == pytest.approx(len(cells) / 100)
+    middle = np.array([2 * 0.038, 3 * 0.038, 0])
+    eyes = [-np.array(R).T @ t for R, t in stands]
+    tilts = [np.degrees(np.arccos(abs((e - middle)[2]) / np.linalg.norm(e - middle))) for e in eyes]
+    assert evidence.tilts == pytest.approx(tilts, abs=0.1)
+    assert evidence.distance == pytest.approx(np.median([np.linalg.norm(e - middle) for e in eyes]), rel=1e-3)
+
+
+def test_auto_keeps_what_came_of_every_model_and_why_some_were_passed_over():
+    _, _, tags = _views((0.08,))
+    found = calibrate_detections(tags, SIZE, SMALL)
+    trials = found.evidence.trials
+    bent = ["full5, bent 2", "full5, bent 3", "full5, bent 4"]
+    assert list(trials) == ["full5", *bent, "k1k2k3", "k1k2", "k1", "none"]
+    assert found.model == found.evidence.taken == "k1"
+    assert trials["k1"].held_out_px < 0.5 * trials["none"].held_out_px
+    assert calibrate_detections(tags, SIZE, SMALL, "k1").evidence.trials.keys() == {
+        "k1",
+        "k1, bent 2",
+        "k1, bent 3",
+        "k1, bent 4",
+    }
+
+
+def test_each_model_that_was_tried_is_told_why_it_was_not_taken():
+    errors = {"full5": 0.5, "full5, bent 4": 0.1005, "full5, bent 6": 0.1, "k1, bent 6": 0.1003}
+    told = explained({n: ModelTrial(e) for n, e in errors.items()}, "k1, bent 6")
+    assert [t.why for t in told] == [
+        "5 times the best",
+        "a poorer shape",
+        "larger than needed",
+        "the smallest that predicts as well as the best; its shape the richest that does",
+    ]
+    assert [t.taken for t in told] == [False, False, False, True]
+
+
+# ---------------------------------------------------------------------------------- wrong input
+
+
+def test_a_swapped_image_size_is_refused():
+    _, _, tags = _views()
+    with pytest.raises(InputError, match=r"view_\d\d: expected tags inside 756 x 1008 .*width and height swapped"):
+        calibrate_detections(tags, SIZE[::-1], SMALL)
+
+
+@pytest.mark.parametrize("times", [1, 3])
+def test_one_photo_only_is_refused(shoot, times):
+    with pytest.raises(InputError, match=r"expected at least 3 photos of the board, from different sides, got 1"):
+        calibrate([shoot()[0] / "photo_00.jpg"] * times, BOARD)
+
+
+def test_no_photo_at_all_is_refused():
+    with pytest.raises(InputError, match="got 0"):
+        calibrate([], BOARD)
+
+
+def test_a_photo_of_another_size_is_left_out_and_named(shoot, tmp_path):
+    folder, _ = shoot()
+    photos = [shutil.copy(folder / f"photo_{i:02d}.jpg", tmp_path) for i in range(8)]
+    other = tmp_path / "a_small.jpg"
+    files.write_picture(other, np.zeros((300, 400, 3), np.uint8))
+    found = calibrate([other, *photos], BOARD, "k1k2")
+    assert _codes(found) == {"other-size"}
+    assert found.warnings[0].text == "a_small.jpg: left out, being 400 x 300 where the others are 1008 x 756"
+    assert len(found.views) == 8
+
+
+def test_where_half_the_photos_are_of_another_size_they_are_refused_with_both(shoot, tmp_path):
+    folder, _ = shoot()
+    photos = [folder / f"photo_{i:02d}.jpg" for i in range(4)]
+    for i in range(4):
+        photos.append(tmp_path / f"small_{i}.jpg")
+        files.write_picture(photos[-1], np.zeros((300 + i, 400, 3), np.uint8))
+    with pytest.raises(
+        InputError, match=r"small_0\.jpg: expected 1008 x 756 pixels, as photo_00\.jpg has, got 400 x 300"
+    ):
+        calibrate(photos, BOARD)
+
+
+def test_a_truncated_photo_is_refused_by_name(shoot, tmp_path):
+    folder, _ = shoot()
+    cut = tmp_path / "cut.jpg"
+    cut.write_bytes((folder / "photo_02.jpg").read_bytes()[:40_000])
+    with pytest.raises(InputError, match=r"cut\.jpg: expected a whole photo"):
+        calibrate([folder / "photo_00.jpg", folder / "photo_01.jpg", cut], BOARD)
+
+
+def test_photos_without_any_tag_are_refused_mirrored_ones_as_mirrored(shoot, tmp_path):
+    folder, _ = shoot()
+    names = []
+    for i in range(3):
+        names.append(tmp_path / f"m{i}.jpg")
+        files.write_picture(names[-1], files.read_photo(folder / f"photo_0{i}.jpg")[:, ::-1])
+    with pytest.raises(InputError, match=r"m0\.jpg: a mirrored photo"):
+        calibrate(names, BOARD)
+
+
+def test_a_board_with_other_ids_is_refused_with_both_lists():
+    _, _, tags = _views(count=3)
+    other = Board("tag36h11", 0.03, Grid(4, 4, 0.05, first_id=200))
+    with pytest.raises(InputError, match=r"tags of the board \(ids 200\.\.215\), got other tags \(ids 0\.\.34\)"):
+        calibrate_detections(tags, SIZE, other)
+
+
+def test_too_few_views_of_the_board_are_refused_with_the_reasons():
+    _, _, tags = _views(count=4)
+    few = {p: (t if i < 2 else t[:2]) for i, (p, t) in enumerate(tags.items())}
+    with pytest.raises(InputError, match=r"at least 3 photos that show the board, got 2; view_02: 2 tags of the board"):
+        calibrate_detections(few, SIZE, SMALL)
+
+
+@pytest.mark.parametrize(
+    ("center", "refused"),
+    [
+        ((99.5, 49.5), ""), ((-0.5, -0.5), ""), ((99.6, 10.0), "got one at 100, 10$"), ((10.0, -0.6), "got one at"),
+        ((49.5, 99.5), r"\(width and height swapped\?\)"), ((49.6, 60.0), "got one at 50, 60$"), ((-0.6, 60.0), "60$"),
+    ],
+)  # fmt: skip
+def test_a_tag_is_in_the_frame_out_to_its_pixels_edges(center, refused):
+    """A frame of 100 x 50 pixels; what lies in one of 50 x 100 may be of swapped sides."""
+    tags = {"p": [Tag(3, center, ((0.0, 0.0),) * 4, 1.0)]}
+    with pytest.raises(InputError, match=refused or "at least 3 photos that show the board"):
+        calibrate_detections(tags, (100, 50), SMALL)
+
+
+def test_an_unknown_model_is_refused_with_the_known_ones():
+    with pytest.raises(InputError, match=r"model: expected one of auto, none, .*full5, got 'k9'"):
+        calibrate_detections({}, SIZE, SMALL, "k9")

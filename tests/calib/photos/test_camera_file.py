@@ -1,0 +1,84 @@
+"""camera.toml carries the shape of the board it was calibrated with, and lends it to that board alone."""
+
+import msgspec
+import numpy as np
+import pytest
+from photo_helpers import BOARD, SMALL, a_camera
+
+from raytwin import files
+from raytwin.calib.boards import Board, BoardTag, Grid, Heights, write_board
+from raytwin.calib.photos import (
+    calibrate,
+    pose_of_photo,
+    read_board_shapes,
+    with_shape,
+    write_camera_file,
+)
+from raytwin.cli.photo_commands import calibrate_command
+from raytwin.errors import InputError
+from raytwin.workflows.augment_photos import augment_photos
+
+BENT = msgspec.structs.replace(SMALL, heights=Heights(2, (1e-3, 0.0, -2e-4)))
+
+
+def test_augment_finds_a_bent_boards_pose_with_the_shape_in_the_camera_file(shoot, scenes, tmp_path):
+    """A sheet bent by 3 mm: with its shape the tags lie where calibrate found them, taken for flat they do not."""
+    photos = sorted(shoot(14, bend=3e-3)[0].glob("*.jpg"))
+    found = calibrate(photos, BOARD)
+    write_board(tmp_path / "board.toml", BOARD)
+    calibrate_command(photos, [tmp_path / "board.toml"], out=tmp_path / "shaped.toml")
+    files.write_camera(tmp_path / "plain.toml", files.read_camera(tmp_path / "shaped.toml"))
+
+    (tmp_path / "out").mkdir()
+    with_its_shape, flat = (
+        augment_photos(
+            photos[3:4], scenes / "desk", tmp_path / "out", camera=tmp_path / name, board=tmp_path / "board.toml"
+        )[0]["pose_rms_px"]
+        for name in ("shaped.toml", "plain.toml")
+    )
+    assert with_its_shape == pytest.approx(pose_of_photo(found, photos[3], BOARD).refined.rms_px, rel=0.01)
+    assert flat > 3 * with_its_shape
+
+
+def test_the_file_gives_the_same_camera_and_the_same_board_back(tmp_path):
+    write_camera_file(tmp_path / "c.toml", a_camera(), [BENT])
+    assert files.read_camera(tmp_path / "c.toml") == a_camera()
+    shapes = read_board_shapes(tmp_path / "c.toml")
+    assert with_shape(SMALL, shapes) == BENT
+    as_tags = Board(SMALL.family, SMALL.tag_edge, tags=tuple(BoardTag(i, xy) for i, xy in SMALL.centers().items()))
+    assert with_shape(as_tags, shapes).heights == BENT.heights
+    np.testing.assert_array_equal(with_shape(as_tags, shapes).points(range(35)), BENT.points(range(35)))
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        msgspec.structs.replace(SMALL, grid=Grid(5, 7, 0.0380001)),
+        msgspec.structs.replace(SMALL, grid=Grid(5, 7, 0.038, first_id=1)),
+        msgspec.structs.replace(SMALL, grid=Grid(5, 7, 0.038, order="down")),
+        msgspec.structs.replace(SMALL, tag_edge=0.0011),
+        msgspec.structs.replace(SMALL, border_bits=2),
+        msgspec.structs.replace(SMALL, family="tag25h9"),
+    ],
+)
+def test_another_board_does_not_get_the_shape(other, tmp_path):
+    write_camera_file(tmp_path / "c.toml", a_camera(), [BENT])
+    assert with_shape(other, read_board_shapes(tmp_path / "c.toml")) == other
+
+
+def test_a_camera_file_without_shapes_still_reads(tmp_path):
+    files.write_camera(tmp_path / "old.toml", a_camera())
+    write_camera_file(tmp_path / "flat.toml", a_camera(), [SMALL])
+    assert (tmp_path / "old.toml").read_text() == (tmp_path / "flat.toml").read_text()
+    assert read_board_shapes(tmp_path / "old.toml") == ()
+
+
+def test_a_shape_that_is_none_is_refused_with_its_place(tmp_path):
+    write_camera_file(tmp_path / "c.toml", a_camera(), [BENT])
+    text = (tmp_path / "c.toml").read_text()
+    (tmp_path / "c.toml").write_text(text.replace("degree = 2", "degree = 3"))
+    with pytest.raises(InputError, match=r"c.toml: boards\[0\]: heights.coefficients: expected 7 finite numbers"):
+        read_board_shapes(tmp_path / "c.toml")
+    (tmp_path / "c.toml").write_text(text.replace("degree = 2", 'degree = "two"'))
+    with pytest.raises(InputError, match=r"c.toml: boards\[0\].heights.degree: expected a whole number"):
+        read_board_shapes(tmp_path / "c.toml")

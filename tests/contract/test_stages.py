@@ -1,0 +1,253 @@
+"""The stages' tests: what is right passes however it is done, and each typical mistake is found and named."""
+
+import by_hand
+import numpy as np
+import pytest
+import shape_checks
+
+import raytwin
+from raytwin import files, tracer
+from raytwin.contract import check_function as judging
+from raytwin.contract.check_function import judge, judge_function
+from raytwin.contract.composed_tracer import Renderer
+from raytwin.contract.stage_table import CONTRACT, LESSONS
+from raytwin.errors import InputError
+from raytwin.renderers.scene_exchange import as_arrays
+
+STAGES = pytest.mark.parametrize("stage", LESSONS.values(), ids=list(LESSONS))
+OWN = pytest.mark.parametrize("stage", CONTRACT.values(), ids=list(CONTRACT))
+
+SAME_FROM_OUTSIDE = {"smallest |t|", "t behind the origin"}
+"""No eye is inside a sphere: what returns the far of two negative roots is the same there."""
+UNSEEN = {
+    "too few steps", "smallest |t|", "inside missed", "directions taken for unit", "t of unit rays", "/ 2 * a",
+    "sign of 0",
+}  # fmt: skip
+"""Of no effect in a picture whose rays are unit and start outside, or through a lens of that strength."""
+
+SIGNATURES = {
+    "back_project(K, dist, width, height)",
+    "estimate_pose(K, dist, object_points, image_points)",
+    "intersect_sphere(origins, directions, center, radius)",
+    "shade(points, normals, albedo, to_light, irradiance, sky)",
+    "hit_points(scene)",
+    "render(scene)",
+}
+
+
+def test_the_contract_is_what_courses_were_told():
+    assert {stage.signature for stage in CONTRACT.values()} == SIGNATURES
+
+
+@STAGES
+def test_the_reference_passes_its_own_test(stage):
+    found = judge_function(stage, stage.reference, seed=1)
+    assert found.passed, found.sentence
+    assert (found.stage, found.wrong, found.causes) == (stage.name, 0, ())
+
+
+@OWN
+def test_another_way_to_do_it_right_passes(stage):
+    found = judge_function(stage, getattr(by_hand, stage.name))
+    assert found.passed, found.sentence
+
+
+@STAGES
+def test_every_mistake_is_found_and_called_by_its_name_and_by_no_other(stage):
+    """All variants' answers to the cases of a seed, held against one another as `explain` does."""
+    cases = stage.cases(3)
+    shape_checks.next_test()  # whatever was kept of these cases: it is the variants' first calls that are checked
+    unseen = UNSEEN if stage.name in ("hit_points", "render") else {"too few steps"}
+
+    def passes(answer):
+        return all(judging._passes(stage, case, one) for case, one in zip(cases, answer, strict=True))
+
+    def alike(a, b):
+        return all(judging._left(stage, x, y) == 0 for x, y in zip(a, b, strict=True))
+
+    answers = [(v.name, judging.call_stage(stage, v.change(stage.reference), cases)) for v in stage.variants]
+    shown = [(name, answer) for name, answer in answers if not passes(answer)]
+    assert {name for name, _ in answers} - {name for name, _ in shown} <= unseen
+    assert not [(name, one) for name, answer in shown for one in answer if isinstance(one, str)]
+    for name, answer in shown:
+        names = {other for other, given in shown if alike(given, answer)}
+        assert names == {name} or names == SAME_FROM_OUTSIDE, name
+
+
+@pytest.mark.parametrize(
+    ("name", "cause"),
+    [
+        ("back_project", "half a pixel"),
+        ("back_project", "p1 and p2 swapped"),
+        ("estimate_pose", "inverse pose"),
+        ("intersect_sphere", "far root"),
+        ("intersect_sphere", "t of unit rays"),
+        ("shade", "no clamp"),
+        ("shade", "missing pi"),
+        ("hit_points", "transposed R"),
+        ("render", "no depth test"),
+        ("render", "planes cast no shadow"),
+    ],
+)
+def test_a_planted_mistake_is_the_cause_that_is_told(name, cause):
+    stage = CONTRACT[name]
+    variant = next(v for v in stage.variants if v.name == cause)
+    found = judge_function(stage, variant.change(stage.reference), seed=2)
+    assert not found.passed
+    assert (found.causes, found.sentence) == ((cause,), variant.sentence)
+
+
+@STAGES
+def test_sentences_are_whole_and_their_mistakes_have_names(stage):
+    for variant in stage.variants:
+        assert 10 < len(variant.sentence) < 260
+        assert not variant.sentence.endswith(".")
+
+
+def test_two_mistakes_at_once_are_both_named():
+    stage = CONTRACT["shade"]
+    chosen = [v for v in stage.variants if v.name in ("light reversed", "no sky")]
+    function = stage.reference
+    for variant in chosen:
+        function = variant.change(function)
+    found = judge_function(stage, function)
+    assert len(found.causes) == 1
+    assert set(found.causes[0].split(" and ")) == {"light reversed", "no sky"}
+    assert all(v.sentence in found.sentence for v in chosen)
+
+
+def test_what_explains_equally_well_is_named_too():
+    stage = CONTRACT["hit_points"]
+    variant = next(v for v in stage.variants if v.name == "smallest |t|")
+    found = judge_function(stage, variant.change(stage.reference))
+    assert set(found.causes) == SAME_FROM_OUTSIDE
+    assert found.sentence.startswith("one of these")
+
+
+def test_what_nothing_explains_is_told_by_where_it_is():
+    stage = CONTRACT["intersect_sphere"]
+
+    def drifting(origins, directions, center, radius):
+        t = stage.reference(origins, directions, center, radius)
+        return t * np.where(np.linalg.norm(origins - center, axis=1) < radius, 1 + 0.1 * np.sin(origins[:, 0]), 1)
+
+    found = judge_function(stage, drifting)
+    assert found.causes == ()
+    assert "wrong for rays that start inside" in found.sentence
+    assert "right for rays that meet it from outside" in found.sentence
+
+
+@pytest.mark.parametrize("name", ["intersect_sphere", "shade", "hit_points"])
+def test_what_is_hardly_wrong_is_blamed_on_nothing(name):
+    """Least on what shows nowhere, and is as near to the answer as the reference is."""
+    stage = CONTRACT[name]
+    found = judge_function(stage, lambda *args: stage.reference(*args) * (1 + 20 * stage.tolerance))
+    assert not found.passed
+    assert found.causes == ()
+
+
+# ------------------------------------------------------------------------------------------ what is no answer
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        (lambda o, d, c, r: None, "it returned None: is there a return?"),
+        (lambda o, d, c, r: "t", "it returned text, not numbers"),
+        (lambda o, d, c, r: np.sqrt(-1 + 0j * o[:, 0]), "it returned complex numbers, not numbers"),
+        (lambda o, d, c, r: o, r"it returned an array \(32, 3\), where t \(32,\) is wanted: points"),
+        (lambda o, d, c, r: o[:, :1], r"\(32, 1\), where t \(32,\) is wanted: one number a ray is wanted"),
+        (lambda o, d, c, r: (o[:, 0], o[:, 0]), "both roots, or t and a mask"),
+        (lambda o, d, c: o, r"it is <lambda>\(o, d, c\), and is called as intersect_sphere\(origins, directions,"),
+        (lambda o, d, c, r: {}["t"], r"it raised KeyError: 't' \(line \d+: "),
+    ],
+)
+def test_what_is_no_answer_is_told_in_a_sentence(function, said):
+    found = judge_function(CONTRACT["intersect_sphere"], function)
+    assert not found.passed
+    assert found.error is None
+    with pytest.raises(AssertionError, match=said):
+        raise AssertionError(found.sentence)
+
+
+def test_a_mistake_in_some_cases_is_told_by_the_case():
+    def one_albedo(points, normals, albedo, to_light, irradiance, sky):
+        return CONTRACT["shade"].reference(points, normals, albedo.reshape(len(points), 3), to_light, irradiance, sky)
+
+    found = judge_function(CONTRACT["shade"], one_albedo)
+    assert found.sentence.startswith("it raised ValueError: cannot reshape")
+    assert found.sentence.endswith("(one albedo for all)")
+
+
+def test_a_function_that_writes_into_its_arguments_spoils_no_case():
+    def greedy(points, normals, albedo, to_light, irradiance, sky):
+        right = CONTRACT["shade"].reference(points, normals, albedo, to_light, irradiance, sky)
+        for a in (points, normals, albedo, to_light, irradiance, sky):
+            a[...] = 7
+        return right
+
+    assert judge_function(CONTRACT["shade"], greedy).passed
+
+
+def test_answers_can_be_judged_without_the_function():
+    """As a grader does that runs it in another process."""
+    stage = CONTRACT["shade"]
+    cases = stage.cases(1)
+    assert judge(stage, cases, [case.expected for case in cases]).passed
+    found = judge(stage, cases, ["it took longer than 5 s", *(case.expected for case in cases[1:])])
+    assert (found.passed, found.sentence) == (False, f"it took longer than 5 s ({cases[0].shows})")
+
+
+# ------------------------------------------------------------------------------------------ against the tracer
+
+
+@pytest.mark.parametrize("name", ["overlap", "distorted"])
+@pytest.mark.parametrize("rung", ["lambert", "shadow"])
+def test_the_tracer_made_of_stages_is_the_tracer(scenes, name, rung):
+    scene = files.read_scene(scenes / name).scene
+    scene = scene.with_camera(scene.camera.resized(80, 60))
+    right = tracer.trace(scene, rung).mean
+    off = np.abs(Renderer().render(as_arrays(scene, rung)) - right).max(axis=-1)
+    assert (off > 1e-5).mean() < 1e-3  # a pixel on an outline may go either way
+
+
+# ------------------------------------------------------------------------------------------ raytwin.check
+
+
+def test_check_prints_its_sentence_and_returns_the_numbers(capsys):
+    found = raytwin.check("shade", by_hand.shade)
+    assert capsys.readouterr().out == f"{found}\n"
+    assert str(found).startswith("PASS  shade: right in all 7 cases, to ")
+
+
+def test_check_names_in_a_picture_what_no_variant_has_with_its_number():
+    def bright_shadows(scene):
+        lit = Renderer(sun_visible=lambda scene, met, dark: np.ones_like(dark)).render(scene)
+        return 0.3 * lit + 0.7 * Renderer().render(scene)
+
+    found = judge_function(CONTRACT["render"], bright_shadows)
+    assert found.causes == ("shadow-strength",)
+    assert found.sentence.startswith("cause (sure): shadows let 30 % of the sun through")
+
+
+def test_check_raises_when_told_to_and_only_where_it_fails():
+    raytwin.check("shade", by_hand.shade, raises=True)
+    with pytest.raises(
+        AssertionError, match=r"^shade: it returned an array \(24,\), where radiance \(24, 3\) is wanted"
+    ):
+        raytwin.check("shade", lambda *args: args[0][:, 0], raises=True)
+    with pytest.raises(InputError, match=r"got shad \(did you mean shade\?\)"):
+        raytwin.check("shad", by_hand.shade)
+
+
+def test_a_notebook_shows_a_page_that_nothing_of_the_students_escapes():
+    def angry(*args):
+        raise ValueError("<script>alert(1)</script>")
+
+    page = raytwin.check("shade", angry)._repr_html_()
+    assert "<script>" not in page
+    assert "&lt;script&gt;" in page
+    far = next(v for v in CONTRACT["intersect_sphere"].variants if v.name == "far root")
+    page = raytwin.check("intersect_sphere", far.change(None))._repr_html_()
+    for told in (far.sentence.split(":")[0], "expected", "got", "rays that start inside", "✗", "✓"):
+        assert told in page

@@ -1,0 +1,58 @@
+"""The file that students start from."""
+
+import inspect
+import subprocess
+import sys
+
+import by_hand
+import pytest
+from program import raytwin, refused
+
+from raytwin.contract.stage_table import CONTRACT
+from raytwin.contract.starter import starter
+from raytwin.contract.submission import load
+
+
+def test_the_starter_has_every_function_of_the_contract_with_its_docstring(tmp_path):
+    path = tmp_path / "mine.py"
+    assert raytwin("grade", "starter", "-o", path).returncode == 0
+    made: dict = {"__name__": "mine"}
+    exec(compile(path.read_text(), "mine.py", "exec"), made)
+    for name, stage in CONTRACT.items():
+        assert f"{name}{inspect.signature(made[name])}" == stage.signature
+        assert inspect.getdoc(made[name]) == stage.doc
+        with pytest.raises(NotImplementedError):
+            made[name](*stage.cases(0)[0].args)
+    assert max(map(len, path.read_text().splitlines())) <= 120
+
+
+def test_a_students_work_is_not_written_over(tmp_path):
+    (tmp_path / "mine.py").write_text("weeks of work")
+    refused(raytwin("grade", "starter", "-o", tmp_path / "mine.py"), "--force")
+    assert (tmp_path / "mine.py").read_text() == "weeks of work"
+
+
+def test_the_worked_example_is_right(tmp_path):
+    made: dict = {"__name__": "mine"}
+    exec(starter(), made)
+    scene = CONTRACT["render"].cases(0)[-2].args[0]
+    eye, d = by_hand.eye_and_rays(scene)
+    for plane in scene["planes"]:
+        t = made["intersect_plane"](eye, d, plane["center"], plane["half_u"], plane["half_v"])
+        assert t == pytest.approx(by_hand.intersect_plane(eye, d, plane))
+
+
+def test_a_starter_that_is_filled_in_checks_itself_as_it_is_run(tmp_path):
+    """As a student does: one function written, one written wrong, the others as they were."""
+    text = starter()
+    head, tail = text.split("def shade(")
+    doc, rest = tail.split("    raise NotImplementedError\n", 1)
+    body = "    return albedo * (np.maximum(0, normals @ to_light)[:, None] * irradiance + sky)\n"
+    (tmp_path / "tracer.py").write_text(f"{head}def shade({doc}{body}{rest}")
+    run = subprocess.run([sys.executable, tmp_path / "tracer.py"], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    lines = run.stdout.splitlines()
+    assert len(lines) == 6
+    assert lines[3] == "FAIL  shade: the sun's part is pi times too bright: albedo / pi * E * max(0, n·l)"
+    assert lines[0] == "FAIL  back_project: it is not written yet"
+    assert list(load(tmp_path / "tracer.py").stages) == ["shade"]

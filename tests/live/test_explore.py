@@ -1,0 +1,583 @@
+"""The live page: what it may ask for, who may ask, what is rendered, and the page itself in a real browser."""
+
+import asyncio
+import base64
+import contextlib
+import http.client
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import msgspec
+import numpy as np
+import pytest
+from browser import barriers
+from play import drag, held, memory, middle_of, playing
+from program import raytwin, refused
+
+from raytwin import files
+from raytwin.contract.subject import find_subject
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.live import Server
+from raytwin.live.light_path import way_of_light
+from raytwin.live.progressive import Studio, told
+from raytwin.live.server import Worker
+from raytwin.live.view_state import Wanted, from_json, from_link, scene_toml, wanted_of
+from raytwin.speed import trace
+from raytwin.tracer import trace_paths
+
+SIZE = 96, 72
+
+
+@pytest.fixture(scope="module")
+def base(scenes):
+    written = files.read_scene(scenes / "overlap")
+    return written.with_camera(written.camera.resized(*SIZE))
+
+
+@pytest.fixture(scope="module")
+def live(base):
+    """A server at work in a thread of its own."""
+    studio = Studio(base)
+    server = Server(studio, first=msgspec.structs.replace(wanted_of(base, studio.engines[0]), samples=4))
+    loop = asyncio.new_event_loop()
+    task = loop.create_task(server.serve())
+
+    def run() -> None:
+        asyncio.set_event_loop(loop)
+        with pytest.raises(asyncio.CancelledError):
+            loop.run_until_complete(task)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    yield server
+    loop.call_soon_threadsafe(task.cancel)
+    thread.join()
+    loop.close()
+
+
+# ------------------------------------------------------------------------------------------ what may be asked
+
+
+def test_a_wish_survives_json_and_the_link(base):
+    wish = msgspec.structs.replace(wanted_of(base, "numpy64"), rung="sky", depth=3, samples=16)
+    text = msgspec.json.encode(wish)
+    assert from_json(text) == wish
+    link = "http://127.0.0.1:1/#view=" + base64.urlsafe_b64encode(text).decode().rstrip("=")
+    assert from_link(link) == wish
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('{"rung": "radiosity"}', "rung"),
+        ('{"engine": "gpu"}', "engine"),
+        ('{"samples": 100000}', "4096"),
+        ('{"depth": 1}', "2"),
+        ('{"photo": "/etc/passwd"}', "photo"),
+        ('{"spheres": [{"center": [0, 0, 0], "radius": -1}]}', "radius"),
+        ('{"sun": {"to_light": [0, 0, NaN]}}', "invalid"),
+        ("[]", "object"),
+        ("{", "truncated"),
+    ],
+)
+def test_what_may_not_be_asked_is_named(text, said):
+    with pytest.raises(InputError, match=said):
+        from_json(text)
+
+
+def test_the_saved_scene_is_the_one_that_was_shown(base, tmp_path):
+    wish = wanted_of(base, "numpy64")
+    sphere = msgspec.structs.replace(wish.spheres[0], center=(0.01, 0.02, 0.06), radius=0.03)
+    wish = msgspec.structs.replace(wish, spheres=(sphere, *wish.spheres[1:]))
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "scene.toml").write_text(scene_toml(base, wish, base.camera), encoding="utf-8")
+    again = files.read_scene(tmp_path / "mine").scene
+    assert msgspec.structs.replace(again, name=base.name) == wish.scene(base)
+
+
+# ------------------------------------------------------------------------------------------ what is rendered
+
+
+class Slow:
+    """A studio whose passes wait to be let on."""
+
+    def __init__(self) -> None:
+        self.begun, self.go = threading.Event(), threading.Event()
+
+    def passes(self, wanted):
+        for _ in range(3):
+            self.begun.set()
+            self.go.wait(30)
+            yield {"kind": "picture"}, ()
+
+
+@pytest.fixture
+def slow():
+    """(a studio that waits, a worker at it, what the page was told: by each message's head)"""
+    studio, told_of = Slow(), []
+    worker, loop = Worker(studio), asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever)
+    thread.start()
+
+    async def tell(message: bytes) -> None:
+        told_of.append(json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")]))
+
+    worker.start(loop)
+    yield studio, worker, told_of, tell
+    studio.go.set()
+    worker.stop()
+    worker.thread.join()
+    loop.call_soon_threadsafe(loop.stop)
+    thread.join()
+    loop.close()
+
+
+def wait_for(true) -> None:
+    deadline = time.monotonic() + 30
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+def test_of_wishes_in_a_row_only_the_first_and_the_last_are_rendered(slow):
+    studio, worker, told_of, tell = slow
+    worker.want(1, Wanted(), tell)
+    assert studio.begun.wait(30)
+    for number in range(2, 8):
+        worker.want(number, Wanted(), tell)
+    studio.go.set()
+    for count in range(1, 5):
+        wait_for(lambda count=count: len(told_of) == count)
+        worker.answer(told_of[-1]["sent"], tell)
+    assert worker.rendered == [1, 7]
+    assert [head["number"] for head in told_of] == [1, 7, 7, 7]  # the first was stopped between two of its passes
+
+
+def test_no_picture_is_sent_before_the_page_answered_the_last(slow):
+    studio, worker, told_of, tell = slow
+    studio.go.set()
+    worker.want(1, Wanted(), tell)
+    wait_for(lambda: told_of)
+    time.sleep(0.1)
+    assert len(told_of) == 1
+    worker.answer(1, tell)
+    wait_for(lambda: len(told_of) == 2)
+
+
+def test_a_page_that_takes_over_is_told_nothing_of_the_others_wishes(slow):
+    """Their numbers are its own: a higher one of another page's would pass for a later wish."""
+    studio, worker, told_of, tell = slow
+    mine = []
+
+    async def other(message: bytes) -> None:
+        mine.append(json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")]))
+
+    worker.want(7, Wanted(), tell)
+    assert studio.begun.wait(30)
+    worker.want(1, Wanted(), other)
+    studio.go.set()
+    wait_for(lambda: mine)
+    assert (told_of, mine[0]["number"]) == ([], 1)
+
+
+def test_passes_go_on_with_twice_the_samples_until_all_are_there(base):
+    wish = msgspec.structs.replace(wanted_of(base, "drjit32"), samples=4)
+    events = [event for event, _ in Studio(base).passes(wish)]
+    points = [(e["side"], e["samples"]) for e in events if e["kind"] == "point"]
+    assert points == [("tracer", 1), ("twin", 1), ("twin", 2), ("twin", 4)]
+    errors = {(e["side"], e["samples"]): e["error"] for e in events if e["kind"] == "point"}
+    # The tracer lacks light, which no samples bring; the twin's noise falls as 1/sqrt(n).
+    assert 1.2 < errors["twin", 1] / errors["twin", 4] < 3.3
+    assert [e["kind"] for e in events].count("ledger") == 1
+    assert events[-1]["kind"] == "rest"
+    moving = [event["kind"] for event, _ in Studio(base).passes(msgspec.structs.replace(wish, moving=True))]
+    assert moving == ["picture", "picture"]
+
+
+def test_any_subject_stands_in_the_tracers_place(base, tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "import numpy as np\ndef render(scene):\n    return np.full((scene['height'], scene['width'], 3), 0.25)\n"
+    )
+    studio = Studio(base, find_subject(f"{file}:render", "shadow"))
+    wish = msgspec.structs.replace(wanted_of(base, "drjit32"), twin_rung="shadow")
+    events = list(studio.passes(wish))
+    planes, words = next((e["planes"], blobs) for e, blobs in events if e["kind"] == "pair")
+    at = {plane["name"]: i for i, plane in enumerate(planes)}
+    r, d = (
+        np.frombuffer(words[at[name]], np.float16).astype(np.float64) * 2.0 ** planes[at[name]]["shift"]
+        for name in ("R", "dR")
+    )
+    assert r + d == pytest.approx(0.25, abs=1e-3)
+
+
+@pytest.mark.parametrize("rung", ["path", "sky"])
+def test_the_ways_of_a_pixels_samples_average_to_the_pixel(base, rung):
+    scene, n, depth = base.scene, 32, 2 if rung == "sky" else 5
+    image = trace_paths(scene, depth, n, seed=0).mean
+    for x, y in ((40, 40), (60, 30), (3, 3)):
+        ways = [way_of_light(scene, x, y, rung, depth, sample) for sample in range(n)]
+        assert np.mean([way.light for way in ways], axis=0) == pytest.approx(image[y, x], rel=1e-5)
+
+
+@pytest.mark.parametrize("rung", ["lambert", "shadow"])
+def test_the_way_of_a_rung_without_samples_brings_the_pixels_radiance(base, rung):
+    image = trace(base.scene, rung).mean
+    for x, y in ((40, 40), (60, 30), (75, 30), (3, 3)):
+        way = way_of_light(base.scene, x, y, rung)
+        assert way.light == pytest.approx(image[y, x], rel=1e-5)
+        if len(way.legs) > 1:
+            assert np.sum([leg.light for leg in way.legs], axis=0) == pytest.approx(image[y, x], rel=1e-5)
+
+
+# ------------------------------------------------------------------------------------------ who may ask
+
+
+def answer(
+    server: Server, path: str, method: str = "GET", body: str | None = None, **headers: str
+) -> http.client.HTTPResponse:
+    link = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)
+    link.putrequest(method, path, skip_host=True)
+    for name, value in headers.items():
+        link.putheader(name.replace("_", "-"), value)
+    link.putheader("Content-Length", str(len(body or "")))
+    link.endheaders((body or "").encode())
+    response = link.getresponse()
+    response.read()
+    link.close()
+    return response
+
+
+def test_only_the_own_host_with_the_token_is_served(live):
+    host, cookie = f"127.0.0.1:{live.port}", f"{live.cookie}={live.token}"
+    assert answer(live, "/", Host=host, Cookie=cookie).status == 200
+    first = answer(live, f"/?token={live.token}", Host=host)
+    assert first.status == 200
+    assert {"HttpOnly", "SameSite=Strict"} <= set(first.headers["Set-Cookie"].split("; "))
+    assert "default-src 'none'" in first.headers["Content-Security-Policy"]
+    for path in ("/", "/viewer.js", "/explore.js", "/scene.toml", "/socket"):
+        for headers in (
+            {"Host": host},
+            {"Host": host, "Cookie": f"{live.cookie}={'0' * 32}"},
+            {"Host": f"localhost:{live.port}", "Cookie": cookie},
+            {"Host": f"{host}.evil.example", "Cookie": cookie},
+            {"Host": "evil.example", "Cookie": cookie},
+        ):
+            assert answer(live, path, **headers).status == 403, (path, headers)
+    assert answer(live, f"/?token={'f' * 32}", Host=host).status == 403
+
+
+@pytest.mark.parametrize(
+    "origin", [None, "null", "http://evil.example", "http://127.0.0.1", "https://127.0.0.1:{port}"]
+)
+def test_a_socket_or_a_saved_scene_needs_the_own_origin(live, origin):
+    upgrade = {
+        "Host": f"127.0.0.1:{live.port}", "Cookie": f"{live.cookie}={live.token}",
+        "Upgrade": "websocket", "Connection": "Upgrade",
+        "Sec_WebSocket_Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec_WebSocket_Version": "13",
+    }  # fmt: skip
+    other = {} if origin is None else {"Origin": origin.format(port=live.port)}
+    assert answer(live, "/socket", **upgrade, **other).status == 403
+    assert answer(live, "/socket", **upgrade, Origin=live.origin).status == 101
+    kept = {name: upgrade[name] for name in ("Host", "Cookie")}
+    text = msgspec.json.encode(live.first).decode()
+    assert answer(live, "/scene.toml", "POST", text, **kept, **other).status == 403
+    assert answer(live, "/scene.toml", "POST", text, **kept, Origin=live.origin).status == 200
+    assert answer(live, "/scene.toml", "POST", "{", **kept, Origin=live.origin).status == 400
+
+
+def test_a_port_that_is_taken_is_named(live, scenes):
+    refused(raytwin("explore", scenes / "overlap", "--no-browser", "--port", live.port), "--port", str(live.port))
+
+
+LISTENING = """
+import runpy, signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+runpy.run_module("raytwin", run_name="__main__")
+"""
+"""What a shell starts in the background does not hear Ctrl-C, nor what that starts."""
+
+
+def test_ctrl_c_ends_it(scenes):
+    command = [sys.executable, "-u", "-c", LISTENING, "explore", str(scenes / "overlap"), "--no-browser"]
+    command += ["--size", "40x30"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+        try:
+            line = run.stdout.readline()
+            assert re.fullmatch(r"overlap at http://127\.0\.0\.1:\d+/\?token=[0-9a-f]{32}\n", line)
+            run.stdout.readline()
+            time.sleep(0.2)
+            run.send_signal(signal.SIGINT)
+            out, err = run.communicate(timeout=60)
+        finally:
+            run.kill()
+    assert run.returncode == 0
+    assert out == "ended\n"
+    assert "Traceback" not in err
+
+
+# ------------------------------------------------------------------------------------------ in a browser
+
+
+REST = "document.body.dataset.rest"
+
+
+class Page:
+    """The page at an address, at rest; every request, and what stood on the console."""
+
+    def __init__(self, browser, address: str, width: int = 1300, ready: str = REST) -> None:
+        size = {"width": width, "height": 844 if width < 500 else 900}
+        self.context = browser.new_context(viewport=size, has_touch=width < 500)
+        self.page = self.context.new_page()
+        self.requests, self.console = [], []
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("console", lambda message: self.console.append(message.text))
+        self.page.on("pageerror", lambda error: self.console.append(str(error)))
+        self.page.goto(address)
+        self.until(ready)
+
+    def until(self, expression: str) -> None:
+        deadline = time.monotonic() + 300
+        while not self.page.evaluate(f"Boolean({expression})"):
+            assert time.monotonic() < deadline, f"{expression}: {self.page.inner_text('#state')}"
+            time.sleep(0.02)
+
+    def viewer(self, expression: str):
+        return self.page.evaluate(f"document.getElementById('viewer').viewer.{expression}")
+
+    def rest(self) -> str:
+        """The number of the wish that has come to rest."""
+        return self.page.evaluate("document.body.dataset.rest")
+
+    def click(self, title: str) -> None:
+        before = self.rest()
+        self.page.get_by_role("button", name=title, exact=True).first.click()
+        self.until(f"document.body.dataset.rest !== '{before}'")
+
+    def slide(self, label: str, value: float) -> None:
+        """Move a slider, and wait for all that follows."""
+        before = self.rest()
+        self.page.locator("#controls label", has_text=label).locator("input[type=range]").first.evaluate(
+            "(input, value) => { input.value = value; "
+            "for (const kind of ['input', 'change']) input.dispatchEvent(new Event(kind)); }",
+            value,
+        )
+        self.until(f"document.body.dataset.rest !== '{before}'")
+
+
+@pytest.fixture(scope="module")
+def opened(chromium, live):
+    return Page(chromium, live.address)
+
+
+@pytest.fixture
+def page(opened):
+    """One page for all, as it was first."""
+    opened.click("Reset")
+    return opened
+
+
+def test_the_inspector_tells_what_was_rendered(page, base):
+    scene = base.scene
+    tracer = trace(scene, "shadow", "drjit32")
+    for x, y in ((40, 40), (60, 30), (20, 50), (2, 2)):
+        here = page.viewer(f"read({x}, {y})")
+        for (value, doubt), true in zip(here["test"], tracer.mean[y, x], strict=True):
+            assert abs(value - true) <= doubt * 1.01 + 1e-9
+        assert here["objects"][0] == (
+            "background" if tracer.surface.ids[y, x] < 0 else scene.names[tracer.surface.ids[y, x]]
+        )
+    assert page.console == []
+    assert all(re.match(r"(http|ws)://127\.0\.0\.1:\d+/|data:|blob:", url) for url in page.requests), page.requests
+
+
+def test_a_slider_that_moves_changes_the_picture_the_chart_and_the_link(page):
+    before, chart = page.viewer("read(40, 40)")["test"][0][0], page.page.inner_html("#chart div")
+    address = page.page.url
+    page.slide("elevation", 80)
+    after = page.viewer("read(40, 40)")["test"][0][0]
+    assert abs(after - before) > 0.05
+    assert page.page.inner_html("#chart div") != chart
+    assert page.page.url != address
+    told_sun = from_link(page.page.url).sun.to_light
+    assert np.degrees(np.arcsin(told_sun[2])) == pytest.approx(80, abs=0.5)
+
+
+def test_a_link_opens_the_view_that_it_was_copied_from(chromium, live, page):
+    page.slide("sky", 1.5)
+    again = Page(chromium, live.address + "#view=" + page.page.url.partition("#view=")[2])
+    assert again.viewer("read(2, 2)")["test"][2][0] == pytest.approx(page.viewer("read(2, 2)")["test"][2][0], rel=1e-3)
+    assert again.viewer("read(2, 2)")["test"][2][0] == pytest.approx(1.5, rel=1e-3)
+    again.context.close()
+
+
+def test_a_sphere_is_dragged_and_the_rest_stays(page, base):
+    names = base.scene.names
+    u, v = middle_of(base.scene, "sphere 1")
+    box = page.page.locator("#viewer canvas").first.bounding_box()
+    scale = box["width"] / SIZE[0]
+    before = page.rest()
+    page.page.mouse.move(box["x"] + (u + 0.5) * scale, box["y"] + (v + 0.5) * scale)
+    page.page.mouse.down()
+    page.page.mouse.move(box["x"] + (u + 8.5) * scale, box["y"] + (v + 0.5) * scale, steps=4)
+    page.page.mouse.up()
+    page.until(f"document.body.dataset.rest !== '{before}'")
+    wish = from_link(page.page.url)
+    assert wish.spheres[0] == base.spheres[0]
+    moved = np.subtract(wish.spheres[1].center, base.spheres[1].center)
+    assert moved[2] == pytest.approx(0, abs=1e-9)  # over the board
+    assert np.linalg.norm(moved) > 0.005
+    shifted = trace(wish.scene(base), "surface").surface.ids
+    after = int(np.median(np.nonzero(shifted == names.index("sphere 1"))[1]))
+    assert after - u == pytest.approx(8, abs=2)
+
+
+def test_zoom_is_linked_and_a_pixels_way_of_light_is_told(page):
+    page.viewer("look(40, 40, 20)")
+    tops = page.page.evaluate(
+        "((v) => [...v.panes.values()].map((p) => v.frame_of(p)).map((f) => [f.left, f.top, f.s]))"
+        "(document.getElementById('viewer').viewer)"
+    )
+    assert all(top == pytest.approx(tops[0]) for top in tops)
+    page.page.check("#show-way")
+    page.viewer("keep(40, 40)")
+    page.until("!document.getElementById('way').hidden")
+    assert "Pixel 40, 40" in page.page.inner_text("#way")
+
+
+def test_a_scene_that_cannot_be_rendered_is_told_in_the_page(chromium, live, base):
+    """Two sheets in one place."""
+    wish = msgspec.structs.replace(live.first, planes=(base.planes[0], base.planes[0]))
+    address = "#view=" + base64.urlsafe_b64encode(msgspec.json.encode(wish)).decode().rstrip("=")
+    shown = Page(chromium, live.address + address, ready="document.querySelector('#state.bad')")
+    assert "a surface apart from all others" in shown.page.inner_text("#state")
+    assert shown.console == []
+    shown.context.close()
+
+
+def test_on_a_phone_controls_lie_below_the_picture_that_they_change(chromium, live):
+    phone = Page(chromium, live.address, width=390)
+    where = """(() => {
+      const box = (found) => found.getBoundingClientRect();
+      const { canvas } = document.getElementById("viewer").viewer.shown()[0];
+      const sun = [...document.querySelectorAll("#controls label")].find((l) => l.textContent.startsWith("elevation"));
+      sun.scrollIntoView({ block: "nearest" });
+      return [box(canvas).bottom, box(document.getElementById("controls")).top, box(sun).bottom, innerHeight];
+    })()"""
+    picture, sheet, slider, screen = phone.page.evaluate(where)
+    assert picture <= sheet < slider < screen + 1
+    phone.page.get_by_role("button", name="Controls").tap()
+    assert phone.page.evaluate(where)[1] > screen - 60
+    assert phone.page.evaluate("document.documentElement.scrollWidth") <= 390
+    phone.page.evaluate("scrollTo(0, 0)")
+    phone.page.get_by_role("button", name="Controls").tap()
+    assert barriers(phone.page) == []
+    assert phone.console == []
+    phone.context.close()
+
+
+def test_a_finger_drags_a_sphere_and_two_zoom(chromium, live, base):
+    phone = Page(chromium, live.address, width=390)
+    u, v = middle_of(base.scene, "sphere 1")
+    box = phone.page.locator("#viewer canvas:visible").first.bounding_box()
+    scale = box["width"] / SIZE[0]
+    x, y = box["x"] + (u + 0.5) * scale, box["y"] + (v + 0.5) * scale
+    touch = phone.context.new_cdp_session(phone.page)
+
+    def send(kind: str, *points: tuple[float, float]) -> None:
+        fingers = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": fingers})
+
+    before = phone.rest()
+    send("touchStart", (x, y))
+    for step in range(1, 5):
+        send("touchMove", (x, y + 6 * step))
+    send("touchEnd")
+    phone.until(f"document.body.dataset.rest !== '{before}'")
+    moved = np.subtract(from_link(phone.page.url).spheres[1].center, base.spheres[1].center)
+    assert np.linalg.norm(moved) > 0.005
+    assert phone.page.evaluate("scrollY") == 0
+    left, top = box["x"] + 0.2 * box["width"], box["y"] + 0.2 * box["height"]  # beside all spheres
+    send("touchStart", (left, top), (left + 20, top))
+    send("touchMove", (left, top), (left + 40, top))
+    send("touchEnd")
+    assert phone.viewer("view.span") == pytest.approx(SIZE[0] / 2, rel=0.02)
+    phone.context.close()
+
+
+def test_axe_core_finds_nothing_serious(page):
+    page.page.emulate_media(color_scheme="dark")
+    page.page.check("#show-way")
+    page.viewer("keep(40, 40)")
+    page.until("!document.getElementById('way').hidden")
+    assert barriers(page.page) == []
+    page.page.emulate_media(color_scheme="light")
+
+
+def test_a_studio_at_play_keeps_no_memory(base):
+    """Passes again and again hold on to nothing: the process grows by less than a tenth of what they made."""
+    resource = pytest.importorskip("resource")
+    studio, wish = Studio(base), msgspec.structs.replace(wanted_of(base, "drjit32"), moving=True, twin_rung="shadow")
+
+    def play(n: int) -> int:
+        made = 0
+        for k in range(n):
+            sphere = msgspec.structs.replace(wish.spheres[0], center=(0.001 * k, 0.0, 0.05))
+            for event, blobs in studio.passes(msgspec.structs.replace(wish, spheres=(sphere, *wish.spheres[1:]))):
+                made += len(told(event, blobs)) + 10 * base.camera.width * base.camera.height * 12
+        return made
+
+    play(20)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    made = play(50)
+    assert 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) < made / 10
+
+
+PLAY = float(os.environ.get("RAYTWIN_PLAY", "0"))
+"""Seconds; 600 is the long form: `RAYTWIN_PLAY=600 python -m pytest -n 0 -s tests/live -k page_at_play`."""
+
+
+def test_a_page_at_play_keeps_no_memory(chromium, live, base):
+    """After the first third no more of the script's heap, nodes and listeners; in the long form, at 800 x 600 and with
+    a server of its own, no more of the memory of the server and of all the browser's processes either."""
+    size = (800, 600) if PLAY else SIZE
+    with playing(size) if PLAY else contextlib.nullcontext((live.address, None)) as (address, pid):
+        shown = Page(chromium, address)
+        at = middle_of(base.scene.with_camera(base.camera.resized(*size)), "sphere 1")
+        rows = []
+        for part in range(13 if PLAY else 4):
+            felt = drag(shown.page, at, PLAY / 12 if PLAY else 0.3) if part else []
+            rows.append({**held(shown.page), **(memory(pid) if pid else {})})
+            print(rows[-1], *felt, sep="; ")
+        shown.context.close()
+    early, late = rows[len(rows) // 3], rows[-1]
+    assert late["heap, MB"] < early["heap, MB"] + 1 + (PLAY > 0) * 10  # a picture's values may or may not be among it
+    assert late["nodes"] < early["nodes"] + 100
+    assert late["listeners"] <= early["listeners"]
+    for process in ("server, MB", "browser, MB"):
+        assert late.get(process, 0) < 1.15 * early.get(process, 1)
+
+
+def test_a_map_is_scaled_and_turned_and_never_named_by_the_page(scenes, tmp_path):
+    folder = tmp_path / "lit"
+    folder.mkdir()
+    files.write_image(folder / "sky.exr", Image(np.ones((4, 8, 3), np.float32)))
+    text = re.sub(r"\[sky\]\n(?:.+\n)*", "", (scenes / "single" / "scene.toml").read_text())
+    (folder / "scene.toml").write_text(f'{text}\n[sky]\nmap = "sky.exr"\nscale = 0.5\n')
+    base = files.read_scene(folder)
+    wish = wanted_of(base, "numpy64")
+    assert "sky.exr" not in msgspec.json.encode(wish).decode()
+    assert wish.scene(base).lights == base.scene.lights
+    brighter = msgspec.structs.replace(wish, sky=msgspec.structs.replace(wish.sky, scale=2.0, rotation=90.0))
+    assert brighter.scene(base).environment.radiance == pytest.approx(2.0)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "scene.toml").write_text(scene_toml(base, brighter, base.camera), encoding="utf-8")
+    again = files.read_scene(tmp_path / "mine").scene
+    assert again.lights == brighter.scene(base).lights

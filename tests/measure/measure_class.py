@@ -1,0 +1,104 @@
+"""What grading a class costs: `nice python tests/measure/measure_class.py FOLDER [N] [JOBS]`.
+
+100 submissions, 5 scenes.
+
+A third are right, most of the others have a mistake each, one in ten crashes, hangs, floods or is none. In seconds of
+computing, since the clock tells of the machine's other work: the grader's own, and that of the submissions' processes.
+"""
+
+import resource
+import sys
+import time
+from collections import Counter
+from functools import partial
+from pathlib import Path
+
+import submitted_tracers as tracers
+from tracers_by_students import CORRECT, MISTAKES, mistaken
+
+from raytwin.grade.class_run import Job, collect, jobs_of, work
+from raytwin.parallel import Spread, over
+from raytwin.sandbox.sandbox import Code, Sandbox
+
+RUBRIC = """
+title = "A hundred tracers"
+seed = 7
+[[exercises]]
+name = "image"
+stage = "render"
+scenes = ["single", "overlap"]
+rung = "lambert"
+points = 40
+[[exercises]]
+name = "shadows"
+stage = "render"
+drawn = 3
+points = 60
+[limits]
+seconds = 60
+seconds_a_call = 10
+"""
+BROKEN = (
+    "",
+    "def render(:",
+    "import nothing_of_mine",
+    "import os\nos._exit(1)",
+    "def render(scene):\n    while True: pass",
+    "def render(scene):\n    while True: print('x' * 100_000)",
+    "def render(scene):\n    x = []\n    while True: x.append(bytearray(10**7))",
+    "import os, time\ndef render(scene):\n    for _ in range(60): os.fork()\n    time.sleep(600)",
+    "import ctypes\ndef render(scene): ctypes.string_at(0)",
+    "def render(scene): return None",
+)
+SWAP = "\nfrom numpy import indices, minimum\ndef SWAP(img):\n    h, w = img.shape[:2]\n    v, u = indices((h, w))\n"
+SWAP += "    return img[minimum(u, h - 1), minimum(v, w - 1)]\n"
+
+
+def submissions(count: int) -> list[str]:
+    right = [mistaken(*one) for one in CORRECT] + [tracers.RIGHT + f"\n# by {k}\n" for k in range(count)]
+    wrong = [mistaken(text, old, new) + SWAP for _, text, old, new in MISTAKES[:: max(1, 100 // count)]]
+    wrong = [*wrong, *(tracers.tracer(name) for name in ("pi", "gamma", "nan", "shape", "raises"))]
+    broken = [text + f"\n# by {k}\n" for k in range(count) for text in BROKEN]
+    chosen = [right[: count // 3], broken[: count // 10]]
+    return [text for part in (*chosen, wrong[: count - sum(map(len, chosen))]) for text in part]
+
+
+def cpu() -> tuple[float, float]:
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return used[0].ru_utime + used[0].ru_stime, used[1].ru_utime + used[1].ru_stime
+
+
+def measured(job: Job, out: str) -> tuple[float, float]:
+    before = cpu()
+    work(job, out)
+    return tuple(b - a for a, b in zip(before, cpu(), strict=True))  # type: ignore[return-value]
+
+
+def main(folder: Path, count: int = 100, jobs: int = 2) -> None:
+    (folder / "in").mkdir(parents=True, exist_ok=True)
+    (folder / "rubric.toml").write_text(RUBRIC)
+    for number, text in enumerate(submissions(count)):
+        (folder / "in" / f"student {number:03}.py").write_text(text)
+    asked = jobs_of(folder / "in", folder / "rubric.toml")
+    before, began = cpu(), time.monotonic()
+    with Sandbox(Code(source="import numpy\ndef f(): pass", asked=("f",))):
+        pass
+    start = cpu()[1] - before[1]
+    done = {d.thing.key: d.result for d in over(partial(measured, out=str(folder / "out")), asked, Spread(jobs))}
+    print(f"{len(done)} submissions, {jobs} at a time: {time.monotonic() - began:.0f} s")
+    results = collect(asked, folder / "out")
+    for name, chosen in (
+        ("right", [r for r in results if r.all_passed]),
+        ("wrong", [r for r in results if any(e.status == "fail" for e in r.exercises)]),
+        ("neither", [r for r in results if not r.all_passed and all(e.status != "fail" for e in r.exercises)]),
+    ):
+        spent = [done[r.key] for r in chosen]
+        own, theirs = (sum(s[k] for s in spent) / max(1, len(spent)) for k in (0, 1))
+        print(f"{name:8} {len(chosen):3}: {own:.2f} s each, and {theirs:.2f} s in their processes")
+    total = sum(own for own, _ in done.values()) / len(done) + start
+    print(f"overhead: {total:.2f} s each, with {start:.2f} s in which a process begins")
+    print(Counter(e.status for r in results for e in r.exercises))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), *map(int, sys.argv[2:]))

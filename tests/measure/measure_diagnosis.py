@@ -1,0 +1,140 @@
+"""How often the right cause is named: `python tests/measure/measure_diagnosis.py alone | ways | students | pairs [N]`.
+
+Faults of the catalogue planted alone, in each of their ways or by two, on drawn scenes as a rubric has them: three with
+shadows, one without; mistakes in tracers that students wrote; and right tracers, which must not be blamed. Then the
+faults that look alike: which is named where which was planted.
+"""
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from tracers_by_students import CORRECT, MISTAKES, mistaken, run
+
+from raytwin.diagnose.catalogue import FAULTS, SAMPLING, Fault
+from raytwin.diagnose.diagnosis import FEW, Diagnosis, View, diagnose
+from raytwin.diagnose.draw_scene import draw_scene
+from raytwin.diagnose.predict import RIGHT, Bench
+from raytwin.renderers.scene_exchange import as_arrays
+
+SCENES = [(draw_scene(seed), "shadow" if seed < 3 else "lambert") for seed in range(4)]
+
+
+def planted(changes: Iterable[Callable[[Any], Any]]) -> list[View]:
+    steps, made = RIGHT, []
+    for change in changes:
+        steps = change(steps)
+    for scene, rung in SCENES:
+        h, w = scene.camera.height, scene.camera.width
+        v, u = np.indices((h, w), float).reshape(2, -1)
+        bench = Bench(scene, u, v, rung == "shadow")
+        with np.errstate(all="ignore"):
+            bench.brightest = float(bench.radiance(RIGHT).max())
+            shown = np.asarray(steps.output(bench.radiance(steps), bench.brightest)).reshape(h, w, 3)
+        made.append(View(scene, shown, rung=rung))
+    return made
+
+
+class Tally:
+    """Counts, a line for each that is not named first and alone, and what was taken for what."""
+
+    def __init__(self) -> None:
+        self.counts = dict.fromkeys(
+            ("all", "hidden", "detected", "named first", "first three", "some of them", "false at sure"), 0
+        )
+        self.seconds = 0.0
+        self.confused: Counter[tuple[str, str]] = Counter()
+
+    def take(self, wanted: set[str], label: str, made: Diagnosis, allowed: set[str], seconds: float) -> None:
+        """`wanted`: names that all must be found; `allowed`: any one of them is right where one is wanted."""
+        first = {cause.name for cause in made.causes}
+        all_ = first | {cause.name for others in made.alternatives for cause in others[:2]}
+        self.seconds += seconds
+        self.counts["all"] += 1
+        self.counts["hidden"] += made.right
+        self.counts["detected"] += not made.right
+        good = first == wanted or (len(wanted) == 1 and len(first) == 1 and bool(first & allowed))
+        near = wanted <= all_ or bool(all_ & allowed and len(wanted) == 1)
+        self.counts["named first"] += good
+        self.counts["first three"] += good or near
+        self.counts["some of them"] += bool(first & (wanted | allowed)) and not (good or near)
+        self.counts["false at sure"] += made.sureness == "sure" and not (good or near)
+        if not good and not made.right:
+            named = " and ".join(sorted(first)) or "unknown"
+            others = sorted(all_ - first)
+            self.confused[label, named + (f" or {' or '.join(others)}" if others else "")] += 1
+            nearest = made.nearest.name if made.nearest else "-"
+            print(f"{label}: {sorted(first)} or {others}, nearest {nearest}, {made.sureness}", flush=True)
+
+    def tell(self) -> None:
+        print(self.counts, f"{self.seconds / max(self.counts['all'], 1):.2f} CPU seconds each", flush=True)
+        for (planted_, named), times in sorted(self.confused.items()):
+            print(f"{planted_:34} -> {named}{f' ({times} times)' if times > 1 else ''}")
+
+
+def timed(views: list[View]) -> tuple[Diagnosis, float]:
+    start = time.process_time()
+    return diagnose(views), time.process_time() - start
+
+
+def pictures(text: str) -> list[View]:
+    made = run(text, [as_arrays(scene, rung) for scene, rung in SCENES])
+    return [View(scene, picture, rung=rung) for (scene, rung), picture in zip(SCENES, made, strict=True)]
+
+
+def of_students() -> None:
+    tally, blamed = Tally(), 0
+    for variation in CORRECT:
+        blamed += bool(timed(pictures(mistaken(*variation)))[0].causes)
+    for wanted, text, old, new in MISTAKES:
+        made, seconds = timed(pictures(mistaken(text, old, new)))
+        tally.take({wanted[0]}, wanted[0], made, set(wanted), seconds)
+    print(f"right tracers that were blamed: {blamed} of {len(CORRECT)}")
+    tally.tell()
+
+
+def seen_of(faults: Sequence[tuple[Fault, Any]]) -> list[Fault]:
+    """Those without which the pictures would be others."""
+    whole = planted([way for _, way in faults])
+    kept = []
+    for fault in faults:
+        without = planted([way for other, way in faults if other is not fault[0]])
+        with np.errstate(invalid="ignore"):
+            pairs = zip(whole, without, strict=True)
+            if any((~(np.abs(a.shown - b.shown) <= 1e-5)).any(axis=-1).sum() >= FEW for a, b in pairs):
+                kept.append(fault[0])
+    return kept
+
+
+def of_faults(chosen: Iterable[Sequence[tuple[Fault, Any]]]) -> None:
+    """Wanted of two are those that show beside the other."""
+    tally = Tally()
+    for faults in chosen:
+        names = {f.name for f in (seen_of(faults) if len(faults) > 1 else (faults[0][0],))}
+        made, seconds = timed(planted([way for _, way in faults]))
+        tally.take(
+            names, " + ".join(f.name if f.name in names else f"({f.name})" for f, _ in faults), made, names, seconds
+        )
+    tally.tell()
+
+
+def main() -> None:
+    what, number = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 60
+    direct = [f for f in FAULTS if f.stage != SAMPLING]
+    if what == "students":
+        of_students()
+    elif what == "alone":
+        of_faults([(f, f.ways[0])] for f in direct)
+    elif what == "ways":
+        of_faults([(f, way)] for f in direct for way in f.ways)
+    else:
+        rng = np.random.default_rng(0)
+        two = (rng.choice(len(direct), 2, replace=False) for _ in range(number))
+        of_faults([(direct[i], direct[i].ways[0]) for i in pair] for pair in two)
+
+
+if __name__ == "__main__":
+    main()

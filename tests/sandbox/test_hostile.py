@@ -1,0 +1,180 @@
+"""Each hostile submission gets its right verdict; the grader lives, and the next submission is unharmed."""
+
+import os
+import re
+import socket
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import attacks
+import numpy as np
+import pytest
+
+from raytwin.sandbox.lock import HELD, _without
+from raytwin.sandbox.sandbox import Code, Limits, Sandbox, group_of, probe
+
+NAMES = re.findall(r"@tried\ndef (\w+)", attacks.ATTACKS)
+OTHERS = re.findall(r"^def (\w+)\(\)", attacks.ATTACKS, re.MULTILINE)
+SHORT = Limits(
+    seconds=20, seconds_a_call=0.5, cpu_seconds=20, memory_mb=200, folder_mb=8, file_mb=4, processes=12, output_mb=2,
+    answer_mb=4,
+)  # fmt: skip
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="tries what POSIX has")
+
+
+@pytest.fixture(scope="module")
+def locks() -> dict[str, str]:
+    return probe()
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory):
+    """What became of every attack of one submission, all of which run in one process; and the grader's own files."""
+    folder = tmp_path_factory.mktemp("grader")
+    told = {"folder": str(folder), "name": f"raytwin-{os.getpid()}"}
+    for name in ("reference", "rubric", "results", "run_autograder"):
+        (folder / f"{name}.json").write_text("secret")
+        told[name] = str(folder / f"{name}.json")
+    for path in (folder, *folder.iterdir(), *folder.parents[:2]):  # as open as a careless grader's
+        with suppress(OSError):
+            path.chmod(0o777)
+    with socket.create_server(("127.0.0.1", 0)) as tcp, socket.socket(socket.AF_UNIX) as unix:
+        told["port"] = tcp.getsockname()[1]
+        if hasattr(os, "sched_getaffinity"):
+            unix.bind("\0" + told["name"])
+            unix.listen()
+        limits = Limits(seconds=60, memory_mb=400, answer_mb=4)
+        with Sandbox(Code(source=attacks.ATTACKS, asked=(*NAMES, *OTHERS)), limits) as child:
+            found = {name: child.call(name, told) for name in NAMES} | {n: child.call(n) for n in OTHERS}
+            pid = child._process.pid
+    return {**found, "folder": folder, "left": left_of(pid), "base": child._base}
+
+
+def left_of(pid: int) -> int:
+    """Processes of the group; those that are killed may need a moment to end."""
+    for _ in range(100):
+        if group_of(pid)[0] == 0:
+            break
+        time.sleep(0.02)
+    return group_of(pid)[0]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_attack_works(outcome, locks, name):
+    answer = outcome[name]
+    if not {"seccomp", "Landlock"} <= {n for n, held in locks.items() if held == HELD}:
+        pytest.skip(f"this machine lacks locks: {locks}")
+    assert answer.sort in ("", "error"), answer.problem
+    if answer.sort == "":
+        assert answer.arrays[0] == 0.0, f"{name} has worked"
+
+
+def test_the_graders_files_are_as_they_were(outcome):
+    assert {p.read_text() for p in outcome["folder"].iterdir()} == {"secret"}
+    assert not Path("/tmp/raytwin-hacked").exists()
+
+
+def test_no_process_and_no_folder_is_left_behind(outcome):
+    assert outcome["leaves_a_child_behind"].problem == ""
+    assert outcome["digs_deep"].problem == ""
+    assert outcome["left"] == 0
+    assert not outcome["base"].exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "word"),
+    [
+        ("returns_a_pickle_bomb", "not numbers"),
+        ("returns_objects", "not numbers"),
+        ("returns_nothing", "return"),
+        ("returns_far_too_much", "more than is taken"),
+        ("ends_python", "SystemExit"),
+        ("raises_what_cannot_be_printed", "cannot be printed"),
+        ("recurses", "RecursionError"),
+    ],
+)
+def test_what_is_no_array_of_numbers_is_said(outcome, name, word):
+    assert outcome[name].sort == "error"
+    assert word in outcome[name].problem
+
+
+def test_arrays_come_as_they_are_whatever_became_of_numpy_in_the_child(outcome):
+    np.testing.assert_array_equal(outcome["breaks_numpy"].arrays[0], [np.nan, np.inf])
+    assert outcome["returns_another_shape"].arrays[0].shape == (3, 0, 5)
+    assert not np.allclose(1, 2)
+
+
+def test_python_stays_readable_in_a_hidden_folder_and_what_is_hidden_in_it_does_not(tmp_path):
+    for name in ("course/.venv/lib/numpy", "course/.venv/lib/raytwin/shipped", "course/.venv/bin", "course/reference"):
+        (tmp_path / name).mkdir(parents=True)
+    course = tmp_path / "course"
+    found = dict(_without(course / ".venv", [course, course / ".venv" / "lib" / "raytwin"]))
+    names = {str(path.relative_to(course)): listed for path, listed in found.items()}
+    assert names == {".venv": True, ".venv/bin": False, ".venv/lib": True, ".venv/lib/numpy": False}
+
+
+@pytest.mark.parametrize("name", attacks.ENDINGS)
+def test_an_ending_has_its_reason_and_leaves_nothing(name):
+    ending = attacks.ENDINGS[name]
+    limits = SHORT
+    if name == "a loop that computes for too long":
+        limits = Limits(seconds=20, cpu_seconds=1)
+    if name == "an endless loop while it is loaded":
+        limits = Limits(seconds=0.8)
+    with Sandbox(Code(source=ending.source, asked=("f",)), limits) as child:
+        answer = child.call("f")
+        if not answer.problem:
+            answer = child.call("f")
+    assert (answer.sort or "none") in ending.sort.split(), answer
+    assert not ending.word or any(word in answer.problem for word in (ending.word, *ending.word.split(" ")[:2])), answer
+    assert left_of(child._process.pid) == 0
+    assert not child._base.exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone tells who waits for a core")
+@pytest.mark.parametrize("threads", [0, 1])
+def test_waiting_for_a_busy_core_is_not_counted(threads):
+    """Two others share the core, so that 0.25 s of computing take about 0.75 s, whether in a thread or not."""
+    source = (
+        "import threading, time\ndef work():\n"
+        " while time.process_time() < end: pass\n"
+        "def f(threads):\n global end\n end = time.process_time() + 0.25\n"
+        " todo = threading.Thread(target=work)\n"
+        " todo.start() if threads else work()\n todo.join() if threads else None\n return 1.0"
+    )
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(cores)})
+    others = []
+    try:
+        with Sandbox(Code(source=source, asked=("f",)), Limits(seconds_a_call=0.5)) as child:
+            os.sched_setaffinity(0, cores)
+            loop = [sys.executable, "-S", "-c", "while True: pass"]
+            others += [subprocess.Popen(loop, start_new_session=True) for _ in range(2)]
+            for other in others:
+                os.sched_setaffinity(other.pid, {min(cores)})
+            answer = child.call("f", threads)
+    finally:
+        os.sched_setaffinity(0, cores)
+        for other in others:
+            other.kill()
+            other.wait()
+    assert not answer.problem
+
+
+def test_the_next_submission_is_unharmed_and_what_it_prints_is_kept():
+    source = (
+        "import sys\nprint('loaded')\n"
+        "def f(a, scene):\n    print('called', file=sys.stderr)\n    return a @ scene['K'], a.T"
+    )
+    a = np.arange(9.0).reshape(3, 3)
+    with Sandbox(Code(source=source, asked=("f", "g"))) as child:
+        assert child.functions == ("f",)
+        answer = child.call("f", a, {"K": 2 * np.eye(3)})
+        assert child.call("g").sort == "missing"
+    np.testing.assert_array_equal(answer.arrays[0], 2 * a)
+    np.testing.assert_array_equal(answer.arrays[1], a.T)
+    assert {"loaded", "called"} <= set(child.printed.split())

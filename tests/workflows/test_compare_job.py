@@ -1,0 +1,178 @@
+"""The halves together: the tracer against Mitsuba on every shipped scene, and the photographed one whole."""
+
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+import pytest
+
+from raytwin import files, twin
+from raytwin.calib import synthetic_photos
+from raytwin.calib.find_camera import compare_truth, find_camera
+from raytwin.compare import compare
+from raytwin.errors import InputError
+from raytwin.renderers.subject_renderers import Traced, fast_engine
+from raytwin.scene import Camera
+from raytwin.scene.lens import Folds
+from raytwin.speed import trace
+from raytwin.workflows.compare_scene import compare_scene
+
+GIVEN = ["single", "overlap", "distorted", "grazing", "eclipse", "ball", "wedge"]
+
+
+@pytest.fixture(scope="module")
+def desk(scenes):
+    """`compare scenes/desk` at a quarter of the side: calibration in full, rendering small."""
+    twin.activate()
+    return compare_scene(scenes / "desk", size=(504, 378))
+
+
+def small(scenes, name: str):
+    scene = files.read_scene(scenes / name).scene
+    return scene.with_camera(scene.camera.resized(scene.camera.width // 2, scene.camera.height // 2))
+
+
+@pytest.mark.parametrize("rung", ["surface", "lambert", "shadow"])
+@pytest.mark.parametrize("name", GIVEN)
+def test_the_tracer_agrees_with_mitsuba_on_every_scene(scenes, name, rung):
+    twin.activate()
+    scene = small(scenes, name)
+    found = compare(
+        trace(scene, rung), twin.render(scene, rung, cache=False), tolerance=files.read_scene(scenes / name).tolerance
+    )
+    assert found.verdict == "pass", found.reasons
+    assert found.geometry.mask_mismatch_pixels == 0
+    assert found.radiance.p999_abs <= 1e-5
+
+
+@pytest.mark.parametrize("name", GIVEN)
+def test_a_missing_shadow_is_seen(scenes, name):
+    twin.activate()
+    scene = small(scenes, name)
+    found = compare(
+        trace(scene, "lambert"),
+        twin.render(scene, "shadow", cache=False),
+        tolerance=files.read_scene(scenes / name).tolerance,
+    )
+    # A sphere lit from the camera's back casts none that it could see; without a sun there is none.
+    assert found.verdict == ("pass" if name in ("single", "ball", "wedge") else "fail")
+
+
+def test_the_photographed_scene_agrees(desk):
+    c = desk.comparison
+    assert c.verdict == "pass", c.reasons
+    assert c.radiance.p999_abs <= 1e-5
+
+
+def test_the_calibration_finds_the_true_camera(desk):
+    rows = {row.name: row for row in desk.truth} or pytest.fail("no truth beside the photos")
+    for name in ("fx", "fy"):
+        assert abs(rows[name].found / rows[name].truth - 1) < 1e-3
+    for name in ("cx", "cy"):
+        assert abs(rows[name].found - rows[name].truth) < 1
+    for name in ("fx", "fy", "cx", "cy"):
+        assert abs(rows[name].found - rows[name].truth) < 4 * rows[name].sigma
+    assert rows["rotation off by"].found < 0.1
+    assert rows["eye off by"].found < 1
+    assert not desk.calibration.warnings
+
+
+def test_another_photo_moves_the_camera(scenes, desk):
+    scene, path, _, _ = find_camera(files.read_scene(scenes / "desk"), "photo_00.jpg")
+    assert path.name == "photo_00.jpg"
+    assert np.linalg.norm(np.subtract(scene.camera.eye, desk.scene.camera.eye)) > 0.05
+
+
+def test_a_photo_that_is_not_there_is_named(scenes):
+    with pytest.raises(InputError, match=r"--photo: expected one of photo_00\.jpg.*got nope\.jpg"):
+        find_camera(files.read_scene(scenes / "desk"), "nope.jpg")
+
+
+def test_a_given_camera_takes_no_photo(scenes):
+    with pytest.raises(InputError, match="--photo"):
+        find_camera(files.read_scene(scenes / "single"), "photo_00.jpg")
+
+
+def test_the_rung_that_the_tracer_lacks_differs_as_it_must_and_says_what_is_missing(scenes):
+    result = compare_scene(scenes / "overlap", rung="path", size=(160, 120), samples=64, cache=False)
+    assert result.comparison.verdict == "differs"
+    assert result.comparison.exit_code == 0
+    assert "the tracer renders shadow, which has less light than path" in result.comparison.reasons[0]
+    assert not any("shifted" in reason for reason in result.comparison.reasons)
+    assert any("without bounce 1 it is" in reason for reason in result.comparison.reasons)
+    assert result.comparison.reasons[-1] == "on its own rung, shadow, it agrees with the twin"
+    assert result.settings["rung of the tracer"] == "shadow"
+    assert result.settings["rung of the twin"] == "path"
+
+
+@dataclass(frozen=True)
+class Moved(Traced):
+    """The tracer with its first sphere 0.2 pixels to the right."""
+
+    def prepare(self, scene):
+        sphere, *others = scene.objects
+        K, R, t = (np.asarray(a) for a in (scene.camera.K, scene.camera.R_cam_board, scene.camera.t_cam_board))
+        aside = 0.2 * (R @ sphere.center + t)[2] / K[0, 0] * R[0]
+        moved = msgspec.structs.replace(sphere, center=tuple((sphere.center + aside).tolist()))
+        return super().prepare(msgspec.structs.replace(scene, objects=(moved, *others)))
+
+
+def test_a_bug_is_not_hidden_by_light_that_is_missing_on_purpose(scenes):
+    for subject, verdict in ((Traced(surface=True), "differs"), (Moved(surface=True), "fail")):
+        result = compare_scene(
+            scenes / "overlap", subject=subject, rung="path", size=(160, 120), samples=64, cache=False
+        )
+        assert result.comparison.verdict == verdict
+    *reasons, cause = result.comparison.reasons
+    assert all("on its own rung, shadow: " in reason for reason in reasons)
+    assert cause.startswith("cause")
+    assert result.comparison.exit_code == 1
+
+
+def test_the_tracer_may_climb_as_high_as_the_twin(scenes):
+    engine = fast_engine(twin.activate().variant)
+    result = compare_scene(
+        scenes / "overlap", rung="path", tracer_rung="path", engine=engine, size=(80, 60), samples=64, cache=False
+    )
+    assert result.comparison.verdict == "pass"
+    assert result.settings["rung of the tracer"] == "path"
+    with pytest.raises(InputError, match=r"--tracer-rung: expected one of surface, lambert, shadow, got path"):
+        compare_scene(scenes / "overlap", rung="shadow", tracer_rung="path")
+
+
+@pytest.mark.parametrize("option", ["rung", "engine", "sampling", "solver"])
+def test_an_unknown_choice_names_the_known_ones(scenes, option):
+    with pytest.raises(InputError, match=r"expected one of .*got nonsense"):
+        compare_scene(scenes / "single", **{option: "nonsense"})
+
+
+def test_truth_rows_measure_a_known_turn_and_shift():
+    """A camera turned by 1 degree and moved by 2 mm is found to be just that far off."""
+    c, s = np.cos(np.radians(1)), np.sin(np.radians(1))
+    R = np.diag([1.0, -1.0, -1.0])
+    K = ((1000.0, 0.0, 500.0), (0.0, 1000.0, 400.0), (0.0, 0.0, 1.0))
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    eye = np.array([0.1, 0.2, 0.5])
+
+    def camera(rotation, position):
+        t = -rotation @ position
+        return Camera((1000, 800), K, tuple(map(tuple, rotation.tolist())), tuple(t.tolist()))
+
+    true, found = camera(R, eye), camera(turn @ R, np.array([0.1, 0.2, 0.502]))
+    truth = synthetic_photos.Truth((1000, 800), K, (), {"a.jpg": (true.R_cam_board, true.t_cam_board)})
+
+    class Sigma:
+        sigma: dict = {}  # noqa: RUF012
+
+    rows = {row.name: row.found for row in compare_truth(truth, Sigma(), found, "a.jpg")}
+    assert rows["rotation off by"] == pytest.approx(1, abs=1e-9)
+    assert rows["eye off by"] == pytest.approx(2, abs=1e-9)
+
+
+def test_a_lens_that_folds_over_in_the_corners_is_compared_in_the_rest_and_said_so(scenes, tmp_path):
+    text = (scenes / "single" / "scene.toml").read_text()
+    (tmp_path / "scene.toml").write_text(text.replace("[[spheres]]", "dist = [-1.3]\n\n[[spheres]]", 1))
+    with pytest.warns(Folds, match="cannot be undone there"):
+        result = compare_scene(tmp_path, size=(160, 120))
+    assert result.comparison.verdict == "pass"
+    assert result.comparison.reasons[-1].startswith("no ray belongs to 30 % of the frame")

@@ -1,0 +1,263 @@
+"""`raytwin diff` as CI and a shell meet it."""
+
+import json
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+from program import raytwin
+
+from raytwin import files
+from raytwin.compare import METRICS
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.workflows.diff_files import diff
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+RNG = np.random.default_rng(21)
+A = RNG.random((30, 40, 3)).astype(np.float32)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """a; b, one pixel brighter; c, of another size; text, no image."""
+    b = A.copy()
+    b[3, 5, 1] += 0.5
+    for name, pixels in (("a", A), ("b", b), ("c", A[:-1])):
+        files.write_exr(tmp_path / f"{name}.exr", Image(pixels))
+    (tmp_path / "text.exr").write_text("text")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (("a.exr", "a.exr"), 0),
+        (("a.exr", "b.exr"), 1),
+        (("a.exr", "b.exr", "--tolerance", "1"), 0),
+        (("a.exr", "b.exr", "--fail", "0.6"), 0),
+        (("a.exr", "b.exr", "--fail", "0.1", "--fail-percent", "0.1"), 0),
+        (("a.exr", "b.exr", "--fail", "0.1", "--failpercent", "0.05"), 1),
+        (("a.exr", "b.exr", "--failpercent", "1", "--hardfail", "0.4"), 1),
+        (("a.exr", "b.exr", "--warn", "0.1", "--fail", "0.6"), 0),
+        (("a.exr", "c.exr", "--fail", "9"), 1),
+        (("a.exr", "text.exr"), 2),
+        (("a.exr", "none.exr"), 2),
+        (("a.exr", "b.exr", "--fail", "-1"), 2),
+        (("a.exr", "b.exr", "--layer", "diffuse"), 2),
+    ],
+)
+def test_the_exit_code_is_the_verdict(folder, arguments, code):
+    run = raytwin("diff", *arguments, cwd=folder)
+    assert run.returncode == code, run.stdout + run.stderr
+    if code == 2:
+        assert run.stderr.startswith("raytwin: ")
+        assert run.stderr.count("\n") == 1
+        assert not run.stdout
+    else:
+        assert not run.stderr
+        assert run.stdout.startswith(("FAIL" if code else "PASS") + f"  {arguments[0]} against {arguments[1]}")
+    assert ("warning: 1 pixel of 1200" in run.stdout) == ("--warn" in arguments)
+
+
+def test_json_junit_report_and_heat_map_are_written(folder):
+    run = raytwin("diff", "a.exr", "b.exr", "--json", "x.json", "--junit", "x.xml", "-o", "out", "--flip", cwd=folder)
+    assert run.returncode == 1
+    numbers = json.loads((folder / "x.json").read_text())
+    assert numbers == json.loads((folder / "out" / "comparison.json").read_text())
+    assert numbers["verdict"] == "fail"
+    assert numbers["metrics"]["max_abs"] == pytest.approx(0.5)
+    assert 0 < numbers["metrics"]["flip_hdr"] < 1
+    assert None not in numbers["metrics"].values()
+    case = ET.parse(folder / "x.xml").getroot().find("testsuite/testcase")
+    assert case.find("failure").get("message") == numbers["reasons"][0]
+    assert {p.name for p in (folder / "out").iterdir()} == {"report.html", "heatmap.png", "comparison.json"}
+    for name, value in numbers["metrics"].items():
+        assert f"  {name:<10} {value:.6g}" in run.stdout
+
+
+def test_a_file_that_cannot_be_read_is_an_error_in_junit(folder):
+    run = raytwin("diff", "text.exr", "a.exr", "--junit", "x.xml", cwd=folder)
+    assert run.returncode == 2
+    root = ET.parse(folder / "x.xml").getroot()
+    assert (root.get("errors"), root.get("failures")) == ("1", "0")
+    assert "text.exr: expected an image" in root.find("testsuite/testcase/error").get("message")
+
+
+def test_every_kind_of_image_can_be_one_of_the_two(folder):
+    codes = files.to_bytes(A)
+    files.write_picture(folder / "x.png", codes)
+    for name in ("x.exr", "x.pfm"):
+        files.write_image(folder / name, Image(files.from_bytes(codes)))
+        assert diff(folder / name, folder / "x.png").passed
+        assert diff(folder / "x.png", folder / name).passed
+
+
+def test_two_noisy_images_of_one_scene_pass_and_a_darker_one_fails(tmp_path):
+    variance = np.full_like(A, 1e-4)
+    for name, scale in (("a", 1.0), ("b", 1.0), ("dark", 0.97)):
+        noisy = (A * scale + RNG.normal(0, 1e-2, A.shape)).astype(np.float32) + 0.1
+        files.write_exr(tmp_path / f"{name}.exr", Image(noisy, variance, 64))
+    assert diff(tmp_path / "a.exr", tmp_path / "b.exr").passed
+    found = diff(tmp_path / "dark.exr", tmp_path / "b.exr")
+    assert not found.passed
+    assert "too dark" in found.comparison.reasons[0]
+    assert found.settings["false-alarm rate"] == "0.001"
+
+
+def test_the_same_pixels_at_another_place_of_the_display_fail(tmp_path):
+    import OpenEXR
+
+    for name, x in (("a", 0), ("b", 4)):
+        window = (np.array([x, 0], np.int32), np.array([x + 39, 29], np.int32))
+        display = (np.array([0, 0], np.int32), np.array([99, 99], np.int32))
+        head = {"type": OpenEXR.scanlineimage, "dataWindow": window, "displayWindow": display}
+        with OpenEXR.File(head, {"RGB": A}) as file:
+            file.write(str(tmp_path / f"{name}.exr"))
+    found = diff(tmp_path / "a.exr", tmp_path / "b.exr")
+    assert not found.passed
+    assert found.comparison.reasons == ("A's pixels begin at (x=0, y=0) of the display window, B's at (x=4, y=0)",)
+    assert diff(tmp_path / "b.exr", tmp_path / "b.exr").passed
+
+
+def test_wrong_numbers_are_refused(folder):
+    for options in ({"tolerance": 0}, {"tolerance": float("nan")}, {"false_alarm_rate": 2}):
+        with pytest.raises(InputError):
+            diff(folder / "a.exr", folder / "b.exr", **options)
+
+
+def test_the_readme_has_every_metrics_formula_and_every_option():
+    readme = (ROOT / "tests" / "README.md").read_text(encoding="utf-8")
+    for metric in METRICS.values():
+        formula = metric.formula.replace("|", "\\|")
+        assert f"| `{metric.name}` | {formula} | {metric.source} |" in readme
+    told = raytwin("diff", "--help").stdout
+    for option in ("--fail", "--failrelative", "--failpercent", "--allowfailures", "--hardfail", "--warn"):
+        assert option in readme
+        assert option in told
+
+
+# ------------------------------------------------------------------------------------- what renderers leave behind
+
+
+@pytest.fixture
+def renders(tmp_path):
+    """Folders of six renders each by seed: `a`, `b` alike, `dark` 3 % darker; nothing tells their noise."""
+    rng = np.random.default_rng(5)
+    for name, factor in (("a", 1.0), ("b", 1.0), ("dark", 0.97)):
+        (tmp_path / name).mkdir()
+        for seed in range(6):
+            noisy = (0.2 + A * factor) * rng.normal(1, 0.05, A.shape)
+            files.write_image(tmp_path / name / f"s{seed}.pfm", Image(noisy.astype(np.float32)))
+    return tmp_path
+
+
+def test_several_renders_of_a_side_tell_their_own_noise(renders):
+    alike = diff(renders / "a" / "s*.pfm", renders / "b" / "s?.pfm")
+    assert alike.passed
+    assert (alike.test.batches, alike.test.samples) == (6, 0)
+    stack = np.array([files.read_image(renders / "a" / f"s{i}.pfm").mean for i in range(6)], float)
+    np.testing.assert_allclose(alike.test.variance, stack.var(axis=0, ddof=1) / 6, rtol=1e-5)
+    assert diff(renders / "a" / "s*.pfm", renders / "b" / "s0.pfm", samples=(4, 4)).test.samples == 24
+    assert diff(renders / "dark" / "s*.pfm", renders / "b" / "s?.pfm").comparison.verdict == "fail"
+    with pytest.raises(InputError, match="at least 4"):
+        diff(renders / "a" / "s[01].pfm", renders / "b" / "s0.pfm")
+    with pytest.raises(InputError, match="none"):
+        diff(renders / "a" / "x*.pfm", renders / "b" / "s0.pfm")
+
+
+def test_a_folder_against_a_file_is_several_renders(renders):
+    assert diff(renders / "a", renders / "b" / "s1.pfm").test.batches == 6
+
+
+def test_variances_and_samples_of_either_side_can_be_given(tmp_path):
+    rng = np.random.default_rng(6)
+    for name, factor in (("a", 1.0), ("b", 1.0), ("dark", 0.97)):
+        noisy = (0.2 + A * factor) * rng.normal(1, 0.05, A.shape)
+        files.write_image(tmp_path / f"{name}.pfm", Image(noisy.astype(np.float32)))
+    variance = np.square(0.05 * (0.2 + A))
+    files.write_image(tmp_path / "v.pfm", Image(variance))
+    a, b, v = (tmp_path / f"{n}.pfm" for n in "abv")
+    found = diff(a, b, variances=(v, None), samples=(64, 64))
+    assert found.passed
+    np.testing.assert_array_equal(found.test.variance, variance)
+    assert found.comparison.statistics.minimum_detectable_bias == pytest.approx(
+        diff(a, b, variances=(v, v)).comparison.statistics.minimum_detectable_bias, rel=1e-3
+    )
+    assert diff(tmp_path / "dark.pfm", b, variances=(None, v), samples=(64, 64)).comparison.verdict == "fail"
+    run = raytwin("diff", "a.pfm", "b.pfm", "--variance-a", "v.pfm", "--variance-b", "v.pfm", cwd=tmp_path)
+    assert run.returncode == 0, run.stdout + run.stderr
+
+
+def test_an_undecided_comparison_exits_with_2_and_is_an_error_in_junit(tmp_path):
+    rng = np.random.default_rng(7)
+    for name in "ab":
+        few = np.ones((24, 24, 3)) * rng.exponential(1, (24, 24, 3))
+        files.write_image(tmp_path / f"{name}.pfm", Image(few.astype(np.float32)))
+    run = raytwin("diff", "a.pfm", "b.pfm", "--junit", "x.xml", cwd=tmp_path)
+    assert run.returncode == 2
+    assert run.stdout.startswith("UNDECIDED  a.pfm against b.pfm")
+    assert "the samples per pixel (--samples-a) or several renders" in run.stdout
+    assert ET.parse(tmp_path / "x.xml").getroot().get("errors") == "1"
+    assert raytwin("diff", "a.pfm", "b.pfm", "--must-see", "9", cwd=tmp_path).returncode == 0
+
+
+def test_two_folders_are_compared_name_by_name(tmp_path):
+    for folder in ("A", "B"):
+        for name in ("same.exr", "more/dark.exr", "bad.exr", f"only{folder}.exr"):
+            path = tmp_path / folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            factor = 0.9 if (folder, name) == ("A", "more/dark.exr") else 1
+            files.write_exr(path, Image((A * factor).astype(np.float32)))
+    (tmp_path / "A" / "bad.exr").write_text("no image")
+    run = raytwin("diff", "A", "B", "--json", "x.json", "--junit", "x.xml", "-o", "out", cwd=tmp_path)
+    assert run.returncode == 1
+    assert "onlyA.exr is missing in B" in run.stdout
+    assert "onlyB.exr is missing in A" in run.stdout
+    assert "FAIL  5 pairs, 3 failed, 1 undecided or unreadable" in run.stdout
+    numbers = json.loads((tmp_path / "x.json").read_text())
+    assert numbers["verdict"] == "fail"
+    verdicts = {name: pair.get("verdict", "error") for name, pair in numbers["pairs"].items()}
+    assert verdicts == {
+        "same.exr": "pass", "more/dark.exr": "fail", "bad.exr": "error", "onlyA.exr": "fail", "onlyB.exr": "fail",
+    }  # fmt: skip
+    root = ET.parse(tmp_path / "x.xml").getroot()
+    assert [root.get(k) for k in ("tests", "failures", "errors")] == ["5", "3", "1"]
+    assert (tmp_path / "out" / "index.html").exists()
+    for name in ("onlyA.exr", "onlyB.exr", "bad.exr"):
+        for folder in "AB":
+            (tmp_path / folder / name).unlink(missing_ok=True)
+    (tmp_path / "A" / "more" / "dark.exr").unlink()
+    (tmp_path / "B" / "more" / "dark.exr").unlink()
+    assert raytwin("diff", "A", "B", cwd=tmp_path).returncode == 0
+
+
+def test_mitsubas_moments_are_a_variance_once_the_samples_are_told(tmp_path):
+    import OpenEXR
+
+    rng = np.random.default_rng(8)
+    x = A[..., None] * rng.exponential(1, (*A.shape, 16))
+    mean, square = x.mean(axis=-1).astype(np.float32), np.square(x).mean(axis=-1).astype(np.float32)
+    channels = {}
+    for i, c in enumerate("RGB"):
+        channels |= {c: mean[..., i].copy(), f"img.{c}": mean[..., i].copy(), f"m2_img.{c}": square[..., i].copy()}
+    with OpenEXR.File({"type": OpenEXR.scanlineimage}, channels) as file:
+        file.write(str(tmp_path / "m.exr"))
+    files.write_exr(tmp_path / "r.exr", Image(A))
+    told = diff(tmp_path / "m.exr", tmp_path / "r.exr", samples=(16, 0))
+    assert told.passed
+    np.testing.assert_allclose(told.test.variance, x.var(axis=-1, ddof=1) / 16, rtol=1e-3, atol=1e-7)
+    assert diff(tmp_path / "m.exr", tmp_path / "r.exr").test.variance is None
+
+
+def test_a_side_of_8_bits_is_held_to_half_a_step_in_noise_and_without(tmp_path):
+    rng = np.random.default_rng(9)
+    noisy = np.clip(A * rng.normal(1, 2e-3, A.shape), 0, 1).astype(np.float32)
+    files.write_picture(tmp_path / "a.png", files.to_bytes(noisy))
+    files.write_exr(tmp_path / "b.exr", Image(A, np.square(2e-3 * A), 1024))
+    files.write_image(tmp_path / "v.pfm", Image(np.square(2e-3 * A)))
+    assert diff(tmp_path / "a.png", tmp_path / "b.exr", variances=(tmp_path / "v.pfm", None)).passed
+    assert diff(tmp_path / "b.exr", tmp_path / "a.png", variances=(None, tmp_path / "v.pfm")).passed
+    files.write_picture(tmp_path / "a.png", files.to_bytes(np.clip(1.03 * A, 0, 1)))
+    assert diff(tmp_path / "a.png", tmp_path / "b.exr").comparison.verdict == "fail"
