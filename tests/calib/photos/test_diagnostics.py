@@ -2,14 +2,16 @@
 
 from dataclasses import replace
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
 from photo_helpers import BOARD, SMALL, a_camera, seen
 
+from raytwin.calib.boards import Board, BoardTag
 from raytwin.calib.photos import FoundBoard, calibrate_detections
 from raytwin.calib.photos.detection import Tag
-from raytwin.calib.photos.doubts import doubts_about, normal_spread
+from raytwin.calib.photos.doubts import Case, _oddities, doubts_about, normal_spread
 from raytwin.calib.photos.fit import Form, Seen, fit
 from raytwin.calib.photos.uncertainty import spread
 from raytwin.calib.synthetic_photos import poses
@@ -31,6 +33,10 @@ def sound() -> tuple:
 
 def texts(case: tuple, code: str) -> list[str]:
     return [text for c, text in doubts_about(*case) if c == code]
+
+
+def oddities(case: tuple) -> list[tuple[float, str, str]]:
+    return list(_oddities(Case(*case)))
 
 
 def test_a_sound_case_raises_no_doubt(sound):
@@ -119,15 +125,12 @@ def test_a_board_is_called_bent_beyond_its_size_and_its_sigma(sound, bend, sigma
     [
         (2.51, 1.0, 12, 1),
         (2.49, 1.0, 12, 0),
-        (4.0, 0.21, 12, 1),
+        (4.0, 0.22, 12, 1),
         (4.0, 0.19, 12, 0),
         (4.0, 1.0, 5, 1),
-        (4.0, 1.0, 4, 0),
     ],
 )
-def test_a_photo_is_called_odd_by_its_rms_in_medians_where_pixels_tell_it_of_enough_photos(
-    sound, times, px, count, doubted
-):
+def test_a_photo_is_called_odd_by_its_rms_in_medians_where_pixels_tell_it(sound, times, px, count, doubted):
     """All residuals of a photo alike, `px` in the odd one, a share of that in the others; none pulls K."""
     views = sound[3][:count]
     found = fit(views, SIZE, [SMALL], Form("none"))
@@ -136,8 +139,9 @@ def test_a_photo_is_called_odd_by_its_rms_in_medians_where_pixels_tell_it_of_eno
     along = found.sights.weight[..., None] * rms[:, None, None] * [0.6, 0.8]
     known = replace(spread(found), errors=rms, moves=np.zeros((count, 4)))
     made = msgspec.structs.replace(sound[0], views=sound[0].views[:count])
-    shown = texts((made, replace(found, residuals=along), known, views, *sound[4:]), "odd-photo")
-    assert [text.split(" (")[0] for text in shown] == [f"view_02: its rms is {times:.1f} times the median"] * doubted
+    odd = oddities((made, replace(found, residuals=along), known, views, *sound[4:]))
+    said = f"its rms of {px:.3f} px is {times:.1f} times the median photo's {rms[0]:.3f} px"
+    assert [(name, why) for _, name, why in odd] == [("view_02", said)] * doubted
 
 
 def pulling(found, known, times: dict[int, float]) -> np.ndarray:
@@ -154,8 +158,8 @@ def pulling(found, known, times: dict[int, float]) -> np.ndarray:
 def test_a_photo_is_called_odd_by_its_pull_in_medians(sound, times, doubted):
     _, found, known, *_ = sound
     odd = replace(known, moves=pulling(found, known, {5: times}), errors=np.ones(12))
-    shown = texts((sound[0], found, odd, *sound[3:]), "odd-photo")
-    assert [text.startswith(f"view_05: it pulls K {times:.1f} times as much") for text in shown] == [True] * doubted
+    shown = oddities((sound[0], found, odd, *sound[3:]))
+    assert [(name, why.startswith("it pulls K by ")) for _, name, why in shown] == [("view_05", True)] * doubted
 
 
 def test_of_two_odd_photos_the_one_further_beyond_its_limit_is_named_first(sound):
@@ -163,4 +167,79 @@ def test_of_two_odd_photos_the_one_further_beyond_its_limit_is_named_first(sound
     errors = np.ones(12)
     errors[2] = 2.6
     odd = replace(known, moves=pulling(found, known, {5: 10}), errors=errors)
-    assert texts((sound[0], found, odd, *sound[3:]), "odd-photo")[0].startswith("view_05")
+    assert max(oddities((sound[0], found, odd, *sound[3:])))[1] == "view_05"
+
+
+def spoilt(sound, photo: str, by) -> dict[str, list[Tag]]:
+    return {
+        v.photo: [msgspec.structs.replace(t, center=by(t.center)) if v.photo == photo else t for t in v.tags]
+        for v in sound[3]
+    }
+
+
+def test_an_odd_photos_numbers_are_those_of_the_table_and_of_the_fit_without_it(sound):
+    tags = spoilt(sound, "view_04", lambda c: (1.02 * c[0], 1.02 * c[1] + 9))
+    found = calibrate_detections(tags, SIZE, SMALL, "none")
+    (text,) = [w.text for w in found.warnings if w.code == "odd-photo"]
+    rms = {v.photo: v.rms_px for v in found.views}
+    usual = float(np.median(list(rms.values())))
+    times = rms["view_04"] / usual
+    assert f"its rms of {rms['view_04']:.3f} px is {times:.1f} times the median photo's {usual:.3f} px" in text
+
+    def others(photos: dict) -> float:
+        made = fit([Seen(p, tuple(t)) for p, t in photos.items()], SIZE, [SMALL], Form("none"))
+        errors = dict(zip(photos, spread(made).errors, strict=True))
+        return float(np.exp(np.mean([np.log(e) for p, e in errors.items() if p != "view_04"])))
+
+    rest = {p: t for p, t in tags.items() if p != "view_04"}
+    assert f"predicted to {others(rest):.3f} px, with it to {others(tags):.3f} px" in text
+
+
+def test_fewer_than_five_photos_have_no_odd_one_among_them(sound):
+    tags = spoilt(sound, "view_02", lambda c: (1.02 * c[0], 1.02 * c[1] + 9))
+    for count, named in ((4, 0), (5, 1)):
+        photos = {p: tags[p] for p in list(tags)[:count]}
+        found = calibrate_detections(photos, SIZE, SMALL, "none")
+        assert sum(w.code == "odd-photo" for w in found.warnings) == named, count
+
+
+def only_one_near(seed: int) -> dict[str, list[Tag]]:
+    """Twelve photos, one from a third of the others' distance, of tags that were printed 0.05 mm off."""
+    camera, rng = a_camera(*SIZE), np.random.default_rng(seed)
+    middle = np.append(np.mean(list(BOARD.centers().values()), axis=0), 0)
+    stands = []
+    for i, (R, t) in enumerate(poses(BOARD, camera, 12, rng)):
+        R = np.array(R)
+        stands.append((R, (0.62 if i == 5 else 2.2) * (R @ middle + t) - R @ middle))
+    off = {i: rng.normal(xy, 5e-5) for i, xy in SMALL.centers().items()}
+    printed = Board(SMALL.family, SMALL.tag_edge, tags=tuple(BoardTag(i, tuple(xy.tolist())) for i, xy in off.items()))
+    return seen(camera, stands, printed, 0.03, rng)
+
+
+def test_the_only_near_view_of_a_board_with_printing_errors_is_not_called_odd():
+    """It errs by three times as many pixels as the others, for it shows the printing errors larger: odd by the fit in
+    every set. Noise decides whether the rest predicts itself better without it by 3 %: in one of five of 20 sets."""
+    named = 0
+    for seed in range(6):
+        found = calibrate_detections(only_one_near(seed), SIZE, SMALL, "k1k2")
+        rms = [v.rms_px for v in found.views]
+        assert rms[5] > 2 * np.median(rms)
+        named += "odd-photo" in {w.code for w in found.warnings}
+    assert named <= 2
+
+
+def test_a_photo_without_which_sigma_doubles_is_not_called_odd(sound):
+    """Eleven views from straight above, and one slanted, turned half a turn: all that tells the focal length."""
+    camera, rng = a_camera(*SIZE, dist=()), np.random.default_rng(3)
+    middle = np.append(np.mean(list(BOARD.centers().values()), axis=0), 0)
+    flip = np.diag([1.0, -1.0, -1.0])
+    stands = []
+    for i in range(12):
+        turn = cv2.Rodrigues(np.array([0.9 if i == 5 else 0.02 * i, 0.01 * i, 0.1 * i]))[0] @ flip
+        stands.append((turn, np.array([0.0, 0.0, 0.5 + 0.01 * i]) - turn @ middle))
+    tags = seen(camera, stands, noise=0.1, rng=rng)
+    tags["view_05"] = [msgspec.structs.replace(t, center=tuple(rng.normal(t.center, 0.8))) for t in tags["view_05"]]
+    found = calibrate_detections(tags, SIZE, SMALL, "none")
+    rms = [v.rms_px for v in found.views]
+    assert max(rms) == rms[5] > 2.5 * np.median(rms)
+    assert "odd-photo" not in {w.code for w in found.warnings}

@@ -57,6 +57,11 @@ ODD_PX = 0.2
 LEAST_FOR_ODD = 5
 """Photos: with fewer, none can be odd."""
 
+PREDICTED, FAR, SIGMA_WITHOUT = 0.97, 4.0, 2.0
+"""A photo that is odd by the fit is named only where K without it predicts the others with less than this share of
+their error with it (1 for a photo FAR times beyond what is odd), and where no number of K then has so many times its
+standard deviation: the only near or slanted view is at odds with the rest because it is the one that says something."""
+
 BENT, SURELY = 5e-4, 4.0
 """A board is called bent by more than this share of its diagonal, and so many standard deviations."""
 
@@ -86,13 +91,21 @@ class Case:
         """What is wrong with which board's pitch: such a board is to blame for what K and the photos look like."""
         return list(_wrong_pitches(self))
 
-    def without(self, photo: str) -> "Case":
-        """The same, fitted without one photo, by the richest lens that was tried: the photo may have led the choice
-        astray."""
-        kept = [i for i, v in enumerate(self.views) if v.photo != photo]
-        views, start = [self.views[i] for i in kept], replace(self.found, R=self.found.R[kept], t=self.found.t[kept])
+    @cached_property
+    def richest(self) -> "Case":
+        """The same, fitted by the richest lens that was tried: an odd photo may have led the choice astray."""
         form = replace(self.found.form, model=next(iter(self.calibration.basis.trials)), unfolded=False)
-        found = fit(views, self.image_size, self.boards, form, start)
+        if form == self.found.form:
+            return self
+        found = fit(self.views, self.image_size, self.boards, form, self.found)
+        return replace(self, found=found, known=spread(found))
+
+    def without(self, photo: str) -> "Case":
+        """The same without one photo, fitted by the richest lens that was tried."""
+        kept = [i for i, v in enumerate(self.views) if v.photo != photo]
+        views, whole = [self.views[i] for i in kept], self.richest.found
+        start = replace(whole, R=whole.R[kept], t=whole.t[kept])
+        found = fit(views, self.image_size, self.boards, whole.form, start)
         return replace(self, views=views, found=found, known=spread(found))
 
 
@@ -238,41 +251,81 @@ def _bent(case: Case) -> Doubts:
 def _odd(case: Case) -> Doubts:
     """Photos at odds with the rest, the worst first; each next one by the fit without those: an odd one makes others
     look so."""
+    left_out: list[str] = []
     while len(case.photos) >= LEAST_FOR_ODD and not case.pitches:
-        _, name, why = max(_oddities(case), default=(0.0, "", ""))
-        if not why:
+        named = next(_worth_naming(case), None)
+        if named is None:
             return
-        yield "odd-photo", f"{name}: {why} (another camera, zoom or orientation, or blur): leave it out"
-        try:
-            case = case.without(name)
-        except InputError:
-            return
+        name, why, rest = named
+        after = f"with {', '.join(left_out)} left out, " if left_out else ""
+        error, without = _others_error(case.richest, name), _others_error(rest, name)
+        yield (
+            "odd-photo",
+            f"{name}: {after}{why}; without it the others are predicted to {without:.3f} px, with it to {error:.3f} px "
+            "(another camera, zoom or orientation, or blur): leave it out",
+        )
+        left_out.append(name)
+        case = rest
+
+
+def _worth_naming(case: Case) -> Iterator[tuple[str, str, Case]]:
+    """Photo, why it is odd, and the case without it, the oddest first: those that it pays to leave out."""
+    for times, name, why in sorted(_oddities(case), reverse=True):
+        if (rest := _better_without(case, name, 1.0 if times > FAR else PREDICTED)) is not None:
+            yield name, why, rest
+
+
+def _better_without(case: Case, name: str, share: float) -> Case | None:
+    """The case without a photo where that predicts the others to `share` of their error and tells K; else None."""
+    try:
+        rest, whole = case.without(name), case.richest
+    except InputError:
+        return None
+    if _others_error(rest, name) > share * _others_error(whole, name):
+        return None
+    sigma, before = (np.sqrt(np.diag(c.known.covariance)[:4]) for c in (rest, whole))
+    return rest if (sigma <= SIGMA_WITHOUT * before).all() else None
+
+
+def _others_error(case: Case, name: str) -> float:
+    """Pixels: the geometric mean, over the photos but `name`, of the rms of each in the fit without it. Another odd
+    photo counts no more than a sound one."""
+    errors = [e for photo, e in zip(case.photos, case.known.errors, strict=True) if photo != name]
+    return math.exp(float(np.mean(np.log(np.maximum(errors, 1e-9)))))
 
 
 def _oddities(case: Case) -> Iterator[tuple[float, str, str]]:
-    """How odd, which photo, and why, by what the fit without it says of it; 1 and more is odd."""
+    """How odd, which photo, and why, by what the fit without it says of it; 1 and more is odd.
+
+    Of the fit that is reported, the numbers are those of the table of photos.
+    """
     photo = case.found.sights.photo
     squares = np.bincount(photo, (case.found.residuals**2).sum(axis=(1, 2)))
     rms = np.sqrt(squares / np.bincount(photo, case.found.sights.weight.sum(axis=1)))
-    seen = np.maximum(rms, case.known.errors) > ODD_PX
-    rms, without = (e / max(float(np.median(e)), 1e-9) for e in (rms, case.known.errors))
-    pull = _pull(case)
+    held_out, (pull, moved) = case.known.errors, _pull(case)
+    seen = np.maximum(rms, held_out) > ODD_PX
+    usual, usual_held_out, usual_move = (max(float(np.median(e)), 1e-9) for e in (rms, held_out, moved))
     for i, name in enumerate(case.photos):
-        turned, times = _better_turned(case, i), max(rms[i], without[i])
+        turned, times, unseen = _better_turned(case, i), rms[i] / usual, held_out[i] / usual_held_out
         why = []
         if seen[i] and times > ODD_RMS:
-            why.append(f"its rms is {times:.1f} times the median")
+            why.append(f"its rms of {rms[i]:.3f} px is {times:.1f} times the median photo's {usual:.3f} px")
+        elif seen[i] and unseen > ODD_RMS:
+            why.append(
+                f"the camera of the others sees its tags {held_out[i]:.3f} px off (rms), {unseen:.1f} times as far as "
+                f"the median photo's {usual_held_out:.3f} px"
+            )
         if pull[i] > ODD_PULL:
-            why.append(f"it pulls K {pull[i]:.1f} times as much as the others")
+            why.append(f"it pulls K by {moved[i]:.2f} standard deviations, the median photo by {usual_move:.2f}")
         if turned > ODD_TURN or (why and turned > ODD_RMS / 2):
             why.append(f"turned by half a turn, it fits {turned:.1f} times as well")
         if why:
-            yield max(times / ODD_RMS, pull[i] / ODD_PULL, turned / ODD_TURN), name, "; ".join(why)
+            yield max(times / ODD_RMS, unseen / ODD_RMS, pull[i] / ODD_PULL, turned / ODD_TURN), name, "; ".join(why)
 
 
-def _pull(case: Case) -> np.ndarray:
-    """(n,): how far K moves without each photo, over what it would if photos erred alike: in medians over the
-    photos."""
+def _pull(case: Case) -> tuple[np.ndarray, np.ndarray]:
+    """(n,): how far K moves without each photo, over what it would if photos erred alike, in medians over the photos;
+    and by how many of its standard deviations (rms), as the table of photos has it."""
     H, photo = case.found.H.sum(axis=0) + case.found.prior, case.found.sights.photo
     inverse = np.linalg.pinv(case.known.covariance[:4, :4], hermitian=True)
     pulls = []
@@ -281,7 +334,9 @@ def _pull(case: Case) -> np.ndarray:
         rest = solve_scaled(H - own, np.eye(len(H)))
         expected = np.trace(inverse @ (rest @ own @ rest)[:4, :4])
         pulls.append(math.sqrt(float(move[:4] @ inverse @ move[:4]) / max(expected, 1e-300)))
-    return np.array(pulls) / max(float(np.median(pulls)), 1e-300)
+    sigma = np.sqrt(np.diag(case.known.covariance)[:4])
+    moved = np.sqrt(((case.known.moves[:, :4] / np.maximum(sigma, 1e-300)) ** 2).mean(axis=1))
+    return np.array(pulls) / max(float(np.median(pulls)), 1e-300), moved
 
 
 def _better_turned(case: Case, i: int) -> float:
