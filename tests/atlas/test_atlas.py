@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from measure.verdict_experiments import EXPERIMENTS as VERDICTS
 from typer.testing import CliRunner
 
 from raytwin import atlas as stability
@@ -16,12 +17,14 @@ from raytwin.errors import InputError
 from raytwin.report.atlas_page import colours
 from raytwin.report.atlas_page import fate as fate_of
 
+CHECKED = EXPERIMENTS | {e.name: e for e in VERDICTS}
+"""The atlas, and the experiments on raytwin's own verdict, which are measured for its developers."""
 KEYS = ["name", "parameter", "values", "bound", "methods", "why", "source"]
 
 
 @cache
 def measured(name: str, x: float) -> dict[str, float | None]:
-    e = EXPERIMENTS[name]
+    e = CHECKED[name]
     with np.errstate(all="ignore"):
         return dict(e.measure(x, np.random.default_rng(7), e.trials))
 
@@ -37,7 +40,7 @@ def hard_end(e: Experiment) -> float:
 def edges() -> list[tuple[str, str, float]]:
     """(experiment, method, predicted edge) of each that lies within the experiment's values."""
     found = []
-    for e in EXPERIMENTS.values():
+    for e in CHECKED.values():
         for method in e.laws:
             edge = predicted(e, method, e.values)
             if edge is not None:
@@ -45,9 +48,9 @@ def edges() -> list[tuple[str, str, float]]:
     return found
 
 
-@pytest.mark.parametrize("name", EXPERIMENTS)
+@pytest.mark.parametrize("name", CHECKED)
 def test_raytwins_own_method_holds_the_bound_to_the_hard_end_or_refuses(name):
-    e = EXPERIMENTS[name]
+    e = CHECKED[name]
     for method in e.ours:
         error = measured(name, hard_end(e))[method]
         assert error is None or error <= e.bound
@@ -55,7 +58,7 @@ def test_raytwins_own_method_holds_the_bound_to_the_hard_end_or_refuses(name):
 
 @pytest.mark.parametrize(("name", "method", "edge"), edges())
 def test_a_method_holds_before_its_predicted_edge_and_fails_behind_it_as_theory_says(name, method, edge):
-    e = EXPERIMENTS[name]
+    e = CHECKED[name]
     harder = np.sign(e.values[-1] - e.values[0])
     before = [v for v in e.values if (v / edge) ** harder <= 1 / e.slack]
     behind = [v for v in e.values if (v / edge) ** harder >= e.slack]
@@ -74,9 +77,9 @@ def test_a_method_holds_before_its_predicted_edge_and_fails_behind_it_as_theory_
         assert error >= min(e.laws[method](behind[0]), 1.0) / 8
 
 
-@pytest.mark.parametrize("name", EXPERIMENTS)
+@pytest.mark.parametrize("name", CHECKED)
 def test_a_row_is_whole(name):
-    e = EXPERIMENTS[name]
+    e = CHECKED[name]
     assert e.name == name
     assert set(e.ours) | set(e.laws) <= set(measured(name, hard_end(e)))
     assert list(e.values) in (sorted(set(e.values)), sorted(set(e.values), reverse=True))

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-
-from raytwin import twin
-from raytwin.bench.power import (
+from measure.power import (
     FAULTS,
     SAMPLED,
     TOOLS,
@@ -16,6 +14,8 @@ from raytwin.bench.power import (
     samples_table,
     sees_z_test,
 )
+
+from raytwin import twin
 from raytwin.files import read_scene
 from raytwin.image import Image
 

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import msgspec
 import numpy as np
 import pytest
+from measure.noise_models import KINDS, exact, picture, render, untold
 
-from raytwin.bench.noise_models import KINDS, exact, picture, render, untold
 from raytwin.compare import Comparison, compare
 from raytwin.compare.answer import Question, may_be_noise, unexplained
 from raytwin.compare.noise import Residual

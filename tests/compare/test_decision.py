@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measure import noise_models
+from measure.noise_models import KINDS, picture
 
-from raytwin.bench import noise_models
-from raytwin.bench.noise_models import KINDS, picture
 from raytwin.compare import compare
 from raytwin.compare.decision import decide
 from raytwin.compare.scale import Bound

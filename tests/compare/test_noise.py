@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from measure.noise_models import filtered, render
 
-from raytwin.bench.noise_models import filtered, render
 from raytwin.compare import noise
 from raytwin.compare.blocks import SIDE, block_sums, dilate, slide, strips
 from raytwin.image import Image

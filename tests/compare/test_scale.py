@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from measure.noise_models import picture, quantised, render
 
-from raytwin.bench.noise_models import picture, quantised, render
 from raytwin.compare import compare
 from raytwin.compare.scale import Bound, scale_of, unit_of
 from raytwin.files.rounding import half_code

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from measure.noise_models import FILTERS, exact, filtered, picture, render, untold
 
-from raytwin.bench.noise_models import FILTERS, exact, filtered, picture, render, untold
 from raytwin.compare import compare
 from raytwin.compare.noise import residual
 from raytwin.compare.scatter import LEVEL, borne_out, patterned, two_valued

@@ -4,8 +4,8 @@ import re
 
 import numpy as np
 import pytest
+from measure.noise_models import picture, render
 
-from raytwin.bench.noise_models import picture, render
 from raytwin.compare import compare
 from raytwin.compare.exact import Quiet
 from raytwin.compare.words import _amount, _share, agreement, deviations, percent
@@ -76,7 +76,7 @@ def test_a_pass_with_an_excused_pixel_says_so():
 
 
 def test_a_filter_wider_than_the_pixel_is_told():
-    from raytwin.bench.noise_models import filtered
+    from measure.noise_models import filtered
 
     rng = np.random.default_rng(2)
     a, b = (filtered(rng, TRUTH, "Gaussian, 1 pixel", samples=16) for _ in range(2))

@@ -1,6 +1,6 @@
 """Measure whether an image full of wrong pixels can pass for noise where nobody says how noisy it is.
 
-`python tests/measure/untold_patterns.py` multiplies correct images by 40 kinds of pattern at 5 amplitudes and compares
+`python -m measure.untold_patterns` multiplies correct images by 40 kinds of pattern at 5 amplitudes and compares
 them, without variance, samples or renders, with references of three kinds. No image may pass. Beside it, alarms and
 passes on genuine noise that has no variance either, and what is seen of 3 % too much light in it.
 """
@@ -9,8 +9,8 @@ from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
+from measure.noise_models import picture, render, untold
 
-from raytwin.bench.noise_models import picture, render, untold
 from raytwin.compare import compare
 from raytwin.image import Image
 

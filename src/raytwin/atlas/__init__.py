@@ -15,7 +15,6 @@ from raytwin.atlas import (
     summation,
     surfaces,
     trims,
-    verdicts,
 )
 from raytwin.atlas.experiment import Atlas, Curve, Experiment, Found, digits, run
 from raytwin.errors import check_one_of
@@ -23,7 +22,7 @@ from raytwin.progress import Progress, silent
 
 __all__ = ["EXPERIMENTS", "Atlas", "Curve", "Experiment", "Found", "atlas", "digits", "run"]
 
-FILES = spheres, surfaces, lenses, trims, interpolation, poses, calibrations, verdicts, summation, reference_faults
+FILES = spheres, surfaces, lenses, trims, interpolation, poses, calibrations, summation, reference_faults
 
 EXPERIMENTS: dict[str, Experiment] = {e.name: e for file in FILES for e in file.EXPERIMENTS}
 """name -> row, in the order of the page."""

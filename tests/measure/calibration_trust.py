@@ -1,6 +1,6 @@
 """How true a calibration's sigmas are, and what it predicts beside a plain cv2.calibrateCamera: a table, not a test.
 
-    PYTHONPATH=src:tests python tests/measure/measure_trust.py [SET...]
+    python -m measure.calibration_trust [SET...]
 
 Each set is split 20 times at random into halves. z: by how many of their joint sigmas fx, fy, cx and cy of the two
 calibrations differ (rms; 1 is honest); beside it between what sigmas that are true would put it in 95 of 100 sets, for

@@ -1,4 +1,4 @@
-"""The hot paths: `pip install -e ".[bench]"`, then `pytest tests/bench/hot_paths.py`; not part of the tests.
+"""The hot paths: `pip install -e ".[bench]"`, then `pytest tests/measure/hot_paths.py`; not part of the tests.
 
 `--benchmark-autosave` keeps a run, `--benchmark-compare` sets the next beside it. RAYTWIN_BENCH_MP: megapixels (0.75).
 """

@@ -1,4 +1,4 @@
-"""How often the right cause is named: `python tests/measure/measure_diagnosis.py alone | ways | students | pairs [N]`.
+"""How often the right cause is named: `python -m measure.named_causes alone | ways | students | pairs [N]`.
 
 Faults of the catalogue planted alone, in each of their ways or by two, on drawn scenes as a rubric has them: three with
 shadows, one without; mistakes in tracers that students wrote; and right tracers, which must not be blamed. Then the

@@ -1,4 +1,4 @@
-"""What grading a class costs: `nice python tests/measure/measure_class.py FOLDER [N] [JOBS]`.
+"""What grading a class costs: `nice python -m measure.class_cost FOLDER [N] [JOBS]`.
 
 100 submissions, 5 scenes.
 

@@ -4,10 +4,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from measure.noise_models import picture, quantised, render, untold
 from scipy.special import ndtr, ndtri, stdtr
 
 from raytwin.atlas.experiment import Error, Experiment
-from raytwin.bench.noise_models import picture, quantised, render, untold
 from raytwin.compare import compare
 from raytwin.files.rounding import half_code
 from raytwin.image import Image
