@@ -4,7 +4,7 @@ from photo_helpers import BOARD, PlainRenderer, a_camera
 
 from raytwin import files
 from raytwin.calib.boards.board import read_board
-from raytwin.calib.photos import doubts, lens
+from raytwin.calib.photos import diagnostics, lens
 from raytwin.calib.synthetic_photos import expose, photograph, poses, read_truth
 from raytwin.errors import InputError
 
@@ -22,8 +22,8 @@ def test_a_dozen_poses_tilt_to_fifty_degrees_every_way_and_cover_the_frame(seed)
     pixels = np.concatenate([lens.project(points, R, t, CAMERA.K, CAMERA.dist) for R, t in stands])
     inside = ((pixels >= 0) & (pixels <= np.array(CAMERA.image_size) - 1)).all(axis=1)
     assert inside.mean() > 0.65
-    assert doubts.coverage(pixels[inside], CAMERA.image_size) > 0.75
-    assert doubts.normal_spread([R for R, _ in stands]) > 60
+    assert diagnostics.coverage(pixels[inside], CAMERA.image_size) > 0.75
+    assert diagnostics.normal_spread([R for R, _ in stands]) > 60
 
 
 def test_every_pose_is_a_rotation_in_front_of_the_printed_face():

@@ -11,7 +11,7 @@ import pytest
 from raytwin import files
 from raytwin.calib.find_camera import TruthRow
 from raytwin.calib.photos import Calibration, Pose, PoseReport
-from raytwin.calib.photos.calibrated import View, Warning_
+from raytwin.calib.photos.calibration_result import CalibrationWarning, View
 from raytwin.compare import Report, compare
 from raytwin.compare.report import Timing
 from raytwin.image import Image, Surface
@@ -73,7 +73,7 @@ def photographed(result: Result) -> Result:
     sigma = {"fx": 0.42, "fy": 0.43, "cx": 0.31, "cy": 0.35, "k1": 0.0006, "k2": 0.0031}
     calibration = Calibration(
         (width, height), "k1k2", camera.K, (0.0803, -0.1624), sigma, 0.1274, views,
-        warnings=(Warning_("few_views", "12 photos: 15 or more would halve the standard deviations."),),
+        warnings=(CalibrationWarning("few_views", "12 photos: 15 or more would halve the standard deviations."),),
     )  # fmt: skip
     far = tuple(x + 0.0011 for x in t)
     pose = PoseReport("photo_03.jpg", 35, Pose(R, far, 0.52), Pose(R, t, 0.118), 0.084, 0.0019, 7.3, (12,))

@@ -108,3 +108,9 @@ def test_the_summary_marks_the_model_that_was_taken(calibration):
     assert [p[0] for p in photos] == [v.photo for v in calibration.views]
     assert [float(p[2]) for p in photos] == pytest.approx([v.rms_px for v in calibration.views], abs=6e-4)
     assert [float(p[3]) for p in photos] == pytest.approx([v.influence for v in calibration.views], abs=6e-3)
+
+
+def test_the_summary_counts_photos_and_not_the_boards_seen_in_them(calibration):
+    of_two = tuple(v for view in calibration.views for v in (view, msgspec.structs.replace(view, board=1)))
+    first = report.calibration_summary(msgspec.structs.replace(calibration, views=of_two)).splitlines()[0]
+    assert first.startswith(f"{len(calibration.views)} photos of ")

@@ -48,7 +48,7 @@ def calibration_summary(calibration: "Calibration") -> str:
     found = {"fx": k[0][0], "fy": k[1][1], "cx": k[0][2], "cy": k[1][2]}
     found |= dict(zip(("k1", "k2", "p1", "p2", "k3"), calibration.dist, strict=False))
     width, height = calibration.image_size
-    lines = [f"{len(calibration.views)} photos of {width} x {height}, model {calibration.model}"]
+    lines = [f"{len(calibration.photos)} photos of {width} x {height}, model {calibration.model}"]
     lines += [f"  {n:<3} {v:12.5g}" + (f" +- {s[n]:.2g}" if n in s else "") for n, v in found.items()]
     lines.append(f"  rms {calibration.rms_px:.3f} px")
     lines += [

@@ -11,7 +11,7 @@ from photo_helpers import BOARD, SMALL, a_camera, seen
 from raytwin.calib.boards import Board, BoardTag
 from raytwin.calib.photos import FoundBoard, calibrate_detections
 from raytwin.calib.photos.detection import Tag
-from raytwin.calib.photos.doubts import Case, _oddities, doubts_about, normal_spread
+from raytwin.calib.photos.diagnostics import Case, _oddities, normal_spread, warnings_for
 from raytwin.calib.photos.fit import Form, Seen, fit
 from raytwin.calib.photos.uncertainty import spread
 from raytwin.calib.synthetic_photos import poses
@@ -23,7 +23,7 @@ NEAR = 1e-3
 
 @pytest.fixture(scope="module")
 def sound() -> tuple:
-    """What `doubts_about` is given of a sound set of twelve photos."""
+    """What `warnings_for` is given of a sound set of twelve photos."""
     camera, rng = a_camera(*SIZE, dist=()), np.random.default_rng(0)
     tags = seen(camera, poses(BOARD, camera, 12, rng), noise=0.3, rng=rng)
     views = [Seen(p, tuple(t)) for p, t in tags.items()]
@@ -32,7 +32,7 @@ def sound() -> tuple:
 
 
 def texts(case: tuple, code: str) -> list[str]:
-    return [text for c, text in doubts_about(*case) if c == code]
+    return [text for c, text in warnings_for(*case) if c == code]
 
 
 def oddities(case: tuple) -> list[tuple[float, str, str]]:
@@ -40,7 +40,7 @@ def oddities(case: tuple) -> list[tuple[float, str, str]]:
 
 
 def test_a_sound_case_raises_no_doubt(sound):
-    assert doubts_about(*sound) == []
+    assert warnings_for(*sound) == []
 
 
 @pytest.mark.parametrize("side", [-1, 1])

@@ -5,7 +5,7 @@ from photo_helpers import BOARD, SMALL, a_camera, seen
 
 from raytwin import files
 from raytwin.calib.boards.board import Board, Grid, spans_a_plane
-from raytwin.calib.photos import doubts
+from raytwin.calib.photos import diagnostics
 from raytwin.calib.photos.pose import (
     ambiguous,
     camera_at,
@@ -108,8 +108,8 @@ def test_tags_that_lie_elsewhere_are_left_out_and_named(stands):
 def test_a_board_described_in_a_mirror_is_seen_from_behind(stands):
     tags = seen(CAMERA, stands[:1])["view_00"]
     mirrored = Board("tag36h11", 0.001, tags=tuple(_flip(SMALL)))
-    assert not doubts.is_mirrored(*matched(tags, SMALL))
-    assert doubts.is_mirrored(*matched(tags, mirrored))
+    assert not diagnostics.is_mirrored(*matched(tags, SMALL))
+    assert diagnostics.is_mirrored(*matched(tags, mirrored))
 
 
 def _flip(board: Board):

@@ -1,14 +1,15 @@
 """Photos of an AprilTag board in, a calibrated camera out.
 
-detection -> calibration (fit, model, bias, uncertainty) -> pose; `calibrated` is what comes out, `lens` holds the
-distortion, `doubts` what speaks against a calibration. Importing this loads OpenCV: commands do so only when they run.
+detection -> calibration (fit, model, bias, uncertainty) -> pose. `calibration_result` is what comes out, `lens` holds
+the distortion, `diagnostics` what speaks against a calibration. Importing this loads OpenCV: commands do so only when
+they run.
 """
 
-from raytwin.calib.photos.calibrated import Calibration, Evidence, FoundBoard, View, Warning_
 from raytwin.calib.photos.calibration import LEAST_VIEWS, calibrate, calibrate_detections
+from raytwin.calib.photos.calibration_result import Calibration, CalibrationWarning, Evidence, FoundBoard, View
 from raytwin.calib.photos.camera_file import BoardShape, read_board_shapes, with_shape, write_camera_file
 from raytwin.calib.photos.detection import NoTags, Tag, detect, detect_photo, detect_photos
-from raytwin.calib.photos.doubts import CODES
+from raytwin.calib.photos.diagnostics import CODES
 from raytwin.calib.photos.fit import MODELS
 from raytwin.calib.photos.lens import project
 from raytwin.calib.photos.model import ModelTrial, Told, explained
@@ -32,6 +33,7 @@ __all__ = [
     "MODELS",
     "BoardShape",
     "Calibration",
+    "CalibrationWarning",
     "Evidence",
     "FoundBoard",
     "ModelTrial",
@@ -41,7 +43,6 @@ __all__ = [
     "Tag",
     "Told",
     "View",
-    "Warning_",
     "calibrate",
     "calibrate_detections",
     "camera_at",

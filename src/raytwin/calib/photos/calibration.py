@@ -1,4 +1,4 @@
-"""Photos of boards -> K and distortion, with standard deviations, poses, and doubts: detect, fit, choose, doubt.
+"""Photos of boards -> K and distortion, with standard deviations, poses, and warnings: detect, fit, choose, check.
 
 The fit is on tag centres (`fit`); lens model and boards' shapes are what predicts photos not seen (`model`); how far
 off it may be is told by how the photos disagree (`uncertainty`).
@@ -19,9 +19,9 @@ from raytwin.calib.boards import Board
 from raytwin.calib.boards.board import spans_a_plane
 from raytwin.calib.photos import lens, pose
 from raytwin.calib.photos.bias import center_bias, unbiased
-from raytwin.calib.photos.calibrated import Calibration, Evidence, FoundBoard, View, Warning_
+from raytwin.calib.photos.calibration_result import Calibration, CalibrationWarning, Evidence, FoundBoard, View
 from raytwin.calib.photos.detection import Find, Read, Tag, detect, detect_photos
-from raytwin.calib.photos.doubts import coverage, doubts_about, tilts
+from raytwin.calib.photos.diagnostics import coverage, tilts, warnings_for
 from raytwin.calib.photos.fit import INTRINSICS, MODELS, Fit, Form, Seen, fit, matched
 from raytwin.calib.photos.model import ModelTrial, name, select_model
 from raytwin.calib.photos.uncertainty import Spread, spread, with_poses
@@ -64,7 +64,7 @@ def calibrate(
     _check_model(model)
     if len(paths) < LEAST_VIEWS:
         raise InputError(where, f"at least {LEAST_VIEWS} photos of the board, from different sides", len(paths))
-    paths, image_size, doubts = _of_one_size(paths)
+    paths, image_size, warnings = _of_one_size(paths)
     found: dict[str, dict[str, list[Tag]]] = {}
     wrong: dict[str, str] = {}
     for kind in dict.fromkeys(b.kind for b in boards):
@@ -76,7 +76,7 @@ def calibrate(
     progress("fit", 0, 1)
     result = _calibrate(
         {key: {shown[p]: tags for p, tags in by_photo.items()} for key, by_photo in found.items()},
-        image_size, boards, model, where, {shown[p]: why for p, why in wrong.items()}, doubts,
+        image_size, boards, model, where, {shown[p]: why for p, why in wrong.items()}, warnings,
     )  # fmt: skip
     progress("fit", 1, 1)
     # By path too, for whoever wants the pose of one of them.
@@ -92,16 +92,16 @@ def calibrate_detections(
     model: str = "auto",
     where: str = "photos",
     wrong: Mapping[str, str] | None = None,
-    doubts: Sequence[Warning_] = (),
+    warnings: Sequence[CalibrationWarning] = (),
 ) -> Calibration:
     """The same from tags already found, by photo; those of several boards have ids of their own.
 
-    `wrong` says of other photos why they have none, `doubts` are about the photos themselves.
+    `wrong` says of other photos why they have none, `warnings` are about the photos themselves.
     """
     _check_model(model)
     boards = _boards(board)
     found = {b.kind: detections for b in boards}
-    return _calibrate(found, image_size, boards, model, where, dict(wrong or {}), doubts)
+    return _calibrate(found, image_size, boards, model, where, dict(wrong or {}), warnings)
 
 
 # On several threads BLAS adds up in another order: each number of threads would end in other bits, and none sooner.
@@ -113,7 +113,7 @@ def _calibrate(
     model: str,
     where: str,
     wrong: dict[str, str],
-    doubts: Sequence[Warning_],
+    warnings: Sequence[CalibrationWarning],
 ) -> Calibration:
     """From tags by kind and by photo."""
     if not any(tags for by_photo in found.values() for tags in by_photo.values()):
@@ -141,8 +141,8 @@ def _calibrate(
     }
     known = spread(result, _lifted(straight, boards, result) if result.form.degree else None)
     made = _calibration(straight, image_size, boards, result, known, trials, found)
-    more = doubts_about(made, result, known, straight, image_size, boards, wrong, outliers)
-    return msgspec.structs.replace(made, warnings=(*doubts, *(Warning_(*d) for d in more)))
+    more = warnings_for(made, result, known, straight, image_size, boards, wrong, outliers)
+    return msgspec.structs.replace(made, warnings=(*warnings, *(CalibrationWarning(*d) for d in more)))
 
 
 def _first_views(
@@ -290,8 +290,8 @@ def _boards(board: Board | Sequence[Board]) -> tuple[Board, ...]:
     return boards
 
 
-def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], list[Warning_]]:
-    """The photos of the commonest size, that size, and doubts about which way up the photos are.
+def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], list[CalibrationWarning]]:
+    """The photos of the commonest size, that size, and warnings about which way up the photos are.
 
     Photos a quarter turn from the others are left out: their pixels were turned after the lens had drawn them, and its
     centre and its axes with them. So are photos of any other size, which another camera took or a program cut, unless
@@ -309,28 +309,30 @@ def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], li
         if len(kept) < LEAST_VIEWS or 2 * len(others) >= len(paths):
             turned = ": the same, turned by a quarter" if path in swapped else ""
             raise InputError(path, expected, f"{w} x {h}{turned}")
-    doubts = []
+    warnings = []
     if others:
         text = ", ".join(sorted({"{} x {}".format(*sizes[p]) for p in others}))
-        doubts.append(
-            Warning_(
+        warnings.append(
+            CalibrationWarning(
                 "other-size", f"{_some(others)}: left out, being {text} where the others are {size[0]} x {size[1]}"
             )
         )
     if swapped:
         w, h = size
         text = f"left out, being {h} x {w} where the others are {w} x {h}: pixels turned after the photo was taken"
-        doubts.append(Warning_("swapped-orientation", f"{_some(swapped)}: {text}"))
+        warnings.append(CalibrationWarning("swapped-orientation", f"{_some(swapped)}: {text}"))
     by_turn: dict[int, list[Path]] = {}
     for path in kept:
         by_turn.setdefault(files.photo_orientation(path), []).append(path)
     if len(by_turn) > 1:
         groups = sorted(by_turn.items(), key=lambda group: -len(group[1]))
         text = "; ".join(f"{turn} in {len(of)} ({_some(of)})" for turn, of in groups)
-        doubts.append(
-            Warning_("mixed-orientation", f"EXIF orientations differ: {text}: sound only if no pixels were ever turned")
+        warnings.append(
+            CalibrationWarning(
+                "mixed-orientation", f"EXIF orientations differ: {text}: sound only if no pixels were ever turned"
+            )
         )
-    return kept, size, doubts
+    return kept, size, warnings
 
 
 def _some(paths: Sequence[Path]) -> str:

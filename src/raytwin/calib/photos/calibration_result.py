@@ -1,4 +1,4 @@
-"""What a calibration says: the camera, how well it is known, each photo's part in it, doubts, and what it rests on."""
+"""What a calibration says: the camera, how well it is known, each photo's part, warnings, and what it rests on."""
 
 import os
 from typing import Any
@@ -37,8 +37,8 @@ class FoundBoard(Record, frozen=True):
     bend_sigma_mm: float = 0.0
 
 
-class Warning_(Record, frozen=True):
-    """A doubt: `code` is stable (doubts.CODES), `text` is for people."""
+class CalibrationWarning(Record, frozen=True):
+    """What speaks against a calibration: `code` is stable (diagnostics.CODES), `text` is for people."""
 
     code: str
     text: str
@@ -82,8 +82,13 @@ class Calibration(Record, frozen=True):
     rms_px: float
     views: tuple[View, ...]
     boards: tuple[FoundBoard, ...] = ()
-    warnings: tuple[Warning_, ...] = ()
+    warnings: tuple[CalibrationWarning, ...] = ()
     evidence: Evidence | None = None
+
+    @property
+    def photos(self) -> tuple[str, ...]:
+        """The photos used: fewer than the views where one shows several boards."""
+        return tuple(dict.fromkeys(v.photo for v in self.views))
 
     def numbers(self) -> dict[str, Any]:
         """What the JSON holds."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from raytwin.calib.boards import Board
 from raytwin.calib.photos import lens, pose
-from raytwin.calib.photos.calibrated import Calibration
+from raytwin.calib.photos.calibration_result import Calibration
 from raytwin.calib.photos.fit import NAMES, Fit, Form, Seen, fit, matched, solve_scaled
 from raytwin.calib.photos.uncertainty import Spread, spread
 from raytwin.errors import InputError
@@ -71,7 +71,7 @@ STRETCHED, EXPLAINED = 0.01, 0.8
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What the doubts are about: a `calibration`, the fit that made it and what it is known to, and what went in."""
+    """What the warnings are about: a `calibration`, the fit that made it and what it is known to, and what went in."""
 
     calibration: Calibration
     found: Fit
@@ -109,7 +109,7 @@ class Case:
         return replace(self, views=views, found=found, known=spread(found))
 
 
-Doubts = Iterator[tuple[str, str]]
+Warnings = Iterator[tuple[str, str]]
 """(code, text)"""
 
 
@@ -146,7 +146,7 @@ def is_mirrored(points: np.ndarray, pixels: np.ndarray) -> bool:
     return bool(np.linalg.det(H) * np.sign(H[2] @ [*points[:, :2].mean(axis=0), 1.0]) > 0)
 
 
-def doubts_about(
+def warnings_for(
     calibration: Calibration,
     found: Fit,
     known: Spread,
@@ -156,25 +156,28 @@ def doubts_about(
     wrong: Mapping[str, str],
     outliers: Mapping[str, Sequence[int]],
 ) -> list[tuple[str, str]]:
-    """(code, text) of every doubt about a Calibration made from `views` by the fit `found`.
+    """(code, text) of every warning about a Calibration made from `views` by the fit `found`.
 
     `wrong`: photos left out, and why. `outliers`: ids rejected, by photo.
     """
     case = Case(calibration, found, known, views, image_size, boards, wrong, outliers)
-    return [doubt for ask in ASKED for doubt in ask(case)]
+    return [warning for check in CHECKS for warning in check(case)]
 
 
-def _left_out(case: Case) -> Doubts:
+def _left_out(case: Case) -> Warnings:
     for photo, why in case.wrong.items():
         yield "no-tags", f"{photo} was left out: {why}"
 
 
-def _few(case: Case) -> Doubts:
+def _few(case: Case) -> Warnings:
     if len(case.photos) < FEW_VIEWS:
-        yield "few-views", f"{len(case.photos)} views: with fewer than {FEW_VIEWS} the focal length moves by a per cent"
+        yield (
+            "few-views",
+            f"{len(case.photos)} photos: with fewer than {FEW_VIEWS} the focal length moves by a per cent",
+        )
 
 
-def _degenerate(case: Case) -> Doubts:
+def _degenerate(case: Case) -> Warnings:
     (fx, _, cx), (_, fy, cy), _ = case.calibration.K
     width, height = case.image_size
     sd = case.calibration.sigma
@@ -201,7 +204,7 @@ def _degenerate(case: Case) -> Doubts:
         yield "degenerate-views", "; ".join(found)
 
 
-def _mirrored(case: Case) -> Doubts:
+def _mirrored(case: Case) -> Warnings:
     for i, board in enumerate(case.boards):
         of = [v for v in case.views if v.board == i]
         behind = [v for v in of if is_mirrored(*matched(v.tags, board.flat()))]
@@ -213,7 +216,7 @@ def _mirrored(case: Case) -> Doubts:
             yield "mirrored-board", f"{text} ({advice})"
 
 
-def _pitch(case: Case) -> Doubts:
+def _pitch(case: Case) -> Warnings:
     for text in case.pitches:
         yield "board-pitch", text
 
@@ -234,7 +237,7 @@ def _wrong_pitches(case: Case) -> Iterator[str]:
             yield f"the board's pitch in y looks wrong by {stretch:.3f} (± {sd:.2g}){which}: measure it both ways"
 
 
-def _bent(case: Case) -> Doubts:
+def _bent(case: Case) -> Warnings:
     if case.pitches:
         return
     for i, (board, found) in enumerate(zip(case.boards, case.calibration.boards, strict=True)):
@@ -248,7 +251,7 @@ def _bent(case: Case) -> Doubts:
             )
 
 
-def _odd(case: Case) -> Doubts:
+def _odd(case: Case) -> Warnings:
     """Photos at odds with the rest, the worst first; each next one by the fit without those: an odd one makes others
     look so."""
     left_out: list[str] = []
@@ -361,7 +364,7 @@ def _better_turned(case: Case, i: int) -> float:
     return math.sqrt(squares[0] / max(squares[1], 1e-12))
 
 
-def _unsupported(case: Case) -> Doubts:
+def _unsupported(case: Case) -> Warnings:
     known = undone(case.calibration.K, case.calibration.dist, case.image_size)
     if known.fault:
         lost = 100 * float((known.share[4 * SIDE :] < 1).mean())
@@ -369,13 +372,13 @@ def _unsupported(case: Case) -> Doubts:
         yield "unconverged-distortion", f"{text}; photograph the board there"
 
 
-def _outliers(case: Case) -> Doubts:
+def _outliers(case: Case) -> Warnings:
     for photo, ids in case.outliers.items():
         if ids:
             yield "outlier-tags", f"{photo}: rejected tags {', '.join(map(str, sorted(ids)))}"
 
 
-def _ambiguous(case: Case) -> Doubts:
+def _ambiguous(case: Case) -> Warnings:
     if any(_mirrored(case)):
         return
     c = case.calibration
@@ -386,6 +389,6 @@ def _ambiguous(case: Case) -> Doubts:
             yield "ambiguous-pose", f"{view.photo}: a second pose fits with only {ratio:.2f} times the error"
 
 
-ASKED: tuple[Callable[[Case], Doubts], ...] = (
+CHECKS: tuple[Callable[[Case], Warnings], ...] = (
     _left_out, _few, _degenerate, _mirrored, _pitch, _bent, _odd, _unsupported, _outliers, _ambiguous,
 )  # fmt: skip
