@@ -55,6 +55,38 @@ def test_a_tolerated_silhouette_pixel_may_have_another_radiance_too():
     assert not compare(*pair).passed
 
 
+def wedge(edge: int) -> Surface:
+    """Two planes that meet in a column of pixels, where both are equally far."""
+    x = np.broadcast_to(np.arange(W), (H, W))
+    normal = np.where((x < edge)[..., None], (0.6, 0, 0.8), (-0.6, 0, 0.8)).astype(np.float32)
+    return Surface((x >= edge).astype(np.int32), (2 + 0.01 * np.abs(x - 40)).astype(np.float32), normal)
+
+
+def test_on_the_common_edge_of_two_objects_either_answer_is_right_and_is_counted():
+    test, reference = wedge(41), wedge(40)
+    mean = np.where((test.ids == 0)[..., None], np.float32(0.5), np.float32(0.3)) * np.ones(3, np.float32)
+    shown = np.where((reference.ids == 0)[..., None], np.float32(0.5), np.float32(0.3)) * np.ones(3, np.float32)
+    c = compare(Image(mean, surface=test), Image(shown, surface=reference))
+    assert c.verdict == "pass"
+    assert c.geometry.mask_mismatch_pixels == 0
+    assert c.reasons[-1].startswith("60 pixels on the common edge of two objects")
+    assert compare(Image(mean), Image(shown)).verdict == "fail"  # without surfaces nobody knows
+
+
+@pytest.mark.parametrize("wrong", ["nearer", "named otherwise", "another object"])
+def test_no_other_pixel_is_taken_for_a_tie(wrong):
+    test, reference = wedge(41), wedge(40)
+    if wrong == "nearer":
+        test.depth[:, 40] *= np.float32(1 - 3e-5)
+    elif wrong == "named otherwise":
+        test.ids[:] = 1 - reference.ids
+    else:
+        test.ids[:, 40] = 7
+    c = compare(Image(MEAN, surface=test), Image(MEAN, surface=reference))
+    assert c.verdict == "fail"
+    assert "see another object" in c.reasons[0]
+
+
 def test_relative_depth_is_measured_where_both_see_the_same_object():
     s = surface()
     s.depth[:] *= np.float32(1.01)

@@ -1,5 +1,7 @@
 """Where things are seen: silhouettes, depth, normals."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from raytwin.array_types import Bool, Float32
@@ -14,6 +16,9 @@ DEPTH_REL = 1e-4
 
 NORMAL_DEG = 0.1
 """Bound on the 99.9 % quantile of the angle between normals, degrees."""
+
+TIE_DEPTH_REL = 2e-5
+"""Two objects met at depths that differ by less are met at once: twice what a reference's 16 bits of depth leave."""
 
 PIXELS = 1 << 14
 """Worked on at a time: they stay in the cache."""
@@ -69,6 +74,37 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
                 )
             )
     return Geometry(mismatch, largest["depth"], largest["normal"]), findings
+
+
+def ties(test: Surface, reference: Surface) -> Bool[np.ndarray, "h w"]:
+    """Pixels on the common edge of two objects, where rounding decides which is seen and either answer is right.
+
+    Both are met at the same depth, and the reference sees the test's object in a neighbouring pixel.
+    """
+    tied = (test.ids != reference.ids) & (test.ids != BACKGROUND) & (reference.ids != BACKGROUND)
+    if not tied.any():
+        return tied
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        depth = np.abs(np.subtract(test.depth, reference.depth, dtype=np.float32))
+        tied &= depth <= np.float32(TIE_DEPTH_REL) * np.abs(reference.depth)
+    wide = np.pad(reference.ids, 1, constant_values=BACKGROUND)
+    h, w = tied.shape
+    near = np.zeros_like(tied)
+    for y in range(3):
+        for x in range(3):
+            near |= wide[y : y + h, x : x + w] == test.ids
+    return np.asarray(tied & near)
+
+
+def without_ties(test: Image, reference: Image) -> tuple[Image, int]:
+    """The test image with the reference's pixels where either answer is right, and how many these are."""
+    t, r = test.surface, reference.surface
+    if t is None or r is None or not (tied := ties(t, r)).any():
+        return test, 0
+    mean = np.where(tied[..., None], reference.mean, test.mean)
+    parts = (np.where(tied, r.ids, t.ids), np.where(tied, r.depth, t.depth))
+    surface = Surface(*parts, np.where(tied[..., None], r.normal, t.normal))
+    return replace(test, mean=mean, surface=surface), int(np.count_nonzero(tied))
 
 
 def _errors(

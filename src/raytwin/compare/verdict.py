@@ -11,8 +11,8 @@ import numpy as np
 from raytwin.compare.answer import Question
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Comparison, Perceptual, Radiance, Verdict
-from raytwin.compare.finding import HARD, SHIFT, SILHOUETTE, Finding
-from raytwin.compare.geometry import geometry_findings
+from raytwin.compare.finding import HARD, SHIFT, SILHOUETTE, Finding, plural
+from raytwin.compare.geometry import geometry_findings, without_ties
 from raytwin.compare.hard import shape_findings, value_findings
 from raytwin.compare.metrics import measure
 from raytwin.compare.scale import Bound, scale_of, unit_of
@@ -23,6 +23,8 @@ from raytwin.scene import Tolerance
 
 SURE_SHIFT = 0.5
 """A shift whose standard deviation is larger, pixels, is not reported."""
+
+TIED = "both are equally far, either is right, and these were not compared"
 
 MUST_SEE = 0.1
 """A comparison that would have missed a larger error of the whole image's mean, relative to it, is undecided."""
@@ -79,9 +81,10 @@ def _compare(
     test, reference = _single(test), _single(reference)
     scale = scale_of(reference, test)
     findings = value_findings(test, reference, tolerance.p999_abs * scale)
+    radiance = Radiance(**measure(test.mean, reference.mean, Radiance.__struct_fields__))
+    test, tied = without_ties(test, reference)
     geometry, misplaced = geometry_findings(test, reference, tolerance)
     findings += misplaced
-    radiance = Radiance(**measure(test.mean, reference.mean, Radiance.__struct_fields__))
     if any(f.rank == HARD for f in findings):
         return _made(findings, geometry=geometry, radiance=radiance)
     perceptual = Perceptual(measure(test.mean, reference.mean, ["flip_hdr"])["flip_hdr"] if flip else None)
@@ -112,7 +115,7 @@ def _compare(
     told = any(f.rank == SHIFT for f in findings)
     if findings and not answer.doubts and shift is not None and shift.certain and not told:
         findings.append(shift_finding(shift))
-    return _made(
+    made = _made(
         findings,
         answer.notes,
         () if misplaced else answer.doubts,
@@ -122,6 +125,7 @@ def _compare(
         perceptual=perceptual,
         failing=tuple(p.above(reference.shape[0]) for p in answer.failing) if findings and not answer.doubts else (),
     )
+    return made.saying(f"{plural(tied, 'pixel')} on the common edge of two objects: {TIED}") if tied else made
 
 
 def _made(
