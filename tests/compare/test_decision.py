@@ -10,7 +10,7 @@ from measure.noise_models import KINDS, picture
 from raytwin.compare import compare
 from raytwin.compare.decision import decide
 from raytwin.compare.scale import Bound
-from raytwin.image import Image
+from raytwin.image import Image, Surface
 from raytwin.scene import Tolerance
 
 H, W = 40, 56
@@ -64,17 +64,55 @@ def test_a_render_that_missed_every_rare_event_is_excused_by_a_reference_that_sa
     assert compare(missed, render(rng, samples=4096, **rare)).verdict != "fail"
 
 
-def test_pixels_without_noise_in_either_image_are_compared_exactly():
-    rng = np.random.default_rng(7)
-    a, b = render(rng), render(rng, samples=4096)
+def calm_beside_noise(seed, surface=None):
+    """Renders of 64 and 4096 samples, in 20 columns of which all samples agree."""
+    rng = np.random.default_rng(seed)
+    a, b = render(rng, samples=64), render(rng, samples=4096)
     for image in (a, b):
         image.mean[:, :20] = TRUTH[:, :20]
         image.variance[:, :20] = 0
+    return a, replace(b, surface=surface)
+
+
+def test_the_background_of_a_sampled_image_is_compared_exactly():
+    seen = Surface.empty(W, H)
+    seen.ids[:, 20:] = 0
+    a, b = calm_beside_noise(7, seen)
     assert compare(a, b).passed
     a.mean[10, 5] += np.float32(1e-3)
     c = compare(a, b)
     assert not c.passed
     assert "(x=5, y=10)" in c.reasons[0]
+
+
+def test_samples_that_all_agree_may_have_missed_what_is_rare():
+    """An occluder that hides p of the sky is missed by 64 samples with exp(-64 p), by those of 16 x 16 pixels never."""
+    a, b = calm_beside_noise(7)
+    b.variance[:, :20] = 0
+    exact_part = TRUTH[:, :20].astype(np.float32)
+    for p, pixels, verdict in (
+        (0.1, np.s_[10, 5], "pass"),
+        (1e-3, np.s_[8:16, 8:16], "pass"),
+        (0.01, np.s_[:32, :16], "fail"),
+        (1.0, np.s_[10, 5], "fail"),
+    ):
+        a.mean[:, :20] = exact_part
+        a.mean[pixels] *= np.float32(1 - p)
+        assert compare(a, b).verdict == verdict, (p, pixels)
+
+
+@pytest.mark.parametrize("hidden", [1e-4, 1e-3, 5e-3])
+def test_a_closed_form_is_not_failed_by_samples_that_missed_a_rare_occluder(hidden):
+    """Of 20 renders whose samples see all of the sky but for a share that nearly all miss none fails (1e-3 stated)."""
+    rng = np.random.default_rng(8)
+    y = np.linspace(0, 1, H)[:, None, None]
+    truth = 1 - hidden * (1 - y) * np.ones((H, W, 3))
+    truth[-8:] = 0.5  # where the occluder is near, all is noisy
+    test = Image(truth.astype(np.float32), np.zeros(truth.shape, np.float32), 64, None, 16)
+    for _ in range(20):
+        seen = rng.binomial(4, truth[None, ..., :1], (16, H, W, 1)).repeat(3, axis=-1) / 4
+        reference = Image(seen.mean(0).astype(np.float32), (seen.var(0, ddof=1) / 16).astype(np.float32), 64, None, 16)
+        assert compare(test, reference).verdict != "fail"
 
 
 def test_noise_below_the_tolerance_is_no_noise():

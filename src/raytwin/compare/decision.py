@@ -20,7 +20,10 @@ What a variance estimated from a few batches needs, so that the rate holds:
   whatever may have missed them all: often a few thousandths of the radiance, where widening every variance by a
   firefly's would have blinded all tests. Where both images tell their samples, a variance is never less than the
   samples' ratio says of the other's.
-- Values with a standard deviation below a tenth of the tolerance hold no noise: they are compared as exact images are.
+- Values with a standard deviation below a tenth of the tolerance hold no noise: they are compared as exact images are,
+  where neither image is sampled, and at the background. In a sampled image samples that all agree prove little: n of
+  them miss an event of probability p with exp(-n p). What they may have missed is granted to values, tiles and image,
+  each for its own number of samples; a sample may be as far off as the image's scale.
 - Neighbours that share samples (a filter wider than the pixel): the variance of every sum is inflated by what the
   images' difference shows (noise.inflation).
 - A variance that the residuals do not bear out excuses nothing (noise.capped).
@@ -47,6 +50,7 @@ from raytwin.compare.noise import (
     missed,
     mutual,
     regularised,
+    samples_behind,
     spread,
     survey,
     variance_ratio,
@@ -56,7 +60,7 @@ from raytwin.image import Image
 
 Sums = dict[str, Float64[np.ndarray, "..."]]
 Size = tuple[int, ...]
-KEYS = ("n", "d", "r", "va", "vb", "vv", "round")
+KEYS = ("n", "d", "r", "va", "vb", "vv", "round", "calm", "size")
 
 TESTS = 4
 
@@ -130,11 +134,22 @@ class Rounding(NamedTuple):
 
 
 class Grants(NamedTuple):
-    """What an error may be before it counts: the bound of values without noise, and what either image missed."""
+    """What an error may be before it counts: the bound of values without noise, and what either image missed.
+
+    `unseen`: 1 / samples per pixel of an image with noise, of both together; 0 where no variance is proof of no noise.
+    """
 
     bound: Bound
     by_test: Missed
     by_reference: Missed
+    unseen: float = 0.0
+
+    def by_chance(self, level: float) -> float:
+        """The share of a sampled value that may be missing though all its samples agree, at this level; per pixel.
+
+        Samples that would have changed it come with a mean of n p in n of them, so that none does with exp(-n p).
+        """
+        return -math.log(level) * self.unseen
 
     def of(self, error: Means, pixels: Counts | int, radiance: Means, allowed: Means | None = None) -> Means:
         """For mean errors (..., 3): a test that is too dark may have missed events, one too bright has seen more.
@@ -166,7 +181,11 @@ def decide(
     typical, largest = variance_ratio(test, reference, a, b, (SILENT * bound.least) ** 2)
     noisy = [s for s in (a, b) if s is not None]
     share = sidak(rate, TESTS)
-    grants = Grants(bound, *missed(a, b, (test.samples, reference.samples), math.prod(test.shape[:2]), share))
+    unseen = sum(
+        1 / n for n in (samples_behind(i, s, SILENT * bound.least) for i, s in ((test, a), (reference, b))) if n
+    )
+    grants = Grants(bound, *missed(a, b, (test.samples, reference.samples), math.prod(test.shape[:2]), share), unseen)
+    proven = _proven(reference, unseen)
     dofs = degrees_of_freedom(test), degrees_of_freedom(reference)
     dof = welch([(s.mean, nu) for s, nu in zip((a, b), dofs, strict=True) if s is not None])
     level = sidak(share, test.mean.size)
@@ -188,8 +207,13 @@ def decide(
         v = va + vb
         silent = v <= np.square(np.float32(SILENT) * allowed)
         v = mutual(va, vb, largest, v)
+        calm = silent & ~proven[y0:y1]
+        silent &= ~calm
+        np.maximum(v, np.square(np.float32(SILENT) * allowed), out=v, where=calm)
         more = np.float32(0) if rounding is None else rounding.value[y0:y1]
         granted = grants.of(d, 1, r, allowed) + more
+        size = np.where(calm, allowed / np.float32(bound.share), np.float32(0))
+        granted += np.float32(grants.by_chance(level)) * size
         if silent.any():
             still = np.where(silent, error, np.float32(0))
             quiet = quiet.plus(still, int(np.count_nonzero(silent)), allowed, granted - allowed, y0)
@@ -212,13 +236,14 @@ def decide(
                 places_of_values = (*places_of_values, *blocks_of(failed.any(axis=-1), y0))[:MOST_PLACES]
 
         made = _sums(d, r, silent, (test, a, dofs[0]), (reference, b, dofs[1]), rounding, y0, rows, unit)
+        made |= {"calm": block_sums(calm.astype(np.float32), rows), "size": block_sums(size, rows)}
         for k, total in made.items():
             sums[k].append(total)
         places = [_within(side, y0, y1) for side in noisy]
         if any(y.size for y, _, _ in places):
             for place in places:
                 d[place], silent[place] = 0, True
-            made = _sums(d, r, silent, (test, a, dofs[0]), (reference, b, dofs[1]), rounding, y0, rows, unit)
+            made |= _sums(d, r, silent, (test, a, dofs[0]), (reference, b, dofs[1]), rounding, y0, rows, unit)
         for k, total in made.items():
             without[k].append(total)
 
@@ -228,9 +253,12 @@ def decide(
     ways = [Way(grids, grants, typical, wide)]
     if any(s.fireflies[0].size for s in noisy):
         left = [
-            m.always if s is not None and s.fireflies[0].size else m for m, s in zip(grants[1:], (a, b), strict=True)
+            m.always if s is not None and s.fireflies[0].size else m
+            for m, s in zip((grants.by_test, grants.by_reference), (a, b), strict=True)
         ]
-        ways.append(Way({k: np.concatenate(v) for k, v in without.items()}, Grants(bound, *left), typical, wide))
+        ways.append(
+            Way({k: np.concatenate(v) for k, v in without.items()}, Grants(bound, *left, unseen), typical, wide)
+        )
     return Decision(
         Family(worst, level, failed_values, test.mean.size, places=places_of_values),
         _tiles(ways, share, test.shape[:2]),
@@ -239,6 +267,15 @@ def decide(
         failed_pixels,
         wide,
     )
+
+
+def _proven(reference: Image, unseen: float) -> Bool[np.ndarray, "h w 1"]:
+    """(H, W, 1): where no variance is proof of no noise. Nowhere in a sampled image, but for its background."""
+    if not unseen:
+        return np.ones((*reference.shape[:2], 1), bool)
+    if reference.surface is None:
+        return np.zeros((*reference.shape[:2], 1), bool)
+    return ~reference.surface.mask[..., None]
 
 
 def _within(side: Side, y0: int, y1: int) -> tuple[Int[np.ndarray, " n"], ...]:
@@ -299,23 +336,27 @@ class _Tested(NamedTuple):
 
 def _student(ways: list[Way], level: float) -> _Tested:
     """Each sum in the way that would see the smaller error: with its fireflies, or without them but for their mean."""
-    made = [_one_way(way) for way in ways]
+    made = [_one_way(way, level) for way in ways]
     if len(made) == 1:
         return made[0]
     least = [t.granted + t.sd * quantile(level, t.dof) for t in made]
     return _Tested(*(np.where(least[1] < least[0], y, x) for x, y in zip(*made, strict=True)))
 
 
-def _one_way(way: Way) -> _Tested:
+def _one_way(way: Way, level: float) -> _Tested:
     s, wide = way.sums, way.wide
     v = s["va"] + s["vb"]
     dof = np.divide(np.square(v), s["vv"], out=np.zeros_like(v), where=s["vv"] > 0) / wide - 1
     dof = np.maximum(dof, 0.5)
     sd = np.sqrt(mutual(s["va"], s["vb"], way.ratio) * wide) / s["n"]
-    error, radiance, rounded = s["d"] / s["n"], s["r"] / s["n"], s["round"] / s["n"]
-    beyond = np.maximum(np.abs(error) - way.grants.of(error, s["n"], radiance) - rounded, 0)
+    floor = 1e-3 * way.grants.bound.least  # where all is calm: no division by 0
+    sd, dof = np.maximum(sd, floor), np.where(sd > floor, dof, np.inf)
+    error, radiance, more = s["d"] / s["n"], s["r"] / s["n"], s["round"] / s["n"]
+    size = np.divide(s["size"], s["calm"], out=np.zeros_like(sd), where=s["calm"] > 0)
+    more = more + way.grants.by_chance(level) * size / s["n"]
+    beyond = np.maximum(np.abs(error) - way.grants.of(error, s["n"], radiance) - more, 0)
     z = np.divide(beyond, sd, out=np.zeros_like(sd), where=sd > 0)
-    granted = way.grants.most(s["n"], radiance) + rounded
+    granted = way.grants.most(s["n"], radiance) + more
     return _Tested(np.nan_to_num(z, nan=np.inf, posinf=np.inf), sd, dof, granted, radiance, error)
 
 

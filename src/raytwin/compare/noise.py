@@ -114,6 +114,13 @@ def spread(blocks: Float[np.ndarray, "by bx c"], width: int) -> Float[np.ndarray
     return np.asarray(np.repeat(blocks, SIDE, axis=1)[:, None, :width])
 
 
+def samples_behind(image: Image, side: Side | None, least: float) -> int:
+    """How many samples of a pixel agree where the variance is 0; 0 where the image has no noise (beyond `least`)."""
+    if side is None or not float(side.blocks.max()) > least**2:
+        return 0
+    return image.samples if image.samples > 1 else max(image.batches or 0, 2)
+
+
 def _fireflies(
     mean: Pixels, v: Pixels, y: Int[np.ndarray, " n"], x: Int[np.ndarray, " n"], c: Int[np.ndarray, " n"]
 ) -> tuple[Int[np.ndarray, " k"], ...]:
