@@ -252,13 +252,9 @@ def decide(
     wide = inflation(test.mean, reference.mean, blocks)
     ways = [Way(grids, grants, typical, wide)]
     if any(s.fireflies[0].size for s in noisy):
-        left = [
-            m.always if s is not None and s.fireflies[0].size else m
-            for m, s in zip((grants.by_test, grants.by_reference), (a, b), strict=True)
-        ]
-        ways.append(
-            Way({k: np.concatenate(v) for k, v in without.items()}, Grants(bound, *left, unseen), typical, wide)
-        )
+        fewer = grants._replace(by_test=_without_fireflies(grants.by_test, a))
+        fewer = fewer._replace(by_reference=_without_fireflies(grants.by_reference, b))
+        ways.append(Way({k: np.concatenate(v) for k, v in without.items()}, fewer, typical, wide))
     return Decision(
         Family(worst, level, failed_values, test.mean.size, places=places_of_values),
         _tiles(ways, share, test.shape[:2]),
@@ -267,6 +263,11 @@ def decide(
         failed_pixels,
         wide,
     )
+
+
+def _without_fireflies(missing: Missed, side: Side | None) -> Missed:
+    """What is granted where a side's fireflies, if it has any, are left out."""
+    return missing.always if side is not None and side.fireflies[0].size else missing
 
 
 def _proven(reference: Image, unseen: float) -> Bool[np.ndarray, "h w 1"]:

@@ -83,7 +83,7 @@ def ties(test: Surface, reference: Surface) -> Bool[np.ndarray, "h w"]:
     """
     tied = (test.ids != reference.ids) & (test.ids != BACKGROUND) & (reference.ids != BACKGROUND)
     if not tied.any():
-        return tied
+        return np.asarray(tied)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         depth = np.abs(np.subtract(test.depth, reference.depth, dtype=np.float32))
         tied &= depth <= np.float32(TIE_DEPTH_REL) * np.abs(reference.depth)
