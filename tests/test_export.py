@@ -44,9 +44,9 @@ def test_mitsuba_renders_the_same_picture_from_the_file(scenes, tmp_path, name, 
     loaded = mi.load_file(str(tmp_path / "scene.xml"))
     renders = [np.array(mi.render(loaded, spp=64, seed=seed)) for seed in range(8)]
     reference = twin.render(scene, rung, sampling="area", samples=512, seed=99)
-    found = compare(image_input.take(renders).image, reference)
+    found = compare(image_input.as_image(renders).image, reference)
     assert found.verdict == "pass", found.reasons
-    wrong = compare(image_input.take([0.98 * np.float32(r) for r in renders]).image, reference)
+    wrong = compare(image_input.as_image([0.98 * np.float32(r) for r in renders]).image, reference)
     assert wrong.verdict == "fail"  # so much it would have seen
 
 

@@ -418,7 +418,7 @@ def test_a_formats_rounding_stays_within_the_step_that_is_granted_for_it(smooth,
         files.write_image(thing, Image(smooth.mean.astype(np.float16).astype(np.float32)))
     else:
         files.write_image(thing, smooth)
-    taken = image_input.take(thing)
+    taken = image_input.as_image(thing)
     error = np.abs(taken.image.mean - taken.fitted(smooth).mean)
     if ending in ("exr", "pfm"):
         assert taken.rounding.half is None
@@ -432,7 +432,7 @@ def test_a_formats_rounding_stays_within_the_step_that_is_granted_for_it(smooth,
 def test_the_spread_of_renders_gives_the_variance_of_their_mean():
     x = np.random.default_rng(3).exponential(size=(5, 4, 6, 3))
     for things in (x, list(x), [Image(i) for i in x], lambda seed: x[seed]):
-        made = image_input.take(things, renders=5).image
+        made = image_input.as_image(things, renders=5).image
         np.testing.assert_allclose(made.mean, x.mean(0), rtol=1e-6)
         np.testing.assert_allclose(made.variance, x.var(0, ddof=1) / 5, rtol=1e-6)
         assert made.batches == 5
@@ -440,4 +440,4 @@ def test_the_spread_of_renders_gives_the_variance_of_their_mean():
 
 def test_renders_of_different_shapes_are_refused():
     with pytest.raises(InputError, match="one shape"):
-        image_input.take([np.zeros((2, 3, 3))] * 3 + [np.zeros((3, 2, 3))])
+        image_input.as_image([np.zeros((2, 3, 3))] * 3 + [np.zeros((3, 2, 3))])

@@ -19,7 +19,7 @@ FEWEST = 4
 """Fewer renders know too little of their variance: with 2, a third of all correct images would fail."""
 
 
-class Given(NamedTuple):
+class LoadedImage(NamedTuple):
     """The image, and what its format rounds off; `measured`: its variance is the spread of renders, not a claim."""
 
     image: Image
@@ -32,7 +32,7 @@ class Given(NamedTuple):
         return replace(reference, mean=np.clip(reference.mean, 0, 1)) if self.rounding.clipped else reference
 
 
-def take(thing: Any, variance: Any = None, renders: int = RENDERS) -> Given:
+def as_image(thing: Any, variance: Any = None, renders: int = RENDERS) -> LoadedImage:
     """`thing` as an Image: see the module's first line.
 
     An Image; a path (EXR, PFM, HDR, PNG, JPEG); a function `render(seed)` that returns any of these, called with the
@@ -51,7 +51,7 @@ def take(thing: Any, variance: Any = None, renders: int = RENDERS) -> Given:
 
 def read_side(
     where: Path, part: str | None = None, layer: str | None = None, variance: Path | None = None, samples: int = 0
-) -> Given:
+) -> LoadedImage:
     """A file, or several renders: a folder of images, or a pattern such as `render_*.exr`.
 
     `variance` is an image file that holds the variance of the mean, `samples` the samples a pixel of each file, where
@@ -92,7 +92,7 @@ def _is_many(thing: Any) -> bool:
     return getattr(thing, "ndim", 0) == 4
 
 
-def _called(render: Callable[[int], Any], renders: int) -> Given:
+def _called(render: Callable[[int], Any], renders: int) -> LoadedImage:
     if renders < FEWEST:
         raise InputError("renders", f"at least {FEWEST}", renders)
     made = [_single(render(seed)) for seed in range(2)]
@@ -102,7 +102,7 @@ def _called(render: Callable[[int], Any], renders: int) -> Given:
     return _repeated([*made, *(_single(render(seed)) for seed in range(2, renders))])
 
 
-def _repeated(made: list[Given]) -> Given:
+def _repeated(made: list[LoadedImage]) -> LoadedImage:
     """The mean of independent renders, and its variance s² / k."""
     if len(made) < FEWEST:
         raise InputError("repeated renders", f"at least {FEWEST}", len(made))
@@ -118,15 +118,15 @@ def _repeated(made: list[Given]) -> Given:
     return made[0]._replace(image=image, measured=True)
 
 
-def _single(thing: Any) -> Given:
+def _single(thing: Any) -> LoadedImage:
     if isinstance(thing, Image):
-        return Given(thing)
+        return LoadedImage(thing)
     if isinstance(thing, str | os.PathLike):
         return _read(Path(thing))
     pixels = _array(thing)
     if pixels.dtype == np.float16:
         return _rounded(Image(pixels.astype(np.float32), samples=0), files.half_floats(pixels.astype(np.float32)))
-    return Given(Image(pixels, samples=0))
+    return LoadedImage(Image(pixels, samples=0))
 
 
 def _array(thing: Any) -> np.ndarray:
@@ -137,10 +137,10 @@ def _array(thing: Any) -> np.ndarray:
         raise InputError("image", "an array, a path, an Image or a function of a seed", error) from None
 
 
-def _read(path: Path, part: str | None = None, layer: str | None = None) -> Given:
+def _read(path: Path, part: str | None = None, layer: str | None = None) -> LoadedImage:
     image = files.read_image(path, part, layer)
     return _rounded(image, files.rounding_of(path, image.mean))
 
 
-def _rounded(image: Image, rounding: files.Rounding) -> Given:
-    return Given(image, rounding, (rounding.note,) if rounding.note else ())
+def _rounded(image: Image, rounding: files.Rounding) -> LoadedImage:
+    return LoadedImage(image, rounding, (rounding.note,) if rounding.note else ())

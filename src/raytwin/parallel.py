@@ -20,7 +20,7 @@ CONNECT = 5
 
 
 @dataclass(frozen=True)
-class Spread:
+class Workers:
     """`jobs` local processes (1: this one), or the Dask scheduler at `dask`; `shard` (k, n): the k-th of n."""
 
     jobs: int = 1
@@ -40,10 +40,10 @@ class Done(NamedTuple):
     error: Exception | None = None
 
 
-def parse_spread(jobs: int, dask: str, shard: str) -> Spread:
+def parse_workers(jobs: int, dask: str, shard: str) -> Workers:
     """
-    >>> parse_spread(1, "", "3/40")
-    Spread(jobs=1, dask='', shard=(3, 40))
+    >>> parse_workers(1, "", "3/40")
+    Workers(jobs=1, dask='', shard=(3, 40))
     """
     match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", shard or "1/1")
     if not match or not 1 <= int(match[1]) <= int(match[2]):
@@ -52,21 +52,21 @@ def parse_spread(jobs: int, dask: str, shard: str) -> Spread:
         raise InputError("--jobs", "a number of processes >= 1", jobs)
     if dask and jobs > 1:
         raise InputError("--dask", "a cluster or local processes (--jobs), not both", f"--jobs {jobs}")
-    return Spread(jobs, dask, (int(match[1]), int(match[2])))
+    return Workers(jobs, dask, (int(match[1]), int(match[2])))
 
 
-def over(function: Callable[[T], Any], things: Sequence[T], spread: Spread) -> Iterator[Done]:
+def map_parallel(function: Callable[[T], Any], things: Sequence[T], workers: Workers) -> Iterator[Done]:
     """What the function gives for each thing of the share, as it is done. An error costs its own thing only.
 
     Function and things are pickled where other processes take them.
     """
-    chosen = spread.share(things)
-    if spread.dask:
-        yield from _on_cluster(function, chosen, spread.dask)
-    elif spread.jobs == 1 or len(chosen) < 2:
+    chosen = workers.share(things)
+    if workers.dask:
+        yield from _on_cluster(function, chosen, workers.dask)
+    elif workers.jobs == 1 or len(chosen) < 2:
         yield from (_here(function, thing) for thing in chosen)
     else:
-        yield from _in_processes(function, chosen, spread.jobs)
+        yield from _in_processes(function, chosen, workers.jobs)
 
 
 def _here(function: Callable[[T], Any], thing: T) -> Done:

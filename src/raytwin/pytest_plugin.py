@@ -66,26 +66,26 @@ def _marked(scenes: list[str] | None = None, rungs: list[str] | None = None) -> 
 
 
 @pytest.fixture
-def raytwin_reference(request: pytest.FixtureRequest) -> "Callable[..., Held]":
+def raytwin_reference(request: pytest.FixtureRequest) -> "Callable[..., ReferenceCheck]":
     """`raytwin_reference(scene, rung="shadow")`: the reference, with `.check(image)`, `.scene` and `.camera`.
 
     `image=True`: there is no scene of that name, and --raytwin-update takes the image under test for the reference.
     """
 
-    def find(scene: str, rung: str = "shadow", image: bool = False) -> Held:
+    def find(scene: str, rung: str = "shadow", image: bool = False) -> ReferenceCheck:
         __tracebackhide__ = True
-        return Held(request.node, scene, rung, image)
+        return ReferenceCheck(request.node, scene, rung, image)
 
     return find
 
 
 @pytest.fixture
-def raytwin_case(request: pytest.FixtureRequest) -> "Held":
+def raytwin_case(request: pytest.FixtureRequest) -> "ReferenceCheck":
     """One reference after the other: those that `@pytest.mark.raytwin(scenes=[...], rungs=[...])` names, or all."""
-    return Held(request.node, *request.param)
+    return ReferenceCheck(request.node, *request.param)
 
 
-class Held:
+class ReferenceCheck:
     """A reference that images are held to. Missing, damaged or stale, it fails the test and says what to do."""
 
     def __init__(self, node: pytest.Item, name: str, rung: str, image: bool = False) -> None:
@@ -180,7 +180,7 @@ class Held:
 
         taken = None
         try:
-            taken = image_input.take(image, variance, renders)
+            taken = image_input.as_image(image, variance, renders)
         except InputError as error:
             wrong = str(error)
         if taken is None:  # not above: pytest would show the InputError's traceback too

@@ -19,8 +19,8 @@ from raytwin.compare import METRICS
 from raytwin.errors import InputError, MachineError
 from raytwin.progress import silent
 from raytwin.renderers.python_loop import loop
-from raytwin.renderers.renderer import Method
-from raytwin.renderers.renderer_table import METHODS, choose
+from raytwin.renderers.renderer import Renderer
+from raytwin.renderers.renderer_table import RENDERERS, choose
 from raytwin.renderers.subject_renderers import Filled, Speculated
 from raytwin.renderers.twin_renderers import Denoised, Plain, Twin
 from raytwin.report.bench_charts import METRICS as SHOWN
@@ -47,9 +47,9 @@ def view(scenes):
 
 
 def test_every_method_is_found_by_the_name_that_its_fields_give():
-    assert all(method.name == name for name, method in METHODS.items())
-    varied = replace(METHODS["drjit32-shadow-conic"], rung="lambert", trim="none")
-    assert METHODS[varied.name] == varied
+    assert all(method.name == name for name, method in RENDERERS.items())
+    varied = replace(RENDERERS["drjit32-shadow-conic"], rung="lambert", trim="none")
+    assert RENDERERS[varied.name] == varied
 
 
 @pytest.mark.parametrize("rung", ["lambert", "shadow"])
@@ -69,7 +69,7 @@ AMPLE = 3600
 
 GLOBS = "fill", "loop-lambert-conic", "numpy32-shadow-conic", "drjit32-shadow-conic", "twin-llvm-path-1", "*cuda*"
 
-HERE = [m for m in METHODS.values() if "cuda" not in m.library and m.samples <= 16]
+HERE = [m for m in RENDERERS.values() if "cuda" not in m.library and m.samples <= 16]
 KINDS = sorted({type(m) for m in HERE}, key=lambda kind: kind.__name__)
 
 
@@ -232,7 +232,7 @@ def test_preparing_may_take_half_of_the_time_and_leaves_some_of_every_family(vie
     monkeypatch.setattr(run, "time", SimpleNamespace(perf_counter=lambda: now[0]))
 
     @dataclass(frozen=True)
-    class Slow(Method):
+    class Slow(Renderer):
         kind: str = "a"
         n: int = 0
         name = property(lambda self: f"{self.kind}-{self.n}")
@@ -325,4 +325,4 @@ def test_a_saved_file_that_is_none_is_refused(tmp_path):
 def test_methods_can_be_listed_without_a_scene():
     run = raytwin("bench", "list")
     assert run.returncode == 0
-    assert run.stdout.count("\n") == len(METHODS)
+    assert run.stdout.count("\n") == len(RENDERERS)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from raytwin.bench import (
-    METHODS,
+    RENDERERS,
     Bench,
     Converged,
     Measurement,
@@ -115,7 +115,7 @@ def fakes(clock: Clock, costs: dict[str, float]) -> tuple[list[Measured], list[s
             clock.now += cost
             return np.zeros((1, 1, 3), np.float32)
 
-        return Measured(METHODS["fill"], call, cost, errors=[{}])
+        return Measured(RENDERERS["fill"], call, cost, errors=[{}])
 
     return [make(name, cost) for name, cost in costs.items()], ran
 
@@ -154,7 +154,7 @@ def test_a_drifting_machine_slows_all_methods_alike():
         clock.now += cost[0]
         return np.zeros((1, 1, 3), np.float32)
 
-    pair = [Measured(METHODS["fill"], call, 1.0, errors=[{}]) for _ in range(2)]
+    pair = [Measured(RENDERERS["fill"], call, 1.0, errors=[{}]) for _ in range(2)]
     repeat(pair, lambda m, i: {}, 1e6, 21, clock)
     a, b = (np.median(m.seconds) for m in pair)
     assert a / b == pytest.approx(1, abs=0.03)
@@ -245,7 +245,7 @@ def test_seconds_to_an_error_lie_on_monte_carlos_line_between_two_counts():
 
 def test_each_family_is_held_against_the_truth_of_its_own_rung_whose_noise_is_not_its_own():
     def row(name: str, seconds: float, relmse: float) -> Measurement:
-        m = METHODS[name]
+        m = RENDERERS[name]
         return Measurement(
             name,
             m.library,

@@ -19,7 +19,7 @@ from raytwin.grade.class_run import collect, jobs_of, run
 from raytwin.grade.grade_submission import code_of
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import read_rubric
-from raytwin.parallel import Spread, over
+from raytwin.parallel import Workers, map_parallel
 from raytwin.report import autograder_sites as sites
 from raytwin.report import class_page as pages
 from raytwin.tracer import trace
@@ -70,7 +70,7 @@ def graded(tmp_path_factory):
     files.write_text(folder / "in" / "empty.py", "")
     files.write_text(folder / "in" / "syntax.py", "def render(:")
     jobs = [*jobs_of(folder / "hasty", folder / "hasty.toml"), *jobs_of(folder / "in", folder / "rubric.toml")]
-    results = run(jobs, folder / "out", Spread(1))
+    results = run(jobs, folder / "out", Workers(1))
     rubric = read_rubric(folder / "rubric.toml")
     pages.write_class(results, rubric, folder / "out")
     return {r.student: r for r in results}, folder / "out", jobs, rubric
@@ -124,7 +124,7 @@ def test_end_to_end_a_picture_is_made_of_the_parts_where_there_is_no_render(tmp_
         'title = "t"\n[[exercises]]\nstage = "render"\nscenes = ["eclipse"]\npoints = 20\n'
     )
     (tmp_path / "a.py").write_text(PARTS.replace(old, new) if old else PARTS)
-    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Spread())
+    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
     assert result.points == points
     assert any(said in sentence for sentence in result.exercises[0].sentences), result.exercises[0].sentences
 
@@ -134,7 +134,7 @@ def test_a_cache_that_is_keyed_too_coarsely_shows(tmp_path):
         'title = "t"\n[[exercises]]\nstage = "render"\nscenes = ["single", "wedge"]\nrung = "lambert"\npoints = 1\n'
     )
     (tmp_path / "a.py").write_text(tracers.tracer("cached"))
-    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Spread())
+    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
     assert sorted(p.passed for p in result.exercises[0].parts) == [False, True]
 
 
@@ -198,7 +198,7 @@ def test_near_identical_wrong_pictures_are_found_and_right_ones_are_none(graded)
 def test_a_second_run_grades_nothing_and_finds_the_same(graded, monkeypatch):
     results, out, jobs, _ = graded
     monkeypatch.setattr("raytwin.grade.class_run.assess", None)
-    assert run(jobs, out, Spread(1)) == list(results.values())
+    assert run(jobs, out, Workers(1)) == list(results.values())
     assert collect(jobs, out) == list(results.values())
 
 
@@ -207,7 +207,7 @@ def test_a_result_that_is_half_written_is_made_again(graded, tmp_path):
     job = next(j for j in jobs if j.student == "empty")
     (tmp_path / "results").mkdir()
     (tmp_path / "results" / f"{job.key}.json").write_bytes((out / "results" / f"{job.key}.json").read_bytes()[:100])
-    assert run([job], tmp_path, Spread(1))[0].student == "empty"
+    assert run([job], tmp_path, Workers(1))[0].student == "empty"
     assert msgspec.json.decode((tmp_path / "results" / f"{job.key}.json").read_bytes(), type=Result).key == job.key
 
 
@@ -305,7 +305,7 @@ def test_a_notebook_a_program_and_a_folder_of_images_are_graded(tmp_path):
     rubric.write_text(
         rubric.read_text() + '[speed]\nof = "render (lambert: single)"\nbonus = 1\nfast = 99\nslow = 100\n'
     )
-    found = {r.student: r for r in run(jobs_of(tmp_path / "in", rubric), tmp_path / "out", Spread(1))}
+    found = {r.student: r for r in run(jobs_of(tmp_path / "in", rubric), tmp_path / "out", Workers(1))}
     assert {n: r.points for n, r in found.items()} == {"book": 2, "images": 1, "wrong": 0}  # images take no time
     assert "ZeroDivisionError" in found["book"].notes[0]
     rubric.write_text(f'command = "{sys.executable} main.py {{scene}} {{out}}.pfm"\n' + rubric.read_text())
@@ -320,7 +320,7 @@ def test_a_notebook_a_program_and_a_folder_of_images_are_graded(tmp_path):
     )
     files.write_text(program / "main.py", main)
     files.write_text(program / "tracer.py", tracers.RIGHT)
-    done = run(jobs_of(program, rubric, whole=True), tmp_path / "out", Spread(1))
+    done = run(jobs_of(program, rubric, whole=True), tmp_path / "out", Workers(1))
     assert done[0].points == 2, done[0].exercises[0].sentences
     assert jobs_of(tmp_path / "in", rubric)[1].student == "images"
     assert code_of(tmp_path / "in" / "images", read_rubric(rubric)).kind == "images"  # though others hand in programs
@@ -331,18 +331,21 @@ def test_a_notebook_a_program_and_a_folder_of_images_are_graded(tmp_path):
 
 def test_shards_share_all_things_out():
     things = list(range(17))
-    shares = [Spread(shard=(k, 5)).share(things) for k in range(1, 6)]
+    shares = [Workers(shard=(k, 5)).share(things) for k in range(1, 6)]
     assert sorted(x for share in shares for x in share) == things
     assert max(map(len, shares)) - min(map(len, shares)) == 1
 
 
 def test_an_error_costs_its_own_thing_alone():
-    done = {d.thing: d.result if d.error is None else str(d.error) for d in over(tracers.square, [2, -1, 3], Spread(1))}
+    done = {
+        d.thing: d.result if d.error is None else str(d.error)
+        for d in map_parallel(tracers.square, [2, -1, 3], Workers(1))
+    }
     assert done == {2: 4, -1: "-1", 3: 9}
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the test's module is found by fork's path alone")
 def test_a_process_that_is_killed_takes_nothing_with_it(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([TESTS, os.environ.get("PYTHONPATH", "")]))
-    done = list(over(tracers.die_once, [str(tmp_path / "a"), str(tmp_path / "b")], Spread(2)))
+    done = list(map_parallel(tracers.die_once, [str(tmp_path / "a"), str(tmp_path / "b")], Workers(2)))
     assert [d.result for d in done] == ["alive", "alive"]

@@ -12,7 +12,7 @@ import submitted_tracers as tracers
 
 from raytwin.errors import MachineError
 from raytwin.grade.class_run import jobs_of, run
-from raytwin.parallel import Spread, over
+from raytwin.parallel import Workers, map_parallel
 
 distributed = pytest.importorskip("distributed")
 
@@ -58,8 +58,8 @@ def test_a_cluster_grades_as_one_process_does(cluster, tmp_path):
         path.parent.mkdir(exist_ok=True)
         path.write_text(tracers.tracer(name))
     jobs = jobs_of(tmp_path / "in", tmp_path / "rubric.toml")
-    there = run(jobs, tmp_path / "there", Spread(dask=cluster.scheduler_address))
-    here = run(jobs, tmp_path / "here", Spread())
+    there = run(jobs, tmp_path / "there", Workers(dask=cluster.scheduler_address))
+    here = run(jobs, tmp_path / "here", Workers())
 
     def timeless(result):
         exercises = [
@@ -75,7 +75,7 @@ def test_a_cluster_grades_as_one_process_does(cluster, tmp_path):
 def test_a_worker_that_is_killed_in_the_middle_costs_nothing(cluster):
     things, done = list(range(12)), []
     pids = [worker.process.pid for worker in cluster.workers.values()]
-    for found in over(slow_square, things, Spread(dask=cluster.scheduler_address)):
+    for found in map_parallel(slow_square, things, Workers(dask=cluster.scheduler_address)):
         done.append(found)
         if len(done) == 3:
             os.kill(pids[0], signal.SIGKILL)
@@ -88,14 +88,14 @@ def test_a_cluster_and_shards_make_the_references_that_one_process_makes(cluster
 
     options = {"size": (24, 18)}
 
-    def made(spread):
-        found = _changes(_cases([Path("single"), Path("ball")], ["lambert"]), tmp_path, options, spread)
+    def made(workers):
+        found = _changes(_cases([Path("single"), Path("ball")], ["lambert"]), tmp_path, options, workers)
         return {change.new.path: change.new.header["checksum"] for change in found}
 
-    here = made(Spread())
+    here = made(Workers())
     assert len(here) == 2
-    assert made(Spread(dask=cluster.scheduler_address)) == here
-    assert made(Spread(shard=(1, 2))) | made(Spread(shard=(2, 2))) == here
+    assert made(Workers(dask=cluster.scheduler_address)) == here
+    assert made(Workers(shard=(1, 2))) | made(Workers(shard=(2, 2))) == here
 
 
 def test_workers_render_with_the_callers_variant_whatever_they_have_chosen_before(cluster, tmp_path):
@@ -105,7 +105,7 @@ def test_workers_render_with_the_callers_variant_whatever_they_have_chosen_befor
     for variant in ("scalar_rgb", twin.chosen().variant):
         twin.activate(variant)
         cases = _cases([Path("single")], ["surface"])
-        (made,) = _changes(cases, tmp_path, {"size": (8, 6)}, Spread(dask=cluster.scheduler_address))
+        (made,) = _changes(cases, tmp_path, {"size": (8, 6)}, Workers(dask=cluster.scheduler_address))
         assert made.new.header["variant"] == variant
 
 
@@ -118,10 +118,10 @@ def test_a_worker_that_cannot_have_the_callers_variant_says_so_in_one_line(monke
     monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")  # which the workers inherit; here it is chosen already
     cases = _cases([Path("single")], ["surface", "lambert"])
     with pytest.raises(MachineError, match=r"^variant llvm_ad_rgb: expected a machine where it works [^\n]*$"):
-        list(_changes(cases, tmp_path, {"size": (8, 6)}, Spread(jobs=2)))
+        list(_changes(cases, tmp_path, {"size": (8, 6)}, Workers(jobs=2)))
 
 
 def test_no_scheduler_at_the_address_is_said(monkeypatch):
     monkeypatch.setattr("raytwin.parallel.CONNECT", 0.5)
     with pytest.raises(MachineError, match="the address of a Dask scheduler"):
-        list(over(slow_square, [1], Spread(dask="tcp://127.0.0.1:1")))
+        list(map_parallel(slow_square, [1], Workers(dask="tcp://127.0.0.1:1")))

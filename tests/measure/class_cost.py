@@ -17,7 +17,7 @@ import submitted_tracers as tracers
 from tracers_by_students import CORRECT, MISTAKES, mistaken
 
 from raytwin.grade.class_run import Job, collect, jobs_of, work
-from raytwin.parallel import Spread, over
+from raytwin.parallel import Workers, map_parallel
 from raytwin.sandbox.sandbox import Code, Sandbox
 
 RUBRIC = """
@@ -84,7 +84,9 @@ def main(folder: Path, count: int = 100, jobs: int = 2) -> None:
     with Sandbox(Code(source="import numpy\ndef f(): pass", asked=("f",))):
         pass
     start = cpu()[1] - before[1]
-    done = {d.thing.key: d.result for d in over(partial(measured, out=str(folder / "out")), asked, Spread(jobs))}
+    done = {
+        d.thing.key: d.result for d in map_parallel(partial(measured, out=str(folder / "out")), asked, Workers(jobs))
+    }
     print(f"{len(done)} submissions, {jobs} at a time: {time.monotonic() - began:.0f} s")
     results = collect(asked, folder / "out")
     for name, chosen in (

@@ -75,7 +75,7 @@ def test_errors_are_held_against_float64_untrimmed(found):
 def test_the_yardsticks_are_the_rows_of_the_bench():
     assert all(m.rung == "lambert" and "shadow" not in m.name + m.family for m in lambert((*SMALL, *SPECULATION)))
     (mitsuba,) = lambert(("mitsuba-llvm-direct-1",))
-    assert mitsuba in bench.METHODS.values()
+    assert mitsuba in bench.RENDERERS.values()
 
 
 @pytest.mark.parametrize(

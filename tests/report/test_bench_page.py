@@ -12,7 +12,7 @@ import pytest
 from PIL import Image as Pillow
 
 from raytwin.bench import (
-    METHODS,
+    RENDERERS,
     Bench,
     Calibrated,
     Converged,
@@ -40,7 +40,7 @@ def made() -> Bench:
     """Every method that a machine without CUDA has, at three sizes, with seconds and errors that look the part."""
     rng = np.random.default_rng(4)
     rows, errors, repeats = [], [], []
-    methods = [m for m in METHODS.values() if "cuda" not in m.library]
+    methods = [m for m in RENDERERS.values() if "cuda" not in m.library]
     for w, h in SIZES:
         for m in methods:
             seconds = w * h / 1e6 * 0.02 * m.samples**0.8 * rng.lognormal(0, 0.7) + 1e-3

@@ -16,8 +16,8 @@ from raytwin.compare.report import Part
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, Stages, silent
-from raytwin.renderers.renderer import Method
-from raytwin.renderers.subject_renderers import Followed, Traced, fast_engine
+from raytwin.renderers.renderer import Renderer
+from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.rungs import RUNGS
 from raytwin.scene import Record, Scene
 from raytwin.speed import PARTS, light_parts, walk
@@ -90,7 +90,7 @@ def climb(
         split = WholeLight(scene, engine, deepest)
     images, steps, ledgers = {}, [], {}
     for name, row in RUNGS.items():
-        method = Followed(name, engine, samples) if row.noisy else Traced(name, engine)
+        method = PathTraced(name, engine, samples) if row.noisy else Traced(name, engine)
         with stages.stage("tracer"):
             mine, took = _timed(method, scene, seed)
         with stages.stage("twin"):
@@ -131,7 +131,7 @@ def _small(size: tuple[int, int]) -> tuple[int, int]:
     return (WIDTH, max(1, round(WIDTH * h / w))) if w > WIDTH else size
 
 
-def _timed(method: Method, scene: Scene, seed: int) -> tuple[Image, float]:
+def _timed(method: Renderer, scene: Scene, seed: int) -> tuple[Image, float]:
     """The image and the median seconds of some calls, after one that nobody times."""
     call: Callable[[int], Image] = method.prepare(scene)
     call(seed)

@@ -1,6 +1,6 @@
-"""Every method's seconds beside its error: METHODS, one run over them, the frontier, and two runs compared.
+"""Every method's seconds beside its error: RENDERERS, one run over them, the frontier, and two runs compared.
 
-METHODS -> prepare -> measure (interleaved) -> truth -> Bench (JSON) -> frontier, fits, against -> report
+RENDERERS -> prepare -> measure (interleaved) -> truth -> Bench (JSON) -> frontier, fits, against -> report
 """
 
 from raytwin.bench.bench_record import (
@@ -21,13 +21,13 @@ from raytwin.bench.bench_run import GROWTH, bench
 from raytwin.bench.calibration_cost import Shoot, Taken, bench_calibration
 from raytwin.bench.frontier import PowerLaw, fit_power, on_frontier, ratio_interval, staircase
 from raytwin.bench.regression import Changes, MethodChange, against
-from raytwin.renderers.renderer import Method
-from raytwin.renderers.renderer_table import METHODS, choose
+from raytwin.renderers.renderer import Renderer
+from raytwin.renderers.renderer_table import RENDERERS, choose
 
 __all__ = [
     "ERRORS",
     "GROWTH",
-    "METHODS",
+    "RENDERERS",
     "Bench",
     "Calibrated",
     "Changes",
@@ -37,9 +37,9 @@ __all__ = [
     "Growth",
     "LeftOut",
     "Measurement",
-    "Method",
     "MethodChange",
     "PowerLaw",
+    "Renderer",
     "Repeats",
     "Shoot",
     "Taken",

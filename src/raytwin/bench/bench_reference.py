@@ -13,7 +13,7 @@ import numpy as np
 from raytwin import twin
 from raytwin.bench.bench_record import ERRORS, Converged
 from raytwin.compare import METRICS
-from raytwin.renderers.renderer import Method
+from raytwin.renderers.renderer import Renderer
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 from raytwin.speed import ENGINES, background, draw
@@ -25,7 +25,7 @@ BATCH = 16
 SEEDS = (10_001, 20_001)
 
 
-def truth_of(method: Method) -> str:
+def truth_of(method: Renderer) -> str:
     """The name of the truth that the method's own errors are against."""
     return f"{method.rung}-{method.sampling}"
 

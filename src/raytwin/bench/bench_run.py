@@ -20,7 +20,7 @@ from raytwin.calib.find_camera import find_camera
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
-from raytwin.renderers.renderer import Call, Method
+from raytwin.renderers.renderer import Call, Renderer
 from raytwin.renderers.renderer_table import choose
 from raytwin.scene import Camera, Scene
 from raytwin.workflows.versions import versions
@@ -137,7 +137,7 @@ def _nothing(left: Sequence[LeftOut], budget: float, spent: float) -> InputError
 
 def measure_size(
     scene: Scene,
-    methods: Sequence[Method],
+    methods: Sequence[Renderer],
     deadline: float,
     repeats: int,
     truth_samples: int,
@@ -156,7 +156,7 @@ def measure_size(
         images[name], truths[name] = converge(scene, name, truth_samples, seconds, flip)
     progress("truths", len(names), len(names))
 
-    def look(method: Method, image: Image) -> Errors:
+    def look(method: Renderer, image: Image) -> Errors:
         own = truth_of(method)
         return {name: measure(image.mean, images[name], flip) for name in names if name == own or comparable(name)}
 
@@ -178,8 +178,8 @@ def comparable(truth: str) -> bool:
 
 
 def get_ready(
-    scene: Scene, methods: Sequence[Method], deadline: float, progress: Progress
-) -> tuple[list[Measured[Method, Image]], list[LeftOut]]:
+    scene: Scene, methods: Sequence[Renderer], deadline: float, progress: Progress
+) -> tuple[list[Measured[Renderer, Image]], list[LeftOut]]:
     """Each method prepared, compiled and tried on two thumbnails, which tell what it will take at full size.
 
     One of each family before the second of any, so that time that is too short leaves some of every kind.
@@ -188,7 +188,7 @@ def get_ready(
     until = time.perf_counter() + PREPARE_SHARE * (deadline - time.perf_counter())
     families = [m.family for m in methods]
     in_turn = sorted(methods, key=lambda m: families[: methods.index(m)].count(m.family))
-    ready: list[Measured[Method, Image]] = []
+    ready: list[Measured[Renderer, Image]] = []
     left: list[LeftOut] = []
     absent: dict[str, str] = {}
     for i, method in enumerate(in_turn):
@@ -221,13 +221,13 @@ def get_ready(
 
 
 def warm_up(
-    ready: list[Measured[Method, Image]],
+    ready: list[Measured[Renderer, Image]],
     look: Look,
     deadline: float,
     left: list[LeftOut],
     size: tuple[int, int],
     progress: Progress,
-) -> list[Measured[Method, Image]]:
+) -> list[Measured[Renderer, Image]]:
     """The methods that had their first call at full size: the quick ones first, as many as can have three more."""
     done, owed = [], 0.0
     for i, m in enumerate(sorted(ready, key=lambda m: m.guess)):
@@ -243,7 +243,7 @@ def warm_up(
 
 
 def summarize(
-    done: list[Measured[Method, Image]], truths: dict[str, Converged], size: tuple[int, int]
+    done: list[Measured[Renderer, Image]], truths: dict[str, Converged], size: tuple[int, int]
 ) -> tuple[list[Measurement], list[Deviation]]:
     """Rows against each method's own truth, and the errors against every truth, each with its frontier."""
     times = {m.method.name: median_iqr(m.seconds) for m in done}
@@ -288,12 +288,12 @@ def number(value: float | None) -> float:
 
 
 def measure_growth(
-    scene: Scene, count: int, methods: Sequence[Method], deadline: float, repeats: int, progress: Progress
+    scene: Scene, count: int, methods: Sequence[Renderer], deadline: float, repeats: int, progress: Progress
 ) -> tuple[list[Growth], list[LeftOut]]:
     """The methods' seconds on a picture of `count` spheres."""
     w, h = scene.camera.image_size
 
-    def ignore(method: Method, image: Image) -> dict[str, dict[str, float | None]]:
+    def ignore(method: Renderer, image: Image) -> dict[str, dict[str, float | None]]:
         return {}
 
     ready, left = get_ready(scene, methods, deadline, progress)

@@ -5,7 +5,7 @@ from math import inf, log
 
 from raytwin.bench.bench_record import Converged, Equal, Measurement
 from raytwin.bench.bench_reference import truth_of
-from raytwin.renderers.renderer_table import METHODS
+from raytwin.renderers.renderer_table import RENDERERS
 
 TARGET = 1e-3
 """relMSE: a picture in which noise can hardly be seen."""
@@ -20,7 +20,7 @@ def equal_error(rows: Sequence[Measurement], truths: Sequence[Converged]) -> tup
     floor_of = {(t.name, t.width, t.height): t.floor["relmse"] or 0.0 for t in truths}
     groups: dict[tuple[int, int, str, str], list[tuple[float, float, int]]] = {}
     for r in rows:
-        method = METHODS[r.method]
+        method = RENDERERS[r.method]
         if (floor := floor_of.get((truth := truth_of(method), r.width, r.height))) is not None:
             own = r.seconds_median, r.relmse - floor, r.samples
             groups.setdefault((r.width, r.height, truth, method.family), []).append(own)

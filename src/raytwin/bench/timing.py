@@ -13,20 +13,20 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 
 from raytwin.image import Image
-from raytwin.renderers.renderer import Method
+from raytwin.renderers.renderer import Renderer
 
 Clock = Callable[[], float]
 T = TypeVar("T")
 Errors = dict[str, dict[str, float | None]]
 """Truth's name -> ERRORS."""
-Look = Callable[[Method, Image], Errors]
+Look = Callable[[Renderer, Image], Errors]
 
 NOISY_IMAGES = 5
 """Of a method whose images differ from seed to seed, so many are held against the truth."""
 
 
 class Timed(Protocol):
-    """Anything that can be timed: what a Method says of itself."""
+    """Anything that can be timed: what a Renderer says of itself."""
 
     @property
     def name(self) -> str: ...
@@ -57,7 +57,7 @@ def orders(count: int, seed: int = 0) -> Iterator[list[int]]:
         yield [int(i) for i in rng.permutation(count)]
 
 
-def warm(measured: Measured[Method, Image], look: Look, clock: Clock = time.perf_counter) -> None:
+def warm(measured: Measured[Renderer, Image], look: Look, clock: Clock = time.perf_counter) -> None:
     """The first call at full size: not timed for the median; its memory and its image's error are taken."""
     start = clock()
     image, measured.peak_mib = with_peak(lambda: measured.call(0))

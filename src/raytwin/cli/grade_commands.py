@@ -57,13 +57,13 @@ def class_command(
     """Hold submissions to a rubric, each in a sandbox: pages, CSV, JSON. Interrupted, it goes on where it stopped."""
     from raytwin.grade.class_run import collect, jobs_of, run
     from raytwin.grade.rubric import read_rubric
-    from raytwin.parallel import parse_spread
+    from raytwin.parallel import parse_workers
     from raytwin.report import autograder_sites as sites
     from raytwin.report import class_page as pages
     from raytwin.sandbox import sandbox
 
     check_outputs(folders=(out,), files=(gradescope, prairielearn, junit))
-    spread = parse_spread(jobs, dask, shard)
+    workers = parse_workers(jobs, dask, shard)
     read = read_rubric(rubric)
     if gradescope is not None:  # whatever becomes of this process, there is a result
         sites.write_unfinished(gradescope)
@@ -73,7 +73,7 @@ def class_command(
     lacking = [f"{name}: {state}" for name, state in sandbox.told(sandbox.probe()) if not state.startswith("holds")]
     typer.echo("sandbox: every lock holds" if not lacking else f"sandbox: {'; '.join(lacking)}")
     with show_progress() as progress:
-        results = run(found, out, spread, again, progress)
+        results = run(found, out, workers, again, progress)
     for result in results if len(results) <= 20 else ():
         typer.echo(_line(result, read))
     for path, write in ((gradescope, sites.write_gradescope), (prairielearn, sites.write_prairielearn)):

@@ -14,7 +14,7 @@ from raytwin.errors import InputError, check_one_of
 from raytwin.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from raytwin.parallel import Spread
+    from raytwin.parallel import Workers
     from raytwin.scene import SceneFile
     from raytwin.workflows.make_reference import Change
 
@@ -54,13 +54,13 @@ def make_command(
     Interrupted, it goes on where it stopped.
     """
     from raytwin import references
-    from raytwin.parallel import parse_spread
+    from raytwin.parallel import parse_workers
 
     check_outputs(folders=(folder,))
     refused = []
     pixels = parse_size(size, "--size") if size else None
     options = {"samples": samples, "seed": seed, "sampling": sampling, "size": pixels, "again": again}
-    for change in _changes(_cases(scenes, rung), folder.absolute(), options, parse_spread(jobs, dask, shard)):
+    for change in _changes(_cases(scenes, rung), folder.absolute(), options, parse_workers(jobs, dask, shard)):
         typer.echo("\n".join(change.lines()))
         if change.kind == "same":
             continue
@@ -175,17 +175,17 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[Case
             yield scene, rung, found
 
 
-def _changes(cases: "Iterator[Case]", folder: Path, options: dict[str, Any], spread: "Spread") -> "Iterator[Change]":
+def _changes(cases: "Iterator[Case]", folder: Path, options: dict[str, Any], workers: "Workers") -> "Iterator[Change]":
     """What `make` found of each case of the share, as it is done; an error comes after all the others.
 
     Other processes render with the variant that this one would: no set of references mixes two.
     """
     from raytwin import twin
-    from raytwin.parallel import over
+    from raytwin.parallel import map_parallel
 
     errors = []
-    if spread.jobs == 1 and not spread.dask:  # one after the other, each with its own bar
-        for case in spread.share(list(cases)):
+    if workers.jobs == 1 and not workers.dask:  # one after the other, each with its own bar
+        for case in workers.share(list(cases)):
             with show_progress() as progress:
                 change = _made(case, folder, options, progress)
             yield change
@@ -193,8 +193,8 @@ def _changes(cases: "Iterator[Case]", folder: Path, options: dict[str, Any], spr
     chosen = [(scene.absolute(), rung, found) for scene, rung, found in cases]
     made = partial(_made, folder=folder, options=options, variant=twin.chosen().variant)
     with show_progress() as progress:
-        for count, done in enumerate(over(made, chosen, spread), start=1):
-            progress("references", count, len(spread.share(chosen)))
+        for count, done in enumerate(map_parallel(made, chosen, workers), start=1):
+            progress("references", count, len(workers.share(chosen)))
             if done.error is None:
                 yield done.result
             errors += [done.error] if done.error else []

@@ -7,18 +7,18 @@ from typing import Any
 from raytwin import files
 from raytwin.contract.submission import Shown, load
 from raytwin.errors import InputError
-from raytwin.renderers.renderer import Method
-from raytwin.renderers.renderer_table import METHODS
+from raytwin.renderers.renderer import Renderer
+from raytwin.renderers.renderer_table import RENDERERS
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.renderers.subject_renderers import Traced
-from raytwin.renderers.user_renderers import Called
+from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene import Scene
 
 
-def find_subject(text: str, rung: str) -> Method:
-    """A name of METHODS; FILE.py, FILE.ipynb, either with :FUNCTION; an image or a folder of images; a command."""
-    if text in METHODS:
-        method = METHODS[text]
+def find_subject(text: str, rung: str) -> Renderer:
+    """A name of RENDERERS; FILE.py, FILE.ipynb, either with :FUNCTION; an image or a folder of images; a command."""
+    if text in RENDERERS:
+        method = RENDERERS[text]
         return replace(method, surface=True) if isinstance(method, Traced) else method
     path = text.rpartition(":")[0] or text
     python = path.endswith((".py", ".ipynb"))
@@ -30,7 +30,7 @@ def find_subject(text: str, rung: str) -> Method:
         files.check_file(text, "an image, a folder of images, or Python")
     render, made = load(text).picture()
     tell = _name if isinstance(render, Shown) else as_arrays
-    return Called(rung, f"{text} ({made})" if made else text, render, tell)
+    return UserRenderer(rung, f"{text} ({made})" if made else text, render, tell)
 
 
 def _name(scene: Scene, rung: str) -> dict[str, Any]:

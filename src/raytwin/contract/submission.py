@@ -26,7 +26,7 @@ from raytwin.contract.stage import Function
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.errors import InputError
 from raytwin.image import Image
-from raytwin.image_input import ENDINGS, take
+from raytwin.image_input import ENDINGS, as_image
 from raytwin.renderers.scene_exchange import as_json
 
 SECONDS = 600
@@ -177,7 +177,7 @@ class Program:
             files.write_json(told, as_json(scene))
             try:
                 options = {"stdout": subprocess.DEVNULL, "timeout": SECONDS}
-                return take(run_program(self._words(), told, out, ENDINGS, **options)).image
+                return as_image(run_program(self._words(), told, out, ENDINGS, **options)).image
             except (OSError, subprocess.TimeoutExpired) as error:
                 raise InputError(self.command, "a program that runs", error) from None
             except RuntimeError as error:
@@ -198,4 +198,4 @@ class Shown:
 
     def __call__(self, scene: dict[str, Any]) -> Image:
         path = self.path
-        return take(image_at(path, scene["name"], ENDINGS) if path.is_dir() else path).image
+        return as_image(image_at(path, scene["name"], ENDINGS) if path.is_dir() else path).image

@@ -1,7 +1,7 @@
 """Many submissions: a result each, written atomically under its key, so that a run that was interrupted goes on.
 
     jobs = jobs_of(folder, rubric_path)
-    for result in run(jobs, out, Spread(jobs=4)): ...
+    for result in run(jobs, out, Workers(jobs=4)): ...
 
 A job that is done already is not done again; a shard does its own, and whoever comes last (without a shard) collects.
 """
@@ -18,7 +18,7 @@ from raytwin.grade.grade_submission import CODE, Job, assess, job_of
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import Rubric, read_rubric
 from raytwin.image_input import ENDINGS
-from raytwin.parallel import Done, Spread, over
+from raytwin.parallel import Done, Workers, map_parallel
 from raytwin.progress import Progress, silent
 
 RESULTS = "results"
@@ -58,17 +58,17 @@ def _counts(path: Path) -> bool:
 
 
 def run(
-    jobs: Sequence[Job], out: Path, spread: Spread, again: bool = False, progress: Progress = silent
+    jobs: Sequence[Job], out: Path, workers: Workers, again: bool = False, progress: Progress = silent
 ) -> list[Result]:
     """The results of the share, in the jobs' order; written to `out`/results/KEY.json as they come."""
-    mine = spread.share(jobs)
+    mine = workers.share(jobs)
     done = {} if again else {j.key: r for j in mine if (r := _read(out, j.key)) is not None}
     todo = [j for j in mine if j.key not in done]
     progress("grade", len(done), len(mine))
     # The share is taken; a Dask worker's disk may be another one: it sends what the caller writes.
-    here = Spread(spread.jobs, spread.dask)
-    for found in over(partial(work, out=None if spread.dask else str(out)), todo, here):
-        done[found.thing.key] = _result(out, found, written=not spread.dask)
+    here = Workers(workers.jobs, workers.dask)
+    for found in map_parallel(partial(work, out=None if workers.dask else str(out)), todo, here):
+        done[found.thing.key] = _result(out, found, written=not workers.dask)
         progress("grade", len(done), len(mine))
     return [done[j.key] for j in mine]
 

@@ -20,8 +20,8 @@ from raytwin import files, twin, viewer
 from raytwin.analysis.ledger import make_ledger
 from raytwin.image import Image
 from raytwin.live.view_state import Look, Wanted
-from raytwin.renderers.renderer import Method
-from raytwin.renderers.subject_renderers import Followed, Traced, fast_engine
+from raytwin.renderers.renderer import Renderer
+from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, SceneFile
 from raytwin.speed import ENGINES
@@ -43,7 +43,7 @@ class Studio:
     """A scene whose camera is known, and what can render it here. `subject`: in the tracer's place, where given."""
 
     base: SceneFile
-    subject: Method | None = None
+    subject: Renderer | None = None
 
     @property
     def engines(self) -> tuple[str, ...]:
@@ -52,12 +52,12 @@ class Studio:
         double = next(name for name, row in ENGINES.items() if row == ENGINES[fast]._replace(precision="float64"))
         return tuple(dict.fromkeys((fast, double, "numpy32", "numpy64")))
 
-    def tracer(self, wanted: Wanted, samples: int) -> Method:
+    def tracer(self, wanted: Wanted, samples: int) -> Renderer:
         if self.subject is not None:
             return replace(self.subject, rung=wanted.rung)
         if RUNGS[wanted.rung].noisy:
             depth = None if RUNGS[wanted.rung].depth == 2 else wanted.depth
-            return Followed(wanted.rung, wanted.engine, samples, surface=not wanted.moving, depth=depth)
+            return PathTraced(wanted.rung, wanted.engine, samples, surface=not wanted.moving, depth=depth)
         return Traced(wanted.rung, wanted.engine, solver=wanted.solver, surface=not wanted.moving)
 
     def twin(self, wanted: Wanted, scene: Scene, samples: int, seed: int) -> Image:
@@ -79,7 +79,7 @@ class Studio:
         if wanted.moving:
             return
         yield pair(test, reference)
-        halves = [Followed("path", fast, WHOLE_SAMPLES)(scene, seed) for seed in SEEDS]
+        halves = [PathTraced("path", fast, WHOLE_SAMPLES)(scene, seed) for seed in SEEDS]
         yield point("tracer", method, test, seconds, halves)
         yield point("twin", None, reference, seconds_twin, halves)
         if RUNGS[wanted.rung].lit:
@@ -109,7 +109,7 @@ def _timed(make: Callable[..., Image], *arguments: Any) -> tuple[Image, float]:
     return make(*arguments), time.perf_counter() - start
 
 
-def point(side: str, method: Method | None, image: Image, seconds: float, halves: list[Image]) -> Event:
+def point(side: str, method: Renderer | None, image: Image, seconds: float, halves: list[Image]) -> Event:
     """Where a pass stands on the chart: seconds beside the RMSE against the whole light; null where
     it lies below the `floor` that the halves' noise leaves."""
     one, other = (image.mean - half.mean for half in halves)

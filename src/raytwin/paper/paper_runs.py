@@ -30,9 +30,9 @@ from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.paper.paper_record import PUBLISHED, Boxed, Frame, Paper, Ratio
 from raytwin.progress import Progress, silent
-from raytwin.renderers.renderer import Method
+from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import choose
-from raytwin.renderers.subject_renderers import Filled, Looped, Traced
+from raytwin.renderers.subject_renderers import Filled, PythonLoop, Traced
 from raytwin.renderers.twin_renderers import Plain
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import TRIMS, trace
@@ -44,7 +44,7 @@ RUNG = "lambert"
 SMALL = ("loop-lambert-*", "numpy32-lambert-*", "drjit32-lambert-*")
 LARGE = ("fill", "numpy32-lambert-*", "drjit32-lambert-*", "drjit32-shadow-inplace", "mitsuba-llvm-direct-1")
 SPECULATION = tuple(f"numpy32-shadow-{way}{n}" for way in ("paper", "careful") for n in (2, 4, 8, 16))
-"""Patterns of METHODS; shadow's become RUNG's."""
+"""Patterns of RENDERERS; shadow's become RUNG's."""
 
 FULL = f"numpy32-{RUNG}-none"
 """What speculation's seconds are held against."""
@@ -118,8 +118,8 @@ def _paper(
     )  # fmt: skip
 
 
-def lambert(globs: tuple[str, ...]) -> list[Method]:
-    """The methods of METHODS that `globs` name, drawing into one array, and at RUNG where they are at shadow."""
+def lambert(globs: tuple[str, ...]) -> list[Renderer]:
+    """The methods of RENDERERS that `globs` name, drawing into one array, and at RUNG where they are at shadow."""
     kept = [replace(m, keep=True) if isinstance(m, Filled | Traced) else m for m in choose(globs)]
     return [m if isinstance(m, Plain) else replace(m, rung=RUNG) for m in kept]
 
@@ -136,12 +136,12 @@ class Frames(NamedTuple):
 
 
 def measure_frames(
-    scene: Scene, methods: Sequence[Method], deadline: float, repeats: int, progress: Progress
+    scene: Scene, methods: Sequence[Renderer], deadline: float, repeats: int, progress: Progress
 ) -> Frames:
     """Every method warm and in turn with the others."""
     truth = trace(scene, RUNG, "numpy64", trim="none")
 
-    def look(method: Method, image: Image) -> dict[str, dict[str, float | None]]:
+    def look(method: Renderer, image: Image) -> dict[str, dict[str, float | None]]:
         return {} if isinstance(method, YARDSTICKS) else {RUNG: errors(image.mean, truth.mean)}
 
     size = scene.camera.image_size
@@ -153,7 +153,7 @@ def measure_frames(
     counts = {b.trim: b for b in boxes}
     frames = []
     for m in (m for m in done if m.seconds):
-        box = counts.get(m.method.trim) if isinstance(m.method, Looped | Traced) else None
+        box = counts.get(m.method.trim) if isinstance(m.method, PythonLoop | Traced) else None
         found = m.errors[0].get(RUNG, dict.fromkeys(ERRORS))
         frames.append(
             Frame(

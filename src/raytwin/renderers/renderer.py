@@ -12,10 +12,10 @@ Call = Callable[[int], Image]
 
 
 @dataclass(frozen=True)
-class Method(ABC):
+class Renderer(ABC):
     """A frozen record a kind, whose fields say what varies; `method(scene, seed)` makes the image. `rung`: of RUNGS.
 
-    To add a kind, write a record with a `name` made of its fields and a `prepare`, and add its rows to METHODS.
+    To add a kind, write a record with a `name` made of its fields and a `prepare`, and add its rows to RENDERERS.
     """
 
     rung: str = "shadow"

@@ -4,22 +4,22 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
 from raytwin.errors import InputError
-from raytwin.renderers.renderer import Method
-from raytwin.renderers.subject_renderers import Filled, Followed, Looped, Speculated, Supersampled, Traced
+from raytwin.renderers.renderer import Renderer
+from raytwin.renderers.subject_renderers import Filled, PathTraced, PythonLoop, Speculated, Supersampled, Traced
 from raytwin.renderers.twin_renderers import Denoised, Plain, Twin
 
 COUNTS, FEW = (1, 4, 16, 64, 256, 1024), (1, 4, 16)
 LLVM, SCALAR, CUDA = "llvm_ad_rgb", "scalar_rgb", "cuda_ad_rgb"
 COUNTED = ((LLVM, COUNTS), (SCALAR, FEW), (CUDA, COUNTS))
 
-METHODS: dict[str, Method] = {
+RENDERERS: dict[str, Renderer] = {
     method.name: method
     for method in (
         # The least that any method can do: fill the frame with the sky.
         Filled(),
         # The paper's way.
-        *(Looped("lambert", trim) for trim in ("none", "corners", "conic")),
-        *(Looped("shadow", trim) for trim in ("none", "conic")),
+        *(PythonLoop("lambert", trim) for trim in ("none", "corners", "conic")),
+        *(PythonLoop("shadow", trim) for trim in ("none", "conic")),
         # The tracer: engine, precision, rung, trim.
         *(Traced(rung, f"{library}{bits}", trim)
           for library in ("numpy", "drjit", "cuda") for bits in (32, 64)
@@ -28,7 +28,7 @@ METHODS: dict[str, Method] = {
         *(Traced(engine=engine, in_place=True) for engine in ("drjit32", "numpy32")),
         *(Supersampled(engine=engine, samples=n) for engine in ("numpy32", "drjit32", "cuda32") for n in (4, 16, 64)),
         # The same where light is followed from surface to surface.
-        *(Followed(rung, engine, n) for engine in ("drjit32", "cuda32") for rung in ("sky", "path") for n in COUNTS),
+        *(PathTraced(rung, engine, n) for engine in ("drjit32", "cuda32") for rung in ("sky", "path") for n in COUNTS),
         # The paper's speculation, and ours.
         *(Speculated(engine="numpy32", way=way, n=n) for way in ("paper", "careful") for n in (1, 2, 4, 8, 16)),
         # The twin, as `raytwin compare` renders it.
@@ -42,9 +42,9 @@ METHODS: dict[str, Method] = {
 """name -> method, in the order in which the bench lists them."""
 
 
-def choose(globs: Sequence[str] = ("*",)) -> list[Method]:
+def choose(globs: Sequence[str] = ("*",)) -> list[Renderer]:
     """The methods whose name matches one of the patterns, in the table's order. InputError where a pattern has none."""
     for glob in globs or ("",):
-        if not any(fnmatchcase(name, glob) for name in METHODS):
+        if not any(fnmatchcase(name, glob) for name in RENDERERS):
             raise InputError("--methods", "patterns of names as drjit32-* (`raytwin bench list`)", glob or "none")
-    return [method for name, method in METHODS.items() if any(fnmatchcase(name, glob) for glob in globs)]
+    return [method for name, method in RENDERERS.items() if any(fnmatchcase(name, glob) for glob in globs)]

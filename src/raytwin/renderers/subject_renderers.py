@@ -8,14 +8,14 @@ import numpy as np
 from raytwin import twin
 from raytwin.image import Image, Surface
 from raytwin.renderers.python_loop import loop
-from raytwin.renderers.renderer import Call, Method
+from raytwin.renderers.renderer import Call, Renderer
 from raytwin.scene import Scene
 from raytwin.speed import ENGINES, background, draw, speculate, walk
 from raytwin.tracer import STAGES, Stages
 
 
 @dataclass(frozen=True)
-class _ByEngine(Method):
+class _ByEngine(Renderer):
     """`engine`: a row of ENGINES."""
 
     engine: str = "numpy64"
@@ -77,7 +77,7 @@ class Traced(_ByEngine):
 
 
 @dataclass(frozen=True)
-class Followed(_ByEngine):
+class PathTraced(_ByEngine):
     """Light followed from surface to surface by random walks, `samples` of them a pixel.
 
     `over`: the pixel's `area`, or its `center`. `surface`: also what the ray through the centre met. `depth`: the
@@ -203,7 +203,7 @@ class Speculated(_ByEngine):
 
 
 @dataclass(frozen=True)
-class Looped(Method):
+class PythonLoop(Renderer):
     """The paper's way: a Python loop over the pixels."""
 
     trim: str = "none"
@@ -233,7 +233,7 @@ class Looped(Method):
 
 
 @dataclass(frozen=True)
-class Filled(Method):
+class Filled(Renderer):
     """The frame filled with the sky: the least that any method can do. `keep` is as in Traced."""
 
     keep: bool = False

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from raytwin import twin
 from raytwin.calib.denoise import denoise
 from raytwin.image import Image
-from raytwin.renderers.renderer import Call, Method
+from raytwin.renderers.renderer import Call, Renderer
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 from raytwin.scene.lens import without_ray
@@ -15,7 +15,7 @@ SHORT = {"llvm_ad_rgb": "llvm", "scalar_rgb": "scalar", "cuda_ad_rgb": "cuda"}
 
 
 @dataclass(frozen=True)
-class _ByVariant(Method):
+class _ByVariant(Renderer):
     """`variant`: of Mitsuba, None for what works best here; `samples`: of each pixel."""
 
     variant: str | None = None

@@ -8,14 +8,14 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.image import Image
-from raytwin.image_input import take
-from raytwin.renderers.renderer import Call, Method
+from raytwin.image_input import as_image
+from raytwin.renderers.renderer import Call, Renderer
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.scene import Scene
 
 
 @dataclass(frozen=True)
-class Called(Method):
+class UserRenderer(Renderer):
     """`render`, known as `title`, called with `tell(scene, rung)`; it returns radiance (H, W, 3), or an Image."""
 
     title: str = ""
@@ -35,7 +35,7 @@ class Called(Method):
             given = self.tell(scene, self.rung)
             try:
                 made = self.render(given) if self.render else None
-                taken = made if isinstance(made, Image) else take(np.asarray(made)).image
+                taken = made if isinstance(made, Image) else as_image(np.asarray(made)).image
             except InputError:
                 raise
             except (Exception, SystemExit) as error:  # theirs, whatever it is: the program that runs it goes on

@@ -7,7 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-from raytwin.bench import GROWTH, METHODS, Bench, Calibrated, Measurement, fit_power, on_frontier, staircase
+from raytwin.bench import GROWTH, RENDERERS, Bench, Calibrated, Measurement, fit_power, on_frontier, staircase
 from raytwin.report.charts import INK, SOFT, Asked, Chart, Line, Point, log_range, placed
 from raytwin.report.charts.chart import Range
 from raytwin.report.numbers import seconds, short, shown
@@ -43,7 +43,7 @@ GUIDE = "#b9c0ca"
 
 
 def family_of(method: str) -> str:
-    return METHODS[method].family if method in METHODS else method.split("-")[0]
+    return RENDERERS[method].family if method in RENDERERS else method.split("-")[0]
 
 
 def colour_of(family: str) -> str:
@@ -114,8 +114,8 @@ def row_tip(r: Measurement) -> str:
 
 
 def by_family(points: Sequence[Point]) -> dict[str, list[Point]]:
-    """The families' points in the order of METHODS."""
-    order = {name: i for i, name in enumerate(METHODS)}
+    """The families' points in the order of RENDERERS."""
+    order = {name: i for i, name in enumerate(RENDERERS)}
     ranked = sorted(points, key=lambda p: (p.family, order.get(p.name, 0)))
     return {name: list(group) for name, group in groupby(ranked, key=lambda p: p.family)}
 
@@ -134,7 +134,7 @@ def steps(stairs: Sequence[Point], end: float) -> Line:
 
 def names_of(points: Sequence[Point], families: dict[str, list[Point]]) -> list[Asked]:
     """The frontier's methods by their whole name; of the others a family's name once, and each point's place in it."""
-    short_of = {name: m.label for name, m in METHODS.items()}
+    short_of = {name: m.label for name, m in RENDERERS.items()}
     whole = [Asked(p.name, p, name=p.name) for p in points if p.strong]
     names, rest = [], []
     for name, group in families.items():
@@ -163,7 +163,7 @@ def guides(x_range: Range, y_range: Range, slope: float) -> list[Line]:
 # ------------------------------------------------------------------------------------------ growth
 
 Series = dict[str, list[tuple[float, float]]]
-"""Method -> (size of the task, seconds)."""
+"""Renderer -> (size of the task, seconds)."""
 
 
 def side_charts(bench: Bench) -> list[Chart]:

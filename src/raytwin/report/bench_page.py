@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from raytwin import files
-from raytwin.bench import METHODS, Bench, Changes, Converged, MethodChange, write_bench
+from raytwin.bench import RENDERERS, Bench, Changes, Converged, MethodChange, write_bench
 from raytwin.errors import InputError
 from raytwin.report.bench_charts import COLOURS, METRICS, TRUTHS, error_chart, megapixels, side_charts, sizes_of
 from raytwin.report.charts import Chart, layout, svg_text, write_charts
@@ -88,7 +88,7 @@ def never(bench: Bench) -> list[str]:
 
 def kinds(bench: Bench) -> list[tuple[str, str]]:
     """(first words of families, colour) of what was measured, for the key."""
-    measured = {METHODS[r.method].family for r in bench.rows if r.method in METHODS}
+    measured = {RENDERERS[r.method].family for r in bench.rows if r.method in RENDERERS}
     return [(start, colour) for start, colour in COLOURS.items() if any(f.startswith(start) for f in measured)]
 
 

@@ -124,7 +124,7 @@ def _image(path: Path, image_input: Any) -> tuple[np.ndarray, ...]:
     """Its pixels, and the file's first bytes: they tell what the format rounds."""
     with path.open("rb") as file:
         start = file.read(26)
-    return np.asarray(image_input.take(path).image.mean, np.float32), np.frombuffer(start, np.uint8)
+    return np.asarray(image_input.as_image(path).image.mean, np.float32), np.frombuffer(start, np.uint8)
 
 
 def _run(

@@ -18,8 +18,8 @@ from raytwin.diagnose.diagnosis import explain
 from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image
 from raytwin.progress import Progress, Stages, silent
-from raytwin.renderers.renderer import Method
-from raytwin.renderers.subject_renderers import Followed, Traced, fast_engine
+from raytwin.renderers.renderer import Renderer
+from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Tolerance
 from raytwin.scene.lens import without_ray
@@ -60,7 +60,7 @@ def compare_scene(
     *,
     rung: str = "shadow",
     tracer_rung: str | None = None,
-    subject: Method | None = None,
+    subject: Renderer | None = None,
     engine: str = "numpy64",
     solver: str = "robust",
     sampling: str = "center",
@@ -90,7 +90,7 @@ def compare_scene(
     engine = subject.name if subject else engine
     samples = samples or (MANY if RUNGS[rung].noisy or sampling == "area" else FEW)
     if subject is None and RUNGS[climbed].noisy:
-        subject = Followed(climbed, engine, samples, sampling, surface=True)
+        subject = PathTraced(climbed, engine, samples, sampling, surface=True)
     subject = subject or Traced(climbed, engine, trim, solver, surface=True)
     stages = Stages(progress)
     with stages.stage("backend"):

@@ -10,13 +10,13 @@ import numpy as np
 from raytwin.analysis.recommend.converged import MOST_SAMPLES, Error
 from raytwin.analysis.recommend.probe_pixels import DEEP, Look
 from raytwin.analysis.recommend.trial import Tried
-from raytwin.renderers.renderer import Method
-from raytwin.renderers.subject_renderers import Followed, Supersampled, Traced, mean_of_shifts
+from raytwin.renderers.renderer import Renderer
+from raytwin.renderers.subject_renderers import PathTraced, Supersampled, Traced, mean_of_shifts
 from raytwin.rungs import RUNGS
 from raytwin.speed import ENGINES, TRIMS, walk
 
 
-def variants(look: Look, traced: Traced) -> Iterable[Method]:
+def variants(look: Look, traced: Traced) -> Iterable[Renderer]:
     package = ENGINES[look.engine].package
     engines = [name for name, row in ENGINES.items() if row.package in ("numpy", package)]
     yield from (replace(traced, engine=name) for name in engines if name != traced.engine)
@@ -60,7 +60,7 @@ def walks(look: Look) -> Iterable[Tried]:
         if not guessed <= MOST_SAMPLES:
             continue
         samples = 1 << max(0, math.ceil(math.log2(max(guessed / 4, 1.0))))  # a sequence does better
-        method = Followed("sky" if depth == 2 else "path", look.engine, samples, depth=None if depth == 2 else depth)
+        method = PathTraced("sky" if depth == 2 else "path", look.engine, samples, depth=None if depth == 2 else depth)
         yield Tried(method, samples * a_sample * (0.8 + 0.2 * depth / DEEP))
         if samples > 1 and not centered and look.metric == "rmse":
             centered = True
@@ -69,7 +69,7 @@ def walks(look: Look) -> Iterable[Tried]:
             break  # what is deeper would save no samples
 
 
-def _at_the_center(look: Look, method: Followed, guess: float) -> Iterable[Tried]:
+def _at_the_center(look: Look, method: PathTraced, guess: float) -> Iterable[Tried]:
     """Fewer samples may do where none of them is spent on edges, at the price of the pixels' area."""
     few = 16
     image = walk(look.thin, method.rung, look.engine, sampling="center", samples=few, depth=method.depth, surface=False)

@@ -14,8 +14,8 @@ from raytwin.analysis.recommend.probe_pixels import Look
 from raytwin.analysis.recommend.recommendation import Row
 from raytwin.analysis.recommend.trial import Tried, simplicity
 from raytwin.errors import MachineError
-from raytwin.renderers.renderer import Method
-from raytwin.renderers.subject_renderers import Filled, Followed, Speculated, Traced
+from raytwin.renderers.renderer import Renderer
+from raytwin.renderers.subject_renderers import Filled, PathTraced, Speculated, Traced
 from raytwin.rungs import RUNGS
 from raytwin.speed import trace, walk
 
@@ -68,7 +68,7 @@ class Choice(Look):
             return f"{self.metric} {e.value:.2g}, which cannot be told from {self.tolerance:g}"
         return f"{self.metric} {e.value:.2g} > {self.tolerance:g}{self._lacks(tried.method, e.value)}"
 
-    def _lacks(self, method: Method, value: float) -> str:
+    def _lacks(self, method: Renderer, value: float) -> str:
         """The part of the light that it errs by most; or else what remains to err by."""
         if isinstance(method, Filled):
             return ": no object is drawn"
@@ -83,8 +83,8 @@ class Choice(Look):
         few = "too few rays a pixel" if method.sampling == "area" else "a ray through the centre is not the pixel"
         return f": {few}"
 
-    def _left_out(self, method: Method) -> list[str]:
-        depth = method.depth if isinstance(method, Followed) else None
+    def _left_out(self, method: Renderer) -> list[str]:
+        depth = method.depth if isinstance(method, PathTraced) else None
         return [name for name in self.low.parts[0] if RUNGS[method.rung].lacks(name, depth)]
 
     def _meets(self, tried: Tried) -> bool:
@@ -134,7 +134,7 @@ class Choice(Look):
         tried.call(1)
         return time.perf_counter() - began
 
-    def _thinly(self, method: Method) -> np.ndarray:
+    def _thinly(self, method: Renderer) -> np.ndarray:
         if isinstance(method, Filled):
             return method(self.thin).mean
         return trace(self.thin, method.rung, self.engine).mean
@@ -166,7 +166,7 @@ class Choice(Look):
                 continue  # it would cost more
             self._verify(tried)
             (meet if self._meets(tried) else fail).append(tried)
-            if not isinstance(tried.method, Followed):
+            if not isinstance(tried.method, PathTraced):
                 continue
             if self._meets(tried):
                 self._fewer(tried, tried.method, meet, fail)
@@ -174,7 +174,7 @@ class Choice(Look):
                 queue.append(Tried(replace(tried.method, samples=2 * tried.method.samples), 2 * tried.guess))
         return meet, fail
 
-    def _fewer(self, tried: Tried, method: Followed, meet: list[Tried], fail: list[Tried]) -> None:
+    def _fewer(self, tried: Tried, method: PathTraced, meet: list[Tried], fail: list[Tried]) -> None:
         """Half the samples, and half again, until they no longer do: the next cheaper is known to fail."""
         tested = {t.method for t in fail}
         while method.samples > 1 and (method := replace(method, samples=method.samples // 2)) not in tested:
@@ -191,7 +191,7 @@ class Choice(Look):
     def _verify(self, tried: Tried) -> None:
         """Its error: at full size, or on every k-th pixel where that would take long; noise is the same everywhere."""
         method = tried.method
-        if tried.guess <= LONG or not isinstance(method, Followed):
+        if tried.guess <= LONG or not isinstance(method, PathTraced):
             self._look(tried)
             return
         for in_all in (self.most / 8, self.most):
@@ -217,12 +217,12 @@ class Choice(Look):
                 if not lost and (time.perf_counter() < until or turn < 3):
                     m.seconds = (*m.seconds, self._called(m))
         for m in meet:
-            if m.call is None and isinstance(m.method, Followed):
+            if m.call is None and isinstance(m.method, PathTraced):
                 m.guess = self._scaled(m.method, m.guess)
         slack = TIE * min(m.least for m in meet)
         return min((m for m in meet if m.least <= slack), key=lambda m: simplicity(m.method))
 
-    def _scaled(self, method: Followed, guess: float) -> float:
+    def _scaled(self, method: PathTraced, guess: float) -> float:
         """The seconds at full size, by the median of three calls with fewer samples."""
         fewer = max(1, min(method.samples, int(method.samples * LONG / 4 / guess)))
         call, seconds = replace(method, samples=fewer).prepare(self.scene), []

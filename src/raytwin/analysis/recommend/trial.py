@@ -6,8 +6,8 @@ import numpy as np
 
 from raytwin.analysis.recommend.converged import Error
 from raytwin.analysis.recommend.recommendation import Row
-from raytwin.renderers.renderer import Call, Method
-from raytwin.renderers.subject_renderers import Filled, Followed
+from raytwin.renderers.renderer import Call, Renderer
+from raytwin.renderers.subject_renderers import Filled, PathTraced
 from raytwin.rungs import RUNGS
 from raytwin.speed import ENGINES
 
@@ -16,7 +16,7 @@ from raytwin.speed import ENGINES
 class Tried:
     """A method, while it is looked at. `guess`: seconds at full size."""
 
-    method: Method
+    method: Renderer
     guess: float
     error: Error | None = None
     pixels: float | None = None
@@ -38,7 +38,7 @@ class Tried:
 
     def row(self, reason: str) -> Row:
         m, e = self.method, self.error
-        depth = m.depth if isinstance(m, Followed) else None
+        depth = m.depth if isinstance(m, PathTraced) else None
         engine = getattr(m, "engine", "numpy32")
         return Row(
             "none" if isinstance(m, Filled) else m.rung, 2 if depth is None and m.noisy else depth, engine, m.precision,
@@ -47,10 +47,10 @@ class Tried:
         )  # fmt: skip
 
 
-def simplicity(method: Method) -> tuple[object, ...]:
+def simplicity(method: Renderer) -> tuple[object, ...]:
     """Less is simpler: light, depth, rays, guesses; an engine and boxes that need less explaining."""
     light = 0 if isinstance(method, Filled) else list(RUNGS).index(method.rung)
     engine = list(ENGINES).index(getattr(method, "engine", "numpy64"))
     trim = ("none", "conic", "corners").index(method.trim or "none")  # the last may cut what is seen
-    depth = (method.depth or 0) if isinstance(method, Followed) else 0
+    depth = (method.depth or 0) if isinstance(method, PathTraced) else 0
     return light, depth, method.samples, method.step, engine, trim

@@ -9,7 +9,7 @@ from raytwin import files, tracer
 from raytwin.contract.subject import find_subject
 from raytwin.errors import InputError
 from raytwin.image import Image
-from raytwin.renderers.renderer_table import METHODS
+from raytwin.renderers.renderer_table import RENDERERS
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.workflows.compare_scene import compare_scene
 
@@ -124,7 +124,7 @@ def test_a_program_reads_the_scene_and_writes_an_image(tmp_path, single):
 def test_a_row_of_the_table_is_a_subject_and_tells_what_its_rays_met(single, packages):
     made = find_subject("numpy32-shadow-none", "path")(single)
     assert made.surface is not None
-    assert find_subject("twin-llvm-path-4", "path") == METHODS["twin-llvm-path-4"]
+    assert find_subject("twin-llvm-path-4", "path") == RENDERERS["twin-llvm-path-4"]
     with pytest.raises(InputError, match=r"--subject: expected a method's name .*, got nonsense"):
         find_subject("nonsense", "shadow")
     with pytest.raises(InputError, match=r"a folder of images, .* got nothing\.py:f, but no such file$"):
