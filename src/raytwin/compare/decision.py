@@ -60,7 +60,6 @@ from raytwin.image import Image
 
 Sums = dict[str, Float64[np.ndarray, "..."]]
 Size = tuple[int, ...]
-KEYS = ("n", "d", "r", "va", "vb", "vv", "round", "calm", "size")
 
 TESTS = 4
 
@@ -192,11 +191,10 @@ def decide(
     threshold = float(quantile(level, dof))
     unit = np.float32(max(sum(s.mean for s in noisy), 1e-30))  # keeps v^2 within float32
 
-    sums: dict[str, list[np.ndarray]] = {k: [] for k in KEYS}
-    without: dict[str, list[np.ndarray]] = {k: [] for k in KEYS}
-    worst, quiet = Worst(), Quiet()
-    failed_values = failed_pixels = 0
-    places_of_values: tuple[Place, ...] = ()
+    sums: dict[str, list[np.ndarray]] = {}
+    without: dict[str, list[np.ndarray]] = {}
+    quiet, values = Quiet(), Family(Worst(), level, 0, test.mean.size)
+    failed_pixels = 0
     for y0, y1, rows in strips(test.shape):
         r = np.asarray(reference.mean[y0:y1], np.float32)
         d = np.subtract(test.mean[y0:y1], r, dtype=np.float32)
@@ -205,47 +203,42 @@ def decide(
         error = np.abs(d)
         allowed = bound.of(r)
         v = va + vb
-        silent = v <= np.square(np.float32(SILENT) * allowed)
+        least = np.square(np.float32(SILENT) * allowed)
+        silent = v <= least
         v = mutual(va, vb, largest, v)
-        calm = silent & ~proven[y0:y1]
-        silent &= ~calm
-        np.maximum(v, np.square(np.float32(SILENT) * allowed), out=v, where=calm)
         more = np.float32(0) if rounding is None else rounding.value[y0:y1]
         granted = grants.of(d, 1, r, allowed) + more
-        size = np.where(calm, allowed / np.float32(bound.share), np.float32(0))
-        granted += np.float32(grants.by_chance(level)) * size
+        calm, size = np.zeros((), bool), np.zeros((1, 1, 1), np.float32)
+        if unseen:
+            calm = _agreeing(test, reference, y0, y1, least) & ~proven[y0:y1]
+            silent &= ~calm
+            np.maximum(v, least, out=v, where=calm)
+            size = np.where(calm, allowed / np.float32(bound.share), np.float32(0))
+            granted = granted + np.float32(grants.by_chance(level)) * size
         if silent.any():
             still = np.where(silent, error, np.float32(0))
             quiet = quiet.plus(still, int(np.count_nonzero(silent)), allowed, granted - allowed, y0)
             v[silent] = np.inf
             d[silent] = 0
         if by_value:
-            error -= granted
-            np.maximum(error, 0, out=error)
+            np.maximum(error - granted, 0, out=error)
             error *= error
             error /= v
-            peak = int(error.argmax())
-            z = math.sqrt(error.flat[peak])
-            if z > worst.z:
-                y, x, c = (int(i) for i in np.unravel_index(peak, error.shape))
-                worst = Worst(z, float(two_sided(z, dof)), x, y + y0, 1, 1, c, float(d[y, x, c]))
-            if z > threshold:
-                failed = error > threshold**2
-                failed_values += int(np.count_nonzero(failed))
-                failed_pixels += int(np.count_nonzero(failed.any(axis=-1)))
-                places_of_values = (*places_of_values, *blocks_of(failed.any(axis=-1), y0))[:MOST_PLACES]
+            values, failed = _more_values(values, error, d, dof, threshold, y0)
+            failed_pixels += failed
 
         made = _sums(d, r, silent, (test, a, dofs[0]), (reference, b, dofs[1]), rounding, y0, rows, unit)
-        made |= {"calm": block_sums(calm.astype(np.float32), rows), "size": block_sums(size, rows)}
+        if unseen:
+            made |= {"calm": block_sums(calm.astype(np.float32), rows), "size": block_sums(size, rows)}
         for k, total in made.items():
-            sums[k].append(total)
+            sums.setdefault(k, []).append(total)
         places = [_within(side, y0, y1) for side in noisy]
         if any(y.size for y, _, _ in places):
             for place in places:
                 d[place], silent[place] = 0, True
             made |= _sums(d, r, silent, (test, a, dofs[0]), (reference, b, dofs[1]), rounding, y0, rows, unit)
         for k, total in made.items():
-            without[k].append(total)
+            without.setdefault(k, []).append(total)
 
     grids = {k: np.concatenate(v) for k, v in sums.items()}
     blocks = ((grids["va"] + grids["vb"]) / grids["n"]).astype(np.float32)
@@ -256,13 +249,40 @@ def decide(
         fewer = fewer._replace(by_reference=_without_fireflies(grants.by_reference, b))
         ways.append(Way({k: np.concatenate(v) for k, v in without.items()}, fewer, typical, wide))
     return Decision(
-        Family(worst, level, failed_values, test.mean.size, places=places_of_values),
+        values,
         _tiles(ways, share, test.shape[:2]),
         _image(ways, share, test.shape[:2]),
         quiet,
         failed_pixels,
         wide,
     )
+
+
+def _more_values(
+    values: Family, square: Float32[np.ndarray, "h w 3"], d: Float32[np.ndarray, "h w 3"], dof: float,
+    threshold: float, y0: int,
+) -> tuple[Family, int]:  # fmt: skip
+    """The family with the values of the rows from y0 on, of which `square` is z²; and how many of their pixels fail."""
+    peak = int(square.argmax())
+    z = math.sqrt(square.flat[peak])
+    if z > values.worst.z:
+        y, x, c = (int(i) for i in np.unravel_index(peak, square.shape))
+        values = values._replace(worst=Worst(z, float(two_sided(z, dof)), x, y + y0, 1, 1, c, float(d[y, x, c])))
+    if not z > threshold:
+        return values, 0
+    failed = square > threshold**2
+    pixels = np.asarray(failed.any(axis=-1))
+    places = (*values.places, *blocks_of(pixels, y0))[:MOST_PLACES]
+    count = values.failed + int(np.count_nonzero(failed))
+    return values._replace(failed=count, places=places), int(np.count_nonzero(pixels))
+
+
+def _agreeing(
+    test: Image, reference: Image, y0: int, y1: int, least: Float32[np.ndarray, "h w 3"]
+) -> Bool[np.ndarray, "h w 3"]:
+    """Whether all samples agree: a value's own variances, of both images, add up to no more than `least`."""
+    parts = [i.variance[y0:y1] for i in (test, reference) if i.variance is not None]
+    return np.asarray(sum(parts, np.zeros_like(least)) <= least)
 
 
 def _without_fireflies(missing: Missed, side: Side | None) -> Missed:
@@ -353,8 +373,9 @@ def _one_way(way: Way, level: float) -> _Tested:
     floor = 1e-3 * way.grants.bound.least  # where all is calm: no division by 0
     sd, dof = np.maximum(sd, floor), np.where(sd > floor, dof, np.inf)
     error, radiance, more = s["d"] / s["n"], s["r"] / s["n"], s["round"] / s["n"]
-    size = np.divide(s["size"], s["calm"], out=np.zeros_like(sd), where=s["calm"] > 0)
-    more = more + way.grants.by_chance(level) * size / s["n"]
+    if way.grants.unseen:
+        size = np.divide(s["size"], s["calm"], out=np.zeros_like(sd), where=s["calm"] > 0)
+        more = more + way.grants.by_chance(level) * size / s["n"]
     beyond = np.maximum(np.abs(error) - way.grants.of(error, s["n"], radiance) - more, 0)
     z = np.divide(beyond, sd, out=np.zeros_like(sd), where=sd > 0)
     granted = way.grants.most(s["n"], radiance) + more

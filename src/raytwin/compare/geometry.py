@@ -17,9 +17,6 @@ DEPTH_REL = 1e-4
 NORMAL_DEG = 0.1
 """Bound on the 99.9 % quantile of the angle between normals, degrees."""
 
-TIE_DEPTH_REL = 2e-5
-"""Two objects met at depths that differ by less are met at once: twice what a reference's 16 bits of depth leave."""
-
 PIXELS = 1 << 14
 """Worked on at a time: they stay in the cache."""
 
@@ -79,14 +76,14 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
 def ties(test: Surface, reference: Surface) -> Bool[np.ndarray, "h w"]:
     """Pixels on the common edge of two objects, where rounding decides which is seen and either answer is right.
 
-    Both are met at the same depth, and the reference sees the test's object in a neighbouring pixel.
+    Both are met at the same depth, to DEPTH_REL, and the reference sees the test's object in a neighbouring pixel.
     """
     tied = (test.ids != reference.ids) & (test.ids != BACKGROUND) & (reference.ids != BACKGROUND)
     if not tied.any():
         return np.asarray(tied)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         depth = np.abs(np.subtract(test.depth, reference.depth, dtype=np.float32))
-        tied &= depth <= np.float32(TIE_DEPTH_REL) * np.abs(reference.depth)
+        tied &= depth <= np.float32(DEPTH_REL) * np.abs(reference.depth)
     wide = np.pad(reference.ids, 1, constant_values=BACKGROUND)
     h, w = tied.shape
     near = np.zeros_like(tied)

@@ -1,0 +1,111 @@
+"""Count how often a right tracer fails beside the twin on the same light level. None may.
+
+`python tests/measure/correct_pairs.py [SCENES] [SEEDS]` compares the tracer with the twin on every shipped scene, at
+every level, three sizes, SEEDS seeds (3), the engines and the samplings that a level knows; then on SCENES (40) random
+scenes of each kind at every level. Failures are listed with their first reason, undecided ones counted.
+"""
+
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from random_scenes import KINDS, random_scene
+
+from raytwin import files, twin
+from raytwin.calib.find_camera import find_camera
+from raytwin.compare import Comparison, compare
+from raytwin.image import Image
+from raytwin.renderers.subject_renderers import Followed
+from raytwin.rungs import RUNGS
+from raytwin.scene import Scene, Tolerance
+from raytwin.speed import trace
+
+ROOT = Path(__file__).resolve().parents[2]
+SHIPPED = tuple(sorted(p.parent.name for p in ROOT.glob("scenes/*/scene.toml")))
+SIZES = (96, 128, 160)
+"""Pixels of width."""
+SAMPLES = 64
+
+
+class Case(NamedTuple):
+    """A pair to compare: `level` of light, `engine` of the tracer, `sampling` of both."""
+
+    name: str
+    scene: Scene
+    tolerance: Tolerance
+    level: str
+    engine: str
+    sampling: str = "center"
+    samples: int = SAMPLES
+    seed: int = 0
+
+    def tracer(self) -> Image:
+        if not RUNGS[self.level].noisy:
+            return trace(self.scene, self.level, self.engine)
+        return Followed(self.level, self.engine, self.samples, self.sampling, surface=True)(self.scene, self.seed)
+
+    def compared(self) -> Comparison:
+        reference = twin.render(
+            self.scene, self.level, sampling=self.sampling, samples=self.samples, seed=self.seed + 1000, cache=False
+        )
+        return compare(self.tracer(), reference, tolerance=self.tolerance)
+
+    def __str__(self) -> str:
+        width = self.scene.camera.width
+        return f"{self.name} {self.level} {width} px {self.engine} {self.sampling} x{self.samples} seed {self.seed}"
+
+
+def shipped(name: str, width: int) -> tuple[Scene, Tolerance]:
+    written = files.read_scene(ROOT / "scenes" / name)
+    scene = find_camera(written, None)[0]
+    camera = scene.camera
+    return scene.with_camera(camera.resized(width, round(width * camera.height / camera.width))), written.tolerance
+
+
+def shipped_cases(seeds: int = 3) -> Iterator[Case]:
+    for name in SHIPPED:
+        for width in SIZES:
+            scene, tolerance = shipped(name, width)
+            for level, rung in RUNGS.items():
+                if not rung.noisy:
+                    for engine in ("numpy64", "numpy32", "drjit32"):
+                        yield Case(name, scene, tolerance, level, engine)
+                    continue
+                for seed in range(seeds):
+                    for sampling in twin.SAMPLINGS:
+                        for samples in (16, 64):
+                            yield Case(name, scene, tolerance, level, "drjit32", sampling, samples, seed)
+
+
+def random_cases(count: int, first: int = 0) -> Iterator[Case]:
+    for kind in KINDS:
+        for seed in range(first, first + count):
+            scene = random_scene(kind, seed)
+            for level, rung in RUNGS.items():
+                sampling = twin.SAMPLINGS[seed % 2] if rung.noisy else "center"
+                engine = "drjit32" if rung.noisy else ("numpy64", "drjit32")[seed % 2]
+                yield Case(kind, scene, Tolerance(), level, engine, sampling, SAMPLES, seed)
+
+
+def main(scenes: int = 40, seeds: int = 3) -> int:
+    """Print the counts; return how many failed."""
+    twin.activate()
+    counts: dict[str, Counter] = {}
+    for case in (*shipped_cases(seeds), *random_cases(scenes)):
+        found = case.compared()
+        group = f"{'random' if case.name in KINDS else 'shipped'} scenes, {case.level}"
+        counts.setdefault(group, Counter())[found.verdict] += 1
+        if found.verdict != "pass":
+            print(f"{found.verdict}: {case}: {found.reasons[0]}", flush=True)
+    print("\n| pairs | pass | undecided | fail |\n| --- | ---: | ---: | ---: |")
+    for group, c in counts.items():
+        print(f"| {group} | {c['pass']} | {c['undecided']} | {c['fail']} |")
+    total = sum(counts.values(), Counter())
+    print(f"\n{total.total()} pairs: {total['fail']} fail, {total['undecided']} undecided")
+    return total["fail"]
+
+
+if __name__ == "__main__":
+    sys.exit(bool(main(*map(int, sys.argv[1:]))))
