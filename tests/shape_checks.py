@@ -19,7 +19,8 @@ checked = beartype(conf=BeartypeConf(is_pep484_tower=True, is_random=False))
 ROOMS = (
     "raytwin.image",
     "raytwin.rungs",
-    *(f"raytwin.scene.{noun}" for noun in ("held", "lens", "moved")),
+    *(f"raytwin.scene.{noun}" for noun in ("camera_frame", "lens", "validate")),
+    "raytwin.lights",
     "raytwin.tracer",
     "raytwin.speed",
     "raytwin.compare",

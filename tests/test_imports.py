@@ -77,6 +77,10 @@ def test_the_tracer_is_numpy_and_records_and_nothing_else():
         "raytwin.rungs",
         "raytwin.scene",
         "raytwin.array_types",
+        "raytwin.arrays",
+        "raytwin.lights",
+        "raytwin.lights.environment_map",
+        "raytwin.lights.envmap_tables",
     }
 
 

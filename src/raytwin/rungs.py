@@ -1,6 +1,6 @@
 """The ladder of light transport: what each rung adds to the one below it. Subject and twin map a row to a function.
 
-To add a rung, add a row, its function to `tracer.light.RADIANCE` and its kernel to the twin's table.
+To add a rung, add a row, its function to `tracer.shading.RADIANCE` and its kernel to the twin's table.
 """
 
 from dataclasses import dataclass

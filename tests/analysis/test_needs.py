@@ -17,12 +17,12 @@ from raytwin.analysis.recommend.converged import measure
 from raytwin.analysis.recommend.simplify import still_terms
 from raytwin.compare import METRICS
 from raytwin.errors import InputError
+from raytwin.lights.environment_map import around
 from raytwin.renderers.subject_renderers import Filled, Speculated, Supersampled
 from raytwin.scene import Camera, Environment, Rectangle, Scene, Sphere, Sun
 from raytwin.scene.lens import distort
 from raytwin.speed import light_parts, walk
 from raytwin.tracer import about, trace
-from raytwin.tracer.environment import around
 
 
 @pytest.fixture(scope="module")

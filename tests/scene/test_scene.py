@@ -24,7 +24,7 @@ from raytwin.scene import (
     WrittenSky,
     WrittenSphere,
     WrittenSun,
-    seen_from_eye,
+    to_camera_frame,
 )
 
 CAMERA = Camera(
@@ -166,7 +166,7 @@ def test_a_length_whose_square_floats_cannot_hold_is_named(precision, size):
     camera = Camera((1, 1), *2 * (((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),), (0.0, 0.0, 0.0))
     scene = Scene("stars", camera, (Sphere((0.0, 0.0, 3 * size), size),))
     with pytest.raises(InputError, match=r"objects\[0\] of scene stars: expected lengths of .* for " + precision):
-        seen_from_eye(scene, precision)
+        to_camera_frame(scene, precision)
 
 
 def upright(*things, eye=(0.1, 0.2, 0.5)) -> Scene:
@@ -195,22 +195,22 @@ TABLE = Rectangle((0.1, 0.05, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 def test_two_surfaces_in_one_place_are_refused_and_a_little_apart_they_are_not(sheet):
     for order in ((TABLE, sheet), (sheet, TABLE)):
         with pytest.raises(InputError, match=r"objects\[1\] of scene places: expected a surface apart from all others"):
-            seen_from_eye(upright(*order))
+            to_camera_frame(upright(*order))
     raised = msgspec.structs.replace(sheet, center=(*sheet.center[:2], 1e-4))
-    seen_from_eye(upright(TABLE, raised), "float32")
+    to_camera_frame(upright(TABLE, raised), "float32")
     with pytest.raises(InputError, match="apart from all others"):
-        seen_from_eye(upright(TABLE, msgspec.structs.replace(sheet, center=(*sheet.center[:2], 1e-8))), "float32")
+        to_camera_frame(upright(TABLE, msgspec.structs.replace(sheet, center=(*sheet.center[:2], 1e-8))), "float32")
 
 
 def test_surfaces_that_share_an_edge_or_lie_side_by_side_in_a_plane_are_taken():
     beside = Rectangle((1.5, 0.05, 0.0), (0.4, 0.0, 0.0), (0.0, 1.0, 0.0))
     standing = Rectangle((0.1, 1.05, 0.5), (1.0, 0.0, 0.0), (0.0, 0.0, 0.5))
     diagonal = Rectangle((1.5, 1.95, 0.0), (0.4, 0.4, 0.0), (0.4, -0.4, 0.0))
-    seen_from_eye(upright(TABLE, beside, standing, diagonal), "float32")
+    to_camera_frame(upright(TABLE, beside, standing, diagonal), "float32")
 
 
 def test_an_eye_in_a_rectangle_is_refused_and_one_in_its_plane_beside_it_is_not():
     with pytest.raises(InputError, match=r"camera of scene places: expected an eye off every surface"):
-        seen_from_eye(upright(TABLE, eye=(0.3, 0.4, 0.0)))
-    seen_from_eye(upright(TABLE, eye=(1.3, 0.4, 0.0)))
-    seen_from_eye(upright(TABLE, eye=(0.3, 0.4, 1e-4)), "float32")
+        to_camera_frame(upright(TABLE, eye=(0.3, 0.4, 0.0)))
+    to_camera_frame(upright(TABLE, eye=(1.3, 0.4, 0.0)))
+    to_camera_frame(upright(TABLE, eye=(0.3, 0.4, 1e-4)), "float32")

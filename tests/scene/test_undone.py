@@ -213,7 +213,7 @@ def test_a_march_by_another_route_ends_at_the_same_places(camera):
 
 def answers(camera: Camera) -> dict[str, bool]:
     """Who takes the lens."""
-    from raytwin.speed.start import invert_lens
+    from raytwin.speed.initial_guess import invert_lens
     from raytwin.twin.rays import lens_of
 
     def takes(ask) -> bool:
@@ -245,8 +245,8 @@ def test_all_who_ask_take_the_same_lenses(camera):
 @settings(max_examples=20, deadline=None)
 @given(cameras())
 def test_the_tracers_quick_inverse_and_its_plain_one_and_the_twins_end_where_the_way_does(camera):
-    from raytwin.speed.start import invert_lens
-    from raytwin.tracer.camera import undistort
+    from raytwin.speed.initial_guess import invert_lens
+    from raytwin.tracer.pixel_to_ray import undistort
     from raytwin.twin import rays
 
     known = undone(camera.K, camera.dist, SIZE)

@@ -11,12 +11,11 @@ from hypothesis import strategies as st
 
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere, Sun
 from raytwin.scene.lens import undone
-from raytwin.speed import plan as speed_plan
-from raytwin.speed import trace, trace_points, trim_box
+from raytwin.speed import tile_lists, trace, trace_points, trim_box
 from raytwin.speed.boxes import EMPTY, _tangents, field_of_view
-from raytwin.speed.plan import plan, shading
+from raytwin.speed.tile_lists import plan, shading
 from raytwin.tracer import back_project, intersect_rectangle, intersect_sphere
-from raytwin.tracer.camera import to_board
+from raytwin.tracer.pixel_to_ray import to_board
 
 SIZES = [(64, 48), (97, 31), (40, 90)]
 
@@ -295,8 +294,8 @@ def test_shading_lists_the_balls_that_overlap_seen_from_the_sun_and_are_not_behi
         over = np.linalg.norm(np.cross(apart, light), axis=1) <= R + R[j]
         expected.append([i for i in np.flatnonzero(over & (apart @ light >= -(R + R[j]))).tolist() if i != j])
     assert 300 < sum(map(len, expected)) < 5000
-    for portion in (speed_plan.PORTION, 37):
-        monkeypatch.setattr(speed_plan, "PORTION", portion)
+    for portion in (tile_lists.PORTION, 37):
+        monkeypatch.setattr(tile_lists, "PORTION", portion)
         first, flat = shading(scene)
         assert [flat[first[j] : first[j + 1]].tolist() for j in range(len(c))] == expected
 
@@ -307,7 +306,7 @@ def test_too_many_pairs_become_one_list_for_all_tiles_and_the_same_pixels(single
     scene = a_cloud(single)
     exact = trace(scene, "shadow", "numpy32")
     some = trace_points(scene, *np.indices((107, 80), float).reshape(2, -1)[:, ::97], "shadow", "numpy32")
-    monkeypatch.setattr(speed_plan, "MOST", most)
+    monkeypatch.setattr(tile_lists, "MOST", most)
     np.testing.assert_array_equal(trace(scene, "shadow", "numpy32").mean, exact.mean)
     again = trace_points(scene, *np.indices((107, 80), float).reshape(2, -1)[:, ::97], "shadow", "numpy32")
     np.testing.assert_array_equal(again.colour, some.colour)

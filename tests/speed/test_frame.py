@@ -14,7 +14,7 @@ from raytwin.scene import Lambert, Rectangle, Sky, Sphere, Sun
 from raytwin.speed import ENGINES, trace
 from raytwin.speed.engine import pixel_grid
 from raytwin.speed.frame import EyeScene, with_solver
-from raytwin.speed.lists import Listed
+from raytwin.speed.object_table import Listed
 from raytwin.tracer import RADIANCE, SOLVERS, STAGES, Every, World, intersect_rectangle, intersect_sphere
 
 FLOAT32_AGREES = 1e-5

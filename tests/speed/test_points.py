@@ -3,7 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
-from test_tree import strewn
+from test_bvh import strewn
 
 from raytwin.scene import Phong
 from raytwin.speed import ENGINES, trace, trace_points

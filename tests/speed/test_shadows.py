@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun, seen_from_eye
+from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun, to_camera_frame
 from raytwin.speed import trace
 from raytwin.speed.boxes import trim_boxes
-from raytwin.speed.plan import plan
+from raytwin.speed.tile_lists import plan
 
 SIZE = (80, 60)
 
@@ -54,7 +54,7 @@ def test_a_tables_tile_knows_only_the_spheres_whose_shadows_reach_it():
     table = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0))
     down = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
     camera = Camera((320, 256), ((300.0, 0.0, 159.5), (0.0, 300.0, 127.5), (0.0, 0.0, 1.0)), down, (0.0, 0.0, 1.0))
-    scene = seen_from_eye(Scene("table", camera, (*balls, table), (Sun((0.3, 0.2, 1.0)),)))
+    scene = to_camera_frame(Scene("table", camera, (*balls, table), (Sun((0.3, 0.2, 1.0)),)))
     work = plan(scene, trim_boxes(scene.objects, scene.camera), camera.image_size, 32)
     casters = work.casters.last - work.casters.first
     assert casters.max() <= 12

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from raytwin.files import read_scene
-from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun, seen_from_eye
+from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun, to_camera_frame
 from raytwin.speed import trace
 from raytwin.speed.speculation import WAYS, _width, interpolation_bound, speculate
 
@@ -149,7 +149,7 @@ def test_a_rod_thinner_than_a_block_and_its_shadow_are_never_guessed_away(width_
 def test_an_ellipse_is_as_wide_as_the_smaller_singular_value_of_its_picture(single):
     """Small ones, so that all of it is seen alike; behind the eye it has no width."""
     rng = np.random.default_rng(6)
-    local = seen_from_eye(single)
+    local = to_camera_frame(single)
     place = rng.uniform((-0.3, -0.3, 0.5), (0.3, 0.3, 2.0), (40, 3))
     axes = 1e-5 * rng.normal(size=(40, 2, 3))
     x, y, z = place.T

@@ -5,7 +5,7 @@ import pytest
 
 from raytwin import speed
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.tracer import frame, trace_paths
+from raytwin.tracer import render_image, trace_paths
 from raytwin.tracer.random import BATCHES, places
 
 DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
@@ -32,7 +32,7 @@ def test_the_mean_is_that_of_all_samples_and_the_variance_that_of_the_batches_me
     single = []
     for place in every:
         with monkeypatch.context() as patch:
-            patch.setattr(frame, "places", lambda _, place=place: [place])
+            patch.setattr(render_image, "places", lambda _, place=place: [place])
             single.append(trace_paths(TWO, 4, 1, seed=4).mean.astype(float))
     mean = np.mean(single, axis=0)
     np.testing.assert_allclose(found.mean, mean, rtol=1e-6)

@@ -8,11 +8,11 @@ import pytest
 from test_light import camera_above
 
 from raytwin import speed
+from raytwin.lights.environment_map import around
 from raytwin.scene import Environment, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import ENGINES
 from raytwin.speed.engine import from_numpy, lift, to_numpy
 from raytwin.tracer import trace_paths
-from raytwin.tracer.environment import around
 
 TURNED = ((0.6, 0.8, 0.0), (-0.8, 0.6, 0.0), (0.0, 0.0, 1.0))
 LEVEL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -13,7 +13,7 @@ from raytwin.scene import Lambert, Phong, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import ENGINES
 from raytwin.tracer import trace_paths
 from raytwin.tracer.hit import Gloss, Hit
-from raytwin.tracer.light import highlight, reflectance
+from raytwin.tracer.shading import highlight, reflectance
 
 SUN = Sun((0.6, 0.0, 0.8), (2.0, 2.0, 2.0))
 

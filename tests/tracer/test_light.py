@@ -6,11 +6,11 @@ import msgspec
 import numpy as np
 import pytest
 
+from raytwin.arrays import cross
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import trace
 from raytwin.tracer import STAGES, Every, Hit, World, back_project, intersect_rectangle, lambert, lighting, sun_visible
-from raytwin.tracer.arrays import cross
-from raytwin.tracer.camera import to_board
+from raytwin.tracer.pixel_to_ray import to_board
 
 DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 

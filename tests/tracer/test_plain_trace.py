@@ -7,12 +7,12 @@ import pytest
 from raytwin import speed, tracer
 from raytwin.errors import InputError
 from raytwin.rungs import RUNGS
-from raytwin.scene import seen_from_eye
+from raytwin.scene import to_camera_frame
 from raytwin.scene.lens import without_ray
 from raytwin.speed.boxes import TRIMS
 from raytwin.speed.engine import from_numpy, to_numpy
 from raytwin.speed.frame import EyeScene
-from raytwin.speed.lists import Listed
+from raytwin.speed.object_table import Listed
 
 FLOAT32_AGREES = 1e-5
 
@@ -110,11 +110,11 @@ def test_the_tracer_climbs_the_first_rungs_of_the_ladder(single):
 def test_a_bounced_ray_can_ask_what_it_meets_and_whether_its_way_is_free(overlap, engine):
     # From what the eye sees along its normal, with the tile's lists, which do not hold for such rays, laid aside.
     how = speed.ENGINES[engine]
-    local = seen_from_eye(overlap)
+    local = to_camera_frame(overlap)
     view, every = EyeScene(overlap, how), tracer.Every(local.objects)
     plain = tracer.World(every, every, lambda: every, tracer.STAGES)
     u, v = (a.ravel() for a in np.meshgrid(np.arange(0.0, 640, 16), np.arange(0.0, 480, 16)))
-    up = seen_from_eye(overlap).sun.to_light
+    up = to_camera_frame(overlap).sun.to_light
     answers = []
     for world, pixels, ray in (
         (plain, (u, v), tracer.back_project(u, v, overlap.camera)),

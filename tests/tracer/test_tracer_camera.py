@@ -11,9 +11,9 @@ from raytwin.files import read_scene
 from raytwin.scene import Camera
 from raytwin.scene.lens import distort
 from raytwin.speed.boxes import field_of_view
-from raytwin.speed.start import invert_lens
+from raytwin.speed.initial_guess import invert_lens
 from raytwin.tracer import back_project, undistort
-from raytwin.tracer.camera import to_board
+from raytwin.tracer.pixel_to_ray import to_board
 
 
 def reals(low: float, high: float) -> st.SearchStrategy[float]:

@@ -12,8 +12,8 @@ import pytest
 from scipy import integrate
 
 from raytwin import files, speed
+from raytwin.lights.environment_map import around
 from raytwin.scene import Environment, Phong, Scene, Sphere
-from raytwin.tracer.environment import around
 from raytwin.twin import phong, render, sky
 
 TURNED = ((0.6, 0.8, 0.0), (-0.8, 0.6, 0.0), (0.0, 0.0, 1.0))

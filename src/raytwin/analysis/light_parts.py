@@ -31,7 +31,7 @@ SMALL = 96
 LIMIT = 1 << 29
 """Bytes that are kept."""
 ROOT = Path(raytwin.__file__).parent
-MADE_BY = ROOT / "scene", ROOT / "tracer", ROOT / "speed", Path(__file__)
+MADE_BY = *(ROOT / room for room in ("arrays.py", "scene", "lights", "tracer", "speed")), Path(__file__)
 """Whose source decides the numbers."""
 REMOVED_BY = {"shadow": ("shadow", 0), "occlusion": ("sky", 2), "bounce 1": ("path", 3), "bounce 2": ("path", 4)}
 """A part of the light -> the cheapest rung that has it, and to what depth; `path` to the whole depth for the others."""

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from raytwin import twin
+from raytwin.arrays import unit
 from raytwin.atlas.experiment import U32, Error, Experiment, Law, decades
 from raytwin.errors import InputError
 from raytwin.image import Image
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Shape, Sky, Sphere, Sun, seen_from_eye
+from raytwin.scene import Camera, Lambert, Rectangle, Scene, Shape, Sky, Sphere, Sun, to_camera_frame
 from raytwin.tracer import intersect_rectangle, trace
-from raytwin.tracer.arrays import unit
 
 SIDE, WIDTH = 48, 0.6
 """Pixels of a view, and how wide it is at the distance 1."""
@@ -254,7 +254,7 @@ def within(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
         r = [tuple(row) for row in R.tolist()]
         camera = Camera((1, 1), EYE_K, (r[0], r[1], r[2]), tuple((-R @ eye).tolist()))
         try:
-            floor = seen_from_eye(Scene("eye", camera, (FLOOR,))).rectangles[0]
+            floor = to_camera_frame(Scene("eye", camera, (FLOOR,))).rectangles[0]
             found += float(np.isfinite(intersect_rectangle((0.0, 0.0, 0.0), (d[0], d[1], d[2]), floor)).mean()) / n
         except InputError:
             refused = True

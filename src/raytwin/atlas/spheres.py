@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from raytwin.arrays import dot, unit
 from raytwin.atlas.exact_arithmetic import hits
 from raytwin.atlas.experiment import U32, U64, Error, Experiment, Law, decades
 from raytwin.errors import InputError
-from raytwin.scene import Camera, Scene, Sphere, seen_from_eye
+from raytwin.scene import Camera, Scene, Sphere, to_camera_frame
 from raytwin.tracer import SOLVERS, intersect_sphere
-from raytwin.tracer.arrays import dot, unit
 
 HAINES = (
     "Haines, Günther and Akenine-Möller, Precision Improvements for Ray/Sphere Intersection (Ray Tracing Gems, 2019)"
@@ -155,7 +155,7 @@ def _is_taken(size: float, precision: str) -> bool:
     """Whether raytwin traces a sphere of that radius, three radii away."""
     ball = Sphere((0.0, 0.0, 3 * size), size)
     try:
-        seen_from_eye(Scene("scale", Camera((1, 1), EYE, EYE, (0.0, 0.0, 0.0)), (ball,)), precision)
+        to_camera_frame(Scene("scale", Camera((1, 1), EYE, EYE, (0.0, 0.0, 0.0)), (ball,)), precision)
     except InputError:
         return False
     return True

@@ -4,12 +4,12 @@ from math import sqrt
 
 import numpy as np
 
+from raytwin.arrays import dot, unit
 from raytwin.atlas.exact_arithmetic import hits
 from raytwin.atlas.experiment import U32, U64, Error, Experiment, decades
 from raytwin.atlas.spheres import Rays, seen_at
-from raytwin.scene import Camera, Rectangle, Scene, Sphere, seen_from_eye
+from raytwin.scene import Camera, Rectangle, Scene, Sphere, to_camera_frame
 from raytwin.tracer import STAGES, Every, World, intersect_rectangle, intersect_sphere
-from raytwin.tracer.arrays import dot, unit
 from raytwin.tracer.hit import facts_of, normal
 
 GAMMA5 = 5 * U32 / (1 - 5 * U32)
@@ -167,7 +167,7 @@ def on_ground(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
     for name, (start, least) in starts.items():
         own = intersect_rectangle((start[0], start[1], start[2]), (light[0], light[1], light[2]), ground)
         found[name] = float((np.isfinite(own) & (own > least)).mean())
-    seen = seen_from_eye(Scene("ground", Camera((1, 1), DOWN, DOWN, (0.0, 0.0, x)), (ground,)), "float32")
+    seen = to_camera_frame(Scene("ground", Camera((1, 1), DOWN, DOWN, (0.0, 0.0, x)), (ground,)), "float32")
     world = World(every := Every(seen.objects), every, lambda: every, STAGES)
     zero, towards = (np.float32(0),) * 3, (d[0], -d[1], -d[2])
     t = intersect_rectangle(zero, towards, seen.rectangles[0])

@@ -4,7 +4,7 @@ import msgspec
 import numpy as np
 
 from raytwin.scene import Lambert, Scene, Sphere
-from raytwin.tracer.camera import back_project, to_board
+from raytwin.tracer.pixel_to_ray import back_project, to_board
 
 RADIUS = 0.006
 """Of the picture's width: the radius of each sphere's image."""

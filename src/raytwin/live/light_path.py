@@ -10,17 +10,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from raytwin.arrays import Vec, dot
 from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Scene, seen_from_eye
+from raytwin.scene import Camera, Scene, to_camera_frame
 from raytwin.scene.lens import distort
 from raytwin.tracer import STAGES
-from raytwin.tracer.arrays import Vec, dot
-from raytwin.tracer.frame import EYE
 from raytwin.tracer.hit import Every, Hit, World
-from raytwin.tracer.light import RADIANCE, lighting, reflectance
 from raytwin.tracer.path import about, drawn_sky, sky_along, sunlight
 from raytwin.tracer.random import BATCHES, draw
+from raytwin.tracer.render_image import EYE
+from raytwin.tracer.shading import RADIANCE, lighting, reflectance
 
 Pixel = tuple[float, float]
 NEAR = 1e-3
@@ -50,7 +50,7 @@ def way_of_light(
 ) -> Way:
     """What makes pixel (x, y) on a rung: one of its samples where light is followed. All in float64."""
     row = RUNGS[rung]
-    local = seen_from_eye(scene)
+    local = to_camera_frame(scene)
     every = Every(local.objects)
     world, light = World(every, every, lambda: every, STAGES), lighting(local)
     project = partial(_project, scene.camera)

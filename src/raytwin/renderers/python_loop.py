@@ -13,7 +13,7 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Shape, Sphere, Vector
 from raytwin.scene.lens import without_ray
 from raytwin.speed import TRIMS, background
-from raytwin.speed.start import invert_lens
+from raytwin.speed.initial_guess import invert_lens
 
 
 def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:

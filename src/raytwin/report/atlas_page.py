@@ -9,11 +9,11 @@ import numpy as np
 
 from raytwin import files
 from raytwin.atlas import EXPERIMENTS, Atlas, Experiment, Found, digits
+from raytwin.lights.envmap_tables import REC_709
 from raytwin.report.charts import INK, Asked, Chart, Line, Point, layout, log_range, placed, svg_text, write_charts
 from raytwin.report.compare_page import asset, environment
 from raytwin.report.data_urls import png_url
 from raytwin.report.numbers import short, shown
-from raytwin.scene.envmap_tables import REC_709
 
 OURS = "#0f7a3d", "#2563eb", "#0f8b8d"
 OTHERS = "#c02f4a", "#e07b00", "#8e44ad", "#7c4a21", "#d455a5", "#5a6575", "#a16207", "#111827"

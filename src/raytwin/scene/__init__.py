@@ -1,7 +1,7 @@
 """A scene is a camera, shapes and lights: plain frozen records. `SceneFile` is what is written, `Scene` is rendered."""
 
 from raytwin.scene.camera import Camera
-from raytwin.scene.camera_frame import seen_from_eye
+from raytwin.scene.camera_frame import to_camera_frame
 from raytwin.scene.lights import Environment, Light, Sky, Sun
 from raytwin.scene.material import Lambert, Material, Phong
 from raytwin.scene.record_base import Albedo, Matrix, PixelCount, Positive, Radiance, Record, Vector
@@ -50,5 +50,5 @@ __all__ = [
     "WrittenSphere",
     "WrittenSun",
     "material_of",
-    "seen_from_eye",
+    "to_camera_frame",
 ]

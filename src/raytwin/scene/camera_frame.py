@@ -13,11 +13,11 @@ from raytwin.scene.shapes import Shape, Sphere
 from raytwin.scene.validate import check_lengths, check_places
 
 
-def seen_from_eye(scene: Scene, precision: str = "float64") -> Scene:
+def to_camera_frame(scene: Scene, precision: str = "float64") -> Scene:
     """The scene in the camera's frame, in float64: the eye is the origin, and rays need no turning.
 
     Coordinates are then as small as the distances that matter, and float32 keeps the digits of far scenes. Raises
-    InputError where the floats of `precision` do not hold the scene: see `scene.held`.
+    InputError where the floats of `precision` do not hold the scene: see `scene.validate`.
     """
     R, eye = np.asarray(scene.camera.R_cam_board), np.asarray(scene.camera.eye)
     replace = msgspec.structs.replace

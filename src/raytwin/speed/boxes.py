@@ -17,7 +17,7 @@ import numpy as np
 from raytwin.array_types import Int
 from raytwin.scene import Camera, Rectangle, Shape, Sphere
 from raytwin.scene.lens import LEAST, determinant, distort, undone
-from raytwin.speed.start import invert_lens
+from raytwin.speed.initial_guess import invert_lens
 
 Box = tuple[int, int, int, int]
 """x0, y0, x1, y1 in pixels: x0 <= u < x1 and y0 <= v < y1."""

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
+from raytwin.arrays import library
 from raytwin.errors import MachineError
-from raytwin.tracer.arrays import library
 
 
 class Engine(NamedTuple):

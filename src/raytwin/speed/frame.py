@@ -8,22 +8,22 @@ from typing import Any
 import numpy as np
 
 from raytwin.array_types import Float32, Int
+from raytwin.arrays import Vec, unit
 from raytwin.errors import check_one_of
 from raytwin.image import Image, Surface
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Scene, seen_from_eye
+from raytwin.scene import Camera, Scene, to_camera_frame
 from raytwin.scene.lens import without_ray
 from raytwin.speed.boxes import TRIMS
+from raytwin.speed.bvh import everything
 from raytwin.speed.engine import ENGINES, Engine, canvas, flush, lift, only_where, pixel_grid, store, tile_grid
-from raytwin.speed.lists import Listed, Table, walk, walk_some
-from raytwin.speed.plan import plan
-from raytwin.speed.start import invert_lens, quick
-from raytwin.speed.tree import everything
-from raytwin.tracer.arrays import Vec, unit
-from raytwin.tracer.camera import to_board
-from raytwin.tracer.frame import EYE, STAGES
+from raytwin.speed.initial_guess import invert_lens, quick
+from raytwin.speed.object_table import Listed, Table, walk, walk_some
+from raytwin.speed.tile_lists import plan
 from raytwin.tracer.hit import Objects, Stages, World
-from raytwin.tracer.light import RADIANCE, Lighting, lighting
+from raytwin.tracer.pixel_to_ray import to_board
+from raytwin.tracer.render_image import EYE, STAGES
+from raytwin.tracer.shading import RADIANCE, Lighting, lighting
 from raytwin.tracer.sphere import SOLVERS, intersect_sphere
 
 TILE_NUMPY, TILE_DRJIT = 128, 32
@@ -154,7 +154,7 @@ class EyeScene:
 
     def __init__(self, scene: Scene, engine: Engine, stages: Stages = STAGES) -> None:
         self.engine, self.stages = engine, stages
-        self.local = seen_from_eye(scene, engine.precision)
+        self.local = to_camera_frame(scene, engine.precision)
         self.camera: Camera = lift(scene.camera, engine)
         light: Lighting = lift(lighting(self.local), engine)
         self.light = light._replace(to_sun=unit(light.to_sun))  # in the engine's own floats

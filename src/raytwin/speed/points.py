@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 
 from raytwin.array_types import Bool, Float32, Int32
+from raytwin.arrays import INFINITY, Vec, dot, integers, select
 from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Shape
@@ -14,13 +15,12 @@ from raytwin.scene.lens import rayless
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
 from raytwin.speed.frame import TILE_DRJIT, EyeScene
-from raytwin.speed.lists import Listed, walk
-from raytwin.speed.plan import plan, shading
-from raytwin.tracer.arrays import INFINITY, Vec, dot, integers, select
-from raytwin.tracer.camera import to_board
-from raytwin.tracer.frame import EYE
+from raytwin.speed.object_table import Listed, walk
+from raytwin.speed.tile_lists import plan, shading
 from raytwin.tracer.hit import Hit, Ray, World, intersect
-from raytwin.tracer.light import RADIANCE
+from raytwin.tracer.pixel_to_ray import to_board
+from raytwin.tracer.render_image import EYE
+from raytwin.tracer.shading import RADIANCE
 
 CHUNK = 1 << 14
 

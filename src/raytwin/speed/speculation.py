@@ -18,13 +18,13 @@ import numpy as np
 from raytwin.errors import check_one_of
 from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene, Sphere, seen_from_eye
+from raytwin.scene import Scene, Sphere, to_camera_frame
 from raytwin.scene.lens import without_ray
 from raytwin.speed.boxes import ball_boxes, trim_boxes
 from raytwin.speed.frame import background, draw
-from raytwin.speed.plan import shading
 from raytwin.speed.points import trace_points
 from raytwin.speed.shadows import fall, half_axes
+from raytwin.speed.tile_lists import shading
 
 WAYS = ("careful", "paper")
 
@@ -112,7 +112,7 @@ def doubtful(
 def slender(scene: Scene, n: int, shadows: bool = True) -> np.ndarray:
     """(k, 4): boxes of pixels round what may hide between lattice points, being less than two blocks wide somewhere:
     an object, or the shadow of one on another."""
-    local = seen_from_eye(scene)
+    local = to_camera_frame(scene)
     if not (things := local.objects):
         return np.zeros((0, 4), int)
     center = np.array([thing.center for thing in things])

@@ -6,12 +6,12 @@ Read it in this order: frame, camera, hit, sphere, rectangle, light; then path a
 surface to the next; occlusion and environment, of the sky; arrays last. `raytwin.speed` makes it fast.
 """
 
-from raytwin.tracer.camera import back_project, undistort
-from raytwin.tracer.frame import STAGES, trace, trace_paths
 from raytwin.tracer.hit import Every, Hit, Stages, World
-from raytwin.tracer.light import RADIANCE, Lighting, lambert, lighting, sun_visible
 from raytwin.tracer.path import about, follow
+from raytwin.tracer.pixel_to_ray import back_project, undistort
 from raytwin.tracer.rectangle import intersect_rectangle
+from raytwin.tracer.render_image import STAGES, trace, trace_paths
+from raytwin.tracer.shading import RADIANCE, Lighting, lambert, lighting, sun_visible
 from raytwin.tracer.sphere import SOLVERS, intersect_sphere
 
 __all__ = [

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
+from raytwin.arrays import INFINITY, Vec, dot, integers, select
 from raytwin.scene import Phong, Shape, Sphere
-from raytwin.tracer.arrays import INFINITY, Vec, dot, integers, select
 
 
 class Stages(NamedTuple):

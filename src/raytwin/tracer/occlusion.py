@@ -13,8 +13,8 @@ the point, add up. A rectangle above the horizon, or two spheres that overlap, h
 from math import pi
 from typing import Any
 
+from raytwin.arrays import Vec, arctan2, dot, maximum, minimum, select, sqrt
 from raytwin.scene import Rectangle, Shape, Sphere
-from raytwin.tracer.arrays import Vec, arctan2, dot, maximum, minimum, select, sqrt
 from raytwin.tracer.hit import Hit, World
 
 ABOVE = 1e-5

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from math import pi
 from typing import Any
 
-from raytwin.tracer.arrays import Vec, cos, dot, maximum, repeat, select, sin, sqrt
+from raytwin.arrays import Vec, cos, dot, maximum, repeat, select, sin, sqrt
 from raytwin.tracer.hit import Gloss, Hit, World
-from raytwin.tracer.light import Lighting, reflectance
+from raytwin.tracer.shading import Lighting, reflectance
 
 Draw = Callable[[Any], tuple[Any, Any]]
 """number of the bounce, from 1 -> two random numbers in [0, 1)."""

@@ -9,7 +9,7 @@ Hash-based Owen Scrambling", JCGT 9(4), 2020). Where the integrand is smooth the
 
 from typing import Any
 
-from raytwin.tracer.arrays import floats, reverse_bits, unsigned
+from raytwin.arrays import floats, reverse_bits, unsigned
 
 BATCHES = 16
 """Independent means of a pixel's samples, whose spread tells the variance: as many as the twin's."""

@@ -14,7 +14,7 @@ from raytwin.errors import InputError
 from raytwin.image import Image, Surface
 from raytwin.progress import Progress, silent
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene, seen_from_eye
+from raytwin.scene import Scene, to_camera_frame
 from raytwin.scene.lens import without_ray
 from raytwin.twin import render_cache as kept
 from raytwin.twin.backend import activate, versions
@@ -74,7 +74,7 @@ def render(
     Raises InputError (camera.dist where the distortion cannot be undone, samples, textures, ...) and MachineError.
     """
     plan = _plan(scene, rung, sampling, samples, seed, batches, max_depth)
-    seen_from_eye(scene, "twin")  # for its checks
+    to_camera_frame(scene, "twin")  # for its checks
     textures = check_textures(scene, textures)
     about = _about(scene, plan, textures, activate(variant).variant)
     key = hashlib.sha256(repr(about).encode()).hexdigest()[:32]

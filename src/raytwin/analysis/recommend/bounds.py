@@ -33,10 +33,10 @@ it stands over the point), a rectangle of area A that is nowhere nearer than d a
 
 import numpy as np
 
+from raytwin.lights.envmap_tables import tabulate
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
-from raytwin.scene.envmap_tables import tabulate
-from raytwin.speed.plan import shading
-from raytwin.speed.walks import area_boxes
+from raytwin.speed.path_tracing import area_boxes
+from raytwin.speed.tile_lists import shading
 from raytwin.tracer.hit import NO_GLOSS, gloss_of
 
 

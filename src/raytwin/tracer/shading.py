@@ -4,11 +4,11 @@ from collections.abc import Callable
 from math import pi
 from typing import Any, NamedTuple
 
+from raytwin.arrays import Vec, dot, maximum, select
+from raytwin.lights.environment_map import Around, around
 from raytwin.scene import Camera, Scene
-from raytwin.tracer.arrays import Vec, dot, maximum, select
-from raytwin.tracer.camera import to_board
-from raytwin.tracer.environment import Around, around
 from raytwin.tracer.hit import Hit, World
+from raytwin.tracer.pixel_to_ray import to_board
 
 
 class Lighting(NamedTuple):

@@ -7,9 +7,9 @@ and v (down). A row of texels fills the solid angle between two heights z.
 from math import pi
 from typing import Any, NamedTuple
 
+from raytwin.arrays import Vec, arctan2, cos, dot, floats, maximum, minimum, select, sin, sqrt, take, whole
+from raytwin.lights.envmap_tables import tabulate
 from raytwin.scene import Environment
-from raytwin.scene.envmap_tables import tabulate
-from raytwin.tracer.arrays import Vec, arctan2, cos, dot, floats, maximum, minimum, select, sin, sqrt, take, whole
 
 
 class Around(NamedTuple):

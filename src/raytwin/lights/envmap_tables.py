@@ -15,7 +15,7 @@ Channels = tuple[Any, Any, Any]
 
 
 class Tables(NamedTuple):
-    """As `tracer.environment.Around` has them."""
+    """As `environment_map.Around` has them."""
 
     texels: Channels
     rows: np.ndarray
@@ -26,7 +26,7 @@ class Tables(NamedTuple):
 
 
 SQUARES = np.array([1, *[1 / 3] * 3, *[1 / 15] * 3, 4 / 15, 4 / 5])
-"""Over the sphere the means of the squares of `tracer.environment.polynomials`."""
+"""Over the sphere the means of the squares of `environment_map.polynomials`."""
 TRANSFER = np.array([1, *[2 / 3] * 3, *[1 / 4] * 5])
 """Â_l / π."""
 

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from raytwin.arrays import library
 from raytwin.scene import Camera
 from raytwin.scene.lens import check_lens, distort, rayless
-from raytwin.tracer.arrays import library
-from raytwin.tracer.camera import STEPS, undistort
+from raytwin.tracer.pixel_to_ray import STEPS, undistort
 
 TERMS = 8, 3
 """Of the radial and of the tangential series: with 3 of these, float32 needs one step for most lenses."""

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from raytwin.scene import Lambert, Rectangle, Scene, Sphere
-from raytwin.speed import ENGINES, tree, walk
+from raytwin.speed import ENGINES, bvh, walk
 from raytwin.tracer import STAGES, intersect_sphere
 
 
@@ -29,7 +29,7 @@ def test_many_objects_give_the_same_light_as_one_after_the_other(overlap, engine
     scene = strewn(overlap.with_camera(overlap.camera.resized(16, 12)), rng, spheres, sheets)
     images = []
     for few in (0, 1000):
-        monkeypatch.setattr(tree, "FEW", few)
+        monkeypatch.setattr(bvh, "FEW", few)
         images.append(walk(scene, "path", engine, samples=4, seed=2, depth=4).mean)
     off = np.abs(images[0] - images[1]).max(axis=-1)
     assert (off > 1e-6).mean() < (0.005 if ENGINES[engine].bits == 32 else 1e-9)
@@ -43,7 +43,7 @@ def test_a_step_that_meets_objects_beyond_their_boxes_is_asked_about_all(overlap
     )
     images = []
     for few in (32, 1000):
-        monkeypatch.setattr(tree, "FEW", few)
+        monkeypatch.setattr(bvh, "FEW", few)
         images.append(walk(scene, "path", "numpy64", samples=2, depth=3, stages=large).mean)
     np.testing.assert_array_equal(*images)
 
@@ -52,7 +52,7 @@ def test_a_step_that_meets_objects_beyond_their_boxes_is_asked_about_all(overlap
 def test_every_object_is_in_one_leaf_and_in_every_box_above_it(n, rng):
     low = rng.normal(size=(n, 3))
     high = low + rng.exponential(size=(n, 3))
-    nodes = tree.grow(low, high)
+    nodes = bvh.grow(low, high)
     assert sorted(nodes.thing[nodes.thing >= 0].tolist()) == list(range(n))
     for place in range(2 * n - 1):
         after = nodes.onward[place]
@@ -64,5 +64,5 @@ def test_every_object_is_in_one_leaf_and_in_every_box_above_it(n, rng):
 
 
 def test_objects_in_one_place_are_still_told_apart():
-    nodes = tree.grow(np.zeros((5, 3)), np.ones((5, 3)))
+    nodes = bvh.grow(np.zeros((5, 3)), np.ones((5, 3)))
     assert sorted(nodes.thing[nodes.thing >= 0].tolist()) == [0, 1, 2, 3, 4]

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from raytwin.arrays import INFINITY, Vec, maximum, minimum, select
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.speed.engine import Engine, from_numpy, gather
-from raytwin.speed.lists import Table
-from raytwin.tracer.arrays import INFINITY, Vec, maximum, minimum, select
+from raytwin.speed.object_table import Table
 from raytwin.tracer.hit import Body, Facts, Objects, Ray, Reach
 
 FEW, LEAF = 32, 4

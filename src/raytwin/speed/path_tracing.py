@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from raytwin.array_types import Int
+from raytwin.arrays import Vec, repeat, select
 from raytwin.image import Image, Surface
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
@@ -14,14 +15,13 @@ from raytwin.scene.lens import without_ray
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, canvas, constant, flush, pixel_numbers, store
 from raytwin.speed.frame import EyeScene, background, draw, kernel, tiles
-from raytwin.tracer.arrays import Vec, repeat, select
-from raytwin.tracer.frame import EYE, STAGES
 from raytwin.tracer.hit import Hit, Stages, World
-from raytwin.tracer.light import Lighting, lambert_radiance, shadow_radiance
 from raytwin.tracer.occlusion import sky_left
 from raytwin.tracer.path import Draw, follow
 from raytwin.tracer.random import BATCHES
 from raytwin.tracer.random import draw as random
+from raytwin.tracer.render_image import EYE, STAGES
+from raytwin.tracer.shading import Lighting, lambert_radiance, shadow_radiance
 
 
 def part_names(bounces: int = 3) -> tuple[str, ...]:

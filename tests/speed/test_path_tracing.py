@@ -30,12 +30,12 @@ from truths import (
 )
 
 from raytwin import files, speed, twin
+from raytwin.arrays import reverse_bits
 from raytwin.image import Image
 from raytwin.scene import Camera, Phong, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import ENGINES, frame
 from raytwin.speed.engine import from_numpy, to_numpy
 from raytwin.tracer import about, back_project, trace_paths
-from raytwin.tracer.arrays import reverse_bits
 from raytwin.tracer.random import BATCHES, draw, places, second_of_sobol
 
 EVERY = "single", "overlap", "distorted", "grazing", "wedge", "ball", "eclipse", "weekend"

@@ -6,8 +6,8 @@ Normalised coordinates (x, y) are the point where the ray meets the plane z = 1 
 from collections.abc import Callable
 from typing import Any
 
+from raytwin.arrays import Vec, dot, sqrt
 from raytwin.scene import Camera
-from raytwin.tracer.arrays import Vec, dot, sqrt
 
 STEPS = 20
 """Of Newton's: each doubles the number of right digits; a strong lens needs half a dozen before that begins."""

@@ -5,18 +5,18 @@ from typing import Any
 
 import numpy as np
 
+from raytwin.arrays import Vec
 from raytwin.errors import InputError
 from raytwin.image import BACKGROUND, Image, Surface
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene, seen_from_eye
+from raytwin.scene import Scene, to_camera_frame
 from raytwin.scene.lens import check_lens, without_ray
-from raytwin.tracer.arrays import Vec
-from raytwin.tracer.camera import back_project, to_board, undistort
 from raytwin.tracer.hit import Every, Stages, World, nearer, normal
-from raytwin.tracer.light import RADIANCE, Lighting, lambert, lighting, sun_visible
 from raytwin.tracer.path import follow
+from raytwin.tracer.pixel_to_ray import back_project, to_board, undistort
 from raytwin.tracer.random import draw, places
 from raytwin.tracer.rectangle import intersect_rectangle
+from raytwin.tracer.shading import RADIANCE, Lighting, lambert, lighting, sun_visible
 from raytwin.tracer.sphere import intersect_sphere
 
 EYE = (0.0, 0.0, 0.0)
@@ -63,7 +63,7 @@ def trace_paths(scene: Scene, depth: int = 8, samples: int = 16, seed: int = 0, 
 def _look(scene: Scene, stages: Stages) -> tuple[np.ndarray, np.ndarray, Lighting, World]:
     """Pixel centres u, v (h, w); light and world as the eye has them."""
     check_lens(camera := scene.camera)
-    local = seen_from_eye(scene)
+    local = to_camera_frame(scene)
     every = Every(local.objects)
     u, v = np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float))
     return u, v, lighting(local), World(every, every, lambda: every, stages)

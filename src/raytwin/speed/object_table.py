@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from raytwin.arrays import INFINITY, select
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.speed.engine import Engine, from_numpy, gather, lift
-from raytwin.speed.plan import Lists, one_list
-from raytwin.tracer.arrays import INFINITY, select
+from raytwin.speed.tile_lists import Lists, one_list
 from raytwin.tracer.hit import NO_GLOSS, Body, Facts, Gloss, Ray, Reach, facts_of
 
 FEW = 6

@@ -1,0 +1,1 @@
+"""Lights as rays meet them: in the rays' frame and the engine's floats."""
