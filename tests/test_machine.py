@@ -47,7 +47,7 @@ def test_a_full_disk_is_said_and_leaves_nothing_behind(pair, tmp_path):
             [sys.executable, "-c", code, tmp_path / "out" / f"x.{ending}"],
             env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True,
         )  # fmt: skip
-        assert child.stderr.endswith(f"x.{ending}: expected a place that can be written, got File too large\n")
+        assert child.stderr.endswith(f"x.{ending}: expected a writable path, got File too large\n")
     run = raytwin_alone("diff", *pair, "-o", tmp_path / "out", PYTHONPATH=path)
     refused(run, "out/", "File too large")
     assert not [p for p in (tmp_path / "out").iterdir() if p.suffix != ".json"]
@@ -56,7 +56,7 @@ def test_a_full_disk_is_said_and_leaves_nothing_behind(pair, tmp_path):
 @LINUX
 def test_a_place_where_nothing_can_be_made_is_said(tmp_path):
     for path in ("/proc/x.exr", "/proc/x.pfm", "/proc/x.json"):
-        with pytest.raises(InputError, match=rf"^{path}: expected a place that can be written, got No such file"):
+        with pytest.raises(InputError, match=rf"^{path}: expected a writable path, got No such file"):
             (files.write_json if path.endswith("json") else files.write_image)(path, Image(np.ones((2, 2, 3), "f")))
     (tmp_path / "file").touch()
     refused(raytwin("reference", "make", "single", "--folder", tmp_path / "file" / "x"), "file, which is a file")

@@ -315,7 +315,7 @@ def test_a_write_that_fails_on_its_content_keeps_the_old_file(tmp_path):
 
 def test_a_full_disk_is_an_input_error(tmp_path):
     with (
-        pytest.raises(InputError, match="expected a place that can be written, got No space"),
+        pytest.raises(InputError, match="expected a writable path, got No space"),
         files.replacing(tmp_path / "x"),
     ):
         raise OSError(28, "No space left on device")

@@ -163,6 +163,6 @@ def read_bench(path: str | os.PathLike[str]) -> Bench:
     path = files.check_file(path, "a file that `raytwin bench --save` wrote")
     try:
         data = msgspec.json.decode(path.read_bytes())
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(path, "JSON that `raytwin bench --save` wrote", error) from None
     return files.to_record(path, data, Bench)

@@ -9,6 +9,7 @@ import os
 import sys
 import traceback
 import warnings
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -28,6 +29,7 @@ from raytwin.cli import (
     scenes_command,
     walk_command,
 )
+from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 
 app = typer.Typer(
@@ -44,13 +46,15 @@ def _version(asked: bool) -> None:
     if asked:
         from importlib.metadata import version
 
-        typer.echo(f"raytwin {version('raytwin')}")
+        say(f"raytwin {version('raytwin')}")
         raise typer.Exit
 
 
 @app.callback()
 def _options(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Tell it.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
 ) -> None:
     pass
 
@@ -80,7 +84,7 @@ def doctor() -> None:
     from raytwin.sandbox import sandbox
 
     for name, value in (*twin.doctor(), *((f"sandbox: {n}", state) for n, state in sandbox.told(sandbox.probe()))):
-        typer.echo(f"{name:<24} {value}")
+        say(f"{name:<24} {value}")
 
 
 EXTRAS = {
@@ -103,11 +107,12 @@ def _run() -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
-    warnings.showwarning = lambda message, *_, **__: print(f"raytwin: {message}", file=sys.stderr)
+    warnings.showwarning = lambda message, *_, **__: say(f"raytwin: {message}", err=True)
     # No command has matrices large enough for two: beside another process the second spins, and a fit takes five times
     # as long.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
+        Path.cwd()  # before a library looks for it: Mitsuba aborts the whole process where it is gone
         code = app(standalone_mode=False)
         sys.stdout.flush()
         return code or 0
@@ -130,7 +135,8 @@ def _told(error: Exception) -> int:
     if isinstance(error, typer.Abort):
         return _said("interrupted", INTERRUPTED)
     if hasattr(error, "show"):  # typer's own: an option that is none
-        error.show()
+        error.show(shown := io.StringIO())
+        say(shown.getvalue().rstrip("\n"), err=True)
         return 2
     if isinstance(error, OSError):
         if error.filename is None:  # what was left to print: not a second time, when Python ends
@@ -138,7 +144,7 @@ def _told(error: Exception) -> int:
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):
             return CLOSED
-        return _said(str(InputError(error.filename or "standard output", "a working one", error.strerror or error)))
+        return _said(str(_unusable(error)))
     if isinstance(error, UnicodeEncodeError):
         return _said(str(InputError("the name of a file", "UTF-8", repr(error.object)[:80])))
     if isinstance(error, MemoryError):
@@ -147,7 +153,16 @@ def _told(error: Exception) -> int:
     return _said("this is a fault of raytwin's own", OWN_FAULT)
 
 
+def _unusable(error: OSError) -> InputError:
+    """Which file or stream an OSError is about: the current folder, where that is gone, has no name."""
+    try:
+        Path.cwd()
+    except OSError:
+        return InputError("the current folder", "one that exists", "one that was removed")
+    return InputError(error.filename or "standard output", "a working one", error.strerror or error)
+
+
 def _said(text: str, code: int = 2) -> int:
     with contextlib.suppress(OSError):
-        print(f"raytwin: {text}", file=sys.stderr)
+        say(f"raytwin: {text}", err=True)
     return code

@@ -7,6 +7,7 @@ import typer
 
 from raytwin.cli.options import JsonFile, check_outputs
 from raytwin.cli.progress_bar import show_progress
+from raytwin.cli.terminal import say
 
 
 def stability_command(
@@ -28,7 +29,7 @@ def stability_command(
 
     if listed:
         for row in stability.EXPERIMENTS.values():
-            typer.echo(f"{row.name:<20} {row.title}")
+            say(f"{row.name:<20} {row.title}")
         return
     folder = out or Path("out") / "stability"
     check_outputs(folders=(folder,), files=(json,))
@@ -37,5 +38,5 @@ def stability_command(
     if json:
         files.write_json(json, found)
     report.write_atlas(found, folder)
-    typer.echo(report.atlas_summary(found))
-    typer.echo(f"report: {folder / 'atlas.html'}")
+    say(report.atlas_summary(found))
+    say(f"report: {folder / 'atlas.html'}")

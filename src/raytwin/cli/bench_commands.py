@@ -8,6 +8,7 @@ from typer.core import TyperGroup
 
 from raytwin.cli.options import Flip, JsonFile, ScenePath, check_outputs, parse_counts, parse_numbers, parse_size
 from raytwin.cli.progress_bar import show_progress
+from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 
 if TYPE_CHECKING:
@@ -105,8 +106,8 @@ def scene_command(
     changes = bench.against(found, earlier) if earlier else None
     folder = out or Path("out") / f"bench-{found.scene}"
     report.write_bench_all(found, folder, changes)
-    typer.echo(report.bench_summary(found, changes))
-    typer.echo(f"report: {folder / 'bench.html'}")
+    say(report.bench_summary(found, changes))
+    say(f"report: {folder / 'bench.html'}")
     raise typer.Exit(1 if changes and changes.worse else 0)
 
 
@@ -133,8 +134,8 @@ def calibration_command(
         bench.write_bench(found, json)
     folder = out or Path("out") / "bench-calibration"
     report.write_bench_all(found, folder)
-    typer.echo(report.bench_summary(found))
-    typer.echo(f"report: {folder / 'bench.html'}")
+    say(report.bench_summary(found))
+    say(f"report: {folder / 'bench.html'}")
 
 
 @app.command("paper")
@@ -161,8 +162,8 @@ def paper_command(
         files.write_json(json, found)
     folder = out or Path("out") / "paper"
     figures.write_paper_all(found, folder)
-    typer.echo(figures.paper_summary(found))
-    typer.echo(f"report: {folder / 'paper.html'}")
+    say(figures.paper_summary(found))
+    say(f"report: {folder / 'paper.html'}")
 
 
 @app.command("list")
@@ -171,7 +172,7 @@ def list_command(methods: ListedMethods = "*") -> None:
     from raytwin import bench
 
     for method in bench.choose(split(methods)):
-        typer.echo(f"{method.name:<28} {method.family}: {method.label}")
+        say(f"{method.name:<28} {method.family}: {method.label}")
 
 
 def split(globs: str) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from typing import Annotated, TypeVar
 
 import typer
 
+from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
 
 T = TypeVar("T")
@@ -96,7 +97,7 @@ def _draw(
     laid = sheet.lay_out(definition, size, blank, landscape, inches)
     toml = sheet.write_sheet(out, laid)
     width, height = (f"{v * 1000:.5g}" for v in laid.paper)
-    typer.echo(f"{columns * rows} tags on {width} x {height} mm, print at 100 %: {out}, {toml}")
+    say(f"{columns * rows} tags on {width} x {height} mm, print at 100 %: {out}, {toml}")
 
 
 def _import(pickle: Path, name: str | None, unit: str, tag: str, y_down: bool, out: Path) -> None:
@@ -107,4 +108,4 @@ def _import(pickle: Path, name: str | None, unit: str, tag: str, y_down: bool, o
     edge, metres = lengths.parse_length(tag, "--tag"), lengths.parse_unit(unit, "--unit")
     board = pickled.read_pickled(pickle, name, edge, metres, y_down)
     write_board(out, board, f"Imported from {pickle.name}: {name}.")
-    typer.echo(f"{len(board.centers())} tags of {name}: {out}")
+    say(f"{len(board.centers())} tags of {name}: {out}")

@@ -7,6 +7,7 @@ import typer
 
 from raytwin.cli.options import Flip, JsonFile, ScenePath, check_outputs, parse_size
 from raytwin.cli.progress_bar import show_progress, tell_seconds
+from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 
 
@@ -66,9 +67,9 @@ def compare_command(
         )
         folder = out or Path("out") / result.scene.name
         report.write_all(result, folder, json, progress=progress)
-    typer.echo(report.summary(result))
+    say(report.summary(result))
     tell_seconds(progress, tuple(t.stage for t in result.times))
-    typer.echo(f"report: {folder / 'report.html'}")
+    say(f"report: {folder / 'report.html'}")
     raise typer.Exit(result.comparison.exit_code)
 
 
@@ -160,9 +161,9 @@ def diff_command(
     if out:
         with show_progress() as progress:
             report.write_diff(found, out, progress)
-    typer.echo(text)
+    say(text)
     if out:
-        typer.echo(f"report: {out / 'report.html'}")
+        say(f"report: {out / 'report.html'}")
     raise typer.Exit(found.comparison.exit_code)
 
 
@@ -190,14 +191,14 @@ def diff_folders(
                 made, pictures = found.report, (found.test, found.reference, found.tolerance)
                 pairs[name] = found.numbers()
         except InputError as error:
-            typer.echo(f"ERROR  {error}")
+            say(f"ERROR  {error}")
             cases.append(report.Case(name, "raytwin.diff", error))
             pairs[name] = {"error": str(error)}
             codes.append(2)
             continue
         cases.append(report.Case(name, "raytwin.diff", made))
         codes.append(made.comparison.exit_code)
-        typer.echo(f"{made.comparison.verdict.upper()}  {name}: {made.comparison.reasons[0]}")
+        say(f"{made.comparison.verdict.upper()}  {name}: {made.comparison.reasons[0]}")
         if out:
             check_page.write_check(out, name, number, made, (), *pictures)
     worst = 1 if 1 in codes else max(codes)
@@ -208,8 +209,6 @@ def diff_folders(
         report.write_junit(cases, junit)
     if out:
         check_page.write_index(out)
-        typer.echo(f"report: {out / check_page.INDEX}")
-    typer.echo(
-        f"{verdict.upper()}  {len(codes)} pairs, {codes.count(1)} failed, {codes.count(2)} undecided or unreadable"
-    )
+        say(f"report: {out / check_page.INDEX}")
+    say(f"{verdict.upper()}  {len(codes)} pairs, {codes.count(1)} failed, {codes.count(2)} undecided or unreadable")
     raise typer.Exit(worst)

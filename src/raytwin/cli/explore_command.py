@@ -6,6 +6,7 @@ import typer
 
 from raytwin.cli.options import ScenePath, parse_size
 from raytwin.cli.progress_bar import show_progress
+from raytwin.cli.terminal import say
 
 WIDEST = 800
 """Pixels: as large as pictures are unless asked otherwise."""
@@ -43,8 +44,8 @@ def explore_command(
         camera = camera.resized(*(asked or (round(camera.width * scale), max(1, round(camera.height * scale)))))
         studio = Studio(base.with_camera(camera), find_subject(subject, "shadow") if subject else None)
         server = Server(studio, port, from_link(view) if view else None)
-    typer.echo(f"{base.name} at {server.address}")
-    typer.echo("Ctrl-C ends it.")
+    say(f"{base.name} at {server.address}")
+    say("Ctrl-C ends it.")
     if browser:
         import webbrowser
 
@@ -52,4 +53,4 @@ def explore_command(
     try:
         asyncio.run(server.serve())
     except KeyboardInterrupt:
-        typer.echo("ended")
+        say("ended")

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from raytwin.cli.options import ScenePath, check_outputs, parse_size
+from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 
 SEEN = 0.01
@@ -51,7 +52,7 @@ def export_command(
     else:
         text = as_xml(made, rung or "path")
         if (moved := moved_by(made)) > SEEN:
-            typer.echo(
+            say(
                 f"raytwin: the XML has neither distortion nor a second focal length: it sees up to {moved:.1f} px off",
                 err=True,
             )

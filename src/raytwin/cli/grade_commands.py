@@ -8,6 +8,7 @@ from typer.core import TyperGroup
 
 from raytwin.cli.options import Dask, Jobs, Shard, check_outputs
 from raytwin.cli.progress_bar import show_progress
+from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
 
 if TYPE_CHECKING:
@@ -71,11 +72,11 @@ def class_command(
     if len(found) > 1 and (gradescope or prairielearn):
         raise InputError("--gradescope, --prairielearn", "one submission", len(found))
     lacking = [f"{name}: {state}" for name, state in sandbox.told(sandbox.probe()) if not state.startswith("holds")]
-    typer.echo("sandbox: every lock holds" if not lacking else f"sandbox: {'; '.join(lacking)}")
+    say("sandbox: every lock holds" if not lacking else f"sandbox: {'; '.join(lacking)}")
     with show_progress() as progress:
         results = run(found, out, workers, again, progress)
     for result in results if len(results) <= 20 else ():
-        typer.echo(_line(result, read))
+        say(_line(result, read))
     for path, write in ((gradescope, sites.write_gradescope), (prairielearn, sites.write_prairielearn)):
         if path is not None:
             write(results[0], read, path)
@@ -83,12 +84,12 @@ def class_command(
         return
     done = collect(found, out)
     if len(done) < len(found):
-        typer.echo(f"{len(done)} of {len(found)} graded; run it again without --shard once all are, for the pages")
+        say(f"{len(done)} of {len(found)} graded; run it again without --shard once all are, for the pages")
         return
     pages.write_class(results, read, out)
     if junit is not None:
         sites.write_grade_junit(results, junit)
-    typer.echo(f"{len(results)} graded; report: {out / 'index.html'}")
+    say(f"{len(results)} graded; report: {out / 'index.html'}")
 
 
 def _line(result: "Result", rubric: "Rubric") -> str:
@@ -125,9 +126,9 @@ def starter_command(
         raise InputError(out, "a file that is not there yet, or --force", "one that may hold a student's work")
     files.write_text(out, READY.read_text(encoding="utf-8") if rubric else starter(out.name, stage or tuple(CONTRACT)))
     if rubric:
-        typer.echo(f"{out}: change it, then raytwin grade SUBMISSIONS --rubric {out}")
+        say(f"{out}: change it, then raytwin grade SUBMISSIONS --rubric {out}")
         return
-    typer.echo(f"{out}: to check what is written, run it: python {out}")
+    say(f"{out}: to check what is written, run it: python {out}")
 
 
 @app.command("gradescope-zip")
@@ -146,4 +147,4 @@ def gradescope_zip_command(
 
     check_outputs(files=(out,))
     names = write_zip(rubric, out, wheel)
-    typer.echo(f"{out}: {len(names)} files, {out.stat().st_size / 1e6:.1f} MB")
+    say(f"{out}: {len(names)} files, {out.stat().st_size / 1e6:.1f} MB")

@@ -7,6 +7,7 @@ import typer
 
 from raytwin.cli.options import JsonFile, ScenePath, check_outputs, parse_size
 from raytwin.cli.progress_bar import show_progress
+from raytwin.cli.terminal import say
 
 
 def ladder_command(
@@ -38,5 +39,5 @@ def ladder_command(
     if json:
         files.write_json(json, found.rungs)
     report.write_ladder(found, folder)
-    typer.echo(report.ladder_summary(found.rungs))
-    typer.echo(f"report: {folder / 'ladder.html'}")
+    say(report.ladder_summary(found.rungs))
+    say(f"report: {folder / 'ladder.html'}")

@@ -6,6 +6,7 @@ import typer
 
 from raytwin.cli.options import JsonFile, ScenePath, check_outputs, parse_size
 from raytwin.cli.progress_bar import show_progress
+from raytwin.cli.terminal import say
 
 
 def needs_command(
@@ -27,5 +28,5 @@ def needs_command(
         found = needs_of(scene, tolerance, metric, photo=photo, size=asked, progress=progress)
     if json:
         files.write_json(json, found)
-    typer.echo(needs_summary(found))
+    say(needs_summary(found))
     raise typer.Exit(0 if found.choice else 2)

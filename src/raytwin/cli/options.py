@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 
 ScenePath = Annotated[Path, typer.Argument(help="A scene's folder, its scene.toml, or its name.")]
@@ -28,7 +29,7 @@ def _flip(asked: bool) -> bool:
         from raytwin.compare.metrics import flip_is_installed
 
         if not flip_is_installed():
-            typer.echo("raytwin: FLIP is left out, since it is not installed: pip install 'raytwin[flip]'", err=True)
+            say("raytwin: FLIP is left out, since it is not installed: pip install 'raytwin[flip]'", err=True)
     return asked
 
 
@@ -86,6 +87,8 @@ def check_outputs(*, folders: tuple[Path | None, ...] = (), files: tuple[Path | 
     """InputError where an output cannot be written, before the work that it is to hold. Nothing is made."""
     kinds = {True: "a folder", False: "a file"}
     for path, folder in (*((p, True) for p in folders if p), *((p, False) for p in files if p)):
+        if not _is_utf8(path):
+            raise InputError("the name of an output", "UTF-8", ascii(str(path)))
         if path.exists():
             if path.is_dir() != folder:
                 raise InputError(path, f"{kinds[folder]} to write", kinds[not folder])
@@ -93,6 +96,14 @@ def check_outputs(*, folders: tuple[Path | None, ...] = (), files: tuple[Path | 
         else:
             above = next(p for p in path.absolute().parents if p.exists())
             if not above.is_dir():
-                raise InputError(path, "a place that can be written", f"{above}, which is a file")
+                raise InputError(path, "a writable path", f"{above}, which is a file")
         if not os.access(above, os.W_OK):
-            raise InputError(path, "a place that can be written", "no right to")
+            raise InputError(path, "a writable path", "one without write permission")
+
+
+def _is_utf8(path: Path) -> bool:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True

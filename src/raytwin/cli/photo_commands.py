@@ -7,6 +7,7 @@ import typer
 
 from raytwin.cli.options import JsonFile, check_outputs, parse_numbers, parse_size
 from raytwin.cli.progress_bar import show_progress, tell_seconds
+from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
 
 
@@ -58,7 +59,7 @@ def calibrate_command(
         report.write_uncertainty(calibration, uncertainty)
     if bend:
         report.write_bends(calibration, bend)
-    typer.echo(report.calibration_summary(calibration))
+    say(report.calibration_summary(calibration))
     tell_seconds(progress)
 
 
@@ -97,7 +98,7 @@ def photograph_command(
             progress=progress,
         )
     tell_seconds(progress)
-    typer.echo(f"{count} photos, board.toml and truth.toml: {out}")
+    say(f"{count} photos, board.toml and truth.toml: {out}")
 
 
 def augment_command(
@@ -136,8 +137,8 @@ def augment_command(
         )
     if json:
         files.write_json(json, {"photos": rows})
-    typer.echo(report.augment_summary(rows))
+    say(report.augment_summary(rows))
     tell_seconds(progress)
     if pages:
-        typer.echo(f"report: {pages.finish()}")
-    typer.echo(f"{len(rows)} photos: {out}")
+        say(f"report: {pages.finish()}")
+    say(f"{len(rows)} photos: {out}")

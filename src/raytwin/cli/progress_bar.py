@@ -5,8 +5,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import typer
-
+from raytwin.cli.terminal import say
 from raytwin.progress import Progress, Stages
 
 WORTH_A_LINE = 1.0
@@ -67,4 +66,4 @@ def tell_seconds(stages: Stages, told: tuple[str, ...] = ()) -> None:
     rest = whole - sum(stages.seconds.values())
     found = {k: v for k, v in stages.seconds.items() if k not in told and v >= 0.1}
     for stage, seconds in (found | {"the rest": rest, "in all": whole}).items():
-        typer.echo(f"  {stage:<10} {seconds:7.2f} s")
+        say(f"  {stage:<10} {seconds:7.2f} s")

@@ -10,6 +10,7 @@ import typer
 
 from raytwin.cli.options import Dask, Jobs, Shard, check_outputs, parse_size
 from raytwin.cli.progress_bar import show_progress
+from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
 from raytwin.progress import Progress, silent
 
@@ -61,12 +62,12 @@ def make_command(
     pixels = parse_size(size, "--size") if size else None
     options = {"samples": samples, "seed": seed, "sampling": sampling, "size": pixels, "again": again}
     for change in _changes(_cases(scenes, rung), folder.absolute(), options, parse_workers(jobs, dask, shard)):
-        typer.echo("\n".join(change.lines()))
+        say("\n".join(change.lines()))
         if change.kind == "same":
             continue
         if change.kind == "new" or yes or _asked(f"Replace {change.new.path}?"):
             references.save(change.new)
-            typer.echo(f"  written: {change.new.path}")
+            say(f"  written: {change.new.path}")
         else:
             refused.append(change.new.path)
     if refused and not _terminal():
@@ -88,12 +89,12 @@ def check_command(scenes: Scenes = None, rung: Rungs = None, folder: Source = No
                 scene, one, folder, samples=samples or make_reference.CHECKED_SAMPLES, found=found, progress=progress
             )
         checked.append(done)
-        typer.echo(f"{WORDS[done.exit_code]}  {done.path.parent.name}/{done.path.stem}")
+        say(f"{WORDS[done.exit_code]}  {done.path.parent.name}/{done.path.stem}")
         for problem in done.problems:
-            typer.echo(f"  {problem}")
+            say(f"  {problem}")
     codes = [c.exit_code for c in checked]
     unknown = f", {codes.count(2)} could not be checked" if 2 in codes else ""
-    typer.echo(f"{_count(checked)}, {codes.count(1)} failed{unknown}")
+    say(f"{_count(checked)}, {codes.count(1)} failed{unknown}")
     raise typer.Exit(_worst(codes))
 
 
@@ -113,15 +114,15 @@ def show_command(
         raise InputError(folder, "references", "none of these")
     whole, damaged = whole or len(cases) == 1, False
     if not whole:
-        typer.echo(references.OUTLINE)
+        say(references.OUTLINE)
     for name, one in cases:
         try:
             found = references.load(references.path_of(folder, name, one))
         except InputError as error:
             damaged = True
-            typer.echo(f"{name}/{one}  {error}")
+            say(f"{name}/{one}  {error}")
         else:
-            typer.echo("\n".join(references.show(found)) if whole else references.outline(found))
+            say("\n".join(references.show(found)) if whole else references.outline(found))
     if damaged:
         raise typer.Exit(2)
 
@@ -151,7 +152,7 @@ def diff_command(
             new, old = (references.load(references.path_of(f, name, one)) for f in (folder, against))
             c = compare(new.image, old.image, tolerance=new.tolerance)
             change = make_reference.Change(new, old, tuple(make_reference.header_changes(old.header, new.header)), c)
-        typer.echo("\n".join(change.lines()))
+        say("\n".join(change.lines()))
         if change.comparison is not None:
             codes.append(change.comparison.exit_code)
         else:

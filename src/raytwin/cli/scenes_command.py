@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from raytwin.cli.terminal import say
+
 app = typer.Typer(help="Scenes that a name finds: list them (the default), or copy one to change.")
 
 
@@ -15,7 +17,7 @@ def list_command(context: typer.Context) -> None:
     from raytwin import files
 
     for name, folder in sorted(files.scene_folders().items()):
-        typer.echo(f"{name:<12} {files.scene_sentence(folder)}")
+        say(f"{name:<12} {files.scene_sentence(folder)}")
 
 
 @app.command("copy")
@@ -26,4 +28,4 @@ def copy_command(
     """Copy a scene's folder, with its photos: a start for one of your own."""
     from raytwin import files
 
-    typer.echo(files.copy_scene(scene, out or Path(files.find_scene(scene).parent.name)))
+    say(files.copy_scene(scene, out or Path(files.find_scene(scene).parent.name)))

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from raytwin.cli.options import check_outputs
+from raytwin.cli.terminal import say
 
 
 def walk_command(
@@ -20,7 +21,5 @@ def walk_command(
 
     check_outputs(folders=(out,))
     path = write_walk(out, notebook, solved)
-    typer.echo(f"wrote {path}")
-    typer.echo(
-        f"jupyter lab {path}" if notebook else f"python {path}    # its pictures go to walk/; edit it, run it again"
-    )
+    say(f"wrote {path}")
+    say(f"jupyter lab {path}" if notebook else f"python {path}    # its pictures go to walk/; edit it, run it again")

@@ -22,7 +22,7 @@ from raytwin.files.photo_files import (
 )
 from raytwin.files.rounding import Rounding, half_floats, rounding_of
 from raytwin.files.safe_write import check_file, replacing, write_text
-from raytwin.files.scene_files import check_camera, read_camera, read_scene, write_camera
+from raytwin.files.scene_files import check_camera, check_contents, read_camera, read_scene, write_camera
 from raytwin.files.shipped import REFERENCES, SCENES, all_scenes, copy_scene, find_scene, scene_folders, scene_sentence
 from raytwin.files.toml_json import json_text, plain, read_toml, to_record, write_json, write_toml
 
@@ -34,6 +34,7 @@ __all__ = [
     "all_scenes",
     "cache_folder",
     "check_camera",
+    "check_contents",
     "check_file",
     "copy_scene",
     "find_scene",

@@ -55,7 +55,7 @@ def write_exr(path: str | os.PathLike, image: Image, header: Mapping[str, str] |
             said = next((text for text in map(os.strerror, REFUSALS) if text in str(error)), None)
             if said is None:
                 raise
-            raise InputError(path, "a place that can be written", said) from None
+            raise InputError(path, "a writable path", said) from None
 
 
 def _packing(channels: Mapping[str, np.ndarray]) -> Any:

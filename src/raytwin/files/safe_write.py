@@ -32,7 +32,7 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
             temporary.chmod(stat.S_IMODE(path.stat().st_mode) & 0o777)
         temporary.replace(path)
     except OSError as error:
-        raise InputError(path, "a place that can be written", error.strerror or error) from error
+        raise InputError(path, "a writable path", error.strerror or error) from error
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)

@@ -4,7 +4,7 @@ import base64
 import math
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from raytwin.files.images import read_image
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.shipped import find_scene
 from raytwin.files.toml_json import plain, read_toml, to_record, write_toml
-from raytwin.scene import Camera, PhotoCamera, SceneFile, material_of
+from raytwin.scene import Camera, PhotoCamera, SceneFile, WrittenPlane, WrittenSphere, WrittenSun, material_of
 
 MOST_COLUMNS = 4096
 """Of an environment map: 100 MB of floats. Light from the sky is smooth; a smaller map serves as well."""
@@ -38,17 +38,38 @@ def read_scene(path: str | os.PathLike) -> SceneFile:
     data["folder"] = str(file.parent)
     _read_map(file, data)
     scene = to_record(file, data, SceneFile)
-    if not math.hypot(*scene.sun.to_light) > 0:
-        raise InputError(f"{file}: sun.to_light", "a direction", "the zero vector")
-    for i, plane in enumerate(scene.planes):
-        _check_edges(f"{file}: planes[{i}]", np.asarray(plane.half_u), np.asarray(plane.half_v))
-    for kind in ("spheres", "planes"):
-        for i, thing in enumerate(getattr(scene, kind)):
-            try:
-                material_of(thing)
-            except InputError as error:
-                raise InputError(f"{file}: {kind}[{i}]", error.expected, error.got) from None
+    check_contents(scene, f"{file}: ")
     return scene
+
+
+class Contents(Protocol):
+    """What a scene's file and a request of the live page share."""
+
+    @property
+    def spheres(self) -> tuple[WrittenSphere, ...]: ...
+    @property
+    def planes(self) -> tuple[WrittenPlane, ...]: ...
+    @property
+    def sun(self) -> WrittenSun: ...
+
+
+def check_contents(scene: Contents, where: str) -> None:
+    """Raise InputError unless the sun has a direction, planes are rectangles and materials are whole.
+
+    `where` is put before the field's name: `scenes/desk/scene.toml: `.
+    """
+    if not math.hypot(*scene.sun.to_light) > 0:
+        raise InputError(f"{where}sun.to_light", "a direction", "the zero vector")
+    for i, plane in enumerate(scene.planes):
+        _check_edges(f"{where}planes[{i}]", np.asarray(plane.half_u), np.asarray(plane.half_v))
+    things: list[tuple[str, WrittenSphere | WrittenPlane]] = []
+    things += [(f"spheres[{i}]", sphere) for i, sphere in enumerate(scene.spheres)]
+    things += [(f"planes[{i}]", plane) for i, plane in enumerate(scene.planes)]
+    for name, thing in things:
+        try:
+            material_of(thing)
+        except InputError as error:
+            raise InputError(f"{where}{name}", error.expected, error.got) from None
 
 
 def _read_map(file: Path, data: dict[str, Any]) -> None:

@@ -65,5 +65,5 @@ def copy_scene(path: str | os.PathLike, out: str | os.PathLike) -> Path:
     try:
         shutil.copytree(folder, out)
     except OSError as error:
-        raise InputError(out, "a place that can be written", error.strerror or error) from error
+        raise InputError(out, "a writable path", error.strerror or error) from error
     return out

@@ -56,7 +56,7 @@ class Wanted(Record, frozen=True):
     moving: bool = False
 
     def check(self) -> "Wanted":
-        """Itself. Raises InputError for a row that its table does not have."""
+        """Return itself. Raises InputError for an unknown name, and for contents that no scene.toml may have."""
         for what, name, rows in (
             ("rung", self.rung, RUNGS),
             ("twin_rung", self.twin_rung, RUNGS),
@@ -64,6 +64,7 @@ class Wanted(Record, frozen=True):
             ("solver", self.solver, SOLVERS),
         ):
             check_one_of(what, name, rows)
+        files.check_contents(self, "")
         return self
 
     def written(self, base: SceneFile) -> SceneFile:

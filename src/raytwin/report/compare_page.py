@@ -67,7 +67,7 @@ def side_by_side(view: PairView) -> dict[str, Any]:
 def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]]]:
     """The viewer's planes, and its panes in reading order; what the images lack is left out."""
     flipped = flip_map(view.test.mean, view.reference.mean) if view.flipped else None
-    names, of = view.names, f"of {view.title}, {{1}} by {{0}} pixels".format(*view.reference.shape)
+    names, (height, width) = view.names, view.reference.shape[:2]
     panes = [
         {"key": "test", "kind": "radiance", "title": names.test_title, "tab": names.test},
         {"key": "reference", "kind": "radiance", "title": names.reference_title, "tab": names.reference},
@@ -81,7 +81,7 @@ def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]
             view.test, view.reference, flip=flipped, surfaces=view.surfaces is not None, means=view.rough
         )
         panes += drawn.result()
-    return packed, [pane | {"alt": f"{pane['title']} {of}"} for pane in panes]
+    return packed, [pane | {"alt": f"{pane['title']} of {view.title}, {width} by {height} pixels"} for pane in panes]
 
 
 def photos(view: PairView) -> list[dict[str, Any]]:

@@ -1,0 +1,102 @@
+"""Names that strangers chose, and places that vanish: one clear line, nothing that moves the terminal's cursor."""
+
+import os
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from program import raytwin, raytwin_alone, refused
+
+from raytwin import cli, files
+from raytwin.image import Image
+
+ESCAPE = "a\x1b[2J\x1b]0;owned\x07b"
+"""Clears the screen, then renames the window."""
+
+
+def picture(path: Path, value: float = 0.5) -> Path:
+    files.write_image(path, Image(np.full((24, 24, 3), value, np.float32)))
+    return path
+
+
+def test_braces_in_a_name_stay_in_the_page(tmp_path):
+    a, b = picture(tmp_path / "a{}{0}{x}.pfm"), picture(tmp_path / "b.pfm")
+    run = raytwin("diff", a, b, "-o", tmp_path / "out{}")
+    assert run.returncode == 0, run.stderr
+    assert "A: a{}{0}{x}.pfm of a{}{0}{x}.pfm, 24 by 24 pixels" in (tmp_path / "out{}" / "report.html").read_text()
+
+
+def test_a_scene_named_with_braces_is_compared(scenes, tmp_path):
+    folder = tmp_path / "my {0} {scene}"
+    folder.mkdir()
+    (folder / "scene.toml").write_text((scenes / "single" / "scene.toml").read_text())
+    run = raytwin("compare", folder, "--size", "40x30", "-o", tmp_path / "out")
+    assert run.returncode == 0, run.stderr
+    assert "PASS  my {0} {scene}" in run.stdout
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such names")
+def test_no_command_sends_a_names_escapes_to_the_terminal(scenes, tmp_path):
+    a, b = picture(tmp_path / f"{ESCAPE}.pfm"), picture(tmp_path / "b.pfm")
+    (tmp_path / "scenes" / ESCAPE).mkdir(parents=True)
+    text = (scenes / "single" / "scene.toml").read_text()
+    (tmp_path / "scenes" / ESCAPE / "scene.toml").write_text(f"# {ESCAPE}\n{text}".replace("\x1b", "\u009b"))
+    for folder in ("one", "other"):
+        (tmp_path / folder).mkdir()
+        picture(tmp_path / folder / f"{ESCAPE}.pfm")
+    (tmp_path / "class").mkdir()
+    (tmp_path / "class" / f"{ESCAPE}.py").write_text("def tag_centers(: no Python\n")
+    raytwin("grade", "starter", "--rubric", "-o", tmp_path / "rubric.toml")
+    commands = (
+        ("diff", a, b),
+        ("diff", tmp_path / "one", tmp_path / "other"),
+        ("diff", tmp_path / f"{ESCAPE}.none", b),
+        ("scenes",),
+        ("compare", ESCAPE, "--size", "16x12", "-o", tmp_path / "out"),
+        ("compare", f"--{ESCAPE}"),
+        ("grade", tmp_path / "class", "--rubric", tmp_path / "rubric.toml", "-o", tmp_path / "grades"),
+    )
+    for command in commands:
+        run = raytwin(*command, cwd=tmp_path)
+        said = run.stdout + run.stderr
+        assert "owned" in said, command
+        assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", said), (command, said)
+
+
+def test_only_say_prints():
+    """Text printed without it could carry a name's escapes."""
+    for file in Path(cli.__file__).parent.glob("*.py"):
+        if file.name != "terminal.py":
+            prints = re.findall(r"(?:typer\.echo|\bprint|secho)\((.*)", file.read_text(encoding="utf-8"))
+            assert [p for p in prints if not p.startswith(("text, nl=False", 'f"{stage}: '))] == [], file.name
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there a name is never bytes")
+def test_an_output_whose_name_is_not_utf8_is_refused_before_the_work(tmp_path):
+    name = os.fsdecode(bytes(tmp_path) + b"/o\xff")
+    for command in (("compare", "single"), ("ladder", "single"), ("bench", "single")):
+        refused(raytwin(*command, "-o", name), "the name of an output", "UTF-8")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows keeps a folder that a process is in")
+def test_a_working_folder_that_vanished_is_named(tmp_path, monkeypatch):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    for command in (("compare", "single"), ("doctor",)):
+        refused(raytwin_alone(*command, PYTHONPATH=os.pathsep.join(sys.path)), "the current folder", "removed")
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_run_of_100_000_nested_lists_is_refused(tmp_path):
+    (tmp_path / "deep.json").write_text("[" * 100_000 + "]" * 100_000)
+    refused(raytwin("bench", "single", "--against", tmp_path / "deep.json"), "deep.json", "bench --save")
+
+
+def test_ctrl_c_during_the_first_imports_ends_in_one_line(tmp_path):
+    (tmp_path / "typer.py").write_text("raise KeyboardInterrupt\n")
+    run = raytwin_alone("--help", PYTHONPATH=str(tmp_path))
+    assert (run.returncode, run.stdout, run.stderr) == (130, "", "raytwin: interrupted\n")
