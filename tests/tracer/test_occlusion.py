@@ -66,6 +66,38 @@ def test_within_a_sphere_there_is_no_sky():
     assert left_at_origin(ball(UP, 2.0), inside=True) == (0.0, True)
 
 
+@pytest.mark.parametrize("h", [0.0, 0.3, 0.99, 0.9999])
+@pytest.mark.parametrize("c", [1.0, 0.3, -0.3, -1.0])
+def test_a_sphere_around_a_point_hides_the_whole_sky_whatever_else_is_there(h, c):
+    around = ball(c * np.array(UP) + np.sqrt(1 - c * c) * np.array((1.0, 0.0, 0.0)), max(h, 1e-9), 5.0)
+    wall = Rectangle((0.0, 2.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    for others in ((around,), (around, ball(UP, 2.0)), (ball(UP, 2.0), around), (around, wall), (wall, around)):
+        assert left_at_origin(*others) == (0.0, True)
+
+
+def test_a_floor_in_a_closed_dome_sees_no_sky_on_any_engine(engine):
+    """A ball, a floor and a dome of 9 m around them and the eye: 0, without noise."""
+    floor, dome = element((0.0, 0.0, 1.0), 0.8), Sphere((0.3, -0.2, 0.5), 9.0)
+    camera = view_of((0, 0, 0), (0.5, 0.4, 2.0), 1.0, 8)
+    scene = Scene("dome", camera, (floor, Sphere((0.1, 0.1, 0.2), 0.2), dome), WHITE)
+    image = speed.walk(scene, "sky", engine, sampling="center", samples=2)
+    assert (image.mean == 0).all()
+
+
+@pytest.mark.parametrize("precision", [np.float64, np.float32])
+def test_a_second_sphere_in_the_same_place_hides_nothing(precision):
+    """Points of it lie on the first within rounding: neither is inside."""
+    twice = (Sphere((0.1, 0.2, 3.0), 0.7), Sphere((0.1, 0.2, 3.0), 0.7))
+    n = np.random.default_rng(5).normal(size=(3, 4000))
+    n = tuple((n / np.linalg.norm(n, axis=0)).astype(precision))
+    point = tuple((c + 0.7 * x).astype(precision) for c, x in zip(twice[0].center, n, strict=True))
+    hit = Hit(np.ones(4000), np.zeros(4000, int), point, n, n, np.full(4000, False), n)
+    every = Every(twice)
+    left, known = sky_left(hit, World(every, every, lambda: every, STAGES))
+    assert known.all()
+    np.testing.assert_allclose(left, 1, rtol=0, atol=1e-5)
+
+
 @pytest.mark.parametrize(("h", "c"), [(2, 1), (2, 0), (2, -0.25), (1.01, 0)])
 def test_the_rung_sky_is_closed_and_without_noise_over_an_element(engine, h, c):
     """On every engine to 1e-5: the picture is 1e-4 wide."""

@@ -8,17 +8,20 @@ where c is the cosine between the normal and the direction to its centre: c/h² 
 0 where it lies below, and the part above where the horizon cuts it (Howell, "A Catalog of Radiation Heat Transfer
 Configuration Factors", section B; there with arc cosines, and case by case). Spheres that do not overlap, as seen from
 the point, add up. A rectangle above the horizon, or two spheres that overlap, have no such form: random rays must do.
+A point inside a sphere, h < 1, sees no sky, whatever else there is.
 """
 
 from math import pi
 from typing import Any
 
-from raytwin.arrays import Vec, arctan2, dot, maximum, minimum, select, sqrt
+from raytwin.arrays import Vec, arctan2, dot, maximum, select, sqrt
 from raytwin.scene import Rectangle, Shape, Sphere
 from raytwin.tracer.hit import Hit, World
 
 ABOVE = 1e-5
-"""How far above the horizon, as the sine of its angle, a rectangle's corner counts: more than float32's rounding."""
+"""More than float32's rounding: the sine of the angle above the horizon from which a rectangle's corner counts, and
+the part of a distance that a point must lie within a sphere to count as inside.
+"""
 
 
 def sphere_share(h: Any, c: Any) -> Any:
@@ -32,10 +35,10 @@ def sky_left(hit: Hit, world: World) -> tuple[Any, Any]:
     objects = world.others()
 
     def take_away(state: Any, _: None, index: Any, thing: Shape) -> Any:
-        left, known = state
+        left, known, enclosed = state
         other = hit.ids != index
         if isinstance(thing, Rectangle):
-            return left, known & ~(other & _rises(thing, hit))
+            return left, known & ~(other & _rises(thing, hit)), enclosed
         toward, sine, cosine = _seen(thing, hit)
         hides = other & (cosine + sine > 0)
 
@@ -45,23 +48,27 @@ def sky_left(hit: Hit, world: World) -> tuple[Any, Any]:
             to, wide, level = _seen(that, hit)
             below = (level + wide <= 0) | (second <= index) | (hit.ids == second)
             # the angle between them is at least the sum of both half angles, a and b: cos(a + b) from their sines
-            both = sqrt((1 - sine * sine) * (1 - wide * wide)) - sine * wide
+            both = sqrt(maximum((1 - sine * sine) * (1 - wide * wide), 0.0)) - sine * wide
             return (apart[0] & (below | (dot(toward, to) <= both)),)
 
         apart = objects.fold(None, (hides == hides,), beside)[0]
-        return left - select(hides, sphere_share(1 / sine, cosine), 0.0), known & (~hides | apart)
+        left = left - select(hides, sphere_share(1 / sine, cosine), 0.0)
+        return left, known & (~hides | apart), enclosed | (other & (sine > 1 + ABOVE))
 
-    start = select(hit.inside, 0.0, 0 * hit.point[0] + 1)
-    left, known = objects.fold(None, (start, hit.ids >= 0), take_away)
-    return select(hit.inside, 0.0, maximum(left, 0.0)), known | hit.inside
+    start = 0 * hit.point[0] + 1, hit.ids >= 0, hit.inside
+    left, known, enclosed = objects.fold(None, start, take_away)
+    return select(enclosed, 0.0, maximum(left, 0.0)), known | enclosed
 
 
 def _seen(thing: Sphere, hit: Hit) -> tuple[Vec, Any, Any]:
-    """The unit direction to the centre, sin of the half angle that it fills, the direction's cosine with the normal."""
+    """The unit direction to the centre, its radius over its distance, the direction's cosine with the normal.
+
+    Seen from outside, the second is the sine of half the angle that the sphere fills; from inside it is above 1.
+    """
     f = tuple(c - p for c, p in zip(thing.center, hit.point, strict=True))
     far = sqrt(dot(f, f))
     x, y, z = (a / far for a in f)
-    return (x, y, z), minimum(thing.radius / far, 1.0), dot((x, y, z), hit.normal)
+    return (x, y, z), thing.radius / far, dot((x, y, z), hit.normal)
 
 
 def _rises(thing: Rectangle, hit: Hit) -> Any:
