@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytwin.image import Image
-from raytwin.scene import Camera, Lambert, Rectangle, Shape, Sky
+from raytwin.scene import Camera, Lambert, Phong, Rectangle, Scene, Shape, Sky, Sun
 
 
 def from_element(h: float, c: float) -> float:
@@ -34,6 +34,21 @@ def view_of(point, eye, extent: float, pixels: int = 16) -> Camera:
     f, c = pixels * far / extent, (pixels - 1) / 2
     K = ((f, 0.0, c), (0.0, f, c), (0.0, 0.0, 1.0))
     return Camera((pixels, pixels), K, tuple(map(tuple, R.tolist())), tuple((-R @ eye).tolist()))
+
+
+def glare(exponent: float) -> tuple[Scene, np.ndarray]:
+    """A sheet seen in the sun's mirror direction, aslant; and the red of its Phong highlight by the formula (H, W)."""
+    to_light = np.array((0.48, 0.36, 0.8))
+    material = Phong((0.3, 0.2, 0.1), (0.4, 0.3, 0.2), exponent)
+    sun, eye = Sun(tuple(to_light.tolist()), (10.0,) * 3), np.array((-0.48, -0.36, 0.8)) * 1.5
+    camera = view_of((0.0, 0.0, 0.0), eye, 2 / exponent**0.5, 48)
+    scene = Scene("glare", camera, (Rectangle((0, 0, 0), (9, 0, 0), (0, 9, 0), material),), (sun,))
+    v, u = np.mgrid[:48, :48].astype(float)
+    d = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], axis=-1)
+    d = d @ np.array(camera.R_cam_board)
+    mirrored = np.maximum(-(d / np.linalg.norm(d, axis=-1, keepdims=True)) @ (to_light * (-1, -1, 1)), 0)
+    f = (0.3 + 0.4 * (exponent + 2) / 2 * mirrored**exponent) / np.pi
+    return scene, f * 10 * to_light[2]
 
 
 WHITE = (Sky((1.0, 1.0, 1.0)),)

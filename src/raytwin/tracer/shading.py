@@ -48,11 +48,18 @@ def lambert(albedo: Any, normal: Vec, to_light: Vec, irradiance: Any, visible: A
 
 
 def highlight(hit: Hit, to_light: Vec) -> Vec:
-    """specular (n + 2)/2 max(0, r·v)ⁿ: π times Phong's highlight, with r·v = 2 (n·l)(n·v) - l·v and v = -d."""
+    """specular (n + 2)/2 max(0, r·v)ⁿ: π times Phong's highlight, with r = 2 (n·l) n - l and v = -d.
+
+    The power would make n times as much of r·v's rounding. So r·v = 1 - x by x = |r - v|²/2, which is small and exact,
+    and what rounding 1 - x loses is given back: (a + b)ⁿ = aⁿ (1 + n b) for a near 1 and a tiny b.
+    """
     assert hit.gloss is not None
     specular, exponent = hit.gloss
-    along = dot(to_light, hit.d) - 2 * dot(hit.normal, to_light) * dot(hit.normal, hit.d)
-    lobe = (exponent + 2) / 2 * maximum(along, 0.0) ** exponent
+    twice = 2 * dot(hit.normal, to_light)
+    apart = tuple(twice * n - to + d for n, to, d in zip(hit.normal, to_light, hit.d, strict=True))
+    x = dot(apart, apart) / 2
+    along = maximum(1 - x, 0.0)
+    lobe = (exponent + 2) / 2 * along**exponent * (1 + exponent * ((1 - along) - x))
     return specular[0] * lobe, specular[1] * lobe, specular[2] * lobe
 
 

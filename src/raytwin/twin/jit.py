@@ -214,8 +214,7 @@ class Renderer:
         if not self.gloss:
             return hit.albedo
         r, g, b, exponent = self._gloss(hit)
-        along = dr.dot(to_light, hit.d) - 2 * dr.dot(hit.n, to_light) * dr.dot(hit.n, hit.d)
-        return hit.albedo + mi.Color3f(r, g, b) * lobe(dr, along, exponent)
+        return hit.albedo + mi.Color3f(r, g, b) * lobe(dr, hit.n, to_light, hit.d, exponent)
 
     def _sun(self, hit: Hit, blocker: Any) -> Any:
         """E/π V max(0, n·l)."""

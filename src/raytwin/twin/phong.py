@@ -14,9 +14,15 @@ from raytwin.scene import Phong, Scene, Shape
 NAME = "raytwin_phong"
 
 
-def lobe(xp: Any, along: Any, exponent: Any) -> Any:
-    """π times the highlight over its `specular`: (n + 2)/2 max(0, r·v)ⁿ; `along` is r·v."""
-    return (exponent + 2) / 2 * xp.maximum(along, 0) ** exponent
+def lobe(xp: Any, n: Any, to_light: Any, d: Any, exponent: Any) -> Any:
+    """π times the highlight over its `specular`: (n + 2)/2 max(0, r·v)ⁿ, v = -d; vectors as three components each.
+
+    r·v = 1 - x with x = |r - v|²/2. The power makes n times as much of rounding 1 - x; the last factor takes it back.
+    """
+    twice = 2 * (n[0] * to_light[0] + n[1] * to_light[1] + n[2] * to_light[2])
+    x = sum((twice * n[k] - to_light[k] + d[k]) ** 2 for k in range(3)) / 2
+    along = xp.maximum(1 - x, 0)
+    return (exponent + 2) / 2 * along**exponent * (1 + exponent * ((1 - along) - x))
 
 
 def highlights(scene: Scene) -> np.ndarray:
@@ -33,9 +39,8 @@ def pi_f(scene: Scene, ids: np.ndarray, albedo: np.ndarray, normal: np.ndarray, 
     """(k, 3): π f of what rays along d (k, 3) meet, for light from `to`; all unit, in the same axes."""
     if not scene.glossy:
         return albedo
-    rows, l_n, d_n = highlights(scene)[ids], (normal * to).sum(axis=1), (normal * d).sum(axis=1)
-    along = (d * to).sum(axis=1) - 2 * l_n * d_n
-    return np.asarray(albedo + rows[:, :3] * lobe(np, along, rows[:, 3])[:, None])
+    rows = highlights(scene)[ids]
+    return np.asarray(albedo + rows[:, :3] * lobe(np, normal.T, np.transpose(to), d.T, rows[:, 3])[:, None])
 
 
 def bsdf(thing: Shape, reflectance: dict[str, Any]) -> dict[str, Any]:
@@ -72,8 +77,7 @@ def register() -> None:
             self.m_components, self.m_flags = [flags], flags
 
         def pi_f(self, si: Any, wo: Any, active: Any) -> Any:
-            along = 2 * si.wi.z * wo.z - dr.dot(si.wi, wo)
-            shine = self.specular(si, active) * lobe(dr, along, self.exponent)
+            shine = self.specular(si, active) * lobe(dr, (0, 0, 1), wo, -si.wi, self.exponent)
             return dr.select((si.wi.z > 0) & (wo.z > 0), self.reflectance(si, active) + shine, 0)
 
         def sample(self, ctx: Any, si: Any, one: Any, two: Any, active: Any = True) -> tuple[Any, Any]:
