@@ -16,9 +16,9 @@ from browser import barriers_of
 
 from raytwin import files
 from raytwin.grade.class_run import collect, jobs_of, run
-from raytwin.grade.grade_submission import code_of
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import read_rubric
+from raytwin.grade.submission_code import code_of
 from raytwin.parallel import Workers, map_parallel
 from raytwin.report import autograder_sites as sites
 from raytwin.report import class_page as pages
@@ -138,6 +138,23 @@ def test_a_cache_that_is_keyed_too_coarsely_shows(tmp_path):
     assert sorted(p.passed for p in result.exercises[0].parts) == [False, True]
 
 
+def test_seconds_are_those_of_drawn_scenes_since_a_named_one_may_be_stored(tmp_path):
+    speed = '[speed]\nof = "image"\nbonus = 2\nfast = 0.2\nslow = 0.3\n'
+    (tmp_path / "r.toml").write_text(
+        'title = "t"\n[[exercises]]\nname = "image"\nstage = "render"\nscenes = ["single"]\ndrawn = 1\n'
+        f'rung = "lambert"\npoints = 1\n{speed}'
+    )
+    slow = tracers.RIGHT.replace("def render", "def own") + (
+        "\ndef render(scene):\n    import time\n    time.sleep(0.7 * scene['name'].startswith('drawn'))\n"
+        "    return own(scene)\n"
+    )
+    (tmp_path / "a.py").write_text(slow)
+    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
+    assert result.all_passed
+    assert result.speed[0][1] > 0.7
+    assert result.bonus == 0
+
+
 def test_a_mistake_costs_its_own_exercise_and_no_other(graded):
     for student in ("no shadows", "raises", "hangs", "exits", "nan"):
         assert [e.status for e in graded[0][student].exercises[:2]] == ["pass", "pass"], student
@@ -197,7 +214,7 @@ def test_near_identical_wrong_pictures_are_found_and_right_ones_are_none(graded)
 
 def test_a_second_run_grades_nothing_and_finds_the_same(graded, monkeypatch):
     results, out, jobs, _ = graded
-    monkeypatch.setattr("raytwin.grade.class_run.assess", None)
+    monkeypatch.setattr("raytwin.grade.class_run.grade_submission", None)
     assert run(jobs, out, Workers(1)) == list(results.values())
     assert collect(jobs, out) == list(results.values())
 
@@ -222,7 +239,7 @@ def test_another_rubric_another_text_or_another_grader_is_another_job(graded, tm
     (tmp_path / "a.py").write_text("a = 1")
     for number in "12":  # what grades
         (tmp_path / number).write_text(number)
-        monkeypatch.setattr("raytwin.grade.grade_submission.GRADER", (tmp_path / number,))
+        monkeypatch.setattr("raytwin.grade.job.GRADER", (tmp_path / number,))
         keys.add(jobs_of(tmp_path / "a.py", rubric)[0].key)
     assert len(keys) == 5
 
@@ -302,11 +319,8 @@ def test_a_notebook_a_program_and_a_folder_of_images_are_graded(tmp_path):
     files.write_image(tmp_path / "in" / "images" / "single.png", picture)
     (tmp_path / "in" / "wrong").mkdir()
     files.write_exr(tmp_path / "in" / "wrong" / "single.exr", type(picture)(picture.mean * 1.01))
-    rubric.write_text(
-        rubric.read_text() + '[speed]\nof = "render (lambert: single)"\nbonus = 1\nfast = 99\nslow = 100\n'
-    )
     found = {r.student: r for r in run(jobs_of(tmp_path / "in", rubric), tmp_path / "out", Workers(1))}
-    assert {n: r.points for n, r in found.items()} == {"book": 2, "images": 1, "wrong": 0}  # images take no time
+    assert {n: r.points for n, r in found.items()} == {"book": 1, "images": 1, "wrong": 0}
     assert "ZeroDivisionError" in found["book"].notes[0]
     rubric.write_text(f'command = "{sys.executable} main.py {{scene}} {{out}}.pfm"\n' + rubric.read_text())
     program = tmp_path / "program" / "ann"
@@ -321,7 +335,7 @@ def test_a_notebook_a_program_and_a_folder_of_images_are_graded(tmp_path):
     files.write_text(program / "main.py", main)
     files.write_text(program / "tracer.py", tracers.RIGHT)
     done = run(jobs_of(program, rubric, whole=True), tmp_path / "out", Workers(1))
-    assert done[0].points == 2, done[0].exercises[0].sentences
+    assert done[0].points == 1, done[0].exercises[0].sentences
     assert jobs_of(tmp_path / "in", rubric)[1].student == "images"
     assert code_of(tmp_path / "in" / "images", read_rubric(rubric)).kind == "images"  # though others hand in programs
 

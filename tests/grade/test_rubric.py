@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 from raytwin.cli import app
 from raytwin.contract.stage_table import CONTRACT, LESSONS
 from raytwin.errors import InputError
-from raytwin.grade.grade_submission import code_of
 from raytwin.grade.rubric import READY, Exercise, Speed, read_rubric
+from raytwin.grade.submission_code import code_of
 
 GOOD = """
 title = "t"
@@ -41,6 +41,13 @@ def test_a_rubric_is_read_with_names_that_tell_its_rows(read):
     rubric = read(GOOD)
     assert [e.name for e in rubric.exercises] == ["intersect_sphere", "render (lambert: single, 2 drawn)"]
     assert (rubric.points, rubric.stages) == (30, ("intersect_sphere", "render"))
+
+
+def test_speed_is_that_of_drawn_scenes_since_pictures_of_named_ones_may_be_stored(read):
+    speed = '[speed]\nof = "i"\n'
+    assert read(GOOD.replace("drawn = 2", 'drawn = 2\nname = "i"') + speed).speed.of == "i"
+    with pytest.raises(InputError, match=r"speed\.of: expected an exercise with drawn scenes, got 'i'"):
+        read(GOOD.replace("drawn = 2", 'name = "i"') + speed)
 
 
 @pytest.mark.parametrize(

@@ -56,6 +56,16 @@ def test_a_table_whose_key_is_array_is_no_array():
         forged([["<f8", 3]], {"array": 5}, bytes(24)),
         forged([["<f8", 1]] * 65, data=bytes(8 * 65)),
         forged([["<f8", 1 << 62, 1 << 62]]),
+        forged([["<f8", True]], data=bytes(8)),
+        forged([["<f8", 1.0]], data=bytes(8)),
+        forged([["<f8", float("inf")]], data=bytes(8)),
+        forged([["<f8", float("nan")]]),
+        forged([["<f8", "1"]], data=bytes(8)),
+        forged(5),
+        forged([], {"table": 5}),
+        forged([], {"other": 5}),
+        forged([], [{}]),
+        forged([], {"array": "x"}),
         b"\x10" + bytes(7) + b"\xff" * 16,
         (8 + 200_000).to_bytes(8, "little") + (200_000).to_bytes(8, "little") + b"[" * 200_000,
     ],
@@ -63,6 +73,24 @@ def test_a_table_whose_key_is_array_is_no_array():
 def test_what_is_no_message_is_refused(data):
     with pytest.raises((ValueError, EOFError)):
         read(data)
+
+
+def test_the_grader_may_send_a_large_head_and_many_arrays_and_a_submission_may_not():
+    for value in ("x" * (1 << 20), [np.zeros(1)] * 65):
+        data = written(value)
+        assert len(wire.read_trusted(wire.exactly(io.BytesIO(data)), 1 << 22)) == len(value)
+        with pytest.raises(wire.WireError):
+            read(data, 1 << 22)
+    with pytest.raises(wire.WireError):
+        wire.read_trusted(wire.exactly(io.BytesIO(data)), len(data) - 9)
+
+
+def test_a_message_is_as_long_as_it_says_and_a_reader_sets_the_most():
+    data = written([1, 2])
+    assert int.from_bytes(data[:8], "little") == len(data) - 8
+    assert read(data, len(data) - 8) == [1, 2]
+    with pytest.raises(wire.WireError):
+        read(data, len(data) - 9)
 
 
 @given(st.binary(max_size=200))

@@ -77,19 +77,23 @@ def class_command(
         results = run(found, out, workers, again, progress)
     for result in results if len(results) <= 20 else ():
         say(_line(result, read))
+    failed = [result.student for result in results if result.grader_fault]
     for path, write in ((gradescope, sites.write_gradescope), (prairielearn, sites.write_prairielearn)):
         if path is not None:
             write(results[0], read, path)
     if gradescope or prairielearn:  # whoever asks for these has no use for pages
-        return
+        raise typer.Exit(1 if failed else 0)
     done = collect(found, out)
     if len(done) < len(found):
         say(f"{len(done)} of {len(found)} graded; run it again without --shard once all are, for the pages")
-        return
-    pages.write_class(results, read, out)
+        raise typer.Exit(1 if failed else 0)
+    failed += pages.write_class(results, read, out)
     if junit is not None:
         sites.write_grade_junit(results, junit)
     say(f"{len(results)} graded; report: {out / 'index.html'}")
+    if failed:
+        say(f"the grader itself failed on {', '.join(dict.fromkeys(failed))}: grade again once that is mended")
+        raise typer.Exit(1)
 
 
 def _line(result: "Result", rubric: "Rubric") -> str:

@@ -125,8 +125,8 @@ def cells(path: Path) -> Iterator[tuple[int, str]]:
     try:
         written = msgspec.json.decode(_read(path).encode())
         cells = [(cell["cell_type"], "".join(cell["source"])) for cell in written["cells"]]
-    except (msgspec.DecodeError, KeyError, TypeError) as error:
-        raise InputError(path, "a notebook (JSON, version 4)", error) from None
+    except (msgspec.DecodeError, KeyError, TypeError, ValueError, RecursionError) as error:
+        raise InputError(path, "a notebook (JSON, version 4)", f"{type(error).__name__}: {error}") from None
     for number, (kind, text) in enumerate(cells, start=1):
         if kind == "code" and not text.lstrip().startswith("%%"):
             lines = ("" if line.startswith(("%", "!")) else line for line in text.splitlines())

@@ -7,8 +7,6 @@ import contextlib
 import hashlib
 import os
 import platform
-import zipfile
-import zlib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -73,14 +71,15 @@ def drop_oldest(folder: Path, limit: int) -> None:
 
 
 def load_arrays(path: Path) -> dict[str, np.ndarray] | None:
-    """The arrays of a kept .npz by their names, not yet checked; None where none can be read."""
+    """Return the arrays of a stored .npz by their names, not yet checked; None if it is damaged in whatever way."""
     if not is_plain(path):
         return None
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
-            return {name: kept[name] for name in kept.files}
-    except (OSError, ValueError, KeyError, TypeError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error):
+            arrays = {name: kept[name] for name in kept.files}
+    except Exception:  # encrypted, cut off, of an unknown compression, ...: zipfile has an error for each
         return None
+    return arrays if all(isinstance(a, np.ndarray) for a in arrays.values()) else None
 
 
 def keep(path: Path, write: Callable[[Path], object], limit: int) -> None:

@@ -3,7 +3,8 @@
     jobs = jobs_of(folder, rubric_path)
     for result in run(jobs, out, Workers(jobs=4)): ...
 
-A job that is done already is not done again; a shard does its own, and whoever comes last (without a shard) collects.
+Existing results are reused. A shard does its own jobs, and a last run without a shard collects all. No submission costs
+another its result: whatever fails, in the grader or its machine, becomes a result of the student concerned.
 """
 
 from collections.abc import Sequence
@@ -14,20 +15,28 @@ import msgspec
 
 from raytwin import files
 from raytwin.errors import InputError
-from raytwin.grade.grade_submission import CODE, Job, assess, job_of
+from raytwin.grade.grade_submission import grade_submission
+from raytwin.grade.job import Job, job_of
+from raytwin.grade.questions import references_of
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import Rubric, read_rubric
+from raytwin.grade.submission_code import CODE
 from raytwin.image_input import ENDINGS
 from raytwin.parallel import Done, Workers, map_parallel
 from raytwin.progress import Progress, silent
+from raytwin.sandbox.sandbox import plain
 
 RESULTS = "results"
 """The folder of what came of each job; it makes a run go on where it stopped."""
 
 
 def jobs_of(submissions: Path, rubric_path: Path, whole: bool = False) -> list[Job]:
-    """One for each file or folder in `submissions` (or for itself, where it is one submission: `whole`), by name."""
+    """Return a job for each file or folder in `submissions` (or for itself, where it is one submission: `whole`).
+
+    Raises InputError for faults of the rubric and its references, before anything is graded.
+    """
     rubric = read_rubric(rubric_path)
+    references_of(rubric)
     if not submissions.exists():
         raise InputError(submissions, "submissions: files, or folders, of students", "no such folder")
     if not (submissions.is_dir() or submissions.is_file()):
@@ -39,10 +48,17 @@ def jobs_of(submissions: Path, rubric_path: Path, whole: bool = False) -> list[J
     )
     if not paths:
         raise InputError(submissions, "submissions: files, or folders, of students", "an empty folder")
-    names = [p.stem if p.is_file() else p.name for p in paths]
+    return [job_of(name, path, rubric_path, rubric) for name, path in zip(_names(paths), paths, strict=True)]
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """Students' names, all different and printable: bytes that are no UTF-8 and control characters become escapes."""
+    short = [p.stem if p.is_file() else p.name for p in paths]
     # Where two names differ by their ending alone, the ending tells them apart.
-    told = [p.name if names.count(n) > 1 else n for n, p in zip(names, paths, strict=True)]
-    return [job_of(name, path, rubric_path, rubric) for name, path in zip(told, paths, strict=True)]
+    names = [p.name if short.count(n) > 1 else n for n, p in zip(short, paths, strict=True)]
+    if len(set(names)) < len(names):
+        names = [p.name for p in paths]
+    return ["".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in n) for n in names]
 
 
 def _is_one(path: Path, rubric: Rubric) -> bool:
@@ -60,22 +76,26 @@ def _counts(path: Path) -> bool:
 def run(
     jobs: Sequence[Job], out: Path, workers: Workers, again: bool = False, progress: Progress = silent
 ) -> list[Result]:
-    """The results of the share, in the jobs' order; written to `out`/results/KEY.json as they come."""
+    """Return the results of the share, in the jobs' order; each is written to `out`/results/KEY.json as it comes.
+
+    What the grader failed on before is graded again.
+    """
     mine = workers.share(jobs)
-    done = {} if again else {j.key: r for j in mine if (r := _read(out, j.key)) is not None}
+    found = {} if again else {j.key: _read(out, j.key) for j in mine}
+    done = {key: result for key, result in found.items() if result is not None and not result.grader_fault}
     todo = [j for j in mine if j.key not in done]
     progress("grade", len(done), len(mine))
     # The share is taken; a Dask worker's disk may be another one: it sends what the caller writes.
     here = Workers(workers.jobs, workers.dask)
-    for found in map_parallel(partial(work, out=None if workers.dask else str(out)), todo, here):
-        done[found.thing.key] = _result(out, found, written=not workers.dask)
+    for one in map_parallel(partial(work, out=None if workers.dask else str(out)), todo, here):
+        done[one.thing.key] = _result(out, one, written=not workers.dask)
         progress("grade", len(done), len(mine))
     return [done[j.key] for j in mine]
 
 
 def work(job: Job, out: str | None) -> bytes:
-    """What a worker does: the result as JSON; written under its key, where there is a folder to write it to."""
-    made = msgspec.json.encode(assess(job))
+    """Return the result as JSON, after writing it under its key, if there is a folder to write it to."""
+    made = msgspec.json.encode(grade_submission(job))
     if out is not None:
         _write(Path(out), job.key, made)
     return made
@@ -86,15 +106,15 @@ def _result(out: Path, found: Done, written: bool) -> Result:
         if not written:
             _write(out, found.thing.key, found.result)
         return msgspec.json.decode(found.result, type=Result)
-    if isinstance(found.error, InputError):
-        raise found.error  # the rubric's, or the machine's: no submission's
-    # Ours: told with the student's name, and tried again next time, since it is not written.
-    problem = f"the grader's own fault: {type(found.error).__name__}: {found.error}"
-    return Result(found.thing.student, found.thing.key, "", (), problem=problem)
+    name = "" if isinstance(found.error, InputError) else f"{type(found.error).__name__}: "
+    problem = plain(f"the grader's own fault: {name}{found.error}")
+    result = Result(found.thing.student, found.thing.key, "", (), problem=problem, grader_fault=True)
+    _write(out, found.thing.key, msgspec.json.encode(result))
+    return result
 
 
 def collect(jobs: Sequence[Job], out: Path) -> list[Result]:
-    """The results that are there, whoever made them."""
+    """Return the results that are there, whoever made them."""
     return [r for j in jobs if (r := _read(out, j.key)) is not None]
 
 

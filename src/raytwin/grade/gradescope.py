@@ -10,9 +10,10 @@ import zipfile
 from importlib.metadata import version
 from pathlib import Path
 
-from raytwin import files, references
+from raytwin import files
 from raytwin.errors import InputError
-from raytwin.grade.rubric import Rubric, read_rubric
+from raytwin.grade.questions import references_of
+from raytwin.grade.rubric import read_rubric
 
 SETUP = """#!/usr/bin/env bash
 # Run once, as root, when the image is built.
@@ -47,7 +48,7 @@ exec "$base/raytwin/bin/python" -m raytwin grade "$base/submission" --rubric rub
 def write_zip(rubric_path: Path, out: Path, wheel: Path | None = None) -> list[str]:
     """The names inside. Raises InputError where a scene of the rubric has no reference."""
     rubric = read_rubric(rubric_path)
-    held = {f"reference/{n}/{r}.exr": path for n, r, path in _references(rubric)}
+    held = {f"reference/{n}/{r}.exr": path for n, r, path in references_of(rubric)}
     if wheel is not None and (wheel.suffix != ".whl" or not wheel.is_file()):
         raise InputError("--wheel", "a wheel of raytwin (python -m build)", wheel)
     required = f'"$base/source/{wheel.name}"' if wheel else f'"raytwin=={version("raytwin")}"'
@@ -61,14 +62,3 @@ def write_zip(rubric_path: Path, out: Path, wheel: Path | None = None) -> list[s
         for name, path in (held | ({wheel.name: wheel} if wheel else {})).items():
             archive.write(path, name)
         return archive.namelist()
-
-
-def _references(rubric: Rubric) -> list[tuple[str, str, Path]]:
-    found = []
-    for exercise in rubric.exercises:
-        for name in exercise.scenes:
-            own = references.path_of(Path(rubric.folder) / "reference", name, exercise.rung)
-            path = own if own.is_file() else references.path_of(references.SHIPPED, name, exercise.rung)
-            references.load(path)
-            found.append((name, exercise.rung, path))
-    return found

@@ -78,8 +78,9 @@ class Picture(Record, frozen=True):
 
 class Result(Record, frozen=True):
     """`student`: the name of what was handed in. `key`: of the content, the rubric and the seed. `problem`: why nothing
-    ran. `bonus`: for speed. `own_seconds`: what the submission itself took, of `seconds` in all. `open_locks`: those of
-    the sandbox that did not hold."""
+    ran. `grader_fault`: the grader failed, not the submission; it is graded again next time. `bonus`: for speed.
+    `own_seconds`: what the submission itself took, of `seconds` in all. `open_locks`: those of the sandbox that did not
+    hold."""
 
     student: str
     key: str
@@ -95,6 +96,7 @@ class Result(Record, frozen=True):
     open_locks: tuple[str, ...] = ()
     pictures: tuple[Picture, ...] = ()
     speed: tuple[tuple[str, float, float], ...] = ()
+    grader_fault: bool = False
 
     @property
     def points(self) -> float:

@@ -84,7 +84,7 @@ class Exercise(Record, frozen=True):
 
 
 class Speed(Record, frozen=True):
-    """Speed against accuracy, of the pictures of the exercise `of`: a leaderboard, and a bonus if wanted.
+    """Speed against accuracy, of the drawn scenes of the exercise `of`: a leaderboard, and a bonus if wanted.
 
     The whole `bonus` at `fast` seconds a picture or fewer, none at `slow`, in between by the logarithm; only where the
     exercise is passed.
@@ -109,8 +109,9 @@ class Rubric(Record, frozen=True):
     """`seed`: of the drawn scenes, cases and orders, together with each submission's own content: keep it to yourself.
 
     `file`: what a submission's Python file is called, where it is one of several. `command`: what runs one that is a
-    program: {scene} is the scene as JSON, {out} the image to write. `packages`: what submissions may import beside
-    NumPy and SciPy, for pip on Gradescope. `folder`: where the rubric lies, with a `reference` of its own if any.
+    program: {scene} is the scene as JSON, {out} the image to write. `packages`: what submissions may import beside the
+    standard library, NumPy and SciPy, in words for pip, which installs them on Gradescope. `folder`: where the rubric
+    lies, with a `reference` of its own if any.
     """
 
     title: str
@@ -163,6 +164,9 @@ def read_rubric(path: str | Path) -> Rubric:
     if rubric.speed is not None:
         pictures = [e.name for e in named if e.stage in PICTURES]
         check_one_of(f"{path}: speed.of", rubric.speed.of, pictures)
+        if not next(e for e in named if e.name == rubric.speed.of).drawn:
+            got = f"{rubric.speed.of!r}, whose pictures a submission may have stored"
+            raise InputError(f"{path}: speed.of", "an exercise with drawn scenes", got)
         if not rubric.speed.fast < rubric.speed.slow:
             raise InputError(f"{path}: speed.fast", "seconds below `slow`", rubric.speed.fast)
     return msgspec.structs.replace(rubric, exercises=tuple(named))

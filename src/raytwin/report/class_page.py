@@ -11,6 +11,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Sequence
+from html import escape
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -29,8 +30,11 @@ ALIKE = 1e-3
 """Of the largest error: two wrong pictures whose errors differ by less, everywhere, are called near-identical."""
 
 
-def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> None:
-    """Every output of a class. Students' names are as they were handed in; files are named so that none escapes."""
+def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> list[str]:
+    """Write every output of a class; return the students whose page could not be made, each of whom gets a plain one.
+
+    Students' names are as they were handed in; files are named so that none escapes.
+    """
     shared = folder / SHARED
     files.write_text(shared / "viewer.js", viewer.script())
     files.write_text(shared / "grade.js", asset("grade.js"))
@@ -39,10 +43,15 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> None
     made, names = environment(), {r.key: page_name(r) for r in results}
     made.globals |= {"of_points": of_points, "STATUS": STATUS, "page": lambda r: names[r.key], "says": said_of}
     student = made.from_string(asset("grade_student.html.j2"))
+    failed = []
     for result in results:
-        views = [_view(p) for p in result.pictures]
-        ordered = sorted(result.exercises, key=lambda e: (e.status == "pass", -(e.of - e.points)))
-        text = student.render(r=result, exercises=ordered, views=views, rubric=rubric, alike=alike.get(result.key, []))
+        try:
+            views = [_view(p) for p in result.pictures]
+            said = alike.get(result.key, [])
+            text = student.render(r=result, exercises=_ordered(result), views=views, rubric=rubric, alike=said)
+        except Exception as error:  # ours: it costs this page and no other
+            failed.append(result.student)
+            text = PLAIN_PAGE.format(escape(result.student), escape(f"{type(error).__name__}: {error}"))
         files.write_text(folder / STUDENTS / names[result.key], text)
     page = made.from_string(asset("grade_class.html.j2"))
     text = page.render(
@@ -57,7 +66,18 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> None
     files.write_text(folder / "index.html", text)
     write_csv(results, rubric, folder / "results.csv")
     files.write_json(folder / "results.json", summary(results, rubric))
+    return failed
 
+
+def _ordered(result: Result) -> list[Marked]:
+    """The exercises, those that lost most points first."""
+    return sorted(result.exercises, key=lambda e: (e.status == "pass", -(e.of - e.points)))
+
+
+PLAIN_PAGE = (
+    '<!DOCTYPE html>\n<html lang="en"><meta charset="utf-8"><title>{0}</title>'
+    '<h1>{0}</h1><p>The grader could not make this page: {1}</p><p><a href="../index.html">The class</a></p>\n'
+)
 
 STATUS = {
     "pass": ("✓", "passes"),

@@ -42,6 +42,7 @@ PAGE = 4096
 TICKS = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 POLL = 0.1
 """Seconds between two looks at the clock, the processes, their memory and their folder."""
+FORGED = "it wrote into the grader's pipe"
 PATIENCE = 10
 """Times a limit of seconds: where the clock shows so much, no load explains it."""
 
@@ -80,6 +81,7 @@ class Code:
     folder: Path | None = None
     asked: tuple[str, ...] = ()
     seed: int = 0
+    packages: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,17 +188,27 @@ class Sandbox:
         threading.Thread(target=self._pump, args=(stdin, stdout, most), daemon=True).start()
         self._inbox.put(told)
         ready = self._wait(self.limits.seconds)
-        if isinstance(ready, dict):
-            self.locks = {str(k): str(v) for k, v in ready["locks"].items()}
-            if self.locks.get("other uid") == HELD:
-                self._uid = 60_000 + self._process.pid % 5_000
-            self._inbox.put(None)
-            loaded = self._wait(self.limits.seconds)
-            if isinstance(loaded, dict):
-                if "error" in loaded:
-                    self._end(plain(loaded["error"]), "error")
-                self.functions = tuple(str(n) for n in loaded.get("functions", ()))
-                self.notes = tuple(plain(n) for n in loaded.get("notes", ()))
+        if self._ended.problem or not self._is_table(ready, {"locks": dict, "pid": int}):
+            return
+        self.locks = {str(k): str(v) for k, v in ready["locks"].items()}
+        if self.locks.get("other uid") == HELD:
+            self._uid = 60_000 + self._process.pid % 5_000
+        self._inbox.put(None)
+        loaded = self._wait(self.limits.seconds)
+        if self._ended.problem:
+            return
+        if isinstance(loaded, dict) and isinstance(loaded.get("error"), str):
+            self._end(plain(loaded["error"]), "error")
+        elif self._is_table(loaded, {"functions": list, "notes": list}):
+            self.functions = tuple(n for n in code.asked if n in loaded["functions"])
+            self.notes = tuple(plain(n) for n in loaded["notes"][:20])
+
+    def _is_table(self, message: Any, kinds: dict[str, type]) -> bool:
+        """Whether a message has these keys with values of these kinds; if not, the process is ended: it was forged."""
+        right = isinstance(message, dict) and all(isinstance(message.get(key), kind) for key, kind in kinds.items())
+        if not right:
+            self._end(FORGED, "broken")
+        return right
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
         self.close()
@@ -215,15 +227,18 @@ class Sandbox:
         self._inbox.put({"call": self._calls, "function": function, "arguments": list(arguments)})
         answer = self._wait(self.limits.seconds_a_call)
         seconds = time.monotonic() - start
-        if not isinstance(answer, dict) or answer.get("call") != self._calls:
-            if not self._ended.problem:
-                self._end("it wrote into the grader's pipe", "broken")
+        if self._ended.problem or not self._is_table(answer, {"call": int}):
             return Answer(seconds=seconds, problem=self._ended.problem, sort=self._ended.sort)
-        if "error" in answer:
+        if isinstance(answer.get("error"), str):
             return Answer(seconds=seconds, problem=plain(answer["error"]), sort="error")
         arrays = answer.get("arrays")
-        if not isinstance(arrays, list) or not all(isinstance(a, np.ndarray) for a in arrays):
-            return Answer(seconds=seconds, problem="it wrote into the grader's pipe", sort="broken")
+        if (
+            answer["call"] != self._calls
+            or not isinstance(arrays, list)
+            or not all(isinstance(a, np.ndarray) for a in arrays)
+        ):
+            self._end(FORGED, "broken")
+            return Answer(seconds=seconds, problem=FORGED, sort="broken")
         return Answer(tuple(arrays), seconds)
 
     @property
@@ -244,7 +259,7 @@ class Sandbox:
                 if request is not None:
                     wire.write(requests, request)
                 self._outbox.put(wire.read(take, most))
-        except (OSError, EOFError, ValueError) as error:
+        except Exception as error:  # whatever a submission wrote: this thread must not die unheard
             self._outbox.put(error)
         finally:
             for stream in (requests, answers):
@@ -310,8 +325,8 @@ class Sandbox:
         return ""
 
     def _how_it_ended(self, error: Exception) -> tuple[str, Literal["limit", "broken"]]:
-        if not isinstance(error, EOFError):
-            return "it wrote into the grader's pipe", "broken"
+        if not isinstance(error, EOFError | OSError):
+            return FORGED, "broken"
         with contextlib.suppress(subprocess.TimeoutExpired):
             code = self._process.wait(timeout=1.0)
             if code == -getattr(signal, "SIGXCPU", 0):

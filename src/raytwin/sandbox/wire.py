@@ -1,7 +1,8 @@
 """Messages between the grader and a submission's process: 8 bytes of length, a JSON head, then the arrays' bytes.
 
 Nothing in them is run when they are read, and none is longer than the reader allows: `read` takes what a hostile
-process wrote. Standard library and NumPy alone: a submission's process loads this file, and nothing else of raytwin.
+process wrote. `read_trusted` takes what the grader wrote. Standard library and NumPy alone: a submission's process
+loads this file, and nothing else of raytwin.
 """
 
 import json
@@ -31,28 +32,35 @@ def write(stream: BinaryIO, value: Any) -> None:
     stream.flush()
 
 
-def read(take: Callable[[int], bytearray], most: int) -> Any:
-    """The next message. `take(n)` gives exactly n bytes or raises EOFError. Raises WireError for anything else."""
+def read_trusted(take: Callable[[int], bytearray], most: int) -> Any:
+    """Return the grader's next message: its head and its number of arrays are as large as the message allows."""
+    return read(take, most, most_head=most, most_arrays=most)
+
+
+def read(
+    take: Callable[[int], bytearray], most: int, most_head: int = MOST_HEAD, most_arrays: int = MOST_ARRAYS
+) -> Any:
+    """Return the next message; `take(n)` gives exactly n bytes or raises EOFError. WireError for anything else."""
     size = int.from_bytes(take(8), "little")
     if not 8 <= size <= most:
         raise WireError(f"a message of {size} bytes, where at most {most} are taken")
     headed = int.from_bytes(take(8), "little")
-    if headed > min(size - 8, MOST_HEAD):
+    if headed > min(size - 8, most_head):
         raise WireError("a head longer than its message")
     try:
         head = json.loads(take(headed))
         value, shapes = head["value"], head["arrays"]
-        layout = [(_number_type(kind), tuple(int(n) for n in shape)) for kind, *shape in shapes]
+        layout = [(_number_type(kind), tuple(map(_length, shape))) for kind, *shape in shapes]
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         raise WireError(f"a head that cannot be read ({type(error).__name__})") from None
     sizes = [math.prod(shape) * kind.itemsize for kind, shape in layout]
-    if len(layout) > MOST_ARRAYS or any(n < 0 for _, shape in layout for n in shape) or sum(sizes) + headed + 8 != size:
+    if len(layout) > most_arrays or sum(sizes) + headed + 8 != size:
         raise WireError("arrays that do not fill their message")
     data = [np.frombuffer(take(n), kind).reshape(shape) for (kind, shape), n in zip(layout, sizes, strict=True)]
     try:
         return _whole(value, data)
-    except (IndexError, TypeError, RecursionError):
-        raise WireError("an array that was not sent") from None
+    except (IndexError, KeyError, TypeError, AttributeError, RecursionError):
+        raise WireError("a value that is no table, list or array") from None
 
 
 def exactly(stream: BinaryIO) -> Callable[[int], bytearray]:
@@ -74,6 +82,12 @@ def _number_type(text: Any) -> np.dtype:
     if not re.fullmatch("[<>|=]?[fiub][1248]", str(text)):
         raise ValueError("no numbers")
     return np.dtype(str(text))
+
+
+def _length(value: Any) -> int:
+    if type(value) is not int or value < 0:
+        raise ValueError("no length")
+    return value
 
 
 def _flat(value: Any, arrays: list[np.ndarray]) -> Any:

@@ -1,0 +1,99 @@
+"""One picture compared with what it should be: passed or not, its error, the share of wrong pixels."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import msgspec
+import numpy as np
+
+from raytwin import files
+from raytwin.compare import compare
+from raytwin.compare.scale import scale_of
+from raytwin.diagnose.pixel_sample import View
+from raytwin.diagnose.tolerance_mask import forgiven
+from raytwin.grade.questions import Question
+from raytwin.grade.result import Part
+from raytwin.image import Image
+from raytwin.sandbox.sandbox import Answer
+from raytwin.scene import Tolerance
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedPicture:
+    """A picture beside what it should be. `got`: if it is wrong and can be shown; `scale`: of its values."""
+
+    part: Part
+    view: View | None
+    got: np.ndarray | None
+    scale: float = 1.0
+
+
+def check_picture(asked: Question) -> CheckedPicture:
+    """Compare a picture with what it should be: numbers decide, never a claim of the submission's own."""
+    exercise, case, answer = asked.exercise, asked.case, asked.answer
+    (right,), shows = case.expected, case.shows
+    if answer.problem:
+        return CheckedPicture(Part(shows, False, seconds=answer.seconds, problem=answer.problem), None, None)
+    got, half, clipped = _radiance_of(answer)
+    if got.shape != right.shape:
+        problem = f"it returned an array {got.shape}, where {right.shape} is wanted"
+        return CheckedPicture(Part(shows, False, seconds=answer.seconds, problem=problem), None, None)
+    points = exercise.stage == "hit_points"
+    assert asked.scene is not None
+    if not points:
+        got = forgiven(got, np.clip(right, 0, 1) if clipped else right, asked.scene, exercise.rung)
+    scale = 1.0 if points else scale_of(Image(right.astype(np.float32)))
+    if points:
+        passed, error, wrong = _compare_points(right, got, asked.tolerance)
+    else:
+        passed, error, wrong = _compare_radiance(right, got, asked, half, clipped, scale)
+    part = Part(shows, passed, exercise.share(passed, error, wrong), error, wrong, answer.seconds)
+    if not points and (bad := ~np.isfinite(got).all(axis=-1)).any():
+        (y, x), count = np.argwhere(bad)[0], int(bad.sum())
+        problem = f"{count} pixel{'s are' if count > 1 else ' is'} NaN or infinite, the first at (x={x}, y={y})"
+        part = msgspec.structs.replace(part, problem=problem)
+        return CheckedPicture(part, None, got, scale)
+    ours = bool(asked.made_of)
+    common, before = bool(exercise.scenes) and not ours, asked.before
+    view = View(asked.scene, got, right, exercise.rung, points, half, clipped, None, common, before, composed=ours)
+    return CheckedPicture(part, view, None if passed else got, scale)
+
+
+def _radiance_of(answer: Answer) -> tuple[np.ndarray, np.ndarray | None, bool]:
+    """Radiance; of an image file what its format rounds off: half a step of each value, and whether it is clipped."""
+    got = np.asarray(answer.arrays[0], np.float64)
+    if len(answer.arrays) != 2 or answer.arrays[1].dtype != np.uint8:
+        return got, None, False
+    with TemporaryDirectory() as folder:
+        start = Path(folder, "start")
+        start.write_bytes(answer.arrays[1].tobytes())
+        rounding = files.rounding_of(start, got.astype(np.float32))
+    return got, rounding.half, rounding.clipped
+
+
+def _compare_radiance(
+    right: np.ndarray, got: np.ndarray, asked: Question, half: np.ndarray | None, clipped: bool, scale: float
+) -> tuple[bool, float | None, float]:
+    """(passed, error by its scale, share of pixels that are off)."""
+    should = np.clip(right, 0, 1) if clipped else right
+    with np.errstate(over="ignore"):
+        test, reference = (Image(x.astype(np.float32)) for x in (got, should))
+    made = compare(test, reference, tolerance=asked.tolerance, noise="none", half_steps=(half, None))
+    error = made.radiance.p999_abs
+    finite = error is not None and bool(np.isfinite(got).all())
+    with np.errstate(invalid="ignore"):
+        slack = asked.tolerance.p999_abs * np.maximum(scale, np.abs(should)) + (0 if half is None else half)
+        off = float((~(np.abs(got - should) <= slack)).any(axis=-1).mean())
+    return made.passed, error / scale if finite and error is not None else None, off
+
+
+def _compare_points(right: np.ndarray, got: np.ndarray, tolerance: Tolerance) -> tuple[bool, float | None, float]:
+    """Of points, NaN for none: the 99.9 % quantile of the distance where both have one, and the share that is off."""
+    seen, there = (np.isfinite(x).all(axis=-1) for x in (right, got))
+    apart = np.linalg.norm(np.where((seen & there)[..., None], got - right, 0.0), axis=-1)
+    held = max(tolerance.p999_abs, 1e-6) * max(1.0, float(np.abs(right[seen]).max(initial=0.0)))
+    wrong = (apart > held) | (seen != there)
+    error = float(np.quantile(apart[seen & there], 0.999)) if (seen & there).any() else None
+    allowed = max(tolerance.mask_pixels, int(1e-3 * wrong.size))
+    return int(wrong.sum()) <= allowed and bool((seen & there).any()), error, float(wrong.mean())

@@ -1,0 +1,93 @@
+"""What a rubric asks of one submission: cases of stages, and scenes with their right pictures, drawn from the seed."""
+
+import functools
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from raytwin import references
+from raytwin.contract.stage import Case
+from raytwin.contract.stage_table import LESSONS
+from raytwin.diagnose.draw_scene import draw_scene
+from raytwin.diagnose.pixel_sample import traced_once
+from raytwin.diagnose.predict import FIRST, Before
+from raytwin.grade.rubric import Exercise, Rubric
+from raytwin.renderers.scene_exchange import as_arrays
+from raytwin.sandbox.sandbox import Answer
+from raytwin.scene import Scene, Tolerance
+
+LARGER = 6.0
+"""Every second drawn scene is so many times as large: a length that is taken for 1 shows."""
+
+
+@dataclass(eq=False)
+class Question:
+    """One call: its exercise and case, and for a picture its scene; `drawn`: from the seed, so nobody has stored it.
+
+    `answer`: filled in by the call. `before`: what its process was given earlier. `made_of`: see `made_of`.
+    """
+
+    exercise: Exercise
+    case: Case
+    scene: Scene | None = None
+    tolerance: Tolerance = field(default_factory=Tolerance)
+    answer: Answer = field(default_factory=Answer)
+    before: Before = FIRST
+    made_of: str = ""
+    drawn: bool = False
+
+
+def questions_of(rubric: Rubric, seed: int) -> Iterator[Question]:
+    """Yield every call of the rubric. Raises InputError where a scene has no reference."""
+    drawn = itertools.count(1)
+    for number, exercise in enumerate(rubric.exercises):
+        own = seed + 1000 * number
+        if not (exercise.scenes or exercise.drawn):
+            yield from (Question(exercise, case) for case in LESSONS[exercise.stage].cases(own))
+        for name in exercise.scenes:
+            yield _reference_question(rubric, exercise, name)
+        for i in range(exercise.drawn):
+            scale = LARGER if exercise.stage == "render" and i % 2 else 1.0
+            scene = draw_scene(own + i, name=f"drawn {next(drawn)}", scale=scale)
+            right = np.asarray(traced_once(scene, exercise.rung).mean, float)
+            yield replace(_picture_question(exercise, scene, right, Tolerance()), drawn=True)
+
+
+def _reference_question(rubric: Rubric, exercise: Exercise, name: str) -> Question:
+    held = _load_reference(reference_path(rubric, name, exercise.rung))
+    return _picture_question(exercise, held.origin(), np.asarray(held.image.mean, float), held.tolerance)
+
+
+def reference_path(rubric: Rubric, name: str, rung: str) -> Path:
+    """Return the reference beside the rubric, or the shipped one: it has a named scene's camera and picture."""
+    own = references.path_of(Path(rubric.folder) / "reference", name, rung)
+    return own if own.is_file() else references.path_of(references.SHIPPED, name, rung)
+
+
+def references_of(rubric: Rubric) -> list[tuple[str, str, Path]]:
+    """Return (scene, rung, file) of all named scenes, each read once. Raises InputError where one is missing."""
+    found = [(name, e.rung, reference_path(rubric, name, e.rung)) for e in rubric.exercises for name in e.scenes]
+    for _, _, path in found:
+        _load_reference(path)
+    return found
+
+
+@functools.cache
+def _load_reference(path: Path) -> references.Reference:
+    return references.load(path)
+
+
+def _picture_question(exercise: Exercise, scene: Scene, picture: np.ndarray, tolerance: Tolerance) -> Question:
+    arguments = as_arrays(scene, exercise.rung)
+    if exercise.stage == "hit_points":
+        picture = np.asarray(LESSONS["hit_points"].reference(arguments))
+    if exercise.tolerance is not None:
+        tolerance = msgspec.structs.replace(tolerance, p999_abs=exercise.tolerance)
+    case = Case(
+        f"{scene.name}, {exercise.rung}" if exercise.stage == "render" else scene.name, (arguments,), (picture,)
+    )
+    return Question(exercise, case, scene, tolerance)

@@ -1,0 +1,126 @@
+"""Ask a submission everything in its sandbox; a function that ends the process costs its own exercise alone."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from raytwin.contract.composed_tracer import NEEDED, compose, made_of
+from raytwin.contract.stage import Function
+from raytwin.diagnose.predict import Before
+from raytwin.grade.questions import Question
+from raytwin.grade.result import Result
+from raytwin.grade.rubric import Rubric
+from raytwin.renderers.scene_exchange import as_json
+from raytwin.sandbox.lock import HELD
+from raytwin.sandbox.sandbox import Answer, Code, Sandbox, probe
+from raytwin.scene import Scene
+
+
+class _PartFailed(Exception):
+    """A function that a picture is composed of has no usable answer; that answer becomes the picture's."""
+
+    def __init__(self, answer: Answer) -> None:
+        self.answer = answer
+
+
+def call_all(result: Result, code: Code, rubric: Rubric, asked: list[Question]) -> tuple[Result, str]:
+    """Make all calls in one process, in an order shuffled by the seed; return the result so far and why nothing ran.
+
+    Where a stage ends the process, a new one starts without that stage, so no mistake costs another exercise. A
+    process that was killed from outside (the machine's memory ran out) has a second chance.
+    """
+    hidden = (Path(rubric.folder), Path.cwd())
+    left = [asked[i] for i in np.random.default_rng(result.seed).permutation(len(asked))]
+    seconds, killed, printed, problem = rubric.limits.seconds, False, "", ""
+    while left:
+        limits = msgspec.structs.replace(rubric.limits, seconds=max(0.1, seconds))
+        calls: list[tuple[str, Scene]] = []
+        with Sandbox(code, limits, hidden) as child:
+            while left and not child.problem.problem:
+                one = left.pop()
+                one.before = Before(one.exercise.stage, tuple(calls))
+                _ask(one, child, code)
+                if code.kind == "python" and one.scene is not None:
+                    calls.append((one.exercise.stage, one.scene))
+        seconds -= child.spent
+        printed = (printed + child.printed)[:16_384]
+        ended = child.problem
+        if not ended.problem:
+            break
+        if not child.functions:  # it did not even begin
+            problem = ended.problem
+            for other in left:
+                other.answer = ended
+            break
+        if "SIGKILL" in ended.problem and not killed:
+            killed = True
+            left.append(one)
+            continue
+        for other in (o for o in left if o.exercise.stage == one.exercise.stage):
+            other.answer = ended
+        left = [o for o in left if o.exercise.stage != one.exercise.stage]
+    locks = tuple(f"{n}: {why}" for n, why in probe().items() if why != HELD)
+    return msgspec.structs.replace(result, printed=printed, notes=child.notes, open_locks=locks), problem
+
+
+def _ask(one: Question, child: Sandbox, code: Code) -> None:
+    stage, parts = one.exercise.stage, NEEDED.get(one.exercise.stage, ())
+    if code.kind == "command":
+        one.answer = child.call(stage, as_json(one.case.args[0]))
+    elif stage in child.functions or not parts or not set(parts) <= set(child.functions):
+        one.answer = child.call(stage, *one.case.args)
+    else:
+        one.answer, one.made_of = _composed(child, stage, one.case.args[0]), made_of(parts, stage)
+    # A second array describes the format of an image file; a function's own claim about that counts for nothing.
+    count = len(one.answer.arrays)
+    if one.scene is not None and not one.answer.problem and (count == 0 or (count > 1 and code.kind == "python")):
+        one.answer = replace(one.answer, arrays=(), problem=_not_one(count), sort="error")
+
+
+def _not_one(count: int) -> str:
+    return f"it returned {count} arrays, where one is wanted"
+
+
+def _composed(child: Sandbox, stage: str, scene: dict[str, Any]) -> Answer:
+    """The picture of our tracer with the submission's parts in it, each called in the submission's process."""
+    seconds = 0.0
+
+    def part(name: str) -> Function:
+        def call(*arguments: Any) -> np.ndarray:
+            nonlocal seconds
+            answer = child.call(name, *arguments)
+            seconds += answer.seconds
+            if not answer.problem and (said := _misfit(name, arguments, answer)):
+                answer = Answer(problem=said, sort="error")
+            if answer.problem:
+                raise _PartFailed(replace(answer, problem=f"{name}: {answer.problem}"))
+            return answer.arrays[0]
+
+        return call
+
+    try:
+        with np.errstate(all="ignore"):
+            picture = getattr(compose({name: part(name) for name in NEEDED[stage]}), stage)(scene)
+        return Answer((np.asarray(picture, float),), seconds)
+    except _PartFailed as failed:
+        return replace(failed.answer, seconds=seconds)
+    except (ValueError, TypeError, IndexError, MemoryError) as error:  # arrays that do not fit one another
+        return Answer((), seconds, f"its {' and '.join(NEEDED[stage])} do not fit together: {error}", "error")
+
+
+def _misfit(name: str, arguments: tuple[Any, ...], answer: Answer) -> str:
+    """What is wrong with a part's shape: a column (N, 1) for (N,) would broadcast to N x N values in the grader."""
+    if len(answer.arrays) != 1:
+        return _not_one(len(answer.arrays))
+    got = answer.arrays[0]
+    wanted = {
+        "back_project": lambda: (arguments[3], arguments[2], 3),
+        "intersect_sphere": lambda: arguments[0].shape[:1],
+        "shade": lambda: arguments[0].shape,
+    }[name]()
+    fits = got.shape == wanted if name == "intersect_sphere" else got.size == math.prod(wanted)
+    return "" if fits else f"it returned an array {got.shape}, where {wanted} is wanted"
