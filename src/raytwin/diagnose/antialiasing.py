@@ -7,7 +7,7 @@ import numpy as np
 
 from raytwin.diagnose.catalogue import SAMPLING, Fault, at, row
 from raytwin.diagnose.pixel_sample import Sight
-from raytwin.diagnose.predict import RIGHT, Change
+from raytwin.diagnose.predict import RIGHT, Array, Change
 
 REACHES = (0.5, 1.0)
 """How far from the centre it is looked, pixels: that much to each side and half as much."""
@@ -15,6 +15,13 @@ MOST = 0.97
 """Of the wrong pixels the share that has to lie between what is seen around."""
 ALONG = 0.2
 """Of the pixels beside outlines the share that has to be wrong: rounding moves a few of them."""
+BLENDED = 0.15
+"""Of the wrong pixels at outlines the share that has to show a mixture of both sides."""
+APART = 0.1
+"""Of the difference between both sides: what lies farther from everything seen around is a mixture."""
+AT_RANDOM = 0.5
+"""Mean product of neighbours' signs, below which errors inside objects go by chance: rays through places of their own,
+where an object of another shape or place moves whole regions alike."""
 BESIDE = row(
     "beside-the-centre", SAMPLING,
     "what your pixels show lies between what is seen around their centres: several rays a pixel are averaged, or rays "
@@ -35,14 +42,37 @@ def between(sights: Sequence[Sight]) -> tuple[Fault, float] | None:
     if sum(float((s.weight * s.edge * s.wrong).sum()) for s in sights) <= ALONG * edge:
         return None
     for reach in REACHES:
-        inside, wrong, before, after = 0.0, 0.0, 0.0, 0.0
+        inside, wrong, before, after, blends = 0.0, 0.0, 0.0, 0.0, []
         for s in sights:
             places = product((-reach, -reach / 2, 0.0, reach / 2, reach), repeat=2)
             seen = np.stack([s.predict(_moved(x, y)(RIGHT)) for x, y in places])
             near = np.clip(s.shown, seen.min(axis=0), seen.max(axis=0))
             wrong += float((s.weight * s.wrong).sum())
-            inside += float((s.weight * s.wrong * (s.off(near) <= 4 * s.tau)).sum())
+            close = (s.off(near) <= 4 * s.tau) & (s.off(near) <= s.errors(RIGHT) / 2)
+            inside += float((s.weight * s.wrong * close).sum())
+            blends.append(_blended(s, seen))
             before, after = before + s.squared(s.predict(RIGHT)), after + s.squared(near)
-        if wrong > 0 and inside > MOST * wrong:
+        blended = float(np.concatenate(blends).mean()) > BLENDED if sum(map(len, blends)) else False
+        if wrong > 0 and inside > MOST * wrong and (blended or _signs(sights) < AT_RANDOM):
             return BESIDE, 1 - after / before if before > 0 else 1.0
     return None
+
+
+def _blended(sight: Sight, seen: Array) -> Array:
+    """Of each wrong pixel beside an outline whether it shows something between both sides; `seen` (K, N, 3)."""
+    span = (seen.max(axis=0) - seen.min(axis=0)).max(axis=-1)
+    nearest = np.abs(sight.shown - seen).max(axis=-1).min(axis=0)
+    return np.asarray((nearest > APART * span)[sight.wrong & sight.edge & (span > APART * sight.scale)])
+
+
+def _signs(sights: Sequence[Sight]) -> float:
+    """The mean product of the signs of two neighbouring errors, inside objects: 0 by chance, 1 of whole regions."""
+    products = []
+    for s in sights:
+        assert s.view.right is not None
+        off = s.view.shown - s.view.right
+        signs = np.sign(off) * (np.abs(off) > s.tau) * ~s.whole[0][..., None]
+        pairs = signs[:, 1:] * signs[:, :-1]
+        products.append(pairs[pairs != 0])
+    every = np.concatenate(products)
+    return float(every.mean()) if every.size else 1.0

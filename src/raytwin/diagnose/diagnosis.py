@@ -79,6 +79,9 @@ HOPELESS = 0.97
 """Of the cost: what leaves more of it is not worth a second fault."""
 FITS = 5
 """Families whose numbers are fitted to the end, of those whose first step explains most."""
+ROUNDED = 3e-5
+"""Of the scale: what single precision leaves of a value. LOOSE: the share of pixels that may be off by more."""
+LOOSE = 0.01
 BEAM = 3
 """Single faults that a second one is added to."""
 
@@ -177,6 +180,9 @@ def diagnose(
 
     Give the views that are right too: a fault that would have spoiled them is none.
     """
+    if (value := _one_value(views)) is not None:
+        text = f"every pixel has the same value, {value:.4g}: nothing of the scene is in the picture"
+        return Diagnosis(False, (Cause("one-value", OUTPUT, text),), ((),), 1.0, None, "sure")
     sights = many(views, seed)
     errors = [s.off(s.predict(RIGHT)) for s in sights]
     count = sum(int(s.wrong.sum()) for s in sights)
@@ -214,6 +220,16 @@ def diagnose(
         fault, share = beside
         return Diagnosis(False, (Cause(fault.name, fault.stage, fault.sentence),), ((),), share, None, "likely", where)
     return made
+
+
+def _one_value(views: Sequence[View]) -> float | None:
+    """The value of every channel of every pixel, where there is only one, and it is neither 0 nor the sky's."""
+    values = {float(x) for view in views for x in (np.min(view.shown), np.max(view.shown))}
+    value = values.pop()
+    skies = [x for view in views if view.scene for x in view.scene.sky.radiance]
+    if values or not np.isfinite(value) or value == 0 or any(abs(value - x) <= 1e-6 * abs(value) for x in skies):
+        return None
+    return None if any(view.right is not None and np.ptp(view.right) <= 1e-6 * value for view in views) else value
 
 
 def explain(
@@ -287,7 +303,10 @@ def _round(
         if cost > 0.9 * before.cost:
             continue
         p, cost = fit(_from(family, p), sights, before.steps)
-        cause = Cause(family.name, family.stage, family.say(p))
+        if not family.possible(p) or not _shows(sights, before.steps, family.make(p)(before.steps)):
+            continue
+        scenes = [s.view.scene for s in sights if s.view.scene]
+        cause = Cause(family.name, family.stage, family.sentence(p, scenes))
         refit = lambda some, family=family, p=p: _refit(family, p, some, before.steps)  # noqa: E731
         extra = 0.01 * before.cost * len(p)
         fitted.append(Guess((*before.causes, cause), family.make(p)(before.steps), cost + extra, refit))
@@ -358,6 +377,12 @@ def _refit(family: Family, p: tuple[float, ...], sights: Sequence[Sight], base: 
     return family.make(fit(_from(family, p), sights, base)[0])(base)
 
 
+def _shows(sights: Sequence[Sight], before: Steps, after: Steps) -> bool:
+    """Whether the change exceeds the tolerance anywhere."""
+    with np.errstate(invalid="ignore"):
+        return any((~(np.abs(s.predict(after) - s.predict(before)) <= s.tau)).any() for s in sights)
+
+
 def _weighed(guess: Guess, sights: Sequence[Sight]) -> Guess:
     return replace(guess, cost=total(sights, guess.steps))
 
@@ -385,8 +410,14 @@ def _settled(sights: Sequence[Sight], steps: Steps) -> bool:
 
 
 def _hits(sights: Sequence[Sight], steps: Steps) -> tuple[float, float]:
-    """Of the wrong pixels the share that is hit closely, and of the right ones the share that stays right."""
-    hit = [(s.errors(steps) <= 4 * s.tau, s) for s in sights]
+    """Of the wrong pixels the share that is hit closely, and of the right ones the share that stays right.
+
+    A wrong pixel is hit where at most half of its error is left: it may be wrong by hardly more than the tolerance.
+    """
+    hit = []
+    for s in sights:
+        e = s.errors(steps)
+        hit.append(((e <= 4 * s.tau) & (~s.wrong | (e <= s.errors(RIGHT) / 2)), s))
     shares = []
     for wrong in (True, False):
         weights = np.concatenate([s.weight * (s.wrong == wrong) for _, s in hit])
@@ -416,7 +447,7 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
     shown = share > WHOLE or (share > EXPLAINED and sum(bool(s.wrong.any()) for s in sights) > 1)
     agreed = held is None or held > EXPLAINED
     count, left = _left([s.everywhere(MOST) for s in sights], best.steps)
-    whole = count < FEW and _good(sights, best.steps)
+    whole = count < FEW and _good(sights, best.steps) and (best.refit is None or _exact(sights, best.steps))
     sureness: Sureness = "sure" if alone and shown and agreed and whole else "likely"
     order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
     return Diagnosis(
@@ -428,6 +459,12 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
         sureness=sureness,
         where=f"{where}; something else is wrong, too: {left}".rstrip(": ") if count >= FEW else where,
     )
+
+
+def _exact(sights: Sequence[Sight], steps: Steps) -> bool:
+    """Whether nearly every pixel is hit to rounding: a fitted number that only comes near is no proof of its cause."""
+    off = [float((s.weight * (s.errors(steps) > ROUNDED * s.scale)).sum()) for s in sights]
+    return max(off) < LOOSE
 
 
 def _left(sights: Sequence[Sight], steps: Steps) -> tuple[int, str]:
@@ -455,7 +492,10 @@ def _by_chance(sights: Sequence[Sight], where: str, least: float) -> Diagnosis |
             continue
         made = [[s.predict(way(RIGHT)) for way in chance.ways] for s in sights]
         off = [np.stack([s.off(one) for one in all_]) for s, all_ in zip(sights, made, strict=True)]
-        hit = np.concatenate([e.min(axis=0)[s.wrong] <= 4 * s.tau for e, s in zip(off, sights, strict=True)])
+        hit = np.concatenate([
+            (e.min(axis=0) <= np.minimum(4 * s.tau, s.errors(RIGHT) / 2))[s.wrong]
+            for e, s in zip(off, sights, strict=True)
+        ])  # fmt: skip
         kept = np.concatenate([e.min(axis=0)[~s.wrong] <= 4 * s.tau for e, s in zip(off, sights, strict=True)])
         if hit.mean() < max(EXPLAINED, least) or (kept.size and kept.mean() < 0.99):
             continue

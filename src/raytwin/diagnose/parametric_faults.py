@@ -37,6 +37,7 @@ from raytwin.diagnose.catalogue import (
 )  # fmt: skip
 from raytwin.diagnose.pixel_sample import Sight
 from raytwin.diagnose.predict import RIGHT, Array, Change, Steps, Terms
+from raytwin.scene import Scene
 
 __all__ = ["FAMILIES", "Family", "fit"]
 
@@ -44,13 +45,18 @@ NAMED = (
     (pi, "π"), (1 / pi, "1/π"), (2.0, "2"), (0.5, "1/2"), (2 * pi, "2π"), (1 / (2 * pi), "1/(2π)"), (4.0, "4"),
     (0.25, "1/4"), (pi**2, "π²"), (1 / pi**2, "1/π²"), (255.0, "255"), (1 / 255, "1/255"),
 )  # fmt: skip
+WRITTEN = (pi / 3.14, "3.14"), (pi / 3.1415, "3.1415"), (7 * pi / 22, "22/7"), (3.14 / pi, "3.14"), (22 / 7 / pi, "22/7")
+"""Factors of light that a rounded π leaves, as divisor or factor."""
+SAME = 1e-5
+"""A factor this close to 1 changes nothing that single precision shows."""
 
 
 @dataclass(frozen=True, eq=False)
 class Family:
     """`make(p)` is the change with the parameters p; `start`: those that change nothing; `step`: small ones.
 
-    `tries`: other places to begin at. `say(p)`: the sentence.
+    `tries`: other places to begin at. `say(p)`: the sentence; `say_in(p, scenes)`: the same where it depends on the
+    scenes. `possible(p)`: whether the parameters mean anything; a fit that leaves them is dropped.
     """
 
     name: str
@@ -60,6 +66,12 @@ class Family:
     make: Callable[[Any], Change]
     say: Callable[[Any], str]
     tries: tuple[tuple[float, ...], ...] = ()
+    say_in: Callable[[Any, Sequence[Scene]], str] | None = None
+    possible: Callable[[Any], bool] = lambda p: True
+
+    def sentence(self, p: Sequence[float], scenes: Sequence[Scene]) -> str:
+        """What a user reads of these parameters, fitted to these scenes."""
+        return self.say_in(p, scenes) if self.say_in and scenes else self.say(p)
 
 
 def factor(k: float) -> str:
@@ -69,8 +81,10 @@ def factor(k: float) -> str:
 
 
 def bright(k: float) -> str:
+    """How a part with the factor k differs from the right one."""
     if abs(k - 1) < 2e-3:
-        return "right"
+        written = next((f" (π written as {name})" for value, name in WRITTEN if abs(k - value) < 2e-5), "")
+        return f"{100 * abs(k - 1):.2g} % too {'bright' if k > 1 else 'dark'}{written}"
     if abs(k) < 1e-3 or k < 0:
         return "gone" if abs(k) < 1e-3 else f"negative: multiplied by {k:.4g}"
     return f"{factor(k)} times too bright" if k > 1 else f"too dark by a factor of {factor(1 / k)}"
@@ -126,6 +140,19 @@ def _degrees(p: Sequence[float]) -> float:
     return float(np.degrees(np.linalg.norm(p)))
 
 
+def _sun_moved(p: Sequence[float], scenes: Sequence[Scene]) -> str:
+    """By the angle between the right and the fitted direction: what turns about the sun itself moves nothing."""
+    turn, suns = _turned(p), [np.array(scene.sun.to_light) for scene in scenes]
+    angle = max(float(np.arctan2(np.linalg.norm(np.cross(to, turn @ to)), to @ turn @ to)) for to in suns)
+    most = "up to " if len({scene.sun.to_light for scene in scenes}) > 1 else ""
+    return f"the sun's direction is off by {most}{np.degrees(angle):.3g} degrees"
+
+
+def _sun_and_sky(p: Sequence[float]) -> str:
+    parts = [f"the {name}'s part is {bright(k)}" for name, k in zip(("sun", "sky"), p, strict=True) if abs(k - 1) > SAME]
+    return ", and ".join(parts)
+
+
 FAMILIES = (
     Family("shifted", CAMERA, (0.0, 0.0), 0.1, lambda p: at(lambda u, v, c: (u + p[0], v + p[1])),
            lambda p: f"the image is shifted by ({-p[0]:.3g}, {-p[1]:.3g}) pixels (right, down): (0, 0) is the centre "
@@ -144,13 +171,13 @@ FAMILIES = (
            lambda p: f"the spheres are {p[0]:.4g} times as large as they should be"),
     Family("light-turned", LIGHT, (0.0, 0.0, 0.0), 0.01, _light_turned,
            lambda p: f"the sun's direction is off by up to {_degrees(p):.3g} degrees",
-           ((0.6, 0.0, 0.0), (0.0, 0.6, 0.0), (-0.6, 0.0, 0.0), (0.0, -0.6, 0.0))),
+           ((0.6, 0.0, 0.0), (0.0, 0.6, 0.0), (-0.6, 0.0, 0.0), (0.0, -0.6, 0.0)), _sun_moved),
     Family("sun-scaled", LIGHT, (1.0,), 0.1, lambda p: sun_times(p[0]), lambda p: f"the sun's part is {bright(p[0])}"),
     Family("sky-scaled", LIGHT, (1.0,), 0.1, lambda p: sky_times(p[0]), lambda p: f"the sky's part is {bright(p[0])}"),
     Family("surfaces-scaled", LIGHT, (1.0,), 0.1, lambda p: lambda s: sky_times(p[0])(sun_times(p[0])(s)),
            lambda p: f"all that is lit is {bright(p[0])}, the background is right"),
     Family("sun-and-sky-scaled", LIGHT, (1.0, 1.0), 0.1, lambda p: lambda s: sky_times(p[1])(sun_times(p[0])(s)),
-           lambda p: f"the sun's part is {bright(p[0])}, and the sky's part is {bright(p[1])}"),
+           _sun_and_sky),
     Family("sun-colour", LIGHT, (1.0, 1.0, 1.0), 0.1, lambda p: sun_times(np.array(p)[:, None]),
            lambda p: "the sun's part is off by the factors {:.4g}, {:.4g}, {:.4g} (red, green, blue)".format(*p)),
     Family("sky-colour", LIGHT, (0.0, 0.0, 0.0), 0.02, lambda p: shaded(lambda x: _added(x, p)),
@@ -165,7 +192,7 @@ FAMILIES = (
            lambda p: f"{p[0]:.4g} is added to every value"),
     Family("power", OUTPUT, (1.0,), 0.05, _power,
            lambda p: f"the values are raised to the power {p[0]:.3g}: gamma, where linear radiance is wanted",
-           ((0.5,), (2.0,))),
+           ((0.5,), (2.0,)), possible=lambda p: 0.2 < p[0] < 5),
     Family("background", OUTPUT, (0.0, 0.0, 0.0), 0.05,
            lambda p: behind(lambda scene: np.array(scene.sky.radiance) + np.array(p)),
            lambda p: "the background is off by ({:+.3g}, {:+.3g}, {:+.3g}): a ray that meets nothing shows the sky's "
