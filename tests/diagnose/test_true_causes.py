@@ -90,7 +90,7 @@ def test_where_a_few_scattered_values_are_off_nothing_is_named(name, count):
 @pytest.mark.parametrize("size", [8e-6])
 @pytest.mark.parametrize("name", SCENES)
 def test_rounding_that_exceeds_the_tolerance_a_little_has_no_cause(name, size):
-    """Half of what is called an error here, and more, is less than four tolerances: leaving it as it is explains none."""
+    """Half of what is called an error here, and more, is less than four tolerances: to leave it explains nothing."""
     scene = SCENES[name]
     right = trace(scene)
     noise = np.random.default_rng(1).uniform(-size, size, right.mean.shape) * right.mean.max()
@@ -124,6 +124,6 @@ def test_pixels_of_several_rays_are_still_found_by_what_they_blend():
     scene = SCENES["distorted"]
     v, u = np.indices((60, 80), float).reshape(2, -1)
     rng = np.random.default_rng(1)
-    rays = [Bench(scene, *((u, v) + rng.random((2, u.size)) - 0.5)).radiance(RIGHT) for _ in range(4)]
+    rays = [Bench(scene, *(np.stack([u, v]) + rng.random((2, u.size)) - 0.5)).radiance(RIGHT) for _ in range(4)]
     for shown in (rays[0], np.mean(rays, axis=0)):
         assert between([look(View(scene, shown.reshape(60, 80, 3)))]) is not None

@@ -191,11 +191,18 @@ def diagnose(
         return Diagnosis(right=True, explained=1.0, where="right everywhere")
     if count < FEW:
         return Diagnosis(right=False, where=where)
+    sights = [s for s in sights if s.weight.size]
+    return _search(sights, where, faults, families, most)
+
+
+def _search(
+    sights: list[Sight], where: str, faults: Sequence[Fault], families: Sequence[Family], most: int
+) -> Diagnosis:
+    """The causes that cost least, one or `most` of them together."""
     every = faults is FAULTS
     if every:
         cameras = [(s.view.scene.camera, bool(s.wrong.any())) for s in sights if s.view.scene]
         faults = (*FAULTS, *cached([c for c, wrong in cameras if not wrong], [c for c, _ in cameras]))
-    sights = [s for s in sights if s.weight.size]
     small = [s.only(slice(None, None, SCREEN)) for s in sights]
     thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
     base = Guess((), RIGHT, total(sights, RIGHT))
@@ -412,7 +419,7 @@ def _settled(sights: Sequence[Sight], steps: Steps) -> bool:
 def _hits(sights: Sequence[Sight], steps: Steps) -> tuple[float, float]:
     """Of the wrong pixels the share that is hit closely, and of the right ones the share that stays right.
 
-    A wrong pixel is hit where at most half of its error is left: it may be wrong by hardly more than the tolerance.
+    A wrong pixel is hit where at most half of its error is left: it may be wrong by hardly more.
     """
     hit = []
     for s in sights:

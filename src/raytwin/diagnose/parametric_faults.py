@@ -45,7 +45,13 @@ NAMED = (
     (pi, "π"), (1 / pi, "1/π"), (2.0, "2"), (0.5, "1/2"), (2 * pi, "2π"), (1 / (2 * pi), "1/(2π)"), (4.0, "4"),
     (0.25, "1/4"), (pi**2, "π²"), (1 / pi**2, "1/π²"), (255.0, "255"), (1 / 255, "1/255"),
 )  # fmt: skip
-WRITTEN = (pi / 3.14, "3.14"), (pi / 3.1415, "3.1415"), (7 * pi / 22, "22/7"), (3.14 / pi, "3.14"), (22 / 7 / pi, "22/7")
+WRITTEN = (
+    (pi / 3.14, "3.14"),
+    (pi / 3.1415, "3.1415"),
+    (7 * pi / 22, "22/7"),
+    (3.14 / pi, "3.14"),
+    (22 / 7 / pi, "22/7"),
+)
 """Factors of light that a rounded π leaves, as divisor or factor."""
 SAME = 1e-5
 """A factor this close to 1 changes nothing that single precision shows."""
@@ -149,7 +155,9 @@ def _sun_moved(p: Sequence[float], scenes: Sequence[Scene]) -> str:
 
 
 def _sun_and_sky(p: Sequence[float]) -> str:
-    parts = [f"the {name}'s part is {bright(k)}" for name, k in zip(("sun", "sky"), p, strict=True) if abs(k - 1) > SAME]
+    parts = [
+        f"the {name}'s part is {bright(k)}" for name, k in zip(("sun", "sky"), p, strict=True) if abs(k - 1) > SAME
+    ]
     return ", and ".join(parts)
 
 
