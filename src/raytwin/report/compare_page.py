@@ -174,7 +174,7 @@ def calibrated(view: PairView) -> dict[str, Any] | None:
         "views": views,
         "posed": view.photographed,
         # A calibration that was read back has no evidence any more.
-        "models": explained(calibration.evidence.trials, calibration.evidence.taken) if calibration.evidence else [],
+        "models": explained(calibration),
         "uncertainty": uncertainty_url(calibration) if calibration.evidence else None,
         "bends": [(b, bend_url(calibration, i)) for i, b in enumerate(calibration.boards) if b.heights]
         if calibration.evidence

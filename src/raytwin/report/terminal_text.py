@@ -53,7 +53,7 @@ def calibration_summary(calibration: "Calibration") -> str:
     lines.append(f"  rms {calibration.rms_px:.3f} px")
     lines += [
         f"  {'*' if t.taken else ' '} {t.model:<15} held out {t.held_out_px:.3f} px: {t.why}"
-        for t in (explained(calibration.evidence.trials, calibration.evidence.taken) if calibration.evidence else ())
+        for t in explained(calibration)
     ]
     lines += [
         f"  board {i} bent by {b.bend_mm:.2g} +- {b.bend_sigma_mm:.1g} mm"

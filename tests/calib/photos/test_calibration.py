@@ -23,7 +23,7 @@ from raytwin.calib.photos import (
     uncertainty_map,
 )
 from raytwin.calib.photos.fit import MODELS, Form, Seen, fit
-from raytwin.calib.photos.model import AS_WELL, ModelTrial, explained
+from raytwin.calib.photos.model import AS_WELL, ModelTrial, compared
 from raytwin.calib.photos.pose import rotation_degrees
 from raytwin.calib.photos.uncertainty import spread
 from raytwin.calib.synthetic_photos import poses
@@ -363,7 +363,7 @@ def test_auto_keeps_what_came_of_every_model_and_why_some_were_passed_over():
 
 def test_each_model_that_was_tried_is_told_why_it_was_not_taken():
     errors = {"full5": 0.5, "full5, bent 4": 0.1005, "full5, bent 6": 0.1, "k1, bent 6": 0.1003}
-    told = explained({n: ModelTrial(e) for n, e in errors.items()}, "k1, bent 6")
+    told = compared({n: ModelTrial(e) for n, e in errors.items()}, "k1, bent 6", 20)
     assert [t.why for t in told] == [
         "5 times the best",
         "a poorer shape",

@@ -6,13 +6,20 @@ they run.
 """
 
 from raytwin.calib.photos.calibration import LEAST_VIEWS, calibrate, calibrate_detections
-from raytwin.calib.photos.calibration_result import Calibration, CalibrationWarning, Evidence, FoundBoard, View
+from raytwin.calib.photos.calibration_result import (
+    Calibration,
+    CalibrationWarning,
+    Evidence,
+    FoundBoard,
+    View,
+    explained,
+)
 from raytwin.calib.photos.camera_file import BoardShape, read_board_shapes, with_shape, write_camera_file
 from raytwin.calib.photos.detection import NoTags, Tag, detect, detect_photo, detect_photos
 from raytwin.calib.photos.diagnostics import CODES
 from raytwin.calib.photos.fit import MODELS
 from raytwin.calib.photos.lens import project
-from raytwin.calib.photos.model import ModelTrial, Told, explained
+from raytwin.calib.photos.model import ModelTrial, Told
 from raytwin.calib.photos.pose import (
     Pose,
     PoseReport,

@@ -24,7 +24,7 @@ from raytwin.calib.photos.detection import Find, Read, Tag, detect, detect_photo
 from raytwin.calib.photos.diagnostics import coverage, tilts, warnings_for
 from raytwin.calib.photos.fit import INTRINSICS, MODELS, Fit, Form, Seen, fit, matched
 from raytwin.calib.photos.model import ModelTrial, name, select_model
-from raytwin.calib.photos.uncertainty import Spread, spread, with_poses
+from raytwin.calib.photos.uncertainty import Spread, spread, widened, with_poses
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
 
@@ -125,6 +125,7 @@ def _calibrate(
     views, straight = _first_views(found, image_size, boards, wrong)
     _check_enough(views, wrong, where)
     trials: dict[str, ModelTrial] = {}
+    gap = np.zeros((0, 0))
     result = fit(straight, image_size, boards, Form(PRELIMINARY if model == "auto" else model))
     for turn in range(1, BENT_ROUNDS):
         bent = result.form.degree > 0
@@ -135,11 +136,11 @@ def _calibrate(
         _check_enough(views, wrong, where)
         result = fit(straight, image_size, boards, result.form, result)
         if turn == 1 or (turn == 2 and bent):
-            result, trials = select_model(straight, image_size, boards, model, result)
+            result, trials, gap = select_model(straight, image_size, boards, model, result)
     outliers = {
         v.photo: sorted({t.id for t in v.tags} - {t.id for t in s.tags}) for v, s in zip(views, straight, strict=True)
     }
-    known = spread(result, _lifted(straight, boards, result) if result.form.degree else None)
+    known = widened(spread(result, _lifted(straight, boards, result) if result.form.degree else None), gap)
     made = _calibration(straight, image_size, boards, result, known, trials, found)
     more = warnings_for(made, result, known, straight, image_size, boards, wrong, outliers)
     return msgspec.structs.replace(made, warnings=(*warnings, *(CalibrationWarning(*d) for d in more)))

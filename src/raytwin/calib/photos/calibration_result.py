@@ -7,7 +7,7 @@ import msgspec
 
 from raytwin.calib.boards import Board, Heights
 from raytwin.calib.photos.detection import Tag
-from raytwin.calib.photos.model import ModelTrial
+from raytwin.calib.photos.model import ModelTrial, Told, compared
 from raytwin.errors import InputError
 from raytwin.scene import Matrix, Record, Vector
 
@@ -112,3 +112,9 @@ class Calibration(Record, frozen=True):
             return None
         found = self.evidence.found.get(board.kind, {})
         return found.get(str(photo))
+
+
+def explained(calibration: Calibration) -> list[Told]:
+    """Why the model was taken, and the others were not; empty for a calibration that was read back."""
+    known = calibration.evidence
+    return [] if known is None else compared(known.trials, known.taken, len(calibration.photos))

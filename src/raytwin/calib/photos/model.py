@@ -8,6 +8,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from raytwin.calib.boards import Board
 from raytwin.calib.boards.shape import DEGREES
 from raytwin.calib.photos.fit import Fit, Form, Seen, fit
@@ -22,11 +24,17 @@ LADDER = ("none", "k1", "k1k2", "k1k2k3", "full5")
 AS_WELL, NOTHING = 1.01, 0.002
 """As good as the best: within 1 % of its held-out error, or within so many pixels, which no detector knows."""
 
+ALIKE = 1.1
+"""Of few photos, models that predict within 10 % of the best widen sigma by how far K differs between them."""
+
 UNFOLDED = 1.02
 """A lens that folds back inside the frame is kept from it where that costs no more than 2 % of the held-out error."""
 
-LEAST_FOR_SHAPE = 6
-"""Photos: with fewer, boards are taken for flat."""
+FEW_PHOTOS = 12
+"""Photos: with fewer, which lens predicts best is chance, and all five coefficients are fitted."""
+
+LEAST_FOR_SHAPE, LEAST_FOR_ANY_SHAPE = 4, 6
+"""Photos: with fewer than the first, boards are taken for flat; with fewer than the second, for flat or of degree 2."""
 
 
 class ModelTrial(Record, frozen=True):
@@ -66,8 +74,11 @@ def held_out(found: Fit) -> float:
 
 def select_model(
     views: Sequence[Seen], image_size: tuple[int, int], boards: Sequence[Board], model: str, start: Fit
-) -> tuple[Fit, dict[str, ModelTrial]]:
-    """The fit to take, and what came of every model that was tried: first the boards' shape, then the lens."""
+) -> tuple[Fit, dict[str, ModelTrial], np.ndarray]:
+    """The fit to take, what came of every model that was tried, and `gap` (k, k), see `_gap`.
+
+    First the boards' shape is chosen, then the lens.
+    """
     trials: dict[str, ModelTrial] = {}
     fits: dict[str, Fit] = {}
 
@@ -79,8 +90,8 @@ def select_model(
             trials[name(form)] = ModelTrial(math.inf, "the fit does not converge")
 
     richest = LADDER[-1] if model == "auto" else model
-    enough = len({v.photo for v in views}) >= LEAST_FOR_SHAPE
-    for degree in (0, *DEGREES) if enough else (0,):
+    photos = len({v.photo for v in views})
+    for degree in _degrees(photos):
         if degree == DEGREES[-1] and _as_good(trials, list(trials))[0] == richest:
             continue  # a shape that no lower degree hints at
         attempt(Form(richest, degree), next(reversed(fits.values()), start))
@@ -96,17 +107,44 @@ def select_model(
         for smaller in reversed(LADDER[:-1]):
             attempt(Form(smaller, degree), taken)
         good = _as_good(trials, [name(Form(m, degree)) for m in LADDER])
+        if photos < FEW_PHOTOS:
+            good = [name(taken.form), *(n for n in reversed(good) if n != name(taken.form))]
     limit = UNFOLDED * min(trials[n].held_out_px for n in good)
     for n in good:
         if not undone(fits[n].K, fits[n].dist, image_size).fault:
-            return fits[n], trials
+            return fits[n], trials, _gap(fits, trials, fits[n], photos)
         form = Form(fits[n].form.model, fits[n].form.degree, unfolded=True)
         held = fit(views, image_size, boards, form, fits[n])
         if not undone(held.K, held.dist, image_size).fault and (error := held_out(held)) <= limit:
             trials[n] = ModelTrial(error, "kept from folding back in a corner")
-            return held, trials
+            return held, trials, _gap(fits, trials, fits[n], photos)
         trials[n] = ModelTrial(trials[n].held_out_px, "the lens folds back inside the frame")
-    return fits[good[0]], trials
+    return fits[good[0]], trials, _gap(fits, trials, fits[good[0]], photos)
+
+
+def _gap(fits: Mapping[str, Fit], trials: Mapping[str, ModelTrial], taken: Fit, photos: int) -> np.ndarray:
+    """(k, k): of few photos, the mean square of how far K and distortion move between the models that predict alike.
+
+    Which of them is right, few photos do not say, and each model's own covariance takes itself for granted.
+    """
+    k = len(taken.form.names)
+    if photos >= FEW_PHOTOS:
+        return np.zeros((k, k))
+
+    def numbers(found: Fit) -> np.ndarray:
+        value = dict(zip(found.form.names, found.shared, strict=False))
+        return np.array([value.get(n, 0.0) for n in taken.form.names])
+
+    limit = ALIKE * min(t.held_out_px for t in trials.values())
+    moved = [numbers(f) - numbers(taken) for n, f in fits.items() if trials[n].held_out_px <= limit]
+    return np.mean([np.outer(m, m) for m in moved or [np.zeros(k)]], axis=0)
+
+
+def _degrees(photos: int) -> tuple[int, ...]:
+    """Which degrees of the boards' heights are tried; 0 is flat."""
+    if photos < LEAST_FOR_SHAPE:
+        return (0,)
+    return (0, *DEGREES) if photos >= LEAST_FOR_ANY_SHAPE else (0, DEGREES[0])
 
 
 def _as_good(trials: dict[str, ModelTrial], names: Sequence[str]) -> list[str]:
@@ -115,18 +153,27 @@ def _as_good(trials: dict[str, ModelTrial], names: Sequence[str]) -> list[str]:
     return [n for n in names if trials[n].held_out_px <= max(AS_WELL * best, best + NOTHING)]
 
 
-def explained(trials: Mapping[str, ModelTrial], taken: str) -> list[Told]:
-    """What came of each model, in the order they were tried; empty where there was none to choose."""
+def compared(trials: Mapping[str, ModelTrial], taken: str, photos: int) -> list[Told]:
+    """What came of each model, in the order they were tried; empty where there was none to choose.
+
+    `photos`: how many there were; of few, all coefficients are fitted, and the others shown beside.
+    """
+    lenses = {n.split(",")[0] for n in trials}
+    few = photos < FEW_PHOTOS and len(lenses) > 1 and taken.split(",")[0] == LADDER[-1]
     best = min((t.held_out_px for t in trials.values()), default=math.inf)
     told = []
     for model, trial in trials.items():
         why = [trial.doubt] if trial.doubt else []
         if model == taken:
             bent = "; its shape the richest that does" if degree_of(taken) else ""
-            why.insert(0, f"the smallest that predicts as well as the best{bent}")
+            chosen = (
+                "too few photos to choose a smaller one by" if few else "the smallest that predicts as well as the best"
+            )
+            why.insert(0, f"{chosen}{bent}")
         elif math.isfinite(trial.held_out_px):
             times = trial.held_out_px / best
-            needless = "a poorer shape" if degree_of(model) < degree_of(taken) else "larger than needed"
+            needless = "as good on few photos" if few else "larger than needed"
+            needless = "a poorer shape" if degree_of(model) < degree_of(taken) else needless
             why.insert(0, needless if times <= AS_WELL else f"{times:.3g} times the best")
         told.append(Told(model, trial.held_out_px, model == taken, "; ".join(why)))
     return told

@@ -29,7 +29,7 @@ McCaffrey: Survey Methodology 28 (2002).
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -94,6 +94,13 @@ def spread(found: Fit, lifted: np.ndarray | None = None) -> Spread:
         doubted = EXTRAPOLATED[found.form.degree] * solve_scaled(H, pull.sum(axis=0)[:, 0])
         covariance = covariance + np.outer(doubted, doubted)
     return Spread(covariance, math.sqrt(max(q, 1) * s2), moves, errors)
+
+
+def widened(known: Spread, gap: np.ndarray) -> Spread:
+    """Add what the choice of a model leaves open, (k, k) of the first shared numbers, to the covariance."""
+    covariance = known.covariance.copy()
+    covariance[: len(gap), : len(gap)] += gap
+    return replace(known, covariance=covariance)
 
 
 def _dissent(found: Fit, H: np.ndarray, s2: float) -> tuple[np.ndarray, float, float, float]:
