@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from random_scenes import KINDS, random_scene
+from measure.random_scenes import KINDS, random_scene
 
 from raytwin import files, twin
 from raytwin.calib.find_camera import find_camera
 from raytwin.compare import Comparison, compare
 from raytwin.image import Image
-from raytwin.renderers.subject_renderers import Followed
+from raytwin.renderers.subject_renderers import PathTraced
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Tolerance
 from raytwin.speed import trace
@@ -44,7 +44,7 @@ class Case(NamedTuple):
     def tracer(self) -> Image:
         if not RUNGS[self.level].noisy:
             return trace(self.scene, self.level, self.engine)
-        return Followed(self.level, self.engine, self.samples, self.sampling, surface=True)(self.scene, self.seed)
+        return PathTraced(self.level, self.engine, self.samples, self.sampling, surface=True)(self.scene, self.seed)
 
     def compared(self) -> Comparison:
         reference = twin.render(

@@ -39,6 +39,14 @@ SHARED = (
 )
 
 
+ENOUGH_BATCHES = 4
+"""Fewer batches hardly know their variance: an image fails only where the scatter between neighbours fails it too."""
+
+FEW_BATCHES = (
+    "undecided: a variance from {} batches is hardly known, and by the scatter between neighbouring pixels nothing is "
+    "wrong: take at least 4 samples per pixel"
+)
+
 UNEXPLAINED = "the images differ from pixel to pixel by more than the reference's own noise explains"
 
 GIVE = "give a variance (variance=, --variance-a), the samples per pixel (--samples-a) or several renders"
@@ -144,9 +152,22 @@ class Question:
             a = replace(a, variance=bounded)
         made = decide(a, b, self.bound, self.rate, rounding)
         answer = self._answered(made, b, shift, must_see)
+        few, sure = fewest_batches(a, b), any(f.rank == EXACT for f in answer.findings)
+        if answer.findings and few < ENOUGH_BATCHES and not (sure or self._fails_by_scatter(shift)):
+            return answer._replace(doubts=(FEW_BATCHES.format(few),))
         if much > 0.5 and answer.findings and self._shares_noise(shown):
             return answer._replace(doubts=(SHARED,))
         return answer
+
+    def _fails_by_scatter(self, shift: Shift | None) -> bool:
+        """Whether the test fails too where the scatter of t - r within blocks serves as the noise."""
+        return bool(self._answered(self._decided_by_scatter(), self.reference, shift, 1.0).findings)
+
+    def _decided_by_scatter(self) -> Decision:
+        a = replace(self.test, variance=estimated(self.test.mean, self.reference.mean), samples=0, batches=2)
+        b = replace(self.reference, variance=None, samples=0, batches=None)
+        rounding, bare = replace(self, test=a, reference=b)._rounding()
+        return decide(bare.test, b, self.bound, self.rate, rounding, by_value=False)
 
     def _shares_noise(self, shown: Residual) -> bool:
         """The images err by about what the test's variance allows, but all pixels alike: their noise is one."""
@@ -204,11 +225,7 @@ class Question:
         It may convict an image; it excuses one only where the reference's own noise bears it out.
         """
         t, r = self.test.mean, self.reference.mean
-        a = replace(self.test, variance=estimated(t, r), samples=0, batches=2)
-        b = replace(self.reference, variance=None, samples=0, batches=None)
-        rounding, bare = replace(self, test=a, reference=b)._rounding()
-        made = decide(bare.test, b, self.bound, self.rate, rounding, by_value=False)
-        answer = self._answered(made, b, shift, must_see)
+        answer = self._answered(self._decided_by_scatter(), self.reference, shift, must_see)
         known = borne_out(t, r, shown, self.bound.least)
         if answer.findings:
             return answer if known or not any(f.rank == EXACT for f in first.findings) else first
@@ -225,6 +242,13 @@ class Question:
         if answer.doubts:
             return answer._replace(doubts=(*answer.doubts, f"{told}: {GIVE}"))
         return answer._replace(notes=(*answer.notes, told))
+
+
+def fewest_batches(*images: Image) -> int:
+    """Of the images that have a variance."""
+    return min(
+        i.batches if i.batches is not None else i.samples or ENOUGH_BATCHES for i in images if i.variance is not None
+    )
 
 
 def noise_told(image: Image) -> bool:

@@ -37,7 +37,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytwin.array_types import Bool, Float32, Float64, Int
-from raytwin.compare.blocks import SIDE, Counts, Means, Pixels, block_counts, block_sums, slide, strips, unblock
+from raytwin.compare.blocks import SIDE, Counts, Means, Pixels, block_counts, block_sums, dilate, slide, strips, unblock
 from raytwin.compare.chance import quantile, sidak, two_sided, welch
 from raytwin.compare.exact import Quiet
 from raytwin.compare.finding import MOST_PLACES, Place, blocks_of
@@ -291,12 +291,12 @@ def _without_fireflies(missing: Missed, side: Side | None) -> Missed:
 
 
 def _proven(reference: Image, unseen: float) -> Bool[np.ndarray, "h w 1"]:
-    """(H, W, 1): where no variance is proof of no noise. Nowhere in a sampled image, but for its background."""
+    """(H, W, 1): where no variance is proof of no noise. In a sampled image in the midst of its background alone."""
     if not unseen:
         return np.ones((*reference.shape[:2], 1), bool)
     if reference.surface is None:
         return np.zeros((*reference.shape[:2], 1), bool)
-    return ~reference.surface.mask[..., None]
+    return np.asarray(dilate(reference.surface.mask[..., None].astype(np.float32), 0, reference.shape[0]) == 0)
 
 
 def _within(side: Side, y0: int, y1: int) -> tuple[Int[np.ndarray, " n"], ...]:
