@@ -40,7 +40,8 @@ class Image:
 
     `variance` (H, W, 3) float32 is the variance *of the mean*. `samples` counts the rays per pixel behind the mean, 0
     where nobody tells: without a variance, an image of one sample has no noise, and any other may have. `batches` are
-    the independent renders whose spread gave the variance (None: every sample was one). `surface` is what the pixel
+    the independent renders whose spread gave the variance (None: every sample was one); 1 without a variance says that
+    there is noise, and that its variance is not known. `surface` is what the pixel
     centres see, where the renderer tells.
     """
 

@@ -176,3 +176,29 @@ def test_a_lens_that_folds_over_in_the_corners_is_compared_in_the_rest_and_said_
         result = compare_scene(tmp_path, size=(160, 120))
     assert result.comparison.verdict == "pass"
     assert result.comparison.reasons[-1].startswith("no ray belongs to 30 % of the frame")
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3])
+@pytest.mark.parametrize("level", ["sky", "path"])
+def test_few_samples_fail_no_right_tracer(scenes, level, samples):
+    """Of two random renders that hardly know their noise none is blamed: 1 sample always was, 2 in 22 of 450 pairs."""
+    engine = fast_engine(twin.activate().variant)
+    few = {"rung": level, "tracer_rung": level, "engine": engine, "size": (96, 72), "samples": samples, "cache": False}
+    for name in ("overlap", "weekend"):
+        result = compare_scene(scenes / name, **few)
+        assert result.comparison.verdict in ("pass", "undecided"), result.comparison.reasons
+        assert result.settings["twin's samples per pixel"] == str(samples)
+
+
+@pytest.mark.parametrize("name", ["overlap", "distorted"])
+def test_a_tracer_of_centers_differs_from_areas_as_expected(scenes, name):
+    result = compare_scene(scenes / name, sampling="area", size=(96, 72), cache=False)
+    assert result.comparison.verdict == "differs"
+    assert "sends one ray through each pixel's center" in result.comparison.reasons[0]
+
+
+def test_a_wrong_tracer_of_centers_still_fails_beside_areas(scenes):
+    result = compare_scene(
+        scenes / "overlap", subject=Moved(surface=True), sampling="area", size=(160, 120), cache=False
+    )
+    assert result.comparison.verdict == "fail"

@@ -47,6 +47,8 @@ FEW_BATCHES = (
     "wrong: take at least 4 samples per pixel"
 )
 
+FEW_SAMPLES = "undecided: too few random samples to know any noise: take at least 4 samples per pixel"
+
 UNEXPLAINED = "the images differ from pixel to pixel by more than the reference's own noise explains"
 
 GIVE = "give a variance (variance=, --variance-a), the samples per pixel (--samples-a) or several renders"
@@ -84,6 +86,8 @@ class Question:
         told = self._filled()
         untold = [name for name, i in (("the test", told.test), ("the reference", told.reference)) if not noise_told(i)]
         first = told._by_what_is_told(shift, must_see)
+        if first.findings and any(hardly_sampled(i) for i in (told.test, told.reference)):
+            return first._replace(doubts=(FEW_SAMPLES,))
         if not untold:
             return first
         claims = [block_means(i.variance) for i in (self.test, self.reference) if i.variance is not None]
@@ -249,6 +253,11 @@ def fewest_batches(*images: Image) -> int:
     return min(
         i.batches if i.batches is not None else i.samples or ENOUGH_BATCHES for i in images if i.variance is not None
     )
+
+
+def hardly_sampled(image: Image) -> bool:
+    """A random render of so few samples that not even the scatter between neighbouring pixels shows its noise."""
+    return image.variance is None and image.batches == 1 and image.samples < ENOUGH_BATCHES
 
 
 def noise_told(image: Image) -> bool:

@@ -28,7 +28,7 @@ def load(key: str, shape: tuple[int, ...]) -> Image | None:
             found.get("variance"),
             int(found["samples"]),
             Surface(found["ids"], found["depth"], found["normal"]),
-            int(found["batches"]) if "variance" in found else None,
+            int(found["batches"]) if "batches" in found else None,
         )
     except (ValueError, KeyError, TypeError):
         return None
@@ -54,6 +54,8 @@ def store(key: str, image: Image) -> None:
     assert image.surface is not None  # the twin always has one
     parts: dict[str, Any] = {"mean": image.mean, "samples": image.samples}
     if image.variance is not None:
-        parts |= {"variance": image.variance, "batches": image.batches}
+        parts["variance"] = image.variance
+    if image.batches is not None:
+        parts["batches"] = image.batches
     parts |= {"ids": image.surface.ids, "depth": image.surface.depth, "normal": image.surface.normal}
     files.keep(path_of(key), lambda to: np.savez(to, **parts), LIMIT)

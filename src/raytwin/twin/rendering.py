@@ -101,7 +101,7 @@ def render(
     if variance is not None:
         variance = variance.astype(np.float32).reshape(h, w, 3)
     mean = mean.astype(np.float32, copy=False).reshape(h, w, 3)
-    image = Image(mean, variance, plan.samples, surface, None if variance is None else plan.batches)
+    image = Image(mean, variance, plan.samples, surface, None if plan.exact else plan.batches)
     image.blacken(without_ray(scene.camera))
     if cache and time.perf_counter() - start > WORTH_KEEPING:
         kept.store(key, image)
