@@ -367,7 +367,7 @@ def test_twice(raytwin_reference):
     for page in pages:
         text = (out / page).read_text()
         assert "http" not in re.sub(r"http://www\.w3\.org/\S+|<script.*?</script>", "", text, flags=re.DOTALL)
-    assert index.count("data:image/png") == 2 * 5
+    assert index.count("data:image/png") == 3 * 5
     assert (out / "notes.txt").exists()
 
 

@@ -111,5 +111,5 @@ def test_noise_is_shown_in_sigmas_and_as_means_where_not_every_pixel_fits(make_r
     z = (mean - result.twin.mean)[44:48, 60:64].mean(axis=(0, 1)) / (0.01 / 4)
     assert read["z"][0] == pytest.approx(z[np.abs(z).argmax()], rel=0.05)
     assert read["z"][1] < 3
-    assert read["alone"] == ["grid", "Live", "−", "+", "Whole"]
+    assert read["alone"] == ["grid", "Live", "−", "+", "Whole", "Reset"]
     assert read["live"] == [["0.500", "0.500", "0.500"], [188] * 3, [255, 0, 0], [255] * 3]

@@ -166,7 +166,7 @@ function choice(label, options, get, set, disabled = false) {
 
 const button = (text, title, onclick) => el("button", { type: "button", textContent: text, title, onclick });
 const group = (title, ...children) => el("fieldset", {}, el("legend", { textContent: title }), ...children);
-const degrees = (x) => `${Math.round(x)}°`.replace("-", "−"), centimetres = (x) => `${(100 * x).toFixed(1)} cm`.replace("-", "−");
+const degrees = (x) => `${Math.round(x)}°`, centimetres = (x) => `${(100 * x).toFixed(1)} cm`;
 const brightest = (colour) => Math.max(...colour);
 const scaled = (colour, to) => (brightest(colour) > 0 ? colour.map((c) => (c * to) / brightest(colour)) : [to, to, to]);
 const decode = (x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);

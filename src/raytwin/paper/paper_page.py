@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Iterable
-from importlib import resources
 
 from raytwin import files
 from raytwin.paper.paper_record import Frame, Paper
@@ -10,8 +9,8 @@ from raytwin.paper.paper_tables import TRIMS, is_full, markdown, size_of, tables
 from raytwin.report.bench_charts import Mark, calibration_charts, marks_chart, megapixels
 from raytwin.report.bench_page import drawn, made_folder
 from raytwin.report.charts import Chart, write_charts
-from raytwin.report.compare_page import asset, environment
 from raytwin.report.numbers import seconds, shown
+from raytwin.report.page import render_page
 
 MACHINES = "The paper ran on Google Colab, this run on {}: seconds of the two do not compare, ratios within each do."
 
@@ -22,11 +21,9 @@ def write_paper_all(paper: Paper, folder: str | os.PathLike[str]) -> None:
     files.write_json(folder / "paper.json", paper)
     files.write_text(folder / "paper.md", markdown(paper, machines(paper)))
     charts = charts_of(paper)
-    template = resources.files("raytwin.paper").joinpath("paper.html.j2").read_text(encoding="utf-8")
-    page = environment().from_string(template).render(
+    page = render_page(
+        "paper/paper.html.j2", ("bench.css",), ("charts.js",),
         p=paper,
-        css=asset("report.css") + asset("bench.css"),
-        js=asset("charts.js"),
         parts=[(t, [(c, drawn(c)) for c in charts.get(t.key, ())]) for t in tables(paper)],
         machines=machines(paper),
     )  # fmt: skip

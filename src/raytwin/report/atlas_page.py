@@ -11,9 +11,9 @@ from raytwin import files
 from raytwin.atlas import EXPERIMENTS, Atlas, Experiment, Found, digits
 from raytwin.lights.envmap_tables import REC_709
 from raytwin.report.charts import INK, Asked, Chart, Line, Point, layout, log_range, placed, svg_text, write_charts
-from raytwin.report.compare_page import asset, environment
 from raytwin.report.data_urls import png_url
 from raytwin.report.numbers import short, shown
+from raytwin.report.page import render_page
 
 OURS = "#0f7a3d", "#2563eb", "#0f8b8d"
 OTHERS = "#c02f4a", "#e07b00", "#8e44ad", "#7c4a21", "#d455a5", "#5a6575", "#a16207", "#111827"
@@ -47,9 +47,8 @@ def write_atlas(found: Atlas, folder: str | os.PathLike[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     rows = [(EXPERIMENTS[f.name], f) for f in found.experiments]
     charts = [chart(e, f) for e, f in rows]
-    page = environment().from_string(asset("atlas.html.j2")).render(
-        css=asset("report.css") + asset("bench.css") + asset("atlas.css"),
-        js=asset("charts.js"),
+    page = render_page(
+        "atlas.html.j2", ("bench.css", "atlas.css"), ("charts.js",),
         experiments=[
             (e, f, [(name, name in e.ours, cells(f, name)) for name in f.methods], svg_text(layout(c)),
              [(caption, png_url(pixels)) for caption, pixels in (e.pictures() if e.pictures else ())])

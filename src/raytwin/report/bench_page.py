@@ -9,8 +9,8 @@ from raytwin.bench import RENDERERS, Bench, Changes, Converged, MethodChange, wr
 from raytwin.errors import InputError
 from raytwin.report.bench_charts import COLOURS, METRICS, TRUTHS, error_chart, megapixels, side_charts, sizes_of
 from raytwin.report.charts import Chart, layout, svg_text, write_charts
-from raytwin.report.compare_page import asset, environment
 from raytwin.report.numbers import seconds, shown
+from raytwin.report.page import render_page
 
 FIRST = "path-area/relmse"
 """What the page shows when it opens."""
@@ -43,11 +43,10 @@ def write_bench_page(bench: Bench, path: str | os.PathLike[str], changes: Change
     """One file that opens offline. Every chart of every size, truth and metric lies in it, drawn."""
     charts = error_charts(bench)
     first = next((c.key for c in charts if c.key.endswith("/" + FIRST)), charts[0].key if charts else "")
-    page = environment().from_string(asset("bench.html.j2")).render(
+    page = render_page(
+        "bench.html.j2", ("bench.css",), ("charts.js",),
         b=bench,
         changes=changes,
-        css=asset("report.css") + asset("bench.css"),
-        js=asset("charts.js"),
         charts=[(c, drawn(c), frontier_rows(c)) for c in charts],
         growth=[(c, drawn(c)) for c in side_charts(bench)],
         sizes=[(f"{w}x{h}", f"{w} × {h}, {megapixels((w, h))}") for w, h in sizes_of(bench)],

@@ -8,7 +8,6 @@ import hashlib
 import re
 from pathlib import Path
 
-import jinja2
 import msgspec
 
 from raytwin import files, viewer
@@ -16,7 +15,8 @@ from raytwin.compare import Report
 from raytwin.compare.heatmap import signed_error
 from raytwin.image import Image
 from raytwin.report import data_urls, numbers
-from raytwin.report.compare_page import asset, write_report
+from raytwin.report.compare_page import write_report
+from raytwin.report.page import render_page
 from raytwin.report.view import Names, PairView, Tile, in_radiance, silhouette_tile
 from raytwin.scene import Tolerance
 
@@ -45,6 +45,7 @@ class CheckRow(msgspec.Struct):
     ratio: float | None = None
     page: str = ""
     picture: str = ""
+    reference: str = ""
     error: str = ""
 
 
@@ -74,7 +75,7 @@ def write_check(
             files.write_text(folder / SCRIPT, viewer.script())
         write_report(view, page, SCRIPT)
         if view.alike:
-            row.picture, row.error = _thumbs(view, tolerance or Tolerance())
+            row.picture, row.reference, row.error = _thumbs(view, tolerance or Tolerance())
     files.write_json(folder / f"{stem}.json", row)
     return page
 
@@ -90,9 +91,9 @@ def write_index(folder: Path) -> tuple[int, int]:
     rows = [msgspec.json.decode(f.read_bytes(), type=CheckRow) for f in folder.glob("check-*.json")]
     rows.sort(key=lambda row: (row.verdict in GOOD, row.test, row.number))
     failed = sum(row.verdict not in GOOD for row in rows)
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["shown"] = numbers.shown
-    page = environment.from_string(asset("checks.html.j2")).render(rows=rows, failed=failed, css=asset("report.css"))
+    page = render_page(
+        "checks.html.j2", ("checks.css",), ("table.js",), rows=rows, failed=failed, name=folder.absolute().name
+    )
     files.write_text(folder / INDEX, page)
     return len(rows), failed
 
@@ -123,7 +124,7 @@ def _view(
         names=NAMES,
         tolerance=tolerance,
         held_to="noise and tolerance" if noisy else "the tolerance",
-        motto="a renderer held to its reference",
+        motto="a renderer compared with its reference",
         tiles=tuple(tiles),
         objects=tuple(
             f"object {i}" for i in range(reference.surface.ids.max(initial=-1) + 1 if reference.surface else 0)
@@ -132,11 +133,14 @@ def _view(
     )
 
 
-def _thumbs(view: PairView, tolerance: Tolerance) -> tuple[str, str]:
-    """The test's image and the signed error, small, as data URLs."""
+def _thumbs(view: PairView, tolerance: Tolerance) -> tuple[str, str, str]:
+    """Return the test's image, the reference and the signed error, small, as data URLs."""
     error = signed_error(view.test, view.reference, "absolute")
     scale = data_urls.choose_scale(view.test, view.reference, error, tolerance.p999_abs)
     step = max(1, -(-error.shape[1] // THUMB))
-    small = data_urls.exposed(view.test, data_urls.exposure(view.reference))[::step, ::step]
+    stops = data_urls.exposure(view.reference)
+    test, reference = (
+        data_urls.png_url(data_urls.exposed(image, stops)[::step, ::step]) for image in (view.test, view.reference)
+    )
     shown = data_urls.error_indices(data_urls.worst_of_blocks(error, step), scale)
-    return data_urls.png_url(small), data_urls.png_url(shown, data_urls.palette())
+    return test, reference, data_urls.png_url(shown, data_urls.palette())

@@ -21,7 +21,7 @@ import numpy as np
 from raytwin import files, viewer
 from raytwin.grade.result import Marked, Picture, Result
 from raytwin.grade.rubric import Rubric
-from raytwin.report.compare_page import asset, environment
+from raytwin.report.page import asset, render_page
 
 SHARED = "shared"
 STUDENTS = "students"
@@ -37,31 +37,33 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> list
     """
     shared = folder / SHARED
     files.write_text(shared / "viewer.js", viewer.script())
-    files.write_text(shared / "grade.js", asset("grade.js"))
+    files.write_text(shared / "grade.js", asset("table.js") + asset("grade.js"))
     files.write_text(shared / "grade.css", asset("report.css") + viewer.style() + asset("grade.css"))
     alike = near_identical(results)
-    made, names = environment(), {r.key: page_name(r) for r in results}
-    made.globals |= {"of_points": of_points, "STATUS": STATUS, "page": lambda r: names[r.key], "says": said_of}
-    student = made.from_string(asset("grade_student.html.j2"))
+    names = {r.key: page_name(r) for r in results}
+    common: dict[str, Any] = {"of_points": of_points, "STATUS": STATUS, "rubric": rubric}
+    common["page"] = lambda result: names[result.key]
     failed = []
     for result in results:
         try:
-            views = [_view(p) for p in result.pictures]
-            said = alike.get(result.key, [])
-            text = student.render(r=result, exercises=_ordered(result), views=views, rubric=rubric, alike=said)
+            views, said = [_view(p) for p in result.pictures], alike.get(result.key, [])
+            text = render_page(
+                "grade_student.html.j2", r=result, exercises=_ordered(result), views=views, alike=said, **common
+            )
         except Exception as error:  # ours: it costs this page and no other
             failed.append(result.student)
             text = PLAIN_PAGE.format(escape(result.student), escape(f"{type(error).__name__}: {error}"))
         files.write_text(folder / STUDENTS / names[result.key], text)
-    page = made.from_string(asset("grade_class.html.j2"))
-    text = page.render(
-        rubric=rubric,
+    text = render_page(
+        "grade_class.html.j2",
         results=results,
         columns=rubric.exercises,
         bins=histogram(results),
         faults=faults(results),
         alike=alike,
         crashed=[r for r in results if broken(r)],
+        says=said_of,
+        **common,
     )
     files.write_text(folder / "index.html", text)
     write_csv(results, rubric, folder / "results.csv")

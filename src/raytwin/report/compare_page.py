@@ -1,17 +1,17 @@
 """report.html: one file that opens offline; the viewer, numbers, calibration, times beside errors."""
 
 import os
+import re
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from importlib import resources
 from typing import TYPE_CHECKING, Any
-
-import jinja2
 
 from raytwin import files, viewer
 from raytwin.compare import flip_map
 from raytwin.compare.heatmap import signed_error
 from raytwin.report import data_urls, numbers
-from raytwin.report.locations import linked
+from raytwin.report.locations import Reason, linked
+from raytwin.report.page import render_page
 from raytwin.report.view import PairView, showable, view_of
 from raytwin.scene import Tolerance
 
@@ -20,23 +20,43 @@ if TYPE_CHECKING:
 
 LISTED = 8
 """Worst pixels in the table."""
+CAUSE = re.compile(r"(?:cause|likely cause)\b")
+"""How a reason begins that names what is wrong."""
+SAYS = {
+    "pass": "The two images agree within ",
+    "differs": "One side models less light on purpose; otherwise the images agree within ",
+    "fail": "The two images do not agree within ",
+    "undecided": "The images are too noisy, or tell too little, to be compared within ",
+}
+"""Verdict -> the headline where no reason is given, before what the images are compared within."""
 
 
 def write_report(shown: "PairView | Result", path: str | os.PathLike[str], script: str | None = None) -> None:
     """The whole report as one HTML file that refers to no other; but to the viewer's script of a suite, if named."""
     view = shown if isinstance(shown, PairView) else view_of(shown)
-    page = template().render(
+    headline, reasons = first_said(places(view)[0], view.comparison is not None and view.comparison.passed)
+    page = render_page(
+        "report.html.j2",
+        (viewer.style(),) if view.alike else (),
+        () if script or not view.alike else (viewer.script(),),
         r=view,
         c=view.comparison,
-        css=asset("report.css") + (viewer.style() if view.alike else ""),
+        SAYS=SAYS,
         groups=list(numbers.rows(view.comparison, view.tolerance, view.noisy)) if view.comparison else [],
         calibrated=calibrated(view),
-        reasons=places(view)[0],
+        headline=headline,
+        named=headline is not None and bool(CAUSE.match(headline[0])),
+        reasons=reasons,
         shared=script,
-        script=None if script else viewer.script(),
         **(side_by_side(view) if view.alike else {"alone": alone(view)}),
     )
     files.write_text(path, page)
+
+
+def first_said(reasons: Sequence[Reason], passed: bool) -> tuple[Reason | None, list[Reason]]:
+    """Return the headline and the other reasons: the cause where one is named, else the first of what fails."""
+    ordered = sorted(reasons, key=lambda reason: not CAUSE.match(reason[0]))
+    return (None, ordered) if passed or not ordered else (ordered[0], ordered[1:])
 
 
 def side_by_side(view: PairView) -> dict[str, Any]:
@@ -113,7 +133,7 @@ def alone(view: PairView) -> list[dict[str, str]]:
     return found
 
 
-def places(view: PairView) -> tuple[list[tuple[str, str | None]], list[dict[str, int]]]:
+def places(view: PairView) -> tuple[list[Reason], list[dict[str, int]]]:
     """The verdict's reasons with where they lead to, and the places."""
     reasons = view.comparison.reasons if view.comparison else ()
     return linked(reasons, view.reference.shape if view.alike else ())
@@ -122,21 +142,6 @@ def places(view: PairView) -> tuple[list[tuple[str, str | None]], list[dict[str,
 def allowed(view: PairView) -> float | None:
     """The error that a single value may have, where that is what decides."""
     return None if view.noisy or view.tolerance is None else view.tolerance.p999_abs
-
-
-def template() -> jinja2.Template:
-    return environment().from_string(asset("report.html.j2"))
-
-
-def environment() -> jinja2.Environment:
-    """Jinja as every page uses it: text is escaped, a name that is missing is an error."""
-    made = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
-    made.filters |= {f.__name__: f for f in (numbers.shown, numbers.beside, numbers.short, numbers.seconds)}
-    return made
-
-
-def asset(name: str) -> str:
-    return resources.files("raytwin.report").joinpath(name).read_text(encoding="utf-8")
 
 
 # ------------------------------------------------------------------------------------------ numbers for the page

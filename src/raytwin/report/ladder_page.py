@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 from raytwin import files, viewer
 from raytwin.image import Image
 from raytwin.report.charts import Asked, Chart, Line, Point, layout, log_range, placed, svg_text, write_charts
-from raytwin.report.compare_page import asset, environment
 from raytwin.report.data_urls import stops
 from raytwin.report.numbers import seconds, shown
+from raytwin.report.page import render_page
 
 if TYPE_CHECKING:
     from raytwin.analysis.ladder import Ladder, Rungs, Step
@@ -43,9 +43,9 @@ def write_ladder(found: "Ladder", folder: str | os.PathLike[str]) -> None:
         "bound": {"share": LINEAR, "scale": 1.0, "held": False}, "exposure": stops(Image(images["whole light"])),
     }  # fmt: skip
     drawn = error_chart(rungs)
-    page = environment().from_string(asset("ladder.html.j2")).render(
-        css=asset("report.css") + asset("bench.css") + asset("ladder.css") + viewer.style(),
-        js=asset("charts.js"), script=viewer.script(), data=data, first=FIRST, l=rungs, colours=PARTS,
+    page = render_page(
+        "ladder.html.j2", ("bench.css", "ladder.css", viewer.style()), ("charts.js", viewer.script()),
+        data=data, first=FIRST, l=rungs, colours=PARTS,
         pictures={name: [asdict(plane) for plane in viewer.pack_one(Image(mean))] for name, mean in images.items()},
         bars=[(rung, bars(rungs, rung)) for rung in rungs.ledgers], chart=svg_text(layout(drawn)),
     )  # fmt: skip

@@ -10,12 +10,16 @@ AROUND = 48
 """Pixels across what is shown around a pixel; a tile gets three times its side."""
 
 
-def linked(reasons: Iterable[str], shape: Sequence[int]) -> tuple[list[tuple[str, str | None]], list[dict[str, int]]]:
+Reason = tuple[str, str | None]
+"""What is said, and the address of its place in the picture."""
+
+
+def linked(reasons: Iterable[str], shape: Sequence[int]) -> tuple[list[Reason], list[dict[str, int]]]:
     """Each reason with the address of its place, or None, and the places themselves, each once: (x, y, width, height).
 
     `shape`: the image's. A reason about the whole image leads to all of it.
     """
-    found: list[tuple[str, str | None]] = []
+    found: list[Reason] = []
     places: list[dict[str, int]] = []
     for text in reasons:
         match = PLACE.search(text)

@@ -88,39 +88,38 @@ def rows(comparison: Comparison, tolerance: Tolerance | None, noisy: bool) -> It
 
 
 def shown(value: float | None, digits: int = 3) -> str:
-    """`digits` significant digits, below a thousandth as 2.10e-7; whole numbers whole; a dash for what is missing.
+    """Format to `digits` significant digits, below a thousandth as 2.10e-07; a dash for what is missing.
 
     >>> [shown(v) for v in (0.4567, 2.1e-7, -3, 123456, None)]
-    ['0.457', '2.10e−7', '−3', '123\u202f456', '–']
+    ['0.457', '2.10e-07', '-3', '123\u202f456', '–']
     """
     if value is None:
         return "–"
     if not math.isfinite(value):
-        return f"{value}".replace("nan", "NaN").replace("-", "−")
+        return f"{value}".replace("nan", "NaN")
     if value == 0 or isinstance(value, int):
-        return f"{int(value):,}".replace(",", "\u202f").replace("-", "−")
+        return f"{int(value):,}".replace(",", "\u202f")
     rounded = abs(float(f"{value:.{digits - 1}e}"))
     if 1e-3 <= rounded < 10**digits:
-        return f"{value:#.{digits}g}".rstrip(".").replace("-", "−")
+        return f"{value:#.{digits}g}".rstrip(".")
     if 10**digits <= rounded < 1e6:
-        return f"{value:,.0f}".replace(",", "\u202f").replace("-", "−")
-    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-    return f"{mantissa}e{int(exponent)}".replace("-", "−")
+        return f"{value:,.0f}".replace(",", "\u202f")
+    return f"{value:.{digits - 1}e}"
 
 
 def beside(value: float | None, sigma: float | None) -> str:
     """`value` to two digits of its standard deviation; to four of its own where there is none."""
     if value is None or not sigma or not math.isfinite(sigma):
         return shown(value, 4)
-    return f"{value:.{max(0, 1 - math.floor(math.log10(sigma)))}f}".replace("-", "−")
+    return f"{value:.{max(0, 1 - math.floor(math.log10(sigma)))}f}"
 
 
 def short(value: float) -> str:
-    """A bound or a tick as people write it, small ones to three digits: 1e-5, 7.04e-6, 0.5, 20."""
+    """A bound or a tick as people write it, small ones to three digits: 1e-05, 7.04e-06, 0.5, 20."""
     small = value and not 1e-3 <= abs(value) < 1e4
     mantissa, _, exponent = (f"{value:.2e}" if small else f"{value:.6g}").partition("e")
     mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
-    return (mantissa + (f"e{int(exponent)}" if exponent else "")).replace("-", "−")
+    return mantissa + (f"e{exponent}" if exponent else "")
 
 
 def seconds(value: float | None) -> str:

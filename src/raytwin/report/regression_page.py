@@ -7,7 +7,8 @@ import numpy as np
 
 from raytwin import files, viewer
 from raytwin.image import Image
-from raytwin.report.compare_page import asset, environment, write_report
+from raytwin.report.compare_page import write_report
+from raytwin.report.page import render_page
 from raytwin.report.view import Names, PairView, Tile
 
 INDEX, SCRIPT = "against.html", "against-viewer.js"
@@ -54,6 +55,5 @@ class Against:
 
     def finish(self) -> Path:
         """The index; its path."""
-        page = environment().from_string(asset("against.html.j2")).render(pages=self.pages, css=asset("report.css"))
-        files.write_text(self.folder / INDEX, page)
+        files.write_text(self.folder / INDEX, render_page("against.html.j2", pages=self.pages))
         return self.folder / INDEX

@@ -19,8 +19,11 @@ const TONES = {
   filmic: (x) => (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14), // Narkowicz's fit of ACES
 };
 const CHANNELS = ["RGB", "R", "G", "B", "luminance"];
-// Linear Rec. 709, pale to dark; dark enough to differ by lightness as well as by hue.
-const DARKER = [[1, 1, 1], [0.25, 0.55, 0.95], [0.01, 0.06, 0.45]], BRIGHTER = [[1, 1, 1], [0.95, 0.42, 0.22], [0.42, 0.005, 0.02]];
+// Linear Rec. 709, from no error to the largest; far enough apart to differ by lightness as well as by hue.
+const NIGHT = globalThis.matchMedia?.("(prefers-color-scheme: dark)").matches;
+const [DARKER, BRIGHTER] = NIGHT // around what agrees: the page's own ground
+  ? [[[0.01, 0.013, 0.02], [0.03, 0.16, 0.6], [0.5, 0.78, 1]], [[0.01, 0.013, 0.02], [0.62, 0.09, 0.03], [1, 0.74, 0.5]]]
+  : [[[1, 1, 1], [0.25, 0.55, 0.95], [0.01, 0.06, 0.45]], [[1, 1, 1], [0.95, 0.42, 0.22], [0.42, 0.005, 0.02]]];
 const MAGMA = [0x000004, 0x1d1147, 0x51127c, 0x832681, 0xb73779, 0xe75263, 0xfc8961, 0xfec488, 0xfcfdbf].map((hex) => [hex >> 16, (hex >> 8) & 255, hex & 255]);
 const LOST = [0, 203, 0]; // NaN and infinity
 const OBJECTS = [[250, 250, 250], ...[206, 178, 221, 190, 168, 213, 184, 198].map((v) => [v, v, v]), [59, 66, 76], [230, 97, 0], [93, 58, 155], [214, 0, 110]];
@@ -32,7 +35,7 @@ const EPSILON = 2 ** -11; // relative rounding of a half float
 const rgba = ([r, g, b]) => ((255 << 24) | (b << 16) | (g << 8) | r) >>> 0;
 const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
 const encode = (x) => (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055);
-const signed = (x) => (x < 0 ? "−" : "+") + Math.abs(x).toFixed(2);
+const signed = (x) => (x < 0 ? "-" : "+") + Math.abs(x).toFixed(2);
 const mix = (stops, t) => {
   const at = clamp(t, 0, 1) * (stops.length - 1), i = Math.min(Math.floor(at), stops.length - 2), f = at - i;
   return stops[i].map((v, c) => v + f * (stops[i + 1][c] - v));
@@ -69,22 +72,25 @@ function table(Kind, of) {
   return made;
 }
 
+// One spelling of numbers everywhere: 1.5e-07, as Python has it.
+const spelled = (text) => text.replace(/e([+-])(\d)$/, (_, sign, digit) => `e${sign}0${digit}`);
+
 // v as it is known to +- e: its last digit is right but for one. At most `most` significant digits.
 function digits(v, e, { sign = false, most = 3 } = {}) {
   if (v === null || v === undefined) return "–";
-  if (!Number.isFinite(v)) return String(v).replace("-", "−");
+  if (!Number.isFinite(v)) return String(v);
   if (v === 0) return "0";
   const size = Math.floor(Math.log10(Math.abs(v))), place = e > 0 ? Math.ceil(Math.log10(2 * e) - 1e-9) : -99;
   const count = Math.min(size - place + 1, most);
   let text = "0";
   if (count >= 1) text = size < -3 || size > 4 ? v.toExponential(count - 1) : count > size ? v.toPrecision(count) : String(Number(v.toPrecision(count)));
   else if (Math.round(v / 10 ** place)) text = size < -3 || size > 4 ? (Math.sign(v) * 10 ** place).toExponential(0) : (Math.sign(v) * 10 ** place).toFixed(Math.max(0, -place));
-  return (sign && v > 0 && text !== "0" ? "+" : "") + text.replaceAll("-", "−").replace("e+", "e");
+  return (sign && v > 0 && text !== "0" ? "+" : "") + spelled(text);
 }
 
 const short = (v) => {
   const [m, e] = (v && (Math.abs(v) < 1e-3 || Math.abs(v) >= 1e4) ? v.toExponential(2) : String(Number(v.toPrecision(6)))).split("e");
-  return ((m.includes(".") ? m.replace(/\.?0+$/, "") : m) + (e ? `e${Number(e)}` : "")).replaceAll("-", "−");
+  return spelled((m.includes(".") ? m.replace(/\.?0+$/, "") : m) + (e ? `e${e}` : ""));
 };
 
 function el(tag, properties = {}, ...children) {
@@ -497,21 +503,32 @@ class Viewer {
   outlines(g, pane, f) {
     if (pane.kind === "map" || pane.kind === "objects")
       for (const mark of this.data.marks) this.twice(g, () => g.arc(...f.at(...mark), Math.max(7, 0.75 * f.s), 0, 2 * Math.PI));
-    g.beginPath();
-    for (const [x, y, width, height] of this.data.failing) g.rect(...f.at(x - 0.5, y - 0.5), width * f.s, height * f.s);
-    g.lineWidth = 1;
-    for (const [colour, dash] of [["#fff", []], ["#b42318", [3, 3]]]) {
-      g.strokeStyle = colour;
-      g.setLineDash(dash);
-      g.stroke();
-    }
-    g.setLineDash([]);
+    this.regions(g, f);
     this.data.places.forEach(({ x, y, width, height }, i) => {
       const [u, v] = f.at(x - 0.5, y - 0.5), grow = Math.max(0, 6 - (width * f.s) / 2), w = width * f.s + 2 * grow, h = height * f.s + 2 * grow;
       if (width >= this.data.width && height >= this.data.height) return;
       this.twice(g, () => g.rect(u - grow, v - grow, w, h));
       this.label(g, String(i + 1), u - grow + w + 4, v - grow - 2);
     });
+  }
+
+  // The outline of all tiles that fail, where they touch or overlap as one region: their frames less what lies inside.
+  regions(g, f) {
+    if (!this.data.failing.length) return;
+    const dots = globalThis.devicePixelRatio || 1, sheet = el("canvas", { width: Math.ceil(f.w * dots), height: Math.ceil(f.h * dots) }), on = sheet.getContext("2d");
+    on.setTransform(dots, 0, 0, dots, 0, 0);
+    on.strokeStyle = "#fff";
+    on.fillStyle = "#b42318";
+    for (const [paint, grow] of [["strokeRect", 1.5], ["fillRect", 1.5], ["clear", 0]]) {
+      on.globalCompositeOperation = paint === "clear" ? "destination-out" : "source-over";
+      on.lineWidth = 2;
+      for (const [x, y, width, height] of this.data.failing) {
+        const whole = (at) => Math.round(at * dots) / dots; // tiles that touch share their edge to the screen's pixel
+        const [u, v] = f.at(x - 0.5, y - 0.5).map(whole), [right, low] = f.at(x + width - 0.5, y + height - 0.5).map(whole);
+        on[paint === "clear" ? "fillRect" : paint](u - grow, v - grow, right - u + 2 * grow, low - v + 2 * grow);
+      }
+    }
+    g.drawImage(sheet, 0, 0, f.w, f.h);
   }
 
   cross(g, f) {
@@ -766,7 +783,7 @@ class Viewer {
     this.controls = [];
     const tick = el("input", { type: "checkbox", onchange: () => this.set({ outlines: tick.checked }) });
     this.controls.push(() => { tick.checked = s.outlines; });
-    const adjust = el("details", { className: "rt-adjust", open: this.root.clientWidth >= 700 }, el("summary", { textContent: "Exposure, tone, maps" }), el("div", {},
+    const adjust = el("details", { className: "rt-adjust" }, el("summary", { textContent: "Exposure, tone, maps" }), el("div", {},
       range("Exposure", "exposure", -12, 12, 0.05, signed), range("Gamma", "gamma", 0.4, 3, 0.05, (x) => x.toFixed(2)),
       choice("Tone", "tone", () => Object.keys(TONES)), choice("Channel", "channel", () => CHANNELS),
       ...(names.reference ? [choice("Map", "map", () => this.maps(), (x) => ({ signed: "signed", relative: "relative", sigmas: "in sigmas", flip: "FLIP" })[x]),
@@ -803,7 +820,8 @@ class Viewer {
     const inspector = el("div", { className: "rt-inspector", role: "region", ariaLabel: "Pixel inspector" }, where, el("div", { className: "rt-scroll", tabIndex: 0, role: "group", ariaLabel: "Values of the pixel" }, table), this.bars);
     const keys = "Drag pans, Ctrl + wheel zooms, Shift + wheel exposes; two fingers zoom and pan. In a picture: arrows move by a pixel (Shift: ten), + − 0 zoom, e E exposure, g G gamma, t tone, c channel, m map, s S its range, f flip, w wipe ([ ] move it), a all, 1 to 9 one picture, n p places, o outlines, r reset.";
     this.root.classList.add("rt");
-    this.root.append(bar, adjust, this.box, inspector, el("details", { className: "rt-keys" }, el("summary", { textContent: "Mouse, fingers and keys" }), el("p", { textContent: keys })));
+    bar.append(adjust);
+    this.root.append(bar, el("div", { className: "rt-body" }, this.box, inspector), el("details", { className: "rt-keys" }, el("summary", { textContent: "Mouse, fingers and keys" }), el("p", { textContent: keys })));
     let wide = this.root.clientWidth;
     new ResizeObserver(() => {
       if (wide === this.root.clientWidth) return;
@@ -924,7 +942,7 @@ class Viewer {
       const x = ((stop - low) / (high - low)) * w;
       g.fillRect(x, bottom, 1, 3);
       g.textAlign = "center";
-      g.fillText(stop ? `−${-stop} stops` : "white", x, h);
+      g.fillText(stop ? `${stop} stops` : "white", x, h);
     }
   }
 }

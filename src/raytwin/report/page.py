@@ -1,0 +1,41 @@
+"""One shell for every page: a template that fills the blocks of page.html.j2, and its styles, scripts and data.
+
+Everything that a page shows lies in it, or in files beside it that belong to it: it opens offline. Text is escaped, and
+a name that is missing in a template is an error.
+"""
+
+import functools
+from importlib import resources
+from typing import Any
+
+import jinja2
+
+from raytwin.report import numbers
+
+
+def render_page(template: str, styles: tuple[str, ...] = (), scripts: tuple[str, ...] = (), **data: Any) -> str:
+    """Return the page of `template` (a file of report/, or FOLDER/FILE of raytwin), with report.css and `styles` before
+    it and `scripts`, all file names or texts that hold a line break, in it."""
+    css = "".join(asset(name) for name in ("report.css", *styles))
+    return _environment().get_template(template).render(css=css, js="".join(map(asset, scripts)), **data)
+
+
+def asset(name: str) -> str:
+    """Return the text of a file of report/, or of FOLDER/FILE of raytwin; a text of several lines as it is."""
+    if "\n" in name:
+        return name
+    folder, _, file = name.rpartition("/")
+    return resources.files(f"raytwin.{folder or 'report'}").joinpath(file).read_text(encoding="utf-8")
+
+
+@functools.cache
+def _environment() -> jinja2.Environment:
+    made = jinja2.Environment(
+        loader=jinja2.FunctionLoader(asset),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    made.filters |= {f.__name__: f for f in (numbers.shown, numbers.beside, numbers.short, numbers.seconds)}
+    return made
