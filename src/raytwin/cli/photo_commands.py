@@ -28,16 +28,30 @@ def calibrate_command(
     bend: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw the board's heights; of a second board, FILE_2.png.")
     ] = None,
+    export: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write K and distortion for another program.")
+    ] = None,
+    export_as: Annotated[
+        str | None, typer.Option("--format", help="opencv, ros, kalibr or mrcal (by the ending of --export).")
+    ] = None,
+    against: Annotated[
+        Path | None, typer.Option(metavar="OTHER.toml", help="Compare where this camera and another one project.")
+    ] = None,
+    distance: Annotated[
+        float | None, typer.Option(metavar="M", help="Distance of what --against compares (the boards'); inf too.")
+    ] = None,
+    difference: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Draw what --against finds.")] = None,
 ) -> None:
     """Find the camera: detect the board's tags in the photos, fit K, distortion and a pose for each photo."""
     from raytwin import files, report
     from raytwin.calib import boards
     from raytwin.calib import photos as taken
 
-    check_outputs(files=(json, out, uncertainty, bend))
-    for option, picture in (("--uncertainty", uncertainty), ("--bend", bend)):
-        if picture and picture.suffix.lower() != ".png":
-            raise InputError(option, "a name that ends in .png", picture)
+    check_outputs(files=(json, out, uncertainty, bend, export, difference))
+    _check_pictures({"--uncertainty": uncertainty, "--bend": bend, "--difference": difference})
+    if export:
+        taken.export_format(export, export_as)
+    other = _read_other(against, distance, difference)
     definitions = [boards.read_board(path) for path in board]
     paths = [path for named in photos for path in files.list_photos(named)]
     with show_progress() as progress:
@@ -46,21 +60,52 @@ def calibrate_command(
     if json:
         files.write_json(json, calibration.numbers())
     if out:
-        # Of several boards, the pose is that of the first that the photo shows.
-        shown = {view.photo: view.board for view in reversed(calibration.views)}
-        name = photo or calibration.views[0].photo
-        check_one_of("--photo", name, shown)
-        path = next(p for p in paths if name in (p.name, str(p)))
-        pose = taken.pose_of_photo(calibration, path, definitions[shown[name]])
-        camera = taken.camera_at(calibration, pose.refined)
-        comment = f"Calibrated from {len(shown)} photos, rms {calibration.rms_px:.3f} px."
-        taken.write_camera_file(out, camera, calibration.basis.boards, comment)
+        _write_camera(out, calibration, paths, definitions, photo)
     if uncertainty:
         report.write_uncertainty(calibration, uncertainty)
     if bend:
         report.write_bends(calibration, bend)
+    if export:
+        taken.export_camera(export, calibration, export_as)
     say(report.calibration_summary(calibration))
+    if other is not None:
+        apart = taken.projection_difference(calibration, other, distance)
+        if difference:
+            report.write_difference(calibration, apart, difference)
+        say(report.difference_summary(apart))
     tell_seconds(progress)
+
+
+def _check_pictures(pictures: dict[str, Path | None]) -> None:
+    for option, picture in pictures.items():
+        if picture and picture.suffix.lower() != ".png":
+            raise InputError(option, "a name that ends in .png", picture)
+
+
+def _read_other(against: Path | None, distance: float | None, difference: Path | None):
+    """The camera to compare with, None without one; InputError for options that need one."""
+    from raytwin import files
+
+    if against is None and (difference or distance is not None):
+        raise InputError("--against", "a camera to compare with", "none")
+    if distance is not None and not distance > 0:
+        raise InputError("--distance", "metres > 0, or inf", f"{distance:g}")
+    return files.read_camera(against) if against else None
+
+
+def _write_camera(out: Path, calibration, paths: list[Path], definitions: list, photo: str | None) -> None:
+    """camera.toml with the pose of `photo`, the first one's by default. Of several boards, the pose is that of the
+    first that the photo shows."""
+    from raytwin.calib import photos as taken
+
+    shown = {view.photo: view.board for view in reversed(calibration.views)}
+    name = photo or calibration.views[0].photo
+    check_one_of("--photo", name, shown)
+    path = next(p for p in paths if name in (p.name, str(p)))
+    pose = taken.pose_of_photo(calibration, path, definitions[shown[name]])
+    camera = taken.camera_at(calibration, pose.refined)
+    comment = f"Calibrated from {len(shown)} photos, rms {calibration.rms_px:.3f} px."
+    taken.write_camera_file(out, camera, calibration.basis.boards, comment)
 
 
 def photograph_command(

@@ -11,6 +11,7 @@ _HOME = {
     "augment_summary": "terminal_text",
     "bench_summary": "bench_page",
     "calibration_summary": "terminal_text",
+    "difference_summary": "terminal_text",
     "diff_summary": "terminal_text",
     "ladder_summary": "ladder_page",
     "summary": "terminal_text",
@@ -23,6 +24,7 @@ _HOME = {
     "write_junit": "junit",
     "write_ladder": "ladder_page",
     "write_report": "compare_page",
+    "write_difference": "uncertainty",
     "write_uncertainty": "uncertainty",
 }
 __all__ = list(_HOME)

@@ -1,9 +1,10 @@
 """A comparison or a calibration in a few lines of text, for the terminal."""
 
+import math
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from raytwin.calib.photos import Calibration
+    from raytwin.calib.photos import Calibration, ProjectionDifference
     from raytwin.workflows.compare_scene import Result
     from raytwin.workflows.diff_files import Diff
 
@@ -64,6 +65,16 @@ def calibration_summary(calibration: "Calibration") -> str:
     lines += [f"  {v.photo[-32:]:<32} {v.tags:>4}   {v.rms_px:6.3f}   {v.influence:4.2f}" for v in calibration.views]
     lines += [f"  warning ({w.code}): {w.text}" for w in calibration.warnings]
     return "\n".join(lines)
+
+
+def difference_summary(found: "ProjectionDifference") -> str:
+    """Median, 95th percentile and worst of the projection difference, and what was fitted."""
+    away = "at infinity" if math.isinf(found.distance) else f"at {found.distance:.3g} m"
+    fitted = f"turned by {found.turn_degrees:.3g} degrees, shifted by {1e3 * found.shift_metres:.3g} mm"
+    return (
+        f"against the other camera {away}: median {found.median:.3g} px, 95 % {found.p95:.3g} px, "
+        f"worst {found.worst:.3g} px ({fitted})"
+    )
 
 
 def augment_summary(rows: list[dict[str, Any]]) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from raytwin import files
-from raytwin.calib.photos import Calibration, uncertainty_map
+from raytwin.calib.photos import Calibration, ProjectionDifference, uncertainty_map
 from raytwin.report.charts import INK, SOFT, png_bytes
 from raytwin.report.charts.marks import XY, Box, Drawing, Marker, Picture, Shape, Stroke, Words
 from raytwin.report.numbers import short
@@ -50,9 +50,23 @@ def uncertainty_url(calibration: Calibration) -> str:
 
 def uncertainty_png(calibration: Calibration) -> bytes:
     """One standard deviation of what is seen at each pixel, `photos.uncertainty_map`, with contours: a PNG."""
-    evidence, found = calibration.basis, uncertainty_map(calibration)
-    rayless = np.isnan(found)
-    found = np.where(rayless, np.nanmax(found), found)
+    title = f"1 standard deviation of a point {calibration.basis.distance:.2g} m away, pixels; dots: tags seen"
+    return _map_png(calibration, uncertainty_map(calibration), title)
+
+
+def write_difference(calibration: Calibration, difference: ProjectionDifference, path: str | os.PathLike[str]) -> None:
+    """The projection difference over the frame, drawn as the uncertainty is."""
+    title = f"difference from the other camera at {difference.distance:.2g} m, pixels; dots: tags seen"
+    data = _map_png(calibration, difference.px, title)
+    with files.replacing(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def _map_png(calibration: Calibration, found: np.ndarray, title: str) -> bytes:
+    """Pixels (h, w) over the frame, NaN where no ray belongs to a pixel, with contours and the tags seen: a PNG."""
+    evidence, rayless = calibration.basis, np.isnan(found)
+    # Four decades are enough for the eye; a difference may be 0 somewhere.
+    found = np.maximum(np.where(rayless, np.nanmax(found), found), max(float(np.nanmax(found)) * 1e-4, 1e-9))
     k = SIDE / max(calibration.image_size)
     width, height = (round(k * side) for side in calibration.image_size)
     low, high = LEFT, TOP
@@ -76,7 +90,6 @@ def uncertainty_png(calibration: Calibration) -> bytes:
     for level in levels:
         y = high + height * (1 - (math.log(level) - ends[0]) / (ends[1] - ends[0]))
         shapes += [Stroke(((x + BAR, y), (x + BAR + 3, y)), SOFT, 1), Words(short(level), (x + BAR + 6, y), 9, SOFT)]
-    title = f"1 standard deviation of a point {evidence.distance:.2g} m away, pixels; dots: tags seen"
     shapes.insert(0, Words(title, (low, 12), 10, INK))
     return png_bytes(Drawing(x + BAR + TICKS, high + height + 8, title, tuple(shapes)))
 

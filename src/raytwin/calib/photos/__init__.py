@@ -14,6 +14,7 @@ from raytwin.calib.photos.calibration_result import (
     View,
     explained,
 )
+from raytwin.calib.photos.camera_export import EXPORTS, export_camera, export_format
 from raytwin.calib.photos.camera_file import BoardShape, read_board_shapes, with_shape, write_camera_file
 from raytwin.calib.photos.detection import NoTags, Tag, detect, detect_photo, detect_photos
 from raytwin.calib.photos.diagnostics import CODES
@@ -31,11 +32,13 @@ from raytwin.calib.photos.pose import (
     refined_pose,
     rotation_degrees,
 )
+from raytwin.calib.photos.projection_difference import ProjectionDifference, projection_difference
 from raytwin.calib.photos.tag_cache import detect_photo_once
 from raytwin.calib.photos.uncertainty import deviations, pose_deviation, uncertainty_map
 
 __all__ = [
     "CODES",
+    "EXPORTS",
     "LEAST_VIEWS",
     "MODELS",
     "BoardShape",
@@ -47,6 +50,7 @@ __all__ = [
     "NoTags",
     "Pose",
     "PoseReport",
+    "ProjectionDifference",
     "Tag",
     "Told",
     "View",
@@ -60,11 +64,14 @@ __all__ = [
     "detect_photos",
     "deviations",
     "explained",
+    "export_camera",
+    "export_format",
     "homography_pose",
     "pose_deviation",
     "pose_of_photo",
     "pose_of_tags",
     "project",
+    "projection_difference",
     "read_board_shapes",
     "refined_pose",
     "rotation_degrees",

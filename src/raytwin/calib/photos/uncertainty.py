@@ -157,17 +157,19 @@ def deviations(calibration, pixels: np.ndarray, distance: float = math.inf) -> n
     return found
 
 
-def uncertainty_map(calibration, distance: float | None = None) -> np.ndarray:
-    """(h, w): `deviations` at the middles of h x w equal cells of the image, about CELL pixels wide.
-
-    `distance`: metres, by default the median distance of the boards.
-    """
-    width, height = calibration.image_size
+def cell_middles(image_size: tuple[int, int]) -> tuple[np.ndarray, tuple[int, int]]:
+    """(h w, 2): the middles of h x w equal cells of the image, about CELL pixels wide; and (h, w)."""
+    width, height = image_size
     w, h = max(2, round(width / CELL)), max(2, round(height / CELL))
     u, v = np.meshgrid((np.arange(w) + 0.5) * width / w - 0.5, (np.arange(h) + 0.5) * height / h - 0.5)
-    pixels = np.stack([u.ravel(), v.ravel()], axis=-1)
+    return np.stack([u.ravel(), v.ravel()], axis=-1), (h, w)
+
+
+def uncertainty_map(calibration, distance: float | None = None) -> np.ndarray:
+    """(h, w): `deviations` at `cell_middles`. `distance`: metres, by default the median distance of the boards."""
+    pixels, shape = cell_middles(calibration.image_size)
     where = calibration.basis.distance if distance is None else distance
-    return deviations(calibration, pixels, where).reshape(h, w)
+    return deviations(calibration, pixels, where).reshape(shape)
 
 
 def pose_deviation(calibration, points: np.ndarray, R: np.ndarray, t: np.ndarray) -> tuple[float, float]:
