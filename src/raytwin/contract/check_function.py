@@ -7,6 +7,7 @@ and named where it gives the numbers that were found, in all cases. Two at once 
 import traceback
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,10 @@ from msgspec.structs import replace
 
 from raytwin.contract.composed_tracer import NEEDED
 from raytwin.contract.loading import arrays_of
+from raytwin.contract.repair_function import probe_first, repair_here
 from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant
 from raytwin.contract.stage_result import CaseResult, StageResult
+from raytwin.diagnose.repair import Repair
 
 Outcome = Arrays | str
 """What a call gave: arrays, or in words why there are none."""
@@ -28,6 +31,19 @@ def judge_function(stage: Stage, function: Function, seed: int = 0) -> StageResu
     """Both at once: the function called and judged in this process."""
     cases = stage.cases(seed)
     return judge(stage, cases, call_stage(stage, function, cases))
+
+
+def repair_function(
+    stage: Stage, function: Function, result: StageResult, seed: int = 0, source: str = ""
+) -> Repair | None:
+    """The change of one place of the function's text that makes it right in all cases; None where none is found."""
+    wrong = [not case.passed for case in result.cases]
+    return repair_here(stage, function, probe_first(stage.cases(seed), wrong), partial(is_right, stage), source)
+
+
+def is_right(stage: Stage, case: Case, got: Arrays) -> bool:
+    """Whether these arrays pass the case."""
+    return _passes(stage, case, got)
 
 
 # ------------------------------------------------------------------------------------------ calling

@@ -1,0 +1,529 @@
+"""Slips of the pen, as changes of a syntax tree: a term dropped, a sign turned, an axis forgotten, two names mixed up.
+
+Applied to the textbook they are mistakes, to a student's text they are repairs: each operator has its way back. An
+`Edit` replaces one node; its weight says how far-fetched it is, by how often such slips are seen (1: every term).
+"""
+
+import ast
+import copy
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+
+@dataclass(frozen=True, eq=False)
+class Edit:
+    """`old`, a node of the tree, becomes `new`: a node, or statements. `operator`: what was wrong, in words."""
+
+    operator: str
+    weight: float
+    old: ast.AST
+    new: ast.AST | list[ast.stmt]
+
+    @property
+    def line(self) -> int:
+        return int(getattr(self.old, "lineno", 0))
+
+    @property
+    def before(self) -> str:
+        return ast.unparse(self.old)
+
+    @property
+    def after(self) -> str:
+        return "\n".join(map(ast.unparse, self.new)) if isinstance(self.new, list) else ast.unparse(self.new)
+
+
+def replaced(tree: Any, old: ast.AST, new: ast.AST | list[ast.stmt]) -> Any:
+    """The tree with `new` in the place of `old`; what is not on the way to it is shared."""
+    if tree is old:
+        return new
+    if isinstance(tree, list):
+        made: list[Any] = []
+        for item in tree:
+            one = replaced(item, old, new)
+            made += one if isinstance(one, list) else [one]
+        return tree if len(made) == len(tree) and all(a is b for a, b in zip(made, tree, strict=True)) else made
+    if not isinstance(tree, ast.AST):
+        return tree
+    changed = {name: one for name, value in ast.iter_fields(tree) if (one := replaced(value, old, new)) is not value}
+    if not changed:
+        return tree
+    result = copy.copy(tree)
+    for name, one in changed.items():
+        setattr(result, name, one or [ast.Pass(lineno=1, col_offset=0)] if name == "body" else one)
+    return result
+
+
+USUAL = 2.0
+"""Weights up to here are tried first; beyond are names for one another, and factors by name."""
+
+
+def edits(statement: ast.stmt, numpy: str = "np", words: Sequence[str] = (), rare: bool = False) -> list[Edit]:
+    """Single slips of a top-level statement, the least far-fetched first: those of weights up to `USUAL`, or the rest.
+
+    `numpy`: what the file calls it. `words`: the file's texts, that an index may have mistaken for one another.
+    """
+    scope = _Scope(statement, numpy, tuple(words) if rare else (), rare)
+    made = [edit for node in _code(statement) for edit in _of_node(node, scope)]
+    made = [edit for edit in made if (edit.weight > USUAL) == rare and not _same(edit.old, edit.new)]
+    for edit in made:
+        for node in ast.walk(edit.new) if isinstance(edit.new, ast.AST) else ():
+            if not hasattr(node, "lineno"):
+                ast.copy_location(node, edit.old)
+    return sorted(made, key=lambda e: e.weight)
+
+
+def _same(old: ast.AST, new: ast.AST | list[ast.stmt]) -> bool:
+    return type(old) is type(new) and isinstance(new, ast.AST) and ast.dump(old) == ast.dump(new)
+
+
+def _code(statement: ast.AST) -> Iterator[ast.AST]:
+    """All nodes but docstrings, annotations, decorators and imports."""
+    for name, value in ast.iter_fields(statement):
+        if name in ("annotation", "returns", "decorator_list", "type_params"):
+            continue
+        for child in value if isinstance(value, list) else [value]:
+            text = isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant)
+            if isinstance(child, ast.AST) and not text and not isinstance(child, ast.Import | ast.ImportFrom):
+                yield child
+                yield from _code(child)
+
+
+class _Scope:
+    """What a function's names are, and where its values stand."""
+
+    def __init__(self, statement: ast.stmt, numpy: str, words: tuple[str, ...], rare: bool) -> None:
+        self.numpy, self.words, self.rare = numpy, words, rare
+        nodes = list(_code(statement))
+        called = {n.func.id for n in nodes if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
+        stored = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+        arguments = {n.arg for n in nodes if isinstance(n, ast.arg)}
+        self.names = sorted((stored | arguments) - called - {"self", "_"})
+        self.values: set[int] = set()
+        self.assigned: dict[str, list[ast.expr]] = {}
+        self.steps = [n for n in nodes if isinstance(n, ast.AugAssign)]
+        self.parents = {id(child): n for n in [statement, *nodes] for child in ast.iter_child_nodes(n)}
+        for n in nodes:
+            self.values.update(map(id, _values(n)))
+            if isinstance(n, ast.Assign) and len(n.targets) == 1:
+                self.assigned.setdefault(ast.unparse(n.targets[0]), []).append(n.value)
+
+
+def _values(n: ast.AST) -> list[ast.expr]:
+    """Of a node what is computed with: operands, arguments, what is assigned or returned."""
+    if isinstance(n, ast.BinOp):
+        return [n.left, n.right]
+    if isinstance(n, ast.Call):
+        return [
+            *(a for a in n.args if not isinstance(a, ast.Starred)),
+            *([n.func.value] if isinstance(n.func, ast.Attribute) else []),
+        ]
+    if isinstance(n, ast.Assign | ast.AugAssign | ast.Return) and n.value is not None:
+        return [n.value]
+    if isinstance(n, ast.Tuple | ast.List) and isinstance(n.ctx, ast.Load):
+        return [e for e in n.elts if not isinstance(e, ast.Starred)]
+    if isinstance(n, ast.Compare):
+        return [n.left, *n.comparators]
+    return []
+
+
+Found = Iterator[tuple[str, float, Any]]
+
+
+def _of_node(node: ast.AST, scope: _Scope) -> Iterator[Edit]:
+    if isinstance(getattr(node, "ctx", None), ast.Store | ast.Del) and not isinstance(node, ast.Tuple | ast.List):
+        return
+    for kind, rule in RULES:
+        if isinstance(node, kind):
+            yield from (Edit(operator, weight, node, new) for operator, weight, new in rule(node, scope))
+    if id(node) in scope.values and isinstance(node, ast.expr) and not _is_text(node):
+        yield from (Edit(operator, weight, node, new) for operator, weight, new in _wrapped(node, scope))
+
+
+def _is_text(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant) and not isinstance(node.value, int | float)
+
+
+# ------------------------------------------------------------------------------------------ templates
+
+
+@cache
+def _template(text: str) -> ast.expr:
+    return ast.parse(text, mode="eval").body
+
+
+def fill(text: str, **parts: ast.expr) -> Any:
+    """The expression `text`, its names A, B and so on replaced by nodes."""
+    made: Any = _template(text)
+    for name, part in parts.items():
+        for node in [n for n in ast.walk(made) if isinstance(n, ast.Name) and n.id == name]:
+            made = replaced(made, node, part)
+    return made
+
+
+WRAPS: tuple[tuple[str, float, str], ...] = (
+    ("a square root is missing", 1.0, "NP.sqrt(A)"),
+    ("a square is missing", 1.0, "A**2"),
+    ("the sign is wrong", 1.0, "-A"),
+    ("the absolute value is missing", 1.3, "NP.abs(A)"),
+    ("a bound of 0 is missing", 1.2, "NP.maximum(0, A)"),
+    ("it is not made unit", 1.2, "A / NP.linalg.norm(A, axis=-1, keepdims=True)"),
+    ("it is not transposed", 1.1, "A.T"),
+    ("degrees are used as radians", 1.6, "NP.radians(A)"),
+    ("a copy is missing", 1.4, "A.copy()"),
+    ("an axis is missing", 1.4, "A[:, None]"),
+    ("an axis is missing", 1.4, "A[..., None]"),
+    ("the order is reversed", 1.8, "A[::-1]"),
+    ("the channels are reversed", 1.8, "A[..., ::-1]"),
+    ("a factor 2 is missing", 1.2, "2 * A"),
+    ("a factor 2 is too many", 1.2, "A / 2"),
+    ("pi is missing", 1.3, "A / NP.pi"),
+    ("pi is too many", 1.3, "NP.pi * A"),
+    ("a factor 4 is missing", 1.5, "4 * A"),
+    ("it is its complement", 1.6, "1 - A"),
+    ("it is inverted", 1.8, "1 / A"),
+    ("half a step is off", 1.6, "A + 0.5"),
+    ("half a step is off", 1.6, "A - 0.5"),
+    ("one step is off", 1.7, "A + 1"),
+    ("one step is off", 1.7, "A - 1"),
+    ("it is negated", 1.6, "~A"),
+    ("it is cut to whole numbers", 1.8, "A.astype(float)"),
+    ("rows and columns are swapped", 1.8, "A.transpose(1, 0, 2)"),
+    ("the sum over an axis is missing", 1.8, "NP.sum(A, axis=-1)"),
+    ("the length is wanted", 1.9, "NP.linalg.norm(A, axis=-1)"),
+    ("it is bounded", 2.2, "NP.clip(A, 0, 1)"),
+    ("it is encoded", 2.2, "A ** (1 / 2.2)"),
+    ("it is encoded", 2.2, "A**2.2"),
+)
+"""What may be missing around a value: in words, how far-fetched, and what it is then."""
+
+
+def _wrapped(node: ast.expr, scope: _Scope) -> Found:
+    numpy = _template(scope.numpy)
+    negative = isinstance(node, ast.UnaryOp)
+    for words, weight, text in WRAPS:
+        number = isinstance(node, ast.Constant) and ("NP" in text or "[" in text or "." in text)
+        if not number and not (negative and text == "-A"):
+            yield words, weight, fill(text, A=node, NP=numpy)
+    parent = scope.parents[id(node)]
+    if not scope.rare:
+        return
+    if isinstance(parent, ast.Compare):
+        for name in scope.names:
+            yield "another value is compared", 2.3, _name(name)
+    elif not isinstance(parent, ast.Call) and not isinstance(node, ast.Constant):
+        for name in scope.names:
+            yield f"the factor {name} is missing", 2.4, fill("A * B", A=node, B=_name(name))
+            yield f"the divisor {name} is missing", 2.4, fill("A / B", A=node, B=_name(name))
+            yield f"the term {name} is missing", 2.6, fill("A + B", A=node, B=_name(name))
+            yield f"the term {name} is missing", 2.6, fill("A - B", A=node, B=_name(name))
+
+
+def _name(name: str) -> ast.expr:
+    return _template(name)
+
+
+# ------------------------------------------------------------------------------------------ expressions
+
+OTHER_SIGN: dict[type, tuple[str, type]] = {
+    ast.Add: ("the sign is wrong", ast.Sub),
+    ast.Sub: ("the sign is wrong", ast.Add),
+    ast.Mult: ("it is multiplied instead of divided", ast.Div),
+    ast.Div: ("it is divided instead of multiplied", ast.Mult),
+    ast.BitAnd: ("`and` stands for `or`", ast.BitOr),
+    ast.BitOr: ("`or` stands for `and`", ast.BitAnd),
+    ast.FloorDiv: ("it is divided without remainder", ast.Div),
+    ast.MatMult: ("it is a product of matrices", ast.Mult),
+    ast.Mod: ("the remainder is taken", ast.FloorDiv),
+}
+
+
+def _binary(n: ast.BinOp, scope: _Scope) -> Found:
+    a, b = n.left, n.right
+    if type(n.op) in OTHER_SIGN:
+        words, other = OTHER_SIGN[type(n.op)]
+        yield words, 1.0, ast.BinOp(a, other(), b)
+    yield f"`{_short(b)}` is too many", 1.1, a
+    if not isinstance(n.op, ast.Div | ast.Pow):
+        yield f"`{_short(a)}` is too many", 1.1, b
+    if isinstance(n.op, ast.Sub):
+        yield f"`{_short(a)}` is too many", 1.5, ast.UnaryOp(ast.USub(), b)
+    if isinstance(n.op, ast.Sub | ast.Div | ast.MatMult | ast.Pow):
+        yield "the operands are swapped", 1.1, ast.BinOp(b, n.op, a)
+    if isinstance(a, ast.BinOp) and not isinstance(n.op, ast.Pow | ast.MatMult):
+        yield "the brackets are missing", 1.0, ast.BinOp(a.left, a.op, ast.BinOp(a.right, n.op, b))
+    if isinstance(b, ast.BinOp):
+        yield "the brackets are too many", 1.1, ast.BinOp(ast.BinOp(a, n.op, b.left), b.op, b.right)
+    if isinstance(n.op, ast.MatMult):
+        yield "the matrix is not transposed, or on the wrong side", 1.2, fill("B @ A.T", A=a, B=b)
+    if isinstance(n.op, ast.Mult):
+        yield "it is multiplied, not raised to a power", 1.7, ast.BinOp(a, ast.Pow(), b)
+        yield "a product of matrices is wanted", 1.6, ast.BinOp(a, ast.MatMult(), b)
+
+
+def _short(node: ast.AST) -> str:
+    text = ast.unparse(node)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+REVERSED: dict[type, tuple[tuple[float, type], ...]] = {
+    ast.Lt: ((1.0, ast.Gt), (1.8, ast.LtE)),
+    ast.LtE: ((1.0, ast.GtE), (1.8, ast.Lt)),
+    ast.Gt: ((1.0, ast.Lt), (1.8, ast.GtE)),
+    ast.GtE: ((1.0, ast.LtE), (1.8, ast.Gt)),
+    ast.Eq: ((1.0, ast.NotEq),),
+    ast.NotEq: ((1.0, ast.Eq),),
+    ast.In: ((1.0, ast.NotIn),),
+    ast.NotIn: ((1.0, ast.In),),
+}
+
+
+def _compare(n: ast.Compare, scope: _Scope) -> Found:
+    if len(n.ops) == 1:
+        for weight, other in REVERSED.get(type(n.ops[0]), ()):
+            yield "the comparison is reversed", weight, ast.Compare(n.left, [other()], n.comparators)
+
+
+def _both(n: ast.BoolOp, scope: _Scope) -> Found:
+    yield "`and` and `or` are mixed up", 1.0, ast.BoolOp(ast.Or() if isinstance(n.op, ast.And) else ast.And(), n.values)
+    for k, value in enumerate(n.values):
+        rest = n.values[:k] + n.values[k + 1 :]
+        yield f"the condition `{_short(value)}` is too many", 1.3, rest[0] if len(rest) == 1 else ast.BoolOp(n.op, rest)
+
+
+def _unary(n: ast.UnaryOp, scope: _Scope) -> Found:
+    yield "the sign is wrong" if isinstance(n.op, ast.USub) else "it is negated", 1.0, n.operand
+
+
+def _choice(n: ast.IfExp, scope: _Scope) -> Found:
+    yield "the two cases are swapped", 1.1, ast.IfExp(n.test, n.orelse, n.body)
+    yield "a condition is too many", 1.5, n.body
+    yield "a condition is too many", 1.5, n.orelse
+
+
+EXCHANGED = (
+    ("sqrt", "square"), ("minimum", "maximum"), ("min", "max"), ("argmin", "argmax"), ("any", "all"),
+    ("sin", "cos"), ("sin", "tan"), ("cos", "tan"), ("arccos", "arcsin"), ("arctan", "tan"), ("acos", "asin"),
+    ("floor", "round"), ("mean", "sum"), ("zeros", "ones"), ("zeros_like", "ones_like"), ("radians", "degrees"),
+    ("deg2rad", "rad2deg"), ("isfinite", "isinf"), ("isfinite", "isnan"), ("vstack", "hstack"),
+    ("logical_and", "logical_or"), ("sum", "prod"), ("floor", "rint"), ("nanmin", "nanmax"), ("sum", "max"),
+)  # fmt: skip
+SIMILAR: dict[str, list[str]] = {}
+for _a, _b in EXCHANGED:
+    SIMILAR.setdefault(_a, []).append(_b)
+    SIMILAR.setdefault(_b, []).append(_a)
+OVER_AN_AXIS = {
+    "sum", "norm", "mean", "min", "max", "argmin", "argmax", "any", "all", "prod", "stack", "concatenate", "flip",
+    "cumsum", "nanmin", "nanmax", "argsort", "sort", "median", "repeat", "roll",
+}  # fmt: skip
+WITHOUT_KEEPDIMS = {"stack", "concatenate", "flip", "cumsum", "argsort", "sort", "repeat", "roll"}
+
+
+def _call(n: ast.Call, scope: _Scope) -> Found:
+    called = n.func.attr if isinstance(n.func, ast.Attribute) else n.func.id if isinstance(n.func, ast.Name) else ""
+    for i in range(len(n.args)):
+        for j in range(i + 1, len(n.args)):
+            yield "arguments are swapped", 1.2, ast.Call(n.func, _swapped(n.args, i, j), n.keywords)
+    inner = [*n.args[:3], *([n.func.value] if isinstance(n.func, ast.Attribute) else [])]
+    for one in inner:
+        if not isinstance(one, ast.Constant) and ast.unparse(one) not in (scope.numpy, "math", f"{scope.numpy}.linalg"):
+            yield f"`{called}` is too many", 1.3, one
+    for other in SIMILAR.get(called, ()):
+        yield f"`{called}` stands for `{other}`", 1.0, ast.Call(_called(n.func, other), n.args, n.keywords)
+    for k, keyword in enumerate(n.keywords):
+        rest = n.keywords[:k] + n.keywords[k + 1 :]
+        yield f"`{keyword.arg}` is too many", 1.5, ast.Call(n.func, n.args, rest)
+    if called in OVER_AN_AXIS:
+        yield from _axes(n, called)
+    if called == "reshape":
+        yield "the order is by columns", 1.6, ast.Call(n.func, n.args, [*n.keywords, _keyword("order", "F")])
+    if called == "meshgrid":
+        yield "rows and columns are swapped", 1.3, ast.Call(n.func, n.args, [_keyword("indexing", "ij")])
+    if called == "range":
+        yield "there are too few steps", 0.9, fill("range(100)")
+
+
+def _axes(n: ast.Call, called: str) -> Found:
+    others = [k for k in n.keywords if k.arg not in ("axis", "keepdims")]
+    plain = n.args if len(n.args) < 2 or not isinstance(n.args[1], ast.Constant) else n.args[:1]
+    if called == "norm" and len(n.args) == 2:
+        plain = n.args[:1]
+    for axis in (-1, 0, 1, 2):
+        for keepdims in (False,) if called in WITHOUT_KEEPDIMS else (False, True):
+            words = [_keyword("axis", axis), *([_keyword("keepdims", True)] if keepdims else [])]
+            yield (
+                "it is over the wrong axis, or over all",
+                0.8 + 0.1 * (axis == 2),
+                ast.Call(n.func, plain, [*others, *words]),
+            )
+
+
+def _keyword(name: str, value: Any) -> ast.keyword:
+    return ast.keyword(name, _template(repr(value)))
+
+
+def _called(func: ast.expr, name: str) -> ast.expr:
+    made = copy.copy(func)
+    setattr(made, "attr" if isinstance(func, ast.Attribute) else "id", name)
+    return made
+
+
+def _swapped(items: Sequence[Any], i: int, j: int) -> list[Any]:
+    made = list(items)
+    made[i], made[j] = made[j], made[i]
+    return made
+
+
+def _attribute(n: ast.Attribute, scope: _Scope) -> Found:
+    if n.attr == "T":
+        yield "it is transposed", 0.8, n.value
+    if n.attr in ("min", "max") and isinstance(scope.parents[id(n)], ast.Call):
+        return
+
+
+def _subscript(n: ast.Subscript, scope: _Scope) -> Found:
+    yield "the index is too many", 1.9, n.value
+    if isinstance(n.slice, ast.Constant) and isinstance(n.slice.value, str):
+        for word in scope.words:
+            if word != n.slice.value:
+                yield "another entry is wanted", 2.2, ast.Subscript(n.value, _template(repr(word)), n.ctx)
+
+
+def _sequence(n: ast.Tuple | ast.List, scope: _Scope) -> Found:
+    """Another order: two swapped, or one put elsewhere."""
+    make = type(n)
+    count = len(n.elts)
+    for i in range(count):
+        for j in range(i + 1, count):
+            yield "the order is wrong", 1.0, make(_swapped(n.elts, i, j), n.ctx)
+    for i in range(count if 2 < count <= 6 else 0):
+        rest = n.elts[:i] + n.elts[i + 1 :]
+        for j in range(count):
+            if abs(i - j) > 1:
+                yield "the order is wrong", 1.2, make([*rest[:j], n.elts[i], *rest[j:]], n.ctx)
+
+
+def _constant(n: ast.Constant, scope: _Scope) -> Found:
+    value = n.value
+    if isinstance(value, bool):
+        yield "it is the opposite", 1.0, _template(repr(not value))
+    elif isinstance(value, int | float):
+        yield from _number(value, scope)
+    elif isinstance(value, str) and isinstance(scope.parents[id(n)], ast.Compare):
+        for word in scope.words:
+            if word != value:
+                yield "another word is wanted", 2.2, _template(repr(word))
+
+
+def _number(value: float, scope: _Scope) -> Found:
+    if isinstance(value, int):
+        others: tuple[float, ...] = (0, 1, 2, value + 1, value - 1, -value, 3, 4, 2 * value, value / 2, 100)
+    else:
+        others = (0.0, 1.0, value / 10, value * 10, 1e-3 * value, 2 * value, value / 2, -value)
+        if abs(value - 3.14159265) < 0.2:
+            yield "pi is not exact", 0.9, fill("NP.pi", NP=_template(scope.numpy))
+    for other in dict.fromkeys(others):
+        if other != value:
+            yield "another number is wanted", 1.2 if other in (0, 1, 2) else 1.8, _template(repr(other))
+
+
+def _name_for_another(n: ast.Name, scope: _Scope) -> Found:
+    if n.id not in scope.names:
+        return
+    for other in scope.names:
+        if other != n.id and _alike(n.id, other) != scope.rare:
+            yield f"`{n.id}` stands for `{other}`", 1.2 if _alike(n.id, other) else 2.1, _name(other)
+
+
+def _alike(a: str, b: str) -> bool:
+    """x and y, u and v, p1 and p2, near and far, x and xd: of one kind by their spelling."""
+    pairs = {"near far", "row col", "width height", "origins directions", "origin direction", "w h"}
+    if f"{a} {b}" in pairs or f"{b} {a}" in pairs or (len(a) == len(b) == 1):
+        return True
+    if a.startswith(b) or b.startswith(a):
+        return abs(len(a) - len(b)) <= 2
+    return len(a) == len(b) and sum(x != y for x, y in zip(a, b, strict=True)) == 1
+
+
+# ------------------------------------------------------------------------------------------ statements
+
+
+def _assign(n: ast.Assign, scope: _Scope) -> Found:
+    if len(n.targets) != 1:
+        return
+    target = n.targets[0]
+    yield "this line is too many", 2.0, [ast.copy_location(ast.Pass(), n)]
+    for other in scope.assigned.get(ast.unparse(target), ()):
+        if other is not n.value:
+            yield "elsewhere it is computed otherwise", 1.6, ast.Assign([target], other)
+    if isinstance(target, ast.Name | ast.Subscript):
+        for op in (ast.Add(), ast.BitAnd(), ast.BitOr(), ast.Mult(), ast.Sub()):
+            yield "each time replaces the one before", 1.5, ast.AugAssign(target, op, n.value)
+        if isinstance(target, ast.Name):
+            for least in ("minimum", "maximum"):
+                text = f"NP.{least}(A, B)"
+                value = fill(text, A=_name(target.id), B=n.value, NP=_template(scope.numpy))
+                yield "each time replaces the one before", 1.5, ast.Assign([target], value)
+
+
+def _augmented(n: ast.AugAssign, scope: _Scope) -> Found:
+    yield "this line is too many", 2.0, [ast.copy_location(ast.Pass(), n)]
+    if type(n.op) in OTHER_SIGN:
+        words, other = OTHER_SIGN[type(n.op)]
+        yield words, 1.0, ast.AugAssign(n.target, other(), n.value)
+    yield "it is added up, not replaced", 1.6, ast.Assign([n.target], n.value)
+
+
+def _expression(n: ast.Expr, scope: _Scope) -> Found:
+    yield "this line is too many", 2.0, [ast.copy_location(ast.Pass(), n)]
+
+
+def _if(n: ast.If, scope: _Scope) -> Found:
+    yield "the condition is the wrong way round", 1.1, ast.If(ast.UnaryOp(ast.Not(), n.test), n.body, n.orelse)
+    yield "the condition is too many", 1.5, list(n.body)
+    yield "the condition never holds", 1.5, list(n.orelse) or [ast.copy_location(ast.Pass(), n)]
+    if n.orelse:
+        yield "the two cases are swapped", 1.1, ast.If(n.test, n.orelse, n.body)
+
+
+def _loop(n: ast.For | ast.While, scope: _Scope) -> Found:
+    if isinstance(n.body[-1], ast.Return):
+        shorter = copy.copy(n)
+        shorter.body = n.body[:-1] or [ast.copy_location(ast.Pass(), n)]
+        yield "the return is one level too deep: it ends the loop", 0.8, [shorter, n.body[-1]]
+    for step in scope.steps:
+        if step not in n.body:
+            longer = copy.copy(n)
+            longer.body = [*n.body, step]
+            yield f"`{_short(step)}` is missing in the loop", 2.2, longer
+    if len(n.body) > 1:
+        shorter = copy.copy(n)
+        shorter.body = n.body[:-1]
+        yield "the last line belongs behind the loop", 2.0, [shorter, n.body[-1]]
+
+
+def _jump(n: ast.stmt, scope: _Scope) -> Found:
+    yield "it ends too early", 1.2, [ast.copy_location(ast.Pass(), n)]
+
+
+RULES: tuple[tuple[Any, Callable[[Any, _Scope], Found]], ...] = (
+    (ast.BinOp, _binary),
+    (ast.Compare, _compare),
+    (ast.BoolOp, _both),
+    (ast.UnaryOp, _unary),
+    (ast.IfExp, _choice),
+    (ast.Call, _call),
+    (ast.Attribute, _attribute),
+    (ast.Subscript, _subscript),
+    (ast.Tuple | ast.List, _sequence),
+    (ast.Constant, _constant),
+    (ast.Name, _name_for_another),
+    (ast.Assign, _assign),
+    (ast.AugAssign, _augmented),
+    (ast.Expr, _expression),
+    (ast.If, _if),
+    (ast.For | ast.While, _loop),
+    (ast.Break | ast.Continue, _jump),
+)
+"""Which nodes a rule is for, and the rule: (what was wrong, how far-fetched, what stands there instead)."""

@@ -1,0 +1,246 @@
+"""A slip found in a student's own text: the change of one place that makes every value right, its line, and the way.
+
+The same operators that make mistakes of the textbook make repairs of a text. Candidates are compiled here, run where
+the student's code may run (`attempt`, in the sandbox or in this process), and judged here again. One that makes every
+case right is a proof: it needs no catalogue.
+"""
+
+import ast
+import marshal
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from raytwin.diagnose.operators import Edit, edits, replaced
+
+Cells = Sequence[tuple[str, str]]
+"""(name, text): a Python file has one, a notebook several."""
+Answers = list[tuple[np.ndarray, ...] | None]
+AT_ONCE = 48
+"""Candidates that are tried in one call."""
+A_CALL = 0.25
+"""Seconds of computing after which a candidate is given up; or so many times what the student's own function takes."""
+
+
+@dataclass(frozen=True)
+class Repair:
+    """`line` of `cell` has `before`; `after` in its place makes everything right. `operator`: what was wrong."""
+
+    cell: str
+    line: int
+    operator: str
+    before: str
+    after: str
+    tried: int = 0
+
+    def hint(self, level: int) -> str:
+        """1: where. 2: what is wrong there, too. 3: what to write, too. Empty for 0."""
+        if level < 1:
+            return ""
+        where = f"{self.cell + ', ' if self.cell.startswith('cell ') else ''}line {self.line}"
+        if level == 1:
+            return f"look at {where}: a change there makes everything right"
+        if level == 2:
+            return f"{where}: {self.operator} in `{self.before}`"
+        return f"{where}: {self.operator}; `{self.after}` in place of `{self.before}` makes everything right"
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A change, compiled: `code` binds `names` anew."""
+
+    cell: str
+    statement: ast.stmt
+    edit: Edit
+    code: bytes
+    names: tuple[str, ...]
+
+
+Run = Callable[[Sequence[Candidate], Sequence[Any]], Answers]
+"""(candidates, arguments) -> what the function returns with each of them; None: it raised, or took too long."""
+
+
+def repair(
+    cells: Cells, function: str, cases: Sequence[Any], is_right: Callable[[Any, Any], bool], run: Run,
+    more_time: Callable[[], bool], innocent: Sequence[str] = (),
+) -> Repair | None:  # fmt: skip
+    """The least far-fetched change of one place after which `function` is right in all cases; None where none is found.
+
+    `cases` have `args`; the first is one that is wrong. `is_right(case, arrays)`. `innocent`: functions that are right
+    by their own tests. `more_time()`: whether to go on.
+    """
+    tried = 0
+    for chunk in _chunks(candidates(cells, function, innocent)):
+        if not more_time():
+            return None
+        tried += len(chunk)
+        left = chunk
+        for case in cases:
+            if not left:
+                break
+            answers = run(left, case.args)
+            left = [c for c, got in zip(left, answers, strict=True) if got is not None and is_right(case, got)]
+        if left:
+            return _told(left[0], tried)
+    return None
+
+
+def _chunks(all_: Iterator[Candidate]) -> Iterator[list[Candidate]]:
+    chunk: list[Candidate] = []
+    for one in all_:
+        chunk.append(one)
+        if len(chunk) == AT_ONCE:
+            yield chunk
+            chunk = []
+    if chunk:
+        yield chunk
+
+
+def _told(best: Candidate, tried: int) -> Repair:
+    """The statement on one line, before and after; of what spans more, the expression that differs."""
+    edit = best.edit
+    smallest = _simple_statement(best.statement, edit.old)
+    if smallest is not None and not isinstance(edit.new, list):
+        before, after = ast.unparse(smallest), ast.unparse(replaced(smallest, edit.old, edit.new))
+        if len(before) <= 100 and "\n" not in before + after:
+            return Repair(best.cell, edit.line, edit.operator, before, after, tried)
+    after = edit.after.splitlines()[-1] if edit.operator.startswith("the return") else edit.after
+    before = after if edit.operator.startswith("the return") else edit.before.splitlines()[0]
+    line = edit.line
+    if edit.operator.startswith("the return") and isinstance(edit.old, ast.For | ast.While):
+        line = edit.old.body[-1].lineno
+        after = f"{after} (after the loop)"
+    return Repair(best.cell, line, edit.operator, before, after.splitlines()[0], tried)
+
+
+def _simple_statement(tree: ast.AST, node: ast.AST) -> ast.stmt | None:
+    """The innermost statement around the node that has no others in it."""
+    for one in ast.walk(tree):
+        if isinstance(one, ast.stmt) and not hasattr(one, "body") and any(n is node for n in ast.walk(one)):
+            return one
+    return None
+
+
+# ------------------------------------------------------------------------------------------ candidates
+
+
+def candidates(cells: Cells, function: str, innocent: Sequence[str] = ()) -> Iterator[Candidate]:
+    """Single changes of what `function` is made of, the least far-fetched first."""
+    reached = _statements(cells, function, innocent)
+    words = sorted({w for _, s in reached for n in ast.walk(s) if (w := _word(n))})
+    numpy = _numpy(cells)
+    for rare in (False, True):
+        found = [(e, cell, s) for cell, s in reached for e in edits(s, numpy, words, rare)]
+        for edit, cell, statement in sorted(found, key=lambda f: f[0].weight):
+            code = _compiled(statement, edit)
+            if code is not None:
+                yield Candidate(cell, statement, edit, code, _bound(statement))
+
+
+def _word(node: ast.AST) -> str:
+    text = node.value if isinstance(node, ast.Constant) else ""
+    return text if isinstance(text, str) and text.isidentifier() else ""
+
+
+def _numpy(cells: Cells) -> str:
+    for _, text in cells:
+        for node in ast.walk(_parsed(text)):
+            if isinstance(node, ast.Import):
+                for alias in node.names:
+                    if alias.name == "numpy":
+                        return alias.asname or "numpy"
+    return "np"
+
+
+def _parsed(text: str) -> ast.Module:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return ast.parse(text)
+    except (SyntaxError, ValueError, RecursionError):
+        return ast.Module([], [])
+
+
+def _statements(cells: Cells, function: str, innocent: Sequence[str]) -> list[tuple[str, ast.stmt]]:
+    """Those top-level statements that bind the function and whatever it, in turn, reads, but for what is innocent."""
+    bound: dict[str, tuple[str, ast.stmt]] = {}
+    for cell, text in cells:
+        for statement in _parsed(text).body:
+            bound |= dict.fromkeys(_bound(statement), (cell, statement))
+    found: dict[int, tuple[str, ast.stmt]] = {}
+    todo = [function]
+    bound = {name: one for name, one in bound.items() if name not in innocent}
+    while todo:
+        name = todo.pop(0)
+        if name in bound and id(bound[name][1]) not in found:
+            found[id(bound[name][1])] = bound[name]
+            todo += [n.id for n in ast.walk(bound[name][1]) if isinstance(n, ast.Name)]
+    return list(found.values())
+
+
+def _bound(statement: ast.stmt) -> tuple[str, ...]:
+    if isinstance(statement, ast.FunctionDef | ast.ClassDef):
+        return (statement.name,)
+    if isinstance(statement, ast.Assign):
+        return tuple(n.id for target in statement.targets for n in ast.walk(target) if isinstance(n, ast.Name))
+    return ()
+
+
+def _compiled(statement: ast.stmt, edit: Edit) -> bytes | None:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            changed = ast.Module([replaced(statement, edit.old, edit.new)], [])
+            return marshal.dumps(compile(changed, "<repair>", "exec", dont_inherit=True))
+    except (SyntaxError, ValueError, TypeError, RecursionError):
+        return None
+
+
+# ------------------------------------------------------------------------------------------ running
+
+
+def attempt(space: Any, function: Any, codes: Any, names: Any, arguments: Any, seconds: Any) -> Any:
+    """What the function returns with each code run in `space`, its names put back after: a list of arrays or None.
+
+    Its text is sent into the sandbox: it imports what it needs itself.
+    """
+    import contextlib
+    import copy
+    import io
+    import marshal
+    import signal
+    import threading
+    import warnings
+
+    import numpy
+
+    def stop(number: Any, frame: Any) -> None:
+        raise TimeoutError
+
+    timed = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
+    before_it = signal.signal(signal.SIGVTALRM, stop) if timed else None
+    made = []
+    for code, bound in zip(codes, names, strict=True):
+        old = {name: space[name] for name in bound if name in space}
+        answer = None
+        try:
+            with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings(), numpy.errstate(all="ignore"):
+                warnings.simplefilter("ignore")
+                if timed:
+                    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
+                exec(marshal.loads(code), space)
+                got = space[function](*copy.deepcopy(arguments))
+                answer = tuple(numpy.array(a, dtype=float) for a in (got if isinstance(got, tuple) else (got,)))
+        except (Exception, SystemExit):  # a change that does not run is none
+            answer = None
+        finally:
+            if timed:
+                signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+            space.update(old)
+        made.append(answer)
+    if timed:
+        signal.signal(signal.SIGVTALRM, before_it)
+    return made

@@ -1,0 +1,84 @@
+"""A slip in a student's text is undone by one change, and its line is named; what is right is left alone."""
+
+import ast
+import types
+
+import pytest
+from starter_submissions import LOOPS, PLAIN, RIGHT, SLIPS
+
+from raytwin.contract.check_function import judge_function, repair_function
+from raytwin.contract.stage_table import CONTRACT
+from raytwin.diagnose.operators import edits, replaced
+from raytwin.diagnose.repair import Repair, attempt, candidates
+from raytwin.diagnose.textbook import TEXT
+
+QUICK = [s for s in SLIPS if s.label in (
+    "norm without axis", "return in the loop", "sum of everything", "or for and", "minimum", "sky without albedo",
+)]  # fmt: skip
+
+
+def module(source):
+    made = types.ModuleType("submission")
+    exec(compile(source, "submission.py", "exec"), made.__dict__)
+    return made
+
+
+@pytest.mark.parametrize("slip", QUICK, ids=lambda s: s.label)
+def test_the_line_of_a_slip_is_named_and_what_to_write_makes_everything_right(slip):
+    made, stage = module(slip.source), CONTRACT[slip.shows]
+    function = getattr(made, slip.shows)
+    found = repair_function(stage, function, judge_function(stage, function), source=slip.source)
+    assert found is not None
+    assert found.line == slip.line
+    lines = slip.source.split("\n")
+    if "(after the loop)" not in found.after:
+        indent = lines[found.line - 1][: -len(lines[found.line - 1].lstrip())]
+        lines[found.line - 1] = indent + found.after
+        assert judge_function(stage, getattr(module("\n".join(lines)), slip.shows)).passed
+    assert getattr(made, slip.shows) is function
+
+
+@pytest.mark.parametrize("variation", RIGHT)
+def test_right_submissions_pass_every_test(variation):
+    text, old, new = variation
+    made = module(text.replace(old, new) if old else text)
+    assert all(judge_function(s, getattr(made, s.name)).passed for s in CONTRACT.values() if hasattr(made, s.name))
+
+
+def test_hints_say_where_then_what_then_what_to_write():
+    found = Repair("cell 3", 7, "a square root is missing", "t = disc", "t = np.sqrt(disc)")
+    one, two, three = (found.hint(level) for level in (1, 2, 3))
+    assert found.hint(0) == ""
+    assert "cell 3, line 7" in one
+    assert "square root" not in one
+    assert "square root" in two
+    assert "np.sqrt(disc)" not in two
+    assert "`t = np.sqrt(disc)`" in three
+
+
+def test_nothing_is_tried_on_a_text_that_is_not_known():
+    stage, made = CONTRACT["shade"], module(QUICK[-1].source)
+    assert repair_function(stage, made.shade, judge_function(stage, made.shade)) is None
+
+
+def test_a_change_that_does_not_end_is_given_up_and_names_are_put_back():
+    space = {"f": len}
+    codes = [c.code for c in candidates([("", "def f(n):\n    while n < 0:\n        n += 1\n    return n")], "f")]
+    made = attempt(space, "f", codes, [("f",)] * len(codes), (1,), 0.02)
+    assert None in made
+    assert any(one is not None and one[0] == 1 for one in made)
+    assert space["f"] is len
+
+
+@pytest.mark.parametrize("text", [TEXT, PLAIN, LOOPS], ids=["textbook", "plain", "loops"])
+def test_every_edit_changes_one_place_and_leaves_the_tree_as_it_was(text):
+    for statement in (s for s in ast.parse(text).body if isinstance(s, ast.FunctionDef)):
+        whole = ast.dump(statement)
+        for edit in edits(statement)[::7]:
+            assert ast.dump(replaced(statement, edit.old, edit.new)) != whole, edit.after
+        assert ast.dump(statement) == whole
+
+
+def test_what_is_right_by_its_own_test_is_not_changed():
+    reached = {name for c in candidates([("", PLAIN)], "hit_points", ("back_project",)) for name in c.names}
+    assert reached == {"hit_points", "camera_rays", "intersect_sphere"}
