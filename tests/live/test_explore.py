@@ -8,10 +8,12 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -24,11 +26,13 @@ from raytwin import files
 from raytwin.contract.subject import find_subject
 from raytwin.errors import InputError
 from raytwin.image import Image
-from raytwin.live import Server
+from raytwin.live import Server, opening_page
 from raytwin.live.light_path import way_of_light
+from raytwin.live.patience import MOST_ABANDONED, Patience
 from raytwin.live.progressive import Studio, told
 from raytwin.live.server import Worker
 from raytwin.live.view_state import Wanted, from_json, from_link, scene_toml, wanted_of
+from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.speed import trace
 from raytwin.tracer import trace_paths
 
@@ -191,6 +195,62 @@ def test_a_page_that_takes_over_is_told_nothing_of_the_others_wishes(slow):
     assert (told_of, mine[0]["number"]) == ([], 1)
 
 
+def test_a_page_that_does_not_read_blocks_no_other(slow):
+    studio, worker, told_of, tell = slow
+    studio.go.set()
+    begun, read = threading.Event(), threading.Event()
+
+    async def never(message: bytes) -> None:
+        begun.set()
+        while not read.is_set():
+            await asyncio.sleep(0.01)
+
+    worker.want(1, Wanted(), never)
+    assert begun.wait(30)
+    worker.want(1, Wanted(), tell)
+    wait_for(lambda: told_of)
+    assert told_of[0]["number"] == 1
+    read.set()
+
+
+def test_an_error_that_ends_threads_is_told_and_the_worker_goes_on(slow, capsys):
+    studio, worker, told_of, tell = slow
+    for number, error in enumerate((KeyboardInterrupt, SystemExit, GeneratorExit, ValueError)):
+        studio.passes = lambda wanted, error=error: (_ for _ in ()).throw(error("mine"))
+        worker.want(number, Wanted(), tell)
+        wait_for(lambda n=number: len(told_of) == n + 1)
+        assert told_of[-1]["kind"] == "refused"
+        worker.answer(told_of[-1]["sent"], tell)
+    assert "ValueError: mine" in capsys.readouterr().err
+
+
+def test_a_call_that_does_not_return_is_left_and_its_like_are_refused():
+    patience, go = Patience(0.05), threading.Event()
+    for _ in range(MOST_ABANDONED):
+        with pytest.raises(InputError, match=r"^mine: expected an image within 0.05 s"):
+            patience.call("mine", go.wait)
+    with pytest.raises(InputError, match="3 calls that still run"):
+        patience.call("mine", int)
+    assert patience.running
+    go.set()
+    wait_for(lambda: not patience.running)
+    assert patience.call("mine", int, "7") == 7
+
+
+class Ending(BaseException):
+    """What ends a thread without a word."""
+
+
+def test_what_a_subject_raises_is_told_whatever_it_is(base):
+    def ends(scene):
+        raise Ending("enough")
+
+    with pytest.raises(InputError, match=r"mine: expected an image .*Ending: enough"):
+        next(Studio(base, UserRenderer("shadow", "mine", ends)).passes(wanted_of(base, "numpy64")))
+    with pytest.raises(ValueError, match="mine"):
+        Patience().call("mine", lambda: float("mine"))
+
+
 def test_passes_go_on_with_twice_the_samples_until_all_are_there(base):
     wish = msgspec.structs.replace(wanted_of(base, "drjit32"), samples=4)
     events = [event for event, _ in Studio(base).passes(wish)]
@@ -259,42 +319,45 @@ def answer(
     return response
 
 
-def test_only_the_own_host_with_the_token_is_served(live):
-    host, cookie = f"127.0.0.1:{live.port}", f"{live.cookie}={live.token}"
-    assert answer(live, "/", Host=host, Cookie=cookie).status == 200
-    first = answer(live, f"/?token={live.token}", Host=host)
+TOKEN = "X_Raytwin_Token"
+
+
+def test_only_the_own_host_is_served_and_the_token_opens_what_tells_of_the_scene(live):
+    host = f"127.0.0.1:{live.port}"
+    first = answer(live, "/", Host=host)
     assert first.status == 200
-    assert {"HttpOnly", "SameSite=Strict"} <= set(first.headers["Set-Cookie"].split("; "))
     assert "default-src 'none'" in first.headers["Content-Security-Policy"]
-    for path in ("/", "/viewer.js", "/explore.js", "/scene.toml", "/socket"):
-        for headers in (
-            {"Host": host},
-            {"Host": host, "Cookie": f"{live.cookie}={'0' * 32}"},
-            {"Host": f"localhost:{live.port}", "Cookie": cookie},
-            {"Host": f"{host}.evil.example", "Cookie": cookie},
-            {"Host": "evil.example", "Cookie": cookie},
-        ):
-            assert answer(live, path, **headers).status == 403, (path, headers)
-    assert answer(live, f"/?token={'f' * 32}", Host=host).status == 403
+    assert "Set-Cookie" not in first.headers
+    assert answer(live, "/about", Host=host, **{TOKEN: live.token}).status == 200
+    for path in ("/", "/viewer.js", "/explore.js", "/about", "/scene.toml", "/socket"):
+        for other in (f"localhost:{live.port}", f"{host}.evil.example", "evil.example"):
+            assert answer(live, path, Host=other, **{TOKEN: live.token}).status == 403, (path, other)
+    cookies = f"raytwin_{live.port}={live.token}; {TOKEN}={live.token}"
+    for path in ("/about", "/scene.toml", "/socket"):
+        for headers in ({}, {TOKEN: "0" * 32}, {"Cookie": cookies}, {"Authorization": live.token}):
+            assert answer(live, path, Host=host, **headers).status == 403, (path, headers)
+        assert answer(live, f"{path}?token={live.token}", Host=host).status == 403
 
 
 @pytest.mark.parametrize(
     "origin", [None, "null", "http://evil.example", "http://127.0.0.1", "https://127.0.0.1:{port}"]
 )
 def test_a_socket_or_a_saved_scene_needs_the_own_origin(live, origin):
-    upgrade = {
-        "Host": f"127.0.0.1:{live.port}", "Cookie": f"{live.cookie}={live.token}",
-        "Upgrade": "websocket", "Connection": "Upgrade",
+    host = {"Host": f"127.0.0.1:{live.port}"}
+    upgrade = host | {
+        "Sec_WebSocket_Protocol": f"raytwin, {live.token}", "Upgrade": "websocket", "Connection": "Upgrade",
         "Sec_WebSocket_Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec_WebSocket_Version": "13",
     }  # fmt: skip
     other = {} if origin is None else {"Origin": origin.format(port=live.port)}
     assert answer(live, "/socket", **upgrade, **other).status == 403
-    assert answer(live, "/socket", **upgrade, Origin=live.origin).status == 101
-    kept = {name: upgrade[name] for name in ("Host", "Cookie")}
-    text = msgspec.json.encode(live.first).decode()
-    assert answer(live, "/scene.toml", "POST", text, **kept, **other).status == 403
-    assert answer(live, "/scene.toml", "POST", text, **kept, Origin=live.origin).status == 200
-    assert answer(live, "/scene.toml", "POST", "{", **kept, Origin=live.origin).status == 400
+    opened = answer(live, "/socket", **upgrade, Origin=live.origin)
+    assert (opened.status, opened.headers["Sec-WebSocket-Protocol"]) == (101, "raytwin")
+    no_token = upgrade | {"Sec_WebSocket_Protocol": "raytwin"}
+    assert answer(live, "/socket", **no_token, Origin=live.origin).status == 403
+    text, known = msgspec.json.encode(live.first).decode(), host | {TOKEN: live.token}
+    assert answer(live, "/scene.toml", "POST", text, **known, **other).status == 403
+    assert answer(live, "/scene.toml", "POST", text, **known, Origin=live.origin).status == 200
+    assert answer(live, "/scene.toml", "POST", "{", **known, Origin=live.origin).status == 400
 
 
 def test_a_port_that_is_taken_is_named(live, scenes):
@@ -309,22 +372,108 @@ runpy.run_module("raytwin", run_name="__main__")
 """What a shell starts in the background does not hear Ctrl-C, nor what that starts."""
 
 
-def test_ctrl_c_ends_it(scenes):
-    command = [sys.executable, "-u", "-c", LISTENING, "explore", str(scenes / "overlap"), "--no-browser"]
-    command += ["--size", "40x30"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+@contextlib.contextmanager
+def explored(*arguments: object, **environment: str):
+    """(`raytwin explore overlap` as a process that hears Ctrl-C, its address)"""
+    command = [sys.executable, "-u", "-c", LISTENING, "explore", *map(str, arguments)]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, **pipes, text=True, env=os.environ | environment) as run:
         try:
             line = run.stdout.readline()
-            assert re.fullmatch(r"overlap at http://127\.0\.0\.1:\d+/\?token=[0-9a-f]{32}\n", line)
+            assert re.fullmatch(r"overlap at http://127\.0\.0\.1:\d+/#token=[0-9a-f]{32}\n", line)
             run.stdout.readline()
-            time.sleep(0.2)
-            run.send_signal(signal.SIGINT)
-            out, err = run.communicate(timeout=60)
+            yield run, line.split()[-1]
         finally:
             run.kill()
-    assert run.returncode == 0
-    assert out == "ended\n"
+
+
+def interrupt(run: subprocess.Popen) -> None:
+    """Ctrl-C, which ends it with a word and without a traceback."""
+    run.send_signal(signal.SIGINT)
+    out, err = run.communicate(timeout=60)
+    assert (run.returncode, out) == (0, "ended\n"), err
     assert "Traceback" not in err
+
+
+def test_ctrl_c_ends_it(scenes):
+    with explored(scenes / "overlap", "--no-browser", "--size", "40x30") as (run, _):
+        time.sleep(0.2)
+        interrupt(run)
+
+
+BROWSER = """#!/bin/sh
+cat "${1#file://}" > seen
+dirname "${1#file://}" | xargs stat -c %a > mode
+echo "$*" > line
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a browser that is a shell script, and GNU's stat")
+def test_the_token_stands_on_no_browsers_command_line(scenes, tmp_path):
+    (tmp_path / "browser").write_text(BROWSER)
+    (tmp_path / "browser").chmod(0o700)
+    with contextlib.chdir(tmp_path):
+        browser = f"{tmp_path / 'browser'} %s"
+        with explored(scenes / "overlap", "--size", "40x30", BROWSER=browser) as (run, address):
+            wait_for((tmp_path / "line").exists)
+            time.sleep(0.2)
+            interrupt(run)
+    line = (tmp_path / "line").read_text().strip()
+    assert address.partition("=")[2] not in line
+    assert address in (tmp_path / "seen").read_text()
+    assert (tmp_path / "mode").read_text() == "700\n"
+    assert not Path(line.removeprefix("file://")).exists()
+
+
+def frame(text: str) -> bytes:
+    """A short text as a masked frame of RFC 6455."""
+    data = text.encode()
+    size = bytes([0x80 | len(data)]) if len(data) < 126 else b"\xfe" + len(data).to_bytes(2, "big")
+    return b"\x81" + size + bytes(4) + data
+
+
+def page_that_asks(address: str, *answers: int) -> socket.socket:
+    """A connection that wishes for a picture, answers blindly, and reads nothing more."""
+    port, token = re.search(r":(\d+)/#token=(\w+)", address).groups()
+    link = socket.socket()
+    link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    link.connect(("127.0.0.1", int(port)))
+    lines = (
+        "GET /socket HTTP/1.1", f"Host: 127.0.0.1:{port}", f"Origin: http://127.0.0.1:{port}", "Upgrade: websocket",
+        "Connection: Upgrade", "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Version: 13",
+        f"Sec-WebSocket-Protocol: raytwin, {token}", "", "",
+    )  # fmt: skip
+    link.sendall("\r\n".join(lines).encode())
+    assert b" 101 " in link.recv(1024)
+    sphere = {"center": [0, 0, 0.05], "radius": 0.05}
+    link.sendall(frame(json.dumps({"number": 1, "wanted": {"spheres": [sphere], "twin_rung": "shadow"}})))
+    for number in answers:
+        link.sendall(frame(json.dumps({"answered": number})))
+        time.sleep(0.5)
+    return link
+
+
+def test_ctrl_c_ends_it_while_a_subject_does_not_return(scenes, tmp_path):
+    begun = tmp_path / "begun"
+    (tmp_path / "mine.py").write_text(
+        f"import time\ndef render(scene):\n    open({str(begun)!r}, 'w').close()\n    while True: time.sleep(1)\n"
+    )
+    subject = f"{tmp_path / 'mine.py'}:render"
+    with (
+        explored(scenes / "overlap", "--no-browser", "--size", "40x30", "--subject", subject) as (run, address),
+        page_that_asks(address),
+    ):
+        wait_for(begun.exists)
+        interrupt(run)
+
+
+def test_ctrl_c_ends_it_while_a_page_does_not_read(scenes):
+    with (
+        explored(scenes / "overlap", "--no-browser", "--size", "1200x900") as (run, address),
+        page_that_asks(address, 1, 2, 3),
+    ):
+        time.sleep(3)
+        interrupt(run)
 
 
 # ------------------------------------------------------------------------------------------ in a browser
@@ -416,10 +565,28 @@ def test_a_slider_that_moves_changes_the_picture_the_chart_and_the_link(page):
 
 def test_a_link_opens_the_view_that_it_was_copied_from(chromium, live, page):
     page.slide("sky", 1.5)
-    again = Page(chromium, live.address + "#view=" + page.page.url.partition("#view=")[2])
+    again = Page(chromium, live.address + "&view=" + page.page.url.partition("#view=")[2])
     assert again.viewer("read(2, 2)")["test"][2][0] == pytest.approx(page.viewer("read(2, 2)")["test"][2][0], rel=1e-3)
     assert again.viewer("read(2, 2)")["test"][2][0] == pytest.approx(1.5, rel=1e-3)
+    assert live.token not in again.page.url
+    again.page.goto("about:blank")
+    again.page.goto(live.origin)  # a link without the token, in a browser that was given it
+    again.until(REST)
     again.context.close()
+
+
+def test_the_page_that_a_browser_is_started_with_leads_to_the_live_one(chromium, live):
+    with opening_page(live.address) as path, chromium.new_page() as page:
+        page.goto(path.as_uri())
+        page.wait_for_selector("body[data-rest]", timeout=300_000)
+        assert page.title() == "overlap · raytwin explore"
+        assert page.url.startswith(f"{live.origin}/#view=")
+
+
+def test_a_page_without_the_token_says_what_to_open(chromium, live):
+    shown = Page(chromium, live.origin, ready="document.querySelector('#state.bad')")
+    assert "open the address that raytwin explore printed" in shown.page.inner_text("#state")
+    shown.context.close()
 
 
 def test_a_sphere_is_dragged_and_the_rest_stays(page, base):
@@ -459,7 +626,7 @@ def test_zoom_is_linked_and_a_pixels_way_of_light_is_told(page):
 def test_a_scene_that_cannot_be_rendered_is_told_in_the_page(chromium, live, base):
     """Two sheets in one place."""
     wish = msgspec.structs.replace(live.first, planes=(base.planes[0], base.planes[0]))
-    address = "#view=" + base64.urlsafe_b64encode(msgspec.json.encode(wish)).decode().rstrip("=")
+    address = "&view=" + base64.urlsafe_b64encode(msgspec.json.encode(wish)).decode().rstrip("=")
     shown = Page(chromium, live.address + address, ready="document.querySelector('#state.bad')")
     assert "a surface apart from all others" in shown.page.inner_text("#state")
     assert shown.console == []

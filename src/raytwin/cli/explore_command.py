@@ -1,5 +1,7 @@
 """raytwin explore: a scene to play with, in the browser."""
 
+import os
+import sys
 from typing import Annotated
 
 import typer
@@ -27,6 +29,7 @@ def explore_command(
 ) -> None:
     """Play with a scene on a page of this machine: tracer, twin, their difference and the ledger, as they change."""
     import asyncio
+    import contextlib
 
     asked = parse_size(size, "--size") if size else None
     with show_progress() as progress:
@@ -34,7 +37,7 @@ def explore_command(
             from raytwin import files
             from raytwin.calib.find_camera import find_camera
             from raytwin.contract.subject import find_subject
-            from raytwin.live import Server
+            from raytwin.live import Server, opening_page
             from raytwin.live.progressive import Studio
             from raytwin.live.view_state import from_link
         base = files.read_scene(scene)
@@ -46,11 +49,15 @@ def explore_command(
         server = Server(studio, port, from_link(view) if view else None)
     say(f"{base.name} at {server.address}")
     say("Ctrl-C ends it.")
-    if browser:
-        import webbrowser
+    with contextlib.ExitStack() as stack:
+        if browser:
+            import webbrowser
 
-        webbrowser.open(server.address)
-    try:
-        asyncio.run(server.serve())
-    except KeyboardInterrupt:
-        say("ended")
+            webbrowser.open(stack.enter_context(opening_page(server.address)).as_uri())
+        try:
+            asyncio.run(server.serve())
+        except KeyboardInterrupt:
+            say("ended")
+    if server.busy:  # no library may be unloaded beneath what still runs, and nothing can stop that
+        sys.stdout.flush()
+        os._exit(0)

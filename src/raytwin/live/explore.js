@@ -3,8 +3,31 @@
 
 import { digits, el, encode, mount } from "/viewer.js";
 
-const about = JSON.parse(document.querySelector("main").dataset.about);
 const $ = (id) => document.getElementById(id);
+
+// The address brings the token behind its #, which no request carries. The origin's storage, which knows ports, keeps it
+// for reloads and copied links.
+const address = new URLSearchParams(location.hash.slice(1));
+const link = address.get("view") ?? "";
+history.replaceState(null, "", link ? `/#view=${link}` : "/");
+const stored = "raytwin-token";
+let token = null, about = null;
+for (token of [address.get("token"), localStorage.getItem(stored)]) {
+  const answer = token && await fetch("/about", { headers: { "X-Raytwin-Token": token } });
+  if (answer && answer.ok) {
+    about = await answer.json();
+    localStorage.setItem(stored, token);
+    break;
+  }
+}
+if (!about) {
+  $("state").textContent = "this page has no valid token: open the address that raytwin explore printed";
+  $("state").className = "bad";
+  throw new Error("no valid token");
+}
+$("name").textContent = about.scene;
+document.title = `${about.scene} · raytwin explore`;
+
 const SVG = "http://www.w3.org/2000/svg";
 let wanted = structuredClone(about.first);
 let selected = wanted.spheres.length ? 0 : -1;
@@ -33,7 +56,7 @@ function names() {
 // ------------------------------------------------------------------------------------------ the socket
 
 function connect() {
-  socket = new WebSocket(`ws://${location.host}/socket`);
+  socket = new WebSocket(`ws://${location.host}/socket`, ["raytwin", token]);
   socket.binaryType = "arraybuffer";
   socket.onopen = () => ask();
   socket.onmessage = ({ data }) => receive(data).catch((error) => say(`the page failed: ${error.message}`, true));
@@ -253,7 +276,7 @@ function remove() {
 }
 
 async function save() {
-  const answer = await fetch("/scene.toml", { method: "POST", body: JSON.stringify(wanted) });
+  const answer = await fetch("/scene.toml", { method: "POST", headers: { "X-Raytwin-Token": token }, body: JSON.stringify(wanted) });
   if (!answer.ok) return say(`no scene.toml: ${answer.status} ${answer.statusText}`, true);
   const link = el("a", { href: URL.createObjectURL(await answer.blob()), download: "scene.toml" });
   link.click();
@@ -436,8 +459,6 @@ function ledger(parts) {
 
 // ------------------------------------------------------------------------------------------ begin
 
-const link = location.hash.startsWith("#view=") ? location.hash.slice(6) : "";
-history.replaceState(null, "", link ? `/#view=${link}` : "/"); // the token is a cookie by now
 try {
   if (link) wanted = unpack(link);
 } catch {

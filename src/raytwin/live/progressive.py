@@ -8,7 +8,7 @@ Errors are against all light over the pixel's area, from two independent halves 
 import io
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -19,9 +19,11 @@ from PIL import Image as Pillow
 from raytwin import files, twin, viewer
 from raytwin.analysis.ledger import make_ledger
 from raytwin.image import Image
+from raytwin.live.patience import Patience
 from raytwin.live.view_state import Look, Wanted
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
+from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, SceneFile
 from raytwin.speed import ENGINES
@@ -44,6 +46,7 @@ class Studio:
 
     base: SceneFile
     subject: Renderer | None = None
+    patience: Patience = field(default_factory=Patience)
 
     @property
     def engines(self) -> tuple[str, ...]:
@@ -60,6 +63,12 @@ class Studio:
             return PathTraced(wanted.rung, wanted.engine, samples, surface=not wanted.moving, depth=depth)
         return Traced(wanted.rung, wanted.engine, solver=wanted.solver, surface=not wanted.moving)
 
+    def render(self, method: Renderer, scene: Scene, seed: int) -> tuple[Image, float]:
+        """Return the tracer's image and its seconds. A user's own function may never return."""
+        if isinstance(method, UserRenderer):
+            return _timed(self.patience.call, method.name, method, scene, seed)
+        return _timed(method, scene, seed)
+
     def twin(self, wanted: Wanted, scene: Scene, samples: int, seed: int) -> Image:
         row = RUNGS[wanted.twin_rung]
         depth = None if row.depth in (None, 2) else wanted.depth
@@ -72,7 +81,7 @@ class Studio:
         """What the page is to be told, one thing after the other. Between two of them it may be stopped."""
         scene, fast = wanted.scene(self.base), self.engines[0]
         method = self.tracer(wanted, 1)
-        test, seconds = _timed(method, scene, 0)
+        test, seconds = self.render(method, scene, 0)
         yield picture("test", test, wanted.look, seconds, test.samples)
         reference, seconds_twin = _timed(self.twin, wanted, scene, 1, 0)
         yield picture("reference", reference, wanted.look, seconds_twin, reference.samples)
@@ -94,7 +103,7 @@ class Studio:
         while samples <= wanted.samples and (method.noisy or RUNGS[wanted.twin_rung].noisy):
             if method.noisy:
                 method = self.tracer(wanted, samples)
-                test, seconds = _timed(method, scene, samples)
+                test, seconds = self.render(method, scene, samples)
                 yield point("tracer", method, test, seconds, halves)
             if RUNGS[wanted.twin_rung].noisy:
                 reference, seconds = _timed(self.twin, wanted, scene, samples, samples)

@@ -1,8 +1,10 @@
 """The page on this machine's own address, and a socket to it. One worker renders, and only what was asked for last.
 
 Any web page that the browser has open may send requests to 127.0.0.1, so that address protects nothing by itself. Here
-every request must name this host and port, a socket also this origin, both compared by equality; and it must hold a
-token of 128 bits, which the address brings once and a cookie keeps that no script reads and no other site sends.
+every request must name this host and port, a socket also this origin, both compared by equality. What tells of the
+scene, or renders, also needs a token of 128 bits: in a header, or among a socket's sub-protocols. The address brings
+it behind its `#`, which no request carries, and the page's own storage keeps it. A cookie would not do: cookies know no
+ports, so a page of another server on this machine would bring it along.
 """
 
 import asyncio
@@ -11,14 +13,15 @@ import hmac
 import os
 import secrets
 import socket
+import tempfile
 import threading
 import time
 import traceback
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable, Coroutine, Iterator
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
-import jinja2
 import msgspec
 from tornado.httpserver import HTTPServer
 from tornado.web import Application, HTTPError, RequestHandler
@@ -41,7 +44,12 @@ POLICY = (
 )
 
 
-Tell = Callable[[bytes], Awaitable[None]]
+TOKEN_HEADER, PROTOCOL = "X-Raytwin-Token", "raytwin"
+"""A page sets the header, which no other origin may; and offers the socket's sub-protocols `raytwin` and the token."""
+GRACE = 5.0
+"""Seconds for which the end waits for a pass that is under way, and for connections to close."""
+
+Tell = Callable[[bytes], Coroutine[Any, Any, None]]
 """What sends a message to the page."""
 
 
@@ -71,22 +79,29 @@ class Server:
         self.socket.listen()
         self.socket.setblocking(False)
         self.port = self.socket.getsockname()[1]
-        self.origin, self.cookie = f"http://{HOST}:{self.port}", f"raytwin_{self.port}"
+        self.origin = f"http://{HOST}:{self.port}"
         self.worker = Worker(studio)
+        self.open: set[_Socket] = set()
 
     @property
     def address(self) -> str:
-        return f"{self.origin}/?token={self.token}"
+        return f"{self.origin}/#token={self.token}"
 
     def application(self) -> Application:
         files_ = {"/viewer.js": viewer.module, "/viewer.css": viewer.style}
-        own = {f"/{name}": _own(name) for name in ("explore.js", "explore.css")}
+        own = {f"/{name}": _own(name) for name in ("explore.js", "explore.css")} | {"/": _own("explore.html")}
         texts = [(path, _Text, {"server": self, "make": make}) for path, make in (files_ | own).items()]
-        with_server = {"server": self}
-        pages = [("/", _Page, with_server), ("/socket", _Socket, with_server), ("/scene.toml", _Toml, with_server)]
+        guarded = {"/about": _About, "/socket": _Socket, "/scene.toml": _Toml}
+        pages = [(path, handler, {"server": self}) for path, handler in guarded.items()]
         return Application([*texts, *pages], websocket_max_message_size=MOST_BYTES, log_function=lambda handler: None)
 
+    @property
+    def busy(self) -> bool:
+        """Whether a pass or a subject's call still runs: it may never return."""
+        return self.worker.thread.is_alive() or self.studio.patience.running
+
     async def serve(self) -> None:
+        """Serve until cancelled; then wait a little for what is under way."""
         server = HTTPServer(self.application(), max_body_size=MOST_BYTES)
         server.add_sockets([self.socket])
         self.worker.start(asyncio.get_running_loop())
@@ -95,8 +110,25 @@ class Server:
         finally:
             self.worker.stop()
             server.stop()
-            await asyncio.to_thread(self.worker.thread.join)
-            await server.close_all_connections()
+            deadline = time.monotonic() + GRACE
+            while self.worker.thread.is_alive() and time.monotonic() < deadline:
+                await asyncio.sleep(0.01)
+            for page in tuple(self.open):
+                page.drop()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(server.close_all_connections(), GRACE)
+
+
+@contextlib.contextmanager
+def opening_page(address: str) -> Iterator[Path]:
+    """A page that leads to the address, in a folder that no other user may enter.
+
+    A browser is started with its path. A command line is everybody's to read: the token must not stand there.
+    """
+    with tempfile.TemporaryDirectory(prefix="raytwin-") as folder:
+        page = Path(folder) / "explore.html"
+        page.write_text(f'<meta http-equiv="refresh" content="0; url={address}">\n', encoding="utf-8")
+        yield page
 
 
 def _own(name: str) -> Callable[[], str]:
@@ -175,7 +207,7 @@ class Worker:
                         break
             except InputError as error:
                 self._send(tell, number, {"kind": "refused", "text": str(error)}, ())
-            except Exception:  # a subject's own, or ours: the page goes on
+            except BaseException:  # a subject's own, or ours: the page goes on
                 traceback.print_exc()
                 refused = {"kind": "refused", "text": "this could not be rendered: see the terminal"}
                 self._send(tell, number, refused, ())
@@ -188,16 +220,20 @@ class Worker:
             if self.stopped or tell is None or self.tell != tell:
                 return
             self.sent += 1
-            message = told({**event, "number": number, "sent": self.sent}, blobs)
-        with contextlib.suppress(RuntimeError):  # the loop has ended
-            asyncio.run_coroutine_threadsafe(tell(message), self.loop).result()  # type: ignore[arg-type]
+            sending = tell(told({**event, "number": number, "sent": self.sent}, blobs))
+        try:  # nobody waits here for a page that does not read: the next message waits for its answer to this one
+            asyncio.run_coroutine_threadsafe(sending, self.loop)
+        except RuntimeError:  # the loop has ended
+            sending.close()
 
 
 # ------------------------------------------------------------------------------------------ requests
 
 
 class _Guarded(RequestHandler):
-    """What every request must bring."""
+    """What every request must bring. `guarded`: the token, too."""
+
+    guarded = True
 
     def initialize(self, server: Server, **_: Any) -> None:
         self.server = server
@@ -219,27 +255,22 @@ class _Guarded(RequestHandler):
             raise HTTPError(403, reason="another host")
         if self.request.method != "GET" and self.request.headers.get_list("Origin") != [self.server.origin]:
             raise HTTPError(403, reason="another origin")
-        if not self.knows(self.get_cookie(self.server.cookie) or ""):
+        if self.guarded and not any(hmac.compare_digest(t.encode(), self.server.token.encode()) for t in self.tokens()):
             raise HTTPError(403, reason="no token")
 
-    def knows(self, token: str) -> bool:
-        return hmac.compare_digest(token.encode(), self.server.token.encode())
+    def tokens(self) -> list[str]:
+        """What the request shows as its token."""
+        return self.request.headers.get_list(TOKEN_HEADER)
 
     def write_error(self, status_code: int, **_: Any) -> None:
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(f"{status_code}: {self._reason}\n")
 
 
-class _Page(_Guarded):
-    def prepare(self) -> None:
-        token = self.get_query_argument("token", "")
-        if self.knows(token):
-            self.request.headers["Cookie"] = f"{self.server.cookie}={token}"
-            self.set_cookie(self.server.cookie, token, httponly=True, samesite="Strict", path="/")
-        super().prepare()
+class _About(_Guarded):
+    """What the page is about: its scene, and what can render it."""
 
     def get(self) -> None:
-        source = resources.files("raytwin.live").joinpath("explore.html.j2").read_text(encoding="utf-8")
         studio = self.server.studio
         scene = studio.base.scene
         about = {
@@ -250,17 +281,22 @@ class _Page(_Guarded):
             "map": studio.base.sky.map is not msgspec.UNSET,
             "subject": studio.subject.name if studio.subject else None,
         }  # fmt: skip
-        page = jinja2.Environment(autoescape=True).from_string(source)
-        self.write(page.render(name=studio.base.name, about=msgspec.json.encode(about).decode()))
+        self.set_header("Content-Type", "application/json")
+        self.write(msgspec.json.encode(about))
 
 
 class _Text(_Guarded):
+    """The page, its script and its style: the same for all scenes."""
+
+    guarded = False
+
     def initialize(self, server: Server, make: Callable[[], str] = str, **_: Any) -> None:
         super().initialize(server)
         self.make = make
 
     def get(self) -> None:
-        kind = "text/javascript" if self.request.path.endswith(".js") else "text/css"
+        kinds = {"js": "text/javascript", "css": "text/css"}
+        kind = kinds.get(self.request.path.rpartition(".")[2], "text/html")
         self.set_header("Content-Type", f"{kind}; charset=utf-8")
         self.write(self.make())
 
@@ -282,14 +318,28 @@ class _Socket(_Guarded, WebSocketHandler):
         if self.request.headers.get_list("Origin") != [self.server.origin]:
             raise HTTPError(403, reason="another origin")
 
+    def tokens(self) -> list[str]:
+        offered = ",".join(self.request.headers.get_list("Sec-WebSocket-Protocol"))
+        return [word.strip() for word in offered.split(",")]
+
+    def select_subprotocol(self, subprotocols: list[str]) -> str | None:
+        return PROTOCOL if PROTOCOL in subprotocols else None
+
     def check_origin(self, origin: str) -> bool:
         return origin == self.server.origin
 
     def open(self, *_: str, **__: str) -> None:
         self.set_nodelay(True)
         self.last: Wanted | None = None
+        self.server.open.add(self)
+
+    def drop(self) -> None:
+        """End the connection at once: a page that does not read takes no farewell either."""
+        if self.ws_connection is not None and (stream := self.ws_connection.stream) is not None:
+            stream.close()
 
     def on_close(self) -> None:
+        self.server.open.discard(self)
         self.server.worker.leave(self.tell)
 
     async def tell(self, message: bytes) -> None:
