@@ -1,8 +1,8 @@
 """Count how often a right tracer fails beside the twin on the same light level. None may.
 
-`python tests/measure/correct_pairs.py [SCENES] [SEEDS]` compares the tracer with the twin on every shipped scene, at
-every level, three sizes, SEEDS seeds (3), the engines and the samplings that a level knows; then on SCENES (40) random
-scenes of each kind at every level. Failures are listed with their first reason, undecided ones counted.
+`python -m measure.correct_pairs [SCENES] [SEEDS]`, in tests/, compares the tracer with the twin on every shipped scene,
+at every level, three sizes, SEEDS seeds (3), the engines and the samplings that a level knows; then on SCENES (40)
+random scenes of each kind at every level. Failures are listed with their first reason, undecided ones counted.
 """
 
 import sys
@@ -21,6 +21,7 @@ from raytwin.renderers.subject_renderers import PathTraced
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Tolerance
 from raytwin.speed import trace
+from raytwin.workflows.compare_scene import highlight_rounding
 
 ROOT = Path(__file__).resolve().parents[2]
 SHIPPED = tuple(sorted(p.parent.name for p in ROOT.glob("scenes/*/scene.toml")))
@@ -50,7 +51,8 @@ class Case(NamedTuple):
         reference = twin.render(
             self.scene, self.level, sampling=self.sampling, samples=self.samples, seed=self.seed + 1000, cache=False
         )
-        return compare(self.tracer(), reference, tolerance=self.tolerance)
+        half_steps = (highlight_rounding(self.scene, reference), None)
+        return compare(self.tracer(), reference, tolerance=self.tolerance, half_steps=half_steps)
 
     def __str__(self) -> str:
         width = self.scene.camera.width

@@ -5,6 +5,7 @@ imported when the first of them is called, not before; `chosen()` does without.
 """
 
 from raytwin.twin.backend import VARIANTS, Backend, Tried, activate, chosen, doctor
+from raytwin.twin.highlight_rounding import highlight_rounding
 from raytwin.twin.plain import INTEGRATORS, load_plain, render_plain
 from raytwin.twin.rendering import MOST_SAMPLES, SAMPLINGS, provenance, render
 
@@ -18,6 +19,7 @@ __all__ = [
     "activate",
     "chosen",
     "doctor",
+    "highlight_rounding",
     "load_plain",
     "provenance",
     "render",

@@ -119,10 +119,12 @@ def compare_scene(
         with stages.stage("ledger"):
             ledger = make_ledger(scene, made, subject.rung, fast_engine(backend.variant), keep=cache)
     with stages.stage("compare"):
-        comparison, held_to = compare(made, reference, tolerance=written.tolerance, flip=flip), reference
+        half_steps = (highlight_rounding(scene, reference), None)
+        comparison = compare(made, reference, tolerance=written.tolerance, half_steps=half_steps, flip=flip)
+        held_to = reference
         if (subject.rung, subject.sampling) != (rung, sampling) and comparison.verdict != "pass":
             level = twin.render(scene, subject.rung, sampling=subject.sampling, samples=samples, seed=seed, cache=cache)
-            at_own = compare(made, level, tolerance=written.tolerance)
+            at_own = compare(made, level, tolerance=written.tolerance, half_steps=half_steps)
             if subject.rung != rung:
                 comparison, held_to = _as_it_must(comparison, at_own, subject.rung, rung, ledger), level
             elif at_own.verdict == "pass":
@@ -166,6 +168,11 @@ def compare_scene(
         versions=versions(),
         ledger=ledger,
     )
+
+
+def highlight_rounding(scene: Scene, reference: Image) -> np.ndarray | None:
+    """What float32 may put highlights off by, (H, W, 3); None where there are none."""
+    return twin.highlight_rounding(scene, reference.surface) if scene.glossy and reference.surface is not None else None
 
 
 def _folded(scene: Scene) -> tuple[str, ...]:
