@@ -821,7 +821,8 @@ class Viewer {
     const keys = "Drag pans, Ctrl + wheel zooms, Shift + wheel exposes; two fingers zoom and pan. In a picture: arrows move by a pixel (Shift: ten), + − 0 zoom, e E exposure, g G gamma, t tone, c channel, m map, s S its range, f flip, w wipe ([ ] move it), a all, 1 to 9 one picture, n p places, o outlines, r reset.";
     this.root.classList.add("rt");
     bar.append(adjust);
-    this.root.append(bar, el("div", { className: "rt-body" }, this.box, inspector), el("details", { className: "rt-keys" }, el("summary", { textContent: "Mouse, fingers and keys" }), el("p", { textContent: keys })));
+    this.box.append(inspector);
+    this.root.append(bar, this.box, el("details", { className: "rt-keys" }, el("summary", { textContent: "Mouse, fingers and keys" }), el("p", { textContent: keys })));
     let wide = this.root.clientWidth;
     new ResizeObserver(() => {
       if (wide === this.root.clientWidth) return;
