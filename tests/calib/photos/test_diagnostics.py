@@ -1,5 +1,6 @@
 """From which value on each doubt is raised: just below it none is."""
 
+import re
 from dataclasses import replace
 
 import cv2
@@ -9,7 +10,7 @@ import pytest
 from photo_helpers import BOARD, SMALL, a_camera, seen
 
 from raytwin.calib.boards import Board, BoardTag
-from raytwin.calib.photos import FoundBoard, calibrate_detections
+from raytwin.calib.photos import FoundBoard, calibrate_detections, uncertainty_map
 from raytwin.calib.photos.detection import Tag
 from raytwin.calib.photos.diagnostics import Case, _oddities, normal_spread, warnings_for
 from raytwin.calib.photos.fit import Form, Seen, fit
@@ -243,3 +244,39 @@ def test_a_photo_without_which_sigma_doubles_is_not_called_odd(sound):
     rms = [v.rms_px for v in found.views]
     assert max(rms) == rms[5] > 2.5 * np.median(rms)
     assert "odd-photo" not in {w.code for w in found.warnings}
+
+
+@pytest.mark.parametrize("side", ["upper", "lower", "left", "right"])
+def test_a_side_of_the_frame_without_tags_is_said_once_where_the_map_is_bad(side, sound):
+    """Tags in the other 55 % only, 3 px of noise, all five coefficients free: what they say of the bare side is a
+    guess."""
+    rng = np.random.default_rng(0)
+    axis, sign = {"left": (0, 1), "right": (0, -1), "upper": (1, 1), "lower": (1, -1)}[side]
+    edge = 0.45 * SIZE[axis] if sign > 0 else 0.55 * SIZE[axis]
+    tags = {
+        v.photo: [msgspec.structs.replace(t, center=tuple(rng.normal(t.center, 3))) for t in v.tags] for v in sound[3]
+    }
+    high = np.array(SIZE) - 1
+    tags = {
+        p: [
+            t
+            for t in seen
+            if sign * (t.center[axis] - edge) > 0 and (np.array(t.center) > 0).all() and (t.center < high).all()
+        ]
+        for p, seen in tags.items()
+    }
+    found = calibrate_detections({p: t for p, t in tags.items() if len(t) >= 8}, SIZE, SMALL, "full5")
+    (text,) = [w.text for w in found.warnings if w.code == "bare-side"]
+    share, low, high = re.match(
+        rf"the {side} (\d+) % of the frame holds no tag: what is seen there may be (.*) to (.*) px off", text
+    ).groups()
+    assert 40 < int(share) < 52
+    sigma = uncertainty_map(found)
+    half = {"upper": sigma[:22], "lower": sigma[-22:], "left": sigma[:, :28], "right": sigma[:, -28:]}[side]
+    assert np.nanmin(half) <= float(low) < float(high) <= np.nanmax(half)
+
+
+def test_a_side_that_the_lens_leaves_no_doubt_about_is_not_called_bare(sound):
+    tags = {v.photo: [t for t in v.tags if t.center[1] > 0.45 * SIZE[1]] for v in sound[3]}
+    found = calibrate_detections({p: t for p, t in tags.items() if len(t) >= 8}, SIZE, SMALL, "none")
+    assert "bare-side" not in {w.code for w in found.warnings}

@@ -462,6 +462,12 @@ def test_a_pitch_wrong_in_one_direction_is_blamed_on_the_board():
     assert codes(found) == {"board-pitch"}
 
 
+def test_a_pitch_wrong_by_a_hundredth_is_said():
+    _, _, tags = views(count=10)
+    texts = [w.text for w in calibrate_detections(tags, SIZE, stretched(SMALL, 1 / 1.01), "k1k2").warnings]
+    assert any(text.startswith("the board's pitch in y looks wrong by 1.010") for text in texts), texts
+
+
 @pytest.mark.parametrize(("written", "advice"), [("down", 'order = "up"'), ("up", 'order = "down"')])
 def test_a_mirrored_grid_is_told_what_to_write(written, advice):
     true = msgspec.structs.replace(

@@ -67,8 +67,11 @@ def calibrate(
     paths, image_size, warnings = _of_one_size(paths)
     found: dict[str, dict[str, list[Tag]]] = {}
     wrong: dict[str, str] = {}
-    for kind in dict.fromkeys(b.kind for b in boards):
-        found[kind], without = detect_photos(paths, kind, progress, find, threads, read)
+    kinds = list(dict.fromkeys(b.kind for b in boards))
+    # Of boards of two kinds, photos may well show but one.
+    enough = LEAST_VIEWS if len(kinds) == 1 else None
+    for kind in kinds:
+        found[kind], without = detect_photos(paths, kind, progress, find, threads, read, enough)
         wrong |= without
     wrong = {p: why for p, why in wrong.items() if not any(p in tags for tags in found.values())}
     unique = len({p.name for p in paths}) == len(paths)

@@ -17,7 +17,7 @@ from raytwin.calib.boards import Board
 from raytwin.calib.photos import lens, pose
 from raytwin.calib.photos.calibration_result import Calibration
 from raytwin.calib.photos.fit import NAMES, Fit, Form, Seen, fit, matched, solve_scaled
-from raytwin.calib.photos.uncertainty import Spread, spread
+from raytwin.calib.photos.uncertainty import Spread, spread, uncertainty_map
 from raytwin.errors import InputError
 from raytwin.scene.lens import SIDE, undone
 
@@ -28,6 +28,7 @@ CODES = {
     "no-tags": "photos that were left out, and why",
     "few-views": "fewer views than a calibration should rest on",
     "degenerate-views": "views too alike to tell focal length, centre and distortion apart",
+    "bare-side": "a side of the frame without tags, where the camera is known badly",
     "mirrored-board": "the board's description is a mirror image of the board",
     "board-pitch": "the board's description is longer or shorter in y than the board",
     "bent-board": "the board is bent: its shape was fitted along with the camera",
@@ -65,7 +66,11 @@ standard deviation: the only near or slanted view is at odds with the rest becau
 BENT, SURELY = 5e-4, 4.0
 """A board is called bent by more than this share of its diagonal, and so many standard deviations."""
 
-STRETCHED, EXPLAINED = 0.01, 0.8
+BARE, UNSURE = 0.3, 0.0025
+"""A side of the frame is called bare where this share of its height or width holds no tag, and a tenth of what is seen
+there may be off by this share of the frame's longer side (one standard deviation)."""
+
+STRETCHED, EXPLAINED = 0.002, 0.8
 """A board's y is called wrong by more than this share where a free one leaves less than so much of the rms."""
 
 
@@ -202,6 +207,34 @@ def _degenerate(case: Case) -> Warnings:
         found.append(f"tags cover {100 * share:.0f} % of the frame: fill its corners too")
     if found:
         yield "degenerate-views", "; ".join(found)
+
+
+def _bare(case: Case) -> Warnings:
+    """One warning for the largest side without tags where the map of uncertainty is bad."""
+    sides = sorted(bare_sides(np.array(case.calibration.basis.seen), case.image_size).items(), key=lambda s: -s[1])
+    sigma = uncertainty_map(case.calibration)
+    h, w = sigma.shape
+    for side, share in sides:
+        if share <= BARE:
+            return
+        n, m = max(1, round(share * h)), max(1, round(share * w))
+        there = {"upper": sigma[:n], "lower": sigma[-n:], "left": sigma[:, :m], "right": sigma[:, -m:]}[side]
+        if np.isnan(there).all():
+            continue
+        low, high = np.nanquantile(there, (0.1, 0.9))
+        if high > UNSURE * max(case.image_size):
+            yield (
+                "bare-side",
+                f"the {side} {100 * share:.0f} % of the frame holds no tag: what is seen there may be {low:.2g} to "
+                f"{high:.2g} px off; photograph the board there",
+            )
+            return
+
+
+def bare_sides(pixels: np.ndarray, image_size: tuple[int, int]) -> dict[str, float]:
+    """The share of the frame beyond the points (n, 2) on each side: one point in a hundred may lie there."""
+    low, high = np.quantile((pixels + 0.5) / image_size, (0.01, 0.99), axis=0)
+    return {"left": low[0], "upper": low[1], "right": 1 - high[0], "lower": 1 - high[1]}
 
 
 def _mirrored(case: Case) -> Warnings:
@@ -390,5 +423,5 @@ def _ambiguous(case: Case) -> Warnings:
 
 
 CHECKS: tuple[Callable[[Case], Warnings], ...] = (
-    _left_out, _few, _degenerate, _mirrored, _pitch, _bent, _odd, _unsupported, _outliers, _ambiguous,
+    _left_out, _few, _degenerate, _bare, _mirrored, _pitch, _bent, _odd, _unsupported, _outliers, _ambiguous,
 )  # fmt: skip
