@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from raytwin import files
-from raytwin.calib.augment import augment, errors_by_region, regions_of
+from raytwin.calib.augment import augment, errors_by_region, objects, regions_of
 from raytwin.errors import InputError
 from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
 
@@ -108,3 +108,55 @@ def test_errors_are_reported_by_region():
 def test_a_photo_of_another_size_is_refused():
     with pytest.raises(InputError, match=r"photo: expected 320 x 240 pixels.*got 100 x 50"):
         augment(np.zeros((50, 100, 3), np.uint8), stage())
+
+
+@pytest.mark.parametrize("to_light", [(1.0, 0.0, 1.0), (1.0, 0.3, 0.2), (-0.4, -1.0, 0.15), (1.0, 0.0, 0.0005)])
+def test_what_is_left_out_of_the_work_would_not_have_changed(to_light, monkeypatch):
+    """The same bits with every pixel worked on: the squares hold the shadow wherever the sun stands."""
+    scene = stage(to_light, center=(0.1, 0.02, 0.03))
+    trimmed = augment(grey(), scene)
+    monkeypatch.setattr(objects, "_affected", lambda scene, camera, shadows: np.ones((240, 320), bool))
+    whole = augment(grey(), scene)
+    assert np.array_equal(trimmed.pixels, whole.pixels)
+    assert np.array_equal(trimmed.ratio, whole.ratio)
+    assert (whole.ratio[..., 0] < 0.9).sum() > 50
+
+
+def test_the_shadow_lies_in_the_smaller_of_the_squares_alone():
+    """Centred where the sun's ray through the sphere's centre meets the plane, 1.001 r / (l.n) to each side."""
+    to_light = np.array([1.0, 0.0, 0.5]) / np.linalg.norm([1.0, 0.0, 0.5])
+    sphere, scene = Sphere((0.1, 0.02, 0.03), 0.02), stage(tuple(to_light))
+    _, shadow = objects._reach(sphere, FLOOR, scene)
+    assert shadow.center == pytest.approx((0.1 - 0.06, 0.02, 0.0), abs=1e-12)
+    assert np.linalg.norm(shadow.half_u) == pytest.approx(1.001 * 0.02 / to_light[2])
+    assert np.linalg.norm(shadow.half_v) == pytest.approx(1.001 * 0.02 / to_light[2])
+
+
+def test_only_pixels_on_edges_are_sampled_more_than_once(monkeypatch):
+    counted = []
+    shade = objects._shade
+
+    def counting(scene, u, v, *rest):
+        counted.append(len(u))
+        return shade(scene, u, v, *rest)
+
+    monkeypatch.setattr(objects, "_shade", counting)
+    result = augment(grey(), stage(), subsamples=4)
+    outline = ((result.coverage > 0) & (result.coverage < 1)).sum()
+    assert 16 * outline < counted[-1] < 16 * 12 * outline
+    assert counted[-1] < 16 * 0.1 * result.coverage.size
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_sphere_in_a_photographed_walls_shade_takes_no_sun_a_second_time(first):
+    """Where the wall shades the floor in the photo already, the sphere hides some of the sky and nothing else."""
+    wall = Rectangle((0.1, 0.0, 0.1), (0.0, 0.5, 0.0), (0.0, 0.0, 0.1), in_photo=True)
+    scene = stage(center=(0.03, 0.0, 0.03), radius=0.02)
+    both = (wall, *scene.objects) if first else (*scene.objects, wall)
+    shaded = augment(grey(), msgspec.structs.replace(scene, objects=both))
+    alone = augment(grey(), scene)
+    core = (alone.ratio[..., 0] < 0.4) & (alone.coverage == 0)
+    assert core.sum() > 100
+    in_shade = shaded.ratio[..., 0][core & (shaded.coverage == 0)]
+    assert np.median(in_shade) > 0.5
+    assert in_shade.max() <= 1

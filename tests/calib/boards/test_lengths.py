@@ -74,3 +74,12 @@ def test_units_are_metres():
     assert (parse_unit("inch", "--unit"), parse_unit("MM", "--unit")) == (0.0254, 0.001)
     with pytest.raises(InputError):
         parse_unit("foot", "--unit")
+
+
+def test_the_longest_length_is_a_length_and_nought_is_one_where_allowed():
+    assert parse_length(f"{LONGEST:g}m", "--tag") == LONGEST
+    assert parse_length("0mm", "--margin", zero=True) == 0
+    with pytest.raises(InputError, match=r"--tag: expected more than 0 to 5 m, got 0mm"):
+        parse_length(" 0mm", "--tag")
+    with pytest.raises(InputError, match=r"--margin: expected 0 to 5 m, got 5.001m"):
+        parse_length("5.001m", "--margin", zero=True)

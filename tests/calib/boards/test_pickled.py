@@ -421,3 +421,15 @@ def tries(tmp_path_factory, data: bytes) -> None:
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
     refused(tmp_path / "none.pickle", "none.pickle", "no such file")
     refused(tmp_path, "a folder")
+
+
+@pytest.mark.parametrize(("value", "taken"), [(999_999, True), (-999_999, True), (1e6, False), (-1e6, False)])
+def test_a_centre_of_a_million_is_one_too_many(save, value, taken):
+    centers = [(value if i == 3 else x, y + 3e5 * (i % 2), z) for i, (x, y, z) in enumerate(SQUARE)]
+    path = save({"b": tags(centers=centers)})
+    if taken:
+        board = read_pickled(path, "b", 1e-8, 1e-6)
+        assert board.centers()[17][0] == pytest.approx(value * 1e-6)
+    else:
+        with pytest.raises(InputError, match="finite numbers, at most a million"):
+            read_pickled(path, "b", 1e-8, 1e-6)
