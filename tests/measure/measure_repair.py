@@ -30,7 +30,7 @@ def main():
         function = getattr(made, wrong[0].name)
         result = judge_function(wrong[0], function)
         begun = time.process_time()
-        found = repair_function(wrong[0], function, result, source=slip.source)
+        found = repair_function(wrong[0], function, source=slip.source)
         spent.append(time.process_time() - begun)
         line = found.line if found else None
         repaired += found is not None

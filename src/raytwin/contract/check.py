@@ -4,7 +4,9 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from raytwin.contract.check_function import judge_function
+from msgspec.structs import replace
+
+from raytwin.contract.check_function import judge_function, repair_function
 from raytwin.contract.stage_result import StageResult
 from raytwin.contract.stage_table import LESSONS
 from raytwin.errors import check_one_of
@@ -18,14 +20,20 @@ class StageFailed(AssertionError):
         super().__init__(f"{result.stage}: {result.sentence}")
 
 
-def check(stage: str, function: Callable[..., Any], *, raises: bool = False, seed: int = 0) -> StageResult:
+def check(
+    stage: str, function: Callable[..., Any], *, raises: bool = False, seed: int = 0, hints: int = 2
+) -> StageResult:
     """Hold `function` against the test of the stage that it is to be: what is wrong, in a sentence.
 
     A script prints the sentence; the Python prompt and a notebook show the result, a notebook as a small page.
     `raises`: StageFailed, an AssertionError, where it fails. `seed`: of the numbers that it is tried with.
+    `hints`: of a slip that one change of the function's own text undoes, its line (1), what is wrong there (2), what to
+    write (3). Some thousand changes are tried, for four seconds at most; 0: none.
     """
     check_one_of("stage", stage, LESSONS)
     result = judge_function(LESSONS[stage], function, seed)
+    if hints and not result.passed and (found := repair_function(LESSONS[stage], function, seed)):
+        result = replace(result, hint=found.hint(hints))
     if raises and not result.passed:
         raise StageFailed(result)
     if not hasattr(sys, "ps1"):  # no prompt, of Python's or of a notebook, that shows what is returned

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from raytwin.contract.composed_tracer import NEEDED
 from raytwin.contract.loading import arrays_of
-from raytwin.contract.repair_function import probe_first, repair_here
+from raytwin.contract.repair_function import probes, repair_here
 from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant
 from raytwin.contract.stage_result import CaseResult, StageResult
 from raytwin.diagnose.repair import Repair
@@ -33,15 +33,16 @@ def judge_function(stage: Stage, function: Function, seed: int = 0) -> StageResu
     return judge(stage, cases, call_stage(stage, function, cases))
 
 
-def repair_function(
-    stage: Stage, function: Function, result: StageResult, seed: int = 0, source: str = ""
-) -> Repair | None:
+def repair_function(stage: Stage, function: Function, seed: int = 0, source: str = "") -> Repair | None:
     """The change of one place of the function's text that makes it right in all cases; None where none is found."""
-    wrong = [not case.passed for case in result.cases]
-    return repair_here(stage, function, probe_first(stage.cases(seed), wrong), partial(is_right, stage), source)
+    if stage.misfit(function):
+        return None
+    right = partial(is_right, stage)
+    cases = probes(stage, stage.cases(seed), lambda case: not right(case, _call(function, case)))
+    return repair_here(function, cases, right, source)
 
 
-def is_right(stage: Stage, case: Case, got: Arrays) -> bool:
+def is_right(stage: Stage, case: Case, got: Outcome) -> bool:
     """Whether these arrays pass the case."""
     return _passes(stage, case, got)
 

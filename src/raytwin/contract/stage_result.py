@@ -18,9 +18,9 @@ class CaseResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """`error`: the worst case's, in `unit`, None where there is no number (it raised, another shape, NaN).
 
-    `sentence`: for the student. `causes`: names of the variants that explain all cases, empty where none does or all is
-    right; more than one: they explain it equally. `inputs`, `expected`, `got`: of the worst value, in short. `wrong`:
-    the share of all values that are off by more than the tolerance.
+    `sentence`: for the student. `hint`: the line of theirs to look at. `causes`: names of the faults that explain all
+    cases, empty where none does or all is right; more than one: they explain it equally. `inputs`, `expected`, `got`:
+    of the worst value, in short. `wrong`: the share of all values that are off by more than the tolerance.
     """
 
     stage: str
@@ -30,6 +30,7 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     unit: str
     sentence: str
     causes: tuple[str, ...] = ()
+    hint: str = ""
     inputs: str = ""
     expected: str = ""
     got: str = ""
@@ -40,7 +41,8 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return str(self)
 
     def __str__(self) -> str:
-        return f"{'PASS' if self.passed else 'FAIL'}  {self.stage}: {self.sentence}"
+        hint = f"\n      {self.hint}" if self.hint else ""
+        return f"{'PASS' if self.passed else 'FAIL'}  {self.stage}: {self.sentence}{hint}"
 
     def _repr_html_(self) -> str:
         """A small page for notebooks: the sentence, the worst value, and every case."""
@@ -51,6 +53,7 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return (
             f'<div style="border-left:4px solid {COLOURS[self.passed]};padding:2px 12px;max-width:60em">'
             f'<p style="margin:4px 0">{mark} {escape(self.sentence)}</p>'
+            + (f'<p style="margin:4px 0">{escape(self.hint)}</p>' if self.hint else "")
             + (f"<table>{told}</table>" if told else "")
             + f"<table><tr>{_cell('case')}{_cell(f'error ({self.unit})')}{_cell('values off')}</tr>{rows}</table></div>"
         )

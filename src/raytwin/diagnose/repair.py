@@ -6,10 +6,11 @@ case right is a proof: it needs no catalogue.
 """
 
 import ast
+import itertools
 import marshal
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ class Repair:
     before: str
     after: str
     tried: int = 0
+    candidate: "Candidate | None" = field(default=None, compare=False)
 
     def hint(self, level: int) -> str:
         """1: where. 2: what is wrong there, too. 3: what to write, too. Empty for 0."""
@@ -65,15 +67,15 @@ Run = Callable[[Sequence[Candidate], Sequence[Any]], Answers]
 
 def repair(
     cells: Cells, function: str, cases: Sequence[Any], is_right: Callable[[Any, Any], bool], run: Run,
-    more_time: Callable[[], bool], innocent: Sequence[str] = (),
+    more_time: Callable[[], bool], innocent: Sequence[str] = (), known: Sequence["Candidate"] = (),
 ) -> Repair | None:  # fmt: skip
     """The least far-fetched change of one place after which `function` is right in all cases; None where none is found.
 
     `cases` have `args`; the first is one that is wrong. `is_right(case, arrays)`. `innocent`: functions that are right
-    by their own tests. `more_time()`: whether to go on.
+    by their own tests. `more_time()`: whether to go on. `known`: what has made other functions right is tried first.
     """
     tried = 0
-    for chunk in _chunks(candidates(cells, function, innocent)):
+    for chunk in itertools.chain([list(known)], _chunks(candidates(cells, function, innocent))):
         if not more_time():
             return None
         tried += len(chunk)
@@ -84,7 +86,7 @@ def repair(
             answers = run(left, case.args)
             left = [c for c, got in zip(left, answers, strict=True) if got is not None and is_right(case, got)]
         if left:
-            return _told(left[0], tried)
+            return replace(_told(left[0]), tried=tried, candidate=left[0])
     return None
 
 
@@ -99,21 +101,21 @@ def _chunks(all_: Iterator[Candidate]) -> Iterator[list[Candidate]]:
         yield chunk
 
 
-def _told(best: Candidate, tried: int) -> Repair:
+def _told(best: Candidate) -> Repair:
     """The statement on one line, before and after; of what spans more, the expression that differs."""
     edit = best.edit
     smallest = _simple_statement(best.statement, edit.old)
     if smallest is not None and not isinstance(edit.new, list):
         before, after = ast.unparse(smallest), ast.unparse(replaced(smallest, edit.old, edit.new))
         if len(before) <= 100 and "\n" not in before + after:
-            return Repair(best.cell, edit.line, edit.operator, before, after, tried)
+            return Repair(best.cell, edit.line, edit.operator, before, after)
     after = edit.after.splitlines()[-1] if edit.operator.startswith("the return") else edit.after
     before = after if edit.operator.startswith("the return") else edit.before.splitlines()[0]
     line = edit.line
     if edit.operator.startswith("the return") and isinstance(edit.old, ast.For | ast.While):
         line = edit.old.body[-1].lineno
         after = f"{after} (after the loop)"
-    return Repair(best.cell, line, edit.operator, before, after.splitlines()[0], tried)
+    return Repair(best.cell, line, edit.operator, before, after.splitlines()[0])
 
 
 def _simple_statement(tree: ast.AST, node: ast.AST) -> ast.stmt | None:

@@ -14,6 +14,7 @@ from raytwin.grade.questions import questions_of
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import read_rubric
 from raytwin.grade.sandboxed_calls import call_all
+from raytwin.grade.sandboxed_repair import with_hints
 from raytwin.grade.submission_code import code_of
 from raytwin.sandbox.sandbox import Answer, plain
 
@@ -33,4 +34,4 @@ def grade_submission(job: Job) -> Result:
         for one in asked:
             one.answer = Answer(problem=f"expected {error.expected}, got {error.got}", sort="missing")
         return marked(result, rubric, asked, began, problem=plain(error))
-    return marked(result, rubric, asked, began, problem, timed=code.kind != "images")
+    return with_hints(marked(result, rubric, asked, began, problem, timed=code.kind != "images"), rubric, code)

@@ -111,7 +111,8 @@ class Rubric(Record, frozen=True):
     `file`: what a submission's Python file is called, where it is one of several. `command`: what runs one that is a
     program: {scene} is the scene as JSON, {out} the image to write. `packages`: what submissions may import beside the
     standard library, NumPy and SciPy, in words for pip, which installs them on Gradescope. `folder`: where the rubric
-    lies, with a `reference` of its own if any.
+    lies, with a `reference` of its own if any. `hints`: of a slip that one change of the submission's text undoes, a
+    student reads the line (1), what is wrong there (2), what to write (3); 0: nothing is tried.
     """
 
     title: str
@@ -122,6 +123,7 @@ class Rubric(Record, frozen=True):
     file: str = "tracer"
     command: str = ""
     packages: tuple[str, ...] = ()
+    hints: Annotated[int, msgspec.Meta(ge=0, le=3)] = 2
     folder: str = "."
 
     @property
