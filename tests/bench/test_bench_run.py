@@ -1,6 +1,7 @@
 """Methods, truths and a whole run: tiny pictures, small budgets, no word about how fast anything is."""
 
 import json
+import time
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
@@ -170,7 +171,8 @@ def test_through_the_centre_the_floor_is_float32s_rounding(view):
 
 def test_a_truth_stops_when_its_time_is_up(view):
     _, about = converge(view("overlap"), "path-area", 1 << 20, 0.0)
-    assert about.samples == 32
+    assert about.samples == 2
+    assert about.floor["rmse"] > 0
 
 
 def test_flip_is_left_out_unless_asked_for():
@@ -248,6 +250,13 @@ def test_preparing_may_take_half_of_the_time_and_leaves_some_of_every_family(vie
     assert now[0] == 106
     assert {o.method for o in left} == {m.name for m in methods} - {"a-0", "b-0"}
     assert all("no time to prepare it" in o.why for o in left)
+
+
+def test_of_each_family_the_cheapest_is_prepared_first(view):
+    methods = choose(("drjit32-path-*", "fill", "numpy32-shadow-*spp"))
+    _, left = run.get_ready(view("single", 8, 6), methods[::-1], time.perf_counter() - 1, silent)
+    assert {o.method for o in left} == {m.name for m in methods}
+    assert [o.method for o in left if "to prepare" not in o.why] == ["fill"]  # the first is tried, whatever the time
 
 
 def test_a_row_has_exactly_the_promised_keys(small_run, tmp_path):

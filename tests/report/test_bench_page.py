@@ -23,8 +23,16 @@ from raytwin.bench import (
     Repeats,
     against,
 )
+from raytwin.bench.regression import Changes, MethodChange, better_or_worse
 from raytwin.report.bench_charts import calibration_charts, error_chart, growth_charts
-from raytwin.report.bench_page import bench_summary, error_charts, frontier_rows, write_bench_all, write_bench_page
+from raytwin.report.bench_page import (
+    bench_summary,
+    change_lines,
+    error_charts,
+    frontier_rows,
+    write_bench_all,
+    write_bench_page,
+)
 from raytwin.report.charts import FRAME, layout, png_bytes, svg_text
 from raytwin.report.charts.labels import BOLD_WIDTH, WIDTH, Label, place
 from raytwin.report.charts.marks import Marker, ticks
@@ -154,7 +162,30 @@ def test_pictures_stand_beside_the_page(made, tmp_path):
 
 
 def test_the_terminal_names_what_changed(made):
-    assert "nothing became slower" in bench_summary(made, against(made, made))
+    said = bench_summary(made, against(made, made))
+    assert ("nothing became slower" in said) != ("undecided for" in said)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "undecided", "said"),
+    [
+        ((1.0, 0.97, 1.03), False, "nothing became slower or less accurate (would have seen a slowdown by 1.08 times)"),
+        ((1.0, 0.066, 14.0), True, "undecided for 1 of 1 methods"),
+        ((1.0, 0.066, 14.0), True, "by 15.9 times in fill"),
+        ((1.0, 0.0, math.inf), True, "no factor at all"),
+    ],
+)
+def test_what_too_wide_an_interval_hides_is_undecided_and_the_slowdown_that_shows_is_named(seconds, undecided, said):
+    change = MethodChange("fill", 4, 3, seconds, (1.0, 1.0, 1.0), better_or_worse(seconds, (1.0, 1.0, 1.0), 1.0))
+    found = Changes((change,), 1.0, ())
+    text = "\n".join(change_lines(found))
+    assert said in text
+    assert bool(found.undecided) == undecided
+    assert ("nothing became slower" in text) != undecided
+    if not undecided:  # that slowdown is seen, and one a little smaller is not
+        slow = tuple(change.seen * 1.001 * x for x in seconds)
+        assert "slower" in better_or_worse(slow, (1.0, 1.0, 1.0), 1.0)
+        assert "slower" not in better_or_worse(tuple(0.998 * x for x in slow), (1.0, 1.0, 1.0), 1.0)
 
 
 def test_the_choice_of_truth_and_metric_shows_another_chart(made, tmp_path, browse):

@@ -22,6 +22,7 @@ WHOLE = "path-area"
 """Every method can be held against the whole light, whatever part of it the method computes."""
 
 BATCH = 16
+"""Most samples per pixel between two looks at the clock."""
 SEEDS = (10_001, 20_001)
 
 
@@ -42,11 +43,12 @@ def converge(
         draw(scene, image, rung, "numpy64")
         return image, Converged(name, w, h, 1, clock() - start, rounding(image, flip))
     half = _rendered if RUNGS[rung].noisy else _traced
-    sums, taken = [np.zeros((h, w, 3)), np.zeros((h, w, 3))], 0
-    while taken == 0 or (2 * taken < samples and clock() - start < seconds * taken / (taken + BATCH)):
+    sums, taken, count = [np.zeros((h, w, 3)), np.zeros((h, w, 3))], 0, 1
+    while taken == 0 or (2 * taken < samples and clock() - start < seconds * taken / (taken + count)):
         for k in (0, 1):
-            sums[k] += half(scene, rung, taken, SEEDS[k])
-        taken += BATCH
+            sums[k] += half(scene, rung, taken, SEEDS[k], count)
+        taken += count
+        count = min(taken, BATCH)  # 1, 1, 2, 4, 8, then BATCH: the least that must be done takes little time
     a, b = ((s / taken).astype(np.float32) for s in sums)
     image = ((sums[0] + sums[1]) / (2 * taken)).astype(np.float32)
     # The halves differ by twice the noise of their mean.
@@ -61,12 +63,12 @@ def rounding(image: np.ndarray, flip: bool = False) -> dict[str, float | None]:
     return measure(rounded, exact, flip)
 
 
-def _traced(scene: Scene, rung: str, first: int, seed: int) -> np.ndarray:
-    """The sum of BATCH images, their rays spread over the pixel by the R2 sequence (Roberts 2018), moved at random."""
+def _traced(scene: Scene, rung: str, first: int, seed: int, count: int) -> np.ndarray:
+    """Return the sum of `count` images, rays spread over the pixel by the R2 sequence (Roberts 2018), moved."""
     engine = "drjit64" if _llvm() else "numpy64"
     start = np.random.default_rng(seed).random(2)
     total = np.zeros((scene.camera.height, scene.camera.width, 3))
-    for i in range(first, first + BATCH):
+    for i in range(first, first + count):
         x, y = (start + (i + 1) * np.array([0.7548776662466927, 0.5698402909980532])) % 1 - 0.5
         image = background(scene, rung)
         draw(scene.with_camera(scene.camera.grid(float(x), float(y))), image, rung, engine)
@@ -74,9 +76,9 @@ def _traced(scene: Scene, rung: str, first: int, seed: int) -> np.ndarray:
     return total
 
 
-def _rendered(scene: Scene, rung: str, first: int, seed: int) -> np.ndarray:
-    image = twin.render(scene, rung, sampling="area", samples=BATCH, batches=1, seed=seed + first)
-    return image.mean.astype(np.float64) * BATCH
+def _rendered(scene: Scene, rung: str, first: int, seed: int, count: int) -> np.ndarray:
+    image = twin.render(scene, rung, sampling="area", samples=count, batches=1, seed=seed + first)
+    return image.mean.astype(np.float64) * count
 
 
 def _llvm() -> bool:

@@ -182,12 +182,14 @@ def get_ready(
 ) -> tuple[list[Measured[Renderer, Image]], list[LeftOut]]:
     """Each method prepared, compiled and tried on two thumbnails, which tell what it will take at full size.
 
-    One of each family before the second of any, so that time that is too short leaves some of every kind.
+    One of each family before the second of any, those of few samples first, so that time that is too short leaves some
+    of every kind.
     """
     w, h = scene.camera.image_size
     until = time.perf_counter() + PREPARE_SHARE * (deadline - time.perf_counter())
-    families = [m.family for m in methods]
-    in_turn = sorted(methods, key=lambda m: families[: methods.index(m)].count(m.family))
+    cheapest_first = sorted(methods, key=lambda m: m.samples)
+    families = [m.family for m in cheapest_first]
+    in_turn = sorted(cheapest_first, key=lambda m: families[: cheapest_first.index(m)].count(m.family))
     ready: list[Measured[Renderer, Image]] = []
     left: list[LeftOut] = []
     absent: dict[str, str] = {}

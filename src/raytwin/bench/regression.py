@@ -9,9 +9,11 @@ from raytwin.bench.frontier import ratio_interval
 from raytwin.errors import InputError
 
 SLOWER, LESS_ACCURATE = 1.05, 1.02
+"""Ratios up to these are not worth a word."""
 ROUNDING = 1e-6
 """An RMSE below this is float32's rounding: another last digit of the camera, and it is another number."""
-"""Ratios up to these are not worth a word."""
+UNSEEN = 1.5
+"""A method is undecided where only a slowdown by more than this would have been seen."""
 
 
 class MethodChange(NamedTuple):
@@ -24,6 +26,12 @@ class MethodChange(NamedTuple):
     error: tuple[float, float, float]
     verdict: str
 
+    @property
+    def seen(self) -> float:
+        """The least slowdown that would have been called one: its interval, as wide as this, lies above SLOWER."""
+        ratio, low, _ = self.seconds
+        return SLOWER * ratio / low if low > 0 else float("inf")
+
 
 class Changes(NamedTuple):
     """`drift`: the median of all ratios of seconds; `doubts`: why the two runs may not be comparable."""
@@ -35,6 +43,11 @@ class Changes(NamedTuple):
     @property
     def worse(self) -> tuple[MethodChange, ...]:
         return tuple(c for c in self.changes if "slower" in c.verdict or "less accurate" in c.verdict)
+
+    @property
+    def undecided(self) -> tuple[MethodChange, ...]:
+        """Methods that may have become slower by a factor worth knowing: too few repeats, or too much noise."""
+        return tuple(c for c in self.changes if "slower" not in c.verdict and c.seen > UNSEEN)
 
 
 def against(new: Bench, old: Bench) -> Changes:

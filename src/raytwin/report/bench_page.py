@@ -1,5 +1,6 @@
 """A bench's page, its folder, its few lines for the terminal."""
 
+import math
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -129,8 +130,18 @@ def change_lines(changes: Changes) -> Iterator[str]:
     yield from (f"  against the earlier run: {doubt}" for doubt in changes.doubts)
     yield f"  the median method takes {changes.drift:.3f} times what it took"
     yield from (change_line(c) for c in changes.changes if c.verdict)
-    if not changes.worse:
-        yield "  nothing became slower or less accurate"
+    seen = sorted(c.seen for c in changes.changes)
+    if changes.undecided:
+        worst = max(changes.undecided, key=lambda c: c.seen)
+        yield f"  undecided for {len(changes.undecided)} of {len(seen)} methods: too few repeats, or too much noise"
+        yield f"  would have seen a slowdown by {at_least(seen[len(seen) // 2])} in half of the methods,"
+        yield f"  and by {at_least(worst.seen)} in {worst.method}"
+    elif not changes.worse:
+        yield f"  nothing became slower or less accurate (would have seen a slowdown by {at_least(seen[-1])})"
+
+
+def at_least(factor: float) -> str:
+    return f"{factor:.3g} times" if math.isfinite(factor) else "no factor at all"
 
 
 def change_line(c: MethodChange) -> str:

@@ -1,0 +1,115 @@
+"""What is written is read back: numbers of a summary, ticks of an axis, pixels of a picture, text of a lesson."""
+
+import ast
+
+import numpy as np
+import pytest
+
+from raytwin import files
+from raytwin.atlas.experiment import Atlas, Curve, Found
+from raytwin.calib.photos import detect_photos
+from raytwin.calib.photos.calibration_result import Calibration, View
+from raytwin.errors import InputError
+from raytwin.report.atlas_page import atlas_summary
+from raytwin.report.charts.labels import Label, place
+from raytwin.report.charts.marks import ticks
+from raytwin.report.terminal_text import augment_summary, calibration_summary
+from raytwin.tutorial.desk import Desk
+from raytwin.tutorial.show import FOLDER, show
+from raytwin.tutorial.written import with_functions
+
+
+def test_calibrates_summary_has_each_number_beside_its_name():
+    K = ((812.5, 0.0, 321.25), (0.0, 834.75, 242.5), (0.0, 0.0, 1.0))
+    sigma = {"fx": 1.5, "fy": 2.5, "cx": 3.5, "cy": 4.5, "k1": 0.25}
+    view = View("a.jpg", 7, 0.125, np.eye(3).tolist(), (0.0, 0.0, 1.0), influence=1.75)
+    text = calibration_summary(Calibration((640, 480), "k1", K, (-0.125,), sigma, 0.375, (view,)))
+    found = {line.split()[0]: line.split()[1:] for line in text.splitlines() if "+-" in line}
+    expected = {"fx": (812.5, 1.5), "fy": (834.75, 2.5), "cx": (321.25, 3.5), "cy": (242.5, 4.5), "k1": (-0.125, 0.25)}
+    assert found.keys() == expected.keys()
+    for name, row in found.items():
+        assert (float(row[0]), float(row[2])) == pytest.approx(expected[name], rel=1e-4)
+    row = next(line.split() for line in text.splitlines() if "a.jpg" in line)
+    assert list(map(float, row[1:4])) == pytest.approx([7, 0.125, 1.75], abs=5e-3)
+
+
+def test_augments_summary_has_each_regions_numbers():
+    part = {"region": "sphere", "share": 0.25, "mean": 0.0125, "rms": 0.5, "codes": 3.25}
+    text = augment_summary([{"photo": "a.jpg", "pose_rms_px": 0.125, "regions": [part, part | {"share": 0.0}]}])
+    assert text.splitlines()[0] == "a.jpg  pose rms 0.125 px"
+    assert text.splitlines()[1].split() == ["sphere", "25.0", "%", "mean", "+0.0125", "rms", "0.5000", "3.25", "codes"]
+    assert len(text.splitlines()) == 2
+
+
+@pytest.mark.parametrize(
+    ("ends", "expected"),
+    [
+        ((0.5, 50), [0.5, 1, 2, 5, 10, 20, 50]),
+        ((50, 0.5), [0.5, 1, 2, 5, 10, 20, 50]),  # an axis that runs downwards
+        ((1e-3, 1e3), [1e-3, 1e-2, 1e-1, 1, 10, 100, 1e3]),
+        ((1e-8, 1.0), [10.0**k for k in range(-8, 1)]),
+        ((1e-12, 1.0), [10.0**k for k in range(-12, 1, 2)]),
+        ((3.0, 4.9), []),
+    ],
+)
+def test_ticks_stand_at_round_numbers(ends, expected):
+    assert ticks(ends) == pytest.approx(expected)
+
+
+def test_a_label_that_stands_away_has_a_leader_from_its_point_to_its_text():
+    labels = [Label("the same place", 200, 100) for _ in range(9)]
+    placed = place(labels, [(200, 100)], 400, 200)
+    assert all(placed)
+    assert placed[0].leader is None
+    away = [p for p in placed if p.leader]
+    assert away
+    for p in away:
+        x0, y0, x1, y1 = p.leader
+        assert (x0, y0) == (200, 100)
+        assert np.hypot(x1 - x0, y1 - y0) > 10
+        assert p.x - 2 <= x1 <= p.x + 0.7 * 11 * len("the same place")
+        assert abs(y1 - p.y) <= 8
+
+
+def test_the_atlas_says_where_each_method_breaks_or_refuses_and_what_was_predicted():
+    curves = {
+        "good": Curve((1e-7, 1e-7, 1e-7), None, None),
+        "breaks": Curve((1e-7, 1e-2, 1.0), 20.0, 30.0),
+        "refuses": Curve((1e-7, 1e-7, None), None, None),
+    }
+    text = atlas_summary(Atlas((Found("far", "radii", (1.0, 10.0, 100.0), 1e-3, curves, "", ""),)))
+    head, *rows = text.splitlines()
+    assert head == "far: radii 1 to 100, bound 0.001"
+    assert [" ".join(row.split()) for row in rows] == [
+        "good holds; 7 digits at the last",
+        "breaks breaks at 20; predicted 30; 0 digits at the last",
+        "refuses refuses at 100; refused at the last",
+    ]
+
+
+def test_two_images_are_shown_beside_each_other_with_a_white_gap(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    yours, other = np.full((6, 5, 3), 0.25, np.float32), np.full((6, 5, 3), 0.75, np.float32)
+    show("my image", yours, other)
+    row = files.from_bytes(files.read_photo(tmp_path / FOLDER / "my-image.png"))
+    assert row.shape == (6, 18, 3)
+    for part, value in ((row[:, :5], 0.25), (row[:, 5:13], 1.0), (row[:, 13:], 0.75)):
+        assert part == pytest.approx(value, abs=5e-3)
+    assert "RMSE 0.5 beside the twin" in capsys.readouterr().out
+
+
+def test_functions_are_replaced_each_in_its_own_place():
+    text = "a = 1\n\ndef f(x):\n    return x\n\n\ndef g(x):\n    # long\n    y = 2\n    return y\n\nb = f(3) + g(4)\n"
+    made = with_functions(text, {"f": "def f(x):\n    z = 5 * x\n    return z\n", "g": "def g(x):\n    return 7 * x\n"})
+    scope: dict = {}
+    exec(compile(ast.parse(made), "made", "exec"), scope)
+    assert (scope["a"], scope["b"], scope["f"](2), scope["g"](2)) == (1, 43, 10, 14)
+    with pytest.raises(InputError, match="one of f, g, got h"):
+        with_functions(text, {"h": ""})
+
+
+def test_the_lessons_corners_are_half_a_pixel_off_opencvs(scenes):
+    desk = Desk(scenes / "desk")
+    found, _ = detect_photos([scenes / "desk" / "photos" / desk.photo_name], desk.board.family)
+    tags = next(iter(found.values()))
+    assert desk.corners == pytest.approx(np.array([tag.corners for tag in tags]) + 0.5)
