@@ -1,11 +1,14 @@
 """The scene's objects in float64, in Mitsuba's world: for what Mitsuba's float32 can neither hold nor tell.
 
-Mitsuba answers for every ray. Two things are beyond float32, and here is what answers them:
+Mitsuba answers for every ray. Three things are beyond float32:
 
 - an object far larger than its distance from the eye (a ground of 1000 m under a camera at 2 m): a sphere's centre and
-  radius are off by 2⁻²⁴ of themselves, and Mitsuba's shadow test takes the difference of their squares. `too_large`
-  finds them; Mitsuba is not given them, and `distance` meets them, whatever the ray.
+  radius are off by 2⁻²⁴ of themselves, and Mitsuba's shadow test takes the difference of their squares;
+- an object far smaller than its distance from the eye: its centre is off by 2⁻²⁴ of that distance, and shadow rays
+  start 4e-6 of it above the surface;
 - a ray within rounding of an outline: see `outlines`.
+
+`beyond_floats` finds the first two. Mitsuba is not given these objects; `distance` intersects them, whatever the ray.
 """
 
 from types import ModuleType
@@ -14,13 +17,28 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.scene import Rectangle, Scene
-from raytwin.twin.world import UNIT
+from raytwin.twin.world import SHADOW_OFFSET, UNIT
 
 SPHERE_REACH, RECTANGLE_REACH = 16.0, 100.0
 """Radius, and distance to the furthest corner, over the distance from the eye: the most that Mitsuba is given.
 
 At these, rounding moves the surface by 1e-6 of the distance from the eye, a quarter of what shadow rays start above it
 (`world.SHADOW_OFFSET`). Spheres shaded themselves from 100 on, rectangles from 1000 on.
+"""
+
+SPHERE_FAR, RECTANGLE_FAR = 128.0, 1024.0
+"""Distance from the eye over the radius, and over the longer half edge: the most that float32 is trusted with.
+
+At 128 radii the normal at a sphere's rim is off by 5e-6, at 1000 by 4e-5. A rectangle's own normal has no such error,
+but shadow rays start 0.4 % of its size above it.
+"""
+
+START = 1e-9
+"""How far off the surface a float64 shadow ray starts, as a part of the distance from the eye."""
+
+MOST_IN_DOUBLES = 64
+"""Objects: in a scene of more, the small and far ones stay with Mitsuba (`outlines.refine` then corrects what the eye
+sees of them), since every ray is tested against every object here.
 """
 
 
@@ -58,8 +76,23 @@ def table(scene: Scene) -> Body:
     return Body(*(np.stack(column, axis=-1) for column in zip(*rows, strict=True)))
 
 
-def too_large(bodies: Body) -> list[int]:
-    """The ids of the objects that are too large, or too near to the eye, for Mitsuba's float32."""
+def beyond_floats(bodies: Body) -> list[int]:
+    """The ids of the objects that float64 must intersect: those too large for float32, or all where one is too far."""
+    number = len(bodies.radius)
+    everything = number <= MOST_IN_DOUBLES and too_far(bodies).any()
+    return [int(i) for i in (range(number) if everything else np.flatnonzero(too_large(bodies)))]
+
+
+def too_far(bodies: Body) -> np.ndarray:
+    """Which objects are too small for float32 at their distance from the eye: (n,)."""
+    with np.errstate(divide="ignore"):
+        half = np.max([1 / np.linalg.norm(edge, axis=0) for edge in (bodies.u, bodies.v)], axis=0)
+    size = np.where(bodies.round, bodies.radius * SPHERE_FAR, half * RECTANGLE_FAR)
+    return np.asarray(np.linalg.norm(bodies.center, axis=0) > size)
+
+
+def too_large(bodies: Body) -> np.ndarray:
+    """Which objects are too large, or too near to the eye, for Mitsuba's float32: (n,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         half = [np.nan_to_num(edge / (edge * edge).sum(axis=0)) for edge in (bodies.u, bodies.v)]
     corners = [bodies.center + x * half[0] + y * half[1] for x in (-1, 1) for y in (-1, 1)]
@@ -68,7 +101,15 @@ def too_large(bodies: Body) -> list[int]:
     a, b = (np.clip((-bodies.center * edge).sum(axis=0), -1, 1) for edge in (bodies.u, bodies.v))
     near = np.linalg.norm(bodies.center + a * half[0] + b * half[1], axis=0)
     sphere = bodies.radius > SPHERE_REACH * abs(np.linalg.norm(bodies.center, axis=0) - bodies.radius)
-    return [int(i) for i in np.flatnonzero(np.where(bodies.round, sphere, corner > RECTANGLE_REACH * near))]
+    return np.asarray(np.where(bodies.round, sphere, corner > RECTANGLE_REACH * near))
+
+
+def offsets(bodies: Body) -> np.ndarray:
+    """How far off each object's surface float64 rays start, as a part of the distance from the eye: (n,).
+
+    Off a large sphere as far as Mitsuba's own: its points are rounded to 1e-16 of its radius.
+    """
+    return np.where(bodies.round & too_large(bodies), SHADOW_OFFSET, START)
 
 
 def distance(xp: ModuleType, body: Body, o: Any, d: Any) -> Any:

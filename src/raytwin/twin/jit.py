@@ -10,7 +10,7 @@ import numpy as np
 
 from raytwin.scene import Scene
 from raytwin.twin.batches import Batches
-from raytwin.twin.bodies import Body, distance, normal, table, too_large
+from raytwin.twin.bodies import Body, beyond_floats, distance, dot, normal, offsets, table
 from raytwin.twin.outlines import Seen
 from raytwin.twin.phong import highlights, lobe
 from raytwin.twin.rays import Lens, directions, lens_of
@@ -47,7 +47,7 @@ class Renderer:
 
     def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int) -> None:
         self.double, bodies = dr.float64_array_t(mi.Float), table(scene)
-        large = [i for i in too_large(bodies) if i not in textures]
+        large = [i for i in beyond_floats(bodies) if i not in textures]
         self.scene, self.depth = load(translate(scene, textures, large)), depth
         self.path: Any = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
         # Opaque numbers are a kernel's parameters: another camera or light runs the kernel that is compiled already.
@@ -56,8 +56,10 @@ class Renderer:
         self.lens = Lens(fx, fy, cx, cy, coefficients, lens.steps)
         self.large = {i: Body(body.round, *(self._number(field) for field in body[1:]))
                       for i, body in ((i, bodies.at(i)) for i in large)}  # fmt: skip
+        self.offsets = {i: self._number(x) for i, x in enumerate(offsets(bodies)) if i in large}
         self.width, self.R = scene.camera.width, np.asarray(scene.camera.R_cam_board)
         self.to_light = mi.Vector3f((self.R @ scene.sun.to_light).tolist())
+        self.toward_sun = self._number(self.R @ scene.sun.to_light)
         self.irradiance = _colour(scene.sun.irradiance)
         self.around = self.scene.environment() if scene.environment else None
         self.sky = None if scene.environment else _colour(scene.sky.radiance)
@@ -114,7 +116,10 @@ class Renderer:
         t = dr.gather(mi.Float, mi.Float(seen.depth * np.float32(UNIT)), mine)
         n = dr.gather(mi.Normal3f, mi.Normal3f(np.ascontiguousarray((seen.normal @ self.R.T).T, np.float32)), mine)
         d = self._directions(pixel, 0.0, 0.0)
-        start = self._start(tuple(x * self.double(t) for x in d), n)
+        reach = self.double(t)  # rounded to float32: where that is too coarse, again
+        for i, body in self.large.items():
+            reach = dr.select(ids == i, distance(dr, body, (self.double(0),) * 3, d), reach)
+        start = self._start(tuple(x * reach for x in d), n, ids)
         rho = dr.gather(mi.Color3f, mi.Color3f(np.ascontiguousarray(albedo.T)), mine) if self.gloss else mi.Color3f(1)
         hit = Hit(ids, t, n, start, rho, mi.Vector3f(*map(mi.Float, d)))
         return _gathered(dr.select(hit.seen, self._incoming(hit, sampler), 0), batches)
@@ -133,6 +138,12 @@ class Renderer:
         row = pixel // width
         u, v = self.double(pixel - row * width) + self.double(du), self.double(row) + self.double(dv)
         return directions(dr, self.lens, u, v)
+
+    def _unit(self, d: Any) -> tuple[Any, ...]:
+        """d made unit in float64: its rounding to float32 would put points that far off a surface."""
+        wide = tuple(map(self.double, d))
+        scale = dr.rsqrt(dot(wide, wide))
+        return tuple(x * scale for x in wide)
 
     def _look(self, pixel: Any, du: Any, dv: Any) -> Hit:
         return self._nearest((self.double(0),) * 3, self._directions(pixel, du, dv))
@@ -155,11 +166,14 @@ class Renderer:
             n = dr.select(closer, mi.Normal3f(*map(mi.Float, normal(body, p))), n)
             albedo = dr.select(closer, self.albedo[i], albedo)
         n = dr.select(dr.dot(n, toward) > 0, -n, n)
-        return Hit(ids, t, n, self._start(p, n), albedo, toward)
+        return Hit(ids, t, n, self._start(p, n, ids), albedo, toward)
 
-    def _start(self, p: Any, n: Any) -> Any:
+    def _start(self, p: Any, n: Any, ids: Any) -> Any:
         """Where rays go on from p: off the surface by a part of p's distance from the eye."""
-        off = SHADOW_OFFSET * dr.norm(mi.Vector3f(*map(mi.Float, p)))
+        part = SHADOW_OFFSET
+        for i, offset in self.offsets.items():
+            part = dr.select(ids == i, offset, part)
+        off = part * dr.norm(mi.Vector3f(*map(mi.Float, p)))
         return tuple(p[k] + n[k] * off for k in range(3))
 
     def _id(self, shape: Any, seen: Any) -> Any:
@@ -176,8 +190,7 @@ class Renderer:
         met = self.scene.ray_intersect_preliminary(ray, active=facing)
         blocker = self._id(met.shape, facing & met.is_valid())
         for i, body in self.large.items():
-            to_light = tuple(map(self.double, self.to_light))
-            blocker = dr.select(facing & (distance(dr, body, hit.start, to_light) < dr.inf), i, blocker)
+            blocker = dr.select(facing & (distance(dr, body, hit.start, self.toward_sun) < dr.inf), i, blocker)
         return blocker
 
     def _first_light(self, hit: Hit, blocker: Any, sky_at_hit: bool) -> Any:
@@ -233,7 +246,7 @@ class Renderer:
         state = (sampler, hit.start, d, mi.Color3f(0), mi.Color3f(1), mi.Bool(hit.seen), mi.UInt32(self.depth - 2))
 
         def onward(sampler: Any, o: Any, d: Any, total: Any, weight: Any, active: Any, left: Any) -> tuple[Any, ...]:
-            hit = self._nearest(o, tuple(map(self.double, d)), active)
+            hit = self._nearest(o, self._unit(d), active)
             total += dr.select(active & ~hit.seen, weight * self._sky(d), 0)
             active &= hit.seen & (left > 0)
             sun = self._pi_f(hit, self.to_light) * self._sun(hit, self._blocker(hit, active))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytwin.scene import Scene
-from raytwin.twin.bodies import Body, distance, dot, normal, table
+from raytwin.twin.bodies import MOST_IN_DOUBLES, START, Body, distance, dot, normal, table, too_far
 from raytwin.twin.rays import directions, lens_of
 from raytwin.twin.world import UNIT
 
@@ -23,9 +23,6 @@ DOUBT = 1e-5
 
 Shadow rays start 4e-6 of the distance off the surface (`world.SHADOW_OFFSET`), so a shadow's outline strays by as much.
 """
-
-START = 1e-9
-"""How far off the surface a float64 shadow ray starts, as a part of the distance from the eye."""
 
 MOST = 1 << 22
 """Pairs of rays and objects that are traced again at most, half a second's work; setting out counts as 1000 rays."""
@@ -73,6 +70,28 @@ def settle(scene: Scene, seen: Seen, shadows: bool) -> np.ndarray:
         start = d * t + n * (START * t)
         seen.blocker[doubtful] = np.where(dot(n, sun) > 0, trace(bodies, start, sun[:, None])[0], -1)
     return np.asarray(doubtful)
+
+
+def refine(scene: Scene, seen: Seen) -> np.ndarray:
+    """Compute depth and normal again, in float64, of what is too far for float32. Returns the pixels' numbers (k,).
+
+    For a scene of so many objects that Mitsuba intersects them: what each ray meets is Mitsuba's answer.
+    """
+    bodies = table(scene)
+    far = too_far(bodies) & bodies.round
+    if len(far) <= MOST_IN_DOUBLES or not far.any():
+        return np.zeros(0, int)
+    pixels = np.flatnonzero((seen.ids >= 0) & far[seen.ids])
+    d, met = rays(scene, pixels).T, bodies.at(seen.ids[pixels])
+    with np.errstate(all="ignore"):
+        t = distance(np, met, np.zeros((3, 1)), d)
+    hit = np.isfinite(t)
+    pixels, d, t, met = pixels[hit], d[:, hit], t[hit], met.at(hit)
+    seen.depth[pixels] = t / UNIT
+    n = np.stack(normal(met, d * t))
+    n *= np.where(dot(n, d) > 0, -1, 1)
+    seen.normal[pixels] = n.T @ np.asarray(scene.camera.R_cam_board)
+    return pixels
 
 
 def rays(scene: Scene, pixels: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from raytwin.twin import render_cache as kept
 from raytwin.twin.backend import activate, versions
 from raytwin.twin.batches import Batches
 from raytwin.twin.direct_light import albedos, first_light
-from raytwin.twin.outlines import Seen, rays, settle
+from raytwin.twin.outlines import Seen, rays, refine, settle
 from raytwin.twin.rays import lens_of
 from raytwin.twin.world import check_textures
 
@@ -28,7 +28,7 @@ SAMPLINGS = ("center", "area")
 BATCHES = 16
 MOST_SAMPLES = 1 << 24
 """Of a pixel, which are all followed at once: 2 GB. For more, take the mean of renders of several seeds."""
-TWIN = "3"
+TWIN = "4"
 """The twin's own version, part of every cache key: raise it when a change moves a pixel."""
 WORTH_KEEPING = 1.0
 """Seconds: a render that took less is not stored, since reading it back would save nothing."""
@@ -205,7 +205,8 @@ def _exact(
             whole[a:b] = part
         say(b / n)
     if settled:
-        again = settle(scene, seen, shadows)
+        exact = len(renderer.large) == len(scene.objects)
+        again = np.zeros(0, int) if exact else np.union1d(refine(scene, seen), settle(scene, seen, shadows))
         if scene.environment:  # a map's own detail is finer than float32's directions
             again = np.union1d(again, np.flatnonzero(seen.ids < 0))
         ids, _, normal, blocker = (part[again] for part in seen)

@@ -13,7 +13,7 @@ import numpy as np
 
 from raytwin.scene import Scene
 from raytwin.twin.batches import Batches
-from raytwin.twin.bodies import distance, normal, table, too_large
+from raytwin.twin.bodies import beyond_floats, distance, normal, offsets, table
 from raytwin.twin.direct_light import albedos, first_light, sunlight
 from raytwin.twin.outlines import Seen
 from raytwin.twin.phong import pi_f
@@ -47,7 +47,9 @@ class Renderer:
 
     def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int) -> None:
         bodies = table(scene)
-        self.large = {i: bodies.at(i) for i in too_large(bodies) if i not in textures}
+        self.large = {i: bodies.at(i) for i in beyond_floats(bodies) if i not in textures}
+        self.offsets = np.full(len(scene.objects) + 1, SHADOW_OFFSET)  # the last: of no object
+        self.offsets[list(self.large)] = offsets(bodies)[list(self.large)]
         self.scene, self.depth = load(translate(scene, textures, self.large)), depth
         self.path: Any = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
         self.lens, self.width = lens_of(scene.camera), scene.camera.width
@@ -89,7 +91,9 @@ class Renderer:
         ids, t, n = (np.repeat(x, batches.lanes, axis=0) for x in found)
         d = self._directions(pixel, 0.0, 0.0)
         rho = np.repeat(albedo, batches.lanes, axis=0) if self.record.glossy else np.ones((len(ids), 3))
-        hit = Hit(ids, t, n, self._start(d * t[:, None], n), rho, d)
+        for i, body in self.large.items():  # float32's depth may be too coarse
+            t = np.where(ids == i, distance(np, body, np.zeros((3, 1)), d.T), t)
+        hit = Hit(ids, t, n, self._start(d * t[:, None], n, ids), rho, d)
         return batches.gathered(self._incoming(hit, np.random.default_rng(seed)))
 
     def _directions(self, pixel: np.ndarray, du: Any, dv: Any) -> np.ndarray:
@@ -128,10 +132,10 @@ class Renderer:
         n[(n * d).sum(axis=1) > 0] *= -1
         plain = ~np.isin(ids, textured)
         albedo[plain] = self.albedo[ids[plain]]
-        return Hit(ids, t, n, self._start(o + d * t[:, None], n), albedo, d)
+        return Hit(ids, t, n, self._start(o + d * t[:, None], n, ids), albedo, d)
 
-    def _start(self, p: np.ndarray, n: np.ndarray) -> np.ndarray:
-        return np.asarray(p + n * (SHADOW_OFFSET * np.linalg.norm(p, axis=1, keepdims=True)))
+    def _start(self, p: np.ndarray, n: np.ndarray, ids: np.ndarray) -> np.ndarray:
+        return np.asarray(p + n * (self.offsets[ids] * np.linalg.norm(p, axis=1))[:, None])
 
     def _blocker(self, hit: Hit) -> np.ndarray:
         """The id of what hides the sun, -1 where nothing does or the surface is turned away from it."""
