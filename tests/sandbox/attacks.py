@@ -157,6 +157,77 @@ def asks_raytwin_for_the_answers(told):
     import raytwin.tracer
     return True
 @tried
+def closes_a_neighbours_file(told):
+    os.chmod(told["results"], 0)
+    return True
+@tried
+def closes_a_neighbours_file_by_descriptor(told):
+    return libc.syscall(91, os.open(HOME, os.O_RDONLY), 0o700) == 0
+@tried
+def closes_a_neighbours_file_at_a_folder(told):
+    return libc.syscall(452, -100, told["results"].encode(), 0, 0) == 0
+@tried
+def gives_a_file_to_another(told):
+    os.chown(told["results"], os.getuid(), -1)
+    return True
+@tried
+def changes_a_files_times(told):
+    os.utime(told["results"], (0, 0))
+    return True
+@tried
+def sets_a_files_attribute(told):
+    os.setxattr(told["results"], "user.hacked", b"1")
+    return True
+@tried
+def removes_a_files_attribute(told):
+    os.removexattr(told["results"], "user.raytwin")
+    return True
+@tried
+def watches_a_folder(told): return libc.inotify_init1(0) >= 0
+@tried
+def adds_a_watch(told):
+    libc.inotify_add_watch(999, b"/tmp", 0x100)
+    return ctypes.get_errno() != errno.EPERM
+@tried
+def lists_the_temporary_folder(told): return bool(os.listdir(os.path.dirname(os.path.dirname(HOME))))
+@tried
+def fills_pairs_of_sockets(told): return bool(socket.socketpair())
+@tried
+def makes_a_large_pipe(told): return fcntl.fcntl(os.pipe()[0], 1031, 1 << 20) > 0
+@tried
+def makes_a_file_of_memory(told): return os.memfd_create("x") >= 0
+@tried
+def opens_many_files(told):
+    there = []
+    try:
+        while len(there) < 100: there.append(open("/dev/null"))
+    finally:
+        for file in there: file.close()
+    return True
+@tried
+def ignores_its_children(told):
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    return True
+@tried
+def makes_a_child_of_the_graders(told):
+    pid = libc.syscall(56, 0x8000 | 17, 0, 0, 0, 0)
+    if pid == 0: os._exit(0)
+    return pid > 0
+@tried
+def finds_the_graders_folders_in_a_frame(told):
+    frame = sys._getframe()
+    found = ""
+    while frame is not None:
+        found += repr(frame.f_locals)
+        frame = frame.f_back
+    return told["backwards"][::-1] in found
+@tried
+def imports_a_renderer(told):
+    import importlib.machinery
+    sys.meta_path.append(importlib.machinery.PathFinder)
+    import PIL.Image  # as good as any: it is always installed, and no rubric names it
+    return True
+@tried
 def mounts(told): return libc.mount(b"none", HOME.encode(), b"tmpfs", 0, None) == 0
 @tried
 def loads_a_kernel_program(told): return libc.syscall(321, 0, ctypes.create_string_buffer(128), 128) >= 0
@@ -176,8 +247,8 @@ def leaves_a_child_behind():
     return np.array(pid)
 
 def digs_deep():
-    """A folder 1100 deep, in which nobody may look."""
-    for _ in range(1100):
+    """A folder 900 deep, in which nobody may look."""
+    for _ in range(900):
         os.mkdir("d")
         os.chdir("d")
     os.chdir(HOME)
@@ -207,6 +278,16 @@ def recurses(): return recurses()
 '''
 
 
+CHILDREN = """
+import os, time
+def child():
+    if (pid := os.fork()) == 0:
+        while time.process_time() < 0.15: pass
+        os._exit(0)
+    return pid
+"""
+
+
 class Ending(NamedTuple):
     """`f` is called twice, if it answers; `sort` and `word` are of the verdict on the last call."""
 
@@ -232,6 +313,47 @@ ENDINGS = {
     "memory, bit by bit": Ending("def f():\n x = []\n while True: x.append(bytearray(10**7))", "error limit", ""),
     "many files": Ending(
         "def f():\n i = 0\n while True:\n  open(str(i), 'wb').write(b'x' * 1000_000)\n  i += 1", "limit", "wrote more"
+    ),
+    "files without a name": Ending(
+        "import os\nthere = []\ndef f():\n for i in range(40):\n  there.append(open('x', 'wb'))\n  os.unlink('x')\n"
+        "  there[-1].write(os.urandom(1000_000))\n  there[-1].flush()\n return 1.0",
+        "limit", "wrote more",
+    ),
+    "files without a name or a descriptor": Ending(
+        "import mmap, os\nthere = []\ndef f():\n for i in range(40):\n  file = open('x', 'w+b')\n  os.unlink('x')\n"
+        "  file.write(os.urandom(1000_000))\n  file.flush()\n  there.append(mmap.mmap(file.fileno(), 1000_000))\n"
+        "  file.close()\n return 1.0",
+        "limit", "wrote more",
+    ),
+    "nested folders": Ending(
+        "import os\ndef f():\n for i in range(21000):\n  os.mkdir('d')\n  os.chdir('d')\n return 1.0",
+        "limit", "too deep",
+    ),
+    "children that nobody waits for": Ending(
+        CHILDREN + "def f():\n while True:\n  child()\n  time.sleep(0.2)\n", "limit", ""
+    ),
+    "children that are ignored": Ending(
+        CHILDREN + "import ctypes\ndef f():\n ctypes.CDLL(None).signal(17, 1)\n while True:\n  child()\n"
+        "  time.sleep(0.2)\n",
+        "limit", "",
+    ),
+    "orphans": Ending(
+        CHILDREN + "def f():\n while True:\n  pid = os.fork()\n  if pid == 0:\n   child()\n   os._exit(0)\n"
+        "  os.waitpid(pid, 0)\n  time.sleep(0.2)\n",
+        "limit", "",
+    ),
+    "children one after the other": Ending(
+        CHILDREN + "def f():\n while True: os.waitpid(child(), 0)\n", "limit", "computing"
+    ),
+    "programs one after the other": Ending(
+        "import subprocess, sys\ndef f():\n"
+        " while True: subprocess.run([sys.executable, '-IS', '-c', 'sum(range(10**6))'])",
+        "limit", "computing",
+    ),
+    "the dead": Ending(
+        "import os, time\ndef f():\n for _ in range(60):\n  try:\n   if os.fork() == 0: os._exit(0)\n"
+        "  except OSError: pass\n time.sleep(600)",
+        "limit", "",
     ),
     "os._exit": Ending("import os\ndef f(): os._exit(0)", "broken", "exit code 0"),
     "os._exit while it is loaded": Ending("import os\nos._exit(0)", "broken", "exit code 0"),

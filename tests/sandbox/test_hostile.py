@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from raytwin.sandbox.lock import HELD, _without
-from raytwin.sandbox.sandbox import Code, Limits, Sandbox, group_of, probe
+from raytwin.sandbox.process_group import alive
+from raytwin.sandbox.sandbox import Code, Limits, Sandbox, probe
 
 NAMES = re.findall(r"@tried\ndef (\w+)", attacks.ATTACKS)
 OTHERS = re.findall(r"^def (\w+)\(\)", attacks.ATTACKS, re.MULTILINE)
@@ -35,7 +36,7 @@ def locks() -> dict[str, str]:
 def outcome(tmp_path_factory):
     """What became of every attack of one submission, all of which run in one process; and the grader's own files."""
     folder = tmp_path_factory.mktemp("grader")
-    told = {"folder": str(folder), "name": f"raytwin-{os.getpid()}"}
+    told = {"folder": str(folder), "name": f"raytwin-{os.getpid()}", "backwards": "secret-course"[::-1]}
     for name in ("reference", "rubric", "results", "run_autograder"):
         (folder / f"{name}.json").write_text("secret")
         told[name] = str(folder / f"{name}.json")
@@ -48,7 +49,8 @@ def outcome(tmp_path_factory):
             unix.bind("\0" + told["name"])
             unix.listen()
         limits = Limits(seconds=60, memory_mb=400, answer_mb=4)
-        with Sandbox(Code(source=attacks.ATTACKS, asked=(*NAMES, *OTHERS)), limits) as child:
+        hidden = (tmp_path_factory.mktemp("secret-course"),)
+        with Sandbox(Code(source=attacks.ATTACKS, asked=(*NAMES, *OTHERS)), limits, hidden) as child:
             found = {name: child.call(name, told) for name in NAMES} | {n: child.call(n) for n in OTHERS}
             pid = child._process.pid
     return {**found, "folder": folder, "left": left_of(pid), "base": child._base}
@@ -57,10 +59,10 @@ def outcome(tmp_path_factory):
 def left_of(pid: int) -> int:
     """Processes of the group; those that are killed may need a moment to end."""
     for _ in range(100):
-        if group_of(pid)[0] == 0:
+        if alive(pid) == 0:
             break
         time.sleep(0.02)
-    return group_of(pid)[0]
+    return alive(pid)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -112,8 +114,8 @@ def test_python_stays_readable_in_a_hidden_folder_and_what_is_hidden_in_it_does_
     for name in ("course/.venv/lib/numpy", "course/.venv/lib/raytwin/shipped", "course/.venv/bin", "course/reference"):
         (tmp_path / name).mkdir(parents=True)
     course = tmp_path / "course"
-    found = dict(_without(course / ".venv", [course, course / ".venv" / "lib" / "raytwin"]))
-    names = {str(path.relative_to(course)): listed for path, listed in found.items()}
+    found = dict(_without(str(course / ".venv"), [str(course), str(course / ".venv" / "lib" / "raytwin")]))
+    names = {str(Path(path).relative_to(course)): listed for path, listed in found.items()}
     assert names == {".venv": True, ".venv/bin": False, ".venv/lib": True, ".venv/lib/numpy": False}
 
 

@@ -10,7 +10,8 @@ from raytwin import files
 from raytwin.errors import InputError
 from raytwin.grade.rubric import Rubric
 from raytwin.grade.submission_code import submission_files
-from raytwin.sandbox.sandbox import MEGA, plain
+from raytwin.sandbox.sandbox import plain
+from raytwin.sandbox.work_folder import MEGA
 
 GRADING_ROOMS = (
     *("errors.py", "rungs.py", "references.py", "image_input.py", "image", "files", "scene", "tracer", "speed"),

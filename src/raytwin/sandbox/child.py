@@ -5,6 +5,7 @@ submission gets neither. What it prints goes to standard error. raytwin itself i
 """
 
 import contextlib
+import errno
 import importlib.util
 import json
 import os
@@ -12,6 +13,7 @@ import random
 import sys
 import traceback
 from collections.abc import Callable
+from importlib.machinery import BuiltinImporter, FrozenImporter, PathFinder
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -35,15 +37,17 @@ def main() -> None:
     told = wire.read_trusted(take, most)
     folder, submission = Path(told["folder"]), Path(told["submission"])
     os.chdir(folder)
-    readers = _readers(told["packages"]) if told["kind"] != "python" else None
+    hidden, packages = told.pop("hidden"), told.pop("packages")
+    readers = _readers(packages) if told["kind"] != "python" else None
     np.random.seed(told["seed"])  # noqa: NPY002 - the one that students call
     random.seed(told["seed"])
-    held = lock.lock(folder, submission, told["limits"], told["hidden"], told["uid"])
+    held = lock.lock(folder, submission, told["limits"], hidden, told["entries"], told["uid"])
+    del hidden, packages  # a submission reads this frame
     wire.write(answers, {"locks": held, "pid": os.getpid()})
     try:
         functions, notes = _load(told, submission, readers, loading)
     except BaseException as error:
-        wire.write(answers, {"error": _said(error, submission)})
+        wire.write(answers, {"error": _said(error, submission, told["modules"])})
         return
     wire.write(answers, {"functions": sorted(n for n in told["asked"] if n in functions), "notes": notes})
     while True:
@@ -58,7 +62,7 @@ def main() -> None:
                 raise MemoryError(f"it returned arrays of {[a.shape for a in arrays]}: more than is taken")
             answer["arrays"] = list(arrays)
         except BaseException as error:
-            answer |= {"error": _said(error, submission)}
+            answer |= {"error": _said(error, submission, told["modules"])}
         with contextlib.suppress(Exception):
             sys.stdout.flush()
         wire.write(answers, answer)
@@ -84,18 +88,54 @@ def _load(
         return {"render": lambda scene: _run(told, submission, scene, readers, loading)}, []
     sys.modules["raytwin"] = None  # type: ignore[assignment]  # it has the answers
     sys.path.insert(0, str(submission))
+    sys.meta_path[:] = [BuiltinImporter, FrozenImporter, _OnlyThese(told["modules"], str(submission))]
     module = loading.new_module("submission", submission / told["file"])
     failed = loading.run_cells(module, [(str(submission / name), text) for name, text in told["cells"]])
     if failed and len(told["cells"]) == 1:
         raise next(iter(failed.values()))
-    notes = [f"{Path(name).name}: {_said(error, submission)}"[:200] for name, error in failed.items()]
+    notes = [f"{Path(name).name}: {_said(error, submission, told['modules'])}"[:300] for name, error in failed.items()]
     return loading.functions_of(module, told["asked"]), notes[:20]
 
 
-def _said(error: BaseException, submission: Path) -> str:
-    """`ValueError: ...`, and the lines of the submission that led there."""
+class _OnlyThese:
+    """Finds the standard library, these modules and the submission's own; any other is as if it were not installed."""
+
+    def __init__(self, modules: list[str], submission: str) -> None:
+        self._known, self._own = frozenset(modules) | sys.stdlib_module_names, [submission]
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
+        if path is None and name not in self._known and not name.startswith("_sysconfigdata"):
+            path = self._own
+        return PathFinder.find_spec(name, path, target)
+
+    @staticmethod
+    def invalidate_caches() -> None:
+        PathFinder.invalidate_caches()
+
+
+def _hint(error: BaseException, submission: Path, modules: list[str]) -> str:
+    """What a student does not know of the sandbox, where that is why the error came."""
+    if isinstance(error, ModuleNotFoundError):
+        names = [name for name in modules if not name.startswith("_")]
+        return f"A submission may import the standard library, its own files, {', '.join(names)}."
+    if not isinstance(error, OSError):
+        return ""
+    file = error.filename if isinstance(error.filename, str) else ""
+    if isinstance(error, FileNotFoundError) and file and not os.path.isabs(file):  # noqa: PTH117
+        if (submission / file).exists():
+            return "It runs in an empty working folder; Path(__file__).with_name(...) is a file beside yours."
+    elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS, errno.EXDEV):
+        if file:
+            own = 'A submission writes to its working folder alone: a relative path, as "frame.png", is there.'
+            return f"{own} It reads no files but its own."
+        return "The sandbox allows no network, no signals to others, no change of files' rights."
+    return ""
+
+
+def _said(error: BaseException, submission: Path, modules: list[str]) -> str:
+    """`ValueError: ...`, what the sandbox has to do with it, and the lines of the submission that led there."""
     try:
-        lines = [f"{type(error).__name__}: {error}"]
+        lines = [" ".join([f"{type(error).__name__}: {error}", _hint(error, submission, modules)]).rstrip()]
         frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename.startswith(str(submission))]
         if isinstance(error, SyntaxError) and error.lineno:
             lines.append(f"line {error.lineno}: {(error.text or '').strip()}")

@@ -1,7 +1,7 @@
 """A process locks itself in: rlimits, another uid, Landlock, seccomp; what the machine lacks is said, never assumed.
 
-Standard library alone (and landlockpy, if it is there): a submission's process loads this file before any of the
-submission's code. Each lock holds for the process and all that it starts, and cannot be taken back.
+Standard library alone: a submission's process loads this file before any of the submission's code. Each lock holds for
+the process and all that it starts, and cannot be taken back.
 """
 
 import contextlib
@@ -9,8 +9,10 @@ import ctypes
 import errno
 import os
 import platform
+import site
 import struct
 import sys
+import sysconfig
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -18,17 +20,22 @@ LOCKS = {
     "process group": "left-over processes are killed",
     "rlimits": "memory, CPU seconds, size of files, number of processes",
     "other uid": "reads and kills nothing of the grader's",
-    "Landlock": "sees Python, its own files and an empty folder",
-    "seccomp": "no sockets, no ptrace, no other namespaces, no signals to others",
+    "Landlock": "sees Python, the packages that the rubric names, its own files and an empty folder",
+    "seccomp": "no sockets, no ptrace, no other namespaces, no signals to others, no change of files' rights or times",
 }
 """What can hold, and what it is for."""
 
 HELD = "holds"
 
 
-def lock(folder: Path, submission: Path, limits: dict[str, int], hidden: Sequence[str], uid: bool) -> dict[str, str]:
-    """Of every lock `HELD`, or why it does not. `folder` alone can be written to; `hidden` folders cannot be read."""
-    unseen = [*hidden, *(str(Path(p, "raytwin")) for p in sys.path)]
+def lock(
+    folder: Path, submission: Path, limits: dict[str, int], hidden: Sequence[str], entries: Sequence[str], uid: bool
+) -> dict[str, str]:
+    """Return of every lock `HELD`, or why it does not.
+
+    `folder` alone can be written to. `hidden` folders cannot be read, nor installed packages but for these `entries`.
+    """
+    unseen = [*hidden, *(str(Path(p, "raytwin")) for p in sys.path), *_other_packages(entries)]
     steps = {
         "process group": _own_group,
         "rlimits": lambda: _limit(limits),
@@ -67,6 +74,7 @@ def _own_group() -> None:
     if sys.platform == "linux":
         _prctl(1, 9)  # PR_SET_PDEATHSIG: killed with the grader
         _prctl(38, 1)  # PR_SET_NO_NEW_PRIVS: no setuid program helps
+        _prctl(36, 1)  # PR_SET_CHILD_SUBREAPER: orphans stay its children, so their seconds are counted
         with contextlib.suppress(OSError):  # where memory ends, this process ends, not the grader
             Path("/proc/self/oom_score_adj").write_text("1000")
 
@@ -81,7 +89,7 @@ def _limit(limits: dict[str, int]) -> None:
         "RLIMIT_AS": limits["memory"],
         "RLIMIT_CPU": limits["cpu"],
         "RLIMIT_FSIZE": limits["file"],
-        "RLIMIT_NOFILE": 256,
+        "RLIMIT_NOFILE": 64,
         "RLIMIT_MSGQUEUE": 0,
         "RLIMIT_MEMLOCK": 0,
     }
@@ -107,11 +115,12 @@ def _threads_of(uid: int) -> int:
 
 
 def _drop(folder: Path, processes: int) -> None:
-    """To a uid that no other process has: this process's number above 60 000."""
+    """Change to a uid that no other process has: this process's number above 60 000. Its folders are its alone."""
     if not hasattr(os, "getuid") or os.getuid() != 0:
         raise _Lacking("the grader is not root")
     uid = 60_000 + os.getpid() % 5_000
-    os.chown(folder, uid, uid)
+    for own in (folder, folder.parent):
+        os.chown(own, uid, uid)
     import resource
 
     resource.setrlimit(resource.RLIMIT_NPROC, (processes, processes))
@@ -135,57 +144,99 @@ def _prctl(option: int, value: int) -> None:
 # ------------------------------------------------------------------------------------------ Landlock
 
 
+EXECUTE, WRITE_FILE, READ_FILE, READ_DIR = 1, 2, 4, 8
+SPECIAL = 1 << 6 | 1 << 9 | 1 << 11 | 1 << 15 | 1 << 16
+"""MAKE_CHAR, MAKE_SOCK, MAKE_BLOCK, IOCTL_DEV, RESOLVE_UNIX: nobody's."""
+RIGHTS = {1: 13, 2: 14, 3: 15, 5: 16, 9: 17}
+"""How many rights (bits, from EXECUTE on) Landlock knows from a version of its ABI on: linux/landlock.h."""
+TCP, SCOPES = (4, 3), (6, 3)
+"""(Version of the ABI, bits) of bind and connect, and of abstract sockets and signals to outside."""
+
+
 def _landlock(folder: Path, submission: Path, hidden: Sequence[Path]) -> None:
     if sys.platform != "linux":
         raise _Lacking("not on this system")
-    try:
-        from landlockpy import AccessFS, Ruleset, Scope, supported
-    except ImportError:
-        raise _Lacking("pip install landlockpy") from None
-    if not supported():
+    libc = ctypes.CDLL(None, use_errno=True)
+    version = libc.syscall(444, None, ctypes.c_size_t(0), 1)
+    if version < 1:
         raise _Lacking("not in this kernel")
-    reading = AccessFS.READ_FILE | AccessFS.READ_DIR | AccessFS.EXECUTE
-    both = Scope.ABSTRACT_UNIX_SOCKET | Scope.SIGNAL
-    with Ruleset(scoped=both) as rules:
+    known = (1 << max(count for since, count in RIGHTS.items() if since <= version)) - 1
+    handled = struct.pack("=QQQ", known, *(bits if version >= since else 0 for since, bits in (TCP, SCOPES)))
+    rules = _checked(libc.syscall(444, handled, ctypes.c_size_t(len(handled)), 0))
+    reading = READ_FILE | READ_DIR | EXECUTE
+    try:
         for path, listed in readable(hidden):
-            rules.allow_path(path, AccessFS.READ_DIR if listed else reading if path.is_dir() else AccessFS.READ_FILE)
-        rules.allow_path("/dev/null", AccessFS.READ_FILE | AccessFS.WRITE_FILE)
-        rules.allow_path(submission, reading)
-        special = AccessFS.MAKE_CHAR | AccessFS.MAKE_BLOCK | AccessFS.MAKE_SOCK | AccessFS.IOCTL_DEV
-        rules.allow_path(folder, AccessFS(sum(AccessFS) & ~special))
-        rules.restrict()
+            _allow(libc, rules, path, READ_DIR if listed else reading)
+        _allow(libc, rules, Path("/dev/null"), READ_FILE | WRITE_FILE)
+        _allow(libc, rules, submission, reading)
+        _allow(libc, rules, folder, known & ~SPECIAL)
+        _prctl(38, 1)
+        _checked(libc.syscall(446, rules, 0))
+    finally:
+        os.close(rules)
+
+
+def _allow(libc: ctypes.CDLL, rules: int, path: Path, rights: int) -> None:
+    """Add a rule for all below the path: a struct landlock_path_beneath_attr. What has just gone needs none."""
+    with contextlib.suppress(FileNotFoundError):
+        place = os.open(path, os.O_PATH | os.O_CLOEXEC)
+        try:
+            if not path.is_dir():
+                rights &= READ_FILE | WRITE_FILE
+            _checked(libc.syscall(445, rules, 1, struct.pack("=Qi", rights, place), 0))
+        finally:
+            os.close(place)
+
+
+def _checked(result: int) -> int:
+    if result < 0:
+        raise OSError(number := ctypes.get_errno(), os.strerror(number))
+    return result
 
 
 def readable(hidden: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
-    """Python, the system's libraries and packages, without what is hidden; True: only the names in it."""
+    """Yield Python, the system's libraries and packages, without what is hidden; True: only the names in it."""
     roots = [sys.prefix, sys.base_prefix, *sys.path, "/usr", "/lib", "/lib64", "/bin"]
     files = ["/etc/ld.so.cache", "/etc/localtime", "/dev/urandom", "/dev/zero", "/proc/cpuinfo", "/proc/meminfo"]
     files += ["/sys/devices/system/cpu"]
     there = {Path(p).resolve() for p in [*roots, *files] if p and Path(p).exists()} - {Path("/")}
     for root in sorted(there):
-        yield from _without(root, hidden)
+        for path, listed in _without(str(root), frozenset(map(str, hidden))):
+            yield Path(path), listed
 
 
-def _without(root: Path, hidden: Iterable[Path]) -> Iterator[tuple[Path, bool]]:
-    """What is hidden above it is no reason: nothing can be read but what is named here."""
-    inside = [h for h in hidden if h.is_relative_to(root)]
+def _without(root: str, hidden: Iterable[str]) -> Iterator[tuple[str, bool]]:
+    """The root, or what lies in it, without what is hidden. A hidden folder above it is no reason to hide it."""
+    inside = frozenset(h for h in hidden if h == root or h.startswith(f"{root}/"))
     if root in inside:
         return
     if not inside:
         yield root, False
         return
     yield root, True
-    for child in sorted(root.iterdir()):
-        if not child.is_symlink():
+    with os.scandir(root) as entries:
+        for child in sorted(entry.path for entry in entries if not entry.is_symlink()):
             yield from _without(child, inside)
+
+
+def _other_packages(entries: Sequence[str]) -> Iterator[str]:
+    """What lies in folders of installed packages beside these entries; the standard library is no such folder."""
+    library = [sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib")]
+    library += [os.path.join(folder, "lib-dynload") for folder in library]  # noqa: PTH118
+    folders = {p for p in sys.path if p not in library} | set(site.getsitepackages([sys.prefix, sys.base_prefix]))
+    folders |= {str(p) for root in ("/usr", "/usr/local") for p in Path(root).glob("lib/python3*/*-packages")}
+    for folder in sorted(folders):
+        with contextlib.suppress(OSError):
+            place = Path(folder).resolve()
+            yield from (str(p) for p in place.iterdir() if p.name not in entries)
 
 
 # ------------------------------------------------------------------------------------------ seccomp
 
 DENIED: dict[str, tuple[int, int]] = {
-    # sockets: a connected pair of streams is all that there is
-    "socket": (41, 198), "connect": (42, 203), "accept": (43, 202), "accept4": (288, 242), "bind": (49, 200),
-    "listen": (50, 201), "sendmmsg": (307, 269),
+    # sockets; a pair holds memory of the kernel's that nobody counts
+    "socketpair": (53, 199), "socket": (41, 198), "connect": (42, 203), "accept": (43, 202), "accept4": (288, 242),
+    "bind": (49, 200), "listen": (50, 201), "sendmmsg": (307, 269),
     # other processes
     "ptrace": (101, 117), "process_vm_readv": (310, 270), "process_vm_writev": (311, 271), "kcmp": (312, 272),
     "pidfd_open": (434, 434), "pidfd_getfd": (438, 438), "pidfd_send_signal": (424, 424), "tkill": (200, 130),
@@ -200,6 +251,13 @@ DENIED: dict[str, tuple[int, int]] = {
     "chroot": (161, 51), "open_tree": (428, 428), "move_mount": (429, 429), "fsopen": (430, 430),
     "fsconfig": (431, 431), "fsmount": (432, 432), "fspick": (433, 433), "mount_setattr": (442, 442),
     "name_to_handle_at": (303, 264), "open_by_handle_at": (304, 265), "fanotify_init": (300, 262),
+    # rights, owners, times and attributes of files, whose paths Landlock does not ask for; watching folders
+    "chmod": (90, -1), "fchmod": (91, 52), "fchmodat": (268, 53), "fchmodat2": (452, 452), "chown": (92, -1),
+    "fchown": (93, 55), "lchown": (94, -1), "fchownat": (260, 54), "utime": (132, -1), "utimes": (235, -1),
+    "futimesat": (261, -1), "utimensat": (280, 88), "setxattr": (188, 5), "lsetxattr": (189, 6), "fsetxattr": (190, 7),
+    "setxattrat": (463, 463), "removexattr": (197, 14), "lremovexattr": (198, 15), "fremovexattr": (199, 16),
+    "removexattrat": (466, 466), "file_setattr": (469, 469), "inotify_init": (253, -1), "inotify_init1": (294, 26),
+    "inotify_add_watch": (254, 27),
     # ways round a filter, and into the kernel
     "io_uring_setup": (425, 425), "io_uring_enter": (426, 426), "io_uring_register": (427, 427), "bpf": (321, 280),
     "perf_event_open": (298, 241), "userfaultfd": (323, 282), "add_key": (248, 217), "request_key": (249, 218),
@@ -213,23 +271,28 @@ DENIED: dict[str, tuple[int, int]] = {
     "shmget": (29, 194), "semget": (64, 190), "msgget": (68, 186), "mq_open": (240, 180), "memfd_create": (319, 279),
     "memfd_secret": (447, 447),
 }  # fmt: skip
-"""System calls that are refused: their numbers on x86_64 and on aarch64."""
+"""System calls that are refused: their numbers on x86_64 and on aarch64, -1 where there is none."""
 
 PARTLY = {
     "clone": (56, 220), "clone3": (435, 435), "kill": (62, 129), "tgkill": (234, 131), "prlimit64": (302, 261),
-    "socketpair": (53, 199), "fcntl": (72, 25), "ioctl": (16, 29),
+    "fcntl": (72, 25), "ioctl": (16, 29), "rt_sigaction": (13, 134),
 }  # fmt: skip
 """Refused for some arguments."""
 
 MACHINES = {"x86_64": (0xC000003E, 0), "amd64": (0xC000003E, 0), "aarch64": (0xC00000B7, 1), "arm64": (0xC00000B7, 1)}
 """AUDIT_ARCH_*, and the column above."""
 
-NEW_NAMESPACES = 0x7E020080
-"""CLONE_NEWNS, CGROUP, UTS, IPC, USER, PID, NET, TIME."""
-F_SETOWN, F_SETSIG, F_SETOWN_EX = 8, 10, 15
-FIOSETOWN, SIOCSPGRP, TIOCSTI, TIOCLINUX = 0x8901, 0x8902, 0x5412, 0x541C
+NEW_NAMESPACES, CLONE_PARENT = 0x7E020080, 0x8000
+"""CLONE_NEWNS, CGROUP, UTS, IPC, USER, PID, NET, TIME; and a child of the grader's, whom nobody waits for."""
+SIGCHLD = 17
+"""Where it is ignored, a child that ends takes its seconds along."""
+FCNTLS = {"F_SETOWN": 8, "F_SETSIG": 10, "F_SETOWN_EX": 15, "F_NOTIFY": 1026, "F_SETPIPE_SZ": 1031}
+IOCTLS = {
+    "FIOSETOWN": 0x8901, "SIOCSPGRP": 0x8902, "TIOCSTI": 0x5412, "TIOCLINUX": 0x541C,
+    "FS_IOC_SETFLAGS": 0x40086602, "FS_IOC_FSSETXATTR": 0x401C5820,
+}  # fmt: skip
 
-_LOAD, _EQUAL, _AT_LEAST, _ANY_BIT, _MASK, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x54, 0x06
+_LOAD, _EQUAL, _AT_LEAST, _ANY_BIT, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
 _ALLOW, _KILL, _ERRNO = 0x7FFF0000, 0x80000000, 0x00050000
 _REFUSE, _ABSENT = _ERRNO | errno.EPERM, _ERRNO | errno.ENOSYS
 
@@ -256,17 +319,17 @@ def assembled(architecture: int, column: int, pid: int) -> bytes:
     code: list[tuple[int, int, int, int]] = [(_LOAD, 0, 0, 4), (_EQUAL, 1, 0, architecture), (_RETURN, 0, 0, _KILL)]
     code += [(_LOAD, 0, 0, 0), (_AT_LEAST, 0, 1, 0x40000000), (_RETURN, 0, 0, _REFUSE)]
     number = {name: both[column] for name, both in PARTLY.items()}
-    for name in DENIED:
-        code += [(_EQUAL, 0, 1, DENIED[name][column]), (_RETURN, 0, 0, _REFUSE)]
+    for refused in (both[column] for both in DENIED.values() if both[column] >= 0):
+        code += [(_EQUAL, 0, 1, refused), (_RETURN, 0, 0, _REFUSE)]
     code += [(_EQUAL, 0, 1, number["clone3"]), (_RETURN, 0, 0, _ABSENT)]  # its flags lie in memory: clone comes next
-    code += _refused(number["clone"], 0, _ANY_BIT, NEW_NAMESPACES)
+    code += _refused(number["clone"], 0, _ANY_BIT, NEW_NAMESPACES | CLONE_PARENT)
     code += _allowed(number["kill"], 0, (pid, 0))
     code += _allowed(number["tgkill"], 0, (pid,))
     code += _allowed(number["prlimit64"], 0, (pid, 0))
-    code += _allowed(number["socketpair"], 1, (1,), mask=0xF)  # SOCK_STREAM, for which a message has no address
-    for argument in (F_SETOWN, F_SETSIG, F_SETOWN_EX):
+    code += _refused(number["rt_sigaction"], 0, _EQUAL, SIGCHLD)
+    for argument in FCNTLS.values():
         code += _refused(number["fcntl"], 1, _EQUAL, argument)
-    for argument in (FIOSETOWN, SIOCSPGRP, TIOCSTI, TIOCLINUX):
+    for argument in IOCTLS.values():
         code += _refused(number["ioctl"], 1, _EQUAL, argument)
     code.append((_RETURN, 0, 0, _ALLOW))
     return b"".join(struct.pack("<HBBI", *line) for line in code)
@@ -278,9 +341,9 @@ def _refused(number: int, argument: int, test: int, value: int) -> list[tuple[in
     return [(_EQUAL, 0, len(body), number), *body]
 
 
-def _allowed(number: int, argument: int, values: Sequence[int], mask: int = 0) -> list[tuple[int, int, int, int]]:
-    """The call of that number, refused where its argument (its bits of the mask) is none of the values."""
-    body = [(_LOAD, 0, 0, 16 + 8 * argument), *([(_MASK, 0, 0, mask)] if mask else [])]
+def _allowed(number: int, argument: int, values: Sequence[int]) -> list[tuple[int, int, int, int]]:
+    """The call of that number, refused where its argument is none of the values."""
+    body = [(_LOAD, 0, 0, 16 + 8 * argument)]
     body += [(_EQUAL, len(values) - i, 0, value) for i, value in enumerate(values)]
     body += [(_RETURN, 0, 0, _REFUSE), (_LOAD, 0, 0, 0)]
     return [(_EQUAL, 0, len(body), number), *body]

@@ -11,18 +11,15 @@ system: what is lost is said.
 
 import contextlib
 import functools
-import itertools
 import os
 import queue
 import secrets
-import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -35,11 +32,11 @@ from raytwin.errors import InputError
 from raytwin.files.shipped import REFERENCES
 from raytwin.image_input import ENDINGS
 from raytwin.sandbox import wire
+from raytwin.sandbox.importable import importable
 from raytwin.sandbox.lock import HELD, LOCKS
+from raytwin.sandbox.process_group import Usage, awake, nameless_bytes, processes_of_user, usage
+from raytwin.sandbox.work_folder import MEGA, copy_files, excess, remove
 
-MEGA = 1_000_000
-PAGE = 4096
-TICKS = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 POLL = 0.1
 """Seconds between two looks at the clock, the processes, their memory and their folder."""
 FORGED = "it wrote into the grader's pipe"
@@ -70,7 +67,8 @@ class Code:
     """What is run: `source` of the Python file `file`, or a notebook's `cells` (name, text); a `command` with {scene}
     and {out}; or images.
 
-    `folder` is copied for it, links left out; None: nothing but the source.
+    `folder` is copied for it, links left out; None: nothing but the source. `packages`: what it may import beside the
+    standard library, NumPy and SciPy, as a rubric names it.
     """
 
     kind: Literal["python", "command", "images"] = "python"
@@ -136,7 +134,6 @@ class Sandbox:
 
     def __enter__(self) -> "Sandbox":
         self._base = Path(tempfile.mkdtemp(prefix="raytwin-"))
-        self._base.chmod(0o711)
         self._work, self._copy = self._base / "work", self._base / "submission"
         self._work.mkdir(mode=0o700)
         self._copy.mkdir(mode=0o755)
@@ -178,6 +175,7 @@ class Sandbox:
         told |= {"asked": list(code.asked), "seed": code.seed, "uid": self._with_uid, "hidden": list(self._hidden)}
         told["endings"] = list(ENDINGS)
         told |= {"limits": limits, "folder": str(self._work), "submission": str(self._copy)}
+        told |= importable(code.packages)._asdict()
         told["packages"] = [p for p in dict.fromkeys([*sys.path, str(_package().parent)]) if p and Path(p).is_dir()]
         stdin, stdout, stderr = self._process.stdin, self._process.stdout, self._process.stderr
         assert stdin is not None
@@ -222,7 +220,10 @@ class Sandbox:
         if function not in self.functions:
             return Answer(problem=f"{function} is not written", sort="missing")
         self._calls += 1
-        self._look(0.0)  # what it has computed until now is no part of this call
+        used = self._look(0.0)  # what it has computed until now is no part of this call
+        if exceeded := self._exceeded(self.limits.seconds_a_call, self._spent, used):
+            self._end(exceeded, "limit")
+            return self.problem
         start = time.monotonic()
         self._inbox.put({"call": self._calls, "function": function, "arguments": list(arguments)})
         answer = self._wait(self.limits.seconds_a_call)
@@ -288,9 +289,9 @@ class Sandbox:
                 answer = self._outbox.get(timeout=POLL)
             except queue.Empty:
                 now = time.monotonic()
-                processes, memory = self._look(now - looked)
+                used = self._look(now - looked)
                 looked = now
-                if exceeded := self._exceeded(most, before, processes, memory):
+                if exceeded := self._exceeded(most, before, used):
                     self._end(exceeded, "limit")
                     return None
                 continue
@@ -300,29 +301,27 @@ class Sandbox:
                 return None
             return answer
 
-    def _look(self, elapsed: float) -> tuple[int, int]:
-        """(processes, bytes) now. What they computed since the last look, or slept of these `elapsed` s, is added."""
-        processes, memory, seconds = group_of(self._process.pid)
-        computed = max(0.0, seconds - self._seen)  # one that has ended may take its seconds along
-        self._seen = seconds
+    def _look(self, elapsed: float) -> Usage:
+        """What is in use now. What was computed since the last look, or slept of these `elapsed` s, is added up."""
+        used = usage(self._process.pid)
+        computed = max(0.0, used.seconds - self._seen)
+        self._seen = max(self._seen, used.seconds)
         # Where this process had to wait itself, nobody knows what the other did meanwhile.
-        slept = 0.0 if computed or _awake(self._process.pid) else min(elapsed, 2 * POLL)
+        slept = 0.0 if computed or awake(self._process.pid) else min(elapsed, 2 * POLL)
         new = (computed, slept, elapsed)
         self._spent = Spent(*(a + b for a, b in zip(self._spent, new, strict=True)))
-        return processes, memory
+        return used
 
-    def _exceeded(self, most: float, before: Spent, processes: int, memory: int) -> str:
+    def _exceeded(self, most: float, before: Spent, used: Usage) -> str:
         limits, words = self.limits, self._spent.computed > 0
         of_this = Spent(*(a - b for a, b in zip(self._spent, before, strict=True)))
         if beyond := self._spent.beyond(limits.seconds, words) or of_this.beyond(most, words):
             return beyond
-        if _bytes_below(self._work, limits.folder_mb * MEGA) > limits.folder_mb * MEGA:
-            return f"it wrote more than {limits.folder_mb} MB: ended"
-        if processes > limits.processes:
+        if used.processes > limits.processes:
             return f"it started more than {limits.processes} processes: ended"
-        if memory > limits.memory_mb * MEGA:
+        if used.memory > limits.memory_mb * MEGA:
             return f"it took more than {limits.memory_mb} MB: ended"
-        return ""
+        return excess(self._work, limits.folder_mb * MEGA, nameless_bytes(self._process.pid))
 
     def _how_it_ended(self, error: Exception) -> tuple[str, Literal["limit", "broken"]]:
         if not isinstance(error, EOFError | OSError):
@@ -349,7 +348,7 @@ class Sandbox:
             self._process.kill()
         if self._uid is not None:
             for _ in range(20):
-                others = [pid for pid in _processes() if _owner(pid) == self._uid and pid != self._process.pid]
+                others = [pid for pid in processes_of_user(self._uid) if pid != self._process.pid]
                 if not others:
                     break
                 for pid in others:
@@ -394,42 +393,7 @@ def told(held: dict[str, str]) -> list[tuple[str, str]]:
     return [(n, f"holds: {what}" if held.get(n) == HELD else f"no: {held.get(n)}") for n, what in LOCKS.items()]
 
 
-# ------------------------------------------------------------------------------------------ files and processes
-
-
-def copy_files(folder: Path, to: Path, most: int) -> None:
-    """What lies in `folder`, at most so many bytes; links and what is no file are left out: they lead elsewhere."""
-    size, count = 0, 0
-    for where, folders, names in os.walk(folder, followlinks=False):
-        here = to / Path(where).relative_to(folder)
-        here.mkdir(exist_ok=True)
-        folders[:] = [f for f in folders if not f.startswith(".") and not (Path(where) / f).is_symlink()]
-        for name in names:
-            path = Path(where) / name
-            if path.is_symlink() or not path.is_file():
-                continue
-            size, count = size + path.stat().st_size, count + 1
-            if size > most or count > 10_000:
-                raise InputError(folder, f"a submission of at most {most // MEGA} MB and 10 000 files", "more")
-            shutil.copyfile(path, here / name)
-            (here / name).chmod(0o755 if os.access(path, os.X_OK) else 0o644)
-
-
-def remove(folder: Path) -> None:
-    """The folder, however deep, whatever its rights: what lies in a folder within comes up first, so no path grows."""
-    names = itertools.count()
-    with contextlib.suppress(OSError):
-        while inside := [e for e in os.scandir(folder) if e.is_dir(follow_symlinks=False)]:
-            for one in inside:
-                Path(one.path).chmod(0o700)
-                for entry in os.scandir(one.path):
-                    if entry.is_dir(follow_symlinks=False):
-                        Path(entry.path).chmod(0o700)
-                        Path(entry.path).rename(folder / f".{next(names)}")
-                    else:
-                        Path(entry.path).unlink()
-                Path(one.path).rmdir()
-        shutil.rmtree(folder)
+# ------------------------------------------------------------------------------------------ words and places
 
 
 def _package() -> Path:
@@ -441,75 +405,6 @@ def _environment(work: Path) -> dict[str, str]:
     one = {f"{n}_NUM_THREADS": "1" for n in ("OPENBLAS", "OMP", "MKL", "NUMEXPR")}
     own = {"HOME": str(work), "TMPDIR": str(work), "MPLCONFIGDIR": str(work), "MPLBACKEND": "Agg", "LC_ALL": "C.UTF-8"}
     return kept | one | own | {"PYTHONIOENCODING": "utf-8:backslashreplace", "RAYTWIN_SANDBOX": secrets.token_hex(4)}
-
-
-def _bytes_below(folder: Path, enough: int) -> int:
-    """Of all files in the folder; counted no further than `enough`. Ten thousand files are too many, too."""
-    size, todo, count = 0, [str(folder)], 0
-    while todo and size <= enough:
-        with contextlib.suppress(OSError), os.scandir(todo.pop()) as entries:
-            for entry in entries:
-                count += 1
-                if count > 10_000:
-                    return enough + 1
-                with contextlib.suppress(OSError):
-                    if entry.is_dir(follow_symlinks=False):
-                        todo.append(entry.path)
-                    else:
-                        size += entry.stat(follow_symlinks=False).st_blocks * 512
-    return size
-
-
-def group_of(number: int) -> tuple[int, int, float]:
-    """(processes, bytes in use, seconds computed) of a process group; zeros where /proc does not tell."""
-    count, pages, ticks = 0, 0, 0
-    for _, told in _members(number):
-        ticks += sum(map(int, told[11:15]))  # in user's and system's mode, its own and those of children that ended
-        if told[0] != b"Z":  # a dead one may wait long for its parent
-            count, pages = count + 1, pages + int(told[21])
-    return count, pages * PAGE, ticks / TICKS
-
-
-def _awake(number: int) -> bool:
-    """Whether any thread of a process group computes, waits for a core to do so, or for a disk."""
-    for pid, _ in _members(number):
-        with contextlib.suppress(OSError, IndexError):
-            for thread in Path(f"/proc/{pid}/task").iterdir():
-                if _stat(f"{thread}/stat")[0] in (b"R", b"D"):
-                    return True
-    return False
-
-
-def _members(number: int) -> Iterator[tuple[int, list[bytes]]]:
-    """(process, what /proc/PID/stat tells after its name, which is free) of a process group."""
-    for pid in _processes():
-        with contextlib.suppress(OSError, ValueError, IndexError):
-            if int((told := _stat(f"/proc/{pid}/stat"))[2]) == number:
-                yield pid, told
-
-
-def _stat(path: str) -> list[bytes]:
-    return _start_of(path).rpartition(b")")[2].split()
-
-
-def _processes() -> Iterator[int]:
-    with contextlib.suppress(OSError), os.scandir("/proc") as entries:
-        yield from (int(entry.name) for entry in entries if entry.name.isdigit())
-
-
-def _start_of(path: str) -> bytes:
-    """Its first bytes; a hundred files ten times a second, so no Path."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        return os.read(descriptor, 1024)
-    finally:
-        os.close(descriptor)
-
-
-def _owner(pid: int) -> int | None:
-    with contextlib.suppress(OSError):
-        return Path(f"/proc/{pid}").stat().st_uid
-    return None
 
 
 def plain(text: Any) -> str:

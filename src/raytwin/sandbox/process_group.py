@@ -1,0 +1,108 @@
+"""What the processes of a submission use, read from /proc: how many, their memory, their seconds, nameless files."""
+
+import contextlib
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
+TICKS = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
+
+
+class Usage(NamedTuple):
+    """`memory`: bytes; `seconds`: computed, by children that ended, too. Zeros where there is no /proc."""
+
+    processes: int = 0
+    memory: int = 0
+    seconds: float = 0.0
+
+
+def usage(group: int) -> Usage:
+    """Sum a process group up.
+
+    Who is dead and not waited for counts as a process and with its seconds: the filter of lock.py sees to it that
+    nobody is reaped unseen (no SIGCHLD is ignored, and orphans are the first process's children).
+    """
+    count, pages, ticks = 0, 0, 0
+    for _, stat in _members(group):
+        ticks += sum(map(int, stat[11:15]))  # in user's and system's mode, its own and those of children waited for
+        count, pages = count + 1, pages + int(stat[21]) * (stat[0] != b"Z")
+    return Usage(count, pages * PAGE, ticks / TICKS)
+
+
+def alive(group: int) -> int:
+    """Count the processes of a group that have not ended."""
+    return sum(stat[0] != b"Z" for _, stat in _members(group))
+
+
+def awake(group: int) -> bool:
+    """Whether any thread of a process group computes, waits for a core to do so, or for a disk."""
+    for pid, _ in _members(group):
+        with contextlib.suppress(OSError, IndexError):
+            for thread in Path(f"/proc/{pid}/task").iterdir():
+                if _stat(f"{thread}/stat")[0] in (b"R", b"D"):
+                    return True
+    return False
+
+
+def nameless_bytes(group: int) -> int:
+    """Bytes on disk of files without a name that a process group has open or mapped: no folder lists them."""
+    sizes: dict[tuple[int, int], int] = {}
+    for pid, _ in _members(group):
+        with contextlib.suppress(OSError):
+            for name in os.listdir(f"/proc/{pid}/fd"):  # noqa: PTH208 - ten times a second
+                with contextlib.suppress(OSError):
+                    found = os.stat(f"/proc/{pid}/fd/{name}")  # noqa: PTH116
+                    if found.st_nlink == 0:
+                        sizes[found.st_dev, found.st_ino] = found.st_blocks * 512
+        with contextlib.suppress(OSError):
+            maps = Path(f"/proc/{pid}/maps").read_bytes()
+            for line in maps.splitlines() if b" (deleted)" in maps else ():
+                if line.endswith(b" (deleted)") and b" /dev/zero" not in line:
+                    _add_mapped(sizes, line)
+    return sum(sizes.values())
+
+
+def _add_mapped(sizes: dict[tuple[int, int], int], line: bytes) -> None:
+    """A line of /proc/PID/maps: the file reaches at least to the end of what is mapped."""
+    match = re.match(rb"([0-9a-f]+)-([0-9a-f]+) \S+ ([0-9a-f]+) ([0-9a-f]+):([0-9a-f]+) (\d+)", line)
+    if match:
+        start, end, offset, major, minor = (int(match[i], 16) for i in range(1, 6))
+        key = os.makedev(major, minor), int(match[6])
+        sizes[key] = max(sizes.get(key, 0), offset + end - start)
+
+
+def processes_of_user(uid: int) -> Iterator[int]:
+    """Yield the processes of a user."""
+    for pid in _processes():
+        with contextlib.suppress(OSError):
+            if Path(f"/proc/{pid}").stat().st_uid == uid:
+                yield pid
+
+
+def _members(group: int) -> Iterator[tuple[int, list[bytes]]]:
+    """(process, what /proc/PID/stat says after its name, which is free) of a process group."""
+    for pid in _processes():
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            if int((stat := _stat(f"/proc/{pid}/stat"))[2]) == group:
+                yield pid, stat
+
+
+def _stat(path: str) -> list[bytes]:
+    return _start_of(path).rpartition(b")")[2].split()
+
+
+def _processes() -> Iterator[int]:
+    with contextlib.suppress(OSError), os.scandir("/proc") as entries:
+        yield from (int(entry.name) for entry in entries if entry.name.isdigit())
+
+
+def _start_of(path: str) -> bytes:
+    """Its first bytes; a hundred files ten times a second, so no Path."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        return os.read(descriptor, 1024)
+    finally:
+        os.close(descriptor)

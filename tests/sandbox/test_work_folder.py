@@ -1,0 +1,107 @@
+"""A submission's folders: what is copied, what is too much, and that all of it goes."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from raytwin.errors import InputError
+from raytwin.sandbox import work_folder
+from raytwin.sandbox.work_folder import copy_files, excess, remove
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="tries what POSIX has")
+
+
+def nested(folder: Path, depth: int) -> None:
+    home = os.open(".", os.O_RDONLY)
+    try:
+        os.chdir(folder)
+        for _ in range(depth):
+            Path("d").mkdir()
+            os.chdir("d")
+        Path("deepest").write_text("x")
+    finally:
+        os.fchdir(home)
+        os.close(home)
+
+
+def test_a_folder_is_removed_however_deep_whatever_its_rights_and_links_in_it_are_not_followed(tmp_path):
+    (tmp_path / "outside").mkdir()
+    (tmp_path / "outside" / "mine").write_text("mine")
+    folder = tmp_path / "work"
+    for i in range(3):
+        (folder / str(i) / "a" / "b").mkdir(parents=True)
+        (folder / str(i) / "file").write_text("x")
+        (folder / str(i) / "link").symlink_to(tmp_path / "outside")
+    (folder / "link").symlink_to(tmp_path / "outside")
+    (folder / "broken").symlink_to(tmp_path / "nowhere")
+    os.mkfifo(folder / "pipe")
+    nested(folder, 2500)  # longer than any path may be
+    (folder / "1" / "a").chmod(0)
+    (folder / "2").chmod(0o500)
+    remove(folder)
+    assert not folder.exists()
+    assert (tmp_path / "outside" / "mine").read_text() == "mine"
+    remove(folder)  # which is gone
+
+
+def test_what_is_too_much_is_said(tmp_path, monkeypatch):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "b").write_bytes(os.urandom(300_000))
+    assert excess(tmp_path, 400_000) == ""
+    assert excess(tmp_path, 1_000_000, nameless=600_000) == ""
+    assert excess(tmp_path, 250_000) == "it wrote more than 0 MB: ended"
+    assert excess(tmp_path, 1_000_000, nameless=900_000) == "it wrote more than 1 MB: ended"
+    assert excess(tmp_path, 5_000_000, nameless=6_000_000) == "it wrote more than 5 MB: ended"
+    monkeypatch.setattr(work_folder, "MOST_FILES", 2)
+    assert excess(tmp_path, 400_000) == ""
+    monkeypatch.setattr(work_folder, "MOST_FILES", 1)
+    assert excess(tmp_path, 400_000) == "it wrote more than 10 000 files: ended"
+
+
+def test_a_link_counts_for_itself_and_a_deep_folder_is_too_much(tmp_path):
+    (tmp_path / "large").write_bytes(os.urandom(3_000_000))
+    (tmp_path / "work").mkdir()
+    (tmp_path / "work" / "link").symlink_to(tmp_path / "large")
+    (tmp_path / "work" / "up").symlink_to(tmp_path)
+    assert excess(tmp_path / "work", 1_000_000) == ""
+    nested(tmp_path / "work", 990)
+    assert excess(tmp_path / "work", 1_000_000) == ""
+    nested(tmp_path / "work" / "d" / "d", 0)
+    (tmp_path / "work" / "x").mkdir()
+    nested(tmp_path / "work" / "x", 1100)
+    assert excess(tmp_path / "work", 1_000_000) == "it nested folders too deep: ended"
+    remove(tmp_path / "work")
+
+
+def test_a_copy_has_the_files_and_who_may_run_them_without_links_devices_and_hidden_folders(tmp_path):
+    folder = tmp_path / "in"
+    (folder / "sub" / "deeper").mkdir(parents=True)
+    (folder / ".git").mkdir()
+    (folder / ".git" / "config").write_text("x")
+    (folder / "run").write_text("#!")
+    (folder / "run").chmod(0o711)
+    (folder / "sub" / "deeper" / "data").write_bytes(b"\0\1")
+    (folder / "sub" / "deeper" / "data").chmod(0o600)
+    (folder / "link").symlink_to("/etc/passwd")
+    (folder / "folder-link").symlink_to("/etc")
+    os.mkfifo(folder / "pipe")
+    (tmp_path / "to").mkdir()
+    copy_files(folder, tmp_path / "to", 1000)
+    found = {str(p.relative_to(tmp_path / "to")) for p in (tmp_path / "to").rglob("*")}
+    assert found == {"run", "sub", "sub/deeper", "sub/deeper/data"}
+    assert (tmp_path / "to" / "sub" / "deeper" / "data").read_bytes() == b"\0\1"
+    assert [oct((tmp_path / "to" / p).stat().st_mode & 0o777) for p in ("run", "sub/deeper/data")] == ["0o755", "0o644"]
+
+
+def test_a_submission_that_is_too_large_is_said_with_the_limit(tmp_path, monkeypatch):
+    (tmp_path / "in").mkdir()
+    for name in "ab":
+        (tmp_path / "in" / name).write_bytes(bytes(500_000))
+    (tmp_path / "to").mkdir()
+    copy_files(tmp_path / "in", tmp_path / "to", 1_000_000)
+    with pytest.raises(InputError, match="in: expected a submission of at most 0 MB and 10 000 files"):
+        copy_files(tmp_path / "in", tmp_path / "to", 999_999)
+    monkeypatch.setattr(work_folder, "MOST_FILES", 1)
+    with pytest.raises(InputError):
+        copy_files(tmp_path / "in", tmp_path / "to", 1_000_000)
