@@ -224,11 +224,13 @@ def _other_packages(entries: Sequence[str]) -> Iterator[str]:
     library = [sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib")]
     library += [os.path.join(folder, "lib-dynload") for folder in library]  # noqa: PTH118
     folders = {p for p in sys.path if p not in library} | set(site.getsitepackages([sys.prefix, sys.base_prefix]))
+    prefixes = [Path(p).resolve() for p in (sys.prefix, sys.base_prefix)]  # the grader's folder may hold its Python
     folders |= {str(p) for root in ("/usr", "/usr/local") for p in Path(root).glob("lib/python3*/*-packages")}
     for folder in sorted(folders):
         with contextlib.suppress(OSError):
-            place = Path(folder).resolve()
-            yield from (str(p) for p in place.iterdir() if p.name not in entries)
+            for path in Path(folder).resolve().iterdir():
+                if path.name not in entries and not any(prefix.is_relative_to(path) for prefix in prefixes):
+                    yield str(path)
 
 
 # ------------------------------------------------------------------------------------------ seccomp
