@@ -1,12 +1,17 @@
 """A cause that is named is true: its numbers are right, it changes what is seen, and right tracers have none."""
 
+import itertools
+import re
+
 import msgspec
 import numpy as np
 import pytest
 
 from raytwin import files
 from raytwin.diagnose.antialiasing import between
-from raytwin.diagnose.diagnosis import diagnose, explain
+from raytwin.diagnose.budget import Budget
+from raytwin.diagnose.catalogue import FAULTS
+from raytwin.diagnose.diagnosis import _search, diagnose, explain
 from raytwin.diagnose.parametric_faults import FAMILIES, bright
 from raytwin.diagnose.pixel_sample import View, look
 from raytwin.diagnose.predict import RIGHT, Bench
@@ -40,8 +45,8 @@ def turned_sun(scene, degrees):
 @pytest.mark.parametrize("degrees", [3.0])
 def test_a_sun_that_is_turned_is_reported_with_the_angle_between_both_directions(name, degrees):
     scene = SCENES[name]
-    (said,) = explain(trace(turned_sun(scene, degrees)), trace(scene), scene)
-    assert f"the sun's direction is off by {degrees:.3g} degrees (" in said
+    said, *_ = explain(trace(turned_sun(scene, degrees)), trace(scene), scene)
+    assert f"the sun's direction is off by {degrees:.3g} degrees" in said
 
 
 def test_over_scenes_with_several_suns_the_angle_is_the_largest_of_them():
@@ -60,7 +65,7 @@ def test_an_image_of_one_value_is_said_to_be_one_and_no_power_is_fitted(value, k
     scene = SCENES["overlap"]
     right = trace(scene)
     flat = Image(mean=np.full(right.mean.shape, value, np.float32))
-    (said,) = explain(flat, right, scene if known else None)
+    said, *_ = explain(flat, right, scene if known else None)
     assert f"every pixel has the same value, {value:.4g}" in said
     assert "power" not in said
 
@@ -68,7 +73,7 @@ def test_an_image_of_one_value_is_said_to_be_one_and_no_power_is_fitted(value, k
 def test_a_rounded_pi_is_said_in_percent_and_nothing_wrong_is_called_right():
     scene = SCENES["overlap"]
     sun = with_sun(scene, irradiance=tuple(x * np.pi / 3.14 for x in scene.sun.irradiance))
-    (said,) = explain(trace(sun), trace(scene), scene)
+    said, *_ = explain(trace(sun), trace(scene), scene)
     assert "the sun's part is 0.051 % too bright (π written as 3.14)" in said
     assert "right" not in [bright(1 + k) for k in (1e-6, 1e-4, 1e-3, -1e-3)]
     both = next(f for f in FAMILIES if f.name == "sun-and-sky-scaled")
@@ -127,3 +132,36 @@ def test_pixels_of_several_rays_are_still_found_by_what_they_blend():
     rays = [Bench(scene, *(np.stack([u, v]) + rng.random((2, u.size)) - 0.5)).radiance(RIGHT) for _ in range(4)]
     for shown in (rays[0], np.mean(rays, axis=0)):
         assert between([look(View(scene, shown.reshape(60, 80, 3)))]) is not None
+
+
+def test_a_search_without_time_says_what_it_did_not_try():
+    scene = SCENES["overlap"]
+    shown = 1.3 * trace(scene).mean
+    none = diagnose([View(scene, shown)], seconds=0)
+    assert not none.causes
+    assert re.fullmatch(r"the search stopped after 0 s: (\d+) of \1 known mistakes were not tried", none.words[-1])
+    assert diagnose([View(scene, shown)]).untried == ""
+
+
+def test_a_search_that_runs_out_of_time_names_what_it_has_found_and_what_is_left():
+    """A clock that strikes once each time it is asked: so many mistakes are tried, and no more."""
+    budget = Budget(100, itertools.count().__next__)
+    scene = SCENES["overlap"]
+    sky = next(f for f in FAULTS if f.name == "sky-missing")
+    v, u = np.indices((60, 80), float).reshape(2, -1)
+    faulty = Bench(scene, u, v).radiance(sky.ways[0](RIGHT)).reshape(60, 80, 3)
+    sights = [look(View(scene, faulty))]
+    made = _search(sights, "", FAULTS, (), 1, budget)
+    assert 5 <= len(budget.tried) <= 100
+    assert len(budget.untried - budget.tried) + len(budget.tried) >= len(FAULTS)
+    assert made.causes or "unknown" in made.words[0]
+
+
+def test_in_a_scene_of_many_objects_fewer_pixels_are_looked_at():
+    ball = SCENES["overlap"].spheres[0]
+    balls = tuple(msgspec.structs.replace(ball, center=(0.01 * k, 5.0, 0.1)) for k in range(12_000))
+    scene = msgspec.structs.replace(small("overlap", (32, 24)), objects=(*SCENES["overlap"].objects, *balls))
+    right = np.broadcast_to(np.arange(32 * 24 * 3, dtype=np.float32).reshape(24, 32, 3), (24, 32, 3))
+    sight = look(View(scene, 2 * right, right))
+    assert sight.index.size * len(scene.objects) < 8e6
+    assert sight.weight.sum() == pytest.approx(1)

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from raytwin.diagnose.antialiasing import between
+from raytwin.diagnose.budget import SECONDS, Budget
 from raytwin.diagnose.catalogue import (
     ACNE,
     CHANCES,
@@ -29,7 +30,7 @@ from raytwin.diagnose.conditional_faults import clued
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
 from raytwin.diagnose.parametric_faults import FAMILIES, Family, fit, promising, total
-from raytwin.diagnose.pixel_sample import Sampled, Sight, View, many
+from raytwin.diagnose.pixel_sample import MET, Sampled, Sight, View, many
 from raytwin.diagnose.predict import RIGHT, Array, Steps
 from raytwin.diagnose.prediction_cache import costs
 from raytwin.diagnose.tolerance_mask import doubtful
@@ -46,7 +47,7 @@ SURE, WHOLE = 0.995, 0.999
 """Shares of the squared error: of what leaves nothing, and of what does for proof in one scene alone."""
 FEW = 6
 """Wrong pixels below which nothing is named: rounding on outlines."""
-ALTERNATIVES = 4
+ALTERNATIVES = 3
 """Causes that explain it as well, at most so many of which are told."""
 RARE = 3e-3
 """Of a picture's pixels: where no more are wrong, only single faults without numbers are tried."""
@@ -103,7 +104,8 @@ class Diagnosis:
 
     `explained`: share of the squared error. `held_out`: the same of the worst scene, its own numbers fitted on the
     others. `where`: where the pictures are wrong. `nearest`: the best cause where none suffices; `light`: factors of
-    the parts of light (sun, shadow, sky), where they explain one of the pictures.
+    the parts of light (sun, shadow, sky), where they explain one of the pictures. `untried`: what the search left out
+    for want of time.
     """
 
     right: bool
@@ -115,12 +117,14 @@ class Diagnosis:
     where: str = ""
     nearest: Cause | None = None
     light: str = ""
+    untried: str = ""
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Sentences for a report: the cause, or where it is wrong."""
+        """Sentences for a report: each cause with its alternatives, then what they explain; or where it is wrong."""
         if self.right:
             return ()
+        stopped = (self.untried,) if self.untried else ()
         if not self.causes:
             near = ""
             if self.nearest is not None and self.explained >= 0.5:
@@ -128,18 +132,15 @@ class Diagnosis:
                     f"; nearest, explaining {100 * self.explained:.0f} % of the squared error: {self.nearest.sentence}"
                 )
             light = f"; as if {self.light}" if self.light else ""
-            return (f"cause unknown: {self.where}{light}{near}",)
+            return (f"cause unknown: {self.where}{light}{near}", *stopped)
         said = []
         for cause, others in zip(self.causes, self.alternatives, strict=True):
-            text = cause.sentence
-            for other in others:
-                text += f"; or, with the same effect here: {other.sentence}"
-            said.append(f"cause ({self.sureness}): {text}")
-        share = f"explains {_percent(self.explained)} of the squared error"
+            said.append(f"cause ({self.sureness}): {cause.sentence}")
+            said += [f"or, with the same effect here: {other.sentence}" for other in others]
+        share = f"this explains {_percent(self.explained)} of the squared error"
         if self.held_out is not None:
             share += f", of the scene that it explains least {_percent(self.held_out)}"
-        said[-1] += f" ({share}){'; ' if self.where else ''}{self.where}"
-        return tuple(said)
+        return (*said, f"{share}{'; ' if self.where else ''}{self.where}", *stopped)
 
 
 def _percent(x: float) -> str:
@@ -175,8 +176,9 @@ def diagnose(
     faults: Sequence[Fault] = FAULTS,
     families: Sequence[Family] = FAMILIES,
     most: int = 2,
+    seconds: float = SECONDS,
 ) -> Diagnosis:
-    """The cause of all that is wrong in the views of one submission; `most`: faults together.
+    """The cause of all that is wrong in the views of one submission; `most`: faults together; `seconds` to search.
 
     Give the views that are right too: a fault that would have spoiled them is none.
     """
@@ -192,11 +194,12 @@ def diagnose(
     if count < FEW:
         return Diagnosis(right=False, where=where)
     sights = [s for s in sights if s.weight.size]
-    return _search(sights, where, faults, families, most)
+    budget = Budget(seconds)
+    return replace(_search(sights, where, faults, families, most, budget), untried=budget.words)
 
 
 def _search(
-    sights: list[Sight], where: str, faults: Sequence[Fault], families: Sequence[Family], most: int
+    sights: list[Sight], where: str, faults: Sequence[Fault], families: Sequence[Family], most: int, budget: Budget
 ) -> Diagnosis:
     """The causes that cost least, one or `most` of them together."""
     every = faults is FAULTS
@@ -206,18 +209,18 @@ def _search(
     small = [s.only(slice(None, None, SCREEN)) for s in sights]
     thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
     base = Guess((), RIGHT, total(sights, RIGHT))
-    found = _round(base, sights, small, faults, families if thorough else ())
+    found = _round(base, sights, small, faults, families if thorough else (), budget)
     if thorough and every and not (found and _good(sights, found[0].steps)) and (clues := clued(sights)):
-        found = sorted([*_round(base, sights, small, clues, ()), *found], key=lambda g: g.cost)
+        found = sorted([*_round(base, sights, small, clues, (), budget), *found], key=lambda g: g.cost)
     if not (found and _good(sights, found[0].steps)):
         hit = _hits(sights, found[0].steps)[0] if found else 0.0
         if (chance := _by_chance(sights, where, hit)) is not None:
             return chance
     for _ in range(most - 1):
-        if not thorough or not found or _settled(sights, found[0].steps):
+        if not thorough or not found or _settled(sights, found[0].steps) or budget.over:
             break
         for k, one in enumerate([g for g in found[:BEAM] if g.cost < HOPELESS * base.cost]):
-            found += _round(one, sights, small, faults, () if k else families)
+            found += _round(one, sights, small, faults, () if k else families, budget)
         found.sort(key=lambda g: g.cost + len(g.causes) * _price(base))
         more = min(found, key=lambda g: g.cost)
         if len(more.causes) > len(found[0].causes) and not _left(sights, more.steps)[0]:
@@ -247,6 +250,7 @@ def explain(
     rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
     most: int = 2,
     sampled: Sampled | None = None,
+    seconds: float = SECONDS,
 ) -> tuple[str, ...]:
     """In words, why an image is not its reference: of a known scene any fault, else what a writer does wrong.
 
@@ -264,8 +268,8 @@ def explain(
     known = scene and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
     view = View(scene if known else None, shown, right, rung, half=slack, clipped=rounding.clipped, sampled=sampled)
     if known:
-        return diagnose([view], most=most).words
-    made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, most=1)
+        return diagnose([view], most=most, seconds=seconds).words
+    made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, most=1, seconds=seconds)
     return made.words if made.causes else ()
 
 
@@ -275,7 +279,12 @@ def _price(base: Guess) -> float:
 
 
 def _round(
-    before: Guess, sights: list[Sight], small: list[Sight], faults: Sequence[Fault], families: Sequence[Family]
+    before: Guess,
+    sights: list[Sight],
+    small: list[Sight],
+    faults: Sequence[Fault],
+    families: Sequence[Family],
+    budget: Budget,
 ) -> list[Guess]:
     """All that may be added to a guess, the best first."""
     named = {cause.name for cause in before.causes}
@@ -285,27 +294,34 @@ def _round(
     ]  # fmt: skip
     order = _order(small, before.steps)
     if before.causes or faults[: len(FAULTS)] != FAULTS:
-        tried = _screened(ways, order, before)
+        tried = _screened(ways, order, before, budget)
     else:
-        tried = _screened(_by_common(ways, sights, before), order, before)
+        tried = _screened(_by_common(ways, sights, before), order, before, budget)
     best = {guess.causes[-1].name: guess for guess in reversed(tried)}
     some = sorted(best.values(), key=lambda g: g.cost)[:TEMPTING]
     if some and some[0].cost < CLEAR / 2 * before.cost:
         some = [g for g in some if EVEN * before.cost < g.cost < NEAR * before.cost]
     habits = HABITS if not before.causes else ()  # a second fault is added to what the first one's way has shown
-    tried += _screened([replace(g, steps=habit(g.steps), cost=np.inf) for g in some for habit in habits], order, before)
+    tried += _screened(
+        [replace(g, steps=habit(g.steps), cost=np.inf) for g in some for habit in habits], order, before, budget
+    )
     some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if g.steps.blocked in TESTS]
     some = [g for g in some if g.cost > EVEN * before.cost]
     tried += _screened(
-        [replace(g, steps=g.steps._replace(blocked=t)) for g in some for t in TESTS], order, before, TEMPTING
+        [replace(g, steps=g.steps._replace(blocked=t)) for g in some for t in TESTS], order, before, budget, TEMPTING
     )
     tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
-    exact = [_weighed(g, sights) for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
+    near = [g for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
+    exact = [_weighed(g, sights) for k, g in enumerate(near) if not (k and budget.over)]
     exact = _ranked(exact, faults, EVEN * before.cost)
     if not families or (exact and exact[0].cost < CLEAR * before.cost and _good(sights, exact[0].steps)):
         return exact
     fitted = []
-    for family in promising(families, order[:SOME], before.steps, FITS):
+    begun = _begun(families, order[:SOME], before, budget)
+    for k, family in enumerate(begun):
+        if budget.over:
+            budget.cut([f.name for f in begun], k)
+            break
         p, cost = fit(family, small, before.steps)
         if cost > 0.9 * before.cost:
             continue
@@ -318,6 +334,13 @@ def _round(
         extra = 0.01 * before.cost * len(p)
         fitted.append(Guess((*before.causes, cause), family.make(p)(before.steps), cost + extra, refit))
     return sorted((*exact, *fitted), key=lambda g: g.cost)
+
+
+def _begun(families: Sequence[Family], some: Sequence[Sight], before: Guess, budget: Budget) -> list[Family]:
+    """The families worth fitting, of those that there is time to begin with."""
+    tried, names = promising(families, some, before.steps, FITS, lambda: budget.over)
+    budget.cut([f.name for f in families], len(families) if not budget.over else names)
+    return tried
 
 
 def _ranked(guesses: Sequence[Guess], faults: Sequence[Fault], even: float) -> list[Guess]:
@@ -349,16 +372,26 @@ def _by_common(ways: list[Guess], sights: Sequence[Sight], before: Guess) -> lis
     return [w for k, w in enumerate(ways) if k >= len(sums) or sums[k] <= limit]
 
 
-def _screened(guesses: list[Guess], order: Sequence[Sight], before: Guess, least: int = FINALISTS) -> list[Guess]:
+def _screened(
+    guesses: list[Guess], order: Sequence[Sight], before: Guess, budget: Budget, least: int = FINALISTS
+) -> list[Guess]:
     """Those that cost least, by one view after the other; a quarter is left each time, and what costs hardly more."""
-    sums, wrong = np.zeros(len(guesses)), 0.0
+    sums, wrong, views = np.zeros(len(guesses)), 0.0, 0
     for sight in order:
-        sums = sums + [total([sight], guess.steps) for guess in guesses]
+        costs: list[float] = []
+        for guess in guesses:
+            if budget.over:
+                break
+            costs.append(total([sight], guess.steps))
+        budget.cut([guess.causes[-1].name for guess in guesses], len(costs))
+        if len(costs) < len(guesses) and views:
+            break  # what is left was tried on some views
+        guesses, sums, views = guesses[: len(costs)], sums[: len(costs)] + costs, views + 1
         wrong += total([sight], before.steps)
         limit = _limit(sums, wrong, least)
         kept = [int(k) for k in np.argsort(sums, kind="stable") if sums[k] <= limit]
         guesses, sums = [guesses[k] for k in kept], sums[kept]
-    return [replace(guess, cost=cost / len(order)) for guess, cost in zip(guesses, sums.tolist(), strict=True)]
+    return [replace(guess, cost=cost / max(views, 1)) for guess, cost in zip(guesses, sums.tolist(), strict=True)]
 
 
 def _limit(sums: Array, wrong: float, least: int) -> float:
@@ -436,7 +469,7 @@ def _hits(sights: Sequence[Sight], steps: Steps) -> tuple[float, float]:
 def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> Diagnosis:
     if not found:
         return Diagnosis(right=False, where=where)
-    best = found[0]
+    best = _rather_than_a_fact(found, sights)
     share, each = _explained(sights, best.steps)
     hit, kept = _hits(sights, best.steps)
     loose = hit < MATCHED and not any(s.deep for s in sights)
@@ -453,7 +486,7 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
     alone = len(best.causes) == 1 and not others[0]
     shown = share > WHOLE or (share > EXPLAINED and sum(bool(s.wrong.any()) for s in sights) > 1)
     agreed = held is None or held > EXPLAINED
-    count, left = _left([s.everywhere(MOST) for s in sights], best.steps)
+    count, left = _left([s.everywhere(_most(s)) for s in sights], best.steps)
     whole = count < FEW and _good(sights, best.steps) and (best.refit is None or _exact(sights, best.steps))
     sureness: Sureness = "sure" if alone and shown and agreed and whole else "likely"
     order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
@@ -466,6 +499,20 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
         sureness=sureness,
         where=f"{where}; something else is wrong, too: {left}".rstrip(": ") if count >= FEW else where,
     )
+
+
+def _rather_than_a_fact(found: list[Guess], sights: list[Sight]) -> Guess:
+    """The best guess; not one that says only what is seen where another one leaves nothing, and that does."""
+    best = found[0]
+    if FACTS & {cause.name for cause in best.causes} and not _exact(sights, best.steps):
+        return next((g for g in found[1:] if _exact(sights, g.steps)), best)
+    return best
+
+
+def _most(sight: Sight) -> int:
+    """Pixels that are looked at in the end: fewer where a scene has many objects."""
+    objects = len(sight.view.scene.objects) if sight.view.scene else 0
+    return min(MOST, max(MET // max(objects, 1), 1))
 
 
 def _exact(sights: Sequence[Sight], steps: Steps) -> bool:

@@ -225,10 +225,20 @@ def fit(family: Family, sights: Sequence[Sight], base: Steps = RIGHT) -> tuple[t
     return tuple(float(x) for x in p), cost
 
 
-def promising(families: Sequence[Family], sights: Sequence[Sight], base: Steps, most: int) -> list[Family]:
-    """Those whose first step explains most, each begun at its best place."""
+def promising(
+    families: Sequence[Family],
+    sights: Sequence[Sight],
+    base: Steps,
+    most: int,
+    over: Callable[[], bool] = lambda: False,
+) -> tuple[list[Family], int]:
+    """Those whose first step explains most, each begun at its best place; and how many were tried until `over`."""
     tried: list[tuple[float, int, Family, Array]] = []
+    count = 0
     for family in families:
+        if over():
+            break
+        count += 1
         for start in (family.start, *family.tries):
             descent = Descent(family, sights, base, np.array(start, float))
             gain = descent.advance()
@@ -238,7 +248,7 @@ def promising(families: Sequence[Family], sights: Sequence[Sight], base: Steps, 
     found: dict[str, Family] = {}
     for _, _, family, p in sorted(tried, key=lambda x: x[:2]):
         found.setdefault(family.name, replace(family, start=tuple(p), tries=()))
-    return list(found.values())[:most]
+    return list(found.values())[:most], count
 
 
 def total(sights: Sequence[Sight], steps: Steps, widen: float = 1) -> float:

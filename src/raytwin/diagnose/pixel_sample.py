@@ -21,6 +21,8 @@ WALKS, DEEPEST = 64, 5
 """Random walks a pixel where light is followed, and the surfaces that they meet at most."""
 WRONG, KEPT, EDGES = 700, 500, 250
 """Pixels that are looked at: of those that are wrong, those that are right, and those of them beside an outline."""
+MET = 4_000_000
+"""Of pixels times objects: where a scene has more, fewer pixels are looked at."""
 CLOSE = 3e-4
 """Of the scale: the largest error that a prediction may have and still be said to hit a value."""
 GRID = 100_000
@@ -264,11 +266,14 @@ def look(view: View, seed: int = 0) -> Sight:
         tau = max(tau, 0.3 * typical)
     wrong = e > tau
     rng = np.random.default_rng(seed)
+    fewer = 4 if deep else 1
+    if view.scene is not None:
+        fewer *= max(1, (WRONG + KEPT + EDGES) * len(view.scene.objects) // MET)
     chosen, weights = [], []
     for mask, most in ((wrong, WRONG), (~wrong & ~edge & rays, KEPT), (~wrong & edge & rays, EDGES)):
         there = np.flatnonzero(mask)
         if there.size:
-            n = min(most // (4 if deep else 1), there.size)
+            n = min(max(most // fewer, 1), there.size)
             # One of each of n runs: spread over the picture, without a grid's beat.
             at = (np.arange(n) + rng.random(n)) * there.size // n
             chosen.append(there[at.astype(int)])
