@@ -1,7 +1,8 @@
 """The ledger against closed forms, the twin, and errors that were put in."""
 
-from math import cos, inf, radians, sin
+from math import cos, inf, pi, radians, sin
 
+import msgspec
 import numpy as np
 import pytest
 from truths import WHITE, grey, in_wedge, view_of, wedge
@@ -83,6 +84,51 @@ def test_what_a_fault_adds_is_found_among_the_numerics_alone(overlap, fast):
     wrong = make_ledger(small, Image(right.mean + np.float32(0.01), surface=right.surface), "shadow", fast)
     assert rows(wrong)["numerics"].rmse == pytest.approx(0.01, rel=1e-3)
     assert rows(wrong)["bounce 1"].rmse == rows(make_ledger(small, right, "shadow", fast))["bounce 1"].rmse
+
+
+PLANTED = {
+    "what shadows take away is missing": lambda scene, fast: speed.trace(scene, "lambert", fast),
+    "the sun's part is 3.142 = π times too bright": lambda scene, fast: speed.trace(_sun(scene, pi), "shadow", fast),
+    "the sun's part is missing": lambda scene, fast: speed.trace(_sun(scene, 0.0), "shadow", fast),
+}
+
+
+def _sun(scene, factor):
+    sun = msgspec.structs.replace(scene.sun, irradiance=tuple(factor * x for x in scene.sun.irradiance))
+    return msgspec.structs.replace(scene, lights=tuple(sun if x is scene.sun else x for x in scene.lights))
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_a_fault_of_a_subject_that_fails_is_its_own_error_by_name_and_no_numerics(overlap, fast, name):
+    small = overlap.with_camera(overlap.camera.resized(64, 48))
+    found = make_ledger(small, PLANTED[name](small, fast), "shadow", fast, faulty=True)
+    named = rows(found)[f"the subject's own error: {name}"]
+    right = make_ledger(small, speed.trace(small, "shadow", fast), "shadow", fast)
+    assert named.rmse > 0.05
+    assert rows(found)["numerics"].rmse < 1e-6
+    assert rows(found)["pixel sampling"].rmse == rows(right)["pixel sampling"].rmse
+    assert sum(part.share_of_error for part in found.parts if part.share_of_error) == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize("rung", ["shadow", "path"])
+def test_a_right_subject_has_no_error_of_its_own(overlap, fast, rung):
+    """Whatever the verdict: blocks beyond four standard errors are taken for it, at most a hundredth of the energy."""
+    small = overlap.with_camera(overlap.camera.resized(64, 48))
+    shown = speed.walk(small, "path", fast, samples=64) if rung == "path" else speed.trace(small, "shadow", fast)
+    found = rows(make_ledger(small, shown, rung, fast, faulty=True))
+    own = sum(part.rmse**2 for name, part in found.items() if name.startswith("the subject's own error"))
+    assert own < 0.01 * sum(part.rmse**2 for part in found.values())
+
+
+def test_missing_bounces_are_not_taken_for_samples(overlap, fast):
+    small = overlap.with_camera(overlap.camera.resized(64, 48))
+    right, faulty = (
+        rows(make_ledger(small, speed.walk(small, "path", fast, samples=64, depth=depth), "path", fast, faulty=True))
+        for depth in (8, 2)
+    )
+    own = sum(part.share_of_error for name, part in faulty.items() if name.startswith("the subject's own error"))
+    assert own > 0.6
+    assert faulty["its own samples"].rmse < 1.5 * right["its own samples"].rmse
 
 
 def test_a_shadow_lies_between_what_casts_it_and_what_it_falls_on(fast):

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytwin.analysis.light_parts import Arrays, WholeLight
+from raytwin.analysis.light_parts import Arrays, WholeLight, sampled_parts
+from raytwin.analysis.own_error import OWN, own_error
 from raytwin.compare.report import Part
 from raytwin.image import BACKGROUND, Image
 from raytwin.rungs import RUNGS
@@ -40,16 +41,23 @@ class Ledger:
     step: int
 
 
-def make_ledger(scene: Scene, shown: Image, rung: str, engine: str, depth: int = 8, keep: bool = False) -> Ledger:
+def make_ledger(
+    scene: Scene, shown: Image, rung: str, engine: str, depth: int = 8, keep: bool = False, faulty: bool = False
+) -> Ledger:
     """The parts of `shown`'s error, a picture that stands on `rung`; `keep`: the whole light between runs."""
-    return split_error(WholeLight(scene, engine, depth, keep), shown, rung)
+    return split_error(WholeLight(scene, engine, depth, keep), shown, rung, faulty)
 
 
-def split_error(light: WholeLight, shown: Image, rung: str) -> Ledger:
-    """The parts of the error of `shown`, a picture of the light's scene that stands on `rung`."""
+def split_error(light: WholeLight, shown: Image, rung: str, faulty: bool = False) -> Ledger:
+    """The parts of the error of `shown`, a picture of the light's scene that stands on `rung`.
+
+    `faulty`: it fails on its own rung: what neither rounding nor variance explains is the subject's own error.
+    """
     scene, step, seen = light.scene, light.step, shown.mean[:: light.step, :: light.step]
     exact = None if RUNGS[rung].noisy else light.exact(rung)
     split = [_split(seen, exact, half, rung) for half in light.halves]
+    if faulty:
+        split = _without_own(light, shown, exact, rung, split)
     errors = [_sum(pictures.values(), seen) for pictures in split]
     squared = float((errors[0] * errors[1]).sum(dtype=float))
     whole = sum(float(part.mean(dtype=float)) for half in light.halves for part in half.values()) / 2
@@ -85,6 +93,24 @@ def _split(seen: np.ndarray, exact: np.ndarray | None, light: Arrays, rung: str)
     else:
         own = {"numerics": seen - exact, "pixel sampling": exact - over_area}
     return own | {name: -light[part] for name, part in LEFT_OUT.items() if lacks(part)}
+
+
+def _without_own(
+    light: WholeLight, shown: Image, exact: np.ndarray | None, rung: str, split: list[dict[str, np.ndarray]]
+) -> list[dict[str, np.ndarray]]:
+    """The parts with the subject's own error taken out of numerics or samples, which stand first, into rows of its own.
+
+    The rest of the own error, which no name explains, is the last of these rows.
+    """
+    step, first = light.step, next(iter(split[0]))
+    variance = None if shown.variance is None else shown.variance[::step, ::step]
+    seen = Image(shown.mean[::step, ::step], variance=variance)
+    right = exact if exact is not None else seen.mean - (split[0][first] + split[1][first]) / 2
+    found = own_error(light.thin, seen, right, rung, sampled_parts(light.thin, rung, light.engine, "area"))
+    rest = found.whole - _sum((picture for _, picture in found.named), found.whole)
+    rows = {f"{OWN}: {name}": picture for name, picture in found.named} | {OWN: rest}
+    rows = {name: picture for name, picture in rows.items() if picture.any()}
+    return [rows | half | {first: half[first] - found.whole} for half in split]
 
 
 def _sum(pictures: Iterable[np.ndarray], like: np.ndarray) -> np.ndarray:

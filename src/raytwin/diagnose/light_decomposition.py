@@ -14,7 +14,7 @@ from math import pi
 import numpy as np
 
 from raytwin.diagnose.parametric_faults import bright
-from raytwin.diagnose.pixel_sample import Sight
+from raytwin.diagnose.pixel_sample import Sight, View, look
 from raytwin.diagnose.predict import RIGHT, Array, Bench
 
 NAMES = {
@@ -53,7 +53,7 @@ class Share:
     @property
     def words(self) -> str:
         name = NAMES[self.part]
-        text = f"{name} is {bright(self.factor)}" if abs(self.factor) > LEAST + 2 * self.error else f"{name} is missing"
+        text = f"{name} is {bright(self.factor)}" if abs(self.factor) > LEAST + 3 * self.error else f"{name} is missing"
         if self.part in TAKEN and not text.endswith("missing"):
             text = f"{name} is {self.factor:.4g} times what it should be"
         return f"{text} on {self.where}" if self.where else text
@@ -74,7 +74,7 @@ class Split:
         # A sun of another strength casts shadows of another strength: that is one fault, not two.
         wrong = [
             share.words for share in off
-            if share.part != "shadow" or abs(share.factor / (sun.get(share.where) or np.inf) - 1) > LEAST
+            if share.part != "shadow" or abs(share.factor - (of := sun.get(share.where, 1.0))) > LEAST * max(abs(of), 1)
         ]  # fmt: skip
         return " and ".join(wrong) if wrong and self.explained >= EXPLAINED else ""
 
@@ -104,6 +104,36 @@ def split(sight: Sight, given: Mapping[str, Halves] | None = None) -> Split:
             found += made[0]
             left += made[1]
     return Split(_joined(found), 1 - left / max(before, 1e-300))
+
+
+def fitted_error(view: View) -> tuple[str, Array]:
+    """In words what the fitted factors say is wrong, and the error (H, W, 3) that they make; empty words, none found.
+
+    Where the view has more pixels than `pixel_sample.GRID`, each gets the error of one of its neighbours.
+    """
+    sight = look(view)
+    found = split(sight)
+    height, width = view.shown.shape[:2]
+    error = np.zeros((height, width, 3))
+    if not found.words:
+        return "", error
+    every = sight.everywhere(height * width)
+    assert isinstance(every.bench, Bench)
+    given = view.sampled(sight.step) if view.sampled else {}
+    parts = _parts(every.bench, every, given)
+    ids, names = every.bench.hits(RIGHT).ids, every.bench.scene.names
+    made = np.zeros((every.index.size, 3))
+    bounces = [name for name in parts if name.startswith("bounce")]
+    for share in found.shares:
+        own = bounces[bounces.index(share.part.removesuffix(" on")) :] if share.part.endswith(" on") else [share.part]
+        if share.part == "sun" and given:
+            own = ["sun", "shadow"]
+        on = (ids >= 0) if not share.where else (ids == names.index(share.where))
+        made += (share.factor - 1) * on[:, None] * sum((parts[k][0] + parts[k][1]) / 2 for k in own)
+    coarse = error[:: sight.step, :: sight.step].copy()
+    coarse.reshape(-1, 3)[every.index] = made
+    rows, columns = np.arange(height) // sight.step, np.arange(width) // sight.step
+    return found.words, coarse[rows][:, columns]
 
 
 def _parts(bench: Bench, sight: Sight, given: Mapping[str, Halves]) -> dict[str, Halves]:
