@@ -201,14 +201,14 @@ class ReferenceCheck:
             half_steps=(taken.rounding.half, None),
         )
         if made.verdict == "fail":
-            made = made.saying(*explain(taken.image, shown, known.scene, self.rung, taken.rounding, most=1))
+            made = made.because(*explain(taken.image, shown, known.scene, self.rung, taken.rounding, most=1))
         notes = list(taken.notes)
         if not made.passed and shown.variance is not None and taken.image.variance is None:
             notes.append(
                 "the reference has noise and the image tells none: where it has, give its variance=, "
                 "several renders, or a function of a seed"
             )
-        text = f"{self.name}/{self.rung}: {made.verdict}\n"
+        text = f"{self.name}/{self.rung}: {made.cause or made.verdict}\n"
         text += "".join(f"  {reason}\n" for reason in made.reasons) + "".join(f"  note: {n}\n" for n in notes)
         if page := self._report(made, tuple(notes), taken.image, shown, allowed):
             text += f"  page: {page}\n"

@@ -1,5 +1,6 @@
 """What came of two images: the verdict, its reasons in words, and every number behind it. Knows no renderer."""
 
+import re
 from typing import Literal
 
 import msgspec
@@ -58,6 +59,10 @@ Verdict = Literal["pass", "differs", "fail", "undecided"]
 """`differs`: as it must, since one side models less light on purpose. `undecided`: what is known does not suffice."""
 
 
+CAUSE = re.compile(r"cause \((?:sure|likely)\): ")
+"""How a reason begins that names what is wrong."""
+
+
 class Comparison(Record, frozen=True):
     """The verdict on two images and every number behind it; `reasons` are in words, worst first.
 
@@ -77,6 +82,17 @@ class Comparison(Record, frozen=True):
     def saying(self, *further: str) -> "Comparison":
         """The same with further reasons, behind the others."""
         return msgspec.structs.replace(self, reasons=(*self.reasons, *further))
+
+    def because(self, *causes: str) -> "Comparison":
+        """The same with the causes in front of the other reasons, or behind them where none is named."""
+        named = bool(causes) and bool(CAUSE.match(causes[0]))
+        return msgspec.structs.replace(self, reasons=(*causes, *self.reasons)) if named else self.saying(*causes)
+
+    @property
+    def cause(self) -> str:
+        """The sentence of the first cause that is named; empty where none is."""
+        found = CAUSE.match(self.reasons[0]) if self.reasons and not self.passed else None
+        return self.reasons[0][found.end() :] if found else ""
 
     @property
     def passed(self) -> bool:

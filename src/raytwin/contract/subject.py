@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from raytwin import files
+from raytwin.contract.composed_tracer import PARTS
+from raytwin.contract.loading import is_unwritten
 from raytwin.contract.submission import Shown, load
 from raytwin.errors import InputError
 from raytwin.renderers.renderer import Renderer
@@ -28,9 +30,11 @@ def find_subject(text: str, rung: str) -> Renderer:
         raise InputError("--subject", known, text + ", but no such file" * python)
     if Path(text).exists() and not Path(text).is_dir():
         files.check_file(text, "an image, a folder of images, or Python")
-    render, made = load(text).picture()
+    submission = load(text)
+    render, made = submission.picture()
+    own = {name: f for name, f in submission.stages.items() if name in PARTS and not is_unwritten(f)}
     tell = _name if isinstance(render, Shown) else as_arrays
-    return UserRenderer(rung, f"{text} ({made})" if made else text, render, tell)
+    return UserRenderer(rung, f"{text} ({made})" if made else text, render, tell, own)
 
 
 def _name(scene: Scene, rung: str) -> dict[str, Any]:

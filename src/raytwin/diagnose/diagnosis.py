@@ -27,12 +27,15 @@ from raytwin.diagnose.catalogue import (
     cached,
 )
 from raytwin.diagnose.conditional_faults import clued
+from raytwin.diagnose.distances import depth_cause
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
+from raytwin.diagnose.noisy_values import noisy_cause
 from raytwin.diagnose.parametric_faults import FAMILIES, Family, fit, promising, total
 from raytwin.diagnose.pixel_sample import MET, Sampled, Sight, View, many
 from raytwin.diagnose.predict import RIGHT, Array, Steps
 from raytwin.diagnose.prediction_cache import costs
+from raytwin.diagnose.rounding_cause import rounding_cause
 from raytwin.diagnose.tolerance_mask import doubtful
 from raytwin.files import Rounding
 from raytwin.image import Image
@@ -260,7 +263,16 @@ def explain(
     shown, right = test.mean, reference.mean
     if shown.shape != right.shape or shown.ndim != 3 or not (np.isfinite(shown).all() and np.isfinite(right).all()):
         return ()
+    if scene and (words := depth_cause(test.surface, reference.surface, scene)):
+        return (f"cause (sure): {words}",)
+    if scene and RUNGS[rung].lit and scene.objects and (words := rounding_cause(test, reference, scene, rung)):
+        return (f"cause (likely): {words}",)
     variances = [image.variance for image in (test, reference) if image.variance is not None]
+    if variances:
+        zero = np.zeros(shown.shape)
+        both = (zero if image.variance is None else image.variance for image in (test, reference))
+        if words := noisy_cause(shown, right, *both):
+            return (f"cause (likely): {words}",)
     slack = np.zeros(shown.shape) if rounding.half is None else rounding.half.astype(float)
     if variances:
         slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
@@ -481,6 +493,8 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
         return Diagnosis(
             right=False, explained=max(share, 0.0), where=where, nearest=single.causes[0], light="; ".join(told)
         )
+    if not _likelier(sights, best.steps):
+        return Diagnosis(right=False, where=where)
     held = _held_out(best, sights, each)
     others = _as_good(best, found, sights)
     alone = len(best.causes) == 1 and not others[0]
@@ -507,6 +521,19 @@ def _rather_than_a_fact(found: list[Guess], sights: list[Sight]) -> Guess:
     if FACTS & {cause.name for cause in best.causes} and not _exact(sights, best.steps):
         return next((g for g in found[1:] if _exact(sights, g.steps)), best)
     return best
+
+
+def _likelier(sights: Sequence[Sight], steps: Steps) -> bool:
+    """Whether the cause brings pixels that have noise nearer, too, all in all: within it, it may move them any way."""
+    gain = 0.0
+    for s in sights:
+        sigma = np.where(s.slack > 0, s.slack / 3, np.inf)
+        with np.errstate(invalid="ignore", over="ignore"):
+            before, after = (
+                np.minimum(np.square((s.shown - made) / sigma), 25) for made in (s.predict(RIGHT), s.predict(steps))
+            )
+        gain += float((s.weight[:, None] * np.nan_to_num(before - after)).sum())
+    return gain >= 0
 
 
 def _most(sight: Sight) -> int:

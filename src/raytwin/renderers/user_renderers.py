@@ -1,7 +1,7 @@
 """Images that others make, by whatever function of a scene."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,8 @@ class UserRenderer(Renderer):
     title: str = ""
     render: Callable[[dict[str, Any]], Any] | None = None
     tell: Callable[[Scene, str], dict[str, Any]] = as_arrays
+    stages: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    """The functions of single stages that the same file has."""
 
     @property
     def name(self) -> str:

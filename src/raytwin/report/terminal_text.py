@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from raytwin.calib.photos import Calibration, ProjectionDifference
+    from raytwin.compare import Comparison
     from raytwin.workflows.compare_scene import Result
     from raytwin.workflows.diff_files import Diff
 
@@ -14,7 +15,7 @@ def summary(result: "Result") -> str:
     c = result.comparison
     g, r = c.geometry, c.radiance
     lines = [
-        f"{c.verdict.upper()}  {result.report.scene}, rung {result.report.rung}",
+        f"{c.verdict.upper()}  {result.report.scene}, rung {result.report.rung}{because(c)}",
         *(f"  {reason}" for reason in c.reasons),
         f"  silhouettes: {_number(g.mask_mismatch_pixels)} pixels differ",
         f"  radiance: p99.9 error {_number(r.p999_abs)}, worst {_number(r.max_abs)}, rmse {_number(r.rmse)}",
@@ -29,7 +30,7 @@ def diff_summary(found: "Diff") -> str:
     from raytwin.compare import METRICS  # what only tells of photos needs none
 
     c = found.comparison
-    lines = [f"{c.verdict.upper()}  {found.report.scene}", *(f"  {reason}" for reason in c.reasons)]
+    lines = [f"{c.verdict.upper()}  {found.report.scene}{because(c)}", *(f"  {reason}" for reason in c.reasons)]
     lines += [f"  warning: {text}" for text in found.warnings]
     if c.geometry.shift_px is not None:
         lines.append(f"  shift      {c.geometry.shift_px:.3g} px")
@@ -87,6 +88,11 @@ def augment_summary(rows: list[dict[str, Any]]) -> str:
                 error = f"mean {part['mean']:+.4f}  rms {part['rms']:.4f}  {part['codes']:.2f} codes"
                 lines.append(f"  {part['region']:<8} {100 * part['share']:5.1f} %  {error}")
     return "\n".join(lines)
+
+
+def because(comparison: "Comparison") -> str:
+    """`: the sun is π times too bright`: the end of a verdict's first line, empty where no cause is named."""
+    return f": {comparison.cause}" if comparison.cause else ""
 
 
 def _number(value: float | None) -> str:

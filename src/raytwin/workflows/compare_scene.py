@@ -14,12 +14,16 @@ from raytwin.calib.augment import augment
 from raytwin.calib.find_camera import TruthRow, compare_truth, find_camera
 from raytwin.compare import Comparison, Report, compare
 from raytwin.compare.report import Timing
+from raytwin.contract.check_function import judge_function
+from raytwin.contract.stage_table import CONTRACT
 from raytwin.diagnose.diagnosis import explain
+from raytwin.diagnose.rounding_cause import ROUNDING
 from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image
 from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
+from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Tolerance
 from raytwin.scene.lens import without_ray
@@ -114,25 +118,33 @@ def compare_scene(
         reference = twin.render(
             scene, rung, sampling=sampling, seed=seed, cache=cache, progress=stages, samples=samples
         )
-    ledger = None
-    if RUNGS[subject.rung].lit:
-        with stages.stage("ledger"):
-            ledger = make_ledger(scene, made, subject.rung, fast_engine(backend.variant), keep=cache)
+    own, ledger = None, None
     with stages.stage("compare"):
         half_steps = (highlight_rounding(scene, reference), None)
         comparison = compare(made, reference, tolerance=written.tolerance, half_steps=half_steps, flip=flip)
         held_to = reference
         if (subject.rung, subject.sampling) != (rung, sampling) and comparison.verdict != "pass":
             level = twin.render(scene, subject.rung, sampling=subject.sampling, samples=samples, seed=seed, cache=cache)
-            at_own = compare(made, level, tolerance=written.tolerance, half_steps=half_steps)
+            own = compare(made, level, tolerance=written.tolerance, half_steps=half_steps)
             if subject.rung != rung:
-                comparison, held_to = _as_it_must(comparison, at_own, subject.rung, rung, ledger), level
-            elif at_own.verdict == "pass":
-                comparison = msgspec.structs.replace(comparison, verdict="differs", reasons=(CENTRES, *at_own.reasons))
-    if comparison.verdict == "fail":
+                held_to = level
+            elif own.verdict == "pass":
+                comparison = msgspec.structs.replace(comparison, verdict="differs", reasons=(CENTRES, *own.reasons))
+    failed = (own if own is not None and held_to is not reference else comparison).verdict == "fail"
+    causes: tuple[str, ...] = ()
+    if failed:
         with stages.stage("cause"):
             sampled = sampled_parts(scene, subject.rung, fast_engine(backend.variant), subject.sampling)
-            comparison = comparison.saying(*explain(made, held_to, scene, subject.rung, sampled=sampled))
+            causes = stage_causes(subject) or explain(made, held_to, scene, subject.rung, sampled=sampled)
+    if RUNGS[subject.rung].lit:
+        with stages.stage("ledger"):
+            rounds = bool(causes) and causes[0].partition(": ")[2].startswith(ROUNDING)
+            ledger = make_ledger(
+                scene, made, subject.rung, fast_engine(backend.variant), keep=cache, faulty=failed and not rounds
+            )
+    if own is not None and held_to is not reference:
+        comparison = _as_it_must(comparison, own, subject.rung, rung, ledger)
+    comparison = comparison.because(*causes)
     picture = augmented = None
     if photo_path is not None:
         with stages.stage("augment"):
@@ -173,6 +185,17 @@ def compare_scene(
 def highlight_rounding(scene: Scene, reference: Image) -> np.ndarray | None:
     """What float32 may put highlights off by, (H, W, 3); None where there are none."""
     return twin.highlight_rounding(scene, reference.surface) if scene.glossy and reference.surface is not None else None
+
+
+def stage_causes(subject: Renderer) -> tuple[str, ...]:
+    """What the subject's own functions of stages do wrong, each tested alone; nothing where all pass."""
+    functions = subject.stages if isinstance(subject, UserRenderer) else {}
+    tested = [judge_function(CONTRACT[name], function) for name, function in functions.items()]
+    wrong = [result for result in tested if not result.passed]
+    return tuple(
+        f"cause ({'sure' if len(r.causes) == 1 else 'likely'}): {r.stage}: {r.sentence}" if r.causes
+        else f"cause (sure): {r.stage} fails its own test: {r.sentence}" for r in wrong[:3]
+    )  # fmt: skip
 
 
 def _folded(scene: Scene) -> tuple[str, ...]:

@@ -8,14 +8,14 @@ from typing import Any, Literal
 
 import msgspec
 
-from raytwin import files
+from raytwin import files, references
 from raytwin.compare import METRICS, Comparison, Limits, Report, compare, limit_findings, measure
 from raytwin.compare.verdict import MUST_SEE
 from raytwin.diagnose.diagnosis import explain
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.image_input import ENDINGS, read_side, renders_at
-from raytwin.scene import Tolerance
+from raytwin.scene import Scene, Tolerance
 
 SLOW = ("flip_hdr", "flip_ldr")
 """Metrics that take longer than all else: only where asked for."""
@@ -97,7 +97,8 @@ def diff(
     )
     start = time.perf_counter()
     if made.verdict == "fail" and limits is None:
-        made = made.saying(*explain(test, reference, rounding=sides[0].rounding))
+        scene, rung = _scene_of(b, part)
+        made = made.because(*explain(test, reference, scene, rung, rounding=sides[0].rounding))
     made = _decided(made, test, reference, limits, begins)
     warned = limit_findings(test, reference, warn)[0] if warn is not None and made.passed else []
     metrics = msgspec.structs.asdict(made.radiance)
@@ -119,6 +120,16 @@ def diff(
         warnings=tuple(f.text for f in warned),
         settings={"A": str(a), "B": str(b), **{k: v for k, v in chosen.items() if v is not None}, **decided},
     )
+
+
+def _scene_of(path: Path, part: str | None) -> tuple[Scene | None, str]:
+    """The scene and the rung of a reference that `reference make` has written; None of any other file."""
+    if part is not None or path.suffix != ".exr" or not path.is_file():
+        return None, "shadow"
+    try:
+        return references.load(path).scene, path.stem
+    except InputError:
+        return None, "shadow"
 
 
 def pairs(a: Path, b: Path) -> list[tuple[str, Path | None, Path | None]]:

@@ -1,0 +1,45 @@
+"""Rounding as the cause: the tracer in single precision, or with a solver that cancels, shows the same errors."""
+
+import numpy as np
+
+from raytwin.diagnose.pixel_sample import GRID, every
+from raytwin.errors import MachineError
+from raytwin.image import Image
+from raytwin.scene import Scene
+from raytwin.speed import trace
+from raytwin.tracer import RADIANCE
+
+ROUNDING = "rounding: "
+"""How such a cause begins."""
+EXPLAINED = 0.9
+"""Share of the squared error that the same rounding has to explain."""
+HOW = {
+    ("numpy32", "robust"): "single precision (float32)",
+    ("numpy64", "textbook"): "the textbook quadratic, whose b² - 4ac cancels",
+    ("numpy32", "textbook"): "the textbook quadratic in single precision (float32), whose b² - 4ac cancels",
+    ("numpy32", "paper"): "the paper's quadratic in single precision (float32)",
+    ("numpy32", "stable"): "the stable quadratic in single precision (float32)",
+}
+"""Engine and solver, in the order of trial."""
+
+
+def rounding_cause(test: Image, reference: Image, scene: Scene, rung: str) -> str:
+    """Which rounding has made the errors of the test; empty where none explains them."""
+    if rung not in RADIANCE or reference.variance is not None:
+        return ""
+    camera = scene.camera
+    step = int(np.ceil(np.sqrt(camera.width * camera.height / GRID)))
+    thin = scene.with_camera(every(camera, step))
+    off = (test.mean[::step, ::step] - reference.mean[::step, ::step]).astype(float)
+    before = float(np.square(off).sum())
+    if not before:
+        return ""
+    exact = trace(thin, rung).mean
+    for (engine, solver), how in HOW.items():
+        try:
+            rounded = trace(thin, rung, engine, solver).mean
+        except MachineError:
+            continue
+        if np.square(off - (rounded.astype(float) - exact)).sum() < (1 - EXPLAINED) * before:
+            return f"{ROUNDING}{how}; double precision (float64) or the robust solver keeps the digits"
+    return ""
