@@ -10,8 +10,11 @@ from raytwin import files, twin
 from raytwin.calib import synthetic_photos
 from raytwin.calib.find_camera import compare_truth, find_camera
 from raytwin.compare import compare
+from raytwin.contract.subject import find_subject
 from raytwin.errors import InputError
 from raytwin.renderers.subject_renderers import Traced, fast_engine
+from raytwin.renderers.user_renderers import UserRenderer
+from raytwin.report.terminal_text import summary
 from raytwin.scene import Camera
 from raytwin.scene.lens import Folds
 from raytwin.speed import trace
@@ -202,3 +205,43 @@ def test_a_wrong_tracer_of_centers_still_fails_beside_areas(scenes):
         scenes / "overlap", subject=Moved(surface=True), sampling="area", size=(160, 120), cache=False
     )
     assert result.comparison.verdict == "fail"
+
+
+def test_rounding_is_named_as_the_cause_and_stays_in_the_ledgers_numerics(scenes):
+    made = compare_scene(scenes / "single", engine="numpy32", solver="textbook", size=(160, 120))
+    assert made.comparison.verdict == "fail"
+    assert made.comparison.cause.startswith("rounding: the textbook quadratic in single precision")
+    assert not any(part.part.startswith("the subject's own error") for part in made.report.ledger)
+
+
+def test_a_subjects_error_is_its_own_in_the_ledger_and_named_on_the_first_line(scenes):
+    """A tracer that casts no shadows, beside a twin that does."""
+    without = UserRenderer("shadow", "no shadows", lambda given: given["made"], lambda scene, rung: {
+        "made": trace(scene, "lambert").mean
+    })  # fmt: skip
+    made = compare_scene(scenes / "overlap", subject=without, size=(120, 90))
+    assert made.comparison.verdict == "fail"
+    assert "shadow" in made.comparison.cause
+    assert summary(made).splitlines()[0] == f"FAIL  overlap, rung shadow: {made.comparison.cause}"
+    parts = {part.part: part.share_of_error for part in made.report.ledger}
+    assert parts["the subject's own error: what shadows take away is missing"] > 0.5
+    assert abs(parts["numerics"]) < 1e-3
+
+
+FORGOTTEN = """
+import numpy as np
+
+def shade(points, normals, albedo, to_light, irradiance, sky):
+    sun = np.asarray(irradiance) * np.maximum(normals @ np.asarray(to_light), 0)[:, None]
+    return albedo * (sun + np.asarray(sky))
+"""
+
+
+def test_a_subject_with_stages_is_asked_by_stages_first(scenes, tmp_path):
+    (tmp_path / "mine.py").write_text(FORGOTTEN)
+    subject = find_subject(str(tmp_path / "mine.py"), "shadow")
+    assert set(subject.stages) == {"shade"}
+    made = compare_scene(scenes / "overlap", subject=subject, size=(80, 60))
+    assert made.comparison.verdict == "fail"
+    assert made.comparison.cause.startswith("shade")
+    assert made.comparison.cause == "shade: the sun's part is pi times too bright: albedo / pi * E * max(0, n·l)"

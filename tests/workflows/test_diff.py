@@ -4,14 +4,17 @@ import json
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from program import raytwin
 
-from raytwin import files
+from raytwin import files, references
 from raytwin.compare import METRICS
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.report.terminal_text import diff_summary
+from raytwin.tracer import trace
 from raytwin.workflows.diff_files import diff
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -261,3 +264,15 @@ def test_a_side_of_8_bits_is_held_to_half_a_step_in_noise_and_without(tmp_path):
     assert diff(tmp_path / "b.exr", tmp_path / "a.png", variances=(None, tmp_path / "v.pfm")).passed
     files.write_picture(tmp_path / "a.png", files.to_bytes(np.clip(1.03 * A, 0, 1)))
     assert diff(tmp_path / "a.png", tmp_path / "b.exr").comparison.verdict == "fail"
+
+
+def test_a_reference_that_holds_its_scene_gives_the_cause_of_a_test_as_check_does(tmp_path):
+    known = references.load(references.SHIPPED / "overlap" / "shadow.exr")
+    lights = (known.scene.sun, msgspec.structs.replace(known.scene.sky, radiance=(0.0, 0.0, 0.0)))
+    files.write_exr(tmp_path / "mine.exr", trace(msgspec.structs.replace(known.scene, lights=lights)))
+    found = diff(tmp_path / "mine.exr", known.path)
+    assert found.comparison.verdict == "fail"
+    assert "sky" in found.comparison.cause
+    assert diff_summary(found).splitlines()[0] == f"FAIL  mine.exr against shadow.exr: {found.comparison.cause}"
+    files.write_exr(tmp_path / "shadow.exr", known.image)  # of no scene that it knows
+    assert diff(tmp_path / "mine.exr", tmp_path / "shadow.exr").comparison.cause == ""
