@@ -5,6 +5,7 @@ import pytest
 from test_true_causes import SCENES, with_sun
 
 from raytwin import files
+from raytwin.analysis.rounding_cause import rounding_cause
 from raytwin.compare import Comparison
 from raytwin.diagnose.diagnosis import explain
 from raytwin.diagnose.noisy_values import noisy_cause
@@ -43,7 +44,7 @@ def test_depths_that_are_off_by_a_formula_of_the_pixel_are_named(words):
 def test_the_textbook_solver_in_single_precision_is_told_as_rounding():
     scene = files.read_scene(files.find_scene(files.SCENES / "single")).scene
     scene = scene.with_camera(scene.camera.resized(160, 120))
-    (said,) = explain(trace(scene, "shadow", "numpy32", "textbook"), trace(scene), scene)
+    (said,) = rounding_cause(trace(scene, "shadow", "numpy32", "textbook"), trace(scene), scene, "shadow")
     assert said.startswith("cause (likely): rounding: ")
     assert "textbook" in said
     assert "float32" in said
@@ -52,7 +53,7 @@ def test_the_textbook_solver_in_single_precision_is_told_as_rounding():
 def test_what_is_no_rounding_is_not_told_as_it():
     scene = SCENES["overlap"]
     sun = with_sun(scene, irradiance=tuple(1.0001 * x for x in scene.sun.irradiance))
-    assert "rounding" not in explain(trace(sun), trace(scene), scene)[0]
+    assert rounding_cause(trace(sun), trace(scene), scene, "shadow") == ()
 
 
 RIGHT_IMAGE = trace(SCENES["overlap"]).mean.astype(float)[:56, :80]

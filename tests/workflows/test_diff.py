@@ -268,11 +268,12 @@ def test_a_side_of_8_bits_is_held_to_half_a_step_in_noise_and_without(tmp_path):
 
 def test_a_reference_that_holds_its_scene_gives_the_cause_of_a_test_as_check_does(tmp_path):
     known = references.load(references.SHIPPED / "overlap" / "shadow.exr")
-    lights = (known.scene.sun, msgspec.structs.replace(known.scene.sky, radiance=(0.0, 0.0, 0.0)))
+    sun = msgspec.structs.replace(known.scene.sun, irradiance=tuple(3.14159265 * x for x in known.scene.sun.irradiance))
+    lights = (sun, known.scene.sky)
     files.write_exr(tmp_path / "mine.exr", trace(msgspec.structs.replace(known.scene, lights=lights)))
     found = diff(tmp_path / "mine.exr", known.path)
     assert found.comparison.verdict == "fail"
-    assert "sky" in found.comparison.cause
+    assert found.comparison.cause.startswith("the sun's part is π times too bright")
     assert diff_summary(found).splitlines()[0] == f"FAIL  mine.exr against shadow.exr: {found.comparison.cause}"
     files.write_exr(tmp_path / "shadow.exr", known.image)  # of no scene that it knows
     assert diff(tmp_path / "mine.exr", tmp_path / "shadow.exr").comparison.cause == ""

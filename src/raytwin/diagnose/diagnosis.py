@@ -35,7 +35,6 @@ from raytwin.diagnose.parametric_faults import FAMILIES, Family, fit, promising,
 from raytwin.diagnose.pixel_sample import MET, Sampled, Sight, View, many
 from raytwin.diagnose.predict import RIGHT, Array, Steps
 from raytwin.diagnose.prediction_cache import costs
-from raytwin.diagnose.rounding_cause import rounding_cause
 from raytwin.diagnose.tolerance_mask import doubtful
 from raytwin.files import Rounding
 from raytwin.image import Image
@@ -265,8 +264,6 @@ def explain(
         return ()
     if scene and (words := depth_cause(test.surface, reference.surface, scene)):
         return (f"cause (sure): {words}",)
-    if scene and RUNGS[rung].lit and scene.objects and (words := rounding_cause(test, reference, scene, rung)):
-        return (f"cause (likely): {words}",)
     variances = [image.variance for image in (test, reference) if image.variance is not None]
     if variances:
         zero = np.zeros(shown.shape)

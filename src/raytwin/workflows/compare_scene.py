@@ -9,6 +9,7 @@ import numpy as np
 from raytwin import files, twin
 from raytwin.analysis.ledger import LEFT_OUT, Ledger, make_ledger
 from raytwin.analysis.light_parts import sampled_parts
+from raytwin.analysis.rounding_cause import ROUNDING, rounding_cause
 from raytwin.calib import photos, synthetic_photos
 from raytwin.calib.augment import augment
 from raytwin.calib.find_camera import TruthRow, compare_truth, find_camera
@@ -17,7 +18,6 @@ from raytwin.compare.report import Timing
 from raytwin.contract.check_function import judge_function
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.diagnose.diagnosis import explain
-from raytwin.diagnose.rounding_cause import ROUNDING
 from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image
 from raytwin.progress import Progress, Stages, silent
@@ -135,7 +135,11 @@ def compare_scene(
     if failed:
         with stages.stage("cause"):
             sampled = sampled_parts(scene, subject.rung, fast_engine(backend.variant), subject.sampling)
-            causes = stage_causes(subject) or explain(made, held_to, scene, subject.rung, sampled=sampled)
+            causes = (
+                stage_causes(subject)
+                or rounding_cause(made, held_to, scene, subject.rung)
+                or explain(made, held_to, scene, subject.rung, sampled=sampled)
+            )
     if RUNGS[subject.rung].lit:
         with stages.stage("ledger"):
             rounds = bool(causes) and causes[0].partition(": ")[2].startswith(ROUNDING)

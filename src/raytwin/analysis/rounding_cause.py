@@ -5,6 +5,7 @@ import numpy as np
 from raytwin.diagnose.pixel_sample import GRID, every
 from raytwin.errors import MachineError
 from raytwin.image import Image
+from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 from raytwin.speed import trace
 from raytwin.tracer import RADIANCE
@@ -23,17 +24,19 @@ HOW = {
 """Engine and solver, in the order of trial."""
 
 
-def rounding_cause(test: Image, reference: Image, scene: Scene, rung: str) -> str:
-    """Which rounding has made the errors of the test; empty where none explains them."""
-    if rung not in RADIANCE or reference.variance is not None:
-        return ""
+def rounding_cause(test: Image, reference: Image, scene: Scene, rung: str) -> tuple[str, ...]:
+    """Which rounding has made the errors of the test; nothing where none explains them."""
+    if rung not in RADIANCE or not RUNGS[rung].lit or reference.variance is not None or not scene.objects:
+        return ()
+    if test.mean.shape != reference.mean.shape or not np.isfinite(test.mean).all():
+        return ()
     camera = scene.camera
     step = int(np.ceil(np.sqrt(camera.width * camera.height / GRID)))
     thin = scene.with_camera(every(camera, step))
     off = (test.mean[::step, ::step] - reference.mean[::step, ::step]).astype(float)
     before = float(np.square(off).sum())
     if not before:
-        return ""
+        return ()
     exact = trace(thin, rung).mean
     for (engine, solver), how in HOW.items():
         try:
@@ -41,5 +44,5 @@ def rounding_cause(test: Image, reference: Image, scene: Scene, rung: str) -> st
         except MachineError:
             continue
         if np.square(off - (rounded.astype(float) - exact)).sum() < (1 - EXPLAINED) * before:
-            return f"{ROUNDING}{how}; double precision (float64) or the robust solver keeps the digits"
-    return ""
+            return (f"cause (likely): {ROUNDING}{how}; float64 and the robust solver keep the digits",)
+    return ()
