@@ -43,6 +43,7 @@ def test_deviations_are_told_where_they_mean_something(z, text):
         (4.5, 0.5, "900 % too bright"),
         (31.5, 0.5, "64 times too bright"),
         (0.25, 0.0, "1 too bright"),
+        (0.25, 1e-11, "1 too bright"),  # not 2.5e+10 times
         (-0.5, 0.0, "2 too dark"),
     ],
 )

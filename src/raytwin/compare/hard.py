@@ -1,10 +1,17 @@
 """What no image may be: not an array of radiance, NaN, infinite, negative, black. Counted and located."""
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
-from raytwin.compare.blocks import Pixels
+from raytwin.compare.blocks import SIDE, Pixels, dilate
 from raytwin.compare.finding import HARD, Finding, at, plural
+from raytwin.compare.noise import estimated, residual
 from raytwin.image import Image
+
+NOISE_BELOW = 8.0
+"""Standard deviations below 0 that noise may take a value: the statistics judge it further."""
 
 
 def shape_findings(test: Image, reference: Image) -> list[Finding]:
@@ -34,11 +41,16 @@ def shape_findings(test: Image, reference: Image) -> list[Finding]:
     return findings
 
 
-def value_findings(test: Image, reference: Image, least: float) -> list[Finding]:
-    """NaN, infinite and negative values (below -least) of either image, and a black test image."""
+def value_findings(test: Image, reference: Image, least: float, noisy: bool = True) -> list[Finding]:
+    """NaN, infinite and negative values (below -least) of either image, and a black test image.
+
+    Negative values that noise bears out are none of them (filters with negative lobes, few samples); the test has
+    noise only if `noisy`.
+    """
     findings = []
-    for name, image in (("test image", test), ("reference image", reference)):
-        findings += bad_values(name, image.mean, least)
+    for name, image, other in (("test image", test, reference), ("reference image", reference, test)):
+        negative = noisy or image is reference
+        findings += bad_values(name, image.mean, least, partial(_noise_of, image, other) if negative else float)
         if image.variance is not None:
             findings += bad_values(f"variance of the {name}", image.variance, 0.0)
     if not findings and not test.mean.any() and reference.mean.any():
@@ -46,8 +58,24 @@ def value_findings(test: Image, reference: Image, least: float) -> list[Finding]
     return findings
 
 
-def bad_values(name: str, x: Pixels, least: float) -> list[Finding]:
-    """NaN, infinite, and values below -least, counted and located."""
+def _noise_of(image: Image, other: Image) -> Pixels | float:
+    """How far below 0 noise may take a value: as far as its neighbours scatter, and its variance, if any, allows."""
+    if image.variance is None and image.samples == 1:
+        return 0.0
+    shown = residual(image.mean, other.mean)
+    total, count = (
+        np.repeat(np.repeat(x, SIDE, axis=0), SIDE, axis=1)[: image.shape[0], : image.shape[1]]
+        for x in (np.where(np.isfinite(shown.square), shown.square * (shown.pixels - 1), 0), shown.pixels)
+    )
+    # Without the value itself, which would otherwise excuse itself.
+    square = np.maximum(total - estimated(image.mean, other.mean), 0) / np.maximum(count - 2, 1)
+    if image.variance is not None:
+        square = np.minimum(square, dilate(image.variance, 0, len(image.variance)))
+    return np.asarray(NOISE_BELOW * np.sqrt(np.maximum(square, 0)))
+
+
+def bad_values(name: str, x: Pixels, least: float, noise: Callable[[], Pixels | float] = float) -> list[Finding]:
+    """NaN, infinite, and values below -least by more than `noise`, counted and located."""
     # Two reductions tell a sound image: NaN and infinity both show in the extremes.
     low, high = x.min(), x.max()
     if np.isfinite(low) and np.isfinite(high) and low >= -least:
@@ -55,7 +83,7 @@ def bad_values(name: str, x: Pixels, least: float) -> list[Finding]:
     kinds = (
         ("NaN", np.isnan(x)),
         ("infinite", np.isinf(x)),
-        ("negative", np.isfinite(x) & (x < -x.dtype.type(least))),
+        ("negative", np.isfinite(x) & (x < -x.dtype.type(least) - noise())),
     )
     findings = []
     for what, bad in kinds:

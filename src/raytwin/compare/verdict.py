@@ -80,7 +80,7 @@ def _compare(
         return _made(findings)
     test, reference = _single(test), _single(reference)
     scale = scale_of(reference, test)
-    findings = value_findings(test, reference, tolerance.p999_abs * scale)
+    findings = value_findings(test, reference, tolerance.p999_abs * scale, noisy=noise == "both")
     radiance = Radiance(**measure(test.mean, reference.mean, Radiance.__struct_fields__))
     test, tied = without_ties(test, reference)
     geometry, misplaced = geometry_findings(test, reference, tolerance)

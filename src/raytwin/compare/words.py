@@ -7,6 +7,9 @@ from raytwin.compare.exact import Quiet
 from raytwin.compare.finding import CHANNELS, IMAGE, TILE, VALUE, Finding, at, plural
 from raytwin.image import Image
 
+HARDLY_LIT = 1e4
+"""Times too bright: beyond, what should be dark has no relative error worth the name, and the amount is written."""
+
 CERTAIN = 1e-12
 """Probabilities below are certainty, and are not written down."""
 
@@ -42,10 +45,11 @@ def noise_findings(made: Decision, reference: Image, unit: float) -> list[Findin
 
 def _amount(error: float, area: float, unit: float) -> str:
     """How far off a mean is of what it should be."""
-    if area > 0 and error > 10 * area:
+    if area <= 0 or error > HARDLY_LIT * area:
+        return f"{abs(error) * unit:.3g} too {'bright' if error > 0 else 'dark'}"
+    if error > 10 * area:
         return f"{1 + error / area:.0f} times too bright"
-    size = f"{100 * abs(error) / area:.3g} %" if area > 0 else f"{abs(error) * unit:.3g}"
-    return f"{size} too {'bright' if error > 0 else 'dark'}"
+    return f"{100 * abs(error) / area:.3g} % too {'bright' if error > 0 else 'dark'}"
 
 
 def _others(rank: int, family: Family, failed_pixels: int) -> str:

@@ -34,6 +34,9 @@ from raytwin.workflows.versions import versions
 FEW, MANY = 1, 64
 """The twin's samples a pixel where each is the same, and where they differ."""
 
+HARDLY_LIT = 1e4
+"""Per cent: a larger share of the light is that of a scene which has next to none, and its number tells nothing."""
+
 CENTRES = (
     "expected difference: the tracer sends one ray through each pixel's center, the twin samples the pixel's area "
     "(--sampling center compares like with like); through the centers they agree"
@@ -233,7 +236,8 @@ def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
         share = 100 * (row.share_of_light or 0)
         where = f", most on {row.between[0]}" if len(row.between) == 1 else ""
         where = f", most between {' and '.join(row.between)}" if len(row.between) > 1 else where
-        told.append(f"without {row.part} it is {abs(share):.2g} % too {'bright' if share > 0 else 'dark'}{where}")
+        size = f"{abs(share):.2g} %" if abs(share) < HARDLY_LIT else "many times"  # of a scene with nearly no light
+        told.append(f"without {row.part} it is {size} too {'bright' if share > 0 else 'dark'}{where}")
     return tuple(told)
 
 
