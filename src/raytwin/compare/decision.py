@@ -280,9 +280,9 @@ def _more_values(
 def _agreeing(
     test: Image, reference: Image, y0: int, y1: int, least: Float32[np.ndarray, "h w 3"]
 ) -> Bool[np.ndarray, "h w 3"]:
-    """Whether all samples agree: a value's own variances, of both images, add up to no more than `least`."""
+    """Whether all samples agree: a value's own variances, of both images, add up to a 16th of `least` at most."""
     parts = [i.variance[y0:y1] for i in (test, reference) if i.variance is not None]
-    return np.asarray(sum(parts, np.zeros_like(least)) <= least)
+    return np.asarray(sum(parts, np.zeros_like(least)) <= least / 16)
 
 
 def _without_fireflies(missing: Missed, side: Side | None) -> Missed:
