@@ -250,6 +250,15 @@ def test_a_scene_that_is_not_there_is_refused(tmp_path):
     refused(raytwin("compare", tmp_path / "nowhere"), "nowhere", "no such scene (there are", "desk")
 
 
+@pytest.mark.parametrize("arguments", [("compare", "overlapp"), ("compare", "overlap", "--rung", "shadw")])
+def test_a_wrong_name_is_refused_before_anything_heavy_is_imported(arguments):
+    code = f"import sys; sys.argv[1:] = {arguments!r}\nfrom raytwin.cli import main\ntry: main()\n"
+    code += "finally: print(sorted({'mitsuba', 'drjit', 'cv2', 'bokeh', 'jinja2'} & sys.modules.keys()))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (2, "[]\n"), run.stderr
+    assert "did you mean" in run.stderr
+
+
 def test_the_output_may_not_be_a_file(scenes, tmp_path):
     (tmp_path / "out").write_text("mine")
     refused(raytwin("compare", scenes / "single", "--size", "40x30", "-o", tmp_path / "out"), "out")
@@ -291,7 +300,7 @@ def test_an_output_that_cannot_be_written_is_told_before_the_work(scenes, tmp_pa
         (("--json", tmp_path / "file" / "a.json"), "a.json"),
         (("--out", tmp_path / "file"), "file"),
     ):
-        refused(raytwin("compare", tmp_path / "nowhere", *options), where)  # the scene is not even looked for
+        refused(raytwin("compare", scenes / "desk", *options), where)
     check_outputs(folders=(tmp_path, tmp_path / "new" / "folder", None), files=(tmp_path / "file",))
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 

@@ -1,4 +1,4 @@
-"""raytwin compare, raytwin diff: two images, held against each other."""
+"""raytwin compare, raytwin diff: compare two images."""
 
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -8,7 +8,8 @@ import typer
 from raytwin.cli.options import Flip, JsonFile, ScenePath, check_outputs, parse_size
 from raytwin.cli.progress_bar import show_progress, tell_seconds
 from raytwin.cli.terminal import say
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
+from raytwin.rungs import RUNGS
 
 
 def compare_command(
@@ -30,8 +31,8 @@ def compare_command(
     solver: Annotated[str, typer.Option(help="robust, stable, paper or textbook.")] = "robust",
     sampling: Annotated[str, typer.Option(help="center: through the pixel's centre; area: over the pixel.")] = "center",
     samples: Annotated[int | None, typer.Option(help="The twin's samples per pixel.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the twin's samples.")] = 0,
-    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Which photo's camera to stand at.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the twin's samples.")] = 0,
+    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose camera pose is used.")] = None,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="Render at another size than the camera's.")] = None,
     cache: Annotated[
         bool, typer.Option(help="Reuse the twin's renders, and the tags in photos, of the same content.")
@@ -44,6 +45,7 @@ def compare_command(
 ) -> None:
     """Compare the tracer with its twin: report.html, EXRs of both images and of the error, comparison.json."""
     check_outputs(folders=(out or Path("out"),), files=(json,))
+    check_one_of("--rung", rung, RUNGS)
     with show_progress() as progress:
         with progress.stage("imports"):
             from raytwin import report
@@ -98,7 +100,8 @@ def diff_command(
         float | None, typer.Option("--hardfail", "--hard-fail", help="No pixel may err by more (infinite).")
     ] = None,
     allow_failures: Annotated[
-        int | None, typer.Option("--allowfailures", "--allow-failures", help="Pixels that may err at will (0).")
+        int | None,
+        typer.Option("--allowfailures", "--allow-failures", help="Pixels exempt from all limits (0)."),
     ] = None,
     warn: Annotated[float | None, typer.Option("--warn", help="As --fail, for a warning that passes.")] = None,
     warn_relative: Annotated[
@@ -110,13 +113,13 @@ def diff_command(
     hard_warn: Annotated[float | None, typer.Option("--hardwarn", "--hard-warn", help="As --hardfail.")] = None,
     variance_a: Annotated[Path | None, typer.Option(metavar="FILE", help="The variance of A's mean, an image.")] = None,
     variance_b: Annotated[Path | None, typer.Option(metavar="FILE", help="The variance of B's mean.")] = None,
-    samples_a: Annotated[int, typer.Option(min=0, help="A's samples a pixel, where the file does not tell.")] = 0,
-    samples_b: Annotated[int, typer.Option(min=0, help="B's samples a pixel.")] = 0,
+    samples_a: Annotated[int, typer.Option(min=0, help="A's samples per pixel, if the file does not say.")] = 0,
+    samples_b: Annotated[int, typer.Option(min=0, help="B's samples per pixel.")] = 0,
     noise: Annotated[
         str, typer.Option(help="both; reference: believe no variance that A claims; none: neither has any.")
     ] = "both",
     must_see: Annotated[
-        float, typer.Option(min=0, help="Undecided where a larger error of the whole mean would be missed.")
+        float, typer.Option(min=0, help='Report "undecided" if a bias larger than this could go unnoticed.')
     ] = 0.1,
     flip: Flip = False,
     json: JsonFile = None,

@@ -19,13 +19,13 @@ def explore_command(
     subject: Annotated[
         str | None, typer.Option(metavar="WHAT", help="In the tracer's place: what `compare --subject` takes.")
     ] = None,
-    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Which photo's camera to stand at.")] = None,
+    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose camera pose is used.")] = None,
     size: Annotated[
-        str | None, typer.Option(metavar="WxH", help=f"Of the pictures; the camera's, {WIDEST} wide at most.")
+        str | None, typer.Option(metavar="WxH", help=f"Size of the pictures (the camera's, at most {WIDEST} wide).")
     ] = None,
-    view: Annotated[str | None, typer.Option(metavar="LINK", help="Begin with a view that the page copied.")] = None,
-    port: Annotated[int, typer.Option(help="Of the page's address; 0: any that is free.")] = 0,
-    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open it.")] = True,
+    view: Annotated[str | None, typer.Option(metavar="LINK", help="Open a view copied from the page.")] = None,
+    port: Annotated[int, typer.Option(help="Port of the page's address; 0: any free one.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
 ) -> None:
     """Play with a scene on a page of this machine: tracer, twin, their difference and the ledger, as they change."""
     import asyncio

@@ -14,7 +14,7 @@ def ladder_command(
     scene: ScenePath,
     samples: Annotated[int, typer.Option(help="Samples per pixel where light is followed.")] = 64,
     seed: Annotated[int, typer.Option(help="Of the samples.")] = 0,
-    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Which photo's camera to stand at.")] = None,
+    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose camera pose is used.")] = None,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="Of the pictures; 480 wide by default.")] = None,
     json: JsonFile = None,
     out: Annotated[

@@ -13,7 +13,7 @@ def needs_command(
     scene: ScenePath,
     tolerance: Annotated[float, typer.Option(help="The error that is allowed, in the metric's units.")],
     metric: Annotated[str, typer.Option(help="rmse, relmse, mae, max_abs, p999_abs or p999_rel.")] = "rmse",
-    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Which photo's camera to stand at.")] = None,
+    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose camera pose is used.")] = None,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="At another size than the camera's.")] = None,
     json: JsonFile = None,
 ) -> None:

@@ -11,7 +11,18 @@ import typer
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 
-ScenePath = Annotated[Path, typer.Argument(help="A scene's folder, its scene.toml, or its name.")]
+
+def _known_scene(path: Path) -> Path:
+    """Refuse a wrong name before anything heavy is imported."""
+    from raytwin.files import find_scene
+
+    find_scene(path)
+    return path
+
+
+ScenePath = Annotated[
+    Path, typer.Argument(callback=_known_scene, help="A scene's folder, its scene.toml, or its name.")
+]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the numbers as JSON.")]
 
 

@@ -7,7 +7,7 @@ import typer
 
 from raytwin.cli.terminal import say
 
-app = typer.Typer(help="Scenes that a name finds: list them (the default), or copy one to change.")
+app = typer.Typer(help="List the built-in scenes, or copy one to edit.")
 
 
 @app.callback(invoke_without_command=True)
