@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from raytwin import files
+from raytwin.image import Image
 from raytwin.scene import Scene
 from raytwin.speed import ENGINES
-from raytwin.tracer import trace
+from raytwin.speed.sampling import pixel_draws
+from raytwin.tracer import trace, trace_paths
 
 SHIPPED = ("single", "overlap", "distorted", "grazing")
 
@@ -78,6 +80,11 @@ def overlap(scenes) -> Scene:
 def exact(shipped):
     """The shipped scene by the plain tracer."""
     return trace(shipped, "shadow")
+
+
+def plain_paths(scene: Scene, depth: int = 8, samples: int = 16, seed: int = 0) -> Image:
+    """The plain tracer's paths with the random numbers of `speed.walk`."""
+    return trace_paths(scene, pixel_draws(scene.camera.image_size, samples, seed), depth)
 
 
 @pytest.fixture

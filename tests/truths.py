@@ -36,6 +36,15 @@ def view_of(point, eye, extent: float, pixels: int = 16) -> Camera:
     return Camera((pixels, pixels), K, tuple(map(tuple, R.tolist())), tuple((-R @ eye).tolist()))
 
 
+DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+
+
+def camera_above(height: float, size: int = 101, f: float = 100.0) -> Camera:
+    """Straight down on the board's origin, the middle pixel's centre on the axis."""
+    c = (size - 1) / 2
+    return Camera((size, size), ((f, 0.0, c), (0.0, f, c), (0.0, 0.0, 1.0)), DOWN, (0.0, 0.0, height))
+
+
 def glare(exponent: float) -> tuple[Scene, np.ndarray]:
     """A sheet seen in the sun's mirror direction, aslant; and the red of its Phong highlight by the formula (H, W)."""
     to_light = np.array((0.48, 0.36, 0.8))

@@ -1,4 +1,4 @@
-"""The few names that differ between NumPy and Dr.Jit; everything else in this folder is arithmetic that both share.
+"""The few names that differ between NumPy and Dr.Jit; lights, the tracer and its speed are arithmetic on these.
 
 A number per pixel is a NumPy array or a Dr.Jit array; a vector is a tuple of three of them.
 """
@@ -14,7 +14,7 @@ INFINITY = float("inf")
 
 
 def library(*values: Any) -> Any:
-    """The array library that the values belong to: Dr.Jit if any of them is its, else NumPy."""
+    """Return the array library of the values: Dr.Jit if any of them is its array, else NumPy."""
     for value in values:
         if type(value) is not np.ndarray and type(value).__module__.startswith("drjit"):
             import drjit
@@ -24,7 +24,7 @@ def library(*values: Any) -> Any:
 
 
 def sqrt(x: Any) -> Any:
-    # A plain number stays one: NumPy would make it a float64 scalar, which drags every float32 array up with it.
+    # A plain number stays one: NumPy would make it a float64 scalar, which promotes every float32 array it meets.
     return math.sqrt(x) if isinstance(x, int | float) else library(x).sqrt(x)
 
 
@@ -36,10 +36,6 @@ def sin(x: Any) -> Any:
     return library(x).sin(x)
 
 
-def arctan2(y: Any, x: Any) -> Any:
-    return np.arctan2(y, x) if (xp := library(y, x)) is np else xp.atan2(y, x)
-
-
 def maximum(a: Any, b: Any) -> Any:
     return library(a, b).maximum(a, b)
 
@@ -49,57 +45,24 @@ def minimum(a: Any, b: Any) -> Any:
 
 
 def select(mask: Any, a: Any, b: Any) -> Any:
-    """`a` where the mask holds, else `b`."""
+    """`a` where the mask is true, else `b`."""
     if isinstance(mask, bool | np.bool_):
         return a if mask else b
     return np.where(mask, a, b) if (xp := library(mask, a, b)) is np else xp.select(mask, a, b)
 
 
 def where_any(mask: Any, compute: Callable[[], Any], like: Any, otherwise: float) -> Any:
-    """compute() where the mask holds, else `otherwise`, in floats as `like`; Dr.Jit skips rays where none needs it."""
+    """compute() where the mask is true, else `otherwise`, in floats as `like`; Dr.Jit skips groups of rays without."""
     if (xp := library(mask)) is np:
         return select(mask, compute(), otherwise)
     return xp.if_stmt((), mask, compute, lambda: type(like)(otherwise))
 
 
 def integers(like: Any, value: int) -> Any:
-    """As many whole numbers as `like` has, all `value`."""
+    """As many integers as `like` has numbers, all `value`."""
     if (xp := library(like)) is np:
         return np.full(np.shape(like), value)
     return xp.full(xp.int32_array_t(type(like)), value, xp.width(like))
-
-
-def unsigned(like: Any, value: Any) -> Any:
-    """Whole numbers modulo 2³², as many as `like` has."""
-    if (xp := library(like)) is np:
-        return np.broadcast_to(np.asarray(value).astype(np.uint32), np.shape(like))
-    return xp.uint32_array_t(type(like))(value)
-
-
-def floats(like: Any, whole: Any) -> Any:
-    """Whole numbers as floats of `like`'s precision."""
-    return whole.astype(like.dtype) if library(like) is np else type(like)(whole)
-
-
-def reverse_bits(x: Any) -> Any:
-    """Whole numbers modulo 2³² with their lowest bit for the highest, and so on."""
-    if (xp := library(x)) is not np:
-        return xp.brev(x)
-    for step, kept in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF)):
-        x = ((x >> step) & kept) | ((x & kept) << step)
-    return (x >> 16) | (x << 16)
-
-
-def whole(x: Any) -> Any:
-    """The whole number at or below each, as an integer."""
-    return np.floor(x).astype(np.int32) if (xp := library(x)) is np else xp.int32_array_t(type(x))(xp.floor(x))
-
-
-def take(numbers: Any, places: Any) -> Any:
-    """numbers[places]."""
-    if (xp := library(numbers)) is np:
-        return np.take(numbers, places)
-    return xp.gather(type(numbers), numbers, xp.uint32_array_t(type(places))(places))
 
 
 def repeat(
@@ -108,7 +71,7 @@ def repeat(
     state: tuple[Any, ...],
     going: Callable[..., Any] = lambda *_: True,
 ) -> tuple[Any, ...]:
-    """state = body(k, *state) for k = 0, 1, ... times - 1; on Dr.Jit a loop within the kernel, while going(*state)."""
+    """state = body(k, *state) for k = 0, 1, ... times - 1, while going(*state); on Dr.Jit a loop within the kernel."""
     if (xp := library(*state)) is np:
         for k in range(times):
             if np.any(going(*state)):

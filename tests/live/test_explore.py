@@ -20,6 +20,7 @@ import msgspec
 import numpy as np
 import pytest
 from browser import barriers
+from engines import plain_paths
 from PIL import Image as Pillow
 from play import drag, held, memory, middle_of, playing
 from program import raytwin, refused
@@ -36,7 +37,6 @@ from raytwin.live.server import Worker
 from raytwin.live.view_state import Look, Wanted, from_json, from_link, scene_toml, wanted_of
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.speed import trace
-from raytwin.tracer import trace_paths
 
 SIZE = 96, 72
 
@@ -329,7 +329,7 @@ def test_any_subject_stands_in_the_tracers_place(base, tmp_path):
 @pytest.mark.parametrize("rung", ["path", "sky"])
 def test_the_ways_of_a_pixels_samples_average_to_the_pixel(base, rung):
     scene, n, depth = base.scene, 32, 2 if rung == "sky" else 5
-    image = trace_paths(scene, depth, n, seed=0).mean
+    image = plain_paths(scene, depth, n, seed=0).mean
     for x, y in ((40, 40), (60, 30), (3, 3)):
         ways = [way_of_light(scene, x, y, rung, depth, sample) for sample in range(n)]
         assert np.mean([way.light for way in ways], axis=0) == pytest.approx(image[y, x], rel=1e-5)

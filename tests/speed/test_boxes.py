@@ -13,7 +13,7 @@ from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere, Sun
 from raytwin.scene.lens import undone
 from raytwin.speed import tile_lists, trace, trace_points, trim_box
 from raytwin.speed.boxes import EMPTY, _tangents, field_of_view
-from raytwin.speed.tile_lists import plan, shading
+from raytwin.speed.tile_lists import caster_pairs, plan
 from raytwin.tracer import back_project, intersect_rectangle, intersect_sphere
 from raytwin.tracer.pixel_to_ray import to_board
 
@@ -230,7 +230,7 @@ def test_no_object_that_shades_another_is_missed(count, planes, to_light, seed):
         Rectangle(tuple(c), (0.2, 0.0, 0.0), (0.0, 0.2, 0.1)) for c in rng.uniform(-1, 1, (planes, 3)).tolist()
     )
     scene = Scene("cloud", None, (*spheres, *leaves), (Sun(to_light),))
-    found = shading(scene)
+    found = caster_pairs(scene)
     assert found is not None
     first, flat = found
     assert len(first) == count + planes + 1
@@ -260,7 +260,7 @@ def test_a_caster_may_be_a_ten_thousandth_beyond_touching_for_float32_and_no_fur
 
     def listed(x: float, z: float) -> list[list[int]]:
         spheres = (Sphere((0.0, 0.0, 0.0), 0.1 * scale), Sphere((0.0, x * scale, z * scale), 0.05 * scale))
-        first, flat = shading(Scene("two", None, spheres, (Sun((0.0, 0.0, 1.0)),)))
+        first, flat = caster_pairs(Scene("two", None, spheres, (Sun((0.0, 0.0, 1.0)),)))
         return [flat[first[j] : first[j + 1]].tolist() for j in (0, 1)]
 
     assert listed(room - 2e-7, 1.0) == [[1], []]
@@ -296,7 +296,7 @@ def test_shading_lists_the_balls_that_overlap_seen_from_the_sun_and_are_not_behi
     assert 300 < sum(map(len, expected)) < 5000
     for portion in (tile_lists.PORTION, 37):
         monkeypatch.setattr(tile_lists, "PORTION", portion)
-        first, flat = shading(scene)
+        first, flat = caster_pairs(scene)
         assert [flat[first[j] : first[j + 1]].tolist() for j in range(len(c))] == expected
 
 
@@ -317,7 +317,7 @@ def test_spheres_in_a_line_to_the_sun_are_listed_once(count):
     """Each shades all behind it: 5e9 pairs would take 74 GB."""
     to_light = np.array([0.6, 0.0, 0.8])
     spheres = tuple(Sphere(tuple(c), 0.01) for c in (0.02 * np.arange(count)[:, None] * to_light).tolist())
-    assert shading(Scene("line", None, spheres, (Sun(tuple(to_light.tolist())),))) is None
+    assert caster_pairs(Scene("line", None, spheres, (Sun(tuple(to_light.tolist())),))) is None
 
 
 # ------------------------------------------------------------------------------------------------ images

@@ -13,9 +13,17 @@ from raytwin.errors import InputError, MachineError
 from raytwin.scene import Lambert, Rectangle, Sky, Sphere, Sun
 from raytwin.speed import ENGINES, trace
 from raytwin.speed.engine import pixel_grid
+from raytwin.speed.fast_world import ObjectList
 from raytwin.speed.frame import EyeScene, with_solver
-from raytwin.speed.object_table import Listed
-from raytwin.tracer import RADIANCE, SOLVERS, STAGES, Every, World, intersect_rectangle, intersect_sphere
+from raytwin.tracer import (
+    RADIANCE,
+    SOLVERS,
+    STAGES,
+    PlainWorld,
+    first_hit,
+    intersect_rectangle,
+    intersect_sphere,
+)
 
 FLOAT32_AGREES = 1e-5
 
@@ -100,7 +108,7 @@ def test_the_nearest_of_many_objects_is_seen(rng):
     d /= np.linalg.norm(d, axis=0)
     origin = (0.0, 0.0, -3.0)
     with np.errstate(all="ignore"):
-        found = World(*[Every((*spheres, *planes))] * 2, None, STAGES).nearest(origin, tuple(d))
+        found = first_hit(PlainWorld((*spheres, *planes), STAGES), origin, tuple(d))
         t = np.array(
             [intersect_sphere(origin, tuple(d), s) for s in spheres]
             + [intersect_rectangle(origin, tuple(d), p) for p in planes]
@@ -178,9 +186,9 @@ def test_numpy_stays_in_the_precision_that_was_asked_for(overlap, name):
     for rung in RADIANCE:
         for solver in SOLVERS:
             view = EyeScene(overlap.with_camera(wide), engine, with_solver(STAGES, solver))
-            world = view.world(*[Listed(view.table, range(4))] * 2)
+            world = view.world(*[ObjectList(view.table, range(4))] * 2)
             with np.errstate(all="ignore"):
-                hit = world.nearest((0.0, 0.0, 0.0), view.ray(*pixel_grid(engine, (0, 0, 64, 48))))
+                hit = first_hit(world, (0.0, 0.0, 0.0), view.ray(*pixel_grid(engine, (0, 0, 64, 48))))
                 colour = RADIANCE[rung](hit, view.light, world, view.camera)
             arrays = (hit.t, *hit.point, *hit.normal, *hit.albedo, *colour)
             assert {a.dtype.name for a in arrays} == {engine.precision}, (rung, solver)

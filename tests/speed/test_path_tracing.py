@@ -11,6 +11,7 @@ from math import cos, hypot, inf, pi, radians, sin, sqrt
 import msgspec
 import numpy as np
 import pytest
+from engines import plain_paths
 from scipy.stats import qmc
 from truths import (
     BLACK,
@@ -30,13 +31,12 @@ from truths import (
 )
 
 from raytwin import files, speed, twin
-from raytwin.arrays import reverse_bits
 from raytwin.image import Image
 from raytwin.scene import Camera, Phong, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import ENGINES, frame
 from raytwin.speed.engine import from_numpy, to_numpy
-from raytwin.tracer import about, back_project, trace_paths
-from raytwin.tracer.random import BATCHES, draw, places, second_of_sobol
+from raytwin.speed.sampling import BATCHES, reverse_bits, sample_indices, second_of_sobol, sobol_pair
+from raytwin.tracer import back_project, sample_cosine_hemisphere
 
 EVERY = "single", "overlap", "distorted", "grazing", "wedge", "ball", "eclipse", "weekend"
 """The scenes whose camera is written down."""
@@ -65,8 +65,8 @@ def test_the_same_numbers_come_on_every_engine(engine):
     like, pixel = np.zeros(5000), np.arange(5000)
     lifted, how = from_numpy(ENGINES[engine], like), ENGINES[engine]
     places_, pixels = (from_numpy(how, a, whole=True) for a in (pixel % 7, pixel))
-    expected = draw(like, pixel, 3, pixel % 7, 5, 2)
-    for found, numbers in zip(draw(lifted, pixels, 3, places_, 5, 2), expected, strict=True):
+    expected = sobol_pair(like, pixel, 3, pixel % 7, 5, 2)
+    for found, numbers in zip(sobol_pair(lifted, pixels, 3, places_, 5, 2), expected, strict=True):
         np.testing.assert_array_equal(to_numpy(found, (5000,)), numbers)
 
 
@@ -74,12 +74,12 @@ def test_the_same_numbers_come_on_every_engine(engine):
 def test_what_is_counted_by_any_key_is_uniform_and_its_pairs_are_independent(key):
     """Chi-square of 8 x 8 cells: 63 +- 11.2; 4.5 of these fail one correct hash in 10 000."""
     n = 1 << 16
-    keys = {"pixel": 11, "batch": 2, "place": 0, "seed": 5, "bounce": 1}
+    keys = {"pixel": 11, "batch": 2, "index": 0, "seed": 5, "bounce": 1}
     counted = np.arange(n)
     if key == "seed":
-        pairs = np.array([draw(np.zeros(1), 11, 2, 0, s, 1) for s in range(1 << 10)]).reshape(-1, 2)
+        pairs = np.array([sobol_pair(np.zeros(1), 11, 2, 0, s, 1) for s in range(1 << 10)]).reshape(-1, 2)
     else:
-        pairs = np.stack(draw(np.zeros(n), **(keys | {key: counted})), axis=1)
+        pairs = np.stack(sobol_pair(np.zeros(n), **(keys | {key: counted})), axis=1)
     cells = np.histogram2d(*pairs.T, bins=8, range=[[0, 1], [0, 1]])[0]
     expected = len(pairs) / 64
     assert ((cells - expected) ** 2 / expected).sum() == pytest.approx(63, abs=4.5 * sqrt(2 * 63))
@@ -87,7 +87,7 @@ def test_what_is_counted_by_any_key_is_uniform_and_its_pairs_are_independent(key
 
 @pytest.mark.parametrize("bounce", [0, 1, 7, 40])
 def test_a_batchs_first_places_have_one_in_each_cell_of_their_area_whatever_its_shape(bounce):
-    a, b = draw(np.zeros(64), 7, 1, np.arange(64), 0, bounce)
+    a, b = sobol_pair(np.zeros(64), 7, 1, np.arange(64), 0, bounce)
     for k in range(7):
         cells = np.histogram2d(a, b, bins=(1 << k, 64 >> k), range=[[0, 1], [0, 1]])[0]
         np.testing.assert_array_equal(cells, 1)
@@ -104,7 +104,7 @@ def test_bounces_take_their_points_in_orders_that_have_nothing_in_common():
     """Correlations of each number of one bounce with each of another, of 256 places in 64 pixels: by chance 1/256 of
     mean square; neighbours in Owen's order, which differ in their first digit, make it up to twice that."""
     pixel, place = (a.ravel() for a in np.mgrid[:64, :256])
-    one, other = (draw(np.zeros(place.shape), pixel, 0, place, 3, bounce) for bounce in (1, 2))
+    one, other = (sobol_pair(np.zeros(place.shape), pixel, 0, place, 3, bounce) for bounce in (1, 2))
     rows = [(x.reshape(64, 256) - 0.5) * 12**0.5 for x in (*one, *other)]
     squares = [np.square((x * y).mean(axis=1)).mean() * 256 for x in rows[:2] for y in rows[2:]]
     assert 0.6 < np.mean(squares) < 2.4
@@ -114,13 +114,13 @@ def test_the_mean_of_a_smooth_integrand_errs_by_far_less_than_by_chance():
     """x y² over 256 places, by chance of variance 7/180/256 = 1.5e-4; and at 4096 places, where a lattice stalls."""
     for places_, most in ((256, 1e-7), (4096, 1e-10)):
         pixel, place = (a.ravel() for a in np.mgrid[:16, :places_])
-        a, b = draw(np.zeros(place.shape), pixel, 0, place, 3, 1)
+        a, b = sobol_pair(np.zeros(place.shape), pixel, 0, place, 3, 1)
         assert np.square((a * b * b).reshape(16, -1).mean(axis=1) - 1 / 6).mean() < most
 
 
 def test_places_share_the_samples_evenly_over_the_batches():
     for samples in (1, 3, 16, 17, 50):
-        found = places(samples)
+        found = sample_indices(samples)
         assert len(set(found)) == samples
         counts = np.bincount([batch for batch, _ in found])
         assert len(counts) == min(BATCHES, samples)
@@ -132,7 +132,7 @@ def test_directions_about_a_normal_are_unit_and_dense_as_the_cosine():
     a, b = ((i.ravel() + 0.5) / 256 for i in np.mgrid[:256, :256])
     for n in np.vstack([np.eye(3), -np.eye(3), np.random.default_rng(1).normal(size=(20, 3))]):
         n /= np.linalg.norm(n)
-        d = np.stack(about(tuple(np.full(a.shape, c) for c in n), a, b))
+        d = np.stack(sample_cosine_hemisphere(tuple(np.full(a.shape, c) for c in n), a, b))
         np.testing.assert_allclose((d * d).sum(axis=0), 1, atol=1e-12)
         np.testing.assert_allclose(d.mean(axis=1), 2 / 3 * n, atol=1e-3)
         assert ((n @ d) ** 2).mean() == pytest.approx(0.5, abs=1e-3)
@@ -147,7 +147,7 @@ def test_every_engine_follows_the_plain_tracers_paths(shipped, engine, samples):
     """The same numbers, the same paths; float32's rounding sends one in a thousand elsewhere at an edge."""
     small = shipped.with_camera(shipped.camera.resized(32, 24))
     plain, fast = (
-        trace_paths(small, 4, samples, seed=9),
+        plain_paths(small, 4, samples, seed=9),
         speed.walk(small, "path", engine, samples=samples, seed=9, depth=4),
     )
     off = np.abs(fast.mean - plain.mean).max(axis=-1)

@@ -11,7 +11,7 @@ from raytwin.speed.boxes import corner_box
 from raytwin.speed.points import AWAY, LIT
 from raytwin.speed.speculation import doubtful, speculate
 from raytwin.tracer import STAGES
-from raytwin.tracer.hit import intersect
+from raytwin.tracer.world import intersect
 
 
 @pytest.fixture(scope="module")

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from engines import plain_paths
 
 from raytwin import speed
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.tracer import render_image, trace_paths
-from raytwin.tracer.random import BATCHES, places
+from raytwin.speed.sampling import BATCHES, pixel_draws, sample_indices
+from raytwin.tracer import trace_paths
 
 DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 LIGHTS = (Sky((0.3, 0.2, 0.1)), Sun((0.3, 0.2, 1.0), (2.0, 1.0, 3.0)))
@@ -25,15 +26,12 @@ TWO = seen_from_above(
 
 
 @pytest.mark.parametrize("samples", [1, 2, 3, 16, 19, 37])
-def test_the_mean_is_that_of_all_samples_and_the_variance_that_of_the_batches_means(samples, monkeypatch):
+def test_the_mean_is_that_of_all_samples_and_the_variance_that_of_the_batches_means(samples):
     """k samples in each of B batches, means m about M: Σ k (m - M)² / ((B - 1) N)."""
     found = speed.walk(TWO, "path", "numpy64", samples=samples, seed=4, depth=4)
-    every = places(samples)
-    single = []
-    for place in every:
-        with monkeypatch.context() as patch:
-            patch.setattr(render_image, "places", lambda _, place=place: [place])
-            single.append(trace_paths(TWO, 4, 1, seed=4).mean.astype(float))
+    every = sample_indices(samples)
+    draws = pixel_draws(TWO.camera.image_size, samples, seed=4)
+    single = [trace_paths(TWO, [draw], 4).mean.astype(float) for draw in draws]
     mean = np.mean(single, axis=0)
     np.testing.assert_allclose(found.mean, mean, rtol=1e-6)
     assert (found.samples, found.batches) == (samples, min(samples, BATCHES))
@@ -55,7 +53,7 @@ def test_no_part_of_a_pixels_area_loses_what_stands_at_the_frames_edge(x, y, dis
     """Spheres that straddle an edge or lie beyond it, so that only a sample off the pixel's centre meets them."""
     for radius in (0.004, 0.011, 0.03):
         scene = seen_from_above(Sphere((x, y, 0.0), radius, RED), dist=dist)
-        found, plain = speed.walk(scene, "path", "numpy64", samples=9, depth=2), trace_paths(scene, 2, 9)
+        found, plain = speed.walk(scene, "path", "numpy64", samples=9, depth=2), plain_paths(scene, 2, 9)
         np.testing.assert_allclose(found.mean, plain.mean, rtol=1e-6)
 
 

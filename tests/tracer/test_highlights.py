@@ -5,15 +5,14 @@ from math import pi
 import msgspec
 import numpy as np
 import pytest
+from engines import plain_paths
 from scipy import integrate
-from test_light import camera_above
-from truths import glare
+from truths import camera_above, glare
 
 from raytwin import files, speed
 from raytwin.scene import Lambert, Phong, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import ENGINES
-from raytwin.tracer import trace_paths
-from raytwin.tracer.hit import Gloss, Hit
+from raytwin.tracer.hit import Hit, Specular
 from raytwin.tracer.shading import highlight, reflectance
 
 SUN = Sun((0.6, 0.0, 0.8), (2.0, 2.0, 2.0))
@@ -54,7 +53,7 @@ def test_light_may_go_either_way(rng):
     for pair in abs(rng.normal(size=(20, 2, 3))):
         to_light, v = pair / np.linalg.norm(pair, axis=1, keepdims=True)
         there, back = (
-            highlight(Hit(1.0, 0, n, tuple(n), n, False, tuple(-a), Gloss((0.3, 0.2, 0.1), 7.0)), tuple(b))
+            highlight(Hit(1.0, 0, n, tuple(n), n, False, tuple(-a), Specular((0.3, 0.2, 0.1), 7.0)), tuple(b))
             for a, b in ((v, to_light), (to_light, v))
         )
         assert there == pytest.approx(back)
@@ -98,7 +97,7 @@ def test_under_an_even_sky_a_sheet_shows_what_quadrature_says():
 def test_every_engine_follows_the_plain_tracers_paths_from_highlight_to_highlight(scenes, engine):
     scene = files.read_scene(scenes / "gloss").scene
     scene = scene.with_camera(scene.camera.resized(24, 18))
-    found, plain = speed.walk(scene, "path", engine, samples=3, depth=4), trace_paths(scene, 4, 3)
+    found, plain = speed.walk(scene, "path", engine, samples=3, depth=4), plain_paths(scene, 4, 3)
     close = 1e-6 if ENGINES[engine].bits == 64 else 2e-4
     assert np.quantile(abs(found.mean - plain.mean), 0.99) < close * plain.mean.max()
 

@@ -5,25 +5,18 @@ import math
 import msgspec
 import numpy as np
 import pytest
+from truths import camera_above
 
 from raytwin.arrays import cross
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.lights import lighting
+from raytwin.scene import Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import trace
-from raytwin.tracer import STAGES, Every, Hit, World, back_project, intersect_rectangle, lambert, lighting, sun_visible
+from raytwin.tracer import STAGES, Hit, PlainWorld, back_project, first_hit, intersect_rectangle, lambert, sun_visible
 from raytwin.tracer.pixel_to_ray import to_board
 
-DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 
-
-def camera_above(height: float, size: int = 101, f: float = 100.0) -> Camera:
-    """Straight down on the board's origin, the middle pixel's centre on the axis."""
-    c = (size - 1) / 2
-    return Camera((size, size), ((f, 0.0, c), (0.0, f, c), (0.0, 0.0, 1.0)), DOWN, (0.0, 0.0, height))
-
-
-def everything(scene: Scene) -> World:
-    every = Every(scene.objects)
-    return World(every, every, lambda: every, STAGES)
+def everything(scene: Scene) -> PlainWorld:
+    return PlainWorld(scene.objects, STAGES)
 
 
 def hits_of(scene: Scene) -> Hit:
@@ -32,7 +25,7 @@ def hits_of(scene: Scene) -> Hit:
     u, v = np.meshgrid(np.arange(w), np.arange(h))
     with np.errstate(all="ignore"):
         d = to_board(back_project(u, v, scene.camera), scene.camera)
-        return everything(scene).nearest(scene.camera.eye, d)
+        return first_hit(everything(scene), scene.camera.eye, d)
 
 
 def free_by_geometry(p: np.ndarray, scene: Scene, own: int) -> bool:

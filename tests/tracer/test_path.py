@@ -9,11 +9,12 @@ from math import cos, inf, pi, radians, sin
 import msgspec
 import numpy as np
 import pytest
+from engines import plain_paths
 from truths import in_wedge, view_of, wedge
 
 from raytwin import speed
 from raytwin.scene import Lambert, Scene, Sky, Sphere, Sun
-from raytwin.tracer import STAGES, Every, World, about, trace_paths
+from raytwin.tracer import STAGES, PlainWorld, first_hit, next_hit, sample_cosine_hemisphere
 
 SKY = (1.0, 0.5, 0.25)
 EYE = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
@@ -36,7 +37,7 @@ def assert_mean(pixels: np.ndarray, expected) -> None:
 @pytest.mark.parametrize("bounces", [0, 1, 2, 6])
 @pytest.mark.parametrize("sun", [0.0, 1.0])
 def test_the_plain_walk_finds_what_a_wedge_sends_back_at_every_depth(bounces, sun):
-    found = trace_paths(corner(sun), bounces + 2, samples=16, seed=5)
+    found = plain_paths(corner(sun), bounces + 2, samples=16, seed=5)
     at_rest = [sun * k * cos(pi / 4) / pi / sky for k, sky in zip((1, 2, 0), SKY, strict=True)]
     expected = [sky * in_wedge(90, 0.5, 0.5, bounces, (s, s)) for sky, s in zip(SKY, at_rest, strict=True)]
     assert_mean(found.mean, expected)
@@ -58,30 +59,30 @@ def test_each_surface_takes_its_own_colour_of_the_light():
         msgspec.structs.replace(sheet, material=Lambert(albedo))
         for sheet, albedo in zip(scene.objects, ((0.8, 0.4, 0.0), (0.0, 0.4, 0.8)), strict=True)
     )
-    found = trace_paths(msgspec.structs.replace(scene, objects=(floor, wall)), 12, samples=16, seed=5)
+    found = plain_paths(msgspec.structs.replace(scene, objects=(floor, wall)), 12, samples=16, seed=5)
     in_red, in_blue = 0.8 * 0.5, 0.0
     assert_mean(found.mean, [SKY[0] * in_red, SKY[1] * in_wedge(90, 0.4, 0.4, inf), SKY[2] * in_blue])
 
 
 def test_what_lies_past_every_object_is_the_sky_and_paths_of_one_seed_are_the_same():
     scene = msgspec.structs.replace(corner(), objects=())
-    np.testing.assert_array_equal(trace_paths(scene, samples=3).mean, np.broadcast_to(SKY, (16, 16, 3)))
-    first, again, other = (trace_paths(corner(), 3, samples=2, seed=seed).mean for seed in (0, 0, 1))
+    np.testing.assert_array_equal(plain_paths(scene, samples=3).mean, np.broadcast_to(SKY, (16, 16, 3)))
+    first, again, other = (plain_paths(corner(), 3, samples=2, seed=seed).mean for seed in (0, 0, 1))
     np.testing.assert_array_equal(first, again)
-    np.testing.assert_array_equal(first, trace_paths(corner(), 3, samples=2).mean)
+    np.testing.assert_array_equal(first, plain_paths(corner(), 3, samples=2).mean)
     assert (first != other).any(axis=-1).mean() > 0.3
 
 
 def test_directions_about_a_normal_are_those_about_the_z_axis_turned():
     """(√a cos 2πb, √a sin 2πb, √(1 - a)): n·ω is the last, lengths, angles and handedness stay."""
     a, b = np.random.default_rng(2).uniform(size=(2, 50))
-    upright = np.stack(about((0.0, 0.0, 1.0), a, b))
+    upright = np.stack(sample_cosine_hemisphere((0.0, 0.0, 1.0), a, b))
     np.testing.assert_allclose(
         upright, [np.sqrt(a) * np.cos(2 * pi * b), np.sqrt(a) * np.sin(2 * pi * b), np.sqrt(1 - a)], atol=1e-15
     )
     for n in np.vstack([np.eye(3), -np.eye(3), np.random.default_rng(1).normal(size=(9, 3))]):
         n /= np.linalg.norm(n)
-        turned = np.stack(about(tuple(n), a, b))
+        turned = np.stack(sample_cosine_hemisphere(tuple(n), a, b))
         np.testing.assert_allclose(n @ turned, np.sqrt(1 - a), atol=1e-12)
         np.testing.assert_allclose(turned.T @ turned, upright.T @ upright, atol=1e-12)
         assert np.linalg.det(turned[:, :3]) == pytest.approx(np.linalg.det(upright[:, :3]), abs=1e-12)
@@ -91,16 +92,15 @@ def test_inside_a_sphere_the_way_on_ends_on_its_wall_or_on_what_stands_before_it
     """From the wall along d to its other side, 2 r n·d away; a small sphere at the centre hides it from some."""
     rng = np.random.default_rng(3)
     things = (Sphere((1.0, -2.0, 0.5), 2.0), Sphere((1.0, -2.0, 0.5), 0.4))
-    every = Every(things)
-    world = World(every, every, lambda: every, STAGES)
+    world = PlainWorld(things, STAGES)
     center, out = np.array(things[0].center)[:, None], rng.normal(size=(3, 200))
     with np.errstate(all="ignore"):
-        wall = world.nearest(
-            tuple(center + 0.5 * np.array([[1.0], [0], [0]])), tuple(out / np.linalg.norm(out, axis=0))
+        wall = first_hit(
+            world, tuple(center + 0.5 * np.array([[1.0], [0], [0]])), tuple(out / np.linalg.norm(out, axis=0))
         )
         start, n = np.stack(wall.point), np.stack(wall.normal)
-        d = np.stack(about(wall.normal, *rng.uniform(size=(2, 200))))
-        found = world.onward(wall, tuple(d))
+        d = np.stack(sample_cosine_hemisphere(wall.normal, *rng.uniform(size=(2, 200))))
+        found = next_hit(world, wall, tuple(d))
     at_wall = wall.ids == 0
     assert 150 < at_wall.sum() < 200
     np.testing.assert_allclose(np.linalg.norm(start - center, axis=0), np.where(at_wall, 2.0, 0.4), rtol=1e-12)

@@ -12,7 +12,6 @@ from raytwin.scene.lens import without_ray
 from raytwin.speed.boxes import TRIMS
 from raytwin.speed.engine import from_numpy, to_numpy
 from raytwin.speed.frame import EyeScene
-from raytwin.speed.object_table import Listed
 
 FLOAT32_AGREES = 1e-5
 
@@ -108,25 +107,23 @@ def test_the_tracer_climbs_the_first_rungs_of_the_ladder(single):
 
 
 def test_a_bounced_ray_can_ask_what_it_meets_and_whether_its_way_is_free(overlap, engine):
-    # From what the eye sees along its normal, with the tile's lists, which do not hold for such rays, laid aside.
+    # From what the eye sees along its normal, with all objects: the tiles' lists are not valid for such rays.
     how = speed.ENGINES[engine]
     local = to_camera_frame(overlap)
-    view, every = EyeScene(overlap, how), tracer.Every(local.objects)
-    plain = tracer.World(every, every, lambda: every, tracer.STAGES)
+    view, plain = EyeScene(overlap, how), tracer.PlainWorld(local.objects, tracer.STAGES)
     u, v = (a.ravel() for a in np.meshgrid(np.arange(0.0, 640, 16), np.arange(0.0, 480, 16)))
     up = to_camera_frame(overlap).sun.to_light
     answers = []
     for world, pixels, ray in (
         (plain, (u, v), tracer.back_project(u, v, overlap.camera)),
-        (view.world(Listed(view.table, []), Listed(view.table, [])), (u, v), None),
+        (view.everywhere, (u, v), None),
     ):
-        beyond = world.beyond()
         d = ray or view.ray(*(from_numpy(how, a) for a in pixels))
         with np.errstate(all="ignore"):
-            hit = beyond.nearest((0.0, 0.0, 0.0), d)
+            hit = tracer.first_hit(world, (0.0, 0.0, 0.0), d)
             seen = to_numpy(hit.ids, u.shape) >= 0
             lifted = tuple(p + 1e-4 * n for p, n in zip(hit.point, hit.normal, strict=True))
-            met, blocked = beyond.nearest(lifted, hit.normal), beyond.blocked(hit, up)
+            met, blocked = tracer.first_hit(world, lifted, hit.normal), world.blocked(hit, up)
         answers.append(
             tuple(np.where(seen, to_numpy(a, u.shape), -9) for a in (hit.ids, met.ids, 1 * (blocked | False)))
         )

@@ -13,7 +13,7 @@ from scipy import integrate
 from truths import glare
 
 from raytwin import files, speed
-from raytwin.lights.environment_map import around
+from raytwin.lights.environment_map import environment_map
 from raytwin.scene import Environment, Phong, Scene, Sphere
 from raytwin.twin import phong, render, sky
 
@@ -51,7 +51,9 @@ def test_mitsubas_map_the_twins_own_and_the_tracers_show_the_same_everywhere(var
     import mitsuba as mi
 
     expected = sky.radiance(spotted, directions)
-    np.testing.assert_allclose(np.stack(around(spotted).radiance(tuple(directions.T)), axis=1), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        np.stack(environment_map(spotted).radiance(tuple(directions.T)), axis=1), expected, atol=1e-12
+    )
     emitter, d = mi.load_dict(sky.emitter(spotted, turn)), directions @ turn.T
     if variant.startswith("scalar"):
         found = []
@@ -68,7 +70,7 @@ def test_mitsubas_map_the_twins_own_and_the_tracers_show_the_same_everywhere(var
 
 def test_the_twins_harmonics_are_the_tracers_in_any_frame(spotted, turn, directions):
     """Ramamoorthi and Hanrahan's constants have six digits."""
-    expected = np.stack(around(spotted).even(tuple(directions.T)), axis=1)
+    expected = np.stack(environment_map(spotted).diffuse_irradiance(tuple(directions.T)), axis=1)
     n = np.concatenate([directions @ turn.T, np.ones((300, 1))], axis=1)
     found = np.maximum(np.einsum("ki,cij,kj->kc", n, sky.harmonics(spotted, turn), n), 0)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5)
@@ -95,7 +97,7 @@ def test_the_map_of_the_scene_studio_is_its_formula_and_its_harmonics_have_the_c
             along, g = n @ m / np.linalg.norm(m), 1 / np.tanh(k) - 1 / k
             order = 1 + 2 * g * along + 5 / 8 * (1 - 3 * g / k) * (3 * along**2 - 1)
             expected = expected + np.array(e) * (1 - np.exp(-2 * k)) / (2 * k) * order
-        np.testing.assert_allclose(around(found).even(tuple(n.tolist())), expected, rtol=2e-3)
+        np.testing.assert_allclose(environment_map(found).diffuse_irradiance(tuple(n.tolist())), expected, rtol=2e-3)
 
 
 # ---------------------------------------------------------------------------------------------- highlights

@@ -9,7 +9,7 @@ from raytwin.atlas.exact_arithmetic import hits
 from raytwin.atlas.experiment import U32, U64, Error, Experiment, decades
 from raytwin.atlas.spheres import Rays, seen_at
 from raytwin.scene import Camera, Rectangle, Scene, Sphere, to_camera_frame
-from raytwin.tracer import STAGES, Every, World, intersect_rectangle, intersect_sphere
+from raytwin.tracer import STAGES, PlainWorld, intersect_rectangle, intersect_sphere, surface_at
 from raytwin.tracer.hit import facts_of, normal
 
 GAMMA5 = 5 * U32 / (1 - 5 * U32)
@@ -105,10 +105,10 @@ def shadows(radius: float, place: np.ndarray, n: int, rng: np.random.Generator) 
 
     eye, ray, light = place + 3 * radius * view, d.astype(np.float32), sun.astype(np.float32)
     things = scene(eye)
-    world = World(every := Every(things), every, lambda: every, STAGES)
+    world = PlainWorld(things, STAGES)
     towards = (ray[0], ray[1], ray[2])
     t = intersect_sphere((np.float32(0),) * 3, towards, things[0])
-    hit = world.describe((np.float32(0),) * 3, towards, t, np.zeros(t.shape, int))
+    hit = surface_at(world, (np.float32(0),) * 3, towards, t, np.zeros(t.shape, int))
     wrong = {OWN: world.blocked(hit, (light[0], light[1], light[2])) != hidden}
     ball, sheet = scene(np.zeros(3))
     o = eye.astype(np.float32)
@@ -168,10 +168,10 @@ def on_ground(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
         own = intersect_rectangle((start[0], start[1], start[2]), (light[0], light[1], light[2]), ground)
         found[name] = float((np.isfinite(own) & (own > least)).mean())
     seen = to_camera_frame(Scene("ground", Camera((1, 1), DOWN, DOWN, (0.0, 0.0, x)), (ground,)), "float32")
-    world = World(every := Every(seen.objects), every, lambda: every, STAGES)
+    world = PlainWorld(seen.objects, STAGES)
     zero, towards = (np.float32(0),) * 3, (d[0], -d[1], -d[2])
     t = intersect_rectangle(zero, towards, seen.rectangles[0])
-    hit = world.describe(zero, towards, t, np.zeros(t.shape, int))
+    hit = surface_at(world, zero, towards, t, np.zeros(t.shape, int))
     found[OWN] = float(world.blocked(hit, (light[0], -light[1], -light[2])).mean())
     return found
 

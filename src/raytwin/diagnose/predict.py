@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
-from raytwin.tracer import about, intersect_rectangle, intersect_sphere, undistort
+from raytwin.tracer import intersect_rectangle, intersect_sphere, sample_cosine_hemisphere, undistort
 
 Array = np.ndarray
 
@@ -393,7 +393,7 @@ class Bench:
                 hits = Hits(ids, np.zeros(n), point, normal, albedo)
                 cos = (normal * to).sum(axis=0)
                 sun = E / pi * np.where(hidden(hits, to, self.scene.objects, RIGHT), 0.0, np.maximum(cos, 0))
-                d = np.stack(about(tuple(normal), *rng.random((2, n))))
+                d = np.stack(sample_cosine_hemisphere(tuple(normal), *rng.random((2, n))))
                 t = meet_all(point, d, self.scene.objects, RIGHT)
                 t[np.maximum(ids, 0), np.arange(n)] = np.inf  # convex: not met again from outside
                 after = np.where(ids >= 0, nearest(t, self.scene.objects, Rays(point, d, d, np.ones(n))), -1)

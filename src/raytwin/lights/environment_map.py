@@ -1,4 +1,4 @@
-"""A sky that differs by direction: its radiance, directions drawn by its luminance, and its cheap model, harmonics.
+"""A sky that differs by direction: its radiance, samples by its luminance, and its diffuse irradiance by harmonics.
 
 The map is what `scene.Environment` says: bilinear between the centres of its texels, which are equal steps of u (round)
 and v (down). A row of texels fills the solid angle between two heights z.
@@ -7,17 +7,18 @@ and v (down). A row of texels fills the solid angle between two heights z.
 from math import pi
 from typing import Any, NamedTuple
 
-from raytwin.arrays import Vec, arctan2, cos, dot, floats, maximum, minimum, select, sin, sqrt, take, whole
+from raytwin.arrays import Vec, cos, dot, maximum, minimum, select, sin, sqrt
 from raytwin.lights.envmap_tables import tabulate
+from raytwin.lights.lookup import arctan2, as_floats, floor, take
 from raytwin.scene import Environment
 
 
-class Around(NamedTuple):
-    """The map as rays ask for it. `texels`: three channels, row by row; `axes`: the map's x, y, z in the rays' frame.
+class EnvironmentMap(NamedTuple):
+    """The map as rays read it. `texels`: three channels, row by row; `axes`: the map's x, y, z in the rays' frame.
 
     `rows` (h + 1) and `columns` (h, w + 1): the shares of light above each row's edge, and, within a row, to the left
-    of each column's; `heights` (h + 1): z of the rows' edges; `density` (h, w): of drawn directions, a steradian.
-    `harmonics`: nine numbers a channel, see `even`. All but `size` (w, h) in the engine's floats.
+    of each column's; `heights` (h + 1): z of the rows' edges; `densities` (h, w): of `sample`, per steradian.
+    `harmonics`: nine numbers per channel, see `diffuse_irradiance`. All but `size` (w, h) in the engine's floats.
     """
 
     size: tuple[int, int]
@@ -26,15 +27,19 @@ class Around(NamedTuple):
     rows: Any
     columns: Any
     heights: Any
-    density: Any
+    densities: Any
     harmonics: tuple[tuple[Any, ...], ...]
+
+    @property
+    def sampled(self) -> bool:
+        return True
 
     def radiance(self, d: Vec) -> Vec:
         """L(d): bilinear between the four nearest centres."""
         w, h = self.size
-        x, y = self._place(d)
-        i, j = whole(x - 0.5), whole(y - 0.5)
-        a, b = x - 0.5 - floats(x, i), y - 0.5 - floats(y, j)
+        x, y = self._columns_rows(d)
+        i, j = floor(x - 0.5), floor(y - 0.5)
+        a, b = x - 0.5 - as_floats(x, i), y - 0.5 - as_floats(y, j)
         left, right = select(i < 0, w - 1, i), select(i + 1 < w, i + 1, 0)
         top, low = maximum(j, 0) * w, minimum(j + 1, h - 1) * w
         r, g, b_ = (
@@ -44,40 +49,40 @@ class Around(NamedTuple):
         )
         return r, g, b_
 
-    def density_at(self, d: Vec) -> Any:
-        """With what density, a steradian, `draw` finds d."""
+    def density(self, d: Vec) -> Any:
+        """The density of `sample` along d, per steradian."""
         w, h = self.size
-        x, y = self._place(d)
-        return take(self.density, minimum(whole(y), h - 1) * w + minimum(whole(x), w - 1))
+        x, y = self._columns_rows(d)
+        return take(self.densities, minimum(floor(y), h - 1) * w + minimum(floor(x), w - 1))
 
-    def draw(self, a: Any, b: Any) -> tuple[Vec, Any]:
+    def sample(self, a: Any, b: Any) -> tuple[Vec, Any]:
         """A direction with about the density of its luminance, from two numbers in [0, 1); and that density.
 
         A row by its share of the light, a column by its share of the row's, evenly within the texel.
         """
         w, h = self.size
-        j, down = _interval(self.rows, 0 * whole(a), h, a)
+        j, down = _interval(self.rows, 0 * floor(a), h, a)
         i, right = _interval(self.columns, j * (w + 1), w, b)
         top, low = take(self.heights, j), take(self.heights, j + 1)
-        z, turn = top + down * (low - top), ((floats(right, i) + right) * (2 / w) - 1) * pi
+        z, turn = top + down * (low - top), ((as_floats(right, i) + right) * (2 / w) - 1) * pi
         level = sqrt(maximum(1 - z * z, 0.0))
         local = level * sin(turn), level * cos(turn), z
         x, y, z = (dot(local, column) for column in zip(*self.axes, strict=True))
-        return (x, y, z), take(self.density, j * w + i)
+        return (x, y, z), take(self.densities, j * w + i)
 
-    def even(self, n: Vec) -> Vec:
-        """E(n)/π, where nothing hides the map: the even sky whose light would be the same on a surface that faces n.
+    def diffuse_irradiance(self, normal: Vec) -> Vec:
+        """E(n)/π of the normal n, where nothing hides the map: the constant sky that gives it as much light.
 
         E(n) = Σ Â_l L_lm Y_lm(n) to l = 2, with Â = π, 2π/3, π/4: what is left out is small, since the cosine hardly
         lets more through (Ramamoorthi and Hanrahan, "An Efficient Representation for Irradiance Environment Maps",
         SIGGRAPH 2001). Never below 0.
         """
-        x, y, z = (dot(axis, n) for axis in self.axes)
+        x, y, z = (dot(axis, normal) for axis in self.axes)
         basis = polynomials(x, y, z)
         r, g, b = (maximum(sum(k * p for k, p in zip(c, basis, strict=True)), 0.0) for c in self.harmonics)
         return r, g, b
 
-    def _place(self, d: Vec) -> tuple[Any, Any]:
+    def _columns_rows(self, d: Vec) -> tuple[Any, Any]:
         """Columns from the map's left edge and rows from its top."""
         w, h = self.size
         x, y, z = (dot(axis, d) for axis in self.axes)
@@ -100,8 +105,8 @@ def _interval(ends: Any, first: Any, count: int, x: Any) -> tuple[Any, Any]:
     return k, minimum((x - low) / maximum(high - low, 1e-30), 1 - 2.0**-24)
 
 
-def around(environment: Environment) -> Around:
-    """What rays ask of it: its tables, and its axes."""
+def environment_map(environment: Environment) -> EnvironmentMap:
+    """Its tables, and its axes."""
     x, y, z = environment.R_map_board
     tables = tabulate(environment.size, environment.texels)
-    return Around(environment.size, tables.texels, (x, y, z), *tables[1:])
+    return EnvironmentMap(environment.size, tables.texels, (x, y, z), *tables[1:])

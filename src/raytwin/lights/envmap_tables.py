@@ -1,4 +1,4 @@
-"""A map as tables, made once a map whichever way it is turned: shares of its light, and its second-order harmonics."""
+"""The tables of an environment map, computed once however it is turned: shares of its light, and its harmonics."""
 
 from functools import lru_cache
 from math import pi
@@ -15,13 +15,13 @@ Channels = tuple[Any, Any, Any]
 
 
 class Tables(NamedTuple):
-    """As `environment_map.Around` has them."""
+    """The fields of `EnvironmentMap` that do not depend on its axes."""
 
     texels: Channels
     rows: np.ndarray
     columns: np.ndarray
     heights: np.ndarray
-    density: np.ndarray
+    densities: np.ndarray
     harmonics: tuple[tuple[float, ...], ...]
 
 
@@ -54,8 +54,10 @@ def tabulate(size: tuple[int, int], texels: bytes) -> Tables:
 
 
 def _harmonics(light: np.ndarray) -> np.ndarray:
-    """(3, 9): the factors of `even`'s polynomials for a map (h, w, 3), Â_l / π times the map's mean with each over that
-    polynomial's mean square; exact for what lies bilinearly between centres.
+    """(3, 9): the factors of `diffuse_irradiance`'s polynomials for a map (h, w, 3).
+
+    Each is Â_l / π times the mean of the map times the polynomial, over that polynomial's mean square: exact for what
+    is bilinear between centres.
 
     A hat of a column's width 2π/w about its centre a has ∫ hat cos(m φ) = 2π/w sinc²(m π/w) cos(m a); down the rows
     Gauss's rule with 8 points in each half texel is exact to rounding.

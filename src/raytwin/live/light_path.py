@@ -12,15 +12,17 @@ import numpy as np
 
 from raytwin.arrays import Vec, dot
 from raytwin.image import BACKGROUND
+from raytwin.lights import lighting
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, to_camera_frame
 from raytwin.scene.lens import distort
+from raytwin.speed.sampling import BATCHES, sobol_pair
 from raytwin.tracer import STAGES
-from raytwin.tracer.hit import Every, Hit, World
-from raytwin.tracer.path import about, drawn_sky, sky_along, sunlight
-from raytwin.tracer.random import BATCHES, draw
+from raytwin.tracer.hit import Hit
+from raytwin.tracer.path import sample_cosine_hemisphere, sample_environment, sky_along, sunlight
 from raytwin.tracer.render_image import EYE
-from raytwin.tracer.shading import RADIANCE, lighting, reflectance
+from raytwin.tracer.shading import RADIANCE, reflectance
+from raytwin.tracer.world import PlainWorld, World, first_hit, next_hit
 
 Pixel = tuple[float, float]
 NEAR = 1e-3
@@ -51,39 +53,38 @@ def way_of_light(
     """What makes pixel (x, y) on a rung: one of its samples where light is followed. All in float64."""
     row = RUNGS[rung]
     local = to_camera_frame(scene)
-    every = Every(local.objects)
-    world, light = World(every, every, lambda: every, STAGES), lighting(local)
+    world, light = PlainWorld(local.objects, STAGES), lighting(local)
     project = partial(_project, scene.camera)
     u, v = np.array([float(x)]), np.array([float(y)])
-    numbers = partial(draw, u, np.array([y * scene.camera.width + x]), sample % BATCHES, sample // BATCHES, seed)
+    numbers = partial(sobol_pair, u, np.array([y * scene.camera.width + x]), sample % BATCHES, sample // BATCHES, seed)
     if row.noisy:
         a, b = numbers(0)
         u, v = u + a - 0.5, v + b - 0.5
     far = 4 * max((float(np.linalg.norm(thing.center)) for thing in local.objects), default=1.0)
     with np.errstate(all="ignore"):
         d = STAGES.back_project(u, v, scene.camera)
-        hit = world.nearest(EYE, d)
+        hit = first_hit(world, EYE, d)
         at = (float(u[0]), float(v[0]))
         if int(hit.ids[0]) == BACKGROUND:
-            sky = _three(_colour(light.toward(d)) if row.background else EYE)
+            sky = _three(_colour(light.sky.radiance(d)) if row.background else EYE)
             return Way((Leg("eye", at, at, sky),), ("the sky",), sky)
         legs, met = [Leg("eye", at, at, (0.0, 0.0, 0.0))], [scene.names[int(hit.ids[0])]]
         if not row.noisy:
             colour = _colour(RADIANCE[rung](hit, light, world, scene.camera))
             if row.lit:
-                ambient = _colour(hit.albedo) * _colour(light.even(hit.normal))
+                ambient = _colour(hit.albedo) * _colour(light.sky.diffuse_irradiance(hit.normal))
                 rays = _to_sun(hit, world, light.to_sun, far, project, row.shadows)
                 legs += [leg._replace(light=_three(colour - ambient)) for leg in rays]
                 legs.append(Leg("sky", at, at, _three(ambient)))
             return Way(tuple(legs), tuple(met), _three(colour))
-        world, weight = world.beyond(), np.ones(3)
+        weight = np.ones(3)
         for k in range((2 if row.depth == 2 else depth) - 1):
-            onward = about(hit.normal, *numbers(k + 1))
-            there, onto = world.onward(hit, onward), weight * _colour(reflectance(hit, onward))
+            onward = sample_cosine_hemisphere(hit.normal, *numbers(k + 1))
+            there, onto = next_hit(world, hit, onward), weight * _colour(reflectance(hit, onward))
             sun = weight * _colour(sunlight(hit, light, world))
             legs += [leg._replace(light=_three(sun)) for leg in _to_sun(hit, world, light.to_sun, far, project, True)]
-            if light.around is not None:
-                drawn = weight * _colour(drawn_sky(hit, light, world, *numbers(~k)))
+            if light.sky.sampled:
+                drawn = weight * _colour(sample_environment(hit, light, world, *numbers(~k)))
                 legs.append(Leg("sky", project(hit.point), project(hit.point), _three(drawn)))
             if int(there.ids[0]) == BACKGROUND:
                 end = project([p + far * c for p, c in zip(hit.point, onward, strict=True)], hit.point)
@@ -106,7 +107,7 @@ def _to_sun(
     reach = far
     if blocked:
         x, y, z = (np.full(1, _one(c)) for c in to_sun)
-        t, _ = world.first(hit.point, (x, y, z), hit)
+        t, _ = world.closest_hit(hit.point, (x, y, z), hit)
         reach = float(t[0]) if np.isfinite(t[0]) else far
     end = [p + reach * _one(c) for p, c in zip(hit.point, to_sun, strict=True)]
     yield Leg("shadow" if blocked else "sun", project(hit.point), project(end, hit.point), (0.0, 0.0, 0.0))

@@ -1,32 +1,34 @@
-"""Many objects for rays from anywhere: a tree of boxes, most of which a ray misses with all that they hold.
+"""Many objects for rays from anywhere: a tree of boxes (BVH), most of which a ray misses with all that they contain.
 
-The nodes lie in the order of a walk that goes down before it goes on, and each tells where the walk goes on when its
-box is missed (Smits, "Efficiency Issues for Ray Tracing", JGT 3(2), 1998): on Dr.Jit a loop without a stack, within the
-kernel. On NumPy each node is entered by all rays that meet its box.
+The nodes are in depth-first order, and each says which node follows when its box is missed (Smits, "Efficiency Issues
+for Ray Tracing", JGT 3(2), 1998): on Dr.Jit a loop without a stack, within the kernel. On NumPy all rays that meet a
+node's box enter it together.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytwin.arrays import INFINITY, Vec, maximum, minimum, select
+from raytwin.arrays import Vec, maximum, minimum, select
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.speed.engine import Engine, from_numpy, gather
+from raytwin.speed.fast_world import Body, Objects, Reach, no_reach, same_list
 from raytwin.speed.object_table import Table
-from raytwin.tracer.hit import Body, Facts, Objects, Ray, Reach
 
-FEW, LEAF = 32, 4
-"""So many of a kind are tested one after the other: a tree would not be faster; on NumPy so many of a tree's."""
+FEW = 32
+"""Objects of a kind up to which a tree is not faster than one after the other."""
+LEAF = 4
+"""Objects of a node, on NumPy, that are tested without looking at their own boxes."""
 MARGIN = 2e-6
-"""By so much of the scene's extent boxes are larger than what they hold, for float32's rounding."""
+"""How much larger a box is than its contents, as a share of the scene's extent: more than float32's rounding."""
 FLAT = 1e-20
-"""A ray's component below this is none: its inverse must be finite."""
+"""A smaller component of a ray's direction is replaced by this: its inverse must be finite."""
 
 
 class Nodes(NamedTuple):
-    """Of a binary tree over n objects, 2n - 1 in the order of the walk. `low`, `high`: the box. `thing`: the object of
-    a leaf, -1 of others. `onward`: where the walk goes on when the box is missed; when it is not, at the next node."""
+    """The 2n - 1 nodes of a binary tree over n objects, depth first. `low`, `high`: the box. `thing`: the object of a
+    leaf, -1 for others. `onward`: the node that follows when the box is missed; when it is met, the next one does."""
 
     low: Vec
     high: Vec
@@ -48,7 +50,7 @@ def grow(low: np.ndarray, high: np.ndarray) -> Nodes:
     box, thing, onward = np.zeros((2, 2 * n - 1, 3)), np.full(2 * n - 1, -1), np.zeros(2 * n - 1, int)
     first, count, place = np.zeros(1, int), np.array([n]), np.zeros(1, int)
     while len(first):
-        # Of each node: its objects are order[first:first + count], its own place in the walk is `place`.
+        # A node's objects are order[first:first + count], its own index is `place`.
         here = np.repeat(np.arange(len(first)), count)
         at = np.arange(len(here)) - np.repeat(np.cumsum(count) - count, count) + first[here]
         starts = np.cumsum(count) - count
@@ -66,33 +68,28 @@ def grow(low: np.ndarray, high: np.ndarray) -> Nodes:
     return Nodes(tuple(box[0].T), tuple(box[1].T), thing, onward)
 
 
-class Grown(NamedTuple):
-    """All objects for every ray: `few` one after the other, and `trees` of the kinds of which there are more."""
+class Chain(NamedTuple):
+    """One part of the objects after the other."""
 
-    every: Objects
-    few: Objects
-    table: Table
-    trees: tuple[tuple[type, Nodes], ...]
+    parts: tuple[Objects, ...]
 
-    def fold(self, ray: Ray | None, state: Any, body: Body, reach: Reach = lambda state: INFINITY) -> Any:
-        if ray is None:
-            return self.every.fold(ray, state, body, reach)
-        state = self.few.fold(ray, state, body, reach)
-        for kind, nodes in self.trees:
-            if isinstance(nodes.thing, np.ndarray):
-                state = self._enter(nodes, ray, state, body, reach)
-            else:
-                state = self._walk(kind, nodes, ray, state, body, reach)
+    def fold(self, ray: Any, state: Any, body: Body, reach: Reach = no_reach) -> Any:
+        for part in self.parts:
+            state = part.fold(ray, state, body, reach)
         return state
 
-    def facts(self, ids: Any) -> Facts:
-        return self.table.facts(ids)
 
-    def _walk(self, kind: type, nodes: Nodes, ray: Ray, state: Any, body: Body, reach: Reach) -> Any:
-        """On Dr.Jit each ray goes from node to node."""
+class KernelTree(NamedTuple):
+    """Objects of one kind on Dr.Jit, where each ray goes from node to node."""
+
+    table: Table
+    kind: type
+    nodes: Nodes
+
+    def fold(self, ray: Any, state: Any, body: Body, reach: Reach = no_reach) -> Any:
         import drjit
 
-        inverse = inverted(ray.d)
+        nodes, inverse = self.nodes, inverted(ray.d)
         end = len(nodes.thing) - 2  # as in Table
 
         def step(place: Any, *state: Any) -> Any:
@@ -100,7 +97,7 @@ class Grown(NamedTuple):
             met, thing = (near <= far) & (near < reach(state)), gather(nodes.thing, place)
 
             def test(*state: Any) -> Any:
-                return body(state, ray, thing, self.table.object(kind, thing))
+                return body(state, ray, thing, self.table.object(self.kind, thing))
 
             state = drjit.if_stmt(state, met & (thing >= 0), test, lambda *same: same)
             return (select(met, place + 1, gather(nodes.onward, place)), *state)
@@ -108,8 +105,15 @@ class Grown(NamedTuple):
         place = drjit.zeros(type(nodes.thing), drjit.width(ray.d[0]))
         return tuple(drjit.while_loop((place, *state), lambda place, *_: place < end, step)[1:])
 
-    def _enter(self, nodes: Nodes, ray: Ray, state: Any, body: Body, reach: Reach) -> Any:
-        """On NumPy each node is entered by all rays that meet its box; the last few objects are tested without."""
+
+class NumpyTree(NamedTuple):
+    """Objects on NumPy, where all rays that meet a node's box enter it; the last few are tested without boxes."""
+
+    table: Table
+    nodes: Nodes
+
+    def fold(self, ray: Any, state: Any, body: Body, reach: Reach = no_reach) -> Any:
+        nodes = self.nodes
         shape, state = np.shape(state[0]), tuple(np.ravel(values).copy() for values in state)
         entered = [(0, np.arange(len(state[0])))]
         while entered:
@@ -129,18 +133,18 @@ class Grown(NamedTuple):
         return tuple(values.reshape(shape) for values in state)
 
 
-def everything(scene: Scene, table: Table, engine: Engine, few: Callable[[Sequence[int]], Objects]) -> Objects:
-    """All of the scene's objects; `few`: ids -> what tests these one after the other."""
+def all_objects(scene: Scene, table: Table, engine: Engine) -> Objects:
+    """All of the scene's objects for rays from anywhere: in trees, but for kinds of which there are few."""
     rest, trees = list(range(len(scene.objects))), []
     for kind in (Sphere, Rectangle):
         ids = [i for i, thing in enumerate(scene.objects) if isinstance(thing, kind)]
         if len(ids) > FEW:
             rest = [i for i in rest if i not in set(ids)]
             nodes = grow(*corners([scene.objects[i] for i in ids]))
-            thing = np.where(nodes.thing >= 0, np.array(ids)[nodes.thing], -1)
-            trees.append((kind, lifted(nodes._replace(thing=thing), engine)))
-    every = few(range(len(scene.objects)))
-    return Grown(every, few(rest), table, tuple(trees)) if trees else every
+            nodes = lifted(nodes._replace(thing=np.where(nodes.thing >= 0, np.array(ids)[nodes.thing], -1)), engine)
+            trees.append(NumpyTree(table, nodes) if engine.is_numpy else KernelTree(table, kind, nodes))
+    few = same_list(table, engine, rest)
+    return Chain((few, *trees)) if trees else few
 
 
 def corners(things: Sequence[Shape]) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,6 @@
 """The whole tracer, fast: tiles with short lists of objects, in any engine; the same pixels as `tracer.trace`."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, partial
 from typing import Any
@@ -11,24 +11,27 @@ from raytwin.array_types import Float32, Int
 from raytwin.arrays import Vec, unit
 from raytwin.errors import check_one_of
 from raytwin.image import Image, Surface
+from raytwin.lights import Lighting, lighting
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, to_camera_frame
 from raytwin.scene.lens import without_ray
 from raytwin.speed.boxes import TRIMS
-from raytwin.speed.bvh import everything
+from raytwin.speed.bvh import all_objects
 from raytwin.speed.engine import ENGINES, Engine, canvas, flush, lift, only_where, pixel_grid, store, tile_grid
+from raytwin.speed.fast_world import FastWorld, ObjectList, Objects, same_list, tile_lists
 from raytwin.speed.initial_guess import invert_lens, quick
-from raytwin.speed.object_table import Listed, Table, walk, walk_some
+from raytwin.speed.object_table import Table
 from raytwin.speed.tile_lists import plan
-from raytwin.tracer.hit import Objects, Stages, World
+from raytwin.tracer.hit import Stages
 from raytwin.tracer.pixel_to_ray import to_board
 from raytwin.tracer.render_image import EYE, STAGES
-from raytwin.tracer.shading import RADIANCE, Lighting, lighting
+from raytwin.tracer.shading import RADIANCE
 from raytwin.tracer.sphere import SOLVERS, intersect_sphere
+from raytwin.tracer.world import World, surface_at
 
 TILE_NUMPY, TILE_DRJIT = 128, 32
 Piece = tuple[Any, Any, Any, World]
-"""u, v, place of the pixels; what their rays may meet."""
+"""u, v, place of the pixels; the objects that their rays may meet."""
 
 
 def trace(
@@ -84,7 +87,7 @@ def _look_up_sky(scene: Scene, out: np.ndarray) -> None:
     with np.errstate(all="ignore"):  # where the lens has no ray
         for y in range(0, h, step):
             d = view.ray(*pixel_grid(view.engine, (0, y, w, min(y + step, h))))
-            for c, channel in enumerate(view.light.toward(d)):
+            for c, channel in enumerate(view.light.sky.radiance(d)):
                 out[y : y + step, :, c] = channel
 
 
@@ -112,10 +115,10 @@ def draw(
 
     def paint(u: Any, v: Any, place: Any, world: World) -> None:
         d = view.ray(u, v)
-        t, ids = world.first(EYE, d)
+        t, ids = world.closest_hit(EYE, d)
 
         def shade() -> None:
-            hit = world.describe(EYE, d, t, ids)
+            hit = surface_at(world, EYE, d, t, ids)
             values: list[tuple[Any, ...]] = [RADIANCE[rung](hit, view.light, world, view.camera)]
             if surface is not None:
                 values += [(ids,), (t,), to_board(hit.normal, view.camera)]
@@ -147,9 +150,9 @@ def with_solver(stages: Stages, solver: str) -> Stages:
 
 
 class EyeScene:
-    """A scene seen from its eye: `local` in the camera's frame, in float64; the rest in the engine's floats.
+    """A scene as its camera sees it: `local` in the camera's frame, in float64; the rest in the engine's floats.
 
-    `camera` keeps its rotation, which leads back to the board's frame.
+    `camera` has its rotation, which leads back to the board's frame.
     """
 
     def __init__(self, scene: Scene, engine: Engine, stages: Stages = STAGES) -> None:
@@ -166,20 +169,23 @@ class EyeScene:
         x, y, z = self.stages.back_project(u, v, self.camera, self.undo)
         return x, y, z
 
-    def world(self, seen: Objects, casters: Objects) -> World:
-        """With short lists for rays from the eye and to the sun, and all objects for the others."""
-        return World(seen, casters, lambda: self.everything, self.stages)
+    def world(self, seen: Objects, casters: Objects) -> FastWorld:
+        """With short lists for rays from the eye, and from what they meet to the sun."""
+        return FastWorld(self.table, self.stages, seen, casters)
 
     @cached_property
-    def everything(self) -> Objects:
-        def few(ids: Sequence[int]) -> Objects:
-            return Listed(self.table, ids) if self.engine.is_numpy else walk_some(self.table, self.engine, ids)
+    def one_by_one(self) -> Objects:
+        """All objects, one after the other."""
+        return same_list(self.table, self.engine, range(len(self.table.objects)))
 
-        # What stands in the place of a step may meet objects beyond their boxes.
+    @cached_property
+    def everywhere(self) -> FastWorld:
+        """With all objects, for rays from anywhere."""
         own = self.stages.intersect_sphere, self.stages.intersect_rectangle
-        if own != (STAGES.intersect_sphere, STAGES.intersect_rectangle):
-            return few(range(len(self.table.objects)))
-        return everything(self.local, self.table, self.engine, few)
+        # A replaced step may meet objects beyond their boxes.
+        boxed = own == (STAGES.intersect_sphere, STAGES.intersect_rectangle)
+        every = all_objects(self.local, self.table, self.engine) if boxed else self.one_by_one
+        return self.world(every, every)
 
 
 def tiles(view: EyeScene, boxes: Int[np.ndarray, "n 4"], shadows: bool) -> Iterator[Piece]:
@@ -192,7 +198,7 @@ def tiles(view: EyeScene, boxes: Int[np.ndarray, "n 4"], shadows: bool) -> Itera
         x1, y1 = np.minimum(boxes[ids, 2:].max(axis=0), corner + work.side).tolist()
         u, v = pixel_grid(view.engine, (x0, y0, x1, y1))
         place = slice(y0, y1), slice(x0, x1)
-        yield u, v, place, view.world(Listed(view.table, ids), Listed(view.table, work.casters.at(tile)))
+        yield u, v, place, view.world(ObjectList(view.table, ids), ObjectList(view.table, work.casters.at(tile)))
 
 
 def kernel(view: EyeScene, boxes: Int[np.ndarray, "n 4"], shadows: bool) -> Iterator[Piece]:
@@ -201,6 +207,6 @@ def kernel(view: EyeScene, boxes: Int[np.ndarray, "n 4"], shadows: bool) -> Iter
     work = plan(view.local, boxes, (w, h), TILE_DRJIT, shadows)
     if len(work.tiles):
         u, v, place, number = tile_grid(view.engine, work.tiles, work.side, work.columns, (w, h))
-        seen, casters = (walk(view.table, view.engine, a, work.tiles, number) for a in (work.seen, work.casters))
+        lists = (tile_lists(view.table, view.engine, a, work.tiles, number) for a in (work.seen, work.casters))
         kind = view.engine.float_type
-        yield kind(u), kind(v), place, view.world(seen, casters)
+        yield kind(u), kind(v), place, view.world(*lists)

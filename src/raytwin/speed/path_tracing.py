@@ -9,19 +9,19 @@ import numpy as np
 from raytwin.array_types import Int
 from raytwin.arrays import Vec, repeat, select
 from raytwin.image import Image, Surface
+from raytwin.lights import ConstantSky, Lighting, sky_visibility
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 from raytwin.scene.lens import without_ray
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, canvas, constant, flush, pixel_numbers, store
 from raytwin.speed.frame import EyeScene, background, draw, kernel, tiles
-from raytwin.tracer.hit import Hit, Stages, World
-from raytwin.tracer.occlusion import sky_left
-from raytwin.tracer.path import Draw, follow
-from raytwin.tracer.random import BATCHES
-from raytwin.tracer.random import draw as random
+from raytwin.speed.sampling import BATCHES, sobol_pair
+from raytwin.tracer.hit import Hit, Stages
+from raytwin.tracer.path import Draw, bounce, packed, radiance_along_path, unpacked
 from raytwin.tracer.render_image import EYE, STAGES
-from raytwin.tracer.shading import Lighting, lambert_radiance, shadow_radiance
+from raytwin.tracer.shading import lambert_radiance, shadow_radiance
+from raytwin.tracer.world import World, first_hit
 
 
 def part_names(bounces: int = 3) -> tuple[str, ...]:
@@ -36,6 +36,8 @@ PARTS = part_names()
 
 Integrand = Callable[[EyeScene, World, Hit], Callable[[Draw], list[Vec]]]
 """What a sample of a place brings: some colours."""
+
+NOTHING = (0.0, 0.0, 0.0)
 
 FEW = 16
 """Objects among which the sky's occlusion is looked for in closed form: all pairs of them, at every pixel."""
@@ -64,8 +66,13 @@ def walk(
     closed = deep == 2 and not side and len(scene.objects) <= FEW and not scene.environment and not scene.glossy
 
     def whole(view: EyeScene, world: World, hit: Hit) -> Callable[[Draw], list[Vec]]:
-        even = sky_left(hit, world) if closed else None
-        return lambda numbers: [_or_sky(hit, follow(hit, view.light, world, numbers, surfaces, 1, even)[0], view.light)]
+        known, light = _closed_sky(view, hit) if closed else (NOTHING, view.light)
+
+        def sample(numbers: Draw) -> list[Vec]:
+            L = radiance_along_path(hit, light, view.everywhere, numbers, surfaces)
+            return [_or_sky(hit, tuple(a + b for a, b in zip(known, L, strict=True)) if closed else L, view.light)]
+
+        return sample
 
     ((mean, variance),) = _sampled(scene, whole, [background(scene, rung)], engine, side, samples, seed, stages)
     seen = Surface.empty(*scene.camera.image_size) if surface else None
@@ -96,7 +103,7 @@ def light_parts(
         open_, lit = (f(hit, view.light, world, view.camera) for f in (lambert_radiance, shadow_radiance))
 
         def sample(numbers: Draw) -> list[Vec]:
-            direct, *later = follow(hit, view.light, world, numbers, surfaces, parts=bounces + 1)
+            direct, *later = radiance_by_surfaces(hit, view, numbers, surfaces, bounces + 1)
             seen, changes = hit.ids >= 0, ((lit, open_), (direct, lit))
             shadow, occlusion = (tuple(select(seen, x - y, 0.0) for x, y in zip(a, b, strict=True)) for a, b in changes)
             return [_or_sky(hit, open_, view.light), shadow, occlusion, *later]
@@ -112,8 +119,37 @@ def light_parts(
     }
 
 
+def radiance_by_surfaces(hit: Hit, view: EyeScene, draw: Draw, depth: Any, parts: int) -> list[Vec]:
+    """`radiance_along_path` by the number of surfaces that the light met: [1, 2, ...], the last of `parts` and more."""
+    values = 3 * parts
+
+    def step(k: Any, *state: Any) -> tuple[Any, ...]:
+        direct, there, onto = bounce(k, unpacked(state[:-values]), view.light, view.everywhere, draw)
+        now = [k == part for part in range(parts - 1)] + [k >= parts - 1]
+        found = (total + select(now[i // 3], direct[i % 3], 0.0) for i, total in enumerate(state[-values:]))
+        return (*packed(there, onto), *found)
+
+    start = *packed(hit, (1.0, 1.0, 1.0)), *([0 * hit.point[0]] * values)
+    end = repeat(depth - 1, step, start, lambda *state: state[6] >= 0)[-values:]
+    return [(end[i], end[i + 1], end[i + 2]) for i in range(0, values, 3)]
+
+
+def _closed_sky(view: EyeScene, hit: Hit) -> tuple[Vec, Lighting]:
+    """The sky's light at the first surface where `sky_visibility` knows it, and light whose sky is dark there."""
+
+    def fold(state: Any, body: Callable[..., Any]) -> Any:
+        return view.one_by_one.fold(None, state, lambda state, _, index, thing: body(state, index, thing))
+
+    left, known = sky_visibility(hit, fold)
+    sky = view.light.sky.radiance(hit.d)
+    albedo = (select(hit.ids >= 0, rho, 0.0) for rho in hit.albedo)
+    r, g, b = (select(known, rho * left * L, 0.0) for rho, L in zip(albedo, sky, strict=True))
+    rest = tuple(select(known, 0.0, L) for L in sky)
+    return (r, g, b), view.light._replace(sky=ConstantSky((rest[0], rest[1], rest[2])))
+
+
 def _or_sky(hit: Hit, colour: Vec, light: Lighting) -> Vec:
-    r, g, b = (select(hit.ids >= 0, c, sky) for c, sky in zip(colour, light.toward(hit.d), strict=True))
+    r, g, b = (select(hit.ids >= 0, c, sky) for c, sky in zip(colour, light.sky.radiance(hit.d), strict=True))
     return r, g, b
 
 
@@ -141,7 +177,7 @@ def _sampled(
 
     def estimate(u: Any, v: Any, pixel: Any, world: World) -> tuple[Any, ...]:
         def place_at(u: Any, v: Any) -> Callable[[Draw], list[Vec]]:
-            return integrand(view, world, world.nearest(EYE, view.ray(u, v)))
+            return integrand(view, world, first_hit(world, EYE, view.ray(u, v)))
 
         centre = None if side else place_at(u, v)  # what all samples share is found once
 
@@ -149,7 +185,7 @@ def _sampled(
             mean, scatter, before = state[:values], state[values:-1], state[-1]
 
             def sample(place: Any, *sums: Any) -> tuple[Any, ...]:
-                numbers = partial(random, u, pixel, index, place, key)
+                numbers = partial(sobol_pair, u, pixel, index, place, key)
                 if centre is None:
                     a, b = numbers(0)
                     brought = place_at(u + side * (a - 0.5), v + side * (b - 0.5))(numbers)

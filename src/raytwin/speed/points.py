@@ -7,20 +7,21 @@ import msgspec
 import numpy as np
 
 from raytwin.array_types import Bool, Float32, Int32
-from raytwin.arrays import INFINITY, Vec, dot, integers, select
+from raytwin.arrays import Vec, dot, integers, select
 from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Shape
 from raytwin.scene.lens import rayless
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
+from raytwin.speed.fast_world import FastWorld, ObjectList, Ray, tile_lists
 from raytwin.speed.frame import TILE_DRJIT, EyeScene
-from raytwin.speed.object_table import Listed, walk
-from raytwin.speed.tile_lists import plan, shading
-from raytwin.tracer.hit import Hit, Ray, World, intersect
+from raytwin.speed.tile_lists import caster_pairs, plan
+from raytwin.tracer.hit import Hit
 from raytwin.tracer.pixel_to_ray import to_board
 from raytwin.tracer.render_image import EYE
 from raytwin.tracer.shading import RADIANCE
+from raytwin.tracer.world import first_hit, hides
 
 CHUNK = 1 << 14
 
@@ -54,12 +55,12 @@ def trace_points(
     shaded = RUNGS[rung].shadows
     for part, world in _parts(view, u, v, shaded):
         with np.errstate(all="ignore"):
-            hit = world.nearest(EYE, view.ray(*(from_numpy(view.engine, a[part]) for a in (u, v))))
+            hit = first_hit(world, EYE, view.ray(*(from_numpy(view.engine, a[part]) for a in (u, v))))
             layers = [(colour[part], RADIANCE[rung](hit, view.light, world, view.camera)), (ids[part], (hit.ids,))]
             if light:
                 facing = (hit.ids >= 0) & (dot(hit.normal, view.light.to_sun) > 0)
-                hides = _blocker(hit, view.light.to_sun, world) if shaded else integers(hit.t, LIT)
-                layers.append((blocker[part], (select(facing, hides, AWAY),)))
+                blocked_by = _blocker(hit, view.light.to_sun, world) if shaded else integers(hit.t, LIT)
+                layers.append((blocker[part], (select(facing, blocked_by, AWAY),)))
             if place is not None:
                 layers.append((place[part], to_board(hit.point, view.camera)))
         evaluate(view.engine, [values for _, values in layers])
@@ -72,18 +73,17 @@ def trace_points(
     return Points(colour, ids, blocker, place)
 
 
-def _blocker(hit: Hit, to_sun: Vec, world: World) -> Any:
-    """The id of the last object in the world's order that hides the sun, as `World.blocked` has it; LIT: none does."""
+def _blocker(hit: Hit, to_sun: Vec, world: FastWorld) -> Any:
+    """The id of the last object in the world's order that hides the sun, by the test of `World.blocked`; else LIT."""
 
     def block(state: Any, ray: Ray, index: Any, thing: Shape) -> Any:
-        t = intersect(ray.origin, ray.d, thing, world.stages)
-        return (select((hit.ids != index) & (t < INFINITY), index, state[0]),)
+        return (select(hides(hit, ray.d, thing, index, world.stages), index, state[0]),)
 
     none = (select(hit.inside, hit.ids, LIT),)
     return world.casters.fold(Ray(hit.point, to_sun), none, block)[0]
 
 
-def _parts(view: EyeScene, u: np.ndarray, v: np.ndarray, shadows: bool) -> Iterator[tuple[slice, World]]:
+def _parts(view: EyeScene, u: np.ndarray, v: np.ndarray, shadows: bool) -> Iterator[tuple[slice, FastWorld]]:
     """The points in portions, each with the objects it may see and those that may shade these."""
     if not len(u):
         return
@@ -96,10 +96,10 @@ def _parts(view: EyeScene, u: np.ndarray, v: np.ndarray, shadows: bool) -> Itera
         work = plan(view.local, boxes, size, TILE_DRJIT, shadows)
         tile = from_numpy(view.engine, row // work.side * work.columns + column // work.side, whole=True)
         every = np.arange(len(work.seen.first))
-        lists = (walk(view.table, view.engine, a, every, tile) for a in (work.seen, work.casters))
+        lists = (tile_lists(view.table, view.engine, a, every, tile) for a in (work.seen, work.casters))
         yield slice(None), view.world(*lists)
         return
-    found = shading(view.local) if shadows else (np.zeros(len(boxes) + 1, int), np.zeros(0, int))
+    found = caster_pairs(view.local) if shadows else (np.zeros(len(boxes) + 1, int), np.zeros(0, int))
     x0, y0, x1, y1 = boxes.T
     for start in range(0, len(u), CHUNK):
         part = slice(start, start + CHUNK)
@@ -109,4 +109,4 @@ def _parts(view: EyeScene, u: np.ndarray, v: np.ndarray, shadows: bool) -> Itera
         if found is not None:
             first, flat = found
             casters = sorted(set().union(*(flat[first[i] : first[i + 1]].tolist() for i in ids)))
-        yield part, view.world(Listed(view.table, ids), Listed(view.table, casters))
+        yield part, view.world(ObjectList(view.table, ids), ObjectList(view.table, casters))

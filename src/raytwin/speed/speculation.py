@@ -24,7 +24,7 @@ from raytwin.speed.boxes import ball_boxes, trim_boxes
 from raytwin.speed.frame import background, draw
 from raytwin.speed.points import trace_points
 from raytwin.speed.shadows import fall, half_axes
-from raytwin.speed.tile_lists import shading
+from raytwin.speed.tile_lists import caster_pairs
 
 WAYS = ("careful", "paper")
 
@@ -118,7 +118,7 @@ def slender(scene: Scene, n: int, shadows: bool = True) -> np.ndarray:
     center = np.array([thing.center for thing in things])
     own = half_axes(things, center)
     boxes = [trim_boxes(things, local.camera)[_width(center, own, local) <= 2 * n]]
-    if shadows and (pairs := shading(local)) is None:  # too many to look at
+    if shadows and (pairs := caster_pairs(local)) is None:  # too many to look at
         return np.array([[0, 0, *local.camera.image_size]])
     if shadows and pairs is not None:
         first, caster = pairs

@@ -76,7 +76,7 @@ def _covered(boxes: np.ndarray, side: int, columns: int) -> tuple[np.ndarray, np
 def _casters(scene: Scene, boxes: np.ndarray, size: tuple[int, int], side: int, is_flat: np.ndarray) -> Lists:
     """The casters of what the tiles see: on a rectangle, only those whose shadow's box touches the tile."""
     columns, rows = -(-size[0] // side), -(-size[1] // side)
-    if (found := shading(scene)) is None:
+    if (found := caster_pairs(scene)) is None:
         return one_list(columns * rows, is_flat)
     first, caster = found
     shaded = np.repeat(np.arange(len(is_flat)), np.diff(first))
@@ -117,7 +117,7 @@ def _lists(tile: np.ndarray, thing: np.ndarray, tiles: int, is_flat: np.ndarray)
     return Lists(*(a.astype(np.int32) for a in (thing[order], first, middle, last)))
 
 
-def shading(scene: Scene) -> tuple[np.ndarray, np.ndarray] | None:
+def caster_pairs(scene: Scene) -> tuple[np.ndarray, np.ndarray] | None:
     """(first, flat): `flat[first[j]:first[j + 1]]` are the objects that may cast a shadow on object j; never too few.
 
     Both are put into balls. Seen along the sun's rays these are discs, which must overlap, and the caster's ball must

@@ -1,21 +1,23 @@
 """The subject: a minimal ray tracer that reads like its equations, on NumPy and on Dr.Jit from one source.
 
-    pixel -> camera.back_project -> ray -> hit.World.nearest (sphere, rectangle) -> hit -> light.RADIANCE -> radiance
+    pixel -> back_project -> ray -> World.closest_hit (sphere, rectangle) -> hit -> RADIANCE, or a path -> radiance
 
-Read it in this order: frame, camera, hit, sphere, rectangle, light; then path and random, which follow light from one
-surface to the next; occlusion and environment, of the sky; arrays last. `raytwin.speed` makes it fast.
+Read it in this order: render_image, pixel_to_ray, world, sphere, rectangle, hit, shading; then path, which follows
+light from one surface to the next. The arithmetic is `raytwin.arrays`, the light `raytwin.lights`; `raytwin.speed`
+gives the same pixels, fast.
 """
 
-from raytwin.tracer.hit import Every, Hit, Stages, World
-from raytwin.tracer.path import about, follow
+from raytwin.tracer.hit import Hit, Stages
+from raytwin.tracer.path import radiance_along_path, sample_cosine_hemisphere
 from raytwin.tracer.pixel_to_ray import back_project, undistort
 from raytwin.tracer.rectangle import intersect_rectangle
 from raytwin.tracer.render_image import STAGES, trace, trace_paths
-from raytwin.tracer.shading import RADIANCE, Lighting, lambert, lighting, sun_visible
+from raytwin.tracer.shading import RADIANCE, lambert, sun_visible
 from raytwin.tracer.sphere import SOLVERS, intersect_sphere
+from raytwin.tracer.world import PlainWorld, World, first_hit, next_hit, surface_at
 
 __all__ = [
-    "RADIANCE", "SOLVERS", "STAGES", "Every", "Hit", "Lighting", "Stages", "World", "about", "back_project",
-    "follow", "intersect_rectangle", "intersect_sphere", "lambert", "lighting", "sun_visible", "trace", "trace_paths",
-    "undistort",
+    "RADIANCE", "SOLVERS", "STAGES", "Hit", "PlainWorld", "Stages", "World", "back_project", "first_hit",
+    "intersect_rectangle", "intersect_sphere", "lambert", "next_hit", "radiance_along_path", "sample_cosine_hemisphere",
+    "sun_visible", "surface_at", "trace", "trace_paths", "undistort",
 ]  # fmt: skip

@@ -36,8 +36,8 @@ import numpy as np
 from raytwin.lights.envmap_tables import tabulate
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.speed.path_tracing import area_boxes
-from raytwin.speed.tile_lists import shading
-from raytwin.tracer.hit import NO_GLOSS, gloss_of
+from raytwin.speed.tile_lists import caster_pairs
+from raytwin.tracer.hit import NO_SPECULAR, specular_of
 
 
 class Bounds:
@@ -56,17 +56,17 @@ class Bounds:
             mask[y0:y1, x0:x1] = True
         self.covered = float(mask.mean())
         shares = np.array([[_share(scene, i, j) for j in range(n)] for i in range(n)]).reshape(n, n)
-        glosses = [gloss_of(thing) or NO_GLOSS for thing in scene.objects]
+        glosses = [specular_of(thing) or NO_SPECULAR for thing in scene.objects]
         peak = np.array([(gloss.exponent + 2) / 2 for gloss in glosses]).reshape(n, 1)
         albedo = np.array([thing.material.albedo for thing in scene.objects]).reshape(n, 3)
-        specular = np.array([gloss.specular for gloss in glosses]).reshape(n, 3)
+        specular = np.array([gloss.share for gloss in glosses]).reshape(n, 3)
         self.shares = shares
         self.lobes = [(albedo, shares)] + ([(specular, np.minimum(peak * shares, 1.0))] if scene.glossy else [])
         self.sky, self.even, self.unlike = _skies(scene)
         self.sun = (albedo + peak * specular) * np.array(scene.sun.irradiance) / np.pi
         self.glint = specular * np.maximum(self.sky, self.even)
         self.shades = np.zeros((n, n), bool)
-        found = shading(scene) if n else None
+        found = caster_pairs(scene) if n else None
         if found is None:
             self.shades[:] = n > 0
         else:

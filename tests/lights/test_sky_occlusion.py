@@ -1,14 +1,15 @@
 """The sky that spheres leave, in closed form: Howell's numbers, and where it must not be used."""
 
+from functools import reduce
+
 import numpy as np
 import pytest
 from truths import WHITE, element, from_element, view_of
 
 from raytwin import files, speed
+from raytwin.lights import sky_visibility, sphere_share
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
-from raytwin.tracer import STAGES, Every, World
 from raytwin.tracer.hit import Hit
-from raytwin.tracer.occlusion import sky_left, sphere_share
 
 TRUTHS = [(2, 1, 0.25), (2, 0.5, 0.125), (2, 0, 0.0288344428112), (2, -0.25, 0.00619138643466),
           (1.5, 0.3, 0.155199137089), (1.5, 0, 0.0741100731061), (4, 0.1, 0.00726762714777),
@@ -22,13 +23,17 @@ def ball(direction, h: float, radius: float = 1.0) -> Sphere:
     return Sphere((x, y, z), radius)
 
 
+def one_by_one(things):
+    """fold(state, body) over the things in order."""
+    return lambda state, body: reduce(lambda state, pair: body(state, *pair), enumerate(things), state)
+
+
 def left_at_origin(*others: Shape, inside: bool = False) -> tuple[float, bool]:
-    """`sky_left` on a sheet at the origin that faces UP, object 0."""
-    every = Every((element(UP), *others))
+    """`sky_visibility` on a sheet at the origin that faces UP, object 0."""
     point = tuple(np.zeros(1) for _ in range(3))
     normal = tuple(np.full(1, c) for c in UP)
     hit = Hit(np.ones(1), np.zeros(1, int), point, normal, normal, np.full(1, inside), normal)
-    left, known = sky_left(hit, World(every, every, lambda: every, STAGES))
+    left, known = sky_visibility(hit, one_by_one((element(UP), *others)))
     return float(left[0]), bool(known[0])
 
 
@@ -92,8 +97,7 @@ def test_a_second_sphere_in_the_same_place_hides_nothing(precision):
     n = tuple((n / np.linalg.norm(n, axis=0)).astype(precision))
     point = tuple((c + 0.7 * x).astype(precision) for c, x in zip(twice[0].center, n, strict=True))
     hit = Hit(np.ones(4000), np.zeros(4000, int), point, n, n, np.full(4000, False), n)
-    every = Every(twice)
-    left, known = sky_left(hit, World(every, every, lambda: every, STAGES))
+    left, known = sky_visibility(hit, one_by_one(twice))
     assert known.all()
     np.testing.assert_allclose(left, 1, rtol=0, atol=1e-5)
 

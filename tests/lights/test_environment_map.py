@@ -5,14 +5,14 @@ from math import pi
 import msgspec
 import numpy as np
 import pytest
-from test_light import camera_above
+from engines import plain_paths
+from truths import camera_above
 
 from raytwin import speed
-from raytwin.lights.environment_map import around
+from raytwin.lights.environment_map import environment_map
 from raytwin.scene import Environment, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import ENGINES
 from raytwin.speed.engine import from_numpy, lift, to_numpy
-from raytwin.tracer import trace_paths
 
 TURNED = ((0.6, 0.8, 0.0), (-0.8, 0.6, 0.0), (0.0, 0.0, 1.0))
 LEVEL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -53,7 +53,7 @@ def test_the_middle_of_the_map_is_y_its_right_is_x_and_its_top_is_z():
     radiance = np.zeros((4, 8, 3))
     radiance[0], radiance[-1] = 7, 9
     radiance[1:3, :, 0] = np.arange(8)
-    look = around(a_map(radiance)).radiance
+    look = environment_map(a_map(radiance)).radiance
     s = np.sqrt(0.5)
     assert look((0.0, 0.0, 1.0)) == (7, 7, 7)
     assert look((0.0, 0.0, -1.0)) == (9, 9, 9)
@@ -65,19 +65,19 @@ def test_the_middle_of_the_map_is_y_its_right_is_x_and_its_top_is_z():
 def test_a_rotation_carries_the_middle_of_the_map_from_y_towards_minus_x():
     radiance = np.zeros((4, 8, 3))
     radiance[:, 3:5] = 1
-    look = around(a_map(radiance, ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))).radiance
+    look = environment_map(a_map(radiance, ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))).radiance
     assert look((-1.0, 0.0, 0.0))[0] == 1
     assert look((0.0, 1.0, 0.0))[0] == 0
 
 
 def test_drawn_directions_have_the_density_that_they_tell_and_find_all_of_the_light(spotted, rng):
     """100 000 directions: means within 4.5 standard errors."""
-    sky = around(spotted)
-    d, p = sky.draw(*rng.random((2, 100_000)))
+    sky = environment_map(spotted)
+    d, p = sky.sample(*rng.random((2, 100_000)))
     np.testing.assert_allclose(np.linalg.norm(d, axis=0), 1, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(sky.density_at(d), p, rtol=1e-9)
+    np.testing.assert_allclose(sky.density(d), p, rtol=1e-9)
     every, share = directions(128)
-    assert (sky.density_at(tuple(every)) * share).sum() * 4 * pi == pytest.approx(
+    assert (sky.density(tuple(every)) * share).sum() * 4 * pi == pytest.approx(
         1, abs=2e-3
     )  # it steps from texel to texel
     for f, whole in ((1 / p, 4 * pi), *((c / p, 4 * pi * (k * share).sum()) for c, k in zip(
@@ -87,18 +87,18 @@ def test_drawn_directions_have_the_density_that_they_tell_and_find_all_of_the_li
 
 def test_directions_are_drawn_alike_on_every_engine(spotted, engine, rng):
     how, numbers = ENGINES[engine], np.floor(rng.random((2, 500)) * 2**24) / 2**24
-    expected = around(spotted).draw(*numbers)
-    d, p = lift(around(spotted), how).draw(*(from_numpy(how, n) for n in numbers))
+    expected = environment_map(spotted).sample(*numbers)
+    d, p = lift(environment_map(spotted), how).sample(*(from_numpy(how, n) for n in numbers))
     close = 1e-12 if how.bits == 64 else 1e-5
     np.testing.assert_allclose([to_numpy(c, (500,)) for c in d], expected[0], rtol=0, atol=close)
     np.testing.assert_allclose(to_numpy(p, (500,)), expected[1], rtol=close)
 
 
 def test_a_map_that_is_black_draws_evenly_and_an_empty_row_is_never_drawn(rng):
-    assert around(a_map(np.zeros((4, 8, 3)))).density_at((0.0, 0.6, 0.8)) == pytest.approx(1 / (4 * pi))
+    assert environment_map(a_map(np.zeros((4, 8, 3)))).density((0.0, 0.6, 0.8)) == pytest.approx(1 / (4 * pi))
     radiance = np.zeros((8, 16, 3))
     radiance[5, 3] = 1
-    (_, _, z), p = around(a_map(radiance)).draw(*rng.random((2, 1000)))
+    (_, _, z), p = environment_map(a_map(radiance)).sample(*rng.random((2, 1000)))
     assert z.max() < np.cos(4 * pi / 8) + 1e-9
     assert z.min() > np.cos(7 * pi / 8) - 1e-9
     assert p.min() > 0
@@ -109,9 +109,9 @@ def test_harmonics_of_any_map_are_its_moments_by_quadrature(spotted):
     x, y, z = np.array(TURNED) @ d
     basis = np.stack([1 + 0 * x, x, y, z, x * y, y * z, x * z, x * x - y * y, 3 * z * z - 1])
     transfer = np.array([1] + [2 / 3] * 3 + [1 / 4] * 5)
-    light = np.stack(around(spotted).radiance(tuple(d)))
+    light = np.stack(environment_map(spotted).radiance(tuple(d)))
     moments = (light * share) @ basis.T / ((basis**2 * share).sum(axis=1)) * transfer
-    np.testing.assert_allclose(around(spotted).harmonics, moments, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(environment_map(spotted).harmonics, moments, rtol=0, atol=1e-5)
 
 
 def test_harmonics_give_the_irradiance_of_a_map_of_low_order_by_quadrature():
@@ -121,19 +121,19 @@ def test_harmonics_give_the_irradiance_of_a_map_of_low_order_by_quadrature():
     x, y, z = np.sin(v) * np.sin(u - pi), np.sin(v) * np.cos(u - pi), np.cos(v)
     radiance = 2 + x + y / 2 - z / 3 + x * y - (3 * z * z - 1) / 2
     assert radiance.min() > 0
-    sky = around(a_map(np.repeat(radiance[..., None], 3, axis=2)))
+    sky = environment_map(a_map(np.repeat(radiance[..., None], 3, axis=2)))
     for n in np.array([(0, 0, 1), (0.6, 0, -0.8), (0.36, 0.48, 0.8), (-0.48, 0.64, -0.6)]):
         d, share = about(n, 64)
         expected = (sky.radiance(tuple(d))[0] * share).sum()
-        assert sky.even(tuple(n.tolist()))[0] == pytest.approx(expected, abs=1e-5)
+        assert sky.diffuse_irradiance(tuple(n.tolist()))[0] == pytest.approx(expected, abs=1e-5)
 
 
 def test_the_cheap_model_is_never_negative_under_a_single_lamp():
     radiance = np.zeros((32, 64, 3))
     radiance[0] = 1000
-    lamp = around(a_map(radiance))
-    assert lamp.even((0.6, 0.0, -0.8)) == (0, 0, 0)
-    assert min(lamp.even((0.0, 0.6, 0.8))) > 0
+    lamp = environment_map(a_map(radiance))
+    assert lamp.diffuse_irradiance((0.6, 0.0, -0.8)) == (0, 0, 0)
+    assert min(lamp.diffuse_irradiance((0.0, 0.6, 0.8))) > 0
 
 
 # ---------------------------------------------------------------------------------------------- in a scene
@@ -168,7 +168,7 @@ def test_the_light_of_a_map_on_an_open_sheet_is_its_irradiance_by_quadrature(spo
     scene = Scene("sheet", camera_above(1.0, 8, 10.0), (sheet,), (spotted,))
     image = speed.walk(scene, "sky", "numpy64", samples=256)
     d, share = about(np.array((0.0, 0.0, 1.0)), 128)
-    light = np.stack(around(spotted).radiance(tuple(d))) @ share * (0.5, 0.6, 0.7)
+    light = np.stack(environment_map(spotted).radiance(tuple(d))) @ share * (0.5, 0.6, 0.7)
     error = np.sqrt(image.variance.sum(axis=(0, 1))) / 64
     assert (abs(image.mean.mean(axis=(0, 1)) - light) < 4.5 * error).all()
     assert (error < 0.02 * light).all()
@@ -177,7 +177,7 @@ def test_the_light_of_a_map_on_an_open_sheet_is_its_irradiance_by_quadrature(spo
 def test_every_engine_follows_the_same_paths_under_a_map(overlap, spotted, engine):
     scene = lit_by(overlap.with_camera(overlap.camera.resized(24, 18)), spotted)
     found = speed.walk(scene, "path", engine, samples=3, depth=3)
-    plain = trace_paths(scene, 3, 3)
+    plain = plain_paths(scene, 3, 3)
     close = 1e-6 if ENGINES[engine].bits == 64 else 2e-4
     assert np.quantile(abs(found.mean - plain.mean), 0.99) < close * plain.mean.max()
 
@@ -189,7 +189,7 @@ def test_the_background_is_the_map_in_every_way_to_trace(overlap, spotted, engin
     v, u = np.mgrid[:36, :48].astype(float)
     camera = scene.camera
     d = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1 + 0 * u], axis=-1) @ camera.R_cam_board
-    expected = np.stack(around(spotted).radiance(tuple(np.moveaxis(d, -1, 0))), axis=-1)
+    expected = np.stack(environment_map(spotted).radiance(tuple(np.moveaxis(d, -1, 0))), axis=-1)
     assert behind.mean() > 0.2
     np.testing.assert_allclose(image.mean[behind], expected[behind], rtol=0, atol=1e-6)
     np.testing.assert_allclose(speed.walk(scene, "sky", engine, sampling="center", samples=1).mean[behind],

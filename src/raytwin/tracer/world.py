@@ -1,0 +1,108 @@
+"""The two questions that a ray can ask of a scene: what does it meet first, and is its way blocked?
+
+A ray that leaves a surface needs no offset along the normal. From outside, a convex object is not met again and never
+hides from a point of itself what that point faces: each object is left out of the test of its own rays. From inside, a
+sphere is met where the chord ends, and hides everything.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from raytwin.arrays import INFINITY, Vec, dot, integers, select
+from raytwin.scene import Shape, Sphere
+from raytwin.tracer.hit import NO_SPECULAR, Facts, Hit, Specular, Stages, facts_of
+
+
+@runtime_checkable
+class World(Protocol):
+    """What rays are tested against. `PlainWorld` tests every object; `raytwin.speed` gives the same answers, fast."""
+
+    @property
+    def stages(self) -> Stages: ...
+
+    def closest_hit(self, origin: Vec, d: Vec, start: Hit | None = None) -> tuple[Any, Any]:
+        """(t, id) of the nearest object along d from `origin`; infinity and -1 where there is none.
+
+        `start`: the surface that the ray leaves; None for the eye.
+        """
+
+    def blocked(self, start: Hit, d: Vec) -> Any:
+        """True where an object lies on the way along d from the surface `start`."""
+
+    def facts(self, ids: Any) -> Facts:
+        """What the objects `ids` say of their surfaces; anything for -1."""
+
+
+class PlainWorld(NamedTuple):
+    """Every object for every ray, on NumPy."""
+
+    objects: Sequence[Shape]
+    stages: Stages
+
+    def closest_hit(self, origin: Vec, d: Vec, start: Hit | None = None) -> tuple[Any, Any]:
+        best, ids = 0 * d[0] + INFINITY, integers(d[0], -1)
+        for index, thing in enumerate(self.objects):
+            t = distance(origin, d, thing, index, start, self.stages)
+            closer = self.stages.nearer(t, best)
+            best, ids = select(closer, t, best), select(closer, index, ids)
+        return best, ids
+
+    def blocked(self, start: Hit, d: Vec) -> Any:
+        found = start.inside
+        for index, thing in enumerate(self.objects):
+            found = found | hides(start, d, thing, index, self.stages)
+        return found
+
+    def facts(self, ids: Any) -> Facts:
+        table = [facts_of(thing) for thing in self.objects]
+        rows = [np.hstack([*facts[:4], *(facts.specular or NO_SPECULAR)]) for facts in table] or [np.zeros(14)]
+        columns = np.array(rows).T[:, ids]
+        glossy = any(facts.specular for facts in table)
+        specular = Specular(tuple(columns[10:13]), columns[13]) if glossy else None
+        return Facts(tuple(columns[:3]), tuple(columns[3:6]), columns[6], tuple(columns[7:10]), specular)
+
+
+def intersect(origin: Vec, d: Vec, thing: Shape, stages: Stages) -> Any:
+    """t > 0 where the ray meets the object, infinity for a miss. A new shape gets a line here and in `facts_of`."""
+    if isinstance(thing, Sphere):
+        return stages.intersect_sphere(origin, d, thing)
+    return stages.intersect_rectangle(origin, d, thing)
+
+
+def distance(origin: Vec, d: Vec, thing: Shape, index: Any, start: Hit | None, stages: Stages) -> Any:
+    """The same for a ray that leaves `start`, which meets its own object only from inside: 2 r n·d away."""
+    t = intersect(origin, d, thing, stages)
+    if start is None:
+        return t
+    own = INFINITY
+    if isinstance(thing, Sphere):
+        own = select(start.inside, 2 * thing.radius * dot(start.normal, d), INFINITY)
+    return select(start.ids == index, own, t)
+
+
+def hides(start: Hit, d: Vec, thing: Shape, index: Any, stages: Stages) -> Any:
+    """True where the object, another than the ray's own, lies on the way along d."""
+    return (start.ids != index) & (intersect(start.point, d, thing, stages) < INFINITY)
+
+
+def surface_at(world: World, origin: Vec, d: Vec, t: Any, ids: Any) -> Hit:
+    """What lies at the distance t on each ray: a point of the object `ids`."""
+    reach = select(ids >= 0, t, 0.0)  # a miss has no point: keep infinity out of the arithmetic
+    point = tuple(o + reach * c for o, c in zip(origin, d, strict=True))
+    facts = world.facts(ids)
+    n = world.stages.normal(point, facts)
+    away = dot(n, d) > 0
+    n = tuple(select(away, -c, c) for c in n)
+    return Hit(t, ids, point, n, facts.albedo, away & (facts.curvature > 0), d, facts.specular)
+
+
+def first_hit(world: World, origin: Vec, d: Vec) -> Hit:
+    """The first surface along each ray from `origin`."""
+    return surface_at(world, origin, d, *world.closest_hit(origin, d))
+
+
+def next_hit(world: World, start: Hit, d: Vec) -> Hit:
+    """The first surface along each ray from the surface `start`."""
+    return surface_at(world, start.point, d, *world.closest_hit(start.point, d, start))
