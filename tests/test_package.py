@@ -224,3 +224,15 @@ def test_too_old_a_python_is_refused_in_one_line():
     code = "import runpy, sys; sys.version_info = (3, 10, 13, 'final', 0); runpy.run_path('setup.py')"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (1, "raytwin needs Python 3.11 or newer; this is Python 3.10\n")
+
+
+def test_the_version_stands_in_one_place_and_changelog_and_citation_name_its_release():
+    import tomllib
+
+    import raytwin
+
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    assert raytwin.__version__ == version
+    release = version.partition(".dev")[0]
+    assert f"\n## {release} (" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert f"\nversion: {release}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
