@@ -37,7 +37,7 @@ def built(tmp_path_factory) -> Path:
     # Of a copy: building writes beside what it builds, where another run may be at it.
     for part in ("src", "scenes", "reference", "tests", ".ci", ".github"):
         shutil.copytree(ROOT / part, source / part, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
-    for part in ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE"):
+    for part in ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff"):
         shutil.copy(ROOT / part, source)
     subprocess.run([sys.executable, "-m", "build", "--outdir", out, source], check=True, timeout=300)
     return out

@@ -32,7 +32,7 @@ from raytwin.calib.photos.pose import (
     refined_pose,
     rotation_degrees,
 )
-from raytwin.calib.photos.projection_difference import ProjectionDifference, projection_difference
+from raytwin.calib.photos.camera_difference import ProjectionDifference, projection_difference
 from raytwin.calib.photos.tag_cache import detect_photo_once
 from raytwin.calib.photos.uncertainty import deviations, pose_deviation, uncertainty_map
 
