@@ -14,6 +14,7 @@ from raytwin.calib.photos.calibration_result import (
     View,
     explained,
 )
+from raytwin.calib.photos.camera_difference import ProjectionDifference, projection_difference
 from raytwin.calib.photos.camera_export import EXPORTS, export_camera, export_format
 from raytwin.calib.photos.camera_file import BoardShape, read_board_shapes, with_shape, write_camera_file
 from raytwin.calib.photos.detection import NoTags, Tag, detect, detect_photo, detect_photos
@@ -32,7 +33,6 @@ from raytwin.calib.photos.pose import (
     refined_pose,
     rotation_degrees,
 )
-from raytwin.calib.photos.camera_difference import ProjectionDifference, projection_difference
 from raytwin.calib.photos.tag_cache import detect_photo_once
 from raytwin.calib.photos.uncertainty import deviations, pose_deviation, uncertainty_map
 
