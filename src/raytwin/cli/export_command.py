@@ -30,7 +30,7 @@ def export_command(
     from raytwin import files
     from raytwin.errors import check_one_of
     from raytwin.renderers.mitsuba_xml import mitsuba_xml as as_xml
-    from raytwin.renderers.mitsuba_xml import moved_by
+    from raytwin.renderers.mitsuba_xml import moved_by, too_large_for_mitsuba
     from raytwin.renderers.scene_exchange import as_arrays, as_json
     from raytwin.rungs import RUNGS
 
@@ -56,6 +56,9 @@ def export_command(
                 f"raytwin: the XML has neither distortion nor a second focal length: it sees up to {moved:.1f} px off",
                 err=True,
             )
+        if large := too_large_for_mitsuba(made):
+            names = ", ".join(f"object-{i}" for i in large)
+            say(f"raytwin: large beside their distance, Mitsuba's float32 may shade them falsely: {names}", err=True)
     if out is None:
         typer.echo(text, nl=False)
     else:

@@ -1,16 +1,30 @@
-"""A scene as a Mitsuba 3 file: the board's frame, metres; what the file cannot say is told, not dropped in silence."""
+"""A scene as a Mitsuba 3 file, which Mitsuba renders as the twin does; what the file cannot say is reported.
 
-from collections.abc import Sequence
+Its world has the board's axes, so that sheets along them are not tilted by rounding; the eye is at 0 and the unit is
+1/1024 m, as in the twin (`raytwin.twin.world` says why).
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.rungs import RUNGS
-from raytwin.scene import Rectangle, Scene, Shape
+from raytwin.scene import Camera, Rectangle, Scene, Shape
 from raytwin.scene.lens import newton
 
 SAMPLES = 64
 """A pixel, unless the renderer is told otherwise (`mitsuba -D spp=256`)."""
+
+UNIT = 1024.0
+"""Mitsuba's lengths per metre, as in the twin, whose module needs Mitsuba."""
+
+LARGE = 100.0
+"""Size over distance from the eye, from which on Mitsuba's float32 may shade an object with itself."""
+
+NEAR, FAR = 1e-3, 1e6
+"""Metres: the camera sees from here to there, and further where an object lies further."""
 
 FOUND = "a rung that Mitsuba's integrators have: sky or path"
 
@@ -26,13 +40,13 @@ def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
         raise InputError("--rung", FOUND, rung)
     lines = [
         "<?xml version='1.0' encoding='utf-8'?>",
-        "<!-- The board's frame in metres, z out of its printed face; colours are linear Rec. 709. -->",
+        f"<!-- The board's axes, z out of its printed face; the eye at 0; 1/{UNIT:g} m; linear Rec. 709. -->",
         '<scene version="3.0.0">',
         f'  <default name="spp" value="{SAMPLES}"/>',
         f'  <integrator type="path"><integer name="max_depth" value="{RUNGS[rung].depth}"/>',
         f'    <integer name="rr_depth" value="{RUNGS[rung].depth}"/></integrator>',
         *_sensor(scene),
-        *(line for i, thing in enumerate(scene.objects) for line in _shape(f"object-{i}", thing, _apart(scene, i))),
+        *_shapes(scene),
     ]
     if any(scene.sun.irradiance):
         direction = _vector("direction", -np.array(scene.sun.to_light))
@@ -50,17 +64,28 @@ def moved_by(scene: Scene) -> float:
     return float(np.hypot(camera.fx * x + camera.cx - u, camera.fx * y + camera.cy - v).max())
 
 
+def too_large_for_mitsuba(scene: Scene) -> list[int]:
+    """The ids of the objects that float32 cannot hold: Mitsuba may shade these with themselves; the twin does not."""
+    eye = np.array(scene.camera.eye)
+    found = []
+    for i, thing in enumerate(scene.objects):
+        away = np.array(thing.center) - eye
+        gap = away @ thing.normal if isinstance(thing, Rectangle) else np.linalg.norm(away) - thing.radius
+        if _size(thing) > LARGE * abs(gap):
+            found.append(i)
+    return found
+
+
 def _sensor(scene: Scene) -> list[str]:
-    """Mitsuba's camera looks along +z with x to the left and y up."""
+    """Mitsuba's camera looks along +z with x to the left and y up. It sees nothing beyond `far_clip`."""
     camera = scene.camera
-    R = np.array(camera.R_cam_board)
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = R.T * [-1, -1, 1], camera.eye
+    pose[:3, :3] = np.array(camera.R_cam_board).T * [-1, -1, 1]
     fov = np.degrees(2 * np.arctan(camera.width / (2 * camera.fx)))
     numbers = {
         "fov": fov,
-        "near_clip": 1e-3,
-        "far_clip": 1e4,
+        "near_clip": NEAR * UNIT,
+        "far_clip": max(FAR, 2 * _reach(scene)) * UNIT,
         "principal_point_offset_x": (camera.width / 2 - (camera.cx + 0.5)) / camera.width,
         "principal_point_offset_y": (camera.height / 2 - (camera.cy + 0.5)) / camera.height,
     }
@@ -79,26 +104,44 @@ def _sensor(scene: Scene) -> list[str]:
     ]
 
 
-def _apart(scene: Scene, i: int) -> tuple[float, ...]:
-    """The object's albedo; where an earlier rectangle has the same, its red moved by 1e-7.
+def _reach(scene: Scene) -> float:
+    """Metres from the eye to the furthest point of any object."""
+    eye = np.array(scene.camera.eye)
+    return max((float(np.linalg.norm(thing.center - eye)) + _size(thing) for thing in scene.objects), default=0.0)
+
+
+def _size(thing: Shape) -> float:
+    """Metres from an object's centre to its furthest point, at most."""
+    if isinstance(thing, Rectangle):
+        return float(np.linalg.norm(thing.half_u) + np.linalg.norm(thing.half_v))
+    return thing.radius
+
+
+def _shapes(scene: Scene) -> Iterator[str]:
+    """The objects; of rectangles of the same albedo each one's red is moved by another 1e-7.
 
     Mitsuba merges rectangles of one material as it loads a file, and leaves them out of the scene's bounding box, so
     that the sky leaks through walls (3.9).
     """
-    thing = scene.objects[i]
-    red, *others = thing.material.albedo
-    same = sum(t.material.albedo == thing.material.albedo for t in scene.objects[:i] if isinstance(t, Rectangle))
-    moved = same * 1e-7 if isinstance(thing, Rectangle) else 0.0
-    return (red - moved if red > 0.5 else red + moved, *others)
+    same: Counter[Sequence[float]] = Counter()
+    for i, thing in enumerate(scene.objects):
+        red, *others = albedo = thing.material.albedo
+        if isinstance(thing, Rectangle):
+            moved = same[albedo] * 1e-7
+            same[albedo] += 1
+            red = red - moved if red > 0.5 else red + moved
+        yield from _shape(f"object-{i}", thing, (red, *others), scene.camera)
 
 
-def _shape(name: str, thing: Shape, albedo: Sequence[float]) -> list[str]:
+def _shape(name: str, thing: Shape, albedo: Sequence[float], camera: Camera) -> list[str]:
+    center = (np.array(thing.center) - camera.eye) * UNIT
     if isinstance(thing, Rectangle):
         pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = np.stack([thing.half_u, thing.half_v, thing.normal], axis=1), thing.center
+        pose[:3, :3] = np.stack([thing.half_u, thing.half_v, thing.normal], axis=1) * UNIT
+        pose[:3, 3] = center
         kind, place = "rectangle", _matrix(pose)
     else:
-        kind, place = "sphere", f'{_vector("center", thing.center)}<float name="radius" value="{thing.radius!r}"/>'
+        kind, place = "sphere", f'{_vector("center", center)}<float name="radius" value="{thing.radius * UNIT!r}"/>'
     bsdf = f'<bsdf type="twosided"><bsdf type="diffuse">{_rgb("reflectance", albedo)}</bsdf></bsdf>'
     return [f'  <shape type="{kind}" id="{name}">', f"    {place}", f"    {bsdf}", "  </shape>"]
 
