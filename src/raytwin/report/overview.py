@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 PANEL = 400
 """Width of a panel in pixels."""
+TALLEST = 4 * PANEL
+"""Height of a panel at most: those of taller frames are narrower."""
 GAP = 8
 
 
@@ -30,11 +32,17 @@ def overview(result: "Result") -> np.ndarray:
     return np.concatenate(strip, axis=1)
 
 
+def panel_size(height: int, width: int) -> tuple[int, int]:
+    """(height, width) of a frame's panel, in pixels."""
+    scale = min(PANEL / width, TALLEST / height)
+    return max(1, round(height * scale)), max(1, round(width * scale))
+
+
 def _shrunk(pixels: np.ndarray, like: tuple[int, ...] | None = None) -> np.ndarray:
     """uint8 (H, W, 3), or one channel of floats, at the panel's size."""
     from PIL import Image as Pillow
 
-    height, width = like[:2] if like else (max(1, round(PANEL * pixels.shape[0] / pixels.shape[1])), PANEL)
+    height, width = like[:2] if like else panel_size(*pixels.shape[:2])
     return np.asarray(Pillow.fromarray(pixels).resize((width, height), Pillow.Resampling.BOX))
 
 
