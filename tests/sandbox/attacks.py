@@ -371,26 +371,6 @@ ENDINGS = {
         " for fd in range(3, 20):\n  try: os.write(fd, text)\n  except OSError: pass",
         "broken", "pipe",
     ),
-    **{
-        f"a forged {which} message: {text[:40]}": Ending(
-            f"import os\nhead = {text!r}.encode()\n"
-            "text = (8 + len(head)).to_bytes(8, 'little') + len(head).to_bytes(8, 'little') + head\n"
-            "def forge():\n for fd in range(3, 20):\n  try: os.write(fd, text)\n  except OSError: pass\n"
-            + ("forge()\ndef f(): return 1.0" if which == "second" else "def f(): forge(); return 1.0"),
-            "broken", "pipe",
-        )
-        for which in ("second", "later")
-        for text in (
-            '{"value": {"table": {"functions": 5, "notes": []}}, "arrays": []}',
-            '{"value": {"table": {"functions": ["f"]}}, "arrays": []}',
-            '{"value": {"table": {"functions": ["f"], "notes": 5}}, "arrays": []}',
-            '{"value": {}, "arrays": []}', '{"value": {"table": 5}, "arrays": []}', '{}', '5', 'null', '[]',
-            '{"value": null, "arrays": []}', '{"value": {"table": {"call": []}}, "arrays": []}',
-            '{"value": {"table": {"call": 1, "error": 5}}, "arrays": []}',
-            '{"value": {"table": {"call": 2, "arrays": []}}, "arrays": []}',
-            '{"value": {"array": 0}, "arrays": [["<f8", Infinity]]}',
-        )
-    },
     "two answers": Ending("import os\ndef f():\n os.fork()\n return 1.0", "broken none", ""),  # whose comes first?
     "a syntax error": Ending("def f(: pass", "error", "SyntaxError"),
     "an import that is not there": Ending("import torch_of_mine", "error", "ModuleNotFoundError"),
@@ -399,3 +379,26 @@ ENDINGS = {
         "class A:\n def __array__(self, *a, **k):\n  while True: pass\ndef f(): return A()", "limit", "not done"
     ),
 }  # fmt: skip
+
+FORGED = {
+    f"a forged {which} message: {text[:40]}": Ending(
+        f"import os\nhead = {text!r}.encode()\n"
+        "text = (8 + len(head)).to_bytes(8, 'little') + len(head).to_bytes(8, 'little') + head\n"
+        "def forge():\n for fd in range(3, 20):\n  try: os.write(fd, text)\n  except OSError: pass\n"
+        + ("forge()\ndef f(): return 1.0" if which == "second" else "def f(): forge(); return 1.0"),
+        "broken", "pipe",
+    )
+    for which in ("second", "later")
+    for text in (
+        '{"value": {"table": {"functions": 5, "notes": []}}, "arrays": []}',
+        '{"value": {"table": {"functions": ["f"]}}, "arrays": []}',
+        '{"value": {"table": {"functions": ["f"], "notes": 5}}, "arrays": []}',
+        '{"value": {}, "arrays": []}', '{"value": {"table": 5}, "arrays": []}', '{}', '5', 'null', '[]',
+        '{"value": null, "arrays": []}', '{"value": {"table": {"call": []}}, "arrays": []}',
+        '{"value": {"table": {"call": 1, "error": 5}}, "arrays": []}',
+        '{"value": {"table": {"call": 2, "arrays": []}}, "arrays": []}',
+        '{"value": {"array": 0}, "arrays": [["<f8", Infinity]]}',
+    )
+
+}  # fmt: skip
+"""Messages in the place of the sandbox's second one and of an answer."""

@@ -137,6 +137,16 @@ def test_an_ending_has_its_reason_and_leaves_nothing(name):
     assert not child._base.exists()
 
 
+@pytest.mark.parametrize("name", attacks.FORGED)
+def test_a_forged_message_ends_the_process_with_that_reason_and_no_thread_dies(name, capfd):
+    with Sandbox(Code(source=attacks.FORGED[name].source, asked=("f",)), SHORT) as child:
+        answer = child.call("f")
+        if not answer.problem:
+            answer = child.call("f")
+    assert (answer.sort, answer.problem) == ("broken", "it wrote into the grader's pipe")
+    assert "Traceback" not in capfd.readouterr().err
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux alone tells who waits for a core")
 @pytest.mark.parametrize("threads", [0, 1])
 def test_waiting_for_a_busy_core_is_not_counted(threads):
