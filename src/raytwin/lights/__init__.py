@@ -3,7 +3,7 @@
 A light is a record, three functions and a row. The sun is one direction: its record in `Lighting` is all of it. What
 fills the sky has `radiance` (along a direction), `diffuse_irradiance` (E/π where nothing hides it) and `sample` (a
 direction and its density per steradian): constant_sky, environment_map. To add a light, write its record in
-`scene.lights`, a file like these two, its row in SKIES, and its row in the twin (`twin.sky`).
+`scene.lights`, a file like these two, its row in SKIES, and its row in `twin.sky.SKIES`.
 
 Read it in this order: scene_lighting, constant_sky, environment_map, sky_occlusion; lookup and envmap_tables are their
 tools.

@@ -58,7 +58,7 @@ class Camera(Record, frozen=True):
         return x, y, z
 
     def grid(self, x: float = 0, y: float = 0, step: int = 1, size: tuple[int, int] | None = None) -> "Camera":
-        """The camera whose pixel (u, v) sees what this one's (x + step u, y + step v) does; of its size unless told."""
+        """The camera whose pixel (u, v) sees what this one's (x + step u, y + step v) does; by default of its size."""
         (a, s, cx), (z, b, cy), last = self.K
         K = ((a / step, s / step, (cx - x) / step), (z, b / step, (cy - y) / step), last)
         return msgspec.structs.replace(self, image_size=size or self.image_size, K=K)

@@ -1,4 +1,4 @@
-"""The same scene from another place."""
+"""The same scene in the camera's frame."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,10 +14,10 @@ from raytwin.scene.validate import check_lengths, check_places
 
 
 def to_camera_frame(scene: Scene, precision: str = "float64") -> Scene:
-    """The scene in the camera's frame, in float64: the eye is the origin, and rays need no turning.
+    """Return the scene in the camera's frame, in float64: the eye is the origin, and rays need no rotation.
 
-    Coordinates are then as small as the distances that matter, and float32 keeps the digits of far scenes. Raises
-    InputError where the floats of `precision` do not hold the scene: see `scene.validate`.
+    Coordinates are then as small as the distances that matter, and float32 does not lose the digits of far scenes.
+    Raises InputError where floats of `precision` cannot represent the scene: see `scene.validate`.
     """
     R, eye = np.asarray(scene.camera.R_cam_board), np.asarray(scene.camera.eye)
     replace = msgspec.structs.replace

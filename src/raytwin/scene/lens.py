@@ -11,7 +11,7 @@ the way reaches every pixel of the border, it reaches all, and the inverse is sm
 
 Second, whoever undoes a lens here does it by Newton's method from the distorted point: it must come to the way's end.
 
-A fit folds where no photo tells the lens, in a corner. Renderers leave such pixels black, as if they met nothing
+A fit folds where no photo constrains the lens, in a corner. Renderers leave such pixels black, as if they met nothing
 (`without_ray`), and say so once; a lens that loses more than MOST of the frame is refused (`check_lens`).
 """
 
@@ -33,7 +33,7 @@ LEAST = 1e-3
 """The least determinant that counts as undone: there a pixel sees a thousand times the solid angle of the middle's."""
 
 STEPS = 20
-"""Of Newton's: each doubles the number of right digits; a strong lens needs half a dozen before that begins."""
+"""Newton's steps: each doubles the number of right digits; a strong lens needs half a dozen before that begins."""
 
 SETTLED = 1e-9
 """After a step of Newton's shorter than this the next would be rounding."""
@@ -43,11 +43,11 @@ SIDE = 65
 by (side / 128)² / (2 · its radius of curvature): less than the half pixel from the border to a pixel's centre."""
 
 CELLS = 128
-"""Pixels without a ray are told by cells, so many along each side: one has rays where all four of its corners do. The
+"""Cells along each side by which pixels without a ray are found: a cell has rays where all four of its corners do. The
 part that can be undone is round, so a cell whose corners lie within it lies within it whole."""
 
 MOST = 0.5
-"""Of the frame that may be without rays."""
+"""The largest share of the frame that may be without rays."""
 
 LONGEST, SHORTEST = 1 / 16, 1e-6
 """Steps along a way, as a share of it."""
@@ -105,7 +105,7 @@ def without_ray(camera: Camera) -> Bool[np.ndarray, "h w"] | None:
 
 
 def rayless(camera: Camera, u: Any, v: Any) -> Bool[np.ndarray, "..."]:
-    """Of places (u, v) in the image, which lie in a pixel that no ray belongs to, or beyond the frame next to one."""
+    """Return which places (u, v) lie in a pixel that no ray belongs to, or beyond the frame next to one."""
     u, v = np.broadcast_arrays(u, v)
     if (lost := without_ray(camera)) is None:
         return np.zeros(u.shape, bool)

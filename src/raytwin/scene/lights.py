@@ -1,4 +1,4 @@
-"""Where light comes from. To add a light, write its record and add it to the union."""
+"""Where light comes from. To add a light, write its record, add it to the union, and see `raytwin.lights`."""
 
 import math
 
@@ -21,7 +21,7 @@ class Sun(Record, frozen=True, tag="sun"):
     def __post_init__(self) -> None:
         if not math.hypot(*self.to_light) > 0:
             raise InputError("Sun.to_light", "a direction", "the zero vector")
-        # One that is unit to rounding keeps its last bits, however often its record is made again.
+        # A direction that is unit to rounding is left as it is, however often its record is copied.
         while abs((length := math.hypot(*self.to_light)) - 1) > 1e-15:
             x, y, z = self.to_light
             msgspec.structs.force_setattr(self, "to_light", (x / length, y / length, z / length))
@@ -41,7 +41,7 @@ class Environment(Record, frozen=True, tag="environment"):
     (i, j) has its centre at u = (i + 1/2) / columns, v = (j + 1/2) / rows; between centres the map is bilinear, round
     and round along u, and constant from the first and last row's centres to the poles.
 
-    `texels`: linear radiance, float32, little-endian, row by row, three a pixel; `R_map_board` turns the board's axes
+    `texels`: linear radiance, float32, little-endian, row by row, three per pixel; `R_map_board` turns the board's axes
     into the map's.
     """
 

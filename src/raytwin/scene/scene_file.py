@@ -73,7 +73,7 @@ class WrittenSun(Record, frozen=True):
 
 
 class WrittenMap(Record, frozen=True):
-    """What an environment map's file held: see `Environment`."""
+    """The contents of an environment map's file: see `Environment`."""
 
     size: tuple[PixelCount, PixelCount]
     texels: bytes

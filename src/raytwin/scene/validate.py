@@ -1,4 +1,4 @@
-"""Whether floats hold a scene: lengths that do not overflow, surfaces that rounding does not mix up.
+"""Check that floats can represent a scene: lengths do not overflow, rounding does not mix up surfaces.
 
 All scenes here are seen from the eye, which is the origin.
 """
@@ -12,18 +12,18 @@ from raytwin.scene.scene import Scene
 from raytwin.scene.shapes import Rectangle, Sphere
 
 LENGTHS = {"float32": (1e-12, 1e12), "float64": (1e-100, 1e100), "twin": (1e-12, 1e12)}
-"""Metres: a rectangle's test takes products of three lengths, and floats hold them between these."""
+"""Metres: a rectangle's test takes products of three lengths, which floats can represent between these."""
 
 ROUNDING = {"float32": 2e-6, "float64": 1e-13, "twin": 5e-8}
 """As shares of the distance from the eye: surfaces nearer to each other than this are in one place.
 
-The twin is Mitsuba's float32 with float64 in the pixels in doubt: it tells sheets apart at 1e-7, and errs in 0.3 % of
+The twin is Mitsuba's float32 with float64 in the pixels in doubt: it separates sheets at 1e-7, and errs in 0.3 % of
 the pixels at 1e-8 (`raytwin stability planes-fight`).
 """
 
 
 def check_lengths(local: Scene, precision: str) -> None:
-    """InputError where a length is none whose products these floats hold."""
+    """Raise InputError for a length whose products these floats cannot represent."""
     least, most = LENGTHS[precision]
     for i, thing in enumerate(local.objects):
         sizes = (thing.radius,) if isinstance(thing, Sphere) else (math.hypot(*thing.half_u), math.hypot(*thing.half_v))
@@ -34,7 +34,7 @@ def check_lengths(local: Scene, precision: str) -> None:
 
 
 def check_places(local: Scene, precision: str) -> None:
-    """InputError where rounding would choose what is seen, or shade it: rectangles in one place, an eye in one."""
+    """Raise InputError where rounding decides what is seen or shaded: rectangles in one place, an eye in one."""
     ids = [i for i, thing in enumerate(local.objects) if isinstance(thing, Rectangle)]
     flat, rounding = local.rectangles, ROUNDING[precision]
     center, normal = (np.array(a).reshape(-1, 3) for a in ([t.center for t in flat], [t.normal for t in flat]))

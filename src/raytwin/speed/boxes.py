@@ -133,9 +133,9 @@ def _plane_extent(plane: Rectangle, camera: Camera) -> tuple[tuple[float, float]
 
 
 def corner_box(thing: Shape, camera: Camera) -> Box:
-    """The paper's box: round the pixels of the eight corners of the cube that holds the sphere.
+    """The paper's box: around the pixels of the eight corners of the cube around the sphere.
 
-    Kept beside `trim_box` for comparison. It wastes pixels, and cuts visible ones where a corner lies behind the eye
+    For comparison with `trim_box`. It wastes pixels, and cuts visible ones where a corner lies behind the eye
     (it is projected through the eye, to the wrong side) or where distortion bends the outline past the corners.
     """
     if isinstance(thing, Sphere):

@@ -165,7 +165,7 @@ def lifted(nodes: Nodes, engine: Engine) -> Nodes:
 
 
 def picked(value: Any, rows: np.ndarray) -> Any:
-    """Some rows of each of nested arrays; what is no array holds for all."""
+    """Some rows of each of nested arrays; a single number serves all rows."""
     if isinstance(value, tuple):
         parts = [picked(part, rows) for part in value]
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)

@@ -1,4 +1,4 @@
-"""What computes: NumPy or Dr.Jit, in which precision, and the way of pixels and scenes into its arrays and back."""
+"""What computes: NumPy or Dr.Jit, in which precision; and how pixels and scenes get into its arrays and back."""
 
 import os
 import sys
@@ -34,7 +34,7 @@ class Engine(NamedTuple):
 
     @property
     def float_type(self) -> Any:
-        """The type that holds one float per pixel. Raises MachineError where the machine lacks the backend."""
+        """The array type of one float per pixel. Raises MachineError where the machine lacks the backend."""
         if self.is_numpy:
             return np.dtype(self.precision).type
         # Dr.Jit takes whatever libLLVM it finds when it is imported, and a wrong one aborts the process at a kernel.
@@ -69,7 +69,7 @@ def pixel_grid(engine: Engine, box: tuple[int, int, int, int]) -> tuple[Any, Any
 
 
 def constant(engine: Engine, value: int) -> Any:
-    """A whole number that all share; on Dr.Jit as data, so that another needs no other kernel."""
+    """An integer that all rays share; on Dr.Jit as data, so that another value needs no other kernel."""
     if engine.is_numpy:
         return value
     import drjit
@@ -110,7 +110,7 @@ def tile_grid(
 def lift(value: Any, engine: Engine) -> Any:
     """A record with its floats as the engine's: on Dr.Jit as data, so that a kernel outlives a change of scene."""
     if isinstance(value, msgspec.Struct):
-        record = copy(value)  # not made anew: a record's own checks are for plain numbers
+        record = copy(value)  # copied, not constructed: a record's own checks are for plain numbers
         for name in value.__struct_fields__:
             msgspec.structs.force_setattr(record, name, lift(getattr(value, name), engine))
         return record
@@ -140,15 +140,15 @@ def canvas(engine: Engine, out: np.ndarray) -> list[Any]:
         raise ValueError("canvas: a contiguous array is needed")
     kind = engine.float_type
     target: Any = drjit.int32_array_t(kind) if out.dtype == np.int32 else drjit.float32_array_t(kind)
-    # On the CPU each target is the array's own memory, not a copy; one a channel, since a second scatter into a target
-    # would first compute the pending one, in a kernel of its own.
+    # On the CPU each target is the array's own memory, not a copy; one per channel, since a second scatter into a
+    # target would first compute the pending one, in a kernel of its own.
     if engine.package == "cuda":
         return [target(out.reshape(-1))] * layers.shape[-1]
     return [target(out.reshape(-1)) for _ in range(layers.shape[-1])]
 
 
 def store(engine: Engine, targets: list[Any], place: Any, values: tuple[Any, ...], where: Any) -> None:
-    """Write values[c] to channel c where `where` holds; `place`: NumPy's slices, or Dr.Jit's numbers of the pixels.
+    """Write values[c] to channel c where `where` is true; `place`: NumPy's slices, or Dr.Jit's numbers of the pixels.
 
     On Dr.Jit this only queues the writing; `flush` does all of it in one kernel.
     """
@@ -162,7 +162,7 @@ def store(engine: Engine, targets: list[Any], place: Any, values: tuple[Any, ...
 
 
 def only_where(engine: Engine, mask: Any, body: Callable[[], None]) -> None:
-    """Do the `body`, which stores where the mask holds: on Dr.Jit all other rays cost nothing."""
+    """Do the `body`, which stores where the mask is true: on Dr.Jit all other rays cost nothing."""
     if engine.is_numpy:
         body()
     else:
@@ -208,7 +208,7 @@ def to_numpy(values: Any, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def gather(numbers: Any, places: Any, where: Any = True) -> Any:
-    """numbers[places]; anything where `where` does not hold."""
+    """numbers[places]; anything where `where` is false."""
     if isinstance(numbers, np.ndarray):
         return np.take(numbers, places)
     xp = library(numbers)

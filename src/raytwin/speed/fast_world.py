@@ -45,7 +45,7 @@ class Objects(Protocol):
 
 
 class FastWorld(NamedTuple):
-    """A `tracer.World`: `seen` holds what its rays may meet first, `casters` what may block the way from there."""
+    """A `tracer.World`: its rays may meet the objects `seen` first; `casters` may block the way from there."""
 
     table: Table
     stages: Stages

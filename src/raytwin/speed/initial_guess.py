@@ -1,4 +1,4 @@
-"""Undoing a lens in one step or two: Newton's method from a start that is fitted to the lens, once a camera."""
+"""Undo a lens in one step or two: Newton's method from an initial guess that is fitted to the lens, once per camera."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -8,14 +8,14 @@ import numpy as np
 
 from raytwin.arrays import library
 from raytwin.scene import Camera
-from raytwin.scene.lens import check_lens, distort, rayless
-from raytwin.tracer.pixel_to_ray import STEPS, undistort
+from raytwin.scene.lens import STEPS, check_lens, distort, rayless
+from raytwin.tracer.pixel_to_ray import undistort
 
 TERMS = 8, 3
-"""Of the radial and of the tangential series: with 3 of these, float32 needs one step for most lenses."""
+"""Terms of the radial and of the tangential series: with these, float32 needs one step for most lenses."""
 
 ALIKE = 1e-4
-"""Ideal points closer than this are one point, rounding and a float32's last step left out."""
+"""Ideal points closer than this, in normalised coordinates, are one point: far above rounding and a last step."""
 
 
 Terms = tuple[Any, ...]
@@ -53,7 +53,7 @@ class Inverse(NamedTuple):
 
 
 def quick(undo: Callable[..., Any], inverse: Inverse) -> Callable[..., Any]:
-    """The tracer's own `undo` by way of `inverse`; another, a learner's or a fault, as it is."""
+    """The tracer's own `undo` by way of `inverse`; a student's, or a fault, unchanged."""
     return inverse.undo if undo is undistort else undo
 
 
@@ -74,7 +74,7 @@ def _fma(a: Any, b: Any, c: Any) -> Any:
 def invert_lens(camera: Camera, precision: str = "float64", fitted: bool = True) -> Inverse:
     """The cheapest Inverse that undoes the camera's distortion to rounding wherever it can be; no step for a pinhole.
 
-    The start is `fitted` to the frame, so that one step serves in float32 for most lenses, and two in float64; for
+    The guess is `fitted` to the frame, so that one step serves in float32 for most lenses, and two in float64; for
     single numbers more steps from the distorted point itself are quicker. Raises InputError where `check_lens` does.
     """
     if not any(camera.dist):

@@ -1,4 +1,4 @@
-"""Light that is followed from surface to surface, over the whole frame: mean, variance, and the parts it is made of."""
+"""Path tracing over the whole frame: mean, variance, and the parts that the light is made of."""
 
 from collections.abc import Callable
 from functools import partial
@@ -25,9 +25,9 @@ from raytwin.tracer.world import World, first_hit
 
 
 def part_names(bounces: int = 3) -> tuple[str, ...]:
-    """What adds up to the whole light: sun and sky that nothing hides; what hides them takes away; what bounces bring.
+    """The parts that sum to global illumination: unhidden sun and sky; what hides the sun, what hides the sky; bounces.
 
-    The last of the `bounces` has all that follow.
+    The last of the `bounces` includes all that follow.
     """
     return ("open", "shadow", "occlusion", *(f"bounce {k}" for k in range(1, bounces)), f"bounce {bounces}+")
 
@@ -35,12 +35,12 @@ def part_names(bounces: int = 3) -> tuple[str, ...]:
 PARTS = part_names()
 
 Integrand = Callable[[EyeScene, World, Hit], Callable[[Draw], list[Vec]]]
-"""What a sample of a place brings: some colours."""
+"""(scene, world, hit) -> random numbers -> the colours of one sample there."""
 
 NOTHING = (0.0, 0.0, 0.0)
 
 FEW = 16
-"""Objects among which the sky's occlusion is looked for in closed form: all pairs of them, at every pixel."""
+"""Objects up to which the sky's visibility is computed in closed form: it tests all pairs at every pixel."""
 
 
 def walk(
@@ -56,7 +56,7 @@ def walk(
     surface: bool = True,
     stages: Stages = STAGES,
 ) -> Image:
-    """The radiance of a rung whose light is followed: mean and variance over the pixels' `area`, or at the `center`.
+    """Return the radiance of a path-traced rung: mean and variance over the pixels' `area`, or at the `center`.
 
     `depth` counts surfaces as Mitsuba does and is the rung's own where not given. `side` of the area, in pixels, about
     their centres. `surface`: also what the rays through the pixels' centres meet first.
@@ -93,7 +93,7 @@ def light_parts(
     bounces: int = 3,
     stages: Stages = STAGES,
 ) -> dict[str, Image]:
-    """The whole light over the pixels' area, as `part_names(bounces)` whose sum it is; all from the same samples.
+    """Return global illumination over the pixels' area as its parts, `part_names(bounces)`, from the same samples.
 
     `side` of the area, in pixels, about their centres.
     """

@@ -8,12 +8,12 @@ import numpy as np
 from raytwin.scene import Scene, Shape, Sphere
 
 GRAZING = 1e-3
-"""Of the light on a plane, n · l: below it, a shadow may reach anywhere."""
+"""The least n · l of the light on a plane; below it, a shadow is taken to reach anywhere."""
 
 
 class Fallen(NamedTuple):
-    """Of k pairs. `meets` (k,): the way from the caster's middle against the light meets the shaded object (the plane,
-    if it is a rectangle), and does so at `middle` (k, 3). `axes` (k, 2, 3): the caster's half-axes, slid into the plane
+    """Shadows of k pairs. `meets` (k,): the ray from the caster's middle, away from the light, meets the shaded object
+    (a rectangle's plane), and does so at `middle` (k, 3). `axes` (k, 2, 3): the caster's half-axes, slid into the plane
     that touches there. `reach` (k,): no point of the shadow in that plane lies farther from the middle."""
 
     meets: np.ndarray

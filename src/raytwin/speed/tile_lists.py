@@ -1,4 +1,4 @@
-"""What happens once an image, before any ray: each tile gets its lists."""
+"""Which objects each tile of pixels needs: computed once per image, before any ray."""
 
 from typing import NamedTuple
 
@@ -10,13 +10,13 @@ from raytwin.speed.boxes import ball_boxes
 from raytwin.speed.shadows import fall
 
 FEW = 64
-"""So many objects are held against each other without sorting them first."""
+"""Up to this number of objects, all pairs are compared without sorting them first."""
 
 MOST = 20_000_000
 """Pairs, of two objects or of a tile and an object: more take over a gigabyte, and one list for all tiles does."""
 
 PORTION = 2_000_000
-"""Pairs held against each other at once."""
+"""Pairs compared at once: bounds the memory."""
 
 
 class Lists(NamedTuple):
@@ -47,7 +47,7 @@ class Plan(NamedTuple):
 
 
 def plan(scene: Scene, boxes: np.ndarray, size: tuple[int, int], side: int, shadows: bool = True) -> Plan:
-    """Which tile must know which object, from the objects' boxes (n, 4) of pixels: x0 <= u < x1, y0 <= v < y1."""
+    """Return which tile needs which object, from the objects' boxes (n, 4) of pixels: x0 <= u < x1, y0 <= v < y1."""
     n, is_flat = len(boxes), np.array([not isinstance(thing, Sphere) for thing in scene.objects], bool)
     columns, rows = -(-size[0] // side), -(-size[1] // side)
     tile, thing, full = _covered(boxes.reshape(-1, 4), side, columns)
@@ -121,7 +121,7 @@ def caster_pairs(scene: Scene) -> tuple[np.ndarray, np.ndarray] | None:
     """(first, flat): `flat[first[j]:first[j + 1]]` are the objects that may cast a shadow on object j; never too few.
 
     Both are put into balls. Seen along the sun's rays these are discs, which must overlap, and the caster's ball must
-    not lie behind the other's. None where there are more than MOST pairs: as of 10 000 objects in a line to the sun.
+    not lie behind the other's. None where there are more than MOST pairs: 10 000 objects in a line to the sun.
     """
     things = scene.objects
     n = len(things)
@@ -133,7 +133,7 @@ def caster_pairs(scene: Scene) -> tuple[np.ndarray, np.ndarray] | None:
     x, y, height = axes @ center.T
     radius = radius * (1 + 1e-4) + 1e-6 * np.abs(center).max(initial=0)  # for float32's rounding
     x, y = _principal(x, y)
-    # Sorted along x, a small object's partners lie in a short stretch; large ones are held against all.
+    # Sorted along x, a small object's partners lie in a short stretch; large ones are compared with all.
     large = radius > 8 * np.median(radius) if n > FEW else np.ones(n, bool)
     small, big = np.flatnonzero(~large)[np.argsort(x[~large])], np.flatnonzero(large)
     reach = radius[small] + radius[small].max(initial=0)

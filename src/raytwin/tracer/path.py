@@ -13,7 +13,7 @@ from collections.abc import Callable
 from math import pi
 from typing import Any
 
-from raytwin.arrays import Vec, cos, dot, maximum, repeat, select, sin, sqrt
+from raytwin.arrays import Vec, cos, dot, maximum, repeat, select, sin, sqrt, unit_again
 from raytwin.lights import Lighting
 from raytwin.tracer.hit import Hit, Specular
 from raytwin.tracer.shading import reflectance
@@ -42,7 +42,7 @@ def radiance_along_path(hit: Hit, light: Lighting, world: World, draw: Draw, dep
 def bounce(k: Any, here: Hit, light: Lighting, world: World, draw: Draw) -> tuple[Vec, Hit, Vec]:
     """At one surface, the first for k = 0: what it sends on of the direct light, what a random ray from it meets next,
     and the share of that surface's light that it sends on."""
-    d = to_unit(sample_cosine_hemisphere(here.normal, *draw(k + 1)))
+    d = unit_again(sample_cosine_hemisphere(here.normal, *draw(k + 1)))
     there, onto = next_hit(world, here, d), reflectance(here, d)
     parts = zip(sunlight(here, light, world), onto, sky_along(here, light, d), strict=True)
     direct = tuple(sun + r * select(there.ids >= 0, 0.0, sky) for sun, r, sky in parts)
@@ -90,15 +90,6 @@ def sample_environment(hit: Hit, light: Lighting, world: World, a: Any, b: Any) 
     cosine = maximum(dot(hit.normal, d), 0.0) * (1 / pi)
     share = select((cosine > 0) & ~world.blocked(hit, d), cosine / (p + cosine), 0.0)
     return tuple(share * r * L for r, L in zip(reflectance(hit, d), light.sky.radiance(d), strict=True))
-
-
-def to_unit(d: Vec) -> Vec:
-    """d (3 - d·d) / 2: one of Newton's steps, which makes a nearly unit vector unit to rounding.
-
-    Without it the length's error, which is the normal's, grows by t/r from sphere to sphere.
-    """
-    scale = 1.5 - 0.5 * dot(d, d)
-    return d[0] * scale, d[1] * scale, d[2] * scale
 
 
 def sample_cosine_hemisphere(normal: Vec, a: Any, b: Any) -> Vec:

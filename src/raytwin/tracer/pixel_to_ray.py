@@ -8,17 +8,15 @@ from typing import Any
 
 from raytwin.arrays import Vec, dot, sqrt
 from raytwin.scene import Camera
-
-STEPS = 20
-"""Of Newton's: each doubles the number of right digits; a strong lens needs half a dozen before that begins."""
+from raytwin.scene.lens import STEPS
 
 
 def undistort(xd: Any, yd: Any, dist: Any, start: Any = None, steps: int = STEPS) -> tuple[Any, Any]:
-    """The (x, y) that the lens takes to (xd, yd), by Newton's method; its Jacobian [[a, b], [b, c]] is symmetric.
+    """Return the (x, y) that the lens maps to (xd, yd), by Newton's method; its Jacobian [[a, b], [b, c]] is symmetric.
 
     xd = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²), and yd alike: ideal to distorted coordinates.
     `dist` is (k1, k2, p1, p2, k3), in OpenCV's order (Brown 1966; OpenCV, "Camera Calibration and 3D Reconstruction").
-    `start` is where it begins, (xd, yd) itself if nothing better is known.
+    `start` is the first guess, (xd, yd) itself by default.
     """
     k1, k2, p1, p2, k3 = dist
     x, y = start or (xd, yd)
@@ -41,7 +39,7 @@ def back_project(u: Any, v: Any, camera: Camera, undo: Callable[..., Any] = undi
     """(x, y, 1) / |(x, y, 1)|: the unit direction, in the camera's frame, of the ray through pixel (u, v).
 
     `u`, `v`: pixels, (0, 0) is the centre of the top-left one; arrays of one shape, or that broadcast to one.
-    `undo` takes distorted to ideal coordinates.
+    `undo` maps distorted to ideal coordinates.
     """
     x, y = (u - camera.cx) * (1 / camera.fx), (v - camera.cy) * (1 / camera.fy)
     x, y = undo(x, y, camera.coefficients)

@@ -1,4 +1,4 @@
-"""Where a ray meets a rectangle: t = n·(c - o) / n·d, kept if the point lies within both half-edges."""
+"""Where a ray meets a rectangle: t = n·(c - o) / n·d, if that point lies within both half-edges."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from raytwin.scene import Rectangle
 
 
 def intersect_rectangle(origin: Vec, d: Vec, rectangle: Rectangle) -> Any:
-    """The t > 0 at which origin + t d lies on the rectangle, metres along the unit direction; infinity for a miss."""
+    """Return the t > 0 with origin + t d on the rectangle: metres along the unit direction; infinity for a miss."""
     u, v = rectangle.half_u, rectangle.half_v
     n = cross(u, v)
     f = tuple(c - o for c, o in zip(rectangle.center, origin, strict=True))

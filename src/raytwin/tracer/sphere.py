@@ -3,7 +3,7 @@
 Expanded, t² + 2 (f·d) t + (f·f - r²) = 0. Four ways to solve it stand side by side, because how they fail is a subject
 of its own: compare them with a far sphere in float32. To add one, write the function and add its row to SOLVERS.
 
-Each returns the discriminant, whose sign tells whether the ray meets the sphere, and a function that finds the roots
+Each returns the discriminant, whose sign says whether the ray meets the sphere, and a function that finds the roots
 (near, far) where it does: most rays miss, and Dr.Jit then leaves the rest out (computing the roots of every ray, in
 straight-line code, cost it 6 to 13 %).
 """
@@ -15,7 +15,7 @@ from raytwin.arrays import INFINITY, Vec, dot, maximum, select, sqrt, where_any
 from raytwin.scene import Sphere
 
 Solved = tuple[Any, Callable[[], tuple[Any, Any]]]
-"""The discriminant, and what finds (near, far)."""
+"""The discriminant, and the function that finds (near, far)."""
 
 
 def textbook(f: Vec, d: Vec, r: Any) -> Solved:
@@ -73,7 +73,7 @@ SOLVERS: dict[str, Callable[..., Solved]] = {"textbook": textbook, "paper": pape
 
 
 def intersect_sphere(origin: Vec, d: Vec, sphere: Sphere, solver: str = "robust") -> Any:
-    """The least t > 0 with |origin + t d - centre| = radius: metres along the unit direction; infinity for a miss."""
+    """Return the least t > 0 with |origin + t d - centre| = radius: metres along the unit d; infinity for a miss."""
     cx, cy, cz = sphere.center
     f = (origin[0] - cx, origin[1] - cy, origin[2] - cz)
     disc, roots = SOLVERS[solver](f, d, sphere.radius)

@@ -18,7 +18,7 @@ from raytwin.twin.direct_light import albedos, first_light, sunlight
 from raytwin.twin.outlines import Seen
 from raytwin.twin.phong import pi_f
 from raytwin.twin.rays import directions, lens_of
-from raytwin.twin.sky import toward
+from raytwin.twin.sky import sky_radiance
 from raytwin.twin.world import SHADOW_OFFSET, UNIT, load, translate
 
 
@@ -176,7 +176,7 @@ class Renderer:
         for left in reversed(range(self.depth - 1)):
             hit = self._nearest(hit.start, d, active)
             missed = active & (hit.ids < 0)
-            total[missed] += weight[missed] * toward(self.record, d[missed] @ self.R)
+            total[missed] += weight[missed] * sky_radiance(self.record, d[missed] @ self.R)
             active &= hit.ids >= 0
             if left:
                 sun = self._pi_f(hit, self.to_light) * sunlight(self.record, hit.normal @ self.R, self._blocker(hit))

@@ -1,17 +1,18 @@
-"""A map in the place of an even sky: as Mitsuba's `envmap` has it, and its harmonics, by NumPy.
+"""The sky in the twin, a row for each kind: as an emitter of Mitsuba, and by NumPy, independent of `raytwin.lights`.
 
 Mitsuba's columns are as ours (`scene.Environment`), but its first and last row lie on the poles. A map of 2 h + 1 rows,
-with what is midway between ours in between, holds the same function. Mitsuba's y is up and its middle looks along +z,
+with what is midway between ours in between, is the same function. Mitsuba's y is up and its middle looks along +z,
 with +x to the left.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 from math import pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytwin.scene import Environment, Scene
+from raytwin.scene import Environment, Scene, Sky
 
 TO_MITSUBA = np.array(((-1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)))
 """The map's axes to those of `envmap`."""
@@ -97,15 +98,45 @@ def _own_harmonics(environment: Environment) -> np.ndarray:
     return np.asarray(M / pi)
 
 
-def even(scene: Scene, normal: np.ndarray) -> np.ndarray:
-    """(k, 3): the radiance of an even sky that would light what faces `normal` (k, 3), board's axes, as much."""
-    if (found := scene.environment) is None:
-        return np.broadcast_to(scene.sky.radiance, normal.shape)
+def map_irradiance(environment: Environment, normal: np.ndarray) -> np.ndarray:
+    """E/π by the harmonics, never below 0."""
     n = np.concatenate([normal, np.ones((len(normal), 1))], axis=1)
-    return np.maximum(np.einsum("ki,cij,kj->kc", n, harmonics(found, np.eye(3)), n), 0)
+    return np.maximum(np.einsum("ki,cij,kj->kc", n, harmonics(environment, np.eye(3)), n), 0)
 
 
-def toward(scene: Scene, d: np.ndarray) -> np.ndarray:
-    """(k, 3): the sky's radiance along d (k, 3), board's axes."""
-    found = scene.environment
-    return np.broadcast_to(scene.sky.radiance, d.shape) if found is None else radiance(found, d)
+def constant_emitter(sky: Sky, R: Any) -> dict[str, Any]:
+    if not any(sky.radiance):
+        return {}
+    return {"type": "constant", "radiance": {"type": "rgb", "value": list(sky.radiance)}}
+
+
+def constant(sky: Sky, d: np.ndarray) -> np.ndarray:
+    return np.broadcast_to(sky.radiance, d.shape)
+
+
+class SkyRow(NamedTuple):
+    """One kind of sky: Mitsuba's dictionary in the axes to which R turns the board's, {} for none; the radiance along
+    d (k, 3) and E/π for normals (k, 3), which is the radiance of a constant sky of the same light, in board's axes."""
+
+    emitter: Callable[[Any, Any], dict[str, Any]]
+    radiance: Callable[[Any, np.ndarray], np.ndarray]
+    diffuse_irradiance: Callable[[Any, np.ndarray], np.ndarray]
+
+
+SKIES = {Sky: SkyRow(constant_emitter, constant, constant), Environment: SkyRow(emitter, radiance, map_irradiance)}
+"""Record of the scene -> row; `raytwin.lights.SKIES` has the same keys."""
+
+
+def sky_emitter(scene: Scene, R: Any) -> dict[str, Any]:
+    sky = scene.environment or scene.sky
+    return SKIES[type(sky)].emitter(sky, R)
+
+
+def diffuse_irradiance(scene: Scene, normal: np.ndarray) -> np.ndarray:
+    sky = scene.environment or scene.sky
+    return SKIES[type(sky)].diffuse_irradiance(sky, normal)
+
+
+def sky_radiance(scene: Scene, d: np.ndarray) -> np.ndarray:
+    sky = scene.environment or scene.sky
+    return SKIES[type(sky)].radiance(sky, d)

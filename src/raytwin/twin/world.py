@@ -13,7 +13,7 @@ import numpy as np
 from raytwin.errors import InputError
 from raytwin.scene import Rectangle, Scene
 from raytwin.twin import phong
-from raytwin.twin.sky import emitter
+from raytwin.twin.sky import sky_emitter
 
 UNIT = 1024.0
 """Mitsuba's lengths per metre."""
@@ -61,10 +61,8 @@ def translate(scene: Scene, textures: Mapping[int, np.ndarray], without: Collect
     if any(scene.sun.irradiance):
         from_light = (-R @ scene.sun.to_light).tolist()
         world["sun"] = {"type": "directional", "direction": from_light, "irradiance": _rgb(scene.sun.irradiance)}
-    if around := scene.environment:
-        world["sky"] = emitter(around, R)
-    elif any(scene.sky.radiance):
-        world["sky"] = {"type": "constant", "radiance": _rgb(scene.sky.radiance)}
+    if sky := sky_emitter(scene, R):
+        world["sky"] = sky
     return world
 
 
