@@ -45,6 +45,16 @@ def test_a_folder_is_removed_however_deep_whatever_its_rights_and_links_in_it_ar
     remove(folder)  # which is gone
 
 
+def test_a_folder_is_removed_where_the_system_opens_no_folders(tmp_path, monkeypatch):
+    """Windows has neither O_NOFOLLOW nor functions that take a folder's descriptor."""
+    monkeypatch.delattr(os, "O_NOFOLLOW")
+    (tmp_path / "work" / "a").mkdir(parents=True)
+    (tmp_path / "work" / "a" / "file").write_text("x")
+    remove(tmp_path / "work")
+    assert not (tmp_path / "work").exists()
+    remove(tmp_path / "work")  # which is gone
+
+
 def test_what_is_too_much_is_said(tmp_path, monkeypatch):
     (tmp_path / "a").mkdir()
     (tmp_path / "a" / "b").write_bytes(os.urandom(300_000))

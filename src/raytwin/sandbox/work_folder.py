@@ -56,7 +56,13 @@ def excess(folder: Path, most: int, nameless: int = 0) -> str:
 
 
 def remove(folder: Path) -> None:
-    """Remove the folder, however deep and whatever its rights: down by one name and up by `..`, so no path grows."""
+    """Remove the folder, however deep and whatever its rights: down by one name and up by `..`, so no path grows.
+
+    Windows opens no folders, and no other user's files lie there: there `shutil` does it.
+    """
+    if os.open not in os.supports_dir_fd or not hasattr(os, "O_NOFOLLOW"):
+        shutil.rmtree(folder, ignore_errors=True)
+        return
     way: list[str] = []
     with contextlib.suppress(OSError):
         here = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
