@@ -26,8 +26,6 @@ class WithScenes(build_py):
         shutil.rmtree(shipped, ignore_errors=True)
         for folder, patterns in PACKED.items():
             for source in sorted(f for pattern in patterns for f in (ROOT / folder).rglob(pattern)):
-                if source.name == "overview.png":  # the README's
-                    continue
                 target = shipped / source.relative_to(ROOT)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(source, target)

@@ -1,4 +1,8 @@
-"""The READMEs: their commands run as written, their links lead somewhere, the code in them works."""
+"""README and docs/: their commands run as written, their links lead somewhere, the code in them works, they can be read.
+
+Shell blocks marked `sh` are run, those marked `bash` are only parsed (a cluster, a page that waits). A block after
+`<!-- file: NAME -->` is written to that file first.
+"""
 
 import os
 import re
@@ -20,20 +24,31 @@ TEXTS = [
     README,
     *(
         p
-        for folder in (".github", "scenes", "reference", "tests", "src")
+        for folder in (".github", "docs", "scenes", "reference", "tests", "src")
         for p in sorted((ROOT / folder).rglob("*.md"))
     ),
 ]
-SET_UP = ("python3 -m venv", ".venv/bin/pip install", ".venv/bin/python -m pytest", ".venv/bin/ruff", "source ")
+DOCS = ROOT / "docs"
+RUN = [README, *(DOCS / folder for folder in ("start", "tutorials", "howto", "explanation", "reference", "course"))]
+"""Pages whose commands are run, in a folder of each page's own."""
+TUTORIALS = sorted((DOCS / "tutorials").glob("*.md"))
+GENERATED = {"gallery.md", "reference/commands.md", "reference/api.md"}
+"""What docs/hooks.py writes when the site is built, which checks links to these."""
+LONGEST_SENTENCE = 35
+"""Words, in what a newcomer reads first."""
+SET_UP = ("python3 -m venv", ".venv/bin/pip install", ".venv/bin/python ", ".venv/bin/ruff", "source ")
 
 
 def blocks(text: Path, language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", text.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    """The blocks of a language, those within a list too."""
+    found = re.findall(rf"^( *)```{language}\n(.*?)^ *```$", text.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    return [re.sub(rf"^{indent}", "", block, flags=re.MULTILINE) for indent, block in found]
 
 
 def commands(text: Path) -> list[str]:
     """Every line of a shell block, and every `raytwin ...` of a table that has no placeholder; set-up left out."""
     lines = [line for block in blocks(text, "sh") for line in block.splitlines()]
+    lines += [line for block in blocks(text, "bash") for line in block.splitlines() if line.startswith("raytwin ")]
     lines += re.findall(r"`(raytwin (?:[^`A-Z]|[A-Z](?![A-Z]{2}))+?)`", text.read_text(encoding="utf-8"))
     return [line for line in dict.fromkeys(lines) if not line.startswith(SET_UP)]
 
@@ -47,12 +62,42 @@ def raytwin_words(command: str) -> list[str]:
 @pytest.mark.parametrize("text", TEXTS, ids=lambda p: str(p.relative_to(ROOT)))
 def test_links_lead_to_files_that_are_there(text):
     links = re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", text.read_text(encoding="utf-8"))
-    missing = [link for link in links if "://" not in link and not (text.parent / link).exists()]
+    missing = [link for link in links if "://" not in link and not is_there(text.parent / link)]
     assert missing == []
 
 
+def is_there(path: Path) -> bool:
+    path = Path(os.path.normpath(path))
+    return path.exists() or (path.is_relative_to(DOCS) and path.relative_to(DOCS).as_posix() in GENERATED)
+
+
+def test_every_page_has_its_place_in_the_sites_navigation():
+    listed = set(re.findall(r"[\w/-]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8")))
+    assert listed == {p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md")} | GENERATED
+
+
 def test_the_readme_is_short_enough_to_be_read():
-    assert len(README.read_text(encoding="utf-8").splitlines()) <= 220
+    assert len(README.read_text(encoding="utf-8").splitlines()) <= 120
+
+
+def sentences(text: str) -> list[list[str]]:
+    """The words of each sentence; code, tables and pictures left out, a list's rows apart."""
+    text = re.sub(r"^ *```.*?^ *```$|^\|.*?$|^#.*?$|<!--.*?-->|!\[.*?\]\(.*?\)", "\n\n", text, flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"\]\(.*?\)", "]", re.sub(r"`[^`]*`", "code", text))
+    parts = re.split(r"(?<=[.:?!])[*\"]*\s|\n\s*\n|\n\s*(?:[-*]|\d+\.) ", text)
+    return [words for part in parts if (words := re.findall(r"[\w'’%-]+", part))]
+
+
+def test_the_words_of_a_sentence_are_counted_as_a_reader_counts_them():
+    text = "One `raytwin x. y` two, [three](a.md).\nFour:\n\n- five six\n- seven.\n\n| a | table |\n\n```sh\nno words\n```\n"
+    assert [len(words) for words in sentences(text)] == [4, 1, 2, 1]
+
+
+@pytest.mark.parametrize("text", [README, *TUTORIALS], ids=lambda p: p.name)
+def test_no_sentence_that_a_newcomer_reads_is_long(text):
+    found = sentences(text.read_text(encoding="utf-8"))
+    assert len(found) > 10
+    assert [" ".join(words) for words in found if len(words) > LONGEST_SENTENCE] == []
 
 
 def test_one_block_of_the_readme_is_marked_as_the_test_command():
@@ -104,20 +149,39 @@ def run(words: list[str], cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(words, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False)
 
 
-def test_every_command_of_the_readme_runs_as_written(checkout, monkeypatch):
-    """In the order of the page, since later ones read what earlier ones wrote; a comment tells another exit code."""
-    monkeypatch.setenv("RAYTWIN_CACHE", str(checkout / "cache"))
-    ran = [line for block in blocks(README, "sh") for line in block.splitlines() if not line.startswith(SET_UP)]
-    assert len(ran) > 12
-    for number, command in enumerate(ran):
-        expected = told[1] if (told := re.search(r"# exits with (\d(?: or \d)?)", command)) else "0"
+PAGES_RUN = [p for place in RUN for p in ([place] if place.is_file() else sorted(place.glob("*.md"))) if blocks(p, "sh")]
+
+
+@pytest.mark.parametrize("text", PAGES_RUN, ids=lambda p: str(p.relative_to(ROOT)))
+def test_every_command_of_a_page_runs_as_written(text, tmp_path, monkeypatch):
+    """In the order of the page, since later ones read what earlier ones wrote; a comment gives another exit code."""
+    for name in ("scenes", "reference", "src", "pyproject.toml"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    monkeypatch.setenv("RAYTWIN_CACHE", str(ROOT / ".pytest_cache" / "pages"))
+    files = re.findall(r"<!-- file: (\S+) -->\n```\w+\n(.*?)^```$", text.read_text(encoding="utf-8"), re.DOTALL | re.M)
+    for command in (line for block in blocks(text, "sh") for line in block.splitlines()):
+        if command.startswith(SET_UP):
+            continue
         words = raytwin_words(command)
-        # The first as a newcomer meets it; the others are spared their imports.
-        done = raytwin(*words, cwd=checkout) if number else run([sys.executable, "-m", "raytwin", *words], checkout)
+        if words[0] != "grade" or words[1] != "starter":
+            write(files, tmp_path)  # a starter file that a page goes on to fill in
+        expected = given[1] if (given := re.search(r"# exits with (\d(?: or \d)*)", command)) else "0"
+        done = raytwin(*words, cwd=tmp_path)
         assert str(done.returncode) in expected.split(" or "), f"{command}\n{done.stdout}\n{done.stderr}"
         assert "Traceback" not in done.stderr
-    made = ("desk/report.html", "right/junit.xml", "wrong/report.html", "drawn/photo_00.jpg", "uncertainty.png")
-    assert [name for name in made if not (checkout / "out" / name).is_file()] == []
+
+
+def write(files: list[tuple[str, str]], folder: Path) -> None:
+    for name, content in files:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(content, encoding="utf-8")
+
+
+def test_the_first_command_of_the_readme_works_as_a_newcomer_meets_it(checkout):
+    command = next(line for block in blocks(README, "sh") for line in block.splitlines() if "raytwin compare" in line)
+    done = run([sys.executable, "-m", "raytwin", *raytwin_words(command)], checkout)
+    assert done.returncode == 0, done.stderr
+    assert (checkout / "out" / "desk" / "report.html").is_file()
 
 
 def test_the_learners_code_prints_what_its_comment_says(checkout):
@@ -132,7 +196,7 @@ def test_the_learners_code_prints_what_its_comment_says(checkout):
 
 
 def test_the_instructors_test_passes_with_a_right_renderer_and_fails_with_a_wrong_one(checkout):
-    (code,) = (block for block in blocks(README, "python") if "raytwin_reference" in block)
+    (code,) = (block for block in blocks(DOCS / "howto" / "pytest.md", "python") if "raytwin_reference" in block)
     for rung, passed in (("shadow", True), ("lambert", False)):
         folder = checkout / f"class-{rung}"
         folder.mkdir()
@@ -144,6 +208,20 @@ def test_the_instructors_test_passes_with_a_right_renderer_and_fails_with_a_wron
         )
         assert (done.returncode == 0) == passed, done.stdout + done.stderr
         assert ("1 passed" if passed else "1 failed") in done.stdout
+
+
+def test_the_python_of_the_first_five_minutes_prints_what_its_comment_says(checkout):
+    (code,) = blocks(DOCS / "start" / "five-minutes.md", "python")
+    done = run([sys.executable, "-c", code], checkout)
+    assert (done.returncode, done.stdout) == (0, "pass\n"), done.stderr
+
+
+def test_the_maintainers_test_passes_as_written(checkout):
+    (code,) = (block for block in blocks(DOCS / "tutorials" / "maintainer.md", "python") if "raytwin_reference" in block)
+    (checkout / "maintainer").mkdir()
+    (checkout / "maintainer" / "test_mine.py").write_text(code, encoding="utf-8")
+    done = run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", ".", "maintainer"], checkout)
+    assert "1 passed" in done.stdout, done.stdout + done.stderr
 
 
 def test_every_row_of_the_slow_tests_names_one_that_is_there():

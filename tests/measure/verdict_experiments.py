@@ -187,7 +187,7 @@ EXPERIMENTS = (
         "An image without a variance looks like one without noise, and noise beyond the tolerance then looks like a "
         "fault. The verdict takes the noise from the other side's, by the samples' ratio, or from the difference "
         "itself.",
-        "tests/README.md: what nobody tells", {"taken for free of noise": noisy_enough}, slack=2, trials=20, many=500,
+        "docs/explanation/verdict.md", {"taken for free of noise": noisy_enough}, slack=2, trials=20, many=500,
     ),
     Experiment(
         "verdict-spikes", "Rare bright events", "share of samples with an event of 100", FALSE, BOUND,
@@ -212,7 +212,7 @@ EXPERIMENTS = (
         "What no false alarm costs: a fault is seen while it moves the whole image's mean by some four standard "
         "errors, which here is 0.2 %. Tests of single values need fifty times as much, because each has all the noise "
         "of its pixel.",
-        "tests/README.md: what the verdict sees",
+        "docs/measured/verdict.md",
         {OURS: lambda x: float(ndtr(limit(15) - x / MEAN_ERROR)),
          Z_TEST: lambda x: float(ndtr(limit(VALUES) - 16 * x / 0.3) ** VALUES)},
         limit=0.003, slack=2.5, trials=20, many=300,

@@ -130,8 +130,8 @@ def test_wrong_numbers_are_refused(folder):
             diff(folder / "a.exr", folder / "b.exr", **options)
 
 
-def test_the_readme_has_every_metrics_formula_and_every_option():
-    readme = (ROOT / "tests" / "README.md").read_text(encoding="utf-8")
+def test_the_docs_have_every_metrics_formula_and_every_option():
+    readme = (ROOT / "docs" / "reference" / "diff-and-metrics.md").read_text(encoding="utf-8")
     for metric in METRICS.values():
         formula = metric.formula.replace("|", "\\|")
         assert f"| `{metric.name}` | {formula} | {metric.source} |" in readme

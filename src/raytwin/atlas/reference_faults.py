@@ -327,7 +327,7 @@ EXPERIMENTS = (
         (1.0, 1e4, 1e5, 1e10, 1e20, 1e30, 1e37), bright, (TWIN, TRACER),
         "Radiance is multiplied and added, so floats keep its relative error at any scale up to 3e38, where pictures "
         "end. What breaks with a bright sun is a fixed tolerance; raytwin's follows the picture's own scale.",
-        "IEEE 754; tests/README.md: scale", trials=1, many=1,
+        "IEEE 754; docs/explanation/verdict.md", trials=1, many=1,
     ),
     Experiment(
         "planes-fight", "Two sheets, one close above the other", "distance apart / height of the eye",

@@ -1,0 +1,177 @@
+"""The gallery: real pages, made small by the program itself, each with a thumbnail and a sentence."""
+
+import contextlib
+import io
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parent.parent
+MADE = ROOT / "docs" / "made"
+"""Where the pages go: ignored by git, part of the site."""
+WIDTH, HEIGHT = 1100, 760
+"""Of the browser's window for a thumbnail, pixels."""
+THUMB = 420
+"""A thumbnail's width, pixels."""
+
+
+class Entry(NamedTuple):
+    """A page of the gallery. `commands` run one after the other in `folder`; `page` lies in it."""
+
+    folder: str
+    page: str
+    title: str
+    sentence: str
+    commands: tuple[str, ...]
+    codes: tuple[int, ...] = (0,)
+    """Exit codes of the last command that are expected."""
+
+
+ENTRIES = (
+    Entry(
+        "pass", "out/report.html", "A pass",
+        "Tracer and Mitsuba agree to rounding. Zoom both together, change the exposure, read any pixel.",
+        ("compare overlap --size 240x180 -o out",),
+    ),
+    Entry(
+        "cause", "out/report.html", "A failure with its cause",
+        "A student's `shade` lacks the division by π. The first line of the page says so.",
+        ("compare overlap --rung shadow --subject class/cleo.py --size 160x120 -o out",), (1,),
+    ),
+    Entry(
+        "diff", "out/report.html", "Two images of any renderers",
+        "`raytwin diff` of a render without shadows and a reference with them.",
+        ("diff {root}/reference/overlap/lambert.exr {root}/reference/overlap/shadow.exr -o out",), (1,),
+    ),
+    Entry(
+        "path", "out/report.html", "Direct light beside all light",
+        "An expected difference, split into named parts that add up to it: shadows, the sky's occlusion, each bounce.",
+        ("compare overlap --rung path --samples 64 --size 160x120 -o out",),
+    ),
+    Entry(
+        "ladder", "out/ladder.html", "The ladder of light",
+        "One scene at every light level, on both sides, with error against seconds.",
+        ("ladder overlap --size 160x120 -o out",),
+    ),
+    Entry(
+        "atlas", "out/atlas.html", "The atlas of failures",
+        "Three experiments: each method is driven until it fails, beside what theory predicts.",
+        ("stability sphere-far sphere-ground sum-samples -o out",),
+    ),
+    Entry(
+        "bench", "out/bench.html", "Speed against accuracy",
+        "A few methods with a budget of seconds: the frontier of error against time.",
+        ("bench single --sizes 0.02 --methods numpy32-*-conic,drjit32-*-conic --budget 12 --repeats 5 -o out",),
+    ),
+    Entry(
+        "class", "out/index.html", "A class",
+        "The three submissions of the instructor's tutorial: points, mistakes by frequency, a row per student.",
+        ("grade class --rubric rubric.toml -o out",),
+    ),
+    Entry(
+        "augment", "out/index.html", "Spheres drawn into photos",
+        "Synthetic photos with a known camera: calibrated, drawn into, and compared with the truth.",
+        (
+            "board --columns 5 --rows 7 --tag 30mm --pitch 38mm --paper letter -o board.pdf",
+            "photograph --board board.toml --scene desk --count 6 --size 640x480 --samples 4 -o plain",
+            "photograph --board board.toml --scene desk --count 6 --size 640x480 --samples 4 --with-objects -o true",
+            "calibrate plain --board board.toml -o camera.toml --uncertainty uncertainty.png",
+            "augment plain/photo_00.jpg --scene desk --board board.toml --camera camera.toml --against true -o out",
+        ),
+    ),
+)  # fmt: skip
+
+
+def is_made(path: Path) -> bool:
+    """Tell whether a file of the site is a page of the gallery."""
+    return MADE.name in path.parts
+
+
+def make() -> None:
+    """Make the pages that are not there yet, each in a folder of its own that appears when it is complete."""
+    for entry in ENTRIES:
+        if not (folder := MADE / entry.folder).exists():
+            shutil.rmtree(unfinished := MADE / f"{entry.folder}.unfinished", ignore_errors=True)
+            unfinished.mkdir(parents=True)
+            write_files((ROOT / "docs" / "tutorials" / "instructor.md").read_text(encoding="utf-8"), unfinished)
+            for number, command in enumerate(entry.commands, 1):
+                code = run(command, unfinished)
+                if code not in (entry.codes if number == len(entry.commands) else (0,)):
+                    raise SystemExit(f"gallery: {command}: exit code {code}")
+            thumbnail(unfinished / entry.page, unfinished / "thumb.webp")
+            keep_page(unfinished / entry.page, unfinished)
+            unfinished.rename(folder)
+
+
+def write_files(text: str, folder: Path) -> None:
+    """Write each block of a page that `<!-- file: NAME -->` precedes to its name."""
+    for name, code in re.findall(r"<!-- file: (\S+) -->\n```\w+\n(.*?)^```$", text, re.DOTALL | re.MULTILINE):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(code, encoding="utf-8")
+
+
+def run(command: str, folder: Path) -> int:
+    """Run a raytwin command in this process, which imports once, and return its exit code."""
+    from raytwin.cli import main
+
+    sys.argv = ["raytwin", *(word.format(root=ROOT) for word in command.split())]
+    with contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()) as printed:
+        try:
+            main()
+        except SystemExit as ended:
+            if ended.code == 2:
+                print(printed.getvalue(), file=sys.stderr)
+            return int(ended.code or 0)
+    return 0
+
+
+def keep_page(page: Path, folder: Path) -> None:
+    """Delete what no page loads: EXRs, JSON, charts as files."""
+    for path in sorted(folder.rglob("*"), reverse=True):
+        if path.is_file() and path.suffix not in (".html", ".js", ".webp"):
+            path.unlink()
+        elif path.is_dir() and not any(path.iterdir()):
+            path.rmdir()
+
+
+def thumbnail(page: Path, target: Path) -> None:
+    """Photograph the top of a page with Chromium; without one, there is no thumbnail."""
+    from PIL import Image
+
+    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if browser is None:
+        return
+    shot = target.with_suffix(".png")
+    command = [
+        browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--virtual-time-budget=4000",
+        f"--window-size={WIDTH},{HEIGHT}", f"--screenshot={shot}", page.as_uri(),
+    ]  # fmt: skip
+    subprocess.run(command, check=True, capture_output=True, timeout=120, env=os.environ | {"HOME": str(target.parent)})
+    with Image.open(shot) as image:
+        image.convert("RGB").resize((THUMB, THUMB * HEIGHT // WIDTH), Image.Resampling.LANCZOS).save(target, quality=75)
+
+
+def page() -> str:
+    """Return the gallery's page: what is made, and what would make it."""
+    parts = [
+        "# Gallery\n\nThese are raytwin's own pages, made small by the commands beside them. They need no network:"
+        " open one, zoom, change the exposure, click a pixel.\n"
+    ]
+    for entry in ENTRIES:
+        folder = MADE / entry.folder
+        address = f"{MADE.name}/{entry.folder}"
+        parts.append(f"## {entry.title}\n\n{entry.sentence}\n")
+        if (folder / "thumb.webp").exists():
+            parts.append(f"[![{entry.title}: the page]({address}/thumb.webp)]({address}/{entry.page})\n")
+        if (folder / entry.page).exists():
+            parts.append(f"[Open the page]({address}/{entry.page})\n")
+        else:
+            parts.append("`python docs/build.py` makes this page.\n")
+        shown = "\n".join(f"raytwin {command}".replace("{root}/", "") for command in entry.commands)
+        parts.append(f"```text\n{shown}\n```\n")
+    return "\n".join(parts)

@@ -1,0 +1,71 @@
+"""Pages that mkdocs makes from the program itself: commands from `--help`, the Python API, the gallery."""
+
+import importlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from typer.main import get_command
+
+import raytwin
+from raytwin.cli import app
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+import gallery
+
+WIDTH = 100
+"""Columns of a command's help text."""
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the generated pages, which lie in no folder, to the written ones."""
+    pages = {"reference/commands.md": commands_page(), "reference/api.md": api_page(), "gallery.md": gallery.page()}
+    for path, text in pages.items():
+        files.append(File.generated(config, path, content=text))
+    return files
+
+
+def commands_page() -> str:
+    """Return the page of all commands: one heading each, with the text that `--help` prints."""
+    parts = [
+        "# Commands\n\nThis page is what each command prints under `--help`. A scene is a folder, a `scene.toml`, or"
+        " the name of a built-in scene. [Exit codes](exit-codes.md) mean the same for all of them.\n"
+    ]
+    for name, context in walk(get_command(app), "raytwin", None):
+        parts.append(f"## {name}\n\n```text\n{context.get_help()}\n```\n")
+    return "\n".join(parts)
+
+
+def walk(command: click.Command, name: str, parent: click.Context | None) -> Iterator[tuple[str, click.Context]]:
+    """Yield a command's full name and context, then those of its subcommands in their order."""
+    context = command.context_class(
+        command, info_name=name.rpartition(" ")[2], parent=parent, terminal_width=WIDTH, max_content_width=WIDTH
+    )
+    yield name, context
+    for child in getattr(command, "commands", {}):
+        yield from walk(command.commands[child], f"{name} {child}", context)
+
+
+def api_page() -> str:
+    """Return the page of what `raytwin` exports, one mkdocstrings block per name."""
+    parts = [
+        "# Python API\n\n`import raytwin` gives these names and imports nothing heavy before it is needed. Lengths are"
+        " metres, images are linear Rec. 709 in float32 (H, W, 3) with row 0 on top:"
+        " see [conventions](conventions.md).\n"
+    ]
+    for name in raytwin.__all__:
+        if name in raytwin._HOME:
+            module, _, own = raytwin._HOME[name].partition(":")
+            parts.append(
+                f"## raytwin.{name}\n\n::: {defined_in(f'raytwin.{module}', own or name)}\n    options:\n"
+                "      show_root_heading: false\n      show_root_toc_entry: false\n      heading_level: 3\n"
+            )
+    return "\n".join(parts)
+
+
+def defined_in(module: str, name: str) -> str:
+    """Return the dotted path of the file that defines a name, which its package only re-exports."""
+    return f"{getattr(importlib.import_module(module), name).__module__}.{name}"
