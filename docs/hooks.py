@@ -22,7 +22,12 @@ WIDTH = 100
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages, which lie in no folder, to the written ones."""
-    pages = {"reference/commands.md": commands_page(), "reference/api.md": api_page(), "gallery.md": gallery.page()}
+    pages = {
+        "reference/commands.md": commands_page(),
+        "reference/api.md": api_page(),
+        "gallery.md": gallery.page(),
+        "changelog.md": (gallery.ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
+    }
     for path, text in pages.items():
         files.append(File.generated(config, path, content=text))
     return files

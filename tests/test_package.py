@@ -22,6 +22,12 @@ ROOT = Path(__file__).resolve().parent.parent
 MOST_BYTES = 12e6
 """Of the wheel: references 7.3 MB, scenes 3.8 MB (photos are progressive: 17 % less, the same pixels), code 0.5 MB."""
 
+TEXTS = (
+    "pyproject.toml", "setup.py", "mkdocs.yml", "MANIFEST.in", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff",
+    "SECURITY.md",
+)  # fmt: skip
+"""The files beside the folders."""
+
 pytestmark = pytest.mark.slow
 
 
@@ -35,9 +41,9 @@ def built(tmp_path_factory) -> Path:
     """A folder with the sdist, and the wheel made of it."""
     out, source = tmp_path_factory.mktemp("dist"), tmp_path_factory.mktemp("source")
     # Of a copy: building writes beside what it builds, where another run may be at it.
-    for part in ("src", "scenes", "reference", "tests", ".ci", ".github"):
-        shutil.copytree(ROOT / part, source / part, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
-    for part in ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff"):
+    for part in ("src", "scenes", "reference", "tests", "docs", ".ci", ".github"):
+        shutil.copytree(ROOT / part, source / part, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info", "made"))
+    for part in TEXTS:
         shutil.copy(ROOT / part, source)
     subprocess.run([sys.executable, "-m", "build", "--outdir", out, source], check=True, timeout=300)
     return out
@@ -102,8 +108,7 @@ def tracked(*folders: str) -> set[str]:
 def test_the_wheel_brings_scenes_and_references_and_stays_small(built):
     wheel = next(built.glob("*.whl"))
     there = contents(wheel)
-    left = ("overview.png", ".md")
-    asked = {f"raytwin/shipped/{n}" for n in tracked("scenes", "reference") if not n.endswith(left)}
+    asked = {f"raytwin/shipped/{n}" for n in tracked("scenes", "reference") if not n.endswith(".md")}
     assert {n for n in there if n.startswith("raytwin/shipped/")} == asked
     assert {n.replace("src/", "", 1) for n in tracked("src")} <= there
     assert wheel.stat().st_size < MOST_BYTES
@@ -111,8 +116,7 @@ def test_the_wheel_brings_scenes_and_references_and_stays_small(built):
 
 def test_the_sdist_brings_tests_scenes_and_references(built):
     there = contents(next(built.glob("*.tar.gz")))
-    parts = "src", "scenes", "reference", "tests", ".ci", ".github", "README.md", "setup.py", "pyproject.toml"
-    assert tracked(*parts) <= there
+    assert tracked("src", "scenes", "reference", "tests", "docs", ".ci", ".github", *TEXTS) <= there
 
 
 def test_the_sdists_own_tests_find_what_they_need_beside_them(built, tmp_path):

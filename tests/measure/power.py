@@ -1,6 +1,6 @@
 """What a verdict sees: faults put into correct renders and how often each tool finds them; alarms where there is none.
 
-`python -m measure.power` prints the tables of docs/measured/verdict.md. The tools, each at a setting that its users take:
+`python -m measure.power` prints the tables of docs/measured/verdict.md. The tools, each at a setting its users take:
 
 - raytwin: `compare` at a false-alarm rate of 1e-3;
 - idiff: OpenImageIO's `ImageBufAlgo.compare`, fails where more than 10 % of the pixels differ by more than 0.004 or any
