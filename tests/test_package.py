@@ -161,7 +161,7 @@ def test_an_installed_raytwin_checks_a_students_functions(installed):
     told = installed("tracer", code=None)
     assert "intersect_sphere" in told
     (installed.folder / "far.py").write_text(FAR)
-    assert "the far root is returned where the near one is wanted" in installed("far")
+    assert "you take the far root, where the ray leaves the sphere" in installed("far")
 
 
 FAR = """

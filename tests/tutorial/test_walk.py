@@ -33,10 +33,10 @@ MISTAKES = {
     "back_project": (
         "np.arange(width), np.arange(height)",
         "np.arange(width) + 0.5, np.arange(height) + 0.5",
-        "half a pixel is added",
+        "half a pixel beside the pixels' centres",
     ),
     "intersect_sphere": ("np.where(far > 0, far, np.inf)", "np.inf", "rays that start inside the sphere miss it"),
-    "shade": ("albedo / np.pi", "albedo", "pi times too bright"),
+    "shade": ("albedo / np.pi", "albedo", "π times too bright"),
     "sun_visible": (" & (b < 0)", "", "only those with t > 0"),
     "sky_visible": ("(radius / d) ** 2", "(radius / d)", "r/d is not squared"),
     "hemisphere": ("np.sqrt(1 - a)", "1 - a", "the directions are not unit"),

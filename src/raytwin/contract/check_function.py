@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from raytwin.contract.composed_tracer import NEEDED
 from raytwin.contract.loading import arrays_of
 from raytwin.contract.repair_function import probes, repair_here
-from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant
+from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant, together
 from raytwin.contract.stage_result import CaseResult, StageResult
 from raytwin.diagnose.repair import Repair
 
@@ -119,11 +119,11 @@ def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> S
         where = "" if all(isinstance(got, str) for got in checked) else f" ({cases[worst].shows})"
         return replace(base, sentence=broken + where, inputs=_short_args(stage, cases[worst]))
     arrays = [got for got in checked if not isinstance(got, str)]
-    causes = explain(stage, cases, arrays)
+    causes = [] if stage.name in NEEDED else explain(stage, cases, arrays)
     inputs, expected, found = _worst_value(stage, cases[worst], arrays[worst])
     sentence = _blame(causes) if causes else f"no typical mistake explains it: {_where(results)}"
     names = tuple(dict.fromkeys(" and ".join(v.name for v in cause) for cause in causes))
-    if not causes and stage.name in NEEDED:
+    if stage.name in NEEDED:
         names, sentence = _diagnosed(stage, cases, arrays)
     return replace(base, sentence=sentence, causes=names, inputs=inputs, expected=expected, got=found)
 
@@ -193,9 +193,10 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
 
     def left(chain: Sequence[Variant]) -> float:
         """What is left of the first case where these, one upon the other, are the mistake; 0: nothing of any case."""
-        function = stage.reference
-        for variant in chain:
-            function = variant.change(function)
+        try:
+            function = together(stage.name, chain, stage.reference)
+        except ValueError:  # slips in one and the same place
+            return 1.0
         predicted = _call(function, first[0])
         return (
             _left(stage, predicted, first[1])
@@ -207,8 +208,6 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
     found: list[tuple[Variant, ...]] = [(stage.variants[i],) for i, rest_of_it in alone.items() if rest_of_it == 0]
     if found:
         return found
-    if stage.name in NEEDED:  # of pictures these are too many, and more is known of them than variants
-        return []
     best = sorted(alone, key=lambda i: alone[i])[: PAIRS // max(1, len(alone))]
     pairs = [(i, j) for i in best for j in alone if i != j]
     return list(_distinct(chain for i, j in pairs if left(chain := (stage.variants[i], stage.variants[j])) == 0))

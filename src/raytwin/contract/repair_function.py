@@ -10,7 +10,7 @@ import numpy as np
 from raytwin.contract.stage import Case, Function, Stage
 from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, attempt, repair
 
-SECONDS = 4.0
+SECONDS = 2.5
 """Of computing, after which no further change is tried."""
 
 

@@ -1,11 +1,15 @@
 """What a stage of a tracer is: a function that students write, the calls that test it, the mistakes it is known for."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from raytwin.diagnose.catalogue import FAULTS
+from raytwin.diagnose.textbook import Changes
+from raytwin.diagnose.textbook_faults import FAULTS_OF, OWN_WORDS, wrong
 
 Function = Callable[..., Any]
 Arrays = tuple[np.ndarray, ...]
@@ -24,12 +28,34 @@ class Case:
 class Variant:
     """A typical mistake: `change` makes it from the right function, `sentence` tells it to whoever made it.
 
-    Several variants may share a `name`: the same mistake in other numbers.
+    Several variants may share a `name`: the same mistake in other numbers. `slips`: what makes it of the textbook's
+    text, where it is made of that.
     """
 
     name: str
     sentence: str
     change: Callable[[Any], Function]
+    slips: Changes = ()
+
+
+def textbook_variants(function: str) -> tuple["Variant", ...]:
+    """The faults of a function that the textbook has, in the catalogue's words."""
+    words = {f.name: f.sentence for f in FAULTS} | OWN_WORDS
+    ways = [(name, slips) for name, all_of_it in FAULTS_OF[function].items() for slips in all_of_it]
+    return tuple(Variant(name, words[name], _slipped(function, slips), slips) for name, slips in ways)
+
+
+def _slipped(function: str, slips: Changes) -> Callable[[Any], Function]:
+    return lambda f: wrong(function, slips)
+
+
+def together(function: str, variants: Sequence[Variant], right: Function) -> Function:
+    """The function with all of these mistakes. Raises ValueError for slips that exclude one another."""
+    if all(v.slips for v in variants):
+        return wrong(function, tuple(slip for v in variants for slip in v.slips))
+    for variant in variants:
+        right = variant.change(right)
+    return right
 
 
 def before(change: Callable[..., tuple[Any, ...]]) -> Callable[[Function], Function]:
@@ -67,7 +93,7 @@ class Stage:
     errors: Callable[[Arrays, Arrays], np.ndarray]
     tolerance: float
     unit: str
-    variants: tuple[Variant, ...]
+    variants: tuple[Variant, ...] = ()
     outliers: float = 0.0
     columns: bool = False
     hint: Callable[[Arrays, Arrays], str] = lambda expected, got: ""

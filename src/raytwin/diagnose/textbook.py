@@ -6,6 +6,7 @@ the contract's dict. `tracer_with` replaces some of its functions by others, a s
 """
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -176,8 +177,13 @@ def render(scene: Any) -> Any:
 
 TEXT = Path(__file__).read_text(encoding="utf-8").split("# ----")[0]
 """The functions above."""
+PARTS = tuple(part if k == 0 else "def " + part for k, part in enumerate(TEXT.split("\n\n\ndef ")))
+"""The same, imports first, then one by one."""
 
-FORMS: dict[str, tuple[tuple[str, str], ...]] = {
+Changes = tuple[tuple[str, str], ...]
+"""Replacements (old, new) in the text, one after the other."""
+
+FORMS: dict[str, Changes] = {
     "unit rays": (),
     "rays of any length": (("return rays / np.linalg.norm(rays, axis=-1, keepdims=True)", "return rays"),),
     "the near root alone": (("t = np.where(near > 0, near, far)", "t = near"),),
@@ -194,21 +200,23 @@ FORMS: dict[str, tuple[tuple[str, str], ...]] = {
 """Right forms that students use as well, as replacements in `TEXT`: mistakes differ between them."""
 
 
-def tracer_with(
-    functions: Mapping[str, Callable[..., Any]] | None = None, changes: tuple[tuple[str, str], ...] = ()
-) -> SimpleNamespace:
-    """The textbook's functions, its text changed, and some replaced by `functions`, which the others then call."""
-    text = TEXT
+def tracer_with(functions: Mapping[str, Callable[..., Any]] | None = None, changes: Changes = ()) -> SimpleNamespace:
+    """The textbook's functions, its text changed, and some replaced by `functions`, which the others then call.
+
+    Raises ValueError for a change of what the text does not have.
+    """
+    parts = PARTS
     for old, new in changes:
-        if old not in text:
+        if not any(old in part for part in parts):
             raise ValueError(f"the textbook has no {old!r}")
-        text = text.replace(old, new)
-    return run_text(compile(text, __file__, "exec"), functions or {})
-
-
-def run_text(code: Any, functions: Mapping[str, Callable[..., Any]]) -> SimpleNamespace:
-    """The names that compiled text defines."""
+        parts = tuple(part.replace(old, new) for part in parts)
     space: dict[str, Any] = {"__name__": __name__, "__file__": __file__}
-    exec(code, space)
-    space.update(functions)
+    for part in parts:
+        exec(_compiled(part), space)
+    space.update(functions or {})
     return SimpleNamespace(**{name: thing for name, thing in space.items() if not name.startswith("__")})
+
+
+@lru_cache(maxsize=1024)
+def _compiled(part: str) -> Any:
+    return compile(part, __file__, "exec")

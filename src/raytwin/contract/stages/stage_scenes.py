@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.contract.composed_tracer import Renderer, SceneDict
+from raytwin.diagnose import textbook
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.scene.lens import undone
 
+SceneDict = dict[str, Any]
 SIZE = 26, 18
 NEAR = 1e-3
 """Pixels: no outline and no shadow's edge is this close to a pixel's centre."""
@@ -86,10 +87,15 @@ def _is_clear(scene: SceneDict) -> bool:
 
 
 def _seen(scene: SceneDict) -> np.ndarray:
-    ours = Renderer()
-    met = ours.meet(scene, scene["spheres"], scene["planes"])
-    balls = ours.meet(scene, scene["spheres"], [])
-    return np.stack([met.which, balls.which, ours.dark(scene, met)])
+    """(3, N): what each pixel sees, of all things and of the spheres alone; and whether the sun is hidden there."""
+    things, to_light = [*scene["spheres"], *scene["planes"]], scene["sun"]["to_light"]
+    with np.errstate(all="ignore"):
+        rays = textbook.back_project(scene["K"], scene["dist"], scene["width"], scene["height"]).reshape(-1, 3)
+        eye, which, points = textbook.met(rays, scene, things)
+        _, balls, _ = textbook.met(rays, scene, scene["spheres"])
+        normals = textbook.normals_at(points, which, eye, things)
+        lit = textbook.sun_visible(points, normals, which, to_light, eye, things)
+    return np.stack([which, balls, lit | (which < 0)])
 
 
 def _moved(scene: SceneDict, x: float, y: float) -> SceneDict:
