@@ -3,10 +3,12 @@
 import ast
 import types
 
+import numpy as np
 import pytest
 from starter_submissions import LOOPS, PLAIN, RIGHT, SLIPS
 
 from raytwin.contract.check_function import judge_function, repair_function
+from raytwin.contract.repair_function import _bounded_memory
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.diagnose.operators import edits, replaced
 from raytwin.diagnose.repair import Repair, attempt, candidates
@@ -77,6 +79,18 @@ def test_every_edit_changes_one_place_and_leaves_the_tree_as_it_was(text):
         for edit in edits(statement)[::7]:
             assert ast.dump(replaced(statement, edit.old, edit.new)) != whole, edit.after
         assert ast.dump(statement) == whole
+
+
+def test_a_change_that_asks_for_too_much_memory_is_none():
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    code = candidates([("", "import numpy as np\ndef f(n):\n    return np.ones(n * 40000)[:1]")], "f")
+    chosen = [c for c in code if "n ** 40000" in c.edit.after or "n * 40000 ** 2" in c.edit.after]
+    with _bounded_memory():
+        made = attempt({"np": np}, "f", [c.code for c in chosen], [("f",)] * len(chosen), (7,), 1.0)
+    assert made == [None] * len(chosen) != []
+    assert resource.getrlimit(resource.RLIMIT_AS) == before
 
 
 def test_what_is_right_by_its_own_test_is_not_changed():

@@ -1,8 +1,10 @@
 """The line to look at: a student's function of a stage, repaired by one change of its text, in this process."""
 
+import contextlib
 import inspect
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,8 @@ from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, a
 
 SECONDS = 2.5
 """Of computing, after which no further change is tried."""
+MEMORY = 1 << 31
+"""Bytes that a change may take."""
 
 
 def repair_here(
@@ -32,10 +36,30 @@ def repair_here(
 
     def run(chosen: Sequence[Candidate], arguments: Sequence[Any]) -> Answers:
         codes, names = [c.code for c in chosen], [c.names for c in chosen]
-        made: Answers = attempt(space, name, codes, names, arguments, A_CALL)
+        with _bounded_memory():
+            made: Answers = attempt(space, name, codes, names, arguments, A_CALL)
         return made
 
     return repair(cells, name, cases, is_right, run, lambda: time.process_time() - began < seconds)
+
+
+@contextlib.contextmanager
+def _bounded_memory() -> Iterator[None]:
+    """A change may ask for arrays without end: more than MEMORY beyond what is there is refused, where that can be."""
+    try:
+        import resource
+
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+        most = pages * resource.getpagesize() + MEMORY
+        resource.setrlimit(resource.RLIMIT_AS, (most if soft == resource.RLIM_INFINITY else min(soft, most), hard))
+    except (ImportError, OSError, ValueError):  # another system
+        yield
+        return
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
 def _cells(function: Function, source: str) -> Cells:
