@@ -7,7 +7,15 @@ import zipfile
 import numpy as np
 import pytest
 
-from raytwin.files import load_arrays
+from raytwin.files import Cache, read_arrays
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """A cache of 1000 bytes in a folder of its own, which exists."""
+    monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path))
+    (tmp_path / "things").mkdir()
+    return Cache("things", ".npz", 1000)
 
 
 def npz() -> bytes:
@@ -38,9 +46,9 @@ def member(name: str, content: bytes) -> bytes:
     return stream.getvalue()
 
 
-def test_arrays_that_were_stored_are_loaded(tmp_path):
-    (tmp_path / "a.npz").write_bytes(npz())
-    np.testing.assert_array_equal(load_arrays(tmp_path / "a.npz")["a"], np.arange(100.0))
+def test_arrays_that_were_stored_are_loaded(cache):
+    cache.store("a", lambda to: to.write_bytes(npz()))
+    np.testing.assert_array_equal(cache.load("a", read_arrays)["a"], np.arange(100.0))
 
 
 @pytest.mark.parametrize(
@@ -57,14 +65,35 @@ def test_arrays_that_were_stored_are_loaded(tmp_path):
         b"PK\x03\x04",
     ],
 )
-def test_what_cannot_be_read_as_arrays_is_none(tmp_path, data):
-    (tmp_path / "a.npz").write_bytes(data)
-    assert load_arrays(tmp_path / "a.npz") is None
+def test_what_cannot_be_read_as_arrays_is_none(cache, data):
+    cache.path("a").write_bytes(data)
+    assert cache.load("a", read_arrays) is None
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there are no named pipes")
-def test_a_folder_or_a_pipe_is_none(tmp_path):
-    os.mkfifo(tmp_path / "pipe")
-    assert load_arrays(tmp_path) is None
-    assert load_arrays(tmp_path / "pipe") is None
-    assert load_arrays(tmp_path / "missing") is None
+def test_a_folder_or_a_pipe_is_none_and_is_not_replaced(cache):
+    os.mkfifo(cache.path("pipe"))
+    cache.path("folder").mkdir()
+    for key in ("pipe", "folder", "missing"):
+        assert cache.load(key, read_arrays) is None
+    for key in ("pipe", "folder"):
+        cache.store(key, lambda to: to.write_bytes(npz()))
+        assert not cache.path(key).is_file()
+
+
+def test_what_was_used_longest_ago_is_dropped_and_use_makes_a_file_young(cache):
+    for age, key in enumerate("abcd"):
+        cache.store(key, lambda to: to.write_bytes(bytes(300)))
+        if cache.path(key).exists():
+            os.utime(cache.path(key), (1e9 + age, 1e9 + age))
+    assert [key for key in "abcd" if cache.path(key).exists()] == ["b", "c", "d"]
+    assert cache.load("b", lambda path: path.stat().st_size) == 300
+    cache.store("e", lambda to: to.write_bytes(bytes(300)))
+    assert [key for key in "abcde" if cache.path(key).exists()] == ["b", "d", "e"]
+
+
+def test_a_file_that_its_reader_refuses_stays_old(cache):
+    cache.store("a", lambda to: to.write_bytes(b"1"))
+    os.utime(cache.path("a"), (1e9, 1e9))
+    assert cache.load("a", lambda path: None) is None
+    assert cache.path("a").stat().st_mtime == 1e9

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from raytwin import files
-from raytwin.twin import activate, provenance, render, render_cache
+from raytwin.twin import activate, provenance, render
 from raytwin.twin import render as render_function
 
 render_module = __import__("sys").modules["raytwin.twin.rendering"]
@@ -99,30 +99,6 @@ def test_everything_that_moves_a_pixel_is_in_the_key(scene):
 
 def test_noise_free_renders_ignore_the_seed(scene):
     assert provenance(scene, "shadow", seed=1, samples=4) == provenance(scene, "shadow", seed=2, samples=9)
-
-
-def test_the_cache_drops_what_was_used_longest_ago(scene, tmp_path, monkeypatch):
-    for seed in range(4):
-        render(scene, "path", samples=2, seed=seed)
-    kept = sorted(tmp_path.glob("renders/*.npz"))
-    for age, file in enumerate(kept):
-        os.utime(file, (1e9 - age, 1e9 - age))
-    size = kept[0].stat().st_size
-    monkeypatch.setattr(render_cache, "LIMIT", int(3.5 * size))
-    render(scene, "path", samples=2, seed=9)
-    left = set(tmp_path.glob("renders/*.npz"))
-    assert kept[0] in left
-    assert kept[1] in left
-    assert not {kept[2], kept[3]} & left
-    assert len(left) == 3
-
-
-def test_use_keeps_a_render_young(scene, tmp_path):
-    render(scene, "path", samples=2)
-    (file,) = tmp_path.glob("renders/*.npz")
-    os.utime(file, (1e9, 1e9))
-    render(scene, "path", samples=2)
-    assert file.stat().st_mtime > 1e9
 
 
 def test_a_cache_that_cannot_be_written_is_no_error(scene, tmp_path, monkeypatch):

@@ -28,8 +28,7 @@ SEEDS = 0xA11CE, 0xB0B
 """Others than a user's, so that no picture is held against its own samples."""
 SMALL = 96
 """Pixels across, when objects are taken away one by one to see what they had to do with a part."""
-LIMIT = 1 << 29
-"""Bytes that are kept."""
+CACHE = files.Cache("light", ".npz", 1 << 29)
 ROOT = Path(raytwin.__file__).parent
 MADE_BY = *(ROOT / room for room in ("arrays.py", "scene", "lights", "tracer", "speed")), Path(__file__)
 """Whose source decides the numbers."""
@@ -80,11 +79,10 @@ class WholeLight:
         code, scene = files.made_by(MADE_BY, ("numpy", "drjit")), self.scene
         about = (code, what, self.engine, self.depth, scene.camera, scene.objects, scene.lights)
         key = hashlib.sha256(msgspec.json.encode((*about, PIXELS, PIXELS_NUMPY), enc_hook=files.plain)).hexdigest()[:32]
-        path = files.cache_folder() / "light" / f"{key}.npz"
-        found = load(path, shapes)
-        if found is None:
-            found = make()
-            store(path, found)
+        if (found := CACHE.load(key, lambda path: _read(path, shapes))) is None:
+            made: dict[str, Any] = dict(make())
+            CACHE.store(key, lambda to: np.savez(to, **made))
+            return made
         return found
 
     def _sampled(self) -> Arrays:
@@ -142,25 +140,11 @@ def gone(thing: Shape) -> Shape:
     return msgspec.structs.replace(thing, center=far, radius=1e-9)
 
 
-# ------------------------------------------------------------------------------------------------ kept between runs
-
-
-def load(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> Arrays | None:
-    """Finite float32 arrays of these names and shapes, and no others; None where there are none."""
-    found = files.load_arrays(path)
-    if found is None:
-        return None
+def _read(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> Arrays | None:
+    """Finite float32 arrays of these names and shapes, and no others; None where they are anything else."""
+    found = files.read_arrays(path)
     sound = all(a.dtype == np.float32 and bool(np.isfinite(a).all()) for a in found.values())
-    if not sound or {name: a.shape for name, a in found.items()} != dict(shapes):
-        return None
-    files.mark_used(path)
-    return found
-
-
-def store(path: Path, arrays: Arrays) -> None:
-    """Keep them; a folder that cannot be written is no error."""
-    named: dict[str, Any] = dict(arrays)
-    files.keep(path, lambda to: np.savez(to, **named), LIMIT)
+    return found if sound and {name: a.shape for name, a in found.items()} == dict(shapes) else None
 
 
 # ------------------------------------------------------------------------------------------------ of any picture

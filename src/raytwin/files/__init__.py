@@ -3,7 +3,7 @@
 Reading: TOML into records, scenes, photos, EXR, any image (`read_image`). Writing: always under a temporary name first.
 """
 
-from raytwin.files.cache import cache_folder, installed, is_plain, keep, load_arrays, made_by, mark_used
+from raytwin.files.cache import Cache, cache_folder, installed, made_by, read_arrays
 from raytwin.files.exr import read_exr, read_moments, read_origin, write_exr
 from raytwin.files.images import read_image, write_image
 from raytwin.files.limits import MAX_PIXELS
@@ -30,6 +30,7 @@ __all__ = [
     "MAX_PIXELS",
     "REFERENCES",
     "SCENES",
+    "Cache",
     "Rounding",
     "all_scenes",
     "cache_folder",
@@ -41,17 +42,14 @@ __all__ = [
     "from_bytes",
     "half_floats",
     "installed",
-    "is_plain",
     "json_text",
-    "keep",
     "list_photos",
-    "load_arrays",
     "made_by",
-    "mark_used",
     "photo_extras",
     "photo_orientation",
     "photo_size",
     "plain",
+    "read_arrays",
     "read_camera",
     "read_exr",
     "read_grey",

@@ -1,20 +1,88 @@
-"""What is kept between runs, by content: a file's name is a hash of all that decides what is in it, so none is stale.
-
-A kept file may be damaged, or of another's making: whoever reads one checks it, and makes anew what is not sound.
-"""
+"""Results stored between runs. A file's name is a hash of all that decides its content, so none is ever stale."""
 
 import contextlib
 import hashlib
 import os
 import platform
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.files.safe_write import replacing
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Cache:
+    """The files `<cache_folder()>/<folder>/<key><ending>`; beyond `limit` bytes those used longest ago are deleted.
+
+    A file may be damaged, or written by somebody else: `load` returns only what its `read` has checked.
+    """
+
+    folder: str
+    ending: str
+    limit: int
+
+    def path(self, key: str) -> Path:
+        return cache_folder() / self.folder / f"{key}{self.ending}"
+
+    def load(self, key: str, read: Callable[[Path], T | None]) -> T | None:
+        """Return `read(path)`, or None where there is no file or `read` fails in whatever way."""
+        path = self.path(key)
+        if not _is_plain(path):
+            return None
+        try:
+            found = read(path)
+        except (
+            Exception
+        ):  # an npz that is encrypted, cut off, of an unknown compression, ...: each has an error of its own
+            return None
+        if found is not None:
+            with contextlib.suppress(OSError):
+                os.utime(path)
+        return found
+
+    def store(self, key: str, write: Callable[[Path], object]) -> None:
+        """Let `write` fill the file; a cache that cannot be written is no error."""
+        path = self.path(key)
+        if not _is_plain(path):
+            return
+        with contextlib.suppress(InputError, OSError):
+            with replacing(path) as temporary:
+                write(temporary)
+            self._drop_oldest(path.parent)
+
+    def _drop_oldest(self, folder: Path) -> None:
+        files = (f for f in folder.iterdir() if f.is_file() and not f.name.startswith("."))  # others are being written
+        known = sorted(((f.stat().st_mtime, f.stat().st_size, f) for f in files), reverse=True)
+        total = 0
+        for _, size, file in known:
+            total += size
+            if total > self.limit:
+                file.unlink(missing_ok=True)
+
+
+def _is_plain(path: Path) -> bool:
+    """A file, or nothing yet, where either may be; a planted pipe would be waited for without end."""
+    try:
+        return path.is_file() or not path.exists()
+    except OSError:  # a folder above that may not be entered, a name too long
+        return False
+
+
+def read_arrays(path: Path) -> dict[str, np.ndarray]:
+    """Return the arrays of an .npz by their names; raise in whatever way where it is damaged."""
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    if not all(isinstance(a, np.ndarray) for a in arrays.values()):  # a member that is no array is given as bytes
+        raise ValueError(path)
+    return arrays
 
 
 def cache_folder() -> Path:
@@ -43,50 +111,3 @@ def made_by(sources: tuple[Path, ...], packages: tuple[str, ...]) -> str:
         for file in sorted(place.rglob("*.py")) or [place]:
             total.update(file.name.encode() + file.read_bytes())
     return total.hexdigest()
-
-
-def is_plain(path: Path) -> bool:
-    """A file, or nothing yet, where either may be; a planted pipe would be waited for without end."""
-    try:
-        return path.is_file() or not path.exists()
-    except OSError:  # a folder above that may not be entered, a name too long
-        return False
-
-
-def mark_used(path: Path) -> None:
-    """What was used last is dropped last."""
-    with contextlib.suppress(OSError):
-        os.utime(path)
-
-
-def drop_oldest(folder: Path, limit: int) -> None:
-    """Of a folder's files the ones used longest ago go, so that no more than `limit` bytes stay."""
-    files = (f for f in folder.iterdir() if f.is_file() and not f.name.startswith("."))  # others are being written
-    known = sorted(((f.stat().st_mtime, f.stat().st_size, f) for f in files), reverse=True)
-    total = 0
-    for _, size, file in known:
-        total += size
-        if total > limit:
-            file.unlink(missing_ok=True)
-
-
-def load_arrays(path: Path) -> dict[str, np.ndarray] | None:
-    """Return the arrays of a stored .npz by their names, not yet checked; None if it is damaged in whatever way."""
-    if not is_plain(path):
-        return None
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
-            arrays = {name: kept[name] for name in kept.files}
-    except Exception:  # encrypted, cut off, of an unknown compression, ...: zipfile has an error for each
-        return None
-    return arrays if all(isinstance(a, np.ndarray) for a in arrays.values()) else None
-
-
-def keep(path: Path, write: Callable[[Path], object], limit: int) -> None:
-    """`write` it, and drop the oldest beside it beyond `limit` bytes; a cache that cannot be written is no error."""
-    if not is_plain(path):
-        return
-    with contextlib.suppress(InputError, OSError):
-        with replacing(path) as temporary:
-            write(temporary)
-        drop_oldest(path.parent, limit)

@@ -1,4 +1,4 @@
-"""Renders kept by content: the name is a hash of everything that decides the pixels, so nothing is ever stale."""
+"""Renders stored between runs, under a hash of everything that decides their pixels."""
 
 from pathlib import Path
 from typing import Any
@@ -8,21 +8,14 @@ import numpy as np
 from raytwin import files
 from raytwin.image import Image, Surface
 
-LIMIT = 2 << 30
-"""Bytes; beyond it the renders used longest ago go."""
-
-
-def path_of(key: str) -> Path:
-    return files.cache_folder() / "renders" / f"{key}.npz"
+CACHE = files.Cache("renders", ".npz", 2 << 30)
 
 
 def load(key: str, shape: tuple[int, ...]) -> Image | None:
-    """The image kept under `key`, of `shape` (H, W, 3); None where there is none, or one that no render can be."""
-    path = path_of(key)
-    found = files.load_arrays(path)
-    if found is None:
-        return None
-    try:
+    """The image stored under `key`, of `shape` (H, W, 3); None where there is none, or one that no render can be."""
+
+    def read(path: Path) -> Image | None:
+        found = files.read_arrays(path)
         image = Image(
             found["mean"],
             found.get("variance"),
@@ -30,12 +23,9 @@ def load(key: str, shape: tuple[int, ...]) -> Image | None:
             Surface(found["ids"], found["depth"], found["normal"]),
             int(found["batches"]) if "batches" in found else None,
         )
-    except (ValueError, KeyError, TypeError):
-        return None
-    if not _is_whole(image, shape):
-        return None
-    files.mark_used(path)
-    return image
+        return image if _is_whole(image, shape) else None
+
+    return CACHE.load(key, read)
 
 
 def _is_whole(image: Image, shape: tuple[int, ...]) -> bool:
@@ -50,7 +40,7 @@ def _is_whole(image: Image, shape: tuple[int, ...]) -> bool:
 
 
 def store(key: str, image: Image) -> None:
-    """Keep the image; a cache that cannot be written is no error."""
+    """Store the image; a cache that cannot be written is no error."""
     assert image.surface is not None  # the twin always has one
     parts: dict[str, Any] = {"mean": image.mean, "samples": image.samples}
     if image.variance is not None:
@@ -58,4 +48,4 @@ def store(key: str, image: Image) -> None:
     if image.batches is not None:
         parts["batches"] = image.batches
     parts |= {"ids": image.surface.ids, "depth": image.surface.depth, "normal": image.surface.normal}
-    files.keep(path_of(key), lambda to: np.savez(to, **parts), LIMIT)
+    CACHE.store(key, lambda to: np.savez(to, **parts))

@@ -42,7 +42,7 @@ def test_a_photo_of_the_same_bytes_is_searched_once_and_its_tags_are_the_same_to
 
 
 def test_other_bytes_another_kind_of_tag_and_another_detector_are_searched_anew(photo, searched, monkeypatch):
-    known = {tag_cache.path_of(photo.read_bytes(), KIND), tag_cache.path_of(photo.read_bytes(), "tag36h11/2")}
+    known = {tag_cache.key_of(photo.read_bytes(), KIND), tag_cache.key_of(photo.read_bytes(), "tag36h11/2")}
     assert len(known) == 2
     detect_photo_once(photo, KIND)
     files.write_picture(photo, files.read_grey(photo)[::-1, ::-1])
@@ -54,7 +54,7 @@ def test_other_bytes_another_kind_of_tag_and_another_detector_are_searched_anew(
 
 def test_what_no_detector_can_have_written_is_made_anew(photo, searched):
     first = detect_photo_once(photo, KIND)
-    file = tag_cache.path_of(photo.read_bytes(), KIND)
+    file = tag_cache.CACHE.path(tag_cache.key_of(photo.read_bytes(), KIND))
     whole, sound = file.read_bytes(), json.loads(file.read_bytes())
     tag = sound[0]
     crafted = [
@@ -73,7 +73,7 @@ def test_what_no_detector_can_have_written_is_made_anew(photo, searched):
 
 def test_a_pipe_in_the_cache_is_not_waited_for(photo):
     first = detect_photo_once(photo, KIND)
-    file = tag_cache.path_of(photo.read_bytes(), KIND)
+    file = tag_cache.CACHE.path(tag_cache.key_of(photo.read_bytes(), KIND))
     file.unlink()
     os.mkfifo(file)
     assert detect_photo_once(photo, KIND) == first
