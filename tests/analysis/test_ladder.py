@@ -6,7 +6,9 @@ import pytest
 
 from raytwin import files, speed
 from raytwin.analysis.ladder import Rungs, climb
+from raytwin.analysis.own_error import OWN
 from raytwin.errors import InputError
+from raytwin.renderers.subject_renderers import Traced
 from raytwin.rungs import RUNGS
 
 
@@ -28,6 +30,19 @@ def test_every_rung_stands_on_both_sides_and_both_are_equally_far_from_the_whole
         assert top.rmse < min(steps[rung, side].rmse for rung in ("lambert", "shadow", "sky"))
         assert steps["lambert", side].rmse > 2 * steps["shadow", side].rmse
         assert steps["surface", side].rmse is None
+
+
+def test_a_rung_that_fails_beside_the_twin_has_an_error_of_its_own(found, scenes, monkeypatch):
+    def own(ladder):
+        return {rung for rung, parts in ladder.rungs.ledgers.items() if any(OWN in part.part for part in parts)}
+
+    class Shadowless(Traced):
+        def prepare(self, scene):
+            return Traced("lambert", self.engine).prepare(scene)
+
+    monkeypatch.setattr("raytwin.analysis.ladder.Traced", Shadowless)
+    assert own(found) == set()
+    assert own(climb(scenes / "overlap", size=(80, 60), samples=4)) == {"shadow"}
 
 
 def test_parts_alone_add_up_to_all_light_up_to_each(found):

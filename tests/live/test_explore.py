@@ -267,6 +267,16 @@ def test_passes_go_on_with_twice_the_samples_until_all_are_there(base):
     assert moving == ["picture", "picture"]
 
 
+@pytest.mark.parametrize("twin_rung", ["shadow", "path"])
+@pytest.mark.parametrize(("rung", "faulty"), [("shadow", False), ("lambert", True)])
+def test_the_ledger_of_a_subject_that_fails_on_its_own_level_names_its_own_error(base, twin_rung, rung, faulty):
+    subject = UserRenderer("shadow", "mine", lambda _: trace(base.scene, rung).mean)
+    wish = msgspec.structs.replace(wanted_of(base, "numpy64"), rung="shadow", twin_rung=twin_rung, samples=1)
+    (ledger,) = (event for event, _ in Studio(base, subject).passes(wish) if event["kind"] == "ledger")
+    parts = [row["part"] for row in ledger["parts"]]
+    assert any(part.startswith("the subject's own error") for part in parts) == faulty
+
+
 def srgb(x: float) -> float:
     """IEC 61966-2-1, written once more."""
     return 12.92 * x if x <= 0.0031308 else 1.055 * x ** (1 / 2.4) - 0.055

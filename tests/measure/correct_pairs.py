@@ -14,14 +14,14 @@ from typing import NamedTuple
 from measure.random_scenes import KINDS, random_scene
 
 from raytwin import files, twin
+from raytwin.analysis.beside_twin import compare_with_twin
 from raytwin.calib.find_camera import find_camera
-from raytwin.compare import Comparison, compare
+from raytwin.compare import Comparison
 from raytwin.image import Image
 from raytwin.renderers.subject_renderers import PathTraced
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Tolerance
 from raytwin.speed import trace
-from raytwin.workflows.compare_scene import highlight_rounding
 
 ROOT = Path(__file__).resolve().parents[2]
 SHIPPED = tuple(sorted(p.parent.name for p in ROOT.glob("scenes/*/scene.toml")))
@@ -51,8 +51,7 @@ class Case(NamedTuple):
         reference = twin.render(
             self.scene, self.level, sampling=self.sampling, samples=self.samples, seed=self.seed + 1000, cache=False
         )
-        half_steps = (highlight_rounding(self.scene, reference), None)
-        return compare(self.tracer(), reference, tolerance=self.tolerance, half_steps=half_steps)
+        return compare_with_twin(self.tracer(), reference, self.scene, self.tolerance)
 
     def __str__(self) -> str:
         width = self.scene.camera.width

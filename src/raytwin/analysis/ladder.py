@@ -9,6 +9,7 @@ from statistics import median
 import numpy as np
 
 from raytwin import files, twin
+from raytwin.analysis.beside_twin import compare_with_twin
 from raytwin.analysis.ledger import split_error
 from raytwin.analysis.light_parts import WholeLight
 from raytwin.calib.find_camera import find_camera
@@ -80,7 +81,8 @@ def climb(
     began, stages = time.perf_counter(), Stages(progress)
     with stages.stage("backend"):
         engine = fast_engine(twin.activate().variant)
-    scene, _, _, _ = find_camera(files.read_scene(path), photo, stages)
+    written = files.read_scene(path)
+    scene, _, _, _ = find_camera(written, photo, stages)
     camera = scene.camera
     scene = scene.with_camera(camera.resized(*(size or _small(camera.image_size))))
     deepest = max(row.depth or 0 for row in RUNGS.values())
@@ -104,7 +106,8 @@ def climb(
             )
         if row.lit:
             with stages.stage("ledger"):
-                ledgers[name] = split_error(split, mine, name).parts
+                faulty = compare_with_twin(mine, theirs, scene, written.tolerance).verdict == "fail"
+                ledgers[name] = split_error(split, mine, name, faulty).parts
     with stages.stage("parts"):
         light = light_parts(scene, engine, samples=samples, seed=seed, depth=deepest)
     total = np.zeros_like(whole.mean)

@@ -17,6 +17,7 @@ import numpy as np
 from PIL import Image as Pillow
 
 from raytwin import files, twin, viewer
+from raytwin.analysis.beside_twin import compare_with_twin
 from raytwin.analysis.ledger import make_ledger
 from raytwin.image import Image
 from raytwin.live.patience import Patience
@@ -77,6 +78,13 @@ class Studio:
             max_depth=depth, cache=False,
         )  # fmt: skip
 
+    def fails(self, wanted: Wanted, scene: Scene, test: Image, reference: Image) -> bool:
+        """Return whether the tracer's image fails beside the twin on its own level; `reference`: on the twin's."""
+        if wanted.rung != wanted.twin_rung:
+            level = msgspec.structs.replace(wanted, twin_rung=wanted.rung)
+            reference = self.twin(level, scene, 1, 0)
+        return compare_with_twin(test, reference, scene, self.base.tolerance).verdict == "fail"
+
     def passes(self, wanted: Wanted) -> Iterator[Event]:
         """What the page is to be told, one thing after the other. Between two of them it may be stopped."""
         scene, fast = wanted.scene(self.base), self.engines[0]
@@ -92,13 +100,9 @@ class Studio:
         yield point("tracer", method, test, seconds, halves)
         yield point("twin", None, reference, seconds_twin, halves)
         if RUNGS[wanted.rung].lit:
-            yield (
-                {
-                    "kind": "ledger",
-                    "parts": files.plain(make_ledger(scene, test, wanted.rung, fast, wanted.depth).parts),
-                },
-                (),
-            )
+            faulty = self.fails(wanted, scene, test, reference)
+            ledger = make_ledger(scene, test, wanted.rung, fast, wanted.depth, faulty=faulty)
+            yield {"kind": "ledger", "parts": files.plain(ledger.parts)}, ()
         samples = 2
         while samples <= wanted.samples and (method.noisy or RUNGS[wanted.twin_rung].noisy):
             if method.noisy:

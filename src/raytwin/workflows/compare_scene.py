@@ -7,13 +7,14 @@ import msgspec
 import numpy as np
 
 from raytwin import files, twin
+from raytwin.analysis.beside_twin import compare_with_twin
 from raytwin.analysis.ledger import LEFT_OUT, Ledger, make_ledger
 from raytwin.analysis.light_parts import sampled_parts
 from raytwin.analysis.rounding_cause import ROUNDING, rounding_cause
 from raytwin.calib import photos, synthetic_photos
 from raytwin.calib.augment import augment
 from raytwin.calib.find_camera import TruthRow, compare_truth, find_camera
-from raytwin.compare import Comparison, Report, compare
+from raytwin.compare import Comparison, Report
 from raytwin.compare.report import Timing
 from raytwin.contract.check_function import judge_function
 from raytwin.contract.stage_table import CONTRACT
@@ -123,12 +124,11 @@ def compare_scene(
         )
     own, ledger = None, None
     with stages.stage("compare"):
-        half_steps = (highlight_rounding(scene, reference), None)
-        comparison = compare(made, reference, tolerance=written.tolerance, half_steps=half_steps, flip=flip)
+        comparison = compare_with_twin(made, reference, scene, written.tolerance, flip)
         held_to = reference
         if (subject.rung, subject.sampling) != (rung, sampling) and comparison.verdict != "pass":
             level = twin.render(scene, subject.rung, sampling=subject.sampling, samples=samples, seed=seed, cache=cache)
-            own = compare(made, level, tolerance=written.tolerance, half_steps=half_steps)
+            own = compare_with_twin(made, level, scene, written.tolerance)
             if subject.rung != rung:
                 held_to = level
             elif own.verdict == "pass":
@@ -137,11 +137,9 @@ def compare_scene(
     causes: tuple[str, ...] = ()
     if failed:
         with stages.stage("cause"):
-            sampled = sampled_parts(scene, subject.rung, fast_engine(backend.variant), subject.sampling)
-            causes = (
-                stage_causes(subject)
-                or rounding_cause(made, held_to, scene, subject.rung)
-                or explain(made, held_to, scene, subject.rung, sampled=sampled)
+            engine_here = fast_engine(backend.variant)
+            causes = stage_causes(subject) or find_causes(
+                made, held_to, scene, subject.rung, subject.sampling, engine_here
             )
     if RUNGS[subject.rung].lit:
         with stages.stage("ledger"):
@@ -189,9 +187,14 @@ def compare_scene(
     )
 
 
-def highlight_rounding(scene: Scene, reference: Image) -> np.ndarray | None:
-    """What float32 may put highlights off by, (H, W, 3); None where there are none."""
-    return twin.highlight_rounding(scene, reference.surface) if scene.glossy and reference.surface is not None else None
+def find_causes(
+    made: Image, reference: Image, scene: Scene, rung: str, sampling: str, engine: str
+) -> tuple[str, ...]:
+    """Return in words why `made` is not its reference, on the same rung; `engine`: follows light for the split."""
+    rounded = rounding_cause(made, reference, scene, rung)
+    return rounded or explain(
+        made, reference, scene, rung, sampled=sampled_parts(scene, rung, engine, sampling)
+    )  # fmt: skip
 
 
 def stage_causes(subject: Renderer) -> tuple[str, ...]:
