@@ -13,7 +13,7 @@ from raytwin.diagnose.budget import Budget
 from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.diagnosis import _search, diagnose, explain
 from raytwin.diagnose.parametric_faults import FAMILIES, bright
-from raytwin.diagnose.pixel_sample import View, look
+from raytwin.diagnose.pixel_sample import Sight, View, look
 from raytwin.diagnose.predict import RIGHT, Bench
 from raytwin.image import Image
 from raytwin.scene import Scene, Sphere
@@ -155,6 +155,31 @@ def test_a_search_that_runs_out_of_time_names_what_it_has_found_and_what_is_left
     assert 5 <= len(budget.tried) <= 100
     assert len(budget.untried - budget.tried) + len(budget.tried) >= len(FAULTS)
     assert made.causes or "unknown" in made.words[0]
+
+
+@pytest.mark.parametrize("kind", ["waves", "blurred", "shadowless"])
+def test_no_stage_of_a_diagnosis_outlasts_its_time(kind, monkeypatch):
+    """A clock that strikes once each prediction: as where objects are so many that nothing else takes time."""
+    strikes, seen = [0], Sight.predict
+
+    def predict(sight, steps):
+        strikes[0] += 1
+        return seen(sight, steps)
+
+    monkeypatch.setattr(Sight, "predict", predict)
+    monkeypatch.setattr("raytwin.diagnose.diagnosis.Budget", lambda s: Budget(s, lambda: strikes[0]))
+    scene = SCENES["overlap"]
+    right = trace(scene).mean
+    waves = 1 + 0.2 * np.sin(np.arange(80) / 5) * np.cos(np.arange(60) / 3)[:, None]
+    shown = {
+        "waves": right * waves[..., None],
+        "blurred": (right + np.roll(right, 1, axis=0) + np.roll(right, 1, axis=1)) / 3,
+        "shadowless": trace(scene, "lambert").mean,
+    }[kind]
+    for seconds in (60, 200, 600):
+        strikes[0] = 0
+        diagnose([View(scene, shown)], seconds=seconds)
+        assert strikes[0] <= seconds + 30
 
 
 def test_in_a_scene_of_many_objects_fewer_pixels_are_looked_at():

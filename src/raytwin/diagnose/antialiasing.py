@@ -5,6 +5,7 @@ from itertools import product
 
 import numpy as np
 
+from raytwin.diagnose.budget import Budget
 from raytwin.diagnose.catalogue import SAMPLING, Fault, at, row
 from raytwin.diagnose.pixel_sample import Sight
 from raytwin.diagnose.predict import RIGHT, Array, Change
@@ -34,8 +35,9 @@ def _moved(x: float, y: float) -> Change:
     return at(lambda u, v, camera: (u + x, v + y))
 
 
-def between(sights: Sequence[Sight]) -> tuple[Fault, float] | None:
-    """The fault, and the share of the squared error that it explains; None where it is not that."""
+def between(sights: Sequence[Sight], budget: Budget | None = None) -> tuple[Fault, float] | None:
+    """The fault, and the share of the squared error that it explains; None where it is not that, or time is up."""
+    budget = budget or Budget()
     if any(s.view.points or s.view.scene is None for s in sights):
         return None
     edge = sum(float((s.weight * s.edge).sum()) for s in sights)
@@ -44,8 +46,11 @@ def between(sights: Sequence[Sight]) -> tuple[Fault, float] | None:
     for reach in REACHES:
         inside, wrong, before, after, blends = 0.0, 0.0, 0.0, 0.0, []
         for s in sights:
-            places = product((-reach, -reach / 2, 0.0, reach / 2, reach), repeat=2)
-            seen = np.stack([s.predict(_moved(x, y)(RIGHT)) for x, y in places])
+            places = list(product((-reach, -reach / 2, 0.0, reach / 2, reach), repeat=2))
+            rows = [s.predict(_moved(x, y)(RIGHT)) for x, y in budget.within(BESIDE.name, places)]
+            if len(rows) < len(places):
+                return None
+            seen = np.stack(rows)
             near = np.clip(s.shown, seen.min(axis=0), seen.max(axis=0))
             wrong += float((s.weight * s.wrong).sum())
             close = (s.off(near) <= 4 * s.tau) & (s.off(near) <= s.errors(RIGHT) / 2)

@@ -1,11 +1,16 @@
-"""A limit in seconds for the search for a cause, and what was not tried within it."""
+"""A limit in seconds for a whole diagnosis, and what was not tried within it."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar
 
+T = TypeVar("T")
 SECONDS = 30.0
 """CPU seconds of this thread, so that a busy machine does not change what is found."""
+
+SEARCH = 0.75
+"""Share of the seconds after which nothing more is searched: the rest is for checking what was found."""
 
 
 @dataclass(eq=False)
@@ -23,7 +28,22 @@ class Budget:
 
     @property
     def over(self) -> bool:
+        """Whether the search has to end."""
+        return self.clock() - self.began >= SEARCH * self.seconds
+
+    @property
+    def spent(self) -> bool:
+        """Whether no time is left at all."""
         return self.clock() - self.began >= self.seconds
+
+    def within(self, name: str, items: Iterable[T]) -> Iterator[T]:
+        """Yield the items while the search lasts; of a mistake `name` that was not tried with all of them."""
+        for item in items:
+            if self.over:
+                self.cut([name], 0)
+                return
+            yield item
+        self.cut([name], 1)
 
     def cut(self, names: Sequence[str], done: int) -> None:
         """Of the names to be tried only the first `done` were."""
@@ -37,4 +57,4 @@ class Budget:
         if not missed:
             return ""
         every = len(missed | self.tried)
-        return f"the search stopped after {self.seconds:g} s: {len(missed)} of {every} known mistakes were not tried"
+        return f"the search stopped after {SEARCH * self.seconds:g} s: {len(missed)} of {every} known mistakes were not tried"

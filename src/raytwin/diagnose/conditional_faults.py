@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from raytwin.diagnose.budget import Budget
 from raytwin.diagnose.catalogue import (
     CAMERA,
     FAULTS,
@@ -41,11 +42,12 @@ ALONG = 0.03
 """Of the pixels beside outlines the share that is wrong where several rays a pixel are averaged."""
 
 
-def clued(sights: Sequence[Sight]) -> tuple[Fault, ...]:
+def clued(sights: Sequence[Sight], budget: Budget) -> tuple[Fault, ...]:
     """What the pictures, and the order in which they were asked for, give reason to try."""
     if any(s.view.scene is None for s in sights):
         return ()
-    return (*by_channel(wrong_channels(sights)), *(averaged() if _along_outlines(sights) else ()), *stale(sights))
+    blurred = averaged() if _along_outlines(sights, budget) else ()
+    return (*by_channel(wrong_channels(sights)), *blurred, *stale(sights))
 
 
 # ------------------------------------------------------------------------------------------ channels
@@ -142,7 +144,7 @@ def _in_channel(s: Steps, way: Change, k: int) -> Steps:
 # ------------------------------------------------------------------------------------------ several rays a pixel
 
 
-def _along_outlines(sights: Sequence[Sight]) -> bool:
+def _along_outlines(sights: Sequence[Sight], budget: Budget) -> bool:
     """Wrong along outlines, and in the worst picture between what is seen within a pixel's reach."""
     seen = [s for s in sights if not s.view.points]
     edge = sum(float((s.weight * s.edge).sum()) for s in seen)
@@ -150,7 +152,11 @@ def _along_outlines(sights: Sequence[Sight]) -> bool:
         return False
     worst = max(seen, key=lambda s: float((s.weight * s.wrong).sum()))
     worst = worst.only(worst.wrong)
-    around = np.stack([worst.predict(put(spread=((x, y),))(RIGHT)) for x, y in _grid(5, -1.0, 1.0)])
+    grid = _grid(5, -1.0, 1.0)
+    rows = [worst.predict(put(spread=((x, y),))(RIGHT)) for x, y in budget.within("several rays a pixel", grid)]
+    if len(rows) < len(grid):
+        return False
+    around = np.stack(rows)
     off = worst.off(np.clip(worst.shown, around.min(axis=0), around.max(axis=0)))
     return float((worst.weight * (off <= 4 * worst.tau)).sum()) > BETWEEN
 

@@ -187,6 +187,7 @@ def diagnose(
     if (value := _one_value(views)) is not None:
         text = f"every pixel has the same value, {value:.4g}: nothing of the scene is in the picture"
         return Diagnosis(False, (Cause("one-value", OUTPUT, text),), ((),), 1.0, None, "sure")
+    budget = Budget(seconds)
     sights = many(views, seed)
     errors = [s.off(s.predict(RIGHT)) for s in sights]
     count = sum(int(s.wrong.sum()) for s in sights)
@@ -196,7 +197,6 @@ def diagnose(
     if count < FEW:
         return Diagnosis(right=False, where=where)
     sights = [s for s in sights if s.weight.size]
-    budget = Budget(seconds)
     return replace(_search(sights, where, faults, families, most, budget), untried=budget.words)
 
 
@@ -212,11 +212,11 @@ def _search(
     thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
     base = Guess((), RIGHT, total(sights, RIGHT))
     found = _round(base, sights, small, faults, families if thorough else (), budget)
-    if thorough and every and not (found and _good(sights, found[0].steps)) and (clues := clued(sights)):
+    if thorough and every and not (found and _good(sights, found[0].steps)) and (clues := clued(sights, budget)):
         found = sorted([*_round(base, sights, small, clues, (), budget), *found], key=lambda g: g.cost)
     if not (found and _good(sights, found[0].steps)):
         hit = _hits(sights, found[0].steps)[0] if found else 0.0
-        if (chance := _by_chance(sights, where, hit)) is not None:
+        if (chance := _by_chance(sights, where, hit, budget)) is not None:
             return chance
     for _ in range(most - 1):
         if not thorough or not found or _settled(sights, found[0].steps) or budget.over:
@@ -227,8 +227,8 @@ def _search(
         more = min(found, key=lambda g: g.cost)
         if len(more.causes) > len(found[0].causes) and not _left(sights, more.steps)[0]:
             found = [more, *(g for g in found if g is not more)]
-    made = _told(found, sights, base, where)
-    if not made.causes and thorough and (beside := between(sights)) is not None:
+    made = _told(found, sights, base, where, budget)
+    if not made.causes and thorough and (beside := between(sights, budget)) is not None:
         fault, share = beside
         return Diagnosis(False, (Cause(fault.name, fault.stage, fault.sentence),), ((),), share, None, "likely", where)
     return made
@@ -331,10 +331,10 @@ def _round(
         if budget.over:
             budget.cut([f.name for f in begun], k)
             break
-        p, cost = fit(family, small, before.steps)
+        p, cost = fit(family, small, before.steps, lambda: budget.over)
         if cost > 0.9 * before.cost:
             continue
-        p, cost = fit(_from(family, p), sights, before.steps)
+        p, cost = fit(_from(family, p), sights, before.steps, lambda: budget.over)
         if not family.possible(p) or not _shows(sights, before.steps, family.make(p)(before.steps)):
             continue
         scenes = [s.view.scene for s in sights if s.view.scene]
@@ -475,7 +475,7 @@ def _hits(sights: Sequence[Sight], steps: Steps) -> tuple[float, float]:
     return shares[0], shares[1]
 
 
-def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> Diagnosis:
+def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str, budget: Budget) -> Diagnosis:
     if not found:
         return Diagnosis(right=False, where=where)
     best = _rather_than_a_fact(found, sights)
@@ -486,19 +486,21 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str) -> D
         single = min((g for g in found if len(g.causes) == 1), key=lambda g: g.cost)
         share = _explained(sights, single.steps)[0]
         lit = [(s, s.view.scene) for s in sights if s.view.scene and s.view.scene.objects and not s.view.points]
-        told = [f"{scene.name}: {words}" for s, scene in lit if (words := split(s).words)]
+        told = [f"{scene.name}: {words}" for s, scene in lit if not budget.spent and (words := split(s).words)]
         return Diagnosis(
             right=False, explained=max(share, 0.0), where=where, nearest=single.causes[0], light="; ".join(told)
         )
     if not _likelier(sights, best.steps):
         return Diagnosis(right=False, where=where)
     held = _held_out(best, sights, each)
-    others = _as_good(best, found, sights)
+    others = _as_good(best, found, sights, budget)
     alone = len(best.causes) == 1 and not others[0]
     shown = share > WHOLE or (share > EXPLAINED and sum(bool(s.wrong.any()) for s in sights) > 1)
     agreed = held is None or held > EXPLAINED
-    count, left = _left([s.everywhere(_most(s)) for s in sights], best.steps)
-    whole = count < FEW and _good(sights, best.steps) and (best.refit is None or _exact(sights, best.steps))
+    unchecked = budget.spent
+    count, left = (0, "") if unchecked else _left([s.everywhere(_most(s)) for s in sights], best.steps)
+    whole = count < FEW and not unchecked and _good(sights, best.steps)
+    whole = whole and (best.refit is None or _exact(sights, best.steps))
     sureness: Sureness = "sure" if alone and shown and agreed and whole else "likely"
     order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
     return Diagnosis(
@@ -558,14 +560,14 @@ def _left(sights: Sequence[Sight], steps: Steps) -> tuple[int, str]:
     return count, whereabouts(sights, errors).split("; ")[0] if count else ""
 
 
-def _by_chance(sights: Sequence[Sight], where: str, least: float) -> Diagnosis | None:
+def _by_chance(sights: Sequence[Sight], where: str, least: float, budget: Budget) -> Diagnosis | None:
     """A cause that leaves it to chance which of its ways is seen at a pixel: acne, and what is like it.
 
     `least`: the share of the wrong pixels that it has to hit, beside EXPLAINED.
     """
     spoilt = [s for s in sights if s.wrong.any()]
     mixed = np.average([s.mixed for s in spoilt], weights=[s.wrong.sum() for s in spoilt])
-    for chance in CHANCES:
+    for chance in budget.within("what goes by chance", CHANCES):
         if chance is ACNE and mixed < SPECKLED:
             continue
         made = [[s.predict(way(RIGHT)) for way in chance.ways] for s in sights]
@@ -598,7 +600,7 @@ def _held_out(best: Guess, sights: list[Sight], each: Array) -> float | None:
     return float(max(finite.min(), 0.0)) if finite.size else None
 
 
-def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight]) -> list[tuple[Cause, ...]]:
+def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight], budget: Budget) -> list[tuple[Cause, ...]]:
     """For each cause of the best guess those that explain the pictures as well in its place."""
     own = [s.predict(best.steps) for s in sights]
     names = [cause.name for cause in best.causes]
@@ -606,6 +608,8 @@ def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight]) -> list[t
     if FACTS & set(names):
         return [() for _ in names]
     for guess in found:
+        if budget.spent:
+            break
         if len(guess.causes) != len(names):
             continue
         new = [cause for cause in guess.causes if cause.name not in names]

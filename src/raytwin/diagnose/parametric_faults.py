@@ -218,9 +218,11 @@ FAMILIES = (
 """A number more is a worse explanation: of two that fit alike, the row with fewer parameters stands."""
 
 
-def fit(family: Family, sights: Sequence[Sight], base: Steps = RIGHT) -> tuple[tuple[float, ...], float]:
-    """The parameters that explain most, and their cost, the mean over sights."""
-    found = [Descent(family, sights, base, np.array(p, float)).run() for p in (family.start, *family.tries)]
+def fit(
+    family: Family, sights: Sequence[Sight], base: Steps = RIGHT, over: Callable[[], bool] = lambda: False
+) -> tuple[tuple[float, ...], float]:
+    """The parameters that explain most, and their cost, the mean over sights; as far as it comes until `over`."""
+    found = [Descent(family, sights, base, np.array(p, float)).run(over) for p in (family.start, *family.tries)]
     p, cost = min(found, key=lambda x: x[1])
     return tuple(float(x) for x in p), cost
 
@@ -299,8 +301,10 @@ class Descent:
                 return float(np.abs(change).max())
         return 0.0
 
-    def run(self) -> tuple[Array, float]:
+    def run(self, over: Callable[[], bool] = lambda: False) -> tuple[Array, float]:
         for _ in range(12):
+            if over():
+                break
             length = self.advance()
             if not length:
                 if self.widen <= 1 and self.step <= self.family.step * 0.1:

@@ -187,9 +187,7 @@ def compare_scene(
     )
 
 
-def find_causes(
-    made: Image, reference: Image, scene: Scene, rung: str, sampling: str, engine: str
-) -> tuple[str, ...]:
+def find_causes(made: Image, reference: Image, scene: Scene, rung: str, sampling: str, engine: str) -> tuple[str, ...]:
     """Return in words why `made` is not its reference, on the same rung; `engine`: follows light for the split."""
     rounded = rounding_cause(made, reference, scene, rung)
     return rounded or explain(
