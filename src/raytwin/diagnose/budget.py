@@ -57,4 +57,5 @@ class Budget:
         if not missed:
             return ""
         every = len(missed | self.tried)
-        return f"the search stopped after {SEARCH * self.seconds:g} s: {len(missed)} of {every} known mistakes were not tried"
+        spent = f"{SEARCH * self.seconds:g} s"
+        return f"the search stopped after {spent}: {len(missed)} of {every} known mistakes were not tried"
