@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from raytwin.calib.boards.board import Board, Grid
-from raytwin.calib.photos import lens
+from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.detection import Tag
 from raytwin.scene import Camera
 
@@ -15,7 +15,7 @@ from raytwin.scene import Camera
 def rays_of(size: tuple[int, int], K: tuple, dist: tuple[float, ...], n: int) -> np.ndarray:
     """(n H n W, 3): the rays through n x n places of each pixel. The same for all photos of a camera."""
     grid = np.stack(np.meshgrid(*map(np.arange, size)), axis=-1).reshape(-1, 2)
-    ideal = lens.undistort(grid, K, dist).reshape(*size[::-1], 2)
+    ideal = lens_model.undistort(grid, K, dist).reshape(*size[::-1], 2)
     # Between pixels' centres a lens bends by less than 1e-4 px.
     ideal = cv2.resize(ideal, None, fx=n, fy=n, interpolation=cv2.INTER_LINEAR).reshape(-1, 2)
     return np.c_[ideal, np.ones(len(ideal))].astype(np.float32)
@@ -70,8 +70,10 @@ def seen(camera: Camera, stands, board: Board = SMALL, noise: float = 0.0, rng=N
     around = half * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     found = {}
     for i, (R, t) in enumerate(stands):
-        centers = lens.project(points, R, t, camera.K, camera.dist)
-        corners = lens.project((points[:, None] + around).reshape(-1, 3), R, t, camera.K, camera.dist).reshape(-1, 4, 2)
+        centers = lens_model.project(points, R, t, camera.K, camera.dist)
+        corners = lens_model.project((points[:, None] + around).reshape(-1, 3), R, t, camera.K, camera.dist).reshape(
+            -1, 4, 2
+        )
         if noise:
             centers = centers + rng.normal(0, noise, centers.shape)
         inside = ((centers > 0) & (centers < np.array(camera.image_size) - 1)).all(axis=1)

@@ -91,7 +91,7 @@ def test_writing_takes_time_in_proportion_to_the_objects():
 
 
 def test_a_files_unit_is_the_twins():
-    from raytwin.twin.world import UNIT as twins
+    from raytwin.twin.twin_scene import UNIT as twins
 
     assert twins == UNIT
 

@@ -14,7 +14,7 @@ import pytest
 
 from raytwin import files, twin
 from raytwin.calib import boards, photos, synthetic_photos
-from raytwin.calib.photos.lens import project, undistort
+from raytwin.calib.photos.lens_model import project, undistort
 from raytwin.scene import Camera, Pyramid, WrittenSphere
 from raytwin.speed import trace
 from raytwin.speed.speculation import speculate

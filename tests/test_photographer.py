@@ -4,7 +4,7 @@ from photo_helpers import BOARD, PlainRenderer, a_camera
 
 from raytwin import files
 from raytwin.calib.boards.board import read_board
-from raytwin.calib.photos import diagnostics, lens
+from raytwin.calib.photos import diagnostics, lens_model
 from raytwin.calib.synthetic_photos import expose, photograph, poses, read_truth
 from raytwin.errors import InputError
 
@@ -19,7 +19,7 @@ def test_a_dozen_poses_tilt_to_fifty_degrees_every_way_and_cover_the_frame(seed)
     assert max(tilts) <= 50
     assert max(tilts) > 40
     assert min(tilts) < 8
-    pixels = np.concatenate([lens.project(points, R, t, CAMERA.K, CAMERA.dist) for R, t in stands])
+    pixels = np.concatenate([lens_model.project(points, R, t, CAMERA.K, CAMERA.dist) for R, t in stands])
     inside = ((pixels >= 0) & (pixels <= np.array(CAMERA.image_size) - 1)).all(axis=1)
     assert inside.mean() > 0.65
     assert diagnostics.coverage(pixels[inside], CAMERA.image_size) > 0.75

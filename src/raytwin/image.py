@@ -24,7 +24,7 @@ class Surface:
 
     @classmethod
     def empty(cls, width: int, height: int) -> "Surface":
-        """Of an image in which nothing is met."""
+        """Return the surface of an image that sees no object."""
         depth, normal = np.zeros((height, width), np.float32), np.zeros((height, width, 3), np.float32)
         return cls(np.full((height, width), BACKGROUND, np.int32), depth, normal)
 

@@ -34,8 +34,8 @@ from raytwin.report.bench_page import (
     write_bench_page,
 )
 from raytwin.report.charts import FRAME, layout, png_bytes, svg_text
+from raytwin.report.charts.chart_marks import Marker, ticks
 from raytwin.report.charts.labels import BOLD_WIDTH, WIDTH, Label, place
-from raytwin.report.charts.marks import Marker, ticks
 from raytwin.report.charts.png import dashes
 from raytwin.report.numbers import shown
 

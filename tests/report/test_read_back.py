@@ -11,8 +11,8 @@ from raytwin.calib.photos import detect_photos
 from raytwin.calib.photos.calibration_result import Calibration, View
 from raytwin.errors import InputError
 from raytwin.report.atlas_page import atlas_summary
+from raytwin.report.charts.chart_marks import ticks
 from raytwin.report.charts.labels import Label, place
-from raytwin.report.charts.marks import ticks
 from raytwin.report.terminal_text import augment_summary, calibration_summary
 from raytwin.tutorial.desk import Desk
 from raytwin.tutorial.show import FOLDER, show

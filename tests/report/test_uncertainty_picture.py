@@ -14,7 +14,7 @@ from raytwin.calib import boards, photos
 from raytwin.calib.photos import ModelTrial, uncertainty_map
 from raytwin.calib.photos.model import compared
 from raytwin.errors import InputError
-from raytwin.report.uncertainty import uncertainty_url
+from raytwin.report.uncertainty_pictures import uncertainty_url
 
 
 @pytest.fixture(scope="module")

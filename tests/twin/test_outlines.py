@@ -11,7 +11,7 @@ from raytwin.twin.bodies import MOST_IN_DOUBLES, beyond_floats, distance, normal
 from raytwin.twin.direct_light import albedos, first_light
 from raytwin.twin.outlines import Seen, _doubted, _grazes, borders, settle, trace
 from raytwin.twin.rays import directions, lens_of
-from raytwin.twin.world import UNIT
+from raytwin.twin.twin_scene import UNIT
 
 LIGHTS = (Sun((0.4, 0.5, 0.8)), Sky((0.5, 0.7, 1.0)))
 

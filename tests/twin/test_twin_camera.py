@@ -9,7 +9,7 @@ from raytwin.scene import Camera, Scene, Sphere, Sun
 from raytwin.scene.lens import check_lens, newton, without_ray
 from raytwin.twin import activate, render
 from raytwin.twin.rays import directions, lens_of
-from raytwin.twin.world import translate
+from raytwin.twin.twin_scene import translate
 
 LENSES = [(), (-0.22, 0.045), (0.1, -0.05, 0.002, -0.003), (-0.22, 0.045, 0.0012, -0.0008, -0.0035)]
 

@@ -95,7 +95,7 @@ class WholeLight:
         return found | {"seconds": np.array(seconds, np.float32)}
 
     def _seconds(self, rung: str, depth: int) -> float:
-        """Of a whole frame, from the pixels looked at and a few samples; by a second call, since the first compiles."""
+        """Return a frame's seconds, scaled from the probed pixels and a few samples; timed in a second call."""
         few, side, began = 4, 1 / self.step, 0.0
         for _ in range(2):
             began = time.perf_counter()

@@ -12,7 +12,7 @@ from raytwin.scene import Scene
 
 OWN = "the subject's own error"
 ROUNDING = 1e-5
-"""Of the scale: a larger error of a rung without samples is no rounding."""
+"""Share of the image's scale: without sampling, a larger error is not rounding."""
 BLOCK = 8
 """Pixels across: the samples' noise is judged by the scatter within such blocks."""
 FIRM = 4.0

@@ -14,7 +14,7 @@ from raytwin.atlas.poses import BOARD, MIDDLE
 from raytwin.calib import photos
 from raytwin.calib.photos import Tag, project
 from raytwin.calib.photos.fit import MODELS
-from raytwin.calib.photos.lens import linearise, of_pose
+from raytwin.calib.photos.lens_model import linearise, of_pose
 from raytwin.errors import InputError
 
 SIZE, DIST = (1008, 756), (0.08, -0.16)

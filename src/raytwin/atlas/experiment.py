@@ -17,7 +17,7 @@ Measure = Callable[[float, np.random.Generator, int], Mapping[str, Error]]
 Law = Callable[[float], float]
 
 STEPS = 20
-"""Of a law, to where it crosses the bound: so many coarse ones, and as many within one of these."""
+"""Steps towards the place where a law crosses its bound: this many coarse ones, then as many within one of these."""
 
 U32, U64 = 2.0**-24, 2.0**-53
 """Unit roundoff: the most that rounding moves a number by, as a share of it."""

@@ -14,7 +14,7 @@ from raytwin.atlas.experiment import Error, Experiment, Law
 from raytwin.calib.boards import Board, BoardTag, Grid
 from raytwin.calib.photos import Tag, homography_pose, project, refined_pose
 from raytwin.calib.photos.fit import MODELS
-from raytwin.calib.photos.lens import linearise, of_pose
+from raytwin.calib.photos.lens_model import linearise, of_pose
 from raytwin.calib.photos.pose import ambiguous
 from raytwin.errors import InputError
 

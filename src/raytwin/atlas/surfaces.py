@@ -69,7 +69,7 @@ GRAZING = 0.02
 """n · l of the shallowest shadow ray that is asked for."""
 
 GAP, HALF = 1e-3, 0.1
-"""Of the sheet that floats over the sphere, towards the sun: its height and half of its side, radii."""
+"""Height and half side, in radii, of the sheet that floats over the sphere towards the sun."""
 
 EPSILON = 1e-4
 OWN = "raytwin: not its own object"

@@ -29,7 +29,7 @@ def camera_of(focal: float, dist: tuple[float, ...] = ()) -> Camera:
 
 
 def cut(camera: Camera, centers: np.ndarray, radii: np.ndarray) -> dict[str, Error]:
-    """Of the pixels whose rays meet the spheres (n, 3), (n,), the share outside each sphere's box."""
+    """Return the share of pixels whose rays meet the spheres (n, 3), (n,) but lie outside each sphere's box."""
     u, v = np.meshgrid(np.arange(WIDTH, dtype=float), np.arange(HEIGHT, dtype=float))
     d = np.stack([a.ravel() for a in STAGES.back_project(u, v, camera)])
     ways: dict[str, list[int]] = {"eight corners": [], "conic: raytwin": []}
@@ -50,7 +50,7 @@ def cut(camera: Camera, centers: np.ndarray, radii: np.ndarray) -> dict[str, Err
 
 
 RADIUS = 0.5
-"""Of the sphere that is driven aside, in its distances from the eye."""
+"""Radius of the sphere that moves aside, in units of its distance from the eye."""
 
 
 def aside(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:

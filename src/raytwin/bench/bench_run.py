@@ -26,7 +26,7 @@ from raytwin.scene import Camera, Scene
 from raytwin.workflows.versions import versions
 
 PREPARE_SHARE, TRUTH_SHARE = 0.5, 0.3
-"""Of the time that a size may take, no method is prepared after so much of it; of what is left, truths take so much."""
+"""Shares of a size's time: prepare no method after the first; references take at most the second of the rest."""
 
 LATE = "no time"
 """How the reason begins where a larger budget would help."""

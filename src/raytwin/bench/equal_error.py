@@ -13,7 +13,7 @@ FARTHEST = 8.0
 
 
 def equal_error(rows: Sequence[Measurement], truths: Sequence[Converged]) -> tuple[Equal, ...]:
-    """Of each family with several sample counts, against the truth of its own rung; by size and truth, then seconds.
+    """Return the seconds to one error of each family with several sample counts; by size and reference, then seconds.
 
     What the truth's own noise adds to each relMSE is taken away.
     """

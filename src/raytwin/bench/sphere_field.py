@@ -7,7 +7,7 @@ from raytwin.scene import Lambert, Scene, Sphere
 from raytwin.tracer.pixel_to_ray import back_project, to_board
 
 RADIUS = 0.006
-"""Of the picture's width: the radius of each sphere's image."""
+"""Radius of each sphere's image, as a share of the picture's width."""
 
 
 COLOURS = ((0.8, 0.3, 0.2), (0.2, 0.5, 0.8), (0.3, 0.7, 0.3), (0.8, 0.7, 0.2))

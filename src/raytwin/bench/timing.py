@@ -22,7 +22,7 @@ Errors = dict[str, dict[str, float | None]]
 Look = Callable[[Renderer, Image], Errors]
 
 NOISY_IMAGES = 5
-"""Of a method whose images differ from seed to seed, so many are held against the truth."""
+"""Images per method compared with the reference, where they differ from seed to seed."""
 
 
 class Timed(Protocol):

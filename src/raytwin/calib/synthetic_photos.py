@@ -15,7 +15,7 @@ import numpy as np
 
 from raytwin import files
 from raytwin.calib.boards.board import Board, check_board, draw_board, write_board
-from raytwin.calib.photos import lens
+from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.pose import rotation
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
@@ -240,7 +240,7 @@ def _stand(board: Board, camera: Camera, R: np.ndarray, aim: np.ndarray, share: 
     around = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
     corners = centers[:, None] + around
     size = np.array(camera.image_size)
-    x, y = lens.undistort(((0.5 + aim) * size - 0.5)[None], np.array(camera.K), camera.dist)[0]
+    x, y = lens_model.undistort(((0.5 + aim) * size - 0.5)[None], np.array(camera.K), camera.dist)[0]
     middle = (centers.min(axis=0) + centers.max(axis=0)) / 2
     reach = np.linalg.norm(np.ptp(centers, axis=0)) + board.tag_edge
     for distance in reach * camera.fx / max(camera.image_size) * np.geomspace(0.4, 6, 80):
@@ -248,11 +248,11 @@ def _stand(board: Board, camera: Camera, R: np.ndarray, aim: np.ndarray, share: 
         cam = corners.reshape(-1, 3) @ R.T + t
         if cam[:, 2].min() < 0.1 * distance:
             continue
-        pixels = lens.project(corners.reshape(-1, 3), R, t, np.array(camera.K), camera.dist)
+        pixels = lens_model.project(corners.reshape(-1, 3), R, t, np.array(camera.K), camera.dist)
         border = 0.01 * size.min()
         inside = (pixels > border).all(axis=1) & (pixels < size - 1 - border).all(axis=1)
         if inside.reshape(-1, 4).all(axis=1).mean() >= share:
-            inside &= lens.grows(cam / (1, 1, 1.02), camera.dist)  # past it the lens model folds back
+            inside &= lens_model.grows(cam / (1, 1, 1.02), camera.dist)  # past it the lens model folds back
         inside = inside.reshape(-1, 4).all(axis=1)
         if inside.mean() >= share and inside.sum() >= 4:
             quads = pixels.reshape(-1, 4, 2)[inside]

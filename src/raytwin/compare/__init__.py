@@ -6,7 +6,7 @@ colours; a `Report` is a Comparison with its scene and its costs.
 
 from raytwin.compare.comparison import Comparison, Geometry, Perceptual, Radiance, Statistics, Verdict
 from raytwin.compare.heatmap import KINDS, error_map, error_scale
-from raytwin.compare.limits import Limits, limit_findings
+from raytwin.compare.idiff_limits import Limits, limit_findings
 from raytwin.compare.metrics import METRICS, Metric, flip_map, measure
 from raytwin.compare.report import Part, Report
 from raytwin.compare.scale import scaled

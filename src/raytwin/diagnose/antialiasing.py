@@ -13,13 +13,13 @@ from raytwin.diagnose.predict import RIGHT, Array, Change
 REACHES = (0.5, 1.0)
 """How far from the centre it is looked, pixels: that much to each side and half as much."""
 MOST = 0.97
-"""Of the wrong pixels the share that has to lie between what is seen around."""
+"""Least share of the wrong pixels that lies between what is seen around them."""
 ALONG = 0.2
-"""Of the pixels beside outlines the share that has to be wrong: rounding moves a few of them."""
+"""Least share of the pixels beside outlines that is wrong; rounding alone moves a few of them."""
 BLENDED = 0.15
-"""Of the wrong pixels at outlines the share that has to show a mixture of both sides."""
+"""Least share of the wrong pixels at outlines that shows a mixture of both sides."""
 APART = 0.1
-"""Of the difference between both sides: what lies farther from everything seen around is a mixture."""
+"""Share of the difference between both sides: a value farther than this from everything seen around is a mixture."""
 AT_RANDOM = 0.5
 """Mean product of neighbours' signs, below which errors inside objects go by chance: rays through places of their own,
 where an object of another shape or place moves whole regions alike."""
@@ -64,7 +64,7 @@ def between(sights: Sequence[Sight], budget: Budget | None = None) -> tuple[Faul
 
 
 def _blended(sight: Sight, seen: Array) -> Array:
-    """Of each wrong pixel beside an outline whether it shows something between both sides; `seen` (K, N, 3)."""
+    """Return for each wrong pixel beside an outline whether it shows a mixture of both sides; `seen` is (K, N, 3)."""
     span = (seen.max(axis=0) - seen.min(axis=0)).max(axis=-1)
     nearest = np.abs(sight.shown - seen).max(axis=-1).min(axis=0)
     return np.asarray((nearest > APART * span)[sight.wrong & sight.edge & (span > APART * sight.scale)])

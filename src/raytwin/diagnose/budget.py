@@ -46,7 +46,7 @@ class Budget:
         self.cut([name], 1)
 
     def cut(self, names: Sequence[str], done: int) -> None:
-        """Of the names to be tried only the first `done` were."""
+        """Note that only the first `done` of `names` were tried."""
         self.tried.update(names[:done])
         self.untried.update(names[done:])
 

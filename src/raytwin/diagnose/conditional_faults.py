@@ -37,9 +37,9 @@ COLOURS = "red", "green", "blue"
 RIGHT_CHANNEL = 0.01
 """A channel is right where no more pixels are wrong than so many of those of the worst one."""
 BETWEEN = 0.8
-"""Of the wrong pixels the share that then lies between what is seen around them."""
+"""Least share of the wrong pixels that lies between what is seen around them."""
 ALONG = 0.03
-"""Of the pixels beside outlines the share that is wrong where several rays a pixel are averaged."""
+"""Least share of the pixels beside outlines that is wrong if several rays per pixel are averaged."""
 
 
 def clued(sights: Sequence[Sight], budget: Budget) -> tuple[Fault, ...]:

@@ -52,20 +52,20 @@ FEW = 6
 ALTERNATIVES = 3
 """Causes that explain it as well, at most so many of which are told."""
 RARE = 3e-3
-"""Of a picture's pixels: where no more are wrong, only single faults without numbers are tried."""
+"""Share of a picture's pixels: up to here, only single faults without fitted numbers are tried."""
 SCREEN = 4
 """Every fault is tried on one in so many of the pixels first."""
 FINALISTS = 24
 CLEAR = 0.1
-"""Of the cost: what leaves less of it is looked at no further for numbers to be fitted."""
+"""Share of the cost: fit no numbers once less than this is left."""
 CLOSE = 4
-"""Of the cost of the best: what costs more on few pixels is not tried on all."""
+"""Multiple of the best cost on few pixels above which a fault is not tried on all."""
 TEMPTING = 16
 """Faults that are tried with every habit."""
 EVEN = 5e-4
-"""Of the cost without any cause: differences that make no cause better than another."""
+"""Share of the cost without any cause: causes that differ by less are equally good."""
 NEAR = 0.5
-"""Of the cost: what leaves more of it is not tried further once something leaves hardly any."""
+"""Share of the cost: a fault that leaves more is dropped once another leaves hardly any."""
 TIED = 0.01
 """Costs of one view that tell nothing apart."""
 SOME = 3
@@ -77,13 +77,13 @@ ENOUGH = 20
 MOST = 25_000
 """Pixels of a picture that are looked at in the end."""
 DOUBTED = 0.1
-"""Of the pixels: where more stay wrong, it is not by what right tracers differ in."""
+"""Share of the pixels: if more stay wrong, differences between right tracers do not explain it."""
 HOPELESS = 0.97
-"""Of the cost: what leaves more of it is not worth a second fault."""
+"""Share of the cost: a fault that leaves more is not tried together with a second one."""
 FITS = 5
 """Families whose numbers are fitted to the end, of those whose first step explains most."""
 ROUNDED = 3e-5
-"""Of the scale: what single precision leaves of a value. LOOSE: the share of pixels that may be off by more."""
+"""Share of the scale that single precision may round off. LOOSE: share of pixels that may be off by more."""
 LOOSE = 0.01
 BEAM = 3
 """Single faults that a second one is added to."""
@@ -459,7 +459,7 @@ def _settled(sights: Sequence[Sight], steps: Steps) -> bool:
 
 
 def _hits(sights: Sequence[Sight], steps: Steps) -> tuple[float, float]:
-    """Of the wrong pixels the share that is hit closely, and of the right ones the share that stays right.
+    """Return the share of wrong pixels that is predicted closely, and the share of right ones that stays right.
 
     A wrong pixel is hit where at most half of its error is left: it may be wrong by hardly more.
     """

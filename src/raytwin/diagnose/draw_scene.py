@@ -20,7 +20,7 @@ from raytwin.scene import Camera, Lambert, Rectangle, Scene, Shape, Sky, Sphere,
 SIZE = (120, 88)
 """Pixels."""
 LEAST = 0.005
-"""Of the pixels: what fewer show may be overlooked."""
+"""Share of the pixels: what fewer pixels show may be overlooked."""
 TRIES = 1000
 AROUND = (((0.0, -2.2, -0.3), 0.6), ((0.0, 2.6, 0.0), 0.8), ((0.0, 1.5, -2.6), 1.5), ((0.0, -0.8, 2.6), 0.5))
 """Large spheres far away, where rays of a wrong camera go: what they meet tells which way it is wrong."""

@@ -80,7 +80,7 @@ class Split:
 
 
 def split(sight: Sight, given: Mapping[str, Halves] | None = None) -> Split:
-    """Of one view; `given`: sampled parts (H, W, 3), twice each, beside the sun, its shadow and the sky: the view's."""
+    """Split one view's light; `given`: sampled parts (H, W, 3), twice each, beside the sun, its shadow and the sky."""
     bench = sight.bench
     assert isinstance(bench, Bench)
     if given is None and sight.view.sampled is not None:

@@ -35,7 +35,7 @@ def whereabouts(sights: Sequence[Sight], errors: Sequence[Array]) -> str:
 
 
 def _regions(sight: Sight) -> tuple[Array, Array]:
-    """Of each pixel the index of its row in KINDS and in LIGHTS."""
+    """Return for each pixel the index of its row in KINDS and in LIGHTS."""
     assert isinstance(sight.bench, Bench)
     with np.errstate(all="ignore"):
         terms = sight.bench.terms(RIGHT)

@@ -17,7 +17,7 @@ BLOCK = 8
 FIRM = 8.0
 """Standard deviations of the mean square, by which a cause has to lower it."""
 LEFT = 0.1
-"""Of what exceeds 1: as much may be left."""
+"""Share of what exceeds 1 that a cause may leave."""
 LEAST = 1e-3
 """Numbers that change the image by less are none."""
 Array = np.ndarray

@@ -111,7 +111,7 @@ class _Scope:
 
 
 def _values(n: ast.AST) -> list[ast.expr]:
-    """Of a node what is computed with: operands, arguments, what is assigned or returned."""
+    """Return the values that a node computes with: operands, arguments, what is assigned or returned."""
     if isinstance(n, ast.BinOp):
         return [n.left, n.right]
     if isinstance(n, ast.Call):

@@ -22,15 +22,15 @@ WALKS, DEEPEST = 64, 5
 WRONG, KEPT, EDGES = 700, 500, 250
 """Pixels that are looked at: of those that are wrong, those that are right, and those of them beside an outline."""
 MET = 4_000_000
-"""Of pixels times objects: where a scene has more, fewer pixels are looked at."""
+"""Most pixels times objects; a scene with more objects is sampled at fewer pixels."""
 CLOSE = 3e-4
-"""Of the scale: the largest error that a prediction may have and still be said to hit a value."""
+"""Share of the scale: the largest error of a prediction that counts as a match."""
 GRID = 100_000
-"""Of larger pictures only every k-th pixel of every k-th row is looked at."""
+"""Pixels: of larger pictures, only every k-th pixel of every k-th row is sampled."""
 SOLID = 0.1
-"""Of the wrong pixels: where more have none but wrong ones around them, two pixels wide, it is not by chance."""
+"""Share of the wrong pixels: if more are surrounded by wrong ones, two pixels wide, it is not chance."""
 DIGITS = 3e-6
-"""Of the scale: what float32 rounds off."""
+"""Share of the scale that float32 rounds off."""
 
 
 Sampled = Callable[[int], Mapping[str, tuple[Array, Array]]]
@@ -302,7 +302,7 @@ def look(view: View, seed: int = 0) -> Sight:
 
 
 def _mixed(wrong: Array) -> float:
-    """Of (H, W): half where chance decides, little where whole regions are wrong, 0 where some are."""
+    """Return how mixed the wrong pixels (H, W) are: a half for chance, little for whole regions, 0 for some."""
     inner = wrong[1:-1, 1:-1]
     if not inner.any():
         return 0.0

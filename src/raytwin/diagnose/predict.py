@@ -140,7 +140,7 @@ def on_rectangle(origin: Any, d: Any, rectangle: Rectangle) -> Array:
 
 
 def nearest(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
-    """Of t (K, N) the index of the least, -1 where none is finite."""
+    """Return the index of the least t of (K, N), -1 where none is finite."""
     return np.where(np.isfinite(t).any(axis=0), t.argmin(axis=0), -1)
 
 
@@ -439,7 +439,7 @@ class Plain:
 
     @property
     def camera(self) -> Camera:
-        """Of the picture's size; nothing else is known of it."""
+        """A camera of the picture's size; nothing else of it is known."""
         h, w = self.right.shape[:2]
         K = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
         return Camera((w, h), K, K, (0.0, 0.0, 0.0))

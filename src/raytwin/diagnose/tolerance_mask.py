@@ -15,15 +15,15 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene
 
 FEW = 0.02
-"""Of the pixels: where more are off, it is not by such differences."""
+"""Share of the pixels: if more are off, such differences do not explain it."""
 ASIDE = 1e-3
 """Pixels: by which rays miss the centre in single precision."""
 VISIBLE = 1e-6
-"""Of the largest radiance."""
+"""Share of the largest radiance that is visible."""
 
 
 SEEN = 1e-3
-"""Of the scale: what differs by less is the same."""
+"""Share of the scale: values that differ by less are the same."""
 
 
 def _aside(u: Array, v: Array, camera: Camera, x: float, y: float) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ class Rounding(NamedTuple):
 
 
 def rounding_of(path: Path, mean: np.ndarray) -> Rounding:
-    """Of an image file, whose radiance (H, W, 3) was read."""
+    """Return what an image file's format rounds off; `mean` is the radiance (H, W, 3) read from it."""
     with path.open("rb") as file:
         start = file.read(26)
     if start.startswith(b"\xff\xd8") or (start.startswith(b"\x89PNG") and start[24] <= 8):

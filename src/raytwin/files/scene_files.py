@@ -16,7 +16,7 @@ from raytwin.files.toml_json import plain, read_toml, to_record, write_toml
 from raytwin.scene import Camera, PhotoCamera, SceneFile, WrittenPlane, WrittenSphere, WrittenSun, material_of
 
 MOST_COLUMNS = 4096
-"""Of an environment map: 100 MB of floats. Light from the sky is smooth; a smaller map serves as well."""
+"""Columns of an environment map: 100 MB of floats. Light from the sky is smooth, so a smaller map serves as well."""
 
 
 def read_scene(path: str | os.PathLike) -> SceneFile:

@@ -89,7 +89,7 @@ def _compare_radiance(
 
 
 def _compare_points(right: np.ndarray, got: np.ndarray, tolerance: Tolerance) -> tuple[bool, float | None, float]:
-    """Of points, NaN for none: the 99.9 % quantile of the distance where both have one, and the share that is off."""
+    """Compare points, NaN for none: return the 99.9 % quantile of the distances, and the share that is off."""
     seen, there = (np.isfinite(x).all(axis=-1) for x in (right, got))
     apart = np.linalg.norm(np.where((seen & there)[..., None], got - right, 0.0), axis=-1)
     held = max(tolerance.p999_abs, 1e-6) * max(1.0, float(np.abs(right[seen]).max(initial=0.0)))

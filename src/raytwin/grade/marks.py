@@ -108,7 +108,7 @@ def _mark_stage(exercise: Exercise, asked: list[Question]) -> Marked:
 
 
 def _cause(held: list[CheckedPicture], seed: int, most: int = 2) -> Diagnosis | None:
-    """Of pictures together, those that are right included: None where nothing is wrong, or there are no numbers."""
+    """Diagnose all pictures together; None if nothing is wrong or there are no numbers."""
     views = [h.view for h in held if h.view is not None]
     return diagnose(views, seed, most=most) if any(h.view is not None and not h.part.passed for h in held) else None
 

@@ -58,7 +58,7 @@ class Marked(Record, frozen=True):
 
     @property
     def seconds(self) -> float:
-        """Of a part, on average."""
+        """Seconds per part, on average."""
         return sum(p.seconds for p in self.parts) / max(1, len(self.parts))
 
 

@@ -140,7 +140,7 @@ class Rubric(Record, frozen=True):
         return tuple(dict.fromkeys([*self.stages, *(part for s in self.stages for part in NEEDED.get(s, ()))]))
 
     def seed_of(self, content: bytes) -> int:
-        """Of one submission: nobody without the rubric's own can tell it."""
+        """Return a submission's seed, which nobody without the rubric's own can compute."""
         total = hashlib.sha256(f"{self.seed} ".encode() + content).digest()
         return int.from_bytes(total[:4], "little")
 

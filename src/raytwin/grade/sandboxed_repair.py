@@ -24,7 +24,7 @@ from raytwin.grade.rubric import Rubric
 from raytwin.sandbox.sandbox import Code, Sandbox
 
 SECONDS, IN_ALL = 4.0, 8.0
-"""Of computing: for one function, and for a submission."""
+"""Seconds of computing: for one function, and for a submission."""
 CALLED = "raytwin_attempt"
 DRIVER = f"""
 from typing import Any

@@ -33,7 +33,7 @@ QUALITY = 85
 WHOLE_SAMPLES = 8
 """A pixel of each half of the whole light."""
 SEEDS = 0xE47, 0x10E
-"""Of the halves: others than a pass has."""
+"""Seeds of the two halves; no rendering pass uses them."""
 TWIN_EVERY = 3
 """While something moves, the twin rests so many times as long as it took: most of the time is the tracer's."""
 

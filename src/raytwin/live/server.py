@@ -37,7 +37,7 @@ from raytwin.tracer import SOLVERS
 
 HOST = "127.0.0.1"
 MOST_BYTES = 1 << 20
-"""Of one message from the page."""
+"""Bytes of one message from the page."""
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"

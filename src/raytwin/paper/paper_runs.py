@@ -55,7 +55,7 @@ YARDSTICKS = (Filled, Plain)
 ERRORS = ("rmse", "p999_abs", "max_abs")
 
 SHARES = {"calibration": 0.55, "small": 0.2}
-"""Of the budget; the large frames have the rest."""
+"""Shares of the budget; the large frames get the rest."""
 
 
 def paper(

@@ -1,7 +1,7 @@
 """A scene as a Mitsuba 3 file, which Mitsuba renders as the twin does; what the file cannot say is reported.
 
 Its world has the board's axes, so that sheets along them are not tilted by rounding; the eye is at 0 and the unit is
-1/1024 m, as in the twin (`raytwin.twin.world` says why).
+1/1024 m, as in the twin (`raytwin.twin.twin_scene` says why).
 """
 
 from collections import Counter

@@ -18,14 +18,14 @@ _HOME = {
     "write_all": "report_folder",
     "write_atlas": "atlas_page",
     "write_bench_all": "bench_page",
-    "write_bends": "uncertainty",
+    "write_bends": "uncertainty_pictures",
     "write_comparison": "json_report",
     "write_diff": "report_folder",
     "write_junit": "junit",
     "write_ladder": "ladder_page",
     "write_report": "compare_page",
-    "write_difference": "uncertainty",
-    "write_uncertainty": "uncertainty",
+    "write_difference": "uncertainty_pictures",
+    "write_uncertainty": "uncertainty_pictures",
 }
 __all__ = list(_HOME)
 

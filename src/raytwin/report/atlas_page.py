@@ -17,7 +17,7 @@ from raytwin.report.page import render_page
 
 OURS = "#0f7a3d", "#2563eb", "#0f8b8d"
 OTHERS = "#c02f4a", "#e07b00", "#8e44ad", "#7c4a21", "#d455a5", "#5a6575", "#a16207", "#111827"
-"""Of methods that are the product's own, and of those that they are held against."""
+"""Colours of raytwin's own methods (OURS) and of those compared with them."""
 
 LOST, HALF, KEPT = (178, 24, 43), (250, 232, 176), (26, 122, 72)
 """sRGB of no digit, of eight, of sixteen."""
@@ -65,7 +65,7 @@ def write_atlas(found: Atlas, folder: str | os.PathLike[str]) -> None:
 
 
 def atlas_summary(found: Atlas) -> str:
-    """Of each experiment: where each method first exceeds the bound, and where theory says that it does."""
+    """Say for each experiment where each method first exceeds the bound, and where theory says so."""
     lines = []
     for f in found.experiments:
         lines.append(f"{f.name}: {f.parameter} {short(f.values[0])} to {short(f.values[-1])}, bound {short(f.bound)}")

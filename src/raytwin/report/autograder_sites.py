@@ -14,7 +14,7 @@ from raytwin.grade.rubric import Rubric
 from raytwin.report.class_page import STATUS, of_points
 
 MOST_BYTES = 950_000
-"""Of a results.json: Gradescope and PrairieLearn take one megabyte."""
+"""Bytes of a results.json: Gradescope and PrairieLearn take one megabyte."""
 MOST_TEXT = 4000
 
 

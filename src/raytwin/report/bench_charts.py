@@ -185,7 +185,7 @@ def growth_charts(bench: Bench) -> list[Chart]:
 
 
 def seconds_by_pixels(bench: Bench) -> Series:
-    """Of the methods of GROWTH, where any was measured, the dozen that are quickest at the largest size."""
+    """Return the dozen methods of GROWTH that are quickest at the largest size measured."""
     series: Series = {}
     if len(sizes_of(bench)) > 2:
         for r in bench.rows:

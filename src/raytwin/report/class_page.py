@@ -27,7 +27,7 @@ SHARED = "shared"
 STUDENTS = "students"
 BINS = 10
 ALIKE = 1e-3
-"""Of the largest error: two wrong pictures whose errors differ by less, everywhere, are called near-identical."""
+"""Share of the largest error: two wrong pictures whose errors differ by less everywhere are near-identical."""
 
 
 def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> list[str]:

@@ -168,7 +168,7 @@ def calibrated(view: PairView) -> dict[str, Any] | None:
     if calibration is None:
         return None
     from raytwin.calib.photos import explained  # these two load OpenCV
-    from raytwin.report.uncertainty import bend_url, uncertainty_url
+    from raytwin.report.uncertainty_pictures import bend_url, uncertainty_url
 
     k = calibration.K
     found = [("fx", k[0][0], "px"), ("fy", k[1][1], "px"), ("cx", k[0][2], "px"), ("cy", k[1][2], "px")]

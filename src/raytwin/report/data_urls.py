@@ -115,7 +115,7 @@ def worst_pixels(error: np.ndarray, count: int, tile: int = 32) -> list[tuple[in
 
 
 def worst_of_blocks(error: np.ndarray, side: int) -> np.ndarray:
-    """Of each block of side x side the error farthest from 0: a wrong pixel must not fall between those that are kept.
+    """Return the error farthest from 0 of each block of side x side, so that no wrong pixel is lost.
 
     What does not fill a block at the right and at the bottom is left out.
     """

@@ -52,7 +52,7 @@ def write_all(result: "Result", folder: Path, json: Path | None = None, progress
 
 
 def write_diff(found: Diff, folder: Path, progress: Progress = silent) -> None:
-    """Of any two images: report.html, comparison.json and, where they are of one size, heatmap.png."""
+    """Write report.html, comparison.json and, for images of one size, heatmap.png."""
     view = view_of_diff(found)
     steps: list[Callable[[], None]] = [
         lambda: files.write_json(folder / "comparison.json", found.numbers()),

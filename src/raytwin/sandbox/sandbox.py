@@ -45,7 +45,7 @@ PATIENCE = 10
 
 
 class Limits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Of one submission, all its processes together; `cpu_seconds` each process's.
+    """Limits of one submission, all its processes together; `cpu_seconds` is each process's.
 
     `seconds` and `seconds_a_call` are those that it computed or slept, not those that it waited for a core: a busy
     machine fails nobody. Where the system does not tell (no /proc), they are the clock's.
@@ -373,7 +373,7 @@ class Sandbox:
 
 @functools.cache
 def probe() -> dict[str, str]:
-    """Of every lock whether it holds on this machine (`lock.HELD`) or why it does not: tried, not guessed."""
+    """Try every lock: return whether it works on this machine (`lock.HELD`), or why it does not."""
     source = "def probe():\n    import numpy.polynomial\n    return 1.0\n"
     held: dict[str, str] = {}
     # Where another uid cannot read the packages, the locks without it are what is left.

@@ -13,7 +13,7 @@ from raytwin.scene import Rectangle
 from raytwin.tracer import intersect_rectangle
 
 PHOTOS = 8
-"""Of the desk's: enough for a camera, and soon searched."""
+"""Photos of the desk: enough for a camera, and quickly searched."""
 
 
 class Hits(NamedTuple):

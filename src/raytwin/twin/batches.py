@@ -39,5 +39,5 @@ class Batches(NamedTuple):
         return mean, (sizes * np.square(sums / sizes - mean[:, None])).sum(axis=1)
 
     def variance(self, spread: np.ndarray) -> np.ndarray | None:
-        """Of the mean of all samples; None for a single batch, which cannot tell."""
+        """Return the variance of the mean of all samples; None for a single batch, which has none."""
         return spread / ((self.number - 1) * self.samples) if self.number > 1 else None

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.scene import Rectangle, Scene
-from raytwin.twin.world import SHADOW_OFFSET, UNIT
+from raytwin.twin.twin_scene import SHADOW_OFFSET, UNIT
 
 SPHERE_REACH, RECTANGLE_REACH = 16.0, 100.0
 """Radius, and distance to the furthest corner, over the distance from the eye: the most that Mitsuba is given.

@@ -15,7 +15,7 @@ from raytwin.twin.outlines import Seen
 from raytwin.twin.phong import highlights, lobe
 from raytwin.twin.rays import Lens, directions, lens_of
 from raytwin.twin.sky import harmonics
-from raytwin.twin.world import SHADOW_OFFSET, UNIT, load, translate
+from raytwin.twin.twin_scene import SHADOW_OFFSET, UNIT, load, translate
 
 
 class Hit(NamedTuple):

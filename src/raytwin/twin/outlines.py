@@ -16,7 +16,7 @@ import numpy as np
 from raytwin.scene import Scene
 from raytwin.twin.bodies import MOST_IN_DOUBLES, START, Body, distance, dot, normal, table, too_far
 from raytwin.twin.rays import directions, lens_of
-from raytwin.twin.world import UNIT
+from raytwin.twin.twin_scene import UNIT
 
 DOUBT = 1e-5
 """How near to an outline, as a part of the distance from the eye, float32 may err: 168 of its steps.

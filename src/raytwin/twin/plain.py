@@ -12,7 +12,7 @@ from raytwin.errors import InputError
 from raytwin.scene import Scene
 from raytwin.twin.backend import SCALAR, activate
 from raytwin.twin.rays import lens_of
-from raytwin.twin.world import UNIT, load, translate
+from raytwin.twin.twin_scene import UNIT, load, translate
 
 INTEGRATORS = {"direct": {"type": "direct"}, "path": {"type": "path", "max_depth": 8, "rr_depth": 8}}
 """name -> Mitsuba's: light that met one surface (the rung `sky`), and up to seven (the rung `path`)."""

@@ -22,12 +22,12 @@ from raytwin.twin.batches import Batches
 from raytwin.twin.direct_light import albedos, first_light
 from raytwin.twin.outlines import Seen, rays, refine, settle
 from raytwin.twin.rays import lens_of
-from raytwin.twin.world import check_textures
+from raytwin.twin.twin_scene import check_textures
 
 SAMPLINGS = ("center", "area")
 BATCHES = 16
 MOST_SAMPLES = 1 << 24
-"""Of a pixel, which are all followed at once: 2 GB. For more, take the mean of renders of several seeds."""
+"""Samples per pixel, all followed at once: 2 GB. For more, average renders of several seeds."""
 TWIN = "5"
 """The twin's own version, part of every cache key: raise it when a change moves a pixel."""
 WORTH_KEEPING = 1.0

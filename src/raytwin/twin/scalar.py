@@ -19,7 +19,7 @@ from raytwin.twin.outlines import Seen
 from raytwin.twin.phong import pi_f
 from raytwin.twin.rays import directions, lens_of
 from raytwin.twin.sky import sky_radiance
-from raytwin.twin.world import SHADOW_OFFSET, UNIT, load, translate
+from raytwin.twin.twin_scene import SHADOW_OFFSET, UNIT, load, translate
 
 
 class Hit(NamedTuple):

@@ -34,10 +34,10 @@ BUDGET = 4_500_000
 """Deflated bytes of all planes. Noise does not shrink; where it exceeds this, the planes are thinned."""
 
 DEPTH_STEPS = 4095
-"""Of the largest depth: three digits near it."""
+"""Steps up to the largest depth: three digits near it."""
 
 LEVEL = 4
-"""Of deflate: a fifth smaller than level 1, at half as much time again."""
+"""Level of deflate: a fifth smaller than level 1, in half as much time again."""
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,7 @@ def to_noise(values: np.ndarray, sigma: np.ndarray) -> np.ndarray:
 
 
 def _thinned(planes: Mapping[str, _Raw], n: int) -> dict[str, _Raw]:
-    """Of each block the pixel that errs most (the first of equals); and `at`, which it was: row * n + column."""
+    """Return each block's pixel of the largest error (the first of equals); `at` is row * n + column."""
     d = [planes["d" + c] for c in "RGB"]
     size = np.max([np.abs(np.ldexp(p.words.astype(np.float32), p.shift)) for p in d], axis=0)
     size[np.isnan(size)] = np.inf

@@ -58,7 +58,7 @@ def _at_size(found: SceneFile, size: tuple[int, int] | None) -> SceneFile:
 
 def moved(scene: Scene, a: Camera, b: Camera) -> float:
     """Pixels between what two cameras see: the largest distance over points of the scene that lie in a's picture."""
-    from raytwin.calib.photos.lens import project
+    from raytwin.calib.photos.lens_model import project
 
     steps = np.linspace(-1, 1, 9)
     grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)

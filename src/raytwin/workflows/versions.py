@@ -6,5 +6,5 @@ PACKAGES = "raytwin", "mitsuba", "drjit", "numpy", "opencv-contrib-python-headle
 
 
 def versions() -> dict[str, str]:
-    """Of Python and of the packages whose version may change a number; those that are not installed are left out."""
+    """Return the versions of Python and of the installed packages that may change a number."""
     return files.installed(PACKAGES)

@@ -9,7 +9,7 @@ from photo_helpers import BOARD
 
 from raytwin import files
 from raytwin.calib.boards.board import Board, Grid, draw_board
-from raytwin.calib.photos import lens
+from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.bias import center_bias, unbiased
 from raytwin.calib.photos.detection import SEARCH_SIDE, NoTags, OtherBorder, detect, detect_photo, detect_photos
 from raytwin.errors import InputError
@@ -135,7 +135,7 @@ def test_found_centres_are_where_the_camera_projects_them_once_the_bias_is_taken
     raw, mended = [], []
     for name, (R, t) in truth.photos.items():
         tags = detect_photo(folder / name)
-        true = lens.project(BOARD.points(tag.id for tag in tags), R, t, truth.K, truth.dist)
+        true = lens_model.project(BOARD.points(tag.id for tag in tags), R, t, truth.K, truth.dist)
         raw.append(np.array([tag.center for tag in tags]) - true)
         straight = unbiased(tags, BOARD, R, t, truth.K, truth.dist)
         mended.append(np.array([tag.center for tag in straight]) - true)
@@ -213,12 +213,12 @@ def test_a_tags_centre_is_off_by_what_straight_lines_through_its_bent_edges_make
     for center in BOARD.points(ids):
         lines = []
         for x, y in ((inside, -one), (one, inside), (-inside, one), (-one, -inside)):
-            edge = lens.project(center + half * np.c_[x, y, 0 * x], R, t, K, dist)
+            edge = lens_model.project(center + half * np.c_[x, y, 0 * x], R, t, K, dist)
             (dx, dy), middle = np.linalg.svd(edge - edge.mean(axis=0))[2][0], edge.mean(axis=0)
             lines.append((-dy, dx, dy * middle[0] - dx * middle[1]))
         a, b, c, d = (np.cross(lines[i - 1], lines[i]) for i in range(4))
         meet = np.cross(np.cross(a, c), np.cross(b, d))
-        off.append(meet[:2] / meet[2] - lens.project(center[None], R, t, K, dist)[0])
+        off.append(meet[:2] / meet[2] - lens_model.project(center[None], R, t, K, dist)[0])
     assert np.abs(off).max() > 0.02
     np.testing.assert_allclose(center_bias(ids, BOARD, R, t, K, dist), off, rtol=0, atol=0.02 * np.abs(off).max())
 

@@ -20,7 +20,7 @@ from raytwin.calib.photos import (
     camera_at,
     deviations,
     export_camera,
-    lens,
+    lens_model,
     projection_difference,
 )
 from raytwin.calib.photos.pose import Pose
@@ -78,7 +78,7 @@ def test_the_turn_and_shift_are_those_of_least_weighted_squares(found, distance)
     """By SciPy's least squares on OpenCV's projectPoints, with weights of one over the deviations."""
     second = other(found, cx=found.K[0][2] + 3, fx=1.003 * found.K[0][0])
     pixels, _ = cell_middles(found.image_size)
-    rays = np.c_[lens.undistort(pixels, found.K, found.dist), np.ones(len(pixels))]
+    rays = np.c_[lens_model.undistort(pixels, found.K, found.dist), np.ones(len(pixels))]
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     weight = 1 / deviations(found, pixels, distance)[:, None]
     n = 3 if math.isinf(distance) else 6

@@ -16,7 +16,7 @@ from raytwin.calib.photos import (
     calibrate,
     calibrate_detections,
     detect_photos,
-    lens,
+    lens_model,
     pose_deviation,
     pose_of_photo,
     rotation_degrees,
@@ -50,7 +50,7 @@ def views(
         centers = np.array(list(SMALL.centers().values()))
         places = dict(zip(SMALL.centers(), bow_of(SMALL, bend).bent(centers), strict=True))
         tags = {
-            photo: [moved(t, lens.project(places[t.id][None], *stand, camera.K, camera.dist)[0]) for t in found]
+            photo: [moved(t, lens_model.project(places[t.id][None], *stand, camera.K, camera.dist)[0]) for t in found]
             for (photo, found), stand in zip(tags.items(), stands, strict=True)
         }
     if breath:
@@ -104,7 +104,7 @@ def test_its_jacobian_is_that_of_differences():
     rng = np.random.default_rng(4)
     K, dist = np.array([[800.0, 0, 500], [0, 790, 380], [0, 0, 1]]), [0.1, -0.2, 0.003, -0.002, 0.05]
     points, names = rng.uniform((-0.3, -0.3, 0.8), (0.3, 0.3, 1.5), (20, 3)), ("k1", "k2", "p1", "p2", "k3")
-    _, of_lens, of_point = lens.linearise(points, np.zeros((20, 2)), K, dist, names)
+    _, of_lens, of_point = lens_model.linearise(points, np.zeros((20, 2)), K, dist, names)
 
     def at(numbers: np.ndarray, p: np.ndarray) -> np.ndarray:
         fx, fy, cx, cy = numbers[:4]
@@ -130,7 +130,7 @@ def test_the_fit_without_a_photo_is_told_without_making_it():
         rest = fit(known[:i] + known[i + 1 :], SIZE, [SMALL], Form("k1k2"))
         assert np.allclose(moves[i][:4], (rest.shared - whole.shared)[:4], atol=0.05 * np.abs(moves[i][:4]).max())
         points, pixels = SMALL.points(t.id for t in known[i].tags), np.array([t.center for t in known[i].tags])
-        five = lens.five(rest.dist)
+        five = lens_model.five(rest.dist)
         _, turn, shift = cv2.solvePnP(points, pixels, rest.K, five)
         turn, shift = cv2.solvePnPRefineLM(points, pixels, rest.K, five, turn, shift)
         off = cv2.projectPoints(points, turn, shift, rest.K, five)[0][:, 0] - pixels
@@ -301,7 +301,7 @@ def crossings(bend: float, camera, stand) -> np.ndarray:
     around = np.stack([np.c_[s, -one], np.c_[one, s], np.c_[-s, one], np.c_[-one, -s]]) * BOARD.tag_edge / 2
     flat = np.array(list(BOARD.centers().values()))[:, None, None] + around
     edges = bow_of(BOARD, bend).bent(flat.reshape(-1, 2))
-    pixels = lens.project(edges, *stand, camera.K, camera.dist).reshape(-1, 4, 5, 2)
+    pixels = lens_model.project(edges, *stand, camera.K, camera.dist).reshape(-1, 4, 5, 2)
     middle = pixels.mean(axis=2)
     along = np.linalg.svd(pixels - middle[:, :, None])[2][:, :, 0]
     line = np.cross(np.insert(middle, 2, 1, axis=-1), np.insert(along, 2, 0, axis=-1))

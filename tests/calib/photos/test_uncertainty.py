@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from photo_helpers import BOARD, SMALL, a_camera, seen
 
-from raytwin.calib.photos import calibrate_detections, deviations, lens, uncertainty_map
+from raytwin.calib.photos import calibrate_detections, deviations, lens_model, uncertainty_map
 from raytwin.calib.synthetic_photos import poses
 
 SIZE = (1008, 756)
@@ -31,7 +31,7 @@ def test_the_covariance_holds_the_variances_that_opencv_gives(views, model):
 def test_the_predicted_deviations_are_those_of_repeated_calibrations(views):
     camera, stands, _ = views
     rng = np.random.default_rng(3)
-    rays = np.c_[lens.undistort(PLACES, camera.K, camera.dist), np.ones(len(PLACES))]
+    rays = np.c_[lens_model.undistort(PLACES, camera.K, camera.dist), np.ones(len(PLACES))]
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     moved, predicted = [], []
     for _ in range(30):
@@ -43,7 +43,7 @@ def test_the_predicted_deviations_are_those_of_repeated_calibrations(views):
             far.append(rays @ R @ R_found.T)
             near.append((0.3 * rays - t) @ R @ R_found.T + t_found)
         carried = np.concatenate([np.mean(far, axis=0), np.mean(near, axis=0)])
-        moved.append(lens.project(carried, np.eye(3), np.zeros(3), found.K, found.dist) - np.tile(PLACES, (2, 1)))
+        moved.append(lens_model.project(carried, np.eye(3), np.zeros(3), found.K, found.dist) - np.tile(PLACES, (2, 1)))
         predicted.append(np.concatenate([deviations(found, PLACES), deviations(found, PLACES, 0.3)]))
     moved = np.array(moved)
     spread = [math.sqrt(np.linalg.eigvalsh(np.cov(moved[:, i].T))[-1]) for i in range(2 * len(PLACES))]

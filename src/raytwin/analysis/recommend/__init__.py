@@ -23,7 +23,7 @@ from raytwin.scene import Scene
 __all__ = ["Needs", "NotNeeded", "Row", "Whole", "find_needs", "needs_of"]
 
 ERRORS = "rmse", "relmse", "mae", "max_abs", "p999_abs", "p999_rel"
-"""Of METRICS, those that are 0 where nothing errs."""
+"""The metrics that are 0 for equal images."""
 
 
 def needs_of(

@@ -85,7 +85,7 @@ def _at_the_center(look: Look, method: PathTraced, guess: float) -> Iterable[Tri
 
 
 def _seconds_a_sample(look: Look) -> float:
-    """Of the whole frame, by a second call: the first compiles."""
+    """Return the whole frame's seconds per sample, timed in a second call, since the first one compiles."""
     for _ in range(2):
         began = time.perf_counter()
         walk(look.thin, "path", look.engine, samples=16, depth=DEEP, side=1 / look.step, surface=False)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from raytwin import files
-from raytwin.calib.photos import lens
+from raytwin.calib.photos import lens_model
 from raytwin.scene import Camera, Pyramid
 
 SHIFT = 4
@@ -24,7 +24,7 @@ def draw_pyramid(photo: np.ndarray, camera: Camera, pyramid: Pyramid, space: np.
     """
     vertices = np.array(pyramid.vertices)
     R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
-    if not lens.grows(vertices @ R.T + t, camera.dist).all():
+    if not lens_model.grows(vertices @ R.T + t, camera.dist).all():
         return photo.copy()
     eye, middle = np.array(camera.eye), vertices.mean(axis=0)
     # Blending does not care for primaries: the colour goes into the photo's.
@@ -61,7 +61,7 @@ def _outline(corners: np.ndarray, camera: Camera) -> np.ndarray:
 def _segment(a: np.ndarray, b: np.ndarray, camera: Camera) -> np.ndarray:
     share = np.linspace(0, 1, PIECES + 1)[:, None]
     R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
-    return lens.project(a + share * (b - a), R, t, np.array(camera.K), camera.dist)
+    return lens_model.project(a + share * (b - a), R, t, np.array(camera.K), camera.dist)
 
 
 def _blend(out: np.ndarray, coverage: np.ndarray, color: np.ndarray, opacity: float) -> None:

@@ -20,7 +20,7 @@ from raytwin.calib.photos.camera_file import BoardShape, read_board_shapes, with
 from raytwin.calib.photos.detection import NoTags, Tag, detect, detect_photo, detect_photos
 from raytwin.calib.photos.diagnostics import CODES
 from raytwin.calib.photos.fit import MODELS
-from raytwin.calib.photos.lens import project
+from raytwin.calib.photos.lens_model import project
 from raytwin.calib.photos.model import ModelTrial, Told
 from raytwin.calib.photos.pose import (
     Pose,

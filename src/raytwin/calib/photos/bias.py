@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from raytwin.calib.boards.board import Board
-from raytwin.calib.photos import lens
+from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.detection import Tag
 
 POINTS, REACH = 5, 0.767
@@ -26,7 +26,7 @@ def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float]
     centers = board.points(ids)
     edges = _edges(board)
     around = centers[:, None, None] + np.stack([edges[i] for i in ids])
-    pixels = lens.project(around.reshape(-1, 3), R, t, K, dist).reshape(len(centers), 4, POINTS, 2)
+    pixels = lens_model.project(around.reshape(-1, 3), R, t, K, dist).reshape(len(centers), 4, POINTS, 2)
     middle = pixels.mean(axis=2)
     spread = pixels - middle[:, :, None]
     # The least squares line through points: its normal is the direction in which they spread least.
@@ -34,7 +34,7 @@ def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float]
     offset = (normal * middle).sum(axis=-1)
     corner = [_meet(normal[:, i - 1], offset[:, i - 1], normal[:, i], offset[:, i]) for i in range(4)]
     crossing = _meet(*_line(corner[0], corner[2]), *_line(corner[1], corner[3]))
-    return crossing - lens.project(centers, R, t, K, dist)
+    return crossing - lens_model.project(centers, R, t, K, dist)
 
 
 @functools.lru_cache(maxsize=16)

@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from raytwin import files
 from raytwin.calib.boards import Board
 from raytwin.calib.boards.board import spans_a_plane
-from raytwin.calib.photos import lens, pose
+from raytwin.calib.photos import lens_model, pose
 from raytwin.calib.photos.bias import center_bias, unbiased
 from raytwin.calib.photos.calibration_result import Calibration, CalibrationWarning, Evidence, FoundBoard, View
 from raytwin.calib.photos.detection import Find, Read, Tag, detect, detect_photos
@@ -34,7 +34,7 @@ ROUNDS = 3
 """Fits, each without the outliers and the detector's bias that the one before tells; a fourth moves fx by 1e-7."""
 
 BENT_ROUNDS = 5
-"""Of a bent board: its shape tells where its tags' edges lead, and its tags its shape. A sixth moves fx by 1e-5."""
+"""Rounds for a bent board, whose shape moves the tags' centers and is fitted to them. A sixth moves fx by 1e-5."""
 
 PRELIMINARY = "k1k2"
 """What `auto` fits before it chooses: enough to tell the detector's bias and the outliers."""
@@ -203,7 +203,7 @@ def _inliers(
         tags = unbiased(view.tags, board, R, t, result.K, result.dist)
         points, pixels = matched(tags, board)
         moved.append(tags)
-        errors.append(np.linalg.norm(lens.project(points, R, t, result.K, result.dist) - pixels, axis=1))
+        errors.append(np.linalg.norm(lens_model.project(points, R, t, result.K, result.dist) - pixels, axis=1))
     limit = pose.outlier_limit(np.concatenate(errors))
     kept, straight = [], []
     for view, tags, error in zip(views, moved, errors, strict=True):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from raytwin.calib.photos import lens
+from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.uncertainty import UNDONE_PX, cell_middles, deviations
 from raytwin.errors import InputError
 
@@ -45,7 +45,7 @@ def projection_difference(calibration, other, distance: float | None = None) -> 
     away = calibration.basis.distance if distance is None else distance
     pixels, shape = cell_middles(calibration.image_size)
     sigma = deviations(calibration, pixels, away)
-    rays = np.c_[lens.undistort(pixels, calibration.K, calibration.dist), np.ones(len(pixels))]
+    rays = np.c_[lens_model.undistort(pixels, calibration.K, calibration.dist), np.ones(len(pixels))]
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     seen = np.isfinite(sigma)
     weight = np.where(seen, 1 / np.maximum(np.nan_to_num(sigma, nan=1.0), UNDONE_PX), 0.0)[:, None]
@@ -54,18 +54,18 @@ def projection_difference(calibration, other, distance: float | None = None) -> 
     with np.errstate(all="ignore"):  # a ray without a pixel has no weight
         for _ in range(STEPS):
             points = rays @ R.T + t
-            off, _, of_point = lens.linearise(points, pixels, other.K, other.dist, ())
-            inside = lens.grows(points, other.dist) & seen
+            off, _, of_point = lens_model.linearise(points, pixels, other.K, other.dist, ())
+            inside = lens_model.grows(points, other.dist) & seen
             w = np.where(inside[:, None], weight, 0.0)
-            J = (lens.of_pose(points, of_point)[..., :unknowns] * w[..., None])[inside].reshape(-1, unknowns)
+            J = (lens_model.of_pose(points, of_point)[..., :unknowns] * w[..., None])[inside].reshape(-1, unknowns)
             step = np.linalg.lstsq(J, -(off * w)[inside].ravel(), rcond=None)[0]
             turn = cv2.Rodrigues(step[:3])[0]
             R, t = turn @ R, turn @ t + np.append(step[3:], np.zeros(6 - unknowns))[:3]
             if np.abs(step).max() < SETTLED:
                 break
         points = rays @ R.T + t
-        off, _, _ = lens.linearise(points, pixels, other.K, other.dist, ())
-    found = np.where(seen & lens.grows(points, other.dist), np.linalg.norm(off, axis=1), math.nan)
+        off, _, _ = lens_model.linearise(points, pixels, other.K, other.dist, ())
+    found = np.where(seen & lens_model.grows(points, other.dist), np.linalg.norm(off, axis=1), math.nan)
     if not np.isfinite(found).any():
         raise InputError("--against", "a camera that sees some of what this one sees", "none of it")
     median, p95, worst = (float(np.nanquantile(found, q)) for q in (0.5, 0.95, 1.0))

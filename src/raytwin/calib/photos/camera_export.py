@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from raytwin import files
-from raytwin.calib.photos.lens import five
+from raytwin.calib.photos.lens_model import five
 from raytwin.errors import InputError, check_one_of
 
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from raytwin.calib.boards import Board
-from raytwin.calib.photos import lens, pose
+from raytwin.calib.photos import lens_model, pose
 from raytwin.calib.photos.calibration_result import Calibration
 from raytwin.calib.photos.fit import NAMES, Fit, Form, Seen, fit, matched, solve_scaled
 from raytwin.calib.photos.uncertainty import Spread, spread, uncertainty_map
@@ -391,8 +391,8 @@ def _better_turned(case: Case, i: int) -> float:
             ((pixels, R, t), (np.array(case.image_size) - 1 - pixels, turn @ R, turn @ t))
         ):
             start = cv2.Rodrigues(R0)[0], t0.reshape(3, 1).copy()
-            turns, shift = cv2.solvePnPRefineLM(points, seen, K, lens.five(dist), *start)
-            off = lens.project(points, cv2.Rodrigues(turns)[0], shift, K, dist) - seen
+            turns, shift = cv2.solvePnPRefineLM(points, seen, K, lens_model.five(dist), *start)
+            off = lens_model.project(points, cv2.Rodrigues(turns)[0], shift, K, dist) - seen
             squares[k] += float((off**2).sum())
     return math.sqrt(squares[0] / max(squares[1], 1e-12))
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from raytwin.calib.boards import Board, Heights
 from raytwin.calib.boards.shape import Bending, bending
-from raytwin.calib.photos import lens
+from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.detection import Tag
 from raytwin.errors import InputError
 from raytwin.scene import Record
@@ -77,7 +77,7 @@ class Form:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of K and distortion, in the order of `Fit.shared`."""
+        """Names of the parameters of K and distortion, in the order of `Fit.shared`."""
         return (*INTRINSICS, *MODELS[self.model])
 
 
@@ -147,7 +147,7 @@ class Fit:
 
     @property
     def variance(self) -> float:
-        """Of a coordinate, pixels², if all erred alike and on their own: residuals² / (coordinates - unknowns)."""
+        """Variance of a coordinate, pixels², of independent errors: residuals² / (coordinates - unknowns)."""
         unknowns = 6 * len(self.R) + self.told
         return float((self.residuals**2).sum() / max(self.sights.count() - unknowns, 1))
 
@@ -158,7 +158,7 @@ class Fit:
 
     @property
     def shapes(self) -> tuple[Heights | None, ...]:
-        """Of each board; None where it was taken for flat."""
+        """Each board's fitted heights; None for a board taken as flat."""
         parts = _parts(self.shared, self.form, self.sights)
         return tuple(Heights(self.form.degree, tuple(c.tolist())) if len(c) else None for c, _ in parts)
 
@@ -306,10 +306,10 @@ def _step(sights: Sights, form: Form, image_size: tuple[int, int], shared, R, t)
     board, moves = _shaped(sights, form, shared)
     points = board @ R.swapaxes(1, 2) + t[:, None]
     with np.errstate(all="ignore"):  # a step too far gives no finite cost, and is not taken
-        r, A, of_point = lens.linearise(points, sights.pixels, K, [value.get(n, 0.0) for n in NAMES], free)
+        r, A, of_point = lens_model.linearise(points, sights.pixels, K, [value.get(n, 0.0) for n in NAMES], free)
         A = np.concatenate([A, np.einsum("vtci,vij,vtsj->vtcs", of_point, R, moves, optimize=True)], axis=-1)
         w = sights.weight[..., None]
-        r, A, B = r * w, A * w[..., None], lens.of_pose(points, of_point) * w[..., None]
+        r, A, B = r * w, A * w[..., None], lens_model.of_pose(points, of_point) * w[..., None]
         fold, of_fold = _fold(form, image_size, shared, sights)
         cost = float((r * r).sum() + fold @ fold)
     if not np.isfinite(cost) or (points[..., 2] <= 0).any():
@@ -328,7 +328,7 @@ def _fold(form: Form, image_size: tuple[int, int], shared: np.ndarray, sights: S
     radial = [n for n in ("k1", "k2", "k3") if n in free]
     if not form.unfolded or not radial:
         return np.zeros(0), np.zeros((0, len(shared)))
-    far = lens.corner_radius(shared[:4].tolist(), image_size)
+    far = lens_model.corner_radius(shared[:4].tolist(), image_size)
     value = dict(zip(free, shared[4:], strict=False))
     k1, k2, k3 = (value.get(n, 0.0) for n in ("k1", "k2", "k3"))
     r = RADII * 2 * far

@@ -25,7 +25,7 @@ AS_WELL, NOTHING = 1.01, 0.002
 """As good as the best: within 1 % of its held-out error, or within so many pixels, which no detector knows."""
 
 ALIKE = 1.1
-"""Of few photos, models that predict within 10 % of the best widen sigma by how far K differs between them."""
+"""With few photos, models that predict within this factor of the best add the spread of their K to sigma."""
 
 UNFOLDED = 1.02
 """A lens that folds back inside the frame is kept from it where that costs no more than 2 % of the held-out error."""
@@ -59,7 +59,7 @@ def name(form: Form) -> str:
 
 
 def degree_of(trial: str) -> int:
-    """Of the boards' heights, from a trial's name; 0: flat."""
+    """Return the degree of the boards' heights from a trial's name; 0 is flat."""
     return int(trial.rpartition(", bent ")[2]) if ", bent " in trial else 0
 
 

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from raytwin.calib.boards.board import Board, spans_a_plane
-from raytwin.calib.photos import lens
+from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.bias import unbiased
 from raytwin.calib.photos.detection import Tag, detect_photo
 from raytwin.calib.photos.fit import matched
@@ -106,7 +106,7 @@ def homography_pose(K, dist: Sequence[float], tags: Sequence[Tag], board: Board)
     points, pixels = matched(tags, board.flat())
     H = None
     if spans_a_plane(points[:, :2]):
-        H, _ = cv2.findHomography(points[:, :2], lens.undistort(pixels, K, dist))
+        H, _ = cv2.findHomography(points[:, :2], lens_model.undistort(pixels, K, dist))
     if H is None or not np.isfinite(H).all():
         raise InputError("tags", "four or more, not in one line", f"ids {_list(t.id for t in tags)}")
     H = H / math.sqrt(np.linalg.norm(H[:, 0]) * np.linalg.norm(H[:, 1]))
@@ -154,7 +154,7 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
         raise InputError(photo, "at least 4 tags of the board, not in one line", f"ids {_list(t.id for t in used)}")
     # Known distortion: what is left of a tag's distance from the homography is noise, or a mistake.
     points, pixels = matched(used, board)
-    inside = consistent(points, lens.undistort(pixels, K, dist), GROSS)
+    inside = consistent(points, lens_model.undistort(pixels, K, dist), GROSS)
     kept = [t for t, ok in zip(used, inside, strict=True) if ok] if spans_a_plane(points[inside, :2]) else used
     start = None
     for _ in range(3):
@@ -163,7 +163,7 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
         refined, ambiguity = refined_pose(K, dist, straight, board, closed)
         start = refined.R, refined.t
         straight = unbiased(used, board, *start, K, dist)
-        error = np.linalg.norm(lens.project(points, *start, K, dist) - matched(straight, board)[1], axis=1)
+        error = np.linalg.norm(lens_model.project(points, *start, K, dist) - matched(straight, board)[1], axis=1)
         inside = error <= outlier_limit(error)
         if spans_a_plane(points[inside, :2]):
             kept = [t for t, ok in zip(used, inside, strict=True) if ok]
@@ -242,7 +242,7 @@ def rotation(R: np.ndarray) -> Matrix:
 
 
 def _pose(R: np.ndarray, t: np.ndarray, points: np.ndarray, pixels: np.ndarray, K, dist) -> Pose:
-    error = lens.project(points, R, t, K, dist) - pixels
+    error = lens_model.project(points, R, t, K, dist) - pixels
     rms = math.sqrt(float((error**2).sum(axis=1).mean()))
     return Pose(rotation(R), tuple(np.asarray(t, float).tolist()), rms)
 

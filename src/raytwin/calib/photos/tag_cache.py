@@ -48,6 +48,6 @@ def _read(path: Path, size: tuple[int, int]) -> list[Tag] | None:
 
 
 def _is_sound(tag: Tag, size: tuple[int, int]) -> bool:
-    """Of four corners, and within the frame; NaN is not."""
+    """Return whether the tag has four finite corners within the frame."""
     inside = all(-0.5 <= c <= n - 0.5 for point in (tag.center, *tag.corners) for c, n in zip(point, size, strict=True))
     return len(tag.corners) == 4 and tag.id >= 0 and inside

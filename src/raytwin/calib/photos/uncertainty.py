@@ -33,7 +33,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from raytwin.calib.photos import lens
+from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.fit import MODELS, Fit, scaled, solve_scaled
 
 UNDONE_PX = 1e-3
@@ -142,11 +142,11 @@ def deviations(calibration, pixels: np.ndarray, distance: float = math.inf) -> n
     pixels = np.asarray(pixels, float)
     K, dist = calibration.K, calibration.dist
     with np.errstate(all="ignore"):
-        rays = np.c_[lens.undistort(pixels, K, dist), np.ones(len(pixels))]
+        rays = np.c_[lens_model.undistort(pixels, K, dist), np.ones(len(pixels))]
         rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-        residuals, of_lens, of_point = lens.linearise(rays, pixels, K, dist, MODELS[calibration.model])
-        unseen = ~(np.linalg.norm(residuals, axis=1) <= UNDONE_PX) | ~lens.grows(rays, dist)
-    by_pose = lens.of_pose(rays, of_point)
+        residuals, of_lens, of_point = lens_model.linearise(rays, pixels, K, dist, MODELS[calibration.model])
+        unseen = ~(np.linalg.norm(residuals, axis=1) <= UNDONE_PX) | ~lens_model.grows(rays, dist)
+    by_pose = lens_model.of_pose(rays, of_point)
     # On unit rays d/d tau is that of a point 1 m away.
     by_pose[..., 3:] /= distance
     J = np.concatenate([of_lens, by_pose], axis=-1)
@@ -179,10 +179,10 @@ def pose_deviation(calibration, points: np.ndarray, R: np.ndarray, t: np.ndarray
     tags' noise adds to it: Var = F C F^T + s² (B^T B)^-1, F = -(B^T B)^-1 B^T A.
     """
     seen = points @ R.T + t
-    _, of_lens, of_point = lens.linearise(
+    _, of_lens, of_point = lens_model.linearise(
         seen, np.zeros((len(seen), 2)), calibration.K, calibration.dist, MODELS[calibration.model]
     )
-    A, B = (j.reshape(2 * len(seen), -1) for j in (of_lens, lens.of_pose(seen, of_point)))
+    A, B = (j.reshape(2 * len(seen), -1) for j in (of_lens, lens_model.of_pose(seen, of_point)))
     local = solve_scaled(B.T @ B, np.eye(6))
     follow = -local @ B.T @ A
     k = A.shape[1]

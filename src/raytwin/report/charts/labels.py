@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 WIDTH, BOLD_WIDTH = 0.62, 0.69
-"""Of the font's size: how wide a character is on average in DejaVu Sans, a wide font."""
+"""Average width of a character of DejaVu Sans, a wide font, as a share of the font's size."""
 
 REACHES = (9, 15, 24, 36, 50, 68, 90, 115, 145, 180)
 TURNS = 20

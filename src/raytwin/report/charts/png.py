@@ -13,7 +13,7 @@ import numpy as np
 
 from raytwin import files
 from raytwin.report.charts.chart import Chart
-from raytwin.report.charts.marks import XY, Box, Drawing, Marker, Picture, Shape, Stroke, Words, layout
+from raytwin.report.charts.chart_marks import XY, Box, Drawing, Marker, Picture, Shape, Stroke, Words, layout
 from raytwin.report.charts.svg import svg_text
 
 if TYPE_CHECKING:

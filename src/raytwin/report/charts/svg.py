@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from html import escape
 
-from raytwin.report.charts.marks import Box, Drawing, Marker, Picture, Shape, Stroke, Words
+from raytwin.report.charts.chart_marks import Box, Drawing, Marker, Picture, Shape, Stroke, Words
 from raytwin.report.data_urls import png_url
 
 FONT = "DejaVu Sans, Verdana, system-ui, sans-serif"

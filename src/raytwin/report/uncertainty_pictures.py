@@ -11,11 +11,11 @@ import numpy as np
 from raytwin import files
 from raytwin.calib.photos import Calibration, ProjectionDifference, uncertainty_map
 from raytwin.report.charts import INK, SOFT, png_bytes
-from raytwin.report.charts.marks import XY, Box, Drawing, Marker, Picture, Shape, Stroke, Words
+from raytwin.report.charts.chart_marks import XY, Box, Drawing, Marker, Picture, Shape, Stroke, Words
 from raytwin.report.numbers import short
 
 SIDE = 440
-"""Of the frame's longer side, in the drawing's pixels; a file has twice as many."""
+"""Length of the frame's longer side in the drawing, pixels; a file has twice as many."""
 
 TOP, LEFT, BAR, TICKS = 26, 8, 14, 40
 """Pixels above the frame, beside it, of the colour bar and of its numbers."""
