@@ -14,7 +14,7 @@ from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, a
 
 SECONDS = 2.5
 """Of computing, after which no further change is tried."""
-MEMORY = 1 << 31
+MEMORY = 1 << 29
 """Bytes that a change may take."""
 
 

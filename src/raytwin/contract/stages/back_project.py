@@ -36,8 +36,9 @@ LENSES = {
     "the tangential distortion p1 and p2": (0, 0, 0.012, -0.007, 0),
     "the radial distortion k3": (0.06, -0.04, 0, 0, 0.08),
     "all five coefficients": (-0.18, 0.07, -0.006, 0.011, 0.04),
+    "a wide and strong lens": (-0.22, 0.045, 0.0012, -0.0008, -0.0035),
 }
-"""What it shows -> coefficients, which the seed varies by a quarter."""
+"""What it shows -> coefficients, which the seed varies by a quarter; the last before a frame of 45 degrees a side."""
 
 
 def cases(seed: int) -> list[Case]:
@@ -49,7 +50,7 @@ def cases(seed: int) -> list[Case]:
 def _case(shows: str, dist: Any, rng: np.random.Generator) -> Case:
     while True:
         width, height = int(rng.integers(18, 25)), int(rng.integers(11, 17))
-        fx = width * rng.uniform(0.65, 0.8)
+        fx = width * (rng.uniform(0.5, 0.54) if shows == [*LENSES][-1] else rng.uniform(0.65, 0.8))
         K = np.array([[fx, 0, width * rng.uniform(0.4, 0.46)], [0, fx * rng.uniform(1.03, 1.08), 0], [0, 0, 1]])
         K[1, 2] = height * rng.uniform(0.53, 0.6)
         varied = np.array(dist, float) * rng.uniform(0.75, 1.25, 5)

@@ -48,6 +48,7 @@ def cases(seed: int) -> list[Case]:
         ("rays that miss", outside, past * lengths),
         ("rays that start inside, level with the centre", center + 0.5 * radius * axes, axes[[1, 2, 0]]),
         ("a ray alone", outside[:1], towards[:1] * 2),
+        ("rays of which every other misses", outside, np.where(np.arange(32)[:, None] % 2, past, towards) * lengths),
     )
     made = []
     for shows, o, d in drawn:
