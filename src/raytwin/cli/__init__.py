@@ -29,8 +29,11 @@ from raytwin.cli import (
     scenes_command,
     walk_command,
 )
+from raytwin.cli.options import with_options
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError
+from raytwin.workflows.compare_settings import CompareSettings
+from raytwin.workflows.diff_settings import DiffSettings
 
 app = typer.Typer(
     help="A hand-written ray tracer beside its Mitsuba twin: compare the two and explain the difference.",
@@ -59,12 +62,12 @@ def _options(
     pass
 
 
-app.command("compare")(compare_commands.compare_command)
+app.command("compare")(with_options(compare_commands.compare_command, CompareSettings))
 app.command("ladder")(ladder_command.ladder_command)
 app.command("needs")(needs_command.needs_command)
 app.command("explore")(explore_command.explore_command)
 app.command("walk")(walk_command.walk_command)
-app.command("diff")(compare_commands.diff_command)
+app.command("diff")(with_options(compare_commands.diff_command, DiffSettings, but=("samples",)))
 app.add_typer(reference_commands.app, name="reference")
 app.add_typer(scenes_command.app, name="scenes")
 app.command("calibrate")(photo_commands.calibrate_command)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from raytwin.cli.options import ScenePath, parse_size
+from raytwin.cli.options import Photo, ScenePath, parse_size
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 
@@ -19,7 +19,7 @@ def explore_command(
     subject: Annotated[
         str | None, typer.Option(metavar="WHAT", help="In the tracer's place: what `compare --subject` takes.")
     ] = None,
-    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose camera pose is used.")] = None,
+    photo: Photo = None,
     size: Annotated[
         str | None, typer.Option(metavar="WxH", help=f"Size of the pictures (the camera's, at most {WIDEST} wide).")
     ] = None,

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from raytwin.cli.options import ScenePath, check_outputs, parse_size
+from raytwin.cli.options import Photo, ScenePath, check_outputs, parse_size
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 
@@ -20,7 +20,7 @@ def export_command(
     rung: Annotated[
         str | None, typer.Option(help="Told in JSON (shadow by default); of the XML sky or path (path by default).")
     ] = None,
-    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose camera pose is used.")] = None,
+    photo: Photo = None,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="At another size than the camera's.")] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="FILE", help="Where to (standard output by default).")

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from raytwin.cli.options import JsonFile, ScenePath, check_outputs, parse_size
+from raytwin.cli.options import JsonFile, Photo, ScenePath, check_outputs, parse_size
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 
@@ -14,7 +14,7 @@ def ladder_command(
     scene: ScenePath,
     samples: Annotated[int, typer.Option(help="Samples per pixel where light is followed.")] = 64,
     seed: Annotated[int, typer.Option(help="Of the samples.")] = 0,
-    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose camera pose is used.")] = None,
+    photo: Photo = None,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="Of the pictures; 480 wide by default.")] = None,
     json: JsonFile = None,
     out: Annotated[

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from raytwin.cli.options import JsonFile, ScenePath, check_outputs, parse_size
+from raytwin.cli.options import JsonFile, Photo, ScenePath, check_outputs, parse_size
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 
@@ -13,7 +13,7 @@ def needs_command(
     scene: ScenePath,
     tolerance: Annotated[float, typer.Option(help="The error that is allowed, in the metric's units.")],
     metric: Annotated[str, typer.Option(help="rmse, relmse, mae, max_abs, p999_abs or p999_rel.")] = "rmse",
-    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose camera pose is used.")] = None,
+    photo: Photo = None,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="At another size than the camera's.")] = None,
     json: JsonFile = None,
 ) -> None:

@@ -1,10 +1,13 @@
 """Options that several commands share, and what their texts mean. Everything here is checked before work begins."""
 
+import dataclasses
+import inspect
 import math
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -24,7 +27,7 @@ ScenePath = Annotated[
     Path, typer.Argument(callback=_known_scene, help="A scene's folder, its scene.toml, or its name.")
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the numbers as JSON.")]
-
+Photo = Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose camera pose is used.")]
 
 Jobs = Annotated[int, typer.Option("--jobs", "-j", metavar="N", help="Local processes (1).")]
 Dask = Annotated[
@@ -52,6 +55,76 @@ MOST_PIXELS = 400_000_000
 """As much as a file may have."""
 MOST_SIDE = 100_000
 """Pixels of a picture's width or height that are taken for meant."""
+
+
+def _size(text: str | None) -> tuple[int, int] | None:
+    return parse_size(text, "--size") if text else None
+
+
+OPTIONS: dict[str, Any] = {
+    "rung": Annotated[str, typer.Option(help="The twin's: surface, lambert, shadow, sky or path.")],
+    "tracer_rung": Annotated[
+        str | None,
+        typer.Option(metavar="RUNG", help="The tracer's, by default the highest up to --rung that a formula gives."),
+    ],
+    "subject": Annotated[
+        str | None,
+        typer.Option(
+            metavar="WHAT",
+            help="In the tracer's place: a method's name (`raytwin bench list`), FILE.py:FUNCTION, an image, a folder"
+            " of images, or a command with {scene} and {out}.",
+        ),
+    ],
+    "engine": Annotated[str, typer.Option(help="numpy64, numpy32, drjit32, drjit64, cuda32 or cuda64.")],
+    "solver": Annotated[str, typer.Option(help="robust, stable, paper or textbook.")],
+    "sampling": Annotated[str, typer.Option(help="center: through the pixel's centre; area: over the pixel.")],
+    "samples": Annotated[int | None, typer.Option(help="The twin's samples per pixel.")],
+    "seed": Annotated[int, typer.Option(help="Seed of the twin's samples.")],
+    "photo": Photo,
+    "size": Annotated[
+        str | None, typer.Option(metavar="WxH", callback=_size, help="Render at another size than the camera's.")
+    ],
+    "cache": Annotated[
+        bool, typer.Option(help="Reuse the twin's renders, and the tags in photos, of the same content.")
+    ],
+    "flip": Flip,
+    "part": Annotated[str | None, typer.Option(metavar="NAME", help="An EXR's part: name or number.")],
+    "layer": Annotated[str | None, typer.Option(metavar="NAME", help="diffuse for diffuse.R...; or one channel.")],
+    "tolerance": Annotated[float, typer.Option(help="99.9 % of noise-free values may err by it, relative to B.")],
+    "false_alarm_rate": Annotated[float, typer.Option(help="Share of noisy pairs that fail by chance.")],
+    "noise": Annotated[
+        str, typer.Option(help="both; reference: believe no variance that A claims; none: neither has any.")
+    ],
+    "must_see": Annotated[
+        float, typer.Option(min=0, help='Report "undecided" if a bias larger than this could go unnoticed.')
+    ],
+}
+"""Field of a settings record -> its option."""
+
+
+def with_options(command: Callable[..., None], record: type, *, but: tuple[str, ...] = ()) -> Callable[..., None]:
+    """Return `command` with an option for each field of `record` in the place of its parameter `settings`.
+
+    A field's default is its option's; fields that are no row of OPTIONS, or named in `but`, keep their default.
+    """
+    fields = {f.name: f.default for f in dataclasses.fields(record) if f.name in OPTIONS and f.name not in but}
+
+    def run(**given: Any) -> None:
+        command(settings=record(**{name: given.pop(name) for name in fields}), **given)
+
+    parameters = []
+    for parameter in inspect.signature(command).parameters.values():
+        if parameter.name == "settings":
+            parameters += [
+                inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=OPTIONS[name])
+                for name, default in fields.items()
+            ]
+        else:
+            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+    run.__doc__ = command.__doc__
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {p.name: p.annotation for p in parameters}
+    return run
 
 
 def parse_size(text: str, option: str) -> tuple[int, int]:

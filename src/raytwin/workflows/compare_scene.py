@@ -1,7 +1,8 @@
 """The main job: photos -> camera -> a subject beside the twin -> comparison."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -18,8 +19,8 @@ from raytwin.compare import Comparison, Report
 from raytwin.compare.report import Timing
 from raytwin.contract.check_function import judge_function
 from raytwin.contract.stage_table import CONTRACT
+from raytwin.contract.subject import find_subject
 from raytwin.diagnose.diagnosis import explain
-from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image
 from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.renderer import Renderer
@@ -28,12 +29,8 @@ from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Tolerance
 from raytwin.scene.lens import without_ray
-from raytwin.speed import check_rows
-from raytwin.tracer import RADIANCE
+from raytwin.workflows.compare_settings import CompareSettings
 from raytwin.workflows.versions import versions
-
-FEW, MANY = 1, 64
-"""The twin's samples a pixel where each is the same, and where they differ."""
 
 HARDLY_LIT = 1e4
 """Per cent: a larger share of the light is that of a scene which has next to none, and its number tells nothing."""
@@ -69,109 +66,55 @@ class Result:
 
 
 def compare_scene(
-    path: str | Path,
-    *,
-    rung: str = "shadow",
-    tracer_rung: str | None = None,
-    subject: Renderer | None = None,
-    engine: str = "numpy64",
-    solver: str = "robust",
-    sampling: str = "center",
-    samples: int | None = None,
-    seed: int = 0,
-    photo: str | None = None,
-    size: tuple[int, int] | None = None,
-    trim: str = "conic",
-    cache: bool = True,
-    flip: bool = False,
-    progress: Progress = silent,
+    path: str | Path, settings: CompareSettings | None = None, *, progress: Progress = silent, **options: Any
 ) -> Result:
     """Compare a subject, by default the hand-written tracer, with its Mitsuba twin on the scene at `path`.
 
-    `rung` is the twin's. The tracer stands on `tracer_rung`, by default the highest up to there that a formula gives,
-    and the ledger tells what the further light adds: where the tracer agrees with the twin at its own rung, the two
-    differ as they must. `subject`: any method in the tracer's place; `engine`, `solver` and `trim` are the tracer's.
-    `size` (width, height) renders at other than the camera's own size. `samples`: the twin's samples per pixel, by
-    default 1 where every sample through the pixel's centre is the same, else 64. `flip` adds the perceptual metric,
-    which is slow.
+    `options` are fields of CompareSettings: `compare_scene(path, rung="path", engine="drjit32")`. Where tracer and twin
+    stand on different rungs, the ledger tells what the further light adds: where the tracer agrees with the twin at
+    its own rung, a difference is expected.
     """
-    _check(rung, sampling, samples)
-    ladder = list(RUNGS)
-    climbed = tracer_rung or list(RADIANCE)[min(ladder.index(rung), len(RADIANCE) - 1)]
-    check_one_of("--tracer-rung", climbed, ladder[: ladder.index(rung) + 1])
-    check_rows("shadow", engine, solver, trim)
-    engine = subject.name if subject else engine
-    samples = samples or (MANY if RUNGS[rung].noisy or sampling == "area" else FEW)
-    if subject is None and RUNGS[climbed].noisy:
-        subject = PathTraced(climbed, engine, samples, sampling, surface=True)
-    subject = subject or Traced(climbed, engine, trim, solver, surface=True)
+    chosen = replace(settings or CompareSettings(), **options)
+    subject = _subject(chosen)
     stages = Stages(progress)
     with stages.stage("backend"):
         backend = twin.activate()
+        engine = fast_engine(backend.variant)
     written = files.read_scene(path)
     with stages.stage("calibrate"):
-        scene, photo_path, calibration, pose = find_camera(written, photo, stages, cache)
+        scene, photo_path, calibration, pose = find_camera(written, chosen.photo, stages, chosen.cache)
     truth: tuple[TruthRow, ...] = ()
     if photo_path is not None and calibration is not None and (truth_file := photo_path.parent / "truth.toml").exists():
         truth = compare_truth(synthetic_photos.read_truth(truth_file), calibration, scene.camera, photo_path.name, pose)
-    if size is not None:
-        scene = scene.with_camera(scene.camera.resized(*size))
+    if chosen.size is not None:
+        scene = scene.with_camera(scene.camera.resized(*chosen.size))
     with stages.stage("tracer"):
-        made = subject(scene, seed)
+        made = subject(scene, chosen.seed)
     with stages.stage("twin"):
-        reference = twin.render(
-            scene, rung, sampling=sampling, seed=seed, cache=cache, progress=stages, samples=samples
-        )
-    own, ledger = None, None
-    with stages.stage("compare"):
-        comparison = compare_with_twin(made, reference, scene, written.tolerance, flip)
-        held_to = reference
-        if (subject.rung, subject.sampling) != (rung, sampling) and comparison.verdict != "pass":
-            level = twin.render(scene, subject.rung, sampling=subject.sampling, samples=samples, seed=seed, cache=cache)
-            own = compare_with_twin(made, level, scene, written.tolerance)
-            if subject.rung != rung:
-                held_to = level
-            elif own.verdict == "pass":
-                comparison = msgspec.structs.replace(comparison, verdict="differs", reasons=(CENTRES, *own.reasons))
-    failed = (own if own is not None and held_to is not reference else comparison).verdict == "fail"
-    causes: tuple[str, ...] = ()
-    if failed:
-        with stages.stage("cause"):
-            engine_here = fast_engine(backend.variant)
-            causes = stage_causes(subject) or find_causes(
-                made, held_to, scene, subject.rung, subject.sampling, engine_here
-            )
-    if RUNGS[subject.rung].lit:
-        with stages.stage("ledger"):
-            rounds = bool(causes) and causes[0].partition(": ")[2].startswith(ROUNDING)
-            ledger = make_ledger(
-                scene, made, subject.rung, fast_engine(backend.variant), keep=cache, faulty=failed and not rounds
-            )
-    if own is not None and held_to is not reference:
-        comparison = _as_it_must(comparison, own, subject.rung, rung, ledger)
-    comparison = comparison.because(*causes)
+        reference = _twin(scene, chosen.rung, chosen.sampling, chosen, stages)
+    comparison, ledger = _judge(made, reference, subject, scene, written.tolerance, chosen, engine, stages)
     picture = augmented = None
     if photo_path is not None:
         with stages.stage("augment"):
             picture = files.read_photo(photo_path)
-            if size is None:
-                augmented = augment(picture, scene, engine=fast_engine(backend.variant)).pixels
-    numbers = {"twin_variant": backend.variant, "tracer_engine": engine, "libllvm": backend.libllvm, "solver": solver}
-    settings = {
-        "subject": subject.name,
-        "rung of the tracer": subject.rung,
-        "rung of the twin": rung,
-        "tracer's engine": engine,
-        "sphere solver": solver,
-        "twin's sampling": sampling,
-        "twin's samples per pixel": str(reference.samples),
-        "trim boxes": trim,
-    }
+            if chosen.size is None:
+                augmented = augment(picture, scene, engine=engine).pixels
+    of_subject = subject.name if chosen.subject else chosen.engine
     return Result(
         scene=scene,
         tolerance=written.tolerance,
         report=Report(
-            scene.name, rung, comparison, dict(stages.seconds), numbers, ledger.parts if ledger else ()
+            scene.name,
+            chosen.rung,
+            comparison,
+            dict(stages.seconds),
+            {
+                "twin_variant": backend.variant,
+                "tracer_engine": of_subject,
+                "libllvm": backend.libllvm,
+                "solver": chosen.solver,
+            },
+            ledger.parts if ledger else (),
         ).saying(*_folded(scene)),
         subject=made,
         twin=reference,
@@ -181,10 +124,78 @@ def compare_scene(
         pose=pose,
         truth=truth,
         times=_times(stages.seconds, comparison, calibration),
-        settings=settings,
+        settings={
+            "subject": subject.name,
+            "rung of the tracer": subject.rung,
+            "rung of the twin": chosen.rung,
+            "tracer's engine": of_subject,
+            "sphere solver": chosen.solver,
+            "twin's sampling": chosen.sampling,
+            "twin's samples per pixel": str(reference.samples),
+            "trim boxes": chosen.trim,
+        },
         versions=versions(),
         ledger=ledger,
     )
+
+
+def _subject(chosen: CompareSettings) -> Renderer:
+    """What is compared with the twin."""
+    if isinstance(chosen.subject, Renderer):
+        return chosen.subject
+    if chosen.subject:
+        return find_subject(chosen.subject, chosen.tracer_rung or chosen.rung)
+    if RUNGS[chosen.climbed].noisy:
+        return PathTraced(chosen.climbed, chosen.engine, chosen.twin_samples, chosen.sampling, surface=True)
+    return Traced(chosen.climbed, chosen.engine, chosen.trim, chosen.solver, surface=True)
+
+
+def _twin(scene: Scene, rung: str, sampling: str, chosen: CompareSettings, progress: Progress = silent) -> Image:
+    return twin.render(
+        scene, rung, sampling=sampling, samples=chosen.twin_samples, seed=chosen.seed, cache=chosen.cache,
+        progress=progress,
+    )  # fmt: skip
+
+
+def _judge(
+    made: Image,
+    reference: Image,
+    subject: Renderer,
+    scene: Scene,
+    tolerance: Tolerance,
+    chosen: CompareSettings,
+    engine: str,
+    stages: Stages,
+) -> tuple[Comparison, Ledger | None]:
+    """The verdict with its causes, and what each part of the light has to do with the difference."""
+    own, compared_with = None, reference
+    with stages.stage("compare"):
+        comparison = compare_with_twin(made, reference, scene, tolerance, chosen.flip)
+        same = (subject.rung, subject.sampling) == (chosen.rung, chosen.sampling)
+        if not same and comparison.verdict != "pass":
+            level = _twin(scene, subject.rung, subject.sampling, chosen)
+            own = compare_with_twin(made, level, scene, tolerance)
+            if subject.rung != chosen.rung:
+                compared_with = level
+            elif own.verdict == "pass":
+                comparison = msgspec.structs.replace(comparison, verdict="differs", reasons=(CENTRES, *own.reasons))
+    on_own_rung = own if compared_with is not reference else None
+    failed = (on_own_rung or comparison).verdict == "fail"
+    causes: tuple[str, ...] = ()
+    if failed:
+        with stages.stage("cause"):
+            causes = stage_causes(subject) or find_causes(
+                made, compared_with, scene, subject.rung, subject.sampling, engine
+            )
+    ledger = None
+    if RUNGS[subject.rung].lit:
+        with stages.stage("ledger"):
+            rounds = bool(causes) and causes[0].partition(": ")[2].startswith(ROUNDING)
+            faulty = failed and not rounds
+            ledger = make_ledger(scene, made, subject.rung, engine, keep=chosen.cache, faulty=faulty)
+    if on_own_rung is not None:
+        comparison = _as_it_must(comparison, on_own_rung, subject.rung, chosen.rung, ledger)
+    return comparison.because(*causes), ledger
 
 
 def find_causes(made: Image, reference: Image, scene: Scene, rung: str, sampling: str, engine: str) -> tuple[str, ...]:
@@ -240,13 +251,6 @@ def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
         size = f"{abs(share):.2g} %" if abs(share) < HARDLY_LIT else "many times"  # of a scene with nearly no light
         told.append(f"without {row.part} it is {size} too {'bright' if share > 0 else 'dark'}{where}")
     return tuple(told)
-
-
-def _check(rung: str, sampling: str, samples: int | None) -> None:
-    check_one_of("--rung", rung, RUNGS)
-    check_one_of("--sampling", sampling, twin.SAMPLINGS)
-    if samples is not None and not 1 <= samples <= twin.MOST_SAMPLES:
-        raise InputError("--samples", f"a whole number from 1 to {twin.MOST_SAMPLES}", samples)
 
 
 def _times(

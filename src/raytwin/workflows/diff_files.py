@@ -1,21 +1,20 @@
 """Any two image files of any renderers: read, measured, judged. A is tested against the reference B."""
 
-import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 
 from raytwin import files, references
 from raytwin.compare import METRICS, Comparison, Limits, Report, compare, limit_findings, measure
-from raytwin.compare.verdict import MUST_SEE
 from raytwin.diagnose.diagnosis import explain
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.image_input import ENDINGS, read_side, renders_at
 from raytwin.scene import Scene, Tolerance
+from raytwin.workflows.diff_settings import DiffSettings
 
 SLOW = ("flip_hdr", "flip_ldr")
 """Metrics that take longer than all else: only where asked for."""
@@ -54,45 +53,30 @@ class Diff:
         return numbers
 
 
-def diff(
-    a: str | Path,
-    b: str | Path,
-    *,
-    part: str | None = None,
-    layer: str | None = None,
-    tolerance: float = 1e-5,
-    false_alarm_rate: float = 1e-3,
-    limits: Limits | None = None,
-    warn: Limits | None = None,
-    flip: bool = False,
-    variances: tuple[Path | None, Path | None] = (None, None),
-    samples: tuple[int, int] = (0, 0),
-    noise: Literal["both", "reference", "none"] = "both",
-    must_see: float = MUST_SEE,
-) -> Diff:
+def diff(a: str | Path, b: str | Path, settings: DiffSettings | None = None, **options: Any) -> Diff:
     """Does the image `a` show what `b` shows? Each a file; or a folder or a pattern of renders that differ by seed.
 
-    Without `limits`, `compare` decides: values without noise by `tolerance`, the others at `false_alarm_rate`. With
-    them, they alone do (and NaN, infinity or another size fail). `part` and `layer` choose within EXRs. `variances`
-    and `samples` are what the files of `a` and `b` do not tell; `noise` and `must_see` as in `compare`.
+    `options` are fields of DiffSettings: `diff(a, b, tolerance=1e-4, flip=True)`.
     """
-    if not 0 < tolerance < math.inf:
-        raise InputError("tolerance", "a finite number > 0", tolerance)
+    chosen = replace(settings or DiffSettings(), **options)
+    part, layer, limits = chosen.part, chosen.layer, chosen.limits
     a, b = Path(a), Path(b)
     start = time.perf_counter()
-    sides = [read_side(path, part, layer, v, n) for path, v, n in zip((a, b), variances, samples, strict=True)]
+    sides = [
+        read_side(path, part, layer, v, n) for path, v, n in zip((a, b), chosen.variances, chosen.samples, strict=True)
+    ]
     begins = tuple(files.read_origin(renders_at(path)[0], part) for path in (a, b))
     test, reference = sides[1].fitted(sides[0].image), sides[0].fitted(sides[1].image)
     read = time.perf_counter() - start
-    held = Tolerance(p999_abs=tolerance)
+    held = Tolerance(p999_abs=chosen.tolerance)
     made = compare(
         test,
         reference,
         tolerance=held,
-        false_alarm_rate=false_alarm_rate,
-        flip=flip,
-        noise="both" if sides[0].measured else noise,
-        must_see=must_see,
+        false_alarm_rate=chosen.false_alarm_rate,
+        flip=chosen.flip,
+        noise="both" if sides[0].measured else chosen.noise,
+        must_see=chosen.must_see,
         half_steps=(sides[0].rounding.half, sides[1].rounding.half),
     )
     start = time.perf_counter()
@@ -100,14 +84,16 @@ def diff(
         scene, rung = _scene_of(b, part)
         made = made.because(*explain(test, reference, scene, rung, rounding=sides[0].rounding))
     made = _decided(made, test, reference, limits, begins)
-    warned = limit_findings(test, reference, warn)[0] if warn is not None and made.passed else []
+    warned = limit_findings(test, reference, chosen.warn)[0] if chosen.warn is not None and made.passed else []
     metrics = msgspec.structs.asdict(made.radiance)
-    metrics |= measure(test.mean, reference.mean, [n for n in METRICS if n not in metrics and (flip or n not in SLOW)])
+    metrics |= measure(
+        test.mean, reference.mean, [n for n in METRICS if n not in metrics and (chosen.flip or n not in SLOW)]
+    )
     seconds = {"read": read, "compare": made.seconds + time.perf_counter() - start}
-    chosen = {"part": part, "layer": layer}
-    decided = _limits_in_words(limits) if limits else {"tolerance": f"{tolerance:g}"}
+    of_files = {"A": str(a), "B": str(b), "part": part, "layer": layer}
+    decided = _limits_in_words(limits) if limits else {"tolerance": f"{chosen.tolerance:g}"}
     if limits is None and (test.variance is not None or reference.variance is not None):
-        decided["false-alarm rate"] = f"{false_alarm_rate:g}"
+        decided["false-alarm rate"] = f"{chosen.false_alarm_rate:g}"
     return Diff(
         a=a,
         b=b,
@@ -118,7 +104,7 @@ def diff(
         tolerance=held,
         limits=limits,
         warnings=tuple(f.text for f in warned),
-        settings={"A": str(a), "B": str(b), **{k: v for k, v in chosen.items() if v is not None}, **decided},
+        settings={k: v for k, v in of_files.items() if v is not None} | decided,
     )
 
 

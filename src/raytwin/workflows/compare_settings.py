@@ -1,0 +1,61 @@
+"""The settings of `compare_scene`: keyword arguments in Python, options on the command line (`cli.options.OPTIONS`)."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from raytwin.errors import InputError, check_one_of
+from raytwin.rungs import RUNGS
+
+if TYPE_CHECKING:
+    from raytwin.renderers.renderer import Renderer
+
+FEW, MANY = 1, 64
+"""The twin's samples per pixel where all are the same, and where they differ."""
+
+
+@dataclass(frozen=True)
+class CompareSettings:
+    """How `compare_scene` renders both sides; checked when it is made.
+
+    `rung` is the twin's. The tracer stands on `tracer_rung`, by default the highest up to there that a formula gives.
+    `subject`: a renderer in the tracer's place, or what `find_subject` takes for one; `engine`, `solver` and `trim` are
+    the tracer's. `samples`: the twin's samples per pixel, by default 1 where every sample through the pixel's center is
+    the same, else 64. `photo`: whose camera pose is used. `size` (width, height) replaces the camera's. `cache` reuses
+    the twin's renders and the photos' tags. `flip` adds the perceptual metric, which is slow.
+    """
+
+    rung: str = "shadow"
+    tracer_rung: str | None = None
+    subject: "Renderer | str | None" = None
+    engine: str = "numpy64"
+    solver: str = "robust"
+    sampling: str = "center"
+    samples: int | None = None
+    seed: int = 0
+    photo: str | None = None
+    size: tuple[int, int] | None = None
+    trim: str = "conic"
+    cache: bool = True
+    flip: bool = False
+
+    def __post_init__(self) -> None:
+        from raytwin import twin
+        from raytwin.speed import check_rows
+
+        check_one_of("--rung", self.rung, RUNGS)
+        check_one_of("--sampling", self.sampling, twin.SAMPLINGS)
+        if self.samples is not None and not 1 <= self.samples <= twin.MOST_SAMPLES:
+            raise InputError("--samples", f"a whole number from 1 to {twin.MOST_SAMPLES}", self.samples)
+        check_one_of("--tracer-rung", self.climbed, list(RUNGS)[: list(RUNGS).index(self.rung) + 1])
+        check_rows("shadow", self.engine, self.solver, self.trim)
+
+    @property
+    def climbed(self) -> str:
+        """The tracer's rung."""
+        from raytwin.tracer import RADIANCE
+
+        return self.tracer_rung or list(RADIANCE)[min(list(RUNGS).index(self.rung), len(RADIANCE) - 1)]
+
+    @property
+    def twin_samples(self) -> int:
+        return self.samples or (MANY if RUNGS[self.rung].noisy or self.sampling == "area" else FEW)

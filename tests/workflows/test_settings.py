@@ -1,0 +1,74 @@
+"""Settings are checked once, when they are made; the command line's options are the records' fields."""
+
+import dataclasses
+import inspect
+
+import pytest
+
+import raytwin
+from raytwin.cli import compare_commands
+from raytwin.cli.options import OPTIONS, with_options
+from raytwin.compare.verdict import MUST_SEE
+from raytwin.errors import InputError
+from raytwin.workflows.compare_settings import CompareSettings
+from raytwin.workflows.diff_settings import DiffSettings
+
+WRONG = [
+    (CompareSettings, {"rung": "nonsense"}, "--rung: expected one of surface, lambert, shadow, sky, path"),
+    (CompareSettings, {"tracer_rung": "path"}, "--tracer-rung: expected one of surface, lambert, shadow, got path"),
+    (CompareSettings, {"sampling": "corner"}, "--sampling: expected one of center, area"),
+    (CompareSettings, {"samples": 0}, "--samples: expected a whole number from 1"),
+    (CompareSettings, {"engine": "abacus"}, "engine: expected one of"),
+    (CompareSettings, {"solver": "abacus"}, "solver: expected one of"),
+    (CompareSettings, {"trim": "abacus"}, "trim: expected one of"),
+    (DiffSettings, {"tolerance": 0.0}, "tolerance: expected a finite number > 0"),
+    (DiffSettings, {"tolerance": float("inf")}, "tolerance: expected a finite number > 0"),
+]
+
+
+@pytest.mark.parametrize(("record", "wrong", "message"), WRONG)
+def test_wrong_settings_are_refused_when_they_are_made(record, wrong, message):
+    with pytest.raises(InputError) as error:
+        record(**wrong)
+    assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("rung", "sampling", "samples"),
+    [("shadow", "center", 1), ("shadow", "area", 64), ("sky", "center", 64), ("path", "area", 64)],
+)
+def test_the_twin_takes_one_sample_only_where_all_are_the_same(rung, sampling, samples):
+    assert CompareSettings(rung=rung, sampling=sampling).twin_samples == samples
+    assert CompareSettings(rung=rung, sampling=sampling, samples=7).twin_samples == 7
+
+
+def test_the_tracer_stands_on_the_highest_rung_up_to_the_twins_that_a_formula_gives():
+    chosen = {rung: CompareSettings(rung=rung).climbed for rung in ("surface", "lambert", "shadow", "sky", "path")}
+    assert list(chosen.values()) == ["surface", "lambert", "shadow", "shadow", "shadow"]
+
+
+def test_diff_finds_the_bias_undecided_that_compare_would():
+    assert DiffSettings().must_see == MUST_SEE
+
+
+@pytest.mark.parametrize(
+    ("command", "record", "but"),
+    [
+        (compare_commands.compare_command, CompareSettings, ()),
+        (compare_commands.diff_command, DiffSettings, ("samples",)),
+    ],
+)
+def test_each_field_is_an_option_with_the_records_default_and_reaches_the_command(command, record, but):
+    got = {}
+    made = with_options(lambda settings, **others: got.update(settings=settings, **others), record, but=but)
+    options = inspect.signature(with_options(command, record, but=but)).parameters
+    fields = {f.name: f.default for f in dataclasses.fields(record) if f.name in OPTIONS and f.name not in but}
+    assert {name: options[name].default for name in fields} == fields
+    given = fields | {"flip": True}
+    made(**given, json=None)
+    assert got == {"settings": record(flip=True), "json": None}
+
+
+def test_an_unknown_setting_is_a_type_error():
+    with pytest.raises(TypeError, match="colour"):
+        raytwin.compare_scene("single", colour="red")
