@@ -65,7 +65,10 @@ ENTRIES = (
     Entry(
         "bench", "out/bench.html", "Speed against accuracy",
         "A few methods with a budget of seconds: the frontier of error against time.",
-        ("bench single --sizes 0.02 --methods numpy32-*-conic,drjit32-*-conic --budget 12 --repeats 5 -o out",),
+        (
+            "bench overlap --methods loop-*-conic,numpy32-*-conic,drjit32-shadow-*,drjit32-path-*,mitsuba-llvm-path-*"
+            " --sizes 0.02 --budget 20 --repeats 4 --truth-samples 512 -o out",
+        ),
     ),
     Entry(
         "class", "out/index.html", "A class",
