@@ -2,11 +2,11 @@
 
 import contextlib
 import io
-import os
 import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -72,11 +72,11 @@ ENTRIES = (
     ),
     Entry(
         "class", "out/index.html", "A class",
-        "The three submissions of the instructor's tutorial: points, mistakes by frequency, a row per student.",
+        "The three submissions of the instructor's tutorial: points, mistakes by frequency, and a page per student.",
         ("grade class --rubric rubric.toml -o out",),
     ),
     Entry(
-        "augment", "out/index.html", "Spheres drawn into photos",
+        "augment", "out/against.html", "Spheres drawn into photos",
         "Synthetic photos with a known camera: calibrated, drawn into, and compared with the truth.",
         (
             "board --columns 5 --rows 7 --tag 30mm --pitch 38mm --paper letter -o board.pdf",
@@ -136,7 +136,7 @@ def run(command: str, folder: Path) -> int:
 def keep_page(page: Path, folder: Path) -> None:
     """Delete what no page loads: EXRs, JSON, charts as files."""
     for path in sorted(folder.rglob("*"), reverse=True):
-        if path.is_file() and path.suffix not in (".html", ".js", ".webp"):
+        if path.is_file() and path.suffix not in (".html", ".js", ".css", ".webp"):
             path.unlink()
         elif path.is_dir() and not any(path.iterdir()):
             path.rmdir()
@@ -150,11 +150,14 @@ def thumbnail(page: Path, target: Path) -> None:
     if browser is None:
         return
     shot = target.with_suffix(".png")
-    command = [
-        browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--virtual-time-budget=4000",
-        f"--window-size={WIDTH},{HEIGHT}", f"--screenshot={shot}", page.as_uri(),
-    ]  # fmt: skip
-    subprocess.run(command, check=True, capture_output=True, timeout=120, env=os.environ | {"HOME": str(target.parent)})
+    with tempfile.TemporaryDirectory() as profile:
+        command = [
+            browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--virtual-time-budget=4000",
+            f"--user-data-dir={profile}", f"--window-size={WIDTH},{HEIGHT}", f"--screenshot={shot}", page.as_uri(),
+        ]  # fmt: skip
+        done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
+    if not shot.exists():
+        raise SystemExit(f"gallery: {browser} made no picture of {page}: {done.stderr[-500:]}")
     with Image.open(shot) as image:
         image.convert("RGB").resize((THUMB, THUMB * HEIGHT // WIDTH), Image.Resampling.LANCZOS).save(target, quality=75)
 
