@@ -66,8 +66,8 @@ ENTRIES = (
         "bench", "out/bench.html", "Speed against accuracy",
         "A few methods with a budget of seconds: the frontier of error against time.",
         (
-            "bench overlap --methods loop-*-conic,numpy32-*-conic,drjit32-shadow-*,drjit32-path-*,mitsuba-llvm-path-*"
-            " --sizes 0.02 --budget 20 --repeats 4 --truth-samples 512 -o out",
+            "bench single --methods numpy32-shadow-*,drjit32-shadow-*,loop-shadow-conic,mitsuba-llvm-direct-*"
+            " --sizes 0.01 --budget 25 --repeats 4 --truth-samples 256 -o out",
         ),
     ),
     Entry(
@@ -76,7 +76,7 @@ ENTRIES = (
         ("grade class --rubric rubric.toml -o out",),
     ),
     Entry(
-        "augment", "out/against.html", "Spheres drawn into photos",
+        "augment", "out/against-photo_00.jpg.html", "Spheres drawn into photos",
         "Synthetic photos with a known camera: calibrated, drawn into, and compared with the truth.",
         (
             "board --columns 5 --rows 7 --tag 30mm --pitch 38mm --paper letter -o board.pdf",
