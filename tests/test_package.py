@@ -204,11 +204,11 @@ def test_an_installed_raytwin_grades_a_class(installed):
 
 def test_an_installed_raytwin_shows_a_scene_on_a_live_page(installed):
     with installed.started("raytwin", "explore", "single", "--size", "32x24", "--no-browser") as child:
-        address = child.stdout.readline().split(" at ")[1].strip()
-        with urllib.request.urlopen(address, timeout=100) as answer:
-            page = answer.read().decode()
-    assert "single" in page
+        address, _, token = child.stdout.readline().split(" at ")[1].strip().partition("#")
+        asked = urllib.request.Request(f"{address}about", headers={"X-Raytwin-Token": token.rpartition("=")[2]})
+        page, about = (urllib.request.urlopen(what, timeout=100).read().decode() for what in (address, asked))
     assert "<script" in page
+    assert json.loads(about)["scene"] == "single"
 
 
 def test_an_installed_plugin_holds_renders_to_the_shipped_references(installed):
