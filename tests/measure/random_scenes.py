@@ -183,7 +183,7 @@ def many(rng: Rng) -> Scene:
 def thin(rng: Rng) -> Scene:
     """Slivers: narrow panels and small spheres that hide little of the sky."""
     strips = [
-        Rectangle((float(x), 0.1 * k, 0.8), (0.05, 0.0, 0.0), (0.0, 0.0, 0.5), Lambert(_colour(rng)))
+        Rectangle((float(x), 0.1 * k, 0.8), (0.01, 0.0, 0.0), (0.0, 0.0, 0.5), Lambert(_colour(rng)))
         for k, x in enumerate(rng.uniform(-1.5, 1.5, 4))
     ]
     return _scene(rng, [*strips, *_balls(rng, 3, 1.5, (0.06, 0.1)), _floor(rng)])

@@ -344,3 +344,16 @@ def test_normals_of_round_things_are_unit_and_point_away_from_the_centre(single)
     out /= np.linalg.norm(out, axis=0)
     points = [body.center[k] + body.radius * out[k] for k in range(3)]
     np.testing.assert_allclose(normal(body, points), out, rtol=0, atol=1e-12)
+
+
+def test_a_narrow_rectangles_normal_is_exact(variant):
+    """Float32's inverse of its matrix turned it by 2e-5, so that right tracers failed beside the twin."""
+    turn, lean = 0.7, 0.4
+    u = np.array([math.cos(turn), math.sin(turn), 0.0])
+    v = np.array([-math.sin(turn) * math.cos(lean), math.cos(turn) * math.cos(lean), math.sin(lean)])
+    strip = Rectangle((0.0, 0.0, 0.0), tuple((0.01 * u).tolist()), tuple((0.5 * v).tolist()))
+    seen = render(Scene("s", looking_down(), (strip,), (SUN, SKY)), "surface", cache=False).surface
+    n = np.cross(u, v)
+    assert seen.mask.sum() > 50
+    np.testing.assert_allclose(seen.normal[seen.mask] @ n, 1, atol=1e-6)
+    assert np.abs(seen.normal[seen.mask] - n * np.sign(n[2])).max() < 3e-7

@@ -57,6 +57,8 @@ class Renderer:
         self.to_light = self.R @ scene.sun.to_light
         self.record, self.albedo = scene, albedos(scene)
         self.textured = sorted(textures)
+        # Float32 inverts a narrow rectangle's matrix badly; 0 for spheres, and at the end for no object.
+        self.normals = np.concatenate([bodies.n.T, np.zeros((1, 3))])
         self.ids = {shape: int(shape.id()[7:]) for shape in self.scene.shapes()}
 
     def exact(self, first: int, count: int, shadows: bool, sky_at_hit: bool) -> tuple[np.ndarray, ...]:
@@ -124,6 +126,8 @@ class Renderer:
         if where:
             columns = np.array(found)
             ids[where], t[where], n[where] = columns[:, 0].astype(np.int32), columns[:, 1], columns[:, 2:]
+            flat = (ids >= 0) & self.normals[ids].any(axis=1)
+            n[flat] = self.normals[ids[flat]]
         for i, body in self.large.items():
             here = distance(np, body, o.T, d.T)
             closer = active & (here < np.where(ids < 0, inf, t))
