@@ -75,6 +75,25 @@ def changed(old: str, new: str) -> str:
 # ------------------------------------------------------------------------------------------------ scenes
 
 
+def with_map(folder: Path, scale: str) -> Path:
+    """The scene under a map that spans 1e13, brightest to the right."""
+    radiance = np.geomspace(1e-12, 10, 8, dtype=np.float32)[None, :, None] * np.ones((4, 1, 3), np.float32)
+    files.write_image(folder / "sky.exr", Image(radiance))
+    return write_scene(folder, changed("radiance = [0.1, 0.1, 0.1]", f'map = "sky.exr"\nscale = {scale}'))
+
+
+@pytest.mark.parametrize("scale", ["2", "0.5", "0", "1e30", "10000000000000000000000"])
+def test_a_map_is_multiplied_by_its_scale(tmp_path, scale):
+    sky = files.read_scene(with_map(tmp_path, scale)).scene.environment
+    np.testing.assert_allclose(sky.radiance.max(), 10 * float(scale), rtol=1e-6)
+
+
+@pytest.mark.parametrize("scale", ["1e38", "1e300", "true", "-1.0", "inf", '"2"', "[2.0, 2.0, 2.0]"])
+def test_a_scale_that_no_map_can_have_is_one_line(tmp_path, scale):
+    with pytest.raises(InputError, match=r"scene.toml: sky.scale: expected a "):
+        files.read_scene(with_map(tmp_path, scale))
+
+
 def test_a_scene_is_read_as_it_is_written(tmp_path):
     (tmp_path / "x").mkdir()
     scene = files.read_scene(write_scene(tmp_path / "x", SCENE))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+from msgspec import UNSET
 
 from raytwin.errors import InputError
 from raytwin.files.images import read_image
@@ -39,6 +40,7 @@ def read_scene(path: str | os.PathLike) -> SceneFile:
     _read_map(file, data)
     scene = to_record(file, data, SceneFile)
     check_contents(scene, f"{file}: ")
+    _check_map(scene, f"{file}: ")
     return scene
 
 
@@ -97,6 +99,16 @@ def _read_map(file: Path, data: dict[str, Any]) -> None:
         raise InputError(f"{file}: sky.map: {path}", "radiance of 0 or more everywhere", found)
     texels = base64.b64encode(np.ascontiguousarray(pixels, "<f4").tobytes()).decode()
     data["sky"] = sky | {"texels": {"size": [w, h], "texels": texels}}
+
+
+def _check_map(scene: SceneFile, where: str) -> None:
+    """Raise InputError where the map times its scale is more than float32 holds."""
+    sky = scene.sky
+    if sky.texels is UNSET or sky.scale is UNSET:
+        return
+    brightest = float(np.frombuffer(sky.texels.texels, "<f4").max())
+    if sky.scale * brightest > float(np.finfo(np.float32).max):
+        raise InputError(f"{where}sky.scale", "a radiance that float32 holds", f"{sky.scale:g} times {brightest:g}")
 
 
 def _check_edges(where: str, u: np.ndarray, v: np.ndarray) -> None:
