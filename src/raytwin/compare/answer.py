@@ -11,9 +11,9 @@ from raytwin.compare.chance import sidak
 from raytwin.compare.comparison import Statistics
 from raytwin.compare.decision import TESTS, Decision, Rounding, decide
 from raytwin.compare.exact import Quiet, count_quiet
-from raytwin.compare.finding import EXACT, Finding, Place
+from raytwin.compare.finding import EXACT, TILE, VALUE, Finding, Place
 from raytwin.compare.metrics import METRICS, p999_abs
-from raytwin.compare.noise import Residual, block_means, capped, estimated, residual
+from raytwin.compare.noise import Residual, block_means, capped, estimated, rare_light, residual
 from raytwin.compare.scale import Bound
 from raytwin.compare.scatter import borne_out, patterned, two_valued
 from raytwin.compare.shift import Shift, shift_findings
@@ -48,6 +48,14 @@ FEW_BATCHES = (
 )
 
 FEW_SAMPLES = "undecided: too few random samples to know any noise: take at least 4 samples per pixel"
+
+MOSTLY_RARE = 0.25
+"""Of an image's light, the share in rare events above which no tile tells how many it missed."""
+
+RARE = (
+    "undecided: {:.0f} % of the light of {} comes from rare events, of which a pixel saw very few: take more samples, "
+    "or sample the brightest light directly"
+)
 
 UNEXPLAINED = "the images differ from pixel to pixel by more than the reference's own noise explains"
 
@@ -159,6 +167,10 @@ class Question:
         few, sure = fewest_batches(a, b), any(f.rank == EXACT for f in answer.findings)
         if answer.findings and few < ENOUGH_BATCHES and not (sure or self._fails_by_scatter(shift)):
             return answer._replace(doubts=(FEW_BATCHES.format(few),))
+        local = answer.findings and all(f.rank in (TILE, VALUE) for f in answer.findings)
+        if local and (rare := [(s, name) for name, i in (("the test", a), ("the reference", b))
+                               if (s := rare_light(i)) > MOSTLY_RARE]):  # fmt: skip
+            return answer._replace(doubts=(RARE.format(100 * max(rare)[0], max(rare)[1]),))
         if much > 0.5 and answer.findings and self._shares_noise(shown):
             return answer._replace(doubts=(SHARED,))
         return answer

@@ -157,13 +157,15 @@ class Grants(NamedTuple):
         """
         granted = self.bound.of(radiance) if allowed is None else allowed
         if not (self.by_test.nothing and self.by_reference.nothing):
-            dark, bright = (m.of(pixels, radiance) for m in (self.by_test, self.by_reference))
+            # Relative to the image that missed nothing: a reference that did is too dark itself.
+            full = radiance + np.maximum(error, 0)
+            dark, bright = self.by_test.of(pixels, radiance), self.by_reference.of(pixels, full)
             granted = granted + np.where(error < 0, dark, bright).astype(granted.dtype)
         return np.asarray(granted)
 
     def most(self, pixels: Counts | int, radiance: Means) -> Means:
         """The larger of the two directions."""
-        dark, bright = (self.of(np.full_like(radiance, sign), pixels, radiance) for sign in (-1, 1))
+        dark, bright = (self.of(np.full_like(radiance, sign * 1e-30), pixels, radiance) for sign in (-1, 1))
         return np.asarray(np.maximum(dark, bright))
 
 

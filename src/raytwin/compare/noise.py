@@ -48,7 +48,6 @@ def degrees_of_freedom(image: Image) -> float:
 
 class Side(NamedTuple):
     """One image's noise: its mean variance, and per 8 x 8 block (by, bx, 3) the mean and what is unusual for a value.
-
     Sums over its fireflies, per channel (3,): `first` of their contributions to their pixels, `second` of the squares,
     `share` of the contributions relative to the other image's radiance there, `shares` of the squares; and where they
     are, (y, x, c).
@@ -107,6 +106,19 @@ def survey(image: Image, other: Pixels) -> Side | None:
         sums[3],
         tuple(np.concatenate(places, axis=1)),
     )
+
+
+def rare_light(image: Image) -> float:
+    """The share of an image's light in pixels whose mean is the sum of few rare events.
+
+    m² / v events made a pixel: fewer than EVENTS, and fewer than an eighth of its samples, which are not rare.
+    """
+    if image.variance is None:
+        return 0.0
+    samples = image.samples if image.samples > 1 else image.batches or 0
+    few = np.square(image.mean) < image.variance * np.float32(min(EVENTS, samples / EVENTS))
+    lit = np.maximum(image.mean, 0)
+    return float(np.vdot(lit, few)) / max(float(lit.sum(dtype=np.float64)), 1e-300)
 
 
 def spread(blocks: Float[np.ndarray, "by bx c"], width: int) -> Float[np.ndarray, "by 1 {width} c"]:
