@@ -1,7 +1,7 @@
 """The way of light that makes a pixel: the eye's ray, what it meets, the ray to the sun, and each bounce.
 
-The same steps, with the same random numbers, as `tracer.trace_paths` takes for all pixels at once: the mean of
-`light` over a pixel's samples is what that shows.
+`tracer.path.bounce` takes each step, with the random numbers that `tracer.trace_paths` draws: the mean of `light` over
+a pixel's samples is the pixel.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,10 +19,10 @@ from raytwin.scene.lens import distort
 from raytwin.speed.sampling import BATCHES, sobol_pair
 from raytwin.tracer import STAGES
 from raytwin.tracer.hit import Hit
-from raytwin.tracer.path import sample_cosine_hemisphere, sample_environment, sky_along, sunlight
+from raytwin.tracer.path import bounce, sample_environment, sunlight
 from raytwin.tracer.render_image import EYE
-from raytwin.tracer.shading import RADIANCE, reflectance
-from raytwin.tracer.world import PlainWorld, World, first_hit, next_hit
+from raytwin.tracer.shading import RADIANCE
+from raytwin.tracer.world import PlainWorld, World, first_hit
 
 Pixel = tuple[float, float]
 NEAR = 1e-3
@@ -79,21 +79,22 @@ def way_of_light(
             return Way(tuple(legs), tuple(met), _three(colour))
         weight = np.ones(3)
         for k in range((2 if row.depth == 2 else depth) - 1):
-            onward = sample_cosine_hemisphere(hit.normal, *numbers(k + 1))
-            there, onto = next_hit(world, hit, onward), weight * _colour(reflectance(hit, onward))
+            direct, there, share = bounce(k, hit, light, world, numbers)
             sun = weight * _colour(sunlight(hit, light, world))
+            sky = weight * _colour(direct) - sun
             legs += [leg._replace(light=_three(sun)) for leg in _to_sun(hit, world, light.to_sun, far, project, True)]
             if light.sky.sampled:
                 drawn = weight * _colour(sample_environment(hit, light, world, *numbers(~k)))
+                sky -= drawn
                 legs.append(Leg("sky", project(hit.point), project(hit.point), _three(drawn)))
             if int(there.ids[0]) == BACKGROUND:
-                end = project([p + far * c for p, c in zip(hit.point, onward, strict=True)], hit.point)
-                legs.append(Leg("sky", project(hit.point), end, _three(onto * _colour(sky_along(hit, light, onward)))))
+                end = project([p + far * c for p, c in zip(hit.point, there.d, strict=True)], hit.point)
+                legs.append(Leg("sky", project(hit.point), end, _three(sky)))
                 met.append("the sky")
                 break
             legs.append(Leg("bounce", project(hit.point), project(there.point, hit.point), (0.0, 0.0, 0.0)))
             met.append(scene.names[int(there.ids[0])])
-            hit, weight = there, onto
+            hit, weight = there, weight * _colour(share)
     return Way(tuple(legs), tuple(met), _three(np.sum([leg.light for leg in legs], axis=0)))
 
 
