@@ -22,9 +22,14 @@ FLIP_EXPOSURES = {"startExposure": -2.0, "stopExposure": 2.0, "numExposures": 5,
 
 
 class Metric(NamedTuple):
-    """`function(test, reference) -> float` takes two linear arrays of one shape; `formula` is what it computes."""
+    """`function(test, reference) -> float` takes two linear arrays of one shape; `formula` is what it computes.
+
+    `title` and `unit` are what pages and charts call it, the unit empty where it has none.
+    """
 
     name: str
+    title: str
+    unit: str
     formula: str
     source: str
     function: Callable[[np.ndarray, np.ndarray], float]
@@ -164,29 +169,26 @@ def upper_quantile(
 METRICS: dict[str, Metric] = {
     m.name: m
     for m in (
-        Metric("rmse", "sqrt(mean((t - r)^2))", "the same everywhere", rmse),
-        Metric("relmse", "mean((t - r)^2 / (r^2 + 0.01))", "tev's; pbrt divides by (r + 0.01)^2", relmse),
-        Metric("mae", "mean(|t - r|)", "the same everywhere", mae),
-        Metric("max_abs", "max(|t - r|)", "the same everywhere", max_abs),
-        Metric("p999_abs", "99.9 % quantile of |t - r|, an order statistic", "this project's", p999_abs),
-        Metric("p999_rel", "99.9 % quantile of |t - r| / (|r| + 0.01)", "this project's", p999_rel),
-        Metric("psnr", "20 log10(max(r) / rmse), dB", "peak is the reference's maximum, not 1", psnr),
-        Metric("mean_ratio", "mean(t) / mean(r)", "the same everywhere", mean_ratio),
-        Metric(
-            "flip_hdr",
-            f"mean HDR-FLIP, exposures {FLIP_EXPOSURES['startExposure']:g} to {FLIP_EXPOSURES['stopExposure']:g} in "
-            f"{FLIP_EXPOSURES['numExposures']}, {FLIP_EXPOSURES['tonemapper']}, {FLIP_PIXELS_PER_DEGREE:g} px/degree",
-            "Andersson et al. 2021, NVIDIA's flip-evaluator",
-            flip_hdr,
-        ),
-        Metric(
-            "flip_ldr",
-            f"mean LDR-FLIP of radiance clipped to 0..1, {FLIP_PIXELS_PER_DEGREE:g} px/degree",
-            "Andersson et al. 2020, NVIDIA's flip-evaluator",
-            flip_ldr,
-        ),
+        Metric("rmse", "RMSE", "radiance", "sqrt(mean((t - r)^2))", "the same everywhere", rmse),
+        Metric("relmse", "relMSE", "", "mean((t - r)^2 / (r^2 + 0.01))", "tev's; pbrt divides by (r + 0.01)^2", relmse),
+        Metric("mae", "Mean error", "radiance", "mean(|t - r|)", "the same everywhere", mae),
+        Metric("max_abs", "Error, worst", "radiance", "max(|t - r|)", "the same everywhere", max_abs),
+        Metric("p999_abs", "Error, 99.9 % quantile", "radiance",
+               "99.9 % quantile of |t - r|, an order statistic", "this project's", p999_abs),
+        Metric("p999_rel", "Relative error, 99.9 % quantile", "",
+               "99.9 % quantile of |t - r| / (|r| + 0.01)", "this project's", p999_rel),
+        Metric("psnr", "PSNR", "dB", "20 log10(max(r) / rmse), dB", "peak is the reference's maximum, not 1", psnr),
+        Metric("mean_ratio", "Ratio of means", "", "mean(t) / mean(r)", "the same everywhere", mean_ratio),
+        Metric("flip_hdr", "FLIP, mean", "0 to 1",
+               f"mean HDR-FLIP, exposures {FLIP_EXPOSURES['startExposure']:g} to {FLIP_EXPOSURES['stopExposure']:g} "
+               f"in {FLIP_EXPOSURES['numExposures']}, {FLIP_EXPOSURES['tonemapper']}, "
+               f"{FLIP_PIXELS_PER_DEGREE:g} px/degree",
+               "Andersson et al. 2021, NVIDIA's flip-evaluator", flip_hdr),
+        Metric("flip_ldr", "LDR-FLIP, mean", "0 to 1",
+               f"mean LDR-FLIP of radiance clipped to 0..1, {FLIP_PIXELS_PER_DEGREE:g} px/degree",
+               "Andersson et al. 2020, NVIDIA's flip-evaluator", flip_ldr),
     )
-}
+}  # fmt: skip
 
 
 def measure(

@@ -6,8 +6,9 @@ from typing import Any, Generic, TypeVar
 
 from raytwin.bench import Calibrated
 from raytwin.bench.calibration_cost import OURS, SHRUNK, WHOLE
+from raytwin.compare import METRICS
 from raytwin.paper.paper_record import Boxed, Frame, Paper, Ratio
-from raytwin.paper.paper_runs import FULL
+from raytwin.paper.paper_runs import ERRORS, FULL
 from raytwin.report.numbers import seconds, shown
 
 TRIMS = {
@@ -170,15 +171,15 @@ def ratios_of(values: tuple[float, ...]) -> str:
     return " and ".join(shown(v) for v in values)
 
 
+def error_column(metric: str) -> Column:
+    return Column(METRICS[metric].title, lambda r: shown(getattr(r.of, metric)))
+
+
 TIMES = (
     Column("seconds", lambda r: seconds(r.of.seconds_median)),
     Column("times faster", lambda r: shown(r.faster)),
 )
-ERRORS = (
-    Column("RMSE", lambda r: shown(r.of.rmse)),
-    Column("99.9 %", lambda r: shown(r.of.p999_abs)),
-    Column("worst", lambda r: shown(r.of.max_abs)),
-)
+ERROR_COLUMNS = tuple(error_column(name) for name in ERRORS)
 THEIRS = (
     Column("the paper", lambda r: stated(r.theirs)),
     Column("its times faster", lambda r: ratios_of(r.theirs_faster)),
@@ -220,7 +221,8 @@ def tables(paper: Paper) -> list[PaperTable]:
             "outside its box. Wasted: pixels of boxes that do not see it.",
             (Column("method", lambda r: r.of.family, False),
              Column("trim", lambda r: TRIMS.get(r.of.label, r.of.label), False),
-             Column("size", lambda r: size_of(r.of), False), *TIMES, *ERRORS, Column("cut", lambda r: shown(r.of.cut)),
+             Column("size", lambda r: size_of(r.of), False), *TIMES, *ERROR_COLUMNS,
+             Column("cut", lambda r: shown(r.of.cut)),
              Column("wasted", lambda r: shown(r.of.wasted)), *THEIRS),
             intersections(paper),
         ),
@@ -230,7 +232,7 @@ def tables(paper: Paper) -> list[PaperTable]:
             "(paper), or only where no edge or strong curvature is near (careful). Times faster: than tracing "
             "every pixel, untrimmed.",
             (Column("way", lambda r: way_of(r.of), False), Column("n", lambda r: shown(every_of(r.of))),
-             Column("size", lambda r: size_of(r.of)), *TIMES, *ERRORS),
+             Column("size", lambda r: size_of(r.of)), *TIMES, *ERROR_COLUMNS),
             speculations(paper),
         ),
         PaperTable(

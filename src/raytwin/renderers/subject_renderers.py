@@ -32,6 +32,10 @@ class _ByEngine(Renderer):
     def family(self) -> str:
         return f"{self.engine} {self.rung}"
 
+    @property
+    def trim(self) -> str:
+        return "conic"
+
     def ready(self) -> None:
         """Tell Dr.Jit which libLLVM to load: it asks but once."""
         if not ENGINES[self.engine].is_numpy:
@@ -107,10 +111,6 @@ class PathTraced(_ByEngine):
     def noisy(self) -> bool:
         return True
 
-    @property
-    def trim(self) -> str:
-        return "conic"
-
     def prepare(self, scene: Scene) -> Call:
         self.ready()
         return lambda seed: walk(
@@ -145,10 +145,6 @@ class Supersampled(_ByEngine):
     @property
     def sampling(self) -> str:
         return "area"
-
-    @property
-    def trim(self) -> str:
-        return "conic"
 
     def prepare(self, scene: Scene) -> Call:
         self.ready()
@@ -188,10 +184,6 @@ class Speculated(_ByEngine):
     @property
     def label(self) -> str:
         return f"n={self.n}"
-
-    @property
-    def trim(self) -> str:
-        return "conic"
 
     @property
     def step(self) -> int:

@@ -8,16 +8,16 @@ from itertools import groupby
 import numpy as np
 
 from raytwin.bench import GROWTH, RENDERERS, Bench, Calibrated, Measurement, fit_power, on_frontier, staircase
+from raytwin.compare import METRICS
 from raytwin.report.charts import INK, SOFT, Asked, Chart, Line, Point, log_range, placed
 from raytwin.report.charts.chart import Range
 from raytwin.report.numbers import seconds, short, shown
 
-METRICS = {
-    "relmse": "relMSE, mean((t − r)² / (r² + 0.01))",
-    "rmse": "RMSE, radiance",
-    "p999_abs": "99.9 % quantile of |t − r|, radiance",
-    "flip": "mean HDR-FLIP",
-}
+CHARTED = {"relmse": "relmse", "rmse": "rmse", "p999_abs": "p999_abs", "flip": "flip_hdr"}
+"""A bench's key -> its metric."""
+
+AXES = {key: f"{m.title}, {m.unit or m.formula}" for key, m in ((key, METRICS[name]) for key, name in CHARTED.items())}
+"""A bench's key -> what its chart's axis says: a chart each, in this order."""
 
 TRUTHS = {
     "lambert-center": "lambert, through pixel centres",
@@ -81,7 +81,7 @@ def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) ->
     return Chart(
         f"{size[0]}x{size[1]}/{truth}/{metric}",
         f"{bench.scene}, {megapixels(size)}, against {TRUTHS.get(truth, truth)}",
-        "seconds a frame (median)", METRICS[metric], x_range, y_range, tuple(points), texts,
+        "seconds a frame (median)", AXES[metric], x_range, y_range, tuple(points), texts,
         (*joined(families.values()), *guides(x_range, y_range, slope), stairs),
         floor or None, without, (f"thin grey lines: slope {in_words}, Monte Carlo's",),
     )  # fmt: skip

@@ -8,7 +8,7 @@ from pathlib import Path
 from raytwin import files
 from raytwin.bench import RENDERERS, Bench, Changes, Converged, MethodChange, write_bench
 from raytwin.errors import InputError
-from raytwin.report.bench_charts import COLOURS, METRICS, TRUTHS, error_chart, megapixels, side_charts, sizes_of
+from raytwin.report.bench_charts import AXES, COLOURS, TRUTHS, error_chart, megapixels, side_charts, sizes_of
 from raytwin.report.charts import Chart, layout, svg_text, write_charts
 from raytwin.report.numbers import seconds, shown
 from raytwin.report.page import render_page
@@ -52,7 +52,7 @@ def write_bench_page(bench: Bench, path: str | os.PathLike[str], changes: Change
         growth=[(c, drawn(c)) for c in side_charts(bench)],
         sizes=[(f"{w}x{h}", f"{w} × {h}, {megapixels((w, h))}") for w, h in sizes_of(bench)],
         truths=[(t, TRUTHS.get(t, t)) for t in dict.fromkeys(t.name for t in bench.truths)],
-        metrics=[(m, words) for m, words in METRICS.items() if any(c.key.endswith(f"/{m}") for c in charts)],
+        metrics=[(m, words) for m, words in AXES.items() if any(c.key.endswith(f"/{m}") for c in charts)],
         first=first.split("/") if first else ["", "", ""],
         kinds=kinds(bench),
         never=never(bench),
@@ -69,7 +69,7 @@ def error_charts(bench: Bench) -> list[Chart]:
         chart
         for size in sizes_of(bench)
         for truth in dict.fromkeys(t.name for t in bench.truths if (t.width, t.height) == size)
-        for metric in METRICS
+        for metric in AXES
         if (chart := error_chart(bench, size, truth, metric)) is not None
     ]
 

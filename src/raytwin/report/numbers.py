@@ -19,6 +19,8 @@ class Number(NamedTuple):
     meaning: str
 
 
+RADIANCE_BOUNDS: dict[str, Callable[[Tolerance], float]] = {"p999_abs": lambda t: t.p999_abs}
+
 NUMBERS: tuple[Number, ...] = (
     Number("geometry", "mask_mismatch_pixels", "Silhouette mismatch", "pixels", lambda t: t.mask_pixels,
            "pixels whose centre sees another object"),
@@ -28,12 +30,10 @@ NUMBERS: tuple[Number, ...] = (
            "largest angle between the normals where both see the same object"),
     Number("geometry", "shift_px", "Shift", "pixels", None,
            "translation between the two images"),
-    Number("radiance", "p999_abs", "Error, 99.9 % quantile", "radiance", lambda t: t.p999_abs,
-           METRICS["p999_abs"].formula),
-    Number("radiance", "max_abs", "Error, worst", "radiance", None, METRICS["max_abs"].formula),
-    Number("radiance", "rmse", "RMSE", "radiance", None, METRICS["rmse"].formula),
-    Number("radiance", "relmse", "relMSE", "", None, METRICS["relmse"].formula),
-    Number("radiance", "mean_ratio", "Ratio of means", "", None, METRICS["mean_ratio"].formula),
+    *(
+        Number("radiance", m.name, m.title, m.unit, RADIANCE_BOUNDS.get(m.name), m.formula)
+        for m in (METRICS[name] for name in ("p999_abs", "max_abs", "rmse", "relmse", "mean_ratio"))
+    ),
     Number("statistics", "z_mean", "Whole image", "σ", None,
            "the image's mean error over its standard deviation, worst channel"),
     Number("statistics", "z_tile_worst", "Worst tile", "σ", None, "the same for the least plausible tile"),
@@ -41,7 +41,7 @@ NUMBERS: tuple[Number, ...] = (
            "pixels with a value that fails its own test"),
     Number("statistics", "minimum_detectable_bias", "Detectable bias", "relative", None,
            "the smallest error of the whole image's mean that this comparison would have found"),
-    Number("perceptual", "flip_mean", "FLIP, mean", "0 to 1", None,
+    Number("perceptual", "flip_mean", METRICS["flip_hdr"].title, METRICS["flip_hdr"].unit, None,
            "how different the two look to an eye that flips between them"),
 )  # fmt: skip
 """One more number is one more row."""

@@ -112,16 +112,12 @@ def provenance(
     scene: Scene,
     rung: str = "shadow",
     *,
-    sampling: str = "center",
-    samples: int = 16,
-    seed: int = 0,
-    batches: int | None = None,
-    max_depth: int | None = None,
     textures: Mapping[int, np.ndarray] | None = None,
     variant: str | None = None,
+    **options: Any,
 ) -> dict[str, str]:
     """Everything that decides the pixels of `render` with the same arguments, as text: for an EXR's header."""
-    plan = _plan(scene, rung, sampling, samples, seed, batches, max_depth)
+    plan = _plan(scene, rung, **options)
     return _about(scene, plan, check_textures(scene, textures), activate(variant).variant)
 
 
@@ -142,7 +138,13 @@ class _Plan(msgspec.Struct, frozen=True):
 
 
 def _plan(
-    scene: Scene, rung: str, sampling: str, samples: int, seed: int, batches: int | None, max_depth: int | None
+    scene: Scene,
+    rung: str,
+    sampling: str = "center",
+    samples: int = 16,
+    seed: int = 0,
+    batches: int | None = None,
+    max_depth: int | None = None,
 ) -> _Plan:
     for where, name, known in (("rung", rung, tuple(RUNGS)), ("sampling", sampling, SAMPLINGS)):
         if name not in known:
