@@ -1,4 +1,4 @@
-"""A hand-written minimal ray tracer beside its physically based twin: the two are compared, the difference explained.
+"""Compare a hand-written ray tracer (the subject) with Mitsuba 3 (its twin), and explain the difference.
 
     photos of a board -> calibrate -> Camera --+
                                 scene.toml ----+-> read_scene -> SceneFile -> Scene
@@ -6,11 +6,11 @@
     Scene -> render  (the twin, Mitsuba 3)        -> Image --+-> compare_images -> Comparison: verdict, reasons, numbers
     a scene.toml -------------------------------------------> compare_scene --> Result: all of this at once
     two files, of any renderers ------------------------------> diff_files -----> Diff
-    Scene + photo -> augment_photo: its spheres and their shadows drawn in
-    a student's function -> check: is it what its stage of a tracer asks for, and if not, why
+    Scene + photo -> augment_photo: the photo with the scene's spheres and their shadows
+    a student's function -> check: is it right, and if not, why
 
 Lengths are metres, pixels OpenCV's, radiance linear Rec. 709 in float32 (H, W, 3), row 0 on top. Wrong input raises
-InputError(where, expected, got). Nothing is imported before it is asked for.
+InputError(where, expected, got). Heavy libraries are imported when a function first needs them.
 
 >>> import raytwin
 >>> scene = raytwin.read_scene("scenes/single").scene

@@ -5,11 +5,11 @@ from difflib import get_close_matches
 
 
 class InputError(Exception):
-    """`where: expected ..., got ...`: the caller's input is at fault, never a traceback's business.
+    """`where: expected ..., got ...`: the caller's input is wrong.
 
-    `where` names the file and the field (`scenes/desk/scene.toml: spheres[1].radius`), `expected` what would have
-    been right, with its unit, and `got` what was found. The command line prints it and exits with 2. What cannot be
-    printed on one line (a damaged file's bytes) becomes a space.
+    `where` names the file and the field (`scenes/desk/scene.toml: spheres[1].radius`), `expected` what would
+    have been right, with its unit, and `got` what was found. The command line prints it in one line, without a
+    traceback, and exits with 2. Characters that cannot be printed on one line become spaces.
     """
 
     def __init__(self, where: object, expected: str, got: object) -> None:

@@ -38,11 +38,10 @@ class Surface:
 class Image:
     """Linear radiance `mean` (H, W, 3) float32, row 0 on top.
 
-    `variance` (H, W, 3) float32 is the variance *of the mean*. `samples` counts the rays per pixel behind the mean, 0
-    where nobody tells: without a variance, an image of one sample has no noise, and any other may have. `batches` are
-    the independent renders whose spread gave the variance (None: every sample was one); 1 without a variance says that
-    there is noise, and that its variance is not known. `surface` is what the pixel
-    centres see, where the renderer tells.
+    `variance` (H, W, 3) float32 is the variance *of the mean*. `samples` is the number of rays per pixel, 0 if unknown.
+    Without a variance, an image of one sample counts as noise-free; any other may have noise. `batches` is the number
+    of independent renders behind the variance (None: every sample is one); 1 without a variance means that there is
+    noise of unknown variance. `surface` is what each pixel's centre shows, if the renderer knows.
     """
 
     mean: Float[np.ndarray, "h w 3"]

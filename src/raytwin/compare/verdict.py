@@ -44,16 +44,16 @@ def compare(
     half_steps: tuple[Pixels | None, Pixels | None] = (None, None),
     flip: bool = False,
 ) -> Comparison:
-    """Does `test` show what `reference` shows? The verdict, its reasons in words, and every number behind it.
+    """Compare `test` with `reference` and return the verdict, its reasons in words, and every number behind it.
 
-    Hard failures come first (no radiance, NaN, infinite, negative, black), then geometry where both have a surface,
-    then radiance. Values without noise must meet `tolerance`; for the others `false_alarm_rate` is the probability
-    that two images that differ by noise alone fail. A pass that would have missed `must_see` of the mean is undecided.
+    Invalid values are checked first (missing, NaN, infinite, negative, black), then geometry if both images have a
+    surface, then radiance. Values without noise must meet `tolerance`; for noisy ones `false_alarm_rate` is the
+    probability that two images fail that differ by noise alone. A pass that could have missed a bias of `must_see` of
+    the mean is undecided instead.
 
-    `noise="reference"` believes no variance that the test claims; with "none" neither has noise, and what scatters is
-    an error: for a tracer that is asked for one ray a pixel. `half_steps` (H, W, 3) are what the test's and the
-    reference's format may have rounded off. `flip` adds the perceptual metric, which takes longer than all else. A bad
-    image never raises: it fails.
+    `noise="reference"` ignores the variance that the test claims; `noise="none"` treats both images as noise-free, as
+    for a tracer with one ray per pixel. `half_steps` (H, W, 3) is what the file formats may have rounded off. `flip`
+    adds NVIDIA's perceptual metric, which is slow. A bad image does not raise: it fails.
     """
     if not 0 < false_alarm_rate < 1:
         raise InputError("false_alarm_rate", "a probability between 0 and 1", false_alarm_rate)

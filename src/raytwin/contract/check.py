@@ -23,12 +23,12 @@ class StageFailed(AssertionError):
 def check(
     stage: str, function: Callable[..., Any], *, raises: bool = False, seed: int = 0, hints: int = 2
 ) -> StageResult:
-    """Hold `function` against the test of the stage that it is to be: what is wrong, in a sentence.
+    """Test `function` as the named stage of a tracer, and say in a sentence what is wrong.
 
-    A script prints the sentence; the Python prompt and a notebook show the result, a notebook as a small page.
-    `raises`: StageFailed, an AssertionError, where it fails. `seed`: of the numbers that it is tried with.
-    `hints`: of a slip that one change of the function's own text undoes, its line (1), what is wrong there (2), what to
-    write (3). Some thousand changes are tried, for four seconds at most; 0: none.
+    A script prints the sentence, the Python prompt shows the result, and a notebook shows it as a small page. With
+    `raises`, a failure raises StageFailed, an AssertionError. `seed` draws the test's numbers. If one small change of
+    the function's text repairs it, `hints` shows the line (1), what is wrong there (2), or what to write (3); 0 turns
+    this off. It tries some thousand changes, for at most four seconds.
     """
     check_one_of("stage", stage, LESSONS)
     result = judge_function(LESSONS[stage], function, seed)

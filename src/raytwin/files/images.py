@@ -17,12 +17,12 @@ MAGIC = {
 
 
 def read_image(path: str | os.PathLike, part: str | None = None, layer: str | None = None) -> Image:
-    """EXR, PFM, Radiance HDR, PNG (8 and 16 bit) or JPEG as an Image: told apart by their first bytes.
+    """Read an EXR, PFM, Radiance HDR, PNG (8 and 16 bit) or JPEG, whatever its name, as an Image.
 
-    `part` (name or number) and `layer` (`diffuse` for `diffuse.R`..., or a single channel) choose within an EXR; where
-    nothing is chosen, the first part with colours counts, with the variance and the surface that `write_exr` wrote.
-    Grey becomes three equal channels; alpha is left out; PNG and JPEG are taken for sRGB. An EXR's pixels are those of
-    its data window.
+    `part` (name or number) and `layer` (`diffuse` for `diffuse.R`..., or a single channel) choose within an EXR.
+    By default it is the first part with colours, with the variance and surface that `write_exr` wrote. Grey becomes
+    three equal channels, alpha is dropped, and PNG and JPEG are taken to be sRGB. An EXR's pixels are those of its
+    data window.
     """
     path = check_file(path, "an image file")
     try:
@@ -50,7 +50,7 @@ def read_image(path: str | os.PathLike, part: str | None = None, layer: str | No
 
 
 def write_image(path: str | os.PathLike, image: Image) -> None:
-    """By the name's ending: EXR with all that the image has; PFM its mean; PNG or JPEG its mean as 8-bit sRGB."""
+    """Write an image by its name's ending: EXR with everything, PFM the mean, PNG or JPEG the mean as 8-bit sRGB."""
     suffix = Path(path).suffix.lower()
     if suffix == ".exr":
         write_exr(path, image)

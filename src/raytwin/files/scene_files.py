@@ -21,7 +21,7 @@ MOST_COLUMNS = 4096
 
 
 def read_scene(path: str | os.PathLike) -> SceneFile:
-    """A scene by its folder, scene.toml or name: as it is written, and checked."""
+    """Read and check a scene, given its folder, its scene.toml or its name."""
     file = find_scene(path)
     data = read_toml(file)
     for key in ("name", "folder", "photos"):  # of the record, not of the file

@@ -47,28 +47,31 @@ class Camera(Record, frozen=True):
 
     @property
     def coefficients(self) -> tuple[float, float, float, float, float]:
-        """k1, k2, p1, p2, k3, the missing ones 0."""
+        """Return k1, k2, p1, p2, k3, with 0 for those not given."""
         k1, k2, p1, p2, k3 = (*self.dist, *(0.0,) * (5 - len(self.dist)))
         return k1, k2, p1, p2, k3
 
     @property
     def eye(self) -> Vector:
-        """The camera's centre in the board frame, metres: -R^T t."""
+        """Return the camera's centre in the board frame, metres: -R^T t."""
         x, y, z = (-np.asarray(self.R_cam_board).T @ np.asarray(self.t_cam_board)).tolist()
         return x, y, z
 
     def grid(self, x: float = 0, y: float = 0, step: int = 1, size: tuple[int, int] | None = None) -> "Camera":
-        """The camera whose pixel (u, v) sees what this one's (x + step u, y + step v) does; by default of its size."""
+        """Return the camera whose pixel (u, v) sees what this one's (x + step u, y + step v) sees.
+
+        `size` is (width, height), by default this camera's.
+        """
         (a, s, cx), (z, b, cy), last = self.K
         K = ((a / step, s / step, (cx - x) / step), (z, b / step, (cy - y) / step), last)
         return msgspec.structs.replace(self, image_size=size or self.image_size, K=K)
 
     def every(self, step: int) -> "Camera":
-        """Every `step`-th pixel of every `step`-th row, from the first."""
+        """Return the camera of every `step`-th pixel in every `step`-th row, starting with the first."""
         return self.grid(step=step, size=(-(-self.width // step), -(-self.height // step)))
 
     def resized(self, width: int, height: int) -> "Camera":
-        """The same camera with another number of pixels over the same sensor.
+        """Return the same camera with another number of pixels on the same sensor.
 
         Pixel centres are integers, so a scale s maps u to s (u + 1/2) - 1/2: the image's corner stays where it is.
         """

@@ -12,7 +12,7 @@ from raytwin.scene.record_base import Matrix, PixelCount, Radiance, Record, Vect
 class Sun(Record, frozen=True, tag="sun"):
     """A distant light: `to_light` points to it, unit; `irradiance` is what a surface facing it receives.
 
-    A direction of any other length is made unit when the record is made.
+    A direction of another length is normalized when the record is made.
     """
 
     to_light: Vector
@@ -28,7 +28,7 @@ class Sun(Record, frozen=True, tag="sun"):
 
 
 class Sky(Record, frozen=True, tag="sky"):
-    """The same radiance from every direction; also what the camera sees past every object."""
+    """A constant sky: the same radiance from every direction, and the background behind all objects."""
 
     radiance: Radiance = (0.0, 0.0, 0.0)
 

@@ -35,34 +35,34 @@ class Scene(Record, frozen=True):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What people call the objects: sphere 0, sphere 1, plane 0."""
+        """Return the objects' names: sphere 0, sphere 1, plane 0."""
         kinds = ["sphere" if isinstance(thing, Sphere) else "plane" for thing in self.objects]
         return tuple(f"{kind} {kinds[:i].count(kind)}" for i, kind in enumerate(kinds))
 
     @property
     def sun(self) -> Sun:
-        """The sun, or one that is dark. Raises InputError where there are two: nothing here sums over suns yet."""
+        """Return the sun, or a dark one if there is none. Raises InputError for two."""
         return self._only(Sun) or NO_SUN
 
     @property
     def sky(self) -> Sky:
-        """The sky, or one that is dark. Raises InputError where there are two, or an environment in its place."""
+        """Return the sky, or a dark one if there is none. Raises InputError for two, or for a sky map."""
         if self.environment:
             raise InputError(f"scene {self.name}: sky", "the same radiance everywhere, for this", "an environment map")
         return self._only(Sky) or NO_SKY
 
     @property
     def environment(self) -> Environment | None:
-        """The map in the place of a constant sky, where there is one."""
+        """Return the sky map, or None for a constant sky."""
         return self._only(Environment)
 
     @property
     def glossy(self) -> bool:
-        """Some object has a highlight."""
+        """Return whether any object has a highlight."""
         return any(isinstance(thing.material, Phong) for thing in self.objects)
 
     def check_lambertian(self, who: str) -> None:
-        """InputError where an object has a highlight, which `who` cannot do."""
+        """Raise InputError if an object has a highlight, which `who` does not support."""
         if self.glossy:
             raise InputError(f"scene {self.name}", f"Lambertian objects alone, for {who}", "a Phong highlight")
 

@@ -124,9 +124,9 @@ class Tolerance(Record, frozen=True):
 
 
 class SceneFile(Record, frozen=True):
-    """A scene as written, `camera` or `photos` to find it from, and how closely two renderings must agree.
+    """A scene as written in its file: a camera or photos to calibrate it from, objects, lights and tolerance.
 
-    The [camera] table is one of the two: `camera` where it is given, `photos` where it names photos.
+    `camera` is set if the [camera] table gives one, `photos` if it names photos.
     """
 
     name: str
@@ -141,7 +141,7 @@ class SceneFile(Record, frozen=True):
     folder: str = "."
 
     def at(self, camera: Camera) -> Scene:
-        """What `camera` sees: the spheres, then the planes."""
+        """Return the scene that `camera` sees: the spheres, then the planes."""
         spheres = (Sphere(s.center, s.radius, material_of(s)) for s in self.spheres)
         planes = (Rectangle(p.center, p.half_u, p.half_v, material_of(p), p.in_photo) for p in self.planes)
         lights = Sun(self.sun.to_light, self.sun.irradiance), self.sky.light
@@ -149,11 +149,11 @@ class SceneFile(Record, frozen=True):
 
     @property
     def scene(self) -> Scene:
-        """What its own camera sees. Raises InputError where that is yet to be found."""
+        """Return the scene of its own camera. Raises InputError if the photos have not been calibrated."""
         if self.camera is None:
             raise InputError(f"scene {self.name}: camera", "a calibrated camera", "photos to calibrate it from")
         return self.at(self.camera)
 
     def with_camera(self, camera: Camera) -> "SceneFile":
-        """The same, its camera found."""
+        """Return the same scene with this camera."""
         return msgspec.structs.replace(self, camera=camera, photos=None)

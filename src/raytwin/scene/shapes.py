@@ -15,10 +15,10 @@ class Sphere(Record, frozen=True, tag="sphere"):
 
 
 class Rectangle(Record, frozen=True, tag="rectangle"):
-    """`center ± half_u ± half_v`, seen and lit from both sides.
+    """`center ± half_u ± half_v`, visible and lit from both sides.
 
-    `half_u` and `half_v` are perpendicular half-edges in metres. `in_photo` marks what the photo already shows (the
-    board, the table): it catches shadows, but augmentation does not draw it.
+    `half_u` and `half_v` are perpendicular half-edges in metres. `in_photo` marks what a photo already shows (the
+    board, the table): it catches shadows, but `augment` does not draw it.
     """
 
     center: Vector
@@ -29,7 +29,7 @@ class Rectangle(Record, frozen=True, tag="rectangle"):
 
     @property
     def normal(self) -> Vector:
-        """Unit normal half_u × half_v / |...|."""
+        """Return the unit normal half_u × half_v / |half_u × half_v|."""
         n = np.cross(self.half_u, self.half_v)
         x, y, z = (n / np.linalg.norm(n)).tolist()
         return x, y, z

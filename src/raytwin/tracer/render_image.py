@@ -27,8 +27,8 @@ STAGES = Stages(undistort, back_project, intersect_sphere, intersect_rectangle, 
 def trace(scene: Scene, rung: str = "shadow", stages: Stages = STAGES) -> Image:
     """Return radiance and surface of what each pixel's centre sees, in float64 and without any shortcut.
 
-    `raytwin.speed.trace` gives the same, fast. Pixels that the lens gives no ray are black. Raises InputError for an
-    unknown rung, or a lens that can be undone over less than half of the frame.
+    `raytwin.speed.trace` gives the same pixels faster. Pixels to which the lens assigns no ray are black. Raises
+    InputError for an unknown rung, or for a lens that can be inverted on less than half of the frame.
     """
     if rung not in RADIANCE:
         raise InputError("rung", f"one of {', '.join(RADIANCE)}", rung)

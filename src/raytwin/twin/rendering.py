@@ -48,7 +48,7 @@ def render(
     variant: str | None = None,
     progress: Progress = silent,
 ) -> Image:
-    """Radiance and surface of `scene` as Mitsuba sees it: an Image of the camera's size, `surface` always filled.
+    """Render `scene` with Mitsuba: an Image of the camera's size, with `surface` filled in.
 
     Radiance by rung, with albedo ρ, sun irradiance E from direction l, sky radiance Ls, n on the eye's side:
 
@@ -56,20 +56,20 @@ def render(
     - `lambert`: ρ/π E max(0, n·l) + ρ Ls; of a map, Ls is E(n)/π by harmonics (`sky.harmonics`); with a highlight
       (`phong`) π f stands for the first ρ, ρ + specular for the second;
     - `shadow`: the first term times the sun's visibility (Mitsuba's shadow test);
-    - `sky`: the second term with the sky's occlusion too (Mitsuba's `path` at depth 2);
+    - `sky`: the second term with the sky's occlusion as well (Mitsuba's `path` at depth 2);
     - `path`: interreflection to `max_depth` (default 8), counted as Mitsuba does: 2 is direct light alone.
 
-    Past every object the camera sees Ls. In `sky` and `path` the sun at the first hit is summed by a shadow ray, as in
-    `shadow`, and the rest is Mitsuba's `path` from one bounce on: the same expectation as `path` from the eye, with
-    less noise and shadow edges in their place. No roulette.
+    Behind all objects the camera sees Ls. In `sky` and `path` a shadow ray adds the sun at the first hit, as in
+    `shadow`; Mitsuba's `path` adds the rest from the first bounce on. The expectation equals that of `path` from the
+    eye, with less noise and exact shadow edges. There is no Russian roulette.
 
     `sampling`: `center` sends every ray through the pixel's centre; `area` spreads them evenly over the pixel (a box
     filter). `surface`, `lambert` and `shadow` at `center` have no noise: one ray, `variance` None, `samples` 1. All
-    else has: `samples` rays a pixel, in `batches` that are independent (default: 16, or one a sample where there are
-    fewer); `variance` is that of the mean, from the batches' spread, and None for `batches=1`, which cannot tell.
+    else has noise: `samples` rays per pixel in independent `batches` (default: 16, or one per sample if there are
+    fewer); `variance` is that of the mean, from the batches' spread, and None for `batches=1`.
 
     `textures`: albedo (h, w) or (h, w, 3), linear, by a plane's object id; row 0 at the +half_v side, column 0 at
-    -half_u. `cache` keeps what took long; `progress` counts hundredths. `variant`: see `activate`.
+    -half_u. `cache` stores slow renders on disk; `progress` counts hundredths. `variant`: see `activate`.
 
     Raises InputError (camera.dist where the distortion cannot be undone, samples, textures, ...) and MachineError.
     """

@@ -70,9 +70,9 @@ def compare_scene(
 ) -> Result:
     """Compare a subject, by default the hand-written tracer, with its Mitsuba twin on the scene at `path`.
 
-    `options` are fields of CompareSettings: `compare_scene(path, rung="path", engine="drjit32")`. Where tracer and twin
-    stand on different rungs, the ledger tells what the further light adds: where the tracer agrees with the twin at
-    its own rung, a difference is expected.
+    `options` are fields of CompareSettings: `compare_scene(path, rung="path", engine="drjit32")`. If the twin follows
+    more light than the tracer, and the two agree at the tracer's own level, the difference is expected (`differs`), and
+    the ledger says what the further light adds.
     """
     chosen = replace(settings or CompareSettings(), **options)
     subject = _subject(chosen)

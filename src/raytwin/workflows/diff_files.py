@@ -54,7 +54,7 @@ class Diff:
 
 
 def diff(a: str | Path, b: str | Path, settings: DiffSettings | None = None, **options: Any) -> Diff:
-    """Does the image `a` show what `b` shows? Each a file; or a folder or a pattern of renders that differ by seed.
+    """Compare the image `a` with the reference `b`: files, or folders or patterns of renders that differ by seed.
 
     `options` are fields of DiffSettings: `diff(a, b, tolerance=1e-4, flip=True)`.
     """

@@ -52,9 +52,9 @@ def augment(
     exposure: float = 1.0,
     space: np.ndarray | None = None,
 ) -> Augmented:
-    """The scene's objects drawn into `photo`, uint8 sRGB (H, W, 3), taken by `scene.camera`.
+    """Return `photo`, uint8 sRGB (H, W, 3) taken by `scene.camera`, with the scene's objects drawn in.
 
-    Pixels on an edge, of an object or of a shadow, are the mean of `subsamples`² rays; the others take one. `exposure`:
+    Pixels on the edge of an object or a shadow are the mean of `subsamples`² rays; all others take one. `exposure` is
     the photo's linear value of radiance 1. Objects that the photo already shows (`in_photo`) only catch shadows.
     `space` (3, 3): the photo's linear RGB to Rec. 709, see `colour`.
     """

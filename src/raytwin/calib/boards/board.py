@@ -112,7 +112,7 @@ class Board(Record, frozen=True):
 
 
 def read_board(path: str | os.PathLike) -> Board:
-    """A board's TOML: `family`, `tag_edge`, and either `[grid]` or `[[tags]]`; see Board and Grid."""
+    """Read a board's TOML: `family`, `tag_edge`, and either `[grid]` or `[[tags]]`; see Board and Grid."""
     board = files.to_record(path, files.read_toml(path), Board)
     check_board(board, path)
     return board

@@ -53,10 +53,11 @@ def calibrate(
     threads: int | None = None,
     read: Read | None = None,
 ) -> Calibration:
-    """The camera that took `photos`, all of one size, of one board, or of several; the rest as `detect_photos` has it.
+    """Return the camera that took `photos` of one or several boards, with standard deviations and warnings.
 
+    The photos have one size. Further arguments are those of `detect_photos`.
     Photos without tags, and those of another size, are left out with a warning as long as three others remain. Raises
-    InputError for anything from which no camera follows.
+    InputError if the photos do not determine a camera.
     """
     paths = list(dict.fromkeys(map(Path, photos)))
     boards = _boards(board)
