@@ -36,7 +36,7 @@ from raytwin.workflows.compare_settings import CompareSettings
 from raytwin.workflows.diff_settings import DiffSettings
 
 app = typer.Typer(
-    help="A hand-written ray tracer beside its Mitsuba twin: compare the two and explain the difference.",
+    help="Compare a ray tracer with Mitsuba on the same scene and explain the difference.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -82,7 +82,7 @@ app.command("stability")(atlas_command.stability_command)
 
 @app.command("doctor")
 def doctor() -> None:
-    """Show which backend the twin uses on this machine, what else was tried, and why; and what holds a submission."""
+    """Show which Mitsuba backend works on this machine and why, and which locks the sandbox has."""
     from raytwin import twin
     from raytwin.sandbox import sandbox
 

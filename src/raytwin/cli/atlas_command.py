@@ -12,18 +12,18 @@ from raytwin.cli.terminal import say
 
 def stability_command(
     experiments: Annotated[
-        list[str] | None, typer.Argument(metavar="[EXPERIMENT]...", help="Which; all by default.")
+        list[str] | None, typer.Argument(metavar="[EXPERIMENT]...", help="Names from --list; all by default.")
     ] = None,
     thorough: Annotated[
-        bool, typer.Option("--thorough", help="More values, and more trials of each: minutes.")
+        bool, typer.Option("--thorough", help="Measure more values with more trials (minutes).")
     ] = False,
-    listed: Annotated[bool, typer.Option("--list", help="Name every experiment.")] = False,
+    listed: Annotated[bool, typer.Option("--list", help="List all experiments.")] = False,
     json: JsonFile = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Where page and charts go (in out/).")
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for page and charts (out/stability).")
     ] = None,
 ) -> None:
-    """Drive each numerical method until it fails: atlas.html with charts, SVG and PNG beside it, atlas.json."""
+    """Drive each numerical method until it fails; write atlas.html, atlas.json and charts."""
     from raytwin import atlas as stability
     from raytwin import files, report
 

@@ -33,53 +33,51 @@ class OrDefault(TyperGroup):
 app = typer.Typer(
     cls=OrDefault,
     no_args_is_help=True,
-    help="Speed against accuracy. `raytwin bench SCENE` means `raytwin bench scene SCENE`.",
+    help="Measure speed against accuracy. `raytwin bench SCENE` means `raytwin bench scene SCENE`.",
 )
 
 ListedMethods = Annotated[
-    str, typer.Option("--methods", metavar="GLOB,...", help="Which: patterns of names, see `raytwin bench list`.")
+    str, typer.Option("--methods", metavar="GLOB,...", help="Patterns of method names; see `raytwin bench list`.")
 ]
-OwnScene = Annotated[Path | None, typer.Argument(metavar="[SCENE]", help="Whose board is photographed.")]
+OwnScene = Annotated[Path | None, typer.Argument(metavar="[SCENE]", help="Scene whose board is photographed.")]
 Photos = Annotated[
     list[Path] | None, typer.Option("--photos", metavar="DIR", help="Real photos, besides the synthetic ones.")
 ]
 Boards = Annotated[
     list[Path] | None, typer.Option("--board", metavar="BOARD", help="The board of each DIR (its board.toml).")
 ]
-PhotoCount = Annotated[int, typer.Option(metavar="N", help="How many synthetic photos.")]
-PhotoSize = Annotated[str, typer.Option(metavar="WxH", help="Of synthetic photos, and of the paper's frames.")]
-Budget = Annotated[float, typer.Option(metavar="SECONDS", help="For all; what does not fit is named.")]
-Repeats = Annotated[int, typer.Option(help="Most timed calls of each.")]
-Out = Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", help="Where page and charts go (in out/).")]
+PhotoCount = Annotated[int, typer.Option(metavar="N", help="Number of synthetic photos.")]
+PhotoSize = Annotated[str, typer.Option(metavar="WxH", help="Size of synthetic photos and of the frames.")]
+Budget = Annotated[float, typer.Option(metavar="SECONDS", help="Total time; what does not fit is listed.")]
+Repeats = Annotated[int, typer.Option(help="At most this many timed calls per method.")]
+Out = Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for page and charts (in out/).")]
 
 
 @app.command(DEFAULT)
 def scene_command(
     scene: ScenePath,
     methods: ListedMethods = "*",
-    sizes: Annotated[str, typer.Option(metavar="MP,...", help="Megapixels of the picture.")] = "0.2",
+    sizes: Annotated[str, typer.Option(metavar="MP,...", help="Picture sizes in megapixels.")] = "0.2",
     spheres: Annotated[
-        str, typer.Option(metavar="N,...", help="Also time pictures of so many small spheres, at the first size.")
+        str, typer.Option(metavar="N,...", help="Also time pictures of N small spheres, at the first size.")
     ] = "",
     crowd: Annotated[
-        int | None, typer.Option(metavar="N", help="So many small spheres in the place of the scene's objects.")
+        int | None, typer.Option(metavar="N", help="Replace the scene's objects by N small spheres.")
     ] = None,
     budget: Budget = 300,
     repeats: Repeats = 15,
-    truth_samples: Annotated[int, typer.Option(help="Most samples a pixel of the converged truth.")] = 4096,
+    truth_samples: Annotated[int, typer.Option(help="At most this many samples per pixel of the reference.")] = 4096,
     flip: Flip = False,
     json: JsonFile = None,
     out: Out = None,
-    save: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Keep this run, every repeat of it, for --against.")
-    ] = None,
+    save: Annotated[Path | None, typer.Option(metavar="FILE", help="Save this run for a later --against.")] = None,
     against: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Compare with a run that was saved on this machine.")
+        Path | None, typer.Option(metavar="FILE", help="Compare with a run saved on this machine.")
     ] = None,
 ) -> None:
-    """Measure every method's seconds and its error: bench.html with charts, SVG and PNG beside it, bench.json.
+    """Measure each method's time and error; write bench.html, bench.json and charts.
 
-    With --against, exit code 1 says that a method became slower or less accurate.
+    With --against, exit code 1 means that a method became slower or less accurate.
     """
     from raytwin import bench, report
 
@@ -123,7 +121,7 @@ def calibration_command(
     json: JsonFile = None,
     out: Out = None,
 ) -> None:
-    """A calibration's seconds against its held-out error, over image scale and detector settings: bench.html."""
+    """Measure calibration time against error in unseen photos, over image scale and detector settings."""
     from raytwin import bench, report
 
     check_outputs(folders=(out or Path("out"),), files=(json,))
@@ -150,7 +148,7 @@ def paper_command(
     json: JsonFile = None,
     out: Out = None,
 ) -> None:
-    """The paper's figures 10 to 12 again, with their errors: paper.html, SVG and PNG, paper.json, paper.md."""
+    """Measure the paper's figures 10 to 12 again, with their errors; write paper.html, paper.json and paper.md."""
     from raytwin import files
     from raytwin import paper as figures
 
@@ -168,7 +166,7 @@ def paper_command(
 
 @app.command("list")
 def list_command(methods: ListedMethods = "*") -> None:
-    """Name every method."""
+    """List all methods."""
     from raytwin import bench
 
     for method in bench.choose(split(methods)):

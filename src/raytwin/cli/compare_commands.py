@@ -19,10 +19,10 @@ def compare_command(
     settings: CompareSettings,
     json: JsonFile = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Where the report goes (out/SCENE by default).")
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the report (out/SCENE).")
     ] = None,
 ) -> None:
-    """Compare the tracer with its twin: report.html, EXRs of both images and of the error, comparison.json."""
+    """Compare a tracer with Mitsuba on a scene; write report.html, comparison.json and EXRs."""
     check_outputs(folders=(out or Path("out"),), files=(json,))
     with show_progress() as progress:
         with progress.stage("imports"):
@@ -41,46 +41,50 @@ def diff_command(
     a: Annotated[
         Path,
         typer.Argument(
-            metavar="A", help="The image to test: EXR, PFM, HDR, PNG, JPEG; renders as a folder or 'x_*.exr'."
+            metavar="A", help="Image to test: EXR, PFM, HDR, PNG, JPEG; several renders as a folder or 'x_*.exr'."
         ),
     ],
-    b: Annotated[
-        Path, typer.Argument(metavar="B", help="The reference, alike; two folders are compared name by name.")
-    ],
+    b: Annotated[Path, typer.Argument(metavar="B", help="Reference, likewise; two folders are compared name by name.")],
     settings: DiffSettings,
-    fail: Annotated[float | None, typer.Option("--fail", help="A pixel may err by this (1e-6); as idiff.")] = None,
+    fail: Annotated[float | None, typer.Option("--fail", help="Largest error of a pixel (1e-6), as in idiff.")] = None,
     fail_relative: Annotated[
-        float | None, typer.Option("--failrelative", "--fail-relative", help="And by this share of its value (0).")
+        float | None, typer.Option("--failrelative", "--fail-relative", help="Or this share of its value (0).")
     ] = None,
     fail_percent: Annotated[
-        float | None, typer.Option("--failpercent", "--fail-percent", help="Percentage that may err more (0).")
+        float | None,
+        typer.Option("--failpercent", "--fail-percent", help="Percentage of pixels that may exceed it (0)."),
     ] = None,
     hard_fail: Annotated[
-        float | None, typer.Option("--hardfail", "--hard-fail", help="No pixel may err by more (infinite).")
+        float | None, typer.Option("--hardfail", "--hard-fail", help="Largest error of any pixel (no limit).")
     ] = None,
     allow_failures: Annotated[
         int | None,
         typer.Option("--allowfailures", "--allow-failures", help="Pixels exempt from all limits (0)."),
     ] = None,
-    warn: Annotated[float | None, typer.Option("--warn", help="As --fail, for a warning that passes.")] = None,
+    warn: Annotated[float | None, typer.Option("--warn", help="Like --fail, but only warns.")] = None,
     warn_relative: Annotated[
-        float | None, typer.Option("--warnrelative", "--warn-relative", help="As --failrelative.")
+        float | None, typer.Option("--warnrelative", "--warn-relative", help="Like --failrelative.")
     ] = None,
     warn_percent: Annotated[
-        float | None, typer.Option("--warnpercent", "--warn-percent", help="As --failpercent.")
+        float | None, typer.Option("--warnpercent", "--warn-percent", help="Like --failpercent.")
     ] = None,
-    hard_warn: Annotated[float | None, typer.Option("--hardwarn", "--hard-warn", help="As --hardfail.")] = None,
-    variance_a: Annotated[Path | None, typer.Option(metavar="FILE", help="The variance of A's mean, an image.")] = None,
-    variance_b: Annotated[Path | None, typer.Option(metavar="FILE", help="The variance of B's mean.")] = None,
+    hard_warn: Annotated[float | None, typer.Option("--hardwarn", "--hard-warn", help="Like --hardfail.")] = None,
+    variance_a: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Image with the variance of A's mean.")
+    ] = None,
+    variance_b: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Image with the variance of B's mean.")
+    ] = None,
     samples_a: Annotated[int, typer.Option(min=0, help="A's samples per pixel, if the file does not say.")] = 0,
     samples_b: Annotated[int, typer.Option(min=0, help="B's samples per pixel.")] = 0,
     json: JsonFile = None,
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the verdict as JUnit XML.")] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="report.html, heatmap.png, comparison.json.")
+        Path | None,
+        typer.Option("--out", "-o", metavar="DIR", help="Folder for report.html, heatmap.png, comparison.json."),
     ] = None,
 ) -> None:
-    """Compare any two images of any renderers: metrics, verdict, heat map. With --fail... as idiff does."""
+    """Compare any two images: verdict, metrics, heat map. The --fail... options work as in idiff."""
     from raytwin import files, report
     from raytwin.workflows import diff_files
 

@@ -17,7 +17,7 @@ WIDEST = 800
 def explore_command(
     scene: ScenePath,
     subject: Annotated[
-        str | None, typer.Option(metavar="WHAT", help="In the tracer's place: what `compare --subject` takes.")
+        str | None, typer.Option(metavar="WHAT", help="Renderer to show; see `raytwin compare --subject`.")
     ] = None,
     photo: Photo = None,
     size: Annotated[
@@ -27,7 +27,7 @@ def explore_command(
     port: Annotated[int, typer.Option(help="Port of the page's address; 0: any free one.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
 ) -> None:
-    """Play with a scene on a page of this machine: tracer, twin, their difference and the ledger, as they change."""
+    """Open a live page: drag spheres, change light; tracer, twin, difference and error breakdown follow."""
     import asyncio
     import contextlib
 

@@ -15,18 +15,18 @@ SEEN = 0.01
 
 def export_command(
     scene: ScenePath,
-    json: Annotated[bool, typer.Option("--json", help="What a program of --subject reads.")] = False,
-    mitsuba_xml: Annotated[bool, typer.Option("--mitsuba-xml", help="A file for Mitsuba 3.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Write JSON, as programs of --subject read it.")] = False,
+    mitsuba_xml: Annotated[bool, typer.Option("--mitsuba-xml", help="Write a Mitsuba 3 scene.")] = False,
     rung: Annotated[
-        str | None, typer.Option(help="Told in JSON (shadow by default); of the XML sky or path (path by default).")
+        str | None, typer.Option(help="Light level: in JSON (shadow) or of the XML, sky or path (path).")
     ] = None,
     photo: Photo = None,
-    size: Annotated[str | None, typer.Option(metavar="WxH", help="At another size than the camera's.")] = None,
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="Use another size than the camera's.")] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="FILE", help="Where to (standard output by default).")
+        Path | None, typer.Option("--out", "-o", metavar="FILE", help="File to write (standard output).")
     ] = None,
 ) -> None:
-    """Write a scene for other renderers: camera (matrices by rows; a look-at, too), lens, objects, lights; metres."""
+    """Write a scene for other renderers: camera, lens, objects, lights, in metres."""
     from raytwin import files
     from raytwin.errors import check_one_of
     from raytwin.renderers.mitsuba_xml import mitsuba_xml as as_xml

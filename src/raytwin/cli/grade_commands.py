@@ -29,7 +29,7 @@ class _Submissions(TyperGroup):
 
 
 app = typer.Typer(
-    help="Grade students' tracers: `raytwin grade SUBMISSIONS --rubric RUBRIC`; or make a zip for Gradescope.",
+    help="Grade students' tracers: `raytwin grade SUBMISSIONS --rubric RUBRIC`.",
     no_args_is_help=True,
     cls=_Submissions,
 )
@@ -38,24 +38,29 @@ app = typer.Typer(
 @app.command("class")
 def class_command(
     submissions: Annotated[
-        Path, typer.Argument(help="A folder with a file or a folder for each student; or one of these.")
+        Path, typer.Argument(help="Folder with a file or folder per student; or a single submission.")
     ],
     rubric: Annotated[
-        Path, typer.Option("--rubric", "-r", metavar="FILE", help="The exercises and their points, TOML.")
+        Path, typer.Option("--rubric", "-r", metavar="FILE", help="TOML file with exercises and points.")
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Where pages and results go.")] = Path(
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for pages and results.")] = Path(
         "out/grades"
     ),
     jobs: Jobs = 1,
     dask: Dask = "",
     shard: Shard = "",
-    again: Annotated[bool, typer.Option("--again", help="Grade also what is graded already.")] = False,
-    whole: Annotated[bool, typer.Option("--whole", help="The folder is one submission.")] = False,
-    gradescope: Annotated[Path | None, typer.Option(metavar="FILE", help="results.json, of one submission.")] = None,
-    prairielearn: Annotated[Path | None, typer.Option(metavar="FILE", help="results.json, of one submission.")] = None,
-    junit: Annotated[Path | None, typer.Option(metavar="FILE", help="JUnit XML.")] = None,
+    again: Annotated[bool, typer.Option("--again", help="Grade again what is already graded.")] = False,
+    whole: Annotated[bool, typer.Option("--whole", help="Treat the folder as one submission.")] = False,
+    gradescope: Annotated[Path | None, typer.Option(metavar="FILE", help="Write Gradescope's results.json.")] = None,
+    prairielearn: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write PrairieLearn's results.json.")
+    ] = None,
+    junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write JUnit XML.")] = None,
 ) -> None:
-    """Hold submissions to a rubric, each in a sandbox: pages, CSV, JSON. Interrupted, it goes on where it stopped."""
+    """Grade submissions by a rubric, each in a sandbox; write pages, CSV and JSON.
+
+    Run it again to continue an interrupted run.
+    """
     from raytwin.grade.class_run import collect, jobs_of, run
     from raytwin.grade.rubric import read_rubric
     from raytwin.parallel import parse_workers
@@ -107,16 +112,16 @@ def _line(result: "Result", rubric: "Rubric") -> str:
 @app.command("starter")
 def starter_command(
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="FILE", help="What to write (tracer.py, or rubric.toml).")
+        Path | None, typer.Option("--out", "-o", metavar="FILE", help="File to write (tracer.py or rubric.toml).")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
-    rubric: Annotated[bool, typer.Option("--rubric", help="Write a whole rubric instead, to be changed.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    rubric: Annotated[bool, typer.Option("--rubric", help="Write a complete rubric to edit instead.")] = False,
     stage: Annotated[
         list[str] | None,
-        typer.Option(help="A function of the contract, or of a walk's lesson; several times. Else the six."),
+        typer.Option(help="Function to include; repeatable (default: the six)."),
     ] = None,
 ) -> None:
-    """Write the file that students start from: the six functions, their docstrings, a worked example, their checks."""
+    """Write the file that students start from: six empty functions that check themselves, and an example."""
     from raytwin import files
     from raytwin.contract.stage_table import CONTRACT, LESSONS
     from raytwin.contract.starter import starter
@@ -138,15 +143,13 @@ def starter_command(
 @app.command("gradescope-zip")
 def gradescope_zip_command(
     rubric: Annotated[Path, typer.Argument(help="The rubric, TOML.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="What to upload.")] = Path("autograder.zip"),
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Zip to write.")] = Path("autograder.zip"),
     wheel: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Of raytwin, to install this one; else its version's from the package index."
-        ),
+        typer.Option(metavar="FILE", help="Install this wheel of raytwin instead of the released version."),
     ] = None,
 ) -> None:
-    """Make the zip that Gradescope asks for: setup.sh, run_autograder, the rubric and its references."""
+    """Make the autograder zip for Gradescope, with the rubric and its references."""
     from raytwin.grade.gradescope import write_zip
 
     check_outputs(files=(out,))

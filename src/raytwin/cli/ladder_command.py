@@ -21,7 +21,7 @@ def ladder_command(
         Path | None, typer.Option("--out", "-o", metavar="DIR", help="Where page and chart go (in out/).")
     ] = None,
 ) -> None:
-    """Every rung of light on both sides, what each leaves out, and what it costs: ladder.html, ladder.json."""
+    """Render every light level on both sides: what each adds and costs; write ladder.html, ladder.json."""
     from raytwin import files, report
     from raytwin.analysis.ladder import climb
 

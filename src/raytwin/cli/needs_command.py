@@ -17,7 +17,7 @@ def needs_command(
     size: Annotated[str | None, typer.Option(metavar="WxH", help="At another size than the camera's.")] = None,
     json: JsonFile = None,
 ) -> None:
-    """Find the cheapest rung, depth, engine, sampling and trim that meet a tolerance, and what the scene can spare."""
+    """Find the cheapest light level, depth, engine and sampling for a tolerance, and what can be dropped."""
     check_outputs(files=(json,))
     with show_progress() as progress:
         with progress.stage("imports"):

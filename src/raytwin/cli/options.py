@@ -29,13 +29,11 @@ ScenePath = Annotated[
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the numbers as JSON.")]
 Photo = Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose camera pose is used.")]
 
-Jobs = Annotated[int, typer.Option("--jobs", "-j", metavar="N", help="Local processes (1).")]
+Jobs = Annotated[int, typer.Option("--jobs", "-j", metavar="N", help="Number of local processes.")]
 Dask = Annotated[
-    str, typer.Option(metavar="ADDRESS", help="Of a Dask scheduler (extra `cluster`); its workers share the disk.")
+    str, typer.Option(metavar="ADDRESS", help="Dask scheduler (extra `cluster`); its workers share the disk.")
 ]
-Shard = Annotated[
-    str, typer.Option(metavar="K/N", help="Only every N-th, from the K-th on: one task of a Slurm array.")
-]
+Shard = Annotated[str, typer.Option(metavar="K/N", help="Do only the K-th of N shares: one task of a Slurm array.")]
 
 
 def _flip(asked: bool) -> bool:
@@ -62,39 +60,43 @@ def _size(text: str | None) -> tuple[int, int] | None:
 
 
 OPTIONS: dict[str, Any] = {
-    "rung": Annotated[str, typer.Option(help="The twin's: surface, lambert, shadow, sky or path.")],
+    "rung": Annotated[str, typer.Option(help="Light level of the twin: surface, lambert, shadow, sky or path.")],
     "tracer_rung": Annotated[
         str | None,
-        typer.Option(metavar="RUNG", help="The tracer's, by default the highest up to --rung that a formula gives."),
+        typer.Option(
+            metavar="RUNG", help="Light level of the tracer (the highest up to --rung that needs no sampling)."
+        ),
     ],
     "subject": Annotated[
         str | None,
         typer.Option(
             metavar="WHAT",
-            help="In the tracer's place: a method's name (`raytwin bench list`), FILE.py:FUNCTION, an image, a folder"
-            " of images, or a command with {scene} and {out}.",
+            help="Renderer to compare: a method (`raytwin bench list`), FILE.py:FUNCTION, an image, a folder of"
+            " images, or a command with {scene} and {out}. Default: raytwin's own tracer.",
         ),
     ],
-    "engine": Annotated[str, typer.Option(help="numpy64, numpy32, drjit32, drjit64, cuda32 or cuda64.")],
-    "solver": Annotated[str, typer.Option(help="robust, stable, paper or textbook.")],
-    "sampling": Annotated[str, typer.Option(help="center: through the pixel's centre; area: over the pixel.")],
+    "engine": Annotated[
+        str, typer.Option(help="Tracer's engine: numpy64, numpy32, drjit32, drjit64, cuda32 or cuda64.")
+    ],
+    "solver": Annotated[str, typer.Option(help="Sphere solver: robust, stable, paper or textbook.")],
+    "sampling": Annotated[str, typer.Option(help="Rays through the pixel's center, or spread over its area.")],
     "samples": Annotated[int | None, typer.Option(help="The twin's samples per pixel.")],
     "seed": Annotated[int, typer.Option(help="Seed of the twin's samples.")],
     "photo": Photo,
     "size": Annotated[
         str | None, typer.Option(metavar="WxH", callback=_size, help="Render at another size than the camera's.")
     ],
-    "cache": Annotated[
-        bool, typer.Option(help="Reuse the twin's renders, and the tags in photos, of the same content.")
-    ],
+    "cache": Annotated[bool, typer.Option(help="Reuse stored renders and tag detections.")],
     "flip": Flip,
-    "part": Annotated[str | None, typer.Option(metavar="NAME", help="An EXR's part: name or number.")],
-    "layer": Annotated[str | None, typer.Option(metavar="NAME", help="diffuse for diffuse.R...; or one channel.")],
-    "tolerance": Annotated[float, typer.Option(help="99.9 % of noise-free values may err by it, relative to B.")],
-    "false_alarm_rate": Annotated[float, typer.Option(help="Share of noisy pairs that fail by chance.")],
-    "noise": Annotated[
-        str, typer.Option(help="both; reference: believe no variance that A claims; none: neither has any.")
+    "part": Annotated[str | None, typer.Option(metavar="NAME", help="Part of the EXR: name or number.")],
+    "layer": Annotated[
+        str | None, typer.Option(metavar="NAME", help="Layer (diffuse for diffuse.R ...) or a single channel.")
     ],
+    "tolerance": Annotated[
+        float, typer.Option(help="Largest error of 99.9 % of the noise-free values, relative to B.")
+    ],
+    "false_alarm_rate": Annotated[float, typer.Option(help="Share of correct noisy pairs that fail by chance.")],
+    "noise": Annotated[str, typer.Option(help="Whose variance to believe: both, reference (not A's), or none.")],
     "must_see": Annotated[
         float, typer.Option(min=0, help='Report "undecided" if a bias larger than this could go unnoticed.')
     ],

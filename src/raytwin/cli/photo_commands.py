@@ -12,37 +12,37 @@ from raytwin.errors import InputError, check_one_of
 
 
 def calibrate_command(
-    photos: Annotated[
-        list[Path], typer.Argument(metavar="PHOTOS...", help="Photos of the board, or a folder of them.")
+    photos: Annotated[list[Path], typer.Argument(metavar="PHOTOS...", help="Photos of the board, or their folder.")],
+    board: Annotated[
+        list[Path], typer.Option(metavar="BOARD", help="TOML file of the board; repeat for several boards.")
     ],
-    board: Annotated[list[Path], typer.Option(metavar="BOARD", help="The board's TOML file; once for each board.")],
-    model: Annotated[str, typer.Option(help="auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or full5.")] = "auto",
-    photo: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Whose pose the written camera gets (the first photo's).")
-    ] = None,
+    model: Annotated[str, typer.Option(help="Lens model: auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or full5.")] = "auto",
+    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose pose is written (the first).")] = None,
     json: JsonFile = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE", help="Write the camera, as TOML.")] = None,
     uncertainty: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw how far off each pixel may be.")
     ] = None,
     bend: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Draw the board's heights; of a second board, FILE_2.png.")
+        Path | None, typer.Option(metavar="FILE.png", help="Draw the board's bend; a second board goes to FILE_2.png.")
     ] = None,
     export: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write K and distortion for another program.")
     ] = None,
     export_as: Annotated[
-        str | None, typer.Option("--format", help="opencv, ros, kalibr or mrcal (by the ending of --export).")
+        str | None, typer.Option("--format", help="opencv, ros, kalibr or mrcal (from --export's ending).")
     ] = None,
     against: Annotated[
-        Path | None, typer.Option(metavar="OTHER.toml", help="Compare where this camera and another one project.")
+        Path | None, typer.Option(metavar="OTHER.toml", help="Compare with another camera by where they project.")
     ] = None,
     distance: Annotated[
-        float | None, typer.Option(metavar="M", help="Distance of what --against compares (the boards'); inf too.")
+        float | None, typer.Option(metavar="M", help="Distance of the compared points (the boards'), or inf.")
     ] = None,
-    difference: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Draw what --against finds.")] = None,
+    difference: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Draw the difference found by --against.")
+    ] = None,
 ) -> None:
-    """Find the camera: detect the board's tags in the photos, fit K, distortion and a pose for each photo."""
+    """Calibrate a camera from photos of a board: K, distortion and a pose per photo, with uncertainty."""
     from raytwin import files, report
     from raytwin.calib import boards
     from raytwin.calib import photos as taken
@@ -109,21 +109,21 @@ def _write_camera(out: Path, calibration, paths: list[Path], definitions: list, 
 
 
 def photograph_command(
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Where the photos and truth.toml go.")],
-    board: Annotated[Path, typer.Option(metavar="BOARD", help="The board's TOML file.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the photos and truth.toml.")],
+    board: Annotated[Path, typer.Option(metavar="BOARD", help="TOML file of the board.")],
     scene: Annotated[Path | None, typer.Option(help="Take sun, sky and table (its planes) from this scene.")] = None,
-    count: Annotated[int, typer.Option(min=1, max=1000, help="How many photos.")] = 14,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Pixels of a photo.")] = "2016x1512",
+    count: Annotated[int, typer.Option(min=1, max=1000, help="Number of photos.")] = 14,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Size of a photo in pixels.")] = "2016x1512",
     focal: Annotated[float, typer.Option(help="Focal length in pixels of a photo 2016 wide.")] = 1560.0,
     dist: Annotated[str, typer.Option(help="Distortion: k1,k2,p1,p2,k3 or a prefix.")] = "0.08,-0.16",
     samples: Annotated[int, typer.Option(min=1, help="Light paths per pixel.")] = 32,
-    seed: Annotated[int, typer.Option(help="Of poses, light paths and sensor noise.")] = 1,
-    bend: Annotated[float, typer.Option(min=0.0, metavar="MM", help="Bend the sheet by so many millimetres.")] = 0.0,
+    seed: Annotated[int, typer.Option(help="Seed of poses, light paths and sensor noise.")] = 1,
+    bend: Annotated[float, typer.Option(min=0.0, metavar="MM", help="Bend the sheet by this many millimetres.")] = 0.0,
     with_objects: Annotated[
-        bool, typer.Option("--with-objects", help="Put the scene's spheres really there: the truth for augment.")
+        bool, typer.Option("--with-objects", help="Put the scene's objects into the photos (for augment --against).")
     ] = False,
 ) -> None:
-    """Photograph an AprilTag board that exists only in Mitsuba, and write down the true camera."""
+    """Render photos of an AprilTag board with Mitsuba, and write the true camera."""
     from raytwin.workflows.photograph import photograph_board
 
     check_outputs(folders=(out,))
@@ -148,12 +148,12 @@ def photograph_command(
 
 def augment_command(
     photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", help="Photos that show the board.")],
-    scene: Annotated[Path, typer.Option(metavar="SCENE", help="Whose spheres, planes and pyramids are drawn.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Where the drawn photos go.")],
+    scene: Annotated[Path, typer.Option(metavar="SCENE", help="Scene whose objects are drawn.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the drawn photos.")],
     camera: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="camera.toml (by default, calibrate the scene's own photos).")
+        Path | None, typer.Option(metavar="FILE", help="camera.toml (default: calibrate the scene's own photos).")
     ] = None,
-    board: Annotated[Path | None, typer.Option(metavar="BOARD", help="The board's TOML (the scene's).")] = None,
+    board: Annotated[Path | None, typer.Option(metavar="BOARD", help="TOML file of the board (the scene's).")] = None,
     against: Annotated[
         Path | None, typer.Option(metavar="DIR", help="True photos of the same names: report the error by region.")
     ] = None,
@@ -161,7 +161,7 @@ def augment_command(
     exposure: Annotated[float, typer.Option(min=0.0, help="The photo's linear value of radiance 1.")] = 1.0,
     json: JsonFile = None,
 ) -> None:
-    """Draw a scene's objects into photos, with antialiased outlines and their shadows on the board."""
+    """Draw a scene's objects and their shadows into photos."""
     from raytwin import files, report
     from raytwin.workflows.augment_photos import augment_photos
 

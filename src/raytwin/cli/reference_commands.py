@@ -21,15 +21,16 @@ if TYPE_CHECKING:
 
     Case = tuple[Path, str, SceneFile]
 
-app = typer.Typer(help="Reference images: make, check, show them, or see what would change.", no_args_is_help=True)
+app = typer.Typer(help="Make, check, show or compare reference images.", no_args_is_help=True)
 
-Scenes = Annotated[list[Path] | None, typer.Argument(help="Folders or names of scenes (default: all there).")]
+Scenes = Annotated[list[Path] | None, typer.Argument(help="Folders or names of scenes (default: all).")]
 Rungs = Annotated[list[str] | None, typer.Option("--rung", help="surface, lambert, shadow, sky or path; repeatable.")]
-Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where the references lie.")]
+Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Folder of the references.")]
 Source = Annotated[
-    Path | None, typer.Option("--folder", metavar="DIR", help="Where they lie (reference/, or else those shipped).")
+    Path | None,
+    typer.Option("--folder", metavar="DIR", help="Folder of the references (reference/, or the built-in ones)."),
 ]
-Samples = Annotated[int | None, typer.Option(help="Per pixel, where there is noise (4096); a multiple of 64.")]
+Samples = Annotated[int | None, typer.Option(help="Samples per pixel where there is noise (4096), a multiple of 64.")]
 REFERENCES = Path("reference")
 WORDS = ("pass", "FAIL", "?   ")
 """By exit code."""
@@ -41,18 +42,18 @@ def make_command(
     rung: Rungs = None,
     folder: Folder = REFERENCES,
     samples: Samples = None,
-    seed: Annotated[int | None, typer.Option(help="Of the samples (0).")] = None,
-    sampling: Annotated[str | None, typer.Option(help="center: through the pixel's centre (default); area.")] = None,
-    size: Annotated[str | None, typer.Option(metavar="WxH", help="About 336x252 by default.")] = None,
-    again: Annotated[bool, typer.Option("--again", help="Render also what is up to date.")] = False,
+    seed: Annotated[int | None, typer.Option(help="Seed of the samples (0).")] = None,
+    sampling: Annotated[str | None, typer.Option(help="center (default) or area.")] = None,
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="Size in pixels (about 336x252).")] = None,
+    again: Annotated[bool, typer.Option("--again", help="Render again what is up to date.")] = False,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Replace old references without asking.")] = False,
     jobs: Jobs = 1,
     dask: Dask = "",
     shard: Shard = "",
 ) -> None:
-    """Render references with Mitsuba. An old one is replaced only after showing what changes.
+    """Render references with Mitsuba. Show what changes before replacing an old one.
 
-    Interrupted, it goes on where it stopped.
+    Run it again to continue an interrupted run.
     """
     from raytwin import references
     from raytwin.parallel import parse_workers
@@ -76,9 +77,9 @@ def make_command(
 
 @app.command("check")
 def check_command(scenes: Scenes = None, rung: Rungs = None, folder: Source = None, samples: Samples = None) -> None:
-    """Fail on references older than their scene, or that disagree with today's Mitsuba.
+    """Check that references are newer than their scene and agree with today's Mitsuba.
 
-    What is missing or damaged is bad input: the others are checked, then the exit code is 2 where none failed.
+    Exit with 1 if one fails, otherwise with 2 if one is missing or damaged.
     """
     from raytwin.workflows import make_reference
 
@@ -103,9 +104,9 @@ def show_command(
     scenes: Scenes = None,
     rung: Rungs = None,
     folder: Source = None,
-    whole: Annotated[bool, typer.Option("--all", help="Everything that is known of each, as of a single one.")] = False,
+    whole: Annotated[bool, typer.Option("--all", help="Print everything known of each.")] = False,
 ) -> None:
-    """What made each reference, and what it is worth: a line each, of a single one all. A damaged one exits with 2."""
+    """Print what made each reference, and how noisy it is. Exit with 2 if one is damaged."""
     from raytwin import references
 
     folder, names = _source(folder), [s.resolve().name for s in scenes or ()]
@@ -135,7 +136,7 @@ def diff_command(
     against: Annotated[Path | None, typer.Option(metavar="DIR", help="Another folder of references.")] = None,
     samples: Samples = None,
 ) -> None:
-    """What `make --again` would change, without writing; or what differs from the references in another folder."""
+    """Show what `make --again` would change, or what differs from another folder. Write nothing."""
     from raytwin import references
     from raytwin.compare import compare
     from raytwin.workflows import make_reference

@@ -22,10 +22,10 @@ def list_command(context: typer.Context) -> None:
 
 @app.command("copy")
 def copy_command(
-    scene: Annotated[Path, typer.Argument(help="Its name, or its folder.")],
-    out: Annotated[Path | None, typer.Argument(metavar="[DIR]", help="Where to (./NAME by default).")] = None,
+    scene: Annotated[Path, typer.Argument(help="Name or folder of the scene.")],
+    out: Annotated[Path | None, typer.Argument(metavar="[DIR]", help="Folder to write (./NAME).")] = None,
 ) -> None:
-    """Copy a scene's folder, with its photos: a start for one of your own."""
+    """Copy a scene's folder with its photos, as a start for your own."""
     from raytwin import files
 
     say(files.copy_scene(scene, out or Path(files.find_scene(scene).parent.name)))

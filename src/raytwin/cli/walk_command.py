@@ -10,13 +10,11 @@ from raytwin.cli.terminal import say
 
 
 def walk_command(
-    notebook: Annotated[
-        bool, typer.Option("--notebook", help="A notebook, for Jupyter, in place of a script.")
-    ] = False,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Where it goes.")] = Path(),
-    solved: Annotated[bool, typer.Option("--solved", help="With every function filled in.")] = False,
+    notebook: Annotated[bool, typer.Option("--notebook", help="Write a Jupyter notebook instead of a script.")] = False,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")] = Path(),
+    solved: Annotated[bool, typer.Option("--solved", help="Fill in every function.")] = False,
 ) -> None:
-    """Write the walk: eight lessons, each with an empty function to fill, a check in words, and the picture so far."""
+    """Write eight lessons: each has a function to fill in, a check in words, and the picture so far."""
     from raytwin.tutorial.written import write_walk
 
     check_outputs(folders=(out,))
