@@ -56,7 +56,7 @@ class Perceptual(Record, frozen=True):
 
 
 Verdict = Literal["pass", "differs", "fail", "undecided"]
-"""`differs`: as it must, since one side models less light on purpose. `undecided`: what is known does not suffice."""
+"""`differs`: as expected, since one side models less light on purpose. `undecided`: too little is known to decide."""
 
 
 CAUSE = re.compile(r"cause \((?:sure|likely)\): ")
@@ -96,10 +96,10 @@ class Comparison(Record, frozen=True):
 
     @property
     def passed(self) -> bool:
-        """The images agree, or differ only as they must."""
+        """The images agree, or differ only as expected."""
         return self.verdict in ("pass", "differs")
 
     @property
     def exit_code(self) -> int:
-        """0: agrees, or differs as it must; 1: failed; 2: undecided."""
+        """0: agrees, or differs as expected; 1: failed; 2: undecided."""
         return {"pass": 0, "differs": 0, "fail": 1, "undecided": 2}[self.verdict]

@@ -194,7 +194,7 @@ def _judge(
             faulty = failed and not rounds
             ledger = make_ledger(scene, made, subject.rung, engine, keep=chosen.cache, faulty=faulty)
     if on_own_rung is not None:
-        comparison = _as_it_must(comparison, on_own_rung, subject.rung, chosen.rung, ledger)
+        comparison = _expected_difference(comparison, on_own_rung, subject.rung, chosen.rung, ledger)
     return comparison.because(*causes), ledger
 
 
@@ -225,19 +225,21 @@ def _folded(scene: Scene) -> tuple[str, ...]:
     return (f"no ray belongs to {100 * lost.mean():.2g} % of the frame, where the lens folds back: black in both",)
 
 
-def _as_it_must(whole: Comparison, at_own: Comparison, climbed: str, rung: str, ledger: Ledger | None) -> Comparison:
-    """The comparison with a twin that has more light: a bug must not hide under what is missing on purpose.
+def _expected_difference(
+    whole: Comparison, at_own: Comparison, climbed: str, rung: str, ledger: Ledger | None
+) -> Comparison:
+    """Return the comparison with a twin that has more light; a bug must not hide behind what is missing on purpose.
 
-    Judged is what the tracer claims to be, beside the twin on the same rung; what the further light adds is the
-    difference of two rungs of the twin.
+    The verdict is that of the tracer beside the twin at the tracer's own level. What the further light adds is the
+    difference of two levels of the twin.
     """
     if at_own.verdict != "pass":
         reasons = tuple(f"on its own rung, {climbed}: {reason}" for reason in at_own.reasons)
         return msgspec.structs.replace(whole, verdict=at_own.verdict, reasons=reasons)
     less = "less" if list(RUNGS).index(climbed) < list(RUNGS).index(rung) else "more"
-    must = f"differs as it must: the tracer renders {climbed}, which has {less} light than {rung}"
-    agrees = f"on its own rung, {climbed}, it agrees with the twin"
-    return msgspec.structs.replace(whole, verdict="differs", reasons=(must, *_left_out(ledger), agrees))
+    expected = f"Expected difference: the tracer renders {climbed}, which has {less} light than {rung}"
+    agrees = f"compared at its own level, {climbed}, the tracer agrees with the twin"
+    return msgspec.structs.replace(whole, verdict="differs", reasons=(expected, *_left_out(ledger), agrees))
 
 
 def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
@@ -246,10 +248,10 @@ def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
     told = []
     for row in sorted(rows, key=lambda row: -abs(row.share_of_light or 0)):
         share = 100 * (row.share_of_light or 0)
-        where = f", most on {row.between[0]}" if len(row.between) == 1 else ""
-        where = f", most between {' and '.join(row.between)}" if len(row.between) > 1 else where
+        where = f", mostly on {row.between[0]}" if len(row.between) == 1 else ""
+        where = f", mostly between {' and '.join(row.between)}" if len(row.between) > 1 else where
         size = f"{abs(share):.2g} %" if abs(share) < HARDLY_LIT else "many times"  # of a scene with nearly no light
-        told.append(f"without {row.part} it is {size} too {'bright' if share > 0 else 'dark'}{where}")
+        told.append(f"leaving out {row.part} makes it {size} too {'bright' if share > 0 else 'dark'}{where}")
     return tuple(told)
 
 
