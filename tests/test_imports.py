@@ -63,6 +63,17 @@ def test_the_lower_floors_load_no_heavy_library(module):
     assert not loaded_by(f"import raytwin.{module}") & set(HEAVY)
 
 
+def test_importing_any_module_runs_nothing_and_writes_nothing(tmp_path):
+    code = (
+        "import importlib, pkgutil, raytwin\n"
+        "for found in pkgutil.walk_packages(raytwin.__path__, 'raytwin.'):\n"
+        "    if found.name != 'raytwin.twin.probe': importlib.import_module(found.name)"  # a script
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert not list(tmp_path.iterdir())
+
+
 def test_to_draw_into_photos_and_tell_of_it_takes_neither_mitsuba_nor_what_compares_images():
     loads = "import raytwin.cli, raytwin.report.terminal_text, raytwin.workflows.augment_photos"
     draws = "from raytwin import speed, twin; assert not twin.chosen().libllvm or speed.ENGINES['drjit32'].float_type"

@@ -1,17 +1,20 @@
-"""The light install: without Mitsuba, OpenCV, the detector, charts and FLIP, images are still held to references."""
+"""The light install, the wheel without any extra: images are compared with references; what is missing is named."""
 
 import json
-import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from installed_wheel import clean_environment
 from program import CHAIN, check_chain
 
 from raytwin import files
 from raytwin.image import Image
+
+ROOT = Path(__file__).resolve().parent.parent
 
 BLOCKED = """
 import os, sys
@@ -26,25 +29,28 @@ def closed(event, asked):
 
 sys.addaudithook(closed)
 """
-EXTRAS = ("mitsuba", "drjit", "cv2", "pupil_apriltags", "reportlab", "flip_evaluator")
 
 
 @pytest.fixture
-def run(tmp_path, request):
-    """`run(*command)`: python -m ..., where some modules, names of os and folders are not there; in tmp_path."""
+def run(tmp_path, environment_with):
+    """`run(*command)`: python -m ... in tmp_path, with the wheel and `extras`.
+
+    `names`, `missing` and `folders`: modules, names of os and folders that are not there.
+    """
 
     def child(
-        *command: str, names: tuple[str, ...] = EXTRAS, missing: tuple[str, ...] = (), folders: tuple[str, ...] = (),
-        code: int = 0,
+        *command: str, extras: tuple[str, ...] = (), names: tuple[str, ...] = (), missing: tuple[str, ...] = (),
+        folders: tuple[str, ...] = (), code: int = 0,
     ):  # fmt: skip
-        (tmp_path / "without").mkdir(exist_ok=True)
-        text = BLOCKED.format(names=set(names), missing=missing, folders=folders)
-        (tmp_path / "without" / "sitecustomize.py").write_text(text)
-        path = os.pathsep.join([str(tmp_path / "without"), str(Path(files.__file__).parents[2])])
-        environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")} | {"PYTHONPATH": path}
-        done = subprocess.run(
-            [sys.executable, "-m", *command], cwd=tmp_path, capture_output=True, text=True, env=environment
-        )
+        environment = clean_environment(tmp_path) | {"RAYTWIN_CACHE": str(tmp_path / "cache")}
+        if names:
+            (tmp_path / "without").mkdir(exist_ok=True)
+            text = BLOCKED.format(names=set(names), missing=missing, folders=folders)
+            (tmp_path / "without" / "sitecustomize.py").write_text(text)
+            environment["PYTHONPATH"] = str(tmp_path / "without")
+        python = environment_with(*extras, also=("pytest",))
+        command = (str(python), *(command if command[0] == "-c" else ("-m", *command)))
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment)
         assert done.returncode == code, done.stdout + done.stderr
         return done
 
@@ -81,14 +87,58 @@ def test_the_light_install_compares_and_holds_to_references(run, tmp_path):
     assert json.loads((tmp_path / "a.json").read_text())["verdict"] == "pass"
 
 
-def test_what_the_light_install_lacks_is_named_in_one_line(run):
-    for command, lacking in (
-        (("compare", "single"), "photos"),
-        (("doctor",), "twin"),
+@pytest.mark.parametrize(
+    ("command", "extras"),
+    [
+        ("compare single", "twin,llvm"),
+        ("compare desk", "twin,llvm,photos"),
+        ("ladder single", "twin,llvm"),
+        ("needs single --tolerance 0.1", "twin,llvm"),
+        ("bench single", "twin,llvm"),
+        ("reference check single", "twin,llvm"),
+        ("explore single", "live,twin,llvm"),
+        ("calibrate . --board board.toml", "photos"),
+        ("stability", "photos,twin,llvm"),
+        ("walk --notebook", "notebook"),
+    ],
+)
+def test_every_extra_that_a_command_needs_is_named_at_once_in_one_line(run, command, extras):
+    done = run("raytwin", *command.split(), code=2)
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith(f"raytwin: {command.split()[0]} needs ")
+    assert done.stderr.endswith(f"is not installed: pip install 'raytwin[{extras}]'\n")
+
+
+def test_doctor_tells_what_to_install_for_what(run):
+    told = run("raytwin", "doctor").stdout
+    assert re.search(r"^backend +none: .*pip install 'raytwin\[twin,llvm\]'", told, re.MULTILINE)
+    for extra, use in (("twin,llvm", "compare a scene"), ("photos", "calibrate"), ("live", "explore")):
+        assert re.search(rf"pip install 'raytwin\[{extra}\]' to use .*{use}", told), told
+    assert "sandbox: process group" in told
+
+
+def test_from_python_too_the_missing_extra_is_named(run):
+    for call, extra in (
+        ("render(raytwin.read_scene('single').scene)", "twin,llvm"),
+        ("compare_scene('single')", "twin,llvm"),
+        ("read_board('board.toml')", "photos"),
+        ("calibrate", "photos"),
     ):
-        done = run("raytwin", *command, code=2)
-        assert done.stderr.count("\n") == 1
-        assert f"pip install 'raytwin[{lacking}]'" in done.stderr
+        code = f"import raytwin\ntry: raytwin.{call}\nexcept raytwin.InputError as error: print(error)"
+        done = run("-c", code)
+        assert f"pip install 'raytwin[{extra}]'" in done.stdout, done.stdout
+
+
+def test_a_scene_whose_camera_is_given_needs_neither_opencv_nor_a_board(run):
+    twin = ("twin", "llvm")
+    done = run("raytwin", "compare", "single", "--size", "64x48", extras=twin)
+    assert "report: out/single/report.html" in done.stdout
+    assert (
+        "1 reference, 0 failed"
+        in run("raytwin", "reference", "check", "single", "--rung", "lambert", extras=twin).stdout
+    )
+    done = run("raytwin", "ladder", "single", "--size", "32x24", extras=twin)
+    assert "charts are written as SVG, without PNG: pip install 'raytwin[charts]'" in done.stderr
 
 
 def test_without_flip_its_metric_is_null_and_the_reason_is_said(run, tmp_path):
@@ -98,8 +148,22 @@ def test_without_flip_its_metric_is_null_and_the_reason_is_said(run, tmp_path):
     assert (found["perceptual"]["flip_mean"], found["metrics"]["flip_hdr"]) == (None, None)
 
 
+def test_the_wheels_types_hold_where_nothing_but_its_dependencies_is_installed(environment_with, tmp_path):
+    """`mypy --strict` finds a user's code sound, and each mistake in it; of jaxtyping nothing is there."""
+    python = environment_with(also=("pytest",))
+    assert subprocess.run([python, "-c", "import jaxtyping"], capture_output=True).returncode == 1
+    check = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", tmp_path / "mypy", "--python-executable", python]
+    right, wrong = ROOT / "tests" / "user_code.py", ROOT / "tests" / "user_mistakes.py"
+    done = subprocess.run([*check, right, wrong], cwd=tmp_path, capture_output=True, text=True)
+    found = {int(line) for line in re.findall(rf"{wrong.name}:(\d+): error", done.stdout)}
+    assert found == {i for i, line in enumerate(wrong.read_text().split("\n"), 1) if line.endswith("# wrong")}, (
+        done.stdout
+    )
+    assert right.name not in done.stdout, done.stdout
+
+
 def test_light_journeys_need_nothing_of_unix(run):
     """What Windows lacks: resource, fcntl, pwd, termios; fork, links, pipes with names; /proc, /sys."""
     unix = ("resource", "fcntl", "pwd", "grp", "termios", "tty", "pty", "syslog")
     missing = ("fork", "forkpty", "symlink", "link", "mkfifo", "chown", "O_NOFOLLOW")
-    light_journeys(run, names=(*EXTRAS, *unix), missing=missing, folders=("/proc", "/sys"))
+    light_journeys(run, names=unix, missing=missing, folders=("/proc", "/sys"))

@@ -3,65 +3,31 @@
 import ast
 import contextlib
 import json
-import os
 import re
 import runpy
-import shutil
 import subprocess
 import sys
-import sysconfig
 import tarfile
 import urllib.request
 import zipfile
 from pathlib import Path
 
 import pytest
+from installed_wheel import TEXTS, clean_environment
 from program import CHAIN, check_chain
 
 ROOT = Path(__file__).resolve().parent.parent
 MOST_BYTES = 12e6
 """Of the wheel: references 7.3 MB, scenes 3.8 MB (photos are progressive: 17 % less, the same pixels), code 0.5 MB."""
 
-TEXTS = (
-    "pyproject.toml", "setup.py", "mkdocs.yml", "MANIFEST.in", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff",
-    "SECURITY.md",
-)  # fmt: skip
-"""The files beside the folders."""
-
 pytestmark = pytest.mark.slow
 
 
-def clean_environment(home: Path) -> dict[str, str]:
-    kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "PYTEST", "VIRTUAL_ENV", "XDG_"))}
-    return kept | {"HOME": str(home), "COLUMNS": "120"}
-
-
 @pytest.fixture(scope="module")
-def built(tmp_path_factory) -> Path:
-    """A folder with the sdist, and the wheel made of it."""
-    out, source = tmp_path_factory.mktemp("dist"), tmp_path_factory.mktemp("source")
-    # Of a copy: building writes beside what it builds, where another run may be at it.
-    for part in ("src", "scenes", "reference", "tests", "docs", ".ci", ".github"):
-        shutil.copytree(ROOT / part, source / part, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info", "made"))
-    for part in TEXTS:
-        shutil.copy(ROOT / part, source)
-    subprocess.run([sys.executable, "-m", "build", "--outdir", out, source], check=True, timeout=300)
-    return out
-
-
-@pytest.fixture(scope="module")
-def installed(built, tmp_path_factory):
-    """`run(*command)` in an empty folder, with an environment that has the wheel; its dependencies are this one's."""
+def installed(environment_with, tmp_path_factory):
+    """`run(*command)` in an empty folder, with an environment that has the wheel and every extra of a user's."""
     home = tmp_path_factory.mktemp("installed")
-    subprocess.run([sys.executable, "-m", "venv", home / "env"], check=True)
-    python = home / "env" / ("Scripts" if os.name == "nt" else "bin") / "python"
-    environment = clean_environment(home)
-    wheel = next(built.glob("*.whl"))
-    install = [python, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", wheel]
-    subprocess.run(install, check=True, env=environment, timeout=120)
-    ask = "import sysconfig; print(sysconfig.get_path('purelib'))"
-    site = subprocess.run([python, "-c", ask], check=True, capture_output=True, text=True).stdout.strip()
-    Path(site, "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    python, environment = environment_with("all", "llvm", "notebook", also=("pytest",)), clean_environment(home)
     empty = home / "empty"
     empty.mkdir()
     (empty / "chain.py").write_text(CHAIN)

@@ -22,7 +22,7 @@ InputError(where, expected, got). Heavy libraries are imported when a function f
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from raytwin.calib.augment import augment as augment_photo
@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from raytwin.twin import render
     from raytwin.workflows.compare_scene import compare_scene
     from raytwin.workflows.diff_files import diff as diff_files
+
+    __version__: str
 
 _HOME = {
     "Camera": "scene",
@@ -91,15 +93,24 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        from importlib.metadata import version
+if not TYPE_CHECKING:  # or every misspelt name would be one, of type Any
 
-        return version("raytwin")
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, _, own = _HOME[name].partition(":")
-    return getattr(import_module(f"{__name__}.{module}"), own or name)
+    def __getattr__(name: str) -> object:
+        if name == "__version__":
+            from importlib.metadata import version
+
+            return version("raytwin")
+        if name not in _HOME:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        module, _, own = _HOME[name].partition(":")
+        try:
+            return getattr(import_module(f"{__name__}.{module}"), own or name)
+        except ModuleNotFoundError as error:
+            from raytwin.errors import extras_for, missing_package
+
+            if not extras_for(error):
+                raise
+            raise missing_package(f"{__name__}.{name}", error) from None
 
 
 def __dir__() -> list[str]:

@@ -39,4 +39,27 @@ def _line(text: str) -> str:
 
 
 class MachineError(InputError):
-    """The machine lacks something that was asked for (no CUDA, no LLVM): also exit code 2."""
+    """The machine lacks something that was asked for (no CUDA, no LLVM, no Mitsuba): also exit code 2."""
+
+
+EXTRAS = {
+    "mitsuba": ("twin", "llvm"), "drjit": ("twin", "llvm"),
+    "cv2": ("photos",), "pupil_apriltags": ("photos",), "threadpoolctl": ("photos",),
+    "reportlab": ("charts",), "tornado": ("live",), "jupytext": ("notebook",), "anywidget": ("notebook",),
+}  # fmt: skip
+"""Modules that the light install leaves out -> the extras that bring them."""
+
+
+def extras_for(error: ModuleNotFoundError) -> tuple[str, ...]:
+    """The extras that bring the module whose absence `error` reports; none where it is none of raytwin's."""
+    return EXTRAS.get((error.name or "").partition(".")[0], ())
+
+
+def missing_package(where: str, error: ModuleNotFoundError) -> MachineError:
+    """The MachineError that names the extra which `where` needs.
+
+    >>> print(missing_package("raytwin.render", ModuleNotFoundError("No module named 'mitsuba'", name="mitsuba")))
+    raytwin.render: expected mitsuba (pip install 'raytwin[twin,llvm]'), got none installed
+    """
+    extras = ",".join(extras_for(error))
+    return MachineError(where, f"{error.name} (pip install 'raytwin[{extras}]')", "none installed")

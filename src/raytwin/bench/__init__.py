@@ -18,7 +18,6 @@ from raytwin.bench.bench_record import (
     write_bench,
 )
 from raytwin.bench.bench_run import GROWTH, bench
-from raytwin.bench.calibration_cost import Shoot, Taken, bench_calibration
 from raytwin.bench.frontier import PowerLaw, fit_power, on_frontier, ratio_interval, staircase
 from raytwin.bench.regression import Changes, MethodChange, against
 from raytwin.renderers.renderer import Renderer
@@ -41,11 +40,8 @@ __all__ = [
     "PowerLaw",
     "Renderer",
     "Repeats",
-    "Shoot",
-    "Taken",
     "against",
     "bench",
-    "bench_calibration",
     "choose",
     "fit_power",
     "on_frontier",

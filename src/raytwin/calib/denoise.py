@@ -3,9 +3,9 @@
 Buades, Coll and Morel, "A Non-Local Algorithm for Image Denoising", CVPR 2005; the filter itself is OpenCV's.
 """
 
-import cv2
 import numpy as np
 
+from raytwin.errors import missing_package
 from raytwin.image import Image
 
 PATCH, REACH = 5, 21
@@ -25,6 +25,11 @@ def denoise(image: Image) -> np.ndarray:
     up to the image's maximum, since Monte Carlo noise grows with the square root of what it estimates. How strong the
     noise is the image's variance tells, or, without one, its second differences.
     """
+    try:
+        import cv2  # not above: nothing else of a table of renderers needs it
+    except ModuleNotFoundError as error:
+        raise missing_package("denoise", error) from None
+
     wrong = ~np.isfinite(image.mean)
     radiance = np.maximum(np.where(wrong, 0, image.mean), 0)
     peak = float(radiance.max(initial=0))
@@ -42,6 +47,8 @@ def denoise(image: Image) -> np.ndarray:
 def _noise(root: np.ndarray, variance: np.ndarray | None) -> float:
     """Root mean square of the noise of `root` (H, W, 3), the square root of radiance of this `variance`."""
     if variance is None:
+        import cv2
+
         return float(np.sqrt(np.mean([np.square(cv2.filter2D(root[..., c], -1, SECOND)) for c in range(3)])))
     # d(sqrt x) = dx / (2 sqrt x); where x is nearly 0 that fails, and the root of the variance bounds it.
     known = np.where(np.isfinite(variance), variance, 0)

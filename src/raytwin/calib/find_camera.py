@@ -1,15 +1,21 @@
-"""Photos of a board -> the camera that took one of them, beside the truth where there is one."""
+"""Photos of a board -> the camera that took one of them, beside the truth where there is one.
+
+OpenCV is loaded where photos are: a scene whose camera is given needs none.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from raytwin import files
-from raytwin.calib import boards, photos, synthetic_photos
 from raytwin.errors import InputError, check_one_of
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Scene, SceneFile
+
+if TYPE_CHECKING:
+    from raytwin.calib import photos, synthetic_photos
 
 
 @dataclass(frozen=True)
@@ -25,7 +31,7 @@ class TruthRow:
 
 def find_camera(
     written: SceneFile, photo: str | None = None, progress: Progress = silent, cache: bool = True
-) -> tuple[Scene, Path | None, photos.Calibration | None, photos.PoseReport | None]:
+) -> "tuple[Scene, Path | None, photos.Calibration | None, photos.PoseReport | None]":
     """What is to be rendered, its camera found: calibrated from its photos, standing where `photo` was taken.
 
     A scene with an explicit camera comes back as it is. `cache`: tags found in these photos before are not looked for
@@ -38,6 +44,8 @@ def find_camera(
                 "--photo", "a scene whose camera is calibrated from photos", f"{written.name}, whose is given"
             )
         return written.scene, None, None, None
+    from raytwin.calib import boards, photos
+
     folder = Path(written.folder)
     board = boards.read_board(folder / asked.board)
     taken = files.list_photos(folder / asked.photos)
@@ -52,13 +60,15 @@ def find_camera(
 
 
 def compare_truth(
-    truth: synthetic_photos.Truth,
-    calibration: photos.Calibration,
+    truth: "synthetic_photos.Truth",
+    calibration: "photos.Calibration",
     camera: Camera,
     photo: str,
-    pose: photos.PoseReport | None = None,
+    pose: "photos.PoseReport | None" = None,
 ) -> tuple[TruthRow, ...]:
     """Found beside true: focal lengths and centre in pixels, the compared photo's pose in degrees and millimetres."""
+    from raytwin.calib import photos
+
     rows = []
     for name, true, found in (
         ("fx", truth.K[0][0], camera.fx),

@@ -19,6 +19,7 @@ from raytwin.cli import (
     bench_commands,
     board_commands,
     compare_commands,
+    doctor_command,
     explore_command,
     export_command,
     grade_commands,
@@ -31,7 +32,7 @@ from raytwin.cli import (
 )
 from raytwin.cli.options import with_options
 from raytwin.cli.terminal import say
-from raytwin.errors import InputError
+from raytwin.errors import InputError, MachineError, extras_for
 from raytwin.workflows.compare_settings import CompareSettings
 from raytwin.workflows.diff_settings import DiffSettings
 
@@ -80,21 +81,15 @@ app.add_typer(bench_commands.app, name="bench")
 app.command("stability")(atlas_command.stability_command)
 
 
-@app.command("doctor")
-def doctor() -> None:
-    """Show which Mitsuba backend works on this machine and why, and which locks the sandbox has."""
-    from raytwin import twin
-    from raytwin.sandbox import sandbox
+app.command("doctor")(doctor_command.doctor_command)
 
-    for name, value in (*twin.doctor(), *((f"sandbox: {n}", state) for n, state in sandbox.told(sandbox.probe()))):
-        say(f"{name:<24} {value}")
-
-
-EXTRAS = {
-    "mitsuba": "twin", "drjit": "twin", "cv2": "photos", "pupil_apriltags": "photos",
-    "reportlab": "charts", "tornado": "live", "jupytext": "notebook",
+NEEDS = {
+    "augment": ("photos",), "bench": ("twin", "llvm"), "board": ("photos",), "calibrate": ("photos",),
+    "compare": ("twin", "llvm"), "explore": ("live", "twin", "llvm"), "ladder": ("twin", "llvm"),
+    "needs": ("twin", "llvm"), "photograph": ("photos", "twin", "llvm"), "reference": ("twin", "llvm"),
+    "stability": ("photos", "twin", "llvm"),
 }  # fmt: skip
-"""What the light install leaves out, by the extra that brings it."""
+"""The extras that a command needs whatever it is given: named all at once where one of them is missing."""
 
 
 INTERRUPTED, CLOSED, OWN_FAULT = 130, 141, 70
@@ -131,10 +126,13 @@ def _run() -> int:
 
 def _told(error: Exception) -> int:
     """The error in one line on standard error, and its exit code."""
+    missing = error.__context__ if isinstance(error, MachineError) else error
+    if isinstance(missing, ModuleNotFoundError) and (extras := extras_for(missing)):
+        command = next((word for word in sys.argv[1:] if not word.startswith("-")), "this")
+        wanted = ",".join(dict.fromkeys((*NEEDS.get(command, ()), *extras)))
+        return _said(f"{command} needs {missing.name}, which is not installed: pip install 'raytwin[{wanted}]'")
     if isinstance(error, InputError):
         return _said(str(error))
-    if isinstance(error, ModuleNotFoundError) and (name := (error.name or "").partition(".")[0]) in EXTRAS:
-        return _said(f"this needs {name}: pip install 'raytwin[{EXTRAS[name]}]'")
     if isinstance(error, typer.Abort):
         return _said("interrupted", INTERRUPTED)
     if hasattr(error, "show"):  # typer's own: an option that is none

@@ -12,7 +12,7 @@ from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 
 if TYPE_CHECKING:
-    from raytwin.bench import Shoot, Taken
+    from raytwin.bench.calibration_cost import Shoot, Taken
 
 DEFAULT = "scene"
 """The command that `raytwin bench SCENE` means."""
@@ -123,11 +123,12 @@ def calibration_command(
 ) -> None:
     """Measure calibration time against error in unseen photos, over image scale and detector settings."""
     from raytwin import bench, report
+    from raytwin.bench import calibration_cost
 
     check_outputs(folders=(out or Path("out"),), files=(json,))
     shoot, taken = shoot_of(scene, photo_count, photo_size), real_photos(photos, board)
     with show_progress() as progress:
-        found = bench.bench_calibration(shoot, taken, budget=budget, repeats=repeats, progress=progress)
+        found = calibration_cost.bench_calibration(shoot, taken, budget=budget, repeats=repeats, progress=progress)
     if json:
         bench.write_bench(found, json)
     folder = out or Path("out") / "bench-calibration"
@@ -181,11 +182,12 @@ def shoot_of(scene: Path | None, count: int, size: str) -> "Shoot":
     """The synthetic photos asked for, of the scene's own board where it has one."""
     import msgspec
 
-    from raytwin import bench, files
+    from raytwin import files
+    from raytwin.bench import calibration_cost
     from raytwin.calib import photos
     from raytwin.calib.boards import read_board
 
-    shoot = bench.Shoot(count, parse_size(size, "--photo-size"))
+    shoot = calibration_cost.Shoot(count, parse_size(size, "--photo-size"))
     if count < photos.LEAST_VIEWS:
         raise InputError("--photo-count", f"at least {photos.LEAST_VIEWS}", count)
     if scene is None or (asked := (written := files.read_scene(scene)).photos) is None:
@@ -195,7 +197,8 @@ def shoot_of(scene: Path | None, count: int, size: str) -> "Shoot":
 
 def real_photos(folders: list[Path] | None, boards: list[Path] | None) -> "list[Taken]":
     """Each folder with its board: the one named at the same place, the only one named, or the folder's own."""
-    from raytwin import bench, files
+    from raytwin import files
+    from raytwin.bench import calibration_cost
     from raytwin.calib.boards import read_board
 
     folders, boards = folders or [], boards or []
@@ -205,5 +208,5 @@ def real_photos(folders: list[Path] | None, boards: list[Path] | None) -> "list[
     for i, folder in enumerate(folders):
         files.list_photos(folder)
         board = boards[i] if len(boards) > 1 else boards[0] if boards else folder / "board.toml"
-        found.append(bench.Taken(folder, read_board(board)))
+        found.append(calibration_cost.Taken(folder, read_board(board)))
     return found

@@ -1,10 +1,11 @@
 """The walk: a learner goes from photos to the twin in eight stages, and writes one function in each.
 
-lessons.py     the source, a script with cells (py:percent): text, empty functions, checks, pictures
-desk.py        what the lessons stand on: photos, camera, shapes, the twin
-show.py        the picture so far, beside the twin's: a file, or the viewer in a notebook
-solutions.py   every function, filled in
-written.py     the source as a script or a notebook, the empty functions filled where asked
+lessons.py.txt   the source, a script with cells (py:percent): text, empty functions, checks, pictures; no module, since
+                 importing it would run the lessons
+desk.py          what the lessons stand on: photos, camera, shapes, the twin
+show.py          the picture so far, beside the twin's: a file, or the viewer in a notebook
+solutions.py     every function, filled in
+written.py       the source as a script or a notebook, the empty functions filled where asked
 """
 
 from raytwin.tutorial.desk import Desk, Hits

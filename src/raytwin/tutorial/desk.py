@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin import files, twin
-from raytwin.calib import boards, photos
 from raytwin.image import Image
 from raytwin.scene import Rectangle
 from raytwin.tracer import intersect_rectangle
@@ -37,6 +36,8 @@ class Desk:
     """
 
     def __init__(self, width: int = 160, scene: str = "desk") -> None:
+        from raytwin.calib import boards, photos  # with OpenCV, which writing the walk needs not
+
         written = files.read_scene(scene)
         asked = written.photos
         assert asked is not None  # the desk's camera is to be found
@@ -75,6 +76,8 @@ class Desk:
 
     def calibrated(self) -> "Desk":
         """Itself, with the camera that raytwin finds: K and the distortion by least squares, and the photo's pose."""
+        from raytwin.calib import photos
+
         sizes = self.photo.shape[1], self.photo.shape[0]
         found = photos.calibrate_detections(self._found, sizes, self.board)
         pose = photos.pose_of_tags(found.K, found.dist, self._found[self._name], found.shaped(self.board)).refined

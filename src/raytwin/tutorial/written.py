@@ -9,8 +9,8 @@ from raytwin.errors import InputError
 
 
 def source() -> str:
-    """lessons.py."""
-    return _read("lessons.py")
+    """lessons.py.txt."""
+    return _read("lessons.py.txt")
 
 
 def solutions() -> dict[str, str]:

@@ -17,13 +17,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from raytwin import files
-from raytwin.errors import InputError, MachineError
+from raytwin.errors import InputError, MachineError, missing_package
 
 SCALAR = "scalar_rgb"
 VARIANTS = ("llvm_ad_rgb", SCALAR, "cuda_ad_rgb")
@@ -85,9 +86,12 @@ def activate(variant: str | None = None) -> Backend:
     MachineError where a forced variant is unknown or does not work.
     """
     global _current
-    _current = backend = chosen(variant)
-    import mitsuba as mi
-
+    backend = chosen(variant)
+    try:
+        import mitsuba as mi
+    except ModuleNotFoundError as error:
+        raise missing_package("the twin", error) from None
+    _current = backend
     try:
         mi.set_variant(backend.variant)
     except ImportError as error:  # Dr.Jit was imported before, and found no libLLVM then
@@ -116,7 +120,7 @@ def chosen(variant: str | None = None) -> Backend:
     if library:
         os.environ["DRJIT_LIBLLVM_PATH"] = _set_here = library
     if library == NO_LIBRARY:
-        with _no_words():
+        with _no_words(), contextlib.suppress(ModuleNotFoundError):
             import drjit  # noqa: F401
     return backend
 
@@ -137,6 +141,8 @@ def _no_words() -> Iterator[None]:
 def choose(forced: str | None = None) -> Backend:
     """The backend that `activate` would make current: remembered on this machine, or found by probing."""
     start = time.perf_counter()
+    if find_spec("mitsuba") is None:  # nothing to try, and nothing to remember: it may be installed tomorrow
+        return Backend(forced or SCALAR, None, None, (), 0.0, versions())
     paths = llvm_candidates() if forced in (None, "llvm_ad_rgb") else []
     memory = files.cache_folder() / f"backend-{_machine(forced, paths)}.json"
     with contextlib.suppress(OSError, msgspec.MsgspecError):

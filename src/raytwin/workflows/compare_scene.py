@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -12,8 +12,6 @@ from raytwin.analysis.beside_twin import compare_with_twin
 from raytwin.analysis.ledger import LEFT_OUT, Ledger, make_ledger
 from raytwin.analysis.light_parts import sampled_parts
 from raytwin.analysis.rounding_cause import ROUNDING, rounding_cause
-from raytwin.calib import photos, synthetic_photos
-from raytwin.calib.augment import augment
 from raytwin.calib.find_camera import TruthRow, compare_truth, find_camera
 from raytwin.compare import Comparison, Report
 from raytwin.compare.report import Timing
@@ -31,6 +29,9 @@ from raytwin.scene import Scene, Tolerance
 from raytwin.scene.lens import without_ray
 from raytwin.workflows.compare_settings import CompareSettings
 from raytwin.workflows.versions import versions
+
+if TYPE_CHECKING:
+    from raytwin.calib import photos  # with OpenCV, which a scene whose camera is given needs not
 
 HARDLY_LIT = 1e4
 """Per cent: a larger share of the light is that of a scene which has next to none, and its number tells nothing."""
@@ -52,8 +53,8 @@ class Result:
     twin: Image
     photo: np.ndarray | None = None
     augmented: np.ndarray | None = None
-    calibration: photos.Calibration | None = None
-    pose: photos.PoseReport | None = None
+    calibration: "photos.Calibration | None" = None
+    pose: "photos.PoseReport | None" = None
     truth: tuple[TruthRow, ...] = ()
     times: tuple[Timing, ...] = ()
     settings: dict[str, str] = field(default_factory=dict)
@@ -77,14 +78,16 @@ def compare_scene(
     chosen = replace(settings or CompareSettings(), **options)
     subject = _subject(chosen)
     stages = Stages(progress)
-    with stages.stage("backend"):
-        backend = twin.activate()
-        engine = fast_engine(backend.variant)
     written = files.read_scene(path)
     with stages.stage("calibrate"):
         scene, photo_path, calibration, pose = find_camera(written, chosen.photo, stages, chosen.cache)
+    with stages.stage("backend"):
+        backend = twin.activate()
+        engine = fast_engine(backend.variant)
     truth: tuple[TruthRow, ...] = ()
     if photo_path is not None and calibration is not None and (truth_file := photo_path.parent / "truth.toml").exists():
+        from raytwin.calib import synthetic_photos
+
         truth = compare_truth(synthetic_photos.read_truth(truth_file), calibration, scene.camera, photo_path.name, pose)
     if chosen.size is not None:
         scene = scene.with_camera(scene.camera.resized(*chosen.size))
@@ -95,6 +98,8 @@ def compare_scene(
     comparison, ledger = _judge(made, reference, subject, scene, written.tolerance, chosen, engine, stages)
     picture = augmented = None
     if photo_path is not None:
+        from raytwin.calib.augment import augment
+
         with stages.stage("augment"):
             picture = files.read_photo(photo_path)
             if chosen.size is None:
@@ -256,7 +261,7 @@ def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
 
 
 def _times(
-    seconds: dict[str, float], comparison: Comparison, calibration: photos.Calibration | None
+    seconds: dict[str, float], comparison: Comparison, calibration: "photos.Calibration | None"
 ) -> tuple[Timing, ...]:
     """Every stage's seconds, and beside them what its result is worth."""
     worth = {

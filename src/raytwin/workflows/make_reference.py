@@ -58,6 +58,8 @@ def _at_size(found: SceneFile, size: tuple[int, int] | None) -> SceneFile:
 
 def moved(scene: Scene, a: Camera, b: Camera) -> float:
     """Pixels between what two cameras see: the largest distance over points of the scene that lie in a's picture."""
+    if a == b:
+        return 0.0
     from raytwin.calib.photos.lens_model import project
 
     steps = np.linspace(-1, 1, 9)

@@ -3,8 +3,10 @@
 import io
 import math
 import os
+import warnings
 from collections.abc import Iterable, Iterator
 from functools import cache
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,12 +30,16 @@ DASHES = {"dotted": (1.5, 3.0), "dashed": (6.0, 4.0)}
 
 
 def write_charts(charts: Iterable[Chart], folder: str | os.PathLike[str]) -> None:
-    """`KEY.svg` and `KEY.png` of each chart, slashes in the key made dashes."""
+    """`KEY.svg` and `KEY.png` of each chart, slashes in the key made dashes; without reportlab's font SVG alone."""
+    with_png = find_spec("reportlab") is not None
+    if not with_png:
+        warnings.warn("charts are written as SVG, without PNG: pip install 'raytwin[charts]'", stacklevel=2)
     for chart in charts:
         drawing, place = layout(chart), Path(folder) / chart.key.replace("/", "-")
         files.write_text(f"{place}.svg", svg_text(drawing))
-        with files.replacing(f"{place}.png") as temporary:
-            temporary.write_bytes(png_bytes(drawing))
+        if with_png:
+            with files.replacing(f"{place}.png") as temporary:
+                temporary.write_bytes(png_bytes(drawing))
 
 
 def png_bytes(drawing: Drawing) -> bytes:

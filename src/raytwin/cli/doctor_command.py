@@ -1,0 +1,44 @@
+"""raytwin doctor: what this machine has, and what to install for what one wants to do."""
+
+from collections.abc import Iterator
+from importlib.util import find_spec
+
+from raytwin.cli.terminal import say
+from raytwin.errors import EXTRAS, InputError
+
+USES = {
+    "twin": "compare a scene with its twin; ladder, needs, bench, reference (add llvm: tens of times faster)",
+    "photos": "calibrate a camera from photos of a board, draw into photos, print boards",
+    "charts": "charts as PNG",
+    "live": "raytwin explore",
+    "notebook": "raytwin walk --notebook, and the viewer in a notebook",
+}
+"""Extra -> what it is for."""
+
+
+def doctor_command() -> None:
+    """Show which Mitsuba backend works on this machine and why, the extras installed, and the sandbox's locks."""
+    from raytwin import twin
+
+    for name, value in (*twin.doctor(), *_extras(), *_sandbox()):
+        say(f"{name:<24} {value}")
+
+
+def _extras() -> Iterator[tuple[str, str]]:
+    for extra, use in USES.items():
+        absent = [module for module, brought_by in EXTRAS.items() if extra == brought_by[0] and not find_spec(module)]
+        wanted = "twin,llvm" if extra == "twin" else extra
+        state = f"no {' nor '.join(absent)}: pip install 'raytwin[{wanted}]' to use" if absent else "installed:"
+        yield f"extra: {extra}", f"{state} {use}"
+
+
+def _sandbox() -> Iterator[tuple[str, str]]:
+    from raytwin.sandbox import sandbox
+
+    try:
+        held = sandbox.probe()
+    except InputError as error:
+        yield "sandbox", f"none: {error}"
+        return
+    for lock, state in sandbox.told(held):
+        yield f"sandbox: {lock}", state
