@@ -38,6 +38,8 @@ from raytwin.diagnose.predict import (
     others_hide,
     outward,
 )
+from raytwin.diagnose.textbook import Changes
+from raytwin.diagnose.textbook_faults import BACK_PROJECT, INTERSECT_SPHERE, TIMES_RADIAL, wrong
 from raytwin.files import srgb_decode, srgb_encode
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
 from raytwin.scene.lens import distort
@@ -156,68 +158,15 @@ def _mirrored(x: Array, y: Array, camera: Camera, ray: Any, signs: tuple[float, 
     return rays._replace(d=turn @ rays.d, aim=turn @ rays.aim)
 
 
-def fixed_point(steps: int, divide: bool = True, tangential: bool = True, again: bool = False) -> Change:
-    """x = (x' - tangential) / radial, or x = x - (distort(x) - x'), so many times; `again`: of x itself, not of x'."""
-
-    def undo(xd: Array, yd: Array, dist: Any) -> tuple[Array, Array]:
-        k1, k2, p1, p2, k3 = dist if tangential else (*dist[:2], 0.0, 0.0, dist[4])
-        x, y = xd, yd
-        for _ in range(steps):
-            u, v = (x, y) if again else (xd, yd)
-            if divide:
-                rr = x * x + y * y
-                radial = 1 + rr * (k1 + rr * (k2 + rr * k3))
-                dx, dy = 2 * p1 * x * y + p2 * (rr + 2 * x * x), p1 * (rr + 2 * y * y) + 2 * p2 * x * y
-                x, y = (u - dx) / radial, (v - dy) / radial
-            else:
-                ax, ay = distort(x, y, (k1, k2, p1, p2, k3))
-                x, y = x - (ax - u), y - (ay - v)
-        return x, y
-
-    return put(undo=undo)
+def slips(name: str) -> tuple[Change, ...]:
+    """The ways of a fault of the lens, as slips in the textbook's `undistort`."""
+    return tuple(put(undo=wrong("undistort", changes)) for changes in BACK_PROJECT[name])
 
 
-def _iterated(
-    xd: Array,
-    yd: Array,
-    dist: Any,
-    cross: tuple[float, float] = (2, 2),
-    square: tuple[float, float] = (2, 2),
-    after: bool = False,
-    powers: Any = (1, 2, 3),
-    of_r: float = 1,
-    which: tuple[int, int, int, int] = (0, 1, 0, 1),
-    of_bent: bool = False,
-    times: bool = False,
-) -> tuple[Array, Array]:
-    """The fixed-point iteration, to the end, of another lens; `powers`: of r²; `which` of p1, p2 and 0 its terms have.
-
-    `cross`, `square`: their factors in x' and y'. `times`: multiplied by the radial factor, not divided. `of_bent`: the
-    tangential part is taken of what the radial factor has scaled already.
-    """
-    k1, k2, p1, p2, k3 = dist
-    a, b, c, d = ((p1, p2, 0.0)[k] for k in which)
-    x, y = xd, yd
-    for _ in range(60):
-        rr = (x * x + y * y) ** of_r
-        radial = 1 + k1 * rr ** powers[0] + k2 * rr ** powers[1] + k3 * rr ** powers[2]
-        radial = 1 / radial if times else radial
-        sx, sy = (x * radial, y * radial) if of_bent else (x, y)
-        dx = cross[0] * a * sx * sy + b * (rr + square[0] * sx * sx)
-        dy = c * (rr + square[1] * sy * sy) + cross[1] * d * sx * sy
-        x, y = (xd / radial - dx, yd / radial - dy) if after else ((xd - dx) / radial, (yd - dy) / radial)
-    return x, y
-
-
-def _by_radius(xd: Array, yd: Array, dist: Any) -> tuple[Array, Array]:
-    """Undoes 1 + k1 r + k2 r² + k3 r³: r for r²."""
-    k1, k2, _, _, k3 = dist
-    x, y = xd, yd
-    for _ in range(60):
-        r = np.hypot(x, y)
-        radial = 1 + r * (k1 + r * (k2 + r * k3))
-        x, y = xd / radial, yd / radial
-    return x, y
+def sphere_slip(changes: Changes) -> Change:
+    """A slip in the textbook's `intersect_sphere`."""
+    solve = wrong("intersect_sphere", changes)
+    return put(sphere=lambda o, d, ball: solve(np.asarray(o).T, np.asarray(d).T, np.array(ball.center), ball.radius))
 
 
 def _reshaped(u: Array, v: Array, camera: Camera) -> tuple[Array, Array]:
@@ -382,17 +331,15 @@ CAMERAS = (
         coefficients(lambda k1, k2, p1, p2, k3: (-k1, -k2, p1, p2, -k3)),
         coefficients(lambda k1, k2, p1, p2, k3: (-k1, k2, p1, p2, k3)),
         coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, -p1, -p2, k3)),
-        put(undo=partial(_iterated, times=True))),
+        put(undo=wrong("undistort", TIMES_RADIAL))),
     row("distortion-few-steps", CAMERA,
         "undoing the distortion stops too early: the corners are still off; repeat until nothing moves any more",
-        *(fixed_point(n, divide) for divide in (True, False) for n in (1, 2, 3, 4, 5, 6, 8)),
+        *slips("distortion-few-steps"),
         *(put(undo=partial(undistort, steps=n)) for n in (1, 2))),
     row("distortion-cumulative", CAMERA,
         "each step that undoes the distortion corrects the estimate of the step before once more: start every step "
         "from the distorted point, x = (x' - tangential) / radial; the estimate belongs in tangential and radial alone",
-        *(fixed_point(n, again=True) for n in (2, 3, 4, 5, 6, 8, 10, 20, 30, 50)),
-        *(fixed_point(n, again=True, tangential=False) for n in (5, 10)),
-        *(fixed_point(n, again=True, divide=False) for n in (2, 3, 4, 5, 10))),
+        *slips("distortion-cumulative")),
     row("k3-left-out", CAMERA, "k3, the fifth coefficient of the distortion, is left out",
         coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, p1, p2, 0.0))),
     row("k2-left-out", CAMERA, "k2, the second coefficient of the distortion, is left out",
@@ -401,31 +348,24 @@ CAMERAS = (
         coefficients(lambda k1, k2, p1, p2, k3: (k1, 0.0, 0.0, 0.0, 0.0))),
     row("tangential-left-out", CAMERA,
         "p1 and p2, the tangential part of the distortion, are left out",
-        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, 0.0, 0.0, k3)),
-        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, 0.0, 0.0, 0.0)),
-        *(put(undo=partial(_iterated, which=which)) for which in (
-            (2, 1, 0, 1), (0, 2, 0, 1), (0, 1, 2, 1), (0, 1, 0, 2), (2, 2, 0, 1), (0, 1, 2, 2)))),
+        *slips("tangential-left-out")),
     row("tangential-swapped", CAMERA,
         "p1 and p2 are mixed up: x' has 2 p1 x y + p2 (r² + 2 x²), y' has p1 (r² + 2 y²) + 2 p2 x y",
-        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, p2, p1, k3)),
-        *(put(undo=partial(_iterated, which=which)) for which in (
-            (0, 1, 0, 0), (0, 0, 0, 1), (0, 1, 1, 1), (1, 1, 0, 1), (0, 1, 1, 0), (1, 0, 0, 1)))),
+        *slips("tangential-swapped")),
     row("coefficients-order", CAMERA,
         "the coefficients are read in the wrong order: dist is k1, k2, p1, p2, k3, with k3 last",
         coefficients(lambda a, b, c, d, e: (a, b, d, e, c)), coefficients(lambda a, b, c, d, e: (a, b, 0.0, 0.0, c))),
     row("tangential-factor", CAMERA,
         "the tangential part of the distortion lacks a factor 2: x' has 2 p1 x y + p2 (r² + 2 x²), y' has "
         "p1 (r² + 2 y²) + 2 p2 x y",
-        *(put(undo=partial(_iterated, cross=(c, c), square=(q, q))) for c, q in ((1, 2), (2, 1), (1, 1), (2, 0))),
-        *(put(undo=partial(_iterated, cross=c)) for c in ((1, 2), (2, 1))),
-        *(put(undo=partial(_iterated, square=q)) for q in ((1, 2), (2, 1)))),
+        *slips("tangential-factor")),
     row("tangential-after", CAMERA,
         "the tangential part is taken away after the division by the radial factor: it is (x' - tangential) / radial",
-        put(undo=partial(_iterated, after=True))),
+        *slips("tangential-after")),
     row("tangential-of-bent", CAMERA,
         "the tangential part is computed from an x and y that the radial factor has scaled already: both parts are "
         "made of the same undistorted (x, y)",
-        put(undo=partial(_iterated, of_bent=True))),
+        *slips("tangential-of-bent")),
     row("distortion-in-other-units", CAMERA,
         "the distortion is undone in other units: its coefficients hold for x = (u - cx) / fx, y = (v - cy) / fy, not "
         "for pixels divided by the image's size",
@@ -440,11 +380,10 @@ CAMERAS = (
           for whole in (True, False))),
     row("powers-of-r", CAMERA,
         "the powers of r are wrong in the distortion: 1 + k1 r² + k2 r⁴ + k3 r⁶",
-        *(put(undo=partial(_iterated, powers=powers)) for powers in ((1, 1, 1), (1, 2, 2), (1, 2, 4), (2, 4, 6)))),
+        *slips("powers-of-r")),
     row("radius-for-its-square", CAMERA,
         "the distortion grows with r² (then r⁴, r⁶), where r² = x² + y²: you use r",
-        put(undo=_by_radius), put(undo=partial(_iterated, of_r=0.5)),
-        put(undo=partial(_iterated, powers=(0.5, 1, 1.5)))),
+        *slips("radius-for-its-square")),
     row("swapped-axes", CAMERA,
         "rows and columns are swapped: u counts columns (x), v counts rows (y), and the image is indexed [v, u]",
         at(lambda u, v, c: (v, u))),
@@ -484,6 +423,8 @@ CAMERAS = (
     row("centre-left-out", CAMERA, "the principal point (cx, cy) is not subtracted: x = (u - cx) / fx",
         lens(cx=lambda c: 0.0, cy=lambda c: 0.0), lens(cx=lambda c: 0.0), lens(cy=lambda c: 0.0),
         lens(cx=lambda c: -c.cx, cy=lambda c: -c.cy)),
+    row("x-for-y", CAMERA, "x and y of the rays are swapped: x belongs to the column u, y to the row v",
+        lambda s: s._replace(ray=lambda x, y, camera: s.ray(y, x, camera))),
     row("y-up", CAMERA,
         "the camera's y axis points down here (OpenCV): yours points up, so that the image is seen upside down",
         axes(1, -1, 1)),
@@ -860,7 +801,8 @@ SOLVERS = (
             order=lambda t, things, rays: nearest(np.abs(t), things, rays)),
         put(sphere=solver(quadratic(), _least_magnitude),
             order=lambda t, things, rays: nearest(np.abs(t), things, rays)),
-        put(sphere=solver(quadratic(), lambda near, far: near), rectangle=_either)),
+        put(sphere=solver(quadratic(), lambda near, far: near), rectangle=_either),
+        *(sphere_slip(changes) for changes in INTERSECT_SPHERE["behind-the-eye"][4:])),
     row("sign-of-zero", SOLVER,
         "sign(0) is 0: where b = 0 your q is 0 and the root is lost; let the sign be 1 there",
         put(sphere=partial(on_sphere, solver="paper"))),
@@ -925,6 +867,8 @@ SOLVERS = (
         "the discriminant is not tested: where it is negative the ray misses the sphere",
         put(sphere=solver(lambda fd, c, aa: (np.ones_like(fd), *quadratic()(fd, c, aa)[1:]))),
         put(sphere=solver(lambda fd, c, aa: _rooted(fd, np.abs(fd**2 - c))))),
+    row("origin-left-out", SOLVER, "the rays' origin is left out of the quadratic: f = o - c",
+        *(sphere_slip(changes) for changes in INTERSECT_SPHERE["origin-left-out"])),
     row("center-left-out", SOLVER, "the spheres' centres are left out of the quadratic: f = o - c",
         put(sphere=lambda o, d, s: on_sphere(o, d, msgspec.structs.replace(s, center=(0.0, 0.0, 0.0)))),
         put(sphere=lambda o, d, s: on_sphere(o, d, msgspec.structs.replace(s, center=_minus(s.center))))),

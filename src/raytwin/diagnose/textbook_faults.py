@@ -23,6 +23,12 @@ AGAIN, TAKEN_OFF = (
 )
 TAKEN_OFF_AGAIN = "x, y = x - (x * radial + dx - x), y - (y * radial + dy - y)"
 FORWARD = "return x * radial + dx, y * radial + dy"
+R2, SQUARED, CUBED = "r2 = x * x + y * y", "r2**2", "r2**3"
+XY1, XX = "2 * p1 * x * y", "p2 * (r2 + 2 * x * x)"
+YY, XY2 = "p1 * (r2 + 2 * y * y)", "2 * p2 * x * y"
+TIMES_RADIAL: Changes = ((STEP, "x, y = (xd - dx) * radial, (yd - dy) * radial"),)
+ONE_CROSS: Changes = ((XY1, "p1 * x * y"),)
+ONE_SQUARE: Changes = ((XX, "p2 * (r2 + x * x)"),)
 LENS = "    fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]\n"
 RAY, UNIT = "np.stack([x, y, np.ones_like(x)], axis=-1)", "return rays / np.linalg.norm(rays, axis=-1, keepdims=True)"
 
@@ -30,6 +36,11 @@ RAY, UNIT = "np.stack([x, y, np.ones_like(x)], axis=-1)", "return rays / np.lina
 def _dist(line: str) -> Changes:
     """The coefficients, changed after they are read."""
     return ((DIST, f"{DIST}    {line}\n"),)
+
+
+def _other(term: str) -> tuple[str, str]:
+    """The term with the other coefficient."""
+    return term, term.replace("p1", "p").replace("p2", "p1").replace("p ", "p2 ")
 
 
 def _lens(line: str) -> Changes:
@@ -48,32 +59,62 @@ BACK_PROJECT: Ways = {
     "distortion-sign": (
         _dist("k1, k2, p1, p2, k3 = -k1, -k2, -p1, -p2, -k3"),
         (*_dist("k1, k2, p1, p2, k3 = -k1, -k2, -p1, -p2, -k3"), (STEP, FORWARD)),
-        ((STEP, "x, y = (xd - dx) * radial, (yd - dy) * radial"),),
+        TIMES_RADIAL,
     ),
-    "distortion-few-steps": tuple(
-        ((STEPS, f"range({n})"), (STEP, step))
-        for step, most in ((STEP, 7), (TAKEN_OFF, 6))
-        for n in range(1 + (step != STEP), most)
+    "distortion-few-steps": (
+        *(((STEPS, f"range({n})"),) for n in (1, 2, 3, 4, 5, 6, 8)),
+        *(((STEPS, f"range({n})"), (STEP, TAKEN_OFF)) for n in (2, 3, 4, 5, 6, 8)),
     ),
-    "distortion-cumulative": tuple(
-        ((STEPS, f"range({n})"), (STEP, step))
-        for step, some in ((AGAIN, (2, 3, 4, 5, 6, 8, 10, 20, 30, 50)), (TAKEN_OFF_AGAIN, (2, 3, 4, 5, 10)))
-        for n in some
+    "distortion-cumulative": (
+        *(((STEPS, f"range({n})"), (STEP, AGAIN)) for n in (2, 3, 4, 5, 6, 8, 10, 20, 30, 50)),
+        *(((STEPS, f"range({n})"), (STEP, AGAIN), *_dist("p1 = p2 = 0")) for n in (5, 10)),
+        *(((STEPS, f"range({n})"), (STEP, TAKEN_OFF_AGAIN)) for n in (2, 3, 4, 5, 10)),
     ),
     "k3-left-out": (_dist("k3 = 0"),),
-    "k2-left-out": (_dist("k2 = p1 = p2 = k3 = 0"), _dist("k2 = 0"), _dist("k2 = k3 = 0")),
-    "tangential-left-out": (_dist("p1 = p2 = 0"), _dist("p1 = p2 = k3 = 0")),
+    "k2-left-out": (_dist("k2 = 0"), _dist("k2 = k3 = 0"), _dist("k2 = p1 = p2 = k3 = 0")),
+    "tangential-left-out": (
+        _dist("p1 = p2 = 0"),
+        _dist("p1 = p2 = k3 = 0"),
+        *(((one, "0 * x"),) for one in (XY1, XX, YY, XY2)),
+        *(((one, "0 * x"), (other, "0 * y")) for one, other in ((XY1, XX), (YY, XY2))),
+    ),
     "tangential-swapped": (
         _dist("p1, p2 = p2, p1"),
-        (("2 * p1 * x * y", "2 * p2 * x * y"),),
-        (("2 * p2 * x * y", "2 * p1 * x * y"),),
+        *((_other(one),) for one in (XY1, XX, YY, XY2)),
+        *((_other(one), _other(other)) for one, other in ((XY1, XX), (YY, XY2))),
     ),
     "coefficients-order": (_dist("p1, p2, k3 = p2, k3, p1"),),
-    "powers-of-r": ((("k2 * r2**2", "k2 * r2"),), (("k3 * r2**3", "k3 * r2**2"),), (("k3 * r2**3", "k3 * r2"),)),
-    "radius-for-its-square": ((("r2 = x * x + y * y", "r2 = np.sqrt(x * x + y * y)"),),),
     "tangential-factor": (
-        (("2 * p1 * x * y", "p1 * x * y"), ("2 * p2 * x * y", "p2 * x * y")),
-        (("2 * x * x", "x * x"), ("2 * y * y", "y * y")),
+        (*ONE_CROSS, (XY2, "p2 * x * y")),
+        (*ONE_SQUARE, (YY, "p1 * (r2 + y * y)")),
+        (*ONE_CROSS, (XY2, "p2 * x * y"), *ONE_SQUARE, (YY, "p1 * (r2 + y * y)")),
+        ((XX, "p2 * r2"), (YY, "p1 * r2")),
+        ONE_CROSS,
+        ((XY2, "p2 * x * y"),),
+        ONE_SQUARE,
+        ((YY, "p1 * (r2 + y * y)"),),
+    ),
+    "tangential-after": (((STEP, "x, y = xd / radial - dx, yd / radial - dy"),),),
+    "tangential-of-bent": (
+        (
+            (XY1, "2 * p1 * x * y * radial**2"),
+            (XY2, "2 * p2 * x * y * radial**2"),
+            (XX, "p2 * (r2 + 2 * (x * radial) ** 2)"),
+            (YY, "p1 * (r2 + 2 * (y * radial) ** 2)"),
+        ),
+    ),
+    "powers-of-r": (
+        ((SQUARED, "r2"), (CUBED, "r2")),
+        ((CUBED, "r2**2"),),
+        ((CUBED, "r2**4"),),
+        (("k1 * r2 + k2 * r2**2 + k3 * r2**3", "k1 * r2**2 + k2 * r2**4 + k3 * r2**6"),),
+        ((SQUARED, "r2"),),
+        ((CUBED, "r2"),),
+    ),
+    "radius-for-its-square": (
+        ((R2, "r2 = np.sqrt(x * x + y * y)"), *_dist("p1 = p2 = 0")),
+        ((R2, "r2 = np.sqrt(x * x + y * y)"),),
+        (("k1 * r2 + k2 * r2**2 + k3 * r2**3", "k1 * r2**0.5 + k2 * r2 + k3 * r2**1.5"),),
     ),
     "swapped-focal": (_lens("fx, fy = fy, fx"),),
     "one-focal": (_lens("fy = fx"), _lens("fx = fy")),
@@ -207,14 +248,12 @@ SHADE: Ways = {
 }
 
 OWN_WORDS = {
-    "x-for-y": "x and y of the rays are swapped: x belongs to the column u, y to the row v",
     "rays-long": "the rays are not unit: divide (x, y, 1) by its length",
     "inside-missed": "rays that start inside the sphere miss it: where the near root is negative, the far one may be "
     "positive",
     "misses-not-infinite": "a miss has to be np.inf: where the discriminant is negative, and where t is not positive",
     "t-of-unit-rays": "t is that of unit directions: the directions are made unit inside, and t is not divided by "
     "their length afterwards",
-    "origin-left-out": "the rays' origin is left out of the quadratic: f = o - c",
     "root-missing": "the discriminant's square root is missing: t = (-b ± √disc) / (2a)",
     "sum-of-all": "one sum is over all rays and components: sum over the last axis alone (axis=-1)",
 }
