@@ -26,6 +26,9 @@ PLANTED = (
     ("render", "last-wins", (("which = np.argmin(t, axis=0)",
                               "which = len(t) - 1 - np.argmax(np.isfinite(t)[::-1], axis=0)"),)),
     ("render", "no-shadow", (('if scene["rung"] == "shadow"', "if False"),)),
+    ("hit_points", "root-missing", (("np.sqrt(disc)", "disc"),)),
+    ("hit_points", "x-for-y", (("np.stack([x, y, ", "np.stack([y, x, "),)),
+    ("hit_points", "origin-left-out", (("f = origins - center", "f = 0 * origins - center"),)),
     ("render", "normal-not-unit", ((' / thing["radius"]', ""),)),
 )  # fmt: skip
 """Slips in the whole textbook, and the cause that its pictures have to name."""

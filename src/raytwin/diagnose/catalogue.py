@@ -850,8 +850,10 @@ SOLVERS = (
         "t = -b - √(b² - c)",
         *(put(sphere=solver(q)) for q in (
             quadratic(b=1), quadratic(b=1, half=1), quadratic(disc=1), quadratic(half=1), quadratic(b=1, disc=1),
-            quadratic(disc=2), quadratic(b=2, disc=1, half=1), quadratic(half=4), _no_root, _half_no_root,
-            quadratic(b=2, disc=-4), quadratic(b=4), quadratic(b=0.5))),
+            quadratic(disc=2), quadratic(b=2, disc=1, half=1), quadratic(half=4),
+            quadratic(b=2, disc=-4), quadratic(b=4), quadratic(b=0.5)))),
+    row("root-missing", SOLVER, "the discriminant's square root is missing: t = (-b ± √disc) / (2a)",
+        *(put(sphere=solver(q)) for q in (_no_root, _half_no_root)),
         *(both(long, put(sphere=solver(q))) for q in (_no_root, _half_no_root))),
     row("divided-by-half-a", SOLVER,
         "`/ 2 * a` multiplies by a: write / (2 * a), or make the rays unit",

@@ -254,7 +254,6 @@ OWN_WORDS = {
     "misses-not-infinite": "a miss has to be np.inf: where the discriminant is negative, and where t is not positive",
     "t-of-unit-rays": "t is that of unit directions: the directions are made unit inside, and t is not divided by "
     "their length afterwards",
-    "root-missing": "the discriminant's square root is missing: t = (-b ± √disc) / (2a)",
     "sum-of-all": "one sum is over all rays and components: sum over the last axis alone (axis=-1)",
 }
 """Of faults that a picture does not show, or not alone."""
