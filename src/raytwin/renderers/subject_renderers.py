@@ -19,6 +19,7 @@ class _ByEngine(Renderer):
     """`engine`: a row of ENGINES."""
 
     engine: str = "numpy64"
+    trim = "conic"
 
     @property
     def library(self) -> str:
@@ -31,10 +32,6 @@ class _ByEngine(Renderer):
     @property
     def family(self) -> str:
         return f"{self.engine} {self.rung}"
-
-    @property
-    def trim(self) -> str:
-        return "conic"
 
     def ready(self) -> None:
         """Tell Dr.Jit which libLLVM to load: it asks but once."""
@@ -93,6 +90,7 @@ class PathTraced(_ByEngine):
     over: str = "area"
     surface: bool = False
     depth: int | None = None
+    noisy = True
 
     @property
     def name(self) -> str:
@@ -106,10 +104,6 @@ class PathTraced(_ByEngine):
     @property
     def sampling(self) -> str:
         return self.over
-
-    @property
-    def noisy(self) -> bool:
-        return True
 
     def prepare(self, scene: Scene) -> Call:
         self.ready()
@@ -129,6 +123,7 @@ class Supersampled(_ByEngine):
     """The mean of `samples` rays on a regular grid within the pixel."""
 
     samples: int = 4
+    sampling = "area"
 
     @property
     def name(self) -> str:
@@ -141,10 +136,6 @@ class Supersampled(_ByEngine):
     @property
     def label(self) -> str:
         return str(self.samples)
-
-    @property
-    def sampling(self) -> str:
-        return "area"
 
     def prepare(self, scene: Scene) -> Call:
         self.ready()
@@ -199,6 +190,8 @@ class PythonLoop(Renderer):
     """The paper's way: a Python loop over the pixels."""
 
     trim: str = "none"
+    library = "python"
+    precision = 64
 
     @property
     def name(self) -> str:
@@ -211,14 +204,6 @@ class PythonLoop(Renderer):
     @property
     def label(self) -> str:
         return self.trim
-
-    @property
-    def library(self) -> str:
-        return "python"
-
-    @property
-    def precision(self) -> int:
-        return 64
 
     def prepare(self, scene: Scene) -> Call:
         return lambda seed: Image(loop(scene, self.rung, self.trim))
