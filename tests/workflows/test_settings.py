@@ -6,10 +6,11 @@ import inspect
 import pytest
 
 import raytwin
-from raytwin.cli import compare_commands
+from raytwin.cli import compare_commands, photo_commands
 from raytwin.cli.options import OPTIONS, with_options
 from raytwin.compare.verdict import MUST_SEE
 from raytwin.errors import InputError
+from raytwin.workflows.augment_settings import AugmentSettings
 from raytwin.workflows.compare_settings import CompareSettings
 from raytwin.workflows.diff_settings import DiffSettings
 
@@ -21,6 +22,8 @@ WRONG = [
     (CompareSettings, {"engine": "abacus"}, "engine: expected one of"),
     (CompareSettings, {"solver": "abacus"}, "solver: expected one of"),
     (CompareSettings, {"trim": "abacus"}, "trim: expected one of"),
+    (AugmentSettings, {"exposure": -1.0}, "--exposure: expected a number >= 0"),
+    (AugmentSettings, {"exposure": float("nan")}, "--exposure: expected a number >= 0"),
     (DiffSettings, {"tolerance": 0.0}, "tolerance: expected a finite number > 0"),
     (DiffSettings, {"tolerance": float("inf")}, "tolerance: expected a finite number > 0"),
 ]
@@ -56,6 +59,7 @@ def test_diff_finds_the_bias_undecided_that_compare_would():
     [
         (compare_commands.compare_command, CompareSettings, ()),
         (compare_commands.diff_command, DiffSettings, ("samples",)),
+        (photo_commands.augment_command, AugmentSettings, ()),
     ],
 )
 def test_each_field_is_an_option_with_the_records_default_and_reaches_the_command(command, record, but):
@@ -64,9 +68,9 @@ def test_each_field_is_an_option_with_the_records_default_and_reaches_the_comman
     options = inspect.signature(with_options(command, record, but=but)).parameters
     fields = {f.name: f.default for f in dataclasses.fields(record) if f.name in OPTIONS and f.name not in but}
     assert {name: options[name].default for name in fields} == fields
-    given = fields | {"flip": True}
-    made(**given, json=None)
-    assert got == {"settings": record(flip=True), "json": None}
+    changed = {"flip": True} if "flip" in fields else {"shadows": False}
+    made(**fields | changed, json=None)
+    assert got == {"settings": record(**changed), "json": None}
 
 
 def test_an_unknown_setting_is_a_type_error():

@@ -33,6 +33,7 @@ from raytwin.cli import (
 from raytwin.cli.options import with_options
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, MachineError, extras_for
+from raytwin.workflows.augment_settings import AugmentSettings
 from raytwin.workflows.compare_settings import CompareSettings
 from raytwin.workflows.diff_settings import DiffSettings
 
@@ -72,7 +73,7 @@ app.command("diff")(with_options(compare_commands.diff_command, DiffSettings, bu
 app.add_typer(reference_commands.app, name="reference")
 app.add_typer(scenes_command.app, name="scenes")
 app.command("calibrate")(photo_commands.calibrate_command)
-app.command("augment")(photo_commands.augment_command)
+app.command("augment")(with_options(photo_commands.augment_command, AugmentSettings))
 app.command("board")(board_commands.board_command)
 app.command("photograph")(photo_commands.photograph_command)
 app.command("export")(export_command.export_command)

@@ -100,6 +100,15 @@ OPTIONS: dict[str, Any] = {
     "must_see": Annotated[
         float, typer.Option(min=0, help='Report "undecided" if a bias larger than this could go unnoticed.')
     ],
+    "camera": Annotated[
+        Path | None, typer.Option(metavar="FILE", help="camera.toml (default: calibrate the scene's own photos).")
+    ],
+    "board": Annotated[Path | None, typer.Option(metavar="BOARD", help="TOML file of the board (the scene's).")],
+    "against": Annotated[
+        Path | None, typer.Option(metavar="DIR", help="True photos of the same names: report the error by region.")
+    ],
+    "shadows": Annotated[bool, typer.Option(help="Cast shadows on what the photo shows.")],
+    "exposure": Annotated[float, typer.Option(min=0.0, help="The photo's linear value of radiance 1.")],
 }
 """Field of a settings record -> its option."""
 

@@ -9,6 +9,7 @@ from raytwin.cli.options import JsonFile, check_outputs, parse_numbers, parse_si
 from raytwin.cli.progress_bar import show_progress, tell_seconds
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
+from raytwin.workflows.augment_settings import AugmentSettings
 
 
 def calibrate_command(
@@ -150,15 +151,7 @@ def augment_command(
     photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", help="Photos that show the board.")],
     scene: Annotated[Path, typer.Option(metavar="SCENE", help="Scene whose objects are drawn.")],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the drawn photos.")],
-    camera: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="camera.toml (default: calibrate the scene's own photos).")
-    ] = None,
-    board: Annotated[Path | None, typer.Option(metavar="BOARD", help="TOML file of the board (the scene's).")] = None,
-    against: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="True photos of the same names: report the error by region.")
-    ] = None,
-    shadows: Annotated[bool, typer.Option(help="Cast shadows on what the photo shows.")] = True,
-    exposure: Annotated[float, typer.Option(min=0.0, help="The photo's linear value of radiance 1.")] = 1.0,
+    settings: AugmentSettings,
     json: JsonFile = None,
 ) -> None:
     """Draw a scene's objects and their shadows into photos."""
@@ -166,20 +159,10 @@ def augment_command(
     from raytwin.workflows.augment_photos import augment_photos
 
     check_outputs(folders=(out,), files=(json,))
-    pages = report.Against(out) if against else None
+    pages = report.Against(out) if settings.against else None
     with show_progress() as progress:
-        rows = augment_photos(
-            photos,
-            scene,
-            out,
-            camera=camera,
-            board=board,
-            against=against,
-            shadows=shadows,
-            exposure=exposure,
-            each=pages.add if pages else None,
-            progress=progress,
-        )
+        each = pages.add if pages else None
+        rows = augment_photos(photos, scene, out, settings, each=each, progress=progress)
     if json:
         files.write_json(json, {"photos": rows})
     say(report.augment_summary(rows))

@@ -1,6 +1,7 @@
 """Photos of a board -> the same photos with a scene's objects in them."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,41 +15,38 @@ from raytwin.calib.find_camera import find_camera
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
 from raytwin.renderers.subject_renderers import fast_engine
+from raytwin.workflows.augment_settings import AugmentSettings
 
 
 def augment_photos(
     taken: list[Path],
     scene_path: str | Path,
     out: str | Path,
+    settings: AugmentSettings | None = None,
     *,
-    camera: str | Path | None = None,
-    board: str | Path | None = None,
-    against: str | Path | None = None,
-    shadows: bool = True,
-    exposure: float = 1.0,
     each: Callable[[dict[str, Any], np.ndarray, np.ndarray], None] | None = None,
     progress: Progress = silent,
+    **options: Any,
 ) -> list[dict[str, Any]]:
     """Draw the scene's objects into each photo and write it to `out` under its own name, as PNG or JPEG.
 
-    `camera`: a camera.toml, whose K, distortion and board's shape count; without it the scene's own photos are
-    calibrated. Each photo's pose comes from its own tags of `board` (the scene's, if none is named). `against`: a
-    folder of true photos of the same names, the objects really there. Returns a row per photo: its name, its pose's rms
-    in pixels, and with `against` the errors by region; `each` is given it as it is made, with the drawn and the true
-    photo. The photo's ICC profile and EXIF are kept as they are, its orientation with them.
+    `options` are fields of AugmentSettings. Returns a row per photo: its name, its pose's rms in pixels, and with
+    `against` the errors by region; `each` is given it as it is made, with the drawn and the true photo. The photo's ICC
+    profile and EXIF are kept as they are, its orientation with them.
     """
+    chosen = replace(settings or AugmentSettings(), **options)
     scene = files.read_scene(scene_path)
     asked = scene.photos
-    if board is None and asked is None:
+    if chosen.board is None and asked is None:
         raise InputError("--board", "a board's TOML file, since the scene names none", "nothing")
-    definition = boards.read_board(board or Path(scene.folder) / (asked.board if asked else ""))
+    definition = boards.read_board(chosen.board or Path(scene.folder) / (asked.board if asked else ""))
     calibration = None
-    if camera is None:
+    if chosen.camera is None:
         placed, _, calibration, _ = find_camera(scene, progress=progress)
         lens = placed.camera
     else:
-        lens = files.read_camera(camera)
-        definition = photos.with_shape(definition, photos.read_board_shapes(camera))
+        lens = files.read_camera(chosen.camera)
+        definition = photos.with_shape(definition, photos.read_board_shapes(chosen.camera))
     if calibration is not None:
         definition = calibration.shaped(definition)
     out = Path(out)
@@ -71,13 +69,13 @@ def augment_photos(
         pose = photos.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
         stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
         here = scene.at(stand)
-        result = augment(pixels, here, engine=engine, shadows=shadows, exposure=exposure, space=space)
+        result = augment(pixels, here, engine=engine, shadows=chosen.shadows, exposure=chosen.exposure, space=space)
         drawn = result.pixels
         for pyramid in scene.pyramids:
             drawn = draw_pyramid(drawn, stand, pyramid, space)
         row: dict[str, Any] = {"photo": path.name, "pose_rms_px": pose.rms_px}
-        if against is not None:
-            truth = files.read_photo(Path(against) / path.name)
+        if chosen.against is not None:
+            truth = files.read_photo(Path(chosen.against) / path.name)
             row["regions"] = errors_by_region(result, truth, here)
             if each is not None:
                 each(row, result.pixels, truth)

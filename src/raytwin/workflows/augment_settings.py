@@ -1,0 +1,27 @@
+"""The settings of `augment_photos`: keyword arguments in Python, options on the command line (`cli.options`)."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from raytwin.errors import InputError
+
+
+@dataclass(frozen=True)
+class AugmentSettings:
+    """How `augment_photos` draws; checked when it is made.
+
+    `camera`: a camera.toml, whose K, distortion and board's shape count; without it the scene's own photos are
+    calibrated. Each photo's pose comes from its own tags of `board` (the scene's, if none is named). `against`: a
+    folder of true photos of the same names, the objects really there. `shadows` fall on what the photo shows.
+    `exposure`: the photo's linear value of radiance 1.
+    """
+
+    camera: str | Path | None = None
+    board: str | Path | None = None
+    against: str | Path | None = None
+    shadows: bool = True
+    exposure: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not self.exposure >= 0:
+            raise InputError("--exposure", "a number >= 0", self.exposure)
