@@ -9,7 +9,7 @@ import shape_checks  # before anything of raytwin is imported
 import threadpoolctl
 from slow import is_slow
 
-pytest_plugins = ["engines", "browser", "installed_wheel"]
+pytest_plugins = ["engines", "browser", "installed_wheel", "no_skips"]
 
 # One thread of OpenBLAS each: beside other processes its second spins, and small fits cost five times as much. The
 # variable is for the processes that tests start; NumPy is here already.

@@ -8,6 +8,7 @@ import pydoc
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -61,6 +62,15 @@ def test_the_import_contracts_hold():
 @pytest.mark.parametrize("module", ["errors", "scene", "image", "files", "tracer"])
 def test_the_lower_floors_load_no_heavy_library(module):
     assert not loaded_by(f"import raytwin.{module}") & set(HEAVY)
+
+
+def test_only_what_broke_has_an_upper_bound():
+    """A cap like numpy<3 keeps raytwin out of environments where it would work."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = {name: asked for name, asked in project["optional-dependencies"].items() if name != "docs"}
+    every = [*project["dependencies"], *(one for asked in extras.values() for one in asked)]
+    capped = [one.partition(">=")[0] for one in every if "<" in one.partition(";")[0]]
+    assert capped == ["karellen-llvm-core"]
 
 
 def test_importing_any_module_runs_nothing_and_writes_nothing(tmp_path):

@@ -1,0 +1,48 @@
+"""RAYTWIN_NO_SKIPS makes skips failures, but for what no machine of ours need have."""
+
+from pathlib import Path
+
+import pytest
+
+pytest_plugins = ["pytester"]
+
+ROOT = Path(__file__).resolve().parent.parent
+SKIPPED = """
+import pytest
+
+def test_of_a_lost_backend():
+    pytest.skip("llvm_ad_rgb does not work here")
+
+@pytest.mark.skipif(True, reason="real photos are not there")
+def test_of_lost_photos():
+    pass
+
+def test_of_a_gpu():
+    pytest.skip("no working CUDA")
+
+@pytest.mark.xfail(strict=True)
+def test_of_what_fails():
+    assert False
+"""
+
+
+@pytest.mark.parametrize(("setting", "failed", "skipped"), [("1", 1, 1), ("0", 0, 3)])
+def test_a_skip_fails_where_none_is_wanted(pytester, monkeypatch, setting, failed, skipped):
+    """Skipped by its mark a test has not begun: an error, in pytest's words."""
+    monkeypatch.setenv("RAYTWIN_NO_SKIPS", setting)
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))
+    pytester.makepyfile(SKIPPED)
+    done = pytester.runpytest_subprocess("-p", "no_skips")
+    done.assert_outcomes(failed=failed, errors=failed, skipped=skipped, xfailed=1)
+    assert ("llvm_ad_rgb does not work here" in done.stdout.str()) == bool(failed)
+
+
+def test_a_file_that_is_skipped_whole_fails_too(pytester, monkeypatch):
+    monkeypatch.setenv("RAYTWIN_NO_SKIPS", "1")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))
+    pytester.makepyfile("import pytest\npytest.importorskip('no_such_package')\ndef test_it(): pass\n")
+    pytester.runpytest_subprocess("-p", "no_skips").assert_outcomes(errors=1)
+
+
+def test_ci_allows_no_skips():
+    assert "export RAYTWIN_NO_SKIPS=1\n" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
