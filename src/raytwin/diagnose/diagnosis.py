@@ -85,6 +85,10 @@ FITS = 5
 ROUNDED = 3e-5
 """Share of the scale that single precision may round off. LOOSE: share of pixels that may be off by more."""
 LOOSE = 0.01
+SIGNIFICANT = 4.0
+"""Standard errors by which a cause has to bring noisy pixels nearer."""
+FAR = 25.0
+"""Squared standard deviations: a noisy pixel that is farther off counts as this far."""
 BEAM = 3
 """Single faults that a second one is added to."""
 
@@ -216,7 +220,7 @@ def _search(
         found = sorted([*_round(base, sights, small, clues, (), budget), *found], key=lambda g: g.cost)
     if not (found and _good(sights, found[0].steps)):
         hit = _hits(sights, found[0].steps)[0] if found else 0.0
-        if (chance := _by_chance(sights, where, hit, budget)) is not None:
+        if _firm(sights) and (chance := _by_chance(sights, where, hit, budget)) is not None:
             return chance
     for _ in range(most - 1):
         if not thorough or not found or _settled(sights, found[0].steps) or budget.over:
@@ -228,7 +232,7 @@ def _search(
         if len(more.causes) > len(found[0].causes) and not _left(sights, more.steps)[0]:
             found = [more, *(g for g in found if g is not more)]
     made = _told(found, sights, base, where, budget)
-    if not made.causes and thorough and (beside := between(sights, budget)) is not None:
+    if not made.causes and thorough and _firm(sights) and (beside := between(sights, budget)) is not None:
         fault, share = beside
         return Diagnosis(False, (Cause(fault.name, fault.stage, fault.sentence),), ((),), share, None, "likely", where)
     return made
@@ -523,16 +527,30 @@ def _rather_than_a_fact(found: list[Guess], sights: list[Sight]) -> Guess:
 
 
 def _likelier(sights: Sequence[Sight], steps: Steps) -> bool:
-    """Whether the cause brings pixels that have noise nearer, too, all in all: within it, it may move them any way."""
-    gain = 0.0
+    """Whether the cause brings pixels that have noise nearer, by more than the best of many causes does by chance.
+
+    Within the noise it may move them any way. Where pixels without noise are wrong, they speak for themselves.
+    """
+    gains = []
     for s in sights:
         sigma = np.where(s.slack > 0, s.slack / 3, np.inf)
         with np.errstate(invalid="ignore", over="ignore"):
             before, after = (
-                np.minimum(np.square((s.shown - made) / sigma), 25) for made in (s.predict(RIGHT), s.predict(steps))
+                np.minimum(np.square((s.shown - made) / sigma), FAR) for made in (s.predict(RIGHT), s.predict(steps))
             )
-        gain += float((s.weight[:, None] * np.nan_to_num(before - after)).sum())
-    return gain >= 0
+        gains.append(s.weight * np.nan_to_num(before - after).sum(axis=-1))
+    gain = np.concatenate(gains)
+    return gain.sum() >= (0.0 if _firm(sights) else SIGNIFICANT * np.sqrt(np.square(gain).sum()))
+
+
+def _firm(sights: Sequence[Sight]) -> bool:
+    """Whether most of the wrong pixels are wrong beyond all noise."""
+    wrong, firm = 0.0, 0.0
+    for s in sights:
+        off = np.abs(s.shown - s.predict(RIGHT)) - 2 * s.slack > s.tau
+        wrong += float((s.weight * s.wrong).sum())
+        firm += float((s.weight * (s.wrong & off.any(axis=-1))).sum())
+    return firm > wrong / 2
 
 
 def _most(sight: Sight) -> int:
