@@ -10,8 +10,8 @@ import pytest
 from raytwin import files
 from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.budget import Budget
-from raytwin.diagnose.catalogue import FAULTS
-from raytwin.diagnose.diagnosis import _search, diagnose, explain
+from raytwin.diagnose.catalogue import FAULTS, at
+from raytwin.diagnose.diagnosis import _likelier, _search, _shows, diagnose, explain
 from raytwin.diagnose.parametric_faults import FAMILIES, bright
 from raytwin.diagnose.pixel_sample import Sight, View, look
 from raytwin.diagnose.predict import RIGHT, Bench
@@ -90,6 +90,38 @@ def test_where_a_few_scattered_values_are_off_nothing_is_named(name, count):
     shown.reshape(-1, 3)[rng.choice(80 * 60, count, replace=False)] += rng.normal(0, 0.05, (count, 3))
     for known in (scene, None):
         assert not any(said.startswith("cause (") for said in explain(Image(shown), right, known))
+
+
+def test_a_cause_under_noise_has_to_bring_the_noisy_pixels_nearer():
+    """The rays three pixels aside, and as many to the other side; the noise is a third of the scale."""
+    scene = SCENES["overlap"]
+    v, u = np.indices((60, 80), float).reshape(2, -1)
+    left, right = (at(lambda u, v, c, x=x: (u + x, v))(RIGHT) for x in (-3, 3))
+    exact, made = (Bench(scene, u, v).radiance(steps).reshape(60, 80, 3) for steps in (RIGHT, left))
+    noise = np.random.default_rng(0).normal(0, 0.3, made.shape)
+    sights = [look(View(scene, made + noise, exact, half=np.full(made.shape, 0.9)))]
+    assert _likelier(sights, left)
+    assert not _likelier(sights, right)
+    assert not _likelier(sights, RIGHT)
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
+def test_a_number_whose_effect_is_below_the_tolerance_is_never_named(family):
+    """A number that is off by a billionth, beside a dozen odd values that nothing explains."""
+    scene = SCENES["overlap"]
+    near = family.make(tuple(x + 3e-9 for x in family.start))(RIGHT)
+    v, u = np.indices((60, 80), float).reshape(2, -1)
+    shown = Bench(scene, u, v).radiance(near)
+    shown = np.asarray(near.output(shown, float(shown.max())))
+    sights = [look(View(scene, (1.3 * shown).reshape(60, 80, 3)))]
+    assert family.name in CONSTANTS or not _shows(sights, RIGHT, near)
+    shown[np.random.default_rng(1).choice(4800, 12, replace=False)] += 0.05
+    said = explain(Image(shown.reshape(60, 80, 3).astype(np.float32)), trace(scene), scene)
+    assert family.name in CONSTANTS or not any(words.startswith("cause (") for words in said)
+
+
+CONSTANTS = {"background-constant", "shadow-dims", "shadow-start", "shadow-reach"}
+"""Families whose start is no right tracer."""
 
 
 @pytest.mark.parametrize("size", [8e-6])

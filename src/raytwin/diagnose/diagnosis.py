@@ -540,7 +540,9 @@ def _likelier(sights: Sequence[Sight], steps: Steps) -> bool:
             )
         gains.append(s.weight * np.nan_to_num(before - after).sum(axis=-1))
     gain = np.concatenate(gains)
-    return gain.sum() >= (0.0 if _firm(sights) else SIGNIFICANT * np.sqrt(np.square(gain).sum()))
+    if _firm(sights):
+        return bool(gain.sum() >= 0)
+    return bool(gain.sum() > SIGNIFICANT * np.sqrt(np.square(gain).sum()))
 
 
 def _firm(sights: Sequence[Sight]) -> bool:
