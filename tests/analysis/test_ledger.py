@@ -5,6 +5,7 @@ from math import cos, inf, pi, radians, sin
 import msgspec
 import numpy as np
 import pytest
+from measure.planted_ledger import results
 from truths import WHITE, grey, in_wedge, view_of, wedge
 
 from raytwin import files, speed, twin
@@ -112,12 +113,26 @@ def test_a_fault_of_a_subject_that_fails_is_its_own_error_by_name_and_no_numeric
 
 @pytest.mark.parametrize("rung", ["shadow", "path"])
 def test_a_right_subject_has_no_error_of_its_own(overlap, fast, rung):
-    """Whatever the verdict: blocks beyond four standard errors are taken for it, at most a hundredth of the energy."""
+    """Whatever the verdict: what lies beyond the noise is taken for it, which rare events do: 3 % of the energy."""
     small = overlap.with_camera(overlap.camera.resized(64, 48))
     shown = speed.walk(small, "path", fast, samples=64) if rung == "path" else speed.trace(small, "shadow", fast)
     found = rows(make_ledger(small, shown, rung, fast, faulty=True))
     own = sum(part.rmse**2 for name, part in found.items() if name.startswith("the subject's own error"))
-    assert own < 0.01 * sum(part.rmse**2 for part in found.values())
+    assert own < 0.03 * sum(part.rmse**2 for part in found.values())
+
+
+def test_no_planted_bug_is_taken_for_rounding():
+    found = list(results(12, "shadow"))
+    assert len(found) > 10
+    assert max(one.innocent for _, _, one in found) < 1e-6
+
+
+def test_no_planted_bug_is_taken_for_samples():
+    """Where an error changes its sign from pixel to pixel below the noise, up to half of it stays with the samples."""
+    found = list(results(12, "path"))
+    assert len(found) > 10
+    assert max(one.innocent for _, _, one in found) < 0.5
+    assert np.mean([one.innocent for _, _, one in found]) < 0.1
 
 
 def test_missing_bounces_are_not_taken_for_samples(overlap, fast):

@@ -157,6 +157,28 @@ def test_a_radius_that_is_a_little_off_is_not_taken_for_several_rays_a_pixel(nam
     assert "rays a pixel" not in "".join(explain(made, trace(scene), scene))
 
 
+def with_object(scene, index, **changes):
+    wrong = msgspec.structs.replace(scene.objects[index], **changes)
+    return msgspec.structs.replace(scene, objects=(*scene.objects[:index], wrong, *scene.objects[index + 1 :]))
+
+
+@pytest.mark.parametrize("index", [0, 1])
+@pytest.mark.parametrize("more", [1e-3, -1e-3])
+def test_a_radius_that_is_a_millimetre_off_is_named_with_its_sphere(index, more):
+    scene = SCENES["overlap"]
+    made = trace(with_object(scene, index, radius=scene.objects[index].radius + more))
+    said, *_ = explain(made, trace(scene), scene)
+    assert f"the radius of {scene.names[index]} is 1 mm too {'large' if more > 0 else 'small'}" in said
+
+
+@pytest.mark.parametrize("index", [0, 2])
+def test_an_object_that_stands_a_little_off_is_named_with_how_far(index):
+    scene = SCENES["overlap"]
+    center = tuple(np.add(scene.objects[index].center, (0.002, -0.001, 0.003)).tolist())
+    said, *_ = explain(trace(with_object(scene, index, center=center)), trace(scene), scene)
+    assert f"{scene.names[index]} stands off by (+2, -1, +3) mm in the board's frame" in said
+
+
 def test_pixels_of_several_rays_are_still_found_by_what_they_blend():
     scene = SCENES["distorted"]
     v, u = np.indices((60, 80), float).reshape(2, -1)

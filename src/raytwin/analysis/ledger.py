@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytwin.analysis.light_parts import Arrays, WholeLight, sampled_parts
+from raytwin.analysis.light_parts import SAMPLES, Arrays, WholeLight, sampled_parts
 from raytwin.analysis.own_error import OWN, own_error
 from raytwin.compare.report import Part
 from raytwin.image import BACKGROUND, Image
@@ -104,8 +104,10 @@ def _without_own(
     """
     step, first = light.step, next(iter(split[0]))
     variance = None if shown.variance is None else shown.variance[::step, ::step]
-    seen = Image(shown.mean[::step, ::step], variance=variance)
-    right = exact if exact is not None else seen.mean - (split[0][first] + split[1][first]) / 2
+    seen = Image(shown.mean[::step, ::step], variance=variance, samples=shown.samples)
+    one, other = (half[first] for half in split)
+    right = Image(seen.mean - (one + other) / 2, np.square(one - other) / 4, samples=len(split) * SAMPLES)
+    right = right if exact is None else Image(exact)
     found = own_error(light.thin, seen, right, rung, sampled_parts(light.thin, rung, light.engine, "area"))
     rest = found.whole - _sum((picture for _, picture in found.named), found.whole)
     rows = {f"{OWN}: {name}": picture for name, picture in found.named} | {OWN: rest}

@@ -31,7 +31,7 @@ from raytwin.diagnose.distances import depth_cause
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
-from raytwin.diagnose.parametric_faults import FAMILIES, Family, fit, promising, total
+from raytwin.diagnose.parametric_faults import FAMILIES, Family, fit, of_objects, promising, total
 from raytwin.diagnose.pixel_sample import MET, Sampled, Sight, View, many
 from raytwin.diagnose.predict import RIGHT, Array, Steps
 from raytwin.diagnose.prediction_cache import costs
@@ -97,11 +97,15 @@ Sureness = Literal["sure", "likely", "unknown"]
 
 @dataclass(frozen=True)
 class Cause:
-    """A fault of the catalogue or of a family: `name`, `stage`, and `sentence`, what a student is told."""
+    """A fault of the catalogue or of a family: `name`, `stage`, and `sentence`, what a student is told.
+
+    `numbers`: how many were fitted. Of two causes that explain as well, the one with fewer stands.
+    """
 
     name: str
     stage: str
     sentence: str
+    numbers: int = 0
 
 
 @dataclass(frozen=True)
@@ -212,6 +216,8 @@ def _search(
     if every:
         cameras = [(s.view.scene.camera, bool(s.wrong.any())) for s in sights if s.view.scene]
         faults = (*FAULTS, *cached([c for c, wrong in cameras if not wrong], [c for c, _ in cameras]))
+    if families is FAMILIES and sights[0].view.scene and len({s.view.scene for s in sights}) == 1:
+        families = (*FAMILIES, *of_objects(sights[0].view.scene))
     small = [s.only(slice(None, None, SCREEN)) for s in sights]
     thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
     base = Guess((), RIGHT, total(sights, RIGHT))
@@ -342,7 +348,7 @@ def _round(
         if not family.possible(p) or not _shows(sights, before.steps, family.make(p)(before.steps)):
             continue
         scenes = [s.view.scene for s in sights if s.view.scene]
-        cause = Cause(family.name, family.stage, family.sentence(p, scenes))
+        cause = Cause(family.name, family.stage, family.sentence(p, scenes), len(p))
         refit = lambda some, family=family, p=p: _refit(family, p, some, before.steps)  # noqa: E731
         extra = 0.01 * before.cost * len(p)
         fitted.append(Guess((*before.causes, cause), family.make(p)(before.steps), cost + extra, refit))
@@ -634,18 +640,13 @@ def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight], budget: B
             continue
         new = [cause for cause in guess.causes if cause.name not in names]
         gone = [k for k, name in enumerate(names) if name not in {cause.name for cause in guess.causes}]
-        if len(new) != 1 or len(gone) != 1 or _numbers(new[0]) != _numbers(best.causes[gone[0]]):
+        if len(new) != 1 or len(gone) != 1 or new[0].numbers != best.causes[gone[0]].numbers:
             continue
         if guess.cost < 1.25 * best.cost or all(
             _same(s, a, s.predict(guess.steps)) for s, a in zip(sights, own, strict=True)
         ):
             others[gone[0]].setdefault(new[0].name, new[0])
     return [tuple(list(found.values())[:ALTERNATIVES]) for found in others]
-
-
-def _numbers(cause: Cause) -> int:
-    """So many are fitted: of two that explain as well, the one with fewer stands."""
-    return next((len(family.start) for family in FAMILIES if family.name == cause.name), 0)
 
 
 def _same(sight: Sight, a: Array, b: Array) -> bool:

@@ -37,7 +37,7 @@ from raytwin.diagnose.catalogue import (
 )  # fmt: skip
 from raytwin.diagnose.pixel_sample import Sight
 from raytwin.diagnose.predict import RIGHT, Array, Change, Steps, Terms
-from raytwin.scene import Scene
+from raytwin.scene import Camera, Scene, Shape, Sphere
 
 __all__ = ["FAMILIES", "Family", "fit"]
 
@@ -216,6 +216,55 @@ FAMILIES = (
            ((-0.7,), (-1.2,), (0.0,))),
 )  # fmt: skip
 """A number more is a worse explanation: of two that fit alike, the row with fewer parameters stands."""
+
+
+MANY = 8
+"""Objects, beyond which no single one is fitted."""
+
+
+def of_objects(scene: Scene) -> tuple[Family, ...]:
+    """Families of one object each: a sphere's radius, where there are other spheres, and where an object stands."""
+    if len(scene.objects) > MANY:
+        return ()
+    made = []
+    for k, (name, thing) in enumerate(zip(scene.names, scene.objects, strict=True)):
+        if isinstance(thing, Sphere) and len(scene.spheres) > 1:
+            r = thing.radius
+            made.append(Family(f"radius-of-{name}", SOLVER, (0.0,), 0.001 * r, partial(_grown, k),
+                               partial(_said_of_radius, name), ((0.03 * r,), (-0.03 * r,))))  # fmt: skip
+        size = thing.radius if isinstance(thing, Sphere) else float(np.linalg.norm(thing.half_u))
+        made.append(
+            Family(f"place-of-{name}", SOLVER, (0.0, 0.0, 0.0), 0.005 * size, partial(_moved, k),
+                   partial(_said_of_place, name))
+        )  # fmt: skip
+    return tuple(made)
+
+
+def _with_object(k: int, change: Callable[[Any], Shape]) -> Change:
+    """The k-th object changed, all others as they are."""
+
+    def objects(things: tuple[Shape, ...], camera: Camera, before: Any) -> tuple[Shape, ...]:
+        all_ = before(things, camera)
+        return (*all_[:k], change(all_[k]), *all_[k + 1 :]) if k < len(all_) else all_
+
+    return lambda s: s._replace(objects=partial(objects, before=s.objects))
+
+
+def _grown(k: int, p: Sequence[float]) -> Change:
+    return _with_object(k, lambda x: msgspec.structs.replace(x, radius=abs(x.radius + float(p[0])) + 1e-12))
+
+
+def _moved(k: int, p: Sequence[float]) -> Change:
+    return _with_object(k, lambda x: msgspec.structs.replace(
+        x, center=tuple(float(a + b) for a, b in zip(x.center, p, strict=True))))  # fmt: skip
+
+
+def _said_of_radius(name: str, p: Sequence[float]) -> str:
+    return f"the radius of {name} is {1000 * abs(p[0]):.3g} mm too {'large' if p[0] > 0 else 'small'}"
+
+
+def _said_of_place(name: str, p: Sequence[float]) -> str:
+    return f"{name} stands off by ({', '.join(f'{1000 * x:+.3g}' for x in p)}) mm in the board's frame"
 
 
 def fit(
