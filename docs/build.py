@@ -73,23 +73,24 @@ def faults(site: Path) -> list[str]:
 def main() -> int:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--again", action="store_true", help="make the gallery's pages anew")
-    asked.add_argument("--no-gallery", action="store_true", help="build the text alone")
+    asked.add_argument("--no-gallery", action="store_true", help="make no page of the gallery")
+    asked.add_argument("--site", type=Path, default=SITE, metavar="DIR", help="folder of the site")
     options = asked.parse_args()
     began = time.perf_counter()
-    if options.again or options.no_gallery:
+    if options.again:
         shutil.rmtree(gallery.MADE, ignore_errors=True)
     if not options.no_gallery:
         gallery.make()
     made = time.perf_counter()
-    command = [sys.executable, "-m", "mkdocs", "--quiet", "build", "--clean", "--site-dir", str(SITE)]
+    command = [sys.executable, "-m", "mkdocs", "--quiet", "build", "--clean", "--site-dir", str(options.site)]
     if code := subprocess.run(command, cwd=ROOT, env=os.environ | QUIET, check=False).returncode:
         return code
-    size = sum(path.stat().st_size for path in SITE.rglob("*") if path.is_file())
+    size = sum(path.stat().st_size for path in options.site.rglob("*") if path.is_file())
     print(
-        f"site: {len(list(SITE.rglob('*.html')))} pages, {size / 1e6:.1f} MB; "
+        f"site: {len(list(options.site.rglob('*.html')))} pages, {size / 1e6:.1f} MB; "
         f"gallery {made - began:.0f} s, pages {time.perf_counter() - made:.0f} s"
     )
-    wrong = faults(SITE) + (
+    wrong = faults(options.site) + (
         [f"site: {size / 1e6:.1f} MB, allowed {MOST_BYTES / 1e6:.0f} MB"] if size > MOST_BYTES else []
     )
     print(*wrong, f"{len(wrong)} broken", sep="\n")

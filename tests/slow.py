@@ -83,6 +83,8 @@ SLOW = (
     "test_paper_figures.py",
     "test_photographer.py::test_photographs_come_with_their_board_and_their_truth",
     "test_pytest_plugin.py",
+    "test_site.py::test_it_builds_without_a_warning_and_has_every_command_and_every_exported_name",
+    "test_site.py::test_axe_core_finds_nothing_serious",
     "test_readme.py::test_every_command_of_a_page_runs_as_written",
     "test_readme.py::test_the_maintainers_test_passes_as_written",
     "test_readme.py::test_the_instructors_test_passes_with_a_right_renderer_and_fails_with_a_wrong_one",
