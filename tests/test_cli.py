@@ -289,8 +289,8 @@ def test_every_command_tells_its_options_under_both_names():
 
 
 def test_a_bench_without_a_command_is_that_of_a_scene():
-    refused(raytwin("bench", "--sizes", "big", "nowhere"), "--sizes", "big")
-    assert raytwin("bench", "scene", "--sizes", "big", "nowhere").stderr.count("big") == 1
+    refused(raytwin("bench", "--sizes", "big", "single"), "--sizes", "big")
+    assert raytwin("bench", "scene", "--sizes", "big", "single").stderr.count("big") == 1
 
 
 def test_an_output_that_cannot_be_written_is_told_before_the_work(scenes, tmp_path):
