@@ -149,8 +149,9 @@ def _step(t: Float[np.ndarray, "h w"], r: Float[np.ndarray, "h w"], dx: int, dy:
     influence = np.square((inverse[:2] @ A) * residual)
     variance = influence.sum(axis=1) / FOOTPRINT
     carrying = np.square(influence.sum(axis=1)) / np.maximum(np.square(influence).sum(axis=1), 1e-300)
-    # ... and neighbours' residuals, smoothed alike, are one.
-    dof = max(float(carrying.min()) * FOOTPRINT - 1, 0.5)
+    # ... and neighbours' residuals, smoothed alike, are one. Squares of Gaussian residuals scatter too: of n alike
+    # (sum)² / sum of squares is n / 3.
+    dof = max(3 * float(carrying.min()) * FOOTPRINT - 1, 0.5)
     flat = d - np.linalg.lstsq(normal[2:, 2:], A[2:] @ d, rcond=None)[0] @ A[2:]
     energy = float(flat @ flat)
     explained = 1 - float(residual @ residual) / energy if energy > 0 else 0.0
