@@ -20,6 +20,7 @@ from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image, Surface
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, SceneFile, Tolerance
+from raytwin.scene.scene_changes import summary
 
 SHIPPED = files.REFERENCES
 """The references that come with raytwin; in a checkout, its own reference/."""
@@ -189,7 +190,11 @@ def stale(old: Reference, scene: str | Path) -> str | None:
     if old.written is None:
         return f"it was made from an image, but now there is a scene: {scene}"
     if old.header["scene_hash"] != scene_hash(written):
-        return "the scene has changed since"
+        # The reference's camera has its own size; one that was found in photos is none of the file's.
+        before = old.origin().camera
+        camera = written.camera.resized(*before.image_size) if written.camera is not None else before
+        changed = summary(old.written, written.with_camera(camera))
+        return "the scene has changed since" + (f": {changed}" if changed else "")
     if old.tolerance != written.tolerance:
         return "the scene's tolerance has changed since"
     return None

@@ -1,5 +1,6 @@
 """References: whole or refused, stale when their scene moves, resumed when interrupted, replaced only when asked."""
 
+import re
 import shutil
 import sys
 from dataclasses import replace
@@ -308,7 +309,8 @@ def test_a_damaged_reference_fails(overlap, folder):
 def test_a_reference_older_than_its_scene_fails(overlap, folder):
     make(overlap, "shadow", folder)
     edit(overlap, "radius = 0.05", "radius = 0.051")
-    assert "stale: the scene has changed" in make_reference.check(overlap, "shadow", folder).problems[0]
+    (problem,) = make_reference.check(overlap, "shadow", folder).problems
+    assert re.search(r"stale: the scene has changed since: spheres\[\d\]\.radius 0\.05 -> 0\.051$", problem)
 
 
 @pytest.mark.parametrize("rung", ["shadow", "path"])

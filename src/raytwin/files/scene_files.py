@@ -12,6 +12,7 @@ from msgspec import UNSET
 from raytwin.errors import InputError
 from raytwin.files.images import read_image
 from raytwin.files.limits import MAX_PIXELS
+from raytwin.files.look_at import camera_table
 from raytwin.files.shipped import find_scene
 from raytwin.files.toml_json import plain, read_toml, to_record, write_toml
 from raytwin.scene import Camera, PhotoCamera, SceneFile, WrittenPlane, WrittenSphere, WrittenSun, material_of
@@ -33,6 +34,8 @@ def read_scene(path: str | os.PathLike) -> SceneFile:
     if isinstance(table, dict) and "photos" in table:
         data["photos"] = to_record(file, table, PhotoCamera, "camera")
     else:
+        if isinstance(table, dict) and "look_at" in table:
+            table = camera_table(file, table)
         data["camera"] = to_record(file, table, Camera, "camera")
         check_camera(data["camera"], f"{file}: camera.")
     data["name"] = file.resolve().parent.name + ("" if file.name == "scene.toml" else f"-{file.stem}")

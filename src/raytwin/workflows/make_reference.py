@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from raytwin import files, twin
@@ -22,6 +23,7 @@ from raytwin.progress import Progress, silent
 from raytwin.references import Reference, load, path_of, scene_hash, sealed, stale
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, SceneFile
+from raytwin.scene.scene_changes import changes
 
 PIXELS = 336 * 252
 """About what a reference has: a shadow's edge is still some pixels from the next, and all files fit a repository."""
@@ -250,8 +252,13 @@ def header_changes(old: dict[str, str], new: dict[str, str]) -> Iterator[str]:
     """`samples: 4096, was 1024`, for every key that differs."""
     for key in sorted(old.keys() | new.keys()):
         a, b = old.get(key, "nothing"), new.get(key, "nothing")
-        if a != b and key != "checksum":
-            yield f"{key}: changed" if key == "set_up" else f"{key}: {b}, was {a}"
+        if a == b or key == "checksum":
+            continue
+        if key == "set_up" and "nothing" not in (a, b):
+            scenes = (files.to_record(key, msgspec.json.decode(text), SceneFile) for text in (a, b))
+            yield from changes(*scenes)
+        else:
+            yield f"{key}: {b}, was {a}"
 
 
 # ------------------------------------------------------------------------------------------ check
