@@ -182,7 +182,13 @@ def test_every_command_of_a_page_runs_as_written(text, tmp_path, monkeypatch):
         assert "Traceback" not in done.stderr
     if text in READ_FIRST:
         shown = [line for block in blocks(text, "text") for line in block.splitlines()]
-        assert [line for line in shown if line not in printed.splitlines()] == []
+        lines = {without_numbers(line) for line in printed.splitlines()}
+        assert [line for line in shown if without_numbers(line) not in lines] == []
+
+
+def without_numbers(line: str) -> str:
+    """Points and errors follow the drawn cases; the words do not."""
+    return re.sub(r"[\d.]+", "0", " ".join(line.split()))
 
 
 def write(files: list[tuple[str, str]], folder: Path) -> None:
