@@ -12,10 +12,11 @@ from program import raytwin
 
 from raytwin import bench, files, twin
 from raytwin.bench import bench_run as run
+from raytwin.bench.bench_record import LeftOut
 from raytwin.bench.bench_reference import converge, measure, truth_of
 from raytwin.bench.bench_run import sized, thumbnail
 from raytwin.bench.sphere_field import crowded
-from raytwin.bench.timing import with_peak
+from raytwin.bench.timing import Measured, with_peak
 from raytwin.compare import METRICS
 from raytwin.errors import InputError, MachineError
 from raytwin.progress import silent
@@ -250,6 +251,34 @@ def test_preparing_may_take_half_of_the_time_and_leaves_some_of_every_family(vie
     assert now[0] == 106
     assert {o.method for o in left} == {m.name for m in methods} - {"a-0", "b-0"}
     assert all("no time to prepare it" in o.why for o in left)
+
+
+def test_the_quickest_of_each_family_is_called_before_the_second_of_any(view, monkeypatch):
+    """Of 10 s, with four calls each: three of family a take 1 s a call, b's takes 1.2 s: a-0 and b-0 fit."""
+    now = [0.0]
+    monkeypatch.setattr(run, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+
+    def first_call(measured, look):
+        now[0] += measured.guess
+
+    monkeypatch.setattr(run, "warm", first_call)
+    of = [("a-0", "a", 1.0), ("a-1", "a", 1.0), ("a-2", "a", 1.0), ("b-0", "b", 1.2)]
+    ready = [Measured(SimpleNamespace(name=n, family=f), lambda seed: None, s) for n, f, s in of]
+    left = []
+    done = run.warm_up(ready, None, 10.0, left, (64, 48), silent)
+    assert [m.method.name for m in done] == ["a-0", "b-0"]
+    assert {o.method for o in left} == {"a-1", "a-2"}
+
+
+def test_families_that_the_budget_leaves_out_are_named_with_what_they_need(view, monkeypatch):
+    """Two prepared in 3 s each, of 8 s; c and d were not tried, a call of e takes 5 s: 2 * 3 / 0.5 + 4 * 5 = 32 s."""
+    methods = [SimpleNamespace(name=f"{f}-0", family=f, samples=1) for f in "abcdef"]
+    ready = [Measured(m, lambda seed: None, 1.0) for m in methods[:2]]
+    why = ["no time to prepare it", "no time to prepare it", "no time: a call would take about 5 s", "no GPU"]
+    left = [LeftOut(m.name, 64, 48, w) for m, w in zip(methods[2:], why, strict=True)]
+    with pytest.warns(UserWarning, match=r"^--budget leaves out c, d, e: about 32 s more would measure one of each$"):
+        run._warn_of_families(methods, ready, left, 12.0)
+    run._warn_of_families(methods, ready, left[3:], 12.0)  # what the machine lacks needs no seconds
 
 
 def test_of_each_family_the_cheapest_is_prepared_first(view):

@@ -2,7 +2,9 @@
 
 import os
 import platform
+import re
 import time
+import warnings
 from collections.abc import Sequence
 from math import gcd, sqrt
 from pathlib import Path
@@ -28,8 +30,11 @@ from raytwin.workflows.versions import versions
 PREPARE_SHARE, TRUTH_SHARE = 0.5, 0.3
 """Shares of a size's time: prepare no method after the first; references take at most the second of the rest."""
 
-LATE = "no time"
-"""How the reason begins where a larger budget would help."""
+LATE, UNPREPARED = "no time", "to prepare it"
+"""How the reason begins where a larger budget would help, and how it ends where the method was not even tried."""
+CALL = re.compile(r"a call would take about (\S+) s")
+CALLS = 4
+"""Calls of a method that must fit what is left of the time: one to warm up, three to time."""
 
 GROWTH = (
     "loop-shadow-conic",
@@ -146,7 +151,10 @@ def measure_size(
 ) -> tuple[list[Measurement], list[Converged], list[Deviation], list[LeftOut], list[Repeats]]:
     """Truths, warm-up, timed rounds, for one size of picture."""
     w, h = scene.camera.image_size
+    start = time.perf_counter()
     ready, left = get_ready(scene, methods, deadline, progress)
+    if ready:
+        _warn_of_families(methods, ready, left, time.perf_counter() - start)
     images, truths = {}, {}
     names = sorted({truth_of(m.method) for m in ready} | ({WHOLE} if ready else set()))
     until = time.perf_counter() + TRUTH_SHARE * (deadline - time.perf_counter())
@@ -170,6 +178,24 @@ def measure_size(
         for m in done
     ]
     return rows, [truths[n] for n in names], errors, left, kept
+
+
+def _warn_of_families(
+    methods: Sequence[Renderer], ready: Sequence[Measured[Renderer, Image]], left: Sequence[LeftOut], spent: float
+) -> None:
+    """Say before anything is measured which families the budget leaves out whole, and what they would need."""
+    known, late = {m.method.family for m in ready}, {o.method: o for o in left if o.why.startswith(LATE)}
+    first: dict[str, LeftOut] = {}
+    for method in sorted(methods, key=lambda m: m.samples):
+        if method.family not in known and method.name in late:
+            first.setdefault(method.family, late[method.name])
+    if not first:
+        return
+    tried = len(ready) + len(left) - sum(o.why.endswith(UNPREPARED) for o in left)
+    calls = [float(found[1]) for o in first.values() if (found := CALL.search(o.why))]
+    more = CALLS * sum(calls) + (len(first) - len(calls)) * spent / max(1, tried) / PREPARE_SHARE
+    names = ", ".join([*first][:3]) + (f" and {len(first) - 3} more" if len(first) > 3 else "")
+    warnings.warn(f"--budget leaves out {names}: about {more:.2g} s more would measure one of each", stacklevel=3)
 
 
 def comparable(truth: str) -> bool:
@@ -199,7 +225,7 @@ def get_ready(
             left.append(LeftOut(method.name, w, h, absent[method.library]))
             continue
         if i > 0 and time.perf_counter() > until:
-            left.append(LeftOut(method.name, w, h, f"{LATE} to prepare it"))
+            left.append(LeftOut(method.name, w, h, f"{LATE} {UNPREPARED}"))
             continue
         try:
             first, second = (thumbnail(scene, side) for side in (24, 48))
@@ -210,7 +236,7 @@ def get_ready(
             larger = timed(call)
             expected = guess((area(first), warm_one), (area(second), larger), w * h)
             left_over = deadline - time.perf_counter()
-            if expected > left_over / 4:
+            if expected > left_over / CALLS:
                 left.append(LeftOut(method.name, w, h, f"{LATE}: a call would take about {expected:.2g} s"))
                 continue
             ready.append(Measured(method, method.prepare(scene), expected, max(0.0, cold - warm_one)))
@@ -230,16 +256,22 @@ def warm_up(
     size: tuple[int, int],
     progress: Progress,
 ) -> list[Measured[Renderer, Image]]:
-    """The methods that had their first call at full size: the quick ones first, as many as can have three more."""
+    """The methods that had their first call at full size: the quickest of each family first, then the other quick ones.
+
+    As many as can have three more calls: so no family is lost to the second of another.
+    """
     done, owed = [], 0.0
-    for i, m in enumerate(sorted(ready, key=lambda m: m.guess)):
+    quick = sorted(ready, key=lambda m: m.guess)
+    families = [m.method.family for m in quick]
+    firsts = [m for i, m in enumerate(quick) if m.method.family not in families[:i]]
+    for i, m in enumerate([*firsts, *(m for m in quick if m not in firsts)]):
         progress("warm up", i, len(ready))
-        if time.perf_counter() + owed + 4 * m.guess > deadline:
+        if time.perf_counter() + owed + CALLS * m.guess > deadline:
             left.append(LeftOut(m.method.name, *size, f"{LATE}: a call would take about {m.guess:.2g} s"))
             continue
         warm(m, look)
         done.append(m)
-        owed += 3 * m.guess
+        owed += (CALLS - 1) * m.guess
     progress("warm up", len(ready), len(ready))
     return [m for m in ready if m in done]
 
