@@ -11,6 +11,8 @@ from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.renderers.renderer_table import RENDERERS
 from raytwin.renderers.scene_exchange import as_arrays
+from raytwin.renderers.subject_renderers import PythonLoop, Supersampled, Traced
+from raytwin.renderers.twin_renderers import Denoised
 from raytwin.workflows.compare_scene import compare_scene
 
 LEARNERS = """
@@ -131,3 +133,28 @@ def test_a_row_of_the_table_is_a_subject_and_tells_what_its_rays_met(single, pac
         find_subject("nothing.py:f", "shadow")
     with pytest.raises(InputError, match=r"expected a function of back_project, .*, got none"):
         find_subject(__file__, "shadow")
+
+
+@pytest.mark.parametrize(("in_place", "keep"), [(True, True), (False, True), (False, False)])
+def test_only_a_renderer_in_place_leaves_what_lies_outside_the_objects_boxes(in_place, keep):
+    scene = files.read_scene(files.find_scene(files.SCENES / "single")).scene
+    scene = scene.with_camera(scene.camera.resized(16, 12))
+    call = Traced("lambert", "numpy32", keep=keep, in_place=in_place).prepare(scene)
+    one = call(0).mean
+    one[:] = 7.0
+    other = call(0).mean
+    assert bool((other == 7.0).any()) == in_place
+    assert not (other == 7.0).all()
+
+
+def test_the_table_has_four_times_the_samples_from_one_row_of_a_family_to_the_next():
+    made = [row for row in RENDERERS.values() if isinstance(row, Supersampled)]
+    assert {e: [row.samples for row in made if row.engine == e] for e in ("numpy32", "drjit32", "cuda32")} == {
+        engine: [4, 16, 64] for engine in ("numpy32", "drjit32", "cuda32")
+    }
+    assert [row.samples for row in RENDERERS.values() if isinstance(row, Denoised)] == [1, 4, 16, 64]
+
+
+def test_only_python_loops_and_engines_of_64_bits_compute_in_double_precision():
+    for name, row in RENDERERS.items():
+        assert row.precision == (64 if isinstance(row, PythonLoop) or "64" in name.split("-")[0] else 32), name

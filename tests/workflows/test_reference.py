@@ -511,3 +511,16 @@ def board_rays(camera) -> np.ndarray:
     v, u = np.indices((camera.height, camera.width), float)
     d = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], axis=-1)
     return d / np.linalg.norm(d, axis=-1, keepdims=True) @ np.asarray(camera.R_cam_board)
+
+
+def test_a_camera_that_moves_what_lies_in_the_first_column_has_moved(scenes):
+    scene = files.read_scene(scenes / "overlap").scene
+    camera = msgspec.structs.replace(scene.camera, dist=())
+    ball = scene.spheres[0]
+    at = np.asarray(camera.R_cam_board) @ np.asarray(ball.center) + np.asarray(camera.t_cam_board)
+    (fx, s, _), (_, fy, cy), last = camera.K
+    first = msgspec.structs.replace(camera, K=((fx, s, -fx * at[0] / at[2] - s * at[1] / at[2]), (0.0, fy, cy), last))
+    (_, _, cx), row, last = first.K
+    aside = msgspec.structs.replace(first, K=((fx, s, cx + 2.0), row, last))
+    alone = msgspec.structs.replace(scene, objects=(ball,))
+    assert make_reference.moved(alone, first, aside) == pytest.approx(2.0, rel=1e-6)

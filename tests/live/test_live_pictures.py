@@ -1,0 +1,62 @@
+"""What the live page is sent: pixels as the viewer would show them, and light paths that end before the eye."""
+
+import io
+
+import msgspec
+import numpy as np
+import pytest
+from PIL import Image as Pillow
+
+from raytwin import files
+from raytwin.live.light_path import NEAR, _project
+from raytwin.live.progressive import picture, to_screen
+from raytwin.live.view_state import Look
+from raytwin.speed import trace
+
+
+@pytest.fixture(scope="module")
+def base(scenes):
+    written = files.read_scene(scenes / "overlap")
+    return written.with_camera(written.camera.resized(96, 72))
+
+
+def srgb(x: float) -> float:
+    """IEC 61966-2-1, written once more."""
+    return 12.92 * x if x <= 0.0031308 else 1.055 * x ** (1 / 2.4) - 0.055
+
+
+@pytest.mark.parametrize(
+    ("look", "shown"),
+    [
+        (Look(), lambda x: srgb(min(x, 1))),
+        (Look(exposure=1.0), lambda x: srgb(min(2 * x, 1))),
+        (Look(gamma=2.0), lambda x: srgb(min(x, 1)) ** 0.5),
+        (Look(tone="Reinhard"), lambda x: srgb(x / (1 + x))),
+    ],
+)
+def test_a_pictures_pixels_are_the_radiance_as_the_viewer_would_show_it(look, shown):
+    values = (0.0, 0.002, 0.05, 0.25, 0.5, 0.9, 1.0, 3.0)
+    pixels = to_screen(np.tile(np.array(values, np.float32)[:, None, None], (1, 8, 3)), look)
+    for value, row in zip(values, pixels, strict=True):
+        assert row == pytest.approx(255 * shown(value), abs=1), value  # half floats, then a rounding
+    assert to_screen(np.full((1, 1, 3), -1, np.float32), look).max() == 0
+
+
+def test_the_jpeg_that_is_sent_shows_the_image(base):
+    image = trace(base.scene, "shadow")
+    event, (jpeg,) = picture("test", image, Look(), 0.5, 1)
+    sent = np.asarray(Pillow.open(io.BytesIO(jpeg)).convert("RGB"), float)
+    assert (event["pane"], event["seconds"], event["samples"]) == ("test", 0.5, 1)
+    assert np.mean(np.abs(sent - to_screen(image.mean, Look()))) < 4  # JPEG's own loss
+    assert np.ptp(sent) > 100
+
+
+def test_a_path_that_runs_behind_the_eye_ends_before_it(base):
+    camera = msgspec.structs.replace(base.camera, dist=())
+    (fx, _, cx), (_, fy, cy) = camera.K[:2]
+    assert _project(camera, (0.1, -0.2, 2.0)) == pytest.approx((fx * 0.05 + cx, -fy * 0.1 + cy))
+    # The line from (0.5, 0.2, 1) to (0, 0, -1) meets z = NEAR after this share of it.
+    share = (1 - NEAR) / 2
+    end = (0.5 - 0.5 * share) / NEAR, (0.2 - 0.2 * share) / NEAR
+    expected = fx * end[0] + cx, fy * end[1] + cy
+    assert _project(camera, (0.0, 0.0, -1.0), (0.5, 0.2, 1.0)) == pytest.approx(expected)
