@@ -1,7 +1,4 @@
-"""The site: it builds without a warning, its links lead somewhere, it loads nothing from elsewhere, all can read it.
-
-mkdocs comes with the extra `docs`; without it only the check of links is tested.
-"""
+"""The site: it builds without a warning, its links lead somewhere, it loads nothing from elsewhere, all can read it."""
 
 import runpy
 import subprocess
@@ -45,7 +42,6 @@ def test_a_link_that_leads_nowhere_and_a_file_from_elsewhere_are_noticed(faults,
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory) -> Path:
-    pytest.importorskip("mkdocs")
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, str(BUILD), "--no-gallery", "--site", str(folder)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
