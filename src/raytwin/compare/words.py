@@ -2,13 +2,17 @@
 
 import math
 
-from raytwin.compare.decision import POWER, Decision, Family
+from raytwin.compare.chance import quantile
+from raytwin.compare.decision import POWER, Decision, Family, Worst
 from raytwin.compare.exact import Quiet
 from raytwin.compare.finding import CHANNELS, IMAGE, TILE, VALUE, Finding, at, plural
 from raytwin.image import Image
 
 HARDLY_LIT = 1e4
 """Times too bright: beyond, what should be dark has no relative error worth the name, and the amount is written."""
+
+COMMON = 0.02
+"""Of a pixel's variance: that pixels share less than this (equal random numbers, one lamp's choice) is assumed."""
 
 CERTAIN = 1e-12
 """Probabilities below are certainty, and are not written down."""
@@ -39,8 +43,18 @@ def noise_findings(made: Decision, reference: Image, unit: float) -> list[Findin
             TILE: f"the {w.width} x {w.height} tile at {at(w.x, w.y)}",
             VALUE: f"the pixel {at(w.x, w.y)}",
         }[rank]
+        if rank == IMAGE and (share := shared_share(w, family.level)) < COMMON:
+            sure += f"; {percent(share)} of the variance in common to all pixels would explain it"
         findings.append(Finding(rank, f"{where} is {off} ({sure}){_others(rank, family, made.failed_pixels)}"))
     return findings
+
+
+def shared_share(worst: Worst, level: float) -> float:
+    """The share of each pixel's variance that, common to all pixels, makes `worst` no more than its level allows.
+
+    z standard deviations of the mean of n independent pixels are z / sqrt(n) of one pixel's.
+    """
+    return (worst.z / float(quantile(level, math.inf))) ** 2 / (worst.width * worst.height)
 
 
 def _amount(error: float, area: float, unit: float) -> str:
