@@ -60,3 +60,11 @@ def test_a_path_that_runs_behind_the_eye_ends_before_it(base):
     end = (0.5 - 0.5 * share) / NEAR, (0.2 - 0.2 * share) / NEAR
     expected = fx * end[0] + cx, fy * end[1] + cy
     assert _project(camera, (0.0, 0.0, -1.0), (0.5, 0.2, 1.0)) == pytest.approx(expected)
+
+
+def test_a_path_that_ends_in_the_eyes_own_plane_ends_before_it_too(base):
+    camera = msgspec.structs.replace(base.camera, dist=())
+    (fx, _, cx), (_, fy, cy) = camera.K[:2]
+    share = 1 - NEAR
+    expected = fx * (0.5 - 0.5 * share) / NEAR + cx, fy * (0.2 - 0.2 * share) / NEAR + cy
+    assert _project(camera, (0.0, 0.0, 0.0), (0.5, 0.2, 1.0)) == pytest.approx(expected)
