@@ -4,6 +4,7 @@ import contextlib
 import inspect
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ SECONDS = 2.5
 """Of computing, after which no further change is tried."""
 MEMORY = 1 << 29
 """Bytes that a change may take."""
+_REPAIRING = ContextVar("_REPAIRING", default=False)
+"""Whether a change is being tried: a text that checks itself, as a decorator does, must not be repaired within it."""
 
 
 def repair_here(
@@ -30,7 +33,13 @@ def repair_here(
     Nothing is tried on a function whose text is not known: `source`, its file, or a notebook's cells.
     """
     space, name = getattr(function, "__globals__", None), getattr(function, "__name__", "")
-    if not cases or space is None or space.get(name) is not function or not (cells := _cells(function, source)):
+    if (
+        _REPAIRING.get()
+        or not cases
+        or space is None
+        or space.get(name) is not function
+        or not (cells := _cells(function, source))
+    ):
         return None
     began = time.process_time()
 
@@ -40,7 +49,11 @@ def repair_here(
             made: Answers = attempt(space, name, codes, names, arguments, A_CALL)
         return made
 
-    return repair(cells, name, cases, is_right, run, lambda: time.process_time() - began < seconds)
+    token = _REPAIRING.set(True)
+    try:
+        return repair(cells, name, cases, is_right, run, lambda: time.process_time() - began < seconds)
+    finally:
+        _REPAIRING.reset(token)
 
 
 @contextlib.contextmanager

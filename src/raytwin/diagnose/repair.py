@@ -171,7 +171,12 @@ def _statements(cells: Cells, function: str, innocent: Sequence[str]) -> list[tu
     bound: dict[str, tuple[str, ast.stmt]] = {}
     for cell, text in cells:
         for statement in _parsed(text).body:
-            bound |= dict.fromkeys(_bound(statement), (cell, statement))
+            for name in _bound(statement):
+                # `f = check(f)` behind `def f` wraps the function, and is not its text.
+                if isinstance(statement, ast.FunctionDef) or not isinstance(
+                    bound.get(name, ("", None))[1], ast.FunctionDef
+                ):
+                    bound[name] = cell, statement
     found: dict[int, tuple[str, ast.stmt]] = {}
     todo = [function]
     bound = {name: one for name, one in bound.items() if name not in innocent}
