@@ -113,6 +113,21 @@ def test_every_exported_name_is_there(package):
     assert not missing
 
 
+def test_no_docstring_begins_with_of():
+    """The subject of a sentence comes first: what a constant is, what a function returns."""
+    source = Path(__file__).resolve().parents[1] / "src" / "raytwin"
+    found = [
+        f"{f.name}: {line}" for f in source.rglob("*.py") for line in f.read_text().splitlines() if '"""Of ' in line
+    ]
+    assert found == []
+
+
+def test_a_files_name_is_its_address():
+    source = Path(__file__).resolve().parents[1] / "src" / "raytwin"
+    names = [f.name for f in source.rglob("*.py") if f.name not in ("__init__.py", "__main__.py")]
+    assert sorted({name for name in names if names.count(name) > 1}) == []
+
+
 @pytest.mark.parametrize("package", ["calib.boards", "calib.photos", "calib.augment"])
 def test_no_exported_name_hides_a_submodule_of_its_package(package):
     module = importlib.import_module(f"raytwin.{package}")

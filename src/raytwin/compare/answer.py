@@ -30,7 +30,7 @@ HARDLY = 1 / 24
 TINY = np.float32(1e-30)
 
 MOSTLY = 0.8
-"""Of the blocks that scatter, the share that must be dense before the scatter may be noise that nobody told of."""
+"""Least share of the scattering blocks that is dense, if the scatter is to count as unreported noise."""
 
 
 SHARED = (
@@ -50,7 +50,7 @@ FEW_BATCHES = (
 FEW_SAMPLES = "undecided: too few random samples to know any noise: take at least 4 samples per pixel"
 
 MOSTLY_RARE = 0.25
-"""Of an image's light, the share in rare events above which no tile tells how many it missed."""
+"""Share of an image's light in rare events above which no tile shows how many it missed."""
 
 RARE = (
     "undecided: {:.0f} % of the light of {} comes from rare events, of which a pixel saw very few: take more samples, "
@@ -108,7 +108,7 @@ class Question:
         return first
 
     def exactly(self) -> Answer:
-        """Of images without noise: value by value."""
+        """Compare images without noise, value by value."""
         return self._exact(None if (rounding := self._rounding()[0]) is None else rounding.value)
 
     # ---------------------------------------------------------------------------------- within
@@ -261,7 +261,7 @@ class Question:
 
 
 def fewest_batches(*images: Image) -> int:
-    """Of the images that have a variance."""
+    """Return the least number of batches of the images that have a variance."""
     return min(
         i.batches if i.batches is not None else i.samples or ENOUGH_BATCHES for i in images if i.variance is not None
     )

@@ -13,7 +13,7 @@ Blocks = Float[np.ndarray, "by bx 3"]
 """A value each for its blocks of 8 x 8 pixels."""
 
 Means = Float[np.ndarray, "*n 3"]
-"""Of any tiles, each of so many pixels: `Counts`."""
+"""A value each for any tiles, whose numbers of pixels are `Counts`."""
 
 Counts = Float[np.ndarray, "*n 1"]
 

@@ -347,7 +347,7 @@ class Way(NamedTuple):
 
 
 class _Tested(NamedTuple):
-    """Of sums, (..., 3) each: |mean error| beyond what is granted over its standard deviation, and what that took."""
+    """Return |mean error| beyond what is granted in standard deviations, for sums (..., 3), and how it was computed."""
 
     z: Means
     sd: Means

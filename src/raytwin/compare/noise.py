@@ -197,7 +197,7 @@ class Residual(NamedTuple):
 
 
 def residual(test: Pixels, reference: Pixels, carrying: bool = False) -> Residual:
-    """Of two means (H, W, 3); what carries it only where asked for, else 0."""
+    """Compare two means (H, W, 3); the part that carries the difference is computed on request, else 0."""
     squares, fourths, counts = [], [], []
     for y0, y1, rows in strips(test.shape):
         d = demeaned(np.subtract(test[y0:y1], reference[y0:y1], dtype=np.float32), rows)

@@ -12,7 +12,7 @@ HARDLY_LIT = 1e4
 """Times too bright: beyond, what should be dark has no relative error worth the name, and the amount is written."""
 
 COMMON = 0.02
-"""Of a pixel's variance: that pixels share less than this (equal random numbers, one lamp's choice) is assumed."""
+"""Share of a pixel's variance: pixels are assumed to share less than this (equal random numbers, one lamp's choice)."""
 
 CERTAIN = 1e-12
 """Probabilities below are certainty, and are not written down."""
@@ -98,7 +98,7 @@ def what_could_be_seen(made: Decision, rate: float) -> tuple[str, ...]:
 
 
 def agreement(p999: float, allowed: float, quiet: Quiet) -> str:
-    """Of images without noise that agree."""
+    """Return what to say of noise-free images that agree."""
     text = f"the images agree: 99.9 % of the values to {p999:.2g} (allowed {allowed:.2g})"
     if quiet.error <= 10 * allowed or math.isinf(allowed):
         return f"{text}, all to {quiet.error:.2g}"

@@ -129,7 +129,7 @@ def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> S
 
 
 def _diagnosed(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> tuple[tuple[str, ...], str]:
-    """Of pictures of scenes: the names of the causes that explain most of what is wrong, and the sentence."""
+    """Return the names of the causes that explain most of what is wrong with pictures, and the sentence."""
     from raytwin.diagnose.diagnosis import diagnose
     from raytwin.diagnose.pixel_sample import View
     from raytwin.renderers.scene_exchange import as_scene

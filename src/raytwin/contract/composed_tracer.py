@@ -13,7 +13,7 @@ PARTS = ("back_project", "intersect_sphere", "shade")
 """The functions of the contract that a picture is made with."""
 
 NEEDED = {"hit_points": PARTS[:2], "render": PARTS}
-"""Of what a submission makes these end to end, where it has no function of that name."""
+"""Names that are composed of a submission's parts if it has no function of that name."""
 
 
 def compose(stages: Mapping[str, Function]) -> SimpleNamespace:

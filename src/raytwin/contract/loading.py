@@ -81,6 +81,6 @@ def run_program(command: Sequence[str], told: Path, out: Path, endings: Sequence
 
 
 def image_at(folder: Path, scene: str, endings: Sequence[str]) -> Path:
-    """Of a folder of images the one that bears the scene's name; where there is none, the first it might be."""
+    """Return the folder's image of the scene's name; if there is none, the first name it might have."""
     named = [folder / f"{scene}{ending}" for ending in endings]
     return next((path for path in named if path.is_file()), named[0])

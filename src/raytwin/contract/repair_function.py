@@ -14,7 +14,7 @@ from raytwin.contract.stage import Case, Function, Stage
 from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, attempt, repair
 
 SECONDS = 2.5
-"""Of computing, after which no further change is tried."""
+"""Seconds of computing, after which no further change is tried."""
 MEMORY = 1 << 29
 """Bytes that a change may take."""
 _REPAIRING = ContextVar("_REPAIRING", default=False)
@@ -119,7 +119,7 @@ def _case(stage: Stage, case: Case, args: tuple[Any, ...]) -> Case:
 
 
 def _thinned(K: Any) -> np.ndarray:
-    """Of a camera whose pixel (u, v) is the other's (STEP u, STEP v)."""
+    """Return K of a camera whose pixel (u, v) is the other's (STEP u, STEP v)."""
     return np.concatenate([np.asarray(K)[:2] / STEP, np.asarray(K)[2:]])
 
 

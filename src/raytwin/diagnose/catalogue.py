@@ -240,7 +240,7 @@ def _as_point(x: Array, y: Array, camera: Camera, ray: Any, unit: bool, forward:
 
 
 def _left_behind(x: Shape, camera: Camera, kind: type, turned: bool) -> Shape:
-    """Of this kind: as if coordinates of the board's frame, `turned` or not, were the camera's."""
+    """Take coordinates of this kind in the board's frame, `turned` or not, as the camera's."""
     if not isinstance(x, kind):
         return x
     R, t = np.asarray(camera.R_cam_board), np.asarray(camera.t_cam_board)
@@ -989,7 +989,7 @@ def _planes_first(t: Array, things: tuple[Shape, ...], rays: Rays, which: Any) -
 
 
 def _one_of_kind(t: Array, things: tuple[Shape, ...], rays: Rays, kind: type, which: Any) -> Array:
-    """Of one kind the last or the first that is hit, or something of the other kind before it."""
+    """See the last or the first hit of one kind, or something of the other kind before it."""
     alike = np.array([isinstance(thing, kind) for thing in things])[:, None]
     one = which(np.where(alike, t, np.inf), things, rays)
     return nearest(np.where(alike & (np.arange(len(things))[:, None] != one), np.inf, t), things, rays)
@@ -1003,7 +1003,7 @@ def _painted(t: Array, things: tuple[Shape, ...], rays: Rays, on_top: type) -> A
 
 
 def _all_written(x: Terms, kinds: tuple[type, ...], albedo: bool, normal: bool, there: bool = True) -> Terms:
-    """Of all that the eye's ray meets the last one of these kinds has its albedo or its normal written.
+    """Write the albedo or normal of the last object of these kinds that the eye's ray meets.
 
     `there`: the normal where it is met itself, not at the point that is seen.
     """
@@ -1029,7 +1029,7 @@ def _all_written(x: Terms, kinds: tuple[type, ...], albedo: bool, normal: bool, 
 
 
 def by_key(key: Callable[[Array, Shape, Rays], Any]) -> Change:
-    """Of all that are hit the one of the least key (t (N,), thing, rays) -> (N,)."""
+    """See the hit of the least key (t (N,), thing, rays) -> (N,)."""
 
     def order(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
         keys = np.stack([np.broadcast_to(key(t[k], thing, rays), t[k].shape) for k, thing in enumerate(things)])
@@ -1047,7 +1047,7 @@ def is_sphere(thing: Shape) -> bool:
 
 
 def less(kind: Any, lost: Callable[[list[int]], list[int]]) -> tuple[Change, Change]:
-    """Of the objects of this kind some are lost: out of reach, so that ids stay; or for the eye alone."""
+    """Lose some objects of this kind: out of reach, so that ids stay; or for the eye alone."""
 
     def which(things: Casters) -> list[int]:
         return lost([i for i, thing in enumerate(things) if isinstance(thing, kind)])
@@ -1081,7 +1081,7 @@ def _any_blocks(start: Array, to: Array, things: Casters, steps: Steps, limit: f
 
 
 def all_at_last(*kinds: type) -> Change:
-    """Of each of these kinds the last one is in the place of all: the first one's colour is seen on it."""
+    """Put the last object of each of these kinds in the place of all; the first one's colour is seen on it."""
 
     def merged(things: Casters) -> Casters:
         made = list(things)
@@ -1252,7 +1252,7 @@ def _from_eye(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
 
 
 def _of_other_center(x: Terms, k: int, unit: bool, inside: bool) -> Terms:
-    """Of the first sphere or the last; `inside`: where that points inwards, shadow rays start within the own one."""
+    """Take the normal of the first or last sphere; `inside`: where it points inwards, shadow rays start inside."""
     if not x.scene.spheres:
         return x
     one, flat = x.scene.spheres[k], _on_plane(x)
@@ -1542,7 +1542,7 @@ def _of_table(x: Terms, f: Callable[[list[Any], list[Any]], list[Any]]) -> Array
 
 
 def _darkened(x: Terms, f: Callable[[Array], Array]) -> Array:
-    """Of each object the product of f of the albedos of all before it: an array of the scene's is changed in place."""
+    """Multiply each albedo by f of all before it, as if an array of the scene were changed in place."""
     each = [f(np.array(thing.material.albedo)) for thing in x.scene.objects]
     return np.cumprod([np.ones(3), *each], axis=0)[x.hits.ids].T
 
@@ -1805,7 +1805,7 @@ def _gone(thing: Shape) -> Shape:
 
 
 def one_other(last: bool) -> Callable[[Hits, Array, Casters, Steps], Array]:
-    """Of all objects but the point's own only the last one tested, or the first, decides."""
+    """Let only the last, or the first, object tested decide, the point's own left out."""
 
     def blocked(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
         found = np.zeros(hits.t.shape, bool)
@@ -1909,7 +1909,7 @@ def _half_of_pairs(hits: Hits, to: Array, things: Casters, steps: Steps, later: 
 
 
 def _whole_object(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
-    """Of the points that are looked at one in shadow darkens all of its object."""
+    """Let one point in shadow darken all of its object."""
     one = others_hide(hits, to, things, steps)
     return np.isin(hits.ids, hits.ids[one]) | ((hits.normal * to).sum(axis=0) <= 0)
 

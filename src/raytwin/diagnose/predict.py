@@ -235,7 +235,7 @@ def meet_all(origin: Array, d: Array, things: Sequence[Shape], steps: Steps) -> 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Of K things and, in the last row, none: `albedo`, `center`, `facing` (a rectangle's normal) (K + 1, 3); `radius`
+    """K things and, in the last row, none: `albedo`, `center`, `facing` (a rectangle's normal) (K + 1, 3); `radius`
     (K + 1,), infinite for a rectangle."""
 
     albedo: Array

@@ -256,7 +256,7 @@ OWN_WORDS = {
     "their length afterwards",
     "sum-of-all": "one sum is over all rays and components: sum over the last axis alone (axis=-1)",
 }
-"""Of faults that a picture does not show, or not alone."""
+"""Faults that a picture does not show, or not alone."""
 
 
 FAULTS_OF: dict[str, Ways] = {"back_project": BACK_PROJECT, "intersect_sphere": INTERSECT_SPHERE, "shade": SHADE}

@@ -13,7 +13,7 @@ from raytwin.files.toml_json import to_record
 from raytwin.scene import PixelCount, Positive, Record, Vector
 
 LEAST_SINE = 1e-6
-"""Of the angle between the view and `up`: below, which way is up is not known."""
+"""Sine of the angle between the view and `up`: below this, the direction of up is undefined."""
 
 
 class LookAt(Record, frozen=True):
