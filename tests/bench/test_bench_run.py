@@ -25,7 +25,7 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import RENDERERS, choose
 from raytwin.renderers.subject_renderers import Filled, Speculated
 from raytwin.renderers.twin_renderers import Denoised, Plain, Twin
-from raytwin.report.bench_charts import METRICS as SHOWN
+from raytwin.report.bench_charts import CHARTED as SHOWN
 from raytwin.speed import trace
 
 KEYS = [

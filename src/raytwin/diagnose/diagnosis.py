@@ -546,7 +546,7 @@ def _likelier(sights: Sequence[Sight], steps: Steps) -> bool:
             )
         gains.append(s.weight * np.nan_to_num(before - after).sum(axis=-1))
     gain = np.concatenate(gains)
-    if _firm(sights):
+    if _firm(sights) or not any(np.any(s.slack > 0) for s in sights):
         return bool(gain.sum() >= 0)
     return bool(gain.sum() > SIGNIFICANT * np.sqrt(np.square(gain).sum()))
 
