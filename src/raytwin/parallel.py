@@ -2,7 +2,6 @@
 
 import multiprocessing
 import re
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -130,8 +129,3 @@ def _on_cluster(function: Callable[[T], Any], things: Sequence[T], address: str)
                 yield Done(futures[future], error=wrong)
             else:
                 yield Done(futures[future], future.result())
-
-
-def time_left(began: float, done: int, total: int) -> float:
-    """Seconds, if the rest takes as long as what is done."""
-    return (time.monotonic() - began) * (total - done) / done if done else 0.0
