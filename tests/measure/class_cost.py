@@ -7,13 +7,13 @@ computing, since the clock tells of the machine's other work: the grader's own, 
 """
 
 import resource
-import sys
 import time
 from collections import Counter
 from functools import partial
 from pathlib import Path
 
 import submitted_tracers as tracers
+from measure import record
 from tracers_by_students import CORRECT, MISTAKES, mistaken
 
 from raytwin.grade.class_run import Job, collect, jobs_of, work
@@ -87,8 +87,14 @@ def main(folder: Path, count: int = 100, jobs: int = 2) -> None:
     done = {
         d.thing.key: d.result for d in map_parallel(partial(measured, out=str(folder / "out")), asked, Workers(jobs))
     }
-    print(f"{len(done)} submissions, {jobs} at a time: {time.monotonic() - began:.0f} s")
+    seconds = time.monotonic() - began
     results = collect(asked, folder / "out")
+    weight = sum(path.stat().st_size for path in (folder / "out").rglob("*") if path.is_file())
+    rows = [
+        ["submissions with a result", f"{len(done)} of {count}"],
+        [f"wall-clock time, {jobs} at a time", f"{seconds:.0f} s"],
+        ["pages and results", f"{weight / 1e6:.0f} MB"],
+    ]
     for name, chosen in (
         ("right", [r for r in results if r.all_passed]),
         ("wrong", [r for r in results if any(e.status == "fail" for e in r.exercises)]),
@@ -96,11 +102,20 @@ def main(folder: Path, count: int = 100, jobs: int = 2) -> None:
     ):
         spent = [done[r.key] for r in chosen]
         own, theirs = (sum(s[k] for s in spent) / max(1, len(spent)) for k in (0, 1))
-        print(f"{name:8} {len(chosen):3}: {own:.2f} s each, and {theirs:.2f} s in their processes")
+        rows.append([f"CPU time of the grader's own, {name} ({len(chosen)})", f"{own:.2f} s"])
+        rows.append([f"CPU time of the submission's processes, {name}", f"{theirs:.2f} s"])
     total = sum(own for own, _ in done.values()) / len(done) + start
-    print(f"overhead: {total:.2f} s each, with {start:.2f} s in which a process begins")
+    rows.append([f"all, with {start:.2f} s in which a process begins", f"{total:.2f} s"])
+    record.table(
+        "class",
+        "cost",
+        ["measured on two cores", "per submission"],
+        rows,
+        f"python -m measure.class_cost FOLDER {count}",
+    )
     print(Counter(e.status for r in results for e in r.exercises))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), *map(int, sys.argv[2:]))
+    folder, *counts = record.arguments()
+    main(Path(folder), *map(int, counts))

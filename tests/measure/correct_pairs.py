@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from measure import record
 from measure.random_scenes import KINDS, random_scene
 
 from raytwin import files, twin
@@ -100,13 +101,12 @@ def main(scenes: int = 40, seeds: int = 3) -> int:
         counts.setdefault(group, Counter())[found.verdict] += 1
         if found.verdict != "pass":
             print(f"{found.verdict}: {case}: {found.reasons[0]}", flush=True)
-    print("\n| pairs | pass | undecided | fail |\n| --- | ---: | ---: | ---: |")
-    for group, c in counts.items():
-        print(f"| {group} | {c['pass']} | {c['undecided']} | {c['fail']} |")
     total = sum(counts.values(), Counter())
-    print(f"\n{total.total()} pairs: {total['fail']} fail, {total['undecided']} undecided")
+    rows = [[group, *(c[v] for v in ("pass", "undecided", "fail"))] for group, c in (counts | {"all": total}).items()]
+    command = f"python -m measure.correct_pairs {scenes} {seeds}"
+    record.table("verdict", "correct-pairs", ["pairs", "pass", "undecided", "fail"], rows, command)
     return total["fail"]
 
 
 if __name__ == "__main__":
-    sys.exit(bool(main(*map(int, sys.argv[1:]))))
+    sys.exit(bool(main(*map(int, record.arguments()))))

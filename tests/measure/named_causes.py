@@ -5,13 +5,13 @@ shadows, one without; mistakes in tracers that students wrote; and right tracers
 faults that look alike: which is named where which was planted.
 """
 
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from measure import record
 from tracers_by_students import CORRECT, MISTAKES, mistaken, run
 
 from raytwin.diagnose.catalogue import FAULTS, SAMPLING, Fault
@@ -69,8 +69,12 @@ class Tally:
             nearest = made.nearest.name if made.nearest else "-"
             print(f"{label}: {sorted(first)} or {others}, nearest {nearest}, {made.sureness}", flush=True)
 
-    def tell(self) -> None:
-        print(self.counts, f"{self.seconds / max(self.counts['all'], 1):.2f} CPU seconds each", flush=True)
+    def report(self, what: str, added: dict[str, str] | None = None) -> None:
+        """Print the counts as the table `what`, rows `added` below them, and what was taken for what."""
+        rows = [*self.counts.items(), *(added or {}).items()]
+        each = f"{self.seconds / max(self.counts['all'], 1):.2f}"
+        command = f"python -m measure.named_causes {' '.join(record.arguments())}"
+        record.table("causes", what, ["", "count"], [*rows, ("CPU seconds each", each)], command)
         for (planted_, named), times in sorted(self.confused.items()):
             print(f"{planted_:34} -> {named}{f' ({times} times)' if times > 1 else ''}")
 
@@ -92,8 +96,7 @@ def of_students() -> None:
     for wanted, text, old, new in MISTAKES:
         made, seconds = timed(pictures(mistaken(text, old, new)))
         tally.take({wanted[0]}, wanted[0], made, set(wanted), seconds)
-    print(f"right tracers that were blamed: {blamed} of {len(CORRECT)}")
-    tally.tell()
+    tally.report("students", {"right tracers that were blamed": f"{blamed} of {len(CORRECT)}"})
 
 
 def seen_of(faults: Sequence[tuple[Fault, Any]]) -> list[Fault]:
@@ -109,8 +112,8 @@ def seen_of(faults: Sequence[tuple[Fault, Any]]) -> list[Fault]:
     return kept
 
 
-def of_faults(chosen: Iterable[Sequence[tuple[Fault, Any]]]) -> None:
-    """Wanted of two are those that show beside the other."""
+def of_faults(what: str, chosen: Iterable[Sequence[tuple[Fault, Any]]]) -> None:
+    """Diagnose planted faults and report as `what`. Wanted of two are those that show beside the other."""
     tally = Tally()
     for faults in chosen:
         names = {f.name for f in (seen_of(faults) if len(faults) > 1 else (faults[0][0],))}
@@ -118,22 +121,22 @@ def of_faults(chosen: Iterable[Sequence[tuple[Fault, Any]]]) -> None:
         tally.take(
             names, " + ".join(f.name if f.name in names else f"({f.name})" for f, _ in faults), made, names, seconds
         )
-    tally.tell()
+    tally.report(what)
 
 
 def main() -> None:
-    what, number = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 60
+    what, number = (*record.arguments(), "60")[:2]
     direct = [f for f in FAULTS if f.stage != SAMPLING]
     if what == "students":
         of_students()
     elif what == "alone":
-        of_faults([(f, f.ways[0])] for f in direct)
+        of_faults(what, ([(f, f.ways[0])] for f in direct))
     elif what == "ways":
-        of_faults([(f, way)] for f in direct for way in f.ways)
+        of_faults(what, ([(f, way)] for f in direct for way in f.ways))
     else:
         rng = np.random.default_rng(0)
-        two = (rng.choice(len(direct), 2, replace=False) for _ in range(number))
-        of_faults([(direct[i], direct[i].ways[0]) for i in pair] for pair in two)
+        two = (rng.choice(len(direct), 2, replace=False) for _ in range(int(number)))
+        of_faults(what, ([(direct[i], direct[i].ways[0]) for i in pair] for pair in two))
 
 
 if __name__ == "__main__":

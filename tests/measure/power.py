@@ -1,6 +1,7 @@
 """What a verdict sees: faults put into correct renders and how often each tool finds them; alarms where there is none.
 
-`python -m measure.power` prints the tables of docs/measured/verdict.md. The tools, each at a setting its users take:
+`python -m measure.power [faults alarms noise samples]` prints the tables of docs/measured/verdict.md. The tools, each
+at a setting its users take:
 
 - raytwin: `compare` at a false-alarm rate of 1e-3;
 - idiff: OpenImageIO's `ImageBufAlgo.compare`, fails where more than 10 % of the pixels differ by more than 0.004 or any
@@ -11,13 +12,14 @@
 """
 
 import functools
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
+from measure import record
 from measure.noise_models import KINDS, Maker, half_steps, lognormal, pair, picture
 
 from raytwin.compare import Comparison, compare
@@ -27,6 +29,8 @@ from raytwin.image import Image
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 
+EXPLAINED = ("rare events against the exact image", "the same numbers in every pixel")
+"""Kinds of noise that fail for good reason: the events are missing, and common random numbers are a fault."""
 DEPTH = 3
 """Of the reference: light, two surfaces, eye. The fault `a bounce missing` renders with one less."""
 
@@ -224,18 +228,6 @@ def noise_table(count: int = 500, shape: tuple[int, int] = (48, 64), rate: float
     return rows
 
 
-def noise_markdown(rows: list[dict[str, Any]]) -> str:
-    head = (
-        "| noise | alarms | undecided | detectable | 1 % seen | 3 % seen |\n| --- | ---: | ---: | ---: | ---: | ---: |"
-    )
-    lines = [head]
-    for r in rows:
-        shares = " | ".join(f"{100 * s:.0f} %" for s in r["seen"].values())
-        size = percent(r["detectable"])
-        lines.append(f"| {r['what']} | {r['alarms']} of {r['comparisons']} | {r['undecided']} | {size} | {shares} |")
-    return "\n".join(lines)
-
-
 SAMPLED: dict[str, tuple[dict[str, Any], Callable[..., np.ndarray]]] = {
     "Gaussian": ({}, picture),
     "exponential": ({"kind": "exp", "sd": 1.0}, picture),
@@ -248,9 +240,12 @@ SAMPLED: dict[str, tuple[dict[str, Any], Callable[..., np.ndarray]]] = {
 
 def samples_table(
     samples=(16, 64, 256, 1024, 4096), count: int = 30, shape: tuple[int, int] = (48, 64), reference: int = 16384
-) -> str:
-    """In how many per cent of `count` renders an error of 0, 1 and 3 % is seen; `-` where most are undecided."""
-    lines = ["| noise | nothing wrong | 1 % too bright | 3 % too bright |", "| --- | --- | --- | --- |"]
+) -> list[list[str]]:
+    """Return a row per kind of noise: in how many per cent of `count` renders an error of 0, 1 and 3 % is caught.
+
+    `-` where most are undecided.
+    """
+    rows = []
     for name, (both, drawn) in SAMPLED.items():
         truth, cells = drawn(*shape), []
         for fault in (1.0, 1.01, 1.03):
@@ -262,8 +257,8 @@ def samples_table(
                 undecided = found.count("undecided") > count / 2
                 shares.append("-" if undecided else f"{100 * found.count('fail') / count:.0f}")
             cells.append(" / ".join(shares))
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append([name, *cells])
+    return rows
 
 
 def _counted(what: str, n: int, k: int) -> dict[str, object]:
@@ -273,34 +268,51 @@ def _counted(what: str, n: int, k: int) -> dict[str, object]:
     return {"what": what, "comparisons": n, "alarms": k, "low": float(interval.low), "high": float(interval.high)}
 
 
-def markdown(rows: list[dict[str, Any]], samples: list[int]) -> str:
-    """One line a fault: for each tool the share seen at each number of samples, in per cent."""
-    head = "| fault | " + " | ".join(f"{tool} at {' / '.join(map(str, samples))}" for tool in TOOLS) + " |"
-    lines = [head, "| --- |" + " --- |" * len(TOOLS)]
+def by_fault(rows: list[dict[str, Any]], samples: list[int]) -> list[list[str]]:
+    """Return a row per fault: for each tool the share caught at each number of samples, in per cent."""
+    lines = []
     for fault in FAULTS:
         mine = {row["samples"]: row for row in rows if row["fault"] == fault}
-        cells = []
-        for tool in TOOLS:
-            shares = [mine[n][tool] for n in samples]
-            cells.append(" / ".join("-" if s is None else f"{100 * s:.0f}" for s in shares))
-        lines.append(f"| {fault} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+        shares = ([mine[n][tool] for n in samples] for tool in TOOLS)
+        lines.append([fault, *(" / ".join("-" if s is None else f"{100 * s:.0f}" for s in row) for row in shares)])
+    return lines
 
 
-def main(scenes: str = "scenes") -> None:
-    named = {n: read_scene(f"{scenes}/{n}").scene for n in ("single", "overlap", "distorted", "grazing")}
-    small = {n: s.with_camera(s.camera.resized(64, 48)) for n, s in named.items()}
-    overlap = named["overlap"].with_camera(named["overlap"].camera.resized(160, 120))
-    counts = [16, 64, 256, 1024, 4096]
-    print(markdown(power_table(overlap, counts), counts))
-    print("\n| correct renders | comparisons | alarms | 95 % interval of the rate |\n| --- | --- | --- | --- |")
-    for row in false_alarms(small):
-        print(f"| {row['what']} | {row['comparisons']} | {row['alarms']} | {row['low']:.2g} to {row['high']:.2g} |")
-    print()
-    print(noise_markdown(noise_table()))
-    print()
-    print(samples_table())
+def alarm_cells(row: dict[str, Any]) -> list[str]:
+    return [row["what"], f"{row['alarms']} of {row['comparisons']}", f"{row['low']:.1e} to {row['high']:.1e}"]
+
+
+def noise_cells(row: dict[str, Any]) -> list[str]:
+    shares = (f"{100 * share:.0f} %" for share in row["seen"].values())
+    alarms, undecided = f"{row['alarms']} of {row['comparisons']}", str(row["undecided"])
+    return [row["what"], alarms, undecided, percent(row["detectable"]), *shares]
+
+
+def main(*parts: str, scenes: str = str(Path(__file__).resolve().parents[2] / "scenes")) -> None:
+    def table(name: str, columns: Sequence[str], rows: list[list[str]]) -> None:
+        record.table("verdict", name, columns, rows, f"python -m measure.power {name.partition('-')[0]}")
+
+    chosen = parts or ("faults", "alarms", "noise", "samples")
+    if "faults" in chosen:
+        overlap = read_scene(f"{scenes}/overlap").scene
+        overlap, counts = overlap.with_camera(overlap.camera.resized(160, 120)), [16, 64, 256, 1024, 4096]
+        tools = [f"{tool} at {' / '.join(map(str, counts))}" for tool in TOOLS]
+        table("faults", ["fault", *tools], by_fault(power_table(overlap, counts, seeds=3), counts))
+    if "alarms" in chosen:
+        named = {name: read_scene(f"{scenes}/{name}").scene for name in ("single", "overlap", "distorted", "grazing")}
+        small = {name: scene.with_camera(scene.camera.resized(64, 48)) for name, scene in named.items()}
+        columns = ["correct renders", "alarms", "95 % interval of the rate"]
+        table("alarms", columns, [alarm_cells(row) for row in false_alarms(small)])
+    if "noise" in chosen:
+        rows = noise_table()
+        columns = ["noise", "alarms", "undecided", "detectable", "1 % caught", "3 % caught"]
+        table("noise", columns, [noise_cells(row) for row in rows])
+        counted = [row for row in rows if row["what"] not in EXPLAINED]
+        total = _counted("all but the two", *(sum(row[key] for row in counted) for key in ("comparisons", "alarms")))
+        table("noise-total", ["kinds of noise", "alarms", "95 % interval of the rate"], [alarm_cells(total)])
+    if "samples" in chosen:
+        table("samples", ["noise", "nothing wrong", "1 % too bright", "3 % too bright"], samples_table())
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main(*record.arguments())

@@ -7,8 +7,10 @@ passes on genuine noise that has no variance either, and what is seen of 3 % too
 
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
+from measure import record
 from measure.noise_models import picture, render, untold
 
 from raytwin.compare import compare
@@ -229,15 +231,15 @@ def measure_noise(count: int = 60) -> dict[str, tuple[Counter, int]]:
 
 
 def main() -> None:
+    table = partial(record.table, "verdict", command="python -m measure.untold_patterns")
     print(f"{len(PATTERNS)} patterns x {len(AMPLITUDES)} amplitudes\n")
-    print("| compared with | pass | undecided | fail |\n| --- | ---: | ---: | ---: |")
     counts, passed = measure_patterns()
-    for name, c in counts.items():
-        print(f"| {name} | {c['pass']} | {c['undecided']} | {c['fail']} |")
+    rows = [[name, *(c[v] for v in ("pass", "undecided", "fail"))] for name, c in counts.items()]
+    table("patterns", ["compared with", "pass", "undecided", "fail"], rows)
     print("".join(f"\npassed: {what}" for what in passed))
-    print("| genuine noise | pass | undecided | alarms | 3 % seen of 24 |\n| --- | ---: | ---: | ---: | ---: |")
-    for name, (c, seen) in measure_noise().items():
-        print(f"| {name} | {c['pass']} | {c['undecided']} | {c['fail']} | {seen} |")
+    found = [[name, c["pass"], c["undecided"], c["fail"], seen] for name, (c, seen) in measure_noise().items()]
+    columns = ["genuine noise, 60 pairs each", "pass", "undecided", "alarms", "3 % caught of 24"]
+    table("genuine-noise", columns, found)
 
 
 if __name__ == "__main__":

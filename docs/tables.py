@@ -1,0 +1,44 @@
+"""Copy the measured tables of docs/measured/data/*.json into the pages of docs/measured, between their markers.
+
+python docs/tables.py
+
+A page has `<!-- table: NAME -->` where a table begins and `<!-- end -->` where it ends. The commands that the tables
+name write the JSON under `--record`; nothing between the markers is written by hand.
+"""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+MEASURED = Path(__file__).resolve().parent / "measured"
+BLOCK = re.compile(r"(<!-- table: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
+NUMBER = re.compile(r"[-+]?[\d.]|$")
+"""What a cell of a right-aligned column begins with."""
+
+
+def markdown(table: dict[str, Any]) -> str:
+    """Return a table in Markdown: numbers to the right, and when and how it was measured below."""
+    columns, rows = table["columns"], table["rows"]
+    right = [column > 0 and all(NUMBER.match(row[column]) for row in rows) for column in range(len(columns))]
+    lines = [columns, ["---:" if r else "---" for r in right], *rows]
+    text = "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+    how = f" by `{table['command']}`" if table["command"] else ""
+    return f"{text}\n\n*Measured on {table['date']} with raytwin {table['version']}{how}.*\n"
+
+
+def filled(page: Path) -> str:
+    """Return a page's text with its tables as they were last measured."""
+    data = MEASURED / "data" / f"{page.stem}.json"
+    tables = json.loads(data.read_text(encoding="utf-8")) if data.exists() else {}
+    text = page.read_text(encoding="utf-8")
+    return BLOCK.sub(lambda found: f"{found[1]}{markdown(tables[found[2]])}{found[3]}", text)
+
+
+def main() -> None:
+    for page in sorted(MEASURED.glob("*.md")):
+        page.write_text(filled(page), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
