@@ -1,7 +1,7 @@
-"""Build the site: the gallery's pages, then mkdocs with warnings as errors, then a check of every local link.
+"""Build the site: gallery and figures, then mkdocs with warnings as errors, then a check of every local link.
 
-python docs/build.py                # the gallery is made once, and reused
-python docs/build.py --again        # make the gallery anew
+python docs/build.py                # gallery and figures are made once, and reused
+python docs/build.py --again        # make them again
 python docs/build.py --no-gallery   # the text alone
 """
 
@@ -15,6 +15,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+import figures
 import gallery
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -72,8 +73,8 @@ def faults(site: Path) -> list[str]:
 
 def main() -> int:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument("--again", action="store_true", help="make the gallery's pages anew")
-    asked.add_argument("--no-gallery", action="store_true", help="make no page of the gallery")
+    asked.add_argument("--again", action="store_true", help="make the gallery and the figures again")
+    asked.add_argument("--no-gallery", action="store_true", help="make neither gallery nor figures")
     asked.add_argument("--site", type=Path, default=SITE, metavar="DIR", help="folder of the site")
     options = asked.parse_args()
     began = time.perf_counter()
@@ -81,6 +82,7 @@ def main() -> int:
         shutil.rmtree(gallery.MADE, ignore_errors=True)
     if not options.no_gallery:
         gallery.make()
+        figures.make()
     made = time.perf_counter()
     command = [sys.executable, "-m", "mkdocs", "--quiet", "build", "--clean", "--site-dir", str(options.site)]
     if code := subprocess.run(command, cwd=ROOT, env=os.environ | QUIET, check=False).returncode:

@@ -1,6 +1,7 @@
-"""Pages that mkdocs makes from the program itself: commands from `--help`, the Python API, the gallery."""
+"""What mkdocs takes from the program itself: commands from `--help`, the Python API, the gallery, the figures."""
 
 import importlib
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,12 +9,14 @@ from pathlib import Path
 import click
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 from typer.main import get_command
 
 import raytwin
 from raytwin.cli import app
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+import figures
 import gallery
 
 WIDTH = 100
@@ -31,6 +34,18 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for path, text in pages.items():
         files.append(File.generated(config, path, content=text))
     return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Put the figures that are made where the page names them."""
+    up = "../" * page.file.src_uri.count("/")
+
+    def picture(found: re.Match[str]) -> str:
+        file = figures.FIGURES[found[1]][0]
+        shown = (figures.FOLDER / file).exists()
+        return f"![{found[2]}]({up}made/{figures.FOLDER.name}/{file})\n*{found[2]}*" if shown else ""
+
+    return re.sub(r"<!-- figure: (\S+): (.*?) -->", picture, markdown, flags=re.DOTALL)
 
 
 def commands_page() -> str:
