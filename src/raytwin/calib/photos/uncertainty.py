@@ -4,18 +4,20 @@ Tags in one photo do not err on their own: blur, a board that is not quite as de
 them the same way. So the photo is the unit (clusters, in a statistician's words). With M_i = H^-1/2 H_i H^-1/2, photo
 i's share of all that is told,
 
-    V = H^-1/2 Σ u_i u_i^T H^-1/2,  u_i = (I - M_i)^-1/2 H^-1/2 g_i,
+    u_i = (I - M_i)^-1/2 H^-1/2 g_i,  q = Σ |u_i|² / (m s²),
 
-which is s² H^-1 on average where all coordinates err alike (Bell and McCaffrey's CR2; the jackknife, their CR3, then
-says too much, twice too much of four photos), and as wide as photos disagree where they do not. q = Σ |u_i|² / (m s²),
-m shared numbers, and q_K, the same of fx, fy, cx and cy alone, are then 1 on average, and tell which it is.
+m shared numbers, and q_K, the same of fx, fy, cx and cy alone, are 1 on average where all coordinates err alike (Bell
+and McCaffrey's CR2), and above it where photos disagree by more than their tags' number allows.
 
-Few photos know V badly, but its size well: V is drawn towards max(q, 1) s² H^-1 by 4 / (4 + n), four numbers of K from
-n photos. Photos that agree by chance are no reason to claim more than their tags' number allows.
+Where photos err alike, the covariance is max(q, 1) s² H^-1, known far better than what few photos show. A number, v in
+the root's coordinates, then spreads by sqrt(2 Σ (v M_i v)²), and the mean of the four as that of two, for fx and fy err
+as one. As long as neither q nor q_K is above 1 by more than that, this it is; beyond, the jackknife,
 
-Where photos err alike, s² H^-1 is known far better than V. A number, v in the root's coordinates, spreads by
-sqrt(2 Σ (v M_i v)²), and the mean of the four as that of two, for fx and fy err as one. So max(q, 1) s² H^-1 it is as
-long as neither q nor q_K is above 1 by more than that, V beyond, and half of each between.
+    V = (n - 1) / n Σ d_i d_i^T,  d_i: how far the numbers move without photo i of n,
+
+and half of each between. (A photo that pulls K by an error of its own also pulls the fit, and hides a part of what it
+does: CR2 adds that part back as far as coordinates that err alike would hide it, a third too little of the standard
+deviation of real sets of 4 to 10 photos, whose q_K is 3 to 40. The jackknife asks the other photos.)
 
 A camera that is a little wrong is for the most part a camera that looks a little elsewhere, and every pose found with
 it looks elsewhere by the same amount: such an error is invisible in use. What counts is what is left. So a point fixed
@@ -83,11 +85,11 @@ def spread(found: Fit, lifted: np.ndarray | None = None) -> Spread:
     """`lifted` (v, t, 2): pixels by which bent tags' edges were found to lead the detector astray."""
     moves, errors = leave_one_out(found)
     H, s2 = found.H.sum(axis=0) + found.prior, max(found.variance, 1e-300)
-    disagree, q, of_K, chance = _dissent(found, H, s2)
+    q, of_K, chance = _dissent(found, H, s2)
     alike = max(q, 1) * s2 * solve_scaled(H, np.eye(len(H)))
-    few = 4 / (4 + len(moves))
+    jackknife = (1 - 1 / len(moves)) * moves.T @ moves
     as_one = 1 / (1 + ((max(q, of_K, 1) - 1) / chance) ** 2)
-    covariance = alike + (1 - as_one) * (1 - few) * (disagree - alike)
+    covariance = alike + (1 - as_one) * (jackknife - alike)
     if lifted is not None:
         by = lifted.reshape(len(found.R), -1, 1)
         pull = found.A.swapaxes(1, 2) @ by + found.follow.swapaxes(1, 2) @ (found.B.swapaxes(1, 2) @ by)
@@ -103,8 +105,8 @@ def widened(known: Spread, gap: np.ndarray) -> Spread:
     return replace(known, covariance=covariance)
 
 
-def _dissent(found: Fit, H: np.ndarray, s2: float) -> tuple[np.ndarray, float, float, float]:
-    """V, q, q_K, and how far chance spreads the latter: see above."""
+def _dissent(found: Fit, H: np.ndarray, s2: float) -> tuple[float, float, float]:
+    """Return q, q_K, and how far chance spreads the latter: see above."""
     photo = found.sights.photo
     n = photo.max() + 1
     mine = np.array([found.H[photo == i].sum(axis=0) for i in range(n)])
@@ -119,9 +121,8 @@ def _dissent(found: Fit, H: np.ndarray, s2: float) -> tuple[np.ndarray, float, f
     number = root[:4] / np.linalg.norm(root[:4], axis=1, keepdims=True)
     shares = np.einsum("ka,iab,kb->ki", number, root.T @ mine @ root, number)
     of_K = float(((number @ pulls.T) ** 2).sum()) / (4 * s2)
-    moved = pulls @ root.T
     q = float((pulls**2).sum()) / (found.told * s2)
-    return moved.T @ moved, q, of_K, math.sqrt(float((shares**2).sum()) / 4)
+    return q, of_K, math.sqrt(float((shares**2).sum()) / 4)
 
 
 def with_poses(found: Fit, known: Spread) -> np.ndarray:
