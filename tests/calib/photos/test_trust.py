@@ -229,8 +229,9 @@ def test_photos_that_disagree_widen_sigma_and_photos_that_agree_by_chance_narrow
 
 @pytest.mark.parametrize("pull", [0.3, 1.15, 2.0])
 def test_sigma_is_what_its_formulas_say_by_roots_of_matrices(pull):
-    """Bell and McCaffrey's q by SciPy's square roots, and the jackknife, blended as `uncertainty` says; `pull` times the
-    photos' gradients: photos that agree, that may err alike, and that do not."""
+    """Bell and McCaffrey's q by SciPy's square roots, and the jackknife, blended as `uncertainty` says.
+
+    `pull` times the photos' gradients: photos that agree, that may err alike, and that do not."""
     _, _, tags = views(noise=0.1)
     found = fit([Seen(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], Form("k1k2"))
     found = replace(found, g=pull * found.g)
