@@ -103,3 +103,15 @@ def test_a_grid_of_few_rows_leaves_out_the_degrees_that_they_do_not_tell(columns
     assert sum(told) == free
     assert (np.abs(bent.heights).max(axis=0) > 0).tolist() == told
     assert (np.abs(bent.slopes).max(axis=(0, 1)) > 0).tolist() == told
+
+
+def test_beyond_the_outermost_centers_the_sheet_goes_on_straight():
+    low, high = XY.min(axis=0), XY.max(axis=0)
+    xy = tuple(map(tuple, XY))
+    inside = low + (high - low) * np.random.default_rng(1).uniform(size=(20, 2))
+    assert np.allclose(heights_at(inside, xy, 4), heights_at(inside, xy, 4, straight=False))
+    out = [np.array([high[0] + d, inside[0, 1]]) for d in (-1e-7, 0.01, 0.02, 0.04)]
+    near, one, two, four = (heights_at(at, xy, 4) for at in out)
+    assert np.allclose(two - one, one - near, atol=1e-5)
+    assert np.allclose(four - two, 2 * (two - one), atol=1e-9)
+    assert not np.allclose(heights_at(out[3], xy, 4, straight=False), four, atol=1e-2)

@@ -85,11 +85,12 @@ class Board(Record, frozen=True):
         moved = bending(tuple(centers.values()), self.heights.degree).move(np.array(self.heights.coefficients))
         return flat + moved[[place[i] for i in ids]].reshape(-1, 3)
 
-    def rise(self, xy: np.ndarray) -> np.ndarray:
-        """(...): the height over the board's plane of the sheet at xy (..., 2), metres."""
+    def rise(self, xy: np.ndarray, straight: bool = True) -> np.ndarray:
+        """(...): the sheet's height over the board's plane at xy (..., 2), metres; `straight`: see `heights_at`."""
         if self.heights is None:
             return np.zeros(xy.shape[:-1])
-        return heights_at(xy, tuple(self.centers().values()), self.heights.degree) @ np.array(self.heights.coefficients)
+        centers = tuple(self.centers().values())
+        return heights_at(xy, centers, self.heights.degree, straight) @ np.array(self.heights.coefficients)
 
     @property
     def kind(self) -> str:

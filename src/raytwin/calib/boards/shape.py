@@ -69,12 +69,21 @@ class Bending:
         return np.stack([*(self.shift @ strain), self.heights], axis=-1)
 
 
-def heights_at(at: np.ndarray, xy: tuple[tuple[float, float], ...], degree: int) -> np.ndarray:
+def heights_at(at: np.ndarray, xy: tuple[tuple[float, float], ...], degree: int, straight: bool = True) -> np.ndarray:
     """(..., s): what each coefficient of the shape of a board with centres at `xy` adds to the height at `at` (...,
-    2)."""
+    2).
+
+    Beyond the outermost centres the sheet goes on `straight`: no tag tells its height there, a free edge has no
+    curvature, and a polynomial of a board of four rows is wild. Not `straight`: as the polynomial goes on.
+    """
     middle, half = _frame(xy)
-    u = (at - middle) / half
-    return _table(u[..., 0].ravel(), u[..., 1].ravel(), _terms(degree)).reshape(*at.shape[:-1], -1)
+    u = ((at - middle) / half).reshape(-1, 2)
+    reach = np.ptp(np.array(xy), axis=0) / (2 * half)
+    inner = np.clip(u, -reach, reach) if straight else u
+    x, y = inner.T
+    beyond, terms = u - inner, _terms(degree)
+    found = _table(x, y, terms) + sum(beyond[:, [i]] * _table(x, y, terms, (1 - i, i)) for i in (0, 1))
+    return found.reshape(*at.shape[:-1], -1)
 
 
 @functools.lru_cache(maxsize=32)

@@ -21,10 +21,13 @@ POINTS, REACH = 5, 0.767
 middle is that of the 16 places inside the edge, its corners left out, at which the AprilTag library looks."""
 
 
-def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float]) -> np.ndarray:
-    """(n, 2) pixels: crossing of the diagonals of straight lines through the distorted edges, minus the true centre."""
+def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float], straight: bool = True) -> np.ndarray:
+    """(n, 2) pixels: crossing of the diagonals of straight lines through the distorted edges, minus the true centre.
+
+    `straight`: how a bent sheet goes on beyond the outermost centres, see `heights_at`.
+    """
     centers = board.points(ids)
-    edges = _edges(board)
+    edges = _edges(board, straight)
     around = centers[:, None, None] + np.stack([edges[i] for i in ids])
     pixels = lens_model.project(around.reshape(-1, 3), R, t, K, dist).reshape(len(centers), 4, POINTS, 2)
     middle = pixels.mean(axis=2)
@@ -38,7 +41,7 @@ def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float]
 
 
 @functools.lru_cache(maxsize=16)
-def _edges(board: Board) -> dict[int, np.ndarray]:
+def _edges(board: Board, straight: bool) -> dict[int, np.ndarray]:
     """By id, (4, POINTS, 3): from the tag's centre to points on its lower, right, upper and left edge, metres.
 
     On a bent sheet the edges lie higher or lower than the centre; that a tilt shortens them is second order.
@@ -46,7 +49,7 @@ def _edges(board: Board) -> dict[int, np.ndarray]:
     s, one = np.linspace(-REACH, REACH, POINTS), np.ones(POINTS)
     flat = np.stack([np.c_[s, -one], np.c_[one, s], np.c_[-s, one], np.c_[-one, -s]]) * board.tag_edge / 2
     centers = np.array(list(board.centers().values()))
-    rise = board.rise(centers[:, None, None] + flat) - board.rise(centers)[:, None, None]
+    rise = board.rise(centers[:, None, None] + flat, straight) - board.rise(centers)[:, None, None]
     return {tag: np.concatenate([flat, z[..., None]], axis=-1) for tag, z in zip(board.centers(), rise, strict=True)}
 
 

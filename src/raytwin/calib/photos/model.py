@@ -25,7 +25,7 @@ AS_WELL, NOTHING = 1.01, 0.002
 """As good as the best: within 1 % of its held-out error, or within so many pixels, which no detector knows."""
 
 ALIKE = 1.1
-"""With few photos, models that predict within this factor of the best add the spread of their K to sigma."""
+"""Models that predict within this factor of the best add to sigma how far their K lies apart."""
 
 UNFOLDED = 1.02
 """A lens that folds back inside the frame is kept from it where that costs no more than 2 % of the held-out error."""
@@ -123,21 +123,23 @@ def select_model(
 
 
 def _gap(fits: Mapping[str, Fit], trials: Mapping[str, ModelTrial], taken: Fit, photos: int) -> np.ndarray:
-    """(k, k): of few photos, the mean square of how far K and distortion move between the models that predict alike.
+    """(k, k): the mean square of how far K and distortion move between the models that predict alike.
 
-    Which of them is right, few photos do not say, and each model's own covariance takes itself for granted.
+    Each model's own covariance takes for granted that what it leaves out is 0. Of few photos, which do not say which
+    model is right, all count; of more, the richest lens alone: without p1 and p2 the centre may lie ten standard
+    deviations off and predict as well.
     """
-    k = len(taken.form.names)
-    if photos >= FEW_PHOTOS:
-        return np.zeros((k, k))
 
     def numbers(found: Fit) -> np.ndarray:
         value = dict(zip(found.form.names, found.shared, strict=False))
         return np.array([value.get(n, 0.0) for n in taken.form.names])
 
     limit = ALIKE * min(t.held_out_px for t in trials.values())
-    moved = [numbers(f) - numbers(taken) for n, f in fits.items() if trials[n].held_out_px <= limit]
-    return np.mean([np.outer(m, m) for m in moved or [np.zeros(k)]], axis=0)
+    others = [n for n in fits if trials[n].held_out_px <= limit]
+    if photos >= FEW_PHOTOS:
+        others = [n for n in others if n == name(Form(LADDER[-1], taken.form.degree))]
+    moved = [numbers(fits[n]) - numbers(taken) for n in others] or [np.zeros(len(taken.form.names))]
+    return np.mean([np.outer(m, m) for m in moved], axis=0)
 
 
 def _degrees(photos: int) -> tuple[int, ...]:

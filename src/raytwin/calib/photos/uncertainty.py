@@ -31,6 +31,7 @@ McCaffrey: Survey Methodology 28 (2002).
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,16 +74,9 @@ class Spread:
     errors: np.ndarray
 
 
-EXTRAPOLATED = {2: 0.5, 3: 0.5, 4: 0.25, 6: 0.07}
-"""By degree of the sheet's shape, the share of what bent tags' edges do to the shared numbers that is doubted.
-
-Heights are told at tags' centres, edges lie up to half a tag beyond the outermost. Measured on a cosine of 250 mm and 3
-mm, six sets of poses without noise: the fourth degree leaves 26 % of it, the sixth 7 % (rms).
-"""
-
-
-def spread(found: Fit, lifted: np.ndarray | None = None) -> Spread:
-    """`lifted` (v, t, 2): pixels by which bent tags' edges were found to lead the detector astray."""
+def spread(found: Fit, astray: Sequence[np.ndarray] = ()) -> Spread:
+    """Tell how far off a fit may be. `astray`: (v, t, 2) each, one standard deviation of what may shift all tags at
+    once, pixels."""
     moves, errors = leave_one_out(found)
     H, s2 = found.H.sum(axis=0) + found.prior, max(found.variance, 1e-300)
     q, of_K, chance = _dissent(found, H, s2)
@@ -90,10 +84,10 @@ def spread(found: Fit, lifted: np.ndarray | None = None) -> Spread:
     jackknife = (1 - 1 / len(moves)) * moves.T @ moves
     as_one = 1 / (1 + ((max(q, of_K, 1) - 1) / chance) ** 2)
     covariance = alike + (1 - as_one) * (jackknife - alike)
-    if lifted is not None:
-        by = lifted.reshape(len(found.R), -1, 1)
+    for shift in astray:
+        by = shift.reshape(len(found.R), -1, 1)
         pull = found.A.swapaxes(1, 2) @ by + found.follow.swapaxes(1, 2) @ (found.B.swapaxes(1, 2) @ by)
-        doubted = EXTRAPOLATED[found.form.degree] * solve_scaled(H, pull.sum(axis=0)[:, 0])
+        doubted = solve_scaled(H, pull.sum(axis=0)[:, 0])
         covariance = covariance + np.outer(doubted, doubted)
     return Spread(covariance, math.sqrt(max(q, 1) * s2), moves, errors)
 
