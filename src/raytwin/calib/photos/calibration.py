@@ -184,7 +184,7 @@ def _shaped(boards: Sequence[Board], result: Fit) -> tuple[Board, ...]:
     return tuple(msgspec.structs.replace(b, heights=s) for b, s in zip(boards, result.shapes, strict=True))
 
 
-def _astray(views: Sequence[Seen], boards: Sequence[Board], result: Fit) -> np.ndarray:
+def _astray(views: Sequence[Seen], boards: Sequence[Board], result: Fit) -> Sequence[np.ndarray]:
     """(2, v, t, 2) pixels, one standard deviation: how far bent tags' edges may lead the detector otherwise.
 
     A share of what they do; and, between a sheet that goes on straight beyond the outermost centres and one that goes
@@ -197,7 +197,7 @@ def _astray(views: Sequence[Seen], boards: Sequence[Board], result: Fit) -> np.n
         kinds = ((board, True), (board.flat(), True), (board, False))
         bent, flat, on = (center_bias(ids, b, R, t, result.K, result.dist, straight) for b, straight in kinds)
         by[:, i, : len(ids)] = MISSHAPEN[result.form.degree] * (bent - flat), (on - bent) / math.sqrt(3)
-    return by
+    return list(by)
 
 
 def _inliers(
