@@ -181,7 +181,7 @@ def calibrated(view: PairView) -> dict[str, Any] | None:
         # A calibration that was read back has no evidence any more.
         "models": explained(calibration),
         "uncertainty": uncertainty_url(calibration) if calibration.evidence else None,
-        "bends": [(b, bend_url(calibration, i)) for i, b in enumerate(calibration.boards) if b.heights]
+        "bends": [(b, bend_url(calibration, i)) for i, b in enumerate(calibration.boards) if b.bend_mm]
         if calibration.evidence
         else [],
         "largest": max((v.rms_px for v in views), default=1.0) or 1.0,

@@ -60,7 +60,7 @@ def calibration_summary(calibration: "Calibration") -> str:
     lines += [
         f"  board {i} bent by {b.bend_mm:.2g} +- {b.bend_sigma_mm:.1g} mm"
         for i, b in enumerate(calibration.boards, start=1)
-        if b.heights
+        if b.bend_mm
     ]
     lines.append("  photo                            tags   rms px   pull")
     lines += [f"  {v.photo[-32:]:<32} {v.tags:>4}   {v.rms_px:6.3f}   {v.influence:4.2f}" for v in calibration.views]

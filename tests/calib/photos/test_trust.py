@@ -505,19 +505,27 @@ def stretched(board: Board, by: float) -> Board:
     return Board(board.family, board.tag_edge, tags=tags)
 
 
-def test_a_pitch_wrong_in_one_direction_is_blamed_on_the_board():
-    _, _, tags = views(count=14)
-    found = calibrate_detections(tags, SIZE, stretched(SMALL, 1 / 1.09), "k1k2")
+@pytest.mark.parametrize(("by", "count", "bend"), [(1.09, 14, 0.0), (1.01, 6, 0.0), (1.01, 12, 1e-3)])
+def test_a_pitch_wrong_in_one_direction_is_said_and_fitted_so_that_k_is_right(by, count, bend):
+    camera, _, tags = views(count=count, bend=bend, seed=1)
+    found = calibrate_detections(tags, SIZE, stretched(SMALL, 1 / by))
     (text,) = [w.text for w in found.warnings if w.code == "board-pitch"]
-    assert text.startswith("the board's pitch in y looks wrong by 1.09")
+    assert abs(float(text.split()[6]) - by) < 5e-4, text
     assert "(board" not in text  # there is but one
-    assert codes(found) == {"board-pitch"}
+    assert codes(found) <= {"board-pitch", "few-views", "bent-board"}
+    off = four(found) - (camera.fx, camera.fy, camera.cx, camera.cy)
+    assert np.abs(off / [found.sigma[n] for n in FOUR]).max() < 3
+    (board,) = found.boards
+    assert board.heights.stretch == pytest.approx(by - 1, abs=5e-4)
+    assert board.bend_mm == pytest.approx(1e3 * bend, abs=0.1)
+    shaped = found.shaped(stretched(SMALL, 1 / by)).points(SMALL.centers())
+    assert np.ptp(shaped[:, 1]) == pytest.approx(np.ptp(SMALL.points(SMALL.centers())[:, 1]), rel=2e-3)
 
 
-def test_a_pitch_wrong_by_a_hundredth_is_said():
-    _, _, tags = views(count=10)
-    texts = [w.text for w in calibrate_detections(tags, SIZE, stretched(SMALL, 1 / 1.01), "k1k2").warnings]
-    assert any(text.startswith("the board's pitch in y looks wrong by 1.010") for text in texts), texts
+def test_the_right_pitch_is_not_fitted():
+    _, _, tags = views(count=12, bend=1e-3, seed=1)
+    (board,) = calibrate_detections(tags, SIZE, SMALL).boards
+    assert board.heights.stretch == 0
 
 
 @pytest.mark.parametrize(("written", "advice"), [("down", 'order = "up"'), ("up", 'order = "down"')])

@@ -82,7 +82,9 @@ class Board(Record, frozen=True):
         if self.heights is None:
             return flat
         place = {tag: i for i, tag in enumerate(centers)}
+        xy = np.array(list(centers.values()))
         moved = bending(tuple(centers.values()), self.heights.degree).move(np.array(self.heights.coefficients))
+        moved[:, 1] += self.heights.stretch * (xy[:, 1] - xy[:, 1].mean())
         return flat + moved[[place[i] for i in ids]].reshape(-1, 3)
 
     def rise(self, xy: np.ndarray, straight: bool = True) -> np.ndarray:

@@ -31,10 +31,14 @@ DEGREES = (2, 3, 4, 6)
 
 
 class Heights(Record, frozen=True):
-    """The coefficients c_ij, metres: of degree 2 (c_20, c_11, c_02), then of degree 3, and so on."""
+    """The coefficients c_ij, metres: of degree 2 (c_20, c_11, c_02), then of degree 3, and so on.
+
+    `stretch`: by which share the board's y, about the middle of its centres, is longer than its description says.
+    """
 
     degree: Annotated[int, msgspec.Meta(ge=DEGREES[0], le=DEGREES[-1])]
     coefficients: tuple[float, ...]
+    stretch: Annotated[float, msgspec.Meta(gt=-0.5, lt=0.5)] = 0.0
 
 
 def count(degree: int) -> int:

@@ -281,15 +281,16 @@ def _calibration(
 def _found_boards(result: Fit, known: Spread) -> tuple[FoundBoard, ...]:
     boards, at = [], len(result.form.names)
     for shape, bent in zip(result.shapes, result.sights.bendings, strict=True):
-        if shape is None or bent is None:
-            boards.append(FoundBoard())
-            continue
-        n = len(shape.coefficients)
-        heights = bent.heights @ np.array(shape.coefficients)
-        across = bent.heights[heights.argmax()] - bent.heights[heights.argmin()]
-        variance = float(across @ known.covariance[at : at + n, at : at + n] @ across)
-        boards.append(FoundBoard(shape, 1e3 * float(np.ptp(heights)), 1e3 * math.sqrt(max(variance, 0.0))))
-        at += n
+        bend = bend_sigma = 0.0
+        if shape is not None and bent is not None:
+            n = len(shape.coefficients)
+            heights = bent.heights @ np.array(shape.coefficients)
+            across = bent.heights[heights.argmax()] - bent.heights[heights.argmin()]
+            variance = float(across @ known.covariance[at : at + n, at : at + n] @ across)
+            bend, bend_sigma = 1e3 * float(np.ptp(heights)), 1e3 * math.sqrt(max(variance, 0.0))
+            at += n
+        at += result.form.stretch
+        boards.append(FoundBoard(shape, bend, bend_sigma))
     return tuple(boards)
 
 

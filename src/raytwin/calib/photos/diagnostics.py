@@ -16,7 +16,7 @@ import numpy as np
 from raytwin.calib.boards import Board
 from raytwin.calib.photos import lens_model, pose
 from raytwin.calib.photos.calibration_result import Calibration
-from raytwin.calib.photos.fit import NAMES, Fit, Form, Seen, fit, matched, solve_scaled
+from raytwin.calib.photos.fit import NAMES, Fit, Seen, fit, matched, solve_scaled
 from raytwin.calib.photos.uncertainty import Spread, spread, uncertainty_map
 from raytwin.errors import InputError
 from raytwin.scene.lens import SIDE, undone
@@ -30,7 +30,7 @@ CODES = {
     "degenerate-views": "views too alike to tell focal length, centre and distortion apart",
     "bare-side": "a side of the frame without tags, where the camera is known badly",
     "mirrored-board": "the board's description is a mirror image of the board",
-    "board-pitch": "the board's description is longer or shorter in y than the board",
+    "board-pitch": "the board's description is longer or shorter in y than the board: fitted along with the camera",
     "bent-board": "the board is bent: its shape was fitted along with the camera",
     "odd-photo": "a photo that another camera, zoom or orientation may have taken",
     "unconverged-distortion": "a part of the frame where the distortion has no inverse: no photo tells the lens there",
@@ -70,9 +70,6 @@ BARE, UNSURE = 0.3, 0.0025
 """A side of the frame is called bare where this share of its height or width holds no tag, and a tenth of what is seen
 there may be off by this share of the frame's longer side (one standard deviation)."""
 
-STRETCHED, EXPLAINED = 0.002, 0.8
-"""A board's y is called wrong by more than this share where a free one leaves less than so much of the rms."""
-
 
 @dataclass(frozen=True, eq=False)
 class Case:
@@ -90,11 +87,6 @@ class Case:
     @property
     def photos(self) -> list[str]:
         return list(dict.fromkeys(v.photo for v in self.views))
-
-    @cached_property
-    def pitches(self) -> list[str]:
-        """What is wrong with which board's pitch: such a board is to blame for what K and the photos look like."""
-        return list(_wrong_pitches(self))
 
     @cached_property
     def richest(self) -> "Case":
@@ -187,18 +179,17 @@ def _degenerate(case: Case) -> Warnings:
     width, height = case.image_size
     sd = case.calibration.sigma
     found = []
-    if not case.pitches:
-        for name, value in (("fx", fx), ("fy", fy)):
-            if sd[name] > FOCAL_SD * value:
-                found.append(f"{name} = {value:.0f} ± {sd[name]:.0f} px")
-        for name, side in (("cx", width), ("cy", height)):
-            if sd[name] > CENTER_SD * side:
-                found.append(f"{name} is known to ± {sd[name]:.0f} px only")
-        if abs(fx / fy - 1) > ASPECT:
-            found.append(f"fx / fy = {fx / fy:.3f}, where cameras have 1")
-        for name, value, side in (("cx", cx, width), ("cy", cy, height)):
-            if abs(off := value - (side - 1) / 2) > CENTER_OFFSET * side:
-                found.append(f"{name} = {value:.0f} lies {abs(off):.0f} px from the image's middle")
+    for name, value in (("fx", fx), ("fy", fy)):
+        if sd[name] > FOCAL_SD * value:
+            found.append(f"{name} = {value:.0f} ± {sd[name]:.0f} px")
+    for name, side in (("cx", width), ("cy", height)):
+        if sd[name] > CENTER_SD * side:
+            found.append(f"{name} is known to ± {sd[name]:.0f} px only")
+    if abs(fx / fy - 1) > ASPECT:
+        found.append(f"fx / fy = {fx / fy:.3f}, where cameras have 1")
+    for name, value, side in (("cx", cx, width), ("cy", cy, height)):
+        if abs(off := value - (side - 1) / 2) > CENTER_OFFSET * side:
+            found.append(f"{name} = {value:.0f} lies {abs(off):.0f} px from the image's middle")
     spread = normal_spread(list(case.found.R))
     if spread < NORMAL_SPREAD:
         found.append(f"the board's tilt differs by {spread:.0f} degrees at most: tilt it more ways")
@@ -250,29 +241,17 @@ def _mirrored(case: Case) -> Warnings:
 
 
 def _pitch(case: Case) -> Warnings:
-    for text in case.pitches:
-        yield "board-pitch", text
-
-
-def _wrong_pitches(case: Case) -> Iterator[str]:
-    """Whether a board whose y may be longer or shorter explains the photos: then its description is wrong."""
-    form = case.found.form
-    try:
-        free = fit(case.views, case.image_size, case.boards, Form(form.model, form.degree, stretch=True), case.found)
-    except InputError:
-        return
-    if free.rms_px > EXPLAINED * case.found.rms_px:
-        return
-    sigma = np.sqrt(np.diag(spread(free).covariance)[free.stretch_at])
-    for i, (stretch, sd) in enumerate(zip(free.stretches, sigma, strict=True)):
-        if abs(stretch - 1) > max(STRETCHED, SURELY * sd):
-            which = f" (board {i + 1})" if len(case.boards) > 1 else ""
-            yield f"the board's pitch in y looks wrong by {stretch:.3f} (± {sd:.2g}){which}: measure it both ways"
+    for i, at in enumerate(case.found.stretch_at):
+        which = f" (board {i + 1})" if len(case.boards) > 1 else ""
+        sigma = math.sqrt(case.known.covariance[at, at])
+        yield (
+            "board-pitch",
+            f"the board's pitch in y is {1 + case.found.shared[at]:.4f} (± {sigma:.1g}) times what its file says{which}: "
+            "fitted along with the camera; measure it both ways",
+        )
 
 
 def _bent(case: Case) -> Warnings:
-    if case.pitches:
-        return
     for i, (board, found) in enumerate(zip(case.boards, case.calibration.boards, strict=True)):
         diagonal = 1e3 * float(np.linalg.norm(np.ptp(list(board.centers().values()), axis=0)))
         if found.bend_mm > max(BENT * diagonal, SURELY * found.bend_sigma_mm):
@@ -288,7 +267,7 @@ def _odd(case: Case) -> Warnings:
     """Photos at odds with the rest, the worst first; each next one by the fit without those: an odd one makes others
     look so."""
     left_out: list[str] = []
-    while len(case.photos) >= LEAST_FOR_ODD and not case.pitches:
+    while len(case.photos) >= LEAST_FOR_ODD:
         named = next(_worth_naming(case), None)
         if named is None:
             return

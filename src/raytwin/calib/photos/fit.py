@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from raytwin.calib.boards import Board, Heights
-from raytwin.calib.boards.shape import Bending, bending
+from raytwin.calib.boards.shape import DEGREES, Bending, bending, count
 from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.detection import Tag
 from raytwin.errors import InputError
@@ -158,9 +158,12 @@ class Fit:
 
     @property
     def shapes(self) -> tuple[Heights | None, ...]:
-        """Each board's fitted heights; None for a board taken as flat."""
+        """Each board's fitted shape; None for a board taken as flat and of the described pitch."""
+        if not (self.form.degree or self.form.stretch):
+            return (None,) * len(self.sights.bendings)
+        degree, flat = self.form.degree or DEGREES[0], (0.0,) * count(DEGREES[0])
         parts = _parts(self.shared, self.form, self.sights)
-        return tuple(Heights(self.form.degree, tuple(c.tolist())) if len(c) else None for c, _ in parts)
+        return tuple(Heights(degree, tuple(c.tolist()) or flat, stretch) for c, stretch in parts)
 
     @property
     def stretch_at(self) -> list[int]:
@@ -171,11 +174,6 @@ class Fit:
             places += [at] if self.form.stretch else []
             at += self.form.stretch
         return places
-
-    @property
-    def stretches(self) -> tuple[float, ...]:
-        """By how much each board's y is longer than its description says; 1 where it was not free."""
-        return tuple(1 + s for _, s in _parts(self.shared, self.form, self.sights))
 
 
 def fit(
@@ -195,7 +193,7 @@ def fit(
     value = dict(zip(NAMES, dist, strict=False))
     shared = np.zeros(4 + len(MODELS[form.model]) + _shape_count(sights, form))
     shared[: len(form.names)] = K[0, 0], K[1, 1], K[0, 2], K[1, 2], *(value.get(n, 0.0) for n in MODELS[form.model])
-    if start is not None and start.form.degree == form.degree and not (start.form.stretch or form.stretch):
+    if start is not None and (start.form.degree, start.form.stretch) == (form.degree, form.stretch):
         shared[len(form.names) :] = start.shared[len(start.form.names) :]
     found = _settle(sights, form, image_size, shared, R, t)
     if not (np.isfinite(found.shared).all() and (found.shared[:2] > 0).all()):

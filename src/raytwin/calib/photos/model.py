@@ -6,6 +6,7 @@ only where it predicts as well, a bent board only where it predicts better, and 
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from raytwin.calib.boards import Board
 from raytwin.calib.boards.shape import DEGREES
 from raytwin.calib.photos.fit import Fit, Form, Seen, fit
-from raytwin.calib.photos.uncertainty import leave_one_out
+from raytwin.calib.photos.uncertainty import leave_one_out, spread
 from raytwin.errors import InputError
 from raytwin.scene import Record
 from raytwin.scene.lens import undone
@@ -32,6 +33,10 @@ UNFOLDED = 1.02
 
 FEW_PHOTOS = 12
 """Photos: with fewer, which lens predicts best is chance, and all five coefficients are fitted."""
+
+STRETCHED, EXPLAINED, SURELY = 0.002, 0.8, 4.0
+"""A board's y is fitted where it is wrong by more than this share and so many standard deviations, and a free one
+leaves less than so much of the rms."""
 
 LEAST_FOR_SHAPE, LEAST_FOR_ANY_SHAPE = 4, 6
 """Photos: with fewer than the first, boards are taken for flat; with fewer than the second, for flat or of degree 2."""
@@ -72,13 +77,29 @@ def held_out(found: Fit) -> float:
     return float(leave_one_out(found)[1].mean())
 
 
+Chosen = tuple[Fit, dict[str, ModelTrial], np.ndarray]
+"""The fit to take, what came of every model that was tried, and `gap` (k, k), see `_gap`."""
+
+
 def select_model(
     views: Sequence[Seen], image_size: tuple[int, int], boards: Sequence[Board], model: str, start: Fit
-) -> tuple[Fit, dict[str, ModelTrial], np.ndarray]:
-    """The fit to take, what came of every model that was tried, and `gap` (k, k), see `_gap`.
+) -> Chosen:
+    """Choose the boards' shape, then the lens; and both again with the boards' pitch in y where it is surely wrong."""
+    chosen = _select(views, image_size, boards, model, start, False)
+    try:
+        free = fit(views, image_size, boards, replace(chosen[0].form, stretch=True), chosen[0])
+    except InputError:
+        return chosen
+    sigma = np.sqrt(np.diag(spread(free).covariance)[free.stretch_at])
+    wrong = np.abs(free.shared[free.stretch_at]) > np.maximum(STRETCHED, SURELY * sigma)
+    if not wrong.any() or free.rms_px > EXPLAINED * chosen[0].rms_px:
+        return chosen
+    return _select(views, image_size, boards, model, free, True)
 
-    First the boards' shape is chosen, then the lens.
-    """
+
+def _select(
+    views: Sequence[Seen], image_size: tuple[int, int], boards: Sequence[Board], model: str, start: Fit, stretch: bool
+) -> Chosen:
     trials: dict[str, ModelTrial] = {}
     fits: dict[str, Fit] = {}
 
@@ -94,7 +115,7 @@ def select_model(
     for degree in _degrees(photos):
         if degree == DEGREES[-1] and _as_good(trials, list(trials))[0] == richest:
             continue  # a shape that no lower degree hints at
-        attempt(Form(richest, degree), next(reversed(fits.values()), start))
+        attempt(Form(richest, degree, stretch), next(reversed(fits.values()), start))
     if not fits:
         raise InputError("views", "photos from which a camera follows", "a fit that does not converge")
     shapes = _as_good(trials, list(trials))
@@ -105,7 +126,7 @@ def select_model(
     if model == "auto":
         degree = taken.form.degree
         for smaller in reversed(LADDER[:-1]):
-            attempt(Form(smaller, degree), taken)
+            attempt(Form(smaller, degree, stretch), taken)
         good = _as_good(trials, [name(Form(m, degree)) for m in LADDER])
         if photos < FEW_PHOTOS:
             good = [name(taken.form), *(n for n in reversed(good) if n != name(taken.form))]
@@ -113,7 +134,7 @@ def select_model(
     for n in good:
         if not undone(fits[n].K, fits[n].dist, image_size).fault:
             return fits[n], trials, _gap(fits, trials, fits[n], photos)
-        form = Form(fits[n].form.model, fits[n].form.degree, unfolded=True)
+        form = replace(fits[n].form, unfolded=True)
         held = fit(views, image_size, boards, form, fits[n])
         if not undone(held.K, held.dist, image_size).fault and (error := held_out(held)) <= limit:
             trials[n] = ModelTrial(error, "kept from folding back in a corner")
