@@ -246,8 +246,8 @@ def _pitch(case: Case) -> Warnings:
         sigma = math.sqrt(case.known.covariance[at, at])
         yield (
             "board-pitch",
-            f"the board's pitch in y is {1 + case.found.shared[at]:.4f} (± {sigma:.1g}) times what its file says{which}: "
-            "fitted along with the camera; measure it both ways",
+            f"the board's pitch in y is {1 + case.found.shared[at]:.4f} (± {sigma:.1g}) times what its file says"
+            f"{which}: fitted along with the camera; measure it both ways",
         )
 
 
