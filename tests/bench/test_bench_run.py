@@ -253,6 +253,29 @@ def test_preparing_may_take_half_of_the_time_and_leaves_some_of_every_family(vie
     assert all("no time to prepare it" in o.why for o in left)
 
 
+def test_no_second_of_a_family_is_prepared_in_the_time_of_the_first_ones_calls(view, monkeypatch):
+    """Two families of four, 0.3 s each to prepare, 1 s a call: calls of one each and truths take 8 / 0.7 s of the 12."""
+    now = [100.0]
+    monkeypatch.setattr(run, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    monkeypatch.setattr(run, "guess", lambda *args: 1.0)
+
+    @dataclass(frozen=True)
+    class Slow(Renderer):
+        kind: str = "a"
+        n: int = 0
+        name = property(lambda self: f"{self.kind}-{self.n}")
+        family = property(lambda self: self.kind)
+
+        def prepare(self, scene):
+            now[0] += 0.1
+            return lambda seed: None
+
+    methods = [Slow(kind=kind, n=n) for kind in "ab" for n in range(4)]
+    assert [m.method.name for m in run.get_ready(view("single"), methods, 112.0, silent)[0]] == ["a-0", "b-0"]
+    ready, _ = run.get_ready(view("single"), methods, now[0] + 40, silent)
+    assert len(ready) == 8
+
+
 def test_the_quickest_of_each_family_is_called_before_the_second_of_any(view, monkeypatch):
     """Of 10 s, with four calls each: three of family a take 1 s a call, b's takes 1.2 s: a-0 and b-0 fit."""
     now = [0.0]

@@ -153,8 +153,7 @@ def measure_size(
     w, h = scene.camera.image_size
     start = time.perf_counter()
     ready, left = get_ready(scene, methods, deadline, progress)
-    if ready:
-        _warn_of_families(methods, ready, left, time.perf_counter() - start)
+    prepared = time.perf_counter() - start
     images, truths = {}, {}
     names = sorted({truth_of(m.method) for m in ready} | ({WHOLE} if ready else set()))
     until = time.perf_counter() + TRUTH_SHARE * (deadline - time.perf_counter())
@@ -169,6 +168,8 @@ def measure_size(
         return {name: measure(image.mean, images[name], flip) for name in names if name == own or comparable(name)}
 
     done = warm_up(ready, look, deadline, left, (w, h), progress)
+    if done:
+        _warn_of_families(methods, done, left, prepared)
     repeat(done, look, deadline, repeats)
     left += [LeftOut(m.method.name, w, h, f"{LATE} left for a timed call") for m in done if not m.seconds]
     done = [m for m in done if m.seconds]
@@ -209,7 +210,7 @@ def get_ready(
     """Each method prepared, compiled and tried on two thumbnails, which tell what it will take at full size.
 
     One of each family before the second of any, those of few samples first, so that time that is too short leaves some
-    of every kind.
+    of every kind. No second one is prepared in the time that the first ones' calls and the truths need.
     """
     w, h = scene.camera.image_size
     until = time.perf_counter() + PREPARE_SHARE * (deadline - time.perf_counter())
@@ -219,12 +220,15 @@ def get_ready(
     ready: list[Measured[Renderer, Image]] = []
     left: list[LeftOut] = []
     absent: dict[str, str] = {}
+    owed = 0.0
     for i, method in enumerate(in_turn):
         progress("prepare", i, len(methods))
         if method.library in absent:
             left.append(LeftOut(method.name, w, h, absent[method.library]))
             continue
-        if i > 0 and time.perf_counter() > until:
+        first_of_kind = method.family not in {m.family for m in in_turn[:i]}
+        needed = 0.0 if first_of_kind else owed / (1 - TRUTH_SHARE)
+        if i > 0 and time.perf_counter() > min(until, deadline - needed):
             left.append(LeftOut(method.name, w, h, f"{LATE} {UNPREPARED}"))
             continue
         try:
@@ -240,6 +244,7 @@ def get_ready(
                 left.append(LeftOut(method.name, w, h, f"{LATE}: a call would take about {expected:.2g} s"))
                 continue
             ready.append(Measured(method, method.prepare(scene), expected, max(0.0, cold - warm_one)))
+            owed += CALLS * expected * first_of_kind
         except InputError as error:
             left.append(LeftOut(method.name, w, h, str(error)))
             if "cuda" in method.library:
