@@ -254,7 +254,7 @@ def test_preparing_may_take_half_of_the_time_and_leaves_some_of_every_family(vie
 
 
 def test_no_second_of_a_family_is_prepared_in_the_time_of_the_first_ones_calls(view, monkeypatch):
-    """Two families of four, 0.3 s each to prepare, 1 s a call: calls of one each and truths take 8 / 0.7 s of the 12."""
+    """Families of four, 0.3 s each to prepare, 1 s a call: calls of one each and truths take 8 / 0.7 s of the 12."""
     now = [100.0]
     monkeypatch.setattr(run, "time", SimpleNamespace(perf_counter=lambda: now[0]))
     monkeypatch.setattr(run, "guess", lambda *args: 1.0)
