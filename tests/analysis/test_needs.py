@@ -14,11 +14,13 @@ from raytwin.analysis.light_parts import gone
 from raytwin.analysis.recommend import find_needs, probe_pixels
 from raytwin.analysis.recommend.bounds import Bounds
 from raytwin.analysis.recommend.converged import measure
+from raytwin.analysis.recommend.search import Choice
 from raytwin.analysis.recommend.simplify import still_terms
+from raytwin.analysis.recommend.trial import Tried
 from raytwin.compare import METRICS
 from raytwin.errors import InputError
 from raytwin.lights.environment_map import environment_map
-from raytwin.renderers.subject_renderers import Filled, Speculated, Supersampled
+from raytwin.renderers.subject_renderers import Filled, Speculated, Supersampled, Traced
 from raytwin.scene import Camera, Environment, Rectangle, Scene, Sphere, Sun
 from raytwin.scene.lens import distort
 from raytwin.speed import light_parts, walk
@@ -225,6 +227,22 @@ def test_the_choice_rerun_meets_the_tolerance_and_the_next_cheaper_fails(small, 
     cheaper = found.rejected[0]
     assert cheaper.error > tolerance * 0.9
     assert METRICS["rmse"].function(rendered(small, cheaper, seed=5), whole) > 0.9 * tolerance
+
+
+@pytest.mark.parametrize(("seconds", "steps"), [(1.5, [8, 4, 16, 2]), (2.5, [8])])
+def test_other_steps_are_guessed_only_where_the_first_takes_up_to_twice_the_time_of_tracing_all(seconds, steps):
+    looked = Choice.__new__(Choice)
+    looked.engine, looked._look, looked._meets = "numpy32", lambda tried, whole: True, lambda tried: True
+    looked._called = lambda tried: seconds if isinstance(tried.method, Speculated) else 1.0
+    meet = [Tried(Traced("shadow", "numpy32"), 0.0)]
+    looked._guesses(meet, [])
+    assert [t.method.step for t in meet[1:]] == steps
+
+
+def test_the_share_that_is_looked_at_is_one_of_the_frames_pixels(small, fast):
+    looked = probe_pixels.Look(small, 0.1, "rmse", fast)
+    assert looked.frame == 96 * 72
+    assert 0 < looked.pixels <= looked.frame
 
 
 def rendered(scene: Scene, row: recommend.Row, seed: int) -> np.ndarray:
