@@ -7,12 +7,15 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError
+
+if TYPE_CHECKING:
+    from raytwin.scene import Material, Sphere
 
 
 def _known_scene(path: Path) -> Path:
@@ -168,6 +171,24 @@ def parse_numbers(text: str, option: str, most: int | None = None) -> tuple[floa
     if most is not None and len(numbers) > most:
         raise InputError(option, f"at most {most} numbers", len(numbers))
     return numbers
+
+
+def parse_sphere(text: str, option: str, material: "Material") -> "Sphere":
+    """A sphere of this material from its center and radius: 'x,y,z,r'."""
+    from raytwin.scene import Sphere
+
+    numbers = parse_numbers(text, option)
+    if len(numbers) != 4 or not numbers[3] > 0:
+        raise InputError(option, "x,y,z,r in metres, r > 0", text)
+    return Sphere((numbers[0], numbers[1], numbers[2]), numbers[3], material)
+
+
+def parse_stand(text: str, option: str) -> tuple[float, float, float]:
+    """The foot (x, y) and the height of an upright: 'x,y,h'."""
+    numbers = parse_numbers(text, option)
+    if len(numbers) != 3 or not numbers[2] > 0:
+        raise InputError(option, "x,y,h in metres, h > 0", text)
+    return numbers[0], numbers[1], numbers[2]
 
 
 def parse_counts(text: str, option: str) -> tuple[int, ...]:

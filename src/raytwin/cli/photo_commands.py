@@ -5,11 +5,15 @@ from typing import Annotated
 
 import typer
 
-from raytwin.cli.options import JsonFile, check_outputs, parse_numbers, parse_size
+from raytwin.cli.options import JsonFile, check_outputs, parse_numbers, parse_size, parse_sphere, parse_stand
 from raytwin.cli.progress_bar import show_progress, tell_seconds
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
+from raytwin.scene import Lambert
 from raytwin.workflows.augment_settings import AugmentSettings
+
+MIRROR, ORANGE = Lambert((0.9, 0.9, 0.9)), Lambert((0.75, 0.35, 0.08))
+"""What `photograph` puts beside the board: the first's albedo is its reflectance."""
 
 
 def calibrate_command(
@@ -123,11 +127,26 @@ def photograph_command(
     with_objects: Annotated[
         bool, typer.Option("--with-objects", help="Put the scene's objects into the photos (for augment --against).")
     ] = False,
+    mirror: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z,R", help="Put a mirror ball there: center and radius, metres.")
+    ] = None,
+    ball: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z,R", help="Put a matt orange ball there: center and radius, metres.")
+    ] = None,
+    stand: Annotated[
+        str | None, typer.Option(metavar="X,Y,H", help="Put a thin upright there: foot and height, metres.")
+    ] = None,
+    exposure: Annotated[
+        str, typer.Option(help="Linear pixel value of radiance 1; several, separated by commas, are used by turns.")
+    ] = "1",
 ) -> None:
     """Render photos of an AprilTag board with Mitsuba, and write the true camera."""
     from raytwin.workflows.photograph import photograph_board
 
     check_outputs(folders=(out,))
+    shown = parse_numbers(exposure, "--exposure")
+    if not shown or min(shown) <= 0:
+        raise InputError("--exposure", "numbers > 0", exposure)
     with show_progress() as progress:
         photograph_board(
             board,
@@ -141,6 +160,10 @@ def photograph_command(
             seed=seed,
             with_objects=with_objects,
             bend=bend / 1000,
+            mirror=parse_sphere(mirror, "--mirror", MIRROR) if mirror else None,
+            ball=parse_sphere(ball, "--ball", ORANGE) if ball else None,
+            stand=parse_stand(stand, "--stand") if stand else None,
+            exposures=shown,
             progress=progress,
         )
     tell_seconds(progress)
