@@ -113,15 +113,6 @@ def test_every_exported_name_is_there(package):
     assert not missing
 
 
-def test_no_docstring_begins_with_of():
-    """The subject of a sentence comes first: what a constant is, what a function returns."""
-    source = Path(__file__).resolve().parents[1] / "src" / "raytwin"
-    found = [
-        f"{f.name}: {line}" for f in source.rglob("*.py") for line in f.read_text().splitlines() if '"""Of ' in line
-    ]
-    assert found == []
-
-
 def test_a_files_name_is_its_address():
     source = Path(__file__).resolve().parents[1] / "src" / "raytwin"
     names = [f.name for f in source.rglob("*.py") if f.name not in ("__init__.py", "__main__.py")]

@@ -7,6 +7,7 @@ import numpy as np
 from raytwin.array_types import Bool, Float, Float32, Int32
 
 BACKGROUND = -1
+"""The id of a pixel that shows no object."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -113,8 +113,10 @@ def _repeated(made: list[LoadedImage]) -> LoadedImage:
     k = len(stack)
     with np.errstate(invalid="ignore"):  # NaN and infinity: compare finds them in the mean
         mean, variance = stack.mean(axis=0), stack.var(axis=0, ddof=1) / k
-    told = [g.image.samples for g in made]
-    image = Image(mean.astype(np.float32), variance.astype(np.float32), sum(told) if all(told) else 0, first.surface, k)
+    samples = [g.image.samples for g in made]
+    image = Image(
+        mean.astype(np.float32), variance.astype(np.float32), sum(samples) if all(samples) else 0, first.surface, k
+    )
     return made[0]._replace(image=image, measured=True)
 
 

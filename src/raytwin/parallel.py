@@ -90,7 +90,7 @@ def _in_processes(function: Callable[[T], Any], things: Sequence[T], jobs: int) 
                     for future in wait(running, return_when=FIRST_COMPLETED).done:
                         if isinstance(future.exception(), BrokenProcessPool):
                             raise BrokenProcessPool
-                        yield _told(things[running.pop(future)], future)
+                        yield _outcome(things[running.pop(future)], future)
         except BrokenProcessPool:
             yield from (_alone(function, things[i]) for i in sorted(running.values()))
 
@@ -99,13 +99,13 @@ def _alone(function: Callable[[T], Any], thing: T) -> Done:
     """Nobody else can have ended its process: after `TRIES` it was its own doing."""
     for _ in range(TRIES):
         with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-            found = _told(thing, pool.submit(function, thing))
+            found = _outcome(thing, pool.submit(function, thing))
             if not isinstance(found.error, BrokenProcessPool):
                 return found
     return Done(thing, error=MachineError(thing, "a process that lives", "one that is killed"))
 
 
-def _told(thing: Any, future: "Future[Any]") -> Done:
+def _outcome(thing: Any, future: "Future[Any]") -> Done:
     error = future.exception()
     return Done(thing, error=error) if isinstance(error, Exception) else Done(thing, future.result())
 

@@ -28,6 +28,7 @@ WIDTH = 480
 MORE = 4
 """Times the rungs' samples are those of the whole light."""
 CALLS = 3
+"""Timed calls of each method; their median counts."""
 
 
 class Step(Record, frozen=True):

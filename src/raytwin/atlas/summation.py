@@ -7,6 +7,7 @@ import numpy as np
 from raytwin.atlas.experiment import U32, Error, Experiment, decades
 
 CHUNK = 1 << 20
+"""Values drawn at a time: bounds the memory, not the sum."""
 
 
 def added(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
@@ -39,6 +40,7 @@ def stagnant(x: float) -> float:
 
 
 PIXELS = 64
+"""Pixels of the picture whose noise is averaged over frames."""
 
 
 def seeds(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:

@@ -72,6 +72,7 @@ GAP, HALF = 1e-3, 0.1
 """Height and half side, in radii, of the sheet that floats over the sphere towards the sun."""
 
 EPSILON = 1e-4
+"""Metres: the fixed offset that many tracers use."""
 OWN = "raytwin: not its own object"
 MITSUBA = 1500 * U32
 """Mitsuba 3 starts rays at p + n (1 + max|p|) times this."""

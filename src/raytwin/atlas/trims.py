@@ -18,6 +18,7 @@ WIDE = 0.25
 """The focal length of a view of 127 degrees, in widths."""
 
 CHUNK = 2000
+"""Spheres boxed at a time: bounds the memory."""
 IDENTITY = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 

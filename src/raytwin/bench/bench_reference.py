@@ -19,7 +19,7 @@ from raytwin.scene import Scene
 from raytwin.speed import ENGINES, background, draw
 
 WHOLE = "path-area"
-"""Every method can be held against the whole light, whatever part of it the method computes."""
+"""The truth with all light, with which every method can be compared, whatever part of it the method computes."""
 
 BATCH = 16
 """Most samples per pixel between two looks at the clock."""

@@ -174,11 +174,11 @@ def measure_size(
     left += [LeftOut(m.method.name, w, h, f"{LATE} left for a timed call") for m in done if not m.seconds]
     done = [m for m in done if m.seconds]
     rows, errors = summarize(done, truths, (w, h))
-    kept = [
+    timed = [
         Repeats(m.method.name, w, h, tuple(m.seconds), tuple(number(e[truth_of(m.method)]["rmse"]) for e in m.errors))
         for m in done
     ]
-    return rows, [truths[n] for n in names], errors, left, kept
+    return rows, [truths[n] for n in names], errors, left, timed
 
 
 def _warn_of_families(
@@ -200,7 +200,7 @@ def _warn_of_families(
 
 
 def comparable(truth: str) -> bool:
-    """Truths that every method may be held against: those over the whole pixel."""
+    """Whether every method may be compared with this truth: those over the whole pixel."""
     return truth.endswith("-area")
 
 
@@ -288,11 +288,11 @@ def summarize(
     times = {m.method.name: median_iqr(m.seconds) for m in done}
     errors: dict[tuple[str, str], Deviation] = {}
     for name, truth in truths.items():
-        held = [m for m in done if name in m.errors[0]]
-        means = [{k: mean_of([e[name][k] for e in m.errors]) for k in m.errors[0][name]} for m in held]
-        seconds = [times[m.method.name][0] for m in held]
+        compared = [m for m in done if name in m.errors[0]]
+        means = [{k: mean_of([e[name][k] for e in m.errors]) for k in m.errors[0][name]} for m in compared]
+        seconds = [times[m.method.name][0] for m in compared]
         flags = on_frontier(seconds, [number(mean["rmse"]) for mean in means], number(truth.floor["rmse"]))
-        for m, mean, flag in zip(held, means, flags, strict=True):
+        for m, mean, flag in zip(compared, means, flags, strict=True):
             rmse, relmse, p999_abs = (number(mean[key]) for key in ("rmse", "relmse", "p999_abs"))
             errors[m.method.name, name] = Deviation(
                 m.method.name, *size, name, rmse, relmse, p999_abs, mean["flip"], on_frontier=flag

@@ -80,6 +80,7 @@ SETTINGS: tuple[Setting, ...] = (
 They are tried in this order: what the ratios need comes first."""
 
 FOLDS = 5
+"""Parts of the photos; each is held out once, so more parts cost more calibrations."""
 
 
 def detect_shrunk(grey: np.ndarray, family: str, n: int) -> list[Tag]:

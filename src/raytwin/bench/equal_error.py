@@ -10,6 +10,7 @@ from raytwin.renderers.renderer_table import RENDERERS
 TARGET = 1e-3
 """relMSE: a picture in which noise can hardly be seen."""
 FARTHEST = 8.0
+"""Times the samples of the last measured point: the fall of the error is not carried on beyond it."""
 
 
 def equal_error(rows: Sequence[Measurement], truths: Sequence[Converged]) -> tuple[Equal, ...]:

@@ -14,6 +14,7 @@ STRENGTH = 3.0
 """The filter's h in standard deviations of the noise. Tried on path-traced scenes: 1 leaves 80 % of the error, 3 half
 of it; larger ones begin to smear shadows."""
 LEVELS = 65535
+"""The largest code of the 16 bits that OpenCV denoises."""
 SECOND = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]]) / 6
 """Immerkær's filter (1996): white noise keeps its standard deviation, and of a plane nothing is left."""
 

@@ -30,6 +30,7 @@ Render = Callable[[Camera, np.ndarray, Rectangle], np.ndarray]
 """
 
 TILT_DEGREES = 50.0
+"""Degrees: the largest tilt of the board."""
 SMALLEST_TAG_PX = 24.0
 """A tag's shortest side in a photo: three pixels a cell, what the detector reads surely."""
 
@@ -40,8 +41,11 @@ EXPOSURE_TIME = 0x829A
 """The EXIF tag."""
 
 QUALITY = 88
+"""JPEG quality of the photos, as cameras write them."""
 TRIES = 200
+"""Attempts to place the board in a frame, each less tilted and nearer to the middle."""
 MAX_TEXTURE = 16_000_000
+"""Pixels of the board's texture: bounds the memory."""
 
 
 class Truth(Record, frozen=True):

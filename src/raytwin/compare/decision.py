@@ -62,6 +62,7 @@ Sums = dict[str, Float64[np.ndarray, "..."]]
 Size = tuple[int, ...]
 
 TESTS = 4
+"""Tests that share the false-alarm rate: values, tiles, image, shift."""
 
 POWER = 0.9
 """The probability with which a minimum detectable bias is detected."""

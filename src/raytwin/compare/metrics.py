@@ -17,6 +17,7 @@ CHUNK = 1 << 17
 """Values worked on at a time: they stay in the cache, where one pass over 12 megapixels would not."""
 
 FLIP_PIXELS_PER_DEGREE = 67.0
+"""Pixels per degree of the observer's view: FLIP's default."""
 FLIP_EXPOSURES = {"startExposure": -2.0, "stopExposure": 2.0, "numExposures": 5, "tonemapper": "ACES"}
 """Pinned: left to itself, FLIP takes them from the reference, and its numbers stop being comparable."""
 

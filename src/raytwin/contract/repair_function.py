@@ -111,6 +111,7 @@ def smaller(stage: Stage, case: Case) -> Case | None:
 
 
 STEP = 4
+"""Every how many pixels along each side a whole picture is tried: fewer rays per trial."""
 
 
 def _case(stage: Stage, case: Case, args: tuple[Any, ...]) -> Case:

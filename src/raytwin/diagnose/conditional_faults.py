@@ -193,6 +193,7 @@ def averaged() -> tuple[Fault, ...]:
 OFF_SURFACE = TESTS[3]
 """Shadow rays start a little off the surface: another scene's floor lies in this one's."""
 EQUAL = 1e-9
+"""Relative: distances that differ by less are equal, whatever rounding says."""
 KINDS: tuple[Any, ...] = ((Sphere, Rectangle), Sphere, Rectangle)
 SHARED = "what all calls share (a list of the class, a default argument, a global) has to be made anew for each scene"
 

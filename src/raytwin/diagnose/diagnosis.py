@@ -56,6 +56,7 @@ RARE = 3e-3
 SCREEN = 4
 """Every fault is tried on one in so many of the pixels first."""
 FINALISTS = 24
+"""Guesses that are compared on all pixels, those of least cost: more cost time."""
 CLEAR = 0.1
 """Share of the cost: fit no numbers once less than this is left."""
 CLOSE = 4
@@ -83,8 +84,9 @@ HOPELESS = 0.97
 FITS = 5
 """Families whose numbers are fitted to the end, of those whose first step explains most."""
 ROUNDED = 3e-5
-"""Share of the scale that single precision may round off. LOOSE: share of pixels that may be off by more."""
+"""Share of the scale that single precision may round off."""
 LOOSE = 0.01
+"""Share of the pixels that may be off by more."""
 SIGNIFICANT = 4.0
 """Standard errors by which a cause has to bring noisy pixels nearer."""
 FAR = 25.0

@@ -22,6 +22,7 @@ SIZE = (120, 88)
 LEAST = 0.005
 """Share of the pixels: what fewer pixels show may be overlooked."""
 TRIES = 1000
+"""Scenes drawn before giving up."""
 AROUND = (((0.0, -2.2, -0.3), 0.6), ((0.0, 2.6, 0.0), 0.8), ((0.0, 1.5, -2.6), 1.5), ((0.0, -0.8, 2.6), 0.5))
 """Large spheres far away, where rays of a wrong camera go: what they meet tells which way it is wrong."""
 GAP = 0.004

@@ -26,14 +26,17 @@ NAMES = {
 TAKEN = "shadow", "occlusion"
 """Parts that light is lost by."""
 LEAST = 0.01
-"""A factor that is off by less is right; as is one that is off by less than FIRM of its standard errors."""
+"""A factor that is off by less is right."""
 FIRM = 4.0
+"""Standard errors: a factor off by less is right."""
 MOST = 4
 """Factors of sampled parts, at most so many of which are told."""
 ALIKE = 0.02
 """Factors of one part on several objects that differ by less are one."""
 EXPLAINED = 0.9
+"""Share of the error: factors that leave more of it are not reported."""
 TURNS = 8
+"""Rounds of reweighting of the robust fit; it has settled by then."""
 Halves = tuple[Array, Array]
 
 

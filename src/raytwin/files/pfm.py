@@ -14,6 +14,7 @@ from raytwin.files.limits import check_size
 
 HEADER = re.compile(rb"(P[Ff])\s+(\d{1,9})\s+(\d{1,9})\s+([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)[ \t\r]*\n")
 LONGEST_HEADER = 256
+"""Bytes: three lines are far shorter."""
 
 
 def read_pfm(path: str | os.PathLike) -> np.ndarray:

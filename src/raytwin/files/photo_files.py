@@ -50,6 +50,7 @@ def to_bytes(linear: np.ndarray) -> np.ndarray:
 CHUNK = 1 << 15
 """Values worked on at a time: they stay in the cache."""
 _CELLS = 1 << 13
+"""Cells of [0, 1] in the table of first codes: narrow enough that each has one step at most."""
 _STEPS = np.append(srgb_decode((np.arange(255) + 0.5) / 255), np.inf)
 _FIRST = np.searchsorted(_STEPS, np.arange(_CELLS + 1) / _CELLS, side="right").astype(np.uint8)
 _DECODE = srgb_decode(np.arange(256) / 255).astype(np.float32)

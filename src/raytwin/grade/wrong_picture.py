@@ -14,6 +14,7 @@ from raytwin.image import Image
 from raytwin.viewer import pack
 
 MOST_PIXELS = 40_000
+"""Pixels per picture on a student's page: larger ones are reduced."""
 SAMPLE = 12, 16
 
 

@@ -30,6 +30,7 @@ from raytwin.scene import Scene, SceneFile
 from raytwin.speed import ENGINES
 
 QUALITY = 85
+"""JPEG quality of the pictures sent while the view moves."""
 WHOLE_SAMPLES = 8
 """A pixel of each half of the whole light."""
 SEEDS = 0xE47, 0x10E

@@ -1,6 +1,6 @@
-"""The figures 10 to 12 of the paper that this tool grew from, made again, each with the error that it leaves out.
+"""The figures 10 to 12 of the paper that this tool grew from, recomputed, each with the error that it leaves out.
 
-measure.py runs them -> record.py (paper.json) -> tables.py (what is held against what) -> page.py (paper.html)
+paper_runs measures -> paper_record (paper.json) -> paper_tables (which rows are compared) -> paper_page (paper.html)
 """
 
 from raytwin.paper.paper_page import paper_summary, write_paper_all

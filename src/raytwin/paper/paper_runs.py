@@ -47,7 +47,7 @@ SPECULATION = tuple(f"numpy32-shadow-{way}{n}" for way in ("paper", "careful") f
 """Patterns of RENDERERS; shadow's become RUNG's."""
 
 FULL = f"numpy32-{RUNG}-none"
-"""What speculation's seconds are held against."""
+"""Frames that give the seconds and errors to which speculation is compared."""
 
 YARDSTICKS = (Filled, Plain)
 """Kinds of methods that draw something else: they are timed, and have no error against this truth."""
@@ -120,12 +120,12 @@ def _paper(
 
 def lambert(globs: tuple[str, ...]) -> list[Renderer]:
     """The methods of RENDERERS that `globs` name, drawing into one array, and at RUNG where they are at shadow."""
-    kept = [replace(m, keep=True) if isinstance(m, Filled | Traced) else m for m in choose(globs)]
-    return [m if isinstance(m, Plain) else replace(m, rung=RUNG) for m in kept]
+    chosen = [replace(m, keep=True) if isinstance(m, Filled | Traced) else m for m in choose(globs)]
+    return [m if isinstance(m, Plain) else replace(m, rung=RUNG) for m in chosen]
 
 
 class Frames(NamedTuple):
-    """All frames of one size, and what they were held against; `floor`: its RMSE as stored."""
+    """All frames of one size, and the reference of their errors; `floor`: its RMSE as stored."""
 
     size: tuple[int, int]
     frames: list[Frame]

@@ -16,6 +16,7 @@ from raytwin.report.class_page import STATUS, of_points
 MOST_BYTES = 950_000
 """Bytes of a results.json: Gradescope and PrairieLearn take one megabyte."""
 MOST_TEXT = 4000
+"""Characters per field: the rest is cut."""
 
 
 def write_gradescope(result: Result, rubric: Rubric, path: str | os.PathLike[str]) -> None:

@@ -26,6 +26,7 @@ from raytwin.report.page import asset, render_page
 SHARED = "shared"
 STUDENTS = "students"
 BINS = 10
+"""Steps of the points' distribution."""
 ALIKE = 1e-3
 """Share of the largest error: two wrong pictures whose errors differ by less everywhere are near-identical."""
 

@@ -16,6 +16,7 @@ PANEL = 400
 TALLEST = 4 * PANEL
 """Height of a panel at most: those of taller frames are narrower."""
 GAP = 8
+"""Pixels between the pictures."""
 
 
 def overview(result: "Result") -> np.ndarray:

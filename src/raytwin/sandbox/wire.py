@@ -14,7 +14,9 @@ from typing import Any, BinaryIO
 import numpy as np
 
 MOST_ARRAYS = 64
+"""Arrays per message: more are refused."""
 MOST_HEAD = 1 << 20
+"""Bytes of a message's head: more are refused."""
 
 
 class WireError(ValueError):

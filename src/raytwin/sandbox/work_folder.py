@@ -8,6 +8,7 @@ from pathlib import Path
 from raytwin.errors import InputError
 
 MEGA = 1_000_000
+"""Bytes per MB, as the messages count."""
 MOST_FILES = 10_000
 """Files and folders that a submission may hand in, and that it may write."""
 DEEPEST = 2000

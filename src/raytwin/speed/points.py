@@ -24,6 +24,7 @@ from raytwin.tracer.shading import RADIANCE
 from raytwin.tracer.world import first_hit, hides
 
 CHUNK = 1 << 14
+"""Points traced at a time: they stay in the cache."""
 
 
 LIT, AWAY = -1, -2

@@ -41,18 +41,18 @@ def show(name: str, yours: np.ndarray, twin: np.ndarray | Image | None = None) -
     """Two images (H, W, 3) of linear radiance beside each other: the viewer in a notebook, else a file in walk/."""
     other = twin.mean if isinstance(twin, Image) else twin
     pair = np.asarray(yours, np.float32), None if other is None else np.asarray(other, np.float32)
-    told = name
+    caption = name
     if pair[1] is not None:
-        told += f": RMSE {np.sqrt(np.mean(np.square(pair[0] - pair[1], dtype=float))):.2g} beside the twin"
+        caption += f": RMSE {np.sqrt(np.mean(np.square(pair[0] - pair[1], dtype=float))):.2g} beside the twin"
     if in_notebook():
-        print(told)
+        print(caption)
         return widget(name, *pair)
     FOLDER.mkdir(exist_ok=True)
     path = FOLDER / f"{name.replace(' ', '-')}.png"
     gap = np.ones((pair[0].shape[0], 8, 3), np.float32)
     row = pair[0] if pair[1] is None else np.concatenate([pair[0], gap, pair[1]], axis=1)
     files.write_picture(path, files.to_bytes(row))
-    print(f"{told}, {path}")
+    print(f"{caption}, {path}")
     return None
 
 

@@ -30,6 +30,7 @@ SCALAR = "scalar_rgb"
 VARIANTS = ("llvm_ad_rgb", SCALAR, "cuda_ad_rgb")
 PROBE = Path(__file__).with_name("probe.py")
 PROBE_SECONDS = 120
+"""Seconds until a probe without a picture is given up; the first kernel compiles for several."""
 PACKAGES = ("raytwin", "mitsuba", "drjit", "numpy", "opencv-contrib-python-headless")
 NO_LIBRARY = os.devnull
 """For DRJIT_LIBLLVM_PATH, where none works: left to itself, Dr.Jit takes one of the system's, and may abort with it."""
@@ -128,13 +129,13 @@ def chosen(variant: str | None = None) -> Backend:
 @contextlib.contextmanager
 def _no_words() -> Iterator[None]:
     """Dr.Jit says on standard error, past Python, that it found no library: that is known."""
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    stderr, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(nowhere, 2)
         yield
     finally:
-        os.dup2(kept, 2)
-        os.close(kept)
+        os.dup2(stderr, 2)
+        os.close(stderr)
         os.close(nowhere)
 
 

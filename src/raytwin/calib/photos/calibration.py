@@ -29,6 +29,7 @@ from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
 
 LEAST_VIEWS = 3
+"""Photos of the board: with fewer the camera is not determined."""
 
 ROUNDS = 3
 """Fits, each without the outliers and the detector's bias that the one before tells; a fourth moves fx by 1e-7."""

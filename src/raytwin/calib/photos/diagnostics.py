@@ -40,6 +40,7 @@ CODES = {
 """Every code, and what it means. Codes are stable: tools may test for them."""
 
 FEW_VIEWS = 8
+"""Photos: with fewer a warning says how far the focal length may be off."""
 FOCAL_SD, CENTER_SD = 0.02, 0.03
 ASPECT, CENTER_OFFSET = 0.02, 0.12
 NORMAL_SPREAD, COVERAGE = 15.0, 0.25

@@ -14,6 +14,7 @@ WIDTH, BOLD_WIDTH = 0.62, 0.69
 
 REACHES = (9, 15, 24, 36, 50, 68, 90, 115, 145, 180)
 TURNS = 20
+"""Directions from its mark in which a label's place is tried."""
 
 
 @dataclass(frozen=True)
