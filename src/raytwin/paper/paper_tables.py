@@ -122,11 +122,11 @@ def is_full(paper: Paper, frame: Frame) -> bool:
 
 def glances(paper: Paper) -> list[Glance]:
     """What the paper states, beside the row of ours that it is compared with."""
-    rows = {(WHOLE, 1.0): WHOLE, (OURS, 1.0): OURS, (SHRUNK, 0.25): "photos shrunk to a quarter"}
+    names = {(WHOLE, 1.0): WHOLE, (OURS, 1.0): OURS, (SHRUNK, 0.25): "photos shrunk to a quarter"}
     rows = [
         Glance(f"calibration: {photos_of(c)}", what, c, f"{shown(c.of.heldout_px)} px held out")
         for c in calibrations(paper)
-        if (what := rows.get((c.of.setting, c.of.scale)))
+        if (what := names.get((c.of.setting, c.of.scale)))
     ]
     rows += [
         Glance(f"intersection: {f.of.family}, {size_of(f.of)}", TRIMS.get(f.of.label, f.of.label), f,
