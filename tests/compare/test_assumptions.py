@@ -5,9 +5,9 @@ import pytest
 from measure.noise_models import KINDS, picture
 
 from raytwin.compare import compare
-from raytwin.compare.chance import quantile
 from raytwin.compare.decision import Worst
-from raytwin.compare.words import shared_share
+from raytwin.compare.messages import shared_share
+from raytwin.compare.significance import quantile
 from raytwin.image import Image
 
 

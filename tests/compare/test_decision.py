@@ -289,7 +289,7 @@ def test_a_mean_s_deviation_is_that_of_independent_pixels():
 def test_a_deviation_below_a_tenth_of_the_tolerance_is_silence(share, noisy):
     v = np.full((24, 24, 3), np.square(share * 1e-5), np.float32)
     a, b = (Image(np.full((24, 24, 3), 0.5, np.float32), v * k, 16, None, 16) for k in (1, 0))
-    assert decided(a, b).quiet.values == (0 if noisy else 24 * 24 * 3)
+    assert decided(a, b).noise_free.values == (0 if noisy else 24 * 24 * 3)
 
 
 def test_every_tile_that_fails_is_told_and_none_that_does_not():

@@ -5,7 +5,7 @@ import pytest
 
 from raytwin.compare import compare
 from raytwin.compare.decision import decide
-from raytwin.compare.exact import count_quiet
+from raytwin.compare.exact import count_noise_free
 from raytwin.compare.noise import survey
 from raytwin.compare.scale import Bound
 from raytwin.image import Image
@@ -16,7 +16,7 @@ def test_the_worst_value_is_found_in_any_strip_and_its_share_is_counted():
     test = reference.copy()
     test[131, 700, 2] += 0.25
     test[90, 3:403, :] += 0.125
-    quiet = count_quiet(test, reference, Bound(1e-5, 1.0))
+    quiet = count_noise_free(test, reference, Bound(1e-5, 1.0))
     assert (quiet.x, quiet.y, quiet.channel, quiet.error) == (700, 131, 2, 0.25)
     assert (quiet.over, quiet.values, quiet.outliers) == (1201, 491520, 401)
     first = compare(Image(test), Image(reference)).reasons[0]

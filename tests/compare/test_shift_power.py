@@ -4,8 +4,8 @@ import numpy as np
 from measure.noise_models import render
 
 from raytwin.compare import compare
-from raytwin.compare.chance import two_sided
 from raytwin.compare.shift import find_shift
+from raytwin.compare.significance import two_sided
 
 
 def wave(dx: float, height: int = 48, width: int = 64) -> np.ndarray:

@@ -23,7 +23,7 @@ from measure import record
 from measure.noise_models import KINDS, Maker, half_steps, lognormal, pair, picture
 
 from raytwin.compare import Comparison, compare
-from raytwin.compare.words import percent
+from raytwin.compare.messages import percent
 from raytwin.files import read_scene
 from raytwin.image import Image
 from raytwin.rungs import RUNGS

@@ -8,7 +8,7 @@ import pytest
 import raytwin
 from raytwin.cli import compare_commands, photo_commands
 from raytwin.cli.options import OPTIONS, with_options
-from raytwin.compare.verdict import MUST_SEE
+from raytwin.compare.verdict import DETECTABLE_BIAS
 from raytwin.errors import InputError
 from raytwin.workflows.augment_settings import AugmentSettings
 from raytwin.workflows.compare_settings import CompareSettings
@@ -51,7 +51,7 @@ def test_the_tracer_stands_on_the_highest_rung_up_to_the_twins_that_a_formula_gi
 
 
 def test_diff_finds_the_bias_undecided_that_compare_would():
-    assert DiffSettings().must_see == MUST_SEE
+    assert DiffSettings().detectable_bias == DETECTABLE_BIAS
 
 
 @pytest.mark.parametrize(

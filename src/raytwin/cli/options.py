@@ -100,8 +100,14 @@ OPTIONS: dict[str, Any] = {
     ],
     "false_alarm_rate": Annotated[float, typer.Option(help="Share of correct noisy pairs that fail by chance.")],
     "noise": Annotated[str, typer.Option(help="Whose variance to believe: both, reference (not A's), or none.")],
-    "must_see": Annotated[
-        float, typer.Option(min=0, help='Report "undecided" if a bias larger than this could go unnoticed.')
+    "detectable_bias": Annotated[
+        float,
+        typer.Option(
+            "--detectable-bias",
+            "--must-see",
+            min=0,
+            help='Report "undecided" if a bias of the whole image larger than this could go unnoticed.',
+        ),
     ],
     "camera": Annotated[
         Path | None, typer.Option(metavar="FILE", help="camera.toml (default: calibrate the scene's own photos).")

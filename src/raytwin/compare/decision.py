@@ -38,8 +38,7 @@ import numpy as np
 
 from raytwin.array_types import Bool, Float32, Float64, Int
 from raytwin.compare.blocks import SIDE, Counts, Means, Pixels, block_counts, block_sums, dilate, slide, strips, unblock
-from raytwin.compare.chance import quantile, sidak, two_sided, welch
-from raytwin.compare.exact import Quiet
+from raytwin.compare.exact import NoiseFree
 from raytwin.compare.finding import MOST_PLACES, Place, blocks_of
 from raytwin.compare.noise import (
     Missed,
@@ -56,6 +55,7 @@ from raytwin.compare.noise import (
     variance_ratio,
 )
 from raytwin.compare.scale import Bound
+from raytwin.compare.significance import quantile, sidak, two_sided, welch
 from raytwin.image import Image
 
 Sums = dict[str, Float64[np.ndarray, "..."]]
@@ -117,7 +117,7 @@ class Decision(NamedTuple):
     value: Family
     tile: Family
     image: Family
-    quiet: Quiet
+    noise_free: NoiseFree
     failed_pixels: int
     inflation: float
 
@@ -133,7 +133,7 @@ class Rounding(NamedTuple):
     mean: Pixels
 
 
-class Grants(NamedTuple):
+class Allowance(NamedTuple):
     """What an error may be before it counts: the bound of values without noise, and what either image missed.
 
     `unseen`: 1 / samples per pixel of an image with noise, of both together; 0 where no variance is proof of no noise.
@@ -164,7 +164,7 @@ class Grants(NamedTuple):
             granted = granted + np.where(error < 0, dark, bright).astype(granted.dtype)
         return np.asarray(granted)
 
-    def most(self, pixels: Counts | int, radiance: Means) -> Means:
+    def upper(self, pixels: Counts | int, radiance: Means) -> Means:
         """The larger of the two directions."""
         dark, bright = (self.of(np.full_like(radiance, sign * 1e-30), pixels, radiance) for sign in (-1, 1))
         return np.asarray(np.maximum(dark, bright))
@@ -186,7 +186,9 @@ def decide(
     unseen = sum(
         1 / n for n in (samples_behind(i, s, SILENT * bound.least) for i, s in ((test, a), (reference, b))) if n
     )
-    grants = Grants(bound, *missed(a, b, (test.samples, reference.samples), math.prod(test.shape[:2]), share), unseen)
+    allowance = Allowance(
+        bound, *missed(a, b, (test.samples, reference.samples), math.prod(test.shape[:2]), share), unseen
+    )
     proven = _proven(reference, unseen)
     dofs = degrees_of_freedom(test), degrees_of_freedom(reference)
     dof = welch([(s.mean, nu) for s, nu in zip((a, b), dofs, strict=True) if s is not None])
@@ -196,7 +198,7 @@ def decide(
 
     sums: dict[str, list[np.ndarray]] = {}
     without: dict[str, list[np.ndarray]] = {}
-    quiet, values = Quiet(), Family(Worst(), level, 0, test.mean.size)
+    noise_free, values = NoiseFree(), Family(Worst(), level, 0, test.mean.size)
     failed_pixels = 0
     for y0, y1, rows in strips(test.shape):
         r = np.asarray(reference.mean[y0:y1], np.float32)
@@ -210,17 +212,17 @@ def decide(
         silent = v <= least
         v = mutual(va, vb, largest, v)
         more = np.float32(0) if rounding is None else rounding.value[y0:y1]
-        granted = grants.of(d, 1, r, allowed) + more
+        granted = allowance.of(d, 1, r, allowed) + more
         calm, size = np.zeros((), bool), np.zeros((1, 1, 1), np.float32)
         if unseen:
             calm = _agreeing(test, reference, y0, y1, least) & ~proven[y0:y1]
             silent &= ~calm
             np.maximum(v, least, out=v, where=calm)
             size = np.where(calm, allowed / np.float32(bound.share), np.float32(0))
-            granted = granted + np.float32(grants.by_chance(level)) * size
+            granted = granted + np.float32(allowance.by_chance(level)) * size
         if silent.any():
             still = np.where(silent, error, np.float32(0))
-            quiet = quiet.plus(still, int(np.count_nonzero(silent)), allowed, granted - allowed, y0)
+            noise_free = noise_free.plus(still, int(np.count_nonzero(silent)), allowed, granted - allowed, y0)
             v[silent] = np.inf
             d[silent] = 0
         if by_value:
@@ -245,19 +247,19 @@ def decide(
 
     grids = {k: np.concatenate(v) for k, v in sums.items()}
     blocks = ((grids["va"] + grids["vb"]) / grids["n"]).astype(np.float32)
-    wide = inflation(test.mean, reference.mean, blocks)
-    ways = [Way(grids, grants, typical, wide)]
+    shared = inflation(test.mean, reference.mean, blocks)
+    estimators = [Estimator(grids, allowance, typical, shared)]
     if any(s.fireflies[0].size for s in noisy):
-        fewer = grants._replace(by_test=_without_fireflies(grants.by_test, a))
-        fewer = fewer._replace(by_reference=_without_fireflies(grants.by_reference, b))
-        ways.append(Way({k: np.concatenate(v) for k, v in without.items()}, fewer, typical, wide))
+        fewer = allowance._replace(by_test=_without_fireflies(allowance.by_test, a))
+        fewer = fewer._replace(by_reference=_without_fireflies(allowance.by_reference, b))
+        estimators.append(Estimator({k: np.concatenate(v) for k, v in without.items()}, fewer, typical, shared))
     return Decision(
         values,
-        _tiles(ways, share, test.shape[:2]),
-        _image(ways, share, test.shape[:2]),
-        quiet,
+        _tiles(estimators, share, test.shape[:2]),
+        _image(estimators, share, test.shape[:2]),
+        noise_free,
         failed_pixels,
-        wide,
+        shared,
     )
 
 
@@ -309,12 +311,12 @@ def _within(side: Side, y0: int, y1: int) -> tuple[Int[np.ndarray, " n"], ...]:
     return y[inside] - y0, x[inside], c[inside]
 
 
-Told = tuple[Image, Side | None, float]
+NoisyImage = tuple[Image, Side | None, float]
 
 
 def _sums(
     d: Float32[np.ndarray, "h w 3"], r: Float32[np.ndarray, "h w 3"], silent: Bool[np.ndarray, "h w 3"],
-    a: Told, b: Told, rounding: Rounding | None, y0: int, rows: int, unit: np.float32,
+    a: NoisyImage, b: NoisyImage, rounding: Rounding | None, y0: int, rows: int, unit: np.float32,
 ) -> Sums:  # fmt: skip
     """KEYS of the rows from y0 on, over blocks: pixels, errors, radiance, variances, variances² / ν, rounding."""
     found: Sums = {"d": block_sums(d, rows), "r": block_sums(r, rows), "n": block_counts(d, rows)}
@@ -338,13 +340,13 @@ def _sums(
     return found
 
 
-class Way(NamedTuple):
+class Estimator(NamedTuple):
     """One way to test sums: the sums, what they may err by, the typical ratio of variances, and their inflation."""
 
     sums: Sums
-    grants: Grants
+    allowance: Allowance
     ratio: float | None
-    wide: float
+    inflation: float
 
 
 class _Tested(NamedTuple):
@@ -358,37 +360,37 @@ class _Tested(NamedTuple):
     error: Means
 
 
-def _student(ways: list[Way], level: float) -> _Tested:
+def _student(estimators: list[Estimator], level: float) -> _Tested:
     """Each sum in the way that would see the smaller error: with its fireflies, or without them but for their mean."""
-    made = [_one_way(way, level) for way in ways]
+    made = [_estimate(estimator, level) for estimator in estimators]
     if len(made) == 1:
         return made[0]
     least = [t.granted + t.sd * quantile(level, t.dof) for t in made]
     return _Tested(*(np.where(least[1] < least[0], y, x) for x, y in zip(*made, strict=True)))
 
 
-def _one_way(way: Way, level: float) -> _Tested:
-    s, wide = way.sums, way.wide
+def _estimate(estimator: Estimator, level: float) -> _Tested:
+    s, shared = estimator.sums, estimator.inflation
     v = s["va"] + s["vb"]
-    dof = np.divide(np.square(v), s["vv"], out=np.zeros_like(v), where=s["vv"] > 0) / wide - 1
+    dof = np.divide(np.square(v), s["vv"], out=np.zeros_like(v), where=s["vv"] > 0) / shared - 1
     dof = np.maximum(dof, 0.5)
-    sd = np.sqrt(mutual(s["va"], s["vb"], way.ratio) * wide) / s["n"]
-    floor = 1e-3 * way.grants.bound.least  # where all is calm: no division by 0
+    sd = np.sqrt(mutual(s["va"], s["vb"], estimator.ratio) * shared) / s["n"]
+    floor = 1e-3 * estimator.allowance.bound.least  # where all is calm: no division by 0
     sd, dof = np.maximum(sd, floor), np.where(sd > floor, dof, np.inf)
     error, radiance, more = s["d"] / s["n"], s["r"] / s["n"], s["round"] / s["n"]
-    if way.grants.unseen:
+    if estimator.allowance.unseen:
         size = np.divide(s["size"], s["calm"], out=np.zeros_like(sd), where=s["calm"] > 0)
-        more = more + way.grants.by_chance(level) * size / s["n"]
-    beyond = np.maximum(np.abs(error) - way.grants.of(error, s["n"], radiance) - more, 0)
+        more = more + estimator.allowance.by_chance(level) * size / s["n"]
+    beyond = np.maximum(np.abs(error) - estimator.allowance.of(error, s["n"], radiance) - more, 0)
     z = np.divide(beyond, sd, out=np.zeros_like(sd), where=sd > 0)
-    granted = way.grants.most(s["n"], radiance) + more
+    granted = estimator.allowance.upper(s["n"], radiance) + more
     return _Tested(np.nan_to_num(z, nan=np.inf, posinf=np.inf), sd, dof, granted, radiance, error)
 
 
-def _tiles(ways: list[Way], share: float, size: Size) -> Family:
+def _tiles(estimators: list[Estimator], share: float, size: Size) -> Family:
     """Tiles of 8, 16, 32, ... pixels, up to half of the image's longer side; `detectable` is for 24 x 24, anywhere."""
     height, width = size
-    scales = [(SIDE, SIDE, ways)]
+    scales = [(SIDE, SIDE, estimators)]
     while 4 * scales[-1][0] <= max(height, width):
         side, step, finer = scales[-1]
         apart = side // step
@@ -449,12 +451,12 @@ def _seen_somewhere(t: _Tested, level: float) -> float:
     return high if high < 1e8 else math.inf
 
 
-def _image(ways: list[Way], share: float, size: Size) -> Family:
+def _image(estimators: list[Estimator], share: float, size: Size) -> Family:
     """The mean over everything; `detectable`: relative to its mean, in the worst channel that is not DIM."""
     from scipy.special import ndtri
 
     level = sidak(share, 3)
-    t = _student([w._replace(sums={k: x.sum(axis=(0, 1)) for k, x in w.sums.items()}) for w in ways], level)
+    t = _student([w._replace(sums={k: x.sum(axis=(0, 1)) for k, x in w.sums.items()}) for w in estimators], level)
     p = two_sided(t.z, t.dof)
     c = int(t.z.argmax())
     worst = Worst(float(t.z[c]), float(p[c]), 0, 0, size[1], size[0], c, float(t.error[c]))

@@ -13,7 +13,7 @@ OUTLIER = 10.0
 """A pixel is an outlier when a value of it errs by more than this many tolerances."""
 
 
-class Quiet(NamedTuple):
+class NoiseFree(NamedTuple):
     """Values without noise: how many, how many beyond the tolerance and where, how many outliers, and the worst."""
 
     values: int = 0
@@ -25,7 +25,7 @@ class Quiet(NamedTuple):
     channel: int = 0
     places: tuple[Place, ...] = ()
 
-    def plus(self, error: Pixels, values: int, bound: Pixels, granted: Pixels | float, y0: int) -> "Quiet":
+    def plus(self, error: Pixels, values: int, bound: Pixels, granted: Pixels | float, y0: int) -> "NoiseFree":
         """With the rows from y0 on: `error` (h, W, 3) is |t - r|, 0 where there is noise.
 
         `bound` is what a value may err by, `granted` what is forgiven beyond it, once, not ten times.
@@ -45,7 +45,7 @@ class Quiet(NamedTuple):
                 ]
             beyond = error > OUTLIER * bound + granted
             outliers = int(np.count_nonzero(beyond.any(axis=-1)))
-        return Quiet(self.values + values, self.over + over, self.outliers + outliers, *place, places)
+        return NoiseFree(self.values + values, self.over + over, self.outliers + outliers, *place, places)
 
     def findings(self, tolerance: Tolerance, scale: float, pixels: int, excused: int) -> list[Finding]:
         """The two bounds of the tolerance; `excused` pixels see another object, and may."""
@@ -62,12 +62,12 @@ class Quiet(NamedTuple):
         return findings
 
 
-def count_quiet(test: Pixels, reference: Pixels, bound: Bound, granted: Pixels | None = None) -> Quiet:
+def count_noise_free(test: Pixels, reference: Pixels, bound: Bound, granted: Pixels | None = None) -> NoiseFree:
     """Every value of two noise-free images of one shape; `granted` (H, W, 3) is forgiven beyond the bound."""
-    quiet = Quiet()
+    noise_free = NoiseFree()
     for y0, y1, _ in strips(test.shape):
         d = np.subtract(test[y0:y1], reference[y0:y1])
         np.abs(d, out=d)
         more = 0.0 if granted is None else granted[y0:y1]
-        quiet = quiet.plus(d, d.size, bound.of(reference[y0:y1]), more, y0)
-    return quiet
+        noise_free = noise_free.plus(d, d.size, bound.of(reference[y0:y1]), more, y0)
+    return noise_free

@@ -12,7 +12,7 @@ import numpy as np
 
 from raytwin.compare.blocks import strips
 from raytwin.compare.finding import CHANNELS, EXACT, Finding, at, plural
-from raytwin.compare.hard import bad_values, shape_findings
+from raytwin.compare.invalid import bad_values, shape_findings
 from raytwin.image import Image
 from raytwin.scene import Record
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from raytwin.array_types import Float, Float32
-from raytwin.compare.chance import sidak, two_sided
 from raytwin.compare.finding import SHIFT, Finding
+from raytwin.compare.significance import sidak, two_sided
 
 GRANTED_SHIFT = 0.01
 """Pixels by which two images may be shifted: a tenth of what calibration can tell."""
@@ -121,7 +121,7 @@ FOOTPRINT = float(np.square(_SMOOTH).sum()) ** 2
 
 
 def _smoothed(x: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h-4 w-4"]:
-    """Binomial filter, no padding: four rows and columns fewer. An edge one pixel wide has no gradient without it."""
+    """Binomial filter, no padding: four rows and columns fewer. An edge one pixel factor has no gradient without it."""
     x = np.asarray(sum(w * x[i : i + len(x) - 4] for i, w in enumerate(_SMOOTH)))
     return np.asarray(sum(w * x[:, i : i + x.shape[1] - 4] for i, w in enumerate(_SMOOTH)))
 
@@ -174,15 +174,15 @@ def _lit(d: Float[np.ndarray, "h w"], m: Float[np.ndarray, "h w"]) -> float:
     return float(np.divide(np.square(dm), mm, out=np.zeros_like(dm), where=mm > 0).sum())
 
 
-def shift_findings(shift: Shift, share: float, wide: float = 1.0) -> list[Finding]:
+def shift_findings(shift: Shift, share: float, factor: float = 1.0) -> list[Finding]:
     """The shift between two noisy images as a test with the false-alarm rate `share`, beyond GRANTED_SHIFT.
 
-    `wide`: how much more the variance of sums is than that of independent pixels. A shift that explains the difference
-    no better than a change of light is none.
+    `factor`: the variance of sums by that of independent pixels. A shift that explains the difference no better than a
+    change of light is none.
     """
-    sigma = shift.sigma * math.sqrt(wide)
+    sigma = shift.sigma * math.sqrt(factor)
     z = max(max(abs(shift.dx), abs(shift.dy)) - GRANTED_SHIFT, 0) / sigma if sigma > 0 else 0.0
-    named = float(two_sided(z, max(shift.dof / wide, 0.5))) < sidak(share, 2) and shift.better_than_light
+    named = float(two_sided(z, max(shift.dof / factor, 0.5))) < sidak(share, 2) and shift.better_than_light
     return [shift_finding(shift)] if named else []
 
 

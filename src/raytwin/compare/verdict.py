@@ -8,13 +8,13 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from raytwin.compare.answer import Question
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Comparison, Perceptual, Radiance, Verdict
 from raytwin.compare.finding import HARD, SHIFT, SILHOUETTE, Finding, plural
 from raytwin.compare.geometry import geometry_findings, without_ties
-from raytwin.compare.hard import shape_findings, value_findings
+from raytwin.compare.invalid import shape_findings, value_findings
 from raytwin.compare.metrics import measure
+from raytwin.compare.radiance_test import RadianceTest
 from raytwin.compare.scale import Bound, scale_of, unit_of
 from raytwin.compare.shift import find_shift, shift_finding
 from raytwin.errors import InputError
@@ -26,7 +26,7 @@ SURE_SHIFT = 0.5
 
 TIED = "both are equally far, either is right, and these were not compared"
 
-MUST_SEE = 0.1
+DETECTABLE_BIAS = 0.1
 """A comparison that would have missed a larger error of the whole image's mean, relative to it, is undecided."""
 
 SAFE_UNITS = 2.0**-10, 2.0**10
@@ -39,7 +39,7 @@ def compare(
     *,
     tolerance: Tolerance = Tolerance(),  # noqa: B008 (frozen)
     false_alarm_rate: float = 1e-3,
-    must_see: float = MUST_SEE,
+    detectable_bias: float = DETECTABLE_BIAS,
     noise: Literal["both", "reference", "none"] = "both",
     half_steps: tuple[Pixels | None, Pixels | None] = (None, None),
     flip: bool = False,
@@ -48,8 +48,8 @@ def compare(
 
     Invalid values are checked first (missing, NaN, infinite, negative, black), then geometry if both images have a
     surface, then radiance. Values without noise must meet `tolerance`; for noisy ones `false_alarm_rate` is the
-    probability that two images fail that differ by noise alone. A pass that could have missed a bias of `must_see` of
-    the mean is undecided instead.
+    probability that two images fail that differ by noise alone. A pass that could have missed a bias of
+    `detectable_bias`, relative to the image's mean, is undecided instead.
 
     `noise="reference"` ignores the variance that the test claims; `noise="none"` treats both images as noise-free, as
     for a tracer with one ray per pixel. `half_steps` (H, W, 3) is what the file formats may have rounded off. `flip`
@@ -62,7 +62,7 @@ def compare(
     start = time.perf_counter()
     # Finite values near float32's end may overflow when squared: infinite errors fail, and need no warning.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        made = _compare(test, reference, tolerance, false_alarm_rate, must_see, noise, half_steps, flip)
+        made = _compare(test, reference, tolerance, false_alarm_rate, detectable_bias, noise, half_steps, flip)
     return msgspec.structs.replace(made, seconds=time.perf_counter() - start)
 
 
@@ -71,7 +71,7 @@ def _compare(
     reference: Image,
     tolerance: Tolerance,
     rate: float,
-    must_see: float,
+    detectable_bias: float,
     noise: str,
     half_steps: tuple[Pixels | None, Pixels | None],
     flip: bool,
@@ -109,21 +109,23 @@ def _compare(
         geometry = msgspec.structs.replace(geometry, shift_px=shift.length)
     mismatch = geometry.mask_mismatch_pixels or 0
     excused = mismatch if mismatch <= tolerance.mask_pixels else 0
-    question = Question(test, reference, tolerance, Bound(tolerance.p999_abs, scale), unit, rate, half_steps, excused)
-    answer = question.exactly() if noise == "none" else question.answer(shift, must_see)
-    findings += answer.findings
+    radiance_test = RadianceTest(
+        test, reference, tolerance, Bound(tolerance.p999_abs, scale), unit, rate, half_steps, excused
+    )
+    outcome = radiance_test.exactly() if noise == "none" else radiance_test.run(shift, detectable_bias)
+    findings += outcome.findings
     told = any(f.rank == SHIFT for f in findings)
-    if findings and not answer.doubts and shift is not None and shift.certain and not told:
+    if findings and not outcome.doubts and shift is not None and shift.certain and not told:
         findings.append(shift_finding(shift))
     made = _made(
         findings,
-        answer.notes,
-        () if misplaced else answer.doubts,
+        outcome.notes,
+        () if misplaced else outcome.doubts,
         geometry=geometry,
         radiance=radiance,
-        statistics=answer.statistics,
+        statistics=outcome.statistics,
         perceptual=perceptual,
-        failing=tuple(p.above(reference.shape[0]) for p in answer.failing) if findings and not answer.doubts else (),
+        failing=tuple(p.above(reference.shape[0]) for p in outcome.failing) if findings and not outcome.doubts else (),
     )
     return made.saying(f"{plural(tied, 'pixel')} on the common edge of two objects: {TIED}") if tied else made
 

@@ -76,7 +76,7 @@ def diff(a: str | Path, b: str | Path, settings: DiffSettings | None = None, **o
         false_alarm_rate=chosen.false_alarm_rate,
         flip=chosen.flip,
         noise="both" if sides[0].measured else chosen.noise,
-        must_see=chosen.must_see,
+        detectable_bias=chosen.detectable_bias,
         half_steps=(sides[0].rounding.half, sides[1].rounding.half),
     )
     start = time.perf_counter()

@@ -18,7 +18,7 @@ class DiffSettings:
     Without `limits`, `compare` decides: values without noise by `tolerance`, the others at `false_alarm_rate`. With
     them, they alone do (and NaN, infinity or another size fail); `warn` are limits that never fail. `part` and `layer`
     choose within EXRs. `variances` and `samples` of the two images are used where the files lack them; `noise` and
-    `must_see` as in `compare`.
+    `detectable_bias` as in `compare`.
     """
 
     part: str | None = None
@@ -26,7 +26,7 @@ class DiffSettings:
     tolerance: float = 1e-5
     false_alarm_rate: float = 1e-3
     noise: Literal["both", "reference", "none"] = "both"
-    must_see: float = 0.1
+    detectable_bias: float = 0.1
     flip: bool = False
     limits: "Limits | None" = None
     warn: "Limits | None" = None

@@ -7,17 +7,17 @@ import numpy as np
 
 from raytwin.array_types import Float
 from raytwin.compare.blocks import Pixels
-from raytwin.compare.chance import sidak
 from raytwin.compare.comparison import Statistics
 from raytwin.compare.decision import TESTS, Decision, Rounding, decide
-from raytwin.compare.exact import Quiet, count_quiet
+from raytwin.compare.exact import NoiseFree, count_noise_free
 from raytwin.compare.finding import EXACT, TILE, VALUE, Finding, Place
+from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
 from raytwin.compare.metrics import METRICS, p999_abs
 from raytwin.compare.noise import Residual, block_means, capped, estimated, rare_light, residual
 from raytwin.compare.scale import Bound
 from raytwin.compare.scatter import borne_out, patterned, two_valued
 from raytwin.compare.shift import Shift, shift_findings
-from raytwin.compare.words import agreement, noise_findings, percent, what_could_be_seen
+from raytwin.compare.significance import sidak
 from raytwin.image import Image
 from raytwin.scene import Tolerance
 
@@ -62,7 +62,7 @@ UNEXPLAINED = "the images differ from pixel to pixel by more than the reference'
 GIVE = "give a variance (variance=, --variance-a), the samples per pixel (--samples-a) or several renders"
 
 
-class Answer(NamedTuple):
+class Outcome(NamedTuple):
     """What is wrong, and where (`failing`); why nothing can be decided (`doubts`); else what could have been seen."""
 
     findings: list[Finding]
@@ -73,7 +73,7 @@ class Answer(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class RadianceTest:
     """Two finite images of one shape, in units of `unit`, and how closely they must agree."""
 
     test: Image
@@ -89,11 +89,11 @@ class Question:
     def pixels(self) -> int:
         return self.test.shape[0] * self.test.shape[1]
 
-    def answer(self, shift: Shift | None, must_see: float) -> Answer:
+    def run(self, shift: Shift | None, detectable_bias: float) -> Outcome:
         """By what is told of the noise; where that fails and something is not told, by what the scatter shows."""
         told = self._filled()
         untold = [name for name, i in (("the test", told.test), ("the reference", told.reference)) if not noise_told(i)]
-        first = told._by_what_is_told(shift, must_see)
+        first = told._by_what_is_told(shift, detectable_bias)
         if first.findings and any(hardly_sampled(i) for i in (told.test, told.reference)):
             return first._replace(doubts=(FEW_SAMPLES,))
         if not untold:
@@ -104,16 +104,16 @@ class Question:
         known = sum(claims, np.zeros(3))
         shown = residual(self.test.mean, self.reference.mean, carrying=True)
         if (first.findings or unexplained(shown, known)) and may_be_noise(shown, known, self.bound.least):
-            return self._by_scatter(first, shift, must_see, untold, shown)
+            return self._by_scatter(first, shift, detectable_bias, untold, shown)
         return first
 
-    def exactly(self) -> Answer:
+    def exactly(self) -> Outcome:
         """Compare images without noise, value by value."""
         return self._exact(None if (rounding := self._rounding()[0]) is None else rounding.value)
 
     # ---------------------------------------------------------------------------------- within
 
-    def _filled(self) -> "Question":
+    def _filled(self) -> "RadianceTest":
         """A variance that is not told follows from the other image's where both tell their samples."""
         a, b = self.test, self.reference
         if a.samples > 1 and b.samples > 1:
@@ -125,7 +125,7 @@ class Question:
                 return replace(self, reference=replace(b, variance=filled, batches=a.batches))
         return self
 
-    def _rounding(self) -> tuple[Rounding | None, "Question"]:
+    def _rounding(self) -> tuple[Rounding | None, "RadianceTest"]:
         """What is granted to the formats' steps; the images with the steps' own noise.
 
         A value is off by at most half a step h. In a mean of values with noise of variance v, rounding leaves
@@ -152,7 +152,7 @@ class Question:
         made = Rounding(*(np.broadcast_to(np.asarray(x, np.float32), shape) for x in (value, mean)))
         return made, replace(self, test=images[0], reference=images[1])
 
-    def _by_what_is_told(self, shift: Shift | None, must_see: float) -> Answer:
+    def _by_what_is_told(self, shift: Shift | None, detectable_bias: float) -> Outcome:
         rounding, self = self._rounding()
         if self.test.variance is None and self.reference.variance is None:
             return self.exactly()
@@ -163,17 +163,17 @@ class Question:
             bounded, much = capped(a.variance, block_means(a.variance), shown)
             a = replace(a, variance=bounded)
         made = decide(a, b, self.bound, self.rate, rounding)
-        answer = self._answered(made, b, shift, must_see)
-        few, sure = fewest_batches(a, b), any(f.rank == EXACT for f in answer.findings)
-        if answer.findings and few < ENOUGH_BATCHES and not (sure or self._fails_by_scatter(shift)):
-            return answer._replace(doubts=(FEW_BATCHES.format(few),))
-        local = answer.findings and all(f.rank in (TILE, VALUE) for f in answer.findings)
+        outcome = self._answered(made, b, shift, detectable_bias)
+        few, sure = fewest_batches(a, b), any(f.rank == EXACT for f in outcome.findings)
+        if outcome.findings and few < ENOUGH_BATCHES and not (sure or self._fails_by_scatter(shift)):
+            return outcome._replace(doubts=(FEW_BATCHES.format(few),))
+        local = outcome.findings and all(f.rank in (TILE, VALUE) for f in outcome.findings)
         if local and (rare := [(s, name) for name, i in (("the test", a), ("the reference", b))
                                if (s := rare_light(i)) > MOSTLY_RARE]):  # fmt: skip
-            return answer._replace(doubts=(RARE.format(100 * max(rare)[0], max(rare)[1]),))
-        if much > 0.5 and answer.findings and self._shares_noise(shown):
-            return answer._replace(doubts=(SHARED,))
-        return answer
+            return outcome._replace(doubts=(RARE.format(100 * max(rare)[0], max(rare)[1]),))
+        if much > 0.5 and outcome.findings and self._shares_noise(shown):
+            return outcome._replace(doubts=(SHARED,))
+        return outcome
 
     def _fails_by_scatter(self, shift: Shift | None) -> bool:
         """Whether the test fails too where the scatter of t - r within blocks serves as the noise."""
@@ -194,70 +194,70 @@ class Question:
         claimed = float(self.test.variance.mean(dtype=np.float64))
         return claimed / 50 < error < 16 * claimed and float(np.median(shown.square)) < error / 4
 
-    def _exact(self, granted: Pixels | None) -> Answer:
+    def _exact(self, granted: Pixels | None) -> Outcome:
         t, r = self.test.mean, self.reference.mean
-        quiet = count_quiet(t, r, self.bound, granted)
-        findings = self._quiet_findings(quiet)
+        noise_free = count_noise_free(t, r, self.bound, granted)
+        findings = self._noise_free_findings(noise_free)
         p999 = p999_abs(t, r) * self.unit
         if findings:
             relative = METRICS["p999_rel"].function(t, r)
             text = f"99.9 % quantile of the error: {p999:.3g} absolute, {relative:.3g} relative"
             findings.append(Finding(EXACT, text))
         allowed = self.tolerance.p999_abs * self.bound.scale * self.unit
-        statistics = Statistics(pixel_fail_fraction=quiet.outliers / self.pixels)
-        quiet = quiet._replace(error=quiet.error * self.unit)
-        return Answer(findings, statistics, (agreement(p999, allowed, quiet),), failing=quiet.places)
+        statistics = Statistics(pixel_fail_fraction=noise_free.outliers / self.pixels)
+        noise_free = noise_free._replace(error=noise_free.error * self.unit)
+        return Outcome(findings, statistics, (agreement(p999, allowed, noise_free),), failing=noise_free.places)
 
-    def _quiet_findings(self, quiet: Quiet) -> list[Finding]:
-        quiet = quiet._replace(error=quiet.error * self.unit)
-        return quiet.findings(self.tolerance, self.bound.scale * self.unit, self.pixels, self.excused)
+    def _noise_free_findings(self, noise_free: NoiseFree) -> list[Finding]:
+        noise_free = noise_free._replace(error=noise_free.error * self.unit)
+        return noise_free.findings(self.tolerance, self.bound.scale * self.unit, self.pixels, self.excused)
 
-    def _answered(self, made: Decision, reference: Image, shift: Shift | None, must_see: float) -> Answer:
-        findings = self._quiet_findings(made.quiet) + noise_findings(made, reference, self.unit)
+    def _answered(self, made: Decision, reference: Image, shift: Shift | None, detectable_bias: float) -> Outcome:
+        findings = self._noise_free_findings(made.noise_free) + noise_findings(made, reference, self.unit)
         if shift is not None:
             findings += shift_findings(shift, sidak(self.rate, TESTS), made.inflation)
         seen = made.image.detectable
         statistics = Statistics(
             made.image.worst.signed,
             made.tile.worst.signed,
-            (made.failed_pixels + made.quiet.outliers) / self.pixels,
+            (made.failed_pixels + made.noise_free.outliers) / self.pixels,
             seen if np.isfinite(seen) else None,
         )
         notes = what_could_be_seen(made, self.rate)
         doubts: tuple[str, ...] = ()
-        if not findings and seen > must_see:
+        if not findings and seen > detectable_bias:
             doubts = (
                 f"undecided: so noisy that an error of less than {percent(seen)} of the whole image's mean would have "
-                f"been missed (a pass needs {percent(must_see)}): take more samples",
+                f"been missed (a pass needs {percent(detectable_bias)}): take more samples",
             )
-        failing = (*made.tile.places, *made.value.places, *made.quiet.places)
-        return Answer(findings, statistics, notes, doubts, tuple(dict.fromkeys(failing)))
+        failing = (*made.tile.places, *made.value.places, *made.noise_free.places)
+        return Outcome(findings, statistics, notes, doubts, tuple(dict.fromkeys(failing)))
 
     def _by_scatter(
-        self, first: Answer, shift: Shift | None, must_see: float, untold: list[str], shown: Residual
-    ) -> Answer:
+        self, first: Outcome, shift: Shift | None, detectable_bias: float, untold: list[str], shown: Residual
+    ) -> Outcome:
         """The scatter of t - r within blocks as the noise of both: tiles and the image tell, single pixels do not.
 
         It may convict an image; it excuses one only where the reference's own noise bears it out.
         """
         t, r = self.test.mean, self.reference.mean
-        answer = self._answered(self._decided_by_scatter(), self.reference, shift, must_see)
+        outcome = self._answered(self._decided_by_scatter(), self.reference, shift, detectable_bias)
         known = borne_out(t, r, shown, self.bound.least)
-        if answer.findings:
-            return answer if known or not any(f.rank == EXACT for f in first.findings) else first
+        if outcome.findings:
+            return outcome if known or not any(f.rank == EXACT for f in first.findings) else first
         if patterned(t, r, shown.square):
             return first
         have = "have" if len(untold) > 1 else "has"
         which = f"{' and '.join(untold)} {have} no variance"
         if not known or two_valued(shown, self.bound.least):
-            return answer._replace(doubts=(*answer.doubts, f"undecided: {which}, and {UNEXPLAINED}: {GIVE}"))
+            return outcome._replace(doubts=(*outcome.doubts, f"undecided: {which}, and {UNEXPLAINED}: {GIVE}"))
         told = (
             f"{which}: noise was estimated from the difference within 8 x 8 pixels, where single wrong pixels go "
             "unnoticed"
         )
-        if answer.doubts:
-            return answer._replace(doubts=(*answer.doubts, f"{told}: {GIVE}"))
-        return answer._replace(notes=(*answer.notes, told))
+        if outcome.doubts:
+            return outcome._replace(doubts=(*outcome.doubts, f"{told}: {GIVE}"))
+        return outcome._replace(notes=(*outcome.notes, told))
 
 
 def fewest_batches(*images: Image) -> int:

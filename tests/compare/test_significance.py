@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytwin.compare import chance
-from raytwin.compare.chance import welch
+from raytwin.compare import significance
+from raytwin.compare.significance import welch
 
 
 @pytest.mark.parametrize("dof", [1, 3, 15, 30.5, math.inf])
 @pytest.mark.parametrize("p", [0.5, 1e-3, 1e-6, 1e-10])
 def test_student_s_tail_agrees_with_50_digits_where_it_matters(p, dof):
-    z = float(chance.quantile(p, dof))
+    z = float(significance.quantile(p, dof))
     with mpmath.workdps(50):
         if math.isinf(dof):
             tail = mpmath.erfc(mpmath.mpf(z) / mpmath.sqrt(2))
@@ -22,12 +22,12 @@ def test_student_s_tail_agrees_with_50_digits_where_it_matters(p, dof):
             n, t = mpmath.mpf(dof), mpmath.mpf(z)
             tail = mpmath.betainc(n / 2, mpmath.mpf(1) / 2, 0, n / (n + t * t), regularized=True)
         assert float(tail) == pytest.approx(p, rel=1e-6)
-    assert float(chance.two_sided(z, dof)) == pytest.approx(p, rel=1e-6)
+    assert float(significance.two_sided(z, dof)) == pytest.approx(p, rel=1e-6)
 
 
 @given(st.floats(1e-6, 0.5), st.integers(1, 10**8))
 def test_sidak_s_levels_multiply_back_to_the_rate(rate, tests):
-    assert -math.expm1(tests * math.log1p(-chance.sidak(rate, tests))) == pytest.approx(rate, rel=1e-9)
+    assert -math.expm1(tests * math.log1p(-significance.sidak(rate, tests))) == pytest.approx(rate, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ import pytest
 from measure.noise_models import KINDS, exact, picture, render, untold
 
 from raytwin.compare import Comparison, compare
-from raytwin.compare.answer import Question, may_be_noise, unexplained
 from raytwin.compare.noise import Residual
+from raytwin.compare.radiance_test import RadianceTest, may_be_noise, unexplained
 from raytwin.errors import InputError
 from raytwin.files import read_scene
 from raytwin.image import Image
@@ -87,8 +87,8 @@ def test_what_is_too_noisy_to_see_a_tenth_of_the_mean_is_undecided():
     assert said(c, "take more samples")
     seen = c.statistics.minimum_detectable_bias
     assert seen > 0.1
-    assert compare(a, truth, must_see=seen * 1.01).verdict == "pass"
-    assert compare(a, truth, must_see=seen * 0.99).verdict == "undecided"
+    assert compare(a, truth, detectable_bias=seen * 1.01).verdict == "pass"
+    assert compare(a, truth, detectable_bias=seen * 0.99).verdict == "undecided"
 
 
 def test_equal_random_numbers_in_every_pixel_are_named():
@@ -114,7 +114,7 @@ def test_pixels_share_their_noise_where_all_err_alike_and_by_what_they_claim(cla
     blank, shape = np.zeros((16, 16, 3), np.float32), (2, 2, 3)
     asked = SimpleNamespace(test=claiming(blank + 1, blank + claimed), reference=Image(blank))
     shown = Residual(np.full(shape, scatter), np.full(shape, 20.0), np.full(shape, 64.0))
-    assert Question._shares_noise(asked, shown) == shared
+    assert RadianceTest._shares_noise(asked, shown) == shared
 
 
 def blocks(few: float, many: float, count: int) -> np.ndarray:

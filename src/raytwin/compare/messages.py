@@ -2,10 +2,10 @@
 
 import math
 
-from raytwin.compare.chance import quantile
 from raytwin.compare.decision import POWER, Decision, Family, Worst
-from raytwin.compare.exact import Quiet
+from raytwin.compare.exact import NoiseFree
 from raytwin.compare.finding import CHANNELS, IMAGE, TILE, VALUE, Finding, at, plural
+from raytwin.compare.significance import quantile
 from raytwin.image import Image
 
 HARDLY_LIT = 1e4
@@ -97,11 +97,11 @@ def what_could_be_seen(made: Decision, rate: float) -> tuple[str, ...]:
     return text, shared
 
 
-def agreement(p999: float, allowed: float, quiet: Quiet) -> str:
+def agreement(p999: float, allowed: float, noise_free: NoiseFree) -> str:
     """Return what to say of noise-free images that agree."""
     text = f"the images agree: 99.9 % of the values to {p999:.2g} (allowed {allowed:.2g})"
-    if quiet.error <= 10 * allowed or math.isinf(allowed):
-        return f"{text}, all to {quiet.error:.2g}"
-    count = max(quiet.outliers, 1)
+    if noise_free.error <= 10 * allowed or math.isinf(allowed):
+        return f"{text}, all to {noise_free.error:.2g}"
+    count = max(noise_free.outliers, 1)
     more = f"{plural(count, 'pixel')} {'errs' if count == 1 else 'err'} by more"
-    return f"{text}; {more}, the worst by {quiet.error:.2g} at {at(quiet.x, quiet.y)}"
+    return f"{text}; {more}, the worst by {noise_free.error:.2g} at {at(noise_free.x, noise_free.y)}"

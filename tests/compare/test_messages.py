@@ -7,8 +7,8 @@ import pytest
 from measure.noise_models import picture, render
 
 from raytwin.compare import compare
-from raytwin.compare.exact import Quiet
-from raytwin.compare.words import _amount, _share, agreement, deviations, percent
+from raytwin.compare.exact import NoiseFree
+from raytwin.compare.messages import _amount, _share, agreement, deviations, percent
 from raytwin.image import Image
 
 TRUTH = picture(48, 64)
@@ -70,9 +70,9 @@ def test_a_pass_with_an_excused_pixel_says_so():
     c = compare(Image(t), Image(r))
     assert c.passed
     assert "1 pixel errs by more, the worst by 0.2 at (x=9, y=7)" in c.reasons[0]
-    assert agreement(1e-7, 1e-5, Quiet(error=9e-5)).endswith("all to 9e-05")
+    assert agreement(1e-7, 1e-5, NoiseFree(error=9e-5)).endswith("all to 9e-05")
     assert "3 pixels err by more, the worst by 0.5 at (x=4, y=5)" in agreement(
-        1e-7, 1e-5, Quiet(outliers=3, error=0.5, x=4, y=5)
+        1e-7, 1e-5, NoiseFree(outliers=3, error=0.5, x=4, y=5)
     )
 
 
