@@ -10,6 +10,7 @@ import math
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -168,12 +169,14 @@ def stepped(mean: np.ndarray, variance: np.ndarray | None) -> np.ndarray:
 
 
 def scene_hash(written: SceneFile) -> str:
-    """SHA-256 of the scene as written, 32 hexadecimal digits: camera, objects, lights; not comments or tolerance.
+    """SHA-256 of the scene as written, 32 hexadecimal digits: camera, objects, lights; no names, no tolerance.
 
     Where the camera is to be calibrated, of its photos' bytes and of its board, not of what the calibration finds:
     another version of OpenCV changes that in its last digits.
     """
-    seen = {name: getattr(written, name) for name in ("spheres", "planes", "sun", "sky")}
+    seen: dict[str, Any] = {"sun": written.sun, "sky": written.sky}
+    for kind in ("spheres", "planes"):  # what an object is called changes no pixel
+        seen[kind] = [msgspec.structs.replace(thing, name=msgspec.UNSET) for thing in getattr(written, kind)]
     seen["camera"] = written.photos or written.camera
     total = hashlib.sha256(msgspec.json.encode(seen, order="sorted"))
     if asked := written.photos:

@@ -152,8 +152,8 @@ def test_a_shadow_lies_between_what_casts_it_and_what_it_falls_on(fast):
     camera = view_of((0.3, 0, 0), (0.5, -3.0, 3.0), 3.0, 48)
     scene = Scene("shadow", camera, (*balls, floor), (*WHITE, Sun((0.3, 0.0, 0.95), (3.0, 3.0, 3.0))))
     found = rows(make_ledger(scene, speed.trace(scene, "lambert", fast), "lambert", fast))
-    assert found["sun's shadow"].between == ("plane 0", "sphere 0")
-    assert set(found["sky's occlusion"].between) == {"plane 0", "sphere 0"}
+    assert found["sun's shadow"].between == ("plane 0 (grey)", "sphere 0 (white)")
+    assert set(found["sky's occlusion"].between) == {"plane 0 (grey)", "sphere 0 (white)"}
 
 
 def test_a_large_frame_is_judged_by_every_kth_pixel_with_that_pixels_own_area(overlap, fast, monkeypatch):

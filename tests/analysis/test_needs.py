@@ -263,8 +263,7 @@ def test_the_sphere_behind_the_camera_is_spared_and_one_that_shades_what_is_seen
     grazing = files.read_scene(scenes / "grazing").scene
     thin = grazing.with_camera(grazing.camera.resized(96, 72))
     spared = {n.what: n for n in find_needs(thin, 1.0, engine=fast).not_needed}
-    assert "sphere 3" in spared
-    assert "no pixel sees it" in spared["sphere 3"].why
+    assert "no pixel sees it" in spared[grazing.names[3]].why
     above = Sphere((0.0, 0.0, 2.2), 0.3, grey(0.5))
     floor = Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), grey(0.5))
     lit = Scene("shade", view_of((0, 0, 0), (0, -1.0, 1.0), 1.0, 32), (floor, above), (Sun((0, 0, 1.0)), *WHITE))

@@ -137,7 +137,7 @@ def main(sizes: list[str]) -> None:
         browser = driver.chromium.launch(executable_path=program(), args=ALONE)
         for size in sizes:
             width, height = map(int, size.split("x"))
-            at = middle_of(base.scene.with_camera(base.camera.resized(width, height)), "sphere 1")
+            at = middle_of(base.scene.with_camera(base.camera.resized(width, height)), base.scene.names[1])
             with playing((width, height)) as (address, _):
                 page = browser.new_page(viewport={"width": 1400, "height": 1000})
                 page.goto(address)

@@ -600,8 +600,7 @@ def test_a_page_without_the_token_says_what_to_open(chromium, live):
 
 
 def test_a_sphere_is_dragged_and_the_rest_stays(page, base):
-    names = base.scene.names
-    u, v = middle_of(base.scene, "sphere 1")
+    u, v = middle_of(base.scene, base.scene.names[1])
     box = page.page.locator("#viewer canvas").first.bounding_box()
     scale = box["width"] / SIZE[0]
     before = page.rest()
@@ -616,7 +615,7 @@ def test_a_sphere_is_dragged_and_the_rest_stays(page, base):
     assert moved[2] == pytest.approx(0, abs=1e-9)  # over the board
     assert np.linalg.norm(moved) > 0.005
     shifted = trace(wish.scene(base), "surface").surface.ids
-    after = int(np.median(np.nonzero(shifted == names.index("sphere 1"))[1]))
+    after = int(np.median(np.nonzero(shifted == 1)[1]))
     assert after - u == pytest.approx(8, abs=2)
 
 
@@ -666,7 +665,7 @@ def test_on_a_phone_controls_lie_below_the_picture_that_they_change(chromium, li
 
 def test_a_finger_drags_a_sphere_and_two_zoom(chromium, live, base):
     phone = Page(chromium, live.address, width=390)
-    u, v = middle_of(base.scene, "sphere 1")
+    u, v = middle_of(base.scene, base.scene.names[1])
     box = phone.page.locator("#viewer canvas:visible").first.bounding_box()
     scale = box["width"] / SIZE[0]
     x, y = box["x"] + (u + 0.5) * scale, box["y"] + (v + 0.5) * scale
@@ -731,7 +730,7 @@ def test_a_page_at_play_keeps_no_memory(chromium, live, base):
     size = (800, 600) if PLAY else SIZE
     with playing(size) if PLAY else contextlib.nullcontext((live.address, None)) as (address, pid):
         shown = Page(chromium, address)
-        at = middle_of(base.scene.with_camera(base.camera.resized(*size)), "sphere 1")
+        at = middle_of(base.scene.with_camera(base.camera.resized(*size)), base.scene.names[1])
         rows = []
         for part in range(13 if PLAY else 4):
             felt = drag(shown.page, at, PLAY / 12 if PLAY else 0.3) if part else []

@@ -8,8 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from raytwin import files
 from raytwin.errors import InputError
 from raytwin.image import Image, Surface
+from raytwin.references import scene_hash
 from raytwin.scene import (
     Camera,
     Lambert,
@@ -26,6 +28,7 @@ from raytwin.scene import (
     WrittenSun,
     to_camera_frame,
 )
+from raytwin.scene.scene_changes import changes
 
 CAMERA = Camera(
     (640, 480),
@@ -214,3 +217,24 @@ def test_an_eye_in_a_rectangle_is_refused_and_one_in_its_plane_beside_it_is_not(
         to_camera_frame(upright(TABLE, eye=(0.3, 0.4, 0.0)))
     to_camera_frame(upright(TABLE, eye=(1.3, 0.4, 0.0)))
     to_camera_frame(upright(TABLE, eye=(0.3, 0.4, 1e-4)), "float32")
+
+
+def test_objects_go_by_their_names_else_by_kind_number_and_colour_and_a_name_decides_nothing(tmp_path, scenes):
+    text = (scenes / "overlap" / "scene.toml").read_text(encoding="utf-8")
+    for folder, written in (("named", text), ("plain", text.replace('name = "floor"\n', ""))):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "scene.toml").write_text(written, encoding="utf-8")
+    named, plain = (files.read_scene(tmp_path / folder) for folder in ("named", "plain"))
+    balls = ("sphere 0 (red)", "sphere 1 (green)", "sphere 2 (blue)")
+    assert named.scene.names == (*balls, "floor")
+    assert plain.scene.names == (*balls, "plane 0 (grey)")
+    assert named.scene.numbers == plain.scene.numbers == ("sphere 0", "sphere 1", "sphere 2", "plane 0")
+    assert scene_hash(named) == scene_hash(plain)
+    assert not list(changes(plain, named))
+    again = files.to_record("scene", msgspec.json.decode(msgspec.json.encode(named)), SceneFile)
+    assert again.scene.names == named.scene.names
+    (tmp_path / "named" / "scene.toml").write_text(
+        text.replace("radius", 'name = "floor"\nradius', 1), encoding="utf-8"
+    )
+    with pytest.raises(InputError, match=r"planes\[0\]\.name: expected a name that no other object has, got 'floor'"):
+        files.read_scene(tmp_path / "named")

@@ -90,9 +90,9 @@ def _objects(sights: Sequence[Sight], bad: Sequence[Array]) -> str:
         ids, names = s.bench.hits(RIGHT).ids, s.bench.scene.names
         inside = ~s.edge
         rates = {}
-        for index, name in enumerate(names):
+        for index, (name, thing) in enumerate(zip(names, s.bench.scene.objects, strict=True)):
             here = (ids == index) & inside
-            if name.startswith("sphere") and s.weight[here].sum() > 1e-3:
+            if isinstance(thing, Sphere) and s.weight[here].sum() > 1e-3:
                 rates[name] = float((s.weight * b)[here].sum() / s.weight[here].sum())
         wrong = [name for name, rate in rates.items() if rate > MUCH]
         if wrong and any(rate < LITTLE for rate in rates.values()):

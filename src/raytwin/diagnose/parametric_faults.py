@@ -227,14 +227,14 @@ def of_objects(scene: Scene) -> tuple[Family, ...]:
     if len(scene.objects) > MANY:
         return ()
     made = []
-    for k, (name, thing) in enumerate(zip(scene.names, scene.objects, strict=True)):
+    for k, (name, number, thing) in enumerate(zip(scene.names, scene.numbers, scene.objects, strict=True)):
         if isinstance(thing, Sphere) and len(scene.spheres) > 1:
             r = thing.radius
-            made.append(Family(f"radius-of-{name}", SOLVER, (0.0,), 0.001 * r, partial(_grown, k),
+            made.append(Family(f"radius-of-{number}", SOLVER, (0.0,), 0.001 * r, partial(_grown, k),
                                partial(_said_of_radius, name), ((0.03 * r,), (-0.03 * r,))))  # fmt: skip
         size = thing.radius if isinstance(thing, Sphere) else float(np.linalg.norm(thing.half_u))
         made.append(
-            Family(f"place-of-{name}", SOLVER, (0.0, 0.0, 0.0), 0.005 * size, partial(_moved, k),
+            Family(f"place-of-{number}", SOLVER, (0.0, 0.0, 0.0), 0.005 * size, partial(_moved, k),
                    partial(_said_of_place, name))
         )  # fmt: skip
     return tuple(made)

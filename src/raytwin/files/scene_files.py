@@ -16,6 +16,7 @@ from raytwin.files.look_at import camera_table
 from raytwin.files.shipped import find_scene
 from raytwin.files.toml_json import plain, read_toml, to_record, write_toml
 from raytwin.scene import Camera, PhotoCamera, SceneFile, WrittenPlane, WrittenSphere, WrittenSun, material_of
+from raytwin.scene.object_names import called, numbered
 
 MOST_COLUMNS = 4096
 """Columns of an environment map: 100 MB of floats. Light from the sky is smooth, so a smaller map serves as well."""
@@ -75,6 +76,11 @@ def check_contents(scene: Contents, where: str) -> None:
             material_of(thing)
         except InputError as error:
             raise InputError(f"{where}{name}", error.expected, error.got) from None
+    numbers = numbered(name.partition("s[")[0] for name, _ in things)
+    names = called(numbers, [thing.name for _, thing in things], [thing.albedo for _, thing in things])
+    for i, (field, _) in enumerate(things):
+        if names[i] in names[:i]:
+            raise InputError(f"{where}{field}.name", "a name that no other object has", repr(names[i]))
 
 
 def _read_map(file: Path, data: dict[str, Any]) -> None:

@@ -8,6 +8,7 @@ from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
 from raytwin.scene.lights import Environment, Light, Sky, Sun
 from raytwin.scene.material import Phong
+from raytwin.scene.object_names import called, numbered
 from raytwin.scene.record_base import Record
 from raytwin.scene.shapes import Rectangle, Shape, Sphere
 
@@ -35,9 +36,14 @@ class Scene(Record, frozen=True):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the objects' names: sphere 0, sphere 1, plane 0."""
-        kinds = ["sphere" if isinstance(thing, Sphere) else "plane" for thing in self.objects]
-        return tuple(f"{kind} {kinds[:i].count(kind)}" for i, kind in enumerate(kinds))
+        """Return what people call the objects, all different: the file's names, else `sphere 1 (red)`."""
+        things = self.objects
+        return called(self.numbers, [thing.name for thing in things], [thing.material.albedo for thing in things])
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Return sphere 0, sphere 1, plane 0, ...: what stays when an object gets another name or colour."""
+        return numbered("sphere" if isinstance(thing, Sphere) else "plane" for thing in self.objects)
 
     @property
     def sun(self) -> Sun:

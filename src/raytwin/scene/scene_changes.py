@@ -31,6 +31,8 @@ def _differences(key: str, old: Any, new: Any) -> Iterator[str]:
         return
     if isinstance(old, dict) and isinstance(new, dict):
         for name in dict.fromkeys((*old, *new)):
+            if name == "name":  # of an object: it decides nothing
+                continue
             yield from _differences(f"{key}.{name}", old.get(name), new.get(name))
     elif _is_table(old) and _is_table(new):
         for i in range(max(len(old), len(new))):

@@ -17,6 +17,8 @@ from raytwin.scene.record_base import Albedo, Fraction, NonNegative, PixelCount,
 from raytwin.scene.scene import Scene
 from raytwin.scene.shapes import Rectangle, Sphere
 
+ObjectName = Annotated[str, msgspec.Meta(min_length=1, max_length=40)]
+
 
 class PhotoCamera(Record, frozen=True):
     """A camera yet to be found: calibrate it from `photos` of `board`, and stand where `photo` was taken.
@@ -31,7 +33,7 @@ class PhotoCamera(Record, frozen=True):
 
 
 class WrittenSphere(Record, frozen=True):
-    """[[spheres]]: a Lambertian one, or Phong's where it has `specular` and `exponent`.
+    """[[spheres]]: a Lambertian one, or Phong's where it has `specular` and `exponent`. `name`: what reports call it.
 
     What is unset is not in the scene's hash, so that a new key leaves the hashes of old scenes as they were.
     """
@@ -41,6 +43,7 @@ class WrittenSphere(Record, frozen=True):
     albedo: Albedo = (0.8, 0.8, 0.8)
     specular: Albedo | UnsetType = UNSET
     exponent: Positive | UnsetType = UNSET
+    name: ObjectName | UnsetType = UNSET
 
 
 class WrittenPlane(Record, frozen=True):
@@ -53,6 +56,7 @@ class WrittenPlane(Record, frozen=True):
     in_photo: bool = False
     specular: Albedo | UnsetType = UNSET
     exponent: Positive | UnsetType = UNSET
+    name: ObjectName | UnsetType = UNSET
 
 
 def material_of(thing: WrittenSphere | WrittenPlane) -> Material:
@@ -142,8 +146,8 @@ class SceneFile(Record, frozen=True):
 
     def at(self, camera: Camera) -> Scene:
         """Return the scene that `camera` sees: the spheres, then the planes."""
-        spheres = (Sphere(s.center, s.radius, material_of(s)) for s in self.spheres)
-        planes = (Rectangle(p.center, p.half_u, p.half_v, material_of(p), p.in_photo) for p in self.planes)
+        spheres = (Sphere(s.center, s.radius, material_of(s), s.name) for s in self.spheres)
+        planes = (Rectangle(p.center, p.half_u, p.half_v, material_of(p), p.in_photo, p.name) for p in self.planes)
         lights = Sun(self.sun.to_light, self.sun.irradiance), self.sky.light
         return Scene(self.name, camera, (*spheres, *planes), lights)
 

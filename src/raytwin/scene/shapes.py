@@ -1,17 +1,19 @@
 """What rays meet. To add a shape, write its record and add it to the union."""
 
 import numpy as np
+from msgspec import UNSET, UnsetType
 
 from raytwin.scene.material import Lambert, Material
 from raytwin.scene.record_base import Positive, Record, Vector
 
 
 class Sphere(Record, frozen=True, tag="sphere"):
-    """|p - center| = radius, metres."""
+    """|p - center| = radius, metres. `name`: what people call it."""
 
     center: Vector
     radius: Positive
     material: Material = Lambert()
+    name: str | UnsetType = UNSET
 
 
 class Rectangle(Record, frozen=True, tag="rectangle"):
@@ -26,6 +28,7 @@ class Rectangle(Record, frozen=True, tag="rectangle"):
     half_v: Vector
     material: Material = Lambert()
     in_photo: bool = False
+    name: str | UnsetType = UNSET
 
     @property
     def normal(self) -> Vector:
