@@ -153,7 +153,7 @@ TONES = {
     "Reinhard": lambda x: x / (1 + x),
     "filmic": lambda x: (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14),
 }
-"""As viewer.js has them."""
+"""As colour.js has them."""
 
 
 def to_screen(mean: np.ndarray, look: Look) -> np.ndarray:

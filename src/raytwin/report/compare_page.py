@@ -79,9 +79,26 @@ def side_by_side(view: PairView) -> dict[str, Any]:
         "exposure": data_urls.stops(view.reference),
         "start": worst[0] if worst else None,
         "address": True,
+        "parts": packed_parts(view),
     }
     rows = pixel_rows(view, worst, apart)
-    return {"width": width, "height": height, "data": data, "thin": packed.thin, "worst": rows, "apart": len(apart)}
+    return {
+        "width": width,
+        "height": height,
+        "data": data,
+        "parts": {part["name"] for part in data["parts"]},
+        "thin": packed.thin,
+        "worst": rows,
+        "apart": len(apart),
+    }
+
+
+def packed_parts(view: PairView) -> list[dict[str, Any]]:
+    """The ledger's parts as maps."""
+    if view.ledger is None:
+        return []
+    noise = {row.part: row.noise or 0.0 for row in view.ledger.parts}
+    return viewer.pack_parts(view.ledger.pictures, view.ledger.step, noise)
 
 
 def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]]]:

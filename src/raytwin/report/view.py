@@ -11,11 +11,11 @@ from raytwin.compare.report import Timing
 from raytwin.compare.scale import scale_of
 from raytwin.image import Image, Surface
 from raytwin.report import numbers
-from raytwin.report.ledger_pictures import Small, small_pictures
 from raytwin.scene import Tolerance
 from raytwin.workflows.diff_files import Diff
 
 if TYPE_CHECKING:
+    from raytwin.analysis.ledger import Ledger
     from raytwin.calib.find_camera import TruthRow
     from raytwin.calib.photos import Calibration, PoseReport
     from raytwin.workflows.compare_scene import Result
@@ -52,7 +52,7 @@ class PairView:
 
     `report` is None where nothing was judged; `tolerance` where something else than it decided: `held_to` says what
     did. `about` is a word and the name it introduces (rung, shadow). `objects` names `surface.ids` from 0 on.
-    `metrics` are further ones: name, value, formula. `parts`: pictures of the ledger's.
+    `metrics` are further ones: name, value, formula. `ledger`: its parts are maps in the viewer.
     """
 
     title: str
@@ -75,7 +75,7 @@ class PairView:
     settings: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     metrics: tuple[tuple[str, float | None, str], ...] = ()
-    parts: dict[str, Small] = field(default_factory=dict)
+    ledger: "Ledger | None" = None
 
     @property
     def comparison(self) -> Comparison | None:
@@ -147,7 +147,7 @@ def view_of(result: "Result") -> PairView:
         times=result.times,
         settings=result.settings,
         versions=result.versions,
-        parts=small_pictures(result.ledger),
+        ledger=result.ledger,
         tiles=(
             silhouette_tile(c, tolerance),
             Tile(

@@ -1,7 +1,8 @@
 """The one picture viewer: a script that every page of pictures, a live page or a notebook mounts, and what feeds it.
 
-`pack` makes planes of two images; `script()` and `style()` are viewer.js and viewer.css. Knows images, and nothing of
-what made them. In a page of pictures the data lies in the page; a live one pushes it:
+`pack` makes planes of two images; `script()` is values.js (numbers), colour.js (maps), view.js (painting, pointer,
+keys) and page.js (the controls around) in one, `style()` viewer.css. Knows images, and nothing of what made them. In a
+page of pictures the data lies in the page; a live one pushes it:
 
     const panes = [{ key: "test", kind: "radiance", title: "Tracer", alt: "The scene" }];
     const viewer = mount(element, { width, height, names: { test: "tracer" }, panes });
@@ -13,20 +14,25 @@ what made them. In a page of pictures the data lies in the page; a live one push
 
 from importlib import resources
 
-from raytwin.viewer.packing import Packed, Plane, pack, pack_one, raw
+from raytwin.viewer.packing import Packed, Plane, pack, pack_one, pack_parts, raw
 
-__all__ = ["Packed", "Plane", "module", "pack", "pack_one", "raw", "script", "style"]
+MODULES = "values", "colour", "view", "page"
+EXPORTED = "digits", "el", "encode", "mount"
+"""What the live page takes from the module."""
+
+__all__ = ["Packed", "Plane", "module", "pack", "pack_one", "pack_parts", "raw", "script", "style"]
 
 
 def module() -> str:
-    """viewer.js, an ES module that exports `mount(element, data)`, and what the live page takes from it."""
-    return resources.files("raytwin.viewer").joinpath("viewer.js").read_text(encoding="utf-8")
+    """Return the four modules as one that exports `mount(element, data)` and what the live page takes from it."""
+    parts = [resources.files("raytwin.viewer").joinpath(f"{name}.js").read_text(encoding="utf-8") for name in MODULES]
+    lines = [line for part in parts for line in part.splitlines() if not line.startswith(("import {", "export {"))]
+    return "\n".join([*lines, f"export {{ {', '.join(EXPORTED)} }};", ""])
 
 
 def script() -> str:
-    """The same as a plain script, which leaves `raytwin.mount`: a browser loads no module from a file beside a page."""
-    body, mark, _ = module().rpartition("export {")
-    assert mark, "viewer.js must end with its export"
+    """Return the same as a plain script that leaves `raytwin.mount`: browsers load no module from a file by a page."""
+    body, _, _ = module().rpartition("export {")
     return f'"use strict";\n(() => {{\n{body}globalThis.raytwin = {{ mount }};\n}})();\n'
 
 

@@ -1,4 +1,4 @@
-"""Two images as the viewer's planes: a few bytes a pixel, deflated, decoded by viewer.js.
+"""Two images as the viewer's planes: a few bytes a pixel, deflated, decoded by values.js.
 
 A plane (H, W) becomes 16-bit words, one of
 
@@ -33,6 +33,9 @@ MOST_PIXELS = 4_200_000
 BUDGET = 4_500_000
 """Deflated bytes of all planes. Noise does not shrink; where it exceeds this, the planes are thinned."""
 
+MOST_OF_PART = 1 << 16
+"""Pixels of a part of the error."""
+
 DEPTH_STEPS = 4095
 """Steps up to the largest depth: three digits near it."""
 
@@ -42,7 +45,7 @@ LEVEL = 4
 
 @dataclass(frozen=True)
 class Plane:
-    """How viewer.js reads one plane: `value = word * step` or `half(word) * 2^shift`; `data` is base64 of deflate."""
+    """How values.js reads one plane: `value = word * step` or `half(word) * 2^shift`; `data` is base64 of deflate."""
 
     name: str
     kind: str
@@ -65,7 +68,7 @@ class Packed:
     binned: bool = False
 
     def for_page(self) -> dict[str, Any]:
-        """As viewer.js takes it."""
+        """As the viewer takes it."""
         return asdict(self)
 
 
@@ -131,7 +134,7 @@ def binned(image: Image, n: int) -> Image:
 
 
 def raw(test: Image, reference: Image) -> list[tuple[dict[str, Any], bytes]]:
-    """The planes as they are, for a page on this machine: `feed` of viewer.js takes them with `words`."""
+    """The planes as they are, for a page on this machine: `feed` of the viewer takes them with `words`."""
     planes = _planes(test, reference, None, True)
     return [
         ({"name": name, "kind": p.kind, "left": False, "shift": p.shift, "step": p.step}, p.words.tobytes())
@@ -143,6 +146,25 @@ def pack_one(image: Image) -> tuple[Plane, ...]:
     """Planes R, G, B of a picture that may take another's place: `update(name, await decode(planes))`."""
     mean = np.asarray(image.mean, np.float32)
     return _deflated({name: _half(mean[..., c], left=True) for c, name in enumerate("RGB")})
+
+
+def pack_parts(pictures: Mapping[str, np.ndarray], step: int, noise: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Parts of an error (h, w, 3), of every `step`-th pixel, as the viewer's `divide` takes them; none that is 0.
+
+    `noise`: one standard deviation of a part; digits below it are left out, and many pixels are averaged in blocks.
+    """
+    made: list[dict[str, Any]] = []
+    for name, picture in pictures.items():
+        if not picture.any():
+            continue
+        sigma, n = noise.get(name, 0.0), math.ceil(math.sqrt(picture.shape[0] * picture.shape[1] / MOST_OF_PART))
+        mean = np.asarray(binned(Image(picture), n).mean, np.float32)
+        if sigma:
+            mean = to_noise(mean, np.full_like(mean, sigma / n))
+        planes = _deflated({c: _half(mean[..., k]) for k, c in enumerate("RGB")})
+        size = {"step": step * n, "columns": mean.shape[1], "lines": mean.shape[0]}
+        made.append({"name": name, **size, "planes": [asdict(plane) for plane in planes]})
+    return made
 
 
 # ------------------------------------------------------------------------------------------ values
