@@ -12,7 +12,7 @@ from setuptools import setup
 from setuptools.command.build_py import build_py
 
 ROOT = Path(__file__).resolve().parent
-PACKED = {"scenes": ("*.toml", "*.jpg", "*.png", "*.exr", "*.py"), "reference": ("*.exr",)}
+PACKED = {"scenes": ("*.toml", "*.xml", "*.ply", "*.jpg", "*.png", "*.exr", "*.py"), "reference": ("*.exr",)}
 
 
 class WithScenes(build_py):

@@ -151,6 +151,23 @@ def test_arrays_files_renders_and_functions_pass_where_they_agree_and_fail_where
     result.stdout.fnmatch_lines([f"*overlap/shadow: {cause}*", f"*cause (sure): {cause}*"])
 
 
+def test_the_reference_of_a_mitsuba_file_needs_no_rung_and_is_never_replaced_by_an_image(run):
+    result = run(
+        """
+def test_same(raytwin_reference):
+    reference = raytwin_reference("glass")
+    reference.check(reference.image)
+    assert (reference.rung, reference.reference.golden) == ("path", False)
+
+def test_darker(raytwin_reference):
+    reference = raytwin_reference("glass")
+    reference.check(0.9 * reference.image.mean)
+""",
+        "--raytwin-update",
+    )
+    assert list(failures(result)) == ["test_darker"]
+
+
 def test_what_is_no_image_fails_with_a_clear_line_and_without_a_traceback_of_ours(run):
     result = run(
         """

@@ -69,12 +69,13 @@ def _marked(scenes: list[str] | None = None, rungs: list[str] | None = None) -> 
 def raytwin_reference(request: pytest.FixtureRequest) -> "Callable[..., ReferenceCheck]":
     """`raytwin_reference(scene, rung="shadow")`: the reference, with `.check(image)`, `.scene` and `.camera`.
 
-    `image=True`: there is no scene of that name, and --raytwin-update takes the image under test for the reference.
+    Of a Mitsuba file there is one rung, `path`, which is then the default. `image=True`: there is no scene of that
+    name, and --raytwin-update takes the image under test for the reference.
     """
 
-    def find(scene: str, rung: str = "shadow", image: bool = False) -> ReferenceCheck:
+    def find(scene: str, rung: str = "", image: bool = False) -> ReferenceCheck:
         __tracebackhide__ = True
-        return ReferenceCheck(request.node, scene, rung, image)
+        return ReferenceCheck(request.node, scene, rung or _Folders(request.config).usual_rung(scene), image)
 
     return find
 
@@ -115,8 +116,9 @@ class ReferenceCheck:
     def scene(self) -> "Scene":
         """The scene to render, its camera found and of the reference's size."""
         __tracebackhide__ = True
-        found = self._known().scene
-        return found if found is not None else pytest.fail(f"{self.path} was made from an image: it has no scene")
+        known = self._known()
+        made_from = "a Mitsuba file: read it" if known.of_file else "an image: it has no scene"
+        return known.scene if known.scene is not None else pytest.fail(f"{self.path} was made from {made_from}")
 
     @property
     def camera(self) -> "Camera":
@@ -252,7 +254,7 @@ class ReferenceCheck:
             print("\n".join(made.lines()))
             references.save(made.new)
             return made.new
-        if folders.update and own and (self._of_an_image or (found is not None and found.scene is None)):
+        if folders.update and own and (self._of_an_image or (found is not None and found.golden)):
             return None
         self._fail(f"{why}\n  {self._remedy(scene)}")
 
@@ -274,7 +276,7 @@ class ReferenceCheck:
     def _golden(self, image: "Image") -> bool:
         """Whether the image is to become the reference: asked for, of no scene, and no array of another kind."""
         own = self.reference is None or self.reference.path.is_relative_to(self._folders.own)
-        return self._folders.update and own and (self.reference is None or self.reference.scene is None)
+        return self._folders.update and own and (self.reference is None or self.reference.golden)
 
     def _keep(self, image: "Image") -> None:
         __tracebackhide__ = True
@@ -335,7 +337,14 @@ class _Folders:
 
     def scene(self, name: str) -> Path | None:
         """The folder of the scene, where there is one."""
-        return self.scenes / name if (self.scenes / name / "scene.toml").is_file() else None
+        folder = self.scenes / name
+        return folder if any((folder / kind).is_file() for kind in ("scene.toml", "scene.xml")) else None
+
+    def usual_rung(self, name: str) -> str:
+        """`shadow`; `path` of a Mitsuba file, of which there is no other."""
+        own, there = self.scene(name), {rung for folder in self.all for rung in _rungs_of(folder, name)}
+        is_file = own is not None and not (own / "scene.toml").is_file()
+        return "path" if is_file or there == {"path"} else "shadow"
 
     def cases(self, scenes: list[str] | None, rungs: list[str] | None) -> list[tuple[str, str]]:
         """(scene, rung) of all that is asked for, there or not; of all that are there, where nothing is asked for."""
@@ -346,8 +355,16 @@ class _Folders:
         if rungs:
             return [(name, rung) for name in names for rung in rungs]
         found = [case for case in there if case[0] in names]
-        missing = [(name, "surface") for name in names if name not in {case[0] for case in found}]
+        missing = [
+            (name, "surface" if self.usual_rung(name) == "shadow" else "path")
+            for name in names
+            if name not in {case[0] for case in found}
+        ]
         return found + missing
+
+
+def _rungs_of(folder: Path, name: str) -> list[str]:
+    return [path.stem for path in (folder / name).glob("*.exr")]
 
 
 # ------------------------------------------------------------------------------------------ report

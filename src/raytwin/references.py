@@ -39,6 +39,9 @@ SURFACE_BITS = 16
 """Significant bits kept of depths and normals: 8e-6 of the depth and 5e-4 degrees, where 1e-4 and 0.1 are allowed."""
 
 
+FILES = "files"
+"""The header's key for the files that a Mitsuba file pulls in, each with its SHA-256."""
+
 SET_UP = ("name", "camera", "spheres", "planes", "sun", "sky", "tolerance")
 """What a header holds of a SceneFile whose camera has been found."""
 
@@ -69,6 +72,16 @@ class Reference:
     @property
     def tolerance(self) -> Tolerance:
         return self.written.tolerance if self.written else Tolerance()
+
+    @property
+    def of_file(self) -> bool:
+        """Whether it was made from a Mitsuba file."""
+        return FILES in self.header
+
+    @property
+    def golden(self) -> bool:
+        """Whether it was made from an image, and of no scene."""
+        return self.written is None and not self.of_file
 
 
 # ------------------------------------------------------------------------------------------ files
@@ -189,6 +202,8 @@ def scene_hash(written: SceneFile) -> str:
 
 def stale(old: Reference, scene: str | Path) -> str | None:
     """Why the reference no longer fits the scene as it is written; None where it does."""
+    if files.is_mitsuba(scene):
+        return _stale_file(old, scene)
     written = files.read_scene(scene)
     if old.written is None:
         return f"it was made from an image, but now there is a scene: {scene}"
@@ -201,6 +216,18 @@ def stale(old: Reference, scene: str | Path) -> str | None:
     if old.tolerance != written.tolerance:
         return "the scene's tolerance has changed since"
     return None
+
+
+def _stale_file(old: Reference, scene: str | Path) -> str | None:
+    if not old.of_file:
+        return f"it was made from something else, but now there is a Mitsuba file: {scene}"
+    written = files.read_mitsuba(scene)
+    width, height = (int(n) for n in old.header["size"].split(" x "))
+    if old.header["scene_hash"] == files.with_film(written, width=width, height=height).digest:
+        return None
+    before = msgspec.json.decode(old.header[FILES], type=dict[str, str])
+    changed = [name for name in before | written.files if before.get(name) != written.files.get(name)]
+    return f"{', '.join(changed) or 'the file itself'} changed since"
 
 
 # ------------------------------------------------------------------------------------------ show
@@ -216,7 +243,9 @@ def show(reference: Reference) -> list[str]:
     """The header, one line each, and what the image is worth."""
     header = reference.header
     lines = [f"{header['scene']}/{header['rung']}  {reference.path}"]
-    lines += [f"  {k:<12} {v}" for k, v in header.items() if k not in ("set_up", "scene", "rung") and v != "None"]
+    lines += [
+        f"  {k:<12} {v}" for k, v in header.items() if k not in ("set_up", "scene", "rung", FILES) and v != "None"
+    ]
     mean, sd = _worth(reference.image)
     noise = f"standard deviation {sd:.2g} a pixel, {100 * sd / max(mean, 1e-30):.2g} % of the mean" if sd else "none"
     return [*lines, f"  {'mean':<12} {mean:.6g}", f"  {'noise':<12} {noise}"]

@@ -188,7 +188,7 @@ def test_a_wrong_scene_is_named_by_file_and_field(tmp_path, what):
 def test_what_is_not_there_or_not_text_is_named(tmp_path):
     for path, message in (
         (tmp_path / "nowhere", "nowhere: expected a scene's folder, its scene.toml or its name, got no such scene"),
-        (tmp_path, "expected a scene's folder, holding scene.toml, got none"),
+        (tmp_path, "expected a scene's folder, holding scene.toml or scene.xml, got none"),
         (tmp_path / "nowhere.toml", "nowhere.toml: expected a TOML file, got no such file"),
     ):
         with pytest.raises(InputError) as caught:

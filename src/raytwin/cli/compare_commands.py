@@ -6,7 +6,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from raytwin.cli.options import JsonFile, ScenePath, check_outputs
+from raytwin.cli.options import Allow, AnyScene, JsonFile, check_outputs
 from raytwin.cli.progress_bar import show_progress, tell_seconds
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError
@@ -15,12 +15,13 @@ from raytwin.workflows.diff_settings import DiffSettings
 
 
 def compare_command(
-    scene: ScenePath,
+    scene: AnyScene,
     settings: CompareSettings,
     json: JsonFile = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the report (out/SCENE).")
     ] = None,
+    allow: Allow = None,
 ) -> None:
     """Compare a tracer with Mitsuba on a scene; write report.html, comparison.json and EXRs."""
     check_outputs(folders=(out or Path("out"),), files=(json,))

@@ -29,6 +29,32 @@ def _known_scene(path: Path) -> Path:
 ScenePath = Annotated[
     Path, typer.Argument(callback=_known_scene, help="A scene's folder, its scene.toml, or its name.")
 ]
+AnyScene = Annotated[
+    Path,
+    typer.Argument(
+        callback=_known_scene, help="A scene's folder, its scene.toml or its name; or a Mitsuba file (XML)."
+    ),
+]
+
+
+def _allow(names: list[str] | None) -> list[str] | None:
+    """Put the names where every reader of a Mitsuba file sees them, and every process that is started."""
+    from raytwin.files import ALLOW, allowed
+
+    if names:
+        os.environ[ALLOW] = os.pathsep.join((*allowed(), *names))
+    return names
+
+
+Allow = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME",
+        callback=_allow,
+        is_eager=True,
+        help="File or folder outside a Mitsuba file's own, or plugin, that it may use; repeatable.",
+    ),
+]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the numbers as JSON.")]
 Photo = Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose camera pose is used.")]
 

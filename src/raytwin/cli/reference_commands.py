@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from raytwin.cli.options import Dask, Jobs, Shard, check_outputs, parse_size
+from raytwin.cli.options import Allow, Dask, Jobs, Shard, check_outputs, parse_size
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
@@ -16,14 +16,14 @@ from raytwin.progress import Progress, silent
 
 if TYPE_CHECKING:
     from raytwin.parallel import Workers
-    from raytwin.scene import SceneFile
+    from raytwin.scene import MitsubaScene, SceneFile
     from raytwin.workflows.make_reference import Change
 
-    Case = tuple[Path, str, SceneFile]
+    Case = tuple[Path, str, SceneFile | MitsubaScene]
 
 app = typer.Typer(help="Make, check, show or compare reference images.", no_args_is_help=True)
 
-Scenes = Annotated[list[Path] | None, typer.Argument(help="Folders or names of scenes (default: all).")]
+Scenes = Annotated[list[Path] | None, typer.Argument(help="Scenes: folders, names, Mitsuba files (XML). Default: all.")]
 Rungs = Annotated[list[str] | None, typer.Option("--rung", help="surface, lambert, shadow, sky or path; repeatable.")]
 Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Folder of the references.")]
 Source = Annotated[
@@ -50,6 +50,7 @@ def make_command(
     jobs: Jobs = 1,
     dask: Dask = "",
     shard: Shard = "",
+    allow: Allow = None,
 ) -> None:
     """Render references with Mitsuba. Show what changes before replacing an old one.
 
@@ -76,7 +77,9 @@ def make_command(
 
 
 @app.command("check")
-def check_command(scenes: Scenes = None, rung: Rungs = None, folder: Source = None, samples: Samples = None) -> None:
+def check_command(
+    scenes: Scenes = None, rung: Rungs = None, folder: Source = None, samples: Samples = None, allow: Allow = None
+) -> None:
     """Check that references are newer than their scene and agree with today's Mitsuba.
 
     Exit with 1 if one fails, otherwise with 2 if one is missing or damaged.
@@ -135,6 +138,7 @@ def diff_command(
     folder: Source = None,
     against: Annotated[Path | None, typer.Option(metavar="DIR", help="Another folder of references.")] = None,
     samples: Samples = None,
+    allow: Allow = None,
 ) -> None:
     """Show what `make --again` would change, or what differs from another folder. Write nothing."""
     from raytwin import references
@@ -165,6 +169,7 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[Case
     """(scene's path, rung, scene with its camera found) of every reference that is asked for."""
     from raytwin import files
     from raytwin.rungs import RUNGS
+    from raytwin.scene import MitsubaScene
     from raytwin.workflows import make_reference
 
     for rung in rungs or ():
@@ -173,7 +178,8 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[Case
     for scene in chosen:
         with show_progress() as progress:
             found = make_reference.find_scene(scene, progress)
-        for rung in rungs or RUNGS:
+        levels = (make_reference.LEVEL,) if isinstance(found, MitsubaScene) else RUNGS
+        for rung in rungs or levels:
             yield scene, rung, found
 
 

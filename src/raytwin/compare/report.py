@@ -38,14 +38,17 @@ class Timing(NamedTuple):
 
 
 class Report(Record, frozen=True):
-    """`comparison` of `scene` at `rung`, the seconds of every stage by name, and what computed them (`backend`)."""
+    """`comparison` of `scene` at `rung`, the seconds of every stage by name, and what computed them (`backend`).
+
+    `rung` and `ledger` are None where nothing is known of the scene's light: a Mitsuba file.
+    """
 
     scene: str
-    rung: str
+    rung: str | None
     comparison: Comparison
     seconds: dict[str, float] = msgspec.field(default_factory=dict)
     backend: dict[str, Any] = msgspec.field(default_factory=dict)
-    ledger: tuple[Part, ...] = ()
+    ledger: tuple[Part, ...] | None = ()
 
     def saying(self, *further: str) -> "Report":
         """The same with further reasons, behind the others."""

@@ -166,6 +166,8 @@ def _told(error: BaseException, name: str) -> str:
 class Program:
     """A program of any language: `command` finds the scene as JSON at `{scene}`, and writes its image to `{out}`.
 
+    Of a Mitsuba file `{scene}` is the file itself.
+
     `{out}` ends in .exr; a program that writes another format says `{out}.pfm`, `{out}.png` and so on.
     """
 
@@ -173,8 +175,9 @@ class Program:
 
     def __call__(self, scene: dict[str, Any]) -> Image:
         with tempfile.TemporaryDirectory() as folder:
-            told, out = Path(folder) / "scene.json", Path(folder) / "out.exr"
-            files.write_json(told, as_json(scene))
+            told, out = Path(scene.get("mitsuba", f"{folder}/scene.json")), Path(folder) / "out.exr"
+            if "mitsuba" not in scene:
+                files.write_json(told, as_json(scene))
             try:
                 options = {"stdout": subprocess.DEVNULL, "timeout": SECONDS}
                 return as_image(run_program(self._words(), told, out, ENDINGS, **options)).image

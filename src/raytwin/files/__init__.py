@@ -7,6 +7,7 @@ from raytwin.files.cache import Cache, cache_folder, installed, made_by, read_ar
 from raytwin.files.exr import read_exr, read_moments, read_origin, write_exr
 from raytwin.files.images import read_image, write_image
 from raytwin.files.limits import MAX_PIXELS
+from raytwin.files.mitsuba_file import ALLOW, allowed, as_loaded, is_mitsuba, read_mitsuba, with_film, write_mitsuba
 from raytwin.files.photo_files import (
     from_bytes,
     list_photos,
@@ -27,12 +28,15 @@ from raytwin.files.shipped import REFERENCES, SCENES, all_scenes, copy_scene, fi
 from raytwin.files.toml_json import json_text, plain, read_toml, to_record, write_json, write_toml
 
 __all__ = [
+    "ALLOW",
     "MAX_PIXELS",
     "REFERENCES",
     "SCENES",
     "Cache",
     "Rounding",
     "all_scenes",
+    "allowed",
+    "as_loaded",
     "cache_folder",
     "check_camera",
     "check_contents",
@@ -42,6 +46,7 @@ __all__ = [
     "from_bytes",
     "half_floats",
     "installed",
+    "is_mitsuba",
     "json_text",
     "list_photos",
     "made_by",
@@ -54,6 +59,7 @@ __all__ = [
     "read_exr",
     "read_grey",
     "read_image",
+    "read_mitsuba",
     "read_moments",
     "read_origin",
     "read_photo",
@@ -67,10 +73,12 @@ __all__ = [
     "srgb_encode",
     "to_bytes",
     "to_record",
+    "with_film",
     "write_camera",
     "write_exr",
     "write_image",
     "write_json",
+    "write_mitsuba",
     "write_picture",
     "write_text",
     "write_toml",

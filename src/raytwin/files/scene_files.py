@@ -25,6 +25,8 @@ MOST_COLUMNS = 4096
 def read_scene(path: str | os.PathLike) -> SceneFile:
     """Read and check a scene, given its folder, its scene.toml or its name."""
     file = find_scene(path)
+    if file.suffix.lower() == ".xml":
+        raise InputError(file, "a scene.toml: only compare, reference, matrix and shrink take a Mitsuba file", "XML")
     data = read_toml(file)
     for key in ("name", "folder", "photos"):  # of the record, not of the file
         if key in data:

@@ -16,32 +16,43 @@ def _home() -> Path:
 
 SCENES, REFERENCES = _home() / "scenes", _home() / "reference"
 OWN_SCENES = Path("scenes")
+KINDS = "scene.toml", "scene.xml"
+"""The file that makes a folder a scene: raytwin's own, or Mitsuba's."""
 
 
 def scene_folders() -> dict[str, Path]:
     """Every scene that a name finds from the current folder: those of `scenes/`, then those shipped."""
-    found = [f.parent for folder in (OWN_SCENES, SCENES) for f in sorted(folder.glob("*/scene.toml"))]
+    found = [f.parent for folder in (OWN_SCENES, SCENES) for kind in KINDS for f in sorted(folder.glob(f"*/{kind}"))]
     return {folder.name: folder for folder in reversed(found)}
+
+
+def _written_in(folder: Path) -> Path | None:
+    """The scene's file in its folder: scene.toml, scene.xml, or the only XML file; None where there is none."""
+    for kind in KINDS:
+        if (folder / kind).is_file():
+            return folder / kind
+    others = sorted(folder.glob("*.xml"))
+    return others[0] if len(others) == 1 else None
 
 
 def all_scenes() -> list[Path]:
     """The folders in `scenes/`, or those shipped where there is none."""
-    own = sorted(f.parent for f in OWN_SCENES.glob("*/scene.toml"))
+    own = sorted(f.parent for kind in KINDS for f in OWN_SCENES.glob(f"*/{kind}"))
     return own or list(scene_folders().values())
 
 
 def find_scene(path: str | os.PathLike) -> Path:
-    """The scene.toml of `path`: a file, a folder, or a name: ./NAME, then scenes/NAME, then what is shipped."""
+    """The file of the scene `path`: a file, a folder, or a name: ./NAME, then scenes/NAME, then what is shipped."""
     path = Path(path)
-    if path.suffix == ".toml" or path.is_file():
+    if path.suffix in (".toml", ".xml") or path.is_file():
         return path
-    if (path / "scene.toml").is_file():
-        return path / "scene.toml"
+    if (file := _written_in(path)) is not None:
+        return file
     there = scene_folders()
     if (len(path.parts) == 1 and path.name in there) or (path == OWN_SCENES / path.name and path.name in there):
-        return there[path.name] / "scene.toml"
+        return _written_in(there[path.name]) or there[path.name] / "scene.toml"
     if path.is_dir():
-        raise InputError(path, "a scene's folder, holding scene.toml", "none")
+        raise InputError(path, "a scene's folder, holding scene.toml or scene.xml", "none")
     if path.exists():
         raise InputError(path, "a scene's folder, its scene.toml or its name", "a file")
     close = difflib.get_close_matches(path.name, there, 1)
@@ -50,8 +61,11 @@ def find_scene(path: str | os.PathLike) -> Path:
 
 
 def scene_sentence(folder: Path) -> str:
-    """The first sentence of the comment at the head of its scene.toml."""
-    lines = (folder / "scene.toml").read_text(encoding="utf-8").splitlines()
+    """The first sentence of the comment at the head of its file."""
+    text = find_scene(folder).read_text(encoding="utf-8")
+    if text.startswith("<"):
+        return text.partition("<!--")[2].partition("-->")[0].strip().split(". ")[0].rstrip(".")
+    lines = text.splitlines()
     head = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
     text = " ".join(line.lstrip("# ").strip() for line in lines[:head])
     return text.split(". ")[0].strip().rstrip(".")

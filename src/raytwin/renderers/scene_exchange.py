@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.scene import Camera, Lambert, Record, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Lambert, MitsubaScene, Record, Rectangle, Scene, Sky, Sphere, Sun
 
 
 def as_arrays(scene: Scene, rung: str = "shadow") -> dict[str, Any]:
@@ -30,6 +30,12 @@ def as_arrays(scene: Scene, rung: str = "shadow") -> dict[str, Any]:
         "sky": _arrays(scene.sky, "radiance"),
         "rung": rung,
     }
+
+
+def as_file(scene: MitsubaScene) -> dict[str, Any]:
+    """What a renderer is called with for a Mitsuba file: name, width, height, and the file to read (`mitsuba`)."""
+    width, height = scene.image_size
+    return {"name": scene.name, "width": width, "height": height, "mitsuba": scene.file}
 
 
 def _arrays(record: Record, *names: str) -> dict[str, Any]:

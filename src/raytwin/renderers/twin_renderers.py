@@ -7,7 +7,7 @@ from raytwin.calib.denoise import denoise
 from raytwin.image import Image
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene
+from raytwin.scene import MitsubaScene, Scene
 from raytwin.scene.lens import without_ray
 
 SHORT = {"llvm_ad_rgb": "llvm", "scalar_rgb": "scalar", "cuda_ad_rgb": "cuda"}
@@ -68,8 +68,11 @@ class Twin(_ByVariant):
     def noisy(self) -> bool:
         return RUNGS[self.rung].noisy
 
-    def prepare(self, scene: Scene) -> Call:
+    def prepare(self, scene: Scene | MitsubaScene) -> Call:
         twin.activate(self.variant)
+        if isinstance(scene, MitsubaScene):  # its own integrator decides the light
+            file = scene
+            return lambda seed: twin.render_mitsuba(file, self.samples, seed, cache=False, variant=self.variant)
         return lambda seed: twin.render(
             scene, self.rung, sampling=self.sampling, samples=self.samples, seed=seed, cache=False, variant=self.variant
         )

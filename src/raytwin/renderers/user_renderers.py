@@ -10,8 +10,8 @@ from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.image_input import as_image
 from raytwin.renderers.renderer import Call, Renderer
-from raytwin.renderers.scene_exchange import as_arrays
-from raytwin.scene import Scene
+from raytwin.renderers.scene_exchange import as_arrays, as_file
+from raytwin.scene import MitsubaScene, Scene
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,11 @@ class UserRenderer(Renderer):
     def library(self) -> str:
         return "python"
 
-    def prepare(self, scene: Scene) -> Call:
+    def prepare(self, scene: Scene | MitsubaScene) -> Call:
+        width, height = scene.image_size
+
         def call(seed: int) -> Image:
-            given = self.tell(scene, self.rung)
+            given = self.tell(scene, self.rung) if isinstance(scene, Scene) else as_file(scene)
             try:
                 made = self.render(given) if self.render else None
                 taken = made if isinstance(made, Image) else as_image(np.asarray(made)).image
@@ -42,8 +44,8 @@ class UserRenderer(Renderer):
                 raise
             except (Exception, SystemExit) as error:  # theirs, whatever it is: the program that runs it goes on
                 raise InputError(self.name, "an image (H, W, 3)", f"{type(error).__name__}: {error}") from error
-            if taken.mean.dtype.kind not in "fiu" or taken.shape != (scene.camera.height, scene.camera.width, 3):
-                wanted = f"an image ({scene.camera.height}, {scene.camera.width}, 3)"
+            if taken.mean.dtype.kind not in "fiu" or taken.shape != (height, width, 3):
+                wanted = f"an image ({height}, {width}, 3)"
                 raise InputError(self.name, wanted, f"{taken.mean.dtype} {taken.shape}")
             return taken if isinstance(made, Image) else Image(taken.mean.astype(np.float32))
 

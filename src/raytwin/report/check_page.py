@@ -62,7 +62,7 @@ def write_check(
     """One comparison of the test called `test`: its row, and its page, whose path is returned."""
     c, r = report.comparison, report.comparison.radiance
     row = CheckRow(
-        test, number, report.scene, report.rung, c.verdict, c.reasons, notes, r.rmse, r.max_abs, r.mean_ratio
+        test, number, report.scene, report.rung or "", c.verdict, c.reasons, notes, r.rmse, r.max_abs, r.mean_ratio
     )
     short = re.sub(r"[^A-Za-z0-9]+", "-", test.rpartition("/")[2]).strip("-")[:80]
     unique = hashlib.sha256(f"{test} {number}".encode()).hexdigest()[:8]

@@ -14,8 +14,9 @@ def summary(result: "Result") -> str:
     """Verdict first, then what it rests on, then times beside errors."""
     c = result.comparison
     g, r = c.geometry, c.radiance
+    rung = f", rung {result.report.rung}" if result.report.rung else ""
     lines = [
-        f"{c.verdict.upper()}  {result.report.scene}, rung {result.report.rung}{because(c)}",
+        f"{c.verdict.upper()}  {result.report.scene}{rung}{because(c)}",
         *(f"  {reason}" for reason in c.reasons),
         f"  silhouettes: {_number(g.mask_mismatch_pixels)} pixels differ",
         f"  radiance: p99.9 error {_number(r.p999_abs)}, worst {_number(r.max_abs)}, rmse {_number(r.rmse)}",

@@ -130,7 +130,7 @@ def view_of(result: "Result") -> PairView:
     tolerance = in_radiance(result.tolerance, result.twin, result.subject)
     return PairView(
         title=about.scene,
-        about=("rung", about.rung),
+        about=("rung", about.rung) if about.rung else ("of", "a Mitsuba file"),
         report=about,
         test=result.subject,
         reference=result.twin,

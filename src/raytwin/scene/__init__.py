@@ -4,6 +4,7 @@ from raytwin.scene.camera import Camera
 from raytwin.scene.camera_frame import to_camera_frame
 from raytwin.scene.lights import Environment, Light, Sky, Sun
 from raytwin.scene.material import Lambert, Material, Phong
+from raytwin.scene.mitsuba_scene import MitsubaScene
 from raytwin.scene.record_base import Albedo, Matrix, PixelCount, Positive, Radiance, Record, Vector
 from raytwin.scene.scene import Scene
 from raytwin.scene.scene_file import (
@@ -28,6 +29,7 @@ __all__ = [
     "Light",
     "Material",
     "Matrix",
+    "MitsubaScene",
     "Phong",
     "PhotoCamera",
     "PixelCount",

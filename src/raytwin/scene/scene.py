@@ -27,6 +27,11 @@ class Scene(Record, frozen=True):
     lights: tuple[Light, ...] = ()
 
     @property
+    def image_size(self) -> tuple[int, int]:
+        """Return (width, height) of its camera's picture."""
+        return self.camera.image_size
+
+    @property
     def spheres(self) -> tuple[Sphere, ...]:
         return tuple(thing for thing in self.objects if isinstance(thing, Sphere))
 

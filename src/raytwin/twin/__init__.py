@@ -6,6 +6,7 @@ imported when the first of them is called, not before; `chosen()` does without.
 
 from raytwin.twin.backend import VARIANTS, Backend, Tried, activate, chosen, doctor
 from raytwin.twin.highlight_rounding import highlight_rounding
+from raytwin.twin.mitsuba_render import mitsuba_provenance, render_mitsuba
 from raytwin.twin.plain import INTEGRATORS, load_plain, render_plain
 from raytwin.twin.rendering import MOST_SAMPLES, SAMPLINGS, provenance, render
 
@@ -21,7 +22,9 @@ __all__ = [
     "doctor",
     "highlight_rounding",
     "load_plain",
+    "mitsuba_provenance",
     "provenance",
     "render",
+    "render_mitsuba",
     "render_plain",
 ]

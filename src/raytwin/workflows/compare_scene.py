@@ -25,7 +25,7 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene, Tolerance
+from raytwin.scene import MitsubaScene, Scene, Tolerance
 from raytwin.scene.lens import without_ray
 from raytwin.workflows.compare_settings import CompareSettings
 from raytwin.workflows.versions import versions
@@ -46,7 +46,7 @@ CENTRES = (
 class Result:
     """All that `raytwin compare` found; every page is a view of it."""
 
-    scene: Scene
+    scene: Scene | MitsubaScene
     tolerance: Tolerance
     report: Report
     subject: Image
@@ -71,11 +71,17 @@ def compare_scene(
 ) -> Result:
     """Compare a subject, by default the hand-written tracer, with its Mitsuba twin on the scene at `path`.
 
+    A Mitsuba file (XML) is a scene too: see `compare_mitsuba`.
+
     `options` are fields of CompareSettings: `compare_scene(path, rung="path", engine="drjit32")`. If the twin follows
     more light than the tracer, and the two agree at the tracer's own level, the difference is expected (`differs`), and
     the ledger says what the further light adds.
     """
     chosen = replace(settings or CompareSettings(), **options)
+    if files.is_mitsuba(path):
+        from raytwin.workflows.compare_mitsuba import compare_mitsuba
+
+        return compare_mitsuba(path, chosen, progress=progress)
     subject = _subject(chosen)
     stages = Stages(progress)
     written = files.read_scene(path)
@@ -128,7 +134,7 @@ def compare_scene(
         calibration=calibration,
         pose=pose,
         truth=truth,
-        times=_times(stages.seconds, comparison, calibration),
+        times=times_of(stages.seconds, comparison, calibration),
         settings={
             "subject": subject.name,
             "rung of the tracer": subject.rung,
@@ -260,7 +266,7 @@ def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
     return tuple(told)
 
 
-def _times(
+def times_of(
     seconds: dict[str, float], comparison: Comparison, calibration: "photos.Calibration | None"
 ) -> tuple[Timing, ...]:
     """Every stage's seconds, and beside them what its result is worth."""

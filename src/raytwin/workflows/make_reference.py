@@ -17,12 +17,12 @@ import numpy as np
 
 from raytwin import files, twin
 from raytwin.compare import Comparison, compare
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
-from raytwin.references import Reference, load, path_of, scene_hash, sealed, stale
+from raytwin.references import FILES, Reference, load, path_of, scene_hash, sealed, stale
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Scene, SceneFile
+from raytwin.scene import Camera, MitsubaScene, Scene, SceneFile
 from raytwin.scene.scene_changes import changes
 
 PIXELS = 336 * 252
@@ -30,6 +30,8 @@ PIXELS = 336 * 252
 SAMPLES, CHECKED_SAMPLES = 4096, 256
 STINTS, BATCHES = 8, 8
 """A long render comes in so many pieces, each kept in the cache when done, each of so many independent batches."""
+LEVEL = "path"
+"""The light level that the reference of a Mitsuba file is stored under; its integrator decides what it is."""
 MOVED_PX = 0.05
 """Pixels by which a new calibration may move the picture before its reference counts as stale."""
 
@@ -43,8 +45,10 @@ def size_of(image_size: tuple[int, int]) -> tuple[int, int]:
     return small, max(1, round(small * height / width))
 
 
-def find_scene(path: str | Path, progress: Progress = silent) -> SceneFile:
+def find_scene(path: str | Path, progress: Progress = silent) -> SceneFile | MitsubaScene:
     """The scene with its camera found: calibrated, where it has photos. Finding it once serves all rungs."""
+    if files.is_mitsuba(path):
+        return files.read_mitsuba(path)
     written = files.read_scene(path)
     if written.photos is None:
         return written
@@ -192,7 +196,7 @@ def make(
     sampling: str | None = None,
     size: tuple[int, int] | None = None,
     again: bool = False,
-    found: SceneFile | None = None,
+    found: SceneFile | MitsubaScene | None = None,
     progress: Progress = silent,
 ) -> Change:
     """What the reference would become; `save(change.new)` writes it.
@@ -200,6 +204,9 @@ def make(
     An old one that is whole and fits its scene and settings is taken over without rendering, unless `again`. What is
     not given stays as in the old one, or is the default. `found`: what `find_scene` gave, where it was asked already.
     """
+    found = found or find_scene(scene, progress)
+    if isinstance(found, MitsubaScene):
+        return _made_from_file(found, rung, folder, samples, seed, sampling, size, again, progress)
     written = files.read_scene(scene)
     path, hashed = path_of(folder, written.name, rung), scene_hash(written)
     old, notes = _there(path)
@@ -207,7 +214,7 @@ def make(
     same_scene = known is not None and known.header["scene_hash"] == hashed
     settings = _settings(known.header if known else {}, samples, seed, sampling)
     found = _at_size(
-        found or find_scene(scene, progress),
+        found,
         size or (known.origin().camera.image_size if known and same_scene else None),
     )
     if known and same_scene and _same_but_for_digits(found.scene, known.origin().camera):
@@ -221,6 +228,43 @@ def make(
         return Change(new, None, notes)
     notes = tuple(header_changes(old.header, new.header))
     return Change(new, old, notes, compare(new.image, old.image, tolerance=found.tolerance))
+
+
+def _made_from_file(
+    found: MitsubaScene,
+    rung: str,
+    folder: str | Path,
+    samples: int | None,
+    seed: int | None,
+    sampling: str | None,
+    size: tuple[int, int] | None,
+    again: bool,
+    progress: Progress,
+) -> Change:
+    """As `make`: of a Mitsuba file there is one level of light, LEVEL, and its film decides where rays go."""
+    check_one_of("--rung", rung, (LEVEL,))
+    if sampling not in (None, "area"):
+        raise InputError("--sampling", "area: a Mitsuba file's film decides where rays go", sampling)
+    path = path_of(folder, found.name, rung)
+    old, notes = _there(path)
+    settings = _settings(old.header if old is not None and old.of_file else {}, samples, seed, "area")
+    width, height = size or (found.image_size if old is None else old.image.shape[1::-1])
+    sized = files.with_film(found, width=width, height=height)
+    header = twin.mitsuba_provenance(sized, settings.samples, settings.seed, STINTS * BATCHES)
+    header |= {
+        "scene": found.name, "rung": rung, "scene_hash": sized.digest, "size": f"{width} x {height}",
+        "sampling": "area", "filter": "the film's own", "renderer": "Mitsuba",
+        FILES: msgspec.json.encode(found.files).decode(),
+    }  # fmt: skip
+    decides = ("scene_hash", "samples", "seed", "size")
+    if old is not None and old.of_file and not again and all(old.header.get(k) == header[k] for k in decides):
+        return Change(old, old)
+    image = twin.render_mitsuba(sized, settings.samples, settings.seed, STINTS * BATCHES, progress=progress)
+    new = sealed(path, image, header, None)
+    if old is None:
+        return Change(new, None, notes)
+    notes = tuple(header_changes(old.header, new.header))
+    return Change(new, old, notes, compare(new.image, old.image))
 
 
 def _there(path: Path) -> tuple[Reference | None, tuple[str, ...]]:
@@ -290,23 +334,28 @@ def check(
     folder: str | Path,
     *,
     samples: int = CHECKED_SAMPLES,
-    found: SceneFile | None = None,
+    found: SceneFile | MitsubaScene | None = None,
     progress: Progress = silent,
 ) -> Check:
     """Is the file there and whole, its scene the one on disk, and today's render the same but for noise?
 
     Today's render has a seed of its own, always the same: the answer changes when the software does, not by chance.
     """
-    path = path_of(folder, files.read_scene(scene).name, rung)
+    found = found or find_scene(scene, progress)
+    path = path_of(folder, found.name, rung)
     try:
         old = load(path)
     except InputError as error:
         return Check(path, 2, (str(error),))
-    found = found or find_scene(scene, progress)
-    if why := stale(old, scene) or strayed(old, found):
+    if why := stale(old, scene) or (None if isinstance(found, MitsubaScene) else strayed(old, found)):
         return Check(path, 1, (f"{path}: stale: {why}",), old)
-    settings = Settings(samples, int(old.header["seed"]) + 1, old.header["sampling"])
-    today = render(old.origin(), rung, settings, progress)
+    if isinstance(found, MitsubaScene):
+        width, height = old.image.shape[1::-1]
+        sized = files.with_film(found, width=width, height=height)
+        today = twin.render_mitsuba(sized, samples, int(old.header["seed"]) + 1, progress=progress)
+    else:
+        settings = Settings(samples, int(old.header["seed"]) + 1, old.header["sampling"])
+        today = render(old.origin(), rung, settings, progress)
     comparison = compare(today, old.image, tolerance=old.tolerance)
     said = "cannot be told from today's render" if comparison.exit_code == 2 else "today's render disagrees"
     problems = () if comparison.passed else (f"{path}: {said}", *comparison.reasons)

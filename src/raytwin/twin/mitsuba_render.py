@@ -1,0 +1,192 @@
+"""A Mitsuba file -> Image: its own sensor, film and integrator, in independent batches whose spread is the variance."""
+
+import hashlib
+import re
+import time
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, fromstring, tostring
+
+import numpy as np
+
+from raytwin import files
+from raytwin.errors import InputError
+from raytwin.image import BACKGROUND, Image, Surface
+from raytwin.progress import Progress, silent
+from raytwin.scene.mitsuba_scene import MitsubaScene
+from raytwin.twin import render_cache as kept
+from raytwin.twin.backend import SCALAR, activate, versions
+from raytwin.twin.plain import LANES
+
+BATCHES = 16
+VERSION = "1"
+"""Part of every cache key: raise it when a change moves a pixel."""
+WORTH_KEEPING = 1.0
+"""Seconds: a render that took less is not stored."""
+
+
+def render_mitsuba(
+    scene: MitsubaScene,
+    samples: int = 64,
+    seed: int = 0,
+    batches: int = BATCHES,
+    *,
+    cache: bool = True,
+    variant: str | None = None,
+    progress: Progress = silent,
+) -> Image:
+    """Render the file as Mitsuba would, `samples` per pixel in `batches` that share no random number.
+
+    The result has the variance of its mean and, of each pixel's centre, the shape that it sees, its distance from the
+    eye in the file's own unit, and its normal in the file's world. Raises InputError where Mitsuba refuses the scene.
+    """
+    batches = max(1, min(batches, samples))
+    about = mitsuba_provenance(scene, samples, seed, batches, variant)
+    key = hashlib.sha256(repr(about).encode()).hexdigest()[:32]
+    width, height = scene.image_size
+    if cache and (image := kept.load(key, (height, width, 3))) is not None:
+        return image
+    start = time.perf_counter()
+    loaded = _loaded(scene)
+    total, squares = np.zeros((height, width, 3)), np.zeros((height, width, 3))
+    each = -(-samples // batches)
+    for k in range(batches):
+        progress("twin", k, batches)
+        one = _rendered(scene, loaded, each, (seed, k)).astype(np.float64)
+        total += one
+        squares += np.square(one)
+    progress("twin", batches, batches)
+    mean, variance = total / batches, None
+    if batches > 1:
+        variance = np.maximum(squares - batches * np.square(mean), 0) / (batches * (batches - 1))
+        variance = variance.astype(np.float32)
+    image = Image(mean.astype(np.float32), variance, each * batches, _surface(scene, loaded), batches)
+    if cache and time.perf_counter() - start > WORTH_KEEPING:
+        kept.store(key, image)
+    return image
+
+
+def mitsuba_provenance(
+    scene: MitsubaScene, samples: int, seed: int = 0, batches: int = BATCHES, variant: str | None = None
+) -> dict[str, str]:
+    """Everything that decides the pixels of `render_mitsuba`, as text: for an EXR's header."""
+    known = versions()
+    return {
+        "raytwin": known.get("raytwin", "?"), "twin": f"file {VERSION}", "mitsuba": known["mitsuba"],
+        "drjit": known["drjit"], "variant": activate(variant).variant, "scene": scene.digest,
+        "samples": str(samples), "seed": str(seed), "batches": str(batches),
+    }  # fmt: skip
+
+
+def _loaded(scene: MitsubaScene) -> Any:
+    """Mitsuba's scene, without `optimize`, which would merge shapes and let light leak (see twin_scene.load)."""
+    import mitsuba as mi
+
+    root = files.as_loaded(scene)
+    _check_plugins(scene, root)
+    try:
+        return mi.load_string(tostring(root, "unicode"), optimize=False)
+    except Exception as error:  # RuntimeError, or whatever a plugin of Python's raises
+        raise _refused(scene, error) from None
+
+
+def _check_plugins(scene: MitsubaScene, root: Element) -> None:
+    """Raise InputError for a plugin that is none of Mitsuba's own: loading it runs its code."""
+    import mitsuba as mi
+
+    own = {path.stem for path in (Path(mi.__file__).parent / "plugins").iterdir()} | {"scene"}
+    own |= {name.removeprefix("lib") for name in own}
+    for element in root.iter():
+        name = element.get("type")
+        if name is not None and name not in own and element.tag != "spectrum" and name not in files.allowed():
+            expected = f"a plugin of Mitsuba's, or one that --allow names ({files.ALLOW})"
+            raise InputError(f"{scene.file}: <{element.tag}>", expected, name)
+
+
+def _rendered(scene: MitsubaScene, loaded: Any, samples: int, seed: tuple[int, int]) -> np.ndarray:
+    """(H, W, 3): the first three channels of the film, or its only one."""
+    import mitsuba as mi
+
+    width, height = scene.image_size
+    most = samples if mi.variant() == SCALAR else max(1, LANES // (width * height))
+    passes = -(-samples // most)
+    total: np.ndarray = np.zeros((height, width, 3))
+    for k in range(passes):
+        part = samples // passes + (k < samples % passes)
+        number = int(np.random.SeedSequence([*seed, k]).generate_state(1)[0])
+        try:
+            made = np.asarray(mi.render(loaded, spp=part, seed=number))
+        except Exception as error:
+            raise _refused(scene, error) from None
+        if made.ndim != 3 or made.shape[:2] != (height, width) or made.shape[2] == 2:
+            raise InputError(scene.file, f"a film of {width} x {height} pixels in grey or RGB", made.shape)
+        total += part * (np.repeat(made[..., :1], 3, axis=2) if made.shape[2] == 1 else made[..., :3])
+    return total / samples
+
+
+def _surface(scene: MitsubaScene, loaded: Any) -> Surface:
+    """What the ray through each pixel's centre meets first: shape, distance from the eye, normal towards it."""
+    import mitsuba as mi
+
+    width, height = scene.image_size
+    y, x = (a.ravel() for a in np.mgrid[0:height, 0:width])
+    u, v = (x + 0.5) / width, (y + 0.5) / height  # of the crop window, as sensors have it
+    numbers = {name: i for i, name in enumerate(scene.names)}
+    look = _look_one_by_one if mi.variant() == SCALAR else _look_at_once
+    ids, depth, normal, far = look(loaded, u, v, [numbers.get(s.id(), BACKGROUND) for s in loaded.shapes()])
+    sensor = fromstring(scene.text).find("sensor")
+    if sensor is not None and sensor.get("type") == "orthographic":
+        far = 0 * far  # its rays begin at no common point
+    valid = depth > 0
+    normal = np.where(valid[:, None], normal, 0)
+    return Surface(
+        np.where(valid, ids, BACKGROUND).astype(np.int32).reshape(height, width),
+        np.where(valid, depth + far, 0).astype(np.float32).reshape(height, width),
+        normal.astype(np.float32).reshape(height, width, 3),
+    )
+
+
+Looked = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Shape (n), distance along the ray (n), 0 for a miss, normal (n, 3), and how far from the eye the ray begins (n)."""
+
+
+def _look_at_once(loaded: Any, u: np.ndarray, v: np.ndarray, numbers: list[int]) -> Looked:
+    import drjit as dr
+    import mitsuba as mi
+
+    sensor = loaded.sensors()[0]
+    ray = sensor.sample_ray(sensor.shutter_open(), 0.5, mi.Point2f(mi.Float(u), mi.Float(v)), mi.Point2f(0.5))[0]
+    hit = loaded.ray_intersect(ray)
+    own = np.array(dr.reinterpret_array(mi.UInt32, hit.shape))
+    ids = np.full(own.shape, BACKGROUND)
+    for number, one in zip(numbers, np.array(dr.reinterpret_array(mi.UInt32, loaded.shapes_dr())), strict=True):
+        ids[own == one] = number
+    depth = np.array(dr.select(hit.is_valid(), hit.t, 0))
+    facing = dr.select(dr.dot(hit.n, ray.d) > 0, -hit.n, hit.n)
+    far = dr.norm(ray.o - sensor.world_transform().translation())
+    return ids, depth, np.array(facing).T, np.array(far)
+
+
+def _look_one_by_one(loaded: Any, u: np.ndarray, v: np.ndarray, numbers: list[int]) -> Looked:
+    import mitsuba as mi
+
+    sensor, rows = loaded.sensors()[0], []
+    eye = np.array(sensor.world_transform().translation()).ravel()
+    number_of = {shape.id(): number for shape, number in zip(loaded.shapes(), numbers, strict=True)}
+    for place in zip(u.tolist(), v.tolist(), strict=True):
+        ray = sensor.sample_ray(sensor.shutter_open(), 0.5, mi.Point2f(*place), mi.Point2f(0.5))[0]
+        hit = loaded.ray_intersect(ray)
+        if hit.is_valid():
+            n, d = np.array(hit.n), np.array(ray.d)
+            far = float(np.linalg.norm(np.array(ray.o) - eye))
+            rows.append((number_of.get(hit.shape.id(), BACKGROUND), float(hit.t), *(-n if n @ d > 0 else n), far))
+        else:
+            rows.append((BACKGROUND, 0.0, 0.0, 0.0, 0.0, 0.0))
+    table = np.array(rows)
+    return table[:, 0], table[:, 1], table[:, 2:5], table[:, 5]
+
+
+def _refused(scene: MitsubaScene, error: Exception) -> InputError:
+    """Mitsuba's complaint in one line."""
+    text = re.sub(r"^\[parser\.cpp:\d+\] |(?:At|While loading|Error while loading) string ", "", str(error).strip())
+    return InputError(scene.file, "a scene that Mitsuba renders", " ".join(text.split()) or type(error).__name__)

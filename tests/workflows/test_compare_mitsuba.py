@@ -1,0 +1,92 @@
+"""A Mitsuba file where a scene is named: compared, kept as a reference, held to in pytest."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raytwin import files, references, twin
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.renderers.user_renderers import UserRenderer
+from raytwin.report.view import view_of
+from raytwin.workflows import make_reference
+from raytwin.workflows.compare_scene import compare_scene
+
+SIZE = (48, 36)
+
+
+@pytest.fixture
+def glass(tmp_path, scenes) -> Path:
+    """The shipped scene, small, as a folder of one's own."""
+    small = files.with_film(files.read_mitsuba(scenes / "glass"), width=SIZE[0], height=SIZE[1])
+    return Path(files.write_mitsuba(small, tmp_path / "kitchen").folder)
+
+
+def renderer(depth: int = 8) -> UserRenderer:
+    """Someone's renderer, which reads the file: Mitsuba with a seed of its own, to a depth."""
+
+    def render(told: dict) -> Image:
+        assert (told["name"], told["width"], told["height"]) == ("kitchen", *SIZE)
+        scene = files.read_mitsuba(told["mitsuba"])
+        text = scene.text.replace('name="max_depth" value="8"', f'name="max_depth" value="{depth}"')
+        return twin.render_mitsuba(type(scene)(scene.name, scene.file, text, scene.folder, SIZE, scene.names), 64, 7)
+
+    return UserRenderer("path", "theirs", render)
+
+
+def test_a_right_renderer_passes_and_one_that_stops_early_fails(glass):
+    """At a false-alarm rate of 1e-3, at fixed seeds."""
+    right = compare_scene(glass, subject=renderer())
+    assert right.comparison.verdict == "pass", right.comparison.reasons
+    wrong = compare_scene(glass / "scene.xml", subject=renderer(depth=3))
+    assert wrong.comparison.verdict == "fail"
+    told = right.report.numbers()
+    assert (told["scene"], told["rung"], told["ledger"]) == ("kitchen", None, None)
+    assert told["geometry"].mask_mismatch_pixels == 0
+    assert "only Mitsuba knows the light" in right.comparison.reasons[-1]
+    assert view_of(right).objects[4:6] == ("bowl", "ball")
+
+
+def test_a_program_is_given_the_file_and_another_size_as_a_copy(glass, tmp_path):
+    program = tmp_path / "prog.py"
+    program.write_text(
+        "import sys\nfrom raytwin import files\nfrom raytwin.image import Image\nimport numpy as np\n"
+        "w, h = files.read_mitsuba(sys.argv[1]).image_size\n"
+        "files.write_exr(sys.argv[2], Image(np.full((h, w, 3), 0.5, np.float32)), {})\n"
+    )
+    result = compare_scene(glass, subject=f"{sys.executable} {program} {{scene}} {{out}}", size=(24, 18), samples=16)
+    assert result.subject.shape == (18, 24, 3)
+    assert result.comparison.verdict == "fail"
+
+
+@pytest.mark.parametrize("subject", [None, "drjit32-shadow-conic", "twin-llvm-shadow"])
+def test_what_cannot_take_a_file_is_refused(glass, subject):
+    with pytest.raises(InputError, match=r"--subject: .*for a Mitsuba file"):
+        compare_scene(glass, subject=subject)
+
+
+def test_a_reference_of_a_file_is_made_checked_and_goes_stale_with_its_mesh(glass, tmp_path):
+    made = make_reference.make(glass, "path", tmp_path / "reference", samples=128)
+    references.save(made.new)
+    assert make_reference.make(glass, "path", tmp_path / "reference", samples=128).kind == "same"
+    assert made.new.image.surface is not None
+    kept = references.load(made.new.path)
+    assert kept.of_file
+    assert not kept.golden
+    assert make_reference.check(glass, "path", tmp_path / "reference", samples=64).exit_code == 0
+    with pytest.raises(InputError, match="--rung: expected one of path"):
+        make_reference.make(glass, "shadow", tmp_path / "reference")
+    mesh = glass / "bowl.ply"
+    mesh.write_bytes(mesh.read_bytes().replace(b"twisted", b"squashd"))
+    stale = make_reference.check(glass, "path", tmp_path / "reference")
+    assert stale.exit_code == 1
+    assert "bowl.ply changed since" in stale.problems[0]
+
+
+def test_the_shipped_file_and_its_reference_belong_together(scenes):
+    found = references.load(references.path_of(references.SHIPPED, "glass", "path"))
+    assert references.stale(found, scenes / "glass") is None
+    assert found.image.samples >= 4096
+    assert np.ptp(found.image.surface.ids) == 6
