@@ -18,7 +18,8 @@ BALL = """<scene version="3.0.0"><integrator type="path"><integer name="max_dept
 <sensor type="perspective"><float name="fov" value="60"/><float name="near_clip" value="0.5"/>
 <transform name="to_world"><lookat origin="0, 0, 4" target="0, 0, 0" up="0, 1, 0"/></transform>
 <film type="hdrfilm"><integer name="width" value="21"/><integer name="height" value="15"/><rfilter type="box"/></film>
-</sensor><shape type="sphere" id="ball"><bsdf type="diffuse"><rgb name="reflectance" value="0.8 0.5 0.2"/></bsdf></shape>
+</sensor>
+<shape type="sphere" id="ball"><bsdf type="diffuse"><rgb name="reflectance" value="0.8 0.5 0.2"/></bsdf></shape>
 <emitter type="constant"><rgb name="radiance" value="2 2 2"/></emitter></scene>"""
 
 

@@ -89,4 +89,4 @@ def test_the_shipped_file_and_its_reference_belong_together(scenes):
     found = references.load(references.path_of(references.SHIPPED, "glass", "path"))
     assert references.stale(found, scenes / "glass") is None
     assert found.image.samples >= 4096
-    assert np.ptp(found.image.surface.ids) == 6
+    assert set(np.unique(found.image.surface.ids)) == set(range(6))  # all but the lamp, which hangs above the frame
