@@ -24,7 +24,10 @@ def calibrate_command(
     model: Annotated[str, typer.Option(help="Lens model: auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or full5.")] = "auto",
     photo: Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose pose is written (the first).")] = None,
     json: JsonFile = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE", help="Write the camera, as TOML.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FILE", help="Write the camera, as TOML, and a page beside it."),
+    ] = None,
     uncertainty: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw how far off each pixel may be.")
     ] = None,
@@ -66,6 +69,7 @@ def calibrate_command(
         files.write_json(json, calibration.numbers())
     if out:
         _write_camera(out, calibration, paths, definitions, photo)
+        report.write_calibration(calibration, out.with_suffix(".html"), out.name)
     if uncertainty:
         report.write_uncertainty(calibration, uncertainty)
     if bend:

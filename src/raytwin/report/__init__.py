@@ -18,6 +18,7 @@ _HOME = {
     "write_all": "report_folder",
     "write_atlas": "atlas_page",
     "write_bench_all": "bench_page",
+    "write_calibration": "calibration_page",
     "write_bends": "uncertainty_pictures",
     "write_comparison": "json_report",
     "write_diff": "report_folder",

@@ -180,26 +180,10 @@ def pixel_rows(view: PairView, worst: list[tuple[int, int]], apart: list[tuple[i
 
 
 def calibrated(view: PairView) -> dict[str, Any] | None:
-    """Intrinsics with their standard deviations, views worst first, and the spread of the views' rms for the bars."""
-    calibration = view.calibration
-    if calibration is None:
+    """The calibration's tables and pictures, and the photo whose pose the camera has."""
+    if view.calibration is None:
         return None
-    from raytwin.calib.photos import explained  # these two load OpenCV
-    from raytwin.report.uncertainty_pictures import bend_url, uncertainty_url
+    from raytwin.report.calibration_page import calibration_pictures, calibration_tables  # which load OpenCV
 
-    k = calibration.K
-    found = [("fx", k[0][0], "px"), ("fy", k[1][1], "px"), ("cx", k[0][2], "px"), ("cy", k[1][2], "px")]
-    found += [(n, v, "") for n, v in zip(("k1", "k2", "p1", "p2", "k3"), calibration.dist, strict=False)]
-    views = sorted(calibration.views, key=lambda v: -v.rms_px)
-    return {
-        "intrinsics": [(n, v, calibration.sigma.get(n), unit) for n, v, unit in found],
-        "views": views,
-        "posed": view.photographed,
-        # A calibration that was read back has no evidence any more.
-        "models": explained(calibration),
-        "uncertainty": uncertainty_url(calibration) if calibration.evidence else None,
-        "bends": [(b, bend_url(calibration, i)) for i, b in enumerate(calibration.boards) if b.bend_mm]
-        if calibration.evidence
-        else [],
-        "largest": max((v.rms_px for v in views), default=1.0) or 1.0,
-    }
+    pictures = calibration_pictures(view.calibration)
+    return calibration_tables(view.calibration) | {"posed": view.photographed, "pictures": pictures}

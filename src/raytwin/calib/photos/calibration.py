@@ -264,6 +264,11 @@ def _calibration(
         taken=name(result.form),
         boards=shaped,
         seen=seen,
+        residuals=tuple(
+            (float(du), float(dv))
+            for view, of in zip(views, result.residuals, strict=True)
+            for du, dv in of[: len(view.tags)]
+        ),
         found={key: {photo: tuple(tags) for photo, tags in by_photo.items()} for key, by_photo in found.items()},
     )
     return Calibration(

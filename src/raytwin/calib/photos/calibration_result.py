@@ -51,8 +51,8 @@ class Evidence(Record, frozen=True):
     normal and the line of sight, degrees, by view. `distance`: the board's middle from the camera, the median over the
     views, metres. `covariance`: of (fx, fy, cx, cy, the model's coefficients, omega, tau), see `uncertainty`; pixels,
     radians, metres; `noise_px`: one standard deviation of a tag's coordinate that goes with it. `trials`: what came of
-    each model, `taken` among them. `boards`: with their shapes. `found`: by kind of tag and by photo, all tags that
-    were detected.
+    each model, `taken` among them. `boards`: with their shapes. `seen`: the tags' centres, by view; `residuals`:
+    projected minus seen of each, pixels. `found`: by kind of tag and by photo, all tags that were detected.
     """
 
     coverage: float
@@ -64,6 +64,7 @@ class Evidence(Record, frozen=True):
     taken: str
     boards: tuple[Board, ...]
     seen: tuple[tuple[float, float], ...]
+    residuals: tuple[tuple[float, float], ...]
     found: dict[str, dict[str, tuple[Tag, ...]]]
 
 

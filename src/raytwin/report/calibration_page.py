@@ -1,0 +1,87 @@
+"""A calibration's own page: how far off it may be, what it rests on, and what speaks against it."""
+
+import math
+import os
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from raytwin import files
+from raytwin.calib.photos import Calibration, explained
+from raytwin.report.calibration_pictures import pose_drawing, residual_drawing
+from raytwin.report.charts import svg_text
+from raytwin.report.page import render_page
+from raytwin.report.uncertainty_pictures import bend_drawing, uncertainty_drawing
+
+
+class PhotoRow(NamedTuple):
+    """A photo's part: of all its boards together."""
+
+    photo: str
+    tags: int
+    rms_px: float
+    influence: float
+
+
+def write_calibration(calibration: Calibration, path: str | os.PathLike[str], camera_file: str = "") -> None:
+    """Write the page; `camera_file`: the name of the camera.toml beside it."""
+    page = render_page(
+        "calibration.html.j2",
+        ("bench.css",),
+        ("charts.js",),
+        k=calibration,
+        calibrated=calibration_tables(calibration),
+        camera_file=camera_file,
+        pictures=calibration_pictures(calibration),
+    )
+    files.write_text(Path(path), page)
+
+
+def calibration_tables(calibration: Calibration) -> dict[str, Any]:
+    """Return the intrinsics with their standard deviations, the photos, worst first, and the models tried."""
+    k, photos = calibration.K, photo_rows(calibration)
+    found = [("fx", k[0][0], "px"), ("fy", k[1][1], "px"), ("cx", k[0][2], "px"), ("cy", k[1][2], "px")]
+    found += [(n, v, "") for n, v in zip(("k1", "k2", "p1", "p2", "k3"), calibration.dist, strict=False)]
+    return {
+        "intrinsics": [(n, v, calibration.sigma.get(n), unit) for n, v, unit in found],
+        "photos": photos,
+        # A calibration that was read back has no evidence any more.
+        "models": explained(calibration),
+        "largest": max((row.rms_px for row in photos), default=1.0) or 1.0,
+    }
+
+
+def calibration_pictures(calibration: Calibration) -> list[tuple[str, str, str]]:
+    """Return (title, SVG, what it tells); none of a calibration that was read back."""
+    if calibration.evidence is None:
+        return []
+    tilts = calibration.basis.tilts
+    found = [
+        ("How far off a pixel may be", svg_text(uncertainty_drawing(calibration)),
+         f"At the boards' distance, {calibration.basis.distance:.2g} m. Tags were seen in "
+         f"{100 * calibration.basis.coverage:.0f} % of the frame; elsewhere the lens model alone speaks."),
+        ("What each tag is off by", svg_text(residual_drawing(calibration)),
+         "Lines that point every way are noise. Neighbours that point one way show what the lens model lacks."),
+        ("Where the board stood, from above", svg_text(pose_drawing(calibration, "above")),
+         f"The board was tilted by {min(tilts):.0f} to {max(tilts):.0f} degrees. Photos that are all straight on leave "
+         "the focal length open. Red: the photo that fits worst."),
+        ("The same from the side", svg_text(pose_drawing(calibration, "the side")),
+         "Photos from one side only leave the principal point open."),
+    ]  # fmt: skip
+    for i, board in enumerate(calibration.boards):
+        if board.bend_mm:
+            words = (
+                f"{board.bend_mm:.2f} ± {board.bend_sigma_mm:.2f} mm from the lowest tag to the highest, fitted along"
+            )
+            found.append(("The board's bend", svg_text(bend_drawing(calibration, i)), words + " with the camera."))
+    return found
+
+
+def photo_rows(calibration: Calibration) -> list[PhotoRow]:
+    """Return a row for each photo, worst first: a photo that shows several boards is one."""
+    rows = []
+    for photo in calibration.photos:
+        views = [view for view in calibration.views if view.photo == photo]
+        tags = sum(view.tags for view in views)
+        rms = math.sqrt(sum(view.tags * view.rms_px**2 for view in views) / max(tags, 1))
+        rows.append(PhotoRow(photo, tags, rms, views[0].influence))
+    return sorted(rows, key=lambda row: -row.rms_px)

@@ -1,0 +1,95 @@
+"""The page of a calibration: residuals, poses and bend are drawn where they are, and photos are counted."""
+
+import re
+
+import msgspec
+import numpy as np
+import pytest
+
+from raytwin import files, report
+from raytwin.calib import boards, photos
+from raytwin.report.calibration_page import photo_rows
+from raytwin.report.calibration_pictures import BOARD, MEAN, WORST, pose_drawing, residual_drawing
+from raytwin.report.charts.chart_marks import Marker, Stroke, Words
+from raytwin.report.uncertainty_pictures import LEFT, SIDE, TOP, bend_drawing
+
+
+@pytest.fixture(scope="module")
+def calibration(scenes):
+    folder = scenes / "desk"
+    return photos.calibrate(files.list_photos(folder / "photos"), boards.read_board(folder / "board.toml"))
+
+
+def test_the_residuals_kept_are_those_that_the_rms_is_of(calibration):
+    evidence = calibration.basis
+    off = np.array(evidence.residuals)
+    assert len(off) == len(evidence.seen)
+    assert np.sqrt((off**2).sum(axis=1).mean()) == pytest.approx(calibration.rms_px, rel=1e-6)
+    view = calibration.views[0]  # projected minus seen: within the detector's bias, which is taken out of what is seen
+    board = calibration.basis.boards[0]
+    xyz = board.points(board.centers())
+    at = photos.project(xyz, np.array(view.R_cam_board), np.array(view.t_cam_board), calibration.K, calibration.dist)
+    shown = np.array(evidence.seen[: view.tags]) + off[: view.tags]
+    nearest = np.linalg.norm(shown[:, None] - at[None], axis=-1).min(axis=1)
+    assert nearest.max() < 1e-3
+
+
+def test_a_common_shift_shows_in_every_cell_and_noise_in_none(calibration):
+    rng = np.random.default_rng(4)
+    noise = rng.normal(0, 0.1, (len(calibration.basis.seen), 2))
+    lengths = {}
+    for name, off in (("noise", noise), ("shift", noise + np.array([0.3, 0.0]))):
+        evidence = msgspec.structs.replace(calibration.basis, residuals=tuple(map(tuple, off.tolist())))
+        drawing = residual_drawing(msgspec.structs.replace(calibration, evidence=evidence))
+        by = float(re.search(r"drawn ([\d.e+]+) times", drawing.title)[1]) * SIDE / max(calibration.image_size)
+        means = [
+            s.points for s in drawing.shapes if isinstance(s, Stroke) and s.colour == MEAN and s.points[0][1] < 350
+        ]
+        lengths[name] = np.array([np.subtract(b, a) / by for a, b in means])
+    assert np.median(lengths["shift"], axis=0) == pytest.approx([0.3, 0.0], abs=0.03)
+    assert np.abs(lengths["noise"]).mean() < 0.06
+
+
+@pytest.mark.parametrize(("side", "axis", "sign"), [("above", 0, -1), ("the side", 1, 1)])
+def test_each_photo_stands_where_its_pose_puts_the_board_and_the_worst_is_red(calibration, side, axis, sign):
+    drawing = pose_drawing(calibration, side)
+    dots = [s for s in drawing.shapes if isinstance(s, Marker)]
+    assert [d.name for d in dots] == [v.photo for v in calibration.views]
+    middle = np.array([*np.mean(list(calibration.basis.boards[0].centers().values()), axis=0), 0.0])
+    places = np.array([np.array(v.R_cam_board) @ middle + v.t_cam_board for v in calibration.views])
+    for column, of in ((0, places[:, 2]), (1, sign * places[:, axis])):
+        drawn = np.array([d.at[column] for d in dots])
+        assert np.ptp(drawn - np.polyval(np.polyfit(of, drawn, 1), of)) < 1e-6
+        assert np.polyfit(of, drawn, 1)[0] > 0
+    worst = int(np.argmax([v.rms_px for v in calibration.views]))
+    assert [d.fill for d in dots] == [WORST if i == worst else BOARD for i in range(len(dots))]
+    numbers = [float(s.text) for s in drawing.shapes if isinstance(s, Words) and re.fullmatch(r"-?[\d.]+", s.text)]
+    assert len(numbers) >= 6  # three an axis
+    assert len(set(numbers[:3])) == 3
+
+
+def test_the_bend_has_axes_and_every_tags_number(calibration):
+    (board,) = calibration.basis.boards
+    drawing = bend_drawing(calibration, 0)
+    words = [s for s in drawing.shapes if isinstance(s, Words)]
+    assert {str(tag) for tag in board.centers()} <= {s.text for s in words}
+    (tag, (x, y)), *_ = board.centers().items()
+    dot = next(s for s in drawing.shapes if isinstance(s, Marker) and s.name == f"tag {tag}")
+    xy = np.array(list(board.centers().values()))
+    k = SIDE / 2 / np.ptp(xy, axis=0).max()
+    assert dot.at == pytest.approx((LEFT + 34 + k * (x - xy[:, 0].min()), TOP + k * (xy[:, 1].max() - y)))
+
+
+def test_photos_are_counted_and_not_the_boards_in_them(calibration, tmp_path):
+    twice = tuple(msgspec.structs.replace(v, board=1, rms_px=v.rms_px * 2) for v in calibration.views)
+    both = msgspec.structs.replace(calibration, views=(*calibration.views, *twice), evidence=None)
+    rows = photo_rows(both)
+    assert [row.photo for row in rows] == sorted(
+        calibration.photos, key=lambda p: -next(v.rms_px for v in twice if v.photo == p)
+    )
+    assert rows[0].rms_px == pytest.approx(np.sqrt(2.5) * max(v.rms_px for v in calibration.views))
+    assert sum(row.tags for row in rows) == 2 * sum(v.tags for v in calibration.views)
+    report.write_calibration(both, tmp_path / "camera.html", "camera.toml")
+    text = (tmp_path / "camera.html").read_text(encoding="utf-8")
+    assert f"<b>{len(calibration.photos)} photos</b>" in text
+    assert "views" not in re.sub(r"<(script|style).*?</\1>|class=\"views\"", "", text, flags=re.DOTALL)
