@@ -112,7 +112,7 @@ def test_an_installed_raytwin_does_its_jobs_in_an_empty_folder(installed):
         ("calibrate mine/photos --board mine/board.toml", 0, "rms"),
         ("export single --json -o out/single.json", 0, ""),
         ("export single --mitsuba-xml", 0, "<scene version"),
-        ("needs single --tolerance 0.1 --size 32x24", 0, "CHOICE"),
+        ("needs single --tolerance 0.1 --size 32x24", 0, "Cheapest"),
         ("ladder single --size 64x48", 0, "report: out/single-ladder/ladder.html"),
         ("stability sum-samples", 0, "report: out/stability/atlas.html"),
         ("walk --notebook -o lessons", 0, "wrote lessons/"),

@@ -1,5 +1,6 @@
 """raytwin needs: the cheapest way to a scene's image that meets a tolerance."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,17 +17,29 @@ def needs_command(
     photo: Photo = None,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="At another size than the camera's.")] = None,
     json: JsonFile = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write a page with each light level as a picture.")
+    ] = None,
 ) -> None:
     """Find the cheapest light level, depth, engine and sampling for a tolerance, and what can be dropped."""
-    check_outputs(files=(json,))
+    check_outputs(folders=(out,) if out else (), files=(json,))
     with show_progress() as progress:
         with progress.stage("imports"):
-            from raytwin import files
-            from raytwin.analysis.recommend import needs_of
-            from raytwin.report.recommend_page import needs_summary
-        asked = parse_size(size, "--size") if size else None
-        found = needs_of(scene, tolerance, metric, photo=photo, size=asked, progress=progress)
+            from raytwin import files, twin
+            from raytwin.analysis.recommend import check_asked, find_needs, scene_of
+            from raytwin.analysis.recommend.level_pictures import level_pictures
+            from raytwin.renderers.subject_renderers import fast_engine
+            from raytwin.report.recommend_page import needs_summary, write_needs
+        check_asked(tolerance, metric)
+        placed = scene_of(scene, photo, parse_size(size, "--size") if size else None, progress)
+        found = find_needs(placed, tolerance, metric, progress)
+        if out:
+            with progress.stage("pictures"):
+                depth = found.choice.depth if found.choice else None
+                write_needs(found, level_pictures(placed, fast_engine(twin.activate().variant), depth), out)
     if json:
         files.write_json(json, found)
     say(needs_summary(found))
+    if out:
+        say(f"report: {out / 'needs.html'}")
     raise typer.Exit(0 if found.choice else 2)

@@ -24,6 +24,7 @@ _HOME = {
     "write_diff": "report_folder",
     "write_junit": "junit",
     "write_ladder": "ladder_page",
+    "write_needs": "recommend_page",
     "write_report": "compare_page",
     "write_difference": "uncertainty_pictures",
     "write_uncertainty": "uncertainty_pictures",

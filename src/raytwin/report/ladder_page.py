@@ -1,16 +1,15 @@
 """The ladder as a page: any two of its pictures in the viewer, error against seconds, and what each rung leaves out."""
 
 import os
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from raytwin import files, viewer
+from raytwin import files
 from raytwin.image import Image
 from raytwin.report.charts import Asked, Chart, Line, Point, layout, log_range, placed, svg_text, write_charts
-from raytwin.report.data_urls import stops
 from raytwin.report.numbers import seconds, shown
 from raytwin.report.page import render_page
+from raytwin.report.picture_pair import SCRIPTS, STYLES, picture_pair
 
 if TYPE_CHECKING:
     from raytwin.analysis.ladder import Ladder, Rungs, Step
@@ -22,8 +21,6 @@ PARTS = {
 }  # fmt: skip
 FIRST = "tracer: shadow", "twin: path"
 """The pictures that the page opens with."""
-LINEAR = 0.1
-"""Errors of a thousandth of this share of the light are still coloured."""
 
 
 def write_ladder(found: "Ladder", folder: str | os.PathLike[str]) -> None:
@@ -31,22 +28,10 @@ def write_ladder(found: "Ladder", folder: str | os.PathLike[str]) -> None:
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     rungs, images = found.rungs, found.images
-    test, reference = (Image(images[name]) for name in FIRST)
-    packed = viewer.pack(test, reference, budget=1 << 40, most_pixels=1 << 40)
-    panes = [
-        {"key": "test", "kind": "radiance", "title": "A", "tab": "A", "alt": "picture A"},
-        {"key": "reference", "kind": "radiance", "title": "B", "tab": "B", "alt": "picture B"},
-        {"key": "map", "kind": "map", "title": "A − B", "tab": "A − B", "alt": "A minus B"},
-    ]
-    data = packed.for_page() | {
-        "names": {"test": "A", "reference": "B"}, "panes": panes, "noisy": False,
-        "bound": {"share": LINEAR, "scale": 1.0, "held": False}, "exposure": stops(Image(images["whole light"])),
-    }  # fmt: skip
     drawn = error_chart(rungs)
     page = render_page(
-        "ladder.html.j2", ("bench.css", "ladder.css", viewer.style()), ("charts.js", viewer.script()),
-        data=data, first=FIRST, l=rungs, colours=PARTS,
-        pictures={name: [asdict(plane) for plane in viewer.pack_one(Image(mean))] for name, mean in images.items()},
+        "ladder.html.j2", ("bench.css", *STYLES), SCRIPTS, l=rungs, colours=PARTS,
+        **picture_pair({name: Image(mean) for name, mean in images.items()}, FIRST, "whole light"),
         bars=[(rung, bars(rungs, rung)) for rung in rungs.ledgers], chart=svg_text(layout(drawn)),
     )  # fmt: skip
     files.write_json(folder / "ladder.json", rungs)

@@ -143,8 +143,13 @@ def raw(test: Image, reference: Image) -> list[tuple[dict[str, Any], bytes]]:
 
 
 def pack_one(image: Image) -> tuple[Plane, ...]:
-    """Planes R, G, B of a picture that may take another's place: `update(name, await decode(planes))`."""
+    """Return planes R, G, B of a picture that may take another's place: `update(name, await decode(planes))`.
+
+    Digits below its noise are left out.
+    """
     mean = np.asarray(image.mean, np.float32)
+    if image.variance is not None:
+        mean = to_noise(mean, rounded_sigma(image.variance))
     return _deflated({name: _half(mean[..., c], left=True) for c, name in enumerate("RGB")})
 
 

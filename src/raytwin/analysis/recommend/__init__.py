@@ -20,7 +20,7 @@ from raytwin.progress import Progress, silent
 from raytwin.renderers.subject_renderers import fast_engine
 from raytwin.scene import Scene
 
-__all__ = ["Needs", "NotNeeded", "Row", "Whole", "find_needs", "needs_of"]
+__all__ = ["Needs", "NotNeeded", "Row", "Whole", "check_asked", "find_needs", "needs_of", "scene_of"]
 
 ERRORS = "rmse", "relmse", "mae", "max_abs", "p999_abs", "p999_rel"
 """The metrics that are 0 for equal images."""
@@ -35,10 +35,15 @@ def needs_of(
     size: tuple[int, int] | None = None,
     progress: Progress = silent,
 ) -> Needs:
-    """What the scene at `path` needs; see `find_needs`."""
-    _check(tolerance, metric)
+    """Return what the scene at `path` needs; see `find_needs`."""
+    check_asked(tolerance, metric)
+    return find_needs(scene_of(path, photo, size, progress), tolerance, metric, progress)
+
+
+def scene_of(path: str | Path, photo: str | None, size: tuple[int, int] | None, progress: Progress = silent) -> Scene:
+    """Return the scene at `path` with its camera, of `size` where one is given."""
     scene = find_camera(files.read_scene(path), photo, progress)[0]
-    return find_needs(scene.with_camera(scene.camera.resized(*size)) if size else scene, tolerance, metric, progress)
+    return scene.with_camera(scene.camera.resized(*size)) if size else scene
 
 
 def find_needs(
@@ -48,7 +53,7 @@ def find_needs(
 
     `engine`: for the random walks, by default the fastest here. Raises InputError for a tolerance that is none.
     """
-    _check(tolerance, metric)
+    check_asked(tolerance, metric)
     began = time.perf_counter()
     search = Choice(scene, tolerance, metric, engine or fast_engine(twin.activate().variant))
     progress("truth", 0, 1)
@@ -68,7 +73,7 @@ def find_needs(
     return Needs(scene.name, tolerance, metric, choice, rejected, found, whole, reason, seconds)
 
 
-def _check(tolerance: float, metric: str) -> None:
+def check_asked(tolerance: float, metric: str) -> None:
     check_one_of("--metric", metric, ERRORS)
     if not (math.isfinite(tolerance) and tolerance > 0):
         raise InputError("--tolerance", "a finite number > 0", tolerance)
