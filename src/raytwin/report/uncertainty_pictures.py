@@ -154,12 +154,10 @@ def bend_drawing(calibration: Calibration, index: int) -> Drawing:
     shapes.append(Words("x and y on the board, mm", (left + width / 2, TOP + height + 25), 10, SOFT, anchor="middle"))
     many = math.ceil(math.sqrt(len(xy) / MOST_IDS))
     for n, (tag, (u, v)) in enumerate(centers.items()):
-        at = left + k * (u - x0), TOP + k * (y1 - v)
-        shapes.append(
-            Marker(at, 0.9, (), DOT, DOT, f"tag {tag}", f"tag {tag}: {1e3 * board.rise(np.array([u, v])):+.2f} mm")
-        )
+        dot, height_mm = (left + k * (u - x0), TOP + k * (y1 - v)), 1e3 * float(board.rise(np.array([u, v])))
+        shapes.append(Marker(dot, 0.9, (), DOT, DOT, f"tag {tag}", f"tag {tag}: {height_mm:+.2f} mm"))
         if n % many == 0:
-            shapes.append(Words(str(tag), (at[0], at[1] - 6), 8, INK, anchor="middle", halo=True))
+            shapes.append(Words(str(tag), (dot[0], dot[1] - 6), 8, INK, anchor="middle", halo=True))
     bar = left + width + 12
     shapes += colour_bar(bar, height, [(f"{low + share * (high - low):+.2f}", share) for share in (0, 0.5, 1)])
     return Drawing(bar + BAR + TICKS + 8, TOP + height + 36, title, tuple(shapes))
