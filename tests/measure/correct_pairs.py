@@ -8,6 +8,7 @@ random scenes of each kind at every level. Failures are listed with their first 
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -59,6 +60,7 @@ class Case(NamedTuple):
         return f"{self.name} {self.level} {width} px {self.engine} {self.sampling} x{self.samples} seed {self.seed}"
 
 
+@cache
 def shipped(name: str, width: int) -> tuple[Scene, Tolerance]:
     written = files.read_scene(ROOT / "scenes" / name)
     scene = find_camera(written, None)[0]
@@ -84,11 +86,29 @@ def shipped_cases(seeds: int = 3) -> Iterator[Case]:
 def random_cases(count: int, first: int = 0) -> Iterator[Case]:
     for kind in KINDS:
         for seed in range(first, first + count):
-            scene = random_scene(kind, seed)
-            for level, rung in RUNGS.items():
-                sampling = twin.SAMPLINGS[seed % 2] if rung.noisy else "center"
-                engine = "drjit32" if rung.noisy else ("numpy64", "drjit32")[seed % 2]
-                yield Case(kind, scene, Tolerance(), level, engine, sampling, SAMPLES, seed)
+            for level in RUNGS:
+                yield random_case(kind, level, seed)
+
+
+def random_case(kind: str, level: str, seed: int) -> Case:
+    noisy = RUNGS[level].noisy
+    sampling, engine = twin.SAMPLINGS[seed % 2] if noisy else "center", ("numpy64", "drjit32")[noisy or seed % 2]
+    return Case(kind, random_scene(kind, seed), Tolerance(), level, engine, sampling, SAMPLES, seed)
+
+
+def every_pair() -> Iterator[Case]:
+    """Few of `shipped_cases` that meet every pair of a scene, a level, a size, an engine or a sampling, and a seed."""
+    engines, samples = ("numpy64", "numpy32", "drjit32"), (16, 64)
+    for i, name in enumerate(SHIPPED):
+        sized = [shipped(name, width) for width in SIZES]
+        for k, (level, rung) in enumerate(RUNGS.items()):
+            scene, tolerance = sized[(i + k + i // 3) % 3]
+            if not rung.noisy:
+                yield Case(name, scene, tolerance, level, engines[(i + k) % 3])
+                continue
+            for j, sampling in enumerate(twin.SAMPLINGS):
+                seed = (i + k) % 3
+                yield Case(name, scene, tolerance, level, "drjit32", sampling, samples[(i + k + j) % 2], seed)
 
 
 def main(scenes: int = 40, seeds: int = 3) -> int:
