@@ -3,6 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
+from engines import TRIED
 
 from raytwin.scene import Lambert, Rectangle, Scene, Sphere
 from raytwin.speed import ENGINES, bvh, walk
@@ -23,7 +24,12 @@ def strewn(scene: Scene, rng: np.random.Generator, spheres: int = 60, sheets: in
     return msgspec.structs.replace(scene, objects=(Sphere((0, 0, -100.0), 100.0), *balls, *flat))
 
 
-@pytest.mark.parametrize(("spheres", "sheets"), [(60, 40), (60, 2), (3, 40)])
+# Each engine with many of both, and few of one kind in one of each library.
+@pytest.mark.parametrize(
+    ("engine", "spheres", "sheets"),
+    [*((name, 60, 40) for name in TRIED), ("numpy32", 60, 2), ("drjit64", 3, 40)],
+    indirect=["engine"],
+)
 def test_many_objects_give_the_same_light_as_one_after_the_other(overlap, engine, rng, monkeypatch, spheres, sheets):
     """To rounding where two are met at the same distance; rays at an edge may go astray in one of a thousand pixels."""
     scene = strewn(overlap.with_camera(overlap.camera.resized(16, 12)), rng, spheres, sheets)
