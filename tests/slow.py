@@ -79,6 +79,7 @@ SLOW = (
     "test_machine.py::test_a_full_disk_is_said_and_leaves_nothing_behind",
     "test_machine.py::test_a_home_that_cannot_be_entered_costs_the_cache_alone",
     "test_machine.py::test_an_engine_takes_no_libllvm_that_was_not_seen_to_work",
+    "test_notebook.py::test_the_ten_snippets_run_as_a_notebook",
     "test_package.py",
     "test_paper_figures.py",
     "test_photographer.py::test_photographs_come_with_their_board_and_their_truth",

@@ -95,6 +95,7 @@ def test_the_tracer_is_numpy_and_records_and_nothing_else():
     assert {m for m in ours if not m.startswith(("raytwin.tracer", "raytwin.lights", "raytwin.scene."))} == {
         "raytwin.errors",
         "raytwin.image",
+        "raytwin.notebook",
         "raytwin.rungs",
         "raytwin.scene",
         "raytwin.array_types",

@@ -230,6 +230,11 @@ def test_the_instructors_test_passes_with_a_right_renderer_and_fails_with_a_wron
         assert ("1 passed" if passed else "1 failed") in done.stdout
 
 
+def test_the_python_of_the_camera_page_runs_and_prints_what_its_comment_says(checkout):
+    done = run([sys.executable, "-c", "\n".join(blocks(DOCS / "howto" / "camera.md", "python"))], checkout)
+    assert (done.returncode, done.stdout) == (0, "(3,) (600, 800, 3)\n"), done.stderr
+
+
 def test_the_python_of_the_first_five_minutes_prints_what_its_comment_says(checkout):
     (code,) = blocks(DOCS / "start" / "five-minutes.md", "python")
     done = run([sys.executable, "-c", code], checkout)

@@ -4,45 +4,65 @@
                                 scene.toml ----+-> read_scene -> SceneFile -> Scene
     Scene -> trace   (the subject, hand-written)  -> Image --+
     Scene -> render  (the twin, Mitsuba 3)        -> Image --+-> compare_images -> Comparison: verdict, reasons, numbers
-    a scene.toml -------------------------------------------> compare_scene --> Result: all of this at once
-    two files, of any renderers ------------------------------> diff_files -----> Diff
+    a scene -------------------------------------------------> compare_scene --> Result: all of this at once
+    any two: arrays, files, lists of renders, functions -----> compare --------> Diff, with pictures
+    a scene -> ladder, needs, bench: what each kind of light adds; what is enough; time against error
     Scene + photo -> augment_photo: the photo with the scene's spheres and their shadows
     a student's function -> check: is it right, and if not, why
+    a Camera -> camera_rays, mitsuba_sensor: for renderers of your own
+    rows of any table -> chart
 
 Lengths are metres, pixels OpenCV's, radiance linear Rec. 709 in float32 (H, W, 3), row 0 on top. Wrong input raises
-InputError(where, expected, got). Heavy libraries are imported when a function first needs them.
+InputError(where, expected, got). Heavy libraries are imported when a function first needs them. Every result has
+`to_dict()`, those with rows `table()` (pandas.DataFrame takes it), and shows itself in a notebook.
 
 >>> import raytwin
 >>> scene = raytwin.read_scene("scenes/single").scene
 >>> image = raytwin.trace(scene, "shadow")
 >>> image.shape
 (480, 640, 3)
->>> raytwin.compare_images(image, image).verdict
+>>> raytwin.compare(image, image).verdict
 'pass'
+>>> raytwin.compare(1.5 * image.mean, image, scene=scene).cause
+'the whole image, background too, is 1.5 times too bright'
 """
 
+import sys
 from importlib import import_module
-from typing import TYPE_CHECKING
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from raytwin.analysis.ladder import ladder as ladder
+    from raytwin.analysis.recommend import needs as needs
+    from raytwin.bench.bench_run import bench as bench
     from raytwin.calib.augment import augment as augment_photo
     from raytwin.calib.boards import read_board
     from raytwin.calib.photos import calibrate
-    from raytwin.compare import compare as compare_images
+    from raytwin.compare.verdict import compare as compare_images
     from raytwin.contract.check import check
     from raytwin.errors import InputError
-    from raytwin.files import read_image, read_scene, write_image
+    from raytwin.files import read_image, read_scene, scenes, write_image
     from raytwin.image import Image
+    from raytwin.references import reference
+    from raytwin.renderers.user_renderers import method
+    from raytwin.report.charts.rows_chart import chart
     from raytwin.scene import Camera, Lambert, Rectangle, Scene, SceneFile, Sky, Sphere, Sun
+    from raytwin.scene.camera_rays import camera_rays
     from raytwin.tracer import trace
-    from raytwin.twin import render
+    from raytwin.twin import mitsuba_sensor, render
     from raytwin.workflows.compare_scene import compare_scene
-    from raytwin.workflows.diff_files import diff as diff_files
+    from raytwin.workflows.compare_settings import CompareSettings
+    from raytwin.workflows.diff_files import compare as compare
+    from raytwin.workflows.diff_files import compare as diff_files
+    from raytwin.workflows.diff_settings import DiffSettings
 
     __version__: str
 
 _HOME = {
     "Camera": "scene",
+    "CompareSettings": "workflows.compare_settings",
+    "DiffSettings": "workflows.diff_settings",
     "Image": "image",
     "InputError": "errors",
     "Lambert": "scene",
@@ -53,22 +73,34 @@ _HOME = {
     "Sphere": "scene",
     "Sun": "scene",
     "augment_photo": "calib.augment:augment",
+    "bench": "bench.bench_run:bench",
     "calibrate": "calib.photos",
+    "camera_rays": "scene.camera_rays",
+    "chart": "report.charts.rows_chart",
     "check": "contract.check",
+    "compare": "workflows.diff_files:compare",
     "compare_images": "compare:compare",
     "compare_scene": "workflows.compare_scene",
-    "diff_files": "workflows.diff_files:diff",
+    "diff_files": "workflows.diff_files:compare",
+    "ladder": "analysis.ladder",
+    "method": "renderers.user_renderers",
+    "mitsuba_sensor": "twin",
+    "needs": "analysis.recommend",
     "read_board": "calib.boards",
     "read_image": "files",
     "read_scene": "files",
+    "reference": "references",
     "render": "twin",
+    "scenes": "files",
     "trace": "tracer",
     "write_image": "files",
 }
-"""Name -> its module, and after a colon its name there, where a module of raytwin has that name."""
+"""Name -> its module, and after a colon its name there, where that differs or a module of raytwin has it."""
 
 __all__ = [
     "Camera",
+    "CompareSettings",
+    "DiffSettings",
     "Image",
     "InputError",
     "Lambert",
@@ -79,21 +111,70 @@ __all__ = [
     "Sphere",
     "Sun",
     "augment_photo",
+    "bench",
     "calibrate",
+    "camera_rays",
+    "chart",
     "check",
+    "compare",
     "compare_images",
     "compare_scene",
     "diff_files",
+    "ladder",
+    "method",
+    "mitsuba_sensor",
+    "needs",
     "read_board",
     "read_image",
     "read_scene",
+    "reference",
     "render",
+    "scenes",
     "trace",
     "write_image",
 ]
 
+PACKAGES = ("bench", "compare")
+"""Names that are packages, and functions too: `raytwin.compare(a, b)` beside `from raytwin.compare import METRICS`."""
+
+
+def _found(name: str) -> Any:
+    """Return what `name` of `_HOME` stands for. Raises MachineError where an extra is missing."""
+    module, _, own = _HOME[name].partition(":")
+    try:
+        return getattr(import_module(f"{__name__}.{module}"), own or name)
+    except ModuleNotFoundError as error:
+        from raytwin.errors import extras_for, missing_package
+
+        if not extras_for(error):
+            raise
+        raise missing_package(f"{__name__}.{name}", error) from None
+
+
+class _Callable(ModuleType):
+    """A package of PACKAGES: called, it is the function of its name."""
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        return _found(self.__name__.rpartition(".")[2])(*arguments, **options)
+
+    @property
+    def __signature__(self) -> Any:
+        from inspect import signature
+
+        return signature(_found(self.__name__.rpartition(".")[2]))
+
+
+class _Face(ModuleType):
+    """raytwin itself: Python sets a package as its attribute once it is imported, and so makes it callable."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in PACKAGES and type(value) is ModuleType:
+            value.__class__ = _Callable
+        super().__setattr__(name, value)
+
 
 if not TYPE_CHECKING:  # or every misspelt name would be one, of type Any
+    sys.modules[__name__].__class__ = _Face
 
     def __getattr__(name: str) -> object:
         if name == "__version__":
@@ -102,15 +183,7 @@ if not TYPE_CHECKING:  # or every misspelt name would be one, of type Any
             return version("raytwin")
         if name not in _HOME:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        module, _, own = _HOME[name].partition(":")
-        try:
-            return getattr(import_module(f"{__name__}.{module}"), own or name)
-        except ModuleNotFoundError as error:
-            from raytwin.errors import extras_for, missing_package
-
-            if not extras_for(error):
-                raise
-            raise missing_package(f"{__name__}.{name}", error) from None
+        return import_module(f"{__name__}.{name}") if name in PACKAGES else _found(name)
 
 
 def __dir__() -> list[str]:

@@ -1,10 +1,13 @@
 """What every renderer returns and every comparison takes: linear Rec. 709 radiance, with its uncertainty."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from raytwin.array_types import Bool, Float, Float32, Int32
+from raytwin.notebook import InNotebook, page
 
 BACKGROUND = -1
 """The id of a pixel that shows no object."""
@@ -36,13 +39,15 @@ class Surface:
 
 
 @dataclass(frozen=True, eq=False)
-class Image:
+class Image(InNotebook):
     """Linear radiance `mean` (H, W, 3) float32, row 0 on top.
 
     `variance` (H, W, 3) float32 is the variance *of the mean*. `samples` is the number of rays per pixel, 0 if unknown.
     Without a variance, an image of one sample counts as noise-free; any other may have noise. `batches` is the number
     of independent renders behind the variance (None: every sample is one); 1 without a variance means that there is
     noise of unknown variance. `surface` is what each pixel's centre shows, if the renderer knows.
+
+    `np.asarray(image)` is `mean`. A notebook shows the picture, exposed so that little of it is white.
     """
 
     mean: Float[np.ndarray, "h w 3"]
@@ -64,3 +69,29 @@ class Image:
     @property
     def shape(self) -> tuple[int, ...]:
         return self.mean.shape
+
+    @classmethod
+    def from_array(cls, pixels: ArrayLike, variance: ArrayLike | None = None, samples: int = 0) -> "Image":
+        """Return the image of linear radiance `pixels` (H, W, 3), with the `variance` of its mean where it is known.
+
+        Anything that NumPy reads will do: lists, torch, jax, Dr.Jit. `samples` are rays per pixel, 0 if unknown.
+
+        >>> Image.from_array(np.zeros((2, 3, 3)))
+        <raytwin.Image 3 x 2, samples unknown, mean 0>
+        """
+        spread = None if variance is None else np.asarray(variance, np.float32)
+        return cls(np.asarray(pixels, np.float32), spread, samples)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.array(self.mean, dtype, copy=copy)
+
+    def __repr__(self) -> str:
+        size = " x ".join(map(str, reversed(self.shape[:2])))
+        known = f"{self.samples} sample{'s' * (self.samples != 1)}" if self.samples else "samples unknown"
+        noise = "" if self.variance is None else f", noise {np.sqrt(np.mean(self.variance, dtype=float)):.2g}"
+        return f"<raytwin.Image {size}, {known}, mean {np.mean(self.mean, dtype=float):.4g}{noise}>"
+
+    def _repr_png_(self) -> bytes:
+        """Return the picture as sRGB, exposed as its brightest parts ask."""
+        picture: bytes = page().png_of(self)
+        return picture

@@ -36,12 +36,13 @@ def as_image(thing: Any, variance: Any = None, renders: int = RENDERS) -> Loaded
     """`thing` as an Image: see the module's first line.
 
     An Image; a path (EXR, PFM, HDR, PNG, JPEG); a function `render(seed)` that returns any of these, called with the
-    seeds 0, 1, ... `renders` - 1 (twice, where the two are equal); an array (H, W, 3), with `variance` *of its mean*;
+    seeds 0, 1, ... `renders` - 1 (twice, where the two are equal); an array (H, W, 3) or a Mitsuba Bitmap, with
+    `variance` *of its mean*, an array or a file;
     a list of these or an array (k, H, W, 3): k >= 4 independent renders, whose spread gives their mean's variance.
     """
     if variance is not None:
         taken = _single(thing)
-        return taken._replace(image=replace(taken.image, variance=_array(variance)))
+        return taken._replace(image=replace(taken.image, variance=_variance(variance)))
     if callable(thing) and not isinstance(thing, Image):
         return _called(thing, renders)
     if _is_many(thing):
@@ -50,12 +51,13 @@ def as_image(thing: Any, variance: Any = None, renders: int = RENDERS) -> Loaded
 
 
 def read_side(
-    where: Path, part: str | None = None, layer: str | None = None, variance: Path | None = None, samples: int = 0
+    where: Path, part: str | None = None, layer: str | None = None, variance: Any = None, samples: int = 0
 ) -> LoadedImage:
     """A file, or several renders: a folder of images, or a pattern such as `render_*.exr`.
 
-    `variance` is an image file that holds the variance of the mean, `samples` the samples a pixel of each file, where
-    the file does not tell them itself: with them, the moments that Mitsuba's `moment` integrator wrote are a variance.
+    `variance` is an image file or an array that holds the variance of the mean, `samples` the samples a pixel of each
+    file, where the file does not tell them itself: with them, the moments that Mitsuba's `moment` integrator wrote are
+    a variance.
     """
     paths = renders_at(where)
     if len(paths) > 1 or where.is_dir():
@@ -66,7 +68,7 @@ def read_side(
     taken = _read(paths[0], part, layer)
     image = replace(taken.image, samples=taken.image.samples or samples)
     if variance is not None:
-        image = replace(image, variance=files.read_image(variance).mean)
+        image = replace(image, variance=_variance(variance))
     elif image.variance is None and image.samples > 1 and part is None and layer is None:
         moments = files.read_moments(paths[0])
         image = image if moments is None else replace(image, variance=moments / np.float32(image.samples - 1))
@@ -126,14 +128,29 @@ def _single(thing: Any) -> LoadedImage:
     if isinstance(thing, str | os.PathLike):
         return _read(Path(thing))
     pixels = _array(thing)
+    if _is_bitmap(thing) and thing.component_format() == type(thing.component_format()).UInt8:
+        return _rounded(Image(pixels, samples=0), files.eight_bits(pixels, dithered=True))
     if pixels.dtype == np.float16:
         return _rounded(Image(pixels.astype(np.float32), samples=0), files.half_floats(pixels.astype(np.float32)))
     return LoadedImage(Image(pixels, samples=0))
 
 
+def _is_bitmap(thing: Any) -> bool:
+    return hasattr(thing, "srgb_gamma") and hasattr(thing, "component_format")
+
+
+def _variance(thing: Any) -> np.ndarray:
+    return files.read_image(thing).mean if isinstance(thing, str | os.PathLike) else _array(thing)
+
+
 def _array(thing: Any) -> np.ndarray:
-    """Whatever NumPy can read (torch, jax, Dr.Jit, lists): what it cannot is the caller's mistake."""
+    """Whatever NumPy can read (torch, jax, Dr.Jit, lists): what it cannot is the caller's mistake.
+
+    A Bitmap of Mitsuba's says itself whether its values are sRGB; it becomes linear RGB in float32.
+    """
     try:
+        if _is_bitmap(thing):
+            thing = thing.convert(thing.PixelFormat.RGB, type(thing.component_format()).Float32, srgb_gamma=False)
         return np.asarray(thing)
     except (TypeError, ValueError, RuntimeError) as error:
         raise InputError("image", "an array, a path, an Image or a function of a seed", error) from None

@@ -63,6 +63,9 @@ class Reference:
     def camera(self) -> Camera | None:
         return self.written.camera if self.written else None
 
+    def __repr__(self) -> str:
+        return f"<raytwin.reference {self.path.parent.name}/{self.path.stem}: {self.image!r}>"
+
     def origin(self) -> Scene:
         """The scene that it was made from. Raises InputError for one that was made from an image."""
         if self.written is None:
@@ -93,6 +96,28 @@ def path_of(folder: str | Path, name: str, rung: str) -> Path:
     if not re.fullmatch(r"\w[\w .+-]*", name):
         raise InputError("scene", "the name of a scene's folder", repr(name))
     return Path(folder) / name / f"{rung}.exr"
+
+
+def reference(name: str, rung: str = "shadow", folder: str | Path | None = None) -> Reference:
+    """Return the reference image of scene `name` at light level `rung`: `image`, and `scene` and `camera` to render it
+    with.
+
+    It is looked for in `folder`, by default in `reference/`, then among those that raytwin ships. Raises InputError if
+    there is none, or if the file is damaged.
+
+    >>> reference("single", "lambert").image
+    <raytwin.Image 336 x 252, 1 sample, mean 0.1496>
+    """
+    folders = [Path(folder)] if folder is not None else [Path("reference"), SHIPPED]
+    paths = [path_of(one, name, rung) for one in folders]
+    found = next((path for path in paths if path.is_file()), None)
+    if found is None:
+        known = dict.fromkeys(scene for one in folders for scene, _ in listed(one))
+        check_one_of("reference", name, known)
+        raise InputError(
+            paths[0], "a reference", f"none; there are {', '.join(r for s, r in listed(folders[-1]) if s == name)}"
+        )
+    return load(found)
 
 
 def load(path: str | Path) -> Reference:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from raytwin import files, speed
-from raytwin.analysis.ladder import Rungs, climb
+from raytwin.analysis.ladder import Rungs, ladder
 from raytwin.analysis.own_error import OWN
 from raytwin.errors import InputError
 from raytwin.renderers.subject_renderers import Traced
@@ -14,7 +14,7 @@ from raytwin.rungs import RUNGS
 
 @pytest.fixture(scope="module")
 def found(scenes):
-    return climb(scenes / "overlap", size=(80, 60), samples=16)
+    return ladder(scenes / "overlap", size=(80, 60), samples=16)
 
 
 def test_every_rung_stands_on_both_sides_and_both_are_equally_far_from_the_whole_light(found):
@@ -42,7 +42,7 @@ def test_a_rung_that_fails_beside_the_twin_has_an_error_of_its_own(found, scenes
 
     monkeypatch.setattr("raytwin.analysis.ladder.Traced", Shadowless)
     assert own(found) == set()
-    assert own(climb(scenes / "overlap", size=(80, 60), samples=4)) == {"shadow"}
+    assert own(ladder(scenes / "overlap", size=(80, 60), samples=4)) == {"shadow"}
 
 
 def test_parts_alone_add_up_to_all_light_up_to_each(found):
@@ -62,4 +62,4 @@ def test_the_numbers_are_json_that_reads_back(found, tmp_path):
 
 def test_too_few_samples_are_refused(scenes):
     with pytest.raises(InputError, match="--samples: expected a whole number from 2 to 16777216, got 1"):
-        climb(scenes / "overlap", samples=1)
+        ladder(scenes / "overlap", samples=1)

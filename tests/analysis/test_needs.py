@@ -12,7 +12,7 @@ from truths import WHITE, from_element, grey, in_wedge, view_of, wedge
 from raytwin import files, twin
 from raytwin.analysis import recommend
 from raytwin.analysis.light_parts import gone
-from raytwin.analysis.recommend import find_needs, probe_pixels
+from raytwin.analysis.recommend import needs, probe_pixels
 from raytwin.analysis.recommend.bounds import Bounds
 from raytwin.analysis.recommend.converged import measure
 from raytwin.analysis.recommend.search import Choice
@@ -204,7 +204,7 @@ def test_an_error_far_below_the_noise_of_a_pixel_is_told_and_its_interval_holds(
 
 
 def test_nothing_at_all_needs_no_tracer(fast):
-    found = find_needs(Scene("empty", view_of((0, 0, 0), (0, 0, 3), 3), (), WHITE), 1e-6, engine=fast)
+    found = needs(Scene("empty", view_of((0, 0, 0), (0, 0, 3), 3), (), WHITE), 1e-6, engine=fast)
     assert found.choice is not None
     assert (found.choice.rung, found.choice.error, found.truth.noise) == ("none", 0.0, 0.0)
     assert {n.what for n in found.not_needed} == {"shadows of the sun", "occlusion of the sky", "bounces"}
@@ -216,7 +216,7 @@ def test_nothing_at_all_needs_no_tracer(fast):
 )
 def test_the_choice_rerun_meets_the_tolerance_and_the_next_cheaper_fails(small, fast, tolerance, rungs):
     """Against a truth of its own, with other random numbers; a tenth is granted to another seed's noise."""
-    found = find_needs(small, tolerance, engine=fast)
+    found = needs(small, tolerance, engine=fast)
     choice = found.choice
     assert choice is not None
     assert choice.rung in rungs
@@ -263,19 +263,19 @@ def rendered(scene: Scene, row: recommend.Row, seed: int) -> np.ndarray:
 def test_the_sphere_behind_the_camera_is_spared_and_one_that_shades_what_is_seen_is_not(scenes, fast):
     grazing = files.read_scene(scenes / "grazing").scene
     thin = grazing.with_camera(grazing.camera.resized(96, 72))
-    spared = {n.what: n for n in find_needs(thin, 1.0, engine=fast).not_needed}
+    spared = {n.what: n for n in needs(thin, 1.0, engine=fast).not_needed}
     assert "no pixel sees it" in spared[grazing.names[3]].why
     above = Sphere((0.0, 0.0, 2.2), 0.3, grey(0.5))
     floor = Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), grey(0.5))
     lit = Scene("shade", view_of((0, 0, 0), (0, -1.0, 1.0), 1.0, 32), (floor, above), (Sun((0, 0, 1.0)), *WHITE))
     assert not Bounds(lit).seen[1]
-    assert not any(n.what.startswith("sphere") for n in find_needs(lit, 0.1, engine=fast).not_needed)
+    assert not any(n.what.startswith("sphere") for n in needs(lit, 0.1, engine=fast).not_needed)
 
 
 def test_a_truth_too_noisy_for_the_tolerance_says_so_and_claims_nothing(small, fast, monkeypatch):
     monkeypatch.setattr(probe_pixels, "MOST_WALKS", 1)
     monkeypatch.setattr(probe_pixels, "MOST_WALKS_NUMPY", 1)
-    found = find_needs(small, 1e-4, engine=fast)
+    found = needs(small, 1e-4, engine=fast)
     assert found.choice is None
     assert found.not_needed == ()
     assert found.reason.startswith("cannot tell")
@@ -284,9 +284,9 @@ def test_a_truth_too_noisy_for_the_tolerance_says_so_and_claims_nothing(small, f
 def test_a_tolerance_or_metric_that_is_none_is_refused(small):
     for tolerance in (0.0, -1.0, float("nan"), inf):
         with pytest.raises(InputError, match="--tolerance: expected a finite number > 0"):
-            find_needs(small, tolerance)
+            needs(small, tolerance)
     with pytest.raises(InputError, match="--metric: expected one of rmse"):
-        find_needs(small, 0.1, "psnr")
+        needs(small, 0.1, "psnr")
 
 
 def test_the_command_writes_what_it_says(tmp_path):

@@ -15,7 +15,7 @@ from raytwin.image import Image
 from raytwin.report import write_report
 from raytwin.report.data_urls import exposed, exposure
 from raytwin.report.view import view_of_diff
-from raytwin.workflows.diff_files import diff
+from raytwin.workflows.diff_files import compare as diff
 
 
 @pytest.fixture(scope="module")

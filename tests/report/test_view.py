@@ -11,7 +11,7 @@ from raytwin import files
 from raytwin.compare import Limits
 from raytwin.image import Image, Surface
 from raytwin.report import write_diff, write_report
-from raytwin.workflows.diff_files import diff
+from raytwin.workflows.diff_files import compare as diff
 
 RNG = np.random.default_rng(11)
 A = RNG.random((24, 36, 3)).astype(np.float32)

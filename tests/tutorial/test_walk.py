@@ -12,7 +12,7 @@ from program import raytwin, refused
 from raytwin.contract.check_function import judge_function
 from raytwin.contract.stage_table import CONTRACT, LESSONS
 from raytwin.tutorial import solutions, with_functions, write_walk
-from raytwin.tutorial.show import mine, widget
+from raytwin.tutorial.show import mine, viewed
 from raytwin.tutorial.written import solutions as solution_texts
 from raytwin.tutorial.written import source
 
@@ -136,7 +136,7 @@ def test_axe_core_finds_nothing_serious_in_what_a_cell_shows(tmp_path, chromium)
     """A wrong function's check, and two pictures in the viewer as a notebook mounts it."""
     pytest.importorskip("anywidget")
     check = judge_function(LESSONS["shade"], lambda *a: np.pi * solutions.shade(*a), seed=3)
-    made = widget("5 shade", *np.random.default_rng(1).random((2, 6, 8, 3), np.float32))
+    made = viewed("5 shade", *np.random.default_rng(1).random((2, 6, 8, 3), np.float32))
     cell = f"""<!DOCTYPE html><html lang="en"><title>a notebook</title><style>{made._css}</style>
     <main><h1>5. Shade</h1>{check._repr_html_()}<div class="rt" id="cell"></div></main><script type="module">
     const module = new Blob([{json.dumps(made._esm)}], {{ type: "text/javascript" }});

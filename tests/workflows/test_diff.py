@@ -15,7 +15,7 @@ from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.report.terminal_text import diff_summary
 from raytwin.tracer import trace
-from raytwin.workflows.diff_files import diff
+from raytwin.workflows.diff_files import compare as diff
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 RNG = np.random.default_rng(21)

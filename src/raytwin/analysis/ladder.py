@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +17,12 @@ from raytwin.calib.find_camera import find_camera
 from raytwin.compare.report import Part
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.notebook import InNotebook
 from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.rungs import RUNGS
-from raytwin.scene import Record, Scene
+from raytwin.scene import Record, Scene, SceneFile
 from raytwin.speed import PARTS, light_parts, walk
 
 WIDTH = 480
@@ -60,15 +62,26 @@ class Rungs(Record, frozen=True):
 
 
 @dataclass(frozen=True, eq=False)
-class Ladder:
+class Ladder(InNotebook):
     """`images`: title -> (H, W, 3), each rung on both sides, each part of the light alone and all up to it."""
 
     rungs: Rungs
     images: dict[str, np.ndarray]
 
+    def table(self) -> list[dict[str, Any]]:
+        """Return a row per light level and side: what `pandas.DataFrame` takes."""
+        return [step.to_dict() for step in self.rungs.steps]
 
-def climb(
-    path: str | Path,
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ladder.json holds."""
+        return self.rungs.to_dict()
+
+    def __repr__(self) -> str:
+        return f"<raytwin.ladder of {self.rungs.scene}, {self.rungs.width} x {self.rungs.height}>"
+
+
+def ladder(
+    path: str | Path | Scene | SceneFile,
     *,
     size: tuple[int, int] | None = None,
     samples: int = 64,
@@ -76,7 +89,14 @@ def climb(
     photo: str | None = None,
     progress: Progress = silent,
 ) -> Ladder:
-    """Render the scene at `path` on all rungs, on both sides, and split what each leaves out."""
+    """Render a scene (`path`: its folder, name, or a Scene) at every light level on both sides.
+
+    The result says what each level adds, leaves out and costs.
+
+    `size`: (width, height) in pixels, by default the camera's, at most 480 wide. `samples` per pixel where light is
+    followed, 2 or more, drawn from `seed`. `photo`: whose camera pose is used. `table()` of what is returned has a row
+    per level and side, `images` the pictures (H, W, 3). Raises InputError for fewer samples.
+    """
     if not 2 <= samples <= twin.MOST_SAMPLES:
         raise InputError("--samples", f"a whole number from 2 to {twin.MOST_SAMPLES}", samples)
     began, stages = time.perf_counter(), Stages(progress)

@@ -1,17 +1,20 @@
 """What the bench writes and reads back: plain records, one JSON file."""
 
 import os
+from typing import Any
 
 import msgspec
 
 from raytwin import files
 from raytwin.errors import InputError
+from raytwin.notebook import InNotebook
+from raytwin.scene.record_base import Row
 
 ERRORS = ("rmse", "relmse", "p999_abs", "flip")
 """The metrics that a row carries; rows of compare.METRICS, `flip` being flip_hdr."""
 
 
-class Measurement(msgspec.Struct, frozen=True):
+class Measurement(Row, frozen=True):
     """One method at one size. Errors are against the converged truth of the method's own rung and sampling.
 
     `seconds_median`, `seconds_iqr` of the warm calls; `compile_seconds`: what only the first calls cost; `peak_mib`:
@@ -40,7 +43,7 @@ class Measurement(msgspec.Struct, frozen=True):
     on_frontier: bool
 
 
-class Converged(msgspec.Struct, frozen=True):
+class Converged(Row, frozen=True):
     """A converged image and the noise it still has, in each metric: what a perfect method would score against it."""
 
     name: str
@@ -51,7 +54,7 @@ class Converged(msgspec.Struct, frozen=True):
     floor: dict[str, float | None]
 
 
-class Deviation(msgspec.Struct, frozen=True):
+class Deviation(Row, frozen=True):
     """One method's error against one truth, its own or another."""
 
     method: str
@@ -65,7 +68,7 @@ class Deviation(msgspec.Struct, frozen=True):
     on_frontier: bool
 
 
-class Growth(msgspec.Struct, frozen=True):
+class Growth(Row, frozen=True):
     """Seconds of a method with so many small spheres in the picture."""
 
     method: str
@@ -77,7 +80,7 @@ class Growth(msgspec.Struct, frozen=True):
     compile_seconds: float
 
 
-class Calibrated(msgspec.Struct, frozen=True):
+class Calibrated(Row, frozen=True):
     """One way to calibrate: the detector's `setting`, the scale of what it searches (1: the photos as taken).
 
     `seconds_median`: for all the photos, decoding and the fit included. `heldout_px`: the rms error on photos that the
@@ -100,7 +103,7 @@ class Calibrated(msgspec.Struct, frozen=True):
     height: int = 0
 
 
-class Equal(msgspec.Struct, frozen=True):
+class Equal(Row, frozen=True):
     """Where a family of methods falls to one relMSE against its own rung's truth: seconds a frame, samples a pixel.
 
     Between two that were `measured`; or beyond the last of them, as the error falls.
@@ -116,7 +119,7 @@ class Equal(msgspec.Struct, frozen=True):
     measured: bool = True
 
 
-class LeftOut(msgspec.Struct, frozen=True):
+class LeftOut(Row, frozen=True):
     """A method that was asked for and not measured, and why."""
 
     method: str
@@ -125,7 +128,7 @@ class LeftOut(msgspec.Struct, frozen=True):
     why: str
 
 
-class Repeats(msgspec.Struct, frozen=True):
+class Repeats(Row, frozen=True):
     """Every timed call, in seconds, and the RMSE of its image where that was taken."""
 
     method: str
@@ -135,7 +138,7 @@ class Repeats(msgspec.Struct, frozen=True):
     rmse: tuple[float, ...]
 
 
-class Bench(msgspec.Struct, frozen=True):
+class Bench(Row, InNotebook, frozen=True):
     """A whole run. `repeats` is what two runs are compared by; `--json` leaves it out."""
 
     scene: str
@@ -151,6 +154,13 @@ class Bench(msgspec.Struct, frozen=True):
     left_out: tuple[LeftOut, ...] = ()
     repeats: tuple[Repeats, ...] = ()
     equal: tuple[Equal, ...] = ()
+
+    def table(self) -> list[dict[str, Any]]:
+        """Return a row per method and size: what `pandas.DataFrame` takes."""
+        return [row.to_dict() for row in self.rows]
+
+    def __repr__(self) -> str:
+        return f"<raytwin.bench of {self.scene}: {len(self.rows)} measurements, {len(self.left_out)} left out>"
 
 
 def write_bench(bench: Bench, path: str | os.PathLike[str], repeats: bool = True) -> None:

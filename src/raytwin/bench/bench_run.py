@@ -5,9 +5,10 @@ import platform
 import re
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import gcd, sqrt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,8 @@ from raytwin.image import Image
 from raytwin.progress import Progress, silent
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.renderers.renderer_table import choose
-from raytwin.scene import Camera, Scene
+from raytwin.renderers.user_renderers import method as as_method
+from raytwin.scene import Camera, Scene, SceneFile
 from raytwin.workflows.versions import versions
 
 PREPARE_SHARE, TRUTH_SHARE = 0.5, 0.3
@@ -53,9 +55,9 @@ GROWTH = (
 
 
 def bench(
-    path: str | Path,
+    path: str | Path | Scene | SceneFile,
     *,
-    methods: Sequence[str] = ("*",),
+    methods: Sequence[str | Renderer | Callable[..., Any]] = ("*",),
     sizes: Sequence[float] = (0.2,),
     spheres: Sequence[int] = (),
     crowd: int | None = None,
@@ -65,12 +67,16 @@ def bench(
     flip: bool = False,
     progress: Progress = silent,
 ) -> Bench:
-    """Measure `methods` (patterns of names) on the scene at each of `sizes` (megapixels).
+    """Measure each method's time and error on a scene (`path`: its folder, name, or a Scene), at each of `sizes`
+    (megapixels).
 
+    `methods`: patterns of names (`raytwin bench list`), and functions of a scene of your own: see `method`.
     `crowd`: so many small spheres stand in the place of the scene's objects. `spheres`: also time the methods of GROWTH
     with so many small spheres in the picture, at the first size. `budget`: seconds for all, preparing and truths too;
     methods that do not fit are named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of
-    each. `truth_samples`: most samples a pixel of each truth. `flip`: add FLIP, which is slow.
+    each. `truth_samples`: most samples a pixel of each truth. `flip`: add FLIP, which is slow. `table()` of what is
+    returned has a row per method and size: seconds, errors, and whether it is on the frontier. `progress(stage, done,
+    total)` is called as work goes on.
     """
     for where, value, right in (
         ("--budget", budget, budget > 0),
@@ -89,7 +95,7 @@ def bench(
     ):
         if max(numbers, default=1) > most:
             raise InputError(where, f"at most {most}", f"{max(numbers):g}")
-    chosen = choose(tuple(methods))
+    chosen = choose([m if isinstance(m, str | Renderer) else as_method(m) for m in methods])
     start = time.perf_counter()
     deadline = start + budget
     twin.activate()

@@ -21,7 +21,8 @@ def equal_error(rows: Sequence[Measurement], truths: Sequence[Converged]) -> tup
     floor_of = {(t.name, t.width, t.height): t.floor["relmse"] or 0.0 for t in truths}
     groups: dict[tuple[int, int, str, str], list[tuple[float, float, int]]] = {}
     for r in rows:
-        method = RENDERERS[r.method]
+        if (method := RENDERERS.get(r.method)) is None:
+            continue  # a function of the caller's own has one sample count
         if (floor := floor_of.get((truth := truth_of(method), r.width, r.height))) is not None:
             own = r.seconds_median, r.relmse - floor, r.samples
             groups.setdefault((r.width, r.height, truth, method.family), []).append(own)

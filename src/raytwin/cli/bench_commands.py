@@ -79,13 +79,15 @@ def scene_command(
 
     With --against, exit code 1 means that a method became slower or less accurate.
     """
-    from raytwin import bench, report
+    from raytwin import report
+    from raytwin.bench import against as compared
+    from raytwin.bench import bench, read_bench, write_bench
 
     check_outputs(folders=(out or Path("out"),), files=(json, save))
     megapixels, counts = parse_numbers(sizes, "--sizes"), parse_counts(spheres, "--spheres")
-    earlier = bench.read_bench(against) if against else None
+    earlier = read_bench(against) if against else None
     with show_progress() as progress:
-        found = bench.bench(
+        found = bench(
             scene,
             methods=split(methods),
             sizes=megapixels,
@@ -98,10 +100,10 @@ def scene_command(
             progress=progress,
         )
     if save:
-        bench.write_bench(found, save)
+        write_bench(found, save)
     if json:
-        bench.write_bench(found, json, repeats=False)
-    changes = bench.against(found, earlier) if earlier else None
+        write_bench(found, json, repeats=False)
+    changes = compared(found, earlier) if earlier else None
     folder = out or Path("out") / f"bench-{found.scene}"
     report.write_bench_all(found, folder, changes)
     say(report.bench_summary(found, changes))
@@ -122,15 +124,15 @@ def calibration_command(
     out: Out = None,
 ) -> None:
     """Measure calibration time against error in unseen photos, over image scale and detector settings."""
-    from raytwin import bench, report
-    from raytwin.bench import calibration_cost
+    from raytwin import report
+    from raytwin.bench import calibration_cost, write_bench
 
     check_outputs(folders=(out or Path("out"),), files=(json,))
     shoot, taken = shoot_of(scene, photo_count, photo_size), real_photos(photos, board)
     with show_progress() as progress:
         found = calibration_cost.bench_calibration(shoot, taken, budget=budget, repeats=repeats, progress=progress)
     if json:
-        bench.write_bench(found, json)
+        write_bench(found, json)
     folder = out or Path("out") / "bench-calibration"
     report.write_bench_all(found, folder)
     say(report.bench_summary(found))
@@ -168,9 +170,9 @@ def paper_command(
 @app.command("list")
 def list_command(methods: ListedMethods = "*") -> None:
     """List all methods."""
-    from raytwin import bench
+    from raytwin.bench import choose
 
-    for method in bench.choose(split(methods)):
+    for method in choose(split(methods)):
         say(f"{method.name:<28} {method.family}: {method.label}")
 
 

@@ -103,7 +103,7 @@ def diff_command(
         diff_folders(a, b, settings, json, junit, out)
     name = f"{a.name} against {b.name}"
     try:
-        found = diff_files.diff(a, b, settings)
+        found = diff_files.compare(a, b, settings)
     except InputError as error:
         if junit:
             report.write_junit([report.Case(name, "raytwin.diff", error)], junit)
@@ -142,7 +142,7 @@ def diff_folders(
                 made = diff_files.lacking(name, a if mine is None else b)
                 pairs[name] = made.numbers()
             else:
-                found = diff_files.diff(mine, theirs, settings)
+                found = diff_files.compare(mine, theirs, settings)
                 made, pictures = found.report, (found.test, found.reference, found.tolerance)
                 pairs[name] = found.numbers()
         except InputError as error:

@@ -23,11 +23,11 @@ def ladder_command(
 ) -> None:
     """Render every light level on both sides: what each adds and costs; write ladder.html, ladder.json."""
     from raytwin import files, report
-    from raytwin.analysis.ladder import climb
+    from raytwin.analysis.ladder import ladder
 
     check_outputs(folders=(out or Path("out"),), files=(json,))
     with show_progress() as progress:
-        found = climb(
+        found = ladder(
             scene,
             size=parse_size(size, "--size") if size else None,
             samples=samples,

@@ -26,13 +26,13 @@ def needs_command(
     with show_progress() as progress:
         with progress.stage("imports"):
             from raytwin import files, twin
-            from raytwin.analysis.recommend import check_asked, find_needs, scene_of
+            from raytwin.analysis.recommend import check_asked, needs, scene_of
             from raytwin.analysis.recommend.level_pictures import level_pictures
             from raytwin.renderers.subject_renderers import fast_engine
             from raytwin.report.recommend_page import needs_summary, write_needs
         check_asked(tolerance, metric)
         placed = scene_of(scene, photo, parse_size(size, "--size") if size else None, progress)
-        found = find_needs(placed, tolerance, metric, progress)
+        found = needs(placed, tolerance, metric, progress=progress)
         if out:
             with progress.stage("pictures"):
                 depth = found.choice.depth if found.choice else None

@@ -5,6 +5,7 @@ from typing import Literal
 
 import msgspec
 
+from raytwin.notebook import InNotebook
 from raytwin.scene import Record
 
 
@@ -63,7 +64,7 @@ CAUSE = re.compile(r"cause \((?:sure|likely)\): ")
 """How a reason begins that names what is wrong."""
 
 
-class Comparison(Record, frozen=True):
+class Comparison(Record, InNotebook, frozen=True):
     """The verdict on two images and every number behind it; `reasons` are in words, worst first.
 
     A pass has reasons too: what it could have seen. `seconds` is what the comparison itself took. `failing`: (x, y,

@@ -53,7 +53,7 @@ def compare(
 
     `noise="reference"` ignores the variance that the test claims; `noise="none"` treats both images as noise-free, as
     for a tracer with one ray per pixel. `half_steps` (H, W, 3) is what the file formats may have rounded off. `flip`
-    adds NVIDIA's perceptual metric, which is slow. A bad image does not raise: it fails.
+    adds NVIDIA's perceptual metric, which is slow. A bad image does not raise InputError: it fails.
     """
     if not 0 < false_alarm_rate < 1:
         raise InputError("false_alarm_rate", "a probability between 0 and 1", false_alarm_rate)

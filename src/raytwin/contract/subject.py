@@ -1,5 +1,6 @@
 """What `raytwin compare --subject` takes: a method by its name, or a submission of any kind."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,16 +10,24 @@ from raytwin.contract.composed_tracer import PARTS
 from raytwin.contract.loading import is_unwritten
 from raytwin.contract.submission import Shown, load
 from raytwin.errors import InputError
+from raytwin.image_input import RENDERS
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import RENDERERS
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.renderers.subject_renderers import Traced
-from raytwin.renderers.user_renderers import UserRenderer
+from raytwin.renderers.user_renderers import UserRenderer, method
 from raytwin.scene import Scene
 
 
-def find_subject(text: str, rung: str) -> Renderer:
-    """A name of RENDERERS; FILE.py, FILE.ipynb, either with :FUNCTION; an image or a folder of images; a command."""
+def find_subject(what: str | Renderer | Callable[..., Any], rung: str, sampling: str = "center") -> Renderer:
+    """Return the renderer that `what` names: a name of RENDERERS; FILE.py, FILE.ipynb, either with :FUNCTION; an image or
+    a folder of images; a command. A Renderer stands for itself, a function for its `method` at `rung` and `sampling`.
+    """
+    if isinstance(what, Renderer):
+        return what
+    if not isinstance(what, str):
+        return method(what, rung=rung, sampling=sampling, renders=RENDERS)
+    text = what
     if text in RENDERERS:
         method = RENDERERS[text]
         return replace(method, surface=True) if isinstance(method, Traced) else method

@@ -272,7 +272,9 @@ def explain(
     light that chance finds, for the factors of light that are told where no cause explains it.
     """
     shown, right = test.mean, reference.mean
-    if shown.shape != right.shape or shown.ndim != 3 or not (np.isfinite(shown).all() and np.isfinite(right).all()):
+    if shown.shape != right.shape or shown.ndim != 3 or shown.dtype.kind != "f":
+        return ()
+    if not (np.isfinite(shown).all() and np.isfinite(right).all()):
         return ()
     if scene and (words := depth_cause(test.surface, reference.surface, scene)):
         return (f"cause (sure): {words}",)

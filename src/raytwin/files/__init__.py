@@ -21,10 +21,19 @@ from raytwin.files.photo_files import (
     to_bytes,
     write_picture,
 )
-from raytwin.files.rounding import Rounding, half_floats, rounding_of
+from raytwin.files.rounding import Rounding, eight_bits, half_floats, rounding_of
 from raytwin.files.safe_write import check_file, replacing, write_text
 from raytwin.files.scene_files import check_camera, check_contents, read_camera, read_scene, write_camera
-from raytwin.files.shipped import REFERENCES, SCENES, all_scenes, copy_scene, find_scene, scene_folders, scene_sentence
+from raytwin.files.shipped import (
+    REFERENCES,
+    SCENES,
+    all_scenes,
+    copy_scene,
+    find_scene,
+    scene_folders,
+    scene_sentence,
+    scenes,
+)
 from raytwin.files.toml_json import json_text, plain, read_toml, to_record, write_json, write_toml
 
 __all__ = [
@@ -42,6 +51,7 @@ __all__ = [
     "check_contents",
     "check_file",
     "copy_scene",
+    "eight_bits",
     "find_scene",
     "from_bytes",
     "half_floats",
@@ -69,6 +79,7 @@ __all__ = [
     "rounding_of",
     "scene_folders",
     "scene_sentence",
+    "scenes",
     "srgb_decode",
     "srgb_encode",
     "to_bytes",

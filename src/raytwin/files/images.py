@@ -22,7 +22,7 @@ def read_image(path: str | os.PathLike, part: str | None = None, layer: str | No
     `part` (name or number) and `layer` (`diffuse` for `diffuse.R`..., or a single channel) choose within an EXR.
     By default it is the first part with colours, with the variance and surface that `write_exr` wrote. Grey becomes
     three equal channels, alpha is dropped, and PNG and JPEG are taken to be sRGB. An EXR's pixels are those of its
-    data window.
+    data window. Raises InputError for a file at `path` that is none of these, or damaged.
     """
     path = check_file(path, "an image file")
     try:
@@ -50,7 +50,10 @@ def read_image(path: str | os.PathLike, part: str | None = None, layer: str | No
 
 
 def write_image(path: str | os.PathLike, image: Image) -> None:
-    """Write an image by its name's ending: EXR with everything, PFM the mean, PNG or JPEG the mean as 8-bit sRGB."""
+    """Write an image to `path` by its ending: EXR with everything, PFM the mean, PNG or JPEG the mean as 8-bit sRGB.
+
+    Raises InputError for another ending. Nothing is left half-written.
+    """
     suffix = Path(path).suffix.lower()
     if suffix == ".exr":
         write_exr(path, image)

@@ -21,7 +21,7 @@ def rounding_of(path: Path, mean: np.ndarray) -> Rounding:
     with path.open("rb") as file:
         start = file.read(26)
     if start.startswith(b"\xff\xd8") or (start.startswith(b"\x89PNG") and start[24] <= 8):
-        return Rounding(half_code(mean, 255), True, "8 bits a channel: held to half a step, and to white")
+        return eight_bits(mean)
     if start.startswith(b"\x89PNG"):
         return Rounding(half_code(mean, 65535), True, "16 bits a channel: held to white")
     if start.startswith(b"#?"):
@@ -31,6 +31,12 @@ def rounding_of(path: Path, mean: np.ndarray) -> Rounding:
     with np.errstate(over="ignore", invalid="ignore"):
         is_half = np.array_equal(mean.astype(np.float16).astype(np.float32), mean, equal_nan=True)
     return half_floats(mean) if is_half else Rounding()
+
+
+def eight_bits(mean: np.ndarray, dithered: bool = False) -> Rounding:
+    """Return what sRGB in 256 codes rounds off; `dithered`: to either of the two nearest codes."""
+    step = "a step" if dithered else "half a step"
+    return Rounding(half_code(mean, 255) * (1 + dithered), True, f"8 bits a channel: held to {step}, and to white")
 
 
 def half_code(mean: np.ndarray, codes: int) -> np.ndarray:

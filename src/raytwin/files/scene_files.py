@@ -15,15 +15,24 @@ from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.look_at import camera_table
 from raytwin.files.shipped import find_scene
 from raytwin.files.toml_json import plain, read_toml, to_record, write_toml
-from raytwin.scene import Camera, PhotoCamera, SceneFile, WrittenPlane, WrittenSphere, WrittenSun, material_of
+from raytwin.scene import Camera, PhotoCamera, Scene, SceneFile, WrittenPlane, WrittenSphere, WrittenSun, material_of
 from raytwin.scene.object_names import called, numbered
 
 MOST_COLUMNS = 4096
 """Columns of an environment map: 100 MB of floats. Light from the sky is smooth, so a smaller map serves as well."""
 
 
-def read_scene(path: str | os.PathLike) -> SceneFile:
-    """Read and check a scene, given its folder, its scene.toml or its name."""
+def read_scene(path: str | os.PathLike | Scene | SceneFile) -> SceneFile:
+    """Read and check a scene, given the `path` of its folder or scene.toml, or its name; or check one made in Python.
+
+    Raises InputError that names file and field. Lengths are metres; see the page on scene.toml for its keys.
+    """
+    if isinstance(path, Scene | SceneFile):
+        scene = SceneFile.of(path) if isinstance(path, Scene) else path
+        if scene.camera is not None:
+            check_camera(scene.camera, f"scene {scene.name}: camera.")
+        check_contents(scene, f"scene {scene.name}: ")
+        return scene
     file = find_scene(path)
     if file.suffix.lower() == ".xml":
         raise InputError(file, "a scene.toml: only compare, reference, matrix and shrink take a Mitsuba file", "XML")

@@ -60,6 +60,18 @@ def find_scene(path: str | os.PathLike) -> Path:
     raise InputError(path, "a scene's folder, its scene.toml or its name", f"no such scene ({known})")
 
 
+def scenes() -> list[dict[str, str]]:
+    """Return a row per scene that a name finds: `name`, what it `shows`, its `folder`.
+
+    A scene of yours in scenes/ comes before one of that name that raytwin brings.
+
+    >>> [row["name"] for row in scenes()][:3]
+    ['ball', 'desk', 'distorted']
+    """
+    found = sorted(scene_folders().items())
+    return [{"name": name, "shows": scene_sentence(folder), "folder": str(folder)} for name, folder in found]
+
+
 def scene_sentence(folder: Path) -> str:
     """The first sentence of the comment at the head of its file."""
     text = find_scene(folder).read_text(encoding="utf-8")

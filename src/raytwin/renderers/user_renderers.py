@@ -1,28 +1,37 @@
 """Images that others make, by whatever function of a scene."""
 
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image
 from raytwin.image_input import as_image
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.renderers.scene_exchange import as_arrays, as_file
+from raytwin.rungs import RUNGS
 from raytwin.scene import MitsubaScene, Scene
 
 
 @dataclass(frozen=True)
 class UserRenderer(Renderer):
-    """`render`, known as `title`, called with `tell(scene, rung)`; it returns radiance (H, W, 3), or an Image."""
+    """`render`, known as `title`, called with `tell(scene, rung)`; it returns radiance (H, W, 3), or an Image.
+
+    `seeded`: it takes a `seed` too, and is called with that many `renders`, whose spread tells the noise. `rays`: where
+    they go, through the pixel's center or over its area.
+    """
 
     title: str = ""
-    render: Callable[[dict[str, Any]], Any] | None = None
-    tell: Callable[[Scene, str], dict[str, Any]] = as_arrays
+    render: Callable[..., Any] | None = None
+    tell: Callable[[Scene, str], Any] = as_arrays
     stages: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
     """The functions of single stages that the same file has."""
+    seeded: bool = False
+    renders: int = 1
+    rays: str = "center"
 
     @property
     def name(self) -> str:
@@ -32,13 +41,27 @@ class UserRenderer(Renderer):
     def library(self) -> str:
         return "python"
 
+    @property
+    def sampling(self) -> str:
+        return self.rays
+
+    @property
+    def noisy(self) -> bool:
+        return self.seeded
+
     def prepare(self, scene: Scene | MitsubaScene) -> Call:
         width, height = scene.image_size
 
         def call(seed: int) -> Image:
+            if not self.seeded or self.renders == 1:
+                return once(seed)
+            return as_image([once(seed * self.renders + i) for i in range(self.renders)]).image
+
+        def once(seed: int) -> Image:
             given = self.tell(scene, self.rung) if isinstance(scene, Scene) else as_file(scene)
+            also = {"seed": seed} if self.seeded else {}
             try:
-                made = self.render(given) if self.render else None
+                made = self.render(given, **also) if self.render else None
                 taken = made if isinstance(made, Image) else as_image(np.asarray(made)).image
             except InputError:
                 raise
@@ -50,3 +73,43 @@ class UserRenderer(Renderer):
             return taken if isinstance(made, Image) else Image(taken.mean.astype(np.float32))
 
         return call
+
+
+def method(
+    function: Callable[..., Any],
+    name: str = "",
+    *,
+    rung: str = "shadow",
+    sampling: str = "center",
+    renders: int = 1,
+    records: bool = False,
+) -> UserRenderer:
+    """Return a function of your own as a method: for `compare_scene(subject=...)` and `bench(methods=[...])`.
+
+    `function(scene)` returns linear radiance (H, W, 3), row 0 on top, or an Image. `scene` is a dict of plain values
+    and arrays, in metres, as programs of `--subject` read it; with `records`, the Scene itself. A function that also
+    takes `seed` has noise: of `renders` seeds the mean is taken, and their spread tells its noise (4 or more). `name`:
+    what charts call it, by default the function's own. `rung`: the light level that it renders. `sampling`: whether its
+    rays go through the pixel's "center" or over its "area". An image of another size raises InputError when it is made.
+
+    >>> import numpy as np
+    >>> def grey(scene):
+    ...     return np.full((scene["height"], scene["width"], 3), 0.5)
+    >>> method(grey).name
+    'grey'
+    """
+    check_one_of("rung", rung, RUNGS)
+    check_one_of("sampling", sampling, ("center", "area"))
+    title = name or getattr(function, "__name__", type(function).__name__)
+    try:
+        seeded = "seed" in inspect.signature(function).parameters
+    except (TypeError, ValueError):  # nothing to call, or compiled
+        if not callable(function):
+            raise InputError("method", "a function of a scene", repr(function)) from None
+        seeded = False
+    told = _itself if records else as_arrays
+    return UserRenderer(rung, title, function, told, {}, seeded, renders, sampling)
+
+
+def _itself(scene: Scene, rung: str) -> Scene:
+    return scene

@@ -188,12 +188,12 @@ def view_of_diff(found: Diff) -> PairView:
     below = "noise included" if noisy else "" if held is None else f"held to {numbers.short(held.p999_abs)}"
     others = [k for k, v in found.metrics.items() if k not in r.__struct_fields__ and v is not None]
     return PairView(
-        title=found.a.name,
-        about=("against", found.b.name),
+        title=found.a,
+        about=("against", found.b),
         report=found.report.saying(*(f"warning: {w}" for w in found.warnings)),
         test=found.test,
         reference=found.reference,
-        names=Names("A", "B", "A", "B", f"A: {found.a.name}", f"B: {found.b.name}"),
+        names=Names("A", "B", "A", "B", f"A: {found.a}", f"B: {found.b}"),
         tolerance=held,
         held_to="the limits" if found.limits else "noise and tolerance" if noisy else "the tolerance",
         motto="any image beside its reference",

@@ -4,9 +4,12 @@ All positions and directions are in the board frame (right-handed, X and Y in th
 face towards the viewer) unless a name says otherwise.
 """
 
-from typing import Annotated
+import re
+from typing import Annotated, Any, Self
 
 import msgspec
+
+from raytwin.errors import InputError, check_one_of
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -19,5 +22,46 @@ Albedo = tuple[Fraction, Fraction, Fraction]
 Radiance = tuple[NonNegative, NonNegative, NonNegative]
 
 
-class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Row(msgspec.Struct, frozen=True):
+    """A record that is only written and shown: read back, a file of a later version may have more fields."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain values, nested records as dicts: what `json` and `pandas.DataFrame` take."""
+        plain: dict[str, Any] = msgspec.to_builtins(self)
+        return plain
+
+
+class Record(Row, frozen=True, forbid_unknown_fields=True):
     """The base of every record: immutable, compared by value, strict about unknown fields."""
+
+    def with_(self, **changes: Any) -> Self:
+        """Return the same record with other values of some fields. Raises InputError for one that cannot be.
+
+        >>> from raytwin.scene import Sphere
+        >>> Sphere((0, 0, 1), 1).with_(radius=0.5).radius
+        0.5
+        """
+        for name in changes:
+            check_one_of(type(self).__name__, name, self.__struct_fields__)
+        values = {name: _listed(value) for name, value in changes.items()}
+        tag = self.__struct_config__.tag
+        try:
+            return msgspec.convert(msgspec.structs.asdict(self) | ({"type": tag} if tag else {}) | values, type(self))
+        except msgspec.ValidationError as error:
+            what, _, path = str(error).partition(" - at `$.")
+            field = re.split(r"[.\[`]", path)[0]
+            right = what.removeprefix("Expected ").partition(", got")[0]
+            for one, word in _WORDS.items():
+                right = right.replace(one, word)
+            raise InputError(f"{type(self).__name__}.{field}", right, repr(changes.get(field))) from None
+
+
+_WORDS = {"`float`": "a number", "`int`": "a whole number", "`array`": "a list", "`object`": "a record", "`": ""}
+"""msgspec's names of types -> ours."""
+
+
+def _listed(value: Any) -> Any:
+    """Return an array, also one within a list, as lists; anything else as it is."""
+    if isinstance(value, list | tuple):
+        return tuple(map(_listed, value))
+    return value.tolist() if hasattr(value, "tolist") else value

@@ -1,6 +1,6 @@
 """What is rendered."""
 
-from typing import TypeVar
+from typing import Any, Self, TypeVar
 
 import msgspec
 
@@ -38,6 +38,11 @@ class Scene(Record, frozen=True):
     @property
     def rectangles(self) -> tuple[Rectangle, ...]:
         return tuple(thing for thing in self.objects if isinstance(thing, Rectangle))
+
+    @property
+    def planes(self) -> tuple[Rectangle, ...]:
+        """Return the rectangles, as `[[planes]]` of a scene.toml has them."""
+        return self.rectangles
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -82,6 +87,29 @@ class Scene(Record, frozen=True):
         if len(found) > 1:
             raise InputError(f"scene {self.name}: lights", f"one {kind.__name__} at most", len(found))
         return found[0] if found else None
+
+    def with_(self, *, size: tuple[int, int] | None = None, **changes: Any) -> Self:
+        """Return the scene with something changed: `camera`, `objects`, `spheres`, `planes`, `lights`, `sun`, `sky`.
+
+        `size` is the picture's (width, height), in pixels. `sun` and `sky` take None for no light of that kind.
+
+        >>> from raytwin.scene import Camera, Scene, Sky, Sphere
+        >>> board = ((1, 0, 0), (0, -1, 0), (0, 0, -1))
+        >>> scene = Scene("ball", Camera((64, 48), ((80, 0, 31.5), (0, 80, 23.5), (0, 0, 1)), board, (0, 0, 1)))
+        >>> scene = scene.with_(spheres=[Sphere((0, 0, 0.1), 0.1)], sky=Sky((1.0, 1.0, 1.0)), size=(32, 24))
+        >>> scene.camera.image_size, len(scene.objects), scene.sky.radiance
+        ((32, 24), 1, (1.0, 1.0, 1.0))
+        """
+        if "spheres" in changes or "planes" in changes:
+            kept = [changes.pop(name, getattr(self, name)) for name in ("spheres", "planes")]
+            changes["objects"] = tuple(thing for part in kept for thing in part)
+        for name, kind in (("sun", Sun), ("sky", Sky | Environment)):
+            if name in changes:
+                new = changes.pop(name)
+                others = tuple(light for light in changes.get("lights", self.lights) if not isinstance(light, kind))
+                changes["lights"] = (*others, *([] if new is None else [new]))
+        made = super().with_(**changes)
+        return made if size is None else made.with_(camera=made.camera.resized(*size).with_())
 
     def with_camera(self, camera: Camera) -> "Scene":
         return msgspec.structs.replace(self, camera=camera)

@@ -4,7 +4,7 @@
 """
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 from msgspec import UNSET, UnsetType
@@ -158,6 +158,39 @@ class SceneFile(Record, frozen=True):
             raise InputError(f"scene {self.name}: camera", "a calibrated camera", "photos to calibrate it from")
         return self.at(self.camera)
 
+    @classmethod
+    def of(cls, scene: Scene) -> "SceneFile":
+        """Return the file that `scene` could have been read from. Raises InputError for a map tilted out of the level.
+
+        Spheres come before planes, as in a file.
+        """
+        sky = WrittenSky() if scene.environment else WrittenSky(scene.sky.radiance)
+        if (found := scene.environment) is not None:
+            (c, s, _), _, (x, y, _) = found.R_map_board
+            if math.hypot(x, y) > 1e-9:
+                raise InputError(
+                    f"scene {scene.name}: sky", "a map turned about the board's z axis alone", "a tilted one"
+                )
+            texels = WrittenMap(found.size, found.texels)
+            sky = WrittenSky(rotation=math.degrees(math.atan2(s, c)), texels=texels)
+        spheres = tuple(
+            WrittenSphere(s.center, s.radius, name=s.name, **_written_material(s.material)) for s in scene.spheres
+        )
+        planes = tuple(
+            WrittenPlane(
+                p.center, p.half_u, p.half_v, in_photo=p.in_photo, name=p.name, **_written_material(p.material)
+            )
+            for p in scene.planes
+        )
+        sun = WrittenSun(scene.sun.to_light, scene.sun.irradiance)
+        return cls(scene.name, scene.camera, spheres, planes, sun, sky)
+
     def with_camera(self, camera: Camera) -> "SceneFile":
         """Return the same scene with this camera."""
         return msgspec.structs.replace(self, camera=camera, photos=None)
+
+
+def _written_material(material: Material) -> dict[str, Any]:
+    """Return a material's keys in a scene.toml."""
+    shine = {"specular": material.specular, "exponent": material.exponent} if isinstance(material, Phong) else {}
+    return {"albedo": material.albedo} | shine

@@ -25,7 +25,9 @@ STAGES = Stages(undistort, back_project, intersect_sphere, intersect_rectangle, 
 
 
 def trace(scene: Scene, rung: str = "shadow", stages: Stages = STAGES) -> Image:
-    """Return radiance and surface of what each pixel's centre sees, in float64 and without any shortcut.
+    """Return radiance and surface of what each pixel's centre sees of `scene`, in float64 and without any shortcut.
+
+    `rung`: surface, lambert or shadow. `stages`: the tracer's functions, of which one may be replaced.
 
     `raytwin.speed.trace` gives the same pixels faster. Pixels to which the lens assigns no ray are black. Raises
     InputError for an unknown rung, or for a lens that can be inverted on less than half of the frame.

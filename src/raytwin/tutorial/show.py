@@ -1,6 +1,5 @@
 """What a learner sees: the check's sentence, and the picture so far beside the twin's."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from raytwin import files, viewer
 from raytwin.contract.check import check
 from raytwin.contract.stage_table import LESSONS
 from raytwin.image import Image
+from raytwin.viewer.widget import in_notebook, pane, widget
 
 FOLDER = Path("walk")
 """Where a script's pictures go."""
@@ -46,7 +46,7 @@ def show(name: str, yours: np.ndarray, twin: np.ndarray | Image | None = None) -
         caption += f": RMSE {np.sqrt(np.mean(np.square(pair[0] - pair[1], dtype=float))):.2g} beside the twin"
     if in_notebook():
         print(caption)
-        return widget(name, *pair)
+        return viewed(name, *pair)
     FOLDER.mkdir(exist_ok=True)
     path = FOLDER / f"{name.replace(' ', '-')}.png"
     gap = np.ones((pair[0].shape[0], 8, 3), np.float32)
@@ -56,33 +56,12 @@ def show(name: str, yours: np.ndarray, twin: np.ndarray | Image | None = None) -
     return None
 
 
-def in_notebook() -> bool:
-    shell = sys.modules.get("IPython")
-    return shell is not None and getattr(shell.get_ipython(), "kernel", None) is not None
-
-
-def widget(name: str, yours: np.ndarray, twin: np.ndarray | None) -> Any:
-    """The same viewer as in every report, within a notebook's cell: an anywidget."""
-    import anywidget
-    import traitlets
-
-    class Viewer(anywidget.AnyWidget):
-        _esm = viewer.module() + "\nexport default { render({ model, el }) { mount(el, model.get('data')); } };\n"
-        _css = viewer.style() + ".rt { padding: 8px 12px; background: var(--rt-ground); }"  # whatever a cell's is
-        data = traitlets.Dict().tag(sync=True)
-
-    panes = [{"key": "test", "kind": "radiance", "title": f"{name}: yours", "tab": "yours", "alt": f"{name}, yours"}]
+def viewed(name: str, yours: np.ndarray, twin: np.ndarray | None) -> Any:
+    """Return the two as a viewer for a notebook's cell."""
+    panes, names = [pane("test", f"{name}: yours", "yours", f"{name}, yours")], {"test": "yours"}
     if twin is not None:
-        panes += [
-            {
-                "key": "reference",
-                "kind": "radiance",
-                "title": "The twin's",
-                "tab": "twin",
-                "alt": f"{name}, the twin's",
-            },
-            {"key": "map", "kind": "map", "title": "Difference", "tab": "difference", "alt": "Their difference"},
-        ]
-    names = {"test": "yours", "reference": "twin"} if twin is not None else {"test": "yours"}
+        panes.append(pane("reference", "The twin's", "twin", f"{name}, the twin's"))
+        panes.append(pane("map", "Difference", "difference", "Their difference", kind="map"))
+        names["reference"] = "twin"
     packed = viewer.pack(Image(yours), Image(yours if twin is None else twin), surfaces=False)
-    return Viewer(data=packed.for_page() | {"names": names, "panes": panes})
+    return widget(packed.for_page() | {"names": names, "panes": panes})

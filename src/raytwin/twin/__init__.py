@@ -7,6 +7,7 @@ imported when the first of them is called, not before; `chosen()` does without.
 from raytwin.twin.backend import VARIANTS, Backend, Tried, activate, chosen, doctor
 from raytwin.twin.highlight_rounding import highlight_rounding
 from raytwin.twin.mitsuba_render import mitsuba_provenance, render_mitsuba
+from raytwin.twin.opencv_sensor import mitsuba_sensor
 from raytwin.twin.plain import INTEGRATORS, load_plain, render_plain
 from raytwin.twin.rendering import MOST_SAMPLES, SAMPLINGS, provenance, render
 
@@ -23,6 +24,7 @@ __all__ = [
     "highlight_rounding",
     "load_plain",
     "mitsuba_provenance",
+    "mitsuba_sensor",
     "provenance",
     "render",
     "render_mitsuba",

@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.errors import InputError
 from raytwin.scene import Scene
 from raytwin.twin.backend import SCALAR, activate
-from raytwin.twin.rays import lens_of
+from raytwin.twin.opencv_sensor import mitsuba_sensor
 from raytwin.twin.twin_scene import UNIT, load, translate
 
 INTEGRATORS = {"direct": {"type": "direct"}, "path": {"type": "path", "max_depth": 8, "rr_depth": 8}}
@@ -27,32 +26,9 @@ def load_plain(scene: Scene, integrator: str = "direct", variant: str | None = N
     The sensor is `perspective` where pixels are square and nothing is distorted; else, on the compiled variants, one
     that undoes the distortion (about half as slow again). Raises InputError on `scalar_rgb`, which cannot run that one.
     """
-    chosen = activate(variant).variant
-    import mitsuba as mi
-
-    camera = scene.camera
-    square = abs(camera.fx / camera.fy - 1) < 1e-6
-    if chosen == SCALAR and (any(camera.coefficients) or not square):
-        raise InputError("camera", f"square pixels and no distortion, for Mitsuba's own camera on {SCALAR}", "neither")
+    activate(variant)
     world: dict[str, Any] = translate(scene, {}) | {"integrator": INTEGRATORS[integrator]}
-    film = {
-        "type": "hdrfilm", "width": camera.width, "height": camera.height, "rfilter": {"type": "box"},
-        "pixel_format": "rgb", "component_format": "float32",
-    }  # fmt: skip
-    if any(camera.coefficients) or not square:
-        _register_lens()
-        numbers = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.coefficients)
-        world["sensor"] = {"type": "raytwin_lens", "film": film, "steps": lens_of(camera).steps}
-        world["sensor"] |= dict(zip(_LENS, map(float, numbers), strict=True))
-    else:
-        world["sensor"] = {
-            "type": "perspective", "film": film, "fov_axis": "x", "near_clip": 1e-3 * UNIT, "far_clip": 1e6 * UNIT,
-            "fov": float(np.degrees(2 * np.arctan(camera.width / (2 * camera.fx)))),
-            # Mitsuba looks along +z with x to the left and y up.
-            "to_world": mi.ScalarTransform4f(np.diag([-1.0, -1.0, 1.0, 1.0])),
-            "principal_point_offset_x": (camera.width / 2 - (camera.cx + 0.5)) / camera.width,
-            "principal_point_offset_y": (camera.height / 2 - (camera.cy + 0.5)) / camera.height,
-        }  # fmt: skip
+    world["sensor"] = mitsuba_sensor(scene.camera, unit=UNIT, frame="camera")
     return load(world)
 
 
@@ -72,41 +48,3 @@ def render_plain(loaded: Any, samples: int = 1, seed: int = 0) -> np.ndarray:
             return part
         total += part
     return total / (samples // each)
-
-
-_LENS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
-
-
-def _register_lens() -> None:
-    """Mitsuba's classes are those of the active variant: the sensor is made anew for it."""
-    import drjit as dr
-    import mitsuba as mi
-
-    from raytwin.twin.rays import Lens, directions
-
-    class RaytwinLens(mi.Sensor):
-        """A pinhole behind Brown and Conrady's distortion, as `rays.py` has it."""
-
-        def __init__(self, props: Any) -> None:
-            super().__init__(props)
-            double = dr.float64_array_t(mi.Float)
-            fx, fy, cx, cy, *k = (dr.opaque(double, props[name]) for name in _LENS)
-            self.lens = Lens(fx, fy, cx, cy, tuple(k), int(props["steps"]))
-
-        def sample_ray(self, time: Any, wave: Any, position: Any, aperture: Any, active: Any) -> tuple[Any, Any]:
-            double, size = dr.float64_array_t(mi.Float), self.film().crop_size()
-            # The position is (0, 0) at the image's corner; pixel 0's centre is at 1/2.
-            u, v = double(position.x) * int(size[0]) - 0.5, double(position.y) * int(size[1]) - 0.5
-            d = mi.Vector3f(*map(mi.Float, directions(dr, self.lens, u, v)))
-            ray = mi.Ray3f(mi.Point3f(0), d)
-            ray.wavelengths, weight = self.sample_wavelengths(dr.zeros(mi.SurfaceInteraction3f), wave, active)
-            return ray, weight
-
-        def sample_ray_differential(self, *numbers: Any) -> tuple[Any, Any]:
-            ray, weight = self.sample_ray(*numbers)
-            return mi.RayDifferential3f(ray), weight
-
-        def to_string(self) -> str:
-            return "RaytwinLens[]"
-
-    mi.register_sensor("raytwin_lens", RaytwinLens)

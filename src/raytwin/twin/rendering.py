@@ -67,8 +67,8 @@ def render(
 
     `sampling`: `center` sends every ray through the pixel's centre; `area` spreads them evenly over the pixel (a box
     filter). `surface`, `lambert` and `shadow` at `center` have no noise: one ray, `variance` None, `samples` 1. All
-    else has noise: `samples` rays per pixel in independent `batches` (default: 16, or one per sample if there are
-    fewer); `variance` is that of the mean, from the batches' spread, and None for `batches=1`.
+    else has noise: `samples` rays per pixel, drawn from `seed`, in independent `batches` (default: 16, or one per
+    sample if there are fewer); `variance` is that of the mean, from the batches' spread, and None for `batches=1`.
 
     `textures`: albedo (h, w) or (h, w, 3), linear, by a plane's object id; row 0 at the +half_v side, column 0 at
     -half_u. `mirrors`: ids of spheres that are mirrors, with their albedo as reflectance, for `area` alone; the sun is

@@ -11,7 +11,6 @@ from raytwin.contract.subject import find_subject
 from raytwin.diagnose.diagnosis import explain
 from raytwin.errors import InputError
 from raytwin.progress import Progress, Stages, silent
-from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.twin_renderers import Twin
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene import MitsubaScene
@@ -39,7 +38,7 @@ def subject_of(chosen: CompareSettings) -> UserRenderer | Twin:
     expected = "a command with {scene} and {out}, FILE.py:FUNCTION, images or twin-*-path-* for a Mitsuba file"
     if not chosen.subject:
         raise InputError("--subject", expected, "nothing: raytwin's tracer cannot render one")
-    found = chosen.subject if isinstance(chosen.subject, Renderer) else find_subject(chosen.subject, LEVEL)
+    found = find_subject(chosen.subject, LEVEL)
     if not isinstance(found, UserRenderer | Twin) or found.rung != LEVEL:
         raise InputError("--subject", expected, found.name)
     return found

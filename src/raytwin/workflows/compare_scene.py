@@ -13,19 +13,20 @@ from raytwin.analysis.ledger import LEFT_OUT, Ledger, make_ledger
 from raytwin.analysis.light_parts import sampled_parts
 from raytwin.analysis.rounding_cause import ROUNDING, rounding_cause
 from raytwin.calib.find_camera import TruthRow, compare_truth, find_camera
-from raytwin.compare import Comparison, Report
+from raytwin.compare import Comparison, Report, Verdict
 from raytwin.compare.report import Timing
 from raytwin.contract.check_function import judge_function
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.contract.subject import find_subject
 from raytwin.diagnose.diagnosis import explain
 from raytwin.image import Image
+from raytwin.notebook import InNotebook
 from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
-from raytwin.scene import MitsubaScene, Scene, Tolerance
+from raytwin.scene import MitsubaScene, Scene, SceneFile, Tolerance
 from raytwin.scene.lens import without_ray
 from raytwin.workflows.compare_settings import CompareSettings
 from raytwin.workflows.versions import versions
@@ -43,7 +44,7 @@ CENTRES = (
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
+class Result(InNotebook):
     """All that `raytwin compare` found; every page is a view of it."""
 
     scene: Scene | MitsubaScene
@@ -65,20 +66,42 @@ class Result:
     def comparison(self) -> Comparison:
         return self.report.comparison
 
+    @property
+    def verdict(self) -> Verdict:
+        """The answer: "pass", "differs", "fail" or "undecided"."""
+        return self.comparison.verdict
+
+    def table(self) -> list[dict[str, Any]]:
+        """Return the ledger, a row per part of the light: what `pandas.DataFrame` takes."""
+        return [part.to_dict() for part in self.report.ledger or ()]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what comparison.json holds, as plain values."""
+        plain: dict[str, Any] = files.plain(self.report.numbers())
+        return plain
+
+    def __repr__(self) -> str:
+        because = f": {self.comparison.cause or self.comparison.reasons[0]}" if self.comparison.reasons else ""
+        return f"<raytwin.compare_scene {self.verdict.upper()} {self.scene.name}, rung {self.report.rung}{because}>"
+
 
 def compare_scene(
-    path: str | Path, settings: CompareSettings | None = None, *, progress: Progress = silent, **options: Any
+    path: str | Path | Scene | SceneFile,
+    settings: CompareSettings | None = None,
+    *,
+    progress: Progress = silent,
+    **options: Any,
 ) -> Result:
-    """Compare a subject, by default the hand-written tracer, with its Mitsuba twin on the scene at `path`.
+    """Compare a subject, by default the hand-written tracer, with its Mitsuba twin on a scene.
 
-    A Mitsuba file (XML) is a scene too: see `compare_mitsuba`.
-
-    `options` are fields of CompareSettings: `compare_scene(path, rung="path", engine="drjit32")`. If the twin follows
-    more light than the tracer, and the two agree at the tracer's own level, the difference is expected (`differs`), and
-    the ledger says what the further light adds.
+    `path`: a scene's folder, scene.toml or name, or a scene made in Python; a Mitsuba file (XML) is a scene too, see
+    `compare_mitsuba`. `settings` or `options`: fields of CompareSettings, `compare_scene(path, rung="path",
+    engine="drjit32")`. If the twin follows more light than the tracer, and the two agree at the tracer's own level, the
+    difference is expected (`differs`), and the ledger says what the further light adds. `progress(stage, done, total)`
+    is called as work goes on. Raises InputError for a scene, an option or a subject that is wrong.
     """
     chosen = replace(settings or CompareSettings(), **options)
-    if files.is_mitsuba(path):
+    if not isinstance(path, Scene | SceneFile) and files.is_mitsuba(path):
         from raytwin.workflows.compare_mitsuba import compare_mitsuba
 
         return compare_mitsuba(path, chosen, progress=progress)
@@ -152,10 +175,8 @@ def compare_scene(
 
 def _subject(chosen: CompareSettings) -> Renderer:
     """What is compared with the twin."""
-    if isinstance(chosen.subject, Renderer):
-        return chosen.subject
     if chosen.subject:
-        return find_subject(chosen.subject, chosen.tracer_rung or chosen.rung)
+        return find_subject(chosen.subject, chosen.tracer_rung or chosen.rung, chosen.sampling)
     if RUNGS[chosen.climbed].noisy:
         return PathTraced(chosen.climbed, chosen.engine, chosen.twin_samples, chosen.sampling, surface=True)
     return Traced(chosen.climbed, chosen.engine, chosen.trim, chosen.solver, surface=True)

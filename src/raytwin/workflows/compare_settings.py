@@ -1,12 +1,14 @@
 """The settings of `compare_scene`: keyword arguments in Python, options on the command line (`cli.options.OPTIONS`)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from raytwin.errors import InputError, check_one_of
 from raytwin.rungs import RUNGS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from raytwin.renderers.renderer import Renderer
 
 FEW, MANY = 1, 64
@@ -18,7 +20,8 @@ class CompareSettings:
     """How `compare_scene` renders both sides; checked when it is made.
 
     `rung` is the twin's. The tracer stands on `tracer_rung`, by default the highest up to there that a formula gives.
-    `subject`: a renderer in the tracer's place, or what `find_subject` takes for one; `engine`, `solver` and `trim` are
+    `subject`: what is compared in the tracer's place: a name of `raytwin bench list`, FILE.py:FUNCTION, an image, a
+    folder of images, a command, or a function of a scene (see `method`); `engine`, `solver` and `trim` are
     the tracer's. `samples`: the twin's samples per pixel, by default 1 where every sample through the pixel's center is
     the same, else 64. `photo`: whose camera pose is used. `size` (width, height) replaces the camera's. `cache` reuses
     the twin's renders and the photos' tags. `flip` adds the perceptual metric, which is slow.
@@ -26,7 +29,7 @@ class CompareSettings:
 
     rung: str = "shadow"
     tracer_rung: str | None = None
-    subject: "Renderer | str | None" = None
+    subject: "Renderer | Callable[..., Any] | str | None" = None
     engine: str = "numpy64"
     solver: str = "robust"
     sampling: str = "center"

@@ -1,18 +1,22 @@
-"""Any two image files of any renderers: read, measured, judged. A is tested against the reference B."""
+"""Any two images of any renderers: read, measured, judged. A is tested against the reference B."""
 
+import os
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
 from raytwin import files, references
-from raytwin.compare import METRICS, Comparison, Limits, Report, compare, limit_findings, measure
+from raytwin.compare import METRICS, Comparison, Limits, Report, Verdict, limit_findings, measure
+from raytwin.compare import compare as compare_images
 from raytwin.diagnose.diagnosis import explain
 from raytwin.errors import InputError
 from raytwin.image import Image
-from raytwin.image_input import ENDINGS, read_side, renders_at
+from raytwin.image_input import ENDINGS, LoadedImage, as_image, read_side, renders_at
+from raytwin.notebook import InNotebook
+from raytwin.references import Reference
 from raytwin.scene import Scene, Tolerance
 from raytwin.workflows.diff_settings import DiffSettings
 
@@ -21,14 +25,15 @@ SLOW = ("flip_hdr", "flip_ldr")
 
 
 @dataclass(frozen=True, eq=False)
-class Diff:
-    """All that `raytwin diff` found. `metrics` has every row of METRICS, null where it has no value.
+class Diff(InNotebook):
+    """All that `raytwin.compare` found. `metrics` has every row of METRICS, None where it has no value.
 
-    `limits` decided where there are any, else `compare` did, by `tolerance` and noise. `warnings` never fail.
+    `a`, `b`: what the two are called. `limits` decided where there are any, else `compare_images` did, by `tolerance`
+    and noise. `warnings` never fail.
     """
 
-    a: Path
-    b: Path
+    a: str
+    b: str
     test: Image
     reference: Image
     report: Report
@@ -43,8 +48,27 @@ class Diff:
         return self.report.comparison
 
     @property
+    def verdict(self) -> Verdict:
+        """The answer: "pass", "fail" or "undecided"."""
+        return self.comparison.verdict
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """The reasons in words, the cause first where one is named."""
+        return self.comparison.reasons
+
+    @property
+    def cause(self) -> str:
+        """The named cause; empty where none is known."""
+        return self.comparison.cause
+
+    @property
     def passed(self) -> bool:
         return self.comparison.passed
+
+    def __repr__(self) -> str:
+        because = f": {self.cause or self.reasons[0]}" if self.reasons else ""
+        return f"<raytwin.compare {self.verdict.upper()} {self.report.scene}{because}>"
 
     def numbers(self) -> dict[str, Any]:
         """The comparison's keys, and beside them every metric, the limits and the warnings: what JSON holds."""
@@ -53,53 +77,84 @@ class Diff:
         return numbers
 
 
-def diff(a: str | Path, b: str | Path, settings: DiffSettings | None = None, **options: Any) -> Diff:
-    """Compare the image `a` with the reference `b`: files, or folders or patterns of renders that differ by seed.
+class Side(NamedTuple):
+    """One of two images: what it is called, its pixels, where they begin; its scene and rung, where these are known."""
 
-    `options` are fields of DiffSettings: `diff(a, b, tolerance=1e-4, flip=True)`.
+    name: str
+    loaded: LoadedImage
+    begins: tuple[int, int] = (0, 0)
+    scene: Scene | None = None
+    rung: str | None = None
+    tolerance: Tolerance | None = None
+
+
+def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any) -> Diff:
+    """Compare the image `a` with the reference `b`: verdict, cause, metrics, and pictures in a notebook.
+
+    Each of the two is an array (H, W, 3) of linear radiance, row 0 on top (NumPy, torch, Dr.Jit, Mitsuba's TensorXf and
+    Bitmap); an Image; a path to an EXR, PFM, HDR, PNG or JPEG, to a folder or a pattern of renders; a list or an array
+    (k, H, W, 3) of at least 4 independent renders; a function `render(seed)`, called 8 times; or a `reference`.
+
+    `settings` or `options`: fields of DiffSettings, as `tolerance=1e-4`, `variances=(v, None)`, `flip=True`. Where the
+    scene is known, from a reference or by `scene=` and `rung=`, a failure names its cause among all faults of the
+    catalogue. Raises InputError for what is no image. Images of different sizes, NaN and infinity fail.
+
+    >>> import numpy as np
+    >>> grey = np.full((8, 8, 3), 0.5)
+    >>> compare(grey, grey)
+    <raytwin.compare PASS image against reference: the images agree: 99.9 % of the values to 0 (allowed 5e-06), all to
+    0>
+    >>> compare(1.1 * grey, grey).verdict
+    'fail'
     """
     chosen = replace(settings or DiffSettings(), **options)
-    part, layer, limits = chosen.part, chosen.layer, chosen.limits
-    a, b = Path(a), Path(b)
-    start = time.perf_counter()
-    sides = [
-        read_side(path, part, layer, v, n) for path, v, n in zip((a, b), chosen.variances, chosen.samples, strict=True)
-    ]
-    begins = tuple(files.read_origin(renders_at(path)[0], part) for path in (a, b))
-    test, reference = sides[1].fitted(sides[0].image), sides[0].fitted(sides[1].image)
+    limits, start = chosen.limits, time.perf_counter()
+    test_side, reference_side = (
+        _side(thing, name, chosen, i) for i, (thing, name) in enumerate(((a, "image"), (b, "reference")))
+    )
+    made_of = test_side.loaded, reference_side.loaded
+    test, reference = made_of[1].fitted(made_of[0].image), made_of[0].fitted(made_of[1].image)
     read = time.perf_counter() - start
     held = Tolerance(p999_abs=chosen.tolerance)
-    made = compare(
+    if reference_side.tolerance is not None and chosen.tolerance == DiffSettings.tolerance:
+        held = reference_side.tolerance
+    made = compare_images(
         test,
         reference,
         tolerance=held,
         false_alarm_rate=chosen.false_alarm_rate,
         flip=chosen.flip,
-        noise="both" if sides[0].measured else chosen.noise,
+        noise="both" if made_of[0].measured else chosen.noise,
         detectable_bias=chosen.detectable_bias,
-        half_steps=(sides[0].rounding.half, sides[1].rounding.half),
+        half_steps=(made_of[0].rounding.half, made_of[1].rounding.half),
     )
     start = time.perf_counter()
     if made.verdict == "fail" and limits is None:
-        scene, rung = _scene_of(b, part)
-        made = made.because(*explain(test, reference, scene, rung, rounding=sides[0].rounding))
-    made = _decided(made, test, reference, limits, begins)
+        scene, rung = _known_scene(chosen, reference_side, test)
+        made = made.because(*explain(test, reference, scene, rung, rounding=made_of[0].rounding))
+    made = _decided(made, test, reference, limits, (test_side.begins, reference_side.begins))
     warned = limit_findings(test, reference, chosen.warn)[0] if chosen.warn is not None and made.passed else []
     metrics = msgspec.structs.asdict(made.radiance)
     metrics |= measure(
         test.mean, reference.mean, [n for n in METRICS if n not in metrics and (chosen.flip or n not in SLOW)]
     )
     seconds = {"read": read, "compare": made.seconds + time.perf_counter() - start}
-    of_files = {"A": str(a), "B": str(b), "part": part, "layer": layer}
-    decided = _limits_in_words(limits) if limits else {"tolerance": f"{chosen.tolerance:g}"}
+    of_files = {"A": _named(a), "B": _named(b), "part": chosen.part, "layer": chosen.layer}
+    decided = _limits_in_words(limits) if limits else {"tolerance": f"{held.p999_abs:g}"}
     if limits is None and (test.variance is not None or reference.variance is not None):
         decided["false-alarm rate"] = f"{chosen.false_alarm_rate:g}"
+    notes = [
+        note
+        for thing, side in ((a, test_side), (b, reference_side))
+        if not _is_path(thing)
+        for note in side.loaded.notes
+    ]
     return Diff(
-        a=a,
-        b=b,
+        a=test_side.name,
+        b=reference_side.name,
         test=test,
         reference=reference,
-        report=Report(f"{a.name} against {b.name}", "", made, seconds),
+        report=Report(f"{test_side.name} against {reference_side.name}", "", made, seconds).saying(*notes),
         metrics={name: metrics.get(name) for name in METRICS},
         tolerance=held,
         limits=limits,
@@ -108,14 +163,46 @@ def diff(a: str | Path, b: str | Path, settings: DiffSettings | None = None, **o
     )
 
 
-def _scene_of(path: Path, part: str | None) -> tuple[Scene | None, str]:
+def _side(thing: Any, name: str, chosen: DiffSettings, i: int) -> Side:
+    """Read the first (i = 0) or second (1) of the two images; `name`: what it is called where it has no name."""
+    if isinstance(thing, Reference):
+        title = f"{thing.path.parent.name}/{thing.path.stem}"
+        return Side(title, LoadedImage(thing.image), scene=thing.scene, rung=thing.path.stem, tolerance=thing.tolerance)
+    if not _is_path(thing):
+        own = getattr(thing, "__name__", name)
+        return Side(own, as_image(thing, chosen.variances[i], chosen.renders))
+    path = Path(thing)
+    loaded = read_side(path, chosen.part, chosen.layer, chosen.variances[i], chosen.samples[i])
+    begins = files.read_origin(renders_at(path)[0], chosen.part)
+    return Side(path.name, loaded, begins, *(_scene_of(path, chosen.part) if i else ()))
+
+
+def _is_path(thing: Any) -> bool:
+    return isinstance(thing, str | os.PathLike)
+
+
+def _named(thing: Any) -> str | None:
+    """Return the path, as the page's settings have it; None for what is no file."""
+    return str(thing) if _is_path(thing) else str(thing.path) if isinstance(thing, Reference) else None
+
+
+def _known_scene(chosen: DiffSettings, reference: Side, test: Image) -> tuple[Scene | None, str]:
+    """Return the scene and rung that were named, at the image's size, else the reference's own."""
+    rung = chosen.rung or reference.rung or "shadow"
+    if chosen.scene is None:
+        return reference.scene, rung
+    height, width = test.shape[:2]
+    return files.read_scene(chosen.scene).scene.with_(size=(width, height)), rung
+
+
+def _scene_of(path: Path, part: str | None) -> tuple[Scene | None, str | None]:
     """The scene and the rung of a reference that `reference make` has written; None of any other file."""
     if part is not None or path.suffix != ".exr" or not path.is_file():
-        return None, "shadow"
+        return None, None
     try:
         return references.load(path).scene, path.stem
     except InputError:
-        return None, "shadow"
+        return None, None
 
 
 def pairs(a: Path, b: Path) -> list[tuple[str, Path | None, Path | None]]:

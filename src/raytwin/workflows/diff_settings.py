@@ -1,24 +1,28 @@
-"""The settings of `diff_files`: keyword arguments in Python, options on the command line (`cli.options.OPTIONS`)."""
+"""The settings of `raytwin.compare`: keyword arguments in Python, options on the command line
+(`cli.options.OPTIONS`)."""
 
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
+from raytwin.rungs import RUNGS
 
 if TYPE_CHECKING:
     from raytwin.compare import Limits
+    from raytwin.scene import Scene, SceneFile
 
 
 @dataclass(frozen=True)
 class DiffSettings:
-    """How `diff_files` reads two images and decides; checked when it is made.
+    """How `raytwin.compare` reads two images and decides; checked when it is made.
 
     Without `limits`, `compare` decides: values without noise by `tolerance`, the others at `false_alarm_rate`. With
     them, they alone do (and NaN, infinity or another size fail); `warn` are limits that never fail. `part` and `layer`
-    choose within EXRs. `variances` and `samples` of the two images are used where the files lack them; `noise` and
-    `detectable_bias` as in `compare`.
+    choose within EXRs. `variances` (arrays or files) and `samples` of the two images are used where they lack them;
+    `noise` and `detectable_bias` as in `compare_images`. `scene` (one made in Python, a file or a name) and `rung` say
+    what is shown, so that a failure names its cause; `renders`: how often a function is called.
     """
 
     part: str | None = None
@@ -30,9 +34,14 @@ class DiffSettings:
     flip: bool = False
     limits: "Limits | None" = None
     warn: "Limits | None" = None
-    variances: tuple[Path | None, Path | None] = (None, None)
+    variances: tuple[Any, Any] = (None, None)
     samples: tuple[int, int] = (0, 0)
+    scene: "Scene | SceneFile | str | Path | None" = None
+    rung: str | None = None
+    renders: int = 8
 
     def __post_init__(self) -> None:
         if not 0 < self.tolerance < math.inf:
             raise InputError("tolerance", "a finite number > 0", self.tolerance)
+        if self.rung is not None:
+            check_one_of("rung", self.rung, RUNGS)

@@ -18,42 +18,33 @@ from raytwin.calib.find_camera import find_camera
 from raytwin.errors import InputError, check_one_of
 from raytwin.progress import Progress, silent
 from raytwin.renderers.subject_renderers import fast_engine
-from raytwin.scene import Scene
+from raytwin.scene import Scene, SceneFile
 
-__all__ = ["Needs", "NotNeeded", "Row", "Whole", "check_asked", "find_needs", "needs_of", "scene_of"]
+__all__ = ["Needs", "NotNeeded", "Row", "Whole", "check_asked", "needs", "scene_of"]
 
 ERRORS = "rmse", "relmse", "mae", "max_abs", "p999_abs", "p999_rel"
 """The metrics that are 0 for equal images."""
 
 
-def needs_of(
-    path: str | Path,
+def needs(
+    scene: str | Path | Scene | SceneFile,
     tolerance: float,
     metric: str = "rmse",
     *,
     photo: str | None = None,
     size: tuple[int, int] | None = None,
+    engine: str | None = None,
     progress: Progress = silent,
 ) -> Needs:
-    """Return what the scene at `path` needs; see `find_needs`."""
-    check_asked(tolerance, metric)
-    return find_needs(scene_of(path, photo, size, progress), tolerance, metric, progress)
+    """Find the cheapest way to the scene's image whose error meets `tolerance`, and what the scene does not need.
 
-
-def scene_of(path: str | Path, photo: str | None, size: tuple[int, int] | None, progress: Progress = silent) -> Scene:
-    """Return the scene at `path` with its camera, of `size` where one is given."""
-    scene = find_camera(files.read_scene(path), photo, progress)[0]
-    return scene.with_camera(scene.camera.resized(*size)) if size else scene
-
-
-def find_needs(
-    scene: Scene, tolerance: float, metric: str = "rmse", progress: Progress = silent, engine: str | None = None
-) -> Needs:
-    """The cheapest way to the image whose error against the whole light meets `tolerance`, and what is not needed.
-
-    `engine`: for the random walks, by default the fastest here. Raises InputError for a tolerance that is none.
+    The error is in `metric` (rmse, relmse, mae, max_abs, p999_abs or p999_rel), against all light over the pixels'
+    area. `photo`: whose camera pose is used. `size`: (width, height) in pixels. `engine`: for the random walks, by
+    default the fastest here. `table()` of what is returned has a row per way. Raises InputError for a tolerance that is
+    none.
     """
     check_asked(tolerance, metric)
+    scene = scene_of(scene, photo, size, progress)
     began = time.perf_counter()
     search = Choice(scene, tolerance, metric, engine or fast_engine(twin.activate().variant))
     progress("truth", 0, 1)
@@ -77,3 +68,11 @@ def check_asked(tolerance: float, metric: str) -> None:
     check_one_of("--metric", metric, ERRORS)
     if not (math.isfinite(tolerance) and tolerance > 0):
         raise InputError("--tolerance", "a finite number > 0", tolerance)
+
+
+def scene_of(
+    path: str | Path | Scene | SceneFile, photo: str | None, size: tuple[int, int] | None, progress: Progress = silent
+) -> Scene:
+    """Return the scene at `path` with its camera found, of `size` where one is given."""
+    scene = find_camera(files.read_scene(path), photo, progress)[0]
+    return scene.with_(size=size) if size else scene

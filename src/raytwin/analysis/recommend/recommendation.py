@@ -1,5 +1,8 @@
 """What `raytwin needs` answers."""
 
+from typing import Any
+
+from raytwin.notebook import InNotebook
 from raytwin.scene.record_base import Record
 
 
@@ -44,7 +47,7 @@ class Whole(Record, frozen=True):
     beyond: float | None
 
 
-class Needs(Record, frozen=True):
+class Needs(Record, InNotebook, frozen=True):
     """The answer; `choice` is null where none meets the tolerance or it cannot be told, and `reason` says which."""
 
     scene: str
@@ -56,3 +59,10 @@ class Needs(Record, frozen=True):
     truth: Whole
     reason: str
     seconds: float
+
+    def table(self) -> list[dict[str, Any]]:
+        """Return a row per way to the image, the chosen one first: what `pandas.DataFrame` takes."""
+        ways = [("cheapest", self.choice)] if self.choice else []
+        return [
+            {"answer": answer} | row.to_dict() for answer, row in (*ways, *(("rejected", r) for r in self.rejected))
+        ]

@@ -56,7 +56,8 @@ def augment(
 
     Pixels on the edge of an object or a shadow are the mean of `subsamples`² rays; all others take one. `exposure` is
     the photo's linear value of radiance 1. Objects that the photo already shows (`in_photo`) only catch shadows.
-    `space` (3, 3): the photo's linear RGB to Rec. 709, see `colour`.
+    `space` (3, 3): the photo's linear RGB to Rec. 709, see `colour`. `engine`: a row of ENGINES, as for
+    `compare_scene`. Raises InputError for a photo of another size than the camera's.
     """
     camera = scene.camera
     h, w = photo.shape[:2]

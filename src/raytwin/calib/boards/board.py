@@ -115,7 +115,10 @@ class Board(Record, frozen=True):
 
 
 def read_board(path: str | os.PathLike) -> Board:
-    """Read a board's TOML: `family`, `tag_edge`, and either `[grid]` or `[[tags]]`; see Board and Grid."""
+    """Read a board's TOML file `path`: `family`, `tag_edge`, and either `[grid]` or `[[tags]]`, in metres.
+
+    See Board and Grid. Raises InputError that names the field that is wrong.
+    """
     board = files.to_record(path, files.read_toml(path), Board)
     check_board(board, path)
     return board

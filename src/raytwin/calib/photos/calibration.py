@@ -15,7 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from raytwin import files
-from raytwin.calib.boards import Board
+from raytwin.calib.boards import Board, read_board
 from raytwin.calib.boards.board import spans_a_plane
 from raytwin.calib.photos import lens_model, pose
 from raytwin.calib.photos.bias import center_bias, unbiased
@@ -50,8 +50,8 @@ than any lens bends a board."""
 
 
 def calibrate(
-    photos: Sequence[str | os.PathLike],
-    board: Board | Sequence[Board],
+    photos: str | os.PathLike | Sequence[str | os.PathLike],
+    board: str | os.PathLike | Board | Sequence[str | os.PathLike | Board],
     model: str = "auto",
     progress: Progress = silent,
     find: Find = detect,
@@ -60,11 +60,15 @@ def calibrate(
 ) -> Calibration:
     """Return the camera that took `photos` of one or several boards, with standard deviations and warnings.
 
-    The photos have one size. Further arguments are those of `detect_photos`.
+    `photos` are files or folders, `board` a Board, its TOML file, or several. `model`: auto, none, k1, k1k2, k1k2p1p2,
+    k1k2k3 or full5. The photos have one size. `K` and distortion are in OpenCV's pixels, poses in metres. `progress`,
+    `find`, `threads` and `read` are those of `detect_photos`.
     Photos without tags, and those of another size, are left out with a warning as long as three others remain. Raises
     InputError if the photos do not determine a camera.
     """
-    paths = list(dict.fromkeys(map(Path, photos)))
+    named = [photos] if isinstance(photos, str | os.PathLike) else photos
+    listed = [files.list_photos(path) if path.is_dir() else [path] for path in map(Path, named)]
+    paths = list(dict.fromkeys(path for some in listed for path in some))
     boards = _boards(board)
     where = str(paths[0].parent) if paths else "photos"
     _check_model(model)
@@ -300,9 +304,10 @@ def _found_boards(result: Fit, known: Spread) -> tuple[FoundBoard, ...]:
     return tuple(boards)
 
 
-def _boards(board: Board | Sequence[Board]) -> tuple[Board, ...]:
+def _boards(board: str | os.PathLike | Board | Sequence[str | os.PathLike | Board]) -> tuple[Board, ...]:
     """As a tuple; InputError where two share a tag, which could be either's."""
-    boards = (board,) if isinstance(board, Board) else tuple(board)
+    named = (board,) if isinstance(board, str | os.PathLike | Board) else board
+    boards = tuple(b if isinstance(b, Board) else read_board(b) for b in named)
     if not boards:
         raise InputError("board", "at least one", "none")
     for i, b in enumerate(boards):

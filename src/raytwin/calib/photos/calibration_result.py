@@ -9,6 +9,7 @@ from raytwin.calib.boards import Board, Heights
 from raytwin.calib.photos.detection import Tag
 from raytwin.calib.photos.model import ModelTrial, Told, compared
 from raytwin.errors import InputError
+from raytwin.notebook import InNotebook
 from raytwin.scene import Matrix, Record, Vector
 
 
@@ -68,7 +69,7 @@ class Evidence(Record, frozen=True):
     found: dict[str, dict[str, tuple[Tag, ...]]]
 
 
-class Calibration(Record, frozen=True):
+class Calibration(Record, InNotebook, frozen=True):
     """The camera and how well it is known; its fields, `evidence` aside, are the keys of the JSON.
 
     `K` in pixels (OpenCV's: (0, 0) is a pixel's centre); `dist` is a prefix of k1, k2, p1, p2, k3; `sigma` holds one
@@ -94,6 +95,19 @@ class Calibration(Record, frozen=True):
     def numbers(self) -> dict[str, Any]:
         """What the JSON holds."""
         return {k: v for k, v in msgspec.structs.asdict(self).items() if k != "evidence"}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what the JSON holds as plain values."""
+        plain: dict[str, Any] = msgspec.to_builtins(self.numbers())
+        return plain
+
+    def table(self) -> list[dict[str, Any]]:
+        """Return a row per board and photo: what `pandas.DataFrame` takes."""
+        return [view.to_dict() for view in self.views]
+
+    def __repr__(self) -> str:
+        found = f"fx {self.K[0][0]:.6g}, fy {self.K[1][1]:.6g}, rms {self.rms_px:.3f} px"
+        return f"<raytwin.calibrate {len(self.photos)} photos, model {self.model}, {found}>"
 
     @property
     def basis(self) -> Evidence:

@@ -1,0 +1,189 @@
+"""What a notebook shows of an image, a comparison or a table of results; and the viewer, where anywidget is.
+
+Pictures are PNGs in the HTML, so that they stay when a notebook is saved. They are at most WIDE pixels across.
+"""
+
+import base64
+import io
+from collections.abc import Callable, Iterable, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from raytwin import files, viewer
+from raytwin.compare import Comparison, error_map
+from raytwin.image import Image
+from raytwin.report import numbers
+from raytwin.report.data_urls import exposed, exposure, png_url, stops
+from raytwin.report.view import PairView, showable, view_of, view_of_diff
+from raytwin.viewer.packing import binned
+from raytwin.viewer.widget import has_widgets, pane, widget
+
+WIDE = 480
+"""Most pixels across a picture in the HTML: a saved notebook stays small."""
+COLOURS = {"pass": "#1a7f37", "differs": "#1a7f37", "fail": "#cf222e", "undecided": "#9a6700"}
+"""Verdict -> the colour of its word; readable on white and on black."""
+
+
+def html_of(thing: Any) -> str:
+    """Return what stays in a saved notebook: pictures as PNG, tables as HTML."""
+    return HTML[type(thing).__name__](thing)
+
+
+def widget_of(thing: Any) -> dict[str, Any]:
+    """Return the viewer as a notebook's widget; nothing where it cannot be, or `thing` has no pictures."""
+    made = VIEWED.get(type(thing).__name__)
+    if made is None or not has_widgets() or (shown := made(thing)) is None:
+        return {}
+    bundle = widget(*shown)._repr_mimebundle_()
+    first = bundle[0] if isinstance(bundle, tuple) else bundle
+    return {kind: value for kind, value in first.items() if kind.endswith("widget-view+json")}
+
+
+def png_of(image: Image) -> bytes:
+    """Return the picture as PNG, exposed as its 99.5 % quantile asks."""
+    from PIL import Image as Pillow
+
+    buffer = io.BytesIO()
+    Pillow.fromarray(np.ascontiguousarray(_exposed(image))).save(buffer, "png")
+    return buffer.getvalue()
+
+
+# ------------------------------------------------------------------------------------------ pictures
+
+
+def _image(image: Image) -> str:
+    caption = repr(image).strip("<>").removeprefix("raytwin.")
+    if not showable(image):
+        return f"<p>{escape(caption)}</p>"
+    return _figure("data:image/png;base64," + base64.b64encode(png_of(image)).decode(), caption)
+
+
+def _exposed(image: Image, gain: float | None = None) -> np.ndarray:
+    small = binned(image, -(-image.shape[1] // WIDE)) if image.shape[1] > WIDE else image
+    return exposed(small, exposure(image) if gain is None else gain)
+
+
+def _figure(url: str, caption: str) -> str:
+    picture = f'<img src="{url}" alt="{escape(caption)}" style="width:100%;image-rendering:pixelated">'
+    whole = f"margin:0 8px 8px 0;min-width:120px;max-width:{WIDE}px;flex:1 1 0"
+    return f'<figure style="{whole}">{picture}<figcaption>{escape(caption)}</figcaption></figure>'
+
+
+def _pair(view: PairView) -> str:
+    """Return the verdict, both pictures, their difference and the numbers."""
+    parts = [_head(view)]
+    if view.alike:
+        gain, n = exposure(view.reference), -(-view.test.shape[1] // WIDE)
+        a, b = (binned(i, n) if n > 1 else i for i in (view.test, view.reference))
+        pictures = [(_exposed(a, gain), view.names.test_title), (_exposed(b, gain), view.names.reference_title)]
+        pictures.append((files.to_bytes(error_map(a, b)), "Difference: red is too bright, blue too dark"))
+        figures = "".join(_figure(png_url(pixels), title) for pixels, title in pictures)
+        parts.append(f'<div style="display:flex;flex-wrap:wrap">{figures}</div>')
+    if view.comparison is not None:
+        parts.append(_numbers(view.comparison))
+    return "".join(parts)
+
+
+def _head(view: PairView) -> str:
+    return "" if view.comparison is None else _verdict(view.comparison, " ".join((view.title, *view.about)))
+
+
+def _verdict(c: Comparison, about: str = "") -> str:
+    """Return the verdict with its cause in one line, and the reasons below it."""
+    word = f'<b style="color:{COLOURS[c.verdict]}">{c.verdict.upper()}</b>'
+    cause = f": <b>{escape(c.cause)}</b>" if c.cause else ""
+    reasons = "".join(f"<li>{escape(reason)}</li>" for reason in c.reasons)
+    return f"<p>{word} {escape(about)}{cause}</p><ul>{reasons}</ul>"
+
+
+def _numbers(c: Comparison) -> str:
+    rows = [row for _, group in numbers.rows(c, None, False) for row in group]
+    return _table([{"number": r.number.name, "value": numbers.shown(r.value), "unit": r.number.unit} for r in rows])
+
+
+# ------------------------------------------------------------------------------------------ tables
+
+
+def _table(rows: Iterable[dict[str, Any]], columns: Sequence[str] = ()) -> str:
+    rows = list(rows)
+    names = columns or list(rows[0] if rows else ())
+    head = "".join(f'<th style="text-align:left">{escape(name)}</th>' for name in names)
+    body = "".join("<tr>" + "".join(_cell(row.get(name)) for name in names) + "</tr>" for row in rows)
+    return f"<table><tr>{head}</tr>{body}</table>" if rows else ""
+
+
+def _cell(value: Any) -> str:
+    text = "–" if value is None else numbers.shown(value) if isinstance(value, float) else str(value)
+    return f'<td style="text-align:left">{escape(text)}</td>'
+
+
+def _ladder(found: Any) -> str:
+    from raytwin.report.bench_page import drawn
+    from raytwin.report.ladder_page import error_chart
+
+    return drawn(error_chart(found.rungs)) + _table(
+        found.table(), ("rung", "side", "method", "seconds", "rmse", "noise")
+    )
+
+
+def _bench(found: Any) -> str:
+    from raytwin.report.bench_page import drawn, error_charts
+
+    charts = "".join(drawn(chart) for chart in error_charts(found) if chart.key.endswith("/relmse"))
+    return charts + _table(
+        found.table(), ("method", "rung", "width", "height", "seconds_median", "rmse", "on_frontier")
+    )
+
+
+def _needs(found: Any) -> str:
+    from raytwin.report.recommend_page import needs_summary
+
+    return f"<pre>{escape(needs_summary(found))}</pre>" + _table(
+        found.table(), ("answer", "method", "error", "seconds")
+    )
+
+
+def _calibration(found: Any) -> str:
+    from raytwin.report.terminal_text import calibration_summary
+
+    return f"<pre>{escape(calibration_summary(found))}</pre>"
+
+
+HTML: dict[str, Callable[[Any], str]] = {
+    "Image": _image,
+    "Comparison": lambda c: _verdict(c) + _numbers(c),
+    "Diff": lambda found: _pair(view_of_diff(found)),
+    "Result": lambda found: _pair(view_of(found)),
+    "Ladder": _ladder,
+    "Bench": _bench,
+    "Needs": _needs,
+    "Calibration": _calibration,
+}
+"""Name of a class -> what a notebook shows of it. One more kind is one more row, and InNotebook among its bases."""
+
+
+# ------------------------------------------------------------------------------------------ the viewer
+
+
+def _viewed_image(image: Image) -> tuple[dict[str, Any], str] | None:
+    if not showable(image):
+        return None
+    packed = viewer.pack(image, image, surfaces=False)
+    about = {"names": {"test": "image"}, "panes": [pane("test", "Image", "image")], "exposure": stops(image)}
+    return packed.for_page() | about, ""
+
+
+def _viewed_pair(view: PairView) -> tuple[dict[str, Any], str] | None:
+    from raytwin.report.compare_page import side_by_side
+
+    return (side_by_side(view)["data"] | {"address": False}, _head(view)) if view.alike else None
+
+
+VIEWED: dict[str, Callable[[Any], tuple[dict[str, Any], str] | None]] = {
+    "Image": _viewed_image,
+    "Diff": lambda found: _viewed_pair(view_of_diff(found)),
+    "Result": lambda found: _viewed_pair(view_of(found)),
+}
+"""Name of a class -> the viewer's data and the HTML above it, for what has pictures."""

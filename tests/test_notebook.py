@@ -1,0 +1,222 @@
+"""raytwin from Python: everything that can be an image, records that change, and what a notebook shows."""
+
+import ast
+import base64
+import inspect
+import io
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import raytwin
+from raytwin import files, twin
+from raytwin.errors import InputError
+from raytwin.viewer import widget
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "tutorials" / "notebook.md"
+CELLS = re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+LONGER = {"3. Sweep and plot", "7. Several subjects on one chart"}
+"""Snippets of more than three lines: a sweep has a loop, and a function of one's own takes two lines."""
+
+
+@pytest.fixture(scope="module")
+def known():
+    return raytwin.reference("overlap", "shadow")
+
+
+@pytest.fixture(scope="module")
+def right(known):
+    return raytwin.trace(known.scene).mean
+
+
+def noisy(right: np.ndarray, seed: int) -> np.ndarray:
+    return right + np.random.default_rng(seed).normal(0, 0.02, right.shape).astype(np.float32)
+
+
+# Names of what can be compared -> from a right array (H, W, 3); each passes, and 1.2 times it fails.
+KINDS = {
+    "array": lambda x, folder: x,
+    "Image": lambda x, folder: raytwin.Image.from_array(x),
+    "list of renders": lambda x, folder: [noisy(x, i) for i in range(4)],
+    "array of renders": lambda x, folder: np.array([noisy(x, i) for i in range(4)]),
+    "function of a seed": lambda x, folder: lambda seed: noisy(x, seed),
+    "path": lambda x, folder: written(folder / "a.exr", x),
+    "Bitmap": lambda x, folder: mitsuba().Bitmap(x),
+    "sRGB Bitmap": lambda x, folder: mitsuba().Bitmap(x).convert(srgb_gamma=True),
+    "TensorXf": lambda x, folder: mitsuba().TensorXf(x),
+}
+
+
+def written(path: Path, x: np.ndarray) -> str:
+    raytwin.write_image(path, raytwin.Image(x))
+    return str(path)
+
+
+def mitsuba():
+    twin.activate()
+    import mitsuba as mi
+
+    return mi
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_compare_takes_whatever_an_image_can_be(kind, known, right, tmp_path):
+    assert raytwin.compare(KINDS[kind](right, tmp_path), known).verdict == "pass"
+    wrong = raytwin.compare(KINDS[kind](1.2 * right, tmp_path), known, tolerance=1e-4)
+    assert wrong.verdict == "fail"
+    if kind == "array":  # the reference tells the scene, so the cause is named
+        assert "1.2 times too bright" in wrong.cause
+        assert wrong.cause in repr(wrong)
+        assert raytwin.compare(1.2 * right, right, scene="overlap").cause == wrong.cause
+
+
+@pytest.mark.foreign
+def test_what_is_no_image_is_refused_and_bytes_are_called_no_radiance(right):
+    with pytest.raises(InputError, match="image"):
+        raytwin.compare("nowhere.exr", right)
+    with pytest.raises(InputError, match="rung"):
+        raytwin.compare(right * 2, right, scene="overlap", rung="shadows")
+    ones = raytwin.compare(np.ones(right.shape, np.uint8), right)
+    assert (ones.verdict, ones.cause) == ("fail", "")
+    assert "uint8" in ones.reasons[0]
+
+
+def test_an_image_is_an_array_and_comes_from_one(right):
+    image = raytwin.Image.from_array(right.tolist(), variance=right * 0 + 4e-4, samples=16)
+    assert np.array_equal(np.asarray(image), right)
+    assert np.asarray(image, np.float64).dtype == np.float64
+    assert repr(image) == f"<raytwin.Image 336 x 252, 16 samples, mean {right.mean():.4g}, noise 0.02>"
+
+
+def test_a_notebook_keeps_pictures_and_shows_the_viewer_where_it_can(known, right, monkeypatch):
+    from PIL import Image as Pillow
+
+    image = raytwin.Image(right)
+    assert Pillow.open(io.BytesIO(image._repr_png_())).size == (336, 252)
+    found = raytwin.compare(right * np.float32(0.5), known)
+    html = found._repr_html_()
+    pictures = [Pillow.open(io.BytesIO(base64.b64decode(p))) for p in re.findall(r"base64,([^\"]+)", html)]
+    assert [p.size for p in pictures] == [(336, 252)] * 3
+    brightness = [np.asarray(p.convert("RGB"), float).mean() for p in pictures[:2]]
+    assert brightness[0] < 0.85 * brightness[1]  # one exposure for both
+    assert "FAIL" in html
+    assert found.cause in html
+    wide = raytwin.Image(np.ones((30, 2000, 3), np.float32))
+    assert Pillow.open(io.BytesIO(wide._repr_png_())).size == (400, 6)
+    assert found._repr_mimebundle_() == {}  # no notebook
+    monkeypatch.setattr(widget, "in_notebook", lambda: True)
+    pytest.importorskip("anywidget")
+    assert list(found._repr_mimebundle_()) == list(image._repr_mimebundle_())
+    assert list(image._repr_mimebundle_()) == ["application/vnd.jupyter.widget-view+json"]
+
+
+def test_names_in_a_notebook_are_text(right):
+    def render(seed):
+        return right
+
+    render.__name__ = "<script>alert(1)</script>"
+    assert "&lt;script&gt;" in (html := raytwin.compare(render, right)._repr_html_())
+    assert "<script" not in html
+
+
+@pytest.mark.parametrize("name", ["single", "overlap", "distorted", "gloss", "studio"])
+def test_a_scene_made_in_python_is_the_one_that_was_read(name):
+    written = raytwin.read_scene(name)
+    again = raytwin.read_scene(written.scene)
+    assert again.scene == written.scene
+
+
+def test_a_scene_changes_by_with():
+    scene = raytwin.read_scene("overlap").scene
+    ball = scene.spheres[0]
+    changed = scene.with_(spheres=[ball.with_(radius=0.5 * ball.radius)], sun=None, size=(40, 30))
+    assert (len(changed.spheres), changed.planes) == (1, scene.planes)
+    assert changed.spheres[0].radius == 0.5 * ball.radius
+    assert changed.sun.irradiance == (0, 0, 0)
+    assert changed.sky == scene.sky
+    assert changed.camera.image_size == (40, 30)
+    assert raytwin.trace(changed, "shadow").shape == (30, 40, 3)
+    assert ball.with_(center=np.array([1, 2, 3])).center == (1, 2, 3)
+    for record, wrong, said in (
+        (ball, {"radius": -1}, "Sphere.radius: expected a number > 0.0, got -1"),
+        (ball, {"radus": 1}, "did you mean radius"),
+        (scene, {"sun": 3}, "Scene.lights"),
+        (scene, {"size": (0, 4)}, "Camera.image_size: expected a whole number >= 1"),
+    ):
+        with pytest.raises(InputError, match=said):
+            record.with_(**wrong)
+
+
+def test_records_are_plain_data_and_tables_lists_of_dicts(known, right):
+    found = raytwin.compare(right, known)
+    for record in (known.scene, known.scene.camera, found.comparison):
+        assert json.loads(json.dumps(record.to_dict())) == json.loads(files.json_text(record))
+    rows = raytwin.scenes()
+    assert {"name", "shows", "folder"} == rows[0].keys()
+    assert {"single", "overlap"} <= {row["name"] for row in rows}
+    drawn = raytwin.chart([{"a": 1, "b": 2}, {"a": 3, "b": None}, {"a": 10, "b": 20}], "a", "b")
+    assert drawn.svg.count("<circle") >= 2
+    with pytest.raises(InputError, match="positive numbers"):
+        raytwin.chart([{"a": 0, "b": 1}], "a", "b")
+
+
+def test_a_function_of_a_seed_is_a_subject_with_noise(right):
+    def render(scene, seed):
+        assert scene.name == "overlap"
+        exact = raytwin.trace(scene, "shadow").mean
+        return noisy(exact, 5 + seed)
+
+    own = raytwin.method(render, records=True, renders=8)
+    small = raytwin.read_scene("overlap").scene.with_(size=(80, 60))
+    assert own(small).variance is not None
+    assert raytwin.compare_scene(small, subject=own).verdict == "pass"
+    with pytest.raises(InputError, match="a function"):
+        raytwin.method(3)
+
+
+def test_every_exported_function_documents_each_parameter_and_its_errors():
+    for name in raytwin.__all__:
+        thing = raytwin._found(name)
+        text = inspect.getdoc(thing) or ""
+        assert len(text) > 25, name
+        if inspect.isfunction(thing):
+            missing = [p for p in inspect.signature(thing).parameters if not re.search(rf"\b{p}\b", text)]
+            assert set(missing) <= {"progress"}, name
+            assert re.search("InputError|StageFailed", text) or name == "scenes", name
+    for package in ("compare", "bench"):
+        assert callable(getattr(raytwin, package))
+        assert inspect.signature(getattr(raytwin, package)) == inspect.signature(raytwin._found(package))
+
+
+def test_no_snippet_of_the_tutorial_is_long():
+    text = PAGE.read_text(encoding="utf-8")
+    for title, code in re.findall(r"^## (\d.*?)$.*?^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE):
+        lines = [line for line in code.splitlines() if line.strip()]
+        assert (len(lines) > 3) == (title in LONGER), title
+
+
+def test_the_ten_snippets_run_as_a_notebook(tmp_path, monkeypatch):
+    nbformat, nbclient = (pytest.importorskip(name) for name in ("nbformat", "nbclient"))
+    pytest.importorskip("anywidget")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "src"))
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code) for code in CELLS])
+    nbclient.NotebookClient(
+        book, timeout=300, kernel_name="python3", resources={"metadata": {"path": tmp_path}}
+    ).execute()
+    shown = [[o.get("data", {}) for o in cell.outputs if o.output_type == "execute_result"] for cell in book.cells]
+    ends_in_value = [isinstance(ast.parse(code).body[-1], ast.Expr) for code in CELLS]
+    assert [bool(data) for data in shown] == ends_in_value
+    kinds = [set(data[0]) - {"text/plain"} if data else set() for data in shown]
+    view, html, svg = "application/vnd.jupyter.widget-view+json", "text/html", "image/svg+xml"
+    assert kinds[1] == kinds[5] == kinds[9] == kinds[10] == {view, html}  # compare, subject, Bitmap, eight renders
+    assert kinds[2] == {view, html, "image/png"}
+    assert kinds[3] == kinds[7] == {svg}
+    assert kinds[6] == kinds[8] == {html}  # a bench and a ladder: chart and table
+    said = [data[0]["text/plain"] for data in shown if data]
+    assert "too dark by a factor of 1.111" in said[0]
+    assert "PASS" in said[-1]
+    assert "PASS" in said[-2]
