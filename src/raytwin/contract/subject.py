@@ -20,8 +20,10 @@ from raytwin.scene import Scene
 
 
 def find_subject(what: str | Renderer | Callable[..., Any], rung: str, sampling: str = "center") -> Renderer:
-    """Return the renderer that `what` names: a name of RENDERERS; FILE.py, FILE.ipynb, either with :FUNCTION; an image or
-    a folder of images; a command. A Renderer stands for itself, a function for its `method` at `rung` and `sampling`.
+    """Return the renderer that `what` names.
+
+    A name of RENDERERS; FILE.py, FILE.ipynb, either with :FUNCTION; an image or a folder of images; a command. A
+    Renderer stands for itself, a function for its `method` at `rung` and `sampling`.
     """
     if isinstance(what, Renderer):
         return what
@@ -29,14 +31,14 @@ def find_subject(what: str | Renderer | Callable[..., Any], rung: str, sampling:
         return method(what, rung=rung, sampling=sampling, renders=RENDERS)
     text = what
     if text in RENDERERS:
-        method = RENDERERS[text]
-        return replace(method, surface=True) if isinstance(method, Traced) else method
+        known = RENDERERS[text]
+        return replace(known, surface=True) if isinstance(known, Traced) else known
     path = text.rpartition(":")[0] or text
     python = path.endswith((".py", ".ipynb"))
     if "{out}" not in text and not Path(path if python else text).exists():
         images = "an image, a folder of images, or a command with {scene} and {out}"
-        known = f"a method's name (`raytwin bench list`), FILE.py:FUNCTION, {images}"
-        raise InputError("--subject", known, text + ", but no such file" * python)
+        expected = f"a method's name (`raytwin bench list`), FILE.py:FUNCTION, {images}"
+        raise InputError("--subject", expected, text + ", but no such file" * python)
     if Path(text).exists() and not Path(text).is_dir():
         files.check_file(text, "an image, a folder of images, or Python")
     submission = load(text)

@@ -45,8 +45,9 @@ class Record(Row, frozen=True, forbid_unknown_fields=True):
             check_one_of(type(self).__name__, name, self.__struct_fields__)
         values = {name: _listed(value) for name, value in changes.items()}
         tag = self.__struct_config__.tag
+        known = {k: v for k, v in msgspec.structs.asdict(self).items() if v is not msgspec.UNSET}
         try:
-            return msgspec.convert(msgspec.structs.asdict(self) | ({"type": tag} if tag else {}) | values, type(self))
+            return msgspec.convert(known | ({"type": tag} if tag else {}) | values, type(self))
         except msgspec.ValidationError as error:
             what, _, path = str(error).partition(" - at `$.")
             field = re.split(r"[.\[`]", path)[0]
