@@ -4,6 +4,7 @@ Shell blocks marked `sh` are run, those marked `bash` are only parsed (a cluster
 `<!-- file: NAME -->` is written to that file first.
 """
 
+import json
 import os
 import re
 import shlex
@@ -106,6 +107,14 @@ def test_no_sentence_that_a_newcomer_reads_is_long(text):
 
 def test_one_block_of_the_readme_is_marked_as_the_test_command():
     assert README.read_text(encoding="utf-8").count("<!-- test command -->\n```sh\n") == 1
+
+
+def test_the_devcontainer_is_set_up_by_the_readmes_commands():
+    """Then it writes the walk's notebook: the last command is parsed as those of every page are."""
+    made = json.loads((ROOT / ".devcontainer" / "devcontainer.json").read_text(encoding="utf-8"))
+    *set_up, walk = made["postCreateCommand"].split(" && ")
+    assert set_up == blocks(README, "sh")[0].splitlines()[:2]
+    assert parse(raytwin_words(walk)) is None
 
 
 @pytest.mark.parametrize("text", TEXTS, ids=lambda p: str(p.relative_to(ROOT)))
