@@ -30,7 +30,7 @@ from raytwin import files
 from raytwin.calib.boards import Board, BoardTag, Grid, read_board
 from raytwin.calib.photos import Calibration, Tag, calibrate_detections, detect_photos
 from raytwin.calib.photos.bias import unbiased
-from raytwin.calib.photos.fit import Form, Seen, fit, solve_scaled
+from raytwin.calib.photos.fit import ModelSpec, Sighting, fit, solve_scaled
 from raytwin.calib.photos.model import degree_of
 from raytwin.calib.synthetic_photos import Truth, photograph
 from raytwin.scene import Camera
@@ -242,9 +242,9 @@ def distances(
 def of_true_sigmas(whole: Calibration, tags: Mapping, board: Board, splits: Sequence, draws: int = 400) -> np.ndarray:
     """(2,): between which the rms z of these splits (each two lists of photos' numbers) lies in 95 of 100 sets, were
     sigma true: g_i ~ N(0, H_i) for each photo, to first order."""
-    views = [Seen(photo, tuple(tags[photo])) for photo in sorted(tags)]
+    views = [Sighting(photo, tuple(tags[photo])) for photo in sorted(tags)]
     degree = degree_of(whole.basis.taken)
-    H = fit(views, whole.image_size, [board], Form(whole.model, degree)).H
+    H = fit(views, whole.image_size, [board], ModelSpec(whole.model, degree)).H
     rng, m = np.random.default_rng(1), H.shape[1]
     scale = 1 / np.sqrt(np.maximum(np.diagonal(H, axis1=1, axis2=2), 1e-300))
     size, axes = np.linalg.eigh(H * scale[:, :, None] * scale[:, None])

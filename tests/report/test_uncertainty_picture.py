@@ -11,7 +11,7 @@ from PIL import Image as Pillow
 from raytwin import files, report
 from raytwin.calib import boards, photos
 from raytwin.calib.photos import ModelTrial, uncertainty_map
-from raytwin.calib.photos.model import compared
+from raytwin.calib.photos.model import trial_rows
 from raytwin.errors import InputError
 from raytwin.report.charts import png_bytes
 from raytwin.report.uncertainty_pictures import uncertainty_drawing, without_tags
@@ -86,7 +86,7 @@ def test_each_model_tried_has_its_reason():
         "k1": ModelTrial(1.005),
         "none": ModelTrial(2.0),
     }
-    told = {t.model: t for t in compared(trials, "k1", 20)}
+    told = {t.model: t for t in trial_rows(trials, "k1", 20)}
     assert list(told) == list(trials)
     assert [t.model for t in told.values() if t.taken] == ["k1"]
     assert told["none"].why == "2 times the best"
@@ -94,7 +94,7 @@ def test_each_model_tried_has_its_reason():
     assert told["k1k2k3"].why == "larger than needed"
     assert told["full5"].why == "larger than needed; the lens folds back inside the frame"
     assert told["full5, bent 2"].why == "the fit does not converge"
-    assert compared({}, "k1", 20) == []
+    assert trial_rows({}, "k1", 20) == []
 
 
 def test_the_summary_marks_the_model_that_was_taken(calibration):

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from raytwin import files
-from raytwin.calib.photos import Calibration, explained
+from raytwin.calib.photos import Calibration, model_table
 from raytwin.report.calibration_pictures import pose_drawing, residual_drawing
 from raytwin.report.charts import svg_text
 from raytwin.report.page import render_page
@@ -45,7 +45,7 @@ def calibration_tables(calibration: Calibration) -> dict[str, Any]:
         "intrinsics": [(n, v, calibration.sigma.get(n), unit) for n, v, unit in found],
         "photos": photos,
         # A calibration that was read back has no evidence any more.
-        "models": explained(calibration),
+        "models": model_table(calibration),
         "largest": max((row.rms_px for row in photos), default=1.0) or 1.0,
     }
 

@@ -45,7 +45,7 @@ def calibration_summary(calibration: "Calibration") -> str:
 
     `pull`: by how many of their standard deviations K's numbers move (rms) without the photo.
     """
-    from raytwin.calib.photos import explained
+    from raytwin.calib.photos import model_table
 
     k, s = calibration.K, calibration.sigma
     found = {"fx": k[0][0], "fy": k[1][1], "cx": k[0][2], "cy": k[1][2]}
@@ -56,7 +56,7 @@ def calibration_summary(calibration: "Calibration") -> str:
     lines.append(f"  rms {calibration.rms_px:.3f} px")
     lines += [
         f"  {'*' if t.taken else ' '} {t.model:<15} held out {t.held_out_px:.3f} px: {t.why}"
-        for t in explained(calibration)
+        for t in model_table(calibration)
     ]
     lines += [
         f"  board {i} bent by {b.bend_mm:.2g} +- {b.bend_sigma_mm:.1g} mm"

@@ -22,10 +22,10 @@ from raytwin.calib.photos import (
     pose_of_photo,
     uncertainty_map,
 )
-from raytwin.calib.photos.fit import MODELS, Form, Seen, fit
-from raytwin.calib.photos.model import AS_WELL, ModelTrial, compared
+from raytwin.calib.photos.fit import MODELS, ModelSpec, Sighting, fit
+from raytwin.calib.photos.model import AS_WELL, ModelTrial, trial_rows
 from raytwin.calib.photos.pose import rotation_degrees
-from raytwin.calib.photos.uncertainty import spread
+from raytwin.calib.photos.uncertainty import fit_uncertainty
 from raytwin.calib.synthetic_photos import poses
 from raytwin.errors import InputError
 from raytwin.scene.lens import undone
@@ -81,8 +81,8 @@ def test_the_same_detections_give_the_same_camera_to_the_last_bit_and_opencv_kee
     threads = cv2.getNumThreads()
     cv2.setNumThreads(8)
     try:
-        views = [Seen(p, tuple(t for t in seen if t.id in board.centers())) for p, seen in tags.items()]
-        made = (fit(views, size, [board], Form("full5")) for _ in range(8))
+        views = [Sighting(p, tuple(t for t in seen if t.id in board.centers())) for p, seen in tags.items()]
+        made = (fit(views, size, [board], ModelSpec("full5")) for _ in range(8))
         assert len({(c.shared.tobytes(), c.R.tobytes(), c.t.tobytes()) for c in made}) == 1
         assert cv2.getNumThreads() == 8
     finally:
@@ -111,8 +111,8 @@ def test_its_standard_deviations_are_those_of_repeated_calibrations():
     camera, stands, _ = _views((0.08,))
     rng = np.random.default_rng(8)
     tags = (seen(camera, stands, noise=0.2, rng=rng) for _ in range(40))
-    runs = [fit([Seen(p, tuple(t)) for p, t in one.items()], SIZE, [SMALL], Form("k1")) for one in tags]
-    stated = np.mean([np.sqrt(np.diag(spread(run).covariance)) for run in runs], axis=0)
+    runs = [fit([Sighting(p, tuple(t)) for p, t in one.items()], SIZE, [SMALL], ModelSpec("k1")) for one in tags]
+    stated = np.mean([np.sqrt(np.diag(fit_uncertainty(run).covariance)) for run in runs], axis=0)
     # 40 draws know a standard deviation to a ninth: beyond three of these once in four hundred.
     assert np.std([run.shared for run in runs], axis=0, ddof=1) == pytest.approx(stated, rel=0.35)
 
@@ -364,7 +364,7 @@ def test_auto_keeps_what_came_of_every_model_and_why_some_were_passed_over():
 
 def test_each_model_that_was_tried_is_told_why_it_was_not_taken():
     errors = {"full5": 0.5, "full5, bent 4": 0.1005, "full5, bent 6": 0.1, "k1, bent 6": 0.1003}
-    told = compared({n: ModelTrial(e) for n, e in errors.items()}, "k1, bent 6", 20)
+    told = trial_rows({n: ModelTrial(e) for n, e in errors.items()}, "k1, bent 6", 20)
     assert [t.why for t in told] == [
         "5 times the best",
         "a poorer shape",

@@ -13,8 +13,8 @@ from raytwin.calib.boards import Board, BoardTag
 from raytwin.calib.photos import FoundBoard, calibrate_detections, uncertainty_map
 from raytwin.calib.photos.detection import Tag
 from raytwin.calib.photos.diagnostics import Case, _oddities, normal_spread, warnings_for
-from raytwin.calib.photos.fit import Form, Seen, fit
-from raytwin.calib.photos.uncertainty import spread
+from raytwin.calib.photos.fit import ModelSpec, Sighting, fit
+from raytwin.calib.photos.uncertainty import fit_uncertainty
 from raytwin.calib.synthetic_photos import poses
 
 SIZE = (1000, 800)
@@ -27,9 +27,9 @@ def sound() -> tuple:
     """What `warnings_for` is given of a sound set of twelve photos."""
     camera, rng = a_camera(*SIZE, dist=()), np.random.default_rng(0)
     tags = seen(camera, poses(BOARD, camera, 12, rng), noise=0.3, rng=rng)
-    views = [Seen(p, tuple(t)) for p, t in tags.items()]
-    found = fit(views, SIZE, [SMALL], Form("none"))
-    return calibrate_detections(tags, SIZE, SMALL, "none"), found, spread(found), views, SIZE, [SMALL], {}, {}
+    views = [Sighting(p, tuple(t)) for p, t in tags.items()]
+    found = fit(views, SIZE, [SMALL], ModelSpec("none"))
+    return calibrate_detections(tags, SIZE, SMALL, "none"), found, fit_uncertainty(found), views, SIZE, [SMALL], {}, {}
 
 
 def texts(case: tuple, code: str) -> list[str]:
@@ -94,16 +94,16 @@ def test_a_frame_is_doubted_of_which_less_than_a_quarter_is_covered(sound, cells
     assert len(shown) == doubted
 
 
-def replace_tags(view: Seen, places: list[tuple[float, float]]) -> Seen:
+def replace_tags(view: Sighting, places: list[tuple[float, float]]) -> Sighting:
     tags = tuple(Tag(t.id, p, t.corners, 1.0) for t, p in zip(view.tags, places, strict=False))
-    return Seen(view.photo, tags, view.board)
+    return Sighting(view.photo, tags, view.board)
 
 
 @pytest.mark.parametrize(("count", "doubted"), [(7, 1), (8, 0)])
 def test_fewer_than_eight_photos_are_few(sound, count, doubted):
-    found = fit(sound[3][:count], SIZE, [SMALL], Form("none"))
+    found = fit(sound[3][:count], SIZE, [SMALL], ModelSpec("none"))
     made = msgspec.structs.replace(sound[0], views=sound[0].views[:count])
-    assert len(texts((made, found, spread(found), sound[3][:count], *sound[4:]), "few-views")) == doubted
+    assert len(texts((made, found, fit_uncertainty(found), sound[3][:count], *sound[4:]), "few-views")) == doubted
 
 
 DIAGONAL = 1e3 * float(np.linalg.norm(np.ptp(list(SMALL.centers().values()), axis=0)))
@@ -134,11 +134,11 @@ def test_a_board_is_called_bent_beyond_its_size_and_its_sigma(sound, bend, sigma
 def test_a_photo_is_called_odd_by_its_rms_in_medians_where_pixels_tell_it(sound, times, px, count, doubted):
     """All residuals of a photo alike, `px` in the odd one, a share of that in the others; none pulls K."""
     views = sound[3][:count]
-    found = fit(views, SIZE, [SMALL], Form("none"))
+    found = fit(views, SIZE, [SMALL], ModelSpec("none"))
     rms = np.full(count, px / times)
     rms[2] = px
-    along = found.sights.weight[..., None] * rms[:, None, None] * [0.6, 0.8]
-    known = replace(spread(found), errors=rms, moves=np.zeros((count, 4)))
+    along = found.observations.weight[..., None] * rms[:, None, None] * [0.6, 0.8]
+    known = replace(fit_uncertainty(found), errors=rms, moves=np.zeros((count, 4)))
     made = msgspec.structs.replace(sound[0], views=sound[0].views[:count])
     odd = oddities((made, replace(found, residuals=along), known, views, *sound[4:]))
     said = f"its rms of {px:.3f} px is {times:.1f} times the median photo's {rms[0]:.3f} px"
@@ -188,8 +188,8 @@ def test_an_odd_photos_numbers_are_those_of_the_table_and_of_the_fit_without_it(
     assert f"its rms of {rms['view_04']:.3f} px is {times:.1f} times the median photo's {usual:.3f} px" in text
 
     def others(photos: dict) -> float:
-        made = fit([Seen(p, tuple(t)) for p, t in photos.items()], SIZE, [SMALL], Form("none"))
-        errors = dict(zip(photos, spread(made).errors, strict=True))
+        made = fit([Sighting(p, tuple(t)) for p, t in photos.items()], SIZE, [SMALL], ModelSpec("none"))
+        errors = dict(zip(photos, fit_uncertainty(made).errors, strict=True))
         return float(np.exp(np.mean([np.log(e) for p, e in errors.items() if p != "view_04"])))
 
     rest = {p: t for p, t in tags.items() if p != "view_04"}

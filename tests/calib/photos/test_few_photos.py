@@ -5,10 +5,10 @@ import pytest
 from photo_helpers import SMALL, a_camera
 from test_trust import FOUR, SIZE, four, moved, views, zoomed
 
-from raytwin.calib.photos import calibrate_detections, explained
-from raytwin.calib.photos.fit import Form, Seen, fit
-from raytwin.calib.photos.model import FEW_PHOTOS, compared, select_model
-from raytwin.calib.photos.uncertainty import spread, widened
+from raytwin.calib.photos import calibrate_detections, model_table
+from raytwin.calib.photos.fit import ModelSpec, Sighting, fit
+from raytwin.calib.photos.model import FEW_PHOTOS, select_model, trial_rows
+from raytwin.calib.photos.uncertainty import fit_uncertainty, with_model_gap
 
 
 @pytest.mark.parametrize(("count", "model"), [(FEW_PHOTOS - 1, "full5"), (FEW_PHOTOS, "k1k2")])
@@ -16,7 +16,7 @@ def test_auto_fits_all_coefficients_to_few_photos_and_chooses_with_more(count, m
     _, _, tags = views(seed=1, count=count)
     found = calibrate_detections(tags, SIZE, SMALL)
     assert found.model == model
-    (why,) = [t.why for t in explained(found) if t.taken]
+    (why,) = [t.why for t in model_table(found) if t.taken]
     assert why.startswith("too few photos" if count < FEW_PHOTOS else "the smallest that predicts as well as the best")
 
 
@@ -24,7 +24,7 @@ def test_a_lens_that_was_asked_for_is_taken_of_few_photos_too():
     _, _, tags = views(seed=1, count=6)
     found = calibrate_detections(tags, SIZE, SMALL, "k1")
     assert found.model == "k1"
-    assert not any("too few" in t.why for t in explained(found))
+    assert not any("too few" in t.why for t in model_table(found))
 
 
 @pytest.mark.parametrize(("count", "degree"), [(3, 0), (4, 2)])
@@ -51,17 +51,19 @@ def test_one_spoilt_photo_does_not_make_auto_fit_a_lens_too_small():
 def test_how_far_models_that_predict_alike_lie_apart_goes_into_sigma():
     """Two models a apart with equal errors: the mean square of 0 and a, of each number."""
     _, _, tags = views(seed=1, count=6)
-    seen = [Seen(p, tuple(t)) for p, t in tags.items()]
-    start = fit(seen, SIZE, [SMALL], Form("k1k2"))
+    seen = [Sighting(p, tuple(t)) for p, t in tags.items()]
+    start = fit(seen, SIZE, [SMALL], ModelSpec("k1k2"))
     taken, trials, gap = select_model(seen, SIZE, [SMALL], "auto", start)
     assert taken.form.model == "full5"
     best = min(t.held_out_px for t in trials.values())
-    fits = {n: fit(seen, SIZE, [SMALL], Form(n.split(",")[0], int(n[-1]) if "bent" in n else 0), taken) for n in trials}
+    fits = {
+        n: fit(seen, SIZE, [SMALL], ModelSpec(n.split(",")[0], int(n[-1]) if "bent" in n else 0), taken) for n in trials
+    }
     cx = [fits[n].shared[2] - taken.shared[2] for n, t in trials.items() if t.held_out_px <= 1.1 * best]
     assert len(cx) > 2
     assert gap[2, 2] == pytest.approx(np.mean(np.square(cx)), rel=1e-3)
-    known = spread(taken)
-    wide = widened(known, gap).covariance
+    known = fit_uncertainty(taken)
+    wide = with_model_gap(known, gap).covariance
     np.testing.assert_allclose(wide[:9, :9], known.covariance[:9, :9] + gap)
 
 
@@ -81,6 +83,6 @@ def test_the_table_says_that_smaller_models_are_as_good_on_few_photos():
     from raytwin.calib.photos import ModelTrial
 
     trials = {"full5": ModelTrial(0.5), "k1": ModelTrial(0.5), "none": ModelTrial(0.7)}
-    said = {t.model: t.why for t in compared(trials, "full5", 8)}
+    said = {t.model: t.why for t in trial_rows(trials, "full5", 8)}
     assert said == {"full5": "too few photos to choose a smaller one by", "k1": "as good on few photos",
                     "none": "1.4 times the best"}  # fmt: skip

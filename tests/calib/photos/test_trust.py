@@ -22,8 +22,8 @@ from raytwin.calib.photos import (
     rotation_degrees,
 )
 from raytwin.calib.photos.bias import center_bias
-from raytwin.calib.photos.fit import Form, Seen, fit, solve_scaled
-from raytwin.calib.photos.uncertainty import leave_one_out, spread
+from raytwin.calib.photos.fit import ModelSpec, Sighting, fit, solve_scaled
+from raytwin.calib.photos.uncertainty import fit_uncertainty, leave_one_out
 from raytwin.calib.synthetic_photos import bow_of, poses
 from raytwin.errors import InputError
 
@@ -89,13 +89,13 @@ def test_on_a_flat_board_the_fit_is_opencvs(name, board, real_tags, real_board):
     """cv2.calibrateCamera run until it stands still; squares are flat at their minimum, so K agrees less than they."""
     tags, size = real_tags(name)
     board = real_board(board)
-    known = [Seen(p, tuple(t for t in found if t.id in board.centers())) for p, found in tags.items()]
+    known = [Sighting(p, tuple(t for t in found if t.id in board.centers())) for p, found in tags.items()]
     known = [v for v in known if len(v.tags) >= 6]
     points = [board.points(t.id for t in v.tags).astype(np.float32) for v in known]
     pixels = [np.array([t.center for t in v.tags], np.float32) for v in known]
     criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 1000, 1e-12)
     rms, K, dist, *_ = cv2.calibrateCamera(points, pixels, size, None, None, criteria=criteria)
-    found = fit(known, size, [board], Form("full5"))
+    found = fit(known, size, [board], ModelSpec("full5"))
     assert rms * (1 - 2e-5) < found.rms_px < rms * (1 + 1e-7)
     assert np.abs(found.K - K).max() < 2e-4 * K[0, 0]
     assert np.allclose(found.dist, dist.ravel(), atol=0.01)
@@ -124,11 +124,11 @@ def test_its_jacobian_is_that_of_differences():
 
 def test_the_fit_without_a_photo_is_told_without_making_it():
     _, _, tags = views(noise=0.3)
-    known = [Seen(p, tuple(found)) for p, found in tags.items()]
-    whole = fit(known, SIZE, [SMALL], Form("k1k2"))
+    known = [Sighting(p, tuple(found)) for p, found in tags.items()]
+    whole = fit(known, SIZE, [SMALL], ModelSpec("k1k2"))
     moves, errors = leave_one_out(whole)
     for i in (0, 5, 11):
-        rest = fit(known[:i] + known[i + 1 :], SIZE, [SMALL], Form("k1k2"))
+        rest = fit(known[:i] + known[i + 1 :], SIZE, [SMALL], ModelSpec("k1k2"))
         assert np.allclose(moves[i][:4], (rest.shared - whole.shared)[:4], atol=0.05 * np.abs(moves[i][:4]).max())
         points, pixels = SMALL.points(t.id for t in known[i].tags), np.array([t.center for t in known[i].tags])
         five = lens_model.five(rest.dist)
@@ -174,8 +174,10 @@ def test_over_a_hundred_sets_the_truth_lies_as_far_off_as_sigma_says():
             found = calibrate_detections(tags, SIZE, SMALL, "k1k2")
             K, sigma = found.K, [found.sigma[n] for n in FOUR]
         else:  # what `calibrate_detections` ends in, without what it need not find out here
-            made = fit([Seen(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], Form("k1k2", 4 * (i % 5 == 2)))
-            K, sigma = made.K, np.sqrt(np.diag(spread(made).covariance)[:4])
+            made = fit(
+                [Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], ModelSpec("k1k2", 4 * (i % 5 == 2))
+            )
+            K, sigma = made.K, np.sqrt(np.diag(fit_uncertainty(made).covariance)[:4])
         off = np.array([K[0][0], K[1][1], K[0][2], K[1][2]]) - (camera.fx, camera.fy, camera.cx, camera.cy)
         z.append(off / sigma)
     z = np.array(z)
@@ -197,20 +199,20 @@ def test_few_photos_that_disagree_lie_as_far_off_as_sigma_says():
     for count in (4, 6, 8):
         for i in range(40):
             _, _, tags = views(seed=i, count=count, pool=pool, breath=3e-3)
-            made = fit([Seen(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], Form("k1k2"))
+            made = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], ModelSpec("k1k2"))
             off = made.shared[:4] - (camera.fx, camera.fy, camera.cx, camera.cy)
-            z.append(off / np.sqrt(np.diag(spread(made).covariance)[:4]))
+            z.append(off / np.sqrt(np.diag(fit_uncertainty(made).covariance)[:4]))
     assert 0.75 < np.median(np.abs(z)) / 0.6745 < 1.22
     assert np.sqrt(np.mean(np.square(z))) < 1.55
 
 
 def test_what_may_lead_all_tags_astray_widens_sigma_by_what_it_does():
-    """Were all tags led astray by one pixel to the right, cx would be wrong by one, and nothing else."""
+    """Were all tags led systematic by one pixel to the right, cx would be wrong by one, and nothing else."""
     _, _, tags = views(bend=1e-3)
-    found = fit([Seen(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], Form("k1k2", 6))
-    astray = np.zeros_like(found.residuals)
-    astray[..., 0] = found.sights.weight
-    more = spread(found, [astray]).covariance - spread(found).covariance
+    found = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], ModelSpec("k1k2", 6))
+    systematic = np.zeros_like(found.residuals)
+    systematic[..., 0] = found.observations.weight
+    more = fit_uncertainty(found, [systematic]).covariance - fit_uncertainty(found).covariance
     assert more[2, 2] == pytest.approx(1, rel=1e-6)
     assert np.abs(np.diag(more)[[0, 1, 3]]).max() < 1e-9
 
@@ -249,13 +251,13 @@ def test_large_tags_on_a_sheet_that_bends_on_beyond_them_leave_k_within_sigma():
 def test_photos_that_disagree_widen_sigma_and_photos_that_agree_by_chance_narrow_none():
     """Without any pull sigma is that of coordinates that err alike; with a hundred times the pull, as much wider."""
     _, _, tags = views()
-    found = fit([Seen(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], Form("k1k2"))
+    found = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], ModelSpec("k1k2"))
     alike = found.variance * solve_scaled(found.H.sum(axis=0), np.eye(6))
-    calm = spread(replace(found, g=np.zeros_like(found.g))).covariance
+    calm = fit_uncertainty(replace(found, g=np.zeros_like(found.g))).covariance
     assert np.allclose(calm, alike, rtol=1e-6, atol=0)
-    assert np.diag(spread(replace(found, g=100 * found.g)).covariance).min() > 0
-    assert spread(replace(found, g=100 * found.g)).noise_px == pytest.approx(
-        100 * spread(replace(found, g=10 * found.g)).noise_px / 10, rel=1e-6
+    assert np.diag(fit_uncertainty(replace(found, g=100 * found.g)).covariance).min() > 0
+    assert fit_uncertainty(replace(found, g=100 * found.g)).noise_px == pytest.approx(
+        100 * fit_uncertainty(replace(found, g=10 * found.g)).noise_px / 10, rel=1e-6
     )
 
 
@@ -265,7 +267,7 @@ def test_sigma_is_what_its_formulas_say_by_roots_of_matrices(pull):
 
     `pull` times the photos' gradients: photos that agree, that may err alike, and that do not."""
     _, _, tags = views(noise=0.1)
-    found = fit([Seen(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], Form("k1k2"))
+    found = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], ModelSpec("k1k2"))
     found = replace(found, g=pull * found.g)
     size = 1 / np.sqrt(np.diag(found.H.sum(axis=0)))  # so that pixels and coefficients are of one size
     H_i, g_i, n, m = found.H * np.outer(size, size), found.g * size, len(found.g), len(size)
@@ -281,8 +283,8 @@ def test_sigma_is_what_its_formulas_say_by_roots_of_matrices(pull):
     trust = 1 - 1 / (1 + ((max(q, q_K, 1) - 1) / chance) ** 2)
     expected = (alike + trust * (V - alike)) * np.outer(size, size)
     assert (max(q, q_K) > 1) == (pull > 1)
-    np.testing.assert_allclose(spread(found).covariance, expected, rtol=1e-6)
-    assert spread(found).noise_px == pytest.approx(np.sqrt(max(q, 1) * s2), rel=1e-9)
+    np.testing.assert_allclose(fit_uncertainty(found).covariance, expected, rtol=1e-6)
+    assert fit_uncertainty(found).noise_px == pytest.approx(np.sqrt(max(q, 1) * s2), rel=1e-9)
 
 
 def halves_apart(tags: dict, size, board, model: str, splits: int = 6) -> float:
@@ -406,10 +408,10 @@ def test_what_few_rows_do_not_tell_of_a_shape_stays_nought():
     camera = a_camera(*SIZE)
     stands = poses(msgspec.structs.replace(board, tag_edge=0.03), camera, 8, np.random.default_rng(1))
     tags = seen(camera, stands, board, 0.05, np.random.default_rng(2))
-    found = fit([Seen(p, tuple(t)) for p, t in tags.items()], SIZE, [board], Form("k1k2", 4))
+    found = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, [board], ModelSpec("k1k2", 4))
     (shape,) = found.shapes
     assert shape.coefficients[-1] == 0
-    assert found.told == len(found.shared) - 1
+    assert found.determined == len(found.shared) - 1
     assert np.abs(shape.coefficients).max() < 1e-3
 
 

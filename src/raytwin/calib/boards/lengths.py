@@ -24,9 +24,9 @@ _LENGTH = re.compile(r"\s*([0-9]{1,12}(?:\.[0-9]{0,12})?|\.[0-9]{1,12})\s*([a-z]
 
 
 def parse_length(text: str, where: str, zero: bool = False) -> float:
-    """Metres, the double nearest to what `30mm`, `3 cm`, `0.03 m`, `0.8in` or `.8 inch` says.
+    """Return metres, the nearest double, of `30mm`, `3 cm`, `0.03 m`, `0.8in` or `.8 inch`.
 
-    A number without a unit is refused, and what is not in (0, LONGEST], or [0, LONGEST] with `zero`.
+    Raises InputError for a number without a unit, and outside (0, LONGEST], or [0, LONGEST] with `zero`.
     """
     want = "a length with its unit (mm, cm, m, in), as 30mm or 0.8in"
     match = _LENGTH.fullmatch(text)

@@ -85,7 +85,7 @@ KNOWN = {
     "numpy.core.multiarray.scalar": _scalar,
     "numpy.core.numeric._frombuffer": lambda data, dtype, *_: _Array(dtype.numbers(data)),
 }
-"""What a pickled array or number of NumPy names, and what is called in its place."""
+"""Names in a pickled NumPy array or number, and the function called in place of each."""
 
 PLAIN_STEPS = """PROTO FRAME STOP MARK POP POP_MARK DUP PUT BINPUT LONG_BINPUT MEMOIZE GET BINGET LONG_BINGET
 NONE NEWTRUE NEWFALSE INT BININT BININT1 BININT2 LONG LONG1 LONG4 FLOAT BINFLOAT STRING BINSTRING SHORT_BINSTRING
@@ -167,7 +167,8 @@ def read_pickled(
     """The board `name` of a pickle `{name: [{tag_family, tag_id, center}]}`, as a Board in metres.
 
     `center`: x, y and mostly z, as list, tuple or array, in units of `unit` metres; `tag_edge` in metres, which the
-    file does not tell. `y_down`: the file counts Y downwards, so turn its sign: else the board would be a mirror image.
+    file does not contain. `y_down`: the file counts Y downwards, so turn its sign: else the board would be a mirror
+    image.
     """
     boards = read_pickle(path)
     if not isinstance(boards, dict) or not boards:

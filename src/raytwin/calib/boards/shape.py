@@ -24,8 +24,8 @@ GRID = 11
 """The strain is compensated at GRID x GRID points."""
 
 
-LEAST_TOLD = 1e-3
-"""A term of which less is its own, of its size over the tags, is not told by them."""
+LEAST_DETERMINED = 1e-3
+"""Relative size, over the tags, below which a term's own part counts as undetermined."""
 
 DEGREES = (2, 3, 4, 6)
 
@@ -77,7 +77,7 @@ def heights_at(at: np.ndarray, xy: tuple[tuple[float, float], ...], degree: int,
     """(..., s): what each coefficient of the shape of a board with centres at `xy` adds to the height at `at` (...,
     2).
 
-    Beyond the outermost centres the sheet goes on `straight`: no tag tells its height there, a free edge has no
+    Beyond the outermost centres the sheet goes on `straight`: no tag shows its height there, a free edge has no
     curvature, and a polynomial of a board of four rows is wild. Not `straight`: as the polynomial goes on.
     """
     middle, half = _frame(xy)
@@ -100,8 +100,8 @@ def bending(xy: tuple[tuple[float, float], ...], degree: int) -> Bending:
     gx, gy = (g.ravel() for g in np.meshgrid(line * reach[0], line * reach[1]))
     terms = _terms(degree)
     slopes = np.stack([_table(gx, gy, terms, (1, 0)), _table(gx, gy, terms, (0, 1))]) / half
-    told = _told(x := u[:, 0], y := u[:, 1], terms)
-    slopes *= told
+    known = _determined(x := u[:, 0], y := u[:, 1], terms)
+    slopes *= known
     # The displacement: polynomials of the degree that the product of two slopes, integrated, has.
     free = [(i, d - i) for d in range(2 * degree) for i in range(d, -1, -1)]
     dx, dy = _table(gx, gy, free, (1, 0)), _table(gx, gy, free, (0, 1))
@@ -112,7 +112,7 @@ def bending(xy: tuple[tuple[float, float], ...], degree: int) -> Bending:
     inverse = half * np.linalg.solve(normal + 1e-9 * normal.max() * np.eye(len(normal)), strain.T)
     values = _table(x, y, free)
     shift = np.stack([values @ inverse[: len(free)], values @ inverse[len(free) :]])
-    return Bending(_table(x, y, terms) * told, slopes, shift)
+    return Bending(_table(x, y, terms) * known, slopes, shift)
 
 
 def _frame(xy: tuple[tuple[float, float], ...]) -> tuple[np.ndarray, float]:
@@ -122,23 +122,23 @@ def _frame(xy: tuple[tuple[float, float], ...]) -> tuple[np.ndarray, float]:
     return (low + high) / 2, float((high - low).max() / 2)
 
 
-def _told(x: np.ndarray, y: np.ndarray, terms: list[tuple[int, int]]) -> np.ndarray:
+def _determined(x: np.ndarray, y: np.ndarray, terms: list[tuple[int, int]]) -> np.ndarray:
     """(s,) bool: which terms are not, at these n points, a sum of a plane and of those before them.
 
-    Four rows tell no fourth degree: between them it could be anything.
+    Four rows do not determine a fourth degree: between them it could be anything.
     """
     values = _table(x, y, [(0, 0), (1, 0), (0, 1), *terms])
     values /= np.maximum(np.linalg.norm(values, axis=0), 1e-300)
-    told: list[bool] = []
+    known: list[bool] = []
     basis = np.zeros((len(x), 0))
     for column in values.T:
         rest = column - basis @ (basis.T @ column)
         rest -= basis @ (basis.T @ rest)
         left = float(np.linalg.norm(rest))
-        told.append(left > LEAST_TOLD)
-        if told[-1]:
+        known.append(left > LEAST_DETERMINED)
+        if known[-1]:
             basis = np.c_[basis, rest / left]
-    return np.array(told[3:])
+    return np.array(known[3:])
 
 
 def _terms(degree: int) -> list[tuple[int, int]]:

@@ -12,7 +12,7 @@ POINTS = 72 / 0.0254
 """A PDF's points in a metre."""
 
 BAR, SHORTEST_BAR = 0.100, 0.020
-"""Metres: the ruler's length, and what it may shrink to on narrow paper, in steps of 10 mm."""
+"""Metres: the ruler's length, and its least length on narrow paper; it shrinks in steps of 10 mm."""
 
 RULER, LINE, NOTES = 0.0070, 0.0024, 0.066
 """Metres: heights of the ruler with its numbers and of a line of text; the width that the text takes beside it."""
@@ -21,7 +21,7 @@ BELOW, BEYOND = 3 * LINE + 0.001, 0.003
 """Metres: height of the text where it stands below the ruler; how far a number reaches past the ruler's ends."""
 
 SMALLEST_CELL = 0.0002
-"""Metres: what a printer of 600 dots an inch draws with five dots."""
+"""Metres: five dots of a printer with 600 dots per inch."""
 
 TEXT = "Helvetica"
 FILL_NON_ZERO = 1

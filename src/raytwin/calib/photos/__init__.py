@@ -1,7 +1,7 @@
 """Photos of an AprilTag board in, a calibrated camera out.
 
-detection -> calibration (fit, model, bias, uncertainty) -> pose. `calibration_result` is what comes out, `lens` holds
-the distortion, `diagnostics` what speaks against a calibration. Importing this loads OpenCV: commands do so only when
+detection -> calibration (fit, model, bias, uncertainty) -> pose. `calibration_result` has the records that result,
+`lens_model` the distortion, `diagnostics` the warnings. Importing this loads OpenCV, so commands import it only when
 they run.
 """
 
@@ -12,7 +12,7 @@ from raytwin.calib.photos.calibration_result import (
     Evidence,
     FoundBoard,
     View,
-    explained,
+    model_table,
 )
 from raytwin.calib.photos.camera_difference import ProjectionDifference, projection_difference
 from raytwin.calib.photos.camera_export import EXPORTS, export_camera, export_format
@@ -21,7 +21,7 @@ from raytwin.calib.photos.detection import NoTags, Tag, detect, detect_photo, de
 from raytwin.calib.photos.diagnostics import CODES
 from raytwin.calib.photos.fit import MODELS
 from raytwin.calib.photos.lens_model import project
-from raytwin.calib.photos.model import ModelTrial, Told
+from raytwin.calib.photos.model import ModelTrial, TrialRow
 from raytwin.calib.photos.pose import (
     Pose,
     PoseReport,
@@ -52,7 +52,7 @@ __all__ = [
     "PoseReport",
     "ProjectionDifference",
     "Tag",
-    "Told",
+    "TrialRow",
     "View",
     "calibrate",
     "calibrate_detections",
@@ -63,10 +63,10 @@ __all__ = [
     "detect_photo_once",
     "detect_photos",
     "deviations",
-    "explained",
     "export_camera",
     "export_format",
     "homography_pose",
+    "model_table",
     "pose_deviation",
     "pose_of_photo",
     "pose_of_tags",

@@ -1,7 +1,7 @@
 """Photos of boards -> K and distortion, with standard deviations, poses, and warnings: detect, fit, choose, check.
 
-The fit is on tag centres (`fit`); lens model and boards' shapes are what predicts photos not seen (`model`); how far
-off it may be is told by how the photos disagree (`uncertainty`).
+The fit minimises the distance of tag centres (`fit`); lens model and boards' shapes are chosen by how well they predict
+unseen photos (`model`); the uncertainty follows from how the photos disagree (`uncertainty`).
 """
 
 import math
@@ -22,9 +22,9 @@ from raytwin.calib.photos.bias import center_bias, unbiased
 from raytwin.calib.photos.calibration_result import Calibration, CalibrationWarning, Evidence, FoundBoard, View
 from raytwin.calib.photos.detection import Find, Read, Tag, detect, detect_photos
 from raytwin.calib.photos.diagnostics import coverage, tilts, warnings_for
-from raytwin.calib.photos.fit import INTRINSICS, MODELS, Fit, Form, Seen, fit, matched
+from raytwin.calib.photos.fit import INTRINSICS, MODELS, Fit, ModelSpec, Sighting, fit, matched
 from raytwin.calib.photos.model import ModelTrial, name, select_model
-from raytwin.calib.photos.uncertainty import Spread, spread, widened, with_poses
+from raytwin.calib.photos.uncertainty import FitUncertainty, fit_uncertainty, with_model_gap, with_poses
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
 
@@ -32,16 +32,16 @@ LEAST_VIEWS = 3
 """Photos of the board: with fewer the camera is not determined."""
 
 ROUNDS = 3
-"""Fits, each without the outliers and the detector's bias that the one before tells; a fourth moves fx by 1e-7."""
+"""Fits, each without the outliers and the detector's bias found by the one before; a fourth moves fx by 1e-7."""
 
 BENT_ROUNDS = 5
 """Rounds for a bent board, whose shape moves the tags' centers and is fitted to them. A sixth moves fx by 1e-5."""
 
 PRELIMINARY = "k1k2"
-"""What `auto` fits before it chooses: enough to tell the detector's bias and the outliers."""
+"""The lens model that `auto` fits before it chooses: enough to find the detector's bias and the outliers."""
 
 MISSHAPEN = {2: 0.5, 3: 0.5, 4: 0.25, 6: 0.07}
-"""By degree of the sheet's shape, the share of what bent tags' edges do to the detector that is doubted: measured on a
+"""By degree of the sheet's shape, the uncertain fraction of the detector's bias from bent tag edges: measured on a
 cosine of 250 mm and 3 mm, six sets of poses without noise."""
 
 GROSS = 0.03
@@ -139,12 +139,12 @@ def _calibrate(
     _check_enough(views, wrong, where)
     trials: dict[str, ModelTrial] = {}
     gap = np.zeros((0, 0))
-    result = fit(straight, image_size, boards, Form(PRELIMINARY if model == "auto" else model))
+    result = fit(straight, image_size, boards, ModelSpec(PRELIMINARY if model == "auto" else model))
     for turn in range(1, BENT_ROUNDS):
         bent = result.form.degree > 0
         if turn >= ROUNDS and not bent:
             break
-        # The fit tells the detector's bias and the outliers; without both, the next fit is a better one.
+        # This fit reveals the detector's bias and the outliers; without both, the next fit is better.
         views, straight = _inliers(views, boards, result, wrong)
         _check_enough(views, wrong, where)
         result = fit(straight, image_size, boards, result.form, result)
@@ -153,7 +153,9 @@ def _calibrate(
     outliers = {
         v.photo: sorted({t.id for t in v.tags} - {t.id for t in s.tags}) for v, s in zip(views, straight, strict=True)
     }
-    known = widened(spread(result, _astray(straight, boards, result) if result.form.degree else ()), gap)
+    known = with_model_gap(
+        fit_uncertainty(result, _systematic(straight, boards, result) if result.form.degree else ()), gap
+    )
     made = _calibration(straight, image_size, boards, result, known, trials, found)
     more = warnings_for(made, result, known, straight, image_size, boards, wrong, outliers)
     return msgspec.structs.replace(made, warnings=(*warnings, *(CalibrationWarning(*d) for d in more)))
@@ -164,7 +166,7 @@ def _first_views(
     image_size: tuple[int, int],
     boards: Sequence[Board],
     wrong: dict[str, str],
-) -> tuple[list[Seen], list[Seen]]:
+) -> tuple[list[Sighting], list[Sighting]]:
     """The boards in the photos, in the photos' order: all their tags, and those that one homography agrees with."""
     views, straight = [], []
     photos = dict.fromkeys(photo for by_photo in found.values() for photo in by_photo)
@@ -178,8 +180,8 @@ def _first_views(
             if spans_a_plane(flat.points(t.id for t in tags)[:, :2]):
                 inside = pose.consistent(*matched(tags, flat), GROSS * image_size[0])
             if spans_a_plane(flat.points(t.id for t in tags)[inside, :2]):
-                views.append(Seen(photo, tuple(tags), i))
-                straight.append(Seen(photo, tuple(t for t, ok in zip(tags, inside, strict=True) if ok), i))
+                views.append(Sighting(photo, tuple(tags), i))
+                straight.append(Sighting(photo, tuple(t for t, ok in zip(tags, inside, strict=True) if ok), i))
         if not views or views[-1].photo != photo:
             wrong.setdefault(photo, f"{most} tags of the board, too few or in one line")
     return views, straight
@@ -189,7 +191,7 @@ def _shaped(boards: Sequence[Board], result: Fit) -> tuple[Board, ...]:
     return tuple(msgspec.structs.replace(b, heights=s) for b, s in zip(boards, result.shapes, strict=True))
 
 
-def _astray(views: Sequence[Seen], boards: Sequence[Board], result: Fit) -> Sequence[np.ndarray]:
+def _systematic(views: Sequence[Sighting], boards: Sequence[Board], result: Fit) -> Sequence[np.ndarray]:
     """(2, v, t, 2) pixels, one standard deviation: how far bent tags' edges may lead the detector otherwise.
 
     A share of what they do; and, between a sheet that goes on straight beyond the outermost centres and one that goes
@@ -206,11 +208,11 @@ def _astray(views: Sequence[Seen], boards: Sequence[Board], result: Fit) -> Sequ
 
 
 def _inliers(
-    views: Sequence[Seen], boards: Sequence[Board], result: Fit, wrong: dict[str, str]
-) -> tuple[list[Seen], list[Seen]]:
+    views: Sequence[Sighting], boards: Sequence[Board], result: Fit, wrong: dict[str, str]
+) -> tuple[list[Sighting], list[Sighting]]:
     """The views that keep enough tags by `result`: all their tags, and the inliers without the detector's bias.
 
-    Every tag is judged anew: one that an outlier had pulled away comes back.
+    Every tag is tested again, so that one which an outlier had pulled away comes back.
     """
     moved, errors = [], []
     shaped = _shaped(boards, result)
@@ -226,18 +228,18 @@ def _inliers(
         inside = tuple(t for t, e in zip(tags, error, strict=True) if e <= limit)
         if spans_a_plane(shaped[view.board].points(t.id for t in inside)[:, :2]):
             kept.append(view)
-            straight.append(Seen(view.photo, inside, view.board))
+            straight.append(Sighting(view.photo, inside, view.board))
         else:
             wrong[view.photo] = "too few of its tags agree with the camera of the others: another camera or zoom?"
     return kept, straight
 
 
 def _calibration(
-    views: Sequence[Seen],
+    views: Sequence[Sighting],
     image_size: tuple[int, int],
     boards: Sequence[Board],
     result: Fit,
-    known: Spread,
+    known: FitUncertainty,
     trials: dict[str, ModelTrial],
     found: Mapping[str, Mapping[str, Sequence[Tag]]],
 ) -> Calibration:
@@ -245,11 +247,11 @@ def _calibration(
     sigma = np.sqrt(np.diag(known.covariance)[: len(names)])
     moved = known.moves[:, : len(INTRINSICS)] / np.maximum(sigma[: len(INTRINSICS)], 1e-300)
     influence = np.sqrt((moved**2).mean(axis=1))
-    square = (result.residuals**2).sum(axis=(1, 2)) / result.sights.weight.sum(axis=1)
+    square = (result.residuals**2).sum(axis=(1, 2)) / result.observations.weight.sum(axis=1)
     shown = tuple(
         View(
             view.photo, len(view.tags), math.sqrt(square[i]), pose.rotation(R), tuple(t.tolist()),
-            float(influence[result.sights.photo[i]]), view.board,
+            float(influence[result.observations.photo[i]]), view.board,
         )
         for i, (view, (R, t)) in enumerate(zip(views, result.poses, strict=True))
     )  # fmt: skip
@@ -288,9 +290,9 @@ def _calibration(
     )
 
 
-def _found_boards(result: Fit, known: Spread) -> tuple[FoundBoard, ...]:
+def _found_boards(result: Fit, known: FitUncertainty) -> tuple[FoundBoard, ...]:
     boards, at = [], len(result.form.names)
-    for shape, bent in zip(result.shapes, result.sights.bendings, strict=True):
+    for shape, bent in zip(result.shapes, result.observations.bendings, strict=True):
         bend = bend_sigma = 0.0
         if shape is not None and bent is not None:
             n = len(shape.coefficients)
@@ -377,7 +379,7 @@ def _check_inside(detections: Mapping[str, Sequence[Tag]], image_size: tuple[int
                 raise InputError(photo, f"tags inside {width} x {height} pixels", f"one at {u:.0f}, {v:.0f}{hint}")
 
 
-def _check_enough(views: Sequence[Seen], wrong: dict[str, str], where: str) -> None:
+def _check_enough(views: Sequence[Sighting], wrong: dict[str, str], where: str) -> None:
     photos = {v.photo for v in views}
     if len(photos) < LEAST_VIEWS:
         reasons = "".join(f"; {name}: {why}" for name, why in list(wrong.items())[:3])

@@ -1,4 +1,4 @@
-"""What a calibration says: the camera, how well it is known, each photo's part, warnings, and what it rests on."""
+"""The result of a calibration: the camera with its uncertainty, the views, warnings, and the evidence behind it."""
 
 import os
 from typing import Any
@@ -7,7 +7,7 @@ import msgspec
 
 from raytwin.calib.boards import Board, Heights
 from raytwin.calib.photos.detection import Tag
-from raytwin.calib.photos.model import ModelTrial, Told, compared
+from raytwin.calib.photos.model import ModelTrial, TrialRow, trial_rows
 from raytwin.errors import InputError
 from raytwin.notebook import InNotebook
 from raytwin.scene import Matrix, Record, Vector
@@ -30,7 +30,7 @@ class View(Record, frozen=True):
 
 
 class FoundBoard(Record, frozen=True):
-    """A board as the photos tell it: `heights` None where a flat one predicts as well. `bend_mm`: from the lowest tag's
+    """A board as fitted: `heights` is None where a flat one predicts as well. `bend_mm`: from the lowest tag's
     height to the highest's, `bend_sigma_mm` one standard deviation of it."""
 
     heights: Heights | None = None
@@ -129,7 +129,7 @@ class Calibration(Record, InNotebook, frozen=True):
         return found.get(str(photo))
 
 
-def explained(calibration: Calibration) -> list[Told]:
+def model_table(calibration: Calibration) -> list[TrialRow]:
     """Why the model was taken, and the others were not; empty for a calibration that was read back."""
     known = calibration.evidence
-    return [] if known is None else compared(known.trials, known.taken, len(calibration.photos))
+    return [] if known is None else trial_rows(known.trials, known.taken, len(calibration.photos))

@@ -41,7 +41,7 @@ class Tag(Record, frozen=True):
 
     `center` is where the tag's diagonals cross, the image of its centre; the mean of its corners is not, under
     perspective. `corners`: lower left, lower right, upper right, upper left of the upright tag. `margin` is how
-    clearly the bits could be told apart (AprilTag's decision margin, in grey levels).
+    clearly the bits could be read (AprilTag's decision margin, in grey levels).
     """
 
     id: int
@@ -51,7 +51,7 @@ class Tag(Record, frozen=True):
 
 
 class _Detector(pupil_apriltags.Detector):
-    """Kept for the life of the process, so never destroyed."""
+    """A detector that lives as long as the process and is never destroyed."""
 
     def __del__(self) -> None:
         # The library's own frees the tag family first, then reads it while destroying the detector: a crash at exit.

@@ -1,6 +1,6 @@
 """Whether a calibration deserves trust: never by its rms alone, which is lowest where the views say least.
 
-Six photos from one side fit anything. What tells is how well the views pin the camera down: standard deviations,
+Six photos from one side fit anything. The evidence is how well the views determine the camera: standard deviations,
 square pixels, a principal point near the middle, board normals that spread, and a covered frame; and whether one photo,
 or the board, is at odds with all the rest.
 """
@@ -16,8 +16,8 @@ import numpy as np
 from raytwin.calib.boards import Board
 from raytwin.calib.photos import lens_model, pose
 from raytwin.calib.photos.calibration_result import Calibration
-from raytwin.calib.photos.fit import NAMES, Fit, Seen, fit, matched, solve_scaled
-from raytwin.calib.photos.uncertainty import Spread, spread, uncertainty_map
+from raytwin.calib.photos.fit import NAMES, Fit, Sighting, fit, matched, solve_scaled
+from raytwin.calib.photos.uncertainty import FitUncertainty, fit_uncertainty, uncertainty_map
 from raytwin.errors import InputError
 from raytwin.scene.lens import SIDE, undone
 
@@ -27,13 +27,13 @@ CODES = {
     "other-size": "photos of another size than most: left out",
     "no-tags": "photos that were left out, and why",
     "few-views": "fewer views than a calibration should rest on",
-    "degenerate-views": "views too alike to tell focal length, centre and distortion apart",
+    "degenerate-views": "views too alike to separate focal length, centre and distortion",
     "bare-side": "a side of the frame without tags, where the camera is known badly",
     "mirrored-board": "the board's description is a mirror image of the board",
     "board-pitch": "the board's description is longer or shorter in y than the board: fitted along with the camera",
     "bent-board": "the board is bent: its shape was fitted along with the camera",
     "odd-photo": "a photo that another camera, zoom or orientation may have taken",
-    "unconverged-distortion": "a part of the frame where the distortion has no inverse: no photo tells the lens there",
+    "unconverged-distortion": "a part of the frame where the distortion has no inverse: no photo shows the lens there",
     "outlier-tags": "tags that were rejected because they disagree with all others",
     "ambiguous-pose": "views whose pose could be either of two",
 }
@@ -49,9 +49,9 @@ image's side, |fx / fy - 1|, the centre's distance from the middle as a share of
 of the board's normals in degrees, and the share of the frame's 10 x 10 cells that hold a tag's centre."""
 
 ODD_RMS, ODD_PULL, ODD_TURN = 2.5, 5.0, 2.5
-"""A photo is odd whose rms is so many times the median, in the fit with it or without it; which pulls K so many times
-as much, for what it can tell of it, as the median photo does; or whose rms is so many times what it is when its pixels
-are turned by half a turn. (Sound sets: at most 2.4, 3.8 and 1.9.)"""
+"""A photo is odd if its rms is this many times the median, in the fit with it or without it; if it pulls K this many
+times as much as the median photo does, relative to its information on K; or if its rms is this many times what it is
+with its pixels rotated by 180 degrees. (Sound sets: at most 2.4, 3.8 and 1.9.)"""
 
 ODD_PX = 0.2
 """Pixels: a photo of a smaller rms is not odd for it; small tags and slanting ones are read no better."""
@@ -60,12 +60,12 @@ LEAST_FOR_ODD = 5
 """Photos: with fewer, none can be odd."""
 
 PREDICTED, FAR, SIGMA_WITHOUT = 0.97, 4.0, 2.0
-"""A photo that is odd by the fit is named only where K without it predicts the others with less than this share of
-their error with it (1 for a photo FAR times beyond what is odd), and where no number of K then has so many times its
-standard deviation: the only near or slanted view is at odds with the rest because it is the one that says something."""
+"""A photo that looks odd is named only if K without it predicts the others with less than this fraction of their error
+(1 for a photo FAR times beyond the limit), and if leaving it out multiplies no standard deviation of K by this factor:
+the only near or slanted view disagrees with the rest because it carries the information."""
 
 BENT, SURELY = 5e-4, 4.0
-"""A board is called bent by more than this share of its diagonal, and so many standard deviations."""
+"""A board counts as bent beyond this fraction of its diagonal and this many standard deviations."""
 
 BARE, UNSURE = 0.3, 0.0025
 """A side of the frame is called bare where this share of its height or width holds no tag, and a tenth of what is seen
@@ -74,12 +74,13 @@ there may be off by this share of the frame's longer side (one standard deviatio
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What the warnings are about: a `calibration`, the fit that made it and what it is known to, and what went in."""
+    """Inputs of the checks: the `calibration`, its fit, how uncertain that is (`known`), and the views it was made
+    from."""
 
     calibration: Calibration
     found: Fit
-    known: Spread
-    views: Sequence[Seen]
+    known: FitUncertainty
+    views: Sequence[Sighting]
     image_size: tuple[int, int]
     boards: Sequence[Board]
     wrong: Mapping[str, str]
@@ -91,12 +92,12 @@ class Case:
 
     @cached_property
     def richest(self) -> "Case":
-        """The same, fitted by the richest lens that was tried: an odd photo may have led the choice astray."""
+        """The same, fitted by the richest lens that was tried: an odd photo may have led the choice systematic."""
         form = replace(self.found.form, model=next(iter(self.calibration.basis.trials)), unfolded=False)
         if form == self.found.form:
             return self
         found = fit(self.views, self.image_size, self.boards, form, self.found)
-        return replace(self, found=found, known=spread(found))
+        return replace(self, found=found, known=fit_uncertainty(found))
 
     def without(self, photo: str) -> "Case":
         """The same without one photo, fitted by the richest lens that was tried."""
@@ -104,7 +105,7 @@ class Case:
         views, whole = [self.views[i] for i in kept], self.richest.found
         start = replace(whole, R=whole.R[kept], t=whole.t[kept])
         found = fit(views, self.image_size, self.boards, whole.form, start)
-        return replace(self, views=views, found=found, known=spread(found))
+        return replace(self, views=views, found=found, known=fit_uncertainty(found))
 
 
 Warnings = Iterator[tuple[str, str]]
@@ -147,8 +148,8 @@ def is_mirrored(points: np.ndarray, pixels: np.ndarray) -> bool:
 def warnings_for(
     calibration: Calibration,
     found: Fit,
-    known: Spread,
-    views: Sequence[Seen],
+    known: FitUncertainty,
+    views: Sequence[Sighting],
     image_size: tuple[int, int],
     boards: Sequence[Board],
     wrong: Mapping[str, str],
@@ -292,7 +293,7 @@ def _worth_naming(case: Case) -> Iterator[tuple[str, str, Case]]:
 
 
 def _better_without(case: Case, name: str, share: float) -> Case | None:
-    """The case without a photo where that predicts the others to `share` of their error and tells K; else None."""
+    """Return the case without a photo if it predicts the others to `share` of their error and still determines K."""
     try:
         rest, whole = case.without(name), case.richest
     except InputError:
@@ -311,13 +312,13 @@ def _others_error(case: Case, name: str) -> float:
 
 
 def _oddities(case: Case) -> Iterator[tuple[float, str, str]]:
-    """How odd, which photo, and why, by what the fit without it says of it; 1 and more is odd.
+    """Yield (how odd, photo, why), judged by the fit without that photo; 1 and more is odd.
 
     Of the fit that is reported, the numbers are those of the table of photos.
     """
-    photo = case.found.sights.photo
+    photo = case.found.observations.photo
     squares = np.bincount(photo, (case.found.residuals**2).sum(axis=(1, 2)))
-    rms = np.sqrt(squares / np.bincount(photo, case.found.sights.weight.sum(axis=1)))
+    rms = np.sqrt(squares / np.bincount(photo, case.found.observations.weight.sum(axis=1)))
     held_out, (pull, moved) = case.known.errors, _pull(case)
     seen = np.maximum(rms, held_out) > ODD_PX
     usual, usual_held_out, usual_move = (max(float(np.median(e)), 1e-9) for e in (rms, held_out, moved))
@@ -342,7 +343,7 @@ def _oddities(case: Case) -> Iterator[tuple[float, str, str]]:
 def _pull(case: Case) -> tuple[np.ndarray, np.ndarray]:
     """(n,): how far K moves without each photo, over what it would if photos erred alike, in medians over the photos;
     and by how many of its standard deviations (rms), as the table of photos has it."""
-    H, photo = case.found.H.sum(axis=0) + case.found.prior, case.found.sights.photo
+    H, photo = case.found.H.sum(axis=0) + case.found.prior, case.found.observations.photo
     inverse = np.linalg.pinv(case.known.covariance[:4, :4], hermitian=True)
     pulls = []
     for i, move in enumerate(case.known.moves):
@@ -356,15 +357,14 @@ def _pull(case: Case) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _better_turned(case: Case, i: int) -> float:
-    """The rms of a photo in the camera that the others tell, over what it is when its pixels are turned by half a
-    turn."""
+    """Return a photo's rms in the camera of the others, divided by its rms with its pixels rotated by 180 degrees."""
     shared = case.found.shared + case.known.moves[i]
     K = np.array([[shared[0], 0, shared[2]], [0, shared[1], shared[3]], [0, 0, 1]])
     value = dict(zip(case.found.form.names[4:], shared[4:], strict=False))
     dist = [value.get(n, 0.0) for n in NAMES]
     turn = np.diag([-1.0, -1.0, 1.0])
     squares = np.zeros(2)
-    for j in np.flatnonzero(case.found.sights.photo == i).tolist():
+    for j in np.flatnonzero(case.found.observations.photo == i).tolist():
         view, R, t = case.views[j], case.found.R[j], case.found.t[j]
         points, pixels = matched(view.tags, case.calibration.basis.boards[view.board])
         for k, (seen, R0, t0) in enumerate(

@@ -40,10 +40,10 @@ MODELS: dict[str, tuple[str, ...]] = {
 
 START = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 30, 1e-6)
 STEPS, SETTLED = 100, 1e-10
-"""At most so many steps; the fit has settled once a step promises to lessen the squares by less than this share."""
+"""Most steps; the fit has converged once a step is predicted to lower the sum of squares by less than this fraction."""
 
 STEEP = 0.25
-"""A lens that is held `unfolded` grows at least so fast, d(r g)/dr, at every radius out to the frame's corner."""
+"""Least slope d(r g)/dr of a lens fitted as `unfolded`, at every radius out to the frame's corner."""
 
 
 @contextmanager
@@ -57,7 +57,7 @@ def one_thread() -> Iterator[None]:
         cv2.setNumThreads(threads)
 
 
-class Seen(Record, frozen=True):
+class Sighting(Record, frozen=True):
     """One board's tags in one photo, none of them unknown to the board; internal to the fit. `board`: its index."""
 
     photo: str
@@ -66,9 +66,9 @@ class Seen(Record, frozen=True):
 
 
 @dataclass(frozen=True)
-class Form:
+class ModelSpec:
     """What is fitted besides K and poses: a row of MODELS, the degree of the boards' heights (0: flat), whether a
-    stretch of the boards' y is free, and whether the lens is kept from folding back inside the frame."""
+    stretch of the boards' y is free, and whether the lens is constrained not to fold back inside the frame."""
 
     model: str
     degree: int = 0
@@ -82,7 +82,7 @@ class Form:
 
 
 @dataclass(frozen=True, eq=False)
-class Sights:
+class Observations:
     """What v views saw, a row each, padded to the most tags t that any has.
 
     `points` (v, t, 3) metres on the flat board; `pixels` (v, t, 2); `weight` (v, t): 1, or 0 where padded; `rows` (v,
@@ -108,12 +108,12 @@ class Fit:
     """What the optimizer gives: `shared` (m,) is fx, fy, cx, cy, the coefficients of `form`, then the boards' shapes.
 
     R (v, 3, 3), t (v, 3): the poses. `residuals` (v, t, 2): projected minus seen, pixels. `H` (v, m, m), `g` (v, m):
-    see above; `prior` (m, m): what the fit was told besides. `A` (v, 2 t, m), `B` (v, 2 t, 6); `follow` (v, 6, m): d
-    pose / d shared; `local` (v, 6, 6): (B^T B)^-1.
+    see above; `prior` (m, m): the information of the constraints. `A` (v, 2 t, m), `B` (v, 2 t, 6); `follow` (v, 6, m):
+    d pose / d shared; `local` (v, 6, 6): (B^T B)^-1.
     """
 
-    form: Form
-    sights: Sights
+    form: ModelSpec
+    observations: Observations
     shared: np.ndarray
     R: np.ndarray
     t: np.ndarray
@@ -143,33 +143,33 @@ class Fit:
 
     @property
     def rms_px(self) -> float:
-        return float(np.sqrt((self.residuals**2).sum() / self.sights.weight.sum()))
+        return float(np.sqrt((self.residuals**2).sum() / self.observations.weight.sum()))
 
     @property
     def variance(self) -> float:
         """Variance of a coordinate, pixels², of independent errors: residuals² / (coordinates - unknowns)."""
-        unknowns = 6 * len(self.R) + self.told
-        return float((self.residuals**2).sum() / max(self.sights.count() - unknowns, 1))
+        unknowns = 6 * len(self.R) + self.determined
+        return float((self.residuals**2).sum() / max(self.observations.count() - unknowns, 1))
 
     @property
-    def told(self) -> int:
-        """How many of the shared numbers the tags tell at all: few rows do not tell every term of a shape."""
+    def determined(self) -> int:
+        """Number of shared parameters that the tags determine: few rows do not determine every term of a shape."""
         return int((np.diag(self.H.sum(axis=0)) > 0).sum())
 
     @property
     def shapes(self) -> tuple[Heights | None, ...]:
         """Each board's fitted shape; None for a board taken as flat and of the described pitch."""
         if not (self.form.degree or self.form.stretch):
-            return (None,) * len(self.sights.bendings)
+            return (None,) * len(self.observations.bendings)
         degree, flat = self.form.degree or DEGREES[0], (0.0,) * count(DEGREES[0])
-        parts = _parts(self.shared, self.form, self.sights)
+        parts = _parts(self.shared, self.form, self.observations)
         return tuple(Heights(degree, tuple(c.tolist()) or flat, stretch) for c, stretch in parts)
 
     @property
     def stretch_at(self) -> list[int]:
         """Where in `shared` the boards' stretches are."""
         at, places = len(self.form.names), []
-        for b in self.sights.bendings:
+        for b in self.observations.bendings:
             at += 0 if b is None else b.heights.shape[1]
             places += [at] if self.form.stretch else []
             at += self.form.stretch
@@ -177,25 +177,25 @@ class Fit:
 
 
 def fit(
-    views: Sequence[Seen],
+    views: Sequence[Sighting],
     image_size: tuple[int, int],
     boards: Sequence[Board],
-    form: Form,
+    form: ModelSpec,
     start: Fit | None = None,
 ) -> Fit:
     """The camera, poses and shapes of least squared pixel distance; from `start`, a fit of the same views, where
     given."""
-    sights = _sights(views, boards, form)
+    seen = _observe(views, boards, form)
     if start is None or len(start.R) != len(views):
         K, dist, R, t = _first(views, image_size, boards)
     else:
         K, dist, R, t = start.K, start.dist, start.R, start.t
     value = dict(zip(NAMES, dist, strict=False))
-    shared = np.zeros(4 + len(MODELS[form.model]) + _shape_count(sights, form))
+    shared = np.zeros(4 + len(MODELS[form.model]) + _shape_count(seen, form))
     shared[: len(form.names)] = K[0, 0], K[1, 1], K[0, 2], K[1, 2], *(value.get(n, 0.0) for n in MODELS[form.model])
     if start is not None and (start.form.degree, start.form.stretch) == (form.degree, form.stretch):
         shared[len(form.names) :] = start.shared[len(start.form.names) :]
-    found = _settle(sights, form, image_size, shared, R, t)
+    found = _settle(seen, form, image_size, shared, R, t)
     if not (np.isfinite(found.shared).all() and (found.shared[:2] > 0).all()):
         fx, fy = found.shared[:2]
         raise InputError("views", "photos from which a camera follows", f"fx, fy = {fx:.4g}, {fy:.4g}")
@@ -208,7 +208,7 @@ def matched(tags: Sequence[Tag], board: Board) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _first(
-    views: Sequence[Seen], image_size: tuple[int, int], boards: Sequence[Board]
+    views: Sequence[Sighting], image_size: tuple[int, int], boards: Sequence[Board]
 ) -> tuple[np.ndarray, tuple[float, ...], np.ndarray, np.ndarray]:
     """K, distortion and poses of flat boards, by OpenCV: Zhang's closed form, and steps from there."""
     both = [matched(v.tags, boards[v.board].flat()) for v in views]
@@ -228,7 +228,7 @@ def _first(
     return K, tuple(dist.ravel()[:5].tolist()), R, t
 
 
-def _sights(views: Sequence[Seen], boards: Sequence[Board], form: Form) -> Sights:
+def _observe(views: Sequence[Sighting], boards: Sequence[Board], form: ModelSpec) -> Observations:
     most = max(len(v.tags) for v in views)
     points, pixels = np.zeros((len(views), most, 3)), np.zeros((len(views), most, 2))
     weight, rows = np.zeros((len(views), most)), np.zeros((len(views), most), int)
@@ -245,37 +245,37 @@ def _sights(views: Sequence[Seen], boards: Sequence[Board], form: Form) -> Sight
     middle = tuple(float(np.mean([y for _, y in b.centers().values()])) for b in boards)
     bendings = tuple(bending(tuple(b.centers().values()), form.degree) if form.degree else None for b in boards)
     board, photo = (np.array(a) for a in ([v.board for v in views], [photos[v.photo] for v in views]))
-    return Sights(points, pixels, weight, rows, board, photo, bendings, middle)
+    return Observations(points, pixels, weight, rows, board, photo, bendings, middle)
 
 
-def _shape_count(sights: Sights, form: Form) -> int:
-    return sum((0 if b is None else b.heights.shape[1]) + form.stretch for b in sights.bendings)
+def _shape_count(seen: Observations, form: ModelSpec) -> int:
+    return sum((0 if b is None else b.heights.shape[1]) + form.stretch for b in seen.bendings)
 
 
-def _parts(shared: np.ndarray, form: Form, sights: Sights) -> list[tuple[np.ndarray, float]]:
+def _parts(shared: np.ndarray, form: ModelSpec, seen: Observations) -> list[tuple[np.ndarray, float]]:
     """By board: the coefficients of its heights, and the stretch of its y."""
     parts, at = [], len(form.names)
-    for b in sights.bendings:
+    for b in seen.bendings:
         n = 0 if b is None else b.heights.shape[1]
         parts.append((shared[at : at + n], float(shared[at + n]) if form.stretch else 0.0))
         at += n + form.stretch
     return parts
 
 
-def _shaped(sights: Sights, form: Form, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _shaped(seen: Observations, form: ModelSpec, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The boards' points with their shape (v, t, 3), and how they move with its numbers (v, t, s, 3), metres."""
-    points = sights.points.copy()
-    moves = np.zeros((*points.shape[:2], _shape_count(sights, form), 3))
+    points = seen.points.copy()
+    moves = np.zeros((*points.shape[:2], _shape_count(seen, form), 3))
     at = 0
-    for i, (b, (c, stretch)) in enumerate(zip(sights.bendings, _parts(shared, form, sights), strict=True)):
-        mine = sights.board == i
-        rows = sights.rows[mine]
+    for i, (b, (c, stretch)) in enumerate(zip(seen.bendings, _parts(shared, form, seen), strict=True)):
+        mine = seen.board == i
+        rows = seen.rows[mine]
         if b is not None:
             points[mine] += b.move(c)[rows]
             moves[mine, :, at : at + len(c)] = b.moves(c)[rows]
             at += len(c)
         if form.stretch:
-            along = sights.points[mine][..., 1] - sights.height[i]
+            along = seen.points[mine][..., 1] - seen.height[i]
             points[mine, :, 1] += stretch * along
             moves[mine, :, at, 1] = along
             at += 1
@@ -284,7 +284,7 @@ def _shaped(sights: Sights, form: Form, shared: np.ndarray) -> tuple[np.ndarray,
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """The fit's state at one place; `fold`, `of_fold`: residuals and Jacobian of what keeps the lens from folding."""
+    """The fit's state at one place; `fold`, `of_fold`: residuals and Jacobian of the constraint on folding."""
 
     shared: np.ndarray
     R: np.ndarray
@@ -297,18 +297,18 @@ class _Step:
     cost: float
 
 
-def _step(sights: Sights, form: Form, image_size: tuple[int, int], shared, R, t) -> _Step:
+def _step(seen: Observations, form: ModelSpec, image_size: tuple[int, int], shared, R, t) -> _Step:
     free = MODELS[form.model]
     value = dict(zip(free, shared[4:], strict=False))
     K = np.array([[shared[0], 0, shared[2]], [0, shared[1], shared[3]], [0, 0, 1]])
-    board, moves = _shaped(sights, form, shared)
+    board, moves = _shaped(seen, form, shared)
     points = board @ R.swapaxes(1, 2) + t[:, None]
     with np.errstate(all="ignore"):  # a step too far gives no finite cost, and is not taken
-        r, A, of_point = lens_model.linearise(points, sights.pixels, K, [value.get(n, 0.0) for n in NAMES], free)
+        r, A, of_point = lens_model.linearise(points, seen.pixels, K, [value.get(n, 0.0) for n in NAMES], free)
         A = np.concatenate([A, np.einsum("vtci,vij,vtsj->vtcs", of_point, R, moves, optimize=True)], axis=-1)
-        w = sights.weight[..., None]
+        w = seen.weight[..., None]
         r, A, B = r * w, A * w[..., None], lens_model.of_pose(points, of_point) * w[..., None]
-        fold, of_fold = _fold(form, image_size, shared, sights)
+        fold, of_fold = _fold(form, image_size, shared, seen)
         cost = float((r * r).sum() + fold @ fold)
     if not np.isfinite(cost) or (points[..., 2] <= 0).any():
         cost = np.inf
@@ -319,7 +319,9 @@ def _step(sights: Sights, form: Form, image_size: tuple[int, int], shared, R, t)
 RADII = np.linspace(0.05, 1, 20)
 
 
-def _fold(form: Form, image_size: tuple[int, int], shared: np.ndarray, sights: Sights) -> tuple[np.ndarray, np.ndarray]:
+def _fold(
+    form: ModelSpec, image_size: tuple[int, int], shared: np.ndarray, seen: Observations
+) -> tuple[np.ndarray, np.ndarray]:
     """Where the slope d(r g)/dr = 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶ is below STEEP inside the frame: how far, made
     dear."""
     free = MODELS[form.model]
@@ -336,7 +338,7 @@ def _fold(form: Form, image_size: tuple[int, int], shared: np.ndarray, sights: S
     inside = np.arange(len(r)) <= (int(np.argmax(reached >= far)) if (reached >= far).any() else len(r))
     s = s[inside]
     lack = STEEP - (1 + s * (3 * k1 + s * (5 * k2 + s * 7 * k3)))
-    dear = 10 * np.sqrt(sights.count())
+    dear = 10 * np.sqrt(seen.count())
     of_fold = np.zeros((len(s), len(shared)))
     for name, column in (("k1", 3 * s), ("k2", 5 * s * s), ("k3", 7 * s**3)):
         if name in free:
@@ -345,29 +347,35 @@ def _fold(form: Form, image_size: tuple[int, int], shared: np.ndarray, sights: S
 
 
 def _moved(
-    sights: Sights, form: Form, image_size: tuple[int, int], here: _Step, d_shared: np.ndarray, d_poses: np.ndarray
+    seen: Observations,
+    form: ModelSpec,
+    image_size: tuple[int, int],
+    here: _Step,
+    d_shared: np.ndarray,
+    d_poses: np.ndarray,
 ) -> _Step:
     turn = np.array([cv2.Rodrigues(turned)[0] for turned in d_poses[:, :3]])
     t = (turn @ here.t[..., None])[..., 0] + d_poses[:, 3:]
-    return _step(sights, form, image_size, here.shared + d_shared, turn @ here.R, t)
+    return _step(seen, form, image_size, here.shared + d_shared, turn @ here.R, t)
 
 
-def _settle(sights: Sights, form: Form, image_size: tuple[int, int], shared, R, t) -> Fit:
+def _settle(seen: Observations, form: ModelSpec, image_size: tuple[int, int], shared, R, t) -> Fit:
     """Gauss-Newton, damped after Marquardt where a step would make it worse."""
-    here = _step(sights, form, image_size, shared, R, t)
+    here = _step(seen, form, image_size, shared, R, t)
     damping = 1e-6
     for _ in range(STEPS):
         d_shared, d_poses, promised = _solve(here, damping)
         if promised <= SETTLED * here.cost:
             break
-        there = _moved(sights, form, image_size, here, d_shared, d_poses)
+        there = _moved(seen, form, image_size, here, d_shared, d_poses)
         for _ in range(2):
-            # Where views hardly tell two numbers apart, the poses follow them along a bent valley: let them catch up.
+            # Where views barely separate two parameters, the poses follow them along a curved valley: let them catch
+            # up.
             if not (np.isfinite(there.cost) and here.cost - there.cost < promised / 2):
                 break
             Bt = there.B.swapaxes(1, 2)
             catch_up = -np.linalg.solve(Bt @ there.B, Bt @ there.r.reshape(len(R), -1, 1))[..., 0]
-            there = _moved(sights, form, image_size, there, np.zeros(len(shared)), catch_up)
+            there = _moved(seen, form, image_size, there, np.zeros(len(shared)), catch_up)
         if there.cost <= here.cost:
             here, damping = there, max(damping / 10, 1e-12)
         elif damping > 1e9:
@@ -382,7 +390,7 @@ def _settle(sights: Sights, form: Form, image_size: tuple[int, int], shared, R, 
     g = (here.A.swapaxes(1, 2) @ r + follow.swapaxes(1, 2) @ (here.B.swapaxes(1, 2) @ r))[..., 0]
     prior = here.of_fold.T @ here.of_fold
     return Fit(
-        form, sights, here.shared, here.R, here.t, here.r, prior, here.A, here.B, H, g, follow, local
+        form, seen, here.shared, here.R, here.t, here.r, prior, here.A, here.B, H, g, follow, local
     )  # fmt: skip
 
 
@@ -403,7 +411,7 @@ def _solve(here: _Step, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def scaled(S: np.ndarray) -> np.ndarray:
-    """What makes the diagonal of S 1, left and right of it; 0 for what it does not tell."""
+    """Return the scale that makes the diagonal of S 1 when applied on both sides; 0 for undetermined parameters."""
     size = np.diag(S)
     return np.where(size > 0, 1 / np.sqrt(np.where(size > 0, size, 1)), 0)
 
@@ -412,7 +420,7 @@ def solve_scaled(S: np.ndarray, right: np.ndarray) -> np.ndarray:
     """S^-1 right for a positive S; pixels, coefficients and metres differ by orders of magnitude: its diagonal is made
     1.
 
-    What S does not tell at all stays 0.
+    Parameters that S does not determine stay 0.
     """
     scale = scaled(S)
     inverse = np.linalg.pinv(S * np.outer(scale, scale), rcond=1e-13, hermitian=True)

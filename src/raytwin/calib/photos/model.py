@@ -1,4 +1,4 @@
-"""Which lens model and which shape of the boards: what predicts photos that the fit has not seen, by leaving each out.
+"""Choose the lens model and the boards' shape by how well they predict photos that the fit has not seen.
 
 The five coefficients of a plain OpenCV fit on a flat board are always among the candidates. A smaller model is taken
 only where it predicts as well, a bent board only where it predicts better, and then the richest shape that does.
@@ -13,8 +13,8 @@ import numpy as np
 
 from raytwin.calib.boards import Board
 from raytwin.calib.boards.shape import DEGREES
-from raytwin.calib.photos.fit import Fit, Form, Seen, fit
-from raytwin.calib.photos.uncertainty import leave_one_out, spread
+from raytwin.calib.photos.fit import Fit, ModelSpec, Sighting, fit
+from raytwin.calib.photos.uncertainty import fit_uncertainty, leave_one_out
 from raytwin.errors import InputError
 from raytwin.scene import Record
 from raytwin.scene.lens import undone
@@ -23,34 +23,34 @@ LADDER = ("none", "k1", "k1k2", "k1k2k3", "full5")
 """What `auto` chooses from, smallest first; each adds coefficients to the one before."""
 
 AS_WELL, NOTHING = 1.01, 0.002
-"""As good as the best: within 1 % of its held-out error, or within so many pixels, which no detector knows."""
+"""As good as the best: within 1 % of its held-out error, or within this many pixels, far below a detector's noise."""
 
 ALIKE = 1.1
 """Models that predict within this factor of the best add to sigma how far their K lies apart."""
 
 UNFOLDED = 1.02
-"""A lens that folds back inside the frame is kept from it where that costs no more than 2 % of the held-out error."""
+"""A lens that folds back inside the frame is constrained not to where that costs at most 2 % of the held-out error."""
 
 FEW_PHOTOS = 12
 """Photos: with fewer, which lens predicts best is chance, and all five coefficients are fitted."""
 
 STRETCHED, EXPLAINED, SURELY = 0.002, 0.8, 4.0
-"""A board's y is fitted where it is wrong by more than this share and so many standard deviations, and a free one
-leaves less than so much of the rms."""
+"""The pitch of a board in y is fitted where it is off by more than this fraction and this many standard deviations, and
+fitting it lowers the rms to less than this fraction."""
 
 LEAST_FOR_SHAPE, LEAST_FOR_ANY_SHAPE = 4, 6
 """Photos: with fewer than the first, boards are taken for flat; with fewer than the second, for flat or of degree 2."""
 
 
 class ModelTrial(Record, frozen=True):
-    """What came of one model: its held-out error in pixels, infinite where no fit converges, and a `doubt`, if any."""
+    """One model's held-out error in pixels, infinite where no fit converges, and a `doubt`, if any."""
 
     held_out_px: float
     doubt: str = ""
 
 
-class Told(NamedTuple):
-    """A model that was tried: its held-out error in pixels, whether it was taken, and why, or why not."""
+class TrialRow(NamedTuple):
+    """One row of the table of models: held-out error in pixels, whether it was taken, and the reason."""
 
     model: str
     held_out_px: float
@@ -58,7 +58,7 @@ class Told(NamedTuple):
     why: str
 
 
-def name(form: Form) -> str:
+def name(form: ModelSpec) -> str:
     """`full5`, or `full5, bent 3`: the lens, and the degree of the boards' heights."""
     return form.model if form.degree == 0 else f"{form.model}, bent {form.degree}"
 
@@ -78,11 +78,11 @@ def held_out(found: Fit) -> float:
 
 
 Chosen = tuple[Fit, dict[str, ModelTrial], np.ndarray]
-"""The fit to take, what came of every model that was tried, and `gap` (k, k), see `_gap`."""
+"""The chosen fit, the trial of every model, and `gap` (k, k), see `_gap`."""
 
 
 def select_model(
-    views: Sequence[Seen], image_size: tuple[int, int], boards: Sequence[Board], model: str, start: Fit
+    views: Sequence[Sighting], image_size: tuple[int, int], boards: Sequence[Board], model: str, start: Fit
 ) -> Chosen:
     """Choose the boards' shape, then the lens; and both again with the boards' pitch in y where it is surely wrong."""
     chosen = _select(views, image_size, boards, model, start, False)
@@ -90,7 +90,7 @@ def select_model(
         free = fit(views, image_size, boards, replace(chosen[0].form, stretch=True), chosen[0])
     except InputError:
         return chosen
-    sigma = np.sqrt(np.diag(spread(free).covariance)[free.stretch_at])
+    sigma = np.sqrt(np.diag(fit_uncertainty(free).covariance)[free.stretch_at])
     wrong = np.abs(free.shared[free.stretch_at]) > np.maximum(STRETCHED, SURELY * sigma)
     if not wrong.any() or free.rms_px > EXPLAINED * chosen[0].rms_px:
         return chosen
@@ -98,12 +98,17 @@ def select_model(
 
 
 def _select(
-    views: Sequence[Seen], image_size: tuple[int, int], boards: Sequence[Board], model: str, start: Fit, stretch: bool
+    views: Sequence[Sighting],
+    image_size: tuple[int, int],
+    boards: Sequence[Board],
+    model: str,
+    start: Fit,
+    stretch: bool,
 ) -> Chosen:
     trials: dict[str, ModelTrial] = {}
     fits: dict[str, Fit] = {}
 
-    def attempt(form: Form, begin: Fit) -> None:
+    def attempt(form: ModelSpec, begin: Fit) -> None:
         try:
             fits[name(form)] = fit(views, image_size, boards, form, begin)
             trials[name(form)] = ModelTrial(held_out(fits[name(form)]))
@@ -115,19 +120,19 @@ def _select(
     for degree in _degrees(photos):
         if degree == DEGREES[-1] and _as_good(trials, list(trials))[0] == richest:
             continue  # a shape that no lower degree hints at
-        attempt(Form(richest, degree, stretch), next(reversed(fits.values()), start))
+        attempt(ModelSpec(richest, degree, stretch), next(reversed(fits.values()), start))
     if not fits:
         raise InputError("views", "photos from which a camera follows", "a fit that does not converge")
     shapes = _as_good(trials, list(trials))
-    # Flat where that predicts as well. Else the richest shape that does: what a poorer one leaves out is in every photo
-    # of the board alike, so that no photo held out tells it, and moves K.
+    # Flat where that predicts as well. Else the richest shape that does: what a poorer one leaves out is the same in
+    # every photo, so no held-out photo reveals it, yet it moves K.
     taken = fits[shapes[0] if shapes[0] == richest else shapes[-1]]
     good = [name(taken.form)]
     if model == "auto":
         degree = taken.form.degree
         for smaller in reversed(LADDER[:-1]):
-            attempt(Form(smaller, degree, stretch), taken)
-        good = _as_good(trials, [name(Form(m, degree)) for m in LADDER])
+            attempt(ModelSpec(smaller, degree, stretch), taken)
+        good = _as_good(trials, [name(ModelSpec(m, degree)) for m in LADDER])
         if photos < FEW_PHOTOS:
             good = [name(taken.form), *(n for n in reversed(good) if n != name(taken.form))]
     limit = UNFOLDED * min(trials[n].held_out_px for n in good)
@@ -146,9 +151,9 @@ def _select(
 def _gap(fits: Mapping[str, Fit], trials: Mapping[str, ModelTrial], taken: Fit, photos: int) -> np.ndarray:
     """(k, k): the mean square of how far K and distortion move between the models that predict alike.
 
-    Each model's own covariance takes for granted that what it leaves out is 0. Of few photos, which do not say which
-    model is right, all count; of more, the richest lens alone: without p1 and p2 the centre may lie ten standard
-    deviations off and predict as well.
+    Each model's own covariance assumes that the coefficients it leaves out are 0. With few photos, which do not show
+    which model is right, all models count; with more, only the richest lens: without p1 and p2 the centre may lie ten
+    standard deviations off and predict as well.
     """
 
     def numbers(found: Fit) -> np.ndarray:
@@ -158,7 +163,7 @@ def _gap(fits: Mapping[str, Fit], trials: Mapping[str, ModelTrial], taken: Fit, 
     limit = ALIKE * min(t.held_out_px for t in trials.values())
     others = [n for n in fits if trials[n].held_out_px <= limit]
     if photos >= FEW_PHOTOS:
-        others = [n for n in others if n == name(Form(LADDER[-1], taken.form.degree))]
+        others = [n for n in others if n == name(ModelSpec(LADDER[-1], taken.form.degree))]
     moved = [numbers(fits[n]) - numbers(taken) for n in others] or [np.zeros(len(taken.form.names))]
     return np.mean([np.outer(m, m) for m in moved], axis=0)
 
@@ -176,7 +181,7 @@ def _as_good(trials: dict[str, ModelTrial], names: Sequence[str]) -> list[str]:
     return [n for n in names if trials[n].held_out_px <= max(AS_WELL * best, best + NOTHING)]
 
 
-def compared(trials: Mapping[str, ModelTrial], taken: str, photos: int) -> list[Told]:
+def trial_rows(trials: Mapping[str, ModelTrial], taken: str, photos: int) -> list[TrialRow]:
     """What came of each model, in the order they were tried; empty where there was none to choose.
 
     `photos`: how many there were; of few, all coefficients are fitted, and the others shown beside.
@@ -184,7 +189,7 @@ def compared(trials: Mapping[str, ModelTrial], taken: str, photos: int) -> list[
     lenses = {n.split(",")[0] for n in trials}
     few = photos < FEW_PHOTOS and len(lenses) > 1 and taken.split(",")[0] == LADDER[-1]
     best = min((t.held_out_px for t in trials.values()), default=math.inf)
-    told = []
+    rows = []
     for model, trial in trials.items():
         why = [trial.doubt] if trial.doubt else []
         if model == taken:
@@ -198,5 +203,5 @@ def compared(trials: Mapping[str, ModelTrial], taken: str, photos: int) -> list[
             needless = "as good on few photos" if few else "larger than needed"
             needless = "a poorer shape" if degree_of(model) < degree_of(taken) else needless
             why.insert(0, needless if times <= AS_WELL else f"{times:.3g} times the best")
-        told.append(Told(model, trial.held_out_px, model == taken, "; ".join(why)))
-    return told
+        rows.append(TrialRow(model, trial.held_out_px, model == taken, "; ".join(why)))
+    return rows

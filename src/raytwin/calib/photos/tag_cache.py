@@ -1,4 +1,4 @@
-"""Tags found in photos, kept between runs: a photo of the same bytes is not searched again by the same detector."""
+"""Tags found in photos, cached between runs: the same detector does not search a photo of the same bytes again."""
 
 import contextlib
 import hashlib

@@ -1,8 +1,8 @@
-"""How far off a calibration may be, told from how photos disagree; and how far off, then, a projected pixel.
+"""Estimate a calibration's uncertainty from how its photos disagree, and that of a projected pixel from it.
 
 Tags in one photo do not err on their own: blur, a board that is not quite as described, a focus that moved, pull all of
 them the same way. So the photo is the unit (clusters, in a statistician's words). With M_i = H^-1/2 H_i H^-1/2, photo
-i's share of all that is told,
+i's share of the whole information,
 
     u_i = (I - M_i)^-1/2 H^-1/2 g_i,  q = Σ |u_i|² / (m s²),
 
@@ -49,7 +49,7 @@ CELL = 16
 def leave_one_out(found: Fit) -> tuple[np.ndarray, np.ndarray]:
     """By photo: how the shared numbers move without it (n, m), and the rms distance of its own tags then (n,),
     pixels."""
-    photo = found.sights.photo
+    photo = found.observations.photo
     total = found.H.sum(axis=0) + found.prior
     moves, errors = [], []
     for i in range(photo.max() + 1):
@@ -59,12 +59,12 @@ def leave_one_out(found: Fit) -> tuple[np.ndarray, np.ndarray]:
         by = ((found.A[mine] + found.B[mine] @ found.follow[mine]) @ move).reshape(found.residuals[mine].shape)
         squares = float(((found.residuals[mine] + by) ** 2).sum())
         moves.append(move)
-        errors.append(math.sqrt(squares / found.sights.weight[mine].sum()))
+        errors.append(math.sqrt(squares / found.observations.weight[mine].sum()))
     return np.array(moves), np.array(errors)
 
 
 @dataclass(frozen=True, eq=False)
-class Spread:
+class FitUncertainty:
     """What the photos' disagreement says: `covariance` (m, m) of `Fit.shared`; `noise_px`: one standard deviation of a
     coordinate that would explain it; `moves` (n, m), `errors` (n,): see `leave_one_out`."""
 
@@ -74,52 +74,52 @@ class Spread:
     errors: np.ndarray
 
 
-def spread(found: Fit, astray: Sequence[np.ndarray] = ()) -> Spread:
-    """Tell how far off a fit may be. `astray`: (v, t, 2) each, one standard deviation of what may shift all tags at
-    once, pixels."""
+def fit_uncertainty(found: Fit, systematic: Sequence[np.ndarray] = ()) -> FitUncertainty:
+    """Return the uncertainty of a fit. `systematic`: (v, t, 2) each, one standard deviation of an error that shifts all
+    tags together, pixels."""
     moves, errors = leave_one_out(found)
     H, s2 = found.H.sum(axis=0) + found.prior, max(found.variance, 1e-300)
-    q, of_K, chance = _dissent(found, H, s2)
+    q, of_K, chance = _disagreement(found, H, s2)
     alike = max(q, 1) * s2 * solve_scaled(H, np.eye(len(H)))
     jackknife = (1 - 1 / len(moves)) * moves.T @ moves
     as_one = 1 / (1 + ((max(q, of_K, 1) - 1) / chance) ** 2)
     covariance = alike + (1 - as_one) * (jackknife - alike)
-    for shift in astray:
+    for shift in systematic:
         by = shift.reshape(len(found.R), -1, 1)
         pull = found.A.swapaxes(1, 2) @ by + found.follow.swapaxes(1, 2) @ (found.B.swapaxes(1, 2) @ by)
         doubted = solve_scaled(H, pull.sum(axis=0)[:, 0])
         covariance = covariance + np.outer(doubted, doubted)
-    return Spread(covariance, math.sqrt(max(q, 1) * s2), moves, errors)
+    return FitUncertainty(covariance, math.sqrt(max(q, 1) * s2), moves, errors)
 
 
-def widened(known: Spread, gap: np.ndarray) -> Spread:
-    """Add what the choice of a model leaves open, (k, k) of the first shared numbers, to the covariance."""
+def with_model_gap(known: FitUncertainty, gap: np.ndarray) -> FitUncertainty:
+    """Add the spread between models, (k, k) of the first shared parameters, to the covariance."""
     covariance = known.covariance.copy()
     covariance[: len(gap), : len(gap)] += gap
     return replace(known, covariance=covariance)
 
 
-def _dissent(found: Fit, H: np.ndarray, s2: float) -> tuple[float, float, float]:
+def _disagreement(found: Fit, H: np.ndarray, s2: float) -> tuple[float, float, float]:
     """Return q, q_K, and how far chance spreads the latter: see above."""
-    photo = found.sights.photo
+    photo = found.observations.photo
     n = photo.max() + 1
     mine = np.array([found.H[photo == i].sum(axis=0) for i in range(n)])
     g = np.array([found.g[photo == i].sum(axis=0) for i in range(n)])
     scale = scaled(H)
     size, axes = np.linalg.eigh(H * np.outer(scale, scale))
-    told = size > 1e-13 * size[-1]
-    root = scale[:, None] * axes[:, told] / np.sqrt(size[told])  # root root^T = H^-1
+    known = size > 1e-13 * size[-1]
+    root = scale[:, None] * axes[:, known] / np.sqrt(size[known])  # root root^T = H^-1
     share, turn = np.linalg.eigh(root.T @ mine @ root)
     pulls = ((g @ root)[:, None] @ turn)[:, 0] / np.sqrt(np.maximum(1 - share, 1e-9))
     pulls = (turn @ pulls[..., None])[..., 0]
     number = root[:4] / np.linalg.norm(root[:4], axis=1, keepdims=True)
     shares = np.einsum("ka,iab,kb->ki", number, root.T @ mine @ root, number)
     of_K = float(((number @ pulls.T) ** 2).sum()) / (4 * s2)
-    q = float((pulls**2).sum()) / (found.told * s2)
+    q = float((pulls**2).sum()) / (found.determined * s2)
     return q, of_K, math.sqrt(float((shares**2).sum()) / 4)
 
 
-def with_poses(found: Fit, known: Spread) -> np.ndarray:
+def with_poses(found: Fit, known: FitUncertainty) -> np.ndarray:
     """(k + 6, k + 6): the covariance of K and distortion and of the views' mean omega and tau."""
     k, m, v = len(found.form.names), len(found.shared), len(found.R)
     T = np.concatenate([np.eye(k, m), found.follow.mean(axis=0)])
