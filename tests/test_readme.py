@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import truths
 from program import raytwin
 from slow import is_slow, rows_that_name_nothing
 from typer.main import get_command
@@ -266,3 +267,14 @@ def test_every_row_of_the_slow_tests_names_one_that_is_there():
     assert rows_that_name_nothing(ROOT / "tests") == []
     assert is_slow("tests/twin/test_truths.py::test_anything[1-2]")
     assert not is_slow("tests/twin/test_twin_render.py::test_anything")
+
+
+@pytest.mark.parametrize("name", ["from_element", "in_wedge", "parallel", "perpendicular"])
+def test_the_numbers_of_the_closed_forms_are_those_of_their_formulas(name):
+    page = (DOCS / "reference" / "closed-forms.md").read_text(encoding="utf-8")
+    table = page.split(f"<!-- closed form: {name} -->\n")[1].strip().split("\n\n")[0]
+    rows = [[float(cell) for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
+    for *given, value in rows:
+        if name == "in_wedge":
+            given = [given[0], given[1], given[1], given[2]]  # both planes have the same albedo
+        assert getattr(truths, name)(*given) == pytest.approx(value, rel=1e-11)
