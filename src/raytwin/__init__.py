@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from raytwin.calib.augment import augment as augment_photo
     from raytwin.calib.boards import read_board
     from raytwin.calib.photos import calibrate
+    from raytwin.compare.sequential import SequentialComparison
     from raytwin.compare.verdict import compare as compare_images
     from raytwin.contract.check import check
     from raytwin.errors import InputError
@@ -69,6 +70,7 @@ _HOME = {
     "Rectangle": "scene",
     "Scene": "scene",
     "SceneFile": "scene",
+    "SequentialComparison": "compare",
     "Sky": "scene",
     "Sphere": "scene",
     "Sun": "scene",
@@ -107,6 +109,7 @@ __all__ = [
     "Rectangle",
     "Scene",
     "SceneFile",
+    "SequentialComparison",
     "Sky",
     "Sphere",
     "Sun",

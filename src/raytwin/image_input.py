@@ -11,6 +11,7 @@ import numpy as np
 from raytwin import files
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.image_pool import ImagePool
 
 RENDERS = 8
 """How often a function is called: so many renders tell their variance to within a factor of two or so."""
@@ -108,18 +109,19 @@ def _repeated(made: list[LoadedImage]) -> LoadedImage:
     """The mean of independent renders, and its variance s² / k."""
     if len(made) < FEWEST:
         raise InputError("repeated renders", f"at least {FEWEST}", len(made))
-    first = made[0].image
     if len(shapes := {g.image.mean.shape for g in made}) > 1:
         raise InputError("renders", "images of one shape", ", ".join(map(str, sorted(shapes))))
-    stack = np.array([g.image.mean for g in made], np.float64)
-    k = len(stack)
-    with np.errstate(invalid="ignore"):  # NaN and infinity: compare finds them in the mean
-        mean, variance = stack.mean(axis=0), stack.var(axis=0, ddof=1) / k
+    pool = ImagePool()
+    for g in made:
+        pool.add(one_batch(g.image))
     samples = [g.image.samples for g in made]
-    image = Image(
-        mean.astype(np.float32), variance.astype(np.float32), sum(samples) if all(samples) else 0, first.surface, k
-    )
+    image = replace(pool.image, samples=sum(samples) if all(samples) else 0)
     return made[0]._replace(image=image, measured=True)
+
+
+def one_batch(image: Image) -> Image:
+    """A render of several, whose scatter alone tells the noise: what it claims of its own is not believed."""
+    return replace(image, variance=None, samples=0, batches=None)
 
 
 def _single(thing: Any) -> LoadedImage:

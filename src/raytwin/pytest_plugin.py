@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from raytwin.compare import Comparison
     from raytwin.image import Image
+    from raytwin.image_input import LoadedImage
     from raytwin.references import Reference
     from raytwin.scene import Camera, Scene, Tolerance
 
@@ -138,18 +139,22 @@ class ReferenceCheck:
         image: Any,
         *,
         variance: Any = None,
-        renders: int = 8,
+        renders: int = 64,
         tolerance: "float | Tolerance | None" = None,
         false_alarm_rate: float = 1e-3,
         noise: Literal["both", "reference"] = "both",
+        detectable_bias: float | None = None,
+        detectable_tile_bias: float | None = None,
     ) -> "Comparison":
         """The verdict on `image`, without failing.
 
         `image`: an array (H, W, 3) of linear radiance, row 0 on top, with the `variance` of its mean where it has
         noise; independent renders as a list or an array (k, H, W, 3), k >= 4; a path to an EXR, PFM, HDR, PNG or JPEG;
-        a function of a seed that returns any of these, called `renders` times; a raytwin Image. `tolerance`: a number
-        (noise-free values may err by it, relative to the reference's scale, 99.9 % of them) or a Tolerance; the
-        scene's by default. `noise="reference"` believes no variance that an image claims, only the spread of renders.
+        a function of a seed that returns any of these, called until the verdict is certain, `renders` times at most; a
+        raytwin Image. `tolerance`: a number (noise-free values may err by it, relative to the reference's scale, 99.9 %
+        of them) or a Tolerance; the scene's by default. `noise="reference"` believes no variance that an image claims,
+        only the spread of renders. `detectable_bias` of the whole image and `detectable_tile_bias` of any 24 x 24
+        pixels: what a pass must exclude.
         """
         __tracebackhide__ = True
         return self._compare(
@@ -159,6 +164,8 @@ class ReferenceCheck:
             tolerance=tolerance,
             false_alarm_rate=false_alarm_rate,
             noise=noise,
+            detectable_bias=detectable_bias,
+            detectable_tile_bias=detectable_tile_bias,
         )[0]
 
     # ---------------------------------------------------------------------------------- within
@@ -167,10 +174,12 @@ class ReferenceCheck:
         self,
         image: Any,
         variance: Any = None,
-        renders: int = 8,
+        renders: int = 64,
         tolerance: "float | Tolerance | None" = None,
         false_alarm_rate: float = 1e-3,
         noise: Literal["both", "reference"] = "both",
+        detectable_bias: float | None = None,
+        detectable_tile_bias: float | None = None,
     ) -> "tuple[Comparison, str]":
         """The verdict, and the text for a failed test."""
         __tracebackhide__ = True
@@ -178,11 +187,20 @@ class ReferenceCheck:
         from raytwin.compare import compare
         from raytwin.diagnose.diagnosis import explain
         from raytwin.errors import InputError
+        from raytwin.image import Image
         from raytwin.scene import Tolerance
 
-        taken = None
+        taken, made = None, None
+        allowed = self.reference.tolerance if self.reference is not None else Tolerance()
+        if tolerance is not None:
+            allowed = tolerance if isinstance(tolerance, Tolerance) else Tolerance(p999_abs=float(tolerance))
+        biases = {"detectable_bias": detectable_bias, "detectable_tile_bias": detectable_tile_bias}
+        options: dict[str, Any] = {"tolerance": allowed, "false_alarm_rate": false_alarm_rate}
         try:
-            taken = image_input.as_image(image, variance, renders)
+            if callable(image) and not isinstance(image, Image) and variance is None and self.reference is not None:
+                taken, made = self._in_rounds(image, renders, options | biases)
+            else:
+                taken = image_input.as_image(image, variance, min(renders, image_input.RENDERS))
         except InputError as error:
             wrong = str(error)
         if taken is None:  # not above: pytest would show the InputError's traceback too
@@ -190,18 +208,11 @@ class ReferenceCheck:
         if self._golden(taken.image):
             self._keep(taken.image)
         known = self._known()
-        allowed = known.tolerance
-        if tolerance is not None:
-            allowed = tolerance if isinstance(tolerance, Tolerance) else Tolerance(p999_abs=float(tolerance))
         shown = taken.fitted(known.image)
-        made = compare(
-            taken.image,
-            shown,
-            tolerance=allowed,
-            false_alarm_rate=false_alarm_rate,
-            noise="both" if taken.measured else noise,
-            half_steps=(taken.rounding.half, None),
-        )
+        if made is None:
+            options |= {name: bias for name, bias in biases.items() if bias is not None}
+            options |= {"noise": "both" if taken.measured else noise, "half_steps": (taken.rounding.half, None)}
+            made = compare(taken.image, shown, **options)
         if made.verdict == "fail":
             made = made.because(*explain(taken.image, shown, known.scene, self.rung, taken.rounding, most=1))
         notes = list(taken.notes)
@@ -215,6 +226,25 @@ class ReferenceCheck:
         if page := self._report(made, tuple(notes), taken.image, shown, allowed):
             text += f"  page: {page}\n"
         return made, text + f"  reference: {known.path}"
+
+    def _in_rounds(
+        self, render: "Callable[[int], Any]", renders: int, options: dict[str, Any]
+    ) -> "tuple[LoadedImage, Comparison]":
+        """Renders of the seeds 0, 1, ... until the verdict is certain: what they make together, and the verdict."""
+        from raytwin import image_input
+        from raytwin.compare import SequentialComparison
+        from raytwin.errors import InputError
+
+        if renders < image_input.FEWEST:
+            raise InputError("renders", f"at least {image_input.FEWEST}", renders)
+        first = image_input.as_image(render(0))
+        shown = first.fitted(self._known().image)
+        check = SequentialComparison(shown, half_steps=(first.rounding.half, None), **options)
+        check.add(image_input.one_batch(first.image))
+        for seed in range(1, renders):
+            if check.add(image_input.one_batch(image_input.as_image(render(seed)).image)):
+                break
+        return first._replace(image=check.image("test"), measured=True), check.conclude()
 
     def _known(self) -> "Reference":
         __tracebackhide__ = True

@@ -88,6 +88,23 @@ def _size(text: str | None) -> tuple[int, int] | None:
     return parse_size(text, "--size") if text else None
 
 
+DetectableBias = Annotated[
+    float | None,
+    typer.Option(
+        "--detectable-bias",
+        "--must-see",
+        min=0,
+        metavar="SHARE",
+        help='Report "undecided" if a larger bias of the whole image could go unnoticed (0.1; rounds seek 0.01).',
+    ),
+]
+DetectableTileBias = Annotated[
+    float | None,
+    typer.Option(
+        min=0, metavar="SHARE", help='Report "undecided" if a larger bias of 24 x 24 pixels could go unnoticed.'
+    ),
+]
+
 OPTIONS: dict[str, Any] = {
     "rung": Annotated[str, typer.Option(help="Light level of the twin: surface, lambert, shadow, sky or path.")],
     "tracer_rung": Annotated[
@@ -109,7 +126,15 @@ OPTIONS: dict[str, Any] = {
     ],
     "solver": Annotated[str, typer.Option(help="Sphere solver: robust, stable, paper or textbook.")],
     "sampling": Annotated[str, typer.Option(help="Rays through the pixel's center, or spread over its area.")],
-    "samples": Annotated[int | None, typer.Option(help="The twin's samples per pixel.")],
+    "samples": Annotated[
+        int | None, typer.Option(help="Samples per pixel of both sides (default: until the verdict is certain).")
+    ],
+    "budget": Annotated[
+        str | None,
+        typer.Option(
+            metavar="N|TIME", help="Most samples per pixel (1024), or time (30s), until the verdict is undecided."
+        ),
+    ],
     "seed": Annotated[int, typer.Option(help="Seed of the twin's samples.")],
     "photo": Photo,
     "size": Annotated[
@@ -126,15 +151,8 @@ OPTIONS: dict[str, Any] = {
     ],
     "false_alarm_rate": Annotated[float, typer.Option(help="Share of correct noisy pairs that fail by chance.")],
     "noise": Annotated[str, typer.Option(help="Whose variance to believe: both, reference (not A's), or none.")],
-    "detectable_bias": Annotated[
-        float,
-        typer.Option(
-            "--detectable-bias",
-            "--must-see",
-            min=0,
-            help='Report "undecided" if a bias of the whole image larger than this could go unnoticed.',
-        ),
-    ],
+    "detectable_bias": DetectableBias,
+    "detectable_tile_bias": DetectableTileBias,
     "camera": Annotated[
         Path | None, typer.Option(metavar="FILE", help="camera.toml (default: calibrate the scene's own photos).")
     ],

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from raytwin.cli.options import Allow, Dask, Jobs, Shard, check_outputs, parse_size
+from raytwin.cli.options import (
+    Allow,
+    Dask,
+    DetectableBias,
+    DetectableTileBias,
+    Jobs,
+    Shard,
+    check_outputs,
+    parse_size,
+)
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
@@ -78,20 +87,34 @@ def make_command(
 
 @app.command("check")
 def check_command(
-    scenes: Scenes = None, rung: Rungs = None, folder: Source = None, samples: Samples = None, allow: Allow = None
+    scenes: Scenes = None,
+    rung: Rungs = None,
+    folder: Source = None,
+    budget: Annotated[
+        str,
+        typer.Option(
+            "--budget", "--samples", metavar="N|TIME", help="Most samples per pixel, or time (30s), per reference."
+        ),
+    ] = "256",
+    detectable_bias: DetectableBias = None,
+    detectable_tile_bias: DetectableTileBias = None,
+    allow: Allow = None,
 ) -> None:
     """Check that references are newer than their scene and agree with today's Mitsuba.
 
+    Renders stop as soon as the verdict is certain.
     Exit with 1 if one fails, otherwise with 2 if one is missing or damaged.
     """
     from raytwin.workflows import make_reference
+    from raytwin.workflows.rounds import parse_budget
 
-    folder, checked = _source(folder), []
+    folder, checked, most = _source(folder), [], parse_budget(budget)
     for scene, one, found in _cases(scenes, rung):
         with show_progress() as progress:
             done = make_reference.check(
-                scene, one, folder, samples=samples or make_reference.CHECKED_SAMPLES, found=found, progress=progress
-            )
+                scene, one, folder, budget=most, detectable_bias=detectable_bias,
+                detectable_tile_bias=detectable_tile_bias, found=found, progress=progress,
+            )  # fmt: skip
         checked.append(done)
         say(f"{WORDS[done.exit_code]}  {done.path.parent.name}/{done.path.stem}")
         for problem in done.problems:

@@ -10,6 +10,7 @@ from raytwin.compare.idiff_limits import Limits, limit_findings
 from raytwin.compare.metrics import METRICS, Metric, flip_map, measure
 from raytwin.compare.report import Part, Report
 from raytwin.compare.scale import scaled
+from raytwin.compare.sequential import SequentialComparison
 from raytwin.compare.verdict import compare
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "Perceptual",
     "Radiance",
     "Report",
+    "SequentialComparison",
     "Statistics",
     "Verdict",
     "compare",

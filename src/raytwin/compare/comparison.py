@@ -41,13 +41,20 @@ class Statistics(Record, frozen=True):
     `z_tile_worst`: the same for the least plausible tile; `pixel_fail_fraction`: share of pixels with a value that
     fails its own test, or is an outlier of those without noise;
     `minimum_detectable_bias`: the smallest error of the whole image's mean, relative to the reference's mean, that
-    this comparison would have found with probability 0.9.
+    this comparison would have found with probability 0.9; `minimum_detectable_tile_bias`: of 24 x 24 pixels anywhere.
+    `p_values`: how many tiles of 8 x 8 pixels have a p-value in each twentieth from 0 to 1, by Welch's test; alike
+    where all is well. `looks`: how often rounds of samples were looked at; `samples_to_certainty`: samples per pixel at
+    the last of them, null where it left the verdict undecided.
     """
 
     z_mean: float | None = None
     z_tile_worst: float | None = None
     pixel_fail_fraction: float | None = None
     minimum_detectable_bias: float | None = None
+    minimum_detectable_tile_bias: float | None = None
+    p_values: tuple[int, ...] | None = None
+    looks: int | None = None
+    samples_to_certainty: int | None = None
 
 
 class Perceptual(Record, frozen=True):
@@ -60,8 +67,13 @@ Verdict = Literal["pass", "differs", "fail", "undecided"]
 """`differs`: as expected, since one side models less light on purpose. `undecided`: too little is known to decide."""
 
 
-CAUSE = re.compile(r"cause \((?:sure|likely)\): ")
-"""How a reason begins that names what is wrong."""
+CAUSE = re.compile(r"cause (?:\((?P<sureness>sure|likely)\)|unknown): ")
+"""How a reason begins that says why an image is wrong; without `sureness` it names only the place."""
+
+
+def _named(reason: str) -> "re.Match[str] | None":
+    found = CAUSE.match(reason)
+    return found if found and found["sureness"] else None
 
 
 class Comparison(Record, InNotebook, frozen=True):
@@ -69,6 +81,8 @@ class Comparison(Record, InNotebook, frozen=True):
 
     A pass has reasons too: what it could have seen. `seconds` is what the comparison itself took. `failing`: (x, y,
     width, height) of the tiles that fail, and of blocks with values that do; for pictures, not in comparison.json.
+    `excluded_bias`: the data speak ten to one against any larger bias of the whole image (Wald), relative to its mean;
+    not in comparison.json either.
     """
 
     verdict: Verdict
@@ -79,6 +93,7 @@ class Comparison(Record, InNotebook, frozen=True):
     perceptual: Perceptual = Perceptual()
     seconds: float = 0.0
     failing: tuple[tuple[int, int, int, int], ...] = ()
+    excluded_bias: float | None = None
 
     def saying(self, *further: str) -> "Comparison":
         """The same with further reasons, behind the others."""
@@ -86,13 +101,13 @@ class Comparison(Record, InNotebook, frozen=True):
 
     def because(self, *causes: str) -> "Comparison":
         """The same with the causes in front of the other reasons, or behind them where none is named."""
-        named = bool(causes) and bool(CAUSE.match(causes[0]))
+        named = bool(causes) and bool(_named(causes[0]))
         return msgspec.structs.replace(self, reasons=(*causes, *self.reasons)) if named else self.saying(*causes)
 
     @property
     def cause(self) -> str:
         """The sentence of the first cause that is named; empty where none is."""
-        found = CAUSE.match(self.reasons[0]) if self.reasons and not self.passed else None
+        found = _named(self.reasons[0]) if self.reasons and not self.passed else None
         return self.reasons[0][found.end() :] if found else ""
 
     @property

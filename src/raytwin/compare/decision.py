@@ -71,6 +71,9 @@ SILENT = 0.1
 """A standard deviation below this share of what a value may err by is no noise."""
 
 
+BINS, MOST_TILES = 20, 3000
+"""Columns of the histogram of p-values, and about how many tiles it counts at most."""
+
 DIM = 0.1
 """A channel of less than this share of the channels' mean has no relative error worth the name."""
 
@@ -94,7 +97,10 @@ class Worst(NamedTuple):
 
 
 class Family(NamedTuple):
-    """Tests of one kind: the worst, the level that p-values must stay above, how many of how many fell below, where."""
+    """Tests of one kind: the worst, the level that p-values must stay above, how many of how many fell below, where.
+
+    `detectable`: the error that the family would have found, and `excluded`: what the data speak against.
+    """
 
     worst: Worst
     level: float
@@ -102,6 +108,7 @@ class Family(NamedTuple):
     tests: int
     detectable: float = math.nan
     places: tuple[Place, ...] = ()
+    excluded: float = math.nan
 
     @property
     def passed(self) -> bool:
@@ -111,7 +118,7 @@ class Family(NamedTuple):
 class Decision(NamedTuple):
     """What the three tests of radiance found, and the values without noise; `failed_pixels` hold a failed value.
 
-    `inflation`: of the variance of sums, because neighbours share samples.
+    `inflation`: of the variance of sums, because neighbours share samples. `p_values`: of the smallest tiles, counted.
     """
 
     value: Family
@@ -120,6 +127,7 @@ class Decision(NamedTuple):
     noise_free: NoiseFree
     failed_pixels: int
     inflation: float
+    p_values: tuple[int, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -260,6 +268,7 @@ def decide(
         noise_free,
         failed_pixels,
         shared,
+        _p_values(estimators[0]),
     )
 
 
@@ -443,7 +452,7 @@ def _seen_somewhere(t: _Tested, level: float) -> float:
         return math.nan
     least = quantile(level, t.dof[lit][pick])
     low, high = 1e-9, 1e9
-    for _ in range(60):
+    for _ in range(26):
         middle = math.sqrt(low * high)
         beyond = middle * radiance - granted
         z = np.divide(beyond, sd, out=np.where(beyond > 0, np.inf, -np.inf), where=sd > 0)
@@ -462,5 +471,35 @@ def _image(estimators: list[Estimator], share: float, size: Size) -> Family:
     worst = Worst(float(t.z[c]), float(p[c]), 0, 0, size[1], size[0], c, float(t.error[c]))
     least = t.granted + t.sd * (quantile(level, t.dof) + ndtri(POWER))
     lit = t.radiance > DIM * t.radiance.mean()
-    detectable = float((least[lit] / t.radiance[lit]).max()) if lit.any() else math.nan
-    return Family(worst, level, int((p < level).sum()), 3, detectable)
+    if not lit.any():
+        return Family(worst, level, int((p < level).sum()), 3)
+    detectable, excluded = (float((x / t.radiance)[lit].max()) for x in (least, _excluded(t)))
+    return Family(worst, level, int((p < level).sum()), 3, detectable, excluded=excluded)
+
+
+def _excluded(t: _Tested) -> Means:
+    """The least bias b of means that the data speak against by 1 / (1 - POWER): (b |e| - b² / 2) / sd² = ln(1 - POWER).
+
+    The likelihood ratio of b and none (Wald 1945): a correct mean excludes b with a quarter of the samples that a test
+    of a fixed number needs to find it. At every look anew, an image with the bias b passes with 1 - POWER at most.
+    """
+    e, sd = np.abs(t.error), t.sd * quantile(2 * (1 - POWER), t.dof) / quantile(2 * (1 - POWER), math.inf)
+    return np.asarray(t.granted + e + np.sqrt(np.square(e) - 2 * np.square(sd) * math.log(1 - POWER)))
+
+
+def _p_values(estimator: Estimator) -> tuple[int, ...]:
+    """How many tiles of 8 x 8 pixels have a p-value in each of BINS: Welch's test, to which nothing is granted.
+
+    The histogram of Jung, Hanika and Dachsbacher (Detecting Bias in Monte Carlo Renderers using Welch's t-test, JCGT
+    9(2), 2020): level where the means are equal.
+    """
+    s, shared = estimator.sums, estimator.inflation
+    whole = s["n"][..., 0] == SIDE * SIDE
+    step = max(1, math.isqrt(whole.size // MOST_TILES))
+    chosen = {key: s[key][::step, ::step][whole[::step, ::step]] for key in ("d", "va", "vb", "vv")}
+    d, v, vv = chosen["d"], chosen["va"] + chosen["vb"], chosen["vv"]
+    noisy = v > np.square(1e-3 * estimator.allowance.bound.least * SIDE * SIDE)
+    d, v, vv = d[noisy], v[noisy], vv[noisy]
+    dof = np.maximum(np.square(v) / vv / shared - 1, 0.5)
+    counts = np.histogram(two_sided(np.abs(d) / np.sqrt(v * shared), dof), BINS, (0, 1))[0]
+    return tuple(counts.tolist())

@@ -81,18 +81,18 @@ def _share(part: int, whole: int) -> str:
     return "all" if part >= whole else f"{share:.{0 if share >= 1 else 2}f} % of all"
 
 
-def what_could_be_seen(made: Decision, rate: float) -> tuple[str, ...]:
-    """What a pass is worth; and why, where neighbours share their noise."""
+def what_could_be_seen(image: float, tile: float, inflation: float, rate: float) -> tuple[str, ...]:
+    """What a pass is worth: the errors of the `image` and of a `tile` that show; why, where neighbours share noise."""
     text = (
         f"no difference beyond noise, at a false-alarm rate of {rate:g}: with probability {POWER:g}, an error of "
-        f"{percent(made.image.detectable)} of the whole image's mean, or of {percent(made.tile.detectable)} of 24 x 24 "
-        "pixels anywhere, would have been seen"
+        f"{percent(image)} of the whole image's mean, or of {percent(tile)} of 24 x 24 pixels anywhere, would have "
+        "been seen"
     )
-    if made.inflation < 1.2:
+    if inflation < 1.2:
         return (text,)
     shared = (
         "neighbouring pixels share their noise (a reconstruction filter wider than the pixel?): means have "
-        f"{made.inflation:.2g} times the variance of independent pixels"
+        f"{inflation:.2g} times the variance of independent pixels"
     )
     return text, shared
 

@@ -1,5 +1,6 @@
 """Radiance: which noise is known, what it leaves to be found, and what cannot be decided."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -62,6 +63,13 @@ UNEXPLAINED = "the images differ from pixel to pixel by more than the reference'
 GIVE = "give a variance (variance=, --variance-a), the samples per pixel (--samples-a) or several renders"
 
 
+class Asked(NamedTuple):
+    """The relative bias of the whole `image`, and of a `tile` of 24 x 24 pixels, that a pass must not have missed."""
+
+    image: float = math.inf
+    tile: float = math.inf
+
+
 class Outcome(NamedTuple):
     """What is wrong, and where (`failing`); why nothing can be decided (`doubts`); else what could have been seen."""
 
@@ -70,6 +78,7 @@ class Outcome(NamedTuple):
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     failing: tuple[Place, ...] = ()
+    excluded_bias: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +98,11 @@ class RadianceTest:
     def pixels(self) -> int:
         return self.test.shape[0] * self.test.shape[1]
 
-    def run(self, shift: Shift | None, detectable_bias: float) -> Outcome:
+    def run(self, shift: Shift | None, asked: Asked) -> Outcome:
         """By what is told of the noise; where that fails and something is not told, by what the scatter shows."""
         told = self._filled()
         untold = [name for name, i in (("the test", told.test), ("the reference", told.reference)) if not noise_told(i)]
-        first = told._by_what_is_told(shift, detectable_bias)
+        first = told._by_what_is_told(shift, asked)
         if first.findings and any(hardly_sampled(i) for i in (told.test, told.reference)):
             return first._replace(doubts=(FEW_SAMPLES,))
         if not untold:
@@ -104,7 +113,7 @@ class RadianceTest:
         known = sum(claims, np.zeros(3))
         shown = residual(self.test.mean, self.reference.mean, carrying=True)
         if (first.findings or unexplained(shown, known)) and may_be_noise(shown, known, self.bound.least):
-            return self._by_scatter(first, shift, detectable_bias, untold, shown)
+            return self._by_scatter(first, shift, asked, untold, shown)
         return first
 
     def exactly(self) -> Outcome:
@@ -152,7 +161,7 @@ class RadianceTest:
         made = Rounding(*(np.broadcast_to(np.asarray(x, np.float32), shape) for x in (value, mean)))
         return made, replace(self, test=images[0], reference=images[1])
 
-    def _by_what_is_told(self, shift: Shift | None, detectable_bias: float) -> Outcome:
+    def _by_what_is_told(self, shift: Shift | None, asked: Asked) -> Outcome:
         rounding, self = self._rounding()
         if self.test.variance is None and self.reference.variance is None:
             return self.exactly()
@@ -163,7 +172,7 @@ class RadianceTest:
             bounded, much = capped(a.variance, block_means(a.variance), shown)
             a = replace(a, variance=bounded)
         made = decide(a, b, self.bound, self.rate, rounding)
-        outcome = self._answered(made, b, shift, detectable_bias)
+        outcome = self._answered(made, b, shift, asked)
         few, sure = fewest_batches(a, b), any(f.rank == EXACT for f in outcome.findings)
         if outcome.findings and few < ENOUGH_BATCHES and not (sure or self._fails_by_scatter(shift)):
             return outcome._replace(doubts=(FEW_BATCHES.format(few),))
@@ -177,7 +186,7 @@ class RadianceTest:
 
     def _fails_by_scatter(self, shift: Shift | None) -> bool:
         """Whether the test fails too where the scatter of t - r within blocks serves as the noise."""
-        return bool(self._answered(self._decided_by_scatter(), self.reference, shift, 1.0).findings)
+        return bool(self._answered(self._decided_by_scatter(), self.reference, shift, Asked()).findings)
 
     def _decided_by_scatter(self) -> Decision:
         a = replace(self.test, variance=estimated(self.test.mean, self.reference.mean), samples=0, batches=2)
@@ -212,36 +221,45 @@ class RadianceTest:
         noise_free = noise_free._replace(error=noise_free.error * self.unit)
         return noise_free.findings(self.tolerance, self.bound.scale * self.unit, self.pixels, self.excused)
 
-    def _answered(self, made: Decision, reference: Image, shift: Shift | None, detectable_bias: float) -> Outcome:
+    def _answered(self, made: Decision, reference: Image, shift: Shift | None, asked: Asked) -> Outcome:
         findings = self._noise_free_findings(made.noise_free) + noise_findings(made, reference, self.unit)
         if shift is not None:
             findings += shift_findings(shift, sidak(self.rate, TESTS), made.inflation)
         seen = made.image.detectable
         statistics = Statistics(
-            made.image.worst.signed,
-            made.tile.worst.signed,
-            (made.failed_pixels + made.noise_free.outliers) / self.pixels,
-            seen if np.isfinite(seen) else None,
+            z_mean=made.image.worst.signed,
+            z_tile_worst=made.tile.worst.signed,
+            pixel_fail_fraction=(made.failed_pixels + made.noise_free.outliers) / self.pixels,
+            minimum_detectable_bias=finite(seen),
+            minimum_detectable_tile_bias=finite(made.tile.detectable),
+            p_values=made.p_values if any(made.p_values) else None,
         )
-        notes = what_could_be_seen(made, self.rate)
+        notes = what_could_be_seen(made.image.detectable, made.tile.detectable, made.inflation, self.rate)
         doubts: tuple[str, ...] = ()
-        if not findings and seen > detectable_bias:
-            doubts = (
-                f"undecided: so noisy that an error of less than {percent(seen)} of the whole image's mean would have "
-                f"been missed (a pass needs {percent(detectable_bias)}): take more samples",
+        tile = made.tile.detectable
+        missed = [
+            f"{percent(found)} of {what} (a pass needs {percent(limit)})"
+            for found, limit, what in (
+                (seen, asked.image, "the whole image's mean"),
+                (tile, asked.tile, "24 x 24 pixels"),
             )
+            if found > limit
+        ]
+        if not findings and missed:
+            text = f"undecided: so noisy that an error of less than {', or of '.join(missed)} would have been missed"
+            doubts = (f"{text}: take more samples",)
         failing = (*made.tile.places, *made.value.places, *made.noise_free.places)
-        return Outcome(findings, statistics, notes, doubts, tuple(dict.fromkeys(failing)))
+        return Outcome(findings, statistics, notes, doubts, tuple(dict.fromkeys(failing)), finite(made.image.excluded))
 
     def _by_scatter(
-        self, first: Outcome, shift: Shift | None, detectable_bias: float, untold: list[str], shown: Residual
+        self, first: Outcome, shift: Shift | None, asked: Asked, untold: list[str], shown: Residual
     ) -> Outcome:
         """The scatter of t - r within blocks as the noise of both: tiles and the image tell, single pixels do not.
 
         It may convict an image; it excuses one only where the reference's own noise bears it out.
         """
         t, r = self.test.mean, self.reference.mean
-        outcome = self._answered(self._decided_by_scatter(), self.reference, shift, detectable_bias)
+        outcome = self._answered(self._decided_by_scatter(), self.reference, shift, asked)
         known = borne_out(t, r, shown, self.bound.least)
         if outcome.findings:
             return outcome if known or not any(f.rank == EXACT for f in first.findings) else first
@@ -258,6 +276,11 @@ class RadianceTest:
         if outcome.doubts:
             return outcome._replace(doubts=(*outcome.doubts, f"{told}: {GIVE}"))
         return outcome._replace(notes=(*outcome.notes, told))
+
+
+def finite(x: float) -> float | None:
+    """Return the number, or None in the place of NaN and infinity, which JSON has not."""
+    return x if np.isfinite(x) else None
 
 
 def fewest_batches(*images: Image) -> int:

@@ -14,7 +14,7 @@ from raytwin.compare.finding import HARD, SHIFT, SILHOUETTE, Finding, plural
 from raytwin.compare.geometry import geometry_findings, without_ties
 from raytwin.compare.invalid import shape_findings, value_findings
 from raytwin.compare.metrics import measure
-from raytwin.compare.radiance_test import RadianceTest
+from raytwin.compare.radiance_test import Asked, RadianceTest
 from raytwin.compare.scale import Bound, scale_of, unit_of
 from raytwin.compare.shift import find_shift, shift_finding
 from raytwin.errors import InputError
@@ -40,6 +40,7 @@ def compare(
     tolerance: Tolerance = Tolerance(),  # noqa: B008 (frozen)
     false_alarm_rate: float = 1e-3,
     detectable_bias: float = DETECTABLE_BIAS,
+    detectable_tile_bias: float | None = None,
     noise: Literal["both", "reference", "none"] = "both",
     half_steps: tuple[Pixels | None, Pixels | None] = (None, None),
     flip: bool = False,
@@ -49,7 +50,7 @@ def compare(
     Invalid values are checked first (missing, NaN, infinite, negative, black), then geometry if both images have a
     surface, then radiance. Values without noise must meet `tolerance`; for noisy ones `false_alarm_rate` is the
     probability that two images fail that differ by noise alone. A pass that could have missed a bias of
-    `detectable_bias`, relative to the image's mean, is undecided instead.
+    `detectable_bias` of the whole image, or of `detectable_tile_bias` of 24 x 24 pixels anywhere, is undecided instead.
 
     `noise="reference"` ignores the variance that the test claims; `noise="none"` treats both images as noise-free, as
     for a tracer with one ray per pixel. `half_steps` (H, W, 3) is what the file formats may have rounded off. `flip`
@@ -62,7 +63,8 @@ def compare(
     start = time.perf_counter()
     # Finite values near float32's end may overflow when squared: infinite errors fail, and need no warning.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        made = _compare(test, reference, tolerance, false_alarm_rate, detectable_bias, noise, half_steps, flip)
+        asked = Asked(detectable_bias, math.inf if detectable_tile_bias is None else detectable_tile_bias)
+        made = _compare(test, reference, tolerance, false_alarm_rate, asked, noise, half_steps, flip)
     return msgspec.structs.replace(made, seconds=time.perf_counter() - start)
 
 
@@ -71,7 +73,7 @@ def _compare(
     reference: Image,
     tolerance: Tolerance,
     rate: float,
-    detectable_bias: float,
+    asked: Asked,
     noise: str,
     half_steps: tuple[Pixels | None, Pixels | None],
     flip: bool,
@@ -112,7 +114,7 @@ def _compare(
     radiance_test = RadianceTest(
         test, reference, tolerance, Bound(tolerance.p999_abs, scale), unit, rate, half_steps, excused
     )
-    outcome = radiance_test.exactly() if noise == "none" else radiance_test.run(shift, detectable_bias)
+    outcome = radiance_test.exactly() if noise == "none" else radiance_test.run(shift, asked)
     findings += outcome.findings
     told = any(f.rank == SHIFT for f in findings)
     if findings and not outcome.doubts and shift is not None and shift.certain and not told:
@@ -125,6 +127,7 @@ def _compare(
         radiance=radiance,
         statistics=outcome.statistics,
         perceptual=perceptual,
+        excluded_bias=outcome.excluded_bias,
         failing=tuple(p.above(reference.shape[0]) for p in outcome.failing) if findings and not outcome.doubts else (),
     )
     return made.saying(f"{plural(tied, 'pixel')} on the common edge of two objects: {TIED}") if tied else made

@@ -15,7 +15,7 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import RENDERERS
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.renderers.subject_renderers import Traced
-from raytwin.renderers.user_renderers import UserRenderer, method
+from raytwin.renderers.user_renderers import FEW, UserRenderer, method, takes_of
 from raytwin.scene import Scene
 
 
@@ -45,7 +45,11 @@ def find_subject(what: str | Renderer | Callable[..., Any], rung: str, sampling:
     render, made = submission.picture()
     own = {name: f for name, f in submission.stages.items() if name in PARTS and not is_unwritten(f)}
     tell = _name if isinstance(render, Shown) else as_arrays
-    return UserRenderer(rung, f"{text} ({made})" if made else text, render, tell, own)
+    takes = takes_of(render)
+    return UserRenderer(
+        rung, f"{text} ({made})" if made else text, render, tell, own, seeded="seed" in takes,
+        renders=RENDERS if "seed" in takes else 1, samples=FEW if takes >= {"seed", "samples"} else 0,
+    )  # fmt: skip
 
 
 def _name(scene: Scene, rung: str) -> dict[str, Any]:

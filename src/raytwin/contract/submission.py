@@ -168,19 +168,26 @@ class Program:
 
     Of a Mitsuba file `{scene}` is the file itself.
 
-    `{out}` ends in .exr; a program that writes another format says `{out}.pfm`, `{out}.png` and so on.
+    `{out}` ends in .exr; a program that writes another format says `{out}.pfm`, `{out}.png` and so on. A command with
+    `{samples}` and `{seed}` is asked for as many samples per pixel as the verdict needs, of other seeds every time.
     """
 
     command: str
 
-    def __call__(self, scene: dict[str, Any]) -> Image:
+    @property
+    def takes(self) -> tuple[str, ...]:
+        """What else than the scene it is given."""
+        return tuple(name for name in ("samples", "seed") if f"{{{name}}}" in self.command)
+
+    def __call__(self, scene: dict[str, Any], samples: int = 16, seed: int = 0) -> Image:
         with tempfile.TemporaryDirectory() as folder:
             told, out = Path(scene.get("mitsuba", f"{folder}/scene.json")), Path(folder) / "out.exr"
             if "mitsuba" not in scene:
                 files.write_json(told, as_json(scene))
+            words = [w.replace("{samples}", str(samples)).replace("{seed}", str(seed)) for w in self._words()]
             try:
                 options = {"stdout": subprocess.DEVNULL, "timeout": SECONDS}
-                return as_image(run_program(self._words(), told, out, ENDINGS, **options)).image
+                return as_image(run_program(words, told, out, ENDINGS, **options)).image
             except (OSError, subprocess.TimeoutExpired) as error:
                 raise InputError(self.command, "a program that runs", error) from None
             except RuntimeError as error:

@@ -2,7 +2,8 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 from raytwin.image import Image
 from raytwin.scene import Scene
@@ -64,6 +65,11 @@ class Renderer(ABC):
     def samples(self) -> int:
         """Rays of each pixel."""
         return 1
+
+    def with_samples(self, samples: int) -> "Renderer":
+        """Return the same with another number of samples, which must be a field of its."""
+        fields: dict[str, Any] = {"samples": samples}
+        return replace(self, **fields)
 
     @property
     def step(self) -> int:

@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,9 @@ from raytwin.scene import MitsubaScene, Scene
 class UserRenderer(Renderer):
     """`render`, known as `title`, called with `tell(scene, rung)`; it returns radiance (H, W, 3), or an Image.
 
-    `seeded`: it takes a `seed` too, and is called with that many `renders`, whose spread tells the noise. `rays`: where
-    they go, through the pixel's center or over its area.
+    One that takes a `seed` is `seeded`: it is called with that many `renders`, whose spread tells the noise. One that
+    takes `samples` too is asked for so many (0: it is not). `rays`: where they go, through the pixel's center or over
+    its area.
     """
 
     title: str = ""
@@ -32,6 +33,7 @@ class UserRenderer(Renderer):
     seeded: bool = False
     renders: int = 1
     rays: str = "center"
+    samples: int = 0
 
     @property
     def name(self) -> str:
@@ -59,7 +61,7 @@ class UserRenderer(Renderer):
 
         def once(seed: int) -> Image:
             given = self.tell(scene, self.rung) if isinstance(scene, Scene) else as_file(scene)
-            also = {"seed": seed} if self.seeded else {}
+            also = ({"seed": seed} if self.seeded else {}) | ({"samples": self.samples} if self.samples else {})
             try:
                 made = self.render(given, **also) if self.render else None
                 taken = made if isinstance(made, Image) else as_image(np.asarray(made)).image
@@ -70,7 +72,10 @@ class UserRenderer(Renderer):
             if taken.mean.dtype.kind not in "fiu" or taken.shape != (height, width, 3):
                 wanted = f"an image ({height}, {width}, 3)"
                 raise InputError(self.name, wanted, f"{taken.mean.dtype} {taken.shape}")
-            return taken if isinstance(made, Image) else Image(taken.mean.astype(np.float32))
+            if isinstance(made, Image) and (taken.variance is not None or not self.samples):
+                return taken
+            alone = Image(taken.mean.astype(np.float32), surface=taken.surface)
+            return replace(alone, samples=self.samples, batches=1) if self.samples else alone
 
         return call
 
@@ -101,14 +106,25 @@ def method(
     check_one_of("rung", rung, RUNGS)
     check_one_of("sampling", sampling, ("center", "area"))
     title = name or getattr(function, "__name__", type(function).__name__)
-    try:
-        seeded = "seed" in inspect.signature(function).parameters
-    except (TypeError, ValueError):  # nothing to call, or compiled
-        if not callable(function):
-            raise InputError("method", "a function of a scene", repr(function)) from None
-        seeded = False
+    if not callable(function):
+        raise InputError("method", "a function of a scene", repr(function))
+    takes = takes_of(function)
     told = _itself if records else as_arrays
-    return UserRenderer(rung, title, function, told, {}, seeded, renders, sampling)
+    few = FEW if takes >= {"seed", "samples"} else 0
+    return UserRenderer(rung, title, function, told, {}, "seed" in takes, renders, sampling, few)
+
+
+FEW = 16
+"""Samples per pixel that a function is asked for, where nothing else is said."""
+
+
+def takes_of(function: Callable[..., Any]) -> set[str]:
+    """Return which of `seed` and `samples` a function takes, or says so itself (`takes`); none if it is compiled."""
+    try:
+        names = getattr(function, "takes", None) or inspect.signature(function).parameters
+    except (TypeError, ValueError):
+        return set()
+    return {"seed", "samples"} & set(names)
 
 
 def _itself(scene: Scene, rung: str) -> Scene:

@@ -1,13 +1,13 @@
 """report.html: one file that opens offline; the viewer, numbers, calibration, times beside errors."""
 
 import os
-import re
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 from raytwin import files, viewer
 from raytwin.compare import flip_map
+from raytwin.compare.comparison import CAUSE
 from raytwin.compare.heatmap import signed_error
 from raytwin.report import data_urls, numbers
 from raytwin.report.locations import Reason, linked
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 LISTED = 8
 """Worst pixels in the table."""
-CAUSE = re.compile(r"(?:cause|likely cause)\b")
-"""How a reason begins that names what is wrong."""
 SAYS = {
     "pass": "The two images agree within ",
     "differs": "One side models less light on purpose; otherwise the images agree within ",
@@ -43,6 +41,7 @@ def write_report(shown: "PairView | Result", path: str | os.PathLike[str], scrip
         c=view.comparison,
         SAYS=SAYS,
         groups=list(numbers.rows(view.comparison, view.tolerance, view.noisy)) if view.comparison else [],
+        p_values=histogram(view.comparison.statistics.p_values) if view.comparison else None,
         calibrated=calibrated(view),
         headline=headline,
         named=headline is not None and bool(CAUSE.match(headline[0])),
@@ -51,6 +50,15 @@ def write_report(shown: "PairView | Result", path: str | os.PathLike[str], scrip
         **(side_by_side(view) if view.alike else {"alone": alone(view)}),
     )
     files.write_text(path, page)
+
+
+def histogram(counts: Sequence[int] | None) -> dict[str, Any] | None:
+    """The columns' heights by that of the highest, and where level is; None where no tile has noise."""
+    if not counts:
+        return None
+    highest = max(counts)
+    level = sum(counts) / len(counts) / highest
+    return {"heights": [count / highest for count in counts], "level": level, "tiles": sum(counts)}
 
 
 def first_said(reasons: Sequence[Reason], passed: bool) -> tuple[Reason | None, list[Reason]]:

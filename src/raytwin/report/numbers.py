@@ -41,6 +41,12 @@ NUMBERS: tuple[Number, ...] = (
            "pixels with a value that fails its own test"),
     Number("statistics", "minimum_detectable_bias", "Detectable bias", "relative", None,
            "the smallest error of the whole image's mean that this comparison would have found"),
+    Number("statistics", "minimum_detectable_tile_bias", "Detectable bias of a tile", "relative", None,
+           "the same for 24 x 24 pixels anywhere"),
+    Number("statistics", "looks", "Looks", "", None,
+           "how often rounds of samples were looked at until the verdict was certain"),
+    Number("statistics", "samples_to_certainty", "Samples to certainty", "per pixel", None,
+           "what each side had when the verdict was certain"),
     Number("perceptual", "flip_mean", METRICS["flip_hdr"].title, METRICS["flip_hdr"].unit, None,
            "how different the two look to an eye that flips between them"),
 )  # fmt: skip

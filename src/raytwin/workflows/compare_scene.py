@@ -1,6 +1,8 @@
 """The main job: photos -> camera -> a subject beside the twin -> comparison."""
 
+import math
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,13 +15,14 @@ from raytwin.analysis.ledger import LEFT_OUT, Ledger, make_ledger
 from raytwin.analysis.light_parts import sampled_parts
 from raytwin.analysis.rounding_cause import ROUNDING, rounding_cause
 from raytwin.calib.find_camera import TruthRow, compare_truth, find_camera
-from raytwin.compare import Comparison, Report, Verdict
+from raytwin.compare import Comparison, Report, SequentialComparison, Verdict
 from raytwin.compare.report import Timing
 from raytwin.contract.check_function import judge_function
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.contract.subject import find_subject
 from raytwin.diagnose.diagnosis import explain
 from raytwin.image import Image
+from raytwin.image_input import one_batch
 from raytwin.notebook import InNotebook
 from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.renderer import Renderer
@@ -28,7 +31,8 @@ from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
 from raytwin.scene import MitsubaScene, Scene, SceneFile, Tolerance
 from raytwin.scene.lens import without_ray
-from raytwin.workflows.compare_settings import CompareSettings
+from raytwin.workflows.compare_settings import MANY, CompareSettings
+from raytwin.workflows.rounds import CALLS, Rounds
 from raytwin.workflows.versions import versions
 
 if TYPE_CHECKING:
@@ -120,11 +124,19 @@ def compare_scene(
         truth = compare_truth(synthetic_photos.read_truth(truth_file), calibration, scene.camera, photo_path.name, pose)
     if chosen.size is not None:
         scene = scene.with_camera(scene.camera.resized(*chosen.size))
-    with stages.stage("tracer"):
-        made = subject(scene, chosen.seed)
-    with stages.stage("twin"):
-        reference = _twin(scene, chosen.rung, chosen.sampling, chosen, stages)
-    comparison, ledger = _judge(made, reference, subject, scene, written.tolerance, chosen, engine, stages)
+    rounds = _rounds(subject, scene, written.tolerance, chosen, stages)
+    if rounds is not None:
+        found = rounds.decide(chosen.spending)
+        if found.verdict == "fail" and _alike(subject, chosen):
+            rounds.extend(MANY)  # a cause is hard to find in noise
+        made, reference = (rounds.check.image(side) for side in ("test", "reference"))
+    else:
+        found = None
+        with stages.stage("tracer"):
+            made = subject(scene, chosen.seed)
+        with stages.stage("twin"):
+            reference = _twin(scene, chosen.rung, chosen.sampling, chosen, chosen.twin_samples, chosen.seed, stages)
+    comparison, ledger = _judge(made, reference, subject, scene, written.tolerance, chosen, engine, stages, found)
     picture = augmented = None
     if photo_path is not None:
         from raytwin.calib.augment import augment
@@ -176,17 +188,64 @@ def compare_scene(
 def _subject(chosen: CompareSettings) -> Renderer:
     """What is compared with the twin."""
     if chosen.subject:
-        return find_subject(chosen.subject, chosen.tracer_rung or chosen.rung, chosen.sampling)
+        subject = find_subject(chosen.subject, chosen.tracer_rung or chosen.rung, chosen.sampling)
+        if isinstance(subject, UserRenderer) and subject.samples:
+            return subject.with_samples(max(1, chosen.twin_samples // subject.renders))
+        return subject
     if RUNGS[chosen.climbed].noisy:
         return PathTraced(chosen.climbed, chosen.engine, chosen.twin_samples, chosen.sampling, surface=True)
     return Traced(chosen.climbed, chosen.engine, chosen.trim, chosen.solver, surface=True)
 
 
-def _twin(scene: Scene, rung: str, sampling: str, chosen: CompareSettings, progress: Progress = silent) -> Image:
-    return twin.render(
-        scene, rung, sampling=sampling, samples=chosen.twin_samples, seed=chosen.seed, cache=chosen.cache,
-        progress=progress,
+def _alike(subject: Renderer, chosen: CompareSettings) -> bool:
+    """Whether both sides hold the same light: whatever differs is a fault or noise."""
+    return (subject.rung, subject.sampling) == (chosen.rung, chosen.sampling)
+
+
+def _rounds(
+    subject: Renderer, scene: Scene, tolerance: Tolerance, chosen: CompareSettings, stages: Stages
+) -> Rounds | None:
+    """The rounds in which the sides come; None where all samples are alike, or their number is given.
+
+    A subject with other light than the twin's and noise of its own is compared at its own level, which is done once.
+    """
+    noisy = RUNGS[chosen.rung].noisy or (chosen.sampling == "area" and RUNGS[chosen.rung].lit)
+    ours = isinstance(subject, PathTraced) and not chosen.subject  # a method's name says its samples
+    theirs = isinstance(subject, UserRenderer) and subject.seeded
+    takes = ours or theirs
+    if chosen.samples is not None or not (noisy or takes) or (takes and not _alike(subject, chosen)):
+        return None
+
+    def test(samples: int, seed: int) -> Image:
+        if not isinstance(subject, UserRenderer):
+            return subject.with_samples(samples)(scene, seed)
+        image = replace(subject, renders=1, samples=samples if subject.samples else 0)(scene, seed)
+        return image if subject.samples else one_batch(image)
+
+    def reference(samples: int, seed: int) -> Image:
+        return _twin(scene, chosen.rung, chosen.sampling, chosen, samples, seed)
+
+    fixed: dict[str, Image] = {}
+    with stages.stage("tracer"):
+        fixed |= {} if takes else {"test": subject(scene, chosen.seed)}
+    with stages.stage("twin"):
+        fixed |= {} if noisy else {"reference": reference(1, chosen.seed)}
+    check = SequentialComparison(
+        fixed.get("reference"), test=fixed.get("test"), detectable_bias=chosen.detectable_bias,
+        detectable_tile_bias=chosen.detectable_tile_bias,
+        judge=partial(compare_with_twin, scene=scene, tolerance=tolerance, flip=chosen.flip),
     )  # fmt: skip
+    calls = (CALLS if subject.samples else math.inf) if theirs else 1
+    return Rounds(check, test if takes else None, reference if noisy else None, chosen.seed, stages, calls)
+
+
+def _twin(
+    scene: Scene, rung: str, sampling: str, chosen: CompareSettings, samples: int, seed: int,
+    progress: Progress = silent,
+) -> Image:  # fmt: skip
+    return twin.render(
+        scene, rung, sampling=sampling, samples=samples, seed=seed, cache=chosen.cache, progress=progress
+    )
 
 
 def _judge(
@@ -198,14 +257,18 @@ def _judge(
     chosen: CompareSettings,
     engine: str,
     stages: Stages,
+    found: Comparison | None,
 ) -> tuple[Comparison, Ledger | None]:
-    """The verdict with its causes, and what each part of the light has to do with the difference."""
+    """The verdict with its causes, and what each part of the light has to do with the difference.
+
+    `found`: the verdict of the rounds, where there were any.
+    """
     own, compared_with = None, reference
     with stages.stage("compare"):
-        comparison = compare_with_twin(made, reference, scene, tolerance, chosen.flip)
-        same = (subject.rung, subject.sampling) == (chosen.rung, chosen.sampling)
-        if not same and comparison.verdict != "pass":
-            level = _twin(scene, subject.rung, subject.sampling, chosen)
+        asked = {k: v for k in ("detectable_bias", "detectable_tile_bias") if (v := getattr(chosen, k)) is not None}
+        comparison = found or compare_with_twin(made, reference, scene, tolerance, chosen.flip, **asked)
+        if not _alike(subject, chosen) and comparison.verdict != "pass":
+            level = _twin(scene, subject.rung, subject.sampling, chosen, chosen.twin_samples, chosen.seed)
             own = compare_with_twin(made, level, scene, tolerance)
             if subject.rung != chosen.rung:
                 compared_with = level

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from raytwin.renderers.renderer import Renderer
+    from raytwin.workflows.rounds import Budget
 
 FEW, MANY = 1, 64
 """The twin's samples per pixel where all are the same, and where they differ."""
@@ -22,9 +23,13 @@ class CompareSettings:
     `rung` is the twin's. The tracer stands on `tracer_rung`, by default the highest up to there that a formula gives.
     `subject`: what is compared in the tracer's place: a name of `raytwin bench list`, FILE.py:FUNCTION, an image, a
     folder of images, a command, or a function of a scene (see `method`); `engine`, `solver` and `trim` are
-    the tracer's. `samples`: the twin's samples per pixel, by default 1 where every sample through the pixel's center is
-    the same, else 64. `photo`: whose camera pose is used. `size` (width, height) replaces the camera's. `cache` reuses
+    the tracer's. `photo`: whose camera pose is used. `size` (width, height) replaces the camera's. `cache` reuses
     the twin's renders and the photos' tags. `flip` adds the perceptual metric, which is slow.
+
+    `samples`: per pixel, of the twin and of a subject that takes them. Without it both come in rounds until the verdict
+    is certain or the `budget` is spent: samples per pixel ("256") or a time ("30s"). `detectable_bias` of the whole
+    image and `detectable_tile_bias` of any 24 x 24 pixels: what a pass must exclude (by default, while the budget
+    lasts, 0.01 and 0.1).
     """
 
     rung: str = "shadow"
@@ -34,6 +39,9 @@ class CompareSettings:
     solver: str = "robust"
     sampling: str = "center"
     samples: int | None = None
+    budget: str | None = None
+    detectable_bias: float | None = None
+    detectable_tile_bias: float | None = None
     seed: int = 0
     photo: str | None = None
     size: tuple[int, int] | None = None
@@ -49,6 +57,13 @@ class CompareSettings:
         check_one_of("--sampling", self.sampling, twin.SAMPLINGS)
         if self.samples is not None and not 1 <= self.samples <= twin.MOST_SAMPLES:
             raise InputError("--samples", f"a whole number from 1 to {twin.MOST_SAMPLES}", self.samples)
+        if self.samples is not None and self.budget is not None:
+            raise InputError("--budget", "no --samples beside it, which takes just as many", self.budget)
+        biases = {"--detectable-bias": self.detectable_bias, "--detectable-tile-bias": self.detectable_tile_bias}
+        for name, bias in biases.items():
+            if bias is not None and not bias > 0:
+                raise InputError(name, "a number > 0", bias)
+        self.spending  # noqa: B018 (checked)
         check_one_of("--tracer-rung", self.climbed, list(RUNGS)[: list(RUNGS).index(self.rung) + 1])
         check_rows("shadow", self.engine, self.solver, self.trim)
 
@@ -58,6 +73,13 @@ class CompareSettings:
         from raytwin.tracer import RADIANCE
 
         return self.tracer_rung or list(RADIANCE)[min(list(RUNGS).index(self.rung), len(RADIANCE) - 1)]
+
+    @property
+    def spending(self) -> "Budget":
+        """What the rounds may spend."""
+        from raytwin.workflows.rounds import Budget, parse_budget
+
+        return Budget() if self.budget is None else parse_budget(self.budget)
 
     @property
     def twin_samples(self) -> int:

@@ -126,6 +126,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
         flip=chosen.flip,
         noise="both" if made_of[0].measured else chosen.noise,
         detectable_bias=chosen.detectable_bias,
+        detectable_tile_bias=chosen.detectable_tile_bias,
         half_steps=(made_of[0].rounding.half, made_of[1].rounding.half),
     )
     start = time.perf_counter()

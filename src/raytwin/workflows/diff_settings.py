@@ -21,8 +21,8 @@ class DiffSettings:
     Without `limits`, `compare` decides: values without noise by `tolerance`, the others at `false_alarm_rate`. With
     them, they alone do (and NaN, infinity or another size fail); `warn` are limits that never fail. `part` and `layer`
     choose within EXRs. `variances` (arrays or files) and `samples` of the two images are used where they lack them;
-    `noise` and `detectable_bias` as in `compare_images`. `scene` (one made in Python, a file or a name) and `rung` say
-    what is shown, so that a failure names its cause; `renders`: how often a function is called.
+    `noise` and the detectable biases as in `compare_images`. `scene` (one made in Python, a file or a name) and `rung`
+    say what is shown, so that a failure names its cause; `renders`: how often a function is called.
     """
 
     part: str | None = None
@@ -31,6 +31,7 @@ class DiffSettings:
     false_alarm_rate: float = 1e-3
     noise: Literal["both", "reference", "none"] = "both"
     detectable_bias: float = 0.1
+    detectable_tile_bias: float | None = None
     flip: bool = False
     limits: "Limits | None" = None
     warn: "Limits | None" = None

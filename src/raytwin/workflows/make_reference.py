@@ -8,7 +8,7 @@ the scene as it is written, and a checksum of everything, since EXR itself does 
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,14 +16,16 @@ import msgspec
 import numpy as np
 
 from raytwin import files, twin
-from raytwin.compare import Comparison, compare
+from raytwin.compare import Comparison, SequentialComparison, compare
 from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image
-from raytwin.progress import Progress, silent
+from raytwin.image_pool import ImagePool
+from raytwin.progress import Progress, Stages, silent
 from raytwin.references import FILES, Reference, load, path_of, scene_hash, sealed, stale
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, MitsubaScene, Scene, SceneFile
 from raytwin.scene.scene_changes import changes
+from raytwin.workflows.rounds import Budget, Rounds, round_seed
 
 PIXELS = 336 * 252
 """About what a reference has: a shadow's edge is still some pixels from the next, and all files fit a repository."""
@@ -109,38 +111,21 @@ def render(scene: Scene, rung: str, settings: Settings, progress: Progress = sil
         return replace(image, surface=None) if RUNGS[rung].lit else image
     if settings.samples < 1 or settings.samples % (STINTS * BATCHES):
         raise InputError("samples", f"a multiple of {STINTS * BATCHES}", settings.samples)
-    made = []
+    pool = ImagePool()
     for stint in range(STINTS):
         progress(f"{scene.name}/{rung}", stint, STINTS)
-        made.append(
+        pool.add(
             twin.render(
                 scene,
                 rung,
                 sampling=settings.sampling,
                 samples=settings.samples // STINTS,
                 batches=BATCHES,
-                seed=int(np.random.SeedSequence([settings.seed, stint]).generate_state(1)[0]),
+                seed=round_seed(settings.seed, stint),
             )
         )
     progress(f"{scene.name}/{rung}", STINTS, STINTS)
-    return pooled(made)
-
-
-def pooled(images: Sequence[Image]) -> Image:
-    """Independent images of equal samples and batches (b each, k images) as one: the mean and its variance.
-
-    With means m and variances of the mean v: n = k b, sum of squares S = Σ b (b - 1) v + Σ b (m - M)²,
-    variance S / (n (n - 1)). Chan, Golub and LeVeque 1983.
-    """
-    b = images[0].batches or 1
-    n = b * len(images)
-    mean: np.ndarray = np.asarray(np.mean([i.mean for i in images], axis=0, dtype=np.float64))
-    squares = np.zeros(mean.shape)
-    for image in images:
-        within = 0.0 if image.variance is None else image.variance.astype(np.float64)
-        squares = squares + b * (b - 1) * within + b * np.square(image.mean - mean)
-    samples = sum(i.samples for i in images)
-    return Image(mean.astype(np.float32), (squares / (n * (n - 1))).astype(np.float32), samples, None, n)
+    return replace(pool.image, surface=None)
 
 
 def describe(scene: Scene, name: str, hashed: str, rung: str, settings: Settings) -> dict[str, str]:
@@ -333,13 +318,17 @@ def check(
     rung: str,
     folder: str | Path,
     *,
-    samples: int = CHECKED_SAMPLES,
+    budget: Budget = Budget(samples=CHECKED_SAMPLES),  # noqa: B008 (immutable)
+    detectable_bias: float | None = None,
+    detectable_tile_bias: float | None = None,
     found: SceneFile | MitsubaScene | None = None,
     progress: Progress = silent,
 ) -> Check:
     """Is the file there and whole, its scene the one on disk, and today's render the same but for noise?
 
-    Today's render has a seed of its own, always the same: the answer changes when the software does, not by chance.
+    Today's render comes in rounds, until the verdict is certain or the `budget` is spent; the biases are those of
+    SequentialComparison. Its seeds are its own, always the same: the answer changes when the software does, not by
+    chance.
     """
     found = found or find_scene(scene, progress)
     path = path_of(folder, found.name, rung)
@@ -349,14 +338,26 @@ def check(
         return Check(path, 2, (str(error),))
     if why := stale(old, scene) or (None if isinstance(found, MitsubaScene) else strayed(old, found)):
         return Check(path, 1, (f"{path}: stale: {why}",), old)
-    if isinstance(found, MitsubaScene):
-        width, height = old.image.shape[1::-1]
-        sized = files.with_film(found, width=width, height=height)
-        today = twin.render_mitsuba(sized, samples, int(old.header["seed"]) + 1, progress=progress)
+    sampling, seed = old.header["sampling"], int(old.header["seed"]) + 1
+    exact = not isinstance(found, MitsubaScene) and not Settings(sampling=sampling).noisy(rung)
+    if exact:
+        today = render(old.origin(), rung, Settings(sampling=sampling), progress)
+        comparison = compare(today, old.image, tolerance=old.tolerance)
     else:
-        settings = Settings(samples, int(old.header["seed"]) + 1, old.header["sampling"])
-        today = render(old.origin(), rung, settings, progress)
-    comparison = compare(today, old.image, tolerance=old.tolerance)
+
+        def render_round(samples: int, seed: int) -> Image:
+            if isinstance(found, MitsubaScene):
+                width, height = old.image.shape[1::-1]
+                return twin.render_mitsuba(files.with_film(found, width=width, height=height), samples, seed)
+            return replace(twin.render(old.origin(), rung, sampling=sampling, samples=samples, seed=seed), surface=None)
+
+        check = SequentialComparison(
+            old.image, tolerance=old.tolerance, detectable_bias=detectable_bias,
+            detectable_tile_bias=detectable_tile_bias,
+        )  # fmt: skip
+        names = (f"{path.parent.name}/{rung}", "twin")
+        comparison = Rounds(check, render_round, None, seed, Stages(progress), names=names).decide(budget)
+        today = check.image("test")
     said = "cannot be told from today's render" if comparison.exit_code == 2 else "today's render disagrees"
     problems = () if comparison.passed else (f"{path}: {said}", *comparison.reasons)
     return Check(path, comparison.exit_code, problems, old, today, comparison)

@@ -1,0 +1,239 @@
+"""Compare while samples still come, and stop as soon as the verdict is certain.
+
+Batches of both sides are pooled, and looked at when there are 4 samples, and then at steps of a fourth root of two
+(4, 5, 6, 7, 8, 10, 12, 14, 16, ...) or less often. A look is the whole comparison, at a level of its own:
+
+    fail       the comparison fails at its level. The levels of all looks sum to `false_alarm_rate`, so no more than
+               that share of correct pairs ever fails, however often and when they are looked at (Bonferroni)
+    pass       the data speak ten to one against a bias of `detectable_bias` of the whole image (Wald's likelihood
+               ratio), and 24 x 24 pixels that are off by `detectable_tile_bias` would have failed nine times in ten
+    more       else, until the budget is spent; then the verdict is undecided, and says what it would take. If no bias
+               was asked for, a budget that ends early is enough where a tenth of the whole image would have shown
+
+Octave o of samples gets 1 / (o (o + 1)) of the rate, in four equal parts. A look that is left out only lowers the
+rate: no look is worth its time before one of the three can be expected.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from raytwin.compare.comparison import Comparison
+from raytwin.compare.messages import percent, what_could_be_seen
+from raytwin.compare.verdict import DETECTABLE_BIAS, compare
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.image_pool import ImagePool
+
+FIRST, PER_OCTAVE = 4, 4
+"""Samples at the first look, and the most looks until they have doubled."""
+
+FEWEST_TO_PASS = 8
+"""Samples: of fewer no single pixel knows its noise."""
+
+SOUGHT_BIAS, SOUGHT_TILE_BIAS = 0.01, 0.1
+"""The bias of the whole image, and of any 24 x 24 pixels, that a pass excludes by default while the budget lasts."""
+
+EARLY = 0.85
+"""Look this much earlier than the last look expects the pass: the estimates are random."""
+
+SUSPICIOUS_MEAN, SUSPICIOUS_TILE = 2.5, 4.5
+"""Standard deviations of the whole image, and of the worst tile, from which on the next look comes soon."""
+
+EQUAL = "the renders are equal: taken as free of noise"
+
+
+def look_number(samples: float) -> int:
+    """Return which look of the grid `samples` belong to: 0 up to FIRST, then a fourth of an octave each."""
+    return max(0, math.ceil(PER_OCTAVE * math.log2(samples / FIRST) - 1e-9))
+
+
+def look_level(rate: float, number: int) -> float:
+    """Return the level of a look: all of them sum to the rate."""
+    octave = number // PER_OCTAVE + 1
+    return rate / (octave * (octave + 1) * PER_OCTAVE)
+
+
+def first_samples(number: int) -> int:
+    """Return the fewest samples of a look."""
+    return FIRST if number == 0 else math.floor(FIRST * 2 ** ((number - 1) / PER_OCTAVE) + 1e-9) + 1
+
+
+class SequentialComparison:
+    """Decide about batches of renders as they come; see the module's first lines.
+
+        check = SequentialComparison(reference)
+        for seed in range(1000):
+            if comparison := check.add(render(seed)):
+                break
+
+    `test` and `reference` are the sides that stay as they are; what is added to a side takes its place. Options are
+    those of `compare` (`tolerance`, `noise`, `half_steps`). `next_look` says how many samples per pixel, or renders
+    where their samples are unknown, the next verdict needs; `comparison` is the last one, decided or not. A
+    `detectable_bias` or `detectable_tile_bias` that is given must be met for a pass.
+    """
+
+    def __init__(
+        self,
+        reference: Image | None = None,
+        *,
+        test: Image | None = None,
+        false_alarm_rate: float = 1e-3,
+        detectable_bias: float | None = None,
+        detectable_tile_bias: float | None = None,
+        judge: Callable[..., Comparison] = compare,
+        **options: Any,
+    ) -> None:
+        if not 0 < false_alarm_rate < 1:
+            raise InputError("false_alarm_rate", "a probability between 0 and 1", false_alarm_rate)
+        for name, value in (("detectable_bias", detectable_bias), ("detectable_tile_bias", detectable_tile_bias)):
+            if value is not None and not value > 0:
+                raise InputError(name, "a number > 0", value)
+        self.rate, self._asked = false_alarm_rate, (detectable_bias, detectable_tile_bias)
+        self._sought = (detectable_bias or SOUGHT_BIAS, detectable_tile_bias or SOUGHT_TILE_BIAS)
+        self.looks, self.next_look = 0, FIRST
+        self.comparison: Comparison | None = None
+        self.decided = False
+        self._fixed = {"test": test, "reference": reference}
+        self._pools = {"test": ImagePool(), "reference": ImagePool()}
+        self._judge, self._options, self._looked_at = judge, options, 0
+        self._began = time.perf_counter()
+
+    @property
+    def samples(self) -> int:
+        """Per pixel, of the side that grows and has fewer; renders, where they do not state their samples."""
+        return min((pool.weight for pool in self._pools.values() if pool.images), default=0)
+
+    def image(self, side: str) -> Image:
+        """What there is of `test` or `reference`."""
+        pool, fixed = self._pools[side], self._fixed[side]
+        if not pool.images and fixed is None:
+            raise InputError(side, "an image, or renders of it", "none")
+        image = pool.image if pool.images else fixed
+        assert image is not None
+        return replace(image, variance=None, samples=1, batches=None) if pool.noise_free else image
+
+    def add(self, test: Any = None, reference: Any = None) -> Comparison | None:
+        """Add a render of either side, or of both: an Image or an array (H, W, 3). Return the verdict, or None: more.
+
+        Renders of a side are independent. An Image that states `batches` of its own brings their variance.
+        """
+        for name, given in (("test", test), ("reference", reference)):
+            if given is None:
+                continue
+            image = given if isinstance(given, Image) else Image(np.asarray(given), samples=0)
+            pool = self._pools[name]
+            if pool.images and image.shape != pool.shape:
+                raise InputError(f"{name} render {pool.images + 1}", f"the shape {pool.shape}", image.shape)
+            pool.add(image)
+        if self.decided:
+            return self.comparison
+        noisy = [pool for pool in self._pools.values() if pool.images and not pool.noise_free]
+        if self.samples < self.next_look and (noisy or self.samples < 2):
+            return None
+        return self._look(exact=not noisy)
+
+    def conclude(self, spent: str = "") -> Comparison:
+        """Return the verdict now that no more will come; `spent`: what ended it, in words, by default the samples."""
+        if not self.decided and self.samples > self._looked_at:
+            self._look()
+        made = self.comparison
+        if made is None:
+            raise InputError("renders", "at least one", "none")
+        if self.decided:
+            return made
+        image, tile = self._asked
+        enough = self._shortfall(made, image or DETECTABLE_BIAS, tile or math.inf) <= 1
+        if made.verdict == "pass" and enough and self.samples >= FEWEST_TO_PASS:
+            return self._certain(made, f"all {spent or self._counted()} were taken")
+        doubts = made.reasons if made.verdict == "undecided" else (self._what_it_takes(made, spent),)
+        self.comparison = msgspec.structs.replace(made, verdict="undecided", reasons=doubts)
+        return self.comparison
+
+    # ---------------------------------------------------------------------------------- within
+
+    def _look(self, exact: bool = False) -> Comparison | None:
+        """Compare what there is; `exact`: nothing more will come, since all renders are equal."""
+        n = self.samples
+        number = look_number(n)
+        level = self.rate if exact else look_level(self.rate, number)
+        made = self._judge(
+            self.image("test"), self.image("reference"), false_alarm_rate=level, detectable_bias=math.inf,
+            **self._options,
+        )  # fmt: skip
+        self.looks, self._looked_at = self.looks + 1, n
+        self.comparison = _with(made, looks=self.looks)
+        known = made.statistics.z_mean is not None
+        passed = made.verdict == "pass" and (
+            exact or not known or (n >= FEWEST_TO_PASS and self._shortfall(made, *self._sought) <= 1)
+        )
+        if exact or passed or made.verdict == "fail":
+            spent = f"{self._counted()} and {time.perf_counter() - self._began:.2g} s"
+            said = EQUAL if exact else f"certain after {spent}, looked at {self.looks} time{'s' * (self.looks > 1)}"
+            return self._certain(self.comparison, said)
+        self.next_look = self._next(made, n, number)
+        return None
+
+    def _certain(self, made: Comparison, said: str) -> Comparison:
+        self.decided = True
+        reasons, s = made.reasons, made.statistics
+        if made.verdict == "pass" and s.z_mean is not None:
+            image, tile = self._seen(made)
+            reasons = (*what_could_be_seen(image, tile, 1.0, self.rate), *reasons[1:])
+        certain = None if made.verdict == "undecided" else self.samples
+        self.comparison = _with(msgspec.structs.replace(made, reasons=(*reasons, said)), samples_to_certainty=certain)
+        return self.comparison
+
+    def _counted(self) -> str:
+        told = all(pool.samples or not pool.images for pool in self._pools.values())
+        return f"{self.samples} samples per pixel" if told else f"{self.samples} renders"
+
+    def _seen(self, made: Comparison) -> tuple[float, float]:
+        """The biases of the whole image and of 24 x 24 pixels that would have shown."""
+        excluded, s = made.excluded_bias or 0.0, made.statistics
+        image = min(s.minimum_detectable_bias or 0.0, max(excluded, self._sought[0]))
+        # None: no tile is lit, or none would ever show.
+        dark = math.inf if excluded else 0.0
+        return image, dark if s.minimum_detectable_tile_bias is None else s.minimum_detectable_tile_bias
+
+    def _shortfall(self, made: Comparison, image: float, tile: float) -> float:
+        """By how much the biases that may go unnoticed are larger than these."""
+        seen = self._seen(made)[1]
+        return max((made.excluded_bias or 0.0) / image, 0.0 if math.isinf(tile) else seen / tile)
+
+    def _next(self, made: Comparison, n: int, number: int) -> int:
+        """When to look again: soon where a fault takes shape, else when a pass can be expected, or at twice as many."""
+        soon, s = first_samples(number + 1), made.statistics
+        if abs(s.z_mean or 0.0) > SUSPICIOUS_MEAN or abs(s.z_tile_worst or 0.0) > SUSPICIOUS_TILE:
+            return soon
+        factor = self._shortfall(made, *self._sought) if made.verdict == "pass" else math.inf
+        expected = 2 * n if factor > 2 else math.ceil(EARLY * n * factor**2)
+        return min(2 * n, max(soon, expected, FEWEST_TO_PASS))
+
+    def _what_it_takes(self, made: Comparison, spent: str) -> str:
+        image, tile = (s if a is None else a for s, a in zip((DETECTABLE_BIAS, math.inf), self._asked, strict=True))
+        short, (_, seen) = self._shortfall(made, image, tile), self._seen(made)
+        short = max(short, (made.statistics.minimum_detectable_bias or 0.0) / image)
+        more = f"about {_rounded(self.samples * short**2)} would tell" if 1 < short < math.inf else "more may tell"
+        found = f"{percent(made.excluded_bias or 0.0)} of the whole image's mean (asked {percent(image)})"
+        if math.isfinite(tile):
+            found += f", or of {percent(seen)} of 24 x 24 pixels (asked {percent(tile)})"
+        return f"undecided: after {spent or self._counted()} an error of {found} could go unnoticed: {more}"
+
+
+def _with(made: Comparison, **numbers: int | None) -> Comparison:
+    return msgspec.structs.replace(made, statistics=msgspec.structs.replace(made.statistics, **numbers))
+
+
+def _rounded(samples: float) -> str:
+    """Two digits.
+
+    >>> _rounded(12345.0)
+    '12000'
+    """
+    return f"{float(f'{samples:.2g}'):.0f}"

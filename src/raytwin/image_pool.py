@@ -1,0 +1,68 @@
+"""Independent renders of one picture, pooled as they come: their mean, and the variance of that mean."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from raytwin.image import Image, Surface
+
+
+@dataclass(eq=False)
+class ImagePool:
+    """The mean of all images added, weighted by samples. An image of unknown samples counts as one.
+
+    An image of `batches` brings its own scatter, any other counts as one batch. With n samples and mean m of each, its
+    variance of the mean v from b batches, N = Σ n, M = Σ n m / N and S = Σ (b - 1) n v + Σ n (m - M)²
+
+        variance of M = S / ((Σ b - 1) N)
+
+    an unbiased estimate whatever the sizes (Chan, Golub and LeVeque 1983). Only two arrays are stored.
+    """
+
+    weight: int = 0
+    batches: int = 0
+    images: int = 0
+    samples: int = 0
+    surface: Surface | None = None
+    _mean: np.ndarray | None = None
+    _scatter: np.ndarray | None = None
+
+    def add(self, image: Image) -> None:
+        """Add a render with samples that no other one has."""
+        n, b = max(image.samples, 1), 1
+        mean = np.asarray(image.mean, np.float64)
+        if self._mean is None:
+            self._mean, self._scatter, self.surface = np.zeros(mean.shape), np.zeros(mean.shape), image.surface
+        assert self._scatter is not None
+        self.weight += n
+        with np.errstate(invalid="ignore", over="ignore"):  # NaN and infinity stay, and the comparison finds them
+            step = mean - self._mean
+            self._mean += step * (n / self.weight)
+            self._scatter += n * step * (mean - self._mean)
+            if image.variance is not None:
+                b = image.batches or image.samples or 1
+                self._scatter += (b - 1) * n * np.asarray(image.variance, np.float64)
+        known = self.samples > 0 or self.images == 0
+        self.samples = self.samples + image.samples if image.samples and known else 0
+        self.batches, self.images = self.batches + b, self.images + 1
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the images; () before the first one."""
+        return () if self._mean is None else self._mean.shape
+
+    @property
+    def noise_free(self) -> bool:
+        """All renders are equal, and there are two at least."""
+        return self.images > 1 and self._scatter is not None and not self._scatter.any()
+
+    @property
+    def image(self) -> Image:
+        """All of it as one image."""
+        assert self._mean is not None
+        assert self._scatter is not None
+        mean = self._mean.astype(np.float32)
+        if self.batches < 2:
+            return Image(mean, None, self.samples, self.surface, 1)
+        variance = (self._scatter / ((self.batches - 1) * self.weight)).astype(np.float32)
+        return Image(mean, variance, self.samples, self.surface, self.batches)

@@ -1,0 +1,125 @@
+"""Verdicts that stop when they are certain: the rate over all looks, what a pass excludes, and when more is wanted."""
+
+import math
+
+import numpy as np
+import pytest
+from measure.noise_models import render
+from measure.sequences import NOISES, SMALL, faulty, sequence
+
+from raytwin.compare import SequentialComparison
+from raytwin.compare.sequential import first_samples, look_level, look_number
+from raytwin.errors import InputError
+from raytwin.image import Image
+
+NOISE = NOISES["Gaussian"][0]
+
+
+def test_the_levels_of_all_looks_sum_to_the_rate():
+    assert sum(look_level(1e-3, number) for number in range(4000)) == pytest.approx(1e-3, rel=2e-3)
+    assert sum(look_level(1e-3, number) for number in range(4000)) < 1e-3
+
+
+def test_no_two_looks_share_a_level_and_they_are_a_fourth_of_an_octave_apart():
+    n = 4
+    while n < 1e7:
+        later = first_samples(look_number(n) + 1)
+        assert look_number(later) > look_number(n)
+        assert look_number(later - 1) <= look_number(n)
+        assert later <= max(n + 1, math.ceil(n * 2**0.5))
+        n = later
+    assert [look_number(n) for n in (1, 4, 8, 16, 1024)] == [0, 0, 4, 8, 32]
+
+
+@pytest.mark.parametrize("stored", [True, False], ids=["stored reference", "both in rounds"])
+def test_all_looks_together_fail_no_more_correct_pairs_than_stated(stored):
+    """At a rate of 5 %, 9 or more of 60 fail with a probability of 0.2 %. Measured: see measure.sequences."""
+    rng = np.random.default_rng([7, stored])
+    reference = render(rng, SMALL, samples=1024, kind="exp", sd=1.0)
+    noise, failed = NOISES["exponential"][0], 0
+    for _ in range(60):
+        other = reference if stored else noise(rng, SMALL, 32)
+        check = sequence(noise(rng, SMALL, 32), other, false_alarm_rate=0.05, detectable_bias=1e-9)
+        assert check.looks >= 4
+        failed += check.conclude().verdict == "fail"
+    assert failed < 9
+
+
+def test_a_gross_fault_fails_after_four_samples_and_a_smaller_one_later():
+    rng = np.random.default_rng(8)
+    at = []
+    for size in (0.3, 0.02, 0.008):
+        check = sequence(NOISE(rng, faulty(SMALL, size, local=False), 512), NOISE(rng, SMALL, 512))
+        assert check.comparison.verdict == "fail"
+        assert check.comparison.statistics.samples_to_certainty == check.samples
+        assert check.comparison.statistics.looks == check.looks
+        at.append(check.samples)
+    assert at[0] == 4 < at[1] < at[2]
+    assert "certain after" in check.comparison.reasons[-1]
+
+
+def test_an_image_that_is_off_by_what_a_pass_excludes_passes_once_in_ten_at_most():
+    """Of 40 such images 10 pass with a probability of 0.5 % if one in ten does; correct ones all pass, and sooner."""
+    rng, bias, passed = np.random.default_rng(9), 0.05, 0
+    asked = {"detectable_bias": bias, "detectable_tile_bias": 9.0}
+    for _ in range(40):
+        check = sequence(NOISE(rng, SMALL * (1 + bias), 128), NOISE(rng, SMALL, 128), **asked)
+        passed += check.conclude().verdict == "pass"
+    assert passed < 10
+    check = sequence(NOISE(rng, SMALL, 128), NOISE(rng, SMALL, 128), **asked)
+    assert check.comparison.verdict == "pass"
+    assert check.samples < 64
+    assert "an error of" in check.comparison.reasons[0]
+    assert "false-alarm rate of 0.001" in check.comparison.reasons[0]
+
+
+def test_a_budget_that_ends_early_is_undecided_and_says_what_it_takes_and_that_is_enough():
+    rng = np.random.default_rng(10)
+    asked = {"detectable_bias": 0.01, "detectable_tile_bias": 0.5}
+    test, reference = NOISE(rng, SMALL, 512), NOISE(rng, SMALL, 512)
+    check = sequence(test[:8], reference[:8], **asked)
+    assert check.add() is None
+    made = check.conclude("8 samples")
+    assert made.verdict == "undecided"
+    assert made.statistics.samples_to_certainty is None
+    assert "asked 1 %" in made.reasons[0]
+    wanted = int(made.reasons[0].split("about ")[1].split()[0])
+    done = sequence(test[:wanted], reference[:wanted], **asked).conclude()
+    assert done.verdict == "pass"
+    assert "undecided" not in done.reasons[0]
+
+
+def test_without_a_wish_a_budget_that_ends_early_passes_where_a_tenth_would_have_shown():
+    rng = np.random.default_rng(11)
+    check = sequence(NOISE(rng, SMALL, 8), NOISE(rng, SMALL, 8))
+    assert not check.decided
+    made = check.conclude()
+    assert made.verdict == "pass"
+    assert made.reasons[-1] == "all 8 samples per pixel were taken"
+
+
+def test_renders_are_arrays_too_and_equal_ones_are_taken_as_free_of_noise():
+    truth = SMALL.astype(np.float32)
+    reference = Image(truth)
+    for test, verdict in ((truth, "pass"), (truth * np.float32(1.001), "fail")):
+        check = SequentialComparison(reference)
+        assert check.add(test) is None
+        assert check.add(test).verdict == verdict
+        assert "free of noise" in check.comparison.reasons[-1]
+
+
+def test_what_is_no_render_fails_at_the_first_look_or_is_named():
+    rng = np.random.default_rng(12)
+    check = SequentialComparison(render(rng, SMALL, samples=64))
+    broken = NOISE(rng, SMALL, 4).astype(np.float32)
+    broken[2, 5, 6] = np.nan
+    for one in broken[:3]:
+        assert check.add(one) is None
+    assert "3 NaN values in 1 pixel" in check.add(broken[3]).reasons[0]
+    with pytest.raises(InputError, match=r"test render 5: expected the shape \(24, 32, 3\), got \(5, 6, 3\)"):
+        check.add(np.zeros((5, 6, 3)))
+    with pytest.raises(InputError, match=r"renders: expected at least one, got none"):
+        SequentialComparison(check.image("reference")).conclude()
+    for options in ({"false_alarm_rate": 0}, {"detectable_bias": 0.0}, {"detectable_tile_bias": -1}):
+        with pytest.raises(InputError, match=next(iter(options))):
+            SequentialComparison(check.image("reference"), **options)
