@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from raytwin import files
 from raytwin.calib.boards import Board, Grid, write_board
 from raytwin.cli.options import check_outputs
-from raytwin.cli.progress_bar import lines, tell_seconds
+from raytwin.cli.progress_bar import lines, print_seconds
 from raytwin.image import Image
 from raytwin.progress import Stages
 
@@ -347,6 +347,6 @@ def test_the_seconds_that_are_told_make_up_the_whole(capsys, monkeypatch):
     stages.seconds |= {"calibrate": 2.0, "tracer": 0.04, "report": 1.5}
     monkeypatch.setattr("raytwin.cli.progress_bar.STARTED", 100.0)
     monkeypatch.setattr("raytwin.cli.progress_bar.time.perf_counter", lambda: 105.0)
-    tell_seconds(stages, ("calibrate",))
+    print_seconds(stages, ("calibrate",))
     told = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert told == [["report", "1.50", "s"], ["the", "rest", "1.46", "s"], ["in", "all", "5.00", "s"]]

@@ -28,9 +28,9 @@ from raytwin.contract.subject import find_subject
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.live import Server, opening_page
-from raytwin.live.light_path import way_of_light
+from raytwin.live.light_path import light_path
 from raytwin.live.patience import MOST_ABANDONED, Patience
-from raytwin.live.progressive import Studio, told
+from raytwin.live.progressive import Session, as_message
 from raytwin.live.server import Worker
 from raytwin.live.view_state import Wanted, from_json, from_link, scene_toml, wanted_of
 from raytwin.renderers.user_renderers import UserRenderer
@@ -48,8 +48,8 @@ def base(scenes):
 @pytest.fixture(scope="module")
 def live(base):
     """A server at work in a thread of its own."""
-    studio = Studio(base)
-    server = Server(studio, first=msgspec.structs.replace(wanted_of(base, studio.engines[0]), samples=4))
+    session = Session(base)
+    server = Server(session, first=msgspec.structs.replace(wanted_of(base, session.engines[0]), samples=4))
     loop = asyncio.new_event_loop()
     task = loop.create_task(server.serve())
 
@@ -114,7 +114,7 @@ def test_the_saved_scene_is_the_one_that_was_shown(base, tmp_path):
 
 
 class Slow:
-    """A studio whose passes wait to be let on."""
+    """A session whose passes wait to be let on."""
 
     def __init__(self) -> None:
         self.begun, self.go = threading.Event(), threading.Event()
@@ -128,18 +128,18 @@ class Slow:
 
 @pytest.fixture
 def slow():
-    """(a studio that waits, a worker at it, what the page was told: by each message's head)"""
-    studio, told_of = Slow(), []
-    worker, loop = Worker(studio), asyncio.new_event_loop()
+    """(a session that waits, a worker at it, the messages to the page, each by its head)"""
+    session, messages = Slow(), []
+    worker, loop = Worker(session), asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever)
     thread.start()
 
-    async def tell(message: bytes) -> None:
-        told_of.append(json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")]))
+    async def send(message: bytes) -> None:
+        messages.append(json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")]))
 
     worker.start(loop)
-    yield studio, worker, told_of, tell
-    studio.go.set()
+    yield session, worker, messages, send
+    session.go.set()
     worker.stop()
     worker.thread.join()
     loop.call_soon_threadsafe(loop.stop)
@@ -155,49 +155,49 @@ def wait_for(true) -> None:
 
 
 def test_of_wishes_in_a_row_only_the_first_and_the_last_are_rendered(slow):
-    studio, worker, told_of, tell = slow
-    worker.want(1, Wanted(), tell)
-    assert studio.begun.wait(30)
+    session, worker, messages, send = slow
+    worker.want(1, Wanted(), send)
+    assert session.begun.wait(30)
     for number in range(2, 8):
-        worker.want(number, Wanted(), tell)
-    studio.go.set()
+        worker.want(number, Wanted(), send)
+    session.go.set()
     for count in range(1, 5):
-        wait_for(lambda count=count: len(told_of) == count)
-        worker.answer(told_of[-1]["sent"], tell)
+        wait_for(lambda count=count: len(messages) == count)
+        worker.answer(messages[-1]["sent"], send)
     assert worker.rendered == [1, 7]
-    assert [head["number"] for head in told_of] == [1, 7, 7, 7]  # the first was stopped between two of its passes
+    assert [head["number"] for head in messages] == [1, 7, 7, 7]  # the first was stopped between two of its passes
 
 
 def test_no_picture_is_sent_before_the_page_answered_the_last(slow):
-    studio, worker, told_of, tell = slow
-    studio.go.set()
-    worker.want(1, Wanted(), tell)
-    wait_for(lambda: told_of)
+    session, worker, messages, send = slow
+    session.go.set()
+    worker.want(1, Wanted(), send)
+    wait_for(lambda: messages)
     time.sleep(0.1)
-    assert len(told_of) == 1
-    worker.answer(1, tell)
-    wait_for(lambda: len(told_of) == 2)
+    assert len(messages) == 1
+    worker.answer(1, send)
+    wait_for(lambda: len(messages) == 2)
 
 
 def test_a_page_that_takes_over_is_told_nothing_of_the_others_wishes(slow):
     """Their numbers are its own: a higher one of another page's would pass for a later wish."""
-    studio, worker, told_of, tell = slow
+    session, worker, messages, send = slow
     mine = []
 
     async def other(message: bytes) -> None:
         mine.append(json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")]))
 
-    worker.want(7, Wanted(), tell)
-    assert studio.begun.wait(30)
+    worker.want(7, Wanted(), send)
+    assert session.begun.wait(30)
     worker.want(1, Wanted(), other)
-    studio.go.set()
+    session.go.set()
     wait_for(lambda: mine)
-    assert (told_of, mine[0]["number"]) == ([], 1)
+    assert (messages, mine[0]["number"]) == ([], 1)
 
 
 def test_a_page_that_does_not_read_blocks_no_other(slow):
-    studio, worker, told_of, tell = slow
-    studio.go.set()
+    session, worker, messages, send = slow
+    session.go.set()
     begun, read = threading.Event(), threading.Event()
 
     async def never(message: bytes) -> None:
@@ -207,20 +207,20 @@ def test_a_page_that_does_not_read_blocks_no_other(slow):
 
     worker.want(1, Wanted(), never)
     assert begun.wait(30)
-    worker.want(1, Wanted(), tell)
-    wait_for(lambda: told_of)
-    assert told_of[0]["number"] == 1
+    worker.want(1, Wanted(), send)
+    wait_for(lambda: messages)
+    assert messages[0]["number"] == 1
     read.set()
 
 
 def test_an_error_that_ends_threads_is_told_and_the_worker_goes_on(slow, capsys):
-    studio, worker, told_of, tell = slow
+    session, worker, messages, send = slow
     for number, error in enumerate((KeyboardInterrupt, SystemExit, GeneratorExit, ValueError)):
-        studio.passes = lambda wanted, error=error: (_ for _ in ()).throw(error("mine"))
-        worker.want(number, Wanted(), tell)
-        wait_for(lambda n=number: len(told_of) == n + 1)
-        assert told_of[-1]["kind"] == "refused"
-        worker.answer(told_of[-1]["sent"], tell)
+        session.passes = lambda wanted, error=error: (_ for _ in ()).throw(error("mine"))
+        worker.want(number, Wanted(), send)
+        wait_for(lambda n=number: len(messages) == n + 1)
+        assert messages[-1]["kind"] == "refused"
+        worker.answer(messages[-1]["sent"], send)
     assert "ValueError: mine" in capsys.readouterr().err
 
 
@@ -246,14 +246,14 @@ def test_what_a_subject_raises_is_told_whatever_it_is(base):
         raise Ending("enough")
 
     with pytest.raises(InputError, match=r"mine: expected an image .*Ending: enough"):
-        next(Studio(base, UserRenderer("shadow", "mine", ends)).passes(wanted_of(base, "numpy64")))
+        next(Session(base, UserRenderer("shadow", "mine", ends)).passes(wanted_of(base, "numpy64")))
     with pytest.raises(ValueError, match="mine"):
         Patience().call("mine", lambda: float("mine"))
 
 
 def test_passes_go_on_with_twice_the_samples_until_all_are_there(base):
     wish = msgspec.structs.replace(wanted_of(base, "drjit32"), samples=4)
-    events = [event for event, _ in Studio(base).passes(wish)]
+    events = [event for event, _ in Session(base).passes(wish)]
     points = [(e["side"], e["samples"]) for e in events if e["kind"] == "point"]
     assert points == [("tracer", 1), ("twin", 1), ("twin", 2), ("twin", 4)]
     errors = {(e["side"], e["samples"]): e["error"] for e in events if e["kind"] == "point"}
@@ -261,7 +261,7 @@ def test_passes_go_on_with_twice_the_samples_until_all_are_there(base):
     assert 1.2 < errors["twin", 1] / errors["twin", 4] < 3.3
     assert [e["kind"] for e in events].count("ledger") == 1
     assert events[-1]["kind"] == "rest"
-    moving = [event["kind"] for event, _ in Studio(base).passes(msgspec.structs.replace(wish, moving=True))]
+    moving = [event["kind"] for event, _ in Session(base).passes(msgspec.structs.replace(wish, moving=True))]
     assert moving == ["picture", "picture"]
 
 
@@ -270,7 +270,7 @@ def test_passes_go_on_with_twice_the_samples_until_all_are_there(base):
 def test_the_ledger_of_a_subject_that_fails_on_its_own_level_names_its_own_error(base, twin_rung, rung, faulty):
     subject = UserRenderer("shadow", "mine", lambda _: trace(base.scene, rung).mean)
     wish = msgspec.structs.replace(wanted_of(base, "numpy64"), rung="shadow", twin_rung=twin_rung, samples=1)
-    (ledger,) = (event for event, _ in Studio(base, subject).passes(wish) if event["kind"] == "ledger")
+    (ledger,) = (event for event, _ in Session(base, subject).passes(wish) if event["kind"] == "ledger")
     parts = [row["part"] for row in ledger["parts"]]
     assert any(part.startswith("the subject's own error") for part in parts) == faulty
 
@@ -280,9 +280,9 @@ def test_any_subject_stands_in_the_tracers_place(base, tmp_path):
     file.write_text(
         "import numpy as np\ndef render(scene):\n    return np.full((scene['height'], scene['width'], 3), 0.25)\n"
     )
-    studio = Studio(base, find_subject(f"{file}:render", "shadow"))
+    session = Session(base, find_subject(f"{file}:render", "shadow"))
     wish = msgspec.structs.replace(wanted_of(base, "drjit32"), twin_rung="shadow")
-    events = list(studio.passes(wish))
+    events = list(session.passes(wish))
     planes, words = next((e["planes"], blobs) for e, blobs in events if e["kind"] == "pair")
     at = {plane["name"]: i for i, plane in enumerate(planes)}
     r, d = (
@@ -297,7 +297,7 @@ def test_the_ways_of_a_pixels_samples_average_to_the_pixel(base, rung):
     scene, n, depth = base.scene, 32, 2 if rung == "sky" else 5
     image = plain_paths(scene, depth, n, seed=0).mean
     for x, y in ((40, 40), (60, 30), (3, 3)):
-        ways = [way_of_light(scene, x, y, rung, depth, sample) for sample in range(n)]
+        ways = [light_path(scene, x, y, rung, depth, sample) for sample in range(n)]
         assert np.mean([way.light for way in ways], axis=0) == pytest.approx(image[y, x], rel=1e-5)
 
 
@@ -305,7 +305,7 @@ def test_the_ways_of_a_pixels_samples_average_to_the_pixel(base, rung):
 def test_the_way_of_a_rung_without_samples_brings_the_pixels_radiance(base, rung):
     image = trace(base.scene, rung).mean
     for x, y in ((40, 40), (60, 30), (75, 30), (3, 3)):
-        way = way_of_light(base.scene, x, y, rung)
+        way = light_path(base.scene, x, y, rung)
         assert way.light == pytest.approx(image[y, x], rel=1e-5)
         if len(way.legs) > 1:
             assert np.sum([leg.light for leg in way.legs], axis=0) == pytest.approx(image[y, x], rel=1e-5)
@@ -704,14 +704,14 @@ def test_axe_core_finds_nothing_serious(page):
 def test_a_studio_at_play_keeps_no_memory(base):
     """Passes again and again hold on to nothing: the process grows by less than a tenth of what they made."""
     resource = pytest.importorskip("resource")
-    studio, wish = Studio(base), msgspec.structs.replace(wanted_of(base, "drjit32"), moving=True, twin_rung="shadow")
+    session, wish = Session(base), msgspec.structs.replace(wanted_of(base, "drjit32"), moving=True, twin_rung="shadow")
 
     def play(n: int) -> int:
         made = 0
         for k in range(n):
             sphere = msgspec.structs.replace(wish.spheres[0], center=(0.001 * k, 0.0, 0.05))
-            for event, blobs in studio.passes(msgspec.structs.replace(wish, spheres=(sphere, *wish.spheres[1:]))):
-                made += len(told(event, blobs)) + 10 * base.camera.width * base.camera.height * 12
+            for event, blobs in session.passes(msgspec.structs.replace(wish, spheres=(sphere, *wish.spheres[1:]))):
+                made += len(as_message(event, blobs)) + 10 * base.camera.width * base.camera.height * 12
         return made
 
     play(20)

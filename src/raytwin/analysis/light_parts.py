@@ -53,7 +53,7 @@ class WholeLight:
         self.thin = scene.with_camera(scene.camera.every(self.step))
         self.shape = (self.thin.camera.height, self.thin.camera.width, 3)
         names = {(k, part): f"{k} {part}" for k in range(len(SEEDS)) for part in PARTS}
-        found = self._kept(
+        found = self._stored(
             "halves", self._sampled, dict.fromkeys(names.values(), self.shape) | {"seconds": (len(PARTS) - 1,)}
         )
         self.seconds = dict(zip(PARTS[1:], found["seconds"].tolist(), strict=True))
@@ -65,15 +65,15 @@ class WholeLight:
         n = len(self.scene.objects)
         if not 2 <= n <= 8:
             return {}
-        return self._kept("partners", self._taken_away, dict.fromkeys(PARTS[1:], (n, n)))
+        return self._stored("partners", self._taken_away, dict.fromkeys(PARTS[1:], (n, n)))
 
     def exact(self, rung: str) -> np.ndarray:
         """A rung that a formula gives, at each pixel's centre, in float64."""
         row = ENGINES[self.engine]._replace(precision="float64")
         double = next(name for name, known in ENGINES.items() if known == row)
-        return self._kept(rung, lambda: {"mean": trace(self.thin, rung, double).mean}, {"mean": self.shape})["mean"]
+        return self._stored(rung, lambda: {"mean": trace(self.thin, rung, double).mean}, {"mean": self.shape})["mean"]
 
-    def _kept(self, what: str, make: Callable[[], Arrays], shapes: Mapping[str, tuple[int, ...]]) -> Arrays:
+    def _stored(self, what: str, make: Callable[[], Arrays], shapes: Mapping[str, tuple[int, ...]]) -> Arrays:
         if not self.keep:
             return make()
         code, scene = files.made_by(MADE_BY, ("numpy", "drjit")), self.scene

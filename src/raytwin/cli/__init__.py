@@ -116,16 +116,16 @@ def _run() -> int:
         sys.stdout.flush()
         return code or 0
     except Exception as error:
-        return _told(error)
+        return _report(error)
     except KeyboardInterrupt:
         return _said("interrupted", INTERRUPTED)
     except SystemExit as ended:
         if isinstance(ended.__context__, BrokenPipeError):  # typer's own answer to it is exit code 1
-            return _told(ended.__context__)
+            return _report(ended.__context__)
         raise
 
 
-def _told(error: Exception) -> int:
+def _report(error: Exception) -> int:
     """The error in one line on standard error, and its exit code."""
     missing = error.__context__ if isinstance(error, MachineError) else error
     if isinstance(missing, ModuleNotFoundError) and (extras := extras_for(missing)):

@@ -7,7 +7,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from raytwin.cli.options import Allow, AnyScene, JsonFile, check_outputs
-from raytwin.cli.progress_bar import show_progress, tell_seconds
+from raytwin.cli.progress_bar import print_seconds, show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 from raytwin.workflows.compare_settings import CompareSettings
@@ -33,7 +33,7 @@ def compare_command(
         folder = out or Path("out") / result.scene.name
         report.write_all(result, folder, json, progress=progress)
     say(report.summary(result))
-    tell_seconds(progress, tuple(t.stage for t in result.times))
+    print_seconds(progress, tuple(t.stage for t in result.times))
     say(f"report: {folder / 'report.html'}")
     raise typer.Exit(result.comparison.exit_code)
 

@@ -36,9 +36,9 @@ def _sandbox() -> Iterator[tuple[str, str]]:
     from raytwin.sandbox import sandbox
 
     try:
-        held = sandbox.probe()
+        locks = sandbox.probe()
     except InputError as error:
         yield "sandbox", f"none: {error}"
         return
-    for lock, state in sandbox.told(held):
+    for lock, state in sandbox.told(locks):
         yield f"sandbox: {lock}", state

@@ -38,15 +38,15 @@ def explore_command(
             from raytwin.calib.find_camera import find_camera
             from raytwin.contract.subject import find_subject
             from raytwin.live import Server, opening_page
-            from raytwin.live.progressive import Studio
+            from raytwin.live.progressive import Session
             from raytwin.live.view_state import from_link
         base = files.read_scene(scene)
         found, *_ = find_camera(base, photo, progress)
         camera = found.camera
         scale = min(1, WIDEST / camera.width)
         camera = camera.resized(*(asked or (round(camera.width * scale), max(1, round(camera.height * scale)))))
-        studio = Studio(base.with_camera(camera), find_subject(subject, "shadow") if subject else None)
-        server = Server(studio, port, from_link(view) if view else None)
+        session = Session(base.with_camera(camera), find_subject(subject, "shadow") if subject else None)
+        server = Server(session, port, from_link(view) if view else None)
     say(f"{base.name} at {server.address}")
     say("Ctrl-C ends it.")
     with contextlib.ExitStack() as stack:

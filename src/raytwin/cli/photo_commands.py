@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from raytwin.cli.options import JsonFile, check_outputs, parse_numbers, parse_size, parse_sphere, parse_stand
-from raytwin.cli.progress_bar import show_progress, tell_seconds
+from raytwin.cli.progress_bar import print_seconds, show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
 from raytwin.scene import Lambert
@@ -82,7 +82,7 @@ def calibrate_command(
         if difference:
             report.write_difference(calibration, apart, difference)
         say(report.difference_summary(apart))
-    tell_seconds(progress)
+    print_seconds(progress)
 
 
 def _check_pictures(pictures: dict[str, Path | None]) -> None:
@@ -170,7 +170,7 @@ def photograph_command(
             exposures=shown,
             progress=progress,
         )
-    tell_seconds(progress)
+    print_seconds(progress)
     say(f"{count} photos, board.toml and truth.toml: {out}")
 
 
@@ -193,7 +193,7 @@ def augment_command(
     if json:
         files.write_json(json, {"photos": rows})
     say(report.augment_summary(rows))
-    tell_seconds(progress)
+    print_seconds(progress)
     if pages:
         say(f"report: {pages.finish()}")
     say(f"{len(rows)} photos: {out}")

@@ -60,10 +60,10 @@ def lines() -> Progress:
     return show
 
 
-def tell_seconds(stages: Stages, told: tuple[str, ...] = ()) -> None:
-    """A line for each stage that took a tenth of a second and is not `told` already; what is left; all of it."""
+def print_seconds(stages: Stages, printed: tuple[str, ...] = ()) -> None:
+    """Print a line for each stage that took a tenth of a second and is not `printed` already; the rest; all of it."""
     whole = time.perf_counter() - STARTED
     rest = whole - sum(stages.seconds.values())
-    found = {k: v for k, v in stages.seconds.items() if k not in told and v >= 0.1}
+    found = {k: v for k, v in stages.seconds.items() if k not in printed and v >= 0.1}
     for stage, seconds in (found | {"the rest": rest, "in all": whole}).items():
         say(f"  {stage:<10} {seconds:7.2f} s")

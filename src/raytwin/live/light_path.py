@@ -39,7 +39,7 @@ class Leg(NamedTuple):
     light: tuple[float, float, float]
 
 
-class Way(NamedTuple):
+class LightPath(NamedTuple):
     """`legs` in the order of their making, `met`: what was met, in words; `light`: their sum."""
 
     legs: tuple[Leg, ...]
@@ -47,9 +47,9 @@ class Way(NamedTuple):
     light: tuple[float, float, float]
 
 
-def way_of_light(
+def light_path(
     scene: Scene, x: int, y: int, rung: str = "path", depth: int = 8, sample: int = 0, seed: int = 0
-) -> Way:
+) -> LightPath:
     """What makes pixel (x, y) on a rung: one of its samples where light is followed. All in float64."""
     row = RUNGS[rung]
     local = to_camera_frame(scene)
@@ -67,7 +67,7 @@ def way_of_light(
         at = (float(u[0]), float(v[0]))
         if int(hit.ids[0]) == BACKGROUND:
             sky = _three(_colour(light.sky.radiance(d)) if row.background else EYE)
-            return Way((Leg("eye", at, at, sky),), ("the sky",), sky)
+            return LightPath((Leg("eye", at, at, sky),), ("the sky",), sky)
         legs, met = [Leg("eye", at, at, (0.0, 0.0, 0.0))], [scene.names[int(hit.ids[0])]]
         if not row.noisy:
             colour = _colour(RADIANCE[rung](hit, light, world, scene.camera))
@@ -76,7 +76,7 @@ def way_of_light(
                 rays = _to_sun(hit, world, light.to_sun, far, project, row.shadows)
                 legs += [leg._replace(light=_three(colour - ambient)) for leg in rays]
                 legs.append(Leg("sky", at, at, _three(ambient)))
-            return Way(tuple(legs), tuple(met), _three(colour))
+            return LightPath(tuple(legs), tuple(met), _three(colour))
         weight = np.ones(3)
         for k in range((2 if row.depth == 2 else depth) - 1):
             direct, there, share = bounce(k, hit, light, world, numbers)
@@ -95,7 +95,7 @@ def way_of_light(
             legs.append(Leg("bounce", project(hit.point), project(there.point, hit.point), (0.0, 0.0, 0.0)))
             met.append(scene.names[int(there.ids[0])])
             hit, weight = there, weight * _colour(share)
-    return Way(tuple(legs), tuple(met), _three(np.sum([leg.light for leg in legs], axis=0)))
+    return LightPath(tuple(legs), tuple(met), _three(np.sum([leg.light for leg in legs], axis=0)))
 
 
 def _to_sun(

@@ -39,11 +39,11 @@ TWIN_EVERY = 3
 """While something moves, the twin rests so many times as long as it took: most of the time is the tracer's."""
 
 Event = tuple[dict[str, Any], tuple[bytes, ...]]
-"""What the page is told, and bytes that belong to it."""
+"""What is sent to the page, and bytes that belong to it."""
 
 
 @dataclass(frozen=True)
-class Studio:
+class Session:
     """A scene whose camera is known, and what can render it here. `subject`: in the tracer's place, where given."""
 
     base: SceneFile
@@ -87,7 +87,7 @@ class Studio:
         return compare_with_twin(test, reference, scene, self.base.tolerance).verdict == "fail"
 
     def passes(self, wanted: Wanted) -> Iterator[Event]:
-        """What the page is to be told, one thing after the other. Between two of them it may be stopped."""
+        """Yield what is sent to the page, one event at a time. Between two of them it may be stopped."""
         scene, fast = wanted.scene(self.base), self.engines[0]
         method = self.tracer(wanted, 1)
         test, seconds = self.render(method, scene, 0)
@@ -172,7 +172,7 @@ def _bytes_of(look: Look) -> np.ndarray:
         return np.nan_to_num(255 * y + 0.5).astype(np.uint8)
 
 
-def told(event: Mapping[str, Any], blobs: tuple[bytes, ...]) -> bytes:
+def as_message(event: Mapping[str, Any], blobs: tuple[bytes, ...]) -> bytes:
     """One message: the length of the JSON (4 bytes, little end first), the JSON, and the bytes, each padded to four.
 
     `sizes` in the JSON has their lengths.

@@ -29,8 +29,8 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from raytwin import files, viewer
 from raytwin.errors import InputError
-from raytwin.live.light_path import way_of_light
-from raytwin.live.progressive import TWIN_EVERY, Event, Studio, told
+from raytwin.live.light_path import light_path
+from raytwin.live.progressive import TWIN_EVERY, Event, Session, as_message
 from raytwin.live.view_state import Wanted, from_json, scene_toml, wanted_of
 from raytwin.rungs import RUNGS
 from raytwin.tracer import SOLVERS
@@ -49,7 +49,7 @@ TOKEN_HEADER, PROTOCOL = "X-Raytwin-Token", "raytwin"
 GRACE = 5.0
 """Seconds for which the end waits for a pass that is under way, and for connections to close."""
 
-Tell = Callable[[bytes], Coroutine[Any, Any, None]]
+Send = Callable[[bytes], Coroutine[Any, Any, None]]
 """What sends a message to the page."""
 
 
@@ -64,11 +64,11 @@ class Asked(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Server:
-    """`await Server(studio).serve()`, until it is cancelled. `address` is what the browser opens."""
+    """`await Server(session).serve()`, until it is cancelled. `address` is what the browser opens."""
 
-    def __init__(self, studio: Studio, port: int = 0, first: Wanted | None = None) -> None:
-        self.studio, self.token = studio, secrets.token_hex(16)
-        self.first = first or wanted_of(studio.base, studio.engines[0])
+    def __init__(self, session: Session, port: int = 0, first: Wanted | None = None) -> None:
+        self.session, self.token = session, secrets.token_hex(16)
+        self.first = first or wanted_of(session.base, session.engines[0])
         self.socket = socket.socket()
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, os.name == "posix")
         try:
@@ -80,7 +80,7 @@ class Server:
         self.socket.setblocking(False)
         self.port = self.socket.getsockname()[1]
         self.origin = f"http://{HOST}:{self.port}"
-        self.worker = Worker(studio)
+        self.worker = Worker(session)
         self.open: set[_Socket] = set()
 
     @property
@@ -98,7 +98,7 @@ class Server:
     @property
     def busy(self) -> bool:
         """Whether a pass or a subject's call still runs: it may never return."""
-        return self.worker.thread.is_alive() or self.studio.patience.running
+        return self.worker.thread.is_alive() or self.session.patience.running
 
     async def serve(self) -> None:
         """Serve until cancelled; then wait a little for what is under way."""
@@ -141,11 +141,11 @@ def _own(name: str) -> Callable[[], str]:
 class Worker:
     """Renders in a thread of its own; between two passes it looks whether something else is wanted by now."""
 
-    def __init__(self, studio: Studio) -> None:
-        self.studio = studio
+    def __init__(self, session: Session) -> None:
+        self.session = session
         self.changed = threading.Condition()
         self.wanted: tuple[int, Wanted] | None = None
-        self.tell: Tell | None = None
+        self.send: Send | None = None
         self.sent = self.answered = 0
         self.stopped = False
         self.rendered: list[int] = []
@@ -162,26 +162,26 @@ class Worker:
             self.stopped = True
             self.changed.notify_all()
 
-    def want(self, number: int, wanted: Wanted, tell: Tell) -> None:
-        """From now on this alone is rendered, and told to `tell`."""
+    def want(self, number: int, wanted: Wanted, send: Send) -> None:
+        """Replace the current request; results go to `send`."""
         with self.changed:
-            if tell != self.tell:
+            if send != self.send:
                 self.sent = self.answered = 0
-            self.wanted, self.tell = (number, wanted), tell
+            self.wanted, self.send = (number, wanted), send
             self.changed.notify_all()
 
-    def answer(self, number: int, tell: Tell) -> None:
+    def answer(self, number: int, send: Send) -> None:
         """The page has shown what it was sent as `number`."""
         with self.changed:
-            if tell == self.tell:
+            if send == self.send:
                 self.answered = number
             self.changed.notify_all()
 
-    def leave(self, tell: Tell) -> None:
+    def leave(self, send: Send) -> None:
         """The page is gone."""
         with self.changed:
-            if tell == self.tell:
-                self.tell = None
+            if send == self.send:
+                self.send = None
             self.changed.notify_all()
 
     def _work(self) -> None:
@@ -194,11 +194,11 @@ class Worker:
                 if self.stopped or self.wanted is None:
                     return
                 done = number, wanted = self.wanted
-                tell = self.tell
+                send = self.send
                 self.rendered = [*self.rendered[-99:], number]
             try:
-                for event in self.studio.passes(wanted):
-                    self._send(tell, number, *event)
+                for event in self.session.passes(wanted):
+                    self._send(send, number, *event)
                     now = time.monotonic()
                     if event[0].get("pane") == "reference":
                         twin_at, twin_took = now, event[0]["seconds"]
@@ -206,21 +206,21 @@ class Worker:
                     if self.stopped or (self.wanted is not done and not due):
                         break
             except InputError as error:
-                self._send(tell, number, {"kind": "refused", "text": str(error)}, ())
+                self._send(send, number, {"kind": "refused", "text": str(error)}, ())
             except BaseException:  # a subject's own, or ours: the page goes on
                 traceback.print_exc()
                 refused = {"kind": "refused", "text": "this could not be rendered: see the terminal"}
-                self._send(tell, number, refused, ())
+                self._send(send, number, refused, ())
 
-    def _send(self, tell: Tell | None, number: int, event: dict[str, Any], blobs: tuple[bytes, ...]) -> None:
+    def _send(self, send: Send | None, number: int, event: dict[str, Any], blobs: tuple[bytes, ...]) -> None:
         """To the page that wished for it, after its answer to the one before; not at all where it is gone, or another
         page has taken over, whose wishes have numbers of their own."""
         with self.changed:
-            self.changed.wait_for(lambda: self.stopped or self.tell != tell or self.answered >= self.sent)
-            if self.stopped or tell is None or self.tell != tell:
+            self.changed.wait_for(lambda: self.stopped or self.send != send or self.answered >= self.sent)
+            if self.stopped or send is None or self.send != send:
                 return
             self.sent += 1
-            sending = tell(told({**event, "number": number, "sent": self.sent}, blobs))
+            sending = send(as_message({**event, "number": number, "sent": self.sent}, blobs))
         try:  # nobody waits here for a page that does not read: the next message waits for its answer to this one
             asyncio.run_coroutine_threadsafe(sending, self.loop)
         except RuntimeError:  # the loop has ended
@@ -271,15 +271,15 @@ class _About(_Guarded):
     """What the page is about: its scene, and what can render it."""
 
     def get(self) -> None:
-        studio = self.server.studio
-        scene = studio.base.scene
+        session = self.server.session
+        scene = session.base.scene
         about = {
-            "scene": studio.base.name, "width": scene.camera.width, "height": scene.camera.height,
+            "scene": session.base.name, "width": scene.camera.width, "height": scene.camera.height,
             "camera": files.plain(scene.camera), "first": files.plain(self.server.first),
             "rungs": list(RUNGS),
-            "engines": list(studio.engines), "solvers": list(SOLVERS),
-            "map": studio.base.sky.map is not msgspec.UNSET,
-            "subject": studio.subject.name if studio.subject else None,
+            "engines": list(session.engines), "solvers": list(SOLVERS),
+            "map": session.base.sky.map is not msgspec.UNSET,
+            "subject": session.subject.name if session.subject else None,
         }  # fmt: skip
         self.set_header("Content-Type", "application/json")
         self.write(msgspec.json.encode(about))
@@ -304,7 +304,7 @@ class _Text(_Guarded):
 class _Toml(_Guarded):
     def post(self) -> None:
         try:
-            wanted, base = from_json(self.request.body), self.server.studio.base
+            wanted, base = from_json(self.request.body), self.server.session.base
             text = scene_toml(base, wanted, base.scene.camera)
         except InputError as error:
             raise HTTPError(400, reason="no scene") from error
@@ -340,9 +340,9 @@ class _Socket(_Guarded, WebSocketHandler):
 
     def on_close(self) -> None:
         self.server.open.discard(self)
-        self.server.worker.leave(self.tell)
+        self.server.worker.leave(self.send)
 
-    async def tell(self, message: bytes) -> None:
+    async def send(self, message: bytes) -> None:
         with contextlib.suppress(WebSocketClosedError):
             await self.write_message(message, binary=True)
 
@@ -351,20 +351,20 @@ class _Socket(_Guarded, WebSocketHandler):
         try:
             asked = msgspec.json.decode(message, type=Asked)
             if asked.answered is not None:
-                worker.answer(asked.answered, self.tell)
+                worker.answer(asked.answered, self.send)
             if asked.wanted is not None:
                 self.last = asked.wanted.check()
-                worker.want(asked.number, self.last, self.tell)
+                worker.want(asked.number, self.last, self.send)
             if asked.pixel is not None and self.last is not None:
-                await self.tell(told(self.way(self.last, asked.pixel, asked.sample)[0], ()))
+                await self.send(as_message(self.way(self.last, asked.pixel, asked.sample)[0], ()))
         except msgspec.DecodeError as error:
-            await self.tell(told({"kind": "refused", "text": f"a message that says nothing: {error}"}, ()))
+            await self.send(as_message({"kind": "refused", "text": f"a message that says nothing: {error}"}, ()))
         except InputError as error:
-            await self.tell(told({"kind": "refused", "text": str(error)}, ()))
+            await self.send(as_message({"kind": "refused", "text": str(error)}, ()))
 
     def way(self, wanted: Wanted, pixel: tuple[int, int], sample: int) -> Event:
-        scene = wanted.scene(self.server.studio.base)
+        scene = wanted.scene(self.server.session.base)
         x, y = (min(max(p, 0), side - 1) for p, side in zip(pixel, scene.camera.image_size, strict=True))
-        found = way_of_light(scene, x, y, wanted.rung, wanted.depth, sample)
+        found = light_path(scene, x, y, wanted.rung, wanted.depth, sample)
         legs = [leg._asdict() for leg in found.legs]
         return {"kind": "way", "pixel": (x, y), "sample": sample, **found._asdict(), "legs": legs}, ()

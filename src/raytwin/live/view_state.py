@@ -107,11 +107,11 @@ def from_link(text: str) -> Wanted:
 def scene_toml(base: SceneFile, wanted: Wanted, camera: Camera) -> str:
     """A scene.toml of its own: what was calibrated is written out, so that it needs no photo."""
     written = files.plain(wanted.written(msgspec.structs.replace(base, camera=camera, photos=None)))
-    kept = {k: v for k, v in written.items() if k not in ("name", "folder", "photos") and v not in ((), [], None)}
-    if "map" in kept["sky"]:
-        kept["sky"] = {k: v for k, v in kept["sky"].items() if k in ("map", "scale", "rotation")}
-        kept["sky"]["map"] = str((Path(base.folder) / kept["sky"]["map"]).resolve())  # it may be saved anywhere
+    tables = {k: v for k, v in written.items() if k not in ("name", "folder", "photos") and v not in ((), [], None)}
+    if "map" in tables["sky"]:
+        tables["sky"] = {k: v for k, v in tables["sky"].items() if k in ("map", "scale", "rotation")}
+        tables["sky"]["map"] = str((Path(base.folder) / tables["sky"]["map"]).resolve())  # it may be saved anywhere
     order = ("camera", "sun", "sky", "tolerance")
-    tables = {key: kept.pop(key) for key in order if key in kept}
+    first = {key: tables.pop(key) for key in order if key in tables}
     head = f"# {base.name}, as it was left while exploring it.\n\n"
-    return head + tomli_w.dumps({**tables, **kept})
+    return head + tomli_w.dumps({**first, **tables})

@@ -42,22 +42,22 @@ def _arrays(record: Record, *names: str) -> dict[str, Any]:
     return {name: np.array(getattr(record, name), float) for name in names}
 
 
-def as_scene(told: dict[str, Any]) -> Scene:
-    """The scene that `as_arrays` tells."""
+def as_scene(record: dict[str, Any]) -> Scene:
+    """Return the scene that `as_arrays` describes."""
 
     def plain(value: np.ndarray) -> Any:
         return tuple(plain(row) if row.ndim else float(row) for row in value)
 
     camera = Camera(
-        (told["width"], told["height"]), *(plain(told[k]) for k in ("K", "R_cam_board", "t_cam_board", "dist"))
+        (record["width"], record["height"]), *(plain(record[k]) for k in ("K", "R_cam_board", "t_cam_board", "dist"))
     )
-    spheres = [Sphere(plain(s["center"]), s["radius"], Lambert(plain(s["albedo"]))) for s in told["spheres"]]
+    spheres = [Sphere(plain(s["center"]), s["radius"], Lambert(plain(s["albedo"]))) for s in record["spheres"]]
     planes = [
         Rectangle(plain(p["center"]), plain(p["half_u"]), plain(p["half_v"]), Lambert(plain(p["albedo"])))
-        for p in told["planes"]
+        for p in record["planes"]
     ]
-    sun = Sun(plain(told["sun"]["to_light"]), plain(told["sun"]["irradiance"]))
-    return Scene(told["name"], camera, (*spheres, *planes), (sun, Sky(plain(told["sky"]["radiance"]))))
+    sun = Sun(plain(record["sun"]["to_light"]), plain(record["sun"]["irradiance"]))
+    return Scene(record["name"], camera, (*spheres, *planes), (sun, Sky(plain(record["sky"]["radiance"]))))
 
 
 def as_json(scene: dict[str, Any]) -> dict[str, Any]:

@@ -66,10 +66,10 @@ class Traced(_ByEngine):
 
     def prepare(self, scene: Scene) -> Call:
         self.ready()
-        kept = background(scene, self.rung) if self.keep or self.in_place else None
+        reused = background(scene, self.rung) if self.keep or self.in_place else None
 
         def call(seed: int) -> Image:
-            out = kept if kept is not None and self.in_place else background(scene, self.rung, kept)
+            out = reused if reused is not None and self.in_place else background(scene, self.rung, reused)
             surface = Surface.empty(*scene.camera.image_size) if self.surface else None
             draw(scene, out, self.rung, self.engine, self.solver, self.trim, surface, self.stages)
             return Image(out, surface=surface)
@@ -220,5 +220,5 @@ class Filled(Renderer):
         return "fill"
 
     def prepare(self, scene: Scene) -> Call:
-        kept = background(scene) if self.keep else None
-        return lambda seed: Image(background(scene, out=kept))
+        reused = background(scene) if self.keep else None
+        return lambda seed: Image(background(scene, out=reused))

@@ -18,7 +18,7 @@ from raytwin.scene import MitsubaScene, Scene
 
 @dataclass(frozen=True)
 class UserRenderer(Renderer):
-    """`render`, known as `title`, called with `tell(scene, rung)`; it returns radiance (H, W, 3), or an Image.
+    """`render`, known as `title`, called with `describe(scene, rung)`; it returns radiance (H, W, 3), or an Image.
 
     One that takes a `seed` is `seeded`: it is called with that many `renders`, whose spread tells the noise. One that
     takes `samples` too is asked for so many (0: it is not). `rays`: where they go, through the pixel's center or over
@@ -27,7 +27,7 @@ class UserRenderer(Renderer):
 
     title: str = ""
     render: Callable[..., Any] | None = None
-    tell: Callable[[Scene, str], Any] = as_arrays
+    describe: Callable[[Scene, str], Any] = as_arrays
     stages: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
     """The functions of single stages that the same file has."""
     seeded: bool = False
@@ -60,7 +60,7 @@ class UserRenderer(Renderer):
             return as_image([once(seed * self.renders + i) for i in range(self.renders)]).image
 
         def once(seed: int) -> Image:
-            given = self.tell(scene, self.rung) if isinstance(scene, Scene) else as_file(scene)
+            given = self.describe(scene, self.rung) if isinstance(scene, Scene) else as_file(scene)
             also = ({"seed": seed} if self.seeded else {}) | ({"samples": self.samples} if self.samples else {})
             try:
                 made = self.render(given, **also) if self.render else None

@@ -340,14 +340,14 @@ def _expected_difference(
 def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
     """What the rung leaves out, in words, the largest part first."""
     rows = [row for row in ledger.parts if row.part in LEFT_OUT and row.share_of_light] if ledger else []
-    told = []
+    remarks = []
     for row in sorted(rows, key=lambda row: -abs(row.share_of_light or 0)):
         share = 100 * (row.share_of_light or 0)
         where = f", mostly on {row.between[0]}" if len(row.between) == 1 else ""
         where = f", mostly between {' and '.join(row.between)}" if len(row.between) > 1 else where
         size = f"{abs(share):.2g} %" if abs(share) < HARDLY_LIT else "many times"  # of a scene with nearly no light
-        told.append(f"leaving out {row.part} makes it {size} too {'bright' if share > 0 else 'dark'}{where}")
-    return tuple(told)
+        remarks.append(f"leaving out {row.part} makes it {size} too {'bright' if share > 0 else 'dark'}{where}")
+    return tuple(remarks)
 
 
 def times_of(

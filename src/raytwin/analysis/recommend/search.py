@@ -50,8 +50,8 @@ class Choice(Look):
         cheaper = sorted((f for f in fail if simplicity(f.method) < simplicity(best.method)), key=lambda f: -_rank(f))
         others = [f for f in fail if f not in cheaper]
         words = f"{self.metric} {best.error.value:.2g} <= {self.tolerance:g}" if best.error else ""
-        told = _rows(cheaper + others, self._why) + tuple(m.row(_slower(m, best)) for m in slower)
-        return best.row(words), told, ""
+        rows = _rows(cheaper + others, self._why) + tuple(m.row(_slower(m, best)) for m in slower)
+        return best.row(words), rows, ""
 
     def _confirmed(self, best: Tried) -> bool:
         """At full size too, where that has not been looked at and takes no more than FINAL seconds."""
