@@ -24,7 +24,7 @@ ALLOW = "RAYTWIN_ALLOW"
 own; the processes that raytwin starts see it too."""
 
 MOST_BYTES = 1 << 30
-"""Of each file."""
+"""Bytes per file."""
 DEEPEST = 8
 """Includes within includes."""
 DEFAULT_SIZE = {"width": 768, "height": 576}
@@ -164,10 +164,10 @@ def _image_size(file: Path, root: ET.Element) -> tuple[int, int]:
         missing = "sensor" if sensor is None else "integrator"
         raise InputError(file, "a scene with a sensor, a film and an integrator of its own", f"no <{missing}>")
     film = sensor.find("film")
-    told = {e.get("name", ""): e.get("value", "") for e in film.findall("integer")} if film is not None else {}
+    sides = {e.get("name", ""): e.get("value", "") for e in film.findall("integer")} if film is not None else {}
     size = []
     for side, usual in DEFAULT_SIZE.items():
-        text = told.get(f"crop_{side}", told.get(side, str(usual)))
+        text = sides.get(f"crop_{side}", sides.get(side, str(usual)))
         if not text.strip().isdecimal() or not 1 <= int(text) <= 100_000:
             raise InputError(f"{file}: film {side}", "pixels, from 1 to 100000", text)
         size.append(int(text))

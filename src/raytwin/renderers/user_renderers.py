@@ -109,9 +109,9 @@ def method(
     if not callable(function):
         raise InputError("method", "a function of a scene", repr(function))
     takes = takes_of(function)
-    told = _itself if records else as_arrays
+    describe = _itself if records else as_arrays
     few = FEW if takes >= {"seed", "samples"} else 0
-    return UserRenderer(rung, title, function, told, {}, "seed" in takes, renders, sampling, few)
+    return UserRenderer(rung, title, function, describe, {}, "seed" in takes, renders, sampling, few)
 
 
 FEW = 16

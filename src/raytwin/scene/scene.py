@@ -101,8 +101,8 @@ class Scene(Record, frozen=True):
         ((32, 24), 1, (1.0, 1.0, 1.0))
         """
         if "spheres" in changes or "planes" in changes:
-            kept = [changes.pop(name, getattr(self, name)) for name in ("spheres", "planes")]
-            changes["objects"] = tuple(thing for part in kept for thing in part)
+            kinds = [changes.pop(name, getattr(self, name)) for name in ("spheres", "planes")]
+            changes["objects"] = tuple(thing for part in kinds for thing in part)
         for name, kind in (("sun", Sun), ("sky", Sky | Environment)):
             if name in changes:
                 new = changes.pop(name)

@@ -14,11 +14,12 @@ from raytwin.errors import InputError
 from raytwin.image import BACKGROUND, Image, Surface
 from raytwin.progress import Progress, silent
 from raytwin.scene.mitsuba_scene import MitsubaScene
-from raytwin.twin import render_cache as kept
+from raytwin.twin import render_cache
 from raytwin.twin.backend import SCALAR, activate, versions
 from raytwin.twin.plain import LANES
 
 BATCHES = 16
+"""Independent renders behind a variance."""
 VERSION = "1"
 """Part of every cache key: raise it when a change moves a pixel."""
 WORTH_KEEPING = 1.0
@@ -44,7 +45,7 @@ def render_mitsuba(
     about = mitsuba_provenance(scene, samples, seed, batches, variant)
     key = hashlib.sha256(repr(about).encode()).hexdigest()[:32]
     width, height = scene.image_size
-    if cache and (image := kept.load(key, (height, width, 3))) is not None:
+    if cache and (image := render_cache.load(key, (height, width, 3))) is not None:
         return image
     start = time.perf_counter()
     loaded = _loaded(scene)
@@ -62,7 +63,7 @@ def render_mitsuba(
         variance = variance.astype(np.float32)
     image = Image(mean.astype(np.float32), variance, each * batches, _surface(scene, loaded), batches)
     if cache and time.perf_counter() - start > WORTH_KEEPING:
-        kept.store(key, image)
+        render_cache.store(key, image)
     return image
 
 

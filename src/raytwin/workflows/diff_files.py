@@ -115,13 +115,13 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
     made_of = test_side.loaded, reference_side.loaded
     test, reference = made_of[1].fitted(made_of[0].image), made_of[0].fitted(made_of[1].image)
     read = time.perf_counter() - start
-    held = Tolerance(p999_abs=chosen.tolerance)
+    limit = Tolerance(p999_abs=chosen.tolerance)
     if reference_side.tolerance is not None and chosen.tolerance == DiffSettings.tolerance:
-        held = reference_side.tolerance
+        limit = reference_side.tolerance
     made = compare_images(
         test,
         reference,
-        tolerance=held,
+        tolerance=limit,
         false_alarm_rate=chosen.false_alarm_rate,
         flip=chosen.flip,
         noise="both" if made_of[0].measured else chosen.noise,
@@ -141,7 +141,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
     )
     seconds = {"read": read, "compare": made.seconds + time.perf_counter() - start}
     of_files = {"A": _named(a), "B": _named(b), "part": chosen.part, "layer": chosen.layer}
-    decided = _limits_in_words(limits) if limits else {"tolerance": f"{held.p999_abs:g}"}
+    decided = _limits_in_words(limits) if limits else {"tolerance": f"{limit.p999_abs:g}"}
     if limits is None and (test.variance is not None or reference.variance is not None):
         decided["false-alarm rate"] = f"{chosen.false_alarm_rate:g}"
     notes = [
@@ -157,7 +157,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
         reference=reference,
         report=Report(f"{test_side.name} against {reference_side.name}", "", made, seconds).saying(*notes),
         metrics={name: metrics.get(name) for name in METRICS},
-        tolerance=held,
+        tolerance=limit,
         limits=limits,
         warnings=tuple(f.text for f in warned),
         settings={k: v for k, v in of_files.items() if v is not None} | decided,
