@@ -91,6 +91,11 @@ def test_a_wish_survives_json_and_the_link(base):
         ('{"planes": [{"center": [0, 0, 0], "half_u": [0, 0, 0], "half_v": [1, 1, 0]}]}', r"planes\[0\]"),
         ('{"spheres": [{"center": [0, 0, 0], "radius": 1, "exponent": 3}]}', r"spheres\[0\]"),
         ('{"sun": {"to_light": [0, 0, 0]}}', "sun.to_light"),
+        (
+            f'{{"camera": {{"R_cam_board": {[[1, 0, 0], [0, 1, 0], [0, 0, 2]]}, "t_cam_board": [0, 0, 1]}}}}',
+            "a rotation",
+        ),
+        (f'{{"camera": {{"R_cam_board": {np.eye(3).tolist()}, "t_cam_board": [0, 0, 1], "zoom": 0}}}}', "zoom"),
         ("[]", "object"),
         ("{", "truncated"),
     ],
@@ -105,9 +110,36 @@ def test_the_saved_scene_is_the_one_that_was_shown(base, tmp_path):
     sphere = msgspec.structs.replace(wish.spheres[0], center=(0.01, 0.02, 0.06), radius=0.03)
     wish = msgspec.structs.replace(wish, spheres=(sphere, *wish.spheres[1:]))
     (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "scene.toml").write_text(scene_toml(base, wish, base.camera), encoding="utf-8")
+    (tmp_path / "mine" / "scene.toml").write_text(scene_toml(base, wish), encoding="utf-8")
     again = files.read_scene(tmp_path / "mine").scene
     assert msgspec.structs.replace(again, name=base.name) == wish.scene(base)
+
+
+@pytest.mark.parametrize("name", ["overlap", "studio", "wedge"])
+def test_a_scene_is_saved_as_the_shipped_ones_are_written(scenes, name):
+    """Line by line, but for comments and blanks; a map's path is made absolute."""
+    path = scenes / name / "scene.toml"
+    base = files.read_scene(path)
+
+    def lines(text: str) -> list[str]:
+        return [line for line in text.splitlines() if line and not line.startswith("#")]
+
+    saved = scene_toml(base, wanted_of(base, "numpy32")).replace(str(path.parent.resolve()) + os.sep, "")
+    assert lines(saved) == lines(path.read_text(encoding="utf-8"))
+
+
+def test_a_turned_camera_is_rendered_and_saved(base, tmp_path):
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    R = (np.array(base.camera.R_cam_board) @ turn).tolist()
+    wish = from_json(
+        msgspec.json.encode({"camera": {"R_cam_board": R, "t_cam_board": base.camera.t_cam_board, "zoom": 2.0}})
+    )
+    camera = wish.scene(base).camera
+    assert np.allclose(camera.R_cam_board, R)
+    assert (camera.fx, camera.cx) == (2 * base.camera.fx, base.camera.cx)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "scene.toml").write_text(scene_toml(base, wish), encoding="utf-8")
+    assert files.read_scene(tmp_path / "mine").camera == camera
 
 
 # ------------------------------------------------------------------------------------------ what is rendered
@@ -629,7 +661,62 @@ def test_zoom_is_linked_and_a_pixels_way_of_light_is_told(page):
     page.page.check("#show-way")
     page.viewer("keep(40, 40)")
     page.until("!document.getElementById('way').hidden")
-    assert "Pixel 40, 40" in page.page.inner_text("#way")
+    assert "Pixel 40, 40, sample 0" in page.page.inner_text("#way")  # no samples on this level
+
+
+def test_a_drag_beside_the_objects_turns_the_camera_and_undo_takes_it_back(page, base):
+    def mean(key: str) -> float:
+        return page.page.evaluate(
+            "(key) => { const v = document.getElementById('viewer').viewer.values[key]; let s = 0; "
+            "for (const x of v) s += x; return s / v.length; }", key
+        )  # fmt: skip
+
+    before, first, light = page.rest(), page.page.url, mean("t")
+    box = page.page.locator("#viewer canvas").first.bounding_box()
+    page.page.mouse.move(box["x"] + 6, box["y"] + 6)
+    page.page.mouse.down()
+    page.page.mouse.move(box["x"] + 66, box["y"] + 6, steps=4)
+    page.until("document.getElementById('viewer').viewer.panes.get('map').picture")  # the difference follows
+    page.page.mouse.up()
+    page.until(f"document.body.dataset.rest !== '{before}'")
+    turned = from_link(page.page.url).scene(base).camera
+    middle = np.mean([s.center for s in base.spheres], axis=0)
+    old, new = (np.array(camera.eye) - middle for camera in (base.camera, turned))
+    assert np.linalg.norm(new) == pytest.approx(np.linalg.norm(old))
+    assert new[2] == pytest.approx(old[2])
+    angle = np.degrees(np.arctan2(old[0] * new[1] - old[1] * new[0], old[:2] @ new[:2]))
+    assert angle == pytest.approx(-20, abs=0.5)  # a third of a degree per pixel
+    project = [np.array(c.R_cam_board) @ middle + c.t_cam_board for c in (base.camera, turned)]
+    assert project[0] == pytest.approx(project[1], abs=1e-9)  # what it goes round stays where it was
+    assert mean("t") != pytest.approx(light, rel=1e-3)
+    before = page.rest()
+    page.page.keyboard.press("Control+z")
+    page.until(f"document.body.dataset.rest !== '{before}'")
+    assert from_link(page.page.url).scene(base).camera == base.camera
+    assert mean("t") == pytest.approx(light, rel=1e-4)
+    assert from_link(first).scene(base) == from_link(page.page.url).scene(base)
+
+
+def test_the_sun_is_dragged_on_its_dome(page):
+    before, box = page.rest(), page.page.locator(".dome svg").bounding_box()
+    page.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.page.mouse.down()
+    page.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2 - 24, steps=3)
+    page.page.mouse.up()
+    page.until(f"document.body.dataset.rest !== '{before}'")
+    x, y, z = from_link(page.page.url).sun.to_light
+    assert x == pytest.approx(0, abs=0.02)
+    assert np.degrees(np.arctan2(y, z)) == pytest.approx(90 * 24 / 48, abs=2)
+
+
+def test_many_light_paths_are_drawn_and_their_light_averages(page):
+    before = page.rest()
+    page.page.locator("#controls select").first.select_option("path")
+    page.until(f"document.body.dataset.rest !== '{before}'")
+    page.page.check("#show-way")
+    page.viewer("keep(50, 60)")
+    page.until("document.getElementById('way').textContent.includes('8 samples')")
+    assert "On average" in page.page.inner_text("#way")
 
 
 def test_a_scene_that_cannot_be_rendered_is_told_in_the_page(chromium, live, base):
@@ -677,12 +764,16 @@ def test_a_finger_drags_a_sphere_and_two_zoom(chromium, live, base):
 
     before = phone.rest()
     send("touchStart", (x, y))
+    tops = set()
     for step in range(1, 5):
         send("touchMove", (x, y + 6 * step))
+        tops.add(phone.page.locator("#viewer canvas:visible").first.bounding_box()["y"])
     send("touchEnd")
     phone.until(f"document.body.dataset.rest !== '{before}'")
     moved = np.subtract(from_link(phone.page.url).spheres[1].center, base.spheres[1].center)
     assert np.linalg.norm(moved) > 0.005
+    assert tops == {box["y"]}
+    assert phone.page.locator("#viewer canvas:visible").first.bounding_box()["y"] == box["y"]
     assert phone.page.evaluate("scrollY") == 0
     left, top = box["x"] + 0.2 * box["width"], box["y"] + 0.2 * box["height"]  # beside all spheres
     send("touchStart", (left, top), (left + 20, top))
@@ -758,6 +849,6 @@ def test_a_map_is_scaled_and_turned_and_never_named_by_the_page(scenes, tmp_path
     brighter = msgspec.structs.replace(wish, sky=msgspec.structs.replace(wish.sky, scale=2.0, rotation=90.0))
     assert brighter.scene(base).environment.radiance == pytest.approx(2.0)
     (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "scene.toml").write_text(scene_toml(base, brighter, base.camera), encoding="utf-8")
+    (tmp_path / "mine" / "scene.toml").write_text(scene_toml(base, brighter), encoding="utf-8")
     again = files.read_scene(tmp_path / "mine").scene
     assert again.lights == brighter.scene(base).lights

@@ -31,7 +31,7 @@ document.title = `${about.scene} · raytwin explore`;
 const SVG = "http://www.w3.org/2000/svg";
 let wanted = structuredClone(about.first);
 let selected = wanted.spheres.length ? 0 : -1;
-let sample = 0, way = null, number = 0, shown = 0, socket = null;
+let sample = 0, paths = 8, way = null, number = 0, shown = 0, socket = null;
 const points = { now: [], past: [] };
 
 const seconds = (s) => (s >= 1 ? `${s.toFixed(2)} s` : `${(1000 * s).toPrecision(s < 0.01 ? 2 : 3)} ms`);
@@ -40,18 +40,16 @@ const seconds = (s) => (s >= 1 ? `${s.toFixed(2)} s` : `${(1000 * s).toPrecision
 
 const viewer = mount($("viewer"), {
   width: about.width, height: about.height, names: { test: "tracer", reference: "twin" }, surfaces: true,
-  objects: names(), overlay,
+  objects: about.names, overlay,
   panes: [
     { key: "test", kind: "radiance", title: "Tracer", tab: "tracer", alt: `${about.scene} by the tracer` },
     { key: "reference", kind: "radiance", title: "Twin", tab: "twin", alt: `${about.scene} by the twin` },
     { key: "map", kind: "map", title: "Difference", tab: "difference", alt: "Difference of the two" },
-    { key: "objects", kind: "objects", title: "Silhouettes", tab: "silhouettes", alt: "What each pixel sees in both" },
+    { key: "objects", kind: "objects", title: "Silhouettes", tab: "silhouettes", aside: true, alt: "What each pixel sees in both" },
   ],
 });
 
-function names() {
-  return [...wanted.spheres.map((_, i) => `sphere ${i}`), ...wanted.planes.map((_, i) => `plane ${i}`)];
-}
+viewer.box.insertBefore($("found"), viewer.box.querySelector(".rt-inspector"));
 
 // ------------------------------------------------------------------------------------------ the socket
 
@@ -69,22 +67,22 @@ const began = new Map();
 function ask(moving = false) {
   if (!asking) change = performance.now();
   wanted.moving = moving;
-  const { exposure, gamma, tone } = viewer.state;
-  wanted.look = { exposure, gamma, tone };
+  const { exposure, gamma, tone, map } = viewer.state, { low, high, log } = map === "signed" && viewer.values.d ? viewer.scale() : { low: 0, high: 0.5, log: false };
+  wanted.look = { exposure, gamma, tone, low, high, log };
+  if (!moving) remember();
   asking ??= requestAnimationFrame(() => {
     asking = null;
     if (socket.readyState !== 1) return;
     number += 1;
     began.set(number, change);
     socket.send(JSON.stringify({ number, wanted }));
-    $("viewer").classList.add("stale");
     if (!wanted.moving) keep_link();
     ask_way();
   });
 }
 
 function ask_way() {
-  if (viewer.kept && $("show-way")?.checked) socket.send(JSON.stringify({ pixel: viewer.kept, sample }));
+  if (viewer.kept && $("show-way")?.checked) socket.send(JSON.stringify({ pixel: viewer.kept, sample, paths: wanted.moving ? 1 : paths }));
 }
 
 const unsent = [];
@@ -115,9 +113,10 @@ async function handle(data) {
 }
 
 const handlers = {
-  async picture(event, data, [[from, size]]) {
+  async picture(event, data, [[from, size], error]) {
     const bitmap = await createImageBitmap(new Blob([new Uint8Array(data, from, size)], { type: "image/jpeg" }));
     viewer.update(event.pane, bitmap);
+    if (error) viewer.update("map", await recoloured(data, ...error));
     viewer.drawn();
     const side = event.pane === "test" ? "tracer" : "twin";
     tell("picture", side, event.number);
@@ -128,15 +127,22 @@ const handlers = {
     await viewer.feed(event.planes.map((plane, i) => ({ ...plane, words: new Uint16Array(data, blobs[i][0], blobs[i][1] / 2) })));
     viewer.drawn();
     tell("pair", "both", event.number);
-    $("viewer").classList.remove("stale");
-    say(`${event.samples[0]} sample${event.samples[0] === 1 ? "" : "s"} a pixel by the tracer, ${event.samples[1]} by the twin`);
+    if (viewer.data.objects.join() !== event.names.join()) {
+      viewer.data.objects = event.names;
+      refresh();
+    }
+    say(`${event.samples[0]} sample${event.samples[0] === 1 ? "" : "s"} per pixel by the tracer, ${event.samples[1]} by the twin`);
   },
   point(event) {
     points.now.push(event);
     chart();
   },
-  ledger(event) {
+  async ledger(event, data, blobs) {
+    let n = 0;
+    const words = () => { const [from, size] = blobs[n++]; return new Uint16Array(data, from, size / 2); };
+    await viewer.divide(event.maps.map((map) => ({ ...map, planes: map.planes.map((plane) => ({ ...plane, words: words() })) })));
     ledger(event.parts);
+    viewer.arrange();
   },
   way(event) {
     way = event;
@@ -151,6 +157,18 @@ const handlers = {
     document.body.dataset.rest = String(shown);
   },
 };
+
+// A grey PNG of the difference in the colours that the map has at rest.
+const screen = el("canvas"), pen = screen.getContext("2d", { willReadFrequently: true });
+async function recoloured(data, from, size) {
+  const grey = await createImageBitmap(new Blob([new Uint8Array(data, from, size)], { type: "image/png" }));
+  Object.assign(screen, { width: grey.width, height: grey.height });
+  pen.drawImage(grey, 0, 0);
+  const picture = pen.getImageData(0, 0, grey.width, grey.height), bytes = picture.data, colours = viewer.ramp();
+  for (let i = 0; i < bytes.length; i += 4) bytes.set(colours[bytes[i]], i);
+  pen.putImageData(picture, 0, 0);
+  return createImageBitmap(screen);
+}
 
 // For whoever measures: what has come to be seen, and how many milliseconds after the change that asked for it.
 function tell(kind, side, of) {
@@ -191,19 +209,103 @@ const button = (text, title, onclick) => el("button", { type: "button", textCont
 const group = (title, ...children) => el("fieldset", {}, el("legend", { textContent: title }), ...children);
 const degrees = (x) => `${Math.round(x)}°`, centimetres = (x) => `${(100 * x).toFixed(1)} cm`;
 const brightest = (colour) => Math.max(...colour);
-const scaled = (colour, to) => (brightest(colour) > 0 ? colour.map((c) => (c * to) / brightest(colour)) : [to, to, to]);
+const scaled = (colour, to) => (brightest(colour) > 0 ? colour.map((c) => few((c * to) / brightest(colour))) : [to, to, to]);
 const decode = (x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
 const hex = (colour) => `#${colour.map((c) => Math.round(255 * encode(c)).toString(16).padStart(2, "0")).join("")}`;
 const unhex = (text) => [1, 3, 5].map((i) => Number(decode(parseInt(text.slice(i, i + 2), 16) / 255).toFixed(4)));
+const few = (x) => Number((Math.abs(x) < 1e-12 ? 0 : x).toPrecision(4)); // what a hand sets has four digits
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const step = (text, title, can, act) => { const made = button(text, title, act); updates.push(() => { made.disabled = !can(); }); return made; };
 const sphere = () => wanted.spheres[selected] ?? null;
 
 // The sun's place in the board's frame: azimuth from +X to +Y, elevation above the board.
 function sun(azimuth, elevation) {
   const [a, e] = [azimuth, elevation].map((x) => (x * Math.PI) / 180);
-  wanted.sun.to_light = [Math.cos(a) * Math.cos(e), Math.sin(a) * Math.cos(e), Math.sin(e)];
+  wanted.sun.to_light = [Math.cos(a) * Math.cos(e), Math.sin(a) * Math.cos(e), Math.sin(e)].map(few);
 }
 const azimuth = () => (Math.atan2(wanted.sun.to_light[1], wanted.sun.to_light[0]) * 180) / Math.PI;
 const elevation = () => (Math.atan2(wanted.sun.to_light[2], Math.hypot(...wanted.sun.to_light.slice(0, 2))) * 180) / Math.PI;
+
+// ------------------------------------------------------------------------------------------ the camera
+
+const camera = () => wanted.camera ?? { R_cam_board: about.camera.R_cam_board, t_cam_board: about.camera.t_cam_board, zoom: 1 };
+const eye_of = () => turn(camera().t_cam_board).map((x) => -x);
+// What the camera goes round: the middle of the spheres as they were at first, or of the planes.
+const pivot = (() => {
+  const things = about.first.spheres.length ? about.first.spheres.filter((s) => s.radius < 10) : about.first.planes;
+  return [0, 1, 2].map((k) => things.reduce((sum, thing) => sum + thing.center[k], 0) / (things.length || 1));
+})();
+
+// Where the camera stands around the pivot: degrees and metres.
+function turned() {
+  const away = eye_of().map((x, k) => x - pivot[k]), degree = 180 / Math.PI;
+  return { azimuth: Math.atan2(away[1], away[0]) * degree, elevation: Math.atan2(away[2], Math.hypot(away[0], away[1])) * degree, distance: Math.hypot(...away) };
+}
+
+// Vectors v turned about a unit axis (Rodrigues).
+function about_axis(axis, angle, v) {
+  const [c, s] = [Math.cos(angle), Math.sin(angle)], along = dot(axis, v) * (1 - c), [x, y, z] = axis;
+  const cross = [y * v[2] - z * v[1], z * v[0] - x * v[2], x * v[1] - y * v[0]];
+  return v.map((p, k) => p * c + cross[k] * s + axis[k] * along);
+}
+
+function stand(rows, eye) {
+  wanted.camera = { R_cam_board: rows, t_cam_board: rows.map((row) => -dot(row, eye)), zoom: camera().zoom };
+}
+
+// Degrees about the board's normal, and up; the height stays between just below the board and above it.
+function orbit(azimuth, up) {
+  const { elevation } = turned(), radian = Math.PI / 180, rise = Math.min(Math.max(elevation + up, -10), 89) - elevation;
+  const turns = (v) => about_axis([0, 0, 1], azimuth * radian, v);
+  const side = turns([-Math.sin(turned().azimuth * radian), Math.cos(turned().azimuth * radian), 0]); // level, across the line of sight
+  const all = (v) => about_axis(side, -rise * radian, turns(v));
+  stand(camera().R_cam_board.map(all), all(eye_of().map((x, k) => x - pivot[k])).map((x, k) => x + pivot[k]));
+}
+
+function nearer(factor) {
+  stand(camera().R_cam_board, eye_of().map((x, k) => pivot[k] + factor * (x - pivot[k])));
+}
+
+// ------------------------------------------------------------------------------------------ the sun on a dome
+
+// Seen from above: the middle is the zenith, the ring the horizon, +X to the right.
+function dome() {
+  const size = 112, r = size / 2 - 8, disc = made("svg", { viewBox: `0 0 ${size} ${size}`, width: size, height: size, tabindex: 0, role: "slider", "aria-label": "The sun's direction" });
+  const ball = made("circle", { r: 7, class: "sun" }), rings = [90, 60, 30].map((e) => made("circle", { cx: size / 2, cy: size / 2, r: (r * e) / 90, class: "ring" }));
+  disc.append(...rings, made("text", { x: size - 7, y: size / 2 + 4, "text-anchor": "end" }, "x"), made("text", { x: size / 2, y: 16, "text-anchor": "middle" }, "y"), ball);
+  updates.push(() => {
+    const away = (r * Math.min(90 - elevation(), 98)) / 90, a = (azimuth() * Math.PI) / 180;
+    ball.setAttribute("cx", size / 2 + away * Math.cos(a));
+    ball.setAttribute("cy", size / 2 - away * Math.sin(a));
+    ball.classList.toggle("below", elevation() < 0);
+    for (const [name, value] of [["valuenow", Math.round(azimuth())], ["valuemin", -180], ["valuemax", 180], ["valuetext", `azimuth ${degrees(azimuth())}, elevation ${degrees(elevation())}`]]) disc.setAttribute(`aria-${name}`, value);
+  });
+  const move = (event) => {
+    const box = disc.getBoundingClientRect(), k = size / box.width, x = (event.clientX - box.left) * k - size / 2, y = size / 2 - (event.clientY - box.top) * k;
+    sun((Math.atan2(y, x) * 180) / Math.PI, 90 - (90 * Math.min(Math.hypot(x, y), r)) / r);
+    refresh();
+    ask(true);
+  };
+  disc.addEventListener("pointerdown", (event) => { disc.setPointerCapture(event.pointerId); move(event); });
+  disc.addEventListener("pointermove", (event) => { if (event.buttons) move(event); });
+  disc.addEventListener("pointerup", () => ask());
+  disc.addEventListener("keydown", (event) => {
+    const by = { ArrowLeft: [5, 0], ArrowRight: [-5, 0], ArrowUp: [0, 5], ArrowDown: [0, -5] }[event.key];
+    if (!by) return;
+    event.preventDefault();
+    sun(azimuth() + by[0], Math.min(Math.max(elevation() + by[1], -90), 90));
+    refresh();
+    ask();
+  });
+  return el("div", { className: "dome" }, disc);
+}
+
+function made(tag, attributes, text) {
+  const node = document.createElementNS(SVG, tag);
+  for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
+  if (text !== undefined) node.textContent = text;
+  return node;
+}
 
 function build() {
   const reach = Math.max(...wanted.spheres.map((s) => Math.hypot(...s.center) + s.radius), ...wanted.planes.map((p) => Math.hypot(...p.center) + Math.hypot(...p.half_u)), 0.1);
@@ -211,7 +313,8 @@ function build() {
   const which = el("select", { id: "which" });
   which.onchange = () => { selected = Number(which.value); refresh(); };
   updates.push(() => {
-    if (which.options.length !== wanted.spheres.length) which.replaceChildren(...wanted.spheres.map((_, i) => el("option", { value: i, textContent: `sphere ${i}` })));
+    if (which.options.length !== wanted.spheres.length) which.replaceChildren(...wanted.spheres.map((_, i) => el("option", { value: i })));
+    [...which.options].forEach((option, i) => { option.textContent = viewer.data.objects[i] ?? `sphere ${i}`; });
     which.value = selected;
   });
   const colour = el("input", { type: "color" });
@@ -231,7 +334,12 @@ function build() {
     group("Twin", choice("rung", about.rungs, () => wanted.twin_rung, (x) => { wanted.twin_rung = x; })),
     group("Where light is followed", range("depth", 2, 16, 1, () => wanted.depth, (x) => { wanted.depth = x; }, String),
       range("samples", 0, 12, 1, () => Math.log2(wanted.samples), (x) => { wanted.samples = 2 ** x; }, (x) => String(2 ** x))),
-    group("Sun and sky", range("azimuth", -180, 180, 1, azimuth, (x) => sun(x, elevation()), degrees),
+    group("Camera", range("turn", -180, 180, 0.5, () => turned().azimuth, (x) => orbit(x - turned().azimuth, 0), degrees),
+      range("height", -10, 89, 0.5, () => turned().elevation, (x) => orbit(0, x - turned().elevation), degrees),
+      range("distance", Math.log10(turned().distance) - 1, Math.log10(turned().distance) + 1, 0.01, () => Math.log10(turned().distance), (x) => nearer(10 ** x / turned().distance), (x) => centimetres(10 ** x)),
+      range("zoom", -2, 3, 0.05, () => Math.log2(camera().zoom), (x) => { wanted.camera = { ...camera(), zoom: 2 ** x }; }, (x) => `× ${digits(2 ** x, 0, { most: 2 })}`),
+      el("p", { textContent: "Or drag beside the objects in a picture." })),
+    group("Sun and sky", dome(), range("azimuth", -180, 180, 1, azimuth, (x) => sun(x, elevation()), degrees),
       range("elevation", -90, 90, 1, elevation, (x) => sun(azimuth(), x), degrees),
       range("sun", 0, 10, 0.05, () => brightest(wanted.sun.irradiance), (x) => { wanted.sun.irradiance = scaled(wanted.sun.irradiance, x); }),
       ...(about.map
@@ -243,8 +351,10 @@ function build() {
       el("div", { className: "buttons" }, button("Add", "One more sphere", add), button("Remove", "The chosen sphere", remove)),
       el("p", { textContent: "Or drag one in a picture: over the board, with Shift up and down." })),
     group("One pixel", el("label", { className: "wide" }, "its light", tick),
-      el("div", { className: "buttons" }, button("Another sample", "Other random numbers", () => { sample += 1; ask_way(); })),
-      el("p", { textContent: "Click a pixel: the way of the light that makes it is drawn." })),
+      range("paths", 0, 6, 1, () => Math.log2(paths), (x) => { paths = 2 ** x; }, (x) => String(2 ** x)),
+      el("div", { className: "buttons" }, button("Other samples", "Other random numbers", () => { sample += paths; ask_way(); })),
+      el("p", { textContent: "Click a pixel to draw the light paths that make it." })),
+    el("div", { className: "buttons" }, step("Undo", "Take the last change back (Ctrl + Z)", () => past.length > 1, undo), step("Redo", "Make it again (Ctrl + Shift + Z)", () => future.length, redo)),
     el("div", { className: "buttons" }, button("Save scene.toml", "The scene as it is now", save), button("Copy link", "To this view: reload it, or pass it to raytwin explore --view", copy), button("Reset", "As it was first", () => restore(structuredClone(about.first)))),
   );
   refresh();
@@ -257,7 +367,6 @@ function refresh() {
 
 function restore(to) {
   wanted = to;
-  viewer.data.objects = names();
   refresh();
   ask();
 }
@@ -303,23 +412,47 @@ async function copy() {
   }
 }
 
+// ------------------------------------------------------------------------------------------ taking back
+
+const past = [], future = []; // what was wanted, as JSON; the last of `past` is what is shown
+const plain = () => JSON.stringify({ ...wanted, look: undefined, moving: false });
+function remember() {
+  if (plain() === past.at(-1)) return;
+  past.push(plain());
+  future.length = 0;
+  refresh();
+}
+function undo() {
+  if (past.length < 2) return;
+  future.push(past.pop());
+  restore(JSON.parse(past.at(-1)));
+}
+function redo() {
+  if (!future.length) return;
+  past.push(future.pop());
+  restore(JSON.parse(past.at(-1)));
+}
+document.addEventListener("keydown", (event) => {
+  if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z") return;
+  event.preventDefault();
+  event.shiftKey ? redo() : undo();
+});
+
 // ------------------------------------------------------------------------------------------ dragging a sphere
 
-const rows = about.camera.R_cam_board, T = about.camera.t_cam_board, [[fx, , cx], [, fy, cy]] = about.camera.K;
-const turn = (v) => [0, 1, 2].map((k) => rows[0][k] * v[0] + rows[1][k] * v[1] + rows[2][k] * v[2]); // camera -> board
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const eye = turn(T).map((x) => -x), forward = turn([0, 0, 1]);
-const ray = ([x, y]) => turn([(x - cx) / fx, (y - cy) / fy, 1]);
+const [[fx, , cx], [, fy, cy]] = about.camera.K;
+const turn = (v) => { const rows = camera().R_cam_board; return [0, 1, 2].map((k) => rows[0][k] * v[0] + rows[1][k] * v[1] + rows[2][k] * v[2]); }; // camera -> board
+const ray = ([x, y]) => turn([(x - cx) / fx / camera().zoom, (y - cy) / fy / camera().zoom, 1]);
 
 // Where a pixel's ray meets the plane through `point`; null where it runs along it.
 function meet(pixel, point, normal) {
-  const d = ray(pixel), slope = dot(d, normal), t = dot(point.map((p, k) => p - eye[k]), normal) / slope;
+  const eye = eye_of(), d = ray(pixel), slope = dot(d, normal), t = dot(point.map((p, k) => p - eye[k]), normal) / slope;
   return Math.abs(slope) > 1e-6 * Math.hypot(...d) && t > 0 ? eye.map((e, k) => e + t * d[k]) : null;
 }
 
 // The nearest sphere under a pixel, by the pinhole alone: near enough for a hand.
 function sphere_at(pixel) {
-  const d = ray(pixel), a = dot(d, d);
+  const d = ray(pixel), eye = eye_of(), a = dot(d, d);
   let [best, found] = [Infinity, -1];
   wanted.spheres.forEach(({ center, radius }, i) => {
     const f = eye.map((e, k) => e - center[k]), b = dot(f, d), disc = b * b - a * (dot(f, f) - radius * radius), t = (-b - Math.sqrt(disc)) / a;
@@ -343,7 +476,12 @@ $("viewer").addEventListener("touchstart", (event) => {
 }, { passive: false, capture: true });
 $("viewer").addEventListener("pointerdown", (event) => {
   const pixel = event.button ? null : pixel_of(event), index = pixel ? sphere_at(pixel) : -1;
-  if (index < 0 || event.pointerType === "touch" && !event.isPrimary) return;
+  if (!pixel || event.pointerType === "touch" && (index < 0 || !event.isPrimary)) return;
+  if (index < 0) {
+    // Beside the objects the camera turns, where the whole picture is seen: else the viewer pans.
+    if (viewer.state.mode !== "wipe" && viewer.view.span >= about.width) held = { orbit: [event.clientX, event.clientY], moved: false };
+    return;
+  }
   selected = index;
   held = { index, from: [...wanted.spheres[index].center], pixel, moved: false, id: event.pointerId, canvas: event.target };
   refresh();
@@ -354,6 +492,15 @@ $("viewer").addEventListener("pointermove", (event) => {
     $("viewer").classList.toggle("grab", Boolean(pixel) && sphere_at(pixel) >= 0);
     return;
   }
+  if (held.orbit) {
+    const [x, y] = held.orbit, by = [event.clientX - x, event.clientY - y];
+    event.stopPropagation();
+    if (!held.moved && Math.hypot(...by) < 4) return;
+    Object.assign(held, { moved: true, orbit: [event.clientX, event.clientY] });
+    orbit(-by[0] / 3, by[1] / 3);
+    refresh();
+    return ask(true);
+  }
   if (!pixel) return;
   if (!held.moved && Math.hypot(pixel[0] - held.pixel[0], pixel[1] - held.pixel[1]) < 2) return;
   event.stopPropagation();
@@ -361,11 +508,11 @@ $("viewer").addEventListener("pointermove", (event) => {
   $("viewer").classList.add("grabbed");
   const ball = wanted.spheres[held.index];
   if (event.shiftKey) {
-    const side = [forward[0], forward[1], 0], a = meet(held.pixel, held.from, side), b = meet(pixel, held.from, side);
-    if (a && b) ball.center = [held.from[0], held.from[1], held.from[2] + b[2] - a[2]];
+    const forward = turn([0, 0, 1]), side = [forward[0], forward[1], 0], a = meet(held.pixel, held.from, side), b = meet(pixel, held.from, side);
+    if (a && b) ball.center = [held.from[0], held.from[1], held.from[2] + b[2] - a[2]].map(few);
   } else {
-    const normal = Math.abs(forward[2]) > 0.15 ? [0, 0, 1] : forward, a = meet(held.pixel, held.from, normal), b = meet(pixel, held.from, normal);
-    if (a && b) ball.center = held.from.map((x, k) => x + b[k] - a[k]);
+    const forward = turn([0, 0, 1]), normal = Math.abs(forward[2]) > 0.15 ? [0, 0, 1] : forward, a = meet(held.pixel, held.from, normal), b = meet(pixel, held.from, normal);
+    if (a && b) ball.center = held.from.map((x, k) => (k === 2 && normal[2] === 1 ? x : few(x + b[k] - a[k])));
   }
   refresh();
   ask(true);
@@ -388,9 +535,11 @@ const WAYS = { eye: ["#ffffff", "seen"], bounce: ["#7c3aed", "on to"], sun: ["#f
 
 function overlay(g, pane, f) {
   if (!way || !["test", "reference"].includes(pane.key)) return;
-  for (const { kind, start, end } of way.legs) {
+  const legs = way.ways.flatMap(({ legs }) => legs), many = way.ways.length > 1;
+  g.globalAlpha = many ? Math.max(0.25, 1.6 / Math.sqrt(way.ways.length)) : 1;
+  for (const { kind, start, end } of legs) {
     const [a, b] = [f.at(...start), f.at(...end)];
-    for (const [colour, width] of [["#fffc", 5], [WAYS[kind][0], 2]]) {
+    for (const [colour, width] of [["#fffc", many ? 3 : 5], [WAYS[kind][0], many ? 1.4 : 2]]) {
       g.strokeStyle = colour;
       g.lineWidth = width;
       g.setLineDash(kind === "shadow" || kind === "sky" ? [6, 5] : []);
@@ -401,31 +550,39 @@ function overlay(g, pane, f) {
     }
     g.setLineDash([]);
   }
+  g.globalAlpha = 1;
 }
 
+// One path leg by leg; of many, what each kind of leg brings on average.
 function tell_way() {
   $("way").hidden = !way;
   if (!way) return;
-  const light = (colour) => colour.map((c) => digits(c)).join(", ");
-  const lines = way.legs.filter(({ kind }) => kind !== "eye" && kind !== "bounce").map(({ kind, light: brought }) => el("li", { textContent: `${WAYS[kind][1]}: ${light(brought)}` }));
+  const { ways } = way, light = (colour) => colour.map((c) => digits(c)).join(", "), mean = (list) => [0, 1, 2].map((c) => list.reduce((sum, l) => sum + l[c], 0) / ways.length);
+  const brings = ways.flatMap(({ legs }) => legs).filter(({ kind }) => kind !== "eye" && kind !== "bounce");
+  const kinds = ways.length > 1 ? [...new Set(brings.map(({ kind }) => kind))].map((kind) => ({ kind, light: mean(brings.filter((leg) => leg.kind === kind).map((leg) => leg.light)) })) : brings;
+  const first = `Pixel ${way.pixel.join(", ")}, ${ways.length > 1 ? `${ways.length} samples from ${way.sample} on` : `sample ${way.sample}: ${ways[0].met.join(" → ")}`}`;
   $("way").querySelector("div").replaceChildren(
-    el("p", { textContent: `Pixel ${way.pixel.join(", ")}, sample ${way.sample}: ${way.met.join(" → ")}` }), el("ol", {}, ...lines),
-    el("p", { textContent: `In all ${light(way.light)} (radiance in red, green, blue)` }));
+    el("p", { textContent: first }), el("ol", {}, ...kinds.map(({ kind, light: brought }) => el("li", { textContent: `${WAYS[kind][1]}: ${light(brought)}` }))),
+    el("p", { textContent: `${ways.length > 1 ? "On average" : "In all"} ${light(mean(ways.map((one) => one.light)))} (radiance in red, green, blue)` }));
 }
 
 // ------------------------------------------------------------------------------------------ chart and ledger
 
+// Powers of ten, with 2 and 5 between where there are fewer than three.
+function ticks_of(low, high) {
+  const all = (steps) => Array.from({ length: Math.ceil(high) - Math.floor(low) + 1 }, (_, k) => steps.map((m) => m * 10 ** (Math.floor(low) + k))).flat().filter((v) => Math.log10(v) >= low - 1e-9 && Math.log10(v) <= high + 1e-9);
+  return all([1]).length > 2 ? all([1]) : all([1, 2, 5]);
+}
+
 function chart() {
-  const all = [...points.past, ...points.now].filter((p) => p.seconds > 0), w = 560, h = 300, box = { left: 62, right: w - 12, top: 14, bottom: h - 38 };
+  const all = [...points.past, ...points.now].filter((p) => p.seconds > 0), w = 480, h = 290, box = { left: 62, right: w - 12, top: 14, bottom: h - 40 };
   if (!all.length) return;
-  const error = (p) => p.error ?? p.floor, decades = (values) => [Math.floor(Math.log10(Math.min(...values))), Math.ceil(Math.log10(Math.max(...values)) + 1e-9)];
-  let [x0, x1] = decades(all.map((p) => p.seconds)), [y0, y1] = decades(all.map(error).filter((e) => e > 0).concat(1e-3));
-  if (x1 === x0) x1 += 1;
+  const error = (p) => p.error ?? p.floor, around = (values) => { const logs = values.map(Math.log10), low = Math.min(...logs), high = Math.max(...logs), pad = Math.max(0.12 * (high - low), 0.35); return [low - pad, high + pad]; };
+  const [x0, x1] = around(all.map((p) => p.seconds)), [y0, y1] = around(all.map(error).filter((e) => e > 0).concat(1e-3));
   const x = (s) => box.left + ((Math.log10(s) - x0) / (x1 - x0)) * (box.right - box.left), y = (e) => box.bottom - ((Math.log10(Math.max(e, 10 ** y0)) - y0) / (y1 - y0)) * (box.bottom - box.top);
-  const made = (tag, attributes, text) => { const node = document.createElementNS(SVG, tag); for (const [k, v] of Object.entries(attributes)) node.setAttribute(k, v); if (text !== undefined) node.textContent = text; return node; };
   const parts = [];
-  for (let d = x0; d <= x1; d++) parts.push(made("line", { x1: x(10 ** d), x2: x(10 ** d), y1: box.top, y2: box.bottom }), made("text", { x: x(10 ** d), y: box.bottom + 17, "text-anchor": d === x1 ? "end" : "middle" }, seconds(10 ** d).replace(/\.0+ /, " ")));
-  for (let d = y0; d <= y1; d++) parts.push(made("line", { x1: box.left, x2: box.right, y1: y(10 ** d), y2: y(10 ** d) }), made("text", { x: box.left - 7, y: y(10 ** d) + 4, "text-anchor": "end" }, d >= -3 ? String(Number((10 ** d).toPrecision(1))) : `1e${d}`));
+  for (const v of ticks_of(x0, x1)) parts.push(made("line", { x1: x(v), x2: x(v), y1: box.top, y2: box.bottom }), made("text", { x: x(v), y: box.bottom + 17, "text-anchor": "middle" }, seconds(v).replace(/\.0+ /, " ")));
+  for (const v of ticks_of(y0, y1)) parts.push(made("line", { x1: box.left, x2: box.right, y1: y(v), y2: y(v) }), made("text", { x: box.left - 7, y: y(v) + 4, "text-anchor": "end" }, v < 1e-3 ? v.toExponential(0).replace(/-(\d)$/, "-0$1") : String(Number(v.toPrecision(1)))));
   parts.push(made("text", { x: box.right, y: h - 5, "text-anchor": "end" }, "seconds"), made("text", { x: box.left + 6, y: box.top + 12 }, "RMSE"));
   for (const [list, age] of [[points.past, "past"], [points.now, ""]])
     for (const side of ["tracer", "twin"]) {
@@ -433,8 +590,8 @@ function chart() {
       if (!own.length) continue;
       if (own.length > 1) parts.push(made("path", { class: age, stroke: colour, d: `M${own.map((p) => `${x(p.seconds)} ${y(error(p))}`).join("L")}` }));
       for (const p of own) {
-        const dot = made("circle", { class: age, cx: x(p.seconds), cy: y(error(p)), r: 4.5, stroke: colour, "stroke-width": 2, fill: p.error === null ? "var(--ground)" : colour });
-        dot.append(made("title", {}, `${p.name}, ${p.samples} sample${p.samples === 1 ? "" : "s"}: ${seconds(p.seconds)}, RMSE ${p.error === null ? "below " : ""}${digits(error(p))}`));
+        const dot = made("circle", { class: age, cx: x(p.seconds), cy: y(error(p)), r: 4.5, stroke: colour, "stroke-width": 2, fill: p.error === null ? "var(--ground)" : colour, "data-name": p.name });
+        dot.append(made("title", {}, `${p.name}\n${p.samples} sample${p.samples === 1 ? "" : "s"} per pixel\n${seconds(p.seconds)}, RMSE ${p.error === null ? "below " : ""}${digits(error(p))}`));
         parts.push(dot);
       }
       const last = own.at(-1), left = x(last.seconds) > w - 110;
@@ -445,13 +602,15 @@ function chart() {
   $("chart").querySelector("div").replaceChildren(svg);
 }
 
+const part_button = (name) => el("button", { type: "button", className: "part", "data-part": name, title: "Show this part as the difference", textContent: name });
+
 function ledger(parts) {
   const most = Math.max(...parts.map((p) => p.rmse ?? 0)) || 1;
   const row = (p) => {
     const bar = el("i");
     bar.style.width = `${(100 * (p.rmse ?? 0)) / most}%`;
     const percent = (x) => (x === null || x === undefined ? "" : `${digits(100 * x, 0, { most: 2 })} %`);
-    return el("tr", {}, el("td", { textContent: p.part }), el("td", { className: "bar" }, bar), ...[digits(p.rmse), percent(p.share_of_light), percent(p.share_of_error)].map((textContent) => el("td", { textContent })));
+    return el("tr", {}, el("td", {}, viewer.parts.has(`part: ${p.part}`) ? part_button(p.part) : p.part), el("td", { className: "bar" }, bar), ...[digits(p.rmse), percent(p.share_of_light), percent(p.share_of_error)].map((textContent) => el("td", { textContent })));
   };
   const head = el("tr", {}, ...["part", "", "RMSE", "of the light", "of the error²"].map((textContent) => el("th", { scope: "col", textContent })));
   $("ledger").querySelector("div").replaceChildren(el("table", {}, el("thead", {}, head), el("tbody", {}, ...parts.map(row))));

@@ -25,9 +25,11 @@ from raytwin.live.view_state import Look, Wanted
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.renderers.user_renderers import UserRenderer
+from raytwin.report.data_urls import Scale, error_indices
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, SceneFile
 from raytwin.speed import ENGINES
+from raytwin.viewer.packing import binned
 
 QUALITY = 85
 """JPEG quality of the pictures sent while the view moves."""
@@ -35,6 +37,8 @@ WHOLE_SAMPLES = 8
 """A pixel of each half of the whole light."""
 SEEDS = 0xE47, 0x10E
 """Seeds of the two halves; no rendering pass uses them."""
+BLOCK = 4
+"""Pixels across what is averaged in a noisy difference while something moves."""
 TWIN_EVERY = 3
 """While something moves, the twin rests so many times as long as it took: most of the time is the tracer's."""
 
@@ -93,17 +97,22 @@ class Session:
         test, seconds = self.render(method, scene, 0)
         yield picture("test", test, wanted.look, seconds, test.samples)
         reference, seconds_twin = _timed(self.twin, wanted, scene, 1, 0)
-        yield picture("reference", reference, wanted.look, seconds_twin, reference.samples)
+        shown, (jpeg,) = picture("reference", reference, wanted.look, seconds_twin, reference.samples)
+        noisy = method.noisy or RUNGS[wanted.twin_rung].noisy
+        yield shown, (jpeg, difference(test, reference, wanted.look, BLOCK if noisy else 1))
         if wanted.moving:
             return
-        yield pair(test, reference)
+        yield pair(test, reference, scene.names)
         halves = [PathTraced("path", fast, WHOLE_SAMPLES)(scene, seed) for seed in SEEDS]
         yield point("tracer", method, test, seconds, halves)
         yield point("twin", None, reference, seconds_twin, halves)
         if RUNGS[wanted.rung].lit:
             faulty = self.fails(wanted, scene, test, reference)
             ledger = make_ledger(scene, test, wanted.rung, fast, wanted.depth, faulty=faulty)
-            yield {"kind": "ledger", "parts": files.plain(ledger.parts)}, ()
+            noise = {part.part: part.noise or 0.0 for part in ledger.parts}
+            maps = viewer.raw_parts(ledger.pictures, ledger.step, noise)
+            words = tuple(blob for _, blobs in maps for blob in blobs)
+            yield {"kind": "ledger", "parts": files.plain(ledger.parts), "maps": [about for about, _ in maps]}, words
         samples = 2
         while samples <= wanted.samples and (method.noisy or RUNGS[wanted.twin_rung].noisy):
             if method.noisy:
@@ -113,7 +122,7 @@ class Session:
             if RUNGS[wanted.twin_rung].noisy:
                 reference, seconds = _timed(self.twin, wanted, scene, samples, samples)
                 yield point("twin", None, reference, seconds, halves)
-            yield pair(test, reference)
+            yield pair(test, reference, scene.names)
             samples *= 2
         yield {"kind": "rest"}, ()
 
@@ -142,10 +151,24 @@ def picture(pane: str, image: Image, look: Look, seconds: float, samples: int) -
     return {"kind": "picture", "pane": pane, "seconds": seconds, "samples": samples}, (out.getvalue(),)
 
 
-def pair(test: Image, reference: Image) -> Event:
-    """Both images' values."""
+def difference(test: Image, reference: Image, look: Look, side: int = 1) -> bytes:
+    """Return a grey PNG of the error of the channel that errs most: 127 for none, 0 and 254 for `look.high`.
+
+    Means of blocks of `side` x `side` pixels, in which noise averages out.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        error = binned(Image(test.mean - reference.mean), side).mean
+    worst = np.take_along_axis(error, np.abs(error).argmax(axis=-1)[..., None], axis=-1)[..., 0]
+    grey = error_indices(worst, Scale(look.low, look.high, look.log and look.low > 0))
+    out = io.BytesIO()
+    Pillow.fromarray(grey).save(out, "png", compress_level=1)
+    return out.getvalue()
+
+
+def pair(test: Image, reference: Image, names: tuple[str, ...]) -> Event:
+    """Both images' values, and what their objects are called."""
     planes, words = zip(*viewer.raw(test, reference), strict=True)
-    return {"kind": "pair", "planes": planes, "samples": [test.samples, reference.samples]}, words
+    return {"kind": "pair", "planes": planes, "names": names, "samples": [test.samples, reference.samples]}, words
 
 
 TONES = {

@@ -18,9 +18,9 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Coroutine, Iterator
-from importlib import resources
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 from tornado.httpserver import HTTPServer
@@ -32,12 +32,15 @@ from raytwin.errors import InputError
 from raytwin.live.light_path import light_path
 from raytwin.live.progressive import TWIN_EVERY, Event, Session, as_message
 from raytwin.live.view_state import Wanted, from_json, scene_toml, wanted_of
+from raytwin.report.page import asset, render_page
 from raytwin.rungs import RUNGS
 from raytwin.tracer import SOLVERS
 
 HOST = "127.0.0.1"
 MOST_BYTES = 1 << 20
 """Bytes of one message from the page."""
+MOST_PATHS = 64
+"""Light paths of a pixel that are drawn at once."""
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -54,13 +57,14 @@ Send = Callable[[bytes], Coroutine[Any, Any, None]]
 
 
 class Asked(msgspec.Struct, forbid_unknown_fields=True):
-    """A message from the page: a wish, the answer to what it was sent, or a pixel whose way of light it wants."""
+    """A message from the page: a wish, the answer to what it was sent, or a pixel whose light paths it wants."""
 
     number: int = 0
     wanted: Wanted | None = None
     answered: int | None = None
     pixel: tuple[int, int] | None = None
     sample: int = 0
+    paths: Annotated[int, msgspec.Meta(ge=1, le=MOST_PATHS)] = 1
 
 
 class Server:
@@ -89,7 +93,9 @@ class Server:
 
     def application(self) -> Application:
         files_ = {"/viewer.js": viewer.module, "/viewer.css": viewer.style}
-        own = {f"/{name}": _own(name) for name in ("explore.js", "explore.css")} | {"/": _own("explore.html")}
+        files_ |= {f"/{name}": partial(asset, name) for name in ("report.css", "charts.js")}
+        own = {f"/{name}": partial(asset, f"live/{name}") for name in ("explore.js", "explore.css")}
+        own |= {"/": partial(render_page, "live/explore.html.j2")}
         texts = [(path, _Text, {"server": self, "make": make}) for path, make in (files_ | own).items()]
         guarded = {"/about": _About, "/socket": _Socket, "/scene.toml": _Toml}
         pages = [(path, handler, {"server": self}) for path, handler in guarded.items()]
@@ -129,10 +135,6 @@ def opening_page(address: str) -> Iterator[Path]:
         page = Path(folder) / "explore.html"
         page.write_text(f'<meta http-equiv="refresh" content="0; url={address}">\n', encoding="utf-8")
         yield page
-
-
-def _own(name: str) -> Callable[[], str]:
-    return lambda: resources.files("raytwin.live").joinpath(name).read_text(encoding="utf-8")
 
 
 # ------------------------------------------------------------------------------------------ the worker
@@ -278,6 +280,7 @@ class _About(_Guarded):
             "camera": files.plain(scene.camera), "first": files.plain(self.server.first),
             "rungs": list(RUNGS),
             "engines": list(session.engines), "solvers": list(SOLVERS),
+            "names": list(self.server.first.scene(session.base).names),
             "map": session.base.sky.map is not msgspec.UNSET,
             "subject": session.subject.name if session.subject else None,
         }  # fmt: skip
@@ -305,7 +308,7 @@ class _Toml(_Guarded):
     def post(self) -> None:
         try:
             wanted, base = from_json(self.request.body), self.server.session.base
-            text = scene_toml(base, wanted, base.scene.camera)
+            text = scene_toml(base, wanted)
         except InputError as error:
             raise HTTPError(400, reason="no scene") from error
         self.set_header("Content-Type", "application/toml; charset=utf-8")
@@ -356,15 +359,18 @@ class _Socket(_Guarded, WebSocketHandler):
                 self.last = asked.wanted.check()
                 worker.want(asked.number, self.last, self.send)
             if asked.pixel is not None and self.last is not None:
-                await self.send(as_message(self.way(self.last, asked.pixel, asked.sample)[0], ()))
+                event, _ = await asyncio.to_thread(self.paths, self.last, asked.pixel, asked.sample, asked.paths)
+                await self.send(as_message(event, ()))
         except msgspec.DecodeError as error:
             await self.send(as_message({"kind": "refused", "text": f"a message that says nothing: {error}"}, ()))
         except InputError as error:
             await self.send(as_message({"kind": "refused", "text": str(error)}, ()))
 
-    def way(self, wanted: Wanted, pixel: tuple[int, int], sample: int) -> Event:
+    def paths(self, wanted: Wanted, pixel: tuple[int, int], sample: int, count: int) -> Event:
+        """Return the paths of `count` samples; one where the level has no samples."""
         scene = wanted.scene(self.server.session.base)
         x, y = (min(max(p, 0), side - 1) for p, side in zip(pixel, scene.camera.image_size, strict=True))
-        found = light_path(scene, x, y, wanted.rung, wanted.depth, sample)
-        legs = [leg._asdict() for leg in found.legs]
-        return {"kind": "way", "pixel": (x, y), "sample": sample, **found._asdict(), "legs": legs}, ()
+        some = range(sample, sample + (count if RUNGS[wanted.rung].noisy else 1))
+        found = [light_path(scene, x, y, wanted.rung, wanted.depth, k) for k in some]
+        ways = [way._asdict() | {"legs": [leg._asdict() for leg in way.legs]} for way in found]
+        return {"kind": "way", "pixel": (x, y), "sample": sample, "ways": ways}, ()

@@ -2,29 +2,46 @@
 
 import base64
 import binascii
+import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
-import tomli_w
 
 from raytwin import files
 from raytwin.errors import InputError, check_one_of
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, SceneFile, WrittenPlane, WrittenSky, WrittenSphere, WrittenSun
-from raytwin.scene.record_base import Radiance, Record
+from raytwin.scene.record_base import Matrix, NonNegative, Positive, Radiance, Record, Vector
 from raytwin.speed import ENGINES
 from raytwin.tracer import SOLVERS
 
 MOST_OBJECTS, MOST_SAMPLES = 1000, 4096
+WIDE = 100
+"""Characters of a list in one line of a scene.toml."""
+UNIT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class Look(Record, frozen=True):
-    """How the page shows radiance, for the pictures that it gets while something moves."""
+    """How the page shows radiance, for the pictures that it gets while something moves.
+
+    `low` to `high`: the errors that its difference shows, in equal ratios where `log`, else from 0 in equal steps.
+    """
 
     exposure: Annotated[float, msgspec.Meta(ge=-20, le=20)] = 0.0
     gamma: Annotated[float, msgspec.Meta(ge=0.2, le=5)] = 1.0
     tone: str = "sRGB"
+    low: NonNegative = 0.0
+    high: Positive = 1.0
+    log: bool = False
+
+
+class WantedCamera(Record, frozen=True):
+    """Where the camera was turned to; `zoom`: times the focal length."""
+
+    R_cam_board: Matrix
+    t_cam_board: Vector
+    zoom: Annotated[float, msgspec.Meta(ge=0.05, le=50)] = 1.0
 
 
 class WantedSky(Record, frozen=True):
@@ -39,13 +56,15 @@ class Wanted(Record, frozen=True):
     """A scene's shapes and lights as its file has them, and how both sides render it.
 
     `rung` is the tracer's and `twin_rung` the twin's; light that is followed meets `depth` - 1 surfaces at most, and
-    `samples` rays a pixel are the last pass. `moving`: the next wish is on its way.
+    `samples` rays a pixel are the last pass. `camera`: the scene's own where None. `moving`: the next wish is on its
+    way.
     """
 
     spheres: Annotated[tuple[WrittenSphere, ...], msgspec.Meta(max_length=MOST_OBJECTS)] = ()
     planes: Annotated[tuple[WrittenPlane, ...], msgspec.Meta(max_length=MOST_OBJECTS)] = ()
     sun: WrittenSun = WrittenSun((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
     sky: WantedSky = WantedSky()
+    camera: WantedCamera | None = None
     rung: str = "shadow"
     twin_rung: str = "path"
     depth: Annotated[int, msgspec.Meta(ge=2, le=64)] = 8
@@ -65,6 +84,8 @@ class Wanted(Record, frozen=True):
         ):
             check_one_of(what, name, rows)
         files.check_contents(self, "")
+        if (turned := self.camera) is not None:
+            files.check_camera(Camera((1, 1), UNIT, turned.R_cam_board, turned.t_cam_board), "camera.")
         return self
 
     def written(self, base: SceneFile) -> SceneFile:
@@ -73,7 +94,13 @@ class Wanted(Record, frozen=True):
             sky = WrittenSky(self.sky.radiance)
         else:
             sky = msgspec.structs.replace(base.sky, scale=self.sky.scale, rotation=self.sky.rotation)
-        return msgspec.structs.replace(base, spheres=self.spheres, planes=self.planes, sun=self.sun, sky=sky)
+        placed = msgspec.structs.replace(base, spheres=self.spheres, planes=self.planes, sun=self.sun, sky=sky)
+        if self.camera is None or base.camera is None:
+            return placed
+        (fx, s, cx), (z, fy, cy), last = base.camera.K
+        K = ((fx * self.camera.zoom, s, cx), (z, fy * self.camera.zoom, cy), last)
+        turned = {name: getattr(self.camera, name) for name in ("R_cam_board", "t_cam_board")}
+        return placed.with_camera(msgspec.structs.replace(base.camera, K=K, **turned))
 
     def scene(self, base: SceneFile) -> Scene:
         return self.written(base).scene
@@ -104,14 +131,52 @@ def from_link(text: str) -> Wanted:
     return from_json(plain, "--view")
 
 
-def scene_toml(base: SceneFile, wanted: Wanted, camera: Camera) -> str:
-    """A scene.toml of its own: what was calibrated is written out, so that it needs no photo."""
-    written = files.plain(wanted.written(msgspec.structs.replace(base, camera=camera, photos=None)))
-    tables = {k: v for k, v in written.items() if k not in ("name", "folder", "photos") and v not in ((), [], None)}
-    if "map" in tables["sky"]:
-        tables["sky"] = {k: v for k, v in tables["sky"].items() if k in ("map", "scale", "rotation")}
-        tables["sky"]["map"] = str((Path(base.folder) / tables["sky"]["map"]).resolve())  # it may be saved anywhere
-    order = ("camera", "sun", "sky", "tolerance")
-    first = {key: tables.pop(key) for key in order if key in tables}
-    head = f"# {base.name}, as it was left while exploring it.\n\n"
-    return head + tomli_w.dumps({**first, **tables})
+# ------------------------------------------------------------------------------------------ a scene.toml
+
+
+def scene_toml(base: SceneFile, wanted: Wanted) -> str:
+    """Return a scene.toml as one writes it: a block an object, without defaults, no more digits than a number has.
+
+    What was calibrated is written out, so that it needs no photo.
+    """
+    shown = wanted.written(base)
+    blocks = [f"# {base.name}, as it was left while exploring it."]
+    if shown.camera is not None:
+        blocks.append(_block("[camera]", shown.camera))
+    for title, things in (("[[spheres]]", shown.spheres), ("[[planes]]", shown.planes)):
+        blocks += [_block(title, thing) for thing in things]
+    nothing = SceneFile("")
+    if shown.sun != nothing.sun:
+        blocks.append(_block("[sun]", shown.sun))
+    if shown.sky.map is not msgspec.UNSET:
+        path = str((Path(base.folder) / shown.sky.map).resolve())  # it may be saved anywhere
+        sky = msgspec.structs.replace(shown.sky, map=path, texels=msgspec.UNSET)
+        still = {name: msgspec.UNSET for name, value in (("scale", 1), ("rotation", 0)) if getattr(sky, name) == value}
+        blocks.append(_block("[sky]", msgspec.structs.replace(sky, **still)))
+    elif shown.sky != nothing.sky:
+        blocks.append(_block("[sky]", shown.sky))
+    if shown.tolerance != nothing.tolerance:
+        blocks.append(_block("[tolerance]", shown.tolerance))
+    blocks += [_block("[[pyramids]]", thing) for thing in shown.pyramids]
+    return "\n\n".join(blocks) + "\n"
+
+
+def _block(title: str, record: Record) -> str:
+    """Return a table's lines, the name first, without what is unset or as it would be by default."""
+    fields = sorted(msgspec.structs.fields(record), key=lambda field: field.name != "name")
+    values = [(field.name, getattr(record, field.name), field.default) for field in fields]
+    kept = [(name, value) for name, value, default in values if value is not msgspec.UNSET and value != default]
+    return "\n".join([title, *(f"{name} = {_toml(value)}" for name, value in kept)])
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, tuple):
+        parts = [_toml(part) for part in value]
+        line = f"[{', '.join(parts)}]"
+        return line if len(line) <= WIDE else "[\n" + "".join(f"    {part},\n" for part in parts) + "]"
+    if isinstance(value, bool | int):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)  # a basic string of TOML
+    text = f"{value:.4g}" if float(f"{value:.4g}") == value else repr(value)
+    return text if any(mark in text for mark in ".en") else f"{text}.0"

@@ -14,13 +14,13 @@ page of pictures the data lies in the page; a live one pushes it:
 
 from importlib import resources
 
-from raytwin.viewer.packing import Packed, Plane, pack, pack_one, pack_parts, raw
+from raytwin.viewer.packing import Packed, Plane, pack, pack_one, pack_parts, raw, raw_parts
 
 MODULES = "values", "colour", "view", "page"
 EXPORTED = "digits", "el", "encode", "mount"
 """What the live page takes from the module."""
 
-__all__ = ["Packed", "Plane", "module", "pack", "pack_one", "pack_parts", "raw", "script", "style"]
+__all__ = ["Packed", "Plane", "module", "pack", "pack_one", "pack_parts", "raw", "raw_parts", "script", "style"]
 
 
 def module() -> str:

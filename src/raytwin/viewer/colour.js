@@ -149,6 +149,14 @@ class Colours {
     return mix(t < 0 ? DARKER : BRIGHTER, Math.abs(t)).map((x) => Math.round(255 * encode(x)));
   }
 
+  // The colours of 255 equal steps over the map's scale, and of what is lost: R, G, B, alpha.
+  ramp() {
+    return this.remember("ramp", [this.state.map, ...Object.values(this.scale())], () => {
+      const { low, high, log } = this.scale(), value = (t) => Math.sign(t) * (log ? low * (high / low) ** Math.abs(t) : high * Math.abs(t));
+      return [...Array.from({ length: 255 }, (_, i) => [...this.shade(value((i - 127) / 127)), 255]), [...LOST, 255]];
+    });
+  }
+
   // A canvas for a pane, each of its pixels k x k of the planes'.
   layer(pane, k) {
     const on = { radiance: [...TONING, "channel"], map: [...MAPPING, "scale"], objects: [] }[pane.kind], key = [k, ...on.map((part) => this.state[part])].join();

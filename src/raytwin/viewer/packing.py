@@ -18,7 +18,7 @@ noise, which would be the noisiest, the block's mean with its variance.
 import base64
 import math
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
@@ -136,10 +136,7 @@ def binned(image: Image, n: int) -> Image:
 def raw(test: Image, reference: Image) -> list[tuple[dict[str, Any], bytes]]:
     """The planes as they are, for a page on this machine: `feed` of the viewer takes them with `words`."""
     planes = _planes(test, reference, None, True)
-    return [
-        ({"name": name, "kind": p.kind, "left": False, "shift": p.shift, "step": p.step}, p.words.tobytes())
-        for name, p in planes.items()
-    ]
+    return [(_told(name, p), p.words.tobytes()) for name, p in planes.items()]
 
 
 def pack_one(image: Image) -> tuple[Plane, ...]:
@@ -154,11 +151,29 @@ def pack_one(image: Image) -> tuple[Plane, ...]:
 
 
 def pack_parts(pictures: Mapping[str, np.ndarray], step: int, noise: Mapping[str, float]) -> list[dict[str, Any]]:
-    """Parts of an error (h, w, 3), of every `step`-th pixel, as the viewer's `divide` takes them; none that is 0.
+    """Return parts of an error (h, w, 3), of every `step`-th pixel, as the viewer's `divide` takes them.
 
-    `noise`: one standard deviation of a part; digits below it are left out, and many pixels are averaged in blocks.
+    A part that is 0 is left out. `noise`: one standard deviation of a part; digits below it are left out, and many
+    pixels are averaged in blocks.
     """
-    made: list[dict[str, Any]] = []
+    found = _parts(pictures, step, noise)
+    return [about | {"planes": [asdict(plane) for plane in _deflated(planes)]} for about, planes in found]
+
+
+def raw_parts(
+    pictures: Mapping[str, np.ndarray], step: int, noise: Mapping[str, float]
+) -> list[tuple[dict[str, Any], tuple[bytes, ...]]]:
+    """Return the same for a page on this machine: each plane's `words` are the bytes beside it."""
+    return [
+        (about | {"planes": [_told(name, p) for name, p in planes.items()]},
+         tuple(p.words.tobytes() for p in planes.values()))
+        for about, planes in _parts(pictures, step, noise)
+    ]  # fmt: skip
+
+
+def _parts(
+    pictures: Mapping[str, np.ndarray], step: int, noise: Mapping[str, float]
+) -> Iterator[tuple[dict[str, Any], dict[str, _Raw]]]:
     for name, picture in pictures.items():
         if not picture.any():
             continue
@@ -166,10 +181,12 @@ def pack_parts(pictures: Mapping[str, np.ndarray], step: int, noise: Mapping[str
         mean = np.asarray(binned(Image(picture), n).mean, np.float32)
         if sigma:
             mean = to_noise(mean, np.full_like(mean, sigma / n))
-        planes = _deflated({c: _half(mean[..., k]) for k, c in enumerate("RGB")})
-        size = {"step": step * n, "columns": mean.shape[1], "lines": mean.shape[0]}
-        made.append({"name": name, **size, "planes": [asdict(plane) for plane in planes]})
-    return made
+        about = {"name": name, "step": step * n, "columns": mean.shape[1], "lines": mean.shape[0]}
+        yield about, {c: _half(mean[..., k]) for k, c in enumerate("RGB")}
+
+
+def _told(name: str, plane: _Raw) -> dict[str, Any]:
+    return {"name": name, "kind": plane.kind, "left": False, "shift": plane.shift, "step": plane.step}
 
 
 # ------------------------------------------------------------------------------------------ values

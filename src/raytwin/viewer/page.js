@@ -1,9 +1,10 @@
 // One viewer for two images of radiance and what belongs to them: mount(element, data) -> { update, set, look, ... }.
 //
 // Pixel (x, y) covers x - 1/2 .. x + 1/2, y down. `data` is what packing.py makes, with `names` {test, reference},
-// `panes` [{key, kind, title, alt, note}], `objects`, `bound` {share, scale, held} or null, `noisy`, `places` [{x, y,
-// width, height}], `failing` [[x, y, width, height]], `marks` [[x, y]], `overlay(g, pane, frame, viewer)` (draws more),
-// `exposure` (stops), `address` (whether the page's address says where to look).
+// `panes` [{key, kind, title, alt, note, aside}] (aside: not among all, large alone), `objects`, `bound` {share, scale,
+// held} or null, `noisy`, `places` [{x, y, width, height}], `failing` [[x, y, width, height]], `marks` [[x, y]],
+// `parts` of the error, `overlay(g, pane, frame, viewer)` (draws more), `exposure` (stops), `address` (whether the
+// page's address says where to look).
 // Kinds of panes: radiance (key test or reference), map (of their difference), objects (what each pixel sees), picture
 // (8 bits: `url`, perhaps drawn `over` another pane at `box`). All panes show the same part of the frame.
 
@@ -191,7 +192,7 @@ class Viewer extends View {
     const solo = s.mode === "wipe" ? "test" : s.solo;
     this.box.dataset.mode = s.mode === "grid" ? "grid" : "one";
     for (const pane of this.panes.values()) {
-      pane.figure.hidden = s.mode !== "grid" && pane.key !== solo;
+      pane.figure.hidden = s.mode === "grid" ? Boolean(pane.aside) : pane.key !== solo;
       if (pane.kind === "radiance") {
         pane.head.textContent = s.mode === "wipe" ? `${names.test} | ${names.reference}` : pane.title;
         pane.said.textContent = `${signed(s.exposure)} stops, ${s.tone}${s.gamma === 1 ? "" : `, gamma ${s.gamma.toFixed(2)}`}${s.channel === "RGB" ? "" : `, ${s.channel}`}`;
@@ -199,7 +200,7 @@ class Viewer extends View {
     }
     for (const [list, now] of [[this.modes, s.mode], [this.tabs, s.mode === "one" ? s.solo : ""]])
       for (const button of list) button.ariaPressed = String(button.of === now);
-    this.tab_group.hidden = s.mode !== "one" || this.tabs.length < 2;
+    this.tab_group.hidden = this.tabs.length < 2 || (s.mode !== "one" && !this.data.panes.some((pane) => pane.aside));
     this.count.textContent = this.place < 0 ? `${places.length} place${places.length === 1 ? "" : "s"}` : `${this.place + 1} of ${places.length}`;
     for (const update of this.controls) update();
     for (const button of document.querySelectorAll("[data-part]")) button.ariaPressed = String(PART + button.dataset.part === s.map);
@@ -284,10 +285,12 @@ class Viewer extends View {
 
 function mount(element, data) {
   const viewer = (element.viewer = new Viewer(element, data));
+  document.addEventListener("click", (event) => {
+    const part = event.target.closest?.("[data-part]")?.dataset.part;
+    if (part) viewer.show_map(viewer.state.map === PART + part ? "signed" : PART + part);
+  });
   if (data.address) {
     document.addEventListener("click", (event) => {
-      const part = event.target.closest?.("[data-part]")?.dataset.part;
-      if (part) viewer.show_map(viewer.state.map === PART + part ? "signed" : PART + part);
       const link = event.target.closest?.('a[href^="#pixel="], a[href="#whole"]');
       if (!link) return;
       event.preventDefault();

@@ -22,7 +22,7 @@ class View extends Colours {
   async feed(planes) {
     this.values = await values({ ...this.data, planes });
     this.data.noisy = Boolean(this.values.s);
-    for (const pane of this.panes.values()) if (pane.kind === "radiance") pane.picture = null;
+    for (const pane of this.panes.values()) if (pane.kind !== "picture") pane.picture = null;
     if (this.state.map === "sigmas" && !this.values.s) this.state.map = "signed";
     this.refresh();
     if (this.at) this.inspect(...this.at);
