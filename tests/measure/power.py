@@ -4,11 +4,8 @@
 at a setting its users take:
 
 - raytwin: `compare` at a false-alarm rate of 1e-3;
-- idiff: OpenImageIO's `ImageBufAlgo.compare`, fails where more than 10 % of the pixels differ by more than 0.004 or any
-  by more than 0.1 (left out where OpenImageIO is not installed: it is no dependency);
-- FLIP: mean LDR-FLIP above 0.05;
-- z-test: Mitsuba's own rendering test, done again: every value's z with the reference's variance per sample, Sidak over
-  the image at 1 %, passed where 99.75 % of the values pass.
+- the others as raytwin.bench.verdict_tools has them (idiff is left out where OpenImageIO is not installed: it is no
+  dependency).
 """
 
 import functools
@@ -22,6 +19,7 @@ import numpy as np
 from measure import record
 from measure.noise_models import KINDS, Maker, half_steps, lognormal, pair, picture
 
+from raytwin.bench.verdict_tools import ON_IMAGES
 from raytwin.compare import Comparison, compare
 from raytwin.compare.messages import percent
 from raytwin.files import read_scene
@@ -131,36 +129,7 @@ def sees_raytwin(test: Image, reference: Image) -> bool:
     return compare(test, reference).verdict == "fail"
 
 
-def sees_idiff(test: Image, reference: Image) -> bool:
-    import OpenImageIO as oiio
-
-    pair = [oiio.ImageBuf(np.ascontiguousarray(i.mean, np.float32)) for i in (test, reference)]
-    found = oiio.ImageBufAlgo.compare(pair[0], pair[1], 0.004, 0.004)
-    worst = oiio.ImageBufAlgo.compare(pair[0], pair[1], 0.1, 0.1)
-    return found.nfail > 0.1 * test.mean[..., 0].size or worst.nfail > 0
-
-
-def sees_flip(test: Image, reference: Image) -> bool:
-    import flip_evaluator  # not METRICS' row, which refuses what is not finite
-
-    pair = [np.ascontiguousarray(np.clip(i.mean, 0, 1)) for i in (reference, test)]
-    return bool(flip_evaluator.evaluate(*pair, "LDR", inputsRGB=False, applyMagma=False, parameters={})[1] > 0.05)
-
-
-def sees_z_test(test: Image, reference: Image) -> bool:
-    from scipy.special import ndtr
-
-    if reference.variance is None:
-        raise ValueError("a reference without variance")
-    variance = reference.variance * (reference.samples / test.samples)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        z = np.abs(test.mean - reference.mean) / np.sqrt(np.maximum(variance, 1e-12))
-        p = 2 * ndtr(-z)
-    alpha = 1 - (1 - 0.01) ** (1 / test.mean[..., 0].size)
-    return np.count_nonzero(p > alpha) < 0.9975 * p.size
-
-
-TOOLS = {"raytwin": sees_raytwin, "idiff": sees_idiff, "FLIP": sees_flip, "z-test": sees_z_test}
+TOOLS = {"raytwin": sees_raytwin, **ON_IMAGES}
 
 
 def power_table(

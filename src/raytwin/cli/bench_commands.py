@@ -1,4 +1,4 @@
-"""raytwin bench: speed against accuracy; its kin `paper`, `calibration` and `list`."""
+"""raytwin bench: speed against accuracy; its kin `paper`, `calibration`, `verdict` and `list`."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -165,6 +165,37 @@ def paper_command(
     figures.write_paper_all(found, folder)
     say(figures.paper_summary(found))
     say(f"report: {folder / 'paper.html'}")
+
+
+@app.command("verdict")
+def verdict_command(
+    scenes: Annotated[
+        list[Path] | None, typer.Argument(metavar="[SCENE]...", help="Scenes (overlap wedge ball).")
+    ] = None,
+    repeats: Annotated[int, typer.Option(help="Runs of each scene, with seeds of their own.")] = 3,
+    samples: Annotated[int, typer.Option(help="Samples per pixel of a run, a multiple of 4.")] = 256,
+    json: JsonFile = None,
+    out: Out = None,
+) -> None:
+    """Measure how many samples and seconds a verdict takes, by the size of the fault, beside other tools.
+
+    Write verdict.json, and verdict-samples.svg and verdict-seconds.svg of the first scene.
+    """
+    from raytwin import files
+    from raytwin.bench import bench_verdict
+    from raytwin.report.verdict_chart import verdict_lines, write_verdict_charts
+
+    check_outputs(folders=(out or Path("out"),), files=(json,))
+    names = [str(scene) for scene in scenes or ()] or list(bench_verdict.SCENES)
+    with show_progress() as progress:
+        found = bench_verdict.bench_verdict(names, repeats=repeats, most=samples, progress=progress)
+    folder = out or Path("out") / "bench-verdict"
+    files.write_json(folder / "verdict.json", found)
+    if json:
+        files.write_json(json, found)
+    write_verdict_charts(found, folder)
+    say("\n".join(verdict_lines(found)))
+    say(f"charts: {folder}")
 
 
 @app.command("list")

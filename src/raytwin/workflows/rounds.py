@@ -79,7 +79,7 @@ class Rounds:
         began = time.perf_counter()
         while not self.check.decided:
             have, spent = self.check.samples, time.perf_counter() - began
-            if have >= budget.samples or spent > budget.seconds:
+            if have >= budget.samples or (have and spent > budget.seconds):
                 return self.check.conclude(budget.words)
             self.render(int(min(self.check.next_look, budget.samples)) - have)
         assert self.check.comparison is not None

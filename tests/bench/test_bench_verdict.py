@@ -1,0 +1,70 @@
+"""Other tools' tests against closed forms, and a small run of the bench over all of them."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.stats import ttest_ind
+
+from raytwin.bench.bench_verdict import FAULTS, bench_verdict
+from raytwin.bench.verdict_tools import sees_welch, sign_flip_p, tile_sums, welch_p
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.report.verdict_chart import verdict_lines, write_verdict_charts
+
+SHAPE = (24, 32, 3)
+
+
+def renders(rng: np.random.Generator, n: int, mean: float = 1.0, sd: float = 0.3) -> list[Image]:
+    return [Image(rng.normal(mean, sd, SHAPE).astype(np.float32), samples=1) for _ in range(n)]
+
+
+def test_welchs_p_values_are_scipys():
+    rng = np.random.default_rng(0)
+    a, b = renders(rng, 7), renders(rng, 5, sd=0.9)
+    expected = ttest_ind(tile_sums(a), tile_sums(b), equal_var=False).pvalue
+    np.testing.assert_allclose(welch_p(a, b), expected, rtol=1e-9)
+    assert expected.shape == (12, 3)
+
+
+def test_welch_sees_a_bias_and_where_nothing_is_wrong_its_p_values_are_level():
+    """36 p-values each of 30 pairs: the Kolmogorov distance of 1080 is above 0.05 once in 100."""
+    rng = np.random.default_rng(1)
+    p = np.sort(np.concatenate([welch_p(renders(rng, 8), renders(rng, 8)).ravel() for _ in range(30)]))
+    assert np.abs(p - (np.arange(p.size) + 0.5) / p.size).max() < 0.05
+    assert sees_welch(renders(rng, 8, 1.2), renders(rng, 8))
+
+
+def test_the_probability_by_sign_flips_is_uniform_and_no_less_than_its_signs_allow():
+    """Of 60 correct pairs 2 or fewer, or 20 or more, are below 0.15 once in 250."""
+    rng = np.random.default_rng(2)
+    found = np.array([sign_flip_p(renders(rng, 8), renders(rng, 8), seed) for seed in range(60)])
+    assert 2 < np.count_nonzero(found < 0.15) < 20
+    assert sign_flip_p(renders(rng, 8, 1.5), renders(rng, 8)) == pytest.approx(2 ** (1 - 8), rel=0.5)
+    assert sign_flip_p(renders(rng, 14, 1.5), renders(rng, 14)) < 1e-3
+    same = renders(rng, 4)
+    assert sign_flip_p(same, same) == 1.0
+
+
+def test_the_bench_has_every_tool_and_fault_and_writes_its_charts(tmp_path):
+    found = bench_verdict(["wedge"], repeats=1, most=16)
+    rows = {(row.fault, row.tool): row for row in found.rows}
+    assert {fault for fault, _ in rows} == {fault.name for fault in FAULTS}
+    gross = rows["30 % too bright", "in rounds"]
+    assert (gross.verdict, gross.samples) == ("fail", 4)
+    assert gross.seconds > 0
+    assert rows["30 % too bright", "best fixed number"].samples == 4
+    assert rows["nothing wrong", "in rounds"].verdict == "pass"
+    assert {row.tool: row.alarms for row in found.alarms}["in rounds"] == 0
+    assert all(ratio > 0 for ratio in found.ratios())
+    write_verdict_charts(found, tmp_path)
+    for name in ("verdict-samples.svg", "verdict-seconds.svg"):
+        assert "best fixed number" in (tmp_path / name).read_text()
+    assert json.dumps(found.table())
+    assert any("30 % too bright" in line for line in verdict_lines(found))
+
+
+@pytest.mark.parametrize(("options", "match"), [({"repeats": 0}, "--repeats"), ({"most": 6}, "--samples")])
+def test_wrong_numbers_are_refused_before_anything_is_rendered(options, match):
+    with pytest.raises(InputError, match=match):
+        bench_verdict(["wedge"], **options)
