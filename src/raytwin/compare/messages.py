@@ -27,7 +27,7 @@ def deviations(z: float) -> str:
 
 
 def noise_findings(made: Decision, reference: Image, unit: float) -> list[Finding]:
-    """What noise cannot explain: how large, where, how sure. `unit`: of radiance."""
+    """Return a finding per family that noise does not explain: how large, where, how sure. `unit`: of radiance."""
     findings = []
     for rank, family in ((IMAGE, made.image), (TILE, made.tile), (VALUE, made.value)):
         if family.passed:
@@ -58,7 +58,7 @@ def shared_share(worst: Worst, level: float) -> float:
 
 
 def _amount(error: float, area: float, unit: float) -> str:
-    """How far off a mean is of what it should be."""
+    """Return in words how far a mean is from the expected one."""
     if area <= 0 or error > HARDLY_LIT * area:
         return f"{abs(error) * unit:.3g} too {'bright' if error > 0 else 'dark'}"
     if error > 10 * area:
@@ -82,11 +82,10 @@ def _share(part: int, whole: int) -> str:
 
 
 def what_could_be_seen(image: float, tile: float, inflation: float, rate: float) -> tuple[str, ...]:
-    """What a pass is worth: the errors of the `image` and of a `tile` that show; why, where neighbours share noise."""
+    """Return which errors of the `image` and a `tile` a pass would have caught; a note where neighbours share noise."""
     text = (
-        f"no difference beyond noise, at a false-alarm rate of {rate:g}: with probability {POWER:g}, an error of "
-        f"{percent(image)} of the whole image's mean, or of {percent(tile)} of 24 x 24 pixels anywhere, would have "
-        "been seen"
+        f"no difference beyond noise (false-alarm rate {rate:g}); would have caught, {10 * POWER:g} times in 10, a "
+        f"brightness error of {percent(image)}, or of {percent(tile)} in any 24 x 24 patch"
     )
     if inflation < 1.2:
         return (text,)
