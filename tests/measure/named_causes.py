@@ -126,7 +126,7 @@ def of_faults(what: str, chosen: Iterable[Sequence[tuple[Fault, Any]]]) -> None:
 
 def main() -> None:
     what, number = (*record.arguments(), "60")[:2]
-    direct = [f for f in FAULTS if f.stage != SAMPLING]
+    direct = [f for f in FAULTS if f.stage != SAMPLING and f.ways]
     if what == "students":
         of_students()
     elif what == "alone":

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from raytwin.diagnose.catalogue import FAULTS
+from raytwin.diagnose.slips import text_of, wrong
 from raytwin.diagnose.textbook import Changes
-from raytwin.diagnose.textbook_faults import FAULTS_OF, OWN_WORDS, wrong
 
 Function = Callable[..., Any]
 Arrays = tuple[np.ndarray, ...]
@@ -38,11 +38,18 @@ class Variant:
     slips: Changes = ()
 
 
+PARTS_OF = {"back_project": ("pixels", "undistort", "through")}
+"""Functions of the contract that the textbook has in parts."""
+
+
 def textbook_variants(function: str) -> tuple["Variant", ...]:
-    """The faults of a function that the textbook has, in the catalogue's words."""
-    words = {f.name: f.sentence for f in FAULTS} | OWN_WORDS
-    ways = [(name, slips) for name, all_of_it in FAULTS_OF[function].items() for slips in all_of_it]
-    return tuple(Variant(name, words[name], _slipped(function, slips), slips) for name, slips in ways)
+    """The catalogue's slips in a function, in its words."""
+    parts = PARTS_OF.get(function, (function,))
+    ways = [(fault, text_of(way)) for fault in FAULTS for way in (*fault.ways, *fault.alone)]
+    return tuple(
+        Variant(fault.name, fault.sentence, _slipped(function, text[1]), text[1])
+        for fault, text in ways if text is not None and text[0] in parts and text[1]
+    )  # fmt: skip
 
 
 def _slipped(function: str, slips: Changes) -> Callable[[Any], Function]:

@@ -38,8 +38,7 @@ from raytwin.diagnose.predict import (
     others_hide,
     outward,
 )
-from raytwin.diagnose.textbook import Changes
-from raytwin.diagnose.textbook_faults import BACK_PROJECT, INTERSECT_SPHERE, TIMES_RADIAL, wrong
+from raytwin.diagnose.slips import slips
 from raytwin.files import srgb_decode, srgb_encode
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
 from raytwin.scene.lens import distort
@@ -55,16 +54,20 @@ STAGES = (CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
 
 @dataclass(frozen=True, eq=False)
 class Fault:
-    """`name` is unique; `sentence` says to a student what is wrong and what is right."""
+    """`name` is unique; `sentence` says to a student what is wrong and what is right.
+
+    `alone`: slips that show the fault where a function is tested alone; pictures have `ways` for it.
+    """
 
     name: str
     stage: str
     sentence: str
     ways: tuple[Change, ...]
+    alone: tuple[Change, ...] = ()
 
 
-def row(name: str, stage: str, sentence: str, *ways: Change) -> Fault:
-    return Fault(name, stage, sentence, ways)
+def row(name: str, stage: str, sentence: str, *ways: Change, alone: tuple[Change, ...] = ()) -> Fault:
+    return Fault(name, stage, sentence, ways, alone)
 
 
 def put(**steps: Any) -> Change:
@@ -79,6 +82,8 @@ def behind(f: Callable[[Scene], Any]) -> Change:
 
 def both(*changes: Change) -> Change:
     """One after the other."""
+    if len(changes) == 1:
+        return changes[0]
 
     def change(s: Steps) -> Steps:
         for one in changes:
@@ -119,10 +124,6 @@ def lens(fx: Any = None, fy: Any = None, cx: Any = None, cy: Any = None) -> Chan
     return seen(changed)
 
 
-def coefficients(f: Callable[..., tuple[float, ...]]) -> Change:
-    return seen(lambda camera: msgspec.structs.replace(camera, dist=f(*camera.coefficients)))
-
-
 def posed(f: Callable[[Array, Array], tuple[Any, Any]]) -> Change:
     """(R, t) -> the eye in the board's frame, and the matrix that turns directions from the camera's axes to its."""
 
@@ -156,17 +157,6 @@ def _mirrored(x: Array, y: Array, camera: Camera, ray: Any, signs: tuple[float, 
     rays, R = ray(x, y, camera), np.asarray(camera.R_cam_board)
     turn = R.T @ np.diag(signs) @ R
     return rays._replace(d=turn @ rays.d, aim=turn @ rays.aim)
-
-
-def slips(name: str) -> tuple[Change, ...]:
-    """The ways of a fault of the lens, as slips in the textbook's `undistort`."""
-    return tuple(put(undo=wrong("undistort", changes)) for changes in BACK_PROJECT[name])
-
-
-def sphere_slip(changes: Changes) -> Change:
-    """A slip in the textbook's `intersect_sphere`."""
-    solve = wrong("intersect_sphere", changes)
-    return put(sphere=lambda o, d, ball: solve(np.asarray(o).T, np.asarray(d).T, np.array(ball.center), ball.radius))
 
 
 def _reshaped(u: Array, v: Array, camera: Camera) -> tuple[Array, Array]:
@@ -296,8 +286,41 @@ def _met(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
     return np.full(t.shape[1], -1)
 
 
+lens_of = partial(slips, "undistort")
+GRID, RAY = "np.arange(width), np.arange(height)", "np.stack([x, y, np.ones_like(x)], axis=-1)"
+UNDO, UNIT = "undistort((u - cx) / fx, (v - cy) / fy, dist)", "rays / np.linalg.norm(rays, axis=-1, keepdims=True)"
+DIST, OF_K = "k1, k2, p1, p2, k3 = dist", "fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]"
+STEP, FORWARD = "x, y = (xd - dx) / radial, (yd - dy) / radial", "return x * radial + dx, y * radial + dy"
+AGAIN, TAKEN_OFF = (
+    "x, y = (x - dx) / radial, (y - dy) / radial",
+    "x, y = x - (x * radial + dx - xd), y - (y * radial + dy - yd)",
+)
+POWERS, XY1, XX = "k1 * r2 + k2 * r2**2 + k3 * r2**3", "2 * p1 * x * y", "p2 * (r2 + 2 * x * x)"
+YY, XY2 = "p1 * (r2 + 2 * y * y)", "2 * p2 * x * y"
+ONE_CROSS = f"{XY1} => p1 * x * y ;; {XY2} => p2 * x * y"
+ONE_SQUARE = f"{XX} => p2 * (r2 + x * x) ;; {YY} => p1 * (r2 + y * y)"
+
+
+def _dist(*lines: str) -> tuple[Change, ...]:
+    """The coefficients, changed after they are read."""
+    return lens_of(*(f"{DIST} => {DIST}\n    {line}" for line in lines))
+
+
+def _K(*lines: str) -> tuple[Change, ...]:
+    return slips("through", *(f"{OF_K} => {OF_K}\n    {line}" for line in lines))
+
+
+def _other(term: str) -> str:
+    """The term with the other coefficient."""
+    return f"{term} => {term.replace('p1', 'p').replace('p2', 'p1').replace('p ', 'p2 ')}"
+
+
+sphere, plane = partial(slips, "intersect_sphere"), partial(slips, "intersect_plane")
+order, normals_at = partial(slips, "nearest"), partial(slips, "normals_at")
 I3 = np.eye(3)
 CAMERAS = (
+    row("rays-long", CAMERA, "the rays are not unit: divide (x, y, 1) by its length",
+        alone=slips("through", f"{UNIT} => rays")),
     row("nothing-met", CAMERA,
         "no ray meets anything, the picture is the sky alone: look where rays start, which way they go, over which "
         "axis they are made unit, and whether the test throws every hit away",
@@ -306,66 +329,76 @@ CAMERAS = (
         "your rays go half a pixel beside the pixels' centres: here (0, 0) is the centre of the top-left pixel, so "
         "use u and v as they are, without 0.5",
         at(lambda u, v, c: (u + 0.5, v + 0.5)), at(lambda u, v, c: (u - 0.5, v - 0.5)),
-        at(lambda u, v, c: (u + 0.5, v)), at(lambda u, v, c: (u, v + 0.5))),
+        at(lambda u, v, c: (u + 0.5, v)), at(lambda u, v, c: (u, v + 0.5)),
+        alone=slips("pixels", "return u, v => return u + 0.5, v + 0.5", "return u, v => return u - 0.5, v - 0.5")),
     row("count-from-one", CAMERA,
         "your pixels are a whole one off: the first is u = 0, v = 0",
         at(lambda u, v, c: (u + 1, v + 1)), at(lambda u, v, c: (u - 1, v - 1)),
-        at(lambda u, v, c: (u + 1, v)), at(lambda u, v, c: (u, v + 1))),
+        at(lambda u, v, c: (u + 1, v)), at(lambda u, v, c: (u, v + 1)),
+        alone=slips("pixels", "return u, v => return u + 1, v + 1", "return u, v => return u - 1, v - 1")),
     row("linspace", CAMERA,
         "your pixels reach to the far edge (linspace(0, width, width)): the last is width - 1, a step of 1",
         at(lambda u, v, c: (u * c.width / (c.width - 1), v * c.height / (c.height - 1))),
         at(lambda u, v, c: (u * c.width / (c.width - 1) - 0.5, v * c.height / (c.height - 1) - 0.5)),
-        at(lambda u, v, c: (u * (c.width - 1) / c.width, v * (c.height - 1) / c.height))),
+        at(lambda u, v, c: (u * (c.width - 1) / c.width, v * (c.height - 1) / c.height)),
+        alone=slips("pixels", *(f"{GRID} => np.linspace(0{k}, width{k}, width), np.linspace(0{k}, height{k}, height)"
+                                for k in ("", " - 0.5")))),
     row("distortion-kept", CAMERA,
         "the lens's distortion is not undone: pixels are distorted, rays are not, so solve for the (x, y) that the "
         "lens takes to each pixel",
-        put(undo=_left_as_is)),
+        *slips("through", f"{UNDO} => ((u - cx) / fx, (v - cy) / fy)")),
     row("distortion-forward", CAMERA,
         "you distort the rays once more instead of undoing the distortion: the lens takes (x, y) to the pixel, and "
         "you need the way back",
-        put(undo=distort), put(undo=lambda x, y, dist: distort(x, y, (dist[0], dist[1], 0.0, 0.0, dist[4])))),
+        *lens_of(f"{STEP} => {FORWARD}", f"{DIST} => {DIST}\n    p1 = p2 = 0 ;; {STEP} => {FORWARD}")),
     row("distortion-sign", CAMERA,
         "the distortion bends rays to the other side: a sign is wrong, or you multiply by the radial factor where you "
         "have to divide",
-        coefficients(lambda *dist: tuple(-k for k in dist)),
-        coefficients(lambda k1, k2, p1, p2, k3: (-k1, -k2, p1, p2, -k3)),
-        coefficients(lambda k1, k2, p1, p2, k3: (-k1, k2, p1, p2, k3)),
-        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, -p1, -p2, k3)),
-        put(undo=wrong("undistort", TIMES_RADIAL))),
+        *_dist("k1, k2, p1, p2, k3 = -k1, -k2, -p1, -p2, -k3", "k1, k2, k3 = -k1, -k2, -k3", "k1 = -k1",
+               "p1, p2 = -p1, -p2"),
+        *lens_of(f"{STEP} => x, y = (xd - dx) * radial, (yd - dy) * radial",
+                 f"{DIST} => {DIST}\n    k1, k2, p1, p2, k3 = -k1, -k2, -p1, -p2, -k3 ;; {STEP} => {FORWARD}")),
     row("distortion-few-steps", CAMERA,
         "undoing the distortion stops too early: the corners are still off; repeat until nothing moves any more",
-        *slips("distortion-few-steps"),
+        *(way for step, counts in ((STEP, (1, 2, 3, 4, 5, 6, 8)), (TAKEN_OFF, (2, 3, 4, 5, 6, 8))) for n in counts
+          for way in lens_of(f"range(30) => range({n}) ;; {STEP} => {step}")),
         *(put(undo=partial(undistort, steps=n)) for n in (1, 2))),
     row("distortion-cumulative", CAMERA,
         "each step that undoes the distortion corrects the estimate of the step before once more: start every step "
         "from the distorted point, x = (x' - tangential) / radial; the estimate belongs in tangential and radial alone",
-        *slips("distortion-cumulative")),
-    row("k3-left-out", CAMERA, "k3, the fifth coefficient of the distortion, is left out",
-        coefficients(lambda k1, k2, p1, p2, k3: (k1, k2, p1, p2, 0.0))),
+        *(way for step, counts, more in (
+            (AGAIN, (2, 3, 4, 5, 6, 8, 10, 20, 30, 50), ""), (AGAIN, (5, 10), "\n    p1 = p2 = 0"),
+            (TAKEN_OFF.replace("xd", "x").replace("yd", "y"), (2, 3, 4, 5, 10), "")) for n in counts
+          for way in lens_of(f"{DIST} => {DIST}{more} ;; range(30) => range({n}) ;; {STEP} => {step}"))),
+    row("k3-left-out", CAMERA, "k3, the fifth coefficient of the distortion, is left out", *_dist("k3 = 0")),
     row("k2-left-out", CAMERA, "k2, the second coefficient of the distortion, is left out",
-        coefficients(lambda k1, k2, p1, p2, k3: (k1, 0.0, p1, p2, k3)),
-        coefficients(lambda k1, k2, p1, p2, k3: (k1, 0.0, p1, p2, 0.0)),
-        coefficients(lambda k1, k2, p1, p2, k3: (k1, 0.0, 0.0, 0.0, 0.0))),
+        *_dist("k2 = 0", "k2 = k3 = 0", "k2 = p1 = p2 = k3 = 0")),
     row("tangential-left-out", CAMERA,
         "p1 and p2, the tangential part of the distortion, are left out",
-        *slips("tangential-left-out")),
+        *_dist("p1 = p2 = 0", "p1 = p2 = k3 = 0"),
+        *lens_of(*(f"{one} => 0 * x" for one in (XY1, XX, YY, XY2)),
+                 *(f"{one} => 0 * x ;; {other} => 0 * y" for one, other in ((XY1, XX), (YY, XY2))))),
     row("tangential-swapped", CAMERA,
         "p1 and p2 are mixed up: x' has 2 p1 x y + p2 (r² + 2 x²), y' has p1 (r² + 2 y²) + 2 p2 x y",
-        *slips("tangential-swapped")),
+        *_dist("p1, p2 = p2, p1"),
+        *lens_of(*map(_other, (XY1, XX, YY, XY2)),
+                 *(f"{_other(one)} ;; {_other(two)}" for one, two in ((XY1, XX), (YY, XY2))))),
     row("coefficients-order", CAMERA,
         "the coefficients are read in the wrong order: dist is k1, k2, p1, p2, k3, with k3 last",
-        coefficients(lambda a, b, c, d, e: (a, b, d, e, c)), coefficients(lambda a, b, c, d, e: (a, b, 0.0, 0.0, c))),
+        *_dist("p1, p2, k3 = p2, k3, p1", "p1, p2, k3 = 0, 0, p1")),
     row("tangential-factor", CAMERA,
         "the tangential part of the distortion lacks a factor 2: x' has 2 p1 x y + p2 (r² + 2 x²), y' has "
         "p1 (r² + 2 y²) + 2 p2 x y",
-        *slips("tangential-factor")),
+        *lens_of(ONE_CROSS, ONE_SQUARE, f"{ONE_CROSS} ;; {ONE_SQUARE}", f"{XX} => p2 * r2 ;; {YY} => p1 * r2",
+                 *ONE_CROSS.split(" ;; "), *ONE_SQUARE.split(" ;; "))),
     row("tangential-after", CAMERA,
         "the tangential part is taken away after the division by the radial factor: it is (x' - tangential) / radial",
-        *slips("tangential-after")),
+        *lens_of(f"{STEP} => x, y = xd / radial - dx, yd / radial - dy")),
     row("tangential-of-bent", CAMERA,
         "the tangential part is computed from an x and y that the radial factor has scaled already: both parts are "
         "made of the same undistorted (x, y)",
-        *slips("tangential-of-bent")),
+        *lens_of(f"{XY1} => 2 * p1 * x * y * radial**2 ;; {XX} => p2 * (r2 + 2 * (x * radial) ** 2) ;; "
+                 f"{XY2} => 2 * p2 * x * y * radial**2 ;; {YY} => p1 * (r2 + 2 * (y * radial) ** 2)")),
     row("distortion-in-other-units", CAMERA,
         "the distortion is undone in other units: its coefficients hold for x = (u - cx) / fx, y = (v - cy) / fy, not "
         "for pixels divided by the image's size",
@@ -380,10 +413,12 @@ CAMERAS = (
           for whole in (True, False))),
     row("powers-of-r", CAMERA,
         "the powers of r are wrong in the distortion: 1 + k1 r² + k2 r⁴ + k3 r⁶",
-        *slips("powers-of-r")),
+        *lens_of("r2**2 => r2 ;; r2**3 => r2", "r2**3 => r2**2", "r2**3 => r2**4",
+                 f"{POWERS} => k1 * r2**2 + k2 * r2**4 + k3 * r2**6", "r2**2 => r2", "r2**3 => r2")),
     row("radius-for-its-square", CAMERA,
         "the distortion grows with r² (then r⁴, r⁶), where r² = x² + y²: you use r",
-        *slips("radius-for-its-square")),
+        *lens_of(f"{DIST} => {DIST}\n    p1 = p2 = 0 ;; x * x + y * y => np.sqrt(x * x + y * y)",
+                 "x * x + y * y => np.sqrt(x * x + y * y)", f"{POWERS} => k1 * r2**0.5 + k2 * r2 + k3 * r2**1.5")),
     row("swapped-axes", CAMERA,
         "rows and columns are swapped: u counts columns (x), v counts rows (y), and the image is indexed [v, u]",
         at(lambda u, v, c: (v, u))),
@@ -391,13 +426,11 @@ CAMERAS = (
         "width and height are swapped where the image is put together (reshape, or meshgrid with indexing='ij'): it "
         "has height rows of width pixels, so reshape(height, width, 3) and transpose nothing",
         at(_reshaped), at(_reshaped_and_turned)),
-    row("swapped-focal", CAMERA, "fx and fy are swapped: x = (u - cx) / fx, y = (v - cy) / fy",
-        lens(fx=lambda c: c.fy, fy=lambda c: c.fx)),
+    row("swapped-focal", CAMERA, "fx and fy are swapped: x = (u - cx) / fx, y = (v - cy) / fy", *_K("fx, fy = fy, fx")),
     row("one-focal", CAMERA, "one focal length is used for both axes: x goes with fx, y with fy",
-        lens(fy=lambda c: c.fx), lens(fx=lambda c: c.fy),
-        lens(fx=lambda c: (c.fx + c.fy) / 2, fy=lambda c: (c.fx + c.fy) / 2)),
+        *_K("fy = fx", "fx = fy", "fx = fy = (fx + fy) / 2")),
     row("swapped-centre", CAMERA, "cx and cy are mixed up: x = (u - cx) / fx, y = (v - cy) / fy",
-        lens(cx=lambda c: c.cy, cy=lambda c: c.cx), lens(cx=lambda c: c.cy), lens(cy=lambda c: c.cx)),
+        *_K("cx, cy = cy, cx", "cx = cy", "cy = cx")),
     row("whole-numbers", CAMERA, "K is rounded to whole numbers: use fx, fy, cx and cy as they are",
         *(lens(cx=lambda c, f=f: f(c.cx), cy=lambda c, f=f: f(c.cy)) for f in (np.floor, np.rint)),
         *(lens(fx=lambda c, f=f: f(c.fx), fy=lambda c, f=f: f(c.fy)) for f in (np.floor, np.rint)),
@@ -408,7 +441,8 @@ CAMERAS = (
         lens(cx=lambda c: c.width / 2, cy=lambda c: c.height / 2),
         lens(cx=lambda c: (c.width - 1) / 2, cy=lambda c: (c.height - 1) / 2),
         lens(cx=lambda c: c.height / 2, cy=lambda c: c.width / 2),
-        lens(cx=lambda c: c.width / 2), lens(cy=lambda c: c.height / 2)),
+        lens(cx=lambda c: c.width / 2), lens(cy=lambda c: c.height / 2),
+        alone=_K("cx, cy = np.max(u) / 2, np.max(v) / 2", "cx, cy = (np.max(u) + 1) / 2, (np.max(v) + 1) / 2")),
     row("centre-from-far-edge", CAMERA,
         "the principal point is counted from the wrong edge: cx from the left and cy from the top, like u and v",
         lens(cy=lambda c: c.height - 1 - c.cy), lens(cy=lambda c: c.height - c.cy),
@@ -421,17 +455,21 @@ CAMERAS = (
         angles(lambda h, v, c: (c.width / 2 / np.tan(v * c.width / c.height / 2), c.fy)),
         angles(lambda h, v, c: (c.width / 2 / np.tan(h), c.height / 2 / np.tan(v)))),
     row("centre-left-out", CAMERA, "the principal point (cx, cy) is not subtracted: x = (u - cx) / fx",
-        lens(cx=lambda c: 0.0, cy=lambda c: 0.0), lens(cx=lambda c: 0.0), lens(cy=lambda c: 0.0),
-        lens(cx=lambda c: -c.cx, cy=lambda c: -c.cy)),
+        *_K("cx = cy = 0", "cx = 0", "cy = 0", "cx, cy = -cx, -cy")),
     row("x-for-y", CAMERA, "x and y of the rays are swapped: x belongs to the column u, y to the row v",
-        lambda s: s._replace(ray=lambda x, y, camera: s.ray(y, x, camera))),
+        *slips("through", f"{RAY} => np.stack([y, x, np.ones_like(x)], axis=-1)")),
     row("y-up", CAMERA,
         "the camera's y axis points down here (OpenCV): yours points up, so that the image is seen upside down",
-        axes(1, -1, 1)),
-    row("x-left", CAMERA, "the camera's x axis points right here (OpenCV): yours points left", axes(-1, 1, 1)),
+        axes(1, -1, 1),
+        alone=slips("through", f"{RAY} => np.stack([x, -y, np.ones_like(x)], axis=-1)")),
+    row("x-left", CAMERA, "the camera's x axis points right here (OpenCV): yours points left", axes(-1, 1, 1),
+        alone=slips("through", f"{RAY} => np.stack([-x, y, np.ones_like(x)], axis=-1)")),
     row("z-backwards", CAMERA,
         "the camera looks along +z here (OpenCV), not along -z (OpenGL)",
-        axes(1, 1, -1), axes(1, -1, -1), axes(-1, 1, -1), axes(-1, -1, -1), axes(-1, -1, 1)),
+        axes(1, 1, -1), axes(1, -1, -1), axes(-1, 1, -1), axes(-1, -1, -1), axes(-1, -1, 1),
+        alone=slips("through", *(f"{RAY} => {x}" for x in (
+            "np.stack([x, -y, -np.ones_like(x)], axis=-1)", f"-{RAY}",
+            "np.stack([x, y, -np.ones_like(x)], axis=-1)")))),
     row("transposed-R", CAMERA,
         "R is transposed: p_cam = R p_board + t, so directions go to the board's frame by d_board = Rᵀ d_cam",
         posed(lambda R, t: (-R.T @ t, R)), posed(lambda R, t: (-R @ t, R))),
@@ -462,139 +500,36 @@ CAMERAS = (
     row("rays-by-norm-of-many", CAMERA,
         "the rays are divided by a norm over pixels, not over x, y and z: np.linalg.norm(d, axis=-1, keepdims=True)",
         *(lambda s, axis=axis, board=board: s._replace(
-            ray=partial(_by_norm_of_many, ray=s.ray, axis=axis, board=board), sphere=solver(_whole))
-          for axis in ((0, 1), (0,), (1,)) for board in (False, True))),
+            ray=partial(_by_norm_of_many, ray=s.ray, axis=axis, board=board), sphere=sphere("")[0](s).sphere)
+          for axis in ((0, 1), (0,), (1,)) for board in (False, True)),
+        alone=slips("through", *(f"{UNIT} => rays / np.linalg.norm(rays{axis})" for axis in (
+            "", *(f", axis={k}, keepdims=True" for k in (0, 1, (0, 1))))))),
     row("rays-in-halves", CAMERA,
         "the rays' directions are rounded to half floats (float16), which leaves three digits: use float64",
-        *(lambda s, board=board: s._replace(ray=partial(_in_halves, ray=s.ray, board=board), sphere=solver(_whole))
+        *(lambda s, board=board: s._replace(
+            ray=partial(_in_halves, ray=s.ray, board=board), sphere=sphere("")[0](s).sphere)
           for board in (True, False))),
 )  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------ solver
 
-Roots = Callable[[Any, Any, Any], tuple[Any, Any, Any]]
-
-
-def quadratic(b: float = 2, disc: float = 4, half: float = 2, a: bool = False) -> Roots:
-    """(b' , c, a) -> (discriminant, near, far): b f·d, b² - disc a c, (-b ± √) / half: 2, 4, 2 are right."""
-
-    def roots(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
-        scale = aa if a else 1.0
-        D = (b * fd) ** 2 - disc * scale * c
-        root = np.sqrt(np.maximum(D, 0))
-        return D, (-b * fd - root) / half, (-b * fd + root) / half
-
-    return roots
-
-
-def solver(roots: Roots, pick: Any = None, c_of: Any = lambda ff, r: ff - r * r) -> Any:
-    """A sphere's test by (f·d, c, d·d) -> roots, where `pick` chooses among them; `c_of`: (f·f, r) -> c."""
-    pick = pick or _first_positive
-
-    def sphere(o: Any, d: Any, s: Sphere) -> Array:
-        f = np.asarray(o) - np.array(s.center)[:, None]
-        d = np.asarray(d)
-        fd, c, aa = (f * d).sum(axis=0), c_of((f * f).sum(axis=0), s.radius), (d * d).sum(axis=0)
-        D, near, far = roots(fd, c, aa)
-        return np.where(D >= 0, pick(near, far), np.inf)
-
-    return sphere
-
-
-def _missed(o: Any, d: Any, s: Sphere, above: Any) -> Array:
-    """A sphere by the ray's squared distance from its centre, of which something else tells a miss."""
-    f, d = np.asarray(o) - np.array(s.center)[:, None], np.asarray(d)
-    fd, aa = (f * d).sum(axis=0), (d * d).sum(axis=0)
-    d2 = (f * f).sum(axis=0) - fd**2 / aa
-    root = np.sqrt(np.maximum(s.radius**2 - d2, 0) * aa)
-    return np.where(above(d2, s.radius), np.inf, _first_positive((-fd - root) / aa, (-fd + root) / aa))
-
-
-def _first_positive(near: Array, far: Array) -> Array:
-    t = np.where(near > 1e-9, near, far)
-    return np.where(t > 1e-9, t, np.inf)
-
-
-def _far(near: Array, far: Array) -> Array:
-    return np.where(far > 1e-9, far, np.inf)
-
-
-def _least_magnitude(near: Array, far: Array) -> Array:
-    return np.where(np.abs(near) < np.abs(far), near, far)
-
-
-def _no_root(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
-    """The discriminant itself for its root."""
-    D = 4 * fd**2 - 4 * aa * c
-    return D, (-2 * fd - D) / (2 * aa), (-2 * fd + D) / (2 * aa)
-
-
-def _half_no_root(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
-    D = fd**2 - aa * c
-    return D, (-fd - D) / aa, (-fd + D) / aa
-
-
-def _by_a(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
-    """a is left out of the discriminant, not of the division."""
-    D, near, far = quadratic()(fd, c, aa)
-    return D, near / aa, far / aa
-
-
-def _whole(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
-    """Right, for directions of any length."""
-    D = fd**2 - aa * c
-    root = np.sqrt(np.maximum(D, 0))
-    return D, (-fd - root) / aa, (-fd + root) / aa
-
-
-def _of_unit(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
-    """t along the ray made unit."""
-    return quadratic()(fd / np.sqrt(aa), c, aa)
-
-
-def _middle(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
-    return fd**2 - aa * c, -fd / aa, -fd / aa
-
-
-def _times_a(fd: Array, c: Array, aa: Array) -> tuple[Array, Array, Array]:
-    """(-b - √D) / 2 * a."""
-    D, near, far = _whole(fd, c, aa)
-    return D, near * aa**2, far * aa**2
-
-
-def _above(fd: Array, c: Array, aa: Array, least: float) -> tuple[Array, Array, Array]:
-    """A hit only where b² - 4ac is more than `least`."""
-    D, near, far = _whole(fd, c, aa)
-    return 4 * D - least, near, far
-
-
-def _rooted(fd: Array, D: Array) -> tuple[Array, Array, Array]:
-    return D, -fd - np.sqrt(D), -fd + np.sqrt(D)
-
-
-def _minus(v: Any) -> Any:
-    return tuple(-x for x in v)
-
-
-def _from_moved(o: Any, d: Any, ball: Sphere) -> Array:
-    """The distance of the hit from the origin in the sphere's own frame, (o - c) / r."""
-    t = on_sphere(o, d, ball)
-    o = np.asarray(o)
-    moved = (o - np.array(ball.center)[:, None]) / ball.radius
-    away = np.linalg.norm(o + np.where(np.isfinite(t), t, 0.0) * np.asarray(d) - moved, axis=0)
-    return np.where(np.isfinite(t), away, t)
-
-
-def _beyond(o: Any, d: Any, thing: Any, solve: Any, least: float) -> Array:
-    """Nothing nearer than `least`."""
-    t = solve(o, d, thing)
-    return np.where(t > least, t, np.inf)
-
-
-def _before(o: Any, d: Any, thing: Any, solve: Any, most: float) -> Array:
-    t = solve(o, d, thing)
-    return np.where(t < most, t, np.inf)
+ROOT, CHOICE, HIT = "np.sqrt(disc)", "t = np.where(near > 0, near, far)", "(disc >= 0) & (t > 0)"
+A, B, OVER = "a = np.sum(directions * directions, axis=-1)", "b = 2 * np.sum", "/ (2 * a)"
+SQUARE, LENGTH = "np.sum(f * f, axis=-1)", "np.linalg.norm(f, axis=-1)"
+HALF = f"{B} => b = np.sum ;; b * b - 4 * a * c => b * b - a * c"
+BY_Q = """q = -(b + np.sign(b) * np.sqrt(disc)) / 2
+    near, far = np.minimum(q / a, c / q), np.maximum(q / a, c / q)
+    near, far = np.where(q == 0, np.nan, near), np.where(q == 0, np.nan, far)
+    t = np.where(near > 0, near, far)"""
+D2 = "np.sum(f * f, axis=-1) - b * b / (4 * a)"
+NU, NV = "np.linalg.norm(half_u)", "np.linalg.norm(half_v)"
+IN_U, IN_V = "np.abs(q @ half_u) <= half_u @ half_u", "np.abs(q @ half_v) <= half_v @ half_v"
+INSIDE, T, MET = f"({IN_U}) & ({IN_V})", "((center - origins) @ n) / (directions @ n)", "inside & (t > 0)"
+ALONG = "(q @ half_u) / (half_u @ half_u)", "(q @ half_v) / (half_v @ half_v)"
+GRAZING = "np.abs(directions @ n) / np.linalg.norm(n) / np.linalg.norm(directions, axis=-1)"
+CROSS, CROSS_AT = "n = np.cross(half_u, half_v)", 'n = np.cross(thing["half_u"], thing["half_v"])'
+AHEAD = "where((disc >= 0) & (t > 0), t"
 
 
 def resized(factor: float, length: float = 1) -> Change:
@@ -602,14 +537,6 @@ def resized(factor: float, length: float = 1) -> Change:
 
     grown = other(lambda x, _: msgspec.structs.replace(x, radius=factor * x.radius) if isinstance(x, Sphere) else x)
     return both(grown, on_spheres(lambda n: n * length))
-
-
-def _first_radius(x: Sphere, balls: Sequence[Sphere]) -> float:
-    return balls[0].radius
-
-
-def _last_radius(x: Sphere, balls: Sequence[Sphere]) -> float:
-    return balls[-1].radius
 
 
 def reradiused(f: Callable[[Sphere, Sequence[Sphere]], float], own: bool = False) -> Change:
@@ -636,81 +563,6 @@ def on_spheres(f: Callable[[Array], Array]) -> Change:
     return normals(lambda n, p, rays, thing: f(n) if isinstance(thing, Sphere) else n)
 
 
-def flat(inside: Any = None, **how: Any) -> Change:
-    """Another test of rectangles, see `_flat`."""
-    return put(rectangle=partial(_flat, inside=inside or _in_edges, **how))
-
-
-def _in_edges(a: Array, b: Array, u: float, v: float) -> Any:
-    return (np.abs(a) <= 1) & (np.abs(b) <= 1)
-
-
-def _flat(
-    o: Any,
-    d: Any,
-    thing: Rectangle,
-    inside: Any,
-    through: float = 1,
-    about: float = 1,
-    start: float = 1,
-    of_t: Any = None,
-    normal: Any = None,
-) -> Array:
-    """t = (center - o)·n / d·n, then q = o + t d - center = a half_u + b half_v, `inside` by (a, b, |u|, |v|).
-
-    `through`, `about`, `start`: 0 where center in t, center in q, o in q are left out. `of_t`: of (t, |half_u ×
-    half_v|) another t; `normal`: of (half_u, half_v) another n.
-    """
-    n = normal(np.array(thing.half_u), np.array(thing.half_v)) if normal else thing.normal
-    n, c, u, v = (np.array(x)[:, None] for x in (n, thing.center, thing.half_u, thing.half_v))
-    o, d, uu, vv = np.asarray(o), np.asarray(d), float((u * u).sum()), float((v * v).sum())
-    with np.errstate(all="ignore"):
-        t = ((through * c - o) * n).sum(axis=0) / (d * n).sum(axis=0)
-        t = of_t(t, float(np.linalg.norm(np.cross(u[:, 0], v[:, 0])))) if of_t else t
-        q = start * o + t * d - about * c
-        met = inside((q * u).sum(axis=0) / uu, (q * v).sum(axis=0) / vv, uu**0.5, vv**0.5)
-        return np.where(met & (t > 1e-9), t, np.inf)
-
-
-def _unbounded(a: Array, b: Array, u: float, v: float) -> Array:
-    return np.isfinite(a)
-
-
-def _reaching(a: Array, b: Array, u: float, v: float, x: Any, y: Any) -> Array:
-    """|a| <= x and |b| <= y, functions of (|u|, |v|)."""
-    return (np.abs(a) <= x(u, v)) & (np.abs(b) <= y(u, v))
-
-
-def reach(x: Any, y: Any) -> Any:
-    return partial(_reaching, x=x, y=y)
-
-
-ONE = lambda u, v: 1.0  # noqa: E731
-
-
-def _three(v: Any) -> Any:
-    return tuple(np.asarray(v, float).tolist())
-
-
-def _boxed(o: Any, d: Any, thing: Rectangle, size: Any) -> Array:
-    """|q| <= size(half_u, half_v), axis by axis."""
-    t = _flat(o, d, thing, _unbounded)
-    q = np.asarray(o) + np.where(np.isfinite(t), t, 0.0) * np.asarray(d) - np.array(thing.center)[:, None]
-    box = np.array(size(np.array(thing.half_u), np.array(thing.half_v)))
-    return np.where((np.abs(q) <= box[:, None] + 1e-6).all(axis=0), t, np.inf)
-
-
-def _not_grazing(o: Any, d: Any, thing: Rectangle, least: float) -> Array:
-    d = np.asarray(d)
-    across = np.abs(np.array(thing.normal) @ d) / np.linalg.norm(d, axis=0)
-    return np.where(across > least, on_rectangle(o, d, thing), np.inf)
-
-
-def _culled(o: Any, d: Any, thing: Rectangle, sign: int) -> Array:
-    facing = (np.asarray(d) * np.array(thing.normal)[:, None]).sum(axis=0) * sign < 0
-    return np.where(facing, on_rectangle(o, d, thing), np.inf)
-
-
 def only_seen(change: Change) -> Change:
     """For the eye's rays alone: shadow rays meet what they should."""
     return both(change, lambda s: s._replace(blocked=lambda hits, to, things, steps: s.blocked(
@@ -732,43 +584,6 @@ def _edges_moved(x: Shape, camera: Camera) -> Shape:
     return msgspec.structs.replace(x, half_u=_three(x.half_u + moved), half_v=_three(x.half_v + moved))
 
 
-def _any_side(o: Any, d: Any, thing: Rectangle) -> Array:
-    """t of any sign."""
-    ahead, behind = on_rectangle(o, d, thing), on_rectangle(o, -np.asarray(d), thing)
-    return np.where(np.isfinite(ahead), ahead, -behind)
-
-
-def _either(o: Any, d: Any, thing: Rectangle) -> Array:
-    t = _any_side(o, d, thing)
-    return np.where(np.isfinite(t), t, np.inf)
-
-
-def tilted(f: Callable[[Array, Array], Array]) -> Change:
-    """Planes whose normal (half_u, half_v) -> n is another: what rays meet, and what is lit."""
-
-    def normal(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
-        if isinstance(thing, Sphere):
-            return n
-        return _turned_to_eye(_fixed(n, f(np.array(thing.half_u), np.array(thing.half_v))), rays)
-
-    return both(flat(normal=f), normals(normal))
-
-
-def _mistyped(u: Array, v: Array, k: int, how: str) -> Array:
-    """u × v made unit, its component n_k = u_i v_j - u_j v_i being wrong."""
-    n, i, j = np.cross(u, v), (k + 1) % 3, (k + 2) % 3
-    wrong = {"sign": -n[k], "plus": u[i] * v[j] + u[j] * v[i], "of k": u[i] * v[j] - u[j] * v[k],
-             "of j": u[i] * v[j] - u[j] * v[j]}  # fmt: skip
-    n[k] = wrong[how]
-    return _made_unit(n)
-
-
-def _half_made_unit(u: Array, v: Array, k: int) -> Array:
-    """One component is left as it is."""
-    n = np.cross(u, v)
-    return np.where(np.arange(3) == k, n, _made_unit(n))
-
-
 def normals(f: Callable[[Array, Array, Rays, Shape], Array]) -> Change:
     """(right normal, point, rays, thing) -> normal."""
     return lambda s: s._replace(normal=lambda p, rays, thing: f(s.normal(p, rays, thing), p, rays, thing))
@@ -779,173 +594,216 @@ def _made_unit(n: Array, *_: Any) -> Array:
     return n / np.where(length > 0, length, 1)
 
 
-no_plane = lambda o, d, thing: 0 * np.asarray(d)[0] + np.inf  # noqa: E731
-nowhere = solver(quadratic(), lambda near, far: 0 * near + np.inf)
+def _three(v: Any) -> Any:
+    return tuple(np.asarray(v, float).tolist())
+
+
+def in_shadow_test(change: Change) -> Change:
+    """For shadow rays alone: the eye sees what it should."""
+    return lambda s: s._replace(blocked=lambda hits, to, things, steps: s.blocked(
+        hits, to, things, steps._replace(sphere=change(s).sphere, rectangle=change(s).rectangle)))  # fmt: skip
+
+
+def _inside(*tests: str) -> tuple[Change, ...]:
+    """Rectangles that end elsewhere."""
+    return plane(*(f"{INSIDE} => {test}" for test in tests))
+
+
+def _also(*tests: str) -> tuple[Change, ...]:
+    """Rectangles that end here, too."""
+    return plane(*(f"{MET} => inside & ({test}) & (t > 0)" for test in tests))
+
+
+def _between(*least_most: tuple[str, str]) -> str:
+    """(-1, 1) for each axis is right."""
+    return " & ".join(f"({a} >= {lo}) & ({a} <= {hi})" for a, (lo, hi) in zip(ALONG, least_most, strict=True))
+
+
+def _reach(u: str, v: str) -> str:
+    """|q·u| and |q·v| up to these."""
+    return f"(np.abs(q @ half_u) <= {u}) & (np.abs(q @ half_v) <= {v})"
+
+
+def _crossed(*lines: str) -> tuple[Change, ...]:
+    """Planes whose normal is another: what rays meet, and what is lit."""
+    return tuple(
+        both(*plane(f"{CROSS} => {CROSS}\n    {line}"),
+             *normals_at(f"{CROSS_AT} => {CROSS_AT}\n            {line.replace('half_', 'thing_')}"
+                         .replace("thing_u", 'thing["half_u"]').replace("thing_v", 'thing["half_v"]')))
+        for line in lines
+    )  # fmt: skip
+
+
 bent = lambda s: s._replace(ray=partial(_unstretched, ray=s.ray))  # noqa: E731
 long = lambda s: s._replace(ray=partial(_not_unit, ray=s.ray))  # noqa: E731
 SOLVERS = (
     row("far-root", SOLVER,
         "you take the far root, where the ray leaves the sphere: take the smallest t > 0",
-        put(sphere=solver(quadratic(), _far)), both(put(sphere=solver(quadratic(), _far)), lambda s: faced(s))),
+        *sphere(f"{CHOICE} => t = far", f"{CHOICE} => t = far ;; {HIT} => disc >= 0")),
     row("closest-approach", SOLVER,
         "the ray's point that is nearest to the centre is taken for the hit: half the chord has to be subtracted, "
         "t = -f·d - √(...)",
-        put(sphere=solver(_middle)), both(put(sphere=solver(_middle)), normals(_made_unit))),
+        *sphere("(-b - np.sqrt(disc)) => -b")),
     row("behind-the-eye", SOLVER,
         "hits behind the ray's start count too: take the smallest positive t, not the smallest |t|, and none where "
         "both are negative",
-        put(sphere=solver(quadratic(), lambda near, far: near)),
-        both(put(sphere=solver(quadratic(), lambda near, far: near)), lambda s: s._replace(blocked=offset_by(1e-6))),
-        put(sphere=solver(quadratic(), _least_magnitude)),
-        put(sphere=solver(quadratic(), _least_magnitude), rectangle=_either,
-            order=lambda t, things, rays: nearest(np.abs(t), things, rays)),
-        put(sphere=solver(quadratic(), _least_magnitude),
-            order=lambda t, things, rays: nearest(np.abs(t), things, rays)),
-        put(sphere=solver(quadratic(), lambda near, far: near), rectangle=_either),
-        *(sphere_slip(changes) for changes in INTERSECT_SPHERE["behind-the-eye"][4:])),
+        *(both(*one, *other) for other in ((), plane(f"{MET} => inside")) for one in (
+            sphere(f"{CHOICE} => t = near ;; {HIT} => disc >= 0"),
+            sphere(f"{CHOICE} => t = np.where(np.abs(near) < np.abs(far), near, far) ;; {HIT} => disc >= 0"),
+            (*sphere(f"{CHOICE} => t = np.where(np.abs(near) < np.abs(far), near, far) ;; {HIT} => disc >= 0"),
+             *order("np.argmin(t, axis=0) => np.argmin(np.abs(t), axis=0)")))),
+        *sphere(f"{CHOICE} => t = np.where(np.abs(near) < np.abs(far), near, far)", f"{HIT} => disc >= 0",
+                f"{CHOICE} => t = np.abs(near)", "far = (-b + np.sqrt(disc)) => far = (b + np.sqrt(disc))")),
+    row("inside-missed", SOLVER,
+        "rays that start inside the sphere miss it: where the near root is negative, the far one may be positive",
+        alone=sphere(f"{CHOICE} => t = near")),
+    row("misses-not-infinite", SOLVER,
+        "a miss has to be np.inf: where the discriminant is negative, and where t is not positive",
+        alone=sphere(*(f"t, np.inf) => t, {miss})" for miss in ("np.nan", "0.0", "-1.0")))),
     row("sign-of-zero", SOLVER,
         "sign(0) is 0: where b = 0 your q is 0 and the root is lost; let the sign be 1 there",
-        put(sphere=partial(on_sphere, solver="paper"))),
+        *sphere(f"{CHOICE} => {BY_Q}")),
     row("t-along-z", SOLVER,
         "t was found for unit rays, but is applied to (x, y, 1): use one and the same vector for both",
-        bent, both(long, put(sphere=solver(_of_unit)))),
+        bent, both(long, *sphere(f"{AHEAD} => {AHEAD} * np.linalg.norm(directions, axis=-1)"))),
+    row("t-of-unit-rays", SOLVER,
+        "t is that of unit directions: the directions are made unit inside, and t is not divided by their length "
+        "afterwards",
+        alone=sphere(f"{AHEAD} => {AHEAD} * np.linalg.norm(directions, axis=-1)")),
     row("rays-not-unit", SOLVER,
         "your rays are not unit, but the quadratic leaves out a = d·d: make them unit, or keep a",
-        *(both(long, put(sphere=solver(roots)), *unit)
-          for unit in ((), (normals(_made_unit),)) for roots in (quadratic(), quadratic(a=True), _by_a))),
+        *(both(long, way) for way in sphere(f"{A} => a = 1.0", f"{OVER} => / 2", "4 * a * c => 4 * c")),
+        *sphere(f"{A} => a = 1.0", "4 * a * c => 4 * c")),
     row("hit-point", SOLVER,
         "the hit point is wrong: it is the ray's origin plus t times its direction, o + t d",
-        *(put(point=f) for f in (
-            lambda rays, t: t * rays.aim, lambda rays, t: rays.origin - t * rays.aim,
-            lambda rays, t: rays.origin + 0 * t + rays.aim, lambda rays, t: (rays.origin + rays.aim) * t))),
+        *(way for new in ("t[:, None] * directions", "origins - t[:, None] * directions", "origins + directions",
+                          "(origins + directions) * t[:, None]")
+          for way in slips("met", f"origins + t[:, None] * directions => {new}"))),
     row("t-of-moved-ray", SOLVER,
         "t is measured in the sphere's own frame, where the ray is moved and scaled: t counts along the ray as it was "
         "given, so scale its direction as its origin, do not make it unit there, and apply t to the first one",
-        put(sphere=lambda o, d, ball: on_sphere(o, d, ball) / ball.radius),
-        put(sphere=lambda o, d, ball: on_sphere(o, d, ball) * ball.radius), put(sphere=_from_moved)),
-    row("radius-not-squared", SOLVER,
-        "the radius is not squared: c = f·f - r²",
-        put(sphere=solver(quadratic(), c_of=lambda ff, r: ff - r))),
+        *sphere(f"{AHEAD} => {AHEAD} / radius", f"{AHEAD} => {AHEAD} * radius",
+                f"{AHEAD}, => {AHEAD[:-1]}np.linalg.norm(origins + t[:, None] * directions - f / radius, axis=-1),")),
+    row("radius-not-squared", SOLVER, "the radius is not squared: c = f·f - r²", *sphere("radius**2 => radius")),
     row("miss-by-radius", SOLVER,
         "a distance is held against a square: a ray misses the sphere where its distance from the centre, squared, "
         "is above r² (both squared, or neither)",
-        put(sphere=partial(_missed, above=lambda d2, r: d2 > r)),
-        put(sphere=partial(_missed, above=lambda d2, r: d2 > r**4))),
+        *(both(put(), way) for r in ("radius", "radius**4")
+          for way in sphere(f"{HIT} => ({D2} <= {r}) & (t > 0) ;; {ROOT} => np.sqrt(np.maximum(disc, 0))"))),
     row("length-not-squared", SOLVER, "the length of f is not squared: c = f·f - r², where f·f = |f|²",
-        *(put(sphere=solver(quadratic(), c_of=f)) for f in (
-            lambda ff, r: np.sqrt(ff) - r * r, lambda ff, r: np.sqrt(ff) - r, lambda ff, r: (np.sqrt(ff) - r) ** 2))),
-    row("radius-squared-twice", SOLVER, "the radius is squared twice: c = f·f - r²",
-        put(sphere=solver(quadratic(), c_of=lambda ff, r: ff - r**4))),
+        *sphere(f"{SQUARE} => {LENGTH}", f"{SQUARE} - radius**2 => {LENGTH} - radius",
+                f"{SQUARE} - radius**2 => ({LENGTH} - radius) ** 2")),
+    row("radius-squared-twice", SOLVER, "the radius is squared twice: c = f·f - r²", *sphere("radius**2 => radius**4")),
     row("diameter", SOLVER, "your spheres are twice as large: the scene gives the radius, not the diameter",
-        resized(2), resized(2, 2)),
+        *sphere("radius**2 => (2 * radius) ** 2"), resized(2)),
     row("half-radius", SOLVER, "your spheres are half as large: the scene gives the radius, not the diameter",
-        resized(0.5), resized(0.5, 0.5)),
+        *sphere("radius**2 => (radius / 2) ** 2"), resized(0.5)),
     row("radius-of-another", SOLVER,
         "spheres have a radius that is not theirs, the one of another sphere or a coordinate of the centre: each has "
         "its own",
-        *(reradiused(f, own) for f in (_first_radius, _last_radius) for own in (False, True)),
+        *(reradiused(f, own) for f in (lambda x, balls: balls[0].radius, lambda x, balls: balls[-1].radius)
+          for own in (False, True)),
         reradiused(lambda x, balls: abs(x.center[2]))),
     row("factor-in-quadratic", SOLVER,
         "a factor is wrong in the quadratic: with b = 2 f·d, t = (-b - √(b² - 4c)) / 2; with b = f·d, "
         "t = -b - √(b² - c)",
-        *(put(sphere=solver(q)) for q in (
-            quadratic(b=1), quadratic(b=1, half=1), quadratic(disc=1), quadratic(half=1), quadratic(b=1, disc=1),
-            quadratic(disc=2), quadratic(b=2, disc=1, half=1), quadratic(half=4),
-            quadratic(b=2, disc=-4), quadratic(b=4), quadratic(b=0.5)))),
+        *sphere(f"{B} => b = np.sum", f"{B} => b = np.sum ;; {OVER} => / a", "4 * a * c => a * c", f"{OVER} => / a",
+                HALF, "4 * a * c => 2 * a * c", f"4 * a * c => a * c ;; {OVER} => / a", f"{OVER} => / (4 * a)",
+                "- 4 * a * c => + 4 * a * c", f"{B} => b = 4 * np.sum", f"{B} => b = 0.5 * np.sum")),
     row("root-missing", SOLVER, "the discriminant's square root is missing: t = (-b ± √disc) / (2a)",
-        *(put(sphere=solver(q)) for q in (_no_root, _half_no_root)),
-        *(both(long, put(sphere=solver(q))) for q in (_no_root, _half_no_root))),
+        *(both(*rays, way) for rays in ((), (long,))
+          for way in sphere(f"{ROOT} => disc", f"{HALF} ;; {OVER} => / a ;; {ROOT} => disc"))),
     row("divided-by-half-a", SOLVER,
         "`/ 2 * a` multiplies by a: write / (2 * a), or make the rays unit",
-        both(long, put(sphere=solver(_times_a)), normals(_made_unit)), both(long, put(sphere=solver(_times_a)))),
+        *(both(*rays, way) for rays in ((long,), ())
+          for way in sphere(f"{OVER} => / 2 * a", f"{HALF} ;; {OVER} => * a"))),
     row("disc-above", SOLVER,
         "the discriminant is held against a number above 0, so that spheres are too small, small ones most: a ray "
         "meets the sphere wherever it is not negative",
-        *(put(sphere=solver(partial(_above, least=k))) for k in (4e-2, 1e-2, 4e-3, 1e-3, 4e-4, 1e-4))),
+        *sphere(*(f"disc >= 0 => disc >= {k}" for k in (4e-2, 1e-2, 4e-3, 1e-3, 4e-4, 1e-4)),
+                f"{ROOT} => np.sqrt(-disc) ;; disc >= 0 => disc <= 0")),
     row("b-sign", SOLVER,
         "f points the wrong way in the quadratic: f goes from the sphere's centre to the ray's origin (o - c)",
-        put(sphere=solver(quadratic(b=-2)))),
+        *sphere("origins - center => center - origins")),
     row("disc-not-tested", SOLVER,
         "the discriminant is not tested: where it is negative the ray misses the sphere",
-        put(sphere=solver(lambda fd, c, aa: (np.ones_like(fd), *quadratic()(fd, c, aa)[1:]))),
-        put(sphere=solver(lambda fd, c, aa: _rooted(fd, np.abs(fd**2 - c))))),
+        *sphere("b * b - 4 * a * c => np.maximum(b * b - 4 * a * c, 0)",
+                "b * b - 4 * a * c => np.abs(b * b - 4 * a * c)")),
+    row("sum-of-all", SOLVER, "one sum is over all rays and components: sum over the last axis alone (axis=-1)",
+        alone=sphere(f"{A} => a = np.sum(directions * directions)", f"{SQUARE} => np.sum(f * f)")),
     row("origin-left-out", SOLVER, "the rays' origin is left out of the quadratic: f = o - c",
-        *(sphere_slip(changes) for changes in INTERSECT_SPHERE["origin-left-out"])),
+        *sphere("origins - center => 0 * origins - center")),
     row("center-left-out", SOLVER, "the spheres' centres are left out of the quadratic: f = o - c",
-        put(sphere=lambda o, d, s: on_sphere(o, d, msgspec.structs.replace(s, center=(0.0, 0.0, 0.0)))),
-        put(sphere=lambda o, d, s: on_sphere(o, d, msgspec.structs.replace(s, center=_minus(s.center))))),
+        *sphere("origins - center => origins", "origins - center => origins + center")),
     row("t-too-near", SOLVER,
         "hits are thrown away unless t is large: the smallest t > 0 counts, however small",
-        *(put(sphere=partial(_beyond, solve=on_sphere, least=k),
-              rectangle=partial(_beyond, solve=on_rectangle, least=k)) for k in (0.1, 0.5, 1.0)),
-        *(put(sphere=partial(_beyond, solve=on_sphere, least=k)) for k in (0.1, 0.5, 1.0))),
+        *(both(*way) for k in (0.1, 0.5, 1.0) for way in (
+            (*sphere(f"(t > 0) => (t > {k})"), *plane(f"(t > 0) => (t > {k})")), sphere(f"(t > 0) => (t > {k})")))),
     row("t-too-far", SOLVER,
         "hits that are far away are thrown away: the first t to beat is infinity (np.inf)",
-        *(only_seen(put(
-            sphere=partial(_before, solve=on_sphere, most=k), rectangle=partial(_before, solve=on_rectangle, most=k)))
+        *(only_seen(both(*sphere(f"(t > 0) => (t > 0) & (t < {k})"), *plane(f"(t > 0) => (t > 0) & (t < {k})")))
           for k in (1.0, 2.0, 3.0, 5.0, 10.0))),
     row("no-spheres", SOLVER, "no sphere is hit at all: the discriminant or the test t > 0 throws every hit away",
-        put(sphere=nowhere), only_seen(put(sphere=nowhere))),
+        *(of(way) for way in sphere(f"{HIT} => disc < -np.inf") for of in (both, only_seen))),
     row("no-planes", SOLVER, "the planes are missing: scene['planes'] holds rectangles, which rays meet too",
-        put(rectangle=no_plane), only_seen(put(rectangle=no_plane))),
+        *(of(way) for way in plane(f"{MET} => t < -np.inf") for of in (both, only_seen))),
     row("endless-planes", SOLVER, "your planes have no end: a rectangle ends at center ± half_u ± half_v",
-        flat(_unbounded), flat(lambda a, b, u, v: np.abs(a) <= 1), flat(lambda a, b, u, v: np.abs(b) <= 1)),
+        *_inside("np.isfinite(t)", IN_U, IN_V)),
     row("abs-missing", SOLVER,
         "your rectangles end on one side only: a point may lie on either side of the centre, |q·u| <= u·u, "
         "|q·v| <= v·v",
-        *(flat(lambda a, b, u, v, k=k: (k * a <= 1) & (k * b <= 1)) for k in (1, -1)),
-        *(flat(lambda a, b, u, v, k=k: (k * a <= 1) & (np.abs(b) <= 1)) for k in (1, -1)),
-        *(flat(lambda a, b, u, v, k=k: (np.abs(a) <= 1) & (k * b <= 1)) for k in (1, -1))),
+        *_inside(*(_between(*way) for way in (
+            (("-np.inf", "1"),) * 2, (("-1", "np.inf"),) * 2, (("-np.inf", "1"), ("-1", "1")),
+            (("-1", "np.inf"), ("-1", "1")), (("-1", "1"), ("-np.inf", "1")), (("-1", "1"), ("-1", "np.inf")))))),
     row("half-a-rectangle", SOLVER,
         "only a triangle of each rectangle is there: a rectangle is two of them, or |q·u| <= u·u and |q·v| <= v·v",
-        *(flat(lambda a, b, u, v, k=k: _in_edges(a, b, u, v) & (k * (a + b) <= 0)) for k in (1, -1)),
-        flat(lambda a, b, u, v: (a >= 0) & (b >= 0) & (a + b <= 1))),
+        *_also(f"{ALONG[0]} + {ALONG[1]} <= 0", f"{ALONG[0]} + {ALONG[1]} >= 0"),
+        *_inside(f"({ALONG[0]} >= 0) & ({ALONG[1]} >= 0) & ({ALONG[0]} + {ALONG[1]} <= 1)")),
     row("grazing-plane-lost", SOLVER,
         "planes that are seen at a grazing angle are lost: only n·d = 0 itself, or less than 1e-9, is a miss",
-        *(put(rectangle=partial(_not_grazing, least=k)) for k in (0.5, 0.3, 0.1, 0.05))),
+        *_also(*(f"{GRAZING} > {k}" for k in (0.5, 0.3, 0.1, 0.05)))),
     row("or-for-and", SOLVER,
         "a point counts as inside a rectangle where one of the two bounds holds: both have to, |q·u| <= u·u and "
         "|q·v| <= v·v",
-        flat(lambda a, b, u, v: (np.abs(a) <= 1) | (np.abs(b) <= 1))),
+        *_inside(f"({IN_U}) | ({IN_V})")),
     row("extent-not-unit", SOLVER,
         "the extent of your rectangles is measured along half_u and half_v without dividing by their lengths: "
         "|q·u| <= u·u, or |q·u| / |u| <= |u|",
-        *(flat(reach(lambda u, v, k=k: u**k, lambda u, v, k=k: v**k)) for k in (-1, -2, 1))),
+        *_inside(_reach(NU, NV), _reach("1", "1"), _reach(f"{NU}**3", f"{NV}**3"))),
     row("extent-from-elsewhere", SOLVER,
         "a rectangle's extent is measured from the wrong point: q = p - center, where p = origin + t direction",
-        flat(about=0), flat(start=0), flat(about=0, start=0)),
+        *plane("directions - center => directions", "q = origins + t => q = t",
+               "q = origins + t[:, None] * directions - center => q = t[:, None] * directions")),
     row("box-for-rectangle", SOLVER,
         "a rectangle's extent is tested along the axes of the board, so that turned ones have another shape: test "
         "along its own edges, |q·u| <= u·u, |q·v| <= v·v",
-        *(put(rectangle=partial(_boxed, size=f)) for f in (
-            lambda u, v: np.abs(u) + np.abs(v), lambda u, v: [*(np.abs(u) + np.abs(v))[:2], np.inf],
-            lambda u, v: [np.linalg.norm(u), np.linalg.norm(v), np.inf],
-            lambda u, v: [abs(u[0]), abs(v[1]), np.inf]))),
+        *_inside(*(f"(np.abs(q[:, :{n}]) <= {size} + 1e-6).all(axis=-1)" for n, size in (
+            (3, "np.abs(half_u) + np.abs(half_v)"), (2, "(np.abs(half_u) + np.abs(half_v))[:2]"),
+            (2, f"np.array([{NU}, {NV}])"), (2, "np.abs([half_u[0], half_v[1]])"))))),
     row("corner", SOLVER,
         "your rectangles begin at their centre: a plane's center is its middle, and it reaches from -half_u to half_u",
-        *(flat(lambda a, b, u, v, k=k: (a >= 0) & (a <= k) & (b >= 0) & (b <= k)) for k in (1, 2)),
-        *(flat(lambda a, b, u, v, k=k: (a >= 0) & (a <= k) & (np.abs(b) <= 1)) for k in (1, 2)),
-        *(flat(lambda a, b, u, v, k=k: (np.abs(a) <= 1) & (b >= 0) & (b <= k)) for k in (1, 2))),
+        *_inside(*(_between(*way) for k in ("1", "2") for way in (
+            (("0", k),) * 2, (("0", k), ("-1", "1")), (("-1", "1"), ("0", k)))))),
     row("edges-swapped", SOLVER, "half_u and half_v are mixed up in a rectangle's test: |q·u| <= u·u, |q·v| <= v·v",
-        flat(reach(lambda u, v: v / u, lambda u, v: u / v)),
-        *(flat(reach(ONE, lambda u, v, k=k: (u / v) ** k)) for k in (1, 2)),
-        *(flat(reach(lambda u, v, k=k: (v / u) ** k, ONE)) for k in (1, 2))),
+        *_inside(_reach(f"{NU} * {NV}", f"{NU} * {NV}"), *(way for k in (1, 2) for way in (
+            _reach("half_u @ half_u", f"{NV}**2 * ({NU} / {NV}) ** {k}"),
+            _reach(f"{NU}**2 * ({NV} / {NU}) ** {k}", "half_v @ half_v"))))),
     row("disc-for-rectangle", SOLVER,
         "your planes have another shape: a rectangle ends at center ± half_u ± half_v, |a| <= 1 and |b| <= 1 each by "
         "itself",
-        *(flat(lambda a, b, u, v, r=r: np.hypot(a * u, b * v) <= r(u, v)) for r in (
-            max, min, np.hypot, lambda u, v: u, lambda u, v: v)),
-        flat(lambda a, b, u, v: np.hypot(a, b) <= 1), flat(lambda a, b, u, v: np.abs(a) + np.abs(b) <= 1)),
+        *_inside(*(f"np.linalg.norm(q, axis=-1) <= {r}" for r in (
+            f"max({NU}, {NV})", f"min({NU}, {NV})", f"np.hypot({NU}, {NV})", NU, NV)),
+            f"np.hypot({ALONG[0]}, {ALONG[1]}) <= 1", f"np.abs({ALONG[0]}) + np.abs({ALONG[1]}) <= 1")),
     row("plane-through-origin", SOLVER, "your planes go through the origin: (p - center)·n = 0",
-        flat(through=0, about=0), flat(through=0)),
+        *plane("center - origins => -origins ;; directions - center => directions", "center - origins => -origins")),
     row("plane-t", SOLVER,
         "the planes' t is wrong: t = (center - origin)·n / d·n, with these signs, and the same n above and below",
-        *(flat(of_t=f) for f in (lambda t, k: -t, lambda t, k: t * k, lambda t, k: t / k, lambda t, k: 1 / t))),
+        *plane("center - origins => origins - center", f"{T} => {T} * np.linalg.norm(n)",
+               f"{T} => {T} / np.linalg.norm(n)", f"{T} => (directions @ n) / ((center - origins) @ n)")),
     row("one-sided", SOLVER,
         "planes are met from one side only: they are rectangles that are seen, lit and cast shadows from both sides",
-        *(put(rectangle=partial(_culled, sign=k)) for k in (1, -1)),
-        *(only_seen(put(rectangle=partial(_culled, sign=k))) for k in (1, -1)),
-        *(lambda s, k=k: in_shadow_test(put(rectangle=partial(_culled, sign=k)))(s) for k in (1, -1))),
+        *(of(way) for of in (both, only_seen, in_shadow_test)
+          for way in _also("directions @ n < 0", "directions @ n > 0"))),
     row("edges-not-turned", SOLVER,
         "the planes' centres are in one frame and their edges in another: half_u and half_v are turned by R, too",
         *(other(partial(_edges_turned, turn=f)) for f in (lambda R: R.T, lambda R: R, lambda R: R.T @ R.T)),
@@ -955,15 +813,19 @@ SOLVERS = (
         other(_edges_moved)),
     row("half-edges", SOLVER,
         "your rectangles have the wrong size: half_u and half_v are half-edges, from the centre to the rim",
-        *(flat(reach(lambda u, v, k=k: k, lambda u, v, k=k: k)) for k in (0.5, 2.0))),
+        *_inside(*(_reach(f"{k} * (half_u @ half_u)", f"{k} * (half_v @ half_v)") for k in (0.5, 2.0)))),
     row("cross-product", SOLVER,
         "your planes are tilted, half_u × half_v goes wrong: it is (u_y v_z - u_z v_y, u_z v_x - u_x v_z, "
         "u_x v_y - u_y v_x), divided by its length in all three components",
-        *(tilted(partial(_mistyped, k=k, how=how)) for how in ("sign", "plus", "of k", "of j") for k in (1, 2, 0)),
-        *(tilted(partial(_half_made_unit, k=k)) for k in range(3))),
+        *_crossed(*(f"n[{k}] = {wrong.format(i=(k + 1) % 3, j=(k + 2) % 3, k=k)}" for wrong in (
+            "-n[{k}]", "half_u[{i}] * half_v[{j}] + half_u[{j}] * half_v[{i}]",
+            "half_u[{i}] * half_v[{j}] - half_u[{j}] * half_v[{k}]",
+            "half_u[{i}] * half_v[{j}] - half_u[{j}] * half_v[{j}]") for k in (1, 2, 0))),
+        *(both(*plane(f"{CROSS} => {CROSS}\n    n[{k}] = n[{k}] * np.linalg.norm(n)"), *normals_at(
+            f"np.tile(n / np.linalg.norm(n) => np.tile(np.where(np.arange(3) == {k}, n, n / np.linalg.norm(n))"))
+          for k in range(3))),
     row("planes-behind", SOLVER, "planes behind the ray's start count too: keep t > 0 alone",
-        put(rectangle=_either), both(put(rectangle=_either), lambda s: s._replace(blocked=offset_by(1e-6))),
-        flat(of_t=lambda t, k: np.abs(t))),
+        *plane(f"{MET} => inside", f"{T} => np.abs({T})")),
 )  # fmt: skip
 
 
@@ -1191,11 +1053,6 @@ ORDERS = (
 # ------------------------------------------------------------------------------------------ normals
 
 
-def _of_plane(n: Array, p: Array, rays: Rays, thing: Shape, sign: int = 1) -> Array:
-    """half_u × half_v, whichever side is seen."""
-    return sign * _fixed(n, thing.normal) if isinstance(thing, Rectangle) else n
-
-
 def _backs_shaded(x: Terms) -> Terms:
     """Planes that are seen from behind meet themselves on the way to the sun."""
     own = np.array([getattr(thing, "normal", (0, 0, 0)) for thing in x.scene.objects] + [(0, 0, 0)])[x.hits.ids].T
@@ -1209,16 +1066,6 @@ def _fixed(n: Array, axis: Any) -> Array:
 
 def _turned_to_eye(n: Array, rays: Rays) -> Array:
     return np.where((n * rays.d).sum(axis=0) > 0, -n, n)
-
-
-def _along_edge(n: Array, p: Array, rays: Rays, thing: Shape, edge: int) -> Array:
-    if isinstance(thing, Sphere):
-        return n
-    return _turned_to_eye(_fixed(n, _unit((thing.half_u, thing.half_v)[edge])), rays)
-
-
-def _unit(v: Any) -> Array:
-    return np.asarray(v) / np.linalg.norm(v)
 
 
 def _on_plane(x: Terms) -> Array:
@@ -1238,19 +1085,6 @@ def _turned_by_origin(n: Array, p: Array, rays: Rays, thing: Shape, sign: int, f
     return flat * n if abs(side) < 1e-9 else axis * (1 if side < 0 else -1)
 
 
-def _turned_by_eye(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
-    """A plane's by n·eye, as if it went through the origin."""
-    return n if is_sphere(thing) else n * np.where((n * rays.origin).sum(axis=0) < 0, -1, 1)
-
-
-def _from_origin(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
-    return _made_unit(p) if is_sphere(thing) else n
-
-
-def _from_eye(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
-    return _made_unit(p - rays.origin) if is_sphere(thing) else n
-
-
 def _of_other_center(x: Terms, k: int, unit: bool, inside: bool) -> Terms:
     """Take the normal of the first or last sphere; `inside`: where it points inwards, shadow rays start inside."""
     if not x.scene.spheres:
@@ -1260,14 +1094,6 @@ def _of_other_center(x: Terms, k: int, unit: bool, inside: bool) -> Terms:
     n = np.where(flat, x.hits.normal, _made_unit(n) if unit else n)
     dark = (inside and x.shadows) & ((n * x.hits.normal).sum(axis=0) < 0)
     return x._replace(cos=np.array(x.scene.sun.to_light) @ n, visible=np.where(dark, 0.0, x.visible))
-
-
-def _edges_crossed(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
-    return n if isinstance(thing, Sphere) else n * np.linalg.norm(np.cross(thing.half_u, thing.half_v))
-
-
-def _albedo_for_normal(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
-    return _fixed(n, thing.material.albedo)
 
 
 def _by_number(x: Terms, inside: bool) -> Terms:
@@ -1284,10 +1110,6 @@ def _by_number(x: Terms, inside: bool) -> Terms:
     return x._replace(cos=np.array(x.scene.sun.to_light) @ n, visible=x.visible * ~dark)
 
 
-def _by_area(n: Array, p: Array, rays: Rays, thing: Shape) -> Array:
-    return n if isinstance(thing, Sphere) else n / np.linalg.norm(np.cross(thing.half_u, thing.half_v))
-
-
 def _turned_by_camera_ray(x: Terms, spheres: bool, inside: bool) -> Terms:
     """n·d with d in the camera's axes; `spheres`: theirs, too; `inside`: shadow rays start within, and meet them."""
     d = x.hits.point - np.array(x.scene.camera.eye)[:, None]
@@ -1296,10 +1118,6 @@ def _turned_by_camera_ray(x: Terms, spheres: bool, inside: bool) -> Terms:
     away = ((n * (np.asarray(x.scene.camera.R_cam_board) @ d)).sum(axis=0) > 0) & (flat | spheres)
     dark = away & ~flat & (inside and x.shadows)
     return x._replace(cos=np.array(x.scene.sun.to_light) @ np.where(away, -n, n), visible=x.visible * ~dark)
-
-
-def _axis_turned(n: Array, k: int) -> Array:
-    return np.where(np.arange(3)[:, None] == k, -n, n)
 
 
 @lru_cache(maxsize=8)
@@ -1334,63 +1152,74 @@ def _by_norm(x: Terms, of: str) -> Terms:
     return x._replace(cos=(n * np.array(x.scene.sun.to_light)[:, None]).sum(axis=0))
 
 
-def _times_radius(n: Array, p: Array, rays: Rays, thing: Shape, power: int) -> Array:
-    return n * thing.radius**power if isinstance(thing, Sphere) else n
-
-
 PLANES_BY_ORIGIN = (
     "the planes' normals are turned round by n·p, p measured from the board's origin: which side the eye sees is told "
     "by n·d"
 )
+FACED = "n = np.where(towards, n, -n)"
+FREE = f'{FACED} => n = n if "radius" in thing else np.where(towards, n, -n)'
+BALL, UP = '(points - thing["center"]) / thing["radius"]', "np.tile([0.0, 0.0, 1.0], (len(points), 1))"
+PAINT = 'np.tile(thing["albedo"], (len(points), 1))'
+
+
+def _ball(*texts: str) -> tuple[Change, ...]:
+    """Other normals of spheres."""
+    return normals_at(*(f"{FREE} ;; {BALL} => {text}" for text in texts))
+
+
+def _flat(*texts: str) -> tuple[Change, ...]:
+    """Other normals of planes, once they are half_u × half_v made unit."""
+    return normals_at(*(f'{FACED} => n = n if "radius" in thing else {text}' for text in texts))
+
+
 NORMALS_ = (
     row("normal-inward", NORMALS,
         "the spheres' normals point inwards: n = (p - center) / radius, from the centre to the point",
-        on_spheres(lambda n: -n)),
+        *_ball('(thing["center"] - points) / thing["radius"]')),
     row("all-normals-inward", NORMALS,
         "the normals point away from the eye, those of planes too: turn them round",
-        normals(lambda n, *_: -n)),
+        *normals_at("np.where(towards, n, -n) => np.where(towards, -n, n)")),
     row("plane-normal-turned", NORMALS,
         "the planes' normals point to the side that the eye does not see: turn them round where n·d > 0",
-        normals(lambda n, p, rays, thing: n if is_sphere(thing) else -n)),
+        *_flat("np.where(towards, -n, n)")),
     row("plane-normal-fixed", NORMALS,
         "the planes' normals are half_u × half_v whatever side is seen, in shading or where shadow rays start: turn "
         "them round where n·d > 0",
-        normals(_of_plane), normals(lambda n, p, rays, thing: _of_plane(n, p, rays, thing, -1)),
-        both(normals(_of_plane), put(blocked=others_hide), terms(_backs_shaded)), terms(_backs_shaded)),
+        *_flat("n", "-n"), both(*_flat("n"), put(blocked=others_hide), terms(_backs_shaded)), terms(_backs_shaded)),
     row("plane-faces-light", NORMALS,
         "planes are lit on both sides at once, their normals turned to the sun, or up: a normal belongs to the side "
         "that the eye sees, and max(0, n·l) is 0 where that is turned away from the sun",
         both(put(blocked=others_hide), terms(_lit_behind)), terms(_lit_behind),
-        normals(lambda n, p, rays, thing: n if is_sphere(thing) else n * np.where(n[2] < 0, -1, 1))),
+        *_flat("np.where(n[:, 2:] < 0, -n, n)")),
     row("plane-normal-by-origin", NORMALS,
         PLANES_BY_ORIGIN,
         *(normals(partial(_turned_by_origin, sign=k)) for k in (1, -1)),
-        normals(_turned_by_eye)),
+        *_flat("np.where(np.sum(n * eye, axis=-1, keepdims=True) < 0, -n, n)")),
     row("plane-normal-up", NORMALS, "the planes' normals are taken for the board's z axis: they are half_u × half_v",
-        normals(lambda n, p, rays, thing: n if is_sphere(thing) else _fixed(n, (0.0, 0.0, 1.0))),
-        normals(lambda n, p, rays, thing: n if is_sphere(thing) else _turned_to_eye(_fixed(n, (0.0, 0.0, 1.0)), rays))),
+        *_flat(UP), *normals_at(f"{CROSS_AT} => n = np.array([0.0, 0.0, 1.0])")),
     row("normal-turned-by-other-ray", NORMALS,
         "normals are turned to the eye by a ray in another frame: in n·d both have to be in the board's",
         *(both(put(blocked=others_hide), terms(partial(_turned_by_camera_ray, spheres=balls, inside=dark)))
           for balls, dark in ((True, False), (True, True), (False, False)))),
     row("plane-normal-edge", NORMALS, "the planes' normals lie in the plane: they are half_u × half_v",
-        *(normals(partial(_along_edge, edge=k)) for k in (0, 1))),
+        *normals_at(*(f'{CROSS_AT} => n = thing["{edge}"]' for edge in ("half_u", "half_v")))),
     row("normal-not-unit", NORMALS,
         "the spheres' normals are not unit: divide p - center by the radius",
-        *(normals(partial(_times_radius, power=k)) for k in (1, 2))),
+        *_ball('points - thing["center"]', '(points - thing["center"]) * thing["radius"]')),
     row("normal-by-radius-twice", NORMALS,
         "the spheres' normals are divided by the radius once too often: (p - center) / radius is unit",
-        normals(partial(_times_radius, power=-1))),
+        *_ball(f'{BALL} / thing["radius"]')),
     row("made-unit-by-square", NORMALS,
         "vectors are divided by v·v, the square of their length: v / √(v·v) is unit",
-        both(normals(partial(_times_radius, power=-1)), normals(_by_area)), normals(_by_area)),
+        *normals_at(f'{FREE} ;; {BALL} => {BALL} / thing["radius"] ;; n / np.linalg.norm(n) => n / (n @ n)',
+                    "n / np.linalg.norm(n) => n / (n @ n)")),
     row("normal-by-whole-norm", NORMALS,
         "the normals are divided by the norm of the whole array, or along the wrong axis: each by its own length, "
         "np.linalg.norm(n, axis=-1, keepdims=True)",
         *(terms(partial(_by_norm, of=of)) for of in ("drawn", "left", "columns", "all", "all columns"))),
     row("normal-from-origin", NORMALS,
         "the spheres' normals point away from the origin, not from the sphere's centre: n = (p - center) / radius",
-        normals(_from_origin), normals(_from_eye)),
+        *_ball(*(f"({p}) / np.linalg.norm({p}, axis=-1, keepdims=True)" for p in ("points", "points - eye")))),
     row("normal-of-another", NORMALS,
         "the spheres' normals point away from another sphere's centre: n = (p - center) / radius, with the centre of "
         "the sphere that was hit",
@@ -1402,18 +1231,19 @@ NORMALS_ = (
         *(both(put(blocked=others_hide), terms(partial(_by_number, inside=dark))) for dark in (True, False))),
     row("normal-to-eye", NORMALS,
         "the spheres' normals are the directions to the eye: n = (p - center) / radius",
-        normals(lambda n, p, rays, thing: -_made_unit(p - rays.origin) if is_sphere(thing) else n)),
+        *_ball("(eye - points) / np.linalg.norm(eye - points, axis=-1, keepdims=True)")),
     row("plane-normal-not-unit", NORMALS,
         "the planes' normals are not unit: half_u × half_v has to be divided by its length",
-        normals(_edges_crossed)),
+        *normals_at("np.tile(n / np.linalg.norm(n) => np.tile(n")),
     row("one-array", NORMALS,
         "normals and albedo (or points) are kept in one and the same array, so that writing one overwrites the other: "
         "make one for each, a = b = np.zeros(...) makes only one",
-        normals(_albedo_for_normal), normals(lambda *of: _turned_to_eye(_albedo_for_normal(*of), of[2])),
-        normals(lambda n, p, rays, thing: p), _colour(lambda x: x.hits.normal)),
+        *normals_at(f"{FACED} => n = {PAINT}", f"towards = np => n = {PAINT}\n        towards = np",
+                    f"{FACED} => n = points"),
+        _colour(lambda x: x.hits.normal)),
     row("normal-axis", NORMALS,
         "one axis of the normals has the wrong sign",
-        *(on_spheres(partial(_axis_turned, k=k)) for k in range(3))),
+        *_ball(*(f"{BALL} * {signs}" for signs in ([-1, 1, 1], [1, -1, 1], [1, 1, -1])))),
 )  # fmt: skip
 
 
@@ -1486,13 +1316,6 @@ def _off_position(to: Array, scene: Scene, hits: Hits) -> Array:
     return _made_unit(hits.point - to)
 
 
-def _dotted(x: Terms, k: int, how: str) -> Terms:
-    """n·l with one of its three products wrong."""
-    n, l = x.hits.normal, np.array(x.scene.sun.to_light)  # noqa: E741
-    made = {"n n": n[k] * n[k], "l l": l[k] * l[k] + 0 * n[k], "none": 0 * n[k]}
-    return x._replace(cos=3 * n[k] * l[k] if how == "all" else x.cos - n[k] * l[k] + made[how])
-
-
 def _to_place_by_eye(to: Array, scene: Scene, hits: Hits) -> Array:
     """The same in the camera's frame."""
     return _made_unit(to + np.array(scene.camera.eye)[:, None] - hits.point)
@@ -1500,10 +1323,6 @@ def _to_place_by_eye(to: Array, scene: Scene, hits: Hits) -> Array:
 
 def _grey(x: Array) -> Array:
     return np.broadcast_to(x.mean(axis=0, keepdims=True), x.shape)
-
-
-def _one_for_all(x: Terms, f: Callable[[Array], Any]) -> Array:
-    return np.asarray(f(x.irradiance) / x.irradiance)
 
 
 def _permuted(*order: int, sign: tuple[int, int, int] = (1, 1, 1)) -> Callable[[Array, Scene, Hits], Array]:
@@ -1556,40 +1375,14 @@ def _on_kind(x: Terms, planes: bool, k: float) -> Array:
     return np.where(_on_plane(x) == planes, k, 1.0)
 
 
-def _summed(x: Terms, light: Array) -> Array:
-    """albedo @ light, the same in all channels."""
-    return np.broadcast_to((x.albedo * light).sum(axis=0), x.albedo.shape)
-
-
 def _sky_scaled(scene: Scene, k: float) -> Array:
     return k * np.array(scene.sky.radiance)
-
-
-def _ambient_of(x: Terms, k: float) -> Array:
-    return sun(x) + k * x.albedo
-
-
-def _sky_inside(x: Terms) -> Array:
-    """The clamp is put round sun and sky together."""
-    return np.maximum(x.albedo / pi * x.irradiance * x.visible * x.cos + x.albedo * x.sky, 0)
-
-
-def _sky_in_cosine(x: Terms) -> Array:
-    return x.albedo / pi * x.irradiance * x.visible * np.maximum(x.cos + x.sky, 0)
-
-
-def _sky_as_irradiance(x: Terms) -> Array:
-    return np.maximum(x.albedo / pi * (x.irradiance * x.visible * x.cos + pi * x.sky), 0)
 
 
 def _falloff(x: Terms) -> Array:
     """1 / (distance to to_light, taken for a place)²."""
     away = np.array(x.scene.sun.to_light)[:, None] - x.hits.point
     return 1 / np.maximum((away * away).sum(axis=0), 1e-12)
-
-
-def _by_angle(x: Terms, f: Callable[[Array], Array]) -> Array:
-    return sun(x, f(np.clip(x.cos, 0, 1))) + ambient(x)
 
 
 def _by_distance(x: Terms, power: int) -> Array:
@@ -1609,6 +1402,14 @@ def where_cast(change: Change) -> Change:
     return both(put(blocked=others_hide), change)
 
 
+shade = partial(slips, "shade")
+COS = "np.sum(normals * to_light, axis=-1, keepdims=True)"
+CLAMPED, SUN, SUM = (
+    f"np.maximum(0, {COS})",
+    "albedo / np.pi * irradiance * cosine",
+    ("albedo / np.pi * irradiance * cosine + albedo * sky"),
+)
+SUMMED, SUMMED_SKY = (f"np.repeat(albedo @ {light}[:, None], 3, axis=-1)" for light in ("irradiance", "sky"))
 LIGHTS = (
     row("light-reversed", LIGHT,
         "the light comes from the wrong side: to_light points from the surface to the sun, use it as it is",
@@ -1616,7 +1417,8 @@ LIGHTS = (
     row("light-reversed-in-shading", LIGHT,
         "n·l is taken with the wrong sign of l, though shadow rays go the right way: to_light points from the surface "
         "to the sun, use it as it is",
-        *(both(half_lit(lambda to, *_: -to), put(blocked=test)) for test in (others_hide, offset_by(1e-6)))),
+        *(both(half_lit(lambda to, *_: -to), put(blocked=test)) for test in (others_hide, offset_by(1e-6))),
+        alone=shade(f"{CLAMPED} => np.maximum(0, -{COS})", f"{CLAMPED} => np.minimum(0, {COS})")),
     row("light-in-camera-frame", LIGHT,
         "the sun's direction is given in the board's frame, but your normals are in the camera's (or the other way "
         "round): turn one of them by R",
@@ -1643,43 +1445,45 @@ LIGHTS = (
         "to_light is used as a point that the light sits at: it is a direction, the same for every surface",
         lit(_to_position), both(lit(_to_position), sun_times(_falloff)), half_lit(_to_position), lit(_to_place_by_eye),
         half_lit(_off_position), both(half_lit(_off_position), put(blocked=offset_by(1e-6))),
-        both(half_lit(_to_position), sun_times(_falloff))),
+        both(half_lit(_to_position), sun_times(_falloff)),
+        alone=shade(f"{CLAMPED} => np.maximum(0, np.sum(normals * (to_light - points), axis=-1, keepdims=True) / "
+                    "np.linalg.norm(to_light - points, axis=-1, keepdims=True))")),
     row("light-at-eye", LIGHT,
         "surfaces are lit from the eye, by n·d of the ray that sees them: the sun's light falls along to_light",
         half_lit(partial(_to_eye, sign=1)), half_lit(partial(_to_eye, sign=-1))),
     row("dot-product", LIGHT,
         "n·l is mistyped: it is n_x l_x + n_y l_y + n_z l_z, each component with the same one of the other",
-        *(terms(partial(_dotted, k=k, how=how)) for how in ("n n", "l l", "none", "all") for k in (2, 0, 1))),
+        *shade(*(f"{COS} => ({COS} - normals[:, {k}:{k + 1}] * to_light[{k}] + {term.format(k=k)})" for term in (
+            "normals[:, {k}:{k}+1] ** 2", "to_light[{k}] ** 2", "0") for k in (2, 0, 1)),
+            *(f"{COS} => 3 * normals[:, {k}:{k + 1}] * to_light[{k}]" for k in (2, 0, 1)))),
     row("no-clamp", LIGHT,
         "light is negative where a surface faces away from the sun: max(0, n·l)",
-        shaded(lambda x: sun(x, x.cos) + ambient(x))),
+        *shade(f"{CLAMPED} => {COS}")),
     row("abs-cosine", LIGHT,
         "surfaces that face away from the sun are lit: max(0, n·l), not |n·l|",
-        shaded(lambda x: sun(x, np.abs(x.cos)) + ambient(x)),
-        both(put(blocked=others_hide), shaded(lambda x: sun(x, np.abs(x.cos)) + ambient(x)))),
+        *(both(*test, *shade(f"{CLAMPED} => np.abs({COS})")) for test in ((), (put(blocked=others_hide),)))),
     row("squared-cosine", LIGHT, "the cosine is squared: max(0, n·l) goes in once",
-        shaded(lambda x: sun(x, np.maximum(x.cos, 0) ** 2) + ambient(x)),
-        shaded(lambda x: sun(x, x.cos**2) + ambient(x))),
+        *shade(f"{CLAMPED} => {CLAMPED} ** 2", f"{CLAMPED} => {COS} ** 2")),
     row("angle-for-cosine", LIGHT,
         "n·l is the cosine of the angle already: take no arccos, cos or sin of it, and no degrees",
-        *(shaded(partial(_by_angle, f=f)) for f in (
-            np.cos, np.arccos, lambda c: np.sqrt(1 - c * c), lambda c: np.cos(np.degrees(np.arccos(c)))))),
+        *shade(*(f"{CLAMPED} => {f.format(c=f'np.clip({COS}, 0, 1)')}" for f in (
+            "np.cos({c})", "np.arccos({c})", "np.sqrt(1 - {c} ** 2)", "np.cos(np.degrees(np.arccos({c})))")),
+            f"{CLAMPED} => np.maximum(0, np.arccos({COS}))")),
     row("distance-falloff", LIGHT,
         "the sun's light gets weaker with distance: the sun is so far away that its irradiance is the same everywhere",
         *(sun_times(partial(_by_distance, power=k)) for k in (2, 1)),
         both(sun_times(partial(_by_distance, power=2)), sky_times(partial(_by_distance, power=2)))),
     row("no-cosine", LIGHT, "the cosine is missing: the sun's light falls with max(0, n·l)",
-        shaded(lambda x: sun(x, np.where(x.cos > 0, 1.0, 0.0)) + ambient(x)),
-        shaded(lambda x: sun(x, 1.0) + ambient(x))),
+        *shade(f"{CLAMPED} => ({COS} > 0)", f"{CLAMPED} => np.ones_like({COS})")),
     row("half-lambert", LIGHT, "n·l is mapped to 0..1 as (1 + n·l) / 2: it has to be max(0, n·l)",
-        shaded(lambda x: sun(x, (1 + x.cos) / 2) + ambient(x)),
-        shaded(lambda x: sun(x, ((1 + x.cos) / 2) ** 2) + ambient(x))),
+        *shade(f"{CLAMPED} => (1 + {COS}) / 2", f"{CLAMPED} => ((1 + {COS}) / 2) ** 2")),
     row("albedo-missing-sun", LIGHT, "the albedo is missing in the sun's part: albedo/π E max(0, n·l)",
-        shaded(lambda x: sun(x._replace(albedo=np.ones_like(x.albedo))) + ambient(x))),
+        *shade("albedo / np.pi => 1 / np.pi")),
     row("albedo-missing", LIGHT, "the albedo is missing: it multiplies the sun's part and the sky's",
-        _colour(lambda x: np.ones_like(x.albedo))),
+        *shade(f"{SUM} => irradiance / np.pi * cosine + sky + 0 * albedo")),
     row("albedo-squared", LIGHT, "the albedo is multiplied in twice",
-        _colour(lambda x: x.albedo**2), sun_times(lambda x: x.albedo), sky_times(lambda x: x.albedo)),
+        *shade("albedo / np.pi => albedo**2 / np.pi ;; albedo * sky => albedo**2 * sky",
+               "albedo / np.pi => albedo**2 / np.pi", "albedo * sky => albedo**2 * sky")),
     row("albedo-decoded", LIGHT, "the albedo is treated as a display colour: it is linear, use it as it is",
         _colour(lambda x: srgb_decode(x.albedo)), _colour(lambda x: x.albedo**2.2),
         _colour(lambda x: srgb_encode(x.albedo)), _colour(lambda x: x.albedo ** (1 / 2.2)),
@@ -1698,9 +1502,8 @@ LIGHTS = (
     row("channels-summed", LIGHT,
         "albedo and light are multiplied by a dot product (@), which sums over the channels: multiply channel by "
         "channel (*)",
-        shaded(lambda x: _summed(x, x.irradiance) / pi * x.visible * np.maximum(x.cos, 0) + ambient(x)),
-        shaded(lambda x: _summed(x, x.irradiance) / pi * x.visible * np.maximum(x.cos, 0) + _summed(x, x.sky)),
-        shaded(lambda x: sun(x) + _summed(x, x.sky))),
+        *shade(f"{SUN} => {SUMMED} / np.pi * cosine", f"albedo * sky => {SUMMED_SKY}",
+               f"{SUN} => {SUMMED} / np.pi * cosine ;; albedo * sky => {SUMMED_SKY}")),
     row("changed-in-place", LIGHT,
         "the scene's own array is changed in place (*=, /=), so that each object changes the light of the next one: "
         "write a = b * c",
@@ -1711,22 +1514,26 @@ LIGHTS = (
         _colour(lambda x: x.albedo[::-1]), _colour(lambda x: np.broadcast_to(x.albedo[:1], x.albedo.shape)),
         _colour(lambda x: _grey(x.albedo))),
     row("light-colour", LIGHT, "the light's colour is lost: irradiance and sky have three channels",
-        *(sun_times(partial(_one_for_all, f=f)) for f in (np.mean, lambda E: E[:1], np.max, np.linalg.norm, np.sum)),
-        sun_times(lambda x: x.irradiance[::-1] / x.irradiance),
-        sky_times(lambda x: _grey(x.sky) / np.maximum(x.sky, 1e-9)),
-        sky_times(lambda x: x.sky[:1] / np.maximum(x.sky, 1e-9))),
+        *shade(*(f"* irradiance => * {one}" for one in (
+            "np.mean(irradiance)", "irradiance[0]", "np.max(irradiance)", "np.linalg.norm(irradiance)",
+            "np.sum(irradiance)", "irradiance[::-1]")), "albedo * sky => albedo * np.mean(sky)",
+               "albedo * sky => albedo * sky[0]")),
     row("irradiance-missing", LIGHT, "the sun's irradiance E is missing: albedo/π E max(0, n·l)",
-        sun_times(lambda x: 1 / x.irradiance), sun_times(lambda x: pi / x.irradiance),
-        sun_times(lambda x: 1 / x.irradiance.max()), sun_times(lambda x: 1 / np.linalg.norm(x.irradiance))),
-    row("irradiance-squared", LIGHT, "the sun's irradiance is multiplied in twice", sun_times(lambda x: x.irradiance)),
+        *shade(*(f"* irradiance => {new}" for new in (
+            "* (irradiance > 0)", "* np.pi * (irradiance > 0)", "* irradiance / max(np.max(irradiance), 1e-300)",
+            "* irradiance / max(np.linalg.norm(irradiance), 1e-300)")))),
+    row("irradiance-squared", LIGHT, "the sun's irradiance is multiplied in twice",
+        *shade("* irradiance => * irradiance**2")),
     row("pi-multiplied", LIGHT, "the sun's part is multiplied by π where it has to be divided: albedo/π E max(0, n·l)",
-        sun_times(pi * pi)),
+        *shade("/ np.pi => * np.pi")),
     row("pi-missing", LIGHT,
         "the sun's part is π times too bright: a Lambertian surface reflects albedo/π, not albedo",
-        sun_times(pi)),
-    row("pi-twice", LIGHT, "the sun's part is divided by π twice", sun_times(1 / pi)),
+        *shade(" / np.pi => ")),
+    row("pi-twice", LIGHT, "the sun's part is divided by π twice",
+        *shade("/ np.pi => / np.pi**2")),
     row("pi-missing-everywhere", LIGHT, "everything that is lit is π times too bright: reflection is albedo/π of the "
-        "irradiance, and a sky of constant radiance gives π Lₛ of it", both(sun_times(pi), sky_times(pi))),
+        "irradiance, and a sky of constant radiance gives π Lₛ of it",
+        *shade(f"{SUM} => np.pi * ({SUM})")),
     row("one-kind-by-pi", LIGHT,
         "spheres and planes are shaded by different formulas, the sun's part of one of them π times too bright or too "
         "dark: both reflect albedo/π E max(0, n·l)",
@@ -1736,35 +1543,45 @@ LIGHTS = (
           "albedo/π E max(0, n·l) + albedo Lₛ",
           *(times(partial(_on_kind, planes=planes, k=0.0)) for planes in (False, True)))
       for name, times in (("sun", sun_times), ("sky", sky_times))),
-    row("sun-twice", LIGHT, "the sun's light is added twice", sun_times(2)),
-    row("sun-half", LIGHT, "the sun's part is half as bright as it should be", sun_times(0.5)),
-    row("sun-missing", LIGHT, "the sun's part is missing: only the sky's light is there", sun_times(0)),
-    row("sky-twice", LIGHT, "the sky's light is added twice", sky_times(2)),
-    row("sky-missing", LIGHT, "the sky's light (albedo times sky) is missing on surfaces", sky_times(0)),
+    row("sun-twice", LIGHT, "the sun's light is added twice",
+        *shade("albedo / np.pi => 2 * albedo / np.pi")),
+    row("sun-half", LIGHT, "the sun's part is half as bright as it should be",
+        *shade("np.pi => (2 * np.pi)")),
+    row("sun-missing", LIGHT, "the sun's part is missing: only the sky's light is there",
+        *shade(f"{SUM} => albedo * sky + 0 * cosine")),
+    row("sky-twice", LIGHT, "the sky's light is added twice",
+        *shade("albedo * sky => 2 * albedo * sky")),
+    row("sky-missing", LIGHT, "the sky's light (albedo times sky) is missing on surfaces",
+        *shade(f"{SUM} => {SUN}")),
     row("sky-by-pi", LIGHT,
         "the sky's part is divided by π: a sky of constant radiance gives albedo Lₛ",
-        sky_times(1 / pi)),
-    row("sky-times-pi", LIGHT, "the sky's part is π times too bright: it is albedo Lₛ", sky_times(pi)),
-    row("sky-half", LIGHT, "the sky's part is half as bright as it should be", sky_times(0.5)),
+        *shade("albedo * sky => albedo * sky / np.pi")),
+    row("sky-times-pi", LIGHT, "the sky's part is π times too bright: it is albedo Lₛ",
+        *shade("albedo * sky => albedo * sky * np.pi")),
+    row("sky-half", LIGHT, "the sky's part is half as bright as it should be",
+        *shade("albedo * sky => albedo * sky / 2")),
     row("sky-without-albedo", LIGHT, "the sky's light is added without the albedo: albedo Lₛ",
-        shaded(lambda x: sun(x) + x.sky + 0 * x.albedo)),
+        *shade("albedo * sky => sky + 0 * albedo")),
     row("sky-constant", LIGHT,
         "surfaces get a constant for the sky's light (ambient = 0.1): it is albedo Lₛ, Lₛ being the scene's sky",
-        *(shaded(partial(_ambient_of, k=k)) for k in (0.1, 0.2, 0.05, 0.3, 0.5))),
+        *shade(*(f"albedo * sky => {k} * albedo" for k in (0.1, 0.2, 0.05, 0.3, 0.5)))),
     row("sky-without-colour", LIGHT, "the sky's radiance is left out of its part: albedo Lₛ, not albedo",
-        shaded(lambda x: sun(x) + x.albedo)),
+        *shade("albedo * sky => albedo")),
     row("sky-on-all", LIGHT,
         "the sky's radiance is added to every pixel, to surfaces too: only rays that meet nothing show it as it is",
-        shaded(lambda x: lambert(x) + x.sky),
-        both(shaded(lambda x: lambert(x) + x.sky), behind(partial(_sky_scaled, k=2.0)))),
+        *(both(way, *more) for more in ((), (behind(partial(_sky_scaled, k=2.0)),))
+          for way in shade("albedo * sky => albedo * sky + sky"))),
     row("sky-times-sun", LIGHT, "the sky's part is multiplied by the sun's irradiance: it is albedo Lₛ",
-        sky_times(lambda x: x.irradiance), sky_times(lambda x: x.irradiance / pi)),
+        sky_times(lambda x: x.irradiance), sky_times(lambda x: x.irradiance / pi),
+        *shade(f"{SUM} => cosine * (albedo / np.pi * irradiance + albedo * sky)", f"{SUM} => (cosine > 0) * ({SUM})")),
     row("sky-before-clamp", LIGHT, "the clamp comes too late: max(0, n·l) alone, then the sky's light is added",
-        shaded(_sky_inside), shaded(_sky_in_cosine), shaded(_sky_as_irradiance)),
+        *shade(f"{CLAMPED} => {COS} ;; {SUM} => np.maximum(0, {SUM})",
+               f"{CLAMPED} => np.maximum(0, {COS} + sky) ;;  + albedo * sky => ")),
     row("sky-only-in-shadow", LIGHT, "the sky lights only what the sun does not: add it everywhere",
         sky_times(_in_shadow), sky_times(lambda x: 1 - x.visible), sky_times(lambda x: np.where(x.cos > 0, 0.0, 1.0)),
         where_cast(sky_times(lambda x: 1 - x.visible)),
-        shaded(lambda x: np.maximum(sun(x), ambient(x)))),
+        shaded(lambda x: np.maximum(sun(x), ambient(x))),
+        *shade(f"{SUM} => np.where(cosine > 0, {SUN}, albedo * sky)")),
     row("shadow-black", LIGHT, "shadows are black: the sky's light reaches them too",
         sky_times(lambda x: x.visible), sky_times(lambda x: 1 - _in_shadow(x)),
         sky_times(lambda x: np.where(x.cos > 0, 1.0, 0.0)), where_cast(sky_times(lambda x: x.visible))),
@@ -1792,62 +1609,10 @@ def within(limit: float) -> Callable[[Hits, Array, Casters, Steps], Array]:
     return blocked
 
 
-def cast_by(keep: Callable[[int, Shape, Casters], bool]) -> Change:
-    """Only some objects cast shadows; every object still lies in its own."""
-    return shadows(lambda hits, to, things, steps: hidden(
-        hits, to, tuple(x if keep(i, x, things) else _gone(x) for i, x in enumerate(things)), steps))  # fmt: skip
-
-
 def _gone(thing: Shape) -> Shape:
     if isinstance(thing, Sphere):
         return msgspec.structs.replace(thing, center=(0.0, 0.0, -1e9), radius=1e-9)
     return msgspec.structs.replace(thing, center=(0.0, 0.0, -1e9), half_u=(1e-9, 0.0, 0.0), half_v=(0.0, 1e-9, 0.0))
-
-
-def one_other(last: bool) -> Callable[[Hits, Array, Casters, Steps], Array]:
-    """Let only the last, or the first, object tested decide, the point's own left out."""
-
-    def blocked(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
-        found = np.zeros(hits.t.shape, bool)
-        along = np.broadcast_to(to, hits.point.shape)
-        for index, thing in enumerate(things if last else things[::-1]):
-            hit = np.isfinite(meet(hits.point, along, thing, steps))
-            found = np.where(hits.ids == (index if last else len(things) - 1 - index), found, hit)
-        return found | ((hits.normal * to).sum(axis=0) <= 0)
-
-    return blocked
-
-
-def received_by(keep: Callable[[Shape], bool]) -> Callable[[Hits, Array, Casters, Steps], Array]:
-    def blocked(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
-        receives = np.array([keep(thing) for thing in things] + [False])[hits.ids]
-        return (receives & others_hide(hits, to, things, steps)) | ((hits.normal * to).sum(axis=0) <= 0)
-
-    return blocked
-
-
-def _line(hits: Hits, to: Array, things: Casters, steps: Steps, kinds: Any = (Sphere, Rectangle)) -> Array:
-    """What lies behind the point, away from the sun, hides it too."""
-    behind = tuple(x if isinstance(x, kinds) else _gone(x) for x in things)
-    return hidden(hits, to, things, steps) | others_hide(hits, -to, behind, steps)
-
-
-def _by_index_of_kind(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
-    """Left out is not the own object, but whatever has its number, spheres and planes counted apart."""
-    count = {True: 0, False: 0}
-    number = []
-    for thing in things:
-        number.append(count[is_sphere(thing)])
-        count[is_sphere(thing)] += 1
-    met = np.isfinite(meet_all(hits.point, np.broadcast_to(to, hits.point.shape), things, steps))
-    own = np.array([*number, -1])[hits.ids]
-    return (met & (own != np.array(number)[:, None])).any(axis=0) | ((hits.normal * to).sum(axis=0) <= 0)
-
-
-def in_shadow_test(change: Change) -> Change:
-    """For shadow rays alone: the eye sees what it should."""
-    return lambda s: s._replace(blocked=lambda hits, to, things, steps: s.blocked(
-        hits, to, things, steps._replace(sphere=change(s).sphere, rectangle=change(s).rectangle)))  # fmt: skip
 
 
 def _all_dark(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
@@ -1867,65 +1632,13 @@ def _turned_light(to: Array, scene: Scene, hits: Hits, turn: Any) -> Array:
     return np.asarray(turn(np.asarray(scene.camera.R_cam_board)) @ to)
 
 
-def _dark_on(hits: Hits, to: Array, things: Casters, steps: Steps, spheres: bool) -> Array:
-    dark = np.array([is_sphere(thing) == spheres for thing in things] + [False])
-    return hidden(hits, to, things, steps) | dark[hits.ids]
-
-
-def _not_by_own_kind(hits: Hits, to: Array, things: Casters, steps: Steps, kinds: tuple[type, ...]) -> Array:
-    """On objects of these kinds only the other kind casts shadows."""
-    spheres = tuple(x if is_sphere(x) else _gone(x) for x in things)
-    planes = tuple(_gone(x) if is_sphere(x) else x for x in things)
-    by_balls, by_planes = hidden(hits, to, spheres, steps), hidden(hits, to, planes, steps)
-    on_ball = np.array([is_sphere(thing) for thing in things] + [False])[hits.ids]
-    balls_count, planes_count = ~(on_ball & (Sphere in kinds)), ~(~on_ball & (Rectangle in kinds))
-    return (by_balls & balls_count) | (by_planes & planes_count) | ((hits.normal * to).sum(axis=0) <= 0)
-
-
-def _from_center(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
-    """Shadow rays start at the centres."""
-    centers = np.array([*(thing.center for thing in things), (0.0, 0.0, 0.0)])[hits.ids].T
-    return others_hide(hits._replace(point=centers), to, things, steps) | ((hits.normal * to).sum(axis=0) <= 0)
-
-
-def _as_lambert(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
-    return (hits.normal * to).sum(axis=0) <= 0
-
-
-def _index(k: int, things: Casters, kind: type = Sphere) -> int:
-    alike = [i for i, thing in enumerate(things) if isinstance(thing, kind)]
-    return alike[k] if alike else -1
-
-
-def _one_of_its_kind(i: int, thing: Shape, things: Casters, k: int, kind: type) -> bool:
-    return not isinstance(thing, kind) or i == _index(k, things, kind)
-
-
-def _half_of_pairs(hits: Hits, to: Array, things: Casters, steps: Steps, later: bool) -> Array:
-    """Only what comes after the own object, or before it, casts shadows on it."""
-    met, k = np.isfinite(meet_all(hits.point, np.broadcast_to(to, hits.point.shape), things, steps)), hits.ids
-    index = np.arange(len(things))[:, None]
-    return (met & (index > k if later else index < k)).any(axis=0) | ((hits.normal * to).sum(axis=0) <= 0)
-
-
-def _whole_object(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
-    """Let one point in shadow darken all of its object."""
-    one = others_hide(hits, to, things, steps)
-    return np.isin(hits.ids, hits.ids[one]) | ((hits.normal * to).sum(axis=0) <= 0)
-
-
-def _recast(x: Terms, start: Any = lambda p, eye: p, own: bool = False, lets: Any = lambda n: 1.0 * (n == 0)) -> Terms:
-    """Shadow rays start at another place, a function of (point, eye); `own`: and may meet the own object.
-
-    `lets`: the share of the light that n objects on the way let through.
-    """
+def _recast(x: Terms, lets: Any) -> Terms:
+    """The share of the light that n objects on the way let through: lets(n)."""
     if not x.shadows or not x.scene.objects:
         return x
-    from_ = np.broadcast_to(start(x.hits.point, np.array(x.scene.camera.eye)[:, None]), x.hits.point.shape)
-    to = np.broadcast_to(np.array(x.scene.sun.to_light)[:, None], from_.shape)
-    met = np.isfinite(meet_all(from_, to, x.scene.objects, RIGHT))
-    met &= own | (x.hits.ids != np.arange(len(met))[:, None])
-    return x._replace(visible=lets(met.sum(axis=0)))
+    to = np.broadcast_to(np.array(x.scene.sun.to_light)[:, None], x.hits.point.shape)
+    met = np.isfinite(meet_all(x.hits.point, to, x.scene.objects, RIGHT))
+    return x._replace(visible=lets((met & (x.hits.ids != np.arange(len(met))[:, None])).sum(axis=0)))
 
 
 def _without(x: Terms, what: str) -> Array:
@@ -1941,94 +1654,111 @@ def _dimmed(x: Terms, by: float) -> Array:
     return lambert(x._replace(visible=np.ones_like(x.visible))) * np.where(x.visible > 0, 1.0, by)
 
 
+shadow = partial(slips, "sun_visible")
+BLOCKS, TO_SUN = (
+    "visible = visible & (own | ~np.isfinite(t[k]))",
+    ("t = intersect_all(points, np.tile(to_light, (len(points), 1)), things)"),
+)
+ON_BALL = 'np.array(["radius" in x for x in things])[which]'
+BALLS = 'np.array([["radius" in x] for x in things])'
+NUMBERS = '[["radius" in y for y in things[:i]].count("radius" in x) for i, x in enumerate(things)]'
+"""The number that each thing has among those of its kind."""
+
+
+def _free(*tests: str) -> tuple[Change, ...]:
+    """What lets the light through: functions of k, thing, which and things."""
+    return shadow(*(f"(own | => (own | ({test}) |" for test in tests))
+
+
+def _towards(*directions: str) -> tuple[Change, ...]:
+    """Shadow rays that go elsewhere."""
+    unit = "({d}) / np.linalg.norm({d}, axis=-1, keepdims=True)"
+    return shadow(*(f"np.tile(to_light, (len(points), 1)) => {unit.format(d=f'({d})')}" for d in directions))
+
+
 SHADOWS = (
     row("no-shadow", SHADOW, "there are no cast shadows: send a ray from each point to the sun",
-        shadows(_as_lambert)),
+        *shadow("return visible => return visible | True")),
     row("shadows-always", SHADOW,
         "shadows are cast with the rung \"lambert\", too: there nothing casts any, only with \"shadow\"",
         put(shadows=lambda asked: True)),
     row("all-in-shadow", SHADOW,
         "every surface is in its own shadow: the shadow ray goes away from the sun (it goes along to_light, not "
         "-to_light), or starts inside the object (move it a little along +n), or t <= 0 counts as a hit",
-        shadows(_all_dark), shadows(partial(_dark_on, spheres=True)), shadows(partial(_dark_on, spheres=False))),
+        *shadow(*(f"return visible => return visible & {on}" for on in ("False", f"~{ON_BALL}", ON_BALL)))),
     row("shadow-offset", SHADOW,
         "the shadow ray starts too far from the surface: shadows near what casts them are lost; 1e-4 of the scene is "
         "enough",
         *(shadows(offset_by(eps, way)) for way in (False, True) for eps in (3e-3, 1e-2, 2e-2, 5e-2))),
     row("shadow-both-ways", SHADOW,
         "what lies on the far side of the surface, away from the sun, casts shadows too: keep t > 0 alone",
-        shadows(_line), shadows(partial(_line, kinds=(Sphere,))), shadows(partial(_line, kinds=(Rectangle,)))),
+        *shadow(*(f"{TO_SUN} => {TO_SUN}\n    back = {TO_SUN[4:].replace('to_light', '-to_light')}\n"
+                  f"    t = np.minimum(t, np.where({kind}, back, np.inf))" for kind in ("True", BALLS, f"~{BALLS}")))),
     row("shadow-reversed", SHADOW, "shadow rays go away from the sun: they go along to_light",
-        shadows(lambda hits, to, things, steps: others_hide(hits, -to, things, steps)
-                | ((hits.normal * to).sum(axis=0) <= 0)),
-        shadows(lambda hits, to, things, steps: others_hide(hits, -to, things, steps))),
+        *shadow("np.tile(to_light => np.tile(-to_light")),
     row("shadow-light-turned", SHADOW,
         "shadows fall by another direction than the light: the shadow ray goes along the same to_light, in the same "
         "frame",
-        *(shadowed_by(partial(_turned_light, turn=f)) for f in (
-            lambda R: R, lambda R: R.T, lambda R: np.diag([1, 1, -1.0]), lambda R: np.diag([-1.0, -1, 1])))),
+        *(shadowed_by(partial(_turned_light, turn=f)) for f in (lambda R: R, lambda R: R.T)),
+        *shadow(*(f"np.tile(to_light => np.tile(to_light * {signs}" for signs in ([1, 1, -1], [-1, -1, 1])))),
     row("shadow-to-eye", SHADOW,
         "shadow rays go to the eye, away from it, or along the normal: they go to the sun, along to_light",
-        *(shadowed_by(partial(_to_eye, sign=k)) for k in (1, -1)), shadowed_by(lambda to, scene, hits: hits.normal)),
+        *_towards("eye - points", "points - eye", "normals")),
     row("shadow-to-place", SHADOW,
         "shadow rays go to to_light as if it were a point: it is a direction, the same for every surface",
-        shadowed_by(_to_position), shadowed_by(_to_place_by_eye)),
+        *_towards("to_light - points", "to_light + eye - points")),
     row("shadow-bounded", SHADOW,
         "only near objects cast shadows: nothing bounds the way to the sun",
         *(shadows(within(limit)) for limit in (0.2, 0.1, 0.25, 0.3, 0.5, 1.0))),
     row("spheres-receive-none", SHADOW, "no shadow falls on spheres: test every surface, whatever its kind",
-        shadows(received_by(lambda thing: not is_sphere(thing)))),
+        *_free(ON_BALL)),
     row("planes-receive-none", SHADOW, "no shadow falls on planes: test every surface, whatever its kind",
-        shadows(received_by(is_sphere))),
+        *_free(f"~{ON_BALL}")),
     row("shadow-own-kind", SHADOW,
         "a surface's own kind is left out of its shadow test: only its own object may be (spheres shadow spheres, "
         "planes planes)",
-        shadows(partial(_not_by_own_kind, kinds=(Sphere,))), shadows(partial(_not_by_own_kind, kinds=(Rectangle,))),
-        shadows(partial(_not_by_own_kind, kinds=(Sphere, Rectangle)))),
+        *_free(f'("radius" in thing) & {ON_BALL}', f'("radius" not in thing) & ~{ON_BALL}',
+               f'("radius" in thing) == {ON_BALL}')),
     row("own-number", SHADOW,
         "sphere i casts no shadow on plane i, nor plane i on sphere i: leave out the surface's own object, not all "
         "that have its number in their list",
-        shadows(_by_index_of_kind)),
+        *shadow(f"own = which == k => own = np.array({NUMBERS})[which] == {NUMBERS}[k]")),
     row("other-size-in-shadow", SHADOW,
         "rectangles have another size in the shadow test than the eye sees: half_u and half_v are changed in place "
         "(u /= |u|) or used otherwise there; write u = half_u / |half_u|",
-        in_shadow_test(flat(_unbounded)),
-        *(in_shadow_test(flat(reach(f, g))) for f, g in (
-            (lambda u, v: 1 / u, lambda u, v: 1 / v), (lambda u, v: 0.5, lambda u, v: 0.5),
-            (lambda u, v: 2.0, lambda u, v: 2.0)))),
+        *map(in_shadow_test, _inside("np.isfinite(t)", _reach(NU, NV), *(
+            _reach(f"{k} * (half_u @ half_u)", f"{k} * (half_v @ half_v)") for k in (0.5, 2.0))))),
     row("planes-cast-none", SHADOW, "planes cast no shadows: test shadow rays against planes too",
-        cast_by(lambda i, thing, things: is_sphere(thing))),
+        *_free('"radius" not in thing')),
     row("spheres-cast-none", SHADOW, "spheres cast no shadows: test shadow rays against spheres too",
-        cast_by(lambda i, thing, things: not is_sphere(thing))),
+        *_free('"radius" in thing')),
     row("one-casts", SHADOW,
         "only one object casts shadows: the answer of each test overwrites the one before; any hit hides the sun",
-        cast_by(lambda i, thing, things: i == _index(0, things)),
-        cast_by(lambda i, thing, things: i == _index(-1, things)),
-        cast_by(lambda i, thing, things: i == len(things) - 1),
-        *(cast_by(partial(_one_of_its_kind, k=k, kind=kind)) for k in (0, -1) for kind in (Sphere, Rectangle)),
-        shadows(one_other(True)), shadows(one_other(False))),
+        *_free("k != 0", f"k != {BALLS}.sum() - 1", "k != len(things) - 1", *(
+            f'("radius" in thing) == {ball} and {NUMBERS}[k] != {end}' for ball, ends in (
+                (True, ("0", f"{BALLS}.sum() - 1")), (False, ("0", f"(~{BALLS}).sum() - 1"))) for end in ends)),
+        *shadow(*(f"{BLOCKS} => visible = np.where(own, visible, ~np.isfinite(t[k])){more}" for more in (
+            "", " ;; enumerate(things) => reversed([*enumerate(things)])")))),
     row("half-of-pairs", SHADOW,
         "objects are tested for shadows only against those that come later in the list, or earlier: test against all "
         "but the point's own",
-        *(shadows(partial(_half_of_pairs, later=later)) for later in (True, False))),
+        *_free("k < which", "k > which")),
     row("whole-object-in-shadow", SHADOW,
         "one point in shadow darkens its whole object: np.any over all points instead of over the objects (axis=0), "
         "each point has a shadow ray of its own",
-        shadows(_whole_object)),
+        *shadow("return visible => return np.array([visible[which == w].all() for w in which])")),
     row("one-casts-not", SHADOW, "one of the spheres casts no shadow: test shadow rays against all of them",
-        cast_by(lambda i, thing, things: i != _index(0, things)),
-        cast_by(lambda i, thing, things: i != _index(-1, things))),
+        *_free("k == 0", f"k == {BALLS}.sum() - 1")),
     row("shadow-from-elsewhere", SHADOW,
         "shadow rays start in the wrong place: they start at the point that the eye's ray met",
-        shadows(_from_center),
-        *(terms(partial(_recast, start=start, own=own)) for own in (False, True) for start in (
-            lambda p, eye: 0 * p, lambda p, eye: eye, lambda p, eye: p - eye))),
+        *shadow('intersect_all(points => intersect_all(np.array([x["center"] for x in things])[which]'),
+        *shadow(*(f"intersect_all(points => intersect_all({start}{own}" for own in ("", " ;; (own |  => (")
+                  for start in ("0 * points", "eye + 0 * points", "points - eye")))),
     row("shadow-counts", SHADOW,
         "what several objects hide is darker than what one hides: each hit takes light away once more, one is enough",
         *(terms(partial(_recast, lets=lets)) for lets in (lambda n: 1.0 - n, lambda n: 0.5**n))),
     row("shadow-inverted", SHADOW, "light and shadow are swapped: V is 1 where the way to the sun is free",
-        shadows(lambda hits, to, things, steps: ~hidden(hits, to, things, steps)),
-        shadows(lambda hits, to, things, steps: ~others_hide(hits, to, things, steps))),
+        *shadow("return visible => return ~visible")),
     row("shadow-colour", SHADOW,
         "shadowed points have a colour of their own: there as elsewhere the sky gives albedo Lₛ, the sun alone is gone",
         *(way(sky_times(partial(_without, what=what))) for way in (both, where_cast) for what in ("albedo", "sky")),
@@ -2087,14 +1817,15 @@ OUTPUTS = (
     row("gamma-once", OUTPUT,
         "the values are encoded for display (gamma): hand in linear radiance, without a power of 1/2.2",
         shown(srgb_encode), shown(partial(_power, k=1 / 2.2)), shown(partial(_power, k=1 / 2)),
-        shown(lambda x: srgb_encode(np.clip(x, 0, 1))), shown(lambda x: _power(np.clip(x, 0, 1), 1 / 2.2))),
+        shown(lambda x: srgb_encode(np.clip(x, 0, 1))), shown(lambda x: _power(np.clip(x, 0, 1), 1 / 2.2)),
+        *shade(f"{SUM} => ({SUM}) ** (1 / 2.2)")),
     row("gamma-twice", OUTPUT, "the values are encoded for display twice",
         shown(lambda x: srgb_encode(srgb_encode(x))), shown(partial(_power, k=1 / 2.2**2))),
     row("gamma-missing", OUTPUT,
         "the values are decoded once too often: linear numbers were written where a display's (sRGB) were expected",
         shown(lambda x: srgb_decode(np.maximum(x, 0))), shown(partial(_power, k=2.2)), shown(partial(_power, k=2))),
     row("bgr", OUTPUT, "red and blue are swapped: OpenCV writes BGR, the order here is RGB",
-        shown(lambda x: x[..., ::-1]), lambda s: s._replace(shade=lambda x: s.shade(x)[::-1])),
+        shown(lambda x: x[..., ::-1]), *shade(f"{SUM} => ({SUM})[:, ::-1]")),
     row("channels-turned", OUTPUT, "the channels are in the wrong order: red, green, blue",
         shown(lambda x: x[..., [1, 2, 0]]), shown(lambda x: x[..., [2, 0, 1]]), shown(lambda x: x[..., [1, 0, 2]]),
         shown(lambda x: x[..., [0, 2, 1]])),
@@ -2104,7 +1835,8 @@ OUTPUTS = (
         shown(lambda x: np.broadcast_to(x @ np.array([0.299, 0.587, 0.114])[:, None], x.shape)),
         *(shown(partial(_channel, k=k)) for k in range(3))),
     row("clamped", OUTPUT, "values are cut off at 1: radiance may be larger, leave it as it is",
-        shown(lambda x: np.minimum(x, 1))),
+        shown(lambda x: np.minimum(x, 1)),
+        *shade(f"{SUM} => np.clip({SUM}, 0, 1)")),
     row("overflow", OUTPUT, "8-bit values overflow: what is brighter than white wraps round to black; clip first",
         shown(_overflow), shown(lambda x: np.rint(np.maximum(x, 0) * 255) % 256 / 255),
         shown(partial(_overflow, by=256)), shown(lambda x: srgb_decode(_overflow(srgb_encode(x)))),
@@ -2122,9 +1854,11 @@ OUTPUTS = (
     row("half-float", OUTPUT, "the values are rounded to half floats (float16): use float32",
         shown(lambda x: np.clip(x, -65504, 65504).astype(np.float16).astype(float))),
     row("upside-down", OUTPUT, "the image is upside down: row 0 is the top one",
-        at(lambda u, v, c: (u, c.height - 1 - v))),
+        at(lambda u, v, c: (u, c.height - 1 - v)),
+        alone=slips("pixels", "return u, v => return u, height - 1 - v")),
     row("mirrored", OUTPUT, "the image is mirrored left to right",
-        at(lambda u, v, c: (c.width - 1 - u, v))),
+        at(lambda u, v, c: (c.width - 1 - u, v)),
+        alone=slips("pixels", "return u, v => return width - 1 - u, v")),
     row("half-turn", OUTPUT, "the image is turned by half a turn",
         at(lambda u, v, c: (c.width - 1 - u, c.height - 1 - v))),
     row("normalised", OUTPUT, "the image is divided by its brightest value: radiance has a scale of its own",
@@ -2153,7 +1887,8 @@ OUTPUTS = (
         shown(lambda x: x * x)),
     row("half-bright", OUTPUT, "the whole image, background too, is half as bright", shown(lambda x: x / 2)),
     row("twice-bright", OUTPUT, "the whole image, background too, is twice as bright", shown(lambda x: 2 * x)),
-    row("image-by-pi", OUTPUT, "the whole image, background too, is divided by π", shown(lambda x: x / pi)),
+    row("image-by-pi", OUTPUT, "the whole image, background too, is divided by π", shown(lambda x: x / pi),
+        *shade(f"{SUM} => ({SUM}) / np.pi")),
     row("image-times-pi", OUTPUT, "the whole image, background too, is multiplied by π", shown(lambda x: x * pi)),
     row("empty", OUTPUT, "the image is black everywhere", shown(lambda x: 0 * x)),
 )  # fmt: skip

@@ -33,8 +33,9 @@ from raytwin.diagnose.localize import whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
 from raytwin.diagnose.parametric_faults import FAMILIES, Family, fit, of_objects, promising, total
 from raytwin.diagnose.pixel_sample import MET, Sampled, Sight, View, many
-from raytwin.diagnose.predict import RIGHT, Array, Steps
+from raytwin.diagnose.predict import RIGHT, Array, Change, Steps
 from raytwin.diagnose.prediction_cache import costs
+from raytwin.diagnose.slip_search import likely_slips
 from raytwin.diagnose.tolerance_mask import doubtful
 from raytwin.files import Rounding
 from raytwin.image import Image
@@ -91,8 +92,12 @@ SIGNIFICANT = 4.0
 """Standard errors by which a cause has to bring noisy pixels nearer."""
 FAR = 25.0
 """Squared standard deviations: a noisy pixel that is farther off counts as this far."""
+BEYOND = Steps._fields.index("objects")
+"""The first step beyond the camera."""
 BEAM = 3
 """Single faults that a second one is added to."""
+REACHED = 0.5
+"""Share of the pixels that one fault leaves wrong: a second one that changes fewer of them is not tried with it."""
 
 Sureness = Literal["sure", "likely", "unknown"]
 
@@ -163,7 +168,7 @@ def _percent(x: float) -> str:
 class Guess:
     """What is tried: causes that are made one after the other, the steps that come of them, and their cost.
 
-    `typical`: each cause in the first of its ways.
+    `typical`: each cause in the first of its ways. `way`: the change that was made last, as it stands in the catalogue.
     """
 
     causes: tuple[Cause, ...]
@@ -171,6 +176,7 @@ class Guess:
     cost: float = np.inf
     refit: Callable[[Sequence[Sight]], Steps] | None = None
     typical: bool = True
+    way: Change | None = None
 
 
 PLAIN = tuple(
@@ -226,6 +232,8 @@ def _search(
     found = _round(base, sights, small, faults, families if thorough else (), budget)
     if thorough and every and not (found and _good(sights, found[0].steps)) and (clues := clued(sights, budget)):
         found = sorted([*_round(base, sights, small, clues, (), budget), *found], key=lambda g: g.cost)
+    if thorough and every and not (found and _good(sights, found[0].steps)):
+        found = sorted([*_slips(base, sights, small, budget), *found], key=lambda g: g.cost)
     if not (found and _good(sights, found[0].steps)):
         hit = _hits(sights, found[0].steps)[0] if found else 0.0
         if _firm(sights) and (chance := _by_chance(sights, where, hit, budget)) is not None:
@@ -312,30 +320,17 @@ def _round(
     """All that may be added to a guess, the best first."""
     named = {cause.name for cause in before.causes}
     ways = [
-        Guess((*before.causes, Cause(f.name, f.stage, f.sentence)), way(before.steps), typical=before.typical and not k)
+        Guess((*before.causes, Cause(f.name, f.stage, f.sentence)), way(before.steps),
+              typical=before.typical and not k, way=way)
         for f in faults if f.name not in named for k, way in enumerate(f.ways)
+        if not before.causes or _reaches(way, before.steps, small)
     ]  # fmt: skip
     order = _order(small, before.steps)
     if before.causes or faults[: len(FAULTS)] != FAULTS:
         tried = _screened(ways, order, before, budget)
     else:
         tried = _screened(_by_common(ways, sights, before), order, before, budget)
-    best = {guess.causes[-1].name: guess for guess in reversed(tried)}
-    some = sorted(best.values(), key=lambda g: g.cost)[:TEMPTING]
-    if some and some[0].cost < CLEAR / 2 * before.cost:
-        some = [g for g in some if EVEN * before.cost < g.cost < NEAR * before.cost]
-    habits = HABITS if not before.causes else ()  # a second fault is added to what the first one's way has shown
-    tried += _screened(
-        [replace(g, steps=habit(g.steps), cost=np.inf) for g in some for habit in habits], order, before, budget
-    )
-    some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if g.steps.blocked in TESTS]
-    some = [g for g in some if g.cost > EVEN * before.cost]
-    tried += _screened(
-        [replace(g, steps=g.steps._replace(blocked=t)) for g in some for t in TESTS], order, before, budget, TEMPTING
-    )
-    tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
-    near = [g for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
-    exact = [_weighed(g, sights) for k, g in enumerate(near) if not (k and budget.over)]
+    exact = _with_habits(tried, before, sights, order, budget)
     exact = _ranked(exact, faults, EVEN * before.cost)
     if not families or (exact and exact[0].cost < CLEAR * before.cost and _good(sights, exact[0].steps)):
         return exact
@@ -357,6 +352,56 @@ def _round(
         extra = 0.01 * before.cost * len(p)
         fitted.append(Guess((*before.causes, cause), family.make(p)(before.steps), cost + extra, refit))
     return sorted((*exact, *fitted), key=lambda g: g.cost)
+
+
+def _reaches(way: Change, steps: Steps, small: Sequence[Sight]) -> bool:
+    """Whether a way alone changes most of the pixels that these steps leave wrong; where that was seen, else True."""
+    for s in small:
+        if (alone := s.changed.get(way)) is not None:
+            left = s.left(steps)
+            return not left.any() or bool((s.weight * (alone & left)).sum() > REACHED * (s.weight * left).sum())
+    return True
+
+
+def _with_habits(
+    tried: list[Guess], before: Guess, sights: list[Sight], order: Sequence[Sight], budget: Budget
+) -> list[Guess]:
+    """The best of the guesses, each also with what right tracers do in one way or another; their cost on all pixels."""
+    best = {guess.causes[-1].name: guess for guess in reversed(tried)}
+    some = sorted(best.values(), key=lambda g: g.cost)[:TEMPTING]
+    if some and some[0].cost < CLEAR / 2 * before.cost:
+        some = [g for g in some if EVEN * before.cost < g.cost < NEAR * before.cost]
+    # A second fault is added to what the first one's way has shown; another camera meets surfaces rightly.
+    habits = HABITS if not before.causes else ()
+    some = [g for g in some if g.steps[BEYOND:] != before.steps[BEYOND:]]
+    tried += _screened(
+        [replace(g, steps=habit(g.steps), cost=np.inf) for g in some for habit in habits], order, before, budget
+    )
+    some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if g.steps.blocked in TESTS]
+    some = [g for g in some if g.cost > EVEN * before.cost]
+    tried += _screened(
+        [replace(g, steps=g.steps._replace(blocked=t)) for g in some for t in TESTS], order, before, budget, TEMPTING
+    )
+    tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
+    near = [g for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
+    return [_weighed(g, sights) for k, g in enumerate(near) if not (k and budget.over)]
+
+
+def _slips(before: Guess, sights: list[Sight], small: list[Sight], budget: Budget) -> list[Guess]:
+    """Generated slips that explain all that is wrong, the least far-fetched first of those that do it alike."""
+    order = _order(small, before.steps)
+    guesses = []
+    for slip, steps in likely_slips(order, before.steps, budget):
+        cause = Cause(f"slip-in-{slip.function}: {slip.before} -> {slip.after}", slip.stage, slip.sentence)
+        guesses.append(Guess((*before.causes, cause), steps))
+    if not guesses:
+        return []
+    place = {g.causes[-1].name: k for k, g in enumerate(guesses)}
+    tried = _screened(guesses, order, before, budget)
+    found = [g for g in (_weighed(g, sights) for g in tried[:FINALISTS]) if _good(sights, g.steps)]
+    if not found:
+        found = [g for g in _with_habits(tried, before, sights, order, budget) if _good(sights, g.steps)]
+    return sorted(found, key=lambda g: (round(g.cost / (EVEN * before.cost)), place[g.causes[-1].name]))[:1]
 
 
 def _begun(families: Sequence[Family], some: Sequence[Sight], before: Guess, budget: Budget) -> list[Family]:
@@ -401,11 +446,15 @@ def _screened(
     """Those that cost least, by one view after the other; a quarter is left each time, and what costs hardly more."""
     sums, wrong, views = np.zeros(len(guesses)), 0.0, 0
     for sight in order:
+        unchanged = sight.errors(RIGHT)
         costs: list[float] = []
         for guess in guesses:
             if budget.over:
                 break
-            costs.append(total([sight], guess.steps))
+            errors = sight.errors(guess.steps)
+            costs.append(sight.cost(errors))
+            if guess.way is not None and len(guess.causes) == 1 and sight is order[0]:
+                sight.changed[guess.way] = errors != unchanged
         budget.cut([guess.causes[-1].name for guess in guesses], len(costs))
         if len(costs) < len(guesses) and views:
             break  # what is left was tried on some views
@@ -515,7 +564,8 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str, budg
     count, left = (0, "") if unchecked else _left([s.everywhere(_most(s)) for s in sights], best.steps)
     whole = count < FEW and not unchecked and _good(sights, best.steps)
     whole = whole and (best.refit is None or _exact(sights, best.steps))
-    sureness: Sureness = "sure" if alone and shown and agreed and whole else "likely"
+    written = not any(cause.name.startswith("slip-in-") for cause in best.causes)
+    sureness: Sureness = "sure" if alone and shown and agreed and whole and written else "likely"
     order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
     return Diagnosis(
         right=False,

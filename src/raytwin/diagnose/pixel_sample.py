@@ -68,7 +68,8 @@ class Sight:
     `shown`, `right` (N, 3); `slack` (N, 3): what rounding may do; `scale`: of the values; `tau`: an error of this size
     is one. `wrong`, `edge`: (N,). `more`: the right picture has light that sun, shadow and open sky do not make;
     `whole`: (H, W) bool, the outlines, and where a ray belongs to a pixel; `deep`: the surfaces that light was followed
-    along. `mixed`: the share of the wrong pixels' neighbours that are right.
+    along. `mixed`: the share of the wrong pixels' neighbours that are right. `changed`: the pixels
+    that a change alone makes other ones.
     """
 
     view: View
@@ -88,6 +89,14 @@ class Sight:
     deep: int = 0
     mixed: float = 0.0
     moved: dict[Any, Array] = field(default_factory=dict)
+    changed: dict[Any, Array] = field(default_factory=dict)
+    wrong_after: tuple[Any, Array] | None = None
+
+    def left(self, steps: Steps) -> Array:
+        """(N,) bool: what these steps leave wrong; of those that were asked for last it is known."""
+        if self.wrong_after is None or self.wrong_after[0] is not steps:
+            self.wrong_after = steps, self.errors(steps) > self.tau
+        return self.wrong_after[1]
 
     def predict(self, steps: Steps) -> Array:
         """(N, 3): what would be shown."""
@@ -153,7 +162,8 @@ class Sight:
         shown, right, slack = (x.reshape(-1, 3)[index] for x in (self.view.shown, _right(self.view), half))
         v, u = (self.step * x.astype(float) for x in np.divmod(index, edge.shape[1]))
         weight = np.full(index.size, 1 / max(index.size, 1))
-        made = replace(self, index=index, weight=weight, shown=shown, right=right, slack=slack, moved={})
+        made = replace(self, index=index, weight=weight, shown=shown, right=right, slack=slack)
+        made = replace(made, moved={}, changed={}, wrong_after=None)
         made = replace(made, bench=self.bench.at(u, v), edge=edge.ravel()[index])
         return replace(made, wrong=made.errors(RIGHT) > self.tau)
 
@@ -164,7 +174,7 @@ class Sight:
             name: getattr(self, name)[part] for name in ("index", "weight", "shown", "right", "slack", "wrong", "edge")
         }
         cut["weight"] = cut["weight"] / max(cut["weight"].sum(), 1e-300)
-        return replace(self, **cut, bench=bench, moved={})
+        return replace(self, **cut, bench=bench, moved={}, changed={}, wrong_after=None)
 
 
 def _right(view: View) -> Array:

@@ -35,19 +35,22 @@ class Rays(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """(N,) `ids` (-1: nothing) and `t`; (3, N) `point`, `normal`, `albedo`."""
+    """(N,) `ids` (-1: nothing) and `t`; (3, N) `point`, `normal`, `albedo`; (3,) `eye`."""
 
     ids: Array
     t: Array
     point: Array
     normal: Array
     albedo: Array
+    eye: Array
 
 
 class Terms(NamedTuple):
-    """What shading is made of: `cos` n·l (N,), not clamped; `visible` (N,); `irradiance`, `sky` (3, 1)."""
+    """What shading is made of: `to` (3, 1) or (3, N), l; `cos` n·l (N,), not clamped; `visible` (N,); `irradiance`,
+    `sky` (3, 1)."""
 
     albedo: Array
+    to: Array
     cos: Array
     visible: Array
     irradiance: Array
@@ -58,19 +61,27 @@ class Terms(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """The tracer's steps as data, finer than `tracer.Stages`; `Steps()` is the right tracer."""
+    """The tracer's steps as data, finer than `tracer.Stages`; `RIGHT` is the right tracer.
+
+    `through`, `to_board`, `intersect_all`, `normals_at`, `mixed`: functions of the textbook (`mixed`: its `radiance`)
+    that do what several of these steps do, with a slip in them; None where the steps do it.
+    """
 
     place: Callable[[Array, Array, Camera], tuple[Array, Array]]
     lens: Callable[[Camera], Camera]
     undo: Callable[[Array, Array, Any], tuple[Array, Array]]
     ray: Callable[[Array, Array, Camera], Rays]
     camera: Callable[[Camera], Camera]
+    through: Callable[..., Any] | None
+    to_board: Callable[..., Any] | None
     objects: Callable[[tuple[Shape, ...], Camera], tuple[Shape, ...]]
     sphere: Callable[[Any, Any, Sphere], Any]
     rectangle: Callable[[Any, Any, Rectangle], Any]
+    intersect_all: Callable[..., Any] | None
     order: Callable[[Array, tuple[Shape, ...], Rays], Array]
     point: Callable[[Rays, Array], Array]
     normal: Callable[[Array, Rays, Shape], Array]
+    normals_at: Callable[..., Any] | None
     light: Callable[[Array, Scene, Hits], Array]
     shadows: Callable[[bool], bool]
     blocked: Callable[..., Array]
@@ -80,6 +91,7 @@ class Steps(NamedTuple):
     gather: Callable[["Walks"], Array]
     spread: tuple[tuple[float, float], ...]
     earlier: Callable[[Scene, "Before"], Scene]
+    mixed: Callable[..., Any] | None
 
 
 class Before(NamedTuple):
@@ -185,12 +197,16 @@ RIGHT = Steps(
     undo=undo,
     ray=direct_ray,
     camera=lambda camera: camera,
+    through=None,
+    to_board=None,
     objects=lambda things, camera: things,
     sphere=on_sphere,
     rectangle=on_rectangle,
+    intersect_all=None,
     order=nearest,
     point=along,
     normal=outward,
+    normals_at=None,
     light=to_sun,
     shadows=lambda asked: asked,
     blocked=hidden,
@@ -200,6 +216,7 @@ RIGHT = Steps(
     gather=gathered,
     spread=((0.0, 0.0),),
     earlier=lambda scene, before: scene,
+    mixed=None,
 )
 """The tracer as it should be."""
 
@@ -217,13 +234,19 @@ def meet(origin: Array, d: Array, thing: Shape, steps: Steps) -> Array:
 
 def meet_all(origin: Array, d: Array, things: Sequence[Shape], steps: Steps) -> Array:
     """The same of all things, (K, N): the tracer's own solvers take all of a kind at once, as one of columns (K, 1)."""
+    if steps.intersect_all is not None:
+        starts = np.broadcast_to(origin, d.shape).T
+        return np.asarray(steps.intersect_all(starts, d.T, as_dicts(tuple(things))), float)[: len(things)]
     t = np.full((len(things), d.shape[1]), np.inf)
     for kind, own, names in (
         (Sphere, steps.sphere is on_sphere, ("center", "radius")),
         (Rectangle, steps.rectangle is on_rectangle, ("center", "half_u", "half_v")),
     ):
         here = [i for i, thing in enumerate(things) if isinstance(thing, kind)]
-        if own and len(here) > 1:
+        at_once = getattr(steps.sphere, "all_at_once", None)
+        if kind is Sphere and at_once is not None and here:
+            t[here] = at_once(origin, d, [things[i] for i in here])
+        elif own and len(here) > 1:
             columns = {name: np.array([getattr(things[i], name) for i in here]).T[..., None] for name in names}
             all_of_them = {name: tuple(x) if x.ndim == 3 else x for name, x in columns.items()}
             t[here] = meet(origin, d, msgspec.structs.replace(things[here[0]], **all_of_them), steps)
@@ -231,6 +254,16 @@ def meet_all(origin: Array, d: Array, things: Sequence[Shape], steps: Steps) -> 
             for i in here:
                 t[i] = meet(origin, d, things[i], steps)
     return t
+
+
+@lru_cache(maxsize=64)
+def as_dicts(things: tuple[Shape, ...]) -> list[dict[str, Any]]:
+    """The things as the contract has them."""
+    made: list[dict[str, Any]] = []
+    for x in things:
+        names = ("center", "radius") if isinstance(x, Sphere) else ("center", "half_u", "half_v")
+        made.append({name: np.array(getattr(x, name)) for name in names} | {"albedo": np.array(x.material.albedo)})
+    return made
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,11 +330,14 @@ class Bench:
         return self.kept[key]
 
     def rays(self, steps: Steps) -> Rays:
-        key = ("rays", *steps[:5])
+        key = ("rays", *steps[:7])
         if key not in self.kept:
             lens = steps.camera(self.scene.camera)
             u, v = steps.place(self.u, self.v, self.scene.camera)
             seen = steps.lens(lens)
+            if steps.through is not None or steps.to_board is not None:
+                self.keep(key, self._written_rays(steps, seen, u, v))
+                return self.kept[key]
             # What a pose or another ray leaves alone: the lens of the scene's own K and coefficients.
             own = seen.K == self.camera.K and seen.dist == self.camera.dist
             own = own and steps.place is RIGHT.place and steps.undo is RIGHT.undo
@@ -316,9 +352,24 @@ class Bench:
             self.keep(key, steps.ray(x, y, lens))
         return self.kept[key]
 
+    def _written_rays(self, steps: Steps, camera: Camera, u: Array, v: Array) -> Rays:
+        """Those of the textbook's functions."""
+        R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
+        if steps.through is None:
+            right = self.rays(steps._replace(to_board=None, camera=RIGHT.camera))
+            rays = (np.asarray(self.camera.R_cam_board) @ right.d).T
+        else:
+            rays = steps.through(np.array(camera.K), np.array(camera.coefficients), u, v, steps.undo)
+            unit = np.abs(np.square(rays).sum(axis=-1) - 1).max() < 1e-12 and (rays[:, 2] > 0).all()
+            if steps.to_board is None and unit:  # as usual from here on
+                return steps.ray(rays[:, 0] / rays[:, 2], rays[:, 1] / rays[:, 2], camera)
+        eye, d = steps.to_board(rays, R, t) if steps.to_board is not None else (np.array(camera.eye), rays @ R)
+        d = np.asarray(d, float).T
+        return Rays(np.asarray(eye, float)[:, None], d, d, np.linalg.norm(d, axis=0))
+
     def distances(self, steps: Steps) -> Array:
         """(K, N): t along each ray of the eye to each thing, infinity for a miss."""
-        key = ("t", *steps[:8])
+        key = ("t", *steps[:11])
         if key not in self.kept:
             rays, things = self.rays(steps), self.things(steps)
             t = meet_all(rays.origin, rays.d, things, steps) if things else np.full((1, self.u.size), np.inf)
@@ -328,7 +379,7 @@ class Bench:
 
     def met(self, steps: Steps) -> tuple[Array, Array]:
         """The index of what each ray of the eye meets first, -1 for nothing, and its t."""
-        key = ("met", *steps[:9])
+        key = ("met", *steps[:12])
         if key not in self.kept:
             rays, things, t = self.rays(steps), self.things(steps), self.distances(steps)
             ids = steps.order(t, things, rays) if things else np.full(self.u.size, -1)
@@ -347,12 +398,15 @@ class Bench:
 
     def hits(self, steps: Steps) -> Hits:
         """What the eye's rays meet first, and its normal and albedo."""
-        key = ("hits", *steps[:11])
+        key = ("hits", *steps[:15])
         if key not in self.kept:
             rays, things = self.rays(steps), self.things(steps)
             ids, reach = self.met(steps)
             point, table = steps.point(rays, reach), _table(things)
-            if steps.normal is outward:
+            if steps.normals_at is not None:
+                eye = rays.origin[:, 0]
+                normal = np.asarray(steps.normals_at(point.T, ids, eye, as_dicts(things)), float).T
+            elif steps.normal is outward:
                 normal = table.outward(point, rays.d, ids)
             else:
                 normal = np.zeros((3, ids.size))
@@ -360,11 +414,11 @@ class Bench:
                     if (here := ids == index).any():
                         part = Rays(rays.origin, rays.d[:, here], rays.aim[:, here], rays.stretch[here])
                         normal[:, here] = steps.normal(point[:, here], part, thing)
-            self.keep(key, Hits(ids, reach, point, normal, table.albedo[ids].T))
+            self.keep(key, Hits(ids, reach, point, normal, table.albedo[ids].T, rays.origin[:, 0]))
         return self.kept[key]
 
     def terms(self, steps: Steps) -> Terms:
-        key = ("terms", *steps[:14])
+        key = ("terms", *steps[:18])
         if key not in self.kept:
             hits, sun = self.hits(steps), self.scene.sun
             to = steps.light(np.array(sun.to_light)[:, None], self.scene, hits)
@@ -373,7 +427,7 @@ class Bench:
                 visible = np.where(steps.blocked(hits, to, self.things(steps), steps), 0.0, 1.0)
             cos, E, sky = (hits.normal * to).sum(axis=0), sun.irradiance, self.scene.sky.radiance
             E3, sky3 = np.array(E)[:, None], np.array(sky)[:, None]
-            self.keep(key, Terms(hits.albedo, cos, visible, E3, sky3, hits, self.scene, self.shadows))
+            self.keep(key, Terms(hits.albedo, to, cos, visible, E3, sky3, hits, self.scene, self.shadows))
         return self.kept[key]
 
     def walks(self, samples: int, depth: int, seed: int = 1) -> Walks:
@@ -390,7 +444,7 @@ class Bench:
             table = np.array([*(x.material.albedo for x in self.scene.objects), (0.0, 0.0, 0.0)])
             for _ in range(depth):
                 weight = weight * albedo
-                hits = Hits(ids, np.zeros(n), point, normal, albedo)
+                hits = Hits(ids, np.zeros(n), point, normal, albedo, start.eye)
                 cos = (normal * to).sum(axis=0)
                 sun = E / pi * np.where(hidden(hits, to, self.scene.objects, RIGHT), 0.0, np.maximum(cos, 0))
                 d = np.stack(sample_cosine_hemisphere(tuple(normal), *rng.random((2, n))))
@@ -419,6 +473,8 @@ class Bench:
             return np.asarray(sum(rays) / len(rays))
         seen = self.of(steps)
         terms = seen.terms(steps)
+        if steps.mixed is not None:
+            return np.asarray(steps.mixed(seen, steps, terms), float)
         behind = np.broadcast_to(steps.background(seen.scene, seen.rays(steps).d), terms.albedo.shape)
         return np.where(terms.hits.ids >= 0, steps.shade(terms), behind).T
 

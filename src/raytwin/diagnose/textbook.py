@@ -5,6 +5,7 @@ beside the subject, which it equals to rounding. The functions of the contract h
 the contract's dict. `tracer_with` replaces some of its functions by others, a student's for instance.
 """
 
+import warnings
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -26,7 +27,7 @@ def undistort(xd: Any, yd: Any, dist: Any) -> Any:
     """The (x, y) that the lens takes to (xd, yd): x = (xd - tangential) / radial, repeated until nothing moves."""
     k1, k2, p1, p2, k3 = dist
     x, y = xd, yd
-    for _ in range(60):
+    for _ in range(30):
         r2 = x * x + y * y
         radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
         dx = 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
@@ -203,7 +204,7 @@ FORMS: dict[str, Changes] = {
 def tracer_with(functions: Mapping[str, Callable[..., Any]] | None = None, changes: Changes = ()) -> SimpleNamespace:
     """The textbook's functions, its text changed, and some replaced by `functions`, which the others then call.
 
-    Raises ValueError for a change of what the text does not have.
+    Raises ValueError for a change of what the text does not have, and for changes that leave no Python together.
     """
     parts = PARTS
     for old, new in changes:
@@ -211,12 +212,17 @@ def tracer_with(functions: Mapping[str, Callable[..., Any]] | None = None, chang
             raise ValueError(f"the textbook has no {old!r}")
         parts = tuple(part.replace(old, new) for part in parts)
     space: dict[str, Any] = {"__name__": __name__, "__file__": __file__}
-    for part in parts:
-        exec(_compiled(part), space)
+    try:
+        for part in parts:
+            exec(_compiled(part), space)
+    except SyntaxError as error:
+        raise ValueError(f"changes that exclude one another: {error}") from None
     space.update(functions or {})
     return SimpleNamespace(**{name: thing for name, thing in space.items() if not name.startswith("__")})
 
 
 @lru_cache(maxsize=1024)
 def _compiled(part: str) -> Any:
-    return compile(part, __file__, "exec")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a text that was changed
+        return compile(part, __file__, "exec")
