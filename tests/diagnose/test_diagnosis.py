@@ -6,7 +6,8 @@ from tracers_by_students import CORRECT, MISTAKES, mistaken, run
 from raytwin import files
 from raytwin.diagnose import draw_scene
 from raytwin.diagnose.antialiasing import between
-from raytwin.diagnose.catalogue import CHANCES, FAULTS, SAMPLING, STAGES, cached
+from raytwin.diagnose.catalogue import CHANCES, FAULTS, cached
+from raytwin.diagnose.changes import SAMPLING, STAGES
 from raytwin.diagnose.conditional_faults import _some, averaged, by_channel, stale, wrong_channels
 from raytwin.diagnose.diagnosis import Cause, Guess, View, _ranked, diagnose, explain
 from raytwin.diagnose.light_decomposition import split

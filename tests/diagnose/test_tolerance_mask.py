@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from raytwin.diagnose.catalogue import offset_by, put, shadows
+from raytwin.diagnose.changes import offset_by, put, shadows
 from raytwin.diagnose.draw_scene import draw_scene
 from raytwin.diagnose.predict import RIGHT, Bench
 from raytwin.diagnose.tolerance_mask import forgiven

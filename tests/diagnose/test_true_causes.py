@@ -10,7 +10,8 @@ import pytest
 from raytwin import files
 from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.budget import Budget
-from raytwin.diagnose.catalogue import FAULTS, at
+from raytwin.diagnose.catalogue import FAULTS
+from raytwin.diagnose.changes import at
 from raytwin.diagnose.diagnosis import _likelier, _search, _shows, diagnose, explain
 from raytwin.diagnose.parametric_faults import FAMILIES, bright
 from raytwin.diagnose.pixel_sample import Sight, View, look

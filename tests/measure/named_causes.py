@@ -14,7 +14,8 @@ import numpy as np
 from measure import record
 from tracers_by_students import CORRECT, MISTAKES, mistaken, run
 
-from raytwin.diagnose.catalogue import FAULTS, SAMPLING, Fault
+from raytwin.diagnose.catalogue import FAULTS
+from raytwin.diagnose.changes import SAMPLING, Fault
 from raytwin.diagnose.diagnosis import FEW, Diagnosis, View, diagnose
 from raytwin.diagnose.draw_scene import draw_scene
 from raytwin.diagnose.predict import RIGHT, Bench

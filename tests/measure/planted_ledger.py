@@ -18,7 +18,8 @@ from raytwin import twin
 from raytwin.analysis.ledger import split_error
 from raytwin.analysis.light_parts import WholeLight
 from raytwin.analysis.own_error import OWN
-from raytwin.diagnose.catalogue import FAULTS, Fault
+from raytwin.diagnose.catalogue import FAULTS
+from raytwin.diagnose.changes import Fault
 from raytwin.diagnose.predict import RIGHT, Bench
 from raytwin.image import Image
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine

@@ -15,7 +15,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from raytwin.diagnose.catalogue import FAULTS, SAMPLING
+from raytwin.diagnose.catalogue import FAULTS
+from raytwin.diagnose.changes import SAMPLING
 from raytwin.diagnose.draw_scene import draw_scene
 from raytwin.diagnose.operators import Edit, edits
 from raytwin.diagnose.predict import RIGHT, Bench, Steps

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 
 from raytwin.diagnose.budget import Budget
-from raytwin.diagnose.catalogue import SAMPLING, Fault, at, row
+from raytwin.diagnose.changes import SAMPLING, Fault, at, row
 from raytwin.diagnose.pixel_sample import Sight
 from raytwin.diagnose.predict import RIGHT, Array, Change
 

@@ -13,22 +13,8 @@ import msgspec
 import numpy as np
 
 from raytwin.diagnose.budget import Budget
-from raytwin.diagnose.catalogue import (
-    CAMERA,
-    FAULTS,
-    LIGHT,
-    ORDER,
-    OUTPUT,
-    SAMPLING,
-    TESTS,
-    Fault,
-    behind,
-    both,
-    put,
-    row,
-    shown,
-    terms,
-)
+from raytwin.diagnose.catalogue import FAULTS, TESTS
+from raytwin.diagnose.changes import CAMERA, LIGHT, ORDER, OUTPUT, SAMPLING, Fault, behind, both, put, row, shown, terms
 from raytwin.diagnose.pixel_sample import Sight
 from raytwin.diagnose.predict import RIGHT, Array, Before, Change, Rays, Steps
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
@@ -122,7 +108,7 @@ def _alone(k: int) -> list[Fault]:
 
 def _is_of_values(s: Steps) -> bool:
     same = all(a is b for name, a, b in zip(RIGHT._fields, s, RIGHT, strict=True)
-               if name not in ("shade", "background", "output"))  # fmt: skip
+               if name not in ("prepare", "shade", "background", "output", "texts"))  # fmt: skip
     return same and s != RIGHT
 
 
@@ -130,7 +116,7 @@ def _in_channel(s: Steps, way: Change, k: int) -> Steps:
     changed, one = way(s), np.arange(3) == k
 
     def shade(x: Any) -> Array:
-        return np.where(one[:, None], changed.shade(x), s.shade(x))
+        return np.where(one[:, None], changed.shade(changed.prepare(x)), s.shade(s.prepare(x)))
 
     def background(scene: Scene, d: Array) -> Array:
         return np.where(one[:, None], changed.background(scene, d), s.background(scene, d))
@@ -138,7 +124,7 @@ def _in_channel(s: Steps, way: Change, k: int) -> Steps:
     def output(x: Array, brightest: float) -> Array:
         return np.where(one, changed.output(x, brightest), s.output(x, brightest))
 
-    return s._replace(shade=shade, background=background, output=output)
+    return s._replace(prepare=RIGHT.prepare, shade=shade, background=background, output=output)
 
 
 # ------------------------------------------------------------------------------------------ several rays a pixel

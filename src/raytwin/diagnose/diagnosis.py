@@ -14,18 +14,8 @@ import numpy as np
 
 from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.budget import SECONDS, Budget
-from raytwin.diagnose.catalogue import (
-    ACNE,
-    CHANCES,
-    FACTS,
-    FAULTS,
-    HABITS,
-    OUTPUT,
-    STAGES,
-    TESTS,
-    Fault,
-    cached,
-)
+from raytwin.diagnose.catalogue import ACNE, CHANCES, FACTS, FAULTS, HABITS, TESTS, cached
+from raytwin.diagnose.changes import OUTPUT, STAGES, Fault
 from raytwin.diagnose.conditional_faults import clued
 from raytwin.diagnose.distances import depth_cause
 from raytwin.diagnose.light_decomposition import split

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin.diagnose.catalogue import (
+from raytwin.diagnose.changes import (
     CAMERA,
     LIGHT,
     OUTPUT,
@@ -34,7 +34,7 @@ from raytwin.diagnose.catalogue import (
     sun,
     sun_times,
     within,
-)  # fmt: skip
+)
 from raytwin.diagnose.pixel_sample import Sight
 from raytwin.diagnose.predict import RIGHT, Array, Change, Steps, Terms
 from raytwin.scene import Camera, Scene, Shape, Sphere

@@ -64,7 +64,8 @@ class Steps(NamedTuple):
     """The tracer's steps as data, finer than `tracer.Stages`; `RIGHT` is the right tracer.
 
     `through`, `to_board`, `intersect_all`, `normals_at`, `mixed`: functions of the textbook (`mixed`: its `radiance`)
-    that do what several of these steps do, with a slip in them; None where the steps do it.
+    that do what several of these steps do, with a slip in them; None where the steps do it. `texts`: each function of
+    the textbook that has slips in it, and these.
     """
 
     place: Callable[[Array, Array, Camera], tuple[Array, Array]]
@@ -85,6 +86,7 @@ class Steps(NamedTuple):
     light: Callable[[Array, Scene, Hits], Array]
     shadows: Callable[[bool], bool]
     blocked: Callable[..., Array]
+    prepare: Callable[[Terms], Terms]
     shade: Callable[[Terms], Array]
     background: Callable[[Scene, Array], Array]
     output: Callable[[Array, float], Array]
@@ -92,6 +94,7 @@ class Steps(NamedTuple):
     spread: tuple[tuple[float, float], ...]
     earlier: Callable[[Scene, "Before"], Scene]
     mixed: Callable[..., Any] | None
+    texts: tuple[tuple[str, Any], ...]
 
 
 class Before(NamedTuple):
@@ -210,6 +213,7 @@ RIGHT = Steps(
     light=to_sun,
     shadows=lambda asked: asked,
     blocked=hidden,
+    prepare=lambda terms: terms,
     shade=lambert,
     background=lambda scene, d: np.array(scene.sky.radiance)[:, None],
     output=lambda radiance, brightest: radiance,
@@ -217,6 +221,7 @@ RIGHT = Steps(
     spread=((0.0, 0.0),),
     earlier=lambda scene, before: scene,
     mixed=None,
+    texts=(),
 )
 """The tracer as it should be."""
 
@@ -476,7 +481,7 @@ class Bench:
         if steps.mixed is not None:
             return np.asarray(steps.mixed(seen, steps, terms), float)
         behind = np.broadcast_to(steps.background(seen.scene, seen.rays(steps).d), terms.albedo.shape)
-        return np.where(terms.hits.ids >= 0, steps.shade(terms), behind).T
+        return np.where(terms.hits.ids >= 0, steps.shade(steps.prepare(terms)), behind).T
 
     def points(self, steps: Steps) -> Array:
         """(N, 3) where each ray first meets a sphere, NaN for none."""

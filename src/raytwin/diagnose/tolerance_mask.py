@@ -9,7 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from raytwin.diagnose.catalogue import TESTS, at, offset_by
+from raytwin.diagnose.catalogue import TESTS
+from raytwin.diagnose.changes import at, offset_by
 from raytwin.diagnose.predict import RIGHT, Array, Bench, Change, Steps, hidden
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene
