@@ -12,7 +12,6 @@ from raytwin.diagnose.changes import (
     CAMERA,
     UNDO,
     UNIT,
-    _three,
     both,
     grid,
     lens,
@@ -21,6 +20,7 @@ from raytwin.diagnose.changes import (
     put,
     row,
     sphere,
+    three,
 )
 from raytwin.diagnose.predict import Array, Change, Rays
 from raytwin.diagnose.slips import slips
@@ -79,10 +79,10 @@ def _left_behind(x: Shape, camera: Camera, kind: type, turned: bool) -> Shape:
         return x
     R, t = np.asarray(camera.R_cam_board), np.asarray(camera.t_cam_board)
     back = np.eye(3) if turned else R.T
-    c = _three(back @ x.center - R.T @ t)
+    c = three(back @ x.center - R.T @ t)
     if isinstance(x, Sphere):
         return msgspec.structs.replace(x, center=c)
-    return msgspec.structs.replace(x, center=c, half_u=_three(back @ x.half_u), half_v=_three(back @ x.half_v))
+    return msgspec.structs.replace(x, center=c, half_u=three(back @ x.half_u), half_v=three(back @ x.half_v))
 
 
 @lru_cache(maxsize=8)

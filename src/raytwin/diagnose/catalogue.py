@@ -18,34 +18,35 @@ from raytwin.diagnose.changes import (
     CAMERA,
     NORMALS,
     SHADOW,
+    Casters,
     Fault,
-    _made_unit,
-    _three,
     both,
+    made_unit,
     normals,
     offset_by,
     placed,
     row,
     seen,
     shadows,
+    three,
 )
 from raytwin.diagnose.geometry_faults import SOLVERS
 from raytwin.diagnose.light_faults import LIGHTS
 from raytwin.diagnose.order_faults import ORDERS
 from raytwin.diagnose.picture_faults import OUTPUTS, SAMPLINGS
-from raytwin.diagnose.predict import Change, Steps, hidden, others_hide
-from raytwin.diagnose.shadow_faults import SHADOWS, _all_dark
-from raytwin.diagnose.surface_faults import NORMALS_, PLANES_BY_ORIGIN, _turned_by_origin, _turned_to_eye
+from raytwin.diagnose.predict import RIGHT, Array, Change, Hits, Steps, hidden, others_hide
+from raytwin.diagnose.shadow_faults import SHADOWS, all_dark
+from raytwin.diagnose.surface_faults import NORMALS_, PLANES_BY_ORIGIN, turned_by_origin, turned_to_eye
 from raytwin.scene import Camera
 
 ACNE = row("acne", SHADOW,
     "speckles: rounding puts the start of shadow rays now above, now below the surface, so that it shades itself; "
-    "start them a little off it, or leave its own object out", lambda s: s, shadows(_all_dark))  # fmt: skip
+    "start them a little off it, or leave its own object out", lambda s: s, shadows(all_dark))  # fmt: skip
 """Which points are dark is chance: told by pixels that are all as lit or as dark as can be, and mixed."""
 
 CHANCES = (
     *(row("plane-normal-by-origin", NORMALS, PLANES_BY_ORIGIN,
-          *(normals(partial(_turned_by_origin, sign=k, flat=flat)) for flat in (1, -1))) for k in (1, -1)),
+          *(normals(partial(turned_by_origin, sign=k, flat=flat)) for flat in (1, -1))) for k in (1, -1)),
     ACNE,
 )  # fmt: skip
 """Faults of which rounding decides, pixel by pixel, what is seen: one of their ways."""
@@ -70,7 +71,7 @@ def cached(first: Sequence[Camera], cameras: Sequence[Camera]) -> tuple[Fault, .
     def turned(own: Camera, kept: dict[Any, Camera]) -> Camera:
         """With the kept one's axes, from its own eye."""
         R = _kept(own, kept).R_cam_board
-        return msgspec.structs.replace(own, R_cam_board=R, t_cam_board=_three(-np.asarray(R) @ np.array(own.eye)))
+        return msgspec.structs.replace(own, R_cam_board=R, t_cam_board=three(-np.asarray(R) @ np.array(own.eye)))
 
     ways: list[Change] = []
     for one_each in islice(product(*by_size.values()), 8 if by_size else 0):
@@ -92,7 +93,7 @@ FAULTS: tuple[Fault, ...] = (
 
 def faced(s: Steps) -> Steps:
     """Normals of spheres, too, are turned to the eye."""
-    return normals(lambda n, p, rays, thing: _turned_to_eye(n, rays))(s)
+    return normals(lambda n, p, rays, thing: turned_to_eye(n, rays))(s)
 
 
 def tested(f: Any) -> Change:
@@ -105,10 +106,36 @@ COARSE = (others_hide, offset_by(1e-4), offset_by(1e-4, True))
 TESTS = (*COARSE, *(offset_by(eps, way) for eps in (1e-6, 1e-5, 1e-3) for way in (False, True)))
 """Ways to test for shadows that are all right: the own object left out, or a start a little off the surface."""
 
-HABITS: tuple[Change, ...] = tuple(
-    both(*normal, *test)
-    for test in ((), *((tested(one),) for one in COARSE))
-    for normal in ((), (faced,), (normals(_made_unit),), (normals(_made_unit), faced))
-)[1:]
+
+def seen_alone(s: Steps) -> Steps:
+    """What rays meet is wrong for the eye's rays; another function, which is right, tests shadow rays."""
+    return _apart(s, s, RIGHT)
+
+
+def in_shadow_alone(s: Steps) -> Steps:
+    """The other way round."""
+    return _apart(s, RIGHT, s)
+
+
+def _apart(s: Steps, eye: Steps, shadow: Steps) -> Steps:
+    if (s.sphere, s.rectangle) == (RIGHT.sphere, RIGHT.rectangle):
+        return s
+
+    def blocked(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
+        return s.blocked(hits, to, things, steps._replace(sphere=shadow.sphere, rectangle=shadow.rectangle))
+
+    return s._replace(sphere=eye.sphere, rectangle=eye.rectangle, blocked=blocked)
+
+
+HABITS: tuple[Change, ...] = (
+    *(
+        both(*normal, *test)
+        for test in ((), *((tested(one),) for one in COARSE))
+        for normal in ((), (faced,), (normals(made_unit),), (normals(made_unit), faced))
+        if normal or test
+    ),
+    seen_alone,
+    in_shadow_alone,
+)
 """What may be done in one way or another without harm, but shows where something else is wrong: normals turned to the
-eye, or made unit; how shadows are tested."""
+eye, or made unit; how shadows are tested; functions of their own for shadow rays."""

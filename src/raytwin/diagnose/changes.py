@@ -69,7 +69,7 @@ def terms(f: Callable[[Terms], Terms]) -> Change:
     return lambda s: s._replace(prepare=lambda x: s.prepare(f(x)))
 
 
-def _colour(f: Callable[[Terms], Array]) -> Change:
+def coloured(f: Callable[[Terms], Array]) -> Change:
     return terms(lambda x: x._replace(albedo=f(x)))
 
 
@@ -116,7 +116,7 @@ def other(f: Callable[[Shape, Camera], Shape]) -> Change:
     return lambda s: s._replace(objects=lambda all_, camera: tuple(f(x, camera) for x in s.objects(all_, camera)))
 
 
-def _unstretched(x: Array, y: Array, camera: Camera, ray: Any) -> Rays:
+def unstretched(x: Array, y: Array, camera: Camera, ray: Any) -> Rays:
     """t of unit rays goes along (x, y, 1)."""
     rays = ray(x, y, camera)
     return rays._replace(aim=rays.d * rays.stretch)
@@ -160,7 +160,7 @@ def normals(f: Callable[[Array, Array, Rays, Any], Array]) -> Change:
 
     def written(points: Array, which: Array, eye: Array, things: Any, of: Any) -> Array:
         p, n = points.T, np.asarray(of(points, which, eye, things), float).T
-        d = _made_unit(p - eye[:, None])
+        d = made_unit(p - eye[:, None])
         return f(n, p, Rays(eye[:, None], d, d, np.ones(which.size)), None).T
 
     def change(s: Steps) -> Steps:
@@ -171,12 +171,12 @@ def normals(f: Callable[[Array, Array, Rays, Any], Array]) -> Change:
     return change
 
 
-def _made_unit(n: Array, *_: Any) -> Array:
+def made_unit(n: Array, *_: Any) -> Array:
     length = np.linalg.norm(n, axis=0)
     return n / np.where(length > 0, length, 1)
 
 
-def _three(v: Any) -> Any:
+def three(v: Any) -> Any:
     return tuple(np.asarray(v, float).tolist())
 
 
@@ -186,12 +186,12 @@ def in_shadow_test(change: Change) -> Change:
         hits, to, things, steps._replace(sphere=change(s).sphere, rectangle=change(s).rectangle)))  # fmt: skip
 
 
-def _inside(*tests: str) -> tuple[Change, ...]:
+def inside(*tests: str) -> tuple[Change, ...]:
     """Rectangles that end elsewhere."""
     return plane(*(f"{INSIDE} => {test}" for test in tests))
 
 
-def _reach(u: str, v: str) -> str:
+def reaching(u: str, v: str) -> str:
     """|q·u| and |q·v| up to these."""
     return f"(np.abs(q @ half_u) <= {u}) & (np.abs(q @ half_v) <= {v})"
 
@@ -216,7 +216,7 @@ def _any_blocks(start: Array, to: Array, things: Casters, steps: Steps, limit: f
     return np.asarray((np.isfinite(t) & (t < limit)).any(axis=0))
 
 
-def _on_plane(x: Terms) -> Array:
+def on_plane(x: Terms) -> Array:
     return np.array([not is_sphere(thing) for thing in x.scene.objects] + [False])[x.hits.ids]
 
 
@@ -260,7 +260,7 @@ def turned(turn: Callable[[Array], Array]) -> tuple[Change, ...]:
     return lit(f), half_lit(f)
 
 
-def _sky_scaled(scene: Scene, k: float) -> Array:
+def sky_scaled(scene: Scene, k: float) -> Array:
     return k * np.array(scene.sky.radiance)
 
 
@@ -295,13 +295,13 @@ def within(limit: float) -> Callable[[Hits, Array, Casters, Steps], Array]:
     return blocked
 
 
-def _gone(thing: Shape) -> Shape:
+def gone(thing: Shape) -> Shape:
     if isinstance(thing, Sphere):
         return msgspec.structs.replace(thing, center=(0.0, 0.0, -1e9), radius=1e-9)
     return msgspec.structs.replace(thing, center=(0.0, 0.0, -1e9), half_u=(1e-9, 0.0, 0.0), half_v=(0.0, 1e-9, 0.0))
 
 
-def _dimmed(x: Terms, by: float) -> Array:
+def dimmed(x: Terms, by: float) -> Array:
     return lambert(x._replace(visible=np.ones_like(x.visible))) * np.where(x.visible > 0, 1.0, by)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.budget import SECONDS, Budget
 from raytwin.diagnose.catalogue import ACNE, CHANCES, FACTS, FAULTS, HABITS, TESTS, cached
-from raytwin.diagnose.changes import OUTPUT, STAGES, Fault
+from raytwin.diagnose.changes import LIGHT, NORMALS, OUTPUT, SAMPLING, SHADOW, STAGES, Fault
 from raytwin.diagnose.conditional_faults import clued
 from raytwin.diagnose.distances import depth_cause
 from raytwin.diagnose.light_decomposition import split
@@ -82,6 +82,10 @@ SIGNIFICANT = 4.0
 """Standard errors by which a cause has to bring noisy pixels nearer."""
 FAR = 25.0
 """Squared standard deviations: a noisy pixel that is farther off counts as this far."""
+OF_VALUES = (NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
+"""Stages that leave alone what rays meet: quickly tried, and tried first."""
+NOTHING = 1e-4
+"""Share of the cost: where a mistake of these stages leaves less, other stages are not tried."""
 BEYOND = Steps._fields.index("objects")
 """The first step beyond the camera."""
 BEAM = 3
@@ -318,8 +322,13 @@ def _round(
     order = _order(small, before.steps)
     if before.causes or faults[: len(FAULTS)] != FAULTS:
         tried = _screened(ways, order, before, budget)
+    elif len(few := _by_common(ways, sights, before)) < len(ways):
+        tried = _screened(few, order, before, budget)
     else:
-        tried = _screened(_by_common(ways, sights, before), order, before, budget)
+        values = [w for w in ways if w.causes[-1].stage in OF_VALUES]
+        tried = _screened(values, order, before, budget)
+        if not tried or min(w.cost for w in tried) > NOTHING * before.cost:
+            tried += _screened([w for w in ways if w.causes[-1].stage not in OF_VALUES], order, before, budget)
     exact = _with_habits(tried, before, sights, order, budget)
     exact = _ranked(exact, faults, EVEN * before.cost)
     if not families or (exact and exact[0].cost < CLEAR * before.cost and _good(sights, exact[0].steps)):
@@ -365,10 +374,11 @@ def _with_habits(
     habits = HABITS if not before.causes else ()
     some = [g for g in some if g.steps[BEYOND:] != before.steps[BEYOND:]]
     tried += _screened(
-        [replace(g, steps=habit(g.steps), cost=np.inf) for g in some for habit in habits], order, before, budget
-    )
+        [replace(g, steps=s, cost=np.inf) for g in some for habit in habits if (s := habit(g.steps)) is not g.steps],
+        order, before, budget,
+    )  # fmt: skip
     some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if g.steps.blocked in TESTS]
-    some = [g for g in some if g.cost > EVEN * before.cost]
+    some = [g for g in some if g.cost > EVEN * before.cost and g.steps[BEYOND:] != before.steps[BEYOND:]]
     tried += _screened(
         [replace(g, steps=g.steps._replace(blocked=t)) for g in some for t in TESTS], order, before, budget, TEMPTING
     )

@@ -19,21 +19,21 @@ from raytwin.diagnose.changes import (
     UNIT,
     Casters,
     T,
-    _inside,
-    _reach,
-    _three,
-    _unstretched,
     both,
     in_shadow_test,
+    inside,
     normals_at,
     order,
     other,
     plane,
     put,
+    reaching,
     resized,
     row,
     sphere,
     terms,
+    three,
+    unstretched,
 )
 from raytwin.diagnose.predict import Change, Terms, on_rectangle, on_sphere
 from raytwin.diagnose.slips import slips
@@ -91,14 +91,14 @@ def _edges_turned(x: Shape, camera: Camera, turn: Any, which: str = "") -> Shape
     if isinstance(x, Sphere):
         return x
     matrix, names = turn(np.asarray(camera.R_cam_board)), (which,) if which else ("half_u", "half_v")
-    return msgspec.structs.replace(x, **{name: _three(matrix @ getattr(x, name)) for name in names})
+    return msgspec.structs.replace(x, **{name: three(matrix @ getattr(x, name)) for name in names})
 
 
 def _edges_moved(x: Shape, camera: Camera) -> Shape:
     if isinstance(x, Sphere):
         return x
     moved = np.asarray(camera.R_cam_board).T @ camera.t_cam_board
-    return msgspec.structs.replace(x, half_u=_three(x.half_u + moved), half_v=_three(x.half_v + moved))
+    return msgspec.structs.replace(x, half_u=three(x.half_u + moved), half_v=three(x.half_v + moved))
 
 
 def _also(*tests: str) -> tuple[Change, ...]:
@@ -121,7 +121,7 @@ def _crossed(*lines: str) -> tuple[Change, ...]:
     )  # fmt: skip
 
 
-bent = lambda s: s._replace(ray=partial(_unstretched, ray=s.ray))  # noqa: E731
+bent = lambda s: s._replace(ray=partial(unstretched, ray=s.ray))  # noqa: E731
 
 (long,) = slips("through", f"{UNIT} => rays")
 
@@ -237,28 +237,28 @@ SOLVERS = (
     row("no-planes", SOLVER, "the planes are missing: scene['planes'] holds rectangles, which rays meet too",
         *(of(way) for way in plane(f"{MET} => t < -np.inf") for of in (both, only_seen))),
     row("endless-planes", SOLVER, "your planes have no end: a rectangle ends at center ± half_u ± half_v",
-        *_inside("np.isfinite(t)", IN_U, IN_V)),
+        *inside("np.isfinite(t)", IN_U, IN_V)),
     row("abs-missing", SOLVER,
         "your rectangles end on one side only: a point may lie on either side of the centre, |q·u| <= u·u, "
         "|q·v| <= v·v",
-        *_inside(*(_between(*way) for way in (
+        *inside(*(_between(*way) for way in (
             (("-np.inf", "1"),) * 2, (("-1", "np.inf"),) * 2, (("-np.inf", "1"), ("-1", "1")),
             (("-1", "np.inf"), ("-1", "1")), (("-1", "1"), ("-np.inf", "1")), (("-1", "1"), ("-1", "np.inf")))))),
     row("half-a-rectangle", SOLVER,
         "only a triangle of each rectangle is there: a rectangle is two of them, or |q·u| <= u·u and |q·v| <= v·v",
         *_also(f"{ALONG[0]} + {ALONG[1]} <= 0", f"{ALONG[0]} + {ALONG[1]} >= 0"),
-        *_inside(f"({ALONG[0]} >= 0) & ({ALONG[1]} >= 0) & ({ALONG[0]} + {ALONG[1]} <= 1)")),
+        *inside(f"({ALONG[0]} >= 0) & ({ALONG[1]} >= 0) & ({ALONG[0]} + {ALONG[1]} <= 1)")),
     row("grazing-plane-lost", SOLVER,
         "planes that are seen at a grazing angle are lost: only n·d = 0 itself, or less than 1e-9, is a miss",
         *_also(*(f"{GRAZING} > {k}" for k in (0.5, 0.3, 0.1, 0.05)))),
     row("or-for-and", SOLVER,
         "a point counts as inside a rectangle where one of the two bounds holds: both have to, |q·u| <= u·u and "
         "|q·v| <= v·v",
-        *_inside(f"({IN_U}) | ({IN_V})")),
+        *inside(f"({IN_U}) | ({IN_V})")),
     row("extent-not-unit", SOLVER,
         "the extent of your rectangles is measured along half_u and half_v without dividing by their lengths: "
         "|q·u| <= u·u, or |q·u| / |u| <= |u|",
-        *_inside(_reach(NU, NV), _reach("1", "1"), _reach(f"{NU}**3", f"{NV}**3"))),
+        *inside(reaching(NU, NV), reaching("1", "1"), reaching(f"{NU}**3", f"{NV}**3"))),
     row("extent-from-elsewhere", SOLVER,
         "a rectangle's extent is measured from the wrong point: q = p - center, where p = origin + t direction",
         *plane("directions - center => directions", "q = origins + t => q = t",
@@ -266,21 +266,21 @@ SOLVERS = (
     row("box-for-rectangle", SOLVER,
         "a rectangle's extent is tested along the axes of the board, so that turned ones have another shape: test "
         "along its own edges, |q·u| <= u·u, |q·v| <= v·v",
-        *_inside(*(f"(np.abs(q[:, :{n}]) <= {size} + 1e-6).all(axis=-1)" for n, size in (
+        *inside(*(f"(np.abs(q[:, :{n}]) <= {size} + 1e-6).all(axis=-1)" for n, size in (
             (3, "np.abs(half_u) + np.abs(half_v)"), (2, "(np.abs(half_u) + np.abs(half_v))[:2]"),
             (2, f"np.array([{NU}, {NV}])"), (2, "np.abs([half_u[0], half_v[1]])"))))),
     row("corner", SOLVER,
         "your rectangles begin at their centre: a plane's center is its middle, and it reaches from -half_u to half_u",
-        *_inside(*(_between(*way) for k in ("1", "2") for way in (
+        *inside(*(_between(*way) for k in ("1", "2") for way in (
             (("0", k),) * 2, (("0", k), ("-1", "1")), (("-1", "1"), ("0", k)))))),
     row("edges-swapped", SOLVER, "half_u and half_v are mixed up in a rectangle's test: |q·u| <= u·u, |q·v| <= v·v",
-        *_inside(_reach(f"{NU} * {NV}", f"{NU} * {NV}"), *(way for k in (1, 2) for way in (
-            _reach("half_u @ half_u", f"{NV}**2 * ({NU} / {NV}) ** {k}"),
-            _reach(f"{NU}**2 * ({NV} / {NU}) ** {k}", "half_v @ half_v"))))),
+        *inside(reaching(f"{NU} * {NV}", f"{NU} * {NV}"), *(way for k in (1, 2) for way in (
+            reaching("half_u @ half_u", f"{NV}**2 * ({NU} / {NV}) ** {k}"),
+            reaching(f"{NU}**2 * ({NV} / {NU}) ** {k}", "half_v @ half_v"))))),
     row("disc-for-rectangle", SOLVER,
         "your planes have another shape: a rectangle ends at center ± half_u ± half_v, |a| <= 1 and |b| <= 1 each by "
         "itself",
-        *_inside(*(f"np.linalg.norm(q, axis=-1) <= {r}" for r in (
+        *inside(*(f"np.linalg.norm(q, axis=-1) <= {r}" for r in (
             f"max({NU}, {NV})", f"min({NU}, {NV})", f"np.hypot({NU}, {NV})", NU, NV)),
             f"np.hypot({ALONG[0]}, {ALONG[1]}) <= 1", f"np.abs({ALONG[0]}) + np.abs({ALONG[1]}) <= 1")),
     row("plane-through-origin", SOLVER, "your planes go through the origin: (p - center)·n = 0",
@@ -302,7 +302,7 @@ SOLVERS = (
         other(_edges_moved)),
     row("half-edges", SOLVER,
         "your rectangles have the wrong size: half_u and half_v are half-edges, from the centre to the rim",
-        *_inside(*(_reach(f"{k} * (half_u @ half_u)", f"{k} * (half_v @ half_v)") for k in (0.5, 2.0)))),
+        *inside(*(reaching(f"{k} * (half_u @ half_u)", f"{k} * (half_v @ half_v)") for k in (0.5, 2.0)))),
     row("cross-product", SOLVER,
         "your planes are tilted, half_u × half_v goes wrong: it is (u_y v_z - u_z v_y, u_z v_x - u_x v_z, "
         "u_x v_y - u_y v_x), divided by its length in all three components",

@@ -13,20 +13,20 @@ from raytwin.diagnose.changes import (
     LIGHT,
     SUM,
     SUN,
-    _colour,
-    _made_unit,
-    _on_plane,
-    _sky_scaled,
     behind,
     both,
+    coloured,
     half_lit,
     is_sphere,
     lit,
+    made_unit,
     offset_by,
+    on_plane,
     put,
     row,
     shade,
     shaded,
+    sky_scaled,
     sky_times,
     sun,
     sun_times,
@@ -47,26 +47,26 @@ def moved_light(f: Callable[[Array, Array, Array], Array]) -> tuple[Change, ...]
 
     def g(to: Array, scene: Scene, hits: Hits, unit: bool) -> Array:
         R, t = np.asarray(scene.camera.R_cam_board), np.array(scene.camera.t_cam_board)[:, None]
-        return _made_unit(f(to, R, t)) if unit else f(to, R, t)
+        return made_unit(f(to, R, t)) if unit else f(to, R, t)
 
     return tuple(lit(partial(g, unit=unit)) for unit in (True, False))
 
 
 def _to_position(to: Array, scene: Scene, hits: Hits) -> Array:
-    return _made_unit(to - hits.point)
+    return made_unit(to - hits.point)
 
 
 def _to_eye(to: Array, scene: Scene, hits: Hits, sign: int) -> Array:
-    return sign * _made_unit(np.array(scene.camera.eye)[:, None] - hits.point)
+    return sign * made_unit(np.array(scene.camera.eye)[:, None] - hits.point)
 
 
 def _off_position(to: Array, scene: Scene, hits: Hits) -> Array:
-    return _made_unit(hits.point - to)
+    return made_unit(hits.point - to)
 
 
 def _to_place_by_eye(to: Array, scene: Scene, hits: Hits) -> Array:
     """The same in the camera's frame."""
-    return _made_unit(to + np.array(scene.camera.eye)[:, None] - hits.point)
+    return made_unit(to + np.array(scene.camera.eye)[:, None] - hits.point)
 
 
 def _grey(x: Array) -> Array:
@@ -120,7 +120,7 @@ def _darkened_sky(scene: Scene) -> Array:
 
 def _on_kind(x: Terms, planes: bool, k: float) -> Array:
     """A factor of one kind of objects."""
-    return np.where(_on_plane(x) == planes, k, 1.0)
+    return np.where(on_plane(x) == planes, k, 1.0)
 
 
 def _falloff(x: Terms) -> Array:
@@ -218,16 +218,16 @@ LIGHTS = (
         *shade("albedo / np.pi => albedo**2 / np.pi ;; albedo * sky => albedo**2 * sky",
                "albedo / np.pi => albedo**2 / np.pi", "albedo * sky => albedo**2 * sky")),
     row("albedo-decoded", LIGHT, "the albedo is treated as a display colour: it is linear, use it as it is",
-        _colour(lambda x: srgb_decode(x.albedo)), _colour(lambda x: x.albedo**2.2),
-        _colour(lambda x: srgb_encode(x.albedo)), _colour(lambda x: x.albedo ** (1 / 2.2)),
-        _colour(lambda x: np.sqrt(x.albedo))),
+        coloured(lambda x: srgb_decode(x.albedo)), coloured(lambda x: x.albedo**2.2),
+        coloured(lambda x: srgb_encode(x.albedo)), coloured(lambda x: x.albedo ** (1 / 2.2)),
+        coloured(lambda x: np.sqrt(x.albedo))),
     row("albedo-of-another", LIGHT, "objects have another one's albedo: check the index",
-        _colour(_of_first), _colour(partial(_of_one, k=0)), _colour(partial(_of_one, k=-1)),
-        *(_colour(partial(_of_next, by=k)) for k in (1, -1))),
+        coloured(_of_first), coloured(partial(_of_one, k=0)), coloured(partial(_of_one, k=-1)),
+        *(coloured(partial(_of_next, by=k)) for k in (1, -1))),
     row("albedo-order", LIGHT,
         "the table of albedos is in another order than the objects that the index counts: spheres, then planes, in "
         "both",
-        *(_colour(partial(_of_table, f=f)) for f in (
+        *(coloured(partial(_of_table, f=f)) for f in (
             lambda balls, flats: flats + balls, lambda balls, flats: (balls + flats)[::-1],
             lambda balls, flats: balls + (balls * len(flats))[: len(flats)],
             lambda balls, flats: (balls + flats)[1:] + (balls + flats)[:1],
@@ -244,8 +244,8 @@ LIGHTS = (
         sky_times(partial(_darkened, f=lambda a: a)), sun_times(partial(_darkened, f=lambda a: a)),
         sun_times(partial(_darkened, f=lambda a: a / pi)), sun_times(partial(_darkened, f=lambda a: 1 / pi + 0 * a))),
     row("albedo-channels", LIGHT, "the albedo's channels are mixed up: they are red, green, blue",
-        _colour(lambda x: x.albedo[::-1]), _colour(lambda x: np.broadcast_to(x.albedo[:1], x.albedo.shape)),
-        _colour(lambda x: _grey(x.albedo))),
+        coloured(lambda x: x.albedo[::-1]), coloured(lambda x: np.broadcast_to(x.albedo[:1], x.albedo.shape)),
+        coloured(lambda x: _grey(x.albedo))),
     row("light-colour", LIGHT, "the light's colour is lost: irradiance and sky have three channels",
         *shade(*(f"* irradiance => * {one}" for one in (
             "np.mean(irradiance)", "irradiance[0]", "np.max(irradiance)", "np.linalg.norm(irradiance)",
@@ -302,7 +302,7 @@ LIGHTS = (
         *shade("albedo * sky => albedo")),
     row("sky-on-all", LIGHT,
         "the sky's radiance is added to every pixel, to surfaces too: only rays that meet nothing show it as it is",
-        *(both(way, *more) for more in ((), (behind(partial(_sky_scaled, k=2.0)),))
+        *(both(way, *more) for more in ((), (behind(partial(sky_scaled, k=2.0)),))
           for way in shade("albedo * sky => albedo * sky + sky"))),
     row("sky-times-sun", LIGHT, "the sky's part is multiplied by the sun's irradiance: it is albedo Lₛ",
         sky_times(lambda x: x.irradiance), sky_times(lambda x: x.irradiance / pi),

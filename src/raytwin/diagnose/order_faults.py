@@ -12,10 +12,10 @@ import numpy as np
 from raytwin.diagnose.changes import (
     ORDER,
     Casters,
-    _gone,
-    _made_unit,
     both,
+    gone,
     is_sphere,
+    made_unit,
     offset_by,
     put,
     row,
@@ -77,7 +77,7 @@ def _all_written(x: Terms, kinds: tuple[type, ...], albedo: bool, normal: bool, 
     eye, things = np.array(x.scene.camera.eye)[:, None], x.scene.objects
     if not things:
         return x
-    d = _made_unit(x.hits.point - eye)
+    d = made_unit(x.hits.point - eye)
     rays = Rays(eye, d, d, np.ones(d.shape[1]))
     t = meet_all(eye, d, things, RIGHT)
     t[[not isinstance(thing, kinds) for thing in things]] = np.inf
@@ -120,11 +120,11 @@ def less(kind: Any, lost: Callable[[list[int]], list[int]]) -> tuple[Change, Cha
         t[which(things)] = np.inf
         return nearest(t, things, rays)
 
-    def gone(things: Casters) -> Casters:
+    def all_but(things: Casters) -> Casters:
         out = which(things)
-        return tuple(_gone(x) if i in out else x for i, x in enumerate(things))
+        return tuple(gone(x) if i in out else x for i, x in enumerate(things))
 
-    return lambda s: s._replace(objects=lambda things, camera: gone(s.objects(things, camera))), put(order=order)
+    return lambda s: s._replace(objects=lambda things, camera: all_but(s.objects(things, camera))), put(order=order)
 
 
 def all_at_last(*kinds: type) -> Change:
@@ -135,7 +135,7 @@ def all_at_last(*kinds: type) -> Change:
         for kind in kinds:
             alike = [i for i, thing in enumerate(things) if isinstance(thing, kind)]
             for i in alike[1:]:
-                made[i] = _gone(things[i])
+                made[i] = gone(things[i])
             for i in alike[:1]:
                 made[i] = msgspec.structs.replace(things[alike[-1]], material=things[i].material)
         return tuple(made)

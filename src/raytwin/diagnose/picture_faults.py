@@ -11,14 +11,14 @@ from raytwin.diagnose.changes import (
     OUTPUT,
     SAMPLING,
     SUM,
-    _made_unit,
-    _sky_scaled,
     behind,
     grid,
+    made_unit,
     put,
     row,
     shade,
     shown,
+    sky_scaled,
 )
 from raytwin.diagnose.predict import Array, Change, Steps, Walks, gathered
 from raytwin.files import srgb_decode, srgb_encode
@@ -35,7 +35,7 @@ def _overflow(x: Array, by: int = 255) -> Array:
 
 def _gradient(scene: Scene, d: Array, axis: int, camera: bool, blue: bool) -> Array:
     """From white to the sky's radiance, or to a blue, by the unit direction's height: (1 - a) white + a sky."""
-    d = _made_unit(d)
+    d = made_unit(d)
     height = -(np.asarray(scene.camera.R_cam_board) @ d)[axis] if camera else d[axis]
     a = (height + 1) / 2
     return (1 - a) + a * (np.array([0.5, 0.7, 1.0]) if blue else np.array(scene.sky.radiance))[:, None]
@@ -116,7 +116,7 @@ OUTPUTS = (
           for blue in (False, True) for axis, camera in ((1, False), (2, False), (1, True)))),
     row("background-scaled", OUTPUT,
         "the background is not the sky's radiance as it is: a factor of π or 2 has slipped in",
-        *(behind(partial(_sky_scaled, k=k)) for k in (pi, 1 / pi, 2.0, 0.5))),
+        *(behind(partial(sky_scaled, k=k)) for k in (pi, 1 / pi, 2.0, 0.5))),
     row("background-sun", OUTPUT, "the background shows the sun's colour: it shows the sky's radiance",
         behind(lambda scene: scene.sun.irradiance),
         behind(lambda scene: np.add(scene.sky.radiance, scene.sun.irradiance)),

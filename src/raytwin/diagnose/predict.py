@@ -291,7 +291,7 @@ class Table:
 
 
 @lru_cache(maxsize=64)
-def _table(things: tuple[Shape, ...]) -> Table:
+def table_of(things: tuple[Shape, ...]) -> Table:
     none = (0.0, 0.0, 0.0)
     return Table(
         np.array([*(x.material.albedo for x in things), none], float),
@@ -407,7 +407,7 @@ class Bench:
         if key not in self.kept:
             rays, things = self.rays(steps), self.things(steps)
             ids, reach = self.met(steps)
-            point, table = steps.point(rays, reach), _table(things)
+            point, table = steps.point(rays, reach), table_of(things)
             if steps.normals_at is not None:
                 eye = rays.origin[:, 0]
                 normal = np.asarray(steps.normals_at(point.T, ids, eye, as_dicts(things)), float).T

@@ -11,14 +11,14 @@ from raytwin.diagnose.changes import (
     NV,
     SHADOW,
     Casters,
-    _dimmed,
-    _inside,
-    _reach,
     both,
+    dimmed,
     in_shadow_test,
+    inside,
     lit,
     offset_by,
     put,
+    reaching,
     row,
     shaded,
     shadows,
@@ -32,7 +32,7 @@ from raytwin.diagnose.slips import slips
 from raytwin.scene import Scene
 
 
-def _all_dark(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
+def all_dark(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
     return np.ones(hits.t.shape, bool)
 
 
@@ -143,8 +143,8 @@ SHADOWS = (
     row("other-size-in-shadow", SHADOW,
         "rectangles have another size in the shadow test than the eye sees: half_u and half_v are changed in place "
         "(u /= |u|) or used otherwise there; write u = half_u / |half_u|",
-        *map(in_shadow_test, _inside("np.isfinite(t)", _reach(NU, NV), *(
-            _reach(f"{k} * (half_u @ half_u)", f"{k} * (half_v @ half_v)") for k in (0.5, 2.0))))),
+        *map(in_shadow_test, inside("np.isfinite(t)", reaching(NU, NV), *(
+            reaching(f"{k} * (half_u @ half_u)", f"{k} * (half_v @ half_v)") for k in (0.5, 2.0))))),
     row("planes-cast-none", SHADOW, "planes cast no shadows: test shadow rays against planes too",
         *_free('"radius" not in thing')),
     row("spheres-cast-none", SHADOW, "spheres cast no shadows: test shadow rays against spheres too",
@@ -190,5 +190,5 @@ SHADOWS = (
         where_cast(shaded(
             lambda x: lambert(x._replace(visible=np.ones_like(x.visible), sky=x.sky * x.visible))))),
     row("shadow-dims-all", SHADOW, "shadows scale the whole light: they take away the sun's part alone",
-        *(way(shaded(partial(_dimmed, by=k))) for way in (both, where_cast) for k in (0.5, 0.3, 0.2))),
+        *(way(shaded(partial(dimmed, by=k))) for way in (both, where_cast) for k in (0.5, 0.3, 0.2))),
 )  # fmt: skip

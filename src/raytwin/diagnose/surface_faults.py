@@ -8,18 +8,18 @@ import numpy as np
 from raytwin.diagnose.changes import (
     CROSS_AT,
     NORMALS,
-    _colour,
-    _made_unit,
-    _on_plane,
     both,
+    coloured,
     is_sphere,
+    made_unit,
     normals,
     normals_at,
+    on_plane,
     put,
     row,
     terms,
 )
-from raytwin.diagnose.predict import RIGHT, Array, Bench, Change, Rays, Terms, _table, meet_all, others_hide
+from raytwin.diagnose.predict import RIGHT, Array, Bench, Change, Rays, Terms, meet_all, others_hide, table_of
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 
 
@@ -34,15 +34,15 @@ def _fixed(n: Array, axis: Any) -> Array:
     return np.broadcast_to(np.array(axis)[:, None], n.shape)
 
 
-def _turned_to_eye(n: Array, rays: Rays) -> Array:
+def turned_to_eye(n: Array, rays: Rays) -> Array:
     return np.where((n * rays.d).sum(axis=0) > 0, -n, n)
 
 
 def _lit_behind(x: Terms) -> Terms:
-    return x._replace(cos=np.where(_on_plane(x), np.abs(x.cos), x.cos))
+    return x._replace(cos=np.where(on_plane(x), np.abs(x.cos), x.cos))
 
 
-def _turned_by_origin(n: Array, p: Array, rays: Rays, thing: Shape, sign: int, flat: int = 0) -> Array:
+def turned_by_origin(n: Array, p: Array, rays: Rays, thing: Shape, sign: int, flat: int = 0) -> Array:
     """A plane's by n·p; `flat`: where that is 0, 1 for the eye's side, -1 for the other; 0: chance, not predicted."""
     if isinstance(thing, Sphere):
         return n
@@ -55,9 +55,9 @@ def _of_other_center(x: Terms, k: int, unit: bool, inside: bool) -> Terms:
     """Take the normal of the first or last sphere; `inside`: where it points inwards, shadow rays start inside."""
     if not x.scene.spheres:
         return x
-    one, flat = x.scene.spheres[k], _on_plane(x)
+    one, flat = x.scene.spheres[k], on_plane(x)
     n = (x.hits.point - np.array(one.center)[:, None]) / one.radius
-    n = np.where(flat, x.hits.normal, _made_unit(n) if unit else n)
+    n = np.where(flat, x.hits.normal, made_unit(n) if unit else n)
     dark = (inside and x.shadows) & ((n * x.hits.normal).sum(axis=0) < 0)
     return x._replace(cos=np.array(x.scene.sun.to_light) @ n, visible=np.where(dark, 0.0, x.visible))
 
@@ -71,7 +71,7 @@ def _by_number(x: Terms, inside: bool) -> Terms:
         table[k] = normal
     given, d = table[x.hits.ids].T, x.hits.point - np.array(x.scene.camera.eye)[:, None]
     given = np.where((given * d).sum(axis=0) > 0, -given, given)
-    n = np.where(_on_plane(x) | given.any(axis=0), given, x.hits.normal)
+    n = np.where(on_plane(x) | given.any(axis=0), given, x.hits.normal)
     dark = ((n * x.hits.normal).sum(axis=0) < 0) & (inside and x.shadows)
     return x._replace(cos=np.array(x.scene.sun.to_light) @ n, visible=x.visible * ~dark)
 
@@ -79,8 +79,8 @@ def _by_number(x: Terms, inside: bool) -> Terms:
 def _turned_by_camera_ray(x: Terms, spheres: bool, inside: bool) -> Terms:
     """n·d with d in the camera's axes; `spheres`: theirs, too; `inside`: shadow rays start within, and meet them."""
     d = x.hits.point - np.array(x.scene.camera.eye)[:, None]
-    flat = _on_plane(x)
-    n = np.where(flat, _table(x.scene.objects).facing[x.hits.ids].T, x.hits.normal)
+    flat = on_plane(x)
+    n = np.where(flat, table_of(x.scene.objects).facing[x.hits.ids].T, x.hits.normal)
     away = ((n * (np.asarray(x.scene.camera.R_cam_board) @ d)).sum(axis=0) > 0) & (flat | spheres)
     dark = away & ~flat & (inside and x.shadows)
     return x._replace(cos=np.array(x.scene.sun.to_light) @ np.where(away, -n, n), visible=x.visible * ~dark)
@@ -163,7 +163,7 @@ NORMALS_ = (
         *_flat("np.where(n[:, 2:] < 0, -n, n)")),
     row("plane-normal-by-origin", NORMALS,
         PLANES_BY_ORIGIN,
-        *(normals(partial(_turned_by_origin, sign=k)) for k in (1, -1)),
+        *(normals(partial(turned_by_origin, sign=k)) for k in (1, -1)),
         *_flat("np.where(np.sum(n * eye, axis=-1, keepdims=True) < 0, -n, n)")),
     row("plane-normal-up", NORMALS, "the planes' normals are taken for the board's z axis: they are half_u × half_v",
         *_flat(UP), *normals_at(f"{CROSS_AT} => n = np.array([0.0, 0.0, 1.0])")),
@@ -210,7 +210,7 @@ NORMALS_ = (
         "make one for each, a = b = np.zeros(...) makes only one",
         *normals_at(f"{FACED} => n = {PAINT}", f"towards = np => n = {PAINT}\n        towards = np",
                     f"{FACED} => n = points"),
-        _colour(lambda x: x.hits.normal)),
+        coloured(lambda x: x.hits.normal)),
     row("normal-axis", NORMALS,
         "one axis of the normals has the wrong sign",
         *_ball(*(f"{BALL} * {signs}" for signs in ([-1, 1, 1], [1, -1, 1], [1, 1, -1])))),
