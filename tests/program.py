@@ -11,8 +11,13 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from raytwin.cli import main
+import pytest
+from typer.main import get_command
 
+from raytwin.cli import app, main
+
+WIDE = "1000"
+"""Columns of a test's terminal: sentences are not broken, so that a test may look for a part of one."""
 STAGE = re.compile(r"^[\w/ .-]+: \d+ of \d+, [\d.]+ s\n", re.MULTILINE)
 
 Done = subprocess.CompletedProcess[str]
@@ -22,9 +27,12 @@ def raytwin(*arguments: object, cwd: Path | None = None) -> Done:
     """What it did, without the lines that a busy machine's long stages leave on standard error."""
     command = ["raytwin", *map(str, arguments)]
     with (
-        contextlib.chdir(cwd or Path.cwd()), _kept("stdout", 1) as out, _kept("stderr", 2) as err,
+        pytest.MonkeyPatch.context() as patch, contextlib.chdir(cwd or Path.cwd()),
+        _kept("stdout", 1) as out, _kept("stderr", 2) as err,
         _instead("argv", command), _instead("stdin", io.StringIO()),
     ):  # fmt: skip
+        if "COLUMNS" not in os.environ:
+            patch.setenv("COLUMNS", WIDE)
         try:
             main()
         except SystemExit as ended:
@@ -65,11 +73,26 @@ def raytwin_alone(*arguments: object, cwd: Path | None = None, **environment: st
     """The same in a process of its own, with more in its environment."""
     command = [sys.executable, "-m", "raytwin", *map(str, arguments)]
     run = subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, env=os.environ | environment, timeout=600, check=False,
-        stdin=subprocess.DEVNULL,
+        command, capture_output=True, text=True, cwd=cwd, env={"COLUMNS": WIDE} | os.environ | environment,
+        timeout=600, check=False, stdin=subprocess.DEVNULL,
     )  # fmt: skip
     run.stderr = STAGE.sub("", run.stderr)
     return run
+
+
+def parse(words: list[str]) -> str | None:
+    """Why the program refuses the words, None where it does not."""
+    parent, group = None, get_command(app)
+    try:
+        while hasattr(group, "commands"):
+            parent = group.make_context("raytwin", list(words), parent=parent)
+            if not (rest := [*parent._protected_args, *parent.args]):
+                return None  # a group that does something by itself
+            _, group, words = group.resolve_command(parent, rest)
+        group.make_context("raytwin", list(words), parent=parent)
+    except Exception as error:
+        return type(error).__name__
+    return None
 
 
 def refused(run: Done, *parts: str) -> None:

@@ -1,19 +1,25 @@
 """The command line as a user meets it: exit codes, files written, and one clear line for every wrong input."""
 
 import json
+import os
+import re
+import shlex
 import subprocess
 import sys
 from importlib.metadata import version
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
-from program import raytwin, raytwin_alone, refused
+from program import parse, raytwin, raytwin_alone, refused
+from typer.main import get_command
 from typer.testing import CliRunner
 
-from raytwin import files
+from raytwin import cli, files
 from raytwin.calib.boards import Board, Grid, write_board
-from raytwin.cli.options import check_outputs
+from raytwin.cli import app
+from raytwin.cli.option_values import check_outputs
 from raytwin.cli.progress_bar import lines, print_seconds
 from raytwin.image import Image
 from raytwin.progress import Stages
@@ -287,14 +293,50 @@ def test_help_loads_nothing_heavy():
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
-def test_every_command_tells_its_options_under_both_names():
-    from raytwin.cli import app
+def every_command() -> dict[str, click.Command]:
+    """Each command and group of commands by its words, "" for raytwin itself."""
+    found: dict[str, click.Command] = {"": get_command(app)}
+    for words in ("", *found[""].commands):
+        found |= {f"{words} {name}".strip(): c for name, c in getattr(found[words], "commands", {}).items()}
+    return found
 
-    for words in ([], ["compare"], ["diff"], ["bench"], ["bench", "scene"], ["bench", "paper"], ["reference", "make"]):
-        long, short = (CliRunner().invoke(app, [*words, option]) for option in ("--help", "-h"))
-        assert long.exit_code == short.exit_code == 0
+
+def test_every_command_has_help_that_fits_in_80_columns_under_both_names_and_an_example_that_parses():
+    for words, command in every_command().items():
+        long, short = (CliRunner().invoke(app, [*words.split(), option]) for option in ("--help", "-h"))
+        assert long.exit_code == short.exit_code == 0, words
         assert long.output == short.output
+        assert max(map(len, long.output.splitlines())) <= 80, words
+        assert not words or "..." not in command.get_short_help_str(66), words
+        example = re.search(r"Example: (raytwin .*?)(?:\. |$)", command.epilog or "")
+        assert example, words
+        assert parse(shlex.split(example[1])[1:]) is None, example[1]
     assert raytwin("--version").stdout == f"raytwin {version('raytwin')}\n"
+
+
+def test_help_lists_every_command_under_a_heading_of_what_it_is_for():
+    text = raytwin("--help").stdout
+    listed = re.findall(r"^(\w[\w ]+):$|^  (\w+)  ", text, re.MULTILINE)
+    heading, under = "", {}
+    for one, name in listed:
+        heading = one or heading
+        under |= {name: heading} if name else {}
+    assert under.keys() == every_command()[""].commands.keys()
+    assert (under["compare"], under["calibrate"], under["grade"]) == tuple(
+        cli.COMMANDS[name][0] for name in ("compare", "calibrate", "grade")
+    )
+    assert len(set(under.values())) >= 5
+
+
+def test_a_shell_completes_scenes_and_values():
+    def completed(*words: str) -> list[str]:
+        told = {"_RAYTWIN_COMPLETE": "complete_bash", "COMP_WORDS": " ".join(words), "COMP_CWORD": str(len(words) - 1)}
+        code = "import sys; sys.argv[0] = 'raytwin'; from raytwin.cli import main; main()"
+        run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=os.environ | told)
+        return run.stdout.split()
+
+    assert completed("raytwin", "compare", "ov") == ["overlap"]
+    assert completed("raytwin", "compare", "overlap", "--solver", "s") == ["stable"]
 
 
 def test_a_bench_without_a_command_is_that_of_a_scene():
@@ -347,6 +389,8 @@ def test_the_seconds_that_are_told_make_up_the_whole(capsys, monkeypatch):
     stages.seconds |= {"calibrate": 2.0, "tracer": 0.04, "report": 1.5}
     monkeypatch.setattr("raytwin.cli.progress_bar.STARTED", 100.0)
     monkeypatch.setattr("raytwin.cli.progress_bar.time.perf_counter", lambda: 105.0)
-    print_seconds(stages, ("calibrate",))
-    told = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert told == [["report", "1.50", "s"], ["the", "rest", "1.46", "s"], ["in", "all", "5.00", "s"]]
+    print_seconds(stages, {"calibrate": "rms 0.1 px", "tracer": "exact"})
+    told = capsys.readouterr().out.splitlines()
+    assert [line.split()[:2] for line in told[:3]] == [["calibrate", "2.00"], ["tracer", "0.04"], ["report", "1.50"]]
+    assert [line.split("s   ")[-1] for line in told[:2]] == ["rms 0.1 px", "exact"]
+    assert [line.split()[-2] for line in told[3:]] == ["1.46", "5.00"]

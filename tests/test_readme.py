@@ -14,11 +14,8 @@ from pathlib import Path
 
 import pytest
 import truths
-from program import raytwin
+from program import parse, raytwin
 from slow import is_slow, rows_that_name_nothing
-from typer.main import get_command
-
-from raytwin.cli import app
 
 ROOT = Path(__file__).resolve().parent.parent
 README = ROOT / "README.md"
@@ -127,21 +124,6 @@ def test_every_command_and_option_that_is_named_exists(text):
             continue  # an earlier command makes the scene
         # In a sentence a command may lack what it needs.
         assert refused in (None, "MissingParameter", "NoArgsIsHelpError", "BadOptionUsage"), (command, refused)
-
-
-def parse(words: list[str]) -> str | None:
-    """Why the program refuses the words, None where it does not."""
-    parent, group = None, get_command(app)
-    try:
-        while hasattr(group, "commands"):
-            parent = group.make_context("raytwin", list(words), parent=parent)
-            if not (rest := [*parent._protected_args, *parent.args]):
-                return None  # a group that does something by itself
-            _, group, words = group.resolve_command(parent, rest)
-        group.make_context("raytwin", list(words), parent=parent)
-    except Exception as error:
-        return type(error).__name__
-    return None
 
 
 def test_a_command_or_an_option_that_is_none_would_be_noticed():

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from program import raytwin, raytwin_alone, refused
 
 from raytwin import cli, files
+from raytwin.cli.terminal import say, say_wrapped
 from raytwin.image import Image
 
 ESCAPE = "a\x1b[2J\x1b]0;owned\x07b"
@@ -19,6 +21,27 @@ ESCAPE = "a\x1b[2J\x1b]0;owned\x07b"
 def picture(path: Path, value: float = 0.5) -> Path:
     files.write_image(path, Image(np.full((24, 24, 3), value, np.float32)))
     return path
+
+
+def test_a_verdict_is_coloured_on_a_terminal_alone_and_never_by_a_strangers_text(monkeypatch, capsys):
+    monkeypatch.setattr(f"{typer.echo.__module__}.should_strip_ansi", lambda stream, color=None: color is False)
+    say("FAIL  a\x1b[2J: too dark\nFAILED\nPASS  b")
+    coloured = capsys.readouterr().out
+    assert coloured.count("\x1b[31m") == coloured.count("\x1b[32m") == 1
+    assert "\\x1b[2J" in coloured
+    monkeypatch.setenv("NO_COLOR", "1")
+    say("FAIL  a")
+    assert capsys.readouterr().out == "FAIL  a\n"
+
+
+def test_no_sentence_is_wider_than_the_terminal_and_a_path_stays_whole(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "60")
+    path = "out/" + "x" * 70
+    say_wrapped(f"FAIL  {'word ' * 40}\n  {'reason ' * 30}\nreport: {path}")
+    lines = capsys.readouterr().out.splitlines()
+    assert [len(line) for line in lines if path not in line and len(line) > 60] == []
+    assert sum(line.startswith("    reason") for line in lines) >= 3
+    assert any(path in line for line in lines)
 
 
 def test_braces_in_a_name_stay_in_the_page(tmp_path):

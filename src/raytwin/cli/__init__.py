@@ -10,9 +10,10 @@ import sys
 import traceback
 import warnings
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from raytwin.cli import (
     atlas_command,
@@ -30,17 +31,60 @@ from raytwin.cli import (
     scenes_command,
     walk_command,
 )
-from raytwin.cli.options import with_options
+from raytwin.cli.examples import EXAMPLES
+from raytwin.cli.options import register
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, MachineError, extras_for
-from raytwin.workflows.augment_settings import AugmentSettings
-from raytwin.workflows.compare_settings import CompareSettings
-from raytwin.workflows.diff_settings import DiffSettings
+
+COMPARE, PHOTOS, REFERENCES = "Compare and explain", "Photos and cameras", "References and tests"
+CLASSES, MEASURE, FURTHER = "Learn and teach", "Measure", "Further"
+COMMANDS: dict[str, tuple[str, Any]] = {
+    "compare": (COMPARE, compare_commands.compare_command),
+    "diff": (COMPARE, compare_commands.diff_command),
+    "ladder": (COMPARE, ladder_command.ladder_command),
+    "needs": (COMPARE, needs_command.needs_command),
+    "explore": (COMPARE, explore_command.explore_command),
+    "calibrate": (PHOTOS, photo_commands.calibrate_command),
+    "augment": (PHOTOS, photo_commands.augment_command),
+    "board": (PHOTOS, board_commands.board_command),
+    "photograph": (PHOTOS, photo_commands.photograph_command),
+    "scenes": (REFERENCES, scenes_command.app),
+    "reference": (REFERENCES, reference_commands.app),
+    "export": (REFERENCES, export_command.export_command),
+    "walk": (CLASSES, walk_command.walk_command),
+    "grade": (CLASSES, grade_commands.app),
+    "bench": (MEASURE, bench_commands.app),
+    "stability": (MEASURE, atlas_command.stability_command),
+    "doctor": (MEASURE, doctor_command.doctor_command),
+}
+"""Command -> the heading that it stands under in `--help`, and what runs. An app is a group of commands."""
+ABOUT = {
+    "scenes": "List the built-in scenes, or copy one to edit.",
+    "reference": "Make, check, show or compare reference images.",
+    "grade": "Grade students' tracers, or write what they start from.",
+    "bench": "Measure speed against accuracy.",
+}
+"""Group of commands -> its line of help."""
+
+
+class Grouped(TyperGroup):
+    """The list of commands under headings."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        limit = formatter.width - 6 - max(map(len, self.commands))
+        for heading in (*dict.fromkeys(heading for heading, _ in COMMANDS.values()), FURTHER):
+            order = [*COMMANDS, *self.commands]
+            named = [n for n in sorted(self.commands, key=order.index) if COMMANDS.get(n, (FURTHER,))[0] == heading]
+            if named:
+                with formatter.section(heading):
+                    formatter.write_dl([(n, self.commands[n].get_short_help_str(limit)) for n in named])
+
 
 app = typer.Typer(
+    cls=Grouped,
     help="Compare a ray tracer with Mitsuba on the same scene and explain the difference.",
+    epilog="Example: raytwin compare single. Each command has its own --help.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -64,25 +108,11 @@ def _options(
     pass
 
 
-app.command("compare")(with_options(compare_commands.compare_command, CompareSettings))
-app.command("ladder")(ladder_command.ladder_command)
-app.command("needs")(needs_command.needs_command)
-app.command("explore")(explore_command.explore_command)
-app.command("walk")(walk_command.walk_command)
-app.command("diff")(with_options(compare_commands.diff_command, DiffSettings, but=("samples", "rung")))
-app.add_typer(reference_commands.app, name="reference")
-app.add_typer(scenes_command.app, name="scenes")
-app.command("calibrate")(photo_commands.calibrate_command)
-app.command("augment")(with_options(photo_commands.augment_command, AugmentSettings))
-app.command("board")(board_commands.board_command)
-app.command("photograph")(photo_commands.photograph_command)
-app.command("export")(export_command.export_command)
-app.add_typer(grade_commands.app, name="grade")
-app.add_typer(bench_commands.app, name="bench")
-app.command("stability")(atlas_command.stability_command)
-
-
-app.command("doctor")(doctor_command.doctor_command)
+for name, (_, command) in COMMANDS.items():
+    if isinstance(command, typer.Typer):
+        app.add_typer(command, name=name, help=ABOUT[name], epilog=f"Example: {EXAMPLES[name]}")
+    else:
+        register(app, {name: command})
 
 NEEDS = {
     "augment": ("photos",), "bench": ("twin", "llvm"), "board": ("photos",), "calibrate": ("photos",),

@@ -1,14 +1,17 @@
 """raytwin bench: speed against accuracy; its kin `paper`, `calibration`, `verdict` and `list`."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from typer.core import TyperGroup
 
-from raytwin.cli.options import Flip, JsonFile, ScenePath, check_outputs, parse_counts, parse_numbers, parse_size
+from raytwin.cli.option_values import check_outputs, parse_counts, parse_numbers, parse_size
+from raytwin.cli.options import register
 from raytwin.cli.progress_bar import show_progress
-from raytwin.cli.terminal import say
+from raytwin.cli.terminal import say, say_wrapped
 from raytwin.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,49 +36,17 @@ class OrDefault(TyperGroup):
 app = typer.Typer(
     cls=OrDefault,
     no_args_is_help=True,
-    help="Measure speed against accuracy. `raytwin bench SCENE` means `raytwin bench scene SCENE`.",
 )
 
-ListedMethods = Annotated[
-    str, typer.Option("--methods", metavar="GLOB,...", help="Patterns of method names; see `raytwin bench list`.")
-]
-OwnScene = Annotated[Path | None, typer.Argument(metavar="[SCENE]", help="Scene whose board is photographed.")]
-Photos = Annotated[
-    list[Path] | None, typer.Option("--photos", metavar="DIR", help="Real photos, besides the synthetic ones.")
-]
-Boards = Annotated[
-    list[Path] | None, typer.Option("--board", metavar="BOARD", help="The board of each DIR (its board.toml).")
-]
-PhotoCount = Annotated[int, typer.Option(metavar="N", help="Number of synthetic photos.")]
-PhotoSize = Annotated[str, typer.Option(metavar="WxH", help="Size of synthetic photos and of the frames.")]
-Budget = Annotated[float, typer.Option(metavar="SECONDS", help="Total time; what does not fit is listed.")]
-Repeats = Annotated[int, typer.Option(help="At most this many timed calls per method.")]
-Out = Annotated[Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for page and charts (in out/).")]
 
-
-@app.command(DEFAULT)
 def scene_command(
-    scene: ScenePath,
-    methods: ListedMethods = "*",
-    sizes: Annotated[str, typer.Option(metavar="MP,...", help="Picture sizes in megapixels.")] = "0.2",
-    spheres: Annotated[
-        str, typer.Option(metavar="N,...", help="Also time pictures of N small spheres, at the first size.")
-    ] = "",
-    crowd: Annotated[
-        int | None, typer.Option(metavar="N", help="Replace the scene's objects by N small spheres.")
-    ] = None,
-    budget: Budget = 300,
-    repeats: Repeats = 15,
-    truth_samples: Annotated[int, typer.Option(help="At most this many samples per pixel of the reference.")] = 4096,
-    flip: Flip = False,
-    json: JsonFile = None,
-    out: Out = None,
-    save: Annotated[Path | None, typer.Option(metavar="FILE", help="Save this run for a later --against.")] = None,
-    against: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Compare with a run saved on this machine.")
-    ] = None,
-) -> None:
-    """Measure each method's time and error; write bench.html, bench.json and charts.
+    scene: Path, methods: str = "*", sizes: str = "0.2", spheres: str = "", crowd: int | None = None,
+    budget: float = 300, repeats: int = 15, truth_samples: int = 4096, flip: bool = False, json: Path | None = None,
+    out: Path | None = None, save: Path | None = None, against: Path | None = None,
+) -> None:  # fmt: skip
+    """Measure each method's time and error.
+
+    The folder gets bench.html, bench.json and charts.
 
     With --against, exit code 1 means that a method became slower or less accurate.
     """
@@ -99,87 +70,84 @@ def scene_command(
             flip=flip,
             progress=progress,
         )
+        changes = compared(found, earlier) if earlier else None
+        folder = out or Path("out") / f"bench-{found.scene}"
+        with progress.stage("page"):
+            report.write_bench_all(found, folder, changes)
     if save:
         write_bench(found, save)
     if json:
         write_bench(found, json, repeats=False)
-    changes = compared(found, earlier) if earlier else None
-    folder = out or Path("out") / f"bench-{found.scene}"
-    report.write_bench_all(found, folder, changes)
-    say(report.bench_summary(found, changes))
+    say_wrapped(report.bench_summary(found, changes))
     say(f"report: {folder / 'bench.html'}")
     raise typer.Exit(1 if changes and changes.worse else 0)
 
 
-@app.command("calibration")
-def calibration_command(
-    scene: OwnScene = None,
-    photos: Photos = None,
-    board: Boards = None,
-    photo_count: PhotoCount = 15,
-    photo_size: PhotoSize = "4032x3024",
-    budget: Budget = 300,
-    repeats: Repeats = CALIBRATIONS,
-    json: JsonFile = None,
-    out: Out = None,
-) -> None:
-    """Measure calibration time against error in unseen photos, over image scale and detector settings."""
+@dataclass(frozen=True)
+class CalibrationRun:
+    """What `bench calibration` and `bench paper` measure, and for how long."""
+
+    scene: Path | None = None
+    photos: list[Path] | None = None
+    board: list[Path] | None = None
+    photo_count: int = 15
+    photo_size: str = "4032x3024"
+    budget: float = 300
+    repeats: int = CALIBRATIONS
+
+    def options(self) -> dict[str, Any]:
+        return {
+            "shoot": shoot_of(self.scene, self.photo_count, self.photo_size),
+            "taken": real_photos(self.photos, self.board),
+            "budget": self.budget,
+            "repeats": self.repeats,
+        }
+
+
+def calibration_command(run: CalibrationRun, json: Path | None = None, out: Path | None = None) -> None:
+    """Measure calibration time against error in unseen photos."""
     from raytwin import report
     from raytwin.bench import calibration_cost, write_bench
 
     check_outputs(folders=(out or Path("out"),), files=(json,))
-    shoot, taken = shoot_of(scene, photo_count, photo_size), real_photos(photos, board)
+    options = run.options()
     with show_progress() as progress:
-        found = calibration_cost.bench_calibration(shoot, taken, budget=budget, repeats=repeats, progress=progress)
+        found = calibration_cost.bench_calibration(**options, progress=progress)
+        folder = out or Path("out") / "bench-calibration"
+        with progress.stage("page"):
+            report.write_bench_all(found, folder)
     if json:
         write_bench(found, json)
-    folder = out or Path("out") / "bench-calibration"
-    report.write_bench_all(found, folder)
-    say(report.bench_summary(found))
+    say_wrapped(report.bench_summary(found))
     say(f"report: {folder / 'bench.html'}")
 
 
-@app.command("paper")
-def paper_command(
-    scene: OwnScene = None,
-    photos: Photos = None,
-    board: Boards = None,
-    photo_count: PhotoCount = 15,
-    photo_size: PhotoSize = "4032x3024",
-    budget: Budget = 300,
-    repeats: Repeats = CALIBRATIONS,
-    json: JsonFile = None,
-    out: Out = None,
-) -> None:
-    """Measure the paper's figures 10 to 12 again, with their errors; write paper.html, paper.json and paper.md."""
+def paper_command(run: CalibrationRun, json: Path | None = None, out: Path | None = None) -> None:
+    """Measure the paper's figures 10 to 12 again."""
     from raytwin import files
     from raytwin import paper as figures
 
     check_outputs(folders=(out or Path("out"),), files=(json,))
-    shoot, taken = shoot_of(scene, photo_count, photo_size), real_photos(photos, board)
+    options = run.options()
     with show_progress() as progress:
-        found = figures.paper(scene, shoot=shoot, taken=taken, budget=budget, repeats=repeats, progress=progress)
+        found = figures.paper(run.scene, **options, progress=progress)
+        folder = out or Path("out") / "paper"
+        with progress.stage("page"):
+            figures.write_paper_all(found, folder)
     if json:
         files.write_json(json, found)
-    folder = out or Path("out") / "paper"
-    figures.write_paper_all(found, folder)
-    say(figures.paper_summary(found))
+    say_wrapped(figures.paper_summary(found))
     say(f"report: {folder / 'paper.html'}")
 
 
-@app.command("verdict")
 def verdict_command(
-    scenes: Annotated[
-        list[Path] | None, typer.Argument(metavar="[SCENE]...", help="Scenes (overlap wedge ball).")
-    ] = None,
-    repeats: Annotated[int, typer.Option(help="Runs of each scene, with seeds of their own.")] = 3,
-    samples: Annotated[int, typer.Option(help="Samples per pixel of a run, a multiple of 4.")] = 256,
-    json: JsonFile = None,
-    out: Out = None,
-) -> None:
-    """Measure how many samples and seconds a verdict takes, by the size of the fault, beside other tools.
+    scenes: list[Path] | None = None, repeats: int = 3, samples: int = 256, json: Path | None = None,
+    out: Path | None = None,
+) -> None:  # fmt: skip
+    """Measure the samples and seconds that a verdict takes.
 
-    Write verdict.json, and verdict-samples.svg and verdict-seconds.svg of the first scene.
+    By the size of the fault, beside other tools. The folder gets verdict.json, and verdict-samples.svg and
+    verdict-seconds.svg of the first scene.
     """
     from raytwin import files
     from raytwin.bench import bench_verdict
@@ -198,8 +166,7 @@ def verdict_command(
     say(f"charts: {folder}")
 
 
-@app.command("list")
-def list_command(methods: ListedMethods = "*") -> None:
+def list_command(methods: str = "*") -> None:
     """List all methods."""
     from raytwin.bench import choose
 
@@ -243,3 +210,13 @@ def real_photos(folders: list[Path] | None, boards: list[Path] | None) -> "list[
         board = boards[i] if len(boards) > 1 else boards[0] if boards else folder / "board.toml"
         found.append(calibration_cost.Taken(folder, read_board(board)))
     return found
+
+
+COMMANDS: dict[str, Callable[..., None]] = {
+    DEFAULT: scene_command,
+    "calibration": calibration_command,
+    "paper": paper_command,
+    "verdict": verdict_command,
+    "list": list_command,
+}
+register(app, COMMANDS, within="bench")

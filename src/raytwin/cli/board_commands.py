@@ -1,9 +1,7 @@
 """raytwin board: a board to print, or one from a pickle."""
 
 from pathlib import Path
-from typing import Annotated, TypeVar
-
-import typer
+from typing import TypeVar
 
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
@@ -12,35 +10,15 @@ T = TypeVar("T")
 
 
 def board_command(
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="FILE", help="PDF to write, with a TOML beside it; with --import, a TOML."),
-    ] = None,
-    tag: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="Edge of a tag's black square, with its unit.")
-    ] = None,
-    columns: Annotated[int | None, typer.Option(metavar="N", help="Tags in a row.")] = None,
-    rows: Annotated[int | None, typer.Option(metavar="N", help="Rows of tags.")] = None,
-    pitch: Annotated[str | None, typer.Option(metavar="LENGTH", help="Distance between tag centres.")] = None,
-    paper: Annotated[
-        str | None, typer.Option(metavar="NAME|WxH", help="a4 (default), a3, letter, legal, tabloid; 200mmx300mm.")
-    ] = None,
-    margin: Annotated[str | None, typer.Option(metavar="LENGTH", help="Blank edge of the paper (5mm).")] = None,
-    landscape: Annotated[
-        bool | None, typer.Option("--landscape/--portrait", help="Paper orientation (whichever fits, portrait first).")
-    ] = None,
-    first_id: Annotated[int | None, typer.Option(metavar="N", help="Id of the lower left tag (0).")] = None,
-    family: Annotated[str | None, typer.Option(help="tag36h11 (default), tag25h9 or tag16h5.")] = None,
-    pickle: Annotated[
-        Path | None, typer.Option("--import", metavar="FILE", help="Read a pickle of boards (no code of it runs).")
-    ] = None,
-    name: Annotated[str | None, typer.Option(help="With --import: the board's name in the pickle.")] = None,
-    unit: Annotated[str | None, typer.Option(help="With --import: unit of the centres: mm, cm, m or inch.")] = None,
-    y_down: Annotated[
-        bool | None, typer.Option("--y-down", help="With --import: y points down on the upright board.")
-    ] = None,
-) -> None:
-    """Make a board to print: a PDF at exact size with a ruler, and its TOML. Lengths need units: 30mm, 3cm, 0.8in."""
+    out: Path | None = None, tag: str | None = None, columns: int | None = None, rows: int | None = None,
+    pitch: str | None = None, paper: str | None = None, margin: str | None = None, landscape: bool | None = None,
+    first_id: int | None = None, family: str | None = None, pickle: Path | None = None, name: str | None = None,
+    unit: str | None = None, y_down: bool | None = None,
+) -> None:  # fmt: skip
+    """Make a board to print, as PDF and TOML.
+
+    The PDF has the exact size and a ruler. Lengths need units: 30mm, 3cm, 0.8in.
+    """
     drawing = {
         "--columns": columns, "--rows": rows, "--pitch": pitch, "--paper": paper, "--margin": margin,
         "--landscape": landscape, "--first-id": first_id, "--family": family,
@@ -72,15 +50,9 @@ def _counted(option: str, value: int | None, least: int) -> int:
 
 
 def _draw(
-    grid: tuple[int, int, str],
-    tag: str,
-    out: Path,
-    paper: str | None,
-    margin: str | None,
-    landscape: bool | None,
-    first_id: int,
-    family: str,
-) -> None:
+    grid: tuple[int, int, str], tag: str, out: Path, paper: str | None, margin: str | None, landscape: bool | None,
+    first_id: int, family: str,
+) -> None:  # fmt: skip
     from raytwin.calib import boards
     from raytwin.calib.boards import lengths, sheet
 

@@ -2,28 +2,27 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Any, NoReturn
 
 import typer
 
-from raytwin.cli.options import Allow, AnyScene, JsonFile, check_outputs
+from raytwin.cli.option_values import check_outputs
 from raytwin.cli.progress_bar import print_seconds, show_progress
-from raytwin.cli.terminal import say
+from raytwin.cli.terminal import say, say_wrapped
 from raytwin.errors import InputError
 from raytwin.workflows.compare_settings import CompareSettings
-from raytwin.workflows.diff_settings import DiffSettings
+from raytwin.workflows.diff_settings import DiffSettings, IdiffLimits
 
 
 def compare_command(
-    scene: AnyScene,
-    settings: CompareSettings,
-    json: JsonFile = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the report (out/SCENE).")
-    ] = None,
-    allow: Allow = None,
-) -> None:
-    """Compare a tracer with Mitsuba on a scene; write report.html, comparison.json and EXRs."""
+    scene: Path, settings: CompareSettings, json: Path | None = None, out: Path | None = None,
+    allow: list[str] | None = None,
+) -> None:  # fmt: skip
+    """Compare a tracer with Mitsuba on a scene.
+
+    The folder gets report.html, comparison.json and both images as EXR. Exit code 0: they agree, or differ as expected;
+    1: they do not; 2: undecided.
+    """
     check_outputs(folders=(out or Path("out"),), files=(json,))
     with show_progress() as progress:
         with progress.stage("imports"):
@@ -32,59 +31,17 @@ def compare_command(
         result = compare_scene(scene, settings, progress=progress)
         folder = out or Path("out") / result.scene.name
         report.write_all(result, folder, json, progress=progress)
-    say(report.summary(result))
-    print_seconds(progress, tuple(t.stage for t in result.times))
+    say_wrapped(report.summary(result))
+    print_seconds(progress, {t.stage: t.error for t in result.times if t.error != "-"})
     say(f"report: {folder / 'report.html'}")
     raise typer.Exit(result.comparison.exit_code)
 
 
 def diff_command(
-    a: Annotated[
-        Path,
-        typer.Argument(
-            metavar="A", help="Image to test: EXR, PFM, HDR, PNG, JPEG; several renders as a folder or 'x_*.exr'."
-        ),
-    ],
-    b: Annotated[Path, typer.Argument(metavar="B", help="Reference, likewise; two folders are compared name by name.")],
-    settings: DiffSettings,
-    fail: Annotated[float | None, typer.Option("--fail", help="Largest error of a pixel (1e-6), as in idiff.")] = None,
-    fail_relative: Annotated[
-        float | None, typer.Option("--failrelative", "--fail-relative", help="Or this share of its value (0).")
-    ] = None,
-    fail_percent: Annotated[
-        float | None,
-        typer.Option("--failpercent", "--fail-percent", help="Percentage of pixels that may exceed it (0)."),
-    ] = None,
-    hard_fail: Annotated[
-        float | None, typer.Option("--hardfail", "--hard-fail", help="Largest error of any pixel (no limit).")
-    ] = None,
-    allow_failures: Annotated[
-        int | None,
-        typer.Option("--allowfailures", "--allow-failures", help="Pixels exempt from all limits (0)."),
-    ] = None,
-    warn: Annotated[float | None, typer.Option("--warn", help="Like --fail, but only warns.")] = None,
-    warn_relative: Annotated[
-        float | None, typer.Option("--warnrelative", "--warn-relative", help="Like --failrelative.")
-    ] = None,
-    warn_percent: Annotated[
-        float | None, typer.Option("--warnpercent", "--warn-percent", help="Like --failpercent.")
-    ] = None,
-    hard_warn: Annotated[float | None, typer.Option("--hardwarn", "--hard-warn", help="Like --hardfail.")] = None,
-    variance_a: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Image with the variance of A's mean.")
-    ] = None,
-    variance_b: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Image with the variance of B's mean.")
-    ] = None,
-    samples_a: Annotated[int, typer.Option(min=0, help="A's samples per pixel, if the file does not say.")] = 0,
-    samples_b: Annotated[int, typer.Option(min=0, help="B's samples per pixel.")] = 0,
-    json: JsonFile = None,
-    junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the verdict as JUnit XML.")] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="DIR", help="Folder for report.html, heatmap.png, comparison.json."),
-    ] = None,
-) -> None:
+    a: Path, b: Path, settings: DiffSettings, limits: IdiffLimits, variance_a: Path | None = None,
+    variance_b: Path | None = None, samples_a: int = 0, samples_b: int = 0, json: Path | None = None,
+    junit: Path | None = None, out: Path | None = None,
+) -> None:  # fmt: skip
     """Compare any two images: verdict, metrics, heat map. The --fail... options work as in idiff."""
     from raytwin import files, report
     from raytwin.workflows import diff_files
@@ -92,8 +49,8 @@ def diff_command(
     check_outputs(folders=(out,), files=(json, junit))
     settings = replace(
         settings,
-        limits=diff_files.limits("--fail", fail, fail_relative, fail_percent, hard_fail, allow_failures),
-        warn=diff_files.limits("--warn", warn, warn_relative, warn_percent, hard_warn),
+        limits=limits.failing,
+        warn=limits.warning,
         variances=(variance_a, variance_b),
         samples=(samples_a, samples_b),
     )
@@ -103,7 +60,8 @@ def diff_command(
         diff_folders(a, b, settings, json, junit, out)
     name = f"{a.name} against {b.name}"
     try:
-        found = diff_files.compare(a, b, settings)
+        with show_progress() as progress, progress.stage("compare"):
+            found = diff_files.compare(a, b, settings)
     except InputError as error:
         if junit:
             report.write_junit([report.Case(name, "raytwin.diff", error)], junit)
@@ -116,7 +74,7 @@ def diff_command(
     if out:
         with show_progress() as progress:
             report.write_diff(found, out, progress)
-    say(text)
+    say_wrapped(text)
     if out:
         say(f"report: {out / 'report.html'}")
     raise typer.Exit(found.comparison.exit_code)

@@ -17,7 +17,10 @@ USES = {
 
 
 def doctor_command() -> None:
-    """Show which Mitsuba backend works on this machine and why, the extras installed, and the sandbox's locks."""
+    """Show what works on this machine, and what to install.
+
+    Mitsuba's backends and why they work or not, the extras installed, the locks of the sandbox.
+    """
     from raytwin import twin
 
     for name, value in (*twin.doctor(), *_extras(), *_sandbox()):

@@ -2,11 +2,9 @@
 
 import os
 import sys
-from typing import Annotated
+from pathlib import Path
 
-import typer
-
-from raytwin.cli.options import Photo, ScenePath, parse_size
+from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 
@@ -15,23 +13,16 @@ WIDEST = 800
 
 
 def explore_command(
-    scene: ScenePath,
-    subject: Annotated[
-        str | None, typer.Option(metavar="WHAT", help="Renderer to show; see `raytwin compare --subject`.")
-    ] = None,
-    photo: Photo = None,
-    size: Annotated[
-        str | None, typer.Option(metavar="WxH", help=f"Size of the pictures (the camera's, at most {WIDEST} wide).")
-    ] = None,
-    view: Annotated[str | None, typer.Option(metavar="LINK", help="Open a view copied from the page.")] = None,
-    port: Annotated[int, typer.Option(help="Port of the page's address; 0: any free one.")] = 0,
-    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
-) -> None:
-    """Open a live page: drag spheres, change light; tracer, twin, difference and error breakdown follow."""
+    scene: Path, subject: str | None = None, photo: str | None = None, size: Size = None, view: str | None = None,
+    port: int = 0, browser: bool = True,
+) -> None:  # fmt: skip
+    """Open a live page: drag spheres, change light, choose methods.
+
+    Tracer, twin, difference and error breakdown follow.
+    """
     import asyncio
     import contextlib
 
-    asked = parse_size(size, "--size") if size else None
     with show_progress() as progress:
         with progress.stage("imports"):
             from raytwin import files
@@ -44,7 +35,7 @@ def explore_command(
         found, *_ = find_camera(base, photo, progress)
         camera = found.camera
         scale = min(1, WIDEST / camera.width)
-        camera = camera.resized(*(asked or (round(camera.width * scale), max(1, round(camera.height * scale)))))
+        camera = camera.resized(*(size or (round(camera.width * scale), max(1, round(camera.height * scale)))))
         session = Session(base.with_camera(camera), find_subject(subject, "shadow") if subject else None)
         server = Server(session, port, from_link(view) if view else None)
     say(f"{base.name} at {server.address}")

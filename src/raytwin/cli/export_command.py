@@ -1,11 +1,12 @@
 """raytwin export: a scene for other renderers, everything resolved."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from raytwin.cli.options import Photo, ScenePath, check_outputs, parse_size
+from raytwin.cli.option_values import check_outputs
+from raytwin.cli.options import Size
+from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 
@@ -14,19 +15,13 @@ SEEN = 0.01
 
 
 def export_command(
-    scene: ScenePath,
-    json: Annotated[bool, typer.Option("--json", help="Write JSON, as programs of --subject read it.")] = False,
-    mitsuba_xml: Annotated[bool, typer.Option("--mitsuba-xml", help="Write a Mitsuba 3 scene.")] = False,
-    rung: Annotated[
-        str | None, typer.Option(help="Light level: in JSON (shadow) or of the XML, sky or path (path).")
-    ] = None,
-    photo: Photo = None,
-    size: Annotated[str | None, typer.Option(metavar="WxH", help="Use another size than the camera's.")] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="FILE", help="File to write (standard output).")
-    ] = None,
-) -> None:
-    """Write a scene for other renderers: camera, lens, objects, lights, in metres."""
+    scene: Path, json: bool = False, mitsuba_xml: bool = False, rung: str | None = None, photo: str | None = None,
+    size: Size = None, out: Path | None = None,
+) -> None:  # fmt: skip
+    """Write a scene for other renderers, as JSON or Mitsuba XML.
+
+    Camera, lens, objects and lights are resolved; lengths are metres.
+    """
     from raytwin import files
     from raytwin.errors import check_one_of
     from raytwin.renderers.mitsuba_xml import mitsuba_xml as as_xml
@@ -43,9 +38,10 @@ def export_command(
     else:  # what a calibration needs is not in the light install
         from raytwin.calib.find_camera import find_camera
 
-        made = find_camera(written, photo)[0]
+        with show_progress() as progress:
+            made = find_camera(written, photo, progress)[0]
     if size is not None:
-        made = made.with_camera(made.camera.resized(*parse_size(size, "--size")))
+        made = made.with_(size=size)
     if json:
         check_one_of("--rung", rung or "shadow", RUNGS)
         text = files.json_text(as_json(as_arrays(made, rung or "shadow")))

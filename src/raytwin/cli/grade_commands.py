@@ -1,12 +1,14 @@
 """raytwin grade SUBMISSIONS --rubric R | gradescope-zip: students' tracers, graded. Imported by cli/__init__.py."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from typer.core import TyperGroup
 
-from raytwin.cli.options import Dask, Jobs, Shard, check_outputs
+from raytwin.cli.option_values import check_outputs
+from raytwin.cli.options import register
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
@@ -14,6 +16,10 @@ from raytwin.errors import InputError, check_one_of
 if TYPE_CHECKING:
     from raytwin.grade.result import Result
     from raytwin.grade.rubric import Rubric
+
+
+FEW = 20
+"""Most results that are listed although they were there already."""
 
 
 class _Submissions(TyperGroup):
@@ -29,35 +35,19 @@ class _Submissions(TyperGroup):
 
 
 app = typer.Typer(
-    help="Grade students' tracers: `raytwin grade SUBMISSIONS --rubric RUBRIC`.",
     no_args_is_help=True,
     cls=_Submissions,
 )
 
 
-@app.command("class")
 def class_command(
-    submissions: Annotated[
-        Path, typer.Argument(help="Folder with a file or folder per student; or a single submission.")
-    ],
-    rubric: Annotated[
-        Path, typer.Option("--rubric", "-r", metavar="FILE", help="TOML file with exercises and points.")
-    ],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for pages and results.")] = Path(
-        "out/grades"
-    ),
-    jobs: Jobs = 1,
-    dask: Dask = "",
-    shard: Shard = "",
-    again: Annotated[bool, typer.Option("--again", help="Grade again what is already graded.")] = False,
-    whole: Annotated[bool, typer.Option("--whole", help="Treat the folder as one submission.")] = False,
-    gradescope: Annotated[Path | None, typer.Option(metavar="FILE", help="Write Gradescope's results.json.")] = None,
-    prairielearn: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write PrairieLearn's results.json.")
-    ] = None,
-    junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write JUnit XML.")] = None,
-) -> None:
-    """Grade submissions by a rubric, each in a sandbox; write pages, CSV and JSON.
+    submissions: Path, rubric: Path, out: Path = Path("out/grades"), jobs: int = 1, dask: str = "", shard: str = "",
+    again: bool = False, whole: bool = False, gradescope: Path | None = None, prairielearn: Path | None = None,
+    junit: Path | None = None,
+) -> None:  # fmt: skip
+    """Grade submissions by a rubric, each in a sandbox.
+
+    The folder gets a page per student and one of the class, CSV and JSON.
 
     Run it again to continue an interrupted run.
     """
@@ -79,9 +69,16 @@ def class_command(
     lacking = [f"{name}: {state}" for name, state in sandbox.told(sandbox.probe()) if not state.startswith("holds")]
     say("sandbox: every lock holds" if not lacking else f"sandbox: {'; '.join(lacking)}")
     with show_progress() as progress:
-        results = run(found, out, workers, again, progress)
-    for result in results if len(results) <= 20 else ():
-        say(_line(result, read))
+        told: list[Any] = []
+
+        def each(result: "Result") -> None:
+            told.append(result)
+            say(_line(result, read))
+
+        results = run(found, out, workers, again, progress, each)
+    for result in results if len(results) <= FEW else ():
+        if result not in told:
+            say(_line(result, read))
     failed = [result.student for result in results if result.grader_fault]
     for path, write in ((gradescope, sites.write_gradescope), (prairielearn, sites.write_prairielearn)):
         if path is not None:
@@ -109,19 +106,13 @@ def _line(result: "Result", rubric: "Rubric") -> str:
     return f"{of_points(result.points):>7} of {of_points(rubric.points)}  {result.student}: {first[:100]}"
 
 
-@app.command("starter")
 def starter_command(
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="FILE", help="File to write (tracer.py or rubric.toml).")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
-    rubric: Annotated[bool, typer.Option("--rubric", help="Write a complete rubric to edit instead.")] = False,
-    stage: Annotated[
-        list[str] | None,
-        typer.Option(help="Function to include; repeatable (default: the six)."),
-    ] = None,
+    out: Path | None = None, force: bool = False, rubric: bool = False, stage: list[str] | None = None
 ) -> None:
-    """Write the file that students start from: six empty functions that check themselves, and an example."""
+    """Write the file that students start from, or a rubric.
+
+    The file has six empty functions that check themselves, and an example.
+    """
     from raytwin import files
     from raytwin.contract.stage_table import CONTRACT, LESSONS
     from raytwin.contract.starter import starter
@@ -140,18 +131,18 @@ def starter_command(
     say(f"{out}: to check what is written, run it: python {out}")
 
 
-@app.command("gradescope-zip")
-def gradescope_zip_command(
-    rubric: Annotated[Path, typer.Argument(help="The rubric, TOML.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Zip to write.")] = Path("autograder.zip"),
-    wheel: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Install this wheel of raytwin instead of the released version."),
-    ] = None,
-) -> None:
-    """Make the autograder zip for Gradescope, with the rubric and its references."""
+def gradescope_zip_command(rubric: Path, out: Path = Path("autograder.zip"), wheel: Path | None = None) -> None:
+    """Make the autograder zip for Gradescope."""
     from raytwin.grade.gradescope import write_zip
 
     check_outputs(files=(out,))
     names = write_zip(rubric, out, wheel)
     say(f"{out}: {len(names)} files, {out.stat().st_size / 1e6:.1f} MB")
+
+
+COMMANDS: dict[str, Callable[..., None]] = {
+    "class": class_command,
+    "starter": starter_command,
+    "gradescope-zip": gradescope_zip_command,
+}
+register(app, COMMANDS, within="grade")

@@ -1,27 +1,23 @@
 """raytwin needs: the cheapest way to a scene's image that meets a tolerance."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from raytwin.cli.options import JsonFile, Photo, ScenePath, check_outputs, parse_size
+from raytwin.cli.option_values import check_outputs
+from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import show_progress
-from raytwin.cli.terminal import say
+from raytwin.cli.terminal import say, say_wrapped
 
 
 def needs_command(
-    scene: ScenePath,
-    tolerance: Annotated[float, typer.Option(help="The error that is allowed, in the metric's units.")],
-    metric: Annotated[str, typer.Option(help="rmse, relmse, mae, max_abs, p999_abs or p999_rel.")] = "rmse",
-    photo: Photo = None,
-    size: Annotated[str | None, typer.Option(metavar="WxH", help="At another size than the camera's.")] = None,
-    json: JsonFile = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write a page with each light level as a picture.")
-    ] = None,
-) -> None:
-    """Find the cheapest light level, depth, engine and sampling for a tolerance, and what can be dropped."""
+    scene: Path, tolerance: float, metric: str = "rmse", photo: str | None = None, size: Size = None,
+    json: Path | None = None, out: Path | None = None,
+) -> None:  # fmt: skip
+    """Find the cheapest way to an image that meets a tolerance.
+
+    The answer has light level, depth, engine and sampling, and what the scene does not need.
+    """
     check_outputs(folders=(out,) if out else (), files=(json,))
     with show_progress() as progress:
         with progress.stage("imports"):
@@ -31,7 +27,7 @@ def needs_command(
             from raytwin.renderers.subject_renderers import fast_engine
             from raytwin.report.recommend_page import needs_summary, write_needs
         check_asked(tolerance, metric)
-        placed = scene_of(scene, photo, parse_size(size, "--size") if size else None, progress)
+        placed = scene_of(scene, photo, size, progress)
         found = needs(placed, tolerance, metric, progress=progress)
         if out:
             with progress.stage("pictures"):
@@ -39,7 +35,7 @@ def needs_command(
                 write_needs(found, level_pictures(placed, fast_engine(twin.activate().variant), depth), out)
     if json:
         files.write_json(json, found)
-    say(needs_summary(found))
+    say_wrapped(needs_summary(found))
     if out:
         say(f"report: {out / 'needs.html'}")
     raise typer.Exit(0 if found.choice else 2)

@@ -1,21 +1,20 @@
-"""Options that several commands share, and what their texts mean. Everything here is checked before work begins."""
+"""Every option and argument of the command line: one table. A command's parameters say which of them it has."""
 
 import dataclasses
 import inspect
-import math
 import os
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from raytwin.cli.examples import EXAMPLES
+from raytwin.cli.option_values import parse_size
 from raytwin.cli.terminal import say
-from raytwin.errors import InputError
 
-if TYPE_CHECKING:
-    from raytwin.scene import Material, Sphere
+Size = tuple[int, int] | None
+"""Width and height in pixels, as `--size` gives them."""
 
 
 def _known_scene(path: Path) -> Path:
@@ -24,17 +23,6 @@ def _known_scene(path: Path) -> Path:
 
     find_scene(path)
     return path
-
-
-ScenePath = Annotated[
-    Path, typer.Argument(callback=_known_scene, help="A scene's folder, its scene.toml, or its name.")
-]
-AnyScene = Annotated[
-    Path,
-    typer.Argument(
-        callback=_known_scene, help="A scene's folder, its scene.toml or its name; or a Mitsuba file (XML)."
-    ),
-]
 
 
 def _allow(names: list[str] | None) -> list[str] | None:
@@ -46,25 +34,6 @@ def _allow(names: list[str] | None) -> list[str] | None:
     return names
 
 
-Allow = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME",
-        callback=_allow,
-        is_eager=True,
-        help="File or folder outside a Mitsuba file's own, or plugin, that it may use; repeatable.",
-    ),
-]
-JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the numbers as JSON.")]
-Photo = Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose camera pose is used.")]
-
-Jobs = Annotated[int, typer.Option("--jobs", "-j", metavar="N", help="Number of local processes.")]
-Dask = Annotated[
-    str, typer.Option(metavar="ADDRESS", help="Dask scheduler (extra `cluster`); its workers share the disk.")
-]
-Shard = Annotated[str, typer.Option(metavar="K/N", help="Do only the K-th of N shares: one task of a Slurm array.")]
-
-
 def _flip(asked: bool) -> bool:
     if asked:
         from raytwin.compare.metrics import flip_is_installed
@@ -74,202 +43,327 @@ def _flip(asked: bool) -> bool:
     return asked
 
 
-Flip = Annotated[
-    bool, typer.Option("--flip", callback=_flip, help="Add NVIDIA's perceptual metric FLIP (slow; extra `flip`).")
-]
-
-MOST_PIXELS = 400_000_000
-"""As much as a file may have."""
-MOST_SIDE = 100_000
-"""Pixels of a picture's width or height that are taken for meant."""
-
-
-def _size(text: str | None) -> tuple[int, int] | None:
+def _size(text: str | None) -> Size:
     return parse_size(text, "--size") if text else None
 
 
-DetectableBias = Annotated[
-    float | None,
-    typer.Option(
-        "--detectable-bias",
-        "--must-see",
-        min=0,
-        metavar="SHARE",
-        help='Report "undecided" if a larger bias of the whole image could go unnoticed (0.1; rounds seek 0.01).',
-    ),
-]
-DetectableTileBias = Annotated[
-    float | None,
-    typer.Option(
-        min=0, metavar="SHARE", help='Report "undecided" if a larger bias of 24 x 24 pixels could go unnoticed.'
-    ),
-]
+def _scenes() -> Iterable[str]:
+    from raytwin.files import scene_folders
 
-OPTIONS: dict[str, Any] = {
-    "rung": Annotated[str, typer.Option(help="Light level of the twin: surface, lambert, shadow, sky or path.")],
-    "tracer_rung": Annotated[
-        str | None,
-        typer.Option(
-            metavar="RUNG", help="Light level of the tracer (the highest up to --rung that needs no sampling)."
+    return scene_folders()
+
+
+def _among(words: Iterable[str] | Callable[[], Iterable[str]] | None) -> Any:
+    """Return what completes a value from `words`, for a shell; None without any."""
+    if words is None:
+        return None
+    return lambda incomplete: [w for w in (words() if callable(words) else words) if w.startswith(incomplete)]
+
+
+def _opt(text: str, metavar: str | None = None, *names: str, among: Any = None, kind: Any = None, **more: Any) -> Any:
+    """Return an option; `among`: what its values are; `kind`: its type, where that is not its parameter's."""
+    info = typer.Option(*names, metavar=metavar, help=text, autocompletion=_among(among), **more)
+    return info if kind is None else Annotated[kind, info]
+
+
+def _arg(text: str, metavar: str | None = None, among: Any = None, **more: Any) -> Any:
+    return typer.Argument(metavar=metavar, help=text, autocompletion=_among(among), **more)
+
+
+OUT = "--out", "-o"
+LEVELS = "surface", "lambert", "shadow", "sky", "path"
+ENGINES = "numpy64", "numpy32", "drjit32", "drjit64", "cuda32", "cuda64"
+SOLVERS = "robust", "stable", "paper", "textbook"
+SAMPLINGS = "center", "area"
+MODELS = "auto", "none", "k1", "k1k2", "k1k2p1p2", "k1k2k3", "full5"
+METRICS = "rmse", "relmse", "mae", "max_abs", "p999_abs", "p999_rel"
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "": {
+        "scene": _arg("A scene's folder, its scene.toml, or its name.", among=_scenes, callback=_known_scene),
+        "rung": _opt("Light level of the twin: surface, lambert, shadow, sky or path.", among=LEVELS, kind=str),
+        "tracer_rung": _opt(
+            "Light level of the tracer (the highest up to --rung that needs no sampling).", "RUNG", among=LEVELS,
+            kind=str | None,
         ),
-    ],
-    "subject": Annotated[
-        str | None,
-        typer.Option(
-            metavar="WHAT",
-            help="Renderer to compare: a method (`raytwin bench list`), FILE.py:FUNCTION, an image, a folder of"
-            " images, or a command with {scene} and {out}. Default: raytwin's own tracer.",
+        "subject": _opt(
+            "Renderer to compare: a method (`raytwin bench list`), FILE.py:FUNCTION, an image, a folder of images, or a"
+            " command with {scene} and {out}. Default: raytwin's own tracer.", "WHAT", kind=str | None,
         ),
-    ],
-    "engine": Annotated[
-        str, typer.Option(help="Tracer's engine: numpy64, numpy32, drjit32, drjit64, cuda32 or cuda64.")
-    ],
-    "solver": Annotated[str, typer.Option(help="Sphere solver: robust, stable, paper or textbook.")],
-    "sampling": Annotated[str, typer.Option(help="Rays through the pixel's center, or spread over its area.")],
-    "samples": Annotated[
-        int | None, typer.Option(help="Samples per pixel of both sides (default: until the verdict is certain).")
-    ],
-    "budget": Annotated[
-        str | None,
-        typer.Option(
-            metavar="N|TIME", help="Most samples per pixel (1024), or time (30s), until the verdict is undecided."
+        "engine": _opt(f"Tracer's engine: {', '.join(ENGINES)}.", among=ENGINES, kind=str),
+        "solver": _opt("Sphere solver: robust, stable, paper or textbook.", among=SOLVERS, kind=str),
+        "sampling": _opt(
+            "Rays through the pixel's center, or spread over its area.", "center|area", among=SAMPLINGS, kind=str
         ),
-    ],
-    "seed": Annotated[int, typer.Option(help="Seed of the twin's samples.")],
-    "photo": Photo,
-    "size": Annotated[
-        str | None, typer.Option(metavar="WxH", callback=_size, help="Render at another size than the camera's.")
-    ],
-    "cache": Annotated[bool, typer.Option(help="Reuse stored renders and tag detections.")],
-    "flip": Flip,
-    "part": Annotated[str | None, typer.Option(metavar="NAME", help="Part of the EXR: name or number.")],
-    "layer": Annotated[
-        str | None, typer.Option(metavar="NAME", help="Layer (diffuse for diffuse.R ...) or a single channel.")
-    ],
-    "tolerance": Annotated[
-        float, typer.Option(help="Largest error of 99.9 % of the noise-free values, relative to B.")
-    ],
-    "false_alarm_rate": Annotated[float, typer.Option(help="Share of correct noisy pairs that fail by chance.")],
-    "noise": Annotated[str, typer.Option(help="Whose variance to believe: both, reference (not A's), or none.")],
-    "detectable_bias": DetectableBias,
-    "detectable_tile_bias": DetectableTileBias,
-    "camera": Annotated[
-        Path | None, typer.Option(metavar="FILE", help="camera.toml (default: calibrate the scene's own photos).")
-    ],
-    "board": Annotated[Path | None, typer.Option(metavar="BOARD", help="TOML file of the board (the scene's).")],
-    "against": Annotated[
-        Path | None, typer.Option(metavar="DIR", help="True photos of the same names: report the error by region.")
-    ],
-    "shadows": Annotated[bool, typer.Option(help="Cast shadows on what the photo shows.")],
-    "exposure": Annotated[float, typer.Option(min=0.0, help="The photo's linear value of radiance 1.")],
-}
-"""Field of a settings record -> its option."""
+        "samples": _opt("Samples per pixel of both sides (default: until the verdict is certain).", kind=int | None),
+        "budget": _opt(
+            "Most samples per pixel (1024), or time (30s), until the verdict is undecided.", "N|TIME", kind=str | None
+        ),
+        "detectable_bias": _opt(
+            'Report "undecided" if a larger bias of the whole image could go unnoticed (0.1; rounds seek 0.01).',
+            "SHARE", "--detectable-bias", "--must-see", min=0, kind=float | None,
+        ),
+        "detectable_tile_bias": _opt(
+            'Report "undecided" if a larger bias of 24 x 24 pixels could go unnoticed.', "SHARE", min=0,
+            kind=float | None,
+        ),
+        "seed": _opt("Seed of the twin's samples.", kind=int),
+        "photo": _opt("Photo whose camera pose is used.", "NAME", kind=str | None),
+        "size": _opt("Render at another size than the camera's.", "WxH", callback=_size, kind=str | None),
+        "cache": _opt("Reuse stored renders and tag detections.", kind=bool),
+        "flip": _opt(
+            "Add NVIDIA's perceptual metric FLIP (slow; extra `flip`).", None, "--flip", callback=_flip, kind=bool
+        ),
+        "allow": _opt(
+            "File or folder outside a Mitsuba file's own, or plugin, that it may use; repeatable.", "NAME",
+            callback=_allow, is_eager=True,
+        ),
+        "json": _opt("Write the numbers as JSON.", "FILE", "--json"),
+        "junit": _opt("Write the verdict as JUnit XML.", "FILE"),
+        "jobs": _opt("Number of local processes.", "N", "--jobs", "-j"),
+        "dask": _opt("Dask scheduler (extra `cluster`); its workers share the disk.", "ADDRESS"),
+        "shard": _opt("Do only the K-th of N shares: one task of a Slurm array.", "K/N"),
+    },
+    "compare": {
+        "scene": _arg(
+            "A scene's folder, its scene.toml or its name; or a Mitsuba file (XML).", among=_scenes,
+            callback=_known_scene,
+        ),
+        "out": _opt("Folder for the report (out/SCENE).", "DIR", *OUT),
+    },
+    "diff": {
+        "a": _arg("Image to test: EXR, PFM, HDR, PNG, JPEG; several renders as a folder or 'x_*.exr'.", "A"),
+        "b": _arg("Reference, likewise; two folders are compared name by name.", "B"),
+        "part": _opt("Part of the EXR: name or number.", "NAME", kind=str | None),
+        "layer": _opt("Layer (diffuse for diffuse.R ...) or a single channel.", "NAME", kind=str | None),
+        "tolerance": _opt("Largest error of 99.9 % of the noise-free values, relative to B.", kind=float),
+        "false_alarm_rate": _opt("Share of correct noisy pairs that fail by chance.", kind=float),
+        "noise": _opt("Whose variance to believe: both, reference (not A's), or none.", kind=str),
+        "fail": _opt("Largest error of a pixel (1e-6), as in idiff.", None, "--fail"),
+        "fail_relative": _opt("Or this share of its value (0).", None, "--failrelative", "--fail-relative"),
+        "fail_percent": _opt("Percentage of pixels that may exceed it (0).", None, "--failpercent", "--fail-percent"),
+        "hard_fail": _opt("Largest error of any pixel (no limit).", None, "--hardfail", "--hard-fail"),
+        "allow_failures": _opt("Pixels exempt from all limits (0).", None, "--allowfailures", "--allow-failures"),
+        "warn": _opt("Like --fail, but only warns.", None, "--warn"),
+        "warn_relative": _opt("Like --failrelative.", None, "--warnrelative", "--warn-relative"),
+        "warn_percent": _opt("Like --failpercent.", None, "--warnpercent", "--warn-percent"),
+        "hard_warn": _opt("Like --hardfail.", None, "--hardwarn", "--hard-warn"),
+        "variance_a": _opt("Image with the variance of A's mean.", "FILE"),
+        "variance_b": _opt("Image with the variance of B's mean.", "FILE"),
+        "rung": None,
+        "samples": None,
+        "samples_a": _opt("A's samples per pixel, if the file does not say.", min=0),
+        "samples_b": _opt("B's samples per pixel.", min=0),
+        "out": _opt("Folder for report.html, heatmap.png, comparison.json.", "DIR", *OUT),
+    },
+    "ladder": {
+        "samples": _opt("Samples per pixel where light is followed."),
+        "seed": _opt("Seed of the samples."),
+        "size": _opt("Size of the pictures; 480 wide by default.", "WxH", callback=_size, kind=str | None),
+        "out": _opt("Folder for page and chart (in out/).", "DIR", *OUT),
+    },
+    "needs": {
+        "tolerance": _opt("Largest error, in the metric's units."),
+        "metric": _opt(f"{', '.join(METRICS[:-1])} or {METRICS[-1]}.", among=METRICS),
+        "out": _opt("Write a page with each light level as a picture.", "DIR", *OUT),
+    },
+    "explore": {
+        "subject": _opt("Renderer to show; see `raytwin compare --subject`.", "WHAT"),
+        "size": _opt(
+            "Size of the pictures (the camera's, at most 800 wide).", "WxH", callback=_size, kind=str | None
+        ),
+        "view": _opt("Open a view copied from the page.", "LINK"),
+        "port": _opt("Port of the page's address; 0: any free one."),
+        "browser": _opt("Open the page in a browser.", None, "--browser/--no-browser"),
+    },
+    "walk": {
+        "notebook": _opt("Write a Jupyter notebook instead of a script.", None, "--notebook"),
+        "out": _opt("Folder to write to.", "DIR", *OUT),
+        "solved": _opt("Fill in every function.", None, "--solved"),
+    },
+    "export": {
+        "json": _opt("Write JSON, as programs of --subject read it.", None, "--json"),
+        "mitsuba_xml": _opt("Write a Mitsuba 3 scene.", None, "--mitsuba-xml"),
+        "rung": _opt("Light level: in JSON (shadow) or of the XML, sky or path (path).", among=LEVELS),
+        "out": _opt("File to write (standard output).", "FILE", *OUT),
+    },
+    "scenes": {
+        "scene": _arg("Name or folder of the scene.", among=_scenes),
+        "out": _arg("Folder to write (./NAME).", "[DIR]"),
+    },
+    "calibrate": {
+        "photos": _arg("Photos of the board, or their folder.", "PHOTOS..."),
+        "board": _opt("TOML file of the board; repeat for several boards.", "BOARD"),
+        "model": _opt("Lens model: auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or full5.", among=MODELS),
+        "photo": _opt("Photo whose pose is written (the first).", "NAME"),
+        "out": _opt("Write the camera, as TOML, and a page beside it.", "FILE", *OUT),
+        "uncertainty": _opt("Draw how far off each pixel may be.", "FILE.png"),
+        "bend": _opt("Draw the board's bend; a second board goes to FILE_2.png.", "FILE.png"),
+        "export": _opt("Write K and distortion for another program.", "FILE"),
+        "export_as": _opt("opencv, ros, kalibr or mrcal (from --export's ending).", None, "--format"),
+        "against": _opt("Compare with another camera by where they project.", "OTHER.toml"),
+        "distance": _opt("Distance of the compared points (the boards'), or inf.", "M"),
+        "difference": _opt("Draw the difference found by --against.", "FILE.png"),
+    },
+    "augment": {
+        "photos": _arg("Photos that show the board.", "PHOTO..."),
+        "scene": _opt("Scene whose objects are drawn.", "SCENE", among=_scenes),
+        "out": _opt("Folder for the drawn photos.", "DIR", *OUT),
+        "camera": _opt("camera.toml (default: calibrate the scene's own photos).", "FILE", kind=Path | None),
+        "board": _opt("TOML file of the board (the scene's).", "BOARD", kind=Path | None),
+        "against": _opt("True photos of the same names: report the error by region.", "DIR", kind=Path | None),
+        "shadows": _opt("Cast shadows on what the photo shows.", kind=bool),
+        "exposure": _opt("The photo's linear value of radiance 1.", min=0.0, kind=float),
+    },
+    "photograph": {
+        "out": _opt("Folder for the photos and truth.toml.", "DIR", *OUT),
+        "board": _opt("TOML file of the board.", "BOARD"),
+        "scene": _opt("Take sun, sky and table (its planes) from this scene.", among=_scenes),
+        "count": _opt("Number of photos.", min=1, max=1000),
+        "size": _opt("Size of a photo in pixels (2016x1512).", "WxH", callback=_size, kind=str | None),
+        "focal": _opt("Focal length in pixels of a photo 2016 wide."),
+        "dist": _opt("Distortion: k1,k2,p1,p2,k3 or a prefix."),
+        "samples": _opt("Light paths per pixel.", min=1),
+        "seed": _opt("Seed of poses, light paths and sensor noise."),
+        "bend": _opt("Bend the sheet by this many millimetres.", "MM", min=0.0),
+        "with_objects": _opt("Put the scene's objects there, too (for augment --against).", None, "--with-objects"),
+        "mirror": _opt("Put a mirror ball there: center and radius, metres.", "X,Y,Z,R"),
+        "ball": _opt("Put a matt orange ball there: center and radius, metres.", "X,Y,Z,R"),
+        "stand": _opt("Put a thin upright there: foot and height, metres.", "X,Y,H"),
+        "exposure": _opt("Linear pixel value of radiance 1; several, separated by commas, are used by turns."),
+    },
+    "board": {
+        "out": _opt("PDF to write, with a TOML beside it; with --import, a TOML.", "FILE", *OUT),
+        "tag": _opt("Edge of a tag's black square, with its unit.", "LENGTH"),
+        "columns": _opt("Tags in a row.", "N"),
+        "rows": _opt("Rows of tags.", "N"),
+        "pitch": _opt("Distance between tag centres.", "LENGTH"),
+        "paper": _opt("a4 (default), a3, letter, legal, tabloid; 200mmx300mm.", "NAME|WxH"),
+        "margin": _opt("Blank edge of the paper (5mm).", "LENGTH"),
+        "landscape": _opt("Paper orientation (whichever fits, portrait first).", None, "--landscape/--portrait"),
+        "first_id": _opt("Id of the lower left tag (0).", "N"),
+        "family": _opt("tag36h11 (default), tag25h9 or tag16h5.", among=("tag36h11", "tag25h9", "tag16h5")),
+        "pickle": _opt("Read a pickle of boards (no code of it runs).", "FILE", "--import"),
+        "name": _opt("With --import: the board's name in the pickle."),
+        "unit": _opt("With --import: unit of the centres: mm, cm, m or inch."),
+        "y_down": _opt("With --import: y points down on the upright board.", None, "--y-down"),
+    },
+    "reference": {
+        "scenes": _arg("Scenes: folders, names, Mitsuba files (XML). Default: all.", among=_scenes),
+        "rung": _opt("surface, lambert, shadow, sky or path; repeatable.", None, "--rung", among=LEVELS),
+        "folder": _opt("Folder of the references (reference/, or the built-in ones).", "DIR", "--folder"),
+        "samples": _opt("Samples per pixel where there is noise (4096), a multiple of 64."),
+        "seed": _opt("Seed of the samples (0)."),
+        "sampling": _opt("center (default) or area.", among=SAMPLINGS),
+        "size": _opt("Size in pixels (about 336x252).", "WxH", callback=_size, kind=str | None),
+        "again": _opt("Render again what is up to date.", None, "--again"),
+        "yes": _opt("Replace old references without asking.", None, "--yes", "-y"),
+        "whole": _opt("Print everything known of each.", None, "--all"),
+        "against": _opt("Another folder of references.", "DIR"),
+    },
+    "reference.check": {
+        "budget": _opt("Most samples per pixel, or time (30s), per reference.", "N|TIME", "--budget", "--samples"),
+    },
+    "reference.make": {"folder": _opt("Folder of the references.", "DIR", "--folder")},
+    "grade": {
+        "submissions": _arg("Folder with a file or folder per student; or a single submission."),
+        "rubric": _opt("TOML file with exercises and points.", "FILE", "--rubric", "-r"),
+        "out": _opt("Folder for pages and results.", "DIR", *OUT),
+        "again": _opt("Grade again what is already graded.", None, "--again"),
+        "whole": _opt("Treat the folder as one submission.", None, "--whole"),
+        "gradescope": _opt("Write Gradescope's results.json.", "FILE"),
+        "prairielearn": _opt("Write PrairieLearn's results.json.", "FILE"),
+        "junit": _opt("Write JUnit XML.", "FILE"),
+        "force": _opt("Overwrite an existing file.", None, "--force"),
+        "stage": _opt("Function to include; repeatable (default: the six)."),
+        "wheel": _opt("Install this wheel of raytwin instead of the released version.", "FILE"),
+    },
+    "grade.starter": {
+        "out": _opt("File to write (tracer.py or rubric.toml).", "FILE", *OUT),
+        "rubric": _opt("Write a complete rubric to edit instead.", None, "--rubric"),
+    },
+    "grade.gradescope-zip": {"rubric": _arg("The rubric, TOML."), "out": _opt("Zip to write.", "FILE", *OUT)},
+    "bench": {
+        "methods": _opt("Patterns of method names; see `raytwin bench list`.", "GLOB,...", "--methods"),
+        "sizes": _opt("Picture sizes in megapixels.", "MP,..."),
+        "spheres": _opt("Also time pictures of N small spheres, at the first size.", "N,..."),
+        "crowd": _opt("Replace the scene's objects by N small spheres.", "N"),
+        "budget": _opt("Total time; what does not fit is listed.", "SECONDS"),
+        "repeats": _opt("At most this many timed calls per method."),
+        "truth_samples": _opt("At most this many samples per pixel of the reference."),
+        "save": _opt("Save this run for a later --against.", "FILE"),
+        "against": _opt("Compare with a run saved on this machine.", "FILE"),
+        "photos": _opt("Real photos, besides the synthetic ones.", "DIR", "--photos"),
+        "board": _opt("The board of each DIR (its board.toml).", "BOARD", "--board"),
+        "photo_count": _opt("Number of synthetic photos.", "N"),
+        "photo_size": _opt("Size of synthetic photos and of the frames.", "WxH"),
+        "out": _opt("Folder for page and charts (in out/).", "DIR", *OUT),
+    },
+    "bench.verdict": {
+        "scenes": _arg("Scenes (overlap wedge ball).", "[SCENE]...", among=_scenes),
+        "repeats": _opt("Runs of each scene, with seeds of their own."),
+        "samples": _opt("Samples per pixel of a run, a multiple of 4."),
+    },
+    "bench.calibration": {"scene": _arg("Scene whose board is photographed.", "[SCENE]", among=_scenes)},
+    "bench.paper": {"scene": _arg("Scene whose board is photographed.", "[SCENE]", among=_scenes)},
+    "stability": {
+        "experiments": _arg("Names from --list; all by default.", "[EXPERIMENT]..."),
+        "thorough": _opt("Measure more values with more trials (minutes).", None, "--thorough"),
+        "listed": _opt("List all experiments.", None, "--list"),
+        "out": _opt("Folder for page and charts (out/stability).", "DIR", *OUT),
+    },
+}  # fmt: skip
+"""Command ("" for all) -> parameter -> its option. A command within a group has its own row, then the group's."""
 
 
-def with_options(command: Callable[..., None], record: type, *, but: tuple[str, ...] = ()) -> Callable[..., None]:
-    """Return `command` with an option for each field of `record` in the place of its parameter `settings`.
+def option(command: str, name: str) -> Any:
+    """Return the option of a command's parameter: its own, its group's, or the common one; None without one."""
+    scopes = dict.fromkeys((command, command.partition(".")[0], ""))
+    return next((OPTIONS[scope][name] for scope in scopes if name in OPTIONS.get(scope, {})), None)
 
-    A field's default is its option's; fields that are no row of OPTIONS, or named in `but`, keep their default.
+
+def with_options(command: Callable[..., None], name: str) -> Callable[..., None]:
+    """Return `command` with its parameters' options; a parameter that is a settings record has one for each field.
+
+    Fields without an option keep their default. A parameter that is Annotated stays as it is.
     """
-    fields = {f.name: f.default for f in dataclasses.fields(record) if f.name in OPTIONS and f.name not in but}
+    records: dict[str, tuple[Any, tuple[str, ...]]] = {}
+    parameters = []
+    for p in inspect.signature(command).parameters.values():
+        if dataclasses.is_dataclass(p.annotation):
+            fields = [f for f in dataclasses.fields(p.annotation) if _is_option(name, f)]
+            records[p.name] = p.annotation, tuple(f.name for f in fields)
+            parameters += [_parameter(name, f.name, f.type, f.default) for f in fields]
+        else:
+            parameters.append(_parameter(name, p.name, p.annotation, p.default))
 
     def run(**given: Any) -> None:
-        command(settings=record(**{name: given.pop(name) for name in fields}), **given)
+        for record, (kind, names) in records.items():
+            given[record] = kind(**{field: given.pop(field) for field in names})
+        command(**given)
 
-    parameters = []
-    for parameter in inspect.signature(command).parameters.values():
-        if parameter.name == "settings":
-            parameters += [
-                inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=OPTIONS[name])
-                for name, default in fields.items()
-            ]
-        else:
-            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
     run.__doc__ = command.__doc__
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {p.name: p.annotation for p in parameters}
     return run
 
 
-def parse_size(text: str, option: str) -> tuple[int, int]:
-    """
-    >>> parse_size("640x480", "--size")
-    (640, 480)
-    """
-    match = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", text)
-    if not match or not all(0 < int(side) <= MOST_SIDE for side in match.groups()):
-        raise InputError(option, "WIDTHxHEIGHT in pixels, as 640x480", text)
-    width, height = int(match[1]), int(match[2])
-    if width * height > MOST_PIXELS:
-        gigabytes = 12e-9 * width * height
-        raise InputError(option, f"at most {MOST_PIXELS / 1e6:.0f} megapixels", f"{text}, {gigabytes:.0f} GB an image")
-    return width, height
+def register(app: typer.Typer, commands: Mapping[str, Callable[..., None]], *, within: str = "") -> None:
+    """Add each command to `app`, with its options and its example; `within`: the group's name."""
+    for name, command in commands.items():
+        full = f"{within}.{name}" if within else name
+        app.command(name, epilog=f"Example: {EXAMPLES[full]}")(with_options(command, full))
 
 
-def parse_numbers(text: str, option: str, most: int | None = None) -> tuple[float, ...]:
-    """At most `most` finite numbers.
-
-    >>> parse_numbers("0.1,-0.2", "--dist"), parse_numbers("", "--dist")
-    ((0.1, -0.2), ())
-    """
-    try:
-        numbers = tuple(float(part) for part in text.split(",")) if text.strip() else ()
-    except ValueError:
-        raise InputError(option, "numbers separated by commas", text) from None
-    if not all(map(math.isfinite, numbers)):
-        raise InputError(option, "finite numbers", text)
-    if most is not None and len(numbers) > most:
-        raise InputError(option, f"at most {most} numbers", len(numbers))
-    return numbers
+def _is_option(command: str, field: "dataclasses.Field[Any]") -> bool:
+    """Return whether a record's field has an option: a row with a type, its own or the field's."""
+    row = option(command, field.name)
+    return row is not None and (hasattr(row, "__metadata__") or not isinstance(field.type, str))
 
 
-def parse_sphere(text: str, option: str, material: "Material") -> "Sphere":
-    """A sphere of this material from its center and radius: 'x,y,z,r'."""
-    from raytwin.scene import Sphere
-
-    numbers = parse_numbers(text, option)
-    if len(numbers) != 4 or not numbers[3] > 0:
-        raise InputError(option, "x,y,z,r in metres, r > 0", text)
-    return Sphere((numbers[0], numbers[1], numbers[2]), numbers[3], material)
-
-
-def parse_stand(text: str, option: str) -> tuple[float, float, float]:
-    """The foot (x, y) and the height of an upright: 'x,y,h'."""
-    numbers = parse_numbers(text, option)
-    if len(numbers) != 3 or not numbers[2] > 0:
-        raise InputError(option, "x,y,h in metres, h > 0", text)
-    return numbers[0], numbers[1], numbers[2]
-
-
-def parse_counts(text: str, option: str) -> tuple[int, ...]:
-    """'1,10,100' as (1, 10, 100)."""
-    numbers = parse_numbers(text, option)
-    if not all(n == n // 1 for n in numbers):
-        raise InputError(option, "whole numbers", text)
-    return tuple(int(n) for n in numbers)
-
-
-def check_outputs(*, folders: tuple[Path | None, ...] = (), files: tuple[Path | None, ...] = ()) -> None:
-    """InputError where an output cannot be written, before the work that it is to hold. Nothing is made."""
-    kinds = {True: "a folder", False: "a file"}
-    for path, folder in (*((p, True) for p in folders if p), *((p, False) for p in files if p)):
-        if not _is_utf8(path):
-            raise InputError("the name of an output", "UTF-8", ascii(str(path)))
-        if path.exists():
-            if path.is_dir() != folder:
-                raise InputError(path, f"{kinds[folder]} to write", kinds[not folder])
-            above = path
-        else:
-            above = next(p for p in path.absolute().parents if p.exists())
-            if not above.is_dir():
-                raise InputError(path, "a writable path", f"{above}, which is a file")
-        if not os.access(above, os.W_OK):
-            raise InputError(path, "a writable path", "one without write permission")
-
-
-def _is_utf8(path: Path) -> bool:
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        return False
-    return True
+def _parameter(command: str, name: str, kind: Any, default: Any) -> inspect.Parameter:
+    if not hasattr(kind, "__metadata__"):
+        row = option(command, name)
+        kind = row if hasattr(row, "__metadata__") else Annotated[kind, row]
+    empty = inspect.Parameter.empty if default is dataclasses.MISSING else default
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=empty, annotation=kind)

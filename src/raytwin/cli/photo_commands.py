@@ -1,56 +1,28 @@
 """raytwin calibrate, photograph, augment: from photos of a board to a camera, and back into photos."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from raytwin.cli.options import JsonFile, check_outputs, parse_numbers, parse_size, parse_sphere, parse_stand
+from raytwin.cli.option_values import check_outputs, parse_numbers, parse_sphere, parse_stand
+from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import print_seconds, show_progress
-from raytwin.cli.terminal import say
+from raytwin.cli.terminal import say, say_wrapped
 from raytwin.errors import InputError, check_one_of
-from raytwin.scene import Lambert
 from raytwin.workflows.augment_settings import AugmentSettings
 
-MIRROR, ORANGE = Lambert((0.9, 0.9, 0.9)), Lambert((0.75, 0.35, 0.08))
-"""What `photograph` puts beside the board: the first's albedo is its reflectance."""
+MIRROR, ORANGE = (0.9, 0.9, 0.9), (0.75, 0.35, 0.08)
+"""Albedos of what `photograph` puts beside the board; the first is the mirror's reflectance."""
 
 
 def calibrate_command(
-    photos: Annotated[list[Path], typer.Argument(metavar="PHOTOS...", help="Photos of the board, or their folder.")],
-    board: Annotated[
-        list[Path], typer.Option(metavar="BOARD", help="TOML file of the board; repeat for several boards.")
-    ],
-    model: Annotated[str, typer.Option(help="Lens model: auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or full5.")] = "auto",
-    photo: Annotated[str | None, typer.Option(metavar="NAME", help="Photo whose pose is written (the first).")] = None,
-    json: JsonFile = None,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="FILE", help="Write the camera, as TOML, and a page beside it."),
-    ] = None,
-    uncertainty: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Draw how far off each pixel may be.")
-    ] = None,
-    bend: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Draw the board's bend; a second board goes to FILE_2.png.")
-    ] = None,
-    export: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write K and distortion for another program.")
-    ] = None,
-    export_as: Annotated[
-        str | None, typer.Option("--format", help="opencv, ros, kalibr or mrcal (from --export's ending).")
-    ] = None,
-    against: Annotated[
-        Path | None, typer.Option(metavar="OTHER.toml", help="Compare with another camera by where they project.")
-    ] = None,
-    distance: Annotated[
-        float | None, typer.Option(metavar="M", help="Distance of the compared points (the boards'), or inf.")
-    ] = None,
-    difference: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Draw the difference found by --against.")
-    ] = None,
-) -> None:
-    """Calibrate a camera from photos of a board: K, distortion and a pose per photo, with uncertainty."""
+    photos: list[Path], board: list[Path], model: str = "auto", photo: str | None = None, json: Path | None = None,
+    out: Path | None = None, uncertainty: Path | None = None, bend: Path | None = None, export: Path | None = None,
+    export_as: str | None = None, against: Path | None = None, distance: float | None = None,
+    difference: Path | None = None,
+) -> None:  # fmt: skip
+    """Calibrate a camera from photos of a board.
+
+    Prints K, distortion and a pose per photo, with their uncertainty, and what speaks against the result.
+    """
     from raytwin import files, report
     from raytwin.calib import boards
     from raytwin.calib import photos as taken
@@ -65,23 +37,24 @@ def calibrate_command(
     with show_progress() as progress:
         check_one_of("--photo", photo or paths[0].name, (p.name for p in paths))
         calibration = taken.calibrate(paths, definitions, model=model, progress=progress)
+        apart = taken.projection_difference(calibration, other, distance) if other is not None else None
+        with progress.stage("page"):
+            if out:
+                _write_camera(out, calibration, paths, definitions, photo)
+                report.write_calibration(calibration, out.with_suffix(".html"), out.name)
+            if uncertainty:
+                report.write_uncertainty(calibration, uncertainty)
+            if bend:
+                report.write_bends(calibration, bend)
+            if difference and apart is not None:
+                report.write_difference(calibration, apart, difference)
     if json:
         files.write_json(json, calibration.numbers())
-    if out:
-        _write_camera(out, calibration, paths, definitions, photo)
-        report.write_calibration(calibration, out.with_suffix(".html"), out.name)
-    if uncertainty:
-        report.write_uncertainty(calibration, uncertainty)
-    if bend:
-        report.write_bends(calibration, bend)
     if export:
         taken.export_camera(export, calibration, export_as)
-    say(report.calibration_summary(calibration))
-    if other is not None:
-        apart = taken.projection_difference(calibration, other, distance)
-        if difference:
-            report.write_difference(calibration, apart, difference)
-        say(report.difference_summary(apart))
+    say_wrapped(report.calibration_summary(calibration))
+    if apart is not None:
+        say_wrapped(report.difference_summary(apart))
     print_seconds(progress)
 
 
@@ -118,33 +91,12 @@ def _write_camera(out: Path, calibration, paths: list[Path], definitions: list, 
 
 
 def photograph_command(
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the photos and truth.toml.")],
-    board: Annotated[Path, typer.Option(metavar="BOARD", help="TOML file of the board.")],
-    scene: Annotated[Path | None, typer.Option(help="Take sun, sky and table (its planes) from this scene.")] = None,
-    count: Annotated[int, typer.Option(min=1, max=1000, help="Number of photos.")] = 14,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Size of a photo in pixels.")] = "2016x1512",
-    focal: Annotated[float, typer.Option(help="Focal length in pixels of a photo 2016 wide.")] = 1560.0,
-    dist: Annotated[str, typer.Option(help="Distortion: k1,k2,p1,p2,k3 or a prefix.")] = "0.08,-0.16",
-    samples: Annotated[int, typer.Option(min=1, help="Light paths per pixel.")] = 32,
-    seed: Annotated[int, typer.Option(help="Seed of poses, light paths and sensor noise.")] = 1,
-    bend: Annotated[float, typer.Option(min=0.0, metavar="MM", help="Bend the sheet by this many millimetres.")] = 0.0,
-    with_objects: Annotated[
-        bool, typer.Option("--with-objects", help="Put the scene's objects into the photos (for augment --against).")
-    ] = False,
-    mirror: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z,R", help="Put a mirror ball there: center and radius, metres.")
-    ] = None,
-    ball: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z,R", help="Put a matt orange ball there: center and radius, metres.")
-    ] = None,
-    stand: Annotated[
-        str | None, typer.Option(metavar="X,Y,H", help="Put a thin upright there: foot and height, metres.")
-    ] = None,
-    exposure: Annotated[
-        str, typer.Option(help="Linear pixel value of radiance 1; several, separated by commas, are used by turns.")
-    ] = "1",
-) -> None:
-    """Render photos of an AprilTag board with Mitsuba, and write the true camera."""
+    out: Path, board: Path, scene: Path | None = None, count: int = 14, size: Size = None,
+    focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1, bend: float = 0.0,
+    with_objects: bool = False, mirror: str | None = None, ball: str | None = None, stand: str | None = None,
+    exposure: str = "1",
+) -> None:  # fmt: skip
+    """Render photos of a board with Mitsuba, and the true camera."""
     from raytwin.workflows.photograph import photograph_board
 
     check_outputs(folders=(out,))
@@ -157,7 +109,7 @@ def photograph_command(
             out,
             scene=scene,
             count=count,
-            size=parse_size(size, "--size"),
+            size=size or (2016, 1512),
             focal=focal,
             dist=parse_numbers(dist, "--dist", 5),
             samples=samples,
@@ -175,11 +127,7 @@ def photograph_command(
 
 
 def augment_command(
-    photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", help="Photos that show the board.")],
-    scene: Annotated[Path, typer.Option(metavar="SCENE", help="Scene whose objects are drawn.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the drawn photos.")],
-    settings: AugmentSettings,
-    json: JsonFile = None,
+    photos: list[Path], scene: Path, out: Path, settings: AugmentSettings, json: Path | None = None
 ) -> None:
     """Draw a scene's objects and their shadows into photos."""
     from raytwin import files, report

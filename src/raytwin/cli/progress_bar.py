@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from raytwin.cli.terminal import say
@@ -33,7 +33,7 @@ def show_progress() -> Iterator[Stages]:
 
     left = TextColumn("left"), TimeRemainingColumn()
     columns = TextColumn("{task.description:<12}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), *left
-    with Progress(*columns, console=Console(stderr=True)) as bars:
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
         tasks: dict[str, TaskID] = {}
 
         def show(stage: str, done: int, total: int) -> None:
@@ -60,10 +60,14 @@ def lines() -> Progress:
     return show
 
 
-def print_seconds(stages: Stages, printed: tuple[str, ...] = ()) -> None:
-    """Print a line for each stage that took a tenth of a second and is not `printed` already; the rest; all of it."""
+def print_seconds(stages: Stages, worth: Mapping[str, str] | None = None) -> None:
+    """Print one table: each stage that took a tenth of a second, the rest, and all of it.
+
+    `worth`: what the result of a stage is worth, beside its seconds; such a stage is always listed.
+    """
+    worth = worth or {}
     whole = time.perf_counter() - STARTED
     rest = whole - sum(stages.seconds.values())
-    found = {k: v for k, v in stages.seconds.items() if k not in printed and v >= 0.1}
+    found = {k: v for k, v in stages.seconds.items() if k in worth or v >= 0.1}
     for stage, seconds in (found | {"the rest": rest, "in all": whole}).items():
-        say(f"  {stage:<10} {seconds:7.2f} s")
+        say(f"  {stage:<10} {seconds:7.2f} s   {worth.get(stage, '')}".rstrip())

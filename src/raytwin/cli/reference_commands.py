@@ -1,23 +1,15 @@
 """raytwin reference make | check | show | diff: references that renders are held to. Imported by cli.py."""
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from raytwin.cli.options import (
-    Allow,
-    Dask,
-    DetectableBias,
-    DetectableTileBias,
-    Jobs,
-    Shard,
-    check_outputs,
-    parse_size,
-)
+from raytwin.cli.option_values import check_outputs
+from raytwin.cli.options import Size, register
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
@@ -30,37 +22,19 @@ if TYPE_CHECKING:
 
     Case = tuple[Path, str, SceneFile | MitsubaScene]
 
-app = typer.Typer(help="Make, check, show or compare reference images.", no_args_is_help=True)
+app = typer.Typer(no_args_is_help=True)
 
-Scenes = Annotated[list[Path] | None, typer.Argument(help="Scenes: folders, names, Mitsuba files (XML). Default: all.")]
-Rungs = Annotated[list[str] | None, typer.Option("--rung", help="surface, lambert, shadow, sky or path; repeatable.")]
-Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Folder of the references.")]
-Source = Annotated[
-    Path | None,
-    typer.Option("--folder", metavar="DIR", help="Folder of the references (reference/, or the built-in ones)."),
-]
-Samples = Annotated[int | None, typer.Option(help="Samples per pixel where there is noise (4096), a multiple of 64.")]
 REFERENCES = Path("reference")
 WORDS = ("pass", "FAIL", "?   ")
 """By exit code."""
 
 
-@app.command("make")
 def make_command(
-    scenes: Scenes = None,
-    rung: Rungs = None,
-    folder: Folder = REFERENCES,
-    samples: Samples = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of the samples (0).")] = None,
-    sampling: Annotated[str | None, typer.Option(help="center (default) or area.")] = None,
-    size: Annotated[str | None, typer.Option(metavar="WxH", help="Size in pixels (about 336x252).")] = None,
-    again: Annotated[bool, typer.Option("--again", help="Render again what is up to date.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Replace old references without asking.")] = False,
-    jobs: Jobs = 1,
-    dask: Dask = "",
-    shard: Shard = "",
-    allow: Allow = None,
-) -> None:
+    scenes: list[Path] | None = None, rung: list[str] | None = None, folder: Path = REFERENCES,
+    samples: int | None = None, seed: int | None = None, sampling: str | None = None, size: Size = None,
+    again: bool = False, yes: bool = False, jobs: int = 1, dask: str = "", shard: str = "",
+    allow: list[str] | None = None,
+) -> None:  # fmt: skip
     """Render references with Mitsuba. Show what changes before replacing an old one.
 
     Run it again to continue an interrupted run.
@@ -70,8 +44,7 @@ def make_command(
 
     check_outputs(folders=(folder,))
     refused = []
-    pixels = parse_size(size, "--size") if size else None
-    options = {"samples": samples, "seed": seed, "sampling": sampling, "size": pixels, "again": again}
+    options = {"samples": samples, "seed": seed, "sampling": sampling, "size": size, "again": again}
     for change in _changes(_cases(scenes, rung), folder.absolute(), options, parse_workers(jobs, dask, shard)):
         say("\n".join(change.lines()))
         if change.kind == "same":
@@ -85,22 +58,12 @@ def make_command(
         raise InputError("raytwin reference make", "--yes, where nobody can be asked", f"{_count(refused)} to replace")
 
 
-@app.command("check")
 def check_command(
-    scenes: Scenes = None,
-    rung: Rungs = None,
-    folder: Source = None,
-    budget: Annotated[
-        str,
-        typer.Option(
-            "--budget", "--samples", metavar="N|TIME", help="Most samples per pixel, or time (30s), per reference."
-        ),
-    ] = "256",
-    detectable_bias: DetectableBias = None,
-    detectable_tile_bias: DetectableTileBias = None,
-    allow: Allow = None,
-) -> None:
-    """Check that references are newer than their scene and agree with today's Mitsuba.
+    scenes: list[Path] | None = None, rung: list[str] | None = None, folder: Path | None = None, budget: str = "256",
+    detectable_bias: float | None = None, detectable_tile_bias: float | None = None, allow: list[str] | None = None,
+) -> None:  # fmt: skip
+    """Check that references agree with their scene and with Mitsuba.
+
 
     Renders stop as soon as the verdict is certain.
     Exit with 1 if one fails, otherwise with 2 if one is missing or damaged.
@@ -125,12 +88,8 @@ def check_command(
     raise typer.Exit(_worst(codes))
 
 
-@app.command("show")
 def show_command(
-    scenes: Scenes = None,
-    rung: Rungs = None,
-    folder: Source = None,
-    whole: Annotated[bool, typer.Option("--all", help="Print everything known of each.")] = False,
+    scenes: list[Path] | None = None, rung: list[str] | None = None, folder: Path | None = None, whole: bool = False
 ) -> None:
     """Print what made each reference, and how noisy it is. Exit with 2 if one is damaged."""
     from raytwin import references
@@ -154,16 +113,14 @@ def show_command(
         raise typer.Exit(2)
 
 
-@app.command("diff")
 def diff_command(
-    scenes: Scenes = None,
-    rung: Rungs = None,
-    folder: Source = None,
-    against: Annotated[Path | None, typer.Option(metavar="DIR", help="Another folder of references.")] = None,
-    samples: Samples = None,
-    allow: Allow = None,
-) -> None:
-    """Show what `make --again` would change, or what differs from another folder. Write nothing."""
+    scenes: list[Path] | None = None, rung: list[str] | None = None, folder: Path | None = None,
+    against: Path | None = None, samples: int | None = None, allow: list[str] | None = None,
+) -> None:  # fmt: skip
+    """Show what `make --again` would change. Write nothing.
+
+    With --against: what differs from another folder.
+    """
     from raytwin import references
     from raytwin.compare import compare
     from raytwin.workflows import make_reference
@@ -266,3 +223,12 @@ def _asked(question: str) -> bool:
 
 def _count(things: Sequence[object]) -> str:
     return f"{len(things)} reference{'s' * (len(things) != 1)}"
+
+
+COMMANDS: dict[str, Callable[..., None]] = {
+    "make": make_command,
+    "check": check_command,
+    "show": show_command,
+    "diff": diff_command,
+}
+register(app, COMMANDS, within="reference")

@@ -1,13 +1,13 @@
 """raytwin scenes: what there is to render, and a copy of one to change."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
+from raytwin.cli.options import register
 from raytwin.cli.terminal import say
 
-app = typer.Typer(help="List the built-in scenes, or copy one to edit.")
+app = typer.Typer()
 
 
 @app.callback(invoke_without_command=True)
@@ -16,16 +16,15 @@ def list_command(context: typer.Context) -> None:
         return
     from raytwin import files
 
-    for name, folder in sorted(files.scene_folders().items()):
-        say(f"{name:<12} {files.scene_sentence(folder)}")
+    for row in files.scenes():
+        say(f"{row['name']:<12} {row['shows']}")
 
 
-@app.command("copy")
-def copy_command(
-    scene: Annotated[Path, typer.Argument(help="Name or folder of the scene.")],
-    out: Annotated[Path | None, typer.Argument(metavar="[DIR]", help="Folder to write (./NAME).")] = None,
-) -> None:
+def copy_command(scene: Path, out: Path | None = None) -> None:
     """Copy a scene's folder with its photos, as a start for your own."""
     from raytwin import files
 
     say(files.copy_scene(scene, out or Path(files.find_scene(scene).parent.name)))
+
+
+register(app, {"copy": copy_command}, within="scenes")

@@ -1,6 +1,18 @@
-"""What the terminal shows: text whose names cannot move its cursor, change its colours or fake a line."""
+"""What the terminal shows: text whose names cannot move its cursor, change its colours or fake a line.
+
+A verdict has its colour where the terminal has colours, and sentences are broken at its width.
+"""
+
+import os
+import re
+import shutil
+import textwrap
 
 import typer
+
+COLOURS = {"PASS": "green", "DIFFERS": "green", "FAIL": "red", "ERROR": "red", "UNDECIDED": "yellow"}
+"""First word of a line -> its colour."""
+VERDICT = re.compile(rf"^({'|'.join(COLOURS)})(?=  )", re.MULTILINE)
 
 
 def printable(text: str) -> str:
@@ -14,4 +26,25 @@ def printable(text: str) -> str:
 
 def say(text: object, err: bool = False) -> None:
     """Print a line. File, scene and student names are a stranger's text: only `say` prints in this package."""
-    typer.echo(printable(str(text)), err=err)
+    shown = VERDICT.sub(lambda word: typer.style(word[1], COLOURS[word[1]], bold=True), printable(str(text)))
+    typer.echo(shown, err=err, color=False if "NO_COLOR" in os.environ else None)
+
+
+def say_wrapped(text: object) -> None:
+    """Print sentences, broken at the terminal's width and indented below their first line."""
+    say("\n".join(broken(line, shutil.get_terminal_size().columns) for line in str(text).splitlines()))
+
+
+def broken(line: str, width: int) -> str:
+    r"""Return a line in lines of at most `width` columns, where its words allow.
+
+    >>> broken("  the images agree", 14)
+    '  the images\n    agree'
+    """
+    if len(line) <= width:
+        return line
+    indent = line[: len(line) - len(line.lstrip())]
+    return textwrap.fill(
+        line, width, subsequent_indent=f"{indent}  ", break_long_words=False, break_on_hyphens=False,
+        drop_whitespace=True, replace_whitespace=False,
+    )  # fmt: skip

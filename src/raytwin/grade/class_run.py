@@ -7,7 +7,7 @@ Existing results are reused. A shard does its own jobs, and a last run without a
 another its result: whatever fails, in the grader or its machine, becomes a result of the student concerned.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -74,11 +74,16 @@ def _counts(path: Path) -> bool:
 
 
 def run(
-    jobs: Sequence[Job], out: Path, workers: Workers, again: bool = False, progress: Progress = silent
+    jobs: Sequence[Job],
+    out: Path,
+    workers: Workers,
+    again: bool = False,
+    progress: Progress = silent,
+    each: Callable[[Result], None] | None = None,
 ) -> list[Result]:
     """Return the results of the share, in the jobs' order; each is written to `out`/results/KEY.json as it comes.
 
-    What the grader failed on before is graded again.
+    What the grader failed on before is graded again. `each` is called with every new result as it comes.
     """
     mine = workers.share(jobs)
     found = {} if again else {j.key: _read(out, j.key) for j in mine}
@@ -89,6 +94,8 @@ def run(
     here = Workers(workers.jobs, workers.dask)
     for one in map_parallel(partial(work, out=None if workers.dask else str(out)), todo, here):
         done[one.thing.key] = _result(out, one, written=not workers.dask)
+        if each is not None:
+            each(done[one.thing.key])
         progress("grade", len(done), len(mine))
     return [done[j.key] for j in mine]
 

@@ -11,18 +11,17 @@ if TYPE_CHECKING:
 
 
 def summary(result: "Result") -> str:
-    """Verdict first, then what it rests on, then times beside errors."""
+    """Verdict and cause first, then what they rest on."""
     c = result.comparison
     g, r = c.geometry, c.radiance
     rung = f", rung {result.report.rung}" if result.report.rung else ""
     lines = [
         f"{c.verdict.upper()}  {result.report.scene}{rung}{because(c)}",
-        *(f"  {reason}" for reason in c.reasons),
+        *(f"  {reason}" for reason in further(c)),
         f"  silhouettes: {_number(g.mask_mismatch_pixels)} pixels differ",
         f"  radiance: p99.9 error {_number(r.p999_abs)}, worst {_number(r.max_abs)}, rmse {_number(r.rmse)}",
     ]
     lines += [f"  {row.name}: {row.found:.6g} {row.unit}, true {row.truth:.6g}" for row in result.truth]
-    lines += [f"  {t.stage:<10} {t.seconds:7.2f} s   {t.error}" for t in result.times]
     return "\n".join(lines)
 
 
@@ -31,7 +30,7 @@ def diff_summary(found: "Diff") -> str:
     from raytwin.compare import METRICS  # what only tells of photos needs none
 
     c = found.comparison
-    lines = [f"{c.verdict.upper()}  {found.report.scene}{because(c)}", *(f"  {reason}" for reason in c.reasons)]
+    lines = [f"{c.verdict.upper()}  {found.report.scene}{because(c)}", *(f"  {reason}" for reason in further(c))]
     lines += [f"  warning: {text}" for text in found.warnings]
     if c.geometry.shift_px is not None:
         lines.append(f"  shift      {c.geometry.shift_px:.3g} px")
@@ -92,8 +91,14 @@ def augment_summary(rows: list[dict[str, Any]]) -> str:
 
 
 def because(comparison: "Comparison") -> str:
-    """`: the sun is π times too bright`: the end of a verdict's first line, empty where no cause is named."""
-    return f": {comparison.cause}" if comparison.cause else ""
+    """`: the sun is π times too bright (sure)`: the end of a verdict's first line, empty where no cause is named."""
+    sure = comparison.reasons[0].partition(":")[0].removeprefix("cause ") if comparison.cause else ""
+    return f": {comparison.cause} {sure}" if comparison.cause else ""
+
+
+def further(comparison: "Comparison") -> tuple[str, ...]:
+    """The reasons that are not in the verdict's first line already."""
+    return comparison.reasons[1:] if comparison.cause else comparison.reasons
 
 
 def _number(value: float | None) -> str:

@@ -235,24 +235,6 @@ def _decided(
     return made
 
 
-def limits(
-    option: str,
-    error: float | None = None,
-    relative: float | None = None,
-    percent: float | None = None,
-    hard: float | None = None,
-    pixels: int | None = None,
-) -> Limits | None:
-    """The limits that were given, the others as idiff has them; None where none was. `option` names them in errors."""
-    asked = {"error": error, "relative": relative, "percent": percent, "hard": hard, "pixels": pixels}
-    given: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
-    named = {"error": option, "hard": option.replace("--", "--hard"), "pixels": "--allowfailures"}
-    for name, value in given.items():
-        if not value >= 0:
-            raise InputError(named.get(name, option + name), "a number >= 0", value)
-    return Limits(**given) if given else None
-
-
 def _limits_in_words(limits: Limits) -> dict[str, str]:
     meaning = {
         "error": "a pixel may err by",

@@ -46,3 +46,50 @@ class DiffSettings:
             raise InputError("tolerance", "a finite number > 0", self.tolerance)
         if self.rung is not None:
             check_one_of("rung", self.rung, RUNGS)
+
+
+@dataclass(frozen=True)
+class IdiffLimits:
+    """The limits of OpenImageIO's idiff, as its options have them; what is not given is as in idiff."""
+
+    fail: float | None = None
+    fail_relative: float | None = None
+    fail_percent: float | None = None
+    hard_fail: float | None = None
+    allow_failures: int | None = None
+    warn: float | None = None
+    warn_relative: float | None = None
+    warn_percent: float | None = None
+    hard_warn: float | None = None
+
+    @property
+    def failing(self) -> "Limits | None":
+        """Return the limits that fail; None where none was given."""
+        return _limits("fail", self.fail, self.fail_relative, self.fail_percent, self.hard_fail, self.allow_failures)
+
+    @property
+    def warning(self) -> "Limits | None":
+        """Return the limits that only warn."""
+        return _limits("warn", self.warn, self.warn_relative, self.warn_percent, self.hard_warn)
+
+
+def _limits(
+    word: str,
+    error: float | None,
+    relative: float | None,
+    percent: float | None,
+    hard: float | None,
+    pixels: int | None = None,
+) -> "Limits | None":
+    from raytwin.compare import Limits
+
+    asked = {
+        "error": (f"--{word}", error), "relative": (f"--{word}relative", relative),
+        "percent": (f"--{word}percent", percent), "hard": (f"--hard{word}", hard),
+        "pixels": ("--allowfailures", pixels),
+    }  # fmt: skip
+    for option, value in asked.values():
+        if value is not None and not value >= 0:
+            raise InputError(option, "a number >= 0", value)
+    given: dict[str, Any] = {name: value for name, (_, value) in asked.items() if value is not None}
+    return Limits(**given) if given else None

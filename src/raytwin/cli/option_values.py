@@ -1,0 +1,101 @@
+"""What an option's text means, and whether an output can be written: all of it is checked before work begins."""
+
+import math
+import os
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from raytwin.errors import InputError
+
+if TYPE_CHECKING:
+    from raytwin.scene import Sphere
+
+MOST_PIXELS = 400_000_000
+"""As much as a file may have."""
+MOST_SIDE = 100_000
+"""Pixels of a picture's width or height that are taken for meant."""
+
+
+def parse_size(text: str, option: str) -> tuple[int, int]:
+    """
+    >>> parse_size("640x480", "--size")
+    (640, 480)
+    """
+    match = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", text)
+    if not match or not all(0 < int(side) <= MOST_SIDE for side in match.groups()):
+        raise InputError(option, "WIDTHxHEIGHT in pixels, as 640x480", text)
+    width, height = int(match[1]), int(match[2])
+    if width * height > MOST_PIXELS:
+        gigabytes = 12e-9 * width * height
+        raise InputError(option, f"at most {MOST_PIXELS / 1e6:.0f} megapixels", f"{text}, {gigabytes:.0f} GB an image")
+    return width, height
+
+
+def parse_numbers(text: str, option: str, most: int | None = None) -> tuple[float, ...]:
+    """At most `most` finite numbers.
+
+    >>> parse_numbers("0.1,-0.2", "--dist"), parse_numbers("", "--dist")
+    ((0.1, -0.2), ())
+    """
+    try:
+        numbers = tuple(float(part) for part in text.split(",")) if text.strip() else ()
+    except ValueError:
+        raise InputError(option, "numbers separated by commas", text) from None
+    if not all(map(math.isfinite, numbers)):
+        raise InputError(option, "finite numbers", text)
+    if most is not None and len(numbers) > most:
+        raise InputError(option, f"at most {most} numbers", len(numbers))
+    return numbers
+
+
+def parse_sphere(text: str, option: str, albedo: tuple[float, float, float]) -> "Sphere":
+    """A sphere of this albedo from its center and radius: 'x,y,z,r'."""
+    from raytwin.scene import Lambert, Sphere
+
+    numbers = parse_numbers(text, option)
+    if len(numbers) != 4 or not numbers[3] > 0:
+        raise InputError(option, "x,y,z,r in metres, r > 0", text)
+    return Sphere((numbers[0], numbers[1], numbers[2]), numbers[3], Lambert(albedo))
+
+
+def parse_stand(text: str, option: str) -> tuple[float, float, float]:
+    """The foot (x, y) and the height of an upright: 'x,y,h'."""
+    numbers = parse_numbers(text, option)
+    if len(numbers) != 3 or not numbers[2] > 0:
+        raise InputError(option, "x,y,h in metres, h > 0", text)
+    return numbers[0], numbers[1], numbers[2]
+
+
+def parse_counts(text: str, option: str) -> tuple[int, ...]:
+    """'1,10,100' as (1, 10, 100)."""
+    numbers = parse_numbers(text, option)
+    if not all(n == n // 1 for n in numbers):
+        raise InputError(option, "whole numbers", text)
+    return tuple(int(n) for n in numbers)
+
+
+def check_outputs(*, folders: tuple[Path | None, ...] = (), files: tuple[Path | None, ...] = ()) -> None:
+    """InputError where an output cannot be written, before the work that it is to hold. Nothing is made."""
+    kinds = {True: "a folder", False: "a file"}
+    for path, folder in (*((p, True) for p in folders if p), *((p, False) for p in files if p)):
+        if not _is_utf8(path):
+            raise InputError("the name of an output", "UTF-8", ascii(str(path)))
+        if path.exists():
+            if path.is_dir() != folder:
+                raise InputError(path, f"{kinds[folder]} to write", kinds[not folder])
+            above = path
+        else:
+            above = next(p for p in path.absolute().parents if p.exists())
+            if not above.is_dir():
+                raise InputError(path, "a writable path", f"{above}, which is a file")
+        if not os.access(above, os.W_OK):
+            raise InputError(path, "a writable path", "one without write permission")
+
+
+def _is_utf8(path: Path) -> bool:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
