@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Rung:
-    """One row: its `name` and, in words, what it `adds`; the rest is what others must know of it.
+    """One row: its `name` and, in words, what it `adds` and its `reach`, which ends "a tracer that stops at".
 
     `shadows`: the sun may be hidden. `sky`: how its light is summed, `none`, `open` (nothing hides it) or `occluded`.
     `depth`: the surfaces that light may have met where it is followed from one to the next, counted as Mitsuba does
@@ -18,6 +18,7 @@ class Rung:
 
     name: str
     adds: str
+    reach: str
     shadows: bool = True
     sky: str = "open"
     depth: int | None = None
@@ -39,11 +40,23 @@ class Rung:
 RUNGS = {
     rung.name: rung
     for rung in (
-        Rung("surface", "which object, how far, which way it faces", shadows=False, sky="none", background=False),
-        Rung("lambert", "sun without shadows and sky without occlusion: the paper's model", shadows=False),
-        Rung("shadow", "cast shadows of the sun"),
-        Rung("sky", "occlusion of the sky", sky="occluded", depth=2, noisy=True),
-        Rung("path", "interreflection", sky="occluded", depth=8, noisy=True),
+        Rung(
+            "surface",
+            "which object, how far, which way it faces",
+            "geometry",
+            shadows=False,
+            sky="none",
+            background=False,
+        ),
+        Rung(
+            "lambert",
+            "sun without shadows and sky without occlusion: the paper's model",
+            "unshadowed light",
+            shadows=False,
+        ),
+        Rung("shadow", "cast shadows of the sun", "shadows"),
+        Rung("sky", "occlusion of the sky", "the sky's occlusion", sky="occluded", depth=2, noisy=True),
+        Rung("path", "interreflection", "bounced light", sky="occluded", depth=8, noisy=True),
     )
 }
 """name -> row, from the least light to all of it."""

@@ -100,9 +100,9 @@ def test_the_rung_that_the_tracer_lacks_differs_as_it_must_and_says_what_is_miss
     result = compare_scene(scenes / "overlap", rung="path", size=(160, 120), samples=64, cache=False)
     assert result.comparison.verdict == "differs"
     assert result.comparison.exit_code == 0
-    assert "the tracer renders shadow, which has less light than path" in result.comparison.reasons[0]
+    assert "the tracer stops at shadows; the twin also models bounced light" in result.comparison.reasons[0]
     assert not any("shifted" in reason for reason in result.comparison.reasons)
-    assert any("leaving out bounce 1 makes it" in reason for reason in result.comparison.reasons)
+    assert any("ignoring bounce 1 makes it" in reason for reason in result.comparison.reasons)
     assert result.comparison.reasons[-1] == "compared at its own level, shadow, the tracer agrees with the twin"
     assert result.settings["rung of the tracer"] == "shadow"
     assert result.settings["rung of the twin"] == "path"

@@ -70,6 +70,9 @@ Verdict = Literal["pass", "differs", "fail", "undecided"]
 CAUSE = re.compile(r"cause (?:\((?P<sureness>sure|likely)\)|unknown): ")
 """How a reason begins that says why an image is wrong; without `sureness` it names only the place."""
 
+EXPECTED = "Expected difference: "
+"""How the first reason of the verdict `differs` begins."""
+
 
 def _named(reason: str) -> "re.Match[str] | None":
     found = CAUSE.match(reason)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from raytwin import files, viewer
 from raytwin.compare import flip_map
-from raytwin.compare.comparison import CAUSE
+from raytwin.compare.comparison import CAUSE, EXPECTED
 from raytwin.compare.heatmap import signed_error
 from raytwin.report import data_urls, numbers
 from raytwin.report.locations import Reason, linked
@@ -62,7 +62,11 @@ def histogram(counts: Sequence[int] | None) -> dict[str, Any] | None:
 
 
 def first_said(reasons: Sequence[Reason], passed: bool) -> tuple[Reason | None, list[Reason]]:
-    """Return the headline and the other reasons: the cause where one is named, else the first of what fails."""
+    """Return the headline, a cause where one is named or what an expected difference leaves out, and the rest."""
+    if reasons and reasons[0][0].startswith(EXPECTED):
+        text, address = reasons[0]
+        text = text.removeprefix(EXPECTED)
+        return (f"{text[0].upper()}{text[1:]}.", address), list(reasons[1:])
     ordered = sorted(reasons, key=lambda reason: not CAUSE.match(reason[0]))
     return (None, ordered) if passed or not ordered else (ordered[0], ordered[1:])
 

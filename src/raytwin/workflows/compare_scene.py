@@ -16,6 +16,7 @@ from raytwin.analysis.light_parts import sampled_parts
 from raytwin.analysis.rounding_cause import ROUNDING, rounding_cause
 from raytwin.calib.find_camera import TruthRow, compare_truth, find_camera
 from raytwin.compare import Comparison, Report, SequentialComparison, Verdict
+from raytwin.compare.comparison import EXPECTED
 from raytwin.compare.report import Timing
 from raytwin.contract.check_function import judge_function
 from raytwin.contract.stage_table import CONTRACT
@@ -331,10 +332,16 @@ def _expected_difference(
     if at_own.verdict != "pass":
         reasons = tuple(f"on its own rung, {climbed}: {reason}" for reason in at_own.reasons)
         return msgspec.structs.replace(whole, verdict=at_own.verdict, reasons=reasons)
-    less = "less" if list(RUNGS).index(climbed) < list(RUNGS).index(rung) else "more"
-    expected = f"Expected difference: the tracer renders {climbed}, which has {less} light than {rung}"
+    less, more = RUNGS[climbed].reach, RUNGS[rung].reach
+    expected = f"{EXPECTED}the tracer stops at {less}; the twin also models {more}"
+    if list(RUNGS).index(climbed) > list(RUNGS).index(rung):
+        expected = f"{EXPECTED}the twin stops at {more}; the tracer also models {less}"
     agrees = f"compared at its own level, {climbed}, the tracer agrees with the twin"
     return msgspec.structs.replace(whole, verdict="differs", reasons=(expected, *_left_out(ledger), agrees))
+
+
+HIDDEN = {"sun's shadow": "what hides the sun", "sky's occlusion": "what hides the sky"}
+"""Parts of the ledger as what a renderer ignores."""
 
 
 def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
@@ -346,7 +353,9 @@ def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
         where = f", mostly on {row.between[0]}" if len(row.between) == 1 else ""
         where = f", mostly between {' and '.join(row.between)}" if len(row.between) > 1 else where
         size = f"{abs(share):.2g} %" if abs(share) < HARDLY_LIT else "many times"  # of a scene with nearly no light
-        remarks.append(f"leaving out {row.part} makes it {size} too {'bright' if share > 0 else 'dark'}{where}")
+        remarks.append(
+            f"ignoring {HIDDEN.get(row.part, row.part)} makes it {size} too {'bright' if share > 0 else 'dark'}{where}"
+        )
     return tuple(remarks)
 
 
