@@ -16,8 +16,8 @@ from browser import barriers_of
 
 from raytwin import files
 from raytwin.grade.class_run import collect, jobs_of, run
-from raytwin.grade.result import Result
-from raytwin.grade.rubric import read_rubric
+from raytwin.grade.result import Marked, Part, Result
+from raytwin.grade.rubric import Exercise, Rubric, read_rubric
 from raytwin.grade.submission_code import code_of
 from raytwin.parallel import Workers, map_parallel
 from raytwin.report import autograder_sites as sites
@@ -261,6 +261,28 @@ def test_gradescope_gets_text_first_a_picture_a_failing_test_and_a_leaderboard(g
     for result in results.values():
         sites.write_gradescope(result, rubric, tmp_path / "r.json")
         assert (tmp_path / "r.json").stat().st_size < 1e6
+
+
+def test_what_is_shown_names_no_scene_of_an_exercise_that_is_hidden():
+    """One cause is looked for in all pictures, so its words may name any of them."""
+    words = "cause (sure): the sun is too bright; wrong on drawn 12 and single, right on drawn 1"
+    shown, hidden = (
+        Marked(name, "render", "fail", 0, 10, visibility, "", 1e-5, sentences=(words,), parts=tuple(parts))
+        for name, visibility, parts in (
+            ("a", "visible", [Part("single, shadow", False, 0), Part("drawn 1, shadow", True, 1)]),
+            ("b", "hidden", [Part("drawn 12, shadow", False, 0)]),
+        )
+    )
+    result = Result("s", "k", "t", (shown, hidden))
+    rubric = Rubric("t", tuple(Exercise("render", 10, name=name) for name in "ab"))
+    told = [
+        sites.gradescope(result, rubric)["tests"][0]["output"],
+        sites.prairielearn(result, rubric)["tests"][0]["output"],
+    ]
+    for text in told:
+        assert "wrong on a scene that is not shown and single, right on drawn 1" in text
+        assert "drawn 12" not in text
+    assert "drawn 12" in sites.gradescope(result, rubric)["tests"][1]["output"]
 
 
 def test_pictures_go_where_a_result_would_be_too_large(graded, tmp_path, monkeypatch):

@@ -4,13 +4,13 @@ import json
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
 from raytwin import files
 from raytwin.grade.result import Marked, Picture, Result
-from raytwin.grade.rubric import Rubric
+from raytwin.grade.rubric import PICTURES, Rubric
 from raytwin.report.class_page import STATUS, of_points
 
 MOST_BYTES = 950_000
@@ -30,10 +30,10 @@ def write_prairielearn(result: Result, rubric: Rubric, path: str | os.PathLike[s
 
 def gradescope(result: Result, rubric: Rubric) -> dict[str, Any]:
     """https://gradescope-autograders.readthedocs.io/en/latest/specs/"""
-    tests = []
+    tests, unshown = [], _unshown(result)
     for number, e in enumerate(result.exercises, start=1):
         picture = _picture(result, e)
-        text = "\n".join(_lines(e))
+        text = "\n".join(_lines(e, unshown))
         test: dict[str, Any] = {
             "name": e.name,
             "number": str(number),
@@ -76,7 +76,7 @@ def _sum_shown(result: Result) -> str:
 
 def prairielearn(result: Result, rubric: Rubric) -> dict[str, Any]:
     """https://prairielearn.readthedocs.io/en/latest/externalGrading/: score from 0 to 1, pictures of its own."""
-    tests = []
+    tests, unshown = [], _unshown(result)
     for e in result.exercises:
         if e.visibility != "visible":
             continue  # it has no tests that show later: they count in the score alone
@@ -85,8 +85,8 @@ def prairielearn(result: Result, rubric: Rubric) -> dict[str, Any]:
             "name": e.name,
             "points": e.points,
             "max_points": e.of,
-            "message": e.sentences[0] if e.sentences else "",
-            "output": "\n".join(_lines(e)),
+            "message": _without(unshown, e.sentences[0]) if e.sentences else "",
+            "output": "\n".join(_lines(e, unshown)),
         }
         images = [{"label": f"expected, got, difference: {picture.shows}", "url": picture.thumb}] if picture else []
         tests.append(test | ({"images": images} if images else {}))
@@ -128,9 +128,31 @@ def _legal(text: str) -> str:
     return re.sub("[^\t\n\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "\ufffd", text)
 
 
-def _lines(e: Marked) -> list[str]:
-    """What a student reads: the sentence, then numbers, then which cases pass."""
-    lines = [*e.sentences]
+def _unshown(result: Result) -> frozenset[str]:
+    """Return the names of the scenes that only exercises which are not visible have.
+
+    One cause is looked for in all pictures of a submission, so its words may name any of them.
+    """
+    named: dict[bool, set[str]] = {True: set(), False: set()}
+    for e in result.exercises:
+        if e.stage in PICTURES:
+            named[e.visibility == "visible"] |= {p.shows.partition(", ")[0] for p in e.parts}
+    return frozenset(named[False] - named[True])
+
+
+def _without(names: Collection[str], text: str) -> str:
+    """Return the text with other words for these scenes."""
+    for name in sorted(names, key=len, reverse=True):
+        text = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", "a scene that is not shown", text)
+    return text
+
+
+def _lines(e: Marked, unshown: Collection[str] = ()) -> list[str]:
+    """What a student reads: the sentence, then numbers, then which cases pass.
+
+    `unshown`: scenes whose names a visible exercise keeps to itself.
+    """
+    lines = [_without(unshown, text) for text in e.sentences] if e.visibility == "visible" else [*e.sentences]
     if e.expected and e.status != "pass":
         lines += [e.inputs, f"expected {e.expected}", f"got      {e.got}"]
     for p in e.parts:

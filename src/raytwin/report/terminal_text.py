@@ -91,9 +91,9 @@ def augment_summary(rows: list[dict[str, Any]]) -> str:
 
 
 def because(comparison: "Comparison") -> str:
-    """`: the sun is π times too bright (sure)`: the end of a verdict's first line, empty where no cause is named."""
-    sure = comparison.reasons[0].partition(":")[0].removeprefix("cause ") if comparison.cause else ""
-    return f": {comparison.cause} {sure}" if comparison.cause else ""
+    """`: the sun is π times too bright`: the end of a verdict's first line, empty where no cause is named."""
+    likely = " (likely)" if comparison.cause and comparison.reasons[0].startswith("cause (likely)") else ""
+    return f": {comparison.cause}{likely}" if comparison.cause else ""
 
 
 def further(comparison: "Comparison") -> tuple[str, ...]:
