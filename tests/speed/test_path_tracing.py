@@ -7,11 +7,12 @@ A sampled mean may err by 4 of its standard errors, each of which 16 batches tel
 import itertools
 from functools import partial
 from itertools import pairwise
-from math import cos, hypot, inf, pi, radians, sin, sqrt
+from math import cos, inf, radians, sin, sqrt
 
 import msgspec
 import numpy as np
 import pytest
+from closed_forms import CLOSED
 from engines import SHIPPED, TRIED, plain_paths
 from scipy.stats import qmc
 from truths import (
@@ -20,12 +21,8 @@ from truths import (
     Shown,
     agrees,
     by_chance,
-    element,
-    from_element,
     grey,
     in_wedge,
-    parallel,
-    perpendicular,
     shown,
     view_of,
     wedge,
@@ -191,60 +188,10 @@ def test_the_variance_is_that_of_the_mean(overlap, fast):
 # ---------------------------------------------------------------------------------------------- closed forms
 
 
-@pytest.mark.parametrize(("h", "c"), [(2, 1), (2, 0), (2, -0.25), (1.5, 0.3), (1.01, 0)])
-def test_a_sphere_hides_from_an_element_what_howell_says(fast, h, c):
-    ball = Sphere((h * sqrt(1 - c * c), 0, h * c), 1.0, BLACK)
-    camera = view_of((0, 0, 0), (-0.6, 0.2, 0.3), 1e-5)
-    found = mean_of(Scene("element", camera, (element((0, 0, 1)), ball), WHITE), fast, 2)
-    assert_agrees(found, 0.5 * (1 - from_element(h, c)))
-
-
-@pytest.mark.parametrize("at", [0.5, 1.0, 3.0])
-def test_a_ball_on_the_floor_hides_its_share_of_the_sky(fast, at):
-    floor = Rectangle((0, 0, 0), (10, 0, 0), (0, 10, 0), grey(0.5))
-    camera = view_of((at, 0, 0), (at + 2.5, 0.0, 0.15), 1e-5)
-    scene = Scene("ball", camera, (Sphere((0, 0, 1.0), 1.0, grey(0.3)), floor), WHITE)
-    assert_agrees(mean_of(scene, fast, 2), 0.5 * (1 - 1 / hypot(at, 1) ** 3), 2e-5)
-
-
-def test_a_lid_hides_from_the_element_under_its_corner_what_its_solid_angle_does(fast):
-    lid = Rectangle((0.75, 0.5, 1.0), (0.75, 0, 0), (0, 0.5, 0), BLACK)
-    camera = view_of((0, 0, 0), (-0.6, -0.5, 0.5), 1e-5)
-    found = mean_of(Scene("lid", camera, (element((0, 0, 1)), lid), WHITE), fast, 2)
-    assert_agrees(found, 0.5 * (1 - parallel(1.5, 1.0)))
-
-
-def test_a_ball_above_the_floor_hides_its_share_and_sees_its_half_of_the_sky(fast):
-    """2 r above: r² H / (ρ² + H²)^(3/2) at ρ = r; and (1 + n·z) / 2 where its normal leans down by 0.2.
-
-    A floor of 2e5 leaves 3e-5 rad above its rim, which to that normal are 1e-5 of the sky.
-    """
-    floor = Rectangle((0, 0, 0), (1e5, 0, 0), (0, 1e5, 0), BLACK)
-    near = Rectangle((0, 0, 0), (10, 0, 0), (0, 10, 0), grey(0.5))
-    camera = view_of((1.0, 0, 0), (3.0, 0.3, 0.4), 1e-5)
-    hiding = Scene("above", camera, (Sphere((0, 0, 2.0), 1.0, BLACK), near), WHITE)
-    assert_agrees(mean_of(hiding, fast, 2), 0.5 * (1 - 2 / hypot(1, 2) ** 3), 2e-5)
-    n = np.array([sqrt(1 - 0.04), 0, -0.2])
-    at = np.array([0, 0, 3.0]) + n
-    camera = view_of(at, at + 1.2 * n + np.array([0.0, 0.5, 0.0]), 1e-5)
-    seeing = Scene("over", camera, (Sphere((0, 0, 3.0), 1.0, grey(0.5)), floor), WHITE)
-    assert_agrees(mean_of(seeing, fast, 2), 0.5 * (1 - 0.2) / 2, 1e-5)
-
-
-@pytest.mark.parametrize(("at", "lost"), [(0.1, 0.450248140490), (0.5, 0.276393202250), (2.0, 0.0527864045)])
-def test_a_wall_hides_its_share_of_the_sky_from_the_floor_beside_it(fast, at, lost):
-    """(1 - d / √(d² + H²)) / 2 at the distance d from a wall of height H, 200 H long: 1e-5 less."""
-    floor = Rectangle((0, 0, 0), (100, 0, 0), (0, 100, 0), grey(0.5))
-    wall = Rectangle((0, 0, 0.5), (0, 100, 0), (0, 0, 0.5), grey(0.5))
-    camera = view_of((at, 0, 0), (at + 0.4, 0.1, 0.8), 1e-5)
-    assert_agrees(mean_of(Scene("wall", camera, (floor, wall), WHITE), fast, 2), 0.5 * (1 - lost), 1e-4 * at)
-
-
-def test_a_wall_opposite_the_element_hides_what_its_solid_angle_does(fast):
-    wall = Rectangle((0.5, 0.6, 0.4), (0, 0.6, 0), (0, 0, 0.4), BLACK)
-    camera = view_of((0, 0, 0), (-0.6, -0.5, 0.5), 1e-5)
-    found = mean_of(Scene("wall", camera, (element((0, 0, 1)), wall), WHITE), fast, 2)
-    assert_agrees(found, 0.5 * (1 - perpendicular(0.8 / 1.2, 0.5 / 1.2)))
+@pytest.mark.parametrize("name", CLOSED)
+def test_the_light_is_what_the_closed_form_says(fast, name):
+    row = CLOSED[name]
+    assert_agrees(mean_of(row.scene, fast, row.depth), row.expected, row.bias)
 
 
 def test_the_floor_of_an_open_cube_sees_its_opposite_face_of_the_sky(fast):
@@ -259,20 +206,6 @@ def test_the_floor_of_an_open_cube_sees_its_opposite_face_of_the_sky(fast):
     found = shown(image)
     # Of 64 x 64 middles of squares the mean errs by h² / 24 of the second derivative, some 1: 1e-5.
     assert found.mean == pytest.approx(0.199824895698387, abs=3.5 * found.error + 3e-5)
-
-
-@pytest.mark.parametrize("degrees", [60, 90, 120])
-@pytest.mark.parametrize(("one", "other", "bounces", "sun"), [
-    (0.5, 0.5, 0, 0), (0.5, 0.5, 1, 0), (0.5, 0.5, 2, 0), (0.8, 0.3, 30, 0), (0.3, 0.8, 2, 2.0),
-])  # fmt: skip
-def test_light_between_two_planes_is_exact_at_every_depth(fast, degrees, one, other, bounces, sun):
-    """Seen 5 mm from the edge of sheets of 1 km: the sky that comes in where they end adds 1e-5 at most."""
-    tilt = radians(degrees / 2)
-    lights = WHITE + ((Sun((cos(tilt), 0.0, sin(tilt)), (sun,) * 3),) if sun else ())
-    expected = in_wedge(degrees, one, other, bounces, (sun * sin(tilt) / pi,) * 2)
-    eye = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
-    scene = Scene("wedge", view_of((0.005, 0, 0), eye, 1e-5), wedge(degrees, one, other, 500.0), lights)
-    assert_agrees(mean_of(scene, fast, bounces + 2), expected, 1e-5)
 
 
 def test_bounces_alone_are_the_terms_of_the_wedges_series(fast):

@@ -3,6 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
+from engines import SHIPPED, TRIED
 
 from raytwin import speed, tracer
 from raytwin.errors import InputError
@@ -29,8 +30,9 @@ def test_in_float64_the_fast_way_gives_the_plain_ones_pixels(shipped, rung, trim
     np.testing.assert_array_equal(fast.mean[kept], plain.mean[kept])
 
 
-@pytest.mark.parametrize("solver", tracer.SOLVERS)
-def test_every_engine_gives_the_plain_ones_pixels_with_every_solver(shipped, engine, solver):
+def test_every_engine_gives_the_plain_ones_pixels_with_every_solver(shipped, engine):
+    """Each scene and each engine with each solver, in a Latin square."""
+    solver = list(tracer.SOLVERS)[(SHIPPED.index(shipped.name) + TRIED.index(engine)) % len(tracer.SOLVERS)]
     small = shipped.with_camera(shipped.camera.resized(160, 120))
     stages = speed.with_solver(tracer.STAGES, solver)
     plain, fast = tracer.trace(small, "shadow", stages), speed.trace(small, "shadow", engine, solver)

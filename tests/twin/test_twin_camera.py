@@ -26,10 +26,10 @@ def test_opencv_projects_every_ray_back_to_its_pixel(scenes, dist):
 
 @pytest.mark.filterwarnings("ignore::raytwin.scene.lens.Folds")
 def test_the_twin_takes_every_lens_that_the_tracer_takes_and_finds_the_same_rays():
-    """200 random lenses in frames of 32 to 160 px: most fold somewhere. One function, `check_lens`, refuses."""
+    """80 random lenses in frames of 32 to 160 px: most fold somewhere. One function, `check_lens`, refuses."""
     rng, taken = np.random.default_rng(3), 0
     straight = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    for i in range(200):
+    for i in range(80):
         w, h = ((32, 24), (64, 48), (160, 120))[i % 3]
         f, dist = w * rng.uniform(0.4, 1.5), rng.normal(size=5) * (0.4, 0.3, 0.02, 0.02, 0.2)
         K = ((f, 0.0, (w - 1) / 2), (0.0, f, (h - 1) / 2), (0.0, 0.0, 1.0))
@@ -46,7 +46,7 @@ def test_the_twin_takes_every_lens_that_the_tracer_takes_and_finds_the_same_rays
         expected = newton((u - camera.cx) / f, (v - camera.cy) / f, camera.coefficients)
         np.testing.assert_allclose(np.stack([x / z, y / z]), np.stack(expected), rtol=0, atol=1e-9)
         taken += 1
-    assert taken > 150
+    assert taken > 60
 
 
 def test_small_spheres_stand_where_opencv_projects_them(scenes, variant):
