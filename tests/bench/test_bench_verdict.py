@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import ttest_ind
 
 from raytwin.bench.bench_verdict import FAULTS, bench_verdict
-from raytwin.bench.verdict_tools import sees_welch, sign_flip_p, tile_sums, welch_p
+from raytwin.bench.verdict_tools import sees_welch, tile_sums, welch_p
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.report.verdict_chart import verdict_lines, write_verdict_charts
@@ -35,19 +35,8 @@ def test_welch_sees_a_bias_and_where_nothing_is_wrong_its_p_values_are_level():
     assert sees_welch(renders(rng, 8, 1.2), renders(rng, 8))
 
 
-def test_the_probability_by_sign_flips_is_uniform_and_no_less_than_its_signs_allow():
-    """Of 60 correct pairs 2 or fewer, or 20 or more, are below 0.15 once in 250."""
-    rng = np.random.default_rng(2)
-    found = np.array([sign_flip_p(renders(rng, 8), renders(rng, 8), seed) for seed in range(60)])
-    assert 2 < np.count_nonzero(found < 0.15) < 20
-    assert sign_flip_p(renders(rng, 8, 1.5), renders(rng, 8)) == pytest.approx(2 ** (1 - 8), rel=0.5)
-    assert sign_flip_p(renders(rng, 14, 1.5), renders(rng, 14)) < 1e-3
-    same = renders(rng, 4)
-    assert sign_flip_p(same, same) == 1.0
-
-
 def test_the_bench_has_every_tool_and_fault_and_writes_its_charts(tmp_path):
-    found = bench_verdict(["wedge"], repeats=1, most=16)
+    found = bench_verdict(["wedge"], repeats=1, most=8)
     rows = {(row.fault, row.tool): row for row in found.rows}
     assert {fault for fault, _ in rows} == {fault.name for fault in FAULTS}
     gross = rows["30 % too bright", "in rounds"]

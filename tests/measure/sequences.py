@@ -1,6 +1,6 @@
 """How often sequences of looks fail correct renders, how soon they see a fault, and what a pass is worth.
 
-`python -m measure.sequences [alarms] [speed] [misses] [COUNT]`, in tests/, prints the tables of
+`python -m measure.sequences [alarms] [speed] [misses] [rivals] [COUNT]`, in tests/, prints the tables of
 docs/measured/verdict.md: alarms of COUNT (1000) sequences of each kind of noise and reference; samples to certainty for
 each size of fault, beside the best fixed number in hindsight and the mixture martingale, which was the other way to
 stop; and how often an image passes that is off by just what a pass excludes.
@@ -9,8 +9,11 @@ The pictures are small (24 x 32), so that thousands of sequences take minutes. N
 counted: each is looked at until all its samples are there.
 """
 
+import json
 import math
+import time
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +22,8 @@ from measure.noise_models import FILTERS, lognormal, picture
 from scipy.ndimage import convolve1d
 from scipy.stats import binomtest
 
+from raytwin.bench.verdict_tools import sees_by_sign_flips, sees_welch
 from raytwin.compare import SequentialComparison, compare
-from raytwin.compare.sequential import look_level, look_number
 from raytwin.image import Image
 from raytwin.image_pool import ImagePool
 
@@ -242,9 +245,52 @@ def misses(count: int) -> list[list[str]]:
     return rows
 
 
-def level_sum(rate: float = 1e-3, most: int = 1 << 20) -> float:
-    """What the levels of all looks up to `most` samples sum to."""
-    return sum(look_level(rate, number) for number in range(look_number(most) + 1))
+def rivals(count: int) -> list[list[str]]:
+    """Rows: noise, and for each test of 16 renders a side its alarms, its share of 5 % caught, its milliseconds."""
+    tests: dict[str, Callable[[Samples, Samples], bool]] = {
+        "raytwin": lambda a, b: compare(pooled(a), pooled(b)).verdict == "fail",
+        "Welch": lambda a, b: sees_welch(_singles(a), _singles(b)),
+        "sign flips": lambda a, b: sees_by_sign_flips(_singles(a), _singles(b)),
+    }
+    rows = []
+    for name, (noise, truth) in NOISES.items():
+        rng, cells = np.random.default_rng([44_000, *name.encode()]), [name]
+        right = [(noise(rng, truth, 16), noise(rng, truth, 16)) for _ in range(count)]
+        wrong = [(noise(rng, truth * 1.05, 16), noise(rng, truth, 16)) for _ in range(count // 4)]
+        for sees in tests.values():
+            began = time.process_time()
+            alarms = sum(sees(a, b) for a, b in right)
+            spent = (time.process_time() - began) / count
+            caught = sum(sees(a, b) for a, b in wrong) / len(wrong)
+            cells.append(f"{alarms} of {count}, {100 * caught:.0f} %, {1e3 * spent:.1f} ms")
+        rows.append(cells)
+        print(rows[-1], flush=True)
+    return rows
+
+
+def _singles(samples: Samples) -> list[Image]:
+    return [Image(x, samples=1) for x in samples]
+
+
+def certainty(path: str) -> list[list[str]]:
+    """Rows of what `raytwin bench verdict` wrote: scene, fault, each tool's samples, or that it fails correct pairs."""
+    found = json.loads(Path(path).read_text(encoding="utf-8"))
+    tools = list(dict.fromkeys(row["tool"] for row in found["rows"]))
+    wrong = {(a["scene"], a["tool"]) for a in found["alarms"] if a["alarms"] > a["asked"] / 2}
+    rows = []
+    for scene, fault in dict.fromkeys((row["scene"], row["fault"]) for row in found["rows"]):
+        mine = {row["tool"]: row for row in found["rows"] if (row["scene"], row["fault"]) == (scene, fault)}
+        cells = [scene, fault]
+        for tool in tools:
+            row = mine.get(tool)
+            if row is None:
+                cells.append("")
+            elif (scene, tool) in wrong:
+                cells.append("alarms")
+            else:
+                cells.append("-" if row["samples"] is None else f"{row['samples']:g}")
+        rows.append(cells)
+    return rows
 
 
 def main(*words: str) -> None:
@@ -257,6 +303,14 @@ def main(*words: str) -> None:
     if "speed" in parts:
         columns = ["noise", "too bright by", "best fixed number", "looks (ratio)", "mixture martingale (ratio)"]
         record.table("verdict", "sequence-speed", columns, speed(min(count, 40)), command.format("speed", count))
+    if "rivals" in parts:
+        columns = ["noise", *(f"{tool}: alarms, 5 % caught, time" for tool in ("raytwin", "Welch", "sign flips"))]
+        record.table("verdict", "rivals", columns, rivals(min(count, 100)), command.format("rivals", count))
+    for path in (word for word in words if word.endswith(".json")):
+        tools = ["in rounds", "best fixed", "always 64", "Welch", "sign flips", "z-test", "idiff", "FLIP"]
+        rows = certainty(path)
+        columns = ["scene", "fault", *tools[: len(rows[0]) - 2]]
+        record.table("verdict", "certainty", columns, rows, "raytwin bench verdict --repeats 3 --samples 128")
     if "misses" in parts:
         columns = ["noise", "bias", "passed", "95 %, at most", "samples, correct", "samples, biased"]
         record.table("verdict", "sequence-misses", columns, misses(min(count, 200)), command.format("misses", count))

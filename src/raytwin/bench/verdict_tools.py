@@ -5,16 +5,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from raytwin.compare.permutation import sign_flip_p, tile_means
 from raytwin.image import Image
-
-TILE = 8
-"""Pixels on the side of a tile whose sum is a Welch sample, and that the sign flips go over."""
 
 RATE = 1e-3
 """The false-alarm rate of the tests that have one."""
-
-FLIPS = 4096
-"""Random signs that the batches' differences are given."""
 
 Batches = Sequence[Image]
 """Renders of one side that share no sample, all of the same number."""
@@ -22,9 +17,7 @@ Batches = Sequence[Image]
 
 def tile_sums(images: Batches) -> np.ndarray:
     """(n, tiles, 3): the means over the whole tiles of each image."""
-    h, w = (side // TILE * TILE for side in images[0].shape[:2])
-    stack = np.stack([image.mean[:h, :w] for image in images]).astype(np.float64)
-    return stack.reshape(len(images), h // TILE, TILE, w // TILE, TILE, 3).mean(axis=(2, 4)).reshape(len(images), -1, 3)
+    return np.stack([tile_means(image.mean) for image in images])
 
 
 def welch_p(test: Batches, reference: Batches) -> np.ndarray:
@@ -52,32 +45,9 @@ def sees_welch(test: Batches, reference: Batches) -> bool:
     return bool(p.min() < -math.expm1(math.log1p(-RATE) / p.size))
 
 
-def sign_flip_p(test: Batches, reference: Batches, seed: int = 0) -> float:
-    """The probability of a maximum as large as that of all tiles and the whole image, if every sign were chance.
-
-    The batches' differences are flipped at random, FLIPS times, and the largest |mean| / standard error is taken each
-    time: exact for differences that are symmetric, however wide the filter is and however tiles hang together (Winkler
-    et al., Permutation inference for the general linear model, NeuroImage 92, 2014). n batches show no less than
-    2^(1 - n).
-    """
-    d = tile_sums(test) - tile_sums(reference)
-    d = np.concatenate([d, d.mean(axis=1, keepdims=True)], axis=1).reshape(len(d), -1)
-    square = np.square(d).sum(axis=0)
-    d, square = d[:, square > 0], square[square > 0]
-    if not d.size:
-        return 1.0
-    n = len(d)
-    signs = np.random.default_rng(seed).choice((-1.0, 1.0), (FLIPS, n))
-    signs[0] = 1.0
-    means2 = np.square(signs @ d / n)
-    # t² of the flipped sums: the sum of squares stays.
-    t2 = means2 / np.maximum((square / n - means2) / (n - 1), 1e-300)
-    largest = t2.max(axis=1)
-    return float((largest >= largest[0] * (1 - 1e-9)).mean())
-
-
 def sees_by_sign_flips(test: Batches, reference: Batches) -> bool:
-    return sign_flip_p(test, reference) < RATE
+    """The largest of all tiles against random signs, at RATE: raytwin.compare.permutation."""
+    return sign_flip_p(tile_sums(test) - tile_sums(reference)) < RATE
 
 
 def sees_idiff(test: Image, reference: Image) -> bool:

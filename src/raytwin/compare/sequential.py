@@ -25,6 +25,7 @@ import numpy as np
 
 from raytwin.compare.comparison import Comparison
 from raytwin.compare.messages import percent, what_could_be_seen
+from raytwin.compare.permutation import FEWEST, sign_flip_p, tile_means
 from raytwin.compare.verdict import DETECTABLE_BIAS, compare
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -102,6 +103,7 @@ class SequentialComparison:
         self._fixed = {"test": test, "reference": reference}
         self._pools = {"test": ImagePool(), "reference": ImagePool()}
         self._judge, self._options, self._looked_at = judge, options, 0
+        self._differences: list[np.ndarray] = []
         self._began = time.perf_counter()
 
     @property
@@ -123,6 +125,7 @@ class SequentialComparison:
 
         Renders of a side are independent. An Image that states `batches` of its own brings their variance.
         """
+        given_sides: dict[str, Image] = {}
         for name, given in (("test", test), ("reference", reference)):
             if given is None:
                 continue
@@ -131,6 +134,10 @@ class SequentialComparison:
             if pool.images and image.shape != pool.shape:
                 raise InputError(f"{name} render {pool.images + 1}", f"the shape {pool.shape}", image.shape)
             pool.add(image)
+            given_sides[name] = image
+        if len(given_sides) == 2 and given_sides["test"].shape == given_sides["reference"].shape:
+            a, b = given_sides["test"], given_sides["reference"]
+            self._differences.append(max(a.samples, 1) * (tile_means(a.mean) - tile_means(b.mean)))
         if self.decided:
             return self.comparison
         noisy = [pool for pool in self._pools.values() if pool.images and not pool.noise_free]
@@ -185,9 +192,13 @@ class SequentialComparison:
         if made.verdict == "pass" and s.z_mean is not None:
             image, tile = self._seen(made)
             reasons = (*what_could_be_seen(image, tile, 1.0, self.rate), *reasons[1:])
-        certain = None if made.verdict == "undecided" else self.samples
-        self.comparison = _with(msgspec.structs.replace(made, reasons=(*reasons, said)), samples_to_certainty=certain)
-        return self.comparison
+        made = msgspec.structs.replace(made, reasons=(*reasons, said))
+        if made.verdict != "undecided":
+            made = _with(made, samples_to_certainty=self.samples)
+        if len(self._differences) >= FEWEST and s.z_mean is not None:
+            made = _with(made, sign_flip_p=sign_flip_p(np.stack(self._differences)))
+        self.comparison = made
+        return made
 
     def _counted(self) -> str:
         told = all(pool.samples or not pool.images for pool in self._pools.values())
@@ -226,7 +237,7 @@ class SequentialComparison:
         return f"undecided: after {spent or self._counted()} an error of {found} could go unnoticed: {more}"
 
 
-def _with(made: Comparison, **numbers: int | None) -> Comparison:
+def _with(made: Comparison, **numbers: float | None) -> Comparison:
     return msgspec.structs.replace(made, statistics=msgspec.structs.replace(made.statistics, **numbers))
 
 
