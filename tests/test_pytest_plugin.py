@@ -367,6 +367,10 @@ def test_twice(raytwin_reference):
     held = raytwin_reference("overlap")
     held.check(held.image.mean)
     held.check(held.image.mean[:100])
+
+def test_crash(raytwin_reference):
+    raytwin_reference("overlap")
+    raise ValueError("my renderer <b>broke</b>")
 """
     )
     out = pytester.path / "out"
@@ -374,11 +378,13 @@ def test_twice(raytwin_reference):
     (out / "check-of-an-earlier-run.json").write_text("{}")
     (out / "notes.txt").write_text("not ours")
     result = run(source, "--raytwin-report", "out", *workers)
-    result.assert_outcomes(passed=2, failed=4)
-    result.stdout.fnmatch_lines([f"raytwin: 7 comparisons, 4 failed: {out}/index.html"])
+    result.assert_outcomes(passed=2, failed=5)
+    result.stdout.fnmatch_lines([f"raytwin: 8 comparisons, 5 failed: {out}/index.html"])
     index = (out / "index.html").read_text()
     verdicts = re.findall(r"[✓✗] (pass|fail)<", index)
     assert verdicts == ["fail"] * 4 + ["pass"] * 3
+    assert "! error<" in index
+    assert "ValueError: my renderer &lt;b&gt;broke&lt;/b&gt;" in index
     pages = re.findall(r'<a href="([^"]+)"', index)
     assert len(set(pages)) == 6
     for page in pages:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn
 import pytest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Generator
 
     from raytwin.compare import Comparison
     from raytwin.image import Image
@@ -335,13 +335,33 @@ class ReferenceCheck:
         from raytwin.compare import Report
         from raytwin.report import check_page
 
+        self._node.stash[_FAILED] = self._node.stash.get(_FAILED, False) or made.verdict not in ("pass", "differs")
         number = self._node.stash.setdefault(_COUNTER, itertools.count())
         return check_page.write_check(
             folder, self._node.nodeid, next(number), Report(self.name, self.rung, made), notes, *images
         )
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> "Generator[None, Any, Any]":
+    """List a test that ended by an error of its own, too: it compared nothing, and would be missing in the index."""
+    report = yield
+    folder = _report_folder(item.config)
+    ours = {"raytwin_case", "raytwin_reference"} & set(getattr(item, "fixturenames", ()))
+    if folder is not None and ours and report.failed and call.excinfo and not item.stash.get(_FAILED, False):
+        from raytwin.report import check_page
+
+        text = call.excinfo.exconly(tryshort=True).splitlines()
+        case = getattr(item, "callspec", None)
+        number = item.stash.setdefault(_COUNTER, itertools.count())
+        reason = f"{'' if call.when == 'call' else f'in {call.when}: '}{text[0] if text else 'an error'}"
+        check_page.write_crash(folder, item.nodeid, next(number), case.id if case else "", reason)
+    return report
+
+
 _COUNTER = pytest.StashKey["itertools.count"]()
+_FAILED = pytest.StashKey[bool]()
+"""Whether a comparison of the test failed: its own row says so."""
 _COUNTED = pytest.StashKey[tuple[int, int]]()
 
 

@@ -5,10 +5,8 @@ import re
 from dataclasses import replace
 from html import unescape
 
-import msgspec
 import numpy as np
 import pytest
-from browser import barriers_of
 
 from raytwin import files
 from raytwin.image import Image
@@ -106,15 +104,6 @@ def test_settings_versions_and_times_beside_errors_are_there(plain):
         assert said in text
 
 
-def test_text_from_the_input_is_never_markup(make_result, tmp_path):
-    result = make_result()
-    evil = "</script><script>alert(1)</script><b>"
-    report = msgspec.structs.replace(result.report.saying(evil), scene=evil)
-    scene = msgspec.structs.replace(result.scene, name=evil)
-    write_report(replace(result, scene=scene, report=report), tmp_path / "report.html")
-    assert "<script>alert" not in (tmp_path / "report.html").read_text(encoding="utf-8")
-
-
 def test_an_image_without_surface_is_reported_without_silhouettes(make_result, tmp_path):
     result = make_result()
     result = replace(result, subject=Image(result.subject.mean))
@@ -126,11 +115,6 @@ def test_images_equal_to_the_last_bit_have_no_worst_pixels(make_result, tmp_path
     result = make_result()
     write_report(replace(result, subject=result.twin), tmp_path / "report.html")
     assert "equal to the last bit" in text_of(tmp_path / "report.html")
-
-
-def test_the_page_links_to_nothing_outside(spoiled):
-    page = re.sub(r"<script\b.*?</script>", "", spoiled[1].read_text(encoding="utf-8"), flags=re.DOTALL)
-    assert re.findall(r'(?:src|href|url)\s*[=(]\s*["\']?(?!data:|#)[\w/.:]+', page) == []
 
 
 # ------------------------------------------------------------------------------------------ in a browser
@@ -311,10 +295,6 @@ def test_links_places_flip_wipe_and_maps_do_what_they_say(looked):
     assert read["map"] == "Relative difference"
     assert "0" in read["ticks"]
     assert all(text[0] in "+-0" for text in read["ticks"])
-
-
-def test_axe_core_finds_nothing_serious(spoiled, chromium):
-    assert barriers_of(chromium, spoiled[1]) == []
 
 
 def test_a_photo_of_another_size_spans_the_same_picture_and_thinned_values_are_their_blocks_worst(

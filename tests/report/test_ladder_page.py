@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from browser import barriers_of
 
 from raytwin.analysis.ladder import Ladder, Rungs, Step
 from raytwin.report.ladder_page import bars, ladder_summary, write_ladder
@@ -54,11 +53,6 @@ def test_any_two_pictures_are_shown_to_eleven_bits(made, browse, tmp_path):
     assert "made <up>" in read["text"]
     assert "-1.91 %" in read["text"]
     assert {p.name for p in tmp_path.iterdir()} == {"ladder.html", "ladder.json", "ladder.svg", "ladder.png"}
-
-
-def test_axe_core_finds_nothing_serious(made, chromium, tmp_path):
-    write_ladder(made, tmp_path)
-    assert barriers_of(chromium, tmp_path / "ladder.html") == []
 
 
 def test_bars_are_as_long_as_their_parts_are_large(made):

@@ -10,7 +10,7 @@ import numpy as np
 from raytwin import files
 from raytwin.atlas import EXPERIMENTS, Atlas, Experiment, Found, digits
 from raytwin.lights.envmap_tables import REC_709
-from raytwin.report.charts import INK, Asked, Chart, Line, Point, layout, log_range, placed, svg_text, write_charts
+from raytwin.report.charts import INK, Asked, Chart, Line, Point, chart_html, log_range, placed, write_charts
 from raytwin.report.data_urls import png_url
 from raytwin.report.numbers import short, shown
 from raytwin.report.page import render_page
@@ -50,7 +50,7 @@ def write_atlas(found: Atlas, folder: str | os.PathLike[str]) -> None:
     page = render_page(
         "atlas.html.j2", ("bench.css", "atlas.css"), ("charts.js",),
         experiments=[
-            (e, f, [(name, name in e.ours, cells(f, name)) for name in f.methods], svg_text(layout(c)),
+            (e, f, [(name, name in e.ours, cells(f, name)) for name in f.methods], chart_html(c),
              [(caption, png_url(pixels)) for caption, pixels in (e.pictures() if e.pictures else ())])
             for (e, f), c in zip(rows, charts, strict=True)
         ],

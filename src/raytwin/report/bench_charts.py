@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, takewhile
 
 import numpy as np
 
@@ -133,17 +133,29 @@ def steps(stairs: Sequence[Point], end: float) -> Line:
 
 
 def names_of(points: Sequence[Point], families: dict[str, list[Point]]) -> list[Asked]:
-    """The frontier's methods by their whole name; of the others a family's name once, and each point's place in it."""
-    short_of = {name: m.label for name, m in RENDERERS.items()}
+    """The frontier's methods by their whole name; of the others what a family's names share once, then each's rest."""
     whole = [Asked(p.name, p, name=p.name) for p in points if p.strong]
     names, rest = [], []
     for name, group in families.items():
         if all(p.strong for p in group):
             continue
-        names.append(Asked(name, group[-1], others=tuple(group[:-1])))
-        if len(group) > 1:  # a family's only member goes by the family's name
-            rest += [Asked(short_of.get(p.name, p.name), p, False, name=p.name) for p in group if not p.strong]
+        shared = group[0].name if len(group) == 1 else shared_start([p.name for p in group])
+        names.append(Asked(shared + "…" * (len(group) > 1), group[-1], others=tuple(group[:-1]), name=name))
+        if len(group) > 1:  # a family's only member goes by its name
+            rest += [Asked(p.name.removeprefix(shared), p, False, name=p.name) for p in group if not p.strong]
     return [*whole, *names, *rest]
+
+
+def shared_start(names: Sequence[str]) -> str:
+    """Return the words that all names begin with, and the dash behind them.
+
+    >>> shared_start(["drjit32-shadow-none", "drjit32-shadow-conic"])
+    'drjit32-shadow-'
+    """
+    columns = takewhile(
+        lambda words: len(set(words)) == 1, zip(*(name.split("-")[:-1] for name in names), strict=False)
+    )
+    return "".join(f"{words[0]}-" for words in columns)
 
 
 def guides(x_range: Range, y_range: Range, slope: float) -> list[Line]:

@@ -9,7 +9,7 @@ from raytwin import files
 from raytwin.bench import RENDERERS, Bench, Changes, Converged, MethodChange, write_bench
 from raytwin.errors import InputError
 from raytwin.report.bench_charts import AXES, COLOURS, TRUTHS, error_chart, megapixels, side_charts, sizes_of
-from raytwin.report.charts import Chart, layout, svg_text, write_charts
+from raytwin.report.charts import Chart, chart_html, write_charts
 from raytwin.report.numbers import seconds, shown
 from raytwin.report.page import render_page
 
@@ -61,7 +61,7 @@ def write_bench_page(bench: Bench, path: str | os.PathLike[str], changes: Change
 
 
 def drawn(chart: Chart) -> str:
-    return svg_text(layout(chart))
+    return chart_html(chart)
 
 
 def error_charts(bench: Bench) -> list[Chart]:

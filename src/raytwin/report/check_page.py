@@ -64,10 +64,7 @@ def write_check(
     row = CheckRow(
         test, number, report.scene, report.rung or "", c.verdict, c.reasons, notes, r.rmse, r.max_abs, r.mean_ratio
     )
-    short = re.sub(r"[^A-Za-z0-9]+", "-", test.rpartition("/")[2]).strip("-")[:80]
-    unique = hashlib.sha256(f"{test} {number}".encode()).hexdigest()[:8]
-    stem = f"check-{short}-{unique}"
-    page = None
+    stem, page = _stem(test, number), None
     if image is not None and reference is not None:
         view = _view(test, report, notes, image, reference, tolerance or Tolerance())
         row.page, page = f"{stem}.html", folder / f"{stem}.html"
@@ -78,6 +75,16 @@ def write_check(
             row.picture, row.reference, row.error = _thumbs(view, tolerance or Tolerance())
     files.write_json(folder / f"{stem}.json", row)
     return page
+
+
+def write_crash(folder: Path, test: str, number: int, case: str, reason: str) -> None:
+    """Write the row of a test that ended before it had compared anything, or failed beside its comparisons."""
+    files.write_json(folder / f"{_stem(test, number)}.json", CheckRow(test, number, case, "", "error", (reason,)))
+
+
+def _stem(test: str, number: int) -> str:
+    short = re.sub(r"[^A-Za-z0-9]+", "-", test.rpartition("/")[2]).strip("-")[:80]
+    return f"check-{short}-{hashlib.sha256(f'{test} {number}'.encode()).hexdigest()[:8]}"
 
 
 def clear(folder: Path) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from raytwin import files
 from raytwin.image import Image
-from raytwin.report.charts import Asked, Chart, Line, Point, layout, log_range, placed, svg_text, write_charts
+from raytwin.report.charts import Asked, Chart, Line, Point, chart_html, log_range, placed, write_charts
 from raytwin.report.numbers import seconds, shown
 from raytwin.report.page import render_page
 from raytwin.report.picture_pair import SCRIPTS, STYLES, picture_pair
@@ -32,7 +32,7 @@ def write_ladder(found: "Ladder", folder: str | os.PathLike[str]) -> None:
     page = render_page(
         "ladder.html.j2", ("bench.css", *STYLES), SCRIPTS, l=rungs, colours=PARTS,
         **picture_pair({name: Image(mean) for name, mean in images.items()}, FIRST, "whole light"),
-        bars=[(rung, bars(rungs, rung)) for rung in rungs.ledgers], chart=svg_text(layout(drawn)),
+        bars=[(rung, bars(rungs, rung)) for rung in rungs.ledgers], chart=chart_html(drawn),
     )  # fmt: skip
     files.write_json(folder / "ladder.json", rungs)
     files.write_text(folder / "ladder.html", page)

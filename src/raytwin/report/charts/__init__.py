@@ -6,7 +6,7 @@ chart.py what a chart holds; labels.py where its texts go; shapes.py frame, tick
 from raytwin.report.charts.chart import FRAME, INK, SOFT, Asked, Chart, Line, Point, Text, log_range, placed
 from raytwin.report.charts.chart_marks import layout
 from raytwin.report.charts.png import png_bytes, write_charts
-from raytwin.report.charts.svg import svg_text
+from raytwin.report.charts.svg import chart_html, svg_text
 
 __all__ = [
     "FRAME",
@@ -17,6 +17,7 @@ __all__ = [
     "Line",
     "Point",
     "Text",
+    "chart_html",
     "layout",
     "log_range",
     "placed",

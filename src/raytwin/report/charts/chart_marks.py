@@ -32,6 +32,7 @@ class Stroke:
     colour: str
     width: float
     dash: str = "solid"
+    role: str = ""
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,8 @@ class Marker:
 
 @dataclass(frozen=True)
 class Words:
-    """`anchor`: start, middle or end, of what is at `at`; vertically its middle. `halo`: white behind the letters."""
+    """`anchor`: start, middle or end, of what is at `at`; vertically its middle. `halo`: white behind the letters.
+    `role`: tick, title, axis or label: a page on a phone enlarges the first and leaves the others out."""
 
     text: str
     at: XY
@@ -59,6 +61,7 @@ class Words:
     anchor: str = "start"
     turned: bool = False
     halo: bool = False
+    role: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,44 +105,50 @@ def layout(chart: Chart) -> Drawing:
     shapes: list[Shape] = [Box((0, 0), (end + right, bottom + below), fill="#ffffff")]
     if chart.floor is not None and chart.floor > chart.y_range[0]:
         shapes.append(Box((left, at(chart.x_range[0], chart.floor)[1]), (end, bottom), fill=FLOOR))
-        shapes.append(Words("below what the truth can tell", (left + 6, bottom - 9), 10, SOFT))
+        shapes.append(Words("below what the reference can tell", (left + 6, bottom - 9), 10, SOFT, role="label"))
     for value in ticks(chart.x_range):
         x, _ = at(value, chart.y_range[0])
         shapes += [
             Stroke(((x, above), (x, bottom)), GRID, 1),
-            Words(short(value), (x, bottom + 12), 10.5, SOFT, anchor="middle"),
+            Words(short(value), (x, bottom + 12), 10.5, SOFT, anchor="middle", role="tick"),
         ]
     for value in ticks(chart.y_range):
         _, y = at(chart.x_range[0], value)
-        shapes += [Stroke(((left, y), (end, y)), GRID, 1), Words(short(value), (left - 7, y), 10.5, SOFT, anchor="end")]
+        shapes += [
+            Stroke(((left, y), (end, y)), GRID, 1),
+            Words(short(value), (left - 7, y), 10.5, SOFT, anchor="end", role="tick"),
+        ]
     shapes.append(Box((left, above), (end, bottom), line=OUTLINE))
     for line in chart.lines:
         ends = tuple(at(x, y) for x, y in zip(line.xs, line.ys, strict=True))
         shapes.append(Stroke(ends, faded(line.colour, line.strength), line.width, line.dash))
     for t in chart.texts:
         if t.leader:
-            shapes.append(Stroke((at(*t.leader[:2]), at(*t.leader[2:])), faded(t.colour, 0.7), 0.6))
+            shapes.append(Stroke((at(*t.leader[:2]), at(*t.leader[2:])), faded(t.colour, 0.7), 0.6, role="label"))
     for p in chart.points:
         radius = 5.0 if p.strong else 3.6
         corners = tuple((radius * x, radius * y) for x, y in CORNERS[p.marker])
         shapes.append(Marker(at(p.x, p.y), radius, corners, p.colour, "" if p.hollow else p.colour, p.name, p.tip))
     for t in chart.texts:
-        shapes.append(Words(t.text, at(t.x, t.y), 11 if t.bold else 10, t.colour, t.bold, halo=True))
+        shapes.append(Words(t.text, at(t.x, t.y), 11 if t.bold else 10, t.colour, t.bold, halo=True, role="label"))
     middle = left + FRAME[0] / 2, above + FRAME[1] / 2
     shapes += [
-        Words(chart.title, (left, above - 16), 14, INK, bold=True),
-        Words(chart.x_label, (middle[0], bottom + 32), 12, SOFT, anchor="middle"),
-        Words(chart.y_label, (18, middle[1]), 12, SOFT, anchor="middle", turned=True),
-        Words("; ".join(chart.notes), (left, bottom + 50), 10, SOFT),
+        Words(chart.title, (left, above - 16), 14, INK, bold=True, role="title"),
+        Words(chart.x_label, (middle[0], bottom + 32), 12, SOFT, anchor="middle", role="axis"),
+        Words(chart.y_label, (18, middle[1]), 12, SOFT, anchor="middle", turned=True, role="axis"),
+        Words("; ".join(chart.notes), (left, bottom + 50), 10, SOFT, role="label"),
     ]
     return Drawing(end + right, bottom + below, chart.title, tuple(shapes))
 
 
 def ticks(ends: Range) -> list[float]:
-    """Powers of ten, with 2 and 5 between where there are few of them, every second or third where there are many."""
+    """Return at least three: powers of ten, with 2 and 5 or more between where there are few of them; not all of many.
+
+    At least where the ends are a factor of four apart, as those of `log_range` are.
+    """
     low, high = sorted(ends)  # an axis may run downwards
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    for multiples in ((1,), (1, 2, 5)):
+    for multiples in ((1,), (1, 2, 5), (1, 1.5, 2, 3, 5, 7)):
         found = [m * 10.0**k for k in decades for m in multiples if low <= m * 10.0**k <= high]
         if len(found) > 2:
             break

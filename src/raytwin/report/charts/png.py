@@ -60,7 +60,7 @@ def draw(canvas: "Pillow.Image", pen: "ImageDraw.ImageDraw", shape: Shape, k: in
     match shape:
         case Box(low, high, fill, line):
             pen.rectangle((*_up(low, k), *_up(high, k)), fill or None, line or None, width=k)
-        case Stroke(points, colour, width, dash):
+        case Stroke(points, colour, width, dash, _):
             for part in dashes(points, *DASHES[dash]) if dash in DASHES else (points,):
                 pen.line([_up(p, k) for p in part], colour, max(1, round(width * k)), joint="curve")
         case Marker((x, y), radius, corners, line, fill, _, _):
@@ -71,7 +71,7 @@ def draw(canvas: "Pillow.Image", pen: "ImageDraw.ImageDraw", shape: Shape, k: in
                 pen.circle((x * k, y * k), radius * k, fill or "#ffffff", line, width=round(1.4 * k))
         case Words() if shape.turned:
             _turned(canvas, shape, k)
-        case Words(text, at, size, colour, bold, anchor, _, halo):
+        case Words(text, at, size, colour, bold, anchor, _, halo, _):
             letter = {"start": "l", "middle": "m", "end": "r"}[anchor]
             edge = k if halo else 0
             pen.text(

@@ -3,7 +3,8 @@
 from collections.abc import Iterable
 from html import escape
 
-from raytwin.report.charts.chart_marks import Box, Drawing, Marker, Picture, Shape, Stroke, Words
+from raytwin.report.charts.chart import Chart
+from raytwin.report.charts.chart_marks import Box, Drawing, Marker, Picture, Shape, Stroke, Words, layout
 from raytwin.report.data_urls import png_url
 
 FONT = "DejaVu Sans, Verdana, system-ui, sans-serif"
@@ -17,12 +18,27 @@ def svg_text(drawing: Drawing) -> str:
     return head + escape(drawing.title) + '">\n' + "\n".join(map(element, drawing.shapes)) + "\n</svg>\n"
 
 
+def chart_html(chart: Chart) -> str:
+    """Return a chart for a page: its numbers by pointer, touch and arrow keys; what a phone leaves out, as text."""
+    words = f"{chart.title}. Up: {chart.y_label}; to the right: {chart.x_label}. {'; '.join(chart.notes)}"
+    about = escape(f"{chart.title}: left and right arrows step through its points")
+    svg = svg_text(layout(chart))
+    return (
+        f'<div class="view" tabindex="0" role="group" aria-label="{about}">{svg}</div>'
+        f'<p class="chart-words">{escape(words)} Tap a point for its numbers.</p>'
+    )
+
+
+def _class(role: str) -> str:
+    return f' class="{role}"' if role else ""
+
+
 def element(shape: Shape) -> str:
     match shape:
         case Box(low, high, fill, line):
             return f'<rect {_box(low, high)} fill="{fill or "none"}"' + (f' stroke="{line}"/>' if line else "/>")
-        case Stroke(points, colour, width, dash):
-            pen = f'fill="none" stroke="{colour}" stroke-width="{width:g}"{DASHES[dash]}'
+        case Stroke(points, colour, width, dash, role):
+            pen = f'fill="none" stroke="{colour}" stroke-width="{width:g}"{DASHES[dash]}{_class(role)}'
             return f'<polyline points="{_points(points)}" {pen}/>'
         case Marker(at, radius, corners, line, fill, name, tip):
             if corners:
@@ -32,8 +48,8 @@ def element(shape: Shape) -> str:
             tag = outline.split()[0]
             paint = f'fill="{fill or "#ffffff"}" stroke="{line}" stroke-width="1.4"'
             return f'<{outline} {paint} data-name="{escape(name)}"><title>{escape(tip or name)}</title></{tag}>'
-        case Words(text, at, size, colour, bold, anchor, turned, halo):
-            style = ' font-weight="bold"' if bold else ""
+        case Words(text, at, size, colour, bold, anchor, turned, halo, role):
+            style = _class(role) + (' font-weight="bold"' if bold else "")
             style += f' text-anchor="{anchor}"' if anchor != "start" else ""
             style += ' stroke="#ffffff" stroke-opacity="0.6" stroke-width="3" paint-order="stroke"' if halo else ""
             style += f' transform="rotate(-90 {at[0]:.1f} {at[1]:.1f})"' if turned else ""

@@ -1,0 +1,172 @@
+"""The contract of every kind of page: it opens offline, keeps names as text, fits a phone, and axe-core finds nothing.
+
+A row of KINDS writes the pages of a kind into a folder, with EVIL where a name from outside stands. To add a kind of
+page, add a row.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import quote
+
+import msgspec
+import numpy as np
+import pytest
+from browser import barriers_of
+from test_bench_page import every_method
+
+from raytwin import files, report
+from raytwin.analysis.ladder import Ladder, Rungs, Step
+from raytwin.analysis.ledger import Ledger
+from raytwin.analysis.recommend import Needs, NotNeeded, Row, Whole
+from raytwin.atlas import Atlas
+from raytwin.atlas.experiment import Curve, Found
+from raytwin.calib import boards, photos
+from raytwin.compare import Report, compare
+from raytwin.compare.report import Part
+from raytwin.image import Image
+from raytwin.report import check_page, write_report
+from raytwin.report.bench_page import write_bench_page
+from raytwin.report.calibration_page import write_calibration
+from raytwin.report.ladder_page import write_ladder
+from raytwin.report.recommend_page import write_needs
+from raytwin.report.view import view_of_diff
+from raytwin.workflows.diff_files import compare as compare_files
+
+EVIL = "<img src=x onerror=alert(1)>\"'& with sixty or more characters in its name"
+SIZE = 24, 36
+"""Height and width: a portrait frame is written as well, turned."""
+Write = Callable[..., list[Path]]
+
+
+def noise(shape: tuple[int, ...] = SIZE, seed: int = 1) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(0.1, 0.9, (*shape, 3)).astype(np.float32)
+
+
+def comparison(folder: Path, make_result, scenes, spoiled: bool) -> list[Path]:
+    """A photographed scene that passes, or one in portrait that fails for three reasons, with a ledger."""
+
+    def spoil(image: Image) -> Image:
+        image.mean[60:64, 20:30] *= 1.5
+        image.mean[10, 11] = np.nan
+        return image
+
+    result = make_result(photos=not spoiled, size=(90, 120) if spoiled else (120, 90), spoil=spoil if spoiled else None)
+    h, w = result.twin.shape[:2]
+    picture = np.full((h // 2, w // 2, 3), 0.01, np.float32)
+    rows = (Part("sun's shadow", rmse=0.01, noise=0.001, share_of_light=0.1, between=(EVIL,)), Part("noise", rmse=0.1))
+    told = msgspec.structs.replace(result.report.saying(EVIL), scene=EVIL, ledger=rows)
+    scene = msgspec.structs.replace(result.scene, name=EVIL)
+    ledger = Ledger(rows, {"sun's shadow": picture}, picture, 2)
+    write_report(replace(result, scene=scene, report=told, ledger=ledger), folder / "report.html")
+    return [folder / "report.html"]
+
+
+def two_sizes(folder: Path, make_result, scenes) -> list[Path]:
+    for name, shape in (("a", SIZE), ("b", SIZE[::-1])):
+        files.write_exr(folder / f"{name} <b>.exr", Image(noise(shape)))
+    write_report(view_of_diff(compare_files(folder / "a <b>.exr", folder / "b <b>.exr")), folder / "diff.html")
+    return [folder / "diff.html"]
+
+
+def test_run(folder: Path, make_result, scenes) -> list[Path]:
+    image, wrong = Image(noise()), Image(noise() * 1.2)
+    for number, test in enumerate((image, wrong)):
+        told = Report(EVIL, "shadow", compare(test, image))
+        check_page.write_check(folder, f"test_it.py::test[{EVIL}]", number, told, (EVIL,), test, image)
+    check_page.write_crash(folder, f"test_it.py::crash[{EVIL}]", 0, EVIL, f"ValueError: {EVIL}")
+    assert check_page.write_index(folder) == (3, 2)
+    return sorted(folder.glob("*.html"))
+
+
+def against(folder: Path, make_result, scenes) -> list[Path]:
+    pages = report.Against(folder)
+    region = {"region": "all", "share": 0.5, "mean": -0.01, "rms": 0.02, "p95": 0.03, "codes": 1.5}
+    photo = files.to_bytes(noise())
+    pages.add({"photo": "a & b.jpg", "pose_rms_px": 0.1, "regions": [region]}, photo, photo // 2)
+    pages.finish()
+    return sorted(folder.glob("*.html"))
+
+
+def bench(folder: Path, make_result, scenes) -> list[Path]:
+    found = msgspec.structs.replace(every_method(((400, 300),)), scene=EVIL, machine={"cpu": EVIL})
+    write_bench_page(found, folder / "bench.html")
+    return [folder / "bench.html"]
+
+
+def atlas(folder: Path, make_result, scenes) -> list[Path]:
+    curves = {"textbook": Curve((1e-7, 1e-2, 1.0), 20.0, 30.0), "robust": Curve((1e-7, 1e-7, None), None, None)}
+    found = Found("sphere-far", "radii", (1.0, 10.0, 100.0), 1e-3, curves, EVIL, EVIL)
+    report.write_atlas(Atlas((found,)), folder)
+    return [folder / "atlas.html"]
+
+
+def ladder(folder: Path, make_result, scenes) -> list[Path]:
+    images = {name: noise(seed=i) for i, name in enumerate(("tracer: shadow", "twin: path", "whole light"))}
+    steps = tuple(Step("shadow", side, EVIL, 0.002, 0.0144, None) for side in ("tracer", "twin"))
+    parts = (Part("bounce 1", rmse=0.014, share_of_light=-0.0191, between=(EVIL, "floor")),)
+    write_ladder(Ladder(Rungs(EVIL, *SIZE[::-1], 64, 8, 0.002, steps, {"shadow": parts}, 1.0), images), folder)
+    return [folder / "ladder.html"]
+
+
+def calibration(folder: Path, make_result, scenes) -> list[Path]:
+    desk = scenes / "desk"
+    found = photos.calibrate(files.list_photos(desk / "photos")[:6], boards.read_board(desk / "board.toml"))
+    views = (msgspec.structs.replace(found.views[0], photo=EVIL), *found.views[1:])
+    warning = (photos.CalibrationWarning("few_views", EVIL),)
+    write_calibration(msgspec.structs.replace(found, views=views, warnings=warning), folder / "camera.html", EVIL)
+    return [folder / "camera.html"]
+
+
+def needs(folder: Path, make_result, scenes) -> list[Path]:
+    row = Row("shadow", None, "drjit32", 32, "center", 1, 1, "none", EVIL, 0.01, 0.01, 1.0, 0.002, reason=EVIL)
+    dropped = (NotNeeded(EVIL, EVIL, None, 0.1),)
+    found = Needs(EVIL, 0.02, "rmse", row, (row,), dropped, Whole(8, 16, 100, 0.001, None), "", 1.0)
+    images = {name: Image(noise(SIZE[::-1], i)) for i, name in enumerate(("lambert", "shadow", "path", "reference"))}
+    write_needs(found, images, folder)
+    return [folder / "needs.html"]
+
+
+KINDS: dict[str, Write] = {
+    "compare, pass": partial(comparison, spoiled=False),
+    "compare, fail": partial(comparison, spoiled=True),
+    "diff of two sizes": two_sizes,
+    "pytest": test_run,
+    "augment --against": against,
+    "bench": bench,
+    "stability": atlas,
+    "ladder": ladder,
+    "calibrate": calibration,
+    "needs": needs,
+}
+test_run.__test__ = False  # a kind, and no test
+
+
+class Tags(HTMLParser):
+    """The addresses that a page's tags name, and the attributes that run scripts."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.urls: list[str] = []
+        self.acts: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.urls += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "data", "action")]
+        self.acts += [name for name, _ in attrs if name.startswith("on")]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_page_opens_offline_keeps_names_as_text_and_shuts_nobody_out(kind, make_result, scenes, tmp_path, chromium):
+    for page in KINDS[kind](tmp_path, make_result, scenes):
+        text, own = page.read_text(encoding="utf-8"), {quote(p.name) for p in tmp_path.iterdir()}
+        tags = Tags(text)
+        outside = [url for url in tags.urls if not url.startswith(("data:", "#"))]
+        assert {quote(url) for url in outside} <= own, page
+        assert tags.acts == [], page
+        styles = re.sub(r"<script\b[^>]*>.*?</script>", "", text, flags=re.DOTALL)
+        assert not re.search(r"(?:@import|url\()\s*[\"']?(?!data:|#)", styles), page
+        assert barriers_of(chromium, page) == [], page
