@@ -13,6 +13,7 @@ from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.report.view import view_of
 from raytwin.workflows import make_reference
 from raytwin.workflows.compare_scene import compare_scene
+from raytwin.workflows.rounds import Budget
 
 SIZE = (48, 36)
 
@@ -75,7 +76,7 @@ def test_a_reference_of_a_file_is_made_checked_and_goes_stale_with_its_mesh(glas
     kept = references.load(made.new.path)
     assert kept.of_file
     assert not kept.golden
-    assert make_reference.check(glass, "path", tmp_path / "reference", samples=64).exit_code == 0
+    assert make_reference.check(glass, "path", tmp_path / "reference", budget=Budget(samples=64)).exit_code == 0
     with pytest.raises(InputError, match="--rung: expected one of path"):
         make_reference.make(glass, "shadow", tmp_path / "reference")
     mesh = glass / "bowl.ply"

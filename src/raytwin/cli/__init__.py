@@ -29,6 +29,7 @@ from raytwin.cli import (
     photo_commands,
     reference_commands,
     scenes_command,
+    shrink_command,
     walk_command,
 )
 from raytwin.cli.examples import EXAMPLES
@@ -43,6 +44,7 @@ COMMANDS: dict[str, tuple[str, Any]] = {
     "diff": (COMPARE, compare_commands.diff_command),
     "ladder": (COMPARE, ladder_command.ladder_command),
     "needs": (COMPARE, needs_command.needs_command),
+    "shrink": (COMPARE, shrink_command.shrink_command),
     "explore": (COMPARE, explore_command.explore_command),
     "calibrate": (PHOTOS, photo_commands.calibrate_command),
     "augment": (PHOTOS, photo_commands.augment_command),
@@ -118,7 +120,7 @@ NEEDS = {
     "augment": ("photos",), "bench": ("twin", "llvm"), "board": ("photos",), "calibrate": ("photos",),
     "compare": ("twin", "llvm"), "explore": ("live", "twin", "llvm"), "ladder": ("twin", "llvm"),
     "needs": ("twin", "llvm"), "photograph": ("photos", "twin", "llvm"), "reference": ("twin", "llvm"),
-    "stability": ("photos", "twin", "llvm"),
+    "shrink": ("twin", "llvm"),    "stability": ("photos", "twin", "llvm"),
 }  # fmt: skip
 """The extras that a command needs whatever it is given: named all at once where one of them is missing."""
 

@@ -76,6 +76,7 @@ ENGINES = "numpy64", "numpy32", "drjit32", "drjit64", "cuda32", "cuda64"
 SOLVERS = "robust", "stable", "paper", "textbook"
 SAMPLINGS = "center", "area"
 MODELS = "auto", "none", "k1", "k1k2", "k1k2p1p2", "k1k2k3", "full5"
+ANY_SCENE = "A scene's folder, its scene.toml or its name; or a Mitsuba file (XML)."
 METRICS = "rmse", "relmse", "mae", "max_abs", "p999_abs", "p999_rel"
 
 OPTIONS: dict[str, dict[str, Any]] = {
@@ -125,10 +126,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "shard": _opt("Do only the K-th of N shares: one task of a Slurm array.", "K/N"),
     },
     "compare": {
-        "scene": _arg(
-            "A scene's folder, its scene.toml or its name; or a Mitsuba file (XML).", among=_scenes,
-            callback=_known_scene,
-        ),
+        "scene": _arg(ANY_SCENE, among=_scenes, callback=_known_scene),
         "out": _opt("Folder for the report (out/SCENE).", "DIR", *OUT),
     },
     "diff": {
@@ -166,6 +164,15 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "tolerance": _opt("Largest error, in the metric's units."),
         "metric": _opt(f"{', '.join(METRICS[:-1])} or {METRICS[-1]}.", among=METRICS),
         "out": _opt("Write a page with each light level as a picture.", "DIR", *OUT),
+    },
+    "shrink": {
+        "scene": _arg(ANY_SCENE, among=_scenes, callback=_known_scene),
+        "subject": _opt("Renderer that fails: a method, FILE.py:FUNCTION, or a command with {scene} and {out}.", "WHAT",
+                        kind=str | None),
+        "time_limit": _opt("Try no further step after this time.", "SECONDS"),
+        "out": _opt("Folder for the small scene (out/shrink-SCENE).", "DIR", *OUT),
+        **dict.fromkeys(("tracer_rung", "engine", "solver", "sampling", "photo", "cache", "flip", "budget",
+                         "detectable_bias", "detectable_tile_bias")),
     },
     "explore": {
         "subject": _opt("Renderer to show; see `raytwin compare --subject`.", "WHAT"),

@@ -286,16 +286,32 @@ def explain(
         both = (zero if image.variance is None else image.variance for image in (test, reference))
         if words := noisy_cause(shown, right, *both):
             return (f"cause (likely): {words}",)
+    view = view_of(test, reference, scene, rung, rounding, sampled)
+    if view.scene is not None:
+        return diagnose([view], most=most, seconds=seconds).words
+    made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, most=1, seconds=seconds)
+    return made.words if made.causes else ()
+
+
+def view_of(
+    test: Image,
+    reference: Image,
+    scene: Scene | None,
+    rung: str,
+    rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
+    sampled: Sampled | None = None,
+) -> View:
+    """Return what `diagnose` looks at: noise is slack, and a scene that no fault can be predicted in is unknown."""
+    shown = test.mean
     slack = np.zeros(shown.shape) if rounding.half is None else rounding.half.astype(float)
+    variances = [image.variance for image in (test, reference) if image.variance is not None]
     if variances:
         slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
     # Faults are predicted under a constant sky, without highlights.
     known = scene and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
-    view = View(scene if known else None, shown, right, rung, half=slack, clipped=rounding.clipped, sampled=sampled)
-    if known:
-        return diagnose([view], most=most, seconds=seconds).words
-    made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, most=1, seconds=seconds)
-    return made.words if made.causes else ()
+    return View(
+        scene if known else None, shown, reference.mean, rung, half=slack, clipped=rounding.clipped, sampled=sampled
+    )
 
 
 def _price(base: Guess) -> float:

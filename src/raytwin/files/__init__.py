@@ -7,7 +7,16 @@ from raytwin.files.cache import Cache, cache_folder, installed, made_by, read_ar
 from raytwin.files.exr import read_exr, read_moments, read_origin, write_exr
 from raytwin.files.images import read_image, write_image
 from raytwin.files.limits import MAX_PIXELS
-from raytwin.files.mitsuba_file import ALLOW, allowed, as_loaded, is_mitsuba, read_mitsuba, with_film, write_mitsuba
+from raytwin.files.mitsuba_file import (
+    ALLOW,
+    allowed,
+    as_loaded,
+    edited,
+    is_mitsuba,
+    read_mitsuba,
+    with_film,
+    write_mitsuba,
+)
 from raytwin.files.photo_files import (
     from_bytes,
     list_photos,
@@ -23,7 +32,7 @@ from raytwin.files.photo_files import (
 )
 from raytwin.files.rounding import Rounding, eight_bits, half_floats, rounding_of
 from raytwin.files.safe_write import check_file, replacing, write_text
-from raytwin.files.scene_files import check_camera, check_contents, read_camera, read_scene, write_camera
+from raytwin.files.scene_files import check_camera, check_contents, read_camera, read_scene, write_camera, write_scene
 from raytwin.files.shipped import (
     REFERENCES,
     SCENES,
@@ -51,6 +60,7 @@ __all__ = [
     "check_contents",
     "check_file",
     "copy_scene",
+    "edited",
     "eight_bits",
     "find_scene",
     "from_bytes",
@@ -91,6 +101,7 @@ __all__ = [
     "write_json",
     "write_mitsuba",
     "write_picture",
+    "write_scene",
     "write_text",
     "write_toml",
 ]

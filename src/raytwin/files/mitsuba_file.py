@@ -188,25 +188,39 @@ def with_film(scene: MitsubaScene, **integers: int) -> MitsubaScene:
         for element in [e for e in film.findall("integer") if e.get("name") == name]:
             film.remove(element)
         ET.SubElement(film, "integer", {"name": name, "value": str(value)})
+    return edited(scene, root)
+
+
+def edited(scene: MitsubaScene, root: ET.Element) -> MitsubaScene:
+    """The scene with other elements, which name no further files."""
+    named = {element.get(key, "") for element in root.iter() for key in _files_of(element)}
+    names = {shape.get("id", "") for shape in root.iter("shape")}
     return msgspec.structs.replace(
-        scene, text=ET.tostring(root, "unicode"), image_size=_image_size(Path(scene.file), root)
+        scene,
+        text=ET.tostring(root, "unicode"),
+        image_size=_image_size(Path(scene.file), root),
+        names=tuple(name for name in scene.names if name in names),
+        files={name: digest for name, digest in scene.files.items() if name in named},
     )
 
 
-def write_mitsuba(scene: MitsubaScene, folder: Path) -> MitsubaScene:
+def write_mitsuba(scene: MitsubaScene, folder: Path, comment: str = "") -> MitsubaScene:
     """Write the scene as `folder`/scene.xml with copies of all files that it names; the scene as it lies there."""
     root, names = ET.fromstring(scene.text), {}
     for name in scene.files:
         inside = not name.startswith("..") and not Path(name).is_absolute()
         names[name] = name if inside else f"{scene.files[name][:8]}-{Path(name).name}"
-        with replacing(folder / names[name]) as temporary:
-            temporary.write_bytes(_content(Path(scene.folder) / name, "a file"))
+        content = _content(Path(scene.folder) / name, "a file")
+        if not (folder / names[name]).is_file() or (folder / names[name]).read_bytes() != content:
+            with replacing(folder / names[name]) as temporary:
+                temporary.write_bytes(content)
     for element in root.iter():
         for key in _files_of(element):
             element.set(key, names.get(element.get(key, ""), element.get(key, "")))
     ET.indent(root)
     text = ET.tostring(root, "unicode")
-    write_text(folder / "scene.xml", f"{text}\n")
+    said = f"<!--\n{comment.replace('--', '- -')}\n-->\n" if comment else ""
+    write_text(folder / "scene.xml", f"{said}{text}\n")
     named = {names[name]: digest for name, digest in scene.files.items()}
     file = str((folder / "scene.xml").absolute())
     return msgspec.structs.replace(scene, text=text, file=file, folder=str(folder.absolute()), files=named)

@@ -3,19 +3,32 @@
 import base64
 import math
 import os
+import re
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+import tomli_w
 from msgspec import UNSET
 
 from raytwin.errors import InputError
 from raytwin.files.images import read_image
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.look_at import camera_table
+from raytwin.files.safe_write import replacing, write_text
 from raytwin.files.shipped import find_scene
 from raytwin.files.toml_json import plain, read_toml, to_record, write_toml
-from raytwin.scene import Camera, PhotoCamera, Scene, SceneFile, WrittenPlane, WrittenSphere, WrittenSun, material_of
+from raytwin.scene import (
+    Camera,
+    PhotoCamera,
+    Scene,
+    SceneFile,
+    Tolerance,
+    WrittenPlane,
+    WrittenSphere,
+    WrittenSun,
+    material_of,
+)
 from raytwin.scene.object_names import called, numbered
 
 MOST_COLUMNS = 4096
@@ -57,6 +70,29 @@ def read_scene(path: str | os.PathLike | Scene | SceneFile) -> SceneFile:
     check_contents(scene, f"{file}: ")
     _check_map(scene, f"{file}: ")
     return scene
+
+
+def write_scene(path: Path, scene: SceneFile, comment: str = "") -> Path:
+    """Write a scene whose camera is known, with the file of its sky's map beside it; return `path`."""
+    told = {k: v for k, v in plain(scene).items() if k not in ("name", "folder", "photos") and v}
+    for table in (told["camera"], *told.get("spheres", ()), *told.get("planes", ())):
+        for key in [key for key in ("dist", "in_photo") if not table.get(key)]:
+            table.pop(key, None)
+    if scene.sky.map is not UNSET:
+        told["sky"] = {k: v for k, v in told["sky"].items() if k not in ("texels", "radiance")}
+        source = Path(scene.folder) / scene.sky.map
+        told["sky"]["map"] = source.name
+        if source.resolve() != (path.parent / source.name).resolve():
+            with replacing(path.parent / source.name) as temporary:
+                temporary.write_bytes(source.read_bytes())
+    if told["tolerance"] == plain(Tolerance()):
+        del told["tolerance"]
+    head = "".join(f"# {line}\n" for line in comment.splitlines())
+    text = tomli_w.dumps(told)
+    for _ in range(2):  # vectors, then matrices, on one line
+        text = re.sub(r"\[\n\s+([^{}=]*?),\n\s*\]", lambda found: "[" + re.sub(r",\s+", ", ", found[1]) + "]", text)
+    write_text(path, f"{head}\n{text}")
+    return path
 
 
 class Contents(Protocol):

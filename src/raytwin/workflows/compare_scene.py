@@ -363,9 +363,10 @@ def times_of(
     seconds: dict[str, float], comparison: Comparison, calibration: "photos.Calibration | None"
 ) -> tuple[Timing, ...]:
     """Every stage's seconds, and beside them what its result is worth."""
+    p999 = comparison.radiance.p999_abs
     worth = {
         "calibrate": f"rms {calibration.rms_px:.3f} px" if calibration else "camera given",
-        "tracer": f"p99.9 error {comparison.radiance.p999_abs:.2g}",
+        "tracer": "no error: not all values are numbers" if p999 is None else f"p99.9 error {p999:.2g}",
         "twin": "the reference",
     }
     return tuple(Timing(stage, s, worth.get(stage, "-")) for stage, s in seconds.items())

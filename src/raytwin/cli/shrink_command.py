@@ -1,0 +1,39 @@
+"""raytwin shrink: the least of a scene in which a renderer still fails."""
+
+import shlex
+from pathlib import Path
+
+from raytwin.cli.option_values import check_outputs
+from raytwin.cli.progress_bar import show_progress
+from raytwin.cli.terminal import say
+from raytwin.workflows.compare_settings import CompareSettings
+
+
+def shrink_command(
+    scene: Path, settings: CompareSettings, time_limit: float = 300, json: Path | None = None,
+    out: Path | None = None, allow: list[str] | None = None,
+) -> None:  # fmt: skip
+    """Find the smallest scene in which a renderer still fails as it does on this one; write it for a bug report.
+
+    Each step keeps the reason, and the cause if one was named. Exit code 2 means that it does not fail.
+    """
+    from raytwin import files
+    from raytwin.workflows.shrink import shrink
+
+    check_outputs(folders=(out or Path("out"),), files=(json,))
+    with show_progress() as progress:
+        found = shrink(scene, settings, time_limit=time_limit, progress=progress)
+    folder = out or Path("out") / f"shrink-{found.name}"
+    file = folder / found.file_name
+    rung = f" --rung {found.rung}" if found.rung else ""
+    samples = f" --samples {settings.samples}" if settings.samples else ""
+    shown = f"raytwin compare {shlex.quote(str(file))} --subject {shlex.quote(str(settings.subject))}{rung}{samples}"
+    said = (f"{found.name}, cut down by raytwin shrink.", *found.sentences)
+    found.after.write(folder, "\n".join((*said, "bug.md has the command that shows it.")))
+    files.write_text(folder / "bug.md", "\n\n".join((*said, f"To see it: `{shown}`\n")))
+    if json:
+        files.write_json(json, found.numbers() | {"scene": str(file), "command": shown})
+    for line in (*found.sentences, f"To see it: {shown}"):
+        say(line)
+    say(f"{found.before.count} objects to {found.after.count}, {found.evaluations} comparisons, {found.seconds:.1f} s")
+    say(f"scene: {file}")

@@ -1,0 +1,156 @@
+"""Delta debugging: what is left still fails as before, and nothing of it can be left out."""
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from planted_renderers import Planted
+from typer.testing import CliRunner
+
+from raytwin import files, twin
+from raytwin.cli import app
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.renderers.user_renderers import UserRenderer
+from raytwin.scene import Phong
+from raytwin.workflows.compare_scene import compare_scene
+from raytwin.workflows.delta_debugging import minimized
+from raytwin.workflows.shrink import shrink
+from raytwin.workflows.shrink_scene import OwnScene
+
+SMALL = (160, 120)
+
+
+@given(st.integers(1, 12), st.lists(st.sets(st.integers(0, 11), max_size=4), min_size=1, max_size=3))
+def test_what_is_left_fails_and_no_part_of_it_can_be_left_out(n, causes):
+    """Any of several sets of parts may make it fail, so that it does not depend on single parts."""
+    known = [cause & set(range(n)) for cause in causes]
+    asked = []
+
+    def fails(kept):
+        asked.append(len(kept))
+        return any(cause <= set(kept) for cause in known)
+
+    left = minimized(range(n), fails)
+    assert fails(left)
+    assert left == sorted(left)
+    assert not any(fails([x for x in left if x != one]) for one in left)
+    assert len(asked) <= n * n + 4 * n + 8
+
+
+def test_of_many_parts_one_is_found_in_few_questions():
+    asked = []
+    left = minimized(range(484), lambda kept: asked.append(1) or 300 in kept)
+    assert left == [300]
+    assert len(asked) < 25
+
+
+@pytest.mark.parametrize(
+    ("fault", "left", "cause"),
+    [
+        ("no shadows", {"floor", "the sun"}, "no cast shadows"),
+        ("red and blue exchanged", set(), "channels"),
+        ("crash with two spheres", set(), ""),
+        ("not a number", set(), ""),
+    ],
+)
+def test_a_planted_mistake_is_shown_by_two_objects_at_most_with_its_cause(scenes, tmp_path, fault, left, cause):
+    subject = Planted("shadow", fault)
+    found = shrink(scenes / "overlap", subject=subject, size=SMALL)
+    assert found.after.count <= 2
+    assert found.evaluations == len(subject.calls)
+    assert len(set(subject.calls)) == len(subject.calls)  # a seed of its own each time
+    assert cause in found.failure.cause
+    assert left <= set(found.kept)
+    assert set(found.removed) | set(found.kept) == set(found.before.parts())
+    written = found.after.write(tmp_path / "small", "why")
+    if "crash" in fault:
+        with pytest.raises(InputError, match="IndexError"):
+            compare_scene(written, subject=subject)
+    else:  # the whole comparison of the small scene says the same
+        again = compare_scene(written, subject=subject).comparison
+        assert again.verdict == "fail"
+        assert cause in again.cause
+
+
+def test_what_was_written_is_the_scene_and_its_numbers_are_round(scenes, tmp_path):
+    found = shrink(scenes / "overlap", subject=Planted("shadow", "gamma"), size=(80, 60))
+    file = found.after.write(tmp_path / "small", "two\nlines")
+    text = file.read_text()
+    assert text.startswith("# two\n# lines\n")
+    again = files.read_scene(file)
+    small = found.after.written.scene
+    assert msgspec.structs.replace(again.scene, name="") == msgspec.structs.replace(small, name="")
+    assert len(repr(again.sun)) < len(repr(found.before.written.sun))
+
+
+def test_a_map_becomes_even_and_a_highlight_matt(scenes):
+    studio = OwnScene.begin(files.read_scene(scenes / "studio"), "shadow")
+    assert "the sky's map" in studio.parts()
+    even = studio.only([part for part in studio.parts() if part != "the sky's map"])
+    light = studio.written.sky.light
+    rows = np.sin((np.arange(light.radiance.shape[0]) + 0.5) / light.radiance.shape[0] * np.pi)
+    mean = np.average(light.radiance.mean(axis=1), axis=0, weights=rows)
+    assert even.written.sky.radiance == pytest.approx(mean)
+    gloss = OwnScene.begin(files.read_scene(scenes / "gloss"), "shadow")
+    matt = gloss.only([part for part in gloss.parts() if "highlight" not in part])
+    assert gloss.written.scene.glossy
+    assert not any(isinstance(thing.material, Phong) for thing in matt.written.scene.objects)
+    bent = OwnScene.begin(files.read_scene(scenes / "distorted"), "shadow")
+    assert not any(bent.only([p for p in bent.parts() if "lens" not in p]).written.scene.camera.coefficients)
+
+
+def test_a_mitsuba_file_is_cut_down_to_the_shapes_that_matter(scenes, tmp_path):
+    small = files.with_film(files.read_mitsuba(scenes / "glass"), width=64, height=48)
+    glass = Path(files.write_mitsuba(small, tmp_path / "kitchen").folder)
+
+    def render(told: dict) -> Image:
+        """The bowl's red and blue are exchanged."""
+        scene = files.read_mitsuba(told["mitsuba"])
+        text = scene.text.replace('value="0.25 0.4 0.7"', 'value="0.7 0.4 0.25"')
+        return twin.render_mitsuba(msgspec.structs.replace(scene, text=text), 32, 11)
+
+    found = shrink(glass, subject=UserRenderer("path", "red bowl", render), samples=32)
+    assert found.after.count <= 2
+    assert "bowl" in found.kept
+    assert {"ball", "the material of ball", "back"} <= set(found.removed)
+    assert "max_depth" in found.simpler[0]
+    file = found.after.write(tmp_path / "small", "a -- b")
+    again = files.read_mitsuba(file)
+    assert set(again.files) == {"bowl.ply"}
+    assert again.names == found.after.scene.names
+    assert (tmp_path / "small" / "bowl.ply").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"subject": Planted("shadow", "no distortion")}, "a renderer that fails on this scene"),
+        ({"subject": None}, "the renderer that fails, got nothing"),
+        ({"subject": Planted("shadow", "gamma"), "time_limit": 0}, "--time-limit"),
+    ],
+)
+def test_nothing_can_be_cut_down_where_nothing_fails(scenes, options, said):
+    with pytest.raises(InputError, match=said):
+        shrink(scenes / "single", size=(40, 30), **options)
+
+
+def test_the_command_writes_a_scene_its_story_and_the_numbers(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(
+        "import numpy as np\nfrom raytwin.renderers.scene_exchange import as_scene\nfrom raytwin.tracer import trace\n"
+        "def render(scene):\n    return 2 * trace(as_scene(scene), scene['rung']).mean\n"
+    )
+    asked = ["shrink", "overlap", "--subject", "mine.py:render", "--size", "80x60", "--json", "s.json"]
+    done = CliRunner().invoke(app, asked)
+    assert done.exit_code == 0, done.output
+    told = msgspec.json.decode(Path("s.json").read_bytes())
+    assert told["objects"]["after"] <= 2
+    assert "twice" in told["cause"]
+    assert told["command"] in Path("out/shrink-overlap/bug.md").read_text()
+    assert files.read_scene("out/shrink-overlap").name == "shrink-overlap"
+    image = CliRunner().invoke(app, ["shrink", "overlap", "--subject", "out/shrink-overlap"])
+    assert "an image shows one scene alone" in str(image.exception)
