@@ -32,13 +32,24 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.path not in long)
 
 
+TOGETHER = (
+    ("tests/test_package.py", "tests/test_light_install.py"),
+    ("tests/calib/photos/", "tests/test_photographer.py"),
+)
+"""Files, or folders, that share what costs most: an installed wheel, a folder of photos."""
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log):
-    """A file's tests run in one process, in the order above: what a module's fixture makes is made once."""
+    """Run the tests of a file, and of TOGETHER, in one process, in the order above: their fixtures are made once."""
     from xdist.scheduler import LoadFileScheduling
 
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return next((group[0] for group in TOGETHER if nodeid.startswith(group)), super()._split_scope(nodeid))
+
     config.option.loadscopereorder = False
-    return LoadFileScheduling(config, log)
+    return Scheduling(config, log)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
