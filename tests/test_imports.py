@@ -11,9 +11,14 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from raytwin import files
+from raytwin.image import Image
+
 ROOT = Path(__file__).resolve().parent.parent
+GUIDE = ROOT / "docs" / "contributing.md"
 HEAVY = (
     "mitsuba",
     "drjit",
@@ -88,6 +93,26 @@ def test_to_draw_into_photos_and_tell_of_it_takes_neither_mitsuba_nor_what_compa
     loads = "import raytwin.cli, raytwin.report.terminal_text, raytwin.workflows.augment_photos"
     draws = "from raytwin import speed, twin; assert not twin.chosen().libllvm or speed.ENGINES['drjit32'].float_type"
     assert not loaded_by(f"{loads}; {draws}") & {"mitsuba", "asyncio", "raytwin.compare", "raytwin.diagnose.diagnosis"}
+
+
+def test_comparing_two_files_does_without_the_folders_that_the_guide_lists(tmp_path):
+    (row,) = re.findall(r"^\| which folders `raytwin diff` .*$", GUIDE.read_text(encoding="utf-8"), re.M)
+    for name, scale in (("a", 1), ("b", 2)):
+        files.write_exr(tmp_path / f"{name}.exr", Image(np.full((9, 8, 3), scale, np.float32)))
+    command = ["diff", str(tmp_path / "a.exr"), str(tmp_path / "b.exr"), "-o", str(tmp_path / "out")]
+    run = f"import contextlib, io; from raytwin.cli import main; sys.argv[1:] = {command}"
+    loaded = loaded_by(
+        f"{run}\nwith contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit): main()"
+    )
+    rooms = {p.name for p in (ROOT / "src" / "raytwin").iterdir() if (p / "__init__.py").is_file()}
+    assert set(re.findall(r"`(\w+)`", row)) == {room for room in rooms if f"raytwin.{room}" not in loaded}
+
+
+def test_every_file_that_the_guide_names_is_there():
+    named = re.findall(r"`((?:\w+/)+\w+\.\w+)`", GUIDE.read_text(encoding="utf-8"))
+    assert len(named) > 20
+    named.remove("scenes/NAME/scene.toml")
+    assert [name for name in named if not any((ROOT / part / name).is_file() for part in (".", "src/raytwin"))] == []
 
 
 def test_the_tracer_is_numpy_and_records_and_nothing_else():
