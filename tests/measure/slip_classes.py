@@ -1,4 +1,5 @@
-"""Which slips of the textbook show what: `python -m measure.slip_classes`, in tests/, writes `diagnose/slips.tsv`.
+"""Which slips of the textbook show what: `python -m measure.slip_classes [FORM ...]`, in tests/, writes
+`diagnose/slips.tsv`; of forms that are named only the slips in these are looked for, and added.
 
 Every slip of the operators is put into every function of the textbook, in each of its right forms, and rendered on
 drawn scenes. Slips with the same picture are one class, of which the least far-fetched member is kept. What changes
@@ -11,7 +12,7 @@ import signal
 import sys
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from raytwin.diagnose.changes import SAMPLING
 from raytwin.diagnose.draw_scene import draw_scene
 from raytwin.diagnose.operators import Edit, edits
 from raytwin.diagnose.predict import RIGHT, Bench, Steps
-from raytwin.diagnose.slip_table import FILE, Slip, forms_of, write
+from raytwin.diagnose.slip_table import FILE, Slip, forms_of, read, write
 from raytwin.diagnose.slips import AS_STEP
 
 MOST = 1.35
@@ -69,11 +70,13 @@ def signature(pictures: list[np.ndarray]) -> bytes:
     return np.rint(np.clip(whole, -1e4, 1e4) / DIGITS / 4 + 0.123).astype(np.int64).tobytes()
 
 
-def written() -> Iterator[tuple[float, str, str, Edit]]:
+def written(only: Sequence[str]) -> Iterator[tuple[float, str, str, Edit]]:
     """(weight, form, function, edit), the least far-fetched first."""
     found = []
     for function in AS_STEP:
         for k, (form, text) in enumerate(forms_of(function)):
+            if only and form not in only:
+                continue
             (statement,) = ast.parse(text).body
             for e in edits(statement):
                 weight = e.weight + RARER.get(e.operator, 0.0) + 0.01 * k
@@ -86,7 +89,7 @@ def stop(number: int, frame: object) -> None:
     raise TimeoutError
 
 
-def main() -> int:
+def main(*only: str) -> int:
     resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))  # a slip may ask for arrays without end
     warnings.simplefilter("ignore")
     signal.signal(signal.SIGVTALRM, stop)
@@ -102,10 +105,12 @@ def main() -> int:
             except ValueError:
                 pass
     print(count, "ways of the catalogue,", len(known), "pictures", flush=True)
-    rows: list[Slip] = []
+    rows: list[Slip] = list(read()) if only else []
+    for row in rows:
+        known.add(signature([picture(b, row.change(RIGHT)) for b in all_benches]))
     tried = broken = 0
     began = time.process_time()
-    for weight, form, function, edit in written():
+    for weight, form, function, edit in written(only):
         slip = Slip.of(weight, form, function, edit)
         if slip is None:
             continue
@@ -125,10 +130,10 @@ def main() -> int:
             rows.append(slip)
         if len(rows) % 100 == 0:
             print(tried, broken, len(rows), round(time.process_time() - began), flush=True)
-    write(rows)
+    write(sorted(rows, key=lambda row: row.weight))
     print(f"{tried} slips, {broken} do not run, {len(rows)} classes in {FILE}")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(*sys.argv[1:]))

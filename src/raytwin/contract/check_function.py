@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from raytwin.contract.composed_tracer import NEEDED
 from raytwin.contract.loading import arrays_of
 from raytwin.contract.repair_function import probes, repair_here
-from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant, together
+from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant, generated_variants, together
 from raytwin.contract.stage_result import CaseResult, StageResult
 from raytwin.diagnose.repair import Repair
 
@@ -183,7 +183,8 @@ def _errors(stage: Stage, case: Case, got: Arrays) -> np.ndarray:
 
 
 def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[tuple[Variant, ...]]:
-    """The variants that give these numbers in all cases; else the pairs that do; empty where none does.
+    """The variants that give these numbers in all cases; else the first generated slip that does, or the pairs of
+    variants; empty where none does.
 
     One that fails the first case that is wrong is not tried on the others. What passes that case itself is no
     explanation: it would account for whatever is hardly wrong.
@@ -208,6 +209,10 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
     found: list[tuple[Variant, ...]] = [(stage.variants[i],) for i, rest_of_it in alone.items() if rest_of_it == 0]
     if found:
         return found
+    if stage.variants and stage.variants[0].slips:
+        for variant in generated_variants(stage.name):
+            if left([variant]) == 0:
+                return [(variant,)]
     best = sorted(alone, key=lambda i: alone[i])[: PAIRS // max(1, len(alone))]
     pairs = [(i, j) for i in best for j in alone if i != j]
     return list(_distinct(chain for i, j in pairs if left(chain := (stage.variants[i], stage.variants[j])) == 0))

@@ -408,7 +408,7 @@ def _slips(before: Guess, sights: list[Sight], small: list[Sight], budget: Budge
     order = _order(small, before.steps)
     guesses = []
     for slip, steps in likely_slips(order, before.steps, budget):
-        cause = Cause(f"slip-in-{slip.function}: {slip.before} -> {slip.after}", slip.stage, slip.sentence)
+        cause = Cause(slip.name, slip.stage, slip.sentence)
         guesses.append(Guess((*before.causes, cause), steps))
     if not guesses:
         return []

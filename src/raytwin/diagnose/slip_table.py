@@ -73,12 +73,19 @@ class Slip:
             at = text.index(self.before, at + 1)
         return text, at
 
+    @property
+    def changes(self) -> Changes:
+        """The function's whole text, and the same with the slip."""
+        text, at = self._found()
+        return ((text_of("", self.function), text[:at] + self.after + text[at + len(self.before) :]),)
+
+    @property
+    def name(self) -> str:
+        return f"slip-in-{self.function}: {self.before} -> {self.after}"
+
     def change(self, steps: Steps) -> Steps:
         """The tracer with this slip in it."""
-        text, at = self._found()
-        whole = text[:at] + self.after + text[at + len(self.before) :]
-        right = text_of("", self.function)
-        made = slip(self.function, (right, whole))(steps)
+        made = slip(self.function, *self.changes)(steps)
         for other, changes in FORMS_BESIDE.get(self.form, ()):
             made = slip(other, *changes)(made) if other != self.function else made
         return made

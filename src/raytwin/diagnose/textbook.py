@@ -184,6 +184,20 @@ PARTS = tuple(part if k == 0 else "def " + part for k, part in enumerate(TEXT.sp
 Changes = tuple[tuple[str, str], ...]
 """Replacements (old, new) in the text, one after the other."""
 
+QUADRATIC = """    a = np.sum(directions * directions, axis=-1)
+    b = 2 * np.sum(f * directions, axis=-1)
+    c = np.sum(f * f, axis=-1) - radius**2
+    disc = b * b - 4 * a * c
+    near = (-b - np.sqrt(disc)) / (2 * a)
+    far = (-b + np.sqrt(disc)) / (2 * a)
+"""
+FOOT = """    length = np.linalg.norm(directions, axis=-1)
+    along = -np.sum(f * directions, axis=-1) / length
+    d2 = np.sum(f * f, axis=-1) - along**2
+    disc = radius**2 - d2
+    near = (along - np.sqrt(disc)) / length
+    far = (along + np.sqrt(disc)) / length
+"""
 FORMS: dict[str, Changes] = {
     "unit rays": (),
     "rays of any length": (("return rays / np.linalg.norm(rays, axis=-1, keepdims=True)", "return rays"),),
@@ -192,6 +206,14 @@ FORMS: dict[str, Changes] = {
         ("b = 2 * np.sum", "b = np.sum"),
         ("disc = b * b - 4 * a * c", "disc = b * b - a * c"),
         ("/ (2 * a)", "/ a"),
+    ),
+    "the foot of the centre": ((QUADRATIC, FOOT),),
+    "parts of the edges": (
+        (
+            "    inside = (np.abs(q @ half_u) <= half_u @ half_u) & (np.abs(q @ half_v) <= half_v @ half_v)\n",
+            "    a, b = (q @ half_u) / (half_u @ half_u), (q @ half_v) / (half_v @ half_v)\n"
+            "    inside = (np.abs(a) <= 1) & (np.abs(b) <= 1)\n",
+        ),
     ),
     "shadow rays from off the surface": (
         ("intersect_all(points, ", "intersect_all(points + 1e-6 * normals, "),
