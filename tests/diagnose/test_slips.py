@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 from tracers_by_students import BOARD_FRAME, mistaken, run
 
+from raytwin.diagnose.changes import terms
 from raytwin.diagnose.diagnosis import View, diagnose
 from raytwin.diagnose.draw_scene import draw_scene
+from raytwin.diagnose.pixel_sample import look
 from raytwin.diagnose.predict import RIGHT, Bench
 from raytwin.diagnose.slip_table import read
 from raytwin.diagnose.slips import AS_STEP, slip, slips, text_of
@@ -32,6 +34,14 @@ def test_slips_in_one_function_add_up_and_what_excludes_the_first_takes_its_plac
     assert np.array_equal(radiance(again(pi(RIGHT))), radiance(again(RIGHT)))
     assert text_of(all_) == ("shade", (("return albedo", "return 0 * albedo"),))
     assert text_of(lambda s: s) is None
+
+
+def test_slips_that_do_not_go_with_another_change_predict_nothing():
+    (summed,) = slips("shade", "albedo * sky => albedo @ sky[:, None]")
+    by_point = terms(lambda x: x._replace(sky=x.sky * np.abs(x.cos)))
+    sight = look(View(SCENES[0], np.zeros((44, 60, 3))))
+    assert np.isnan(sight.predict(summed(by_point(RIGHT)))).all()
+    assert np.isfinite(sight.predict(summed(RIGHT))).all()
 
 
 def test_every_generated_slip_is_one_of_the_textbooks_text():

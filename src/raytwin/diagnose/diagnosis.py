@@ -388,19 +388,24 @@ def _with_habits(
         some = [g for g in some if EVEN * before.cost < g.cost < NEAR * before.cost]
     # A second fault is added to what the first one's way has shown; another camera meets surfaces rightly.
     habits = HABITS if not before.causes else ()
-    some = [g for g in some if g.steps[BEYOND:] != before.steps[BEYOND:]]
+    some = [g for g in some if _beyond_the_camera(g.steps, before.steps)]
     tried += _screened(
         [replace(g, steps=s, cost=np.inf) for g in some for habit in habits if (s := habit(g.steps)) is not g.steps],
         order, before, budget,
     )  # fmt: skip
     some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if g.steps.blocked in TESTS]
-    some = [g for g in some if g.cost > EVEN * before.cost and g.steps[BEYOND:] != before.steps[BEYOND:]]
+    some = [g for g in some if g.cost > EVEN * before.cost and _beyond_the_camera(g.steps, before.steps)]
     tried += _screened(
         [replace(g, steps=g.steps._replace(blocked=t)) for g in some for t in TESTS], order, before, budget, TEMPTING
     )
     tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
     near = [g for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
     return [_weighed(g, sights) for k, g in enumerate(near) if not (k and budget.over)]
+
+
+def _beyond_the_camera(steps: Steps, before: Steps) -> bool:
+    """Whether more is changed than the rays of the eye."""
+    return steps._replace(spread=before.spread)[BEYOND:] != before[BEYOND:]
 
 
 def _slips(before: Guess, sights: list[Sight], small: list[Sight], budget: Budget) -> list[Guess]:

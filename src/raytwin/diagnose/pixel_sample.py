@@ -99,7 +99,15 @@ class Sight:
         return self.wrong_after[1]
 
     def predict(self, steps: Steps) -> Array:
-        """(N, 3): what would be shown."""
+        """(N, 3): what would be shown; NaN where slips do not go with what else is changed."""
+        try:
+            return self._predict(steps)
+        except (ValueError, IndexError, TypeError):
+            if not steps.texts:
+                raise
+            return np.full(self.shown.shape, np.nan)
+
+    def _predict(self, steps: Steps) -> Array:
         steps = steps._replace(order=RIGHT.order) if self.view.composed else steps
         with np.errstate(all="ignore"):
             if self.view.points and isinstance(self.bench, Bench):

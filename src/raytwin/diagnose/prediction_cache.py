@@ -50,5 +50,8 @@ def _shown(scene: Scene, step: int, shadows: bool, points: bool, brightest: floa
     made = np.empty((len(ways), chosen.size, 3))
     with np.errstate(all="ignore"):
         for k, steps in enumerate(way(RIGHT) for way in ways):
-            made[k] = bench.points(steps) if points else steps.output(bench.radiance(steps), brightest)
+            try:
+                made[k] = bench.points(steps) if points else steps.output(bench.radiance(steps), brightest)
+            except (ValueError, IndexError, TypeError):  # a slip may ask for what this scene does not have
+                made[k] = np.nan
     return Shown(chosen, np.concatenate(weight), made)

@@ -56,5 +56,5 @@ def _cost(sight: Sight, steps: Steps) -> float:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return sight.cost(sight.errors(steps))
-    except Exception:  # a slip may ask for what is not there, in some scenes
+    except Exception:  # a slip may ask for what is not there
         return float("inf")
