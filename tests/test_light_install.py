@@ -121,6 +121,8 @@ def test_from_python_too_the_missing_extra_is_named(run):
     for call, extra in (
         ("render(raytwin.read_scene('single').scene)", "twin,llvm"),
         ("compare_scene('single')", "twin,llvm"),
+        ("mitsuba_sensor(raytwin.read_scene('single').scene.camera)", "twin,llvm"),
+        ("needs('single', 0.1)", "twin,llvm"),
         ("read_board('board.toml')", "photos"),
         ("calibrate", "photos"),
     ):

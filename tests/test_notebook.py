@@ -132,7 +132,8 @@ def test_a_scene_made_in_python_is_the_one_that_was_read(name):
 
 def test_a_scene_changes_by_with():
     scene = raytwin.read_scene("overlap").scene
-    ball = scene.spheres[0]
+    ball, floor = scene.spheres[0], scene.planes[0]
+    assert (ball.albedo, floor.albedo) == (ball.material.albedo, floor.material.albedo)
     changed = scene.with_(spheres=[ball.with_(radius=0.5 * ball.radius)], sun=None, size=(40, 30))
     assert (len(changed.spheres), changed.planes) == (1, scene.planes)
     assert changed.spheres[0].radius == 0.5 * ball.radius

@@ -4,7 +4,7 @@ import numpy as np
 from msgspec import UNSET, UnsetType
 
 from raytwin.scene.material import Lambert, Material
-from raytwin.scene.record_base import Positive, Record, Vector
+from raytwin.scene.record_base import Albedo, Positive, Record, Vector
 
 
 class Sphere(Record, frozen=True, tag="sphere"):
@@ -14,6 +14,11 @@ class Sphere(Record, frozen=True, tag="sphere"):
     radius: Positive
     material: Material = Lambert()
     name: str | UnsetType = UNSET
+
+    @property
+    def albedo(self) -> Albedo:
+        """Return the material's diffuse albedo."""
+        return self.material.albedo
 
 
 class Rectangle(Record, frozen=True, tag="rectangle"):
@@ -29,6 +34,11 @@ class Rectangle(Record, frozen=True, tag="rectangle"):
     material: Material = Lambert()
     in_photo: bool = False
     name: str | UnsetType = UNSET
+
+    @property
+    def albedo(self) -> Albedo:
+        """Return the material's diffuse albedo."""
+        return self.material.albedo
 
     @property
     def normal(self) -> Vector:

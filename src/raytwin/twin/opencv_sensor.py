@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.errors import InputError
+from raytwin.errors import InputError, missing_package
 from raytwin.scene import Camera
 from raytwin.twin.backend import SCALAR, activate
 from raytwin.twin.rays import Lens, directions, lens_of
@@ -27,11 +27,14 @@ def mitsuba_sensor(
     the "board", or of the "camera" (OpenCV's: x right, y down, z forward). `samples` per pixel; `film` replaces
     entries of the film, as {"rfilter": {"type": "gaussian"}}.
 
-    Raises InputError for a lens that cannot be undone, and on `scalar_rgb` for one that is distorted: Mitsuba's
-    scalar variants run no sensor written in Python. A film of another size sees the same frame, scaled.
+    Raises MachineError without Mitsuba, InputError for a lens that cannot be undone, and on `scalar_rgb` for one that
+    is distorted: Mitsuba's scalar variants run no sensor written in Python. A film of another size sees the same frame,
+    scaled.
     """
-    import mitsuba as mi
-
+    try:
+        import mitsuba as mi
+    except ModuleNotFoundError as error:
+        raise missing_package("mitsuba_sensor", error) from None
     if mi.variant() is None:
         activate()
     shape = {"width": camera.width, "height": camera.height, "pixel_format": "rgb", "component_format": "float32"}
