@@ -82,6 +82,8 @@ def raytwin_alone(*arguments: object, cwd: Path | None = None, **environment: st
 
 def parse(words: list[str]) -> str | None:
     """Why the program refuses the words, None where it does not."""
+    if "--install-completion" in words:
+        return None  # it would be installed
     parent, group = None, get_command(app)
     try:
         while hasattr(group, "commands"):
