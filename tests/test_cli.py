@@ -1,5 +1,6 @@
 """The command line as a user meets it: exit codes, files written, and one clear line for every wrong input."""
 
+import io
 import json
 import os
 import re
@@ -20,7 +21,7 @@ from raytwin import cli, files
 from raytwin.calib.boards import Board, Grid, write_board
 from raytwin.cli import app
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.progress_bar import lines, print_seconds
+from raytwin.cli.progress_bar import lines, print_seconds, show_progress
 from raytwin.image import Image
 from raytwin.progress import Stages
 
@@ -367,6 +368,20 @@ def test_long_stages_leave_one_line_each_where_there_is_no_terminal(capsys, monk
     ):  # fmt: skip
         show(stage, done, total)
     assert capsys.readouterr().err == "calibrate: 3 of 3, 5.0 s\ntwin: 9 of 9, 3.0 s\n"
+
+
+def test_bars_are_gone_once_the_work_is_done(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stderr", shown := Terminal())
+    with show_progress() as progress, progress.stage("tracer"):
+        pass
+    drawn, _, after = shown.getvalue().rpartition("tracer")
+    assert drawn
+    assert "\x1b[2K" in after  # the line is erased behind the last drawing
 
 
 def test_every_stage_is_timed_once_and_parts_of_a_stage_are_not_counted_again(monkeypatch):

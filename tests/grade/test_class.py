@@ -263,6 +263,22 @@ def test_gradescope_gets_text_first_a_picture_a_failing_test_and_a_leaderboard(g
         assert (tmp_path / "r.json").stat().st_size < 1e6
 
 
+def test_each_result_is_told_as_it_is_there(tmp_path):
+    (tmp_path / "rubric.toml").write_text('title = "t"\n[[exercises]]\nstage = "shade"\npoints = 1\n')
+    for name in "ab":
+        files.write_text(tmp_path / "in" / f"{name}.py", "def shade(:")
+    told = []
+
+    def each(result: Result) -> None:
+        told.append((result.student, len(list((tmp_path / "out" / "results").glob("*.json")))))
+
+    jobs = jobs_of(tmp_path / "in", tmp_path / "rubric.toml")
+    run(jobs, tmp_path / "out", Workers(1), each=each)
+    assert told == [("a", 1), ("b", 2)]
+    run(jobs, tmp_path / "out", Workers(1), each=each)
+    assert len(told) == 2  # nothing is new
+
+
 def test_what_is_shown_names_no_scene_of_an_exercise_that_is_hidden():
     """One cause is looked for in all pictures, so its words may name any of them."""
     words = "cause (sure): the sun is too bright; wrong on drawn 12 and single, right on drawn 1"

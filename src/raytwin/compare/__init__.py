@@ -2,6 +2,8 @@
 
 Knows images, not renderers. `compare` decides (`limit_findings`: by counts alone), `METRICS` measures, `error_map`
 colours; a `Report` is a Comparison with its scene and its costs.
+
+Called, this package is `raytwin.compare(a, b)`: see `help(raytwin.diff_files)`.
 """
 
 from raytwin.compare.comparison import Comparison, Geometry, Perceptual, Radiance, Statistics, Verdict
