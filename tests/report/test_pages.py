@@ -36,7 +36,7 @@ from raytwin.report.recommend_page import write_needs
 from raytwin.report.view import view_of_diff
 from raytwin.workflows.diff_files import compare as compare_files
 
-EVIL = "<img src=x onerror=alert(1)>\"'& with sixty or more characters in its name"
+EVIL = "<img src=x onerror=alert(1)>\"'&_with_sixty_or_more_characters_and_no_blank_in_them"
 SIZE = 24, 36
 """Height and width: a portrait frame is written as well, turned."""
 Write = Callable[..., list[Path]]
