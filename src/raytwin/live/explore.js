@@ -152,8 +152,8 @@ const handlers = {
   refused(event) {
     say(event.text, true);
   },
-  rest() {
-    $("state").textContent += "; at rest";
+  rest(event) {
+    $("state").textContent += event.said ? `; ${event.said}` : "; at rest";
     document.body.dataset.rest = String(shown);
   },
 };

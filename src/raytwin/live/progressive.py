@@ -9,7 +9,7 @@ import io
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import msgspec
@@ -19,6 +19,7 @@ from PIL import Image as Pillow
 from raytwin import files, twin, viewer
 from raytwin.analysis.beside_twin import compare_with_twin
 from raytwin.analysis.ledger import make_ledger
+from raytwin.compare import SequentialComparison
 from raytwin.image import Image
 from raytwin.live.patience import Patience
 from raytwin.live.view_state import Look, Wanted
@@ -113,8 +114,9 @@ class Session:
             maps = viewer.raw_parts(ledger.pictures, ledger.step, noise)
             words = tuple(blob for _, blobs in maps for blob in blobs)
             yield {"kind": "ledger", "parts": files.plain(ledger.parts), "maps": [about for about, _ in maps]}, words
+        check, said = self.rounds(wanted, scene, method, test, reference), ""
         samples = 2
-        while samples <= wanted.samples and (method.noisy or RUNGS[wanted.twin_rung].noisy):
+        while samples <= wanted.samples and (method.noisy or RUNGS[wanted.twin_rung].noisy) and not said:
             if method.noisy:
                 method = self.tracer(wanted, samples)
                 test, seconds = self.render(method, scene, samples)
@@ -123,8 +125,21 @@ class Session:
                 reference, seconds = _timed(self.twin, wanted, scene, samples, samples)
                 yield point("twin", None, reference, seconds, halves)
             yield pair(test, reference, scene.names)
+            if check is not None and (made := check.add(test if method.noisy else None, reference)):
+                said = f"{made.verdict.upper()}, {made.reasons[-1]}"
             samples *= 2
-        yield {"kind": "rest"}, ()
+        yield {"kind": "rest", "said": said}, ()
+
+    def rounds(
+        self, wanted: Wanted, scene: Scene, method: Renderer, test: Image, reference: Image
+    ) -> SequentialComparison | None:
+        """Return what decides about the passes; None where the sides have other light, or no noise."""
+        if wanted.rung != wanted.twin_rung or not RUNGS[wanted.twin_rung].noisy:
+            return None
+        judge = partial(compare_with_twin, scene=scene, tolerance=self.base.tolerance)
+        check = SequentialComparison(test=None if method.noisy else test, judge=judge)
+        check.add(test if method.noisy else None, reference)
+        return check
 
 
 def _timed(make: Callable[..., Image], *arguments: Any) -> tuple[Image, float]:
