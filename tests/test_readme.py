@@ -227,6 +227,13 @@ def test_the_python_of_the_camera_page_runs_and_prints_what_its_comment_says(che
     assert (done.returncode, done.stdout) == (0, "(3,) (600, 800, 3)\n"), done.stderr
 
 
+def test_batches_are_decided_as_the_readme_and_the_page_on_renderers_say(checkout):
+    code = ["\n".join(blocks(README, "python")), blocks(DOCS / "howto" / "own-renderer.md", "python")[-1]]
+    first, second = (run([sys.executable, "-c", text], checkout).stdout for text in code)
+    assert "fail the whole image is 2" in first
+    assert re.match(r"fail \d+ the whole image is \d\.\d+ % too bright", second)
+
+
 def test_the_python_of_the_first_five_minutes_prints_what_its_comment_says(checkout):
     (code,) = blocks(DOCS / "start" / "five-minutes.md", "python")
     done = run([sys.executable, "-c", code], checkout)
