@@ -34,7 +34,7 @@ def test_a_mirror_ball_shows_the_sky_along_the_reflected_ray(variant):
     inside = square > 0.3 * BALL.radius**2  # towards the outline a pixel's mean is not its middle
     n = (eye + d * (b - np.sqrt(np.maximum(square, 0)))[..., None] - c) / BALL.radius
     out = (d - 2 * (d * n).sum(axis=-1, keepdims=True) * n)[inside]
-    expected = np.stack(environment_map(around).radiance(out.T), axis=1) * BALL.material.albedo
+    expected = np.stack(environment_map(around).radiance(tuple(out.T)), axis=1) * BALL.material.albedo
     assert inside.sum() > 80
     assert np.abs(image.mean[inside] - expected).max() < 0.08
     assert np.abs(image.mean[inside] - expected).mean() < 0.01
@@ -58,7 +58,7 @@ def test_the_suns_image_in_a_distant_ball_holds_a_quarter_of_its_squared_radius(
     spot = sun_glint(camera, Sphere((0.0, 0.0, 0.0), r, Lambert((0.9, 0.9, 0.9))), sun)
     assert spot.sum(axis=(0, 1)) == pytest.approx(0.9 * np.array(sun.irradiance) * (f * r / far) ** 2 / 4, rel=5e-3)
     # The normal halves the angle between the eye, straight above, and the sun: right of the middle, and above it.
-    half = (*np.array(sun.to_light), 0, 0, 1)
+    half = np.add(sun.to_light, (0, 0, 1))
     x, y, _ = half / np.linalg.norm(half) * r * f / far
     v, u = np.unravel_index(spot[..., 0].argmax(), spot.shape[:2])
     assert (u - 99.5, v - 99.5) == pytest.approx((x, -y), abs=0.8)

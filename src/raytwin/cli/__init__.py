@@ -25,6 +25,7 @@ from raytwin.cli import (
     export_command,
     grade_commands,
     ladder_command,
+    light_command,
     needs_command,
     photo_commands,
     reference_commands,
@@ -47,6 +48,7 @@ COMMANDS: dict[str, tuple[str, Any]] = {
     "shrink": (COMPARE, shrink_command.shrink_command),
     "explore": (COMPARE, explore_command.explore_command),
     "calibrate": (PHOTOS, photo_commands.calibrate_command),
+    "light": (PHOTOS, light_command.light_command),
     "augment": (PHOTOS, photo_commands.augment_command),
     "board": (PHOTOS, board_commands.board_command),
     "photograph": (PHOTOS, photo_commands.photograph_command),
@@ -118,7 +120,7 @@ for name, (_, command) in COMMANDS.items():
 
 NEEDS = {
     "augment": ("photos",), "bench": ("twin", "llvm"), "board": ("photos",), "calibrate": ("photos",),
-    "compare": ("twin", "llvm"), "explore": ("live", "twin", "llvm"), "ladder": ("twin", "llvm"),
+    "compare": ("twin", "llvm"), "explore": ("live", "twin", "llvm"), "ladder": ("twin", "llvm"), "light": ("photos",),
     "needs": ("twin", "llvm"), "photograph": ("photos", "twin", "llvm"), "reference": ("twin", "llvm"),
     "shrink": ("twin", "llvm"),    "stability": ("photos", "twin", "llvm"),
 }  # fmt: skip

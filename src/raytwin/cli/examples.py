@@ -12,6 +12,7 @@ EXAMPLES = {
     "scenes.copy": "raytwin scenes copy desk my-desk",
     "export": "raytwin export overlap --mitsuba-xml -o overlap.xml",
     "calibrate": "raytwin calibrate photos --board board.toml -o camera.toml",
+    "light": "raytwin light photos --board board.toml --camera camera.toml --ball=-0.06,0.15,0.02,0.02 -o light.toml",
     "augment": "raytwin augment photos/*.jpg --scene desk -o out/drawn",
     "photograph": "raytwin photograph --board board.toml --count 20 -o photos",
     "board": "raytwin board --tag 30mm --columns 5 --rows 7 --pitch 38mm -o board.pdf",

@@ -115,6 +115,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "flip": _opt(
             "Add NVIDIA's perceptual metric FLIP (slow; extra `flip`).", None, "--flip", callback=_flip, kind=bool
         ),
+        "light": _opt("light.toml in the place of the scene's sun and sky.", "FILE", kind=Path | None),
         "allow": _opt(
             "File or folder outside a Mitsuba file's own, or plugin, that it may use; repeatable.", "NAME",
             callback=_allow, is_eager=True,
@@ -212,6 +213,14 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "distance": _opt("Distance of the compared points (the boards'), or inf.", "M"),
         "difference": _opt("Draw the difference found by --against.", "FILE.png"),
     },
+    "light": {
+        "photos": _arg("Photos of one board in one light, or their folder.", "PHOTO..."),
+        "board": _opt("TOML file of the board.", "BOARD"),
+        "camera": _opt("camera.toml, as `raytwin calibrate -o` writes it.", "FILE"),
+        "out": _opt("light.toml; a map and a page go beside it.", "FILE", *OUT),
+        "ball": _opt("A ball's rough center and its radius, metres; mirror or matt. Repeatable.", "X,Y,Z,R"),
+        "stand": _opt("A thin upright's foot on the board and its height, metres.", "X,Y,H"),
+    },
     "augment": {
         "photos": _arg("Photos that show the board.", "PHOTO..."),
         "scene": _opt("Scene whose objects are drawn.", "SCENE", among=_scenes),
@@ -220,7 +229,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "board": _opt("TOML file of the board (the scene's).", "BOARD", kind=Path | None),
         "against": _opt("True photos of the same names: report the error by region.", "DIR", kind=Path | None),
         "shadows": _opt("Cast shadows on what the photo shows.", kind=bool),
-        "exposure": _opt("The photo's linear value of radiance 1.", min=0.0, kind=float),
+        "exposure": _opt(
+            "The photo's linear value of radiance 1 (1; with --light what its paper shows).", min=0.0, kind=float | None
+        ),
     },
     "photograph": {
         "out": _opt("Folder for the photos and truth.toml.", "DIR", *OUT),

@@ -32,7 +32,15 @@ from raytwin.files.photo_files import (
 )
 from raytwin.files.rounding import Rounding, eight_bits, half_floats, rounding_of
 from raytwin.files.safe_write import check_file, replacing, write_text
-from raytwin.files.scene_files import check_camera, check_contents, read_camera, read_scene, write_camera, write_scene
+from raytwin.files.scene_files import (
+    check_camera,
+    check_contents,
+    read_camera,
+    read_scene,
+    read_sky_map,
+    write_camera,
+    write_scene,
+)
 from raytwin.files.shipped import (
     REFERENCES,
     SCENES,
@@ -84,6 +92,7 @@ __all__ = [
     "read_origin",
     "read_photo",
     "read_scene",
+    "read_sky_map",
     "read_toml",
     "replacing",
     "rounding_of",

@@ -65,7 +65,7 @@ def read_scene(path: str | os.PathLike | Scene | SceneFile) -> SceneFile:
         check_camera(data["camera"], f"{file}: camera.")
     data["name"] = file.resolve().parent.name + ("" if file.name == "scene.toml" else f"-{file.stem}")
     data["folder"] = str(file.parent)
-    _read_map(file, data)
+    read_sky_map(file, data)
     scene = to_record(file, data, SceneFile)
     check_contents(scene, f"{file}: ")
     _check_map(scene, f"{file}: ")
@@ -130,7 +130,7 @@ def check_contents(scene: Contents, where: str) -> None:
             raise InputError(f"{where}{field}.name", "a name that no other object has", repr(names[i]))
 
 
-def _read_map(file: Path, data: dict[str, Any]) -> None:
+def read_sky_map(file: Path, data: dict[str, Any]) -> None:
     """Put the pixels of [sky] map into the table, from which the record is made."""
     if not isinstance(sky := data.get("sky"), dict):
         return

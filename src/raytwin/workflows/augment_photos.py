@@ -12,6 +12,7 @@ from raytwin import files, twin
 from raytwin.calib import boards, photos
 from raytwin.calib.augment import augment, draw_pyramid, errors_by_region, of_three_channels, to_rec709
 from raytwin.calib.find_camera import find_camera
+from raytwin.calib.lighting.light_file import photo_exposure, read_light
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
 from raytwin.renderers.subject_renderers import fast_engine
@@ -36,6 +37,8 @@ def augment_photos(
     """
     chosen = replace(settings or AugmentSettings(), **options)
     scene = files.read_scene(scene_path)
+    light = read_light(chosen.light) if chosen.light is not None else None
+    scene = light.on(scene) if light is not None else scene
     asked = scene.photos
     if chosen.board is None and asked is None:
         raise InputError("--board", "a board's TOML file, since the scene names none", "nothing")
@@ -69,7 +72,10 @@ def augment_photos(
         pose = photos.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
         stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
         here = scene.at(stand)
-        result = augment(pixels, here, engine=engine, shadows=chosen.shadows, exposure=chosen.exposure, space=space)
+        exposure: float | np.ndarray = 1.0 if chosen.exposure is None else chosen.exposure
+        if light is not None and chosen.exposure is None:
+            exposure = photo_exposure(path, stand, definition, light)
+        result = augment(pixels, here, engine=engine, shadows=chosen.shadows, exposure=exposure, space=space)
         drawn = result.pixels
         for pyramid in scene.pyramids:
             drawn = draw_pyramid(drawn, stand, pyramid, space)

@@ -112,7 +112,12 @@ def compare_scene(
         return compare_mitsuba(path, chosen, progress=progress)
     subject = _subject(chosen)
     stages = Stages(progress)
-    written = files.read_scene(path)
+    written, light = files.read_scene(path), None
+    if chosen.light is not None:
+        from raytwin.calib.lighting.light_file import photo_exposure, read_light
+
+        light = read_light(chosen.light)
+        written = light.on(written)
     with stages.stage("calibrate"):
         scene, photo_path, calibration, pose = find_camera(written, chosen.photo, stages, chosen.cache)
     with stages.stage("backend"):
@@ -140,12 +145,17 @@ def compare_scene(
     comparison, ledger = _judge(made, reference, subject, scene, written.tolerance, chosen, engine, stages, found)
     picture = augmented = None
     if photo_path is not None:
+        from raytwin.calib import boards
         from raytwin.calib.augment import augment
 
         with stages.stage("augment"):
             picture = files.read_photo(photo_path)
             if chosen.size is None:
-                augmented = augment(picture, scene, engine=engine).pixels
+                exposure: float | np.ndarray = 1.0
+                if light is not None and written.photos is not None:
+                    board = boards.read_board(Path(written.folder) / written.photos.board)
+                    exposure = photo_exposure(photo_path, scene.camera, board, light)
+                augmented = augment(picture, scene, engine=engine, exposure=exposure).pixels
     of_subject = subject.name if chosen.subject else chosen.engine
     return Result(
         scene=scene,

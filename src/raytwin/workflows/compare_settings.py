@@ -8,6 +8,7 @@ from raytwin.rungs import RUNGS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from raytwin.renderers.renderer import Renderer
     from raytwin.workflows.rounds import Budget
@@ -25,6 +26,7 @@ class CompareSettings:
     folder of images, a command, or a function of a scene (see `method`); `engine`, `solver` and `trim` are
     the tracer's. `photo`: whose camera pose is used. `size` (width, height) replaces the camera's. `cache` reuses
     the twin's renders and the photos' tags. `flip` adds the perceptual metric, which is slow.
+    `light`: a light.toml in the place of the scene's sun and sky.
 
     `samples`: per pixel, of the twin and of a subject that takes them. Without it both come in rounds until the verdict
     is certain or the `budget` is spent: samples per pixel ("256") or a time ("30s"). `detectable_bias` of the whole
@@ -48,6 +50,7 @@ class CompareSettings:
     trim: str = "conic"
     cache: bool = True
     flip: bool = False
+    light: "str | Path | None" = None
 
     def __post_init__(self) -> None:
         from raytwin import twin

@@ -8,11 +8,13 @@ keeps its pixels, multiplied in linear light by the irradiance that it gets with
 V and V0: the sun's visibility with and without the drawn objects; F = (r/d)² cos θ: the share of the sky, weighed by
 the cosine, that a sphere of radius r hides at distance d, θ off the normal, if it stands wholly above the surface (form
 factor of a differential element to a sphere; Howell, "A Catalog of Radiation Heat Transfer Configuration Factors").
-Light that the objects send to the photographed surfaces is left out.
+Under a sky that is a map, π Ls is its irradiance E(n), and what a sphere hides is π F times the map's mean over the
+part that it covers (`hidden_sky`). Light that the objects send to the photographed surfaces is left out.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from math import pi
 
 import cv2
@@ -20,14 +22,19 @@ import msgspec
 import numpy as np
 
 from raytwin import files
+from raytwin.calib.augment.hidden_sky import CapMeans
 from raytwin.errors import InputError
 from raytwin.image import Surface
-from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
+from raytwin.lights import lighting
+from raytwin.scene import Camera, Environment, Rectangle, Scene, Shape, Sphere
 from raytwin.speed import background, draw, trace_points, trim_box
 
 REGIONS = ("spheres", "shadows", "board", "rest")
 SKY_REACH = 1 / 512
 """A share of the sky smaller than this changes no 8-bit pixel."""
+
+MOST_UNEVEN = 8
+"""How much more of a map's light than of a constant sky's a sphere may hide: its shadow is sought so much farther."""
 
 STRIP = 1 << 20
 """Pixels worked on at a time."""
@@ -49,14 +56,14 @@ def augment(
     engine: str = "numpy32",
     subsamples: int = 4,
     shadows: bool = True,
-    exposure: float = 1.0,
+    exposure: float | np.ndarray = 1.0,
     space: np.ndarray | None = None,
 ) -> Augmented:
     """Return `photo`, uint8 sRGB (H, W, 3) taken by `scene.camera`, with the scene's objects drawn in.
 
     Pixels on the edge of an object or a shadow are the mean of `subsamples`² rays; all others take one. `exposure` is
-    the photo's linear value of radiance 1. Objects that the photo already shows (`in_photo`) only catch shadows.
-    `space` (3, 3): the photo's linear RGB to Rec. 709, see `colour`. `engine`: a row of ENGINES, as for
+    the photo's linear value of radiance 1, or three of them. Objects that the photo already shows (`in_photo`) only
+    catch shadows. `space` (3, 3): the photo's linear RGB to Rec. 709, see `colour`. `engine`: a row of ENGINES, as for
     `compare_scene`. Raises InputError for a photo of another size than the camera's.
     """
     camera = scene.camera
@@ -212,6 +219,8 @@ def _ratio(scene: Scene, plane: Rectangle, point: np.ndarray, lit: np.ndarray, l
     n, eye = np.array(plane.normal), np.array(scene.camera.eye)
     n = n if n @ (eye - np.array(plane.center)) > 0 else -n
     sun = np.array(scene.sun.irradiance) * max(0.0, float(n @ np.array(scene.sun.to_light)))
+    if scene.environment is not None:
+        return _map_ratio(scene, n, point, sun, lit, lit_before)
     sky = pi * np.array(scene.sky.radiance)
     x, y, z = (np.ascontiguousarray(point[:, k]) for k in range(3))
     hidden = np.zeros(len(point), np.float32)
@@ -228,6 +237,32 @@ def _ratio(scene: Scene, plane: Rectangle, point: np.ndarray, lit: np.ndarray, l
         in_sun = sky_left * of_sky + lit * (np.float32(1) - of_sky) if both > 0 else np.float32(1)
         out[:, c] = np.where(lit_before, in_sun, sky_left if sky[c] > 0 else np.float32(1))
     return out
+
+
+def _map_ratio(
+    scene: Scene, n: np.ndarray, point: np.ndarray, sun: np.ndarray, lit: np.ndarray, lit_before: np.ndarray
+) -> np.ndarray:
+    """`_ratio` under a map: (m, 3) float32."""
+    around = scene.environment
+    assert around is not None
+    means, eye = _cap_means(around), np.array(scene.camera.eye)
+    sky = pi * np.array(lighting(scene).sky.diffuse_irradiance(tuple(n.tolist())))
+    left = np.broadcast_to(sky, (len(point), 3)).copy()
+    for sphere in scene.spheres:
+        to = np.array(sphere.center) - eye - point
+        far = np.linalg.norm(to, axis=1)
+        share = (sphere.radius / far) ** 2 * np.maximum(to @ n, 0) / far
+        near = share >= SKY_REACH / MOST_UNEVEN
+        angle = np.arcsin(np.minimum(sphere.radius / far[near], 1))
+        left[near] -= pi * share[near, None] * means(to[near] / far[near, None], angle)
+    left = np.maximum(left, 0)
+    before = sun * lit_before[:, None] + sky
+    return np.divide(sun * lit[:, None] + left, before, out=np.ones_like(left), where=before > 0).astype(np.float32)
+
+
+@lru_cache(maxsize=4)
+def _cap_means(around: Environment) -> CapMeans:
+    return CapMeans(around)
 
 
 def _affected(scene: Scene, camera: Camera, shadows: bool) -> np.ndarray:
@@ -258,7 +293,8 @@ def _reach(sphere: Sphere, plane: Rectangle, scene: Scene) -> list[Rectangle]:
     u = np.array(plane.half_u) / np.linalg.norm(plane.half_u)
     v = np.array(plane.half_v) / np.linalg.norm(plane.half_v)
     # h r² / d³ = reach, with d the distance to the sphere's centre
-    parts = [(foot, max((height * sphere.radius**2 / SKY_REACH) ** (1 / 3), sphere.radius))]
+    reach = SKY_REACH / (1 if scene.environment is None else MOST_UNEVEN)
+    parts = [(foot, max((height * sphere.radius**2 / reach) ** (1 / 3), sphere.radius))]
     if (slope := to_light @ n) > 1e-3:
         parts.append((c - height / slope * to_light, 1.001 * sphere.radius / slope))
     elif slope > 0:

@@ -1,0 +1,94 @@
+"""light.toml: a photo's light as `[sun]` and `[sky]` of a scene, and beside it how well it is known.
+
+    [sun]                       # as in scene.toml
+    to_light = [0.44, 0.34, 0.83]
+    irradiance = [3.1, 2.9, 2.7]
+
+    [sky]
+    radiance = [0.30, 0.32, 0.36]       # or map = "light.exr"
+
+    [sigma]                     # one standard deviation
+    sun_degrees = 0.4
+    irradiance = [0.09, 0.08, 0.08]
+    radiance = [0.01, 0.01, 0.01]       # of a map: of the constant sky that lights level paper as much
+
+    [paper]
+    albedo = 0.85               # assumed
+    color = [1.01, 1.0, 0.98]   # radiance of white paper in full light, of luminance 1
+
+Radiance is relative to the board's white paper: a photo's exposure is what that paper has in it.
+"""
+
+import os
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from raytwin import files
+from raytwin.calib.boards.board import PAPER, Board
+from raytwin.calib.lighting.light_models import Light
+from raytwin.calib.lighting.linear_photo import read_linear
+from raytwin.image import Image
+from raytwin.scene import Camera, Radiance, Record, SceneFile, WrittenSky, WrittenSun
+from raytwin.scene.record_base import Fraction, NonNegative
+
+DARK = WrittenSun((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+
+
+class LightSigma(Record, frozen=True):
+    sun_degrees: NonNegative = 0.0
+    irradiance: Radiance = (0.0, 0.0, 0.0)
+    radiance: Radiance = (0.0, 0.0, 0.0)
+
+
+class Paper(Record, frozen=True):
+    albedo: Fraction
+    color: Radiance
+
+
+class WrittenLight(Record, frozen=True):
+    """A light.toml: see above."""
+
+    sky: WrittenSky
+    paper: Paper
+    sun: WrittenSun = DARK
+    sigma: LightSigma = LightSigma()
+
+    def on(self, scene: SceneFile) -> SceneFile:
+        """Return the scene under this light."""
+        return msgspec.structs.replace(scene, sun=self.sun, sky=self.sky)
+
+
+def read_light(path: str | os.PathLike) -> WrittenLight:
+    file = Path(path)
+    data = files.read_toml(file)
+    files.read_sky_map(file, data)
+    light = files.to_record(file, data, WrittenLight)
+    files.check_contents(SceneFile(file.stem, sun=light.sun), f"{file}: ")
+    return light
+
+
+def write_light(path: str | os.PathLike, light: Light, paper: np.ndarray, comment: str = "") -> None:
+    """The file, and its map beside it under the same name as EXR."""
+    path = Path(path)
+    table: dict = {}
+    if light.to_light is not None:
+        table["sun"] = {"to_light": light.to_light.tolist(), "irradiance": light.E.tolist()}
+    if light.around is not None:
+        files.write_image(path.with_suffix(".exr"), Image(light.around, samples=0))
+        table["sky"] = {"map": path.with_suffix(".exr").name}
+    else:
+        table["sky"] = {"radiance": light.Ls.tolist()}
+    table["sigma"] = {
+        "sun_degrees": float(np.degrees(light.sigma)), "irradiance": light.E_sd.tolist(),
+        "radiance": light.Ls_sd.tolist(),
+    }  # fmt: skip
+    table["paper"] = {"albedo": PAPER, "color": paper.tolist()}
+    files.write_toml(path, table, comment)
+
+
+def photo_exposure(path: str | os.PathLike, camera: Camera, board: Board, light: WrittenLight) -> np.ndarray:
+    """(3): the photo's linear value of radiance 1, by its white paper in full light."""
+    photo = read_linear([Path(path)], [camera], board)[0][0]
+    return photo.paper / np.array(light.paper.color)

@@ -1,0 +1,119 @@
+"""A photo's light as a page: what it was found by, the map, where the sun is, and a ball drawn in under it."""
+
+import base64
+import io
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from raytwin import files, viewer
+from raytwin.image import Image
+from raytwin.report.data_urls import stops
+from raytwin.report.page import render_page
+
+if TYPE_CHECKING:
+    from raytwin.workflows.estimate_light import LightEstimate
+
+LEAST_WIDTH = 256
+"""Columns of the map as it is shown; its texels are repeated."""
+
+SHOWN = 4
+"""Photos at most that the page shows: every further one says the same."""
+
+
+def light_summary(found: "LightEstimate") -> str:
+    """The models tried, what showed the sun, the light with its standard deviations, and warnings."""
+    light = found.light
+    lines = ["model                     held-out error   seconds"]
+    for i, t in enumerate(found.trials):
+        taken = "  <- taken" if i == found.taken else ""
+        lines.append(f"  {t.name:<22} {100 * t.error:10.2f} %  {t.seconds:10.2f}{taken}")
+    for kind, ball in _balls(found):
+        x, y, z = (f"{1000 * v:.1f}" for v in ball.center)
+        where = f"({x}, {y}, {z}) ± {1000 * ball.sigma[:3].max():.1f} mm"
+        lines.append(f"{kind} ball: center {where}, radius {1000 * ball.radius:.1f} ± {1000 * ball.sigma[3]:.1f} mm")
+    lines += [f"sun by the {name}: {_angles(d)} ± {np.degrees(sd):.2f} degrees" for name, d, sd in found.suns]
+    if light.to_light is not None:
+        lines.append(f"sun: {_angles(light.to_light)} ± {np.degrees(light.sigma):.2f} degrees, by all of these")
+        lines.append(f"sun's irradiance: {_triple(light.E, light.E_sd)}")
+    name = "constant sky that lights level paper as the map does" if light.around is not None else "sky's radiance"
+    lines.append(f"{name}: {_triple(light.Ls, light.Ls_sd)}")
+    lines.append("(white paper in full light has luminance 1; its albedo is taken for 0.85)")
+    return "\n".join([*lines, *(f"warning: {text}" for text in found.warnings)])
+
+
+def _balls(found: "LightEstimate") -> list[tuple[str, Any]]:
+    return [("matt", m.ball) for m in found.evidence.matt] + [("mirror", m.ball) for m in found.evidence.mirrors]
+
+
+def _angles(d: np.ndarray) -> str:
+    turn = np.degrees(np.arctan2(d[1], d[0])) % 360
+    return f"{np.degrees(np.arcsin(d[2])):.2f} degrees high, {turn:.2f} from the board's x towards y"
+
+
+def _triple(values: np.ndarray, sds: np.ndarray) -> str:
+    return ", ".join(f"{v:.3f} ± {s:.3f}" for v, s in zip(values, sds, strict=True))
+
+
+def write_light_page(found: "LightEstimate", path: str | os.PathLike[str]) -> None:
+    """light.html, which holds everything that it shows."""
+    around = found.light.shown_map(LEAST_WIDTH // 2)
+    image = Image(around)
+    panes = [{"key": "reference", "kind": "radiance", "title": "Map", "tab": "Map", "alt": "the light from all around"}]
+    data = viewer.pack(image, image, budget=1 << 40, most_pixels=1 << 40).for_page() | {
+        "names": {"test": "map", "reference": "map"}, "panes": panes, "noisy": False,
+        "bound": {"share": 0.1, "scale": 1.0, "held": False}, "exposure": stops(image),
+    }  # fmt: skip
+    page = render_page(
+        "light.html.j2", (viewer.style(), STYLE), (viewer.script(),),
+        data=data, found=found, summary=light_summary(found),
+        photos=[_drawing(found, i) for i in range(min(len(found.photos), SHOWN))],
+        sun=_sun_chart(found), map_url=_jpeg(files.to_bytes(around * np.float32(2.0 ** stops(image)))),
+        before=_jpeg(found.photos[0].pixels), after=_jpeg(found.drawn) if found.drawn is not None else None,
+    )  # fmt: skip
+    files.write_text(path, page)
+
+
+STYLE = """
+.lit { position: relative; margin: 0 0 1rem; max-width: 60rem; }
+.lit img, .lit svg { display: block; width: 100%; height: auto; }
+.lit svg { position: absolute; inset: 0; height: 100%; }
+.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(18rem, 1fr)); gap: 1rem; }
+"""
+
+
+def _drawing(found: "LightEstimate", i: int) -> dict[str, Any]:
+    """The i-th photo, and what lies over it: outlines, the upright with its shadow, mirrored pixels of the sun."""
+    photo = found.photos[i]
+    paths = [(" ".join(f"{u:.1f},{v:.1f}" for u, v in line), colour, closed) for line, colour, closed in found.lines(i)]
+    return {
+        "name": photo.name, "url": _jpeg(photo.pixels), "width": photo.camera.width, "height": photo.camera.height,
+        "paths": paths,
+    }  # fmt: skip
+
+
+def _sun_chart(found: "LightEstimate") -> list[dict[str, Any]]:
+    """Where on the map each thing put the sun, as ellipses of two standard deviations in a box of 360 by 180."""
+    told = [(n, d, s) for n, d, s in found.suns]
+    if found.light.to_light is not None:
+        told.append(("all", found.light.to_light, found.light.sigma))
+    rows = []
+    for name, d, sd in told:
+        high = np.degrees(2 * sd)
+        level = max(float(np.hypot(*d[:2])), 0.05)
+        rows.append({
+            "name": name, "x": 180 + np.degrees(np.arctan2(d[0], d[1])),
+            "y": np.degrees(np.arccos(np.clip(d[2], -1, 1))),
+            "rx": min(max(high / level, 0.3), 60), "ry": max(high, 0.3), "all": name == "all",
+        })  # fmt: skip
+    return rows
+
+
+def _jpeg(pixels: np.ndarray) -> str:
+    from PIL import Image as Pillow
+
+    picture = Pillow.fromarray(np.ascontiguousarray(pixels))
+    picture.thumbnail((1400, 1400))
+    picture.save(buffer := io.BytesIO(), "JPEG", quality=85)
+    return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"

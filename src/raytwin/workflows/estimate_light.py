@@ -1,0 +1,213 @@
+"""Photos of a board with a ball or an upright beside it -> the light that they were taken in."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from raytwin import files
+from raytwin.calib import boards, photos
+from raytwin.calib.augment import augment
+from raytwin.calib.lighting import light_models as models
+from raytwin.calib.lighting.ball_outline import Ball, find_balls, fit_ball, outline, width_px
+from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear
+from raytwin.calib.lighting.matt_ball import MATT, ball_pixels, fit_shading
+from raytwin.calib.lighting.mirror_ball import Sheet, mirrored, reflectance_of, register, sun_direction
+from raytwin.calib.lighting.stand_shadow import find_shadow, light_at_places
+from raytwin.errors import InputError
+from raytwin.progress import Progress, silent
+from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene.scene import NO_SUN
+
+POSE_PX = 3.0
+"""A pose that leaves its tags this far off, as a root mean square, is that of another camera."""
+
+REFLECTANCE = 0.9
+"""What is taken for a mirror ball's where it shows no white paper to measure it by."""
+
+APART = 4.0
+"""Directions to the sun that differ by so many of their joint standard deviations contradict each other."""
+
+
+@dataclass(frozen=True, eq=False)
+class LightEstimate:
+    """All that `raytwin light` found; its page and its text are views of it."""
+
+    light: models.Light
+    paper: np.ndarray
+    photos: list[LinearPhoto]
+    evidence: models.Evidence
+    trials: list[models.Trial]
+    taken: int
+    suns: list[tuple[str, np.ndarray, float]]
+    warnings: list[str] = field(default_factory=list)
+    drawn: np.ndarray | None = None
+
+    def lines(self, photo: int) -> list[tuple[np.ndarray, str, bool]]:
+        """What a page draws over a photo: pixels of a line (n, 2), its colour, and whether it is closed."""
+        p = self.photos[photo]
+        found = [(outline(p, m.ball.center, m.ball.radius), "#f22", True) for m in self.evidence.matt]
+        for mirror in self.evidence.mirrors:
+            found.append((outline(p, mirror.ball.center, mirror.ball.radius), "#fd0", True))
+            if (patch := mirror.seen[photo].sun).any():
+                u, v = mirror.seen[photo].uv[patch].mean(axis=0)
+                d = p.camera.width / 100
+                found += [
+                    (np.array([(u - d, v), (u + d, v)]), "#fd0", False),
+                    (np.array([(u, v - d), (u, v + d)]), "#fd0", False),
+                ]
+        if self.evidence.shadow:
+            s = self.evidence.shadow.shadow
+            height = s.to_light[2] * np.linalg.norm(s.tip - s.foot) / np.hypot(*s.to_light[:2])
+            found.append((p.project(np.array([(*s.foot, height), (*s.foot, 0), (*s.tip, 0)])), "#28f", False))
+        return found
+
+    def numbers(self) -> dict[str, Any]:
+        """What the JSON holds."""
+        s = self.light
+        balls: list[tuple[str, Ball, Any]] = [("matt", m.ball, None) for m in self.evidence.matt]
+        balls += [("mirror", m.ball, m.reflectance) for m in self.evidence.mirrors]
+        return {
+            "sun": None if s.to_light is None else {"to_light": s.to_light, "sigma_degrees": np.degrees(s.sigma)},
+            "irradiance": s.E, "irradiance_sigma": s.E_sd, "radiance": s.Ls, "radiance_sigma": s.Ls_sd,
+            "map_rows": 0 if s.around is None else len(s.around), "paper": self.paper,
+            "models": [msgspec.to_builtins(t) for t in self.trials], "taken": self.trials[self.taken].name,
+            "suns": [{"from": n, "to_light": d, "sigma_degrees": np.degrees(sd)} for n, d, sd in self.suns],
+            "balls": [
+                {"kind": kind, "center": b.center, "radius": b.radius, "sigma": b.sigma, "reflectance": r}
+                for kind, b, r in balls
+            ],
+            "warnings": self.warnings,
+        }  # fmt: skip
+
+
+def estimate_light(
+    taken: Sequence[Path],
+    board: str | Path,
+    camera: str | Path,
+    *,
+    balls: Sequence[tuple[float, float, float, float]] = (),
+    stand: tuple[float, float, float] | None = None,
+    progress: Progress = silent,
+) -> LightEstimate:
+    """Sun and sky in which the photos were taken, relative to the board's white paper.
+
+    `balls`: center and radius of each, metres, roughly; whether one is a mirror or matt is seen. Without any, and
+    without a `stand` (x, y of its foot, height), balls that rest beside the board are looked for. Raises InputError
+    where there is nothing that shows the light.
+    """
+    definition = photos.with_shape(boards.read_board(board), photos.read_board_shapes(camera))
+    lens = files.read_camera(camera)
+    cameras = []
+    for done, path in enumerate(taken):
+        progress("poses", done, len(taken))
+        cameras.append(_stand_of(path, lens, definition))
+    progress("poses", len(taken), len(taken))
+    linear, paper, told = read_linear(list(taken), cameras, definition)
+    sheet = Sheet(definition)
+    evidence = models.Evidence(paper)
+    if stand is not None:
+        shadow = find_shadow(linear, sheet, stand)
+        if shadow is None:
+            told.append(f"--stand: no shadow of it on the sheet's paper: no sun, or one below {8} degrees")
+        else:
+            places = models.ShadowPlaces(shadow, shadow.cover, light_at_places(linear, shadow, stand[2]))
+            evidence = replace(evidence, shadow=places)
+    given = [(np.array(b[:3]), float(b[3]), True) for b in balls]
+    if not given and stand is None:
+        given = [(*b, False) for b in _found(linear, sheet)]
+    for k, (center, radius, sure) in enumerate(given):
+        progress("balls", k, len(given))
+        _add_ball(evidence, linear, sheet, center, radius, sure, told)
+    progress("balls", len(given), len(given))
+    if not (evidence.shadow or evidence.matt or evidence.mirrors) and stand is None:
+        raise InputError(
+            "photos", "a mirror ball, a matt ball or a pin beside the board (--ball x,y,z,r, --stand x,y,h in metres)",
+            "the board alone",
+        )  # fmt: skip
+    light, trials, number, suns = models.choose(evidence, len(linear))
+    told += _contradictions(suns)
+    if any(s.clipped[s.to_light[:, 2] > 0].mean() > 0.02 for m in evidence.mirrors for s in m.seen):
+        told.append("more than 2 % of what the mirror ball shows from above is clipped: the map is a lower bound there")
+    drawn = _drawn(linear[0], light, paper, evidence, definition)
+    return LightEstimate(light, paper, linear, evidence, trials, number, suns, told, drawn)
+
+
+def _drawn(
+    photo: LinearPhoto, light: models.Light, paper: np.ndarray, evidence: models.Evidence, definition: boards.Board
+) -> np.ndarray:
+    """The first photo with a matt grey ball on the middle of the board, as wide as the first ball, or three tags."""
+    balls = [m.ball.radius for m in evidence.matt] + [m.ball.radius for m in evidence.mirrors]
+    xy = np.array(list(definition.centers().values()))
+    x, y = (xy.min(axis=0) + xy.max(axis=0)) / 2
+    radius = balls[0] if balls else 1.5 * definition.tag_edge
+    ball = Sphere((float(x), float(y), radius), radius, Lambert((0.5, 0.5, 0.5)))
+    reach = 20 * radius + float(np.ptp(xy, axis=0).max())
+    ground = Rectangle((float(x), float(y), 0.0), (reach, 0.0, 0.0), (0.0, reach, 0.0), in_photo=True)
+    sun = Sun(tuple(light.to_light.tolist()), tuple(light.E.tolist())) if light.to_light is not None else NO_SUN
+    sky = light.environment or Sky(tuple(light.Ls.tolist()))
+    scene = Scene("light", photo.camera, (ball, ground), (sun, sky))
+    return augment(photo.pixels, scene, exposure=photo.paper / paper).pixels
+
+
+def _stand_of(path: Path, lens: Camera, definition: boards.Board) -> Camera:
+    size = files.photo_size(path)
+    if size != lens.image_size:
+        raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", f"{size[0]} x {size[1]}")
+    tags = photos.detect_photo(path, definition.kind)
+    pose = photos.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
+    if pose.rms_px > POSE_PX * max(1.0, lens.width / 2000):
+        raise InputError(path, "a photo by the camera of --camera", f"tags {pose.rms_px:.1f} px off where it sees them")
+    return msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
+
+
+def _found(linear: list[LinearPhoto], sheet: Sheet) -> list[tuple[np.ndarray, float]]:
+    """Balls that rest beside the board, in the same place in all photos, or most."""
+    per_photo = [find_balls(photo, sheet.extent) for photo in linear]
+    kept: list[tuple[np.ndarray, float]] = []
+    for center, radius in (b for found in per_photo for b in found):
+        same = [any(np.linalg.norm(center - c) < 0.4 * radius for c, _ in found) for found in per_photo]
+        if sum(same) > len(linear) / 2 and all(np.linalg.norm(center - c) > radius + r for c, r in kept):
+            kept.append((center, radius))
+    return kept
+
+
+def _add_ball(
+    evidence: models.Evidence, linear: list[LinearPhoto], sheet: Sheet, center: np.ndarray, radius: float, sure: bool,
+    told: list[str],
+) -> None:  # fmt: skip
+    ball = fit_ball(linear, center, radius, sure)
+    pixels = ball_pixels(linear, ball)
+    wide = float(np.mean([width_px(p, ball.center, ball.radius) for p in linear]))
+    shading = fit_shading(pixels, ball, wide, evidence.paper)
+    if shading.residual < MATT:
+        evidence.matt.append(models.MattBall(ball, pixels, wide))
+        return
+    ball = register(linear, ball, (center, radius))
+    reflectance = reflectance_of(linear, ball, sheet)
+    if not _is_mirror(reflectance):
+        told.append(f"{ball.name}: no white paper is seen in it, so that its reflectance is taken for {REFLECTANCE}")
+    rho = reflectance if reflectance is not None and _is_mirror(reflectance) else np.full(3, REFLECTANCE)
+    seen = [mirrored(photo, ball, rho) for photo in linear]
+    suns = [sun_direction(photo, ball, s) for photo, s in zip(linear, seen, strict=True)]
+    use = [np.ones(len(s.uv), bool) for s in seen]
+    evidence.mirrors.append(models.MirrorBall(ball, rho, _is_mirror(reflectance), seen, use, suns))
+
+
+def _is_mirror(reflectance: np.ndarray | None) -> bool:
+    return reflectance is not None and bool(reflectance.min() > 0.2 and reflectance.max() < 1.1)
+
+
+def _contradictions(suns: list[tuple[str, np.ndarray, float]]) -> list[str]:
+    told = []
+    for i, (a, d, sd) in enumerate(suns):
+        for b, e, other in suns[:i]:
+            apart = float(np.arccos(np.clip(d @ e, -1, 1)))
+            if apart > APART * np.hypot(sd, other):
+                told.append(
+                    f"{a} and {b} put the sun {np.degrees(apart):.1f} degrees apart: one of them is not as told"
+                )
+    return told

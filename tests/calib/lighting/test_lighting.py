@@ -1,0 +1,197 @@
+"""Light from a mirror ball, a matt ball and a pin: each on pictures that closed forms made, no renderer.
+
+The twin's mirror (tests/twin/test_mirrors.py) and the shipped photos (test_estimate_light.py) are the independent check
+of left and right, up and down.
+"""
+
+import numpy as np
+import pytest
+from photo_helpers import BOARD, PlainRenderer, a_camera
+
+from raytwin import files
+from raytwin.calib.boards.board import PAPER, draw_board
+from raytwin.calib.lighting import ball_outline, light_models, matt_ball, mirror_ball, stand_shadow
+from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear
+from raytwin.calib.synthetic_photos import expose, photograph, read_truth
+from raytwin.errors import InputError
+from raytwin.lights.environment_map import environment_map
+from raytwin.scene import Camera, Environment
+
+SUN = np.array([0.5, -0.3, 0.8]) / np.linalg.norm([0.5, -0.3, 0.8])
+CENTER, RADIUS = np.array([0.02, -0.01, 0.03]), 0.03
+CAMERA = Camera(
+    (400, 300),
+    ((500.0, 0.0, 200.0), (0.0, 505.0, 148.0), (0.0, 0.0, 1.0)),
+    ((0.96, 0.28, 0.0), (0.224, -0.768, -0.6), (-0.168, 0.576, -0.8)),
+    (-0.02, 0.03, 0.35),
+    (0.05, -0.1),
+)
+
+
+def picture(light: np.ndarray, camera: Camera = CAMERA) -> LinearPhoto:
+    pixels = files.to_bytes(np.clip(light, 0, 1).astype(np.float32))
+    return LinearPhoto("p", camera, light.astype(np.float32), (light >= 1).any(axis=-1), pixels, np.ones(3), None)
+
+
+def of_ball(shade) -> LinearPhoto:
+    """A photo of the ball on grey: `shade(points, normals, reflected)` is what its pixels show."""
+    photo = picture(np.full((300, 400, 3), 0.25))
+    u, v = np.meshgrid(np.arange(400), np.arange(300))
+    uv = np.stack([u.ravel(), v.ravel()], axis=1)
+    p, out, cosine = mirror_ball.reflect(photo, CENTER, RADIUS, uv)
+    hit = np.isfinite(cosine)
+    light = photo.light.copy()
+    light[uv[hit, 1], uv[hit, 0]] = shade((p[hit] - CENTER) / RADIUS, out[hit])
+    return picture(light)
+
+
+def a_map(rows: int = 8) -> Environment:
+    """Smooth, and different in every direction."""
+    v, u = np.mgrid[:rows, : 2 * rows] + 0.5
+    theta, turn = v * np.pi / rows, (u / rows - 1) * np.pi
+    x, y, z = np.sin(theta) * np.sin(turn), np.sin(theta) * np.cos(turn), np.cos(theta)
+    texels = np.stack([0.4 + 0.3 * x, 0.4 + 0.3 * y, 0.4 + 0.2 * z + 0.1 * x * y], axis=-1)
+    return Environment((2 * rows, rows), texels.astype("<f4").tobytes())
+
+
+def test_the_outline_is_where_the_rays_begin_to_miss():
+    photo = picture(np.zeros((300, 400, 3)))
+    rim = ball_outline.outline(photo, CENTER, RADIUS)
+    middle = rim.mean(axis=0)
+    for scale, hit in ((0.995, True), (1.005, False)):
+        *_, cosine = mirror_ball.reflect(photo, CENTER, RADIUS, middle + scale * (rim - middle))
+        assert (np.isfinite(cosine) == hit).all()
+
+
+def test_a_ball_given_roughly_is_found_on_its_outline():
+    photo = of_ball(lambda n, _: 0.5 + 0.3 * n[:, 2:] + np.zeros(3))
+    ball = ball_outline.fit_ball([photo], CENTER + np.array((0.003, -0.003, 0.002)), 1.004 * RADIUS)
+    seen, true = (ball_outline.outline(photo, c, r) for c, r in ((ball.center, ball.radius), (CENTER, RADIUS)))
+    assert np.abs(seen.mean(axis=0) - true.mean(axis=0)).max() < 0.6
+    assert np.ptp(seen, axis=0) == pytest.approx(np.ptp(true, axis=0), abs=0.6)
+
+
+@pytest.mark.parametrize(
+    ("center", "radius", "expected"),
+    [
+        ((0.02, -0.01, -0.05), 0.03, "printed side of the board"),
+        ((0.17, -0.01, 0.03), 0.03, "one that the frame cuts"),
+        ((0.02, -0.01, 0.004), 0.004, "at least 24 pixels wide, got 1[0-9] pixels"),
+        ((0.12, -0.35, 0.54), 0.03, "in front of the camera"),
+    ],
+)
+def test_a_ball_that_cannot_be_measured_is_refused_with_the_reason(center, radius, expected):
+    with pytest.raises(InputError, match=expected):
+        ball_outline.fit_ball([picture(np.zeros((300, 400, 3)))], np.array(center), radius)
+
+
+def test_a_mirrored_map_is_found_the_right_way_round_and_weighs_by_solid_angle():
+    around, reflectance = a_map(), np.array([0.9, 0.8, 0.7])
+    light = environment_map(around)
+    photo = of_ball(lambda _, out: np.stack(light.radiance(tuple(out.T)), axis=1) * reflectance)
+    ball = ball_outline.Ball(CENTER, RADIUS, np.zeros(4), 1.0)
+    seen = mirror_ball.mirrored(photo, ball, reflectance)
+    found = mirror_ball.fit_map([seen], 8)
+    d = seen.to_light[::7]
+    shown = mirror_ball.bilinear(d, 8) @ found.reshape(-1, 3)
+    assert np.abs(shown - np.stack(light.radiance(tuple(d.T)), axis=1)).max() < 0.01
+    assert light_models.upward(found) == pytest.approx(light.diffuse_irradiance((0.0, 0.0, 1.0)), rel=0.02)
+    # All that a ball shows within grazing angles: a little less than the whole sphere.
+    assert 0.75 * 4 * np.pi < seen.steradians.sum() < 4 * np.pi
+
+
+def test_a_small_clipped_light_is_the_sun_and_a_large_one_is_not():
+    ball = ball_outline.Ball(CENTER, RADIUS, np.full(4, 1e-5), 1.0)
+    for degrees, is_sun in ((4, True), (25, False)):
+        photo = of_ball(
+            lambda _, out, a=degrees: np.where(out @ SUN > np.cos(np.radians(a)), 1.5, 0.3)[:, None] + np.zeros(3)
+        )
+        seen = mirror_ball.mirrored(photo, ball, np.ones(3))
+        found = mirror_ball.sun_direction(photo, ball, seen)
+        assert (found is not None) == is_sun
+        if found:
+            assert np.degrees(np.arccos(found[0] @ SUN)) < 0.3
+
+
+@pytest.mark.parametrize("glossy", [False, True])
+def test_a_matt_balls_shading_tells_sun_sky_and_albedo(glossy):
+    """On black ground G is 0; a highlight is passed over."""
+    E, Ls, albedo = np.array([2.2, 2.0, 1.8]), np.array([0.2, 0.25, 0.3]), np.array([0.7, 0.4, 0.1])
+    paper = PAPER * (E * SUN[2] / np.pi + Ls)
+
+    def shade(n, out):
+        lit = albedo * (E / np.pi * np.maximum(n @ SUN, 0)[:, None] + Ls * (1 + n[:, 2:]) / 2)
+        return lit + glossy * 0.5 * np.maximum(out @ SUN, 0)[:, None] ** 400
+
+    photo = of_ball(shade)
+    ball = ball_outline.Ball(CENTER, RADIUS, np.zeros(4), 1.0)
+    pixels = matt_ball.ball_pixels([photo], ball)
+    pixels.ground[:] = 0
+    found = matt_ball.fit_shading(pixels, ball, 100.0, paper)
+    assert np.degrees(np.arccos(found.to_light @ SUN)) < 0.5
+    assert pytest.approx(E, rel=0.02) == found.E
+    assert found.Ls == pytest.approx(Ls, rel=0.03)
+    assert found.albedo == pytest.approx(albedo, rel=0.02)
+    assert found.residual < matt_ball.MATT
+
+
+def test_a_pins_shadow_tells_the_sun_and_its_share_of_the_light(tmp_path):
+    """The shadow is painted on the sheet: a strip from the foot to where the sun's ray through the top meets it."""
+    foot, height, width, dark = np.array([0.095, 0.095]), 0.03, 0.0015, 0.35
+    camera = a_camera()
+    sheet, (x0, x1, y0, y1) = draw_board(BOARD, 4000.0)
+    h, w = sheet.shape
+    x, y = np.meshgrid(x0 + (np.arange(w) + 0.5) * (x1 - x0) / w, y1 - (np.arange(h) + 0.5) * (y1 - y0) / h)
+    tip = -SUN[:2] / SUN[2] * height
+    t = np.clip(((x - foot[0]) * tip[0] + (y - foot[1]) * tip[1]) / (tip @ tip), 0, 1)
+    near = np.hypot(x - foot[0] - t * tip[0], y - foot[1] - t * tip[1]) < width / 2
+    plain = PlainRenderer()
+    folder = tmp_path / "photos"
+
+    def render(c, texture, s):
+        """The sheet, its shadow, and what the upright hides: the strip from the foot to where the eye sees its top."""
+        eye = np.array(c.eye)
+        to = (foot - eye[:2]) * height / (eye[2] - height)
+        t = np.clip(((x - foot[0]) * to[0] + (y - foot[1]) * to[1]) / (to @ to), 0, 1)
+        body = np.hypot(x - foot[0] - t * to[0], y - foot[1] - t * to[1]) < width / 2
+        return plain(c, np.where(body, 0.3, np.where(near, dark, 1) * sheet), s)
+
+    photograph(BOARD, camera, 1, folder, render, seed=3)
+    truth = read_truth(folder / "truth.toml")
+    views = [Camera(truth.image_size, truth.K, R, t, truth.dist) for R, t in truth.photos.values()]
+    photos, paper, warnings = read_linear(files.list_photos(folder), views, BOARD)
+    assert warnings == []
+    assert paper == pytest.approx(np.ones(3), abs=0.01)
+    found = stand_shadow.find_shadow(photos, mirror_ball.Sheet(BOARD), (*foot, height))
+    assert found is not None
+    assert np.degrees(np.arccos(found.to_light @ SUN)) < 0.7
+    assert found.ratio == pytest.approx(np.full(3, dark), abs=0.04)
+
+
+def test_an_upright_that_is_not_there_is_said(shoot):
+    folder, truth = shoot()
+    name, (R, t) = next(iter(truth.photos.items()))
+    view = Camera(truth.image_size, truth.K, R, t, truth.dist)
+    photos, *_ = read_linear([folder / name], [view], BOARD)
+    with pytest.raises(InputError, match="does not stand upright, or not there"):
+        stand_shadow.find_shadow(photos, mirror_ball.Sheet(BOARD), (0.095, 0.095, 0.03))
+
+
+def test_clipped_and_tone_mapped_paper_is_a_warning_in_words(tmp_path):
+    camera = a_camera()
+    plain = PlainRenderer(light=1.6)
+    photograph(BOARD, camera, 1, tmp_path, plain, seed=3)
+    truth = read_truth(tmp_path / "truth.toml")
+    views = [Camera(truth.image_size, truth.K, R, t, truth.dist) for R, t in truth.photos.values()]
+    path = files.list_photos(tmp_path)[0]
+    assert any("clipped" in w for w in read_linear([path], views, BOARD)[2])
+    plain = PlainRenderer(light=0.8)
+    image = expose(plain(views[0], draw_board(BOARD, 2000.0)[0], _sheet()), np.random.default_rng(0), views[0])
+    files.write_picture(path, (255 * (image / 255.0) ** 0.4).astype(np.uint8), quality=95)
+    assert any("tone-mapped" in w for w in read_linear([path], views, BOARD)[2])
+
+
+def _sheet():
+    from raytwin.calib.synthetic_photos import sheet_of
+
+    return sheet_of(draw_board(BOARD, 2000.0)[1])

@@ -1,0 +1,232 @@
+"""How near `raytwin light` comes to the true light, and whether its standard deviations are true.
+
+    python -m measure.light_accuracy photos /tmp/lights --count 30      # two photos under each random light
+    python -m measure.light_accuracy judge /tmp/lights
+
+Every light has a sun 25 to 70 degrees high and a sky that leaves 15 to 60 % of the paper's light in the shadow: every
+other one a constant sky, the others a map of 16 rows with a gradient and three broad lamps. A mirror ball, an orange
+ball and an upright stand beside or on the board; what the user says of them is off by a tenth of a radius, 1 % of it,
+and half a millimetre.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+
+from raytwin import files
+from raytwin.calib import synthetic_photos
+from raytwin.calib.augment import augment
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.lights.envmap_tables import REC_709
+from raytwin.scene import Camera, Environment, Lambert, Scene, Sky, Sphere, Sun
+from raytwin.workflows.estimate_light import estimate_light
+from raytwin.workflows.photograph import photograph_board
+
+MIRROR = Sphere((-0.075, 0.05, 0.028), 0.03, Lambert((0.9, 0.9, 0.9)))
+ORANGE = Sphere((-0.065, 0.15, 0.018), 0.02, Lambert((0.75, 0.35, 0.08)))
+STAND = (0.095, 0.095, 0.03)
+SCENE = """# A random light.
+[camera]
+image_size = [32, 24]
+K = [[30.0, 0.0, 16.0], [0.0, 30.0, 12.0], [0.0, 0.0, 1.0]]
+R_cam_board = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]
+t_cam_board = [0.0, 0.0, 1.0]
+
+[[planes]]
+center = [0.076, 0.114, -0.002]
+half_u = [1.50, 0.0, 0.0]
+half_v = [0.0, 1.50, 0.0]
+albedo = [0.36, 0.25, 0.17]
+in_photo = true
+
+[sun]
+to_light = {to_light}
+irradiance = {E}
+
+[sky]
+{sky}
+"""
+PAPER = 0.85
+
+
+def random_light(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
+    """Direction to the sun, E (3), the constant sky Ls (3) that lights level paper as much, and the map or None."""
+    rng = np.random.default_rng(1000 + seed)
+    high, turn = np.radians(rng.uniform(25, 70)), rng.uniform(0, 2 * np.pi)
+    to_light = np.array([np.cos(high) * np.cos(turn), np.cos(high) * np.sin(turn), np.sin(high)])
+    share, white = rng.uniform(0.15, 0.6), 0.75
+    warm, cool = 1 + rng.uniform(0, 0.15) * np.array([1, 0, -1]), 1 + rng.uniform(0, 0.2) * np.array([-1, 0, 1])
+    E = white * (1 - share) / PAPER * np.pi / to_light[2] * warm
+    Ls = white * share / PAPER * cool
+    if seed % 2 == 0:
+        return to_light, E, Ls, None
+    rows = 16
+    v, u = np.mgrid[:rows, : 2 * rows] + 0.5
+    theta, turn = v * np.pi / rows, (u / rows - 1) * np.pi
+    d = np.stack([np.sin(theta) * np.sin(turn), np.sin(theta) * np.cos(turn), np.cos(theta)], axis=-1)
+    sky = 0.3 + 0.3 * rng.uniform() * d[..., 2:] + np.zeros(3)
+    for _ in range(3):
+        m = rng.normal(size=3)
+        m[2] = abs(m[2])
+        m /= np.linalg.norm(m)
+        sky = sky + rng.uniform(0.3, 1.2) * np.exp(rng.uniform(4, 12) * (d @ m - 1))[..., None] * rng.uniform(0.7, 1, 3)
+    up = np.maximum(d[..., 2:], 0) * np.sin(theta)[..., None]
+    mean = (sky * up).sum(axis=(0, 1)) / up.sum(axis=(0, 1))
+    return to_light, E, Ls, (sky * Ls / mean).astype(np.float32)
+
+
+def take(folder: Path, seed: int, samples: int) -> None:
+    to_light, E, Ls, around = random_light(seed)
+    sky = f"radiance = {Ls.tolist()}"
+    if around is not None:
+        files.write_image(folder / "sky.exr", Image(around, samples=0))
+        sky = 'map = "sky.exr"'
+    files.write_text(folder / "scene.toml", SCENE.format(to_light=to_light.tolist(), E=E.tolist(), sky=sky))
+    photograph_board(
+        Path(__file__).parents[2] / "scenes" / "desk" / "board.toml", folder / "photos", scene=folder, count=2,
+        size=(1008, 756), samples=samples, seed=seed + 1, mirror=MIRROR, ball=ORANGE, stand=STAND,
+    )  # fmt: skip
+
+
+MODES = {"stand": ((), True), "matt ball": (("ball",), False), "mirror ball": (("mirror",), False),
+         "all": (("mirror", "ball"), True)}  # fmt: skip
+
+
+def judge(folder: Path, seed: int) -> list[dict]:
+    """A row per mode: errors and z of the light that is found in `folder`."""
+    truth = synthetic_photos.read_truth(folder / "photos" / "truth.toml")
+    R, t = truth.photos["photo_00.jpg"]
+    files.write_camera(folder / "camera.toml", Camera(truth.image_size, truth.K, R, t, truth.dist))
+    to_light, E, Ls, around = random_light(seed)
+    white = PAPER * (E * to_light[2] / np.pi + Ls) @ REC_709
+    rng = np.random.default_rng(seed)
+    near = {
+        name: (*(np.array(b.center) + rng.normal(0, 0.1 * b.radius, 3)), b.radius * (1 + rng.normal(0, 0.01)))
+        for name, b in (("mirror", MIRROR), ("ball", ORANGE))
+    }
+    stand = tuple(np.array(STAND) + rng.normal(0, 5e-4, 3))
+    rows = []
+    for mode, (balls, with_stand) in MODES.items():
+        row = {"seed": seed, "map": around is not None, "mode": mode}
+        rows.append(row)
+        start = time.process_time()
+        try:
+            found = estimate_light(
+                files.list_photos(folder / "photos"), folder / "photos" / "board.toml", folder / "camera.toml",
+                balls=[near[b] for b in balls], stand=stand if with_stand else None,
+            )  # fmt: skip
+        except InputError as error:
+            row["failed"] = str(error)
+            continue
+        light = found.light
+        row |= {"model": found.trials[found.taken].name, "seconds": time.process_time() - start,
+                "warnings": found.warnings}  # fmt: skip
+        if light.to_light is None:
+            row["failed"] = "no sun found"
+            continue
+        angle = np.degrees(np.arccos(np.clip(light.to_light @ to_light, -1, 1)))
+        row |= {"angle": angle, "z_angle": angle / np.sqrt(2) / np.degrees(light.sigma)}
+        for name, value, sd, true in (("E", light.E, light.E_sd, E / white), ("Ls", light.Ls, light.Ls_sd, Ls / white)):
+            row |= {
+                name: float((value / true - 1) @ REC_709),
+                f"z_{name}": float((value - true) @ REC_709 / (sd @ REC_709)),
+            }
+        row["irradiance"] = irradiance_error(light, Ls / white, None if around is None else around / white)
+        row |= drawn(found, folder, to_light, E / white, Ls / white, None if around is None else around / white)
+    return rows
+
+
+def irradiance_error(light, Ls: np.ndarray, around: np.ndarray | None) -> float:
+    """Relative rms over normals that look up of the irradiance that the sky's upper half gives."""
+    k = np.arange(400)
+    z = (k + 0.5) / 400
+    n = np.stack([np.sqrt(1 - z * z) * np.cos(2.399963 * k), np.sqrt(1 - z * z) * np.sin(2.399963 * k), z], axis=1)
+
+    def of(map_: np.ndarray | None, constant: np.ndarray) -> np.ndarray:
+        fine = (
+            np.broadcast_to(constant, (64, 128, 3))
+            if map_ is None
+            else np.repeat(np.repeat(map_, 64 // len(map_), 0), 64 // len(map_), 1)
+        )
+        v, u = np.mgrid[:64, :128] + 0.5
+        theta, turn = v * np.pi / 64, (u / 64 - 1) * np.pi
+        d = np.stack([np.sin(theta) * np.sin(turn), np.sin(theta) * np.cos(turn), np.cos(theta)], axis=-1)[:32].reshape(
+            -1, 3
+        )
+        return np.maximum(n @ d.T, 0) @ (fine[:32] * np.sin(theta)[:32, :, None]).reshape(-1, 3)
+
+    true, found = of(around, Ls), of(light.around, light.Ls)
+    return float(np.sqrt(((found / true - 1) ** 2).mean()))
+
+
+def drawn(found, folder: Path, to_light: np.ndarray, E: np.ndarray, Ls: np.ndarray, around: np.ndarray | None) -> dict:
+    """Codes rms on the orange ball: drawn under the light found, and under the true one, against the photo; and the two
+    against each other."""
+    photo = found.photos[0]
+    pixels = []
+    for sun, sky, map_ in ((found.light.E, found.light.Ls, found.light.around), (E, Ls, around)):
+        direction = found.light.to_light if sun is found.light.E else to_light
+        constant = Sky(tuple(sky))
+        shown = constant if map_ is None else Environment(map_.shape[1::-1], map_.astype("<f4").tobytes())
+        scene = Scene("drawn", photo.camera, (ORANGE,), (Sun(tuple(direction), tuple(sun)), shown))
+        result = augment(photo.pixels, scene, shadows=False, exposure=photo.paper / found.paper)
+        pixels.append(result.pixels[result.coverage == 1].astype(float))
+    real = photo.pixels[result.coverage == 1]
+
+    def rms(a, b):
+        return float(np.sqrt(((a - b) ** 2).mean()))
+
+    return {"codes": rms(pixels[0], real), "codes_true": rms(pixels[1], real), "codes_between": rms(*pixels)}
+
+
+def report(rows: list[dict]) -> None:
+    for kind in (False, True):
+        print("map" if kind else "constant sky")
+        for mode in MODES:
+            mine = [r for r in rows if r["mode"] == mode and r["map"] == kind]
+            good = [r for r in mine if "angle" in r]
+            if not good:
+                continue
+
+            def of(name, good=good):
+                return np.array([r[name] for r in good])
+
+            def rms(name, of=of):
+                return float(np.sqrt((of(name) ** 2).mean()))
+
+            print(f"  {mode:<12} {len(good)} of {len(mine)}: {np.median(of('seconds')):.1f} CPU s; angle median "
+                  f"{np.median(of('angle')):.2f} rms {rms('angle'):.2f} degrees, z {rms('z_angle'):.2f}; "
+                  f"E {100 * rms('E'):.1f} % z {rms('z_E'):.2f}; Ls {100 * rms('Ls'):.1f} % z {rms('z_Ls'):.2f}; "
+                  f"irradiance {100 * rms('irradiance'):.1f} %; codes {np.median(of('codes')):.2f}, true light "
+                  f"{np.median(of('codes_true')):.2f}, between {np.median(of('codes_between')):.2f}")  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=["photos", "judge"])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--count", type=int, default=30)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--samples", type=int, default=96)
+    asked = parser.parse_args()
+    for seed in range(asked.count):
+        folder = asked.folder / f"{seed:02d}"
+        if asked.what == "photos" and not (folder / "photos" / "truth.toml").exists():
+            take(folder, seed, asked.samples)
+            print(folder, flush=True)
+    if asked.what == "judge":
+        rows = []
+        for seed in range(asked.first, asked.count):
+            if (asked.folder / f"{seed:02d}" / "photos" / "truth.toml").exists():
+                rows += judge(asked.folder / f"{seed:02d}", seed)
+                for row in rows[-len(MODES) :]:
+                    print({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}, flush=True)
+        files.write_json(asked.folder / "judged.json", rows)
+        report(rows)
+
+
+if __name__ == "__main__":
+    main()
