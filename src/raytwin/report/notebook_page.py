@@ -91,11 +91,12 @@ def _head(view: PairView) -> str:
 
 
 def _verdict(c: Comparison, about: str = "") -> str:
-    """Return the verdict with its cause in one line, and the reasons below it."""
+    """Return the verdict with its cause, or its first reason, in one line; the reasons are folded below it."""
     word = f'<b style="color:{COLOURS[c.verdict]}">{c.verdict.upper()}</b>'
-    cause = f": <b>{escape(c.cause)}</b>" if c.cause else ""
-    reasons = "".join(f"<li>{escape(reason)}</li>" for reason in c.reasons)
-    return f"<p>{word} {escape(about)}{cause}</p><ul>{reasons}</ul>"
+    first = f": <b>{escape(c.cause)}</b>" if c.cause else f": {escape(c.reasons[0])}" if c.reasons else ""
+    rest = "".join(f"<li>{escape(reason)}</li>" for reason in (c.reasons if c.cause else c.reasons[1:]))
+    folded = f"<details><summary>reasons</summary><ul>{rest}</ul></details>" if rest else ""
+    return f"<p>{word} {escape(about)}{first}</p>{folded}"
 
 
 def _numbers(c: Comparison) -> str:
