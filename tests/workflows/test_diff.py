@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from program import raytwin
+from program import raytwin, refused
 
 from raytwin import files, references
 from raytwin.compare import METRICS
@@ -277,3 +277,14 @@ def test_a_reference_that_holds_its_scene_gives_the_cause_of_a_test_as_check_doe
     assert diff_summary(found).splitlines()[0] == f"FAIL  mine.exr against shadow.exr: {found.comparison.cause}"
     files.write_exr(tmp_path / "shadow.exr", known.image)  # of no scene that it knows
     assert diff(tmp_path / "mine.exr", tmp_path / "shadow.exr").comparison.cause == ""
+
+
+def test_a_scene_that_is_named_names_the_cause_and_a_wrong_name_is_refused(tmp_path):
+    known = references.load(references.SHIPPED / "overlap" / "shadow.exr")
+    files.write_image(tmp_path / "b.exr", Image(known.image.mean))
+    files.write_image(tmp_path / "a.exr", Image(trace(known.origin(), "lambert").mean))
+    images = "diff", tmp_path / "a.exr", tmp_path / "b.exr"
+    assert "no cast shadows" not in raytwin(*images).stdout
+    assert "no cast shadows" in raytwin(*images, "--scene", "overlap").stdout.splitlines()[0]
+    refused(raytwin(*images, "--scene", "overlapp"), "did you mean overlap")
+    refused(raytwin(*images, "--scene", "overlap", "--rung", "shadows"), "rung: expected one of")

@@ -17,11 +17,12 @@ Size = tuple[int, int] | None
 """Width and height in pixels, as `--size` gives them."""
 
 
-def _known_scene(path: Path) -> Path:
+def _known_scene(path: Path | None) -> Path | None:
     """Refuse a wrong name before anything heavy is imported."""
     from raytwin.files import find_scene
 
-    find_scene(path)
+    if path is not None:
+        find_scene(path)
     return path
 
 
@@ -149,7 +150,11 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "hard_warn": _opt("Like --hardfail.", None, "--hardwarn", "--hard-warn"),
         "variance_a": _opt("Image with the variance of A's mean.", "FILE"),
         "variance_b": _opt("Image with the variance of B's mean.", "FILE"),
-        "rung": None,
+        "scene": _opt(
+            "Scene that both show, where B does not say: a failure names its cause.", "SCENE", among=_scenes,
+            callback=_known_scene, kind=Path | None,
+        ),
+        "rung": _opt("Light level that both show (shadow).", among=LEVELS, kind=str | None),
         "samples": None,
         "samples_a": _opt("A's samples per pixel, if the file does not say.", min=0),
         "samples_b": _opt("B's samples per pixel.", min=0),

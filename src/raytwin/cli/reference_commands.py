@@ -64,9 +64,8 @@ def check_command(
 ) -> None:  # fmt: skip
     """Check that references agree with their scene and with Mitsuba.
 
-
-    Renders stop as soon as the verdict is certain.
-    Exit with 1 if one fails, otherwise with 2 if one is missing or damaged.
+    Renders stop as soon as the verdict is certain. Exit with 1 if one fails, otherwise with 2 if one is missing or
+    damaged.
     """
     from raytwin.workflows import make_reference
     from raytwin.workflows.rounds import parse_budget

@@ -13,9 +13,10 @@ def shrink_command(
     scene: Path, settings: CompareSettings, time_limit: float = 300, json: Path | None = None,
     out: Path | None = None, allow: list[str] | None = None,
 ) -> None:  # fmt: skip
-    """Find the smallest scene in which a renderer still fails as it does on this one; write it for a bug report.
+    """Find the smallest scene in which a renderer still fails.
 
-    Each step keeps the reason, and the cause if one was named. Exit code 2 means that it does not fail.
+    It fails as on this scene, and is written for a bug report. Each step keeps the reason, and the cause if one was
+    named. Exit code 2 means that it does not fail.
     """
     from raytwin import files
     from raytwin.workflows.shrink import shrink
