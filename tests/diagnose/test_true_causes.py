@@ -11,8 +11,9 @@ from raytwin import files
 from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.budget import Budget
 from raytwin.diagnose.catalogue import FAULTS
+from raytwin.diagnose.certainty import is_likelier, shows
 from raytwin.diagnose.changes import at
-from raytwin.diagnose.diagnosis import _likelier, _search, _shows, diagnose, explain
+from raytwin.diagnose.diagnosis import _search, diagnose, explain
 from raytwin.diagnose.parametric_faults import FAMILIES, bright
 from raytwin.diagnose.pixel_sample import Sight, View, look
 from raytwin.diagnose.predict import RIGHT, Bench
@@ -101,9 +102,9 @@ def test_a_cause_under_noise_has_to_bring_the_noisy_pixels_nearer():
     exact, made = (Bench(scene, u, v).radiance(steps).reshape(60, 80, 3) for steps in (RIGHT, left))
     noise = np.random.default_rng(0).normal(0, 0.3, made.shape)
     sights = [look(View(scene, made + noise, exact, half=np.full(made.shape, 0.9)))]
-    assert _likelier(sights, left)
-    assert not _likelier(sights, right)
-    assert not _likelier(sights, RIGHT)
+    assert is_likelier(sights, left)
+    assert not is_likelier(sights, right)
+    assert not is_likelier(sights, RIGHT)
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
@@ -115,7 +116,7 @@ def test_a_number_whose_effect_is_below_the_tolerance_is_never_named(family):
     shown = Bench(scene, u, v).radiance(near)
     shown = np.asarray(near.output(shown, float(shown.max())))
     sights = [look(View(scene, (1.3 * shown).reshape(60, 80, 3)))]
-    assert family.name in CONSTANTS or not _shows(sights, RIGHT, near)
+    assert family.name in CONSTANTS or not shows(sights, RIGHT, near)
     shown[np.random.default_rng(1).choice(4800, 12, replace=False)] += 0.05
     said = explain(Image(shown.reshape(60, 80, 3).astype(np.float32)), trace(scene), scene)
     assert family.name in CONSTANTS or not any(words.startswith("cause (") for words in said)

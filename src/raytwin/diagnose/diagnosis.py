@@ -8,16 +8,29 @@ either hit closely or missed by any amount, so that a few odd pixels decide noth
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.budget import SECONDS, Budget
 from raytwin.diagnose.catalogue import ACNE, CHANCES, FACTS, FAULTS, HABITS, TESTS, cached
+from raytwin.diagnose.certainty import (
+    WHOLE,
+    are_alike,
+    explained_share,
+    hit_shares,
+    is_exact,
+    is_firm,
+    is_good,
+    is_likelier,
+    is_settled,
+    left_over,
+    shows,
+)
 from raytwin.diagnose.changes import LIGHT, NORMALS, OUTPUT, SAMPLING, SHADOW, STAGES, Fault
 from raytwin.diagnose.conditional_faults import clued
 from raytwin.diagnose.distances import depth_cause
+from raytwin.diagnose.explanation import Cause, Diagnosis, Sureness
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
@@ -26,7 +39,6 @@ from raytwin.diagnose.pixel_sample import MET, Sampled, Sight, View, many
 from raytwin.diagnose.predict import RIGHT, Array, Change, Steps
 from raytwin.diagnose.prediction_cache import costs
 from raytwin.diagnose.slip_search import likely_slips
-from raytwin.diagnose.tolerance_mask import doubtful
 from raytwin.files import Rounding
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
@@ -36,8 +48,6 @@ EXPLAINED = 0.9
 """Share of the squared error below which no cause is named."""
 MATCHED = 0.5
 """Share of the wrong pixels below which no cause is named: its values have to be hit, not only come near."""
-SURE, WHOLE = 0.995, 0.999
-"""Shares of the squared error: of what leaves nothing, and of what does for proof in one scene alone."""
 FEW = 6
 """Wrong pixels below which nothing is named: rounding on outlines."""
 ALTERNATIVES = 3
@@ -64,24 +74,12 @@ SOME = 3
 """Views, the most wrong ones, on which it is seen which numbers are worth fitting."""
 SPECKLED = 0.2
 """Share of right neighbours from which on wrong pixels are speckles."""
-ENOUGH = 20
-"""Pixels that stay wrong for which a second fault is looked for, all of which it has to explain."""
 MOST = 25_000
 """Pixels of a picture that are looked at in the end."""
-DOUBTED = 0.1
-"""Share of the pixels: if more stay wrong, differences between right tracers do not explain it."""
 HOPELESS = 0.97
 """Share of the cost: a fault that leaves more is not tried together with a second one."""
 FITS = 5
 """Families whose numbers are fitted to the end, of those whose first step explains most."""
-ROUNDED = 3e-5
-"""Share of the scale that single precision may round off."""
-LOOSE = 0.01
-"""Share of the pixels that may be off by more."""
-SIGNIFICANT = 4.0
-"""Standard errors by which a cause has to bring noisy pixels nearer."""
-FAR = 25.0
-"""Squared standard deviations: a noisy pixel that is farther off counts as this far."""
 OF_VALUES = (NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
 """Stages that leave alone what rays meet: quickly tried, and tried first."""
 NOTHING = 1e-4
@@ -92,70 +90,6 @@ BEAM = 3
 """Single faults that a second one is added to."""
 REACHED = 0.5
 """Share of the pixels that one fault leaves wrong: a second one that changes fewer of them is not tried with it."""
-
-Sureness = Literal["sure", "likely", "unknown"]
-
-
-@dataclass(frozen=True)
-class Cause:
-    """A fault of the catalogue or of a family: `name`, `stage`, and `sentence`, what a student is told.
-
-    `numbers`: how many were fitted. Of two causes that explain as well, the one with fewer stands.
-    """
-
-    name: str
-    stage: str
-    sentence: str
-    numbers: int = 0
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """`causes`: all that is wrong, together; each with those that explain it as well (`alternatives`, same order).
-
-    `explained`: share of the squared error. `held_out`: the same of the worst scene, its own numbers fitted on the
-    others. `where`: where the pictures are wrong. `nearest`: the best cause where none suffices; `light`: factors of
-    the parts of light (sun, shadow, sky), where they explain one of the pictures. `untried`: what the search left out
-    for want of time.
-    """
-
-    right: bool
-    causes: tuple[Cause, ...] = ()
-    alternatives: tuple[tuple[Cause, ...], ...] = ()
-    explained: float = 0.0
-    held_out: float | None = None
-    sureness: Sureness = "unknown"
-    where: str = ""
-    nearest: Cause | None = None
-    light: str = ""
-    untried: str = ""
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """Sentences for a report: each cause with its alternatives, then what they explain; or where it is wrong."""
-        if self.right:
-            return ()
-        stopped = (self.untried,) if self.untried else ()
-        if not self.causes:
-            near = ""
-            if self.nearest is not None and self.explained >= 0.5:
-                near = (
-                    f"; nearest, explaining {100 * self.explained:.0f} % of the squared error: {self.nearest.sentence}"
-                )
-            light = f"; as if {self.light}" if self.light else ""
-            return (f"cause unknown: {self.where}{light}{near}", *stopped)
-        said = []
-        for cause, others in zip(self.causes, self.alternatives, strict=True):
-            said.append(f"cause ({self.sureness}): {cause.sentence}")
-            said += [f"or, with the same effect here: {other.sentence}" for other in others]
-        share = f"this explains {_percent(self.explained)} of the squared error"
-        if self.held_out is not None:
-            share += f", of the scene that it explains least {_percent(self.held_out)}"
-        return (*said, f"{share}{'; ' if self.where else ''}{self.where}", *stopped)
-
-
-def _percent(x: float) -> str:
-    return f"{100 * min(x, 0.9999 if x < 1 - 1e-9 else 1):.4g} %"
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,25 +158,25 @@ def _search(
     thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
     base = Guess((), RIGHT, total(sights, RIGHT))
     found = _round(base, sights, small, faults, families if thorough else (), budget)
-    if thorough and every and not (found and _good(sights, found[0].steps)) and (clues := clued(sights, budget)):
+    if thorough and every and not (found and is_good(sights, found[0].steps)) and (clues := clued(sights, budget)):
         found = sorted([*_round(base, sights, small, clues, (), budget), *found], key=lambda g: g.cost)
-    if thorough and every and not (found and _good(sights, found[0].steps)):
+    if thorough and every and not (found and is_good(sights, found[0].steps)):
         found = sorted([*_slips(base, sights, small, budget), *found], key=lambda g: g.cost)
-    if not (found and _good(sights, found[0].steps)):
-        hit = _hits(sights, found[0].steps)[0] if found else 0.0
-        if _firm(sights) and (chance := _by_chance(sights, where, hit, budget)) is not None:
+    if not (found and is_good(sights, found[0].steps)):
+        hit = hit_shares(sights, found[0].steps)[0] if found else 0.0
+        if is_firm(sights) and (chance := _by_chance(sights, where, hit, budget)) is not None:
             return chance
     for _ in range(most - 1):
-        if not thorough or not found or _settled(sights, found[0].steps) or budget.over:
+        if not thorough or not found or is_settled(sights, found[0].steps) or budget.over:
             break
         for k, one in enumerate([g for g in found[:BEAM] if g.cost < HOPELESS * base.cost]):
             found += _round(one, sights, small, faults, () if k else families, budget)
         found.sort(key=lambda g: g.cost + len(g.causes) * _price(base))
         more = min(found, key=lambda g: g.cost)
-        if len(more.causes) > len(found[0].causes) and not _left(sights, more.steps)[0]:
+        if len(more.causes) > len(found[0].causes) and not left_over(sights, more.steps)[0]:
             found = [more, *(g for g in found if g is not more)]
     made = _told(found, sights, base, where, budget)
-    if not made.causes and thorough and _firm(sights) and (beside := between(sights, budget)) is not None:
+    if not made.causes and thorough and is_firm(sights) and (beside := between(sights, budget)) is not None:
         fault, share = beside
         return Diagnosis(False, (Cause(fault.name, fault.stage, fault.sentence),), ((),), share, None, "likely", where)
     return made
@@ -347,7 +281,7 @@ def _round(
             tried += _screened([w for w in ways if w.causes[-1].stage not in OF_VALUES], order, before, budget)
     exact = _with_habits(tried, before, sights, order, budget)
     exact = _ranked(exact, faults, EVEN * before.cost)
-    if not families or (exact and exact[0].cost < CLEAR * before.cost and _good(sights, exact[0].steps)):
+    if not families or (exact and exact[0].cost < CLEAR * before.cost and is_good(sights, exact[0].steps)):
         return exact
     fitted = []
     begun = _begun(families, order[:SOME], before, budget)
@@ -359,7 +293,7 @@ def _round(
         if cost > 0.9 * before.cost:
             continue
         p, cost = fit(_from(family, p), sights, before.steps, lambda: budget.over)
-        if not family.possible(p) or not _shows(sights, before.steps, family.make(p)(before.steps)):
+        if not family.possible(p) or not shows(sights, before.steps, family.make(p)(before.steps)):
             continue
         scenes = [s.view.scene for s in sights if s.view.scene]
         cause = Cause(family.name, family.stage, family.sentence(p, scenes), len(p))
@@ -419,9 +353,10 @@ def _slips(before: Guess, sights: list[Sight], small: list[Sight], budget: Budge
         return []
     place = {g.causes[-1].name: k for k, g in enumerate(guesses)}
     tried = _screened(guesses, order, before, budget)
-    found = [g for g in (_weighed(g, sights) for g in tried[:FINALISTS]) if _good(sights, g.steps)]
+    found = [g for g in (_weighed(g, sights) for g in tried[:FINALISTS]) if is_good(sights, g.steps)]
     if not found:
-        found = [g for g in _with_habits(tried, before, sights, order, budget) if _good(sights, g.steps)]
+        found = [g for g in _with_habits(tried, before, sights, order, budget) if is_good(sights, g.steps)]
+    budget.slips_left = 0 if found else budget.slips_left
     return sorted(found, key=lambda g: (round(g.cost / (EVEN * before.cost)), place[g.causes[-1].name]))[:1]
 
 
@@ -475,7 +410,7 @@ def _screened(
             errors = sight.errors(guess.steps)
             costs.append(sight.cost(errors))
             if guess.way is not None and len(guess.causes) == 1 and sight is order[0]:
-                sight.changed[guess.way] = errors != unchanged
+                sight.changed[guess.way] = np.abs(errors - unchanged) > 0.1 * sight.tau
         budget.cut([guess.causes[-1].name for guess in guesses], len(costs))
         if len(costs) < len(guesses) and views:
             break  # what is left was tried on some views
@@ -510,71 +445,26 @@ def _refit(family: Family, p: tuple[float, ...], sights: Sequence[Sight], base: 
     return family.make(fit(_from(family, p), sights, base)[0])(base)
 
 
-def _shows(sights: Sequence[Sight], before: Steps, after: Steps) -> bool:
-    """Whether the change exceeds the tolerance anywhere."""
-    with np.errstate(invalid="ignore"):
-        return any((~(np.abs(s.predict(after) - s.predict(before)) <= s.tau)).any() for s in sights)
-
-
 def _weighed(guess: Guess, sights: Sequence[Sight]) -> Guess:
     return replace(guess, cost=total(sights, guess.steps))
-
-
-def _explained(sights: Sequence[Sight], steps: Steps) -> tuple[float, Array]:
-    """The share of the squared error that is explained, of all and of each view (NaN where that was right before)."""
-    before = np.array([s.squared(s.predict(RIGHT)) for s in sights])
-    after = np.array([s.squared(s.predict(steps)) for s in sights])
-    whole = 1 - after.sum() / before.sum() if before.sum() > 0 else 0.0
-    some = before > 1e-6 * before.sum()
-    with np.errstate(all="ignore"):
-        each = np.where(some, 1 - after / before, np.where(after > 1e-6 * before.sum(), 0.0, np.nan))
-    return float(whole), each
-
-
-def _good(sights: Sequence[Sight], steps: Steps) -> bool:
-    """Nothing is left to be explained."""
-    hit, kept = _hits(sights, steps)
-    return kept > 0.99 and hit > 0.95 and (hit > 0.98 or _explained(sights, steps)[0] > SURE)
-
-
-def _settled(sights: Sequence[Sight], steps: Steps) -> bool:
-    """The same, and hardly a pixel is wrong beyond doubt: no second fault is looked for."""
-    return _good(sights, steps) and _left(sights, steps)[0] < ENOUGH
-
-
-def _hits(sights: Sequence[Sight], steps: Steps) -> tuple[float, float]:
-    """Return the share of wrong pixels that is predicted closely, and the share of right ones that stays right.
-
-    A wrong pixel is hit where at most half of its error is left: it may be wrong by hardly more.
-    """
-    hit = []
-    for s in sights:
-        e = s.errors(steps)
-        hit.append(((e <= 4 * s.tau) & (~s.wrong | (e <= s.errors(RIGHT) / 2)), s))
-    shares = []
-    for wrong in (True, False):
-        weights = np.concatenate([s.weight * (s.wrong == wrong) for _, s in hit])
-        good = np.concatenate([h for h, _ in hit])
-        shares.append(float((weights * good).sum() / weights.sum()) if weights.sum() > 0 else 1.0)
-    return shares[0], shares[1]
 
 
 def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str, budget: Budget) -> Diagnosis:
     if not found:
         return Diagnosis(right=False, where=where)
     best = _rather_than_a_fact(found, sights)
-    share, each = _explained(sights, best.steps)
-    hit, kept = _hits(sights, best.steps)
+    share, each = explained_share(sights, best.steps)
+    hit, kept = hit_shares(sights, best.steps)
     loose = hit < MATCHED and not any(s.deep for s in sights)
     if (share < EXPLAINED or best.cost > 0.6 * base.cost or loose) and not (hit > EXPLAINED and kept > 0.99):
         single = min((g for g in found if len(g.causes) == 1), key=lambda g: g.cost)
-        share = _explained(sights, single.steps)[0]
+        share = explained_share(sights, single.steps)[0]
         lit = [(s, s.view.scene) for s in sights if s.view.scene and s.view.scene.objects and not s.view.points]
         told = [f"{scene.name}: {words}" for s, scene in lit if not budget.spent and (words := split(s).words)]
         return Diagnosis(
             right=False, explained=max(share, 0.0), where=where, nearest=single.causes[0], light="; ".join(told)
         )
-    if not _likelier(sights, best.steps):
+    if not is_likelier(sights, best.steps):
         return Diagnosis(right=False, where=where)
     held = _held_out(best, sights, each)
     others = _as_good(best, found, sights, budget)
@@ -582,9 +472,9 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str, budg
     shown = share > WHOLE or (share > EXPLAINED and sum(bool(s.wrong.any()) for s in sights) > 1)
     agreed = held is None or held > EXPLAINED
     unchecked = budget.spent
-    count, left = (0, "") if unchecked else _left([s.everywhere(_most(s)) for s in sights], best.steps)
-    whole = count < FEW and not unchecked and _good(sights, best.steps)
-    whole = whole and (best.refit is None or _exact(sights, best.steps))
+    count, left = (0, "") if unchecked else left_over([s.everywhere(_most(s)) for s in sights], best.steps)
+    whole = count < FEW and not unchecked and is_good(sights, best.steps)
+    whole = whole and (best.refit is None or is_exact(sights, best.steps))
     written = not any(cause.name.startswith("slip-in-") for cause in best.causes)
     sureness: Sureness = "sure" if alone and shown and agreed and whole and written else "likely"
     order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
@@ -602,63 +492,15 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str, budg
 def _rather_than_a_fact(found: list[Guess], sights: list[Sight]) -> Guess:
     """The best guess; not one that says only what is seen where another one leaves nothing, and that does."""
     best = found[0]
-    if FACTS & {cause.name for cause in best.causes} and not _exact(sights, best.steps):
-        return next((g for g in found[1:] if _exact(sights, g.steps)), best)
+    if FACTS & {cause.name for cause in best.causes} and not is_exact(sights, best.steps):
+        return next((g for g in found[1:] if is_exact(sights, g.steps)), best)
     return best
-
-
-def _likelier(sights: Sequence[Sight], steps: Steps) -> bool:
-    """Whether the cause brings pixels that have noise nearer, by more than the best of many causes does by chance.
-
-    Within the noise it may move them any way. Where pixels without noise are wrong, they speak for themselves.
-    """
-    gains = []
-    for s in sights:
-        sigma = np.where(s.slack > 0, s.slack / 3, np.inf)
-        with np.errstate(invalid="ignore", over="ignore"):
-            before, after = (
-                np.minimum(np.square((s.shown - made) / sigma), FAR) for made in (s.predict(RIGHT), s.predict(steps))
-            )
-        gains.append(s.weight * np.nan_to_num(before - after).sum(axis=-1))
-    gain = np.concatenate(gains)
-    if _firm(sights) or not any(np.any(s.slack > 0) for s in sights):
-        return bool(gain.sum() >= 0)
-    return bool(gain.sum() > SIGNIFICANT * np.sqrt(np.square(gain).sum()))
-
-
-def _firm(sights: Sequence[Sight]) -> bool:
-    """Whether most of the wrong pixels are wrong beyond all noise."""
-    wrong, firm = 0.0, 0.0
-    for s in sights:
-        off = np.abs(s.shown - s.predict(RIGHT)) - 2 * s.slack > s.tau
-        wrong += float((s.weight * s.wrong).sum())
-        firm += float((s.weight * (s.wrong & off.any(axis=-1))).sum())
-    return firm > wrong / 2
 
 
 def _most(sight: Sight) -> int:
     """Pixels that are looked at in the end: fewer where a scene has many objects."""
     objects = len(sight.view.scene.objects) if sight.view.scene else 0
     return min(MOST, max(MET // max(objects, 1), 1))
-
-
-def _exact(sights: Sequence[Sight], steps: Steps) -> bool:
-    """Whether nearly every pixel is hit to rounding: a fitted number that only comes near is no proof of its cause."""
-    off = [float((s.weight * (s.errors(steps) > ROUNDED * s.scale)).sum()) for s in sights]
-    return max(off) < LOOSE
-
-
-def _left(sights: Sequence[Sight], steps: Steps) -> tuple[int, str]:
-    """Pixels that stay wrong though no tracer with these steps shows them so: how many, and where."""
-    errors, count = [], 0
-    for s in sights:
-        e = s.errors(steps)
-        off = (e > 4 * s.tau) & (not s.deep)
-        if off.any() and off.sum() <= DOUBTED * off.size:
-            off[off] = ~doubtful(s.only(off).predict, s.scale, steps)
-        errors.append(np.where(off, e, 0.0))
-        count += int(off.sum())
-    return count, whereabouts(sights, errors).split("; ")[0] if count else ""
 
 
 def _by_chance(sights: Sequence[Sight], where: str, least: float, budget: Budget) -> Diagnosis | None:
@@ -694,7 +536,7 @@ def _held_out(best: Guess, sights: list[Sight], each: Array) -> float | None:
         return None
     if best.refit is not None:
         each = np.array([
-            _explained([s], best.refit([x for x in sights if x is not s]))[0] if np.isfinite(each[k]) else np.nan
+            explained_share([s], best.refit([x for x in sights if x is not s]))[0] if np.isfinite(each[k]) else np.nan
             for k, s in enumerate(sights)
         ])  # fmt: skip
     finite = each[np.isfinite(each)]
@@ -718,16 +560,7 @@ def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight], budget: B
         if len(new) != 1 or len(gone) != 1 or new[0].numbers != best.causes[gone[0]].numbers:
             continue
         if guess.cost < 1.25 * best.cost or all(
-            _same(s, a, s.predict(guess.steps)) for s, a in zip(sights, own, strict=True)
+            are_alike(s, a, s.predict(guess.steps)) for s, a in zip(sights, own, strict=True)
         ):
             others[gone[0]].setdefault(new[0].name, new[0])
     return [tuple(list(found.values())[:ALTERNATIVES]) for found in others]
-
-
-def _same(sight: Sight, a: Array, b: Array) -> bool:
-    """Two predictions that these pixels do not tell apart."""
-    with np.errstate(invalid="ignore"):
-        apart = np.abs(a - b) - sight.slack
-    if sight.view.points:
-        apart = np.where(np.isnan(a) & np.isnan(b), 0.0, apart)
-    return float((sight.weight * ~(apart.max(axis=-1) <= 4 * sight.tau)).sum()) < 1e-3

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from raytwin.diagnose.predict import (
+    RIGHT,
     Array,
     Bench,
     Change,
@@ -222,7 +223,7 @@ def _radiance(steps: Steps, f: Function) -> Steps:
             return steps.shade(steps.prepare(given)).T
 
         f.__globals__.update(normals_at=normals_at, sun_visible=sun_visible)
-        if steps.shade is not lambert:
+        if steps.shade is not lambert or steps.prepare is not RIGHT.prepare:
             f.__globals__["shade"] = shade
         sun, sky = bench.scene.sun, bench.scene.sky
         scene = {

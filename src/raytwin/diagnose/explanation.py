@@ -1,0 +1,68 @@
+"""What is said of wrong pictures: the causes that are named, how sure they are, and the sentences of a report."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Sureness = Literal["sure", "likely", "unknown"]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A fault of the catalogue or of a family: `name`, `stage`, and `sentence`, what a student is told.
+
+    `numbers`: how many were fitted. Of two causes that explain as well, the one with fewer stands.
+    """
+
+    name: str
+    stage: str
+    sentence: str
+    numbers: int = 0
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """`causes`: all that is wrong, together; each with those that explain it as well (`alternatives`, same order).
+
+    `explained`: share of the squared error. `held_out`: the same of the worst scene, its own numbers fitted on the
+    others. `where`: where the pictures are wrong. `nearest`: the best cause where none suffices; `light`: factors of
+    the parts of light (sun, shadow, sky), where they explain one of the pictures. `untried`: what the search left out
+    for want of time.
+    """
+
+    right: bool
+    causes: tuple[Cause, ...] = ()
+    alternatives: tuple[tuple[Cause, ...], ...] = ()
+    explained: float = 0.0
+    held_out: float | None = None
+    sureness: Sureness = "unknown"
+    where: str = ""
+    nearest: Cause | None = None
+    light: str = ""
+    untried: str = ""
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Sentences for a report: each cause with its alternatives, then what they explain; or where it is wrong."""
+        if self.right:
+            return ()
+        stopped = (self.untried,) if self.untried else ()
+        if not self.causes:
+            near = ""
+            if self.nearest is not None and self.explained >= 0.5:
+                near = (
+                    f"; nearest, explaining {100 * self.explained:.0f} % of the squared error: {self.nearest.sentence}"
+                )
+            light = f"; as if {self.light}" if self.light else ""
+            return (f"cause unknown: {self.where}{light}{near}", *stopped)
+        said = []
+        for cause, others in zip(self.causes, self.alternatives, strict=True):
+            said.append(f"cause ({self.sureness}): {cause.sentence}")
+            said += [f"or, with the same effect here: {other.sentence}" for other in others]
+        share = f"this explains {_percent(self.explained)} of the squared error"
+        if self.held_out is not None:
+            share += f", of the scene that it explains least {_percent(self.held_out)}"
+        return (*said, f"{share}{'; ' if self.where else ''}{self.where}", *stopped)
+
+
+def _percent(x: float) -> str:
+    return f"{100 * min(x, 0.9999 if x < 1 - 1e-9 else 1):.4g} %"
