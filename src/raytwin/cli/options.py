@@ -19,7 +19,7 @@ Size = tuple[int, int] | None
 
 def _known_scene(path: Path | None) -> Path | None:
     """Refuse a wrong name before anything heavy is imported."""
-    from raytwin.files import find_scene
+    from raytwin.scene_folders import find_scene
 
     if path is not None:
         find_scene(path)
@@ -28,9 +28,9 @@ def _known_scene(path: Path | None) -> Path | None:
 
 def _allow(names: list[str] | None) -> list[str] | None:
     """Put the names where every reader of a Mitsuba file sees them, and every process that is started."""
-    from raytwin.files import ALLOW, allowed
-
     if names:
+        from raytwin.files import ALLOW, allowed
+
         os.environ[ALLOW] = os.pathsep.join((*allowed(), *names))
     return names
 
@@ -49,7 +49,7 @@ def _size(text: str | None) -> Size:
 
 
 def _scenes() -> Iterable[str]:
-    from raytwin.files import scene_folders
+    from raytwin.scene_folders import scene_folders
 
     return scene_folders()
 

@@ -41,7 +41,8 @@ from raytwin.files.scene_files import (
     write_camera,
     write_scene,
 )
-from raytwin.files.shipped import (
+from raytwin.files.toml_json import json_text, plain, read_toml, to_record, write_json, write_toml
+from raytwin.scene_folders import (
     REFERENCES,
     SCENES,
     all_scenes,
@@ -51,7 +52,6 @@ from raytwin.files.shipped import (
     scene_sentence,
     scenes,
 )
-from raytwin.files.toml_json import json_text, plain, read_toml, to_record, write_json, write_toml
 
 __all__ = [
     "ALLOW",

@@ -16,8 +16,8 @@ import msgspec
 from raytwin.errors import InputError
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.safe_write import check_file, replacing, write_text
-from raytwin.files.shipped import find_scene
 from raytwin.scene.mitsuba_scene import MitsubaScene
+from raytwin.scene_folders import find_scene
 
 ALLOW = "RAYTWIN_ALLOW"
 """The environment variable that names files, folders and plugins that a Mitsuba scene may use although they are not its

@@ -16,7 +16,6 @@ from raytwin.files.images import read_image
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.look_at import camera_table
 from raytwin.files.safe_write import replacing, write_text
-from raytwin.files.shipped import find_scene
 from raytwin.files.toml_json import plain, read_toml, to_record, write_toml
 from raytwin.scene import (
     Camera,
@@ -30,6 +29,7 @@ from raytwin.scene import (
     material_of,
 )
 from raytwin.scene.object_names import called, numbered
+from raytwin.scene_folders import find_scene
 
 MOST_COLUMNS = 4096
 """Columns of an environment map: 100 MB of floats. Light from the sky is smooth, so a smaller map serves as well."""

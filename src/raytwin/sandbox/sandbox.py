@@ -29,13 +29,13 @@ import msgspec
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.files.shipped import REFERENCES
 from raytwin.image_input import ENDINGS
 from raytwin.sandbox import wire
 from raytwin.sandbox.importable import importable
 from raytwin.sandbox.lock import HELD, LOCKS
 from raytwin.sandbox.process_group import Usage, awake, nameless_bytes, processes_of_user, usage
 from raytwin.sandbox.work_folder import MEGA, copy_files, excess, remove
+from raytwin.scene_folders import REFERENCES
 
 POLL = 0.1
 """Seconds between two looks at the clock, the processes, their memory and their folder."""

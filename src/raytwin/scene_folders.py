@@ -1,4 +1,7 @@
-"""Where scenes and references lie: one's own first, then those that come with raytwin."""
+"""Where scenes and references lie: one's own first, then those that come with raytwin.
+
+The command line asks this before all else, and a shell at every completion: it imports nothing heavy.
+"""
 
 import difflib
 import os
@@ -10,7 +13,7 @@ from raytwin.errors import InputError
 
 def _home() -> Path:
     """What holds `scenes` and `reference`: a folder of the installed package, or the checkout that this file is in."""
-    package = Path(__file__).resolve().parents[1]
+    package = Path(__file__).resolve().parent
     return package / "shipped" if (package / "shipped").is_dir() else package.parents[1]
 
 
