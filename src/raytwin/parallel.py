@@ -6,11 +6,16 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from pathlib import Path
+from typing import Any, Generic, NamedTuple, TypeVar
 
+import msgspec
+
+from raytwin import files
 from raytwin.errors import InputError, MachineError
 
 T = TypeVar("T")
+R = TypeVar("R")
 
 TRIES = 3
 """A thing whose process is killed so often is given up."""
@@ -66,6 +71,77 @@ def map_parallel(function: Callable[[T], Any], things: Sequence[T], workers: Wor
         yield from (_here(function, thing) for thing in chosen)
     else:
         yield from _in_processes(function, chosen, workers.jobs)
+
+
+@dataclass(frozen=True)
+class Stored(Generic[R]):
+    """Results as `folder`/KEY.json, written atomically, so that a run that was interrupted goes on."""
+
+    folder: Path
+    kind: type[R]
+
+    def read(self, key: str) -> R | None:
+        """The result, whoever made it; None where there is none that can be read."""
+        try:
+            return msgspec.json.decode((self.folder / f"{key}.json").read_bytes(), type=self.kind)
+        except (OSError, msgspec.DecodeError):
+            return None
+
+    def write(self, key: str, made: bytes) -> None:
+        with files.replacing(self.folder / f"{key}.json") as temporary:
+            temporary.write_bytes(made)
+
+    def collect(self, jobs: Sequence[Any]) -> list[R]:
+        """The results of these jobs that are there."""
+        return [found for job in jobs if (found := self.read(job.key)) is not None]
+
+    def run(
+        self,
+        function: Callable[[Any], R],
+        jobs: Sequence[Any],
+        workers: Workers,
+        *,
+        failed: Callable[[Any, Exception], R],
+        redo: Callable[[R], bool] = lambda result: False,
+        again: bool = False,
+        each: Callable[[R], None] | None = None,
+        progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
+        stage: str = "jobs",
+    ) -> list[R]:
+        """Return the results of the share, in the jobs' order: those that are there, unless `again` or to `redo`.
+
+        `failed` is what becomes of an error; `each` is called with every new result as it comes. Workers write what
+        they make, but for a cluster's, whose disk may be another one: the caller does.
+        """
+        mine = workers.share(jobs)
+        found = {} if again else {job.key: self.read(job.key) for job in mine}
+        done = {key: result for key, result in found.items() if result is not None and not redo(result)}
+        todo = [job for job in mine if job.key not in done]
+        progress(stage, len(done), len(mine))
+        here = Workers(workers.jobs, workers.dask)  # the share is taken
+        for one in map_parallel(_Storing(function, None if workers.dask else self), todo, here):
+            result = one.result if one.error is None else failed(one.thing, one.error)
+            if workers.dask or one.error is not None:
+                self.write(one.thing.key, msgspec.json.encode(result))
+            done[one.thing.key] = result
+            if each is not None:
+                each(result)
+            progress(stage, len(done), len(mine))
+        return [done[job.key] for job in mine]
+
+
+@dataclass(frozen=True)
+class _Storing:
+    """What a worker does: `function`, and then store what it gave."""
+
+    function: Callable[[Any], Any]
+    store: Stored[Any] | None
+
+    def __call__(self, job: Any) -> Any:
+        result = self.function(job)
+        if self.store is not None:
+            self.store.write(job.key, msgspec.json.encode(result))
+        return result
 
 
 def _here(function: Callable[[T], Any], thing: T) -> Done:

@@ -16,7 +16,7 @@ import submitted_tracers as tracers
 from measure import record
 from tracers_by_students import CORRECT, MISTAKES, mistaken
 
-from raytwin.grade.class_run import Job, collect, jobs_of, work
+from raytwin.grade.class_run import Job, collect, jobs_of, run
 from raytwin.parallel import Workers, map_parallel
 from raytwin.sandbox.sandbox import Code, Sandbox
 
@@ -70,7 +70,7 @@ def cpu() -> tuple[float, float]:
 
 def measured(job: Job, out: str) -> tuple[float, float]:
     before = cpu()
-    work(job, out)
+    run([job], Path(out), Workers())
     return tuple(b - a for a, b in zip(before, cpu(), strict=True))  # type: ignore[return-value]
 
 

@@ -26,6 +26,7 @@ from raytwin.cli import (
     grade_commands,
     ladder_command,
     light_command,
+    matrix_command,
     needs_command,
     photo_commands,
     reference_commands,
@@ -45,6 +46,7 @@ COMMANDS: dict[str, tuple[str, Any]] = {
     "diff": (COMPARE, compare_commands.diff_command),
     "ladder": (COMPARE, ladder_command.ladder_command),
     "needs": (COMPARE, needs_command.needs_command),
+    "matrix": (COMPARE, matrix_command.matrix_command),
     "shrink": (COMPARE, shrink_command.shrink_command),
     "explore": (COMPARE, explore_command.explore_command),
     "calibrate": (PHOTOS, photo_commands.calibrate_command),
@@ -122,7 +124,8 @@ NEEDS = {
     "augment": ("photos",), "bench": ("twin", "llvm"), "board": ("photos",), "calibrate": ("photos",),
     "compare": ("twin", "llvm"), "explore": ("live", "twin", "llvm"), "ladder": ("twin", "llvm"), "light": ("photos",),
     "needs": ("twin", "llvm"), "photograph": ("photos", "twin", "llvm"), "reference": ("twin", "llvm"),
-    "shrink": ("twin", "llvm"),    "stability": ("photos", "twin", "llvm"),
+    "matrix": ("twin", "llvm"), "shrink": ("twin", "llvm"),
+    "stability": ("photos", "twin", "llvm"),
 }  # fmt: skip
 """The extras that a command needs whatever it is given: named all at once where one of them is missing."""
 

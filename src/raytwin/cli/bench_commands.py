@@ -12,7 +12,8 @@ from raytwin.cli.option_values import check_outputs, parse_counts, parse_numbers
 from raytwin.cli.options import register
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say, say_wrapped
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
+from raytwin.rungs import RUNGS
 
 if TYPE_CHECKING:
     from raytwin.bench.calibration_cost import Shoot, Taken
@@ -40,7 +41,8 @@ app = typer.Typer(
 
 
 def scene_command(
-    scene: Path, methods: str = "*", sizes: str = "0.2", spheres: str = "", crowd: int | None = None,
+    scene: Path, methods: str = "*", subject: list[str] | None = None, rung: str = "shadow",
+    sizes: str = "0.2", spheres: str = "", crowd: int | None = None,
     budget: float = 300, repeats: int = 15, truth_samples: int = 4096, flip: bool = False, json: Path | None = None,
     out: Path | None = None, save: Path | None = None, against: Path | None = None,
 ) -> None:  # fmt: skip
@@ -53,14 +55,16 @@ def scene_command(
     from raytwin import report
     from raytwin.bench import against as compared
     from raytwin.bench import bench, read_bench, write_bench
+    from raytwin.contract.subject import find_subject
 
+    check_one_of("--rung", rung, RUNGS)
     check_outputs(folders=(out or Path("out"),), files=(json, save))
     megapixels, counts = parse_numbers(sizes, "--sizes"), parse_counts(spheres, "--spheres")
     earlier = read_bench(against) if against else None
     with show_progress() as progress:
         found = bench(
             scene,
-            methods=split(methods),
+            methods=[*split(methods), *(find_subject(what, rung) for what in subject or ())],
             sizes=megapixels,
             spheres=counts,
             crowd=crowd,

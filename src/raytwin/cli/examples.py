@@ -5,6 +5,7 @@ EXAMPLES = {
     "diff": "raytwin diff mine.exr reference.exr -o out/diff",
     "ladder": "raytwin ladder overlap --size 320x240",
     "needs": "raytwin needs overlap --tolerance 0.01",
+    "matrix": "raytwin matrix overlap wedge --subject mine.py:render --subject numpy64-shadow-conic --jobs 2",
     "shrink": "raytwin shrink overlap --subject mine.py:render",
     "explore": "raytwin explore overlap",
     "walk": "raytwin walk --notebook",

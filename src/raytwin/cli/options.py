@@ -171,6 +171,18 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "metric": _opt(f"{', '.join(METRICS[:-1])} or {METRICS[-1]}.", among=METRICS),
         "out": _opt("Write a page with each light level as a picture.", "DIR", *OUT),
     },
+    "matrix": {
+        "scenes": _arg("Scenes: folders, names, Mitsuba files (XML).", among=_scenes),
+        "subjects": _opt("Renderer, as of compare, or NAME=RENDERER; repeatable.", "WHAT", "--subject"),
+        "subject": None,
+        "listed": _opt("TOML file with scenes, subjects and settings.", "FILE", "--from"),
+        "references": _opt("Compare with stored references in the twin's place.", "DIR"),
+        "history": _opt("Add a line per comparison to this file, and show which hover or drift.", "FILE"),
+        "again": _opt("Compare again what is done.", None, "--again"),
+        "out": _opt("Folder for page and results.", "DIR", *OUT),
+        **dict.fromkeys(("tracer_rung", "engine", "solver", "sampling", "photo", "cache", "flip", "budget",
+                         "detectable_bias", "detectable_tile_bias", "light")),
+    },
     "shrink": {
         "scene": _arg(ANY_SCENE, among=_scenes, callback=_known_scene),
         "subject": _opt("Renderer that fails: a method, FILE.py:FUNCTION, or a command with {scene} and {out}.", "WHAT",
@@ -178,7 +190,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "time_limit": _opt("Try no further step after this time.", "SECONDS"),
         "out": _opt("Folder for the small scene (out/shrink-SCENE).", "DIR", *OUT),
         **dict.fromkeys(("tracer_rung", "engine", "solver", "sampling", "photo", "cache", "flip", "budget",
-                         "detectable_bias", "detectable_tile_bias")),
+                         "detectable_bias", "detectable_tile_bias", "light")),
     },
     "explore": {
         "subject": _opt("Renderer to show; see `raytwin compare --subject`.", "WHAT"),
@@ -308,6 +320,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "grade.gradescope-zip": {"rubric": _arg("The rubric, TOML."), "out": _opt("Zip to write.", "FILE", *OUT)},
     "bench": {
         "methods": _opt("Patterns of method names; see `raytwin bench list`.", "GLOB,...", "--methods"),
+        "subject": _opt("Renderer of your own to measure beside them, as of compare; repeatable.", "WHAT", "--subject"),
+        "rung": _opt("Light level of --subject.", among=LEVELS),
         "sizes": _opt("Picture sizes in megapixels.", "MP,..."),
         "spheres": _opt("Also time pictures of N small spheres, at the first size.", "N,..."),
         "crowd": _opt("Replace the scene's objects by N small spheres.", "N"),

@@ -8,12 +8,8 @@ another its result: whatever fails, in the grader or its machine, becomes a resu
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 
-import msgspec
-
-from raytwin import files
 from raytwin.errors import InputError
 from raytwin.grade.grade_submission import grade_submission
 from raytwin.grade.job import Job, job_of
@@ -22,7 +18,7 @@ from raytwin.grade.result import Result
 from raytwin.grade.rubric import Rubric, read_rubric
 from raytwin.grade.submission_code import CODE
 from raytwin.image_input import ENDINGS
-from raytwin.parallel import Done, Workers, map_parallel
+from raytwin.parallel import Stored, Workers
 from raytwin.progress import Progress, silent
 from raytwin.sandbox.sandbox import plain
 
@@ -85,54 +81,22 @@ def run(
 
     What the grader failed on before is graded again. `each` is called with every new result as it comes.
     """
-    mine = workers.share(jobs)
-    found = {} if again else {j.key: _read(out, j.key) for j in mine}
-    done = {key: result for key, result in found.items() if result is not None and not result.grader_fault}
-    todo = [j for j in mine if j.key not in done]
-    progress("grade", len(done), len(mine))
-    # The share is taken; a Dask worker's disk may be another one: it sends what the caller writes.
-    here = Workers(workers.jobs, workers.dask)
-    for one in map_parallel(partial(work, out=None if workers.dask else str(out)), todo, here):
-        done[one.thing.key] = _result(out, one, written=not workers.dask)
-        if each is not None:
-            each(done[one.thing.key])
-        progress("grade", len(done), len(mine))
-    return [done[j.key] for j in mine]
+    return stored(out).run(
+        grade_submission, jobs, workers, failed=_fault, redo=lambda result: result.grader_fault, again=again,
+        each=each, progress=progress, stage="grade",
+    )  # fmt: skip
 
 
-def work(job: Job, out: str | None) -> bytes:
-    """Return the result as JSON, after writing it under its key, if there is a folder to write it to."""
-    made = msgspec.json.encode(grade_submission(job))
-    if out is not None:
-        _write(Path(out), job.key, made)
-    return made
-
-
-def _result(out: Path, found: Done, written: bool) -> Result:
-    if found.error is None:
-        if not written:
-            _write(out, found.thing.key, found.result)
-        return msgspec.json.decode(found.result, type=Result)
-    name = "" if isinstance(found.error, InputError) else f"{type(found.error).__name__}: "
-    problem = plain(f"the grader's own fault: {name}{found.error}")
-    result = Result(found.thing.student, found.thing.key, "", (), problem=problem, grader_fault=True)
-    _write(out, found.thing.key, msgspec.json.encode(result))
-    return result
+def stored(out: Path) -> Stored[Result]:
+    return Stored(out / RESULTS, Result)
 
 
 def collect(jobs: Sequence[Job], out: Path) -> list[Result]:
     """Return the results that are there, whoever made them."""
-    return [r for j in jobs if (r := _read(out, j.key)) is not None]
+    return stored(out).collect(jobs)
 
 
-def _read(out: Path, key: str) -> Result | None:
-    path = out / RESULTS / f"{key}.json"
-    try:
-        return msgspec.json.decode(path.read_bytes(), type=Result)
-    except (OSError, msgspec.DecodeError):
-        return None
-
-
-def _write(out: Path, key: str, made: bytes) -> None:
-    with files.replacing(out / RESULTS / f"{key}.json") as temporary:
-        temporary.write_bytes(made)
+def _fault(job: Job, error: Exception) -> Result:
+    name = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+    problem = plain(f"the grader's own fault: {name}{error}")
+    return Result(job.student, job.key, "", (), problem=problem, grader_fault=True)

@@ -191,11 +191,11 @@ def write_csv(results: Sequence[Result], rubric: Rubric, path: Path) -> None:
         found = [by_name.get(n) for n in names]
         cells = [of_points(e.points) if e else "" for e in found] + [e.status if e else "" for e in found]
         said = [r.student, of_points(r.points), of_points(rubric.points), of_points(r.bonus), *cells]
-        rows.writerow([_tame(c) for c in (*said, "; ".join(r.causes), r.problem)])
+        rows.writerow([tame(c) for c in (*said, "; ".join(r.causes), r.problem)])
     files.write_text(path, text.getvalue())
 
 
-def _tame(cell: str) -> str:
+def tame(cell: str) -> str:
     """A spreadsheet takes what begins so for a formula."""
     return f"'{cell}" if cell[:1] in ("=", "+", "-", "@", "\t", "\r") and not _is_number(cell) else cell
 

@@ -294,7 +294,7 @@ def _judge(
                 made, compared_with, scene, subject.rung, subject.sampling, engine
             )
     ledger = None
-    if RUNGS[subject.rung].lit:
+    if RUNGS[subject.rung].lit and chosen.parts:
         with stages.stage("ledger"):
             rounds = bool(causes) and causes[0].partition(": ")[2].startswith(ROUNDING)
             faulty = failed and not rounds

@@ -25,8 +25,9 @@ class CompareSettings:
     `subject`: what is compared in the tracer's place: a name of `raytwin bench list`, FILE.py:FUNCTION, an image, a
     folder of images, a command, or a function of a scene (see `method`); `engine`, `solver` and `trim` are
     the tracer's. `photo`: whose camera pose is used. `size` (width, height) replaces the camera's. `cache` reuses
-    the twin's renders and the photos' tags. `flip` adds the perceptual metric, which is slow.
-    `light`: a light.toml in the place of the scene's sun and sky.
+    the twin's renders and the photos' tags. `parts`: also split the light into named parts.
+    `flip` adds the perceptual metric, which is slow. `light`: a
+    light.toml in the place of the scene's sun and sky.
 
     `samples`: per pixel, of the twin and of a subject that takes them. Without it both come in rounds until the verdict
     is certain or the `budget` is spent: samples per pixel ("256") or a time ("30s"). `detectable_bias` of the whole
@@ -51,6 +52,7 @@ class CompareSettings:
     cache: bool = True
     flip: bool = False
     light: "str | Path | None" = None
+    parts: bool = True
 
     def __post_init__(self) -> None:
         from raytwin import twin

@@ -1,0 +1,243 @@
+"""Several renderers on several scenes: a comparison per cell, each stored under a hash of all that decides it."""
+
+import hashlib
+import re
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import scipy.stats
+
+import raytwin
+from raytwin import files, references
+from raytwin.compare import Comparison, Report, compare
+from raytwin.compare.scale import scaled
+from raytwin.contract.subject import find_subject
+from raytwin.diagnose.diagnosis import explain
+from raytwin.errors import InputError
+from raytwin.image import Image
+from raytwin.scene import MitsubaScene, Tolerance
+from raytwin.workflows.compare_mitsuba import read_sized, subject_of
+from raytwin.workflows.compare_scene import Result, compare_scene, times_of
+from raytwin.workflows.compare_settings import CompareSettings
+from raytwin.workflows.versions import versions
+
+RATE = 1e-3
+"""Of false alarms, which the distance from the limit is measured by."""
+ROOT = Path(raytwin.__file__).parent
+NAMED = re.compile(r"(\w[\w .-]*)=(.+)", re.DOTALL)
+"""NAME=WHAT, where a subject is given a shorter name."""
+
+
+class Job(msgspec.Struct, frozen=True):
+    """A cell that is to be made. `references`: a folder of references in the twin's place; empty for the twin."""
+
+    subject: str
+    name: str
+    scene: str
+    scene_name: str
+    settings: dict[str, Any]
+    references: str
+    key: str
+
+
+class Cell(msgspec.Struct, frozen=True):
+    """What came of one comparison. `verdict` is "error" where there is none; `reason` then says why.
+
+    `margin`: the error by what is allowed, of images without noise; else the whole image's deviation by what noise may
+    have: 1 is the limit. `seconds`: of the subject's render, `twin_seconds`: of the twin's, `other_seconds`: of all
+    else. `thumbnail`: the difference, a data URL; `report`: the whole report, from the page's folder.
+    """
+
+    key: str
+    scene: str
+    subject: str
+    rung: str
+    verdict: str
+    reason: str = ""
+    cause: str = ""
+    rmse: float | None = None
+    relmse: float | None = None
+    p999_abs: float | None = None
+    margin: float | None = None
+    seconds: float | None = None
+    twin_seconds: float | None = None
+    other_seconds: float | None = None
+    made: str = ""
+    thumbnail: str = ""
+    report: str = ""
+
+    @property
+    def exit_code(self) -> int:
+        """As of a comparison: 0 passes or differs as expected, 1 fails, 2 is undecided or no comparison."""
+        return {"pass": 0, "differs": 0, "fail": 1}.get(self.verdict, 2)
+
+
+def read_list(path: str | Path) -> tuple[list[str], list[str], dict[str, Any]]:
+    """A TOML file's `scenes`, its `[subjects]` (name = "what") or list, and its settings, as options have them."""
+    told = files.read_toml(path)
+    scenes, subjects = told.pop("scenes", []), told.pop("subjects", [])
+    if isinstance(subjects, Mapping):
+        subjects = [f"{name}={what}" for name, what in subjects.items()]
+    for key, value in (("scenes", scenes), ("subjects", subjects)):
+        if not isinstance(value, list) or not all(isinstance(one, str) for one in value):
+            raise InputError(f"{path}: {key}", "a list of texts, or a table of them", repr(value)[:60])
+    for key in told:
+        if key not in ("rung", "samples", "seed", "size"):
+            raise InputError(
+                f"{path}: {key}", "scenes, subjects, rung, samples, seed or size", f"the unknown key {key!r}"
+            )
+    return [str(scene) for scene in scenes], list(subjects), told
+
+
+def with_settings(settings: CompareSettings, told: Mapping[str, Any], where: str | Path) -> CompareSettings:
+    """The settings with those of a file in the place of defaults: what the command line says stays."""
+    usual = CompareSettings()
+    chosen = {name: value for name, value in told.items() if getattr(settings, name) == getattr(usual, name)}
+    if isinstance(size := chosen.get("size"), str):
+        match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", size)
+        if not match:
+            raise InputError(f"{where}: size", "WIDTHxHEIGHT in pixels, as 640x480", size)
+        chosen["size"] = (int(match[1]), int(match[2]))
+    return replace(settings, **chosen)
+
+
+def jobs_of(
+    scenes: Sequence[str | Path], subjects: Sequence[str], settings: CompareSettings, folder: Path | None = None
+) -> list[Job]:
+    """Return a job for each scene and subject; `folder`: references in the twin's place.
+
+    Raises InputError for scenes and subjects that cannot be, before anything is rendered.
+    """
+    if not scenes or not subjects:
+        what = "--subject" if scenes else "SCENE"
+        raise InputError(what, "at least one", "none")
+    asked = {name: getattr(settings, name) for name in ("rung", "samples", "seed", "size")}
+    code = files.made_by((ROOT,), ("mitsuba", "drjit", "numpy"))
+    known = {}
+    for text in subjects:
+        match = NAMED.fullmatch(text)
+        name, what = (match[1].strip(), match[2]) if match and not Path(text).exists() else (text, text)
+        if name in known:
+            raise InputError("--subject", "names that differ (NAME=WHAT)", name)
+        find_subject(what, settings.rung)  # for its checks
+        known[name] = what
+    jobs = []
+    for scene, (name, what) in product(scenes, known.items()):
+        path = files.find_scene(scene)
+        title, content = _scene_of(path)
+        parts = (code, content, _content(what), msgspec.json.encode(asked).decode(), str(folder or ""))
+        key = hashlib.sha256("\0".join((*parts, name)).encode()).hexdigest()[:24]
+        place = str(folder.absolute()) if folder else ""
+        jobs.append(Job(what, name, str(path.absolute()), title, asked, place, key))
+    return jobs
+
+
+def judge(job: Job) -> tuple[Cell, Result | None]:
+    """Make one cell: the comparison and what the page needs of it; an InputError becomes a cell without one."""
+    began = time.perf_counter()
+    settings = CompareSettings(subject=job.subject, parts=False, **_tuples(job.settings))
+    try:
+        if job.references:
+            result = compare_with_reference(job.scene, settings, Path(job.references))
+        else:
+            result = compare_scene(job.scene, settings)
+    except InputError as error:
+        return failed(job, error), None
+    found, spent = result.comparison, result.report.seconds
+    renders = spent.get("tracer", 0.0), spent.get("twin", 0.0)
+    rendering = sum(renders)
+    radiance = found.radiance
+    said = [reason for reason in found.reasons if not reason.startswith("cause")]
+    return Cell(
+        job.key,
+        job.scene_name,
+        job.name,
+        result.report.rung or "",
+        found.verdict,
+        said[0] if said else "",
+        found.cause,
+        radiance.rmse,
+        radiance.relmse,
+        radiance.p999_abs,
+        margin(found, result.subject, result.twin, result.tolerance),
+        *renders,
+        time.perf_counter() - began - rendering,
+        datetime.now(UTC).isoformat(timespec="seconds"),
+    ), result
+
+
+def failed(job: Job, error: Exception) -> Cell:
+    """The cell of a comparison that could not be made."""
+    name = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return Cell(job.key, job.scene_name, job.name, job.settings["rung"], "error", f"{name}{error}", made=now)
+
+
+def margin(found: Comparison, test: Image, reference: Image, tolerance: Tolerance) -> float | None:
+    """How near to its limit a comparison is: 1 is the limit. None where nothing tells."""
+    z = found.statistics.z_mean
+    if z is not None:
+        return abs(z) / float(scipy.stats.norm.isf(RATE / 6))  # both sides of three channels
+    if found.radiance.p999_abs is None or test.shape != reference.shape:
+        return None
+    return found.radiance.p999_abs / scaled(tolerance, reference, test).p999_abs
+
+
+def compare_with_reference(scene: str, settings: CompareSettings, folder: Path) -> Result:
+    """Compare the subject with a stored reference, on the scene that it was made from."""
+    found = files.read_mitsuba(scene) if files.is_mitsuba(scene) else files.read_scene(scene)
+    rung = "path" if isinstance(found, MitsubaScene) else settings.rung
+    known = references.load(references.path_of(folder, found.name, rung))
+    if why := references.stale(known, scene):
+        raise InputError(known.path, "a reference of the scene as it is", why)
+    began = time.perf_counter()
+    if isinstance(found, MitsubaScene):
+        height, width = known.image.shape[:2]
+        sized: Any = read_sized(scene, (width, height))
+        subject: Any = subject_of(settings)
+    else:
+        sized, subject = known.origin(), find_subject(settings.subject or "", rung)
+    made = subject.prepare(sized)(settings.seed + 1)
+    spent = {"tracer": time.perf_counter() - began, "twin": 0.0}
+    comparison = compare(made, known.image, tolerance=known.tolerance)
+    if comparison.verdict == "fail":
+        comparison = comparison.because(*explain(made, known.image, known.scene, rung))
+    return Result(
+        scene=sized,
+        tolerance=known.tolerance,
+        report=Report(found.name, None if known.of_file else rung, comparison, spent, {}, () if known.scene else None),
+        subject=made,
+        twin=known.image,
+        times=times_of(spent, comparison, None),
+        settings={"subject": subject.name, "reference": known.path.name},
+        versions=versions(),
+    )
+
+
+def _scene_of(path: Path) -> tuple[str, str]:
+    """Its name, and a hash of all that it is."""
+    if path.suffix.lower() == ".xml":
+        found = files.read_mitsuba(path)
+        return found.name, found.digest
+    written = files.read_scene(path)
+    return written.name, references.scene_hash(written) + repr(written.tolerance)
+
+
+def _content(what: str) -> str:
+    """A subject's text, with a hash of every file that it names: a changed program is another one."""
+    words = [what, what.rpartition(":")[0], *what.split()]
+    found = [Path(word) for word in dict.fromkeys(words) if word and Path(word).is_file()]
+    folder = sorted(Path(what).iterdir()) if Path(what).is_dir() else []
+    hashes = [hashlib.sha256(file.read_bytes()).hexdigest() for file in (*found, *folder) if file.is_file()]
+    return "\n".join((what, *hashes))
+
+
+def _tuples(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings as they were before JSON made lists of tuples."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()}
