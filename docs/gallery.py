@@ -63,6 +63,16 @@ ENTRIES = (
         ("stability sphere-far sphere-ground sum-samples -o out",),
     ),
     Entry(
+        "needs", "out/needs.html", "What a scene needs",
+        "The cheapest light level and engine for an error of 0.02, each level as a picture, and what can be dropped.",
+        ("needs overlap --tolerance 0.02 -o out",),
+    ),
+    Entry(
+        "calibration", "camera.html", "A calibration and how wrong it may be",
+        "Uncertainty over the frame, each tag's residual, where the board stood, and the lens models tried.",
+        ("calibrate {root}/scenes/desk/photos --board {root}/scenes/desk/board.toml -o camera.toml",),
+    ),
+    Entry(
         "bench", "out/bench.html", "Speed against accuracy",
         "A few methods with a budget of seconds: the frontier of error against time.",
         (
