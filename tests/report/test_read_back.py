@@ -49,7 +49,7 @@ def test_augments_summary_has_each_regions_numbers():
         ((1e-3, 1e3), [1e-3, 1e-2, 1e-1, 1, 10, 100, 1e3]),
         ((1e-8, 1.0), [10.0**k for k in range(-8, 1)]),
         ((1e-12, 1.0), [10.0**k for k in range(-12, 1, 2)]),
-        ((3.0, 4.9), []),
+        ((3.0, 4.9), [3.0]),
     ],
 )
 def test_ticks_stand_at_round_numbers(ends, expected):
