@@ -12,10 +12,10 @@ from measure.power import (
     power_table,
     render,
     samples_table,
-    sees_z_test,
 )
 
 from raytwin import twin
+from raytwin.bench.verdict_tools import sees_z_test
 from raytwin.files import read_scene
 from raytwin.image import Image
 
