@@ -48,7 +48,7 @@ class ImagePool:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the images; () before the first one."""
+        """The images' shape; () before the first one."""
         return () if self._mean is None else self._mean.shape
 
     @property

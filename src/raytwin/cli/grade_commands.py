@@ -24,7 +24,7 @@ FEW = 20
 
 class _Submissions(TyperGroup):
     """`raytwin grade FOLDER ...` is `raytwin grade class FOLDER ...`: what is no command's name is a folder; so is
-    `class` itself, where there is one and no other is told."""
+    `class` itself, where there is one and no other is given."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         alone = args[1:2] != ["-h"] and args[1:2] != ["--help"] and all(word.startswith("-") for word in args[1:2])
@@ -69,15 +69,15 @@ def class_command(
     lacking = [f"{name}: {state}" for name, state in sandbox.told(sandbox.probe()) if not state.startswith("holds")]
     say("sandbox: every lock holds" if not lacking else f"sandbox: {'; '.join(lacking)}")
     with show_progress() as progress:
-        told: list[Any] = []
+        printed: list[Any] = []
 
         def each(result: "Result") -> None:
-            told.append(result)
+            printed.append(result)
             say(_line(result, read))
 
         results = run(found, out, workers, again, progress, each)
     for result in results if len(results) <= FEW else ():
-        if result not in told:
+        if result not in printed:
             say(_line(result, read))
     failed = [result.student for result in results if result.grader_fault]
     for path, write in ((gradescope, sites.write_gradescope), (prairielearn, sites.write_prairielearn)):

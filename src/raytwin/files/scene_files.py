@@ -74,21 +74,21 @@ def read_scene(path: str | os.PathLike | Scene | SceneFile) -> SceneFile:
 
 def write_scene(path: Path, scene: SceneFile, comment: str = "") -> Path:
     """Write a scene whose camera is known, with the file of its sky's map beside it; return `path`."""
-    told = {k: v for k, v in plain(scene).items() if k not in ("name", "folder", "photos") and v}
-    for table in (told["camera"], *told.get("spheres", ()), *told.get("planes", ())):
+    tables = {k: v for k, v in plain(scene).items() if k not in ("name", "folder", "photos") and v}
+    for table in (tables["camera"], *tables.get("spheres", ()), *tables.get("planes", ())):
         for key in [key for key in ("dist", "in_photo") if not table.get(key)]:
             table.pop(key, None)
     if scene.sky.map is not UNSET:
-        told["sky"] = {k: v for k, v in told["sky"].items() if k not in ("texels", "radiance")}
+        tables["sky"] = {k: v for k, v in tables["sky"].items() if k not in ("texels", "radiance")}
         source = Path(scene.folder) / scene.sky.map
-        told["sky"]["map"] = source.name
+        tables["sky"]["map"] = source.name
         if source.resolve() != (path.parent / source.name).resolve():
             with replacing(path.parent / source.name) as temporary:
                 temporary.write_bytes(source.read_bytes())
-    if told["tolerance"] == plain(Tolerance()):
-        del told["tolerance"]
+    if tables["tolerance"] == plain(Tolerance()):
+        del tables["tolerance"]
     head = "".join(f"# {line}\n" for line in comment.splitlines())
-    text = tomli_w.dumps(told)
+    text = tomli_w.dumps(tables)
     for _ in range(2):  # vectors, then matrices, on one line
         text = re.sub(r"\[\n\s+([^{}=]*?),\n\s*\]", lambda found: "[" + re.sub(r",\s+", ", ", found[1]) + "]", text)
     write_text(path, f"{head}\n{text}")

@@ -136,7 +136,7 @@ def binned(image: Image, n: int) -> Image:
 def raw(test: Image, reference: Image) -> list[tuple[dict[str, Any], bytes]]:
     """The planes as they are, for a page on this machine: `feed` of the viewer takes them with `words`."""
     planes = _planes(test, reference, None, True)
-    return [(_told(name, p), p.words.tobytes()) for name, p in planes.items()]
+    return [(_described(name, p), p.words.tobytes()) for name, p in planes.items()]
 
 
 def pack_one(image: Image) -> tuple[Plane, ...]:
@@ -165,7 +165,7 @@ def raw_parts(
 ) -> list[tuple[dict[str, Any], tuple[bytes, ...]]]:
     """Return the same for a page on this machine: each plane's `words` are the bytes beside it."""
     return [
-        (about | {"planes": [_told(name, p) for name, p in planes.items()]},
+        (about | {"planes": [_described(name, p) for name, p in planes.items()]},
          tuple(p.words.tobytes() for p in planes.values()))
         for about, planes in _parts(pictures, step, noise)
     ]  # fmt: skip
@@ -185,7 +185,7 @@ def _parts(
         yield about, {c: _half(mean[..., k]) for k, c in enumerate("RGB")}
 
 
-def _told(name: str, plane: _Raw) -> dict[str, Any]:
+def _described(name: str, plane: _Raw) -> dict[str, Any]:
     return {"name": name, "kind": plane.kind, "left": False, "shift": plane.shift, "step": plane.step}
 
 

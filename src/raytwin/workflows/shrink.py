@@ -94,7 +94,7 @@ class Shrunk:
 
     @property
     def name(self) -> str:
-        """Of the scene that was begun with."""
+        """The name of the scene that was begun with."""
         return self.before.scene.name if isinstance(self.before, FileScene) else self.before.written.name
 
     @property
@@ -220,8 +220,8 @@ class _Search:
         if made is not None and reference is not None and isinstance(case, OwnScene):
             found = _diagnosed(made, reference, case, seconds=SECONDS)
             named = tuple(cause.name for cause in found.causes) if found else ()
-            told = stage_causes(self.subject) or (found.words if found and found.causes else ())
-            self.wanted = failure._replace(causes=named, cause=CAUSE.sub("", told[0]) if told else "")
+            words = stage_causes(self.subject) or (found.words if found and found.causes else ())
+            self.wanted = failure._replace(causes=named, cause=CAUSE.sub("", words[0]) if words else "")
             self.names = dict(zip(case.labels, case.written.scene.numbers, strict=True))
         self.tried[case.key] = self.wanted
         return self.wanted

@@ -73,9 +73,9 @@ class FileScene:
 
     def cropped(self, x: int, y: int, width: int, height: int) -> "FileScene":
         film = ET.fromstring(self.scene.text).find("sensor/film")
-        told = {e.get("name"): int(e.get("value", "0")) for e in film.findall("integer")} if film is not None else {}
-        x, y = x + told.get("crop_offset_x", 0), y + told.get("crop_offset_y", 0)
-        whole = {side: told.get(side, n) for side, n in zip(("width", "height"), self.image_size, strict=True)}
+        sides = {e.get("name"): int(e.get("value", "0")) for e in film.findall("integer")} if film is not None else {}
+        x, y = x + sides.get("crop_offset_x", 0), y + sides.get("crop_offset_y", 0)
+        whole = {side: sides.get(side, n) for side, n in zip(("width", "height"), self.image_size, strict=True)}
         crop = {"crop_offset_x": x, "crop_offset_y": y, "crop_width": width, "crop_height": height}
         return FileScene(files.with_film(self.scene, **whole, **crop))
 

@@ -149,7 +149,7 @@ def _matt(thing: Any, stays: bool) -> Any:
 
 
 def _mean_radiance(sky: WrittenSky) -> tuple[float, float, float]:
-    """Of all directions: rows of a map count by the solid angle that they see."""
+    """The mean over all directions: rows of a map count by the solid angle that they see."""
     light = sky.light
     texels = light.radiance
     assert isinstance(texels, np.ndarray)  # a map's, not a constant sky's
