@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 from measure.noise_models import render
-from measure.sequences import NOISES, SMALL, faulty, sequence
+from measure.sequences import NOISES, SMALL, faulty, pooled, sequence
 
-from raytwin.compare import SequentialComparison
+from raytwin.compare import SequentialComparison, compare
 from raytwin.compare.permutation import sign_flip_p
-from raytwin.compare.sequential import first_samples, look_level, look_number
+from raytwin.compare.sequential import PER_OCTAVE, first_samples, look_level, look_number
 from raytwin.errors import InputError
 from raytwin.image import Image
 
@@ -30,6 +30,24 @@ def test_no_two_looks_share_a_level_and_they_are_a_fourth_of_an_octave_apart():
         assert later <= max(n + 1, math.ceil(n * 2**0.5))
         n = later
     assert [look_number(n) for n in (1, 4, 8, 16, 1024)] == [0, 0, 4, 8, 32]
+
+
+@pytest.mark.parametrize("size", [1, 3, 7])
+def test_the_levels_that_a_run_uses_are_four_in_an_octave_at_most_and_sum_to_less_than_the_rate(size):
+    rng, used = np.random.default_rng(6), []
+
+    def judge(*images, **options):
+        used.append(options["false_alarm_rate"])
+        return compare(*images, **options)
+
+    check = SequentialComparison(detectable_bias=1e-9, judge=judge)
+    for _ in range(100 // size):
+        check.add(pooled(NOISE(rng, SMALL, size)), pooled(NOISE(rng, SMALL, size)))
+    check.conclude()
+    assert len(used) == check.looks > 3
+    assert all(used.count(level) <= PER_OCTAVE for level in used)
+    assert used == sorted(used, reverse=True)
+    assert sum(used) < 1e-3
 
 
 @pytest.mark.parametrize("stored", [True, False], ids=["stored reference", "both in rounds"])
@@ -70,8 +88,8 @@ def test_an_image_that_is_off_by_what_a_pass_excludes_passes_once_in_ten_at_most
     check = sequence(NOISE(rng, SMALL, 128), NOISE(rng, SMALL, 128), **asked)
     assert check.comparison.verdict == "pass"
     assert check.samples < 64
-    assert "an error of" in check.comparison.reasons[0]
-    assert "false-alarm rate of 0.001" in check.comparison.reasons[0]
+    assert "would have caught" in check.comparison.reasons[0]
+    assert "false-alarm rate 0.001" in check.comparison.reasons[0]
 
 
 def test_a_budget_that_ends_early_is_undecided_and_says_what_it_takes_and_that_is_enough():

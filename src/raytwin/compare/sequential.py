@@ -102,7 +102,7 @@ class SequentialComparison:
         self.decided = False
         self._fixed = {"test": test, "reference": reference}
         self._pools = {"test": ImagePool(), "reference": ImagePool()}
-        self._judge, self._options, self._looked_at = judge, options, 0
+        self._judge, self._options, self._looked_at, self._number = judge, options, 0, -1
         self._differences: list[np.ndarray] = []
         self._began = time.perf_counter()
 
@@ -167,8 +167,8 @@ class SequentialComparison:
     def _look(self, exact: bool = False) -> Comparison | None:
         """Compare what there is; `exact`: nothing more will come, since all renders are equal."""
         n = self.samples
-        number = look_number(n)
-        level = self.rate if exact else look_level(self.rate, number)
+        self._number = max(look_number(n), self._number + 1)
+        level = self.rate if exact else look_level(self.rate, self._number)
         made = self._judge(
             self.image("test"), self.image("reference"), false_alarm_rate=level, detectable_bias=math.inf,
             **self._options,
@@ -183,7 +183,7 @@ class SequentialComparison:
             spent = f"{self._counted()} and {time.perf_counter() - self._began:.2g} s"
             said = EQUAL if exact else f"certain after {spent}, looked at {self.looks} time{'s' * (self.looks > 1)}"
             return self._certain(self.comparison, said)
-        self.next_look = self._next(made, n, number)
+        self.next_look = self._next(made, n)
         return None
 
     def _certain(self, made: Comparison, said: str) -> Comparison:
@@ -217,9 +217,9 @@ class SequentialComparison:
         seen = self._seen(made)[1]
         return max((made.excluded_bias or 0.0) / image, 0.0 if math.isinf(tile) else seen / tile)
 
-    def _next(self, made: Comparison, n: int, number: int) -> int:
+    def _next(self, made: Comparison, n: int) -> int:
         """When to look again: soon where a fault takes shape, else when a pass can be expected, or at twice as many."""
-        soon, s = first_samples(number + 1), made.statistics
+        soon, s = first_samples(self._number + 1), made.statistics
         if abs(s.z_mean or 0.0) > SUSPICIOUS_MEAN or abs(s.z_tile_worst or 0.0) > SUSPICIOUS_TILE:
             return soon
         factor = self._shortfall(made, *self._sought) if made.verdict == "pass" else math.inf
