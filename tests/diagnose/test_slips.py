@@ -49,6 +49,9 @@ def test_every_generated_slip_is_one_of_the_textbooks_text():
     assert len(rows) > 500
     assert [r.weight for r in rows] == sorted(r.weight for r in rows)
     assert all(right != wrong and right and wrong for right, wrong in (r.line for r in rows))
+    names = [r.name for r in rows]
+    assert len(set(names)) == len(names)
+    assert not [name for name in names if "|" in name or ";" in name or len(name) > 100]
 
 
 def test_generated_slips_show_and_each_something_else():

@@ -117,24 +117,16 @@ def _met(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
 
 
 lens_of = partial(slips, "undistort")
-
 ONE, RAY = "np.ones_like(x)", "np.stack([x, y, np.ones_like(x)], axis=-1)"
-
 DIST, OF_K = "k1, k2, p1, p2, k3 = dist", "fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]"
-
 STEP, FORWARD = "x, y = (xd - dx) / radial, (yd - dy) / radial", "return x * radial + dx, y * radial + dy"
-
 AGAIN, TAKEN_OFF = (
     "x, y = (x - dx) / radial, (y - dy) / radial",
     "x, y = x - (x * radial + dx - xd), y - (y * radial + dy - yd)",
 )
-
 POWERS, XY1, XX = "k1 * r2 + k2 * r2**2 + k3 * r2**3", "2 * p1 * x * y", "p2 * (r2 + 2 * x * x)"
-
 YY, XY2 = "p1 * (r2 + 2 * y * y)", "2 * p2 * x * y"
-
 ONE_CROSS = f"{XY1} => p1 * x * y ;; {XY2} => p2 * x * y"
-
 ONE_SQUARE = f"{XX} => p2 * (r2 + x * x) ;; {YY} => p1 * (r2 + y * y)"
 
 

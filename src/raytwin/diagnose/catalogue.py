@@ -102,7 +102,6 @@ def tested(f: Any) -> Change:
 
 
 COARSE = (others_hide, offset_by(1e-4), offset_by(1e-4, True))
-
 TESTS = (*COARSE, *(offset_by(eps, way) for eps in (1e-6, 1e-5, 1e-3) for way in (False, True)))
 """Ways to test for shadows that are all right: the own object left out, or a start a little off the surface."""
 

@@ -16,9 +16,7 @@ from raytwin.scene import Camera, Scene, Shape, Sphere
 CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, OUTPUT, SAMPLING = (
     "camera", "solver", "order", "normals", "light", "shadow", "output", "sampling",
 )  # fmt: skip
-
 Casters = tuple[Shape, ...]
-
 STAGES = (CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
 """From the pixel to the picture: what stands earlier is told first."""
 
@@ -131,15 +129,10 @@ def grid(*places: str) -> tuple[Change, ...]:
 
 
 sphere, plane = partial(slips, "intersect_sphere"), partial(slips, "intersect_plane")
-
 order, normals_at = partial(slips, "nearest"), partial(slips, "normals_at")
-
 NU, NV = "np.linalg.norm(half_u)", "np.linalg.norm(half_v)"
-
 IN_U, IN_V = "np.abs(q @ half_u) <= half_u @ half_u", "np.abs(q @ half_v) <= half_v @ half_v"
-
 INSIDE, T, MET = f"({IN_U}) & ({IN_V})", "((center - origins) @ n) / (directions @ n)", "inside & (t > 0)"
-
 CROSS, CROSS_AT = "n = np.cross(half_u, half_v)", 'n = np.cross(thing["half_u"], thing["half_v"])'
 
 
@@ -270,9 +263,7 @@ def where_cast(change: Change) -> Change:
 
 
 shade = partial(slips, "shade")
-
 COS = "np.sum(normals * to_light, axis=-1, keepdims=True)"
-
 CLAMPED, SUN, SUM = (
     f"np.maximum(0, {COS})",
     "albedo / np.pi * irradiance * cosine",

@@ -40,24 +40,16 @@ from raytwin.diagnose.slips import slips
 from raytwin.scene import Camera, Shape, Sphere
 
 ROOT, CHOICE, HIT = "np.sqrt(disc)", "t = np.where(near > 0, near, far)", "(disc >= 0) & (t > 0)"
-
 A, B, OVER = "a = np.sum(directions * directions, axis=-1)", "b = 2 * np.sum", "/ (2 * a)"
-
 SQUARE, LENGTH = "np.sum(f * f, axis=-1)", "np.linalg.norm(f, axis=-1)"
-
 HALF = f"{B} => b = np.sum ;; b * b - 4 * a * c => b * b - a * c"
-
 BY_Q = """q = -(b + np.sign(b) * np.sqrt(disc)) / 2
     near, far = np.minimum(q / a, c / q), np.maximum(q / a, c / q)
     near, far = np.where(q == 0, np.nan, near), np.where(q == 0, np.nan, far)
     t = np.where(near > 0, near, far)"""
-
 D2 = "np.sum(f * f, axis=-1) - b * b / (4 * a)"
-
 ALONG = "(q @ half_u) / (half_u @ half_u)", "(q @ half_v) / (half_v @ half_v)"
-
 GRAZING = "np.abs(directions @ n) / np.linalg.norm(n) / np.linalg.norm(directions, axis=-1)"
-
 AHEAD = "where((disc >= 0) & (t > 0), t"
 
 
@@ -122,7 +114,6 @@ def _crossed(*lines: str) -> tuple[Change, ...]:
 
 
 bent = lambda s: s._replace(ray=partial(unstretched, ray=s.ray))  # noqa: E731
-
 (long,) = slips("through", f"{UNIT} => rays")
 
 SOLVERS = (

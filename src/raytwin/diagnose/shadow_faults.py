@@ -68,16 +68,12 @@ def _grey_where_dark(x: Terms, k: float) -> Array:
 
 
 shadow = partial(slips, "sun_visible")
-
 BLOCKS, TO_SUN = (
     "visible = visible & (own | ~np.isfinite(t[k]))",
     ("t = intersect_all(points, np.tile(to_light, (len(points), 1)), things)"),
 )
-
 ON_BALL = 'np.array(["radius" in x for x in things])[which]'
-
 BALLS = 'np.array([["radius" in x] for x in things])'
-
 NUMBERS = '[["radius" in y for y in things[:i]].count("radius" in x) for i, x in enumerate(things)]'
 """The number that each thing has among those of its kind."""
 

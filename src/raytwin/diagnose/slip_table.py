@@ -9,12 +9,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from zlib import crc32
 
 from raytwin.diagnose.operators import Edit
 from raytwin.diagnose.predict import Steps
 from raytwin.diagnose.slips import slip
 from raytwin.diagnose.textbook import FORMS, PARTS, Changes
 
+LONG = 70
+"""Characters of a change, beyond which its name is a number."""
 FILE = Path(__file__).with_name("slips.tsv")
 
 
@@ -81,7 +84,10 @@ class Slip:
 
     @property
     def name(self) -> str:
-        return f"slip-in-{self.function}: {self.before} -> {self.after}"
+        """Short, and without the bar that parts causes on the class page."""
+        place = f" (place {self.nth + 1})" if self.nth else ""
+        change = f"{self.before} -> {self.after}{place}{' in ' + self.form if self.form else ''}".replace("|", "or")
+        return f"slip-in-{self.function}: {change if len(change) <= LONG else f'{crc32(change.encode()):08x}'}"
 
     def change(self, steps: Steps) -> Steps:
         """The tracer with this slip in it."""

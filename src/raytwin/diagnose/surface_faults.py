@@ -122,13 +122,9 @@ PLANES_BY_ORIGIN = (
     "the planes' normals are turned round by n·p, p measured from the board's origin: which side the eye sees is told "
     "by n·d"
 )
-
 FACED = "n = np.where(towards, n, -n)"
-
 FREE = f'{FACED} => n = n if "radius" in thing else np.where(towards, n, -n)'
-
 BALL, UP = '(points - thing["center"]) / thing["radius"]', "np.tile([0.0, 0.0, 1.0], (len(points), 1))"
-
 PAINT = 'np.tile(thing["albedo"], (len(points), 1))'
 
 
