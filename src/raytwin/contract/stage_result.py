@@ -37,6 +37,13 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     wrong: float = 0.0
     cases: tuple[CaseResult, ...] = ()
 
+    @property
+    def sureness(self) -> str:
+        """`sure` for the one known fault that explains all cases; `likely` for several, or a slip of no table."""
+        if not self.causes:
+            return ""
+        return "sure" if len(self.causes) == 1 and not self.causes[0].startswith("slip-in-") else "likely"
+
     def __repr__(self) -> str:
         return str(self)
 

@@ -99,7 +99,7 @@ def _mark_stage(exercise: Exercise, asked: list[Question]) -> Marked:
         tolerance=found.tolerance,
         sentences=(found.sentence,),
         causes=found.causes,
-        sureness="sure" if len(found.causes) == 1 else "likely" if found.causes else "",
+        sureness=found.sureness,
         inputs=found.inputs,
         expected=found.expected,
         got=found.got,

@@ -318,7 +318,7 @@ def stage_causes(subject: Renderer) -> tuple[str, ...]:
     tested = [judge_function(CONTRACT[name], function) for name, function in functions.items()]
     wrong = [result for result in tested if not result.passed]
     return tuple(
-        f"cause ({'sure' if len(r.causes) == 1 else 'likely'}): {r.stage}: {r.sentence}" if r.causes
+        f"cause ({r.sureness}): {r.stage}: {r.sentence}" if r.causes
         else f"cause (sure): {r.stage} fails its own test: {r.sentence}" for r in wrong[:3]
     )  # fmt: skip
 
