@@ -12,6 +12,7 @@ Clipped pixels that fill a small angle are the sun: they are taken out.
 import itertools
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -27,7 +28,7 @@ from raytwin.lights.envmap_tables import REC_709
 GRAZING = 0.2
 """The least cosine between ray and normal: nearer to the outline a pixel shows too much at once."""
 
-TRIED, REFINED = 300, 3
+TRIED, REFINED = 150, 2
 """Places that `register` tries, and how many of them it refines."""
 
 BLURS = 6.0, 2.5
@@ -35,6 +36,9 @@ BLURS = 6.0, 2.5
 
 SUN_DEGREES = 12.0
 """A clipped patch that fills no wider angle than this is a light of its own."""
+
+SUN_PX = 8.0
+"""Or is no wider than this: so far a lens spreads a point that is a thousand times too bright."""
 
 SMOOTH = 1e-3
 """Weight of the difference of neighbouring texels, as a share of a texel's own: it decides where no pixel looks."""
@@ -143,7 +147,7 @@ def register(photos: list[LinearPhoto], ball: Ball, start: tuple[np.ndarray, flo
     `start`: as the user gave it, which with its uncertainty decides what the image does not. Tags look alike, so that
     many places are tried on blurred photos first, and the best of them are refined.
     """
-    origin, sd = np.array([*start[0], start[1]]), start[1] * np.array((0.15, 0.15, 0.15, 0.01))
+    origin, sd = np.array([*start[0], start[1]]), start[1] * np.array((0.15, 0.15, 0.15, 0.015))
     offsets = np.array(list(itertools.product((-1 / 3, 0, 1 / 3), repeat=2)))
     images = [np.minimum(photo.light @ REC_709.astype(np.float32), 1.3) for photo in photos]
     blurred = [{b: cv2.GaussianBlur(i, (0, 0), b) if b else i for b in (*BLURS, 0.0)} for i in images]
@@ -173,21 +177,30 @@ def register(photos: list[LinearPhoto], ball: Ball, start: tuple[np.ndarray, flo
     rng, found = np.random.default_rng(0), np.array([*ball.center, ball.radius])
     if not below(found) or not below(origin):
         return ball
-    results = []
-    for first in (found, origin):
+
+    def refined(first: np.ndarray, spread: np.ndarray, tried: int, blurs: tuple[float, ...]) -> list[Any]:
+        """The fits from the best of some places about `first`, the best fit first."""
         seen = below(first)
-        spread = rng.standard_normal((TRIED, 4)) * start[1] * np.array((0.1, 0.1, 0.08, 0.01))
-        tried = first + np.concatenate([np.zeros((1, 4)), spread])
-        costs = [(np.sqrt(1 + error(x, seen, BLURS[0]) ** 2) - 1).sum() for x in tried]
-        for x in tried[np.argsort(costs)[:REFINED]]:
-            for blur in (*BLURS, 0.0):
-                seen = below(x)
-                result = least_squares(
-                    error, x, args=(seen, blur), loss="soft_l1", x_scale=sd, diff_step=1e-4, max_nfev=12
+        places = first + np.concatenate([np.zeros((1, 4)), rng.standard_normal((tried, 4)) * spread])
+        costs = [(np.sqrt(1 + error(x, seen, blurs[0]) ** 2) - 1).sum() for x in places]
+        fits = []
+        for x in places[np.argsort(costs)[:REFINED]]:
+            for blur in blurs:
+                fit = least_squares(
+                    error, x, args=(below(x), blur), loss="soft_l1", x_scale=sd, diff_step=1e-4, max_nfev=8
                 )
-                x = result.x
-            results.append((result.cost / len(result.fun), result))
-    best = min(results, key=lambda r: r[0])[1]
+                x = fit.x
+            fits.append(fit)
+        return sorted(fits, key=lambda f: f.cost / len(f.fun))
+
+    wide = start[1] * np.array((0.1, 0.1, 0.08, 0.02))
+    fits = [refined(x, wide, TRIED, BLURS)[0] for x in (found, origin)]
+    best = min(fits, key=lambda f: f.cost / len(f.fun))
+    for k in (0.4, 0.2, 0.1, 0.05):  # a false match is near the true one: the tags repeat
+        best = refined(best.x, k * wide, TRIED, BLURS[1:])[0]
+    best = least_squares(
+        error, best.x, args=(below(best.x), 0.0), loss="soft_l1", x_scale=sd, diff_step=1e-4, max_nfev=8
+    )
     sigma = np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
     return Ball(best.x[:3], float(best.x[3]), sigma, ball.edges, ball.given)
 
@@ -220,11 +233,13 @@ def mirrored(photo: LinearPhoto, ball: Ball, reflectance: np.ndarray) -> Mirrore
     clipped = photo.clipped[v, u]
     middle = ball.center - np.array(photo.camera.eye)
     cosine = -out @ middle / np.linalg.norm(middle)
-    patch = _sun_patch(uv, out, clipped, photo.clipped.shape)
+    patch = _sun_patch(uv, out, clipped, steradians, photo.clipped.shape)
     return Mirrored(uv, out, photo.light[v, u] / reflectance, steradians, clipped, patch, cosine)
 
 
-def _sun_patch(uv: np.ndarray, out: np.ndarray, clipped: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def _sun_patch(
+    uv: np.ndarray, out: np.ndarray, clipped: np.ndarray, steradians: np.ndarray, shape: tuple[int, ...]
+) -> np.ndarray:
     """(n,) bool: the clipped patch of most pixels among those that come from above and fill a small angle."""
     image = np.zeros(shape, bool)
     image[uv[clipped, 1], uv[clipped, 0]] = True
@@ -235,7 +250,8 @@ def _sun_patch(uv: np.ndarray, out: np.ndarray, clipped: np.ndarray, shape: tupl
         patch = mine == k
         axis = out[patch].mean(axis=0)
         wide = 2 * np.degrees(np.arccos(np.clip((out[patch] @ axis / np.linalg.norm(axis)).min(), -1, 1)))
-        if axis[2] > 0 and wide <= SUN_DEGREES and patch.sum() > best.sum():
+        spot = SUN_PX * np.degrees(np.sqrt(np.median(steradians[patch])))
+        if axis[2] > 0 and wide <= max(SUN_DEGREES, spot) and patch.sum() > best.sum():
             best = patch
     return best
 
