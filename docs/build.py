@@ -15,6 +15,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+import fault_gallery
 import figures
 import gallery
 
@@ -83,6 +84,7 @@ def main() -> int:
     if not options.no_gallery:
         gallery.make()
         figures.make()
+        fault_gallery.make()
     made = time.perf_counter()
     command = [sys.executable, "-m", "mkdocs", "--quiet", "build", "--clean", "--site-dir", str(options.site)]
     if code := subprocess.run(command, cwd=ROOT, env=os.environ | QUIET, check=False).returncode:

@@ -16,6 +16,7 @@ import raytwin
 from raytwin.cli import app
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+import fault_gallery
 import figures
 import gallery
 
@@ -29,6 +30,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         "reference/commands.md": commands_page(),
         "reference/api.md": api_page(),
         "gallery.md": gallery.page(),
+        "faults.md": fault_gallery.page(),
         "changelog.md": (gallery.ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
     }
     for path, text in pages.items():

@@ -32,7 +32,7 @@ RUN = [README, *(DOCS / folder for folder in ("start", "tutorials", "howto", "ex
 """Pages whose commands are run, in a folder of each page's own."""
 READ_FIRST = [README, *sorted((DOCS / "start").glob("*.md")), *sorted((DOCS / "tutorials").glob("*.md"))]
 """What a newcomer reads: short sentences, and what commands are said to print, they print."""
-GENERATED = {"gallery.md", "changelog.md", "reference/commands.md", "reference/api.md"}
+GENERATED = {"gallery.md", "faults.md", "changelog.md", "reference/commands.md", "reference/api.md"}
 """What docs/hooks.py writes when the site is built, which checks links to these."""
 LONGEST_SENTENCE = 35
 """Words, in what a newcomer reads first."""

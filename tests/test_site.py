@@ -5,8 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from browser import barriers_of
+from PIL import Image as Picture
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "docs" / "build.py"
@@ -61,6 +63,27 @@ def test_it_builds_without_a_warning_and_has_every_command_and_every_exported_na
     assert [name for name in exported if f">raytwin.{name}" not in api] == []
 
 
-@pytest.mark.parametrize("page", ["index", "tutorials/instructor", "reference/commands", "measured/verdict"])
+@pytest.mark.parametrize("page", ["index", "tutorials/instructor", "reference/commands", "measured/verdict", "faults"])
 def test_axe_core_finds_nothing_serious(chromium, site, page):
     assert barriers_of(chromium, site / f"{page}.html") == []
+
+
+def test_the_gallery_shows_a_fault_beside_its_difference_and_every_sentence(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(BUILD.parent))
+    import fault_gallery as gallery
+
+    monkeypatch.setattr(gallery, "FOLDER", tmp_path)
+    overlap = gallery.scenes()[:1]
+    monkeypatch.setattr(gallery, "scenes", lambda: overlap)
+    gallery.make(["no-shadow", "nothing-met"])
+    assert {path.stem for path in tmp_path.iterdir()} == {"no-shadow", "nothing-met"}
+    pixels = np.asarray(Picture.open(tmp_path / "no-shadow.webp"), float) / 255
+    off = pixels[:, gallery.WIDTH + gallery.GAP :]
+    red, blue = off[..., 0] - off[..., 2] > 0.5, off[..., 2] - off[..., 0] > 0.5
+    assert 0.02 < red.mean() < 0.2  # the cast shadows are missing: too bright there, and nothing is too dark
+    assert blue.mean() < 0.005
+    page = gallery.page()
+    assert [f.name for f in gallery.FAULTS if f"<b>{f.name}</b>" not in page] == []
+    assert page.count("<img") == 2
+    with pytest.raises(SystemExit, match="expected names of faults, got nonsense"):
+        gallery.make(["nonsense"])
