@@ -69,6 +69,20 @@ def test_what_is_too_much_is_said(tmp_path, monkeypatch):
     assert excess(tmp_path, 400_000) == "it wrote more than 10 000 files: ended"
 
 
+def test_nobody_waits_for_a_folder_whose_removal_takes_long_and_it_goes_all_the_same(tmp_path, monkeypatch):
+    from threading import Event
+
+    (tmp_path / "work").mkdir()
+    nested(tmp_path / "work", 50)
+    goes_on, right = Event(), work_folder.remove
+    monkeypatch.setattr(work_folder, "remove", lambda folder: goes_on.wait(60) and right(folder))
+    removing = work_folder.remove_soon(tmp_path / "work", patience=0.01)
+    assert (tmp_path / "work").exists()
+    goes_on.set()
+    removing.join()
+    assert not (tmp_path / "work").exists()
+
+
 def test_a_link_counts_for_itself_and_a_deep_folder_is_too_much(tmp_path):
     (tmp_path / "large").write_bytes(os.urandom(3_000_000))
     (tmp_path / "work").mkdir()

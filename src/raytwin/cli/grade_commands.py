@@ -56,7 +56,6 @@ def class_command(
     from raytwin.parallel import parse_workers
     from raytwin.report import autograder_sites as sites
     from raytwin.report import class_page as pages
-    from raytwin.sandbox import sandbox
 
     check_outputs(folders=(out,), files=(gradescope, prairielearn, junit))
     workers = parse_workers(jobs, dask, shard)
@@ -66,8 +65,7 @@ def class_command(
     found = jobs_of(submissions, rubric, whole)
     if len(found) > 1 and (gradescope or prairielearn):
         raise InputError("--gradescope, --prairielearn", "one submission", len(found))
-    lacking = [f"{name}: {state}" for name, state in sandbox.told(sandbox.probe()) if not state.startswith("holds")]
-    say("sandbox: every lock holds" if not lacking else f"sandbox: {'; '.join(lacking)}")
+    _say_what_the_sandbox_lacks()
     with show_progress() as progress:
         printed: list[Any] = []
 
@@ -96,6 +94,13 @@ def class_command(
     if failed:
         say(f"the grader itself failed on {', '.join(dict.fromkeys(failed))}: grade again once that is mended")
         raise typer.Exit(1)
+
+
+def _say_what_the_sandbox_lacks() -> None:
+    from raytwin.sandbox import sandbox
+
+    if lacking := sandbox.lacking(sandbox.probe()):
+        say(f"sandbox: {'; '.join(lacking)} (raytwin doctor says why)")
 
 
 def _line(result: "Result", rubric: "Rubric") -> str:

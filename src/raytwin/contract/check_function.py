@@ -125,7 +125,8 @@ def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> S
     names = tuple(dict.fromkeys(" and ".join(v.name for v in cause) for cause in causes))
     if stage.name in NEEDED:
         names, sentence = _diagnosed(stage, cases, arrays)
-    return replace(base, sentence=sentence, causes=names, inputs=inputs, expected=expected, got=found)
+    made = tuple((v.name, v.sentence) for v in causes[0]) if causes else ()
+    return replace(base, sentence=sentence, causes=names, faults=made, inputs=inputs, expected=expected, got=found)
 
 
 def _diagnosed(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> tuple[tuple[str, ...], str]:

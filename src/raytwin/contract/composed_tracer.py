@@ -36,7 +36,7 @@ def _quiet(function: Function) -> Function:
     return quiet
 
 
-def made_of(stages: Collection[str], what: str = "render") -> str:
+def made_of(stages: Collection[str]) -> str:
     """In words, what `compose` makes: `render is made of its shade, the rest is ours`."""
     own = [name for name in PARTS if name in stages]
-    return f"{what} is made of its {' and '.join(own)}, the rest is ours" if own else ""
+    return f"render is made of its {' and '.join(own)}, the rest is ours" if own else ""

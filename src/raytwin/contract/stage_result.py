@@ -19,7 +19,8 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """`error`: the worst case's, in `unit`, None where there is no number (it raised, another shape, NaN).
 
     `sentence`: for the student. `hint`: the line of theirs to look at. `causes`: names of the faults that explain all
-    cases, empty where none does or all is right; more than one: they explain it equally. `inputs`, `expected`, `got`:
+    cases, empty where none does or all is right; more than one: they explain it equally. `faults`: name and
+    sentence of each mistake of the first. `inputs`, `expected`, `got`:
     of the worst value, in short. `wrong`: the share of all values that are off by more than the tolerance.
     """
 
@@ -30,6 +31,7 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     unit: str
     sentence: str
     causes: tuple[str, ...] = ()
+    faults: tuple[tuple[str, str], ...] = ()
     hint: str = ""
     inputs: str = ""
     expected: str = ""

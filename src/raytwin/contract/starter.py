@@ -8,9 +8,10 @@ from raytwin.contract.stage_table import CONTRACT, LESSONS
 
 HEAD = '''"""A ray tracer in stages: functions that take and return NumPy arrays, each graded alone, in any order.
 
-Run this file to check what is written so far: `python {name}`. In a notebook, `raytwin.check("shade", shade)` shows it
-as a small page. Keep names and parameters; helpers, classes and imports of your own (numpy, scipy, cv2) are welcome. A
-function that is left as it is counts as not written.
+Run this file to check what is written so far: `python {name}`. In a notebook, `raytwin.check("shade", shade)` shows
+it as a small page. Keep names and parameters; helpers and classes of your own are welcome. A function that is left as
+it is counts as not written. What may be imported is the rubric's to say: the standard library, numpy and scipy always,
+and by the ready rubric OpenCV 4.11 or newer (`import cv2`).
 {scene}"""
 
 import numpy as np
@@ -33,9 +34,12 @@ def intersect_plane(origins, directions, center, half_u, half_v):
 SCENE = """
 `scene` is a dict: "name", "width", "height"; the camera "K" (3, 3), "dist" (5,), "R_cam_board" (3, 3), "t_cam_board"
 (3,); "spheres", a list of {"center" (3,), "radius", "albedo" (3,)}; "planes", a list of {"center", "half_u",
-"half_v", "albedo"}; "sun", {"to_light" (3,), unit, "irradiance" (3,)}; "sky", {"radiance" (3,)}; "rung", "lambert"
-or "shadow". Lengths are in metres; the scene's places and directions are in the board's frame, and
-p_cam = R_cam_board @ p_board + t_cam_board takes them to the camera's.
+"half_v", "albedo"}, rectangles whose half_u and half_v are at right angles; "sun", {"to_light" (3,), unit,
+"irradiance" (3,)}; "sky", {"radiance" (3,)}; "rung", "lambert" or "shadow". Lengths are in metres; the scene's places
+and directions are in the board's frame, and p_cam = R_cam_board @ p_board + t_cam_board takes them to the camera's.
+
+Graded pictures have up to about 340 x 250 pixels. Where speed counts they have about 120 x 88: by the ready rubric
+0.1 s of computing per picture, or less, earns the whole bonus, and 5 s none.
 """
 
 TAIL = """
@@ -43,8 +47,8 @@ TAIL = """
 if __name__ == "__main__":
     import raytwin
 
-    for function in ({names},):
-        raytwin.check(function.__name__, function)
+    for name in ({names}):
+        raytwin.check(name, globals()[name])
 """
 
 
@@ -52,7 +56,8 @@ def starter(name: str = "tracer.py", stages: Sequence[str] = tuple(CONTRACT)) ->
     """The text of that file."""
     chosen = [LESSONS[stage] for stage in stages]
     scene = SCENE if any("scene" in stage.parameters for stage in chosen) else ""
-    return HEAD.format(name=name, scene=scene) + "".join(map(_function, chosen)) + TAIL.format(names=", ".join(stages))
+    names = "".join(f'"{stage}", ' for stage in stages).removesuffix(" " if len(stages) == 1 else ", ")
+    return HEAD.format(name=name, scene=scene) + "".join(map(_function, chosen)) + TAIL.format(names=names)
 
 
 def _function(stage: Stage) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from raytwin.errors import InputError
+from raytwin.grade.feedback import with_feedback
 from raytwin.grade.grade_submission import grade_submission
 from raytwin.grade.job import Job, job_of
 from raytwin.grade.questions import references_of
@@ -81,10 +82,12 @@ def run(
 
     What the grader failed on before is graded again. `each` is called with every new result as it comes.
     """
-    return stored(out).run(
+    said = _with_feedback_of(jobs)
+    made = stored(out).run(
         grade_submission, jobs, workers, failed=_fault, redo=lambda result: result.grader_fault, again=again,
-        each=each, progress=progress, stage="grade",
+        each=each and (lambda result: each(said(result))), progress=progress, stage="grade",
     )  # fmt: skip
+    return [said(result) for result in made]
 
 
 def stored(out: Path) -> Stored[Result]:
@@ -93,7 +96,14 @@ def stored(out: Path) -> Stored[Result]:
 
 def collect(jobs: Sequence[Job], out: Path) -> list[Result]:
     """Return the results that are there, whoever made them."""
-    return stored(out).collect(jobs)
+    return list(map(_with_feedback_of(jobs), stored(out).collect(jobs)))
+
+
+def _with_feedback_of(jobs: Sequence[Job]) -> Callable[[Result], Result]:
+    """Say the sentences of a result's own rubric, which is read once."""
+    rubrics = {path: read_rubric(path) for path in {j.rubric for j in jobs}}
+    by_key = {j.key: rubrics[j.rubric] for j in jobs}
+    return lambda result: with_feedback(result, by_key[result.key])
 
 
 def _fault(job: Job, error: Exception) -> Result:

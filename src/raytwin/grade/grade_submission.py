@@ -5,16 +5,20 @@ scenes are drawn from the seed, numbers compared, causes named.
 """
 
 import time
+from datetime import UTC, datetime
 from pathlib import Path
 
+import msgspec
+
 from raytwin.errors import InputError
+from raytwin.grade.follow_through import followed
 from raytwin.grade.job import Job
 from raytwin.grade.marks import marked
 from raytwin.grade.questions import questions_of
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import read_rubric
 from raytwin.grade.sandboxed_calls import call_all
-from raytwin.grade.sandboxed_repair import with_hints
+from raytwin.grade.sandboxed_repair import looked_again
 from raytwin.grade.submission_code import code_of
 from raytwin.sandbox.sandbox import Answer, plain
 
@@ -23,7 +27,7 @@ def grade_submission(job: Job) -> Result:
     """Grade one submission. Whatever it does, there is a result; InputError is for the rubric's faults."""
     began = time.perf_counter()
     rubric = read_rubric(job.rubric)
-    result = Result(job.student, job.key, rubric.title, (), seed=job.seed)
+    result = Result(job.student, job.key, rubric.title, (), seed=job.seed, graded=f"{datetime.now(UTC):%Y-%m-%d %H:%M}")
     asked = list(questions_of(rubric, job.seed))
     try:
         if job.unreadable:
@@ -33,5 +37,7 @@ def grade_submission(job: Job) -> Result:
     except InputError as error:
         for one in asked:
             one.answer = Answer(problem=f"expected {error.expected}, got {error.got}", sort="missing")
-        return marked(result, rubric, asked, began, problem=plain(error))
-    return with_hints(marked(result, rubric, asked, began, problem, timed=code.kind != "images"), rubric, code)
+        return marked(result, rubric, asked, problem=plain(error))
+    result = marked(result, rubric, asked, problem, timed=code.kind != "images")
+    result = looked_again(followed(result, rubric, code, asked), rubric, code)
+    return msgspec.structs.replace(result, seconds=round(time.perf_counter() - began, 4))

@@ -1,6 +1,5 @@
 """What answers are worth: points of each exercise, what is said about it, and the bonus for speed."""
 
-import time
 from dataclasses import replace
 
 import msgspec
@@ -9,6 +8,7 @@ from raytwin.contract.check_function import judge
 from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose.diagnosis import Diagnosis, diagnose
 from raytwin.grade.check_picture import CheckedPicture, check_picture
+from raytwin.grade.fingerprint import fingerprint
 from raytwin.grade.questions import Question
 from raytwin.grade.result import Marked, Part, Picture, Result, Status
 from raytwin.grade.rubric import Exercise, Rubric
@@ -18,9 +18,7 @@ MOST_VIEWS = 3
 """Wrong pictures of a submission that can be looked at pixel by pixel; of the others there is a small one."""
 
 
-def marked(
-    result: Result, rubric: Rubric, asked: list[Question], began: float, problem: str, timed: bool = True
-) -> Result:
+def marked(result: Result, rubric: Rubric, asked: list[Question], problem: str, timed: bool = True) -> Result:
     """Return the result with its exercises marked. `timed`: the answers were computed here, so their seconds count.
 
     Speed is that of drawn scenes: of a named one a submission may have stored the picture.
@@ -51,7 +49,6 @@ def marked(
         bonus=bonus,
         problem=problem,
         own_seconds=round(sum(a.answer.seconds for a in asked), 4),
-        seconds=round(time.perf_counter() - began, 4),
     )
 
 
@@ -100,6 +97,7 @@ def _mark_stage(exercise: Exercise, asked: list[Question]) -> Marked:
         sentences=(found.sentence,),
         causes=found.causes,
         sureness=found.sureness,
+        faults=found.faults,
         inputs=found.inputs,
         expected=found.expected,
         got=found.got,
@@ -127,9 +125,9 @@ def _mark_pictures(
             # What other pictures speak against is not sure.
             found = found and replace(found, sureness="likely" if found.causes else "unknown")
     if found is not None:
-        sentences = (*found.words, *sentences)
+        sentences = (*student_words(found), *sentences)
     elif status == "pass":
-        sentences = (f"right in all {len(parts)} pictures",)
+        sentences = (f"right in all {len(parts)} pictures" if len(parts) > 1 else "the picture is right",)
     sentences = (*sentences, *dict.fromkeys(a.made_of for a in asked if a.made_of))
     # Pixel by pixel the worst; the others stay small.
     wrong = [(a, h.got, h) for a, h in zip(asked, held, strict=True) if h.got is not None]
@@ -147,6 +145,32 @@ def _mark_pictures(
         sentences=sentences or ("wrong, by no typical mistake",),
         causes=tuple(c.name for c in found.causes) if found else (),
         sureness=found.sureness if found and found.causes else "",
+        faults=tuple((c.name, c.sentence) for c in found.causes) if found else (),
+        fingerprint=_fingerprint(asked, held) if status == "fail" else "",
         parts=tuple(parts),
     )
     return marked, pictures
+
+
+def _fingerprint(asked: list[Question], held: list[CheckedPicture]) -> str:
+    """Of the pictures of named scenes, which are the same for all; empty where one of them has no numbers."""
+    named = [(a, h) for a, h in zip(asked, held, strict=True) if not a.drawn]
+    if not named or any(h.got is None and not h.part.passed for _, h in named):
+        return ""
+    right = [a.case.expected[0] for a, _ in named]
+    return fingerprint(right, [r if h.got is None else h.got for r, (_, h) in zip(right, named, strict=True)])
+
+
+def student_words(found: Diagnosis) -> tuple[str, ...]:
+    """The diagnosis in sentences for a student: each mistake, what may be meant as well, what is wrong beside it."""
+    if not found.causes:
+        where = (f"no single common mistake fits: {found.where}",)
+        near = found.nearest if found.explained >= 0.5 else None
+        return (*where, f"closest to it, but not all of it: {near.sentence}") if near else where
+    said = []
+    for cause, others in zip(found.causes, found.alternatives, strict=True):
+        said += [cause.sentence, *(f"or, with the same effect in these pictures: {o.sentence}" for o in others)]
+    first, more, _ = found.where.partition("something else is wrong")
+    clause = first.partition(";")[0]
+    said += [f"your pictures are {clause}"] if clause else []
+    return (*said, "something else is wrong, too") if more else tuple(said)

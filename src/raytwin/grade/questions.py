@@ -1,7 +1,6 @@
 """What a rubric asks of one submission: cases of stages, and scenes with their right pictures, drawn from the seed."""
 
 import functools
-import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -43,7 +42,6 @@ class Question:
 
 def questions_of(rubric: Rubric, seed: int) -> Iterator[Question]:
     """Yield every call of the rubric. Raises InputError where a scene has no reference."""
-    drawn = itertools.count(1)
     for number, exercise in enumerate(rubric.exercises):
         own = seed + 1000 * number
         if not (exercise.scenes or exercise.drawn):
@@ -52,7 +50,7 @@ def questions_of(rubric: Rubric, seed: int) -> Iterator[Question]:
             yield _reference_question(rubric, exercise, name)
         for i in range(exercise.drawn):
             scale = LARGER if exercise.stage == "render" and i % 2 else 1.0
-            scene = draw_scene(own + i, name=f"drawn {next(drawn)}", scale=scale)
+            scene = draw_scene(own + i, name=f"random scene {i + 1}", scale=scale)
             right = np.asarray(traced_once(scene, exercise.rung).mean, float)
             yield replace(_picture_question(exercise, scene, right, Tolerance()), drawn=True)
 

@@ -31,7 +31,9 @@ class Part(Record, frozen=True):
 class Marked(Record, frozen=True):
     """An exercise, marked. `sentences`: for the student, the first is the cause where one is named (`causes`, by name).
 
-    `inputs`, `expected`, `got`: of the worst value of a stage's cases.
+    `faults`: (name, sentence) of each mistake that was made; `causes` has those, too, that explain it as well.
+    `inputs`, `expected`, `got`: of the worst value of a stage's cases. `fingerprint`: of the wrong numbers.
+    `followed`: of the points, those that a picture keeps since a function that failed on its own is to blame.
     """
 
     name: str
@@ -45,6 +47,9 @@ class Marked(Record, frozen=True):
     sentences: tuple[str, ...] = ()
     causes: tuple[str, ...] = ()
     sureness: str = ""
+    faults: tuple[tuple[str, str], ...] = ()
+    fingerprint: str = ""
+    followed: float = 0.0
     inputs: str = ""
     expected: str = ""
     got: str = ""
@@ -64,7 +69,7 @@ class Marked(Record, frozen=True):
 
 class Picture(Record, frozen=True):
     """A picture that is wrong. `thumb`: expected, got and error side by side, a PNG as a data URL; `planes`: as the
-    viewer takes them, JSON, empty where others are worse; `sample`: of the error, to find pictures that are alike."""
+    viewer takes them, JSON, empty where others are worse."""
 
     exercise: str
     shows: str
@@ -73,14 +78,13 @@ class Picture(Record, frozen=True):
     stops: float = 0.0
     share: float = 1e-5
     scale: float = 1.0
-    sample: tuple[float, ...] = ()
 
 
 class Result(Record, frozen=True):
     """`student`: the name of what was handed in. `key`: of the content, the rubric and the seed. `problem`: why nothing
     ran. `grader_fault`: the grader failed, not the submission; it is graded again next time. `bonus`: for speed.
     `own_seconds`: what the submission itself took, of `seconds` in all. `open_locks`: those of the sandbox that did not
-    hold."""
+    hold. `graded`: when, to the minute, UTC."""
 
     student: str
     key: str
@@ -97,6 +101,7 @@ class Result(Record, frozen=True):
     pictures: tuple[Picture, ...] = ()
     speed: tuple[tuple[str, float, float], ...] = ()
     grader_fault: bool = False
+    graded: str = ""
 
     @property
     def points(self) -> float:
@@ -111,12 +116,26 @@ class Result(Record, frozen=True):
         return tuple(dict.fromkeys(c for e in self.exercises for c in e.causes))
 
     @property
+    def faults(self) -> dict[str, str]:
+        """Name -> sentence of each mistake."""
+        return {name: sentence for e in self.exercises for name, sentence in e.faults}
+
+    @property
     def all_passed(self) -> bool:
         return not self.problem and all(e.status == "pass" for e in self.exercises)
 
     @property
+    def worst(self) -> Marked | None:
+        """The exercise to look at first: one that ended the process, then the surest cause, last what is not there."""
+        bad = [e for e in self.exercises if e.status != "pass"]
+        return min(bad, key=lambda e: (WORST.index(e.status), SUREST.index(e.sureness)), default=None)
+
+    @property
     def first_problem(self) -> str:
-        """In words, of the exercise that went worst: one that ended the process before one that is not there."""
-        order: tuple[Status, ...] = ("limit", "broken", "error", "fail", "missing")
-        bad = sorted((e for e in self.exercises if e.status != "pass"), key=lambda e: order.index(e.status))
-        return next((e.sentences[0] for e in bad if e.sentences), "")
+        """In words, of the exercise to look at first."""
+        return self.worst.sentences[0] if self.worst and self.worst.sentences else self.problem
+
+
+WORST: tuple[Status, ...] = ("limit", "broken", "error", "fail", "missing")
+SUREST = ("named", "proved", "sure", "likely", "")
+"""`sureness`, from the surest: named by the instructor, proved by a repair of the text."""

@@ -24,6 +24,7 @@ from raytwin import files
 from raytwin.contract.composed_tracer import NEEDED
 from raytwin.contract.stage_table import LESSONS
 from raytwin.errors import InputError, check_one_of
+from raytwin.grade.fingerprint import is_fingerprint
 from raytwin.rungs import RUNGS
 from raytwin.sandbox.sandbox import Limits
 
@@ -105,6 +106,16 @@ class Speed(Record, frozen=True):
         return round(self.bonus * min(1.0, max(0.0, x)), 4)
 
 
+class Feedback(Record, frozen=True):
+    """The instructor's own `sentence` for wrong numbers of a function with this `fingerprint`, a class page's; `name`:
+    of the mistake, in its tables."""
+
+    stage: str
+    fingerprint: str
+    sentence: str
+    name: str = ""
+
+
 class Rubric(Record, frozen=True):
     """`seed`: of the drawn scenes, cases and orders, together with each submission's own content: keep it to yourself.
 
@@ -112,7 +123,8 @@ class Rubric(Record, frozen=True):
     program: {scene} is the scene as JSON, {out} the image to write. `packages`: what submissions may import beside the
     standard library, NumPy and SciPy, in words for pip, which installs them on Gradescope. `folder`: where the rubric
     lies, with a `reference` of its own if any. `hints`: of a slip that one change of the submission's text undoes, a
-    student reads the line (1), what is wrong there (2), what to write (3); 0: nothing is tried.
+    student reads the line (1), what is wrong there (2), what to write (3); 0: nothing is tried. `follow_through`: the
+    share of its points that a picture keeps if it is right once the functions that failed on their own are replaced.
     """
 
     title: str
@@ -124,6 +136,8 @@ class Rubric(Record, frozen=True):
     command: str = ""
     packages: tuple[str, ...] = ()
     hints: Annotated[int, msgspec.Meta(ge=0, le=3)] = 2
+    follow_through: Share = 0.0
+    feedback: tuple[Feedback, ...] = ()
     folder: str = "."
 
     @property
@@ -160,6 +174,10 @@ def read_rubric(path: str | Path) -> Rubric:
     for i, exercise in enumerate(rubric.exercises):
         _check(f"{path}: exercises[{i}]", exercise)
         named.append(msgspec.structs.replace(exercise, name=exercise.name or _name(exercise)))
+    for i, row in enumerate(rubric.feedback):
+        check_one_of(f"{path}: feedback[{i}].stage", row.stage, LESSONS)
+        if not is_fingerprint(row.fingerprint):
+            raise InputError(f"{path}: feedback[{i}].fingerprint", "the numbers of a class page's row", row.fingerprint)
     names = [e.name for e in named]
     if twice := next((n for n in names if names.count(n) > 1), None):
         raise InputError(f"{path}: exercises: name", "names that differ", f"{twice!r} twice")

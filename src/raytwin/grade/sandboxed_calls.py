@@ -1,6 +1,7 @@
 """Ask a submission everything in its sandbox; a function that ends the process costs its own exercise alone."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin.contract.composed_tracer import NEEDED, compose, made_of
+from raytwin.contract.composed_tracer import NEEDED, compose
 from raytwin.contract.stage import Function
 from raytwin.diagnose.predict import Before
 from raytwin.grade.questions import Question
@@ -43,7 +44,7 @@ def call_all(result: Result, code: Code, rubric: Rubric, asked: list[Question]) 
             while left and not child.problem.problem:
                 one = left.pop()
                 one.before = Before(one.exercise.stage, tuple(calls))
-                _ask(one, child, code)
+                ask(one, child, code)
                 if code.kind == "python" and one.scene is not None:
                     calls.append((one.exercise.stage, one.scene))
         seconds -= child.spent
@@ -67,14 +68,15 @@ def call_all(result: Result, code: Code, rubric: Rubric, asked: list[Question]) 
     return msgspec.structs.replace(result, printed=printed, notes=child.notes, open_locks=locks), problem
 
 
-def _ask(one: Question, child: Sandbox, code: Code) -> None:
+def ask(one: Question, child: Sandbox, code: Code, ours: Sequence[str] = ()) -> None:
+    """Fill in the answer. A picture of which there is no function is made of parts; `ours`: not the submission's."""
     stage, parts = one.exercise.stage, NEEDED.get(one.exercise.stage, ())
     if code.kind == "command":
         one.answer = child.call(stage, as_json(one.case.args[0]))
     elif stage in child.functions or not parts or not set(parts) <= set(child.functions):
         one.answer = child.call(stage, *one.case.args)
     else:
-        one.answer, one.made_of = _composed(child, stage, one.case.args[0]), made_of(parts, stage)
+        one.answer, one.made_of = _composed(child, stage, one.case.args[0], ours), _made_of(stage, ours)
     # A second array describes the format of an image file; a function's own claim about that counts for nothing.
     count = len(one.answer.arrays)
     if one.scene is not None and not one.answer.problem and (count == 0 or (count > 1 and code.kind == "python")):
@@ -85,7 +87,12 @@ def _not_one(count: int) -> str:
     return f"it returned {count} arrays, where one is wanted"
 
 
-def _composed(child: Sandbox, stage: str, scene: dict[str, Any]) -> Answer:
+def _made_of(stage: str, ours: Sequence[str]) -> str:
+    own = [name for name in NEEDED[stage] if name not in ours]
+    return f"{stage} is not written: this is made of your {' and '.join(own)}, the rest is ours"
+
+
+def _composed(child: Sandbox, stage: str, scene: dict[str, Any], ours: Sequence[str]) -> Answer:
     """The picture of our tracer with the submission's parts in it, each called in the submission's process."""
     seconds = 0.0
 
@@ -104,12 +111,12 @@ def _composed(child: Sandbox, stage: str, scene: dict[str, Any]) -> Answer:
 
     try:
         with np.errstate(all="ignore"):
-            picture = getattr(compose({name: part(name) for name in NEEDED[stage]}), stage)(scene)
+            picture = getattr(compose({n: part(n) for n in NEEDED[stage] if n not in ours}), stage)(scene)
         return Answer((np.asarray(picture, float),), seconds)
     except _PartFailed as failed:
         return replace(failed.answer, seconds=seconds)
     except (ValueError, TypeError, IndexError, MemoryError) as error:  # arrays that do not fit one another
-        return Answer((), seconds, f"its {' and '.join(NEEDED[stage])} do not fit together: {error}", "error")
+        return Answer((), seconds, f"your {' and '.join(NEEDED[stage])} do not fit together: {error}", "error")
 
 
 def _misfit(name: str, arguments: tuple[Any, ...], answer: Answer) -> str:

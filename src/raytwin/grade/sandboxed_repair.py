@@ -1,6 +1,7 @@
-"""The line to look at: a submission's wrong functions, repaired by one change of their text, in a sandbox of their own.
+"""A second look at what is wrong: the line to look at, found by repairing the text, and the fingerprint of the numbers.
 
-It runs after grading and changes no points. What the sandbox answers is compared here with what is right.
+It runs after grading, in a sandbox of its own, and changes no points. What the sandbox answers is compared here with
+what is right.
 """
 
 import inspect
@@ -19,6 +20,7 @@ from raytwin.contract.repair_function import probes
 from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, attempt, repair
+from raytwin.grade.fingerprint import PROBE_SEED, fingerprint
 from raytwin.grade.result import Marked, Result
 from raytwin.grade.rubric import Rubric
 from raytwin.sandbox.sandbox import Code, Sandbox
@@ -46,22 +48,26 @@ def {CALLED}(function, codes, lengths, names, arguments, seconds):
 """Runs in the sandbox, behind the submission's own text and in its module."""
 
 
-def with_hints(result: Result, rubric: Rubric, code: Code) -> Result:
-    """The result, with the lines to look at among its exercises' sentences, as far as the rubric's `hints` go.
+def looked_again(result: Result, rubric: Rubric, code: Code) -> Result:
+    """The result, with the lines to look at among its exercises' sentences, as far as the rubric's `hints` go, and
+    fingerprints of what no cause is named for.
 
     Of pictures only those are tried of which no cause is sure; functions that are right by their own tests are not.
     """
     wrong = [e for e in result.exercises if e.status in ("fail", "error") and not _is_known(e)]
-    if not (rubric.hints and wrong and code.kind == "python" and (code.source or code.cells)):
+    unnamed = [e.stage for e in wrong if not (e.faults or e.fingerprint)]
+    if not ((rubric.hints or unnamed) and wrong and code.kind == "python" and (code.source or code.cells)):
         return result
     cells: Cells = code.cells or (("", code.source),)
     asked = (*dict.fromkeys(e.stage for e in wrong), CALLED)
     own = replace(code, cells=(*(code.cells or ((code.file, code.source),)), ("raytwin", DRIVER)), asked=asked)
     innocent = [e.stage for e in result.exercises if e.status == "pass" and LESSONS[e.stage].name not in PICTURES]
     found: dict[str, Repair] = {}
+    prints: dict[str, str] = {}
     with Sandbox(own, rubric.limits, (Path(rubric.folder), Path.cwd())) as child:
+        prints = {stage: _fingerprint(child, LESSONS[stage]) for stage in dict.fromkeys(unnamed)}
         began = _clock(child)
-        for exercise in wrong:
+        for exercise in wrong if rubric.hints else ():
             if exercise.stage in child.functions and CALLED in child.functions and exercise.stage not in found:
                 until = min(_clock(child) + SECONDS, began + IN_ALL)
                 known = [r.candidate for r in found.values() if r.candidate is not None]
@@ -69,19 +75,35 @@ def with_hints(result: Result, rubric: Rubric, code: Code) -> Result:
                 if (made := _repair(stage, seed, cells, child, until, innocent, known)) is not None:
                     found[exercise.stage] = made
     hints = {stage: made.hint(rubric.hints) for stage, made in found.items()}
-    exercises = tuple(_with_hint(e, hints[e.stage]) if e in wrong and e.stage in hints else e for e in result.exercises)
+    exercises = tuple(
+        _with_hint(e, hints.get(e.stage, ""), e.fingerprint or prints.get(e.stage, "")) if e in wrong else e
+        for e in result.exercises
+    )
     return msgspec.structs.replace(result, exercises=exercises)
 
 
 PICTURES = ("hit_points", "render")
+MOST_PROBES = 3
+"""Cases that a fingerprint is taken of."""
 
 
 def _is_known(exercise: Marked) -> bool:
     return exercise.stage in PICTURES and exercise.sureness == "sure"
 
 
-def _with_hint(exercise: Marked, hint: str) -> Marked:
+def _fingerprint(child: Sandbox, stage: Stage) -> str:
+    """Of the wrong numbers in cases that are the same for all."""
+    cases = stage.cases(PROBE_SEED)[:MOST_PROBES]
+    answers = [child.call(stage.name, *case.args) for case in cases]
+    got = [a.astype(float) for answer in answers for a in answer.arrays]
+    return fingerprint([a for case in cases for a in case.expected], got)
+
+
+def _with_hint(exercise: Marked, hint: str, found: str) -> Marked:
     """Behind a cause that is sure; before what is likely, or names none."""
+    exercise = msgspec.structs.replace(exercise, fingerprint=found)
+    if not hint:
+        return exercise
     first, rest = exercise.sentences[:1], exercise.sentences[1:]
     sentences = (*first, hint, *rest) if exercise.sureness == "sure" else (hint, *first, *rest)
     return msgspec.structs.replace(exercise, sentences=sentences, sureness="proved")

@@ -15,7 +15,6 @@ from raytwin.viewer import pack
 
 MOST_PIXELS = 40_000
 """Pixels per picture on a student's page: larger ones are reduced."""
-SAMPLE = 12, 16
 
 
 def wrong_picture(asked: Question, got: np.ndarray, scale: float, whole: bool) -> Picture:
@@ -28,8 +27,6 @@ def wrong_picture(asked: Question, got: np.ndarray, scale: float, whole: bool) -
     with np.errstate(over="ignore", invalid="ignore"):
         test, reference = (Image(np.nan_to_num(x, nan=np.nan, posinf=np.inf).astype(np.float32)) for x in (got, right))
     brightest = np.quantile(reference.mean.max(axis=-1), 0.995)
-    rows, columns = (np.linspace(0, n - 1, k).astype(int) for n, k in zip(right.shape[:2], SAMPLE, strict=True))
-    sample = np.nan_to_num((got - right)[np.ix_(rows, columns)].sum(axis=-1) / scale, posinf=1e6, neginf=-1e6)
     return Picture(
         exercise=asked.exercise.name,
         shows=asked.case.shows,
@@ -38,7 +35,6 @@ def wrong_picture(asked: Question, got: np.ndarray, scale: float, whole: bool) -
         stops=round(-float(np.log2(brightest)), 2) if brightest > 0 else 0.0,
         share=asked.tolerance.p999_abs,
         scale=scale,
-        sample=tuple(float(f"{x:.4g}") for x in np.clip(sample, -1e6, 1e6).ravel()),
     )
 
 

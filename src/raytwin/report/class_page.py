@@ -10,25 +10,31 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from raytwin import files, viewer
-from raytwin.grade.result import Marked, Picture, Result
-from raytwin.grade.rubric import Rubric
+from raytwin.grade.feedback import row_of, unnamed
+from raytwin.grade.fingerprint import same
+from raytwin.grade.result import SUREST, Marked, Picture, Result
+from raytwin.grade.rubric import PICTURES, Rubric
 from raytwin.report.page import asset, render_page
 
 SHARED = "shared"
 STUDENTS = "students"
 BINS = 10
 """Steps of the points' distribution."""
-ALIKE = 1e-3
-"""Share of the largest error: two wrong pictures whose errors differ by less everywhere are near-identical."""
+SURENESS = {
+    "named": "named by the instructor",
+    "proved": "proved: one change of the text makes it right",
+    "sure": "certain",
+    "likely": "likely",
+    "": "cause unknown",
+}
+"""How sure a cause is, from the surest, in words."""
 
 
 def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> list[str]:
@@ -42,14 +48,20 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> list
     files.write_text(shared / "grade.css", asset("report.css") + viewer.style() + asset("grade.css"))
     alike = near_identical(results)
     names = {r.key: page_name(r) for r in results}
-    common: dict[str, Any] = {"of_points": of_points, "STATUS": STATUS, "rubric": rubric}
+    common: dict[str, Any] = {"of_points": of_points, "STATUS": STATUS, "SURENESS": SURENESS, "rubric": rubric}
     common["page"] = lambda result: names[result.key]
     failed = []
     for result in results:
         try:
             views, said = [_view(p) for p in result.pictures], alike.get(result.key, [])
             text = render_page(
-                "grade_student.html.j2", r=result, exercises=_ordered(result), views=views, alike=said, **common
+                "grade_student.html.j2",
+                r=result,
+                exercises=_ordered(result),
+                views=views,
+                alike=said,
+                next_step=next_step,
+                **common,
             )
         except Exception as error:  # ours: it costs this page and no other
             failed.append(result.student)
@@ -59,11 +71,14 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> list
         "grade_class.html.j2",
         results=results,
         columns=rubric.exercises,
-        bins=histogram(results),
+        bins=histogram(r.points / r.of if r.of else 0 for r in results),
+        by_exercise=by_exercise(results, rubric),
         faults=faults(results),
+        unnamed=[(e, who, row_of(e)) for e, who in unnamed(results)],
+        fast=leaderboard(results),
         alike=alike,
         crashed=[r for r in results if broken(r)],
-        says=said_of,
+        certainty=certainty,
         **common,
     )
     files.write_text(folder / "index.html", text)
@@ -73,8 +88,10 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> list
 
 
 def _ordered(result: Result) -> list[Marked]:
-    """The exercises, those that lost most points first."""
-    return sorted(result.exercises, key=lambda e: (e.status == "pass", -(e.of - e.points)))
+    """What to look at first comes first, then by lost points; what passes, and last what is not written."""
+    late = {"pass": 1, "missing": 2}
+    first = result.worst
+    return sorted(result.exercises, key=lambda e: (late.get(e.status, 0), e is not first, -(e.of - e.points)))
 
 
 PLAIN_PAGE = (
@@ -88,13 +105,16 @@ STATUS = {
     "error": ("!", "an error, or no usable array"),
     "missing": ("–", "not written"),
     "limit": ("◷", "too much time, memory or output"),
-    "broken": ("☇", "its process ended"),
+    "broken": ("☇", "the process ended"),
 }
 """Status -> a sign that needs no colour, and what it means."""
 
 
+CRASHED = ("limit", "broken", "error")
+
+
 def broken(result: Result) -> bool:
-    return bool(result.problem) or any(e.status in ("limit", "broken") for e in result.exercises)
+    return bool(result.problem) or any(e.status in CRASHED for e in result.exercises)
 
 
 def of_points(points: float) -> str:
@@ -110,42 +130,73 @@ def page_name(result: Result) -> str:
     return f"{short}-{hashlib.sha256(result.student.encode(errors='replace')).hexdigest()[:6]}.html"
 
 
-def histogram(results: Sequence[Result]) -> list[tuple[int, int]]:
-    """(lower bound in per cent, how many) of the points in BINS steps; the last holds all from there on."""
-    shares = [min(BINS - 1, int(BINS * r.points / r.of)) if r.of else 0 for r in results]
-    counted = Counter(shares)
-    return [(100 * i // BINS, counted[i]) for i in range(BINS)]
+def histogram(shares: Iterable[float]) -> list[int]:
+    """How many of these shares of the points, 0 to 1, lie in each of BINS steps; the last has the whole ones, too.
+
+    >>> histogram([0, 0.05, 1, 1.2])
+    [2, 0, 0, 0, 0, 0, 0, 0, 0, 2]
+    """
+    counted = Counter(min(BINS - 1, int(BINS * share)) for share in shares)
+    return [counted[i] for i in range(BINS)]
 
 
-def faults(results: Sequence[Result]) -> list[tuple[str, list[Result]]]:
-    """Named causes, the most frequent first, each with who has it."""
-    found: dict[str, list[Result]] = {}
+def by_exercise(results: Sequence[Result], rubric: Rubric) -> list[tuple[str, int, list[int]]]:
+    """(name, how many pass, histogram) of each exercise."""
+    told = []
+    for e in rubric.exercises:
+        marked = [m for r in results for m in r.exercises if m.name == e.name]
+        shares = [m.points / m.of if m.of else 1.0 for m in marked]
+        told.append((e.name, sum(m.status == "pass" for m in marked), histogram(shares)))
+    return told
+
+
+def faults(results: Sequence[Result]) -> list[tuple[str, str, list[tuple[Result, str]]]]:
+    """(name, its sentence, who made it and how sure that is), the most frequent first."""
+    found: dict[str, tuple[str, dict[str, tuple[Result, str]]]] = {}
     for result in results:
-        for cause in result.causes:
-            found.setdefault(cause, []).append(result)
-    return sorted(found.items(), key=lambda item: (-len(item[1]), item[0]))
+        for e in result.exercises:
+            for name, sentence in e.faults:
+                who = found.setdefault(name, (sentence, {}))[1]
+                if result.key not in who or SUREST.index(e.sureness) < SUREST.index(who[result.key][1]):
+                    who[result.key] = result, e.sureness
+    rows = [(name, sentence, list(who.values())) for name, (sentence, who) in found.items()]
+    return sorted(rows, key=lambda row: (-len(row[2]), row[0]))
 
 
-def said_of(cause: str, result: Result) -> str:
-    """What the student was told of it: neither how sure it is, nor what explains as much."""
-    said = next(e.sentences[0] for e in result.exercises if cause in e.causes and e.sentences)
-    return re.sub(r"^cause \(\w+\): | \(explains .*|; or, with the same .*", "", said, flags=re.DOTALL)
+def certainty(result: Result) -> str:
+    """Of what is told first; empty where no cause is."""
+    return result.worst.sureness if result.worst else ""
+
+
+def next_step(e: Marked) -> str:
+    """What a student does about an exercise, after reading what is wrong."""
+    if e.status == "missing":
+        return f"Write {e.stage}; the starter file says what it takes and returns."
+    if e.status == "limit":
+        return "Find the loop that does not end, or do all rays at once, then hand in again."
+    if e.status in ("error", "broken"):
+        return f"Call {e.stage} yourself with arguments like these until it returns an array, then hand in again."
+    change = "Change that" if e.faults or e.sureness else "Find out what differs there"
+    if e.stage in PICTURES:
+        return f"{change}, and compare your picture with the expected one below."
+    return f'{change}, then test it alone: raytwin.check("{e.stage}", {e.stage}).'
+
+
+def leaderboard(results: Sequence[Result]) -> list[tuple[Result, float, float]]:
+    """(result, computed seconds per picture, error) of those whose pictures are right, the fastest first."""
+    passed = {r.key: {e.name for e in r.exercises if e.status == "pass"} for r in results}
+    rows = [(r, seconds, error) for r in results for name, seconds, error in r.speed if name in passed[r.key]]
+    return sorted(rows, key=lambda row: row[1])
 
 
 def near_identical(results: Sequence[Result]) -> dict[str, list[tuple[Result, str]]]:
-    """Key -> who has a wrong picture of the same scene with the same errors, and which one. The same mistake does that,
-    too: it says so, and no more."""
-    by_scene: dict[tuple[str, str], list[tuple[Result, np.ndarray]]] = {}
-    for result in results:
-        for p in result.pictures:
-            if p.sample and not p.shows.startswith("drawn") and max(map(abs, p.sample)) > 0:
-                by_scene.setdefault((p.exercise, p.shows), []).append((result, np.array(p.sample)))
+    """Key -> who has the same wrong numbers, and in which exercise. The same mistake does that, too."""
     found: dict[str, dict[str, tuple[Result, str]]] = {}
-    for (_, shows), pictures in by_scene.items():
-        for (a, x), (b, y) in combinations(pictures, 2):
-            if np.abs(x - y).max() <= ALIKE * min(np.abs(x).max(), np.abs(y).max()):
-                found.setdefault(a.key, {})[b.key] = (b, shows)
-                found.setdefault(b.key, {})[a.key] = (a, shows)
+    marked = [(r, e) for r in results for e in r.exercises if e.fingerprint]
+    for (a, x), (b, y) in combinations(marked, 2):
+        if a.key != b.key and x.stage == y.stage and same(x.fingerprint, y.fingerprint):
+            found.setdefault(a.key, {})[b.key] = (b, y.name)
+            found.setdefault(b.key, {})[a.key] = (a, x.name)
     return {key: list(others.values()) for key, others in found.items()}
 
 
@@ -181,18 +232,25 @@ def summary(results: Sequence[Result], rubric: Rubric) -> dict[str, Any]:
 
 
 def write_csv(results: Sequence[Result], rubric: Rubric, path: Path) -> None:
-    """A line a student: points in all and of each exercise, status of each, causes."""
+    """A line per student: points in all and of each exercise, status of each, causes and how sure they are, what went
+    wrong where there are no numbers."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     names = [e.name for e in rubric.exercises]
-    rows.writerow(["student", "points", "of", "bonus", *names, *(f"{n}: status" for n in names), "causes", "problem"])
+    rows.writerow(["student", "points", "of", "bonus", *names, *(f"{n}: status" for n in names), *CSV_ENDS])
     for r in results:
         by_name: dict[str, Marked] = {e.name: e for e in r.exercises}
         found = [by_name.get(n) for n in names]
         cells = [of_points(e.points) if e else "" for e in found] + [e.status if e else "" for e in found]
         said = [r.student, of_points(r.points), of_points(rubric.points), of_points(r.bonus), *cells]
-        rows.writerow([tame(c) for c in (*said, "; ".join(r.causes), r.problem)])
+        first = r.worst
+        crash = first.sentences[0] if first and first.status in CRASHED and first.sentences else ""
+        ends = ["; ".join(r.faults), r.problem or crash, certainty(r), f"{r.own_seconds:.2f}", r.graded]
+        rows.writerow([tame(" ".join(c.split())) for c in (*said, *ends)])
     files.write_text(path, text.getvalue())
+
+
+CSV_ENDS = ("causes", "problem", "certainty", "seconds", "graded")
 
 
 def tame(cell: str) -> str:

@@ -25,6 +25,15 @@ LOCKS = {
 }
 """What can hold, and what it is for."""
 
+OTHERWISE = {
+    "process group": "processes that a submission leaves behind may go on",
+    "rlimits": "memory and seconds are watched, but not bounded by the system",
+    "other uid": "submissions run as your own user, kept in by the other locks",
+    "Landlock": "submissions can read the files that their user can",
+    "seccomp": "submissions can use the network",
+}
+"""What it means where one does not hold."""
+
 HELD = "holds"
 
 

@@ -32,9 +32,9 @@ from raytwin.errors import InputError
 from raytwin.image_input import ENDINGS
 from raytwin.sandbox import wire
 from raytwin.sandbox.importable import importable
-from raytwin.sandbox.lock import HELD, LOCKS
+from raytwin.sandbox.lock import HELD, LOCKS, OTHERWISE
 from raytwin.sandbox.process_group import Usage, awake, nameless_bytes, processes_of_user, usage
-from raytwin.sandbox.work_folder import MEGA, copy_files, excess, remove
+from raytwin.sandbox.work_folder import MEGA, copy_files, excess, remove_soon
 from raytwin.scene_folders import REFERENCES
 
 POLL = 0.1
@@ -220,14 +220,12 @@ class Sandbox:
         if function not in self.functions:
             return Answer(problem=f"{function} is not written", sort="missing")
         self._calls += 1
-        used = self._look(0.0)  # what it has computed until now is no part of this call
-        if exceeded := self._exceeded(self.limits.seconds_a_call, self._spent, used):
-            self._end(exceeded, "limit")
-            return self.problem
-        start = time.monotonic()
+        start, before = time.monotonic(), self._spent
         self._inbox.put({"call": self._calls, "function": function, "arguments": list(arguments)})
         answer = self._wait(self.limits.seconds_a_call)
         seconds = time.monotonic() - start
+        if before.computed:  # the system tells: what it waited for a core is not its own
+            seconds = min(seconds, sum(self._spent[:2]) - sum(before[:2]))
         if self._ended.problem or not self._is_table(answer, {"call": int}):
             return Answer(seconds=seconds, problem=self._ended.problem, sort=self._ended.sort)
         if isinstance(answer.get("error"), str):
@@ -299,6 +297,10 @@ class Sandbox:
                 if not self._ended.problem:
                     self._end(*self._how_it_ended(answer))
                 return None
+            used = self._look(time.monotonic() - looked)
+            if exceeded := self._exceeded(most, before, used):
+                self._end(exceeded, "limit")
+                return None
             return answer
 
     def _look(self, elapsed: float) -> Usage:
@@ -365,7 +367,7 @@ class Sandbox:
             with contextlib.suppress(queue.Empty):
                 self._outbox.get_nowait()
             self._draining.join(1.0)
-        remove(self._base)
+        remove_soon(self._base)
 
 
 # ------------------------------------------------------------------------------------------ probe
@@ -386,6 +388,11 @@ def probe() -> dict[str, str]:
             return held if uid or reason is None else held | {"other uid": reason}
         held["other uid"] = answer.problem if held.get("other uid") == HELD else held.get("other uid", answer.problem)
     raise InputError("sandbox", "a process that answers", answer.problem)
+
+
+def lacking(held: dict[str, str]) -> list[str]:
+    """What is not as it might be on this machine, by what it means for a class."""
+    return [OTHERWISE[name] for name in LOCKS if held.get(name) != HELD]
 
 
 def told(held: dict[str, str]) -> list[tuple[str, str]]:

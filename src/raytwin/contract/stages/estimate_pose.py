@@ -17,7 +17,8 @@ def estimate_pose(K: Any, dist: Any, object_points: Any, image_points: Any) -> A
 
     K: (3, 3), pixels. dist: (5,), k1, k2, p1, p2, k3.
     object_points: (N, 3), N >= 4, on the board, metres, in one plane: z = 0.
-    image_points: (N, 2), where they are seen: u, v in pixels; (0, 0) is the centre of the top-left pixel.
+    image_points: (N, 2), where they are seen: u, v in pixels; (0, 0) is the centre of the top-left pixel. They are
+        exact, without noise.
     """
     return _pose(K, dist, object_points, image_points)
 
@@ -156,13 +157,13 @@ def _one_focal_length(K: Any) -> np.ndarray:
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 VARIANTS = (
-    Variant("distortion not undone", "the distortion is not undone: dist is left out",
+    Variant("distortion-kept", "the distortion is not undone: dist is left out",
             before(lambda K, dist, p, q: (K, 0 * dist, p, q))),
-    Variant("distortion's sign", "the distortion is undone with the wrong sign", before(lambda K, dist, p, q: (K,
+    Variant("distortion-sign", "the distortion is undone with the wrong sign", before(lambda K, dist, p, q: (K,
             -dist, p, q))),
-    Variant("p1 and p2 left out", "the tangential distortion p1, p2 is left out",
+    Variant("tangential-left-out", "the tangential distortion p1, p2 is left out",
             before(lambda K, dist, p, q: (K, dist * [1, 1, 0, 0, 1], p, q))),
-    Variant("coefficients' order", "the coefficients are read as k1, k2, k3, p1, p2: the order is k1, k2, p1, p2, k3",
+    Variant("coefficients-order", "the coefficients are read as k1, k2, k3, p1, p2: the order is k1, k2, p1, p2, k3",
             before(lambda K, dist, p, q: (K, dist[[0, 1, 3, 4, 2]], p, q))),
     Variant("transposed R", "R is transposed: p_cam = R @ p_board + t", _after(lambda R, t: (R.T, t))),
     Variant("inverse pose", "the inverse pose is returned, the camera's in the board's frame: p_cam = R @ p_board + t "
@@ -184,10 +185,10 @@ VARIANTS = (
     Variant("OpenGL's frame", "the pose is that of OpenGL's camera, y up and z backwards: here y points down and z "
             "forward",
             _after(lambda R, t: (FLIP @ R, FLIP @ t))),
-    Variant("half a pixel", "half a pixel is added to the image points: (0, 0) is the centre of the top-left pixel "
+    Variant("half-pixel", "half a pixel is added to the image points: (0, 0) is the centre of the top-left pixel "
             "already",
             before(lambda K, dist, p, q: (K, dist, p, q + 0.5))),
-    Variant("half a pixel", "half a pixel is taken off the image points: (0, 0) is the centre of the top-left pixel "
+    Variant("half-pixel", "half a pixel is taken off the image points: (0, 0) is the centre of the top-left pixel "
             "already",
             before(lambda K, dist, p, q: (K, dist, p, q - 0.5))),
     Variant("u and v swapped", "u and v of the image points are swapped: the column u comes first",

@@ -15,7 +15,7 @@ def shade(points: Any, normals: Any, albedo: Any, to_light: Any, irradiance: Any
     normals: (N, 3), unit, on the side from which the point is seen.
     albedo: (N, 3), or (3,) for all points.
     to_light: (3,), unit, from the surface to the sun.
-    irradiance: (3,), what a surface that faces the sun receives.
+    irradiance: (3,), never (N, 3): what a surface that faces the sun receives. In shadow, call it with zeros.
     sky: (3,), the sky's radiance, the same in every direction.
     """
     n, to_sun = tuple(np.asarray(normals, float).T), tuple(to_light)

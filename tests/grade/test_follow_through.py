@@ -1,0 +1,72 @@
+"""A picture that a failed function spoils keeps its points, and nothing is given for nothing."""
+
+import pytest
+import submitted_tracers as tracers
+
+from raytwin import files
+from raytwin.grade.class_run import jobs_of, run
+from raytwin.grade.follow_through import source_of
+from raytwin.parallel import Workers
+
+RUBRIC = """
+title = "t"
+hints = 0
+follow_through = {rate}
+[[exercises]]
+stage = "shade"
+points = 10
+[[exercises]]
+stage = "intersect_sphere"
+points = 10
+[[exercises]]
+stage = "back_project"
+points = 10
+[[exercises]]
+stage = "render"
+scenes = ["eclipse"]
+points = 30
+"""
+PI = tracers.tracer("pi")
+PARTS = tracers.RIGHT.replace("def render", "def own")
+"""A tracer without a function for the whole."""
+HELPED = "from helper import *\nimport helper\n\n\ndef render(scene):\n    return helper.render(scene)\n"
+NOTHING = "\n".join(
+    f"def {f}:\n    return 0 * {of}\n"
+    for f, of in (
+        ("back_project(K, dist, width, height)", "__import__('numpy').ones((height, width, 3))"),
+        ("intersect_sphere(origins, directions, center, radius)", "origins[:, 0]"),
+        ("shade(points, normals, albedo, to_light, irradiance, sky)", "points"),
+    )
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "helper", "rate", "points"),
+    [
+        (PI, "", 0.0, 0),
+        (PI, "", 0.5, 15),
+        (HELPED, PI, 1.0, 30),  # the wrong function lies in another module
+        (PARTS.replace("albedo / np.pi *", "albedo *"), "", 1.0, 20),  # two of three functions are the student's own
+        (NOTHING, "", 1.0, 0),
+        (tracers.tracer("gamma"), "", 1.0, 0),  # the picture's own mistake
+        (PI.replace("return out.reshape", "return 1.1 * out.reshape"), "", 1.0, 0),  # another one beside it
+        (tracers.RIGHT.replace("def shade", "def lambert").replace(" shade(", " lambert(") + "\n", "", 1.0, 30),
+    ],
+)
+def test_what_is_right_once_the_failed_function_is_replaced_keeps_its_share(tmp_path, text, helper, rate, points):
+    (tmp_path / "r.toml").write_text(RUBRIC.format(rate=rate))
+    files.write_text(tmp_path / "a" / "tracer.py", text)
+    if helper:
+        files.write_text(tmp_path / "a" / "helper.py", helper)
+    (result,) = run(jobs_of(tmp_path / "a", tmp_path / "r.toml", whole=True), tmp_path / "out", Workers())
+    assert result.exercises[-1].points == points, result.exercises[-1].sentences
+
+
+def test_the_sandbox_is_given_no_function_that_was_not_replaced():
+    text = source_of(["shade", "intersect_sphere"])
+    assert "def shade" in text
+    assert "def render" not in text
+    assert "def back_project" not in text
+    made: dict = {}
+    exec(source_of(["back_project"]), made)
+    assert callable(made["undistort"])
