@@ -97,7 +97,7 @@ def _mark_stage(exercise: Exercise, asked: list[Question]) -> Marked:
         sentences=(found.sentence,),
         causes=found.causes,
         sureness=found.sureness,
-        faults=found.faults,
+        faults=found.faults or tuple((name, found.sentence) for name in found.causes),
         inputs=found.inputs,
         expected=found.expected,
         got=found.got,
