@@ -124,7 +124,7 @@ const handlers = {
   },
   async pair(event, data, blobs, old) {
     if (old) return;
-    await viewer.feed(event.planes.map((plane, i) => ({ ...plane, words: new Uint16Array(data, blobs[i][0], blobs[i][1] / 2) })));
+    await viewer.feed(event.planes.map((plane, i) => ({ ...plane, words: new Uint16Array(data, blobs[i][0], blobs[i][1] / 2) })), event.noisy);
     viewer.drawn();
     tell("pair", "both", event.number);
     if (viewer.data.objects.join() !== event.names.join()) {

@@ -103,7 +103,7 @@ class Session:
         yield shown, (jpeg, difference(test, reference, wanted.look, BLOCK if noisy else 1))
         if wanted.moving:
             return
-        yield pair(test, reference, scene.names)
+        yield pair(test, reference, scene.names, noisy)
         halves = [PathTraced("path", fast, WHOLE_SAMPLES)(scene, seed) for seed in SEEDS]
         yield point("tracer", method, test, seconds, halves)
         yield point("twin", None, reference, seconds_twin, halves)
@@ -124,7 +124,7 @@ class Session:
             if RUNGS[wanted.twin_rung].noisy:
                 reference, seconds = _timed(self.twin, wanted, scene, samples, samples)
                 yield point("twin", None, reference, seconds, halves)
-            yield pair(test, reference, scene.names)
+            yield pair(test, reference, scene.names, noisy)
             if check is not None and (made := check.add(test if method.noisy else None, reference)):
                 said = f"{made.verdict.upper()}, {made.reasons[-1]}"
             samples *= 2
@@ -180,10 +180,16 @@ def difference(test: Image, reference: Image, look: Look, side: int = 1) -> byte
     return out.getvalue()
 
 
-def pair(test: Image, reference: Image, names: tuple[str, ...]) -> Event:
+def pair(test: Image, reference: Image, names: tuple[str, ...], noisy: bool) -> Event:
     """Both images' values, and what their objects are called."""
     planes, words = zip(*viewer.raw(test, reference), strict=True)
-    return {"kind": "pair", "planes": planes, "names": names, "samples": [test.samples, reference.samples]}, words
+    return {
+        "kind": "pair",
+        "planes": planes,
+        "names": names,
+        "noisy": noisy,
+        "samples": [test.samples, reference.samples],
+    }, words
 
 
 TONES = {

@@ -18,10 +18,10 @@ class View extends Colours {
     this.refresh();
   }
 
-  // All that is known of both images, anew: planes as `values` takes them.
-  async feed(planes) {
+  // All that is known of both images, anew: planes as `values` takes them. `noisy`: though no variance says so.
+  async feed(planes, noisy = false) {
     this.values = await values({ ...this.data, planes });
-    this.data.noisy = Boolean(this.values.s);
+    this.data.noisy = noisy || Boolean(this.values.s);
     for (const pane of this.panes.values()) if (pane.kind !== "picture") pane.picture = null;
     if (this.state.map === "sigmas" && !this.values.s) this.state.map = "signed";
     this.refresh();
