@@ -20,7 +20,7 @@ from raytwin.compare.comparison import Comparison, Radiance
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.report.bench_charts import Mark, marks_chart, steps
-from raytwin.report.charts import layout, svg_text
+from raytwin.report.charts import chart_html
 from raytwin.report.class_page import tame
 from raytwin.report.compare_page import write_report
 from raytwin.report.data_urls import png_url
@@ -90,7 +90,7 @@ def write_matrix(
     text = render_page(
         "matrix.html.j2",
         ("matrix.css",),
-        ("table.js",),
+        ("table.js", "charts.js"),
         title=title or f"{len(subjects)} renderers on {len(scenes)} scenes",
         rows=rows,
         subjects=subjects,
@@ -103,7 +103,7 @@ def write_matrix(
             (cell for cell in cells if (cell.scene, cell.subject, cell.rung) in past),
             key=lambda cell: not (found := past[cell.scene, cell.subject, cell.rung]).hovers and not found.trend,
         ),
-        charts=[(scene, svg_text(layout(chart))) for scene in scenes if (chart := scene_chart(scene, cells))],
+        charts=[(scene, chart_html(chart)) for scene in scenes if (chart := scene_chart(scene, cells))],
     )
     files.write_text(folder / "index.html", text)
     files.write_json(folder / "matrix.json", {"cells": [_without_picture(cell) for cell in cells]})
