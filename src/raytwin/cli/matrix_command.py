@@ -31,9 +31,9 @@ def matrix_command(
     workers = parse_workers(jobs, dask, shard)
     asked, named = [str(s) for s in scenes or ()], list(subjects or ())
     if listed is not None:
-        more, others, told = matrix.read_list(listed)
+        more, others, chosen = matrix.read_list(listed)
         asked, named = [*asked, *more], [*named, *others]
-        settings = matrix.with_settings(settings, told, listed)
+        settings = matrix.with_settings(settings, chosen, listed)
     found = matrix.jobs_of(asked, named, settings, references)
     if history is not None:
         matrix_history.read_history(history)  # for its checks

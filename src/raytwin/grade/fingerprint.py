@@ -15,6 +15,7 @@ import numpy as np
 PROBE_SEED = 1_618_033
 """Draws the cases that fingerprints are taken of; no points depend on them, so anyone may know it."""
 NUMBERS = 16
+"""Projections of the errors that make a fingerprint: more tell more mistakes apart."""
 ALIKE = 2e-3
 """Share of the largest number: fingerprints that differ by less everywhere are of the same mistake."""
 FARTHEST = 10.0

@@ -92,7 +92,7 @@ def _is_known(exercise: Marked) -> bool:
 
 
 def _fingerprint(child: Sandbox, stage: Stage) -> str:
-    """Of the wrong numbers in cases that are the same for all."""
+    """A fingerprint of the wrong numbers in cases that are the same for all."""
     cases = stage.cases(PROBE_SEED)[:MOST_PROBES]
     answers = [child.call(stage.name, *case.args) for case in cases]
     got = [a.astype(float) for answer in answers for a in answer.arrays]

@@ -164,7 +164,7 @@ def faults(results: Sequence[Result]) -> list[tuple[str, str, list[tuple[Result,
 
 
 def certainty(result: Result) -> str:
-    """Of what is told first; empty where no cause is."""
+    """The sureness of the first cause; empty where no cause is."""
     return result.worst.sureness if result.worst else ""
 
 

@@ -28,7 +28,7 @@ from raytwin.workflows.compare_settings import CompareSettings
 from raytwin.workflows.versions import versions
 
 RATE = 1e-3
-"""Of false alarms, which the distance from the limit is measured by."""
+"""False-alarm rate from which the distance to the limit is measured."""
 ROOT = Path(raytwin.__file__).parent
 NAMED = re.compile(r"(\w[\w .-]*)=(.+)", re.DOTALL)
 """NAME=WHAT, where a subject is given a shorter name."""
