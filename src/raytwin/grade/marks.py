@@ -153,7 +153,7 @@ def _mark_pictures(
 
 
 def _fingerprint(asked: list[Question], held: list[CheckedPicture]) -> str:
-    """A fingerprint of the pictures of named scenes, which are the same for all; empty where one of them has no numbers."""
+    """A fingerprint of the pictures of named scenes, the same for all; empty where one of them has no numbers."""
     named = [(a, h) for a, h in zip(asked, held, strict=True) if not a.drawn]
     if not named or any(h.got is None and not h.part.passed for _, h in named):
         return ""
