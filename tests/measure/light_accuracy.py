@@ -11,6 +11,7 @@ and half a millimetre.
 
 import argparse
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ import numpy as np
 from raytwin import files
 from raytwin.calib import synthetic_photos
 from raytwin.calib.augment import augment
+from raytwin.calib.lighting import light_models as models
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.lights.envmap_tables import REC_709
@@ -108,27 +110,31 @@ def judge(folder: Path, seed: int) -> list[dict]:
         for name, b in (("mirror", MIRROR), ("ball", ORANGE))
     }
     stand = tuple(np.array(STAND) + rng.normal(0, 5e-4, 3))
-    rows = []
+    rows: list[dict] = []
+    start = time.process_time()
+    try:
+        whole = estimate_light(
+            files.list_photos(folder / "photos"), folder / "photos" / "board.toml", folder / "camera.toml",
+            balls=[near["mirror"], near["ball"]], stand=stand,
+        )  # fmt: skip
+    except InputError as error:
+        return [{"seed": seed, "map": around is not None, "mode": mode, "failed": str(error)} for mode in MODES]
     for mode, (balls, with_stand) in MODES.items():
-        row = {"seed": seed, "map": around is not None, "mode": mode}
+        row: dict = {"seed": seed, "map": around is not None, "mode": mode}
         rows.append(row)
-        start = time.process_time()
-        try:
-            found = estimate_light(
-                files.list_photos(folder / "photos"), folder / "photos" / "board.toml", folder / "camera.toml",
-                balls=[near[b] for b in balls], stand=stand if with_stand else None,
-            )  # fmt: skip
-        except InputError as error:
-            row["failed"] = str(error)
-            continue
-        light = found.light
-        row |= {"model": found.trials[found.taken].name, "seconds": time.process_time() - start,
-                "warnings": found.warnings}  # fmt: skip
+        e = whole.evidence
+        part = models.Evidence(
+            e.paper, e.shadow if with_stand else None, e.matt if "ball" in balls else [],
+            e.mirrors if "mirror" in balls else [],
+        )  # fmt: skip
+        light, trials, taken, suns = models.choose(part, len(whole.photos))
+        found = replace(whole, light=light, trials=trials, taken=taken, suns=suns)
+        row |= {"model": found.trials[found.taken].name, "seconds": time.process_time() - start}
         if light.to_light is None:
             row["failed"] = "no sun found"
             continue
         angle = np.degrees(np.arccos(np.clip(light.to_light @ to_light, -1, 1)))
-        row |= {"angle": angle, "z_angle": angle / np.sqrt(2) / np.degrees(light.sigma)}
+        row |= {"angle": float(angle), "z_angle": float(angle) / np.sqrt(2) / np.degrees(light.sigma)}
         for name, value, sd, true in (("E", light.E, light.E_sd, E / white), ("Ls", light.Ls, light.Ls_sd, Ls / white)):
             row |= {
                 name: float((value / true - 1) @ REC_709),

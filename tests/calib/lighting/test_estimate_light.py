@@ -3,15 +3,16 @@
 import numpy as np
 import pytest
 
-from raytwin import files
+from raytwin import files, report
 from raytwin.calib.augment.hidden_sky import CapMeans
 from raytwin.calib.boards import read_board
 from raytwin.calib.lighting.light_file import photo_exposure, read_light, write_light
 from raytwin.calib.lighting.light_models import upward
+from raytwin.calib.synthetic_photos import read_truth
 from raytwin.errors import InputError
 from raytwin.lights import lighting
 from raytwin.lights.envmap_tables import REC_709
-from raytwin.scene import Environment
+from raytwin.scene import Camera, Environment
 from raytwin.workflows.estimate_light import estimate_light
 
 BALLS = (-0.075, 0.05, 0.028, 0.03), (-0.065, 0.15, 0.018, 0.02)
@@ -76,6 +77,11 @@ def test_a_light_file_is_read_back_and_puts_its_light_on_a_scene(found, lit, tmp
 def test_a_board_alone_says_what_to_put_there_and_another_cameras_photo_is_refused(scenes, lit, tmp_path):
     board = lit.parent / "board.toml"
     plain = sorted((lit.parent / "photos").glob("*.jpg"))[0]
+    truth = read_truth(lit.parent / "photos" / "truth.toml")
+    R, t = truth.photos[plain.name]
+    files.write_camera(tmp_path / "own.toml", Camera(truth.image_size, truth.K, R, t, truth.dist))
+    with pytest.raises(InputError, match=r"a mirror ball, a matt ball or a pin beside the board .* the board alone"):
+        estimate_light([plain], board, tmp_path / "own.toml")
     with pytest.raises(InputError, match=r"expected \d+ x \d+ pixels, as the camera's, got \d+ x \d+"):
         estimate_light([plain], board, lit / "camera.toml")
     data = files.read_toml(lit / "camera.toml")
@@ -116,3 +122,15 @@ def test_a_constant_map_shades_a_photo_as_a_constant_sky_does(true):
     ]
     assert pair[0] == pytest.approx(pair[1], abs=4e-3)
     assert pair[1].min() < 0.7
+
+
+def test_the_page_shows_what_the_light_was_found_by_and_loads_nothing(found, tmp_path):
+    report.write_light_page(found, tmp_path / "light.html")
+    page = (tmp_path / "light.html").read_text(encoding="utf-8")
+    assert page.count("<polygon") == 2  # the balls' outlines
+    assert page.count("<ellipse") == len(found.suns) + 1
+    assert report.light_summary(found).splitlines()[-1] in page.replace("&#39;", "'")
+    assert 'src="http' not in page
+    taken = found.trials[found.taken].name
+    assert any(taken in line and "taken" in line for line in report.light_summary(found).splitlines())
+    assert files.json_text(found.numbers()).count('"kind"') == 2

@@ -33,6 +33,9 @@ LOWEST = 8.0
 EDGE_PX = 1.2
 """Pixels from a tag's edge within which paper is not taken for plain."""
 
+SECTOR = 0.8
+"""Cosine of the angle to either side of the streak within which its paper is fitted."""
+
 SEEN = 0.06
 """How much darker than full light the shadow must be, and how much the upright must differ from the paper behind."""
 
@@ -67,7 +70,7 @@ def find_shadow(photos: list[LinearPhoto], sheet: Sheet, stand: tuple[float, flo
     if best is None:
         return None
     length, azimuth = best
-    local = far < 1.8 * length + 0.3 * height
+    local = (far < 1.8 * length + 0.3 * height) & (np.cos(turn - azimuth) > SECTOR)
     rel, shade, weight = polar[local], value[local], weight[local, None]
     white = weight[:, 0] == 1
 
