@@ -65,6 +65,15 @@ def left_of(pid: int) -> int:
     return alive(pid)
 
 
+def goes(folder: Path) -> bool:
+    """Whether it is removed; a slow disk takes seconds for many nested folders, and nobody waits for it."""
+    for _ in range(3000):
+        if not folder.exists():
+            return True
+        time.sleep(0.02)
+    return False
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_no_attack_works(outcome, locks, name):
     answer = outcome[name]
@@ -84,7 +93,7 @@ def test_no_process_and_no_folder_is_left_behind(outcome):
     assert outcome["leaves_a_child_behind"].problem == ""
     assert outcome["digs_deep"].problem == ""
     assert outcome["left"] == 0
-    assert not outcome["base"].exists()
+    assert goes(outcome["base"])
 
 
 @pytest.mark.parametrize(
@@ -134,7 +143,7 @@ def test_an_ending_has_its_reason_and_leaves_nothing(name):
     assert (answer.sort or "none") in ending.sort.split(), answer
     assert not ending.word or any(word in answer.problem for word in (ending.word, *ending.word.split(" ")[:2])), answer
     assert left_of(child._process.pid) == 0
-    assert not child._base.exists()
+    assert goes(child._base)
 
 
 @pytest.mark.parametrize("name", attacks.FORGED)
