@@ -48,6 +48,7 @@ def test_a_starter_that_is_filled_in_checks_itself_as_it_is_run(tmp_path):
     head, tail = text.split("def shade(")
     doc, rest = tail.split("    raise NotImplementedError\n", 1)
     body = "    return albedo * (np.maximum(0, normals @ to_light)[:, None] * irradiance + sky)\n"
+    rest = rest.replace("\nif __name__", "\nhit_points = lambda scene: None\n\nif __name__")  # has no name of its own
     (tmp_path / "tracer.py").write_text(f"{head}def shade({doc}{body}{rest}")
     run = subprocess.run([sys.executable, tmp_path / "tracer.py"], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
@@ -56,4 +57,5 @@ def test_a_starter_that_is_filled_in_checks_itself_as_it_is_run(tmp_path):
     assert "pi is missing in `return albedo * (np.maximum(0, normals @ to_light)[:, None]" in lines[4]
     assert lines[3].startswith("FAIL  shade: the sun's part is π times too bright")
     assert lines[0] == "FAIL  back_project: it is not written yet"
-    assert list(load(tmp_path / "tracer.py").stages) == ["shade"]
+    assert lines[5].startswith("FAIL  hit_points: it returned None")
+    assert list(load(tmp_path / "tracer.py").stages) == ["shade", "hit_points"]

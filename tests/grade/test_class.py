@@ -30,6 +30,7 @@ RUBRIC = """
 title = "Six < seven"
 seed = 5
 follow_through = 1.0
+hints = 0
 [[exercises]]
 stage = "intersect_sphere"
 points = 10
@@ -230,7 +231,7 @@ def test_a_students_page_says_first_what_to_do_and_speaks_to_the_student(graded)
         assert said in page[: page.index('<section class="exercise')]
         assert not re.search(r"cause \(|squared error|drawn \d|\bits\b", page[page.index("<header") :])
     text = (out / "students" / pages.page_name(results["raises"])).read_text()
-    assert "Call render yourself" in text
+    assert "Run render yourself" in text
 
 
 def test_the_class_page_has_certainty_dates_histograms_and_links(graded):
@@ -379,7 +380,7 @@ def test_junit_csv_and_json_agree(graded, tmp_path):
 
 
 def test_a_spreadsheet_takes_no_name_for_a_formula():
-    assert [pages._tame(c) for c in ("=1+1", "-2.5", "@x", "Ada")] == ["'=1+1", "-2.5", "'@x", "Ada"]
+    assert [pages.tame(c) for c in ("=1+1", "-2.5", "@x", "Ada")] == ["'=1+1", "-2.5", "'@x", "Ada"]
 
 
 # ------------------------------------------------------------------------------------------ kinds of submissions

@@ -11,7 +11,7 @@ from typing import Any
 from raytwin import files
 from raytwin.grade.result import Marked, Picture, Result
 from raytwin.grade.rubric import PICTURES, Rubric
-from raytwin.report.class_page import STATUS, of_points
+from raytwin.report.class_page import STATUS, SURENESS, next_step, of_points
 
 MOST_BYTES = 950_000
 """Bytes of a results.json: Gradescope and PrairieLearn take one megabyte."""
@@ -153,6 +153,10 @@ def _lines(e: Marked, unshown: Collection[str] = ()) -> list[str]:
     `unshown`: scenes whose names a visible exercise keeps to itself.
     """
     lines = [_without(unshown, text) for text in e.sentences] if e.visibility == "visible" else [*e.sentences]
+    if lines and e.sureness:
+        lines[0] += f" ({SURENESS[e.sureness]})"
+    if e.status != "pass":
+        lines.append(next_step(e))
     if e.expected and e.status != "pass":
         lines += [e.inputs, f"expected {e.expected}", f"got      {e.got}"]
     for p in e.parts:

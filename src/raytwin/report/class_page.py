@@ -48,7 +48,13 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> list
     files.write_text(shared / "grade.css", asset("report.css") + viewer.style() + asset("grade.css"))
     alike = near_identical(results)
     names = {r.key: page_name(r) for r in results}
-    common: dict[str, Any] = {"of_points": of_points, "STATUS": STATUS, "SURENESS": SURENESS, "rubric": rubric}
+    common: dict[str, Any] = {
+        "of_points": of_points,
+        "STATUS": STATUS,
+        "SURENESS": SURENESS,
+        "PICTURES": PICTURES,
+        "rubric": rubric,
+    }
     common["page"] = lambda result: names[result.key]
     failed = []
     for result in results:
@@ -175,7 +181,7 @@ def next_step(e: Marked) -> str:
     if e.status == "limit":
         return "Find the loop that does not end, or do all rays at once, then hand in again."
     if e.status in ("error", "broken"):
-        return f"Call {e.stage} yourself with arguments like these until it returns an array, then hand in again."
+        return f"Run {e.stage} yourself until it returns an array without an error, then hand in again."
     change = "Change that" if e.faults or e.sureness else "Find out what differs there"
     if e.stage in PICTURES:
         return f"{change}, and compare your picture with the expected one below."
