@@ -27,6 +27,9 @@ ROWS = 8, 16, 32
 WORSE = 1.05
 """The least model whose error is at most this times that of the best one is taken."""
 
+UNEVEN = 0.08
+"""As a share: how far a matt ball's Ls is off where the sky is taken for constant and is not."""
+
 PAPER_SD, REFLECTANCE_SD = 0.01, 0.03
 """As shares: how well the paper's light, and a mirror's reflectance, are known."""
 
@@ -169,7 +172,9 @@ def solve(found: Evidence, rows: int, sun: tuple[np.ndarray, float] | None) -> L
         # Turned by its deviation, the sun takes light from the sky, or gives it some.
         turned = [fit_shading(m.pixels, m.ball, m.width, P, t, shape).Ls for t in _tilts(to_light, sigma)]
         sd = np.sqrt(
-            fitted.Ls_sd**2 + np.mean([(t - fitted.Ls) ** 2 for t in turned], axis=0) + (0.02 * fitted.Ls) ** 2
+            fitted.Ls_sd**2
+            + np.mean([(t - fitted.Ls) ** 2 for t in turned], axis=0)
+            + ((0.02 if shape else UNEVEN) * fitted.Ls) ** 2
         )
         told.append(("matt ball", fitted.Ls, sd))
     if level is not None:
