@@ -19,6 +19,7 @@ from raytwin.workflows.compare_scene import compare_scene
 from raytwin.workflows.shrink import Shrunk, kind_of, shrink
 
 SCENES = "overlap", "studio", "distorted"
+SIZE = 160, 120
 MOST = 20
 """Mistakes that fail, of each scene."""
 
@@ -49,7 +50,7 @@ def main() -> None:
         for fault in FAULTS:
             subject, began = Planted("shadow", fault), seconds()
             try:
-                found = shrink(scene, subject=subject)
+                found = shrink(scene, subject=subject, size=SIZE)
             except InputError:
                 continue  # nothing of it is seen in this scene
             spent, same = seconds() - began, still(found, subject)

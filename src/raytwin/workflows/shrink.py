@@ -19,7 +19,6 @@ from raytwin.compare import Comparison, compare
 from raytwin.compare.comparison import CAUSE
 from raytwin.contract.subject import find_subject
 from raytwin.contract.submission import Shown
-from raytwin.diagnose.budget import SECONDS
 from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.diagnosis import Diagnosis, diagnose, view_of
 from raytwin.diagnose.parametric_faults import FAMILIES, of_objects
@@ -46,7 +45,9 @@ SMALLEST = 24
 """Pixels of a side below which the picture is not cropped: less shows nobody anything."""
 COARSEST = 90
 """Pixels of a side below which the resolution is not lowered."""
-DIAGNOSIS = 5.0
+FIRST = 8.0
+"""Processor seconds to search for the cause in the whole scene."""
+DIAGNOSIS = 2.0
 """Seconds to search for the cause in a scene that may have another."""
 
 
@@ -218,7 +219,7 @@ class _Search:
             raise InputError("--subject", "a renderer that fails on this scene, beyond doubt", "one that does not")
         self.wanted = failure
         if made is not None and reference is not None and isinstance(case, OwnScene):
-            found = _diagnosed(made, reference, case, seconds=SECONDS)
+            found = _diagnosed(made, reference, case, seconds=FIRST)
             named = tuple(cause.name for cause in found.causes) if found else ()
             words = stage_causes(self.subject) or (found.words if found and found.causes else ())
             self.wanted = failure._replace(causes=named, cause=CAUSE.sub("", words[0]) if words else "")
