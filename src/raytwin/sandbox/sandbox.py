@@ -333,8 +333,8 @@ class Sandbox:
             if code == -getattr(signal, "SIGXCPU", 0):
                 return f"not done after {self.limits.cpu_seconds} s of computing: ended", "limit"
             if code < 0:
-                return f"its process was ended by {_signal_name(-code)}", "broken"
-            return f"its process ended itself (exit code {code}) without an answer", "broken"
+                return f"the process was ended by {_signal_name(-code)}", "broken"
+            return f"the process ended itself (exit code {code}) without an answer", "broken"
         return "it closed the pipe to the grader", "broken"
 
     def _end(self, problem: str, sort: Literal["error", "limit", "broken"]) -> None:
