@@ -141,6 +141,9 @@ def test_arrays_files_renders_and_functions_pass_where_they_agree_and_fail_where
 
         def test_compare_does_not_fail(shadow):
             assert shadow.compare(2 * shadow.image.mean).verdict == "fail"
+            given = shadow.scene_dict  # what --subject FILE.py:FUNCTION gets
+            assert (given["height"], given["width"], given["rung"]) == (*shadow.image.shape[:2], "shadow")
+            assert given["K"].shape == (3, 3) and len(given["spheres"]) == len(shadow.scene.spheres)
         """.replace("\n        ", "\n"),
     )
     cases = ("array", "list", "image", "variance", "renders", "function", "function_without_noise", "tolerance")

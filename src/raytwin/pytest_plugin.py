@@ -122,6 +122,13 @@ class ReferenceCheck:
         return known.scene if known.scene is not None else pytest.fail(f"{self.path} was made from {made_from}")
 
     @property
+    def scene_dict(self) -> dict[str, Any]:
+        """The same scene as the dict of arrays that `--subject FILE.py:FUNCTION` passes."""
+        from raytwin.renderers.scene_exchange import as_arrays
+
+        return as_arrays(self.scene, self.rung)
+
+    @property
     def camera(self) -> "Camera":
         """The camera to render with."""
         return self.scene.camera

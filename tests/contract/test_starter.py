@@ -51,7 +51,7 @@ def test_a_starter_that_is_filled_in_checks_itself_as_it_is_run(tmp_path):
     rest = rest.replace("\nif __name__", "\nhit_points = lambda scene: None\n\nif __name__")  # has no name of its own
     (tmp_path / "tracer.py").write_text(f"{head}def shade({doc}{body}{rest}")
     run = subprocess.run([sys.executable, tmp_path / "tracer.py"], capture_output=True, text=True)
-    assert run.returncode == 0, run.stderr
+    assert run.returncode == 1, run.stderr
     lines = run.stdout.splitlines()
     assert len(lines) == 7
     assert "pi is missing in `return albedo * (np.maximum(0, normals @ to_light)[:, None]" in lines[4]

@@ -14,7 +14,7 @@ def made() -> Ladder:
     from raytwin.compare.report import Part
 
     rng = np.random.default_rng(3)
-    names = "tracer: shadow", "twin: path", "bounce 1 alone", "whole light"
+    names = "tracer: shadow", "twin: path", "bounce 1 alone", "global illumination"
     images = {name: rng.uniform(0.1, 0.9, (*SIZE, 3)).astype(np.float32) for name in names}
     steps = Step("shadow", "tracer", "drjit32-shadow-conic", 0.002, 0.0144, None), Step(
         "path", "twin", "twin-path", 2.29, 0.0048, 0.0047)  # fmt: skip

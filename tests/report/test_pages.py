@@ -105,7 +105,7 @@ def atlas(folder: Path, make_result, scenes) -> list[Path]:
 
 
 def ladder(folder: Path, make_result, scenes) -> list[Path]:
-    images = {name: noise(seed=i) for i, name in enumerate(("tracer: shadow", "twin: path", "whole light"))}
+    images = {name: noise(seed=i) for i, name in enumerate(("tracer: shadow", "twin: path", "global illumination"))}
     steps = tuple(Step("shadow", side, EVIL, 0.002, 0.0144, None) for side in ("tracer", "twin"))
     parts = (Part("bounce 1", rmse=0.014, share_of_light=-0.0191, between=(EVIL, "floor")),)
     write_ladder(Ladder(Rungs(EVIL, *SIZE[::-1], 64, 8, 0.002, steps, {"shadow": parts}, 1.0), images), folder)

@@ -107,7 +107,7 @@ def ladder(
     camera = scene.camera
     scene = scene.with_camera(camera.resized(*(size or _small(camera.image_size))))
     deepest = max(row.depth or 0 for row in RUNGS.values())
-    with stages.stage("whole light"):
+    with stages.stage("global illumination"):
         whole = walk(scene, "path", engine, samples=MORE * samples, seed=seed + 1, surface=False)
     with stages.stage("ledger"):
         split = WholeLight(scene, engine, deepest)
@@ -137,7 +137,7 @@ def ladder(
         images[f"{TITLES[part]} alone"] = light[part].mean
         if part != PARTS[0]:
             images[f"all light up to {TITLES[part]}"] = total
-    images["whole light"] = whole.mean
+    images["global illumination"] = whole.mean
     w, h = scene.camera.image_size
     floor = _noise(whole) or 0.0
     spent = time.perf_counter() - began

@@ -7,7 +7,7 @@ import typer
 
 from raytwin.cli.option_values import check_outputs
 from raytwin.cli.progress_bar import show_progress
-from raytwin.cli.terminal import say
+from raytwin.cli.terminal import say, say_wrapped
 from raytwin.workflows.compare_settings import CompareSettings
 
 
@@ -17,9 +17,9 @@ def matrix_command(
     jobs: int = 1, dask: str = "", shard: str = "", again: bool = False, json: Path | None = None,
     junit: Path | None = None, out: Path = Path("out/matrix"), allow: list[str] | None = None,
 ) -> None:  # fmt: skip
-    """Compare several renderers with the twin on several scenes; one page shows all.
+    """Compare several renderers with the twin on several scenes.
 
-    Run it again to continue an interrupted run. Exit code 1: a comparison failed; 2: none did, and one is undecided or
+    One page shows all results. Run it again to continue an interrupted run. Exit code 1: a comparison failed; 2: none did, and one is undecided or
     could not be made.
     """
     from raytwin import report
@@ -44,7 +44,8 @@ def matrix_command(
             redo=lambda cell: cell.verdict == "error", again=again, progress=progress, stage="matrix",
         )  # fmt: skip
     for cell in cells:
-        say(f"{cell.verdict.upper():<10} {cell.scene}: {cell.subject}: {(cell.cause or cell.reason)[:100]}")
+        why = "" if cell.verdict == "pass" else f": {cell.cause or cell.reason}"
+        say_wrapped(f"{cell.verdict.upper():<10} {cell.scene}: {cell.subject}{why}")
     done = store.collect(found)
     if len(done) < len(found):
         say(f"{len(done)} of {len(found)} done; run it again without --shard once all are, for the page")

@@ -99,10 +99,10 @@ OPTIONS: dict[str, dict[str, Any]] = {
         ),
         "samples": _opt("Samples per pixel of both sides (default: until the verdict is certain).", kind=int | None),
         "budget": _opt(
-            "Most samples per pixel (1024), or time (30s), until the verdict is undecided.", "N|TIME", kind=str | None
+            "Samples per pixel (1024) or time (30s) after which the verdict is undecided.", "N|TIME", kind=str | None
         ),
         "detectable_bias": _opt(
-            'Report "undecided" if a larger bias of the whole image could go unnoticed (0.1; rounds seek 0.01).',
+            'Report "undecided" if a larger bias of the whole image could go unnoticed (0.1; 0.01 within budget).',
             "SHARE", "--detectable-bias", "--must-see", min=0, kind=float | None,
         ),
         "detectable_tile_bias": _opt(
@@ -116,9 +116,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "flip": _opt(
             "Add NVIDIA's perceptual metric FLIP (slow; extra `flip`).", None, "--flip", callback=_flip, kind=bool
         ),
-        "light": _opt("light.toml in the place of the scene's sun and sky.", "FILE", kind=Path | None),
+        "light": _opt("light.toml to use instead of the scene's sun and sky.", "FILE", kind=Path | None),
         "allow": _opt(
-            "File or folder outside a Mitsuba file's own, or plugin, that it may use; repeatable.", "NAME",
+            "Plugin, or file outside the folder, that a Mitsuba file may use; repeatable.", "NAME",
             callback=_allow, is_eager=True,
         ),
         "json": _opt("Write the numbers as JSON.", "FILE", "--json"),
@@ -151,7 +151,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "variance_a": _opt("Image with the variance of A's mean.", "FILE"),
         "variance_b": _opt("Image with the variance of B's mean.", "FILE"),
         "scene": _opt(
-            "Scene that both show, where B does not say: a failure names its cause.", "SCENE", among=_scenes,
+            "Scene that both images show, so that a failure names its cause (B's).", "SCENE", among=_scenes,
             callback=_known_scene, kind=Path | None,
         ),
         "rung": _opt("Light level that both show (shadow).", among=LEVELS, kind=str | None),
@@ -161,7 +161,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("Folder for report.html, heatmap.png, comparison.json.", "DIR", *OUT),
     },
     "ladder": {
-        "samples": _opt("Samples per pixel where light is followed."),
+        "samples": _opt("Samples per pixel where light is sampled."),
         "seed": _opt("Seed of the samples."),
         "size": _opt("Size of the pictures; 480 wide by default.", "WxH", callback=_size, kind=str | None),
         "out": _opt("Folder for page and chart (in out/).", "DIR", *OUT),
@@ -173,12 +173,12 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "matrix": {
         "scenes": _arg("Scenes: folders, names, Mitsuba files (XML).", among=_scenes),
-        "subjects": _opt("Renderer, as of compare, or NAME=RENDERER; repeatable.", "WHAT", "--subject"),
+        "subjects": _opt("Renderer, as in compare, or NAME=RENDERER; repeatable.", "WHAT", "--subject"),
         "subject": None,
         "listed": _opt("TOML file with scenes, subjects and settings.", "FILE", "--from"),
-        "references": _opt("Compare with stored references in the twin's place.", "DIR"),
-        "history": _opt("Add a line per comparison to this file, and show which hover or drift.", "FILE"),
-        "again": _opt("Compare again what is done.", None, "--again"),
+        "references": _opt("Compare with stored references instead of the twin.", "DIR"),
+        "history": _opt("Add a line per comparison to this file, and show which drift or near their limit.", "FILE"),
+        "again": _opt("Repeat finished comparisons.", None, "--again"),
         "out": _opt("Folder for page and results.", "DIR", *OUT),
         **dict.fromkeys(("tracer_rung", "engine", "solver", "sampling", "photo", "cache", "flip", "budget",
                          "detectable_bias", "detectable_tile_bias", "light")),
@@ -222,21 +222,21 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "model": _opt("Lens model: auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or full5.", among=MODELS),
         "photo": _opt("Photo whose pose is written (the first).", "NAME"),
         "out": _opt("Write the camera, as TOML, and a page beside it.", "FILE", *OUT),
-        "uncertainty": _opt("Draw how far off each pixel may be.", "FILE.png"),
+        "uncertainty": _opt("Draw each pixel's uncertainty.", "FILE.png"),
         "bend": _opt("Draw the board's bend; a second board goes to FILE_2.png.", "FILE.png"),
         "export": _opt("Write K and distortion for another program.", "FILE"),
         "export_as": _opt("opencv, ros, kalibr or mrcal (from --export's ending).", None, "--format"),
-        "against": _opt("Compare with another camera by where they project.", "OTHER.toml"),
+        "against": _opt("Compare the projections of another camera.", "OTHER.toml"),
         "distance": _opt("Distance of the compared points (the boards'), or inf.", "M"),
         "difference": _opt("Draw the difference found by --against.", "FILE.png"),
     },
     "light": {
-        "photos": _arg("Photos of one board in one light, or their folder.", "PHOTO..."),
+        "photos": _arg("Photos of one board under one light, or their folder.", "PHOTO..."),
         "board": _opt("TOML file of the board.", "BOARD"),
         "camera": _opt("camera.toml, as `raytwin calibrate -o` writes it.", "FILE"),
-        "out": _opt("light.toml; a map and a page go beside it.", "FILE", *OUT),
+        "out": _opt("light.toml to write; a map and a page go beside it.", "FILE", *OUT),
         "ball": _opt("A ball's rough center and its radius, metres; mirror or matt. Repeatable.", "X,Y,Z,R"),
-        "stand": _opt("A thin upright's foot on the board and its height, metres.", "X,Y,H"),
+        "stand": _opt("Foot and height of a pin or pen that stands upright, metres.", "X,Y,H"),
     },
     "augment": {
         "photos": _arg("Photos that show the board.", "PHOTO..."),
@@ -247,7 +247,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "against": _opt("True photos of the same names: report the error by region.", "DIR", kind=Path | None),
         "shadows": _opt("Cast shadows on what the photo shows.", kind=bool),
         "exposure": _opt(
-            "The photo's linear value of radiance 1 (1; with --light what its paper shows).", min=0.0, kind=float | None
+            "The photo's linear value of radiance 1 (1; with --light, from its paper).", min=0.0, kind=float | None
         ),
     },
     "photograph": {
@@ -264,8 +264,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "with_objects": _opt("Put the scene's objects there, too (for augment --against).", None, "--with-objects"),
         "mirror": _opt("Put a mirror ball there: center and radius, metres.", "X,Y,Z,R"),
         "ball": _opt("Put a matt orange ball there: center and radius, metres.", "X,Y,Z,R"),
-        "stand": _opt("Put a thin upright there: foot and height, metres.", "X,Y,H"),
-        "exposure": _opt("Linear pixel value of radiance 1; several, separated by commas, are used by turns."),
+        "stand": _opt("Put an upright pin there: foot and height, metres.", "X,Y,H"),
+        "exposure": _opt("Linear pixel value of radiance 1; several, separated by commas, are used in turn."),
     },
     "board": {
         "out": _opt("PDF to write, with a TOML beside it; with --import, a TOML.", "FILE", *OUT),
@@ -278,7 +278,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "landscape": _opt("Paper orientation (whichever fits, portrait first).", None, "--landscape/--portrait"),
         "first_id": _opt("Id of the lower left tag (0).", "N"),
         "family": _opt("tag36h11 (default), tag25h9 or tag16h5.", among=("tag36h11", "tag25h9", "tag16h5")),
-        "pickle": _opt("Read a pickle of boards (no code of it runs).", "FILE", "--import"),
+        "pickle": _opt("Read a pickle of boards (none of its code is run).", "FILE", "--import"),
         "name": _opt("With --import: the board's name in the pickle."),
         "unit": _opt("With --import: unit of the centres: mm, cm, m or inch."),
         "y_down": _opt("With --import: y points down on the upright board.", None, "--y-down"),
@@ -291,7 +291,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "seed": _opt("Seed of the samples (0)."),
         "sampling": _opt("center (default) or area.", among=SAMPLINGS),
         "size": _opt("Size in pixels (about 336x252).", "WxH", callback=_size, kind=str | None),
-        "again": _opt("Render again what is up to date.", None, "--again"),
+        "again": _opt("Render even what is up to date.", None, "--again"),
         "yes": _opt("Replace old references without asking.", None, "--yes", "-y"),
         "whole": _opt("Print everything known of each.", None, "--all"),
         "against": _opt("Another folder of references.", "DIR"),
@@ -304,7 +304,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "submissions": _arg("Folder with a file or folder per student; or a single submission."),
         "rubric": _opt("TOML file with exercises and points.", "FILE", "--rubric", "-r"),
         "out": _opt("Folder for pages and results.", "DIR", *OUT),
-        "again": _opt("Grade again what is already graded.", None, "--again"),
+        "again": _opt("Grade finished submissions again.", None, "--again"),
         "whole": _opt("Treat the folder as one submission.", None, "--whole"),
         "gradescope": _opt("Write Gradescope's results.json.", "FILE"),
         "prairielearn": _opt("Write PrairieLearn's results.json.", "FILE"),
@@ -315,12 +315,12 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "grade.starter": {
         "out": _opt("File to write (tracer.py or rubric.toml).", "FILE", *OUT),
-        "rubric": _opt("Write a complete rubric to edit instead.", None, "--rubric"),
+        "rubric": _opt("Write a complete rubric instead, to edit.", None, "--rubric"),
     },
     "grade.gradescope-zip": {"rubric": _arg("The rubric, TOML."), "out": _opt("Zip to write.", "FILE", *OUT)},
     "bench": {
         "methods": _opt("Patterns of method names; see `raytwin bench list`.", "GLOB,...", "--methods"),
-        "subject": _opt("Renderer of your own to measure beside them, as of compare; repeatable.", "WHAT", "--subject"),
+        "subject": _opt("Renderer of your own to measure too, as in compare; repeatable.", "WHAT", "--subject"),
         "rung": _opt("Light level of --subject.", among=LEVELS),
         "sizes": _opt("Picture sizes in megapixels.", "MP,..."),
         "spheres": _opt("Also time pictures of N small spheres, at the first size.", "N,..."),

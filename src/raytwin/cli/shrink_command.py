@@ -29,12 +29,12 @@ def shrink_command(
     rung = f" --rung {found.rung}" if found.rung else ""
     samples = f" --samples {settings.samples}" if settings.samples else ""
     shown = f"raytwin compare {shlex.quote(str(file))} --subject {shlex.quote(str(settings.subject))}{rung}{samples}"
-    said = (f"{found.name}, cut down by raytwin shrink.", *found.sentences)
-    found.after.write(folder, "\n".join((*said, "bug.md has the command that shows it.")))
-    files.write_text(folder / "bug.md", "\n\n".join((*said, f"To see it: `{shown}`\n")))
+    said = (f"{found.name}, reduced by raytwin shrink.", *found.sentences)
+    found.after.write(folder, "\n".join((*said, "bug.md has the command that reproduces it.")))
+    files.write_text(folder / "bug.md", "\n\n".join((*said, f"To reproduce: `{shown}`\n")))
     if json:
         files.write_json(json, found.numbers() | {"scene": str(file), "command": shown})
-    for line in (*found.sentences, f"To see it: {shown}"):
+    for line in (*found.sentences, f"To reproduce: {shown}"):
         say(line)
     say(f"{found.before.count} objects to {found.after.count}, {found.evaluations} comparisons, {found.seconds:.1f} s")
     say(f"scene: {file}")

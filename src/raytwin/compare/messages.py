@@ -44,7 +44,7 @@ def noise_findings(made: Decision, reference: Image, unit: float) -> list[Findin
             VALUE: f"the pixel {at(w.x, w.y)}",
         }[rank]
         if rank == IMAGE and (share := shared_share(w, family.level)) < COMMON:
-            sure += f"; {percent(share)} of the variance in common to all pixels would explain it"
+            sure += f", unless all pixels share {percent(share)} of their variance"
         findings.append(Finding(rank, f"{where} is {off} ({sure}){_others(rank, family, made.failed_pixels)}"))
     return findings
 

@@ -181,7 +181,7 @@ class SequentialComparison:
         )
         if exact or passed or made.verdict == "fail":
             spent = f"{self._counted()} and {time.perf_counter() - self._began:.2g} s"
-            said = EQUAL if exact else f"certain after {spent}, looked at {self.looks} time{'s' * (self.looks > 1)}"
+            said = EQUAL if exact else f"certain after {spent} ({self.looks} look{'s' * (self.looks > 1)})"
             return self._certain(self.comparison, said)
         self.next_look = self._next(made, n)
         return None

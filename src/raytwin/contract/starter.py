@@ -45,10 +45,13 @@ Graded pictures have up to about 340 x 250 pixels. Where speed counts they have 
 TAIL = """
 
 if __name__ == "__main__":
+    import sys
+
     import raytwin
 
-    for name in ({names}):
-        raytwin.check(name, globals()[name])
+    names = ({names})
+    results = [raytwin.check(name, globals()[name]) for name in names]
+    sys.exit(not all(result.passed for result in results))
 """
 
 

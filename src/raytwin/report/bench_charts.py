@@ -25,7 +25,7 @@ TRUTHS = {
     "lambert-area": "lambert, over whole pixels",
     "shadow-area": "shadow, over whole pixels",
     "sky-area": "sky, over whole pixels",
-    "path-area": "the whole light (path), over whole pixels",
+    "path-area": "global illumination (path), over whole pixels",
 }
 
 COLOURS = {

@@ -31,7 +31,7 @@ def write_ladder(found: "Ladder", folder: str | os.PathLike[str]) -> None:
     drawn = error_chart(rungs)
     page = render_page(
         "ladder.html.j2", ("bench.css", *STYLES), SCRIPTS, l=rungs, colours=PARTS,
-        **picture_pair({name: Image(mean) for name, mean in images.items()}, FIRST, "whole light"),
+        **picture_pair({name: Image(mean) for name, mean in images.items()}, FIRST, "global illumination"),
         bars=[(rung, bars(rungs, rung)) for rung in rungs.ledgers], chart=chart_html(drawn),
     )  # fmt: skip
     files.write_json(folder / "ladder.json", rungs)
@@ -41,7 +41,7 @@ def write_ladder(found: "Ladder", folder: str | os.PathLike[str]) -> None:
 
 def ladder_summary(rungs: "Rungs") -> str:
     """A line each rung and side, then what each rung leaves out."""
-    lines = [f"{rungs.scene}, {rungs.width} x {rungs.height}, {rungs.samples} samples where light is followed"]
+    lines = [f"{rungs.scene}, {rungs.width} x {rungs.height}, {rungs.samples} samples per pixel where light is sampled"]
     for step in rungs.steps:
         error = "no light" if step.rmse is None else f"rmse {shown(step.rmse, 3)}"
         noise = "" if step.noise is None else f", of it noise {shown(step.noise, 2)}"
@@ -52,7 +52,9 @@ def ladder_summary(rungs: "Rungs") -> str:
             for part in parts
             if part.share_of_light is not None and abs(part.share_of_light) >= 5e-4
         ]
-        lines.append(f"  {rung}: " + (", ".join(told) + " of the light" if told else "the whole light"))
+        lines.append(
+            f"  {rung}: " + (", ".join(told) + " of the light" if told else "no part above 0.05 % of the light")
+        )
     return "\n".join(lines)
 
 
@@ -74,7 +76,7 @@ def error_chart(rungs: "Rungs") -> Chart:
     asked = [Asked(f"{p.family} {p.name}", p, p.name == "path", (p,)) for p in points]
     texts, without = placed(asked, points, x_range, y_range)
     return Chart(
-        "ladder", f"{rungs.scene}: every rung on both sides", "seconds a frame", "RMSE against the whole light",
+        "ladder", f"{rungs.scene}: every rung on both sides", "seconds a frame", "RMSE against global illumination",
         x_range, y_range, tuple(points), texts, lines, rungs.floor or None, without,
     )  # fmt: skip
 

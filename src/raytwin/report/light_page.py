@@ -39,7 +39,7 @@ def light_summary(found: "LightEstimate") -> str:
         lines.append(f"sun's irradiance: {_triple(light.E, light.E_sd)}")
     name = "constant sky that lights level paper as the map does" if light.around is not None else "sky's radiance"
     lines.append(f"{name}: {_triple(light.Ls, light.Ls_sd)}")
-    lines.append("(white paper in full light has luminance 1; its albedo is taken for 0.85)")
+    lines.append("(scale: white paper in full light has luminance 1; its albedo is assumed to be 0.85)")
     return "\n".join([*lines, *(f"warning: {text}" for text in found.warnings)])
 
 

@@ -44,7 +44,7 @@ NUMBERS: tuple[Number, ...] = (
     Number("statistics", "minimum_detectable_tile_bias", "Detectable bias of a tile", "relative", None,
            "the same for any 24 x 24 patch"),
     Number("statistics", "looks", "Looks", "", None,
-           "how often rounds of samples were looked at until the verdict was certain"),
+           "how many times the samples were tested before the verdict was certain"),
     Number("statistics", "samples_to_certainty", "Samples to certainty", "per pixel", None,
            "what each side had when the verdict was certain"),
     Number("statistics", "sign_flip_p", "Second opinion", "probability", None,

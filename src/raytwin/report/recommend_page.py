@@ -70,7 +70,7 @@ SHOWN = 6
 
 def needs_summary(found: Needs) -> str:
     """The choice, what was cheaper and fails, what else would do, and what is not needed."""
-    lines = [f"{found.scene}: {found.metric} <= {found.tolerance:g} against the whole light over the pixels' area"]
+    lines = [f"{found.scene}: {found.metric} <= {found.tolerance:g} against global illumination over the pixels' area"]
     if found.choice is None:
         lines.append(f"{'None':<{WORDS}}{found.reason}")
     else:
@@ -88,7 +88,7 @@ def needs_summary(found: Needs) -> str:
         measured = "" if thing.measured is None else f", measured {thing.measured:.2g}{unit}"
         lines.append(f"{'Can be dropped':<{WORDS}}{thing.what}: {thing.why} ({proven}{measured})")
     t = found.truth
-    deeper = "nothing is proven of deeper light" if t.beyond is None else f"deeper light adds {t.beyond:.2g} at most"
+    deeper = "no bound on deeper light" if t.beyond is None else f"deeper light adds at most {t.beyond:.2g}"
     lines.append(
         f"{'Measured against':<{WORDS}}{t.samples} samples at {t.pixels} pixels, depth {t.depth} ({deeper}); "
         f"its noise {t.noise:.2g}; {found.seconds:.1f} s"

@@ -15,10 +15,12 @@ def summary(result: "Result") -> str:
     c = result.comparison
     g, r = c.geometry, c.radiance
     rung = f", rung {result.report.rung}" if result.report.rung else ""
+    differ = g.mask_mismatch_pixels
+    outlines = "not compared (the subject reports no objects)" if differ is None else f"{differ} pixels differ"
     lines = [
         f"{c.verdict.upper()}  {result.report.scene}{rung}{because(c)}",
         *(f"  {reason}" for reason in further(c)),
-        f"  silhouettes: {_number(g.mask_mismatch_pixels)} pixels differ",
+        f"  silhouettes: {outlines}",
         f"  radiance: p99.9 error {_number(r.p999_abs)}, worst {_number(r.max_abs)}, rmse {_number(r.rmse)}",
     ]
     lines += [f"  {row.name}: {row.found:.6g} {row.unit}, true {row.truth:.6g}" for row in result.truth]

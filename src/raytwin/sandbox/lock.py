@@ -28,7 +28,7 @@ LOCKS = {
 OTHERWISE = {
     "process group": "processes that a submission leaves behind may go on",
     "rlimits": "memory and seconds are watched, but not bounded by the system",
-    "other uid": "submissions run as your own user, kept in by the other locks",
+    "other uid": "submissions run under your own user ID; the other locks hold",
     "Landlock": "submissions can read the files that their user can",
     "seccomp": "submissions can use the network",
 }

@@ -114,10 +114,10 @@ class Shrunk:
         gone = ", ".join((*self.removed, *self.simpler)) or "nothing"
         said = [
             f"It fails: {self.failure.cause or self.failure.reason}",
-            f"Taken out, and does not matter: {gone}.",
-            f"Has to stay: {', '.join(self.kept) or 'nothing'}.",
+            f"Not needed: {gone}.",
+            f"Needed: {', '.join(self.kept) or 'nothing'}.",
         ]
-        late = ("The time was over before everything was tried; --time-limit gives more.",) if self.stopped else ()
+        late = ("Time ran out before every step was tried; raise --time-limit.",) if self.stopped else ()
         return (*said, *late)
 
     def numbers(self) -> dict[str, Any]:
@@ -172,7 +172,7 @@ def _shrunk(case: C, subject: Renderer, chosen: CompareSettings, time_limit: flo
     simpler: tuple[str, ...] = less.gone
     if small.image_size != case.image_size:
         sizes = (*small.image_size, *case.image_size)
-        simpler = (*simpler, "most of the picture ({} x {} pixels are left of {} x {})".format(*sizes))
+        simpler = (*simpler, "most of the picture ({} x {} of {} x {} pixels remain)".format(*sizes))
     return Shrunk(
         case,
         small,

@@ -101,7 +101,7 @@ class OwnScene:
         """The levels of light below its own, the lowest first."""
         rungs = list(RUNGS)
         for rung in rungs[1 : rungs.index(self.rung)]:
-            yield f"light beyond the level {rung}", replace(self, rung=rung)
+            yield f"every light level above {rung}", replace(self, rung=rung)
 
     def fields(self) -> list[Field]:
         """All numbers but the camera's rotation."""

@@ -246,5 +246,5 @@ def _rows(tried: list[Tried], why: Callable[[Tried], str]) -> tuple[Row, ...]:
 def _slower(tried: Tried, best: Tried) -> str:
     ratio = tried.median / best.median if best.median else math.inf
     if ratio <= TIE:
-        return "meets it too, and is no simpler for about the same seconds"
-    return f"meets it too, for {ratio:.2g} times the seconds"
+        return "meets it too in about the same time, but is no simpler"
+    return f"meets it too, but takes {ratio:.2g} times as long"

@@ -92,7 +92,9 @@ def _bounces(look: Look) -> Iterable[NotNeeded]:
         if error.most <= look.tolerance:
             bounds = ((k, look.bound(look.bounds.beyond(k))) for k in range(n, 1000))
             proven = next((k for k, most in bounds if most is not None and most <= look.tolerance), None)
-            why = _below(look, error) + (f"; the bound alone proves it beyond {proven}" if proven is not None else "")
+            why = _below(look, error) + (
+                f"; beyond bounce {proven} the bound alone proves it" if proven is not None else ""
+            )
             what = "bounces" if n == 0 else f"bounces beyond {n}"
             yield NotNeeded(what, why, look.bound(look.bounds.beyond(n)), error.value)
             return
