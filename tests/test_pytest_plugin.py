@@ -127,7 +127,7 @@ def test_arrays_files_renders_and_functions_pass_where_they_agree_and_fail_where
 
         @FACTORS
         def test_function(path, factor):
-            path.check(noisy(path, factor), renders=6)
+            path.check(noisy(path, factor), renders=8)
 
         @FACTORS
         def test_function_without_noise(shadow, factor):

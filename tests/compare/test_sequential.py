@@ -103,6 +103,8 @@ def test_a_budget_that_ends_early_is_undecided_and_says_what_it_takes_and_that_i
     assert made.statistics.samples_to_certainty is None
     assert "asked 1 %" in made.reasons[0]
     wanted = int(made.reasons[0].split("about ")[1].split()[0])
+    few = sequence(test[:6], reference[:6]).conclude()
+    assert few.reasons == ("undecided: 6 samples per pixel can fail, but a pass takes at least 8",)
     done = sequence(test[:wanted], reference[:wanted], **asked).conclude()
     assert done.verdict == "pass"
     assert "undecided" not in done.reasons[0]

@@ -227,10 +227,12 @@ class SequentialComparison:
         return min(2 * n, max(soon, expected, FEWEST_TO_PASS))
 
     def _what_it_takes(self, made: Comparison, spent: str) -> str:
+        if made.verdict == "pass" and self.samples < FEWEST_TO_PASS:
+            return f"undecided: {spent or self._counted()} can fail, but a pass takes at least {FEWEST_TO_PASS}"
         image, tile = (s if a is None else a for s, a in zip((DETECTABLE_BIAS, math.inf), self._asked, strict=True))
         short, (_, seen) = self._shortfall(made, image, tile), self._seen(made)
         short = max(short, (made.statistics.minimum_detectable_bias or 0.0) / image)
-        more = f"about {_rounded(self.samples * short**2)} would tell" if 1 < short < math.inf else "more may tell"
+        more = f"about {_rounded(self.samples * short**2)} would decide" if 1 < short < math.inf else "more may decide"
         found = f"{percent(made.excluded_bias or 0.0)} of the whole image's mean (asked {percent(image)})"
         if math.isfinite(tile):
             found += f", or of {percent(seen)} of 24 x 24 pixels (asked {percent(tile)})"
