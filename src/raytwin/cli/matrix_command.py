@@ -19,8 +19,8 @@ def matrix_command(
 ) -> None:  # fmt: skip
     """Compare several renderers with the twin on several scenes.
 
-    One page shows all results. Run it again to continue an interrupted run. Exit code 1: a comparison failed; 2: none did, and one is undecided or
-    could not be made.
+    One page shows all results. Run it again to continue an interrupted run. Exit code 1: a comparison failed; 2: none
+    failed, but one is undecided or could not be made.
     """
     from raytwin import report
     from raytwin.parallel import Stored, parse_workers
