@@ -146,7 +146,7 @@ def main(sizes: list[str]) -> None:
                 print(f"{size}: first paint {paint:.0f} ms", flush=True)
                 drag(page, at, 2)
                 for rung in ("path", "shadow"):
-                    page.locator("#controls label", has_text="rung").nth(1).locator("select").select_option(rung)
+                    page.locator("#controls label", has_text="light level").nth(1).locator("select").select_option(rung)
                     time.sleep(2)
                     print(f"  twin at {rung}: " + "; ".join(map(str, drag(page, at, 8))), flush=True)
                 print(f"  at rest: {page.evaluate(REST, 6) / 6:.1f} half-float frames/s", flush=True)

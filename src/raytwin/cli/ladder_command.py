@@ -14,7 +14,7 @@ def ladder_command(
 ) -> None:  # fmt: skip
     """Render every light level on both sides.
 
-    What each adds and costs. The folder gets ladder.html and ladder.json.
+    The page shows what each level adds and costs. The folder gets ladder.html and ladder.json.
     """
     from raytwin import files, report
     from raytwin.analysis.ladder import ladder

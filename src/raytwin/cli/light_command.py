@@ -12,7 +12,7 @@ def light_command(
     photos: list[Path], board: Path, camera: Path, out: Path, ball: list[str] | None = None, stand: str | None = None,
     json: Path | None = None,
 ) -> None:  # fmt: skip
-    """Estimate sun and sky of photos.
+    """Estimate sun and sky from photos.
 
     A mirror ball, a matt ball or a pin beside the board shows them; each number comes with its uncertainty.
     """

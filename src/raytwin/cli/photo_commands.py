@@ -21,7 +21,7 @@ def calibrate_command(
 ) -> None:  # fmt: skip
     """Calibrate a camera from photos of a board.
 
-    Prints K, distortion and a pose per photo, with their uncertainty, and what speaks against the result.
+    Prints K, distortion and a pose per photo, with their uncertainty, and warns of doubtful results.
     """
     from raytwin import files, report
     from raytwin.calib import boards
