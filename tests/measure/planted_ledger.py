@@ -73,8 +73,9 @@ def planted(name: str, level: str, fault: Fault) -> Planted | None:
 
 
 def chosen(count: int) -> tuple[Fault, ...]:
-    """So many faults, evenly over the catalogue, which is in the order of the tracer's stages."""
-    return tuple(FAULTS[k * len(FAULTS) // count] for k in range(count))
+    """Return faults that pictures show, evenly over the catalogue, which is in the order of the tracer's stages."""
+    shown = [fault for fault in FAULTS if fault.ways]
+    return tuple(shown[k * len(shown) // count] for k in range(count))
 
 
 def results(count: int, level: str) -> Iterator[tuple[str, str, Planted]]:
