@@ -18,6 +18,7 @@ from raytwin.bench.bench_run import sized, thumbnail
 from raytwin.bench.sphere_field import crowded
 from raytwin.bench.timing import Measured, with_peak
 from raytwin.compare import METRICS
+from raytwin.contract.subject import find_subject
 from raytwin.errors import InputError, MachineError
 from raytwin.progress import silent
 from raytwin.renderers.python_loop import loop
@@ -388,3 +389,21 @@ def test_methods_can_be_listed_without_a_scene():
     run = raytwin("bench", "list")
     assert run.returncode == 0
     assert run.stdout.count("\n") == len(RENDERERS)
+
+
+def test_a_renderer_of_ones_own_is_timed_beside_the_others_with_its_error(tmp_path, scenes):
+    """It draws the background alone, so its error is larger than rounding."""
+    mine = tmp_path / "mine.py"
+    mine.write_text(
+        "import numpy as np\n\n\ndef render(scene):\n"
+        "    return np.broadcast_to(scene['sky']['radiance'], (scene['height'], scene['width'], 3))\n"
+    )
+    found = bench.bench(
+        scenes / "single", methods=["numpy32-shadow-conic", find_subject(f"{mine}:render", "shadow")],
+        sizes=[0.002], budget=20, repeats=2, truth_samples=16,
+    )  # fmt: skip
+    rows = {row.method: row for row in found.rows}
+    assert len(rows) == 2
+    own = next(row for name, row in rows.items() if "mine" in name)
+    assert own.seconds_median > 0
+    assert own.rmse > 100 * rows["numpy32-shadow-conic"].rmse > 0

@@ -31,10 +31,14 @@ from raytwin.image import Image
 from raytwin.report import check_page, write_report
 from raytwin.report.bench_page import write_bench_page
 from raytwin.report.calibration_page import write_calibration
+from raytwin.report.data_urls import png_url
 from raytwin.report.ladder_page import write_ladder
+from raytwin.report.matrix_page import write_matrix
 from raytwin.report.recommend_page import write_needs
 from raytwin.report.view import view_of_diff
 from raytwin.workflows.diff_files import compare as compare_files
+from raytwin.workflows.matrix import Cell
+from raytwin.workflows.matrix_history import Past
 
 EVIL = "<img src=x onerror=alert(1)>\"'&_with_sixty_or_more_characters_and_no_blank_in_them"
 SIZE = 24, 36
@@ -130,6 +134,22 @@ def needs(folder: Path, make_result, scenes) -> list[Path]:
     return [folder / "needs.html"]
 
 
+def matrix(folder: Path, make_result, scenes) -> list[Path]:
+    """Two scenes by two subjects: a pass, a failure, a crash, and one undecided that hovers near its limit."""
+    cells = [
+        Cell("a", EVIL, "tracer", "shadow", "pass", rmse=1e-7, seconds=0.01, report="cells/a.html", margin=0.1),
+        Cell(
+            "b", EVIL, EVIL, "shadow", "fail", EVIL, EVIL, 0.1, seconds=0.2, thumbnail=png_url(files.to_bytes(noise()))
+        ),
+        Cell("c", "floor", "tracer", "path", "error", EVIL),
+        Cell("d", "floor", EVIL, "path", "undecided", EVIL, rmse=0.02, seconds=0.3, twin_seconds=1.0, margin=0.9),
+    ]
+    past = {("floor", EVIL, "path"): Past(3, ("pass", "undecided", "pass"), "verdicts changed", 0.4, 0.9)}
+    write_matrix(cells, folder, past, EVIL)
+    (folder / "cells" / "a.html").write_text("<!DOCTYPE html>", encoding="utf-8")
+    return [folder / "index.html"]
+
+
 KINDS: dict[str, Write] = {
     "compare, pass": partial(comparison, spoiled=False),
     "compare, fail": partial(comparison, spoiled=True),
@@ -141,6 +161,7 @@ KINDS: dict[str, Write] = {
     "ladder": ladder,
     "calibrate": calibration,
     "needs": needs,
+    "matrix": matrix,
 }
 test_run.__test__ = False  # a kind, and no test
 
@@ -162,7 +183,7 @@ class Tags(HTMLParser):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_page_opens_offline_keeps_names_as_text_and_shuts_nobody_out(kind, make_result, scenes, tmp_path, chromium):
     for page in KINDS[kind](tmp_path, make_result, scenes):
-        text, own = page.read_text(encoding="utf-8"), {quote(p.name) for p in tmp_path.iterdir()}
+        text, own = page.read_text(encoding="utf-8"), {quote(str(p.relative_to(tmp_path))) for p in tmp_path.rglob("*")}
         tags = Tags(text)
         outside = [url for url in tags.urls if not url.startswith(("data:", "#"))]
         assert {quote(url) for url in outside} <= own, page

@@ -247,3 +247,21 @@ def test_a_subject_with_stages_is_asked_by_stages_first(scenes, tmp_path):
     assert made.comparison.verdict == "fail"
     wrong = "the sun's part is π times too bright: a Lambertian surface reflects albedo/π, not albedo"
     assert made.comparison.cause == f"shade: {wrong}"
+
+
+def test_a_scene_is_compared_under_a_photos_light(scenes, tmp_path):
+    """At the sphere's nearest point L = albedo / pi E n·l + albedo Ls of the light in the file, on both sides."""
+    light = tmp_path / "light.toml"
+    light.write_text(
+        "[sun]\nto_light = [0.0, 3.0, 4.0]\nirradiance = [2.0, 1.0, 0.5]\n[sky]\nradiance = [0.2, 0.3, 0.4]\n"
+        "[paper]\nalbedo = 0.85\ncolor = [1.0, 1.0, 1.0]\n"
+    )
+    result = compare_scene(scenes / "single", rung="lambert", size=(65, 49), light=light)
+    albedo = np.array([0.8, 0.4, 0.2])
+    expected = albedo / np.pi * (2.0, 1.0, 0.5) * 0.8 + albedo * (0.2, 0.3, 0.4)
+    for image in (result.subject, result.twin):
+        assert image.mean[24, 32] == pytest.approx(expected, rel=0.02)
+    assert result.verdict == "pass"
+    light.write_text("[sky]\nradiance = [0.2, 0.3, 0.4]\n")
+    with pytest.raises(InputError, match=r"light.toml: paper: expected a value"):
+        compare_scene(scenes / "single", light=light)
