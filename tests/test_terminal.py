@@ -42,6 +42,10 @@ def test_no_sentence_is_wider_than_the_terminal_and_a_path_stays_whole(monkeypat
     assert [len(line) for line in lines if path not in line and len(line) > 60] == []
     assert sum(line.startswith("    reason") for line in lines) >= 3
     assert any(path in line for line in lines)
+    monkeypatch.delenv("COLUMNS")
+    monkeypatch.setattr("sys.__stdout__", None)  # no terminal: a log is searched by lines
+    say_wrapped("word " * 40)
+    assert capsys.readouterr().out.count("\n") == 1
 
 
 def test_braces_in_a_name_stay_in_the_page(tmp_path):

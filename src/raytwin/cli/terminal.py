@@ -31,8 +31,9 @@ def say(text: object, err: bool = False) -> None:
 
 
 def say_wrapped(text: object) -> None:
-    """Print sentences, broken at the terminal's width and indented below their first line."""
-    say("\n".join(broken(line, shutil.get_terminal_size().columns) for line in str(text).splitlines()))
+    """Print sentences, broken at the terminal's width and indented below their first line; a pipe gets them whole."""
+    width = shutil.get_terminal_size((0, 0)).columns
+    say("\n".join(broken(line, width) if width else line for line in str(text).splitlines()))
 
 
 def broken(line: str, width: int) -> str:
