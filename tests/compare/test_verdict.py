@@ -68,7 +68,7 @@ def test_rounding_passes_and_ten_times_the_tolerance_fails():
     assert verdict(P + np.float32(5e-6)).passed
     c = verdict(P + np.float32(1e-4))
     assert not c.passed
-    assert said(c, "err by more than 8.31e-06")
+    assert said(c, "are off by more than the tolerance of 8.31e-06")
 
 
 def test_a_thousandth_of_the_values_may_err_but_no_more():
@@ -85,7 +85,7 @@ def test_outliers_are_counted_apart_from_the_quantile():
     t[7, 9] += np.float32(0.1)
     c = verdict(t)
     assert not c.passed
-    assert said(c, r"1 pixel of 3072 err by more than 10 times 8.31e-06 .*\(x=9, y=7\)")
+    assert said(c, r"1 pixel of 3072 is off by more than 10 times the tolerance of 8.31e-06 .*\(x=9, y=7\)")
     assert c.statistics.pixel_fail_fraction == pytest.approx(1 / (H * W))
     assert verdict(t, tolerance=Tolerance(outlier_fraction=1e-3)).passed
 

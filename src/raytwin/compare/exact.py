@@ -53,12 +53,13 @@ class NoiseFree(NamedTuple):
         worst = f"the worst {self.error:.3g} at {at(self.x, self.y)}, {CHANNELS[self.channel]}"
         bound = f"{tolerance.p999_abs * scale:.3g}"
         if self.over > self.values // 1000 + 3 * excused:
-            share = f"{100 * self.over / self.values:.3g} %"
-            text = f"{share} of the noise-free values ({self.over} of {self.values}) err by more than {bound}"
-            findings.append(Finding(EXACT, f"{text} (allowed 0.1 %); {worst}"))
+            share = f"{100 * self.over / self.values:.3g} % of the noise-free values ({self.over} of {self.values})"
+            text = f"{share} are off by more than the tolerance of {bound} (0.1 % may be)"
+            findings.append(Finding(EXACT, f"{text}; {worst}"))
         if self.outliers > int(tolerance.outlier_fraction * pixels) + excused:
-            text = f"{plural(self.outliers, 'pixel')} of {pixels} err by more than {OUTLIER:g} times {bound}"
-            findings.append(Finding(EXACT, f"{text} (allowed {100 * tolerance.outlier_fraction:g} %); {worst}"))
+            share = f"{plural(self.outliers, 'pixel')} of {pixels} {'is' if self.outliers == 1 else 'are'}"
+            text = f"{share} off by more than {OUTLIER:g} times the tolerance of {bound}"
+            findings.append(Finding(EXACT, f"{text} ({100 * tolerance.outlier_fraction:g} % may be); {worst}"))
         return findings
 
 
