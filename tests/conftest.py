@@ -16,6 +16,9 @@ pytest_plugins = ["engines", "browser", "installed_wheel", "no_skips"]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 threadpoolctl.threadpool_limits(1, user_api="blas")
 
+# pytest-xdist gives its workers 80 columns, at which sentences would be broken: `program.py` asks for a wide terminal.
+os.environ.pop("COLUMNS", None)
+
 # The same examples every time: a run that passed passes again.
 hypothesis.settings.register_profile("raytwin", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("raytwin")

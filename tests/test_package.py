@@ -17,7 +17,7 @@ from installed_wheel import TEXTS, clean_environment
 from program import CHAIN, check_chain
 
 ROOT = Path(__file__).resolve().parent.parent
-MOST_BYTES = 12e6
+MOST_BYTES = 13e6
 """Of the wheel: references 7.3 MB, scenes 3.8 MB (photos are progressive: 17 % less, the same pixels), code 0.5 MB."""
 
 pytestmark = pytest.mark.slow

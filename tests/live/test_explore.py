@@ -663,7 +663,7 @@ def test_a_sphere_is_dragged_and_the_rest_stays(page, base):
 def test_zoom_is_linked_and_a_pixels_way_of_light_is_told(page):
     page.viewer("look(40, 40, 20)")
     tops = page.page.evaluate(
-        "((v) => [...v.panes.values()].map((p) => v.frame_of(p)).map((f) => [f.left, f.top, f.s]))"
+        "((v) => v.shown().map((p) => v.frame_of(p)).map((f) => [f.left, f.top, f.s]))"
         "(document.getElementById('viewer').viewer)"
     )
     assert all(top == pytest.approx(tops[0]) for top in tops)
@@ -730,7 +730,8 @@ def test_many_light_paths_are_drawn_and_their_light_averages(page):
 
 def test_a_scene_that_cannot_be_rendered_is_told_in_the_page(chromium, live, base):
     """Two sheets in one place."""
-    wish = msgspec.structs.replace(live.first, planes=(base.planes[0], base.planes[0]))
+    twice = (base.planes[0], msgspec.structs.replace(base.planes[0], name="another"))
+    wish = msgspec.structs.replace(live.first, planes=twice)
     address = "&view=" + base64.urlsafe_b64encode(msgspec.json.encode(wish)).decode().rstrip("=")
     shown = Page(chromium, live.address + address, ready="document.querySelector('#state.bad')")
     assert "a surface apart from all others" in shown.page.inner_text("#state")
