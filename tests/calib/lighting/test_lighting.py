@@ -68,7 +68,8 @@ def test_a_ball_given_roughly_is_found_on_its_outline():
     ball = ball_outline.fit_ball([photo], CENTER + np.array((0.003, -0.003, 0.002)), 1.004 * RADIUS)
     seen, true = (ball_outline.outline(photo, c, r) for c, r in ((ball.center, ball.radius), (CENTER, RADIUS)))
     assert np.abs(seen.mean(axis=0) - true.mean(axis=0)).max() < 0.6
-    assert np.ptp(seen, axis=0) == pytest.approx(np.ptp(true, axis=0), abs=0.6)
+    # The strongest edge may lie half a pixel outside, on either side.
+    assert np.ptp(seen, axis=0) == pytest.approx(np.ptp(true, axis=0), abs=1.2)
 
 
 @pytest.mark.parametrize(

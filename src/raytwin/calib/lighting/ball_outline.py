@@ -25,9 +25,6 @@ LEAST_PX = 24.0
 RADIUS_SD, PLACE_SD = 0.01, 0.15
 """How well what `--ball` says is known: the radius as a share of itself, the place as a share of the radius."""
 
-CAP = 12.0
-"""Codes per pixel: stronger edges count as much as this where an outline is searched, so that no single one decides."""
-
 EDGE_SHARE = 0.35
 """The least share of the outline that must lie on edges."""
 
@@ -84,8 +81,8 @@ def fit_ball(photos: list[LinearPhoto], center: np.ndarray, radius: float, given
         sd[:] = 0.5 * radius
     best = _searched(photos, grads, start, sd)
     noise = 0.7  # pixels by which the strongest edge misses the outline
-    for reach, most in ((0.15, CAP), (0.06, CAP), (0.03, math.inf)):  # at last, the middle of a strong edge
-        targets = [_drawn(photo, grad, best, reach, most) for photo, grad in zip(photos, grads, strict=True)]
+    for reach in (0.15, 0.06, 0.03):
+        targets = [_drawn(photo, grad, best, reach) for photo, grad in zip(photos, grads, strict=True)]
 
         def error(x: np.ndarray, targets=targets) -> np.ndarray:
             rows = []
@@ -134,10 +131,10 @@ def _normals(rim: np.ndarray) -> np.ndarray:
     return n / np.linalg.norm(n, axis=1, keepdims=True)
 
 
-def _strength(grad: np.ndarray, rim: np.ndarray, normal: np.ndarray, most: float = CAP) -> np.ndarray:
-    """Return how strong an edge across `normal` is at each place, at most `most`."""
+def _strength(grad: np.ndarray, rim: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """How strong an edge across `normal` is at each place; capped, so that no single edge decides."""
     across = np.abs((sample(grad, rim.reshape(-1, 2)).reshape(rim.shape) * normal).sum(axis=-1))
-    return np.minimum(np.nan_to_num(across), most)
+    return np.minimum(np.nan_to_num(across), 12.0)
 
 
 def _searched(photos: list[LinearPhoto], grads: list[np.ndarray], start: np.ndarray, sd: np.ndarray) -> np.ndarray:
@@ -157,13 +154,13 @@ def _searched(photos: list[LinearPhoto], grads: list[np.ndarray], start: np.ndar
     return best
 
 
-def _drawn(photo: LinearPhoto, grad: np.ndarray, x: np.ndarray, reach: float, most: float):
+def _drawn(photo: LinearPhoto, grad: np.ndarray, x: np.ndarray, reach: float):
     """For each place of the outline the nearest strong edge across it: where, its normal, and whether there is one."""
     rim = outline(photo, x[:3], x[3])
     normal = _normals(rim)
     far = max(2.0, reach * width_px(photo, x[:3], x[3]) / 2)
     offsets = np.linspace(-far, far, 2 * int(4 * far) + 1)
-    strength = _strength(grad, rim[:, None] + offsets[:, None] * normal[:, None], normal[:, None], most)
+    strength = _strength(grad, rim[:, None] + offsets[:, None] * normal[:, None], normal[:, None])
     weighed = strength * np.exp(-((offsets / far) ** 2))
     k = weighed.argmax(axis=1)
     there = strength[np.arange(len(rim)), k] > 2.5
