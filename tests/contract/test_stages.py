@@ -152,8 +152,8 @@ def test_what_nothing_explains_is_told_by_where_it_is():
 
     found = judge_function(stage, drifting)
     assert found.causes == ()
-    assert "wrong for rays that start inside" in found.sentence
-    assert "right for rays that meet it from outside" in found.sentence
+    assert "Fails: rays that start inside" in found.sentence
+    assert "Passes: rays that meet it from outside" in found.sentence
 
 
 @pytest.mark.parametrize("name", ["intersect_sphere", "shade", "hit_points"])

@@ -95,7 +95,7 @@ def test_each_planted_mistake_is_said_in_words_and_the_walk_goes_on(tmp_path, mo
     said = run(with_functions(source(), planted), tmp_path, monkeypatch, capsys)
     for name, (_, _, words) in MISTAKES.items():
         line = next(line for line in said.splitlines() if line.startswith(f"FAIL  {name}:"))
-        assert "no typical mistake" not in line
+        assert "no single common mistake" not in line
         assert words in line
     assert errors(said)["shade"] < 1e-6  # raytwin's own took their places
 

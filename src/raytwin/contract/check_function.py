@@ -121,7 +121,7 @@ def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> S
     arrays = [got for got in checked if not isinstance(got, str)]
     causes = [] if stage.name in NEEDED else explain(stage, cases, arrays)
     inputs, expected, found = _worst_value(stage, cases[worst], arrays[worst])
-    sentence = _blame(causes) if causes else f"no typical mistake explains it: {_where(results)}"
+    sentence = _blame(causes) if causes else f"no single common mistake fits. {_where(results)}"
     names = tuple(dict.fromkeys(" and ".join(v.name for v in cause) for cause in causes))
     if stage.name in NEEDED:
         names, sentence = _diagnosed(stage, cases, arrays)
@@ -257,14 +257,14 @@ def _distinct(causes: Iterable[tuple[Variant, ...]]) -> Iterator[tuple[Variant, 
 
 
 def _where(results: Sequence[CaseResult]) -> str:
-    """Which cases are wrong, and which right."""
+    """Return in words which cases fail, and which pass."""
     bad = [
         f"{r.shows}{f' ({100 * r.wrong:.0f} % of the values)' if r.wrong < 0.995 else ''}"
         for r in results
         if not r.passed
     ]
     good = [r.shows for r in results if r.passed]
-    return f"wrong for {'; '.join(bad)}" + (f"; right for {'; '.join(good)}" if good else "")
+    return f"Fails: {'; '.join(bad)}." + (f" Passes: {'; '.join(good)}." if good else "")
 
 
 # ------------------------------------------------------------------------------------------ the worst value

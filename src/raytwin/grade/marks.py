@@ -142,7 +142,7 @@ def _mark_pictures(
         visibility=exercise.visibility,
         unit="of the picture's scale" if exercise.stage == "render" else "m",
         tolerance=asked[0].tolerance.p999_abs,
-        sentences=sentences or ("wrong, by no typical mistake",),
+        sentences=sentences or ("wrong; no single common mistake fits",),
         causes=tuple(c.name for c in found.causes) if found else (),
         sureness=found.sureness if found and found.causes else "",
         faults=tuple((c.name, c.sentence) for c in found.causes) if found else (),
