@@ -585,6 +585,7 @@ def opened(chromium, live):
 def page(opened):
     """One page for all, as it was first."""
     opened.click("Reset")
+    opened.page.get_by_role("button", name="Whole", exact=True).first.click()  # zoomed in, a drag beside objects pans
     return opened
 
 

@@ -228,7 +228,8 @@ class SequentialComparison:
 
     def _what_it_takes(self, made: Comparison, spent: str) -> str:
         if made.verdict == "pass" and self.samples < FEWEST_TO_PASS:
-            return f"undecided: {spent or self._counted()} can fail, but a pass takes at least {FEWEST_TO_PASS}"
+            after = f" after {spent}" if spent else ""
+            return f"undecided{after}: {self._counted()} can fail, but a pass takes at least {FEWEST_TO_PASS}"
         image, tile = (s if a is None else a for s, a in zip((DETECTABLE_BIAS, math.inf), self._asked, strict=True))
         short, (_, seen) = self._shortfall(made, image, tile), self._seen(made)
         short = max(short, (made.statistics.minimum_detectable_bias or 0.0) / image)
