@@ -15,6 +15,8 @@ MADE = ROOT / "docs" / "made"
 """Where the pages go: ignored by git, part of the site."""
 WIDTH, HEIGHT = 1100, 760
 """Of the browser's window for a thumbnail, pixels."""
+LINKED = ("results.csv", "results.json")
+"""Files of numbers that a page links to."""
 THUMB = 420
 """A thumbnail's width, pixels."""
 
@@ -144,9 +146,9 @@ def run(command: str, folder: Path) -> int:
 
 
 def keep_page(page: Path, folder: Path) -> None:
-    """Delete what no page loads: EXRs, JSON, charts as files."""
+    """Delete what no page loads or links to: EXRs, numbers, charts as files."""
     for path in sorted(folder.rglob("*"), reverse=True):
-        if path.is_file() and path.suffix not in (".html", ".js", ".css", ".webp"):
+        if path.is_file() and path.suffix not in (".html", ".js", ".css", ".webp") and path.name not in LINKED:
             path.unlink()
         elif path.is_dir() and not any(path.iterdir()):
             path.rmdir()
