@@ -14,7 +14,7 @@ from raytwin.compare import compare
 from raytwin.speed import background, draw, trace
 from raytwin.speed.speculation import speculate
 
-SCENES = Path(__file__).resolve().parent.parent / "scenes"
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
 
 @pytest.fixture(scope="module", params=["single", "distorted"])
