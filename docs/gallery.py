@@ -154,12 +154,16 @@ def keep_page(page: Path, folder: Path) -> None:
             path.rmdir()
 
 
+def find_browser() -> str | None:
+    """Return the path of the machine's Chromium, None where there is none."""
+    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
 def thumbnail(page: Path, target: Path) -> None:
     """Photograph the top of a page with Chromium; without one, there is no thumbnail."""
     from PIL import Image
 
-    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if browser is None:
+    if (browser := find_browser()) is None:
         return
     shot = target.with_suffix(".png")
     with tempfile.TemporaryDirectory() as profile:

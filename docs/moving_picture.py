@@ -9,7 +9,6 @@ machine.
 import io
 import math
 import re
-import shutil
 import subprocess
 import sys
 
@@ -35,7 +34,7 @@ def photographed(address: str) -> list[Picture.Image]:
     """Return the page after each step of a drag that ends where it began."""
     frames = []
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=gallery.find_browser(), args=["--no-sandbox"])
         page = browser.new_page(viewport=WINDOW)
         page.goto(address)
         page.wait_for_timeout(6 * SETTLE)
