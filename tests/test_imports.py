@@ -149,7 +149,7 @@ def test_a_files_name_is_its_address():
 def test_no_exported_name_hides_a_submodule_of_its_package(package):
     module = importlib.import_module(f"raytwin.{package}")
     submodules = {name for _, name, _ in pkgutil.iter_modules(module.__path__)}
-    hidden = {n for n in submodules & set(module.__all__) if not inspect.ismodule(getattr(module, n))}
+    hidden = {n for n in submodules & vars(module).keys() if not inspect.ismodule(getattr(module, n))}
     assert not hidden
 
 

@@ -4,29 +4,9 @@
 imported when the first of them is called, not before; `chosen()` does without.
 """
 
-from raytwin.twin.backend import VARIANTS, Backend, Tried, activate, chosen, doctor
+from raytwin.twin.backend import activate, chosen, doctor
 from raytwin.twin.highlight_rounding import highlight_rounding
 from raytwin.twin.mitsuba_render import mitsuba_provenance, render_mitsuba
 from raytwin.twin.opencv_sensor import mitsuba_sensor
-from raytwin.twin.plain import INTEGRATORS, load_plain, render_plain
+from raytwin.twin.plain import load_plain, render_plain
 from raytwin.twin.rendering import MOST_SAMPLES, SAMPLINGS, provenance, render
-
-__all__ = [
-    "INTEGRATORS",
-    "MOST_SAMPLES",
-    "SAMPLINGS",
-    "VARIANTS",
-    "Backend",
-    "Tried",
-    "activate",
-    "chosen",
-    "doctor",
-    "highlight_rounding",
-    "load_plain",
-    "mitsuba_provenance",
-    "mitsuba_sensor",
-    "provenance",
-    "render",
-    "render_mitsuba",
-    "render_plain",
-]

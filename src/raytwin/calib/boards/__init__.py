@@ -12,16 +12,3 @@ from raytwin.calib.boards.board import (
     write_board,
 )
 from raytwin.calib.boards.shape import Heights
-
-__all__ = [
-    "FAMILIES",
-    "Board",
-    "BoardTag",
-    "Grid",
-    "Heights",
-    "check_board",
-    "check_heights",
-    "draw_board",
-    "read_board",
-    "write_board",
-]

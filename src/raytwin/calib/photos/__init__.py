@@ -9,19 +9,17 @@ from raytwin.calib.photos.calibration import LEAST_VIEWS, calibrate, calibrate_d
 from raytwin.calib.photos.calibration_result import (
     Calibration,
     CalibrationWarning,
-    Evidence,
     FoundBoard,
     View,
     model_table,
 )
 from raytwin.calib.photos.camera_difference import ProjectionDifference, projection_difference
 from raytwin.calib.photos.camera_export import EXPORTS, export_camera, export_format
-from raytwin.calib.photos.camera_file import BoardShape, read_board_shapes, with_shape, write_camera_file
+from raytwin.calib.photos.camera_file import read_board_shapes, with_shape, write_camera_file
 from raytwin.calib.photos.detection import NoTags, Tag, detect, detect_photo, detect_photos
 from raytwin.calib.photos.diagnostics import CODES
-from raytwin.calib.photos.fit import MODELS
 from raytwin.calib.photos.lens_model import project
-from raytwin.calib.photos.model import ModelTrial, TrialRow
+from raytwin.calib.photos.model import ModelTrial
 from raytwin.calib.photos.pose import (
     Pose,
     PoseReport,
@@ -35,47 +33,3 @@ from raytwin.calib.photos.pose import (
 )
 from raytwin.calib.photos.tag_cache import detect_photo_once
 from raytwin.calib.photos.uncertainty import deviations, pose_deviation, uncertainty_map
-
-__all__ = [
-    "CODES",
-    "EXPORTS",
-    "LEAST_VIEWS",
-    "MODELS",
-    "BoardShape",
-    "Calibration",
-    "CalibrationWarning",
-    "Evidence",
-    "FoundBoard",
-    "ModelTrial",
-    "NoTags",
-    "Pose",
-    "PoseReport",
-    "ProjectionDifference",
-    "Tag",
-    "TrialRow",
-    "View",
-    "calibrate",
-    "calibrate_detections",
-    "camera_at",
-    "camera_of_photo",
-    "detect",
-    "detect_photo",
-    "detect_photo_once",
-    "detect_photos",
-    "deviations",
-    "export_camera",
-    "export_format",
-    "homography_pose",
-    "model_table",
-    "pose_deviation",
-    "pose_of_photo",
-    "pose_of_tags",
-    "project",
-    "projection_difference",
-    "read_board_shapes",
-    "refined_pose",
-    "rotation_degrees",
-    "uncertainty_map",
-    "with_shape",
-    "write_camera_file",
-]
