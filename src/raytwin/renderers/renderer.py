@@ -16,25 +16,28 @@ Call = Callable[[int], Image]
 class Renderer(ABC):
     """A frozen record a kind, whose fields say what varies; `method(scene, seed)` makes the image. `rung`: of RUNGS.
 
-    To add a kind, write a record with a `name` made of its fields and a `prepare`, and add its rows to RENDERERS.
+    To add a kind, write a record with a NAME made of its fields and a `prepare`, and add its rows to RENDERERS.
     """
+
+    NAME, FAMILY, LABEL = "", "{0.name}", "{0.name}"
+    """How `name`, `family` and `label` are written with the fields: `"{0.engine}-{0.rung}"`."""
 
     rung: str = "shadow"
 
     @property
-    @abstractmethod
     def name(self) -> str:
         """Its own, made of its fields: how the command line, the bench and its saved runs call it."""
+        return self.NAME.format(self)
 
     @property
     def family(self) -> str:
         """What a chart joins by a line."""
-        return self.name
+        return self.FAMILY.format(self)
 
     @property
     def label(self) -> str:
         """Its place in the family."""
-        return self.name
+        return self.LABEL.format(self)
 
     @property
     def library(self) -> str:

@@ -18,6 +18,7 @@ from raytwin.tracer import STAGES, Stages
 class _ByEngine(Renderer):
     """`engine`: a row of ENGINES."""
 
+    FAMILY = "{0.engine} {0.rung}"
     engine: str = "numpy64"
     trim = "conic"
 
@@ -28,10 +29,6 @@ class _ByEngine(Renderer):
     @property
     def precision(self) -> int:
         return ENGINES[self.engine].bits
-
-    @property
-    def family(self) -> str:
-        return f"{self.engine} {self.rung}"
 
     def ready(self) -> None:
         """Tell Dr.Jit which libLLVM to load: it asks but once."""
@@ -85,6 +82,7 @@ class PathTraced(_ByEngine):
     rung's own where not given.
     """
 
+    LABEL = "{0.samples}"
     rung: str = "path"
     samples: int = 16
     over: str = "area"
@@ -96,10 +94,6 @@ class PathTraced(_ByEngine):
     def name(self) -> str:
         rung = self.rung if self.depth is None else f"{self.rung}-depth{self.depth}"
         return f"{self.engine}-{rung}-{self.samples}{'' if self.over == 'area' else '-center'}"
-
-    @property
-    def label(self) -> str:
-        return str(self.samples)
 
     @property
     def sampling(self) -> str:
@@ -122,20 +116,9 @@ def fast_engine(variant: str) -> str:
 class Supersampled(_ByEngine):
     """The mean of `samples` rays on a regular grid within the pixel."""
 
+    NAME, FAMILY, LABEL = "{0.engine}-{0.rung}-{0.samples}spp", "{0.engine} supersampled", "{0.samples}"
     samples: int = 4
     sampling = "area"
-
-    @property
-    def name(self) -> str:
-        return f"{self.engine}-{self.rung}-{self.samples}spp"
-
-    @property
-    def family(self) -> str:
-        return f"{self.engine} supersampled"
-
-    @property
-    def label(self) -> str:
-        return str(self.samples)
 
     def prepare(self, scene: Scene) -> Call:
         self.ready()
@@ -161,20 +144,9 @@ def mean_of_shifts(scene: Scene, rung: str, engine: str, shifts: Sequence[tuple[
 class Speculated(_ByEngine):
     """Every n-th pixel traced and the others guessed, in a `way` of speculation's WAYS."""
 
+    NAME, FAMILY, LABEL = "{0.engine}-{0.rung}-{0.way}{0.n}", "speculation, {0.way}", "n={0.n}"
     way: str = "careful"
     n: int = 8
-
-    @property
-    def name(self) -> str:
-        return f"{self.engine}-{self.rung}-{self.way}{self.n}"
-
-    @property
-    def family(self) -> str:
-        return f"speculation, {self.way}"
-
-    @property
-    def label(self) -> str:
-        return f"n={self.n}"
 
     @property
     def step(self) -> int:
@@ -189,21 +161,10 @@ class Speculated(_ByEngine):
 class PythonLoop(Renderer):
     """The paper's way: a Python loop over the pixels."""
 
+    NAME, FAMILY, LABEL = "loop-{0.rung}-{0.trim}", "Python loop {0.rung}", "{0.trim}"
     trim: str = "none"
     library = "python"
     precision = 64
-
-    @property
-    def name(self) -> str:
-        return f"loop-{self.rung}-{self.trim}"
-
-    @property
-    def family(self) -> str:
-        return f"Python loop {self.rung}"
-
-    @property
-    def label(self) -> str:
-        return self.trim
 
     def prepare(self, scene: Scene) -> Call:
         return lambda seed: Image(loop(scene, self.rung, self.trim))
@@ -213,11 +174,8 @@ class PythonLoop(Renderer):
 class Filled(Renderer):
     """The frame filled with the sky: the least that any method can do. `keep` is as in Traced."""
 
+    NAME = "fill"
     keep: bool = False
-
-    @property
-    def name(self) -> str:
-        return "fill"
 
     def prepare(self, scene: Scene) -> Call:
         reused = background(scene) if self.keep else None

@@ -18,6 +18,7 @@ SHORT = {"llvm_ad_rgb": "llvm", "scalar_rgb": "scalar", "cuda_ad_rgb": "cuda"}
 class _ByVariant(Renderer):
     """`variant`: of Mitsuba, None for what works best here; `samples`: of each pixel."""
 
+    LABEL = "{0.samples}"
     variant: str | None = None
     samples: int = 1
 
@@ -34,18 +35,6 @@ class _ByVariant(Renderer):
     def library(self) -> str:
         return self.variant or twin.activate().variant
 
-    @property
-    def label(self) -> str:
-        return str(self.samples)
-
-    @property
-    def sampling(self) -> str:
-        return "area"
-
-    @property
-    def noisy(self) -> bool:
-        return True
-
 
 @dataclass(frozen=True)
 class Twin(_ByVariant):
@@ -53,16 +42,16 @@ class Twin(_ByVariant):
 
     @property
     def name(self) -> str:
-        tail = f"{self.integrator}-{self.samples}" if RUNGS[self.rung].noisy else self.rung
+        tail = f"{self.integrator}-{self.samples}" if self.noisy else self.rung
         return f"twin-{self.short}-{tail}"
 
     @property
     def family(self) -> str:
-        return f"twin {self.short} {self.integrator if RUNGS[self.rung].noisy else self.rung}"
+        return f"twin {self.short} {self.integrator if self.noisy else self.rung}"
 
     @property
     def sampling(self) -> str:
-        return "area" if RUNGS[self.rung].noisy else "center"
+        return "area" if self.noisy else "center"
 
     @property
     def noisy(self) -> bool:
@@ -82,13 +71,8 @@ class Twin(_ByVariant):
 class Plain(_ByVariant):
     """Mitsuba's own sensor, film and integrator; loading its scene is not timed, which flatters it."""
 
-    @property
-    def name(self) -> str:
-        return f"mitsuba-{self.short}-{self.integrator}-{self.samples}"
-
-    @property
-    def family(self) -> str:
-        return f"Mitsuba {self.short} {self.integrator}"
+    NAME, FAMILY = "mitsuba-{0.short}-{0.integrator}-{0.samples}", "Mitsuba {0.short} {0.integrator}"
+    sampling, noisy = "area", True
 
     def prepare(self, scene: Scene) -> Call:
         loaded = twin.load_plain(scene, self.integrator, self.variant)
@@ -105,13 +89,8 @@ class Plain(_ByVariant):
 class Denoised(_ByVariant):
     """The twin with few samples, then OpenCV's non-local means."""
 
-    @property
-    def name(self) -> str:
-        return f"denoised-{self.short}-{self.integrator}-{self.samples}"
-
-    @property
-    def family(self) -> str:
-        return f"non-local means {self.short} {self.integrator}"
+    NAME, FAMILY = "denoised-{0.short}-{0.integrator}-{0.samples}", "non-local means {0.short} {0.integrator}"
+    sampling, noisy = "area", True
 
     def prepare(self, scene: Scene) -> Call:
         call = Twin(self.rung, self.variant, self.samples).prepare(scene)

@@ -25,6 +25,7 @@ class UserRenderer(Renderer):
     its area.
     """
 
+    NAME = "{0.title}"
     title: str = ""
     render: Callable[..., Any] | None = None
     describe: Callable[[Scene, str], Any] = as_arrays
@@ -34,14 +35,7 @@ class UserRenderer(Renderer):
     renders: int = 1
     rays: str = "center"
     samples: int = 0
-
-    @property
-    def name(self) -> str:
-        return self.title
-
-    @property
-    def library(self) -> str:
-        return "python"
+    library = "python"
 
     @property
     def sampling(self) -> str:
