@@ -93,7 +93,7 @@ class ReferenceCheck:
     def __init__(self, node: pytest.Item, name: str, rung: str, image: bool = False) -> None:
         __tracebackhide__ = True
         self.name, self.rung, self._of_an_image = name, rung, image
-        self._node, self._folders = node, _Folders(node.config)
+        self._node, self._folders, self._text = node, _Folders(node.config), ""
         self.reference: Reference | None = self._find()
 
     def __repr__(self) -> str:
@@ -136,9 +136,9 @@ class ReferenceCheck:
     def check(self, image: Any, **options: Any) -> "Comparison":
         """Fail the test unless `image` shows what the reference shows; options as in `compare`."""
         __tracebackhide__ = True
-        made, text = self._compare(image, **options)
+        made = self.compare(image, **options)
         if not made.passed:
-            pytest.fail(text)
+            pytest.fail(self._text)
         return made
 
     def compare(
@@ -164,32 +164,6 @@ class ReferenceCheck:
         pixels: what a pass must exclude.
         """
         __tracebackhide__ = True
-        return self._compare(
-            image,
-            variance=variance,
-            renders=renders,
-            tolerance=tolerance,
-            false_alarm_rate=false_alarm_rate,
-            noise=noise,
-            detectable_bias=detectable_bias,
-            detectable_tile_bias=detectable_tile_bias,
-        )[0]
-
-    # ---------------------------------------------------------------------------------- within
-
-    def _compare(
-        self,
-        image: Any,
-        variance: Any = None,
-        renders: int = 64,
-        tolerance: "float | Tolerance | None" = None,
-        false_alarm_rate: float = 1e-3,
-        noise: Literal["both", "reference"] = "both",
-        detectable_bias: float | None = None,
-        detectable_tile_bias: float | None = None,
-    ) -> "tuple[Comparison, str]":
-        """The verdict, and the text for a failed test."""
-        __tracebackhide__ = True
         from raytwin import image_input
         from raytwin.compare import compare
         from raytwin.diagnose.diagnosis import explain
@@ -212,7 +186,7 @@ class ReferenceCheck:
             wrong = str(error)
         if taken is None:  # not above: pytest would show the InputError's traceback too
             self._fail(f"{self.name}/{self.rung}: {wrong}")
-        if self._golden(taken.image):
+        if self._golden():
             self._keep(taken.image)
         known = self._known()
         shown = taken.fitted(known.image)
@@ -232,7 +206,10 @@ class ReferenceCheck:
         text += "".join(f"  {reason}\n" for reason in made.reasons) + "".join(f"  note: {n}\n" for n in notes)
         if page := self._report(made, tuple(notes), taken.image, shown, allowed):
             text += f"  page: {page}\n"
-        return made, text + f"  reference: {known.path}"
+        self._text = text + f"  reference: {known.path}"
+        return made
+
+    # ---------------------------------------------------------------------------------- within
 
     def _in_rounds(
         self, render: "Callable[[int], Any]", renders: int, options: dict[str, Any]
@@ -310,8 +287,8 @@ class ReferenceCheck:
             "and pytest --raytwin-update"
         )
 
-    def _golden(self, image: "Image") -> bool:
-        """Whether the image is to become the reference: asked for, of no scene, and no array of another kind."""
+    def _golden(self) -> bool:
+        """Whether the image is to become the reference: asked for, and of no scene."""
         own = self.reference is None or self.reference.path.is_relative_to(self._folders.own)
         return self._folders.update and own and (self.reference is None or self.reference.golden)
 
@@ -432,15 +409,14 @@ def _report_folder(config: pytest.Config) -> Path | None:
     return config.invocation_params.dir / asked if asked else None
 
 
-def _is_worker(config: pytest.Config) -> bool:
+def _index_folder(config: pytest.Config) -> Path | None:
     """Under pytest-xdist, tests run in workers, and only the session that started them writes the index."""
-    return hasattr(config, "workerinput")
+    return None if hasattr(config, "workerinput") else _report_folder(config)
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_sessionstart(session: pytest.Session) -> None:
-    folder = _report_folder(session.config)
-    if folder is not None and not _is_worker(session.config):
+    if (folder := _index_folder(session.config)) is not None:
         from raytwin.report import check_page
 
         check_page.clear(folder)
@@ -448,8 +424,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    folder = _report_folder(session.config)
-    if folder is not None and not _is_worker(session.config):
+    if (folder := _index_folder(session.config)) is not None:
         from raytwin.report import check_page
 
         session.config.stash[_COUNTED] = check_page.write_index(folder)
