@@ -13,7 +13,7 @@ import attacks
 import numpy as np
 import pytest
 
-from raytwin.sandbox.lock import HELD, _without
+from raytwin.sandbox.lock import HOLDS, _without
 from raytwin.sandbox.process_group import alive
 from raytwin.sandbox.sandbox import Code, Limits, Sandbox, probe
 
@@ -77,7 +77,7 @@ def goes(folder: Path) -> bool:
 @pytest.mark.parametrize("name", NAMES)
 def test_no_attack_works(outcome, locks, name):
     answer = outcome[name]
-    if not {"seccomp", "Landlock"} <= {n for n, held in locks.items() if held == HELD}:
+    if not {"seccomp", "Landlock"} <= {n for n, held in locks.items() if held == HOLDS}:
         pytest.skip(f"this machine lacks locks: {locks}")
     assert answer.sort in ("", "error"), answer.problem
     if answer.sort == "":

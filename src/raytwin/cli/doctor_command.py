@@ -43,5 +43,5 @@ def _sandbox() -> Iterator[tuple[str, str]]:
     except InputError as error:
         yield "sandbox", f"none: {error}"
         return
-    for lock, state in sandbox.told(locks):
+    for lock, state in sandbox.lock_rows(locks):
         yield f"sandbox: {lock}", state

@@ -16,7 +16,7 @@ from raytwin.grade.questions import Question
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import Rubric
 from raytwin.renderers.scene_exchange import as_json
-from raytwin.sandbox.lock import HELD
+from raytwin.sandbox.lock import HOLDS
 from raytwin.sandbox.sandbox import Answer, Code, Sandbox, probe
 from raytwin.scene import Scene
 
@@ -64,7 +64,7 @@ def call_all(result: Result, code: Code, rubric: Rubric, asked: list[Question]) 
         for other in (o for o in left if o.exercise.stage == one.exercise.stage):
             other.answer = ended
         left = [o for o in left if o.exercise.stage != one.exercise.stage]
-    locks = tuple(f"{n}: {why}" for n, why in probe().items() if why != HELD)
+    locks = tuple(f"{n}: {why}" for n, why in probe().items() if why != HOLDS)
     return msgspec.structs.replace(result, printed=printed, notes=child.notes, open_locks=locks), problem
 
 

@@ -34,22 +34,22 @@ def main() -> None:
     os.close(null)
     os.dup2(2, 1)
     take, most = wire.exactly(requests), 1 << 34
-    told = wire.read_trusted(take, most)
-    folder, submission = Path(told["folder"]), Path(told["submission"])
+    job = wire.read_trusted(take, most)
+    folder, submission = Path(job["folder"]), Path(job["submission"])
     os.chdir(folder)
-    hidden, packages = told.pop("hidden"), told.pop("packages")
-    readers = _readers(packages) if told["kind"] != "python" else None
-    np.random.seed(told["seed"])  # noqa: NPY002 - the one that students call
-    random.seed(told["seed"])
-    held = lock.lock(folder, submission, told["limits"], hidden, told["entries"], told["uid"])
+    hidden, packages = job.pop("hidden"), job.pop("packages")
+    readers = _readers(packages) if job["kind"] != "python" else None
+    np.random.seed(job["seed"])  # noqa: NPY002 - the one that students call
+    random.seed(job["seed"])
+    locks = lock.lock(folder, submission, job["limits"], hidden, job["entries"], job["uid"])
     del hidden, packages  # a submission reads this frame
-    wire.write(answers, {"locks": held, "pid": os.getpid()})
+    wire.write(answers, {"locks": locks, "pid": os.getpid()})
     try:
-        functions, notes = _load(told, submission, readers, loading)
+        functions, notes = _load(job, submission, readers, loading)
     except BaseException as error:
-        wire.write(answers, {"error": _said(error, submission, told["modules"])})
+        wire.write(answers, {"error": _said(error, submission, job["modules"])})
         return
-    wire.write(answers, {"functions": sorted(n for n in told["asked"] if n in functions), "notes": notes})
+    wire.write(answers, {"functions": sorted(n for n in job["asked"] if n in functions), "notes": notes})
     while True:
         try:
             call = wire.read_trusted(take, most)
@@ -58,11 +58,11 @@ def main() -> None:
         answer: dict[str, Any] = {"call": call["call"]}
         try:
             arrays = loading.arrays_of(functions[call["function"]](*call["arguments"]))[:8]
-            if sum(a.nbytes for a in arrays) > told["limits"]["answer"]:
+            if sum(a.nbytes for a in arrays) > job["limits"]["answer"]:
                 raise MemoryError(f"it returned arrays of {[a.shape for a in arrays]}: more than is taken")
             answer["arrays"] = list(arrays)
         except BaseException as error:
-            answer |= {"error": _said(error, submission, told["modules"])}
+            answer |= {"error": _said(error, submission, job["modules"])}
         with contextlib.suppress(Exception):
             sys.stdout.flush()
         wire.write(answers, answer)
@@ -78,23 +78,23 @@ def _load_file(file: Path) -> ModuleType:
 
 
 def _load(
-    told: dict[str, Any], submission: Path, readers: Any, loading: Any
+    job: dict[str, Any], submission: Path, readers: Any, loading: Any
 ) -> tuple[dict[str, Callable[..., Any]], list[str]]:
     """The submission's functions that are `asked` for; and of a notebook what went wrong in cells that failed."""
-    endings = told["endings"]
-    if told["kind"] == "images":
+    endings = job["endings"]
+    if job["kind"] == "images":
         return {"render": lambda scene: _image(loading.image_at(submission, scene["name"], endings), readers)}, []
-    if told["kind"] == "command":
-        return {"render": lambda scene: _run(told, submission, scene, readers, loading)}, []
+    if job["kind"] == "command":
+        return {"render": lambda scene: _run(job, submission, scene, readers, loading)}, []
     sys.modules["raytwin"] = None  # type: ignore[assignment]  # it has the answers
     sys.path.insert(0, str(submission))
-    sys.meta_path[:] = [BuiltinImporter, FrozenImporter, _OnlyThese(told["modules"], str(submission))]
-    module = loading.new_module("submission", submission / told["file"])
-    failed = loading.run_cells(module, [(str(submission / name), text) for name, text in told["cells"]])
-    if failed and len(told["cells"]) == 1:
+    sys.meta_path[:] = [BuiltinImporter, FrozenImporter, _OnlyThese(job["modules"], str(submission))]
+    module = loading.new_module("submission", submission / job["file"])
+    failed = loading.run_cells(module, [(str(submission / name), text) for name, text in job["cells"]])
+    if failed and len(job["cells"]) == 1:
         raise next(iter(failed.values()))
-    notes = [f"{Path(name).name}: {_said(error, submission, told['modules'])}"[:300] for name, error in failed.items()]
-    return loading.functions_of(module, told["asked"]), notes[:20]
+    notes = [f"{Path(name).name}: {_said(error, submission, job['modules'])}"[:300] for name, error in failed.items()]
+    return loading.functions_of(module, job["asked"]), notes[:20]
 
 
 class _OnlyThese:
@@ -168,13 +168,13 @@ def _image(path: Path, image_input: Any) -> tuple[np.ndarray, ...]:
 
 
 def _run(
-    code: dict[str, Any], submission: Path, scene: dict[str, Any], image_input: Any, loading: Any
+    job: dict[str, Any], submission: Path, scene: dict[str, Any], image_input: Any, loading: Any
 ) -> tuple[np.ndarray, ...]:
-    told, out = Path("scene.json").resolve(), Path("out.exr").resolve()
+    described, out = Path("scene.json").resolve(), Path("out.exr").resolve()
     for old in out.parent.glob("out.exr*"):
         old.unlink()
-    told.write_text(json.dumps(scene, default=lambda array: array.tolist()))
-    return _image(loading.run_program(code["command"], told, out, code["endings"], cwd=submission), image_input)
+    described.write_text(json.dumps(scene, default=lambda array: array.tolist()))
+    return _image(loading.run_program(job["command"], described, out, job["endings"], cwd=submission), image_input)
 
 
 if __name__ == "__main__":

@@ -34,13 +34,13 @@ OTHERWISE = {
 }
 """What it means where one does not hold."""
 
-HELD = "holds"
+HOLDS = "holds"
 
 
 def lock(
     folder: Path, submission: Path, limits: dict[str, int], hidden: Sequence[str], entries: Sequence[str], uid: bool
 ) -> dict[str, str]:
-    """Return of every lock `HELD`, or why it does not.
+    """Return of every lock `HOLDS`, or why it does not.
 
     `folder` alone can be written to. `hidden` folders cannot be read, nor installed packages but for these `entries`.
     """
@@ -56,7 +56,7 @@ def lock(
     for name, step in steps.items():
         try:
             step()
-            found[name] = HELD
+            found[name] = HOLDS
         except _Lacking as reason:
             found[name] = str(reason)
         except (OSError, AttributeError, ImportError, ValueError) as error:
@@ -317,11 +317,11 @@ def _seccomp() -> None:
     class Program(ctypes.Structure):
         _fields_ = [("length", ctypes.c_ushort), ("filter", ctypes.c_void_p)]
 
-    told = Program(len(program) // 8, ctypes.addressof(text))
+    filter_ = Program(len(program) // 8, ctypes.addressof(text))
     _prctl(38, 1)
     libc = ctypes.CDLL(None, use_errno=True)
     call = {0: 317, 1: 277}[MACHINES[platform.machine().lower()][1]]
-    if libc.syscall(call, 1, 1, ctypes.byref(told)) and libc.prctl(22, 2, ctypes.byref(told), 0, 0):
+    if libc.syscall(call, 1, 1, ctypes.byref(filter_)) and libc.prctl(22, 2, ctypes.byref(filter_), 0, 0):
         raise OSError(ctypes.get_errno(), "the kernel takes no filter")
 
 

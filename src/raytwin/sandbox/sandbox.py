@@ -20,7 +20,7 @@ import sys
 import tempfile
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Literal, NamedTuple
@@ -32,7 +32,7 @@ from raytwin.errors import InputError
 from raytwin.image_input import ENDINGS
 from raytwin.sandbox import wire
 from raytwin.sandbox.importable import importable
-from raytwin.sandbox.lock import HELD, LOCKS, OTHERWISE
+from raytwin.sandbox.lock import HOLDS, LOCKS, OTHERWISE
 from raytwin.sandbox.process_group import Usage, awake, nameless_bytes, processes_of_user, usage
 from raytwin.sandbox.work_folder import MEGA, copy_files, excess, remove_soon
 from raytwin.scene_folders import REFERENCES
@@ -40,6 +40,8 @@ from raytwin.scene_folders import REFERENCES
 POLL = 0.1
 """Seconds between two looks at the clock, the processes, their memory and their folder."""
 FORGED = "it wrote into the grader's pipe"
+PENDING = object()
+"""No answer yet."""
 PATIENCE = 10
 """Times a limit of seconds: where the clock shows so much, no load explains it."""
 
@@ -108,14 +110,6 @@ class Spent(NamedTuple):
         return f"not done after {PATIENCE * limit:g} s of the clock: ended" if self.clock > PATIENCE * limit else ""
 
 
-@dataclass
-class _Ended:
-    """Why the process is not there any more."""
-
-    problem: str = ""
-    sort: Literal["", "error", "limit", "broken", "missing"] = "broken"
-
-
 class Sandbox:
     """A process with a submission in it. `functions`: what it has of what was asked for; `printed`: how it began."""
 
@@ -126,11 +120,13 @@ class Sandbox:
         self.functions: tuple[str, ...] = ()
         self.notes: tuple[str, ...] = ()
         self.locks: dict[str, str] = {}
-        self._code, self._ended, self._calls = code, _Ended(), 0
+        self._code, self._calls = code, 0
+        self.problem = Answer()
+        """Why nothing can be called any more: empty where all is well."""
         self._spent, self._seen = Spent(), 0.0
         self._uid: int | None = None
         self._hidden = tuple(str(Path(h).resolve()) for h in (*hidden, REFERENCES, _package()))
-        self._with_uid = uid if uid is not None else probe().get("other uid") == HELD
+        self._with_uid = uid if uid is not None else probe().get("other uid") == HOLDS
 
     def __enter__(self) -> "Sandbox":
         self._base = Path(tempfile.mkdtemp(prefix="raytwin-"))
@@ -170,13 +166,12 @@ class Sandbox:
             "processes": self.limits.processes,
             "answer": most - (1 << 16),
         }
-        told: dict[str, Any] = {"kind": code.kind, "file": code.file, "command": list(code.command)}
-        told["cells"] = [list(cell) for cell in code.cells or ((code.file, code.source),)]
-        told |= {"asked": list(code.asked), "seed": code.seed, "uid": self._with_uid, "hidden": list(self._hidden)}
-        told["endings"] = list(ENDINGS)
-        told |= {"limits": limits, "folder": str(self._work), "submission": str(self._copy)}
-        told |= importable(code.packages)._asdict()
-        told["packages"] = [p for p in dict.fromkeys([*sys.path, str(_package().parent)]) if p and Path(p).is_dir()]
+        job: dict[str, Any] = {"kind": code.kind, "file": code.file, "command": list(code.command)}
+        job["cells"] = [list(cell) for cell in code.cells or ((code.file, code.source),)]
+        job |= {"asked": list(code.asked), "seed": code.seed, "uid": self._with_uid, "hidden": list(self._hidden)}
+        job |= {"limits": limits, "folder": str(self._work), "submission": str(self._copy), "endings": list(ENDINGS)}
+        job |= importable(code.packages)._asdict()
+        job["packages"] = [p for p in dict.fromkeys([*sys.path, str(_package().parent)]) if p and Path(p).is_dir()]
         stdin, stdout, stderr = self._process.stdin, self._process.stdout, self._process.stderr
         assert stdin is not None
         assert stdout is not None
@@ -184,16 +179,16 @@ class Sandbox:
         self._draining = threading.Thread(target=self._drain, args=(stderr,), daemon=True)
         self._draining.start()
         threading.Thread(target=self._pump, args=(stdin, stdout, most), daemon=True).start()
-        self._inbox.put(told)
+        self._inbox.put(job)
         ready = self._wait(self.limits.seconds)
-        if self._ended.problem or not self._is_table(ready, {"locks": dict, "pid": int}):
+        if self.problem.problem or not self._is_table(ready, {"locks": dict, "pid": int}):
             return
         self.locks = {str(k): str(v) for k, v in ready["locks"].items()}
-        if self.locks.get("other uid") == HELD:
+        if self.locks.get("other uid") == HOLDS:
             self._uid = 60_000 + self._process.pid % 5_000
         self._inbox.put(None)
         loaded = self._wait(self.limits.seconds)
-        if self._ended.problem:
+        if self.problem.problem:
             return
         if isinstance(loaded, dict) and isinstance(loaded.get("error"), str):
             self._end(plain(loaded["error"]), "error")
@@ -215,8 +210,8 @@ class Sandbox:
 
     def call(self, function: str, *arguments: Any) -> Answer:
         """What `function(*arguments)` returned; no problem of the submission's is an exception here."""
-        if self._ended.problem:
-            return Answer(problem=self._ended.problem, sort=self._ended.sort)
+        if self.problem.problem:
+            return self.problem
         if function not in self.functions:
             return Answer(problem=f"{function} is not written", sort="missing")
         self._calls += 1
@@ -226,29 +221,20 @@ class Sandbox:
         seconds = time.monotonic() - start
         if before.computed:  # the system tells: what it waited for a core is not its own
             seconds = min(seconds, sum(self._spent[:2]) - sum(before[:2]))
-        if self._ended.problem or not self._is_table(answer, {"call": int}):
-            return Answer(seconds=seconds, problem=self._ended.problem, sort=self._ended.sort)
-        if isinstance(answer.get("error"), str):
-            return Answer(seconds=seconds, problem=plain(answer["error"]), sort="error")
-        arrays = answer.get("arrays")
-        if (
-            answer["call"] != self._calls
-            or not isinstance(arrays, list)
-            or not all(isinstance(a, np.ndarray) for a in arrays)
-        ):
+        if not self.problem.problem and self._is_table(answer, {"call": int}):
+            if isinstance(answer.get("error"), str):
+                return Answer(seconds=seconds, problem=plain(answer["error"]), sort="error")
+            arrays = answer.get("arrays")
+            right = isinstance(arrays, list) and all(isinstance(a, np.ndarray) for a in arrays)
+            if right and answer["call"] == self._calls:
+                return Answer(tuple(arrays), seconds)
             self._end(FORGED, "broken")
-            return Answer(seconds=seconds, problem=FORGED, sort="broken")
-        return Answer(tuple(arrays), seconds)
+        return replace(self.problem, seconds=seconds)
 
     @property
     def spent(self) -> float:
         """Seconds, as `Limits.seconds` counts them."""
         return self._spent.computed + self._spent.asleep
-
-    @property
-    def problem(self) -> Answer:
-        """Why nothing can be called: empty where all is well."""
-        return Answer(problem=self._ended.problem, sort=self._ended.sort if self._ended.problem else "")
 
     def _pump(self, requests: BinaryIO, answers: BinaryIO, most: int) -> None:
         """In a thread of its own, since either pipe may hang: a request out, an answer back. None: only an answer."""
@@ -273,35 +259,31 @@ class Sandbox:
                 kept += part[: max(0, 16_384 - len(kept))]
                 seen += len(part)
                 self.printed = kept.decode(errors="replace")  # as it comes: the thread may never end
-                if seen > self.limits.output_mb * MEGA and not self._ended.problem:
+                if seen > self.limits.output_mb * MEGA and not self.problem.problem:
                     self._end(f"it printed more than {self.limits.output_mb} MB", "limit")
                     break
         with contextlib.suppress(OSError):
             stderr.close()
 
     def _wait(self, most: float) -> Any:
-        """The next answer, that may take `most` seconds; None once there can be none, and then `_ended` says why."""
+        """The next answer, that may take `most` seconds; None once there can be none, and then `problem` says why."""
         before, looked = self._spent, time.monotonic()
         while True:
             try:
                 answer = self._outbox.get(timeout=POLL)
             except queue.Empty:
-                now = time.monotonic()
-                used = self._look(now - looked)
-                looked = now
-                if exceeded := self._exceeded(most, before, used):
-                    self._end(exceeded, "limit")
-                    return None
-                continue
+                answer = PENDING
             if isinstance(answer, Exception):
-                if not self._ended.problem:
+                if not self.problem.problem:
                     self._end(*self._how_it_ended(answer))
                 return None
-            used = self._look(time.monotonic() - looked)
+            now = time.monotonic()
+            used, looked = self._look(now - looked), now
             if exceeded := self._exceeded(most, before, used):
                 self._end(exceeded, "limit")
                 return None
-            return answer
+            if answer is not PENDING:
+                return answer
 
     def _look(self, elapsed: float) -> Usage:
         """What is in use now. What was computed since the last look, or slept of these `elapsed` s, is added up."""
@@ -338,7 +320,7 @@ class Sandbox:
         return "it closed the pipe to the grader", "broken"
 
     def _end(self, problem: str, sort: Literal["error", "limit", "broken"]) -> None:
-        self._ended = _Ended(problem, sort)
+        self.problem = Answer(problem=problem, sort=sort)
         self._kill()
 
     def _kill(self) -> None:
@@ -375,29 +357,31 @@ class Sandbox:
 
 @functools.cache
 def probe() -> dict[str, str]:
-    """Try every lock: return whether it works on this machine (`lock.HELD`), or why it does not."""
+    """Try every lock: return whether it works on this machine (`lock.HOLDS`), or why it does not."""
     source = "def probe():\n    import numpy.polynomial\n    return 1.0\n"
-    held: dict[str, str] = {}
+    locks: dict[str, str] = {}
     # Where another uid cannot read the packages, the locks without it are what is left.
     for uid in (True, False):
         with Sandbox(Code(source=source, asked=("probe",)), Limits(seconds=60), uid=uid) as child:
             answer = child.call("probe")
-            reason = held.get("other uid")
-            held = dict(child.locks)
+            reason = locks.get("other uid")
+            locks = dict(child.locks)
         if not answer.problem:
-            return held if uid or reason is None else held | {"other uid": reason}
-        held["other uid"] = answer.problem if held.get("other uid") == HELD else held.get("other uid", answer.problem)
+            return locks if uid or reason is None else locks | {"other uid": reason}
+        locks["other uid"] = (
+            answer.problem if locks.get("other uid") == HOLDS else locks.get("other uid", answer.problem)
+        )
     raise InputError("sandbox", "a process that answers", answer.problem)
 
 
-def lacking(held: dict[str, str]) -> list[str]:
+def lacking(locks: dict[str, str]) -> list[str]:
     """What is not as it might be on this machine, by what it means for a class."""
-    return [OTHERWISE[name] for name in LOCKS if held.get(name) != HELD]
+    return [OTHERWISE[name] for name in LOCKS if locks.get(name) != HOLDS]
 
 
-def told(held: dict[str, str]) -> list[tuple[str, str]]:
+def lock_rows(locks: dict[str, str]) -> list[tuple[str, str]]:
     """(lock, whether it holds on this machine and what for), in words."""
-    return [(n, f"holds: {what}" if held.get(n) == HELD else f"no: {held.get(n)}") for n, what in LOCKS.items()]
+    return [(n, f"holds: {what}" if locks.get(n) == HOLDS else f"no: {locks.get(n)}") for n, what in LOCKS.items()]
 
 
 # ------------------------------------------------------------------------------------------ words and places
