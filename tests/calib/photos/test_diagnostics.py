@@ -23,25 +23,26 @@ NEAR = 1e-3
 
 
 @pytest.fixture(scope="module")
-def sound() -> tuple:
-    """What `warnings_for` is given of a sound set of twelve photos."""
+def sound() -> Case:
+    """A sound set of twelve photos."""
     camera, rng = a_camera(*SIZE, dist=()), np.random.default_rng(0)
     tags = seen(camera, poses(BOARD, camera, 12, rng), noise=0.3, rng=rng)
     views = [Sighting(p, tuple(t)) for p, t in tags.items()]
     found = fit(views, SIZE, [SMALL], ModelSpec("none"))
-    return calibrate_detections(tags, SIZE, SMALL, "none"), found, fit_uncertainty(found), views, SIZE, [SMALL], {}, {}
+    made = calibrate_detections(tags, SIZE, SMALL, "none")
+    return Case(made, found, fit_uncertainty(found), views, [SMALL], {}, {})
 
 
-def texts(case: tuple, code: str) -> list[str]:
-    return [text for c, text in warnings_for(*case) if c == code]
+def texts(case: Case, code: str) -> list[str]:
+    return [text for c, text in warnings_for(case) if c == code]
 
 
-def oddities(case: tuple) -> list[tuple[float, str, str]]:
-    return list(_oddities(Case(*case)))
+def oddities(case: Case) -> list[tuple[float, str, str]]:
+    return list(_oddities(case))
 
 
 def test_a_sound_case_raises_no_doubt(sound):
-    assert warnings_for(*sound) == []
+    assert warnings_for(sound) == []
 
 
 @pytest.mark.parametrize("side", [-1, 1])
@@ -68,7 +69,8 @@ def test_numbers_of_the_camera_are_doubted_beyond_their_limits(sound, number, li
     away = -1 if number in ("cx", "cy") and limit < value[number] else 1
     of[number[-2:]] = limit * (1 + side * away * NEAR)
     K = ((value["fx"], 0.0, value["cx"]), (0.0, value["fy"], value["cy"]), (0.0, 0.0, 1.0))
-    doubted = texts((msgspec.structs.replace(sound[0], K=K, sigma=sd), *sound[1:]), "degenerate-views")
+    made = msgspec.structs.replace(sound.calibration, K=K, sigma=sd)
+    doubted = texts(replace(sound, calibration=made), "degenerate-views")
     assert [said in text for text in doubted] == [True] * (side > 0)
 
 
@@ -77,7 +79,7 @@ def test_boards_are_doubted_that_lean_too_little_apart(sound, degrees, doubted):
     turn = np.radians(np.linspace(0, degrees, 12))
     R = np.array([[[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]] for a in turn])
     assert normal_spread(R) == pytest.approx(degrees)
-    case = (sound[0], replace(sound[1], R=R), *sound[2:])
+    case = replace(sound, found=replace(sound.found, R=R))
     assert len([t for t in texts(case, "degenerate-views") if "tilt differs by 15 degrees" in t]) == doubted
 
 
@@ -86,10 +88,10 @@ def test_a_frame_is_doubted_of_which_less_than_a_quarter_is_covered(sound, cells
     """Tags in the middles of so many of the hundred cells, each photo's others in the first."""
     at = [((i % 10) * 100 + 50.0, (i // 10) * 80 + 40.0) for i in range(cells)]
     views = []
-    for view in sound[3]:
+    for view in sound.views:
         places = at + at[:1] * len(view.tags)
         views.append(replace_tags(view, places))
-    case = (sound[0], *sound[1:3], views, *sound[4:])
+    case = replace(sound, views=views)
     shown = [text for text in texts(case, "degenerate-views") if f"tags cover {cells} % of the frame" in text]
     assert len(shown) == doubted
 
@@ -101,9 +103,12 @@ def replace_tags(view: Sighting, places: list[tuple[float, float]]) -> Sighting:
 
 @pytest.mark.parametrize(("count", "doubted"), [(7, 1), (8, 0)])
 def test_fewer_than_eight_photos_are_few(sound, count, doubted):
-    found = fit(sound[3][:count], SIZE, [SMALL], ModelSpec("none"))
-    made = msgspec.structs.replace(sound[0], views=sound[0].views[:count])
-    assert len(texts((made, found, fit_uncertainty(found), sound[3][:count], *sound[4:]), "few-views")) == doubted
+    found = fit(sound.views[:count], SIZE, [SMALL], ModelSpec("none"))
+    made = msgspec.structs.replace(sound.calibration, views=sound.calibration.views[:count])
+    assert (
+        len(texts(Case(made, found, fit_uncertainty(found), sound.views[:count], [SMALL], {}, {}), "few-views"))
+        == doubted
+    )
 
 
 DIAGONAL = 1e3 * float(np.linalg.norm(np.ptp(list(SMALL.centers().values()), axis=0)))
@@ -117,8 +122,8 @@ DIAGONAL = 1e3 * float(np.linalg.norm(np.ptp(list(SMALL.centers().values()), axi
     ],
 )  # fmt: skip
 def test_a_board_is_called_bent_beyond_its_size_and_its_sigma(sound, bend, sigma, doubted):
-    made = msgspec.structs.replace(sound[0], boards=(FoundBoard(None, bend, sigma),))
-    assert len(texts((made, *sound[1:]), "bent-board")) == doubted
+    made = msgspec.structs.replace(sound.calibration, boards=(FoundBoard(None, bend, sigma),))
+    assert len(texts(replace(sound, calibration=made), "bent-board")) == doubted
 
 
 @pytest.mark.parametrize(
@@ -133,14 +138,14 @@ def test_a_board_is_called_bent_beyond_its_size_and_its_sigma(sound, bend, sigma
 )
 def test_a_photo_is_called_odd_by_its_rms_in_medians_where_pixels_tell_it(sound, times, px, count, doubted):
     """All residuals of a photo alike, `px` in the odd one, a share of that in the others; none pulls K."""
-    views = sound[3][:count]
+    views = sound.views[:count]
     found = fit(views, SIZE, [SMALL], ModelSpec("none"))
     rms = np.full(count, px / times)
     rms[2] = px
     along = found.observations.weight[..., None] * rms[:, None, None] * [0.6, 0.8]
     known = replace(fit_uncertainty(found), errors=rms, moves=np.zeros((count, 4)))
-    made = msgspec.structs.replace(sound[0], views=sound[0].views[:count])
-    odd = oddities((made, replace(found, residuals=along), known, views, *sound[4:]))
+    made = msgspec.structs.replace(sound.calibration, views=sound.calibration.views[:count])
+    odd = oddities(Case(made, replace(found, residuals=along), known, views, [SMALL], {}, {}))
     said = f"its rms of {px:.3f} px is {times:.1f} times the median photo's {rms[0]:.3f} px"
     assert [(name, why) for _, name, why in odd] == [("view_02", said)] * doubted
 
@@ -157,24 +162,24 @@ def pulling(found, known, times: dict[int, float]) -> np.ndarray:
 
 @pytest.mark.parametrize(("times", "doubted"), [(5.1, 1), (4.9, 0)])
 def test_a_photo_is_called_odd_by_its_pull_in_medians(sound, times, doubted):
-    _, found, known, *_ = sound
+    found, known = sound.found, sound.known
     odd = replace(known, moves=pulling(found, known, {5: times}), errors=np.ones(12))
-    shown = oddities((sound[0], found, odd, *sound[3:]))
+    shown = oddities(replace(sound, found=found, known=odd))
     assert [(name, why.startswith("it pulls K by ")) for _, name, why in shown] == [("view_05", True)] * doubted
 
 
 def test_of_two_odd_photos_the_one_further_beyond_its_limit_is_named_first(sound):
-    _, found, known, *_ = sound
+    found, known = sound.found, sound.known
     errors = np.ones(12)
     errors[2] = 2.6
     odd = replace(known, moves=pulling(found, known, {5: 10}), errors=errors)
-    assert max(oddities((sound[0], found, odd, *sound[3:])))[1] == "view_05"
+    assert max(oddities(replace(sound, found=found, known=odd)))[1] == "view_05"
 
 
 def spoilt(sound, photo: str, by) -> dict[str, list[Tag]]:
     return {
         v.photo: [msgspec.structs.replace(t, center=by(t.center)) if v.photo == photo else t for t in v.tags]
-        for v in sound[3]
+        for v in sound.views
     }
 
 
@@ -254,7 +259,8 @@ def test_a_side_of_the_frame_without_tags_is_said_once_where_the_map_is_bad(side
     axis, sign = {"left": (0, 1), "right": (0, -1), "upper": (1, 1), "lower": (1, -1)}[side]
     edge = 0.45 * SIZE[axis] if sign > 0 else 0.55 * SIZE[axis]
     tags = {
-        v.photo: [msgspec.structs.replace(t, center=tuple(rng.normal(t.center, 3))) for t in v.tags] for v in sound[3]
+        v.photo: [msgspec.structs.replace(t, center=tuple(rng.normal(t.center, 3))) for t in v.tags]
+        for v in sound.views
     }
     high = np.array(SIZE) - 1
     tags = {
@@ -277,6 +283,6 @@ def test_a_side_of_the_frame_without_tags_is_said_once_where_the_map_is_bad(side
 
 
 def test_a_side_that_the_lens_leaves_no_doubt_about_is_not_called_bare(sound):
-    tags = {v.photo: [t for t in v.tags if t.center[1] > 0.45 * SIZE[1]] for v in sound[3]}
+    tags = {v.photo: [t for t in v.tags if t.center[1] > 0.45 * SIZE[1]] for v in sound.views}
     found = calibrate_detections({p: t for p, t in tags.items() if len(t) >= 8}, SIZE, SMALL, "none")
     assert "bare-side" not in {w.code for w in found.warnings}

@@ -21,7 +21,7 @@ from raytwin.calib.photos import lens_model, pose
 from raytwin.calib.photos.bias import center_bias, unbiased
 from raytwin.calib.photos.calibration_result import Calibration, CalibrationWarning, Evidence, FoundBoard, View
 from raytwin.calib.photos.detection import Find, Read, Tag, detect, detect_photos
-from raytwin.calib.photos.diagnostics import coverage, tilts, warnings_for
+from raytwin.calib.photos.diagnostics import Case, coverage, tilts, warnings_for
 from raytwin.calib.photos.fit import INTRINSICS, MODELS, Fit, ModelSpec, Sighting, fit, matched
 from raytwin.calib.photos.model import ModelTrial, name, select_model
 from raytwin.calib.photos.uncertainty import FitUncertainty, fit_uncertainty, with_model_gap, with_poses
@@ -157,7 +157,7 @@ def _calibrate(
         fit_uncertainty(result, _systematic(straight, boards, result) if result.form.degree else ()), gap
     )
     made = _calibration(straight, image_size, boards, result, known, trials, found)
-    more = warnings_for(made, result, known, straight, image_size, boards, wrong, outliers)
+    more = warnings_for(Case(made, result, known, straight, boards, wrong, outliers))
     return msgspec.structs.replace(made, warnings=(*warnings, *(CalibrationWarning(*d) for d in more)))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from raytwin.calib.boards import Board
 from raytwin.calib.photos import lens_model, pose
 from raytwin.calib.photos.calibration_result import Calibration
-from raytwin.calib.photos.fit import NAMES, Fit, Sighting, fit, matched, solve_scaled
+from raytwin.calib.photos.fit import Fit, Sighting, fit, matched, solve_scaled
 from raytwin.calib.photos.uncertainty import FitUncertainty, fit_uncertainty, uncertainty_map
 from raytwin.errors import InputError
 from raytwin.scene.lens import SIDE, undone
@@ -75,16 +75,19 @@ there may be off by this share of the frame's longer side (one standard deviatio
 @dataclass(frozen=True, eq=False)
 class Case:
     """Inputs of the checks: the `calibration`, its fit, how uncertain that is (`known`), and the views it was made
-    from."""
+    from. `wrong`: photos left out, and why. `outliers`: ids rejected, by photo."""
 
     calibration: Calibration
     found: Fit
     known: FitUncertainty
     views: Sequence[Sighting]
-    image_size: tuple[int, int]
     boards: Sequence[Board]
     wrong: Mapping[str, str]
     outliers: Mapping[str, Sequence[int]]
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        return self.found.observations.image_size
 
     @property
     def photos(self) -> list[str]:
@@ -145,21 +148,8 @@ def is_mirrored(points: np.ndarray, pixels: np.ndarray) -> bool:
     return bool(np.linalg.det(H) * np.sign(H[2] @ [*points[:, :2].mean(axis=0), 1.0]) > 0)
 
 
-def warnings_for(
-    calibration: Calibration,
-    found: Fit,
-    known: FitUncertainty,
-    views: Sequence[Sighting],
-    image_size: tuple[int, int],
-    boards: Sequence[Board],
-    wrong: Mapping[str, str],
-    outliers: Mapping[str, Sequence[int]],
-) -> list[tuple[str, str]]:
-    """(code, text) of every warning about a Calibration made from `views` by the fit `found`.
-
-    `wrong`: photos left out, and why. `outliers`: ids rejected, by photo.
-    """
-    case = Case(calibration, found, known, views, image_size, boards, wrong, outliers)
+def warnings_for(case: Case) -> list[tuple[str, str]]:
+    """(code, text) of every warning about a calibration."""
     return [warning for check in CHECKS for warning in check(case)]
 
 
@@ -359,9 +349,7 @@ def _pull(case: Case) -> tuple[np.ndarray, np.ndarray]:
 def _better_turned(case: Case, i: int) -> float:
     """Return a photo's rms in the camera of the others, divided by its rms with its pixels rotated by 180 degrees."""
     shared = case.found.shared + case.known.moves[i]
-    K = np.array([[shared[0], 0, shared[2]], [0, shared[1], shared[3]], [0, 0, 1]])
-    value = dict(zip(case.found.form.names[4:], shared[4:], strict=False))
-    dist = [value.get(n, 0.0) for n in NAMES]
+    K, dist = case.found.form.camera(shared)
     turn = np.diag([-1.0, -1.0, 1.0])
     squares = np.zeros(2)
     for j in np.flatnonzero(case.found.observations.photo == i).tolist():

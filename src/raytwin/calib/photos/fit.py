@@ -80,6 +80,12 @@ class ModelSpec:
         """Names of the parameters of K and distortion, in the order of `Fit.shared`."""
         return (*INTRINSICS, *MODELS[self.model])
 
+    def camera(self, shared: np.ndarray) -> tuple[np.ndarray, tuple[float, ...]]:
+        """K and k1, k2, p1, p2, k3 from the parameters; a coefficient that is not fitted is 0."""
+        fx, fy, cx, cy = shared[:4]
+        value = dict(zip(MODELS[self.model], shared[4:].tolist(), strict=False))
+        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), tuple(value.get(name, 0.0) for name in NAMES)
+
 
 @dataclass(frozen=True, eq=False)
 class Observations:
@@ -97,6 +103,7 @@ class Observations:
     photo: np.ndarray
     bendings: tuple[Bending | None, ...]
     height: tuple[float, ...]
+    image_size: tuple[int, int]
 
     def count(self) -> int:
         """Coordinates seen."""
@@ -104,12 +111,11 @@ class Observations:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """What the optimizer gives: `shared` (m,) is fx, fy, cx, cy, the coefficients of `form`, then the boards' shapes.
+class Step:
+    """The fit at one place: `shared` (m,) is fx, fy, cx, cy, the coefficients of `form`, then the boards' shapes.
 
-    R (v, 3, 3), t (v, 3): the poses. `residuals` (v, t, 2): projected minus seen, pixels. `H` (v, m, m), `g` (v, m):
-    see above; `prior` (m, m): the information of the constraints. `A` (v, 2 t, m), `B` (v, 2 t, 6); `follow` (v, 6, m):
-    d pose / d shared; `local` (v, 6, 6): (B^T B)^-1.
+    R (v, 3, 3), t (v, 3): the poses. `residuals` (v, t, 2): projected minus seen, pixels; `A` (v, 2 t, m), `B` (v, 2 t,
+    6): see above. `fold`, `of_fold`: residuals and Jacobian of the constraint on folding; `cost`: the sum of squares.
     """
 
     form: ModelSpec
@@ -118,9 +124,19 @@ class Fit:
     R: np.ndarray
     t: np.ndarray
     residuals: np.ndarray
-    prior: np.ndarray
     A: np.ndarray
     B: np.ndarray
+    fold: np.ndarray
+    of_fold: np.ndarray
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(Step):
+    """What the optimizer gives: where it settled, and `H` (v, m, m), `g` (v, m), see above; `prior` (m, m): the
+    information of the constraints. `follow` (v, 6, m): d pose / d shared; `local` (v, 6, 6): (B^T B)^-1."""
+
+    prior: np.ndarray
     H: np.ndarray
     g: np.ndarray
     follow: np.ndarray
@@ -128,14 +144,12 @@ class Fit:
 
     @property
     def K(self) -> np.ndarray:
-        fx, fy, cx, cy = self.shared[:4]
-        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+        return self.form.camera(self.shared)[0]
 
     @property
     def dist(self) -> tuple[float, ...]:
-        free = MODELS[self.form.model]
-        value = dict(zip(free, self.shared[4:].tolist(), strict=False))
-        return tuple(value.get(name, 0.0) for name in NAMES[: max((NAMES.index(n) + 1 for n in free), default=0)])
+        known = max((NAMES.index(name) + 1 for name in MODELS[self.form.model]), default=0)
+        return self.form.camera(self.shared)[1][:known]
 
     @property
     def poses(self) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
@@ -185,7 +199,7 @@ def fit(
 ) -> Fit:
     """The camera, poses and shapes of least squared pixel distance; from `start`, a fit of the same views, where
     given."""
-    seen = _observe(views, boards, form)
+    seen = _observe(views, image_size, boards, form)
     if start is None or len(start.R) != len(views):
         K, dist, R, t = _first(views, image_size, boards)
     else:
@@ -195,7 +209,7 @@ def fit(
     shared[: len(form.names)] = K[0, 0], K[1, 1], K[0, 2], K[1, 2], *(value.get(n, 0.0) for n in MODELS[form.model])
     if start is not None and (start.form.degree, start.form.stretch) == (form.degree, form.stretch):
         shared[len(form.names) :] = start.shared[len(start.form.names) :]
-    found = _settle(seen, form, image_size, shared, R, t)
+    found = _settle(_step(form, seen, shared, R, t))
     if not (np.isfinite(found.shared).all() and (found.shared[:2] > 0).all()):
         fx, fy = found.shared[:2]
         raise InputError("views", "photos from which a camera follows", f"fx, fy = {fx:.4g}, {fy:.4g}")
@@ -228,7 +242,9 @@ def _first(
     return K, tuple(dist.ravel()[:5].tolist()), R, t
 
 
-def _observe(views: Sequence[Sighting], boards: Sequence[Board], form: ModelSpec) -> Observations:
+def _observe(
+    views: Sequence[Sighting], image_size: tuple[int, int], boards: Sequence[Board], form: ModelSpec
+) -> Observations:
     most = max(len(v.tags) for v in views)
     points, pixels = np.zeros((len(views), most, 3)), np.zeros((len(views), most, 2))
     weight, rows = np.zeros((len(views), most)), np.zeros((len(views), most), int)
@@ -245,7 +261,7 @@ def _observe(views: Sequence[Sighting], boards: Sequence[Board], form: ModelSpec
     middle = tuple(float(np.mean([y for _, y in b.centers().values()])) for b in boards)
     bendings = tuple(bending(tuple(b.centers().values()), form.degree) if form.degree else None for b in boards)
     board, photo = (np.array(a) for a in ([v.board for v in views], [photos[v.photo] for v in views]))
-    return Observations(points, pixels, weight, rows, board, photo, bendings, middle)
+    return Observations(points, pixels, weight, rows, board, photo, bendings, middle, image_size)
 
 
 def _shape_count(seen: Observations, form: ModelSpec) -> int:
@@ -282,55 +298,34 @@ def _shaped(seen: Observations, form: ModelSpec, shared: np.ndarray) -> tuple[np
     return points, moves
 
 
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """The fit's state at one place; `fold`, `of_fold`: residuals and Jacobian of the constraint on folding."""
-
-    shared: np.ndarray
-    R: np.ndarray
-    t: np.ndarray
-    r: np.ndarray
-    A: np.ndarray
-    B: np.ndarray
-    fold: np.ndarray
-    of_fold: np.ndarray
-    cost: float
-
-
-def _step(seen: Observations, form: ModelSpec, image_size: tuple[int, int], shared, R, t) -> _Step:
-    free = MODELS[form.model]
-    value = dict(zip(free, shared[4:], strict=False))
-    K = np.array([[shared[0], 0, shared[2]], [0, shared[1], shared[3]], [0, 0, 1]])
+def _step(form: ModelSpec, seen: Observations, shared: np.ndarray, R: np.ndarray, t: np.ndarray) -> Step:
+    K, dist = form.camera(shared)
     board, moves = _shaped(seen, form, shared)
     points = board @ R.swapaxes(1, 2) + t[:, None]
     with np.errstate(all="ignore"):  # a step too far gives no finite cost, and is not taken
-        r, A, of_point = lens_model.linearise(points, seen.pixels, K, [value.get(n, 0.0) for n in NAMES], free)
+        r, A, of_point = lens_model.linearise(points, seen.pixels, K, dist, MODELS[form.model])
         A = np.concatenate([A, np.einsum("vtci,vij,vtsj->vtcs", of_point, R, moves, optimize=True)], axis=-1)
         w = seen.weight[..., None]
         r, A, B = r * w, A * w[..., None], lens_model.of_pose(points, of_point) * w[..., None]
-        fold, of_fold = _fold(form, image_size, shared, seen)
+        fold, of_fold = _fold(form, seen, shared)
         cost = float((r * r).sum() + fold @ fold)
     if not np.isfinite(cost) or (points[..., 2] <= 0).any():
         cost = np.inf
     v, n, _ = r.shape
-    return _Step(shared, R, t, r, A.reshape(v, 2 * n, -1), B.reshape(v, 2 * n, 6), fold, of_fold, cost)
+    return Step(form, seen, shared, R, t, r, A.reshape(v, 2 * n, -1), B.reshape(v, 2 * n, 6), fold, of_fold, cost)
 
 
 RADII = np.linspace(0.05, 1, 20)
 
 
-def _fold(
-    form: ModelSpec, image_size: tuple[int, int], shared: np.ndarray, seen: Observations
-) -> tuple[np.ndarray, np.ndarray]:
+def _fold(form: ModelSpec, seen: Observations, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where the slope d(r g)/dr = 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶ is below STEEP inside the frame: how far, made
     dear."""
     free = MODELS[form.model]
-    radial = [n for n in ("k1", "k2", "k3") if n in free]
-    if not form.unfolded or not radial:
+    if not form.unfolded or not {"k1", "k2", "k3"} & {*free}:
         return np.zeros(0), np.zeros((0, len(shared)))
-    far = lens_model.corner_radius(shared[:4].tolist(), image_size)
-    value = dict(zip(free, shared[4:], strict=False))
-    k1, k2, k3 = (value.get(n, 0.0) for n in ("k1", "k2", "k3"))
+    far = lens_model.corner_radius(shared[:4].tolist(), seen.image_size)
+    k1, k2, _, _, k3 = form.camera(shared)[1]
     r = RADII * 2 * far
     s = r * r
     reached = r * (1 + s * (k1 + s * (k2 + s * k3)))
@@ -346,36 +341,28 @@ def _fold(
     return dear * np.maximum(lack, 0), of_fold
 
 
-def _moved(
-    seen: Observations,
-    form: ModelSpec,
-    image_size: tuple[int, int],
-    here: _Step,
-    d_shared: np.ndarray,
-    d_poses: np.ndarray,
-) -> _Step:
+def _moved(here: Step, d_shared: np.ndarray, d_poses: np.ndarray) -> Step:
     turn = np.array([cv2.Rodrigues(turned)[0] for turned in d_poses[:, :3]])
     t = (turn @ here.t[..., None])[..., 0] + d_poses[:, 3:]
-    return _step(seen, form, image_size, here.shared + d_shared, turn @ here.R, t)
+    return _step(here.form, here.observations, here.shared + d_shared, turn @ here.R, t)
 
 
-def _settle(seen: Observations, form: ModelSpec, image_size: tuple[int, int], shared, R, t) -> Fit:
+def _settle(here: Step) -> Fit:
     """Gauss-Newton, damped after Marquardt where a step would make it worse."""
-    here = _step(seen, form, image_size, shared, R, t)
     damping = 1e-6
     for _ in range(STEPS):
         d_shared, d_poses, promised = _solve(here, damping)
         if promised <= SETTLED * here.cost:
             break
-        there = _moved(seen, form, image_size, here, d_shared, d_poses)
+        there = _moved(here, d_shared, d_poses)
         for _ in range(2):
             # Where views barely separate two parameters, the poses follow them along a curved valley: let them catch
             # up.
             if not (np.isfinite(there.cost) and here.cost - there.cost < promised / 2):
                 break
             Bt = there.B.swapaxes(1, 2)
-            catch_up = -np.linalg.solve(Bt @ there.B, Bt @ there.r.reshape(len(R), -1, 1))[..., 0]
-            there = _moved(seen, form, image_size, there, np.zeros(len(shared)), catch_up)
+            catch_up = -np.linalg.solve(Bt @ there.B, Bt @ _column(there))[..., 0]
+            there = _moved(there, np.zeros(len(there.shared)), catch_up)
         if there.cost <= here.cost:
             here, damping = there, max(damping / 10, 1e-12)
         elif damping > 1e9:
@@ -384,19 +371,22 @@ def _settle(seen: Observations, form: ModelSpec, image_size: tuple[int, int], sh
             damping = max(damping, 1e-6) * 10
     AB, BB = here.A.swapaxes(1, 2) @ here.B, here.B.swapaxes(1, 2) @ here.B
     local = np.linalg.inv(BB)
-    r = here.r.reshape(len(here.R), -1, 1)
+    r = _column(here)
     follow = -local @ AB.swapaxes(1, 2)
     H = here.A.swapaxes(1, 2) @ here.A + AB @ follow
     g = (here.A.swapaxes(1, 2) @ r + follow.swapaxes(1, 2) @ (here.B.swapaxes(1, 2) @ r))[..., 0]
     prior = here.of_fold.T @ here.of_fold
-    return Fit(
-        form, seen, here.shared, here.R, here.t, here.r, prior, here.A, here.B, H, g, follow, local
-    )  # fmt: skip
+    return Fit(**vars(here), prior=prior, H=H, g=g, follow=follow, local=local)
 
 
-def _solve(here: _Step, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
+def _column(here: Step) -> np.ndarray:
+    """(v, 2 t, 1): the residuals, by view."""
+    return here.residuals.reshape(len(here.R), -1, 1)
+
+
+def _solve(here: Step, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
     """The step of the shared numbers (m,) and of the poses (v, 6), and by how much it should lessen the squares."""
-    A, B, r = here.A, here.B, here.r.reshape(len(here.R), -1, 1)
+    A, B, r = here.A, here.B, _column(here)
     At, Bt = A.swapaxes(1, 2), B.swapaxes(1, 2)
     AB, BB, Br = At @ B, Bt @ B, Bt @ r
     inverse = np.linalg.inv(BB * (1 + damping * np.eye(6)))

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import cv2
 import msgspec
 import numpy as np
+from scipy.special import fdtrc
 
 from raytwin.calib.boards.board import Board, spans_a_plane
 from raytwin.calib.photos import lens_model
@@ -40,20 +41,8 @@ def ambiguous(ratio: float | None, tags: int) -> bool:
     Two numbers a tag, six of the pose: the ratio's square of two independent ones is Fisher's F of 2 n - 6 and as many
     degrees of freedom, 1.5² for 35 tags, 32² for four.
     """
-    return ratio is not None and _beyond(ratio**2, max(tags - 3, 1)) > SURE
-
-
-def _beyond(f: float, m: int) -> float:
-    """How likely Fisher's F of 2 m and 2 m degrees of freedom is larger than f > 0: a sum of binomials.
-
-    P(F <= f) is the incomplete beta function I_x(m, m) at x = f / (1 + f): the chance that of 2 m - 1 draws, each a hit
-    with probability x, m or more hit (Abramowitz and Stegun 26.5.7, 26.6.2).
-    """
-    hit, miss, n = -math.log1p(1 / f), -math.log1p(f), 2 * m - 1
-    chances = (
-        math.lgamma(n + 1) - math.lgamma(k + 1) - math.lgamma(n - k + 1) + k * hit + (n - k) * miss for k in range(m)
-    )
-    return math.fsum(map(math.exp, chances))
+    degrees = 2 * max(tags - 3, 1)
+    return ratio is not None and bool(fdtrc(degrees, degrees, ratio**2) > SURE)
 
 
 GROSS = 0.004
