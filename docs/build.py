@@ -18,6 +18,7 @@ from urllib.parse import unquote, urlsplit
 import fault_gallery
 import figures
 import gallery
+import prose
 
 ROOT = Path(__file__).resolve().parent.parent
 SITE = ROOT / "site"
@@ -91,11 +92,13 @@ def main() -> int:
         return code
     for path in options.site.rglob("*.map"):  # for who debugs the theme's scripts: a tenth of the site
         path.unlink()
+    shutil.rmtree(options.site / "assets" / "javascripts" / "lunr")  # search in other languages than English
     size = sum(path.stat().st_size for path in options.site.rglob("*") if path.is_file())
     print(
         f"site: {len(list(options.site.rglob('*.html')))} pages, {size / 1e6:.1f} MB; "
         f"gallery {made - began:.0f} s, pages {time.perf_counter() - made:.0f} s"
     )
+    print(prose.summary())
     wrong = faults(options.site) + (
         [f"site: {size / 1e6:.1f} MB, allowed {MOST_BYTES / 1e6:.0f} MB"] if size > MOST_BYTES else []
     )

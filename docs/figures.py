@@ -4,6 +4,7 @@ A page says `<!-- figure: NAME: caption -->`; `docs/hooks.py` puts the picture t
 a function that writes its file into a folder, and its row in FIGURES.
 """
 
+import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -75,12 +76,69 @@ def solvers(folder: Path) -> None:
     if run("stability sphere-far -o out", folder):
         raise SystemExit("figures: stability failed")
     (folder / "out" / "sphere-far.svg").rename(folder / "solvers.svg")
+    shutil.rmtree(folder / "out")
+
+
+def noise(folder: Path) -> None:
+    """Error and stated sigma of one scene's renders over samples: both fall with their root."""
+    scene = scene_of("overlap", 96)
+    exact = twin.render(scene, "path", samples=4096, seed=1, max_depth=3).mean
+    rows = []
+    for samples in (4, 16, 64, 256):
+        image = twin.render(scene, "path", samples=samples, seed=2, max_depth=3)
+        assert image.variance is not None
+        rmse, sigma = np.sqrt(np.mean((image.mean - exact) ** 2)), np.sqrt(image.variance.mean())
+        rows += [{"samples": samples, "error": float(rmse), "which": "error against 4096 samples"}]
+        rows += [{"samples": samples, "error": float(sigma), "which": "sigma, as the render states it"}]
+    title = "overlap: error and stated noise"
+    (folder / "noise.svg").write_text(raytwin.chart(rows, "samples", "error", by="which", title=title).svg)
+
+
+def limits(folder: Path) -> None:
+    """The largest |z| of a correct pair, and the limit at a false-alarm rate of 1e-3, over the number of pixels."""
+    from scipy.stats import norm
+
+    rng, rows = np.random.default_rng(0), []
+    for pixels in (100, 1000, 10_000, 100_000, 1_000_000):
+        largest = [float(np.abs(rng.standard_normal(pixels)).max()) for _ in range(20)]
+        limit = float(norm.isf(-np.expm1(np.log1p(-1e-3) / pixels) / 2))
+        found = ("largest |z| by chance", float(np.median(largest))), ("limit for 1 alarm in 1000 images", limit)
+        rows += [{"pixels": pixels, "sigmas": value, "which": name} for name, value in found]
+        rows.append({"pixels": pixels, "sigmas": 3.0, "which": "a fixed limit of 3 sigma"})
+    title = "How far the worst pixel of a correct image lies off"
+    (folder / "limits.svg").write_text(raytwin.chart(rows, "pixels", "sigmas", by="which", title=title).svg)
+
+
+def stopping(folder: Path) -> None:
+    """Difference of the mean over samples, for a right render and one 2 % too bright, beside what a look can see."""
+    from scipy.stats import norm
+
+    from raytwin.compare.sequential import look_level, look_number
+
+    rng, rows, right, bright = np.random.default_rng(3), [], 0.0, 0.0
+    sigma, taken = 0.02, 0
+    for samples in (4, 8, 16, 32, 64, 128, 256):
+        fresh = samples - taken
+        right += float(rng.normal(0, sigma * np.sqrt(fresh)))
+        bright += float(rng.normal(0.02 * fresh, sigma * np.sqrt(fresh)))
+        taken = samples
+        seen = norm.isf(look_level(1e-3, look_number(samples)) / 2) * sigma / np.sqrt(samples)
+        found = ("a correct render", abs(right)), ("one 2 % too bright", abs(bright)), ("what this look fails", None)
+        for name, total in found:
+            value = float(seen) if total is None else total / samples
+            rows.append({"samples": samples, "difference of the mean": value, "which": name})
+    title = "When a difference is certain"
+    chart = raytwin.chart(rows, "samples", "difference of the mean", by="which", title=title)
+    (folder / "stopping.svg").write_text(chart.svg)
 
 
 FIGURES: dict[str, tuple[str, Callable[[Path], None]]] = {
     "levels": ("levels.webp", levels),
     "static-and-shape": ("static-and-shape.webp", static_and_shape),
     "solvers": ("solvers.svg", solvers),
+    "noise": ("noise.svg", noise),
+    "limits": ("limits.svg", limits),
+    "stopping": ("stopping.svg", stopping),
 }
 """Name in a page -> (file, the function that writes it)."""
 

@@ -15,7 +15,7 @@ MADE = ROOT / "docs" / "made"
 """Where the pages go: ignored by git, part of the site."""
 WIDTH, HEIGHT = 1100, 760
 """Of the browser's window for a thumbnail, pixels."""
-LINKED = ("results.csv", "results.json")
+LINKED = ("results.csv", "results.json", "matrix.csv", "matrix.json", "junit.xml")
 """Files of numbers that a page links to."""
 THUMB = 420
 """A thumbnail's width, pixels."""
@@ -88,12 +88,29 @@ ENTRIES = (
         ("grade class --rubric rubric.toml -o out",),
     ),
     Entry(
+        "matrix", "out/index.html", "Several renderers on several scenes",
+        "Two renderers on two scenes: a cell per comparison with verdict, error and cause, and a chart per scene.",
+        (
+            "matrix overlap wedge --subject numpy64-shadow-conic --subject cleo=class/cleo.py --rung shadow"
+            " --size 120x90 -o out",
+        ), (1,),
+    ),
+    Entry(
+        "light", "light.html", "The light of a photo",
+        "Sun and sky from a mirror ball, an orange ball and a pin in two photos, with what each model predicts.",
+        (
+            "light {root}/scenes/desk/lit --board {root}/scenes/desk/board.toml"
+            " --camera {root}/scenes/desk/lit/camera.toml --ball=-0.075,0.05,0.028,0.03"
+            " --ball=-0.065,0.15,0.018,0.02 --stand 0.095,0.095,0.03 -o light.toml",
+        ),
+    ),
+    Entry(
         "augment", "out/against-photo_00.jpg.html", "Spheres drawn into photos",
         "Synthetic photos with a known camera: calibrated, drawn into, and compared with the truth.",
         (
             "board --columns 5 --rows 7 --tag 30mm --pitch 38mm --paper letter -o board.pdf",
-            "photograph --board board.toml --scene desk --count 6 --size 640x480 --samples 4 -o plain",
-            "photograph --board board.toml --scene desk --count 6 --size 640x480 --samples 4 --with-objects -o true",
+            "photograph --board board.toml --scene desk --count 6 --size 480x360 --samples 4 -o plain",
+            "photograph --board board.toml --scene desk --count 6 --size 480x360 --samples 4 --with-objects -o true",
             "calibrate plain --board board.toml -o camera.toml --uncertainty uncertainty.png",
             "augment plain/photo_00.jpg --scene desk --board board.toml --camera camera.toml --against true -o out",
         ),

@@ -78,14 +78,22 @@ def api_page() -> str:
         " metres, images are linear Rec. 709 in float32 (H, W, 3) with row 0 on top:"
         " see [conventions](conventions.md).\n"
     ]
+    shown = examples()
     for name in raytwin.__all__:
         if name in raytwin._HOME:
             module, _, own = raytwin._HOME[name].partition(":")
             parts.append(
                 f"## raytwin.{name}\n\n::: {defined_in(f'raytwin.{module}', own or name)}\n    options:\n"
                 "      show_root_heading: false\n      show_root_toc_entry: false\n      heading_level: 3\n"
+                f"\n[Example](examples.md#raytwin{name.lower()}):\n\n{shown[name]}\n"
             )
     return "\n".join(parts)
+
+
+def examples() -> dict[str, str]:
+    """Return the block of code of each name's section in reference/examples.md."""
+    text = (gallery.ROOT / "docs" / "reference" / "examples.md").read_text(encoding="utf-8")
+    return dict(re.findall(r"^### raytwin\.(\w+)\n.*?^(```pycon\n.*?^```)$", text, re.DOTALL | re.MULTILINE))
 
 
 def defined_in(module: str, name: str) -> str:

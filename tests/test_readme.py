@@ -4,6 +4,7 @@ Shell blocks marked `sh` are run, those marked `bash` are only parsed (a cluster
 `<!-- file: NAME -->` is written to that file first.
 """
 
+import doctest
 import json
 import os
 import re
@@ -225,6 +226,37 @@ def test_the_instructors_test_passes_with_a_right_renderer_and_fails_with_a_wron
 def test_the_python_of_the_camera_page_runs_and_prints_what_its_comment_says(checkout):
     done = run([sys.executable, "-c", "\n".join(blocks(DOCS / "howto" / "camera.md", "python"))], checkout)
     assert (done.returncode, done.stdout) == (0, "(3,) (600, 800, 3)\n"), done.stderr
+
+
+def test_every_exported_name_has_an_example_that_prints_what_the_page_says(tmp_path, monkeypatch):
+    import raytwin as package
+
+    text = (DOCS / "reference" / "examples.md").read_text(encoding="utf-8")
+    sections = re.findall(r"^### raytwin\.(\w+)\n.*?^```pycon\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    assert sorted(name for name, _ in sections) == sorted(package.__all__)
+    assert [name for name, code in sections if f"raytwin.{name}" not in code] == []
+    for name in ("scenes", "reference"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(tmp_path)
+    session = doctest.DocTestParser().get_doctest("\n".join(code for _, code in sections), {}, "examples", None, 0)
+    wrong: list[str] = []
+    doctest.DocTestRunner(verbose=False).run(session, out=wrong.append)
+    assert session.examples
+    assert "".join(wrong) == ""
+
+
+PRINTS = re.compile(r"^```python\n(.*?)^```\n\n```text\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+"""Code, and directly below it what it prints."""
+
+
+@pytest.mark.parametrize("page", ["python-recipes", "compare-two-renderers", "noise-budget"])
+def test_python_prints_what_stands_below_it(page, checkout, monkeypatch, capsys):
+    monkeypatch.chdir(checkout)
+    scripts = PRINTS.findall((DOCS / "howto" / f"{page}.md").read_text(encoding="utf-8"))
+    assert scripts
+    for code, printed in scripts:
+        exec(compile(code, page, "exec"), {"__name__": "script"})
+        assert capsys.readouterr().out == printed
 
 
 def test_batches_are_decided_as_the_readme_and_the_page_on_renderers_say(checkout):
