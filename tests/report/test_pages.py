@@ -4,6 +4,7 @@ A row of KINDS writes the pages of a kind into a folder, with EVIL where a name 
 page, add a row.
 """
 
+import os
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,17 +19,22 @@ import pytest
 from browser import barriers_of
 from test_bench_page import every_method
 
-from raytwin import files, report
+from raytwin import files, report, viewer
 from raytwin.analysis.ladder import Ladder, Rungs, Step
 from raytwin.analysis.ledger import Ledger
 from raytwin.analysis.recommend import Needs, NotNeeded, Row, Whole
 from raytwin.atlas import Atlas
 from raytwin.atlas.experiment import Curve, Found
 from raytwin.calib import boards, photos
+from raytwin.calib.lighting import light_models
+from raytwin.calib.lighting.linear_photo import LinearPhoto
 from raytwin.compare import Report, compare
 from raytwin.compare.report import Part
+from raytwin.grade.result import Marked, Picture, Result
+from raytwin.grade.result import Part as MarkedPart
+from raytwin.grade.rubric import Exercise, Feedback, Rubric, Speed
 from raytwin.image import Image
-from raytwin.report import check_page, write_report
+from raytwin.report import check_page, class_page, write_report
 from raytwin.report.bench_page import write_bench_page
 from raytwin.report.calibration_page import write_calibration
 from raytwin.report.data_urls import png_url
@@ -36,13 +42,16 @@ from raytwin.report.ladder_page import write_ladder
 from raytwin.report.matrix_page import write_matrix
 from raytwin.report.recommend_page import write_needs
 from raytwin.report.view import view_of_diff
+from raytwin.scene import Camera
 from raytwin.workflows.diff_files import compare as compare_files
+from raytwin.workflows.estimate_light import LightEstimate
 from raytwin.workflows.matrix import Cell
 from raytwin.workflows.matrix_history import Past
 
 EVIL = "<img src=x onerror=alert(1)>\"'&_with_sixty_or_more_characters_and_no_blank_in_them"
 SIZE = 24, 36
 """Height and width: a portrait frame is written as well, turned."""
+FROM_ABOVE = (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)
 Write = Callable[..., list[Path]]
 
 
@@ -150,6 +159,44 @@ def matrix(folder: Path, make_result, scenes) -> list[Path]:
     return [folder / "index.html"]
 
 
+def light(folder: Path, make_result, scenes) -> list[Path]:
+    """A photo in which nothing was outlined, and a map with a sun in it."""
+    camera = Camera(SIZE[::-1], ((30.0, 0.0, 18.0), (0.0, 30.0, 12.0), (0.0, 0.0, 1.0)), FROM_ABOVE, (0.0, 0.0, 1.0))
+    pixels = files.to_bytes(noise())
+    photo = LinearPhoto(EVIL, camera, noise(), np.zeros(SIZE, bool), pixels, np.ones(3), None)
+    up, grey = np.array([0.0, 0.6, 0.8]), np.full(3, 0.4)
+    sun_and_map = light_models.Light(up, 0.01, grey, 0.1 * grey, grey, 0.1 * grey, noise((8, 16)))
+    trials = [light_models.Trial(EVIL, 8, True, 0.02, 1.5, {})]
+    suns, warnings = [(EVIL, up, 0.02)], [EVIL]
+    found = LightEstimate(
+        sun_and_map, np.ones(3), [photo], light_models.Evidence(np.ones(3)), trials, 0, suns, warnings, pixels
+    )
+    report.write_light_page(found, folder / "light.html")
+    return [folder / "light.html"]
+
+
+def graded_class(folder: Path, make_result, scenes) -> list[Path]:
+    """Two students with the same wrong numbers and one who handed in nothing that runs; the class and their pages."""
+    exercises = (Exercise("shade", 10, name=EVIL), Exercise("render", 20, name="image", drawn=1))
+    rubric = Rubric(EVIL, exercises, speed=Speed("image", bonus=2), feedback=(Feedback("shade", "0", EVIL, EVIL),))
+    parts = (MarkedPart(EVIL, False, 0.25, 0.1, 0.5, problem=EVIL),)
+    image = Marked("image", "render", "fail", 0, 20, "hidden", EVIL, 1e-5, (EVIL,), fingerprint="1 2 " * 8, parts=parts)
+    shade = msgspec.structs.replace(
+        image, name=EVIL, stage="shade", of=10, visibility="visible", causes=("pi",), sureness="sure",
+        faults=((EVIL, EVIL),), inputs=EVIL, expected=EVIL, got=EVIL,
+    )  # fmt: skip
+    packed = viewer.pack(Image(noise()), Image(noise(seed=2)), surfaces=False).for_page()
+    thumb = png_url(files.to_bytes(noise()))
+    pictures = (Picture("image", EVIL, thumb, msgspec.json.encode(packed).decode()), Picture("image", EVIL, thumb))
+    wrong = Result(f"a {EVIL}", "a", EVIL, (shade, image), printed=EVIL, notes=(EVIL,), open_locks=(EVIL,),
+                   pictures=pictures, speed=(("image", 0.1, 1e-7),), graded="2026-01-01 00:00")  # fmt: skip
+    same, none = msgspec.structs.replace(wrong, student="b", key="b"), Result(f"c {EVIL}", "c", EVIL, (), problem=EVIL)
+    done = tuple(msgspec.structs.replace(e, status="pass", fingerprint="") for e in (shade, image))
+    right = msgspec.structs.replace(wrong, student="d", key="d", exercises=done, bonus=2.0)
+    assert class_page.write_class((wrong, same, none, right), rubric, folder) == []
+    return [folder / "index.html", *sorted((folder / "students").iterdir())[:3]]
+
+
 KINDS: dict[str, Write] = {
     "compare, pass": partial(comparison, spoiled=False),
     "compare, fail": partial(comparison, spoiled=True),
@@ -162,6 +209,8 @@ KINDS: dict[str, Write] = {
     "calibrate": calibration,
     "needs": needs,
     "matrix": matrix,
+    "light": light,
+    "grade": graded_class,
 }
 test_run.__test__ = False  # a kind, and no test
 
@@ -183,7 +232,8 @@ class Tags(HTMLParser):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_page_opens_offline_keeps_names_as_text_and_shuts_nobody_out(kind, make_result, scenes, tmp_path, chromium):
     for page in KINDS[kind](tmp_path, make_result, scenes):
-        text, own = page.read_text(encoding="utf-8"), {quote(str(p.relative_to(tmp_path))) for p in tmp_path.rglob("*")}
+        text = page.read_text(encoding="utf-8")
+        own = {quote(os.path.relpath(p, page.parent)) for p in tmp_path.rglob("*")}
         tags = Tags(text)
         outside = [url for url in tags.urls if not url.startswith(("data:", "#"))]
         assert {quote(url) for url in outside} <= own, page
