@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from measure.verdict_experiments import EXPERIMENTS as VERDICTS
+from measure import calibration_experiments, refusal_experiments, verdict_experiments
 from typer.testing import CliRunner
 
 from raytwin import atlas as stability
@@ -17,8 +17,9 @@ from raytwin.errors import InputError
 from raytwin.report.atlas_page import colours
 from raytwin.report.atlas_page import fate as fate_of
 
-CHECKED = EXPERIMENTS | {e.name: e for e in VERDICTS}
-"""The atlas, and the experiments on raytwin's own verdict, which are measured for its developers."""
+OWN = calibration_experiments, refusal_experiments, verdict_experiments
+CHECKED = EXPERIMENTS | {e.name: e for file in OWN for e in file.EXPERIMENTS}
+"""The atlas, and the experiments on raytwin's own warnings, refusals and verdicts, which its developers measure."""
 KEYS = ["name", "parameter", "values", "bound", "methods", "why", "source"]
 
 

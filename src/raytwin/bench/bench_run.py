@@ -1,10 +1,12 @@
 """A scene, methods and sizes in; a Bench out, within a budget of seconds."""
 
+import math
 import os
 import platform
 import re
 import time
 import warnings
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from math import gcd, sqrt
 from pathlib import Path
@@ -35,6 +37,9 @@ PREPARE_SHARE, TRUTH_SHARE = 0.5, 0.3
 LATE, UNPREPARED = "no time", "to prepare it"
 """How the reason begins where a larger budget would help, and how it ends where the method was not even tried."""
 CALL = re.compile(r"a call would take about (\S+) s")
+Ready = Measured[Renderer, Image]
+Parts = dict[str, list[Any]]
+"""What a run has measured so far, by Bench's fields."""
 CALLS = 4
 """Calls of a method that must fit what is left of the time: one to warm up, three to time."""
 
@@ -78,23 +83,12 @@ def bench(
     returned has a row per method and size: seconds, errors, and whether it is on the frontier. `progress(stage, done,
     total)` is called as work goes on.
     """
-    for where, value, right in (
-        ("--budget", budget, budget > 0),
-        ("--sizes", list(sizes), bool(sizes) and all(s > 0 for s in sizes)),
-        ("--spheres", list(spheres), all(n >= 1 for n in spheres)),
-        ("--crowd", crowd, crowd is None or crowd >= 1),
-        ("--repeats", repeats, repeats >= 1),
-        ("--truth-samples", truth_samples, truth_samples >= 1),
-    ):
-        if not right:
-            raise InputError(where, "numbers above 0", value)
     for where, numbers, most in (
-        ("--sizes", sizes, 1000),
-        ("--spheres", spheres, 100_000),
-        ("--crowd", [crowd or 1], 100_000),
-    ):
-        if max(numbers, default=1) > most:
-            raise InputError(where, f"at most {most}", f"{max(numbers):g}")
+        ("--budget", (budget,), math.inf), ("--sizes", sizes or (0,), 1000), ("--spheres", spheres, 100_000),
+        ("--crowd", (1 if crowd is None else crowd,), 100_000), ("--repeats", (repeats,), math.inf),
+        ("--truth-samples", (truth_samples,), math.inf),
+    ):  # fmt: skip
+        check_numbers(where, numbers, most)
     chosen = choose([m if isinstance(m, str | Renderer) else as_method(m) for m in methods])
     start = time.perf_counter()
     deadline = start + budget
@@ -104,36 +98,36 @@ def bench(
     if crowd:
         scene = crowded(scene, crowd)
     parts = len(sizes) + (1 if growing else 0)
-    rows: list[Measurement] = []
-    truths: list[Converged] = []
-    errors: list[Deviation] = []
-    left: list[LeftOut] = []
-    repeated: list[Repeats] = []
-    growth: list[Growth] = []
+    found: Parts = defaultdict(list)
     for i, megapixels in enumerate(sizes):
         view = scene.with_camera(sized(scene.camera, megapixels))
-        until = time.perf_counter() + (deadline - time.perf_counter()) / (parts - i)
-        sized_run = measure_size(view, chosen, until, repeats, truth_samples, flip, progress)
-        rows += sized_run[0]
-        truths += sized_run[1]
-        errors += sized_run[2]
-        left += sized_run[3]
-        repeated += sized_run[4]
+        measure_size(found, view, chosen, portion(deadline, parts - i), repeats, truth_samples, flip, progress)
     if growing:
         view = scene.with_camera(sized(scene.camera, sizes[0]))
         for i, count in enumerate(sorted(spheres)):
-            until = time.perf_counter() + (deadline - time.perf_counter()) / (len(spheres) - i)
-            grown, without = measure_growth(crowded(view, count), count, growing, until, repeats, progress)
-            growth += grown
-            left += without
-    if not rows and not growth:
-        raise _nothing(left, budget, time.perf_counter() - start)
+            until = portion(deadline, len(spheres) - i)
+            measure_growth(found, crowded(view, count), count, growing, until, repeats, progress)
+    if not found["rows"] and not found["growth"]:
+        raise _nothing(found["left_out"], budget, time.perf_counter() - start)
     return Bench(
         scene=scene.name, machine=machine(), versions=versions(), budget=float(budget),
-        seconds=time.perf_counter() - start, rows=tuple(rows), truths=tuple(truths), errors=tuple(errors),
-        growth=tuple(growth), left_out=tuple(left), repeats=tuple(repeated),
-        equal=equal_error(rows, truths),
+        seconds=time.perf_counter() - start, equal=equal_error(found["rows"], found["truths"]),
+        **{name: tuple(part) for name, part in found.items()},
     )  # fmt: skip
+
+
+def check_numbers(where: str, numbers: Sequence[float], most: float = math.inf) -> None:
+    """Raise InputError for a number that is not above 0, or above `most`."""
+    if not all(number > 0 for number in numbers):
+        raise InputError(where, "numbers above 0", ", ".join(f"{number:g}" for number in numbers))
+    if max(numbers, default=1) > most:
+        raise InputError(where, f"at most {most}", f"{max(numbers):g}")
+
+
+def portion(until: float, parts: int) -> float:
+    """Return the end of the first of `parts` equal parts of the time from now until then."""
+    now = time.perf_counter()
+    return now + (until - now) / parts
 
 
 def _nothing(left: Sequence[LeftOut], budget: float, spent: float) -> InputError:
@@ -147,16 +141,11 @@ def _nothing(left: Sequence[LeftOut], budget: float, spent: float) -> InputError
 
 
 def measure_size(
-    scene: Scene,
-    methods: Sequence[Renderer],
-    deadline: float,
-    repeats: int,
-    truth_samples: int,
-    flip: bool,
-    progress: Progress,
-) -> tuple[list[Measurement], list[Converged], list[Deviation], list[LeftOut], list[Repeats]]:
+    found: Parts, scene: Scene, methods: Sequence[Renderer], deadline: float, repeats: int, truth_samples: int,
+    flip: bool, progress: Progress,
+) -> None:  # fmt: skip
     """Truths, warm-up, timed rounds, for one size of picture."""
-    w, h = scene.camera.image_size
+    size = scene.camera.image_size
     start = time.perf_counter()
     ready, left = get_ready(scene, methods, deadline, progress)
     prepared = time.perf_counter() - start
@@ -173,22 +162,23 @@ def measure_size(
         own = truth_of(method)
         return {name: measure(image.mean, images[name], flip) for name in names if name == own or comparable(name)}
 
-    done = warm_up(ready, look, deadline, left, (w, h), progress)
-    if done:
-        _warn_of_families(methods, done, left, prepared)
-    repeat(done, look, deadline, repeats)
-    left += [LeftOut(m.method.name, w, h, f"{LATE} left for a timed call") for m in done if not m.seconds]
-    done = [m for m in done if m.seconds]
-    rows, errors = summarize(done, truths, (w, h))
-    timed = [
-        Repeats(m.method.name, w, h, tuple(m.seconds), tuple(number(e[truth_of(m.method)]["rmse"]) for e in m.errors))
+    done = time_all(
+        ready, look, deadline, repeats, left, size, progress,
+        lambda warmed: _warn_of_families(methods, warmed, left, prepared),
+    )  # fmt: skip
+    rows, errors = summarize(done, truths, size)
+    found["rows"] += rows
+    found["errors"] += errors
+    found["truths"] += truths.values()
+    found["left_out"] += left
+    found["repeats"] += [
+        Repeats(m.method.name, *size, tuple(m.seconds), tuple(number(e[truth_of(m.method)]["rmse"]) for e in m.errors))
         for m in done
     ]
-    return rows, [truths[n] for n in names], errors, left, timed
 
 
 def _warn_of_families(
-    methods: Sequence[Renderer], ready: Sequence[Measured[Renderer, Image]], left: Sequence[LeftOut], spent: float
+    methods: Sequence[Renderer], ready: Sequence[Ready], left: Sequence[LeftOut], spent: float
 ) -> None:
     """Say before anything is measured which families the budget leaves out whole, and what they would need."""
     known, late = {m.method.family for m in ready}, {o.method: o for o in left if o.why.startswith(LATE)}
@@ -212,7 +202,7 @@ def comparable(truth: str) -> bool:
 
 def get_ready(
     scene: Scene, methods: Sequence[Renderer], deadline: float, progress: Progress
-) -> tuple[list[Measured[Renderer, Image]], list[LeftOut]]:
+) -> tuple[list[Ready], list[LeftOut]]:
     """Each method prepared, compiled and tried on two thumbnails, which tell what it will take at full size.
 
     One of each family before the second of any, those of few samples first, so that time that is too short leaves some
@@ -223,7 +213,7 @@ def get_ready(
     cheapest_first = sorted(methods, key=lambda m: m.samples)
     families = [m.family for m in cheapest_first]
     in_turn = sorted(cheapest_first, key=lambda m: families[: cheapest_first.index(m)].count(m.family))
-    ready: list[Measured[Renderer, Image]] = []
+    ready: list[Ready] = []
     left: list[LeftOut] = []
     absent: dict[str, str] = {}
     owed = 0.0
@@ -260,13 +250,8 @@ def get_ready(
 
 
 def warm_up(
-    ready: list[Measured[Renderer, Image]],
-    look: Look,
-    deadline: float,
-    left: list[LeftOut],
-    size: tuple[int, int],
-    progress: Progress,
-) -> list[Measured[Renderer, Image]]:
+    ready: list[Ready], look: Look, deadline: float, left: list[LeftOut], size: tuple[int, int], progress: Progress
+) -> list[Ready]:
     """The methods that had their first call at full size: the quickest of each family first, then the other quick ones.
 
     As many as can have three more calls: so no family is lost to the second of another.
@@ -287,8 +272,24 @@ def warm_up(
     return [m for m in ready if m in done]
 
 
+def time_all(
+    ready: list[Ready], look: Look, deadline: float, repeats: int, left: list[LeftOut], size: tuple[int, int],
+    progress: Progress, warn: Callable[[list[Ready]], None] = lambda warmed: None,
+) -> list[Ready]:  # fmt: skip
+    """Warm the methods up and time them in turn; return those with a timed call, and add the others to `left`.
+
+    `warn` is called with what is warm before anything is timed.
+    """
+    warmed = warm_up(ready, look, deadline, left, size, progress)
+    if warmed:
+        warn(warmed)
+    repeat(warmed, look, deadline, repeats)
+    left += [LeftOut(m.method.name, *size, f"{LATE} left for a timed call") for m in warmed if not m.seconds]
+    return [m for m in warmed if m.seconds]
+
+
 def summarize(
-    done: list[Measured[Renderer, Image]], truths: dict[str, Converged], size: tuple[int, int]
+    done: list[Ready], truths: dict[str, Converged], size: tuple[int, int]
 ) -> tuple[list[Measurement], list[Deviation]]:
     """Rows against each method's own truth, and the errors against every truth, each with its frontier."""
     times = {m.method.name: median_iqr(m.seconds) for m in done}
@@ -305,16 +306,13 @@ def summarize(
             )
     rows = []
     for m in done:
-        own = truth_of(m.method)
-        e, t = errors[m.method.name, own], truths[own]
+        own = truth_of(method := m.method)
+        e = errors[method.name, own]
         rows.append(
             Measurement(
-                method=m.method.name, engine=m.method.library, precision=f"float{m.method.precision}",
-                rung=m.method.rung, trim=m.method.trim, speculation=m.method.step, samples=m.method.samples,
-                width=size[0], height=size[1], seconds_median=times[m.method.name][0],
-                seconds_iqr=times[m.method.name][1], compile_seconds=m.compile_seconds, peak_mib=m.peak_mib,
-                rmse=e.rmse, relmse=e.relmse, p999_abs=e.p999_abs, flip=e.flip, truth_floor=number(t.floor["rmse"]),
-                on_frontier=e.on_frontier,
+                method.name, method.library, f"float{method.precision}", method.rung, method.trim, method.step,
+                method.samples, *size, *times[method.name], m.compile_seconds, m.peak_mib, e.rmse, e.relmse, e.p999_abs,
+                e.flip, number(truths[own].floor["rmse"]), e.on_frontier,
             )
         )  # fmt: skip
     return rows, list(errors.values())
@@ -333,20 +331,15 @@ def number(value: float | None) -> float:
 
 
 def measure_growth(
-    scene: Scene, count: int, methods: Sequence[Renderer], deadline: float, repeats: int, progress: Progress
-) -> tuple[list[Growth], list[LeftOut]]:
+    found: Parts, scene: Scene, count: int, methods: Sequence[Renderer], deadline: float, repeats: int,
+    progress: Progress,
+) -> None:  # fmt: skip
     """The methods' seconds on a picture of `count` spheres."""
-    w, h = scene.camera.image_size
-
-    def ignore(method: Renderer, image: Image) -> dict[str, dict[str, float | None]]:
-        return {}
-
+    size = scene.camera.image_size
     ready, left = get_ready(scene, methods, deadline, progress)
-    done = warm_up(ready, ignore, deadline, left, (w, h), progress)
-    repeat(done, ignore, deadline, repeats)
-    made = [Growth(m.method.name, count, w, h, *median_iqr(m.seconds), m.compile_seconds) for m in done if m.seconds]
-    left += [LeftOut(m.method.name, w, h, f"{LATE} left for a timed call") for m in done if not m.seconds]
-    return made, [LeftOut(f"{o.method} with {count} spheres", o.width, o.height, o.why) for o in left]
+    done = time_all(ready, lambda method, image: {}, deadline, repeats, left, size, progress)
+    found["growth"] += [Growth(m.method.name, count, *size, *median_iqr(m.seconds), m.compile_seconds) for m in done]
+    found["left_out"] += [LeftOut(f"{o.method} with {count} spheres", *size, o.why) for o in left]
 
 
 # ------------------------------------------------------------------------------------------ sizes, machine

@@ -16,7 +16,7 @@ import numpy as np
 
 from raytwin import files
 from raytwin.bench.bench_record import Bench, Calibrated, LeftOut
-from raytwin.bench.bench_run import machine
+from raytwin.bench.bench_run import check_numbers, machine, portion
 from raytwin.bench.frontier import median_iqr
 from raytwin.bench.timing import Measured, repeat
 from raytwin.calib import boards, photos, synthetic_photos
@@ -276,12 +276,6 @@ def measure_calibrations(
     return rows, left
 
 
-def portion(until: float, parts: int) -> float:
-    """The end of the first of `parts` equal parts of the time from now on."""
-    now = time.perf_counter()
-    return now + (until - now) / parts
-
-
 def bench_calibration(
     shoot: Shoot | None = None,
     taken: Sequence[Taken] = (),
@@ -291,9 +285,8 @@ def bench_calibration(
     progress: Progress = silent,
 ) -> Bench:
     """A run of calibrations alone, in about `budget` seconds once the synthetic photos are there."""
-    for where, value, right in (("--budget", budget, budget > 0), ("--repeats", repeats, repeats >= 1)):
-        if not right:
-            raise InputError(where, "a number above 0", value)
+    check_numbers("--budget", (budget,))
+    check_numbers("--repeats", (repeats,))
     shoot = shoot or Shoot()
     with photographed(shoot, progress) as folder:
         start = time.perf_counter()

@@ -19,10 +19,9 @@ import numpy as np
 from raytwin import files, twin
 from raytwin.bench.bench_record import Calibrated, LeftOut
 from raytwin.bench.bench_reference import rounding
-from raytwin.bench.bench_run import get_ready, machine, number, warm_up
+from raytwin.bench.bench_run import check_numbers, get_ready, machine, number, time_all
 from raytwin.bench.calibration_cost import OURS, SHRUNK_ALONE, WHOLE, Shoot, Taken, measure_calibrations, photographed
 from raytwin.bench.frontier import median_iqr
-from raytwin.bench.timing import repeat
 from raytwin.calib import photos
 from raytwin.calib.find_camera import find_camera
 from raytwin.compare import METRICS
@@ -72,13 +71,10 @@ def paper(
     Frames have the size of `shoot`'s photos, and the loop's a quarter of their side: 4032 x 3024 and 1008 x 756.
     """
     shoot = shoot or Shoot()
-    for where, value, right in (
-        ("--budget", budget, budget > 0),
-        ("--repeats", repeats, repeats >= 1),
-        ("--photo-count", shoot.count, shoot.count >= photos.LEAST_VIEWS),
-    ):
-        if not right:
-            raise InputError(where, "a larger number", value)
+    check_numbers("--budget", (budget,))
+    check_numbers("--repeats", (repeats,))
+    if shoot.count < photos.LEAST_VIEWS:
+        raise InputError("--photo-count", f"at least {photos.LEAST_VIEWS}", shoot.count)
     with photographed(shoot, progress) as folder:
         return _paper(path, shoot, Taken(folder, shoot.board), taken, budget, repeats, progress)
 
@@ -146,27 +142,16 @@ def measure_frames(
 
     size = scene.camera.image_size
     ready, left = get_ready(scene, methods, deadline, progress)
-    done = warm_up(ready, look, deadline, left, size, progress)
-    repeat(done, look, deadline, repeats)
-    left += [LeftOut(m.method.name, *size, "no time left for a timed call") for m in done if not m.seconds]
+    done = time_all(ready, look, deadline, repeats, left, size, progress)
     boxes = boxed(scene)
     counts = {b.trim: b for b in boxes}
     frames = []
-    for m in (m for m in done if m.seconds):
+    for m in done:
         box = counts.get(m.method.trim) if isinstance(m.method, PythonLoop | Traced) else None
         found = m.errors[0].get(RUNG, dict.fromkeys(ERRORS))
-        frames.append(
-            Frame(
-                m.method.name,
-                m.method.family,
-                m.method.label,
-                *size,
-                *median_iqr(m.seconds),
-                **found,
-                cut=box.cut if box else None,
-                wasted=box.wasted if box else None,
-            )
-        )
+        cut, wasted = (box.cut, box.wasted) if box else (None, None)
+        named = m.method.name, m.method.family, m.method.label
+        frames.append(Frame(*named, *size, *median_iqr(m.seconds), **found, cut=cut, wasted=wasted))
     return Frames(size, frames, truth, number(rounding(truth.mean)["rmse"]), boxes, left)
 
 

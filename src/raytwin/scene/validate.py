@@ -18,7 +18,7 @@ ROUNDING = {"float32": 2e-6, "float64": 1e-13, "twin": 5e-8}
 """As shares of the distance from the eye: surfaces nearer to each other than this are in one place.
 
 The twin is Mitsuba's float32 with float64 in the pixels in doubt: it separates sheets at 1e-7, and errs in 0.3 % of
-the pixels at 1e-8 (`raytwin stability planes-fight`).
+the pixels at 1e-8 (`planes-fight` of tests/measure/refusal_experiments.py).
 """
 
 

@@ -9,13 +9,15 @@ from raytwin.errors import InputError
 
 
 def source() -> str:
-    """lessons.py.txt."""
-    return _read("lessons.py.txt")
+    """Return lessons.py.txt."""
+    return resources.files("raytwin.tutorial").joinpath("lessons.py.txt").read_text(encoding="utf-8")
 
 
 def solutions() -> dict[str, str]:
-    """name -> text of every function, filled in."""
-    return _functions(_read("solutions.py"))
+    """Return the text of every function, filled in, by its name."""
+    text = resources.files("raytwin.tutorial").joinpath("solutions.py").read_text(encoding="utf-8")
+    functions = (node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef))
+    return {node.name: ast.get_source_segment(text, node) or "" for node in functions}
 
 
 def with_functions(text: str, functions: dict[str, str]) -> str:
@@ -47,15 +49,3 @@ def as_notebook(text: str) -> str:
     made = jupytext.reads(text, fmt="py:percent")
     made.metadata["kernelspec"] = {"display_name": "Python 3", "language": "python", "name": "python3"}
     return str(jupytext.writes(made, fmt="ipynb"))
-
-
-def _read(name: str) -> str:
-    return resources.files("raytwin.tutorial").joinpath(name).read_text(encoding="utf-8")
-
-
-def _functions(text: str) -> dict[str, str]:
-    return {
-        node.name: ast.get_source_segment(text, node) or ""
-        for node in ast.parse(text).body
-        if isinstance(node, ast.FunctionDef)
-    }
