@@ -99,7 +99,7 @@ def test_what_mitsuba_refuses_is_said_in_one_line(tmp_path, old, new, said):
 
 
 def test_a_cached_render_is_that_of_the_same_file_alone(tmp_path, monkeypatch):
-    monkeypatch.setattr("raytwin.twin.mitsuba_render.WORTH_KEEPING", 0.0)
+    monkeypatch.setattr("raytwin.twin.render_cache.WORTH_KEEPING", 0.0)
     scene = scene_of(tmp_path, BALL)
     first = twin.render_mitsuba(scene, 4)
     monkeypatch.setattr("raytwin.twin.mitsuba_render._rendered", None)  # it would raise

@@ -18,7 +18,7 @@ def scene(scenes, tmp_path, monkeypatch):
     """A small scene, an empty cache, and every render worth keeping."""
     activate("scalar_rgb")
     monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path))
-    monkeypatch.setattr(render_module, "WORTH_KEEPING", 0.0)
+    monkeypatch.setattr("raytwin.twin.render_cache.WORTH_KEEPING", 0.0)
     found = files.read_scene(scenes / "overlap").scene
     return found.with_camera(found.camera.resized(32, 24))
 
@@ -109,7 +109,7 @@ def test_a_cache_that_cannot_be_written_is_no_error(scene, tmp_path, monkeypatch
 
 
 def test_a_quick_render_is_not_stored(scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(render_module, "WORTH_KEEPING", 1e9)
+    monkeypatch.setattr("raytwin.twin.render_cache.WORTH_KEEPING", 1e9)
     render(scene, "shadow")
     assert not list(tmp_path.glob("renders/*"))
 

@@ -237,7 +237,7 @@ def test_a_change_is_told_in_words(overlap, folder):
 def test_an_interrupted_render_goes_on_where_it_stopped(overlap, folder, monkeypatch, tmp_path):
     uninterrupted = make(overlap, "path", folder).new.image
     monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(render_module, "WORTH_KEEPING", 0.0)
+    monkeypatch.setattr("raytwin.twin.render_cache.WORTH_KEEPING", 0.0)
     sampled, rendered = render_module._sampled, []
 
     def break_off(*arguments):

@@ -252,11 +252,7 @@ def _layers(parts: Mapping[str, Any]) -> list[str]:
 
 def stack(planes: Iterable[np.ndarray]) -> np.ndarray:
     """Three planes (H, W) as float32 (H, W, 3)."""
-    planes = list(planes)
-    out = np.empty((*planes[0].shape, 3), np.float32)
-    for i, plane in enumerate(planes):
-        out[..., i] = plane
-    return out
+    return np.stack(list(planes), axis=-1, dtype=np.float32, casting="unsafe")
 
 
 def read_origin(path: str | os.PathLike, part: str | None = None) -> tuple[int, int]:

@@ -176,14 +176,13 @@ def determinant(x: Any, y: Any, dist: Sequence[float]) -> Any:
 
 
 def newton(
-    xd: Float[np.ndarray, "*n"], yd: Float[np.ndarray, "*n"], dist: Sequence[float], steps: int = STEPS
+    xd: Float[np.ndarray, "*n"], yd: Float[np.ndarray, "*n"], dist: Sequence[float]
 ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
     """The (x, y) with distort(x, y) = (xd, yd), by Newton's method from (xd, yd); right where `undone` says so."""
     x, y = xd, yd
     with np.errstate(all="ignore"):
-        for _ in range(steps):
-            fx, fy = distort(x, y, dist)
-            dx, dy = _solve(x, y, xd - fx, yd - fy, dist)
+        for _ in range(STEPS):
+            dx, dy = newton_step(x, y, xd, yd, dist)
             x, y = x + dx, y + dy
             if not (np.abs(dx) + np.abs(dy) > SETTLED).any():
                 break
@@ -205,8 +204,7 @@ def follow(xd: Places, yd: Places, dist: Sequence[float]) -> tuple[Places, Place
             tx, ty = _solve(x0, y0, ahead * qx, ahead * qy, dist)
             x1, y1 = x0 + tx, y0 + ty
             for _ in range(4):
-                fx, fy = distort(x1, y1, dist)
-                dx, dy = _solve(x1, y1, to * qx - fx, to * qy - fy, dist)
+                dx, dy = newton_step(x1, y1, to * qx, to * qy, dist)
                 x1, y1 = x1 + dx, y1 + dy
             rests = np.hypot(dx, dy) <= 1e-12 * (1 + np.hypot(x1, y1))
             bent = np.hypot(x1 - x0 - tx, y1 - y0 - ty) > 0.25 * np.hypot(tx, ty) + 1e-15
@@ -216,6 +214,12 @@ def follow(xd: Places, yd: Places, dist: Sequence[float]) -> tuple[Places, Place
             x[here], y[here], s[here] = x1[good], y1[good], to[good]
             step[going] = np.minimum(step[going] * np.where(good, 2.0, 0.5), LONGEST)
     return s, x, y
+
+
+def newton_step(x: Any, y: Any, xd: Any, yd: Any, dist: Sequence[float]) -> tuple[Any, Any]:
+    """How far Newton's method goes from (x, y) for distort to give (xd, yd)."""
+    fx, fy = distort(x, y, dist)
+    return _solve(x, y, xd - fx, yd - fy, dist)
 
 
 def _solve(x: Any, y: Any, ex: Any, ey: Any, dist: Sequence[float]) -> tuple[Any, Any]:

@@ -283,6 +283,13 @@ def versions() -> dict[str, str]:
     return files.installed(PACKAGES)
 
 
+def made_with(twin: str, variant: str) -> dict[str, str]:
+    """What renders, as every provenance begins: versions, and Mitsuba's variant."""
+    known = versions()
+    own = {"raytwin": known.get("raytwin", "?"), "twin": twin}
+    return own | {"mitsuba": known["mitsuba"], "drjit": known["drjit"], "variant": variant}
+
+
 def _machine(forced: str | None, paths: list[str]) -> str:
     """A hash of everything that could change the answer: Python, packages, processor, candidates and their dates."""
     facts: list[Any] = [forced, sys.prefix, versions(), _processor(), PROBE.read_text()]

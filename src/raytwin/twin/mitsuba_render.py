@@ -1,8 +1,7 @@
 """A Mitsuba file -> Image: its own sensor, film and integrator, in independent batches whose spread is the variance."""
 
-import hashlib
 import re
-import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, fromstring, tostring
@@ -15,15 +14,13 @@ from raytwin.image import BACKGROUND, Image, Surface
 from raytwin.progress import Progress, silent
 from raytwin.scene.mitsuba_scene import MitsubaScene
 from raytwin.twin import render_cache
-from raytwin.twin.backend import SCALAR, activate, versions
+from raytwin.twin.backend import SCALAR, activate, made_with
 from raytwin.twin.plain import LANES
 
 BATCHES = 16
 """Independent renders behind a variance."""
 VERSION = "1"
 """Part of every cache key: raise it when a change moves a pixel."""
-WORTH_KEEPING = 1.0
-"""Seconds: a render that took less is not stored."""
 
 
 def render_mitsuba(
@@ -43,11 +40,12 @@ def render_mitsuba(
     """
     batches = max(1, min(batches, samples))
     about = mitsuba_provenance(scene, samples, seed, batches, variant)
-    key = hashlib.sha256(repr(about).encode()).hexdigest()[:32]
+    make = partial(_pooled, scene, samples, seed, batches, progress)
+    return render_cache.cached(about, scene.image_size, cache, make)
+
+
+def _pooled(scene: MitsubaScene, samples: int, seed: int, batches: int, progress: Progress) -> Image:
     width, height = scene.image_size
-    if cache and (image := render_cache.load(key, (height, width, 3))) is not None:
-        return image
-    start = time.perf_counter()
     loaded = _loaded(scene)
     total, squares = np.zeros((height, width, 3)), np.zeros((height, width, 3))
     each = -(-samples // batches)
@@ -61,22 +59,15 @@ def render_mitsuba(
     if batches > 1:
         variance = np.maximum(squares - batches * np.square(mean), 0) / (batches * (batches - 1))
         variance = variance.astype(np.float32)
-    image = Image(mean.astype(np.float32), variance, each * batches, _surface(scene, loaded), batches)
-    if cache and time.perf_counter() - start > WORTH_KEEPING:
-        render_cache.store(key, image)
-    return image
+    return Image(mean.astype(np.float32), variance, each * batches, _surface(scene, loaded), batches)
 
 
 def mitsuba_provenance(
     scene: MitsubaScene, samples: int, seed: int = 0, batches: int = BATCHES, variant: str | None = None
 ) -> dict[str, str]:
     """Everything that decides the pixels of `render_mitsuba`, as text: for an EXR's header."""
-    known = versions()
-    return {
-        "raytwin": known.get("raytwin", "?"), "twin": f"file {VERSION}", "mitsuba": known["mitsuba"],
-        "drjit": known["drjit"], "variant": activate(variant).variant, "scene": scene.digest,
-        "samples": str(samples), "seed": str(seed), "batches": str(batches),
-    }  # fmt: skip
+    about = made_with(f"file {VERSION}", activate(variant).variant) | {"scene": scene.digest}
+    return about | {"samples": str(samples), "seed": str(seed), "batches": str(batches)}
 
 
 def _loaded(scene: MitsubaScene) -> Any:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.scene import Camera
-from raytwin.scene.lens import STEPS, check_lens, without_ray
+from raytwin.scene.lens import STEPS, check_lens, distort, newton_step, without_ray
 
 ENOUGH = 1e-8
 """Pixels: how closely the inverse must come back."""
@@ -23,28 +23,12 @@ class Lens(NamedTuple):
     steps: int
 
 
-def distort(x: Any, y: Any, coefficients: tuple[Any, ...]) -> tuple[Any, Any, Any, Any, Any]:
-    """x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²), y alike; and the Jacobian's xx, xy (= yx), yy."""
-    k1, k2, p1, p2, k3 = coefficients
-    rr = x * x + y * y
-    radial = 1 + rr * (k1 + rr * (k2 + rr * k3))
-    slope = 2 * (k1 + rr * (2 * k2 + rr * 3 * k3))  # so that d radial = slope (x dx + y dy)
-    xd = x * radial + 2 * p1 * x * y + p2 * (rr + 2 * x * x)
-    yd = y * radial + p1 * (rr + 2 * y * y) + 2 * p2 * x * y
-    xx = radial + x * x * slope + 2 * p1 * y + 6 * p2 * x
-    xy = x * y * slope + 2 * p1 * x + 2 * p2 * y
-    yy = radial + y * y * slope + 6 * p1 * y + 2 * p2 * x
-    return xd, yd, xx, xy, yy
-
-
 def undistort(xd: Any, yd: Any, coefficients: tuple[Any, ...], steps: int) -> tuple[Any, Any]:
     """The (x, y) that `distort` maps to (xd, yd): some steps of Newton's method from (xd, yd)."""
     x, y = xd, yd
     for _ in range(steps):
-        fx, fy, xx, xy, yy = distort(x, y, coefficients)
-        ex, ey = fx - xd, fy - yd
-        scale = 1 / (xx * yy - xy * xy)
-        x, y = x - (yy * ex - xy * ey) * scale, y - (xx * ey - xy * ex) * scale
+        dx, dy = newton_step(x, y, xd, yd, coefficients)
+        x, y = x + dx, y + dy
     return x, y
 
 

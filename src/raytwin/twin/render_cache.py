@@ -1,5 +1,8 @@
 """Renders stored between runs, under a hash of everything that decides their pixels."""
 
+import hashlib
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +12,21 @@ from raytwin import files
 from raytwin.image import Image, Surface
 
 CACHE = files.Cache("renders", ".npz", 2 << 30)
+WORTH_KEEPING = 1.0
+"""Seconds: a render that took less is not stored, since reading it back would save nothing."""
+
+
+def cached(about: dict[str, str], size: tuple[int, int], use: bool, make: Callable[[], Image]) -> Image:
+    """The image of this provenance and (width, height): the stored one where the cache is in `use`, else what `make`
+    renders."""
+    key = hashlib.sha256(repr(about).encode()).hexdigest()[:32]
+    if use and (image := load(key, (*size[::-1], 3))) is not None:
+        return image
+    start = time.perf_counter()
+    image = make()
+    if use and time.perf_counter() - start > WORTH_KEEPING:
+        store(key, image)
+    return image
 
 
 def load(key: str, shape: tuple[int, ...]) -> Image | None:

@@ -1,7 +1,6 @@
 """Scene -> Image through Mitsuba: rungs of light transport, two samplings, variance by independent batches, a cache."""
 
 import hashlib
-import time
 from collections.abc import Callable, Collection, Mapping
 from types import ModuleType
 from typing import Any
@@ -17,7 +16,7 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, to_camera_frame
 from raytwin.scene.lens import without_ray
 from raytwin.twin import render_cache
-from raytwin.twin.backend import activate, versions
+from raytwin.twin.backend import activate, made_with
 from raytwin.twin.batches import Batches
 from raytwin.twin.direct_light import albedos, first_light
 from raytwin.twin.outlines import Seen, rays, refine, settle
@@ -31,8 +30,6 @@ MOST_SAMPLES = 1 << 24
 """Samples per pixel, all followed at once: 2 GB. For more, average renders of several seeds."""
 TWIN = "5"
 """The twin's own version, part of every cache key: raise it when a change moves a pixel."""
-WORTH_KEEPING = 1.0
-"""Seconds: a render that took less is not stored, since reading it back would save nothing."""
 
 
 def render(
@@ -84,18 +81,21 @@ def render(
         raise InputError("mirrors", "area sampling, rung sky or path, and no highlights", f"{sampling}, {rung}")
     about = _about(scene, plan, textures, activate(variant).variant)
     about |= {"mirrors": str(sorted(mirrors))} if mirrors else {}
-    key = hashlib.sha256(repr(about).encode()).hexdigest()[:32]
-    if cache and (image := render_cache.load(key, (scene.camera.height, scene.camera.width, 3))) is not None:
-        return image
 
-    start = time.perf_counter()
-    renderer = _engine(about["variant"]).Renderer(scene, textures, plan.depth or 0, mirrors)
+    def make() -> Image:
+        renderer = _engine(about["variant"]).Renderer(scene, textures, plan.depth or 0, mirrors)
+        return _rendered(renderer, scene, plan, progress, settled=not textures)
+
+    return render_cache.cached(about, scene.camera.image_size, cache, make)
+
+
+def _rendered(renderer: Any, scene: Scene, plan: "_Plan", progress: Progress, settled: bool) -> Image:
     passes = 1 if plan.exact else 1 + plan.samples
 
     def say(passes_done: float) -> None:
         progress("twin", round(100 * passes_done / passes), 100)
 
-    seen, mean, albedo = _exact(renderer, scene, plan, say, settled=not textures)
+    seen, mean, albedo = _exact(renderer, scene, plan, say, settled)
     variance: np.ndarray | None = None
     if not plan.exact:
         found, variance = _sampled(renderer, scene, plan, seen, albedo, lambda part: say(1 + part * plan.samples))
@@ -109,10 +109,7 @@ def render(
         variance = variance.astype(np.float32).reshape(h, w, 3)
     mean = mean.astype(np.float32, copy=False).reshape(h, w, 3)
     image = Image(mean, variance, plan.samples, surface, None if plan.exact else plan.batches)
-    image.blacken(without_ray(scene.camera))
-    if cache and time.perf_counter() - start > WORTH_KEEPING:
-        render_cache.store(key, image)
-    return image
+    return image.blacken(without_ray(scene.camera))
 
 
 def provenance(
@@ -178,11 +175,8 @@ def _about(scene: Scene, plan: _Plan, textures: Mapping[int, np.ndarray], varian
     content = hashlib.sha256(msgspec.json.encode(seen, enc_hook=files.plain))
     for i, texture in textures.items():
         content.update(f"{i} {texture.shape}".encode() + texture.tobytes())
-    known = versions()
-    return {
-        "raytwin": known.get("raytwin", "?"), "twin": TWIN, "mitsuba": known["mitsuba"], "drjit": known["drjit"],
-        "variant": variant, "scene": content.hexdigest(),
-    } | {name: str(value) for name, value in msgspec.structs.asdict(plan).items()}  # fmt: skip
+    about = made_with(TWIN, variant) | {"scene": content.hexdigest()}
+    return about | {name: str(value) for name, value in msgspec.structs.asdict(plan).items()}
 
 
 def _engine(variant: str) -> ModuleType:

@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from raytwin.scene.lens import LEAST, jacobian, newton
+from raytwin.scene.lens import LEAST, distort, jacobian, newton
 
 WAYPOINTS = 32
 """Points per ray at which the Jacobian is tested: more find narrower folds."""
@@ -31,19 +31,14 @@ def linearise(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Residuals (..., 2) of camera points (..., 3); d / d(fx, fy, cx, cy, free) (..., 2, m); d / d point (..., 2,
     3)."""
-    k1, k2, p1, p2, k3 = five(dist)
+    known = five(dist).tolist()
     fx, fy, cx, cy = K[0][0], K[1][1], K[0][2], K[1][2]
     near = 1 / points[..., 2]
     x, y = points[..., 0] * near, points[..., 1] * near
     s = x * x + y * y
-    radial = 1 + s * (k1 + s * (k2 + s * k3))
-    slope = k1 + s * (2 * k2 + s * 3 * k3)
-    xd = x * radial + 2 * p1 * x * y + p2 * (s + 2 * x * x)
-    yd = y * radial + p1 * (s + 2 * y * y) + 2 * p2 * x * y
+    xd, yd = distort(x, y, known)
+    xx, mixed, yy = jacobian(x, y, known)
     residuals = np.stack([fx * xd + cx, fy * yd + cy], axis=-1) - pixels
-    mixed = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
-    xx = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
-    yy = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
     of_point = np.stack(
         [
             (fx * near)[..., None] * np.stack([xx, mixed, -(xx * x + mixed * y)], axis=-1),

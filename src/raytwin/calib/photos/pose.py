@@ -117,7 +117,7 @@ def refined_pose(
     """
     points, pixels = matched(tags, board)
     start = start or homography_pose(K, dist, tags, board)
-    K5, d5 = np.asarray(K, float), np.array([*dist, *(0.0,) * (5 - len(dist))])
+    K5, d5 = np.asarray(K, float), lens_model.five(dist)
     starts = [(cv2.Rodrigues(start.R)[0], start.t.reshape(3, 1))]
     # Few tags, three of them in a line, leave a homography undetermined, and with it IPPE; SQPnP needs none.
     for flag in (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_SQPNP):
