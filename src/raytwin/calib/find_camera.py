@@ -69,20 +69,16 @@ def compare_truth(
     """Found beside true: focal lengths and centre in pixels, the compared photo's pose in degrees and millimetres."""
     from raytwin.calib import photos
 
-    rows = []
-    for name, true, found in (
-        ("fx", truth.K[0][0], camera.fx),
-        ("fy", truth.K[1][1], camera.fy),
-        ("cx", truth.K[0][2], camera.cx),
-        ("cy", truth.K[1][2], camera.cy),
-    ):
-        rows.append(TruthRow(name, true, found, calibration.sigma.get(name), "px"))
+    places = {"fx": (0, 0), "fy": (1, 1), "cx": (0, 2), "cy": (1, 2)}
+    rows = [
+        TruthRow(name, truth.K[i][j], camera.K[i][j], calibration.sigma.get(name), "px")
+        for name, (i, j) in places.items()
+    ]
     if photo in truth.photos:
         R, t = (np.asarray(a) for a in truth.photos[photo])
         angle = photos.rotation_degrees(np.asarray(camera.R_cam_board), R)
-        rows.append(
-            TruthRow("rotation off by", 0.0, angle, pose.sigma_degrees if pose is not None else None, "degrees")
-        )
+        turned = None if pose is None else pose.sigma_degrees
+        rows.append(TruthRow("rotation off by", 0.0, angle, turned, "degrees"))
         apart = 1e3 * np.linalg.norm(np.asarray(camera.eye) - (-R.T @ t))
         away = None if pose is None or pose.sigma_metres is None else 1e3 * pose.sigma_metres
         rows.append(TruthRow("eye off by", 0.0, float(apart), away, "mm"))

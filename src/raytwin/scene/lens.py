@@ -151,7 +151,7 @@ def _undone(fx: float, fy: float, cx: float, cy: float, dist: tuple[float, ...],
     return Undone(np.stack([u, v], axis=1), share, np.stack([x, y], axis=1), found)
 
 
-def distort(x: Any, y: Any, dist: Sequence[float]) -> tuple[Any, Any]:
+def distort(x: Any, y: Any, dist: Sequence[Any]) -> tuple[Any, Any]:
     """(x', y') of the ideal (x, y); `dist`: k1, k2, p1, p2, k3."""
     k1, k2, p1, p2, k3 = dist
     rr = x * x + y * y
@@ -159,7 +159,7 @@ def distort(x: Any, y: Any, dist: Sequence[float]) -> tuple[Any, Any]:
     return x * g + 2 * p1 * x * y + p2 * (rr + 2 * x * x), y * g + p1 * (rr + 2 * y * y) + 2 * p2 * x * y
 
 
-def jacobian(x: Any, y: Any, dist: Sequence[float]) -> tuple[Any, Any, Any]:
+def jacobian(x: Any, y: Any, dist: Sequence[Any]) -> tuple[Any, Any, Any]:
     """∂x'/∂x, ∂x'/∂y = ∂y'/∂x, ∂y'/∂y."""
     k1, k2, p1, p2, k3 = dist
     rr = x * x + y * y
@@ -216,13 +216,13 @@ def follow(xd: Places, yd: Places, dist: Sequence[float]) -> tuple[Places, Place
     return s, x, y
 
 
-def newton_step(x: Any, y: Any, xd: Any, yd: Any, dist: Sequence[float]) -> tuple[Any, Any]:
+def newton_step(x: Any, y: Any, xd: Any, yd: Any, dist: Sequence[Any]) -> tuple[Any, Any]:
     """How far Newton's method goes from (x, y) for distort to give (xd, yd)."""
     fx, fy = distort(x, y, dist)
     return _solve(x, y, xd - fx, yd - fy, dist)
 
 
-def _solve(x: Any, y: Any, ex: Any, ey: Any, dist: Sequence[float]) -> tuple[Any, Any]:
+def _solve(x: Any, y: Any, ex: Any, ey: Any, dist: Sequence[Any]) -> tuple[Any, Any]:
     """J⁻¹ e, J at (x, y)."""
     a, b, c = jacobian(x, y, dist)
     scale = 1 / (a * c - b * b)

@@ -12,10 +12,11 @@ Under a sky that is a map, π Ls is its irradiance E(n), and what a sphere hides
 part that it covers (`hidden_sky`). Light that the objects send to the photographed surfaces is left out.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from math import pi
+from typing import Any
 
 import cv2
 import msgspec
@@ -78,10 +79,10 @@ def augment(
     state = np.full((h, w), -9, np.int16 if len(scene.objects) < 1 << 14 else np.float32)
     for part in _strips(_affected(scene, camera, shadows)):
         v, u = np.mgrid[part].astype(np.float32).reshape(2, -1)
-        colour, scaled, drawn, told = (
+        colour, scaled, drawn, seen = (
             a.reshape(*photo[part].shape[:2], *a.shape[1:]) for a in _shade(scene, u, v, engine, shadows)
         )
-        coverage[part], ratio[part], state[part], inside[part] = drawn, scaled, told, True
+        coverage[part], ratio[part], state[part], inside[part] = drawn, scaled, seen, True
         out[part] = _mixed(photo[part], scaled, coverage[part], exposure * colour, space)
     ratio[~inside] = 1
     # A pixel that differs from one of its eight neighbours lies on an edge.
@@ -154,23 +155,17 @@ def errors_by_region(result: Augmented, truth: np.ndarray, scene: Scene) -> list
         raise InputError("truth", f"pixels {result.pixels.shape}", truth.shape)
     error = files.from_bytes(result.pixels) - files.from_bytes(truth)
     codes = np.abs(result.pixels.astype(np.int16) - truth).mean(axis=-1)
-    rows = []
-    for name, mask in (*regions_of(result, scene).items(), ("all", np.ones(truth.shape[:2], bool))):
-        if not mask.any():
-            rows.append({"region": name, "share": 0.0, "mean": None, "rms": None, "p95": None, "codes": None})
-            continue
-        e = error[mask]
-        rows.append(
-            {
-                "region": name,
-                "share": float(mask.mean()),
-                "mean": float(e.mean()),
-                "rms": float(np.sqrt((e**2).mean())),
-                "p95": float(np.quantile(np.abs(e), 0.95)),
-                "codes": float(codes[mask].mean()),
-            }
-        )
-    return rows
+    measures: dict[str, tuple[np.ndarray, Callable[[np.ndarray], Any]]] = {
+        "mean": (error, np.mean),
+        "rms": (error, lambda e: np.sqrt((e**2).mean())),
+        "p95": (error, lambda e: np.quantile(np.abs(e), 0.95)),
+        "codes": (codes, np.mean),
+    }
+    return [
+        {"region": name, "share": float(mask.mean())}
+        | {key: float(of(values[mask])) if mask.any() else None for key, (values, of) in measures.items()}
+        for name, mask in (*regions_of(result, scene).items(), ("all", np.ones(truth.shape[:2], bool)))
+    ]
 
 
 def _shade(
@@ -178,12 +173,11 @@ def _shade(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """At pixels (u, v): radiance and the ratio for the photo (m, 3); whether an object is drawn; what tells edges."""
     found = trace_points(scene, u, v, "shadow", engine, point=True)
-    ours = np.zeros(len(scene.objects) + 1, bool)  # the last: the background, whose id is -1
-    ours[drawn_ids(scene)] = True
+    ours = np.array([*(not _shown(thing) for thing in scene.objects), False])  # the last: the background, of id -1
     ratio = np.ones((len(u), 3), np.float32)
     lit = found.lit
     for index, plane in enumerate(scene.objects) if shadows else ():
-        if not (isinstance(plane, Rectangle) and plane.in_photo):
+        if not (isinstance(plane, Rectangle) and _shown(plane)):
             continue
         here = found.ids == index
         if here.any():
@@ -202,11 +196,6 @@ def _lit_without(scene: Scene, u: np.ndarray, v: np.ndarray, engine: str) -> np.
     if len(bare.objects) < 2 or not len(u):
         return np.ones(len(u), bool)
     return trace_points(bare, u, v, "shadow", engine).lit
-
-
-def drawn_ids(scene: Scene) -> list[int]:
-    """The ids of the objects that the photo does not show yet."""
-    return [i for i, thing in enumerate(scene.objects) if not _shown(thing)]
 
 
 def _shown(thing: Shape) -> bool:

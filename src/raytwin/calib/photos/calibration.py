@@ -94,8 +94,7 @@ def calibrate(
     progress("fit", 1, 1)
     # By path too, for whoever wants the pose of one of them.
     kept = {key: {p: tuple(tags) for p, tags in by_photo.items()} for key, by_photo in found.items()}
-    result = msgspec.structs.replace(result, evidence=msgspec.structs.replace(result.basis, found=kept))
-    return result
+    return msgspec.structs.replace(result, evidence=msgspec.structs.replace(result.basis, found=kept))
 
 
 def calibrate_detections(
@@ -255,7 +254,6 @@ def _calibration(
         )
         for i, (view, (R, t)) in enumerate(zip(views, result.poses, strict=True))
     )  # fmt: skip
-    K = result.K
     shaped = _shaped(boards, result)
     middles = [np.append(np.mean(list(b.centers().values()), axis=0), 0.0) for b in boards]
     away = [np.linalg.norm(R @ middles[v.board] + t) for v, (R, t) in zip(views, result.poses, strict=True)]
@@ -280,7 +278,7 @@ def _calibration(
     return Calibration(
         image_size=(int(image_size[0]), int(image_size[1])),
         model=result.form.model,
-        K=((float(K[0, 0]), 0.0, float(K[0, 2])), (0.0, float(K[1, 1]), float(K[1, 2])), (0.0, 0.0, 1.0)),
+        K=pose.rotation(result.K),
         dist=result.dist,
         sigma=dict(zip(names, sigma.tolist(), strict=True)),
         rms_px=result.rms_px,
@@ -341,11 +339,8 @@ def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], li
     warnings = []
     if others:
         text = ", ".join(sorted({"{} x {}".format(*sizes[p]) for p in others}))
-        warnings.append(
-            CalibrationWarning(
-                "other-size", f"{_some(others)}: left out, being {text} where the others are {size[0]} x {size[1]}"
-            )
-        )
+        text = f"{_some(others)}: left out, being {text} where the others are {size[0]} x {size[1]}"
+        warnings.append(CalibrationWarning("other-size", text))
     if swapped:
         w, h = size
         text = f"left out, being {h} x {w} where the others are {w} x {h}: pixels turned after the photo was taken"
@@ -356,11 +351,8 @@ def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], li
     if len(by_turn) > 1:
         groups = sorted(by_turn.items(), key=lambda group: -len(group[1]))
         text = "; ".join(f"{turn} in {len(of)} ({_some(of)})" for turn, of in groups)
-        warnings.append(
-            CalibrationWarning(
-                "mixed-orientation", f"EXIF orientations differ: {text}: sound only if no pixels were ever turned"
-            )
-        )
+        text = f"EXIF orientations differ: {text}: sound only if no pixels were ever turned"
+        warnings.append(CalibrationWarning("mixed-orientation", text))
     return kept, size, warnings
 
 

@@ -160,10 +160,8 @@ def _left_out(case: Case) -> Warnings:
 
 def _few(case: Case) -> Warnings:
     if len(case.photos) < FEW_VIEWS:
-        yield (
-            "few-views",
-            f"{len(case.photos)} photos: with fewer than {FEW_VIEWS} the focal length moves by a per cent",
-        )
+        text = f"{len(case.photos)} photos: with fewer than {FEW_VIEWS} the focal length moves by a per cent"
+        yield "few-views", text
 
 
 def _degenerate(case: Case) -> Warnings:
@@ -206,11 +204,8 @@ def _bare(case: Case) -> Warnings:
             continue
         low, high = np.nanquantile(there, (0.1, 0.9))
         if high > UNSURE * max(case.image_size):
-            yield (
-                "bare-side",
-                f"the {side} {100 * share:.0f} % of the frame holds no tag: what is seen there may be {low:.2g} to "
-                f"{high:.2g} px off; photograph the board there",
-            )
+            text = f"the {side} {100 * share:.0f} % of the frame holds no tag: what is seen there may be {low:.2g} to"
+            yield "bare-side", f"{text} {high:.2g} px off; photograph the board there"
             return
 
 
@@ -236,11 +231,8 @@ def _pitch(case: Case) -> Warnings:
     for i, at in enumerate(case.found.stretch_at):
         which = f" (board {i + 1})" if len(case.boards) > 1 else ""
         sigma = math.sqrt(case.known.covariance[at, at])
-        yield (
-            "board-pitch",
-            f"the board's pitch in y is {1 + case.found.shared[at]:.4f} (± {sigma:.1g}) times what its file says"
-            f"{which}: fitted along with the camera; measure it both ways",
-        )
+        text = f"the board's pitch in y is {1 + case.found.shared[at]:.4f} (± {sigma:.1g}) times what its file says"
+        yield "board-pitch", f"{text}{which}: fitted along with the camera; measure it both ways"
 
 
 def _bent(case: Case) -> Warnings:
@@ -248,11 +240,8 @@ def _bent(case: Case) -> Warnings:
         diagonal = 1e3 * float(np.linalg.norm(np.ptp(list(board.centers().values()), axis=0)))
         if found.bend_mm > max(BENT * diagonal, SURELY * found.bend_sigma_mm):
             which = f" {i + 1}" if len(case.boards) > 1 else ""
-            yield (
-                "bent-board",
-                f"the board{which} is bent by {found.bend_mm:.2g} ± {found.bend_sigma_mm:.1g} mm: fitted along with "
-                "the camera; glue it to something flat",
-            )
+            text = f"the board{which} is bent by {found.bend_mm:.2g} ± {found.bend_sigma_mm:.1g} mm"
+            yield "bent-board", f"{text}: fitted along with the camera; glue it to something flat"
 
 
 def _odd(case: Case) -> Warnings:
@@ -266,11 +255,9 @@ def _odd(case: Case) -> Warnings:
         name, why, rest = named
         after = f"with {', '.join(left_out)} left out, " if left_out else ""
         error, without = _others_error(case.richest, name), _others_error(rest, name)
-        yield (
-            "odd-photo",
-            f"{name}: {after}{why}; without it the others are predicted to {without:.3f} px, with it to {error:.3f} px "
-            "(another camera, zoom or orientation, or blur): leave it out",
-        )
+        text = f"without it the others are predicted to {without:.3f} px, with it to {error:.3f} px"
+        blame = "(another camera, zoom or orientation, or blur): leave it out"
+        yield "odd-photo", f"{name}: {after}{why}; {text} {blame}"
         left_out.append(name)
         case = rest
 
@@ -355,9 +342,8 @@ def _better_turned(case: Case, i: int) -> float:
     for j in np.flatnonzero(case.found.observations.photo == i).tolist():
         view, R, t = case.views[j], case.found.R[j], case.found.t[j]
         points, pixels = matched(view.tags, case.calibration.basis.boards[view.board])
-        for k, (seen, R0, t0) in enumerate(
-            ((pixels, R, t), (np.array(case.image_size) - 1 - pixels, turn @ R, turn @ t))
-        ):
+        rotated = np.array(case.image_size) - 1 - pixels
+        for k, (seen, R0, t0) in enumerate(((pixels, R, t), (rotated, turn @ R, turn @ t))):
             start = cv2.Rodrigues(R0)[0], t0.reshape(3, 1).copy()
             turns, shift = cv2.solvePnPRefineLM(points, seen, K, lens_model.five(dist), *start)
             off = lens_model.project(points, cv2.Rodrigues(turns)[0], shift, K, dist) - seen

@@ -140,10 +140,10 @@ def _select(
         if not undone(fits[n].K, fits[n].dist, image_size).fault:
             return fits[n], trials, _gap(fits, trials, fits[n], photos)
         form = replace(fits[n].form, unfolded=True)
-        held = fit(views, image_size, boards, form, fits[n])
-        if not undone(held.K, held.dist, image_size).fault and (error := held_out(held)) <= limit:
+        unfolded = fit(views, image_size, boards, form, fits[n])
+        if not undone(unfolded.K, unfolded.dist, image_size).fault and (error := held_out(unfolded)) <= limit:
             trials[n] = ModelTrial(error, "kept from folding back in a corner")
-            return held, trials, _gap(fits, trials, fits[n], photos)
+            return unfolded, trials, _gap(fits, trials, fits[n], photos)
         trials[n] = ModelTrial(trials[n].held_out_px, "the lens folds back inside the frame")
     return fits[good[0]], trials, _gap(fits, trials, fits[good[0]], photos)
 
