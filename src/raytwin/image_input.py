@@ -14,7 +14,7 @@ from raytwin.image import Image
 from raytwin.image_pool import ImagePool
 
 RENDERS = 8
-"""How often a function is called: so many renders tell their variance to within a factor of two or so."""
+"""How often a function is called: these many renders give their variance to within a factor of two or so."""
 ENDINGS = (".exr", ".pfm", ".hdr", ".png", ".jpg", ".jpeg")
 FEWEST = 4
 """Fewer renders know too little of their variance: with 2, a third of all correct images would fail."""
@@ -57,7 +57,7 @@ def read_side(
     """A file, or several renders: a folder of images, or a pattern such as `render_*.exr`.
 
     `variance` is an image file or an array that holds the variance of the mean, `samples` the samples a pixel of each
-    file, where the file does not tell them itself: with them, the moments that Mitsuba's `moment` integrator wrote are
+    file, where the file has none: with them, the moments that Mitsuba's `moment` integrator wrote are
     a variance.
     """
     paths = renders_at(where)
@@ -120,7 +120,7 @@ def _repeated(made: list[LoadedImage]) -> LoadedImage:
 
 
 def one_batch(image: Image) -> Image:
-    """A render of several, whose scatter alone tells the noise: what it claims of its own is not believed."""
+    """A render of several, whose scatter alone gives the noise: what it claims of its own is not believed."""
     return replace(image, variance=None, samples=0, batches=None)
 
 

@@ -1,4 +1,4 @@
-"""How work in progress is told: one shape of callback for every job."""
+"""Report work in progress: one shape of callback for every job."""
 
 import time
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""pytest plugin: hold any renderer to reference images.
+"""pytest plugin: compare any renderer with reference images.
 
     def test_my_renderer(raytwin_reference):
         reference = raytwin_reference("overlap", "shadow")
@@ -88,7 +88,7 @@ def raytwin_case(request: pytest.FixtureRequest) -> "ReferenceCheck":
 
 
 class ReferenceCheck:
-    """A reference that images are held to. Missing, damaged or stale, it fails the test and says what to do."""
+    """A reference that images are compared with. Missing, damaged or stale, it fails the test and says what to do."""
 
     def __init__(self, node: pytest.Item, name: str, rung: str, image: bool = False) -> None:
         __tracebackhide__ = True
@@ -297,7 +297,7 @@ class ReferenceCheck:
         from raytwin import references
         from raytwin.compare import compare
 
-        wrong = compare(image, image)  # NaN, black, of another shape: nothing to hold others to
+        wrong = compare(image, image)  # NaN, black, of another shape: nothing to compare others with
         if not wrong.passed:
             self._fail(f"{self.name}/{self.rung}: no reference can be made of this image: {'; '.join(wrong.reasons)}")
         header = {"scene": self.name, "rung": self.rung, "renderer": f"the test {self._node.nodeid}"}

@@ -1,8 +1,8 @@
-"""A reference's file: an image of known worth in an EXR, `<folder>/<scene>/<rung>.exr`, that renders are held to.
+"""A reference's file: an image of known worth in an EXR, `<folder>/<scene>/<rung>.exr`, that renders are compared with.
 
 Each stands alone: beside the pixels, its header has what made them, the scene with its camera found, a hash of the
 scene as it is written, and a checksum of everything, since EXR itself does not notice a flipped byte. Reading one needs
-neither Mitsuba nor OpenCV; `jobs.reference` makes and checks them.
+neither Mitsuba nor OpenCV; `workflows.make_reference` makes them.
 """
 
 import hashlib
@@ -27,13 +27,13 @@ SHIPPED = files.REFERENCES
 """The references that come with raytwin; in a checkout, its own reference/."""
 FORMAT = "1"
 VARIANCE_BITS = 4
-"""Significant bits kept of a variance: it is known to 18 % from 64 batches, and kept to 6 %."""
+"""Significant bits kept of a variance: it is known to 18 % from 64 batches, and stored to 6 %."""
 NOISE_STEPS = 2
-"""A noisy mean is kept in steps of half its standard deviation or less, which adds at most 2.1 % to its variance: a
+"""A noisy mean is stored in steps of half its standard deviation or less, which adds at most 2.1 % to its variance: a
 z-score is at most 1 % too large, and a false-alarm rate of 1e-3 at most 1.13e-3. Further digits are noise, which does
 not compress."""
 EXACT_BITS = 21
-"""A mean without noise is kept in steps of 2^-21 of its scale or less, which puts it off by at most 2.4e-7 of that:
+"""A mean without noise is stored in steps of 2^-21 of its scale or less, which puts it off by at most 2.4e-7 of that:
 float32's own rounding in a render, a fortieth of the default tolerance."""
 SURFACE_BITS = 16
 """Significant bits kept of depths and normals: 8e-6 of the depth and 5e-4 degrees, where 1e-4 and 0.1 are allowed."""

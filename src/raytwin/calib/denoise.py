@@ -23,8 +23,8 @@ def denoise(image: Image) -> np.ndarray:
     """Radiance (H, W, 3) float32, less noisy than `image.mean`; NaN and infinities stay where they are.
 
     OpenCV's filter wants whole numbers and noise of one size: the square root of radiance goes through it, in 16 bits
-    up to the image's maximum, since Monte Carlo noise grows with the square root of what it estimates. How strong the
-    noise is the image's variance tells, or, without one, its second differences.
+    up to the image's maximum, since Monte Carlo noise grows with the square root of what it estimates. The
+    noise is that of the image's variance, or, without one, of its second differences.
     """
     try:
         import cv2  # not above: nothing else of a table of renderers needs it

@@ -100,7 +100,7 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
 
 
 def _samples(header: Mapping[str, Any]) -> int:
-    """Samples a pixel, as raytwin, pbrt and Blender's Cycles tell them; 0 where nobody does."""
+    """Samples a pixel, as raytwin, pbrt and Blender's Cycles write them; 0 where there are none."""
     if "raytwin/samples" in header:
         return int(header["raytwin/samples"])
     for key, value in header.items():
@@ -123,7 +123,7 @@ def _variance(path: str | os.PathLike, parts: Mapping[str, Any]) -> np.ndarray |
 def read_moments(path: str | os.PathLike) -> np.ndarray | None:
     """The variance of one sample, (H, W, 3), from Mitsuba's `moment` integrator; None where it was not at work.
 
-    Channels NAME.R and m2_NAME.R, or X, Y, Z alike: E[x²] - E[x]². The moments of X, Y and Z do not tell how they vary
+    Channels NAME.R and m2_NAME.R, or X, Y, Z alike: E[x²] - E[x]². The moments of X, Y and Z do not say how they vary
     together: a pixel's samples are taken to have one colour, as under lights of one colour.
     """
     with Path(path).open("rb") as file:

@@ -1,4 +1,4 @@
-"""Any image, told apart by its first bytes."""
+"""Read any image: its first bytes say which format it is."""
 
 import os
 from pathlib import Path

@@ -28,7 +28,7 @@ MOST_BYTES = 1 << 30
 DEEPEST = 8
 """Includes within includes."""
 DEFAULT_SIZE = {"width": 768, "height": 576}
-"""Mitsuba's, where a film tells none."""
+"""Mitsuba's, where a film has none."""
 
 
 def allowed() -> tuple[str, ...]:

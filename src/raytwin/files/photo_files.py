@@ -190,7 +190,7 @@ def read_deep_png(path: Path) -> np.ndarray | None:
             return None
         if photo.mode == "I;16":
             return srgb_decode(np.asarray(photo, np.float32) / np.float32(65535)).astype(np.float32)
-        # Pillow keeps the first byte of each pair; told that the pairs are swapped, it keeps the second.
+        # Pillow keeps the first byte of each pair; given the pairs as swapped, it keeps the second.
         high = np.asarray(photo)[..., :3]
     if raw not in ("RGB;16B", "RGBA;16B"):
         return from_bytes(high)

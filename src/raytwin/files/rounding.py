@@ -9,7 +9,7 @@ from raytwin.files.photo_files import srgb_decode, srgb_encode
 
 
 class Rounding(NamedTuple):
-    """`half` (H, W, 3): half a step, radiance, None where nothing is rounded; `clipped`: no more than 1 can be held."""
+    """`half` (H, W, 3): half a step, radiance, or None; `clipped`: no more than 1 can be stored."""
 
     half: np.ndarray | None = None
     clipped: bool = False
@@ -40,7 +40,7 @@ def eight_bits(mean: np.ndarray, dithered: bool = False) -> Rounding:
 
 
 def half_code(mean: np.ndarray, codes: int) -> np.ndarray:
-    """Half of the step above each value, of sRGB in so many codes: decode(c + 1/2) - decode(c)."""
+    """Half of the step above each value, of sRGB in this many codes: decode(c + 1/2) - decode(c)."""
     code = np.arange(codes + 1) / codes
     table = ((srgb_decode(code + 0.5 / codes) - srgb_decode(code)) * 1.0001).astype(np.float32)
     return table[np.rint(srgb_encode(mean) * codes).astype(np.intp)]

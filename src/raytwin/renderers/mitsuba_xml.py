@@ -15,7 +15,7 @@ from raytwin.scene import Camera, Rectangle, Scene, Shape
 from raytwin.scene.lens import newton
 
 SAMPLES = 64
-"""A pixel, unless the renderer is told otherwise (`mitsuba -D spp=256`)."""
+"""A pixel, unless the renderer is asked for others (`mitsuba -D spp=256`)."""
 
 UNIT = 1024.0
 """Mitsuba's lengths per metre, as in the twin, whose module needs Mitsuba."""

@@ -1,6 +1,6 @@
 """The paper's way: a double Python loop over the pixels, plain floats, one ray each; no arrays at all.
 
-Kept as the slowest method of the bench, and as a second opinion: nothing of the tracer's arithmetic is used but the
+It stays as the slowest method of the bench, and as a second opinion: nothing of the tracer's arithmetic is used but the
 undoing of the lens. The quadratic of the sphere is solved as in textbooks, in float64.
 """
 

@@ -20,8 +20,8 @@ from raytwin.scene import MitsubaScene, Scene
 class UserRenderer(Renderer):
     """`render`, known as `title`, called with `describe(scene, rung)`; it returns radiance (H, W, 3), or an Image.
 
-    One that takes a `seed` is `seeded`: it is called with that many `renders`, whose spread tells the noise. One that
-    takes `samples` too is asked for so many (0: it is not). `rays`: where they go, through the pixel's center or over
+    One that takes a `seed` is `seeded`: it is called with that many `renders`, whose spread gives the noise. One that
+    takes `samples` too is asked for that many (0: it is not). `rays`: where they go, through the pixel's center or over
     its area.
     """
 
@@ -87,7 +87,7 @@ def method(
 
     `function(scene)` returns linear radiance (H, W, 3), row 0 on top, or an Image. `scene` is a dict of plain values
     and arrays, in metres, as programs of `--subject` read it; with `records`, the Scene itself. A function that also
-    takes `seed` has noise: of `renders` seeds the mean is taken, and their spread tells its noise (4 or more). `name`:
+    takes `seed` has noise: of `renders` seeds the mean is taken, and their spread gives its noise (4 or more). `name`:
     what charts call it, by default the function's own. `rung`: the light level that it renders. `sampling`: whether its
     rays go through the pixel's "center" or over its "area". An image of another size raises InputError when it is made.
 

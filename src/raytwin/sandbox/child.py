@@ -161,7 +161,7 @@ def _readers(packages: list[str]) -> Any:
 
 
 def _image(path: Path, image_input: Any) -> tuple[np.ndarray, ...]:
-    """Its pixels, and the file's first bytes: they tell what the format rounds."""
+    """Its pixels, and the file's first bytes: they say what the format rounds."""
     with path.open("rb") as file:
         start = file.read(26)
     return np.asarray(image_input.as_image(path).image.mean, np.float32), np.frombuffer(start, np.uint8)

@@ -50,7 +50,7 @@ class Limits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Limits of one submission, all its processes together; `cpu_seconds` is each process's.
 
     `seconds` and `seconds_a_call` are those that it computed or slept, not those that it waited for a core: a busy
-    machine fails nobody. Where the system does not tell (no /proc), they are the clock's.
+    machine fails nobody. Where the system does not say (no /proc), they are the clock's.
     """
 
     seconds: float = 60.0
@@ -103,7 +103,7 @@ class Spent(NamedTuple):
     clock: float = 0.0
 
     def beyond(self, limit: float, words: bool) -> str:
-        """What is said where it is too much; `words`: the system tells computing from sleeping."""
+        """What is said where it is too much; `words`: the system distinguishes computing from sleeping."""
         if self.computed + self.asleep >= limit:
             how = ", asleep" if self.asleep > self.computed else " of computing"
             return f"not done after {limit:g} s{how if words else ''}: ended"
@@ -219,7 +219,7 @@ class Sandbox:
         self._inbox.put({"call": self._calls, "function": function, "arguments": list(arguments)})
         answer = self._wait(self.limits.seconds_a_call)
         seconds = time.monotonic() - start
-        if before.computed:  # the system tells: what it waited for a core is not its own
+        if before.computed:  # the system counts: what it waited for a core is not its own
             seconds = min(seconds, sum(self._spent[:2]) - sum(before[:2]))
         if not self.problem.problem and self._is_table(answer, {"call": int}):
             if isinstance(answer.get("error"), str):

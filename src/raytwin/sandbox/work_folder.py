@@ -62,7 +62,7 @@ def excess(folder: Path, most: int, nameless: int = 0) -> str:
 
 
 def remove_soon(folder: Path, patience: float = PATIENCE) -> threading.Thread:
-    """Remove the folder; return after so many seconds, whatever is left goes while the next submission is graded.
+    """Remove the folder; return after `patience` seconds; whatever is left goes while the next submission is graded.
 
     A disk may take 5 ms to remove a folder, and a submission can nest 20 000. The interpreter ends after the thread.
     """

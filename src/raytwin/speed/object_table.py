@@ -15,7 +15,7 @@ from raytwin.speed.engine import Engine, from_numpy, gather, lift
 from raytwin.tracer.hit import NO_SPECULAR, Facts, Specular, facts_of
 
 FEW = 6
-"""On Dr.Jit, up to so many objects of a scene are the kernel's parameters and need no lists."""
+"""On Dr.Jit, up to this number the objects of a scene are the kernel's parameters and need no lists."""
 FIELDS = {"center": 3, "radius": 1, "half_u": 3, "half_v": 3, "albedo": 3, "flat": 3, "curvature": 1}
 HIGHLIGHT = {"share": 3, "exponent": 1}
 """The table's fields and how many numbers each has; HIGHLIGHT only in scenes where an object has one."""

@@ -238,7 +238,7 @@ def loaded_llvm() -> str | None:
     """The libLLVM that this process has loaded with Dr.Jit, for good: another can be had in another process only."""
     if "drjit" not in sys.modules:
         return None
-    with contextlib.suppress(OSError):  # Linux alone tells
+    with contextlib.suppress(OSError):  # Linux alone says so
         mapped = (line.split(maxsplit=5) for line in Path("/proc/self/maps").read_text().splitlines())
         return next((m[5] for m in mapped if len(m) == 6 and Path(m[5]).name.startswith("libLLVM")), None)
     return None

@@ -1,4 +1,4 @@
-"""A pixel's samples in batches: how the batches' means scatter tells the variance of the mean, whatever is sampled."""
+"""A pixel's samples in batches, whose means' scatter gives the variance of the mean, whatever is sampled."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""The scene's objects in float64, in Mitsuba's world: for what Mitsuba's float32 can neither hold nor tell.
+"""The scene's objects in float64, in Mitsuba's world: for what Mitsuba's float32 can neither represent nor decide.
 
 Mitsuba answers for every ray. Three things are beyond float32:
 

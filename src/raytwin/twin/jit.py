@@ -64,7 +64,7 @@ class Renderer:
         self.to_light = mi.Vector3f((self.R @ scene.sun.to_light).tolist())
         self.toward_sun = self._number(self.R @ scene.sun.to_light)
         self.irradiance = _colour(scene.sun.irradiance)
-        self.around = self.scene.environment() if scene.environment else None
+        self.environment = self.scene.environment() if scene.environment else None
         self.sky = None if scene.environment else _colour(scene.sky.radiance)
         M = harmonics(scene.environment, self.R).tolist() if scene.environment else []
         self.harmonics = [[[dr.opaque(mi.Float, x) for x in row] for row in channel] for channel in M]
@@ -211,20 +211,20 @@ class Renderer:
         colour = self._pi_f(hit, self.to_light) * self._sun(hit, blocker)
         if sky_at_hit:
             both = hit.albedo + mi.Color3f(*self._gloss(hit)[:3]) if self.gloss else hit.albedo
-            colour += both * self._even(hit.n)
+            colour += both * self._diffuse_irradiance(hit.n)
         return dr.select(hit.seen, colour, self._sky(hit.d))
 
     def _sky(self, d: Any) -> Any:
         """The sky's radiance along d."""
-        if self.around is None:
+        if self.environment is None:
             return self.sky
         si = dr.zeros(mi.SurfaceInteraction3f, dr.width(d))
         si.wi = -d
-        return self.around.eval(si)
+        return self.environment.eval(si)
 
-    def _even(self, n: Any) -> Any:
-        """The radiance of an even sky that would light a surface as much: a map's by its harmonics."""
-        if self.around is None:
+    def _diffuse_irradiance(self, n: Any) -> Any:
+        """E(n)/π, the radiance of a constant sky of the same light: a map's by its harmonics."""
+        if self.environment is None:
             return self.sky
         tall = (n.x, n.y, n.z, 1)
         return mi.Color3f(*(
@@ -262,7 +262,7 @@ class Renderer:
         """What Mitsuba's `path` would find along d, where the scene has an object too large for it."""
         state = (sampler, hit.start, d, mi.Color3f(0), mi.Color3f(1), mi.Bool(hit.seen), mi.UInt32(self.depth - 2))
 
-        def onward(sampler: Any, o: Any, d: Any, total: Any, weight: Any, active: Any, left: Any) -> tuple[Any, ...]:
+        def step(sampler: Any, o: Any, d: Any, total: Any, weight: Any, active: Any, left: Any) -> tuple[Any, ...]:
             hit = self._nearest(o, self._unit(d), active)
             total += dr.select(active & ~hit.seen, weight * self._sky(d), 0)
             active &= hit.seen & (left > 0)
@@ -272,7 +272,7 @@ class Renderer:
             weight *= self._pi_f(hit, d)
             return sampler, hit.start, d, total, weight, active, left - 1
 
-        return dr.while_loop(state, lambda *state: state[5], onward)[3]
+        return dr.while_loop(state, lambda *state: state[5], step)[3]
 
 
 def _colour(rgb: Any) -> Any:

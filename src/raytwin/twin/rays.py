@@ -49,7 +49,7 @@ def lens_of(camera: Camera) -> Lens:
     """The camera's numbers with as many of Newton's steps as its distortion needs, at most the tracer's STEPS.
 
     They come back within ENOUGH from every place of a grid that includes the image's border and has rays; where the
-    frame is folded in part, STEPS: the pixels that have rays are those which so many reach. Raises InputError where
+    frame is folded in part, STEPS: the pixels that have rays are those which this many reach. Raises InputError where
     `check_lens` does, the one answer to whether a lens can be undone.
     """
     lens = Lens(camera.fx, camera.fy, camera.cx, camera.cy, camera.coefficients, 0)

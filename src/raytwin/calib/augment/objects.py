@@ -171,7 +171,7 @@ def errors_by_region(result: Augmented, truth: np.ndarray, scene: Scene) -> list
 def _shade(
     scene: Scene, u: np.ndarray, v: np.ndarray, engine: str, shadows: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """At pixels (u, v): radiance and the ratio for the photo (m, 3); whether an object is drawn; what tells edges."""
+    """At pixels (u, v): radiance and the ratio for the photo (m, 3); whether an object is drawn; what edges change."""
     found = trace_points(scene, u, v, "shadow", engine, point=True)
     ours = np.array([*(not _shown(thing) for thing in scene.objects), False])  # the last: the background, of id -1
     ratio = np.ones((len(u), 3), np.float32)

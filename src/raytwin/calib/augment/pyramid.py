@@ -12,7 +12,7 @@ from raytwin.scene import Camera, Pyramid
 SHIFT = 4
 """Fractional bits of OpenCV's polygon coordinates: corners are placed to 1/16 px."""
 PIECES = 16
-"""A straight edge bends under a lens: it is drawn in so many pieces."""
+"""A straight edge bends under a lens: it is drawn in this many pieces."""
 
 
 def draw_pyramid(photo: np.ndarray, camera: Camera, pyramid: Pyramid, space: np.ndarray | None = None) -> np.ndarray:

@@ -146,7 +146,7 @@ def _terms(degree: int) -> list[tuple[int, int]]:
 
 
 def _table(x: np.ndarray, y: np.ndarray, terms: list[tuple[int, int]], derive: tuple[int, int] = (0, 0)) -> np.ndarray:
-    """(n, terms): P_i(x) P_j(y), or its derivative so many times in x and y."""
+    """(n, terms): P_i(x) P_j(y), or its derivative, `derive` times in x and y."""
     tables = []
     for at, times, index in ((x, derive[0], 0), (y, derive[1], 1)):
         most = max(term[index] for term in terms)

@@ -36,7 +36,7 @@ Fifteen, because a real print is never quite flat: its errors have heavier tails
 
 
 def ambiguous(ratio: float | None, tags: int) -> bool:
-    """Whether a pose with `ratio` times the error of the best cannot be ruled out, from so many tags.
+    """Whether a pose with `ratio` times the error of the best cannot be ruled out, from this number of tags.
 
     Two numbers a tag, six of the pose: the ratio's square of two independent ones is Fisher's F of 2 n - 6 and as many
     degrees of freedom, 1.5² for 35 tags, 32² for four.
