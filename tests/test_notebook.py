@@ -89,6 +89,9 @@ def test_an_image_is_an_array_and_comes_from_one(right):
     image = raytwin.Image.from_array(right.tolist(), variance=right * 0 + 4e-4, samples=16)
     assert np.array_equal(np.asarray(image), right)
     assert np.asarray(image, np.float64).dtype == np.float64
+    assert np.mean(image) == np.mean(right)
+    assert np.array_equal(np.stack([image, right], axis=-1)[..., 0], right)
+    assert np.array_equal(np.where(right > 0, image, 0), np.where(right > 0, right, 0))
     assert repr(image) == f"<raytwin.Image 336 x 252, 16 samples, mean {right.mean():.4g}, noise 0.02>"
 
 

@@ -1,5 +1,6 @@
 """What every renderer returns and every comparison takes: linear Rec. 709 radiance, with its uncertainty."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,6 +86,10 @@ class Image(InNotebook):
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         return np.array(self.mean, dtype, copy=copy)
 
+    def __array_function__(self, function: Callable[..., Any], types: Any, args: Any, options: Any) -> Any:
+        """Let NumPy's functions take `mean`, which `np.mean(image)` would otherwise call."""
+        return function(*_arrays(args), **_arrays(options))
+
     def __repr__(self) -> str:
         size = " x ".join(map(str, reversed(self.shape[:2])))
         known = f"{self.samples} sample{'s' * (self.samples != 1)}" if self.samples else "samples unknown"
@@ -95,3 +100,12 @@ class Image(InNotebook):
         """Return the picture as sRGB, exposed as its brightest parts ask."""
         picture: bytes = page().png_of(self)
         return picture
+
+
+def _arrays(value: Any) -> Any:
+    """The same with each Image's `mean` in its place, also within lists and tables."""
+    if isinstance(value, list | tuple):
+        return [*map(_arrays, value)] if isinstance(value, list) else tuple(map(_arrays, value))
+    if isinstance(value, dict):
+        return {key: _arrays(one) for key, one in value.items()}
+    return value.mean if isinstance(value, Image) else value

@@ -363,7 +363,7 @@ def test_check_exits_with_2_on_what_it_cannot_read_once_all_others_were_checked(
         done = raytwin("reference", *asked, cwd=tmp_path)
         assert done.returncode == 2, done.stdout + done.stderr
         assert "?     overlap/lambert" in done.stdout
-        assert "pass  overlap/shadow" in done.stdout
+        assert "PASS  overlap/shadow" in done.stdout
         assert "2 references, 0 failed, 1 could not be checked" in done.stdout
     edit(overlap, "radius = 0.05\n", "radius = 0.051\n")
     assert raytwin("reference", *asked, cwd=tmp_path).returncode == 1

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 app = typer.Typer(no_args_is_help=True)
 
 REFERENCES = Path("reference")
-WORDS = ("pass", "FAIL", "?   ")
+WORDS = ("PASS", "FAIL", "?   ")
 """By exit code."""
 
 

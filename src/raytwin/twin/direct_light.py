@@ -6,7 +6,7 @@ import numpy as np
 
 from raytwin.scene import Scene
 from raytwin.twin.phong import highlights, pi_f
-from raytwin.twin.sky import diffuse_irradiance, sky_radiance
+from raytwin.twin.sky import sky_of
 
 
 def albedos(scene: Scene) -> np.ndarray:
@@ -32,7 +32,7 @@ def first_light(
     """f E V max(0, n·l) (+ (albedo + specular) Ls) where rays along d hit something, Ls elsewhere: (k, 3)."""
     colour = pi_f(scene, ids, albedo, normal, d, scene.sun.to_light) * sunlight(scene, normal, blocker)
     if sky_at_hit:
-        colour = colour + (albedo + highlights(scene)[ids, :3]) * diffuse_irradiance(scene, normal)
+        colour = colour + (albedo + highlights(scene)[ids, :3]) * sky_of(scene).diffuse_irradiance(normal)
     missed = ids < 0
-    colour[missed] = sky_radiance(scene, d[missed])
+    colour[missed] = sky_of(scene).radiance(d[missed])
     return colour

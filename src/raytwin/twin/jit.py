@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from math import pi
-from typing import Any, NamedTuple
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -13,27 +13,9 @@ from raytwin.twin.batches import Batches
 from raytwin.twin.bodies import Body, beyond_floats, distance, dot, normal, offsets, table
 from raytwin.twin.outlines import Seen
 from raytwin.twin.phong import highlights, lobe
-from raytwin.twin.rays import Lens, directions, lens_of
+from raytwin.twin.rays import Hit, Lens, directions, lens_of
 from raytwin.twin.sky import harmonics
 from raytwin.twin.twin_scene import SHADOW_OFFSET, UNIT, load, translate
-
-
-class Hit(NamedTuple):
-    """What rays along d meet first: `ids` -1 where nothing, the distance `t`, `n` on the side they come from.
-
-    `start`: where rays go on from, off the surface; in float64 where the scene has an object too large for float32.
-    """
-
-    ids: Any
-    t: Any
-    n: Any
-    start: Any
-    albedo: Any
-    d: Any
-
-    @property
-    def seen(self) -> Any:
-        return self.ids >= 0
 
 
 class Renderer:

@@ -6,7 +6,7 @@ Mitsuba's hit test, shadow test and path tracer; rays before them and shading af
 
 from collections.abc import Collection, Mapping
 from math import inf, pi
-from typing import Any, NamedTuple
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -17,23 +17,9 @@ from raytwin.twin.bodies import beyond_floats, distance, normal, offsets, table
 from raytwin.twin.direct_light import albedos, first_light, sunlight
 from raytwin.twin.outlines import Seen
 from raytwin.twin.phong import pi_f
-from raytwin.twin.rays import directions, lens_of
-from raytwin.twin.sky import sky_radiance
+from raytwin.twin.rays import Hit, directions, lens_of
+from raytwin.twin.sky import sky_of
 from raytwin.twin.twin_scene import SHADOW_OFFSET, UNIT, load, translate
-
-
-class Hit(NamedTuple):
-    """What n rays along d meet first: `ids` -1 where nothing, the distance `t`, `normal` on the side they come from.
-
-    `start` (n, 3): where rays go on from, off the surface.
-    """
-
-    ids: np.ndarray
-    t: np.ndarray
-    normal: np.ndarray
-    start: np.ndarray
-    albedo: np.ndarray
-    d: np.ndarray
 
 
 class Renderer:
@@ -71,7 +57,7 @@ class Renderer:
         blocker = self._blocker(hit) if shadows else np.full(count, -1)
         colour = self._first_light(hit, blocker, sky_at_hit)
         albedo = [hit.albedo] if self.depth else []
-        return colour, hit.ids, hit.t / UNIT, hit.normal @ self.R, blocker, *albedo
+        return colour, hit.ids, hit.t / UNIT, hit.n @ self.R, blocker, *albedo
 
     def sampled(self, first: int, count: int, batches: Batches, seed: int, shadows: bool) -> tuple[np.ndarray, ...]:
         """Radiance by rays spread over the pixel: mean and spread (n, 3), see `Batches`."""
@@ -145,7 +131,7 @@ class Renderer:
 
     def _blocker(self, hit: Hit) -> np.ndarray:
         """The id of what hides the sun, -1 where nothing does or the surface is turned away from it."""
-        facing = (hit.ids >= 0) & (hit.normal @ self.to_light > 0)
+        facing = (hit.ids >= 0) & (hit.n @ self.to_light > 0)
         blocker, lanes = np.full(len(facing), -1, np.int32), np.flatnonzero(facing)
         meet, Ray, sun = self.scene.ray_intersect_preliminary, mi.Ray3f, mi.Vector3f(self.to_light.tolist())
         for i, start in zip(lanes.tolist(), hit.start[lanes].tolist(), strict=True):
@@ -157,17 +143,17 @@ class Renderer:
 
     def _first_light(self, hit: Hit, blocker: np.ndarray, sky_at_hit: bool) -> np.ndarray:
         R, dark = self.R, np.isin(hit.ids, self.mirrors)[:, None]  # a mirror scatters none of it
-        light = first_light(self.record, hit.ids, hit.albedo, hit.normal @ R, hit.d @ R, blocker, sky_at_hit)
+        light = first_light(self.record, hit.ids, hit.albedo, hit.n @ R, hit.d @ R, blocker, sky_at_hit)
         return np.where(dark, 0, light)
 
     def _pi_f(self, hit: Hit, to_light: np.ndarray) -> np.ndarray:
-        return pi_f(self.record, hit.ids, hit.albedo, hit.normal, hit.d, to_light)
+        return pi_f(self.record, hit.ids, hit.albedo, hit.n, hit.d, to_light)
 
     def _incoming(self, hit: Hit, rng: np.random.Generator) -> np.ndarray:
         """π f times the radiance from a cosine-distributed direction, as Mitsuba's `path` finds it; 0 without a hit."""
-        d = _cosine(hit.normal, rng)
+        d = _cosine(hit.n, rng)
         weight, mirror = self._pi_f(hit, d), np.isin(hit.ids, self.mirrors)
-        n = hit.normal[mirror]
+        n = hit.n[mirror]
         d[mirror] = hit.d[mirror] - 2 * (hit.d[mirror] * n).sum(axis=1, keepdims=True) * n
         if self.large:
             return weight * self._walk(hit, rng, d)
@@ -186,12 +172,12 @@ class Renderer:
         for left in reversed(range(self.depth - 1)):
             hit = self._nearest(hit.start, d, active)
             missed = active & (hit.ids < 0)
-            total[missed] += weight[missed] * sky_radiance(self.record, d[missed] @ self.R)
+            total[missed] += weight[missed] * sky_of(self.record).radiance(d[missed] @ self.R)
             active &= hit.ids >= 0
             if left:
-                sun = self._pi_f(hit, self.to_light) * sunlight(self.record, hit.normal @ self.R, self._blocker(hit))
+                sun = self._pi_f(hit, self.to_light) * sunlight(self.record, hit.n @ self.R, self._blocker(hit))
                 total += weight * sun * active[:, None]
-                d = _cosine(hit.normal, rng)
+                d = _cosine(hit.n, rng)
                 weight *= self._pi_f(hit, d)
         return total
 

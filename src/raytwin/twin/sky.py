@@ -6,7 +6,7 @@ with +x to the left.
 """
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import pi
 from typing import Any, NamedTuple
 
@@ -118,25 +118,17 @@ class SkyRow(NamedTuple):
     """One kind of sky: Mitsuba's dictionary in the axes to which R turns the board's, {} for none; the radiance along
     d (k, 3) and E/π for normals (k, 3), which is the radiance of a constant sky of the same light, in board's axes."""
 
-    emitter: Callable[[Any, Any], dict[str, Any]]
-    radiance: Callable[[Any, np.ndarray], np.ndarray]
-    diffuse_irradiance: Callable[[Any, np.ndarray], np.ndarray]
+    emitter: Callable[..., dict[str, Any]]
+    radiance: Callable[..., np.ndarray]
+    diffuse_irradiance: Callable[..., np.ndarray]
 
 
 SKIES = {Sky: SkyRow(constant_emitter, constant, constant), Environment: SkyRow(emitter, radiance, map_irradiance)}
 """Record of the scene -> row; `raytwin.lights.SKIES` has the same keys."""
 
 
-def sky_emitter(scene: Scene, R: Any) -> dict[str, Any]:
+def sky_of(scene: Scene) -> SkyRow:
+    """The row of the scene's sky, whose functions know it."""
     sky = scene.environment or scene.sky
-    return SKIES[type(sky)].emitter(sky, R)
-
-
-def diffuse_irradiance(scene: Scene, normal: np.ndarray) -> np.ndarray:
-    sky = scene.environment or scene.sky
-    return SKIES[type(sky)].diffuse_irradiance(sky, normal)
-
-
-def sky_radiance(scene: Scene, d: np.ndarray) -> np.ndarray:
-    sky = scene.environment or scene.sky
-    return SKIES[type(sky)].radiance(sky, d)
+    row = SKIES[type(sky)]
+    return SkyRow(partial(row.emitter, sky), partial(row.radiance, sky), partial(row.diffuse_irradiance, sky))

@@ -13,7 +13,7 @@ import numpy as np
 from raytwin.errors import InputError
 from raytwin.scene import Rectangle, Scene
 from raytwin.twin import phong
-from raytwin.twin.sky import sky_emitter
+from raytwin.twin.sky import sky_of
 
 UNIT = 1024.0
 """Mitsuba's lengths per metre."""
@@ -70,7 +70,7 @@ def translate(
     if any(scene.sun.irradiance):
         from_light = (-R @ scene.sun.to_light).tolist()
         world["sun"] = {"type": "directional", "direction": from_light, "irradiance": _rgb(scene.sun.irradiance)}
-    if sky := sky_emitter(scene, R):
+    if sky := sky_of(scene).emitter(R):
         world["sky"] = sky
     return world
 

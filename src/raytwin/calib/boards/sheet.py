@@ -46,12 +46,7 @@ class Sheet:
 
 
 def lay_out(
-    board: Board,
-    paper: tuple[float, float],
-    margin: float,
-    landscape: bool | None = None,
-    inches: bool = False,
-    where: str = "--paper",
+    board: Board, paper: tuple[float, float], margin: float, landscape: bool | None = None, inches: bool = False
 ) -> Sheet:
     """The board in the middle of the paper's free width, ruler below it; InputError where it does not fit.
 
@@ -66,9 +61,8 @@ def lay_out(
             return sheet
     (_, (width, height)), (across, up) = tried[0], turns[0]
     want = f"at least {_mm(width)} x {_mm(height)} for this board, its ruler and a margin of {_mm(margin)}"
-    raise InputError(
-        where, want, f"{_mm(across)} x {_mm(up)}" + (", which does not fit turned either" * (len(tried) > 1))
-    )
+    turned = ", which does not fit turned either" * (len(tried) > 1)
+    raise InputError("--paper", want, f"{_mm(across)} x {_mm(up)}{turned}")
 
 
 def _fit(
@@ -112,7 +106,7 @@ def _id_size(board: Board) -> float:
     return min(0.002, 0.45 * (grid_of(board).pitch - board.tag_edge))
 
 
-def check_gap(board: Board, where: str = "--pitch") -> None:
+def check_gap(board: Board) -> None:
     """Raise InputError unless tags are big enough to print, and a bit of white lies between two of them.
 
     The detector takes what is white from half a bit outside the black edge; with less than a bit between two tags the
@@ -124,7 +118,7 @@ def check_gap(board: Board, where: str = "--pitch") -> None:
     least = board.tag_edge + cell(board)
     if grid_of(board).pitch < least - 1e-9:
         want = f"at least {_mm(least)}: the tag and one of its bits of white, which the detector needs"
-        raise InputError(where, want, _mm(grid_of(board).pitch))
+        raise InputError("--pitch", want, _mm(grid_of(board).pitch))
 
 
 def write_sheet(path: str | os.PathLike, sheet: Sheet) -> Path:
@@ -213,17 +207,15 @@ def _draw_ruler(canvas, sheet: Sheet) -> None:
     for at, length in marks:
         # The first and the last mark end flush with the bar, so that the whole measures its length.
         left = min(max(at - thin / 2, 0), sheet.bar - thin)
-        _add_rectangle(
-            path, *(POINTS * v for v in (x + left, min(line, line + length), x + left + thin, max(line, line + length)))
-        )
+        low, high = sorted((line, line + length))
+        _add_rectangle(path, *(POINTS * v for v in (x + left, low, x + left + thin, high)))
     canvas.drawPath(path, stroke=0, fill=1, fillMode=FILL_NON_ZERO)
     canvas.setFont(TEXT, 0.002 * POINTS)
     for cm in range(round(sheet.bar * 100) + 1):
         canvas.drawCentredString((x + cm * 0.01) * POINTS, (line + 0.0021) * POINTS, f"{cm * 10}" + " mm" * (cm == 0))
     for inch in range(int(sheet.bar / 0.0254) + 1 if sheet.inches else 0):
-        canvas.drawCentredString(
-            (x + inch * 0.0254) * POINTS, (line - 0.0032) * POINTS, f"{inch}" + " in" * (inch == 0)
-        )
+        text = f"{inch}" + " in" * (inch == 0)
+        canvas.drawCentredString((x + inch * 0.0254) * POINTS, (line - 0.0032) * POINTS, text)
     left = x + sheet.bar + 0.004 if sheet.beside else x
     top = bottom + (RULER if sheet.beside else 3 * LINE)
     room = NOTES - 0.004 if sheet.beside else sheet.bar
