@@ -161,6 +161,7 @@ def test_records_are_plain_data_and_tables_lists_of_dicts(known, right):
         assert json.loads(json.dumps(record.to_dict())) == json.loads(files.json_text(record))
     rows = raytwin.scenes()
     assert {"name", "shows", "folder"} == rows[0].keys()
+    assert all("\n" not in row["shows"] and row["shows"][-1] not in ". " for row in rows)
     assert {"single", "overlap"} <= {row["name"] for row in rows}
     drawn = raytwin.chart([{"a": 1, "b": 2}, {"a": 3, "b": None}, {"a": 10, "b": 20}], "a", "b")
     assert drawn.svg.count("<circle") >= 2

@@ -433,4 +433,5 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
     if counted := config.stash.get(_COUNTED, None):
         index = (_report_folder(config) or Path()) / "index.html"
-        terminalreporter.write_line(f"raytwin: {counted[0]} comparisons, {counted[1]} failed: {index}")
+        plural = "s" * (counted[0] != 1)
+        terminalreporter.write_line(f"raytwin: {counted[0]} comparison{plural}, {counted[1]} failed: {index}")

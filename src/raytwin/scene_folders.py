@@ -6,6 +6,7 @@ The command line asks this before all else, and a shell at every completion: it 
 import difflib
 import os
 import shutil
+from itertools import takewhile
 from pathlib import Path
 
 from raytwin.errors import InputError
@@ -79,11 +80,11 @@ def scene_sentence(folder: Path) -> str:
     """The first sentence of the comment at the head of its file."""
     text = find_scene(folder).read_text(encoding="utf-8")
     if text.startswith("<"):
-        return text.partition("<!--")[2].partition("-->")[0].strip().split(". ")[0].rstrip(".")
-    lines = text.splitlines()
-    head = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
-    text = " ".join(line.lstrip("# ").strip() for line in lines[:head])
-    return text.split(". ")[0].strip().rstrip(".")
+        comment = text.partition("<!--")[2].partition("-->")[0]
+    else:
+        head = takewhile(lambda line: line.startswith("#"), text.splitlines())
+        comment = " ".join(line.lstrip("# ") for line in head)
+    return " ".join(comment.split()).split(". ")[0].rstrip(".")
 
 
 def copy_scene(path: str | os.PathLike, out: str | os.PathLike) -> Path:

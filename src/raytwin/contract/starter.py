@@ -10,8 +10,8 @@ HEAD = '''"""A ray tracer in stages: functions that take and return NumPy arrays
 
 Run this file to check what is written so far: `python {name}`. In a notebook, `raytwin.check("shade", shade)` shows
 it as a small page. Keep names and parameters; helpers and classes of your own are welcome. A function that is left as
-it is counts as not written. What may be imported is the rubric's to say: the standard library, numpy and scipy always,
-and by the ready rubric OpenCV 4.11 or newer (`import cv2`).
+it is counts as not written. You may import the standard library, numpy and scipy, and the packages that the rubric
+lists: OpenCV 4.11 or newer (`import cv2`), unless your instructor changed it.
 {scene}"""
 
 import numpy as np
@@ -38,8 +38,8 @@ SCENE = """
 "irradiance" (3,)}; "sky", {"radiance" (3,)}; "rung", "lambert" or "shadow". Lengths are in metres; the scene's places
 and directions are in the board's frame, and p_cam = R_cam_board @ p_board + t_cam_board takes them to the camera's.
 
-Graded pictures have up to about 340 x 250 pixels. Where speed counts they have about 120 x 88: by the ready rubric
-0.1 s of computing per picture, or less, earns the whole bonus, and 5 s none.
+Graded pictures have up to about 340 x 250 pixels. Where speed counts they have about 120 x 88. Unless your
+instructor changed it, up to 0.1 CPU seconds per picture earn the whole bonus, and 5 or more earn none.
 """
 
 TAIL = """
