@@ -53,17 +53,16 @@ if TYPE_CHECKING:
     from raytwin.tracer import trace
     from raytwin.twin import mitsuba_sensor, render
     from raytwin.workflows.compare_scene import compare_scene
-    from raytwin.workflows.compare_settings import CompareSettings
     from raytwin.workflows.diff_files import compare as compare
     from raytwin.workflows.diff_files import compare as diff_files
-    from raytwin.workflows.diff_settings import DiffSettings
+    from raytwin.workflows.settings import CompareSettings, DiffSettings
 
     __version__: str
 
 _HOME = {
     "Camera": "scene",
-    "CompareSettings": "workflows.compare_settings",
-    "DiffSettings": "workflows.diff_settings",
+    "CompareSettings": "workflows.settings",
+    "DiffSettings": "workflows.settings",
     "Image": "image",
     "InputError": "errors",
     "Lambert": "scene",

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from raytwin.parallel import Stored, Workers
 from raytwin.report.matrix_page import make_cell, write_matrix
-from raytwin.workflows.compare_settings import CompareSettings
 from raytwin.workflows.matrix import Cell, failed, jobs_of
+from raytwin.workflows.settings import CompareSettings
 
 SCENES = "overlap", "single", "wedge", "ball", "grazing", "eclipse"
 SUBJECTS = "numpy64-shadow-conic", "drjit32-shadow-conic", "numpy32-lambert-conic", "loop-shadow-conic"

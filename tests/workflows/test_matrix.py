@@ -17,9 +17,10 @@ from raytwin.parallel import Stored, Workers
 from raytwin.report import matrix_page
 from raytwin.report.matrix_page import badness, make_cell, write_matrix
 from raytwin.workflows import matrix
-from raytwin.workflows.compare_settings import CompareSettings
 from raytwin.workflows.matrix import Cell
 from raytwin.workflows.matrix_history import Line, add_to_history, pasts, read_history
+from raytwin.workflows.settings import CompareSettings
+from raytwin.workflows.shrink import shrink
 
 MINE = """
 import numpy as np
@@ -41,6 +42,34 @@ def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("mine.py").write_text(MINE)
     return tmp_path
+
+
+LIGHT = """
+[sun]
+to_light = [0.0, 0.6, 0.8]
+irradiance = [2.0, 1.0, 0.5]
+[sky]
+radiance = [0.1, 0.2, 0.3]
+[paper]
+albedo = 0.85
+color = [1.0, 1.0, 1.0]
+"""
+
+
+def test_every_cell_is_under_the_light_that_is_asked_for(here):
+    Path("light.toml").write_text(LIGHT)
+    Path("list.toml").write_text('light = "light.toml"\n')
+    lit = matrix.with_settings(SMALL, matrix.read_list("list.toml")[2], "list.toml")
+    (job,), (plain,) = (matrix.jobs_of(["overlap"], ["mine.py:right"], chosen) for chosen in (lit, SMALL))
+    cell, result = matrix.judge(job)
+    assert (cell.verdict, result.scene.sun.irradiance) == ("pass", (2.0, 1.0, 0.5))
+    Path("light.toml").write_text(LIGHT.replace("2.0", "3.0"))
+    changed = matrix.jobs_of(["overlap"], ["mine.py:right"], lit)[0]
+    assert len({job.key, plain.key, changed.key}) == 3
+    with pytest.raises(InputError, match="--light: expected no --references beside it"):
+        matrix.jobs_of(["overlap"], ["mine.py:right"], lit, Path("reference"))
+    small = shrink("overlap", lit, subject=matrix.find_subject("mine.py:unlit", "shadow"), size=(96, 72)).after
+    assert small.written.sun.irradiance[:2] == (3.0, 1.0)  # its blue is rounded off
 
 
 def test_each_cell_is_what_compare_says_and_a_crash_costs_its_own_alone(here):

@@ -11,8 +11,8 @@ from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Stages
 from raytwin.workflows.compare_scene import compare_scene
-from raytwin.workflows.compare_settings import CompareSettings
 from raytwin.workflows.rounds import Budget, Rounds, parse_budget
+from raytwin.workflows.settings import CompareSettings
 
 SMALL = {"rung": "path", "tracer_rung": "path", "engine": "numpy32", "size": (64, 48), "cache": False}
 

@@ -8,7 +8,7 @@ import typer
 from raytwin.cli.option_values import check_outputs
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say, say_wrapped
-from raytwin.workflows.compare_settings import CompareSettings
+from raytwin.workflows.settings import CompareSettings
 
 
 def matrix_command(

@@ -12,6 +12,7 @@ import typer
 from raytwin.cli.examples import EXAMPLES
 from raytwin.cli.option_values import parse_size
 from raytwin.cli.terminal import say
+from raytwin.workflows.settings import OF_MANY, CompareSettings
 
 Size = tuple[int, int] | None
 """Width and height in pixels, as `--size` gives them."""
@@ -79,6 +80,10 @@ SAMPLINGS = "center", "area"
 MODELS = "auto", "none", "k1", "k1k2", "k1k2p1p2", "k1k2k3", "full5"
 ANY_SCENE = "A scene's folder, its scene.toml or its name; or a Mitsuba file (XML)."
 METRICS = "rmse", "relmse", "mae", "max_abs", "p999_abs", "p999_rel"
+ONE_PAIR_ALONE = {
+    field.name: None for field in dataclasses.fields(CompareSettings) if field.name not in ("subject", *OF_MANY)
+}
+"""Settings of `compare` that `matrix` and `shrink` do not have."""
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "": {
@@ -180,8 +185,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "history": _opt("Add a line per comparison to this file, and show which drift or near their limit.", "FILE"),
         "again": _opt("Repeat finished comparisons.", None, "--again"),
         "out": _opt("Folder for page and results.", "DIR", *OUT),
-        **dict.fromkeys(("tracer_rung", "engine", "solver", "sampling", "photo", "cache", "flip", "budget",
-                         "detectable_bias", "detectable_tile_bias", "light")),
+        **ONE_PAIR_ALONE,
     },
     "shrink": {
         "scene": _arg(ANY_SCENE, among=_scenes, callback=_known_scene),
@@ -189,8 +193,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
                         kind=str | None),
         "time_limit": _opt("Try no further step after this time.", "SECONDS"),
         "out": _opt("Folder for the small scene (out/shrink-SCENE).", "DIR", *OUT),
-        **dict.fromkeys(("tracer_rung", "engine", "solver", "sampling", "photo", "cache", "flip", "budget",
-                         "detectable_bias", "detectable_tile_bias", "light")),
+        **ONE_PAIR_ALONE,
     },
     "explore": {
         "subject": _opt("Renderer to show; see `raytwin compare --subject`.", "WHAT"),

@@ -7,7 +7,7 @@ from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import print_seconds, show_progress
 from raytwin.cli.terminal import say, say_wrapped
 from raytwin.errors import InputError, check_one_of
-from raytwin.workflows.augment_settings import AugmentSettings
+from raytwin.workflows.settings import AugmentSettings
 
 MIRROR, ORANGE = (0.9, 0.9, 0.9), (0.75, 0.35, 0.08)
 """Albedos of what `photograph` puts beside the board; the first is the mirror's reflectance."""

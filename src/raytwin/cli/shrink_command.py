@@ -6,7 +6,7 @@ from pathlib import Path
 from raytwin.cli.option_values import check_outputs
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
-from raytwin.workflows.compare_settings import CompareSettings
+from raytwin.workflows.settings import CompareSettings
 
 
 def shrink_command(

@@ -16,7 +16,7 @@ from raytwin.calib.lighting.light_file import photo_exposure, read_light
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
 from raytwin.renderers.subject_renderers import fast_engine
-from raytwin.workflows.augment_settings import AugmentSettings
+from raytwin.workflows.settings import AugmentSettings
 
 
 def augment_photos(

@@ -15,8 +15,8 @@ from raytwin.renderers.twin_renderers import Twin
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene import MitsubaScene
 from raytwin.workflows.compare_scene import Result, times_of
-from raytwin.workflows.compare_settings import MANY, CompareSettings
 from raytwin.workflows.make_reference import LEVEL
+from raytwin.workflows.settings import MANY, CompareSettings
 from raytwin.workflows.versions import versions
 
 UNKNOWN = (
@@ -34,7 +34,9 @@ def read_sized(path: str | Path, size: tuple[int, int] | None = None) -> Mitsuba
 
 
 def subject_of(chosen: CompareSettings) -> UserRenderer | Twin:
-    """The renderer that is asked for. Raises InputError for one that cannot take a Mitsuba file."""
+    """The renderer that is asked for. Raises InputError for one that cannot take a Mitsuba file, and for a light."""
+    if chosen.light is not None:
+        raise InputError("--light", "a scene of raytwin's own: a Mitsuba file has its light", chosen.light)
     expected = "a command with {scene} and {out}, FILE.py:FUNCTION, images or twin-*-path-* for a Mitsuba file"
     if not chosen.subject:
         raise InputError("--subject", expected, "nothing: raytwin's tracer cannot render one")

@@ -32,8 +32,8 @@ from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
 from raytwin.scene import MitsubaScene, Scene, SceneFile, Tolerance
 from raytwin.scene.lens import without_ray
-from raytwin.workflows.compare_settings import MANY, CompareSettings
 from raytwin.workflows.rounds import CALLS, Rounds
+from raytwin.workflows.settings import MANY, CompareSettings
 from raytwin.workflows.versions import versions
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from raytwin.image_input import ENDINGS, LoadedImage, as_image, read_side, rende
 from raytwin.notebook import InNotebook
 from raytwin.references import Reference
 from raytwin.scene import Scene, Tolerance
-from raytwin.workflows.diff_settings import DiffSettings
+from raytwin.workflows.settings import DiffSettings
 
 SLOW = ("flip_hdr", "flip_ldr")
 """Metrics that take longer than all else: only where asked for."""

@@ -24,7 +24,7 @@ from raytwin.image import Image
 from raytwin.scene import MitsubaScene, Tolerance
 from raytwin.workflows.compare_mitsuba import read_sized, subject_of
 from raytwin.workflows.compare_scene import Result, compare_scene, times_of
-from raytwin.workflows.compare_settings import CompareSettings
+from raytwin.workflows.settings import OF_MANY, CompareSettings
 from raytwin.workflows.versions import versions
 
 RATE = 1e-3
@@ -88,10 +88,9 @@ def read_list(path: str | Path) -> tuple[list[str], list[str], dict[str, Any]]:
         if not isinstance(value, list) or not all(isinstance(one, str) for one in value):
             raise InputError(f"{path}: {key}", "a list of texts, or a table of them", repr(value)[:60])
     for key in told:
-        if key not in ("rung", "samples", "seed", "size"):
-            raise InputError(
-                f"{path}: {key}", "scenes, subjects, rung, samples, seed or size", f"the unknown key {key!r}"
-            )
+        if key not in OF_MANY:
+            expected = f"scenes, subjects, {', '.join(OF_MANY[:-1])} or {OF_MANY[-1]}"
+            raise InputError(f"{path}: {key}", expected, f"the unknown key {key!r}")
     return [str(scene) for scene in scenes], list(subjects), told
 
 
@@ -104,6 +103,8 @@ def with_settings(settings: CompareSettings, told: Mapping[str, Any], where: str
         if not match:
             raise InputError(f"{where}: size", "WIDTHxHEIGHT in pixels, as 640x480", size)
         chosen["size"] = (int(match[1]), int(match[2]))
+    if isinstance(chosen.get("light"), str):
+        chosen["light"] = Path(where).parent / chosen["light"]
     return replace(settings, **chosen)
 
 
@@ -117,7 +118,14 @@ def jobs_of(
     if not scenes or not subjects:
         what = "--subject" if scenes else "SCENE"
         raise InputError(what, "at least one", "none")
-    asked = {name: getattr(settings, name) for name in ("rung", "samples", "seed", "size")}
+    asked = {name: getattr(settings, name) for name in OF_MANY}
+    light = ""
+    if settings.light is not None:
+        if folder is not None:
+            raise InputError("--light", "no --references beside it: these have their scene's own light", settings.light)
+        from raytwin.calib.lighting.light_file import read_light  # with OpenCV
+
+        asked["light"], light = str(Path(settings.light).absolute()), repr(read_light(settings.light))
     code = files.made_by((ROOT,), ("mitsuba", "drjit", "numpy"))
     known = {}
     for text in subjects:
@@ -131,7 +139,7 @@ def jobs_of(
     for scene, (name, what) in product(scenes, known.items()):
         path = files.find_scene(scene)
         title, content = _scene_of(path)
-        parts = (code, content, _content(what), msgspec.json.encode(asked).decode(), str(folder or ""))
+        parts = (code, content, _content(what), msgspec.json.encode(asked).decode(), str(folder or ""), light)
         key = hashlib.sha256("\0".join((*parts, name)).encode()).hexdigest()[:24]
         place = str(folder.absolute()) if folder else ""
         jobs.append(Job(what, name, str(path.absolute()), title, asked, place, key))

@@ -31,9 +31,9 @@ from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene import MitsubaScene, Scene
 from raytwin.workflows.compare_mitsuba import subject_of
 from raytwin.workflows.compare_scene import stage_causes
-from raytwin.workflows.compare_settings import MANY, CompareSettings
 from raytwin.workflows.delta_debugging import minimized
 from raytwin.workflows.make_reference import find_scene
+from raytwin.workflows.settings import MANY, CompareSettings
 from raytwin.workflows.shrink_mitsuba import FileScene
 from raytwin.workflows.shrink_scene import OwnScene
 
@@ -152,6 +152,10 @@ def shrink(
     if isinstance(found, MitsubaScene):
         return _shrunk(FileScene.begin(found, chosen.size), subject_of(chosen), chosen, time_limit, progress)
     subject = find_subject(chosen.subject, chosen.rung)
+    if chosen.light is not None:
+        from raytwin.calib.lighting.light_file import read_light  # with OpenCV
+
+        found = read_light(chosen.light).on(found)
     if chosen.size is not None:
         found = found.with_camera(found.scene.camera.resized(*chosen.size))
     return _shrunk(OwnScene.begin(found, subject.rung), subject, chosen, time_limit, progress)

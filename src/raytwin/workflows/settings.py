@@ -1,0 +1,199 @@
+"""Settings as records, each checked once, when it is made: keyword arguments in Python, options on the command line.
+
+`cli.options.OPTIONS` has a row for each field that is an option.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from raytwin.errors import InputError, check_one_of
+from raytwin.rungs import RUNGS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from raytwin.compare import Limits
+    from raytwin.renderers.renderer import Renderer
+    from raytwin.scene import Scene, SceneFile
+    from raytwin.workflows.rounds import Budget
+
+FEW, MANY = 1, 64
+"""The twin's samples per pixel where all are the same, and where they differ."""
+OF_MANY = "rung", "samples", "seed", "size", "light"
+"""Fields of CompareSettings that `matrix` and `shrink` have, too: they hold for every scene and renderer."""
+
+
+@dataclass(frozen=True)
+class CompareSettings:
+    """How `compare_scene` renders both sides; checked when it is made.
+
+    `rung` is the twin's. The tracer stands on `tracer_rung`, by default the highest up to there that a formula gives.
+    `subject`: what is compared in the tracer's place: a name of `raytwin bench list`, FILE.py:FUNCTION, an image, a
+    folder of images, a command, or a function of a scene (see `method`); `engine`, `solver` and `trim` are
+    the tracer's. `photo`: whose camera pose is used. `size` (width, height) replaces the camera's. `cache` reuses
+    the twin's renders and the photos' tags. `parts`: also split the light into named parts.
+    `flip` adds the perceptual metric, which is slow. `light`: a
+    light.toml in the place of the scene's sun and sky.
+
+    `samples`: per pixel, of the twin and of a subject that takes them. Without it both come in rounds until the verdict
+    is certain or the `budget` is spent: samples per pixel ("256") or a time ("30s"). `detectable_bias` of the whole
+    image and `detectable_tile_bias` of any 24 x 24 pixels: what a pass must exclude (by default, while the budget
+    lasts, 0.01 and 0.1).
+    """
+
+    rung: str = "shadow"
+    tracer_rung: str | None = None
+    subject: "Renderer | Callable[..., Any] | str | None" = None
+    engine: str = "numpy64"
+    solver: str = "robust"
+    sampling: str = "center"
+    samples: int | None = None
+    budget: str | None = None
+    detectable_bias: float | None = None
+    detectable_tile_bias: float | None = None
+    seed: int = 0
+    photo: str | None = None
+    size: tuple[int, int] | None = None
+    trim: str = "conic"
+    cache: bool = True
+    flip: bool = False
+    light: "str | Path | None" = None
+    parts: bool = True
+
+    def __post_init__(self) -> None:
+        from raytwin import twin
+        from raytwin.speed import check_rows
+
+        check_one_of("--rung", self.rung, RUNGS)
+        check_one_of("--sampling", self.sampling, twin.SAMPLINGS)
+        if self.samples is not None and not 1 <= self.samples <= twin.MOST_SAMPLES:
+            raise InputError("--samples", f"a whole number from 1 to {twin.MOST_SAMPLES}", self.samples)
+        if self.samples is not None and self.budget is not None:
+            raise InputError("--budget", "no --samples beside it, which takes just as many", self.budget)
+        biases = {"--detectable-bias": self.detectable_bias, "--detectable-tile-bias": self.detectable_tile_bias}
+        for name, bias in biases.items():
+            if bias is not None and not bias > 0:
+                raise InputError(name, "a number > 0", bias)
+        self.spending  # noqa: B018 (checked)
+        check_one_of("--tracer-rung", self.climbed, list(RUNGS)[: list(RUNGS).index(self.rung) + 1])
+        check_rows("shadow", self.engine, self.solver, self.trim)
+
+    @property
+    def climbed(self) -> str:
+        """The tracer's rung."""
+        from raytwin.tracer import RADIANCE
+
+        return self.tracer_rung or list(RADIANCE)[min(list(RUNGS).index(self.rung), len(RADIANCE) - 1)]
+
+    @property
+    def spending(self) -> "Budget":
+        """What the rounds may spend."""
+        from raytwin.workflows.rounds import Budget, parse_budget
+
+        return Budget() if self.budget is None else parse_budget(self.budget)
+
+    @property
+    def twin_samples(self) -> int:
+        return self.samples or (MANY if RUNGS[self.rung].noisy or self.sampling == "area" else FEW)
+
+
+@dataclass(frozen=True)
+class DiffSettings:
+    """How `raytwin.compare` reads two images and decides; checked when it is made.
+
+    Without `limits`, `compare` decides: values without noise by `tolerance`, the others at `false_alarm_rate`. With
+    them, they alone do (and NaN, infinity or another size fail); `warn` are limits that never fail. `part` and `layer`
+    choose within EXRs. `variances` (arrays or files) and `samples` of the two images are used where they lack them;
+    `noise` and the detectable biases as in `compare_images`. `scene` (one made in Python, a file or a name) and `rung`
+    say what is shown, so that a failure names its cause; `renders`: how often a function is called.
+    """
+
+    part: str | None = None
+    layer: str | None = None
+    tolerance: float = 1e-5
+    false_alarm_rate: float = 1e-3
+    noise: Literal["both", "reference", "none"] = "both"
+    detectable_bias: float = 0.1
+    detectable_tile_bias: float | None = None
+    flip: bool = False
+    limits: "Limits | None" = None
+    warn: "Limits | None" = None
+    variances: tuple[Any, Any] = (None, None)
+    samples: tuple[int, int] = (0, 0)
+    scene: "Scene | SceneFile | str | Path | None" = None
+    rung: str | None = None
+    renders: int = 8
+
+    def __post_init__(self) -> None:
+        if not 0 < self.tolerance < math.inf:
+            raise InputError("tolerance", "a finite number > 0", self.tolerance)
+        if self.rung is not None:
+            check_one_of("rung", self.rung, RUNGS)
+
+
+@dataclass(frozen=True)
+class IdiffLimits:
+    """The limits of OpenImageIO's idiff, as its options have them; what is not given is as in idiff."""
+
+    fail: float | None = None
+    fail_relative: float | None = None
+    fail_percent: float | None = None
+    hard_fail: float | None = None
+    allow_failures: int | None = None
+    warn: float | None = None
+    warn_relative: float | None = None
+    warn_percent: float | None = None
+    hard_warn: float | None = None
+
+    @property
+    def failing(self) -> "Limits | None":
+        """Return the limits that fail; None where none was given."""
+        return _limits(
+            error=("--fail", self.fail), relative=("--failrelative", self.fail_relative),
+            percent=("--failpercent", self.fail_percent), hard=("--hardfail", self.hard_fail),
+            pixels=("--allowfailures", self.allow_failures),
+        )  # fmt: skip
+
+    @property
+    def warning(self) -> "Limits | None":
+        """Return the limits that only warn."""
+        return _limits(
+            error=("--warn", self.warn), relative=("--warnrelative", self.warn_relative),
+            percent=("--warnpercent", self.warn_percent), hard=("--hardwarn", self.hard_warn),
+        )  # fmt: skip
+
+
+def _limits(**asked: tuple[str, Any]) -> "Limits | None":
+    """Return the limits that were given, each by its option and value; None where none was."""
+    from raytwin.compare import Limits
+
+    for option, value in asked.values():
+        if value is not None and not value >= 0:
+            raise InputError(option, "a number >= 0", value)
+    given = {name: value for name, (_, value) in asked.items() if value is not None}
+    return Limits(**given) if given else None
+
+
+@dataclass(frozen=True)
+class AugmentSettings:
+    """How `augment_photos` draws; checked when it is made.
+
+    `camera`: a camera.toml, whose K, distortion and board's shape count; without it the scene's own photos are
+    calibrated. Each photo's pose comes from its own tags of `board` (the scene's, if none is named). `against`: a
+    folder of true photos of the same names, the objects really there. `shadows` fall on what the photo shows.
+    `exposure`: the photo's linear value of radiance 1, by default 1. `light`: a light.toml in the place of the scene's
+    sun and sky; then each photo's exposure is by default what its white paper shows.
+    """
+
+    camera: str | Path | None = None
+    board: str | Path | None = None
+    against: str | Path | None = None
+    shadows: bool = True
+    exposure: float | None = None
+    light: str | Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.exposure is not None and not self.exposure >= 0:
+            raise InputError("--exposure", "a number >= 0", self.exposure)
