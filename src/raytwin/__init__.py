@@ -55,14 +55,15 @@ if TYPE_CHECKING:
     from raytwin.workflows.compare_scene import compare_scene
     from raytwin.workflows.diff_files import compare as compare
     from raytwin.workflows.diff_files import compare as diff_files
-    from raytwin.workflows.settings import CompareSettings, DiffSettings
+    from raytwin.workflows.diff_settings import DiffSettings
+    from raytwin.workflows.settings import CompareSettings
 
     __version__: str
 
 _HOME = {
     "Camera": "scene",
     "CompareSettings": "workflows.settings",
-    "DiffSettings": "workflows.settings",
+    "DiffSettings": "workflows.diff_settings",
     "Image": "image",
     "InputError": "errors",
     "Lambert": "scene",

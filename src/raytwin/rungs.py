@@ -60,3 +60,8 @@ RUNGS = {
     )
 }
 """name -> row, from the least light to all of it."""
+
+SAMPLINGS = "center", "area"
+"""Where rays go: through the pixel's center, or anywhere on its area."""
+MOST_SAMPLES = 1 << 24
+"""Samples per pixel of a render of the twin, all followed at once: 2 GB. For more, average renders of several seeds."""

@@ -1,6 +1,7 @@
 """Augmented photos beside true ones; and noise: pages whose single errors mean little."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -62,9 +63,8 @@ def test_noise_is_shown_in_sigmas_and_as_means_where_not_every_pixel_fits(make_r
     mean = (result.twin.mean + 0.01 * RNG.normal(size=variance.shape)).astype(np.float32)
     mean[40:48, 60:68] += 0.03
     test, reference = Image(mean, variance, 64), Image(result.twin.mean, 0 * variance, 1 << 20)
-    shown = PairView(
-        "s", Report("s", "", compare(test, reference)), test, reference, view_of(result).names, None, "", ""
-    )
+    pair = replace(result, test=test, reference=reference, report=Report("s", "", compare(test, reference)))
+    shown = PairView(pair, "s", view_of(result).names, None, "", "")
     write_report(shown, tmp_path / "page.html")
     script = """
       viewer.keep(62, 44);

@@ -12,7 +12,7 @@ from raytwin import files
 from raytwin.image import Image
 from raytwin.report import write_report
 from raytwin.report.data_urls import exposed, exposure
-from raytwin.report.view import view_of_diff
+from raytwin.report.view import view_of
 from raytwin.workflows.diff_files import compare as diff
 
 
@@ -106,14 +106,14 @@ def test_settings_versions_and_times_beside_errors_are_there(plain):
 
 def test_an_image_without_surface_is_reported_without_silhouettes(make_result, tmp_path):
     result = make_result()
-    result = replace(result, subject=Image(result.subject.mean))
+    result = replace(result, test=Image(result.subject.mean))
     write_report(result, tmp_path / "report.html")
     assert "Silhouettes" not in titles(tmp_path / "report.html")
 
 
 def test_images_equal_to_the_last_bit_have_no_worst_pixels(make_result, tmp_path):
     result = make_result()
-    write_report(replace(result, subject=result.twin), tmp_path / "report.html")
+    write_report(replace(result, test=result.twin), tmp_path / "report.html")
     assert "equal to the last bit" in text_of(tmp_path / "report.html")
 
 
@@ -340,7 +340,7 @@ def test_a_photo_of_another_size_spans_the_same_picture_and_thinned_values_are_t
 def test_noise_is_not_measured_against_the_tolerance_of_exact_images(make_result, tmp_path):
     result = make_result()
     noisy = replace(result.twin, variance=np.full_like(result.twin.mean, 1e-4), samples=64)
-    write_report(replace(result, twin=noisy), tmp_path / "report.html")
+    write_report(replace(result, reference=noisy), tmp_path / "report.html")
     text = text_of(tmp_path / "report.html")
     assert "noise included" in text
     assert "64 samples a pixel" in text
@@ -359,7 +359,7 @@ def test_where_there_is_no_noise_the_map_in_sigmas_holds_errors_to_the_tolerance
         files.write_image(tmp_path / f"{name}.exr", image)
     found = diff(tmp_path / "a.exr", tmp_path / "b.exr")
     assert (16, 0, 16, 16) in found.comparison.failing
-    write_report(view_of_diff(found), tmp_path / "report.html")
+    write_report(view_of(found), tmp_path / "report.html")
     script = """
     const shade = (x, y) => { const i = y * 32 + x; return viewer.shade(viewer.map()[i]); };
     result.map = viewer.state.map;

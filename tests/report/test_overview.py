@@ -21,5 +21,5 @@ def test_a_panel_is_400_pixels_wide_or_1600_high(frame, panel):
 
 def test_the_overview_of_a_frame_of_2_by_30000_pixels_is_small():
     image = Image(np.full((30_000, 2, 3), 0.5, np.float32))
-    made = SimpleNamespace(photo=None, augmented=None, subject=image, twin=image, tolerance=Tolerance())
+    made = SimpleNamespace(photo=None, augmented=None, test=image, reference=image, tolerance=Tolerance())
     assert overview(made).shape == (1600, 3 * 1 + 2 * GAP, 3)

@@ -41,7 +41,7 @@ from raytwin.report.data_urls import png_url
 from raytwin.report.ladder_page import write_ladder
 from raytwin.report.matrix_page import write_matrix
 from raytwin.report.recommend_page import write_needs
-from raytwin.report.view import view_of_diff
+from raytwin.report.view import view_of
 from raytwin.scene import Camera
 from raytwin.workflows.diff_files import compare as compare_files
 from raytwin.workflows.estimate_light import LightEstimate
@@ -81,7 +81,7 @@ def comparison(folder: Path, make_result, scenes, spoiled: bool) -> list[Path]:
 def two_sizes(folder: Path, make_result, scenes) -> list[Path]:
     for name, shape in (("a", SIZE), ("b", SIZE[::-1])):
         files.write_exr(folder / f"{name} <b>.exr", Image(noise(shape)))
-    write_report(view_of_diff(compare_files(folder / "a <b>.exr", folder / "b <b>.exr")), folder / "diff.html")
+    write_report(view_of(compare_files(folder / "a <b>.exr", folder / "b <b>.exr")), folder / "diff.html")
     return [folder / "diff.html"]
 
 

@@ -98,7 +98,9 @@ def test_the_tracers_report_survives_a_twin_of_another_size_or_kind(make_result,
     ):  # fmt: skip
         comparison = compare(result.subject, wrong)
         assert not comparison.passed
-        write_report(replace(result, twin=wrong, report=Report("s", "shadow", comparison)), tmp_path / "report.html")
+        write_report(
+            replace(result, reference=wrong, report=Report("s", "shadow", comparison)), tmp_path / "report.html"
+        )
         text = text_of(tmp_path / "report.html")
         assert "✗ Fail" in text
         assert " ".join(comparison.reasons[0].split()) in text
@@ -110,7 +112,7 @@ def test_a_surface_of_another_size_is_left_out(make_result, tmp_path):
     result = make_result()
     s = result.twin.surface
     twin = replace(result.twin, surface=Surface(s.ids[:-1], s.depth[:-1], s.normal[:-1]))
-    write_report(replace(result, twin=twin), tmp_path / "report.html")
+    write_report(replace(result, reference=twin), tmp_path / "report.html")
     assert "Silhouettes" not in re.findall(r"<h3>(.*?)</h3>", (tmp_path / "report.html").read_text(encoding="utf-8"))
 
 

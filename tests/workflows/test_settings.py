@@ -10,7 +10,8 @@ from raytwin.cli import compare_commands, photo_commands
 from raytwin.cli.options import with_options
 from raytwin.compare.verdict import DETECTABLE_BIAS
 from raytwin.errors import InputError
-from raytwin.workflows.settings import AugmentSettings, CompareSettings, DiffSettings
+from raytwin.workflows.diff_settings import DiffSettings
+from raytwin.workflows.settings import AugmentSettings, CompareSettings
 
 WRONG = [
     (CompareSettings, {"rung": "nonsense"}, "--rung: expected one of surface, lambert, shadow, sky, path"),

@@ -10,7 +10,8 @@ from raytwin.cli.option_values import check_outputs
 from raytwin.cli.progress_bar import print_seconds, show_progress
 from raytwin.cli.terminal import say, say_wrapped
 from raytwin.errors import InputError
-from raytwin.workflows.settings import CompareSettings, DiffSettings, IdiffLimits
+from raytwin.workflows.diff_settings import DiffSettings, IdiffLimits
+from raytwin.workflows.settings import CompareSettings
 
 
 def compare_command(

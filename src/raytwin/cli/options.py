@@ -12,6 +12,7 @@ import typer
 from raytwin.cli.examples import EXAMPLES
 from raytwin.cli.option_values import parse_size
 from raytwin.cli.terminal import say
+from raytwin.rungs import SAMPLINGS
 from raytwin.workflows.settings import OF_MANY, CompareSettings
 
 Size = tuple[int, int] | None
@@ -76,7 +77,6 @@ OUT = "--out", "-o"
 LEVELS = "surface", "lambert", "shadow", "sky", "path"
 ENGINES = "numpy64", "numpy32", "drjit32", "drjit64", "cuda32", "cuda64"
 SOLVERS = "robust", "stable", "paper", "textbook"
-SAMPLINGS = "center", "area"
 MODELS = "auto", "none", "k1", "k1k2", "k1k2p1p2", "k1k2k3", "full5"
 ANY_SCENE = "A scene's folder, its scene.toml or its name; or a Mitsuba file (XML)."
 METRICS = "rmse", "relmse", "mae", "max_abs", "p999_abs", "p999_rel"

@@ -6,6 +6,7 @@ from these files, so that tests may run in many processes at once.
 
 import hashlib
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -17,8 +18,9 @@ from raytwin.image import Image
 from raytwin.report import data_urls, numbers
 from raytwin.report.compare_page import write_report
 from raytwin.report.page import render_page
-from raytwin.report.view import Names, PairView, Tile, in_radiance, silhouette_tile
+from raytwin.report.view import Names, PairView, Tile, error_tile, in_radiance, numbered, ratio_tile, silhouette_tile
 from raytwin.scene import Tolerance
+from raytwin.workflows.compared import Compared
 
 THUMB = 150
 """Pixels across a small picture in the index."""
@@ -66,13 +68,14 @@ def write_check(
     )
     stem, page = _stem(test, number), None
     if image is not None and reference is not None:
-        view = _view(test, report, notes, image, reference, tolerance or Tolerance())
+        tolerance = tolerance or Tolerance()
+        view = _view(test, notes, Compared(test=image, reference=reference, report=report, tolerance=tolerance))
         row.page, page = f"{stem}.html", folder / f"{stem}.html"
         if not (folder / SCRIPT).exists():
             files.write_text(folder / SCRIPT, viewer.script())
         write_report(view, page, SCRIPT)
         if view.alike:
-            row.picture, row.reference, row.error = _thumbs(view, tolerance or Tolerance())
+            row.picture, row.reference, row.error = _thumbs(view, tolerance)
     files.write_json(folder / f"{stem}.json", row)
     return page
 
@@ -105,38 +108,26 @@ def write_index(folder: Path) -> tuple[int, int]:
     return len(rows), failed
 
 
-def _view(
-    test: str, report: Report, notes: tuple[str, ...], image: Image, reference: Image, tolerance: Tolerance
-) -> PairView:
-    noisy = image.variance is not None or reference.variance is not None
-    c, r = report.comparison, report.comparison.radiance
-    tolerance = in_radiance(tolerance, reference, image)
+def _view(test: str, notes: tuple[str, ...], pair: Compared) -> PairView:
+    tolerance, c = in_radiance(pair), pair.comparison
     tiles = [
-        Tile(
-            "Error, 99.9 %",
-            numbers.shown(r.p999_abs),
-            below="noise included" if noisy else f"held to {numbers.short(tolerance.p999_abs)}",
-        ),
-        Tile("RMSE", numbers.shown(r.rmse), below=f"worst {numbers.shown(r.max_abs)}"),
-        Tile("Ratio of means", numbers.shown(r.mean_ratio, 5), below="mean(test) / mean(reference)"),
+        error_tile(pair, tolerance),
+        Tile("RMSE", numbers.shown(c.radiance.rmse), below=f"worst {numbers.shown(c.radiance.max_abs)}"),
+        ratio_tile(c, "test", "reference"),
     ]
     if c.geometry.mask_mismatch_pixels is not None:
         tiles.insert(0, silhouette_tile(c, tolerance))
+    settings = {"test": test, "samples of the reference": str(pair.reference.samples)}
     return PairView(
-        title=", ".join(filter(None, (report.scene, report.rung))),
+        pair=replace(pair, report=pair.report.saying(*(f"note: {n}" for n in notes)), settings=settings),
+        title=", ".join(filter(None, (pair.report.scene, pair.report.rung))),
         about=("test", test.rpartition("/")[2]),
-        report=report.saying(*(f"note: {n}" for n in notes)),
-        test=image,
-        reference=reference,
         names=NAMES,
         tolerance=tolerance,
-        held_to="noise and tolerance" if noisy else "the tolerance",
+        held_to="noise and tolerance" if pair.noisy else "the tolerance",
         motto="a renderer compared with its reference",
         tiles=tuple(tiles),
-        objects=tuple(
-            f"object {i}" for i in range(reference.surface.ids.max(initial=-1) + 1 if reference.surface else 0)
-        ),
-        settings={"test": test, "samples of the reference": str(reference.samples)},
+        objects=numbered(pair.reference),
     )
 
 

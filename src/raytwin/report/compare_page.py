@@ -3,6 +3,7 @@
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from raytwin import files, viewer
@@ -17,6 +18,7 @@ from raytwin.scene import Tolerance
 
 if TYPE_CHECKING:
     from raytwin.workflows.compare_scene import Result
+    from raytwin.workflows.diff_files import Diff
 
 LISTED = 8
 """Worst pixels in the table."""
@@ -29,7 +31,7 @@ SAYS = {
 """Verdict -> the headline where no reason is given, before what the images are compared within."""
 
 
-def write_report(shown: "PairView | Result", path: str | os.PathLike[str], script: str | None = None) -> None:
+def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str], script: str | None = None) -> None:
     """The whole report as one HTML file that refers to no other; but to the viewer's script of a suite, if named."""
     view = shown if isinstance(shown, PairView) else view_of(shown)
     headline, reasons = first_said(places(view)[0], view.comparison is not None and view.comparison.passed)
@@ -40,7 +42,7 @@ def write_report(shown: "PairView | Result", path: str | os.PathLike[str], scrip
         r=view,
         c=view.comparison,
         SAYS=SAYS,
-        groups=list(numbers.rows(view.comparison, view.tolerance, view.noisy)) if view.comparison else [],
+        groups=list(numbers.rows(view.comparison, view.tolerance, view.pair.noisy)) if view.comparison else [],
         p_values=histogram(view.comparison.statistics.p_values) if view.comparison else None,
         calibrated=calibrated(view),
         headline=headline,
@@ -107,15 +109,15 @@ def side_by_side(view: PairView) -> dict[str, Any]:
 
 def packed_parts(view: PairView) -> list[dict[str, Any]]:
     """The ledger's parts as maps."""
-    if view.ledger is None:
+    if (ledger := view.pair.ledger) is None:
         return []
-    noise = {row.part: row.noise or 0.0 for row in view.ledger.parts}
-    return viewer.pack_parts(view.ledger.pictures, view.ledger.step, noise)
+    return viewer.pack_parts(ledger.pictures, ledger.step, {row.part: row.noise or 0.0 for row in ledger.parts})
 
 
 def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]]]:
     """The viewer's planes, and its panes in reading order; what the images lack is left out."""
-    flipped = flip_map(view.test.mean, view.reference.mean) if view.flipped else None
+    asked = view.comparison is not None and view.comparison.perceptual.flip_mean is not None
+    flipped = flip_map(view.test.mean, view.reference.mean) if asked else None
     names, (height, width) = view.names, view.reference.shape[:2]
     panes = [
         {"key": "test", "kind": "radiance", "title": names.test_title, "tab": names.test},
@@ -135,7 +137,7 @@ def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]
 
 def photos(view: PairView) -> list[dict[str, Any]]:
     """The photo, and the augmented one as what it changed, laid over it."""
-    photo, augmented = view.photo, view.augmented
+    photo, augmented = view.pair.photo, view.pair.augmented
     panes: list[dict[str, Any]] = []
     if photo is not None:
         panes.append({"key": "photo", "kind": "picture", "title": "Photo", "tab": "photo", "note": "JPEG"})
@@ -170,7 +172,7 @@ def places(view: PairView) -> tuple[list[Reason], list[dict[str, int]]]:
 
 def allowed(view: PairView) -> float | None:
     """The error that a single value may have, where that is what decides."""
-    return None if view.noisy or view.tolerance is None else view.tolerance.p999_abs
+    return None if view.pair.noisy or view.tolerance is None else view.tolerance.p999_abs
 
 
 # ------------------------------------------------------------------------------------------ numbers for the page
@@ -193,9 +195,9 @@ def pixel_rows(view: PairView, worst: list[tuple[int, int]], apart: list[tuple[i
 
 def calibrated(view: PairView) -> dict[str, Any] | None:
     """The calibration's tables and pictures, and the photo whose pose the camera has."""
-    if view.calibration is None:
+    if (calibration := view.pair.calibration) is None:
         return None
     from raytwin.report.calibration_page import calibration_pictures, calibration_tables  # which load OpenCV
 
-    pictures = calibration_pictures(view.calibration)
-    return calibration_tables(view.calibration) | {"posed": view.photographed, "pictures": pictures}
+    posed = PurePath(view.pair.pose.photo).name if view.pair.pose else None
+    return calibration_tables(calibration) | {"posed": posed, "pictures": calibration_pictures(calibration)}

@@ -56,7 +56,7 @@ def make_cell(job: Job, folder: str) -> Cell:
 
 def thumbnail(result: Result) -> str:
     """The difference as a small picture; empty where there is none."""
-    test, reference = result.subject, result.twin
+    test, reference = result.test, result.reference
     if not (showable(test) and showable(reference)) or test.shape != reference.shape:
         return ""
     step = max(1, round(test.shape[1] / THUMB))

@@ -16,7 +16,7 @@ from raytwin.compare import Comparison, error_map
 from raytwin.image import Image
 from raytwin.report import numbers
 from raytwin.report.data_urls import exposed, exposure, png_url, stops
-from raytwin.report.view import PairView, showable, view_of, view_of_diff
+from raytwin.report.view import PairView, showable, view_of
 from raytwin.viewer.packing import binned
 from raytwin.viewer.widget import has_widgets, pane, widget
 
@@ -155,7 +155,7 @@ def _calibration(found: Any) -> str:
 HTML: dict[str, Callable[[Any], str]] = {
     "Image": _image,
     "Comparison": lambda c: _verdict(c) + _numbers(c),
-    "Diff": lambda found: _pair(view_of_diff(found)),
+    "Diff": lambda found: _pair(view_of(found)),
     "Result": lambda found: _pair(view_of(found)),
     "Ladder": _ladder,
     "Bench": _bench,
@@ -184,7 +184,7 @@ def _viewed_pair(view: PairView) -> tuple[dict[str, Any], str] | None:
 
 VIEWED: dict[str, Callable[[Any], tuple[dict[str, Any], str] | None]] = {
     "Image": _viewed_image,
-    "Diff": lambda found: _viewed_pair(view_of_diff(found)),
+    "Diff": lambda found: _viewed_pair(view_of(found)),
     "Result": lambda found: _viewed_pair(view_of(found)),
 }
 """Name of a class -> the viewer's data and the HTML above it, for what has pictures."""

@@ -21,11 +21,12 @@ GAP = 8
 
 def overview(result: "Result") -> np.ndarray:
     """uint8 sRGB: photo, augmented photo (where there are any), tracer, twin and signed error, side by side."""
-    gain = data_urls.exposure(result.twin)
-    error = signed_error(result.subject, result.twin, "absolute")
-    scale = data_urls.choose_scale(result.subject, result.twin, error, result.tolerance.p999_abs)
-    small = [_shrunk(p) for p in (result.photo, result.augmented) if p is not None and p.shape == result.twin.shape]
-    small += [_seen(image, gain) for image in (result.subject, result.twin)]
+    gain = data_urls.exposure(result.reference)
+    error = signed_error(result.test, result.reference, "absolute")
+    scale = data_urls.choose_scale(result.test, result.reference, error, result.tolerance.p999_abs)
+    photos = [p for p in (result.photo, result.augmented) if p is not None and p.shape == result.reference.shape]
+    small = [_shrunk(photo) for photo in photos]
+    small += [_seen(image, gain) for image in (result.test, result.reference)]
     worst = data_urls.worst_of_blocks(error, max(1, error.shape[1] // PANEL))
     small.append(_shrunk(data_urls.palette()[data_urls.error_indices(worst, scale)], small[0].shape))
     gap = np.full((small[0].shape[0], GAP, 3), 255, np.uint8)

@@ -13,7 +13,7 @@ from raytwin.progress import Progress, silent
 from raytwin.report.compare_page import write_report
 from raytwin.report.json_report import write_comparison
 from raytwin.report.overview import overview
-from raytwin.report.view import view_of_diff
+from raytwin.report.view import view_of
 from raytwin.workflows.diff_files import Diff
 
 if TYPE_CHECKING:
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 def write_all(result: "Result", folder: Path, json: Path | None = None, progress: Progress = silent) -> None:
     """Write every view of `result` into `folder`; `json` names a second place for comparison.json."""
     header = {**result.settings, **{f"version of {k}": v for k, v in result.versions.items()}}
-    alike = result.subject.mean.shape == result.twin.mean.shape
+    alike = result.test.mean.shape == result.reference.mean.shape
     exrs = [
-        ("tracer", result.subject, {"renderer": "raytwin's tracer"}),
-        ("twin", result.twin, {"renderer": "Mitsuba"}),
+        ("tracer", result.test, {"renderer": "raytwin's tracer"}),
+        ("twin", result.reference, {"renderer": "Mitsuba"}),
     ]
     if alike:
-        exrs.append(("error", Image(result.subject.mean - result.twin.mean), {"content": "tracer - twin"}))
+        exrs.append(("error", Image(result.test.mean - result.reference.mean), {"content": "tracer - twin"}))
     for path in (folder / "comparison.json", json):
         if path is not None:
             write_comparison(result.report, path)
@@ -53,7 +53,7 @@ def write_all(result: "Result", folder: Path, json: Path | None = None, progress
 
 def write_diff(found: Diff, folder: Path, progress: Progress = silent) -> None:
     """Write report.html, comparison.json and, for images of one size, heatmap.png."""
-    view = view_of_diff(found)
+    view = view_of(found)
     steps: list[Callable[[], None]] = [
         lambda: files.write_json(folder / "comparison.json", found.numbers()),
         lambda: write_report(view, folder / "report.html"),

@@ -1,24 +1,23 @@
 """What a page shows of two images, whoever made them: the tracer beside its twin, or any A beside any B."""
 
-from dataclasses import dataclass, field
-from pathlib import PurePath
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from raytwin.compare import METRICS, Comparison, Report, scaled
-from raytwin.compare.report import Timing
 from raytwin.compare.scale import scale_of
 from raytwin.image import Image, Surface
-from raytwin.report import numbers
+from raytwin.report.numbers import seconds, short, shown
 from raytwin.scene import Tolerance
+from raytwin.workflows.compared import Compared
 from raytwin.workflows.diff_files import Diff
 
 if TYPE_CHECKING:
-    from raytwin.analysis.ledger import Ledger
-    from raytwin.calib.find_camera import TruthRow
-    from raytwin.calib.photos import Calibration, PoseReport
     from raytwin.workflows.compare_scene import Result
+
+MOST_OBJECTS = 10_000
+"""Objects that are named at most: an EXR may hold any number."""
 
 
 @dataclass(frozen=True)
@@ -48,17 +47,15 @@ class Tile:
 
 @dataclass(frozen=True, eq=False)
 class PairView:
-    """Two images and their comparison, ready for the page.
+    """How a page shows two images: what they are called, what stands large, what the error is compared with.
 
-    `report` is None where nothing was judged; `tolerance` where something else than it decided: `held_to` says what
-    did. `about` is a word and the name it introduces (rung, shadow). `objects` names `surface.ids` from 0 on.
-    `metrics` are further ones: name, value, formula. `ledger`: its parts are maps in the viewer.
+    `tolerance` is None where something else decided: `held_to` says what did; `judged` is False where nothing did.
+    `about` is a word and the name it introduces (rung, shadow). `objects` names `surface.ids` from 0 on. `metrics` are
+    further ones: name, value, formula.
     """
 
+    pair: Compared
     title: str
-    report: Report | None
-    test: Image
-    reference: Image
     names: Names
     tolerance: Tolerance | None
     held_to: str
@@ -66,25 +63,24 @@ class PairView:
     about: tuple[str, str] = ("", "")
     tiles: tuple[Tile, ...] = ()
     objects: tuple[str, ...] = ()
-    photo: np.ndarray | None = None
-    augmented: np.ndarray | None = None
-    calibration: "Calibration | None" = None
-    pose: "PoseReport | None" = None
-    truth: "tuple[TruthRow, ...]" = ()
-    times: tuple[Timing, ...] = ()
-    settings: dict[str, str] = field(default_factory=dict)
-    versions: dict[str, str] = field(default_factory=dict)
     metrics: tuple[tuple[str, float | None, str], ...] = ()
-    ledger: "Ledger | None" = None
+    judged: bool = True
+
+    @property
+    def test(self) -> Image:
+        return self.pair.test
+
+    @property
+    def reference(self) -> Image:
+        return self.pair.reference
+
+    @property
+    def report(self) -> Report | None:
+        return self.pair.report if self.judged else None
 
     @property
     def comparison(self) -> Comparison | None:
-        return self.report.comparison if self.report else None
-
-    @property
-    def flipped(self) -> bool:
-        """FLIP was asked for, and has a value."""
-        return self.comparison is not None and self.comparison.perceptual.flip_mean is not None
+        return self.pair.comparison if self.judged else None
 
     @property
     def scale(self) -> float:
@@ -92,14 +88,9 @@ class PairView:
         return scale_of(self.reference, self.test)
 
     @property
-    def noisy(self) -> bool:
-        """One of the two has noise, so that a single error means little."""
-        return self.test.variance is not None or self.reference.variance is not None
-
-    @property
     def rough(self) -> bool:
         """Single errors mean little: there is noise, or these are photos, which nothing judged."""
-        return self.noisy or self.report is None
+        return self.pair.noisy or not self.judged
 
     @property
     def alike(self) -> bool:
@@ -112,11 +103,6 @@ class PairView:
         a, b, shape = self.test.surface, self.reference.surface, self.reference.shape[:2]
         return (a, b) if a is not None and b is not None and np.shape(a.ids) == np.shape(b.ids) == shape else None
 
-    @property
-    def photographed(self) -> str | None:
-        """The photo whose pose the camera has."""
-        return PurePath(self.pose.photo).name if self.pose else None
-
 
 def showable(image: Image) -> bool:
     """Numbers of shape (H, W, 3) with pixels in it."""
@@ -124,92 +110,82 @@ def showable(image: Image) -> bool:
     return isinstance(x, np.ndarray) and x.dtype.kind in "fiub" and x.ndim == 3 and x.shape[2] == 3 and x.size > 0
 
 
-def view_of(result: "Result") -> PairView:
+def view_of(pair: "Result | Diff") -> PairView:
+    """Return the view of what `compare_scene` or `compare` gave."""
+    return _of_diff(pair) if isinstance(pair, Diff) else _of_scene(pair)
+
+
+def _of_scene(result: "Result") -> PairView:
     """The tracer beside its twin."""
     c, about = result.comparison, result.report
-    tolerance = in_radiance(result.tolerance, result.twin, result.subject)
+    tolerance = in_radiance(result)
+    samples = result.reference.samples
     return PairView(
+        pair=result,
         title=about.scene,
         about=("rung", about.rung) if about.rung else ("of", "a Mitsuba file"),
-        report=about,
-        test=result.subject,
-        reference=result.twin,
         names=TWINS,
         tolerance=tolerance,
         held_to="the scene's tolerance",
         motto="a hand-written ray tracer beside its Mitsuba twin",
         objects=result.scene.names,
-        photo=result.photo,
-        augmented=result.augmented,
-        calibration=result.calibration,
-        pose=result.pose,
-        truth=result.truth,
-        times=result.times,
-        settings=result.settings,
-        versions=result.versions,
-        ledger=result.ledger,
         tiles=(
             silhouette_tile(c, tolerance),
-            Tile(
-                "Radiance error, 99.9 %",
-                numbers.shown(c.radiance.p999_abs),
-                below="noise included"
-                if result.subject.variance is not None or result.twin.variance is not None
-                else f"held to {numbers.short(tolerance.p999_abs)}",
-            ),
-            Tile(
-                "Tracer", numbers.seconds(about.seconds.get("tracer")), below=f"RMSE {numbers.shown(c.radiance.rmse)}"
-            ),
-            Tile(
-                "Twin",
-                numbers.seconds(about.seconds.get("twin")),
-                below=f"{result.twin.samples} sample{'s' * (result.twin.samples != 1)} a pixel",
-            ),
+            error_tile(result, tolerance, "Radiance error, 99.9 %"),
+            Tile("Tracer", seconds(about.seconds.get("tracer")), below=f"RMSE {shown(c.radiance.rmse)}"),
+            Tile("Twin", seconds(about.seconds.get("twin")), below=f"{samples} sample{'s' * (samples != 1)} a pixel"),
         ),
     )
 
 
-def in_radiance(tolerance: Tolerance, reference: Image, test: Image) -> Tolerance:
+def in_radiance(pair: Compared) -> Tolerance:
     """The tolerance as the comparison of the two images holds it, where they are pictures."""
-    return scaled(tolerance, reference, test) if showable(reference) and showable(test) else tolerance
+    pictures = showable(pair.reference) and showable(pair.test)
+    return scaled(pair.tolerance, pair.reference, pair.test) if pictures else pair.tolerance
 
 
 def silhouette_tile(comparison: Comparison, tolerance: Tolerance) -> Tile:
     apart = comparison.geometry.mask_mismatch_pixels
     unit = "pixel differs" if apart == 1 else "pixels differ"
-    return Tile("Silhouettes", numbers.shown(apart), unit, f"held to {tolerance.mask_pixels}")
+    return Tile("Silhouettes", shown(apart), unit, f"held to {tolerance.mask_pixels}")
 
 
-def view_of_diff(found: Diff) -> PairView:
+def error_tile(pair: Compared, tolerance: Tolerance | None, title: str = "Error, 99.9 %") -> Tile:
+    below = "" if tolerance is None else f"held to {short(tolerance.p999_abs)}"
+    return Tile(title, shown(pair.comparison.radiance.p999_abs), below="noise included" if pair.noisy else below)
+
+
+def ratio_tile(comparison: Comparison, test: str, reference: str) -> Tile:
+    below = f"mean({test}) / mean({reference})"
+    return Tile("Ratio of means", shown(comparison.radiance.mean_ratio, 5), below=below)
+
+
+def numbered(*images: Image) -> tuple[str, ...]:
+    """Return a name for each object number in the images' surfaces."""
+    most = max((int(i.surface.ids.max(initial=-1)) for i in images if i.surface is not None), default=-1)
+    return tuple(f"object {i}" for i in range(1 + min(most, MOST_OBJECTS)))
+
+
+def _of_diff(found: Diff) -> PairView:
     """A beside B, whoever rendered them."""
     r = found.comparison.radiance
-    noisy = found.test.variance is not None or found.reference.variance is not None
-    held = None if found.limits else in_radiance(found.tolerance, found.reference, found.test)
-    below = "noise included" if noisy else "" if held is None else f"held to {numbers.short(held.p999_abs)}"
+    tolerance = None if found.limits else in_radiance(found)
     others = [k for k, v in found.metrics.items() if k not in r.__struct_fields__ and v is not None]
+    remarks = found.report.saying(*(f"warning: {w}" for w in found.warnings))
     return PairView(
+        pair=replace(found, report=remarks),
         title=found.a,
         about=("against", found.b),
-        report=found.report.saying(*(f"warning: {w}" for w in found.warnings)),
-        test=found.test,
-        reference=found.reference,
         names=Names("A", "B", "A", "B", f"A: {found.a}", f"B: {found.b}"),
-        tolerance=held,
-        held_to="the limits" if found.limits else "noise and tolerance" if noisy else "the tolerance",
+        tolerance=tolerance,
+        held_to="the limits" if found.limits else "noise and tolerance" if found.noisy else "the tolerance",
         motto="any image beside its reference",
         tiles=(
-            Tile("Error, 99.9 %", numbers.shown(r.p999_abs), below=below),
-            Tile("Error, worst", numbers.shown(r.max_abs), below="max |A − B|"),
-            Tile("RMSE", numbers.shown(r.rmse), below=f"relMSE {numbers.shown(r.relmse)}"),
-            Tile("Ratio of means", numbers.shown(r.mean_ratio, 5), below="mean(A) / mean(B)"),
+            error_tile(found, tolerance),
+            Tile("Error, worst", shown(r.max_abs), below="max |A − B|"),
+            Tile("RMSE", shown(r.rmse), below=f"relMSE {shown(r.relmse)}"),
+            ratio_tile(found.comparison, "A", "B"),
         ),
-        objects=tuple(f"object {i}" for i in range(1 + _most(found.test, found.reference))),
-        times=tuple(Timing(stage, seconds, "-") for stage, seconds in found.report.seconds.items()),
-        settings=found.settings,
+        objects=numbered(found.test, found.reference),
         metrics=tuple((k, found.metrics[k], METRICS[k].formula) for k in others),
     )
-
-
-def _most(*images: Image) -> int:
-    """The largest object number in the images' surfaces."""
-    return min(max((int(i.surface.ids.max(initial=-1)) for i in images if i.surface is not None), default=-1), 10_000)

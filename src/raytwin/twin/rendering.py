@@ -12,7 +12,7 @@ from raytwin import files
 from raytwin.errors import InputError
 from raytwin.image import Image, Surface
 from raytwin.progress import Progress, silent
-from raytwin.rungs import RUNGS
+from raytwin.rungs import MOST_SAMPLES, RUNGS, SAMPLINGS
 from raytwin.scene import Scene, to_camera_frame
 from raytwin.scene.lens import without_ray
 from raytwin.twin import render_cache
@@ -23,11 +23,8 @@ from raytwin.twin.outlines import Seen, rays, refine, settle
 from raytwin.twin.rays import lens_of
 from raytwin.twin.twin_scene import check_textures
 
-SAMPLINGS = ("center", "area")
 BATCHES = 16
 """Independent renders behind a variance: its relative standard error is √(2/15)."""
-MOST_SAMPLES = 1 << 24
-"""Samples per pixel, all followed at once: 2 GB. For more, average renders of several seeds."""
 TWIN = "5"
 """The twin's own version, part of every cache key: raise it when a change moves a pixel."""
 

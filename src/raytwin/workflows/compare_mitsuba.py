@@ -69,8 +69,8 @@ def compare_mitsuba(path: str | Path, chosen: CompareSettings, *, progress: Prog
         scene=scene,
         tolerance=scene.tolerance,
         report=Report(scene.name, None, comparison, dict(stages.seconds), about, None),
-        subject=made,
-        twin=reference,
+        test=made,
+        reference=reference,
         times=times_of(stages.seconds, comparison, None),
         settings={
             "subject": subject.name,

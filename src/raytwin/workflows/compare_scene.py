@@ -1,10 +1,10 @@
 """The main job: photos -> camera -> a subject beside the twin -> comparison."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -15,7 +15,7 @@ from raytwin.analysis.ledger import LEFT_OUT, Ledger, make_ledger
 from raytwin.analysis.light_parts import sampled_parts
 from raytwin.analysis.rounding_cause import ROUNDING, rounding_cause
 from raytwin.calib.find_camera import TruthRow, compare_truth, find_camera
-from raytwin.compare import Comparison, Report, SequentialComparison, Verdict
+from raytwin.compare import Comparison, Report, SequentialComparison
 from raytwin.compare.comparison import EXPECTED
 from raytwin.compare.report import Timing
 from raytwin.contract.check_function import judge_function
@@ -24,7 +24,6 @@ from raytwin.contract.subject import find_subject
 from raytwin.diagnose.diagnosis import explain
 from raytwin.image import Image
 from raytwin.image_input import one_batch
-from raytwin.notebook import InNotebook
 from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
@@ -32,6 +31,7 @@ from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
 from raytwin.scene import MitsubaScene, Scene, SceneFile, Tolerance
 from raytwin.scene.lens import without_ray
+from raytwin.workflows.compared import Compared
 from raytwin.workflows.rounds import CALLS, Rounds
 from raytwin.workflows.settings import MANY, CompareSettings
 from raytwin.workflows.versions import versions
@@ -48,46 +48,21 @@ CENTRES = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Result(InNotebook):
-    """All that `raytwin compare` found; every page is a view of it."""
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Result(Compared):
+    """All that `raytwin compare` found on a scene: the subject's image beside its twin's."""
+
+    made_by: ClassVar[str] = "compare_scene"
 
     scene: Scene | MitsubaScene
-    tolerance: Tolerance
-    report: Report
-    subject: Image
-    twin: Image
-    photo: np.ndarray | None = None
-    augmented: np.ndarray | None = None
-    calibration: "photos.Calibration | None" = None
-    pose: "photos.PoseReport | None" = None
-    truth: tuple[TruthRow, ...] = ()
-    times: tuple[Timing, ...] = ()
-    settings: dict[str, str] = field(default_factory=dict)
-    versions: dict[str, str] = field(default_factory=dict)
-    ledger: Ledger | None = None
 
     @property
-    def comparison(self) -> Comparison:
-        return self.report.comparison
+    def subject(self) -> Image:
+        return self.test
 
     @property
-    def verdict(self) -> Verdict:
-        """The answer: "pass", "differs", "fail" or "undecided"."""
-        return self.comparison.verdict
-
-    def table(self) -> list[dict[str, Any]]:
-        """Return the ledger, a row per part of the light: what `pandas.DataFrame` takes."""
-        return [part.to_dict() for part in self.report.ledger or ()]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what comparison.json holds, as plain values."""
-        plain: dict[str, Any] = files.plain(self.report.numbers())
-        return plain
-
-    def __repr__(self) -> str:
-        because = f": {self.comparison.cause or self.comparison.reasons[0]}" if self.comparison.reasons else ""
-        return f"<raytwin.compare_scene {self.verdict.upper()} {self.scene.name}, rung {self.report.rung}{because}>"
+    def twin(self) -> Image:
+        return self.reference
 
 
 def compare_scene(
@@ -173,8 +148,8 @@ def compare_scene(
             },
             ledger.parts if ledger else (),
         ).saying(*_folded(scene)),
-        subject=made,
-        twin=reference,
+        test=made,
+        reference=reference,
         photo=picture,
         augmented=augmented,
         calibration=calibration,

@@ -2,30 +2,31 @@
 
 import os
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
 
 from raytwin import files, references
-from raytwin.compare import METRICS, Comparison, Limits, Report, Verdict, limit_findings, measure
+from raytwin.compare import METRICS, Comparison, Limits, Report, limit_findings, measure
 from raytwin.compare import compare as compare_images
+from raytwin.compare.report import Timing
 from raytwin.diagnose.diagnosis import explain
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.image_input import ENDINGS, LoadedImage, as_image, read_side, renders_at
-from raytwin.notebook import InNotebook
 from raytwin.references import Reference
 from raytwin.scene import Scene, Tolerance
-from raytwin.workflows.settings import DiffSettings
+from raytwin.workflows.compared import Compared
+from raytwin.workflows.diff_settings import DiffSettings
 
 SLOW = ("flip_hdr", "flip_ldr")
 """Metrics that take longer than all else: only where asked for."""
 
 
-@dataclass(frozen=True, eq=False)
-class Diff(InNotebook):
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Diff(Compared):
     """All that `raytwin.compare` found. `metrics` has every row of METRICS, None where it has no value.
 
     `a`, `b`: what the two are called. `limits` decided where there are any, else `compare_images` did, by `tolerance`
@@ -34,41 +35,9 @@ class Diff(InNotebook):
 
     a: str
     b: str
-    test: Image
-    reference: Image
-    report: Report
     metrics: dict[str, float | None]
-    tolerance: Tolerance
     limits: Limits | None = None
     warnings: tuple[str, ...] = ()
-    settings: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def comparison(self) -> Comparison:
-        return self.report.comparison
-
-    @property
-    def verdict(self) -> Verdict:
-        """The answer: "pass", "fail" or "undecided"."""
-        return self.comparison.verdict
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """The reasons in words, the cause first where one is named."""
-        return self.comparison.reasons
-
-    @property
-    def cause(self) -> str:
-        """The named cause; empty where none is known."""
-        return self.comparison.cause
-
-    @property
-    def passed(self) -> bool:
-        return self.comparison.passed
-
-    def __repr__(self) -> str:
-        because = f": {self.cause or self.reasons[0]}" if self.reasons else ""
-        return f"<raytwin.compare {self.verdict.upper()} {self.report.scene}{because}>"
 
     def numbers(self) -> dict[str, Any]:
         """The comparison's keys, and beside them every metric, the limits and the warnings: what JSON holds."""
@@ -160,6 +129,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
         tolerance=limit,
         limits=limits,
         warnings=tuple(f.text for f in warned),
+        times=tuple(Timing(stage, took, "-") for stage, took in seconds.items()),
         settings={k: v for k, v in of_files.items() if v is not None} | decided,
     )
 

@@ -3,20 +3,17 @@
 `cli.options.OPTIONS` has a row for each field that is an option.
 """
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from raytwin.errors import InputError, check_one_of
-from raytwin.rungs import RUNGS
+from raytwin.rungs import MOST_SAMPLES, RUNGS, SAMPLINGS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from raytwin.compare import Limits
     from raytwin.renderers.renderer import Renderer
-    from raytwin.scene import Scene, SceneFile
     from raytwin.workflows.rounds import Budget
 
 FEW, MANY = 1, 64
@@ -63,13 +60,12 @@ class CompareSettings:
     parts: bool = True
 
     def __post_init__(self) -> None:
-        from raytwin import twin
         from raytwin.speed import check_rows
 
         check_one_of("--rung", self.rung, RUNGS)
-        check_one_of("--sampling", self.sampling, twin.SAMPLINGS)
-        if self.samples is not None and not 1 <= self.samples <= twin.MOST_SAMPLES:
-            raise InputError("--samples", f"a whole number from 1 to {twin.MOST_SAMPLES}", self.samples)
+        check_one_of("--sampling", self.sampling, SAMPLINGS)
+        if self.samples is not None and not 1 <= self.samples <= MOST_SAMPLES:
+            raise InputError("--samples", f"a whole number from 1 to {MOST_SAMPLES}", self.samples)
         if self.samples is not None and self.budget is not None:
             raise InputError("--budget", "no --samples beside it, which takes just as many", self.budget)
         biases = {"--detectable-bias": self.detectable_bias, "--detectable-tile-bias": self.detectable_tile_bias}
@@ -97,83 +93,6 @@ class CompareSettings:
     @property
     def twin_samples(self) -> int:
         return self.samples or (MANY if RUNGS[self.rung].noisy or self.sampling == "area" else FEW)
-
-
-@dataclass(frozen=True)
-class DiffSettings:
-    """How `raytwin.compare` reads two images and decides; checked when it is made.
-
-    Without `limits`, `compare` decides: values without noise by `tolerance`, the others at `false_alarm_rate`. With
-    them, they alone do (and NaN, infinity or another size fail); `warn` are limits that never fail. `part` and `layer`
-    choose within EXRs. `variances` (arrays or files) and `samples` of the two images are used where they lack them;
-    `noise` and the detectable biases as in `compare_images`. `scene` (one made in Python, a file or a name) and `rung`
-    say what is shown, so that a failure names its cause; `renders`: how often a function is called.
-    """
-
-    part: str | None = None
-    layer: str | None = None
-    tolerance: float = 1e-5
-    false_alarm_rate: float = 1e-3
-    noise: Literal["both", "reference", "none"] = "both"
-    detectable_bias: float = 0.1
-    detectable_tile_bias: float | None = None
-    flip: bool = False
-    limits: "Limits | None" = None
-    warn: "Limits | None" = None
-    variances: tuple[Any, Any] = (None, None)
-    samples: tuple[int, int] = (0, 0)
-    scene: "Scene | SceneFile | str | Path | None" = None
-    rung: str | None = None
-    renders: int = 8
-
-    def __post_init__(self) -> None:
-        if not 0 < self.tolerance < math.inf:
-            raise InputError("tolerance", "a finite number > 0", self.tolerance)
-        if self.rung is not None:
-            check_one_of("rung", self.rung, RUNGS)
-
-
-@dataclass(frozen=True)
-class IdiffLimits:
-    """The limits of OpenImageIO's idiff, as its options have them; what is not given is as in idiff."""
-
-    fail: float | None = None
-    fail_relative: float | None = None
-    fail_percent: float | None = None
-    hard_fail: float | None = None
-    allow_failures: int | None = None
-    warn: float | None = None
-    warn_relative: float | None = None
-    warn_percent: float | None = None
-    hard_warn: float | None = None
-
-    @property
-    def failing(self) -> "Limits | None":
-        """Return the limits that fail; None where none was given."""
-        return _limits(
-            error=("--fail", self.fail), relative=("--failrelative", self.fail_relative),
-            percent=("--failpercent", self.fail_percent), hard=("--hardfail", self.hard_fail),
-            pixels=("--allowfailures", self.allow_failures),
-        )  # fmt: skip
-
-    @property
-    def warning(self) -> "Limits | None":
-        """Return the limits that only warn."""
-        return _limits(
-            error=("--warn", self.warn), relative=("--warnrelative", self.warn_relative),
-            percent=("--warnpercent", self.warn_percent), hard=("--hardwarn", self.hard_warn),
-        )  # fmt: skip
-
-
-def _limits(**asked: tuple[str, Any]) -> "Limits | None":
-    """Return the limits that were given, each by its option and value; None where none was."""
-    from raytwin.compare import Limits
-
-    for option, value in asked.values():
-        if value is not None and not value >= 0:
-            raise InputError(option, "a number >= 0", value)
-    given = {name: value for name, (_, value) in asked.items() if value is not None}
-    return Limits(**given) if given else None
 
 
 @dataclass(frozen=True)
