@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin.scene.lights import Environment, Sky
+from raytwin.scene.lights import Environment, Light, Sun
 from raytwin.scene.record_base import Vector
 from raytwin.scene.scene import Scene
 from raytwin.scene.shapes import Shape, Sphere
@@ -31,20 +31,20 @@ def to_camera_frame(scene: Scene, precision: str = "float64") -> Scene:
         half_u, half_v = turned([thing.half_u, thing.half_v])
         return replace(thing, center=center, half_u=half_u, half_v=half_v)
 
+    def facing(light: Light) -> Light:
+        if isinstance(light, Sun):
+            return replace(light, to_light=turned(light.to_light)[0])
+        if isinstance(light, Environment):
+            return replace(light, R_map_board=tuple(turned(light.R_map_board)))
+        return light
+
     centers = turned(np.array([thing.center for thing in scene.objects]).reshape(-1, 3) - eye)
     objects = tuple(moved(thing, c) for thing, c in zip(scene.objects, centers, strict=True))
     camera = replace(
         scene.camera, R_cam_board=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), t_cam_board=(0.0, 0.0, 0.0)
     )
-    sun = replace(scene.sun, to_light=turned(scene.sun.to_light)[0])
-    local = replace(scene, camera=camera, objects=objects, lights=(sun, _sky(scene, R)))
+    lights = tuple(facing(light) for light in scene.lights)
+    local = replace(scene, camera=camera, objects=objects, lights=lights)
     check_lengths(local, precision)
     check_places(local, precision)
     return local
-
-
-def _sky(scene: Scene, R: np.ndarray) -> Sky | Environment:
-    if (around := scene.environment) is None:
-        return scene.sky
-    x, y, z = (np.asarray(around.R_map_board) @ R.T).tolist()
-    return msgspec.structs.replace(around, R_map_board=(tuple(x), tuple(y), tuple(z)))

@@ -41,8 +41,8 @@ def back_project(u: Any, v: Any, camera: Camera, undo: Callable[..., Any] = undi
     `u`, `v`: pixels, (0, 0) is the centre of the top-left one; arrays of one shape, or that broadcast to one.
     `undo` maps distorted to ideal coordinates.
     """
-    x, y = (u - camera.cx) * (1 / camera.fx), (v - camera.cy) * (1 / camera.fy)
-    x, y = undo(x, y, camera.coefficients)
+    (fx, _, cx), (_, fy, cy), _ = camera.K
+    x, y = undo((u - cx) * (1 / fx), (v - cy) * (1 / fy), camera.coefficients)
     scale = 1 / sqrt(x * x + y * y + 1)
     return x * scale, y * scale, scale
 

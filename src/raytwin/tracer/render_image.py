@@ -67,9 +67,9 @@ def trace_paths(scene: Scene, draws: Sequence[Draw], depth: int = 8, stages: Sta
 
 def _set_up(scene: Scene, stages: Stages) -> tuple[np.ndarray, np.ndarray, Lighting, PlainWorld]:
     """Pixel centres u, v (h, w); light and world in the camera's frame."""
-    check_lens(camera := scene.camera)
+    check_lens(scene.camera)
     local = to_camera_frame(scene)
-    u, v = np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float))
+    u, v = np.meshgrid(*(np.arange(side, dtype=float) for side in scene.camera.image_size))
     return u, v, lighting(local), PlainWorld(local.objects, stages)
 
 
