@@ -22,9 +22,8 @@ import raytwin
 from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.changes import STAGES, Fault
 from raytwin.diagnose.draw_scene import draw_scene
-from raytwin.diagnose.predict import RIGHT, Array, Bench
+from raytwin.diagnose.predict import Array, Predictor, predictor
 from raytwin.files.photo_files import to_bytes
-from raytwin.scene import Scene
 
 FOLDER = gallery.MADE / "faults"
 WIDTH, HEIGHT = 160, 120
@@ -46,18 +45,12 @@ HEADINGS = {
 
 
 @cache
-def scenes() -> tuple[tuple[Scene, Bench, Array], ...]:
-    """Return the scenes that faults are shown on, best first, each with its predictor and its right picture."""
+def scenes() -> tuple[tuple[Predictor, Array], ...]:
+    """Return what faults are shown with, best first, each with its right picture."""
     shipped = [raytwin.read_scene(f"scenes/{name}").scene for name in ("overlap", "eclipse", "distorted")]
-    made = []
-    for scene in (*shipped, *(draw_scene(seed) for seed in range(3))):
-        small = scene.with_camera(scene.camera.resized(WIDTH, HEIGHT))
-        v, u = np.indices((HEIGHT, WIDTH), float).reshape(2, -1)
-        bench = Bench(small, u, v, True)
-        right = np.asarray(bench.radiance(RIGHT))
-        bench.brightest = float(right.max())
-        made.append((small, bench, right))
-    return tuple(made)
+    every = (*shipped, *(draw_scene(seed) for seed in range(3)))
+    made = [predictor(scene.with_camera(scene.camera.resized(WIDTH, HEIGHT))) for scene in every]
+    return tuple((one, one.radiance()) for one in made)
 
 
 def shown(fault: Fault) -> tuple[Array, Array] | None:
@@ -66,12 +59,10 @@ def shown(fault: Fault) -> tuple[Array, Array] | None:
     The first scene on which it is plain to see, else the one with the largest difference.
     """
     best: tuple[float, Array, Array] | None = None
-    for _, bench, right in scenes():
-        for change in fault.ways:
-            with np.errstate(all="ignore"):
-                steps = change(RIGHT)
-                wrong = np.asarray(steps.output(bench.radiance(steps), bench.brightest), float)
-            off = float(np.nan_to_num(np.abs(wrong - right), nan=1.0, posinf=1.0).mean()) / bench.brightest
+    for one, right in scenes():
+        for way in fault.ways:
+            wrong = one.picture(way)
+            off = float(np.nan_to_num(np.abs(wrong - right), nan=1.0, posinf=1.0).mean()) / one.brightest
             if best is None or off > best[0]:
                 best = off, wrong, right
             if off > SEEN:

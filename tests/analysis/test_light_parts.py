@@ -12,7 +12,7 @@ from raytwin.analysis import light_parts
 from raytwin.analysis.ledger import make_ledger
 from raytwin.analysis.light_parts import WholeLight, sampled_parts
 from raytwin.diagnose.light_decomposition import split
-from raytwin.diagnose.pixel_sample import View, look
+from raytwin.diagnose.pixel_sample import SubmittedImage, look
 from raytwin.scene import Sky
 
 
@@ -139,7 +139,11 @@ def test_of_light_that_chance_finds_the_fewest_factors_are_told(scenes, fast, fa
     right = speed.walk(scene, "path", fast, samples=64, seed=7)
     half = 3 * np.sqrt(2 * right.variance)
     found = split(
-        look(View(scene, shown, right.mean, "path", half=half, sampled=sampled_parts(scene, "path", fast, "area")))
+        look(
+            SubmittedImage(
+                scene, shown, right.mean, "path", half=half, sampled=sampled_parts(scene, "path", fast, "area")
+            )
+        )
     )
     assert found.words.startswith(words) if words else found.words == ""
     assert found.explained > 0.9 or not words

@@ -9,7 +9,7 @@ from raytwin.analysis.rounding_cause import rounding_cause
 from raytwin.compare import Comparison
 from raytwin.diagnose.diagnosis import explain
 from raytwin.diagnose.noisy_values import noisy_cause
-from raytwin.diagnose.predict import RIGHT, Bench
+from raytwin.diagnose.predict import RIGHT, written
 from raytwin.image import Image, Surface
 from raytwin.report.terminal_text import because
 from raytwin.speed import trace
@@ -33,7 +33,8 @@ def test_depths_that_are_off_by_a_formula_of_the_pixel_are_named(words):
     scene = SCENES["distorted"]
     right = trace(scene)
     v, u = np.indices((60, 80), float).reshape(2, -1)
-    stretch = Bench(scene, u, v).rays(RIGHT).stretch.reshape(60, 80)
+    K, dist = np.array(scene.camera.K), np.array(scene.camera.coefficients)
+    stretch = 1 / written(RIGHT)["through"](K, dist, u, v)[:, 2].reshape(60, 80)
     (said,) = explain(with_depth(right, DEPTHS[words](stretch)), right, scene)
     assert said.startswith("cause (sure): ")
     assert words in said

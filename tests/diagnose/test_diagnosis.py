@@ -7,13 +7,13 @@ from raytwin import files
 from raytwin.diagnose import draw_scene
 from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.catalogue import CHANCES, FAULTS, cached
-from raytwin.diagnose.changes import SAMPLING, STAGES
+from raytwin.diagnose.changes import SAMPLING, STAGES, given
 from raytwin.diagnose.conditional_faults import _some, averaged, by_channel, stale, wrong_channels
-from raytwin.diagnose.diagnosis import Cause, Guess, View, _ranked, diagnose, explain
+from raytwin.diagnose.diagnosis import Cause, Hypothesis, SubmittedImage, _ranked, diagnose, explain
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
 from raytwin.diagnose.pixel_sample import look, many
-from raytwin.diagnose.predict import FIRST, RIGHT, Before, Bench
+from raytwin.diagnose.predict import FIRST, RIGHT, Before, predictor
 from raytwin.diagnose.prediction_cache import costs
 from raytwin.files.rounding import half_code
 from raytwin.image import Image
@@ -33,18 +33,11 @@ SCENES = [small(name) for name in SIZES]
 DRAWN = [draw_scene.draw_scene(seed, (60, 44)) for seed in (1, 2)]
 
 
-def bench(scene):
-    v, u = np.indices((scene.camera.height, scene.camera.width), float).reshape(2, -1)
-    return Bench(scene, u, v)
-
-
-def planted(change, scene, before=FIRST):
+def planted(way, scene, before=FIRST):
     """The picture of a tracer with this fault."""
-    made = bench(scene)
-    made.before = before
-    with np.errstate(all="ignore"):
-        picture = change(RIGHT).output(made.radiance(change(RIGHT)), 1.0)
-    return picture.reshape(scene.camera.height, scene.camera.width, 3)
+    made = predictor(scene)
+    made.before, made.brightest = before, 1.0
+    return made.picture(way).reshape(scene.camera.height, scene.camera.width, 3)
 
 
 def fault(name):
@@ -56,7 +49,7 @@ def names(diagnosis):
 
 
 def views(pictures):
-    return [View(scene, picture) for scene, picture in zip(SCENES, pictures, strict=False)]
+    return [SubmittedImage(scene, picture) for scene, picture in zip(SCENES, pictures, strict=False)]
 
 
 def test_the_catalogue_has_its_faults_each_under_its_own_name_and_stage():
@@ -67,25 +60,21 @@ def test_the_catalogue_has_its_faults_each_under_its_own_name_and_stage():
 
 @pytest.mark.parametrize("scene", SCENES, ids=SIZES)
 def test_without_a_fault_the_steps_are_the_tracer(scene):
-    made = planted(lambda steps: steps, scene)
+    made = planted(RIGHT, scene)
     assert np.abs(made - trace(scene).mean).max() < 1e-6
 
 
 def test_every_fault_shows_on_drawn_scenes_but_for_those_that_a_stage_alone_shows():
     hidden = {"sign-of-zero", "t-of-other-rays"}
-    v, u = (x.ravel()[::5] for x in np.indices(draw_scene.SIZE[::-1], float))
-    thin = [Bench(draw_scene.draw_scene(seed), u, v, shadows) for seed in range(2) for shadows in (True, False)]
-    with np.errstate(all="ignore"):
-        right = [b.radiance(RIGHT) for b in thin]
-        for b, r in zip(thin, right, strict=True):
-            b.brightest = r.max()
-        for f in (f for f in FAULTS if f.stage != SAMPLING and f.ways and f.name not in hidden):
-            shows = (
-                (~(np.abs(s.output(b.radiance(s), b.brightest) - r) <= 1e-4)).mean() > 1e-3
-                for s in (way(RIGHT) for way in f.ways)
-                for b, r in zip(thin, right, strict=True)
-            )
-            assert any(shows), f.name
+    thin = [predictor(draw_scene.draw_scene(seed), shadows, 5) for seed in range(2) for shadows in (True, False)]
+    right = [one.radiance() for one in thin]
+    for f in (f for f in FAULTS if f.stage != SAMPLING and f.ways and f.name not in hidden):
+        shows = (
+            (~(np.abs(one.picture(way) - r) <= 1e-4)).mean() > 1e-3
+            for way in f.ways
+            for one, r in zip(thin, right, strict=True)
+        )
+        assert any(shows), f.name
 
 
 @pytest.mark.parametrize("name", ["half-pixel", "sky-missing"])
@@ -116,23 +105,23 @@ def test_a_tracer_that_is_right_in_its_own_way_is_not_blamed(variation):
 
 def test_several_rays_a_pixel_are_told_and_a_mistake_of_its_own_is_not_taken_for_them():
     scene = SCENES[1]
-    corners = [fault("half-pixel").ways[0], lambda s: s, *fault("half-pixel").ways[2:]]
+    corners = [fault("half-pixel").ways[0], RIGHT, *fault("half-pixel").ways[2:]]
     mean = np.mean([planted(way, scene) for way in corners], axis=0)
-    assert names(diagnose([View(scene, mean)], most=1)) == ["averaged-from-corner"]
-    assert between(many([View(scene, mean)], 0))[0].name == "beside-the-centre"
-    odd = View(scene, planted(fault("sky-missing").ways[0], scene))
+    assert names(diagnose([SubmittedImage(scene, mean)], most=1)) == ["averaged-from-corner"]
+    assert between(many([SubmittedImage(scene, mean)], 0))[0].name == "beside-the-centre"
+    odd = SubmittedImage(scene, planted(fault("sky-missing").ways[0], scene))
     assert between(many([odd], 0)) is None
 
 
 def test_two_faults_are_both_named_geometry_first():
     both = [fault("sky-missing").ways[0], fault("y-up").ways[0]]
-    made = diagnose(views([planted(lambda s: both[1](both[0](s)), scene) for scene in SCENES[:2]]))
+    made = diagnose(views([planted((*both[0], *both[1]), scene) for scene in SCENES[:2]]))
     assert names(made) == ["y-up", "sky-missing"]
 
 
 def test_faults_that_give_the_same_pictures_are_both_named():
     scene = SCENES[1]  # here the plane is the last object tested
-    made = diagnose([View(scene, planted(fault("last-wins").ways[0], scene))])
+    made = diagnose([SubmittedImage(scene, planted(fault("last-wins").ways[0], scene))])
     assert {made.causes[0].name, *(cause.name for cause in made.alternatives[0])} == {"last-wins", "planes-on-top"}
     assert made.words[1].startswith("or, with the same effect here: ")
 
@@ -141,15 +130,17 @@ def test_faults_that_give_the_same_pictures_are_both_named():
 def test_points_that_are_composed_say_nothing_of_the_order(composed):
     """There the order along a ray is ours: right points speak against a wrong order of the submission's own alone."""
     camera = SCENES[1].camera
-    right = bench(msgspec.structs.replace(SCENES[1], objects=SCENES[1].spheres)).points(RIGHT)
-    sight = look(View(SCENES[1], right.reshape(camera.height, camera.width, 3), points=True, composed=composed))
-    cost = sight.squared(sight.predict(fault("first-wins").ways[0](RIGHT)))
+    right = predictor(msgspec.structs.replace(SCENES[1], objects=SCENES[1].spheres)).points()
+    sight = look(
+        SubmittedImage(SCENES[1], right.reshape(camera.height, camera.width, 3), points=True, composed=composed)
+    )
+    cost = sight.squared(sight.predict(fault("first-wins").ways[0]))
     assert (cost == 0) == composed
 
 
 def test_of_one_fault_the_way_that_costs_least_stands_and_of_two_alike_the_typical_one():
     def guess(name, cost, typical):
-        return Guess((Cause(name, "", ""),), RIGHT, cost, typical=typical)
+        return Hypothesis((Cause(name, "", ""),), RIGHT, cost, typical=typical)
 
     ways = [guess("mirrored", 0.0, False), guess("upside-down", 0.002, True), guess("upside-down", 0.0001, False)]
     found = [(g.causes[0].name, g.cost) for g in _ranked(ways, FAULTS, 0.001)]
@@ -161,24 +152,24 @@ def test_of_one_fault_the_way_that_costs_least_stands_and_of_two_alike_the_typic
 def test_a_scene_that_everyone_is_asked_for_rules_out_what_it_speaks_against():
     """The planted way leaves nothing of it; what shows in shadows alone leaves as much as none."""
     ways = (fault("sky-missing").ways[0], fault("no-shadow").ways[0], fault("sky-twice").ways[0])
-    sight = look(View(SCENES[1], planted(ways[0], SCENES[1]), rung="shadow", common=True))
+    sight = look(SubmittedImage(SCENES[1], planted(ways[0], SCENES[1]), rung="shadow", common=True))
     cost = costs(sight, ways)
     assert cost[0] < 1e-9
     assert cost[1] > 1
-    made = diagnose([View(scene, planted(ways[0], scene), common=k == 1) for k, scene in enumerate(SCENES)])
+    made = diagnose([SubmittedImage(scene, planted(ways[0], scene), common=k == 1) for k, scene in enumerate(SCENES)])
     assert names(made) == ["sky-missing"]
 
 
 def test_a_second_fault_that_few_pixels_show_makes_the_first_unsure_and_it_is_told_where():
     one, other = fault("bgr").ways[0], fault("shadow-offset").ways[0]
-    made = diagnose([View(scene, planted(lambda s: other(one(s)), scene)) for scene in SCENES[1:]])
+    made = diagnose([SubmittedImage(scene, planted((*one, *other), scene)) for scene in SCENES[1:]])
     assert names(made) == ["bgr"]
     assert made.sureness == "likely"
     assert "something else is wrong, too: wrong in single pixels" in made.words[-1]
 
 
 def test_of_few_wrong_pixels_it_is_said_where_they_are():
-    sight = look(View(SCENES[0], trace(SCENES[0]).mean)).everywhere(10_000)
+    sight = look(SubmittedImage(SCENES[0], trace(SCENES[0]).mean)).everywhere(10_000)
     errors = np.where(np.arange(sight.index.size) == 2400, 1.0, 0.0)
     sight.weight *= 1e-3
     assert whereabouts([sight], [errors]).startswith("wrong in single pixels (0.021 %), most ")
@@ -187,7 +178,7 @@ def test_of_few_wrong_pixels_it_is_said_where_they_are():
 def test_the_typical_form_of_a_fault_comes_before_the_untypical_one_of_another():
     """No sphere at all: a factor in the quadratic may do that, too."""
     scene = draw_scene.draw_scene(1)
-    made = diagnose([View(scene, planted(fault("no-spheres").ways[0], scene))], most=1)
+    made = diagnose([SubmittedImage(scene, planted(fault("no-spheres").ways[0], scene))], most=1)
     assert names(made)[0] == "no-spheres"
     assert made.sureness == "likely" or made.alternatives == ((),)
 
@@ -200,7 +191,7 @@ def test_a_picture_without_any_hit_is_said_to_be_one_and_no_cause_is_guessed():
 
 def test_light_reversed_in_shading_alone_is_told_beside_normals_that_do_the_same():
     scene = draw_scene.draw_scene(1)
-    made = diagnose([View(scene, planted(fault("light-reversed-in-shading").ways[0], scene))], most=1)
+    made = diagnose([SubmittedImage(scene, planted(fault("light-reversed-in-shading").ways[0], scene))], most=1)
     said = {*names(made), *(cause.name for cause in made.alternatives[0])}
     assert said == {"all-normals-inward", "light-reversed-in-shading"}
     assert made.sureness == "likely"
@@ -208,7 +199,7 @@ def test_light_reversed_in_shading_alone_is_told_beside_normals_that_do_the_same
 
 def test_a_region_that_stays_wrong_is_told_and_makes_nothing_sure():
     pictures = [planted(fault("pi-missing").ways[0], scene) for scene in SCENES]
-    v, u = np.argwhere(bench(SCENES[0]).hits(RIGHT).ids.reshape(60, 80) >= 0).mean(axis=0).astype(int)
+    v, u = np.argwhere(predictor(SCENES[0]).seen().ids.reshape(60, 80) >= 0).mean(axis=0).astype(int)
     pictures[0][v : v + 5, u : u + 5] *= 0.7
     made = diagnose(views(pictures), most=1)
     assert names(made) == ["pi-missing"]
@@ -219,40 +210,38 @@ def test_a_region_that_stays_wrong_is_told_and_makes_nothing_sure():
 def test_planes_that_rounding_turns_pixel_by_pixel_are_not_acne():
     scene, chance = draw_scene.draw_scene(1), np.random.default_rng(5).random((88, 120, 1)) < 0.5
     one, other = (planted(way, scene) for way in CHANCES[0].ways)
-    made = diagnose([View(scene, np.where(chance, one, other))], most=1)
+    made = diagnose([SubmittedImage(scene, np.where(chance, one, other))], most=1)
     assert names(made) == ["plane-normal-by-origin"]
 
 
 def test_rays_that_are_kept_from_another_scene_of_the_same_size_are_told():
     cameras = [scene.camera for scene in SCENES[1:]]
     change = cached(cameras[:1], cameras)[0].ways[0]
-    made = diagnose([View(scene, planted(change, scene)) for scene in SCENES[1:]], most=1)
+    made = diagnose([SubmittedImage(scene, planted(change, scene)) for scene in SCENES[1:]], most=1)
     assert names(made) == ["rays-kept"]
 
 
 def test_a_channel_that_is_read_from_another_one_is_told_by_term_and_channel():
     index = [0, 1, 1]
 
-    def change(s):
-        return s._replace(shade=lambda x: s.shade(x._replace(irradiance=x.irradiance[index], sky=x.sky[index])))
-
-    made = diagnose([View(scene, planted(change, scene)) for scene in DRAWN], most=1)
+    change = given(irradiance=lambda E: E[index], sky=lambda sky: sky[index])
+    made = diagnose([SubmittedImage(scene, planted(change, scene)) for scene in DRAWN], most=1)
     assert names(made) == ["channel-of-the-irradiance-and-the-sky"]
     assert "blue from green" in made.words[0]
     assert made.sureness == "sure"
 
 
 def test_a_formula_that_is_wrong_in_one_channel_alone_is_told_with_the_channel():
-    sights = many([View(scene, planted(lambda s: s, scene) * [0.5, 1, 1]) for scene in DRAWN])
+    sights = many([SubmittedImage(scene, planted(RIGHT, scene) * [0.5, 1, 1]) for scene in DRAWN])
     assert wrong_channels(sights) == (0,)
     found = next(f for f in by_channel((0,)) if f.name == "squared-cosine-in-one-channel")
-    made = diagnose([View(scene, planted(found.ways[0], scene)) for scene in DRAWN], most=1)
+    made = diagnose([SubmittedImage(scene, planted(found.ways[0], scene)) for scene in DRAWN], most=1)
     assert names(made) == ["squared-cosine-in-one-channel"]
     assert "in red alone" in made.words[0]
 
 
 def test_the_mean_of_several_rays_a_pixel_is_told_for_sure():
-    made = diagnose([View(scene, planted(averaged()[0].ways[0], scene)) for scene in DRAWN], most=1)
+    made = diagnose([SubmittedImage(scene, planted(averaged()[0].ways[0], scene)) for scene in DRAWN], most=1)
     assert names(made) == ["averaged-over-pixel"]
     assert made.sureness == "sure"
 
@@ -261,12 +250,12 @@ def test_the_mean_of_several_rays_a_pixel_is_told_for_sure():
 def test_what_a_process_keeps_of_earlier_scenes_is_told(name):
     """The first scene is right; a wrong one that nothing came before speaks against it."""
     befores = [Before("render"), Before("render", (("render", DRAWN[0]),))]
-    right = [View(scene, planted(lambda s: s, scene), before=b) for scene, b in zip(DRAWN, befores, strict=True)]
+    right = [SubmittedImage(scene, planted(RIGHT, scene), before=b) for scene, b in zip(DRAWN, befores, strict=True)]
     (one,) = (f for f in stale(many(right)) if f.name == name)
     shown = [planted(one.ways[0], scene, b) for scene, b in zip(DRAWN, befores, strict=True)]
-    told = diagnose([View(s, x, before=b) for s, x, b in zip(DRAWN, shown, befores, strict=True)], most=1)
+    told = diagnose([SubmittedImage(s, x, before=b) for s, x, b in zip(DRAWN, shown, befores, strict=True)], most=1)
     assert names(told) == [name]
-    assert stale(many([View(DRAWN[0], shown[1], before=befores[0])])) == ()
+    assert stale(many([SubmittedImage(DRAWN[0], shown[1], before=befores[0])])) == ()
 
 
 def test_scenes_are_kept_by_stages_together_or_by_each_on_its_own():
@@ -279,7 +268,7 @@ def test_scenes_are_kept_by_stages_together_or_by_each_on_its_own():
 
 def test_shadows_on_the_rung_without_any_are_told():
     scene = draw_scene.draw_scene(1)
-    made = diagnose([View(scene, trace(scene, "shadow").mean, rung="lambert")], most=1)
+    made = diagnose([SubmittedImage(scene, trace(scene, "shadow").mean, rung="lambert")], most=1)
     assert names(made) == ["shadows-always"]
 
 
@@ -287,14 +276,14 @@ def test_eight_bits_hide_no_cause():
     scene = SCENES[1]
     code = np.rint(files.srgb_encode(planted(fault("pi-twice").ways[0], scene)) * 255) / 255
     shown = files.srgb_decode(code)
-    made = diagnose([View(scene, shown, half=half_code(shown, 255), clipped=True)])
+    made = diagnose([SubmittedImage(scene, shown, half=half_code(shown, 255), clipped=True)])
     assert names(made) == ["pi-twice"]
 
 
 def test_where_nothing_explains_it_is_said_where_it_is_wrong():
     pictures = [trace(scene).mean.copy() for scene in SCENES[:2]]
     rng = np.random.default_rng(1)
-    seen = bench(SCENES[0]).hits(RIGHT).ids.reshape(60, 80)
+    seen = predictor(SCENES[0]).seen().ids.reshape(60, 80)
     on = np.isin(seen, [0, 1])
     pictures[0][on] *= rng.uniform(0.5, 1.5, (on.sum(), 1)).astype(np.float32)
     made = diagnose(views(pictures))
@@ -306,19 +295,18 @@ def test_where_nothing_explains_it_is_said_where_it_is_wrong():
 def test_points_are_told_from_the_points_that_a_fault_would_give():
     scene = SCENES[1]
     balls = msgspec.structs.replace(scene, objects=scene.spheres)
-    steps = fault("t-along-z").ways[0](RIGHT)
-    shown = bench(balls).points(steps).reshape(66, 88, 3)
-    assert names(diagnose([View(scene, shown, points=True)])) == ["t-along-z"]
+    shown = predictor(balls).points(fault("t-along-z").ways[0]).reshape(66, 88, 3)
+    assert names(diagnose([SubmittedImage(scene, shown, points=True)])) == ["t-along-z"]
 
 
 def test_nan_an_empty_scene_and_a_black_picture_are_no_obstacle():
     scene = SCENES[0]
     shown = trace(scene).mean.copy()
     shown[20:30, 20:30] = np.nan
-    assert not diagnose([View(scene, shown)], most=1).right
+    assert not diagnose([SubmittedImage(scene, shown)], most=1).right
     empty = msgspec.structs.replace(scene, objects=())
-    assert names(diagnose([View(empty, 2 * trace(empty).mean)], most=1))
-    assert names(diagnose([View(scene, 0 * trace(scene).mean)], most=1)) == ["empty"]
+    assert names(diagnose([SubmittedImage(empty, 2 * trace(empty).mean)], most=1))
+    assert names(diagnose([SubmittedImage(scene, 0 * trace(scene).mean)], most=1)) == ["empty"]
 
 
 P = np.random.default_rng(2).random((40, 50, 3))
@@ -358,23 +346,23 @@ def test_light_that_is_followed_is_told_from_what_walks_would_bring():
     right = sum(part.mean for part in light.values())
     shown = sum(part.mean for name, part in same.items() if not name.startswith("bounce"))
     slack = 3 * np.sqrt(2 * sum(part.variance for part in light.values()))
-    made = diagnose([View(scene, shown, right, "path", half=slack)], most=1)
+    made = diagnose([SubmittedImage(scene, shown, right, "path", half=slack)], most=1)
     assert names(made) == ["no-interreflection"]
 
 
 def test_parts_of_the_light_are_fitted_although_the_sky_hides_them_in_the_whole():
     scene = SCENES[1]
-    found = split(look(View(scene, planted(fault("pi-missing").ways[0], scene))))
+    found = split(look(SubmittedImage(scene, planted(fault("pi-missing").ways[0], scene))))
     assert found.words == "the sun's part is 3.142 = π times too bright"
     assert {share.part: round(share.factor, 3) for share in found.shares} == {"sun": 3.142, "shadow": 3.142, "sky": 1.0}
 
 
 def test_parts_of_the_light_are_fitted_by_object():
     scene = SCENES[1]
-    right = planted(lambda steps: steps, scene)
-    one = bench(scene).hits(RIGHT).ids.reshape(right.shape[:2]) == 1
+    right = planted(RIGHT, scene)
+    one = predictor(scene).seen().ids.reshape(right.shape[:2]) == 1
     right[one] *= 0.5
-    found = split(look(View(scene, right)))
+    found = split(look(SubmittedImage(scene, right)))
     assert found.explained > 0.999
     assert f"the sun's part is too dark by a factor of 2 on {scene.names[1]}" in found.words
     assert f"the sky's part is too dark by a factor of 2 on {scene.names[1]}" in found.words
@@ -384,13 +372,13 @@ def test_parts_of_the_light_are_fitted_by_object():
 def test_sampled_parts_are_fitted_without_their_noise():
     """Noise of the parts' own size would pull a plain fit's factor to 1/2; seeded, within 4 standard errors."""
     scene = SCENES[1]
-    sight = look(View(scene, planted(lambda steps: steps, scene)))
+    sight = look(SubmittedImage(scene, planted(RIGHT, scene)))
     rng = np.random.default_rng(4)
     bounce = rng.uniform(0, 0.2, sight.view.shown.shape)
-    seen = bench(scene).hits(RIGHT).ids.reshape(bounce.shape[:2]) >= 0
+    seen = predictor(scene).seen().ids.reshape(bounce.shape[:2]) >= 0
     shown = sight.view.shown + np.where(seen[..., None], 0.3 * bounce, 0)
     halves = tuple(bounce + rng.normal(0, 0.06, bounce.shape) for _ in range(2))
-    found = split(look(View(scene, shown, sight.view.right)), {"bounce 1": halves})
+    found = split(look(SubmittedImage(scene, shown, sight.view.right)), {"bounce 1": halves})
     shares = [share for share in found.shares if share.part == "bounce 1"]
     assert shares
     assert all(abs(share.factor - 0.3) < 4 * share.error < 0.15 for share in shares)

@@ -2,30 +2,28 @@
 
 import numpy as np
 
-from raytwin.diagnose.changes import offset_by, put, shadows
+from raytwin.diagnose.changes import offset_by
 from raytwin.diagnose.draw_scene import draw_scene
-from raytwin.diagnose.predict import RIGHT, Bench
+from raytwin.diagnose.predict import RIGHT, planted, slip
 from raytwin.diagnose.tolerance_mask import forgiven
 
 SCENE = draw_scene(3)
-V, U = np.indices((SCENE.camera.height, SCENE.camera.width), float).reshape(2, -1)
 
 
-def shown(change=lambda steps: steps):
-    bench = Bench(SCENE, U, V)
-    return bench.radiance(change(RIGHT)).reshape(SCENE.camera.height, SCENE.camera.width, 3)
+def shown(way=RIGHT):
+    return planted(SCENE, way)
 
 
 def test_another_start_of_shadow_rays_is_forgiven_wholly():
     right = shown()
     for eps, along_light in ((7e-4, False), (5e-5, True), (1e-6, False)):
-        made = forgiven(shown(put(blocked=offset_by(eps, along_light))), right, SCENE, "shadow")
+        made = forgiven(shown(offset_by(eps, along_light)), right, SCENE, "shadow")
         assert np.abs(made - right).max() < 1e-6
 
 
 def test_a_start_that_loses_shadows_is_not_forgiven_nor_is_a_single_wrong_pixel():
     right = shown()
-    far = shown(put(blocked=offset_by(3e-2)))
+    far = shown(offset_by(3e-2))
     assert (np.abs(forgiven(far, right, SCENE, "shadow") - right).max(axis=-1) > 0.01).mean() > 1e-3
     one = right.copy()
     one[40, 50] += 0.1
@@ -33,5 +31,5 @@ def test_a_start_that_loses_shadows_is_not_forgiven_nor_is_a_single_wrong_pixel(
 
 
 def test_missing_shadows_stay_missing():
-    right, bare = shown(), shown(shadows(lambda hits, to, things, steps: (hits.normal * to).sum(axis=0) <= 0))
+    right, bare = shown(), shown(slip("sun_visible", ("return visible", "return visible | True")))
     assert np.array_equal(forgiven(bare, right, SCENE, "shadow"), bare)

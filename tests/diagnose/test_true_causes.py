@@ -12,11 +12,11 @@ from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.budget import Budget
 from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.certainty import is_likelier, shows
-from raytwin.diagnose.changes import at
+from raytwin.diagnose.changes import moved
 from raytwin.diagnose.diagnosis import _search, diagnose, explain
 from raytwin.diagnose.parametric_faults import FAMILIES, bright
-from raytwin.diagnose.pixel_sample import Sight, View, look
-from raytwin.diagnose.predict import RIGHT, Bench
+from raytwin.diagnose.pixel_sample import PixelSample, SubmittedImage, look
+from raytwin.diagnose.predict import RIGHT, Predictor, planted, predictor
 from raytwin.image import Image
 from raytwin.scene import Scene, Sphere
 from raytwin.tracer import trace
@@ -97,11 +97,10 @@ def test_where_a_few_scattered_values_are_off_nothing_is_named(name, count):
 def test_a_cause_under_noise_has_to_bring_the_noisy_pixels_nearer():
     """The rays three pixels aside, and as many to the other side; the noise is a third of the scale."""
     scene = SCENES["overlap"]
-    v, u = np.indices((60, 80), float).reshape(2, -1)
-    left, right = (at(lambda u, v, c, x=x: (u + x, v))(RIGHT) for x in (-3, 3))
-    exact, made = (Bench(scene, u, v).radiance(steps).reshape(60, 80, 3) for steps in (RIGHT, left))
+    left, right = (moved(x, 0) for x in (-3, 3))
+    exact, made = (planted(scene, way) for way in (RIGHT, left))
     noise = np.random.default_rng(0).normal(0, 0.3, made.shape)
-    sights = [look(View(scene, made + noise, exact, half=np.full(made.shape, 0.9)))]
+    sights = [look(SubmittedImage(scene, made + noise, exact, half=np.full(made.shape, 0.9)))]
     assert is_likelier(sights, left)
     assert not is_likelier(sights, right)
     assert not is_likelier(sights, RIGHT)
@@ -111,11 +110,9 @@ def test_a_cause_under_noise_has_to_bring_the_noisy_pixels_nearer():
 def test_a_number_whose_effect_is_below_the_tolerance_is_never_named(family):
     """A number that is off by a billionth, beside a dozen odd values that nothing explains."""
     scene = SCENES["overlap"]
-    near = family.make(tuple(x + 3e-9 for x in family.start))(RIGHT)
-    v, u = np.indices((60, 80), float).reshape(2, -1)
-    shown = Bench(scene, u, v).radiance(near)
-    shown = np.asarray(near.output(shown, float(shown.max())))
-    sights = [look(View(scene, (1.3 * shown).reshape(60, 80, 3)))]
+    near = family.make(tuple(x + 3e-9 for x in family.start))
+    shown = np.array(predictor(scene).picture(near))
+    sights = [look(SubmittedImage(scene, (1.3 * shown).reshape(60, 80, 3)))]
     assert family.name in CONSTANTS or not shows(sights, RIGHT, near)
     shown[np.random.default_rng(1).choice(4800, 12, replace=False)] += 0.05
     said = explain(Image(shown.reshape(60, 80, 3).astype(np.float32)), trace(scene), scene)
@@ -143,7 +140,7 @@ def test_a_fitted_number_that_leaves_more_than_rounding_is_not_sure():
     scene = SCENES["eclipse"]
     sun = trace(with_sun(scene, irradiance=tuple(1.7 * x for x in scene.sun.irradiance))).mean
     v = np.arange(60)[:, None, None]
-    exact, near = (diagnose([View(scene, x)]) for x in (sun, sun + 5e-4 * sun.max() * np.sin(v / 9)))
+    exact, near = (diagnose([SubmittedImage(scene, x)]) for x in (sun, sun + 5e-4 * sun.max() * np.sin(v / 9)))
     assert [made.causes[0].name for made in (exact, near)] == ["sun-scaled"] * 2
     assert [made.sureness for made in (exact, near)] == ["sure", "likely"]
 
@@ -185,18 +182,18 @@ def test_pixels_of_several_rays_are_still_found_by_what_they_blend():
     scene = SCENES["distorted"]
     v, u = np.indices((60, 80), float).reshape(2, -1)
     rng = np.random.default_rng(1)
-    rays = [Bench(scene, *(np.stack([u, v]) + rng.random((2, u.size)) - 0.5)).radiance(RIGHT) for _ in range(4)]
+    rays = [Predictor(scene, *(np.stack([u, v]) + rng.random((2, u.size)) - 0.5)).radiance() for _ in range(4)]
     for shown in (rays[0], np.mean(rays, axis=0)):
-        assert between([look(View(scene, shown.reshape(60, 80, 3)))]) is not None
+        assert between([look(SubmittedImage(scene, shown.reshape(60, 80, 3)))]) is not None
 
 
 def test_a_search_without_time_says_what_it_did_not_try():
     scene = SCENES["overlap"]
     shown = 1.3 * trace(scene).mean
-    none = diagnose([View(scene, shown)], seconds=0)
+    none = diagnose([SubmittedImage(scene, shown)], seconds=0)
     assert not none.causes
     assert re.fullmatch(r"the search stopped after 0 s: (\d+) of \1 known mistakes were not tried", none.words[-1])
-    assert diagnose([View(scene, shown)]).untried == ""
+    assert diagnose([SubmittedImage(scene, shown)]).untried == ""
 
 
 def test_a_search_that_runs_out_of_time_names_what_it_has_found_and_what_is_left():
@@ -204,9 +201,7 @@ def test_a_search_that_runs_out_of_time_names_what_it_has_found_and_what_is_left
     budget = Budget(100, itertools.count().__next__)
     scene = SCENES["overlap"]
     sky = next(f for f in FAULTS if f.name == "sky-missing")
-    v, u = np.indices((60, 80), float).reshape(2, -1)
-    faulty = Bench(scene, u, v).radiance(sky.ways[0](RIGHT)).reshape(60, 80, 3)
-    sights = [look(View(scene, faulty))]
+    sights = [look(SubmittedImage(scene, planted(scene, sky.ways[0])))]
     made = _search(sights, "", FAULTS, (), 1, budget)
     assert 5 <= len(budget.tried) <= 100
     assert len(budget.untried - budget.tried) + len(budget.tried) >= sum(bool(f.ways) for f in FAULTS)
@@ -216,13 +211,13 @@ def test_a_search_that_runs_out_of_time_names_what_it_has_found_and_what_is_left
 @pytest.mark.parametrize("kind", ["waves", "blurred", "shadowless"])
 def test_no_stage_of_a_diagnosis_outlasts_its_time(kind, monkeypatch):
     """A clock that strikes once each prediction: as where objects are so many that nothing else takes time."""
-    strikes, seen = [0], Sight.predict
+    strikes, seen = [0], PixelSample.predict
 
     def predict(sight, steps):
         strikes[0] += 1
         return seen(sight, steps)
 
-    monkeypatch.setattr(Sight, "predict", predict)
+    monkeypatch.setattr(PixelSample, "predict", predict)
     monkeypatch.setattr("raytwin.diagnose.diagnosis.Budget", lambda s: Budget(s, lambda: strikes[0]))
     scene = SCENES["overlap"]
     right = trace(scene).mean
@@ -234,7 +229,7 @@ def test_no_stage_of_a_diagnosis_outlasts_its_time(kind, monkeypatch):
     }[kind]
     for seconds in (60, 200, 600):
         strikes[0] = 0
-        diagnose([View(scene, shown)], seconds=seconds)
+        diagnose([SubmittedImage(scene, shown)], seconds=seconds)
         assert strikes[0] <= seconds + 30
 
 
@@ -243,6 +238,6 @@ def test_in_a_scene_of_many_objects_fewer_pixels_are_looked_at():
     balls = tuple(msgspec.structs.replace(ball, center=(0.01 * k, 5.0, 0.1)) for k in range(12_000))
     scene = msgspec.structs.replace(small("overlap", (32, 24)), objects=(*SCENES["overlap"].objects, *balls))
     right = np.broadcast_to(np.arange(32 * 24 * 3, dtype=np.float32).reshape(24, 32, 3), (24, 32, 3))
-    sight = look(View(scene, 2 * right, right))
+    sight = look(SubmittedImage(scene, 2 * right, right))
     assert sight.index.size * len(scene.objects) < 8e6
     assert sight.weight.sum() == pytest.approx(1)

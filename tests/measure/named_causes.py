@@ -7,8 +7,7 @@ faults that look alike: which is named where which was planted.
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from measure import record
@@ -16,27 +15,17 @@ from tracers_by_students import CORRECT, MISTAKES, mistaken, run
 
 from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.changes import SAMPLING, Fault
-from raytwin.diagnose.diagnosis import FEW, Diagnosis, View, diagnose
+from raytwin.diagnose.diagnosis import FEW, Diagnosis, SubmittedImage, diagnose
 from raytwin.diagnose.draw_scene import draw_scene
-from raytwin.diagnose.predict import RIGHT, Bench
+from raytwin.diagnose.predict import Pipeline, planted
 from raytwin.renderers.scene_exchange import as_arrays
 
 SCENES = [(draw_scene(seed), "shadow" if seed < 3 else "lambert") for seed in range(4)]
 
 
-def planted(changes: Iterable[Callable[[Any], Any]]) -> list[View]:
-    steps, made = RIGHT, []
-    for change in changes:
-        steps = change(steps)
-    for scene, rung in SCENES:
-        h, w = scene.camera.height, scene.camera.width
-        v, u = np.indices((h, w), float).reshape(2, -1)
-        bench = Bench(scene, u, v, rung == "shadow")
-        with np.errstate(all="ignore"):
-            bench.brightest = float(bench.radiance(RIGHT).max())
-            shown = np.asarray(steps.output(bench.radiance(steps), bench.brightest)).reshape(h, w, 3)
-        made.append(View(scene, shown, rung=rung))
-    return made
+def pictures_with(ways: Sequence[Pipeline]) -> list[SubmittedImage]:
+    """What a tracer with these mistakes makes of every scene."""
+    return [SubmittedImage(scene, planted(scene, *ways, shadows=rung == "shadow"), rung=rung) for scene, rung in SCENES]
 
 
 class Tally:
@@ -80,14 +69,14 @@ class Tally:
             print(f"{planted_:34} -> {named}{f' ({times} times)' if times > 1 else ''}")
 
 
-def timed(views: list[View]) -> tuple[Diagnosis, float]:
+def timed(views: list[SubmittedImage]) -> tuple[Diagnosis, float]:
     start = time.process_time()
     return diagnose(views), time.process_time() - start
 
 
-def pictures(text: str) -> list[View]:
+def pictures(text: str) -> list[SubmittedImage]:
     made = run(text, [as_arrays(scene, rung) for scene, rung in SCENES])
-    return [View(scene, picture, rung=rung) for (scene, rung), picture in zip(SCENES, made, strict=True)]
+    return [SubmittedImage(scene, picture, rung=rung) for (scene, rung), picture in zip(SCENES, made, strict=True)]
 
 
 def of_students() -> None:
@@ -100,12 +89,12 @@ def of_students() -> None:
     tally.report("students", {"right tracers that were blamed": f"{blamed} of {len(CORRECT)}"})
 
 
-def seen_of(faults: Sequence[tuple[Fault, Any]]) -> list[Fault]:
+def seen_of(faults: Sequence[tuple[Fault, Pipeline]]) -> list[Fault]:
     """Those without which the pictures would be others."""
-    whole = planted([way for _, way in faults])
+    whole = pictures_with([way for _, way in faults])
     kept = []
     for fault in faults:
-        without = planted([way for other, way in faults if other is not fault[0]])
+        without = pictures_with([way for other, way in faults if other is not fault[0]])
         with np.errstate(invalid="ignore"):
             pairs = zip(whole, without, strict=True)
             if any((~(np.abs(a.shown - b.shown) <= 1e-5)).any(axis=-1).sum() >= FEW for a, b in pairs):
@@ -113,12 +102,12 @@ def seen_of(faults: Sequence[tuple[Fault, Any]]) -> list[Fault]:
     return kept
 
 
-def of_faults(what: str, chosen: Iterable[Sequence[tuple[Fault, Any]]]) -> None:
+def of_faults(what: str, chosen: Iterable[Sequence[tuple[Fault, Pipeline]]]) -> None:
     """Diagnose planted faults and report as `what`. Wanted of two are those that show beside the other."""
     tally = Tally()
     for faults in chosen:
         names = {f.name for f in (seen_of(faults) if len(faults) > 1 else (faults[0][0],))}
-        made, seconds = timed(planted([way for _, way in faults]))
+        made, seconds = timed(pictures_with([way for _, way in faults]))
         tally.take(
             names, " + ".join(f.name if f.name in names else f"({f.name})" for f, _ in faults), made, names, seconds
         )

@@ -20,7 +20,7 @@ from raytwin.analysis.light_parts import WholeLight
 from raytwin.analysis.own_error import OWN
 from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.changes import Fault
-from raytwin.diagnose.predict import RIGHT, Bench
+from raytwin.diagnose.predict import RIGHT, planted
 from raytwin.image import Image
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 
@@ -51,16 +51,11 @@ def right_image(name: str, level: str) -> Image:
     return subject(scene, 0)
 
 
-def planted(name: str, level: str, fault: Fault) -> Planted | None:
+def ledger_of(name: str, level: str, fault: Fault) -> Planted | None:
     """The ledger of a right image with what `fault` adds to it at level shadow; None where that is hardly anything."""
     scene, right = light(name).scene, right_image(name, level)
-    height, width, _ = right.mean.shape
-    v, u = np.indices((height, width), float).reshape(2, -1)
-    bench, wrong = Bench(scene, u, v), fault.ways[0](RIGHT)
-    with np.errstate(all="ignore"):
-        exact, made = bench.radiance(RIGHT), bench.radiance(wrong)
-        made = np.asarray(wrong.output(made, float(exact.max())), float)
-    added = np.nan_to_num(np.clip(made - exact, -10, 10)).reshape(right.mean.shape)
+    exact, made = (planted(scene, way) for way in (RIGHT, fault.ways[0]))
+    added = np.nan_to_num(np.clip(made - exact, -10, 10))
     energy = float(np.square(added).mean())
     if energy < SEEN**2 * float(np.square(right.mean).mean()):
         return None
@@ -81,7 +76,7 @@ def chosen(count: int) -> tuple[Fault, ...]:
 def results(count: int, level: str) -> Iterator[tuple[str, str, Planted]]:
     for name in SCENES:
         for fault in chosen(count):
-            if (found := planted(name, level, fault)) is not None:
+            if (found := ledger_of(name, level, fault)) is not None:
                 yield name, fault.name, found
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytwin.diagnose.light_decomposition import fitted_error
-from raytwin.diagnose.pixel_sample import Sampled, View
+from raytwin.diagnose.pixel_sample import Sampled, SubmittedImage
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
@@ -32,7 +32,7 @@ def own_error(scene: Scene, seen: Image, right: Image, rung: str, sampled: Sampl
     off, words, picture = seen.mean - right.mean, "", np.zeros_like(right.mean)
     if scene.objects and not scene.glossy and not scene.environment:
         slack = None if seen.variance is None else 3 * np.sqrt(np.maximum(seen.variance, 0, dtype=float))
-        words, fitted = fitted_error(View(scene, seen.mean, right.mean, rung, half=slack, sampled=sampled))
+        words, fitted = fitted_error(SubmittedImage(scene, seen.mean, right.mean, rung, half=slack, sampled=sampled))
         picture = fitted.astype(off.dtype)
     if RUNGS[rung].noisy:
         variances: tuple[np.ndarray, ...] = ()

@@ -132,11 +132,11 @@ def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> S
 def _diagnosed(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> tuple[tuple[str, ...], str]:
     """Return the names of the causes that explain most of what is wrong with pictures, and the sentence."""
     from raytwin.diagnose.diagnosis import diagnose
-    from raytwin.diagnose.pixel_sample import View
+    from raytwin.diagnose.pixel_sample import SubmittedImage
     from raytwin.renderers.scene_exchange import as_scene
 
     views = [
-        View(
+        SubmittedImage(
             as_scene(case.args[0] | {"name": case.shows}),
             picture,
             case.expected[0],

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from raytwin.diagnose.catalogue import FAULTS
+from raytwin.diagnose.predict import text_of
 from raytwin.diagnose.slip_table import FORMS_BESIDE, read
-from raytwin.diagnose.slips import text_of, wrong
-from raytwin.diagnose.textbook import Changes
+from raytwin.diagnose.textbook import Changes, tracer_with
 
 Function = Callable[..., Any]
 Arrays = tuple[np.ndarray, ...]
@@ -40,7 +40,7 @@ class Variant:
     slips: Changes = ()
 
 
-PARTS_OF = {"back_project": ("pixels", "undistort", "through")}
+PARTS_OF = {"back_project": ("pixel", "undistort", "through")}
 """Functions of the contract that the textbook has in parts."""
 
 
@@ -60,6 +60,13 @@ def generated_variants(function: str) -> tuple["Variant", ...]:
     parts = PARTS_OF.get(function, (function,))
     some = [one for one in read() if one.function in parts and one.form not in FORMS_BESIDE]
     return tuple(Variant(one.name, one.sentence, _slipped(function, one.changes), one.changes) for one in some)
+
+
+@lru_cache(maxsize=4096)
+def wrong(function: str, slips: Changes) -> Function:
+    """The textbook's function with these slips in it."""
+    made: Function = getattr(tracer_with(changes=slips), function)
+    return made
 
 
 def _slipped(function: str, slips: Changes) -> Callable[[Any], Function]:

@@ -6,9 +6,9 @@ from itertools import product
 import numpy as np
 
 from raytwin.diagnose.budget import Budget
-from raytwin.diagnose.changes import SAMPLING, Fault, at, row
-from raytwin.diagnose.pixel_sample import Sight
-from raytwin.diagnose.predict import RIGHT, Array, Change
+from raytwin.diagnose.changes import SAMPLING, Fault, moved, row
+from raytwin.diagnose.pixel_sample import PixelSample
+from raytwin.diagnose.predict import RIGHT, Array
 
 REACHES = (0.5, 1.0)
 """How far from the centre it is looked, pixels: that much to each side and half as much."""
@@ -27,15 +27,10 @@ BESIDE = row(
     "beside-the-centre", SAMPLING,
     "what your pixels show lies between what is seen around their centres: several rays a pixel are averaged, or rays "
     "go through places of their own, at random or a little off; here one ray goes through each pixel's centre, (u, v)",
-    lambda s: s,
 )  # fmt: skip
 
 
-def _moved(x: float, y: float) -> Change:
-    return at(lambda u, v, camera: (u + x, v + y))
-
-
-def between(sights: Sequence[Sight], budget: Budget | None = None) -> tuple[Fault, float] | None:
+def between(sights: Sequence[PixelSample], budget: Budget | None = None) -> tuple[Fault, float] | None:
     """The fault, and the share of the squared error that it explains; None where it is not that, or time is up."""
     budget = budget or Budget()
     if any(s.view.points or s.view.scene is None for s in sights):
@@ -47,7 +42,7 @@ def between(sights: Sequence[Sight], budget: Budget | None = None) -> tuple[Faul
         inside, wrong, before, after, blends = 0.0, 0.0, 0.0, 0.0, []
         for s in sights:
             places = list(product((-reach, -reach / 2, 0.0, reach / 2, reach), repeat=2))
-            rows = [s.predict(_moved(x, y)(RIGHT)) for x, y in budget.within(BESIDE.name, places)]
+            rows = [s.predict(moved(x, y)) for x, y in budget.within(BESIDE.name, places)]
             if len(rows) < len(places):
                 return None
             seen = np.stack(rows)
@@ -63,14 +58,14 @@ def between(sights: Sequence[Sight], budget: Budget | None = None) -> tuple[Faul
     return None
 
 
-def _blended(sight: Sight, seen: Array) -> Array:
+def _blended(sight: PixelSample, seen: Array) -> Array:
     """Return for each wrong pixel beside an outline whether it shows a mixture of both sides; `seen` is (K, N, 3)."""
     span = (seen.max(axis=0) - seen.min(axis=0)).max(axis=-1)
     nearest = np.abs(sight.shown - seen).max(axis=-1).min(axis=0)
     return np.asarray((nearest > APART * span)[sight.wrong & sight.edge & (span > APART * sight.scale)])
 
 
-def _signs(sights: Sequence[Sight]) -> float:
+def _signs(sights: Sequence[PixelSample]) -> float:
     """The mean product of the signs of two neighbouring errors, inside objects: 0 by chance, 1 of whole regions."""
     products = []
     for s in sights:

@@ -1,122 +1,118 @@
 """Mistakes from the pixel to the ray: pixels, lens, camera matrix, pose."""
 
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import partial
 from math import pi
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from raytwin.diagnose.changes import (
     CAMERA,
-    UNDO,
     UNIT,
-    both,
-    grid,
+    Thing,
+    by_key,
+    is_ball,
     lens,
     other,
+    pixels,
     posed,
-    put,
     row,
-    sphere,
-    three,
 )
-from raytwin.diagnose.predict import Array, Change, Rays
-from raytwin.diagnose.slips import slips
-from raytwin.scene import Camera, Rectangle, Shape, Sphere
-from raytwin.scene.lens import distort
+from raytwin.diagnose.predict import RIGHT, Array, Pipeline, SceneDict, replaced, slips, written
 from raytwin.tracer import undistort
 
 
-def _left_as_is(x: Array, y: Array, dist: Any) -> tuple[Array, Array]:
-    return x, y
+def bent(f: Callable[[SceneDict, Array, Array], tuple[Array, Array]]) -> Pipeline:
+    """(scene, u, v) -> the x and y of rays (x, y, 1) that are made unit."""
+
+    def rays(scene: SceneDict, u: Array, v: Array) -> Array:
+        x, y = f(scene, u, v)
+        d = np.stack([x, y, np.ones_like(x)], axis=-1)
+        return d / np.linalg.norm(d, axis=-1, keepdims=True)
+
+    return replaced(rays=lambda right: rays)
 
 
-def _in_other_units(x: Array, y: Array, camera: Camera, ray: Any, by: Any, middle: bool) -> Rays:
-    """The distortion is undone in (u - a) / sx, (v - b) / sy; (sx, sy) = by(camera); (a, b): `middle` or (cx, cy)."""
-    a, b = (camera.width / 2, camera.height / 2) if middle else (camera.cx, camera.cy)
-    sx, sy = by(camera)
-    u, v = camera.fx * x + camera.cx, camera.fy * y + camera.cy
-    x, y = undistort((u - a) / sx, (v - b) / sy, camera.coefficients)
-    return ray((x * sx + a - camera.cx) / camera.fx, (y * sy + b - camera.cy) / camera.fy, camera)
+def _undone(scene: SceneDict, u: Array, v: Array, fx: Any, fy: Any, cx: Any, cy: Any) -> tuple[Array, Array]:
+    """The distortion is undone in (u - cx) / fx, (v - cy) / fy; then u and v again."""
+    x, y = undistort((u - cx) / fx, (v - cy) / fy, scene["dist"].tolist())
+    return x * fx + cx, y * fy + cy
 
 
-@lru_cache(maxsize=16)
-def _new_matrix(camera: Camera, whole: bool) -> tuple[float, float, float, float]:
-    """(fx, fy, cx, cy) that shows the `whole` undistorted image, or as much as has no empty edge, in the same size."""
-    u, v = (k.ravel() for k in np.meshgrid(np.linspace(0, camera.width - 1, 9), np.linspace(0, camera.height - 1, 9)))
-    x, y = (np.asarray(k).reshape(9, 9) for k in undistort(
-        (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, camera.coefficients))  # fmt: skip
+def _newton(right: Any, steps: int) -> Any:
+    return lambda xd, yd, dist: undistort(xd, yd, dist.tolist(), steps=steps)
+
+
+def _by_K(K: Array, u: Array, v: Array) -> tuple[Array, Array]:
+    return (u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1]
+
+
+def _in_other_units(scene: SceneDict, u: Array, v: Array, by: Any, middle: bool) -> tuple[Array, Array]:
+    """By (sx, sy) = by(width, height) about the image's middle, or about (cx, cy)."""
+    size, K = (scene["width"], scene["height"]), scene["K"]
+    centre = np.array(size) / 2 if middle else K[:2, 2]
+    return _by_K(K, *_undone(scene, u, v, *by(*size), *centre))
+
+
+def _by_new_matrix(scene: SceneDict, u: Array, v: Array, whole: bool) -> tuple[Array, Array]:
+    """Undistorted into the pixels of a new matrix that shows the `whole` image, or as much as has no empty edge; then
+    made rays with the old one."""
+    K, (w, h) = scene["K"], (scene["width"] - 1, scene["height"] - 1)
+    edge = np.meshgrid(np.linspace(0, w, 9), np.linspace(0, h, 9))
+    x, y = _by_K(K, *_undone(scene, *edge, K[0, 0], K[1, 1], *K[:2, 2]))
     if whole:
         left, right, top, bottom = x.min(), x.max(), y.min(), y.max()
     else:
         left, right, top, bottom = x[:, 0].max(), x[:, -1].min(), y[0].max(), y[-1].min()
-    fx, fy = (camera.width - 1) / (right - left), (camera.height - 1) / (bottom - top)
-    return float(fx), float(fy), float(-fx * left), float(-fy * top)
+    x, y = _by_K(K, *_undone(scene, u, v, K[0, 0], K[1, 1], *K[:2, 2]))
+    if not scene["dist"].any():
+        return x, y
+    return _by_K(K, w / (right - left) * (x - left), h / (bottom - top) * (y - top))
 
 
-def _by_new_matrix(x: Array, y: Array, camera: Camera, ray: Any, whole: bool) -> Rays:
-    """Undistorted into the pixels of a new camera matrix, then made rays with the old one."""
-    if not any(camera.coefficients):
-        return ray(x, y, camera)
-    fx, fy, cx, cy = _new_matrix(camera, whole)
-    return ray((fx * x + cx - camera.cx) / camera.fx, (fy * y + cy - camera.cy) / camera.fy, camera)
-
-
-def angles(f: Callable[[float, float, Camera], tuple[float, float]]) -> Change:
+def angles(f: Callable[[float, float, SceneDict], tuple[float, float]]) -> Pipeline:
     """Other focal lengths by the fields of view, radians, of both axes."""
 
-    def focal(c: Camera, k: int) -> float:
-        return f(2 * float(np.arctan(c.width / 2 / c.fx)), 2 * float(np.arctan(c.height / 2 / c.fy)), c)[k]
+    def focal(scene: SceneDict, k: int) -> float:
+        h, v = (2 * float(np.arctan(scene[size] / 2 / scene["K"][i, i])) for i, size in enumerate(("width", "height")))
+        return f(h, v, scene)[k]
 
     return lens(fx=partial(focal, k=0), fy=partial(focal, k=1))
 
 
-def _left_behind(x: Shape, camera: Camera, kind: type, turned: bool) -> Shape:
+def _left_behind(x: Thing, scene: SceneDict, balls: bool, turned: bool) -> Thing:
     """Take coordinates of this kind in the board's frame, `turned` or not, as the camera's."""
-    if not isinstance(x, kind):
-        return x
-    R, t = np.asarray(camera.R_cam_board), np.asarray(camera.t_cam_board)
+    R, t = scene["R_cam_board"], scene["t_cam_board"]
     back = np.eye(3) if turned else R.T
-    c = three(back @ x.center - R.T @ t)
-    if isinstance(x, Sphere):
-        return msgspec.structs.replace(x, center=c)
-    return msgspec.structs.replace(x, center=c, half_u=three(back @ x.half_u), half_v=three(back @ x.half_v))
+    if is_ball(x) != balls:
+        return x
+    edges = {name: back @ x[name] for name in ("half_u", "half_v") if name in x}
+    return x | {"center": back @ x["center"] - R.T @ t} | edges
 
 
-@lru_cache(maxsize=8)
-def _all_rays(camera: Camera) -> Array:
-    """(H, W, 3), unit, in the camera's axes; of large pictures none."""
-    if camera.width * camera.height > 50_000:
-        return np.zeros((0, 0, 3))
-    v, u = np.indices((camera.height, camera.width), float)
-    x, y = undistort((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, camera.coefficients)
-    d = np.stack([x, y, np.ones_like(x)], axis=-1)
-    return d / np.linalg.norm(d, axis=-1, keepdims=True)
-
-
-def _by_norm_of_many(x: Array, y: Array, camera: Camera, ray: Any, axis: tuple[int, ...], board: bool) -> Rays:
+def _by_norm_of_many(right: Any, axis: tuple[int, ...], board: bool) -> Any:
     """(H, W, 3) rays, before or after they are turned, divided by their norm over rows, columns or both."""
-    rays, R, all_ = ray(x, y, camera), np.asarray(camera.R_cam_board), _all_rays(camera)
-    if not all_.size:
-        return rays
-    norm = np.sqrt(np.square(all_ @ R if board else all_).sum(axis=axis, keepdims=True))
-    norm = np.broadcast_to(norm, all_.shape)
-    xd, yd = distort(x, y, camera.coefficients)
-    u, v = camera.fx * xd + camera.cx, camera.fy * yd + camera.cy
-    place = (np.clip(np.rint(k), 0, n - 1).astype(int) for k, n in ((v, camera.height), (u, camera.width)))
-    by = norm[tuple(place)].T
-    d = rays.d / by if board else R.T @ (R @ rays.d / by)
-    return rays._replace(d=d, aim=d)
+
+    def rays(scene: SceneDict, u: Array, v: Array) -> Array:
+        d, R, (w, h) = right(scene, u, v), scene["R_cam_board"], (scene["width"], scene["height"])
+        if w * h > MOST_RAYS:
+            return d
+        all_ = written(RIGHT)["through"](scene["K"], scene["dist"], *np.meshgrid(np.arange(w), np.arange(h)))
+        norm = np.sqrt(np.square(all_ @ R if board else all_).sum(axis=axis, keepdims=True))
+        columns, rows = (np.clip(np.rint(x), 0, n - 1).astype(int) for x, n in ((u, w), (v, h)))
+        by = np.broadcast_to(norm, all_.shape)[rows, columns]
+        return (d @ R / by) @ R.T if board else d / by
+
+    return rays
 
 
-def _met(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
-    """Nothing."""
-    return np.full(t.shape[1], -1)
+MOST_RAYS = 50_000
+"""Of larger pictures no norm over all rays is predicted."""
 
 
 lens_of = partial(slips, "undistort")
+UNDO = "undistort((u - cx) / fx, (v - cy) / fy, dist)"
 ONE, RAY = "np.ones_like(x)", "np.stack([x, y, np.ones_like(x)], axis=-1)"
 DIST, OF_K = "k1, k2, p1, p2, k3 = dist", "fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]"
 STEP, FORWARD = "x, y = (xd - dx) / radial, (yd - dy) / radial", "return x * radial + dx, y * radial + dy"
@@ -130,16 +126,16 @@ ONE_CROSS = f"{XY1} => p1 * x * y ;; {XY2} => p2 * x * y"
 ONE_SQUARE = f"{XX} => p2 * (r2 + x * x) ;; {YY} => p1 * (r2 + y * y)"
 
 
-def _dist(*lines: str) -> tuple[Change, ...]:
+def _dist(*lines: str) -> tuple[Pipeline, ...]:
     """The coefficients, changed after they are read."""
     return lens_of(*(f"{DIST} => {DIST}\n    {line}" for line in lines))
 
 
-def _K(*lines: str) -> tuple[Change, ...]:
+def _K(*lines: str) -> tuple[Pipeline, ...]:
     return slips("through", *(f"{OF_K} => {OF_K}\n    {line}" for line in lines))
 
 
-def _ray(*axes: str) -> tuple[Change, ...]:
+def _ray(*axes: str) -> tuple[Pipeline, ...]:
     """Other axes of the rays, functions of x, y and one."""
     return slips("through", *(f"{RAY} => np.stack([{xyz.replace('one', ONE)}], axis=-1)" for xyz in axes))
 
@@ -149,25 +145,23 @@ def _other(term: str) -> str:
     return f"{term} => {term.replace('p1', 'p').replace('p2', 'p1').replace('p ', 'p2 ')}"
 
 
-I3 = np.eye(3)
-
 CAMERAS = (
     row("rays-long", CAMERA, "the rays are not unit: divide (x, y, 1) by its length",
         alone=slips("through", f"{UNIT} => rays")),
     row("nothing-met", CAMERA,
         "no ray meets anything, the picture is the sky alone: look where rays start, which way they go, over which "
         "axis they are made unit, and whether the test throws every hit away",
-        put(order=_met)),
+        *by_key("np.inf + every_t")),
     row("half-pixel", CAMERA,
         "your rays go half a pixel beside the pixels' centres: here (0, 0) is the centre of the top-left pixel, so "
         "use u and v as they are, without 0.5",
-        *grid("u + 0.5, v + 0.5", "u - 0.5, v - 0.5", "u + 0.5, v", "u, v + 0.5")),
+        *pixels("u + 0.5, v + 0.5", "u - 0.5, v - 0.5", "u + 0.5, v", "u, v + 0.5")),
     row("count-from-one", CAMERA,
         "your pixels are a whole one off: the first is u = 0, v = 0",
-        *grid("u + 1, v + 1", "u - 1, v - 1", "u + 1, v", "u, v + 1")),
+        *pixels("u + 1, v + 1", "u - 1, v - 1", "u + 1, v", "u, v + 1")),
     row("linspace", CAMERA,
         "your pixels reach to the far edge (linspace(0, width, width)): the last is width - 1, a step of 1",
-        *grid("u * width / (width - 1), v * height / (height - 1)",
+        *pixels("u * width / (width - 1), v * height / (height - 1)",
               "u * width / (width - 1) - 0.5, v * height / (height - 1) - 0.5",
               "u * (width - 1) / width, v * (height - 1) / height")),
     row("distortion-kept", CAMERA,
@@ -189,7 +183,7 @@ CAMERAS = (
         "undoing the distortion stops too early: the corners are still off; repeat until nothing moves any more",
         *(way for step, counts in ((STEP, (1, 2, 3, 4, 5, 6, 8)), (TAKEN_OFF, (2, 3, 4, 5, 6, 8))) for n in counts
           for way in lens_of(f"range(30) => range({n}) ;; {STEP} => {step}")),
-        *(put(undo=partial(undistort, steps=n)) for n in (1, 2))),
+        *(replaced(undistort=partial(_newton, steps=n)) for n in (1, 2))),
     row("distortion-cumulative", CAMERA,
         "each step that undoes the distortion corrects the estimate of the step before once more: start every step "
         "from the distorted point, x = (x' - tangential) / radial; the estimate belongs in tangential and radial alone",
@@ -229,15 +223,13 @@ CAMERAS = (
     row("distortion-in-other-units", CAMERA,
         "the distortion is undone in other units: its coefficients hold for x = (u - cx) / fx, y = (v - cy) / fy, not "
         "for pixels divided by the image's size",
-        *(lambda s, by=by, middle=middle: s._replace(
-            undo=_left_as_is, ray=partial(_in_other_units, ray=s.ray, by=by, middle=middle))
-          for by in (lambda c: (c.width / 2, c.height / 2), lambda c: (c.width, c.height),
-                     lambda c: (max(c.image_size),) * 2) for middle in (True, False))),
+        *(bent(partial(_in_other_units, by=by, middle=middle))
+          for by in (lambda w, h: (w / 2, h / 2), lambda w, h: (w, h), lambda w, h: (max(w, h),) * 2)
+          for middle in (True, False))),
     row("new-camera-matrix", CAMERA,
         "points are undistorted into the pixels of a new camera matrix (getOptimalNewCameraMatrix), but rays are made "
         "with the old K: use one of them for both",
-        *(lambda s, whole=whole: s._replace(ray=partial(_by_new_matrix, ray=s.ray, whole=whole))
-          for whole in (True, False))),
+        *(bent(partial(_by_new_matrix, whole=whole)) for whole in (True, False))),
     row("powers-of-r", CAMERA,
         "the powers of r are wrong in the distortion: 1 + k1 r² + k2 r⁴ + k3 r⁶",
         *lens_of("r2**2 => r2 ;; r2**3 => r2", "r2**3 => r2**2", "r2**3 => r2**4",
@@ -248,11 +240,11 @@ CAMERAS = (
                  "x * x + y * y => np.sqrt(x * x + y * y)", f"{POWERS} => k1 * r2**0.5 + k2 * r2 + k3 * r2**1.5")),
     row("swapped-axes", CAMERA,
         "rows and columns are swapped: u counts columns (x), v counts rows (y), and the image is indexed [v, u]",
-        *grid("v, u")),
+        *pixels("v, u")),
     row("reshaped", CAMERA,
         "width and height are swapped where the image is put together (reshape, or meshgrid with indexing='ij'): it "
         "has height rows of width pixels, so reshape(height, width, 3) and transpose nothing",
-        *grid("(v * width + u) // height, (v * width + u) % height",
+        *pixels("(v * width + u) // height, (v * width + u) % height",
               "(u * height + v) % width, (u * height + v) // width")),
     row("swapped-focal", CAMERA, "fx and fy are swapped: x = (u - cx) / fx, y = (v - cy) / fy", *_K("fx, fy = fy, fx")),
     row("one-focal", CAMERA, "one focal length is used for both axes: x goes with fx, y with fy",
@@ -264,22 +256,21 @@ CAMERAS = (
             f"cx, cy = {f}(cx), {f}(cy)", f"fx, fy = {f}(fx), {f}(fy)", f"fx, fy, cx, cy = {f}([fx, fy, cx, cy])"))),
     row("centre-of-image", CAMERA,
         "the image's middle is taken for the principal point: use cx and cy from K",
-        lens(cx=lambda c: c.width / 2, cy=lambda c: c.height / 2),
-        lens(cx=lambda c: (c.width - 1) / 2, cy=lambda c: (c.height - 1) / 2),
-        lens(cx=lambda c: c.height / 2, cy=lambda c: c.width / 2),
-        lens(cx=lambda c: c.width / 2), lens(cy=lambda c: c.height / 2),
+        *(lens(cx=lambda c, k=k: (c["width"] - k) / 2, cy=lambda c, k=k: (c["height"] - k) / 2) for k in (0, 1)),
+        lens(cx=lambda c: c["height"] / 2, cy=lambda c: c["width"] / 2),
+        lens(cx=lambda c: c["width"] / 2), lens(cy=lambda c: c["height"] / 2),
         alone=_K("cx, cy = np.max(u) / 2, np.max(v) / 2", "cx, cy = (np.max(u) + 1) / 2, (np.max(v) + 1) / 2")),
     row("centre-from-far-edge", CAMERA,
         "the principal point is counted from the wrong edge: cx from the left and cy from the top, like u and v",
-        lens(cy=lambda c: c.height - 1 - c.cy), lens(cy=lambda c: c.height - c.cy),
-        lens(cx=lambda c: c.width - 1 - c.cx), lens(cx=lambda c: c.width - c.cx)),
+        *(lens(cy=lambda c, k=k: c["height"] - k - c["K"][1, 2]) for k in (1, 0)),
+        *(lens(cx=lambda c, k=k: c["width"] - k - c["K"][0, 2]) for k in (1, 0))),
     row("field-of-view", CAMERA,
         "a focal length is made of a field of view by a wrong formula: half the width is f tan(half the horizontal "
         "angle), so heights and widths go with the tangents, not with the angles; or use fx and fy of K as they are",
-        angles(lambda h, v, c: (c.width / 2 * pi / h / 2, c.height / 2 * pi / v / 2)),
-        angles(lambda h, v, c: (c.fx, c.height / 2 / np.tan(h * c.height / c.width / 2))),
-        angles(lambda h, v, c: (c.width / 2 / np.tan(v * c.width / c.height / 2), c.fy)),
-        angles(lambda h, v, c: (c.width / 2 / np.tan(h), c.height / 2 / np.tan(v)))),
+        angles(lambda h, v, c: (c["width"] / 2 * pi / h / 2, c["height"] / 2 * pi / v / 2)),
+        angles(lambda h, v, c: (c["K"][0, 0], c["height"] / 2 / np.tan(h * c["height"] / c["width"] / 2))),
+        angles(lambda h, v, c: (c["width"] / 2 / np.tan(v * c["width"] / c["height"] / 2), c["K"][1, 1])),
+        angles(lambda h, v, c: (c["width"] / 2 / np.tan(h), c["height"] / 2 / np.tan(v)))),
     row("centre-left-out", CAMERA, "the principal point (cx, cy) is not subtracted: x = (u - cx) / fx",
         *_K("cx = cy = 0", "cx = 0", "cy = 0", "cx, cy = -cx, -cy")),
     row("x-for-y", CAMERA, "x and y of the rays are swapped: x belongs to the column u, y to the row v",
@@ -293,20 +284,19 @@ CAMERAS = (
         *_ray("x, y, -one", "x, -y, -one", "-x, y, -one", "-x, -y, -one", "-x, -y, one")),
     row("transposed-R", CAMERA,
         "R is transposed: p_cam = R p_board + t, so directions go to the board's frame by d_board = Rᵀ d_cam",
-        posed(lambda R, t: (-R.T @ t, R)), posed(lambda R, t: (-R @ t, R))),
+        *posed(("-R.T @ t", "rays @ R.T"), ("-R @ t", "rays @ R.T"))),
     row("inverse-pose", CAMERA,
         "the pose is used the wrong way round: (R, t) takes board to camera, not camera to board",
-        posed(lambda R, t: (t, R))),
+        *posed(("t", "rays @ R.T"))),
     row("wrong-eye", CAMERA,
         "the eye is in the wrong place: the camera's centre in the board's frame is -Rᵀ t",
-        posed(lambda R, t: (t, R.T)), posed(lambda R, t: (-t, R.T)), posed(lambda R, t: (R.T @ t, R.T)),
-        posed(lambda R, t: (-R @ t, R.T)), posed(lambda R, t: (R @ t, R.T)), posed(lambda R, t: (R.T @ t, R)),
-        posed(lambda R, t: (-t, R))),
+        *posed(*((eye, "rays @ R") for eye in ("t", "-t", "R.T @ t", "-R @ t", "R @ t")),
+               ("R.T @ t", "rays @ R.T"), ("-t", "rays @ R.T"))),
     row("kind-not-moved", CAMERA,
         "only spheres, or only planes, are moved to the camera's frame: p_cam = R p_board + t holds for every centre, "
         "and edges are turned by R",
-        *(other(partial(_left_behind, kind=kind, turned=turned))
-          for kind in (Sphere, Rectangle) for turned in (False, True))),
+        *(other(partial(_left_behind, balls=balls, turned=turned))
+          for balls in (True, False) for turned in (False, True))),
     row("direction-as-point", CAMERA,
         "the rays' directions are moved as if they were points (a homogeneous 1): only turn them, d_board = Rᵀ d_cam",
         *slips("to_board", *(
@@ -315,20 +305,19 @@ CAMERAS = (
             for moved in ("R + eye", "R.T + t") for rays in ("rays", "(rays / rays[:, 2:])")))),
     row("eye-at-origin", CAMERA,
         "rays start at the board's origin: the camera's centre there is -Rᵀ t",
-        posed(lambda R, t: (0 * t, R.T)), posed(lambda R, t: (0 * t, R))),
+        *posed(("0 * t", "rays @ R"), ("0 * t", "rays @ R.T"))),
     row("rotation-left-out", CAMERA,
         "the camera's rotation is left out: turn the rays by Rᵀ",
-        posed(lambda R, t: (-R.T @ t, I3)), posed(lambda R, t: (-t, I3)), posed(lambda R, t: (t, I3))),
+        *posed(("-R.T @ t", "rays"), ("-t", "rays"), ("t", "rays"))),
     row("rays-by-norm-of-many", CAMERA,
         "the rays are divided by a norm over pixels, not over x, y and z: np.linalg.norm(d, axis=-1, keepdims=True)",
-        *(lambda s, axis=axis, board=board: s._replace(
-            ray=partial(_by_norm_of_many, ray=s.ray, axis=axis, board=board), sphere=sphere("")[0](s).sphere)
+        *(replaced(rays=partial(_by_norm_of_many, axis=axis, board=board))
           for axis in ((0, 1), (0,), (1,)) for board in (False, True)),
         alone=slips("through", *(f"{UNIT} => rays / np.linalg.norm(rays{axis})" for axis in (
             "", *(f", axis={k}, keepdims=True" for k in (0, 1, (0, 1))))))),
     row("rays-in-halves", CAMERA,
         "the rays' directions are rounded to half floats (float16), which leaves three digits: use float64",
-        *(both(way, *sphere("")) for way in slips("to_board", *(
+        *slips("to_board", *(
             f"rays @ R => {d}.astype(np.float16).astype(float){turn}"
-            for d, turn in (("(rays @ R)", ""), ("rays", " @ R")))))),
+            for d, turn in (("(rays @ R)", ""), ("rays", " @ R"))))),
 )  # fmt: skip

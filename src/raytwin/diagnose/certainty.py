@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from raytwin.diagnose.localize import whereabouts
-from raytwin.diagnose.pixel_sample import Sight
-from raytwin.diagnose.predict import RIGHT, Array, Steps
+from raytwin.diagnose.pixel_sample import PixelSample
+from raytwin.diagnose.predict import RIGHT, Array, Pipeline
 from raytwin.diagnose.tolerance_mask import doubtful
 
 SURE, WHOLE = 0.995, 0.999
@@ -31,13 +31,13 @@ FAR = 25.0
 """Squared standard deviations: a noisy pixel that is farther off counts as this far."""
 
 
-def shows(sights: Sequence[Sight], before: Steps, after: Steps) -> bool:
+def shows(sights: Sequence[PixelSample], before: Pipeline, after: Pipeline) -> bool:
     """Whether the change exceeds the tolerance anywhere."""
     with np.errstate(invalid="ignore"):
         return any((~(np.abs(s.predict(after) - s.predict(before)) <= s.tau)).any() for s in sights)
 
 
-def explained_share(sights: Sequence[Sight], steps: Steps) -> tuple[float, Array]:
+def explained_share(sights: Sequence[PixelSample], steps: Pipeline) -> tuple[float, Array]:
     """The share of the squared error that is explained, of all and of each view (NaN where that was right before)."""
     before = np.array([s.squared(s.predict(RIGHT)) for s in sights])
     after = np.array([s.squared(s.predict(steps)) for s in sights])
@@ -48,18 +48,18 @@ def explained_share(sights: Sequence[Sight], steps: Steps) -> tuple[float, Array
     return float(whole), each
 
 
-def is_good(sights: Sequence[Sight], steps: Steps) -> bool:
+def is_good(sights: Sequence[PixelSample], steps: Pipeline) -> bool:
     """Nothing is left to be explained."""
     hit, kept = hit_shares(sights, steps)
     return kept > 0.99 and hit > 0.95 and (hit > 0.98 or explained_share(sights, steps)[0] > SURE)
 
 
-def is_settled(sights: Sequence[Sight], steps: Steps) -> bool:
+def is_settled(sights: Sequence[PixelSample], steps: Pipeline) -> bool:
     """The same, and hardly a pixel is wrong beyond doubt: no second fault is looked for."""
     return is_good(sights, steps) and left_over(sights, steps)[0] < ENOUGH
 
 
-def hit_shares(sights: Sequence[Sight], steps: Steps) -> tuple[float, float]:
+def hit_shares(sights: Sequence[PixelSample], steps: Pipeline) -> tuple[float, float]:
     """Return the share of wrong pixels that is predicted closely, and the share of right ones that stays right.
 
     A wrong pixel is hit where at most half of its error is left: it may be wrong by hardly more.
@@ -76,7 +76,7 @@ def hit_shares(sights: Sequence[Sight], steps: Steps) -> tuple[float, float]:
     return shares[0], shares[1]
 
 
-def is_likelier(sights: Sequence[Sight], steps: Steps) -> bool:
+def is_likelier(sights: Sequence[PixelSample], steps: Pipeline) -> bool:
     """Whether the cause brings pixels that have noise nearer, by more than the best of many causes does by chance.
 
     Within the noise it may move them any way. Where pixels without noise are wrong, they speak for themselves.
@@ -95,7 +95,7 @@ def is_likelier(sights: Sequence[Sight], steps: Steps) -> bool:
     return bool(gain.sum() > SIGNIFICANT * np.sqrt(np.square(gain).sum()))
 
 
-def is_firm(sights: Sequence[Sight]) -> bool:
+def is_firm(sights: Sequence[PixelSample]) -> bool:
     """Whether most of the wrong pixels are wrong beyond all noise."""
     wrong, firm = 0.0, 0.0
     for s in sights:
@@ -105,13 +105,13 @@ def is_firm(sights: Sequence[Sight]) -> bool:
     return firm > wrong / 2
 
 
-def is_exact(sights: Sequence[Sight], steps: Steps) -> bool:
+def is_exact(sights: Sequence[PixelSample], steps: Pipeline) -> bool:
     """Whether nearly every pixel is hit to rounding: a fitted number that only comes near is no proof of its cause."""
     off = [float((s.weight * (s.errors(steps) > ROUNDED * s.scale)).sum()) for s in sights]
     return max(off) < LOOSE
 
 
-def left_over(sights: Sequence[Sight], steps: Steps) -> tuple[int, str]:
+def left_over(sights: Sequence[PixelSample], steps: Pipeline) -> tuple[int, str]:
     """Pixels that stay wrong though no tracer with these steps shows them so: how many, and where."""
     errors, count = [], 0
     for s in sights:
@@ -124,7 +124,7 @@ def left_over(sights: Sequence[Sight], steps: Steps) -> tuple[int, str]:
     return count, whereabouts(sights, errors).split("; ")[0] if count else ""
 
 
-def are_alike(sight: Sight, a: Array, b: Array) -> bool:
+def are_alike(sight: PixelSample, a: Array, b: Array) -> bool:
     """Two predictions that these pixels do not tell apart."""
     with np.errstate(invalid="ignore"):
         apart = np.abs(a - b) - sight.slack

@@ -1,24 +1,20 @@
-"""What mistakes are made of: a fault, and changes of the tracer's steps that many faults share."""
+"""What mistakes are made of: a fault, and changes of the textbook that many faults share."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from math import pi
 from typing import Any
 
-import msgspec
 import numpy as np
 
-from raytwin.diagnose.predict import Array, Change, Hits, Rays, Steps, Terms, lambert, meet_all, others_hide
-from raytwin.diagnose.slips import slips
-from raytwin.scene import Camera, Scene, Shape, Sphere
+from raytwin.diagnose.predict import Array, Pipeline, SceneDict, replaced, rewritten, slip, slips, written
 
 CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, OUTPUT, SAMPLING = (
     "camera", "solver", "order", "normals", "light", "shadow", "output", "sampling",
 )  # fmt: skip
-Casters = tuple[Shape, ...]
 STAGES = (CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
 """From the pixel to the picture: what stands earlier is told first."""
+Thing = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,155 +27,96 @@ class Fault:
     name: str
     stage: str
     sentence: str
-    ways: tuple[Change, ...]
-    alone: tuple[Change, ...] = ()
+    ways: tuple[Pipeline, ...]
+    alone: tuple[Pipeline, ...] = ()
 
 
-def row(name: str, stage: str, sentence: str, *ways: Change, alone: tuple[Change, ...] = ()) -> Fault:
+def row(name: str, stage: str, sentence: str, *ways: Pipeline, alone: tuple[Pipeline, ...] = ()) -> Fault:
     return Fault(name, stage, sentence, ways, alone)
 
 
-def put(**steps: Any) -> Change:
-    """The steps in the place of the right ones."""
-    return lambda s: s._replace(**steps)
+def chain(*ways: Pipeline) -> Pipeline:
+    """One mistake after the other."""
+    return sum(ways, ())
 
 
-def behind(f: Callable[[Scene], Any]) -> Change:
-    """Another background."""
-    return put(background=lambda scene, d: np.broadcast_to(np.asarray(f(scene), float), 3)[:, None])
+# ------------------------------------------------------------------------------------------ camera and things
 
 
-def both(*changes: Change) -> Change:
-    """One after the other."""
-    if len(changes) == 1:
-        return changes[0]
-
-    def change(s: Steps) -> Steps:
-        for one in changes:
-            s = one(s)
-        return s
-
-    return change
+def pixels(*places: str) -> tuple[Pipeline, ...]:
+    """Rays through other places in the image: functions of u, v, width and height."""
+    return slips("pixel", *(f"return u, v => return {place}" for place in places))
 
 
-def terms(f: Callable[[Terms], Terms]) -> Change:
-    """Other things to shade with."""
-    return lambda s: s._replace(prepare=lambda x: s.prepare(f(x)))
+def moved(x: float, y: float) -> Pipeline:
+    """Rays that miss their pixels' centres."""
+
+    def change(pixel: Any) -> Any:
+        def wrong(*args: Any) -> tuple[Any, Any]:
+            u, v = pixel(*args)
+            return u + x, v + y
+
+        return wrong
+
+    return replaced(pixel=change)
 
 
-def coloured(f: Callable[[Terms], Array]) -> Change:
-    return terms(lambda x: x._replace(albedo=f(x)))
+IN_K = {"fx": (0, 0), "fy": (1, 1), "cx": (0, 2), "cy": (1, 2)}
 
 
-def at(f: Callable[[Array, Array, Camera], tuple[Any, Any]]) -> Change:
-    """Rays through other places in the image than the pixels' centres."""
-    return lambda s: s._replace(place=lambda u, v, camera: f(*s.place(u, v, camera), camera))
+def lens(**numbers: Any) -> Pipeline:
+    """Other entries of K, functions of the scene."""
+
+    def camera(scene: SceneDict) -> SceneDict:
+        K = scene["K"].copy()
+        for name, f in numbers.items():
+            K[IN_K[name]] = f(scene)
+        return scene | {"K": K}
+
+    return (("camera", camera),)
 
 
-def seen(f: Callable[[Camera], Camera]) -> Change:
-    """Another K or other coefficients."""
-    return lambda s: s._replace(lens=lambda camera: f(s.lens(camera)))
+def posed(*poses: tuple[str, str]) -> tuple[Pipeline, ...]:
+    """(the eye in the board's frame, the directions there) as functions of rays, R and t."""
+    return slips("to_board", *(f"-R.T @ t => {eye} ;; rays @ R => {turned}" for eye, turned in poses))
 
 
-def lens(fx: Any = None, fy: Any = None, cx: Any = None, cy: Any = None) -> Change:
-    def changed(camera: Camera) -> Camera:
-        a, b, c, d = (f(camera) if f else old for f, old in
-                      ((fx, camera.fx), (fy, camera.fy), (cx, camera.cx), (cy, camera.cy)))  # fmt: skip
-        return msgspec.structs.replace(camera, K=((a, 0.0, c), (0.0, b, d), (0.0, 0.0, 1.0)))
-
-    return seen(changed)
+def other(f: Callable[[Thing, SceneDict], Thing]) -> Pipeline:
+    """Another thing in the place of each."""
+    return (("things", lambda scene: scene | {"things": [f(x, scene) for x in scene["things"]]}),)
 
 
-def posed(f: Callable[[Array, Array], tuple[Any, Any]]) -> Change:
-    """(R, t) -> the eye in the board's frame, and the matrix that turns directions from the camera's axes to its."""
-
-    def changed(camera: Camera) -> Camera:
-        R, t = np.asarray(camera.R_cam_board), np.asarray(camera.t_cam_board)
-        eye, turn = f(R, t)
-        matrix, moved = np.asarray(turn).T, -np.asarray(turn).T @ np.asarray(eye)
-        return msgspec.structs.replace(
-            camera, R_cam_board=tuple(map(tuple, matrix.tolist())), t_cam_board=tuple(moved.tolist())
-        )
-
-    return placed(changed)
+def is_ball(thing: Thing) -> bool:
+    return "radius" in thing
 
 
-def placed(f: Callable[[Camera], Camera]) -> Change:
-    """Another R and t."""
-    return lambda s: s._replace(camera=lambda camera: f(s.camera(camera)))
+def resized(factor: float) -> Pipeline:
+    """Spheres of another radius."""
+    return other(lambda x, _: x | {"radius": factor * x["radius"]} if is_ball(x) else x)
 
 
-def other(f: Callable[[Shape, Camera], Shape]) -> Change:
-    """Another object in the place of each."""
-    return lambda s: s._replace(objects=lambda all_, camera: tuple(f(x, camera) for x in s.objects(all_, camera)))
+def gone(thing: Thing) -> Thing:
+    """Out of reach, so that the others keep their numbers."""
+    size = {"radius": 1e-9} if is_ball(thing) else {"half_u": np.array([1e-9, 0, 0]), "half_v": np.array([0, 1e-9, 0])}
+    return thing | {"center": np.array([0.0, 0.0, -1e9])} | size
 
 
-def unstretched(x: Array, y: Array, camera: Camera, ray: Any) -> Rays:
-    """t of unit rays goes along (x, y, 1)."""
-    rays = ray(x, y, camera)
-    return rays._replace(aim=rays.d * rays.stretch)
-
-
-UNDO, UNIT = "undistort((u - cx) / fx, (v - cy) / fy, dist)", "rays / np.linalg.norm(rays, axis=-1, keepdims=True)"
-
-
-def grid(*places: str) -> tuple[Change, ...]:
-    """Rays through other places in the image."""
-    return slips("pixels", *(f"return u, v => return {place}" for place in places))
-
+# ------------------------------------------------------------------------------------------ intersections and order
 
 sphere, plane = partial(slips, "intersect_sphere"), partial(slips, "intersect_plane")
 order, normals_at = partial(slips, "nearest"), partial(slips, "normals_at")
+UNIT, POINT = "rays / np.linalg.norm(rays, axis=-1, keepdims=True)", "origins + t[:, None] * directions"
 NU, NV = "np.linalg.norm(half_u)", "np.linalg.norm(half_v)"
 IN_U, IN_V = "np.abs(q @ half_u) <= half_u @ half_u", "np.abs(q @ half_v) <= half_v @ half_v"
 INSIDE, T, MET = f"({IN_U}) & ({IN_V})", "((center - origins) @ n) / (directions @ n)", "inside & (t > 0)"
 CROSS, CROSS_AT = "n = np.cross(half_u, half_v)", 'n = np.cross(thing["half_u"], thing["half_v"])'
+ALONG_Z = '(directions @ scene["R_cam_board"][2])'
+"""Of unit rays: what they are divided by for z = 1."""
+NEAREST = "which, t = nearest(intersect_all(origins, directions, things))"
+BALLS = 'np.array([["radius" in x] for x in things])'
 
 
-def resized(factor: float, length: float = 1) -> Change:
-    """Spheres of another radius, whose normals have this length."""
-
-    grown = other(lambda x, _: msgspec.structs.replace(x, radius=factor * x.radius) if isinstance(x, Sphere) else x)
-    return both(grown, on_spheres(lambda n: n * length))
-
-
-def on_spheres(f: Callable[[Array], Array]) -> Change:
-    """Another normal of spheres."""
-    return normals(lambda n, p, rays, thing: f(n) if isinstance(thing, Sphere) else n)
-
-
-def normals(f: Callable[[Array, Array, Rays, Any], Array]) -> Change:
-    """(right normal, point, rays, thing) -> normal."""
-
-    def written(points: Array, which: Array, eye: Array, things: Any, of: Any) -> Array:
-        p, n = points.T, np.asarray(of(points, which, eye, things), float).T
-        d = made_unit(p - eye[:, None])
-        return f(n, p, Rays(eye[:, None], d, d, np.ones(which.size)), None).T
-
-    def change(s: Steps) -> Steps:
-        if s.normals_at is not None:
-            return s._replace(normals_at=partial(written, of=s.normals_at))
-        return s._replace(normal=lambda p, rays, thing: f(s.normal(p, rays, thing), p, rays, thing))
-
-    return change
-
-
-def made_unit(n: Array, *_: Any) -> Array:
-    length = np.linalg.norm(n, axis=0)
-    return n / np.where(length > 0, length, 1)
-
-
-def three(v: Any) -> Any:
-    return tuple(np.asarray(v, float).tolist())
-
-
-def in_shadow_test(change: Change) -> Change:
-    """For shadow rays alone: the eye sees what it should."""
-    return lambda s: s._replace(blocked=lambda hits, to, things, steps: s.blocked(
-        hits, to, things, steps._replace(sphere=change(s).sphere, rectangle=change(s).rectangle)))  # fmt: skip
-
-
-def inside(*tests: str) -> tuple[Change, ...]:
+def inside(*tests: str) -> tuple[Pipeline, ...]:
     """Rectangles that end elsewhere."""
     return plane(*(f"{INSIDE} => {test}" for test in tests))
 
@@ -189,113 +126,128 @@ def reaching(u: str, v: str) -> str:
     return f"(np.abs(q @ half_u) <= {u}) & (np.abs(q @ half_v) <= {v})"
 
 
-def is_sphere(thing: Shape) -> bool:
-    return isinstance(thing, Sphere)
+def by_key(*keys: str, first: str = "") -> tuple[Pipeline, ...]:
+    """The hit of the least key (objects, N) is seen: functions of every_t, number and ball, things,
+    eye, directions; `first`: a line."""
+    lines = "\n    ".join([
+        "every_t = intersect_all(origins, directions, things)",
+        "number, ball = np.arange(len(every_t))[:, None], np.array([['radius' in x] for x in things] or [[False]])",
+        *([first] if first else []),
+        "which, _ = nearest(np.where(np.isfinite(every_t), KEY, np.inf))",
+        "t = np.where(which >= 0, every_t[which, np.arange(len(which))], np.inf)",
+    ])  # fmt: skip
+    return tuple(slip("met", (NEAREST, lines.replace("KEY", key))) for key in keys)
 
 
-def offset_by(eps: float, along_light: bool = False) -> Callable[[Hits, Array, Casters, Steps], Array]:
-    """The shadow ray starts eps metres along the normal (or towards the light), and may meet its own object."""
-
-    def blocked(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
-        away = np.broadcast_to(to, hits.point.shape) if along_light else hits.normal
-        return _any_blocks(hits.point + eps * away, to, things, steps)
-
-    return blocked
+def in_shadow_test(change: Pipeline) -> Pipeline:
+    """For shadow rays alone: the eye sees what it should."""
+    return replaced(sun_visible=lambda f: rewritten(f, intersect_all=written(change)["intersect_all"]))
 
 
-def _any_blocks(start: Array, to: Array, things: Casters, steps: Steps, limit: float = np.inf) -> Array:
-    to = np.broadcast_to(to, start.shape)
-    t = meet_all(start, to, things, steps)
-    return np.asarray((np.isfinite(t) & (t < limit)).any(axis=0))
+def only_seen(change: Pipeline) -> Pipeline:
+    """For the eye's rays alone: shadow rays meet what they should."""
+    return chain(change, in_shadow_test(()))
 
 
-def on_plane(x: Terms) -> Array:
-    return np.array([not is_sphere(thing) for thing in x.scene.objects] + [False])[x.hits.ids]
+# ------------------------------------------------------------------------------------------ light
 
-
-def shaded(f: Callable[[Terms], Array]) -> Change:
-    """Another formula."""
-    return put(shade=f)
-
-
-def lit(f: Callable[[Array, Scene, Hits], Array]) -> Change:
-    """Another direction to the light (3, 1) or (3, N), for shading and for shadows."""
-    return lambda s: s._replace(light=lambda to, scene, hits: f(s.light(to, scene, hits), scene, hits))
-
-
-def half_lit(f: Callable[[Array, Scene, Hits], Array]) -> Change:
-    """The same for shading alone: shadows are cast rightly."""
-
-    def recast(x: Terms) -> Terms:
-        to = f(np.array(x.scene.sun.to_light)[:, None], x.scene, x.hits)
-        return x._replace(cos=(x.hits.normal * to).sum(axis=0))
-
-    return terms(recast)
-
-
-def sun(x: Terms, cos: Any = None) -> Array:
-    """The sun's part."""
-    return x.albedo / pi * x.irradiance * x.visible * (np.maximum(x.cos, 0) if cos is None else cos)
-
-
-def sun_times(f: Any) -> Change:
-    """The sun's part, a function of it and the terms; or a factor."""
-    return terms(lambda x: x._replace(irradiance=x.irradiance * (f(x) if callable(f) else f)))
-
-
-def sky_times(f: Any) -> Change:
-    return terms(lambda x: x._replace(sky=x.sky * (f(x) if callable(f) else f)))
-
-
-def turned(turn: Callable[[Array], Array]) -> tuple[Change, ...]:
-    """The light's direction turned by a function of R: everywhere, or for shading alone."""
-    f = lambda to, scene, hits: turn(np.asarray(scene.camera.R_cam_board)) @ to  # noqa: E731
-    return lit(f), half_lit(f)
-
-
-def sky_scaled(scene: Scene, k: float) -> Array:
-    return k * np.array(scene.sky.radiance)
-
-
-def where_cast(change: Change) -> Change:
-    """What is done in shadow is done where another object casts it: what faces away from the sun is not tested."""
-    return both(put(blocked=others_hide), change)
-
-
-shade = partial(slips, "shade")
+shade, shadow = partial(slips, "shade"), partial(slips, "sun_visible")
 COS = "np.sum(normals * to_light, axis=-1, keepdims=True)"
 CLAMPED, SUN, SUM = (
     f"np.maximum(0, {COS})",
     "albedo / np.pi * irradiance * cosine",
     ("albedo / np.pi * irradiance * cosine + albedo * sky"),
 )
+ON_PLANE = f"~{BALLS}[which]"
+SHADED, MIXED, ASKED = "    lit = shade(", "    picture[hit] = ", 'sun_visible(points, normals, which, sun["to_light"]'
 
 
-def shadows(f: Callable[[Hits, Array, Casters, Steps], Array]) -> Change:
-    """(hits, to the light, things, steps) -> (N,) bool: blocked. Without shadows (rung lambert) it has no effect."""
-    return put(blocked=f)
+def unit(v: str) -> str:
+    return f"({v}) / np.linalg.norm({v}, axis=-1, keepdims=True)"
 
 
-def within(limit: float) -> Callable[[Hits, Array, Casters, Steps], Array]:
+def before_shading(*lines: str) -> Pipeline:
+    """Other `normals`, `albedo`, `to_light`, `irradiance`, `sky` for shading; `sun` for shadows."""
+    return slip("radiance", (SHADED, "".join(f"    {line}\n" for line in lines) + SHADED))
+
+
+def mixed(*lines: str) -> Pipeline:
+    """Other values `lit` and `dark` at points, or another `visible`."""
+    return slip("radiance", (MIXED, "".join(f"    {line}\n" for line in lines) + MIXED))
+
+
+def shading_normals(normals: str, *lines: str) -> Pipeline:
+    """Other normals for shading alone."""
+    right = (ASKED, ASKED.replace("normals", "right"))
+    return chain(before_shading("right = normals", *lines, f"normals = {normals}"), slip("radiance", right))
+
+
+def lit(to_light: str) -> Pipeline:
+    """Another direction to the light, for shading and for shadows; R is the camera's."""
+    return chain(half_lit(to_light), before_shading('sun = sun | {"to_light": to_light}'))
+
+
+def half_lit(to_light: str) -> Pipeline:
+    """The same for shading alone: shadows are cast rightly."""
+    return before_shading('R, t = scene["R_cam_board"], scene["t_cam_board"]', f"to_light = {to_light}")
+
+
+def given(**functions: Callable[[Any], Any]) -> Pipeline:
+    """Other arguments of `shade`."""
+
+    def wrong(right: Any, points: Any, normals: Any, albedo: Any, to_light: Any, irradiance: Any, sky: Any) -> Any:
+        args = {"points": points, "normals": normals, "albedo": albedo, "to_light": to_light,
+                "irradiance": irradiance, "sky": sky}  # fmt: skip
+        return right(**args | {name: f(args[name]) for name, f in functions.items()})
+
+    return replaced(shade=lambda right: partial(wrong, right))
+
+
+def behind(*backgrounds: str) -> tuple[Pipeline, ...]:
+    """Other backgrounds (3,), functions of scene, sky, sun and things."""
+    return slips("radiance", *(f"np.tile(sky, => np.tile({one} + 0 * sky," for one in backgrounds))
+
+
+others_hide = slip("sun_visible")
+"""What faces away from the sun is not in its own shadow: it is dark by n·l alone."""
+
+
+def where_cast(change: Pipeline) -> Pipeline:
+    """What is done in shadow is done where another object casts it: what faces away from the sun is not tested."""
+    return chain(others_hide, change)
+
+
+def with_number(name: str, value: float, *ways: Pipeline) -> Pipeline:
+    """Mistakes whose text calls a number by this name."""
+    return chain(*ways, replaced(**{name: lambda _: value}))
+
+
+OWN_MEETS = slip("sun_visible", ("(own | ~np.isfinite(t[k]))", "~np.isfinite(t[k])"))
+OFF_SURFACE = {
+    along: chain(
+        slip("sun_visible", ("intersect_all(points, ", f"intersect_all(points + offset * {along}, ")), OWN_MEETS
+    )
+    for along in ("normals", "to_light")
+}
+NEAR = chain(slip("sun_visible", ("~np.isfinite(t[k])", "~(t[k] < reach)")), slip("sun_visible", (
+    "return visible", f"return visible & ({COS}[:, 0] > 0)")))  # fmt: skip
+
+
+def offset_by(eps: float, along_light: bool = False) -> Pipeline:
+    """The shadow ray starts eps metres along the normal (or towards the light), and may meet its own object."""
+    return with_number("offset", eps, OFF_SURFACE["to_light" if along_light else "normals"])
+
+
+def within(limit: float) -> Pipeline:
     """Only what is nearer than this, metres, casts a shadow."""
-
-    def blocked(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
-        away = (hits.normal * to).sum(axis=0) <= 0
-        return away | _any_blocks(hits.point + 1e-7 * hits.normal, to, things, steps, limit)
-
-    return blocked
+    return chain(offset_by(1e-7), with_number("reach", limit, NEAR))
 
 
-def gone(thing: Shape) -> Shape:
-    if isinstance(thing, Sphere):
-        return msgspec.structs.replace(thing, center=(0.0, 0.0, -1e9), radius=1e-9)
-    return msgspec.structs.replace(thing, center=(0.0, 0.0, -1e9), half_u=(1e-9, 0.0, 0.0), half_v=(0.0, 1e-9, 0.0))
+def towards(direction: str) -> Pipeline:
+    """Shadow rays that go elsewhere."""
+    return slip("sun_visible", ("np.tile(to_light, (len(points), 1))", unit(f"({direction})")))
 
 
-def dimmed(x: Terms, by: float) -> Array:
-    return lambert(x._replace(visible=np.ones_like(x.visible))) * np.where(x.visible > 0, 1.0, by)
-
-
-def shown(f: Callable[[Array], Array]) -> Change:
+def shown(f: Callable[[Array], Array]) -> Pipeline:
     """Other values, each by itself."""
-    return lambda s: s._replace(output=lambda x, brightest: f(s.output(x, brightest)))
+    return replaced(output=lambda right: lambda x, brightest: f(right(x, brightest)))

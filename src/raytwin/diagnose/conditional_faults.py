@@ -13,10 +13,25 @@ import msgspec
 import numpy as np
 
 from raytwin.diagnose.budget import Budget
-from raytwin.diagnose.catalogue import FAULTS, TESTS
-from raytwin.diagnose.changes import CAMERA, LIGHT, ORDER, OUTPUT, SAMPLING, Fault, behind, both, put, row, shown, terms
-from raytwin.diagnose.pixel_sample import Sight
-from raytwin.diagnose.predict import RIGHT, Array, Before, Change, Rays, Steps
+from raytwin.diagnose.catalogue import FAULTS
+from raytwin.diagnose.changes import (
+    CAMERA,
+    LIGHT,
+    ORDER,
+    OUTPUT,
+    SAMPLING,
+    Fault,
+    behind,
+    by_key,
+    chain,
+    given,
+    offset_by,
+    row,
+    shown,
+)
+from raytwin.diagnose.pixel_sample import PixelSample
+from raytwin.diagnose.predict import RIGHT, Before, Pipeline, replaced, rewritten
+from raytwin.diagnose.textbook import code_of, slipped
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 
 COLOURS = "red", "green", "blue"
@@ -28,7 +43,7 @@ ALONG = 0.03
 """Least share of the pixels beside outlines that is wrong if several rays per pixel are averaged."""
 
 
-def clued(sights: Sequence[Sight], budget: Budget) -> tuple[Fault, ...]:
+def clued(sights: Sequence[PixelSample], budget: Budget) -> tuple[Fault, ...]:
     """What the pictures, and the order in which they were asked for, give reason to try."""
     if any(s.view.scene is None for s in sights):
         return ()
@@ -39,7 +54,7 @@ def clued(sights: Sequence[Sight], budget: Budget) -> tuple[Fault, ...]:
 # ------------------------------------------------------------------------------------------ channels
 
 
-def wrong_channels(sights: Sequence[Sight]) -> tuple[int, ...]:
+def wrong_channels(sights: Sequence[PixelSample]) -> tuple[int, ...]:
     """The channels that are wrong, where others are right; else none."""
     wrong = np.zeros(3)
     for s in sights:
@@ -67,26 +82,24 @@ def by_channel(wrong: Sequence[int]) -> tuple[Fault, ...]:
     return tuple(made)
 
 
-def _misread(name: str, said: str, changes: tuple[Change, ...]) -> Fault:
+def _misread(name: str, said: str, changes: tuple[Pipeline, ...]) -> Fault:
     return row(f"channel-of-{name.replace(', ', '-').replace(' ', '-')}", OUTPUT if name == "the picture" else LIGHT,
                f"a channel is read from another one, {said}, in {name} (a slip in a line that was copied): 0, 1, 2 are "
                "red, green, blue in every term", *changes)  # fmt: skip
 
 
-def _terms_by(index: list[int]) -> Iterator[tuple[str, tuple[Change, ...]]]:
+def _terms_by(index: list[int]) -> Iterator[tuple[str, tuple[Pipeline, ...]]]:
     """Each term, and several at once, with its channels in another order; the sky's for the background, too, or not."""
-    irradiance = terms(lambda x: x._replace(irradiance=x.irradiance[index]))
-    sky = terms(lambda x: x._replace(sky=x.sky[index]))
-    albedo = terms(lambda x: x._replace(albedo=x.albedo[index]))
-    background = behind(lambda scene: np.array(scene.sky.radiance)[index])
+    irradiance, sky, albedo = (given(**{name: lambda x: x[..., index]}) for name in ("irradiance", "sky", "albedo"))
+    (background,) = behind(f"sky[{index}]")
     yield "the irradiance", (irradiance,)
-    yield "the irradiance and the sky", (both(irradiance, sky), both(irradiance, sky, background))
-    yield "the sky", (sky, both(sky, background))
+    yield "the irradiance and the sky", (chain(irradiance, sky), chain(irradiance, sky, background))
+    yield "the sky", (sky, chain(sky, background))
     yield "the background", (background,)
     yield "the albedo", (albedo,)
-    yield "the albedo and the irradiance", (both(albedo, irradiance),)
-    yield "the albedo and the sky", (both(albedo, sky),)
-    yield "all that is lit", (both(albedo, irradiance, sky),)
+    yield "the albedo and the irradiance", (chain(albedo, irradiance),)
+    yield "the albedo and the sky", (chain(albedo, sky),)
+    yield "all that is lit", (chain(albedo, irradiance, sky),)
     yield "the picture", (shown(lambda x: x[..., index]),)
 
 
@@ -99,38 +112,32 @@ def _alone(k: int) -> list[Fault]:
     made = [row("channel-empty", OUTPUT, f"{COLOURS[k]} is zero everywhere: write all three channels",
                 shown(lambda x: np.where(np.arange(3) == k, 0.0, x)))]  # fmt: skip
     for fault in FAULTS:
-        ways = tuple(partial(_in_channel, way=way, k=k) for way in fault.ways if _is_of_values(way(RIGHT)))
+        ways = tuple(in_channel(way, k) for way in fault.ways if _is_of_values(way))
         if ways and fault.name not in MIXING:
             text = f"in {COLOURS[k]} alone (a slip in one line of three): {fault.sentence}"
             made.append(row(f"{fault.name}-in-one-channel", fault.stage, text, *ways))
     return made
 
 
-def _is_of_values(s: Steps) -> bool:
-    same = all(a is b for name, a, b in zip(RIGHT._fields, s, RIGHT, strict=True)
-               if name not in ("prepare", "shade", "background", "output", "texts"))  # fmt: skip
-    return same and s != RIGHT
+def _is_of_values(way: Pipeline) -> bool:
+    names = [name for name, _ in way]
+    return 0 < len(names) == len(set(names) & {"shade", "radiance", "output"})
 
 
-def _in_channel(s: Steps, way: Change, k: int) -> Steps:
-    changed, one = way(s), np.arange(3) == k
+def in_channel(way: Pipeline, k: int) -> Pipeline:
+    """The mistakes in one channel alone."""
 
-    def shade(x: Any) -> Array:
-        return np.where(one[:, None], changed.shade(changed.prepare(x)), s.shade(s.prepare(x)))
+    def change(right: Any, name: str, what: Any) -> Any:
+        wrong = rewritten(right, code=code_of(slipped(name, what))) if isinstance(what, tuple) else what(right)
+        return lambda *args: np.where(np.arange(3) == k, wrong(*args), right(*args))
 
-    def background(scene: Scene, d: Array) -> Array:
-        return np.where(one[:, None], changed.background(scene, d), s.background(scene, d))
-
-    def output(x: Array, brightest: float) -> Array:
-        return np.where(one, changed.output(x, brightest), s.output(x, brightest))
-
-    return s._replace(prepare=RIGHT.prepare, shade=shade, background=background, output=output)
+    return tuple((name, partial(change, name=name, what=what)) for name, what in way)
 
 
 # ------------------------------------------------------------------------------------------ several rays a pixel
 
 
-def _along_outlines(sights: Sequence[Sight], budget: Budget) -> bool:
+def _along_outlines(sights: Sequence[PixelSample], budget: Budget) -> bool:
     """Wrong along outlines, and in the worst picture between what is seen within a pixel's reach."""
     seen = [s for s in sights if not s.view.points]
     edge = sum(float((s.weight * s.edge).sum()) for s in seen)
@@ -139,7 +146,7 @@ def _along_outlines(sights: Sequence[Sight], budget: Budget) -> bool:
     worst = max(seen, key=lambda s: float((s.weight * s.wrong).sum()))
     worst = worst.only(worst.wrong)
     grid = _grid(5, -1.0, 1.0)
-    rows = [worst.predict(put(spread=((x, y),))(RIGHT)) for x, y in budget.within("several rays a pixel", grid)]
+    rows = [worst.predict(spread(((x, y),))) for x, y in budget.within("several rays a pixel", grid)]
     if len(rows) < len(grid):
         return False
     around = np.stack(rows)
@@ -150,6 +157,11 @@ def _along_outlines(sights: Sequence[Sight], budget: Budget) -> bool:
 def _grid(n: int, low: float, high: float) -> tuple[tuple[float, float], ...]:
     places = np.linspace(low, high, n).tolist()
     return tuple((x, y) for y in places for x in places)
+
+
+def spread(places: Sequence[tuple[float, float]]) -> Pipeline:
+    """The mean of rays through several places about the pixel's centre."""
+    return replaced(spread=lambda _: places)
 
 
 def averaged() -> tuple[Fault, ...]:
@@ -167,24 +179,24 @@ def averaged() -> tuple[Fault, ...]:
     text = "each pixel is the mean of several rays (anti-aliasing), which blends outlines and the edges of shadows"
     right = "here a pixel shows what the one ray through its centre, (u, v), meets"
     return (
-        row("averaged-over-pixel", SAMPLING, f"{text}: {right}", *(put(spread=tuple(p)) for p in centred)),
+        row("averaged-over-pixel", SAMPLING, f"{text}: {right}", *map(spread, centred)),
         row("averaged-from-corner", SAMPLING,
             f"{text}, and the rays are spread to one side of (u, v) as if that were the pixel's corner: {right}",
-            *(put(spread=p) for p in cornered)),
+            *map(spread, cornered)),
     )  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------ earlier scenes
 
-OFF_SURFACE = TESTS[3]
+OFF_SURFACE = offset_by(1e-6)
 """Shadow rays start a little off the surface: another scene's floor lies in this one's."""
-EQUAL = 1e-9
-"""Relative: distances that differ by less are equal, whatever rounding says."""
+EQUALS = by_key(*(f"np.where(every_t <= np.min(every_t, axis=0) * (1 + 1e-9), {sign}number, np.inf)" for sign in "+-"))
+"""The nearest; of those as near, such as the floors of several scenes, the first or the last."""
 KINDS: tuple[Any, ...] = ((Sphere, Rectangle), Sphere, Rectangle)
 SHARED = "what all calls share (a list of the class, a default argument, a global) has to be made anew for each scene"
 
 
-def stale(sights: Sequence[Sight]) -> tuple[Fault, ...]:
+def stale(sights: Sequence[PixelSample]) -> tuple[Fault, ...]:
     """What a process keeps of the scenes that it was given before: all of them, the first, or the one before."""
     stages = tuple(sorted({stage for s in sights for stage, _ in s.view.before.calls}))
     ways = [(stages, False), *([(stages, True), *(((stage,), False) for stage in stages)] if len(stages) > 1 else [])]
@@ -198,8 +210,8 @@ def stale(sights: Sequence[Sight]) -> tuple[Fault, ...]:
         return ()
     return (
         row("objects-kept", ORDER, f"objects of scenes that were rendered before are still there: {SHARED}",
-            *(both(_kept(partial(_with_objects, kind=kind), part, of), put(order=order, blocked=OFF_SURFACE))
-              for part, of in added for kind in KINDS for order in (_first_of_equals, _last_of_equals))),
+            *(chain(_kept(partial(_with_objects, kind=kind), part, of), order, OFF_SURFACE)
+              for part, of in added for kind in KINDS for order in EQUALS)),
         row("objects-of-earlier", ORDER, f"the objects of a scene that was rendered before are shown: {SHARED}",
             *(_kept(partial(_for_objects, kind=kind), part, of) for part, of in kept for kind in KINDS)),
         row("albedos-kept", LIGHT,
@@ -217,17 +229,6 @@ def stale(sights: Sequence[Sight]) -> tuple[Fault, ...]:
     )  # fmt: skip
 
 
-def _first_of_equals(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
-    """The nearest; of those as near, such as the floors of several scenes, the first, whatever rounding says."""
-    least = t.min(axis=0)
-    return np.where(np.isfinite(least), (t <= least * (1 + EQUAL)).argmax(axis=0), -1)
-
-
-def _last_of_equals(t: Array, things: tuple[Shape, ...], rays: Rays) -> Array:
-    found = _first_of_equals(t[::-1], things[::-1], rays)
-    return np.where(found < 0, found, len(t) - 1 - found)
-
-
 def _some(before: Before, stages: Sequence[str], apart: bool) -> list[Scene]:
     """Earlier scenes of these stages, which share what they keep; or each has its own (`apart`)."""
     if before.stage not in stages:
@@ -235,14 +236,14 @@ def _some(before: Before, stages: Sequence[str], apart: bool) -> list[Scene]:
     return [one for stage, one in before.calls if (stage == before.stage if apart else stage in stages)]
 
 
-def _kept(f: Callable[[Scene, Sequence[Scene]], Scene], part: slice, of: Callable[[Before], list[Scene]]) -> Change:
+def _kept(f: Callable[[Scene, Sequence[Scene]], Scene], part: slice, of: Callable[[Before], list[Scene]]) -> Pipeline:
     """The scene as f(scene, some of the earlier ones) makes it."""
 
     def earlier(scene: Scene, before: Before) -> Scene:
         some = of(before)[part]
         return f(scene, some) if some else scene
 
-    return put(earlier=earlier)
+    return replaced(earlier=lambda _: earlier)
 
 
 def _of(scenes: Sequence[Scene], kind: Any) -> tuple[Shape, ...]:

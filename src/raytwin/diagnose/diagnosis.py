@@ -13,7 +13,7 @@ import numpy as np
 
 from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.budget import SECONDS, Budget
-from raytwin.diagnose.catalogue import ACNE, CHANCES, FACTS, FAULTS, HABITS, TESTS, cached
+from raytwin.diagnose.catalogue import ACNE, CHANCES, FACTS, FAULTS, SHADOW_TESTS, cached, equivalent_forms
 from raytwin.diagnose.certainty import (
     WHOLE,
     are_alike,
@@ -34,11 +34,12 @@ from raytwin.diagnose.explanation import Cause, Diagnosis, Sureness
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
-from raytwin.diagnose.parametric_faults import FAMILIES, Family, fit, of_objects, promising, total
-from raytwin.diagnose.pixel_sample import MET, Sampled, Sight, View, many
-from raytwin.diagnose.predict import RIGHT, Array, Change, Steps
+from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, fit, of_objects, promising, total
+from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, many
+from raytwin.diagnose.predict import RIGHT, UP_TO_RAYS, Array, Pipeline
 from raytwin.diagnose.prediction_cache import costs
 from raytwin.diagnose.slip_search import likely_slips
+from raytwin.diagnose.tolerance_mask import SHADOW_STEPS
 from raytwin.files import Rounding
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
@@ -84,8 +85,6 @@ OF_VALUES = (NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
 """Stages that leave alone what rays meet: quickly tried, and tried first."""
 NOTHING = 1e-4
 """Share of the cost: where a mistake of these stages leaves less, other stages are not tried."""
-BEYOND = Steps._fields.index("objects")
-"""The first step beyond the camera."""
 BEAM = 3
 """Single faults that a second one is added to."""
 REACHED = 0.5
@@ -93,34 +92,34 @@ REACHED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Guess:
+class Hypothesis:
     """What is tried: causes that are made one after the other, the steps that come of them, and their cost.
 
     `typical`: each cause in the first of its ways. `way`: the change that was made last, as it stands in the catalogue.
     """
 
     causes: tuple[Cause, ...]
-    steps: Steps
+    steps: Pipeline
     cost: float = np.inf
-    refit: Callable[[Sequence[Sight]], Steps] | None = None
+    refit: Callable[[Sequence[PixelSample]], Pipeline] | None = None
     typical: bool = True
-    way: Change | None = None
+    way: Pipeline | None = None
 
 
 PLAIN = tuple(
     fault for fault in FAULTS
-    if fault.name == "swapped-axes" or (fault.stage == OUTPUT and all(way(RIGHT).background is RIGHT.background
-                                                                      for way in fault.ways))
+    if fault.name == "swapped-axes" or (
+        fault.stage == OUTPUT and all(name in ("output", "pixel") for name, _ in fault.ways[0]))
 )  # fmt: skip
 """What may be wrong with a picture of nobody knows what: its values and its order."""
 PLAIN_FAMILIES = tuple(family for family in FAMILIES if family.name in ("image-scaled", "offset", "power"))
 
 
 def diagnose(
-    views: Sequence[View],
+    views: Sequence[SubmittedImage],
     seed: int = 0,
     faults: Sequence[Fault] = FAULTS,
-    families: Sequence[Family] = FAMILIES,
+    families: Sequence[ParametricFault] = FAMILIES,
     most: int = 2,
     seconds: float = SECONDS,
 ) -> Diagnosis:
@@ -145,7 +144,12 @@ def diagnose(
 
 
 def _search(
-    sights: list[Sight], where: str, faults: Sequence[Fault], families: Sequence[Family], most: int, budget: Budget
+    sights: list[PixelSample],
+    where: str,
+    faults: Sequence[Fault],
+    families: Sequence[ParametricFault],
+    most: int,
+    budget: Budget,
 ) -> Diagnosis:
     """The causes that cost least, one or `most` of them together."""
     every = faults is FAULTS
@@ -156,7 +160,7 @@ def _search(
         families = (*FAMILIES, *of_objects(sights[0].view.scene))
     small = [s.only(slice(None, None, SCREEN)) for s in sights]
     thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
-    base = Guess((), RIGHT, total(sights, RIGHT))
+    base = Hypothesis((), RIGHT, total(sights, RIGHT))
     found = _round(base, sights, small, faults, families if thorough else (), budget)
     if thorough and every and not (found and is_good(sights, found[0].steps)) and (clues := clued(sights, budget)):
         found = sorted([*_round(base, sights, small, clues, (), budget), *found], key=lambda g: g.cost)
@@ -182,7 +186,7 @@ def _search(
     return made
 
 
-def _one_value(views: Sequence[View]) -> float | None:
+def _one_value(views: Sequence[SubmittedImage]) -> float | None:
     """The value of every channel of every pixel, where there is only one, and it is neither 0 nor the sky's."""
     values = {float(x) for view in views for x in (np.min(view.shown), np.max(view.shown))}
     value = values.pop()
@@ -234,7 +238,7 @@ def view_of(
     rung: str,
     rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
     sampled: Sampled | None = None,
-) -> View:
+) -> SubmittedImage:
     """Return what `diagnose` looks at: noise is slack, and a scene that no fault can be predicted in is unknown."""
     shown = test.mean
     slack = np.zeros(shown.shape) if rounding.half is None else rounding.half.astype(float)
@@ -243,28 +247,29 @@ def view_of(
         slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
     # Faults are predicted under a constant sky, without highlights.
     known = scene and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
-    return View(
+    return SubmittedImage(
         scene if known else None, shown, reference.mean, rung, half=slack, clipped=rounding.clipped, sampled=sampled
     )
 
 
-def _price(base: Guess) -> float:
+def _price(base: Hypothesis) -> float:
     """What another cause has to bring: a twentieth of the cost."""
     return 0.03 * base.cost
 
 
 def _round(
-    before: Guess,
-    sights: list[Sight],
-    small: list[Sight],
+    before: Hypothesis,
+    sights: list[PixelSample],
+    small: list[PixelSample],
     faults: Sequence[Fault],
-    families: Sequence[Family],
+    families: Sequence[ParametricFault],
     budget: Budget,
-) -> list[Guess]:
+) -> list[Hypothesis]:
     """All that may be added to a guess, the best first."""
     named = {cause.name for cause in before.causes}
+    families = [f for f in families if f.name not in named]
     ways = [
-        Guess((*before.causes, Cause(f.name, f.stage, f.sentence)), way(before.steps),
+        Hypothesis((*before.causes, Cause(f.name, f.stage, f.sentence)), (*before.steps, *way),
               typical=before.typical and not k, way=way)
         for f in faults if f.name not in named for k, way in enumerate(f.ways)
         if not before.causes or _reaches(way, before.steps, small)
@@ -293,62 +298,67 @@ def _round(
         if cost > 0.9 * before.cost:
             continue
         p, cost = fit(_from(family, p), sights, before.steps, lambda: budget.over)
-        if not family.possible(p) or not shows(sights, before.steps, family.make(p)(before.steps)):
+        if not family.possible(p) or not shows(sights, before.steps, (*before.steps, *family.make(p))):
             continue
         scenes = [s.view.scene for s in sights if s.view.scene]
         cause = Cause(family.name, family.stage, family.sentence(p, scenes), len(p))
         refit = lambda some, family=family, p=p: _refit(family, p, some, before.steps)  # noqa: E731
         extra = 0.01 * before.cost * len(p)
-        fitted.append(Guess((*before.causes, cause), family.make(p)(before.steps), cost + extra, refit))
+        fitted.append(Hypothesis((*before.causes, cause), (*before.steps, *family.make(p)), cost + extra, refit))
     return sorted((*exact, *fitted), key=lambda g: g.cost)
 
 
-def _reaches(way: Change, steps: Steps, small: Sequence[Sight]) -> bool:
+def _reaches(way: Pipeline, steps: Pipeline, small: Sequence[PixelSample]) -> bool:
     """Whether a way alone changes most of the pixels that these steps leave wrong; where that was seen, else True."""
     for s in small:
-        if (alone := s.changed.get(way)) is not None:
-            left = s.left(steps)
+        if (alone := s.thin.changed.get(way)) is not None:
+            s = s.thin
+            left = s.errors(steps) > s.tau
             return not left.any() or bool((s.weight * (alone & left)).sum() > REACHED * (s.weight * left).sum())
     return True
 
 
 def _with_habits(
-    tried: list[Guess], before: Guess, sights: list[Sight], order: Sequence[Sight], budget: Budget
-) -> list[Guess]:
+    tried: list[Hypothesis], before: Hypothesis, sights: list[PixelSample], order: Sequence[PixelSample], budget: Budget
+) -> list[Hypothesis]:
     """The best of the guesses, each also with what right tracers do in one way or another; their cost on all pixels."""
     best = {guess.causes[-1].name: guess for guess in reversed(tried)}
     some = sorted(best.values(), key=lambda g: g.cost)[:TEMPTING]
     if some and some[0].cost < CLEAR / 2 * before.cost:
         some = [g for g in some if EVEN * before.cost < g.cost < NEAR * before.cost]
     # A second fault is added to what the first one's way has shown; another camera meets surfaces rightly.
-    habits = HABITS if not before.causes else ()
-    some = [g for g in some if _beyond_the_camera(g.steps, before.steps)]
-    tried += _screened(
-        [replace(g, steps=s, cost=np.inf) for g in some for habit in habits if (s := habit(g.steps)) is not g.steps],
-        order, before, budget,
-    )  # fmt: skip
-    some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if g.steps.blocked in TESTS]
-    some = [g for g in some if g.cost > EVEN * before.cost and _beyond_the_camera(g.steps, before.steps)]
-    tried += _screened(
-        [replace(g, steps=g.steps._replace(blocked=t)) for g in some for t in TESTS], order, before, budget, TEMPTING
-    )
+    some = [g for g in some if not before.causes and _beyond_the_camera(g.way)]
+    forms = [replace(g, steps=form, cost=np.inf) for g in some for form in equivalent_forms(g.steps)]
+    tried += _screened(forms, order, before, budget)
+    some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if _shadow_test(g.steps) in ((), *SHADOW_TESTS)]
+    some = [g for g in some if g.cost > EVEN * before.cost and _beyond_the_camera(g.way)]
+    tested = [
+        replace(g, steps=(*(step for step in g.steps if step[0] not in SHADOW_STEPS), *test))
+        for g in some
+        for test in SHADOW_TESTS
+    ]
+    tried += _screened(tested, order, before, budget, TEMPTING)
     tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
     near = [g for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
     return [_weighed(g, sights) for k, g in enumerate(near) if not (k and budget.over)]
 
 
-def _beyond_the_camera(steps: Steps, before: Steps) -> bool:
+def _shadow_test(steps: Pipeline) -> Pipeline:
+    return tuple(step for step in steps if step[0] in SHADOW_STEPS)
+
+
+def _beyond_the_camera(way: Pipeline | None) -> bool:
     """Whether more is changed than the rays of the eye."""
-    return steps._replace(spread=before.spread)[BEYOND:] != before[BEYOND:]
+    return way is None or any(name not in UP_TO_RAYS for name, _ in way)
 
 
-def _slips(before: Guess, sights: list[Sight], small: list[Sight], budget: Budget) -> list[Guess]:
+def _slips(before: Hypothesis, sights: list[PixelSample], small: list[PixelSample], budget: Budget) -> list[Hypothesis]:
     """Generated slips that explain all that is wrong, the least far-fetched first of those that do it alike."""
     order = _order(small, before.steps)
     guesses = []
     for slip, steps in likely_slips(order, before.steps, budget):
         cause = Cause(slip.name, slip.stage, slip.sentence)
-        guesses.append(Guess((*before.causes, cause), steps))
+        guesses.append(Hypothesis((*before.causes, cause), steps))
     if not guesses:
         return []
     place = {g.causes[-1].name: k for k, g in enumerate(guesses)}
@@ -360,19 +370,21 @@ def _slips(before: Guess, sights: list[Sight], small: list[Sight], budget: Budge
     return sorted(found, key=lambda g: (round(g.cost / (EVEN * before.cost)), place[g.causes[-1].name]))[:1]
 
 
-def _begun(families: Sequence[Family], some: Sequence[Sight], before: Guess, budget: Budget) -> list[Family]:
+def _begun(
+    families: Sequence[ParametricFault], some: Sequence[PixelSample], before: Hypothesis, budget: Budget
+) -> list[ParametricFault]:
     """The families worth fitting, of those that there is time to begin with."""
     tried, names = promising(families, some, before.steps, FITS, lambda: budget.over)
     budget.cut([f.name for f in families], len(families) if not budget.over else names)
     return tried
 
 
-def _ranked(guesses: Sequence[Guess], faults: Sequence[Fault], even: float) -> list[Guess]:
+def _ranked(guesses: Sequence[Hypothesis], faults: Sequence[Fault], even: float) -> list[Hypothesis]:
     """The best way of each fault, by cost alone; then the other ways. Of faults that cost the same (but for `even`) the
     one that is seen in its typical form comes first, then the one that stands first in the catalogue.
     """
     rank = {f.name: k for k, f in enumerate(faults)}
-    best: dict[str, Guess] = {}
+    best: dict[str, Hypothesis] = {}
     others = []
     usual = set()
     for guess in sorted(guesses, key=lambda g: g.cost):
@@ -385,7 +397,7 @@ def _ranked(guesses: Sequence[Guess], faults: Sequence[Fault], even: float) -> l
     return [*(best[name] for name in sorted(place, key=lambda n: place[n])), *others]
 
 
-def _by_common(ways: list[Guess], sights: Sequence[Sight], before: Guess) -> list[Guess]:
+def _by_common(ways: list[Hypothesis], sights: Sequence[PixelSample], before: Hypothesis) -> list[Hypothesis]:
     """Those that cost least in the scenes that everyone is asked for."""
     common = [s for s in sights if s.view.common and not (s.more or s.deep)]
     if not common:
@@ -397,11 +409,12 @@ def _by_common(ways: list[Guess], sights: Sequence[Sight], before: Guess) -> lis
 
 
 def _screened(
-    guesses: list[Guess], order: Sequence[Sight], before: Guess, budget: Budget, least: int = FINALISTS
-) -> list[Guess]:
+    guesses: list[Hypothesis], order: Sequence[PixelSample], before: Hypothesis, budget: Budget, least: int = FINALISTS
+) -> list[Hypothesis]:
     """Those that cost least, by one view after the other; a quarter is left each time, and what costs hardly more."""
     sums, wrong, views = np.zeros(len(guesses)), 0.0, 0
-    for sight in order:
+    first = [order[0].thin] if len(guesses) > 2 * least else []
+    for sight in (*first, *order):
         unchanged = sight.errors(RIGHT)
         costs: list[float] = []
         for guess in guesses:
@@ -409,7 +422,7 @@ def _screened(
                 break
             errors = sight.errors(guess.steps)
             costs.append(sight.cost(errors))
-            if guess.way is not None and len(guess.causes) == 1 and sight is order[0]:
+            if guess.way is not None and len(guess.causes) == 1 and sight in first:
                 sight.changed[guess.way] = np.abs(errors - unchanged) > 0.1 * sight.tau
         budget.cut([guess.causes[-1].name for guess in guesses], len(costs))
         if len(costs) < len(guesses) and views:
@@ -429,27 +442,29 @@ def _limit(sums: Array, wrong: float, least: int) -> float:
     return min(limit, NEAR * wrong) if sums.size and sums.min() < CLEAR / 2 * wrong else limit
 
 
-def _order(small: Sequence[Sight], before: Steps) -> list[Sight]:
+def _order(small: Sequence[PixelSample], before: Pipeline) -> list[PixelSample]:
     """The one that is most wrong, then the one of another rung that is, then the others."""
     worst = sorted(small, key=lambda s: -total([s], before))
     second = next((s for s in worst if s.view.rung != worst[0].view.rung), worst[0])
     return [worst[0], *([second] if second is not worst[0] else []), *(s for s in worst[1:] if s is not second)]
 
 
-def _from(family: Family, p: tuple[float, ...]) -> Family:
+def _from(family: ParametricFault, p: tuple[float, ...]) -> ParametricFault:
     """The family, to be fitted from there on."""
     return replace(family, start=p, tries=())
 
 
-def _refit(family: Family, p: tuple[float, ...], sights: Sequence[Sight], base: Steps) -> Steps:
-    return family.make(fit(_from(family, p), sights, base)[0])(base)
+def _refit(family: ParametricFault, p: tuple[float, ...], sights: Sequence[PixelSample], base: Pipeline) -> Pipeline:
+    return (*base, *family.make(fit(_from(family, p), sights, base)[0]))
 
 
-def _weighed(guess: Guess, sights: Sequence[Sight]) -> Guess:
+def _weighed(guess: Hypothesis, sights: Sequence[PixelSample]) -> Hypothesis:
     return replace(guess, cost=total(sights, guess.steps))
 
 
-def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str, budget: Budget) -> Diagnosis:
+def _told(
+    found: list[Hypothesis], sights: list[PixelSample], base: Hypothesis, where: str, budget: Budget
+) -> Diagnosis:
     if not found:
         return Diagnosis(right=False, where=where)
     best = _rather_than_a_fact(found, sights)
@@ -489,7 +504,7 @@ def _told(found: list[Guess], sights: list[Sight], base: Guess, where: str, budg
     )
 
 
-def _rather_than_a_fact(found: list[Guess], sights: list[Sight]) -> Guess:
+def _rather_than_a_fact(found: list[Hypothesis], sights: list[PixelSample]) -> Hypothesis:
     """The best guess; not one that says only what is seen where another one leaves nothing, and that does."""
     best = found[0]
     if FACTS & {cause.name for cause in best.causes} and not is_exact(sights, best.steps):
@@ -497,13 +512,13 @@ def _rather_than_a_fact(found: list[Guess], sights: list[Sight]) -> Guess:
     return best
 
 
-def _most(sight: Sight) -> int:
+def _most(sight: PixelSample) -> int:
     """Pixels that are looked at in the end: fewer where a scene has many objects."""
     objects = len(sight.view.scene.objects) if sight.view.scene else 0
     return min(MOST, max(MET // max(objects, 1), 1))
 
 
-def _by_chance(sights: Sequence[Sight], where: str, least: float, budget: Budget) -> Diagnosis | None:
+def _by_chance(sights: Sequence[PixelSample], where: str, least: float, budget: Budget) -> Diagnosis | None:
     """A cause that leaves it to chance which of its ways is seen at a pixel: acne, and what is like it.
 
     `least`: the share of the wrong pixels that it has to hit, beside EXPLAINED.
@@ -513,7 +528,7 @@ def _by_chance(sights: Sequence[Sight], where: str, least: float, budget: Budget
     for chance in budget.within("what goes by chance", CHANCES):
         if chance is ACNE and mixed < SPECKLED:
             continue
-        made = [[s.predict(way(RIGHT)) for way in chance.ways] for s in sights]
+        made = [[s.predict(way) for way in chance.ways] for s in sights]
         off = [np.stack([s.off(one) for one in all_]) for s, all_ in zip(sights, made, strict=True)]
         hit = np.concatenate([
             (e.min(axis=0) <= np.minimum(4 * s.tau, s.errors(RIGHT) / 2))[s.wrong]
@@ -530,7 +545,7 @@ def _by_chance(sights: Sequence[Sight], where: str, least: float, budget: Budget
     return None
 
 
-def _held_out(best: Guess, sights: list[Sight], each: Array) -> float | None:
+def _held_out(best: Hypothesis, sights: list[PixelSample], each: Array) -> float | None:
     """The share explained of the scene that is explained least, what was fitted being fitted on the others."""
     if len(sights) < 2:
         return None
@@ -543,7 +558,9 @@ def _held_out(best: Guess, sights: list[Sight], each: Array) -> float | None:
     return float(max(finite.min(), 0.0)) if finite.size else None
 
 
-def _as_good(best: Guess, found: Iterable[Guess], sights: list[Sight], budget: Budget) -> list[tuple[Cause, ...]]:
+def _as_good(
+    best: Hypothesis, found: Iterable[Hypothesis], sights: list[PixelSample], budget: Budget
+) -> list[tuple[Cause, ...]]:
     """For each cause of the best guess those that explain the pictures as well in its place."""
     own = [s.predict(best.steps) for s in sights]
     names = [cause.name for cause in best.causes]

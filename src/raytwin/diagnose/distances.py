@@ -3,7 +3,7 @@
 import numpy as np
 
 from raytwin.diagnose.catalogue import FAULTS
-from raytwin.diagnose.predict import RIGHT, Bench
+from raytwin.diagnose.predict import RIGHT, written
 from raytwin.image import BACKGROUND, Surface
 from raytwin.scene import Scene
 
@@ -23,7 +23,8 @@ def depth_cause(test: Surface | None, reference: Surface | None, scene: Scene) -
     v, u = np.nonzero((test.ids == reference.ids) & (test.ids != BACKGROUND) & (reference.depth > 0))
     if len(u) < ENOUGH:
         return ""
-    stretch = Bench(scene, u.astype(float), v.astype(float)).rays(RIGHT).stretch
+    K, dist = np.array(scene.camera.K), np.array(scene.camera.coefficients, float)
+    stretch = 1 / written(RIGHT)["through"](K, dist, u.astype(float), v.astype(float))[:, 2]
     ratio = test.depth[v, u].astype(float) / reference.depth[v, u]
     other = next(fault.sentence for fault in FAULTS if fault.name == "t-of-other-rays")
     unit = float(np.median(ratio))

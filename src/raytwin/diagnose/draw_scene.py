@@ -13,7 +13,7 @@ from operator import mul
 import msgspec
 import numpy as np
 
-from raytwin.diagnose.predict import RIGHT, Bench, meet_all
+from raytwin.diagnose.predict import RIGHT, Predictor
 from raytwin.errors import InputError
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Shape, Sky, Sphere, Sun
 
@@ -70,32 +70,34 @@ def _shows(scene: Scene) -> Iterator[tuple[str, np.ndarray | bool]]:
     R = np.asarray(scene.camera.R_cam_board)
     yield "a transposed R", bool(np.abs(R - R.T).max() >= 0.3)
     v, u = np.indices((scene.camera.height, scene.camera.width), float).reshape(2, -1)
-    bench, count = Bench(scene, u, v, shadows=False), len(scene.spheres)
-    rays = bench.rays(RIGHT)
-    ahead = np.isfinite(bench.distances(RIGHT))
-    ids = bench.met(RIGHT)[0]
+    bench, count = Predictor(scene, u, v, shadows=False), len(scene.spheres)
+    met, described = bench.functions(RIGHT)["intersect_all"], bench.described(RIGHT)
+    things, eye = described["things"], -R.T @ described["t_cam_board"]
+    rays = bench.functions(RIGHT)["through"](described["K"], described["dist"], u, v) @ R
+    eyes = np.tile(eye, (len(rays), 1))
+    ahead, seen = np.isfinite(met(eyes, rays, things)), bench.seen()
+    ids, facing = seen.ids, seen.cos
     ball, flat = (ids >= 0) & (ids < count), ids >= count
-    away = np.array([np.linalg.norm(np.subtract(x.center, scene.camera.eye)) for x in scene.objects])
+    away = np.array([np.linalg.norm(x["center"] - eye) for x in things])
     painted = np.where(ahead, away[:, None], np.inf).argmin(axis=0)
     yield "drawing by the centres' distance", (ids >= 0) & (painted != ids)
     yield "a plane before a sphere", flat & ahead[:count].any(axis=0)
     yield "the background", ids < 0
-    hits, facing = bench.hits(RIGHT), bench.terms(RIGHT).cos
     yield "a plane's dark side", flat & (facing < -0.05)
     yield "lit backs", ball & (facing < -0.05)
-    to = np.broadcast_to(np.array(scene.sun.to_light)[:, None], hits.point.shape)
-    hides = np.isfinite(meet_all(hits.point, to, scene.objects, RIGHT)) & (np.arange(len(ahead))[:, None] != ids)
-    yield "clipping", (bench.radiance(RIGHT) > 1).any(axis=-1) & ~hides.any(axis=0)
+    to_light = np.tile(scene.sun.to_light, (len(rays), 1))
+    hides = np.isfinite(met(seen.points, to_light, things)) & (np.arange(len(ahead))[:, None] != ids)
+    yield "clipping", (bench.radiance() > 1).any(axis=-1) & ~hides.any(axis=0)
     by_balls, by_planes = (x.any(axis=0) & (facing > 0.05) for x in (hides[:count], hides[count:]))
     yield "shadows of spheres on spheres", ball & by_balls & ~by_planes
     yield "shadows of planes on planes", flat & by_planes & ~by_balls
     yield "shadows of planes on spheres", ball & by_planes & ~by_balls
     yield "shadows of spheres on planes", flat & by_balls & ~by_planes
     lit = (facing > 0.05) & ~by_balls & ~by_planes
-    own = np.array([x.normal if isinstance(x, Rectangle) else (0, 0, 0) for x in scene.objects]).T[:, ids]
-    yield "a lit plane, seen from behind", flat & lit & ((own * rays.d).sum(axis=0) > 0.05)
+    own = np.array([x.normal if isinstance(x, Rectangle) else (0, 0, 0) for x in scene.objects])[ids]
+    yield "a lit plane, seen from behind", flat & lit & ((own * rays).sum(axis=-1) > 0.05)
     yield "light on spheres", ball & lit
-    behind = np.isfinite(meet_all(rays.origin, -rays.d, scene.objects, RIGHT))
+    behind = np.isfinite(met(eyes, -rays, things))
     yield "spheres behind the eye", behind[:count].any(axis=0)
     yield "planes behind the eye", behind[count:].any(axis=0)
 

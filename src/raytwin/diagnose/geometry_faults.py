@@ -1,13 +1,10 @@
 """Mistakes where rays meet spheres and rectangles."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
-import msgspec
-import numpy as np
-
 from raytwin.diagnose.changes import (
+    ALONG_Z,
     CROSS,
     CROSS_AT,
     IN_U,
@@ -15,29 +12,26 @@ from raytwin.diagnose.changes import (
     MET,
     NU,
     NV,
+    POINT,
     SOLVER,
     UNIT,
-    Casters,
     T,
-    both,
+    Thing,
+    chain,
     in_shadow_test,
     inside,
+    is_ball,
     normals_at,
+    only_seen,
     order,
     other,
     plane,
-    put,
     reaching,
     resized,
     row,
     sphere,
-    terms,
-    three,
-    unstretched,
 )
-from raytwin.diagnose.predict import Change, Terms, on_rectangle, on_sphere
-from raytwin.diagnose.slips import slips
-from raytwin.scene import Camera, Shape, Sphere
+from raytwin.diagnose.predict import Array, Pipeline, SceneDict, replaced, slip, slips
 
 ROOT, CHOICE, HIT = "np.sqrt(disc)", "t = np.where(near > 0, near, far)", "(disc >= 0) & (t > 0)"
 A, B, OVER = "a = np.sum(directions * directions, axis=-1)", "b = 2 * np.sum", "/ (2 * a)"
@@ -53,47 +47,24 @@ GRAZING = "np.abs(directions @ n) / np.linalg.norm(n) / np.linalg.norm(direction
 AHEAD = "where((disc >= 0) & (t > 0), t"
 
 
-def reradiused(f: Callable[[Sphere, Sequence[Sphere]], float], own: bool = False) -> Change:
+def reradiused(f: Any, own: bool = False) -> Pipeline:
     """Spheres of other radii, (the sphere, all spheres) -> r; `own`: normals are divided by the right ones."""
 
-    def spheres(things: Casters, camera: Camera, objects: Any) -> Casters:
-        things = objects(things, camera)
-        balls = [x for x in things if isinstance(x, Sphere)]
-        return tuple(
-            msgspec.structs.replace(x, radius=max(f(x, balls), 1e-9)) if isinstance(x, Sphere) else x for x in things
-        )
+    def changed(things: Sequence[Thing]) -> list[Thing]:
+        balls = [x for x in things if is_ball(x)]
+        return [x | {"radius": max(f(x, balls), 1e-9)} if is_ball(x) else x for x in things]
 
-    def by_own(x: Terms) -> Terms:
-        balls = [thing for thing in x.scene.objects if isinstance(thing, Sphere)]
-        longer = [f(thing, balls) / thing.radius if isinstance(thing, Sphere) else 1.0 for thing in x.scene.objects]
-        return x._replace(cos=x.cos * np.array([*longer, 1.0])[x.hits.ids])
-
-    change: Change = lambda s: s._replace(objects=partial(spheres, objects=s.objects))  # noqa: E731
-    return both(change, terms(by_own)) if own else change
+    if own:
+        return replaced(intersect_all=lambda right: lambda o, d, things: right(o, d, changed(things)))
+    return replaced(things=lambda scene: scene | {"things": changed(scene["things"])})
 
 
-def only_seen(change: Change) -> Change:
-    """For the eye's rays alone: shadow rays meet what they should."""
-    return both(change, lambda s: s._replace(blocked=lambda hits, to, things, steps: s.blocked(
-        hits, to, things, steps._replace(sphere=on_sphere, rectangle=on_rectangle))))  # fmt: skip
+def _edges(f: Callable[[Array, SceneDict], Array], *names: str) -> Pipeline:
+    """Other edges of rectangles, those of these names."""
+    return other(lambda x, scene: x | {name: f(x[name], scene) for name in names if name in x})
 
 
-def _edges_turned(x: Shape, camera: Camera, turn: Any, which: str = "") -> Shape:
-    """Centres stand in the camera's frame, edges, or one of them, in the board's."""
-    if isinstance(x, Sphere):
-        return x
-    matrix, names = turn(np.asarray(camera.R_cam_board)), (which,) if which else ("half_u", "half_v")
-    return msgspec.structs.replace(x, **{name: three(matrix @ getattr(x, name)) for name in names})
-
-
-def _edges_moved(x: Shape, camera: Camera) -> Shape:
-    if isinstance(x, Sphere):
-        return x
-    moved = np.asarray(camera.R_cam_board).T @ camera.t_cam_board
-    return msgspec.structs.replace(x, half_u=three(x.half_u + moved), half_v=three(x.half_v + moved))
-
-
-def _also(*tests: str) -> tuple[Change, ...]:
+def _also(*tests: str) -> tuple[Pipeline, ...]:
     """Rectangles that end here, too."""
     return plane(*(f"{MET} => inside & ({test}) & (t > 0)" for test in tests))
 
@@ -103,17 +74,23 @@ def _between(*least_most: tuple[str, str]) -> str:
     return " & ".join(f"({a} >= {lo}) & ({a} <= {hi})" for a, (lo, hi) in zip(ALONG, least_most, strict=True))
 
 
-def _crossed(*lines: str) -> tuple[Change, ...]:
+def _crossed(*lines: str) -> tuple[Pipeline, ...]:
     """Planes whose normal is another: what rays meet, and what is lit."""
     return tuple(
-        both(*plane(f"{CROSS} => {CROSS}\n    {line}"),
+        chain(*plane(f"{CROSS} => {CROSS}\n    {line}"),
              *normals_at(f"{CROSS_AT} => {CROSS_AT}\n            {line.replace('half_', 'thing_')}"
                          .replace("thing_u", 'thing["half_u"]').replace("thing_v", 'thing["half_v"]')))
         for line in lines
     )  # fmt: skip
 
 
-bent = lambda s: s._replace(ray=partial(unstretched, ray=s.ray))  # noqa: E731
+BY_RAY = slip("radiance", (
+    "normals_at(points, which, eye, things)",
+    'normals_at(points, which, np.where(((points - eye) @ scene["R_cam_board"][2] < 0)[:, None], '
+    "2 * points - eye, eye), things)",
+))  # fmt: skip
+"""Planes behind the eye turn to it by n·d, where d is the ray's direction."""
+PLANES_BEHIND = (*plane(f"{MET} => inside"), BY_RAY)
 (long,) = slips("through", f"{UNIT} => rays")
 
 SOLVERS = (
@@ -127,7 +104,7 @@ SOLVERS = (
     row("behind-the-eye", SOLVER,
         "hits behind the ray's start count too: take the smallest positive t, not the smallest |t|, and none where "
         "both are negative",
-        *(both(*one, *other) for other in ((), plane(f"{MET} => inside")) for one in (
+        *(chain(*one, *other) for other in ((), PLANES_BEHIND) for one in (
             sphere(f"{CHOICE} => t = near ;; {HIT} => disc >= 0"),
             sphere(f"{CHOICE} => t = np.where(np.abs(near) < np.abs(far), near, far) ;; {HIT} => disc >= 0"),
             (*sphere(f"{CHOICE} => t = np.where(np.abs(near) < np.abs(far), near, far) ;; {HIT} => disc >= 0"),
@@ -145,20 +122,21 @@ SOLVERS = (
         *sphere(f"{CHOICE} => {BY_Q}")),
     row("t-along-z", SOLVER,
         "t was found for unit rays, but is applied to (x, y, 1): use one and the same vector for both",
-        bent, both(long, *sphere(f"{AHEAD} => {AHEAD} * np.linalg.norm(directions, axis=-1)"))),
+        *slips("met", f"{POINT} => {POINT} / {ALONG_Z}[:, None]"),
+        chain(long, *sphere(f"{AHEAD} => {AHEAD} * np.linalg.norm(directions, axis=-1)"))),
     row("t-of-unit-rays", SOLVER,
         "t is that of unit directions: the directions are made unit inside, and t is not divided by their length "
         "afterwards",
         alone=sphere(f"{AHEAD} => {AHEAD} * np.linalg.norm(directions, axis=-1)")),
     row("rays-not-unit", SOLVER,
         "your rays are not unit, but the quadratic leaves out a = d·d: make them unit, or keep a",
-        *(both(long, way) for way in sphere(f"{A} => a = 1.0", f"{OVER} => / 2", "4 * a * c => 4 * c")),
+        *(chain(long, way) for way in sphere(f"{A} => a = 1.0", f"{OVER} => / 2", "4 * a * c => 4 * c")),
         *sphere(f"{A} => a = 1.0", "4 * a * c => 4 * c")),
     row("hit-point", SOLVER,
         "the hit point is wrong: it is the ray's origin plus t times its direction, o + t d",
-        *(way for new in ("t[:, None] * directions", "origins - t[:, None] * directions", "origins + directions",
-                          "(origins + directions) * t[:, None]")
-          for way in slips("met", f"origins + t[:, None] * directions => {new}"))),
+        *(chain(slip("met", (POINT, new)), BY_RAY) for new in (
+            "t[:, None] * directions", "origins - t[:, None] * directions", "origins + directions",
+            "(origins + directions) * t[:, None]"))),
     row("t-of-moved-ray", SOLVER,
         "t is measured in the sphere's own frame, where the ray is moved and scaled: t counts along the ray as it was "
         "given, so scale its direction as its origin, do not make it unit there, and apply t to the first one",
@@ -168,7 +146,7 @@ SOLVERS = (
     row("miss-by-radius", SOLVER,
         "a distance is held against a square: a ray misses the sphere where its distance from the centre, squared, "
         "is above r² (both squared, or neither)",
-        *(both(put(), way) for r in ("radius", "radius**4")
+        *(chain(slip("met"), way) for r in ("radius", "radius**4")
           for way in sphere(f"{HIT} => ({D2} <= {r}) & (t > 0) ;; {ROOT} => np.sqrt(np.maximum(disc, 0))"))),
     row("length-not-squared", SOLVER, "the length of f is not squared: c = f·f - r², where f·f = |f|²",
         *sphere(f"{SQUARE} => {LENGTH}", f"{SQUARE} - radius**2 => {LENGTH} - radius",
@@ -181,9 +159,8 @@ SOLVERS = (
     row("radius-of-another", SOLVER,
         "spheres have a radius that is not theirs, the one of another sphere or a coordinate of the centre: each has "
         "its own",
-        *(reradiused(f, own) for f in (lambda x, balls: balls[0].radius, lambda x, balls: balls[-1].radius)
-          for own in (False, True)),
-        reradiused(lambda x, balls: abs(x.center[2]))),
+        *(reradiused(lambda x, balls, k=k: balls[k]["radius"], own) for k in (0, -1) for own in (False, True)),
+        reradiused(lambda x, balls: abs(x["center"][2]))),
     row("factor-in-quadratic", SOLVER,
         "a factor is wrong in the quadratic: with b = 2 f·d, t = (-b - √(b² - 4c)) / 2; with b = f·d, "
         "t = -b - √(b² - c)",
@@ -191,11 +168,11 @@ SOLVERS = (
                 HALF, "4 * a * c => 2 * a * c", f"4 * a * c => a * c ;; {OVER} => / a", f"{OVER} => / (4 * a)",
                 "- 4 * a * c => + 4 * a * c", f"{B} => b = 4 * np.sum", f"{B} => b = 0.5 * np.sum")),
     row("root-missing", SOLVER, "the discriminant's square root is missing: t = (-b ± √disc) / (2a)",
-        *(both(*rays, way) for rays in ((), (long,))
+        *(chain(*rays, way) for rays in ((), (long,))
           for way in sphere(f"{ROOT} => disc", f"{HALF} ;; {OVER} => / a ;; {ROOT} => disc"))),
     row("divided-by-half-a", SOLVER,
         "`/ 2 * a` multiplies by a: write / (2 * a), or make the rays unit",
-        *(both(*rays, way) for rays in ((long,), ())
+        *(chain(*rays, way) for rays in ((long,), ())
           for way in sphere(f"{OVER} => / 2 * a", f"{HALF} ;; {OVER} => * a"))),
     row("disc-above", SOLVER,
         "the discriminant is held against a number above 0, so that spheres are too small, small ones most: a ray "
@@ -217,16 +194,16 @@ SOLVERS = (
         *sphere("origins - center => origins", "origins - center => origins + center")),
     row("t-too-near", SOLVER,
         "hits are thrown away unless t is large: the smallest t > 0 counts, however small",
-        *(both(*way) for k in (0.1, 0.5, 1.0) for way in (
+        *(chain(*way) for k in (0.1, 0.5, 1.0) for way in (
             (*sphere(f"(t > 0) => (t > {k})"), *plane(f"(t > 0) => (t > {k})")), sphere(f"(t > 0) => (t > {k})")))),
     row("t-too-far", SOLVER,
         "hits that are far away are thrown away: the first t to beat is infinity (np.inf)",
-        *(only_seen(both(*sphere(f"(t > 0) => (t > 0) & (t < {k})"), *plane(f"(t > 0) => (t > 0) & (t < {k})")))
+        *(only_seen(chain(*sphere(f"(t > 0) => (t > 0) & (t < {k})"), *plane(f"(t > 0) => (t > 0) & (t < {k})")))
           for k in (1.0, 2.0, 3.0, 5.0, 10.0))),
     row("no-spheres", SOLVER, "no sphere is hit at all: the discriminant or the test t > 0 throws every hit away",
-        *(of(way) for way in sphere(f"{HIT} => disc < -np.inf") for of in (both, only_seen))),
+        *(of(way) for way in sphere(f"{HIT} => disc < -np.inf") for of in (chain, only_seen))),
     row("no-planes", SOLVER, "the planes are missing: scene['planes'] holds rectangles, which rays meet too",
-        *(of(way) for way in plane(f"{MET} => t < -np.inf") for of in (both, only_seen))),
+        *(of(way) for way in plane(f"{MET} => t < -np.inf") for of in (chain, only_seen))),
     row("endless-planes", SOLVER, "your planes have no end: a rectangle ends at center ± half_u ± half_v",
         *inside("np.isfinite(t)", IN_U, IN_V)),
     row("abs-missing", SOLVER,
@@ -282,15 +259,17 @@ SOLVERS = (
                f"{T} => {T} / np.linalg.norm(n)", f"{T} => (directions @ n) / ((center - origins) @ n)")),
     row("one-sided", SOLVER,
         "planes are met from one side only: they are rectangles that are seen, lit and cast shadows from both sides",
-        *(of(way) for of in (both, only_seen, in_shadow_test)
+        *(of(way) for of in (chain, only_seen, in_shadow_test)
           for way in _also("directions @ n < 0", "directions @ n > 0"))),
     row("edges-not-turned", SOLVER,
         "the planes' centres are in one frame and their edges in another: half_u and half_v are turned by R, too",
-        *(other(partial(_edges_turned, turn=f)) for f in (lambda R: R.T, lambda R: R, lambda R: R.T @ R.T)),
-        *(other(partial(_edges_turned, turn=lambda R: R.T, which=which)) for which in ("half_u", "half_v"))),
+        _edges(lambda x, c: c["R_cam_board"].T @ x, "half_u", "half_v"),
+        _edges(lambda x, c: c["R_cam_board"] @ x, "half_u", "half_v"),
+        _edges(lambda x, c: c["R_cam_board"].T @ c["R_cam_board"].T @ x, "half_u", "half_v"),
+        *(_edges(lambda x, c: c["R_cam_board"].T @ x, name) for name in ("half_u", "half_v"))),
     row("edges-moved", SOLVER,
         "t is added to the planes' edges: half_u and half_v are directions, which are turned only",
-        other(_edges_moved)),
+        _edges(lambda x, c: x + c["R_cam_board"].T @ c["t_cam_board"], "half_u", "half_v")),
     row("half-edges", SOLVER,
         "your rectangles have the wrong size: half_u and half_v are half-edges, from the centre to the rim",
         *inside(*(reaching(f"{k} * (half_u @ half_u)", f"{k} * (half_v @ half_v)") for k in (0.5, 2.0)))),
@@ -301,9 +280,9 @@ SOLVERS = (
             "-n[{k}]", "half_u[{i}] * half_v[{j}] + half_u[{j}] * half_v[{i}]",
             "half_u[{i}] * half_v[{j}] - half_u[{j}] * half_v[{k}]",
             "half_u[{i}] * half_v[{j}] - half_u[{j}] * half_v[{j}]") for k in (1, 2, 0))),
-        *(both(*plane(f"{CROSS} => {CROSS}\n    n[{k}] = n[{k}] * np.linalg.norm(n)"), *normals_at(
+        *(chain(*plane(f"{CROSS} => {CROSS}\n    n[{k}] = n[{k}] * np.linalg.norm(n)"), *normals_at(
             f"np.tile(n / np.linalg.norm(n) => np.tile(np.where(np.arange(3) == {k}, n, n / np.linalg.norm(n))"))
           for k in range(3))),
     row("planes-behind", SOLVER, "planes behind the ray's start count too: keep t > 0 alone",
-        *plane(f"{MET} => inside", f"{T} => np.abs({T})")),
+        chain(*PLANES_BEHIND), *plane(f"{T} => np.abs({T})")),
 )  # fmt: skip

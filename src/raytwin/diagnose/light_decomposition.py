@@ -14,8 +14,8 @@ from math import pi
 import numpy as np
 
 from raytwin.diagnose.parametric_faults import bright
-from raytwin.diagnose.pixel_sample import Sight, View, look
-from raytwin.diagnose.predict import RIGHT, Array, Bench
+from raytwin.diagnose.pixel_sample import PixelSample, SubmittedImage, look
+from raytwin.diagnose.predict import Array, Predictor
 
 NAMES = {
     "sun": "the sun's part", "shadow": "what shadows take away", "sky": "the sky's part",
@@ -82,14 +82,14 @@ class Split:
         return " and ".join(wrong) if wrong and self.explained >= EXPLAINED else ""
 
 
-def split(sight: Sight, given: Mapping[str, Halves] | None = None) -> Split:
+def split(sight: PixelSample, given: Mapping[str, Halves] | None = None) -> Split:
     """Split one view's light; `given`: sampled parts (H, W, 3), twice each, beside the sun, its shadow and the sky."""
     bench = sight.bench
-    assert isinstance(bench, Bench)
+    assert isinstance(bench, Predictor)
     if given is None and sight.view.sampled is not None:
         given = sight.view.sampled(sight.step)
     parts = _parts(bench, sight, given or {})
-    ids, names = bench.hits(RIGHT).ids, bench.scene.names
+    ids, names = bench.seen().ids, bench.scene.names
     if given:
         everywhere, by_object = (_fewest(sight, parts, ids, names, apart) for apart in (False, True))
         return everywhere if everywhere.words else by_object
@@ -109,7 +109,7 @@ def split(sight: Sight, given: Mapping[str, Halves] | None = None) -> Split:
     return Split(_joined(found), 1 - left / max(before, 1e-300))
 
 
-def fitted_error(view: View) -> tuple[str, Array]:
+def fitted_error(view: SubmittedImage) -> tuple[str, Array]:
     """In words what the fitted factors say is wrong, and the error (H, W, 3) that they make; empty words, none found.
 
     Where the view has more pixels than `pixel_sample.GRID`, each gets the error of one of its neighbours.
@@ -121,10 +121,10 @@ def fitted_error(view: View) -> tuple[str, Array]:
     if not found.words:
         return "", error
     every = sight.everywhere(height * width)
-    assert isinstance(every.bench, Bench)
+    assert isinstance(every.bench, Predictor)
     given = view.sampled(sight.step) if view.sampled else {}
     parts = _parts(every.bench, every, given)
-    ids, names = every.bench.hits(RIGHT).ids, every.bench.scene.names
+    ids, names = every.bench.seen().ids, every.bench.scene.names
     made = np.zeros((every.index.size, 3))
     bounces = [name for name in parts if name.startswith("bounce")]
     for share in found.shares:
@@ -139,13 +139,13 @@ def fitted_error(view: View) -> tuple[str, Array]:
     return found.words, coarse[rows][:, columns]
 
 
-def _parts(bench: Bench, sight: Sight, given: Mapping[str, Halves]) -> dict[str, Halves]:
+def _parts(bench: Predictor, sight: PixelSample, given: Mapping[str, Halves]) -> dict[str, Halves]:
     """(N, 3) of each at the sight's pixels."""
     with np.errstate(all="ignore"):
-        terms = bench.terms(RIGHT)
-    on = terms.hits.ids >= 0
-    sun = (terms.albedo / pi * terms.irradiance * np.maximum(terms.cos, 0) * on).T
-    own = {"sun": sun, "shadow": sun * (terms.visible[:, None] - 1), "sky": (terms.albedo * terms.sky * on).T}
+        seen, scene = bench.seen(), bench.scene
+    sun = seen.albedo / pi * np.array(scene.sun.irradiance) * np.maximum(seen.cos, 0)[:, None]
+    dark, sky = (seen.visible & (seen.cos > 0))[:, None] - 1.0, seen.albedo * np.array(scene.sky.radiance)
+    own = {"sun": sun, "shadow": sun * dark, "sky": sky}
     made = {name: (part, part) for name, part in own.items()}
     for name, (one, other) in given.items():
         made[name] = one.reshape(-1, 3)[sight.index], other.reshape(-1, 3)[sight.index]
@@ -153,7 +153,7 @@ def _parts(bench: Bench, sight: Sight, given: Mapping[str, Halves]) -> dict[str,
 
 
 def _fitted(
-    sight: Sight, parts: dict[str, Halves], mask: Array, where: str
+    sight: PixelSample, parts: dict[str, Halves], mask: Array, where: str
 ) -> tuple[tuple[Share, ...], float, float] | None:
     """Factors of the parts that show at these pixels, and the squared error after and before; None where none do."""
     mask = mask & (np.abs(sight.shown) < 1e6 * sight.scale).all(axis=-1)  # NaN is none
@@ -186,7 +186,7 @@ def _fitted(
     return shares, float((w * rest**2).sum()), float((w * off**2).sum())
 
 
-def _fewest(sight: Sight, parts: dict[str, Halves], ids: Array, names: Sequence[str], apart: bool) -> Split:
+def _fewest(sight: PixelSample, parts: dict[str, Halves], ids: Array, names: Sequence[str], apart: bool) -> Split:
     """The fewest factors g + 1 that leave no more than noise: of parts on all objects, or on each `apart`.
 
     With the parts' halves x and y, and what all of them lack of the image, d and e, Σ w (d - x g)(e - y g) is least.

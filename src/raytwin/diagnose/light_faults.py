@@ -1,8 +1,6 @@
 """Mistakes in how light is reflected."""
 
-from collections.abc import Callable
 from functools import partial
-from math import pi
 from typing import Any
 
 import numpy as np
@@ -11,134 +9,79 @@ from raytwin.diagnose.changes import (
     CLAMPED,
     COS,
     LIGHT,
+    ON_PLANE,
     SUM,
     SUN,
+    before_shading,
     behind,
-    both,
-    coloured,
+    chain,
+    given,
     half_lit,
-    is_sphere,
+    is_ball,
     lit,
-    made_unit,
+    mixed,
     offset_by,
-    on_plane,
-    put,
+    others_hide,
     row,
     shade,
-    shaded,
-    sky_scaled,
-    sky_times,
-    sun,
-    sun_times,
-    turned,
+    towards,
+    unit,
     where_cast,
 )
-from raytwin.diagnose.predict import Array, Change, Hits, Terms, others_hide
+from raytwin.diagnose.predict import Pipeline, replaced, slip
 from raytwin.files import srgb_decode, srgb_encode
-from raytwin.scene import Scene
+
+AWAY = "np.linalg.norm(points - eye, axis=-1, keepdims=True)"
+AT_PLACE, TO_PLACE = half_lit(unit("to_light - points")), towards("to_light - points")
+FALLOFF = before_shading(
+    "irradiance = irradiance / np.maximum(np.sum((to_light - points) ** 2, axis=-1, keepdims=True), 1e-12)"
+)
+"""1 / (distance to to_light, taken for a place)²."""
+KINDS = f"~{ON_PLANE}", f"{ON_PLANE}"
+PAINTS = 'np.array([thing["albedo"] for thing in things])'
 
 
-def ambient(x: Terms) -> Array:
-    return x.albedo * x.sky
+def turned(matrix: str) -> tuple[Pipeline, ...]:
+    """The light's direction turned by a function of R: everywhere, or for shading alone."""
+    return lit(f"{matrix} @ to_light"), half_lit(f"{matrix} @ to_light")
 
 
-def moved_light(f: Callable[[Array, Array, Array], Array]) -> tuple[Change, ...]:
-    """(to, R, t) -> a direction, made unit or not."""
+def repainted(f: Any) -> Pipeline:
+    """Another table of albedos: of the right one and which things are spheres."""
 
-    def g(to: Array, scene: Scene, hits: Hits, unit: bool) -> Array:
-        R, t = np.asarray(scene.camera.R_cam_board), np.array(scene.camera.t_cam_board)[:, None]
-        return made_unit(f(to, R, t)) if unit else f(to, R, t)
+    def paint(things: Any) -> Any:
+        return np.array(f([x["albedo"] for x in things], [is_ball(x) for x in things])).reshape(-1, 3)
 
-    return tuple(lit(partial(g, unit=unit)) for unit in (True, False))
-
-
-def _to_position(to: Array, scene: Scene, hits: Hits) -> Array:
-    return made_unit(to - hits.point)
+    index = slip("radiance", (f"{PAINTS}.reshape(-1, 3)[which]", "paint(things)[which]"))
+    return chain(index, replaced(paint=lambda _: paint))
 
 
-def _to_eye(to: Array, scene: Scene, hits: Hits, sign: int) -> Array:
-    return sign * made_unit(np.array(scene.camera.eye)[:, None] - hits.point)
-
-
-def _off_position(to: Array, scene: Scene, hits: Hits) -> Array:
-    return made_unit(hits.point - to)
-
-
-def _to_place_by_eye(to: Array, scene: Scene, hits: Hits) -> Array:
-    """The same in the camera's frame."""
-    return made_unit(to + np.array(scene.camera.eye)[:, None] - hits.point)
-
-
-def _grey(x: Array) -> Array:
-    return np.broadcast_to(x.mean(axis=0, keepdims=True), x.shape)
-
-
-def _permuted(*order: int, sign: tuple[int, int, int] = (1, 1, 1)) -> Callable[[Array, Scene, Hits], Array]:
-    return lambda to, scene, hits: to[list(order)] * np.array(sign)[:, None]
-
-
-def _of_one(x: Terms, k: int) -> Array:
-    """The first or the last object's albedo on all."""
-    one = np.array(x.scene.objects[k].material.albedo)[:, None] if x.scene.objects else 1.0
-    return one + 0 * x.albedo
-
-
-def _of_first(x: Terms) -> Array:
+def _of_first(albedos: Any, balls: Any) -> Any:
     """The first object's albedo on all spheres."""
-    first = np.array(x.scene.objects[0].material.albedo)[:, None] if x.scene.objects else 1.0
-    spheres = np.array([is_sphere(thing) for thing in x.scene.objects] + [False])[x.hits.ids]
-    return np.where(spheres, first, x.albedo)
+    return [albedos[0] if ball else own for own, ball in zip(albedos, balls, strict=True)]
 
 
-def _of_next(x: Terms, by: int) -> Array:
+def _of_next(albedos: Any, balls: Any, by: int) -> Any:
     """The albedo of the sphere `by` places on."""
-    balls = [i for i, thing in enumerate(x.scene.objects) if is_sphere(thing)]
-    table = [thing.material.albedo for thing in x.scene.objects]
-    for k, i in enumerate(balls):
-        table[i] = x.scene.objects[balls[(k + by) % len(balls)]].material.albedo
-    return np.array([*table, (0.0, 0.0, 0.0)])[x.hits.ids].T
+    own = [a for a, ball in zip(albedos, balls, strict=True) if ball]
+    others = iter(own[by:] + own[:by])
+    return [next(others) if ball else a for a, ball in zip(albedos, balls, strict=True)]
 
 
-def _of_table(x: Terms, f: Callable[[list[Any], list[Any]], list[Any]]) -> Array:
-    """By the object's index, from a table in another order: of the spheres' albedos and the planes'."""
-    balls, flats = (
-        [thing.material.albedo for thing in x.scene.objects if is_sphere(thing) == k] for k in (True, False)
-    )
-    table = f(balls, flats)
-    return np.array([*table, (0.0, 0.0, 0.0)])[np.minimum(x.hits.ids, len(table))].T
+def _of_table(albedos: Any, balls: Any, f: Any) -> Any:
+    """A table in another order: of the spheres' albedos and the planes'."""
+    made = f(*([a for a, ball in zip(albedos, balls, strict=True) if ball == kind] for kind in (True, False)))
+    return [*made, *np.zeros((len(albedos) - len(made), 3))]
 
 
-def _darkened(x: Terms, f: Callable[[Array], Array]) -> Array:
-    """Multiply each albedo by f of all before it, as if an array of the scene were changed in place."""
-    each = [f(np.array(thing.material.albedo)) for thing in x.scene.objects]
-    return np.cumprod([np.ones(3), *each], axis=0)[x.hits.ids].T
+def darkened(light: str, by: str = "x['albedo']") -> Pipeline:
+    """Multiply by what belongs to each object before it, as if an array of the scene were changed in place."""
+    return before_shading(f"{light} = {light} * np.cumprod([np.ones(3), *({by} for x in things)], axis=0)[which]")
 
 
-def _darkened_sky(scene: Scene) -> Array:
-    return np.array(scene.sky.radiance) * np.prod([thing.material.albedo for thing in scene.objects], axis=0)
-
-
-def _on_kind(x: Terms, planes: bool, k: float) -> Array:
+def on_kind(light: str, kind: str, k: str) -> Pipeline:
     """A factor of one kind of objects."""
-    return np.where(on_plane(x) == planes, k, 1.0)
-
-
-def _falloff(x: Terms) -> Array:
-    """1 / (distance to to_light, taken for a place)²."""
-    away = np.array(x.scene.sun.to_light)[:, None] - x.hits.point
-    return 1 / np.maximum((away * away).sum(axis=0), 1e-12)
-
-
-def _by_distance(x: Terms, power: int) -> Array:
-    return np.linalg.norm(x.hits.point - np.array(x.scene.camera.eye)[:, None], axis=0) ** -power
-
-
-def _in_shadow(x: Terms) -> Array:
-    return np.where((x.visible > 0) & (x.cos > 0), 0.0, 1.0)
-
-
-def _up(x: Terms) -> Array:
-    return (1 + x.hits.normal[2]) / 2
+    return before_shading(f"{light} = {light} * np.where({kind}, {k}, 1)")
 
 
 SUMMED, SUMMED_SKY = (f"np.repeat(albedo @ {light}[:, None], 3, axis=-1)" for light in ("irradiance", "sky"))
@@ -146,44 +89,43 @@ SUMMED, SUMMED_SKY = (f"np.repeat(albedo @ {light}[:, None], 3, axis=-1)" for li
 LIGHTS = (
     row("light-reversed", LIGHT,
         "the light comes from the wrong side: to_light points from the surface to the sun, use it as it is",
-        lit(lambda to, *_: -to)),
+        lit("-to_light")),
     row("light-reversed-in-shading", LIGHT,
         "n·l is taken with the wrong sign of l, though shadow rays go the right way: to_light points from the surface "
         "to the sun, use it as it is",
-        *(both(half_lit(lambda to, *_: -to), put(blocked=test)) for test in (others_hide, offset_by(1e-6))),
+        *(chain(half_lit("-to_light"), test) for test in (others_hide, offset_by(1e-6))),
         alone=shade(f"{CLAMPED} => np.maximum(0, -{COS})", f"{CLAMPED} => np.minimum(0, {COS})")),
     row("light-in-camera-frame", LIGHT,
         "the sun's direction is given in the board's frame, but your normals are in the camera's (or the other way "
         "round): turn one of them by R",
-        *turned(lambda R: R.T)),
+        *turned("R.T")),
     row("light-turned-needlessly", LIGHT,
         "the sun's direction is turned by R although points and normals are in the board's frame already",
-        *turned(lambda R: R)),
+        *turned("R")),
     row("light-turned-by-transpose", LIGHT,
         "the sun's direction is turned by Rᵀ instead of R",
-        *turned(lambda R: R.T @ R.T)),
+        *turned("R.T @ R.T")),
     row("light-moved", LIGHT,
         "the sun's direction is moved by t as if it were a point (a homogeneous 1): only turn it",
-        *moved_light(lambda to, R, t: to + R.T @ t), *moved_light(lambda to, R, t: to - R.T @ t),
-        *moved_light(lambda to, R, t: to + t)),
+        *(lit(one) for d in ("to_light + R.T @ t", "to_light - R.T @ t", "to_light + t") for one in (unit(d), d))),
     row("light-axes", LIGHT,
         "the axes of the sun's direction (or of all normals) are mixed up, or one has the wrong sign: z is up here",
-        lit(_permuted(0, 2, 1)), lit(_permuted(1, 0, 2)), lit(_permuted(2, 1, 0)),
-        lit(_permuted(0, 2, 1, sign=(1, 1, -1))), lit(_permuted(0, 1, 2, sign=(1, -1, 1))),
-        lit(_permuted(0, 1, 2, sign=(-1, 1, 1))), lit(_permuted(0, 1, 2, sign=(1, 1, -1))),
-        lit(_permuted(0, 1, 2, sign=(-1, -1, 1))), lit(_permuted(0, 2, 1, sign=(1, -1, 1))),
-        *(half_lit(_permuted(0, 1, 2, sign=sign)) for sign in ((1, 1, -1), (1, -1, 1), (-1, 1, 1))),
-        *(half_lit(_permuted(*order)) for order in ((0, 2, 1), (1, 0, 2), (2, 1, 0)))),
+        *(lit(f"to_light[{order}] * {signs}") for order, signs in (
+            ([0, 2, 1], 1), ([1, 0, 2], 1), ([2, 1, 0], 1), ([0, 2, 1], [1, 1, -1]), ([0, 1, 2], [1, -1, 1]),
+            ([0, 1, 2], [-1, 1, 1]), ([0, 1, 2], [1, 1, -1]), ([0, 1, 2], [-1, -1, 1]), ([0, 2, 1], [1, -1, 1]))),
+        *(half_lit(f"to_light * {signs}") for signs in ([1, 1, -1], [1, -1, 1], [-1, 1, 1])),
+        *(half_lit(f"to_light[{order}]") for order in ([0, 2, 1], [1, 0, 2], [2, 1, 0]))),
     row("light-as-place", LIGHT,
         "to_light is used as a point that the light sits at: it is a direction, the same for every surface",
-        lit(_to_position), both(lit(_to_position), sun_times(_falloff)), half_lit(_to_position), lit(_to_place_by_eye),
-        half_lit(_off_position), both(half_lit(_off_position), put(blocked=offset_by(1e-6))),
-        both(half_lit(_to_position), sun_times(_falloff)),
+        chain(AT_PLACE, TO_PLACE), chain(FALLOFF, AT_PLACE, TO_PLACE), AT_PLACE,
+        chain(half_lit(unit("to_light + eye - points")), towards("to_light + eye - points")),
+        half_lit(unit("points - to_light")), chain(half_lit(unit("points - to_light")), offset_by(1e-6)),
+        chain(FALLOFF, AT_PLACE),
         alone=shade(f"{CLAMPED} => np.maximum(0, np.sum(normals * (to_light - points), axis=-1, keepdims=True) / "
                     "np.linalg.norm(to_light - points, axis=-1, keepdims=True))")),
     row("light-at-eye", LIGHT,
         "surfaces are lit from the eye, by n·d of the ray that sees them: the sun's light falls along to_light",
-        half_lit(partial(_to_eye, sign=1)), half_lit(partial(_to_eye, sign=-1))),
+        half_lit(unit("eye - points")), half_lit(unit("points - eye"))),
     row("dot-product", LIGHT,
         "n·l is mistyped: it is n_x l_x + n_y l_y + n_z l_z, each component with the same one of the other",
         *shade(*(f"{COS} => ({COS} - normals[:, {k}:{k + 1}] * to_light[{k}] + {term.format(k=k)})" for term in (
@@ -194,7 +136,7 @@ LIGHTS = (
         *shade(f"{CLAMPED} => {COS}")),
     row("abs-cosine", LIGHT,
         "surfaces that face away from the sun are lit: max(0, n·l), not |n·l|",
-        *(both(*test, *shade(f"{CLAMPED} => np.abs({COS})")) for test in ((), (put(blocked=others_hide),)))),
+        *(chain(*test, *shade(f"{CLAMPED} => np.abs({COS})")) for test in ((), (others_hide,)))),
     row("squared-cosine", LIGHT, "the cosine is squared: max(0, n·l) goes in once",
         *shade(f"{CLAMPED} => {CLAMPED} ** 2", f"{CLAMPED} => {COS} ** 2")),
     row("angle-for-cosine", LIGHT,
@@ -204,8 +146,8 @@ LIGHTS = (
             f"{CLAMPED} => np.maximum(0, np.arccos({COS}))")),
     row("distance-falloff", LIGHT,
         "the sun's light gets weaker with distance: the sun is so far away that its irradiance is the same everywhere",
-        *(sun_times(partial(_by_distance, power=k)) for k in (2, 1)),
-        both(sun_times(partial(_by_distance, power=2)), sky_times(partial(_by_distance, power=2)))),
+        *(before_shading(f"irradiance = irradiance / {AWAY}{power}") for power in (" ** 2", "")),
+        before_shading(f"irradiance, sky = irradiance / {AWAY} ** 2, sky / {AWAY} ** 2")),
     row("no-cosine", LIGHT, "the cosine is missing: the sun's light falls with max(0, n·l)",
         *shade(f"{CLAMPED} => ({COS} > 0)", f"{CLAMPED} => np.ones_like({COS})")),
     row("half-lambert", LIGHT, "n·l is mapped to 0..1 as (1 + n·l) / 2: it has to be max(0, n·l)",
@@ -218,16 +160,14 @@ LIGHTS = (
         *shade("albedo / np.pi => albedo**2 / np.pi ;; albedo * sky => albedo**2 * sky",
                "albedo / np.pi => albedo**2 / np.pi", "albedo * sky => albedo**2 * sky")),
     row("albedo-decoded", LIGHT, "the albedo is treated as a display colour: it is linear, use it as it is",
-        coloured(lambda x: srgb_decode(x.albedo)), coloured(lambda x: x.albedo**2.2),
-        coloured(lambda x: srgb_encode(x.albedo)), coloured(lambda x: x.albedo ** (1 / 2.2)),
-        coloured(lambda x: np.sqrt(x.albedo))),
+        *(given(albedo=f) for f in (srgb_decode, lambda a: a**2.2, srgb_encode, lambda a: a ** (1 / 2.2), np.sqrt))),
     row("albedo-of-another", LIGHT, "objects have another one's albedo: check the index",
-        coloured(_of_first), coloured(partial(_of_one, k=0)), coloured(partial(_of_one, k=-1)),
-        *(coloured(partial(_of_next, by=k)) for k in (1, -1))),
+        repainted(_of_first), *(repainted(lambda a, balls, k=k: [a[k]] * len(a)) for k in (0, -1)),
+        *(repainted(partial(_of_next, by=k)) for k in (1, -1))),
     row("albedo-order", LIGHT,
         "the table of albedos is in another order than the objects that the index counts: spheres, then planes, in "
         "both",
-        *(coloured(partial(_of_table, f=f)) for f in (
+        *(repainted(partial(_of_table, f=f)) for f in (
             lambda balls, flats: flats + balls, lambda balls, flats: (balls + flats)[::-1],
             lambda balls, flats: balls + (balls * len(flats))[: len(flats)],
             lambda balls, flats: (balls + flats)[1:] + (balls + flats)[:1],
@@ -240,12 +180,12 @@ LIGHTS = (
     row("changed-in-place", LIGHT,
         "the scene's own array is changed in place (*=, /=), so that each object changes the light of the next one: "
         "write a = b * c",
-        both(sky_times(partial(_darkened, f=lambda a: a)), behind(_darkened_sky)),
-        sky_times(partial(_darkened, f=lambda a: a)), sun_times(partial(_darkened, f=lambda a: a)),
-        sun_times(partial(_darkened, f=lambda a: a / pi)), sun_times(partial(_darkened, f=lambda a: 1 / pi + 0 * a))),
+        chain(darkened("sky"), *behind("sky * np.prod([x['albedo'] for x in things], axis=0)")),
+        darkened("sky"), darkened("irradiance"), darkened("irradiance", "x['albedo'] / np.pi"),
+        darkened("irradiance", "1 / np.pi + 0 * x['albedo']")),
     row("albedo-channels", LIGHT, "the albedo's channels are mixed up: they are red, green, blue",
-        coloured(lambda x: x.albedo[::-1]), coloured(lambda x: np.broadcast_to(x.albedo[:1], x.albedo.shape)),
-        coloured(lambda x: _grey(x.albedo))),
+        given(albedo=lambda a: a[..., ::-1]), given(albedo=lambda a: a[..., :1] + 0 * a),
+        given(albedo=lambda a: a.mean(axis=-1, keepdims=True) + 0 * a)),
     row("light-colour", LIGHT, "the light's colour is lost: irradiance and sky have three channels",
         *shade(*(f"* irradiance => * {one}" for one in (
             "np.mean(irradiance)", "irradiance[0]", "np.max(irradiance)", "np.linalg.norm(irradiance)",
@@ -270,12 +210,12 @@ LIGHTS = (
     row("one-kind-by-pi", LIGHT,
         "spheres and planes are shaded by different formulas, the sun's part of one of them π times too bright or too "
         "dark: both reflect albedo/π E max(0, n·l)",
-        *(sun_times(partial(_on_kind, planes=planes, k=k)) for planes in (False, True) for k in (pi, 1 / pi))),
+        *(on_kind("irradiance", kind, k) for kind in KINDS for k in ("np.pi", "1 / np.pi"))),
     *(row(f"one-kind-without-{name}", LIGHT,
           f"spheres and planes are shaded by different formulas, one of them without the {name}'s light: both have "
           "albedo/π E max(0, n·l) + albedo Lₛ",
-          *(times(partial(_on_kind, planes=planes, k=0.0)) for planes in (False, True)))
-      for name, times in (("sun", sun_times), ("sky", sky_times))),
+          *(on_kind(light, kind, "0") for kind in KINDS))
+      for name, light in (("sun", "irradiance"), ("sky", "sky"))),
     row("sun-twice", LIGHT, "the sun's light is added twice",
         *shade("albedo / np.pi => 2 * albedo / np.pi")),
     row("sun-half", LIGHT, "the sun's part is half as bright as it should be",
@@ -302,23 +242,25 @@ LIGHTS = (
         *shade("albedo * sky => albedo")),
     row("sky-on-all", LIGHT,
         "the sky's radiance is added to every pixel, to surfaces too: only rays that meet nothing show it as it is",
-        *(both(way, *more) for more in ((), (behind(partial(sky_scaled, k=2.0)),))
+        *(chain(way, *more) for more in ((), behind("2 * sky"))
           for way in shade("albedo * sky => albedo * sky + sky"))),
     row("sky-times-sun", LIGHT, "the sky's part is multiplied by the sun's irradiance: it is albedo Lₛ",
-        sky_times(lambda x: x.irradiance), sky_times(lambda x: x.irradiance / pi),
+        before_shading("sky = sky * irradiance"), before_shading("sky = sky * irradiance / np.pi"),
         *shade(f"{SUM} => cosine * (albedo / np.pi * irradiance + albedo * sky)", f"{SUM} => (cosine > 0) * ({SUM})")),
     row("sky-before-clamp", LIGHT, "the clamp comes too late: max(0, n·l) alone, then the sky's light is added",
         *shade(f"{CLAMPED} => {COS} ;; {SUM} => np.maximum(0, {SUM})",
                f"{CLAMPED} => np.maximum(0, {COS} + sky) ;;  + albedo * sky => ")),
     row("sky-only-in-shadow", LIGHT, "the sky lights only what the sun does not: add it everywhere",
-        sky_times(_in_shadow), sky_times(lambda x: 1 - x.visible), sky_times(lambda x: np.where(x.cos > 0, 0.0, 1.0)),
-        where_cast(sky_times(lambda x: 1 - x.visible)),
-        shaded(lambda x: np.maximum(sun(x), ambient(x))),
+        mixed(f"lit = lit - dark * ({COS} > 0)"), mixed("lit = lit - dark"),
+        mixed(f"lit, dark = lit - dark * ({COS} > 0), dark * ({COS} <= 0)"), where_cast(mixed("lit = lit - dark")),
+        mixed("lit = np.maximum(lit - dark, dark)"),
         *shade(f"{SUM} => np.where(cosine > 0, {SUN}, albedo * sky)")),
     row("shadow-black", LIGHT, "shadows are black: the sky's light reaches them too",
-        sky_times(lambda x: x.visible), sky_times(lambda x: 1 - _in_shadow(x)),
-        sky_times(lambda x: np.where(x.cos > 0, 1.0, 0.0)), where_cast(sky_times(lambda x: x.visible))),
+        *(way(mixed("dark = 0 * dark")) for way in (chain, where_cast)),
+        mixed(f"lit, dark = lit - dark * ({COS} <= 0), 0 * dark"),
+        mixed(f"lit, dark = lit - dark * ({COS} <= 0), dark * ({COS} > 0)")),
     row("sky-by-height", LIGHT, "the sky's light is weighed by the normal: here it is albedo Lₛ whatever way it faces",
-        sky_times(_up), sky_times(lambda x: np.maximum(x.hits.normal[2], 0)),
-        sky_times(lambda x: np.maximum(x.cos, 0)), sky_times(lambda x: x.visible * np.maximum(x.cos, 0))),
+        *(before_shading(f"sky = sky * {weight}") for weight in (
+            "(1 + normals[:, 2:]) / 2", "np.maximum(normals[:, 2:], 0)", f"np.maximum({COS}, 0)")),
+        mixed(f"lit, dark = lit - dark + dark * np.maximum({COS}, 0), 0 * dark")),
 )  # fmt: skip

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from raytwin.diagnose.pixel_sample import Sight
-from raytwin.diagnose.predict import RIGHT, Array, Bench
+from raytwin.diagnose.pixel_sample import PixelSample
+from raytwin.diagnose.predict import Array, Predictor
 from raytwin.scene import Scene, Sphere
 
 MUCH, LITTLE = 0.05, 0.005
@@ -14,9 +14,9 @@ KINDS = ("spheres", "planes", "the background")
 LIGHTS = ("in sunlight", "facing away from the sun", "in cast shadow")
 
 
-def whereabouts(sights: Sequence[Sight], errors: Sequence[Array]) -> str:
+def whereabouts(sights: Sequence[PixelSample], errors: Sequence[Array]) -> str:
     """`wrong only in cast shadow on spheres, right elsewhere`; `errors`: of each sight's pixels."""
-    known = [k for k, s in enumerate(sights) if isinstance(s.bench, Bench)]
+    known = [k for k, s in enumerate(sights) if isinstance(s.bench, Predictor)]
     if not known:
         return ""
     sights, errors = [sights[k] for k in known], [errors[k] for k in known]
@@ -34,14 +34,14 @@ def whereabouts(sights: Sequence[Sight], errors: Sequence[Array]) -> str:
     return _said(table) + _scenes(sights, share) + _objects(sights, bad)
 
 
-def _regions(sight: Sight) -> tuple[Array, Array]:
+def _regions(sight: PixelSample) -> tuple[Array, Array]:
     """Return for each pixel the index of its row in KINDS and in LIGHTS."""
-    assert isinstance(sight.bench, Bench)
+    assert isinstance(sight.bench, Predictor)
     with np.errstate(all="ignore"):
-        terms = sight.bench.terms(RIGHT)
+        seen = sight.bench.seen()
     spheres = np.array([isinstance(x, Sphere) for x in sight.bench.scene.objects] + [False])
-    kind = np.where(terms.hits.ids < 0, 2, np.where(spheres[terms.hits.ids], 0, 1))
-    light = np.where(terms.cos <= 0, 1, np.where(terms.visible > 0, 0, 2))
+    kind = np.where(seen.ids < 0, 2, np.where(spheres[seen.ids], 0, 1))
+    light = np.where(seen.cos <= 0, 1, np.where(seen.visible, 0, 2))
     return kind, np.where(kind == 2, 0, light)
 
 
@@ -77,17 +77,17 @@ def _name(kind: int, at: set[int], has: set[int]) -> str:
     return f"{lights}on {KINDS[kind]}" if lights else f"on {KINDS[kind]}"
 
 
-def _scenes(sights: Sequence[Sight], share: Sequence[float]) -> str:
+def _scenes(sights: Sequence[PixelSample], share: Sequence[float]) -> str:
     right = [_scene(s).name for s, x in zip(sights, share, strict=True) if x < 1e-4]
     return f"; all of {', '.join(right)} is right" if right else ""
 
 
-def _objects(sights: Sequence[Sight], bad: Sequence[Array]) -> str:
+def _objects(sights: Sequence[PixelSample], bad: Sequence[Array]) -> str:
     """Where some of a scene's spheres are wrong and others are not."""
     said = []
     for s, b in zip(sights, bad, strict=True):
-        assert isinstance(s.bench, Bench)
-        ids, names = s.bench.hits(RIGHT).ids, s.bench.scene.names
+        assert isinstance(s.bench, Predictor)
+        ids, names = s.bench.seen().ids, s.bench.scene.names
         inside = ~s.edge
         rates = {}
         for index, (name, thing) in enumerate(zip(names, s.bench.scene.objects, strict=True)):
@@ -104,6 +104,6 @@ def _listed(words: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
-def _scene(sight: Sight) -> Scene:
-    assert isinstance(sight.bench, Bench)
+def _scene(sight: PixelSample) -> Scene:
+    assert isinstance(sight.bench, Predictor)
     return sight.bench.scene

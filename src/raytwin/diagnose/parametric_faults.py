@@ -1,7 +1,7 @@
 """Mistakes with a number in them: a factor, a shift, an angle, fitted to all views together.
 
 Each family is a change of the tracer with parameters. They are found by Gauss and Newton's method on the logarithmic
-cost of `Sight`, whose tolerance begins at the size of the errors and shrinks to what is close.
+cost of `PixelSample`, whose tolerance begins at the size of the errors and shrinks to what is close.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,7 +10,6 @@ from functools import partial
 from math import pi
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from raytwin.diagnose.changes import (
@@ -19,27 +18,22 @@ from raytwin.diagnose.changes import (
     OUTPUT,
     SHADOW,
     SOLVER,
-    at,
-    behind,
-    dimmed,
+    Thing,
+    given,
     lens,
-    lit,
+    mixed,
+    moved,
     offset_by,
-    posed,
     resized,
-    shaded,
-    shadows,
     shown,
-    sky_times,
-    sun,
-    sun_times,
+    with_number,
     within,
 )
-from raytwin.diagnose.pixel_sample import Sight
-from raytwin.diagnose.predict import RIGHT, Array, Change, Steps, Terms
-from raytwin.scene import Camera, Scene, Shape, Sphere
+from raytwin.diagnose.pixel_sample import PixelSample
+from raytwin.diagnose.predict import RIGHT, Array, Pipeline, SceneDict, replaced
+from raytwin.scene import Scene, Sphere
 
-__all__ = ["FAMILIES", "Family", "fit"]
+__all__ = ["FAMILIES", "ParametricFault", "fit"]
 
 NAMED = (
     (pi, "π"), (1 / pi, "1/π"), (2.0, "2"), (0.5, "1/2"), (2 * pi, "2π"), (1 / (2 * pi), "1/(2π)"), (4.0, "4"),
@@ -58,7 +52,7 @@ SAME = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
+class ParametricFault:
     """`make(p)` is the change with the parameters p; `start`: those that change nothing; `step`: small ones.
 
     `tries`: other places to begin at. `say(p)`: the sentence; `say_in(p, scenes)`: the same where it depends on the
@@ -69,7 +63,7 @@ class Family:
     stage: str
     start: tuple[float, ...]
     step: float
-    make: Callable[[Any], Change]
+    make: Callable[[Any], Pipeline]
     say: Callable[[Any], str]
     tries: tuple[tuple[float, ...], ...] = ()
     say_in: Callable[[Any, Sequence[Scene]], str] | None = None
@@ -106,40 +100,59 @@ def _turned(p: Sequence[float]) -> Array:
     return np.eye(3) + np.sin(angle) / angle * K + (1 - np.cos(angle)) / angle**2 * (K @ K)
 
 
-def _light_turned(p: Sequence[float]) -> Change:
+def _light_turned(p: Sequence[float]) -> Pipeline:
     turn = _turned((*p, 0.0)[:3])
-    return lit(lambda to, scene, hits: turn @ to)
+    return (("lights", lambda scene: scene | {"sun": scene["sun"] | {"to_light": turn @ scene["sun"]["to_light"]}}),)
 
 
-def _camera_turned(p: Sequence[float]) -> Change:
-    turn = _turned(p)
-    return posed(lambda R, t: (-R.T @ t, R.T @ turn))
+def _posed(f: Callable[[Array, Array], tuple[Array, Array]]) -> Pipeline:
+    """(R, t) -> another R and t."""
+
+    def camera(scene: SceneDict) -> SceneDict:
+        R, t = f(scene["R_cam_board"], scene["t_cam_board"])
+        return scene | {"R_cam_board": R, "t_cam_board": t}
+
+    return (("camera", camera),)
 
 
-def _camera_moved(p: Sequence[float]) -> Change:
-    return posed(lambda R, t: (-R.T @ t + np.array(p), R.T))
+def _camera_turned(p: Sequence[float]) -> Pipeline:
+    turn = _turned(p).T
+    return _posed(lambda R, t: (turn @ R, turn @ t))
 
 
-def _focal(p: Sequence[float]) -> Change:
-    return lens(fx=lambda c: c.fx * p[0], fy=lambda c: c.fy * p[-1])
+def _camera_moved(p: Sequence[float]) -> Pipeline:
+    return _posed(lambda R, t: (R, t - R @ np.array(p)))
 
 
-def _distortion(p: Sequence[float]) -> Change:
-    return lambda s: s._replace(lens=lambda camera: msgspec.structs.replace(
-        s.lens(camera), dist=tuple(p[0] * k for k in camera.coefficients)))  # fmt: skip
+def _focal(p: Sequence[float]) -> Pipeline:
+    return lens(fx=lambda scene: scene["K"][0, 0] * p[0], fy=lambda scene: scene["K"][1, 1] * p[-1])
 
 
-def _strength(p: Sequence[float]) -> Change:
-    """Shadows let through a share of the sun."""
-    return shaded(lambda x: sun(x._replace(visible=x.visible + p[0] * (1 - x.visible))) + x.albedo * x.sky)
+def _distortion(p: Sequence[float]) -> Pipeline:
+    return (("camera", lambda scene: scene | {"dist": p[0] * scene["dist"]}),)
 
 
-def _power(p: Sequence[float]) -> Change:
+def _background(f: Callable[[Array], Array]) -> Pipeline:
+    """Another background, a function of the sky's radiance."""
+
+    def wrong(right: Any, scene: SceneDict, things: Any, eye: Any, which: Array, points: Array) -> Array:
+        made: Array = right(scene, things, eye, which, points)
+        return np.where((which < 0)[:, None], f(scene["sky"]["radiance"]), made)
+
+    return replaced(radiance=lambda right: partial(wrong, right))
+
+
+def _lit(sun: Any, sky: Any = 1.0) -> Pipeline:
+    """Factors of the sun's part and the sky's."""
+    return given(irradiance=lambda E: E * sun, sky=lambda sky_: sky_ * sky)
+
+
+LET_THROUGH, DIMMED = mixed("dark = dark + share * (lit - dark)"), mixed("dark = share * lit")
+"""Shadows let through a share of the sun, or scale the whole light."""
+
+
+def _power(p: Sequence[float]) -> Pipeline:
     return shown(lambda x: np.maximum(x, 0) ** p[0])
-
-
-def _added(x: Terms, p: Sequence[float]) -> Array:
-    return x.albedo * (x.sky + np.array(p)[:, None]) + sun(x)
 
 
 def _degrees(p: Sequence[float]) -> float:
@@ -162,56 +175,59 @@ def _sun_and_sky(p: Sequence[float]) -> str:
 
 
 FAMILIES = (
-    Family("shifted", CAMERA, (0.0, 0.0), 0.1, lambda p: at(lambda u, v, c: (u + p[0], v + p[1])),
+    ParametricFault("shifted", CAMERA, (0.0, 0.0), 0.1, lambda p: moved(*p),
            lambda p: f"the image is shifted by ({-p[0]:.3g}, {-p[1]:.3g}) pixels (right, down): (0, 0) is the centre "
                      "of the top-left pixel"),
-    Family("focal-length", CAMERA, (1.0,), 0.003, _focal,
+    ParametricFault("focal-length", CAMERA, (1.0,), 0.003, _focal,
            lambda p: f"the focal length is off by a factor of {p[0]:.4g}"),
-    Family("focal-lengths", CAMERA, (1.0, 1.0), 0.003, _focal,
+    ParametricFault("focal-lengths", CAMERA, (1.0, 1.0), 0.003, _focal,
            lambda p: f"the focal lengths are off: fx by a factor of {p[0]:.4g}, fy by {p[1]:.4g}"),
-    Family("camera-turned", CAMERA, (0.0, 0.0, 0.0), 0.001, _camera_turned,
+    ParametricFault("camera-turned", CAMERA, (0.0, 0.0, 0.0), 0.001, _camera_turned,
            lambda p: f"the camera is turned by {_degrees(p):.3g} degrees: check R"),
-    Family("camera-moved", CAMERA, (0.0, 0.0, 0.0), 0.001, _camera_moved,
+    ParametricFault("camera-moved", CAMERA, (0.0, 0.0, 0.0), 0.001, _camera_moved,
            lambda p: "the eye stands off by ({:.3g}, {:.3g}, {:.3g}) m in the board's frame: it is -Rᵀ t".format(*p)),
-    Family("distortion-scaled", CAMERA, (1.0,), 0.02, _distortion,
+    ParametricFault("distortion-scaled", CAMERA, (1.0,), 0.02, _distortion,
            lambda p: f"the distortion is {p[0]:.3g} times as strong as it should be"),
-    Family("radius-scaled", SOLVER, (1.0,), 0.005, lambda p: resized(abs(p[0]) + 1e-9),
+    ParametricFault("radius-scaled", SOLVER, (1.0,), 0.005, lambda p: resized(abs(p[0]) + 1e-9),
            lambda p: f"the spheres are {p[0]:.4g} times as large as they should be"),
-    Family("light-turned", LIGHT, (0.0, 0.0, 0.0), 0.01, _light_turned,
+    ParametricFault("light-turned", LIGHT, (0.0, 0.0, 0.0), 0.01, _light_turned,
            lambda p: f"the sun's direction is off by up to {_degrees(p):.3g} degrees",
            ((0.6, 0.0, 0.0), (0.0, 0.6, 0.0), (-0.6, 0.0, 0.0), (0.0, -0.6, 0.0)), _sun_moved),
-    Family("sun-scaled", LIGHT, (1.0,), 0.1, lambda p: sun_times(p[0]), lambda p: f"the sun's part is {bright(p[0])}"),
-    Family("sky-scaled", LIGHT, (1.0,), 0.1, lambda p: sky_times(p[0]), lambda p: f"the sky's part is {bright(p[0])}"),
-    Family("surfaces-scaled", LIGHT, (1.0,), 0.1, lambda p: lambda s: sky_times(p[0])(sun_times(p[0])(s)),
+    ParametricFault("sun-scaled", LIGHT, (1.0,), 0.1, lambda p: _lit(p[0]),
+           lambda p: f"the sun's part is {bright(p[0])}"),
+    ParametricFault("sky-scaled", LIGHT, (1.0,), 0.1, lambda p: _lit(1.0, p[0]),
+           lambda p: f"the sky's part is {bright(p[0])}"),
+    ParametricFault("surfaces-scaled", LIGHT, (1.0,), 0.1, lambda p: _lit(p[0], p[0]),
            lambda p: f"all that is lit is {bright(p[0])}, the background is right"),
-    Family("sun-and-sky-scaled", LIGHT, (1.0, 1.0), 0.1, lambda p: lambda s: sky_times(p[1])(sun_times(p[0])(s)),
+    ParametricFault("sun-and-sky-scaled", LIGHT, (1.0, 1.0), 0.1, lambda p: _lit(*p),
            _sun_and_sky),
-    Family("sun-colour", LIGHT, (1.0, 1.0, 1.0), 0.1, lambda p: sun_times(np.array(p)[:, None]),
+    ParametricFault("sun-colour", LIGHT, (1.0, 1.0, 1.0), 0.1, lambda p: _lit(np.array(p)),
            lambda p: "the sun's part is off by the factors {:.4g}, {:.4g}, {:.4g} (red, green, blue)".format(*p)),
-    Family("sky-colour", LIGHT, (0.0, 0.0, 0.0), 0.02, lambda p: shaded(lambda x: _added(x, p)),
+    ParametricFault("sky-colour", LIGHT, (0.0, 0.0, 0.0), 0.02, lambda p: given(sky=lambda sky: sky + np.array(p)),
            lambda p: "the sky that lights surfaces has ({:+.3g}, {:+.3g}, {:+.3g}) too much radiance".format(*p)),
-    Family("shadow-strength", SHADOW, (0.0,), 0.1, _strength,
+    ParametricFault("shadow-strength", SHADOW, (0.0,), 0.1, lambda p: with_number("share", p[0], LET_THROUGH),
            lambda p: f"shadows let {100 * p[0]:.3g} % of the sun through: there is none where it is hidden"),
-    Family("shadow-dims", SHADOW, (1.0,), 0.1, lambda p: shaded(partial(dimmed, by=p[0])),
+    ParametricFault("shadow-dims", SHADOW, (1.0,), 0.1, lambda p: with_number("share", p[0], DIMMED),
            lambda p: f"shadows scale the whole light by {p[0]:.3g}: they take away the sun's part alone"),
-    Family("image-scaled", OUTPUT, (1.0,), 0.1, lambda p: shown(lambda x: p[0] * x),
+    ParametricFault("image-scaled", OUTPUT, (1.0,), 0.1, lambda p: shown(lambda x: p[0] * x),
            lambda p: f"the whole image, background too, is {bright(p[0])}"),
-    Family("offset", OUTPUT, (0.0,), 0.01, lambda p: shown(lambda x: p[0] + x),
+    ParametricFault("offset", OUTPUT, (0.0,), 0.01, lambda p: shown(lambda x: p[0] + x),
            lambda p: f"{p[0]:.4g} is added to every value"),
-    Family("power", OUTPUT, (1.0,), 0.05, _power,
+    ParametricFault("power", OUTPUT, (1.0,), 0.05, _power,
            lambda p: f"the values are raised to the power {p[0]:.3g}: gamma, where linear radiance is wanted",
            ((0.5,), (2.0,)), possible=lambda p: 0.2 < p[0] < 5),
-    Family("background", OUTPUT, (0.0, 0.0, 0.0), 0.05,
-           lambda p: behind(lambda scene: np.array(scene.sky.radiance) + np.array(p)),
+    ParametricFault("background", OUTPUT, (0.0, 0.0, 0.0), 0.05,
+           lambda p: _background(lambda sky: sky + np.array(p)),
            lambda p: "the background is off by ({:+.3g}, {:+.3g}, {:+.3g}): a ray that meets nothing shows the sky's "
                      "radiance".format(*p)),
-    Family("background-constant", OUTPUT, (0.0, 0.0, 0.0), 0.05, lambda p: behind(lambda scene: p),
+    ParametricFault("background-constant", OUTPUT, (0.0, 0.0, 0.0), 0.05,
+           lambda p: _background(lambda sky: np.array(p)),
            lambda p: "the background is ({:.3g}, {:.3g}, {:.3g}): a ray that meets nothing shows the sky's "
                      "radiance".format(*p)),
-    Family("shadow-start", SHADOW, (-6.0,), 0.2, lambda p: shadows(offset_by(10 ** p[0])),
+    ParametricFault("shadow-start", SHADOW, (-6.0,), 0.2, lambda p: offset_by(10 ** p[0]),
            lambda p: f"the shadow ray starts too far from the surface ({10 ** p[0]:.2g} m): shadows near what "
                      "casts them are lost", ((-3.0,), (-2.3,), (-1.7,), (-1.0,), (-0.3,))),
-    Family("shadow-reach", SHADOW, (3.0,), 0.1, lambda p: shadows(within(10 ** p[0])),
+    ParametricFault("shadow-reach", SHADOW, (3.0,), 0.1, lambda p: within(10 ** p[0]),
            lambda p: f"only what is nearer than {10 ** p[0]:.2g} m casts a shadow: nothing bounds the way to the sun",
            ((-0.7,), (-1.2,), (0.0,))),
 )  # fmt: skip
@@ -222,7 +238,7 @@ MANY = 8
 """Objects, beyond which no single one is fitted."""
 
 
-def of_objects(scene: Scene) -> tuple[Family, ...]:
+def of_objects(scene: Scene) -> tuple[ParametricFault, ...]:
     """Families of one object each: a sphere's radius, where there are other spheres, and where an object stands."""
     if len(scene.objects) > MANY:
         return ()
@@ -230,33 +246,28 @@ def of_objects(scene: Scene) -> tuple[Family, ...]:
     for k, (name, number, thing) in enumerate(zip(scene.names, scene.numbers, scene.objects, strict=True)):
         if isinstance(thing, Sphere) and len(scene.spheres) > 1:
             r = thing.radius
-            made.append(Family(f"radius-of-{number}", SOLVER, (0.0,), 0.001 * r, partial(_grown, k),
+            made.append(ParametricFault(f"radius-of-{number}", SOLVER, (0.0,), 0.001 * r, partial(_grown, k),
                                partial(_said_of_radius, name), ((0.03 * r,), (-0.03 * r,))))  # fmt: skip
         size = thing.radius if isinstance(thing, Sphere) else float(np.linalg.norm(thing.half_u))
         made.append(
-            Family(f"place-of-{number}", SOLVER, (0.0, 0.0, 0.0), 0.005 * size, partial(_moved, k),
+            ParametricFault(f"place-of-{number}", SOLVER, (0.0, 0.0, 0.0), 0.005 * size, partial(_moved, k),
                    partial(_said_of_place, name))
         )  # fmt: skip
     return tuple(made)
 
 
-def _with_object(k: int, change: Callable[[Any], Shape]) -> Change:
+def _with_object(k: int, change: Callable[[Thing], Thing]) -> Pipeline:
     """The k-th object changed, all others as they are."""
-
-    def objects(things: tuple[Shape, ...], camera: Camera, before: Any) -> tuple[Shape, ...]:
-        all_ = before(things, camera)
-        return (*all_[:k], change(all_[k]), *all_[k + 1 :]) if k < len(all_) else all_
-
-    return lambda s: s._replace(objects=partial(objects, before=s.objects))
+    return (("things", lambda scene: scene | {
+        "things": [change(x) if i == k else x for i, x in enumerate(scene["things"])]}),)  # fmt: skip
 
 
-def _grown(k: int, p: Sequence[float]) -> Change:
-    return _with_object(k, lambda x: msgspec.structs.replace(x, radius=abs(x.radius + float(p[0])) + 1e-12))
+def _grown(k: int, p: Sequence[float]) -> Pipeline:
+    return _with_object(k, lambda x: x | {"radius": abs(x["radius"] + float(p[0])) + 1e-12})
 
 
-def _moved(k: int, p: Sequence[float]) -> Change:
-    return _with_object(k, lambda x: msgspec.structs.replace(
-        x, center=tuple(float(a + b) for a, b in zip(x.center, p, strict=True))))  # fmt: skip
+def _moved(k: int, p: Sequence[float]) -> Pipeline:
+    return _with_object(k, lambda x: x | {"center": x["center"] + np.array(p)})
 
 
 def _said_of_radius(name: str, p: Sequence[float]) -> str:
@@ -268,7 +279,10 @@ def _said_of_place(name: str, p: Sequence[float]) -> str:
 
 
 def fit(
-    family: Family, sights: Sequence[Sight], base: Steps = RIGHT, over: Callable[[], bool] = lambda: False
+    family: ParametricFault,
+    sights: Sequence[PixelSample],
+    base: Pipeline = RIGHT,
+    over: Callable[[], bool] = lambda: False,
 ) -> tuple[tuple[float, ...], float]:
     """The parameters that explain most, and their cost, the mean over sights; as far as it comes until `over`."""
     found = [Descent(family, sights, base, np.array(p, float)).run(over) for p in (family.start, *family.tries)]
@@ -277,14 +291,14 @@ def fit(
 
 
 def promising(
-    families: Sequence[Family],
-    sights: Sequence[Sight],
-    base: Steps,
+    families: Sequence[ParametricFault],
+    sights: Sequence[PixelSample],
+    base: Pipeline,
     most: int,
     over: Callable[[], bool] = lambda: False,
-) -> tuple[list[Family], int]:
+) -> tuple[list[ParametricFault], int]:
     """Those whose first step explains most, each begun at its best place; and how many were tried until `over`."""
-    tried: list[tuple[float, int, Family, Array]] = []
+    tried: list[tuple[float, int, ParametricFault, Array]] = []
     count = 0
     for family in families:
         if over():
@@ -296,13 +310,13 @@ def promising(
             tried.append(
                 (descent.cost(descent.before, descent.first) if gain else np.inf, len(tried), family, descent.p)
             )
-    found: dict[str, Family] = {}
+    found: dict[str, ParametricFault] = {}
     for _, _, family, p in sorted(tried, key=lambda x: x[:2]):
         found.setdefault(family.name, replace(family, start=tuple(p), tries=()))
     return list(found.values())[:most], count
 
 
-def total(sights: Sequence[Sight], steps: Steps, widen: float = 1) -> float:
+def total(sights: Sequence[PixelSample], steps: Pipeline, widen: float = 1) -> float:
     """The mean cost; `widen`: with so many times the tolerance."""
     return float(np.mean([s.cost(s.errors(steps), widen * s.tau) for s in sights]))
 
@@ -310,7 +324,7 @@ def total(sights: Sequence[Sight], steps: Steps, widen: float = 1) -> float:
 class Descent:
     """Gauss and Newton's steps, kept where the cost falls; `widen`: times the last tolerance."""
 
-    def __init__(self, family: Family, sights: Sequence[Sight], base: Steps, p: Array) -> None:
+    def __init__(self, family: ParametricFault, sights: Sequence[PixelSample], base: Pipeline, p: Array) -> None:
         self.family, self.sights, self.base, self.p = family, sights, base, p
         self.roots = np.concatenate([np.repeat(np.sqrt(s.weight / len(sights)), 3) for s in sights])
         self.before = self.residuals(p)
@@ -319,9 +333,9 @@ class Descent:
         self.step = family.step
 
     def residuals(self, p: Array) -> Array:
-        return self._residuals(self.family.make(tuple(p))(self.base))
+        return self._residuals((*self.base, *self.family.make(tuple(p))))
 
-    def _residuals(self, steps: Steps) -> Array:
+    def _residuals(self, steps: Pipeline) -> Array:
         off = [np.clip((s.shown - s.predict(steps)) / s.tau, -1e8, 1e8).ravel() for s in self.sights]
         return self.roots * np.nan_to_num(np.concatenate(off))
 
@@ -362,4 +376,4 @@ class Descent:
             elif self.widen <= 1 and length < 1e-5 * self.family.step:
                 break
             self.widen = max(self.widen / 4, 1.0)
-        return self.p, total(self.sights, self.family.make(tuple(self.p))(self.base))
+        return self.p, total(self.sights, (*self.base, *self.family.make(tuple(self.p))))

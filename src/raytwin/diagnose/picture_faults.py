@@ -7,38 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.diagnose.changes import (
-    OUTPUT,
-    SAMPLING,
-    SUM,
-    behind,
-    grid,
-    made_unit,
-    put,
-    row,
-    shade,
-    shown,
-    sky_scaled,
-)
-from raytwin.diagnose.predict import Array, Change, Steps, Walks, gathered
+from raytwin.diagnose.changes import OUTPUT, SAMPLING, SUM, behind, pixels, row, shade, shown
+from raytwin.diagnose.predict import Array, Pipeline, replaced, slip
+from raytwin.diagnose.walks import Walks, gathered
 from raytwin.files import srgb_decode, srgb_encode
-from raytwin.scene import Scene
-
-
-def _normalised(s: Steps) -> Steps:
-    return s._replace(output=lambda x, brightest: s.output(x, brightest) / brightest)
 
 
 def _overflow(x: Array, by: int = 255) -> Array:
     return np.floor(np.maximum(x, 0) * by + 1e-9) % 256 / by
 
 
-def _gradient(scene: Scene, d: Array, axis: int, camera: bool, blue: bool) -> Array:
+def _gradient(height: str, sky: str) -> Pipeline:
     """From white to the sky's radiance, or to a blue, by the unit direction's height: (1 - a) white + a sky."""
-    d = made_unit(d)
-    height = -(np.asarray(scene.camera.R_cam_board) @ d)[axis] if camera else d[axis]
-    a = (height + 1) / 2
-    return (1 - a) + a * (np.array([0.5, 0.7, 1.0]) if blue else np.array(scene.sky.radiance))[:, None]
+    far = slip("met", ("origins + t[:, None]", "origins + np.where(which < 0, 1e9, t)[:, None]"))
+    lines = f"d = (points - eye) / 1e9\n    a = ({height} + 1) / 2\n    "
+    tiled = ("picture = np.tile(sky, (len(points), 1))", f"{lines}picture = (1 - a)[:, None] + a[:, None] * {sky}")
+    return far + slip("radiance", tiled)
 
 
 def _rounded(x: Array, digits: int) -> Array:
@@ -94,33 +78,31 @@ OUTPUTS = (
     row("half-float", OUTPUT, "the values are rounded to half floats (float16): use float32",
         shown(lambda x: np.clip(x, -65504, 65504).astype(np.float16).astype(float))),
     row("upside-down", OUTPUT, "the image is upside down: row 0 is the top one",
-        *grid("u, height - 1 - v")),
+        *pixels("u, height - 1 - v")),
     row("mirrored", OUTPUT, "the image is mirrored left to right",
-        *grid("width - 1 - u, v")),
+        *pixels("width - 1 - u, v")),
     row("half-turn", OUTPUT, "the image is turned by half a turn",
-        *grid("width - 1 - u, height - 1 - v")),
+        *pixels("width - 1 - u, height - 1 - v")),
     row("normalised", OUTPUT, "the image is divided by its brightest value: radiance has a scale of its own",
-        _normalised),
+        replaced(output=lambda right: lambda x, brightest: right(x, brightest) / brightest)),
     row("tone-mapped", OUTPUT, "the values are tone-mapped, x / (1 + x): hand in linear radiance",
         shown(lambda x: x / (1 + np.maximum(x, 0))), shown(lambda x: 1 - np.exp(-np.maximum(x, 0)))),
     row("negative", OUTPUT, "the image is a negative: 1 - value", shown(lambda x: 1 - x)),
     row("background-black", OUTPUT,
         "the background is black: a ray that meets nothing shows the sky's radiance",
-        behind(lambda scene: 0.0)),
+        *behind("0")),
     row("background-white", OUTPUT, "the background is white: a ray that meets nothing shows the sky's radiance",
-        behind(lambda scene: 1.0)),
+        *behind("1")),
     row("background-gradient", OUTPUT,
         "the background is a gradient by the rays' directions: a ray that meets nothing shows the sky's radiance, the "
         "same everywhere",
-        *(put(background=partial(_gradient, axis=axis, camera=camera, blue=blue))
-          for blue in (False, True) for axis, camera in ((1, False), (2, False), (1, True)))),
+        *(_gradient(height, sky) for sky in ("sky", "np.array([0.5, 0.7, 1.0])")
+          for height in ("d[:, 1]", "d[:, 2]", '-(d @ scene["R_cam_board"][1])'))),
     row("background-scaled", OUTPUT,
         "the background is not the sky's radiance as it is: a factor of π or 2 has slipped in",
-        *(behind(partial(sky_scaled, k=k)) for k in (pi, 1 / pi, 2.0, 0.5))),
+        *behind("np.pi * sky", "sky / np.pi", "2 * sky", "0.5 * sky")),
     row("background-sun", OUTPUT, "the background shows the sun's colour: it shows the sky's radiance",
-        behind(lambda scene: scene.sun.irradiance),
-        behind(lambda scene: np.add(scene.sky.radiance, scene.sun.irradiance)),
-        behind(lambda scene: np.array(scene.sun.irradiance) / pi)),
+        *behind('sun["irradiance"]', 'sky + sun["irradiance"]', 'sun["irradiance"] / np.pi')),
     row("premultiplied", OUTPUT, "colours are multiplied by their own coverage or value once more (premultiplied)",
         shown(lambda x: x * x)),
     row("half-bright", OUTPUT, "the whole image, background too, is half as bright", shown(lambda x: x / 2)),
@@ -132,12 +114,12 @@ OUTPUTS = (
 )  # fmt: skip
 
 
-def walked(f: Callable[[Walks], Array]) -> Change:
+def walked(f: Callable[[Walks], Array]) -> Pipeline:
     """Another sum over random walks; shows only where light is followed."""
-    return put(gather=f)
+    return replaced(gather=lambda right: f)
 
 
-def per_bounce(g: Callable[[Array], Any]) -> Change:
+def per_bounce(g: Callable[[Array], Any]) -> Pipeline:
     """Each change of direction weighs g(cos) too much, g = 1 where directions have density cos/π and weigh albedo."""
 
     def f(walks: Walks) -> Array:
@@ -149,7 +131,7 @@ def per_bounce(g: Callable[[Array], Any]) -> Change:
     return walked(f)
 
 
-def without(kept: Callable[[int], float]) -> Change:
+def without(kept: Callable[[int], float]) -> Pipeline:
     """The sun at the k-th surface, and the sky seen from it, count kept(k) times."""
 
     def f(walks: Walks) -> Array:
@@ -159,7 +141,7 @@ def without(kept: Callable[[int], float]) -> Change:
     return walked(f)
 
 
-def _each_sample(f: Callable[[Array], Array], back: Callable[[Array], Array] = lambda x: x) -> Change:
+def _each_sample(f: Callable[[Array], Array], back: Callable[[Array], Array] = lambda x: x) -> Pipeline:
     """The mean of a function of every walk's light."""
 
     def gather(walks: Walks) -> Array:

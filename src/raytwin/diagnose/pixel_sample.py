@@ -2,6 +2,7 @@
 
 import functools
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -9,7 +10,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin.diagnose.predict import FIRST, RIGHT, Array, Before, Bench, Plain, Steps
+from raytwin.diagnose.changes import NEAREST
+from raytwin.diagnose.predict import FIRST, RIGHT, Array, Before, Pipeline, Plain, Predictor, applied, output, touches
+from raytwin.diagnose.walks import gathered, walk
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
@@ -38,7 +41,7 @@ Sampled = Callable[[int], Mapping[str, tuple[Array, Array]]]
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class SubmittedImage:
     """A submission's picture of one scene; of None, where nobody knows which.
 
     `shown` (H, W, 3): linear radiance, or with `points` where each pixel's ray first meets a sphere, NaN for none.
@@ -62,17 +65,17 @@ class View:
 
 
 @dataclass(eq=False)
-class Sight:
+class PixelSample:
     """A view at N chosen pixels, weighted so that they stand for all.
 
     `shown`, `right` (N, 3); `slack` (N, 3): what rounding may do; `scale`: of the values; `tau`: an error of this size
     is one. `wrong`, `edge`: (N,). `more`: the right picture has light that sun, shadow and open sky do not make;
     `whole`: (H, W) bool, the outlines, and where a ray belongs to a pixel; `deep`: the surfaces that light was followed
     along. `mixed`: the share of the wrong pixels' neighbours that are right. `changed`: the pixels
-    that a change alone makes other ones.
+    that a mistake alone makes other ones; `made`: the last predictions.
     """
 
-    view: View
+    view: SubmittedImage
     index: Array
     weight: Array
     shown: Array
@@ -82,57 +85,61 @@ class Sight:
     tau: float
     wrong: Array
     edge: Array
-    bench: Bench | Plain
+    bench: Predictor | Plain
     more: bool
     step: int
     whole: tuple[Array, Array]
     deep: int = 0
     mixed: float = 0.0
-    moved: dict[Any, Array] = field(default_factory=dict)
-    changed: dict[Any, Array] = field(default_factory=dict)
-    wrong_after: tuple[Any, Array] | None = None
+    moved: dict[Pipeline, Array] = field(default_factory=dict, init=False)
+    changed: dict[Pipeline, Array] = field(default_factory=dict, init=False)
+    made: list[tuple[Pipeline, Array]] = field(default_factory=list, init=False)
+    walks: Any = field(default=None, init=False)
 
-    def left(self, steps: Steps) -> Array:
-        """(N,) bool: what these steps leave wrong; of those that were asked for last it is known."""
-        if self.wrong_after is None or self.wrong_after[0] is not steps:
-            self.wrong_after = steps, self.errors(steps) > self.tau
-        return self.wrong_after[1]
-
-    def predict(self, steps: Steps) -> Array:
+    def predict(self, pipeline: Pipeline) -> Array:
         """(N, 3): what would be shown; NaN where slips do not go with what else is changed."""
+        for key, made in self.made:
+            if key is pipeline:
+                return made
         try:
-            return self._predict(steps)
-        except (ValueError, IndexError, TypeError):
-            if not steps.texts:
+            made = self._predict(pipeline)
+        except Exception:  # a slip may ask for what is not there
+            if not pipeline:
                 raise
-            return np.full(self.shown.shape, np.nan)
+            made = np.full(self.shown.shape, np.nan)
+        self.made[:] = [*self.made[-3:], (pipeline, made)]
+        return made
 
-    def _predict(self, steps: Steps) -> Array:
-        steps = steps._replace(order=RIGHT.order) if self.view.composed else steps
-        with np.errstate(all="ignore"):
-            if self.view.points and isinstance(self.bench, Bench):
-                return self.bench.points(steps)
-            light = self.bench.radiance(steps)
+    def _predict(self, pipeline: Pipeline) -> Array:
+        if self.view.composed:
+            pipeline = tuple(step for step in pipeline if not _of_order(*step))
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if self.view.points and isinstance(self.bench, Predictor):
+                return self.bench.points(pipeline)
+            light = self.bench.radiance(pipeline)
             if self.more:
-                light = light + self.beyond(steps)
-            if steps.gather is not RIGHT.gather and self.deep and isinstance(self.bench, Bench):
-                walks = self.bench.walks(WALKS, self.deep)
-                light = light + steps.gather(walks) - RIGHT.gather(walks)
-            made = np.asarray(steps.output(light, self.bench.brightest), float)
+                light = light + self.beyond(pipeline)
+            if self.deep and touches(pipeline, "gather") and isinstance(self.bench, Predictor):
+                if self.walks is None:
+                    self.walks = walk(self.bench, WALKS, self.deep)
+                light = light + applied(pipeline, "gather", gathered)(self.walks) - gathered(self.walks)
+            made = output(pipeline, light, self.bench.brightest)
+            if made.shape != self.shown.shape:
+                raise ValueError(made.shape)
         return np.clip(made, 0, 1) if self.view.clipped else made
 
-    def beyond(self, steps: Steps) -> Array:
-        """Light of the right picture that sun, shadow and open sky do not make, where the steps look."""
-        if steps.place not in self.moved:
-            alone = RIGHT._replace(place=steps.place)
+    def beyond(self, pipeline: Pipeline) -> Array:
+        """Light of the right picture that sun, shadow and open sky do not make, where the tracer looks."""
+        places = tuple(step for step in pipeline if step[0] == "pixel")
+        if places not in self.moved:
             height, width = _right(self.view).shape[:2]
-            place = steps.place(self.bench.u, self.bench.v, self.bench.camera)
-            u, v = (np.rint(x / self.step).astype(int) for x in place)
+            u, v = (np.rint(x / self.step).astype(int) for x in self.bench.place(places))
             right = _right(self.view)[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)]
-            self.moved[steps.place] = right - self.bench.radiance(alone)
-        return self.moved[steps.place]
+            self.moved[places] = right - self.bench.radiance(places)
+        return self.moved[places]
 
-    def errors(self, steps: Steps) -> Array:
+    def errors(self, steps: Pipeline) -> Array:
         """(N,): the largest error of any channel, beyond what rounding may do."""
         return self.off(self.predict(steps))
 
@@ -161,7 +168,7 @@ class Sight:
         e = np.maximum(np.abs(e) - self.slack, 0)
         return float((self.weight * np.square(np.minimum(e / self.scale, 10)).sum(axis=-1)).sum())
 
-    def everywhere(self, most: int) -> "Sight":
+    def everywhere(self, most: int) -> "PixelSample":
         """The same at all of its pixels; at every k-th, where those are more than `most`."""
         edge, rays = self.whole
         index = np.flatnonzero(rays)
@@ -171,21 +178,29 @@ class Sight:
         v, u = (self.step * x.astype(float) for x in np.divmod(index, edge.shape[1]))
         weight = np.full(index.size, 1 / max(index.size, 1))
         made = replace(self, index=index, weight=weight, shown=shown, right=right, slack=slack)
-        made = replace(made, moved={}, changed={}, wrong_after=None)
         made = replace(made, bench=self.bench.at(u, v), edge=edge.ravel()[index])
         return replace(made, wrong=made.errors(RIGHT) > self.tau)
 
-    def only(self, part: Any) -> "Sight":
+    @functools.cached_property
+    def thin(self) -> "PixelSample":
+        """The same at every third of its pixels."""
+        return self.only(slice(None, None, 3))
+
+    def only(self, part: Any) -> "PixelSample":
         """The same at some of its pixels: a slice, or (N,) bool."""
         bench = self.bench.at(self.bench.u[part], self.bench.v[part])
         cut: dict[str, Any] = {
             name: getattr(self, name)[part] for name in ("index", "weight", "shown", "right", "slack", "wrong", "edge")
         }
         cut["weight"] = cut["weight"] / max(cut["weight"].sum(), 1e-300)
-        return replace(self, **cut, bench=bench, moved={}, changed={}, wrong_after=None)
+        return replace(self, **cut, bench=bench)
 
 
-def _right(view: View) -> Array:
+def _of_order(name: str, what: Any) -> bool:
+    return name == "nearest" or (name == "met" and isinstance(what, tuple) and any(old == NEAREST for old, _ in what))
+
+
+def _right(view: SubmittedImage) -> Array:
     assert view.right is not None
     return view.right
 
@@ -199,7 +214,7 @@ def every(camera: Camera, step: int) -> Camera:
     )  # fmt: skip
 
 
-def thinned(view: View) -> tuple[View, int, Array, Array]:
+def thinned(view: SubmittedImage) -> tuple[SubmittedImage, int, Array, Array]:
     """Every step-th pixel, in float64, with what is right; the step; outlines and pixels with a ray (H, W)."""
     if view.scene is None:
         return _unknown(view)
@@ -225,7 +240,7 @@ def thinned(view: View) -> tuple[View, int, Array, Array]:
         right = np.asarray(right, float)[cut, cut]
     elif view.points:
         v, u = np.indices(traced.surface.ids.shape, float).reshape(2, -1)
-        right = Bench(thin, u, v).points(RIGHT).reshape(*traced.surface.ids.shape, 3)
+        right = Predictor(thin, u, v).points(RIGHT).reshape(*traced.surface.ids.shape, 3)
     else:
         right = traced.mean.astype(float)
     right = np.clip(right, 0, 1) if view.clipped else right
@@ -242,7 +257,7 @@ def traced_once(scene: Scene, rung: str) -> Image:
     return trace(scene, rung)
 
 
-def _unknown(view: View) -> tuple[View, int, Array, Array]:
+def _unknown(view: SubmittedImage) -> tuple[SubmittedImage, int, Array, Array]:
     """The same of a picture whose scene is not known."""
     shown, right = np.asarray(view.shown), np.asarray(view.right)
     if view.right is None or right.shape != shown.shape or shown.ndim != 3:
@@ -261,7 +276,7 @@ def _of_spheres(scene: Scene) -> Scene:
     return msgspec.structs.replace(scene, objects=tuple(x for x in scene.objects if isinstance(x, Sphere)))
 
 
-def look(view: View, seed: int = 0) -> Sight:
+def look(view: SubmittedImage, seed: int = 0) -> PixelSample:
     """Choose pixels: all kinds of wrong ones, and right ones that a wrong cause would spoil."""
     view, step, edge, rays = thinned(view)
     right, shown = _right(view), view.shown
@@ -301,10 +316,10 @@ def look(view: View, seed: int = 0) -> Sight:
     index, weight = index[mixed], weight[mixed] / weight.sum()
     u, v = (index % width * step).astype(float), (index // width * step).astype(float)
     brightest = float(np.nanmax(right)) if right.size and not view.points else 1.0
-    bench: Bench | Plain = Plain(right, u, v, brightest)
+    bench: Predictor | Plain = Plain(right, u, v, brightest)
     if view.scene is not None:
         shadows = view.points or RUNGS[view.rung].shadows
-        bench = Bench(view.scene, u, v, shadows, brightest, before=view.before)
+        bench = Predictor(view.scene, u, v, shadows, brightest, view.before)
     flat = lambda x: x.reshape(-1, 3)[index]  # noqa: E731
     more = False
     if not view.points and view.scene is not None:
@@ -312,7 +327,7 @@ def look(view: View, seed: int = 0) -> Sight:
             alone = bench.radiance(RIGHT)
         beyond = np.abs((np.clip(alone, 0, 1) if view.clipped else alone) - flat(right)).max(axis=-1)
         more = RUNGS[view.rung].noisy or float((weight * (beyond > 0.01 * scale)).sum()) > 0.02
-    return Sight(
+    return PixelSample(
         view, index, weight, flat(shown), flat(right), flat(half), scale, tau, wrong.ravel()[index],
         edge.ravel()[index], bench, more, step, (edge, rays), deep,
         _mixed(wrong),
@@ -331,7 +346,7 @@ def _mixed(wrong: Array) -> float:
     return float(np.mean([~other[inner] for other in beside]))
 
 
-def _scale(view: View) -> float:
+def _scale(view: SubmittedImage) -> float:
     right = _right(view)
     if view.points:
         assert view.scene is not None
@@ -353,5 +368,5 @@ def outlines(ids: Array) -> Array:
     return beside
 
 
-def many(views: Sequence[View], seed: int = 0) -> list[Sight]:
+def many(views: Sequence[SubmittedImage], seed: int = 0) -> list[PixelSample]:
     return [look(view, seed) for view in views]

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.diagnose.pixel_sample import Sight, outlines
-from raytwin.diagnose.predict import RIGHT, Array, Bench, Change
+from raytwin.diagnose.pixel_sample import PixelSample, outlines
+from raytwin.diagnose.predict import Array, Pipeline, Predictor
 from raytwin.scene import Scene
 
 PIXELS, EDGES = 250, 150
@@ -22,10 +22,10 @@ class Shown(NamedTuple):
     made: Array
 
 
-def costs(sight: Sight, ways: tuple[Change, ...]) -> Array:
+def costs(sight: PixelSample, ways: tuple[Pipeline, ...]) -> Array:
     """(W,): of each mistake the cost of what it leaves of this view."""
     bench = sight.bench
-    assert isinstance(bench, Bench)
+    assert isinstance(bench, Predictor)
     at = bench.scene, sight.step, bench.shadows, sight.view.points, bench.brightest
     index, weight, made = _shown(*at, ways)
     made = np.clip(made, 0, 1) if sight.view.clipped else made
@@ -36,22 +36,22 @@ def costs(sight: Sight, ways: tuple[Change, ...]) -> Array:
 
 
 @lru_cache(maxsize=4)
-def _shown(scene: Scene, step: int, shadows: bool, points: bool, brightest: float, ways: tuple[Change, ...]) -> Shown:
+def _shown(scene: Scene, step: int, shadows: bool, points: bool, brightest: float, ways: tuple[Pipeline, ...]) -> Shown:
     width, height = (-(-n // step) for n in scene.camera.image_size)
     v, u = step * np.indices((height, width), float).reshape(2, -1)
-    edge = outlines(Bench(scene, u, v).met(RIGHT)[0].reshape(height, width)).ravel()
+    edge = outlines(Predictor(scene, u, v).seen().ids.reshape(height, width)).ravel()
     rng, index, weight = np.random.default_rng(0), [], []
     for there, most in ((np.flatnonzero(~edge), PIXELS), (np.flatnonzero(edge), EDGES)):
         n = min(most, there.size)
         index.append(np.sort(rng.choice(there, n, replace=False)))
         weight.append(np.full(n, there.size / max(n, 1) / edge.size))
     chosen = np.concatenate(index)
-    bench = Bench(scene, u[chosen], v[chosen], shadows, brightest)
+    bench = Predictor(scene, u[chosen], v[chosen], shadows, brightest)
     made = np.empty((len(ways), chosen.size, 3))
     with np.errstate(all="ignore"):
-        for k, steps in enumerate(way(RIGHT) for way in ways):
+        for k, way in enumerate(ways):
             try:
-                made[k] = bench.points(steps) if points else steps.output(bench.radiance(steps), brightest)
-            except (ValueError, IndexError, TypeError):  # a slip may ask for what this scene does not have
+                made[k] = bench.points(way) if points else bench.picture(way)
+            except Exception:  # a slip may ask for what this scene does not have
                 made[k] = np.nan
     return Shown(chosen, np.concatenate(weight), made)

@@ -1,92 +1,54 @@
 """Mistakes in shadows."""
 
-from collections.abc import Callable
-from functools import partial
-from typing import Any
-
-import numpy as np
-
 from raytwin.diagnose.changes import (
+    ASKED,
+    BALLS,
     NU,
     NV,
     SHADOW,
-    Casters,
-    both,
-    dimmed,
+    chain,
     in_shadow_test,
     inside,
-    lit,
+    mixed,
     offset_by,
-    put,
+    others_hide,
     reaching,
     row,
-    shaded,
-    shadows,
-    sky_times,
-    terms,
+    shadow,
+    towards,
     where_cast,
     within,
 )
-from raytwin.diagnose.predict import RIGHT, Array, Change, Hits, Steps, Terms, lambert, meet_all, others_hide
-from raytwin.diagnose.slips import slips
-from raytwin.scene import Scene
+from raytwin.diagnose.predict import Pipeline, slip
 
 
-def all_dark(hits: Hits, to: Array, things: Casters, steps: Steps) -> Array:
-    return np.ones(hits.t.shape, bool)
+def _counted(share: str) -> Pipeline:
+    """The share of the light that n objects on the way let through."""
+    return mixed(
+        't = intersect_all(points, np.tile(sun["to_light"], (len(points), 1)), things)',
+        "n = (np.isfinite(t) & (which != np.arange(len(t))[:, None])).sum(axis=0)[:, None]",
+        f'share, visible = ({share}) if scene["rung"] == "shadow" else 1.0, visible | True',
+        "lit = dark + (lit - dark) * share",
+    )
 
 
-def shadowed_by(f: Callable[[Array, Scene, Hits], Array]) -> Change:
-    """Another direction to the light, for shadows alone."""
-
-    def rightly(x: Terms) -> Terms:
-        return x._replace(cos=(x.hits.normal * np.array(x.scene.sun.to_light)[:, None]).sum(axis=0))
-
-    return both(lit(f), terms(rightly), put(blocked=others_hide))
-
-
-def _turned_light(to: Array, scene: Scene, hits: Hits, turn: Any) -> Array:
-    return np.asarray(turn(np.asarray(scene.camera.R_cam_board)) @ to)
-
-
-def _recast(x: Terms, lets: Any) -> Terms:
-    """The share of the light that n objects on the way let through: lets(n)."""
-    if not x.shadows or not x.scene.objects:
-        return x
-    to = np.broadcast_to(np.array(x.scene.sun.to_light)[:, None], x.hits.point.shape)
-    met = np.isfinite(meet_all(x.hits.point, to, x.scene.objects, RIGHT))
-    return x._replace(visible=lets((met & (x.hits.ids != np.arange(len(met))[:, None])).sum(axis=0)))
-
-
-def _without(x: Terms, what: str) -> Array:
-    """The factor of the sky's part by which the albedo or the sky is not in it where the sun is hidden."""
-    return np.where(x.visible > 0, 1.0, 1 / np.maximum(getattr(x, what), 1e-9))
-
-
-def _grey_where_dark(x: Terms, k: float) -> Array:
-    return np.where(x.visible > 0, lambert(x), k)
-
-
-shadow = partial(slips, "sun_visible")
 BLOCKS, TO_SUN = (
     "visible = visible & (own | ~np.isfinite(t[k]))",
     ("t = intersect_all(points, np.tile(to_light, (len(points), 1)), things)"),
 )
 ON_BALL = 'np.array(["radius" in x for x in things])[which]'
-BALLS = 'np.array([["radius" in x] for x in things])'
 NUMBERS = '[["radius" in y for y in things[:i]].count("radius" in x) for i, x in enumerate(things)]'
 """The number that each thing has among those of its kind."""
 
 
-def _free(*tests: str) -> tuple[Change, ...]:
+def _free(*tests: str) -> tuple[Pipeline, ...]:
     """What lets the light through: functions of k, thing, which and things."""
     return shadow(*(f"(own | => (own | ({test}) |" for test in tests))
 
 
-def _towards(*directions: str) -> tuple[Change, ...]:
-    """Shadow rays that go elsewhere."""
-    unit = "({d}) / np.linalg.norm({d}, axis=-1, keepdims=True)"
-    return shadow(*(f"np.tile(to_light, (len(points), 1)) => {unit.format(d=f'({d})')}" for d in directions))
+def _aside(direction: str) -> Pipeline:
+    """Another direction to the light, for shadows alone."""
+    return chain(others_hide, slip("radiance", (ASKED, ASKED.replace('sun["to_light"]', direction))))
 
 
 SHADOWS = (
@@ -94,7 +56,7 @@ SHADOWS = (
         *shadow("return visible => return visible | True")),
     row("shadows-always", SHADOW,
         "shadows are cast with the rung \"lambert\", too: there nothing casts any, only with \"shadow\"",
-        put(shadows=lambda asked: True)),
+        slip("radiance", ('scene["rung"] == "shadow"', "True"))),
     row("all-in-shadow", SHADOW,
         "every surface is in its own shadow: the shadow ray goes away from the sun (it goes along to_light, not "
         "-to_light), or starts inside the object (move it a little along +n), or t <= 0 counts as a hit",
@@ -102,7 +64,7 @@ SHADOWS = (
     row("shadow-offset", SHADOW,
         "the shadow ray starts too far from the surface: shadows near what casts them are lost; 1e-4 of the scene is "
         "enough",
-        *(shadows(offset_by(eps, way)) for way in (False, True) for eps in (3e-3, 1e-2, 2e-2, 5e-2))),
+        *(offset_by(eps, way) for way in (False, True) for eps in (3e-3, 1e-2, 2e-2, 5e-2))),
     row("shadow-both-ways", SHADOW,
         "what lies on the far side of the surface, away from the sun, casts shadows too: keep t > 0 alone",
         *shadow(*(f"{TO_SUN} => {TO_SUN}\n    back = {TO_SUN[4:].replace('to_light', '-to_light')}\n"
@@ -112,17 +74,17 @@ SHADOWS = (
     row("shadow-light-turned", SHADOW,
         "shadows fall by another direction than the light: the shadow ray goes along the same to_light, in the same "
         "frame",
-        *(shadowed_by(partial(_turned_light, turn=f)) for f in (lambda R: R, lambda R: R.T)),
+        *(_aside(f'scene["R_cam_board"]{t} @ sun["to_light"]') for t in ("", ".T")),
         *shadow(*(f"np.tile(to_light => np.tile(to_light * {signs}" for signs in ([1, 1, -1], [-1, -1, 1])))),
     row("shadow-to-eye", SHADOW,
         "shadow rays go to the eye, away from it, or along the normal: they go to the sun, along to_light",
-        *_towards("eye - points", "points - eye", "normals")),
+        *map(towards, ("eye - points", "points - eye", "normals"))),
     row("shadow-to-place", SHADOW,
         "shadow rays go to to_light as if it were a point: it is a direction, the same for every surface",
-        *_towards("to_light - points", "to_light + eye - points")),
+        *map(towards, ("to_light - points", "to_light + eye - points"))),
     row("shadow-bounded", SHADOW,
         "only near objects cast shadows: nothing bounds the way to the sun",
-        *(shadows(within(limit)) for limit in (0.2, 0.1, 0.25, 0.3, 0.5, 1.0))),
+        *(within(limit) for limit in (0.2, 0.1, 0.25, 0.3, 0.5, 1.0))),
     row("spheres-receive-none", SHADOW, "no shadow falls on spheres: test every surface, whatever its kind",
         *_free(ON_BALL)),
     row("planes-receive-none", SHADOW, "no shadow falls on planes: test every surface, whatever its kind",
@@ -169,22 +131,21 @@ SHADOWS = (
                   for start in ("0 * points", "eye + 0 * points", "points - eye")))),
     row("shadow-counts", SHADOW,
         "what several objects hide is darker than what one hides: each hit takes light away once more, one is enough",
-        *(terms(partial(_recast, lets=lets)) for lets in (lambda n: 1.0 - n, lambda n: 0.5**n))),
+        *(_counted(share) for share in ("1.0 - n", "0.5**n"))),
     row("shadow-inverted", SHADOW, "light and shadow are swapped: V is 1 where the way to the sun is free",
         *shadow("return visible => return ~visible")),
     row("shadow-colour", SHADOW,
         "shadowed points have a colour of their own: there as elsewhere the sky gives albedo Lₛ, the sun alone is gone",
-        *(way(sky_times(partial(_without, what=what))) for way in (both, where_cast) for what in ("albedo", "sky")),
-        *(way(shaded(partial(_grey_where_dark, k=k))) for way in (both, where_cast) for k in (0.05, 0.1, 0.2))),
+        *(way(mixed(f"dark = {dark}")) for way in (chain, where_cast) for dark in (
+            "dark / np.maximum(albedo, 1e-9)", "dark / np.maximum(sky, 1e-9)",
+            *(f"{k} + 0 * dark" for k in (0.05, 0.1, 0.2))))),
     row("shadow-by-pi", SHADOW,
         "the sky's part is divided by π in shadow: there as elsewhere it is albedo Lₛ; albedo /= π inside shade "
         "changes the array that it was given, so that the next call divides once more",
-        *(way(sky_times(lambda x: np.where(x.visible > 0, 1.0, 1 / np.pi))) for way in (both, where_cast))),
+        *(way(mixed("dark = dark / np.pi")) for way in (chain, where_cast))),
     row("shadow-on-sky", SHADOW,
         "shadows take away the sky's light and leave the sun's: it is the other way round",
-        shaded(lambda x: lambert(x._replace(visible=np.ones_like(x.visible), sky=x.sky * x.visible))),
-        where_cast(shaded(
-            lambda x: lambert(x._replace(visible=np.ones_like(x.visible), sky=x.sky * x.visible))))),
+        *(way(mixed("dark = lit - dark")) for way in (chain, where_cast))),
     row("shadow-dims-all", SHADOW, "shadows scale the whole light: they take away the sun's part alone",
-        *(way(shaded(partial(dimmed, by=k))) for way in (both, where_cast) for k in (0.5, 0.3, 0.2))),
+        *(way(mixed(f"dark = {k} * lit")) for way in (chain, where_cast) for k in (0.5, 0.3, 0.2))),
 )  # fmt: skip

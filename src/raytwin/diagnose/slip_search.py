@@ -1,13 +1,12 @@
 """Which generated slips explain the pictures: each is tried on a few pixels first, the least far-fetched first."""
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
 
 from raytwin.diagnose.budget import Budget
-from raytwin.diagnose.pixel_sample import Sight
-from raytwin.diagnose.predict import Array, Steps
+from raytwin.diagnose.pixel_sample import PixelSample
+from raytwin.diagnose.predict import Array, Pipeline
 from raytwin.diagnose.slip_table import Slip, read
 
 WRONG, RIGHT = 40, 24
@@ -22,18 +21,18 @@ LEFT = 0.5
 """Share of the cost: a slip that leaves more on the first pixels is dropped."""
 
 
-def likely_slips(sights: Sequence[Sight], before: Steps, budget: Budget) -> list[tuple[Slip, Steps]]:
+def likely_slips(sights: Sequence[PixelSample], before: Pipeline, budget: Budget) -> list[tuple[Slip, Pipeline]]:
     """The slips that leave least of what is wrong at a few pixels of the worst view, in the order of the table."""
     worst = max(sights, key=lambda s: s.cost(s.errors(before)))
     probe, other = _few(worst, before, 0), _few(worst, before, 1)
     limits = [LEFT * s.cost(s.errors(before)) for s in (probe, other)]
-    found: list[tuple[float, int, Slip, Steps]] = []
+    found: list[tuple[float, int, Slip, Pipeline]] = []
     began, slips = budget.clock(), sorted(enumerate(read()), key=lambda slip: slip[1].function not in QUICK)
     for done, (k, one) in enumerate(slips):
         if budget.over or budget.clock() - began > SECONDS:
             budget.slips_left = len(slips) - done
             break
-        steps = one.change(before)
+        steps = (*before, *one.way)
         cost = _cost(probe, steps)
         if cost < limits[0] and (more := _cost(other, steps)) < limits[1]:
             found.append((cost + more, k, one, steps))
@@ -41,7 +40,7 @@ def likely_slips(sights: Sequence[Sight], before: Steps, budget: Budget) -> list
     return [(one, steps) for _, _, one, steps in sorted(best, key=lambda x: x[1])]
 
 
-def _few(sight: Sight, before: Steps, part: int) -> Sight:
+def _few(sight: PixelSample, before: Pipeline, part: int) -> PixelSample:
     """The sight at some of its pixels; those of part 0 and of part 1 are others."""
     wrong = sight.errors(before) > sight.tau
     chosen: list[Array] = [
@@ -52,11 +51,6 @@ def _few(sight: Sight, before: Steps, part: int) -> Sight:
     return sight.only(np.concatenate(chosen))
 
 
-def _cost(sight: Sight, steps: Steps) -> float:
-    """What a slip leaves; infinite where it does not run."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return sight.cost(sight.errors(steps))
-    except Exception:  # a slip may ask for what is not there
-        return float("inf")
+def _cost(sight: PixelSample, pipeline: Pipeline) -> float:
+    """What a slip leaves."""
+    return sight.cost(sight.errors(pipeline))

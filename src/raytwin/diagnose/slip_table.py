@@ -12,9 +12,8 @@ from pathlib import Path
 from zlib import crc32
 
 from raytwin.diagnose.operators import Edit
-from raytwin.diagnose.predict import Steps
-from raytwin.diagnose.slips import slip
-from raytwin.diagnose.textbook import FORMS, PARTS, Changes
+from raytwin.diagnose.predict import Pipeline, slip
+from raytwin.diagnose.textbook import FORMS, FUNCTIONS, Changes
 
 LONG = 70
 """Characters of a change, beyond which its name is a number."""
@@ -89,18 +88,17 @@ class Slip:
         change = f"{self.before} -> {self.after}{place}{' in ' + self.form if self.form else ''}".replace("|", "or")
         return f"slip-in-{self.function}: {change if len(change) <= LONG else f'{crc32(change.encode()):08x}'}"
 
-    def change(self, steps: Steps) -> Steps:
-        """The tracer with this slip in it."""
-        made = slip(self.function, *self.changes)(steps)
-        for other, changes in FORMS_BESIDE.get(self.form, ()):
-            made = slip(other, *changes)(made) if other != self.function else made
-        return made
+    @property
+    def way(self) -> Pipeline:
+        """The mistake."""
+        beside = (slip(other, *changes) for other, changes in FORMS_BESIDE.get(self.form, ()) if other != self.function)
+        return (*slip(self.function, *self.changes), *(step for way in beside for step in way))
 
 
 @cache
 def text_of(form: str, function: str) -> str:
     """The function's text in this form; in the textbook's own where that is empty."""
-    text = next(part for part in PARTS if part.startswith(f"def {function}(")).rstrip("\n")
+    text = FUNCTIONS[function].rstrip("\n")
     for old, new in FORMS[form] if form else ():
         text = text.replace(old, new)
     return text
@@ -141,7 +139,7 @@ def read() -> tuple[Slip, ...]:
 
 
 PLACES = {
-    "pixels": "where pixels are counted",
+    "pixel": "where pixels are counted",
     "undistort": "undoing the lens's distortion",
     "through": "from the pixel to the ray",
     "to_board": "from the camera's frame to the board's",
@@ -157,7 +155,7 @@ PLACES = {
 }
 """Function -> what it does, for a sentence."""
 STAGE_OF = {
-    **dict.fromkeys(("pixels", "undistort", "through", "to_board"), "camera"),
+    **dict.fromkeys(("pixel", "undistort", "through", "to_board"), "camera"),
     **dict.fromkeys(("intersect_sphere", "intersect_plane", "met"), "solver"),
     **dict.fromkeys(("intersect_all", "nearest"), "order"),
     "normals_at": "normals",

@@ -6,10 +6,10 @@ the contract's dict. `tracer_with` replaces some of its functions by others, a s
 """
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
-from types import SimpleNamespace
+from types import CodeType, FunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,8 @@ import numpy as np
 Array = np.ndarray
 
 
-def pixels(width: int, height: int) -> Any:
-    """u, v (H, W): the centre of the top-left pixel is (0, 0)."""
-    u, v = np.meshgrid(np.arange(width), np.arange(height))
+def pixel(u: Any, v: Any, width: int, height: int) -> Any:
+    """Where in the image the ray of column u and row v goes: (0, 0) is the centre of the top-left pixel."""
     return u, v
 
 
@@ -46,7 +45,8 @@ def through(K: Any, dist: Any, u: Any, v: Any) -> Any:
 
 def back_project(K: Any, dist: Any, width: int, height: int) -> Any:
     """Those of all pixels, (H, W, 3)."""
-    u, v = pixels(width, height)
+    columns, rows = np.meshgrid(np.arange(width), np.arange(height))
+    u, v = pixel(columns, rows, width, height)
     return through(K, dist, u, v)
 
 
@@ -148,8 +148,9 @@ def radiance(scene: Any, things: Any, eye: Any, which: Any, points: Any) -> Any:
     points, which = points[hit], which[hit]
     normals = normals_at(points, which, eye, things)
     albedo = np.array([thing["albedo"] for thing in things]).reshape(-1, 3)[which]
-    lit = shade(points, normals, albedo, sun["to_light"], sun["irradiance"], sky)
-    dark = shade(points, normals, albedo, sun["to_light"], 0 * sun["irradiance"], sky)
+    to_light, irradiance = sun["to_light"], sun["irradiance"]
+    lit = shade(points, normals, albedo, to_light, irradiance, sky)
+    dark = shade(points, normals, albedo, to_light, 0 * irradiance, sky)
     visible = np.ones(len(points), bool)
     if scene["rung"] == "shadow":
         visible = sun_visible(points, normals, which, sun["to_light"], eye, things)
@@ -178,8 +179,8 @@ def render(scene: Any) -> Any:
 
 TEXT = Path(__file__).read_text(encoding="utf-8").split("# ----")[0]
 """The functions above."""
-PARTS = tuple(part if k == 0 else "def " + part for k, part in enumerate(TEXT.split("\n\n\ndef ")))
-"""The same, imports first, then one by one."""
+FUNCTIONS = {part.partition("(")[0]: f"def {part.rstrip()}\n" for part in TEXT.split("\n\n\ndef ")[1:]}
+"""Name -> text of each."""
 
 Changes = tuple[tuple[str, str], ...]
 """Replacements (old, new) in the text, one after the other."""
@@ -228,23 +229,44 @@ def tracer_with(functions: Mapping[str, Callable[..., Any]] | None = None, chang
 
     Raises ValueError for a change of what the text does not have, and for changes that leave no Python together.
     """
-    parts = PARTS
+    texts = list(FUNCTIONS.values())
     for old, new in changes:
-        if not any(old in part for part in parts):
+        if not any(old in text for text in texts):
             raise ValueError(f"the textbook has no {old!r}")
-        parts = tuple(part.replace(old, new) for part in parts)
-    space: dict[str, Any] = {"__name__": __name__, "__file__": __file__}
-    try:
-        for part in parts:
-            exec(_compiled(part), space)
-    except SyntaxError as error:
-        raise ValueError(f"changes that exclude one another: {error}") from None
+        texts = [text.replace(old, new) for text in texts]
+    space = namespace(texts)
     space.update(functions or {})
     return SimpleNamespace(**{name: thing for name, thing in space.items() if not name.startswith("__")})
 
 
-@lru_cache(maxsize=1024)
-def _compiled(part: str) -> Any:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of a text that was changed
-        return compile(part, __file__, "exec")
+@lru_cache(maxsize=4096)
+def slipped(function: str, changes: Changes) -> str:
+    """The text of a function with these changes. Raises ValueError where it cannot have them, or is no Python."""
+    text = FUNCTIONS[function]
+    for old, new in changes:
+        if old not in text:
+            raise ValueError(f"{function} has no {old!r}")
+        text = text.replace(old, new)
+    code_of(text)
+    return text
+
+
+def namespace(texts: Iterable[str], numpy: Any = np) -> dict[str, Any]:
+    """Functions of these texts, which call one another."""
+    space: dict[str, Any] = {"np": numpy, "Any": Any, "__builtins__": __builtins__}
+    for code in map(code_of, texts):
+        space[code.co_name] = FunctionType(code, space)
+    return space
+
+
+@lru_cache(maxsize=4096)
+def code_of(text: str) -> CodeType:
+    """The function that a text defines, compiled. Raises ValueError where it is no Python."""
+    space: dict[str, Any] = {"Any": Any}
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a text that was changed
+            exec(compile(text, __file__, "exec"), space)
+    except SyntaxError as error:
+        raise ValueError(f"changes that exclude one another: {error}") from None
+    return next(thing.__code__ for thing in reversed(space.values()) if isinstance(thing, FunctionType))

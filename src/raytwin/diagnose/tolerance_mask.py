@@ -5,15 +5,14 @@ single precision. What that changes is no mistake.
 """
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
-from raytwin.diagnose.catalogue import TESTS
-from raytwin.diagnose.changes import at, offset_by
-from raytwin.diagnose.predict import RIGHT, Array, Bench, Change, Steps, hidden
+from raytwin.diagnose.catalogue import SHADOW_TESTS
+from raytwin.diagnose.changes import moved, offset_by
+from raytwin.diagnose.predict import RIGHT, Array, Pipeline, Predictor
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Scene
+from raytwin.scene import Scene
 
 FEW = 0.02
 """Share of the pixels: if more are off, such differences do not explain it."""
@@ -27,35 +26,33 @@ SEEN = 1e-3
 """Share of the scale: values that differ by less are the same."""
 
 
-def _aside(u: Array, v: Array, camera: Camera, x: float, y: float) -> tuple[Array, Array]:
-    return u + x, v + y
+STARTS = tuple(offset_by(eps, way) for eps in (1e-3, 3e-4, 1e-4, 1e-5) for way in (False, True))
+"""Where shadow rays may start."""
+ASIDES = tuple(moved(x, y) for x in (-ASIDE, ASIDE) for y in (-ASIDE, ASIDE))
 
 
-def _started(steps: Steps, test: Callable[..., Array]) -> Steps:
-    """With another start of shadow rays; not where their test is the mistake."""
-    return steps._replace(blocked=test) if steps.blocked in (hidden, *TESTS) else steps
+def varied(pipeline: Pipeline) -> tuple[Pipeline, ...]:
+    """The same tracer in other right ways: with other starts of shadow rays where their test is no mistake, too."""
+    tested = tuple(step for step in pipeline if step[0] in SHADOW_STEPS)
+    rest = tuple(step for step in pipeline if step not in tested)
+    starts = STARTS if tested in ((), *SHADOW_TESTS) else ()
+    return (*((*rest, *start) for start in starts), *((*pipeline, *aside) for aside in ASIDES))
 
 
-VARIATIONS: tuple[Change, ...] = (
-    *(partial(_started, test=offset_by(eps, way)) for eps in (1e-3, 3e-4, 1e-4, 1e-5) for way in (False, True)),
-    *(at(partial(_aside, x=x, y=y)) for x in (-ASIDE, ASIDE) for y in (-ASIDE, ASIDE)),
-)
+SHADOW_STEPS = ("sun_visible", "offset", "reach")
 
 
-def doubtful(predict: Callable[[Steps], Array], scale: float, steps: Steps = RIGHT) -> Array:
+def doubtful(predict: Callable[[Pipeline], Array], scale: float, steps: Pipeline = RIGHT) -> Array:
     """(N,) bool: whether tracers that have these steps, and are right otherwise, differ in a pixel.
 
     `predict`: steps -> (N, 3), NaN for nothing.
     """
     made = predict(steps)
     found = np.zeros(len(made), bool)
-    for change in VARIATIONS:
-        varied = change(steps)
-        if varied is not steps:
-            other = predict(varied)
-            with np.errstate(invalid="ignore"):
-                same = (np.abs(other - made) <= SEEN * scale) | (np.isnan(other) & np.isnan(made))
-            found |= ~same.all(axis=-1)
+    for other in map(predict, varied(steps)):
+        with np.errstate(invalid="ignore"):
+            same = (np.abs(other - made) <= SEEN * scale) | (np.isnan(other) & np.isnan(made))
+        found |= ~same.all(axis=-1)
     return found
 
 
@@ -67,7 +64,7 @@ def forgiven(got: Array, right: Array, scene: Scene, rung: str) -> Array:
     if not 0 < len(where) <= FEW * off.size:
         return got
     v, u = where.T.astype(float)
-    bench = Bench(scene, u, v, RUNGS[rung].shadows)
+    bench = Predictor(scene, u, v, RUNGS[rung].shadows)
     scale = max(float(bench.radiance(RIGHT).max(initial=0.0)), 1e-300)
     rows, columns = where[doubtful(bench.radiance, scale)].T
     made = got.copy()

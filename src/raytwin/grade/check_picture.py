@@ -10,7 +10,7 @@ import numpy as np
 from raytwin import files
 from raytwin.compare import compare
 from raytwin.compare.scale import scale_of
-from raytwin.diagnose.pixel_sample import View
+from raytwin.diagnose.pixel_sample import SubmittedImage
 from raytwin.diagnose.tolerance_mask import forgiven
 from raytwin.grade.questions import Question
 from raytwin.grade.result import Part
@@ -24,7 +24,7 @@ class CheckedPicture:
     """A picture beside what it should be. `got`: if it is wrong and can be shown; `scale`: of its values."""
 
     part: Part
-    view: View | None
+    view: SubmittedImage | None
     got: np.ndarray | None
     scale: float = 1.0
 
@@ -56,7 +56,9 @@ def check_picture(asked: Question) -> CheckedPicture:
         return CheckedPicture(part, None, got, scale)
     ours = bool(asked.made_of)
     common, before = bool(exercise.scenes) and not ours, asked.before
-    view = View(asked.scene, got, right, exercise.rung, points, half, clipped, None, common, before, composed=ours)
+    view = SubmittedImage(
+        asked.scene, got, right, exercise.rung, points, half, clipped, None, common, before, composed=ours
+    )
     return CheckedPicture(part, view, None if passed else got, scale)
 
 
