@@ -7,8 +7,8 @@ from raytwin import files
 from raytwin.paper.paper_record import Frame, Paper
 from raytwin.paper.paper_tables import TRIMS, is_full, markdown, size_of, tables
 from raytwin.report.bench_charts import Mark, calibration_charts, marks_chart, megapixels
-from raytwin.report.bench_page import drawn, made_folder
-from raytwin.report.charts import Chart, write_charts
+from raytwin.report.bench_page import made_folder
+from raytwin.report.charts import Chart, chart_html, write_charts
 from raytwin.report.numbers import seconds, shown
 from raytwin.report.page import render_page
 
@@ -24,7 +24,7 @@ def write_paper_all(paper: Paper, folder: str | os.PathLike[str]) -> None:
     page = render_page(
         "paper/paper.html.j2", ("bench.css",), ("charts.js",),
         p=paper,
-        parts=[(t, [(c, drawn(c)) for c in charts.get(t.key, ())]) for t in tables(paper)],
+        parts=[(t, [(c, chart_html(c)) for c in charts.get(t.key, ())]) for t in tables(paper)],
         machines=machines(paper),
     )  # fmt: skip
     files.write_text(folder / "paper.html", page)

@@ -15,6 +15,7 @@ _HOME = {
     "diff_summary": "terminal_text",
     "ladder_summary": "ladder_page",
     "light_summary": "light_page",
+    "needs_summary": "recommend_page",
     "summary": "terminal_text",
     "write_all": "report_folder",
     "write_atlas": "atlas_page",

@@ -2,6 +2,7 @@
 
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,7 +11,7 @@ import numpy as np
 from raytwin import files
 from raytwin.atlas import EXPERIMENTS, Atlas, Experiment, Found, digits
 from raytwin.lights.envmap_tables import REC_709
-from raytwin.report.charts import INK, Asked, Chart, Line, Point, chart_html, log_range, placed, write_charts
+from raytwin.report.charts import INK, Asked, Chart, Line, Point, chart_html, labelled, log_range, write_charts
 from raytwin.report.data_urls import png_url
 from raytwin.report.numbers import short, shown
 from raytwin.report.page import render_page
@@ -144,12 +145,11 @@ def chart(e: Experiment, f: Found) -> Chart:
         lines.append(Line(xs, ys, palette[name], 2.2 if ours else 1.4))
         lines += law_of(e, name, x_range, y_range, palette[name])
         asked.append(Asked(name, group[-1], others=tuple(group[::-1]), bold=ours))
-    texts, without = placed(asked, points, x_range, y_range)
     refused = any(error is None for curve in f.methods.values() for error in curve.errors)
     notes = ["thick grey: the bound; dashed: what theory predicts", "hollow, at the bottom: no error"]
     notes += ["no point: the method refused, and said so"] if refused else []
-    return Chart(e.name, e.title, e.parameter, e.error, x_range, y_range, tuple(points), texts, tuple(lines), None,
-                 without, tuple(notes))  # fmt: skip
+    drawn = Chart(e.name, e.title, e.parameter, e.error, x_range, y_range, tuple(points), (), tuple(lines))
+    return labelled(replace(drawn, notes=tuple(notes)), asked)
 
 
 def heights(f: Found) -> tuple[float, float]:

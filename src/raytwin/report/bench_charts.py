@@ -2,14 +2,26 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from itertools import groupby, takewhile
+from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 
 from raytwin.bench import GROWTH, RENDERERS, Bench, Calibrated, Measurement, fit_power, on_frontier, staircase
 from raytwin.compare import METRICS
-from raytwin.report.charts import INK, SOFT, Asked, Chart, Line, Point, log_range, placed
+from raytwin.report.charts import (
+    INK,
+    SOFT,
+    Asked,
+    Chart,
+    Line,
+    Point,
+    by_family,
+    family_chart,
+    joined,
+    labelled,
+    log_range,
+)
 from raytwin.report.charts.chart import Range
 from raytwin.report.numbers import seconds, short, shown
 
@@ -74,17 +86,18 @@ def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) ->
         for (r, value), y, strong in zip(found, raised(errors, floor), on_frontier(times, errors, floor), strict=True)
     ]  # fmt: skip
     x_range, y_range = log_range(times, 0.12), log_range([p.y for p in points], 0.14)
-    families = by_family(points)
+    order = {name: i for i, name in enumerate(RENDERERS)}
+    families = by_family(sorted(points, key=lambda p: (p.family, order.get(p.name, 0))))
     slope, in_words = (-1.0, "−1") if metric == "relmse" else (-0.5, "−1/2")
     stairs = steps([points[i] for i in staircase(times, errors, floor)], x_range[1])
-    texts, without = placed(names_of(points, families), points, x_range, y_range)
-    return Chart(
+    drawn = Chart(
         f"{size[0]}x{size[1]}/{truth}/{metric}",
         f"{bench.scene}, {megapixels(size)}, against {TRUTHS.get(truth, truth)}",
-        "seconds a frame (median)", AXES[metric], x_range, y_range, tuple(points), texts,
-        (*joined(families.values()), *guides(x_range, y_range, slope), stairs),
-        floor or None, without, (f"thin grey lines: slope {in_words}, Monte Carlo's",),
+        "seconds a frame (median)", AXES[metric], x_range, y_range, tuple(points), (),
+        (*joined(families), *guides(x_range, y_range, slope), stairs),
+        floor or None, (), (f"thin grey lines: slope {in_words}, Monte Carlo's",),
     )  # fmt: skip
+    return labelled(drawn, names_of(points, families))
 
 
 def measured(bench: Bench, size: tuple[int, int], truth: str, metric: str) -> list[tuple[Measurement, float]]:
@@ -113,18 +126,6 @@ def row_tip(r: Measurement) -> str:
     ))  # fmt: skip
 
 
-def by_family(points: Sequence[Point]) -> dict[str, list[Point]]:
-    """The families' points in the order of RENDERERS."""
-    order = {name: i for i, name in enumerate(RENDERERS)}
-    ranked = sorted(points, key=lambda p: (p.family, order.get(p.name, 0)))
-    return {name: list(group) for name, group in groupby(ranked, key=lambda p: p.family)}
-
-
-def joined(groups: Iterable[Sequence[Point]]) -> list[Line]:
-    """A line through each group of more than one."""
-    return [Line(tuple(p.x for p in g), tuple(p.y for p in g), g[0].colour) for g in groups if len(g) > 1]
-
-
 def steps(stairs: Sequence[Point], end: float) -> Line:
     """The frontier: what the best method so far has, from its seconds to the next one's."""
     until = [p.x for p in stairs[1:]] + [end]
@@ -132,15 +133,15 @@ def steps(stairs: Sequence[Point], end: float) -> Line:
     return Line(xs, tuple(p.y for p in stairs for _ in range(2)), INK, 2.5, strength=0.35)
 
 
-def names_of(points: Sequence[Point], families: dict[str, list[Point]]) -> list[Asked]:
+def names_of(points: Sequence[Point], families: Sequence[Sequence[Point]]) -> list[Asked]:
     """The frontier's methods by their whole name; of the others what a family's names share once, then each's rest."""
     whole = [Asked(p.name, p, name=p.name) for p in points if p.strong]
     names, rest = [], []
-    for name, group in families.items():
+    for group in families:
         if all(p.strong for p in group):
             continue
         shared = group[0].name if len(group) == 1 else shared_start([p.name for p in group])
-        names.append(Asked(shared + "…" * (len(group) > 1), group[-1], others=tuple(group[:-1]), name=name))
+        names.append(Asked(shared + "…" * (len(group) > 1), group[-1], others=tuple(group[:-1]), name=group[0].family))
         if len(group) > 1:  # a family's only member goes by its name
             rest += [Asked(p.name.removeprefix(shared), p, False, name=p.name) for p in group if not p.strong]
     return [*whole, *names, *rest]
@@ -228,10 +229,9 @@ def growth_chart(key: str, title: str, x_label: str, series: Series) -> Chart | 
         points += group
         lines += joined([group])
         asked.append(Asked(text, group[-1]))
-    texts, without = placed(asked, points, x_range, y_range)
     note = "dashed and in numbers: the exponent fitted to the upper half of the points, with its standard error"
-    return Chart(key, title, x_label, "seconds (median)", x_range, y_range, tuple(points), texts, tuple(lines), None,
-                 without, (note,))  # fmt: skip
+    drawn = Chart(key, title, x_label, "seconds (median)", x_range, y_range, tuple(points), (), tuple(lines))
+    return labelled(replace(drawn, notes=(note,)), asked)
 
 
 def distinct(names: Iterable[str]) -> list[str]:
@@ -296,11 +296,8 @@ def marks_chart(
               f"{m.name}\n{seconds(m.seconds)}, error {shown(m.error)}")
         for m, y, strong in zip(marks, raised(errors, floor), on_frontier(times, errors, floor), strict=True)
     ]  # fmt: skip
-    groups = [[p for p in points if p.family == family] for family in families]
-    x_range, y_range = log_range(times, 0.15), log_range([p.y for p in points], 0.15)
+    groups = by_family(points)
     asked = [Asked(group[0].family, group[0]) for group in groups]
     crowd = {group[0].family for group in groups if len(group) > 1}
     asked += [Asked(m.label, p, False) for m, p in zip(marks, points, strict=True) if m.family in crowd]
-    texts, without = placed(asked, points, x_range, y_range)
-    return Chart(key, title, x_label, y_label, x_range, y_range, tuple(points), texts, tuple(joined(groups)),
-                 floor or None, without, (note,) if note else ())  # fmt: skip
+    return family_chart(key, title, x_label, y_label, points, asked, floor or None, note)

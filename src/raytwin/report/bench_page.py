@@ -48,8 +48,8 @@ def write_bench_page(bench: Bench, path: str | os.PathLike[str], changes: Change
         "bench.html.j2", ("bench.css",), ("charts.js",),
         b=bench,
         changes=changes,
-        charts=[(c, drawn(c), frontier_rows(c)) for c in charts],
-        growth=[(c, drawn(c)) for c in side_charts(bench)],
+        charts=[(c, chart_html(c), frontier_rows(c)) for c in charts],
+        growth=[(c, chart_html(c)) for c in side_charts(bench)],
         sizes=[(f"{w}x{h}", f"{w} × {h}, {megapixels((w, h))}") for w, h in sizes_of(bench)],
         truths=[(t, TRUTHS.get(t, t)) for t in dict.fromkeys(t.name for t in bench.truths)],
         metrics=[(m, words) for m, words in AXES.items() if any(c.key.endswith(f"/{m}") for c in charts)],
@@ -58,10 +58,6 @@ def write_bench_page(bench: Bench, path: str | os.PathLike[str], changes: Change
         never=never(bench),
     )  # fmt: skip
     files.write_text(path, page)
-
-
-def drawn(chart: Chart) -> str:
-    return chart_html(chart)
 
 
 def error_charts(bench: Bench) -> list[Chart]:

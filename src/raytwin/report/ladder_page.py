@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from raytwin import files
 from raytwin.image import Image
-from raytwin.report.charts import Asked, Chart, Line, Point, chart_html, log_range, placed, write_charts
+from raytwin.report.charts import Asked, Chart, Point, chart_html, family_chart, write_charts
 from raytwin.report.numbers import seconds, shown
 from raytwin.report.page import render_page
 from raytwin.report.picture_pair import SCRIPTS, STYLES, picture_pair
@@ -67,18 +67,9 @@ def error_chart(rungs: "Rungs") -> Chart:
         )
         for s in lit
     ]
-    x_range, y_range = log_range([p.x for p in points], 0.15), log_range([p.y for p in points], 0.15)
-    lines = tuple(
-        Line(tuple(p.x for p in own), tuple(p.y for p in own), COLOURS[side])
-        for side in COLOURS
-        if (own := [p for p in points if p.family == side])
-    )
     asked = [Asked(f"{p.family} {p.name}", p, p.name == "path", (p,)) for p in points]
-    texts, without = placed(asked, points, x_range, y_range)
-    return Chart(
-        "ladder", f"{rungs.scene}: every rung on both sides", "seconds a frame", "RMSE against global illumination",
-        x_range, y_range, tuple(points), texts, lines, rungs.floor or None, without,
-    )  # fmt: skip
+    title, error = f"{rungs.scene}: every rung on both sides", "RMSE against global illumination"
+    return family_chart("ladder", title, "seconds a frame", error, points, asked, rungs.floor or None)
 
 
 def bars(rungs: "Rungs", rung: str) -> list[dict[str, Any]]:

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from raytwin import files, viewer
+from raytwin import files, report, viewer
 from raytwin.compare import Comparison, error_map
 from raytwin.image import Image
 from raytwin.report import numbers
+from raytwin.report.charts import chart_html
 from raytwin.report.data_urls import exposed, exposure, png_url, stops
 from raytwin.report.view import PairView, showable, view_of
 from raytwin.viewer.packing import binned
@@ -121,35 +122,26 @@ def _cell(value: Any) -> str:
 
 
 def _ladder(found: Any) -> str:
-    from raytwin.report.bench_page import drawn
     from raytwin.report.ladder_page import error_chart
 
-    return drawn(error_chart(found.rungs)) + _table(
-        found.table(), ("rung", "side", "method", "seconds", "rmse", "noise")
-    )
+    columns = ("rung", "side", "method", "seconds", "rmse", "noise")
+    return chart_html(error_chart(found.rungs)) + _table(found.table(), columns)
 
 
 def _bench(found: Any) -> str:
-    from raytwin.report.bench_page import drawn, error_charts
+    from raytwin.report.bench_page import error_charts
 
-    charts = "".join(drawn(chart) for chart in error_charts(found) if chart.key.endswith("/relmse"))
-    return charts + _table(
-        found.table(), ("method", "rung", "width", "height", "seconds_median", "rmse", "on_frontier")
-    )
+    charts = "".join(chart_html(chart) for chart in error_charts(found) if chart.key.endswith("/relmse"))
+    columns = ("method", "rung", "width", "height", "seconds_median", "rmse", "on_frontier")
+    return charts + _table(found.table(), columns)
 
 
 def _needs(found: Any) -> str:
-    from raytwin.report.recommend_page import needs_summary
-
-    return f"<pre>{escape(needs_summary(found))}</pre>" + _table(
-        found.table(), ("answer", "method", "error", "seconds")
-    )
+    return _text(report.needs_summary(found)) + _table(found.table(), ("answer", "method", "error", "seconds"))
 
 
-def _calibration(found: Any) -> str:
-    from raytwin.report.terminal_text import calibration_summary
-
-    return f"<pre>{escape(calibration_summary(found))}</pre>"
+def _text(text: str) -> str:
+    return f"<pre>{escape(text)}</pre>"
 
 
 HTML: dict[str, Callable[[Any], str]] = {
@@ -160,7 +152,7 @@ HTML: dict[str, Callable[[Any], str]] = {
     "Ladder": _ladder,
     "Bench": _bench,
     "Needs": _needs,
-    "Calibration": _calibration,
+    "Calibration": lambda found: _text(report.calibration_summary(found)),
 }
 """Name of a class -> what a notebook shows of it. One more kind is one more row, and InNotebook among its bases."""
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from raytwin.report.charts.labels import Label, place
 
@@ -108,21 +108,44 @@ class Asked:
     name: str = ""
 
 
-def placed(
-    asked: Sequence[Asked], points: Sequence[Point], x_range: Range, y_range: Range
-) -> tuple[tuple[Text, ...], tuple[str, ...]]:
-    """The texts where there is room for them, the first asked first, and the names of those without."""
-    frame = Axes(x_range, y_range)
+def labelled(chart: Chart, asked: Sequence[Asked]) -> Chart:
+    """Return the chart with the labels for which there is room, the first asked first; the others are `unlabelled`."""
+    frame = Axes(chart.x_range, chart.y_range)
     labels = [
         Label(a.text, *frame.pixel(a.at.x, a.at.y), 11 if a.bold else 10, a.bold,
               tuple(frame.pixel(p.x, p.y) for p in a.others))
         for a in asked
     ]  # fmt: skip
     texts, without = [], []
-    for a, found in zip(asked, place(labels, [frame.pixel(p.x, p.y) for p in points], *FRAME), strict=True):
+    for a, found in zip(asked, place(labels, [frame.pixel(p.x, p.y) for p in chart.points], *FRAME), strict=True):
         if found is None:
             without.append(a.name or a.text)
             continue
         leader = found.leader and (*frame.units(*found.leader[:2]), *frame.units(*found.leader[2:]))
         texts.append(Text(a.text, *frame.units(found.x, found.y), a.at.colour, a.bold, leader))
-    return tuple(texts), tuple(without)
+    return replace(chart, texts=tuple(texts), unlabelled=tuple(without))
+
+
+def by_family(points: Iterable[Point]) -> list[list[Point]]:
+    """The families' points, the first family first."""
+    groups: dict[str, list[Point]] = {}
+    for point in points:
+        groups.setdefault(point.family, []).append(point)
+    return list(groups.values())
+
+
+def joined(groups: Iterable[Sequence[Point]]) -> list[Line]:
+    """A line through each group of more than one."""
+    return [Line(tuple(p.x for p in g), tuple(p.y for p in g), g[0].colour) for g in groups if len(g) > 1]
+
+
+def family_chart(
+    key: str, title: str, x_label: str, y_label: str, points: Sequence[Point], asked: Sequence[Asked],
+    floor: float | None = None, note: str = "",
+) -> Chart:  # fmt: skip
+    """Return a chart of the points, a line through each family, with its labels."""
+    x_range, y_range = log_range([p.x for p in points], 0.15), log_range([p.y for p in points], 0.15)
+    lines, notes = tuple(joined(by_family(points))), (note,) if note else ()
+    return labelled(
+        Chart(key, title, x_label, y_label, x_range, y_range, tuple(points), (), lines, floor, (), notes), asked
+    )

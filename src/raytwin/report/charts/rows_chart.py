@@ -1,13 +1,13 @@
 """A chart of any rows, for a notebook: what a sweep or a table of results shows."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from raytwin import files
 from raytwin.errors import InputError
-from raytwin.report.charts.chart import Asked, Chart, Line, Point, log_range, placed
+from raytwin.report.charts.chart import Asked, Point, by_family, family_chart
 from raytwin.report.charts.chart_marks import layout
 from raytwin.report.charts.svg import svg_text
 
@@ -55,26 +55,10 @@ def chart(
         raise InputError("rows", f"some with positive numbers in {x!r} and {y!r}", "none")
     lines = list(dict.fromkeys(str(row.get(by)) if by else "" for row in kept))
     colour = {line: COLOURS[i % len(COLOURS)] for i, line in enumerate(lines)}
-    points = [_point(row, x, y, by, name, colour) for row in sorted(kept, key=lambda row: row[x])]
-    ranges = log_range([p.x for p in points], 0.15), log_range([p.y for p in points], 0.15)
-    own = {line: [p for p in points if p.family == line] for line in lines}
-    labelled = points if name else [own[line][-1] for line in lines if line]
-    asked = [Asked(p.name, p) for p in labelled]
-    texts, without = placed(asked, points, *ranges)
-    drawn = Chart("rows", title, x, y, *ranges, tuple(points), texts, _joined(own, colour), None, without)
-    return RowsChart(svg_text(layout(drawn)))
-
-
-def _point(
-    row: Mapping[str, Any], x: str, y: str, by: str | None, name: str | None, colour: Mapping[str, str]
-) -> Point:
-    line = str(row.get(by)) if by else ""
-    tip = f"{x} {row[x]:.4g}, {y} {row[y]:.4g}"
-    return Point(row[x], row[y], str(row.get(name)) if name else line, line, colour[line], strong=True, tip=tip)
-
-
-def _joined(own: Mapping[str, Sequence[Point]], colour: Mapping[str, str]) -> tuple[Line, ...]:
-    return tuple(
-        Line(tuple(p.x for p in points), tuple(p.y for p in points), colour[line])
-        for line, points in own.items() if len(points) > 1
-    )  # fmt: skip
+    points = []
+    for row in sorted(kept, key=lambda row: row[x]):
+        line, tip = str(row.get(by)) if by else "", f"{x} {row[x]:.4g}, {y} {row[y]:.4g}"
+        label = str(row.get(name)) if name else line
+        points.append(Point(row[x], row[y], label, line, colour[line], strong=True, tip=tip))
+    named = points if name else [group[-1] for group in by_family(points) if group[-1].name]
+    return RowsChart(svg_text(layout(family_chart("rows", title, x, y, points, [Asked(p.name, p) for p in named]))))
