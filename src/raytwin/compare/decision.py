@@ -144,20 +144,24 @@ class Rounding(NamedTuple):
 class Allowance(NamedTuple):
     """What an error may be before it counts: the bound of values without noise, and what either image missed.
 
-    `unseen`: 1 / samples per pixel of an image with noise, of both together; 0 where no variance is proof of no noise.
+    `unseen`: 1 / samples per pixel of the image with noise that has fewer; 0 where no variance is proof of no noise.
+    `look`: the part of the rate that is this look's, in a sequence of looks.
     """
 
     bound: Bound
     by_test: Missed
     by_reference: Missed
     unseen: float = 0.0
+    look: float = 1.0
 
     def by_chance(self, level: float) -> float:
         """The share of a sampled value that may be missing though all its samples agree, at this level; per pixel.
 
-        Samples that would have changed it come with a mean of n p in n of them, so that none does with exp(-n p).
+        Samples that would have changed it come with a mean of n p in n of them, so that none does with exp(-n p). Of
+        two images exp(-n p - m q) leaves the most, p + q, where all of it is missed by the one of fewer samples. What
+        is missed until a later look was missed at an earlier one too, so that all looks share one level.
         """
-        return -math.log(level) * self.unseen
+        return -math.log(level / self.look) * self.unseen
 
     def of(self, error: Means, pixels: Counts | int, radiance: Means, allowed: Means | None = None) -> Means:
         """For mean errors (..., 3): a test that is too dark may have missed events, one too bright has seen more.
@@ -185,17 +189,20 @@ def decide(
     rate: float,
     rounding: Rounding | None = None,
     by_value: bool = True,
+    look: float = 1.0,
 ) -> Decision:
-    """Values (where `by_value`), tiles, image: of two images of one shape (H, W, 3), finite, one or both with noise."""
+    """Values (where `by_value`), tiles, image: of two images of one shape (H, W, 3), finite, one or both with noise.
+
+    `look`: the part of the rate of all looks at a sequence that `rate` is.
+    """
     a, b = survey(test, reference.mean), survey(reference, test.mean)
     typical, largest = variance_ratio(test, reference, a, b, (SILENT * bound.least) ** 2)
     noisy = [s for s in (a, b) if s is not None]
     share = sidak(rate, TESTS)
-    unseen = sum(
-        1 / n for n in (samples_behind(i, s, SILENT * bound.least) for i, s in ((test, a), (reference, b))) if n
-    )
+    behind = (samples_behind(i, s, SILENT * bound.least) for i, s in ((test, a), (reference, b)))
+    unseen = max((1 / n for n in behind if n), default=0.0)
     allowance = Allowance(
-        bound, *missed(a, b, (test.samples, reference.samples), math.prod(test.shape[:2]), share), unseen
+        bound, *missed(a, b, (test.samples, reference.samples), math.prod(test.shape[:2]), share), unseen, look
     )
     proven = _proven(reference, unseen)
     dofs = degrees_of_freedom(test), degrees_of_freedom(reference)
@@ -359,7 +366,10 @@ class Estimator(NamedTuple):
 
 
 class _Tested(NamedTuple):
-    """Return |mean error| beyond what is granted in standard deviations, for sums (..., 3), and how it was computed."""
+    """Return |mean error| beyond what is granted in standard deviations, for sums (..., 3), and how it was computed.
+
+    `likely`: granted, if of what samples may have missed only what one image in ten would miss.
+    """
 
     z: Means
     sd: Means
@@ -367,6 +377,7 @@ class _Tested(NamedTuple):
     granted: Means
     radiance: Means
     error: Means
+    likely: Means
 
 
 def _student(estimators: list[Estimator], level: float) -> _Tested:
@@ -386,14 +397,17 @@ def _estimate(estimator: Estimator, level: float) -> _Tested:
     sd = np.sqrt(mutual(s["va"], s["vb"], estimator.ratio) * shared) / s["n"]
     floor = 1e-3 * estimator.allowance.bound.least  # where all is calm: no division by 0
     sd, dof = np.maximum(sd, floor), np.where(sd > floor, dof, np.inf)
-    error, radiance, more = s["d"] / s["n"], s["r"] / s["n"], s["round"] / s["n"]
-    if estimator.allowance.unseen:
-        size = np.divide(s["size"], s["calm"], out=np.zeros_like(sd), where=s["calm"] > 0)
-        more = more + estimator.allowance.by_chance(level) * size / s["n"]
-    beyond = np.maximum(np.abs(error) - estimator.allowance.of(error, s["n"], radiance) - more, 0)
-    z = np.divide(beyond, sd, out=np.zeros_like(sd), where=sd > 0)
-    granted = estimator.allowance.upper(s["n"], radiance) + more
-    return _Tested(np.nan_to_num(z, nan=np.inf, posinf=np.inf), sd, dof, granted, radiance, error)
+    allowance, error, radiance = estimator.allowance, s["d"] / s["n"], s["r"] / s["n"]
+    event = np.zeros_like(sd)
+    if allowance.unseen:
+        event = np.divide(s["size"], s["calm"] * s["n"], out=event, where=s["calm"] > 0)
+    missing = allowance.by_chance(level) * event
+    always = allowance.upper(s["n"], radiance) + s["round"] / s["n"]
+    beyond = np.abs(error) - allowance.of(error, s["n"], radiance) - s["round"] / s["n"] - missing
+    z = np.divide(np.maximum(beyond, 0), sd, out=np.zeros_like(sd), where=sd > 0)
+    likely = always - math.log(1 - POWER) * allowance.unseen * event
+    z = np.nan_to_num(z, nan=np.inf, posinf=np.inf)
+    return _Tested(z, sd, dof, always + missing, radiance, error, likely)
 
 
 def _tiles(estimators: list[Estimator], share: float, size: Size) -> Family:
@@ -484,7 +498,7 @@ def _excluded(t: _Tested) -> Means:
     of a fixed number needs to find it. At every look anew, an image with the bias b passes with 1 - POWER at most.
     """
     e, sd = np.abs(t.error), t.sd * quantile(2 * (1 - POWER), t.dof) / quantile(2 * (1 - POWER), math.inf)
-    return np.asarray(t.granted + e + np.sqrt(np.square(e) - 2 * np.square(sd) * math.log(1 - POWER)))
+    return np.asarray(t.likely + e + np.sqrt(np.square(e) - 2 * np.square(sd) * math.log(1 - POWER)))
 
 
 def _p_values(estimator: Estimator) -> tuple[int, ...]:

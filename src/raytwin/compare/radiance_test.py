@@ -91,6 +91,7 @@ class RadianceTest:
     bound: Bound
     unit: float
     rate: float
+    look: float
     half_steps: tuple[Pixels | None, Pixels | None]
     excused: int
 
@@ -171,7 +172,7 @@ class RadianceTest:
             shown = residual(a.mean, b.mean)
             bounded, much = capped(a.variance, block_means(a.variance), shown)
             a = replace(a, variance=bounded)
-        made = decide(a, b, self.bound, self.rate, rounding)
+        made = decide(a, b, self.bound, self.rate, rounding, look=self.look)
         outcome = self._answered(made, b, shift, asked)
         few, sure = fewest_batches(a, b), any(f.rank == EXACT for f in outcome.findings)
         if outcome.findings and few < ENOUGH_BATCHES and not (sure or self._fails_by_scatter(shift)):
@@ -192,7 +193,7 @@ class RadianceTest:
         a = replace(self.test, variance=estimated(self.test.mean, self.reference.mean), samples=0, batches=2)
         b = replace(self.reference, variance=None, samples=0, batches=None)
         rounding, bare = replace(self, test=a, reference=b)._rounding()
-        return decide(bare.test, b, self.bound, self.rate, rounding, by_value=False)
+        return decide(bare.test, b, self.bound, self.rate, rounding, by_value=False, look=self.look)
 
     def _shares_noise(self, shown: Residual) -> bool:
         """The images err by about what the test's variance allows, but all pixels alike: their noise is one."""

@@ -170,8 +170,8 @@ class SequentialComparison:
         self._number = max(look_number(n), self._number + 1)
         level = self.rate if exact else look_level(self.rate, self._number)
         made = self._judge(
-            self.image("test"), self.image("reference"), false_alarm_rate=level, detectable_bias=math.inf,
-            **self._options,
+            self.image("test"), self.image("reference"), false_alarm_rate=level, sequence_rate=self.rate,
+            detectable_bias=math.inf, **self._options,
         )  # fmt: skip
         self.looks, self._looked_at = self.looks + 1, n
         self.comparison = _with(made, looks=self.looks)

@@ -39,6 +39,7 @@ def compare(
     *,
     tolerance: Tolerance = Tolerance(),  # noqa: B008 (frozen)
     false_alarm_rate: float = 1e-3,
+    sequence_rate: float | None = None,
     detectable_bias: float = DETECTABLE_BIAS,
     detectable_tile_bias: float | None = None,
     noise: Literal["both", "reference", "none"] = "both",
@@ -49,7 +50,8 @@ def compare(
 
     Invalid values are checked first (missing, NaN, infinite, negative, black), then geometry if both images have a
     surface, then radiance. Values without noise must meet `tolerance`; for noisy ones `false_alarm_rate` is the
-    probability that two images fail that differ by noise alone. A pass that could have missed a bias of
+    probability that two images fail that differ by noise alone; `sequence_rate` is that of a whole sequence of looks, of
+    which this is one. A pass that could have missed a bias of
     `detectable_bias` of the whole image, or of `detectable_tile_bias` of 24 x 24 pixels anywhere, is undecided instead.
 
     `noise="reference"` ignores the variance that the test claims; `noise="none"` treats both images as noise-free, as
@@ -64,7 +66,8 @@ def compare(
     # Finite values near float32's end may overflow when squared: infinite errors fail, and need no warning.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         asked = Asked(detectable_bias, math.inf if detectable_tile_bias is None else detectable_tile_bias)
-        made = _compare(test, reference, tolerance, false_alarm_rate, asked, noise, half_steps, flip)
+        look = 1.0 if sequence_rate is None else false_alarm_rate / sequence_rate
+        made = _compare(test, reference, tolerance, false_alarm_rate, look, asked, noise, half_steps, flip)
     return msgspec.structs.replace(made, seconds=time.perf_counter() - start)
 
 
@@ -73,6 +76,7 @@ def _compare(
     reference: Image,
     tolerance: Tolerance,
     rate: float,
+    look: float,
     asked: Asked,
     noise: str,
     half_steps: tuple[Pixels | None, Pixels | None],
@@ -112,7 +116,7 @@ def _compare(
     mismatch = geometry.mask_mismatch_pixels or 0
     excused = mismatch if mismatch <= tolerance.mask_pixels else 0
     radiance_test = RadianceTest(
-        test, reference, tolerance, Bound(tolerance.p999_abs, scale), unit, rate, half_steps, excused
+        test, reference, tolerance, Bound(tolerance.p999_abs, scale), unit, rate, look, half_steps, excused
     )
     outcome = radiance_test.exactly() if noise == "none" else radiance_test.run(shift, asked)
     findings += outcome.findings
