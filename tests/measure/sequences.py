@@ -76,12 +76,28 @@ def sparse(rng: np.random.Generator, truth: np.ndarray, n: int) -> Samples:
     return truth * 8 * rng.binomial(1, 1 / 8, (n, *truth.shape[:2], 1))
 
 
+def shaded(p: float) -> Noise:
+    """Light that a share p of the samples finds hidden: most pixels' samples agree, and no variance tells of the rest.
+
+    A quarter of the picture has exponential noise.
+    """
+
+    def noise(rng: np.random.Generator, truth: np.ndarray, n: int) -> Samples:
+        out = truth / (1 - p) * rng.binomial(1, 1 - p, (n, *truth.shape[:2], 1))
+        rows = truth.shape[0] // 4
+        out[:, :rows] = exponential(rng, truth[:rows], n)
+        return out
+
+    return noise
+
+
 SMALL = picture(HEIGHT, WIDTH)
 NOISES: dict[str, tuple[Noise, np.ndarray]] = {
     "Gaussian": (gaussian(0.3), SMALL),
     "exponential": (exponential, SMALL),
     "exponential, in a log-normal picture": (exponential, lognormal(HEIGHT, WIDTH)),
     "one sample in eight": (sparse, SMALL),
+    "one sample in 200 shaded": (shaded(0.005), SMALL),
     "many fireflies": (fireflies(1e-3, 30.0), SMALL),
     "few fireflies": (fireflies(1e-4, 100.0), SMALL),
     "rare events": (fireflies(1e-3, 100.0, proportional=True), SMALL),

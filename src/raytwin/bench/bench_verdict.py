@@ -46,6 +46,8 @@ LEAST_SHARE = 0.9
 """Share of the runs in which a fixed number of samples must notice the fault."""
 
 IN_ROUNDS, FIXED, ALWAYS = "in rounds", "best fixed number", "always 64"
+AS_BY_64 = "nothing wrong; {} as sure as by 64"
+"""Correct pairs in rounds until a pass excludes the bias that a comparison of 64 samples per pixel would have found."""
 
 
 class Certainty(Record, frozen=True):
@@ -206,48 +208,58 @@ def _measure(scene: str, fault: Fault, runs: Sequence[_Run]) -> Iterator[Certain
     references = [run.reference for run in runs]
     pair = float(np.median([run.seconds for run in runs]))
 
-    def row(tool: str, verdict: str, samples: float | None, own: float) -> Certainty:
+    def row(tool: str, verdict: str, samples: float | None, own: float, name: str = fault.name) -> Certainty:
         seconds = None if samples is None else samples / BLOCK * pair + own
-        return Certainty(scene, tool, fault.name, fault.where, fault.size, verdict, samples, seconds, len(runs))
+        return Certainty(scene, tool, name, fault.where, fault.size, verdict, samples, seconds, len(runs))
 
-    ended = [_in_rounds(*sides, fault) for sides in zip(tests, references, strict=True)]
-    verdicts = [verdict for verdict, _, _ in ended]
-    verdict = max(set(verdicts), key=verdicts.count)
-    samples = float(np.median([n if v == verdict != "undecided" else math.inf for v, n, _ in ended]))
-    yield row(IN_ROUNDS, verdict, samples if math.isfinite(samples) else None, float(np.median([s for *_, s in ended])))
+    def in_rounds(biases: Sequence[tuple[float | None, float | None]], name: str = fault.name) -> Certainty:
+        ended = [_in_rounds(*pair, *asked) for pair, asked in zip(pairs, biases, strict=True)]
+        verdicts = [verdict for verdict, _, _ in ended]
+        verdict = max(set(verdicts), key=verdicts.count)
+        samples = float(np.median([n if v == verdict != "undecided" else math.inf for v, n, _ in ended]))
+        own = float(np.median([seconds for *_, seconds in ended]))
+        return row(IN_ROUNDS, verdict, samples if math.isfinite(samples) else None, own, name)
+
+    pairs = list(zip(tests, references, strict=True))
+    local, asked = fault.where == "24 x 24 pixels", fault.size / 2 or None
+    yield in_rounds([(None, asked) if local else (asked, None)] * len(runs))
+    always = 64 // BLOCK
     if not (fault.size or fault.shallow):
+        if len(tests[0]) >= always:
+            seen = [compare(_pool(a[:always]), _pool(b[:always])).statistics for a, b in pairs]
+            both = [(s.minimum_detectable_bias, s.minimum_detectable_tile_bias) for s in seen]
+            yield in_rounds([(image, None) for image, _ in both], AS_BY_64.format("image"))
+            yield in_rounds(both, AS_BY_64.format("image and tiles"))
         return
 
     def by_compare(a: Sequence[Image], b: Sequence[Image]) -> bool:
         return compare(_pool(a), _pool(b)).verdict == "fail"
 
     yield row(FIXED, "fail", *_first(by_compare, tests, references, 4))
-    if len(tests[0]) >= (n := 64 // BLOCK):
+    if len(tests[0]) >= always:
         start = time.perf_counter()
-        seen = np.mean([by_compare(a[:n], b[:n]) for a, b in zip(tests, references, strict=True)])
+        share = np.mean([by_compare(a[:always], b[:always]) for a, b in pairs])
         own = (time.perf_counter() - start) / len(tests)
-        yield row(ALWAYS, "fail", 64.0 if seen >= LEAST_SHARE else None, own)
+        yield row(ALWAYS, "fail", 64.0 if share >= LEAST_SHARE else None, own)
     for tool, on_batches in ON_BATCHES.items():
         yield row(tool, "fail", *_first(on_batches, tests, references, 4, fewest=2))
     for tool, on_images in ON_IMAGES.items():
         try:
-            found = _first(partial(_on_pools, on_images), tests, references, 1)
+            first = _first(partial(_on_pools, on_images), tests, references, 1)
         except ImportError:
             continue
-        yield row(tool, "fail", *found)
+        yield row(tool, "fail", *first)
 
 
 def _on_pools(sees: Callable[[Image, Image], bool], a: Sequence[Image], b: Sequence[Image]) -> bool:
     return sees(_pool(a), _pool(b))
 
 
-def _in_rounds(test: Sequence[Image], reference: Sequence[Image], fault: Fault | None = None) -> tuple[str, int, float]:
-    """(verdict, samples, seconds of the looks). Half of a fault's size is what a pass must exclude."""
-    asked = fault.size / 2 if fault is not None and fault.size else None
-    local = fault is not None and fault.where == "24 x 24 pixels"
-    check = SequentialComparison(
-        detectable_bias=None if local else asked, detectable_tile_bias=asked if local else None
-    )
+def _in_rounds(
+    test: Sequence[Image], reference: Sequence[Image], image: float | None = None, tile: float | None = None
+) -> tuple[str, int, float]:
+    """(verdict, samples, seconds of the looks); a pass must exclude these biases of the `image` and of a `tile`."""
+    check = SequentialComparison(detectable_bias=image, detectable_tile_bias=tile)
     start = time.perf_counter()
     for a, b in zip(test, reference, strict=True):
         if check.add(a, b):

@@ -154,14 +154,14 @@ class Allowance(NamedTuple):
     unseen: float = 0.0
     look: float = 1.0
 
-    def by_chance(self, level: float) -> float:
-        """The share of a sampled value that may be missing though all its samples agree, at this level; per pixel.
+    def events_missed(self, level: float) -> float:
+        """How many events that would have changed a sum all samples may have missed, if they agree, at this level.
 
-        Samples that would have changed it come with a mean of n p in n of them, so that none does with exp(-n p). Of
-        two images exp(-n p - m q) leaves the most, p + q, where all of it is missed by the one of fewer samples. What
-        is missed until a later look was missed at an earlier one too, so that all looks share one level.
+        Samples that would have changed a value come with a mean of n p in n of them, so that none does with exp(-n p).
+        Of two images exp(-n p - m q) leaves the most, p + q, where all of it is missed by the one of fewer samples.
+        What is missed until a later look was missed at an earlier one too, so that all looks share one level.
         """
-        return -math.log(level / self.look) * self.unseen
+        return -math.log(level / self.look)
 
     def of(self, error: Means, pixels: Counts | int, radiance: Means, allowed: Means | None = None) -> Means:
         """For mean errors (..., 3): a test that is too dark may have missed events, one too bright has seen more.
@@ -234,7 +234,7 @@ def decide(
             silent &= ~calm
             np.maximum(v, least, out=v, where=calm)
             size = np.where(calm, allowed / np.float32(bound.share), np.float32(0))
-            granted = granted + np.float32(allowance.by_chance(level)) * size
+            granted = granted + np.float32(allowance.events_missed(level) * unseen) * size
         if silent.any():
             still = np.where(silent, error, np.float32(0))
             noise_free = noise_free.plus(still, int(np.count_nonzero(silent)), allowed, granted - allowed, y0)
@@ -368,7 +368,7 @@ class Estimator(NamedTuple):
 class _Tested(NamedTuple):
     """Return |mean error| beyond what is granted in standard deviations, for sums (..., 3), and how it was computed.
 
-    `likely`: granted, if of what samples may have missed only what one image in ten would miss.
+    `always`: granted whatever the level; `event`: by how much one event that all samples missed would have changed it.
     """
 
     z: Means
@@ -377,7 +377,8 @@ class _Tested(NamedTuple):
     granted: Means
     radiance: Means
     error: Means
-    likely: Means
+    always: Means
+    event: Means
 
 
 def _student(estimators: list[Estimator], level: float) -> _Tested:
@@ -400,14 +401,14 @@ def _estimate(estimator: Estimator, level: float) -> _Tested:
     allowance, error, radiance = estimator.allowance, s["d"] / s["n"], s["r"] / s["n"]
     event = np.zeros_like(sd)
     if allowance.unseen:
-        event = np.divide(s["size"], s["calm"] * s["n"], out=event, where=s["calm"] > 0)
-    missing = allowance.by_chance(level) * event
-    always = allowance.upper(s["n"], radiance) + s["round"] / s["n"]
-    beyond = np.abs(error) - allowance.of(error, s["n"], radiance) - s["round"] / s["n"] - missing
-    z = np.divide(np.maximum(beyond, 0), sd, out=np.zeros_like(sd), where=sd > 0)
-    likely = always - math.log(1 - POWER) * allowance.unseen * event
+        np.divide(allowance.unseen * s["size"], s["calm"] * s["n"], out=event, where=s["calm"] > 0)
+    missing = allowance.events_missed(level) * event
+    rounded = s["round"] / s["n"]
+    beyond = np.maximum(np.abs(error) - allowance.of(error, s["n"], radiance) - rounded - missing, 0)
+    z = np.divide(beyond, sd, out=np.zeros_like(sd), where=sd > 0)
+    always = allowance.upper(s["n"], radiance) + rounded
     z = np.nan_to_num(z, nan=np.inf, posinf=np.inf)
-    return _Tested(z, sd, dof, always + missing, radiance, error, likely)
+    return _Tested(z, sd, dof, always + missing, radiance, error, always, event)
 
 
 def _tiles(estimators: list[Estimator], share: float, size: Size) -> Family:
@@ -492,13 +493,20 @@ def _image(estimators: list[Estimator], share: float, size: Size) -> Family:
 
 
 def _excluded(t: _Tested) -> Means:
-    """The least bias b of means that the data speak against by 1 / (1 - POWER): (b |e| - b² / 2) / sd² = ln(1 - POWER).
+    """The least bias b of means that the data speak against by 1 / (1 - POWER), whatever samples that agree missed.
 
-    The likelihood ratio of b and none (Wald 1945): a correct mean excludes b with a quarter of the samples that a test
-    of a fixed number needs to find it. At every look anew, an image with the bias b passes with 1 - POWER at most.
+    The likelihood ratio of b, of which M events hide M t.event, and of none is exp(-M - (b' |e| - b'² / 2) / sd²) with
+    b' = b - M t.event (Wald 1945): a correct mean excludes b with a third of the samples that a test of a fixed number
+    needs to find it. At every look anew, an image with the bias b passes with 1 - POWER at most.
     """
+    most = -math.log(1 - POWER)
     e, sd = np.abs(t.error), t.sd * quantile(2 * (1 - POWER), t.dof) / quantile(2 * (1 - POWER), math.inf)
-    return np.asarray(t.likely + e + np.sqrt(np.square(e) - 2 * np.square(sd) * math.log(1 - POWER)))
+    v = np.square(sd)
+    # The largest b over all M: b' - |e| = sd² / t.event, where M is neither 0 nor all of the ratio.
+    apart = np.divide(v, t.event, out=np.full_like(v, np.inf), where=t.event > 0)
+    apart = np.clip(apart, e, np.sqrt(np.square(e) + 2 * v * most))
+    hidden = most - np.divide(np.square(apart) - np.square(e), 2 * v, out=np.zeros_like(v), where=v > 0)
+    return np.asarray(t.always + e + apart + hidden * t.event)
 
 
 def _p_values(estimator: Estimator) -> tuple[int, ...]:

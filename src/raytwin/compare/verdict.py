@@ -50,9 +50,9 @@ def compare(
 
     Invalid values are checked first (missing, NaN, infinite, negative, black), then geometry if both images have a
     surface, then radiance. Values without noise must meet `tolerance`; for noisy ones `false_alarm_rate` is the
-    probability that two images fail that differ by noise alone; `sequence_rate` is that of a whole sequence of looks, of
-    which this is one. A pass that could have missed a bias of
+    probability that two images fail that differ by noise alone. A pass that could have missed a bias of
     `detectable_bias` of the whole image, or of `detectable_tile_bias` of 24 x 24 pixels anywhere, is undecided instead.
+    `sequence_rate`: of a sequence of looks at more and more samples, of which this is one with its own part of it.
 
     `noise="reference"` ignores the variance that the test claims; `noise="none"` treats both images as noise-free, as
     for a tracer with one ray per pixel. `half_steps` (H, W, 3) is what the file formats may have rounded off. `flip`
