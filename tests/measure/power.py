@@ -19,7 +19,7 @@ import numpy as np
 from measure import record
 from measure.noise_models import KINDS, Maker, half_steps, lognormal, pair, picture
 
-from raytwin.bench.verdict_tools import ON_IMAGES
+from raytwin.bench.verdict_tools import ON_BATCHES, ON_IMAGES, welch_images_p
 from raytwin.compare import Comparison, compare
 from raytwin.compare.messages import percent
 from raytwin.files import read_scene

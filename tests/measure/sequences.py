@@ -38,18 +38,23 @@ Noise = Callable[[np.random.Generator, np.ndarray, int], Samples]
 
 
 def gaussian(sd: float) -> Noise:
-    return lambda rng, truth, n: truth + sd * truth * rng.normal(size=(n, *truth.shape))
+    return lambda rng, truth, n: truth + (sd * truth) * rng.standard_normal((n, *truth.shape), np.float32)
 
 
 def exponential(rng: np.random.Generator, truth: np.ndarray, n: int) -> Samples:
-    return truth * rng.exponential(size=(n, *truth.shape))
+    return truth * rng.standard_exponential((n, *truth.shape), np.float32)
+
+
+def chosen(rng: np.random.Generator, p: float, truth: np.ndarray, n: int) -> np.ndarray:
+    """(n, H, W, 1) of 0 and 1: a share p of the samples, alike in all channels."""
+    return (rng.random((n, *truth.shape[:2], 1), np.float32) < p).astype(np.float32)
 
 
 def fireflies(p: float, size: float, proportional: bool = False) -> Noise:
     """Gaussian noise, and an event of that size in a share p of the samples, in all channels at once."""
 
     def noise(rng: np.random.Generator, truth: np.ndarray, n: int) -> Samples:
-        events = rng.binomial(1, p, (n, *truth.shape[:2], 1)) * size
+        events = chosen(rng, p, truth, n) * size
         return gaussian(0.3)(rng, truth, n) + events * (truth if proportional else 1.0)
 
     return noise
@@ -73,7 +78,7 @@ def filtered(name: str) -> Noise:
 
 def sparse(rng: np.random.Generator, truth: np.ndarray, n: int) -> Samples:
     """Light that one sample in eight meets, as a small lamp's."""
-    return truth * 8 * rng.binomial(1, 1 / 8, (n, *truth.shape[:2], 1))
+    return truth * 8 * chosen(rng, 1 / 8, truth, n)
 
 
 def shaded(p: float) -> Noise:
@@ -83,7 +88,7 @@ def shaded(p: float) -> Noise:
     """
 
     def noise(rng: np.random.Generator, truth: np.ndarray, n: int) -> Samples:
-        out = truth / (1 - p) * rng.binomial(1, 1 - p, (n, *truth.shape[:2], 1))
+        out = truth / (1 - p) * chosen(rng, 1 - p, truth, n)
         rows = truth.shape[0] // 4
         out[:, :rows] = exponential(rng, truth[:rows], n)
         return out
@@ -91,11 +96,11 @@ def shaded(p: float) -> Noise:
     return noise
 
 
-SMALL = picture(HEIGHT, WIDTH)
+SMALL = picture(HEIGHT, WIDTH).astype(np.float32)
 NOISES: dict[str, tuple[Noise, np.ndarray]] = {
     "Gaussian": (gaussian(0.3), SMALL),
     "exponential": (exponential, SMALL),
-    "exponential, in a log-normal picture": (exponential, lognormal(HEIGHT, WIDTH)),
+    "exponential, in a log-normal picture": (exponential, lognormal(HEIGHT, WIDTH).astype(np.float32)),
     "one sample in eight": (sparse, SMALL),
     "one sample in 200 shaded": (shaded(0.005), SMALL),
     "many fireflies": (fireflies(1e-3, 30.0), SMALL),

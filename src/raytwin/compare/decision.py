@@ -458,6 +458,7 @@ def _holds(outer: Place, inner: Place) -> bool:
 
 def _seen_somewhere(t: _Tested, level: float) -> float:
     """The error, relative to a tile's mean, that is seen with probability POWER where the tile is taken at random."""
+    from scipy.optimize import brentq
     from scipy.special import ndtr
 
     lit = t.radiance > 0
@@ -466,13 +467,16 @@ def _seen_somewhere(t: _Tested, level: float) -> float:
     if not radiance.size:
         return math.nan
     least = quantile(level, t.dof[lit][pick])
-    low, high = 1e-9, 1e9
-    for _ in range(26):
-        middle = math.sqrt(low * high)
-        beyond = middle * radiance - granted
+
+    def power(log_bias: float) -> float:
+        beyond = math.exp(log_bias) * radiance - granted
         z = np.divide(beyond, sd, out=np.where(beyond > 0, np.inf, -np.inf), where=sd > 0)
-        low, high = (low, middle) if float(ndtr(z - least).mean()) >= POWER else (middle, high)
-    return high if high < 1e8 else math.inf
+        return float(ndtr(z - least).mean())
+
+    low, high = math.log(1e-9), math.log(1e9)
+    if power(high) < POWER:
+        return math.inf
+    return math.exp(brentq(lambda x: power(x) - POWER, low, high, xtol=1e-3)) if power(low) < POWER else 0.0
 
 
 def _image(estimators: list[Estimator], share: float, size: Size) -> Family:

@@ -19,15 +19,21 @@ MOST_SAMPLES = 1 << 14
 """Nothing has more samples a pixel."""
 
 
+SURE = 2.0
+"""Standard errors that an error may be off by."""
+
+
 class Error(NamedTuple):
-    """A metric's value, and two standard errors below and above."""
+    """A metric's value, and SURE standard errors below and above."""
 
     value: float
     least: float
     most: float
 
 
-def measure(metric: str, one: np.ndarray, other: np.ndarray, whole: np.ndarray, sampled: bool = False) -> Error:
+def measure(
+    metric: str, one: np.ndarray, other: np.ndarray, whole: np.ndarray, sampled: bool = False, errors: float = SURE
+) -> Error:
     """The metric of an error, of which `one` and `other` (H, W, 3) are two estimates with independent noise.
 
     With d their difference and m their mean the product's variance is at most m² d² + (d²/2)², the noise of the three
@@ -49,7 +55,7 @@ def measure(metric: str, one: np.ndarray, other: np.ndarray, whole: np.ndarray, 
     if sampled:
         sigma = max(sigma, float((one * other).mean(axis=-1).std(dtype=float)) / math.sqrt(one.size / one.shape[-1]))
     root = math.sqrt if metric == "rmse" else float
-    return Error(*(root(max(x, 0.0)) for x in (value, value - 2 * sigma, max(value, 0.0) + 2 * sigma)))
+    return Error(*(root(max(x, 0.0)) for x in (value, value - errors * sigma, max(value, 0.0) + errors * sigma)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +74,10 @@ class Truth:
     def mean(self) -> np.ndarray:
         return np.asarray((self.halves[0] + self.halves[1]) / 2)
 
-    def error(self, image: np.ndarray, metric: str, noisy: bool = False) -> Error:
+    def error(self, image: np.ndarray, metric: str, noisy: bool = False, errors: float = SURE) -> Error:
         """`noisy`: another seed gives another image, whose error must be covered too."""
         one, other = (image - half for half in self.halves)
-        return measure(metric, one, other, self.mean, self.sampled or noisy)
+        return measure(metric, one, other, self.mean, self.sampled or noisy, errors)
 
     def noise(self, metric: str) -> float:
         """The largest error that cannot be told from none."""

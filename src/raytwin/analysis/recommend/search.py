@@ -9,10 +9,12 @@ import numpy as np
 
 from raytwin.analysis.ledger import LEFT_OUT
 from raytwin.analysis.recommend.candidates import grids, variants, walks
-from raytwin.analysis.recommend.converged import MOST_SAMPLES
+from raytwin.analysis.recommend.converged import MOST_SAMPLES, SURE
 from raytwin.analysis.recommend.probe_pixels import Look
 from raytwin.analysis.recommend.recommendation import Row
 from raytwin.analysis.recommend.trial import Tried, simplicity
+from raytwin.compare.sequential import PER_OCTAVE, look_level
+from raytwin.compare.significance import quantile
 from raytwin.errors import MachineError
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import Filled, PathTraced, Speculated, Traced
@@ -28,6 +30,10 @@ OUT_OF_RACE = 2.0
 LONG, FINAL = 1.0, 4.0
 """Seconds: what is expected to take longer than the first at full size is verified on every k-th pixel, and its time is
 scaled up; the choice is verified at full size too where that takes no longer than the second."""
+
+
+LOOKS_RATE = 0.05
+"""The probability that looks before the last are wrong, all together."""
 
 
 class Choice(Look):
@@ -189,21 +195,26 @@ class Choice(Look):
             (meet if self._meets(middle) else fail).append(middle)
 
     def _verify(self, tried: Tried) -> None:
-        """Its error: at full size, or on every k-th pixel where that would take long; noise is the same everywhere."""
+        """Its error: at full size; where that would take long, at more and more of the pixels until it is certain.
+
+        Looks before the last ask for more standard errors, as those of a SequentialComparison do.
+        """
         method = tried.method
         if tried.guess <= LONG or not isinstance(method, PathTraced):
             self._look(tried)
             return
-        for in_all in (self.most / 8, self.most):
-            times = math.ceil(math.sqrt(method.samples * self.pixels / in_all))
+        last = math.ceil(math.sqrt(method.samples * self.pixels / self.most))
+        for look, times in enumerate((4 * last, 2 * last, last)):
             few = self.scene.with_camera(self.scene.camera.every(self.step * times))
             image = walk(
                 few, method.rung, self.engine, sampling=method.over, samples=method.samples, seed=1, depth=method.depth,
                 side=1 / (self.step * times), surface=False,
             )  # fmt: skip
-            tried.error = self.low.every(times).error(image.mean, self.metric)
+            early = float(quantile(look_level(LOOKS_RATE, 2 * PER_OCTAVE * look), math.inf))
+            truth = self.low.every(times)
+            tried.error = truth.error(image.mean, self.metric, errors=SURE if times == last else early)
             tried.pixels = few.camera.width * few.camera.height / self.frame
-            if times == 1 or not tried.error.least <= self.tolerance < tried.error.most:
+            if not tried.error.least <= self.tolerance < tried.error.most:
                 return
 
     def _fastest(self, meet: list[Tried]) -> Tried:
