@@ -1,15 +1,25 @@
 """Other tools' tests against closed forms, and a small run of the bench over all of them."""
 
 import json
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from scipy.stats import ttest_ind
 
 from raytwin.bench.bench_verdict import FAULTS, bench_verdict
-from raytwin.bench.verdict_tools import sees_welch, tile_sums, welch_p
+from raytwin.bench.verdict_tools import (
+    Tiles,
+    sees_welch,
+    sees_welch_of_images,
+    tile_sums,
+    tiles_of_image,
+    tiles_of_renders,
+    welch_p,
+)
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.image_pool import ImagePool
 from raytwin.report.verdict_chart import verdict_lines, write_verdict_charts
 
 SHAPE = (24, 32, 3)
@@ -19,20 +29,32 @@ def renders(rng: np.random.Generator, n: int, mean: float = 1.0, sd: float = 0.3
     return [Image(rng.normal(mean, sd, SHAPE).astype(np.float32), samples=1) for _ in range(n)]
 
 
+def pooled(images: list[Image]) -> Image:
+    pool = ImagePool()
+    for image in images:
+        pool.add(image)
+    return pool.image
+
+
 def test_welchs_p_values_are_scipys():
     rng = np.random.default_rng(0)
     a, b = renders(rng, 7), renders(rng, 5, sd=0.9)
     expected = ttest_ind(tile_sums(a), tile_sums(b), equal_var=False).pvalue
-    np.testing.assert_allclose(welch_p(a, b), expected, rtol=1e-9)
+    np.testing.assert_allclose(welch_p(tiles_of_renders(a), tiles_of_renders(b)), expected, rtol=1e-9)
     assert expected.shape == (12, 3)
 
 
 def test_welch_sees_a_bias_and_where_nothing_is_wrong_its_p_values_are_level():
     """36 p-values each of 30 pairs: the Kolmogorov distance of 1080 is above 0.05 once in 100."""
     rng = np.random.default_rng(1)
-    p = np.sort(np.concatenate([welch_p(renders(rng, 8), renders(rng, 8)).ravel() for _ in range(30)]))
-    assert np.abs(p - (np.arange(p.size) + 0.5) / p.size).max() < 0.05
+
+    def found(tiles: Callable[[list[Image]], Tiles]) -> np.ndarray:
+        return np.sort([welch_p(tiles(renders(rng, 8)), tiles(renders(rng, 8))).ravel() for _ in range(30)], axis=None)
+
+    for p in (found(tiles_of_renders), found(lambda images: tiles_of_image(pooled(images)))):
+        assert np.abs(p - (np.arange(p.size) + 0.5) / p.size).max() < 0.05
     assert sees_welch(renders(rng, 8, 1.2), renders(rng, 8))
+    assert sees_welch_of_images(pooled(renders(rng, 8, 1.05)), pooled(renders(rng, 8)))
 
 
 def test_the_bench_has_every_tool_and_fault_and_writes_its_charts(tmp_path):

@@ -19,7 +19,7 @@ import numpy as np
 from measure import record
 from measure.noise_models import KINDS, Maker, half_steps, lognormal, pair, picture
 
-from raytwin.bench.verdict_tools import ON_BATCHES, ON_IMAGES, welch_images_p
+from raytwin.bench.verdict_tools import ON_IMAGES, sees_welch_of_images
 from raytwin.compare import Comparison, compare
 from raytwin.compare.messages import percent
 from raytwin.files import read_scene
@@ -129,7 +129,7 @@ def sees_raytwin(test: Image, reference: Image) -> bool:
     return compare(test, reference).verdict == "fail"
 
 
-TOOLS = {"raytwin": sees_raytwin, **ON_IMAGES}
+TOOLS = {"raytwin": sees_raytwin, "Welch": sees_welch_of_images, **ON_IMAGES}
 
 
 def power_table(
