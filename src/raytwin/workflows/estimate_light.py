@@ -12,11 +12,12 @@ from raytwin import files
 from raytwin.calib import boards, photos
 from raytwin.calib.augment import augment
 from raytwin.calib.lighting import light_models as models
-from raytwin.calib.lighting.ball_outline import Ball, find_balls, fit_ball, outline, width_px
+from raytwin.calib.lighting.ball_outline import Ball, find_balls, find_outline, fit_edges, outline
+from raytwin.calib.lighting.board_plane import Sheet
 from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear
-from raytwin.calib.lighting.matt_ball import MATT, ball_pixels, fit_shading
-from raytwin.calib.lighting.mirror_ball import Sheet, mirrored, reflectance_of, register, sun_direction
-from raytwin.calib.lighting.stand_shadow import find_shadow, light_at_places
+from raytwin.calib.lighting.matt_ball import MATT, fit_shading, matt_pixels
+from raytwin.calib.lighting.mirror_ball import mirrored, reflectance_of, register, sun_direction
+from raytwin.calib.lighting.stand_shadow import LOWEST, find_shadow
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
@@ -52,17 +53,17 @@ class LightEstimate:
         found = [(outline(p, m.ball.center, m.ball.radius), "#f22", True) for m in self.evidence.matt]
         for mirror in self.evidence.mirrors:
             found.append((outline(p, mirror.ball.center, mirror.ball.radius), "#fd0", True))
-            if (patch := mirror.seen[photo].sun).any():
-                u, v = mirror.seen[photo].uv[patch].mean(axis=0)
+            if photo in mirror.sun:
+                seen = mirror.pixels
+                u, v = seen.uv[seen.sun & (seen.photo == photo)].mean(axis=0)
                 d = p.camera.width / 100
                 found += [
                     (np.array([(u - d, v), (u + d, v)]), "#fd0", False),
                     (np.array([(u, v - d), (u, v + d)]), "#fd0", False),
                 ]
         if self.evidence.shadow:
-            s = self.evidence.shadow.shadow
-            height = s.to_light[2] * np.linalg.norm(s.tip - s.foot) / np.hypot(*s.to_light[:2])
-            found.append((p.project(np.array([(*s.foot, height), (*s.foot, 0), (*s.tip, 0)])), "#28f", False))
+            s = self.evidence.shadow
+            found.append((p.project(np.array([(*s.foot, s.height), (*s.foot, 0), (*s.tip, 0)])), "#28f", False))
         return found
 
     def numbers(self) -> dict[str, Any]:
@@ -112,10 +113,8 @@ def estimate_light(
     if stand is not None:
         shadow = find_shadow(linear, sheet, stand)
         if shadow is None:
-            told.append(f"--stand: no shadow of it on the sheet's paper: no sun, or one below {8} degrees")
-        else:
-            places = models.ShadowPlaces(shadow, shadow.cover, light_at_places(linear, shadow, stand[2]))
-            evidence = replace(evidence, shadow=places)
+            told.append(f"--stand: no shadow of it on the sheet: no sun, or one below {LOWEST:g} degrees")
+        evidence = replace(evidence, shadow=shadow)
     given = [(np.array(b[:3]), float(b[3]), True) for b in balls]
     if not given and stand is None:
         given = [(*b, False) for b in _found(linear, sheet)]
@@ -130,7 +129,7 @@ def estimate_light(
         )  # fmt: skip
     light, trials, number, suns = models.choose(evidence, len(linear))
     told += _contradictions(suns)
-    if any(s.clipped[s.to_light[:, 2] > 0].mean() > 0.02 for m in evidence.mirrors for s in m.seen):
+    if any(m.pixels.clipped[m.pixels.to_light[:, 2] > 0].mean() > 0.02 for m in evidence.mirrors):
         told.append("more than 2 % of what the mirror ball shows from above is clipped: the map is a lower bound there")
     drawn = _drawn(linear[0], light, paper, evidence, definition)
     return LightEstimate(light, paper, linear, evidence, trials, number, suns, told, drawn)
@@ -179,26 +178,24 @@ def _add_ball(
     evidence: models.Evidence, linear: list[LinearPhoto], sheet: Sheet, center: np.ndarray, radius: float, sure: bool,
     told: list[str],
 ) -> None:  # fmt: skip
-    ball = fit_ball(linear, center, radius, sure)
-    pixels = ball_pixels(linear, ball)
-    wide = float(np.mean([width_px(p, ball.center, ball.radius) for p in linear]))
-    shading = fit_shading(pixels, ball, wide, evidence.paper)
-    if shading.residual < MATT:
-        evidence.matt.append(models.MattBall(ball, pixels, wide))
+    found = find_outline(linear, center, radius, sure)
+    matt = fit_edges(linear, found)
+    pixels = matt_pixels(linear, matt)
+    if len(pixels.photo) >= models.LEAST_PIXELS and fit_shading(pixels, matt, evidence.paper).residual < MATT:
+        evidence.matt.append(models.MattBall(matt, pixels))
         return
-    ball = register(linear, ball, (center, radius))
+    ball = register(linear, found, sheet)
     reflectance = reflectance_of(linear, ball, sheet)
-    if not _is_mirror(reflectance):
+    known = reflectance is not None and bool(reflectance.min() > 0.2 and reflectance.max() < 1.1)
+    if not known:
         told.append(f"{ball.name}: no white paper is seen in it, so that its reflectance is taken for {REFLECTANCE}")
-    rho = reflectance if reflectance is not None and _is_mirror(reflectance) else np.full(3, REFLECTANCE)
-    seen = [mirrored(photo, ball, rho) for photo in linear]
-    suns = [sun_direction(photo, ball, s) for photo, s in zip(linear, seen, strict=True)]
-    use = [np.ones(len(s.uv), bool) for s in seen]
-    evidence.mirrors.append(models.MirrorBall(ball, rho, _is_mirror(reflectance), seen, use, suns))
-
-
-def _is_mirror(reflectance: np.ndarray | None) -> bool:
-    return reflectance is not None and bool(reflectance.min() > 0.2 and reflectance.max() < 1.1)
+    rho = reflectance if reflectance is not None and known else np.full(3, REFLECTANCE)
+    seen = mirrored(linear, ball, rho)
+    suns = {}
+    for k, photo in enumerate(linear):
+        if (mine := seen.sun & (seen.photo == k)).any():
+            suns[k] = sun_direction(photo, ball, seen.uv[mine], float(np.median(seen.steradians[mine])))
+    evidence.mirrors.append(models.MirrorBall(ball, seen, rho, known, suns))
 
 
 def _contradictions(suns: list[tuple[str, np.ndarray, float]]) -> list[str]:

@@ -10,7 +10,7 @@ from photo_helpers import BOARD, PlainRenderer, a_camera
 
 from raytwin import files
 from raytwin.calib.boards.board import PAPER, draw_board
-from raytwin.calib.lighting import ball_outline, light_models, matt_ball, mirror_ball, stand_shadow
+from raytwin.calib.lighting import ball_outline, board_plane, light_models, matt_ball, mirror_ball, stand_shadow
 from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear
 from raytwin.calib.synthetic_photos import expose, photograph, read_truth
 from raytwin.errors import InputError
@@ -28,6 +28,10 @@ CAMERA = Camera(
 )
 
 
+def ball_of(sigma: float = 0.0) -> ball_outline.Ball:
+    return ball_outline.Ball(CENTER, RADIUS, np.array([*CENTER, RADIUS]), np.full(4, 1e-3), np.full(4, sigma))
+
+
 def picture(light: np.ndarray, camera: Camera = CAMERA) -> LinearPhoto:
     pixels = files.to_bytes(np.clip(light, 0, 1).astype(np.float32))
     return LinearPhoto("p", camera, light.astype(np.float32), (light >= 1).any(axis=-1), pixels, np.ones(3), None)
@@ -38,7 +42,7 @@ def of_ball(shade) -> LinearPhoto:
     photo = picture(np.full((300, 400, 3), 0.25))
     u, v = np.meshgrid(np.arange(400), np.arange(300))
     uv = np.stack([u.ravel(), v.ravel()], axis=1)
-    p, out, cosine = mirror_ball.reflect(photo, CENTER, RADIUS, uv)
+    p, out, cosine = mirror_ball.reflect(photo, ball_of(), uv)
     hit = np.isfinite(cosine)
     light = photo.light.copy()
     light[uv[hit, 1], uv[hit, 0]] = shade((p[hit] - CENTER) / RADIUS, out[hit])
@@ -59,17 +63,18 @@ def test_the_outline_is_where_the_rays_begin_to_miss():
     rim = ball_outline.outline(photo, CENTER, RADIUS)
     middle = rim.mean(axis=0)
     for scale, hit in ((0.995, True), (1.005, False)):
-        *_, cosine = mirror_ball.reflect(photo, CENTER, RADIUS, middle + scale * (rim - middle))
+        *_, cosine = mirror_ball.reflect(photo, ball_of(), middle + scale * (rim - middle))
         assert (np.isfinite(cosine) == hit).all()
 
 
 def test_a_ball_given_roughly_is_found_on_its_outline():
+    """To a tenth of a pixel; the ball is 86 pixels wide, and what is given is six pixels off."""
     photo = of_ball(lambda n, _: 0.5 + 0.3 * n[:, 2:] + np.zeros(3))
-    ball = ball_outline.fit_ball([photo], CENTER + np.array((0.003, -0.003, 0.002)), 1.004 * RADIUS)
+    found = ball_outline.find_outline([photo], CENTER + np.array((0.003, -0.003, 0.002)), 1.004 * RADIUS)
+    ball = ball_outline.fit_edges([photo], found)
     seen, true = (ball_outline.outline(photo, c, r) for c, r in ((ball.center, ball.radius), (CENTER, RADIUS)))
-    assert np.abs(seen.mean(axis=0) - true.mean(axis=0)).max() < 0.6
-    # The strongest edge may lie half a pixel outside, on either side.
-    assert np.ptp(seen, axis=0) == pytest.approx(np.ptp(true, axis=0), abs=1.2)
+    assert seen.mean(axis=0) == pytest.approx(true.mean(axis=0), abs=0.1)
+    assert np.ptp(seen, axis=0) == pytest.approx(np.ptp(true, axis=0), abs=0.3)
 
 
 @pytest.mark.parametrize(
@@ -83,15 +88,14 @@ def test_a_ball_given_roughly_is_found_on_its_outline():
 )
 def test_a_ball_that_cannot_be_measured_is_refused_with_the_reason(center, radius, expected):
     with pytest.raises(InputError, match=expected):
-        ball_outline.fit_ball([picture(np.zeros((300, 400, 3)))], np.array(center), radius)
+        ball_outline.find_outline([picture(np.zeros((300, 400, 3)))], np.array(center), radius)
 
 
 def test_a_mirrored_map_is_found_the_right_way_round_and_weighs_by_solid_angle():
     around, reflectance = a_map(), np.array([0.9, 0.8, 0.7])
     light = environment_map(around)
     photo = of_ball(lambda _, out: np.stack(light.radiance(tuple(out.T)), axis=1) * reflectance)
-    ball = ball_outline.Ball(CENTER, RADIUS, np.zeros(4), 1.0)
-    seen = mirror_ball.mirrored(photo, ball, reflectance)
+    seen = mirror_ball.mirrored([photo], ball_of(), reflectance)
     found = mirror_ball.fit_map([seen], 8)
     d = seen.to_light[::7]
     shown = mirror_ball.bilinear(d, 8) @ found.reshape(-1, 3)
@@ -102,20 +106,20 @@ def test_a_mirrored_map_is_found_the_right_way_round_and_weighs_by_solid_angle()
 
 
 def test_a_small_clipped_light_is_the_sun_and_a_large_one_is_not():
-    ball = ball_outline.Ball(CENTER, RADIUS, np.full(4, 1e-5), 1.0)
+    ball = ball_of(1e-5)
     for degrees, is_sun in ((4, True), (25, False)):
         photo = of_ball(
             lambda _, out, a=degrees: np.where(out @ SUN > np.cos(np.radians(a)), 1.5, 0.3)[:, None] + np.zeros(3)
         )
-        seen = mirror_ball.mirrored(photo, ball, np.ones(3))
-        found = mirror_ball.sun_direction(photo, ball, seen)
-        assert (found is not None) == is_sun
-        if found:
+        seen = mirror_ball.mirrored([photo], ball, np.ones(3))
+        assert seen.sun.any() == is_sun
+        if is_sun:
+            found = mirror_ball.sun_direction(photo, ball, seen.uv[seen.sun], seen.steradians.mean())
             assert np.degrees(np.arccos(found[0] @ SUN)) < 0.3
 
 
 @pytest.mark.parametrize("glossy", [False, True])
-def test_a_matt_balls_shading_tells_sun_sky_and_albedo(glossy):
+def test_a_matt_balls_shading_tells_sun_and_sky(glossy):
     """On black ground G is 0; a highlight is passed over."""
     E, Ls, albedo = np.array([2.2, 2.0, 1.8]), np.array([0.2, 0.25, 0.3]), np.array([0.7, 0.4, 0.1])
     paper = PAPER * (E * SUN[2] / np.pi + Ls)
@@ -125,14 +129,12 @@ def test_a_matt_balls_shading_tells_sun_sky_and_albedo(glossy):
         return lit + glossy * 0.5 * np.maximum(out @ SUN, 0)[:, None] ** 400
 
     photo = of_ball(shade)
-    ball = ball_outline.Ball(CENTER, RADIUS, np.zeros(4), 1.0)
-    pixels = matt_ball.ball_pixels([photo], ball)
+    pixels = matt_ball.matt_pixels([photo], ball_of())
     pixels.ground[:] = 0
-    found = matt_ball.fit_shading(pixels, ball, 100.0, paper)
+    found = matt_ball.fit_shading(pixels, ball_of(), paper)
     assert np.degrees(np.arccos(found.to_light @ SUN)) < 0.5
     assert pytest.approx(E, rel=0.02) == found.E
     assert found.Ls == pytest.approx(Ls, rel=0.03)
-    assert found.albedo == pytest.approx(albedo, rel=0.02)
     assert found.residual < matt_ball.MATT
 
 
@@ -163,10 +165,10 @@ def test_a_pins_shadow_tells_the_sun_and_its_share_of_the_light(tmp_path):
     photos, paper, warnings = read_linear(files.list_photos(folder), views, BOARD)
     assert warnings == []
     assert paper == pytest.approx(np.ones(3), abs=0.01)
-    found = stand_shadow.find_shadow(photos, mirror_ball.Sheet(BOARD), (*foot, height))
+    found = stand_shadow.find_shadow(photos, board_plane.Sheet(BOARD), (*(foot + 5e-4), 1.01 * height))
     assert found is not None
     assert np.degrees(np.arccos(found.to_light @ SUN)) < 0.7
-    assert found.ratio == pytest.approx(np.full(3, dark), abs=0.04)
+    assert found.levels()[0] == pytest.approx(np.full(3, dark), abs=0.04)
 
 
 def test_an_upright_that_is_not_there_is_said(shoot):
@@ -175,7 +177,7 @@ def test_an_upright_that_is_not_there_is_said(shoot):
     view = Camera(truth.image_size, truth.K, R, t, truth.dist)
     photos, *_ = read_linear([folder / name], [view], BOARD)
     with pytest.raises(InputError, match="does not stand upright, or not there"):
-        stand_shadow.find_shadow(photos, mirror_ball.Sheet(BOARD), (0.095, 0.095, 0.03))
+        stand_shadow.find_shadow(photos, board_plane.Sheet(BOARD), (0.095, 0.095, 0.03))
 
 
 def test_clipped_and_tone_mapped_paper_is_a_warning_in_words(tmp_path):

@@ -4,14 +4,19 @@ From the eye e a sphere (c, r) is seen within a cone; it touches the sphere alon
 c - (r/d)² (c - e) with d = |c - e| and q = √(d² - r²). That circle, seen through the lens, is the outline: a conic,
 bent by the lens. One photo tells a ball's direction and the angle it fills; how large it is comes from its known
 radius, or from resting on the board's plane, or from a second photo.
+
+The rim of a mirror shows what is behind it, a little darker: the edges inside are far stronger than the outline. So a
+place is scored by how much of its outline is an edge at all, however faint, over all places within reach of the guess
+(differential evolution); only a matt ball is then drawn to its edges.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import differential_evolution, least_squares
 
 from raytwin.calib.lighting.linear_photo import LinearPhoto, sample
 from raytwin.errors import InputError
@@ -25,24 +30,47 @@ LEAST_PX = 24.0
 RADIUS_SD, PLACE_SD = 0.01, 0.15
 """How well what `--ball` says is known: the radius as a share of itself, the place as a share of the radius."""
 
-EDGE_SHARE = 0.35
-"""The least share of the outline that must lie on edges."""
+FOUND_SD = 0.12
+"""The same of a ball that was found by itself, of both."""
+
+EDGE = 4.0
+"""Codes across an outline that are an edge: more count little more, so that no strong one decides."""
+
+EDGE_SHARE = 0.6
+"""The least score of a circle that is taken for a ball."""
+
+LEAST_SLOPE = 0.005
+"""Of the root of the light, per pixel: a smaller slope is no edge."""
+
+REACHES = 6.0, 4.0, 3.0, 2.0, 1.5, 1.5
+"""Pixels across the outline within which its edge is sought, one fit after the other."""
+
+EDGE_SD, TOGETHER = 0.3, 10
+"""Pixels by which an edge misses the outline; neighbouring places of the outline that err together."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ball:
-    """A sphere of the board's frame, metres; `sigma`: one standard deviation of x, y, z and radius; `edges`: the share
-    of its outlines that lies on edges; `given`: by the user."""
+    """A sphere of the board's frame, metres; `prior`, `prior_sd`: center and radius (4) as they were given."""
 
     center: np.ndarray
     radius: float
+    prior: np.ndarray
+    prior_sd: np.ndarray
     sigma: np.ndarray
-    edges: float
-    given: bool = True
+    """One standard deviation of x, y, z and radius."""
+
+    def moved(self, x: np.ndarray, sigma: np.ndarray | None = None) -> "Ball":
+        """Return the ball with the center and radius `x` (4)."""
+        return replace(self, center=x[:3], radius=float(x[3]), sigma=self.sigma if sigma is None else sigma)
+
+    @property
+    def numbers(self) -> np.ndarray:
+        return np.array([*self.center, self.radius])
 
     @property
     def name(self) -> str:
-        return f"ball at {','.join(f'{x:.3f}' for x in (*self.center, self.radius))}"
+        return f"ball at {','.join(f'{x:.3f}' for x in self.numbers)}"
 
 
 def outline(photo: LinearPhoto, center: np.ndarray, radius: float, count: int = RIM) -> np.ndarray:
@@ -66,41 +94,70 @@ def width_px(photo: LinearPhoto, center: np.ndarray, radius: float) -> float:
     return 2 * math.sqrt(abs(cv2.contourArea(rim.astype(np.float32))) / math.pi)
 
 
-def fit_ball(photos: list[LinearPhoto], center: np.ndarray, radius: float, given: bool = True) -> Ball:
-    """The ball near (center, radius) whose outlines lie on edges in all photos at once.
-
-    Each photo's outline is first moved to where the edges are strongest; from there each place of the outline is drawn
-    to the strongest edge across it, robustly, for a part of it may be hidden, or as bright as what is behind it.
-    """
+def find_outline(photos: list[LinearPhoto], center: np.ndarray, radius: float, given: bool = True) -> Ball:
+    """The ball near (center, radius) whose outlines are edges in all photos at once, to a pixel."""
     for photo in photos:
         _check_seen(photo, center, radius)
-    grads = [_edges(photo) for photo in photos]
-    start = np.array([*center, radius])
-    sd = np.array([PLACE_SD * radius] * 3 + [RADIUS_SD * radius])
-    if not given:
-        sd[:] = 0.5 * radius
-    best = _searched(photos, grads, start, sd)
-    noise = 0.7  # pixels by which the strongest edge misses the outline
-    for reach in (0.15, 0.06, 0.03):
-        targets = [_drawn(photo, grad, best, reach) for photo, grad in zip(photos, grads, strict=True)]
+    prior = np.array([*center, radius])
+    sd = radius * np.array([PLACE_SD] * 3 + [RADIUS_SD] if given else [FOUND_SD] * 4)
+    images = [cv2.GaussianBlur(photo.pixels, (0, 0), 0.7).astype(np.float32) for photo in photos]
 
-        def error(x: np.ndarray, targets=targets) -> np.ndarray:
-            rows = []
-            for photo, (at, normal, there) in zip(photos, targets, strict=True):
-                off = ((outline(photo, x[:3], x[3]) - at) * normal).sum(axis=1)
-                rows.append(off[there] / noise)
-            prior = (x - start) / sd if given else np.array([(x[2] - x[3]) / (0.02 * x[3])])
-            # A place in the outline counts for a tenth: its neighbours err with it.
-            return np.concatenate([*(r / math.sqrt(10) for r in rows), prior])
+    def cost(x: np.ndarray) -> float:
+        return 0.01 * (((x - prior) / sd) ** 2).sum() - np.mean(
+            [outline_score(photo, image, x[:3], x[3]) for photo, image in zip(photos, images, strict=True)]
+        )
 
-        found = least_squares(error, best, loss="soft_l1", x_scale=sd)
-        best = found.x
-    share = float(np.mean([there.mean() for *_, there in targets]))
-    cov = np.linalg.pinv(found.jac.T @ found.jac)
-    ball = Ball(best[:3], float(best[3]), np.sqrt(np.diag(cov)), share, given)
+    span = 2.5 * sd
+    found = differential_evolution(
+        cost, list(zip(prior - span, prior + span, strict=True)), rng=0, popsize=10, maxiter=40, tol=1e-4, polish=False
+    )
+    ball = Ball(center, radius, prior, sd, sd).moved(found.x)
     for photo in photos:
         _check_seen(photo, ball.center, ball.radius)
     return ball
+
+
+def outline_score(photo: LinearPhoto, image: np.ndarray, center: np.ndarray, radius: float) -> float:
+    """How much of the outline is an edge of `image`, the photo's codes: about 1 where all of it is."""
+    rim = outline(photo, center, radius, 120)
+    across = 1.5 * _normals(rim)
+    step = np.nan_to_num(np.abs(sample(image, rim + across) - sample(image, rim - across)).max(axis=1))
+    return float(np.mean(np.minimum(step, EDGE) / EDGE + 0.05 * step / (step + 30)))
+
+
+def fit_edges(photos: list[LinearPhoto], ball: Ball) -> Ball:
+    """The ball drawn to the edges by its outline, to a tenth of a pixel: by least squares, robustly.
+
+    Edges are sought in the root of the light, in which noise is even; each place's is the mean along its normal,
+    weighed by the squared slope.
+    """
+    images = [cv2.GaussianBlur(np.sqrt(np.maximum(photo.light, 0)), (0, 0), 0.7) for photo in photos]
+    for reach in REACHES:
+        edges = [_edge_at(photo, image, ball, reach) for photo, image in zip(photos, images, strict=True)]
+        fit = least_squares(
+            partial(_off_edges, photos, edges, ball), ball.numbers, loss="soft_l1", x_scale=ball.prior_sd
+        )
+        ball = ball.moved(fit.x, np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac))))
+    return ball
+
+
+def _edge_at(photo: LinearPhoto, image: np.ndarray, ball: Ball, reach: float) -> tuple[np.ndarray, ...]:
+    """For each place of the outline: where it is, its normal, how far along that its edge is, and if there is one."""
+    rim = outline(photo, ball.center, ball.radius)
+    normal, offsets = _normals(rim), np.arange(-reach, reach + 0.1, 0.25)
+    across = sample(image, (rim + offsets[:, None, None] * normal).reshape(-1, 2)).reshape(len(offsets), RIM, 3)
+    slope = (np.gradient(across, 0.25, axis=0) ** 2).sum(axis=-1)
+    weight = slope * (1 - (offsets[:, None] / (reach + 0.25)) ** 2)
+    off = (weight * offsets[:, None]).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
+    return rim, normal, off, slope.max(axis=0) > LEAST_SLOPE**2
+
+
+def _off_edges(photos: list[LinearPhoto], edges: list[tuple[np.ndarray, ...]], ball: Ball, x: np.ndarray) -> np.ndarray:
+    rows = [(x - ball.prior) / ball.prior_sd]
+    for photo, (rim, normal, off, there) in zip(photos, edges, strict=True):
+        moved = ((outline(photo, x[:3], x[3]) - rim) * normal).sum(axis=1)
+        rows.append((moved - off)[there] / EDGE_SD / math.sqrt(TOGETHER))
+    return np.concatenate(rows)
 
 
 def _check_seen(photo: LinearPhoto, center: np.ndarray, radius: float) -> None:
@@ -117,54 +174,10 @@ def _check_seen(photo: LinearPhoto, center: np.ndarray, radius: float) -> None:
         raise InputError(where, f"a ball at least {LEAST_PX:.0f} pixels wide", f"{wide:.0f} pixels")
 
 
-def _edges(photo: LinearPhoto) -> np.ndarray:
-    """(H, W, 2): the gradient of the photo's codes, of whichever channel changes most."""
-    blurred = cv2.GaussianBlur(photo.pixels, (0, 0), 1.0).astype(np.float32)
-    dx, dy = (cv2.Scharr(blurred, cv2.CV_32F, i, 1 - i) / 32 for i in (1, 0))
-    most = (dx * dx + dy * dy).argmax(axis=-1)[..., None]
-    return np.concatenate([np.take_along_axis(d, most, axis=-1) for d in (dx, dy)], axis=-1)
-
-
 def _normals(rim: np.ndarray) -> np.ndarray:
     along = np.roll(rim, -1, axis=0) - np.roll(rim, 1, axis=0)
     n = np.stack([along[:, 1], -along[:, 0]], axis=1)
     return n / np.linalg.norm(n, axis=1, keepdims=True)
-
-
-def _strength(grad: np.ndarray, rim: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """How strong an edge across `normal` is at each place; capped, so that no single edge decides."""
-    across = np.abs((sample(grad, rim.reshape(-1, 2)).reshape(rim.shape) * normal).sum(axis=-1))
-    return np.minimum(np.nan_to_num(across), 12.0)
-
-
-def _searched(photos: list[LinearPhoto], grads: list[np.ndarray], start: np.ndarray, sd: np.ndarray) -> np.ndarray:
-    """The place and radius with most edge along the outlines, on finer and finer grids within some `sd` of `start`."""
-    best, span = start.copy(), 3 * sd
-    for _ in range(6):
-        steps = np.stack(np.meshgrid(*[[-1, 0, 1]] * 4, indexing="ij"), axis=-1).reshape(-1, 4)
-        scores = []
-        for x in best + steps * span:
-            score = 0.0
-            for photo, grad in zip(photos, grads, strict=True):
-                rim = outline(photo, x[:3], max(x[3], 1e-6), 72)
-                score += _strength(grad, rim, _normals(rim)).mean()
-            scores.append(score - 0.2 * (((x - start) / sd) ** 2).sum())
-        best = best + steps[int(np.argmax(scores))] * span
-        span = span / 2
-    return best
-
-
-def _drawn(photo: LinearPhoto, grad: np.ndarray, x: np.ndarray, reach: float):
-    """For each place of the outline the nearest strong edge across it: where, its normal, and whether there is one."""
-    rim = outline(photo, x[:3], x[3])
-    normal = _normals(rim)
-    far = max(2.0, reach * width_px(photo, x[:3], x[3]) / 2)
-    offsets = np.linspace(-far, far, 2 * int(4 * far) + 1)
-    strength = _strength(grad, rim[:, None] + offsets[:, None] * normal[:, None], normal[:, None])
-    weighed = strength * np.exp(-((offsets / far) ** 2))
-    k = weighed.argmax(axis=1)
-    there = strength[np.arange(len(rim)), k] > 2.5
-    return rim + offsets[k, None] * normal, normal, there
 
 
 def find_balls(photo: LinearPhoto, extent: tuple[float, float, float, float], most: int = 4) -> list[tuple]:
@@ -185,7 +198,8 @@ def find_balls(photo: LinearPhoto, extent: tuple[float, float, float, float], mo
     )  # fmt: skip
     if circles is None:
         return []
-    grad, eye, found = _edges(photo), np.array(photo.camera.eye), []
+    codes = cv2.GaussianBlur(photo.pixels, (0, 0), 0.7).astype(np.float32)
+    eye, found = np.array(photo.camera.eye), []
     for u, v, p in circles[0][:80] / small:
         rays = photo.rays(np.array([(u, v), (u + p, v), (u, v + p), (u - p, v), (u, v - p)]))
         sine = math.sin(float(np.mean(np.arccos(np.clip(rays[1:] @ rays[0], -1, 1)))))
@@ -197,8 +211,7 @@ def find_balls(photo: LinearPhoto, extent: tuple[float, float, float, float], mo
         rim = outline(photo, center, radius)
         if inside or (rim < 1).any() or (rim > np.array(photo.camera.image_size) - 2).any():
             continue
-        on_edge = (_strength(grad, rim, _normals(rim)) > 2.5).mean()
-        found.append((on_edge, center, radius))
+        found.append((outline_score(photo, codes, center, radius), center, radius))
     found.sort(key=lambda f: -f[0])
     apart: list[tuple] = []
     for score, center, radius in found:

@@ -10,29 +10,34 @@ Clipped pixels that fill a small angle are the sun: they are taken out.
 """
 
 import itertools
-import math
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import cv2
 import numpy as np
 from scipy import ndimage, sparse
-from scipy.optimize import least_squares
+from scipy.optimize import differential_evolution, least_squares
 from scipy.sparse.linalg import spsolve
 
-from raytwin.calib.boards.board import PAPER, Board, draw_board
-from raytwin.calib.lighting.ball_outline import Ball, outline
-from raytwin.calib.lighting.linear_photo import LinearPhoto, sample
+from raytwin.calib.lighting.ball_outline import RADIUS_SD, Ball, outline, outline_score
+from raytwin.calib.lighting.board_plane import Sheet, SheetLight, blurred, on_board
+from raytwin.calib.lighting.linear_photo import LinearPhoto
 from raytwin.lights.envmap_tables import REC_709
 
 GRAZING = 0.2
 """The least cosine between ray and normal: nearer to the outline a pixel shows too much at once."""
 
-TRIED, REFINED = 150, 2
-"""Places that `register` tries, and how many of them it refines."""
+FINEST = 0.008
+"""Metres of the sheet that a mirrored pixel may cover: cells that are smaller than a pixel match anywhere."""
 
-BLURS = 6.0, 2.5
-"""Pixels by which the photos are blurred while the ball's place is sought."""
+SEARCH_M, SEARCH_RADIUS = 2.2e-3, 2.5 * RADIUS_SD
+"""How far from its outline's best place a ball is sought: metres, and share of the radius."""
+
+TOLERANCE, TOGETHER = 0.05, 40
+"""By how much of white paper's light a mirrored place may be off; neighbouring pixels that err together."""
+
+LEAST_PIXELS = 50
+"""Pixels that must show the sheet for a ball to be registered by it."""
 
 SUN_DEGREES = 12.0
 """A clipped patch that fills no wider angle than this is a light of its own."""
@@ -40,169 +45,124 @@ SUN_DEGREES = 12.0
 SUN_PX = 8.0
 """Or is no wider than this: so far a lens spreads a point that is a thousand times too bright."""
 
+SPOT_PX = 0.06
+"""Pixels by which the middle of the sun's spot is off, however small it is."""
+
 SMOOTH = 1e-3
 """Weight of the difference of neighbouring texels, as a share of a texel's own: it decides where no pixel looks."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mirrored:
-    """What the pixels of one mirror ball in one photo show: `to_light` (n, 3), `radiance` (n, 3), `steradians` (n,),
-    `clipped` (n,): at least so bright; `uv` (n, 2): which pixels; `sun` (n,): those of the sun's patch."""
+    """What a mirror ball's pixels `uv` (n, 2) in the photos of index `photo` (n,) show: `to_light` (n, 3), `radiance`
+    (n, 3), `steradians` (n,), `clipped` (n,): at least so bright, `sun` (n,): those of the sun's patch."""
 
+    photo: np.ndarray
     uv: np.ndarray
     to_light: np.ndarray
     radiance: np.ndarray
     steradians: np.ndarray
     clipped: np.ndarray
     sun: np.ndarray
-    towards_eye: np.ndarray
 
 
-def reflect(photo: LinearPhoto, center: np.ndarray, radius: float, uv: np.ndarray) -> tuple[np.ndarray, ...]:
+def reflect(photo: LinearPhoto, ball: Ball, uv: np.ndarray) -> tuple[np.ndarray, ...]:
     """(n, 3) points, (n, 3) reflected directions, (n,) cosine of ray and normal, NaN where the ball is missed."""
-    return _reflected(np.array(photo.camera.eye), photo.rays(uv), center, radius)
+    return reflect_rays(np.array(photo.camera.eye), photo.rays(uv), ball.numbers)
 
 
-def _reflected(eye: np.ndarray, d: np.ndarray, center: np.ndarray, radius: float) -> tuple[np.ndarray, ...]:
-    f = eye - center
+def reflect_rays(eye: np.ndarray, d: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
+    """The same of rays `d` from `eye`; `x`: the ball's center and radius (4)."""
+    f = eye - x[:3]
     b = d @ f
     with np.errstate(invalid="ignore"):
-        root = np.sqrt(b * b - (f @ f - radius * radius))
-    n = (f + (-b - root)[:, None] * d) / radius
-    cosine = root / radius
-    return center + radius * n, d + 2 * cosine[:, None] * n, cosine
+        root = np.sqrt(b * b - (f @ f - x[3] ** 2))
+    n = (f + (-b - root)[:, None] * d) / x[3]
+    cosine = root / x[3]
+    return x[:3] + x[3] * n, d + 2 * cosine[:, None] * n, cosine
 
 
 def pixels_of(photo: LinearPhoto, ball: Ball) -> np.ndarray:
     """(n, 2): the pixels that show the ball, its rim left out."""
     rim = outline(photo, ball.center, ball.radius)
     low, high = np.floor(rim.min(axis=0)).astype(int), np.ceil(rim.max(axis=0)).astype(int)
-    u, v = np.meshgrid(np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1))
-    uv = np.stack([u.ravel(), v.ravel()], axis=1)
-    return uv[np.nan_to_num(reflect(photo, ball.center, ball.radius, uv)[2]) > GRAZING]
-
-
-class Sheet:
-    """The printed board as relative albedo, white 1, to be looked up at (x, y); NaN beyond the paper that is sure."""
-
-    def __init__(self, board: Board, per_metre: float = 2000.0) -> None:
-        albedo, self.extent = draw_board(board, per_metre)
-        self.albedo, self.per_metre = albedo / np.float32(PAPER), per_metre
-        self.blurred: dict[float, np.ndarray] = {0.0: self.albedo}
-
-    def at(self, xy: np.ndarray, blur: float = 0.0) -> np.ndarray:
-        """(n,): relative albedo at (n, 2), blurred by `blur` metres."""
-        if blur not in self.blurred:
-            self.blurred[blur] = cv2.GaussianBlur(self.albedo, (0, 0), blur * self.per_metre)
-        return self._look(self.blurred[blur], xy)
-
-    def plain_at(self, xy: np.ndarray, reach: float) -> np.ndarray:
-        """(n,) bool: no edge between ink and paper within `reach` metres."""
-        square = np.ones((1 + 2 * math.ceil(reach * self.per_metre),) * 2, np.uint8)
-        span = cv2.dilate(self.albedo, square) - cv2.erode(self.albedo, square)
-        return np.nan_to_num(self._look(span, xy), nan=1.0) < 0.05
-
-    def _look(self, image: np.ndarray, xy: np.ndarray) -> np.ndarray:
-        x0, _, _, y1 = self.extent
-        return sample(image, np.stack([(xy[:, 0] - x0), (y1 - xy[:, 1])], axis=1) * self.per_metre - 0.5)
-
-
-def on_board(points: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """(n, 2): where rays meet the board's plane; NaN where they do not go down."""
-    down = directions[:, 2] < -0.02
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = np.where(down, -points[:, 2] / directions[:, 2], np.nan)
-    return points[:, :2] + t[:, None] * directions[:, :2]
+    uv = np.stack(np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(low, high, strict=True))), axis=-1).reshape(-1, 2)
+    return uv[np.nan_to_num(reflect(photo, ball, uv)[2]) > GRAZING]
 
 
 @dataclass(frozen=True, eq=False)
-class _Below:
-    """Pixels `uv` of a ball that show the ground, and their brightness, for one photo."""
+class _SheetPixels:
+    """Pixels of a ball that show the sheet in one photo: the `rays` through each, and their brightness."""
 
-    photo: LinearPhoto
-    uv: np.ndarray
+    eye: np.ndarray
     rays: list[np.ndarray]
     value: np.ndarray
-    blurred: dict[float, np.ndarray]
-
-    def shown(self, x: np.ndarray, blur: float) -> np.ndarray:
-        """(n,): how bright the photo itself shows the ground that a ball (x, y, z, radius) would mirror there."""
-        eye, total = np.array(self.photo.camera.eye), np.zeros(len(self.uv))
-        for d in self.rays if blur == 0 else self.rays[4:5]:
-            at = on_board(*_reflected(eye, d, x[:3], x[3])[:2])
-            at = np.c_[at, np.zeros(len(at))]
-            to = at - eye
-            t = np.clip((to @ (x[:3] - eye)) / (to * to).sum(axis=1), 0, 1)
-            hidden = np.linalg.norm(eye + t[:, None] * to - x[:3], axis=1) < 1.02 * x[3]
-            behind = to @ np.array(self.photo.camera.R_cam_board)[2] < 0.02
-            light = sample(self.blurred[blur], self.photo.project(np.where(np.isfinite(at), at, 0)))
-            light[hidden | behind | ~np.isfinite(at[:, 0])] = np.nan
-            total += light
-        return total / (len(self.rays) if blur == 0 else 1)
 
 
-def register(photos: list[LinearPhoto], ball: Ball, start: tuple[np.ndarray, float]) -> Ball:
-    """The ball in which the ground's mirror image is the ground that the photos show; as it was where it shows little.
+def _sheet_pixels(
+    photo: LinearPhoto, light: SheetLight, ball: Ball, *, blur: float, count: int, subsamples: int
+) -> _SheetPixels:
+    """Some `count` of them; the photo is blurred by `blur` pixels first."""
+    uv, eye = pixels_of(photo, ball), np.array(photo.camera.eye)
+    at = [on_board(*reflect(photo, ball, uv + np.array(step))[:2]) for step in ((0, 0), (0.5, 0), (0, 0.5))]
+    covered = 2 * np.nan_to_num(np.hypot(*(at[1] - at[0]).T) + np.hypot(*(at[2] - at[0]).T), nan=1.0)
+    uv = uv[light.known(at[0]) & (covered < 1.3 * FINEST)]
+    uv = uv[:: max(1, len(uv) // count)]
+    steps = (np.arange(subsamples) + 0.5) / subsamples - 0.5
+    rays = [photo.rays(uv + np.array(step)) for step in itertools.product(steps, repeat=2)]
+    value = blurred(np.minimum(photo.light @ REC_709.astype(np.float32), 1.3), blur)[uv[:, 1], uv[:, 0]]
+    return _SheetPixels(eye, rays, value)
 
-    `start`: as the user gave it, which with its uncertainty decides what the image does not. Tags look alike, so that
-    many places are tried on blurred photos first, and the best of them are refined.
+
+def _off_sheet(seen: list[_SheetPixels], light: SheetLight, image: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """How far the mirrored sheet is off what the photos show of it, but for a factor and an offset per photo."""
+    rows = []
+    for one in seen:
+        places = [on_board(*reflect_rays(one.eye, d, x)[:2]) for d in one.rays]
+        shown = np.mean([light.look(image, at) for at in places], axis=0)
+        good = np.isfinite(np.sum(places, axis=(0, 2)))
+        off = np.full(len(shown), 6 * TOLERANCE)  # a ray that misses the sheet explains nothing
+        if good.sum() >= LEAST_PIXELS:
+            A = np.stack([shown[good], np.ones(good.sum())], axis=1)
+            fit = np.linalg.lstsq(A, one.value[good], rcond=None)[0]
+            off[good] = A @ fit - one.value[good] if fit[0] > 0 else 6 * TOLERANCE
+        rows.append(off / TOLERANCE / np.sqrt(TOGETHER))
+    return np.concatenate(rows)
+
+
+def register(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> Ball:
+    """The ball in which the sheet's mirror image is the sheet that the photos show; as it was where it shows little.
+
+    Tags look alike and a mirror's outline is faint: the best of many places is taken by both, then refined.
     """
-    origin, sd = np.array([*start[0], start[1]]), start[1] * np.array((0.15, 0.15, 0.15, 0.015))
-    offsets = np.array(list(itertools.product((-1 / 3, 0, 1 / 3), repeat=2)))
-    images = [np.minimum(photo.light @ REC_709.astype(np.float32), 1.3) for photo in photos]
-    blurred = [{b: cv2.GaussianBlur(i, (0, 0), b) if b else i for b in (*BLURS, 0.0)} for i in images]
-
-    def below(x: np.ndarray) -> list[_Below]:
-        found = []
-        for photo, image, levels in zip(photos, images, blurred, strict=True):
-            uv = pixels_of(photo, Ball(x[:3], x[3], sd, 0.0))
-            p, out, _ = reflect(photo, x[:3], x[3], uv)
-            near = np.linalg.norm(on_board(p, out) - x[:2], axis=1) < 12 * x[3]
-            uv = uv[near][:: max(1, near.sum() // 1500)]
-            found.append(_Below(photo, uv, [photo.rays(uv + o) for o in offsets], image[uv[:, 1], uv[:, 0]], levels))
-        return [b for b in found if len(b.uv) > 50]
-
-    def error(x: np.ndarray, seen: list[_Below], blur: float) -> np.ndarray:
-        rows = []
-        for one in seen:
-            shown = one.shown(x, blur)
-            good = np.isfinite(shown)
-            off = np.full(len(one.uv), 0.3)  # a place out of sight explains nothing
-            if good.sum() > 50:
-                a, b = np.polyfit(shown[good], one.value[good], 1)
-                off[good] = a * shown[good] + b - one.value[good] if a > 0 else 0.3
-            rows.append(off / 0.05 / np.sqrt(10))
-        return np.concatenate([*rows, (x - origin) / sd])
-
-    rng, found = np.random.default_rng(0), np.array([*ball.center, ball.radius])
-    if not below(found) or not below(origin):
+    light = SheetLight(photos, sheet, ball)
+    seen = [_sheet_pixels(p, light, ball, blur=1.0, count=500, subsamples=1) for p in photos]
+    seen = [s for s in seen if len(s.value) >= LEAST_PIXELS]
+    if not seen:
         return ball
+    codes = [cv2.GaussianBlur(photo.pixels, (0, 0), 0.7).astype(np.float32) for photo in photos]
+    image = light.blurred(2e-3)
 
-    def refined(first: np.ndarray, spread: np.ndarray, tried: int, blurs: tuple[float, ...]) -> list[Any]:
-        """The fits from the best of some places about `first`, the best fit first."""
-        seen = below(first)
-        places = first + np.concatenate([np.zeros((1, 4)), rng.standard_normal((tried, 4)) * spread])
-        costs = [(np.sqrt(1 + error(x, seen, blurs[0]) ** 2) - 1).sum() for x in places]
-        fits = []
-        for x in places[np.argsort(costs)[:REFINED]]:
-            for blur in blurs:
-                fit = least_squares(
-                    error, x, args=(below(x), blur), loss="soft_l1", x_scale=sd, diff_step=1e-4, max_nfev=8
-                )
-                x = fit.x
-            fits.append(fit)
-        return sorted(fits, key=lambda f: f.cost / len(f.fun))
+    def cost(x: np.ndarray) -> float:
+        sheet_off = 2 * (np.sqrt(1 + _off_sheet(seen, light, image, x) ** 2) - 1).mean()
+        edge = np.mean([outline_score(p, c, x[:3], x[3]) for p, c in zip(photos, codes, strict=True)])
+        return 2 * sheet_off - edge + 0.0125 * (((x - ball.prior) / ball.prior_sd) ** 2).sum()
 
-    wide = start[1] * np.array((0.1, 0.1, 0.08, 0.02))
-    fits = [refined(x, wide, TRIED, BLURS)[0] for x in (found, origin)]
-    best = min(fits, key=lambda f: f.cost / len(f.fun))
-    for k in (0.4, 0.2, 0.1, 0.05):  # a false match is near the true one: the tags repeat
-        best = refined(best.x, k * wide, TRIED, BLURS[1:])[0]
-    best = least_squares(
-        error, best.x, args=(below(best.x), 0.0), loss="soft_l1", x_scale=sd, diff_step=1e-4, max_nfev=8
+    span = np.array([SEARCH_M] * 3 + [SEARCH_RADIUS * ball.radius])
+    bounds = list(zip(ball.numbers - span, ball.numbers + span, strict=True))
+    found = differential_evolution(
+        cost, bounds, rng=1, popsize=8, maxiter=25, tol=1e-6, polish=False, init="sobol", x0=ball.numbers
     )
-    sigma = np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
-    return Ball(best.x[:3], float(best.x[3]), sigma, ball.edges, ball.given)
+    ball = ball.moved(found.x)
+    for blur, sigma in ((1.5, 3e-3), (0.0, 5e-4)):
+        seen = [_sheet_pixels(p, light, ball, blur=blur, count=1500, subsamples=3) for p in photos]
+        off = partial(_off_sheet, [s for s in seen if len(s.value) >= LEAST_PIXELS], light, light.blurred(sigma))
+        fit = least_squares(
+            lambda x, off=off, given=ball: np.concatenate([off(x), (x - given.prior) / given.prior_sd]), ball.numbers,
+            loss="soft_l1", x_scale=ball.prior_sd, diff_step=1e-3, max_nfev=30,
+        )  # fmt: skip
+        ball = ball.moved(fit.x, np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac))))
+    return ball
 
 
 def reflectance_of(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> np.ndarray | None:
@@ -210,31 +170,30 @@ def reflectance_of(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> np.nd
     ratios = []
     for photo in photos:
         uv = pixels_of(photo, ball)
-        p, out, cosine = reflect(photo, ball.center, ball.radius, uv)
+        p, out, _ = reflect(photo, ball, uv)
         at = on_board(p, out)
         direct = photo.at(photo.project(np.c_[at, np.zeros(len(at))]))
-        white = (cosine > 0.3) & (direct @ REC_709 > 0.1)
+        white = direct @ REC_709 > 0.1
         for offset in itertools.product((-1.2, 0, 1.2), repeat=2):
-            p, out, _ = reflect(photo, ball.center, ball.radius, uv + np.array(offset))
-            white &= sheet.at(on_board(p, out), 1e-3) > 0.97
+            white &= sheet.at(on_board(*reflect(photo, ball, uv + np.array(offset))[:2]), 1e-3) > 0.97
         ratio = photo.at(uv.astype(np.float32)) / direct
         ratios.append(ratio[white & np.isfinite(ratio).all(axis=1)])
     both = np.concatenate(ratios)
     return np.median(both, axis=0) if len(both) >= 40 else None
 
 
-def mirrored(photo: LinearPhoto, ball: Ball, reflectance: np.ndarray) -> Mirrored:
-    """All that the ball shows in this photo; `sun` marks its largest small clipped patch, if there is one."""
-    uv = pixels_of(photo, ball)
-    _, out, _ = reflect(photo, ball.center, ball.radius, uv)
-    right, down = (reflect(photo, ball.center, ball.radius, uv + np.array(s))[1] for s in ((0.1, 0), (0, 0.1)))
-    steradians = np.linalg.norm(np.cross(right - out, down - out), axis=1) * 100
-    u, v = uv.T
-    clipped = photo.clipped[v, u]
-    middle = ball.center - np.array(photo.camera.eye)
-    cosine = -out @ middle / np.linalg.norm(middle)
-    patch = _sun_patch(uv, out, clipped, steradians, photo.clipped.shape)
-    return Mirrored(uv, out, photo.light[v, u] / reflectance, steradians, clipped, patch, cosine)
+def mirrored(photos: list[LinearPhoto], ball: Ball, reflectance: np.ndarray) -> Mirrored:
+    """All that the ball shows; `sun` marks each photo's largest small clipped patch, if there is one."""
+    parts = []
+    for k, photo in enumerate(photos):
+        uv = pixels_of(photo, ball)
+        out, right, down = (reflect(photo, ball, uv + np.array(s))[1] for s in ((0, 0), (0.1, 0), (0, 0.1)))
+        steradians = np.linalg.norm(np.cross(right - out, down - out), axis=1) * 100
+        clipped = photo.clipped[uv[:, 1], uv[:, 0]]
+        sun = _sun_patch(uv, out, clipped, steradians, photo.clipped.shape)
+        radiance = photo.light[uv[:, 1], uv[:, 0]] / reflectance
+        parts.append((np.full(len(uv), k), uv, out, radiance, steradians, clipped, sun))
+    return Mirrored(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def _sun_patch(
@@ -256,31 +215,24 @@ def _sun_patch(
     return best
 
 
-def sun_direction(photo: LinearPhoto, ball: Ball, seen: Mirrored) -> tuple[np.ndarray, float] | None:
-    """The direction of the middle of the sun's patch, and its standard deviation in radians; None without one.
+def sun_direction(photo: LinearPhoto, ball: Ball, near: np.ndarray, steradians: float) -> tuple[np.ndarray, float]:
+    """The direction of the middle of the sun's patch, pixels `near` (n, 2), and its standard deviation in radians.
 
     The middle of the spot in the photo, weighed by how far its pixels are above their surroundings: a spot that is
-    clipped is as wide as it is bright, and round.
+    clipped is as wide as it is bright, and round. `steradians`: per pixel there.
     """
-    if not seen.sun.any():
-        return None
-    near = seen.uv[seen.sun]
     low, high = near.min(axis=0) - 3, near.max(axis=0) + 3
     u, v = np.meshgrid(np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1))
     value = photo.light[v.clip(0, photo.camera.height - 1), u.clip(0, photo.camera.width - 1)] @ REC_709
     weight = np.clip(value - np.median(value), 0, 0.8 * value.max())
-    middle = np.array([(weight * a).sum() / weight.sum() for a in (u, v)])
-    at = middle + np.array([(0, 0), (1, 0), (0, 1)])
-    _, out, _ = reflect(photo, ball.center, ball.radius, at)
-    per_pixel = np.sqrt(np.linalg.norm(np.cross(out[1] - out[0], out[2] - out[0])))
-    # The spot's middle is known to a tenth of its width; then what the ball's own place adds.
-    spot = per_pixel * 0.1 * np.sqrt(seen.sun.sum())
-    moved = []
-    for k in range(4):
-        x = np.array([*ball.center, ball.radius])
-        x[k] += ball.sigma[k]
-        moved.append(np.linalg.norm(reflect(photo, x[:3], x[3], at[:1])[1][0] - out[0]))
-    return out[0] / np.linalg.norm(out[0]), float(np.hypot(spot, np.linalg.norm(moved) / np.sqrt(2)))
+    at = np.array([[(weight * a).sum() / weight.sum() for a in (u, v)]])
+    out = reflect(photo, ball, at)[1][0]
+    # The spot's middle is known to a part of its width; then what the ball's own place adds, in all four numbers.
+    spot = np.sqrt(steradians) * (SPOT_PX + 0.015 * np.sqrt(len(near)))
+    moved = [
+        np.linalg.norm(reflect(photo, ball.moved(ball.numbers + step), at)[1][0] - out) for step in np.diag(ball.sigma)
+    ]
+    return out / np.linalg.norm(out), float(np.hypot(spot, np.linalg.norm(moved) / np.sqrt(2)))
 
 
 def bilinear(directions: np.ndarray, rows: int) -> sparse.csr_matrix:
@@ -298,32 +250,24 @@ def bilinear(directions: np.ndarray, rows: int) -> sparse.csr_matrix:
     return sum(parts[1:], parts[0])
 
 
-def fit_map(seen: list[Mirrored], rows: int, use: list[np.ndarray] | None = None) -> np.ndarray:
-    """(rows, 2 rows, 3): the map whose radiance is nearest to what all pixels of `use` show, weighed by steradian.
+def fit_map(seen: list[Mirrored], rows: int) -> np.ndarray:
+    """(rows, 2 rows, 3): the map whose radiance is nearest to what all pixels show, weighed by steradian.
 
-    A second pass gives little weight to what the first leaves far off: the photographer, and whatever else is in one
-    photo's way alone.
+    Of several photos further passes give little weight to what the first leaves far off: the photographer, and whatever
+    else is in one photo's way alone.
     """
-    use = use or [~s.sun for s in seen]
     d, value, weight = (
-        np.concatenate([getattr(s, k)[u] for s, u in zip(seen, use, strict=True)])
-        for k in ("to_light", "radiance", "steradians")
+        np.concatenate([getattr(s, name)[~s.sun] for s in seen]) for name in ("to_light", "radiance", "steradians")
     )
-    A = bilinear(d, rows)
-    w, n = 2 * rows, 2 * rows * rows
-    index = np.arange(n).reshape(rows, w)
-    pairs = np.concatenate([
-        np.stack([index.ravel(), np.roll(index, -1, axis=1).ravel()], axis=1),
-        np.stack([index[:-1].ravel(), index[1:].ravel()], axis=1),
-    ])  # fmt: skip
-    k = np.arange(len(pairs))
-    D = sparse.csr_matrix((np.r_[np.ones(len(k)), -np.ones(len(k))], (np.r_[k, k], pairs.T.ravel())), (len(k), n))
-    smooth = SMOOTH * 2 * np.pi**2 / (w * rows) * (D.T @ D)
+    A, w = bilinear(d, rows), 2 * rows
+    # The sum of squared differences of neighbours: its matrix is a ring's Laplacian across, and a line's down.
+    across = sparse.diags([2.0, -1, -1, -1, -1], [0, 1, -1, w - 1, 1 - w], shape=(w, w))
+    down = sparse.diags([np.r_[1, 2 * np.ones(rows - 2), 1], -1, -1], [0, 1, -1], shape=(rows, rows))
+    smooth = SMOOTH * 2 * np.pi**2 / (w * rows) * sparse.kronsum(across, down)
     trust = np.ones(len(d))
-    for _ in range(3 if len(seen) > 1 else 1):
-        W = sparse.diags(weight * trust)
-        M = (A.T @ W @ A + smooth + 1e-12 * sparse.eye(n)).tocsc()
-        texels = spsolve(M, A.T @ (W @ value))
+    for _ in range(3 if len(np.unique(np.concatenate([s.photo for s in seen]))) > 1 else 1):
+        weighed = A.T @ sparse.diags(weight * trust)
+        texels = spsolve((weighed @ A + smooth + 1e-12 * sparse.eye(w * rows)).tocsc(), weighed @ value)
         off = np.linalg.norm(A @ texels - value, axis=1)
         trust = 1 / (1 + (off / max(3 * np.median(off), 1e-6)) ** 2)
     return np.maximum(texels.reshape(rows, w, 3), 0).astype(np.float32)

@@ -8,33 +8,47 @@ height h takes from the paper at distance d
     w / (2 π d) · h² / (d² + h²)
 
 of the sky: the integral of z d / (π (d² + z²)²) over its height.
+
+Half a millimetre by which its foot or its height are given wrong is a degree of the sun. But the photos show both: what
+is fitted is the picture of the upright and its shadow, two bars that begin at the foot, one to the tip and one to where
+the eye sees the top before the sheet. Where they are is nonlinear; how bright sheet, shadow and upright are, linear.
 """
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.special import expit
 
+from raytwin.calib.boards.board import INK, PAPER
+from raytwin.calib.lighting.board_plane import Sheet, on_board
 from raytwin.calib.lighting.linear_photo import LinearPhoto
-from raytwin.calib.lighting.mirror_ball import Sheet
 from raytwin.errors import InputError
 from raytwin.lights.envmap_tables import REC_709
 
 PLACE_SD, HEIGHT_SD = 5e-4, 5e-4
 """Metres by which `--stand` is off: half a millimetre on a ruler."""
 
-STEP = 4e-4
-"""Metres between the places at which the paper is looked at."""
+STEP = 8e-4
+"""Metres between the places at which the shadow is looked for."""
 
 LOWEST = 8.0
 """Degrees above the board from which a sun's shadow is looked for."""
 
-EDGE_PX = 1.2
-"""Pixels from a tag's edge within which paper is not taken for plain."""
+NOISE, EDGE_NOISE = 0.02, 0.15
+"""How far a pixel is off, as a share of white paper: on plain paper or ink, and on an edge between them."""
 
-SECTOR = 0.8
-"""Cosine of the angle to either side of the streak within which its paper is fitted."""
+ASIDE = 12
+"""Degrees to either side of a streak that must be brighter."""
+
+END_DEGREES = 0.15
+"""How far the shape of the upright's end, round or square, turns the sun, in either angle."""
+
+TOGETHER = 12.0
+"""Pixels that err together: edges of the sheet, of a bar that is not quite one."""
+
+MOST_PIXELS = 1500
+"""Pixels of a photo that are fitted."""
 
 SEEN = 0.06
 """How much darker than full light the shadow must be, and how much the upright must differ from the paper behind."""
@@ -42,174 +56,178 @@ SEEN = 0.06
 
 @dataclass(frozen=True, eq=False)
 class Shadow:
-    """`to_light` (3) and `sigma` (2): standard deviations, radians, along the azimuth and the height of the sun;
-    `ratio` (3): the paper in the shadow over the paper beside it, with `ratio_sd` (3) and the sky's share `left`; `xy`
-    (n, 2), `cover` (n,): white places of the paper, and how much of the shadow lies there."""
+    """What the photos of index `photo` (n,) show about the upright at pixels `uv` (n, 2): `value` (n, 3) is the light,
+    white paper throughout, and `cover` (n,) how much of the shadow lies there.
 
-    to_light: np.ndarray
-    sigma: np.ndarray
-    ratio: np.ndarray
-    ratio_sd: np.ndarray
-    left: float
-    tip: np.ndarray
-    foot: np.ndarray
-    xy: np.ndarray
+    `to_light` (3), `sigma` radians across; `left`: the sky's share that is left to the shadow.
+    """
+
+    photo: np.ndarray
+    uv: np.ndarray
+    value: np.ndarray
     cover: np.ndarray
+    to_light: np.ndarray
+    sigma: float
+    left: float
+    foot: np.ndarray
+    tip: np.ndarray
+    height: float
+
+    def levels(self) -> tuple[np.ndarray, np.ndarray]:
+        """The paper in the shadow over the paper beside it (3), and the standard deviation of that."""
+        A = np.stack([1 - self.cover, self.cover], axis=1)
+        x = np.linalg.lstsq(A, self.value, rcond=None)[0]
+        left = (A @ x - self.value) / x[0]
+        dark = max(self.cover.sum() / TOGETHER, 1.0)
+        return x[1] / x[0], 0.01 + left.std(axis=0) / np.sqrt(dark)
 
 
 def find_shadow(photos: list[LinearPhoto], sheet: Sheet, stand: tuple[float, float, float]) -> Shadow | None:
     """The shadow of the upright (x, y of its foot, height) on the sheet; None where none is seen."""
     foot, height = np.array(stand[:2]), stand[2]
-    xy, value, weight = _paper_around(photos, sheet, foot, height)
-    if len(xy) < 200:
-        raise InputError("--stand", "an upright on the board's sheet, with white paper around it", f"{stand}")
-    bright = value @ REC_709
-    polar = xy - foot
-    far, turn = np.hypot(*polar.T), np.arctan2(polar[:, 1], polar[:, 0])
-    best = _coarse(far, turn, bright, height)
-    if best is None:
-        return None
-    length, azimuth = best
-    local = (far < 1.8 * length + 0.3 * height) & (np.cos(turn - azimuth) > SECTOR)
-    rel, shade, weight = polar[local], value[local], weight[local, None]
-    white = weight[:, 0] == 1
+    streak = _darkest_streak(photos, sheet, foot, height)
+    tip = np.array(streak or (0.0, 0.0))
+    parts = [_pixels_about(photo, k, sheet, foot, tip, height) for k, photo in enumerate(photos)]
+    photo, uv, xy, value, white, size, noise = (np.concatenate(column) for column in zip(*parts, strict=True))
+    eyes = np.array([p.camera.eye for p in photos])[photo]
+    bright, mine = value @ REC_709, photo == np.arange(len(photos))[:, None]
+    prior = np.array([*foot, height, *tip, 0.05 * height, 0.3])
+    sd = np.array([PLACE_SD, PLACE_SD, HEIGHT_SD, 0.5 * height, 0.5 * height, 0.05 * height, 0.2])
 
-    def covered(x: np.ndarray) -> np.ndarray:
-        """How much of the upright's shadow lies at each place: a capsule from the foot to the tip, its edge blurred."""
-        tip = x[1] * np.array([np.cos(x[0]), np.sin(x[0])])
-        t = np.clip(rel @ tip / (tip @ tip), 0, 1)
-        off = np.linalg.norm(rel - t[:, None] * tip, axis=1)
-        return 1 / (1 + np.exp(np.clip((off - x[2] / 2) / max(x[3], 1e-5), -50, 50)))
+    def bars(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How much of the shadow and of the upright lies on each pixel; x: foot, height, tip less foot, width, blur."""
+        rel, top = xy - x[:2], (x[:2] - eyes[:, :2]) * (x[2] / (eyes[:, 2] - x[2]))[:, None]
+        upright = _bar(rel, top, x[5], x[6] * size)
+        shadow = _bar(rel, x[3:5], x[5], x[6] * size) if streak else 0 * upright
+        return shadow, upright
 
-    def solved(m: np.ndarray) -> np.ndarray:
-        """Full light and shadow (2, 3), and a slope of the light over the sheet: linear given the cover."""
-        return np.linalg.lstsq(weight * np.c_[1 - m, m, rel / height], weight * shade, rcond=None)[0]
+    def solved(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Brightness of paper and ink, lit and in the shadow, and of the upright in each photo; what that leaves."""
+        shadow, upright = bars(x)
+        lit, dark = (1 - upright) * (1 - shadow), (1 - upright) * shadow
+        A = np.stack([white * lit, (1 - white) * lit, white * dark, (1 - white) * dark, *(upright * mine)], axis=1)
+        normal = (A.T / noise**2) @ A + 1e-6 * np.eye(A.shape[1])
+        found = np.linalg.solve(normal, (A.T / noise**2) @ bright)
+        return found, A @ found - bright
 
     def error(x: np.ndarray) -> np.ndarray:
-        m = covered(x)
-        return (weight * (np.c_[1 - m, m, rel / height] @ solved(m) - shade) / 0.02).ravel()
+        return np.concatenate([solved(x)[1] / noise / np.sqrt(TOGETHER), (x - prior) / sd])
 
-    start = np.array([azimuth, length, 0.05 * height, STEP])
-    bounds = ([azimuth - 0.5, 0.3 * length, STEP, STEP / 4], [azimuth + 0.5, 2.5 * length, 0.5 * height, 0.1 * height])
-    # Where a tag's edges leave a gap the fit has no slope: several lengths are begun with.
-    fits = [
-        least_squares(error, [azimuth, k * length, *start[2:]], loss="soft_l1", bounds=bounds,
-                      x_scale=[0.01, 0.01 * length, STEP, STEP])
-        for k in (0.7, 0.9, 1.1, 1.3, 1.6)
-    ]  # fmt: skip
-    found = min(fits, key=lambda f: f.cost)
-    x, m = found.x, covered(found.x)
-    levels = solved(m)
-    ratio = levels[1] / levels[0]
-    if ratio @ REC_709 > 1 - SEEN:
-        return None
-    left = error(x).std() * 0.02
-    # Neighbours err together: as many independent places as the shadow has widths.
-    share = np.sqrt(max(1.0, x[2] / STEP))
-    cov = np.linalg.pinv(found.jac.T @ found.jac) * (left / 0.02) ** 2 * share**2
-    tip = x[1] * np.array([np.cos(x[0]), np.sin(x[0])])
-    to_light = np.array([*-tip, height]) / np.hypot(x[1], height)
-    place = PLACE_SD / x[1]
-    up = np.hypot(*(np.array([np.sqrt(cov[1, 1]) + 1e-12, PLACE_SD]))), HEIGHT_SD * x[1] / height
-    squared = x[1] ** 2 + height**2
-    sigma = np.array([np.hypot(np.sqrt(cov[0, 0]), place), height * np.hypot(*up) / squared])
-    inside = (m > 0.9).sum()
-    ratio_sd = np.full(3, 0.01) + left / np.sqrt(max(inside / share**2, 1))
-    d = x[1] * np.linspace(0.15, 0.95, 9)
-    hidden = (x[2] / (2 * np.pi * d) * height**2 / (d**2 + height**2)).mean()
-    return Shadow(to_light, sigma, ratio, ratio_sd, 1 - hidden, foot + tip, foot, xy[local][white], m[white])
-
-
-def _behind(photo: LinearPhoto, xy: np.ndarray, foot: np.ndarray, height: float) -> tuple[np.ndarray, np.ndarray]:
-    """How far places of the paper (n, 2) are from what the upright hides in this photo, metres, and how high up it is
-    seen nearest to them, 0 to 1."""
-    eye = np.array(photo.camera.eye)
-    along = (foot - eye[:2]) * height / (eye[2] - height)  # to where the eye sees the top, on the board
-    t = np.clip((xy - foot) @ along / (along @ along), 0, 1)
-    return np.linalg.norm(xy - foot - t[:, None] * along, axis=1), t
-
-
-def light_at_places(photos: list[LinearPhoto], shadow: Shadow, height: float) -> np.ndarray:
-    """(p, n, 3): the light of the shadow's places in each photo; NaN where the upright hides them."""
-    layers = []
-    for photo in photos:
-        light = photo.at(photo.project(np.c_[shadow.xy, np.zeros(len(shadow.xy))]))
-        light[_behind(photo, shadow.xy, shadow.foot, height)[0] < 0.08 * height] = np.nan
-        layers.append(light)
-    return np.stack(layers)
-
-
-def _paper_around(
-    photos: list[LinearPhoto], sheet: Sheet, foot: np.ndarray, height: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Places of the sheet (n, 2) within reach of a shadow and off the tags' edges; the light that white paper would
-    send back there (n, 3), the median over the photos; how much each counts (n,), ink less than paper.
-
-    What the upright itself hides in a photo is left out there.
-    """
-    reach = height / np.tan(np.radians(LOWEST))
-    x0, x1, y0, y1 = sheet.extent
-    xs = np.arange(max(x0, foot[0] - reach), min(x1, foot[0] + reach), STEP)
-    ys = np.arange(max(y0, foot[1] - reach), min(y1, foot[1] + reach), STEP)
-    xy = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
-    finest = min(
-        float(np.linalg.norm(np.array(p.camera.eye) - (*foot, 0)) / p.camera.fx) for p in photos
-    )  # metres per pixel
-    xy = xy[sheet.plain_at(xy, min(EDGE_PX * finest, 1.5e-3))]
-    if not len(xy):
-        return xy, np.empty((0, 3)), np.empty(0)
-    layers, differs = [], []
-    for photo in photos:
-        light = photo.at(photo.project(np.c_[xy, np.zeros(len(xy))]))
-        off, t = _behind(photo, xy, foot, height)
-        behind = (off < 0.08 * height) & np.isfinite(light[:, 0])
-        on_it = behind & (off < 0.02 * height + STEP) & (t > 0.4)
-        if on_it.sum() > 5:
-            differs.append(np.abs(light[on_it] @ REC_709 - np.nanmedian(light @ REC_709)).mean())
-        light[behind] = np.nan
-        layers.append(light)
-    if differs and max(differs) < SEEN:
+    low, high = prior - 6 * sd, prior + 6 * sd
+    low[5:], high[5:] = (1e-4, 0.1), (0.5 * height, 2.0)
+    # A streak's end is known roughly: several lengths are begun with.
+    starts = [prior * np.where(np.isin(np.arange(7), (3, 4)), k, 1) for k in ((0.9, 1.1) if streak else (1.0,))]
+    fits = [least_squares(error, x, loss="soft_l1", bounds=(low, high), x_scale=0.1 * sd, max_nfev=60) for x in starts]
+    fit = min(fits, key=lambda f: f.cost)
+    x, (cover, upright) = fit.x, bars(fit.x)
+    levels = solved(x)[0]
+    if np.abs(levels[4:] / levels[0] - 1).max() < SEEN:
         raise InputError(
             f"--stand {foot[0]:g},{foot[1]:g},{height:g}", "an upright that stands there, to be seen in the photos",
             "white paper where its top must be: it does not stand upright, or not there",
         )  # fmt: skip
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of places that no photo shows
-        value = np.nanmedian(np.stack(layers), axis=0)
-    good = np.isfinite(value).all(axis=1)
-    xy, value, white = xy[good], value[good], sheet.at(xy[good]) > 0.5
-    # How black the ink is, these photos say.
-    ink = np.median(value[~white], axis=0) / np.median(value[white], axis=0) if (~white).sum() > 50 else np.ones(3)
-    albedo = np.where(white[:, None], 1.0, ink)
-    return xy, value / albedo, np.sqrt(albedo @ REC_709)
+    if streak is None or levels[2] > (1 - SEEN) * levels[0]:
+        return None
+    cov = np.linalg.inv(fit.jac.T @ fit.jac)
+    rays = np.stack([_to_light(x + d) for d in np.linalg.cholesky(cov).T])
+    sigma = float(np.hypot(np.linalg.norm(rays - _to_light(x)) / np.sqrt(2), np.radians(END_DEGREES)))
+    length = np.hypot(*x[3:5])
+    d = length * np.linspace(0.15, 0.95, 9)
+    hidden = (x[5] / (2 * np.pi * d) * x[2] ** 2 / (d**2 + x[2] ** 2)).mean()
+    paper = (white > 0.9) & (upright < 0.01) & (noise == NOISE)
+    return Shadow(
+        photo[paper], uv[paper], value[paper], cover[paper],
+        _to_light(x), sigma, 1 - hidden, x[:2], x[:2] + x[3:5], x[2],
+    )  # fmt: skip
 
 
-def _coarse(far: np.ndarray, turn: np.ndarray, bright: np.ndarray, height: float) -> tuple[float, float] | None:
-    """(length, azimuth) of the darkest streak that begins at the foot; None where none is dark enough."""
-    lit = float(np.median(bright[bright > np.median(bright)]))
-    dark = np.clip((lit - bright) / lit, 0, 1)
-    bins, step = 360, 0.04 * height
-    k = ((turn / (2 * np.pi) % 1) * bins).astype(int) % bins
-    rings = int(far.max() / step) + 1
-    r = np.minimum((far / step).astype(int), rings - 1)
-    near = far > 0.1 * height
-    total, count = np.zeros((bins, rings)), np.zeros((bins, rings))
-    np.add.at(total, (k[near], r[near]), dark[near])
-    np.add.at(count, (k[near], r[near]), 1)
-    # A streak is some millimetres wide, an angle that shrinks outwards: neighbours are added up over two widths.
-    best, found = 0.0, None
-    level = np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
-    for i in range(bins):
-        profile = level[i]
+def _to_light(x: np.ndarray) -> np.ndarray:
+    d = np.array([-x[3], -x[4], x[2]])
+    return d / np.linalg.norm(d)
+
+
+def _bar(rel: np.ndarray, end: np.ndarray, width: float, blur: np.ndarray) -> np.ndarray:
+    """How much of a bar from 0 to `end` lies at places `rel` (n, 2), its edge blurred."""
+    t = np.clip((rel * end).sum(axis=-1) / (end * end).sum(axis=-1), 0, 1)
+    off = np.linalg.norm(rel - t[:, None] * end, axis=-1)
+    return expit((width / 2 - off) / blur) - expit((-width / 2 - off) / blur)
+
+
+def _pixels_about(
+    photo: LinearPhoto, k: int, sheet: Sheet, foot: np.ndarray, tip: np.ndarray, height: float
+) -> tuple[np.ndarray, ...]:
+    """Pixels on the sheet near the upright or its shadow: photo, place in it and on the board, light, share of white,
+    size of a pixel in metres, and noise."""
+    eye = np.array(photo.camera.eye)
+    top = (foot - eye[:2]) * height / (eye[2] - height)
+    ends = np.array([foot, foot + 1.25 * tip, foot + 1.05 * top])
+    near = np.concatenate([ends + 0.3 * height * np.array(s) for s in ((1, 1), (1, -1), (-1, 1), (-1, -1))])
+    box = photo.project(np.c_[near, np.zeros(len(near))])
+    size = np.array(photo.camera.image_size)
+    low, high = np.clip(np.floor(box.min(axis=0)), 0, size - 1), np.clip(np.ceil(box.max(axis=0)), 0, size - 1)
+    u, v = np.meshgrid(*(np.arange(a, b + 1, dtype=int) for a, b in zip(low, high, strict=True)))
+    uv = np.stack([u.ravel(), v.ravel()], axis=1)
+    xy = on_board(np.broadcast_to(eye, (len(uv), 3)), photo.rays(uv))
+    distance = np.linalg.norm(eye - (*foot, 0))
+    pixel = float(distance / photo.camera.fx / np.sqrt(eye[2] / distance))
+    close = np.min([_distance(xy - foot, e - foot) for e in ends[1:]], axis=0) < 0.3 * height
+    albedo = sheet.at(xy, 0.4 * pixel)
+    good = close & np.isfinite(albedo) & ~photo.clipped[uv[:, 1], uv[:, 0]]
+    keep = np.flatnonzero(good)
+    keep = keep[:: max(1, len(keep) // MOST_PIXELS)]
+    uv, xy, albedo = uv[keep], xy[keep], albedo[keep]
+    white = (albedo - INK / PAPER) / (1 - INK / PAPER)
+    noise = np.where(sheet.plain_at(xy, 1.2 * pixel), NOISE, EDGE_NOISE)
+    light = photo.light[uv[:, 1], uv[:, 0]].astype(float)
+    return np.full(len(uv), k), uv, xy, light, white, np.full(len(uv), pixel), noise
+
+
+def _distance(rel: np.ndarray, end: np.ndarray) -> np.ndarray:
+    t = np.clip(rel @ end / max(end @ end, 1e-12), 0, 1)
+    return np.linalg.norm(rel - t[:, None] * end, axis=1)
+
+
+def _darkest_streak(
+    photos: list[LinearPhoto], sheet: Sheet, foot: np.ndarray, height: float
+) -> tuple[float, float] | None:
+    """The end, less the foot, of the darkest streak that begins at the foot; None where none is."""
+    turns = np.arange(360) * 2 * np.pi / 360
+    far = np.arange(0.12 * height, height / np.tan(np.radians(LOWEST)), STEP)
+    rel = (far[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)[:, None]).reshape(-1, 2)
+    xy = foot + rel
+    layers = []
+    for photo in photos:
+        light = photo.at(photo.project(np.c_[xy, np.zeros(len(xy))])) @ REC_709
+        eye = np.array(photo.camera.eye)
+        top = (foot - eye[:2]) * height / (eye[2] - height)
+        light[_distance(rel, top) < 0.06 * height] = np.nan
+        layers.append(light)
+    count = np.isfinite(layers).sum(axis=0)
+    albedo = np.nan_to_num(sheet.at(xy))
+    plain = sheet.plain_at(xy, 6e-4) & (count > 0)
+    if (plain & (albedo > 0.9)).sum() < 200:
+        raise InputError(
+            "--stand", "an upright on the board's sheet, with white paper around it",
+            f"{foot[0]:g},{foot[1]:g},{height:g}",
+        )  # fmt: skip
+    light = np.nansum(layers, axis=0) / np.maximum(count, 1)
+    dark = np.full(len(xy), np.nan)
+    for mine in (plain & (albedo > 0.9), plain & (albedo < 0.2)):  # a shadow shows on ink, too
+        if mine.any():
+            dark[mine] = 1 - light[mine] / np.quantile(light[mine], 0.75)
+    dark = dark.reshape(len(turns), len(far))
+    # A ball's shadow is broad: a streak is darker than what lies to either side.
+    dark = dark - np.fmax(0, np.fmin(np.roll(dark, ASIDE, axis=0), np.roll(dark, -ASIDE, axis=0)))
+    best, end = 0.0, None
+    for turn, profile in zip(turns, dark, strict=True):
         known = np.flatnonzero(np.isfinite(profile))
-        if len(known) < 3:
+        if len(known) < 8:
             continue
         values = profile[known]
-        top = np.quantile(values[: max(3, len(values) // 4)], 0.7)
-        if top < SEEN:
-            continue
-        gain = np.cumsum(values - top / 2)
-        end = int(gain.argmax())
-        if gain[end] > best:
-            best, found = float(gain[end]), ((known[end] + 1) * step, (i + 0.5) * 2 * np.pi / bins)
-    return found
+        top = np.quantile(values[: max(5, len(values) // 4)], 0.8)
+        gain = np.cumsum(np.minimum(values, top) - top / 2)
+        if top > SEEN and gain.max() > best:
+            best = float(gain.max())
+            length = far[known[int(gain.argmax())]]
+            end = (float(length * np.cos(turn)), float(length * np.sin(turn)))
+    return end
