@@ -247,10 +247,13 @@ def _folds(found: Evidence, photos: int) -> Iterator[tuple[Evidence, Evidence]]:
     """(what is fitted, what is held out)."""
     for k in range(min(photos, 4) if photos > 1 else 2):
 
-        def out(pixels: Any, k=k) -> np.ndarray:
+        def held_out(pixels: Any, k: int = k) -> np.ndarray:
             return pixels.photo == k if photos > 1 else (pixels.uv // 8).sum(axis=1) % 2 == k
 
-        yield found.part(lambda pixels, out=out: ~out(pixels)), found.part(out)
+        def fitted(pixels: Any, held_out: Callable[[Any], np.ndarray] = held_out) -> np.ndarray:
+            return ~held_out(pixels)
+
+        yield found.part(fitted), found.part(held_out)
 
 
 def choose(found: Evidence, photos: int) -> tuple[Light, list[Trial], int, list[tuple[str, np.ndarray, float]]]:

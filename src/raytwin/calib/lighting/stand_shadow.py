@@ -215,11 +215,11 @@ def _darkest_streak(
     for mine in (plain & (albedo > 0.9), plain & (albedo < 0.2)):  # a shadow shows on ink, too
         if mine.any():
             dark[mine] = 1 - light[mine] / np.quantile(light[mine], 0.75)
-    dark = dark.reshape(len(turns), len(far))
+    by_turn = dark.reshape(len(turns), len(far))
     # A ball's shadow is broad: a streak is darker than what lies to either side.
-    dark = dark - np.fmax(0, np.fmin(np.roll(dark, ASIDE, axis=0), np.roll(dark, -ASIDE, axis=0)))
+    by_turn = by_turn - np.fmax(0, np.fmin(np.roll(by_turn, ASIDE, axis=0), np.roll(by_turn, -ASIDE, axis=0)))
     best, end = 0.0, None
-    for turn, profile in zip(turns, dark, strict=True):
+    for turn, profile in zip(turns, by_turn, strict=True):
         known = np.flatnonzero(np.isfinite(profile))
         if len(known) < 8:
             continue
