@@ -97,11 +97,11 @@ ENTRIES = (
     ),
     Entry(
         "light", "light.html", "The light of a photo",
-        "Sun and sky from a mirror ball, an orange ball and a pin in two photos, with what each model predicts.",
+        "Sun and sky from an orange ball and a pin in two photos, with what each model predicts.",
         (
             "light {root}/scenes/desk/lit --board {root}/scenes/desk/board.toml"
-            " --camera {root}/scenes/desk/lit/camera.toml --ball=-0.075,0.05,0.028,0.03"
-            " --ball=-0.065,0.15,0.018,0.02 --stand 0.095,0.095,0.03 -o light.toml",
+            " --camera {root}/scenes/desk/lit/camera.toml --ball=-0.065,0.15,0.018,0.02"
+            " --stand 0.095,0.095,0.03 -o light.toml",
         ),
     ),
     Entry(

@@ -45,7 +45,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     def picture(found: re.Match[str]) -> str:
         file = figures.FIGURES[found[1]][0]
         shown = (figures.FOLDER / file).exists()
-        return f"![{found[2]}]({up}made/{figures.FOLDER.name}/{file})\n*{found[2]}*" if shown else ""
+        return f"![{found[2]}]({up}made/{figures.FOLDER.name}/{file})\n\n*{found[2]}*" if shown else ""
 
     return re.sub(r"<!-- figure: (\S+): (.*?) -->", picture, markdown, flags=re.DOTALL)
 

@@ -19,20 +19,32 @@ NUMBER = re.compile(r"[-+]?[\d.]|$")
 
 def markdown(table: dict[str, Any]) -> str:
     """Return a table in Markdown: numbers to the right, and when and how it was measured below."""
+    if not table["command"]:
+        raise ValueError("a measured table lacks the command that makes it again")
     columns, rows = table["columns"], table["rows"]
     right = [column > 0 and all(NUMBER.match(row[column]) for row in rows) for column in range(len(columns))]
     lines = [columns, ["---:" if r else "---" for r in right], *rows]
-    text = "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
-    how = f" by `{table['command']}`" if table["command"] else ""
-    return f"{text}\n\n*Measured on {table['date']} with raytwin {table['version']}{how}.*\n"
+    shown = (" | ".join(cell.replace("|", "\\|") for cell in cells) for cells in lines)
+    text = "\n".join(f"| {line} |" for line in shown)
+    where = f" on {table['machine']}" if "machine" in table else ""
+    return f"{text}\n\n*Measured on {table['date']} with raytwin {table['version']}{where} by `{table['command']}`.*\n"
 
 
 def filled(page: Path) -> str:
     """Return a page's text with its tables as they were last measured."""
-    data = MEASURED / "data" / f"{page.stem}.json"
+    data = page.parent / "data" / f"{page.stem}.json"
     tables = json.loads(data.read_text(encoding="utf-8")) if data.exists() else {}
     text = page.read_text(encoding="utf-8")
     return BLOCK.sub(lambda found: f"{found[1]}{markdown(tables[found[2]])}{found[3]}", text)
+
+
+def written_by_hand(page: Path) -> list[str]:
+    """Return the lines of a page's tables that no measurement wrote: outside the markers, or changed within them."""
+    text, measured = page.read_text(encoding="utf-8"), filled(page)
+    made = set("".join(found[0] for found in BLOCK.finditer(measured)).splitlines())
+    outside = BLOCK.sub("", text).splitlines()
+    inside = "".join(found[0] for found in BLOCK.finditer(text)).splitlines()
+    return [line for line in outside if line.startswith("|")] + [line for line in inside if line not in made]
 
 
 def main() -> None:

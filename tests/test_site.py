@@ -1,5 +1,6 @@
 """The site: it builds without a warning, its links lead somewhere, it loads nothing from elsewhere, all can read it."""
 
+import json
 import runpy
 import subprocess
 import sys
@@ -63,9 +64,42 @@ def test_it_builds_without_a_warning_and_has_every_command_and_every_exported_na
     assert [name for name in exported if f">raytwin.{name}" not in api] == []
 
 
-@pytest.mark.parametrize("page", ["index", "tutorials/instructor", "reference/commands", "measured/verdict", "faults"])
+@pytest.mark.parametrize(
+    "page", ["index", "tutorials/instructor", "reference/commands", "reference/examples", "measured/verdict", "faults"]
+)
 def test_axe_core_finds_nothing_serious(chromium, site, page):
     assert barriers_of(chromium, site / f"{page}.html") == []
+
+
+MEASURED = sorted((BUILD.parent / "measured").glob("*.md"))
+WRITTEN_BY_HAND = runpy.run_path(str(BUILD.parent / "tables.py"))["written_by_hand"]
+
+
+@pytest.mark.parametrize("page", MEASURED, ids=lambda p: p.stem)
+def test_no_table_of_a_measured_page_is_written_by_hand(page):
+    assert WRITTEN_BY_HAND(page) == []
+    assert "<!-- table: " in page.read_text(encoding="utf-8")
+
+
+def test_a_table_that_is_written_by_hand_is_noticed(tmp_path):
+    """A table outside the markers, a number changed within them, and a measurement without its command."""
+    table = {"columns": ["a", "b"], "rows": [["x", "1"]], "date": "2026-01-02", "version": "1", "command": "run"}
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "page.json").write_text(json.dumps({"t": table}), encoding="utf-8")
+    page = tmp_path / "page.md"
+    page.write_text("<!-- table: t -->\n<!-- end -->\n", encoding="utf-8")
+    filled = runpy.run_path(str(BUILD.parent / "tables.py"))["filled"](page)
+    assert "by `run`" in filled
+    for text, found in (
+        (filled, []),
+        (filled + "| c |\n", ["| c |"]),
+        (filled.replace("| x | 1 |", "| x | 2 |"), ["| x | 2 |"]),
+    ):
+        page.write_text(text, encoding="utf-8")
+        assert WRITTEN_BY_HAND(page) == found
+    (tmp_path / "data" / "page.json").write_text(json.dumps({"t": table | {"command": ""}}), encoding="utf-8")
+    with pytest.raises(ValueError, match="command"):
+        WRITTEN_BY_HAND(page)
 
 
 def test_the_gallery_shows_a_fault_beside_its_difference_and_every_sentence(tmp_path, monkeypatch):

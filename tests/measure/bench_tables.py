@@ -1,9 +1,11 @@
-"""Print tables of what `raytwin bench` wrote, and with `--record` store them for docs/measured/bench.md and paper.md.
+"""Print tables of what `raytwin bench` and `raytwin stability` wrote; with `--record` store them for docs/measured.
 
-python -m measure.bench_tables out/bench.json [out/paper.json]
+python -m measure.bench_tables FILE...    in tests/; each a bench.json, paper.json or atlas.json
+
+Seconds are given as ratios of methods that were timed in turn, which another machine or another load changes little.
 """
 
-import json
+from collections.abc import Iterable
 from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
@@ -11,39 +13,81 @@ from pathlib import Path
 import msgspec
 from measure import record
 
+from raytwin.atlas import EXPERIMENTS, Atlas, Curve, Found
+from raytwin.bench import Bench, fit_power, read_bench
 from raytwin.bench.bench_record import Growth
-from raytwin.bench.frontier import fit_power
+from raytwin.bench.bench_reference import WHOLE
 from raytwin.paper.paper_record import Paper
 from raytwin.paper.paper_tables import tables
-from raytwin.report.numbers import seconds
+from raytwin.report.atlas_page import edge, fate
+from raytwin.report.numbers import shown
 
-GROWTH = (
-    "raytwin bench scenes/single --spheres 1,3,10,30,100,300,1000"
-    " --methods 'numpy32-*-conic,drjit32-*-conic,mitsuba-llvm-direct-1' --budget 1800"
+FRONTIER = (
+    "raytwin bench scenes/desk --sizes 0.05 --budget 300"
+    " --methods 'numpy32-*-conic,drjit32-*,loop-shadow-conic,mitsuba-llvm-*,denoised-llvm-*'"
 )
-"""What docs/measured/bench.md names for seconds against spheres."""
+GROWTH = (
+    "raytwin bench scenes/single --spheres 30,100,300,1000"
+    " --methods 'numpy32-*-conic,drjit32-*-conic,mitsuba-llvm-direct-1' --budget 300"
+)
+FIGURES = "raytwin bench paper --budget 600"
+EDGES = "raytwin stability"
+"""What makes each file again."""
 
 
-def growth_rows(growth: list[Growth]) -> list[list[str]]:
-    """Return a row per method: the fitted exponent, its standard error, and the seconds at the most spheres."""
-    rows = []
-    for method, points in groupby(sorted(growth, key=attrgetter("method", "spheres")), attrgetter("method")):
-        found = list(points)
-        if law := fit_power([p.spheres for p in found], [p.seconds_median for p in found]):
-            rows.append([method, f"{law.exponent:.2f} ± {law.sigma:.2f}", seconds(found[-1].seconds_median)])
-    return rows
+def frontier_rows(bench: Bench) -> Iterable[list[str]]:
+    """Yield the methods on the frontier against all light: size, name, seconds over the fastest's, error."""
+    seconds = {(r.method, r.width, r.height): r.seconds_median for r in bench.rows}
+    chosen = [e for e in bench.errors if e.truth == WHOLE and e.on_frontier]
+    for (w, h), of_size in groupby(chosen, attrgetter("width", "height")):
+        ranked = sorted((seconds[e.method, w, h], e.rmse, e.method) for e in of_size)
+        for taken, rmse, method in ranked:
+            yield [f"{w} x {h}", method, shown(taken / ranked[0][0]), shown(rmse)]
+
+
+def growth_rows(growth: Iterable[Growth]) -> list[list[str]]:
+    """Return a row per method: the fitted exponent, its standard error, and seconds over the fastest's at the most
+    spheres."""
+    by_name = attrgetter("method")
+    found = {
+        name: list(points) for name, points in groupby(sorted(growth, key=attrgetter("method", "spheres")), by_name)
+    }
+    fastest = min(points[-1].seconds_median for points in found.values())
+    return [
+        [name, f"{law.exponent:.2f} ± {law.sigma:.2f}", shown(points[-1].seconds_median / fastest)]
+        for name, points in found.items()
+        if (law := fit_power([p.spheres for p in points], [p.seconds_median for p in points]))
+    ]
+
+
+def edge_row(f: Found) -> list[str]:
+    """Return an experiment's row: which other method fails first, where, where theory says so, and raytwin's own."""
+    down = -1 if f.values[0] > f.values[-1] else 1
+    own = EXPERIMENTS[f.name].ours
+    failing = {n: c for n, c in f.methods.items() if n not in own and c.breaks_at is not None}
+    first = min(failing, key=lambda n: down * (failing[n].breaks_at or 0), default="none")
+    at = failing.get(first, Curve((), None, None))
+    ours = "; ".join(sorted({fate(f, name).partition(";")[0] for name in own}))
+    return [f"`{f.name}`", f.parameter, first, edge(at.breaks_at), edge(at.predicted), ours or "none can hold"]
 
 
 def main(*paths: str) -> None:
     for path in map(Path, paths):
         if path.name == "paper.json":
             figures = tables(msgspec.json.decode(path.read_bytes(), type=Paper))[0]
-            columns = [column.head for column in figures.columns]
-            record.table("paper", "figures", columns, figures.texts(), "raytwin bench paper --budget 1200")
-        else:
-            growth = msgspec.convert(json.loads(path.read_text(encoding="utf-8"))["growth"], list[Growth])
-            most = f"at {max(point.spheres for point in growth)} spheres"
+            kept = [k for k, column in enumerate(figures.columns) if column.head != "here"]
+            rows = [[cells[k] for k in kept] for cells in figures.texts()]
+            record.table("paper", "figures", [figures.columns[k].head for k in kept], rows, FIGURES)
+        elif path.name == "atlas.json":
+            found = msgspec.json.decode(path.read_bytes(), type=Atlas)
+            columns = ["experiment", "parameter", "fails first", "at", "predicted", "raytwin's own"]
+            record.table("atlas", "edges", columns, map(edge_row, found.experiments), EDGES)
+        elif growth := (bench := read_bench(path)).growth:
+            most = f"seconds over the fastest's, {max(point.spheres for point in growth)} spheres"
             record.table("bench", "spheres", ["method", "exponent", most], growth_rows(growth), GROWTH)
+        else:
+            columns = ["pixels", "method", "seconds over the fastest's", "RMSE against all light"]
+            record.table("bench", "frontier", columns, frontier_rows(bench), FRONTIER)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,12 @@
-"""How often a slip in a student's text is repaired, and its line named: `python tests/measure/measure_repair.py`."""
+"""How often a slip in a student's text is repaired, and its line named.
+
+python -m measure.measure_repair    in tests/
+"""
 
 import time
 import types
 
+from measure import record
 from starter_submissions import RIGHT, SLIPS
 
 from raytwin.contract.check_function import judge_function, repair_function
@@ -42,8 +46,15 @@ def main():
         blamed += any(
             not judge_function(s, getattr(made, s.name)).passed for s in CONTRACT.values() if hasattr(made, s.name)
         )
-    print(f"shown {shown} of {len(SLIPS)}, repaired {repaired}, line right {right_line}, right ones blamed {blamed} "
-          f"of {len(RIGHT)}, CPU s {sum(spent) / len(spent):.2f} (most {max(spent):.1f})")  # fmt: skip
+    rows = [
+        ["slips", len(SLIPS)],
+        ["that a check notices", shown],
+        ["repaired", repaired],
+        ["with the right line named", right_line],
+        ["right ones blamed", f"{blamed} of {len(RIGHT)}"],
+        ["CPU seconds per repair", f"{sum(spent) / len(spent):.2f}, at most {max(spent):.1f}"],
+    ]
+    record.table("causes", "repair", ["", "count"], rows, "python -m measure.measure_repair")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """What a verdict sees: faults put into correct renders and how often each tool finds them; alarms where there is none.
 
-`python -m measure.power [faults alarms noise samples]` prints the tables of docs/measured/verdict.md. The tools, each
-at a setting its users take:
+`python -m measure.power [faults alarms noise samples] [COUNT]` prints the tables of docs/measured/verdict.md; COUNT
+pairs of each kind of noise (500), and four times as many fresh renders. The tools, each at a setting its users take:
 
 - raytwin: `compare` at a false-alarm rate of 1e-3;
 - the others as raytwin.bench.verdict_tools has them (idiff is left out where OpenImageIO is not installed: it is no
@@ -259,9 +259,12 @@ def noise_cells(row: dict[str, Any]) -> list[str]:
 
 def main(*parts: str, scenes: str = str(Path(__file__).resolve().parents[2] / "scenes")) -> None:
     def table(name: str, columns: Sequence[str], rows: list[list[str]]) -> None:
-        record.table("verdict", name, columns, rows, f"python -m measure.power {name.partition('-')[0]}")
+        part = name.partition("-")[0]
+        counted = f" {count}" if part in ("alarms", "noise") else ""
+        record.table("verdict", name, columns, rows, f"python -m measure.power {part}{counted}")
 
-    chosen = parts or ("faults", "alarms", "noise", "samples")
+    count = next((int(part) for part in parts if part.isdecimal()), 500)
+    chosen = [part for part in parts if not part.isdecimal()] or ["faults", "alarms", "noise", "samples"]
     if "faults" in chosen:
         overlap = read_scene(f"{scenes}/overlap").scene
         overlap, counts = overlap.with_camera(overlap.camera.resized(160, 120)), [16, 64, 256, 1024, 4096]
@@ -271,9 +274,9 @@ def main(*parts: str, scenes: str = str(Path(__file__).resolve().parents[2] / "s
         named = {name: read_scene(f"{scenes}/{name}").scene for name in ("single", "overlap", "distorted", "grazing")}
         small = {name: scene.with_camera(scene.camera.resized(64, 48)) for name, scene in named.items()}
         columns = ["correct renders", "alarms", "95 % interval of the rate"]
-        table("alarms", columns, [alarm_cells(row) for row in false_alarms(small)])
+        table("alarms", columns, [alarm_cells(row) for row in false_alarms(small, 4 * count)])
     if "noise" in chosen:
-        rows = noise_table()
+        rows = noise_table(count)
         columns = ["noise", "alarms", "undecided", "detectable", "1 % caught", "3 % caught"]
         table("noise", columns, [noise_cells(row) for row in rows])
         counted = [row for row in rows if row["what"] not in EXPLAINED]

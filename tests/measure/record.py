@@ -1,10 +1,11 @@
 """Print a measurement's tables and, with `--record` on the command line, store them for the pages of docs/measured.
 
-A table lies in docs/measured/data/PAGE.json under its name, with the command that measures it, the date and raytwin's
-version. `python docs/tables.py` then copies every table into its page.
+A table lies in docs/measured/data/PAGE.json under its name, with the command that measures it, the date, raytwin's
+version, and how busy the machine was. `python docs/tables.py` then copies every table into its page.
 """
 
 import json
+import os
 import sys
 from collections.abc import Iterable, Sequence
 from datetime import date
@@ -32,6 +33,7 @@ def table(page: str, name: str, columns: Sequence[str], rows: Iterable[Sequence[
         "command": command,
         "date": date.today().isoformat(),
         "version": raytwin.__version__,
+        "machine": f"{os.cpu_count()} cores at a load of {os.getloadavg()[2]:.0f}",
         "columns": list(columns),
         "rows": [[str(cell) for cell in row] for row in rows],
     }

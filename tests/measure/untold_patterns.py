@@ -190,8 +190,8 @@ def genuine(rng: Rng, factor: float = 1.0) -> dict[str, tuple[Image, Image]]:
         "64 samples beside a reference of 4096": (
             untold(render(rng, truth, samples=64)), render(rng, TRUTH, samples=4096),
         ),
-        "64 samples beside the truth": (untold(render(rng, truth, samples=64)), Image(TRUTH.astype(np.float32))),
-        "64 samples beside a file of the truth": (
+        "64 samples beside the exact image": (untold(render(rng, truth, samples=64)), Image(TRUTH.astype(np.float32))),
+        "64 samples beside a file of the exact image": (
             untold(render(rng, truth, samples=64)), untold(Image(TRUTH.astype(np.float32))),
         ),
         "a reference of 64 samples without variance": (
