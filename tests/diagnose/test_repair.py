@@ -1,6 +1,7 @@
 """A slip in a student's text is undone by one change, and its line is named; what is right is left alone."""
 
 import ast
+import marshal
 import types
 
 import numpy as np
@@ -9,9 +10,10 @@ from starter_submissions import LOOPS, PLAIN, RIGHT, SLIPS
 
 from raytwin.contract.check_function import judge_function, repair_function
 from raytwin.contract.repair_function import _bounded_memory
+from raytwin.contract.stage import Case
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.diagnose.operators import edits, replaced
-from raytwin.diagnose.repair import Repair, attempt, candidates
+from raytwin.diagnose.repair import Repair, attempt, candidates, repair
 from raytwin.diagnose.textbook import TEXT
 
 QUICK = [s for s in SLIPS if s.label in (
@@ -96,3 +98,40 @@ def test_a_change_that_asks_for_too_much_memory_is_none():
 def test_what_is_right_by_its_own_test_is_not_changed():
     reached = {name for c in candidates([("", PLAIN)], "hit_points", ("back_project",)) for name in c.names}
     assert reached == {"hit_points", "camera_rays", "intersect_sphere"}
+
+
+def test_a_change_that_is_right_by_chance_in_the_first_cases_is_no_proof():
+    """Of positive numbers a dropped sign does as well as the absolute value that is meant."""
+    text, space = "import numpy as np\ndef f(x):\n    return -x\n", {"np": np}
+    exec(text, space)
+
+    def run(chosen, arguments):
+        return attempt(space, "f", [c.code for c in chosen], [c.names for c in chosen], arguments, 1.0)
+
+    def repaired(further):
+        cases = [Case("", (np.array([1.0, 2.0]),), ())]
+        right = lambda case, got: np.array_equal(got[0], np.abs(case.args[0]))  # noqa: E731
+        return repair([("", text)], "f", cases, right, run, lambda: True, further=further).after
+
+    assert repaired(tuple) == "return x"
+    assert repaired(lambda: [Case("", (np.array([-3.0, 2.0]),), ())]) in ("return np.abs(x)", "return np.abs(-x)")
+
+
+@pytest.mark.parametrize(("name", "every"), [("shade", 70), ("intersect_sphere", 250)])
+def test_what_repairs_a_random_slip_is_right_in_cases_that_nobody_tried(name, every):
+    stage, tree = CONTRACT[name], ast.parse(PLAIN)
+    (statement,) = [s for s in tree.body if isinstance(s, ast.FunctionDef) and s.name == name]
+    proved = 0
+    for edit in edits(statement)[7::every]:
+        source = ast.unparse(replaced(tree, edit.old, edit.new))
+        try:
+            wrong = getattr(module(source), name)
+        except SyntaxError:  # an edit may leave no Python
+            continue
+        found = repair_function(stage, wrong, source=source)
+        if found is not None:
+            space = module(source).__dict__
+            exec(marshal.loads(found.candidate.code), space)
+            assert all(judge_function(stage, space[name], seed).passed for seed in (50, 51, 52)), found
+            proved += 1
+    assert proved >= 1

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from raytwin.contract.composed_tracer import NEEDED
 from raytwin.contract.loading import arrays_of
-from raytwin.contract.repair_function import probes, repair_here
+from raytwin.contract.repair_function import further_probes, probes, repair_here
 from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant, generated_variants, together
 from raytwin.contract.stage_result import CaseResult, StageResult
 from raytwin.diagnose.repair import Repair
@@ -39,7 +39,7 @@ def repair_function(stage: Stage, function: Function, seed: int = 0, source: str
         return None
     right = partial(is_right, stage)
     cases = probes(stage, stage.cases(seed), lambda case: not right(case, _call(function, case)))
-    return repair_here(function, cases, right, source)
+    return repair_here(function, cases, right, source, partial(further_probes, stage, seed))
 
 
 def is_right(stage: Stage, case: Case, got: Outcome) -> bool:
@@ -52,8 +52,8 @@ def is_right(stage: Stage, case: Case, got: Outcome) -> bool:
 
 def call_stage(stage: Stage, function: Function, cases: Iterable[Case]) -> list[Outcome]:
     """The function's answer to each case; it gets copies of the arguments, and whatever it raises is its answer."""
-    if told := stage.misfit(function):
-        return [f"it is {told}, and is called as {stage.signature}" for _ in cases]
+    if other := stage.misfit(function):
+        return [f"it is {other}, and is called as {stage.signature}" for _ in cases]
     return [_call(function, case) for case in cases]
 
 
@@ -63,7 +63,7 @@ def _call(function: Function, case: Case) -> Outcome:
             warnings.simplefilter("ignore")
             return as_arrays(function(*_copied(case.args)))
     except Exception as error:  # theirs, whatever it is
-        return _told(error)
+        return _error_text(error)
 
 
 def _copied(args: Any) -> Any:
@@ -82,7 +82,7 @@ def as_arrays(made: Any) -> Outcome:
         return str(error)
 
 
-def _told(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     """`it raised ValueError: ... (line 12: x = a @ b)`, the line being the student's own."""
     if isinstance(error, NotImplementedError):
         return "it is not written yet"
@@ -243,8 +243,12 @@ def _distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _blame(causes: list[tuple[Variant, ...]]) -> str:
     """The sentence; of several that explain it equally, all."""
-    told = list(dict.fromkeys("; and ".join(v.sentence for v in cause) for cause in causes))
-    return told[0] if len(told) == 1 else "one of these, which these cases cannot tell apart: " + "; or: ".join(told)
+    sentences = list(dict.fromkeys("; and ".join(v.sentence for v in cause) for cause in causes))
+    return (
+        sentences[0]
+        if len(sentences) == 1
+        else "one of these, which these cases cannot tell apart: " + "; or: ".join(sentences)
+    )
 
 
 def _distinct(causes: Iterable[tuple[Variant, ...]]) -> Iterator[tuple[Variant, ...]]:
@@ -281,17 +285,17 @@ def _worst_value(stage: Stage, case: Case, got: Arrays) -> tuple[str, str, str]:
 
 def _short_args(stage: Stage, case: Case, at: tuple[Any, ...] = ()) -> str:
     """`directions[3] = [0.1, 0.2, 0.9], radius = 0.2`: rows of the value at `at`, and what is short as a whole."""
-    told = []
+    named = []
     for name, arg in zip(stage.parameters, case.args, strict=True):
         if isinstance(arg, dict):
             continue
         if isinstance(arg, np.ndarray) and arg.ndim == 2 and len(at) and len(arg) == len(case.expected[0]):
-            told.append(f"{name}[{at[0]}] = {_number(arg[at[0]])}")
+            named.append(f"{name}[{at[0]}] = {_number(arg[at[0]])}")
         elif not isinstance(arg, np.ndarray) or arg.size <= 9:
-            told.append(f"{name} = {_number(arg)}")
+            named.append(f"{name} = {_number(arg)}")
     if len(case.expected) == 1 and len(at) >= 2 and case.expected[0].ndim == 3:
-        told.insert(0, f"pixel u = {at[1]}, v = {at[0]}")
-    return f"{case.shows}: {', '.join(told)}" if told else case.shows
+        named.insert(0, f"pixel u = {at[1]}, v = {at[0]}")
+    return f"{case.shows}: {', '.join(named)}" if named else case.shows
 
 
 def _short(arrays: Arrays) -> str:

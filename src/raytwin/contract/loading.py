@@ -66,10 +66,10 @@ def arrays_of(made: Any) -> tuple[np.ndarray, ...]:
     return tuple(a if a.dtype.itemsize <= 8 else a.astype(float) for a in arrays)
 
 
-def run_program(command: Sequence[str], told: Path, out: Path, endings: Sequence[str], **options: Any) -> Path:
-    """The image that a program wrote, which finds `{scene}` at `told` and writes to `{out}`, or to `{out}.pfm` and so
+def run_program(command: Sequence[str], scene: Path, out: Path, endings: Sequence[str], **options: Any) -> Path:
+    """The image that a program wrote, which finds `{scene}` at `scene` and writes to `{out}`, or to `{out}.pfm` and so
     on. RuntimeError, in words, where there is none."""
-    words = [word.replace("{scene}", str(told)).replace("{out}", str(out)) for word in command]
+    words = [word.replace("{scene}", str(scene)).replace("{out}", str(out)) for word in command]
     done = subprocess.run(words, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False, **options)
     sys.stderr.write(done.stderr[-2000:].decode(errors="replace"))
     paths = (out, *(out.with_name(out.name + ending) for ending in endings))

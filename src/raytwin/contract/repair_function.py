@@ -26,7 +26,7 @@ def repair_here(
     cases: Sequence[Case],
     is_right: Callable[[Case, Any], bool],
     source: str = "",
-    seconds: float = SECONDS,
+    further: Callable[[], Sequence[Case]] = tuple,
 ) -> Repair | None:
     """The change that makes the function right in all `cases`, of which the first is wrong; None where none is found.
 
@@ -51,7 +51,7 @@ def repair_here(
 
     token = _REPAIRING.set(True)
     try:
-        return repair(cells, name, cases, is_right, run, lambda: time.process_time() - began < seconds)
+        return repair(cells, name, cases, is_right, run, lambda: time.process_time() - began < SECONDS, further=further)
     finally:
         _REPAIRING.reset(token)
 
@@ -96,6 +96,15 @@ def probes(stage: Stage, cases: Sequence[Case], is_wrong: Callable[[Case], bool]
     small = (smaller(stage, case) for case in wrong[:2])
     rest = [case for case in cases if not any(case is one for one in wrong)]
     return [*[case for case in small if case is not None and is_wrong(case)][:1], *wrong, *rest] if wrong else []
+
+
+def further_probes(stage: Stage, seed: int) -> list[Case]:
+    """Cases of other seeds, pictures thinned: a change that is right by chance in the test's own fails in these."""
+    return [smaller(stage, case) or case for k in range(1, FURTHER + 1) for case in stage.cases(seed + 1000 * k)]
+
+
+FURTHER = 2
+"""Seeds whose cases a repair has to pass beyond the test's own."""
 
 
 def smaller(stage: Stage, case: Case) -> Case | None:

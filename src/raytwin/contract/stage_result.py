@@ -58,12 +58,14 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         rows = "".join(_row(case, self) for case in self.cases)
         worst = [("inputs", self.inputs), ("expected", self.expected), ("got", self.got)]
         mark = f'<b style="color:{COLOURS[self.passed]}">{"✓" if self.passed else "✗"} {escape(self.stage)}</b>'
-        told = "".join(f"<tr>{_cell(name)}{_cell(text, CODE)}</tr>" for name, text in worst if text and not self.passed)
+        values = "".join(
+            f"<tr>{_cell(name)}{_cell(text, CODE)}</tr>" for name, text in worst if text and not self.passed
+        )
         return (
             f'<div style="border-left:4px solid {COLOURS[self.passed]};padding:2px 12px;max-width:60em">'
             f'<p style="margin:4px 0">{mark} {escape(self.sentence)}</p>'
             + (f'<p style="margin:4px 0">{escape(self.hint)}</p>' if self.hint else "")
-            + (f"<table>{told}</table>" if told else "")
+            + (f"<table>{values}</table>" if values else "")
             + f"<table><tr>{_cell('case')}{_cell(f'error ({self.unit})')}{_cell('values off')}</tr>{rows}</table></div>"
         )
 

@@ -44,10 +44,10 @@ def find_subject(what: str | Renderer | Callable[..., Any], rung: str, sampling:
     submission = load(text)
     render, made = submission.picture()
     own = {name: f for name, f in submission.stages.items() if name in PARTS and not is_unwritten(f)}
-    tell = _name if isinstance(render, Shown) else as_arrays
+    describe = _name if isinstance(render, Shown) else as_arrays
     takes = takes_of(render)
     return UserRenderer(
-        rung, f"{text} ({made})" if made else text, render, tell, own, seeded="seed" in takes,
+        rung, f"{text} ({made})" if made else text, render, describe, own, seeded="seed" in takes,
         renders=RENDERS if "seed" in takes else 1, samples=FEW if takes >= {"seed", "samples"} else 0,
     )  # fmt: skip
 

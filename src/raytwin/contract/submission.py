@@ -62,8 +62,8 @@ class Submission:
         """The function of that name. Raises InputError where there is none, or one that takes other arguments."""
         if name not in self.stages:
             raise InputError(f"{self.name}: {name}", "a function", "nothing of that name")
-        if told := CONTRACT[name].misfit(self.stages[name]):
-            raise InputError(f"{self.name}: {name}", f"a function called as {CONTRACT[name].signature}", told)
+        if other := CONTRACT[name].misfit(self.stages[name]):
+            raise InputError(f"{self.name}: {name}", f"a function called as {CONTRACT[name].signature}", other)
         return self.stages[name]
 
 
@@ -106,7 +106,7 @@ def run_file(path: Path) -> ModuleType:
     module = _new_module(path)
     for error in run_cells(module, [(str(path), _read(path))]).values():
         expected = "Python" if isinstance(error, SyntaxError) else "a Python file that can be imported"
-        raise InputError(path, expected, _told(error, str(path))) from error
+        raise InputError(path, expected, _error_text(error, str(path))) from error
     return module
 
 
@@ -117,7 +117,7 @@ def run_notebook(path: Path) -> tuple[ModuleType, tuple[str, ...]]:
     """
     module = _new_module(path)
     failed = run_cells(module, [(f"cell {number}", text) for number, text in cells(path)])
-    return module, tuple(f"{name}: {_told(error, name)}" for name, error in failed.items())
+    return module, tuple(f"{name}: {_error_text(error, name)}" for name, error in failed.items())
 
 
 def cells(path: Path) -> Iterator[tuple[int, str]]:
@@ -149,7 +149,7 @@ def _new_module(path: Path) -> ModuleType:
     return new_module(f"raytwin_submission_{next(_numbers)}_{path.stem}", path)
 
 
-def _told(error: BaseException, name: str) -> str:
+def _error_text(error: BaseException, name: str) -> str:
     """`KeyError: 'moon' (line 12)`, the line being the file's own."""
     if isinstance(error, SystemExit):
         return f"exit({error.code})"
@@ -181,13 +181,13 @@ class Program:
 
     def __call__(self, scene: dict[str, Any], samples: int = 16, seed: int = 0) -> Image:
         with tempfile.TemporaryDirectory() as folder:
-            told, out = Path(scene.get("mitsuba", f"{folder}/scene.json")), Path(folder) / "out.exr"
+            described, out = Path(scene.get("mitsuba", f"{folder}/scene.json")), Path(folder) / "out.exr"
             if "mitsuba" not in scene:
-                files.write_json(told, as_json(scene))
+                files.write_json(described, as_json(scene))
             words = [w.replace("{samples}", str(samples)).replace("{seed}", str(seed)) for w in self._words()]
             try:
                 options = {"stdout": subprocess.DEVNULL, "timeout": SECONDS}
-                return as_image(run_program(words, told, out, ENDINGS, **options)).image
+                return as_image(run_program(words, described, out, ENDINGS, **options)).image
             except (OSError, subprocess.TimeoutExpired) as error:
                 raise InputError(self.command, "a program that runs", error) from None
             except RuntimeError as error:

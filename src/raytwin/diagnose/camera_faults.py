@@ -108,7 +108,7 @@ def _by_norm_of_many(right: Any, axis: tuple[int, ...], board: bool) -> Any:
 
 
 MOST_RAYS = 50_000
-"""Of larger pictures no norm over all rays is predicted."""
+"""Pixels; no norm of a larger picture over all rays is predicted."""
 
 
 lens_of = partial(slips, "undistort")

@@ -58,11 +58,15 @@ def cached(first: Sequence[Camera], cameras: Sequence[Camera]) -> tuple[Fault, .
         if any(other.image_size == one.image_size and other != one for other in cameras):
             by_size.setdefault(one.image_size, []).append(one)
     each = list(islice(product(*by_size.values()), 8 if by_size else 0))
-    ways = [_kept({one.image_size: one for one in some}, what) for some in each for what in ("lens", "axes", "pose")]
+    ways = [
+        _with_other_rays({one.image_size: one for one in some}, what)
+        for some in each
+        for what in ("lens", "axes", "pose")
+    ]
     return (row("rays-kept", CAMERA, CACHED, *ways),) if ways else ()
 
 
-def _kept(by_size: dict[tuple[int, int], Camera], what: str) -> Pipeline:
+def _with_other_rays(by_size: dict[tuple[int, int], Camera], what: str) -> Pipeline:
     """With the kept camera's lens; its axes too, from the own eye; or its whole pose."""
 
     def camera(scene: SceneDict) -> SceneDict:

@@ -111,7 +111,7 @@ IN_U, IN_V = "np.abs(q @ half_u) <= half_u @ half_u", "np.abs(q @ half_v) <= hal
 INSIDE, T, MET = f"({IN_U}) & ({IN_V})", "((center - origins) @ n) / (directions @ n)", "inside & (t > 0)"
 CROSS, CROSS_AT = "n = np.cross(half_u, half_v)", 'n = np.cross(thing["half_u"], thing["half_v"])'
 ALONG_Z = '(directions @ scene["R_cam_board"][2])'
-"""Of unit rays: what they are divided by for z = 1."""
+"""What unit rays are divided by for z = 1."""
 NEAREST = "which, t = nearest(intersect_all(origins, directions, things))"
 BALLS = 'np.array([["radius" in x] for x in things])'
 

@@ -210,20 +210,20 @@ def stale(sights: Sequence[PixelSample]) -> tuple[Fault, ...]:
         return ()
     return (
         row("objects-kept", ORDER, f"objects of scenes that were rendered before are still there: {SHARED}",
-            *(chain(_kept(partial(_with_objects, kind=kind), part, of), order, OFF_SURFACE)
+            *(chain(_from_earlier(partial(_with_objects, kind=kind), part, of), order, OFF_SURFACE)
               for part, of in added for kind in KINDS for order in EQUALS)),
         row("objects-of-earlier", ORDER, f"the objects of a scene that was rendered before are shown: {SHARED}",
-            *(_kept(partial(_for_objects, kind=kind), part, of) for part, of in kept for kind in KINDS)),
+            *(_from_earlier(partial(_for_objects, kind=kind), part, of) for part, of in kept for kind in KINDS)),
         row("albedos-kept", LIGHT,
             f"albedos of scenes that were rendered before are still in the table, before those of this one: {SHARED}",
-            *(_kept(partial(_with_albedos, apart=apart), slice(None), of) for of in lists
+            *(_from_earlier(partial(_with_albedos, apart=apart), slice(None), of) for of in lists
               for apart in (False, True))),
         row("light-kept", LIGHT, f"the light of a scene that was rendered before is used: {SHARED}",
-            *(_kept(partial(_with_lights, names=names), part, of) for part, of in kept
+            *(_from_earlier(partial(_with_lights, names=names), part, of) for part, of in kept
               for names in (("to_light", "irradiance", "sky"), ("to_light", "irradiance"), ("to_light",),
                             ("irradiance",), ("sky",), ("irradiance", "sky")))),
         row("camera-kept", CAMERA, f"the camera of a scene that was rendered before is used: {SHARED}",
-            *(_kept(partial(_with_camera, names=names), part, of) for part, of in kept
+            *(_from_earlier(partial(_with_camera, names=names), part, of) for part, of in kept
               for names in (("K", "dist", "R_cam_board", "t_cam_board"), ("K", "dist"), ("K",), ("dist",),
                             ("R_cam_board", "t_cam_board"), ("R_cam_board",), ("t_cam_board",)))),
     )  # fmt: skip
@@ -236,7 +236,9 @@ def _some(before: Before, stages: Sequence[str], apart: bool) -> list[Scene]:
     return [one for stage, one in before.calls if (stage == before.stage if apart else stage in stages)]
 
 
-def _kept(f: Callable[[Scene, Sequence[Scene]], Scene], part: slice, of: Callable[[Before], list[Scene]]) -> Pipeline:
+def _from_earlier(
+    f: Callable[[Scene, Sequence[Scene]], Scene], part: slice, of: Callable[[Before], list[Scene]]
+) -> Pipeline:
     """The scene as f(scene, some of the earlier ones) makes it."""
 
     def earlier(scene: Scene, before: Before) -> Scene:

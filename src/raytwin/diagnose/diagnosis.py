@@ -1,6 +1,6 @@
 """Which mistake explains these pictures? Each fault's prediction beside what was handed in, over all scenes together.
 
-A fault is believed for what it predicts: its picture of every scene is held against the one that was submitted, the
+A fault is believed for what it predicts: its picture of every scene is compared with the one that was submitted, the
 scenes that are right included. Where no single one suffices, faults are added one by one; where none does, it is said
 where the picture is wrong. The cost of errors e is Σ log(1 + (e/τ)²), minus the log likelihood of values that are
 either hit closely or missed by any amount, so that a few odd pixels decide nothing.
@@ -179,7 +179,7 @@ def _search(
         more = min(found, key=lambda g: g.cost)
         if len(more.causes) > len(found[0].causes) and not left_over(sights, more.steps)[0]:
             found = [more, *(g for g in found if g is not more)]
-    made = _told(found, sights, base, where, budget)
+    made = _described(found, sights, base, where, budget)
     if not made.causes and thorough and is_firm(sights) and (beside := between(sights, budget)) is not None:
         fault, share = beside
         return Diagnosis(False, (Cause(fault.name, fault.stage, fault.sentence),), ((),), share, None, "likely", where)
@@ -462,7 +462,7 @@ def _weighed(guess: Hypothesis, sights: Sequence[PixelSample]) -> Hypothesis:
     return replace(guess, cost=total(sights, guess.steps))
 
 
-def _told(
+def _described(
     found: list[Hypothesis], sights: list[PixelSample], base: Hypothesis, where: str, budget: Budget
 ) -> Diagnosis:
     if not found:
@@ -475,17 +475,23 @@ def _told(
         single = min((g for g in found if len(g.causes) == 1), key=lambda g: g.cost)
         share = explained_share(sights, single.steps)[0]
         lit = [(s, s.view.scene) for s in sights if s.view.scene and s.view.scene.objects and not s.view.points]
-        told = [f"{scene.name}: {words}" for s, scene in lit if not budget.spent and (words := split(s).words)]
+        parts_of_light = [
+            f"{scene.name}: {words}" for s, scene in lit if not budget.spent and (words := split(s).words)
+        ]
         return Diagnosis(
-            right=False, explained=max(share, 0.0), where=where, nearest=single.causes[0], light="; ".join(told)
+            right=False,
+            explained=max(share, 0.0),
+            where=where,
+            nearest=single.causes[0],
+            light="; ".join(parts_of_light),
         )
     if not is_likelier(sights, best.steps):
         return Diagnosis(right=False, where=where)
-    held = _held_out(best, sights, each)
+    worst = _held_out(best, sights, each)
     others = _as_good(best, found, sights, budget)
     alone = len(best.causes) == 1 and not others[0]
     shown = share > WHOLE or (share > EXPLAINED and sum(bool(s.wrong.any()) for s in sights) > 1)
-    agreed = held is None or held > EXPLAINED
+    agreed = worst is None or worst > EXPLAINED
     unchecked = budget.spent
     count, left = (0, "") if unchecked else left_over([s.everywhere(_most(s)) for s in sights], best.steps)
     whole = count < FEW and not unchecked and is_good(sights, best.steps)
@@ -498,7 +504,7 @@ def _told(
         causes=tuple(best.causes[k] for k in order),
         alternatives=tuple(others[k] for k in order),
         explained=share,
-        held_out=held,
+        held_out=worst,
         sureness=sureness,
         where=f"{where}; something else is wrong, too: {left}".rstrip(": ") if count >= FEW else where,
     )

@@ -22,7 +22,7 @@ from raytwin.tracer import RADIANCE, trace
 
 WALKS, DEEPEST = 64, 5
 """Random walks a pixel where light is followed, and the surfaces that they meet at most."""
-WRONG, KEPT, EDGES = 700, 500, 250
+WRONG, RIGHT_ONES, EDGES = 700, 500, 250
 """Pixels that are looked at: of those that are wrong, those that are right, and those of them beside an outline."""
 MET = 4_000_000
 """Most pixels times objects; a scene with more objects is sampled at fewer pixels."""
@@ -301,9 +301,9 @@ def look(view: SubmittedImage, seed: int = 0) -> PixelSample:
     rng = np.random.default_rng(seed)
     fewer = 4 if deep else 1
     if view.scene is not None:
-        fewer *= max(1, (WRONG + KEPT + EDGES) * len(view.scene.objects) // MET)
+        fewer *= max(1, (WRONG + RIGHT_ONES + EDGES) * len(view.scene.objects) // MET)
     chosen, weights = [], []
-    for mask, most in ((wrong, WRONG), (~wrong & ~edge & rays, KEPT), (~wrong & edge & rays, EDGES)):
+    for mask, most in ((wrong, WRONG), (~wrong & ~edge & rays, RIGHT_ONES), (~wrong & edge & rays, EDGES)):
         there = np.flatnonzero(mask)
         if there.size:
             n = min(max(most // fewer, 1), there.size)

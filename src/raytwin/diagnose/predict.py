@@ -208,7 +208,7 @@ DEPENDS = {
     "sun_visible": ("sun_visible", "intersect_sphere", "intersect_plane", "intersect_all"),
 }
 """Functions whose results stay for other tracers -> the functions that they are made by."""
-KEPT = 12
+CACHED = 12
 """Results of wrong functions that stay for the next tracer."""
 
 
@@ -282,7 +282,7 @@ class Predictor:
         store.append((args, made))
         del store[:-2]
         wrong = [k for k in self.memory if k[1]] if key[1] else []
-        for old in wrong[:-KEPT]:
+        for old in wrong[:-CACHED]:
             del self.memory[old]
         return made
 

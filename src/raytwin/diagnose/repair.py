@@ -68,25 +68,31 @@ Run = Callable[[Sequence[Candidate], Sequence[Any]], Answers]
 def repair(
     cells: Cells, function: str, cases: Sequence[Any], is_right: Callable[[Any, Any], bool], run: Run,
     more_time: Callable[[], bool], innocent: Sequence[str] = (), known: Sequence["Candidate"] = (),
+    further: Callable[[], Sequence[Any]] = tuple,
 ) -> Repair | None:  # fmt: skip
     """The least far-fetched change of one place after which `function` is right in all cases; None where none is found.
 
     `cases` have `args`; the first is one that is wrong. `is_right(case, arrays)`. `innocent`: functions that are right
     by their own tests. `more_time()`: whether to go on. `known`: what has made other functions right is tried first.
+    `further()`: cases that a change must make right as well before it counts as proved: by chance it may fit `cases`.
     """
     tried = 0
-    for chunk in itertools.chain([list(known)], _chunks(candidates(cells, function, innocent))):
-        if not more_time():
-            return None
-        tried += len(chunk)
-        left = chunk
-        for case in cases:
+
+    def passing(left: list[Candidate], some: Sequence[Any]) -> list[Candidate]:
+        for case in some:
             if not left:
                 break
             answers = run(left, case.args)
             left = [c for c, got in zip(left, answers, strict=True) if got is not None and is_right(case, got)]
-        if left:
-            return replace(_told(left[0]), tried=tried, candidate=left[0])
+        return left
+
+    for chunk in itertools.chain([list(known)], _chunks(candidates(cells, function, innocent))):
+        if not more_time():
+            return None
+        tried += len(chunk)
+        left = passing(chunk, cases)
+        if left and (left := passing(left, further())):
+            return replace(_as_repair(left[0]), tried=tried, candidate=left[0])
     return None
 
 
@@ -101,7 +107,7 @@ def _chunks(all_: Iterator[Candidate]) -> Iterator[list[Candidate]]:
         yield chunk
 
 
-def _told(best: Candidate) -> Repair:
+def _as_repair(best: Candidate) -> Repair:
     """The statement on one line, before and after; of what spans more, the expression that differs."""
     edit = best.edit
     smallest = _simple_statement(best.statement, edit.old)

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from raytwin.contract.check_function import is_right
-from raytwin.contract.repair_function import probes
+from raytwin.contract.repair_function import further_probes, probes
 from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, attempt, repair
@@ -128,7 +128,8 @@ def _repair(
     if not (tried := probes(stage, cases, is_wrong)):
         return None
     run = partial(_run, child, stage.name)
-    return repair(cells, stage.name, tried, right, run, lambda: _clock(child) < until, innocent, known)
+    further = partial(further_probes, stage, seed)
+    return repair(cells, stage.name, tried, right, run, lambda: _clock(child) < until, innocent, known, further)
 
 
 def _run(child: Sandbox, function: str, chosen: Sequence[Candidate], arguments: Sequence[Any]) -> Answers:
