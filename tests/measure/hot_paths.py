@@ -46,7 +46,7 @@ def test_twin_of_four_samples(benchmark, scene):
 
 def test_compare(benchmark, scene):
     a, b = trace(scene, engine="numpy64"), trace(scene, engine="numpy32")
-    benchmark(compare, a, b, scene=scene.name)
+    benchmark(compare, a, b)
 
 
 def test_report(benchmark, scene, tmp_path):
