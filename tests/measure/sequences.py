@@ -1,9 +1,9 @@
 """How often sequences of looks fail correct renders, how soon they see a fault, and what a pass is worth.
 
-`python -m measure.sequences [alarms] [speed] [misses] [rivals] [COUNT]`, in tests/, prints the tables of
+`python -m measure.sequences [alarms] [speed] [misses] [rivals] [COUNT] [NOISE ...]`, in tests/, prints the tables of
 docs/measured/verdict.md: alarms of COUNT (1000) sequences of each kind of noise and reference; samples to certainty for
 each size of fault, beside the best fixed number in hindsight and the mixture martingale, which was the other way to
-stop; and how often an image passes that is off by just what a pass excludes.
+stop; and how often an image passes that is off by just what a pass excludes. OMP_NUM_THREADS=1 halves the time.
 
 The pictures are small (24 x 32), so that thousands of sequences take minutes. No sequence passes while alarms are
 counted: each is looked at until all its samples are there.
@@ -168,10 +168,22 @@ def alarms(count: int, names: Sequence[str] = tuple(NOISES)) -> list[list[str]]:
                 looks += check.looks
             cells.append(f"{failed} of {count}")
             total += failed
-        interval = binomtest(total, 2 * count).proportion_ci()
-        rows.append([*cells, f"{interval.low:.1e} to {interval.high:.1e}", f"{looks / 2 / count:.1f}"])
+        rows.append([*cells, interval(total, 2 * count), f"{looks / 2 / count:.1f}"])
         print(rows[-1], flush=True)
     return rows
+
+
+def interval(alarms: int, of: int) -> str:
+    """The 95 % interval of a rate in words, Clopper and Pearson's."""
+    found = binomtest(alarms, of).proportion_ci()
+    return f"{found.low:.1e} to {found.high:.1e}"
+
+
+def with_all(rows: list[list[str]]) -> list[list[str]]:
+    """The rows, and one that adds them up."""
+    counts = np.array([[[int(n) for n in cell.split(" of ")] for cell in row[1:3]] for row in rows]).sum(axis=0)
+    total = counts.sum(axis=0)
+    return [*rows, ["all", *(f"{k} of {n}" for k, n in counts.tolist()), interval(int(total[0]), int(total[1])), ""]]
 
 
 # ------------------------------------------------------------------------------------------ samples to certainty
@@ -316,11 +328,14 @@ def certainty(path: str) -> list[list[str]]:
 
 def main(*words: str) -> None:
     count = next((int(w) for w in words if w.isdigit()), 1000)
-    parts = [w for w in words if not w.isdigit()] or ["alarms", "speed", "misses"]
+    parts = [w for w in words if not w.isdigit() and w not in NOISES] or ["alarms", "speed", "misses"]
+    names = [w for w in words if w in NOISES] or list(NOISES)
     command = "python -m measure.sequences {} {}"
     if "alarms" in parts:
         columns = ["noise", "alarms, both sides in rounds", "alarms, stored reference", "95 % interval", "looks"]
-        record.table("verdict", "sequence-alarms", columns, alarms(count), command.format("alarms", count))
+        record.table(
+            "verdict", "sequence-alarms", columns, with_all(alarms(count, names)), command.format("alarms", count)
+        )
     if "speed" in parts:
         columns = ["noise", "too bright by", "best fixed number", "looks (ratio)", "mixture martingale (ratio)"]
         record.table("verdict", "sequence-speed", columns, speed(min(count, 40)), command.format("speed", count))
@@ -329,9 +344,9 @@ def main(*words: str) -> None:
         record.table("verdict", "rivals", columns, rivals(min(count, 100)), command.format("rivals", count))
     for path in (word for word in words if word.endswith(".json")):
         tools = ["in rounds", "best fixed", "always 64", "Welch", "sign flips", "z-test", "idiff", "FLIP"]
-        rows = certainty(path)
+        rows, repeats = certainty(path), json.loads(Path(path).read_text(encoding="utf-8"))["rows"][0]["runs"]
         columns = ["scene", "fault", *tools[: len(rows[0]) - 2]]
-        record.table("verdict", "certainty", columns, rows, "raytwin bench verdict --repeats 3 --samples 128")
+        record.table("verdict", "certainty", columns, rows, f"raytwin bench verdict --repeats {repeats} --samples 128")
     if "misses" in parts:
         columns = ["noise", "bias", "passed", "95 %, at most", "samples, correct", "samples, biased"]
         record.table("verdict", "sequence-misses", columns, misses(min(count, 200)), command.format("misses", count))

@@ -46,7 +46,7 @@ LEAST_SHARE = 0.9
 """Share of the runs in which a fixed number of samples must notice the fault."""
 
 IN_ROUNDS, FIXED, ALWAYS = "in rounds", "best fixed number", "always 64"
-AS_BY_64 = "nothing wrong; {} as sure as by 64"
+AS_BY_64 = "nothing wrong, {} as by 64"
 """Correct pairs in rounds until a pass excludes the bias that a comparison of 64 samples per pixel would have found."""
 
 

@@ -1,6 +1,5 @@
 """Radiance: which noise is known, what it leaves to be found, and what cannot be decided."""
 
-import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -63,13 +62,6 @@ UNEXPLAINED = "the images differ from pixel to pixel by more than the reference'
 GIVE = "give a variance (variance=, --variance-a), the samples per pixel (--samples-a) or several renders"
 
 
-class Asked(NamedTuple):
-    """The relative bias of the whole `image`, and of a `tile` of 24 x 24 pixels, that a pass must not have missed."""
-
-    image: float = math.inf
-    tile: float = math.inf
-
-
 class Outcome(NamedTuple):
     """What is wrong, and where (`failing`); why nothing can be decided (`doubts`); else what could have been seen."""
 
@@ -83,7 +75,10 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RadianceTest:
-    """Two finite images of one shape, in units of `unit`, and how closely they must agree."""
+    """Two finite images of one shape, in units of `unit`, and how closely they must agree.
+
+    `detectable`: the relative biases of the whole image, and of 24 x 24 pixels, that a pass must not have missed.
+    """
 
     test: Image
     reference: Image
@@ -94,16 +89,18 @@ class RadianceTest:
     look: float
     half_steps: tuple[Pixels | None, Pixels | None]
     excused: int
+    shift: Shift | None
+    detectable: tuple[float, float]
 
     @property
     def pixels(self) -> int:
         return self.test.shape[0] * self.test.shape[1]
 
-    def run(self, shift: Shift | None, asked: Asked) -> Outcome:
+    def run(self) -> Outcome:
         """By what is told of the noise; where that fails and something is not told, by what the scatter shows."""
         told = self._filled()
         untold = [name for name, i in (("the test", told.test), ("the reference", told.reference)) if not noise_told(i)]
-        first = told._by_what_is_told(shift, asked)
+        first = told._by_what_is_told()
         if first.findings and any(hardly_sampled(i) for i in (told.test, told.reference)):
             return first._replace(doubts=(FEW_SAMPLES,))
         if not untold:
@@ -114,7 +111,7 @@ class RadianceTest:
         known = sum(claims, np.zeros(3))
         shown = residual(self.test.mean, self.reference.mean, carrying=True)
         if (first.findings or unexplained(shown, known)) and may_be_noise(shown, known, self.bound.least):
-            return self._by_scatter(first, shift, asked, untold, shown)
+            return self._by_scatter(first, untold, shown)
         return first
 
     def exactly(self) -> Outcome:
@@ -162,7 +159,7 @@ class RadianceTest:
         made = Rounding(*(np.broadcast_to(np.asarray(x, np.float32), shape) for x in (value, mean)))
         return made, replace(self, test=images[0], reference=images[1])
 
-    def _by_what_is_told(self, shift: Shift | None, asked: Asked) -> Outcome:
+    def _by_what_is_told(self) -> Outcome:
         rounding, self = self._rounding()
         if self.test.variance is None and self.reference.variance is None:
             return self.exactly()
@@ -173,9 +170,10 @@ class RadianceTest:
             bounded, much = capped(a.variance, block_means(a.variance), shown)
             a = replace(a, variance=bounded)
         made = decide(a, b, self.bound, self.rate, rounding, look=self.look)
-        outcome = self._answered(made, b, shift, asked)
+        outcome = self._answered(made, b)
         few, sure = fewest_batches(a, b), any(f.rank == EXACT for f in outcome.findings)
-        if outcome.findings and few < ENOUGH_BATCHES and not (sure or self._fails_by_scatter(shift)):
+        hardly = outcome.findings and few < ENOUGH_BATCHES and not sure
+        if hardly and not self._answered(self._decided_by_scatter(), self.reference).findings:
             return outcome._replace(doubts=(FEW_BATCHES.format(few),))
         local = outcome.findings and all(f.rank in (TILE, VALUE) for f in outcome.findings)
         if local and (rare := [(s, name) for name, i in (("the test", a), ("the reference", b))
@@ -184,10 +182,6 @@ class RadianceTest:
         if much > 0.5 and outcome.findings and self._shares_noise(shown):
             return outcome._replace(doubts=(SHARED,))
         return outcome
-
-    def _fails_by_scatter(self, shift: Shift | None) -> bool:
-        """Whether the test fails too where the scatter of t - r within blocks serves as the noise."""
-        return bool(self._answered(self._decided_by_scatter(), self.reference, shift, Asked()).findings)
 
     def _decided_by_scatter(self) -> Decision:
         a = replace(self.test, variance=estimated(self.test.mean, self.reference.mean), samples=0, batches=2)
@@ -222,10 +216,10 @@ class RadianceTest:
         noise_free = noise_free._replace(error=noise_free.error * self.unit)
         return noise_free.findings(self.tolerance, self.bound.scale * self.unit, self.pixels, self.excused)
 
-    def _answered(self, made: Decision, reference: Image, shift: Shift | None, asked: Asked) -> Outcome:
+    def _answered(self, made: Decision, reference: Image) -> Outcome:
         findings = self._noise_free_findings(made.noise_free) + noise_findings(made, reference, self.unit)
-        if shift is not None:
-            findings += shift_findings(shift, sidak(self.rate, TESTS), made.inflation)
+        if self.shift is not None:
+            findings += shift_findings(self.shift, sidak(self.rate, TESTS), made.inflation)
         seen = made.image.detectable
         statistics = Statistics(
             z_mean=made.image.worst.signed,
@@ -237,13 +231,10 @@ class RadianceTest:
         )
         notes = what_could_be_seen(made.image.detectable, made.tile.detectable, made.inflation, self.rate)
         doubts: tuple[str, ...] = ()
-        tile = made.tile.detectable
+        of = (seen, "the whole image's mean"), (made.tile.detectable, "24 x 24 pixels")
         missed = [
             f"{percent(found)} of {what} (a pass needs {percent(limit)})"
-            for found, limit, what in (
-                (seen, asked.image, "the whole image's mean"),
-                (tile, asked.tile, "24 x 24 pixels"),
-            )
+            for (found, what), limit in zip(of, self.detectable, strict=True)
             if found > limit
         ]
         if not findings and missed:
@@ -252,15 +243,13 @@ class RadianceTest:
         failing = (*made.tile.places, *made.value.places, *made.noise_free.places)
         return Outcome(findings, statistics, notes, doubts, tuple(dict.fromkeys(failing)), finite(made.image.excluded))
 
-    def _by_scatter(
-        self, first: Outcome, shift: Shift | None, asked: Asked, untold: list[str], shown: Residual
-    ) -> Outcome:
+    def _by_scatter(self, first: Outcome, untold: list[str], shown: Residual) -> Outcome:
         """The scatter of t - r within blocks as the noise of both: tiles and the image tell, single pixels do not.
 
         It may convict an image; it excuses one only where the reference's own noise bears it out.
         """
         t, r = self.test.mean, self.reference.mean
-        outcome = self._answered(self._decided_by_scatter(), self.reference, shift, asked)
+        outcome = self._answered(self._decided_by_scatter(), self.reference)
         known = borne_out(t, r, shown, self.bound.least)
         if outcome.findings:
             return outcome if known or not any(f.rank == EXACT for f in first.findings) else first

@@ -14,7 +14,7 @@ from raytwin.compare.finding import HARD, SHIFT, SILHOUETTE, Finding, plural
 from raytwin.compare.geometry import geometry_findings, without_ties
 from raytwin.compare.invalid import shape_findings, value_findings
 from raytwin.compare.metrics import measure
-from raytwin.compare.radiance_test import Asked, RadianceTest
+from raytwin.compare.radiance_test import RadianceTest
 from raytwin.compare.scale import Bound, scale_of, unit_of
 from raytwin.compare.shift import find_shift, shift_finding
 from raytwin.errors import InputError
@@ -65,9 +65,9 @@ def compare(
     start = time.perf_counter()
     # Finite values near float32's end may overflow when squared: infinite errors fail, and need no warning.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        asked = Asked(detectable_bias, math.inf if detectable_tile_bias is None else detectable_tile_bias)
-        look = 1.0 if sequence_rate is None else false_alarm_rate / sequence_rate
-        made = _compare(test, reference, tolerance, false_alarm_rate, look, asked, noise, half_steps, flip)
+        detectable = detectable_bias, math.inf if detectable_tile_bias is None else detectable_tile_bias
+        rates = false_alarm_rate, 1.0 if sequence_rate is None else false_alarm_rate / sequence_rate
+        made = _compare(test, reference, tolerance, rates, detectable, noise, half_steps, flip)
     return msgspec.structs.replace(made, seconds=time.perf_counter() - start)
 
 
@@ -75,9 +75,8 @@ def _compare(
     test: Image,
     reference: Image,
     tolerance: Tolerance,
-    rate: float,
-    look: float,
-    asked: Asked,
+    rates: tuple[float, float],
+    detectable: tuple[float, float],
     noise: str,
     half_steps: tuple[Pixels | None, Pixels | None],
     flip: bool,
@@ -115,10 +114,9 @@ def _compare(
         geometry = msgspec.structs.replace(geometry, shift_px=shift.length)
     mismatch = geometry.mask_mismatch_pixels or 0
     excused = mismatch if mismatch <= tolerance.mask_pixels else 0
-    radiance_test = RadianceTest(
-        test, reference, tolerance, Bound(tolerance.p999_abs, scale), unit, rate, look, half_steps, excused
-    )
-    outcome = radiance_test.exactly() if noise == "none" else radiance_test.run(shift, asked)
+    bound = Bound(tolerance.p999_abs, scale)
+    asked = RadianceTest(test, reference, tolerance, bound, unit, *rates, half_steps, excused, shift, detectable)
+    outcome = asked.exactly() if noise == "none" else asked.run()
     findings += outcome.findings
     told = any(f.rank == SHIFT for f in findings)
     if findings and not outcome.doubts and shift is not None and shift.certain and not told:

@@ -38,11 +38,11 @@ def write_verdict_charts(found: VerdictBench, folder: Path) -> None:
 def verdict_lines(found: VerdictBench) -> Iterator[str]:
     """The table in words: a line per scene and fault, every tool's samples; then the alarms."""
     tools = list(dict.fromkeys(row.tool for row in found.rows))
-    yield f"{'scene':<10} {'fault':<32} " + " ".join(f"{tool:>18}" for tool in tools)
+    yield f"{'scene':<10} {'fault':<40} " + " ".join(f"{tool:>18}" for tool in tools)
     faults = dict.fromkeys((row.scene, row.fault) for row in found.rows)
     for scene, fault in faults:
         mine = {row.tool: row for row in found.rows if (row.scene, row.fault) == (scene, fault)}
-        yield f"{scene:<10} {fault:<32} " + " ".join(f"{_cell(mine.get(tool)):>18}" for tool in tools)
+        yield f"{scene:<10} {fault:<40} " + " ".join(f"{_cell(mine.get(tool)):>18}" for tool in tools)
     for row in found.alarms:
         yield f"{row.scene:<10} {row.tool:<20} fails {row.alarms} of {row.asked} correct pairs"
     if ratios := found.ratios():
