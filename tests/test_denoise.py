@@ -1,5 +1,7 @@
 """Non-local means: less noise, and nothing else lost."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -13,8 +15,9 @@ from raytwin.image import Image
 def rendered(scenes):
     """The scene at so many samples, path traced over the pixel's area."""
     scene = read_scene(scenes / "overlap").scene
-    scene = scene.with_camera(scene.camera.resized(160, 120))
+    scene = scene.with_camera(scene.camera.resized(120, 90))
 
+    @functools.cache
     def render(samples: int, seed: int = 0) -> Image:
         return twin.render(scene, "path", sampling="area", samples=samples, seed=seed, cache=False)
 

@@ -12,7 +12,7 @@ from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.budget import Budget
 from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.certainty import is_likelier, shows
-from raytwin.diagnose.changes import moved
+from raytwin.diagnose.changes import chain, moved
 from raytwin.diagnose.diagnosis import _search, diagnose, explain
 from raytwin.diagnose.parametric_faults import FAMILIES, bright
 from raytwin.diagnose.pixel_sample import PixelSample, SubmittedImage, look
@@ -106,17 +106,17 @@ def test_a_cause_under_noise_has_to_bring_the_noisy_pixels_nearer():
     assert not is_likelier(sights, RIGHT)
 
 
-@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
-def test_a_number_whose_effect_is_below_the_tolerance_is_never_named(family):
-    """A number that is off by a billionth, beside a dozen odd values that nothing explains."""
-    scene = SCENES["overlap"]
-    near = family.make(tuple(x + 3e-9 for x in family.start))
+@pytest.mark.parametrize("start", range(4))
+def test_numbers_whose_effect_is_below_the_tolerance_are_never_named(start):
+    """A quarter of all numbers are off by a billionth, beside a dozen odd values that nothing explains."""
+    scene, some = SCENES["overlap"], [f for f in FAMILIES if f.name not in CONSTANTS][start::4]
+    near = chain(*(family.make(tuple(x + 3e-9 for x in family.start)) for family in some))
     shown = np.array(predictor(scene).picture(near))
     sights = [look(SubmittedImage(scene, (1.3 * shown).reshape(60, 80, 3)))]
-    assert family.name in CONSTANTS or not shows(sights, RIGHT, near)
+    assert not shows(sights, RIGHT, near)
     shown[np.random.default_rng(1).choice(4800, 12, replace=False)] += 0.05
     said = explain(Image(shown.reshape(60, 80, 3).astype(np.float32)), trace(scene), scene)
-    assert family.name in CONSTANTS or not any(words.startswith("cause (") for words in said)
+    assert not any(words.startswith("cause (") for words in said)
 
 
 CONSTANTS = {"background-constant", "shadow-dims", "shadow-start", "shadow-reach"}

@@ -9,7 +9,6 @@ import pypdfium2
 import pytest
 from pypdfium2 import raw
 
-from raytwin.calib.boards import sheet as sheet_module
 from raytwin.calib.boards.board import Board, BoardTag, Grid, read_board, tag_cells
 from raytwin.calib.boards.lengths import parse_paper
 from raytwin.calib.boards.sheet import Sheet, check_gap, lay_out, pdf_bytes, write_sheet
@@ -382,32 +381,3 @@ def test_tags_too_close_or_too_small_are_refused(tag, pitch, said):
 def test_a_list_of_tags_cannot_be_laid_out():
     with pytest.raises(InputError, match="board: expected a grid of tags, got a list of them"):
         lay_out(Board("tag36h11", 0.03, tags=(BoardTag(0, (0.0, 0.0)),)), A4, 0.005)
-
-
-def test_the_rulers_marks_are_longest_at_centimetres_and_whole_inches(monkeypatch):
-    """Above the line 1.8, 1.4 and 0.9 mm at 10, 5 and 1 mm; below it 1.6, 1.2 and 0.7 mm at 8, 4 and 1 eighths."""
-    drawn = []
-    add = sheet_module._add_rectangle
-
-    def recorded(path, left, bottom, right, top):
-        drawn.append(np.array([left, bottom, right, top]) / sheet_module.POINTS)
-        add(path, left, bottom, right, top)
-
-    monkeypatch.setattr(sheet_module, "_add_rectangle", recorded)
-    board = Board("tag36h11", 0.03, Grid(5, 7, 0.038))
-    sheet = lay_out(board, (0.2159, 0.3556), 0.01, inches=True)
-    pdf_bytes(sheet)
-    marks = np.array(drawn)
-    marks = marks[len(marks) - 1 - round(sheet.bar * 1000) - 1 - int(sheet.bar / 0.0254 * 8) - 1 :]
-    (_, low, _, high), marks = marks[0], marks[1:]
-    line = (low + high) / 2
-    at = (marks[:, 0] + marks[:, 2]) / 2 - sheet.strip[0]
-    up = marks[:, 3] - line > 1e-4
-    expected = [0.0018 if i % 10 == 0 else 0.0014 if i % 5 == 0 else 0.0009 for i in range(101)]
-    np.testing.assert_allclose(marks[up, 3] - line, expected, atol=1e-9)
-    np.testing.assert_allclose(at[up], np.arange(101) * 1e-3, atol=1e-4)
-    eighths = np.arange((~up).sum())
-    assert len(eighths) == int(sheet.bar / 0.0254 * 8) + 1
-    expected = [0.0016 if i % 8 == 0 else 0.0012 if i % 4 == 0 else 0.0007 for i in eighths]
-    np.testing.assert_allclose(line - marks[~up, 1], expected, atol=1e-9)
-    np.testing.assert_allclose(at[~up], eighths * 0.0254 / 8, atol=1e-4)
