@@ -10,7 +10,7 @@ from typing import Any
 import jaxtyping
 from beartype import BeartypeConf, beartype
 
-CALLS = 20
+CALLS = 5
 """Checks cost more than most functions do: all calls of a long test would take three times as long."""
 
 # An int is a float here, as type checkers have it; nothing is left to chance.

@@ -321,6 +321,7 @@ RIGHT = (
     (FOOT, "", ""),
     (PLAIN, "range(50)", "range(25)"),
     (PLAIN, "d = rays @ R", "d = (rays @ R).astype(np.float32)"),
+    (PLAIN, "d = rays @ R", "d = rays @ R * np.linspace(0.5, 2, len(rays))[:, None]"),
     (PLAIN, "eye = -R.T @ tvec", "eye = -np.linalg.solve(R, tvec)"),
     (PLAIN, "np.where(t1 > 1e-9, t1, t2)", "np.where(t1 > 1e-6, t1, t2)"),
     (LOOPS, "near = (-half - s) / a", "near = q / (-half + s) if half < 0 else (-half - s) / a"),

@@ -338,17 +338,6 @@ def test_a_scene_of_ones_own_is_not_held_to_the_shipped_one_of_its_name(run, pyt
     run(TRACED.replace("ball", "overlap"), "--raytwin-update").assert_outcomes(passed=1)
 
 
-def test_a_damaged_reference_fails(run, pytester):
-    own = pytester.path / "reference/overlap/shadow.exr"
-    own.parent.mkdir(parents=True)
-    whole = bytearray((SHIPPED / "overlap/shadow.exr").read_bytes())
-    whole[len(whole) // 2] ^= 1
-    own.write_bytes(whole)
-    result = run(TRACED.replace("ball", "overlap"))
-    result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines(["*damaged*"])
-
-
 # ------------------------------------------------------------------------------------------ many at once
 
 CASES = """

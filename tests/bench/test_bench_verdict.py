@@ -12,6 +12,7 @@ from raytwin.bench.verdict_tools import (
     Tiles,
     sees_welch,
     sees_welch_of_images,
+    sees_z_test,
     tile_sums,
     tiles_of_image,
     tiles_of_renders,
@@ -79,3 +80,15 @@ def test_the_bench_has_every_tool_and_fault_and_writes_its_charts(tmp_path):
 def test_wrong_numbers_are_refused_before_anything_is_rendered(options, match):
     with pytest.raises(InputError, match=match):
         bench_verdict(["wedge"], **options)
+
+
+def test_mitsubas_test_passes_what_it_is_known_to_pass():
+    """Up to a quarter per cent of the pixels may be black; one more fails."""
+    rng = np.random.default_rng(0)
+    variance = np.full((64, 64, 3), 1e-4, np.float32)
+    reference = Image(np.ones((64, 64, 3), np.float32), variance, samples=1000)
+    mean = (1 + 1e-3 * rng.standard_normal((64, 64, 3))).astype(np.float32)
+    mean.reshape(-1, 3)[:10] = 0
+    assert not sees_z_test(Image(mean, variance, 1000), reference)
+    mean.reshape(-1, 3)[:12] = 0
+    assert sees_z_test(Image(mean, variance, 1000), reference)

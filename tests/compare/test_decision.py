@@ -157,8 +157,12 @@ def test_one_wrong_pixel_fails_and_is_located():
     a.mean[30, 7] = 2.0
     c = compare(a, render(rng, samples=4096))
     assert not c.passed
-    assert any("the pixel (x=7, y=30) is" in r for r in c.reasons)
+    (said,) = (r for r in c.reasons if "the pixel (x=7, y=30) is" in r)
+    assert "other" not in said
     assert c.statistics.pixel_fail_fraction == pytest.approx(1 / (H * W))
+    a.mean[11, 9] = 2.0
+    two = compare(a, render(rng, samples=4096))
+    assert any(r.endswith("; so is 1 other pixel") for r in two.reasons), two.reasons
 
 
 def test_black_rows_fail_even_with_no_variance_of_their_own():

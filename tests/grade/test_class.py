@@ -115,8 +115,8 @@ PARTS = tracers.RIGHT.replace("def render", "def own")
         ("", "", 20, "this is made of your back_project and intersect_sphere and shade, the rest is ours"),
         ("np.pi *", "1 *", 0, "the sun's part is π times too bright"),
         ("def shade", "def shade_", 0, "render is not written"),
-        ("return np.where(disc", "return (disc", 0, "intersect_sphere: it returned 3 arrays"),
-        ("return np.where(disc < 0", "return np.where(disc[:5] < 0", 0, "ValueError"),
+        ("return t\n", "return t, t, t\n", 0, "intersect_sphere: it returned 3 arrays"),
+        ("np.where(hit, disc, 0)", "np.where(hit, disc[:5], 0)", 0, "ValueError"),
         (
             "def own(scene):",
             "def render(scene):\n    raise NotImplementedError\ndef own(scene):",

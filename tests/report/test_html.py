@@ -111,12 +111,6 @@ def test_an_image_without_surface_is_reported_without_silhouettes(make_result, t
     assert "Silhouettes" not in titles(tmp_path / "report.html")
 
 
-def test_images_equal_to_the_last_bit_have_no_worst_pixels(make_result, tmp_path):
-    result = make_result()
-    write_report(replace(result, test=result.twin), tmp_path / "report.html")
-    assert "equal to the last bit" in text_of(tmp_path / "report.html")
-
-
 # ------------------------------------------------------------------------------------------ in a browser
 
 

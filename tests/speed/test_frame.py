@@ -221,13 +221,6 @@ def test_a_shadow_only_takes_light_away(overlap):
     np.testing.assert_allclose(shaded.mean[taken], albedo * overlap.sky.radiance, rtol=1e-6)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_every_solver_draws_the_shipped_scenes_alike_in_float64(shipped, exact, solver):
-    image = trace(shipped, "shadow", "numpy64", solver)
-    np.testing.assert_array_equal(image.surface.ids, exact.surface.ids)
-    assert quantile999(image.mean - exact.mean) < 1e-6
-
-
 def test_an_image_is_the_same_when_it_is_traced_again(overlap, engine):
     np.testing.assert_array_equal(trace(overlap, "shadow", engine).mean, trace(overlap, "shadow", engine).mean)
 
