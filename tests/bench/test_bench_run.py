@@ -1,5 +1,6 @@
 """Methods, truths and a whole run: tiny pictures, small budgets, no word about how fast anything is."""
 
+import functools
 import json
 import time
 from dataclasses import dataclass, replace
@@ -76,8 +77,14 @@ HERE = [m for m in RENDERERS.values() if "cuda" not in m.library and m.samples <
 KINDS = sorted({type(m) for m in HERE}, key=lambda kind: kind.__name__)
 
 
+@pytest.fixture(scope="module")
+def truth(view):
+    """The truth of its name, made once."""
+    return functools.cache(lambda name: converge(view("overlap"), name, 64, 5.0)[0])
+
+
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_of_method_gives_an_image_near_its_truth(view, kind):
+def test_every_kind_of_method_gives_an_image_near_its_truth(view, truth, kind):
     scene = view("overlap")
     for method in [m for m in HERE if type(m) is kind][-2:]:
         try:
@@ -87,9 +94,8 @@ def test_every_kind_of_method_gives_an_image_near_its_truth(view, kind):
         image = call(1).mean
         assert image.shape == (36, 48, 3)
         assert image.dtype == np.float32
-        truth, _ = converge(scene, truth_of(method), 64, 5.0)
         bound = {Filled: 1.0, Plain: 0.3, Denoised: 0.2, Speculated: 0.2, Twin: 0.1}
-        assert METRICS["rmse"].function(image, truth) < bound.get(kind, 0.03), method.name
+        assert METRICS["rmse"].function(image, truth(truth_of(method))) < bound.get(kind, 0.03), method.name
 
 
 def test_exact_methods_do_not_depend_on_the_seed_and_noisy_ones_do(view):
