@@ -321,9 +321,8 @@ class ReferenceCheck:
 
         self._node.stash[_FAILED] = self._node.stash.get(_FAILED, False) or made.verdict not in ("pass", "differs")
         number = self._node.stash.setdefault(_COUNTER, itertools.count())
-        return check_page.write_check(
-            folder, self._node.nodeid, next(number), Report(self.name, self.rung, made), notes, *images
-        )
+        report = Report(self.name, self.rung, made)
+        return check_page.write_check(folder, self._node.nodeid, next(number), report, notes, *images)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -9,8 +9,3 @@ from raytwin.speed.frame import background, check_rows, draw, trace, with_solver
 from raytwin.speed.path_tracing import PARTS, light_parts, walk
 from raytwin.speed.points import trace_points
 from raytwin.speed.speculation import WAYS, speculate
-
-__all__ = [
-    "ENGINES", "PARTS", "TRIMS", "WAYS", "background", "check_rows", "corner_box", "draw", "light_parts", "speculate",
-    "trace", "trace_points", "trim_box", "trim_boxes", "walk", "with_solver",
-]  # fmt: skip

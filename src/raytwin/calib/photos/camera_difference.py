@@ -45,8 +45,7 @@ def projection_difference(calibration, other, distance: float | None = None) -> 
     away = calibration.basis.distance if distance is None else distance
     pixels, shape = cell_middles(calibration.image_size)
     sigma = deviations(calibration, pixels, away)
-    rays = np.c_[lens_model.undistort(pixels, calibration.K, calibration.dist), np.ones(len(pixels))]
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    rays = lens_model.unit_rays(pixels, calibration.K, calibration.dist)
     seen = np.isfinite(sigma)
     weight = np.where(seen, 1 / np.maximum(np.nan_to_num(sigma, nan=1.0), UNDONE_PX), 0.0)[:, None]
     unknowns = 3 if math.isinf(away) else 6

@@ -74,6 +74,12 @@ def undistort(pixels: Any, K: Any, dist: Sequence[float]) -> np.ndarray:
     return np.stack(newton((u - cx) / fx, (v - cy) / fy, five(dist).tolist()), axis=1)
 
 
+def unit_rays(pixels: np.ndarray, K: Any, dist: Sequence[float]) -> np.ndarray:
+    """(n, 3): the unit directions, in the camera's frame, of pixels (n, 2); see `undistort`."""
+    rays = np.c_[undistort(pixels, K, dist), np.ones(len(pixels))]
+    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+
 def grows(rays: np.ndarray, dist: Sequence[float]) -> np.ndarray:
     """(n,) bool: whether the lens does not fold back between its middle and the camera's ray (n, 3).
 

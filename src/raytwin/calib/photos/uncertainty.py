@@ -137,8 +137,7 @@ def deviations(calibration, pixels: np.ndarray, distance: float = math.inf) -> n
     pixels = np.asarray(pixels, float)
     K, dist = calibration.K, calibration.dist
     with np.errstate(all="ignore"):
-        rays = np.c_[lens_model.undistort(pixels, K, dist), np.ones(len(pixels))]
-        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        rays = lens_model.unit_rays(pixels, K, dist)
         residuals, of_lens, of_point = lens_model.linearise(rays, pixels, K, dist, MODELS[calibration.model])
         unseen = ~(np.linalg.norm(residuals, axis=1) <= UNDONE_PX) | ~lens_model.grows(rays, dist)
     by_pose = lens_model.of_pose(rays, of_point)
