@@ -2,18 +2,20 @@
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.options import Size, register
+from raytwin.cli.options import register
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
-from raytwin.progress import Progress, silent
+from raytwin.progress import silent
+from raytwin.workflows.settings import ReferenceSettings
 
 if TYPE_CHECKING:
     from raytwin.parallel import Workers
@@ -30,9 +32,8 @@ WORDS = ("PASS", "FAIL", "?   ")
 
 
 def make_command(
-    scenes: list[Path] | None = None, rung: list[str] | None = None, folder: Path = REFERENCES,
-    samples: int | None = None, seed: int | None = None, sampling: str | None = None, size: Size = None,
-    again: bool = False, yes: bool = False, jobs: int = 1, dask: str = "", shard: str = "",
+    settings: ReferenceSettings, scenes: list[Path] | None = None, rung: list[str] | None = None,
+    folder: Path = REFERENCES, yes: bool = False, jobs: int = 1, dask: str = "", shard: str = "",
     allow: list[str] | None = None,
 ) -> None:  # fmt: skip
     """Render references with Mitsuba. Show what changes before replacing an old one.
@@ -44,8 +45,7 @@ def make_command(
 
     check_outputs(folders=(folder,))
     refused = []
-    options = {"samples": samples, "seed": seed, "sampling": sampling, "size": size, "again": again}
-    for change in _changes(_cases(scenes, rung), folder.absolute(), options, parse_workers(jobs, dask, shard)):
+    for change in _changes(_cases(scenes, rung), folder.absolute(), settings, parse_workers(jobs, dask, shard)):
         say("\n".join(change.lines()))
         if change.kind == "same":
             continue
@@ -121,21 +121,15 @@ def diff_command(
     With --against: what differs from another folder.
     """
     from raytwin import references
-    from raytwin.compare import compare
     from raytwin.workflows import make_reference
 
     folder, codes = _source(folder), list[int]()
     for scene, one, found in _cases(scenes, rung):
         if against is None:
-            with show_progress() as progress:
-                change = make_reference.make(
-                    scene, one, folder, samples=samples, again=True, found=found, progress=progress
-                )
+            change = _made((scene, one, found), folder, ReferenceSettings(samples, again=True))
         else:
-            name = found.name
-            new, old = (references.load(references.path_of(f, name, one)) for f in (folder, against))
-            c = compare(new.image, old.image, tolerance=new.tolerance)
-            change = make_reference.Change(new, old, tuple(make_reference.header_changes(old.header, new.header)), c)
+            new, old = (references.load(references.path_of(f, found.name, one)) for f in (folder, against))
+            change = make_reference.change_of(new, old)
         say("\n".join(change.lines()))
         if change.comparison is not None:
             codes.append(change.comparison.exit_code)
@@ -162,7 +156,9 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[Case
             yield scene, rung, found
 
 
-def _changes(cases: "Iterator[Case]", folder: Path, options: dict[str, Any], workers: "Workers") -> "Iterator[Change]":
+def _changes(
+    cases: "Iterator[Case]", folder: Path, settings: ReferenceSettings, workers: "Workers"
+) -> "Iterator[Change]":
     """What `make` found of each case of the share, as it is done; an error comes after all the others.
 
     Other processes render with the variant that this one would: no set of references mixes two.
@@ -172,13 +168,10 @@ def _changes(cases: "Iterator[Case]", folder: Path, options: dict[str, Any], wor
 
     errors = []
     if workers.jobs == 1 and not workers.dask:  # one after the other, each with its own bar
-        for case in workers.share(list(cases)):
-            with show_progress() as progress:
-                change = _made(case, folder, options, progress)
-            yield change
+        yield from (_made(case, folder, settings) for case in workers.share(list(cases)))
         return
     chosen = [(scene.absolute(), rung, found) for scene, rung, found in cases]
-    made = partial(_made, folder=folder, options=options, variant=twin.chosen().variant)
+    made = partial(_made, folder=folder, settings=settings, variant=twin.chosen().variant)
     with show_progress() as progress:
         for count, done in enumerate(map_parallel(made, chosen, workers), start=1):
             progress("references", count, len(workers.share(chosen)))
@@ -189,16 +182,16 @@ def _changes(cases: "Iterator[Case]", folder: Path, options: dict[str, Any], wor
         raise errors[0]
 
 
-def _made(
-    case: "Case", folder: Path, options: dict[str, Any], progress: Progress = silent, variant: str | None = None
-) -> "Change":
+def _made(case: "Case", folder: Path, settings: ReferenceSettings, variant: str | None = None) -> "Change":
+    """What becomes of one reference; `variant`: in a worker, whose progress nobody sees."""
     from raytwin import twin
     from raytwin.workflows import make_reference
 
     if variant is not None:
         twin.activate(variant)  # which says where this machine cannot
     scene, rung, found = case
-    return make_reference.make(scene, rung, folder, found=found, progress=progress, **options)
+    with nullcontext(silent) if variant else show_progress() as progress:
+        return make_reference.make(scene, rung, folder, settings, found=found, progress=progress)
 
 
 def _worst(codes: list[int]) -> int:

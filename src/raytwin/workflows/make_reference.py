@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -26,6 +27,7 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, MitsubaScene, Scene, SceneFile
 from raytwin.scene.scene_changes import changes
 from raytwin.workflows.rounds import Budget, Rounds, round_seed
+from raytwin.workflows.settings import ReferenceSettings
 
 PIXELS = 336 * 252
 """About what a reference has: a shadow's edge is still some pixels from the next, and all files fit a repository."""
@@ -112,18 +114,11 @@ def render(scene: Scene, rung: str, settings: Settings, progress: Progress = sil
     if settings.samples < 1 or settings.samples % (STINTS * BATCHES):
         raise InputError("samples", f"a multiple of {STINTS * BATCHES}", settings.samples)
     pool = ImagePool()
+    samples = settings.samples // STINTS
     for stint in range(STINTS):
         progress(f"{scene.name}/{rung}", stint, STINTS)
-        pool.add(
-            twin.render(
-                scene,
-                rung,
-                sampling=settings.sampling,
-                samples=settings.samples // STINTS,
-                batches=BATCHES,
-                seed=round_seed(settings.seed, stint),
-            )
-        )
+        seed = round_seed(settings.seed, stint)
+        pool.add(twin.render(scene, rung, sampling=settings.sampling, samples=samples, batches=BATCHES, seed=seed))
     progress(f"{scene.name}/{rung}", STINTS, STINTS)
     return replace(pool.image, surface=None)
 
@@ -171,85 +166,73 @@ class Change:
         return lines
 
 
+def change_of(new: Reference, old: Reference | None, notes: tuple[str, ...] = ()) -> Change:
+    """Return how the new differs from the old; `notes`: why there is no old one."""
+    if old is None:
+        return Change(new, None, notes)
+    compared = compare(new.image, old.image, tolerance=new.tolerance)
+    return Change(new, old, tuple(header_changes(old.header, new.header)), compared)
+
+
 def make(
     scene: str | Path,
     rung: str,
     folder: str | Path,
+    settings: ReferenceSettings | None = None,
     *,
-    samples: int | None = None,
-    seed: int | None = None,
-    sampling: str | None = None,
-    size: tuple[int, int] | None = None,
-    again: bool = False,
     found: SceneFile | MitsubaScene | None = None,
     progress: Progress = silent,
+    **options: Any,
 ) -> Change:
     """What the reference would become; `save(change.new)` writes it.
 
-    An old one that is whole and fits its scene and settings is taken over without rendering, unless `again`. What is
-    not given stays as in the old one, or is the default. `found`: what `find_scene` gave, where it was asked already.
+    `options`: fields of ReferenceSettings. An old one that is whole and fits its scene and settings is taken over
+    without rendering, unless `again`. `found`: what `find_scene` gave, where it was asked already.
     """
+    asked = replace(settings or ReferenceSettings(), **options)
     found = found or find_scene(scene, progress)
     if isinstance(found, MitsubaScene):
-        return _made_from_file(found, rung, folder, samples, seed, sampling, size, again, progress)
+        return _made_from_file(found, rung, folder, asked, progress)
     written = files.read_scene(scene)
     path, hashed = path_of(folder, written.name, rung), scene_hash(written)
     old, notes = _there(path)
     known = old if old is not None and old.written is not None else None
     same_scene = known is not None and known.header["scene_hash"] == hashed
-    settings = _settings(known.header if known else {}, samples, seed, sampling)
-    found = _at_size(
-        found,
-        size or (known.origin().camera.image_size if known and same_scene else None),
-    )
+    chosen = _settings(known.header if known else {}, asked)
+    found = _at_size(found, asked.size or (known.origin().camera.image_size if known and same_scene else None))
     if known and same_scene and _same_but_for_digits(found.scene, known.origin().camera):
         found = found.with_camera(known.origin().camera)
-    header = describe(found.scene, written.name, hashed, rung, settings)
-    if known and not again and all(known.header.get(k) == header[k] for k in _DECIDES) and known.camera == found.camera:
+    header = describe(found.scene, written.name, hashed, rung, chosen)
+    same = known and not asked.again and all(known.header.get(k) == header[k] for k in _DECIDES)
+    if known and same and known.camera == found.camera:
         header |= {k: v for k, v in known.header.items() if k not in ("set_up", "checksum")}
         return Change(sealed(path, known.image, header, found), known)
-    new = sealed(path, render(found.scene, rung, settings, progress), header, found)
-    if old is None:
-        return Change(new, None, notes)
-    notes = tuple(header_changes(old.header, new.header))
-    return Change(new, old, notes, compare(new.image, old.image, tolerance=found.tolerance))
+    return change_of(sealed(path, render(found.scene, rung, chosen, progress), header, found), old, notes)
 
 
 def _made_from_file(
-    found: MitsubaScene,
-    rung: str,
-    folder: str | Path,
-    samples: int | None,
-    seed: int | None,
-    sampling: str | None,
-    size: tuple[int, int] | None,
-    again: bool,
-    progress: Progress,
+    found: MitsubaScene, rung: str, folder: str | Path, asked: ReferenceSettings, progress: Progress
 ) -> Change:
     """As `make`: of a Mitsuba file there is one level of light, LEVEL, and its film decides where rays go."""
     check_one_of("--rung", rung, (LEVEL,))
-    if sampling not in (None, "area"):
-        raise InputError("--sampling", "area: a Mitsuba file's film decides where rays go", sampling)
+    if asked.sampling not in (None, "area"):
+        raise InputError("--sampling", "area: a Mitsuba file's film decides where rays go", asked.sampling)
     path = path_of(folder, found.name, rung)
     old, notes = _there(path)
-    settings = _settings(old.header if old is not None and old.of_file else {}, samples, seed, "area")
-    width, height = size or (found.image_size if old is None else old.image.shape[1::-1])
+    chosen = _settings(old.header if old is not None and old.of_file else {}, replace(asked, sampling="area"))
+    width, height = asked.size or (found.image_size if old is None else old.image.shape[1::-1])
     sized = files.with_film(found, width=width, height=height)
-    header = twin.mitsuba_provenance(sized, settings.samples, settings.seed, STINTS * BATCHES)
+    header = twin.mitsuba_provenance(sized, chosen.samples, chosen.seed, STINTS * BATCHES)
     header |= {
         "scene": found.name, "rung": rung, "scene_hash": sized.digest, "size": f"{width} x {height}",
         "sampling": "area", "filter": "the film's own", "renderer": "Mitsuba",
         FILES: msgspec.json.encode(found.files).decode(),
     }  # fmt: skip
     decides = ("scene_hash", "samples", "seed", "size")
-    if old is not None and old.of_file and not again and all(old.header.get(k) == header[k] for k in decides):
+    if old is not None and old.of_file and not asked.again and all(old.header.get(k) == header[k] for k in decides):
         return Change(old, old)
-    image = twin.render_mitsuba(sized, settings.samples, settings.seed, STINTS * BATCHES, progress=progress)
-    new = sealed(path, image, header, None)
-    if old is None:
-        return Change(new, None, notes)
-    notes = tuple(header_changes(old.header, new.header))
-    return Change(new, old, notes, compare(new.image, old.image))
+    image = twin.render_mitsuba(sized, chosen.samples, chosen.seed, STINTS * BATCHES, progress=progress)
+    return change_of(sealed(path, image, header, None), old, notes)
 
 
 def _there(path: Path) -> tuple[Reference | None, tuple[str, ...]]:
@@ -260,13 +243,13 @@ def _there(path: Path) -> tuple[Reference | None, tuple[str, ...]]:
         return None, (str(error),)
 
 
-def _settings(had: dict[str, str], samples: int | None, seed: int | None, sampling: str | None) -> Settings:
+def _settings(had: dict[str, str], asked: ReferenceSettings) -> Settings:
     """What is given, else what the old one had (without noise it tells no samples), else the default."""
     before = int(had.get("samples", 1))
     return Settings(
-        samples or (before if before > 1 else SAMPLES),
-        int(had.get("seed", 0)) if seed is None else seed,
-        sampling or had.get("sampling", "center"),
+        asked.samples or (before if before > 1 else SAMPLES),
+        int(had.get("seed", 0)) if asked.seed is None else asked.seed,
+        asked.sampling or had.get("sampling", "center"),
     )
 
 

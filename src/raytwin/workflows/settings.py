@@ -116,3 +116,14 @@ class AugmentSettings:
     def __post_init__(self) -> None:
         if self.exposure is not None and not self.exposure >= 0:
             raise InputError("--exposure", "a number >= 0", self.exposure)
+
+
+@dataclass(frozen=True)
+class ReferenceSettings:
+    """How a reference is made. What is None stays as in the old one, or is the default; `again`: even if up to date."""
+
+    samples: int | None = None
+    seed: int | None = None
+    sampling: str | None = None
+    size: tuple[int, int] | None = None
+    again: bool = False
