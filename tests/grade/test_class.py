@@ -372,10 +372,6 @@ def test_junit_csv_and_json_agree(graded, tmp_path):
     assert (rows["gamma"]["causes"], rows["gamma"]["certainty"]) == ("; ".join(results["gamma"].faults), "sure")
 
 
-def test_a_spreadsheet_takes_no_name_for_a_formula():
-    assert [pages.tame(c) for c in ("=1+1", "-2.5", "@x", "Ada")] == ["'=1+1", "-2.5", "'@x", "Ada"]
-
-
 # ------------------------------------------------------------------------------------------ kinds of submissions
 
 

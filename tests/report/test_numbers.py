@@ -5,6 +5,7 @@ import math
 import msgspec
 import pytest
 
+from raytwin import files
 from raytwin.compare import Comparison, Geometry, Perceptual, Radiance, Report, Statistics
 from raytwin.report import numbers
 from raytwin.scene import Tolerance
@@ -88,10 +89,9 @@ def test_times_are_shown_to_about_three_digits(value, text):
 
 
 def test_the_json_has_the_designed_keys_and_null_for_what_is_not_finite(tmp_path):
-    from raytwin.report.json_report import write_comparison
 
     report = Report("s", "shadow", Comparison("pass", ("all well",), radiance=Radiance(max_abs=math.inf)))
-    write_comparison(report, tmp_path / "comparison.json")
+    files.write_json(tmp_path / "comparison.json", report.numbers())
     data = msgspec.json.decode((tmp_path / "comparison.json").read_bytes())
     assert list(data) == [
         "scene", "rung", "verdict", "reasons", "geometry", "radiance", "statistics", "perceptual", "ledger", "seconds",

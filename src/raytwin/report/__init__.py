@@ -22,7 +22,6 @@ _HOME = {
     "write_bench_all": "bench_page",
     "write_calibration": "calibration_page",
     "write_bends": "uncertainty_pictures",
-    "write_comparison": "json_report",
     "write_diff": "report_folder",
     "write_junit": "junit",
     "write_ladder": "ladder_page",

@@ -12,6 +12,7 @@ from raytwin import files
 from raytwin.grade.result import Marked, Picture, Result
 from raytwin.grade.rubric import PICTURES, Rubric
 from raytwin.report.class_page import STATUS, SURENESS, next_step, of_points
+from raytwin.report.junit import Problem, add_case, legal, write_suites
 
 MOST_BYTES = 950_000
 """Bytes of a results.json: Gradescope and PrairieLearn take one megabyte."""
@@ -105,27 +106,16 @@ def write_grade_junit(results: Sequence[Result], path: str | os.PathLike[str]) -
         bad = [e for e in r.exercises if e.status != "pass"]
         failures = sum(e.status == "fail" for e in bad)
         about = {"tests": str(len(r.exercises)), "failures": str(failures), "errors": str(len(bad) - failures)}
-        suite = ET.SubElement(root, "testsuite", {"name": _legal(r.student), "time": f"{r.seconds:.3f}"} | about)
-        told = ET.SubElement(suite, "properties")
-        for name, value in (("points", of_points(r.points)), ("of", of_points(r.of)), ("problem", _legal(r.problem))):
-            ET.SubElement(told, "property", {"name": name, "value": value})
+        suite = ET.SubElement(root, "testsuite", {"name": legal(r.student), "time": f"{r.seconds:.3f}"} | about)
+        properties = ET.SubElement(suite, "properties")
+        for name, value in (("points", of_points(r.points)), ("of", of_points(r.of)), ("problem", legal(r.problem))):
+            ET.SubElement(properties, "property", {"name": name, "value": value})
         for e in r.exercises:
-            seconds = f"{sum(p.seconds for p in e.parts):.3f}"
-            case = {"name": _legal(e.name), "classname": _legal(r.student), "time": seconds}
-            test = ET.SubElement(suite, "testcase", case)
-            if e.status != "pass":
-                message = _legal(e.sentences[0] if e.sentences else STATUS[e.status][1])
-                element = ET.SubElement(
-                    test, "failure" if e.status == "fail" else "error", {"message": message, "type": e.status}
-                )
-                element.text = _legal("\n".join(_lines(e)))
-    ET.indent(root)
-    files.write_text(path, ET.tostring(root, "unicode", xml_declaration=True) + "\n")
-
-
-def _legal(text: str) -> str:
-    """Without what XML 1.0 cannot hold, not even escaped: its section 2.2."""
-    return re.sub("[^\t\n\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "\ufffd", text)
+            message = e.sentences[0] if e.sentences else STATUS[e.status][1]
+            element = "failure" if e.status == "fail" else "error"
+            problem = Problem(element, message, e.status, "\n".join(_lines(e))) if e in bad else None
+            add_case(suite, e.name, r.student, sum(p.seconds for p in e.parts), problem)
+    write_suites(root, path)
 
 
 def _unshown(result: Result) -> frozenset[str]:

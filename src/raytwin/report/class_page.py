@@ -3,14 +3,11 @@
 write_class(results, rubric, folder)    # index.html, students/*.html, shared/*, results.csv, results.json, junit.xml
 """
 
-import csv
 import hashlib
-import io
 import json
-import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from itertools import combinations
 from pathlib import Path
@@ -22,6 +19,7 @@ from raytwin.grade.fingerprint import same
 from raytwin.grade.result import SUREST, Marked, Picture, Result
 from raytwin.grade.rubric import PICTURES, Rubric
 from raytwin.report.page import asset, render_page
+from raytwin.report.spreadsheet import write_csv
 
 SHARED = "shared"
 STUDENTS = "students"
@@ -88,7 +86,7 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> list
         **common,
     )
     files.write_text(folder / "index.html", text)
-    write_csv(results, rubric, folder / "results.csv")
+    write_csv(folder / "results.csv", csv_rows(results, rubric))
     files.write_json(folder / "results.json", summary(results, rubric))
     return failed
 
@@ -237,35 +235,19 @@ def summary(results: Sequence[Result], rubric: Rubric) -> dict[str, Any]:
     return {"title": rubric.title, "points": rubric.points, "results": told}
 
 
-def write_csv(results: Sequence[Result], rubric: Rubric, path: Path) -> None:
-    """A line per student: points in all and of each exercise, status of each, causes and how sure they are, what went
-    wrong where there are no numbers."""
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
+def csv_rows(results: Sequence[Result], rubric: Rubric) -> Iterator[Sequence[str]]:
+    """Yield the head, and a row per student: points in all and of each exercise, status of each, causes and how sure
+    they are, what went wrong where there are no numbers."""
     names = [e.name for e in rubric.exercises]
-    rows.writerow(["student", "points", "of", "bonus", *names, *(f"{n}: status" for n in names), *CSV_ENDS])
+    yield ["student", "points", "of", "bonus", *names, *(f"{n}: status" for n in names), *CSV_ENDS]
     for r in results:
         by_name: dict[str, Marked] = {e.name: e for e in r.exercises}
         found = [by_name.get(n) for n in names]
         cells = [of_points(e.points) if e else "" for e in found] + [e.status if e else "" for e in found]
-        said = [r.student, of_points(r.points), of_points(rubric.points), of_points(r.bonus), *cells]
         first = r.worst
         crash = first.sentences[0] if first and first.status in CRASHED and first.sentences else ""
         ends = ["; ".join(r.faults), r.problem or crash, certainty(r), f"{r.own_seconds:.2f}", r.graded]
-        rows.writerow([tame(" ".join(c.split())) for c in (*said, *ends)])
-    files.write_text(path, text.getvalue())
+        yield [r.student, of_points(r.points), of_points(rubric.points), of_points(r.bonus), *cells, *ends]
 
 
 CSV_ENDS = ("causes", "problem", "certainty", "seconds", "graded")
-
-
-def tame(cell: str) -> str:
-    """A spreadsheet takes what begins so for a formula."""
-    return f"'{cell}" if cell[:1] in ("=", "+", "-", "@", "\t", "\r") and not _is_number(cell) else cell
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        return math.isfinite(float(cell))
-    except ValueError:
-        return False

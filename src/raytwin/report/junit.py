@@ -20,46 +20,60 @@ class Case(NamedTuple):
     output: str = ""
 
 
+class Problem(NamedTuple):
+    """What is wrong with a test: `element` is "failure" or "error"."""
+
+    element: str
+    message: str
+    kind: str
+    text: str = ""
+
+
 def write_junit(cases: Iterable[Case], path: str | os.PathLike[str], suite: str = "raytwin") -> None:
     """A failed comparison is a `failure` with its reasons; an undecided one and an InputError are an `error`."""
     cases = list(cases)
-    kinds = [_kind(c.outcome) for c in cases]
-    seconds = [_seconds(c.outcome) for c in cases]
+    problems = [_problem(c.outcome) for c in cases]
+    kinds = [problem.element if problem else "" for problem in problems]
+    seconds = [sum(c.outcome.seconds.values()) if isinstance(c.outcome, Report) else 0.0 for c in cases]
     totals = {
-        "tests": str(len(cases)),
-        "failures": str(kinds.count("failure")),
-        "errors": str(kinds.count("error")),
+        "tests": str(len(cases)), "failures": str(kinds.count("failure")), "errors": str(kinds.count("error")),
         "time": f"{sum(seconds):.3f}",
-    }
+    }  # fmt: skip
     root = ET.Element("testsuites", totals)
     element = ET.SubElement(root, "testsuite", {"name": suite} | totals)
-    for case, kind, taken in zip(cases, kinds, seconds, strict=True):
-        about = {"name": _legal(case.name), "classname": _legal(case.group), "time": f"{taken:.3f}"}
-        test = ET.SubElement(element, "testcase", about)
-        if isinstance(case.outcome, InputError):
-            ET.SubElement(test, "error", {"message": _legal(str(case.outcome)), "type": "InputError"})
-        elif kind:
-            made = case.outcome.comparison
-            reasons = [_legal(reason) for reason in made.reasons]
-            said = {"message": reasons[0] if reasons else made.verdict, "type": made.verdict}
-            ET.SubElement(test, kind, said).text = "\n".join(reasons)
-        if case.output:
-            ET.SubElement(test, "system-out").text = _legal(case.output)
+    for case, problem, taken in zip(cases, problems, seconds, strict=True):
+        add_case(element, case.name, case.group, taken, problem, case.output)
+    write_suites(root, path)
+
+
+def add_case(
+    suite: ET.Element, name: str, group: str, seconds: float, problem: Problem | None, output: str = ""
+) -> None:
+    """Add a test case to the suite."""
+    test = ET.SubElement(suite, "testcase", {"name": legal(name), "classname": legal(group), "time": f"{seconds:.3f}"})
+    if problem is not None:
+        about = {"message": legal(problem.message), "type": problem.kind}
+        ET.SubElement(test, problem.element, about).text = legal(problem.text) or None
+    if output:
+        ET.SubElement(test, "system-out").text = legal(output)
+
+
+def write_suites(root: ET.Element, path: str | os.PathLike[str]) -> None:
     ET.indent(root)
     files.write_text(path, ET.tostring(root, "unicode", xml_declaration=True) + "\n")
 
 
-def _seconds(outcome: Report | InputError) -> float:
-    return sum(outcome.seconds.values()) if isinstance(outcome, Report) else 0.0
+def _problem(outcome: Report | InputError) -> Problem | None:
+    """What is wrong; nothing where the images agree."""
+    if isinstance(outcome, InputError):
+        return Problem("error", str(outcome), "InputError")
+    made = outcome.comparison
+    if made.passed:
+        return None
+    element = "error" if made.verdict == "undecided" else "failure"
+    return Problem(element, made.reasons[0] if made.reasons else made.verdict, made.verdict, "\n".join(made.reasons))
 
 
-def _kind(outcome: Report | InputError) -> str:
-    """The element that says what is wrong; none where the images agree."""
-    if isinstance(outcome, InputError) or outcome.comparison.verdict == "undecided":
-        return "error"
-    return "" if outcome.comparison.passed else "failure"
-
-
-def _legal(text: str) -> str:
+def legal(text: str) -> str:
     """Without what XML 1.0 cannot hold, not even escaped: its section 2.2."""
     return re.sub("[^\t\n\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "\ufffd", text)

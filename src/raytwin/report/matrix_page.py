@@ -3,8 +3,6 @@
 write_matrix(cells, folder)    # index.html, matrix.json, matrix.csv, junit.xml; cells/*.html are there already
 """
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,11 +19,11 @@ from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.report.bench_charts import Mark, marks_chart, steps
 from raytwin.report.charts import chart_html
-from raytwin.report.class_page import tame
 from raytwin.report.compare_page import write_report
 from raytwin.report.data_urls import png_url
 from raytwin.report.junit import Case, write_junit
 from raytwin.report.page import render_page
+from raytwin.report.spreadsheet import write_csv
 from raytwin.report.view import showable
 from raytwin.workflows.compare_scene import Result
 from raytwin.workflows.matrix import Cell, Job, judge
@@ -84,15 +82,15 @@ def write_matrix(
     scenes = list(dict.fromkeys(cell.scene for cell in cells))
     subjects = list(dict.fromkeys(cell.subject for cell in cells))
     by_place = {(cell.scene, cell.subject): cell for cell in cells}
-    rows = [(scene, [by_place.get((scene, subject)) for subject in subjects]) for scene in scenes]
-    rows.sort(key=lambda row: min(map(badness, filter(None, row[1]))))
+    lines = [(scene, [by_place.get((scene, subject)) for subject in subjects]) for scene in scenes]
+    lines.sort(key=lambda line: min(map(badness, filter(None, line[1]))))
     files.write_text(folder / CELLS / SCRIPT, viewer.script())
     text = render_page(
         "matrix.html.j2",
         ("matrix.css",),
         ("table.js", "charts.js"),
         title=title or f"{len(subjects)} renderers on {len(scenes)} scenes",
-        rows=rows,
+        rows=lines,
         subjects=subjects,
         cells=cells,
         signs=SIGNS,
@@ -106,8 +104,11 @@ def write_matrix(
         charts=[(scene, chart_html(chart)) for scene in scenes if (chart := scene_chart(scene, cells))],
     )
     files.write_text(folder / "index.html", text)
-    files.write_json(folder / "matrix.json", {"cells": [_without_picture(cell) for cell in cells]})
-    write_csv(cells, folder / "matrix.csv")
+    rows = [{k: v for k, v in files.plain(cell).items() if k != "thumbnail"} for cell in cells]
+    files.write_json(folder / "matrix.json", {"cells": rows})
+    columns = [name for name in Cell.__struct_fields__ if name not in ("thumbnail", "key")]
+    written = [["" if row[name] is None else str(row[name]) for name in columns] for row in rows]
+    write_csv(folder / "matrix.csv", [columns, *written])
     write_junit(map(case_of, cells), folder / "junit.xml", "raytwin matrix")
 
 
@@ -127,17 +128,6 @@ def scene_chart(scene: str, cells: Sequence[Cell]) -> Any:
     return replace(chart, lines=(*chart.lines, steps([chart.points[i] for i in stairs], chart.x_range[1])))
 
 
-def write_csv(cells: Sequence[Cell], path: Path) -> None:
-    """A line per cell."""
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    names = [name for name in Cell.__struct_fields__ if name not in ("thumbnail", "key")]
-    rows.writerow(names)
-    for cell in cells:
-        rows.writerow([tame("" if (value := getattr(cell, name)) is None else str(value)) for name in names])
-    files.write_text(path, text.getvalue())
-
-
 def case_of(cell: Cell) -> Case:
     """A cell as a test."""
     if cell.verdict == "error":
@@ -148,9 +138,3 @@ def case_of(cell: Cell) -> Case:
     verdict: Any = cell.verdict
     made = Comparison(verdict, said, radiance=Radiance(rmse=cell.rmse, relmse=cell.relmse, p999_abs=cell.p999_abs))
     return Case(cell.subject, cell.scene, Report(cell.scene, cell.rung, made, {"tracer": cell.seconds or 0.0}))
-
-
-def _without_picture(cell: Cell) -> dict[str, Any]:
-    told = dict(files.plain(cell))
-    del told["thumbnail"]
-    return told

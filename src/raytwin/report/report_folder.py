@@ -11,7 +11,6 @@ from raytwin.compare import error_map
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
 from raytwin.report.compare_page import write_report
-from raytwin.report.json_report import write_comparison
 from raytwin.report.overview import overview
 from raytwin.report.view import view_of
 from raytwin.workflows.diff_files import Diff
@@ -32,7 +31,7 @@ def write_all(result: "Result", folder: Path, json: Path | None = None, progress
         exrs.append(("error", Image(result.test.mean - result.reference.mean), {"content": "tracer - twin"}))
     for path in (folder / "comparison.json", json):
         if path is not None:
-            write_comparison(result.report, path)
+            files.write_json(path, result.numbers())
     jobs: list[Callable[[], None]] = [
         partial(files.write_exr, folder / f"{n}.exr", image, header | more) for n, image, more in exrs
     ]
