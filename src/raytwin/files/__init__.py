@@ -18,6 +18,8 @@ from raytwin.files.mitsuba_file import (
     write_mitsuba,
 )
 from raytwin.files.photo_files import (
+    data_url,
+    encoded,
     from_bytes,
     list_photos,
     photo_extras,

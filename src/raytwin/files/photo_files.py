@@ -1,5 +1,6 @@
 """Photos and pictures, PNG and JPEG: sRGB in, sRGB out. The only place where sRGB exists."""
 
+import base64
 import contextlib
 import io
 import os
@@ -149,6 +150,20 @@ def write_picture(
     options: dict[str, Any] = {"compress_level": 2} if suffix == ".png" else {"quality": quality, "subsampling": 0}
     with replacing(path) as temporary:
         Pillow.fromarray(np.ascontiguousarray(pixels)).save(temporary, **options | dict(extras or {}))
+
+
+def encoded(picture: Any, kind: str, **options: Any) -> bytes:
+    """Return sRGB uint8 (H, W) or (H, W, 3), or a picture of Pillow's, as a PNG or JPEG (`kind`: png, jpeg)."""
+    from PIL import Image as Pillow
+
+    made = Pillow.fromarray(np.ascontiguousarray(picture)) if isinstance(picture, np.ndarray) else picture
+    made.save(buffer := io.BytesIO(), kind, **options)
+    return buffer.getvalue()
+
+
+def data_url(picture: Any, kind: str, **options: Any) -> str:
+    """Return the same as a data URL."""
+    return f"data:image/{kind};base64,{base64.b64encode(encoded(picture, kind, **options)).decode('ascii')}"
 
 
 def check_png(path: Path) -> None:

@@ -55,8 +55,7 @@ def followed(result: Result, rubric: Rubric, code: Code, asked: Sequence[Questio
     if not (rubric.follow_through and own and code.kind == "python"):
         return result
     names = [name for name in PARTS if name in failed]
-    cells = code.cells or ((code.file, code.source),)
-    changed = replace(code, cells=(*cells, ("raytwin", REPLACE.format(text=source_of(names), names=names))))
+    changed = code.followed_by(REPLACE.format(text=source_of(names), names=names))
     marked = {e.name: e for e in result.exercises}
     with Sandbox(changed, rubric.limits, (Path(rubric.folder), Path.cwd())) as child:
         for exercise in own:

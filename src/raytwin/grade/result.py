@@ -2,17 +2,12 @@
 
 from typing import Literal
 
-import msgspec
-
 from raytwin.grade.rubric import Visibility
+from raytwin.scene import Record
 
 Status = Literal["pass", "fail", "error", "missing", "limit", "broken"]
 """`fail`: other numbers than expected; `error`: it raised, or gave no array of the right kind; `missing`: no such
 function; `limit`: too much time, memory or output; `broken`: its process ended."""
-
-
-class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The base of what is written of a submission."""
 
 
 class Part(Record, frozen=True):

@@ -27,6 +27,7 @@ from raytwin.errors import InputError, check_one_of
 from raytwin.grade.fingerprint import is_fingerprint
 from raytwin.rungs import RUNGS
 from raytwin.sandbox.sandbox import Limits
+from raytwin.scene import Record
 
 PICTURES = tuple(NEEDED)
 """Stages that take a scene: these can be held to scenes by name, and to drawn ones."""
@@ -36,10 +37,6 @@ ONE_RAY = ("lambert", "shadow")
 Visibility = Literal["visible", "hidden", "after_due_date"]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
-
-
-class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The base of what a rubric holds."""
 
 
 class Exercise(Record, frozen=True):

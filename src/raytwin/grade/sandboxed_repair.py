@@ -60,7 +60,7 @@ def looked_again(result: Result, rubric: Rubric, code: Code) -> Result:
         return result
     cells: Cells = code.cells or (("", code.source),)
     asked = (*dict.fromkeys(e.stage for e in wrong), CALLED)
-    own = replace(code, cells=(*(code.cells or ((code.file, code.source),)), ("raytwin", DRIVER)), asked=asked)
+    own = replace(code.followed_by(DRIVER), asked=asked)
     innocent = [e.stage for e in result.exercises if e.status == "pass" and LESSONS[e.stage].name not in PICTURES]
     found: dict[str, Repair] = {}
     prints: dict[str, str] = {}

@@ -1,8 +1,5 @@
 """A wrong picture as pages show it: a small one beside the right one, and for the worst every value."""
 
-import base64
-import io
-
 import msgspec
 import numpy as np
 
@@ -53,6 +50,4 @@ def _thumb(test: Image, reference: Image) -> str:
     shown.append(files.to_bytes(error_map(test, reference)[::step, ::step]))
     gap = np.full((shown[0].shape[0], 4, 3), 255, np.uint8)
     row = np.concatenate([shown[0], gap, shown[1], gap, shown[2]], axis=1)
-    buffer = io.BytesIO()
-    Pillow.fromarray(row).quantize(64).save(buffer, "png", optimize=True)
-    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
+    return files.data_url(Pillow.fromarray(row).quantize(64), "png", optimize=True)

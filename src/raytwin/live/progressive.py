@@ -5,7 +5,6 @@ Errors are against all light over the pixel's area, from two independent halves 
 (x - half) (x - other half) has no noise of the halves in it.
 """
 
-import io
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -14,7 +13,6 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from PIL import Image as Pillow
 
 from raytwin import files, twin, viewer
 from raytwin.analysis.beside_twin import compare_with_twin
@@ -161,9 +159,8 @@ def point(side: str, method: Renderer | None, image: Image, seconds: float, halv
 
 def picture(pane: str, image: Image, look: Look, seconds: float, samples: int) -> Event:
     """A JPEG of it, as the page would show it."""
-    out = io.BytesIO()
-    Pillow.fromarray(to_screen(image.mean, look)).save(out, "jpeg", quality=QUALITY)
-    return {"kind": "picture", "pane": pane, "seconds": seconds, "samples": samples}, (out.getvalue(),)
+    jpeg = files.encoded(to_screen(image.mean, look), "jpeg", quality=QUALITY)
+    return {"kind": "picture", "pane": pane, "seconds": seconds, "samples": samples}, (jpeg,)
 
 
 def difference(test: Image, reference: Image, look: Look, side: int = 1) -> bytes:
@@ -175,9 +172,7 @@ def difference(test: Image, reference: Image, look: Look, side: int = 1) -> byte
         error = binned(Image(test.mean - reference.mean), side).mean
     worst = np.take_along_axis(error, np.abs(error).argmax(axis=-1)[..., None], axis=-1)[..., 0]
     grey = error_indices(worst, Scale(look.low, look.high, look.log and look.low > 0))
-    out = io.BytesIO()
-    Pillow.fromarray(grey).save(out, "png", compress_level=1)
-    return out.getvalue()
+    return files.encoded(grey, "png", compress_level=1)
 
 
 def pair(test: Image, reference: Image, names: tuple[str, ...], noisy: bool) -> Event:

@@ -1,19 +1,13 @@
 """Images as pictures for the page: exposed, coloured, compressed into data URLs."""
 
-import base64
-import io
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from raytwin import files
 from raytwin.compare import error_map, error_scale
 from raytwin.image import Image, Surface
-
-if TYPE_CHECKING:
-    from PIL import Image as Pillow
 
 MARKS = 300
 """Most pixels that get a ring drawn around them."""
@@ -141,14 +135,12 @@ def png_url(pixels: np.ndarray, colours: np.ndarray | None = None) -> str:
     picture = Pillow.fromarray(np.ascontiguousarray(pixels))
     if colours is not None:
         picture.putpalette(colours.tobytes())
-    return _url(picture, "png", compress_level=1)
+    return files.data_url(picture, "png", compress_level=1)
 
 
 def jpeg_url(pixels: np.ndarray) -> str:
     """sRGB uint8 (H, W, 3) as a JPEG in a data URL: sensor noise would make a PNG of several megabytes."""
-    from PIL import Image as Pillow
-
-    return _url(Pillow.fromarray(np.ascontiguousarray(pixels)), "jpeg", quality=87)
+    return files.data_url(pixels, "jpeg", quality=87)
 
 
 def changed(before: np.ndarray, after: np.ndarray) -> tuple[int, int, int, int]:
@@ -157,14 +149,11 @@ def changed(before: np.ndarray, after: np.ndarray) -> tuple[int, int, int, int]:
     rows, columns = (np.flatnonzero(differs.any(axis=axis)) for axis in (1, 0))
     if not rows.size:
         return 0, 0, min(16, before.shape[1]), min(16, before.shape[0])
-    x0, y0, x1, y1 = (int(n[k]) for k in (0, -1) for n in (columns, rows))
-    x0, y0 = x0 // 16 * 16, y0 // 16 * 16
-    return (
-        x0,
-        y0,
-        min(-(-(x1 + 1) // 16) * 16, before.shape[1]) - x0,
-        min(-(-(y1 + 1) // 16) * 16, before.shape[0]) - y0,
+    (x, width), (y, height) = (
+        (start := int(n[0]) // 16 * 16, min(-(-(int(n[-1]) + 1) // 16) * 16, side) - start)
+        for n, side in ((columns, before.shape[1]), (rows, before.shape[0]))
     )
+    return x, y, width, height
 
 
 def picture_url(pixels: np.ndarray) -> tuple[str, bool]:
@@ -173,9 +162,3 @@ def picture_url(pixels: np.ndarray) -> tuple[str, bool]:
     if len(url) <= pixels.shape[0] * pixels.shape[1] + 200_000:
         return url, True
     return jpeg_url(pixels), False
-
-
-def _url(picture: "Pillow.Image", kind: str, **options: Any) -> str:
-    buffer = io.BytesIO()
-    picture.save(buffer, kind, **options)
-    return f"data:image/{kind};base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"

@@ -1,7 +1,5 @@
 """A photo's light as a page: what it was found by, the map, where the sun is, and a ball drawn in under it."""
 
-import base64
-import io
 import os
 from typing import TYPE_CHECKING, Any
 
@@ -115,5 +113,4 @@ def _jpeg(pixels: np.ndarray) -> str:
 
     picture = Pillow.fromarray(np.ascontiguousarray(pixels))
     picture.thumbnail((1400, 1400))
-    picture.save(buffer := io.BytesIO(), "JPEG", quality=85)
-    return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
+    return files.data_url(picture, "jpeg", quality=85)

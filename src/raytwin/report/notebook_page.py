@@ -3,8 +3,6 @@
 Pictures are PNGs in the HTML, so that they stay when a notebook is saved. They are at most WIDE pixels across.
 """
 
-import base64
-import io
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from typing import Any
@@ -44,11 +42,7 @@ def widget_of(thing: Any) -> dict[str, Any]:
 
 def png_of(image: Image) -> bytes:
     """Return the picture as PNG, exposed as its 99.5 % quantile asks."""
-    from PIL import Image as Pillow
-
-    buffer = io.BytesIO()
-    Pillow.fromarray(np.ascontiguousarray(_exposed(image))).save(buffer, "png")
-    return buffer.getvalue()
+    return files.encoded(_exposed(image), "png")
 
 
 # ------------------------------------------------------------------------------------------ pictures
@@ -58,7 +52,7 @@ def _image(image: Image) -> str:
     caption = repr(image).strip("<>").removeprefix("raytwin.")
     if not showable(image):
         return f"<p>{escape(caption)}</p>"
-    return _figure("data:image/png;base64," + base64.b64encode(png_of(image)).decode(), caption)
+    return _figure(files.data_url(_exposed(image), "png"), caption)
 
 
 def _exposed(image: Image, gain: float | None = None) -> np.ndarray:

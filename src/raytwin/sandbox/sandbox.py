@@ -82,6 +82,10 @@ class Code:
     seed: int = 0
     packages: tuple[str, ...] = ()
 
+    def followed_by(self, text: str) -> "Code":
+        """Return the Python with a text of raytwin's own behind it, in the same module."""
+        return replace(self, cells=(*(self.cells or ((self.file, self.source),)), ("raytwin", text)))
+
 
 @dataclass(frozen=True, eq=False)
 class Answer:

@@ -1,6 +1,5 @@
 """A drawing as PNG by Pillow, twice its size: for slides, where SVG is not taken."""
 
-import io
 import math
 import os
 import warnings
@@ -51,9 +50,7 @@ def png_bytes(drawing: Drawing) -> bytes:
     pen = ImageDraw.Draw(canvas)
     for shape in drawing.shapes:
         draw(canvas, pen, shape, k)
-    buffer = io.BytesIO()
-    canvas.reduce(FINER).save(buffer, "png", compress_level=6, dpi=(96 * SCALE, 96 * SCALE))
-    return buffer.getvalue()
+    return files.encoded(canvas.reduce(FINER), "png", compress_level=6, dpi=(96 * SCALE, 96 * SCALE))
 
 
 def draw(canvas: "Pillow.Image", pen: "ImageDraw.ImageDraw", shape: Shape, k: int) -> None:
