@@ -4,6 +4,7 @@ A sphere that crosses the camera's plane has a hyperbola for its outline, which 
 projected points is finite.
 """
 
+from functools import partial
 from math import acos, atan, degrees, pi, sin
 
 import numpy as np
@@ -75,14 +76,6 @@ def bent(sign: float, x: float, rng: np.random.Generator, n: int) -> dict[str, E
     return cut(camera_of(0.8, (sign * x,)), w, 10 ** rng.uniform(-2, 0, n))
 
 
-def barrel(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
-    return bent(-1.0, x, rng, n)
-
-
-def pincushion(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
-    return bent(1.0, x, rng, n)
-
-
 SHARE = "share of visible pixels cut away"
 ZISSERMAN = "Hartley and Zisserman, Multiple View Geometry (2004), ch. 8"
 OURS = ("conic: raytwin",)
@@ -111,7 +104,7 @@ EXPERIMENTS = (
     ),
     Experiment(
         "trim-barrel", "The box under a barrel lens", "|k1|, k1 < 0", SHARE, 1e-3,
-        (0.001, 0.003, 0.01, 0.03, 0.1, 0.2, 0.3, 0.4), barrel, OURS,
+        (0.001, 0.003, 0.01, 0.03, 0.1, 0.2, 0.3, 0.4), partial(bent, -1.0), OURS,
         "A lens bends the sphere's outline and moves the cube's corners by other amounts, so a box round eight points "
         "no longer holds what lies between. raytwin bends the whole sides of the box, and takes the whole frame where "
         "the lens folds.",
@@ -119,7 +112,7 @@ EXPERIMENTS = (
     ),
     Experiment(
         "trim-pincushion", "The box under a pincushion lens", "k1", SHARE, 1e-3,
-        (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0), pincushion, OURS,
+        (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0), partial(bent, 1.0), OURS,
         "A pincushion lens draws the corners of the cube outwards, so that its box grows and holds the sphere all the "
         "better. Only spheres partly behind the eye are cut, as without a lens.",
         ZISSERMAN, trials=300, many=30_000,

@@ -4,12 +4,10 @@ RENDERERS -> prepare -> measure (interleaved) -> truth -> Bench (JSON) -> fronti
 """
 
 from raytwin.bench.bench_record import (
-    ERRORS,
     Bench,
     Calibrated,
     Converged,
     Deviation,
-    Equal,
     Growth,
     LeftOut,
     Measurement,
@@ -18,13 +16,11 @@ from raytwin.bench.bench_record import (
     write_bench,
 )
 from raytwin.bench.bench_run import GROWTH, bench
-from raytwin.bench.frontier import PowerLaw, fit_power, on_frontier, ratio_interval, staircase
+from raytwin.bench.frontier import fit_power, on_frontier, ratio_interval, staircase
 from raytwin.bench.regression import Changes, MethodChange, against
-from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import RENDERERS, choose
 
 __all__ = [
-    "ERRORS",
     "GROWTH",
     "RENDERERS",
     "Bench",
@@ -32,13 +28,10 @@ __all__ = [
     "Changes",
     "Converged",
     "Deviation",
-    "Equal",
     "Growth",
     "LeftOut",
     "Measurement",
     "MethodChange",
-    "PowerLaw",
-    "Renderer",
     "Repeats",
     "against",
     "bench",

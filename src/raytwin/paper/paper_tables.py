@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 from raytwin.bench import Calibrated
 from raytwin.bench.calibration_cost import OURS, SHRUNK, WHOLE
 from raytwin.compare import METRICS
-from raytwin.paper.paper_record import Boxed, Frame, Paper, Ratio
+from raytwin.paper.paper_record import Boxed, Frame, Paper
 from raytwin.paper.paper_runs import ERRORS, FULL
 from raytwin.report.numbers import seconds, shown
 
@@ -245,16 +245,12 @@ def tables(paper: Paper) -> list[PaperTable]:
         ),
         PaperTable(
             "ratios", "Ratios", "Of medians of warm calls in one run, the methods in turn.",
-            (Column("ratio", _what, False), Column("asked", lambda r: r.asked or "–", False),
+            (Column("ratio", lambda r: r.what, False), Column("asked", lambda r: r.asked or "–", False),
              Column("measured", lambda r: shown(r.measured))),
             paper.ratios,
         ),
     )  # fmt: skip
     return [table for table in made if table.rows]
-
-
-def _what(ratio: Ratio) -> str:
-    return ratio.what
 
 
 def markdown(paper: Paper, head: str) -> str:
