@@ -58,6 +58,11 @@ def block_counts(strip: Float[np.ndarray, "h w c"], rows: int) -> Float64[np.nda
     return counts
 
 
+def to_pixels(blocks: Float[np.ndarray, "by bx c"], height: int, width: int) -> Float[np.ndarray, "{height} {width} c"]:
+    """A number per block (by, bx, c) for each of its pixels: (height, width, c)."""
+    return np.asarray(np.repeat(np.repeat(blocks, SIDE, axis=0)[:height], SIDE, axis=1)[:, :width])
+
+
 def slide(x: Float64[np.ndarray, "by bx c"]) -> Float64[np.ndarray, "ty tx c"]:
     """Sums over 2 x 2 neighbours at every place: tiles of twice the side, overlapping by half of it."""
     x = x[:-1] + x[1:] if len(x) > 1 else x

@@ -32,6 +32,7 @@ An event that *nobody* sampled cannot be told from a bias.
 """
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -205,8 +206,8 @@ def decide(
         bound, *missed(a, b, (test.samples, reference.samples), math.prod(test.shape[:2]), share), unseen, look
     )
     proven = _proven(reference, unseen)
-    dofs = degrees_of_freedom(test), degrees_of_freedom(reference)
-    dof = welch([(s.mean, nu) for s, nu in zip((a, b), dofs, strict=True) if s is not None])
+    sides = (test, a, degrees_of_freedom(test)), (reference, b, degrees_of_freedom(reference))
+    dof = welch([(s.mean, nu) for _, s, nu in sides if s is not None])
     level = sidak(share, test.mean.size)
     threshold = float(quantile(level, dof))
     unit = np.float32(max(sum(s.mean for s in noisy), 1e-30))  # keeps v^2 within float32
@@ -247,7 +248,8 @@ def decide(
             values, failed = _more_values(values, error, d, dof, threshold, y0)
             failed_pixels += failed
 
-        made = _sums(d, r, silent, (test, a, dofs[0]), (reference, b, dofs[1]), rounding, y0, rows, unit)
+        add_up = partial(_sums, d, r, silent, sides, rounding, y0, rows, unit)
+        made = add_up()
         if unseen:
             made |= {"calm": block_sums(calm.astype(np.float32), rows), "size": block_sums(size, rows)}
         for k, total in made.items():
@@ -256,7 +258,7 @@ def decide(
         if any(y.size for y, _, _ in places):
             for place in places:
                 d[place], silent[place] = 0, True
-            made |= _sums(d, r, silent, (test, a, dofs[0]), (reference, b, dofs[1]), rounding, y0, rows, unit)
+            made |= add_up()
         for k, total in made.items():
             without.setdefault(k, []).append(total)
 
@@ -332,13 +334,13 @@ NoisyImage = tuple[Image, Side | None, float]
 
 def _sums(
     d: Float32[np.ndarray, "h w 3"], r: Float32[np.ndarray, "h w 3"], silent: Bool[np.ndarray, "h w 3"],
-    a: NoisyImage, b: NoisyImage, rounding: Rounding | None, y0: int, rows: int, unit: np.float32,
+    sides: tuple[NoisyImage, NoisyImage], rounding: Rounding | None, y0: int, rows: int, unit: np.float32,
 ) -> Sums:  # fmt: skip
     """KEYS of the rows from y0 on, over blocks: pixels, errors, radiance, variances, variances² / ν, rounding."""
     found: Sums = {"d": block_sums(d, rows), "r": block_sums(r, rows), "n": block_counts(d, rows)}
     none = np.zeros_like(found["d"])
     found["vv"], some_silent = none, bool(silent.any())
-    for key, (image, side, nu) in (("va", a), ("vb", b)):
+    for key, (image, side, nu) in zip(("va", "vb"), sides, strict=True):
         if side is None or image.variance is None:
             found[key] = none
             continue

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from raytwin.compare.blocks import SIDE, Pixels, dilate
+from raytwin.compare.blocks import Pixels, dilate, to_pixels
 from raytwin.compare.finding import HARD, Finding, at, plural
 from raytwin.compare.noise import estimated, residual
 from raytwin.image import Image
@@ -63,10 +63,8 @@ def _noise_of(image: Image, other: Image) -> Pixels | float:
     if image.variance is None and image.samples == 1:
         return 0.0
     shown = residual(image.mean, other.mean)
-    total, count = (
-        np.repeat(np.repeat(x, SIDE, axis=0), SIDE, axis=1)[: image.shape[0], : image.shape[1]]
-        for x in (np.where(np.isfinite(shown.square), shown.square * (shown.pixels - 1), 0), shown.pixels)
-    )
+    squares = np.where(np.isfinite(shown.square), shown.square * (shown.pixels - 1), 0)
+    total, count = (to_pixels(x, *image.shape[:2]) for x in (squares, shown.pixels))
     # Without the value itself, which would otherwise excuse itself.
     square = np.maximum(total - estimated(image.mean, other.mean), 0) / np.maximum(count - 2, 1)
     if image.variance is not None:

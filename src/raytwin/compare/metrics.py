@@ -162,9 +162,8 @@ def upper_quantile(
     guess = np.quantile(term(test.ravel()[::step], reference.ravel()[::step]), max(0.0, 2 * q - 1))
     top = np.concatenate([x[x >= guess] for x in (term(t, r) for t, r in chunks(test, reference))])
     if top.size <= above:  # the sample misled
-        return order_statistic(np.concatenate([term(t, r) for t, r in chunks(test, reference)]), q)
-    k = top.size - 1 - above
-    return float(np.partition(top, k)[k])
+        top = np.concatenate([term(t, r) for t, r in chunks(test, reference)])
+    return nth_largest(top, above)
 
 
 METRICS: dict[str, Metric] = {

@@ -16,6 +16,7 @@ from raytwin.compare.blocks import (
     block_sums,
     dilate,
     strips,
+    to_pixels,
     unblock,
 )
 from raytwin.image import Image
@@ -263,32 +264,37 @@ LAGS, FAR = 5, (7, 8, 9)
 """Neighbours at 1 to LAGS pixels may share noise; at FAR pixels they share nothing that is not in all."""
 
 
-def inflation(
-    test: Pixels, reference: Pixels, blocks: Float32[np.ndarray, "by bx 3"], most_pixels: int = 500_000
-) -> float:
-    """By how much the variance of a mean over many pixels exceeds that of independent ones: 1 + Σ ρ(lag), >= 1.
+def standardised(
+    test: Pixels, reference: Pixels, variance: Blocks, most_pixels: int = 500_000
+) -> Float32[np.ndarray, "h w 3"]:
+    """(t - r) / sd, cut at 3 so that neither edges nor fireflies rule, of the middle rows; 0 where nothing scatters.
 
-    A reconstruction filter wider than the pixel gives neighbours the same samples. Its correlation ρ is read off the
-    variogram of e = (t - r) / sd, γ(h) = <(e(x) - e(x + h))²> / <e(x)² + e(x + h)²> = 1 - ρ(h), in which whatever is
-    alike over some pixels (a wrong brightness) cancels, and so does noise that is less towards the image's edges; e is
-    cut at 3, so that neither edges nor fireflies rule. Filters are separable: rows and columns are measured apart. Only
-    correlation that is more than noise counts.
+    `variance`: the blocks' (by, bx, 3).
     """
     height, width = test.shape[:2]
     rows = min(height, max(SIDE, most_pixels // width // SIDE * SIDE))
     y0 = (height - rows) // 2 // SIDE * SIDE
     e = np.subtract(test[y0 : y0 + rows], reference[y0 : y0 + rows], dtype=np.float32)
-    sd = np.sqrt(blocks[y0 // SIDE : -(-(y0 + rows) // SIDE)])
-    sure = np.divide(np.float32(1), sd, out=np.zeros_like(sd), where=sd > 0)
-    e *= np.repeat(np.repeat(sure, SIDE, axis=0)[:rows], SIDE, axis=1)[:, :width]
-    np.clip(e, -3, 3, out=e)
+    sd = np.sqrt(variance[y0 // SIDE : -(-(y0 + rows) // SIDE)]).astype(np.float32)
+    e *= to_pixels(np.divide(np.float32(1), sd, out=np.zeros_like(sd), where=np.isfinite(sd) & (sd > 0)), rows, width)
+    return np.asarray(np.clip(e, -3, 3, out=e))
+
+
+def inflation(test: Pixels, reference: Pixels, blocks: Float32[np.ndarray, "by bx 3"]) -> float:
+    """By how much the variance of a mean over many pixels exceeds that of independent ones: 1 + Σ ρ(lag), >= 1.
+
+    A reconstruction filter wider than the pixel gives neighbours the same samples. Its correlation ρ is read off the
+    variogram of e = (t - r) / sd, γ(h) = <(e(x) - e(x + h))²> / <e(x)² + e(x + h)²> = 1 - ρ(h), in which whatever is
+    alike over some pixels (a wrong brightness) cancels, and so does noise that is less towards the image's edges.
+    Filters are separable: rows and columns are measured apart. Only correlation that is more than noise counts.
+    """
+    e = standardised(test, reference, blocks)
     square = e * e
     total, fourth = float(square.sum(dtype=float)), float(np.vdot(square, square))
     # Of Gaussian noise a third of its values' number, since channels share their samples; of noise in places, less.
     values = total * total / fourth if fourth > 0 else 1.0
-    return _along(e, square.sum(axis=(1, 2), dtype=float), 0, values) * _along(
-        e, square.sum(axis=(0, 2), dtype=float), 1, values
-    )
+    across = (square.sum(axis=axes, dtype=float) for axes in ((1, 2), (0, 2)))
+    return math.prod(_along(e, lines, axis, values) for axis, lines in enumerate(across))
 
 
 def _along(e: Float32[np.ndarray, "h w 3"], lines: Float64[np.ndarray, " n"], axis: int, values: float) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 
 from raytwin.array_types import Float, Float64
 from raytwin.compare.blocks import SIDE, Blocks, Pixels, block_counts, block_sums, strips
-from raytwin.compare.noise import Residual
+from raytwin.compare.noise import Residual, standardised
 
 LEVEL = 1 / 16
 """The reference's share of the scatter's variance: at least this, so at most 4 of its own standard deviations."""
@@ -77,18 +77,12 @@ def two_valued(shown: Residual, least: float) -> bool:
     return bool(scatters.any()) and float(np.median((shown.carrying / shown.pixels)[scatters])) > TWO_VALUED
 
 
-def patterned(test: Pixels, reference: Pixels, square: Blocks, most_pixels: int = 500_000) -> bool:
+def patterned(test: Pixels, reference: Pixels, square: Blocks) -> bool:
     """Whether errors repeat at some distance along rows, columns or diagonals.
 
     Neighbours within a filter's reach may be alike, but not opposite. `square`: the blocks' variances of t - r.
     """
-    height, width = test.shape[:2]
-    rows = min(height, max(SIDE, most_pixels // width // SIDE * SIDE))
-    e = np.subtract(test[:rows], reference[:rows], dtype=np.float32)
-    sd = np.sqrt(square[: -(-rows // SIDE)]).astype(np.float32)
-    inverse = np.divide(np.float32(1), sd, out=np.zeros_like(sd), where=np.isfinite(sd) & (sd > 0))
-    e *= np.repeat(np.repeat(inverse, SIDE, axis=0)[:rows], SIDE, axis=1)[:, :width]
-    np.clip(e, -3, 3, out=e)
+    e = standardised(test, reference, square)
     for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
         for h in range(1, LONGEST + 1):
             here, there = _apart(e, h * down, h * right)
