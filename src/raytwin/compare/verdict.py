@@ -3,6 +3,7 @@
 import math
 import time
 from dataclasses import replace
+from functools import partial
 from typing import Any, Literal
 
 import msgspec
@@ -33,6 +34,8 @@ SAFE_UNITS = 2.0**-10, 2.0**10
 """Scales whose squares and fourth powers float32 holds: others are brought to 1, by a power of two, which is exact."""
 
 
+# Finite values near float32's end may overflow when squared: infinite errors fail, and need no warning.
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def compare(
     test: Image,
     reference: Image,
@@ -62,27 +65,11 @@ def compare(
         raise InputError("false_alarm_rate", "a probability between 0 and 1", false_alarm_rate)
     if noise not in ("both", "reference", "none"):
         raise InputError("noise", "both, reference or none", noise)
-    start = time.perf_counter()
-    # Finite values near float32's end may overflow when squared: infinite errors fail, and need no warning.
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        detectable = detectable_bias, math.inf if detectable_tile_bias is None else detectable_tile_bias
-        rates = false_alarm_rate, 1.0 if sequence_rate is None else false_alarm_rate / sequence_rate
-        made = _compare(test, reference, tolerance, rates, detectable, noise, half_steps, flip)
-    return msgspec.structs.replace(made, seconds=time.perf_counter() - start)
-
-
-def _compare(
-    test: Image,
-    reference: Image,
-    tolerance: Tolerance,
-    rates: tuple[float, float],
-    detectable: tuple[float, float],
-    noise: str,
-    half_steps: tuple[Pixels | None, Pixels | None],
-    flip: bool,
-) -> Comparison:
+    detectable = detectable_bias, math.inf if detectable_tile_bias is None else detectable_tile_bias
+    rates = false_alarm_rate, 1.0 if sequence_rate is None else false_alarm_rate / sequence_rate
+    made = partial(_made, time.perf_counter())
     if findings := shape_findings(test, reference):
-        return _made(findings)
+        return made(findings)
     test, reference = _single(test), _single(reference)
     scale = scale_of(reference, test)
     findings = value_findings(test, reference, tolerance.p999_abs * scale, noisy=noise == "both")
@@ -91,7 +78,7 @@ def _compare(
     geometry, misplaced = geometry_findings(test, reference, tolerance)
     findings += misplaced
     if any(f.rank == HARD for f in findings):
-        return _made(findings, geometry=geometry, radiance=radiance)
+        return made(findings, geometry=geometry, radiance=radiance)
     perceptual = Perceptual(measure(test.mean, reference.mean, ["flip_hdr"])["flip_hdr"] if flip else None)
 
     if noise != "both":
@@ -121,7 +108,7 @@ def _compare(
     told = any(f.rank == SHIFT for f in findings)
     if findings and not outcome.doubts and shift is not None and shift.certain and not told:
         findings.append(shift_finding(shift))
-    made = _made(
+    comparison = made(
         findings,
         outcome.notes,
         () if misplaced else outcome.doubts,
@@ -132,16 +119,17 @@ def _compare(
         excluded_bias=outcome.excluded_bias,
         failing=tuple(p.above(reference.shape[0]) for p in outcome.failing) if findings and not outcome.doubts else (),
     )
-    return made.saying(f"{plural(tied, 'pixel')} on the common edge of two objects: {TIED}") if tied else made
+    tie = (f"{plural(tied, 'pixel')} on the common edge of two objects: {TIED}",) if tied else ()
+    return comparison.saying(*tie)
 
 
 def _made(
-    findings: list[Finding], notes: tuple[str, ...] = (), doubts: tuple[str, ...] = (), **parts: Any
+    start: float, findings: list[Finding], notes: tuple[str, ...] = (), doubts: tuple[str, ...] = (), **parts: Any
 ) -> Comparison:
-    """`doubts`: why nothing can be decided, whatever was found."""
+    """`start`: when the comparison began; `doubts`: why nothing can be decided, whatever was found."""
     verdict: Verdict = "undecided" if doubts else "fail" if findings else "pass"
     said = tuple(f.text for f in sorted(findings, key=lambda f: f.rank))
-    return Comparison(verdict, (*doubts, *said) or notes, **parts)
+    return Comparison(verdict, (*doubts, *said) or notes, seconds=time.perf_counter() - start, **parts)
 
 
 def _single(image: Image) -> Image:
