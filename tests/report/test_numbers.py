@@ -36,22 +36,22 @@ def found(comparison: Comparison, noisy=False) -> dict[str, numbers.NumberRow]:
 def test_a_bound_is_held_exceeded_or_silent():
     failed = Comparison("fail", geometry=Geometry(0), radiance=Radiance(p999_abs=2e-3, rmse=1.0))
     rows = found(failed)
-    assert rows["mask_mismatch_pixels"].held is True
-    assert rows["p999_abs"].held is False
-    assert rows["rmse"].held is None
+    assert rows["mask_mismatch_pixels"].within is True
+    assert rows["p999_abs"].within is False
+    assert rows["rmse"].within is None
     assert rows.keys() == {"mask_mismatch_pixels", "p999_abs", "rmse"}  # what is missing has no row
 
 
 def test_a_pass_never_shows_an_exceeded_bound():
     passed = Comparison("pass", geometry=Geometry(3), radiance=Radiance(p999_abs=2e-3))
-    assert [r.number.key for r in found(passed).values() if r.held is False] == []
+    assert [r.number.key for r in found(passed).values() if r.within is False] == []
 
 
 def test_noise_is_not_held_to_the_bounds_of_exact_images():
     noisy = Comparison("fail", radiance=Radiance(p999_abs=0.1), geometry=Geometry(1))
     rows = found(noisy, noisy=True)
     assert rows["p999_abs"].bound is None
-    assert rows["mask_mismatch_pixels"].held is False
+    assert rows["mask_mismatch_pixels"].within is False
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ exec "$base/raytwin/bin/python" -m raytwin grade "$base/submission" --rubric rub
 def write_zip(rubric_path: Path, out: Path, wheel: Path | None = None) -> list[str]:
     """The names inside. Raises InputError where a scene of the rubric has no reference."""
     rubric = read_rubric(rubric_path)
-    held = {f"reference/{n}/{r}.exr": path for n, r, path in references_of(rubric)}
+    stored = {f"reference/{n}/{r}.exr": path for n, r, path in references_of(rubric)}
     if wheel is not None and (wheel.suffix != ".whl" or not wheel.is_file()):
         raise InputError("--wheel", "a wheel of raytwin (python -m build)", wheel)
     required = f'"$base/source/{wheel.name}"' if wheel else f'"raytwin=={version("raytwin")}"'
@@ -59,6 +59,6 @@ def write_zip(rubric_path: Path, out: Path, wheel: Path | None = None) -> list[s
             entry.external_attr = 0o100755 << 16
             archive.writestr(entry, text)
         archive.write(rubric_path, "rubric.toml")
-        for name, path in (held | ({wheel.name: wheel} if wheel else {})).items():
+        for name, path in (stored | ({wheel.name: wheel} if wheel else {})).items():
             archive.write(path, name)
         return archive.namelist()

@@ -24,15 +24,15 @@ def marked(result: Result, rubric: Rubric, asked: list[Question], problem: str, 
     Speed is that of drawn scenes: of a named one a submission may have stored the picture.
     """
     exercises, pictures, speed = [], [], []
-    held = {id(a): check_picture(a) for a in asked if a.scene is not None}
+    checked = {id(a): check_picture(a) for a in asked if a.scene is not None}
     # One tracer made all pictures, so one cause is looked for in all; where there is none, in an exercise's own.
-    together = _cause(list(held.values()), result.seed)
+    together = _cause(list(checked.values()), result.seed)
     for exercise in rubric.exercises:
         mine = [a for a in asked if a.exercise is exercise]
         if mine[0].scene is None:
             one = _mark_stage(exercise, mine)
         else:
-            one, wrong = _mark_pictures(exercise, mine, [held[id(a)] for a in mine], together, result.seed)
+            one, wrong = _mark_pictures(exercise, mine, [checked[id(a)] for a in mine], together, result.seed)
             pictures += wrong
         exercises.append(one)
         drawn = [a.answer.seconds for a in mine if a.drawn]
@@ -105,23 +105,23 @@ def _mark_stage(exercise: Exercise, asked: list[Question]) -> Marked:
     )
 
 
-def _cause(held: list[CheckedPicture], seed: int, most: int = 2) -> Diagnosis | None:
+def _cause(checked: list[CheckedPicture], seed: int, most: int = 2) -> Diagnosis | None:
     """Diagnose all pictures together; None if nothing is wrong or there are no numbers."""
-    views = [h.view for h in held if h.view is not None]
-    return diagnose(views, seed, most=most) if any(h.view is not None and not h.part.passed for h in held) else None
+    views = [c.view for c in checked if c.view is not None]
+    return diagnose(views, seed, most=most) if any(c.view is not None and not c.part.passed for c in checked) else None
 
 
 def _mark_pictures(
-    exercise: Exercise, asked: list[Question], held: list[CheckedPicture], together: Diagnosis | None, seed: int
+    exercise: Exercise, asked: list[Question], checked: list[CheckedPicture], together: Diagnosis | None, seed: int
 ) -> tuple[Marked, list[Picture]]:
-    parts = [h.part for h in held]
+    parts = [c.part for c in checked]
     status = _status(parts, asked)
     sentences: tuple[str, ...] = tuple(dict.fromkeys(p.problem for p in parts if p.problem))
     found = None
-    if any(not h.part.passed and h.view is not None for h in held):
+    if any(not c.part.passed and c.view is not None for c in checked):
         found = together
         if together is not None and not together.causes:
-            found = _cause(held, seed, most=1)
+            found = _cause(checked, seed, most=1)
             # What other pictures speak against is not sure.
             found = found and replace(found, sureness="likely" if found.causes else "unknown")
     if found is not None:
@@ -130,7 +130,7 @@ def _mark_pictures(
         sentences = (f"right in all {len(parts)} pictures" if len(parts) > 1 else "the picture is right",)
     sentences = (*sentences, *dict.fromkeys(a.made_of for a in asked if a.made_of))
     # Pixel by pixel the worst; the others stay small.
-    wrong = [(a, h.got, h) for a, h in zip(asked, held, strict=True) if h.got is not None]
+    wrong = [(a, c.got, c) for a, c in zip(asked, checked, strict=True) if c.got is not None]
     wrong.sort(key=lambda w: -(w[2].part.error or 0))
     pictures = [wrong_picture(a, got, h.scale, whole=i < MOST_VIEWS) for i, (a, got, h) in enumerate(wrong)]
     marked = Marked(
@@ -146,19 +146,19 @@ def _mark_pictures(
         causes=tuple(c.name for c in found.causes) if found else (),
         sureness=found.sureness if found and found.causes else "",
         faults=tuple((c.name, c.sentence) for c in found.causes) if found else (),
-        fingerprint=_fingerprint(asked, held) if status == "fail" else "",
+        fingerprint=_fingerprint(asked, checked) if status == "fail" else "",
         parts=tuple(parts),
     )
     return marked, pictures
 
 
-def _fingerprint(asked: list[Question], held: list[CheckedPicture]) -> str:
+def _fingerprint(asked: list[Question], checked: list[CheckedPicture]) -> str:
     """A fingerprint of the pictures of named scenes, the same for all; empty where one of them has no numbers."""
-    named = [(a, h) for a, h in zip(asked, held, strict=True) if not a.drawn]
-    if not named or any(h.got is None and not h.part.passed for _, h in named):
+    named = [(a, c) for a, c in zip(asked, checked, strict=True) if not a.drawn]
+    if not named or any(c.got is None and not c.part.passed for _, c in named):
         return ""
     right = [a.case.expected[0] for a, _ in named]
-    return fingerprint(right, [r if h.got is None else h.got for r, (_, h) in zip(right, named, strict=True)])
+    return fingerprint(right, [r if c.got is None else c.got for r, (_, c) in zip(right, named, strict=True)])
 
 
 def student_words(found: Diagnosis) -> tuple[str, ...]:

@@ -56,8 +56,8 @@ def questions_of(rubric: Rubric, seed: int) -> Iterator[Question]:
 
 
 def _reference_question(rubric: Rubric, exercise: Exercise, name: str) -> Question:
-    held = _load_reference(reference_path(rubric, name, exercise.rung))
-    return _picture_question(exercise, held.origin(), np.asarray(held.image.mean, float), held.tolerance)
+    found = _load_reference(reference_path(rubric, name, exercise.rung))
+    return _picture_question(exercise, found.origin(), np.asarray(found.image.mean, float), found.tolerance)
 
 
 def reference_path(rubric: Rubric, name: str, rung: str) -> Path:

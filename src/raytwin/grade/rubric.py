@@ -30,9 +30,9 @@ from raytwin.sandbox.sandbox import Limits
 from raytwin.scene import Record
 
 PICTURES = tuple(NEEDED)
-"""Stages that take a scene: these can be held to scenes by name, and to drawn ones."""
+"""Stages that take a scene: these can be compared on scenes by name, and on drawn ones."""
 ONE_RAY = ("lambert", "shadow")
-"""Rungs without noise, which a student's tracer may be held to."""
+"""Rungs without noise, which a student's tracer may be compared on."""
 
 Visibility = Literal["visible", "hidden", "after_due_date"]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -40,7 +40,7 @@ Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
 class Exercise(Record, frozen=True):
-    """One row: a `stage` held to its own cases, or a picture to `scenes` by name and to as many `drawn` ones.
+    """One row: a `stage` tested on its own cases, or a picture on `scenes` by name and on as many `drawn` ones.
 
     `tolerance`: of the stage's error, or of a picture's, relative to its scale; None: the stage's own, the scene's own.
     A case or scene that passes earns its share of the points whole; one that does not earns what `credit` says of its

@@ -20,7 +20,7 @@ OURS = "#0f7a3d", "#2563eb", "#0f8b8d"
 OTHERS = "#c02f4a", "#e07b00", "#8e44ad", "#7c4a21", "#d455a5", "#5a6575", "#a16207", "#111827"
 """Colours of raytwin's own methods (OURS) and of those compared with them."""
 
-LOST, HALF, KEPT = (178, 24, 43), (250, 232, 176), (26, 122, 72)
+LOST, HALF, ALL = (178, 24, 43), (250, 232, 176), (26, 122, 72)
 """sRGB of no digit, of eight, of sixteen."""
 
 Range = tuple[float, float]
@@ -58,7 +58,7 @@ def write_atlas(found: Atlas, folder: str | os.PathLike[str]) -> None:
         scale=[Cell(str(k), *colours(k), False, "") for k in range(0, 17, 2)],
         edge=edge,
         fate=fate,
-        last=lambda f, name: kept(f.methods[name].errors[-1]),
+        last=lambda f, name: digits_left(f.methods[name].errors[-1]),
     )  # fmt: skip
     files.write_json(folder / "atlas.json", found)
     files.write_text(folder / "atlas.html", page)
@@ -71,7 +71,7 @@ def atlas_summary(found: Atlas) -> str:
     for f in found.experiments:
         lines.append(f"{f.name}: {f.parameter} {short(f.values[0])} to {short(f.values[-1])}, bound {short(f.bound)}")
         for name, curve in f.methods.items():
-            lines.append(f"  {name:<38} {fate(f, name)}; {kept(curve.errors[-1])} at the last")
+            lines.append(f"  {name:<38} {fate(f, name)}; {digits_left(curve.errors[-1])} at the last")
     return "\n".join(lines)
 
 
@@ -79,16 +79,16 @@ def fate(f: Found, method: str) -> str:
     """Where the method breaks, or from where on it refuses, beside what theory predicts."""
     curve = f.methods[method]
     refused = next((x for x, e in zip(f.values, curve.errors, strict=True) if e is None), None)
-    told = "holds" if refused is None else f"refuses at {short(refused)}"
-    told = told if curve.breaks_at is None else f"breaks at {edge(curve.breaks_at)}"
-    return told if curve.predicted is None else f"{told}; predicted {edge(curve.predicted)}"
+    said = "holds" if refused is None else f"refuses at {short(refused)}"
+    said = said if curve.breaks_at is None else f"breaks at {edge(curve.breaks_at)}"
+    return said if curve.predicted is None else f"{said}; predicted {edge(curve.predicted)}"
 
 
 def edge(value: float | None) -> str:
     return "–" if value is None else shown(value, 2)
 
 
-def kept(error: float | None) -> str:
+def digits_left(error: float | None) -> str:
     left = digits(error)
     return "refused" if left is None else "no error" if error == 0 else f"{left:.0f} digit{'s' * (round(left) != 1)}"
 
@@ -100,8 +100,8 @@ def cells(f: Found, method: str) -> list[Cell]:
     made = []
     for x, error in zip(f.values, f.methods[method].errors, strict=True):
         left = digits(error)
-        told = "refused, and said so" if error is None else f"error {shown(error)}"
-        tip = f"{f.parameter} {short(x)}: {told}"
+        said = "refused, and said so" if error is None else f"error {shown(error)}"
+        tip = f"{f.parameter} {short(x)}: {said}"
         if left is None:
             made.append(Cell("–", "#e2e6eb", INK, False, tip))
         else:
@@ -113,7 +113,7 @@ def cells(f: Found, method: str) -> list[Cell]:
 
 def colours(left: float) -> tuple[str, str]:
     """Ground and ink for so many digits kept: black or white, whichever contrasts more (4.58 at least)."""
-    low, high, share = (LOST, HALF, left / 8) if left < 8 else (HALF, KEPT, left / 8 - 1)
+    low, high, share = (LOST, HALF, left / 8) if left < 8 else (HALF, ALL, left / 8 - 1)
     ground = tuple(round(a + (b - a) * share) for a, b in zip(low, high, strict=True))
     luminance = files.srgb_decode(np.array(ground) / 255) @ REC_709
     bright = (luminance + 0.05) ** 2 > 1.05 * 0.05
@@ -171,9 +171,9 @@ def law_of(
     """The law's line, as far as it lies within the chart."""
     if name not in e.laws:
         return []
-    told = [(x, float(e.laws[name](x))) for x in np.geomspace(*x_range, STEPS).tolist()]
-    xs = [x for x, y in told if math.isfinite(y)]
-    ys = [min(max(y, y_range[0]), y_range[1]) for _, y in told if math.isfinite(y)]
+    law = [(x, float(e.laws[name](x))) for x in np.geomspace(*x_range, STEPS).tolist()]
+    xs = [x for x, y in law if math.isfinite(y)]
+    ys = [min(max(y, y_range[0]), y_range[1]) for _, y in law if math.isfinite(y)]
     # A law that jumps is drawn as its jump alone; where it lies on the chart's edge it is not drawn.
     inner = [any(y_range[0] < y < y_range[1] or y != ys[i] for y in ys[max(i - 1, 0) : i + 2]) for i in range(len(ys))]
     drawn = [(x, y) for x, y, shows in zip(xs, ys, inner, strict=True) if shows]

@@ -103,8 +103,8 @@ def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) ->
 def measured(bench: Bench, size: tuple[int, int], truth: str, metric: str) -> list[tuple[Measurement, float]]:
     """Each row that was held against the truth, with its error."""
     row_of = {r.method: r for r in bench.rows if (r.width, r.height) == size}
-    held = (e for e in bench.errors if (e.width, e.height, e.truth) == (*size, truth))
-    return [(row_of[e.method], value) for e in held if (value := getattr(e, metric)) is not None]
+    errors = (e for e in bench.errors if (e.width, e.height, e.truth) == (*size, truth))
+    return [(row_of[e.method], value) for e in errors if (value := getattr(e, metric)) is not None]
 
 
 def raised(errors: Sequence[float], floor: float) -> list[float]:

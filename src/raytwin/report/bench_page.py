@@ -16,7 +16,7 @@ from raytwin.report.page import render_page
 FIRST = "path-area/relmse"
 """What the page shows when it opens."""
 
-TOLD = ("shadow-center", "path-area")
+IN_TERMINAL = ("shadow-center", "path-area")
 """The frontiers that the terminal shows; the page has all."""
 
 
@@ -95,7 +95,7 @@ def bench_summary(bench: Bench, changes: Changes | None = None) -> str:
     """What is on each frontier, what was left out, and what has changed."""
     count = len(bench.rows) + len(bench.growth) + len(bench.calibration)
     lines = [f"{bench.scene}: {count} measurements in {seconds(bench.seconds)}"]
-    for truth in (t for t in bench.truths if t.name in TOLD):
+    for truth in (t for t in bench.truths if t.name in IN_TERMINAL):
         lines += frontier_lines(bench, truth)
     for e in bench.equal:
         first = next(o for o in bench.equal if (o.truth, o.width, o.height) == (e.truth, e.width, e.height))

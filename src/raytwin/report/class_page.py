@@ -146,12 +146,12 @@ def histogram(shares: Iterable[float]) -> list[int]:
 
 def by_exercise(results: Sequence[Result], rubric: Rubric) -> list[tuple[str, int, list[int]]]:
     """(name, how many pass, histogram) of each exercise."""
-    told = []
+    rows = []
     for e in rubric.exercises:
         marked = [m for r in results for m in r.exercises if m.name == e.name]
         shares = [m.points / m.of if m.of else 1.0 for m in marked]
-        told.append((e.name, sum(m.status == "pass" for m in marked), histogram(shares)))
-    return told
+        rows.append((e.name, sum(m.status == "pass" for m in marked), histogram(shares)))
+    return rows
 
 
 def faults(results: Sequence[Result]) -> list[tuple[str, str, list[tuple[Result, str]]]]:
@@ -206,7 +206,7 @@ def near_identical(results: Sequence[Result]) -> dict[str, list[tuple[Result, st
 
 def _view(picture: Picture) -> dict[str, Any]:
     """What the viewer mounts: the picture's planes and how to show them; empty where there is a small one alone."""
-    told: dict[str, Any] = {"exercise": picture.exercise, "shows": picture.shows, "thumb": picture.thumb, "data": ""}
+    view: dict[str, Any] = {"exercise": picture.exercise, "shows": picture.shows, "thumb": picture.thumb, "data": ""}
     if picture.planes:
         panes = [
             {"key": "reference", "kind": "radiance", "title": "Expected", "tab": "expected"},
@@ -220,8 +220,8 @@ def _view(picture: Picture) -> dict[str, Any]:
             "bound": {"share": picture.share, "scale": picture.scale, "held": True}, "exposure": picture.stops,
         }  # fmt: skip
         # "<" would end the element that holds it.
-        told["data"] = json.dumps(json.loads(picture.planes) | more).replace("<", "\\u003c")
-    return told
+        view["data"] = json.dumps(json.loads(picture.planes) | more).replace("<", "\\u003c")
+    return view
 
 
 # ------------------------------------------------------------------------------------------ numbers
@@ -229,10 +229,10 @@ def _view(picture: Picture) -> dict[str, Any]:
 
 def summary(results: Sequence[Result], rubric: Rubric) -> dict[str, Any]:
     """Own JSON: everything but pictures."""
-    told = [files.plain(r) | {"points": r.points, "of": r.of} for r in results]
-    for one in told:
+    rows = [files.plain(r) | {"points": r.points, "of": r.of} for r in results]
+    for one in rows:
         del one["pictures"]
-    return {"title": rubric.title, "points": rubric.points, "results": told}
+    return {"title": rubric.title, "points": rubric.points, "results": rows}
 
 
 def csv_rows(results: Sequence[Result], rubric: Rubric) -> Iterator[Sequence[str]]:

@@ -47,13 +47,13 @@ def ladder_summary(rungs: "Rungs") -> str:
         noise = "" if step.noise is None else f", of it noise {shown(step.noise, 2)}"
         lines.append(f"  {step.rung:<8} {step.side:<6} {seconds(step.seconds):>9}   {error}{noise}")
     for rung, parts in rungs.ledgers.items():
-        told = [
+        shares = [
             f"{part.part} {100 * part.share_of_light:+.2g} %"
             for part in parts
             if part.share_of_light is not None and abs(part.share_of_light) >= 5e-4
         ]
         lines.append(
-            f"  {rung}: " + (", ".join(told) + " of the light" if told else "no part above 0.05 % of the light")
+            f"  {rung}: " + (", ".join(shares) + " of the light" if shares else "no part above 0.05 % of the light")
         )
     return "\n".join(lines)
 

@@ -93,11 +93,11 @@ def _drawing(found: "LightEstimate", i: int) -> dict[str, Any]:
 
 def _sun_chart(found: "LightEstimate") -> list[dict[str, Any]]:
     """Where on the map each thing put the sun, as ellipses of two standard deviations in a box of 360 by 180."""
-    told = [(n, d, s) for n, d, s in found.suns]
+    suns = [(n, d, s) for n, d, s in found.suns]
     if found.light.to_light is not None:
-        told.append(("all", found.light.to_light, found.light.sigma))
+        suns.append(("all", found.light.to_light, found.light.sigma))
     rows = []
-    for name, d, sd in told:
+    for name, d, sd in suns:
         high = np.degrees(2 * sd)
         level = max(float(np.hypot(*d[:2])), 0.05)
         rows.append({

@@ -63,12 +63,12 @@ GROUPS = {
 
 
 class NumberRow(NamedTuple):
-    """A Number with its value: `held` is True, False, or None where nothing bounds it."""
+    """A Number with its value: `within` is True, False, or None where nothing bounds it."""
 
     number: Number
     value: float
     bound: float | None
-    held: bool | None
+    within: bool | None
 
 
 FOR_EXACT = ("p999_abs", "pixel_fail_fraction")

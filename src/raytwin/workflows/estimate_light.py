@@ -107,20 +107,20 @@ def estimate_light(
         progress("poses", done, len(taken))
         cameras.append(_stand_of(path, lens, definition))
     progress("poses", len(taken), len(taken))
-    linear, paper, told = read_linear(list(taken), cameras, definition)
+    linear, paper, said = read_linear(list(taken), cameras, definition)
     sheet = Sheet(definition)
     evidence = models.Evidence(paper)
     if stand is not None:
         shadow = find_shadow(linear, sheet, stand)
         if shadow is None:
-            told.append(f"--stand: no shadow of it on the sheet: no sun, or one below {LOWEST:g} degrees")
+            said.append(f"--stand: no shadow of it on the sheet: no sun, or one below {LOWEST:g} degrees")
         evidence = replace(evidence, shadow=shadow)
     given = [(np.array(b[:3]), float(b[3]), True) for b in balls]
     if not given and stand is None:
         given = [(*b, False) for b in _found(linear, sheet)]
     for k, (center, radius, sure) in enumerate(given):
         progress("balls", k, len(given))
-        _add_ball(evidence, linear, sheet, center, radius, sure, told)
+        _add_ball(evidence, linear, sheet, center, radius, sure, said)
     progress("balls", len(given), len(given))
     if not (evidence.shadow or evidence.matt or evidence.mirrors) and stand is None:
         raise InputError(
@@ -128,11 +128,11 @@ def estimate_light(
             "the board alone",
         )  # fmt: skip
     light, trials, number, suns = models.choose(evidence, len(linear))
-    told += _contradictions(suns)
+    said += _contradictions(suns)
     if any(m.pixels.clipped[m.pixels.to_light[:, 2] > 0].mean() > 0.02 for m in evidence.mirrors):
-        told.append("more than 2 % of what the mirror ball shows from above is clipped: the map is a lower bound there")
+        said.append("more than 2 % of what the mirror ball shows from above is clipped: the map is a lower bound there")
     drawn = _drawn(linear[0], light, paper, evidence, definition)
-    return LightEstimate(light, paper, linear, evidence, trials, number, suns, told, drawn)
+    return LightEstimate(light, paper, linear, evidence, trials, number, suns, said, drawn)
 
 
 def _drawn(
@@ -176,7 +176,7 @@ def _found(linear: list[LinearPhoto], sheet: Sheet) -> list[tuple[np.ndarray, fl
 
 def _add_ball(
     evidence: models.Evidence, linear: list[LinearPhoto], sheet: Sheet, center: np.ndarray, radius: float, sure: bool,
-    told: list[str],
+    said: list[str],
 ) -> None:  # fmt: skip
     found = find_outline(linear, center, radius, sure)
     matt = fit_edges(linear, found)
@@ -188,7 +188,7 @@ def _add_ball(
     reflectance = reflectance_of(linear, ball, sheet)
     known = reflectance is not None and bool(reflectance.min() > 0.2 and reflectance.max() < 1.1)
     if not known:
-        told.append(f"{ball.name}: no white paper is seen in it, so that its reflectance is taken for {REFLECTANCE}")
+        said.append(f"{ball.name}: no white paper is seen in it, so that its reflectance is taken for {REFLECTANCE}")
     rho = reflectance if reflectance is not None and known else np.full(3, REFLECTANCE)
     seen = mirrored(linear, ball, rho)
     suns = {}
@@ -199,12 +199,12 @@ def _add_ball(
 
 
 def _contradictions(suns: list[tuple[str, np.ndarray, float]]) -> list[str]:
-    told = []
+    said = []
     for i, (a, d, sd) in enumerate(suns):
         for b, e, other in suns[:i]:
             apart = float(np.arccos(np.clip(d @ e, -1, 1)))
             if apart > APART * np.hypot(sd, other):
-                told.append(
+                said.append(
                     f"{a} and {b} put the sun {np.degrees(apart):.1f} degrees apart: one of them is not as told"
                 )
-    return told
+    return said

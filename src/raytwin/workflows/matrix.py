@@ -80,24 +80,24 @@ class Cell(msgspec.Struct, frozen=True):
 
 def read_list(path: str | Path) -> tuple[list[str], list[str], dict[str, Any]]:
     """A TOML file's `scenes`, its `[subjects]` (name = "what") or list, and its settings, as options have them."""
-    told = files.read_toml(path)
-    scenes, subjects = told.pop("scenes", []), told.pop("subjects", [])
+    given = files.read_toml(path)
+    scenes, subjects = given.pop("scenes", []), given.pop("subjects", [])
     if isinstance(subjects, Mapping):
         subjects = [f"{name}={what}" for name, what in subjects.items()]
     for key, value in (("scenes", scenes), ("subjects", subjects)):
         if not isinstance(value, list) or not all(isinstance(one, str) for one in value):
             raise InputError(f"{path}: {key}", "a list of texts, or a table of them", repr(value)[:60])
-    for key in told:
+    for key in given:
         if key not in OF_MANY:
             expected = f"scenes, subjects, {', '.join(OF_MANY[:-1])} or {OF_MANY[-1]}"
             raise InputError(f"{path}: {key}", expected, f"the unknown key {key!r}")
-    return [str(scene) for scene in scenes], list(subjects), told
+    return [str(scene) for scene in scenes], list(subjects), given
 
 
-def with_settings(settings: CompareSettings, told: Mapping[str, Any], where: str | Path) -> CompareSettings:
+def with_settings(settings: CompareSettings, given: Mapping[str, Any], where: str | Path) -> CompareSettings:
     """The settings with those of a file in the place of defaults: what the command line says stays."""
     usual = CompareSettings()
-    chosen = {name: value for name, value in told.items() if getattr(settings, name) == getattr(usual, name)}
+    chosen = {name: value for name, value in given.items() if getattr(settings, name) == getattr(usual, name)}
     if isinstance(size := chosen.get("size"), str):
         match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", size)
         if not match:
