@@ -8,7 +8,7 @@ import typer
 
 from raytwin.cli.option_values import check_outputs
 from raytwin.cli.progress_bar import print_seconds, show_progress
-from raytwin.cli.terminal import say, say_wrapped
+from raytwin.cli.terminal import say, say_wrapped, worst_code
 from raytwin.errors import InputError
 from raytwin.workflows.diff_settings import DiffSettings, IdiffLimits
 from raytwin.workflows.settings import CompareSettings
@@ -114,7 +114,7 @@ def diff_folders(
         say(f"{made.comparison.verdict.upper()}  {name}: {made.comparison.reasons[0]}")
         if out:
             check_page.write_check(out, name, number, made, (), *pictures)
-    worst = 1 if 1 in codes else max(codes)
+    worst = worst_code(codes)
     verdict = {0: "pass", 1: "fail", 2: "undecided"}[worst]
     if json:
         files.write_json(json, {"verdict": verdict, "pairs": pairs})

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from raytwin.cli.option_values import check_outputs, parse_numbers, parse_stand
+from raytwin.cli.option_values import check_outputs, parse_ball, parse_stand
 from raytwin.cli.progress_bar import print_seconds, show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError
@@ -23,7 +23,7 @@ def light_command(
     if out.suffix.lower() != ".toml":
         raise InputError(out, "a name that ends in .toml", out.suffix or "no ending")
     check_outputs(files=(out, out.with_suffix(".exr"), out.with_suffix(".html"), json))
-    balls = [_ball(text) for text in ball or ()]
+    balls = [parse_ball(text, "--ball") for text in ball or ()]
     upright = parse_stand(stand, "--stand") if stand else None
     taken = [path for named in photos for path in files.list_photos(named)]
     with show_progress() as progress:
@@ -35,10 +35,3 @@ def light_command(
     report.write_light_page(found, out.with_suffix(".html"))
     print_seconds(progress)
     say(f"{out}, report: {out.with_suffix('.html')}")
-
-
-def _ball(text: str) -> tuple[float, float, float, float]:
-    numbers = parse_numbers(text, "--ball")
-    if len(numbers) != 4 or not numbers[3] > 0:
-        raise InputError("--ball", "x,y,z,r in metres, r > 0", text)
-    return numbers[0], numbers[1], numbers[2], numbers[3]

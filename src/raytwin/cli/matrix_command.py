@@ -7,7 +7,7 @@ import typer
 
 from raytwin.cli.option_values import check_outputs
 from raytwin.cli.progress_bar import show_progress
-from raytwin.cli.terminal import say, say_wrapped
+from raytwin.cli.terminal import say, say_wrapped, worst_code
 from raytwin.workflows.settings import CompareSettings
 
 
@@ -49,7 +49,7 @@ def matrix_command(
     done = store.collect(found)
     if len(done) < len(found):
         say(f"{len(done)} of {len(found)} done; run it again without --shard once all are, for the page")
-        raise typer.Exit(worst(cells))
+        raise typer.Exit(worst_code(cell.exit_code for cell in cells))
     past = matrix_history.pasts(matrix_history.add_to_history(history, done)) if history is not None else {}
     matrix_page.write_matrix(done, out, past)
     if json is not None:
@@ -57,10 +57,4 @@ def matrix_command(
     if junit is not None:
         report.write_junit(map(matrix_page.case_of, done), junit, "raytwin matrix")
     say(f"{len(done)} comparisons; report: {out / 'index.html'}")
-    raise typer.Exit(worst(done))
-
-
-def worst(cells: list) -> int:
-    """One failed comparison is a failure, whatever else could not be decided."""
-    codes = [cell.exit_code for cell in cells]
-    return 1 if 1 in codes else max(codes, default=0)
+    raise typer.Exit(worst_code(cell.exit_code for cell in done))

@@ -49,14 +49,20 @@ def parse_numbers(text: str, option: str, most: int | None = None) -> tuple[floa
     return numbers
 
 
-def parse_sphere(text: str, option: str, albedo: tuple[float, float, float]) -> "Sphere":
-    """A sphere of this albedo from its center and radius: 'x,y,z,r'."""
-    from raytwin.scene import Lambert, Sphere
-
+def parse_ball(text: str, option: str) -> tuple[float, float, float, float]:
+    """The center and the radius of a ball: 'x,y,z,r'."""
     numbers = parse_numbers(text, option)
     if len(numbers) != 4 or not numbers[3] > 0:
         raise InputError(option, "x,y,z,r in metres, r > 0", text)
-    return Sphere((numbers[0], numbers[1], numbers[2]), numbers[3], Lambert(albedo))
+    return numbers[0], numbers[1], numbers[2], numbers[3]
+
+
+def parse_sphere(text: str, option: str, albedo: tuple[float, float, float]) -> "Sphere":
+    """A sphere of this albedo from its center and radius."""
+    from raytwin.scene import Lambert, Sphere
+
+    x, y, z, radius = parse_ball(text, option)
+    return Sphere((x, y, z), radius, Lambert(albedo))
 
 
 def parse_stand(text: str, option: str) -> tuple[float, float, float]:

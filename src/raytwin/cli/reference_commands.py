@@ -12,7 +12,7 @@ import typer
 from raytwin.cli.option_values import check_outputs
 from raytwin.cli.options import register
 from raytwin.cli.progress_bar import show_progress
-from raytwin.cli.terminal import say
+from raytwin.cli.terminal import say, worst_code
 from raytwin.errors import InputError, check_one_of
 from raytwin.progress import silent
 from raytwin.workflows.settings import ReferenceSettings
@@ -84,7 +84,7 @@ def check_command(
     codes = [c.exit_code for c in checked]
     unknown = f", {codes.count(2)} could not be checked" if 2 in codes else ""
     say(f"{_count(checked)}, {codes.count(1)} failed{unknown}")
-    raise typer.Exit(_worst(codes))
+    raise typer.Exit(worst_code(codes))
 
 
 def show_command(
@@ -135,7 +135,7 @@ def diff_command(
             codes.append(change.comparison.exit_code)
         else:
             codes.append(2 if change.kind == "damaged" else 1)
-    raise typer.Exit(_worst(codes))
+    raise typer.Exit(worst_code(codes))
 
 
 def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[Case]":
@@ -192,11 +192,6 @@ def _made(case: "Case", folder: Path, settings: ReferenceSettings, variant: str 
     scene, rung, found = case
     with nullcontext(silent) if variant else show_progress() as progress:
         return make_reference.make(scene, rung, folder, settings, found=found, progress=progress)
-
-
-def _worst(codes: list[int]) -> int:
-    """One failed comparison is a failure, whatever else could not be compared."""
-    return 1 if 1 in codes else max(codes, default=0)
 
 
 def _source(folder: Path | None) -> Path:

@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import textwrap
+from collections.abc import Iterable
 
 import typer
 
@@ -49,3 +50,9 @@ def broken(line: str, width: int) -> str:
         line, width, subsequent_indent=f"{indent}  ", break_long_words=False, break_on_hyphens=False,
         drop_whitespace=True, replace_whitespace=False,
     )  # fmt: skip
+
+
+def worst_code(codes: Iterable[int]) -> int:
+    """Return the exit code of many comparisons: one that failed is a failure, whatever else could not be decided."""
+    known = set(codes)
+    return 1 if 1 in known else max(known, default=0)

@@ -10,7 +10,7 @@ from raytwin.report.bench_charts import Mark, calibration_charts, marks_chart, m
 from raytwin.report.bench_page import made_folder
 from raytwin.report.charts import Chart, chart_html, write_charts
 from raytwin.report.numbers import seconds, shown
-from raytwin.report.page import render_page
+from raytwin.report.page import write_page
 
 MACHINES = "The paper ran on Google Colab, this run on {}: seconds of the two do not compare, ratios within each do."
 
@@ -21,13 +21,12 @@ def write_paper_all(paper: Paper, folder: str | os.PathLike[str]) -> None:
     files.write_json(folder / "paper.json", paper)
     files.write_text(folder / "paper.md", markdown(paper, machines(paper)))
     charts = charts_of(paper)
-    page = render_page(
-        "paper/paper.html.j2", ("bench.css",), ("charts.js",),
+    write_page(
+        folder / "paper.html", "paper/paper.html.j2", ("bench.css",), ("charts.js",),
         p=paper,
         parts=[(t, [(c, chart_html(c)) for c in charts.get(t.key, ())]) for t in tables(paper)],
         machines=machines(paper),
     )  # fmt: skip
-    files.write_text(folder / "paper.html", page)
     write_charts((c for found in charts.values() for c in found), folder)
 
 

@@ -14,7 +14,7 @@ from raytwin.lights.envmap_tables import REC_709
 from raytwin.report.charts import INK, Asked, Chart, Line, Point, chart_html, labelled, log_range, write_charts
 from raytwin.report.data_urls import png_url
 from raytwin.report.numbers import short, shown
-from raytwin.report.page import render_page
+from raytwin.report.page import write_page
 
 OURS = "#0f7a3d", "#2563eb", "#0f8b8d"
 OTHERS = "#c02f4a", "#e07b00", "#8e44ad", "#7c4a21", "#d455a5", "#5a6575", "#a16207", "#111827"
@@ -48,8 +48,8 @@ def write_atlas(found: Atlas, folder: str | os.PathLike[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     rows = [(EXPERIMENTS[f.name], f) for f in found.experiments]
     charts = [chart(e, f) for e, f in rows]
-    page = render_page(
-        "atlas.html.j2", ("bench.css", "atlas.css"), ("charts.js",),
+    write_page(
+        folder / "atlas.html", "atlas.html.j2", ("bench.css", "atlas.css"), ("charts.js",),
         experiments=[
             (e, f, [(name, name in e.ours, cells(f, name)) for name in f.methods], chart_html(c),
              [(caption, png_url(pixels)) for caption, pixels in (e.pictures() if e.pictures else ())])
@@ -61,7 +61,6 @@ def write_atlas(found: Atlas, folder: str | os.PathLike[str]) -> None:
         last=lambda f, name: digits_left(f.methods[name].errors[-1]),
     )  # fmt: skip
     files.write_json(folder / "atlas.json", found)
-    files.write_text(folder / "atlas.html", page)
     write_charts(charts, folder)
 
 

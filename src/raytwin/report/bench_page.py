@@ -5,13 +5,12 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from raytwin import files
 from raytwin.bench import RENDERERS, Bench, Changes, Converged, MethodChange, write_bench
 from raytwin.errors import InputError
 from raytwin.report.bench_charts import AXES, COLOURS, TRUTHS, error_chart, megapixels, side_charts, sizes_of
 from raytwin.report.charts import Chart, chart_html, write_charts
 from raytwin.report.numbers import seconds, shown
-from raytwin.report.page import render_page
+from raytwin.report.page import write_page
 
 FIRST = "path-area/relmse"
 """What the page shows when it opens."""
@@ -44,8 +43,8 @@ def write_bench_page(bench: Bench, path: str | os.PathLike[str], changes: Change
     """One file that opens offline. Every chart of every size, truth and metric lies in it, drawn."""
     charts = error_charts(bench)
     first = next((c.key for c in charts if c.key.endswith("/" + FIRST)), charts[0].key if charts else "")
-    page = render_page(
-        "bench.html.j2", ("bench.css",), ("charts.js",),
+    write_page(
+        path, "bench.html.j2", ("bench.css",), ("charts.js",),
         b=bench,
         changes=changes,
         charts=[(c, chart_html(c), frontier_rows(c)) for c in charts],
@@ -57,7 +56,6 @@ def write_bench_page(bench: Bench, path: str | os.PathLike[str], changes: Change
         kinds=kinds(bench),
         never=never(bench),
     )  # fmt: skip
-    files.write_text(path, page)
 
 
 def error_charts(bench: Bench) -> list[Chart]:

@@ -5,11 +5,10 @@ import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from raytwin import files
 from raytwin.calib.photos import Calibration, model_table
 from raytwin.report.calibration_pictures import pose_drawing, residual_drawing
 from raytwin.report.charts import svg_text
-from raytwin.report.page import render_page
+from raytwin.report.page import write_page
 from raytwin.report.uncertainty_pictures import bend_drawing, uncertainty_drawing
 
 
@@ -24,7 +23,8 @@ class PhotoRow(NamedTuple):
 
 def write_calibration(calibration: Calibration, path: str | os.PathLike[str], camera_file: str = "") -> None:
     """Write the page; `camera_file`: the name of the camera.toml beside it."""
-    page = render_page(
+    write_page(
+        Path(path),
         "calibration.html.j2",
         ("bench.css",),
         ("charts.js",),
@@ -33,7 +33,6 @@ def write_calibration(calibration: Calibration, path: str | os.PathLike[str], ca
         camera_file=camera_file,
         pictures=calibration_pictures(calibration),
     )
-    files.write_text(Path(path), page)
 
 
 def calibration_tables(calibration: Calibration) -> dict[str, Any]:

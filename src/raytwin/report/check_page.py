@@ -17,7 +17,7 @@ from raytwin.compare.heatmap import signed_error
 from raytwin.image import Image
 from raytwin.report import data_urls, numbers
 from raytwin.report.compare_page import write_report
-from raytwin.report.page import render_page
+from raytwin.report.page import write_page
 from raytwin.report.view import Names, PairView, Tile, error_tile, in_radiance, numbered, ratio_tile, silhouette_tile
 from raytwin.scene import Tolerance
 from raytwin.workflows.compared import Compared
@@ -101,10 +101,8 @@ def write_index(folder: Path) -> tuple[int, int]:
     rows = [msgspec.json.decode(f.read_bytes(), type=CheckRow) for f in folder.glob("check-*.json")]
     rows.sort(key=lambda row: (row.verdict in GOOD, row.test, row.number))
     failed = sum(row.verdict not in GOOD for row in rows)
-    page = render_page(
-        "checks.html.j2", ("checks.css",), ("table.js",), rows=rows, failed=failed, name=folder.absolute().name
-    )
-    files.write_text(folder / INDEX, page)
+    about = {"rows": rows, "failed": failed, "name": folder.absolute().name}
+    write_page(folder / INDEX, "checks.html.j2", ("checks.css",), ("table.js",), **about)
     return len(rows), failed
 
 

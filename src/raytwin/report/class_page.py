@@ -18,7 +18,7 @@ from raytwin.grade.feedback import row_of, unnamed
 from raytwin.grade.fingerprint import same
 from raytwin.grade.result import SUREST, Marked, Picture, Result
 from raytwin.grade.rubric import PICTURES, Rubric
-from raytwin.report.page import asset, render_page
+from raytwin.report.page import asset, render_page, write_page
 from raytwin.report.spreadsheet import write_csv
 
 SHARED = "shared"
@@ -71,7 +71,8 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> list
             failed.append(result.student)
             text = PLAIN_PAGE.format(escape(result.student), escape(f"{type(error).__name__}: {error}"))
         files.write_text(folder / STUDENTS / names[result.key], text)
-    text = render_page(
+    write_page(
+        folder / "index.html",
         "grade_class.html.j2",
         results=results,
         columns=rubric.exercises,
@@ -85,7 +86,6 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> list
         certainty=certainty,
         **common,
     )
-    files.write_text(folder / "index.html", text)
     write_csv(folder / "results.csv", csv_rows(results, rubric))
     files.write_json(folder / "results.json", summary(results, rubric))
     return failed

@@ -6,13 +6,13 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
-from raytwin import files, viewer
+from raytwin import viewer
 from raytwin.compare import flip_map
 from raytwin.compare.comparison import CAUSE, EXPECTED
 from raytwin.compare.heatmap import signed_error
 from raytwin.report import data_urls, numbers
 from raytwin.report.locations import Reason, linked
-from raytwin.report.page import render_page
+from raytwin.report.page import write_page
 from raytwin.report.view import PairView, showable, view_of
 from raytwin.scene import Tolerance
 
@@ -35,7 +35,8 @@ def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str]
     """The whole report as one HTML file that refers to no other; but to the viewer's script of a suite, if named."""
     view = shown if isinstance(shown, PairView) else view_of(shown)
     headline, reasons = first_said(places(view)[0], view.comparison is not None and view.comparison.passed)
-    page = render_page(
+    write_page(
+        path,
         "report.html.j2",
         (viewer.style(),) if view.alike else (),
         () if script or not view.alike else (viewer.script(),),
@@ -51,7 +52,6 @@ def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str]
         shared=script,
         **(side_by_side(view) if view.alike else {"alone": alone(view)}),
     )
-    files.write_text(path, page)
 
 
 def histogram(counts: Sequence[int] | None) -> dict[str, Any] | None:

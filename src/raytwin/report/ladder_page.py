@@ -8,7 +8,7 @@ from raytwin import files
 from raytwin.image import Image
 from raytwin.report.charts import Asked, Chart, Point, chart_html, family_chart, write_charts
 from raytwin.report.numbers import seconds, shown
-from raytwin.report.page import render_page
+from raytwin.report.page import write_page
 from raytwin.report.picture_pair import SCRIPTS, STYLES, picture_pair
 
 if TYPE_CHECKING:
@@ -29,13 +29,12 @@ def write_ladder(found: "Ladder", folder: str | os.PathLike[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     rungs, images = found.rungs, found.images
     drawn = error_chart(rungs)
-    page = render_page(
-        "ladder.html.j2", ("bench.css", *STYLES), SCRIPTS, l=rungs, colours=PARTS,
+    write_page(
+        folder / "ladder.html", "ladder.html.j2", ("bench.css", *STYLES), SCRIPTS, l=rungs, colours=PARTS,
         **picture_pair({name: Image(mean) for name, mean in images.items()}, FIRST, "global illumination"),
         bars=[(rung, bars(rungs, rung)) for rung in rungs.ledgers], chart=chart_html(drawn),
     )  # fmt: skip
     files.write_json(folder / "ladder.json", rungs)
-    files.write_text(folder / "ladder.html", page)
     write_charts([drawn], folder)
 
 

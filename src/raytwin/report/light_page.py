@@ -8,7 +8,7 @@ import numpy as np
 from raytwin import files, viewer
 from raytwin.image import Image
 from raytwin.report.data_urls import stops
-from raytwin.report.page import render_page
+from raytwin.report.page import write_page
 
 if TYPE_CHECKING:
     from raytwin.workflows.estimate_light import LightEstimate
@@ -63,14 +63,13 @@ def write_light_page(found: "LightEstimate", path: str | os.PathLike[str]) -> No
         "names": {"test": "map", "reference": "map"}, "panes": panes, "noisy": False,
         "bound": {"share": 0.1, "scale": 1.0, "held": False}, "exposure": stops(image),
     }  # fmt: skip
-    page = render_page(
-        "light.html.j2", (viewer.style(), STYLE), (viewer.script(),),
+    write_page(
+        path, "light.html.j2", (viewer.style(), STYLE), (viewer.script(),),
         data=data, found=found, summary=light_summary(found),
         photos=[_drawing(found, i) for i in range(min(len(found.photos), SHOWN))],
         sun=_sun_chart(found), map_url=_jpeg(files.to_bytes(around * np.float32(2.0 ** stops(image)))),
         before=_jpeg(found.photos[0].pixels), after=_jpeg(found.drawn) if found.drawn is not None else None,
     )  # fmt: skip
-    files.write_text(path, page)
 
 
 STYLE = """

@@ -22,7 +22,7 @@ from raytwin.report.charts import chart_html
 from raytwin.report.compare_page import write_report
 from raytwin.report.data_urls import png_url
 from raytwin.report.junit import Case, write_junit
-from raytwin.report.page import render_page
+from raytwin.report.page import write_page
 from raytwin.report.spreadsheet import write_csv
 from raytwin.report.view import showable
 from raytwin.workflows.compare_scene import Result
@@ -85,7 +85,8 @@ def write_matrix(
     lines = [(scene, [by_place.get((scene, subject)) for subject in subjects]) for scene in scenes]
     lines.sort(key=lambda line: min(map(badness, filter(None, line[1]))))
     files.write_text(folder / CELLS / SCRIPT, viewer.script())
-    text = render_page(
+    write_page(
+        folder / "index.html",
         "matrix.html.j2",
         ("matrix.css",),
         ("table.js", "charts.js"),
@@ -103,7 +104,6 @@ def write_matrix(
         ),
         charts=[(scene, chart_html(chart)) for scene in scenes if (chart := scene_chart(scene, cells))],
     )
-    files.write_text(folder / "index.html", text)
     rows = [{k: v for k, v in files.plain(cell).items() if k != "thumbnail"} for cell in cells]
     files.write_json(folder / "matrix.json", {"cells": rows})
     columns = [name for name in Cell.__struct_fields__ if name not in ("thumbnail", "key")]

@@ -5,12 +5,19 @@ a name that is missing in a template is an error.
 """
 
 import functools
+import os
 from importlib import resources
 from typing import Any
 
 import jinja2
 
+from raytwin import files
 from raytwin.report import numbers
+
+
+def write_page(path: str | os.PathLike[str], template: str, *parts: tuple[str, ...], **data: Any) -> None:
+    """Write the page; `parts` are the styles and scripts of `render_page`."""
+    files.write_text(path, render_page(template, *parts, **data))
 
 
 def render_page(template: str, styles: tuple[str, ...] = (), scripts: tuple[str, ...] = (), **data: Any) -> str:

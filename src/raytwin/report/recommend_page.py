@@ -10,7 +10,7 @@ from raytwin.analysis.recommend import Needs, Row
 from raytwin.analysis.recommend.level_pictures import MORE, REFERENCE, SAMPLES
 from raytwin.image import Image
 from raytwin.report import data_urls, numbers
-from raytwin.report.page import render_page
+from raytwin.report.page import write_page
 from raytwin.report.picture_pair import SCRIPTS, STYLES, picture_pair
 
 WORDS = 18
@@ -36,7 +36,8 @@ def write_needs(found: Needs, images: Mapping[str, Image], folder: str | os.Path
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     chosen = found.choice.rung if found.choice and found.choice.rung in images else "path"
-    page = render_page(
+    write_page(
+        folder / "needs.html",
         "needs.html.j2",
         STYLES,
         SCRIPTS,
@@ -48,7 +49,6 @@ def write_needs(found: Needs, images: Mapping[str, Image], folder: str | os.Path
         **picture_pair(images, (chosen, REFERENCE), REFERENCE),
     )
     files.write_json(folder / "needs.json", found)
-    files.write_text(folder / "needs.html", page)
 
 
 def _level(found: Needs, name: str, image: Image, reference: Image) -> Level:

@@ -9,7 +9,7 @@ from raytwin import files, viewer
 from raytwin.compare import Comparison, Report
 from raytwin.image import Image
 from raytwin.report.compare_page import write_report
-from raytwin.report.page import render_page
+from raytwin.report.page import write_page
 from raytwin.report.view import Names, PairView, Tile
 from raytwin.scene import Tolerance
 from raytwin.workflows.compared import Compared
@@ -63,5 +63,5 @@ class Against:
 
     def finish(self) -> Path:
         """The index; its path."""
-        files.write_text(self.folder / INDEX, render_page("against.html.j2", pages=self.pages))
+        write_page(self.folder / INDEX, "against.html.j2", pages=self.pages)
         return self.folder / INDEX

@@ -40,7 +40,7 @@ EDGE_SHARE = 0.6
 """The least score of a circle that is taken for a ball."""
 
 LEAST_SLOPE = 0.005
-"""Of the root of the light, per pixel: a smaller slope is no edge."""
+"""Slope of the root of the light, per pixel: a smaller one is no edge."""
 
 REACHES = 6.0, 4.0, 3.0, 2.0, 1.5, 1.5
 """Pixels across the outline within which its edge is sought, one fit after the other."""
