@@ -163,7 +163,8 @@ def upper_quantile(
     top = np.concatenate([x[x >= guess] for x in (term(t, r) for t, r in chunks(test, reference))])
     if top.size <= above:  # the sample misled
         top = np.concatenate([term(t, r) for t, r in chunks(test, reference)])
-    return nth_largest(top, above)
+    k = top.size - 1 - above
+    return float(np.partition(top, k)[k])
 
 
 METRICS: dict[str, Metric] = {
