@@ -9,12 +9,13 @@ from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.catalogue import CHANCES, FAULTS, cached
 from raytwin.diagnose.changes import SAMPLING, STAGES, given
 from raytwin.diagnose.conditional_faults import _some, averaged, by_channel, stale, wrong_channels
-from raytwin.diagnose.diagnosis import Cause, Hypothesis, SubmittedImage, _ranked, diagnose, explain
+from raytwin.diagnose.diagnosis import Cause, SubmittedImage, diagnose, explain
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
 from raytwin.diagnose.pixel_sample import look, many
 from raytwin.diagnose.predict import FIRST, RIGHT, Before, predictor
 from raytwin.diagnose.prediction_cache import costs
+from raytwin.diagnose.search import Hypothesis, ranked
 from raytwin.files.rounding import half_code
 from raytwin.image import Image
 from raytwin.renderers.scene_exchange import as_arrays
@@ -143,10 +144,10 @@ def test_of_one_fault_the_way_that_costs_least_stands_and_of_two_alike_the_typic
         return Hypothesis((Cause(name, "", ""),), RIGHT, cost, typical=typical)
 
     ways = [guess("mirrored", 0.0, False), guess("upside-down", 0.002, True), guess("upside-down", 0.0001, False)]
-    found = [(g.causes[0].name, g.cost) for g in _ranked(ways, FAULTS, 0.001)]
+    found = [(g.causes[0].name, g.cost) for g in ranked(ways, FAULTS, 0.001)]
     assert found == [("upside-down", 0.0001), ("mirrored", 0.0), ("upside-down", 0.002)]
     ways.append(guess("mirrored", 0.0003, True))
-    assert _ranked(ways, FAULTS, 0.001)[0].causes[0].name == "mirrored"
+    assert ranked(ways, FAULTS, 0.001)[0].causes[0].name == "mirrored"
 
 
 def test_a_scene_that_everyone_is_asked_for_rules_out_what_it_speaks_against():

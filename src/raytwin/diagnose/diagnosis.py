@@ -2,18 +2,17 @@
 
 A fault is believed for what it predicts: its picture of every scene is compared with the one that was submitted, the
 scenes that are right included. Where no single one suffices, faults are added one by one; where none does, it is said
-where the picture is wrong. The cost of errors e is Σ log(1 + (e/τ)²), minus the log likelihood of values that are
-either hit closely or missed by any amount, so that a few odd pixels decide nothing.
+where the picture is wrong. `search` tries them.
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.budget import SECONDS, Budget
-from raytwin.diagnose.catalogue import ACNE, CHANCES, FACTS, FAULTS, SHADOW_TESTS, cached, equivalent_forms
+from raytwin.diagnose.catalogue import ACNE, CHANCES, FACTS, FAULTS, cached
 from raytwin.diagnose.certainty import (
     WHOLE,
     are_alike,
@@ -25,21 +24,18 @@ from raytwin.diagnose.certainty import (
     is_likelier,
     is_settled,
     left_over,
-    shows,
 )
-from raytwin.diagnose.changes import LIGHT, NORMALS, OUTPUT, SAMPLING, SHADOW, STAGES, Fault
+from raytwin.diagnose.changes import OUTPUT, STAGES, Fault
 from raytwin.diagnose.conditional_faults import clued
 from raytwin.diagnose.distances import depth_cause
 from raytwin.diagnose.explanation import Cause, Diagnosis, Sureness
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
-from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, fit, of_objects, promising, total
+from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, of_objects, total
 from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, many
-from raytwin.diagnose.predict import RIGHT, UP_TO_RAYS, Array, Pipeline
-from raytwin.diagnose.prediction_cache import costs
-from raytwin.diagnose.slip_search import likely_slips
-from raytwin.diagnose.tolerance_mask import SHADOW_STEPS
+from raytwin.diagnose.predict import RIGHT, Array
+from raytwin.diagnose.search import Hypothesis, Search
 from raytwin.files import Rounding
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
@@ -55,55 +51,16 @@ ALTERNATIVES = 3
 """Causes that explain it as well, at most so many of which are told."""
 RARE = 3e-3
 """Share of a picture's pixels: up to here, only single faults without fitted numbers are tried."""
-SCREEN = 4
-"""Every fault is tried on one in so many of the pixels first."""
-FINALISTS = 24
-"""Guesses that are compared on all pixels, those of least cost: more cost time."""
-CLEAR = 0.1
-"""Share of the cost: fit no numbers once less than this is left."""
-CLOSE = 4
-"""Multiple of the best cost on few pixels above which a fault is not tried on all."""
-TEMPTING = 16
-"""Faults that are tried with every habit."""
-EVEN = 5e-4
-"""Share of the cost without any cause: causes that differ by less are equally good."""
-NEAR = 0.5
-"""Share of the cost: a fault that leaves more is dropped once another leaves hardly any."""
-TIED = 0.01
-"""Costs of one view that tell nothing apart."""
-SOME = 3
-"""Views, the most wrong ones, on which it is seen which numbers are worth fitting."""
 SPECKLED = 0.2
 """Share of right neighbours from which on wrong pixels are speckles."""
 MOST = 25_000
 """Pixels of a picture that are looked at in the end."""
 HOPELESS = 0.97
 """Share of the cost: a fault that leaves more is not tried together with a second one."""
-FITS = 5
-"""Families whose numbers are fitted to the end, of those whose first step explains most."""
-OF_VALUES = (NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
-"""Stages that leave alone what rays meet: quickly tried, and tried first."""
-NOTHING = 1e-4
-"""Share of the cost: where a mistake of these stages leaves less, other stages are not tried."""
+PRICE = 0.03
+"""Share of the cost that another cause has to bring."""
 BEAM = 3
 """Single faults that a second one is added to."""
-REACHED = 0.5
-"""Share of the pixels that one fault leaves wrong: a second one that changes fewer of them is not tried with it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Hypothesis:
-    """What is tried: causes that are made one after the other, the steps that come of them, and their cost.
-
-    `typical`: each cause in the first of its ways. `way`: the change that was made last, as it stands in the catalogue.
-    """
-
-    causes: tuple[Cause, ...]
-    steps: Pipeline
-    cost: float = np.inf
-    refit: Callable[[Sequence[PixelSample]], Pipeline] | None = None
-    typical: bool = True
-    way: Pipeline | None = None
 
 
 PLAIN = tuple(
@@ -158,15 +115,14 @@ def _search(
         faults = (*FAULTS, *cached([c for c, wrong in cameras if not wrong], [c for c, _ in cameras]))
     if families is FAMILIES and sights[0].view.scene and len({s.view.scene for s in sights}) == 1:
         families = (*FAMILIES, *of_objects(sights[0].view.scene))
-    small = [s.only(slice(None, None, SCREEN)) for s in sights]
     thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
-    base = Hypothesis((), RIGHT, total(sights, RIGHT))
-    found = _round(base, sights, small, faults, families if thorough else (), budget)
-    if thorough and every and not (found and is_good(sights, found[0].steps)) and (clues := clued(sights, budget)):
-        found = sorted([*_round(base, sights, small, clues, (), budget), *found], key=lambda g: g.cost)
-    if thorough and every and not (found and is_good(sights, found[0].steps)):
-        found = sorted([*_slips(base, sights, small, budget), *found], key=lambda g: g.cost)
-    if not (found and is_good(sights, found[0].steps)):
+    search, base = Search(sights, budget), Hypothesis((), RIGHT, total(sights, RIGHT))
+    found = search.round(base, faults, families if thorough else ())
+    if thorough and every and not search.explained_by(found) and (clues := clued(sights, budget)):
+        found = sorted([*search.round(base, clues), *found], key=lambda g: g.cost)
+    if thorough and every and not search.explained_by(found):
+        found = sorted([*search.slips(base), *found], key=lambda g: g.cost)
+    if not search.explained_by(found):
         hit = hit_shares(sights, found[0].steps)[0] if found else 0.0
         if is_firm(sights) and (chance := _by_chance(sights, where, hit, budget)) is not None:
             return chance
@@ -174,8 +130,8 @@ def _search(
         if not thorough or not found or is_settled(sights, found[0].steps) or budget.over:
             break
         for k, one in enumerate([g for g in found[:BEAM] if g.cost < HOPELESS * base.cost]):
-            found += _round(one, sights, small, faults, () if k else families, budget)
-        found.sort(key=lambda g: g.cost + len(g.causes) * _price(base))
+            found += search.round(one, faults, () if k else families)
+        found.sort(key=lambda g: g.cost + len(g.causes) * PRICE * base.cost)
         more = min(found, key=lambda g: g.cost)
         if len(more.causes) > len(found[0].causes) and not left_over(sights, more.steps)[0]:
             found = [more, *(g for g in found if g is not more)]
@@ -250,216 +206,6 @@ def view_of(
     return SubmittedImage(
         scene if known else None, shown, reference.mean, rung, half=slack, clipped=rounding.clipped, sampled=sampled
     )
-
-
-def _price(base: Hypothesis) -> float:
-    """What another cause has to bring: a twentieth of the cost."""
-    return 0.03 * base.cost
-
-
-def _round(
-    before: Hypothesis,
-    sights: list[PixelSample],
-    small: list[PixelSample],
-    faults: Sequence[Fault],
-    families: Sequence[ParametricFault],
-    budget: Budget,
-) -> list[Hypothesis]:
-    """All that may be added to a guess, the best first."""
-    named = {cause.name for cause in before.causes}
-    families = [f for f in families if f.name not in named]
-    ways = [
-        Hypothesis((*before.causes, Cause(f.name, f.stage, f.sentence)), (*before.steps, *way),
-              typical=before.typical and not k, way=way)
-        for f in faults if f.name not in named for k, way in enumerate(f.ways)
-        if not before.causes or _reaches(way, before.steps, small)
-    ]  # fmt: skip
-    order = _order(small, before.steps)
-    if before.causes or faults[: len(FAULTS)] != FAULTS:
-        tried = _screened(ways, order, before, budget)
-    elif len(few := _by_common(ways, sights, before)) < len(ways):
-        tried = _screened(few, order, before, budget)
-    else:
-        values = [w for w in ways if w.causes[-1].stage in OF_VALUES]
-        tried = _screened(values, order, before, budget)
-        if not tried or min(w.cost for w in tried) > NOTHING * before.cost:
-            tried += _screened([w for w in ways if w.causes[-1].stage not in OF_VALUES], order, before, budget)
-    exact = _with_habits(tried, before, sights, order, budget)
-    exact = _ranked(exact, faults, EVEN * before.cost)
-    if not families or (exact and exact[0].cost < CLEAR * before.cost and is_good(sights, exact[0].steps)):
-        return exact
-    fitted = []
-    begun = _begun(families, order[:SOME], before, budget)
-    for k, family in enumerate(begun):
-        if budget.over:
-            budget.cut([f.name for f in begun], k)
-            break
-        p, cost = fit(family, small, before.steps, lambda: budget.over)
-        if cost > 0.9 * before.cost:
-            continue
-        p, cost = fit(_from(family, p), sights, before.steps, lambda: budget.over)
-        if not family.possible(p) or not shows(sights, before.steps, (*before.steps, *family.make(p))):
-            continue
-        scenes = [s.view.scene for s in sights if s.view.scene]
-        cause = Cause(family.name, family.stage, family.sentence(p, scenes), len(p))
-        refit = lambda some, family=family, p=p: _refit(family, p, some, before.steps)  # noqa: E731
-        extra = 0.01 * before.cost * len(p)
-        fitted.append(Hypothesis((*before.causes, cause), (*before.steps, *family.make(p)), cost + extra, refit))
-    return sorted((*exact, *fitted), key=lambda g: g.cost)
-
-
-def _reaches(way: Pipeline, steps: Pipeline, small: Sequence[PixelSample]) -> bool:
-    """Whether a way alone changes most of the pixels that these steps leave wrong; where that was seen, else True."""
-    for s in small:
-        if (alone := s.thin.changed.get(way)) is not None:
-            s = s.thin
-            left = s.errors(steps) > s.tau
-            return not left.any() or bool((s.weight * (alone & left)).sum() > REACHED * (s.weight * left).sum())
-    return True
-
-
-def _with_habits(
-    tried: list[Hypothesis], before: Hypothesis, sights: list[PixelSample], order: Sequence[PixelSample], budget: Budget
-) -> list[Hypothesis]:
-    """The best of the guesses, each also with what right tracers do in one way or another; their cost on all pixels."""
-    best = {guess.causes[-1].name: guess for guess in reversed(tried)}
-    some = sorted(best.values(), key=lambda g: g.cost)[:TEMPTING]
-    if some and some[0].cost < CLEAR / 2 * before.cost:
-        some = [g for g in some if EVEN * before.cost < g.cost < NEAR * before.cost]
-    # A second fault is added to what the first one's way has shown; another camera meets surfaces rightly.
-    some = [g for g in some if not before.causes and _beyond_the_camera(g.way)]
-    forms = [replace(g, steps=form, cost=np.inf) for g in some for form in equivalent_forms(g.steps)]
-    tried += _screened(forms, order, before, budget)
-    some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if _shadow_test(g.steps) in ((), *SHADOW_TESTS)]
-    some = [g for g in some if g.cost > EVEN * before.cost and _beyond_the_camera(g.way)]
-    tested = [
-        replace(g, steps=(*(step for step in g.steps if step[0] not in SHADOW_STEPS), *test))
-        for g in some
-        for test in SHADOW_TESTS
-    ]
-    tried += _screened(tested, order, before, budget, TEMPTING)
-    tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
-    near = [g for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
-    return [_weighed(g, sights) for k, g in enumerate(near) if not (k and budget.over)]
-
-
-def _shadow_test(steps: Pipeline) -> Pipeline:
-    return tuple(step for step in steps if step[0] in SHADOW_STEPS)
-
-
-def _beyond_the_camera(way: Pipeline | None) -> bool:
-    """Whether more is changed than the rays of the eye."""
-    return way is None or any(name not in UP_TO_RAYS for name, _ in way)
-
-
-def _slips(before: Hypothesis, sights: list[PixelSample], small: list[PixelSample], budget: Budget) -> list[Hypothesis]:
-    """Generated slips that explain all that is wrong, the least far-fetched first of those that do it alike."""
-    order = _order(small, before.steps)
-    guesses = []
-    for slip, steps in likely_slips(order, before.steps, budget):
-        cause = Cause(slip.name, slip.stage, slip.sentence)
-        guesses.append(Hypothesis((*before.causes, cause), steps))
-    if not guesses:
-        return []
-    place = {g.causes[-1].name: k for k, g in enumerate(guesses)}
-    tried = _screened(guesses, order, before, budget)
-    found = [g for g in (_weighed(g, sights) for g in tried[:FINALISTS]) if is_good(sights, g.steps)]
-    if not found:
-        found = [g for g in _with_habits(tried, before, sights, order, budget) if is_good(sights, g.steps)]
-    budget.slips_left = 0 if found else budget.slips_left
-    return sorted(found, key=lambda g: (round(g.cost / (EVEN * before.cost)), place[g.causes[-1].name]))[:1]
-
-
-def _begun(
-    families: Sequence[ParametricFault], some: Sequence[PixelSample], before: Hypothesis, budget: Budget
-) -> list[ParametricFault]:
-    """The families worth fitting, of those that there is time to begin with."""
-    tried, names = promising(families, some, before.steps, FITS, lambda: budget.over)
-    budget.cut([f.name for f in families], len(families) if not budget.over else names)
-    return tried
-
-
-def _ranked(guesses: Sequence[Hypothesis], faults: Sequence[Fault], even: float) -> list[Hypothesis]:
-    """The best way of each fault, by cost alone; then the other ways. Of faults that cost the same (but for `even`) the
-    one that is seen in its typical form comes first, then the one that stands first in the catalogue.
-    """
-    rank = {f.name: k for k, f in enumerate(faults)}
-    best: dict[str, Hypothesis] = {}
-    others = []
-    usual = set()
-    for guess in sorted(guesses, key=lambda g: g.cost):
-        name = guess.causes[-1].name
-        if best.setdefault(name, guess) is not guess:
-            others.append(guess)
-        if guess.typical and guess.cost <= best[name].cost + even:
-            usual.add(name)
-    place = {name: (round(g.cost / max(even, 1e-12)), name not in usual, rank[name]) for name, g in best.items()}
-    return [*(best[name] for name in sorted(place, key=lambda n: place[n])), *others]
-
-
-def _by_common(ways: list[Hypothesis], sights: Sequence[PixelSample], before: Hypothesis) -> list[Hypothesis]:
-    """Those that cost least in the scenes that everyone is asked for."""
-    common = [s for s in sights if s.view.common and not (s.more or s.deep)]
-    if not common:
-        return ways
-    changes = tuple(way for fault in FAULTS for way in fault.ways)
-    sums = np.sum([costs(s, changes) for s in common], axis=0)
-    limit = _limit(sums, total(common, before.steps) * len(common), FINALISTS)
-    return [w for k, w in enumerate(ways) if k >= len(sums) or sums[k] <= limit]
-
-
-def _screened(
-    guesses: list[Hypothesis], order: Sequence[PixelSample], before: Hypothesis, budget: Budget, least: int = FINALISTS
-) -> list[Hypothesis]:
-    """Those that cost least, by one view after the other; a quarter is left each time, and what costs hardly more."""
-    sums, wrong, views = np.zeros(len(guesses)), 0.0, 0
-    first = [order[0].thin] if len(guesses) > 2 * least else []
-    for sight in (*first, *order):
-        unchanged = sight.errors(RIGHT)
-        costs: list[float] = []
-        for guess in guesses:
-            if budget.over:
-                break
-            errors = sight.errors(guess.steps)
-            costs.append(sight.cost(errors))
-            if guess.way is not None and len(guess.causes) == 1 and sight in first:
-                sight.changed[guess.way] = np.abs(errors - unchanged) > 0.1 * sight.tau
-        budget.cut([guess.causes[-1].name for guess in guesses], len(costs))
-        if len(costs) < len(guesses) and views:
-            break  # what is left was tried on some views
-        guesses, sums, views = guesses[: len(costs)], sums[: len(costs)] + costs, views + 1
-        wrong += total([sight], before.steps)
-        limit = _limit(sums, wrong, least)
-        kept = [int(k) for k in np.argsort(sums, kind="stable") if sums[k] <= limit]
-        guesses, sums = [guesses[k] for k in kept], sums[kept]
-    return [replace(guess, cost=cost / max(views, 1)) for guess, cost in zip(guesses, sums.tolist(), strict=True)]
-
-
-def _limit(sums: Array, wrong: float, least: int) -> float:
-    """The cost up to which a guess is kept, of `wrong` without any: where one explains all, the others have to, too."""
-    few = max(least, sums.size // 4)
-    limit = float(np.sort(sums)[few - 1]) + TIED if few < sums.size else np.inf
-    return min(limit, NEAR * wrong) if sums.size and sums.min() < CLEAR / 2 * wrong else limit
-
-
-def _order(small: Sequence[PixelSample], before: Pipeline) -> list[PixelSample]:
-    """The one that is most wrong, then the one of another rung that is, then the others."""
-    worst = sorted(small, key=lambda s: -total([s], before))
-    second = next((s for s in worst if s.view.rung != worst[0].view.rung), worst[0])
-    return [worst[0], *([second] if second is not worst[0] else []), *(s for s in worst[1:] if s is not second)]
-
-
-def _from(family: ParametricFault, p: tuple[float, ...]) -> ParametricFault:
-    """The family, to be fitted from there on."""
-    return replace(family, start=p, tries=())
-
-
-def _refit(family: ParametricFault, p: tuple[float, ...], sights: Sequence[PixelSample], base: Pipeline) -> Pipeline:
-    return (*base, *family.make(fit(_from(family, p), sights, base)[0]))
-
-
-def _weighed(guess: Hypothesis, sights: Sequence[PixelSample]) -> Hypothesis:
-    return replace(guess, cost=total(sights, guess.steps))
 
 
 def _described(

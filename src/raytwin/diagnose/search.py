@@ -1,0 +1,291 @@
+"""Trying mistakes on the pixels of a submission: few pixels first, then all of them for what costs least.
+
+The cost of errors e is Σ log(1 + (e/τ)²), minus the log likelihood of values that are either hit closely or missed by
+any amount, so that a few odd pixels decide nothing.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from raytwin.diagnose.budget import Budget
+from raytwin.diagnose.catalogue import FAULTS, SHADOW_TESTS, equivalent_forms
+from raytwin.diagnose.certainty import is_good, shows
+from raytwin.diagnose.changes import LIGHT, NORMALS, OUTPUT, SAMPLING, SHADOW, Fault
+from raytwin.diagnose.explanation import Cause
+from raytwin.diagnose.parametric_faults import ParametricFault, fit, promising, total
+from raytwin.diagnose.pixel_sample import PixelSample
+from raytwin.diagnose.predict import RIGHT, UP_TO_RAYS, Array, Pipeline
+from raytwin.diagnose.prediction_cache import costs
+from raytwin.diagnose.slip_table import read
+from raytwin.diagnose.tolerance_mask import SHADOW_STEPS
+
+SCREEN = 4
+"""Every fault is tried on one in so many of the pixels first."""
+FINALISTS = 24
+"""Hypotheses that are compared on all pixels, those of least cost: more cost time."""
+CLEAR = 0.1
+"""Share of the cost: fit no numbers once less than this is left."""
+CLOSE = 4
+"""Multiple of the best cost on few pixels above which a fault is not tried on all."""
+TEMPTING = 16
+"""Faults that are tried with every equivalent form."""
+EVEN = 5e-4
+"""Share of the cost without any cause: causes that differ by less are equally good."""
+NEAR = 0.5
+"""Share of the cost: a fault that leaves more is dropped once another leaves hardly any."""
+TIED = 0.01
+"""Costs of one view that tell nothing apart."""
+SOME = 3
+"""Views, the most wrong ones, on which it is seen which numbers are worth fitting."""
+FITS = 5
+"""Faults whose numbers are fitted to the end, of those whose first step explains most."""
+OF_VALUES = (NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
+"""Stages that leave alone what rays meet: quickly tried, and tried first."""
+NOTHING = 1e-4
+"""Share of the cost: where a mistake of these stages leaves less, other stages are not tried."""
+REACHED = 0.5
+"""Share of the pixels that one fault leaves wrong: a second one that changes fewer of them is not tried with it."""
+WRONG_ONES, RIGHT_ONES = 40, 24
+"""Pixels of the first view that a generated slip is tried on: wrong ones, and right ones."""
+SLIP_SECONDS = 1.5
+"""CPU seconds for the first trial of all generated slips."""
+QUICK = ("nearest", "met", "normals_at", "shade", "radiance")
+"""Functions whose slips leave alone which rays meet what, and take a tenth of the time: tried first."""
+SLIPS = 16
+"""Generated slips that are tried on all pixels."""
+LEFT = 0.5
+"""Share of the cost: a slip that leaves more on the first pixels is dropped."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """What is tried: causes that are made one after the other, the steps that come of them, and their cost.
+
+    `typical`: each cause in the first of its ways. `way`: the mistake that was added last, as the catalogue has it.
+    """
+
+    causes: tuple[Cause, ...]
+    steps: Pipeline
+    cost: float = np.inf
+    refit: Callable[[Sequence[PixelSample]], Pipeline] | None = None
+    typical: bool = True
+    way: Pipeline | None = None
+
+    def and_then(self, cause: Cause, mistake: Pipeline, **more: Any) -> "Hypothesis":
+        """The same with one mistake more."""
+        return Hypothesis((*self.causes, cause), (*self.steps, *mistake), **more)
+
+
+@dataclass(eq=False)
+class Search:
+    """The samples of all views, one in so many of their pixels (`small`), and the time that is left."""
+
+    sights: list[PixelSample]
+    budget: Budget
+    small: list[PixelSample] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.small = [s.only(slice(None, None, SCREEN)) for s in self.sights]
+
+    def weighed(self, guess: Hypothesis) -> Hypothesis:
+        """With its cost on all pixels."""
+        return replace(guess, cost=total(self.sights, guess.steps))
+
+    def explained_by(self, found: Sequence[Hypothesis]) -> bool:
+        """Whether the best leaves nothing to be explained."""
+        return bool(found) and is_good(self.sights, found[0].steps)
+
+    def round(
+        self, before: Hypothesis, faults: Sequence[Fault], families: Sequence[ParametricFault] = ()
+    ) -> list[Hypothesis]:
+        """All that may be added to a hypothesis, the best first."""
+        named = {cause.name for cause in before.causes}
+        ways = [
+            before.and_then(Cause(f.name, f.stage, f.sentence), way, typical=before.typical and not k, way=way)
+            for f in faults if f.name not in named for k, way in enumerate(f.ways)
+            if not before.causes or self._reaches(way, before.steps)
+        ]  # fmt: skip
+        if before.causes or faults[: len(FAULTS)] != FAULTS:
+            tried = self._screened(ways, before)
+        elif len(few := self._by_common(ways, before)) < len(ways):
+            tried = self._screened(few, before)
+        else:
+            tried = self._screened([w for w in ways if w.causes[-1].stage in OF_VALUES], before)
+            if not tried or min(w.cost for w in tried) > NOTHING * before.cost:
+                tried += self._screened([w for w in ways if w.causes[-1].stage not in OF_VALUES], before)
+        exact = ranked(self._in_other_forms(tried, before), faults, EVEN * before.cost)
+        families = [f for f in families if f.name not in named]
+        if not families or (exact and exact[0].cost < CLEAR * before.cost and self.explained_by(exact)):
+            return exact
+        return sorted((*exact, *self._fitted(before, families)), key=lambda g: g.cost)
+
+    def _fitted(self, before: Hypothesis, families: Sequence[ParametricFault]) -> list[Hypothesis]:
+        """The numbers that explain most, of the faults that are worth fitting and that there is time for."""
+        budget, fitted = self.budget, []
+        begun, count = promising(families, self._order(before)[:SOME], before.steps, FITS, lambda: budget.over)
+        budget.cut([f.name for f in families], count if budget.over else len(families))
+        for k, family in enumerate(begun):
+            if budget.over:
+                budget.cut([f.name for f in begun], k)
+                break
+            p, cost = fit(family, self.small, before.steps, lambda: budget.over)
+            if cost > 0.9 * before.cost:
+                continue
+            p, cost = fit(replace(family, start=p, tries=()), self.sights, before.steps, lambda: budget.over)
+            if not family.possible(p) or not shows(self.sights, before.steps, (*before.steps, *family.make(p))):
+                continue
+            here = replace(family, start=p, tries=())
+            cause = Cause(family.name, family.stage, family.sentence(p, self._scenes()), len(p))
+            cost += 0.01 * before.cost * len(p)
+            refit = lambda some, f=here: (*before.steps, *f.make(fit(f, some, before.steps)[0]))  # noqa: E731
+            fitted.append(before.and_then(cause, family.make(p), cost=cost, refit=refit))
+        return fitted
+
+    def _scenes(self) -> list[Any]:
+        return [s.view.scene for s in self.sights if s.view.scene]
+
+    def _reaches(self, way: Pipeline, steps: Pipeline) -> bool:
+        """Whether a way alone changes most of the pixels that these steps leave wrong; where that was seen."""
+        for s in (s.thin for s in self.small):
+            if (alone := s.changed.get(way)) is not None:
+                left = s.errors(steps) > s.tau
+                return not left.any() or bool((s.weight * (alone & left)).sum() > REACHED * (s.weight * left).sum())
+        return True
+
+    def _in_other_forms(self, tried: list[Hypothesis], before: Hypothesis) -> list[Hypothesis]:
+        """The best, each also with what right tracers do in one way or another; their cost on all pixels."""
+        best = {guess.causes[-1].name: guess for guess in reversed(tried)}
+        some = sorted(best.values(), key=lambda g: g.cost)[:TEMPTING]
+        if some and some[0].cost < CLEAR / 2 * before.cost:
+            some = [g for g in some if EVEN * before.cost < g.cost < NEAR * before.cost]
+        # A second fault is added to what the first one's way has shown; another camera meets surfaces rightly.
+        some = [g for g in some if not before.causes and _beyond_the_camera(g.way)]
+        forms = [replace(g, steps=form, cost=np.inf) for g in some for form in equivalent_forms(g.steps)]
+        tried += self._screened(forms, before)
+        some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if _beyond_the_camera(g.way)]
+        tested = []
+        for g in (g for g in some if g.cost > EVEN * before.cost):
+            test = tuple(step for step in g.steps if step[0] in SHADOW_STEPS)
+            rest = tuple(step for step in g.steps if step[0] not in SHADOW_STEPS)
+            tested += [replace(g, steps=(*rest, *one)) for one in SHADOW_TESTS if test in ((), *SHADOW_TESTS)]
+        tried += self._screened(tested, before, TEMPTING)
+        tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
+        near = [g for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
+        return [self.weighed(g) for k, g in enumerate(near) if not (k and self.budget.over)]
+
+    def slips(self, before: Hypothesis) -> list[Hypothesis]:
+        """Generated slips that explain all that is wrong, the least far-fetched first of those that do it alike."""
+        guesses = self._likely_slips(before)
+        if not guesses:
+            return []
+        place = {g.causes[-1].name: k for k, g in enumerate(guesses)}
+        tried = self._screened(guesses, before)
+        found = [g for g in map(self.weighed, tried[:FINALISTS]) if is_good(self.sights, g.steps)]
+        if not found:
+            found = [g for g in self._in_other_forms(tried, before) if is_good(self.sights, g.steps)]
+        self.budget.slips_left = 0 if found else self.budget.slips_left
+        return sorted(found, key=lambda g: (round(g.cost / (EVEN * before.cost)), place[g.causes[-1].name]))[:1]
+
+    def _likely_slips(self, before: Hypothesis) -> list[Hypothesis]:
+        """Those that leave least of what is wrong at a few pixels of the worst view, in the order of the table."""
+        worst = max(self.small, key=lambda s: s.cost(s.errors(before.steps)))
+        probe, other = (_few(worst, before.steps, part) for part in (0, 1))
+        limits = [LEFT * s.cost(s.errors(before.steps)) for s in (probe, other)]
+        found: list[tuple[float, int, Hypothesis]] = []
+        began, rows = self.budget.clock(), sorted(enumerate(read()), key=lambda row: row[1].function not in QUICK)
+        for done, (k, one) in enumerate(rows):
+            if self.budget.over or self.budget.clock() - began > SLIP_SECONDS:
+                self.budget.slips_left = len(rows) - done
+                break
+            steps = (*before.steps, *one.way)
+            cost = probe.cost(probe.errors(steps))
+            if cost < limits[0] and (more := other.cost(other.errors(steps))) < limits[1]:
+                found.append((cost + more, k, before.and_then(Cause(one.name, one.stage, one.sentence), one.way)))
+        best = sorted(found, key=lambda x: x[:2])[:SLIPS]
+        return [guess for _, _, guess in sorted(best, key=lambda x: x[1])]
+
+    def _by_common(self, ways: list[Hypothesis], before: Hypothesis) -> list[Hypothesis]:
+        """Those that cost least in the scenes that everyone is asked for."""
+        common = [s for s in self.sights if s.view.common and not (s.more or s.deep)]
+        if not common:
+            return ways
+        changes = tuple(way for fault in FAULTS for way in fault.ways)
+        sums = np.sum([costs(s, changes) for s in common], axis=0)
+        limit = _limit(sums, total(common, before.steps) * len(common), FINALISTS)
+        return [w for k, w in enumerate(ways) if k >= len(sums) or sums[k] <= limit]
+
+    def _screened(self, guesses: list[Hypothesis], before: Hypothesis, least: int = FINALISTS) -> list[Hypothesis]:
+        """Those that cost least, by one view after the other; a quarter is left each time, and what costs hardly more.
+
+        Many are tried on a third of the first view's pixels before: there it is seen which pixels each changes.
+        """
+        sums, wrong, views, order = np.zeros(len(guesses)), 0.0, 0, self._order(before)
+        first = [order[0].thin] if len(guesses) > 2 * least else []
+        for sight in (*first, *order):
+            unchanged = sight.errors(RIGHT)
+            each: list[float] = []
+            for guess in guesses:
+                if self.budget.over:
+                    break
+                errors = sight.errors(guess.steps)
+                each.append(sight.cost(errors))
+                if guess.way is not None and len(guess.causes) == 1 and sight in first:
+                    sight.changed[guess.way] = np.abs(errors - unchanged) > 0.1 * sight.tau
+            self.budget.cut([guess.causes[-1].name for guess in guesses], len(each))
+            if len(each) < len(guesses) and views:
+                break  # what is left was tried on some views
+            guesses, sums, views = guesses[: len(each)], sums[: len(each)] + each, views + 1
+            wrong += total([sight], before.steps)
+            limit = _limit(sums, wrong, least)
+            chosen = [int(k) for k in np.argsort(sums, kind="stable") if sums[k] <= limit]
+            guesses, sums = [guesses[k] for k in chosen], sums[chosen]
+        return [replace(guess, cost=cost / max(views, 1)) for guess, cost in zip(guesses, sums.tolist(), strict=True)]
+
+    def _order(self, before: Hypothesis) -> list[PixelSample]:
+        """The view that is most wrong, then the one of another rung that is, then the others."""
+        worst = sorted(self.small, key=lambda s: -total([s], before.steps))
+        second = next((s for s in worst if s.view.rung != worst[0].view.rung), worst[0])
+        return [worst[0], *([second] if second is not worst[0] else []), *(s for s in worst[1:] if s is not second)]
+
+
+def _beyond_the_camera(way: Pipeline | None) -> bool:
+    """Whether more is changed than the rays of the eye."""
+    return way is None or any(name not in UP_TO_RAYS for name, _ in way)
+
+
+def _few(sight: PixelSample, before: Pipeline, part: int) -> PixelSample:
+    """The sample at some of its pixels; those of part 0 and of part 1 are others."""
+    wrong = sight.errors(before) > sight.tau
+    masks = (wrong, WRONG_ONES), (~wrong, RIGHT_ONES)
+    chosen: list[Array] = [np.flatnonzero(mask)[part * n : (part + 1) * n] for mask, n in masks]
+    if not chosen[0].size:
+        chosen = [np.flatnonzero(mask)[:n] for mask, n in masks]
+    return sight.only(np.concatenate(chosen))
+
+
+def _limit(sums: Array, wrong: float, least: int) -> float:
+    """The cost up to which a hypothesis stays, of `wrong` without any: where one explains all, the others have to."""
+    few = max(least, sums.size // 4)
+    limit = float(np.sort(sums)[few - 1]) + TIED if few < sums.size else np.inf
+    return min(limit, NEAR * wrong) if sums.size and sums.min() < CLEAR / 2 * wrong else limit
+
+
+def ranked(guesses: Sequence[Hypothesis], faults: Sequence[Fault], even: float) -> list[Hypothesis]:
+    """The best way of each fault, by cost alone; then the other ways. Of faults that cost the same (but for `even`) the
+    one that is seen in its typical form comes first, then the one that stands first in the catalogue.
+    """
+    rank = {f.name: k for k, f in enumerate(faults)}
+    best: dict[str, Hypothesis] = {}
+    others = []
+    usual = set()
+    for guess in sorted(guesses, key=lambda g: g.cost):
+        name = guess.causes[-1].name
+        if best.setdefault(name, guess) is not guess:
+            others.append(guess)
+        if guess.typical and guess.cost <= best[name].cost + even:
+            usual.add(name)
+    place = {name: (round(g.cost / max(even, 1e-12)), name not in usual, rank[name]) for name, g in best.items()}
+    return [*(best[name] for name in sorted(place, key=lambda n: place[n])), *others]
