@@ -50,7 +50,7 @@ REACHED = 0.5
 """Share of the pixels that one fault leaves wrong: a second one that changes fewer of them is not tried with it."""
 WRONG_ONES, RIGHT_ONES = 40, 24
 """Pixels of the first view that a generated slip is tried on: wrong ones, and right ones."""
-SLIP_SECONDS = 1.5
+SLIP_SECONDS = 4.0
 """CPU seconds for the first trial of all generated slips."""
 QUICK = ("nearest", "met", "normals_at", "shade", "radiance")
 """Functions whose slips leave alone which rays meet what, and take a tenth of the time: tried first."""
