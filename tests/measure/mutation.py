@@ -16,6 +16,7 @@ import random
 import re
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -143,34 +144,28 @@ def tests_of(change: Change) -> list[list[Path]]:
 
 
 def noticed(files: list[Path], marks: str, seconds: float) -> str | None:
-    """Return the test that fails first, if one does."""
+    """Return the test that fails first, if one does; raise TimeoutExpired where they come to no end."""
     if not files:
         return None
-    call = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-x",
-        "-q",
-        "-n0",
-        "-p",
-        "no:cacheprovider",
-        "-m",
-        marks,
-        "--tb=no",
-        *map(str, files),
-    ]
+    # A folder of its own: a change may leave in it what no later run of pytest could remove.
+    folder = tempfile.mkdtemp()
+    options = ["-x", "-q", "-n0", "--tb=no", "-p", "no:cacheprovider", "-m", marks, "--basetemp", f"{folder}/tests"]
+    call = [sys.executable, "-m", "pytest", *options, *map(str, files)]
     environment = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}
     try:
         done = subprocess.run(call, cwd=ROOT, capture_output=True, text=True, timeout=seconds, env=environment)
-    except subprocess.TimeoutExpired:
-        return f"no end within {seconds:g} s"
+    finally:
+        subprocess.run(["rm", "-rf", folder], check=False)
     failed = re.findall(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.M)
-    return failed[0] if failed else None if done.returncode in (0, 5) else done.stdout[-200:] + done.stderr[-200:]
+    if failed or done.returncode in (0, 5):
+        return failed[0] if failed else None
+    if done.returncode < 0:
+        return f"ended by signal {-done.returncode}"
+    raise SystemExit(f"the tests did not run: {done.stdout[-2000:]}{done.stderr[-2000:]}")
 
 
 def tried(change: Change, seconds: float) -> tuple[str, str | None]:
-    """Return what noticed the change (`quick`, `slow`, `nothing`), and its first test."""
+    """Return what noticed the change (`undecided`: the tests came to no end in time), and the first test that did."""
     text, times = change.path.read_text(encoding="utf-8"), change.path.stat()
     try:
         change.path.write_text(applied(text, change), encoding="utf-8")
@@ -179,6 +174,8 @@ def tried(change: Change, seconds: float) -> tuple[str, str | None]:
                 if test := noticed(files, marks, seconds):
                     return marks.replace("not slow", "quick"), test
         return "nothing", None
+    except subprocess.TimeoutExpired:
+        return "undecided", f"no end within {seconds:g} s"
     finally:
         change.path.write_text(text, encoding="utf-8")
         os.utime(change.path, ns=(times.st_atime_ns, times.st_mtime_ns))
