@@ -472,6 +472,11 @@ def test_a_png_keeps_every_code_and_a_jpeg_nearly(tmp_path):
     smooth = np.broadcast_to(np.linspace(20, 230, 60).astype(np.uint8)[None, :, None], (40, 60, 3))
     files.write_picture(tmp_path / "a.JPG", smooth, quality=98)
     assert np.abs(files.read_photo(tmp_path / "a.JPG").astype(int) - smooth).max() <= 3
+    for quality in (30, 95):
+        files.write_picture(tmp_path / f"{quality}.jpg", pixels, quality)
+    assert (tmp_path / "95.jpg").stat().st_size > 2 * (tmp_path / "30.jpg").stat().st_size
+    (tmp_path / "notes.txt").touch()
+    assert [p.name for p in files.list_photos(tmp_path)] == ["30.jpg", "95.jpg", "a.JPG", "a.png"]
     files.write_picture(tmp_path / "grey.png", pixels[..., 0])
     np.testing.assert_array_equal(files.read_photo(tmp_path / "grey.png"), np.repeat(pixels[..., :1], 3, axis=-1))
     assert files.photo_size(tmp_path / "a.png") == (60, 40)

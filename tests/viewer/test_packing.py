@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from raytwin.image import Image, Surface
 from raytwin.viewer import Packed, pack
-from raytwin.viewer.packing import binned
+from raytwin.viewer.packing import binned, raw_parts
 
 
 def decoded(values: Packed) -> dict[str, np.ndarray]:
@@ -77,6 +77,19 @@ def test_noise_is_kept_to_a_sixteenth_of_its_sigma_and_sigma_to_six_bits():
     plain = pack(Image(test.mean), Image(reference.mean))
     noisy = [p for p in pack(test, reference).planes if not p.name.startswith("s")]
     assert sum(len(p.data) for p in noisy) < 0.8 * sum(len(p.data) for p in plain.planes)
+
+
+def test_parts_are_kept_to_a_sixteenth_of_their_noise_and_without_any_to_eleven_bits():
+    part = np.random.default_rng(7).normal(size=(18, 19, 3)).astype(np.float32)
+    kinds = []
+    for sigma in (0.0, 0.5):
+        ((about, words),) = raw_parts({"a": part, "none": 0 * part}, 3, {"a": sigma})
+        assert [about[k] for k in ("name", "step", "columns", "lines")] == ["a", 3, 19, 18]
+        for c, (plane, data) in enumerate(zip(about["planes"], words, strict=True)):
+            found = np.ldexp(np.frombuffer(data, np.float16).reshape(18, 19).astype(float), plane["shift"])
+            assert (np.abs(found - part[..., c]) <= sigma / 16 + np.abs(part[..., c]) * 2.0**-11 + 1e-9).all()
+            kinds.append(len(np.unique(found)))
+    assert max(kinds[3:]) < 0.7 * min(kinds[:3])
 
 
 def test_flip_s_map_comes_back_to_a_255th():
