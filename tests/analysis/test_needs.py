@@ -2,6 +2,7 @@
 
 import re
 from math import inf
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -21,7 +22,7 @@ from raytwin.analysis.recommend.trial import Tried
 from raytwin.compare import METRICS
 from raytwin.errors import InputError
 from raytwin.lights.environment_map import environment_map
-from raytwin.renderers.subject_renderers import Filled, Speculated, Supersampled, Traced
+from raytwin.renderers.subject_renderers import Filled, PathTraced, Speculated, Supersampled, Traced
 from raytwin.scene import Camera, Environment, Rectangle, Scene, Sphere, Sun
 from raytwin.scene.lens import distort
 from raytwin.speed import light_parts, walk
@@ -303,3 +304,12 @@ def test_the_command_writes_what_it_says(tmp_path):
     assert re.search("<b>lambert</b> ✓ cheapest<br>rmse 0.0", page)
     assert found.rejected[0].rung == "none"
     refused(raytwin("needs", "single", "--tolerance", "0"), "--tolerance")
+
+
+def test_samples_are_halved_until_half_of_them_fail_and_those_between_are_tried():
+    choice = SimpleNamespace(_verify=lambda tried: None, _meets=lambda tried: tried.method.samples >= 12)
+    method = PathTraced(samples=64)
+    meet, fail = [], []
+    Choice._fewer(choice, Tried(method, 6.4), method, meet, fail)
+    assert [(t.method.samples, t.guess) for t in meet] == [(32, 3.2), (16, 1.6), (12, pytest.approx(1.2))]
+    assert [(t.method.samples, t.guess) for t in fail] == [(8, 0.8)]
