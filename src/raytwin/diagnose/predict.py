@@ -120,7 +120,7 @@ def written(pipeline: Pipeline) -> dict[str, Any]:
         space["undistort"] = _undistort
     if "intersect_all" not in texts:
         space["intersect_all"] = partial(_intersect_all, space)
-    if not touches(pipeline, "normals_at"):
+    if "normals_at" not in texts:
         space["normals_at"] = _normals_at
     if not touches(pipeline, "sun_visible"):
         space["sun_visible"] = partial(_sun_visible, space)
