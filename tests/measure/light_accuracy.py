@@ -21,6 +21,7 @@ from raytwin import files
 from raytwin.calib import synthetic_photos
 from raytwin.calib.augment import augment
 from raytwin.calib.lighting import light_models as models
+from raytwin.calib.lighting.linear_photo import value_of_one
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.lights.envmap_tables import REC_709
@@ -128,14 +129,16 @@ def judge(folder: Path, seed: int) -> list[dict]:
             e.paper, e.shadow if with_stand else None, e.matt if "ball" in balls else [],
             e.mirrors if "mirror" in balls else [],
         )  # fmt: skip
-        light, trials, taken, suns = models.choose(part, len(whole.photos))
-        found = replace(whole, light=light, trials=trials, taken=taken, suns=suns)
+        found, light = whole, whole.light
+        if mode != "all":
+            light, trials, taken, suns = models.choose(part, len(whole.photos))
+            found = replace(whole, light=light, trials=trials, taken=taken, suns=suns)
         row |= {"model": found.trials[found.taken].name, "seconds": time.process_time() - start}
         if light.to_light is None:
             row["failed"] = "no sun found"
             continue
         angle = np.degrees(np.arccos(np.clip(light.to_light @ to_light, -1, 1)))
-        row |= {"angle": float(angle), "z_angle": float(angle) / np.sqrt(2) / np.degrees(light.sigma)}
+        row |= {"angle": float(angle), "z_angle": float(angle / np.sqrt(2) / np.degrees(light.sigma))}
         for name, value, sd, true in (("E", light.E, light.E_sd, E / white), ("Ls", light.Ls, light.Ls_sd, Ls / white)):
             row |= {
                 name: float((value / true - 1) @ REC_709),
@@ -179,7 +182,7 @@ def drawn(found, folder: Path, to_light: np.ndarray, E: np.ndarray, Ls: np.ndarr
         constant = Sky(tuple(sky))
         shown = constant if map_ is None else Environment(map_.shape[1::-1], map_.astype("<f4").tobytes())
         scene = Scene("drawn", photo.camera, (ORANGE,), (Sun(tuple(direction), tuple(sun)), shown))
-        result = augment(photo.pixels, scene, shadows=False, exposure=photo.paper / found.paper)
+        result = augment(photo.pixels, scene, shadows=False, exposure=value_of_one(photo, found.paper))
         inside = result.coverage == 1
         pixels.append(result.pixels[inside].astype(float))
     real = photo.pixels[inside].astype(float)

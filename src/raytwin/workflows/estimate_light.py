@@ -14,7 +14,7 @@ from raytwin.calib.augment import augment
 from raytwin.calib.lighting import light_models as models
 from raytwin.calib.lighting.ball_outline import Ball, find_balls, find_outline, fit_edges, outline
 from raytwin.calib.lighting.board_plane import Sheet
-from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear
+from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear, value_of_one
 from raytwin.calib.lighting.matt_ball import MATT, fit_shading, matt_pixels
 from raytwin.calib.lighting.mirror_ball import mirrored, reflectance_of, register, sun_direction
 from raytwin.calib.lighting.stand_shadow import LOWEST, find_shadow
@@ -149,7 +149,7 @@ def _drawn(
     sun = Sun(tuple(light.to_light.tolist()), tuple(light.E.tolist())) if light.to_light is not None else NO_SUN
     sky = light.environment or Sky(tuple(light.Ls.tolist()))
     scene = Scene("light", photo.camera, (ball, ground), (sun, sky))
-    return augment(photo.pixels, scene, exposure=photo.paper / paper).pixels
+    return augment(photo.pixels, scene, exposure=value_of_one(photo, paper)).pixels
 
 
 def _stand_of(path: Path, lens: Camera, definition: boards.Board) -> Camera:
@@ -181,7 +181,7 @@ def _add_ball(
     found = find_outline(linear, center, radius, sure)
     matt = fit_edges(linear, found)
     pixels = matt_pixels(linear, matt)
-    if len(pixels.photo) >= models.LEAST_PIXELS and fit_shading(pixels, matt, evidence.paper).residual < MATT:
+    if len(pixels.photo) >= models.LEAST_PIXELS and fit_shading(pixels, matt, evidence.paper, sectors=0).residual < MATT:
         evidence.matt.append(models.MattBall(matt, pixels))
         return
     ball = register(linear, found, sheet)

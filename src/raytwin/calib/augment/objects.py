@@ -63,7 +63,8 @@ def augment(
     """Return `photo`, uint8 sRGB (H, W, 3) taken by `scene.camera`, with the scene's objects drawn in.
 
     Pixels on the edge of an object or a shadow are the mean of `subsamples`² rays; all others take one. `exposure` is
-    the photo's linear value of radiance 1, or three of them. Objects that the photo already shows (`in_photo`) only
+    the photo's linear value of radiance 1, or three of them, or those of each pixel (H, W, 3), which has the lens's
+    falloff in it. Objects that the photo already shows (`in_photo`) only
     catch shadows. `space` (3, 3): the photo's linear RGB to Rec. 709, see `colour`. `engine`: a row of ENGINES, as for
     `compare_scene`. Raises InputError for a photo of another size than the camera's.
     """
@@ -73,6 +74,7 @@ def augment(
         raise InputError("photo", f"{camera.width} x {camera.height} pixels, as the camera's", f"{w} x {h}")
     if space is not None and np.array_equal(space, np.eye(3)):
         space = None  # two products of all pixels that change none
+    value_of_one = np.broadcast_to(np.asarray(exposure, np.float32), (h, w, 3))
     out, inside = photo.copy(), np.zeros((h, w), bool)
     coverage, ratio = np.zeros((h, w), np.float32), np.empty((h, w, 3), np.float32)
     # OpenCV compares whole numbers of 16 bits four times as fast; it has none of 32.
@@ -83,7 +85,7 @@ def augment(
             a.reshape(*photo[part].shape[:2], *a.shape[1:]) for a in _shade(scene, u, v, engine, shadows)
         )
         coverage[part], ratio[part], state[part], inside[part] = drawn, scaled, seen, True
-        out[part] = _mixed(photo[part], scaled, coverage[part], exposure * colour, space)
+        out[part] = _mixed(photo[part], scaled, coverage[part], value_of_one[part] * colour, space)
     ratio[~inside] = 1
     # A pixel that differs from one of its eight neighbours lies on an edge.
     square = np.ones((3, 3), np.uint8)
@@ -101,7 +103,7 @@ def augment(
         coverage[at] = there[:, 0] / subsamples**2
         ratio[at] = np.where(left > 0, (scaled * ~hit[..., None]).sum(axis=1) / np.maximum(left, 1), 1)
         value = (c * hit[..., None]).sum(axis=1) / np.maximum(there, 1)
-        out[at] = _mixed(photo[at], ratio[at], coverage[at], exposure * value, space)
+        out[at] = _mixed(photo[at], ratio[at], coverage[at], value_of_one[at] * value, space)
     return Augmented(out, coverage, ratio)
 
 

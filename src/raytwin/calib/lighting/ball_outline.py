@@ -79,9 +79,9 @@ def outline(photo: LinearPhoto, center: np.ndarray, radius: float, count: int = 
     away = center - eye
     d = np.linalg.norm(away)
     axis = away / d
-    u = np.cross(axis, [0.3, 0.9, 0.1])
-    u /= np.linalg.norm(u)
-    v = np.cross(axis, u)
+    u = np.array([axis[1], -axis[0], 0.0]) if abs(axis[2]) < 0.99 else np.array([0.0, axis[2], -axis[1]])
+    u /= math.hypot(*u)
+    v = np.array([axis[1] * u[2] - axis[2] * u[1], axis[2] * u[0] - axis[0] * u[2], axis[0] * u[1] - axis[1] * u[0]])
     turn = np.linspace(0, 2 * np.pi, count, endpoint=False)[:, None]
     r = min(radius, float(0.999 * d))
     ring = r * math.sqrt(d * d - r * r) / d
@@ -119,7 +119,7 @@ def find_outline(photos: list[LinearPhoto], center: np.ndarray, radius: float, g
 
 def outline_score(photo: LinearPhoto, image: np.ndarray, center: np.ndarray, radius: float) -> float:
     """How much of the outline is an edge of `image`, the photo's codes: about 1 where all of it is."""
-    rim = outline(photo, center, radius, 120)
+    rim = outline(photo, center, radius, RIM // 2)
     across = 1.5 * _normals(rim)
     step = np.nan_to_num(np.abs(sample(image, rim + across) - sample(image, rim - across)).max(axis=1))
     return float(np.mean(np.minimum(step, EDGE) / EDGE + 0.05 * step / (step + 30)))

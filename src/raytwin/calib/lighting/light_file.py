@@ -28,7 +28,7 @@ import numpy as np
 from raytwin import files
 from raytwin.calib.boards.board import PAPER, Board
 from raytwin.calib.lighting.light_models import Light
-from raytwin.calib.lighting.linear_photo import read_linear
+from raytwin.calib.lighting.linear_photo import read_linear, value_of_one
 from raytwin.image import Image
 from raytwin.scene import Camera, Radiance, Record, SceneFile, WrittenSky, WrittenSun
 from raytwin.scene.record_base import Fraction, NonNegative
@@ -89,6 +89,5 @@ def write_light(path: str | os.PathLike, light: Light, paper: np.ndarray, commen
 
 
 def photo_exposure(path: str | os.PathLike, camera: Camera, board: Board, light: WrittenLight) -> np.ndarray:
-    """(3): the photo's linear value of radiance 1, by its white paper in full light."""
-    photo = read_linear([Path(path)], [camera], board)[0][0]
-    return photo.paper / np.array(light.paper.color)
+    """(H, W, 3): the photo's linear value of radiance 1, by its white paper in full light and the lens's falloff."""
+    return value_of_one(read_linear([Path(path)], [camera], board)[0][0], np.array(light.paper.color))

@@ -161,7 +161,7 @@ def solve(found: Evidence, rows: int, sun: tuple[np.ndarray, float] | None) -> L
     for m in found.matt:
         fitted = fit_shading(m.pixels, m.ball, found.paper, to_light, shape)
         # Turned by its deviation, the sun takes light from the sky, or gives it some.
-        turned = [fit_shading(m.pixels, m.ball, found.paper, t, shape).Ls for t in _tilts(to_light, sigma)]
+        turned = [fit_shading(m.pixels, m.ball, found.paper, t, shape, 0).Ls for t in _tilts(to_light, sigma)]
         spread = np.mean([(t - fitted.Ls) ** 2 for t in turned], axis=0)
         told.append((fitted.Ls, np.sqrt(fitted.Ls_sd**2 + spread + (UNEVEN * fitted.Ls) ** 2)))
     if around is not None:

@@ -39,7 +39,8 @@ INK = 0.012, 0.2
 @dataclass(frozen=True, eq=False)
 class LinearPhoto:
     """`light` (H, W, 3): linear, paper in full light is 1 in luminance; `clipped` (H, W); `paper` (3): linear value of
-    paper in full light as the photo has it; `exposure`: seconds times sensitivity, where EXIF tells them."""
+    paper in full light as the photo has it on the lens's axis; `shade` (H, W): the falloff from there; `exposure`:
+    seconds times sensitivity, where EXIF tells them."""
 
     name: str
     camera: Camera
@@ -47,6 +48,7 @@ class LinearPhoto:
     clipped: np.ndarray
     pixels: np.ndarray
     paper: np.ndarray
+    shade: np.ndarray
     exposure: float | None
 
     def project(self, points: np.ndarray) -> np.ndarray:
@@ -64,6 +66,11 @@ class LinearPhoto:
         found = sample(self.light, pixels)
         found[sample(self.clipped.astype(np.float32), pixels) > 0] = np.nan
         return found
+
+
+def value_of_one(photo: LinearPhoto, paper: np.ndarray) -> np.ndarray:
+    """(H, W, 3) float32: the photo's linear value of radiance 1, where white paper in full light has `paper` (3)."""
+    return photo.shade[..., None] * (photo.paper / paper).astype(np.float32)
 
 
 def sample(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
@@ -111,7 +118,7 @@ def read_linear(
         shade = _cosines(camera) ** np.float32(exponent)
         light = image * (colour / paper).astype(np.float32) / shade[..., None]
         clipped = (pixels >= CLIPPED).any(axis=-1)
-        found.append(LinearPhoto(path.name, camera, light, clipped, pixels, paper, exposure))
+        found.append(LinearPhoto(path.name, camera, light, clipped, pixels, paper, shade, exposure))
     return found, colour, _warnings(found, cells, exponent)
 
 

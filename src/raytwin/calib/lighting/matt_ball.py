@@ -35,7 +35,7 @@ RIM_COSINE = 0.3
 """The least cosine between ray and normal: nearer to the outline the photo's own blur mixes in what is behind."""
 
 SECTORS = 12
-"""Parts of a ball's image that are left out in turn: what a fit makes of the rest tells how well it is known."""
+"""Parts of a ball's image: what a fit makes of all but one tells how well it is known."""
 
 SLOPE = 0.5
 """How much brighter than its middle a sky may be towards one side: one standard deviation, as a share."""
@@ -166,9 +166,13 @@ class _Fit:
 
 
 def fit_shading(
-    pixels: MattPixels, ball: Ball, paper: np.ndarray, known: np.ndarray | None = None, shape: SkyShape | None = None
-) -> Shading:
-    """Sun and sky from the ball's pixels; `known`: the sun's direction, if it is."""
+    pixels: MattPixels, ball: Ball, paper: np.ndarray, known: np.ndarray | None = None, shape: SkyShape | None = None,
+    sectors: int = SECTORS,
+) -> Shading:  # fmt: skip
+    """Sun and sky from the ball's pixels; `known`: the sun's direction, if it is.
+
+    Jackknife: each of the ball's `sectors` in turn is left out. Without any there is no standard deviation.
+    """
     scale = pixels.value.mean(axis=0)
     ground = PAPER * pixels.value.mean(axis=0) / paper * pixels.ground / scale
     trust = NOISE / np.hypot(NOISE, GROUND_NOISE * ground).mean(axis=1)
@@ -181,20 +185,19 @@ def fit_shading(
     # A highlight is brighter than any matt surface: what lies far above the fit is passed over.
     trust = trust * np.where((fit.left < -4 * spread - 0.03).any(axis=1), 0.05, 1.0)
     fit = _best(pixels, fit.to_light, free, paper, shape, trust)
-    # Jackknife: each sector of the ball in turn is left out.
     middle = np.stack([np.bincount(pixels.photo, w) for w in pixels.uv.T], axis=1)
     off = pixels.uv - (middle / np.maximum(np.bincount(pixels.photo), 1)[:, None])[pixels.photo]
-    sector = (np.arctan2(off[:, 1], off[:, 0]) / (2 * np.pi) * SECTORS).astype(int) % SECTORS
+    sector = (np.arctan2(off[:, 1], off[:, 0]) / (2 * np.pi) * sectors).astype(int) % max(sectors, 1)
     albedo = _albedo(fit, paper)
     E, Ls = np.pi * fit.found[0] / albedo, fit.found[1] / albedo
     parts = []
-    for k in range(SECTORS):
+    for k in range(sectors):
         mine = sector != k
         rest = replace(pixels, **{name: value[mine] for name, value in vars(pixels).items()})
         part = _best(rest, fit.to_light, free, paper, shape, trust[mine])
         a = _albedo(part, paper)
         parts.append([part.to_light - fit.to_light, np.pi * part.found[0] / a - E, part.found[1] / a - Ls])
-    sds = np.sqrt((SECTORS - 1) / SECTORS * (np.array(parts) ** 2).sum(axis=0))
+    sds = np.sqrt(max(sectors - 1, 0) / max(sectors, 1) * (np.array(parts).reshape(sectors, 3, 3) ** 2).sum(axis=0))
     turned = np.linalg.norm([*ball.sigma[:2], ball.sigma[3]]) / ball.radius  # the outline turns all normals
     sigma = float(np.hypot(np.linalg.norm(sds[0]) / np.sqrt(2), turned))
     residual = float(np.sqrt((trust[:, None] * fit.left**2).mean()))
