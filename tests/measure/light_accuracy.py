@@ -1,7 +1,9 @@
 """How near `raytwin light` comes to the true light, and whether its standard deviations are true.
 
-    python -m measure.light_accuracy photos /tmp/lights --count 30      # two photos under each random light
-    python -m measure.light_accuracy judge /tmp/lights
+    python -m measure.light_accuracy photos FOLDER --first 100        # two photos under each of 30 random lights
+    python -m measure.light_accuracy judge FOLDER --first 100 --record
+
+Seeds below 100 may be tuned on.
 
 Every light has a sun 25 to 70 degrees high and a sky that leaves 15 to 60 % of the paper's light in the shadow: every
 other one a constant sky, the others a map of 16 rows with a gradient and three broad lamps. A mirror ball, an orange
@@ -16,6 +18,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from measure import record
 
 from raytwin import files
 from raytwin.calib import synthetic_photos
@@ -198,26 +201,30 @@ def drawn(found, folder: Path, to_light: np.ndarray, E: np.ndarray, Ls: np.ndarr
     return {"codes": rms(pixels[0], real), "codes_true": rms(pixels[1], real), "codes_between": rms(*pixels)}
 
 
+COLUMNS = ("by", "sky", "lights", "sun, degrees", "worst", "z", "E", "z of E", "Ls", "z of Ls", "on a sphere",
+           "codes", "true light")  # fmt: skip
+
+
 def report(rows: list[dict]) -> None:
-    for kind in (False, True):
-        print("map" if kind else "constant sky")
-        for mode in MODES:
+    """A row per mode and kind of sky: root mean squares, of codes the median."""
+    table = []
+    for mode in MODES:
+        for kind in (False, True):
             mine = [r for r in rows if r["mode"] == mode and r["map"] == kind]
             good = [r for r in mine if "angle" in r]
+            column = {
+                k: np.array([r[k] for r in good]) for k in (good[0] if good else ()) if k not in ("mode", "model")
+            }
             if not good:
                 continue
-
-            def of(name, good=good):
-                return np.array([r[name] for r in good])
-
-            def rms(name, of=of):
-                return float(np.sqrt((of(name) ** 2).mean()))
-
-            print(f"  {mode:<12} {len(good)} of {len(mine)}: {np.median(of('seconds')):.1f} CPU s; angle median "
-                  f"{np.median(of('angle')):.2f} rms {rms('angle'):.2f} degrees, z {rms('z_angle'):.2f}; "
-                  f"E {100 * rms('E'):.1f} % z {rms('z_E'):.2f}; Ls {100 * rms('Ls'):.1f} % z {rms('z_Ls'):.2f}; "
-                  f"irradiance {100 * rms('irradiance'):.1f} %; codes {np.median(of('codes')):.2f}, true light "
-                  f"{np.median(of('codes_true')):.2f}, between {np.median(of('codes_between')):.2f}")  # fmt: skip
+            rms = {k: float(np.sqrt((v**2).mean())) for k, v in column.items()}
+            table.append((
+                mode, "map" if kind else "constant", f"{len(good)} of {len(mine)}", f"{rms['angle']:.2f}",
+                f"{column['angle'].max():.2f}", f"{rms['z_angle']:.2f}", f"{100 * rms['E']:.1f} %", f"{rms['z_E']:.2f}",
+                f"{100 * rms['Ls']:.1f} %", f"{rms['z_Ls']:.2f}", f"{100 * rms['irradiance']:.1f} %",
+                f"{np.median(column['codes']):.1f}", f"{np.median(column['codes_true']):.1f}",
+            ))  # fmt: skip
+    record.table("light", "accuracy", COLUMNS, table, "python -m measure.light_accuracy judge FOLDER --first 100")
 
 
 def main() -> None:
@@ -227,7 +234,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=30)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--samples", type=int, default=96)
-    asked = parser.parse_args()
+    asked = parser.parse_args(record.arguments())
     for seed in range(asked.first, asked.first + asked.count):
         folder = asked.folder / f"{seed:02d}"
         if asked.what == "photos" and not (folder / "photos" / "truth.toml").exists():

@@ -23,10 +23,11 @@ SHOWN = 4
 def light_summary(found: "LightEstimate") -> str:
     """The models tried, what showed the sun, the light with its standard deviations, and warnings."""
     light = found.light
-    lines = ["model                     held-out error   seconds"]
+    lines = ["model                     held-out error   on a matt sphere   seconds"]
     for i, t in enumerate(found.trials):
         taken = "  <- taken" if i == found.taken else ""
-        lines.append(f"  {t.name:<22} {100 * t.error:10.2f} %  {t.seconds:10.2f}{taken}")
+        lines.append(f"  {t.name:<22} {100 * t.error:10.2f} % {100 * t.on_sphere:16.2f} % {t.seconds:9.2f}{taken}")
+    lines.append("(on a matt sphere: how far its shading is off that under the last model)")
     for kind, ball in _balls(found):
         x, y, z = (f"{1000 * v:.1f}" for v in ball.center)
         where = f"({x}, {y}, {z}) ± {1000 * ball.sigma[:3].max():.1f} mm"

@@ -181,7 +181,8 @@ def _add_ball(
     found = find_outline(linear, center, radius, sure)
     matt = fit_edges(linear, found)
     pixels = matt_pixels(linear, matt)
-    if len(pixels.photo) >= models.LEAST_PIXELS and fit_shading(pixels, matt, evidence.paper, sectors=0).residual < MATT:
+    enough = len(pixels.photo) >= models.LEAST_PIXELS
+    if enough and fit_shading(pixels, matt, evidence.paper, sectors=0).residual < MATT:
         evidence.matt.append(models.MattBall(matt, pixels))
         return
     ball = register(linear, found, sheet)

@@ -37,7 +37,7 @@ EDGE = 4.0
 """Codes across an outline that are an edge: more count little more, so that no strong one decides."""
 
 EDGE_SHARE = 0.6
-"""The least score of a circle that is taken for a ball."""
+"""The least score of an outline that is taken for a ball's."""
 
 LEAST_SLOPE = 0.005
 """Slope of the root of the light, per pixel: a smaller one is no edge."""
@@ -112,8 +112,11 @@ def find_outline(photos: list[LinearPhoto], center: np.ndarray, radius: float, g
         cost, list(zip(prior - span, prior + span, strict=True)), rng=0, popsize=10, maxiter=40, tol=1e-4, polish=False
     )
     ball = Ball(center, radius, prior, sd, sd).moved(found.x)
-    for photo in photos:
+    for photo, image in zip(photos, images, strict=True):
         _check_seen(photo, ball.center, ball.radius)
+        if (score := outline_score(photo, image, ball.center, ball.radius)) < EDGE_SHARE:
+            where = f"{photo.name}: ball {','.join(f'{x:.4g}' for x in prior)}"
+            raise InputError(where, "a ball whose outline is seen there", f"edges along {100 * score:.0f} % of it")
     return ball
 
 

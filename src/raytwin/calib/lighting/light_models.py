@@ -14,7 +14,7 @@ import numpy as np
 
 from raytwin.calib.boards.board import PAPER
 from raytwin.calib.lighting.ball_outline import Ball
-from raytwin.calib.lighting.matt_ball import MattPixels, SkyShape, design, fit_shading
+from raytwin.calib.lighting.matt_ball import MattPixels, SkyShape, design, fibonacci, fit_shading
 from raytwin.calib.lighting.mirror_ball import Mirrored, bilinear, fit_map
 from raytwin.calib.lighting.stand_shadow import Shadow
 from raytwin.lights.environment_map import environment_map
@@ -35,6 +35,9 @@ MATT_DEGREES = 0.8
 
 PAPER_SD, REFLECTANCE_SD, REFLECTANCE_UNKNOWN = 0.01, 0.03, 0.15
 """As shares: how well the paper's light, and a mirror's reflectance, measured or not, are known."""
+
+CONTRADICTS = 4.0
+"""Mean squared difference of what shows the sun, over its variance, from which it contradicts itself."""
 
 LEAST_PIXELS = 50
 """Pixels of a ball that a fit needs."""
@@ -111,12 +114,16 @@ class Light:
 
 @dataclass(frozen=True)
 class Trial:
-    """A model: how far off held-out pixels are, as a share of their mean; `rows` of its map, 0 for a constant sky."""
+    """A model: how far off held-out pixels are, as a share of their mean; `rows` of its map, 0 for a constant sky.
+
+    `on_sphere`: how far the shading of a matt sphere is off that under the last model, as a share of its mean.
+    """
 
     name: str
     rows: int
     sun: bool
     error: float
+    on_sphere: float
     seconds: float
     by_kind: dict[str, float]
 
@@ -239,6 +246,13 @@ def errors(light: Light, found: Evidence) -> dict[str, float]:
     return told
 
 
+def shading(light: Light, normals: np.ndarray) -> np.ndarray:
+    """(n, 3): irradiance over π of surfaces with such `normals` (n, 3), by the sun and the sky above."""
+    sky = (1 + normals[:, 2:]) / 2 if light.around is None else sky_shape(light.around)(normals)
+    sun = np.maximum(normals @ light.to_light, 0) if light.to_light is not None else np.zeros(len(normals))
+    return light.E / np.pi * sun[:, None] + light.Ls * sky
+
+
 def _relative(off: np.ndarray, values: np.ndarray) -> float:
     return float(np.sqrt((off**2).mean()) / values.mean()) if off.size else 0.0
 
@@ -260,17 +274,23 @@ def choose(found: Evidence, photos: int) -> tuple[Light, list[Trial], int, list[
     """The light, all models tried, the number of the one taken, and what told the sun's direction."""
     told = directions_to_sun(found)
     sun = _mean_direction([(d, sd) for _, d, sd in told]) if told else None
+    if sun and len(told) > 1:  # what contradicts each other is known as badly as it differs (Birge 1932)
+        spread = sum(((d - sun[0]) ** 2).sum() / (2 * sd**2) for _, d, sd in told) / (len(told) - 1)
+        sun = (sun[0], sun[1] * float(np.sqrt(spread)) if spread > CONTRADICTS else sun[1])
     models = [("constant sky", 0, False)]
     models += [("sun + constant sky", 0, True)] if sun else []
     models += [(f"{'sun + ' if sun else ''}map of {r} rows", r, bool(sun)) for r in (ROWS if found.mirrors else ())]
     folds, trials = list(_folds(found, photos)), []
-    for name, rows, with_sun in models:
+    lights = [solve(found, rows, sun if with_sun else None) for _, rows, with_sun in models]
+    normals = fibonacci(200)[:100]
+    last = shading(lights[-1], normals)
+    for (name, rows, with_sun), light in zip(models, lights, strict=True):
         start = time.perf_counter()
         off = [errors(solve(train, rows, sun if with_sun else None), test) for train, test in folds]
         kinds = {k: float(np.sqrt(np.mean([e[k] ** 2 for e in off if k in e]))) for k in off[0]}
         total = float(np.sqrt(np.mean(np.square(list(kinds.values())))))
-        trials.append(Trial(name, rows, with_sun, total, time.perf_counter() - start, kinds))
+        on_sphere = _relative(shading(light, normals) - last, last)
+        trials.append(Trial(name, rows, with_sun, total, on_sphere, time.perf_counter() - start, kinds))
     best = min(t.error for t in trials)
     taken = next(i for i, t in enumerate(trials) if t.error <= WORSE * best)
-    chosen = trials[taken]
-    return solve(found, chosen.rows, sun if chosen.sun else None), trials, taken, told
+    return lights[taken], trials, taken, told

@@ -10,6 +10,7 @@ Clipped pixels that fill a small angle are the sun: they are taken out.
 """
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -32,6 +33,9 @@ FINEST = 0.008
 
 SEARCH_M, SEARCH_RADIUS = 2.2e-3, 2.5 * RADIUS_SD
 """How far from its outline's best place a ball is sought: metres, and share of the radius."""
+
+OUTLINE_PX = 0.7
+"""Pixels by which an outline is off its faint edge; each photo's tells this four times over."""
 
 TOLERANCE, TOGETHER = 0.05, 40
 """By how much of white paper's light a mirrored place may be off; neighbouring pixels that err together."""
@@ -154,15 +158,22 @@ def register(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> Ball:
         cost, bounds, rng=1, popsize=8, maxiter=25, tol=1e-6, polish=False, init="sobol", x0=ball.numbers
     )
     ball = ball.moved(found.x)
+    # Another radius with another place mirrors few tags much the same: the outline, known to a pixel, decides between.
+    rims = [(p, outline(p, ball.center, ball.radius)) for p in photos]
+
+    def error(x: np.ndarray, off: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        moved = [np.ravel(outline(p, x[:3], x[3]) - rim) / OUTLINE_PX / np.sqrt(len(rim) / 4) for p, rim in rims]
+        return np.concatenate([off(x), *moved, (x - ball.prior) / ball.prior_sd])
+
+    end = ball
     for blur, sigma in ((1.5, 3e-3), (0.0, 5e-4)):
-        seen = [_sheet_pixels(p, light, ball, blur=blur, count=1500, subsamples=3) for p in photos]
+        seen = [_sheet_pixels(p, light, end, blur=blur, count=1500, subsamples=3) for p in photos]
         off = partial(_off_sheet, [s for s in seen if len(s.value) >= LEAST_PIXELS], light, light.blurred(sigma))
         fit = least_squares(
-            lambda x, off=off, given=ball: np.concatenate([off(x), (x - given.prior) / given.prior_sd]), ball.numbers,
-            loss="soft_l1", x_scale=ball.prior_sd, diff_step=1e-3, max_nfev=30,
-        )  # fmt: skip
-        ball = ball.moved(fit.x, np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac))))
-    return ball
+            error, end.numbers, args=(off,), loss="soft_l1", x_scale=ball.prior_sd, diff_step=1e-3, max_nfev=30
+        )
+        end = end.moved(fit.x, np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac))))
+    return end
 
 
 def reflectance_of(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> np.ndarray | None:

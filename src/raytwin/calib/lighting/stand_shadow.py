@@ -41,6 +41,9 @@ NOISE, EDGE_NOISE = 0.02, 0.15
 ASIDE = 12
 """Degrees to either side of a streak that must be brighter."""
 
+UNLIKE = 0.35
+"""Root mean squared residual within a shadow over its contrast: what is told worse by a bar is not the upright's."""
+
 END_DEGREES = 0.15
 """How far the shape of the upright's end, round or square, turns the sun, in either angle."""
 
@@ -120,14 +123,17 @@ def find_shadow(photos: list[LinearPhoto], sheet: Sheet, stand: tuple[float, flo
     fits = [least_squares(error, x, loss="soft_l1", bounds=(low, high), x_scale=0.1 * sd, max_nfev=60) for x in starts]
     fit = min(fits, key=lambda f: f.cost)
     x, (cover, upright) = fit.x, bars(fit.x)
-    levels = solved(x)[0]
+    levels, left = solved(x)
     if np.abs(levels[4:] / levels[0] - 1).max() < SEEN:
         raise InputError(
             f"--stand {foot[0]:g},{foot[1]:g},{height:g}", "an upright that stands there, to be seen in the photos",
             "white paper where its top must be: it does not stand upright, or not there",
         )  # fmt: skip
-    if streak is None or levels[2] > (1 - SEEN) * levels[0]:
+    inside, contrast = (cover > 0.5) & (noise == NOISE), levels[0] - levels[2]
+    if streak is None or contrast < SEEN * levels[0] or not inside.any():
         return None
+    if np.sqrt((left[inside] ** 2).mean()) > UNLIKE * contrast:
+        return None  # what is dark there is no bar: another thing's shadow
     cov = np.linalg.inv(fit.jac.T @ fit.jac)
     rays = np.stack([_to_light(x + d) for d in np.linalg.cholesky(cov).T])
     sigma = float(np.hypot(np.linalg.norm(rays - _to_light(x)) / np.sqrt(2), np.radians(END_DEGREES)))
