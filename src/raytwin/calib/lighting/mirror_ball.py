@@ -37,6 +37,9 @@ SEARCH_M, SEARCH_RADIUS = 2.2e-3, 2.5 * RADIUS_SD
 OUTLINE_PX = 0.7
 """Pixels by which an outline is off its faint edge; each photo's tells this four times over."""
 
+UNDERSTATED = 2.0
+"""How much larger the errors of a registered ball are than least squares says, in measure/light_accuracy.py."""
+
 TOLERANCE, TOGETHER = 0.05, 40
 """By how much of white paper's light a mirrored place may be off; neighbouring pixels that err together."""
 
@@ -172,7 +175,7 @@ def register(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> Ball:
         fit = least_squares(
             error, end.numbers, args=(off,), loss="soft_l1", x_scale=ball.prior_sd, diff_step=1e-3, max_nfev=30
         )
-        end = end.moved(fit.x, np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac))))
+        end = end.moved(fit.x, UNDERSTATED * np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac))))
     return end
 
 

@@ -213,7 +213,7 @@ def _darkest_streak(
     plain = sheet.plain_at(xy, 6e-4) & (count > 0)
     if (plain & (albedo > 0.9)).sum() < 200:
         raise InputError(
-            "--stand", "an upright on the board's sheet, with white paper around it",
+            "--stand", "an upright on the board's sheet, with white paper around it that is not clipped",
             f"{foot[0]:g},{foot[1]:g},{height:g}",
         )  # fmt: skip
     light = np.nansum(layers, axis=0) / np.maximum(count, 1)
