@@ -10,12 +10,12 @@ from raytwin.diagnose.catalogue import CHANCES, FAULTS, cached
 from raytwin.diagnose.changes import SAMPLING, STAGES, given
 from raytwin.diagnose.conditional_faults import _some, averaged, by_channel, stale, wrong_channels
 from raytwin.diagnose.diagnosis import Cause, SubmittedImage, diagnose, explain
+from raytwin.diagnose.hypothesis_search import Hypothesis, ranked
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
 from raytwin.diagnose.pixel_sample import look, many
 from raytwin.diagnose.predict import FIRST, RIGHT, Before, predictor
 from raytwin.diagnose.prediction_cache import costs
-from raytwin.diagnose.search import Hypothesis, ranked
 from raytwin.files.rounding import half_code
 from raytwin.image import Image
 from raytwin.renderers.scene_exchange import as_arrays

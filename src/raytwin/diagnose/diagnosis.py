@@ -29,13 +29,13 @@ from raytwin.diagnose.changes import OUTPUT, STAGES, Fault
 from raytwin.diagnose.conditional_faults import clued
 from raytwin.diagnose.distances import depth_cause
 from raytwin.diagnose.explanation import Cause, Diagnosis, Sureness
+from raytwin.diagnose.hypothesis_search import Hypothesis, Search
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
 from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, of_objects, total
 from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, many
 from raytwin.diagnose.predict import RIGHT, Array
-from raytwin.diagnose.search import Hypothesis, Search
 from raytwin.files import Rounding
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
