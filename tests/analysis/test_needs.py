@@ -234,7 +234,7 @@ def test_the_choice_rerun_meets_the_tolerance_and_the_next_cheaper_fails(small, 
 @pytest.mark.parametrize(("seconds", "steps"), [(1.5, [8, 4, 16, 2]), (2.5, [8])])
 def test_other_steps_are_guessed_only_where_the_first_takes_up_to_twice_the_time_of_tracing_all(seconds, steps):
     looked = Choice.__new__(Choice)
-    looked.engine, looked._look, looked._meets = "numpy32", lambda tried, whole: True, lambda tried: True
+    looked.engine, looked._look, looked._meets = "numpy32", lambda tried, whole: not whole, lambda tried: True
     looked._called = lambda tried: seconds if isinstance(tried.method, Speculated) else 1.0
     meet = [Tried(Traced("shadow", "numpy32"), 0.0)]
     looked._guesses(meet, [])

@@ -39,13 +39,15 @@ def test_errors_are_written_in_the_images_own_units(scale):
     assert stated == pytest.approx(0.1 * scale, rel=0.02)
 
 
-def test_a_test_of_few_batches_is_trusted_less_however_well_the_reference_is_known():
+@pytest.mark.parametrize("swapped", [False, True])
+def test_an_image_of_few_batches_is_trusted_less_however_well_the_other_is_known(swapped):
     rng = np.random.default_rng(6)
     truth = np.ones((48, 64, 3), np.float32)
     noisy = (truth + 0.1 * rng.normal(size=truth.shape)).astype(np.float32)
     v = np.full_like(truth, 0.01)
-    reference = Image(truth, v / 100, 4096, None, 256)
-    few, many = (decide(Image(noisy, v, 256, None, n), reference, Bound(1e-5, 1.0), 1e-3) for n in (4, 256))
+    known = Image(truth, v / 100, 4096, None, 256)
+    pairs = [(Image(noisy, v, 256, None, n), known) for n in (4, 256)]
+    few, many = (decide(*(pair[::-1] if swapped else pair), Bound(1e-5, 1.0), 1e-3) for pair in pairs)
     assert few.tile.detectable > 1.003 * many.tile.detectable
     assert few.value.worst.p > many.value.worst.p
 

@@ -10,6 +10,10 @@ from raytwin.diagnose.predict import applied
 def test_rays_that_are_spread_over_a_pixel_lie_evenly_about_its_centre_and_others_beyond_its_corner():
     over, corner = averaged()
     for way in over.ways:
-        assert np.mean(applied(way, "spread", None), axis=0) == pytest.approx((0, 0), abs=1e-12)
+        places = np.array(applied(way, "spread", None))
+        assert places.mean(axis=0) == pytest.approx((0, 0), abs=1e-12)
+        assert 0 < np.abs(places).max() <= 1
     for way in corner.ways:
-        assert min(np.mean(applied(way, "spread", None), axis=0)) > 0.2
+        places = np.array(applied(way, "spread", None))
+        assert min(places.mean(axis=0)) > 0.2
+        assert 0 <= places.min() < places.max() <= 1

@@ -19,6 +19,7 @@ from raytwin.diagnose.prediction_cache import costs
 from raytwin.files.rounding import half_code
 from raytwin.image import Image
 from raytwin.renderers.scene_exchange import as_arrays
+from raytwin.scene import Rectangle, Sphere
 from raytwin.speed import light_parts
 from raytwin.tracer import trace
 
@@ -76,6 +77,19 @@ def test_every_fault_shows_on_drawn_scenes_but_for_those_that_a_stage_alone_show
             for one, r in zip(thin, right, strict=True)
         )
         assert any(shows), f.name
+
+
+@pytest.mark.parametrize(("kind", "on"), [("spheres", Sphere), ("planes", Rectangle)])
+def test_a_kind_that_receives_no_shadow_is_lit_as_if_none_fell_and_the_other_kind_as_it_should(kind, on):
+    for scene in DRAWN:
+        right, lit = trace(scene), trace(scene, "lambert").mean
+        of_kind = np.array([isinstance(thing, on) for thing in scene.objects] + [False])[right.surface.ids]
+        dark = (lit != right.mean).any(axis=-1)
+        assert (dark & of_kind).any()
+        assert (dark & ~of_kind).any()
+        expected = np.where(of_kind[..., None], lit, right.mean)
+        made = planted(fault(f"{kind}-receive-none").ways[0], scene)
+        assert np.abs(made - expected).max() < 1e-6
 
 
 @pytest.mark.parametrize("name", ["half-pixel", "sky-missing"])

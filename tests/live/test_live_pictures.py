@@ -51,15 +51,17 @@ def test_the_jpeg_that_is_sent_shows_the_image(base):
     assert np.ptp(sent) > 100
 
 
-def test_a_path_that_runs_behind_the_eye_ends_before_it(base):
+@pytest.mark.parametrize("x", [-0.3, 0.0, 0.3])
+def test_a_path_that_runs_behind_the_eye_ends_before_it(base, x):
     camera = msgspec.structs.replace(base.camera, dist=())
     (fx, _, cx), (_, fy, cy) = camera.K[:2]
-    assert _project(camera, (0.1, -0.2, 2.0)) == pytest.approx((fx * 0.05 + cx, -fy * 0.1 + cy))
-    # The line from (0.5, 0.2, 1) to (0, 0, -1) meets z = NEAR after this share of it.
+    start = (0.5, 0.2, 1.0)
+    assert _project(camera, (x, -0.2, 2.0), start) == pytest.approx((fx * x / 2 + cx, -fy * 0.1 + cy))
+    # The line from `start` to (x, 0, -1) meets z = NEAR after this share of it.
     share = (1 - NEAR) / 2
-    end = (0.5 - 0.5 * share) / NEAR, (0.2 - 0.2 * share) / NEAR
+    end = (0.5 + (x - 0.5) * share) / NEAR, (0.2 - 0.2 * share) / NEAR
     expected = fx * end[0] + cx, fy * end[1] + cy
-    assert _project(camera, (0.0, 0.0, -1.0), (0.5, 0.2, 1.0)) == pytest.approx(expected)
+    assert _project(camera, (x, 0.0, -1.0), start) == pytest.approx(expected)
 
 
 def test_a_path_that_ends_in_the_eyes_own_plane_ends_before_it_too(base):

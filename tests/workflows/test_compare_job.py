@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from raytwin import files, twin
+from raytwin.analysis.ledger import Ledger
 from raytwin.calib import synthetic_photos
 from raytwin.calib.find_camera import compare_truth, find_camera
 from raytwin.compare import compare
+from raytwin.compare.report import Part
 from raytwin.contract.subject import find_subject
 from raytwin.errors import InputError
 from raytwin.renderers.subject_renderers import Traced, fast_engine
@@ -18,7 +20,7 @@ from raytwin.report.terminal_text import summary
 from raytwin.scene import Camera
 from raytwin.scene.lens import Folds
 from raytwin.speed import trace
-from raytwin.workflows.compare_scene import compare_scene
+from raytwin.workflows.compare_scene import _left_out, compare_scene
 
 GIVEN = ["single", "overlap", "distorted", "grazing", "eclipse", "ball", "wedge"]
 
@@ -106,6 +108,22 @@ def test_the_rung_that_the_tracer_lacks_differs_as_it_must_and_says_what_is_miss
     assert result.comparison.reasons[-1] == "compared at its own level, shadow, the tracer agrees with the twin"
     assert result.settings["rung of the tracer"] == "shadow"
     assert result.settings["rung of the twin"] == "path"
+
+
+def test_what_a_rung_ignores_is_said_with_its_sign_and_its_objects_the_largest_part_first():
+    parts = (
+        Part("numerics", share_of_light=0.5),
+        Part("bounce 2", share_of_light=-0.002, between=("ball", "floor")),
+        Part("sun's shadow", share_of_light=0.0344, between=("floor",)),
+        Part("bounce 1", share_of_light=-0.1),
+        Part("sky's occlusion", share_of_light=None),
+    )
+    assert _left_out(Ledger(parts, {}, np.zeros((1, 1, 3)), 1)) == (
+        "ignoring bounce 1 makes it 10 % too dark",
+        "ignoring what hides the sun makes it 3.4 % too bright, mostly on floor",
+        "ignoring bounce 2 makes it 0.2 % too dark, mostly between ball and floor",
+    )
+    assert _left_out(None) == ()
 
 
 @dataclass(frozen=True)

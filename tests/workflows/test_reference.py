@@ -502,14 +502,19 @@ def board_rays(camera) -> np.ndarray:
     return d / np.linalg.norm(d, axis=-1, keepdims=True) @ np.asarray(camera.R_cam_board)
 
 
-def test_a_camera_that_moves_what_lies_in_the_first_column_has_moved(scenes):
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize(("edge", "beyond", "by"), [(0, -0.4, 2), (0, -0.6, 0), (1, -0.6, 2), (1, -0.4, 0)])
+def test_a_camera_that_moves_what_lies_in_its_outermost_pixels_has_moved(scenes, axis, edge, beyond, by):
     scene = files.read_scene(scenes / "overlap").scene
-    camera = msgspec.structs.replace(scene.camera, dist=())
-    ball = scene.spheres[0]
-    at = np.asarray(camera.R_cam_board) @ np.asarray(ball.center) + np.asarray(camera.t_cam_board)
-    (fx, s, _), (_, fy, cy), last = camera.K
-    first = msgspec.structs.replace(camera, K=((fx, s, -fx * at[0] / at[2] - s * at[1] / at[2]), (0.0, fy, cy), last))
-    (_, _, cx), row, last = first.K
-    aside = msgspec.structs.replace(first, K=((fx, s, cx + 2.0), row, last))
+    camera, ball = msgspec.structs.replace(scene.camera, dist=()), scene.spheres[0]
+    ray = np.asarray(camera.R_cam_board) @ np.asarray(ball.center) + np.asarray(camera.t_cam_board)
+    size = np.array(camera.image_size)
+    place = size / 2.0
+    place[axis] = edge * size[axis] + beyond
+    K = np.array(camera.K)
+    K[:2, 2] += place - (K @ ray)[:2] / ray[2]
+    first = msgspec.structs.replace(camera, K=tuple(map(tuple, K.tolist())))
+    K[0, 2] += 2
+    aside = msgspec.structs.replace(first, K=tuple(map(tuple, K.tolist())))
     alone = msgspec.structs.replace(scene, objects=(ball,))
-    assert make_reference.moved(alone, first, aside) == pytest.approx(2.0, rel=1e-6)
+    assert make_reference.moved(alone, first, aside) == pytest.approx(by, rel=1e-6)

@@ -132,19 +132,33 @@ def test_the_shadow_lies_in_the_smaller_of_the_squares_alone():
     assert np.linalg.norm(shadow.half_v) == pytest.approx(1.001 * 0.02 / to_light[2])
 
 
-def test_only_pixels_on_edges_are_sampled_more_than_once(monkeypatch):
-    counted = []
+@pytest.mark.parametrize(("slope", "squares"), [(-0.2, 1), (0.0, 1), (0.0009, None), (0.0011, 2), (0.2, 2)])
+def test_a_sun_above_the_plane_adds_its_shadows_square_and_one_along_it_may_shade_it_all(slope, squares):
+    scene = stage((float(np.sqrt(1 - slope**2)), 0.0, slope))
+    made = objects._reach(Sphere((0.1, 0.02, 0.03), 0.02), FLOOR, scene)
+    assert made == [FLOOR] if squares is None else FLOOR not in made and len(made) == squares
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_only_pixels_on_edges_are_sampled_more_than_once(n, monkeypatch):
+    places = []
     shade = objects._shade
 
     def counting(scene, u, v, *rest):
-        counted.append(len(u))
+        places.append(np.stack((u, v), -1))
         return shade(scene, u, v, *rest)
 
     monkeypatch.setattr(objects, "_shade", counting)
-    result = augment(grey(), stage(), subsamples=4)
+    result = augment(grey(), stage(), subsamples=n)
     outline = ((result.coverage > 0) & (result.coverage < 1)).sum()
-    assert 16 * outline < counted[-1] < 16 * 12 * outline
-    assert counted[-1] < 16 * 0.1 * result.coverage.size
+    assert not (result.coverage * n**2 % 1).any()
+    every = np.concatenate(places)
+    assert len(np.unique(every, axis=0)) == len(every)
+    if n == 1:
+        assert outline == 0
+    else:
+        assert n**2 * outline < len(places[-1]) < n**2 * 12 * outline
+        assert len(places[-1]) < n**2 * 0.1 * result.coverage.size
 
 
 @pytest.mark.parametrize("first", [True, False])

@@ -78,11 +78,11 @@ def test_a_pyramid_behind_the_camera_is_left_out():
 
 
 def test_a_face_looks_at_the_eye_or_away_whichever_way_its_corners_run():
-    """A triangle at z = 0 over a body below it: its outside is above."""
-    corners = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
-    below, above = np.array((0.2, 0.2, -1.0)), np.array((0.2, 0.2, 1.0))
+    """A triangle at z = 2 over a body below it: its outside is above."""
+    corners = np.array([(0.0, 0.0, 2.0), (1.0, 0.0, 2.0), (0.0, 1.0, 2.0)])
+    below, above = np.array((0.2, 0.2, 1.0)), np.array((0.2, 0.2, 3.0))
     for order in (corners, corners[::-1]):
         assert pyramid._faces_eye(order, below, above)
-        assert not pyramid._faces_eye(order, below, 3 * below)
+        assert not pyramid._faces_eye(order, below, below / 3)
         assert not pyramid._faces_eye(order, above, above)
         assert pyramid._faces_eye(order, above, below)
