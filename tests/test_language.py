@@ -12,11 +12,6 @@ TREES = {path.relative_to(SOURCE).as_posix(): ast.parse(path.read_text("utf-8"))
 PRIVATE = {"told", "tell", "held", "kept"}
 """Words that could mean a message, a record, a check, a cache: the field has a word for each."""
 
-NOT_YET = {
-    "calib", "compare",
-}  # fmt: skip
-"""Rooms that still bind such names. A room that is clean leaves this list."""
-
 
 def docstrings(tree: ast.Module) -> Iterator[tuple[int, str]]:
     """Every text that stands alone: under a definition, or under a constant."""
@@ -62,13 +57,7 @@ def found(tree: ast.Module) -> list[str]:
 
 
 def test_the_source_is_written_in_the_fields_language():
-    rooms: dict[str, list[str]] = {}
-    for path, tree in TREES.items():
-        rooms.setdefault(path.partition("/")[0], []).extend(f"{path}:{line}" for line in found(tree))
-    names = {room: [line for line in lines if "no word" in line] for room, lines in rooms.items()}
-    assert [
-        line for room, lines in rooms.items() for line in lines if line not in names[room] or room not in NOT_YET
-    ] == []
+    assert [f"{path}:{line}" for path, tree in TREES.items() for line in found(tree)] == []
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import submitted_tracers as tracers
 from raytwin.errors import MachineError
 from raytwin.grade.class_run import jobs_of, run
 from raytwin.parallel import Workers, map_parallel
+from raytwin.workflows.settings import ReferenceSettings
 
 distributed = pytest.importorskip("distributed")
 
@@ -86,10 +87,10 @@ def test_a_worker_that_is_killed_in_the_middle_costs_nothing(cluster):
 def test_a_cluster_and_shards_make_the_references_that_one_process_makes(cluster, tmp_path):
     from raytwin.cli.reference_commands import _cases, _changes
 
-    options = {"size": (24, 18)}
+    settings = ReferenceSettings(size=(24, 18))
 
     def made(workers):
-        found = _changes(_cases([Path("single"), Path("ball")], ["lambert"]), tmp_path, options, workers)
+        found = _changes(_cases([Path("single"), Path("ball")], ["lambert"]), tmp_path, settings, workers)
         return {change.new.path: change.new.header["checksum"] for change in found}
 
     here = made(Workers())
@@ -105,7 +106,7 @@ def test_workers_render_with_the_callers_variant_whatever_they_have_chosen_befor
     for variant in ("scalar_rgb", twin.chosen().variant):
         twin.activate(variant)
         cases = _cases([Path("single")], ["surface"])
-        (made,) = _changes(cases, tmp_path, {"size": (8, 6)}, Workers(dask=cluster.scheduler_address))
+        (made,) = _changes(cases, tmp_path, ReferenceSettings(size=(8, 6)), Workers(dask=cluster.scheduler_address))
         assert made.new.header["variant"] == variant
 
 
@@ -118,7 +119,7 @@ def test_a_worker_that_cannot_have_the_callers_variant_says_so_in_one_line(monke
     monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")  # which the workers inherit; here it is chosen already
     cases = _cases([Path("single")], ["surface", "lambert"])
     with pytest.raises(MachineError, match=r"^variant llvm_ad_rgb: expected a machine where it works [^\n]*$"):
-        list(_changes(cases, tmp_path, {"size": (8, 6)}, Workers(jobs=2)))
+        list(_changes(cases, tmp_path, ReferenceSettings(size=(8, 6)), Workers(jobs=2)))
 
 
 def test_no_scheduler_at_the_address_is_said(monkeypatch):

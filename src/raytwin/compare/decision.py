@@ -18,7 +18,7 @@ What a variance estimated from a few batches needs, so that the rate holds:
 - A pixel that missed a rare event (a firefly) is too dark by the events' mean, without a trace in its variance. The
   mean of the fireflies that were seen elsewhere, in units of radiance or of the radiance there, is therefore granted to
   whatever may have missed them all: often a few thousandths of the radiance, where widening every variance by a
-  firefly's would have blinded all tests. Where both images tell their samples, a variance is never less than the
+  firefly's would have blinded all tests. Where both images state their samples, a variance is never less than the
   samples' ratio says of the other's.
 - Values with a standard deviation below a tenth of the tolerance hold no noise: they are compared as exact images are,
   where neither image is sampled, and at the background. In a sampled image samples that all agree prove little: n of
@@ -28,7 +28,7 @@ What a variance estimated from a few batches needs, so that the rate holds:
   images' difference shows (noise.inflation).
 - A variance that the residuals do not bear out excuses nothing (noise.capped).
 
-An event that *nobody* sampled cannot be told from a bias.
+An event that *nobody* sampled cannot be distinguished from a bias.
 """
 
 import math

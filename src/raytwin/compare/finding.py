@@ -31,7 +31,7 @@ class Place(NamedTuple):
 
 
 BLOCK, MOST_PLACES = 16, 400
-"""Pixels of the side of a place that holds single values; so many places of a kind are told."""
+"""Pixels of the side of a place that holds single values; at most this many places of a kind are reported."""
 
 
 def blocks_of(wrong: np.ndarray, y0: int) -> tuple[Place, ...]:

@@ -74,7 +74,7 @@ def _noise_of(image: Image, other: Image) -> Pixels | float:
 
 def bad_values(name: str, x: Pixels, least: float, noise: Callable[[], Pixels | float] = float) -> list[Finding]:
     """NaN, infinite, and values below -least by more than `noise`, counted and located."""
-    # Two reductions tell a sound image: NaN and infinity both show in the extremes.
+    # Two reductions recognise a sound image: NaN and infinity both show in the extremes.
     low, high = x.min(), x.max()
     if np.isfinite(low) and np.isfinite(high) and low >= -least:
         return []

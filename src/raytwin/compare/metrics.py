@@ -215,5 +215,5 @@ def measure(
 
 
 def all_finite(*arrays: Float[np.ndarray, "..."]) -> bool:
-    """Two reductions tell, and no array of flags is made: NaN and infinity both show in the extremes."""
+    """Two reductions decide, and no array of flags is made: NaN and infinity both show in the extremes."""
     return all(math.isfinite(a.min()) and math.isfinite(a.max()) for a in arrays)

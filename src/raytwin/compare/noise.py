@@ -39,7 +39,7 @@ TINY = np.float32(1e-38)
 
 
 def degrees_of_freedom(image: Image) -> float:
-    """batches - 1, or samples - 1 where every sample was a batch; infinite where nothing is told."""
+    """batches - 1, or samples - 1 where every sample was a batch; infinite where neither is known."""
     batches = image.batches if image.batches is not None else image.samples
     return float(batches - 1) if batches > 1 else math.inf
 
@@ -155,8 +155,8 @@ def doubt(
 ) -> Float32[np.ndarray, "*n"]:
     """1 / ν of each value's variance, between 1 / dof and 1: how little is known of it.
 
-    m² / v events of one size tell their variance with a quarter of so many degrees of freedom (exponential noise; the
-    Gaussian's are more, and end at the batches'); a value that is unusual in its block tells it with one.
+    m² / v events of one size estimate their variance with a quarter of as many degrees of freedom (exponential
+    noise; the Gaussian's are more, and end at the batches'); a value that is unusual in its block, with one.
     """
     known = np.float32(1 / dof if dof > 0 else 1)
     out = np.square(mean, dtype=np.float32)
@@ -353,7 +353,7 @@ def missed(
 
     For k events of one size the upper limit is that of a Poisson mean: (sqrt(k) + c / 2)^2 + 1, c the Gaussian's
     quantile. Either image tells how large and how frequent they are: the larger limit counts for both. Where both
-    tell their `samples`, what one has seen tells how many the other must have, unusual among its pixels or not.
+    state their `samples`, what one has seen says how many the other must have, unusual among its pixels or not.
     """
     from scipy.special import ndtri
 
@@ -378,8 +378,8 @@ def missed(
         return Missed(fixed, relative, seen / pixels)
 
     na, nb = samples
-    told = na > 1 and nb > 1
-    return one(a, b, na / nb if told else 0.0), one(b, a, nb / na if told else 0.0)
+    known = na > 1 and nb > 1
+    return one(a, b, na / nb if known else 0.0), one(b, a, nb / na if known else 0.0)
 
 
 def variance_ratio(
@@ -387,7 +387,7 @@ def variance_ratio(
 ) -> tuple[float | None, float | None]:
     """(typical, largest) ratio of the test's variance to the reference's; None where one of the images has no noise.
 
-    Typical is the samples' inverse ratio where both tell them, but no less than the median over pixels with noise
+    Typical is the samples' inverse ratio where both state them, but no less than the median over pixels with noise
     (more than `least`) in both: rare events show in the median of the better-known image alone. Largest is that or the
     ratio of the means, which fireflies rule.
     """
@@ -395,7 +395,7 @@ def variance_ratio(
         return None, None
     step = max(1, math.isqrt(test.mean.size // 3 // 50_000))
     va, vb = (np.asarray(v[::step, ::step], np.float64).ravel() for v in (test.variance, reference.variance))
-    # Rounding makes a variance of its own, which has nothing to tell.
+    # Rounding makes a variance of its own, which carries no information.
     both = (va > least) & (vb > least)
     typical = float(np.median(va[both] / vb[both])) if both.sum() >= 30 else 0.0
     if test.samples > 1 and reference.samples > 1:

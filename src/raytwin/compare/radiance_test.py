@@ -97,13 +97,15 @@ class RadianceTest:
         return self.test.shape[0] * self.test.shape[1]
 
     def run(self) -> Outcome:
-        """By what is told of the noise; where that fails and something is not told, by what the scatter shows."""
-        told = self._filled()
-        untold = [name for name, i in (("the test", told.test), ("the reference", told.reference)) if not noise_told(i)]
-        first = told._by_what_is_told()
-        if first.findings and any(hardly_sampled(i) for i in (told.test, told.reference)):
+        """By the stated noise; where that fails and a side states none, by what the scatter shows."""
+        filled = self._filled()
+        unstated = [
+            name for name, i in (("the test", filled.test), ("the reference", filled.reference)) if not states_noise(i)
+        ]
+        first = filled._by_stated_noise()
+        if first.findings and any(hardly_sampled(i) for i in (filled.test, filled.reference)):
             return first._replace(doubts=(FEW_SAMPLES,))
-        if not untold:
+        if not unstated:
             return first
         claims = [block_means(i.variance) for i in (self.test, self.reference) if i.variance is not None]
         if not (claims or first.findings):
@@ -111,7 +113,7 @@ class RadianceTest:
         known = sum(claims, np.zeros(3))
         shown = residual(self.test.mean, self.reference.mean, carrying=True)
         if (first.findings or unexplained(shown, known)) and may_be_noise(shown, known, self.bound.least):
-            return self._by_scatter(first, untold, shown)
+            return self._by_scatter(first, unstated, shown)
         return first
 
     def exactly(self) -> Outcome:
@@ -121,7 +123,7 @@ class RadianceTest:
     # ---------------------------------------------------------------------------------- within
 
     def _filled(self) -> "RadianceTest":
-        """A variance that is not told follows from the other image's where both tell their samples."""
+        """A variance that is not stated follows from the other image's where both state their samples."""
         a, b = self.test, self.reference
         if a.samples > 1 and b.samples > 1:
             if a.variance is None and b.variance is not None:
@@ -159,7 +161,7 @@ class RadianceTest:
         made = Rounding(*(np.broadcast_to(np.asarray(x, np.float32), shape) for x in (value, mean)))
         return made, replace(self, test=images[0], reference=images[1])
 
-    def _by_what_is_told(self) -> Outcome:
+    def _by_stated_noise(self) -> Outcome:
         rounding, self = self._rounding()
         if self.test.variance is None and self.reference.variance is None:
             return self.exactly()
@@ -243,7 +245,7 @@ class RadianceTest:
         failing = (*made.tile.places, *made.value.places, *made.noise_free.places)
         return Outcome(findings, statistics, notes, doubts, tuple(dict.fromkeys(failing)), finite(made.image.excluded))
 
-    def _by_scatter(self, first: Outcome, untold: list[str], shown: Residual) -> Outcome:
+    def _by_scatter(self, first: Outcome, unstated: list[str], shown: Residual) -> Outcome:
         """The scatter of t - r within blocks as the noise of both: tiles and the image tell, single pixels do not.
 
         It may convict an image; it excuses one only where the reference's own noise bears it out.
@@ -255,17 +257,17 @@ class RadianceTest:
             return outcome if known or not any(f.rank == EXACT for f in first.findings) else first
         if patterned(t, r, shown.square):
             return first
-        have = "have" if len(untold) > 1 else "has"
-        which = f"{' and '.join(untold)} {have} no variance"
+        have = "have" if len(unstated) > 1 else "has"
+        which = f"{' and '.join(unstated)} {have} no variance"
         if not known or two_valued(shown, self.bound.least):
             return outcome._replace(doubts=(*outcome.doubts, f"undecided: {which}, and {UNEXPLAINED}: {GIVE}"))
-        told = (
+        note = (
             f"{which}: noise was estimated from the difference within 8 x 8 pixels, where single wrong pixels go "
             "unnoticed"
         )
         if outcome.doubts:
-            return outcome._replace(doubts=(*outcome.doubts, f"{told}: {GIVE}"))
-        return outcome._replace(notes=(*outcome.notes, told))
+            return outcome._replace(doubts=(*outcome.doubts, f"{note}: {GIVE}"))
+        return outcome._replace(notes=(*outcome.notes, note))
 
 
 def finite(x: float) -> float | None:
@@ -285,7 +287,7 @@ def hardly_sampled(image: Image) -> bool:
     return image.variance is None and image.batches == 1 and image.samples < ENOUGH_BATCHES
 
 
-def noise_told(image: Image) -> bool:
+def states_noise(image: Image) -> bool:
     """A variance; or one sample, which is how a renderer without noise comes."""
     return image.variance is not None or image.samples == 1
 

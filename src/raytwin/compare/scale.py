@@ -1,4 +1,4 @@
-"""The images' own scale, to which every tolerance is held: the verdict stays when both are multiplied by a number."""
+"""The images' own scale. Tolerances are relative to it: the verdict stays when both are multiplied by a number."""
 
 import math
 from typing import NamedTuple

@@ -201,8 +201,8 @@ class SequentialComparison:
         return made
 
     def _counted(self) -> str:
-        told = all(pool.samples or not pool.images for pool in self._pools.values())
-        return f"{self.samples} samples per pixel" if told else f"{self.samples} renders"
+        counted = all(pool.samples or not pool.images for pool in self._pools.values())
+        return f"{self.samples} samples per pixel" if counted else f"{self.samples} renders"
 
     def _seen(self, made: Comparison) -> tuple[float, float]:
         """The biases of the whole image and of 24 x 24 pixels that would have shown."""

@@ -15,7 +15,7 @@ def sidak(rate: float, tests: float) -> float:
 def welch(parts: list[tuple[float, float]]) -> float:
     """(Σ v)² / Σ (v² / ν): the degrees of freedom of a sum of variances v that have ν each (Welch 1947, Satterthwaite).
 
-    Adding the ν instead would trust a noisy image of two batches as much as the reference that it is held against.
+    Adding the ν instead would trust a noisy image of two batches as much as the reference that it is compared with.
     """
     total, below = sum(v for v, _ in parts), sum(v * v / nu for v, nu in parts)
     return total * total / below if below > 0 else math.inf

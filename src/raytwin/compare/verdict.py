@@ -93,10 +93,10 @@ def compare(
         scale /= unit
     else:
         unit = 1.0
-    # Where both tell what they see, and see the same, nothing is shifted.
+    # Where both report what they see, and see the same, nothing is shifted.
     aligned = geometry.mask_mismatch_pixels is not None and not any(f.rank == SILHOUETTE for f in findings)
     shift = None if aligned or noise == "none" else find_shift(test.mean, reference.mean)
-    # Another light pulls at the edges too: that is no shift to be told of.
+    # Another light pulls at the edges too: that is no shift to report.
     if shift is not None and shift.sigma <= SURE_SHIFT and (shift.better_than_light or not shift.significant):
         geometry = msgspec.structs.replace(geometry, shift_px=shift.length)
     mismatch = geometry.mask_mismatch_pixels or 0
@@ -105,8 +105,8 @@ def compare(
     asked = RadianceTest(test, reference, tolerance, bound, unit, *rates, half_steps, excused, shift, detectable)
     outcome = asked.exactly() if noise == "none" else asked.run()
     findings += outcome.findings
-    told = any(f.rank == SHIFT for f in findings)
-    if findings and not outcome.doubts and shift is not None and shift.certain and not told:
+    shift_named = any(f.rank == SHIFT for f in findings)
+    if findings and not outcome.doubts and shift is not None and shift.certain and not shift_named:
         findings.append(shift_finding(shift))
     comparison = made(
         findings,

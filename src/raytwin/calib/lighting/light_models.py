@@ -129,25 +129,25 @@ class Trial:
 
 
 def directions_to_sun(found: Evidence) -> list[tuple[str, np.ndarray, float]]:
-    """(what told it, direction, standard deviation in radians) of all that shows where the sun is."""
-    told: list[tuple[str, np.ndarray, float]] = []
+    """(what showed it, direction, standard deviation in radians) of all that shows where the sun is."""
+    directions: list[tuple[str, np.ndarray, float]] = []
     if found.shadow:
-        told.append(("stand", found.shadow.to_light, found.shadow.sigma))
+        directions.append(("stand", found.shadow.to_light, found.shadow.sigma))
     for mirror in found.mirrors:
         if mirror.sun:
             d, sd = _mean_direction(list(mirror.sun.values()))
             # The ball's place is the same in all photos: the mean is little better than the best.
-            told.append(("mirror ball", d, max(sd, min(s for _, s in mirror.sun.values()) / 1.4)))
+            directions.append(("mirror ball", d, max(sd, min(s for _, s in mirror.sun.values()) / 1.4)))
     for m in found.matt:
         shading = fit_shading(m.pixels, m.ball, found.paper)
         if 4 * shading.E_sd @ REC_709 < shading.E @ REC_709 and shading.sigma < 0.2:
-            told.append(("matt ball", shading.to_light, float(np.hypot(shading.sigma, np.radians(MATT_DEGREES)))))
-    return told
+            directions.append(("matt ball", shading.to_light, float(np.hypot(shading.sigma, np.radians(MATT_DEGREES)))))
+    return directions
 
 
-def _mean_direction(told: list[tuple[np.ndarray, float]]) -> tuple[np.ndarray, float]:
-    weight = np.array([sd for _, sd in told]) ** -2.0
-    d = weight @ np.array([d for d, _ in told])
+def _mean_direction(directions: list[tuple[np.ndarray, float]]) -> tuple[np.ndarray, float]:
+    weight = np.array([sd for _, sd in directions]) ** -2.0
+    d = weight @ np.array([d for d, _ in directions])
     return d / np.linalg.norm(d), float(1 / np.sqrt(weight.sum()))
 
 
@@ -161,21 +161,21 @@ def solve(found: Evidence, rows: int, sun: tuple[np.ndarray, float] | None) -> L
         return Light(None, 0.0, zero, zero, whole, PAPER_SD * whole, scaled)
     to_light, sigma = sun
     shape = sky_shape(around) if rows and around is not None else None
-    told: list[tuple[np.ndarray, np.ndarray]] = []
+    estimates: list[tuple[np.ndarray, np.ndarray]] = []
     if found.shadow:
         ratio, sd = found.shadow.levels()
-        told.append((ratio * whole / found.shadow.left, sd * whole))
+        estimates.append((ratio * whole / found.shadow.left, sd * whole))
     for m in found.matt:
         fitted = fit_shading(m.pixels, m.ball, found.paper, to_light, shape)
         # Turned by its deviation, the sun takes light from the sky, or gives it some.
         turned = [fit_shading(m.pixels, m.ball, found.paper, t, shape, 0).Ls for t in _tilts(to_light, sigma)]
         spread = np.mean([(t - fitted.Ls) ** 2 for t in turned], axis=0)
-        told.append((fitted.Ls, np.sqrt(fitted.Ls_sd**2 + spread + (UNEVEN * fitted.Ls) ** 2)))
+        estimates.append((fitted.Ls, np.sqrt(fitted.Ls_sd**2 + spread + (UNEVEN * fitted.Ls) ** 2)))
     if around is not None:
         known = all(m.known for m in found.mirrors)
-        told.append((level, (REFLECTANCE_SD if known else REFLECTANCE_UNKNOWN) * level))
-    weight = np.array([sd**-2.0 for _, sd in told])
-    Ls = np.minimum((weight * np.array([value for value, _ in told])).sum(axis=0) / weight.sum(axis=0), whole)
+        estimates.append((level, (REFLECTANCE_SD if known else REFLECTANCE_UNKNOWN) * level))
+    weight = np.array([sd**-2.0 for _, sd in estimates])
+    Ls = np.minimum((weight * np.array([value for value, _ in estimates])).sum(axis=0) / weight.sum(axis=0), whole)
     Ls_sd = np.hypot(weight.sum(axis=0) ** -0.5, PAPER_SD * Ls)
     E = np.pi * (whole - Ls) / to_light[2]
     slant = np.hypot(*to_light[:2]) / to_light[2]
@@ -214,7 +214,7 @@ def sky_shape(around: np.ndarray) -> SkyShape:
 
 def errors(light: Light, found: Evidence) -> dict[str, float]:
     """Per kind of evidence the rms error of the light's prediction, as a share of the mean of what is seen."""
-    told = {}
+    errors = {}
     for k, m in enumerate(found.matt):
         to_light = light.to_light if light.to_light is not None else np.array([0.0, 0.0, 1.0])
         shape = sky_shape(light.around) if light.around is not None else None
@@ -222,7 +222,7 @@ def errors(light: Light, found: Evidence) -> dict[str, float]:
         shown = light.E / np.pi * sun + light.Ls * sky
         # The best albedo is taken: what counts is the shape of the shading.
         albedo = (shown * m.pixels.value).sum(axis=0) / (shown**2).sum(axis=0)
-        told[f"matt ball {k}" if k else "matt ball"] = _relative(albedo * shown - m.pixels.value, m.pixels.value)
+        errors[f"matt ball {k}" if k else "matt ball"] = _relative(albedo * shown - m.pixels.value, m.pixels.value)
     off, values = [], []
     for mirror in found.mirrors:
         seen = mirror.pixels
@@ -236,14 +236,14 @@ def errors(light: Light, found: Evidence) -> dict[str, float]:
         off.append(difference[up])
         values.append(seen.radiance[up])
     if off:
-        told["mirror ball"] = _relative(np.concatenate(off), np.concatenate(values))
+        errors["mirror ball"] = _relative(np.concatenate(off), np.concatenate(values))
     if s := found.shadow:
         ratio = light.Ls * s.left * PAPER / found.paper if light.to_light is not None else np.ones(3)
         lit = np.median(s.value[s.cover < 0.02], axis=0)
         inside = s.cover > 0.5
         predicted = lit * (1 - (1 - ratio) * s.cover[inside, None])
-        told["shadow"] = _relative(predicted - s.value[inside], s.value[inside])
-    return told
+        errors["shadow"] = _relative(predicted - s.value[inside], s.value[inside])
+    return errors
 
 
 def shading(light: Light, normals: np.ndarray) -> np.ndarray:
@@ -271,11 +271,11 @@ def _folds(found: Evidence, photos: int) -> Iterator[tuple[Evidence, Evidence]]:
 
 
 def choose(found: Evidence, photos: int) -> tuple[Light, list[Trial], int, list[tuple[str, np.ndarray, float]]]:
-    """The light, all models tried, the number of the one taken, and what told the sun's direction."""
-    told = directions_to_sun(found)
-    sun = _mean_direction([(d, sd) for _, d, sd in told]) if told else None
-    if sun and len(told) > 1:  # what contradicts each other is known as badly as it differs (Birge 1932)
-        spread = sum(((d - sun[0]) ** 2).sum() / (2 * sd**2) for _, d, sd in told) / (len(told) - 1)
+    """The light, all models tried, the number of the one taken, and what showed the sun's direction."""
+    directions = directions_to_sun(found)
+    sun = _mean_direction([(d, sd) for _, d, sd in directions]) if directions else None
+    if sun and len(directions) > 1:  # what contradicts each other is known as badly as it differs (Birge 1932)
+        spread = sum(((d - sun[0]) ** 2).sum() / (2 * sd**2) for _, d, sd in directions) / (len(directions) - 1)
         sun = (sun[0], sun[1] * float(np.sqrt(spread)) if spread > CONTRADICTS else sun[1])
     models = [("constant sky", 0, False)]
     models += [("sun + constant sky", 0, True)] if sun else []
@@ -293,4 +293,4 @@ def choose(found: Evidence, photos: int) -> tuple[Light, list[Trial], int, list[
         trials.append(Trial(name, rows, with_sun, total, on_sphere, time.perf_counter() - start, kinds))
     best = min(t.error for t in trials)
     taken = next(i for i, t in enumerate(trials) if t.error <= WORSE * best)
-    return lights[taken], trials, taken, told
+    return lights[taken], trials, taken, directions

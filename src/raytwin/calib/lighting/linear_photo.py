@@ -205,18 +205,18 @@ def _exposure(exif: bytes | None) -> float | None:
 
 
 def _warnings(found: list[LinearPhoto], cells: list[_Cells], exponent: float) -> list[str]:
-    told = []
+    warnings = []
     for photo, c in zip(found, cells, strict=True):
         lit = c.white & (c.linear @ REC_709 > 0.7 * (photo.paper @ REC_709))
         if (share := (c.codes[lit] >= CLIPPED).mean()) > 0.1:
-            told.append(
+            warnings.append(
                 f"{photo.name}: {100 * share:.0f} % of the paper in full light is clipped, so that all light comes out"
                 " too strong beside it: expose less"
             )
         flat = c.linear @ REC_709 / c.cosine**exponent
         ratio = np.median(flat[~c.white]) / np.median(flat[c.white])
         if not INK[0] < ratio < INK[1]:
-            told.append(
+            warnings.append(
                 f"{photo.name}: the tags' black is {100 * ratio:.2g} % of their white, where ink gives"
                 f" {100 * INK[0]:.0f} to {100 * INK[1]:.0f} %: the photo was tone-mapped, or veiled by glare"
             )
@@ -224,8 +224,8 @@ def _warnings(found: list[LinearPhoto], cells: list[_Cells], exponent: float) ->
     if len(known) > 1 and np.ptp(x := np.array([k[0] for k in known])) > 0.3:
         slope = np.polyfit(x, [k[1] for k in known], 1)[0]
         if abs(slope - 1) > 0.08:
-            told.append(
+            warnings.append(
                 f"the paper grows with the exposure to the power {slope:.2f}, not 1: the curve is not sRGB's (tone"
                 " mapping), or the light changed between the photos"
             )
-    return told
+    return warnings

@@ -47,7 +47,7 @@ NOISE, GROUND_NOISE = 0.02, 0.1
 """Shares by which a pixel is off: of the mean, and of the ground's part, which is known less well."""
 
 MATT = 0.12
-"""Root mean squared residual over the mean: a ball that is told worse by its shading is not matt."""
+"""Root mean squared residual over the mean: a ball whose shading fits worse is not matt."""
 
 
 @dataclass(frozen=True, eq=False)

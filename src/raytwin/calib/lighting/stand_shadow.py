@@ -42,7 +42,7 @@ ASIDE = 12
 """Degrees to either side of a streak that must be brighter."""
 
 UNLIKE = 0.35
-"""Root mean squared residual within a shadow over its contrast: what is told worse by a bar is not the upright's."""
+"""Root mean squared residual within a shadow over its contrast: what a bar describes worse is not the upright's."""
 
 END_DEGREES = 0.15
 """How far the shape of the upright's end, round or square, turns the sun, in either angle."""
