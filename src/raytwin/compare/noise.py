@@ -378,8 +378,8 @@ def missed(
         return Missed(fixed, relative, seen / pixels)
 
     na, nb = samples
-    known = na > 1 and nb > 1
-    return one(a, b, na / nb if known else 0.0), one(b, a, nb / na if known else 0.0)
+    counted = na > 1 and nb > 1
+    return one(a, b, na / nb if counted else 0.0), one(b, a, nb / na if counted else 0.0)
 
 
 def variance_ratio(
