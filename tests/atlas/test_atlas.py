@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from raytwin import atlas as stability
 from raytwin import report
-from raytwin.atlas import EXPERIMENTS, Curve, Experiment, Found, digits
+from raytwin.atlas import EXPERIMENTS, Curve, Experiment, Found, digits, poses
 from raytwin.atlas.experiment import breaks_at, predicted, run
 from raytwin.cli import app
 from raytwin.errors import InputError
@@ -158,6 +158,15 @@ def test_a_refusal_is_shown_as_one_and_breaks_no_bound():
     found: Found = run(row)
     assert found.methods["sure"].errors == (1e-6, 1e-6, None)
     assert found.methods["sure"].breaks_at is None
+
+
+def test_a_pose_is_refused_where_most_photos_are_ambiguous(monkeypatch):
+    answers: list[bool] = []
+    monkeypatch.setattr(poses, "ambiguous", lambda *_: answers.pop())
+    for doubted, refused in ((2, False), (3, True)):
+        answers[:] = [k < doubted for k in range(5)]
+        error = poses.errors(poses.Sight(), np.random.default_rng(0), 5)[poses.OURS]
+        assert (error is None) == refused
 
 
 def test_an_unknown_experiment_is_named_with_what_was_meant():

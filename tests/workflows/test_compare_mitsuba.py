@@ -25,14 +25,15 @@ def glass(tmp_path, scenes) -> Path:
     return Path(files.write_mitsuba(small, tmp_path / "kitchen").folder)
 
 
-def renderer(depth: int = 8) -> UserRenderer:
-    """Someone's renderer, which reads the file: Mitsuba with a seed of its own, to a depth."""
+def renderer(depth: int = 8, power: float = 1) -> UserRenderer:
+    """Someone's renderer, which reads the file: Mitsuba with a seed of its own, to a depth; its values to a power."""
 
     def render(told: dict) -> Image:
         assert (told["name"], told["width"], told["height"]) == ("kitchen", *SIZE)
         scene = files.read_mitsuba(told["mitsuba"])
         text = scene.text.replace('name="max_depth" value="8"', f'name="max_depth" value="{depth}"')
-        return twin.render_mitsuba(type(scene)(scene.name, scene.file, text, scene.folder, SIZE, scene.names), 64, 7)
+        image = twin.render_mitsuba(type(scene)(scene.name, scene.file, text, scene.folder, SIZE, scene.names), 64, 7)
+        return image if power == 1 else Image.from_array(np.maximum(image.mean, 0) ** power)
 
     return UserRenderer("path", "theirs", render)
 
@@ -48,6 +49,12 @@ def test_a_right_renderer_passes_and_one_that_stops_early_fails(glass):
     assert told["geometry"].mask_mismatch_pixels == 0
     assert "only Mitsuba knows the light" in right.comparison.reasons[-1]
     assert view_of(right).objects[4:6] == ("bowl", "ball")
+
+
+def test_a_renderer_that_encodes_its_image_is_named(glass):
+    found = compare_scene(glass, subject=renderer(power=1 / 2.2)).comparison
+    assert found.verdict == "fail"
+    assert "gamma" in found.reasons[0]
 
 
 def test_a_program_is_given_the_file_and_another_size_as_a_copy(glass, tmp_path):

@@ -71,6 +71,7 @@ def test_the_map_is_the_right_way_round(found, true):
 
 def test_a_light_file_is_read_back_and_puts_its_light_on_a_scene(found, lit, tmp_path):
     write_light(tmp_path / "light.toml", found.light, found.paper)
+    assert files.read_image(tmp_path / "light.exr").samples == 0  # of a map, nobody counts rays
     light = read_light(tmp_path / "light.toml")
     scene = light.on(files.read_scene(lit.parent / "lit.toml")).scene
     assert scene.sun.to_light == pytest.approx(found.light.to_light, abs=1e-9)
