@@ -100,12 +100,10 @@ def find_outline(photos: list[LinearPhoto], center: np.ndarray, radius: float, g
         _check_seen(photo, center, radius)
     prior = np.array([*center, radius])
     sd = radius * np.array([PLACE_SD] * 3 + [RADIUS_SD] if given else [FOUND_SD] * 4)
-    images = [cv2.GaussianBlur(photo.pixels, (0, 0), 0.7).astype(np.float32) for photo in photos]
+    images = [softened(photo) for photo in photos]
 
     def cost(x: np.ndarray) -> float:
-        return 0.01 * (((x - prior) / sd) ** 2).sum() - np.mean(
-            [outline_score(photo, image, x[:3], x[3]) for photo, image in zip(photos, images, strict=True)]
-        )
+        return 0.01 * (((x - prior) / sd) ** 2).sum() - mean_score(photos, images, x)
 
     span = 2.5 * sd
     found = differential_evolution(
@@ -118,6 +116,17 @@ def find_outline(photos: list[LinearPhoto], center: np.ndarray, radius: float, g
             where = f"{photo.name}: ball {','.join(f'{x:.4g}' for x in prior)}"
             raise InputError(where, "a ball whose outline is seen there", f"edges along {100 * score:.0f} % of it")
     return ball
+
+
+def softened(photo: LinearPhoto) -> np.ndarray:
+    """(H, W, 3): the photo's codes without the noise of single pixels."""
+    return cv2.GaussianBlur(photo.pixels, (0, 0), 0.7).astype(np.float32)
+
+
+def mean_score(photos: list[LinearPhoto], images: list[np.ndarray], x: np.ndarray) -> float:
+    """The outline's score over the photos, `images` their codes, of the ball whose center and radius are `x` (4)."""
+    scores = [outline_score(photo, image, x[:3], x[3]) for photo, image in zip(photos, images, strict=True)]
+    return float(np.mean(scores))
 
 
 def outline_score(photo: LinearPhoto, image: np.ndarray, center: np.ndarray, radius: float) -> float:
@@ -201,7 +210,7 @@ def find_balls(photo: LinearPhoto, extent: tuple[float, float, float, float], mo
     )  # fmt: skip
     if circles is None:
         return []
-    codes = cv2.GaussianBlur(photo.pixels, (0, 0), 0.7).astype(np.float32)
+    codes = softened(photo)
     eye, found = np.array(photo.camera.eye), []
     for u, v, p in circles[0][:80] / small:
         rays = photo.rays(np.array([(u, v), (u + p, v), (u, v + p), (u - p, v), (u, v - p)]))

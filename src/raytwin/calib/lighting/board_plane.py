@@ -1,6 +1,7 @@
 """The board's plane: the albedo that is printed on the sheet, and the light that the photos show of it."""
 
 import math
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -47,15 +48,9 @@ class SheetLight:
         x, y = np.arange(x0, x1, 1 / PER_METRE), np.arange(y1, y0, -1 / PER_METRE)
         shape, places = (len(y), len(x)), np.stack([*np.meshgrid(x, y), np.zeros((len(y), len(x)))], axis=-1)
         places = places.reshape(-1, 3)
-        layers = []
-        for photo in photos:
-            light = photo.at(photo.project(places)) @ REC_709
-            light[hidden_by(photo, ball, places)] = np.nan
-            layers.append(light)
-        count = np.isfinite(layers).sum(axis=0)
-        total = np.nansum(layers, axis=0)
-        self.seen = (count > 0).reshape(shape).astype(np.float32)
-        self.light = (total / np.maximum(count, 1)).reshape(shape).astype(np.float32)
+        light, seen = seen_light(photos, places, lambda photo: hidden_by(photo, ball, places))
+        self.seen = seen.reshape(shape).astype(np.float32)
+        self.light = (light @ REC_709).reshape(shape).astype(np.float32)
 
     def blurred(self, sigma: float) -> np.ndarray:
         """(h, w): the light, blurred by `sigma` metres; places that no photo shows have that of those around them."""
@@ -79,6 +74,20 @@ class SheetLight:
 
 def blurred(image: np.ndarray, sigma: float) -> np.ndarray:
     return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > 0 else image
+
+
+def seen_light(
+    photos: list[LinearPhoto], places: np.ndarray, hidden: Callable[[LinearPhoto], np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3), (n,) bool: the mean light of places (n, 3) over the photos where they are not `hidden`, 0 where no photo
+    shows them, and whether one does."""
+    layers = []
+    for photo in photos:
+        light = photo.at(photo.project(places))
+        light[hidden(photo)] = np.nan
+        layers.append(light)
+    count = np.isfinite(layers).sum(axis=0)
+    return np.nansum(layers, axis=0) / np.maximum(count, 1), (count > 0).all(axis=-1)
 
 
 def hidden_by(photo: LinearPhoto, ball: Ball, places: np.ndarray) -> np.ndarray:

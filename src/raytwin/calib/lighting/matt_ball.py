@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 
 from raytwin.calib.boards.board import PAPER
 from raytwin.calib.lighting.ball_outline import Ball
-from raytwin.calib.lighting.board_plane import hidden_by
+from raytwin.calib.lighting.board_plane import hidden_by, seen_light
 from raytwin.calib.lighting.linear_photo import LinearPhoto
 from raytwin.calib.lighting.mirror_ball import pixels_of, reflect
 
@@ -125,20 +125,14 @@ def _ground(photos: list[LinearPhoto], ball: Ball) -> tuple[np.ndarray, np.ndarr
     xy = ball.center[:2] + far[:, None, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
     floor = min(0.0, float(ball.center[2] - ball.radius))
     at = np.concatenate([xy, np.full((RINGS, TURNS, 1), floor)], axis=-1).reshape(-1, 3)
-    layers = []
-    for photo in photos:
-        light = photo.at(photo.project(at))
-        light[hidden_by(photo, ball, at)] = np.nan
-        layers.append(light)
-    count, total = np.isfinite(layers).sum(axis=0), np.nansum(layers, axis=0)
-    light = (total / np.maximum(count, 1)).reshape(RINGS, TURNS, 3)
-    seen = (count > 0).reshape(RINGS, TURNS, 3)
-    known = seen.any(axis=(1, 2))
+    light, seen = seen_light(photos, at, lambda photo: hidden_by(photo, ball, at))
+    light, seen = light.reshape(RINGS, TURNS, 3), seen.reshape(RINGS, TURNS)
+    known = seen.any(axis=1)
     if known.any():
         open_sky = 1.02 - (1 + (far / ball.radius) ** 2) ** -1.5
-        rings = light.sum(axis=1)[known] / seen.sum(axis=1)[known] / open_sky[known, None]
+        rings = light.sum(axis=1)[known] / seen.sum(axis=1)[known, None] / open_sky[known, None]
         mean = np.stack([np.interp(far, far[known], rings[:, c]) for c in range(3)], axis=1) * open_sky[:, None]
-        light = np.where(seen, light, mean[:, None])
+        light = np.where(seen[..., None], light, mean[:, None])
     area = np.pi * (edges[1:] ** 2 - edges[:-1] ** 2)[:, None] / TURNS * np.ones(TURNS)
     return at, light.reshape(-1, 3), area.ravel()
 

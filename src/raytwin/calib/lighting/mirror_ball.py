@@ -14,13 +14,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-import cv2
 import numpy as np
 from scipy import ndimage, sparse
 from scipy.optimize import differential_evolution, least_squares
 from scipy.sparse.linalg import spsolve
 
-from raytwin.calib.lighting.ball_outline import RADIUS_SD, Ball, outline, outline_score
+from raytwin.calib.lighting.ball_outline import RADIUS_SD, Ball, mean_score, outline, softened
 from raytwin.calib.lighting.board_plane import Sheet, SheetLight, blurred, on_board
 from raytwin.calib.lighting.linear_photo import LinearPhoto
 from raytwin.lights.envmap_tables import REC_709
@@ -147,13 +146,12 @@ def register(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> Ball:
     seen = [s for s in seen if len(s.value) >= LEAST_PIXELS]
     if not seen:
         return ball
-    codes = [cv2.GaussianBlur(photo.pixels, (0, 0), 0.7).astype(np.float32) for photo in photos]
+    codes = [softened(photo) for photo in photos]
     image = light.blurred(2e-3)
 
     def cost(x: np.ndarray) -> float:
         sheet_off = 2 * (np.sqrt(1 + _off_sheet(seen, light, image, x) ** 2) - 1).mean()
-        edge = np.mean([outline_score(p, c, x[:3], x[3]) for p, c in zip(photos, codes, strict=True)])
-        return 2 * sheet_off - edge + 0.0125 * (((x - ball.prior) / ball.prior_sd) ** 2).sum()
+        return 2 * sheet_off - mean_score(photos, codes, x) + 0.0125 * (((x - ball.prior) / ball.prior_sd) ** 2).sum()
 
     span = np.array([SEARCH_M] * 3 + [SEARCH_RADIUS * ball.radius])
     bounds = list(zip(ball.numbers - span, ball.numbers + span, strict=True))

@@ -21,7 +21,7 @@ from scipy.optimize import least_squares
 from scipy.special import expit
 
 from raytwin.calib.boards.board import INK, PAPER
-from raytwin.calib.lighting.board_plane import Sheet, on_board
+from raytwin.calib.lighting.board_plane import Sheet, on_board, seen_light
 from raytwin.calib.lighting.linear_photo import LinearPhoto
 from raytwin.errors import InputError
 from raytwin.lights.envmap_tables import REC_709
@@ -99,7 +99,7 @@ def find_shadow(photos: list[LinearPhoto], sheet: Sheet, stand: tuple[float, flo
 
     def bars(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How much of the shadow and of the upright lies on each pixel; x: foot, height, tip less foot, width, blur."""
-        rel, top = xy - x[:2], (x[:2] - eyes[:, :2]) * (x[2] / (eyes[:, 2] - x[2]))[:, None]
+        rel, top = xy - x[:2], _top(eyes, x[:2], x[2])
         upright = _bar(rel, top, x[5], x[6] * size)
         shadow = _bar(rel, x[3:5], x[5], x[6] * size) if streak else 0 * upright
         return shadow, upright
@@ -152,10 +152,14 @@ def _to_light(x: np.ndarray) -> np.ndarray:
     return d / np.linalg.norm(d)
 
 
+def _top(eye: np.ndarray, foot: np.ndarray, height: float) -> np.ndarray:
+    """Where eyes (..., 3) see the upright's top before the sheet, less the foot (..., 2)."""
+    return (foot - eye[..., :2]) * (height / (eye[..., 2:] - height))
+
+
 def _bar(rel: np.ndarray, end: np.ndarray, width: float, blur: np.ndarray) -> np.ndarray:
     """How much of a bar from 0 to `end` lies at places `rel` (n, 2), its edge blurred."""
-    t = np.clip((rel * end).sum(axis=-1) / (end * end).sum(axis=-1), 0, 1)
-    off = np.linalg.norm(rel - t[:, None] * end, axis=-1)
+    off = _distance(rel, end)
     return expit((width / 2 - off) / blur) - expit((-width / 2 - off) / blur)
 
 
@@ -165,7 +169,7 @@ def _pixels_about(
     """Pixels on the sheet near the upright or its shadow: photo, place in it and on the board, light, share of white,
     size of a pixel in metres, and noise."""
     eye = np.array(photo.camera.eye)
-    top = (foot - eye[:2]) * height / (eye[2] - height)
+    top = _top(eye, foot, height)
     ends = np.array([foot, foot + 1.25 * tip, foot + 1.05 * top])
     near = np.concatenate([ends + 0.3 * height * np.array(s) for s in ((1, 1), (1, -1), (-1, 1), (-1, -1))])
     box = photo.project(np.c_[near, np.zeros(len(near))])
@@ -189,8 +193,9 @@ def _pixels_about(
 
 
 def _distance(rel: np.ndarray, end: np.ndarray) -> np.ndarray:
-    t = np.clip(rel @ end / max(end @ end, 1e-12), 0, 1)
-    return np.linalg.norm(rel - t[:, None] * end, axis=1)
+    """(n,): how far places `rel` (n, 2) are from the line from 0 to `end`, (2) or one for each."""
+    t = np.clip((rel * end).sum(axis=-1) / np.maximum((end * end).sum(axis=-1), 1e-12), 0, 1)
+    return np.linalg.norm(rel - t[:, None] * end, axis=-1)
 
 
 def _darkest_streak(
@@ -201,22 +206,19 @@ def _darkest_streak(
     far = np.arange(0.12 * height, height / np.tan(np.radians(LOWEST)), STEP)
     rel = (far[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)[:, None]).reshape(-1, 2)
     xy = foot + rel
-    layers = []
-    for photo in photos:
-        light = photo.at(photo.project(np.c_[xy, np.zeros(len(xy))])) @ REC_709
-        eye = np.array(photo.camera.eye)
-        top = (foot - eye[:2]) * height / (eye[2] - height)
-        light[_distance(rel, top) < 0.06 * height] = np.nan
-        layers.append(light)
-    count = np.isfinite(layers).sum(axis=0)
+
+    def behind(photo: LinearPhoto) -> np.ndarray:
+        return _distance(rel, _top(np.array(photo.camera.eye), foot, height)) < 0.06 * height
+
+    light, seen = seen_light(photos, np.c_[xy, np.zeros(len(xy))], behind)
+    light = light @ REC_709
     albedo = np.nan_to_num(sheet.at(xy))
-    plain = sheet.plain_at(xy, 6e-4) & (count > 0)
+    plain = sheet.plain_at(xy, 6e-4) & seen
     if (plain & (albedo > 0.9)).sum() < 200:
         raise InputError(
             "--stand", "an upright on the board's sheet, with white paper around it that is not clipped",
             f"{foot[0]:g},{foot[1]:g},{height:g}",
         )  # fmt: skip
-    light = np.nansum(layers, axis=0) / np.maximum(count, 1)
     dark = np.full(len(xy), np.nan)
     for mine in (plain & (albedo > 0.9), plain & (albedo < 0.2)):  # a shadow shows on ink, too
         if mine.any():
