@@ -3,6 +3,7 @@
 import math
 import os
 import re
+import reprlib
 import tomllib
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar
@@ -90,8 +91,13 @@ def _readable(path: str | os.PathLike, data: Any, message: str, prefix: str) -> 
     what = re.sub(r"(\d)\.0\b", r"\1", what).replace("Number out of range", "a number that 64 bits hold")
     if field.endswith("radius"):  # the only bounded length
         what = what.replace("a number", "metres")
-    shown = repr(found)
+    shown = _SHORT.repr(found)
     return InputError(f"{path}: {_join(prefix, field)}", what, shown if len(shown) <= 60 else shown[:57] + "...")
+
+
+_SHORT = reprlib.Repr()
+vars(_SHORT).update(maxlevel=3, maxdict=8, maxlist=16, maxtuple=16, maxstring=80, maxlong=80, maxother=80)
+"""A few nested lists can stand for gigabytes of text."""
 
 
 def _join(prefix: str, field: str) -> str:
