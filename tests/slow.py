@@ -69,7 +69,6 @@ SLOW = (
     "speed/test_path_tracing.py",
     "test_cli.py::test_compare_passes_and_writes_every_file",
     "test_cli.py::test_it_works_without_any_llvm",
-    "test_denoise.py",
     "test_light_install.py",
     "test_machine.py::test_a_full_disk_is_said_and_leaves_nothing_behind",
     "test_machine.py::test_a_home_that_cannot_be_entered_costs_the_cache_alone",

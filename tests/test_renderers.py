@@ -13,7 +13,6 @@ from raytwin.image import Image
 from raytwin.renderers.renderer_table import RENDERERS
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.renderers.subject_renderers import PythonLoop, Speculated, Supersampled, Traced
-from raytwin.renderers.twin_renderers import Denoised
 from raytwin.workflows.compare_scene import compare_scene
 
 LEARNERS = """
@@ -154,7 +153,6 @@ def test_the_table_has_four_times_the_samples_from_one_row_of_a_family_to_the_ne
     assert {e: [row.samples for row in made if row.engine == e] for e in ("numpy32", "drjit32", "cuda32")} == {
         engine: [4, 16, 64] for engine in ("numpy32", "drjit32", "cuda32")
     }
-    assert [row.samples for row in RENDERERS.values() if isinstance(row, Denoised)] == [1, 4, 16, 64]
 
 
 def test_only_python_loops_and_engines_of_64_bits_compute_in_double_precision():

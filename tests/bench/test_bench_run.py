@@ -26,7 +26,7 @@ from raytwin.renderers.python_loop import loop
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import RENDERERS, choose
 from raytwin.renderers.subject_renderers import Filled, Speculated
-from raytwin.renderers.twin_renderers import Denoised, Plain, Twin
+from raytwin.renderers.twin_renderers import Plain, Twin
 from raytwin.report.bench_charts import CHARTED as SHOWN
 from raytwin.speed import trace
 
@@ -94,7 +94,7 @@ def test_every_kind_of_method_gives_an_image_near_its_truth(view, truth, kind):
         image = call(1).mean
         assert image.shape == (36, 48, 3)
         assert image.dtype == np.float32
-        bound = {Filled: 1.0, Plain: 0.3, Denoised: 0.2, Speculated: 0.2, Twin: 0.1}
+        bound = {Filled: 1.0, Plain: 0.3, Speculated: 0.2, Twin: 0.1}
         assert METRICS["rmse"].function(image, truth(truth_of(method))) < bound.get(kind, 0.03), method.name
 
 

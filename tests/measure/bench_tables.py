@@ -24,7 +24,7 @@ from raytwin.report.numbers import shown
 
 FRONTIER = (
     "raytwin bench scenes/desk --sizes 0.05 --budget 300"
-    " --methods 'numpy32-*-conic,drjit32-*,loop-shadow-conic,mitsuba-llvm-*,denoised-llvm-*'"
+    " --methods 'numpy32-*-conic,drjit32-*,loop-shadow-conic,mitsuba-llvm-*'"
 )
 GROWTH = (
     "raytwin bench scenes/single --spheres 30,100,300,1000"

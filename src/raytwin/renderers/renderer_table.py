@@ -6,7 +6,7 @@ from fnmatch import fnmatchcase
 from raytwin.errors import InputError
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import Filled, PathTraced, PythonLoop, Speculated, Supersampled, Traced
-from raytwin.renderers.twin_renderers import Denoised, Plain, Twin
+from raytwin.renderers.twin_renderers import Plain, Twin
 
 COUNTS, FEW = (1, 4, 16, 64, 256, 1024), (1, 4, 16)
 LLVM, SCALAR, CUDA = "llvm_ad_rgb", "scalar_rgb", "cuda_ad_rgb"
@@ -36,7 +36,6 @@ RENDERERS: dict[str, Renderer] = {
         *(Twin(rung, variant, n) for variant, counts in COUNTED for rung in ("sky", "path") for n in counts),
         # Mitsuba left to itself.
         *(Plain(rung, variant, n) for variant, counts in COUNTED for rung in ("sky", "path") for n in counts),
-        *(Denoised("path", LLVM, n) for n in (1, 4, 16, 64)),
     )
 }  # fmt: skip
 """name -> method, in the order in which the bench lists them."""

@@ -1,9 +1,8 @@
-"""The twin; Mitsuba left to itself; and few samples that are denoised."""
+"""The twin, and Mitsuba left to itself."""
 
 from dataclasses import dataclass
 
 from raytwin import twin
-from raytwin.calib.denoise import denoise
 from raytwin.image import Image
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.rungs import RUNGS
@@ -83,15 +82,3 @@ class Plain(_ByVariant):
             return image.blacken(without_ray(scene.camera))
 
         return call
-
-
-@dataclass(frozen=True)
-class Denoised(_ByVariant):
-    """The twin with few samples, then OpenCV's non-local means."""
-
-    NAME, FAMILY = "denoised-{0.short}-{0.integrator}-{0.samples}", "non-local means {0.short} {0.integrator}"
-    sampling, noisy = "area", True
-
-    def prepare(self, scene: Scene) -> Call:
-        call = Twin(self.rung, self.variant, self.samples).prepare(scene)
-        return lambda seed: Image(denoise(call(seed)), samples=self.samples)
