@@ -37,26 +37,37 @@ if TYPE_CHECKING:
     from raytwin.analysis.recommend import needs as needs
     from raytwin.bench.bench_run import bench as bench
     from raytwin.calib.augment import augment as augment_photo
-    from raytwin.calib.boards import read_board
-    from raytwin.calib.photos import calibrate
-    from raytwin.compare.sequential import SequentialComparison
+    from raytwin.calib.boards import read_board as read_board
+    from raytwin.calib.photos import calibrate as calibrate
+    from raytwin.compare.sequential import SequentialComparison as SequentialComparison
     from raytwin.compare.verdict import compare as compare_images
-    from raytwin.contract.check import check
-    from raytwin.errors import InputError
-    from raytwin.files import read_image, read_scene, scenes, write_image
-    from raytwin.image import Image
-    from raytwin.references import reference
-    from raytwin.renderers.user_renderers import method
-    from raytwin.report.charts.rows_chart import chart
-    from raytwin.scene import Camera, Lambert, Rectangle, Scene, SceneFile, Sky, Sphere, Sun
-    from raytwin.scene.camera_rays import camera_rays
-    from raytwin.tracer import trace
-    from raytwin.twin import mitsuba_sensor, render
-    from raytwin.workflows.compare_scene import compare_scene
+    from raytwin.contract.check import check as check
+    from raytwin.errors import InputError as InputError
+    from raytwin.files import read_image as read_image
+    from raytwin.files import read_scene as read_scene
+    from raytwin.files import scenes as scenes
+    from raytwin.files import write_image as write_image
+    from raytwin.image import Image as Image
+    from raytwin.references import reference as reference
+    from raytwin.renderers.user_renderers import method as method
+    from raytwin.report.charts.rows_chart import chart as chart
+    from raytwin.scene import Camera as Camera
+    from raytwin.scene import Lambert as Lambert
+    from raytwin.scene import Rectangle as Rectangle
+    from raytwin.scene import Scene as Scene
+    from raytwin.scene import SceneFile as SceneFile
+    from raytwin.scene import Sky as Sky
+    from raytwin.scene import Sphere as Sphere
+    from raytwin.scene import Sun as Sun
+    from raytwin.scene.camera_rays import camera_rays as camera_rays
+    from raytwin.tracer import trace as trace
+    from raytwin.twin import mitsuba_sensor as mitsuba_sensor
+    from raytwin.twin import render as render
+    from raytwin.workflows.compare_scene import compare_scene as compare_scene
     from raytwin.workflows.diff_files import compare as compare
     from raytwin.workflows.diff_files import compare as diff_files
-    from raytwin.workflows.diff_settings import DiffSettings
-    from raytwin.workflows.settings import CompareSettings
+    from raytwin.workflows.diff_settings import DiffSettings as DiffSettings
+    from raytwin.workflows.settings import CompareSettings as CompareSettings
 
     __version__: str
 
@@ -99,43 +110,7 @@ _HOME = {
 }
 """Name -> its module, and after a colon its name there, where that differs or a module of raytwin has it."""
 
-__all__ = [
-    "Camera",
-    "CompareSettings",
-    "DiffSettings",
-    "Image",
-    "InputError",
-    "Lambert",
-    "Rectangle",
-    "Scene",
-    "SceneFile",
-    "SequentialComparison",
-    "Sky",
-    "Sphere",
-    "Sun",
-    "augment_photo",
-    "bench",
-    "calibrate",
-    "camera_rays",
-    "chart",
-    "check",
-    "compare",
-    "compare_images",
-    "compare_scene",
-    "diff_files",
-    "ladder",
-    "method",
-    "mitsuba_sensor",
-    "needs",
-    "read_board",
-    "read_image",
-    "read_scene",
-    "reference",
-    "render",
-    "scenes",
-    "trace",
-    "write_image",
-]
+__all__ = sorted(_HOME)
 
 PACKAGES = ("bench", "compare")
 """Names that are packages, and functions too: `raytwin.compare(a, b)` beside `from raytwin.compare import METRICS`."""

@@ -19,27 +19,3 @@ from raytwin.bench.bench_run import GROWTH, bench
 from raytwin.bench.frontier import fit_power, on_frontier, ratio_interval, staircase
 from raytwin.bench.regression import Changes, MethodChange, against
 from raytwin.renderers.renderer_table import RENDERERS, choose
-
-__all__ = [
-    "GROWTH",
-    "RENDERERS",
-    "Bench",
-    "Calibrated",
-    "Changes",
-    "Converged",
-    "Deviation",
-    "Growth",
-    "LeftOut",
-    "Measurement",
-    "MethodChange",
-    "Repeats",
-    "against",
-    "bench",
-    "choose",
-    "fit_power",
-    "on_frontier",
-    "ratio_interval",
-    "read_bench",
-    "staircase",
-    "write_bench",
-]

@@ -14,26 +14,3 @@ from raytwin.compare.report import Part, Report
 from raytwin.compare.scale import scaled
 from raytwin.compare.sequential import SequentialComparison
 from raytwin.compare.verdict import compare
-
-__all__ = [
-    "KINDS",
-    "METRICS",
-    "Comparison",
-    "Geometry",
-    "Limits",
-    "Metric",
-    "Part",
-    "Perceptual",
-    "Radiance",
-    "Report",
-    "SequentialComparison",
-    "Statistics",
-    "Verdict",
-    "compare",
-    "error_map",
-    "error_scale",
-    "flip_map",
-    "limit_findings",
-    "measure",
-    "scaled",
-]

@@ -13,14 +13,3 @@ from raytwin.lights.constant_sky import ConstantSky
 from raytwin.lights.environment_map import EnvironmentMap
 from raytwin.lights.scene_lighting import SKIES, Lighting, SkyLight, lighting
 from raytwin.lights.sky_occlusion import sky_visibility, sphere_share
-
-__all__ = [
-    "SKIES",
-    "ConstantSky",
-    "EnvironmentMap",
-    "Lighting",
-    "SkyLight",
-    "lighting",
-    "sky_visibility",
-    "sphere_share",
-]

@@ -43,7 +43,7 @@ TRUTHS = {
 COLOURS = {
     "fill": "#6b7280", "Python loop": "#7c4a21", "numpy32": "#3b82c4", "numpy64": "#174a7c", "drjit32": "#e07b00",
     "drjit64": "#a34700", "cuda32": "#2e9e44", "cuda64": "#12612a", "speculation": "#8e44ad", "twin": "#0f8b8d",
-    "Mitsuba": "#c02f4a", "non-local": "#d455a5",
+    "Mitsuba": "#c02f4a",
 }  # fmt: skip
 """By the family's first word."""
 

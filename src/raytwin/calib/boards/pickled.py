@@ -104,8 +104,8 @@ class _Reader(pickle._Unpickler):
         for op in pickletools.opcodes
         if op.name in PLAIN_STEPS.split()
     } | {
-        pickle.SHORT_BINBYTES[0]: pickle._Unpickler.load_short_binstring,
-        pickle.BINBYTES[0]: pickle._Unpickler.load_binstring,
+        pickle.SHORT_BINBYTES[0]: pickle._Unpickler.dispatch[pickle.SHORT_BINSTRING[0]],
+        pickle.BINBYTES[0]: pickle._Unpickler.dispatch[pickle.BINSTRING[0]],
         pickle.BYTEARRAY8[0]: load_bytearray8,
         pickle.EMPTY_DICT[0]: load_empty_dictionary,
         pickle.BUILD[0]: load_build,

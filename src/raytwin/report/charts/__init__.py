@@ -21,24 +21,3 @@ from raytwin.report.charts.chart import (
 from raytwin.report.charts.chart_marks import layout
 from raytwin.report.charts.png import png_bytes, write_charts
 from raytwin.report.charts.svg import chart_html, svg_text
-
-__all__ = [
-    "FRAME",
-    "INK",
-    "SOFT",
-    "Asked",
-    "Chart",
-    "Line",
-    "Point",
-    "Text",
-    "by_family",
-    "chart_html",
-    "family_chart",
-    "joined",
-    "labelled",
-    "layout",
-    "log_range",
-    "png_bytes",
-    "svg_text",
-    "write_charts",
-]
