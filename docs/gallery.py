@@ -111,7 +111,7 @@ ENTRIES = (
             "board --columns 5 --rows 7 --tag 30mm --pitch 38mm --paper letter -o board.pdf",
             "photograph --board board.toml --scene desk --count 6 --size 480x360 --samples 4 -o plain",
             "photograph --board board.toml --scene desk --count 6 --size 480x360 --samples 4 --with-objects -o true",
-            "calibrate plain --board board.toml -o camera.toml --uncertainty uncertainty.png",
+            "calibrate plain --board board.toml -o camera.toml --uncertainty uncertainty.svg",
             "augment plain/photo_00.jpg --scene desk --board board.toml --camera camera.toml --against true -o out",
         ),
     ),

@@ -45,7 +45,7 @@ class MachineError(InputError):
 EXTRAS = {
     "mitsuba": ("twin", "llvm"), "drjit": ("twin", "llvm"),
     "cv2": ("photos",), "pupil_apriltags": ("photos",), "threadpoolctl": ("photos",),
-    "reportlab": ("charts",), "tornado": ("live",), "jupytext": ("notebook",), "anywidget": ("notebook",),
+    "reportlab": ("photos",), "tornado": ("live",), "jupytext": ("notebook",), "anywidget": ("notebook",),
 }  # fmt: skip
 """Modules that the light install leaves out -> the extras that bring them."""
 

@@ -1,6 +1,5 @@
 """The bench's page and pictures, from a made-up run: complete, offline, labels apart, alive in a browser."""
 
-import io
 import itertools
 import math
 import re
@@ -9,7 +8,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from PIL import Image as Pillow
 
 from raytwin.bench import (
     RENDERERS,
@@ -33,10 +31,8 @@ from raytwin.report.bench_page import (
     write_bench_all,
     write_bench_page,
 )
-from raytwin.report.charts import FRAME, layout, log_range, png_bytes, svg_text
-from raytwin.report.charts.chart_marks import Marker, ticks
-from raytwin.report.charts.labels import BOLD_WIDTH, WIDTH, Label, place
-from raytwin.report.charts.png import dashes
+from raytwin.report.charts.chart import HEIGHT, LEFT, LINE, TOP, WIDTH, log_range, svg_text
+from raytwin.report.charts.svg import even_ticks, log_ticks
 from raytwin.report.numbers import shown
 
 SIZES = ((400, 300), (800, 600), (1600, 1200))
@@ -85,39 +81,38 @@ def every_method(sizes: tuple[tuple[int, int], ...] = SIZES) -> Bench:
                  tuple(errors), growth, calibration, left, tuple(repeats))  # fmt: skip
 
 
-def boxes(chart):
-    """Every text's rectangle, in pixels of the frame."""
-    (x0, x1), (y0, y1) = np.log10(chart.x_range), np.log10(chart.y_range)
-    for t in chart.texts:
-        x = (np.log10(t.x) - x0) / (x1 - x0) * FRAME[0]
-        y = (np.log10(t.y) - y0) / (y1 - y0) * FRAME[1]
-        size = 11 if t.bold else 10
-        yield x, y - size / 2, x + (BOLD_WIDTH if t.bold else WIDTH) * size * len(t.text), y + size / 2, t.text
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def shapes(chart, kind: str) -> list[ElementTree.Element]:
+    """What the chart's SVG has of one kind, bold and other labels being `text` of the class label."""
+    return list(ElementTree.fromstring(svg_text(chart)).iter(SVG + kind))
+
+
+def labels(chart) -> list[tuple[float, float, float, str]]:
+    """(left, right, height, text) of every point's label, in pixels."""
+    texts = [e for e in shapes(chart, "text") if e.get("paint-order")]
+    return [
+        (x, x + 0.6 * float(e.get("font-size")) * len(e.text), float(e.get("y")), e.text)
+        for e in texts
+        if (x := float(e.get("x"))) is not None
+    ]
 
 
 def test_no_label_lies_over_another_or_beyond_the_frame(made):
     for chart in (*error_charts(made), *growth_charts(made), *calibration_charts("made", made.calibration)):
-        found = list(boxes(chart))
+        found = labels(chart)
         for a, b in itertools.combinations(found, 2):
-            assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], (chart.key, a[4], b[4])
-        assert all(x0 >= 0 and y0 >= 0 and x1 <= FRAME[0] and y1 <= FRAME[1] for x0, y0, x1, y1, _ in found)
+            assert a[1] <= b[0] or b[1] <= a[0] or abs(a[2] - b[2]) > LINE - 2, (chart.key, a[3], b[3])
+        assert all(low >= LEFT and high <= LEFT + WIDTH and TOP <= y <= TOP + HEIGHT + 5 for low, high, y, _ in found)
 
 
-def test_nearly_every_method_has_its_label(made):
+def test_every_family_and_every_method_on_the_frontier_is_named(made):
     for chart in error_charts(made):
-        assert len(chart.unlabelled) <= 3, chart.unlabelled
-
-
-def test_labels_find_room_around_one_crowded_point():
-    labels = [Label(f"label {i}", 300.0, 300.0) for i in range(25)]
-    found = place(labels, [(300.0, 300.0)], *FRAME)
-    assert sum(p is not None for p in found) == 25
-    assert found[0].leader is None
-    assert any(p.leader for p in found)
-
-
-def test_a_label_without_room_is_left_out():
-    assert place([Label("much too long for the frame" * 9, 5.0, 5.0)], [], 100, 100) == [None]
+        texts = {text for *_, text in labels(chart)}
+        assert {p.name for p in chart.points if p.strong} <= texts
+        named = {p.family for p in chart.points if p.name in texts}
+        assert {p.family for p in chart.points} <= texts | named
 
 
 def test_no_point_lies_below_the_floor_unmarked(made):
@@ -140,7 +135,9 @@ def test_guides_have_the_slope_that_is_said(made):
 def test_growth_says_its_exponents(made):
     by_pixels, by_spheres = growth_charts(made)
     assert (by_pixels.key, by_spheres.key) == ("pixels", "spheres")
-    assert all(re.search(r": 0\.50 ± 0\.00$", t.text) for t in by_spheres.texts)
+    assert [text for *_, text in labels(by_spheres)] == [
+        f"{m}-shadow-conic: 0.50 ± 0.00" for m in ("numpy32", "drjit32")
+    ]
 
 
 def test_the_page_holds_every_number(made, tmp_path):
@@ -158,10 +155,9 @@ def test_pictures_stand_beside_the_page(made, tmp_path):
     write_bench_all(made, tmp_path / "out")
     names = {p.name for p in (tmp_path / "out").iterdir()}
     keys = {"pixels", "spheres", "calibration", *(f"{w}x{h}-{t}-relmse" for w, h in SIZES for t in FLOOR)}
-    assert names == {"bench.html", "bench.json"} | {k + s for k in keys for s in (".svg", ".png")}
+    assert names == {"bench.html", "bench.json"} | {f"{k}.svg" for k in keys}
     svg = (tmp_path / "out" / "spheres.svg").read_text(encoding="utf-8")
     assert "numpy32-shadow-conic" in svg  # text stays text
-    assert (tmp_path / "out" / "spheres.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_terminal_names_what_changed(made):
@@ -253,34 +249,20 @@ def test_the_choice_of_truth_and_metric_shows_another_chart(made, tmp_path, brow
     assert read["whole"] == "0 0 850 710"
 
 
-def test_the_picture_of_a_chart_shows_every_point_in_its_colour(made):
-    chart = error_chart(made, SIZES[0], "path-area", "rmse")
-    drawing = layout(chart)
-    pixels = np.asarray(Pillow.open(io.BytesIO(png_bytes(drawing))).convert("RGB"))
-    assert pixels.shape == (2 * drawing.height, 2 * drawing.width, 3)
-    markers = {s.name: s for s in drawing.shapes if isinstance(s, Marker)}
-    assert markers.keys() == {p.name for p in chart.points}
+def test_a_chart_has_every_point_at_its_place_in_its_colour_and_escapes_every_text(made):
+    chart = replace(error_chart(made, SIZES[0], "shadow-center", "rmse"), title='a <b> & "c"')
+    drawn = [e for kind in ("circle", "polygon") for e in shapes(chart, kind) if e.get("data-name")]
+    found = {e.get("data-name"): e for e in drawn}
+    assert found.keys() == {p.name for p in chart.points}
     (x0, x1), (y0, y1) = np.log(chart.x_range), np.log(chart.y_range)
     for p in chart.points:
-        x, y = markers[p.name].at
-        assert x == pytest.approx(80 + FRAME[0] * (np.log(p.x) - x0) / (x1 - x0))
-        assert y == pytest.approx(50 + FRAME[1] * (1 - (np.log(p.y) - y0) / (y1 - y0)))
-    strong = [p for p in chart.points if p.strong and not p.hollow]
-    assert strong
-    for p in strong:
-        x, y = markers[p.name].at
-        own = [int(p.colour[i : i + 2], 16) for i in (1, 3, 5)]
-        near = pixels[int(2 * y) - 8 : int(2 * y) + 9, int(2 * x) - 8 : int(2 * x) + 9].reshape(-1, 3).astype(int)
-        assert (np.abs(near - own).max(axis=1) < 12).mean() > 0.08, p.name  # a label may lie over a part of it
-
-
-def test_a_chart_is_well_formed_svg_with_every_text_escaped(made):
-    chart = replace(growth_charts(made)[1], title='a <b> & "c"')
-    root = ElementTree.fromstring(svg_text(layout(chart)))
-    texts = [e.text for e in root.iter("{http://www.w3.org/2000/svg}text")]
-    assert 'a <b> & "c"' in texts
-    assert {t.text for t in chart.texts} <= set(texts)
-    assert len(list(root.iter("{http://www.w3.org/2000/svg}title"))) == len(chart.points)
+        e = found[p.name]
+        assert (e.get("stroke"), e.get("fill")) == (p.colour, "#ffffff" if p.hollow else p.colour)
+        corners = np.array([[float(v) for v in xy.split(",")] for xy in (e.get("points") or "").split()])
+        x, y = corners.mean(axis=0) if corners.size else (float(e.get("cx")), float(e.get("cy")))
+        assert x == pytest.approx(LEFT + WIDTH * (np.log(p.x) - x0) / (x1 - x0), abs=1)
+        assert y == pytest.approx(TOP + HEIGHT * (1 - (np.log(p.y) - y0) / (y1 - y0)), abs=1)
+    assert chart.title in [e.text for e in shapes(chart, "text")]
 
 
 @pytest.mark.parametrize(
@@ -293,24 +275,16 @@ def test_a_chart_is_well_formed_svg_with_every_text_escaped(made):
     ],
 )
 def test_ticks_are_few_and_round(ends, expected):
-    assert ticks(ends) == pytest.approx(expected)
+    assert log_ticks(ends) == pytest.approx(expected)
 
 
 def test_an_axis_has_three_to_nine_ticks_wherever_its_points_lie():
     for low in np.geomspace(1e-9, 1e3, 271):
         for factor in (1.0, 1.3, 3.0, 50.0, 1e6):
-            assert 3 <= len(ticks(log_range((low, factor * low), 0.1))) <= 9
+            assert 3 <= len(log_ticks(log_range((low, factor * low), 0.1))) <= 9
 
 
-def test_labels_together_are_the_names_that_bench_list_prints(made):
-    chart = error_chart(made, SIZES[0], "path-area", "rmse")
-    texts = {t.text for t in chart.texts}
-    for p in chart.points:
-        starts = [t[:-1] for t in texts if t.endswith("…") and p.name.startswith(t[:-1])]
-        assert p.name in texts | set(chart.unlabelled) or any(p.name.removeprefix(t) in texts for t in starts), p.name
-
-
-def test_dashes_cover_the_line_and_leave_its_gaps():
-    parts = list(dashes(((0.0, 0.0), (30.0, 40.0)), 6.0, 4.0))
-    assert [math.dist(a, b) for a, b in parts] == pytest.approx([6.0] * 5)
-    assert math.dist(parts[0][0], parts[1][0]) == pytest.approx(10.0)
+def test_even_ticks_are_three_to_eight_round_numbers():
+    assert even_ticks((0.3, -0.1)) == pytest.approx([-0.1, 0.0, 0.1, 0.2, 0.3])
+    for low, span in itertools.product((-3.7, 0.0, 120.0), np.geomspace(1e-3, 1e3, 61)):
+        assert 3 <= len(even_ticks((low, low + span))) <= 8

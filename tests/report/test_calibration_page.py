@@ -1,6 +1,7 @@
 """The page of a calibration: residuals, poses and bend are drawn where they are, and photos are counted."""
 
 import re
+from xml.etree import ElementTree
 
 import msgspec
 import numpy as np
@@ -10,14 +11,22 @@ from raytwin import files, report
 from raytwin.calib import boards, photos
 from raytwin.report.calibration_page import photo_rows
 from raytwin.report.calibration_pictures import BOARD, MEAN, WORST, pose_drawing, residual_drawing
-from raytwin.report.charts.chart_marks import Marker, Stroke, Words
-from raytwin.report.uncertainty_pictures import LEFT, SIDE, TOP, bend_drawing
+from raytwin.report.uncertainty_pictures import AXIS, LEFT, SIDE, TOP, bend_drawing
 
 
 @pytest.fixture(scope="module")
 def calibration(scenes):
     folder = scenes / "desk"
     return photos.calibrate(files.list_photos(folder / "photos"), boards.read_board(folder / "board.toml"))
+
+
+def elements(drawing: str, kind: str, **like: str) -> list[ElementTree.Element]:
+    found = ElementTree.fromstring(drawing).iter("{http://www.w3.org/2000/svg}" + kind)
+    return [e for e in found if all(e.get(name) == value for name, value in like.items())]
+
+
+def at(circle: ElementTree.Element) -> tuple[float, float]:
+    return float(circle.get("cx")), float(circle.get("cy"))
 
 
 def test_the_residuals_kept_are_those_that_the_rms_is_of(calibration):
@@ -41,11 +50,10 @@ def test_a_common_shift_shows_in_every_cell_and_noise_in_none(calibration):
     for name, off in (("noise", noise), ("shift", noise + np.array([0.3, 0.0]))):
         evidence = msgspec.structs.replace(calibration.basis, residuals=tuple(map(tuple, off.tolist())))
         drawing = residual_drawing(msgspec.structs.replace(calibration, evidence=evidence))
-        by = float(re.search(r"drawn ([\d.e+]+) times", drawing.title)[1]) * SIDE / max(calibration.image_size)
-        means = [
-            s.points for s in drawing.shapes if isinstance(s, Stroke) and s.colour == MEAN and s.points[0][1] < 350
-        ]
-        lengths[name] = np.array([np.subtract(b, a) / by for a, b in means])
+        by = float(re.search(r"drawn ([\d.e+]+) times", drawing)[1]) * SIDE / max(calibration.image_size)
+        lines = [e.get("points").split() for e in elements(drawing, "polyline", stroke=MEAN)[:-1]]  # the last: the key
+        ends = np.array([[[float(v) for v in xy.split(",")] for xy in line] for line in lines])
+        lengths[name] = (ends[:, 1] - ends[:, 0]) / by
     assert np.median(lengths["shift"], axis=0) == pytest.approx([0.3, 0.0], abs=0.03)
     assert np.abs(lengths["noise"]).mean() < 0.06
 
@@ -53,17 +61,17 @@ def test_a_common_shift_shows_in_every_cell_and_noise_in_none(calibration):
 @pytest.mark.parametrize(("side", "axis", "sign"), [("above", 0, -1), ("the side", 1, 1)])
 def test_each_photo_stands_where_its_pose_puts_the_board_and_the_worst_is_red(calibration, side, axis, sign):
     drawing = pose_drawing(calibration, side)
-    dots = [s for s in drawing.shapes if isinstance(s, Marker)]
-    assert [d.name for d in dots] == [v.photo for v in calibration.views]
+    dots = [e for e in elements(drawing, "circle") if e.get("data-name")]
+    assert [d.get("data-name") for d in dots] == [v.photo for v in calibration.views]
     middle = np.array([*np.mean(list(calibration.basis.boards[0].centers().values()), axis=0), 0.0])
     places = np.array([np.array(v.R_cam_board) @ middle + v.t_cam_board for v in calibration.views])
     for column, of in ((0, places[:, 2]), (1, sign * places[:, axis])):
-        drawn = np.array([d.at[column] for d in dots])
-        assert np.ptp(drawn - np.polyval(np.polyfit(of, drawn, 1), of)) < 1e-6
+        drawn = np.array([at(d)[column] for d in dots])
+        assert np.ptp(drawn - np.polyval(np.polyfit(of, drawn, 1), of)) < 0.2
         assert np.polyfit(of, drawn, 1)[0] > 0
     worst = int(np.argmax([v.rms_px for v in calibration.views]))
-    assert [d.fill for d in dots] == [WORST if i == worst else BOARD for i in range(len(dots))]
-    numbers = [float(s.text) for s in drawing.shapes if isinstance(s, Words) and re.fullmatch(r"-?[\d.]+", s.text)]
+    assert [d.get("fill") for d in dots] == [WORST if i == worst else BOARD for i in range(len(dots))]
+    numbers = [float(e.text) for e in elements(drawing, "text") if re.fullmatch(r"-?[\d.]+", e.text)]
     assert len(numbers) >= 6  # three an axis
     assert len(set(numbers[:3])) == 3
 
@@ -71,13 +79,12 @@ def test_each_photo_stands_where_its_pose_puts_the_board_and_the_worst_is_red(ca
 def test_the_bend_has_axes_and_every_tags_number(calibration):
     (board,) = calibration.basis.boards
     drawing = bend_drawing(calibration, 0)
-    words = [s for s in drawing.shapes if isinstance(s, Words)]
-    assert {str(tag) for tag in board.centers()} <= {s.text for s in words}
+    assert {str(tag) for tag in board.centers()} <= {e.text for e in elements(drawing, "text")}
     (tag, (x, y)), *_ = board.centers().items()
-    dot = next(s for s in drawing.shapes if isinstance(s, Marker) and s.name == f"tag {tag}")
+    (dot,) = elements(drawing, "circle", **{"data-name": f"tag {tag}"})
     xy = np.array(list(board.centers().values()))
     k = SIDE / 2 / np.ptp(xy, axis=0).max()
-    assert dot.at == pytest.approx((LEFT + 34 + k * (x - xy[:, 0].min()), TOP + k * (xy[:, 1].max() - y)))
+    assert at(dot) == pytest.approx((LEFT + AXIS + k * (x - xy[:, 0].min()), TOP + k * (xy[:, 1].max() - y)), abs=0.5)
 
 
 def test_photos_are_counted_and_not_the_boards_in_them(calibration, tmp_path):

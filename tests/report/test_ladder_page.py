@@ -52,7 +52,7 @@ def test_any_two_pictures_are_shown_to_eleven_bits(made, browse, tmp_path):
     assert read["outside"] == []
     assert "made <up>" in read["text"]
     assert "-1.91 %" in read["text"]
-    assert {p.name for p in tmp_path.iterdir()} == {"ladder.html", "ladder.json", "ladder.svg", "ladder.png"}
+    assert {p.name for p in tmp_path.iterdir()} == {"ladder.html", "ladder.json", "ladder.svg"}
 
 
 def test_bars_are_as_long_as_their_parts_are_large(made):

@@ -1,4 +1,4 @@
-"""What is written is read back: numbers of a summary, ticks of an axis, pixels of a picture, text of a lesson."""
+"""What is written is read back: numbers of a summary, pixels of a picture, text of a lesson."""
 
 import numpy as np
 import pytest
@@ -9,8 +9,6 @@ from raytwin.calib.photos import detect_photos
 from raytwin.calib.photos.calibration_result import Calibration, View
 from raytwin.errors import InputError
 from raytwin.report.atlas_page import atlas_summary
-from raytwin.report.charts.chart_marks import ticks
-from raytwin.report.charts.labels import Label, place
 from raytwin.report.terminal_text import augment_summary, calibration_summary
 from raytwin.tutorial.desk import Desk
 from raytwin.tutorial.show import FOLDER, show
@@ -37,36 +35,6 @@ def test_augments_summary_has_each_regions_numbers():
     assert text.splitlines()[0] == "a.jpg  pose rms 0.125 px"
     assert text.splitlines()[1].split() == ["sphere", "25.0", "%", "mean", "+0.0125", "rms", "0.5000", "3.25", "codes"]
     assert len(text.splitlines()) == 2
-
-
-@pytest.mark.parametrize(
-    ("ends", "expected"),
-    [
-        ((0.5, 50), [0.5, 1, 2, 5, 10, 20, 50]),
-        ((50, 0.5), [0.5, 1, 2, 5, 10, 20, 50]),  # an axis that runs downwards
-        ((1e-3, 1e3), [1e-3, 1e-2, 1e-1, 1, 10, 100, 1e3]),
-        ((1e-8, 1.0), [10.0**k for k in range(-8, 1)]),
-        ((1e-12, 1.0), [10.0**k for k in range(-12, 1, 2)]),
-        ((3.0, 4.9), [3.0]),
-    ],
-)
-def test_ticks_stand_at_round_numbers(ends, expected):
-    assert ticks(ends) == pytest.approx(expected)
-
-
-def test_a_label_that_stands_away_has_a_leader_from_its_point_to_its_text():
-    labels = [Label("the same place", 200, 100) for _ in range(9)]
-    placed = place(labels, [(200, 100)], 400, 200)
-    assert all(placed)
-    assert placed[0].leader is None
-    away = [p for p in placed if p.leader]
-    assert away
-    for p in away:
-        x0, y0, x1, y1 = p.leader
-        assert (x0, y0) == (200, 100)
-        assert np.hypot(x1 - x0, y1 - y0) > 10
-        assert p.x - 2 <= x1 <= p.x + 0.7 * 11 * len("the same place")
-        assert abs(y1 - p.y) <= 8
 
 
 def test_the_atlas_says_where_each_method_breaks_or_refuses_and_what_was_predicted():

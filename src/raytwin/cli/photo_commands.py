@@ -60,8 +60,8 @@ def calibrate_command(
 
 def _check_pictures(pictures: dict[str, Path | None]) -> None:
     for option, picture in pictures.items():
-        if picture and picture.suffix.lower() != ".png":
-            raise InputError(option, "a name that ends in .png", picture)
+        if picture and picture.suffix.lower() != ".svg":
+            raise InputError(option, "a name that ends in .svg", picture)
 
 
 def _read_other(against: Path | None, distance: float | None, difference: Path | None):

@@ -8,7 +8,7 @@ from raytwin.paper.paper_record import Frame, Paper
 from raytwin.paper.paper_tables import TRIMS, is_full, markdown, size_of, tables
 from raytwin.report.bench_charts import Mark, calibration_charts, marks_chart, megapixels
 from raytwin.report.bench_page import made_folder
-from raytwin.report.charts import Chart, chart_html, write_charts
+from raytwin.report.charts.chart import Chart, chart_html, write_charts
 from raytwin.report.numbers import seconds, shown
 from raytwin.report.page import write_page
 
@@ -16,7 +16,7 @@ MACHINES = "The paper ran on Google Colab, this run on {}: seconds of the two do
 
 
 def write_paper_all(paper: Paper, folder: str | os.PathLike[str]) -> None:
-    """paper.html, paper.json, paper.md, and each chart as SVG and PNG."""
+    """paper.html, paper.json, paper.md, and each chart as SVG."""
     folder = made_folder(folder)
     files.write_json(folder / "paper.json", paper)
     files.write_text(folder / "paper.md", markdown(paper, machines(paper)))

@@ -1,6 +1,5 @@
 """The stability atlas as a page: an index picture coloured by digits kept, and one chart an experiment."""
 
-import math
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,8 @@ import numpy as np
 from raytwin import files
 from raytwin.atlas import EXPERIMENTS, Atlas, Experiment, Found, digits
 from raytwin.lights.envmap_tables import REC_709
-from raytwin.report.charts import INK, Asked, Chart, Line, Point, chart_html, labelled, log_range, write_charts
+from raytwin.report.charts.chart import Chart, Line, Point, chart_html, log_range, write_charts
+from raytwin.report.charts.svg import INK, Range
 from raytwin.report.data_urls import png_url
 from raytwin.report.numbers import short, shown
 from raytwin.report.page import write_page
@@ -22,8 +22,6 @@ OTHERS = "#c02f4a", "#e07b00", "#8e44ad", "#7c4a21", "#d455a5", "#5a6575", "#a16
 
 LOST, HALF, ALL = (178, 24, 43), (250, 232, 176), (26, 122, 72)
 """sRGB of no digit, of eight, of sixteen."""
-
-Range = tuple[float, float]
 
 LEAST = 1e-17
 """Smaller errors, and none at all, are drawn at the bottom."""
@@ -43,7 +41,7 @@ class Cell(NamedTuple):
 
 
 def write_atlas(found: Atlas, folder: str | os.PathLike[str]) -> None:
-    """atlas.html, atlas.json, and each chart as SVG and PNG."""
+    """atlas.html, atlas.json, and each chart as SVG."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     rows = [(EXPERIMENTS[f.name], f) for f in found.experiments]
@@ -123,59 +121,44 @@ def colours(left: float) -> tuple[str, str]:
 
 
 def chart(e: Experiment, f: Found) -> Chart:
-    """Error against the parameter, hard to the right; a dashed line is a method's law, the thick one the bound."""
+    """Draw error against the parameter, hard to the right; dashed: a method's law; thick: the bound."""
     x_range = log_range(f.values, 0.03)
     if f.values[0] > f.values[-1]:
         x_range = x_range[1], x_range[0]
     y_range = heights(f)
-    palette = colour_of(e, f)
-    points, lines, asked = [], [Line(x_range, (f.bound, f.bound), INK, 2.5, strength=0.35)], []
+    ours, others = iter(OURS * 9), iter(OTHERS * 9)
+    points, lines = [], [Line(x_range, (f.bound, f.bound), INK, 2.5, strength=0.35)]
     for name, curve in f.methods.items():
-        ours = name in e.ours
+        own = name in e.ours
+        colour, shape = (next(ours), "square") if own else (next(others), "circle")
         group = [
-            Point(x, min(max(error, y_range[0]), y_range[1]), name, name, palette[name], "square" if ours else "circle",
-                  error < y_range[0], ours, f"{name}\n{f.parameter} {short(x)}\nerror {shown(error)}")
+            Point(x, min(max(error, y_range[0]), y_range[1]), name, name, colour, shape, error < y_range[0], own,
+                  f"{name}\n{f.parameter} {short(x)}\nerror {shown(error)}")
             for x, error in zip(f.values, curve.errors, strict=True) if error is not None
         ]  # fmt: skip
-        if not group:
-            continue
-        points += group
-        xs, ys = zip(*((p.x, p.y) for p in group), strict=True)
-        lines.append(Line(xs, ys, palette[name], 2.2 if ours else 1.4))
-        lines += law_of(e, name, x_range, y_range, palette[name])
-        asked.append(Asked(name, group[-1], others=tuple(group[::-1]), bold=ours))
+        if group:
+            points += [*group[:-1], replace(group[-1], label=name)]
+            lines.append(Line(tuple(p.x for p in group), tuple(p.y for p in group), colour, 2.2 if own else 1.4))
+            lines += law_of(e, name, x_range, y_range, colour)
     refused = any(error is None for curve in f.methods.values() for error in curve.errors)
     notes = ["thick grey: the bound; dashed: what theory predicts", "hollow, at the bottom: no error"]
     notes += ["no point: the method refused, and said so"] if refused else []
-    drawn = Chart(e.name, e.title, e.parameter, e.error, x_range, y_range, tuple(points), (), tuple(lines))
-    return labelled(replace(drawn, notes=tuple(notes)), asked)
+    labels = e.name, e.title, e.parameter, e.error
+    return Chart(*labels, x_range, y_range, tuple(points), tuple(lines), notes=tuple(notes))
 
 
-def heights(f: Found) -> tuple[float, float]:
-    """From below the least error to above the largest and the bound."""
+def heights(f: Found) -> Range:
+    """Return what shows the least error, the largest and the bound."""
     shown_ = [e for curve in f.methods.values() for e in curve.errors if e is not None and e > LEAST]
     low = min([*shown_, f.bound])
     high = max([*(e for e in shown_ if e < 1e6), f.bound, *([1.0] if max(shown_, default=0) > 0.1 else [])])
     return low / 4, high * 4
 
 
-def colour_of(e: Experiment, f: Found) -> dict[str, str]:
-    ours, others = iter(OURS * 9), iter(OTHERS * 9)
-    return {name: next(ours if name in e.ours else others) for name in f.methods}
-
-
-def law_of(
-    e: Experiment, name: str, x_range: tuple[float, float], y_range: tuple[float, float], colour: str
-) -> list[Line]:
-    """The law's line, as far as it lies within the chart."""
+def law_of(e: Experiment, name: str, x_range: Range, y_range: Range, colour: str) -> list[Line]:
+    """Return the law's line, as far as it lies within the chart."""
     if name not in e.laws:
         return []
     law = [(x, float(e.laws[name](x))) for x in np.geomspace(*x_range, STEPS).tolist()]
-    xs = [x for x, y in law if math.isfinite(y)]
-    ys = [min(max(y, y_range[0]), y_range[1]) for _, y in law if math.isfinite(y)]
-    # A law that jumps is drawn as its jump alone; where it lies on the chart's edge it is not drawn.
-    inner = [any(y_range[0] < y < y_range[1] or y != ys[i] for y in ys[max(i - 1, 0) : i + 2]) for i in range(len(ys))]
-    drawn = [(x, y) for x, y, shows in zip(xs, ys, inner, strict=True) if shows]
-    if len(drawn) < 2:
-        return []
-    return [Line(tuple(x for x, _ in drawn), tuple(y for _, y in drawn), colour, 1.2, "dashed", 0.75)]
+    inner = [(x, y) for x, y in law if y_range[0] < y < y_range[1]]
+    return [Line(*zip(*inner, strict=True), colour, 1.2, "dashed", 0.75)] if len(inner) > 1 else []

@@ -1,28 +1,15 @@
 """What the bench's charts hold: error against seconds, growth, calibration."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import takewhile
 
 import numpy as np
 
 from raytwin.bench import GROWTH, RENDERERS, Bench, Calibrated, Measurement, fit_power, on_frontier, staircase
 from raytwin.compare import METRICS
-from raytwin.report.charts import (
-    INK,
-    SOFT,
-    Asked,
-    Chart,
-    Line,
-    Point,
-    by_family,
-    family_chart,
-    joined,
-    labelled,
-    log_range,
-)
-from raytwin.report.charts.chart import Range
+from raytwin.report.charts.chart import Chart, Line, Point, by_family, family_chart
+from raytwin.report.charts.svg import INK, SOFT, Range
 from raytwin.report.numbers import seconds, short, shown
 
 CHARTED = {"relmse": "relmse", "rmse": "rmse", "p999_abs": "p999_abs", "flip": "flip_hdr"}
@@ -47,7 +34,8 @@ COLOURS = {
 }  # fmt: skip
 """By the family's first word."""
 
-SPARE = "#5d3a9b", "#d6006e", "#111827", "#5a6575", "#2563eb", "#65a30d", "#a16207", "#be185d"
+PALETTE = "#0f8b8d", "#e07b00", "#8e44ad", "#c02f4a", "#3b82c4", "#a16207", "#2e9e44", "#111827", "#d455a5", "#5a6575"
+"""Of lines that are no family of methods: one each, in turn."""
 
 MARKERS = {"lambert": "square", "shadow": "circle", "sky": "triangle", "path": "diamond"}
 
@@ -74,41 +62,46 @@ def megapixels(size: tuple[int, int]) -> str:
 
 
 def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) -> Chart | None:
-    """Every method's error against its seconds; None where nothing was measured."""
+    """Return every method's error against its seconds; None where nothing was measured."""
     found = measured(bench, size, truth, metric)
     if not found:
         return None
     floor = next(t for t in bench.truths if (t.width, t.height, t.name) == (*size, truth)).floor.get(metric) or 0.0
     times, errors = [r.seconds_median for r, _ in found], [value for _, value in found]
+    order = {name: i for i, name in enumerate(RENDERERS)}
+    rows = zip(found, raised(errors, floor), on_frontier(times, errors, floor), strict=True)
     points = [
         Point(r.seconds_median, y, r.method, family_of(r.method), colour_of(family_of(r.method)),
-              MARKERS.get(r.rung, "circle"), value <= floor, strong, row_tip(r))
-        for (r, value), y, strong in zip(found, raised(errors, floor), on_frontier(times, errors, floor), strict=True)
+              MARKERS.get(r.rung, "circle"), value <= floor, strong, row_tip(r), r.method if strong else "", strong)
+        for (r, value), y, strong in rows
     ]  # fmt: skip
-    x_range, y_range = log_range(times, 0.12), log_range([p.y for p in points], 0.14)
-    order = {name: i for i, name in enumerate(RENDERERS)}
-    families = by_family(sorted(points, key=lambda p: (p.family, order.get(p.name, 0))))
-    slope, in_words = (-1.0, "−1") if metric == "relmse" else (-0.5, "−1/2")
-    stairs = steps([points[i] for i in staircase(times, errors, floor)], x_range[1])
-    drawn = Chart(
+    groups = by_family(sorted(points, key=lambda p: (p.family, order.get(p.name, 0))))
+    named = [p for group in groups for p in (*group[:-1], group[-1] if group[-1].label else rest_of(group))]
+    drawn = family_chart(
         f"{size[0]}x{size[1]}/{truth}/{metric}",
         f"{bench.scene}, {megapixels(size)}, against {TRUTHS.get(truth, truth)}",
-        "seconds a frame (median)", AXES[metric], x_range, y_range, tuple(points), (),
-        (*joined(families), *guides(x_range, y_range, slope), stairs),
-        floor or None, (), (f"thin grey lines: slope {in_words}, Monte Carlo's",),
+        "seconds a frame (median)", AXES[metric], named, floor or None,
     )  # fmt: skip
-    return labelled(drawn, names_of(points, families))
+    slope, in_words = (-1.0, "−1") if metric == "relmse" else (-0.5, "−1/2")
+    stairs = steps([points[i] for i in staircase(times, errors, floor)], drawn.x_range[1])
+    lines = *drawn.lines, *guides(drawn.x_range, drawn.y_range, slope), stairs
+    return replace(drawn, lines=lines, notes=(f"thin grey lines: slope {in_words}, Monte Carlo's",))
+
+
+def rest_of(family: Sequence[Point]) -> Point:
+    """Return the last point of a family, labelled with the family's name, or its own where it is the only one."""
+    return replace(family[-1], label=family[-1].family if len(family) > 1 else family[-1].name)
 
 
 def measured(bench: Bench, size: tuple[int, int], truth: str, metric: str) -> list[tuple[Measurement, float]]:
-    """Each row that was held against the truth, with its error."""
+    """Return each row that was compared with the reference `truth`, with its error."""
     row_of = {r.method: r for r in bench.rows if (r.width, r.height) == size}
     errors = (e for e in bench.errors if (e.width, e.height, e.truth) == (*size, truth))
     return [(row_of[e.method], value) for e in errors if (value := getattr(e, metric)) is not None]
 
 
 def raised(errors: Sequence[float], floor: float) -> list[float]:
-    """What is drawn: nothing below the floor, and no 0, which has no place on a logarithmic axis."""
+    """Return what is drawn: nothing below the floor, and no 0, which has no place on a logarithmic axis."""
     bottom = floor or min((v for v in errors if v > 0), default=1e-16)
     return [max(v, bottom) for v in errors]
 
@@ -131,32 +124,6 @@ def steps(stairs: Sequence[Point], end: float) -> Line:
     until = [p.x for p in stairs[1:]] + [end]
     xs = tuple(x for p, stop in zip(stairs, until, strict=True) for x in (p.x, stop))
     return Line(xs, tuple(p.y for p in stairs for _ in range(2)), INK, 2.5, strength=0.35)
-
-
-def names_of(points: Sequence[Point], families: Sequence[Sequence[Point]]) -> list[Asked]:
-    """The frontier's methods by their whole name; of the others what a family's names share once, then each's rest."""
-    whole = [Asked(p.name, p, name=p.name) for p in points if p.strong]
-    names, rest = [], []
-    for group in families:
-        if all(p.strong for p in group):
-            continue
-        shared = group[0].name if len(group) == 1 else shared_start([p.name for p in group])
-        names.append(Asked(shared + "…" * (len(group) > 1), group[-1], others=tuple(group[:-1]), name=group[0].family))
-        if len(group) > 1:  # a family's only member goes by its name
-            rest += [Asked(p.name.removeprefix(shared), p, False, name=p.name) for p in group if not p.strong]
-    return [*whole, *names, *rest]
-
-
-def shared_start(names: Sequence[str]) -> str:
-    """Return the words that all names begin with, and the dash behind them.
-
-    >>> shared_start(["drjit32-shadow-none", "drjit32-shadow-conic"])
-    'drjit32-shadow-'
-    """
-    columns = takewhile(
-        lambda words: len(set(words)) == 1, zip(*(name.split("-")[:-1] for name in names), strict=False)
-    )
-    return "".join(f"{words[0]}-" for words in columns)
 
 
 def guides(x_range: Range, y_range: Range, slope: float) -> list[Line]:
@@ -209,45 +176,32 @@ def seconds_by_pixels(bench: Bench) -> Series:
 
 
 def growth_chart(key: str, title: str, x_label: str, series: Series) -> Chart | None:
-    series = {name: sorted(found) for name, found in series.items() if len(found) > 1}
-    if not series:
-        return None
-    x_range = log_range([x for found in series.values() for x, _ in found], 0.08)
-    x_range = x_range[0], x_range[1] * (x_range[1] / x_range[0]) ** 0.45  # the labels stand to the right
-    y_range = log_range([s for found in series.values() for _, s in found], 0.1)
-    points, lines, asked = [], [], []
-    for (name, found), colour in zip(series.items(), distinct(series), strict=True):
-        group = [
-            Point(x, s, name, family_of(name), colour, tip=f"{name}\n{short(x)} {x_label}, {seconds(s)}")
-            for x, s in found
-        ]
-        text = name
+    points, lines = [], []
+    for (name, found), colour in zip(series.items(), PALETTE * 9, strict=False):
+        if len(found) < 2:
+            continue
+        label = name
         if fit := fit_power(*zip(*found, strict=True)):
-            text += f": {fit.exponent:.2f}" + ("" if math.isnan(fit.sigma) else f" ± {fit.sigma:.2f}")
+            label += f": {fit.exponent:.2f}" + ("" if math.isnan(fit.sigma) else f" ± {fit.sigma:.2f}")
             ends = fit.used[0], fit.used[-1]
             lines.append(Line(ends, tuple(fit.factor * x**fit.exponent for x in ends), colour, 1.2, "dashed"))
-        points += group
-        lines += joined([group])
-        asked.append(Asked(text, group[-1]))
+        points += [
+            Point(x, s, name, name, colour, tip=f"{name}\n{short(x)} {x_label}, {seconds(s)}") for x, s in sorted(found)
+        ]
+        points[-1] = replace(points[-1], label=label)
+    if not points:
+        return None
     note = "dashed and in numbers: the exponent fitted to the upper half of the points, with its standard error"
-    drawn = Chart(key, title, x_label, "seconds (median)", x_range, y_range, tuple(points), (), tuple(lines))
-    return labelled(replace(drawn, notes=(note,)), asked)
-
-
-def distinct(names: Iterable[str]) -> list[str]:
-    """Family colours, and where two methods would share one, others."""
-    spare, taken = iter(SPARE), []
-    for name in names:
-        colour = colour_of(family_of(name))
-        taken.append(colour if colour not in taken else next(spare, SOFT))
-    return taken
+    drawn = family_chart(key, title, x_label, "seconds (median)", points, None, (note,), lines, 0.08)
+    low, high = drawn.x_range
+    return replace(drawn, x_range=(low, high * (high / low) ** 0.45))  # the labels stand to the right
 
 
 # ------------------------------------------------------------------------------------------ calibration
 
 
 def calibration_charts(title: str, rows: Sequence[Calibrated]) -> list[Chart]:
-    """Held-out error against seconds, a chart for each set of photos: a line for a setting, a point for a scale.
+    """Return held-out error against seconds, a chart per set of photos: a line per setting, a point per scale.
 
     `title`: what stands before the chart's own.
     """
@@ -284,20 +238,19 @@ class Mark:
 def marks_chart(
     key: str, title: str, x_label: str, y_label: str, marks: Sequence[Mark], floor: float = 0.0, note: str = ""
 ) -> Chart:
-    """Error against seconds: each family a line in its own colour, named once, every point labelled.
+    """Return error against seconds: each family a line in its own colour, named at its first point.
 
     What is at or below `floor` is hollow and drawn there.
     """
     times, errors = [m.seconds for m in marks], [m.error for m in marks]
     families = list(dict.fromkeys(m.family for m in marks))
-    palette = dict(zip(families, distinct(families), strict=True))
-    points = [
-        Point(m.seconds, y, m.name, m.family, palette[m.family], "circle", m.error <= floor, strong,
-              f"{m.name}\n{seconds(m.seconds)}, error {shown(m.error)}")
-        for m, y, strong in zip(marks, raised(errors, floor), on_frontier(times, errors, floor), strict=True)
-    ]  # fmt: skip
-    groups = by_family(points)
-    asked = [Asked(group[0].family, group[0]) for group in groups]
-    crowd = {group[0].family for group in groups if len(group) > 1}
-    asked += [Asked(m.label, p, False) for m, p in zip(marks, points, strict=True) if m.family in crowd]
-    return family_chart(key, title, x_label, y_label, points, asked, floor or None, note)
+    palette = dict(zip(families, PALETTE * 9, strict=False))
+    points = []
+    for m, y, strong in zip(marks, raised(errors, floor), on_frontier(times, errors, floor), strict=True):
+        first = all(p.family != m.family for p in points) and m.label != m.family
+        label = f"{m.family}: {m.label}" if first else m.label
+        tip = f"{m.name}\n{seconds(m.seconds)}, error {shown(m.error)}"
+        points.append(
+            Point(m.seconds, y, m.name, m.family, palette[m.family], "circle", m.error <= floor, strong, tip, label)
+        )
+    return family_chart(key, title, x_label, y_label, points, floor or None, (note,))

@@ -8,7 +8,7 @@ from pathlib import Path
 from raytwin.bench import RENDERERS, Bench, Changes, Converged, MethodChange, write_bench
 from raytwin.errors import InputError
 from raytwin.report.bench_charts import AXES, COLOURS, TRUTHS, error_chart, megapixels, side_charts, sizes_of
-from raytwin.report.charts import Chart, chart_html, write_charts
+from raytwin.report.charts.chart import Chart, chart_html, write_charts
 from raytwin.report.numbers import seconds, shown
 from raytwin.report.page import write_page
 
@@ -20,7 +20,7 @@ IN_TERMINAL = ("shadow-center", "path-area")
 
 
 def write_bench_all(bench: Bench, folder: str | os.PathLike[str], changes: Changes | None = None) -> None:
-    """bench.html, bench.json, and each chart as SVG and PNG: the frontiers by relMSE, and growth."""
+    """bench.html, bench.json, and each chart as SVG: the frontiers by relMSE, and growth."""
     folder = made_folder(folder)
     write_bench(bench, folder / "bench.json")
     write_bench_page(bench, folder / "bench.html", changes)

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 from raytwin.calib.photos import Calibration, model_table
 from raytwin.report.calibration_pictures import pose_drawing, residual_drawing
-from raytwin.report.charts import svg_text
 from raytwin.report.page import write_page
 from raytwin.report.uncertainty_pictures import bend_drawing, uncertainty_drawing
 
@@ -55,15 +54,15 @@ def calibration_pictures(calibration: Calibration) -> list[tuple[str, str, str]]
         return []
     tilts = calibration.basis.tilts
     found = [
-        ("How far off a pixel may be", svg_text(uncertainty_drawing(calibration)),
+        ("How far off a pixel may be", uncertainty_drawing(calibration),
          f"At the boards' distance, {calibration.basis.distance:.2g} m. Tags were seen in "
          f"{100 * calibration.basis.coverage:.0f} % of the frame; elsewhere the lens model alone speaks."),
-        ("What each tag is off by", svg_text(residual_drawing(calibration)),
+        ("What each tag is off by", residual_drawing(calibration),
          "Lines that point every way are noise. Neighbours that point one way show what the lens model lacks."),
-        ("Where the board stood, from above", svg_text(pose_drawing(calibration, "above")),
+        ("Where the board stood, from above", pose_drawing(calibration, "above"),
          f"The board was tilted by {min(tilts):.0f} to {max(tilts):.0f} degrees. Photos that are all straight on leave "
          "the focal length open. Red: the photo that fits worst."),
-        ("The same from the side", svg_text(pose_drawing(calibration, "the side")),
+        ("The same from the side", pose_drawing(calibration, "the side"),
          "Photos from one side only leave the principal point open."),
     ]  # fmt: skip
     for i, board in enumerate(calibration.boards):
@@ -71,7 +70,7 @@ def calibration_pictures(calibration: Calibration) -> list[tuple[str, str, str]]
             words = (
                 f"{board.bend_mm:.2f} ± {board.bend_sigma_mm:.2f} mm from the lowest tag to the highest, fitted along"
             )
-            found.append(("The board's bend", svg_text(bend_drawing(calibration, i)), words + " with the camera."))
+            found.append(("The board's bend", bend_drawing(calibration, i), words + " with the camera."))
     return found
 
 

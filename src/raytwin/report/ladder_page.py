@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from raytwin import files
 from raytwin.image import Image
-from raytwin.report.charts import Asked, Chart, Point, chart_html, family_chart, write_charts
+from raytwin.report.charts.chart import Chart, Point, chart_html, family_chart, write_charts
 from raytwin.report.numbers import seconds, shown
 from raytwin.report.page import write_page
 from raytwin.report.picture_pair import SCRIPTS, STYLES, picture_pair
@@ -24,7 +24,7 @@ FIRST = "tracer: shadow", "twin: path"
 
 
 def write_ladder(found: "Ladder", folder: str | os.PathLike[str]) -> None:
-    """ladder.html, ladder.json, and the chart as SVG and PNG."""
+    """ladder.html, ladder.json, and the chart as SVG."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     rungs, images = found.rungs, found.images
@@ -59,16 +59,15 @@ def ladder_summary(rungs: "Rungs") -> str:
 
 def error_chart(rungs: "Rungs") -> Chart:
     """Every lit rung's error against its seconds; a line a side."""
-    lit = [step for step in rungs.steps if step.rmse is not None]
     points = [
         Point(
-            s.seconds, max(s.rmse or 0.0, rungs.floor, 1e-9), s.rung, s.side, COLOURS[s.side], strong=True, tip=_tip(s)
+            s.seconds, max(s.rmse, rungs.floor, 1e-9), s.rung, s.side, COLOURS[s.side], strong=True, tip=_tip(s),
+            label=f"{s.side} {s.rung}",
         )
-        for s in lit
-    ]
-    asked = [Asked(f"{p.family} {p.name}", p, p.name == "path", (p,)) for p in points]
+        for s in rungs.steps if s.rmse is not None
+    ]  # fmt: skip
     title, error = f"{rungs.scene}: every rung on both sides", "RMSE against global illumination"
-    return family_chart("ladder", title, "seconds a frame", error, points, asked, rungs.floor or None)
+    return family_chart("ladder", title, "seconds a frame", error, points, rungs.floor or None)
 
 
 def bars(rungs: "Rungs", rung: str) -> list[dict[str, Any]]:

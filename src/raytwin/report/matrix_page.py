@@ -18,7 +18,7 @@ from raytwin.compare.comparison import Comparison, Radiance
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.report.bench_charts import Mark, marks_chart, steps
-from raytwin.report.charts import chart_html
+from raytwin.report.charts.chart import chart_html
 from raytwin.report.compare_page import write_report
 from raytwin.report.data_urls import png_url
 from raytwin.report.junit import Case, write_junit

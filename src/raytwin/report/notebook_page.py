@@ -13,7 +13,7 @@ from raytwin import files, report, viewer
 from raytwin.compare import Comparison, error_map
 from raytwin.image import Image
 from raytwin.report import numbers
-from raytwin.report.charts import chart_html
+from raytwin.report.charts.chart import chart_html
 from raytwin.report.data_urls import exposed, exposure, png_url, stops
 from raytwin.report.view import PairView, showable, view_of
 from raytwin.viewer.packing import binned

@@ -9,12 +9,11 @@ import numpy as np
 
 from raytwin import files
 from raytwin.calib.photos import Calibration, ProjectionDifference, uncertainty_map
-from raytwin.report.charts import INK, SOFT, png_bytes
-from raytwin.report.charts.chart_marks import XY, Box, Drawing, Marker, Picture, Shape, Stroke, Words
+from raytwin.report.charts.svg import INK, SOFT, Axes, box, dot, drawing, log_ticks, marker, picture, stroke, words
 from raytwin.report.numbers import short
 
 SIDE = 440
-"""Length of the frame's longer side in the drawing, pixels; a file has twice as many."""
+"""Length of the frame's longer side in the drawing, pixels; a picture in it has twice as many."""
 
 TOP, LEFT, BAR, TICKS, AXIS = 26, 8, 14, 44, 34
 """Pixels above the frame, beside it, of the colour bar, of its numbers and of an axis's numbers."""
@@ -26,7 +25,6 @@ VIRIDIS = (
 )  # fmt: skip
 """Equal steps of Smith and van der Walt's map: as light as the value is large, for every kind of colour vision."""
 
-
 DOT = "#e8eef2"
 RAYLESS = (0x80, 0x80, 0x80)
 """Where the lens has no inverse, so that no ray belongs to a pixel."""
@@ -36,82 +34,74 @@ NO_TAG = (0xB4, 0xB8, 0xBE)
 MOST_IDS = 160
 """Tags whose numbers are written into a board's picture."""
 
-EDGE = 24
-"""Pixels that a number keeps from the frame, in the map that is twice as fine as the drawing."""
-
 
 def write_uncertainty(calibration: Calibration, path: str | os.PathLike[str]) -> None:
-    """Write `uncertainty_drawing` as a PNG."""
-    write_drawing(uncertainty_drawing(calibration), path)
+    """Write `uncertainty_drawing` as SVG."""
+    files.write_text(path, uncertainty_drawing(calibration))
 
 
 def write_difference(calibration: Calibration, difference: ProjectionDifference, path: str | os.PathLike[str]) -> None:
     """Write the projection difference over the frame, drawn as the uncertainty is."""
     title = f"difference from the other camera at {difference.distance:.2g} m, pixels; dots: tags seen"
-    write_drawing(map_drawing(calibration, difference.px, title), path)
+    files.write_text(path, map_drawing(calibration, difference.px, title))
 
 
 def write_bends(calibration: Calibration, path: str | os.PathLike[str]) -> None:
-    """Write `bend_drawing` of the first board to `path`, of the n-th to NAME_n.png beside it."""
+    """Write `bend_drawing` of the first board to `path`, of the n-th to NAME_n.svg beside it."""
     path = Path(path)
     for i, _ in enumerate(calibration.basis.boards):
-        write_drawing(bend_drawing(calibration, i), path.with_stem(f"{path.stem}_{i + 1}") if i else path)
+        files.write_text(path.with_stem(f"{path.stem}_{i + 1}") if i else path, bend_drawing(calibration, i))
 
 
-def write_drawing(drawing: Drawing, path: str | os.PathLike[str]) -> None:
-    data = png_bytes(drawing)
-    with files.replacing(path) as temporary:
-        temporary.write_bytes(data)
+def frame_axes(calibration: Calibration) -> Axes:
+    """Return the axes of the camera's frame: pixels, the first one's centre at 0."""
+    width, height = calibration.image_size
+    k = SIDE / max(width, height)
+    return Axes(LEFT, TOP, round(k * width), round(k * height), (-0.5, width - 0.5), (height - 0.5, -0.5))
 
 
-def uncertainty_drawing(calibration: Calibration) -> Drawing:
+def uncertainty_drawing(calibration: Calibration) -> str:
     """Draw one standard deviation of what is seen at each pixel, `photos.uncertainty_map`, with contours."""
     title = f"1 standard deviation of a point {calibration.basis.distance:.2g} m away, pixels"
     return map_drawing(calibration, uncertainty_map(calibration), title)
 
 
-def map_drawing(calibration: Calibration, found: np.ndarray, title: str) -> Drawing:
+def map_drawing(calibration: Calibration, found: np.ndarray, title: str) -> str:
     """Draw pixels (h, w) over the frame, with contours, a colour bar and the tags seen.
 
     Grey where no ray belongs to a pixel (NaN); towards grey in each tenth by tenth of the frame without a tag, where
     the map rests on none.
     """
-    evidence, rayless = calibration.basis, np.isnan(found)
+    axes, rayless = frame_axes(calibration), np.isnan(found)
+    (left, _), (right, bottom) = axes.corners
     # Four decades are enough for the eye; a difference may be 0 somewhere.
     found = np.maximum(np.where(rayless, np.nanmax(found), found), max(float(np.nanmax(found)) * 1e-4, 1e-9))
-    k = SIDE / max(calibration.image_size)
-    width, height = (round(k * side) for side in calibration.image_size)
-    low, high = LEFT, TOP
-    levels = steps(float(found.min()), float(found.max()))
+    low, high = float(found.min()), max(float(found.max()), 4.1 * float(found.min()))
+    size = 2 * round(axes.width), 2 * round(axes.height)
     # Logarithmic: from the middle to a corner without tags it may grow a hundredfold.
-    ends = math.log(levels[0]), math.log(levels[-1])
-    fine = stretched(np.log(np.maximum(found, levels[0])), 2 * width, 2 * height)
-    shown = coloured(fine, *ends, np.log(levels[1:-1]))
-    bare = without_tags(calibration, 2 * width, 2 * height)
+    fine, levels = stretched(np.log(found), *size), log_ticks((low, high))
+    shown = coloured(fine, math.log(low), math.log(high), np.log(levels))
+    bare = without_tags(calibration, *size)
     shown[bare] = (0.4 * shown[bare] + 0.6 * np.array(NO_TAG)).astype(np.uint8)
-    shown[stretched(rayless.astype(float), 2 * width, 2 * height) > 0.5] = RAYLESS
-    shapes: list[Shape] = [Picture((low, high), (low + width, high + height), shown)]
-    shapes += [Marker((low + k * (u + 0.5), high + k * (v + 0.5)), 0.9, (), DOT, DOT, "", "") for u, v in evidence.seen]
-    shapes += [
-        Words(f"{level:g}", (low + at[0] / 2, high + at[1] / 2), 11, INK, anchor="middle", halo=True)
-        for level in levels[1:-1]
-        if (at := crossing(fine, math.log(level)))
+    shown[stretched(rayless.astype(float), *size) > 0.5] = RAYLESS
+    marks = [(short(level), math.log(level / low) / math.log(high / low)) for level in levels]
+    key_at = bottom + 16
+    shapes = [
+        picture(*axes.corners, shown),
+        *(dot(axes.at(u, v), 1.5, DOT) for u, v in calibration.basis.seen),
+        box(*axes.corners, line=SOFT),
+        *colour_bar(right + 12, axes.height, marks),
+        words(title, (left, 12), 11, INK),
+        dot((left + 5, key_at), 2, SOFT),
+        words("a tag that was seen", (left + 13, key_at), 11),
+        box((left + 140, key_at - 5), (left + 152, key_at + 5), "#{:02x}{:02x}{:02x}".format(*NO_TAG), SOFT),
+        words("greyed: no tag was seen there", (left + 158, key_at), 11),
     ]
-    marks = [(short(level), (math.log(level) - ends[0]) / (ends[1] - ends[0])) for level in levels]
-    shapes += [Box((low, high), (low + width, high + height), line=SOFT), *colour_bar(low + width + 12, height, marks)]
-    key_at = high + height + 16
-    shapes += [
-        Words(title, (low, 12), 11, INK),
-        Marker((low + 5, key_at), 2, (), SOFT, SOFT, "", ""),
-        Words("a tag that was seen", (low + 13, key_at), 11, SOFT),
-        Box((low + 140, key_at - 5), (low + 152, key_at + 5), "#{:02x}{:02x}{:02x}".format(*NO_TAG), SOFT),
-        Words("greyed: no tag was seen there", (low + 158, key_at), 11, SOFT),
-    ]  # fmt: skip
-    return Drawing(low + width + 12 + BAR + TICKS, key_at + 12, title, tuple(shapes))
+    return drawing(right + 12 + BAR + TICKS, key_at + 12, title, shapes)
 
 
 def without_tags(calibration: Calibration, width: int, height: int) -> np.ndarray:
-    """(height, width) bool: the tenths by tenths of the frame in which no tag's centre was seen."""
+    """Return (height, width) bool: the tenths by tenths of the frame in which no tag's centre was seen."""
     u, v = np.array(calibration.basis.seen).T
     w, h = calibration.image_size
     seen, _, _ = np.histogram2d(v, u, bins=10, range=((-0.5, h - 0.5), (-0.5, w - 0.5)))
@@ -119,70 +109,50 @@ def without_tags(calibration: Calibration, width: int, height: int) -> np.ndarra
     return np.asarray(seen[np.ix_(rows, columns)] == 0)
 
 
-def colour_bar(x: float, height: int, marks: Sequence[tuple[str, float]]) -> list[Shape]:
+def colour_bar(x: float, height: float, marks: Sequence[tuple[str, float]]) -> list[str]:
     """Draw VIRIDIS upwards, `height` high, with each text at its share of it."""
-    ramp = np.repeat(np.linspace(1, 0, 2 * height)[:, None], 2 * BAR, axis=1)
-    shapes: list[Shape] = [Picture((x, TOP), (x + BAR, TOP + height), coloured(ramp, 0.0, 1.0))]
+    ramp = np.repeat(np.linspace(1, 0, 2 * round(height))[:, None], 2 * BAR, axis=1)
+    shapes = [picture((x, TOP), (x + BAR, TOP + height), coloured(ramp, 0.0, 1.0))]
     for text, share in marks:
         y = TOP + height * (1 - share)
-        shapes += [Stroke(((x + BAR, y), (x + BAR + 3, y)), SOFT, 1), Words(text, (x + BAR + 6, y), 11, SOFT)]
+        shapes += [stroke(((x + BAR, y), (x + BAR + 3, y)), SOFT, 1), words(text, (x + BAR + 6, y), 11)]
     return shapes
 
 
-def bend_drawing(calibration: Calibration, index: int) -> Drawing:
+def bend_drawing(calibration: Calibration, index: int) -> str:
     """Draw the heights over its plane of the index-th board, as the photos tell them, between its tags' centres."""
     board = calibration.basis.boards[index]
     centers = board.centers()
     xy = np.array(list(centers.values()))
     (x0, y0), (x1, y1) = xy.min(axis=0), xy.max(axis=0)
-    k, left = SIDE / 2 / max(x1 - x0, y1 - y0), LEFT + AXIS
+    k = SIDE / 2 / max(x1 - x0, y1 - y0)
     width, height = max(round(k * (x1 - x0)), 40), max(round(k * (y1 - y0)), 40)
+    axes = Axes(LEFT + AXIS, TOP, width, height, (1e3 * x0, 1e3 * x1 + 1e-9), (1e3 * y0, 1e3 * y1 + 1e-9))
+    (left, _), (right, bottom) = axes.corners
     x, y = np.meshgrid(np.linspace(x0, x1, 2 * width), np.linspace(y1, y0, 2 * height))
     found = 1e3 * board.rise(np.stack([x, y], axis=-1))
     low, high = float(found.min()), float(found.max())
     lines = [v for v in np.arange(math.floor(low), math.ceil(high), 0.25) if low < v < high]
     title = "heights of the board, mm; a line every 0.25"
-    shapes: list[Shape] = [
-        Words(title, (LEFT, 12), 11, INK),
-        Picture((left, TOP), (left + width, TOP + height), coloured(found, low, max(high, low + 1e-6), lines)),
-        Box((left, TOP), (left + width, TOP + height), line=SOFT),
+    shapes = [
+        words(title, (LEFT, 12), 11, INK),
+        *axes.grid(10, lines=False),
+        picture(*axes.corners, coloured(found, low, max(high, low + 1e-6), lines)),
+        box(*axes.corners, line=SOFT),
+        words("x and y on the board, mm", (left + width / 2, bottom + 25), 10, anchor="middle"),
     ]
-    for at, text in board_ticks(x0, x1):
-        shapes.append(Words(text, (left + k * (at - x0), TOP + height + 11), 10, SOFT, anchor="middle"))
-    for at, text in board_ticks(y0, y1):
-        shapes.append(Words(text, (left - 5, TOP + k * (y1 - at)), 10, SOFT, anchor="end"))
-    shapes.append(Words("x and y on the board, mm", (left + width / 2, TOP + height + 25), 10, SOFT, anchor="middle"))
     many = math.ceil(math.sqrt(len(xy) / MOST_IDS))
     for n, (tag, (u, v)) in enumerate(centers.items()):
-        dot, height_mm = (left + k * (u - x0), TOP + k * (y1 - v)), 1e3 * float(board.rise(np.array([u, v])))
-        shapes.append(Marker(dot, 0.9, (), DOT, DOT, f"tag {tag}", f"tag {tag}: {height_mm:+.2f} mm"))
+        at, rise = axes.at(1e3 * u, 1e3 * v), 1e3 * float(board.rise(np.array([u, v])))
+        shapes.append(marker(at, 0.9, DOT, f"tag {tag}", f"tag {tag}: {rise:+.2f} mm"))
         if n % many == 0:
-            shapes.append(Words(str(tag), (dot[0], dot[1] - 6), 8, INK, anchor="middle", halo=True))
-    bar = left + width + 12
-    shapes += colour_bar(bar, height, [(f"{low + share * (high - low):+.2f}", share) for share in (0, 0.5, 1)])
-    return Drawing(bar + BAR + TICKS + 8, TOP + height + 36, title, tuple(shapes))
-
-
-def board_ticks(low: float, high: float) -> list[tuple[float, str]]:
-    """(metres, millimetres in words) at three to six round places from `low` to `high`."""
-    span = max(high - low, 1e-6)
-    step = next(m * 10.0**e for e in range(-6, 3) for m in (1, 2, 5) if span / (m * 10.0**e) < 6)
-    return [
-        (float(v), f"{1e3 * v:g}")
-        for v in np.arange(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1) * step
-    ]
-
-
-def steps(low: float, high: float) -> list[float]:
-    """1, 2 and 5 times the powers of 10, from the last one at or below `low` to the first at or above `high`."""
-    found = [m * 10.0**k for k in range(-7, 8) for m in (1, 2, 5)]
-    first = max(0, sum(s <= low * 1.001 for s in found) - 1)
-    last = max(first + 1, sum(s < high * 0.999 for s in found))
-    return found[first : last + 1]
+            shapes.append(words(str(tag), (at[0], at[1] - 6), 8, INK, anchor="middle", halo=True))
+    shapes += colour_bar(right + 12, height, [(f"{low + share * (high - low):+.2f}", share) for share in (0, 0.5, 1)])
+    return drawing(right + 12 + BAR + TICKS + 8, bottom + 36, title, shapes)
 
 
 def stretched(values: np.ndarray, width: int, height: int) -> np.ndarray:
-    """(height, width), bilinear between the middles of the cells."""
+    """Return (height, width), bilinear between the middles of the cells."""
     from PIL import Image as Pillow
 
     grid = Pillow.fromarray(values.astype(np.float32))
@@ -190,7 +160,7 @@ def stretched(values: np.ndarray, width: int, height: int) -> np.ndarray:
 
 
 def coloured(values: np.ndarray, low: float, high: float, lines: Sequence[float] | np.ndarray = ()) -> np.ndarray:
-    """(H, W, 3) uint8: VIRIDIS from low to high, white where a neighbour is on the other side of one of `lines`."""
+    """Return (H, W, 3) uint8: VIRIDIS from low to high, white where one of `lines` passes between neighbours."""
     share = (values - low) / (high - low)
     at = np.linspace(0, 1, len(VIRIDIS))
     pixels = np.stack([np.interp(share, at, channel) for channel in np.transpose(VIRIDIS)], axis=-1).astype(np.uint8)
@@ -199,18 +169,3 @@ def coloured(values: np.ndarray, low: float, high: float, lines: Sequence[float]
     for part, apart in ((pixels[:, :-1], across), (pixels[:, 1:], across), (pixels[:-1], down), (pixels[1:], down)):
         part[apart] = 255
     return pixels
-
-
-def crossing(values: np.ndarray, level: float) -> XY | None:
-    """Where the way from the smallest value to a corner, the lower right one first, first reaches the level.
-
-    None where that is so near an edge that a number would not fit.
-    """
-    h, w = values.shape
-    y, x = np.unravel_index(int(values.argmin()), values.shape)
-    for corner in ((w - 1, h - 1), (0, h - 1), (w - 1, 0), (0, 0)):
-        way = np.linspace((x, y), corner, max(h, w)).round().astype(int)
-        u, v = way[np.argmax(values[way[:, 1], way[:, 0]] >= level)].tolist()
-        if values[v, u] >= level and EDGE < u < w - EDGE and EDGE < v < h - EDGE:
-            return u, v
-    return None

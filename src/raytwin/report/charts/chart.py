@@ -1,22 +1,40 @@
-"""What a chart of speed against accuracy holds, both axes logarithmic, in its own units."""
+"""A chart of speed against accuracy, both axes logarithmic: what it holds, and how it is drawn."""
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
 
-from raytwin.report.charts.labels import Label, place
+from raytwin import files
+from raytwin.report.charts.svg import (
+    INK,
+    OUTLINE,
+    XY,
+    Axes,
+    Range,
+    box,
+    drawing,
+    faded,
+    marker,
+    stroke,
+    words,
+)
 
-FRAME = (740, 600)
-"""Pixels of every chart's frame: labels are placed for this size."""
-
-INK, SOFT = "#1b2330", "#5a6575"
-
-Range = tuple[float, float]
+LEFT, TOP, WIDTH, HEIGHT, RIGHT, BOTTOM = 80, 50, 740, 600, 30, 60
+"""Pixels: the frame's corner, its size, and what is right of it and below."""
+FLOOR = "#eef0f3"
+LETTER, LINE = 0.66, 13.0
+"""Average width of a label's letter, as a share of its size; and pixels from one label down to the next."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """`strong`: on the frontier; `hollow`: at or below what the truth can tell, drawn there; `tip`: told on hover."""
+    """`strong`: on the frontier; `hollow`: at or below what the reference can tell, drawn there; `tip`: shown on hover.
+
+    `label` is written beside it: to the right, or to the `left`, if there is room.
+    """
 
     x: float
     y: float
@@ -27,18 +45,8 @@ class Point:
     hollow: bool = False
     strong: bool = False
     tip: str = ""
-
-
-@dataclass(frozen=True)
-class Text:
-    """At (x, y), its left end's middle; `leader`: (x0, y0, x1, y1), all in the chart's units."""
-
-    text: str
-    x: float
-    y: float
-    colour: str
-    bold: bool
-    leader: tuple[float, float, float, float] | None
+    label: str = ""
+    left: bool = False
 
 
 @dataclass(frozen=True)
@@ -55,7 +63,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Chart:
-    """`floor`: below it the truth cannot tell; `unlabelled`: points for whose label no room was left."""
+    """`floor`: below it the reference cannot tell."""
 
     key: str
     title: str
@@ -64,88 +72,106 @@ class Chart:
     x_range: Range
     y_range: Range
     points: tuple[Point, ...] = ()
-    texts: tuple[Text, ...] = ()
     lines: tuple[Line, ...] = ()
     floor: float | None = None
-    unlabelled: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+
+    @property
+    def axes(self) -> Axes:
+        return Axes(LEFT, TOP, WIDTH, HEIGHT, self.x_range, self.y_range, logarithmic=True)
 
 
 def log_range(values: Iterable[float], margin: float) -> Range:
-    """What shows all values with `margin` of their extent, at least a factor of two, on either side."""
+    """Return what shows all values with `margin` of their extent, at least a factor of two, on either side."""
     logs = [math.log10(v) for v in values]
     pad = max(margin * (max(logs) - min(logs)), 0.3)
     return 10 ** (min(logs) - pad), 10 ** (max(logs) + pad)
 
 
-@dataclass(frozen=True)
-class Axes:
-    """Between a chart's units and pixels of its frame, x to the right, y up."""
-
-    x_range: Range
-    y_range: Range
-
-    def pixel(self, x: float, y: float) -> tuple[float, float]:
-        return self._share(x, self.x_range) * FRAME[0], self._share(y, self.y_range) * FRAME[1]
-
-    def units(self, x: float, y: float) -> tuple[float, float]:
-        (x0, x1), (y0, y1) = self.x_range, self.y_range
-        return x0 * (x1 / x0) ** (x / FRAME[0]), y0 * (y1 / y0) ** (y / FRAME[1])
-
-    @staticmethod
-    def _share(value: float, ends: Range) -> float:
-        return math.log(value / ends[0]) / math.log(ends[1] / ends[0])
-
-
-@dataclass(frozen=True)
-class Asked:
-    """A label that is wanted beside `at`, or one of `others`; `name`: what goes without where there is no room."""
-
-    text: str
-    at: Point
-    bold: bool = True
-    others: tuple[Point, ...] = ()
-    name: str = ""
-
-
-def labelled(chart: Chart, asked: Sequence[Asked]) -> Chart:
-    """Return the chart with the labels for which there is room, the first asked first; the others are `unlabelled`."""
-    frame = Axes(chart.x_range, chart.y_range)
-    labels = [
-        Label(a.text, *frame.pixel(a.at.x, a.at.y), 11 if a.bold else 10, a.bold,
-              tuple(frame.pixel(p.x, p.y) for p in a.others))
-        for a in asked
-    ]  # fmt: skip
-    texts, without = [], []
-    for a, found in zip(asked, place(labels, [frame.pixel(p.x, p.y) for p in chart.points], *FRAME), strict=True):
-        if found is None:
-            without.append(a.name or a.text)
-            continue
-        leader = found.leader and (*frame.units(*found.leader[:2]), *frame.units(*found.leader[2:]))
-        texts.append(Text(a.text, *frame.units(found.x, found.y), a.at.colour, a.bold, leader))
-    return replace(chart, texts=tuple(texts), unlabelled=tuple(without))
-
-
 def by_family(points: Iterable[Point]) -> list[list[Point]]:
-    """The families' points, the first family first."""
+    """Return each family's points, the first family first."""
     groups: dict[str, list[Point]] = {}
     for point in points:
         groups.setdefault(point.family, []).append(point)
     return list(groups.values())
 
 
-def joined(groups: Iterable[Sequence[Point]]) -> list[Line]:
-    """A line through each group of more than one."""
-    return [Line(tuple(p.x for p in g), tuple(p.y for p in g), g[0].colour) for g in groups if len(g) > 1]
-
-
 def family_chart(
-    key: str, title: str, x_label: str, y_label: str, points: Sequence[Point], asked: Sequence[Asked],
-    floor: float | None = None, note: str = "",
+    key: str, title: str, x_label: str, y_label: str, points: Sequence[Point], floor: float | None = None,
+    notes: Iterable[str] = (), lines: Iterable[Line] = (), margin: float = 0.15,
 ) -> Chart:  # fmt: skip
-    """Return a chart of the points, a line through each family, with its labels."""
-    x_range, y_range = log_range([p.x for p in points], 0.15), log_range([p.y for p in points], 0.15)
-    lines, notes = tuple(joined(by_family(points))), (note,) if note else ()
-    return labelled(
-        Chart(key, title, x_label, y_label, x_range, y_range, tuple(points), (), lines, floor, (), notes), asked
+    """Return a chart of the points: a line through each family, and `lines`."""
+    ranges = log_range([p.x for p in points], margin), log_range([p.y for p in points], margin)
+    through = [Line(tuple(p.x for p in g), tuple(p.y for p in g), g[0].colour) for g in by_family(points) if g[1:]]
+    shown = tuple(filter(None, notes))
+    return Chart(key, title, x_label, y_label, *ranges, tuple(points), (*through, *lines), floor, shown)
+
+
+def svg_text(chart: Chart) -> str:
+    """Draw ground, grid and ticks, lines, points and texts, in this order."""
+    axes = chart.axes
+    (left, top), (right, bottom) = axes.corners
+    width, height = right + RIGHT, bottom + BOTTOM
+    shapes = [box((0, 0), (width, height), fill="#ffffff")]
+    if chart.floor is not None and chart.floor > chart.y_range[0]:
+        shapes.append(box((left, axes.at(chart.x_range[0], chart.floor)[1]), (right, bottom), fill=FLOOR))
+        shapes.append(words("below what the reference can tell", (left + 6, bottom - 9), 10, role="label"))
+    shapes += [*axes.grid(), box(*axes.corners, line=OUTLINE)]
+    for line in chart.lines:
+        ends = [axes.at(x, y) for x, y in zip(line.xs, line.ys, strict=True)]
+        shapes.append(stroke(ends, faded(line.colour, line.strength), line.width, line.dash))
+    for p in chart.points:
+        shapes.append(marker(axes.at(p.x, p.y), 5.0 if p.strong else 3.6, p.colour, p.name, p.tip, p.marker, p.hollow))
+    shapes += [
+        *label_shapes(chart),
+        words(chart.title, (left, top - 16), 14, INK, bold=True, role="title"),
+        words(chart.x_label, (left + WIDTH / 2, bottom + 32), 12, anchor="middle", role="axis"),
+        words(chart.y_label, (18, top + HEIGHT / 2), 12, anchor="middle", turned=True, role="axis"),
+        words("; ".join(chart.notes), (left, bottom + 50), 10, role="label"),
+    ]
+    return drawing(width, height, chart.title, shapes)
+
+
+def label_shapes(chart: Chart) -> Iterator[str]:
+    """Write the labels beside their points, those of strong points first, as near to their height as the labels
+    before them leave room for."""
+    placed: list[tuple[float, float, float]] = []
+    for p in sorted((p for p in chart.points if p.label), key=lambda p: not p.strong):
+        at, long = chart.axes.at(p.x, p.y), LETTER * 11 * len(p.label)
+        free = (place for place in places(at, long, p.left) if not covered(place, long, placed))
+        x, y = next(free, (max(LEFT, min(at[0] + 9, LEFT + WIDTH - long)), at[1]))  # or over another
+        placed.append((x, y, long))
+        if abs(y - at[1]) > LINE:
+            yield stroke((at, (x if x > at[0] else x + long, y)), faded(p.colour, 0.7), 0.6, role="label")
+        size = 11 if p.strong else 10
+        yield words(p.label, (x, y), size, p.colour, bold=p.strong, halo=True, role="label")
+
+
+def places(at: XY, long: float, left: bool) -> Iterator[XY]:
+    """Yield left ends of a label `long` pixels wide: right and left of a point, ever higher and lower."""
+    sides = sorted((at[0] + 9, at[0] - 9 - long), reverse=not left)
+    for k in range(2 * int(HEIGHT / LINE) + 2):
+        y = at[1] + (k // 2 + k % 2) * LINE * (-1 if k % 2 else 1)
+        if TOP <= y <= TOP + HEIGHT:
+            yield from ((x, y) for x in sides if LEFT <= x <= LEFT + WIDTH - long)
+
+
+def covered(place: XY, long: float, placed: Sequence[tuple[float, float, float]]) -> bool:
+    x, y = place
+    return any(abs(y - v) < LINE - 0.5 and x < u + wide and u < x + long for u, v, wide in placed)
+
+
+def chart_html(chart: Chart) -> str:
+    """Return a chart for a page: its numbers by pointer, touch and arrow keys; what a phone leaves out, as text."""
+    text = f"{chart.title}. Up: {chart.y_label}; to the right: {chart.x_label}. {'; '.join(chart.notes)}"
+    about = escape(f"{chart.title}: left and right arrows step through its points")
+    return (
+        f'<div class="view" tabindex="0" role="group" aria-label="{about}">{svg_text(chart)}</div>'
+        f'<p class="chart-words">{escape(text)} Tap a point for its numbers.</p>'
     )
+
+
+def write_charts(charts: Iterable[Chart], folder: str | os.PathLike[str]) -> None:
+    """Write `KEY.svg` of each chart, slashes in the key made dashes."""
+    for chart in charts:
+        files.write_text(Path(folder) / f"{chart.key.replace('/', '-')}.svg", svg_text(chart))

@@ -7,9 +7,7 @@ from typing import Any
 
 from raytwin import files
 from raytwin.errors import InputError
-from raytwin.report.charts.chart import Asked, Point, by_family, family_chart
-from raytwin.report.charts.chart_marks import layout
-from raytwin.report.charts.svg import svg_text
+from raytwin.report.charts.chart import Point, family_chart, svg_text
 
 COLOURS = ("#0f8b8d", "#e07b00", "#7a3e9d", "#c02f4a", "#3b82c4", "#a16207")
 """One per line, in turn; told apart by the colour-blind, and readable on white."""
@@ -55,10 +53,12 @@ def chart(
         raise InputError("rows", f"some with positive numbers in {x!r} and {y!r}", "none")
     lines = list(dict.fromkeys(str(row.get(by)) if by else "" for row in kept))
     colour = {line: COLOURS[i % len(COLOURS)] for i, line in enumerate(lines)}
-    points = []
-    for row in sorted(kept, key=lambda row: row[x]):
+    points: list[Point] = []
+    kept.sort(key=lambda row: row[x])
+    last = {str(row.get(by)): row for row in kept} if by else {}
+    for row in kept:
         line, tip = str(row.get(by)) if by else "", f"{x} {row[x]:.4g}, {y} {row[y]:.4g}"
-        label = str(row.get(name)) if name else line
-        points.append(Point(row[x], row[y], label, line, colour[line], strong=True, tip=tip))
-    named = points if name else [group[-1] for group in by_family(points) if group[-1].name]
-    return RowsChart(svg_text(layout(family_chart("rows", title, x, y, points, [Asked(p.name, p) for p in named]))))
+        own = str(row.get(name)) if name else line
+        label = own if name or last.get(line) is row else ""
+        points.append(Point(row[x], row[y], own, line, colour[line], strong=True, tip=tip, label=label))
+    return RowsChart(svg_text(family_chart("rows", title, x, y, points)))
