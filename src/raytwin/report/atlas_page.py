@@ -161,4 +161,7 @@ def law_of(e: Experiment, name: str, x_range: Range, y_range: Range, colour: str
         return []
     law = [(x, float(e.laws[name](x))) for x in np.geomspace(*x_range, STEPS).tolist()]
     inner = [(x, y) for x, y in law if y_range[0] < y < y_range[1]]
-    return [Line(*zip(*inner, strict=True), colour, 1.2, "dashed", 0.75)] if len(inner) > 1 else []
+    if len(inner) < 2:
+        return []
+    xs, ys = zip(*inner, strict=True)
+    return [Line(xs, ys, colour, 1.2, "dashed", 0.75)]

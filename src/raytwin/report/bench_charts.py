@@ -245,7 +245,7 @@ def marks_chart(
     times, errors = [m.seconds for m in marks], [m.error for m in marks]
     families = list(dict.fromkeys(m.family for m in marks))
     palette = dict(zip(families, PALETTE * 9, strict=False))
-    points = []
+    points: list[Point] = []
     for m, y, strong in zip(marks, raised(errors, floor), on_frontier(times, errors, floor), strict=True):
         first = all(p.family != m.family for p in points) and m.label != m.family
         label = f"{m.family}: {m.label}" if first else m.label
