@@ -200,9 +200,10 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
         except ValueError:  # slips in one and the same place
             return 1.0
         predicted = _call(function, first[0])
+        others = [one for one in rest if not (any(v.sometimes for v in chain) and _passes(stage, *one))]
         return (
             _left(stage, predicted, first[1])
-            or max((_left(stage, _call(function, case), found) for case, found in rest), default=0.0)
+            or max((_left(stage, _call(function, case), found) for case, found in others), default=0.0)
             or float(_passes(stage, first[0], predicted))
         )
 

@@ -31,13 +31,14 @@ class Variant:
     """A typical mistake: `change` makes it from the right function, `sentence` tells it to whoever made it.
 
     Several variants may share a `name`: the same mistake in other numbers. `slips`: what makes it of the textbook's
-    text, where it is made of that.
+    text, where it is made of that. `sometimes`: it shows in some cases, and in others it is right by chance.
     """
 
     name: str
     sentence: str
     change: Callable[[Any], Function]
     slips: Changes = ()
+    sometimes: bool = False
 
 
 PARTS_OF = {"back_project": ("pixel", "undistort", "through")}

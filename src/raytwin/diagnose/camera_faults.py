@@ -309,6 +309,10 @@ CAMERAS = (
     row("rotation-left-out", CAMERA,
         "the camera's rotation is left out: turn the rays by Rᵀ",
         *posed(("-R.T @ t", "rays"), ("-t", "rays"), ("t", "rays"))),
+    row("distance-by-camera-ray", CAMERA,
+        "t is found with the rays of the camera's frame and applied to the turned ones: turn the rays by Rᵀ first, and "
+        "use the same vector for both",
+        *slips("met", "intersect_all(origins, directions => intersect_all(origins, rays")),
     row("rays-by-norm-of-many", CAMERA,
         "the rays are divided by a norm over pixels, not over x, y and z: np.linalg.norm(d, axis=-1, keepdims=True)",
         *(replaced(rays=partial(_by_norm_of_many, axis=axis, board=board))

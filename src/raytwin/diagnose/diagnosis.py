@@ -25,13 +25,13 @@ from raytwin.diagnose.certainty import (
     is_settled,
     left_over,
 )
-from raytwin.diagnose.changes import OUTPUT, STAGES, Fault
+from raytwin.diagnose.changes import ORDER, OUTPUT, STAGES, Fault
 from raytwin.diagnose.conditional_faults import clued
 from raytwin.diagnose.distances import depth_cause
 from raytwin.diagnose.explanation import Cause, Diagnosis, Sureness
 from raytwin.diagnose.hypothesis_search import Hypothesis, Search
 from raytwin.diagnose.light_decomposition import split
-from raytwin.diagnose.localize import whereabouts
+from raytwin.diagnose.localize import points_of_misses, whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
 from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, of_objects, total
 from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, many
@@ -96,6 +96,11 @@ def diagnose(
         return Diagnosis(right=True, explained=1.0, where="right everywhere")
     if count < FEW:
         return Diagnosis(right=False, where=where)
+    if words := points_of_misses(sights):
+        cause = Cause(
+            "points-of-misses", ORDER, f"rays that meet nothing have points, too ({words}): NaN is wanted there"
+        )
+        return Diagnosis(False, (cause,), ((),), 1.0, None, "sure", where)
     sights = [s for s in sights if s.weight.size]
     return replace(_search(sights, where, faults, families, most, budget), untried=budget.words)
 

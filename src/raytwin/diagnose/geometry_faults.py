@@ -29,6 +29,7 @@ from raytwin.diagnose.changes import (
     reaching,
     resized,
     row,
+    shadow,
     sphere,
 )
 from raytwin.diagnose.predict import Array, Pipeline, SceneDict, replaced, slip, slips
@@ -110,7 +111,8 @@ SOLVERS = (
             (*sphere(f"{CHOICE} => t = np.where(np.abs(near) < np.abs(far), near, far) ;; {HIT} => disc >= 0"),
              *order("np.argmin(t, axis=0) => np.argmin(np.abs(t), axis=0)")))),
         *sphere(f"{CHOICE} => t = np.where(np.abs(near) < np.abs(far), near, far)", f"{HIT} => disc >= 0",
-                f"{CHOICE} => t = np.abs(near)", "far = (-b + np.sqrt(disc)) => far = (b + np.sqrt(disc))")),
+                f"{CHOICE} => t = np.abs(near)", f"{CHOICE} => t = np.minimum(np.abs(near), np.abs(far))",
+                "far = (-b + np.sqrt(disc)) => far = (b + np.sqrt(disc))")),
     row("inside-missed", SOLVER,
         "rays that start inside the sphere miss it: where the near root is negative, the far one may be positive",
         alone=sphere(f"{CHOICE} => t = near")),
@@ -284,5 +286,6 @@ SOLVERS = (
             f"np.tile(n / np.linalg.norm(n) => np.tile(np.where(np.arange(3) == {k}, n, n / np.linalg.norm(n))"))
           for k in range(3))),
     row("planes-behind", SOLVER, "planes behind the ray's start count too: keep t > 0 alone",
-        chain(*PLANES_BEHIND), *plane(f"{T} => np.abs({T})")),
+        chain(*PLANES_BEHIND), *plane(f"{T} => np.abs({T})"),
+        chain(*PLANES_BEHIND, *shadow('(own | => ((own & ("radius" in thing)) |'))),
 )  # fmt: skip

@@ -61,6 +61,12 @@ def _of_first(albedos: Any, balls: Any) -> Any:
     return [albedos[0] if ball else own for own, ball in zip(albedos, balls, strict=True)]
 
 
+def _of_kind(albedos: Any, balls: Any, kind: bool, of: bool, k: int) -> Any:
+    """The albedo of the first or last (`k`) object of the kind `of` on all of `kind`: what a loop has left."""
+    there = [a for a, ball in zip(albedos, balls, strict=True) if ball == of]
+    return [there[k] if ball == kind and there else a for a, ball in zip(albedos, balls, strict=True)]
+
+
 def _of_next(albedos: Any, balls: Any, by: int) -> Any:
     """The albedo of the sphere `by` places on."""
     own = [a for a, ball in zip(albedos, balls, strict=True) if ball]
@@ -161,9 +167,12 @@ LIGHTS = (
                "albedo / np.pi => albedo**2 / np.pi", "albedo * sky => albedo**2 * sky")),
     row("albedo-decoded", LIGHT, "the albedo is treated as a display colour: it is linear, use it as it is",
         *(given(albedo=f) for f in (srgb_decode, lambda a: a**2.2, srgb_encode, lambda a: a ** (1 / 2.2), np.sqrt))),
-    row("albedo-of-another", LIGHT, "objects have another one's albedo: check the index",
+    row("albedo-of-another", LIGHT,
+        "objects have another one's albedo: check the index, or the name (after a loop its variable is the last one)",
         repainted(_of_first), *(repainted(lambda a, balls, k=k: [a[k]] * len(a)) for k in (0, -1)),
-        *(repainted(partial(_of_next, by=k)) for k in (1, -1))),
+        *(repainted(partial(_of_next, by=k)) for k in (1, -1)),
+        *(repainted(partial(_of_kind, kind=kind, of=of, k=k)) for kind, of, k in (
+            (False, True, -1), (False, True, 0), (True, True, -1), (False, False, -1), (False, False, 0)))),
     row("albedo-order", LIGHT,
         "the table of albedos is in another order than the objects that the index counts: spheres, then planes, in "
         "both",

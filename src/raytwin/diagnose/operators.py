@@ -199,14 +199,24 @@ WRAPS: tuple[tuple[str, float, str], ...] = (
 """What may be missing around a value: in words, how far-fetched, and what it is then."""
 
 
+ASKING = ("isfinite", "isnan", "isinf")
+
+
 def _wrapped(node: ast.expr, scope: _Scope) -> Found:
-    numpy = _template(scope.numpy)
+    numpy, parent = _template(scope.numpy), scope.parents[id(node)]
+    called = ast.unparse(parent.func).rpartition(".")[2] if isinstance(parent, ast.Call) else ""
+    if called in ASKING or (called == "range" and isinstance(node, ast.Constant)):
+        return  # a value that becomes NaN there, or a loop that never runs, is an accident
     negative = isinstance(node, ast.UnaryOp)
     for words, weight, text in WRAPS:
         number = isinstance(node, ast.Constant) and ("NP" in text or "[" in text or "." in text)
         if not number and not (negative and text == "-A"):
             yield words, weight, fill(text, A=node, NP=numpy)
-    parent = scope.parents[id(node)]
+    if isinstance(node, ast.Compare | ast.BinOp) and (
+        isinstance(node, ast.Compare) or isinstance(node.op, ast.BitAnd)
+    ) and not isinstance(parent, ast.BinOp):  # fmt: skip
+        for name in scope.names:
+            yield f"the condition `{name} > 0` is missing", 1.4, fill("A & (B > 0)", A=node, B=_name(name))
     if not scope.rare:
         return
     if isinstance(parent, ast.Compare):
@@ -290,6 +300,8 @@ def _both(n: ast.BoolOp, scope: _Scope) -> Found:
     for k, value in enumerate(n.values):
         rest = n.values[:k] + n.values[k + 1 :]
         yield f"the condition `{_short(value)}` is too many", 1.3, rest[0] if len(rest) == 1 else ast.BoolOp(n.op, rest)
+    for name in scope.names if isinstance(n.op, ast.And) else ():
+        yield f"the condition `{name} > 0` is missing", 1.4, ast.BoolOp(n.op, [*n.values, fill("A > 0", A=_name(name))])
 
 
 def _unary(n: ast.UnaryOp, scope: _Scope) -> Found:
@@ -308,6 +320,7 @@ EXCHANGED = (
     ("floor", "round"), ("mean", "sum"), ("zeros", "ones"), ("zeros_like", "ones_like"), ("radians", "degrees"),
     ("deg2rad", "rad2deg"), ("isfinite", "isinf"), ("isfinite", "isnan"), ("vstack", "hstack"),
     ("logical_and", "logical_or"), ("sum", "prod"), ("floor", "rint"), ("nanmin", "nanmax"), ("sum", "max"),
+    ("minimum", "fmin"), ("maximum", "fmax"), ("min", "nanmin"), ("max", "nanmax"), ("argmin", "nanargmin"),
 )  # fmt: skip
 SIMILAR: dict[str, list[str]] = {}
 for _a, _b in EXCHANGED:
@@ -384,6 +397,8 @@ def _attribute(n: ast.Attribute, scope: _Scope) -> Found:
 
 def _subscript(n: ast.Subscript, scope: _Scope) -> Found:
     yield "the index is too many", 1.9, n.value
+    if (other := {"(0, 0)": "(1, 1)", "(1, 1)": "(0, 0)"}.get(ast.unparse(n.slice))) is not None:
+        yield "the other entry of the diagonal is wanted", 0.8, ast.Subscript(n.value, _template(other), n.ctx)
     if isinstance(n.slice, ast.Constant) and isinstance(n.slice.value, str):
         for word in scope.words:
             if word != n.slice.value:
@@ -408,17 +423,24 @@ def _constant(n: ast.Constant, scope: _Scope) -> Found:
     value = n.value
     if isinstance(value, bool):
         yield "it is the opposite", 1.0, _template(repr(not value))
+    elif value is None and isinstance(scope.parents[id(n)], ast.Call):
+        for name in scope.names:
+            yield f"`{name}` is missing", 1.0, _name(name)
     elif isinstance(value, int | float):
-        yield from _number(value, scope)
+        yield from _number(n, value, scope)
     elif isinstance(value, str) and isinstance(scope.parents[id(n)], ast.Compare):
         for word in scope.words:
             if word != value:
                 yield "another word is wanted", 2.2, _template(repr(word))
 
 
-def _number(value: float, scope: _Scope) -> Found:
-    if isinstance(value, int):
-        others: tuple[float, ...] = (0, 1, 2, value + 1, value - 1, -value, 3, 4, 2 * value, value / 2, 100)
+def _number(node: ast.Constant, value: float, scope: _Scope) -> Found:
+    parent = scope.parents.get(id(node))
+    if isinstance(parent, ast.Call) and ast.unparse(parent.func) == "range":
+        # A loop that never runs mends nothing.
+        others: tuple[float, ...] = (value + 1, value - 1) if value > 1 else (0, value + 1)
+    elif isinstance(value, int):
+        others = (0, 1, 2, value + 1, value - 1, -value, 3, 4, 2 * value, value / 2, 100)
     else:
         others = (0.0, 1.0, value / 10, value * 10, 1e-3 * value, 2 * value, value / 2, -value)
         if abs(value - 3.14159265) < 0.2:

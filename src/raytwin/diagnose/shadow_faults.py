@@ -68,7 +68,9 @@ SHADOWS = (
     row("shadow-both-ways", SHADOW,
         "what lies on the far side of the surface, away from the sun, casts shadows too: keep t > 0 alone",
         *shadow(*(f"{TO_SUN} => {TO_SUN}\n    back = {TO_SUN[4:].replace('to_light', '-to_light')}\n"
-                  f"    t = np.minimum(t, np.where({kind}, back, np.inf))" for kind in ("True", BALLS, f"~{BALLS}")))),
+                  f"    t = np.minimum(t, np.where({kind}, back, np.inf)){own}" for kind, own in (
+                      ("True", ""), (BALLS, ""), (f"~{BALLS}", ""),
+                      (BALLS, ' ;; (own | => ((own & ("radius" not in thing)) |'))))),
     row("shadow-reversed", SHADOW, "shadow rays go away from the sun: they go along to_light",
         *shadow("np.tile(to_light => np.tile(-to_light")),
     row("shadow-light-turned", SHADOW,

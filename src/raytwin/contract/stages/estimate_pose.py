@@ -151,8 +151,10 @@ def _behind(R: Any, t: Any) -> tuple[Any, Any]:
     return R * [-1, -1, 1], -t
 
 
-def _one_focal_length(K: Any) -> np.ndarray:
-    return np.array([K[0], [0, K[0, 0], K[1, 2]], K[2]])
+def _by_other(K: Any, fx: int, fy: int, cx: int, cy: int) -> np.ndarray:
+    """K of these entries of (fx, fy, cx, cy)."""
+    numbers = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
+    return np.array([[numbers[fx], 0, numbers[cx]], [0, numbers[fy], numbers[cy]], [0, 0, 1]])
 
 
 FLIP = np.diag([1.0, -1.0, -1.0])
@@ -173,7 +175,7 @@ VARIANTS = (
             "camera's frame", _after(lambda R, t: (R, -R.T @ t))),
     Variant("sign of t", "t has the wrong sign", _after(lambda R, t: (R, -t))),
     Variant("board behind the camera", "the board is behind the camera: a homography is known up to its sign, take the "
-            "one with t[2] > 0", _after(_behind)),
+            "one with t[2] > 0", _after(_behind), sometimes=True),
     Variant("t not scaled", "t is not to scale: divide the homography by the length of its first columns, which are r1 "
             "and r2, not by H[2, 2]", _composed(_by_corner)),
     Variant("homography not scaled", "R and t are not to scale: divide the homography by the length of its first "
@@ -201,8 +203,14 @@ VARIANTS = (
             "belongs "
             "to the origin (0, 0, 0) of object_points", before(lambda K, dist, p, q: (K, dist, p - p.mean(axis=0),
             q))),
-    Variant("one focal length", "fx is used for both axes: v is divided by fy = K[1, 1]",
-            before(lambda K, dist, p, q: (_one_focal_length(K), dist, p, q))),
+    *(Variant(name, sentence, before(lambda K, dist, p, q, of=of: (_by_other(K, *of), dist, p, q)))
+      for name, sentence, of in (
+          ("one focal length", "fx is used for both axes: v is divided by fy = K[1, 1]", (0, 0, 2, 3)),
+          ("one focal length", "fy is used for both axes: u is divided by fx = K[0, 0]", (1, 1, 2, 3)),
+          ("swapped-focal", "fx and fy are swapped: u goes with fx, v with fy", (1, 0, 2, 3)),
+          ("swapped-centre", "cx and cy are swapped: u goes with cx, v with cy", (0, 1, 3, 2)),
+          ("swapped-centre", "cx is used for both axes: v goes with cy = K[1, 2]", (0, 1, 2, 2)),
+          ("swapped-centre", "cy is used for both axes: u goes with cx = K[0, 2]", (0, 1, 3, 3)))),
 )  # fmt: skip
 
 STAGE = Stage(
