@@ -185,7 +185,7 @@ def drawn(found, folder: Path, to_light: np.ndarray, E: np.ndarray, Ls: np.ndarr
         constant = Sky(tuple(sky))
         shown = constant if map_ is None else Environment(map_.shape[1::-1], map_.astype("<f4").tobytes())
         scene = Scene("drawn", photo.camera, (ORANGE,), (Sun(tuple(direction), tuple(sun)), shown))
-        result = augment(photo.pixels, scene, shadows=False, exposure=value_of_one(photo, found.paper))
+        result = augment(photo.pixels, scene, shadows=False, exposure=value_of_one(photo, found.paper), ground=True)
         inside = result.coverage == 1
         pixels.append(result.pixels[inside].astype(float))
     real = photo.pixels[inside].astype(float)

@@ -75,7 +75,15 @@ def augment_photos(
         exposure: float | np.ndarray = 1.0 if chosen.exposure is None else chosen.exposure
         if light is not None and chosen.exposure is None:
             exposure = photo_exposure(path, stand, definition, light)
-        result = augment(pixels, here, engine=engine, shadows=chosen.shadows, exposure=exposure, space=space)
+        result = augment(
+            pixels,
+            here,
+            engine=engine,
+            shadows=chosen.shadows,
+            exposure=exposure,
+            space=space,
+            ground=light is not None,
+        )
         drawn = result.pixels
         for pyramid in scene.pyramids:
             drawn = draw_pyramid(drawn, stand, pyramid, space)

@@ -149,7 +149,7 @@ def _drawn(
     sun = Sun(tuple(light.to_light.tolist()), tuple(light.E.tolist())) if light.to_light is not None else NO_SUN
     sky = light.environment or Sky(tuple(light.Ls.tolist()))
     scene = Scene("light", photo.camera, (ball, ground), (sun, sky))
-    return augment(photo.pixels, scene, exposure=value_of_one(photo, paper)).pixels
+    return augment(photo.pixels, scene, exposure=value_of_one(photo, paper), ground=True).pixels
 
 
 def _stand_of(path: Path, lens: Camera, definition: boards.Board) -> Camera:

@@ -13,6 +13,7 @@ from raytwin import files
 from raytwin.calib import synthetic_photos
 from raytwin.calib.augment import to_rec709
 from raytwin.errors import InputError
+from raytwin.lights import lighting
 from raytwin.scene import Camera
 from raytwin.workflows.augment_photos import augment_photos
 from raytwin.workflows.photograph import photograph_board
@@ -187,3 +188,22 @@ def test_a_photo_of_another_size_is_named(taken, scenes, tmp_path):
 
 def test_the_rows_are_plain_data(rows):
     assert json.loads(json.dumps(rows)) == rows
+
+
+def test_under_the_photos_own_light_a_drawn_ball_is_as_the_real_one(scenes, tmp_path):
+    """The true light of the shipped photos: the ground beside the ball is the photo's, not the sky's lower half."""
+    lit = scenes / "desk" / "lit"
+    scene = files.read_toml(scenes / "desk" / "lit.toml")
+    sun = scene["sun"]
+    level = np.array(
+        lighting(files.read_scene(scenes / "desk" / "lit.toml").scene).sky.diffuse_irradiance((0.0, 0.0, 1.0))
+    )
+    E, z = np.array(sun["irradiance"]), sun["to_light"][2]
+    paper = 0.85 * (E * z / np.pi + level)
+    light = {"sun": sun, "sky": {"map": str(lit / "sky.exr")}, "paper": {"albedo": 0.85, "color": paper.tolist()}}
+    files.write_toml(tmp_path / "light.toml", light)
+    rows = augment_photos(
+        [lit / "photo_00.jpg"], scenes / "desk" / "lit.toml", tmp_path, board=scenes / "desk" / "board.toml",
+        camera=lit / "camera.toml", light=tmp_path / "light.toml", against=lit / "with",
+    )  # fmt: skip
+    assert next(r for r in rows[0]["regions"] if r["region"] == "spheres")["codes"] < 5

@@ -10,9 +10,12 @@ the cosine, that a sphere of radius r hides at distance d, θ off the normal, if
 factor of a differential element to a sphere; Howell, "A Catalog of Radiation Heat Transfer Configuration Factors").
 Under a sky that is a map, π Ls is its irradiance E(n), and what a sphere hides is π F times the map's mean over the
 part that it covers (`hidden_sky`). Light that the objects send to the photographed surfaces is left out.
+
+The sky of a scene is all around. With `ground` what spheres get from below the horizon is the light of the ground, as
+the photo shows it, times that ratio (`ground_light`).
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from math import pi
@@ -23,7 +26,9 @@ import msgspec
 import numpy as np
 
 from raytwin import files
+from raytwin.calib.augment.ground_light import basis, ground_for_sky
 from raytwin.calib.augment.hidden_sky import CapMeans
+from raytwin.calib.photos import lens_model
 from raytwin.errors import InputError
 from raytwin.image import Surface
 from raytwin.lights import lighting
@@ -39,6 +44,9 @@ MOST_UNEVEN = 8
 
 STRIP = 1 << 20
 """Pixels worked on at a time."""
+
+FromBelow = tuple[int, Sphere, np.ndarray]
+"""A sphere's id, the sphere, and its `ground_for_sky`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +67,16 @@ def augment(
     shadows: bool = True,
     exposure: float | np.ndarray = 1.0,
     space: np.ndarray | None = None,
+    ground: bool = False,
 ) -> Augmented:
     """Return `photo`, uint8 sRGB (H, W, 3) taken by `scene.camera`, with the scene's objects drawn in.
 
     Pixels on the edge of an object or a shadow are the mean of `subsamples`² rays; all others take one. `exposure` is
     the photo's linear value of radiance 1, or three of them, or those of each pixel (H, W, 3), which has the lens's
     falloff in it. Objects that the photo already shows (`in_photo`) only
-    catch shadows. `space` (3, 3): the photo's linear RGB to Rec. 709, see `colour`. `engine`: a row of ENGINES, as for
-    `compare_scene`. Raises InputError for a photo of another size than the camera's.
+    catch shadows. `space` (3, 3): the photo's linear RGB to Rec. 709, see `colour`. `ground`: spheres get the light of
+    the ground that the photo shows. Without `shadows` the photo is taken to show the objects already. `engine`: a row
+    of ENGINES, as for `compare_scene`. Raises InputError for a photo of another size than the camera's.
     """
     camera = scene.camera
     h, w = photo.shape[:2]
@@ -75,6 +85,7 @@ def augment(
     if space is not None and np.array_equal(space, np.eye(3)):
         space = None  # two products of all pixels that change none
     value_of_one = np.broadcast_to(np.asarray(exposure, np.float32), (h, w, 3))
+    below = _from_below(photo, scene, value_of_one, space, shadows) if ground else []
     out, inside = photo.copy(), np.zeros((h, w), bool)
     coverage, ratio = np.zeros((h, w), np.float32), np.empty((h, w, 3), np.float32)
     # OpenCV compares whole numbers of 16 bits four times as fast; it has none of 32.
@@ -82,7 +93,7 @@ def augment(
     for part in _strips(_affected(scene, camera, shadows)):
         v, u = np.mgrid[part].astype(np.float32).reshape(2, -1)
         colour, scaled, drawn, seen = (
-            a.reshape(*photo[part].shape[:2], *a.shape[1:]) for a in _shade(scene, u, v, engine, shadows)
+            a.reshape(*photo[part].shape[:2], *a.shape[1:]) for a in _shade(scene, u, v, engine, shadows, below)
         )
         coverage[part], ratio[part], state[part], inside[part] = drawn, scaled, seen, True
         out[part] = _mixed(photo[part], scaled, coverage[part], value_of_one[part] * colour, space)
@@ -96,7 +107,7 @@ def augment(
         ev, eu = (a[:, None, None].astype(np.float32) for a in at)
         su = np.broadcast_to(eu + offsets[:, None], (len(eu), subsamples, subsamples))
         sv = np.broadcast_to(ev + offsets, su.shape)
-        c, scaled, hit, _ = _shade(scene, su.reshape(-1), sv.reshape(-1), engine, shadows)
+        c, scaled, hit, _ = _shade(scene, su.reshape(-1), sv.reshape(-1), engine, shadows, below)
         c, scaled, hit = (x.reshape(len(eu), subsamples**2, *x.shape[1:]) for x in (c, scaled, hit))
         there = hit.sum(axis=1)[:, None]
         left = subsamples**2 - there
@@ -171,7 +182,7 @@ def errors_by_region(result: Augmented, truth: np.ndarray, scene: Scene) -> list
 
 
 def _shade(
-    scene: Scene, u: np.ndarray, v: np.ndarray, engine: str, shadows: bool
+    scene: Scene, u: np.ndarray, v: np.ndarray, engine: str, shadows: bool, below: list[FromBelow]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """At pixels (u, v): radiance and the ratio for the photo (m, 3); whether an object is drawn; what edges change."""
     found = trace_points(scene, u, v, "shadow", engine, point=True)
@@ -188,7 +199,14 @@ def _shade(
             before = lit.copy()
             asked = np.flatnonzero(here & (found.blocker >= 0) & ours[found.blocker])
             before[asked] = _lit_without(scene, u[asked], v[asked], engine)
-            ratio[at] = _ratio(scene, plane, np.asarray(found.point)[at], lit[at], before[at])
+            n, to_eye = np.array(plane.normal), np.array(scene.camera.eye) - np.array(plane.center)
+            n = n if n @ to_eye > 0 else -n
+            ratio[at] = _ratio(scene, n, np.asarray(found.point)[at], lit[at], before[at])
+    for index, sphere, factors in below:
+        mine = np.flatnonzero(found.ids == index)
+        n = (np.asarray(found.point)[mine] - (np.array(sphere.center) - scene.camera.eye)) / sphere.radius
+        reflected = np.array(sphere.albedo) + getattr(sphere.material, "specular", 0)
+        found.colour[mine] = np.maximum(found.colour[mine] + reflected * (basis(n) @ factors), 0)
     return found.colour, ratio, ours[found.ids], 2 * found.ids + lit
 
 
@@ -205,10 +223,45 @@ def _shown(thing: Shape) -> bool:
     return isinstance(thing, Rectangle) and thing.in_photo
 
 
-def _ratio(scene: Scene, plane: Rectangle, point: np.ndarray, lit: np.ndarray, lit_before: np.ndarray) -> np.ndarray:
-    """(m, 3) float32; without any light before, 1."""
-    n, eye = np.array(plane.normal), np.array(scene.camera.eye)
-    n = n if n @ (eye - np.array(plane.center)) > 0 else -n
+def _from_below(
+    photo: np.ndarray, scene: Scene, value_of_one: np.ndarray, space: np.ndarray | None, shadows: bool
+) -> list[FromBelow]:
+    """What spheres get from the ground instead of the sky; the ground's light is that with all objects drawn in."""
+    camera, eye = scene.camera, np.array(scene.camera.eye)
+    R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
+
+    def look(at: np.ndarray) -> np.ndarray:
+        uv = np.rint(lens_model.project(at, R, t, camera.K, camera.dist)).astype(int)
+        seen = lens_model.grows(at @ R.T + t, camera.dist) & (uv >= 0).all(axis=1)
+        seen &= (uv < camera.image_size).all(axis=1)
+        if not shadows:
+            seen &= ~_crossed(scene.spheres, eye, at - eye, 1.0)
+        out = np.full((len(at), 3), np.nan)
+        u, v = uv[seen].T
+        light = files.from_bytes(photo[v, u])
+        out[seen] = (light if space is None else light @ space.T) / np.maximum(value_of_one[v, u], 1e-6)
+        if shadows:
+            lit = ~_crossed(scene.spheres, at, np.array(scene.sun.to_light), np.inf)
+            out *= _ratio(scene, np.array([0.0, 0.0, 1.0]), (at - eye).astype(np.float32), lit, np.ones(len(at), bool))
+        return out
+
+    spheres = ((index, thing) for index, thing in enumerate(scene.objects) if isinstance(thing, Sphere))
+    return [(index, sphere, ground_for_sky(scene, sphere, look)) for index, sphere in spheres]
+
+
+def _crossed(spheres: Iterable[Sphere], start: np.ndarray, along: np.ndarray, end: float) -> np.ndarray:
+    """(m,) bool: some sphere meets the line from `start` to start + end along; either is (m, 3) or (3)."""
+    met = np.zeros(np.broadcast_shapes(start.shape, along.shape)[0], bool)
+    for sphere in spheres:
+        to = np.array(sphere.center) - start
+        t = np.clip((to * along).sum(axis=-1) / (along * along).sum(axis=-1), 0, end)
+        met |= np.linalg.norm(to - t[:, None] * along, axis=-1) < sphere.radius
+    return met
+
+
+def _ratio(scene: Scene, n: np.ndarray, point: np.ndarray, lit: np.ndarray, lit_before: np.ndarray) -> np.ndarray:
+    """(m, 3) float32 at surfaces of normal `n`; without any light before, 1. `point` (m, 3): from the eye."""
+    eye = np.array(scene.camera.eye)
     sun = np.array(scene.sun.irradiance) * max(0.0, float(n @ np.array(scene.sun.to_light)))
     if scene.environment is not None:
         return _map_ratio(scene, n, point, sun, lit, lit_before)
