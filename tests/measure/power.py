@@ -4,7 +4,7 @@
 pairs of each kind of noise (500), and four times as many fresh renders. The tools, each at a setting its users take:
 
 - raytwin: `compare` at a false-alarm rate of 1e-3;
-- the others as raytwin.bench.verdict_tools has them (idiff is left out where OpenImageIO is not installed: it is no
+- the others as measure.other_tools has them (idiff is left out where OpenImageIO is not installed: it is no
   dependency).
 """
 
@@ -18,8 +18,8 @@ import msgspec
 import numpy as np
 from measure import record
 from measure.noise_models import KINDS, Maker, half_steps, lognormal, pair, picture
+from measure.other_tools import ON_IMAGES, sees_welch_of_images
 
-from raytwin.bench.verdict_tools import ON_IMAGES, sees_welch_of_images
 from raytwin.compare import Comparison, compare
 from raytwin.compare.messages import percent
 from raytwin.files import read_scene

@@ -9,20 +9,18 @@ The pictures are small (24 x 32), so that thousands of sequences take minutes. N
 counted: each is looked at until all its samples are there.
 """
 
-import json
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from measure import record
 from measure.noise_models import FILTERS, lognormal, picture
+from measure.other_tools import sees_by_sign_flips, sees_welch
 from scipy.ndimage import convolve1d
 from scipy.stats import binomtest
 
-from raytwin.bench.verdict_tools import sees_by_sign_flips, sees_welch
 from raytwin.compare import SequentialComparison, compare
 from raytwin.image import Image
 from raytwin.image_pool import ImagePool
@@ -305,27 +303,6 @@ def _singles(samples: Samples) -> list[Image]:
     return [Image(x, samples=1) for x in samples]
 
 
-def certainty(path: str) -> list[list[str]]:
-    """Rows of what `raytwin bench verdict` wrote: scene, fault, each tool's samples, or that it fails correct pairs."""
-    found = json.loads(Path(path).read_text(encoding="utf-8"))
-    tools = list(dict.fromkeys(row["tool"] for row in found["rows"]))
-    wrong = {(a["scene"], a["tool"]) for a in found["alarms"] if a["alarms"] > a["asked"] / 2}
-    rows = []
-    for scene, fault in dict.fromkeys((row["scene"], row["fault"]) for row in found["rows"]):
-        mine = {row["tool"]: row for row in found["rows"] if (row["scene"], row["fault"]) == (scene, fault)}
-        cells = [scene, fault]
-        for tool in tools:
-            row = mine.get(tool)
-            if row is None:
-                cells.append("")
-            elif (scene, tool) in wrong:
-                cells.append("alarms")
-            else:
-                cells.append("-" if row["samples"] is None else f"{row['samples']:g}")
-        rows.append(cells)
-    return rows
-
-
 def main(*words: str) -> None:
     count = next((int(w) for w in words if w.isdigit()), 1000)
     parts = [w for w in words if not w.isdigit() and w not in NOISES] or ["alarms", "speed", "misses"]
@@ -342,11 +319,6 @@ def main(*words: str) -> None:
     if "rivals" in parts:
         columns = ["noise", *(f"{tool}: alarms, 5 % caught, time" for tool in ("raytwin", "Welch", "sign flips"))]
         record.table("verdict", "rivals", columns, rivals(min(count, 100)), command.format("rivals", count))
-    for path in (word for word in words if word.endswith(".json")):
-        tools = ["in rounds", "best fixed", "always 64", "Welch", "sign flips", "z-test", "idiff", "FLIP"]
-        rows, repeats = certainty(path), json.loads(Path(path).read_text(encoding="utf-8"))["rows"][0]["runs"]
-        columns = ["scene", "fault", *tools[: len(rows[0]) - 2]]
-        record.table("verdict", "certainty", columns, rows, f"raytwin bench verdict --repeats {repeats} --samples 128")
     if "misses" in parts:
         columns = ["noise", "bias", "passed", "95 %, at most", "samples, correct", "samples, biased"]
         record.table("verdict", "sequence-misses", columns, misses(min(count, 200)), command.format("misses", count))

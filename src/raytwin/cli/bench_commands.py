@@ -1,4 +1,4 @@
-"""raytwin bench: speed against accuracy; its kin `paper`, `calibration`, `verdict` and `list`."""
+"""raytwin bench: speed against accuracy; its kin `paper`, `calibration` and `list`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -144,32 +144,6 @@ def paper_command(run: CalibrationRun, json: Path | None = None, out: Path | Non
     say(f"report: {folder / 'paper.html'}")
 
 
-def verdict_command(
-    scenes: list[Path] | None = None, repeats: int = 3, samples: int = 256, json: Path | None = None,
-    out: Path | None = None,
-) -> None:  # fmt: skip
-    """Measure the samples and seconds that a verdict takes.
-
-    By the size of the fault, beside other tools. The folder gets verdict.json, and verdict-samples.svg and
-    verdict-seconds.svg of the first scene.
-    """
-    from raytwin import files
-    from raytwin.bench import bench_verdict
-    from raytwin.report.verdict_chart import verdict_lines, write_verdict_charts
-
-    check_outputs(folders=(out or Path("out"),), files=(json,))
-    names = [str(scene) for scene in scenes or ()] or list(bench_verdict.SCENES)
-    with show_progress() as progress:
-        found = bench_verdict.bench_verdict(names, repeats=repeats, most=samples, progress=progress)
-    folder = out or Path("out") / "bench-verdict"
-    files.write_json(folder / "verdict.json", found)
-    if json:
-        files.write_json(json, found)
-    write_verdict_charts(found, folder)
-    say("\n".join(verdict_lines(found)))
-    say(f"charts: {folder}")
-
-
 def list_command(methods: str = "*") -> None:
     """List all methods."""
     from raytwin.bench import choose
@@ -220,7 +194,6 @@ COMMANDS: dict[str, Callable[..., None]] = {
     DEFAULT: scene_command,
     "calibration": calibration_command,
     "paper": paper_command,
-    "verdict": verdict_command,
     "list": list_command,
 }
 register(app, COMMANDS, within="bench")

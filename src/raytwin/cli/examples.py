@@ -30,7 +30,6 @@ EXAMPLES = {
     "bench.scene": "raytwin bench overlap --methods 'drjit32-*,twin-*' --budget 120",
     "bench.calibration": "raytwin bench calibration desk --budget 120",
     "bench.paper": "raytwin bench paper --budget 120",
-    "bench.verdict": "raytwin bench verdict overlap",
     "bench.list": "raytwin bench list --methods 'numpy*'",
     "stability": "raytwin stability sphere-far",
     "doctor": "raytwin doctor",

@@ -339,11 +339,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "photo_size": _opt("Size of synthetic photos and of the frames.", "WxH"),
         "out": _opt("Folder for page and charts (in out/).", "DIR", *OUT),
     },
-    "bench.verdict": {
-        "scenes": _arg("Scenes (overlap wedge ball).", "[SCENE]...", among=_scenes),
-        "repeats": _opt("Runs of each scene, each with its own seed."),
-        "samples": _opt("Samples per pixel of a run, a multiple of 4."),
-    },
     "bench.calibration": {"scene": _arg("Scene whose board is photographed.", "[SCENE]", among=_scenes)},
     "bench.paper": {"scene": _arg("Scene whose board is photographed.", "[SCENE]", among=_scenes)},
     "stability": {

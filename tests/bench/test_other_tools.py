@@ -1,14 +1,9 @@
-"""Other tools' tests against closed forms, and a small run of the bench over all of them."""
+"""Other tools' tests against closed forms."""
 
-import json
 from collections.abc import Callable
 
 import numpy as np
-import pytest
-from scipy.stats import ttest_ind
-
-from raytwin.bench.bench_verdict import FAULTS, bench_verdict
-from raytwin.bench.verdict_tools import (
+from measure.other_tools import (
     Tiles,
     sees_welch,
     sees_welch_of_images,
@@ -18,10 +13,10 @@ from raytwin.bench.verdict_tools import (
     tiles_of_renders,
     welch_p,
 )
-from raytwin.errors import InputError
+from scipy.stats import ttest_ind
+
 from raytwin.image import Image
 from raytwin.image_pool import ImagePool
-from raytwin.report.verdict_chart import verdict_lines, write_verdict_charts
 
 SHAPE = (24, 32, 3)
 
@@ -56,30 +51,6 @@ def test_welch_sees_a_bias_and_where_nothing_is_wrong_its_p_values_are_level():
         assert np.abs(p - (np.arange(p.size) + 0.5) / p.size).max() < 0.05
     assert sees_welch(renders(rng, 8, 1.2), renders(rng, 8))
     assert sees_welch_of_images(pooled(renders(rng, 8, 1.05)), pooled(renders(rng, 8)))
-
-
-def test_the_bench_has_every_tool_and_fault_and_writes_its_charts(tmp_path):
-    found = bench_verdict(["wedge"], repeats=1, most=8)
-    rows = {(row.fault, row.tool): row for row in found.rows}
-    assert {fault for fault, _ in rows} == {fault.name for fault in FAULTS}
-    gross = rows["30 % too bright", "in rounds"]
-    assert (gross.verdict, gross.samples) == ("fail", 4)
-    assert gross.seconds > 0
-    assert rows["30 % too bright", "best fixed number"].samples == 4
-    assert rows["nothing wrong", "in rounds"].verdict == "pass"
-    assert {row.tool: row.alarms for row in found.alarms}["in rounds"] == 0
-    assert all(ratio > 0 for ratio in found.ratios())
-    write_verdict_charts(found, tmp_path)
-    for name in ("verdict-samples.svg", "verdict-seconds.svg"):
-        assert "best fixed number" in (tmp_path / name).read_text()
-    assert json.dumps(found.table())
-    assert any("30 % too bright" in line for line in verdict_lines(found))
-
-
-@pytest.mark.parametrize(("options", "match"), [({"repeats": 0}, "--repeats"), ({"most": 6}, "--samples")])
-def test_wrong_numbers_are_refused_before_anything_is_rendered(options, match):
-    with pytest.raises(InputError, match=match):
-        bench_verdict(["wedge"], **options)
 
 
 def test_mitsubas_test_passes_what_it_is_known_to_pass():
