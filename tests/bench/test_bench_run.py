@@ -4,7 +4,6 @@ import functools
 import json
 import time
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -13,11 +12,10 @@ from program import raytwin
 
 from raytwin import bench, files, twin
 from raytwin.bench import bench_run as run
-from raytwin.bench.bench_record import LeftOut
 from raytwin.bench.bench_reference import converge, measure, truth_of
 from raytwin.bench.bench_run import sized, thumbnail
 from raytwin.bench.sphere_field import crowded
-from raytwin.bench.timing import Measured, with_peak
+from raytwin.bench.timing import with_peak
 from raytwin.compare import METRICS
 from raytwin.contract.subject import find_subject
 from raytwin.errors import InputError, MachineError
@@ -236,10 +234,9 @@ def test_a_run_of_what_this_machine_lacks_says_what_is_lacking(scenes, monkeypat
     assert error.value.where == "--methods"
 
 
-def test_preparing_may_take_half_of_the_time_and_leaves_some_of_every_family(view, monkeypatch):
-    """On a machine so busy that preparing all would take three times what there is: 8 methods, 3 s each, of 8 s."""
+def slow_methods(preparing: float, calling: float) -> tuple[list[Renderer], list[float]]:
+    """Two families of four on a clock of their own, which each preparation and each call moves on by its seconds."""
     now = [100.0]
-    monkeypatch.setattr(run, "time", SimpleNamespace(perf_counter=lambda: now[0]))
 
     @dataclass(frozen=True)
     class Slow(Renderer):
@@ -249,71 +246,48 @@ def test_preparing_may_take_half_of_the_time_and_leaves_some_of_every_family(vie
         family = property(lambda self: self.kind)
 
         def prepare(self, scene):
-            now[0] += 1.0  # three times: two thumbnails and the picture
-            return lambda seed: None
+            now[0] += preparing
 
-    methods = [Slow(kind=kind, n=n) for kind in "ab" for n in range(4)]
-    ready, left = run.get_ready(view("single"), methods, now[0] + 8, silent)
-    assert [m.method.name for m in ready] == ["a-0", "b-0"]
-    assert now[0] == 106
-    assert {o.method for o in left} == {m.name for m in methods} - {"a-0", "b-0"}
-    assert all("no time to prepare it" in o.why for o in left)
+            def call(seed):
+                now[0] += calling * (scene.camera.width > 100)
+                return None
 
+            return call
 
-def test_no_second_of_a_family_is_prepared_in_the_time_of_the_first_ones_calls(view, monkeypatch):
-    """Families of four, 0.3 s each to prepare, 1 s a call: calls of one each and truths take 8 / 0.7 s of the 12."""
-    now = [100.0]
-    monkeypatch.setattr(run, "time", SimpleNamespace(perf_counter=lambda: now[0]))
-    monkeypatch.setattr(run, "guess", lambda *args: 1.0)
-
-    @dataclass(frozen=True)
-    class Slow(Renderer):
-        kind: str = "a"
-        n: int = 0
-        name = property(lambda self: f"{self.kind}-{self.n}")
-        family = property(lambda self: self.kind)
-
-        def prepare(self, scene):
-            now[0] += 0.1
-            return lambda seed: None
-
-    methods = [Slow(kind=kind, n=n) for kind in "ab" for n in range(4)]
-    assert [m.method.name for m in run.get_ready(view("single"), methods, 112.0, silent)[0]] == ["a-0", "b-0"]
-    ready, _ = run.get_ready(view("single"), methods, now[0] + 40, silent)
-    assert len(ready) == 8
+    return [Slow(kind=kind, n=n) for kind in "ab" for n in range(4)], now
 
 
-def test_the_quickest_of_each_family_is_called_before_the_second_of_any(view, monkeypatch):
-    """Of 10 s, with four calls each: three of family a take 1 s a call, b's takes 1.2 s: a-0 and b-0 fit."""
-    now = [0.0]
-    monkeypatch.setattr(run, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+@pytest.mark.parametrize(
+    ("preparing", "calling", "budget", "timed", "why"),
+    [
+        (1.0, 0.0, 8, ["a-0", "b-0"], "no time to prepare it"),  # three times each: 6 s of 8
+        (0.1, 1.0, 9, ["a-0", "b-0"], "no time: a call would take about 1 s"),  # 2 x 4 calls of each
+        (0.1, 1.0, 100, [f"{kind}-{n}" for kind in "ab" for n in range(4)], ""),
+    ],
+)
+def test_too_little_time_leaves_one_of_every_family(view, monkeypatch, preparing, calling, budget, timed, why):
+    methods, now = slow_methods(preparing, calling)
+    monkeypatch.setattr(run, "guess", lambda *args: calling)
+    done, left = run.time_methods(
+        view("single", 128, 96), methods, lambda method, image: {}, now[0] + budget, 3, silent, lambda: now[0]
+    )
+    assert [m.method.name for m in done] == timed
+    assert {o.method for o in left} == {m.name for m in methods} - set(timed)
+    assert all(o.why == why for o in left)
 
-    def first_call(measured, look):
-        now[0] += measured.guess
 
-    monkeypatch.setattr(run, "warm", first_call)
-    of = [("a-0", "a", 1.0), ("a-1", "a", 1.0), ("a-2", "a", 1.0), ("b-0", "b", 1.2)]
-    ready = [Measured(SimpleNamespace(name=n, family=f), lambda seed: None, s) for n, f, s in of]
-    left = []
-    done = run.warm_up(ready, None, 10.0, left, (64, 48), silent)
-    assert [m.method.name for m in done] == ["a-0", "b-0"]
-    assert {o.method for o in left} == {"a-1", "a-2"}
-
-
-def test_families_that_the_budget_leaves_out_are_named_with_what_they_need(view, monkeypatch):
-    """Two prepared in 3 s each, of 8 s; c and d were not tried, a call of e takes 5 s: 2 * 3 / 0.5 + 4 * 5 = 32 s."""
-    methods = [SimpleNamespace(name=f"{f}-0", family=f, samples=1) for f in "abcdef"]
-    ready = [Measured(m, lambda seed: None, 1.0) for m in methods[:2]]
-    why = ["no time to prepare it", "no time to prepare it", "no time: a call would take about 5 s", "no GPU"]
-    left = [LeftOut(m.name, 64, 48, w) for m, w in zip(methods[2:], why, strict=True)]
-    with pytest.warns(UserWarning, match=r"^--budget leaves out c, d, e: about 32 s more would measure one of each$"):
-        run._warn_of_families(methods, ready, left, 12.0)
-    run._warn_of_families(methods, ready, left[3:], 12.0)  # what the machine lacks needs no seconds
+def test_a_family_that_the_budget_leaves_out_is_named(view, monkeypatch):
+    methods, now = slow_methods(1.0, 0.0)
+    with pytest.warns(UserWarning, match=r"^--budget leaves out b$"):
+        run.time_methods(
+            view("single", 128, 96), methods, lambda method, image: {}, now[0] + 4, 3, silent, lambda: now[0]
+        )
 
 
 def test_of_each_family_the_cheapest_is_prepared_first(view):
     methods = choose(("drjit32-path-*", "fill", "numpy32-shadow-*spp"))
-    _, left = run.get_ready(view("single", 8, 6), methods[::-1], time.perf_counter() - 1, silent)
+    look, past = (lambda method, image: {}), time.perf_counter() - 1
+    _, left = run.time_methods(view("single", 8, 6), methods[::-1], look, past, 1, silent)
     assert {o.method for o in left} == {m.name for m in methods}
     tried = [o.method for o in left if "to prepare" not in o.why]  # the first, whatever the time
     assert [RENDERERS[name].samples for name in tried] == [1]
@@ -360,7 +334,7 @@ def test_the_command_writes_json_a_page_and_pictures(scenes, tmp_path):
     assert [row["method"] for row in data["rows"]] == ["fill", "numpy32-shadow-conic"]
     w, h = data["rows"][0]["width"], data["rows"][0]["height"]
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    assert {"bench.html", "bench.json", f"{w}x{h}-path-area-relmse.svg", f"{w}x{h}-path-area-relmse.png"} <= names
+    assert {"bench.html", "bench.json", f"{w}x{h}-path-area-relmse.svg"} <= names
     assert bench.read_bench(tmp_path / "a.save").repeats
 
 

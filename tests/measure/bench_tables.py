@@ -75,9 +75,9 @@ def main(*paths: str) -> None:
     for path in map(Path, paths):
         if path.name == "paper.json":
             figures = tables(msgspec.json.decode(path.read_bytes(), type=Paper))[0]
-            kept = [k for k, column in enumerate(figures.columns) if column.head != "here"]
-            rows = [[cells[k] for k in kept] for cells in figures.texts()]
-            record.table("paper", "figures", [figures.columns[k].head for k in kept], rows, FIGURES)
+            kept = [k for k, head in enumerate(figures.heads) if head != "here"]
+            heads, *rows = ([cells[k] for k in kept] for cells in (figures.heads, *figures.rows))
+            record.table("paper", "figures", heads, rows, FIGURES)
         elif path.name == "atlas.json":
             found = msgspec.json.decode(path.read_bytes(), type=Atlas)
             columns = ["experiment", "parameter", "fails first", "at", "predicted", "raytwin's own"]

@@ -3,7 +3,6 @@
 import math
 import os
 import platform
-import re
 import time
 import warnings
 from collections import defaultdict
@@ -20,7 +19,7 @@ from raytwin.bench.bench_reference import WHOLE, converge, measure, truth_of
 from raytwin.bench.equal_error import equal_error
 from raytwin.bench.frontier import median_iqr, on_frontier
 from raytwin.bench.sphere_field import crowded
-from raytwin.bench.timing import Errors, Look, Measured, guess, repeat, warm
+from raytwin.bench.timing import Clock, Errors, Look, Measured, guess, repeat, warm
 from raytwin.calib.find_camera import find_camera
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -31,12 +30,11 @@ from raytwin.renderers.user_renderers import method as as_method
 from raytwin.scene import Camera, Scene, SceneFile
 from raytwin.workflows.versions import versions
 
-PREPARE_SHARE, TRUTH_SHARE = 0.5, 0.3
-"""Shares of a size's time: prepare no method after the first; references take at most the second of the rest."""
+PREPARE_SHARE, TRUTH_SHARE = 0.6, 0.3
+"""Shares of a size's time: references take at most the second; of the rest no method is prepared after the first."""
 
-LATE, UNPREPARED = "no time", "to prepare it"
-"""How the reason begins where a larger budget would help, and how it ends where the method was not even tried."""
-CALL = re.compile(r"a call would take about (\S+) s")
+LATE = "no time"
+"""How the reason begins where a larger budget would help."""
 Ready = Measured[Renderer, Image]
 Parts = dict[str, list[Any]]
 """What a run has measured so far, by Bench's fields."""
@@ -144,13 +142,10 @@ def measure_size(
     found: Parts, scene: Scene, methods: Sequence[Renderer], deadline: float, repeats: int, truth_samples: int,
     flip: bool, progress: Progress,
 ) -> None:  # fmt: skip
-    """Truths, warm-up, timed rounds, for one size of picture."""
+    """Measure references and methods at one size of picture."""
     size = scene.camera.image_size
-    start = time.perf_counter()
-    ready, left = get_ready(scene, methods, deadline, progress)
-    prepared = time.perf_counter() - start
     images, truths = {}, {}
-    names = sorted({truth_of(m.method) for m in ready} | ({WHOLE} if ready else set()))
+    names = sorted({truth_of(m) for m in methods} | {WHOLE})
     until = time.perf_counter() + TRUTH_SHARE * (deadline - time.perf_counter())
     for i, name in enumerate(names):
         progress("truths", i, len(names))
@@ -162,10 +157,8 @@ def measure_size(
         own = truth_of(method)
         return {name: measure(image.mean, images[name], flip) for name in names if name == own or comparable(name)}
 
-    done = time_all(
-        ready, look, deadline, repeats, left, size, progress,
-        lambda warmed: _warn_of_families(methods, warmed, left, prepared),
-    )  # fmt: skip
+    done, left = time_methods(scene, methods, look, deadline, repeats, progress)
+    truths = {name: truth for name, truth in truths.items() if any(name in m.errors[0] for m in done)}
     rows, errors = summarize(done, truths, size)
     found["rows"] += rows
     found["errors"] += errors
@@ -177,115 +170,76 @@ def measure_size(
     ]
 
 
-def _warn_of_families(
-    methods: Sequence[Renderer], ready: Sequence[Ready], left: Sequence[LeftOut], spent: float
-) -> None:
-    """Say before anything is measured which families the budget leaves out whole, and what they would need."""
-    known, late = {m.method.family for m in ready}, {o.method: o for o in left if o.why.startswith(LATE)}
-    first: dict[str, LeftOut] = {}
-    for method in sorted(methods, key=lambda m: m.samples):
-        if method.family not in known and method.name in late:
-            first.setdefault(method.family, late[method.name])
-    if not first:
-        return
-    tried = len(ready) + len(left) - sum(o.why.endswith(UNPREPARED) for o in left)
-    calls = [float(found[1]) for o in first.values() if (found := CALL.search(o.why))]
-    more = CALLS * sum(calls) + (len(first) - len(calls)) * spent / max(1, tried) / PREPARE_SHARE
-    names = ", ".join([*first][:3]) + (f" and {len(first) - 3} more" if len(first) > 3 else "")
-    warnings.warn(f"--budget leaves out {names}: about {more:.2g} s more would measure one of each", stacklevel=3)
-
-
 def comparable(truth: str) -> bool:
-    """Whether every method may be compared with this truth: those over the whole pixel."""
+    """Return whether every method may be compared with this reference: those over the whole pixel."""
     return truth.endswith("-area")
 
 
-def get_ready(
-    scene: Scene, methods: Sequence[Renderer], deadline: float, progress: Progress
+def time_methods(
+    scene: Scene,
+    methods: Sequence[Renderer],
+    look: Look,
+    deadline: float,
+    repeats: int,
+    progress: Progress,
+    clock: Clock = time.perf_counter,
 ) -> tuple[list[Ready], list[LeftOut]]:
-    """Each method prepared, compiled and tried on two thumbnails, which tell what it will take at full size.
+    """Prepare each method and call it once, then time them in turn; return those timed, and why the others are not.
 
-    One of each family before the second of any, those of few samples first, so that time that is too short leaves some
-    of every kind. No second one is prepared in the time that the first ones' calls and the truths need.
+    One of each family comes before the second of any, those of few samples first, so that time that is too short leaves
+    some of every kind. Two thumbnails tell what a call will take; none is prepared whose calls do not fit.
     """
-    w, h = scene.camera.image_size
-    until = time.perf_counter() + PREPARE_SHARE * (deadline - time.perf_counter())
+    size, start = scene.camera.image_size, clock()
+    until = start + PREPARE_SHARE * (deadline - start)
     cheapest_first = sorted(methods, key=lambda m: m.samples)
     families = [m.family for m in cheapest_first]
     in_turn = sorted(cheapest_first, key=lambda m: families[: cheapest_first.index(m)].count(m.family))
     ready: list[Ready] = []
-    left: list[LeftOut] = []
+    reasons: dict[str, str] = {}
     absent: dict[str, str] = {}
     owed = 0.0
     for i, method in enumerate(in_turn):
         progress("prepare", i, len(methods))
         if method.library in absent:
-            left.append(LeftOut(method.name, w, h, absent[method.library]))
+            reasons[method.name] = absent[method.library]
             continue
-        first_of_kind = method.family not in {m.family for m in in_turn[:i]}
-        needed = 0.0 if first_of_kind else owed / (1 - TRUTH_SHARE)
-        if i > 0 and time.perf_counter() > min(until, deadline - needed):
-            left.append(LeftOut(method.name, w, h, f"{LATE} {UNPREPARED}"))
+        if i > 0 and clock() > until:
+            reasons[method.name] = f"{LATE} to prepare it"
             continue
         try:
-            first, second = (thumbnail(scene, side) for side in (24, 48))
-            call = method.prepare(first)
-            cold, warm_one = timed(call), timed(call)
-            call = method.prepare(second)
-            timed(call)  # another size may be another kernel
-            larger = timed(call)
-            expected = guess((area(first), warm_one), (area(second), larger), w * h)
-            left_over = deadline - time.perf_counter()
-            if expected > left_over / CALLS:
-                left.append(LeftOut(method.name, w, h, f"{LATE}: a call would take about {expected:.2g} s"))
+            expected, compiling = expected_seconds(method, scene, clock)
+            if clock() + owed + CALLS * expected > deadline:
+                reasons[method.name] = f"{LATE}: a call would take about {expected:.2g} s"
                 continue
-            ready.append(Measured(method, method.prepare(scene), expected, max(0.0, cold - warm_one)))
-            owed += CALLS * expected * first_of_kind
+            one = Measured(method, method.prepare(scene), expected, compiling)
+            warm(one, look, clock)
         except InputError as error:
-            left.append(LeftOut(method.name, w, h, str(error)))
+            reasons[method.name] = str(error)
             if "cuda" in method.library:
                 absent[method.library] = str(error)  # each try would start a child process
-    progress("prepare", len(methods), len(methods))
-    return sorted(ready, key=lambda m: methods.index(m.method)), left
-
-
-def warm_up(
-    ready: list[Ready], look: Look, deadline: float, left: list[LeftOut], size: tuple[int, int], progress: Progress
-) -> list[Ready]:
-    """The methods that had their first call at full size: the quickest of each family first, then the other quick ones.
-
-    As many as can have three more calls: so no family is lost to the second of another.
-    """
-    done, owed = [], 0.0
-    quick = sorted(ready, key=lambda m: m.guess)
-    families = [m.method.family for m in quick]
-    firsts = [m for i, m in enumerate(quick) if m.method.family not in families[:i]]
-    for i, m in enumerate([*firsts, *(m for m in quick if m not in firsts)]):
-        progress("warm up", i, len(ready))
-        if time.perf_counter() + owed + CALLS * m.guess > deadline:
-            left.append(LeftOut(m.method.name, *size, f"{LATE}: a call would take about {m.guess:.2g} s"))
             continue
-        warm(m, look)
-        done.append(m)
-        owed += (CALLS - 1) * m.guess
-    progress("warm up", len(ready), len(ready))
-    return [m for m in ready if m in done]
+        ready.append(one)
+        owed += (CALLS - 1) * one.guess
+    progress("prepare", len(methods), len(methods))
+    known = {m.method.family for m in ready}
+    late = {m.family for m in methods if m.family not in known and reasons[m.name].startswith(LATE)}
+    if ready and late:
+        warnings.warn(f"--budget leaves out {', '.join(sorted(late))}", stacklevel=2)
+    repeat(ready, look, deadline, repeats, clock)
+    reasons |= {m.method.name: f"{LATE} left for a timed call" for m in ready if not m.seconds}
+    left = [LeftOut(m.name, *size, reasons[m.name]) for m in methods if m.name in reasons]
+    return sorted((m for m in ready if m.seconds), key=lambda m: methods.index(m.method)), left
 
 
-def time_all(
-    ready: list[Ready], look: Look, deadline: float, repeats: int, left: list[LeftOut], size: tuple[int, int],
-    progress: Progress, warn: Callable[[list[Ready]], None] = lambda warmed: None,
-) -> list[Ready]:  # fmt: skip
-    """Warm the methods up and time them in turn; return those with a timed call, and add the others to `left`.
-
-    `warn` is called with what is warm before anything is timed.
-    """
-    warmed = warm_up(ready, look, deadline, left, size, progress)
-    if warmed:
-        warn(warmed)
-    repeat(warmed, look, deadline, repeats)
-    left += [LeftOut(m.method.name, *size, f"{LATE} left for a timed call") for m in warmed if not m.seconds]
-    return [m for m in warmed if m.seconds]
+def expected_seconds(method: Renderer, scene: Scene, clock: Clock) -> tuple[float, float]:
+    """Return the seconds that a call will take, on the line through two thumbnails, and those of compiling."""
+    (small, large), found = (thumbnail(scene, side) for side in (24, 48)), []
+    for view in (small, large):
+        call = method.prepare(view)
+        cold, warm_one = timed(call, clock), timed(call, clock)
+        found.append((area(view), warm_one, cold))
+    seconds = guess(found[0][:2], found[1][:2], area(scene))
+    return seconds, max(0.0, found[0][2] - found[0][1])
 
 
 def summarize(
@@ -336,8 +290,7 @@ def measure_growth(
 ) -> None:  # fmt: skip
     """The methods' seconds on a picture of `count` spheres."""
     size = scene.camera.image_size
-    ready, left = get_ready(scene, methods, deadline, progress)
-    done = time_all(ready, lambda method, image: {}, deadline, repeats, left, size, progress)
+    done, left = time_methods(scene, methods, lambda method, image: {}, deadline, repeats, progress)
     found["growth"] += [Growth(m.method.name, count, *size, *median_iqr(m.seconds), m.compile_seconds) for m in done]
     found["left_out"] += [LeftOut(f"{o.method} with {count} spheres", *size, o.why) for o in left]
 
@@ -364,10 +317,10 @@ def area(scene: Scene) -> int:
     return scene.camera.width * scene.camera.height
 
 
-def timed(call: Call) -> float:
-    start = time.perf_counter()
+def timed(call: Call, clock: Clock) -> float:
+    start = clock()
     call(0)
-    return time.perf_counter() - start
+    return clock() - start
 
 
 def machine() -> dict[str, str]:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -48,12 +49,6 @@ class Setting:
     reductions: tuple[float, ...] | None = None
     threads: int | None = None
     noisy: bool = False
-
-    @property
-    def weight(self) -> float:
-        """About how its seconds compare with another's: pixels decoded and searched, by one thread or by all."""
-        searched = self.scale**2 if self.reductions else 1 / 16
-        return (0.2 + searched) * (2 if self.threads == 1 else 1)
 
     @property
     def name(self) -> str:
@@ -112,7 +107,7 @@ def measure_calibration(
     repeats: int = 7,
     progress: Progress = silent,
 ) -> tuple[list[Calibrated], list[LeftOut]]:
-    """Every setting on the photos in `folder`, and why those that are missing are.
+    """Measure every setting on the photos in `folder`, and say why those that are missing are.
 
     `folder` may hold a truth.toml, which tells the true error of the focal length. `name`: what the rows call the
     photos. `deadline`: by time.perf_counter, for the timed calls; finding the held-out errors comes after it.
@@ -121,8 +116,9 @@ def measure_calibration(
     size = files.photo_size(taken[0])
     truth_file = folder / "truth.toml"
     truth = synthetic_photos.read_truth(truth_file) if truth_file.exists() else None
+    ruler = by_truth(truth, board) if truth is not None else by_full_size(taken, board)
     found: dict[str, photos.Calibration] = {}
-    done, left, pace = [], [], 0.0
+    done, reasons, longest = [], {}, 0.0
     for i, setting in enumerate(settings):
         progress(f"calibrate {name}".strip(), i, len(settings))
 
@@ -130,34 +126,30 @@ def measure_calibration(
             return photos.calibrate(taken, board, find=setting.find, threads=setting.threads)
 
         start = time.perf_counter()
-        if start + 2 * pace * setting.weight > deadline:
-            why = f"no time: a call would take about {pace * setting.weight:.2g} s"
-            left.append(LeftOut(f"calibration: {setting.name}", *size, why))
+        if start + longest > deadline:
+            reasons[setting.name] = "no time to prepare it"
             continue
         try:
             found[setting.name] = call(0)
         except InputError as error:
-            left.append(LeftOut(f"calibration: {setting.name}", *size, f"expected {error.expected}, got {error.got}"))
+            reasons[setting.name] = f"expected {error.expected}, got {error.got}"
             continue
-        spent = time.perf_counter() - start
-        pace = max(pace, spent / setting.weight)
-        done.append(Measured(setting, call, spent))
+        longest = max(longest, time.perf_counter() - start)
+        done.append(Measured(setting, call, time.perf_counter() - start))
     repeat(done, lambda setting, calibration: {}, deadline, repeats)
     progress(f"calibrate {name}".strip(), len(settings), len(settings))
     rows = []
-    ruler = by_truth(truth, board) if truth is not None else by_full_size(taken, board)
     for m in done:
-        if not m.seconds:
-            left.append(LeftOut(f"calibration: {m.method.name}", *size, "no time left for a timed call"))
-            continue
         c = found[m.method.name]
-        if len(c.views) <= photos.LEAST_VIEWS:
-            left.append(LeftOut(f"calibration: {m.method.name}", *size, "too few photos to hold one out"))
-            continue
-        tags = photos.detect_photos(taken, board.kind, find=m.method.find)[0]
-        unseen = held_out({Path(p).name: t for p, t in tags.items()}, c, board, ruler)
-        rows.append(row_of(m.method, c, m.seconds, name, truth, unseen))
-    return rows, left
+        if not m.seconds:
+            reasons[m.method.name] = "no time left for a timed call"
+        elif len(c.views) <= photos.LEAST_VIEWS:
+            reasons[m.method.name] = "too few photos to hold one out"
+        else:
+            tags = photos.detect_photos(taken, board.kind, find=m.method.find)[0]
+            unseen = held_out({Path(p).name: t for p, t in tags.items()}, c, board, ruler)
+            rows.append(row_of(m.method, c, m.seconds, name, truth, unseen))
+    return rows, [LeftOut(f"calibration: {method}", *size, why) for method, why in reasons.items()]
 
 
 # One ruler for all settings: judged by its own detections, a coarse one would be charged for their noise twice, and one
@@ -225,7 +217,8 @@ def row_of(
     )  # fmt: skip
 
 
-class Shoot(msgspec.Struct, frozen=True):
+@dataclass(frozen=True)
+class Shoot:
     """The synthetic photos: how many, of what size (width, height), of which board."""
 
     count: int = 15
@@ -233,7 +226,7 @@ class Shoot(msgspec.Struct, frozen=True):
     board: Board = BOARD
 
 
-class Taken(msgspec.Struct, frozen=True):
+class Taken(NamedTuple):
     """Real photos: a folder and the board that they show."""
 
     folder: Path
@@ -247,26 +240,18 @@ def photographed(shoot: Shoot, progress: Progress = silent) -> Iterator[Path]:
         folder = Path(temporary)
         boards.write_board(folder / "given.toml", shoot.board)
         photograph_board(
-            folder / "given.toml",
-            folder / "photos",
-            count=shoot.count,
-            size=shoot.size,
-            samples=SYNTHETIC_SAMPLES,
+            folder / "given.toml", folder / "photos", count=shoot.count, size=shoot.size, samples=SYNTHETIC_SAMPLES,
             progress=progress,
-        )
+        )  # fmt: skip
         yield folder / "photos"
 
 
 def measure_calibrations(
-    synthetic: Taken,
-    taken: Sequence[Taken],
-    until: float,
-    repeats: int = 7,
-    progress: Progress = silent,
+    synthetic: Path, board: Board, taken: Sequence[Taken], until: float, repeats: int = 7, progress: Progress = silent
 ) -> tuple[list[Calibrated], list[LeftOut]]:
-    """`measure_calibration` on the synthetic photos and on each folder of real ones, in equal shares of the time."""
+    """Measure on the synthetic photos of `board` and on each folder of real ones, in equal shares of the time."""
     rows, left = [], []
-    for i, (name, part) in enumerate([("synthetic", synthetic), *((t.folder.name, t) for t in taken)]):
+    for i, (name, part) in enumerate([("synthetic", Taken(synthetic, board)), *((t.folder.name, t) for t in taken)]):
         deadline = portion(until, 1 + len(taken) - i)
         found, without = measure_calibration(
             part.folder, part.board, name=name, deadline=deadline, repeats=repeats, progress=progress
@@ -277,20 +262,19 @@ def measure_calibrations(
 
 
 def bench_calibration(
-    shoot: Shoot | None = None,
+    shoot: Shoot = Shoot(),
     taken: Sequence[Taken] = (),
     *,
     budget: float = 300.0,
     repeats: int = 7,
     progress: Progress = silent,
 ) -> Bench:
-    """A run of calibrations alone, in about `budget` seconds once the synthetic photos are there."""
+    """Measure calibrations alone, in about `budget` seconds once the synthetic photos are there."""
     check_numbers("--budget", (budget,))
     check_numbers("--repeats", (repeats,))
-    shoot = shoot or Shoot()
     with photographed(shoot, progress) as folder:
         start = time.perf_counter()
-        rows, left = measure_calibrations(Taken(folder, shoot.board), taken, start + budget, repeats, progress)
+        rows, left = measure_calibrations(folder, shoot.board, taken, start + budget, repeats, progress)
     return Bench(
         scene="calibration", machine=machine(), versions=versions(), budget=float(budget),
         seconds=time.perf_counter() - start, rows=(), calibration=tuple(rows), left_out=tuple(left),

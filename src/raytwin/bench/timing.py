@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -25,16 +25,8 @@ NOISY_IMAGES = 5
 """Images per method compared with the reference, where they differ from seed to seed."""
 
 
-class Timed(Protocol):
-    """Anything that can be timed: what a Renderer says of itself."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def noisy(self) -> bool: ...
-
-
-M = TypeVar("M", bound=Timed)
+M = TypeVar("M", bound=Any)
+"""Anything with a `name`, and `noisy` if its results differ from seed to seed: a Renderer, a Setting."""
 
 
 @dataclass(eq=False)

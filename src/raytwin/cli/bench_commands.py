@@ -1,7 +1,7 @@
 """raytwin bench: speed against accuracy; its kin `paper`, `calibration` and `list`."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -158,8 +158,6 @@ def split(globs: str) -> tuple[str, ...]:
 
 def shoot_of(scene: Path | None, count: int, size: str) -> "Shoot":
     """The synthetic photos asked for, of the scene's own board where it has one."""
-    import msgspec
-
     from raytwin import files
     from raytwin.bench import calibration_cost
     from raytwin.calib import photos
@@ -170,7 +168,7 @@ def shoot_of(scene: Path | None, count: int, size: str) -> "Shoot":
         raise InputError("--photo-count", f"at least {photos.LEAST_VIEWS}", count)
     if scene is None or (asked := (written := files.read_scene(scene)).photos) is None:
         return shoot
-    return msgspec.structs.replace(shoot, board=read_board(Path(written.folder) / asked.board))
+    return replace(shoot, board=read_board(Path(written.folder) / asked.board))
 
 
 def real_photos(folders: list[Path] | None, boards: list[Path] | None) -> "list[Taken]":

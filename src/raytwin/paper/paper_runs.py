@@ -19,13 +19,11 @@ import numpy as np
 from raytwin import files, twin
 from raytwin.bench.bench_record import Calibrated, LeftOut
 from raytwin.bench.bench_reference import rounding
-from raytwin.bench.bench_run import check_numbers, get_ready, machine, number, time_all
+from raytwin.bench.bench_run import check_numbers, machine, number, time_methods
 from raytwin.bench.calibration_cost import OURS, SHRUNK_ALONE, WHOLE, Shoot, Taken, measure_calibrations, photographed
 from raytwin.bench.frontier import median_iqr
-from raytwin.calib import photos
 from raytwin.calib.find_camera import find_camera
 from raytwin.compare import METRICS
-from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.paper.paper_record import PUBLISHED, Boxed, Frame, Paper, Ratio
 from raytwin.progress import Progress, silent
@@ -60,7 +58,7 @@ SHARES = {"calibration": 0.55, "small": 0.2}
 def paper(
     path: str | os.PathLike[str] | None = None,
     *,
-    shoot: Shoot | None = None,
+    shoot: Shoot = Shoot(),  # noqa: B008 - a frozen record
     taken: Sequence[Taken] = (),
     budget: float = 1500.0,
     repeats: int = 7,
@@ -70,28 +68,13 @@ def paper(
 
     Frames have the size of `shoot`'s photos, and the loop's a quarter of their side: 4032 x 3024 and 1008 x 756.
     """
-    shoot = shoot or Shoot()
     check_numbers("--budget", (budget,))
     check_numbers("--repeats", (repeats,))
-    if shoot.count < photos.LEAST_VIEWS:
-        raise InputError("--photo-count", f"at least {photos.LEAST_VIEWS}", shoot.count)
     with photographed(shoot, progress) as folder:
-        return _paper(path, shoot, Taken(folder, shoot.board), taken, budget, repeats, progress)
-
-
-def _paper(
-    path: str | os.PathLike[str] | None,
-    shoot: Shoot,
-    synthetic: Taken,
-    taken: Sequence[Taken],
-    budget: float,
-    repeats: int,
-    progress: Progress,
-) -> Paper:
-    start = time.perf_counter()
-    scene = find_camera(files.read_scene(path), progress=progress)[0] if path else two_spheres(*shoot.size)
-    until = start + SHARES["calibration"] * budget
-    calibration, left = measure_calibrations(synthetic, taken, until, repeats, progress)
+        start = time.perf_counter()
+        scene = find_camera(files.read_scene(path), progress=progress)[0] if path else two_spheres(*shoot.size)
+        until = start + SHARES["calibration"] * budget
+        calibration, left = measure_calibrations(folder, shoot.board, taken, until, repeats, progress)
     twin.activate()
     width, height = shoot.size
     large = scene.with_camera(scene.camera.resized(width, height))
@@ -141,8 +124,7 @@ def measure_frames(
         return {} if isinstance(method, YARDSTICKS) else {RUNG: errors(image.mean, truth.mean)}
 
     size = scene.camera.image_size
-    ready, left = get_ready(scene, methods, deadline, progress)
-    done = time_all(ready, look, deadline, repeats, left, size, progress)
+    done, left = time_methods(scene, methods, look, deadline, repeats, progress)
     boxes = boxed(scene)
     counts = {b.trim: b for b in boxes}
     frames = []

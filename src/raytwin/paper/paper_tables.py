@@ -1,13 +1,12 @@
-"""The tables of the page and of paper.md: typed rows first, texts last, a column a function of a row."""
+"""The tables of the page and of paper.md, as texts."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from collections.abc import Iterator
+from typing import NamedTuple
 
 from raytwin.bench import Calibrated
 from raytwin.bench.calibration_cost import OURS, SHRUNK, WHOLE
 from raytwin.compare import METRICS
-from raytwin.paper.paper_record import Boxed, Frame, Paper
+from raytwin.paper.paper_record import Frame, Paper
 from raytwin.paper.paper_runs import ERRORS, FULL
 from raytwin.report.numbers import seconds, shown
 
@@ -19,184 +18,121 @@ TRIMS = {
     "fill": "nothing",
     "1": "one sample a pixel",
 }
+DETECTORS = {(WHOLE, 1.0): WHOLE, (OURS, 1.0): OURS, (SHRUNK, 0.25): "photos shrunk to a quarter"}
+"""(setting, scale) -> how the first table calls it."""
+TIMES = "seconds", "times faster"
+THEIRS = "the paper", "its times faster"
+METRIC_NAMES = tuple(METRICS[name].title for name in ERRORS)
 
-T = TypeVar("T", Calibrated, Frame)
-
-
-@dataclass(frozen=True)
-class Timed(Generic[T]):
-    """A measurement; `faster`: than its kind's first; `theirs`: the paper's seconds, `theirs_faster`: than its own."""
-
-    of: T
-    faster: float | None
-    theirs: tuple[float, ...] = ()
-    theirs_faster: tuple[float, ...] = ()
+Cells = list[str]
+Rows = Iterator[tuple[Cells | None, Cells]]
+"""Lines of a table; with the line of the first table that sums it up, if there is one."""
 
 
-@dataclass(frozen=True)
-class Glance:
-    """A line of the first table; `error`: what it is worth, in words."""
+class PaperTable(NamedTuple):
+    """`words`: how many columns, from the left, are text; the others are numbers."""
 
-    figure: str
-    what: str
-    timed: Timed[Any]
-    error: str
-
-
-@dataclass(frozen=True)
-class Column:
-    head: str
-    text: Callable[[Any], str]
-    number: bool = True
-
-
-@dataclass(frozen=True)
-class PaperTable:
     key: str
     title: str
     lead: str
-    columns: tuple[Column, ...]
-    rows: Sequence[Any]
-
-    def texts(self) -> Iterator[list[str]]:
-        for row in self.rows:
-            yield [column.text(row) for column in self.columns]
+    heads: tuple[str, ...]
+    words: int
+    rows: list[Cells]
 
 
-# ------------------------------------------------------------------------------------------ typed rows
-
-
-def calibrations(paper: Paper) -> list[Timed[Calibrated]]:
+def calibration_rows(paper: Paper) -> Rows:
     first = {c.source: c.seconds_median for c in paper.calibration if (c.setting, c.scale) == (WHOLE, 1.0)}
-    whole = published(paper, "calibration", "12 MP")
-    rows = []
+    (whole,) = published(paper, "calibration", "12 MP")
     for c in paper.calibration:
-        theirs = published(paper, "calibration", counterpart(c))
-        faster = first[c.source] / c.seconds_median if c.source in first else None
-        rows.append(Timed(c, faster, theirs, (whole[0] / theirs[0],) if theirs and large(c) else ()))
-    return rows
+        photos = f"{c.source}, {c.photos} of {size_of(c)}"
+        stated = published(paper, "calibration", counterpart(c))
+        theirs = [in_seconds(stated), shown(whole / stated[0]) if stated and is_large(c) else ""]
+        times = [seconds(c.seconds_median), ratio(first.get(c.source), c)]
+        name = DETECTORS.get((c.setting, c.scale))
+        glance = name and [f"calibration: {photos}", name, *theirs, *times, f"{shown(c.heldout_px)} px held out"]
+        errors = shown(c.heldout_px), shown(c.focal_percent)
+        yield glance or None, [photos, c.setting, f"{c.scale:g}", str(c.tags), *times, *errors, *theirs]
 
 
 def counterpart(c: Calibrated) -> str | None:
-    """How the paper calls what is the same there."""
-    if c.setting == WHOLE and large(c):
+    """Return what the paper calls the same there."""
+    if c.setting == WHOLE and is_large(c):
         return "12 MP"
     if c.setting == WHOLE and sorted((c.width, c.height)) == [1000, 1333]:
         return "photos of 1000"
-    return "a quarter" if c.setting == SHRUNK and c.scale == 0.25 and large(c) else None
+    return "a quarter" if c.setting == SHRUNK and c.scale == 0.25 and is_large(c) else None
 
 
-def large(c: Calibrated) -> bool:
+def is_large(c: Calibrated) -> bool:
     return c.width * c.height > 8e6
 
 
 def published(paper: Paper, figure: str, start: str | None) -> tuple[float, ...]:
-    """The seconds that the paper states; none where it does not."""
+    """Return the seconds that the paper states; none where it does not."""
     found = (p.seconds for p in paper.published if start and p.figure == figure and p.what.startswith(start))
     return next(found, ())
 
 
-def intersections(paper: Paper) -> list[Timed[Frame]]:
+def intersection_rows(paper: Paper) -> Rows:
     first = {(f.width, f.family): f.seconds_median for f in paper.intersection if f.label == "none"}
-    untrimmed, trimmed = (published(paper, "intersection", w) for w in ("untrimmed", "trimmed"))
-    faster = tuple(a / b for a, b in zip(untrimmed, trimmed, strict=True))
-    theirs = {"none": (untrimmed, ()), "corners": (trimmed, faster)}
-    rows = []
+    slow, trimmed = (published(paper, "intersection", w) for w in ("untrimmed", "trimmed"))
+    faster = " and ".join(shown(a / b) for a, b in zip(slow, trimmed, strict=True))
+    stated = {"none": [in_seconds(slow), ""], "corners": [in_seconds(trimmed), faster]}
     for f in paper.intersection:
-        own = theirs.get(f.label, ((), ())) if f.family.startswith("Python loop") else ((), ())
-        slow = first.get((f.width, f.family))
-        rows.append(Timed(f, slow / f.seconds_median if slow else None, *own))
-    return rows
+        theirs = stated.get(f.label, ["", ""]) if f.family.startswith("Python loop") else ["", ""]
+        trim, times = TRIMS.get(f.label, f.label), [seconds(f.seconds_median), ratio(first.get((f.width, f.family)), f)]
+        glance = None
+        if f.rmse is not None and f.label != "in place":
+            error = f"RMSE {shown(f.rmse)}, {shown(f.cut)} px cut"
+            glance = [f"intersection: {f.family}, {size_of(f)}", trim, *theirs, *times, error]
+        yield glance, [f.family, trim, size_of(f), *times, *errors(f), shown(f.cut), shown(f.wasted), *theirs]
 
 
-def speculations(paper: Paper) -> list[Timed[Frame]]:
-    """Every pixel first, at speculation's size."""
+def speculation_rows(paper: Paper) -> Rows:
+    """Yield every pixel first, at speculation's size."""
     full = [f for f in paper.intersection if is_full(paper, f)][:1]
-    return [Timed(f, full[0].seconds_median / f.seconds_median if full else None) for f in (*full, *paper.speculation)]
+    for f in (*full, *paper.speculation):
+        every = f.label.removeprefix("n=") if f.label.startswith("n=") else ""
+        way = f.family.split(", ")[1] if every else "every pixel"
+        times = [seconds(f.seconds_median), ratio(full[0].seconds_median if full else None, f)]
+        glance = None
+        if every in ("", "4", "8"):
+            error = f"RMSE {shown(f.rmse)}, worst {shown(f.max_abs)}"
+            named = f"{way}, n = {every}" if every else way
+            glance = [f"speculation: {size_of(f)}", named, "", "", *times, error]
+        yield glance, [way, every or "–", size_of(f), *times, *errors(f)]
 
 
 def is_full(paper: Paper, frame: Frame) -> bool:
-    """What speculation's seconds are divided by: every pixel, at speculation's size."""
+    """Return whether this is what speculation's seconds are divided by: every pixel, at speculation's size."""
     return frame.method == FULL and any((f.width, f.height) == (frame.width, frame.height) for f in paper.speculation)
 
 
-def glances(paper: Paper) -> list[Glance]:
-    """What the paper states, beside the row of ours that it is compared with."""
-    names = {(WHOLE, 1.0): WHOLE, (OURS, 1.0): OURS, (SHRUNK, 0.25): "photos shrunk to a quarter"}
-    rows = [
-        Glance(f"calibration: {photos_of(c)}", what, c, f"{shown(c.of.heldout_px)} px held out")
-        for c in calibrations(paper)
-        if (what := names.get((c.of.setting, c.of.scale)))
-    ]
-    rows += [
-        Glance(f"intersection: {f.of.family}, {size_of(f.of)}", TRIMS.get(f.of.label, f.of.label), f,
-               f"RMSE {shown(f.of.rmse)}, {shown(f.of.cut)} px cut")
-        for f in intersections(paper)
-        if f.of.rmse is not None and f.of.label != "in place"
-    ]  # fmt: skip
-    rows += [
-        Glance(f"speculation: {size_of(f.of)}", way_of(f.of) + (f", n = {n}" if (n := every_of(f.of)) else ""), f,
-               f"RMSE {shown(f.of.rmse)}, worst {shown(f.of.max_abs)}")
-        for f in speculations(paper)
-        if every_of(f.of) in (None, 4, 8)
-    ]  # fmt: skip
-    return rows
-
-
-# ------------------------------------------------------------------------------------------ texts
-
-
-def size_of(thing: Frame | Boxed) -> str:
+def size_of(thing: Calibrated | Frame) -> str:
     return f"{thing.width} x {thing.height}"
 
 
-def photos_of(c: Timed[Calibrated]) -> str:
-    return f"{c.of.source}, {c.of.photos} of {c.of.width} x {c.of.height}"
+def ratio(first: float | None, timed: Calibrated | Frame) -> str:
+    return shown(first / timed.seconds_median if first else None)
 
 
-def every_of(frame: Frame) -> int | None:
-    """n, where every n-th pixel is traced; None where all are."""
-    return int(frame.label.removeprefix("n=")) if frame.label.startswith("n=") else None
-
-
-def way_of(frame: Frame) -> str:
-    return frame.family.split(", ")[1] if every_of(frame) else "every pixel"
-
-
-def stated(values: tuple[float, ...]) -> str:
+def in_seconds(values: tuple[float, ...]) -> str:
     return " and ".join(f"{v:g}" for v in values) + (" s" if values else "")
 
 
-def ratios_of(values: tuple[float, ...]) -> str:
-    return " and ".join(shown(v) for v in values)
-
-
-def error_column(metric: str) -> Column:
-    return Column(METRICS[metric].title, lambda r: shown(getattr(r.of, metric)))
-
-
-TIMES = (
-    Column("seconds", lambda r: seconds(r.of.seconds_median)),
-    Column("times faster", lambda r: shown(r.faster)),
-)
-ERROR_COLUMNS = tuple(error_column(name) for name in ERRORS)
-THEIRS = (
-    Column("the paper", lambda r: stated(r.theirs)),
-    Column("its times faster", lambda r: ratios_of(r.theirs_faster)),
-)
+def errors(frame: Frame) -> Cells:
+    return [shown(getattr(frame, name)) for name in ERRORS]
 
 
 def tables(paper: Paper) -> list[PaperTable]:
-    """Every number that the page and paper.md show; those tables that have a row."""
+    """Return every number that the page and paper.md show; those tables that have a row."""
+    parts = [list(rows) for rows in (calibration_rows(paper), intersection_rows(paper), speculation_rows(paper))]
+    calibration, intersection, speculation = ([cells for _, cells in part] for part in parts)
     made = (
         PaperTable(
             "digest", "At a glance", "Times faster: than the first row of the same kind, here and in the paper.",
-            (Column("figure", lambda r: r.figure, False), Column("what", lambda r: r.what, False),
-             Column("the paper", lambda r: stated(r.timed.theirs)),
-             Column("its times faster", lambda r: ratios_of(r.timed.theirs_faster)),
-             Column("here", lambda r: seconds(r.timed.of.seconds_median)),
-             Column("times faster", lambda r: shown(r.timed.faster)), Column("error", lambda r: r.error)),
-            glances(paper),
+            ("figure", "what", *THEIRS, "here", "times faster", "error"), 2,
+            [glance for part in parts for glance, _ in part if glance],
         ),
         PaperTable(
             "calibration", "Calibration over image scale",
@@ -207,11 +143,7 @@ def tables(paper: Paper) -> list[PaperTable]:
             "shrunk: the paper's trick, centres scaled back with pixel centres at whole numbers. Reduced search: "
             "tags are looked for at that scale, their edges refined on the whole photo. The paper's seconds are "
             "for photos of its own, whose number may be another.",
-            (Column("photos", photos_of, False), Column("detector", lambda r: r.of.setting, False),
-             Column("scale", lambda r: f"{r.of.scale:g}"), Column("tags", lambda r: str(r.of.tags)), *TIMES,
-             Column("held-out, px", lambda r: shown(r.of.heldout_px)),
-             Column("focal, %", lambda r: shown(r.of.focal_percent)), *THEIRS),
-            calibrations(paper),
+            ("photos", "detector", "scale", "tags", *TIMES, "held-out, px", "focal, %", *THEIRS), 2, calibration,
         ),
         PaperTable(
             "intersection", "Ray-sphere intersection, with and without bounding boxes",
@@ -219,45 +151,35 @@ def tables(paper: Paper) -> list[PaperTable]:
             " % of the frame. Errors of radiance against the untrimmed tracer in float64. Times faster: than the same "
             "engine untrimmed; its frames go into one array, kept from call to call. Cut: pixels that see an object "
             "outside its box. Wasted: pixels of boxes that do not see it.",
-            (Column("method", lambda r: r.of.family, False),
-             Column("trim", lambda r: TRIMS.get(r.of.label, r.of.label), False),
-             Column("size", lambda r: size_of(r.of), False), *TIMES, *ERROR_COLUMNS,
-             Column("cut", lambda r: shown(r.of.cut)),
-             Column("wasted", lambda r: shown(r.of.wasted)), *THEIRS),
-            intersections(paper),
+            ("method", "trim", "size", *TIMES, *METRIC_NAMES, "cut", "wasted", *THEIRS), 3, intersection,
         ),
         PaperTable(
             "speculation", "High-resolution speculation",
             "Every n-th pixel across and down is traced by NumPy in float32, the others are interpolated: everywhere "
             "(paper), or only where no edge or strong curvature is near (careful). Times faster: than tracing "
             "every pixel, untrimmed.",
-            (Column("way", lambda r: way_of(r.of), False), Column("n", lambda r: shown(every_of(r.of))),
-             Column("size", lambda r: size_of(r.of)), *TIMES, *ERROR_COLUMNS),
-            speculations(paper),
+            ("way", "n", "size", *TIMES, *METRIC_NAMES), 1, speculation,
         ),
         PaperTable(
             "boxes", "Where boxes cut",
             "Pixels of the boxes round every object, summed; the last scenes are made to be hard.",
-            (Column("scene", lambda b: b.scene, False), Column("trim", lambda b: TRIMS[b.trim], False),
-             Column("size", size_of, False), Column("pixels", lambda b: shown(b.pixels)),
-             Column("wasted", lambda b: shown(b.wasted)), Column("cut", lambda b: shown(b.cut))),
-            paper.boxes,
+            ("scene", "trim", "size", "pixels", "wasted", "cut"), 2,
+            [[b.scene, TRIMS[b.trim], f"{b.width} x {b.height}", shown(b.pixels), shown(b.wasted), shown(b.cut)]
+             for b in paper.boxes],
         ),
         PaperTable(
             "ratios", "Ratios", "Of medians of warm calls in one run, the methods in turn.",
-            (Column("ratio", lambda r: r.what, False), Column("asked", lambda r: r.asked or "–", False),
-             Column("measured", lambda r: shown(r.measured))),
-            paper.ratios,
+            ("ratio", "asked", "measured"), 2, [[r.what, r.asked or "–", shown(r.measured)] for r in paper.ratios],
         ),
     )  # fmt: skip
     return [table for table in made if table.rows]
 
 
 def markdown(paper: Paper, head: str) -> str:
-    """The page's tables; the first is meant for a README."""
+    """Return the page's tables; the first is meant for a README."""
     parts = [head]
     for table in tables(paper):
-        rules = ["---:" if column.number else "---" for column in table.columns]
-        lines = [[column.head for column in table.columns], rules, *table.texts()]
-        parts += [f"**{table.title}**", "\n".join(f"| {' | '.join(cells)} |" for cells in lines)]
+        rules = ["---" if k < table.words else "---:" for k in range(len(table.heads))]
+        lines = [f"| {' | '.join(row)} |" for row in (table.heads, rules, *table.rows)]
+        parts += [f"**{table.title}**", "\n".join(lines)]
     return "\n\n".join(parts) + "\n"
