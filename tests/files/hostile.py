@@ -92,7 +92,7 @@ def png(width: int, height: int, raw: bytes, bits: int = 8, kind: int = 2) -> by
 
 
 def hdrs(codes: np.ndarray) -> dict[str, bytes]:
-    """Run-length coded, flat, and flat with the old repeats."""
+    """Run-length coded, and flat."""
     h, w = codes.shape[:2]
     head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n" + f"-Y {h} +X {w}\n".encode()
     rgbe = np.concatenate([codes, np.full((h, w, 1), 130, np.uint8)], axis=-1)
@@ -100,8 +100,7 @@ def hdrs(codes: np.ndarray) -> dict[str, bytes]:
     for row in rgbe:
         rows.append(b"\2\2" + w.to_bytes(2, "big"))
         rows += [bytes([w]) + row[:, c].tobytes() for c in range(3)] + [bytes([128 + w, 130])]
-    old = rgbe.reshape(-1, 4)[: h * w - 300].tobytes() + bytes((1, 1, 1, 44)) + bytes((1, 1, 1, 1))
-    return {"runs": head + b"".join(rows), "flat": head + rgbe.tobytes(), "old": head + old}
+    return {"runs": head + b"".join(rows), "flat": head + rgbe.tobytes()}
 
 
 # ------------------------------------------------------------------------------------------ damage

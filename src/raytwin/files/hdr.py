@@ -1,7 +1,8 @@
 """Radiance HDR: value = mantissa 2^(exponent - 136), three mantissas and one exponent a pixel, mostly run-length coded.
 
 Source: Ward, "Real Pixels", Graphics Gems II, and Radiance's color.c. Values are those of most readers: the
-mantissa itself, not Ward's mantissa + 1/2. EXPOSURE is divided out, as the format asks.
+mantissa itself, not Ward's mantissa + 1/2. EXPOSURE is divided out, as the format asks. The repeats of files from
+before 1991 and turned pictures, which no program writes today, are refused.
 """
 
 import os
@@ -13,7 +14,7 @@ import numpy as np
 from raytwin.errors import InputError
 from raytwin.files.limits import check_size
 
-RESOLUTION = re.compile(rb"([+-])Y (\d{1,9}) ([+-])X (\d{1,9})\n")
+RESOLUTION = re.compile(rb"-Y (\d{1,9}) \+X (\d{1,9})\n")
 LONGEST_HEADER = 65536
 """Bytes: no header of a known writer comes near it."""
 
@@ -29,14 +30,14 @@ def read_hdr(path: str | os.PathLike) -> np.ndarray:
     known = [value for key, _, value in (line.partition(b"=") for line in lines) if key.strip() == b"FORMAT"]
     if known and known[-1].strip() != b"32-bit_rle_rgbe":
         raise InputError(path, "FORMAT=32-bit_rle_rgbe", known[-1].strip().decode("latin-1")[:40])
-    height, width = int(size[2]), int(size[4])
+    height, width = int(size[1]), int(size[2])
     check_size(path, width, height, 12)
     body = data[size.end() :]
     try:
         rgbe = _adaptive(body, width, height) if _is_adaptive(body, width) else _flat(body, width * height)
     except (IndexError, ValueError) as error:
         raise InputError(path, "a whole Radiance HDR", f"a damaged one ({error})") from None
-    rgbe = rgbe.reshape(height, width, 4)[:: 1 if size[1] == b"-" else -1, :: 1 if size[3] == b"+" else -1]
+    rgbe = rgbe.reshape(height, width, 4)
     unit = np.ldexp(np.float32(1), np.arange(256) - 136).astype(np.float32)
     unit[0] = 0  # exponent 0 is black
     with np.errstate(over="ignore", invalid="ignore"):
@@ -97,24 +98,8 @@ def _adaptive(body: bytes, width: int, height: int) -> np.ndarray:
 
 
 def _flat(body: bytes, count: int) -> np.ndarray:
-    """Pixels as they are, or with the old repeats: (1, 1, 1, n) repeats the last pixel n << 8 k times, k in a row."""
+    """Pixels as they are."""
     pixels = np.frombuffer(body[: len(body) // 4 * 4], np.uint8).reshape(-1, 4)[:count]
-    repeat = (pixels[:, :3] == 1).all(axis=1)
-    if not repeat.any():
-        if len(pixels) < count:
-            raise ValueError(f"{len(pixels)} of {count} pixels")
-        return pixels
-    if repeat[0]:
-        raise ValueError("it begins with a repeat")
-    index = np.arange(len(pixels))
-    since = index - np.maximum.accumulate(np.where(repeat, 0, index))  # 1 for the first of several repeats
-    times = np.where(repeat, pixels[:, 3].astype(np.int64) << np.minimum(8 * np.maximum(since - 1, 0), 32), 1)
-    # Cut before memory is taken: the rest of the file is past the last pixel.
-    ends = np.cumsum(np.minimum(times, count))
-    if ends[-1] < count:
-        raise ValueError(f"{ends[-1]} of {count} pixels")
-    last = int(np.searchsorted(ends, count))
-    times = np.minimum(times, count)[: last + 1]
-    times[-1] -= ends[last] - count
-    source = np.maximum.accumulate(np.where(repeat, 0, index))[: last + 1]
-    return pixels[np.repeat(source, times)]
+    if len(pixels) < count or (pixels[:, :3] == 1).all(axis=1).any():
+        raise ValueError(f"{len(pixels)} of {count} pixels, or the repeats of an old file")
+    return pixels

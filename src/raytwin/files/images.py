@@ -7,7 +7,7 @@ from raytwin.errors import InputError
 from raytwin.files.exr import EXR_MAGIC, exr_layer, read_exr, stack, write_exr
 from raytwin.files.hdr import read_hdr
 from raytwin.files.pfm import pfm_bytes, read_pfm
-from raytwin.files.photo_files import check_png, from_bytes, read_deep_png, read_photo, to_bytes, write_picture
+from raytwin.files.photo_files import from_bytes, read_deep_png, read_photo, to_bytes, write_picture
 from raytwin.files.safe_write import check_file, replacing
 from raytwin.image import Image
 
@@ -40,8 +40,6 @@ def read_image(path: str | os.PathLike, part: str | None = None, layer: str | No
         if kind in ("PFM", "HDR"):
             pixels = (read_pfm if kind == "PFM" else read_hdr)(path)
         else:
-            if kind == "PNG":
-                check_png(path)
             deep = read_deep_png(path) if kind == "PNG" else None
             pixels = from_bytes(read_photo(path)) if deep is None else deep
     except OSError as error:

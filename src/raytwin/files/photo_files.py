@@ -4,9 +4,7 @@ import base64
 import contextlib
 import io
 import os
-import struct
 import warnings
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -164,36 +162,6 @@ def encoded(picture: Any, kind: str, **options: Any) -> bytes:
 def data_url(picture: Any, kind: str, **options: Any) -> str:
     """Return the same as a data URL."""
     return f"data:image/{kind};base64,{base64.b64encode(encoded(picture, kind, **options)).decode('ascii')}"
-
-
-def check_png(path: Path) -> None:
-    """InputError where a PNG ends before its last row: Pillow would take the rest for black."""
-    data, at, packed = path.read_bytes(), 8, []
-    width, height, depth, kind, _, _, interlaced = struct.unpack(">IIBBBBB", data[16:29].ljust(13, b"\0"))
-    while at + 8 <= len(data):
-        length = int.from_bytes(data[at : at + 4])
-        if data[at + 4 : at + 8] == b"IDAT":
-            packed.append(data[at + 8 : at + 8 + length])
-        at += 12 + length
-    bits = depth * {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}.get(kind, 1)
-    passes = ADAM7 if interlaced else ((0, 0, 1, 1),)
-    sizes = [(-(-(width - x) // dx), -(-(height - y) // dy)) for x, y, dx, dy in passes]
-    expected = sum(rows * (1 + -(-columns * bits // 8)) for columns, rows in sizes if columns > 0 and rows > 0)
-    check_size(path, width, height, 12)
-    inflated, stream = 0, zlib.decompressobj()
-    try:
-        for piece in packed:
-            while piece and inflated < expected:
-                inflated += len(stream.decompress(piece, 1 << 20))
-                piece = stream.unconsumed_tail
-    except zlib.error as error:
-        raise InputError(path, "a whole photo (JPEG or PNG)", f"a damaged one ({error})") from None
-    if inflated < expected:
-        raise InputError(path, "a whole PNG", f"one that ends after {100 * inflated // expected} % of it")
-
-
-ADAM7 = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
-"""The passes of an interlaced PNG: x and y of the first pixel, steps."""
 
 
 def read_deep_png(path: Path) -> np.ndarray | None:
