@@ -96,7 +96,7 @@ class Case:
     @cached_property
     def richest(self) -> "Case":
         """The same, fitted by the richest lens that was tried: an odd photo may have led the choice systematic."""
-        form = replace(self.found.form, model=next(iter(self.calibration.basis.trials)), unfolded=False)
+        form = replace(self.found.form, model=next(iter(self.calibration.basis.trials)))
         if form == self.found.form:
             return self
         found = fit(self.views, self.image_size, self.boards, form, self.found)
@@ -320,7 +320,7 @@ def _oddities(case: Case) -> Iterator[tuple[float, str, str]]:
 def _pull(case: Case) -> tuple[np.ndarray, np.ndarray]:
     """(n,): how far K moves without each photo, over what it would if photos erred alike, in medians over the photos;
     and by how many of its standard deviations (rms), as the table of photos has it."""
-    H, photo = case.found.H.sum(axis=0) + case.found.prior, case.found.observations.photo
+    H, photo = case.found.H.sum(axis=0), case.found.observations.photo
     inverse = np.linalg.pinv(case.known.covariance[:4, :4], hermitian=True)
     pulls = []
     for i, move in enumerate(case.known.moves):

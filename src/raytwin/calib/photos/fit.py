@@ -42,9 +42,6 @@ START = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 30, 1e-6)
 STEPS, SETTLED = 100, 1e-10
 """Most steps; the fit has converged once a step is predicted to lower the sum of squares by less than this fraction."""
 
-STEEP = 0.25
-"""Least slope d(r g)/dr of a lens fitted as `unfolded`, at every radius out to the frame's corner."""
-
 
 @contextmanager
 def one_thread() -> Iterator[None]:
@@ -67,13 +64,12 @@ class Sighting(Record, frozen=True):
 
 @dataclass(frozen=True)
 class ModelSpec:
-    """What is fitted besides K and poses: a row of MODELS, the degree of the boards' heights (0: flat), whether a
-    stretch of the boards' y is free, and whether the lens is constrained not to fold back inside the frame."""
+    """What is fitted besides K and poses: a row of MODELS, the degree of the boards' heights (0: flat), and whether a
+    stretch of the boards' y is free."""
 
     model: str
     degree: int = 0
     stretch: bool = False
-    unfolded: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -115,7 +111,7 @@ class Step:
     """The fit at one place: `shared` (m,) is fx, fy, cx, cy, the coefficients of `form`, then the boards' shapes.
 
     R (v, 3, 3), t (v, 3): the poses. `residuals` (v, t, 2): projected minus seen, pixels; `A` (v, 2 t, m), `B` (v, 2 t,
-    6): see above. `fold`, `of_fold`: residuals and Jacobian of the constraint on folding; `cost`: the sum of squares.
+    6): see above. `cost`: the sum of squares.
     """
 
     form: ModelSpec
@@ -126,17 +122,14 @@ class Step:
     residuals: np.ndarray
     A: np.ndarray
     B: np.ndarray
-    fold: np.ndarray
-    of_fold: np.ndarray
     cost: float
 
 
 @dataclass(frozen=True, eq=False)
 class Fit(Step):
-    """What the optimizer gives: where it settled, and `H` (v, m, m), `g` (v, m), see above; `prior` (m, m): the
-    information of the constraints. `follow` (v, 6, m): d pose / d shared; `local` (v, 6, 6): (B^T B)^-1."""
+    """What the optimizer gives: where it settled, and `H` (v, m, m), `g` (v, m), see above. `follow` (v, 6, m): d pose
+    by d shared; `local` (v, 6, 6): (B^T B)^-1."""
 
-    prior: np.ndarray
     H: np.ndarray
     g: np.ndarray
     follow: np.ndarray
@@ -307,38 +300,11 @@ def _step(form: ModelSpec, seen: Observations, shared: np.ndarray, R: np.ndarray
         A = np.concatenate([A, np.einsum("vtci,vij,vtsj->vtcs", of_point, R, moves, optimize=True)], axis=-1)
         w = seen.weight[..., None]
         r, A, B = r * w, A * w[..., None], lens_model.of_pose(points, of_point) * w[..., None]
-        fold, of_fold = _fold(form, seen, shared)
-        cost = float((r * r).sum() + fold @ fold)
+        cost = float((r * r).sum())
     if not np.isfinite(cost) or (points[..., 2] <= 0).any():
         cost = np.inf
     v, n, _ = r.shape
-    return Step(form, seen, shared, R, t, r, A.reshape(v, 2 * n, -1), B.reshape(v, 2 * n, 6), fold, of_fold, cost)
-
-
-RADII = np.linspace(0.05, 1, 20)
-
-
-def _fold(form: ModelSpec, seen: Observations, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where the slope d(r g)/dr = 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶ is below STEEP inside the frame: how far, made
-    dear."""
-    free = MODELS[form.model]
-    if not form.unfolded or not {"k1", "k2", "k3"} & {*free}:
-        return np.zeros(0), np.zeros((0, len(shared)))
-    far = lens_model.corner_radius(shared[:4].tolist(), seen.image_size)
-    k1, k2, _, _, k3 = form.camera(shared)[1]
-    r = RADII * 2 * far
-    s = r * r
-    reached = r * (1 + s * (k1 + s * (k2 + s * k3)))
-    # Out to where the lens has reached the corner; one that folds before never does.
-    inside = np.arange(len(r)) <= (int(np.argmax(reached >= far)) if (reached >= far).any() else len(r))
-    s = s[inside]
-    lack = STEEP - (1 + s * (3 * k1 + s * (5 * k2 + s * 7 * k3)))
-    dear = 10 * np.sqrt(seen.count())
-    of_fold = np.zeros((len(s), len(shared)))
-    for name, column in (("k1", 3 * s), ("k2", 5 * s * s), ("k3", 7 * s**3)):
-        if name in free:
-            of_fold[:, 4 + free.index(name)] = -dear * column * (lack > 0)
-    return dear * np.maximum(lack, 0), of_fold
+    return Step(form, seen, shared, R, t, r, A.reshape(v, 2 * n, -1), B.reshape(v, 2 * n, 6), cost)
 
 
 def _moved(here: Step, d_shared: np.ndarray, d_poses: np.ndarray) -> Step:
@@ -375,8 +341,7 @@ def _settle(here: Step) -> Fit:
     follow = -local @ AB.swapaxes(1, 2)
     H = here.A.swapaxes(1, 2) @ here.A + AB @ follow
     g = (here.A.swapaxes(1, 2) @ r + follow.swapaxes(1, 2) @ (here.B.swapaxes(1, 2) @ r))[..., 0]
-    prior = here.of_fold.T @ here.of_fold
-    return Fit(**vars(here), prior=prior, H=H, g=g, follow=follow, local=local)
+    return Fit(**vars(here), H=H, g=g, follow=follow, local=local)
 
 
 def _column(here: Step) -> np.ndarray:
@@ -390,8 +355,7 @@ def _solve(here: Step, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
     At, Bt = A.swapaxes(1, 2), B.swapaxes(1, 2)
     AB, BB, Br = At @ B, Bt @ B, Bt @ r
     inverse = np.linalg.inv(BB * (1 + damping * np.eye(6)))
-    U = (At @ A).sum(axis=0) + here.of_fold.T @ here.of_fold
-    rhs = (At @ r).sum(axis=0)[:, 0] + here.of_fold.T @ here.fold
+    U, rhs = (At @ A).sum(axis=0), (At @ r).sum(axis=0)[:, 0]
     S = U * (1 + damping * np.eye(len(U))) - (AB @ inverse @ AB.swapaxes(1, 2)).sum(axis=0)
     right = rhs - (AB @ inverse @ Br).sum(axis=0)[:, 0]
     d = -solve_scaled(S, right)

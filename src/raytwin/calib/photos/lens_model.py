@@ -4,7 +4,6 @@ x, y = X/Z, Y/Z; r² = x² + y²; radial g = 1 + k1 r² + k2 r⁴ + k3 r⁶;
 x' = x g + 2 p1 x y + p2 (r² + 2 x²), y' = y g + p1 (r² + 2 y²) + 2 p2 x y; u = fx x' + cx, v = fy y' + cy.
 """
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -89,13 +88,6 @@ def grows(rays: np.ndarray, dist: Sequence[float]) -> np.ndarray:
         x, y = (np.linspace(0, 1, WAYPOINTS + 1)[1:, None] * (rays[:, i] / rays[:, 2]) for i in (0, 1))
         a, b, c = jacobian(x, y, five(dist).tolist())
         return (rays[:, 2] > 0) & ((a > 0) & (a * c - b * b >= LEAST)).all(axis=0)
-
-
-def corner_radius(intrinsics: Sequence[float], image_size: tuple[int, int]) -> float:
-    """The distance of the image's farthest corner from the lens's centre, in focal lengths, given fx, fy, cx, cy."""
-    fx, fy, cx, cy = intrinsics
-    width, height = image_size
-    return math.hypot(max(cx + 0.5, width - 0.5 - cx) / fx, max(cy + 0.5, height - 0.5 - cy) / fy)
 
 
 def five(dist: Sequence[float]) -> np.ndarray:

@@ -28,9 +28,6 @@ AS_WELL, NOTHING = 1.01, 0.002
 ALIKE = 1.1
 """Models that predict within this factor of the best add to sigma how far their K lies apart."""
 
-UNFOLDED = 1.02
-"""A lens that folds back inside the frame is constrained not to where that costs at most 2 % of the held-out error."""
-
 FEW_PHOTOS = 12
 """Photos: with fewer, which lens predicts best is chance, and all five coefficients are fitted."""
 
@@ -135,17 +132,10 @@ def _select(
         good = _as_good(trials, [name(ModelSpec(m, degree)) for m in LADDER])
         if photos < FEW_PHOTOS:
             good = [name(taken.form), *(n for n in reversed(good) if n != name(taken.form))]
-    limit = UNFOLDED * min(trials[n].held_out_px for n in good)
-    for n in good:
-        if not undone(fits[n].K, fits[n].dist, image_size).fault:
-            return fits[n], trials, _gap(fits, trials, fits[n], photos)
-        form = replace(fits[n].form, unfolded=True)
-        unfolded = fit(views, image_size, boards, form, fits[n])
-        if not undone(unfolded.K, unfolded.dist, image_size).fault and (error := held_out(unfolded)) <= limit:
-            trials[n] = ModelTrial(error, "kept from folding back in a corner")
-            return unfolded, trials, _gap(fits, trials, fits[n], photos)
-        trials[n] = ModelTrial(trials[n].held_out_px, "the lens folds back inside the frame")
-    return fits[good[0]], trials, _gap(fits, trials, fits[good[0]], photos)
+    folding = [n for n in good if undone(fits[n].K, fits[n].dist, image_size).fault]
+    trials |= {n: ModelTrial(trials[n].held_out_px, "the lens folds back inside the frame") for n in folding}
+    best = next((n for n in good if n not in folding), good[0])
+    return fits[best], trials, _gap(fits, trials, fits[best], photos)
 
 
 def _gap(fits: Mapping[str, Fit], trials: Mapping[str, ModelTrial], taken: Fit, photos: int) -> np.ndarray:

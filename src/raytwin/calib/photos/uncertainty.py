@@ -50,7 +50,7 @@ def leave_one_out(found: Fit) -> tuple[np.ndarray, np.ndarray]:
     """By photo: how the shared numbers move without it (n, m), and the rms distance of its own tags then (n,),
     pixels."""
     photo = found.observations.photo
-    total = found.H.sum(axis=0) + found.prior
+    total = found.H.sum(axis=0)
     moves, errors = [], []
     for i in range(photo.max() + 1):
         mine = photo == i
@@ -78,7 +78,7 @@ def fit_uncertainty(found: Fit, systematic: Sequence[np.ndarray] = ()) -> FitUnc
     """Return the uncertainty of a fit. `systematic`: (v, t, 2) each, one standard deviation of an error that shifts all
     tags together, pixels."""
     moves, errors = leave_one_out(found)
-    H, s2 = found.H.sum(axis=0) + found.prior, max(found.variance, 1e-300)
+    H, s2 = found.H.sum(axis=0), max(found.variance, 1e-300)
     q, of_K, chance = _disagreement(found, H, s2)
     alike = max(q, 1) * s2 * solve_scaled(H, np.eye(len(H)))
     jackknife = (1 - 1 / len(moves)) * moves.T @ moves
