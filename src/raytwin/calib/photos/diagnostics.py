@@ -8,7 +8,6 @@ or the board, is at odds with all the rest.
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import cv2
 import numpy as np
@@ -16,7 +15,7 @@ import numpy as np
 from raytwin.calib.boards import Board
 from raytwin.calib.photos import lens_model, pose
 from raytwin.calib.photos.calibration_result import Calibration
-from raytwin.calib.photos.fit import Fit, Sighting, fit, matched, solve_scaled
+from raytwin.calib.photos.fit import Fit, Sighting, fit, matched
 from raytwin.calib.photos.uncertainty import FitUncertainty, fit_uncertainty, uncertainty_map
 from raytwin.errors import InputError
 from raytwin.scene.lens import SIDE, undone
@@ -48,10 +47,9 @@ NORMAL_SPREAD, COVERAGE = 15.0, 0.25
 image's side, |fx / fy - 1|, the centre's distance from the middle as a share of the side, the largest angle between two
 of the board's normals in degrees, and the share of the frame's 10 x 10 cells that hold a tag's centre."""
 
-ODD_RMS, ODD_PULL, ODD_TURN = 2.5, 5.0, 2.5
-"""A photo is odd if its rms is this many times the median, in the fit with it or without it; if it pulls K this many
-times as much as the median photo does, relative to its information on K; or if its rms is this many times what it is
-with its pixels rotated by 180 degrees. (Sound sets: at most 2.4, 3.8 and 1.9.)"""
+ODD_RMS, ODD_TURN = 2.5, 1.25
+"""A photo is odd if its rms is this many times the median, in the fit with it or without it; turned by half a turn if
+its rms is this many times what it is with its pixels rotated by 180 degrees. (Sound sets: at most 2.4 and 1.9.)"""
 
 ODD_PX = 0.2
 """Pixels: a photo of a smaller rms is not odd for it; small tags and slanting ones are read no better."""
@@ -93,21 +91,12 @@ class Case:
     def photos(self) -> list[str]:
         return list(dict.fromkeys(v.photo for v in self.views))
 
-    @cached_property
-    def richest(self) -> "Case":
-        """The same, fitted by the richest lens that was tried: an odd photo may have led the choice systematic."""
-        form = replace(self.found.form, model=next(iter(self.calibration.basis.trials)))
-        if form == self.found.form:
-            return self
-        found = fit(self.views, self.image_size, self.boards, form, self.found)
-        return replace(self, found=found, known=fit_uncertainty(found))
-
     def without(self, photo: str) -> "Case":
-        """The same without one photo, fitted by the richest lens that was tried."""
+        """The same without one photo."""
         kept = [i for i, v in enumerate(self.views) if v.photo != photo]
-        views, whole = [self.views[i] for i in kept], self.richest.found
-        start = replace(whole, R=whole.R[kept], t=whole.t[kept])
-        found = fit(views, self.image_size, self.boards, whole.form, start)
+        views = [self.views[i] for i in kept]
+        start = replace(self.found, R=self.found.R[kept], t=self.found.t[kept])
+        found = fit(views, self.image_size, self.boards, start.form, start)
         return replace(self, views=views, found=found, known=fit_uncertainty(found))
 
 
@@ -249,12 +238,15 @@ def _odd(case: Case) -> Warnings:
     look so."""
     left_out: list[str] = []
     while len(case.photos) >= LEAST_FOR_ODD:
-        named = next(_worth_naming(case), None)
+        odd = sorted(_oddities(case), reverse=True)
+        named = next(((name, why, rest) for t, name, why in odd if (rest := _better_without(case, name, t))), None)
         if named is None:
             return
         name, why, rest = named
         after = f"with {', '.join(left_out)} left out, " if left_out else ""
-        error, without = _others_error(case.richest, name), _others_error(rest, name)
+        if (turned := _better_turned(case, name)) > ODD_TURN:
+            why += f"; turned by half a turn, it fits {turned:.1f} times as well"
+        error, without = _others_error(case, name), _others_error(rest, name)
         text = f"without it the others are predicted to {without:.3f} px, with it to {error:.3f} px"
         blame = "(another camera, zoom or orientation, or blur): leave it out"
         yield "odd-photo", f"{name}: {after}{why}; {text} {blame}"
@@ -262,22 +254,31 @@ def _odd(case: Case) -> Warnings:
         case = rest
 
 
-def _worth_naming(case: Case) -> Iterator[tuple[str, str, Case]]:
-    """Photo, why it is odd, and the case without it, the oddest first: those that it pays to leave out."""
-    for times, name, why in sorted(_oddities(case), reverse=True):
-        if (rest := _better_without(case, name, 1.0 if times > FAR else PREDICTED)) is not None:
-            yield name, why, rest
+def _oddities(case: Case) -> Iterator[tuple[float, str, str]]:
+    """Yield (how odd, photo, why), by its rms in this fit, as the table of photos has it, or in that of the others."""
+    photo = case.found.observations.photo
+    squares = np.bincount(photo, (case.found.residuals**2).sum(axis=(1, 2)))
+    rms = np.sqrt(squares / np.bincount(photo, case.found.observations.weight.sum(axis=1)))
+    whats = (rms, "its rms of"), (case.known.errors, "its rms in the camera of the others of")
+    for i, name in enumerate(case.photos):
+        for errors, what in whats:
+            usual = max(float(np.median(errors)), 1e-9)
+            times = errors[i] / usual
+            if errors[i] > ODD_PX and times > ODD_RMS:
+                yield times, name, f"{what} {errors[i]:.3f} px is {times:.1f} times the median photo's {usual:.3f} px"
+                break
 
 
-def _better_without(case: Case, name: str, share: float) -> Case | None:
-    """Return the case without a photo if it predicts the others to `share` of their error and still determines K."""
+def _better_without(case: Case, name: str, times: float) -> Case | None:
+    """Return the case without a photo if it predicts the others to less of their error and still determines K."""
     try:
-        rest, whole = case.without(name), case.richest
+        rest = case.without(name)
     except InputError:
         return None
-    if _others_error(rest, name) > share * _others_error(whole, name):
+    share = 1.0 if times > FAR * ODD_RMS else PREDICTED
+    if _others_error(rest, name) > share * _others_error(case, name):
         return None
-    sigma, before = (np.sqrt(np.diag(c.known.covariance)[:4]) for c in (rest, whole))
+    sigma, before = (np.sqrt(np.diag(c.known.covariance)[:4]) for c in (rest, case))
     return rest if (sigma <= SIGMA_WITHOUT * before).all() else None
 
 
@@ -288,53 +289,9 @@ def _others_error(case: Case, name: str) -> float:
     return math.exp(float(np.mean(np.log(np.maximum(errors, 1e-9)))))
 
 
-def _oddities(case: Case) -> Iterator[tuple[float, str, str]]:
-    """Yield (how odd, photo, why), judged by the fit without that photo; 1 and more is odd.
-
-    Of the fit that is reported, the numbers are those of the table of photos.
-    """
-    photo = case.found.observations.photo
-    squares = np.bincount(photo, (case.found.residuals**2).sum(axis=(1, 2)))
-    rms = np.sqrt(squares / np.bincount(photo, case.found.observations.weight.sum(axis=1)))
-    held_out, (pull, moved) = case.known.errors, _pull(case)
-    seen = np.maximum(rms, held_out) > ODD_PX
-    usual, usual_held_out, usual_move = (max(float(np.median(e)), 1e-9) for e in (rms, held_out, moved))
-    for i, name in enumerate(case.photos):
-        turned, times, unseen = _better_turned(case, i), rms[i] / usual, held_out[i] / usual_held_out
-        why = []
-        if seen[i] and times > ODD_RMS:
-            why.append(f"its rms of {rms[i]:.3f} px is {times:.1f} times the median photo's {usual:.3f} px")
-        elif seen[i] and unseen > ODD_RMS:
-            why.append(
-                f"the camera of the others sees its tags {held_out[i]:.3f} px off (rms), {unseen:.1f} times as far as "
-                f"the median photo's {usual_held_out:.3f} px"
-            )
-        if pull[i] > ODD_PULL:
-            why.append(f"it pulls K by {moved[i]:.2f} standard deviations, the median photo by {usual_move:.2f}")
-        if turned > ODD_TURN or (why and turned > ODD_RMS / 2):
-            why.append(f"turned by half a turn, it fits {turned:.1f} times as well")
-        if why:
-            yield max(times / ODD_RMS, unseen / ODD_RMS, pull[i] / ODD_PULL, turned / ODD_TURN), name, "; ".join(why)
-
-
-def _pull(case: Case) -> tuple[np.ndarray, np.ndarray]:
-    """(n,): how far K moves without each photo, over what it would if photos erred alike, in medians over the photos;
-    and by how many of its standard deviations (rms), as the table of photos has it."""
-    H, photo = case.found.H.sum(axis=0), case.found.observations.photo
-    inverse = np.linalg.pinv(case.known.covariance[:4, :4], hermitian=True)
-    pulls = []
-    for i, move in enumerate(case.known.moves):
-        own = case.found.H[photo == i].sum(axis=0)
-        rest = solve_scaled(H - own, np.eye(len(H)))
-        expected = np.trace(inverse @ (rest @ own @ rest)[:4, :4])
-        pulls.append(math.sqrt(float(move[:4] @ inverse @ move[:4]) / max(expected, 1e-300)))
-    sigma = np.sqrt(np.diag(case.known.covariance)[:4])
-    moved = np.sqrt(((case.known.moves[:, :4] / np.maximum(sigma, 1e-300)) ** 2).mean(axis=1))
-    return np.array(pulls) / max(float(np.median(pulls)), 1e-300), moved
-
-
-def _better_turned(case: Case, i: int) -> float:
+def _better_turned(case: Case, name: str) -> float:
     """Return a photo's rms in the camera of the others, divided by its rms with its pixels rotated by 180 degrees."""
+    i = case.photos.index(name)
     shared = case.found.shared + case.known.moves[i]
     K, dist = case.found.form.camera(shared)
     turn = np.diag([-1.0, -1.0, 1.0])

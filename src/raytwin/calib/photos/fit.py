@@ -364,18 +364,13 @@ def _solve(here: Step, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
     return d, poses, promised
 
 
-def scaled(S: np.ndarray) -> np.ndarray:
-    """Return the scale that makes the diagonal of S 1 when applied on both sides; 0 for undetermined parameters."""
-    size = np.diag(S)
-    return np.where(size > 0, 1 / np.sqrt(np.where(size > 0, size, 1)), 0)
-
-
 def solve_scaled(S: np.ndarray, right: np.ndarray) -> np.ndarray:
     """S^-1 right for a positive S; pixels, coefficients and metres differ by orders of magnitude: its diagonal is made
     1.
 
     Parameters that S does not determine stay 0.
     """
-    scale = scaled(S)
+    size = np.diag(S)
+    scale = np.where(size > 0, 1 / np.sqrt(np.where(size > 0, size, 1)), 0)
     inverse = np.linalg.pinv(S * np.outer(scale, scale), rcond=1e-13, hermitian=True)
     return (scale * (inverse @ (scale * right.T).T).T).T

@@ -1,23 +1,13 @@
 """Estimate a calibration's uncertainty from how its photos disagree, and that of a projected pixel from it.
 
 Tags in one photo do not err on their own: blur, a board that is not quite as described, a focus that moved, pull all of
-them the same way. So the photo is the unit (clusters, in a statistician's words). With M_i = H^-1/2 H_i H^-1/2, photo
-i's share of the whole information,
+them the same way. So the photo is the unit. Where photos err alike, the covariance is s² H^-1; where they disagree,
+the jackknife is honest:
 
-    u_i = (I - M_i)^-1/2 H^-1/2 g_i,  q = Σ |u_i|² / (m s²),
+    C = S s² H^-1 S,  S_k² = max(1, V_k / (s² H^-1)_kk),  V_k = (n - 1) / n Σ d_ik²,
 
-m shared numbers, and q_K, the same of fx, fy, cx and cy alone, are 1 on average where all coordinates err alike (Bell
-and McCaffrey's CR2), and above it where photos disagree by more than their tags' number allows.
-
-Where photos err alike, the covariance is max(q, 1) s² H^-1, known far better than what few photos show. A number, v in
-the root's coordinates, then spreads by sqrt(2 Σ (v M_i v)²), and the mean of the four as that of two, for fx and fy err
-as one. As long as neither q nor q_K is above 1 by more than that, this it is; beyond, the jackknife,
-
-    V = (n - 1) / n Σ d_i d_i^T,  d_i: how far the numbers move without photo i of n,
-
-and half of each between. (A photo that pulls K by an error of its own also pulls the fit, and hides a part of what it
-does: CR2 adds that part back as far as coordinates that err alike would hide it, a third too little of the standard
-deviation of real sets of 4 to 10 photos, whose q_K is 3 to 40. The jackknife asks the other photos.)
+d_i: how far the numbers move without photo i of n. Neither is believed where it is the smaller: V of few photos may be
+small by chance, and that makes sigma some 8 % too large where photos do err alike.
 
 A camera that is a little wrong is for the most part a camera that looks a little elsewhere, and every pose found with
 it looks elsewhere by the same amount: such an error is invisible in use. What counts is what is left. So a point fixed
@@ -26,8 +16,7 @@ omega and a shift tau, and only then is it projected through the perturbed lens:
 
     q' = project(p + omega x p + tau; intrinsics + d),  J = dq' / d(intrinsics, omega, tau),  Var[q] = J C J^T.
 
-After mrcal's projection uncertainty (Kogan, mrcal.secretsauce.net/uncertainty.html), to first order; Bell and
-McCaffrey: Survey Methodology 28 (2002).
+After mrcal's projection uncertainty (Kogan, mrcal.secretsauce.net/uncertainty.html), to first order.
 """
 
 import math
@@ -37,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from raytwin.calib.photos import lens_model
-from raytwin.calib.photos.fit import MODELS, Fit, scaled, solve_scaled
+from raytwin.calib.photos.fit import MODELS, Fit, solve_scaled
 
 UNDONE_PX = 1e-3
 """A pixel whose undistorted ray does not come back to within this has none."""
@@ -79,17 +68,16 @@ def fit_uncertainty(found: Fit, systematic: Sequence[np.ndarray] = ()) -> FitUnc
     tags together, pixels."""
     moves, errors = leave_one_out(found)
     H, s2 = found.H.sum(axis=0), max(found.variance, 1e-300)
-    q, of_K, chance = _disagreement(found, H, s2)
-    alike = max(q, 1) * s2 * solve_scaled(H, np.eye(len(H)))
-    jackknife = (1 - 1 / len(moves)) * moves.T @ moves
-    as_one = 1 / (1 + ((max(q, of_K, 1) - 1) / chance) ** 2)
-    covariance = alike + (1 - as_one) * (jackknife - alike)
+    alike = s2 * solve_scaled(H, np.eye(len(H)))
+    variance, jackknife = np.diag(alike), (1 - 1 / len(moves)) * (moves**2).sum(axis=0)
+    wider = np.maximum(jackknife / np.where(variance > 0, variance, np.inf), 1)
+    covariance = alike * np.sqrt(np.outer(wider, wider))
     for shift in systematic:
         by = shift.reshape(len(found.R), -1, 1)
         pull = found.A.swapaxes(1, 2) @ by + found.follow.swapaxes(1, 2) @ (found.B.swapaxes(1, 2) @ by)
         doubted = solve_scaled(H, pull.sum(axis=0)[:, 0])
         covariance = covariance + np.outer(doubted, doubted)
-    return FitUncertainty(covariance, math.sqrt(max(q, 1) * s2), moves, errors)
+    return FitUncertainty(covariance, math.sqrt(s2 * wider[:4].mean()), moves, errors)
 
 
 def with_model_gap(known: FitUncertainty, gap: np.ndarray) -> FitUncertainty:
@@ -97,26 +85,6 @@ def with_model_gap(known: FitUncertainty, gap: np.ndarray) -> FitUncertainty:
     covariance = known.covariance.copy()
     covariance[: len(gap), : len(gap)] += gap
     return replace(known, covariance=covariance)
-
-
-def _disagreement(found: Fit, H: np.ndarray, s2: float) -> tuple[float, float, float]:
-    """Return q, q_K, and how far chance spreads the latter: see above."""
-    photo = found.observations.photo
-    n = photo.max() + 1
-    mine = np.array([found.H[photo == i].sum(axis=0) for i in range(n)])
-    g = np.array([found.g[photo == i].sum(axis=0) for i in range(n)])
-    scale = scaled(H)
-    size, axes = np.linalg.eigh(H * np.outer(scale, scale))
-    known = size > 1e-13 * size[-1]
-    root = scale[:, None] * axes[:, known] / np.sqrt(size[known])  # root root^T = H^-1
-    share, turn = np.linalg.eigh(root.T @ mine @ root)
-    pulls = ((g @ root)[:, None] @ turn)[:, 0] / np.sqrt(np.maximum(1 - share, 1e-9))
-    pulls = (turn @ pulls[..., None])[..., 0]
-    number = root[:4] / np.linalg.norm(root[:4], axis=1, keepdims=True)
-    shares = np.einsum("ka,iab,kb->ki", number, root.T @ mine @ root, number)
-    of_K = float(((number @ pulls.T) ** 2).sum()) / (4 * s2)
-    q = float((pulls**2).sum()) / (found.determined * s2)
-    return q, of_K, math.sqrt(float((shares**2).sum()) / 4)
 
 
 def with_poses(found: Fit, known: FitUncertainty) -> np.ndarray:
