@@ -17,7 +17,7 @@ def board_command(
 ) -> None:  # fmt: skip
     """Make a board to print, as PDF and TOML.
 
-    The PDF has the exact size and a ruler. Lengths need units: 30mm, 3cm, 0.8in.
+    The PDF has the exact size and a bar to measure. Lengths need units: 30mm, 3cm, 0.8in.
     """
     drawing = {
         "--columns": columns, "--rows": rows, "--pitch": pitch, "--paper": paper, "--margin": margin,
@@ -59,14 +59,12 @@ def _draw(
     columns, rows, pitch = grid
     edge, step = lengths.parse_length(tag, "--tag"), lengths.parse_length(pitch, "--pitch")
     blank = lengths.parse_length(margin, "--margin", zero=True) if margin is not None else 0.005
-    chosen = (paper or "a4").strip().lower()
-    size = lengths.parse_paper(chosen, "--paper")
+    size = lengths.parse_paper(paper or "a4", "--paper")
     check_one_of("--family", family, boards.FAMILIES)
     definition = boards.Board(family, edge, boards.Grid(columns, rows, step, first_id))
     sheet.check_gap(definition)
     boards.check_board(definition)
-    inches = "in" in chosen or chosen in ("letter", "legal", "tabloid")
-    laid = sheet.lay_out(definition, size, blank, landscape, inches)
+    laid = sheet.lay_out(definition, size, blank, landscape)
     toml = sheet.write_sheet(out, laid)
     width, height = (f"{v * 1000:.5g}" for v in laid.paper)
     say(f"{columns * rows} tags on {width} x {height} mm, print at 100 %: {out}, {toml}")

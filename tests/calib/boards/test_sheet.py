@@ -22,11 +22,11 @@ ROUNDED = 1e-3
 """mm: PDFium's numbers are float32, of points up to 850; reportlab writes six digits."""
 
 BOARDS = {
-    "the task's, on letter": (Board("tag36h11", 0.030, Grid(5, 7, 0.038)), LETTER, True),
-    "turned, up to the last id, the smallest gap": (Board("tag36h11", 0.030, Grid(8, 4, 0.03375, 555)), A4, False),
-    "another family, narrow paper": (Board("tag16h5", 0.0254, Grid(2, 3, 0.03302, 7)), (0.09, 0.127), True),
-    "counted downwards": (Board("tag36h11", 0.02, Grid(2, 3, 0.025, 3, "down")), (0.1, 0.13), False),
-    "small tags": (Board("tag25h9", 0.014, Grid(5, 7, 0.016)), (0.12, 0.2), False),
+    "the task's, on letter": (Board("tag36h11", 0.030, Grid(5, 7, 0.038)), LETTER),
+    "turned, up to the last id, the smallest gap": (Board("tag36h11", 0.030, Grid(8, 4, 0.03375, 555)), A4),
+    "another family, narrow paper": (Board("tag16h5", 0.0254, Grid(2, 3, 0.03302, 7)), (0.09, 0.127)),
+    "counted downwards": (Board("tag36h11", 0.02, Grid(2, 3, 0.025, 3, "down")), (0.1, 0.13)),
+    "small tags": (Board("tag25h9", 0.014, Grid(5, 7, 0.016)), (0.12, 0.2)),
 }
 TASK = BOARDS["the task's, on letter"][0]
 NARROW = BOARDS["another family, narrow paper"][0]
@@ -54,16 +54,12 @@ class Page:
         is_path = [raw.FPDFPageObj_GetType(thing) == raw.FPDF_PAGEOBJ_PATH for thing in things]
         self.paths = [rectangles(thing) for thing, path in zip(things, is_path, strict=True) if path]
         self.words = [words(thing, letters) for thing, path in zip(things, is_path, strict=True) if not path]
-        *self.tags, self.ruler = self.paths
+        *self.tags, self.bar = self.paths
         self.ink = np.concatenate([*self.paths, [w.ink for w in self.words]])
 
     def notes(self) -> list[Words]:
-        """The last three."""
-        return self.words[-3:]
-
-    def numbers(self) -> list[Words]:
-        """The ruler's."""
-        return self.words[len(self.tags) : -3]
+        """The last two."""
+        return self.words[-2:]
 
 
 def rectangles(path: Any) -> np.ndarray:
@@ -95,8 +91,8 @@ def words(thing: Any, letters: Any) -> Words:
 
 @pytest.fixture(scope="module", params=BOARDS)
 def printed(request) -> tuple[Sheet, Page]:
-    board, paper, inches = BOARDS[request.param]
-    sheet = lay_out(board, paper, MARGIN / 1000, inches=inches)
+    board, paper = BOARDS[request.param]
+    sheet = lay_out(board, paper, MARGIN / 1000)
     return sheet, Page(pdf_bytes(sheet))
 
 
@@ -163,79 +159,41 @@ def test_each_id_stands_in_the_gap_at_its_tags_lower_left(printed):
         assert word.size == near(2.0) if white > 5 else 0.4 * white < word.size < 0.5 * white
 
 
-# ------------------------------------------------------------------------------------------------ the ruler
+# ------------------------------------------------------------------------------------------------ bar and notes
 
 
-def test_the_ruler_measures_what_it_says(printed):
+def test_the_bar_measures_what_it_says(printed):
+    """Its ends stand upright, flush with it."""
     sheet, page = printed
-    bar = max(page.ruler, key=lambda r: r[2] - r[0])
-    long, line = bar[2] - bar[0], (bar[1] + bar[3]) / 2
-    assert long == near(1000 * sheet.bar)
-    assert bar[3] - bar[1] == near(0.15)
-    assert f"print at 100 %; this bar must measure {long:.0f} mm" == page.notes()[0].text
-    marks = page.ruler[page.ruler[:, 2] - page.ruler[:, 0] < long]
-    assert marks[:, 2] - marks[:, 0] == near(np.full(len(marks), 0.15))
-    for up, unit, heights in ((True, 1.0, (0.9, 1.4, 1.8)), (False, 25.4 / 8, (0.7, 1.2, 1.6))):
-        mine = marks[(marks[:, 3] > line + 0.2) == up]
-        count = int(long / unit + 1e-3) + 1 if up or sheet.inches else 0
-        assert len(mine) == count
-        if count == 0:
-            continue
-        at = (mine[:, 0] + mine[:, 2]) / 2 - bar[0]
-        ends = (np.arange(count) == 0) * 0.075 - (np.arange(count) * unit > long - 0.01) * 0.075  # flush with the bar's
-        assert at == near(np.arange(count) * unit + ends)
-        assert mine[:, 1 if up else 3] == near(np.full(count, line))
-        tens, fives = (10, 5) if up else (8, 4)
-        tall = [heights[2 if i % tens == 0 else 1 if i % fives == 0 else 0] for i in range(count)]
-        assert mine[:, 3] - mine[:, 1] == near(np.array(tall))
-
-
-def test_the_rulers_numbers_stand_at_their_marks_and_clear_of_them(printed):
-    sheet, page = printed
-    bar = max(page.ruler, key=lambda r: r[2] - r[0])
-    centimetres = [str(10 * i) for i in range(round(100 * sheet.bar) + 1)]
-    inches = [str(i) for i in range(int(sheet.bar / 0.0254) + 1)] if sheet.inches else []
-    said = [w.text.split() for w in page.numbers()]
-    assert [s[0] for s in said] == centimetres + inches
-    assert [(i, s[1]) for i, s in enumerate(said) if len(s) > 1] == [(0, "mm"), (len(centimetres), "in")][
-        : 1 + sheet.inches
-    ]
-    for i, word in enumerate(page.numbers()):
-        up = i < len(centimetres)
-        at = 10 * i if up else 25.4 * (i - len(centimetres))
-        assert (word.ink[0] + word.ink[2]) / 2 == near(bar[0] + at, 0.35)  # a 1's ink is not in its middle
-        away = word.ink[1] - bar[1] - 1.8 if up else bar[1] - 1.6 - word.ink[3]
-        assert 0.05 < away < 0.6
-        assert word.size == near(2.0)
+    left, bottom, right, _ = line = page.bar[0]
+    assert right - left == near(1000 * sheet.bar)
+    assert line[3] - bottom == near(0.15)
+    assert page.notes()[0].text.startswith(
+        f"print at 100 %; this bar must measure {right - left:.0f} mm; X right, Y up"
+    )
+    assert page.bar[1] == near(np.array([left, bottom, left + 0.15, bottom + 1.8]))
+    assert page.bar[2] == near(np.array([right - 0.15, bottom, right, bottom + 1.8]))
 
 
 def test_the_notes_tell_the_board(printed):
     sheet, page = printed
     grid = sheet.board.grid
     lines = page.notes()
-    ids = f"ids {min(sheet.board.centers())} to {max(sheet.board.centers())}"
+    ids = f"ids {min(sheet.board.centers())} to {max(sheet.board.centers())}, each at its tag's lower left"
     lengths = f"tag {1000 * sheet.board.tag_edge:g} mm, pitch {1000 * grid.pitch:g} mm"
     assert lines[1].text == f"{sheet.board.family}, {ids}; {lengths}"
-    assert lines[2].text == f"X right, Y up from the centre of tag {grid.first_id}; each id at its tag's lower left"
-    assert page.file.get_metadata_dict()["Title"] == f"raytwin board: {lines[1].text}; {lines[2].text}"
-    assert np.diff([w.base for w in lines]) == near(np.full(2, -2.4))
-    assert len({w.size for w in lines}) == 1
+    assert lines[0].text.endswith(f"from the centre of tag {grid.first_id}")
+    assert page.file.get_metadata_dict()["Title"] == f"raytwin board: {lines[1].text}"
+    assert lines[1].base - lines[0].base == near(-2.4)
+    assert lines[0].size == lines[1].size
 
 
-def test_the_notes_fill_their_place_or_have_letters_of_2_2_mm(printed):
-    """Beside the ruler they stand with it in the middle of the paper, below it they begin where it begins."""
-    sheet, page = printed
-    bar = max(page.ruler, key=lambda r: r[2] - r[0])
+def test_the_notes_fill_the_papers_free_width_or_have_letters_of_2_2_mm(printed):
+    _, page = printed
     left, right = min(w.ink[0] for w in page.notes()), max(w.ink[2] for w in page.notes())
-    room = 62 if sheet.beside else 1000 * sheet.bar
-    if sheet.beside:
-        assert left == near(bar[2] + 4, 0.2)
-        assert bar[0] + left + room == near(page.size[0], 0.2)
-    else:
-        assert left == near(bar[0], 0.2)
-        assert bar[0] + bar[2] == near(page.size[0])
-    assert right < left + room
-    assert right > left + room - 0.2 or page.notes()[0].size == near(2.2)
+    assert left + right == near(page.size[0], 0.5)
+    assert page.bar[0, 0] + page.bar[0, 2] == near(page.size[0])
+    assert right - left > page.size[0] - 2 * MARGIN - 0.5 or page.notes()[0].size == near(2.2)
 
 
 # ------------------------------------------------------------------------------------------------ where all lies
@@ -261,55 +219,42 @@ def test_the_board_stands_in_the_middle_with_a_bit_of_white_all_round(printed):
     left, bottom, right, top = *tags[:, :2].min(axis=0), *tags[:, 2:].max(axis=0)
     white = bit(sheet.board)
     assert left + right == near(page.size[0])
-    below = max(ink[3] for ink in [*page.ruler, *(w.ink for w in [*page.numbers(), *page.notes()])])
-    assert bottom - below > white
+    assert bottom - page.bar[:, 3].max() == near(white)
     assert min(left, page.size[1] - top) > white
     strip = 1000 * sheet.strip[1]
     assert strip - MARGIN == near(page.size[1] - top - max(MARGIN, white))
     assert strip <= page.ink[:, 1].min() < strip + 0.5
-    assert 1000 * (sheet.strip[0] + 1j * strip / 1000) == near(min(page.ruler[:, 0]) + 1j * strip)
 
 
 @pytest.mark.parametrize(
     ("board", "margin", "paper", "least"),
     [
-        # 5 (4 gaps of 38 and a tag of 30 between 5 + 2 x 2 each side); 5 + 258 + a bit of 3.75 + ruler of 7 + 5.
+        # 5 (4 gaps of 38 and a tag of 30 between 5 + 2 x 2 each side); 5 + 258 + a bit of 3.75 + 7 + 5.
         (TASK, 0.005, (0.21, 0.27), (200, 278.75)),
-        # A bit of 25.4 / 6 each side and above; 91.44; the bit; 7 and three lines of 2.4 and 1 below it.
-        (NARROW, 0.0, (0.09, 0.11), (66.8867, 115.107)),
-        # A ruler of 20 between 10 + 3 each side; 10 + 13 + 5 / 8 + 15.2 + 10.
-        (Board("tag36h11", 0.005, Grid(1, 2, 0.008)), 0.010, (0.04, 0.05), (46, 48.825)),
-        # Ids of 0.45 gaps of 2: 52 + 2 (5 + 2 x 0.9); 5 + 52 + 2 + 15.2 + 5.
-        (Board("tag36h11", 0.016, Grid(3, 3, 0.018)), 0.005, (0.055, 0.07), (65.6, 79.2)),
+        # A bit of 25.4 / 6 each side and above; 91.44; the bit; 7 below it.
+        (NARROW, 0.0, (0.09, 0.1), (66.8867, 106.907)),
+        # A bar of 20 between 10 each side; 10 + 21 + 5 / 8 + 7 + 10.
+        (Board("tag36h11", 0.005, Grid(1, 3, 0.008)), 0.010, (0.035, 0.045), (40, 48.625)),
     ],
-    ids=["beside", "below", "ruler", "small gaps"],
+    ids=["wide", "no margin", "narrow"],
 )
 def test_the_size_that_is_asked_for_is_enough_and_less_is_not(board, margin, paper, least):
-    want = f"at least {least[0]:g} mm x {least[1]:g} mm for this board, its ruler and a margin of {1000 * margin:g} mm"
+    want = f"at least {least[0]:g} mm x {least[1]:g} mm for this board, its bar and a margin of {1000 * margin:g} mm"
     with pytest.raises(InputError) as error:
         lay_out(board, paper, margin, landscape=False)
     assert (error.value.where, error.value.expected) == ("--paper", want)
     assert error.value.got == f"{1000 * paper[0]:g} mm x {1000 * paper[1]:g} mm"
     w, h = (n / 1000 + 1e-6 for n in least)
-    if board is TASK:
-        page = Page(pdf_bytes(lay_out(board, (w, h), margin, landscape=False, inches=True)))
-        assert (page.ink[:, :2] > 1000 * margin).all()
-        assert (page.ink[:, 2:] < page.size - 1000 * margin).all()
-    else:
-        lay_out(board, (w, h), margin, landscape=False)
+    lay_out(board, (w, h), margin, landscape=False)
     for less in ((w - 1e-5, h + 0.01), (w + 0.001, h - 1e-5)):
         with pytest.raises(InputError):
             lay_out(board, less, margin, landscape=False)
 
 
-@pytest.mark.parametrize(
-    ("width", "bar", "beside"),
-    [(0.1821, 100, True), (0.1819, 100, False), (0.116, 100, False), (0.1159, 90, False), (0.0360, 20, False)],
-)
-def test_the_ruler_shrinks_by_centimetres_and_leaves_room_for_notes_where_there_is_some(width, bar, beside):
-    """Of 182 mm 5 + 3 are left blank each side: 100 for the ruler, 66 for its notes."""
+@pytest.mark.parametrize(("width", "bar"), [(0.1821, 100), (0.110, 100), (0.1099, 90), (0.0300, 20)])
+def test_the_bar_shrinks_by_centimetres(width, bar):
     sheet = lay_out(Board("tag36h11", 0.01, Grid(1, 1, 0.02)), (width, 0.25), 0.005)
-    assert (1000 * sheet.bar, sheet.beside, sheet.inches) == (near(bar), beside, False)
+    assert 1000 * sheet.bar == near(bar)
 
 
 # ------------------------------------------------------------------------------------------------ what is written

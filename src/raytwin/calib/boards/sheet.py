@@ -1,4 +1,4 @@
-"""A board to print: a PDF at exact size with a ruler on it, and beside it the board's TOML."""
+"""A board to print: a PDF at exact size with a bar to measure on it, and beside it the board's TOML."""
 
 import os
 from dataclasses import dataclass
@@ -12,13 +12,10 @@ POINTS = 72 / 0.0254
 """A PDF's points in a metre."""
 
 BAR, SHORTEST_BAR = 0.100, 0.020
-"""Metres: the ruler's length, and its least length on narrow paper; it shrinks in steps of 10 mm."""
+"""Metres: length of the bar to measure, and its least length on narrow paper; it shrinks in steps of 10 mm."""
 
-RULER, LINE, NOTES = 0.0070, 0.0024, 0.066
-"""Metres: heights of the ruler with its numbers and of a line of text; the width that the text takes beside it."""
-
-BELOW, BEYOND = 3 * LINE + 0.001, 0.003
-"""Metres: height of the text where it stands below the ruler; how far a number reaches past the ruler's ends."""
+TICK, LINE, STRIP = 0.0018, 0.0024, 0.0070
+"""Metres: heights of the bar's ends, of a line of text, and of the bar with two lines below it."""
 
 SMALLEST_CELL = 0.0002
 """Metres: five dots of a printer with 600 dots per inch."""
@@ -32,8 +29,8 @@ FILL_NON_ZERO = 1
 class Sheet:
     """Where a board lies on its paper: metres from the paper's lower left corner, X right, Y up as in the board frame.
 
-    `origin` is the centre of the grid's first tag. `strip` is the lower left corner of ruler and text, which stand
-    side by side where `beside`, else one above the other.
+    `origin` is the centre of the grid's first tag. `strip` is the lower left corner of what stands below the board: the
+    bar of length `bar`, and notes as wide as the paper without its margins.
     """
 
     board: Board
@@ -41,52 +38,41 @@ class Sheet:
     origin: tuple[float, float]
     strip: tuple[float, float]
     bar: float
-    beside: bool
-    inches: bool
 
 
-def lay_out(
-    board: Board, paper: tuple[float, float], margin: float, landscape: bool | None = None, inches: bool = False
-) -> Sheet:
-    """The board in the middle of the paper's free width, ruler below it; InputError where it does not fit.
+def lay_out(board: Board, paper: tuple[float, float], margin: float, landscape: bool | None = None) -> Sheet:
+    """The board in the middle of the paper's free width, a bar to measure below it; InputError where it does not fit.
 
     `landscape` None: upright where that fits, else turned. `margin`: blank at each edge of the paper, metres.
     """
     check_gap(board)
     low, high = sorted(paper)
     turns = {None: (paper, paper[::-1]), True: ((high, low),), False: ((low, high),)}[landscape]
-    tried = [_fit(board, turn, margin, inches) for turn in turns]
-    for sheet, _ in tried:
-        if sheet:
-            return sheet
-    (_, (width, height)), (across, up) = tried[0], turns[0]
-    want = f"at least {_mm(width)} x {_mm(height)} for this board, its ruler and a margin of {_mm(margin)}"
-    turned = ", which does not fit turned either" * (len(tried) > 1)
-    raise InputError("--paper", want, f"{_mm(across)} x {_mm(up)}{turned}")
+    width, height = _needed(board, margin)
+    for across, up in turns:
+        if across >= width - 1e-9 and up >= height - 1e-9:
+            return _placed(board, (across, up), margin, (up - height) / 2)
+    want = f"at least {_mm(width)} x {_mm(height)} for this board, its bar and a margin of {_mm(margin)}"
+    turned = ", which does not fit turned either" * (len(turns) > 1)
+    raise InputError("--paper", want, f"{_mm(turns[0][0])} x {_mm(turns[0][1])}{turned}")
 
 
-def _fit(
-    board: Board, paper: tuple[float, float], margin: float, inches: bool
-) -> tuple[Sheet | None, tuple[float, float]]:
-    """The sheet, None where the paper is too small; and the smallest paper that would do at this width's layout."""
+def _needed(board: Board, margin: float) -> tuple[float, float]:
+    """The smallest paper that would do."""
     grid, ring = grid_of(board), cell(board)
     # The detector needs a cell's width of white around the outermost tags too; three digits are 1.7 sizes wide.
     blank, side = max(margin, ring), max(margin + 2 * _id_size(board), ring)
     wide, high = ((n - 1) * grid.pitch + board.tag_edge for n in (grid.columns, grid.rows))
-    free = paper[0] - 2 * (margin + BEYOND)
-    bar = min(BAR, int(free / 0.01 + 1e-9) * 0.01)
-    beside = free >= bar + NOTES
-    strip = RULER + (0 if beside else BELOW)
-    needed = max(wide + 2 * side, SHORTEST_BAR + 2 * (margin + BEYOND)), blank + high + ring + strip + margin
-    if paper[0] < needed[0] - 1e-9 or paper[1] < needed[1] - 1e-9:
-        return None, needed
-    spare = (paper[1] - needed[1]) / 2
+    return max(wide + 2 * side, SHORTEST_BAR + 2 * margin), blank + high + ring + STRIP + margin
+
+
+def _placed(board: Board, paper: tuple[float, float], margin: float, spare: float) -> Sheet:
+    grid, half = grid_of(board), board.tag_edge / 2
+    bar = min(BAR, int((paper[0] - 2 * margin) / 0.01 + 1e-9) * 0.01)
     bottom = margin + spare
-    left = (paper[0] - wide) / 2
-    row_0 = bottom + strip + ring + board.tag_edge / 2 + (high - board.tag_edge if grid.order == "down" else 0)
-    origin = left + board.tag_edge / 2, row_0
-    notes = NOTES if beside else 0
-    return Sheet(board, paper, origin, ((paper[0] - bar - notes) / 2, bottom), bar, beside, inches), needed
+    row_0 = bottom + STRIP + cell(board) + half + ((grid.rows - 1) * grid.pitch if grid.order == "down" else 0)
+    origin = (paper[0] - (grid.columns - 1) * grid.pitch) / 2, row_0
+    return Sheet(board, paper, origin, (margin, bottom), bar)
 
 
 def grid_of(board: Board) -> Grid:
@@ -139,7 +125,7 @@ def pdf_bytes(sheet: Sheet) -> bytes:
 
     board, (x0, y0) = sheet.board, sheet.origin
     canvas = Canvas("", pagesize=tuple(POINTS * v for v in sheet.paper), invariant=1)
-    canvas.setTitle("raytwin board: " + "; ".join(_notes(sheet)[1:]))
+    canvas.setTitle("raytwin board: " + _notes(sheet)[1])
     # Asks viewers not to offer "fit to page" first.
     canvas.setViewerPreference("PrintScaling", "None")
     size = _id_size(board)
@@ -149,7 +135,7 @@ def pdf_bytes(sheet: Sheet) -> bytes:
         # Off the corner, where gaps cross: the detector reads white beside a tag's edges, not at its corners.
         canvas.setFont(TEXT, size * POINTS)
         canvas.drawRightString((left - 0.3 * size) * POINTS, (bottom - size) * POINTS, str(tag_id))
-    _draw_ruler(canvas, sheet)
+    _draw_bar(canvas, sheet)
     canvas.showPage()
     return canvas.getpdfdata()
 
@@ -181,48 +167,26 @@ def _notes(sheet: Sheet) -> list[str]:
     board, grid = sheet.board, grid_of(sheet.board)
     last = grid.first_id + grid.columns * grid.rows - 1
     return [
-        f"print at 100 %; this bar must measure {_mm(sheet.bar)}",
-        f"{board.family}, ids {grid.first_id} to {last}; tag {_mm(board.tag_edge)}, pitch {_mm(grid.pitch)}",
-        f"X right, Y up from the centre of tag {grid.first_id}; each id at its tag's lower left",
+        f"print at 100 %; this bar must measure {_mm(sheet.bar)}; X right, Y up from the centre of tag {grid.first_id}",
+        f"{board.family}, ids {grid.first_id} to {last}, each at its tag's lower left; tag {_mm(board.tag_edge)}, "
+        f"pitch {_mm(grid.pitch)}",
     ]
 
 
-def _draw_ruler(canvas, sheet: Sheet) -> None:
-    """A bar with millimetres above it and, where wanted, inches below; then the notes, beside it or below."""
+def _draw_bar(canvas, sheet: Sheet) -> None:
+    """A line with an upright at each end, flush with it, so that the whole measures its length; the notes below."""
     from reportlab.pdfbase.pdfmetrics import stringWidth
 
-    x, bottom = sheet.strip
-    notes = _notes(sheet)
-    line = bottom + (0 if sheet.beside else BELOW) + (0.0033 if sheet.inches else 0.0012)
+    x, line, thin = (sheet.paper[0] - sheet.bar) / 2, sheet.strip[1] + STRIP - TICK, 0.00015
     path = canvas.beginPath()
-    thin = 0.00015
-    _add_rectangle(path, *(POINTS * v for v in (x, line - thin / 2, x + sheet.bar, line + thin / 2)))
-    marks = [
-        (mm * 0.001, 0.0018 if mm % 10 == 0 else 0.0014 if mm % 5 == 0 else 0.0009)
-        for mm in range(round(sheet.bar * 1000) + 1)
-    ]
-    if sheet.inches:
-        eighths = range(int(sheet.bar / 0.0254 * 8) + 1)
-        marks += [(i * 0.0254 / 8, -0.0016 if i % 8 == 0 else -0.0012 if i % 4 == 0 else -0.0007) for i in eighths]
-    for at, length in marks:
-        # The first and the last mark end flush with the bar, so that the whole measures its length.
-        left = min(max(at - thin / 2, 0), sheet.bar - thin)
-        low, high = sorted((line, line + length))
-        _add_rectangle(path, *(POINTS * v for v in (x + left, low, x + left + thin, high)))
+    for left, right, top in ((0, sheet.bar, thin), (0, thin, TICK), (sheet.bar - thin, sheet.bar, TICK)):
+        _add_rectangle(path, *(POINTS * v for v in (x + left, line, x + right, line + top)))
     canvas.drawPath(path, stroke=0, fill=1, fillMode=FILL_NON_ZERO)
-    canvas.setFont(TEXT, 0.002 * POINTS)
-    for cm in range(round(sheet.bar * 100) + 1):
-        canvas.drawCentredString((x + cm * 0.01) * POINTS, (line + 0.0021) * POINTS, f"{cm * 10}" + " mm" * (cm == 0))
-    for inch in range(int(sheet.bar / 0.0254) + 1 if sheet.inches else 0):
-        text = f"{inch}" + " in" * (inch == 0)
-        canvas.drawCentredString((x + inch * 0.0254) * POINTS, (line - 0.0032) * POINTS, text)
-    left = x + sheet.bar + 0.004 if sheet.beside else x
-    top = bottom + (RULER if sheet.beside else 3 * LINE)
-    room = NOTES - 0.004 if sheet.beside else sheet.bar
+    notes = _notes(sheet)
     widest = max(stringWidth(note, TEXT, 1) for note in notes)
-    canvas.setFont(TEXT, min(0.0022 * POINTS, room * POINTS / widest))
+    canvas.setFont(TEXT, POINTS * min(0.0022, (sheet.paper[0] - 2 * sheet.strip[0]) / widest))
     for i, note in enumerate(notes, start=1):
-        canvas.drawString(left * POINTS, (top - i * LINE + 0.0007) * POINTS, note)
+        canvas.drawCentredString(sheet.paper[0] / 2 * POINTS, (line - i * LINE + 0.0003) * POINTS, note)
 
 
 def _mm(metres: float) -> str:
