@@ -165,7 +165,7 @@ def test_a_pose_is_refused_where_most_photos_are_ambiguous(monkeypatch):
     monkeypatch.setattr(poses, "ambiguous", lambda *_: answers.pop())
     for doubted, refused in ((2, False), (3, True)):
         answers[:] = [k < doubted for k in range(5)]
-        error = poses.errors(poses.Sight(), np.random.default_rng(0), 5)[poses.OURS]
+        error = poses.errors(poses.BoardPhoto(), np.random.default_rng(0), 5)[poses.OURS]
         assert (error is None) == refused
 
 

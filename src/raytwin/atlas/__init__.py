@@ -6,7 +6,6 @@ To add an experiment, write a function (x, rng, trials) -> errors by method, and
 """
 
 from raytwin.atlas import (
-    interpolation,
     lenses,
     poses,
     reference_faults,
@@ -21,7 +20,7 @@ from raytwin.progress import Progress, silent
 
 __all__ = ["EXPERIMENTS", "Atlas", "Curve", "Experiment", "Found", "atlas", "digits", "run"]
 
-FILES = spheres, surfaces, lenses, trims, interpolation, poses, summation, reference_faults
+FILES = spheres, surfaces, lenses, trims, poses, summation, reference_faults
 
 EXPERIMENTS: dict[str, Experiment] = {e.name: e for file in FILES for e in file.EXPERIMENTS}
 """name -> row, in the order of the page."""

@@ -30,7 +30,7 @@ HOMOGRAPHY = "homography"
 
 
 @dataclass(frozen=True)
-class Sight:
+class BoardPhoto:
     """A photo: the board leans by `tilt` degrees, its middle `distance` m away; `noise` px (sd) of a tag's coordinate;
     `tags` of the board's 35 are seen; across their longest line they are drawn together to `narrow` of it."""
 
@@ -59,28 +59,25 @@ def turn_of(R: np.ndarray, true: np.ndarray) -> float:
     return float(Rotation.from_matrix(R @ true.T).magnitude())
 
 
-def least_turn(sight: Sight, points: np.ndarray, azimuth: float) -> float:
+def least_turn(photo: BoardPhoto, points: np.ndarray, azimuth: float) -> float:
     """√ tr of the rotation's part of σ² (JᵀJ)⁻¹: the least rms angle of any unbiased pose, radians."""
-    R, t = sight.pose(azimuth)
+    R, t = photo.pose(azimuth)
     seen = points @ R.T + t
     _, _, of_point = linearise(seen, np.zeros((len(seen), 2)), np.array(K), (), MODELS["none"])
     J = of_pose(seen, of_point).reshape(-1, 6)
-    return sight.noise * math.sqrt(np.trace(np.linalg.pinv(J.T @ J)[:3, :3]))
-
-
-Photo = tuple[np.ndarray, np.ndarray, np.ndarray, Board, list[Tag]]
+    return photo.noise * math.sqrt(np.trace(np.linalg.pinv(J.T @ J)[:3, :3]))
 
 
 def trials(
-    sight: Sight, rng: np.random.Generator, n: int
+    photo: BoardPhoto, rng: np.random.Generator, n: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, Board, Any]]:
     """(true R, points, pixels, board, tags) of n photos."""
     for _ in range(n):
         azimuth = rng.uniform(0, 2 * math.pi)
-        chosen = sight.points(rng)
-        R, t = sight.pose(azimuth)
+        chosen = photo.points(rng)
+        R, t = photo.pose(azimuth)
         points = np.array(list(chosen.values()))
-        pixels = project(points, R, t, K, ()) + rng.normal(0, sight.noise, (len(points), 2))
+        pixels = project(points, R, t, K, ()) + rng.normal(0, photo.noise, (len(points), 2))
         tags = [Tag(i, (u, v), ((u, v),) * 4, 100.0) for i, (u, v) in zip(chosen, pixels.tolist(), strict=True)]
         yield R, points, pixels, board_of(chosen), tags
 
@@ -89,11 +86,11 @@ def board_of(points: dict[int, np.ndarray]) -> Board:
     return Board("tag36h11", 0.001, tags=tuple(BoardTag(i, (float(p[0]), float(p[1]))) for i, p in points.items()))
 
 
-def errors(sight: Sight, rng: np.random.Generator, n: int) -> dict[str, Error]:
+def errors(photo: BoardPhoto, rng: np.random.Generator, n: int) -> dict[str, Error]:
     """The rms angle over n photos; raytwin's over those not called ambiguous, None where most are."""
     squares: dict[str, list[float]] = {HOMOGRAPHY: [], "OpenCV's IPPE": [], "OpenCV's iterative": [], OURS: []}
     doubted = 0
-    for R, points, pixels, board, tags in trials(sight, rng, n):
+    for R, points, pixels, board, tags in trials(photo, rng, n):
         try:
             start = homography_pose(K, (), tags, board)
         except InputError:  # tags in one line
@@ -112,25 +109,25 @@ def errors(sight: Sight, rng: np.random.Generator, n: int) -> dict[str, Error]:
     return rms | ({OURS: None} if doubted > n / 2 else {})
 
 
-def driven(sight: Callable[[float], Sight]) -> tuple[Callable[..., dict[str, Error]], dict[str, Law]]:
-    """What measures the photos that `sight` makes of the parameter, and the law of the best: over four sides."""
+def driven(photo: Callable[[float], BoardPhoto]) -> tuple[Callable[..., dict[str, Error]], dict[str, Law]]:
+    """What measures the photos that `photo` makes of the parameter, and the law of the best: over four sides."""
 
     def law(x: float) -> float:
         rng = np.random.default_rng(0)
-        of = [least_turn(s := sight(x), np.array(list(s.points(rng).values())), k * math.pi / 4) for k in range(4)]
+        of = [least_turn(s := photo(x), np.array(list(s.points(rng).values())), k * math.pi / 4) for k in range(4)]
         return math.sqrt(float(np.mean(np.square(of))))
 
-    return (lambda x, rng, n: errors(sight(x), rng, n)), {OURS: law}
+    return (lambda x, rng, n: errors(photo(x), rng, n)), {OURS: law}
 
 
 ANGLE, BOUND = "rms angle from the true pose, radians", 0.02
 SOURCE = "Collins and Bartoli, Infinitesimal plane-based pose estimation (2014); Zhang, A flexible new technique (2000)"
 WAYS = {
-    "noise": driven(lambda x: Sight(noise=x)),
-    "tags": driven(lambda x: Sight(tags=round(x))),
-    "tilt": driven(lambda x: Sight(tilt=x)),
-    "far": driven(lambda x: Sight(distance=x)),
-    "line": driven(lambda x: Sight(narrow=x)),
+    "noise": driven(lambda x: BoardPhoto(noise=x)),
+    "tags": driven(lambda x: BoardPhoto(tags=round(x))),
+    "tilt": driven(lambda x: BoardPhoto(tilt=x)),
+    "far": driven(lambda x: BoardPhoto(distance=x)),
+    "line": driven(lambda x: BoardPhoto(narrow=x)),
 }
 
 EXPERIMENTS = (

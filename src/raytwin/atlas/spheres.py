@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.arrays import dot, unit
 from raytwin.atlas.exact_arithmetic import hits
 from raytwin.atlas.experiment import U32, U64, Error, Experiment, Law, decades
 from raytwin.errors import InputError
@@ -102,14 +101,6 @@ def inside(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
     return errors(rays._replace(unit=hits(*rays[:4])))
 
 
-def behind(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
-    """From x radii above the surface, away from it: there is no hit."""
-    w, p = directions(rng, n)
-    slope = rng.uniform(0.2, 0.9, n)
-    d = slope[:, None] * w + np.sqrt(1 - slope**2)[:, None] * p
-    return errors(Rays((1 + x) * w, d, 0 * w, np.ones(n), np.ones(n)))
-
-
 def level(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
     """From within, along the x axis, the centre x radii ahead: what is left of b when the origin is level with it."""
     y, z = 0.3 * rng.random((2, n))
@@ -127,27 +118,6 @@ def scale(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
     for kind in ("float32", "float64"):
         taken = all(_is_taken(2.0**k, kind) for k in (exponent, -exponent))
         found[f"raytwin, {kind}"] = found[f"robust, {kind}"] if taken else None
-    return found
-
-
-def stretched(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
-    """The sphere three radii away, and directions that are x times, and 1 / x times, as long as they should be."""
-    rays = seen_at(3.0, 0.9 * rng.random(n), rng)
-    truth, found = hits(*rays[:4]), dict[str, Error]()
-    for kind in (np.float32, np.float64):
-        center: np.ndarray = np.asarray(rays.center, kind)
-        ball, worse = Sphere(tuple(center.T), float(1)), dict.fromkeys(("as given", "a = d·d", "made unit"), 0.0)
-        for length in (x, 1 / x):
-            d = tuple(np.asarray(rays.d * length, kind).T)
-            eye, f = (kind(0),) * 3, tuple(-center.T)
-            a, b, q = dot(d, d), 2 * dot(f, d), dot(f, f) - 1
-            t = {
-                "as given": intersect_sphere(eye, d, ball),
-                "a = d·d": (-b - np.sqrt(b * b - 4 * a * q)) / (2 * a) * kind(length),
-                "made unit": intersect_sphere(eye, unit(d), ball),
-            }
-            worse = {name: max(e, worst(np.asarray(t[name], float), truth, rays.unit)) for name, e in worse.items()}
-        found |= {f"{name}, {np.dtype(kind)}": e for name, e in worse.items()}
     return found
 
 
@@ -279,15 +249,6 @@ EXPERIMENTS = (
         laws(lambda u, x: u / x, lambda u, x: u / x, lambda u, x: u / x / 2), more=decades(-1, -12, 3),
     ),
     Experiment(
-        "sphere-behind", "A sphere just behind the ray", "height above the surface / radius",
-        "1 where a ray meets what lies behind it", 1e-3, decades(-1, -12), behind, OURS,
-        "The farther root is as far behind the ray as its start is above the surface, and rounding moves the start by "
-        "u: below that, some starts are within the sphere and their rays meet it from inside. No solver can tell; "
-        "float64 can, down to the width of an atom.",
-        "Pharr, Jakob and Humphreys, Physically Based Rendering (2023), section 6.8",
-        laws(lambda u, x: float(x < u), lambda u, x: float(x < u), lambda u, x: float(x < u)), more=decades(-1, -12, 3),
-    ),
-    Experiment(
         "sphere-level", "A ray that starts level with the centre", "b = distance to the centre's level, radii",
         "error of the hit, radii", 1e-3, decades(0, -50)[::5], level, OURS,
         "The numerically stable quadratic adds √disc to b with b's sign; written with a sign that is 0 at 0 it finds q "
@@ -303,16 +264,5 @@ EXPERIMENTS = (
         "1e154. raytwin refuses scenes of such lengths and names the number.",
         "IEEE 754; Blue, A portable Fortran program to find the Euclidean norm of a vector (1978)",
         {f"{s}, float32": lambda x: float(x > 2.0**64 / 6) for s in ("textbook", "robust")},
-    ),
-    Experiment(
-        "sphere-length", "Directions that are not unit", "length of the direction, and its inverse",
-        "error of the hit, radii",
-        1e-3, decades(0, 20), stretched, ("made unit, float64",),
-        "Solvers that take the direction for unit are wrong as soon as it is not, and one that divides by a = d·d "
-        "lives until its squares leave the range of floats, at 1e19 in float32. raytwin makes each direction unit "
-        "where it comes in, in float64.",
-        HAINES,
-        {"as given, float32": lambda x: min(1.0, x - 1), "as given, float64": lambda x: min(1.0, x - 1),
-         "a = d·d, float32": lambda x: float(x > 2.0**64 / 6), "made unit, float32": lambda x: float(x > 2.0**64)},
     ),
 )  # fmt: skip

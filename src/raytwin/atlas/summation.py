@@ -1,4 +1,4 @@
-"""Adding up a pixel's samples: plainly, in pairs, with compensation, in wider floats; and random numbers used twice."""
+"""Adding up a pixel's samples: plainly, in pairs, with compensation, in wider floats."""
 
 from math import sqrt
 
@@ -39,25 +39,6 @@ def stagnant(x: float) -> float:
     return max(1 - 2.0**25 / x, U32 * sqrt(x) / 3)
 
 
-PIXELS = 64
-"""Pixels of the picture whose noise is averaged over frames."""
-
-
-def seeds(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
-    """By how much the mean of x frames of 64 pixels, a sample each, errs more than its pixels' scatter claims."""
-    frames = round(x)
-
-    def excess(drawn: tuple[int, int]) -> float:
-        """Real over claimed standard deviation, less 1, where (frames, pixels) of the random numbers are fresh."""
-        means = np.array([rng.standard_normal(drawn).mean() for _ in range(n)])
-        return float(abs(np.sqrt(np.mean(means**2)) * sqrt(frames * PIXELS) - 1))
-
-    return {
-        "seeds of their own: raytwin": excess((frames, PIXELS)), "the same in every frame": excess((1, PIXELS)),
-        "the same in every pixel": excess((frames, 1)),
-    }  # fmt: skip
-
-
 EXPERIMENTS = (
     Experiment(
         "sum-samples", "Adding up a pixel's samples", "samples", "relative error of the sum", 1e-3, decades(3, 8),
@@ -68,16 +49,5 @@ EXPERIMENTS = (
         "digits, and so does float64, in which raytwin's batches are summed.",
         "Kahan, Further remarks on reducing truncation errors (1965); Higham, Accuracy and Stability (2002), ch. 4",
         {"plain, float32": stagnant}, more=decades(3, 9), slack=1.5, trials=1, many=1,
-    ),
-    Experiment(
-        "sum-seeds", "Random numbers used twice", "frames averaged", "real over claimed standard deviation, less 1",
-        0.5,
-        (1.0, 3.0, 10.0, 30.0, 100.0, 300.0), seeds, ("seeds of their own: raytwin",),
-        "An average of n independent frames errs by 1/√n of one; with the same seed in every frame it errs as one "
-        "frame, and with the same seed in every pixel all pixels err together. The pixels' scatter tells of neither, "
-        "so raytwin's verdict takes images that err as a whole for undecided.",
-        "Mitsuba 3, Sampler.seed: one number a render and a pixel",
-        {"the same in every frame": lambda x: sqrt(x) - 1, "the same in every pixel": lambda x: sqrt(PIXELS) - 1},
-        slack=1.3, trials=400, many=4000,
     ),
 )  # fmt: skip

@@ -1,14 +1,13 @@
-"""What is met on a surface: how far off it the point lies, how its normal errs, whether its shadow rays see right."""
+"""What is met on a surface: how far off it the point lies, whether its shadow rays see right."""
 
 from math import sqrt
 
 import numpy as np
 
 from raytwin.arrays import dot, unit
-from raytwin.atlas.exact_arithmetic import hits
 from raytwin.atlas.experiment import U32, U64, Error, Experiment, decades
-from raytwin.atlas.spheres import Rays, seen_at
-from raytwin.scene import Camera, Rectangle, Scene, Sphere, to_camera_frame
+from raytwin.atlas.spheres import seen_at
+from raytwin.scene import Rectangle, Sphere
 from raytwin.tracer import STAGES, PlainWorld, intersect_rectangle, intersect_sphere, surface_at
 from raytwin.tracer.hit import facts_of, normal
 
@@ -18,48 +17,21 @@ GAMMA5 = 5 * U32 / (1 - 5 * U32)
 PBRT = "Pharr, Jakob and Humphreys, Physically Based Rendering (2023), section 6.8"
 
 
-def met(rays: Rays, kind: type) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """On unit spheres, in `kind`: p - c (3, n) of the points p = o + t d that are found; the tracer's normals there,
-    and these made unit."""
-    d: np.ndarray = np.asarray(rays.d, kind).T
-    c: np.ndarray = np.asarray(rays.center, kind).T
-    ball = Sphere((c[0], c[1], c[2]), kind(1))
-    t = intersect_sphere((kind(0),) * 3, (d[0], d[1], d[2]), ball)
-    p = t * d
-    n = np.stack(normal((p[0], p[1], p[2]), facts_of(ball)))
-    return p.astype(float) - c.astype(float), n, np.stack(unit((n[0], n[1], n[2])))
-
-
 def off_surface(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
-    """How far off the sphere that the numbers describe, in radii."""
+    """How far off the sphere the points found lie, in radii: o + t d, and the same put back onto it."""
     rays = seen_at(max(x, 1.5), 0.9 * rng.random(n), rng)
     found: dict[str, Error] = {}
-    for kind in KINDS:
-        f, _, back = met(rays, kind)
-        for name, point in (("o + t d", f), ("put back onto the sphere", back)):
-            off = np.linalg.norm(point.astype(float), axis=0) - 1
+    kinds: tuple[type, ...] = np.float32, np.float64
+    for kind in kinds:
+        d: np.ndarray = np.asarray(rays.d, kind).T
+        c: np.ndarray = np.asarray(rays.center, kind).T
+        ball = Sphere((c[0], c[1], c[2]), kind(1))
+        p = intersect_sphere((kind(0),) * 3, (d[0], d[1], d[2]), ball) * d
+        back = unit(normal((p[0], p[1], p[2]), facts_of(ball)))
+        for name, point in (("o + t d", p.astype(float) - c.astype(float)), ("put back onto the sphere", back)):
+            off = np.linalg.norm(np.stack(point).astype(float), axis=0) - 1
             found[f"{name}, {np.dtype(kind)}"] = float(np.abs(off).max())
     return found
-
-
-def normals(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
-    """The angle between the normal found and the true one, radians."""
-    rays = seen_at(max(x, 1.5), 0.9 * rng.random(n), rng)
-    found: dict[str, Error] = {}
-    true = (hits(*rays[:4])[:, None] * rays.d - rays.center).T
-    for kind in KINDS:
-        _, plain, back = met(rays, kind)
-        found |= {f"{name}, {np.dtype(kind)}": angle(a.astype(float), true)
-                  for name, a in (("(p − c) / r", plain), ("made unit", back))}  # fmt: skip
-    return found
-
-
-KINDS = np.float32, np.float64
-
-
-def angle(a: np.ndarray, b: np.ndarray) -> float:
-    across = np.linalg.norm(np.cross(a, b, axis=0), axis=0)
-    return float(np.arctan2(across, (a * b).sum(axis=0)).max())
 
 
 # ------------------------------------------------------------------------------------------ shadow rays
@@ -151,33 +123,6 @@ def moved(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
     return shadows(1.0, x * DIAGONAL, n, rng)
 
 
-def on_ground(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
-    """The share of points of a ground z = 0 that it shades itself, seen from x above it, up to 3 x away: acne alone."""
-    ground = Rectangle((0.0, 0.0, 0.0), (10 * x, 0.0, 0.0), (0.0, 10 * x, 0.0))
-    aim = np.stack([*(3 * x * (2 * rng.random((2, n)) - 1)), np.full(n, -x)])
-    d = (aim / np.linalg.norm(aim, axis=0)).astype(np.float32)
-    ray, light = (d[0], d[1], d[2]), np.array(SUN, np.float32)
-    high = (np.float32(0), np.float32(0), np.float32(x))
-    p = np.stack([a + intersect_rectangle(high, ray, ground) * c for a, c in zip(high, ray, strict=True)])
-    up = np.zeros_like(p) + np.array([[0], [0], [1]], np.float32)
-    starts = {
-        "no offset": (p, 0.0), f"t > {EPSILON:g}": (p, EPSILON), "Wächter and Binder": (offset(p, up), 0.0),
-        "Mitsuba's offset": (p + up * np.float32(MITSUBA) * (1 + np.abs(p).max(axis=0)), 0.0),
-    }  # fmt: skip
-    found: dict[str, Error] = {}
-    for name, (start, least) in starts.items():
-        own = intersect_rectangle((start[0], start[1], start[2]), (light[0], light[1], light[2]), ground)
-        found[name] = float((np.isfinite(own) & (own > least)).mean())
-    seen = to_camera_frame(Scene("ground", Camera((1, 1), DOWN, DOWN, (0.0, 0.0, x)), (ground,)), "float32")
-    world = PlainWorld(seen.objects, STAGES)
-    zero, towards = (np.float32(0),) * 3, (d[0], -d[1], -d[2])
-    t = intersect_rectangle(zero, towards, seen.rectangles[0])
-    hit = surface_at(world, zero, towards, t, np.zeros(t.shape, int))
-    found[OWN] = float(world.blocked(hit, (light[0], -light[1], -light[2])).mean())
-    return found
-
-
-DOWN = (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)
 DIAGONAL = np.array([0.6, 0.5, sqrt(1 - 0.61)])
 """Where scenes are moved: along no axis."""
 
@@ -213,13 +158,6 @@ EXPERIMENTS = (
         more=decades(0, 6, 3),
     ),
     Experiment(
-        "hit-normal", "How far off the normal points", "distance / radius", "angle from the true normal, radians", 1e-3,
-        decades(0, 6), normals, ("(p − c) / r, float64",),
-        "A point that lies u D beside the true one has another normal, and no later care brings the true one back: "
-        "making it unit changes its length, not its direction. Digits that the ray has lost are lost.",
-        PBRT, {f"{a}, float32": lambda x: 2 * U32 * x for a in ("(p − c) / r", "made unit")}, more=decades(0, 6, 3),
-    ),
-    Experiment(
         "shadow-large", "Shadow rays in a large scene", "radius of the sphere, m", SHARE, 1e-3, decades(0, 5), sized,
         (OWN,),
         "Half of the points lie below the surface by rounding, u times the way of the ray, and shade themselves: acne. "
@@ -248,17 +186,6 @@ EXPERIMENTS = (
         {f"t > {EPSILON:g}": lambda x: acne(U32 * x / 8, EPSILON),
          "Mitsuba's offset": lambda x: leaks(0.6 * MITSUBA * x),
          "Wächter and Binder": lambda x: leaks(0.6 * 256 * STEP * x), "no offset": lambda x: 0.2},
-        trials=10_000, many=1_000_000,
-    ),
-    Experiment(
-        "shadow-ground", "Shadow rays from a ground at z = 0", "height of the eye, m", SHARE, 1e-3, decades(-1, 5, 2),
-        on_ground, (OWN,),
-        "Near a coordinate plane float32's steps are small, and Wächter and Binder go over to a fixed 1/65536; seen "
-        "from 100 m the ground is rounded by as much, and the acne is back. Only the size of the ray's own rounding is "
-        "a safe measure, or not to ask the ground about itself at all.",
-        BINDER,
-        {"Wächter and Binder": lambda x: 0.1 * (U32 * x > 1 / 65536),
-         f"t > {EPSILON:g}": lambda x: 0.1 * (U32 * x / SUN[2] > EPSILON), "no offset": lambda x: 0.1},
         trials=10_000, many=1_000_000,
     ),
 )  # fmt: skip

@@ -4,7 +4,6 @@ A sphere that crosses the camera's plane has a hyperbola for its outline, which 
 projected points is finite.
 """
 
-from functools import partial
 from math import acos, atan, degrees, pi, sin
 
 import numpy as np
@@ -70,12 +69,6 @@ def near(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
     return cut(camera_of(WIDE), x * w / np.linalg.norm(w, axis=1, keepdims=True), np.ones(n))
 
 
-def bent(sign: float, x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
-    """Spheres anywhere before a lens with k1 = ± x."""
-    w = rng.normal(size=(n, 3)) * (1, 1, 0.5) + (0, 0, 1.5)
-    return cut(camera_of(0.8, (sign * x,)), w, 10 ** rng.uniform(-2, 0, n))
-
-
 SHARE = "share of visible pixels cut away"
 ZISSERMAN = "Hartley and Zisserman, Multiple View Geometry (2004), ch. 8"
 OURS = ("conic: raytwin",)
@@ -101,20 +94,5 @@ EXPERIMENTS = (
         "else. The eight corners are then projected through the eye, some to the wrong side, and what they leave out "
         "is wrongly cut.",
         ZISSERMAN, {"eight corners": lambda x: 0.05 * (x < NEAREST)}, slack=2, trials=300, many=30_000,
-    ),
-    Experiment(
-        "trim-barrel", "The box under a barrel lens", "|k1|, k1 < 0", SHARE, 1e-3,
-        (0.001, 0.003, 0.01, 0.03, 0.1, 0.2, 0.3, 0.4), partial(bent, -1.0), OURS,
-        "A lens bends the sphere's outline and moves the cube's corners by other amounts, so a box round eight points "
-        "no longer holds what lies between. raytwin bends the whole sides of the box, and takes the whole frame where "
-        "the lens folds.",
-        ZISSERMAN, trials=300, many=30_000,
-    ),
-    Experiment(
-        "trim-pincushion", "The box under a pincushion lens", "k1", SHARE, 1e-3,
-        (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0), partial(bent, 1.0), OURS,
-        "A pincushion lens draws the corners of the cube outwards, so that its box grows and holds the sphere all the "
-        "better. Only spheres partly behind the eye are cut, as without a lens.",
-        ZISSERMAN, trials=300, many=30_000,
     ),
 )  # fmt: skip
