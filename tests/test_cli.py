@@ -82,7 +82,6 @@ def test_compare_passes_and_writes_every_file(scenes, tmp_path):
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
         "comparison.json",
         "error.exr",
-        "overview.png",
         "report.html",
         "tracer.exr",
         "twin.exr",

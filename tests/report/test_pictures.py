@@ -34,35 +34,14 @@ def test_a_black_or_invalid_image_is_shown_as_it_is():
     assert data_urls.exposure(grey(np.full((3, 3), np.nan))) == 1
 
 
-def test_the_error_scale_reaches_from_below_the_tolerance_to_the_worst_error():
-    error = np.array([[0, 3e-4, -2e-6]], np.float32)
-    scale = data_urls.choose_scale(grey(error), grey(0 * error), error, 1e-5)
-    assert scale.low == pytest.approx(1e-7)
-    assert scale.high == pytest.approx(1e-3)
-    np.testing.assert_allclose(scale.position(np.float32([1e-3, -1e-3, 1e-5, -1e-5])), [1, -1, 0.5, -0.5], atol=1e-6)
-    assert scale.position(np.float32(9e-8)) == 0
-
-
-def test_noise_gets_equal_steps():
-    noise = Image(np.zeros((2, 2, 3), np.float32), np.ones((2, 2, 3), np.float32))
-    error = np.full((2, 2), 0.03, np.float32)
-    scale = data_urls.choose_scale(noise, grey(-error), error, 1e-5)
-    assert not scale.logarithmic
-    assert scale.position(np.float32(scale.high / 4)) == pytest.approx(0.25)
-
-
-def test_error_indices_are_symmetric_and_mark_what_is_missing():
-    scale = data_urls.Scale(1e-6, 1e-2, True)
-    indices = data_urls.error_indices(np.array([[1, -1, 0, np.nan, 1e-5, -1e-5]], np.float32), scale)
-    assert indices.tolist() == [[254, 0, 127, 255, 159, 95]]
-
-
-def test_the_palette_is_blue_then_white_then_red():
-    colours = data_urls.palette().astype(int)
-    assert colours[0, 2] > colours[0, 0]
-    assert colours[127].tolist() == [255, 255, 255]
-    assert colours[254, 0] > colours[254, 2]
-    assert colours.shape == (256, 3)
+def test_a_small_difference_is_pale_where_it_is_allowed_and_red_where_it_is_too_bright():
+    reference = grey(np.full((60, 90), 0.5))
+    for error, least_red in ((1e-6, 250), (0.1, 150)):
+        test = grey(reference.mean[..., 0] + error)
+        picture = np.asarray(loaded(data_urls.error_thumb(test, reference, 1e-5, 30)).convert("RGB")).astype(int)
+        assert picture.shape == (20, 30, 3)
+        assert (picture[..., 1] > 200).all() == (least_red == 250)
+        assert (picture[..., 0] >= picture[..., 2]).all()
 
 
 def test_mismatches_are_listed_from_the_top():
@@ -99,17 +78,3 @@ def test_a_png_keeps_every_byte_and_a_noisy_picture_becomes_a_jpeg():
     url, lossless = data_urls.picture_url(noisy)
     assert not lossless
     assert loaded(url).size == (800, 600)
-
-
-def test_indices_become_the_palette_s_colours():
-    indices = np.arange(256, dtype=np.uint8).reshape(16, 16)
-    picture = loaded(data_urls.png_url(indices, data_urls.palette()))
-    np.testing.assert_array_equal(np.asarray(picture.convert("RGB")), data_urls.palette()[indices])
-
-
-def test_of_each_block_the_error_farthest_from_zero_is_kept():
-    error = np.zeros((7, 9), np.float32)
-    error[1, 1], error[2, 0], error[4, 5], error[6, 8] = 2, -3, -1, 9  # the last is in no whole block
-    assert data_urls.worst_of_blocks(error, 3).tolist() == [[-3, 0, 0], [0, -1, 0]]
-    error[0, 8] = np.nan
-    assert np.isnan(data_urls.worst_of_blocks(error, 3)[0, 2])

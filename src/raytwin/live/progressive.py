@@ -5,6 +5,7 @@ Errors are against all light over the pixel's area, from two independent halves 
 (x - half) (x - other half) has no noise of the halves in it.
 """
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -24,7 +25,6 @@ from raytwin.live.view_state import Look, Wanted
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.renderers.user_renderers import UserRenderer
-from raytwin.report.data_urls import Scale, error_indices
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, SceneFile
 from raytwin.speed import ENGINES
@@ -166,12 +166,18 @@ def picture(pane: str, image: Image, look: Look, seconds: float, samples: int) -
 def difference(test: Image, reference: Image, look: Look, side: int = 1) -> bytes:
     """Return a grey PNG of the error of the channel that errs most: 127 for none, 0 and 254 for `look.high`.
 
-    Means of blocks of `side` x `side` pixels, in which noise averages out.
+    Means of blocks of `side` x `side` pixels, in which noise averages out; 255 where there is no number.
     """
     with np.errstate(invalid="ignore", over="ignore"):
         error = binned(Image(test.mean - reference.mean), side).mean
     worst = np.take_along_axis(error, np.abs(error).argmax(axis=-1)[..., None], axis=-1)[..., 0]
-    grey = error_indices(worst, Scale(look.low, look.high, look.log and look.low > 0))
+    size = np.abs(worst)
+    if look.log and look.low > 0:
+        share = np.log(np.maximum(size, look.low) / look.low) / math.log(look.high / look.low)
+    else:
+        share = size / look.high
+    signed = np.rint(127 * np.copysign(np.minimum(share, 1), worst) + 127)
+    grey = np.where(np.isnan(worst), 255, np.nan_to_num(signed)).astype(np.uint8)
     return files.encoded(grey, "png", compress_level=1)
 
 

@@ -13,7 +13,6 @@ import msgspec
 
 from raytwin import files, viewer
 from raytwin.compare import Report
-from raytwin.compare.heatmap import signed_error
 from raytwin.image import Image
 from raytwin.report import data_urls, numbers
 from raytwin.report.compare_page import write_report
@@ -130,13 +129,9 @@ def _view(test: str, notes: tuple[str, ...], pair: Compared) -> PairView:
 
 
 def _thumbs(view: PairView, tolerance: Tolerance) -> tuple[str, str, str]:
-    """Return the test's image, the reference and the signed error, small, as data URLs."""
-    error = signed_error(view.test, view.reference, "absolute")
-    scale = data_urls.choose_scale(view.test, view.reference, error, tolerance.p999_abs)
-    step = max(1, -(-error.shape[1] // THUMB))
-    stops = data_urls.exposure(view.reference)
+    """Return the test's image, the reference and their difference, small, as data URLs."""
+    step, stops = max(1, -(-view.test.shape[1] // THUMB)), data_urls.exposure(view.reference)
     test, reference = (
         data_urls.png_url(data_urls.exposed(image, stops)[::step, ::step]) for image in (view.test, view.reference)
     )
-    shown = data_urls.error_indices(data_urls.worst_of_blocks(error, step), scale)
-    return test, reference, data_urls.png_url(shown, data_urls.palette())
+    return test, reference, data_urls.error_thumb(view.test, view.reference, tolerance.p999_abs, THUMB)

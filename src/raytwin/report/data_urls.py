@@ -1,13 +1,13 @@
 """Images as pictures for the page: exposed, coloured, compressed into data URLs."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from raytwin import files
 from raytwin.compare import error_map, error_scale
 from raytwin.image import Image, Surface
+from raytwin.viewer.packing import binned
 
 MARKS = 300
 """Most pixels that get a ring drawn around them."""
@@ -35,55 +35,16 @@ def exposed(image: Image, gain: float) -> np.ndarray:
         return files.to_bytes(image.mean * np.float32(gain))
 
 
-# ------------------------------------------------------------------------------------------ signed error
+FAINT = 10.0
+"""Times the tolerance: the least error that gets the full colour, so that what is allowed stays pale."""
 
 
-@dataclass(frozen=True)
-class Scale:
-    """Which error gets which colour: 0 to `low` white, `high` and more the full colour; equal ratios or equal steps."""
-
-    low: float
-    high: float
-    logarithmic: bool
-
-    def position(self, error: np.ndarray) -> np.ndarray:
-        """-1 to 1, where 1 is the full colour; NaN stays NaN."""
-        size = np.abs(error)
-        if self.logarithmic:
-            decades = math.log10(self.high / self.low)
-            share = np.log10(np.maximum(size, np.float32(self.low)) / np.float32(self.low)) / np.float32(decades)
-        else:
-            share = size / np.float32(self.high)
-        return np.asarray(np.copysign(np.minimum(share, np.float32(1)), error))
-
-
-def noisy(test: Image, reference: Image) -> bool:
-    """One of the two has noise, so that a single error means little."""
-    return test.variance is not None or reference.variance is not None
-
-
-def choose_scale(test: Image, reference: Image, error: np.ndarray, tolerance: float) -> Scale:
-    """Noise: equal steps up to its 99.9 % quantile; else decades, a hundredth of the tolerance to the worst."""
-    if noisy(test, reference):
-        return Scale(0.0, error_scale(test, reference), False)
-    worst = float(np.max(np.abs(error), where=np.isfinite(error), initial=tolerance))
-    low = 10.0 ** (math.floor(math.log10(tolerance)) - 2)
-    return Scale(low, max(10.0 ** math.ceil(math.log10(worst) - 1e-9), 1e3 * low), True)
-
-
-def palette() -> np.ndarray:
-    """(256, 3) uint8: the colours of `compare.error_map` from -1 to 1 in 255 steps, and that of a missing error."""
-    ramp = np.repeat(np.append(np.linspace(-1, 1, 255), np.nan).astype(np.float32)[None, :, None], 3, axis=-1)
-    return np.asarray(files.to_bytes(error_map(Image(ramp), Image(np.zeros_like(ramp)), scale=1.0))[0])
-
-
-def error_indices(error: np.ndarray, scale: Scale) -> np.ndarray:
-    """(H, W) uint8 into `palette`."""
-    position = scale.position(error)
-    missing = np.isnan(position)
-    indices: np.ndarray = np.rint(np.where(missing, np.float32(0), position) * 127 + 127).astype(np.uint8)
-    indices[missing] = 255
-    return indices
+def error_thumb(test: Image, reference: Image, tolerance: float, widest: int) -> str:
+    """Return the difference as a picture of at most about `widest` pixels across: noise thins as it does for an eye."""
+    step = max(1, round(test.shape[1] / widest))
+    test, reference = (binned(Image(image.mean), step) for image in (test, reference))
+    scale = max(FAINT * tolerance, error_scale(test, reference))
+    return png_url(files.to_bytes(error_map(test, reference, scale=scale)))
 
 
 # ------------------------------------------------------------------------------------------ pixels worth a look
@@ -108,17 +69,6 @@ def worst_pixels(error: np.ndarray, count: int, tile: int = 32) -> list[tuple[in
     return found
 
 
-def worst_of_blocks(error: np.ndarray, side: int) -> np.ndarray:
-    """Return the error farthest from 0 of each block of side x side, so that no wrong pixel is lost.
-
-    What does not fill a block at the right and at the bottom is left out.
-    """
-    height, width = (n - n % side for n in error.shape)
-    blocks = error[:height, :width].reshape(height // side, side, width // side, side)
-    highest, lowest = blocks.max(axis=(1, 3)), blocks.min(axis=(1, 3))
-    return np.where(highest >= -lowest, highest, lowest)
-
-
 def mismatches(test: Surface, reference: Surface) -> list[tuple[int, int]]:
     """(x, y) of the first MARKS pixels whose centre sees another object, top to bottom."""
     flat = np.flatnonzero(test.ids != reference.ids)[:MARKS]
@@ -128,14 +78,9 @@ def mismatches(test: Surface, reference: Surface) -> list[tuple[int, int]]:
 # ------------------------------------------------------------------------------------------ compressed
 
 
-def png_url(pixels: np.ndarray, colours: np.ndarray | None = None) -> str:
-    """sRGB uint8 (H, W, 3), or indices (H, W) into `colours` (256, 3), as a PNG in a data URL."""
-    from PIL import Image as Pillow
-
-    picture = Pillow.fromarray(np.ascontiguousarray(pixels))
-    if colours is not None:
-        picture.putpalette(colours.tobytes())
-    return files.data_url(picture, "png", compress_level=1)
+def png_url(pixels: np.ndarray) -> str:
+    """Return sRGB uint8 (H, W, 3) as a PNG in a data URL."""
+    return files.data_url(np.ascontiguousarray(pixels), "png", compress_level=1)
 
 
 def jpeg_url(pixels: np.ndarray) -> str:

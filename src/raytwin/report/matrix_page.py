@@ -13,14 +13,13 @@ import numpy as np
 
 from raytwin import files, viewer
 from raytwin.bench import staircase
-from raytwin.compare import Report, error_map, error_scale, scaled
+from raytwin.compare import Report, scaled
 from raytwin.compare.comparison import Comparison, Radiance
 from raytwin.errors import InputError
-from raytwin.image import Image
 from raytwin.report.bench_charts import Mark, marks_chart, steps
 from raytwin.report.charts.chart import chart_html
 from raytwin.report.compare_page import write_report
-from raytwin.report.data_urls import png_url
+from raytwin.report.data_urls import error_thumb
 from raytwin.report.junit import Case, write_junit
 from raytwin.report.page import write_page
 from raytwin.report.spreadsheet import write_csv
@@ -36,8 +35,6 @@ THUMB = 96
 ORDER = "fail", "error", "undecided", "differs", "pass"
 """Verdicts, the worst first."""
 SIGNS = {"pass": "✓", "differs": "≈", "fail": "✗", "undecided": "?", "error": "!"}
-FAINT = 10.0
-"""Times the tolerance: the least error that gets the full colour."""
 FLOOR = 1e-9
 """Errors below are drawn there: a logarithm has no 0."""
 
@@ -57,21 +54,7 @@ def thumbnail(result: Result) -> str:
     test, reference = result.test, result.reference
     if not (showable(test) and showable(reference)) or test.shape != reference.shape:
         return ""
-    step = max(1, round(test.shape[1] / THUMB))
-    test, reference = _smaller(test, step), _smaller(reference, step)
-    least = FAINT * scaled(result.tolerance, reference, test).p999_abs  # so that what is allowed stays pale
-    colours = error_map(test, reference, scale=max(least, error_scale(test, reference)))
-    return png_url(files.to_bytes(colours))
-
-
-def _smaller(image: Image, step: int) -> Image:
-    """The mean of step x step pixels: noise thins as it does for an eye."""
-    height, width = (max(1, n // step) for n in image.shape[:2])
-    size = min(step, *image.shape[:2])
-    mean = image.mean[: height * size, : width * size]
-    height, width = mean.shape[0] // size, mean.shape[1] // size
-    mean = mean[: height * size, : width * size].reshape(height, size, width, size, 3).mean(axis=(1, 3))
-    return Image(np.asarray(mean, np.float32))
+    return error_thumb(test, reference, scaled(result.tolerance, reference, test).p999_abs, THUMB)
 
 
 def write_matrix(

@@ -11,7 +11,6 @@ from raytwin.compare import error_map
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
 from raytwin.report.compare_page import write_report
-from raytwin.report.overview import overview
 from raytwin.report.view import view_of
 from raytwin.workflows.diff_files import Diff
 
@@ -37,8 +36,6 @@ def write_all(result: "Result", folder: Path, json: Path | None = None, progress
     ]
     if (augmented := result.augmented) is not None:
         jobs.append(partial(files.write_picture, folder / "augmented.png", augmented))
-    if alike:
-        jobs.append(lambda: files.write_picture(folder / "overview.png", overview(result)))
     with ThreadPoolExecutor(2) as pool:  # EXRs and PNGs are packed without the interpreter, while the page is drawn
         writing = [pool.submit(job) for job in jobs]
         progress("page", 0, 1)
