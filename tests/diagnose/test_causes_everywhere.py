@@ -36,7 +36,7 @@ def test_depths_that_are_off_by_a_formula_of_the_pixel_are_named(words):
     K, dist = np.array(scene.camera.K), np.array(scene.camera.coefficients)
     stretch = 1 / written(RIGHT)["through"](K, dist, u, v)[:, 2].reshape(60, 80)
     (said,) = explain(with_depth(right, DEPTHS[words](stretch)), right, scene)
-    assert said.startswith("cause (sure): ")
+    assert said.startswith("cause (likely): ")
     assert words in said
     noise = np.random.default_rng(1).uniform(0.9, 1.1, stretch.shape)
     assert not any(said.startswith("cause (") for said in explain(with_depth(right, noise), right, scene))
@@ -97,8 +97,8 @@ def test_nothing_is_named_of_images_that_differ_by_noise_alone_or_in_one_place()
 
 def test_a_cause_stands_first_and_ends_the_first_line_and_what_is_unknown_stands_last():
     failed = Comparison("fail", ("5 % of values are off",))
-    named = failed.because("cause (sure): the sun is π times too bright", "this explains 100 %")
-    assert named.reasons == ("cause (sure): the sun is π times too bright", "this explains 100 %", *failed.reasons)
+    named = failed.because("cause (proved): the sun is π times too bright", "this explains 100 %")
+    assert named.reasons == ("cause (proved): the sun is π times too bright", "this explains 100 %", *failed.reasons)
     assert named.cause == "the sun is π times too bright"
     assert because(named) == ": the sun is π times too bright"
     unknown = failed.because("cause unknown: wrong everywhere")

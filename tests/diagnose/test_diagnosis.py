@@ -93,10 +93,10 @@ def test_a_kind_that_receives_no_shadow_is_lit_as_if_none_fell_and_the_other_kin
 
 
 @pytest.mark.parametrize("name", ["half-pixel", "sky-missing"])
-def test_a_fault_that_is_planted_alone_is_named_for_sure(name):
+def test_a_fault_that_is_planted_alone_is_proved(name):
     made = diagnose(views([planted(fault(name).ways[0], scene) for scene in SCENES]))
     assert names(made) == [name]
-    assert made.sureness == "sure"
+    assert made.sureness == "proved"
     assert made.held_out > 0.99
     assert fault(name).sentence in made.words[0]
 
@@ -243,7 +243,7 @@ def test_a_channel_that_is_read_from_another_one_is_told_by_term_and_channel():
     made = diagnose([SubmittedImage(scene, planted(change, scene)) for scene in DRAWN], most=1)
     assert names(made) == ["channel-of-the-irradiance-and-the-sky"]
     assert "blue from green" in made.words[0]
-    assert made.sureness == "sure"
+    assert made.sureness == "proved"
 
 
 def test_a_formula_that_is_wrong_in_one_channel_alone_is_told_with_the_channel():
@@ -255,10 +255,10 @@ def test_a_formula_that_is_wrong_in_one_channel_alone_is_told_with_the_channel()
     assert "in red alone" in made.words[0]
 
 
-def test_the_mean_of_several_rays_a_pixel_is_told_for_sure():
+def test_the_mean_of_several_rays_a_pixel_is_proved():
     made = diagnose([SubmittedImage(scene, planted(averaged()[0].ways[0], scene)) for scene in DRAWN], most=1)
     assert names(made) == ["averaged-over-pixel"]
-    assert made.sureness == "sure"
+    assert made.sureness == "proved"
 
 
 @pytest.mark.parametrize("name", ["objects-kept", "light-kept"])

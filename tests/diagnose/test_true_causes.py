@@ -135,14 +135,16 @@ def test_rounding_that_exceeds_the_tolerance_a_little_has_no_cause(name, size):
         assert not any(words.startswith("cause (") for words in said)
 
 
-def test_a_fitted_number_that_leaves_more_than_rounding_is_not_sure():
-    """Light with a factor of 1.7, but for half a thousandth of the scale: near, but not it."""
-    scene = SCENES["eclipse"]
-    sun = trace(with_sun(scene, irradiance=tuple(1.7 * x for x in scene.sun.irradiance))).mean
+def test_a_fitted_number_is_proved_by_two_scenes_that_it_leaves_nothing_of_but_rounding():
+    """Light with a factor of 1.7 in two scenes, in one, and but for half a thousandth of the scale."""
     v = np.arange(60)[:, None, None]
-    exact, near = (diagnose([SubmittedImage(scene, x)]) for x in (sun, sun + 5e-4 * sun.max() * np.sin(v / 9)))
-    assert [made.causes[0].name for made in (exact, near)] == ["sun-scaled"] * 2
-    assert [made.sureness for made in (exact, near)] == ["sure", "likely"]
+    scenes = [SCENES[name] for name in ("eclipse", "distorted")]
+    suns = [trace(with_sun(s, irradiance=tuple(1.7 * x for x in s.sun.irradiance))).mean for s in scenes]
+    exact = [SubmittedImage(scene, x) for scene, x in zip(scenes, suns, strict=True)]
+    near = [SubmittedImage(s, x + 5e-4 * x.max() * np.sin(v / 9)) for s, x in zip(scenes, suns, strict=True)]
+    found = [diagnose(views) for views in (exact, exact[:1], near)]
+    assert [made.causes[0].name for made in found] == ["sun-scaled"] * 3
+    assert [made.sureness for made in found] == ["proved", "likely", "likely"]
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -229,7 +229,7 @@ def test_a_students_page_says_first_what_to_do_and_speaks_to_the_student(graded)
 
 def test_the_class_page_has_certainty_dates_histograms_and_links(graded):
     index = (graded[1] / "index.html").read_text()
-    for said in ('<b class="sure">certain</b>', 'href="results.csv"', "Graded 20", 'class="spark"', 'id="h-fast"'):
+    for said in ('<b class="sure">proved</b>', 'href="results.csv"', "Graded 20", 'class="spark"', 'id="h-fast"'):
         assert said in index
     assert [count for _, count, _ in pages.by_exercise([graded[0]["right"], graded[0]["pi"]], graded[3])] == [2, 1, 1]
 
@@ -315,7 +315,7 @@ def test_each_result_is_told_as_it_is_there(tmp_path):
 
 def test_what_is_shown_names_no_scene_of_an_exercise_that_is_hidden():
     """One cause is looked for in all pictures, so its words may name any of them."""
-    words = "cause (sure): the sun is too bright; wrong on drawn 12 and single, right on drawn 1"
+    words = "cause (proved): the sun is too bright; wrong on drawn 12 and single, right on drawn 1"
     shown, hidden = (
         Marked(name, "render", "fail", 0, 10, visibility, "", 1e-5, sentences=(words,), parts=tuple(parts))
         for name, visibility, parts in (
@@ -369,7 +369,7 @@ def test_junit_csv_and_json_agree(graded, tmp_path):
     assert rows["hangs"]["image: status"] == "limit"
     assert "asleep" in rows["hangs"]["problem"]
     assert "ValueError: <b>no</b>" in rows["raises"]["problem"]
-    assert (rows["gamma"]["causes"], rows["gamma"]["certainty"]) == ("; ".join(results["gamma"].faults), "sure")
+    assert (rows["gamma"]["causes"], rows["gamma"]["certainty"]) == ("; ".join(results["gamma"].faults), "proved")
 
 
 # ------------------------------------------------------------------------------------------ kinds of submissions

@@ -33,7 +33,7 @@ class Tally:
 
     def __init__(self) -> None:
         self.counts = dict.fromkeys(
-            ("all", "hidden", "detected", "named first", "first three", "some of them", "false at sure"), 0
+            ("all", "hidden", "detected", "named first", "first three", "some of them", "false though proved"), 0
         )
         self.seconds = 0.0
         self.confused: Counter[tuple[str, str]] = Counter()
@@ -51,7 +51,7 @@ class Tally:
         self.counts["named first"] += good
         self.counts["first three"] += good or near
         self.counts["some of them"] += bool(first & (wanted | allowed)) and not (good or near)
-        self.counts["false at sure"] += made.sureness == "sure" and not (good or near)
+        self.counts["false though proved"] += made.sureness == "proved" and not (good or near)
         if not good and not made.right:
             named = " and ".join(sorted(first)) or "unknown"
             others = sorted(all_ - first)

@@ -182,7 +182,7 @@ def graded_class(folder: Path, make_result, scenes) -> list[Path]:
     parts = (MarkedPart(EVIL, False, 0.25, 0.1, 0.5, problem=EVIL),)
     image = Marked("image", "render", "fail", 0, 20, "hidden", EVIL, 1e-5, (EVIL,), fingerprint="1 2 " * 8, parts=parts)
     shade = msgspec.structs.replace(
-        image, name=EVIL, stage="shade", of=10, visibility="visible", causes=("pi",), sureness="sure",
+        image, name=EVIL, stage="shade", of=10, visibility="visible", causes=("pi",), sureness="proved",
         faults=((EVIL, EVIL),), inputs=EVIL, expected=EVIL, got=EVIL,
     )  # fmt: skip
     packed = viewer.pack(Image(noise()), Image(noise(seed=2)), surfaces=False).for_page()

@@ -69,7 +69,7 @@ Verdict = Literal["pass", "differs", "fail", "undecided"]
 """`differs`: as expected, since one side models less light on purpose. `undecided`: too little is known to decide."""
 
 
-CAUSE = re.compile(r"cause (?:\((?P<sureness>sure|likely)\)|unknown): ")
+CAUSE = re.compile(r"cause (?:\((?P<sureness>proved|likely)\)|unknown): ")
 """How a reason begins that says why an image is wrong; without `sureness` it names only the place."""
 
 EXPECTED = "Expected difference: "

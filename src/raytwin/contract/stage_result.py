@@ -41,10 +41,12 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def sureness(self) -> str:
-        """`sure` for the one known fault that explains all cases; `likely` for several, or a slip of no table."""
+        """`proved` for the one known fault that gives these numbers in all cases, of which two at least are wrong, so
+        that each confirms what the other selects. `likely` for several, or a slip of no table."""
         if not self.causes:
             return ""
-        return "sure" if len(self.causes) == 1 and not self.causes[0].startswith("slip-in-") else "likely"
+        one = len(self.causes) == 1 and not self.causes[0].startswith("slip-in-")
+        return "proved" if one and sum(not case.passed for case in self.cases) > 1 else "likely"
 
     def __repr__(self) -> str:
         return str(self)

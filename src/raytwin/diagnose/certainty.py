@@ -9,8 +9,8 @@ from raytwin.diagnose.pixel_sample import PixelSample
 from raytwin.diagnose.predict import RIGHT, Array, Pipeline
 from raytwin.diagnose.tolerance_mask import doubtful
 
-SURE, WHOLE = 0.995, 0.999
-"""Shares of the squared error: of what leaves nothing, and of what does for proof in one scene alone."""
+SURE = 0.995
+"""Share of the squared error that is explained by what leaves nothing."""
 
 ENOUGH = 20
 """Pixels that stay wrong for which a second fault is looked for, all of which it has to explain."""

@@ -14,7 +14,7 @@ from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.budget import SECONDS, Budget
 from raytwin.diagnose.catalogue import ACNE, CHANCES, FACTS, FAULTS, cached
 from raytwin.diagnose.certainty import (
-    WHOLE,
+    SURE,
     are_alike,
     explained_share,
     hit_shares,
@@ -86,7 +86,7 @@ def diagnose(
     """
     if (value := _one_value(views)) is not None:
         text = f"every pixel has the same value, {value:.4g}: nothing of the scene is in the picture"
-        return Diagnosis(False, (Cause("one-value", OUTPUT, text),), ((),), 1.0, None, "sure")
+        return Diagnosis(False, (Cause("one-value", OUTPUT, text),), ((),), 1.0, None, "proved")
     budget = Budget(seconds)
     sights = many(views, seed)
     errors = [s.off(s.predict(RIGHT)) for s in sights]
@@ -100,7 +100,7 @@ def diagnose(
         cause = Cause(
             "points-of-misses", ORDER, f"rays that meet nothing have points, too ({words}): NaN is wanted there"
         )
-        return Diagnosis(False, (cause,), ((),), 1.0, None, "sure", where)
+        return Diagnosis(False, (cause,), ((),), 1.0, None, "proved", where)
     sights = [s for s in sights if s.weight.size]
     return replace(_search(sights, where, faults, families, most, budget), untried=budget.words)
 
@@ -178,7 +178,7 @@ def explain(
     if not (np.isfinite(shown).all() and np.isfinite(right).all()):
         return ()
     if scene and (words := depth_cause(test.surface, reference.surface, scene)):
-        return (f"cause (sure): {words}",)
+        return (f"cause (likely): {words}",)
     variances = [image.variance for image in (test, reference) if image.variance is not None]
     if variances:
         zero = np.zeros(shown.shape)
@@ -241,14 +241,14 @@ def _described(
     worst = _held_out(best, sights, each)
     others = _as_good(best, found, sights, budget)
     alone = len(best.causes) == 1 and not others[0]
-    shown = share > WHOLE or (share > EXPLAINED and sum(bool(s.wrong.any()) for s in sights) > 1)
-    agreed = worst is None or worst > EXPLAINED
+    # Each scene confirms what the others select: one alone proves nothing.
+    confirmed = worst is not None and worst > SURE and sum(bool(s.wrong.any()) for s in sights) > 1
     unchecked = budget.spent
     count, left = (0, "") if unchecked else left_over([s.everywhere(_most(s)) for s in sights], best.steps)
     whole = count < FEW and not unchecked and is_good(sights, best.steps)
     whole = whole and (best.refit is None or is_exact(sights, best.steps))
     written = not any(cause.name.startswith("slip-in-") for cause in best.causes)
-    sureness: Sureness = "sure" if alone and shown and agreed and whole and written else "likely"
+    sureness: Sureness = "proved" if alone and confirmed and whole and written else "likely"
     order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
     return Diagnosis(
         right=False,

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-Sureness = Literal["sure", "likely", "unknown"]
+Sureness = Literal["proved", "likely", "unknown"]
 
 
 @dataclass(frozen=True)

@@ -132,5 +132,5 @@ class Result(Record, frozen=True):
 
 
 WORST: tuple[Status, ...] = ("limit", "broken", "error", "fail", "missing")
-SUREST = ("named", "proved", "sure", "likely", "")
-"""`sureness`, from the surest: named by the instructor, proved by a repair of the text."""
+SUREST = ("named", "proved", "likely", "")
+"""`sureness`, from the surest: named by the instructor; proved by a repair, or by predictions that leave nothing."""

@@ -52,7 +52,7 @@ def looked_again(result: Result, rubric: Rubric, code: Code) -> Result:
     """The result, with the lines to look at among its exercises' sentences, as far as the rubric's `hints` go, and
     fingerprints of what no cause is named for.
 
-    Of pictures only those are tried of which no cause is sure; functions that are right by their own tests are not.
+    Of pictures only those are tried of which no cause is proved; functions that are right by their own tests are not.
     """
     wrong = [e for e in result.exercises if e.status in ("fail", "error") and not _is_known(e)]
     unnamed = [e.stage for e in wrong if not (e.faults or e.fingerprint)]
@@ -88,7 +88,7 @@ MOST_PROBES = 3
 
 
 def _is_known(exercise: Marked) -> bool:
-    return exercise.stage in PICTURES and exercise.sureness == "sure"
+    return exercise.stage in PICTURES and exercise.sureness == "proved"
 
 
 def _fingerprint(child: Sandbox, stage: Stage) -> str:
@@ -100,12 +100,12 @@ def _fingerprint(child: Sandbox, stage: Stage) -> str:
 
 
 def _with_hint(exercise: Marked, hint: str, found: str) -> Marked:
-    """Behind a cause that is sure; before what is likely, or names none."""
+    """Behind a cause that is proved; before what is likely, or names none."""
     exercise = msgspec.structs.replace(exercise, fingerprint=found)
     if not hint:
         return exercise
     first, rest = exercise.sentences[:1], exercise.sentences[1:]
-    sentences = (*first, hint, *rest) if exercise.sureness == "sure" else (hint, *first, *rest)
+    sentences = (*first, hint, *rest) if exercise.sureness == "proved" else (hint, *first, *rest)
     return msgspec.structs.replace(exercise, sentences=sentences, sureness="proved")
 
 

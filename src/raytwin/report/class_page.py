@@ -27,8 +27,7 @@ BINS = 10
 """Steps of the points' distribution."""
 SURENESS = {
     "named": "named by the instructor",
-    "proved": "proved: one change of the text makes it right",
-    "sure": "certain",
+    "proved": "proved",
     "likely": "likely",
     "": "cause unknown",
 }

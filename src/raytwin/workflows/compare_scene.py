@@ -294,7 +294,7 @@ def stage_causes(subject: Renderer) -> tuple[str, ...]:
     wrong = [result for result in tested if not result.passed]
     return tuple(
         f"cause ({r.sureness}): {r.stage}: {r.sentence}" if r.causes
-        else f"cause (sure): {r.stage} fails its own test: {r.sentence}" for r in wrong[:3]
+        else f"cause (proved): {r.stage} fails its own test: {r.sentence}" for r in wrong[:3]
     )  # fmt: skip
 
 
