@@ -22,7 +22,6 @@ def test_the_line_of_a_slip_is_told_as_far_as_the_rubric_allows(tmp_path, hints,
     (tmp_path / "a.py").write_text(next(s.source for s in SLIPS if s.label == "sum of everything"))
     (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
     exercise = result.exercises[0]
-    assert (exercise.sureness == "proved") == bool(hints)
     assert any(said in sentence for sentence in exercise.sentences)
     assert any("line 39" in sentence for sentence in exercise.sentences) == bool(hints)
 
@@ -34,4 +33,4 @@ def test_a_submission_that_answers_nonsense_for_its_repairs_is_graded_all_the_sa
     (tmp_path / "a.py").write_text(source + liar)
     (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
     assert result.exercises[0].status == "fail"
-    assert result.exercises[0].sureness != "proved"
+    assert not any("line" in sentence for sentence in result.exercises[0].sentences)

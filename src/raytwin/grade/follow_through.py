@@ -1,14 +1,15 @@
 """Follow-through credit: a picture that is wrong because of a function that failed on its own is not lost twice.
 
 Wrong pictures are asked for once more, with the right function in the failed one's place, wherever the submission's
-modules have its name. What is right then earns the rubric's `follow_through` of its points. A picture that is made of
-functions alone earns only the share of those that are the submission's own.
+modules have its name. What is right then needs no other cause, and earns the rubric's `follow_through` of its points;
+what is still wrong has a second one. A picture that is made of functions alone earns only the share of those that are
+the submission's own.
 """
 
 import inspect
 import textwrap
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import FunctionType
 
@@ -16,7 +17,7 @@ import msgspec
 
 from raytwin.contract.composed_tracer import NEEDED, PARTS
 from raytwin.diagnose import textbook
-from raytwin.grade.check_picture import check_picture
+from raytwin.grade.check_picture import CheckedPicture, check_picture
 from raytwin.grade.questions import Question
 from raytwin.grade.result import Marked, Result
 from raytwin.grade.rubric import Rubric
@@ -48,36 +49,68 @@ raytwin_replace({text!r}, {names!r})
 """Runs in the sandbox behind the submission's own text."""
 
 
-def followed(result: Result, rubric: Rubric, code: Code, asked: Sequence[Question]) -> Result:
+@dataclass(frozen=True, eq=False)
+class Helped:
+    """Wrong pictures, asked for once more with the right functions of these `names` in place of the failed ones.
+
+    `again`: by the question's id, what was asked for and what came of it. `beside`: something else is wrong, too.
+    """
+
+    names: tuple[str, ...] = ()
+    again: Mapping[int, tuple[Question, CheckedPicture]] = field(default_factory=dict)
+    beside: bool = False
+
+    def cured(self, question: Question) -> bool:
+        """Whether the failed functions alone made this picture wrong."""
+        return id(question) in self.again and self.again[id(question)][1].part.passed
+
+
+def ask_again(
+    rubric: Rubric, code: Code, asked: Sequence[Question], checked: Mapping[int, CheckedPicture], failed: Sequence[str]
+) -> Helped:
+    """Ask for the wrong pictures that the failed functions are part of, these replaced."""
+    names = tuple(name for name in PARTS if name in failed)
+    wrong = [
+        q for q in asked if id(q) in checked and not checked[id(q)].part.passed
+        and set(NEEDED[q.exercise.stage]) & set(names) and q.answer.sort in ("", "error")
+    ]  # fmt: skip
+    if not (wrong and code.kind == "python"):
+        return Helped()
+    again = {}
+    with Sandbox(code_with(code, names), rubric.limits, (Path(rubric.folder), Path.cwd())) as child:
+        for question in wrong:
+            copy = replace(question, made_of="")
+            ask(copy, child, code, names)
+            again[id(question)] = copy, check_picture(copy)
+    return Helped(names, again)
+
+
+def code_with(code: Code, names: Sequence[str]) -> Code:
+    """The submission with right functions of these names in place of its own."""
+    return code.followed_by(REPLACE.format(text=source_of(names), names=list(names))) if names else code
+
+
+def followed(result: Result, rubric: Rubric, asked: Sequence[Question], helped: Helped) -> Result:
     """Return the result with follow-through credit."""
-    failed = {e.stage for e in result.exercises if e.stage in PARTS and e.status not in ("pass", "missing")}
-    own = [e for e in rubric.exercises if set(NEEDED.get(e.stage, ())) & failed]
-    if not (rubric.follow_through and own and code.kind == "python"):
+    if not (rubric.follow_through and helped.again):
         return result
-    names = [name for name in PARTS if name in failed]
-    changed = code.followed_by(REPLACE.format(text=source_of(names), names=names))
-    marked = {e.name: e for e in result.exercises}
-    with Sandbox(changed, rubric.limits, (Path(rubric.folder), Path.cwd())) as child:
-        for exercise in own:
-            mine = [q for q in asked if q.exercise is exercise]
-            if mine[0].scene is not None and marked[exercise.name].status == "fail":
-                shares = [
-                    _share(q, p.passed, names, child, code)
-                    for q, p in zip(mine, marked[exercise.name].parts, strict=True)
-                ]
-                marked[exercise.name] = _credited(marked[exercise.name], shares, rubric.follow_through, names)
-    return msgspec.structs.replace(result, exercises=tuple(marked[e.name] for e in result.exercises))
+    exercises = []
+    for exercise in result.exercises:
+        mine = [q for q in asked if q.exercise.name == exercise.name]
+        if exercise.status == "fail" and any(id(q) in helped.again for q in mine):
+            exercise = _credited(exercise, [_share(q, helped) for q in mine], rubric.follow_through, helped.names)
+        exercises.append(exercise)
+    return msgspec.structs.replace(result, exercises=tuple(exercises))
 
 
-def _share(question: Question, passed: bool, replaced: Sequence[str], child: Sandbox, code: Code) -> float:
+def _share(question: Question, helped: Helped) -> float:
     """What the picture earns with the right functions in place of the failed ones, 0 to 1."""
-    if passed or question.answer.problem:
+    if id(question) not in helped.again or question.answer.problem:
         return 0.0
-    again = replace(question, made_of="")
-    ask(again, child, code, replaced)
-    part = check_picture(again).part
+    again, checked = helped.again[id(question)]
     needed = NEEDED[question.exercise.stage]
-    return part.share * (1 - len(set(needed) & set(replaced)) / len(needed) if again.made_of else 1.0)
+    own = 1 - len(set(needed) & set(helped.names)) / len(needed)
+    return checked.part.share * (own if again.made_of else 1.0)
 
 
 def _credited(exercise: Marked, shares: Sequence[float], rate: float, names: Sequence[str]) -> Marked:
@@ -89,11 +122,9 @@ def _credited(exercise: Marked, shares: Sequence[float], rate: float, names: Seq
     if points <= exercise.points:
         return exercise
     more = round(points - exercise.points, 4)
-    right = sum(p.passed or share > 0 for p, share in zip(parts, shares, strict=True))
-    count = "the picture is" if len(parts) == 1 else f"{right} of the {len(parts)} pictures are"
     said = (
-        f"with a right {' and '.join(names)} in place of yours {count} right: you lose points there, and keep "
-        f"{f'{more:.2f}'.rstrip('0').rstrip('.')} here"
+        f"you lose points for your {' and '.join(names)}, and keep {f'{more:.2f}'.rstrip('0').rstrip('.')} here for "
+        "what is right without it"
     )
     sentences = (*exercise.sentences, said)
     return msgspec.structs.replace(exercise, parts=parts, points=points, followed=more, sentences=sentences)

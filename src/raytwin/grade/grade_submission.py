@@ -37,7 +37,7 @@ def grade_submission(job: Job) -> Result:
     except InputError as error:
         for one in asked:
             one.answer = Answer(problem=f"expected {error.expected}, got {error.got}", sort="missing")
-        return marked(result, rubric, asked, problem=plain(error))
-    result = marked(result, rubric, asked, problem, timed=code.kind != "images")
-    result = looked_again(followed(result, rubric, code, asked), rubric, code)
+        return marked(result, rubric, asked, plain(error))[0]
+    result, helped = marked(result, rubric, asked, problem, code)
+    result = looked_again(followed(result, rubric, asked, helped), rubric, code, helped.names if helped.beside else ())
     return msgspec.structs.replace(result, seconds=round(time.perf_counter() - began, 4))

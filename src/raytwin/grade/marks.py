@@ -1,55 +1,66 @@
 """What answers are worth: points of each exercise, what is said about it, and the bonus for speed."""
 
+import time
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import msgspec
+import numpy as np
 
 from raytwin.contract.check_function import judge
 from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose.diagnosis import Diagnosis, diagnose
 from raytwin.grade.check_picture import CheckedPicture, check_picture
 from raytwin.grade.fingerprint import fingerprint
+from raytwin.grade.follow_through import Helped, ask_again
 from raytwin.grade.questions import Question
-from raytwin.grade.result import Marked, Part, Picture, Result, Status
+from raytwin.grade.result import SUREST, Marked, Part, Picture, Result, Status
 from raytwin.grade.rubric import Exercise, Rubric
 from raytwin.grade.wrong_picture import wrong_picture
+from raytwin.sandbox.sandbox import Code
 
+SECONDS = 20.0
+"""CPU seconds for the causes of all pictures of a submission."""
 MOST_VIEWS = 3
 """Wrong pictures of a submission that can be looked at pixel by pixel; of the others there is a small one."""
 
 
-def marked(result: Result, rubric: Rubric, asked: list[Question], problem: str, timed: bool = True) -> Result:
-    """Return the result with its exercises marked. `timed`: the answers were computed here, so their seconds count.
+def marked(
+    result: Result, rubric: Rubric, asked: list[Question], problem: str, code: Code | None = None
+) -> tuple[Result, Helped]:
+    """Return the result with its exercises marked, and what failed functions do to its pictures.
 
-    Speed is that of drawn scenes: of a named one a submission may have stored the picture.
+    Speed is that of drawn scenes: of a named one a submission may have stored the picture. Images have no seconds.
     """
-    exercises, pictures, speed = [], [], []
+    of = {e.name: [a for a in asked if a.exercise is e] for e in rubric.exercises}
     checked = {id(a): check_picture(a) for a in asked if a.scene is not None}
-    # One tracer made all pictures, so one cause is looked for in all; where there is none, in an exercise's own.
-    together = _cause(list(checked.values()), result.seed)
-    for exercise in rubric.exercises:
-        mine = [a for a in asked if a.exercise is exercise]
-        if mine[0].scene is None:
-            one = _mark_stage(exercise, mine)
-        else:
-            one, wrong = _mark_pictures(exercise, mine, [checked[id(a)] for a in mine], together, result.seed)
-            pictures += wrong
-        exercises.append(one)
+    marks = {e.name: _mark_stage(e, of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
+    failed = [m for m in marks.values() if m.status not in ("pass", "missing")]
+    helped = ask_again(rubric, code, asked, checked, [m.stage for m in failed]) if code else Helped()
+    causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed)
+    pictures, speed = [], []
+    for exercise in (e for e in rubric.exercises if e.name not in marks):
+        mine = of[exercise.name]
+        one, wrong = _mark_pictures(exercise, mine, causes)
+        pictures += wrong
+        marks[exercise.name] = one
         drawn = [a.answer.seconds for a in mine if a.drawn]
-        if timed and rubric.speed is not None and rubric.speed.of == one.name and one.error is not None and drawn:
+        timed = rubric.speed is not None and rubric.speed.of == one.name and code is not None and code.kind != "images"
+        if timed and one.error is not None and drawn:
             speed.append((one.name, sum(drawn) / len(drawn), one.error))
     bonus = 0.0
-    if rubric.speed is not None and speed and all(e.status == "pass" for e in exercises if e.name == rubric.speed.of):
+    if rubric.speed is not None and speed and marks[rubric.speed.of].status == "pass":
         bonus = rubric.speed.earned(speed[0][1])
-    return msgspec.structs.replace(
+    made = msgspec.structs.replace(
         result,
-        exercises=tuple(exercises),
+        exercises=tuple(marks[e.name] for e in rubric.exercises),
         pictures=tuple(pictures),
         speed=tuple(speed),
         bonus=bonus,
         problem=problem,
         own_seconds=round(sum(a.answer.seconds for a in asked), 4),
     )
+    return made, replace(helped, beside=causes.beside)
 
 
 def _status(parts: list[Part], asked: list[Question]) -> Status:
@@ -105,28 +116,89 @@ def _mark_stage(exercise: Exercise, asked: list[Question]) -> Marked:
     )
 
 
-def _cause(checked: list[CheckedPicture], seed: int, most: int = 2) -> Diagnosis | None:
-    """Diagnose all pictures together; None if nothing is wrong or there are no numbers."""
-    views = [c.view for c in checked if c.view is not None]
-    return diagnose(views, seed, most=most) if any(c.view is not None and not c.part.passed for c in checked) else None
+class _Causes:
+    """What made pictures wrong, looked for in all of them at once, since one tracer made them.
+
+    `failed`: functions that fail on their own, and that pictures are made of. What is right once they are replaced is
+    theirs. What is still wrong then has a cause `beside` them, if the pictures changed and came no further off.
+    """
+
+    def __init__(self, checked: Mapping[int, CheckedPicture], helped: Helped, failed: list[Marked], seed: int) -> None:
+        self.checked, self.helped, self.failed, self.seed = checked, helped, failed, seed
+        self.seconds = SECONDS
+        known = bool(failed) and all(m.faults for m in failed)
+        left = [k for k, (_, again) in helped.again.items() if not again.part.passed]
+        self.beside = any(_is_nearer(checked[k], helped.again[k][1]) for k in left)
+        self.theirs = bool(helped.again) and not left
+        self.others: Diagnosis | None = None
+        self.together: Diagnosis | None = None
+        if not (known and self.beside):
+            own = [c for k, c in checked.items() if not (known and self.theirs and k in helped.again)]
+            self.together = self._of(own)
+            self.theirs = self.theirs and (known or not (self.together and self.together.causes))
+        if self.beside and not (self.together and self.together.causes):
+            self.others = self._of([helped.again[k][1] if k in helped.again else c for k, c in checked.items()])
+            if not (self.others and self.others.causes):
+                self.others = None
+                self.together = self.together or self._of(list(checked.values()))
+
+    def _of(self, checked: Sequence[CheckedPicture], most: int = 2) -> Diagnosis | None:
+        """None if nothing is wrong or there are no numbers."""
+        views = [c.view for c in checked if c.view is not None]
+        if self.seconds <= 0 or not any(c.view is not None and not c.part.passed for c in checked):
+            return None
+        began = time.thread_time()
+        found = diagnose(views, self.seed, most=most, seconds=self.seconds)
+        self.seconds -= time.thread_time() - began
+        return found
+
+    def of(
+        self, asked: Sequence[Question]
+    ) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...], tuple[str, ...], str]:
+        """Of an exercise's pictures: sentences, (name, sentence) of each mistake, all names, and how sure that is."""
+        wrong = [a for a in asked if not self.checked[id(a)].part.passed]
+        mine = [self.checked[id(a)] for a in asked]
+        if wrong and all(map(self.helped.cured, wrong)) and self.failed and (self.theirs or self.others):
+            faults = tuple(dict.fromkeys(fault for m in self.failed for fault in m.faults))
+            sureness = max((m.sureness for m in self.failed), key=SUREST.index) if faults else ""
+            said = f"with a right {self._names()} in place of yours this is right: begin there"
+            return (said,), faults, tuple(name for name, _ in faults), sureness
+        if not any(c.view is not None and not c.part.passed for c in mine):
+            return (), (), (), ""
+        if self.others is not None:
+            first, *rest = student_words(self.others)
+            faults = tuple((c.name, c.sentence) for c in self.others.causes)
+            said = f"with a right {self._names()} in place of yours one mistake is left: {first}"
+            return (said, *rest), faults, tuple(name for name, _ in faults), self.others.sureness
+        found = self.together
+        if found is not None and not found.causes:
+            found = self._of(mine, most=1) or found
+            # What other pictures speak against is not proved.
+            found = replace(found, sureness="likely" if found.causes else "unknown")
+        if found is None:
+            return (), (), (), ""
+        faults = tuple((c.name, c.sentence) for c in found.causes)
+        return student_words(found), faults, tuple(c.name for c in found.causes), found.sureness if faults else ""
+
+    def _names(self) -> str:
+        return " and ".join(self.helped.names)
 
 
-def _mark_pictures(
-    exercise: Exercise, asked: list[Question], checked: list[CheckedPicture], together: Diagnosis | None, seed: int
-) -> tuple[Marked, list[Picture]]:
+def _is_nearer(before: CheckedPicture, after: CheckedPicture) -> bool:
+    """Whether another picture came of right functions, of which no more is wrong."""
+    if before.got is None or after.got is None:
+        return after.got is not None
+    same = before.got.shape == after.got.shape and np.array_equal(before.got, after.got, equal_nan=True)
+    return not same and (after.part.wrong or 0.0) <= (1.0 if before.part.wrong is None else before.part.wrong)
+
+
+def _mark_pictures(exercise: Exercise, asked: list[Question], causes: _Causes) -> tuple[Marked, list[Picture]]:
+    checked = [causes.checked[id(a)] for a in asked]
     parts = [c.part for c in checked]
     status = _status(parts, asked)
-    sentences: tuple[str, ...] = tuple(dict.fromkeys(p.problem for p in parts if p.problem))
-    found = None
-    if any(not c.part.passed and c.view is not None for c in checked):
-        found = together
-        if together is not None and not together.causes:
-            found = _cause(checked, seed, most=1)
-            # What other pictures speak against is not sure.
-            found = found and replace(found, sureness="likely" if found.causes else "unknown")
-    if found is not None:
-        sentences = (*student_words(found), *sentences)
-    elif status == "pass":
+    said, faults, names, sureness = causes.of(asked)
+    sentences = (*said, *dict.fromkeys(p.problem for p in parts if p.problem))
+    if not sentences and status == "pass":
         sentences = (f"right in all {len(parts)} pictures" if len(parts) > 1 else "the picture is right",)
     sentences = (*sentences, *dict.fromkeys(a.made_of for a in asked if a.made_of))
     # Pixel by pixel the worst; the others stay small.
@@ -143,9 +215,9 @@ def _mark_pictures(
         unit="of the picture's scale" if exercise.stage == "render" else "m",
         tolerance=asked[0].tolerance.p999_abs,
         sentences=sentences or ("wrong; no single common mistake fits",),
-        causes=tuple(c.name for c in found.causes) if found else (),
-        sureness=found.sureness if found and found.causes else "",
-        faults=tuple((c.name, c.sentence) for c in found.causes) if found else (),
+        causes=names,
+        sureness=sureness,
+        faults=faults,
         fingerprint=_fingerprint(asked, checked) if status == "fail" else "",
         parts=tuple(parts),
     )

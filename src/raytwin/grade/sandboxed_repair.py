@@ -4,10 +4,10 @@ It runs after grading, in a sandbox of its own, and changes no points. What the 
 what is right.
 """
 
+import dataclasses
 import inspect
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, attempt, repair
 from raytwin.grade.fingerprint import PROBE_SEED, fingerprint
+from raytwin.grade.follow_through import code_with
 from raytwin.grade.result import Marked, Result
 from raytwin.grade.rubric import Rubric
 from raytwin.sandbox.sandbox import Code, Sandbox
@@ -48,32 +49,41 @@ def {CALLED}(function, codes, lengths, names, arguments, seconds):
 """Runs in the sandbox, behind the submission's own text and in its module."""
 
 
-def looked_again(result: Result, rubric: Rubric, code: Code) -> Result:
+def looked_again(result: Result, rubric: Rubric, code: Code, replaced: Sequence[str] = ()) -> Result:
     """The result, with the lines to look at among its exercises' sentences, as far as the rubric's `hints` go, and
     fingerprints of what no cause is named for.
 
     Of pictures only those are tried of which no cause is proved; functions that are right by their own tests are not.
+    `replaced`: functions that failed, of which right ones take the place when pictures are repaired.
     """
     wrong = [e for e in result.exercises if e.status in ("fail", "error") and not _is_known(e)]
     unnamed = [e.stage for e in wrong if not (e.faults or e.fingerprint)]
     if not ((rubric.hints or unnamed) and wrong and code.kind == "python" and (code.source or code.cells)):
         return result
     cells: Cells = code.cells or (("", code.source),)
-    asked = (*dict.fromkeys(e.stage for e in wrong), CALLED)
-    own = replace(code.followed_by(DRIVER), asked=asked)
     innocent = [e.stage for e in result.exercises if e.status == "pass" and LESSONS[e.stage].name not in PICTURES]
     found: dict[str, Repair] = {}
     prints: dict[str, str] = {}
-    with Sandbox(own, rubric.limits, (Path(rubric.folder), Path.cwd())) as child:
-        prints = {stage: _fingerprint(child, LESSONS[stage]) for stage in dict.fromkeys(unnamed)}
-        began = _clock(child)
-        for exercise in wrong if rubric.hints else ():
-            if exercise.stage in child.functions and CALLED in child.functions and exercise.stage not in found:
-                until = min(_clock(child) + SECONDS, began + IN_ALL)
-                known = [r.candidate for r in found.values() if r.candidate is not None]
-                stage, seed = LESSONS[exercise.stage], result.seed
-                if (made := _repair(stage, seed, cells, child, until, innocent, known)) is not None:
-                    found[exercise.stage] = made
+    left = IN_ALL
+    for pictures in (False, True):
+        some = [e for e in wrong if (e.stage in PICTURES) == pictures]
+        ours = tuple(replaced) if pictures else ()
+        if not some:
+            continue
+        asked = (*dict.fromkeys(e.stage for e in some), CALLED)
+        own = dataclasses.replace(code_with(code, ours).followed_by(DRIVER), asked=asked)
+        with Sandbox(own, rubric.limits, (Path(rubric.folder), Path.cwd())) as child:
+            if not ours:
+                prints |= {stage: _fingerprint(child, LESSONS[stage]) for stage in asked if stage in unnamed}
+            began = _clock(child)
+            for exercise in some if rubric.hints else ():
+                if exercise.stage in child.functions and CALLED in child.functions and exercise.stage not in found:
+                    until = min(_clock(child) + SECONDS, began + left)
+                    known = [r.candidate for r in found.values() if r.candidate is not None and not ours]
+                    stage, seed = LESSONS[exercise.stage], result.seed
+                    if (made := _repair(stage, seed, cells, child, until, [*innocent, *ours], known)) is not None:
+                        found[exercise.stage] = made
+            left -= _clock(child) - began
     hints = {stage: made.hint(rubric.hints) for stage, made in found.items()}
     exercises = tuple(
         _with_hint(e, hints.get(e.stage, ""), e.fingerprint or prints.get(e.stage, "")) if e in wrong else e
