@@ -229,7 +229,8 @@ SOLVERS = (
         "the extent of your rectangles is measured along half_u and half_v without dividing by their lengths: "
         "|q·u| <= u·u, or |q·u| / |u| <= |u|",
         *inside(reaching(NU, NV), reaching("1", "1"), reaching(f"{NU}**3", f"{NV}**3"),
-                *(reaching(u, "half_v @ half_v") for u in ("1", NU)), *(reaching("half_u @ half_u", v) for v in ("1", NV)))),
+                *(reaching(u, "half_v @ half_v") for u in ("1", NU)),
+                *(reaching("half_u @ half_u", v) for v in ("1", NV)))),
     row("extent-from-elsewhere", SOLVER,
         "a rectangle's extent is measured from the wrong point: q = p - center, where p = origin + t direction",
         *plane("directions - center => directions", "q = origins + t => q = t",
