@@ -71,7 +71,7 @@ def check_command(
     from raytwin.workflows.rounds import parse_budget
 
     folder, checked, most = _source(folder), [], parse_budget(budget)
-    for scene, one, found in _cases(scenes, rung):
+    for scene, one, found in _cases(scenes, rung, placed=False):
         with show_progress() as progress:
             done = make_reference.check(
                 scene, one, folder, budget=most, detectable_bias=detectable_bias,
@@ -138,8 +138,8 @@ def diff_command(
     raise typer.Exit(worst_code(codes))
 
 
-def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[Case]":
-    """(scene's path, rung, scene with its camera found) of every reference that is asked for."""
+def _cases(scenes: list[Path] | None, rungs: list[str] | None, placed: bool = True) -> "Iterator[Case]":
+    """(scene's path, rung, scene) of every reference that is asked for; `placed`: with its camera found."""
     from raytwin import files
     from raytwin.rungs import RUNGS
     from raytwin.scene import MitsubaScene
@@ -150,7 +150,7 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None) -> "Iterator[Case
     chosen = [files.find_scene(s) for s in scenes or ()] or files.all_scenes()
     for scene in chosen:
         with show_progress() as progress:
-            found = make_reference.find_scene(scene, progress)
+            found = make_reference.find_scene(scene, progress) if placed else make_reference.read_scene(scene)
         levels = (make_reference.LEVEL,) if isinstance(found, MitsubaScene) else RUNGS
         for rung in rungs or levels:
             yield scene, rung, found

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from raytwin import files, twin
 from raytwin.compare import Comparison, SequentialComparison, compare
@@ -24,7 +23,7 @@ from raytwin.image_pool import ImagePool
 from raytwin.progress import Progress, Stages, silent
 from raytwin.references import FILES, Reference, load, path_of, scene_hash, sealed, stale
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, MitsubaScene, Scene, SceneFile
+from raytwin.scene import MitsubaScene, Scene, SceneFile
 from raytwin.scene.scene_changes import changes
 from raytwin.workflows.rounds import Budget, Rounds, round_seed
 from raytwin.workflows.settings import ReferenceSettings
@@ -36,8 +35,6 @@ STINTS, BATCHES = 8, 8
 """A long render comes in so many pieces, each kept in the cache when done, each of so many independent batches."""
 LEVEL = "path"
 """The light level that the reference of a Mitsuba file is stored under; its integrator decides what it is."""
-MOVED_PX = 0.05
-"""Pixels by which a new calibration may move the picture before its reference counts as stale."""
 
 
 def size_of(image_size: tuple[int, int]) -> tuple[int, int]:
@@ -49,43 +46,19 @@ def size_of(image_size: tuple[int, int]) -> tuple[int, int]:
     return small, max(1, round(small * height / width))
 
 
+def read_scene(path: str | Path) -> SceneFile | MitsubaScene:
+    """The scene as it is written: raytwin's own, or a Mitsuba file."""
+    return files.read_mitsuba(path) if files.is_mitsuba(path) else files.read_scene(path)
+
+
 def find_scene(path: str | Path, progress: Progress = silent) -> SceneFile | MitsubaScene:
     """The scene with its camera found: calibrated, where it has photos. Finding it once serves all rungs."""
-    if files.is_mitsuba(path):
-        return files.read_mitsuba(path)
-    written = files.read_scene(path)
-    if written.photos is None:
+    written = read_scene(path)
+    if isinstance(written, MitsubaScene) or written.photos is None:
         return written
     from raytwin.calib.find_camera import find_camera
 
     return written.with_camera(find_camera(written, progress=progress)[0].camera)
-
-
-def _at_size(found: SceneFile, size: tuple[int, int] | None) -> SceneFile:
-    camera = found.scene.camera
-    return found.with_camera(camera.resized(*(size or size_of(camera.image_size))))
-
-
-def moved(scene: Scene, a: Camera, b: Camera) -> float:
-    """Pixels between what two cameras see: the largest distance over points of the scene that lie in a's picture."""
-    if a == b:
-        return 0.0
-    from raytwin.calib.photos.lens_model import project
-
-    steps = np.linspace(-1, 1, 9)
-    grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-    parts = [np.reshape([s.center for s in scene.spheres], (-1, 3))]
-    parts += [p.center + grid @ np.array([p.half_u, p.half_v]) for p in scene.rectangles]
-    points = np.concatenate(parts)
-    for c in (a, b):
-        points = points[(points @ np.asarray(c.R_cam_board).T + c.t_cam_board)[:, 2] > 0]
-    if not len(points):
-        return 0.0
-    at = [
-        project(points, np.asarray(c.R_cam_board), np.asarray(c.t_cam_board), np.asarray(c.K), c.dist) for c in (a, b)
-    ]
-    inside = ((at[0] > -0.5) & (at[0] < np.array(a.image_size) - 0.5)).all(axis=-1)
-    return float(np.linalg.norm(at[0] - at[1], axis=-1)[inside].max(initial=0.0))
 
 
 # ------------------------------------------------------------------------------------------ rendering
@@ -123,13 +96,19 @@ def render(scene: Scene, rung: str, settings: Settings, progress: Progress = sil
     return replace(pool.image, surface=None)
 
 
-def describe(scene: Scene, name: str, hashed: str, rung: str, settings: Settings) -> dict[str, str]:
-    """The header's provenance: what made the pixels, by which versions."""
-    about = twin.provenance(scene, rung, sampling=settings.sampling, samples=settings.samples, seed=settings.seed)
-    about |= {"scene": name, "scene_hash": hashed, "size": "{} x {}".format(*scene.camera.image_size)}
-    about["filter"] = "box" if settings.sampling == "area" else "none: all rays through the pixel's centre"
-    about["renderer"] = "Mitsuba"
-    return about
+def describe(placed: SceneFile | MitsubaScene, hashed: str, rung: str, settings: Settings) -> dict[str, str]:
+    """The header's provenance: what made the pixels, by which versions; `hashed`: raytwin's scene as it is written."""
+    if isinstance(placed, MitsubaScene):
+        size, kernel, hashed = placed.image_size, "the film's own", placed.digest
+        about = twin.mitsuba_provenance(placed, settings.samples, settings.seed, STINTS * BATCHES)
+        about |= {"rung": rung, "sampling": "area", FILES: msgspec.json.encode(placed.files).decode()}
+    else:
+        size = placed.scene.camera.image_size
+        sampling, samples, seed = settings.sampling, settings.samples, settings.seed
+        kernel = "box" if sampling == "area" else "none: all rays through the pixel's centre"
+        about = twin.provenance(placed.scene, rung, sampling=sampling, samples=samples, seed=seed)
+    about |= {"scene": placed.name, "scene_hash": hashed, "size": "{} x {}".format(*size)}
+    return about | {"filter": kernel, "renderer": "Mitsuba"}
 
 
 # ------------------------------------------------------------------------------------------ make
@@ -187,52 +166,33 @@ def make(
     """What the reference would become; `save(change.new)` writes it.
 
     `options`: fields of ReferenceSettings. An old one that is whole and fits its scene and settings is taken over
-    without rendering, unless `again`. `found`: what `find_scene` gave, where it was asked already.
+    without rendering, unless `again`; the camera that it has stays while its scene is the same. Of a Mitsuba file there
+    is one level of light, LEVEL, and its film decides where rays go. `found`: what `find_scene` gave, where it was
+    asked already.
     """
-    asked = replace(settings or ReferenceSettings(), **options)
-    found = found or find_scene(scene, progress)
-    if isinstance(found, MitsubaScene):
-        return _made_from_file(found, rung, folder, asked, progress)
-    written = files.read_scene(scene)
-    path, hashed = path_of(folder, written.name, rung), scene_hash(written)
-    old, notes = _there(path)
-    known = old if old is not None and old.written is not None else None
-    same_scene = known is not None and known.header["scene_hash"] == hashed
-    chosen = _settings(known.header if known else {}, asked)
-    found = _at_size(found, asked.size or (known.origin().camera.image_size if known and same_scene else None))
-    if known and same_scene and _same_but_for_digits(found.scene, known.origin().camera):
-        found = found.with_camera(known.origin().camera)
-    header = describe(found.scene, written.name, hashed, rung, chosen)
-    same = known and not asked.again and all(known.header.get(k) == header[k] for k in _DECIDES)
-    if known and same and known.camera == found.camera:
-        header |= {k: v for k, v in known.header.items() if k not in ("set_up", "checksum")}
-        return Change(sealed(path, known.image, header, found), known)
-    return change_of(sealed(path, render(found.scene, rung, chosen, progress), header, found), old, notes)
-
-
-def _made_from_file(
-    found: MitsubaScene, rung: str, folder: str | Path, asked: ReferenceSettings, progress: Progress
-) -> Change:
-    """As `make`: of a Mitsuba file there is one level of light, LEVEL, and its film decides where rays go."""
-    check_one_of("--rung", rung, (LEVEL,))
-    if asked.sampling not in (None, "area"):
-        raise InputError("--sampling", "area: a Mitsuba file's film decides where rays go", asked.sampling)
+    asked, found = replace(settings or ReferenceSettings(), **options), found or find_scene(scene, progress)
+    of_file = isinstance(found, MitsubaScene)
+    if of_file:
+        check_one_of("--rung", rung, (LEVEL,))
+        if asked.sampling not in (None, "area"):
+            raise InputError("--sampling", "area: a Mitsuba file's film decides where rays go", asked.sampling)
+        asked = replace(asked, sampling="area")
     path = path_of(folder, found.name, rung)
     old, notes = _there(path)
-    chosen = _settings(old.header if old is not None and old.of_file else {}, replace(asked, sampling="area"))
-    width, height = asked.size or (found.image_size if old is None else old.image.shape[1::-1])
-    sized = files.with_film(found, width=width, height=height)
-    header = twin.mitsuba_provenance(sized, chosen.samples, chosen.seed, STINTS * BATCHES)
-    header |= {
-        "scene": found.name, "rung": rung, "scene_hash": sized.digest, "size": f"{width} x {height}",
-        "sampling": "area", "filter": "the film's own", "renderer": "Mitsuba",
-        FILES: msgspec.json.encode(found.files).decode(),
-    }  # fmt: skip
-    decides = ("scene_hash", "samples", "seed", "size")
-    if old is not None and old.of_file and not asked.again and all(old.header.get(k) == header[k] for k in decides):
-        return Change(old, old)
-    image = twin.render_mitsuba(sized, chosen.samples, chosen.seed, STINTS * BATCHES, progress=progress)
-    return change_of(sealed(path, image, header, None), old, notes)
+    known = old if old is not None and not old.golden and old.of_file == of_file else None
+    chosen = _settings(known.header if known else {}, asked)
+    hashed = "" if of_file else scene_hash(files.read_scene(scene))
+    placed = _placed(found, asked.size, known, hashed)
+    header = describe(placed, hashed, rung, chosen)
+    sealed_scene = None if isinstance(placed, MitsubaScene) else placed
+    if known and not asked.again and all(known.header.get(key) == header.get(key) for key in _DECIDES):
+        header |= {k: v for k, v in known.header.items() if k not in ("set_up", "checksum")}
+        return Change(sealed(path, known.image, header, sealed_scene), known)
+    if isinstance(placed, MitsubaScene):
+        image = twin.render_mitsuba(placed, chosen.samples, chosen.seed, STINTS * BATCHES, progress=progress)
+    else:
+        image = render(placed.scene, rung, chosen, progress)
+    return change_of(sealed(path, image, header, sealed_scene), old, notes)
 
 
 def _there(path: Path) -> tuple[Reference | None, tuple[str, ...]]:
@@ -253,8 +213,18 @@ def _settings(had: dict[str, str], asked: ReferenceSettings) -> Settings:
     )
 
 
-def _same_but_for_digits(found: Scene, before: Camera) -> bool:
-    return before.image_size == found.camera.image_size and moved(found, before, found.camera) <= MOVED_PX
+def _placed(
+    found: SceneFile | MitsubaScene, size: tuple[int, int] | None, known: Reference | None, hashed: str
+) -> SceneFile | MitsubaScene:
+    """The scene at the size that is asked for, else the known one's, whose camera stays while the scene is the same."""
+    if isinstance(found, MitsubaScene):
+        width, height = size or (found.image_size if known is None else known.image.shape[1::-1])
+        return files.with_film(found, width=width, height=height)
+    same = known is not None and known.header["scene_hash"] == hashed
+    if known is not None and same and size in (None, known.origin().camera.image_size):
+        return found.with_camera(known.origin().camera)
+    camera = found.scene.camera
+    return found.with_camera(camera.resized(*(size or size_of(camera.image_size))))
 
 
 _DECIDES = ("scene_hash", "rung", "sampling", "samples", "seed", "depth", "size")
@@ -313,17 +283,16 @@ def check(
     SequentialComparison. Its seeds are its own, always the same: the answer changes when the software does, not by
     chance.
     """
-    found = found or find_scene(scene, progress)
+    found = found or read_scene(scene)
     path = path_of(folder, found.name, rung)
     try:
         old = load(path)
     except InputError as error:
         return Check(path, 2, (str(error),))
-    if why := stale(old, scene) or (None if isinstance(found, MitsubaScene) else strayed(old, found)):
+    if why := stale(old, scene):
         return Check(path, 1, (f"{path}: stale: {why}",), old)
     sampling, seed = old.header["sampling"], int(old.header["seed"]) + 1
-    exact = not isinstance(found, MitsubaScene) and not Settings(sampling=sampling).noisy(rung)
-    if exact:
+    if not isinstance(found, MitsubaScene) and not Settings(sampling=sampling).noisy(rung):
         today = render(old.origin(), rung, Settings(sampling=sampling), progress)
         comparison = compare(today, old.image, tolerance=old.tolerance)
     else:
@@ -344,10 +313,3 @@ def check(
     said = "cannot be told from today's render" if comparison.exit_code == 2 else "today's render disagrees"
     problems = () if comparison.passed else (f"{path}: {said}", *comparison.reasons)
     return Check(path, comparison.exit_code, problems, old, today, comparison)
-
-
-def strayed(old: Reference, found: SceneFile) -> str | None:
-    """Why the reference no longer fits the camera that its scene's photos give today; None where it does."""
-    camera = old.origin().camera
-    by = moved(found.scene, camera, _at_size(found, camera.image_size).scene.camera)
-    return f"today's calibration moves the picture by {by:.2g} px" if by > MOVED_PX else None
