@@ -34,7 +34,7 @@ def still(found: Shrunk, subject: Planted) -> bool:
     with tempfile.TemporaryDirectory() as folder:
         file = found.after.write(Path(folder) / "small", "")
         try:
-            made = compare_scene(file, subject=subject, rung=found.rung, seed=4711).comparison
+            made = compare_scene(file, subject=subject, rung=found.after.rung, seed=4711).comparison
         except InputError as error:
             return found.failure.kind.startswith("no image") and type(error) is InputError
     reasons = tuple(reason for reason in made.reasons if not reason.startswith(("cause", "or, with", "this explains")))

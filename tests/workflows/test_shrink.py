@@ -76,7 +76,7 @@ def test_a_planted_mistake_is_shown_by_two_objects_at_most_with_its_cause(scenes
         assert cause in again.cause
 
 
-def test_what_was_written_is_the_scene_and_its_numbers_are_round(scenes, tmp_path):
+def test_what_was_written_is_the_scene(scenes, tmp_path):
     found = shrink(scenes / "overlap", subject=Planted("shadow", "gamma"), size=(80, 60))
     file = found.after.write(tmp_path / "small", "two\nlines")
     text = file.read_text()
@@ -84,7 +84,6 @@ def test_what_was_written_is_the_scene_and_its_numbers_are_round(scenes, tmp_pat
     again = files.read_scene(file)
     small = found.after.written.scene
     assert msgspec.structs.replace(again.scene, name="") == msgspec.structs.replace(small, name="")
-    assert len(repr(again.sun)) < len(repr(found.before.written.sun))
 
 
 def test_a_map_becomes_even_and_a_highlight_matt(scenes):

@@ -24,13 +24,14 @@ def shrink_command(
     check_outputs(folders=(out or Path("out"),), files=(json,))
     with show_progress() as progress:
         found = shrink(scene, settings, time_limit=time_limit, progress=progress)
-    folder = out or Path("out") / f"shrink-{found.name}"
-    file = folder / found.file_name
-    rung = f" --rung {found.rung}" if found.rung else ""
+    name, small = found.before.name, found.after
+    folder = out or Path("out") / f"shrink-{name}"
+    file = folder / small.file_name
+    rung = f" --rung {small.rung}" if small.rung else ""
     samples = f" --samples {settings.samples}" if settings.samples else ""
     shown = f"raytwin compare {shlex.quote(str(file))} --subject {shlex.quote(str(settings.subject))}{rung}{samples}"
-    said = (f"{found.name}, reduced by raytwin shrink.", *found.sentences)
-    found.after.write(folder, "\n".join((*said, "bug.md has the command that reproduces it.")))
+    said = (f"{name}, reduced by raytwin shrink.", *found.sentences)
+    small.write(folder, "\n".join((*said, "bug.md has the command that reproduces it.")))
     files.write_text(folder / "bug.md", "\n\n".join((*said, f"To reproduce: `{shown}`\n")))
     if json:
         files.write_json(json, found.numbers() | {"scene": str(file), "command": shown})

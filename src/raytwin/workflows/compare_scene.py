@@ -1,10 +1,9 @@
 """The main job: photos -> camera -> a subject beside the twin -> comparison."""
 
-import math
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -15,15 +14,13 @@ from raytwin.analysis.ledger import LEFT_OUT, Ledger, make_ledger
 from raytwin.analysis.light_parts import sampled_parts
 from raytwin.analysis.rounding_cause import ROUNDING, rounding_cause
 from raytwin.calib.find_camera import TruthRow, compare_truth, find_camera
-from raytwin.compare import Comparison, Report, SequentialComparison
+from raytwin.compare import Comparison, Report
 from raytwin.compare.comparison import EXPECTED
-from raytwin.compare.report import Timing
 from raytwin.contract.check_function import judge_function
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.contract.subject import find_subject
 from raytwin.diagnose.diagnosis import explain
 from raytwin.image import Image
-from raytwin.image_input import one_batch
 from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
@@ -31,13 +28,10 @@ from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
 from raytwin.scene import MitsubaScene, Scene, SceneFile, Tolerance
 from raytwin.scene.lens import without_ray
-from raytwin.workflows.compared import Compared
-from raytwin.workflows.rounds import CALLS, Rounds
-from raytwin.workflows.settings import MANY, CompareSettings
+from raytwin.workflows.compared import Compared, times_of
+from raytwin.workflows.rounds import render_sides
+from raytwin.workflows.settings import CompareSettings
 from raytwin.workflows.versions import versions
-
-if TYPE_CHECKING:
-    from raytwin.calib import photos  # with OpenCV, which a scene whose camera is given needs not
 
 HARDLY_LIT = 1e4
 """Per cent: a larger share of the light is that of a scene which has next to none, and its number tells nothing."""
@@ -63,6 +57,36 @@ class Result(Compared):
     @property
     def twin(self) -> Image:
         return self.reference
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """A subject on a scene of raytwin's own; `engine`: the fastest here."""
+
+    subject: Renderer
+    scene: Scene
+    tolerance: Tolerance
+    chosen: CompareSettings
+    engine: str
+    stages: Stages
+
+    @property
+    def alike(self) -> bool:
+        """Whether both sides hold the same light: whatever differs is a fault or noise."""
+        return (self.subject.rung, self.subject.sampling) == (self.chosen.rung, self.chosen.sampling)
+
+    def twin(self, samples: int, seed: int) -> Image:
+        return self._twin(self.chosen.rung, self.chosen.sampling, samples, seed)
+
+    def twin_at_own_level(self) -> Image:
+        """The twin with the subject's light."""
+        return self._twin(self.subject.rung, self.subject.sampling, self.chosen.twin_samples, self.chosen.seed)
+
+    def _twin(self, rung: str, sampling: str, samples: int, seed: int) -> Image:
+        show = self.stages if self.chosen.samples else silent
+        return twin.render(
+            self.scene, rung, sampling=sampling, samples=samples, seed=seed, cache=self.chosen.cache, progress=show
+        )
 
 
 def compare_scene(
@@ -105,19 +129,11 @@ def compare_scene(
         truth = compare_truth(synthetic_photos.read_truth(truth_file), calibration, scene.camera, photo_path.name, pose)
     if chosen.size is not None:
         scene = scene.with_camera(scene.camera.resized(*chosen.size))
-    rounds = _rounds(subject, scene, written.tolerance, chosen, stages)
-    if rounds is not None:
-        found = rounds.decide(chosen.spending)
-        if found.verdict == "fail" and _alike(subject, chosen):
-            rounds.extend(MANY)  # a cause is hard to find in noise
-        made, reference = (rounds.check.image(side) for side in ("test", "reference"))
-    else:
-        found = None
-        with stages.stage("tracer"):
-            made = subject(scene, chosen.seed)
-        with stages.stage("twin"):
-            reference = _twin(scene, chosen.rung, chosen.sampling, chosen, chosen.twin_samples, chosen.seed, stages)
-    comparison, ledger = _judge(made, reference, subject, scene, written.tolerance, chosen, engine, stages, found)
+    job = _Job(subject, scene, written.tolerance, chosen, engine, stages)
+    noisy = RUNGS[chosen.rung].noisy or (chosen.sampling == "area" and RUNGS[chosen.rung].lit)
+    judge = partial(compare_with_twin, scene=scene, tolerance=written.tolerance, flip=chosen.flip)
+    made, reference, found = render_sides(subject, scene, job.twin, judge, chosen, stages, noisy, job.alike)
+    comparison, ledger = _explained(job, made, reference, found)
     picture = augmented = None
     if photo_path is not None:
         from raytwin.calib import boards
@@ -174,106 +190,38 @@ def compare_scene(
 def _subject(chosen: CompareSettings) -> Renderer:
     """What is compared with the twin."""
     if chosen.subject:
-        subject = find_subject(chosen.subject, chosen.tracer_rung or chosen.rung, chosen.sampling)
-        if isinstance(subject, UserRenderer) and subject.samples:
-            return subject.with_samples(max(1, chosen.twin_samples // subject.renders))
-        return subject
+        return find_subject(chosen.subject, chosen.tracer_rung or chosen.rung, chosen.sampling)
     if RUNGS[chosen.climbed].noisy:
         return PathTraced(chosen.climbed, chosen.engine, chosen.twin_samples, chosen.sampling, surface=True)
     return Traced(chosen.climbed, chosen.engine, chosen.trim, chosen.solver, surface=True)
 
 
-def _alike(subject: Renderer, chosen: CompareSettings) -> bool:
-    """Whether both sides hold the same light: whatever differs is a fault or noise."""
-    return (subject.rung, subject.sampling) == (chosen.rung, chosen.sampling)
-
-
-def _rounds(
-    subject: Renderer, scene: Scene, tolerance: Tolerance, chosen: CompareSettings, stages: Stages
-) -> Rounds | None:
-    """The rounds in which the sides come; None where all samples are alike, or their number is given.
-
-    A subject with other light than the twin's and noise of its own is compared at its own level, which is done once.
-    """
-    noisy = RUNGS[chosen.rung].noisy or (chosen.sampling == "area" and RUNGS[chosen.rung].lit)
-    ours = isinstance(subject, PathTraced) and not chosen.subject  # a method's name says its samples
-    theirs = isinstance(subject, UserRenderer) and subject.seeded
-    takes = ours or theirs
-    if chosen.samples is not None or not (noisy or takes) or (takes and not _alike(subject, chosen)):
-        return None
-
-    def test(samples: int, seed: int) -> Image:
-        if not isinstance(subject, UserRenderer):
-            return subject.with_samples(samples)(scene, seed)
-        image = replace(subject, renders=1, samples=samples if subject.samples else 0)(scene, seed)
-        return image if subject.samples else one_batch(image)
-
-    def reference(samples: int, seed: int) -> Image:
-        return _twin(scene, chosen.rung, chosen.sampling, chosen, samples, seed)
-
-    fixed: dict[str, Image] = {}
-    with stages.stage("tracer"):
-        fixed |= {} if takes else {"test": subject(scene, chosen.seed)}
-    with stages.stage("twin"):
-        fixed |= {} if noisy else {"reference": reference(1, chosen.seed)}
-    check = SequentialComparison(
-        fixed.get("reference"), test=fixed.get("test"), detectable_bias=chosen.detectable_bias,
-        detectable_tile_bias=chosen.detectable_tile_bias,
-        judge=partial(compare_with_twin, scene=scene, tolerance=tolerance, flip=chosen.flip),
-    )  # fmt: skip
-    calls = (CALLS if subject.samples else math.inf) if theirs else 1
-    return Rounds(check, test if takes else None, reference if noisy else None, chosen.seed, stages, calls)
-
-
-def _twin(
-    scene: Scene, rung: str, sampling: str, chosen: CompareSettings, samples: int, seed: int,
-    progress: Progress = silent,
-) -> Image:  # fmt: skip
-    return twin.render(
-        scene, rung, sampling=sampling, samples=samples, seed=seed, cache=chosen.cache, progress=progress
-    )
-
-
-def _judge(
-    made: Image,
-    reference: Image,
-    subject: Renderer,
-    scene: Scene,
-    tolerance: Tolerance,
-    chosen: CompareSettings,
-    engine: str,
-    stages: Stages,
-    found: Comparison | None,
-) -> tuple[Comparison, Ledger | None]:
-    """The verdict with its causes, and what each part of the light has to do with the difference.
-
-    `found`: the verdict of the rounds, where there were any.
-    """
+def _explained(job: _Job, made: Image, reference: Image, comparison: Comparison) -> tuple[Comparison, Ledger | None]:
+    """The verdict with its causes, and what each part of the light has to do with the difference."""
+    subject, scene, chosen, stages = job.subject, job.scene, job.chosen, job.stages
     own, compared_with = None, reference
-    with stages.stage("compare"):
-        asked = {k: v for k in ("detectable_bias", "detectable_tile_bias") if (v := getattr(chosen, k)) is not None}
-        comparison = found or compare_with_twin(made, reference, scene, tolerance, chosen.flip, **asked)
-        if not _alike(subject, chosen) and comparison.verdict != "pass":
-            level = _twin(scene, subject.rung, subject.sampling, chosen, chosen.twin_samples, chosen.seed)
-            own = compare_with_twin(made, level, scene, tolerance)
-            if subject.rung != chosen.rung:
-                compared_with = level
-            elif own.verdict == "pass":
-                comparison = msgspec.structs.replace(comparison, verdict="differs", reasons=(CENTRES, *own.reasons))
+    if not job.alike and comparison.verdict != "pass":
+        with stages.stage("compare"):
+            level = job.twin_at_own_level()
+            own = compare_with_twin(made, level, scene, job.tolerance)
+        if subject.rung != chosen.rung:
+            compared_with = level
+        elif own.verdict == "pass":
+            comparison = msgspec.structs.replace(comparison, verdict="differs", reasons=(CENTRES, *own.reasons))
     on_own_rung = own if compared_with is not reference else None
     failed = (on_own_rung or comparison).verdict == "fail"
     causes: tuple[str, ...] = ()
     if failed:
         with stages.stage("cause"):
             causes = stage_causes(subject) or find_causes(
-                made, compared_with, scene, subject.rung, subject.sampling, engine
+                made, compared_with, scene, subject.rung, subject.sampling, job.engine
             )
     ledger = None
     if RUNGS[subject.rung].lit and chosen.parts:
         with stages.stage("ledger"):
             rounds = bool(causes) and causes[0].partition(": ")[2].startswith(ROUNDING)
             faulty = failed and not rounds
-            ledger = make_ledger(scene, made, subject.rung, engine, keep=chosen.cache, faulty=faulty)
+            ledger = make_ledger(scene, made, subject.rung, job.engine, keep=chosen.cache, faulty=faulty)
     if on_own_rung is not None:
         comparison = _expected_difference(comparison, on_own_rung, subject.rung, chosen.rung, ledger)
     return comparison.because(*causes), ledger
@@ -342,16 +290,3 @@ def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
             f"ignoring {HIDDEN.get(row.part, row.part)} makes it {size} too {'bright' if share > 0 else 'dark'}{where}"
         )
     return tuple(remarks)
-
-
-def times_of(
-    seconds: dict[str, float], comparison: Comparison, calibration: "photos.Calibration | None"
-) -> tuple[Timing, ...]:
-    """Every stage's seconds, and beside them what its result is worth."""
-    p999 = comparison.radiance.p999_abs
-    worth = {
-        "calibrate": f"rms {calibration.rms_px:.3f} px" if calibration else "camera given",
-        "tracer": "no error: not all values are numbers" if p999 is None else f"p99.9 error {p999:.2g}",
-        "twin": "the reference",
-    }
-    return tuple(Timing(stage, s, worth.get(stage, "-")) for stage, s in seconds.items())

@@ -87,3 +87,16 @@ class Compared(InNotebook):
         because = f": {self.cause or self.reasons[0]}" if self.reasons else ""
         rung = f", rung {self.report.rung}" if self.report.rung else ""
         return f"<raytwin.{self.made_by} {self.verdict.upper()} {self.report.scene}{rung}{because}>"
+
+
+def times_of(
+    seconds: dict[str, float], comparison: Comparison, calibration: "photos.Calibration | None"
+) -> tuple[Timing, ...]:
+    """Every stage's seconds, and beside them what its result is worth."""
+    p999 = comparison.radiance.p999_abs
+    worth = {
+        "calibrate": f"rms {calibration.rms_px:.3f} px" if calibration else "camera given",
+        "tracer": "no error: not all values are numbers" if p999 is None else f"p99.9 error {p999:.2g}",
+        "twin": "the reference",
+    }
+    return tuple(Timing(stage, s, worth.get(stage, "-")) for stage, s in seconds.items())

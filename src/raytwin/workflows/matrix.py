@@ -15,17 +15,16 @@ import scipy.stats
 
 import raytwin
 from raytwin import files, references
-from raytwin.compare import Comparison, Report, compare
+from raytwin.compare import Comparison
 from raytwin.compare.scale import scaled
 from raytwin.contract.subject import find_subject
-from raytwin.diagnose.diagnosis import explain
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.scene import MitsubaScene, Tolerance
-from raytwin.workflows.compare_mitsuba import read_sized, subject_of
-from raytwin.workflows.compare_scene import Result, compare_scene, times_of
+from raytwin.workflows.compare_mitsuba import compare_with_reference
+from raytwin.workflows.compare_scene import Result, compare_scene
+from raytwin.workflows.make_reference import read_scene
 from raytwin.workflows.settings import OF_MANY, CompareSettings
-from raytwin.workflows.versions import versions
 
 RATE = 1e-3
 """False-alarm rate from which the distance to the limit is measured."""
@@ -197,44 +196,12 @@ def margin(found: Comparison, test: Image, reference: Image, tolerance: Toleranc
     return found.radiance.p999_abs / scaled(tolerance, reference, test).p999_abs
 
 
-def compare_with_reference(scene: str, settings: CompareSettings, folder: Path) -> Result:
-    """Compare the subject with a stored reference, on the scene that it was made from."""
-    found = files.read_mitsuba(scene) if files.is_mitsuba(scene) else files.read_scene(scene)
-    rung = "path" if isinstance(found, MitsubaScene) else settings.rung
-    known = references.load(references.path_of(folder, found.name, rung))
-    if why := references.stale(known, scene):
-        raise InputError(known.path, "a reference of the scene as it is", why)
-    began = time.perf_counter()
-    if isinstance(found, MitsubaScene):
-        height, width = known.image.shape[:2]
-        sized: Any = read_sized(scene, (width, height))
-        subject: Any = subject_of(settings)
-    else:
-        sized, subject = known.origin(), find_subject(settings.subject or "", rung)
-    made = subject.prepare(sized)(settings.seed + 1)
-    spent = {"tracer": time.perf_counter() - began, "twin": 0.0}
-    comparison = compare(made, known.image, tolerance=known.tolerance)
-    if comparison.verdict == "fail":
-        comparison = comparison.because(*explain(made, known.image, known.scene, rung))
-    return Result(
-        scene=sized,
-        tolerance=known.tolerance,
-        report=Report(found.name, None if known.of_file else rung, comparison, spent, {}, () if known.scene else None),
-        test=made,
-        reference=known.image,
-        times=times_of(spent, comparison, None),
-        settings={"subject": subject.name, "reference": known.path.name},
-        versions=versions(),
-    )
-
-
 def _scene_of(path: Path) -> tuple[str, str]:
     """Its name, and a hash of all that it is."""
-    if path.suffix.lower() == ".xml":
-        found = files.read_mitsuba(path)
+    found = read_scene(path)
+    if isinstance(found, MitsubaScene):
         return found.name, found.digest
-    written = files.read_scene(path)
-    return written.name, references.scene_hash(written) + repr(written.tolerance)
+    return found.name, references.scene_hash(found) + repr(found.tolerance)
 
 
 def _content(what: str) -> str:

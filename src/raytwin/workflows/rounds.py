@@ -5,14 +5,22 @@ import math
 import re
 import time
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from raytwin.compare import Comparison, SequentialComparison
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.image_input import one_batch
 from raytwin.progress import Stages
+from raytwin.renderers.renderer import Renderer
+from raytwin.renderers.subject_renderers import PathTraced
+from raytwin.renderers.user_renderers import UserRenderer
+
+if TYPE_CHECKING:
+    from raytwin.workflows.settings import CompareSettings
 
 MOST_SAMPLES = 1024
 """Samples per pixel of either side that are taken at most, unless a budget is given."""
@@ -113,3 +121,51 @@ def _parts(samples: int, most: float) -> list[int]:
     """So many samples in `most` parts, as even as can be; no more parts than samples."""
     count = int(min(most, samples))
     return [samples // count + (i < samples % count) for i in range(count)]
+
+
+ENOUGH_FOR_A_CAUSE = 64
+"""Samples per pixel of an image that fails: a cause is hard to find in noise."""
+
+
+def render_sides(
+    subject: Renderer, scene: Any, reference: Render, judge: Callable[..., Comparison], chosen: "CompareSettings",
+    stages: Stages, noisy: bool, alike: bool = True,
+) -> tuple[Image, Image, Comparison]:  # fmt: skip
+    """Return the subject's image, the `reference`, and what `judge` says of them.
+
+    Both come in rounds, but where all samples are alike, or their number is given. `noisy`: the reference is. `alike`:
+    both have the same light; a subject with other light and noise of its own is compared at its own level, which is
+    done once.
+    """
+    asked: dict[str, Any] = {name: getattr(chosen, name) for name in ("detectable_bias", "detectable_tile_bias")}
+    ours = isinstance(subject, PathTraced) and not chosen.subject  # a method's name says its samples
+    theirs = isinstance(subject, UserRenderer) and subject.seeded
+    takes = ours or theirs
+    if chosen.samples is not None or not (noisy or takes) or (takes and not alike):
+        if isinstance(subject, UserRenderer) and subject.samples:
+            subject = subject.with_samples(max(1, chosen.twin_samples // subject.renders))
+        with stages.stage("tracer"):
+            made = subject(scene, chosen.seed)
+        with stages.stage("twin"):
+            right = reference(chosen.twin_samples, chosen.seed)
+        with stages.stage("compare"):
+            return made, right, judge(made, right, **{name: bias for name, bias in asked.items() if bias is not None})
+
+    def test(samples: int, seed: int) -> Image:
+        if not isinstance(subject, UserRenderer):
+            return subject.with_samples(samples)(scene, seed)
+        image = replace(subject, renders=1, samples=samples if subject.samples else 0)(scene, seed)
+        return image if subject.samples else one_batch(image)
+
+    fixed: dict[str, Image] = {}
+    with stages.stage("tracer"):
+        fixed |= {} if takes else {"test": subject(scene, chosen.seed)}
+    with stages.stage("twin"):
+        fixed |= {} if noisy else {"reference": reference(1, chosen.seed)}
+    check = SequentialComparison(fixed.get("reference"), test=fixed.get("test"), judge=judge, **asked)
+    calls = (CALLS if subject.samples else math.inf) if theirs else 1
+    rounds = Rounds(check, test if takes else None, reference if noisy else None, chosen.seed, stages, calls)
+    found = rounds.decide(chosen.spending)
+    if found.verdict == "fail" and alike:
+        rounds.extend(ENOUGH_FOR_A_CAUSE)
+    return check.image("test"), check.image("reference"), found

@@ -7,9 +7,10 @@ explained by the same cause where one was named. Nothing else is known of the re
 import re
 import tempfile
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,10 +26,9 @@ from raytwin.diagnose.parametric_faults import FAMILIES, of_objects
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
-from raytwin.renderers.renderer import Call, Renderer
-from raytwin.renderers.twin_renderers import Twin
+from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.user_renderers import UserRenderer
-from raytwin.scene import MitsubaScene, Scene
+from raytwin.scene import MitsubaScene
 from raytwin.workflows.compare_mitsuba import subject_of
 from raytwin.workflows.compare_scene import stage_causes
 from raytwin.workflows.delta_debugging import minimized
@@ -45,14 +45,8 @@ SMALLEST = 24
 """Pixels of a side below which the picture is not cropped: less shows nobody anything."""
 COARSEST = 90
 """Pixels of a side below which the resolution is not lowered."""
-FIRST = 8.0
-"""Processor seconds to search for the cause in the whole scene."""
-DIAGNOSIS = 2.0
-"""Seconds to search for the cause in a scene that may have another."""
-
-
-DIGITS = 1, 2, 3
-"""Significant digits that numbers are rounded to, the roundest first."""
+FIRST, DIAGNOSIS = 8.0, 2.0
+"""Processor seconds to search for the cause in the whole scene, and in one that may have another."""
 KINDS = (
     (r"see another object", "other objects are seen"),
     (r"^depth:", "depth"),
@@ -66,17 +60,15 @@ KINDS = (
 """A pattern in a reason -> what kind of failure it tells; all others are errors of radiance."""
 
 Case = OwnScene | FileScene
-C = TypeVar("C", OwnScene, FileScene)
 
 
 class Failure(NamedTuple):
-    """How a renderer fails: the kind, the reason and the cause in words, the causes' names, and the picture's error."""
+    """How a renderer fails: the kind, the reason and the cause in words, and the causes' names."""
 
     kind: str
     reason: str
     cause: str = ""
     causes: tuple[str, ...] = ()
-    error: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,31 +86,15 @@ class Shrunk:
     stopped: bool
 
     @property
-    def name(self) -> str:
-        """The name of the scene that was begun with."""
-        return self.before.scene.name if isinstance(self.before, FileScene) else self.before.written.name
-
-    @property
-    def file_name(self) -> str:
-        """What the small scene is written as."""
-        return "scene.xml" if isinstance(self.after, FileScene) else "scene.toml"
-
-    @property
-    def rung(self) -> str:
-        """The level of light at which it fails; empty for a Mitsuba file."""
-        return "" if isinstance(self.after, FileScene) else self.after.rung
-
-    @property
     def sentences(self) -> tuple[str, ...]:
         """In words: how it fails, what does not matter, what does."""
-        gone = ", ".join((*self.removed, *self.simpler)) or "nothing"
-        said = [
+        said = (
             f"It fails: {self.failure.cause or self.failure.reason}",
-            f"Not needed: {gone}.",
+            f"Not needed: {', '.join((*self.removed, *self.simpler)) or 'nothing'}.",
             f"Needed: {', '.join(self.kept) or 'nothing'}.",
-        ]
-        late = ("Time ran out before every step was tried; raise --time-limit.",) if self.stopped else ()
-        return (*said, *late)
+        )
+        late = "Time ran out before every step was tried; raise --time-limit."
+        return (*said, late) if self.stopped else said
 
     def numbers(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -150,217 +126,153 @@ def shrink(
         raise InputError("--subject", "the renderer that fails", "nothing")
     found = find_scene(path, progress)
     if isinstance(found, MitsubaScene):
-        return _shrunk(FileScene.begin(found, chosen.size), subject_of(chosen), chosen, time_limit, progress)
-    subject = find_subject(chosen.subject, chosen.rung)
-    if chosen.light is not None:
-        from raytwin.calib.lighting.light_file import read_light  # with OpenCV
+        subject: Renderer = subject_of(chosen)
+        case: Case = FileScene.begin(found, chosen.size)
+    else:
+        subject = find_subject(chosen.subject, chosen.rung)
+        if chosen.light is not None:
+            from raytwin.calib.lighting.light_file import read_light  # with OpenCV
 
-        found = read_light(chosen.light).on(found)
-    if chosen.size is not None:
-        found = found.with_camera(found.scene.camera.resized(*chosen.size))
-    return _shrunk(OwnScene.begin(found, subject.rung), subject, chosen, time_limit, progress)
-
-
-def _shrunk(case: C, subject: Renderer, chosen: CompareSettings, time_limit: float, progress: Progress) -> Shrunk:
+            found = read_light(chosen.light).on(found)
+        case = OwnScene.begin(found, subject.rung)
+        case = case.resized(*(chosen.size or case.image_size))
     if isinstance(subject, UserRenderer) and isinstance(subject.render, Shown):
         raise InputError("--subject", "a renderer, since an image shows one scene alone", subject.name)
-    began = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        search = _Search(subject, chosen, began + time_limit, Path(folder), progress)
-        failure = search.begin(case)
-        small: C = search.leave_out(search.smaller(case))
-        less: _Less[C] = search.fewer_bounces(search.crop(small))
-        small = search.round_off(less.case)
-        small = search.crop(search.leave_out(small))
-    left = small.parts()
-    simpler: tuple[str, ...] = less.gone
-    if small.image_size != case.image_size:
-        sizes = (*small.image_size, *case.image_size)
-        simpler = (*simpler, "most of the picture ({} x {} of {} x {} pixels remain)".format(*sizes))
-    return Shrunk(
-        case,
-        small,
-        failure,
-        removed=tuple(part for part in case.parts() if part not in left),
-        kept=tuple(left),
-        simpler=simpler,
-        evaluations=search.count,
-        seconds=time.perf_counter() - began,
-        stopped=search.stopped,
-    )
-
-
-@dataclass(frozen=True)
-class _Less(Generic[C]):
-    """A simpler case, and what was taken out of it."""
-
-    case: C
-    gone: tuple[str, ...] = ()
+        return _Search(subject, chosen, time_limit, Path(folder), progress).search(case)
 
 
 class _Search:
     """The failure that is to be kept, and every scene that was tried."""
 
     def __init__(
-        self, subject: Renderer, chosen: CompareSettings, deadline: float, folder: Path, progress: Progress
+        self, subject: Renderer, chosen: CompareSettings, time_limit: float, folder: Path, progress: Progress
     ) -> None:
-        self.subject, self.chosen, self.deadline, self.folder, self.progress = (
-            subject,
-            chosen,
-            deadline,
-            folder,
-            progress,
-        )
-        self.tried: dict[bytes, Failure | None] = {}
+        self.subject, self.chosen, self.folder, self.progress = subject, chosen, folder, progress
+        self.began, self.limit = time.perf_counter(), time_limit
+        self.tried: dict[bytes, bool] = {}
         self.count, self.stopped = 0, False
+        self.error: np.ndarray | None = None
         self.wanted = Failure("", "")
-        self.names: dict[str, str] = {}
 
-    def begin(self, case: Case) -> Failure:
+    def search(self, case: Any) -> Shrunk:
+        """Take the steps one after the other, from the one that saves most."""
+        self._begin(case)
+        small = self._leave_out(self._smaller(case))
+        gone, small = self._fewer_bounces(self._crop(small))
+        small = self._crop(self._leave_out(small))
+        if small.image_size != case.image_size:
+            sizes = (*small.image_size, *case.image_size)
+            gone = (*gone, "most of the picture ({} x {} of {} x {} pixels remain)".format(*sizes))
+        left, spent = small.parts(), time.perf_counter() - self.began
+        removed = tuple(part for part in case.parts() if part not in left)
+        return Shrunk(case, small, self.wanted, removed, tuple(left), gone, self.count, spent, self.stopped)
+
+    def _begin(self, case: Any) -> None:
         """Note how the subject fails on the whole scene. Raises InputError where it does not."""
         failure, made, reference = self._look(case)
         if failure is None:
             raise InputError("--subject", "a renderer that fails on this scene, beyond doubt", "one that does not")
-        self.wanted = failure
+        self.wanted, self.tried[case.key] = failure, True
         if made is not None and reference is not None and isinstance(case, OwnScene):
             found = _diagnosed(made, reference, case, seconds=FIRST)
-            named = tuple(cause.name for cause in found.causes) if found else ()
-            words = stage_causes(self.subject) or (found.words if found and found.causes else ())
-            self.wanted = failure._replace(causes=named, cause=CAUSE.sub("", words[0]) if words else "")
-            self.names = dict(zip(case.labels, case.written.scene.numbers, strict=True))
-        self.tried[case.key] = self.wanted
-        return self.wanted
+            named = found.causes if found else ()
+            words = stage_causes(self.subject) or (found.words if found and named else ())
+            cause = CAUSE.sub("", words[0]) if words else ""
+            self.wanted = failure._replace(causes=tuple(_kind(one.name) for one in named), cause=cause)
 
-    def fails(self, case: Case) -> bool:
+    def _fails(self, case: Any) -> bool:
         """Whether the subject fails on it as on the whole scene."""
         if case.key not in self.tried:
-            if time.perf_counter() > self.deadline:
+            if time.perf_counter() > self.began + self.limit:
                 self.stopped = True
                 return False
             self.tried[case.key] = self._same(case)
-        return self.tried[case.key] is not None
+        return self.tried[case.key]
 
-    def smaller(self, case: C) -> C:
-        """Halve the resolution, which keeps all that is seen, while that fails."""
-        while True:
-            width, height = (n // 2 for n in case.image_size)
-            half = case.resized(width, height)
-            if min(width, height) < COARSEST or not self.fails(half):
-                return case
-            case = half
-
-    def crop(self, case: C) -> C:
-        """Halve the picture while a half fails, the half with more of the error first."""
-        while True:
-            width, height = case.image_size
-            across = width >= height
-            halves = [h for side in (across, not across) for h in self._halves(case, side)]
-            found = next((half for half in halves if self.fails(half)), None)
-            if found is None:
-                return case
-            case = found
-
-    def leave_out(self, case: C) -> C:
-        """Leave out every part that the failure does not need."""
-        return case.only(minimized(case.parts(), lambda kept: self.fails(case.only(kept))))
-
-    def fewer_bounces(self, case: C) -> "_Less[C]":
-        """Take the lowest level of light that fails, and say what is gone."""
-        if isinstance(case, OwnScene) and not isinstance(self.subject, UserRenderer):
-            return _Less(case)  # a method has a level of its own
-        found = next(((what, less) for what, less in case.fewer_bounces() if self.fails(less)), None)
-        return _Less(found[1], (found[0],)) if found else _Less(case)
-
-    def round_off(self, case: C) -> C:
-        """Round all numbers at once where that still fails; then each as far as it goes."""
-        everything = [case.rounded(case.fields(), digits) for digits in DIGITS]
-        case = next((one for one in everything if self.fails(one)), case)
-        for key in case.fields():
-            tried = (case.rounded([key], digits) for digits in DIGITS)
-            case = next((one for one in tried if one.key == case.key or self.fails(one)), case)
-        return case
-
-    def _halves(self, case: C, across: bool) -> list[C]:
-        (width, height), failure = case.image_size, self.tried.get(case.key)
-        length = width if across else height
-        if length < 2 * SMALLEST:
-            return []
-        half = -(-length // 2)
-        starts = [0, length - half]
-        error = failure.error if failure is not None else None
-        if error is not None:
-            sums = error.sum(axis=0 if across else 1)
-            starts.sort(key=lambda a: -float(sums[a : a + half].sum()))
-        return [case.cropped(a, 0, half, height) if across else case.cropped(0, a, width, half) for a in starts]
-
-    def _same(self, case: Case) -> Failure | None:
-        """How it fails there, where that is as on the whole scene."""
+    def _same(self, case: Any) -> bool:
         failure, made, reference = self._look(case)
         if failure is None or failure.kind != self.wanted.kind:
-            return None
+            return False
         if self.wanted.causes and made is not None and reference is not None and isinstance(case, OwnScene):
-            wanted = [name for cause in self.wanted.causes if (name := self._called_now(cause, case))]
-            found = _diagnosed(made, reference, case, tuple(wanted))
-            if not wanted or found is None or wanted[0] not in [cause.name for cause in found.causes]:
-                return None
-            found = _diagnosed(made, reference, case)  # of all that is known it is still the one that is named
-            if found is None or wanted[0] not in [cause.name for cause in found.causes]:
-                return None
-        return failure
+            for names in (self.wanted.causes, ()):  # of all that is known it is still the one that is named
+                found = _diagnosed(made, reference, case, names)
+                if found is None or self.wanted.causes[0] not in [_kind(cause.name) for cause in found.causes]:
+                    return False
+        return True
 
-    def _called_now(self, cause: str, case: OwnScene) -> str:
-        """A cause of one object by the name that the object has now; empty where it is gone."""
-        now = dict(zip(case.labels, case.written.scene.numbers, strict=True))
-        for label, name in self.names.items():
-            if cause.endswith(f"-{name}"):
-                return cause.removesuffix(name) + now[label] if label in now else ""
-        return cause
+    def _first(self, cases: Iterable[Any]) -> Any:
+        return next((case for case in cases if self._fails(case)), None)
 
-    def _look(self, case: Case) -> tuple[Failure | None, Image | None, Image | None]:
+    def _smaller(self, case: Any) -> Any:
+        """Halve the resolution, which keeps all that is seen, while that fails."""
+        while min(half := tuple(n // 2 for n in case.image_size)) >= COARSEST and self._fails(case.resized(*half)):
+            case = case.resized(*half)
+        return case
+
+    def _crop(self, case: Any) -> Any:
+        """Halve the picture while a half fails, along its longer side first."""
+        while (found := self._first(self._halves(case))) is not None:
+            case = found
+        return case
+
+    def _halves(self, case: Any) -> Iterable[Any]:
+        """Both halves along the longer side, then along the other; of each first the one with more of the error."""
+        width, height = case.image_size
+        for across in (width >= height, width < height):
+            length = width if across else height
+            if length < 2 * SMALLEST:
+                continue
+            half, starts = -(-length // 2), [0, length // 2]
+            if self.error is not None and self.error.shape == (height, width):
+                sums = self.error.sum(axis=0 if across else 1)
+                starts.sort(key=lambda a: -float(sums[a : a + half].sum()))
+            yield from (case.cropped(a, 0, half, height) if across else case.cropped(0, a, width, half) for a in starts)
+
+    def _leave_out(self, case: Any) -> Any:
+        """Leave out every part that the failure does not need."""
+        return case.only(minimized(case.parts(), lambda kept: self._fails(case.only(kept))))
+
+    def _fewer_bounces(self, case: Any) -> tuple[tuple[str, ...], Any]:
+        """Take the lowest level of light that fails, and say what is gone."""
+        if isinstance(case, OwnScene) and not isinstance(self.subject, UserRenderer):
+            return (), case  # a method has a level of its own
+        found = next(((what, less) for what, less in case.fewer_bounces() if self._fails(less)), None)
+        return ((found[0],), found[1]) if found else ((), case)
+
+    def _look(self, case: Any) -> tuple[Failure | None, Image | None, Image | None]:
         """How it fails beyond doubt, and both images; each time with other random numbers."""
         self.progress("shrink", self.count, self.count + 1)
         self.count += 1
         seed, samples = self.chosen.seed + self.count, self.chosen.samples or MANY
-        scene = case.placed(self.folder)
-        subject = self.subject
+        subject, scene = self.subject, case.placed(self.folder)
         if isinstance(case, OwnScene) and isinstance(subject, UserRenderer):
             subject = replace(subject, rung=case.rung)
         try:
-            made = prepared(subject, scene)(seed)
+            made = subject.prepare(scene)(seed)
         except InputError as broken:
             if broken.expected == "a program that runs" or (self.count == 1 and broken.where.startswith("--")):
                 raise
             return Failure(f"no image: {re.sub(r'[0-9.]+', '#', broken.got)}", str(broken)), None, None
         try:
-            if isinstance(scene, MitsubaScene):
+            if isinstance(case, FileScene):
                 reference = twin.render_mitsuba(scene, samples, seed, cache=False)
                 found = compare(made, reference, tolerance=scene.tolerance, false_alarm_rate=RATE)
             else:
                 reference = twin.render(
-                    scene, subject.rung, sampling=subject.sampling, samples=samples, seed=seed,
-                    cache=False,
-                )  # fmt: skip
-                tolerance = case.written.tolerance if isinstance(case, OwnScene) else None
-                found = compare_with_twin(made, reference, scene, tolerance, false_alarm_rate=RATE)
+                    scene, subject.rung, sampling=subject.sampling, samples=samples, seed=seed, cache=False
+                )
+                found = compare_with_twin(made, reference, scene, case.written.tolerance, false_alarm_rate=RATE)
         except InputError:
             if self.count == 1:
                 raise
             return None, None, None
         if found.verdict != "fail":
             return None, None, None
-        error = None
+        self.error = None
         if made.shape == reference.shape:
-            error = np.nan_to_num(np.abs(made.mean.astype(float) - reference.mean), nan=0, posinf=0).sum(axis=2)
-        return Failure(kind_of(found), found.reasons[0], error=error), made, reference
-
-
-def prepared(subject: Renderer, scene: Scene | MitsubaScene) -> Call:
-    """What renders the scene. Raises InputError where the subject cannot take a Mitsuba file."""
-    if isinstance(scene, Scene):
-        return subject.prepare(scene)
-    if not isinstance(subject, UserRenderer | Twin):
-        raise InputError("--subject", "a renderer of Mitsuba files", subject.name)
-    return subject.prepare(scene)
+            self.error = np.nan_to_num(np.abs(made.mean.astype(float) - reference.mean), nan=0, posinf=0).sum(axis=2)
+        return Failure(kind_of(found), found.reasons[0]), made, reference
 
 
 def kind_of(found: Comparison) -> str:
@@ -368,21 +280,22 @@ def kind_of(found: Comparison) -> str:
     return next((kind for pattern, kind in KINDS if re.search(pattern, found.reasons[0])), "radiance")
 
 
+def _kind(cause: str) -> str:
+    """A cause of one object by what is wrong with it: objects are numbered anew as others go."""
+    return re.sub("^(radius|place)-of-.*", r"\1", cause)
+
+
 def _diagnosed(
-    made: Image,
-    reference: Image,
-    case: OwnScene,
-    names: tuple[str, ...] = (),
-    seconds: float = DIAGNOSIS,
+    made: Image, reference: Image, case: OwnScene, kinds: tuple[str, ...] = (), seconds: float = DIAGNOSIS
 ) -> Diagnosis | None:
-    """Return what is wrong, of these mistakes alone where the catalogue has them all; None where nobody can tell."""
+    """Return what is wrong, of these kinds of mistakes alone where any are given; None where nobody can tell."""
     if made.shape != reference.shape or not np.isfinite(made.mean).all():
         return None
     view = view_of(made, reference, case.written.scene, case.rung)
     if view.scene is None:
         return None
-    faults = tuple(fault for fault in FAULTS if fault.name in names)
-    families = tuple(f for f in (*FAMILIES, *of_objects(view.scene)) if f.name in names)
-    if names and len(faults) + len(families) == len(names):
-        return diagnose([view], faults=faults, families=families, most=len(names), seconds=seconds)
+    faults = tuple(fault for fault in FAULTS if fault.name in kinds)
+    families = tuple(f for f in (*FAMILIES, *of_objects(view.scene)) if _kind(f.name) in kinds)
+    if kinds and {*(f.name for f in faults), *(_kind(f.name) for f in families)} == set(kinds):
+        return diagnose([view], faults=faults, families=families, most=len(kinds), seconds=seconds)
     return diagnose([view], seconds=seconds)

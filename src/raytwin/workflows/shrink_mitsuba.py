@@ -19,6 +19,12 @@ class FileScene:
 
     scene: MitsubaScene
 
+    file_name, rung = "scene.xml", ""
+
+    @property
+    def name(self) -> str:
+        return self.scene.name
+
     @classmethod
     def begin(cls, scene: MitsubaScene, size: tuple[int, int] | None = None) -> "FileScene":
         """Give each emitter an id, so that it is called the same as others go."""
@@ -92,13 +98,6 @@ class FileScene:
             if own < 0 or fewer < own:
                 depth.set("value", str(fewer))
                 yield f"light beyond a max_depth of {fewer}", FileScene(files.edited(self.scene, root))
-
-    def fields(self) -> list[tuple[str, int, str]]:
-        """Numbers of a file are left as they are."""
-        return []
-
-    def rounded(self, fields: list[tuple[str, int, str]], digits: int) -> "FileScene":
-        return self
 
     def write(self, folder: Path, comment: str) -> Path:
         """Write scene.xml with the files that it still needs."""

@@ -1,6 +1,5 @@
-"""What can be taken out of a scene of raytwin's own: parts that are there or not, smaller pictures, rounder numbers."""
+"""What can be taken out of a scene of raytwin's own: parts that are there or not, most of the picture, bounces."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,14 +9,11 @@ import msgspec
 import numpy as np
 from msgspec import UNSET
 
-from raytwin.errors import InputError
-from raytwin.files import check_camera, check_contents, write_scene
+from raytwin.files import write_scene
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, SceneFile, WrittenPlane, WrittenSky, WrittenSphere, WrittenSun
 
 LENS = "k1", "k2", "p1", "p2", "k3"
-Field = tuple[str, int, str]
-"""A part of the written scene, which one of its kind, and the name of the number."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +25,16 @@ class OwnScene:
     labels: tuple[str, ...] = ()
     """The objects' names in the whole scene, spheres first: they stay as others go."""
 
+    file_name = "scene.toml"
+
     @classmethod
     def begin(cls, written: SceneFile, rung: str) -> "OwnScene":
         scene = written.scene
         return cls(written, rung, scene.names if len(set(scene.names)) == len(scene.names) else scene.numbers)
+
+    @property
+    def name(self) -> str:
+        return self.written.name
 
     @property
     def key(self) -> bytes:
@@ -103,39 +105,6 @@ class OwnScene:
         for rung in rungs[1 : rungs.index(self.rung)]:
             yield f"every light level above {rung}", replace(self, rung=rung)
 
-    def fields(self) -> list[Field]:
-        """All numbers but the camera's rotation."""
-        scene = self.written
-        found = [
-            (kind, i, name)
-            for kind, things in (("spheres", scene.spheres), ("planes", scene.planes))
-            for i, thing in enumerate(things)
-            for name in thing.__struct_fields__
-            if isinstance(value := getattr(thing, name), float | tuple) and value
-        ]
-        found += [("sun", 0, name) for name in ("to_light", "irradiance") if any(scene.sun.irradiance)]
-        if scene.sky.texels is UNSET:
-            found.append(("sky", 0, "radiance"))
-        return found + [("camera", 0, name) for name in ("K", "t_cam_board", "dist")]
-
-    def rounded(self, fields: list[Field], digits: int) -> "OwnScene":
-        """The scene with these numbers to so many digits; itself where they make none that can be."""
-        scene = self.written
-        for part, i, name in fields:
-            old = getattr(scene, part)
-            thing = old[i] if isinstance(old, tuple) else old
-            new = msgspec.structs.replace(thing, **{name: _round(getattr(thing, name), digits)})
-            if isinstance(old, tuple):
-                new = (*old[:i], new, *old[i + 1 :])
-            scene = msgspec.structs.replace(scene, **{part: new})
-        try:
-            check_contents(scene, "")
-            check_camera(scene.scene.camera, "")
-            msgspec.convert(msgspec.to_builtins(scene), SceneFile)  # radii above 0, albedos up to 1
-        except (InputError, msgspec.ValidationError):
-            return self
-        return replace(self, written=scene)
-
     def write(self, folder: Path, comment: str) -> Path:
         """Write scene.toml, and the map where there still is one."""
         return write_scene(folder / "scene.toml", self.written, comment)
@@ -156,19 +125,3 @@ def _mean_radiance(sky: WrittenSky) -> tuple[float, float, float]:
     weight = np.sin((np.arange(texels.shape[0]) + 0.5) / texels.shape[0] * np.pi)
     r, g, b = ((texels * weight[:, None, None]).sum(axis=(0, 1)) / (weight.sum() * texels.shape[1])).tolist()
     return r, g, b
-
-
-def _round(value: Any, digits: int) -> Any:
-    """To so many significant digits of the largest number of a vector, so that a tiny component becomes 0."""
-    if isinstance(value, tuple):
-        if value and isinstance(value[0], tuple):
-            return tuple(_round(row, digits + 1) if any(row[:2]) else row for row in value)  # K: px, which count
-        largest = max((abs(v) for v in value), default=0.0)
-        return tuple(_to(v, largest, digits) for v in value)
-    return _to(value, abs(value), digits)
-
-
-def _to(value: float, largest: float, digits: int) -> float:
-    if not largest:
-        return value
-    return round(value, digits - 1 - math.floor(math.log10(largest))) + 0.0
