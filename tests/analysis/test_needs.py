@@ -2,7 +2,6 @@
 
 import re
 from math import inf
-from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -13,16 +12,15 @@ from truths import WHITE, from_element, grey, in_wedge, view_of, wedge
 from raytwin import files, twin
 from raytwin.analysis import recommend
 from raytwin.analysis.light_parts import gone
-from raytwin.analysis.recommend import needs, probe_pixels
+from raytwin.analysis.recommend import needs, search
 from raytwin.analysis.recommend.bounds import Bounds
 from raytwin.analysis.recommend.converged import measure
-from raytwin.analysis.recommend.search import Choice
+from raytwin.analysis.recommend.search import Search, Tried
 from raytwin.analysis.recommend.simplify import still_terms
-from raytwin.analysis.recommend.trial import Tried
 from raytwin.compare import METRICS
 from raytwin.errors import InputError
 from raytwin.lights.environment_map import environment_map
-from raytwin.renderers.subject_renderers import Filled, PathTraced, Speculated, Supersampled, Traced
+from raytwin.renderers.subject_renderers import Filled, PathTraced, Speculated, Supersampled
 from raytwin.scene import Camera, Environment, Rectangle, Scene, Sphere, Sun
 from raytwin.scene.lens import distort
 from raytwin.speed import light_parts, walk
@@ -231,18 +229,8 @@ def test_the_choice_rerun_meets_the_tolerance_and_the_next_cheaper_fails(small, 
     assert METRICS["rmse"].function(rendered(small, cheaper, seed=5), whole) > 0.9 * tolerance
 
 
-@pytest.mark.parametrize(("seconds", "steps"), [(1.5, [8, 4, 16, 2]), (2.5, [8])])
-def test_other_steps_are_guessed_only_where_the_first_takes_up_to_twice_the_time_of_tracing_all(seconds, steps):
-    looked = Choice.__new__(Choice)
-    looked.engine, looked._look, looked._meets = "numpy32", lambda tried, whole: not whole, lambda tried: True
-    looked._called = lambda tried: seconds if isinstance(tried.method, Speculated) else 1.0
-    meet = [Tried(Traced("shadow", "numpy32"), 0.0)]
-    looked._guesses(meet, [])
-    assert [t.method.step for t in meet[1:]] == steps
-
-
 def test_the_share_that_is_looked_at_is_one_of_the_frames_pixels(small, fast):
-    looked = probe_pixels.Look(small, 0.1, "rmse", fast)
+    looked = search.Search(small, 0.1, "rmse", fast)
     assert looked.frame == 96 * 72
     assert 0 < looked.pixels <= looked.frame
 
@@ -274,8 +262,8 @@ def test_the_sphere_behind_the_camera_is_spared_and_one_that_shades_what_is_seen
 
 
 def test_a_truth_too_noisy_for_the_tolerance_says_so_and_claims_nothing(small, fast, monkeypatch):
-    monkeypatch.setattr(probe_pixels, "MOST_WALKS", 1)
-    monkeypatch.setattr(probe_pixels, "MOST_WALKS_NUMPY", 1)
+    monkeypatch.setattr(search, "MOST_WALKS", 1)
+    monkeypatch.setattr(search, "MOST_WALKS_NUMPY", 1)
     found = needs(small, 1e-4, engine=fast)
     assert found.choice is None
     assert found.not_needed == ()
@@ -306,10 +294,11 @@ def test_the_command_writes_what_it_says(tmp_path):
     refused(raytwin("needs", "single", "--tolerance", "0"), "--tolerance")
 
 
-def test_samples_are_halved_until_half_of_them_fail_and_those_between_are_tried():
-    choice = SimpleNamespace(_verify=lambda tried: None, _meets=lambda tried: tried.method.samples >= 12)
+def test_samples_are_halved_until_half_of_them_fail():
+    found = Search.__new__(Search)
+    found.meet, found.fail, found._verify = [], [], lambda tried: None
+    found._meets = lambda tried: tried.method.samples >= 12
     method = PathTraced(samples=64)
-    meet, fail = [], []
-    Choice._fewer(choice, Tried(method, 6.4), method, meet, fail)
-    assert [(t.method.samples, t.guess) for t in meet] == [(32, 3.2), (16, 1.6), (12, pytest.approx(1.2))]
-    assert [(t.method.samples, t.guess) for t in fail] == [(8, 0.8)]
+    found._fewer(Tried(method, 6.4), method)
+    assert [(t.method.samples, t.guess) for t in found.meet] == [(32, 3.2), (16, 1.6)]
+    assert [(t.method.samples, t.guess) for t in found.fail] == [(8, 0.8)]

@@ -1,8 +1,7 @@
 """The cheapest way to a scene's image that meets a tolerance, by measurement; and what the scene does not need.
 
-Held against is the whole light over the pixels' area (`truth`). A few pixels are looked at first (`look`), and tell
-what may do (`candidates`). What is left is timed at full size, all in turns, and held against the whole frame
-(`choice`). What the scene can spare is told beside what is proven (`spare`, `bounds`).
+Errors are against the whole light over the pixels' area (`converged`). `search` finds the way, `simplify` says what the
+scene can spare, beside what is proven (`bounds`).
 """
 
 import math
@@ -10,9 +9,8 @@ import time
 from pathlib import Path
 
 from raytwin import files, twin
-from raytwin.analysis.recommend.probe_pixels import DEEP
 from raytwin.analysis.recommend.recommendation import Needs, NotNeeded, Row, Whole
-from raytwin.analysis.recommend.search import Choice
+from raytwin.analysis.recommend.search import DEEP, Search
 from raytwin.analysis.recommend.simplify import not_needed
 from raytwin.calib.find_camera import find_camera
 from raytwin.errors import InputError, check_one_of
@@ -46,7 +44,7 @@ def needs(
     check_asked(tolerance, metric)
     scene = scene_of(scene, photo, size, progress)
     began = time.perf_counter()
-    search = Choice(scene, tolerance, metric, engine or fast_engine(twin.activate().variant))
+    search = Search(scene, tolerance, metric, engine or fast_engine(twin.activate().variant))
     progress("truth", 0, 1)
     noise = search.low.noise(metric)
     progress("truth", 1, 1)

@@ -1,6 +1,6 @@
 """Each light level of a scene as a picture, to look at beside `raytwin needs`' numbers."""
 
-from raytwin.analysis.recommend.probe_pixels import DEEP
+from raytwin.analysis.recommend.search import DEEP
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene

@@ -8,8 +8,8 @@ import numpy as np
 
 from raytwin.analysis.light_parts import gone
 from raytwin.analysis.recommend.converged import Error, measure
-from raytwin.analysis.recommend.probe_pixels import Look
 from raytwin.analysis.recommend.recommendation import NotNeeded
+from raytwin.analysis.recommend.search import Search
 from raytwin.scene import Camera
 from raytwin.scene.lens import distort, newton, without_ray
 
@@ -62,19 +62,19 @@ def _bend(move: np.ndarray) -> float:
     return float(np.abs(np.diff(move, 2, axis=1)).max())
 
 
-def not_needed(look: Look) -> tuple[NotNeeded, ...]:
+def not_needed(look: Search) -> tuple[NotNeeded, ...]:
     """Each thing alone: what lies below the tolerance by measurement, beside what is proven of it."""
     return (*_lens(look), *_light(look), *_bounces(look), *_unseen(look))
 
 
-def _lens(look: Look) -> Iterable[NotNeeded]:
+def _lens(look: Search) -> Iterable[NotNeeded]:
     moves = still_terms(look.scene.camera)
     if moves.terms:
         why = f"without {' and '.join(moves.terms)} no pixel moves by {STILL:g} px"
         yield NotNeeded(f"distortion {', '.join(moves.terms)}", why, moves.bound, moves.measured)
 
 
-def _light(look: Look) -> Iterable[NotNeeded]:
+def _light(look: Search) -> Iterable[NotNeeded]:
     parts = (
         ("shadow", "shadows of the sun", look.bounds.shadow()),
         ("occlusion", "occlusion of the sky", look.bounds.occlusion()),
@@ -85,7 +85,7 @@ def _light(look: Look) -> Iterable[NotNeeded]:
             yield NotNeeded(what, _below(look, error), look.bound(largest), error.value)
 
 
-def _bounces(look: Look) -> Iterable[NotNeeded]:
+def _bounces(look: Search) -> Iterable[NotNeeded]:
     names = [name for name in look.low.parts[0] if name.startswith("bounce")]
     for n in range(len(names)):
         error = look.low.of(look.metric, *names[n:])
@@ -100,7 +100,7 @@ def _bounces(look: Look) -> Iterable[NotNeeded]:
             return
 
 
-def _unseen(look: Look) -> Iterable[NotNeeded]:
+def _unseen(look: Search) -> Iterable[NotNeeded]:
     """Spheres whose boxes hold no pixel, taken away one by one, from the same random numbers."""
     scene, low = look.thin, look.low
     unseen = [i for i, thing in enumerate(scene.objects) if thing in scene.spheres and not look.bounds.seen[i]][:8]
@@ -119,5 +119,5 @@ def _unseen(look: Look) -> Iterable[NotNeeded]:
             yield NotNeeded(scene.names[i], why, look.bound(look.bounds.without(i)), error.value)
 
 
-def _below(look: Look, error: Error) -> str:
+def _below(look: Search, error: Error) -> str:
     return f"{look.metric} {error.value:.2g} <= {look.tolerance:g} without"
