@@ -169,6 +169,7 @@ class ReferenceCheck:
         from raytwin.diagnose.diagnosis import explain
         from raytwin.errors import InputError
         from raytwin.image import Image
+        from raytwin.report.terminal_text import because, further
         from raytwin.scene import Tolerance
 
         taken, made = None, None
@@ -202,8 +203,8 @@ class ReferenceCheck:
                 "the reference has noise and the image tells none: where it has, give its variance=, "
                 "several renders, or a function of a seed"
             )
-        text = f"{self.name}/{self.rung}: {made.cause or made.verdict}\n"
-        text += "".join(f"  {reason}\n" for reason in made.reasons) + "".join(f"  note: {n}\n" for n in notes)
+        text = f"{self.name}/{self.rung}{because(made) or f': {made.verdict}'}\n"
+        text += "".join(f"  {reason}\n" for reason in further(made)) + "".join(f"  note: {n}\n" for n in notes)
         if page := self._report(made, tuple(notes), taken.image, shown, allowed):
             text += f"  page: {page}\n"
         self._text = text + f"  reference: {known.path}"
