@@ -13,7 +13,6 @@ from raytwin.calib.find_camera import TruthRow
 from raytwin.calib.photos import Calibration, Pose, PoseReport
 from raytwin.calib.photos.calibration_result import CalibrationWarning, View
 from raytwin.compare import Report, compare
-from raytwin.compare.report import Timing
 from raytwin.image import Image, Surface
 from raytwin.scene import Scene
 from raytwin.speed import trace
@@ -44,7 +43,6 @@ def make_result(scenes) -> Callable[..., Result]:
             report=report,
             test=tracer,
             reference=twin,
-            times=(Timing("tracer", 0.412, "p99.9 error 2e-7"), Timing("twin", 0.24, "the reference")),
             settings={"rung of the tracer": rung, "sphere solver": "robust", "trim boxes": "on"},
             versions={"python": "3.11.2", "raytwin": "0.1.0", "numpy": "2.4.6"},
         )
@@ -82,7 +80,6 @@ def photographed(result: Result) -> Result:
         TruthRow("cx", camera.cx + 0.2, camera.cx, 0.31, "px"),
         TruthRow("rotation off by", 0.0, 0.0123, None, "degrees"),
     )
-    times = (Timing("calibrate", 2.31, "rms 0.127 px"), *result.times)
     seen = result.subject.surface.ids
     drawn = (seen >= 0) & (seen < len(scene.spheres))
     augmented = np.where(drawn[..., None], files.to_bytes(result.subject.mean), photo)
@@ -94,7 +91,6 @@ def photographed(result: Result) -> Result:
         calibration=calibration,
         pose=pose,
         truth=truth,
-        times=times,
     )
 
 

@@ -1,7 +1,6 @@
 """The ladder of light: every rung on both sides, its error and its seconds, and what each leaves out."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -21,6 +20,7 @@ from raytwin.notebook import InNotebook
 from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
+from raytwin.renderers.twin_renderers import Twin
 from raytwin.rungs import RUNGS
 from raytwin.scene import Record, Scene, SceneFile
 from raytwin.speed import PARTS, light_parts, walk
@@ -117,7 +117,7 @@ def ladder(
         with stages.stage("tracer"):
             mine, took = _timed(method, scene, seed)
         with stages.stage("twin"):
-            theirs, twins = _twin(scene, name, samples, seed)
+            theirs, twins = _timed(Twin(name, samples=samples), scene, seed, calls=1)
         for side, made, label, seconds in (
             ("tracer", mine, method.name, took), ("twin", theirs, f"twin-{name}", twins)
         ):  # fmt: skip
@@ -155,31 +155,16 @@ def _small(size: tuple[int, int]) -> tuple[int, int]:
     return (WIDTH, max(1, round(WIDTH * h / w))) if w > WIDTH else size
 
 
-def _timed(method: Renderer, scene: Scene, seed: int) -> tuple[Image, float]:
+def _timed(method: Renderer, scene: Scene, seed: int, calls: int = CALLS) -> tuple[Image, float]:
     """The image and the median seconds of some calls, after one that nobody times."""
-    call: Callable[[int], Image] = method.prepare(scene)
+    call = method.prepare(scene)
     call(seed)
     seconds = []
-    for _ in range(CALLS):
+    for _ in range(calls):
         start = time.perf_counter()
         made = call(seed)
         seconds.append(time.perf_counter() - start)
     return made, median(seconds)
-
-
-def _twin(scene: Scene, rung: str, samples: int, seed: int) -> tuple[Image, float]:
-    """Over the area where it takes samples anyway; its second call is timed."""
-    noisy = RUNGS[rung].noisy
-
-    def call() -> Image:
-        return twin.render(
-            scene, rung, sampling="area" if noisy else "center", samples=samples if noisy else 1, seed=seed, cache=False
-        )
-
-    call()
-    start = time.perf_counter()
-    made = call()
-    return made, time.perf_counter() - start
 
 
 def _rms(picture: np.ndarray) -> float:

@@ -32,7 +32,7 @@ def compare_command(
         folder = out or Path("out") / result.scene.name
         report.write_all(result, folder, json, progress=progress)
     say_wrapped(report.summary(result))
-    print_seconds(progress, {t.stage: t.error for t in result.times if t.error != "-"})
+    print_seconds(progress, result.worth)
     say(f"report: {folder / 'report.html'}")
     raise typer.Exit(result.comparison.exit_code)
 

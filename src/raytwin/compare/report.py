@@ -1,6 +1,6 @@
 """A Comparison, what was compared, and what each stage cost: the keys of comparison.json."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 
@@ -27,14 +27,6 @@ class Part(Record, frozen=True):
     share_of_error: float | None = None
     noise: float | None = None
     between: tuple[str, ...] = ()
-
-
-class Timing(NamedTuple):
-    """How long a stage took, and beside it what its result is worth."""
-
-    stage: str
-    seconds: float
-    error: str
 
 
 class Report(Record, frozen=True):

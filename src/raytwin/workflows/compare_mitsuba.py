@@ -20,7 +20,6 @@ from raytwin.renderers.twin_renderers import Twin
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene import MitsubaScene, Tolerance
 from raytwin.workflows.compare_scene import Result
-from raytwin.workflows.compared import times_of
 from raytwin.workflows.make_reference import LEVEL, read_scene
 from raytwin.workflows.rounds import render_sides
 from raytwin.workflows.settings import CompareSettings
@@ -99,8 +98,7 @@ def plain_result(
 ) -> Result:  # fmt: skip
     """The result where nothing is known of photos and the light's parts."""
     about = {"subject": subject.name, **settings, "twin's samples per pixel": str(reference.samples)}
-    times = times_of(report.seconds, report.comparison, None)
     return Result(
-        report=report, scene=scene, tolerance=tolerance, test=made, reference=reference, times=times, settings=about,
+        report=report, scene=scene, tolerance=tolerance, test=made, reference=reference, settings=about,
         versions=versions(),
     )  # fmt: skip

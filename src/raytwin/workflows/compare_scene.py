@@ -28,7 +28,7 @@ from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
 from raytwin.scene import MitsubaScene, Scene, SceneFile, Tolerance
 from raytwin.scene.lens import without_ray
-from raytwin.workflows.compared import Compared, times_of
+from raytwin.workflows.compared import Compared
 from raytwin.workflows.rounds import render_sides
 from raytwin.workflows.settings import CompareSettings
 from raytwin.workflows.versions import versions
@@ -171,7 +171,6 @@ def compare_scene(
         calibration=calibration,
         pose=pose,
         truth=truth,
-        times=times_of(stages.seconds, comparison, calibration),
         settings={
             "subject": subject.name,
             "rung of the tracer": subject.rung,

@@ -7,7 +7,6 @@ import numpy as np
 
 from raytwin import files
 from raytwin.compare import Comparison, Report, Verdict
-from raytwin.compare.report import Timing
 from raytwin.image import Image
 from raytwin.notebook import InNotebook
 from raytwin.scene import Tolerance
@@ -22,8 +21,8 @@ if TYPE_CHECKING:
 class Compared(InNotebook):
     """The image `test` beside its `reference`, and all that is known of them.
 
-    `times`: beside each stage's seconds what its result is worth. `photo` and `augmented`, the same with the scene's
-    objects in it, are sRGB uint8. `pose`: that of the photo, by the `calibration`; `truth`: what both should be.
+    `photo` and `augmented`, the same with the scene's objects in it, are sRGB uint8. `pose`: that of the photo, by the
+    `calibration`; `truth`: what both should be.
     """
 
     made_by: ClassVar[str] = "compare"
@@ -34,7 +33,6 @@ class Compared(InNotebook):
     tolerance: Tolerance
     settings: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
-    times: tuple[Timing, ...] = ()
     photo: np.ndarray | None = None
     augmented: np.ndarray | None = None
     calibration: "photos.Calibration | None" = None
@@ -70,6 +68,16 @@ class Compared(InNotebook):
         """One of the two has noise, so that a single error means little."""
         return self.test.variance is not None or self.reference.variance is not None
 
+    @property
+    def worth(self) -> dict[str, str]:
+        """What the result of a stage is worth, to be shown beside its seconds."""
+        p999 = self.comparison.radiance.p999_abs
+        return {
+            "calibrate": f"rms {self.calibration.rms_px:.3f} px" if self.calibration else "camera given",
+            "tracer": "no error: not all values are numbers" if p999 is None else f"p99.9 error {p999:.2g}",
+            "twin": "the reference",
+        }
+
     def table(self) -> list[dict[str, Any]]:
         """Return the ledger, a row per part of the light: what `pandas.DataFrame` takes."""
         return [part.to_dict() for part in self.report.ledger or ()]
@@ -87,16 +95,3 @@ class Compared(InNotebook):
         because = f": {self.cause or self.reasons[0]}" if self.reasons else ""
         rung = f", rung {self.report.rung}" if self.report.rung else ""
         return f"<raytwin.{self.made_by} {self.verdict.upper()} {self.report.scene}{rung}{because}>"
-
-
-def times_of(
-    seconds: dict[str, float], comparison: Comparison, calibration: "photos.Calibration | None"
-) -> tuple[Timing, ...]:
-    """Every stage's seconds, and beside them what its result is worth."""
-    p999 = comparison.radiance.p999_abs
-    worth = {
-        "calibrate": f"rms {calibration.rms_px:.3f} px" if calibration else "camera given",
-        "tracer": "no error: not all values are numbers" if p999 is None else f"p99.9 error {p999:.2g}",
-        "twin": "the reference",
-    }
-    return tuple(Timing(stage, s, worth.get(stage, "-")) for stage, s in seconds.items())

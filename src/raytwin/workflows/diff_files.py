@@ -11,7 +11,6 @@ import msgspec
 from raytwin import files, references
 from raytwin.compare import METRICS, Comparison, Limits, Report, limit_findings, measure
 from raytwin.compare import compare as compare_images
-from raytwin.compare.report import Timing
 from raytwin.diagnose.diagnosis import explain
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -129,7 +128,6 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
         tolerance=limit,
         limits=limits,
         warnings=tuple(f.text for f in warned),
-        times=tuple(Timing(stage, took, "-") for stage, took in seconds.items()),
         settings={k: v for k, v in of_files.items() if v is not None} | decided,
     )
 
