@@ -41,7 +41,6 @@ KEYS = {
         "p_values",
         "looks",
         "samples_to_certainty",
-        "sign_flip_p",
     },
     "perceptual": {"flip_mean"},
     "ledger": None,

@@ -10,7 +10,6 @@ from measure.sequences import NOISES, SMALL, faulty, pooled, sequence
 from raytwin.compare import SequentialComparison, compare
 from raytwin.compare.decision import Allowance, _excluded, _Tested
 from raytwin.compare.noise import Missed
-from raytwin.compare.permutation import sign_flip_p
 from raytwin.compare.scale import Bound
 from raytwin.compare.sequential import PER_OCTAVE, first_samples, look_level, look_number
 from raytwin.errors import InputError
@@ -177,28 +176,3 @@ def test_what_is_no_render_fails_at_the_first_look_or_is_named():
     for options in ({"false_alarm_rate": 0}, {"detectable_bias": 0.0}, {"detectable_tile_bias": -1}):
         with pytest.raises(InputError, match=next(iter(options))):
             SequentialComparison(check.image("reference"), **options)
-
-
-def test_the_probability_by_sign_flips_is_level_and_no_less_than_its_signs_allow():
-    """Of 60 correct sets 2 or fewer, or 20 or more, are below 0.15 once in 250."""
-    rng = np.random.default_rng(2)
-    found = np.array(
-        [sign_flip_p(rng.exponential(size=(8, 9, 3)) - rng.exponential(size=(8, 9, 3))) for _ in range(60)]
-    )
-    assert 2 < np.count_nonzero(found < 0.15) < 20
-    shifted = rng.normal(3.0, 1.0, (14, 9, 3))
-    assert sign_flip_p(shifted[:8]) == pytest.approx(2 ** (1 - 8), rel=0.5)
-    assert sign_flip_p(shifted) < 1e-3
-    assert sign_flip_p(np.zeros((8, 9, 3))) == 1.0
-
-
-@pytest.mark.parametrize(("gain", "told"), [(1.02, True), (1.3, False)])
-def test_eleven_rounds_of_both_sides_have_a_second_opinion_and_fewer_have_none(gain, told):
-    rng = np.random.default_rng(13)
-    check = SequentialComparison(detectable_bias=1e-9)
-    for test, reference in zip(NOISE(rng, SMALL * gain, 60), NOISE(rng, SMALL, 60), strict=True):
-        if check.add(test, reference):
-            break
-    assert check.comparison.verdict == "fail"
-    assert (check.samples >= 11) == told
-    assert (check.comparison.statistics.sign_flip_p is not None) == told

@@ -44,8 +44,7 @@ class Statistics(Record, frozen=True):
     this comparison would have found with probability 0.9; `minimum_detectable_tile_bias`: of 24 x 24 pixels anywhere.
     `p_values`: how many tiles of 8 x 8 pixels have a p-value in each twentieth from 0 to 1, by Welch's test; alike
     where all is well. `looks`: how often rounds of samples were looked at; `samples_to_certainty`: samples per pixel at
-    the last of them, null where it left the verdict undecided. `sign_flip_p`: a second opinion on rounds of both sides,
-    the probability of their differences by chance (permutation.py); null for fewer than 11 rounds.
+    the last of them, null where it left the verdict undecided.
     """
 
     z_mean: float | None = None
@@ -56,7 +55,6 @@ class Statistics(Record, frozen=True):
     p_values: tuple[int, ...] | None = None
     looks: int | None = None
     samples_to_certainty: int | None = None
-    sign_flip_p: float | None = None
 
 
 class Perceptual(Record, frozen=True):

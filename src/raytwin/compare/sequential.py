@@ -25,7 +25,6 @@ import numpy as np
 
 from raytwin.compare.comparison import Comparison
 from raytwin.compare.messages import percent, what_could_be_seen
-from raytwin.compare.permutation import FEWEST, sign_flip_p, tile_means
 from raytwin.compare.verdict import DETECTABLE_BIAS, compare
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -103,7 +102,6 @@ class SequentialComparison:
         self._fixed = {"test": test, "reference": reference}
         self._pools = {"test": ImagePool(), "reference": ImagePool()}
         self._judge, self._options, self._looked_at, self._number = judge, options, 0, -1
-        self._differences: list[np.ndarray] = []
         self._began = time.perf_counter()
 
     @property
@@ -125,7 +123,6 @@ class SequentialComparison:
 
         Renders of a side are independent. An Image that states `batches` of its own brings their variance.
         """
-        given_sides: dict[str, Image] = {}
         for name, given in (("test", test), ("reference", reference)):
             if given is None:
                 continue
@@ -134,10 +131,6 @@ class SequentialComparison:
             if pool.images and image.shape != pool.shape:
                 raise InputError(f"{name} render {pool.images + 1}", f"the shape {pool.shape}", image.shape)
             pool.add(image)
-            given_sides[name] = image
-        if len(given_sides) == 2 and given_sides["test"].shape == given_sides["reference"].shape:
-            a, b = given_sides["test"], given_sides["reference"]
-            self._differences.append(max(a.samples, 1) * (tile_means(a.mean) - tile_means(b.mean)))
         if self.decided:
             return self.comparison
         noisy = [pool for pool in self._pools.values() if pool.images and not pool.noise_free]
@@ -195,8 +188,6 @@ class SequentialComparison:
         made = msgspec.structs.replace(made, reasons=(*reasons, said))
         if made.verdict != "undecided":
             made = _with(made, samples_to_certainty=self.samples)
-        if len(self._differences) >= FEWEST and s.z_mean is not None:
-            made = _with(made, sign_flip_p=sign_flip_p(np.stack(self._differences)))
         self.comparison = made
         return made
 

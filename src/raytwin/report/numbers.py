@@ -47,8 +47,6 @@ NUMBERS: tuple[Number, ...] = (
            "how many times the samples were tested before the verdict was certain"),
     Number("statistics", "samples_to_certainty", "Samples to certainty", "per pixel", None,
            "what each side had when the verdict was certain"),
-    Number("statistics", "sign_flip_p", "Second opinion", "probability", None,
-           "by random signs of the rounds' differences: the probability of the largest by chance"),
     Number("perceptual", "flip_mean", METRICS["flip_hdr"].title, METRICS["flip_hdr"].unit, None,
            "how different the two look to an eye that flips between them"),
 )  # fmt: skip
