@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 from measure.other_tools import (
     Tiles,
     sees_welch,
