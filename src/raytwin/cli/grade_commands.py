@@ -1,4 +1,4 @@
-"""raytwin grade SUBMISSIONS --rubric R | gradescope-zip: students' tracers, graded. Imported by cli/__init__.py."""
+"""raytwin grade SUBMISSIONS --rubric R | starter | gradescope-zip, and walk: students' tracers, graded."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -143,6 +143,19 @@ def gradescope_zip_command(rubric: Path, out: Path = Path("autograder.zip"), whe
     check_outputs(files=(out,))
     names = write_zip(rubric, out, wheel)
     say(f"{out}: {len(names)} files, {out.stat().st_size / 1e6:.1f} MB")
+
+
+def walk_command(notebook: bool = False, out: Path = Path(), solved: bool = False) -> None:
+    """Write eight lessons, from photos to path tracing.
+
+    Each has a function to fill in, a check in words, and the picture so far.
+    """
+    from raytwin.tutorial.written import write_walk
+
+    check_outputs(folders=(out,))
+    path = write_walk(out, notebook, solved)
+    say(f"wrote {path}")
+    say(f"jupyter lab {path}" if notebook else f"python {path}    # its pictures go to walk/; edit it, run it again")
 
 
 COMMANDS: dict[str, Callable[..., None]] = {

@@ -1,4 +1,4 @@
-"""raytwin reference make | check | show | diff: references that renders are held to. Imported by cli.py."""
+"""raytwin reference make | check | show | diff: references that renders are compared with."""
 
 import sys
 from collections.abc import Callable, Iterator, Sequence

@@ -3,8 +3,7 @@
 Pictures are PNGs in the HTML, so that they stay when a notebook is saved. They are at most WIDE pixels across.
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from html import escape
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from raytwin.image import Image
 from raytwin.report import numbers
 from raytwin.report.charts.chart import chart_html
 from raytwin.report.data_urls import exposed, exposure, png_url, stops
+from raytwin.report.page import render_part
 from raytwin.report.view import PairView, showable, view_of
 from raytwin.viewer.packing import binned
 from raytwin.viewer.widget import has_widgets, pane, widget
@@ -45,14 +45,11 @@ def png_of(image: Image) -> bytes:
     return files.encoded(_exposed(image), "png")
 
 
-# ------------------------------------------------------------------------------------------ pictures
-
-
-def _image(image: Image) -> str:
-    caption = repr(image).strip("<>").removeprefix("raytwin.")
-    if not showable(image):
-        return f"<p>{escape(caption)}</p>"
-    return _figure(files.data_url(_exposed(image), "png"), caption)
+def _shown(columns: Sequence[str] = (), rows: Sequence[dict[str, Any]] = (), **parts: Any) -> str:
+    """Return the parts in the order of notebook.html.j2: verdict, text, caption, figures, charts, table."""
+    empty: dict[str, Any] = dict.fromkeys(("verdict", "text", "caption", "figures", "charts"), ())
+    return render_part("notebook.html.j2", columns=columns or list(rows[0] if rows else ()), rows=rows, wide=WIDE,
+                       **empty | parts)  # fmt: skip
 
 
 def _exposed(image: Image, gain: float | None = None) -> np.ndarray:
@@ -60,93 +57,70 @@ def _exposed(image: Image, gain: float | None = None) -> np.ndarray:
     return exposed(small, exposure(image) if gain is None else gain)
 
 
-def _figure(url: str, caption: str) -> str:
-    picture = f'<img src="{url}" alt="{escape(caption)}" style="width:100%;image-rendering:pixelated">'
-    whole = f"margin:0 8px 8px 0;min-width:120px;max-width:{WIDE}px;flex:1 1 0"
-    return f'<figure style="{whole}">{picture}<figcaption>{escape(caption)}</figcaption></figure>'
+def _image(image: Image) -> str:
+    caption = repr(image).strip("<>").removeprefix("raytwin.")
+    if not showable(image):
+        return _shown(caption=caption)
+    return _shown(figures=[(png_url(_exposed(image)), caption)])
 
 
 def _pair(view: PairView) -> str:
     """Return the verdict, both pictures, their difference and the numbers."""
-    parts = [_head(view)]
+    parts = _head(view)
     if view.alike:
         gain, n = exposure(view.reference), -(-view.test.shape[1] // WIDE)
         a, b = (binned(i, n) if n > 1 else i for i in (view.test, view.reference))
         pictures = [(_exposed(a, gain), view.names.test_title), (_exposed(b, gain), view.names.reference_title)]
         pictures.append((files.to_bytes(error_map(a, b)), "Difference: red is too bright, blue too dark"))
-        figures = "".join(_figure(png_url(pixels), title) for pixels, title in pictures)
-        parts.append(f'<div style="display:flex;flex-wrap:wrap">{figures}</div>')
-    if view.comparison is not None:
-        parts.append(_numbers(view.comparison))
-    return "".join(parts)
+        parts["figures"] = [(png_url(pixels), title) for pixels, title in pictures]
+    return _shown(rows=_numbers(view.comparison) if view.comparison else (), **parts)
 
 
-def _head(view: PairView) -> str:
-    return "" if view.comparison is None else _verdict(view.comparison, " ".join((view.title, *view.about)))
+def _head(view: PairView) -> dict[str, Any]:
+    return _verdict(view.comparison, " ".join((view.title, *view.about))) if view.comparison else {}
 
 
-def _verdict(c: Comparison, about: str = "") -> str:
+def _verdict(c: Comparison, about: str = "") -> dict[str, Any]:
     """Return the verdict with its cause, or its first reason, in one line; the reasons are folded below it."""
-    word = f'<b style="color:{COLOURS[c.verdict]}">{c.verdict.upper()}</b>'
-    first = f": <b>{escape(c.cause)}</b>" if c.cause else f": {escape(c.reasons[0])}" if c.reasons else ""
-    rest = "".join(f"<li>{escape(reason)}</li>" for reason in (c.reasons if c.cause else c.reasons[1:]))
-    folded = f"<details><summary>reasons</summary><ul>{rest}</ul></details>" if rest else ""
-    return f"<p>{word} {escape(about)}{first}</p>{folded}"
+    first = c.reasons[0] if c.reasons else ""
+    rest = c.reasons if c.cause else c.reasons[1:]
+    colour = COLOURS[c.verdict]
+    return {"verdict": c.verdict, "colour": colour, "about": about, "cause": c.cause, "first": first, "rest": rest}
 
 
-def _numbers(c: Comparison) -> str:
+def _numbers(c: Comparison) -> list[dict[str, Any]]:
     rows = [row for _, group in numbers.rows(c, None, False) for row in group]
-    return _table([{"number": r.number.name, "value": numbers.shown(r.value), "unit": r.number.unit} for r in rows])
-
-
-# ------------------------------------------------------------------------------------------ tables
-
-
-def _table(rows: Iterable[dict[str, Any]], columns: Sequence[str] = ()) -> str:
-    rows = list(rows)
-    names = columns or list(rows[0] if rows else ())
-    head = "".join(f'<th style="text-align:left">{escape(name)}</th>' for name in names)
-    body = "".join("<tr>" + "".join(_cell(row.get(name)) for name in names) + "</tr>" for row in rows)
-    return f"<table><tr>{head}</tr>{body}</table>" if rows else ""
-
-
-def _cell(value: Any) -> str:
-    text = "–" if value is None else numbers.shown(value) if isinstance(value, float) else str(value)
-    return f'<td style="text-align:left">{escape(text)}</td>'
+    return [{"number": r.number.name, "value": numbers.shown(r.value), "unit": r.number.unit} for r in rows]
 
 
 def _ladder(found: Any) -> str:
     from raytwin.report.ladder_page import error_chart
 
     columns = ("rung", "side", "method", "seconds", "rmse", "noise")
-    return chart_html(error_chart(found.rungs)) + _table(found.table(), columns)
+    return _shown(columns, found.table(), charts=[chart_html(error_chart(found.rungs))])
 
 
 def _bench(found: Any) -> str:
     from raytwin.report.bench_page import error_charts
 
-    charts = "".join(chart_html(chart) for chart in error_charts(found) if chart.key.endswith("/relmse"))
+    charts = [chart_html(chart) for chart in error_charts(found) if chart.key.endswith("/relmse")]
     columns = ("method", "rung", "width", "height", "seconds_median", "rmse", "on_frontier")
-    return charts + _table(found.table(), columns)
+    return _shown(columns, found.table(), charts=charts)
 
 
 def _needs(found: Any) -> str:
-    return _text(report.needs_summary(found)) + _table(found.table(), ("answer", "method", "error", "seconds"))
-
-
-def _text(text: str) -> str:
-    return f"<pre>{escape(text)}</pre>"
+    return _shown(("answer", "method", "error", "seconds"), found.table(), text=report.needs_summary(found))
 
 
 HTML: dict[str, Callable[[Any], str]] = {
     "Image": _image,
-    "Comparison": lambda c: _verdict(c) + _numbers(c),
+    "Comparison": lambda c: _shown(rows=_numbers(c), **_verdict(c)),
     "Diff": lambda found: _pair(view_of(found)),
     "Result": lambda found: _pair(view_of(found)),
     "Ladder": _ladder,
     "Bench": _bench,
     "Needs": _needs,
-    "Calibration": lambda found: _text(report.calibration_summary(found)),
+    "Calibration": lambda found: _shown(text=report.calibration_summary(found)),
 }
 """Name of a class -> what a notebook shows of it. One more kind is one more row, and InNotebook among its bases."""
 
@@ -165,7 +139,7 @@ def _viewed_image(image: Image) -> tuple[dict[str, Any], str] | None:
 def _viewed_pair(view: PairView) -> tuple[dict[str, Any], str] | None:
     from raytwin.report.compare_page import side_by_side
 
-    return (side_by_side(view)["data"] | {"address": False}, _head(view)) if view.alike else None
+    return (side_by_side(view)["data"] | {"address": False}, _shown(**_head(view))) if view.alike else None
 
 
 VIEWED: dict[str, Callable[[Any], tuple[dict[str, Any], str] | None]] = {

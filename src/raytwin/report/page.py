@@ -24,7 +24,12 @@ def render_page(template: str, styles: tuple[str, ...] = (), scripts: tuple[str,
     """Return the page of `template` (a file of report/, or FOLDER/FILE of raytwin), with report.css and `styles` before
     it and `scripts`, all file names or texts that hold a line break, in it."""
     css = "".join(asset(name) for name in ("report.css", *styles))
-    return _environment().get_template(template).render(css=css, js="".join(map(asset, scripts)), **data)
+    return render_part(template, css=css, js="".join(map(asset, scripts)), **data)
+
+
+def render_part(template: str, **data: Any) -> str:
+    """Return what a template makes of the data; of no page, if it is none."""
+    return _environment().get_template(template).render(**data)
 
 
 def asset(name: str) -> str:

@@ -1,14 +1,37 @@
-"""raytwin export: a scene for other renderers, everything resolved."""
+"""raytwin scenes, export: what there is to render, a copy of one to change, one for other renderers."""
 
 from pathlib import Path
 
 import typer
 
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.options import Size
+from raytwin.cli.options import Size, register
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError
+
+app = typer.Typer()
+
+
+@app.callback(invoke_without_command=True)
+def list_command(context: typer.Context) -> None:
+    if context.invoked_subcommand:
+        return
+    from raytwin import files
+
+    for row in files.scenes():
+        say(f"{row['name']:<12} {row['shows']}")
+
+
+def copy_command(scene: Path, out: Path | None = None) -> None:
+    """Copy a scene's folder with its photos, as a start for your own."""
+    from raytwin import files
+
+    say(files.copy_scene(scene, out or Path(files.find_scene(scene).parent.name)))
+
+
+register(app, {"copy": copy_command}, within="scenes")
+
 
 SEEN = 0.01
 """Pixels: what a lens that is left out may move without a word."""

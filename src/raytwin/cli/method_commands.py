@@ -1,0 +1,196 @@
+"""raytwin ladder, needs, matrix, shrink, explore: a scene by many methods."""
+
+import os
+import shlex
+import sys
+from functools import partial
+from pathlib import Path
+
+import typer
+
+from raytwin.cli.option_values import check_outputs
+from raytwin.cli.options import Size
+from raytwin.cli.progress_bar import show_progress
+from raytwin.cli.terminal import say, say_wrapped, worst_code
+from raytwin.workflows.settings import CompareSettings
+
+
+def ladder_command(
+    scene: Path, samples: int = 64, seed: int = 0, photo: str | None = None, size: Size = None,
+    json: Path | None = None, out: Path | None = None,
+) -> None:  # fmt: skip
+    """Render every light level on both sides.
+
+    The page shows what each level adds and costs. The folder gets ladder.html and ladder.json.
+    """
+    from raytwin import files, report
+    from raytwin.analysis.ladder import ladder
+
+    check_outputs(folders=(out or Path("out"),), files=(json,))
+    with show_progress() as progress:
+        found = ladder(scene, size=size, samples=samples, seed=seed, photo=photo, progress=progress)
+        folder = out or Path("out") / f"{found.rungs.scene}-ladder"
+        with progress.stage("page"):
+            report.write_ladder(found, folder)
+    if json:
+        files.write_json(json, found.rungs)
+    say_wrapped(report.ladder_summary(found.rungs))
+    say(f"report: {folder / 'ladder.html'}")
+
+
+def needs_command(
+    scene: Path, tolerance: float, metric: str = "rmse", photo: str | None = None, size: Size = None,
+    json: Path | None = None, out: Path | None = None,
+) -> None:  # fmt: skip
+    """Find the cheapest way to an image that meets a tolerance.
+
+    The answer has light level, depth, engine and sampling, and what the scene does not need.
+    """
+    check_outputs(folders=(out,) if out else (), files=(json,))
+    with show_progress() as progress:
+        with progress.stage("imports"):
+            from raytwin import files, twin
+            from raytwin.analysis.recommend import check_asked, needs, scene_of
+            from raytwin.analysis.recommend.level_pictures import level_pictures
+            from raytwin.renderers.subject_renderers import fast_engine
+            from raytwin.report.recommend_page import needs_summary, write_needs
+        check_asked(tolerance, metric)
+        placed = scene_of(scene, photo, size, progress)
+        found = needs(placed, tolerance, metric, progress=progress)
+        if out:
+            with progress.stage("pictures"):
+                depth = found.choice.depth if found.choice else None
+                write_needs(found, level_pictures(placed, fast_engine(twin.activate().variant), depth), out)
+    if json:
+        files.write_json(json, found)
+    say_wrapped(needs_summary(found))
+    if out:
+        say(f"report: {out / 'needs.html'}")
+    raise typer.Exit(0 if found.choice else 2)
+
+
+def matrix_command(
+    settings: CompareSettings, scenes: list[Path] | None = None, subjects: list[str] | None = None,
+    listed: Path | None = None, references: Path | None = None, history: Path | None = None,
+    jobs: int = 1, dask: str = "", shard: str = "", again: bool = False, json: Path | None = None,
+    junit: Path | None = None, out: Path = Path("out/matrix"), allow: list[str] | None = None,
+) -> None:  # fmt: skip
+    """Compare several renderers with the twin on several scenes.
+
+    One page shows all results. Run it again to continue an interrupted run. Exit code 1: a comparison failed; 2: none
+    failed, but one is undecided or could not be made.
+    """
+    from raytwin import report
+    from raytwin.parallel import Stored, parse_workers
+    from raytwin.report import matrix_page
+    from raytwin.workflows import matrix, matrix_history
+
+    check_outputs(folders=(out,), files=(history, json, junit))
+    workers = parse_workers(jobs, dask, shard)
+    asked, named = [str(s) for s in scenes or ()], list(subjects or ())
+    if listed is not None:
+        more, others, chosen = matrix.read_list(listed)
+        asked, named = [*asked, *more], [*named, *others]
+        settings = matrix.with_settings(settings, chosen, listed)
+    found = matrix.jobs_of(asked, named, settings, references)
+    if history is not None:
+        matrix_history.read_history(history)  # for its checks
+    store = Stored(out / "results", matrix.Cell)
+    with show_progress() as progress:
+        cells = store.run(
+            partial(matrix_page.make_cell, folder=str(out.absolute())), found, workers, failed=matrix.failed,
+            redo=lambda cell: cell.verdict == "error", again=again, progress=progress, stage="matrix",
+        )  # fmt: skip
+    for cell in cells:
+        why = "" if cell.verdict == "pass" else f": {cell.cause or cell.reason}"
+        say_wrapped(f"{cell.verdict.upper():<10} {cell.scene}: {cell.subject}{why}")
+    done = store.collect(found)
+    if len(done) < len(found):
+        say(f"{len(done)} of {len(found)} done; run it again without --shard once all are, for the page")
+        raise typer.Exit(worst_code(cell.exit_code for cell in cells))
+    past = matrix_history.pasts(matrix_history.add_to_history(history, done)) if history is not None else {}
+    matrix_page.write_matrix(done, out, past)
+    if json is not None:
+        json.write_text((out / "matrix.json").read_text(encoding="utf-8"), encoding="utf-8")
+    if junit is not None:
+        report.write_junit(map(matrix_page.case_of, done), junit, "raytwin matrix")
+    say(f"{len(done)} comparisons; report: {out / 'index.html'}")
+    raise typer.Exit(worst_code(cell.exit_code for cell in done))
+
+
+def shrink_command(
+    scene: Path, settings: CompareSettings, time_limit: float = 300, json: Path | None = None,
+    out: Path | None = None, allow: list[str] | None = None,
+) -> None:  # fmt: skip
+    """Find the smallest scene in which a renderer still fails.
+
+    It fails as on this scene, and is written for a bug report. Each step keeps the reason, and the cause if one was
+    named. Exit code 2 means that it does not fail.
+    """
+    from raytwin import files
+    from raytwin.workflows.shrink import shrink
+
+    check_outputs(folders=(out or Path("out"),), files=(json,))
+    with show_progress() as progress:
+        found = shrink(scene, settings, time_limit=time_limit, progress=progress)
+    name, small = found.before.name, found.after
+    folder = out or Path("out") / f"shrink-{name}"
+    file = folder / small.file_name
+    rung = f" --rung {small.rung}" if small.rung else ""
+    samples = f" --samples {settings.samples}" if settings.samples else ""
+    shown = f"raytwin compare {shlex.quote(str(file))} --subject {shlex.quote(str(settings.subject))}{rung}{samples}"
+    said = (f"{name}, reduced by raytwin shrink.", *found.sentences)
+    small.write(folder, "\n".join((*said, "bug.md has the command that reproduces it.")))
+    files.write_text(folder / "bug.md", "\n\n".join((*said, f"To reproduce: `{shown}`\n")))
+    if json:
+        files.write_json(json, found.numbers() | {"scene": str(file), "command": shown})
+    for line in (*found.sentences, f"To reproduce: {shown}"):
+        say(line)
+    say(f"{found.before.count} objects to {found.after.count}, {found.evaluations} comparisons, {found.seconds:.1f} s")
+    say(f"scene: {file}")
+
+
+WIDEST = 800
+"""Pixels: as large as pictures are unless asked otherwise."""
+
+
+def explore_command(
+    scene: Path, subject: str | None = None, photo: str | None = None, size: Size = None, view: str | None = None,
+    port: int = 0, browser: bool = True,
+) -> None:  # fmt: skip
+    """Open a live page: drag spheres, change light, choose methods.
+
+    Tracer, twin, difference and error breakdown follow.
+    """
+    import asyncio
+    import contextlib
+
+    with show_progress() as progress:
+        with progress.stage("imports"):
+            from raytwin import files
+            from raytwin.calib.find_camera import find_camera
+            from raytwin.contract.subject import find_subject
+            from raytwin.live import Server, opening_page
+            from raytwin.live.progressive import Session
+            from raytwin.live.view_state import from_link
+        base = files.read_scene(scene)
+        found, *_ = find_camera(base, photo, progress)
+        camera = found.camera
+        scale = min(1, WIDEST / camera.width)
+        camera = camera.resized(*(size or (round(camera.width * scale), max(1, round(camera.height * scale)))))
+        session = Session(base.with_camera(camera), find_subject(subject, "shadow") if subject else None)
+        server = Server(session, port, from_link(view) if view else None)
+    say(f"{base.name} at {server.address}")
+    say("Ctrl-C ends it.")
+    with contextlib.ExitStack() as stack:
+        if browser:
+            import webbrowser
+
+            webbrowser.open(stack.enter_context(opening_page(server.address)).as_uri())
+        try:
+            asyncio.run(server.serve())
+        except KeyboardInterrupt:
+            say("ended")
+    if server.busy:  # no library may be unloaded beneath what still runs, and nothing can stop that
+        sys.stdout.flush()
+        os._exit(0)
