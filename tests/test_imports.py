@@ -153,17 +153,6 @@ def test_no_exported_name_hides_a_submodule_of_its_package(package):
     assert not hidden
 
 
-def test_the_reports_names_lead_to_the_same_things_however_often_they_are_asked_for():
-    # They are imported on demand, and a submodule of the same name would come in between.
-    from raytwin import report
-
-    first = [getattr(report, name) for name in report.__all__]
-    assert [getattr(report, name) for name in report.__all__] == first
-    assert all(callable(thing) for thing in first)
-    with pytest.raises(AttributeError, match="nonsense"):
-        report.nonsense  # noqa: B018
-
-
 # ------------------------------------------------------------------------------------------ the public API
 
 

@@ -9,11 +9,11 @@ from measure import calibration_experiments, refusal_experiments, verdict_experi
 from typer.testing import CliRunner
 
 from raytwin import atlas as stability
-from raytwin import report
 from raytwin.atlas import EXPERIMENTS, Curve, Experiment, Found, digits, poses
 from raytwin.atlas.experiment import breaks_at, predicted, run
 from raytwin.cli import app
 from raytwin.errors import InputError
+from raytwin.report import atlas_page
 from raytwin.report.atlas_page import colours
 from raytwin.report.atlas_page import fate as fate_of
 
@@ -117,7 +117,7 @@ def test_the_same_experiment_gives_the_same_numbers(two):
 
 
 def test_the_json_has_the_keys_that_it_is_known_by(two, tmp_path):
-    report.write_atlas(two, tmp_path)
+    atlas_page.write_atlas(two, tmp_path)
     data = json.loads((tmp_path / "atlas.json").read_text())
     for experiment, found in zip(data["experiments"], two.experiments, strict=True):
         assert list(experiment) == KEYS
@@ -128,7 +128,7 @@ def test_the_json_has_the_keys_that_it_is_known_by(two, tmp_path):
 
 
 def test_the_page_stands_alone_and_shows_every_experiment_its_reason_and_its_source(two, tmp_path):
-    report.write_atlas(two, tmp_path)
+    atlas_page.write_atlas(two, tmp_path)
     page = (tmp_path / "atlas.html").read_text()
     assert "http://" not in page.replace("http://www.w3.org/2000/svg", "")
     assert "https://" not in page

@@ -50,9 +50,9 @@ def test_compare(benchmark, scene):
 
 
 def test_report(benchmark, scene, tmp_path):
-    from raytwin import report
+    from raytwin.report import compare_page
     from raytwin.workflows.compare_scene import compare_scene
 
     name = scene.name
     result = compare_scene(SCENES / name, size=scene.camera.image_size, engine="numpy32")
-    benchmark(report.write_report, result, tmp_path / "report.html")
+    benchmark(compare_page.write_report, result, tmp_path / "report.html")

@@ -7,8 +7,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from raytwin import files, report
+from raytwin import files
 from raytwin.calib import boards, photos
+from raytwin.report import calibration_page
 from raytwin.report.calibration_page import photo_rows
 from raytwin.report.calibration_pictures import BOARD, MEAN, WORST, pose_drawing, residual_drawing
 from raytwin.report.uncertainty_pictures import AXIS, LEFT, SIDE, TOP, bend_drawing
@@ -96,7 +97,7 @@ def test_photos_are_counted_and_not_the_boards_in_them(calibration, tmp_path):
     )
     assert rows[0].rms_px == pytest.approx(np.sqrt(2.5) * max(v.rms_px for v in calibration.views))
     assert sum(row.tags for row in rows) == 2 * sum(v.tags for v in calibration.views)
-    report.write_calibration(both, tmp_path / "camera.html", "camera.toml")
+    calibration_page.write_calibration(both, tmp_path / "camera.html", "camera.toml")
     text = (tmp_path / "camera.html").read_text(encoding="utf-8")
     assert f"<b>{len(calibration.photos)} photos</b>" in text
     assert "views" not in re.sub(r"<(script|style).*?</\1>|class=\"views\"", "", text, flags=re.DOTALL)

@@ -19,7 +19,7 @@ import pytest
 from browser import barriers_of
 from test_bench_page import every_method
 
-from raytwin import files, report, viewer
+from raytwin import files, viewer
 from raytwin.analysis.ladder import Ladder, Rungs, Step
 from raytwin.analysis.ledger import Ledger
 from raytwin.analysis.recommend import Needs, NotNeeded, Row, Whole
@@ -34,7 +34,7 @@ from raytwin.grade.result import Marked, Picture, Result
 from raytwin.grade.result import Part as MarkedPart
 from raytwin.grade.rubric import Exercise, Feedback, Rubric, Speed
 from raytwin.image import Image
-from raytwin.report import check_page, class_page, write_report
+from raytwin.report import atlas_page, check_page, class_page, light_page, regression_page, write_report
 from raytwin.report.bench_page import write_bench_page
 from raytwin.report.calibration_page import write_calibration
 from raytwin.report.data_urls import png_url
@@ -96,7 +96,7 @@ def test_run(folder: Path, make_result, scenes) -> list[Path]:
 
 
 def against(folder: Path, make_result, scenes) -> list[Path]:
-    pages = report.Against(folder)
+    pages = regression_page.Against(folder)
     region = {"region": "all", "share": 0.5, "mean": -0.01, "rms": 0.02, "p95": 0.03, "codes": 1.5}
     photo = files.to_bytes(noise())
     pages.add({"photo": "a & b.jpg", "pose_rms_px": 0.1, "regions": [region]}, photo, photo // 2)
@@ -113,7 +113,7 @@ def bench(folder: Path, make_result, scenes) -> list[Path]:
 def atlas(folder: Path, make_result, scenes) -> list[Path]:
     curves = {"textbook": Curve((1e-7, 1e-2, 1.0), 20.0, 30.0), "robust": Curve((1e-7, 1e-7, None), None, None)}
     found = Found("sphere-far", "radii", (1.0, 10.0, 100.0), 1e-3, curves, EVIL, EVIL)
-    report.write_atlas(Atlas((found,)), folder)
+    atlas_page.write_atlas(Atlas((found,)), folder)
     return [folder / "atlas.html"]
 
 
@@ -171,7 +171,7 @@ def light(folder: Path, make_result, scenes) -> list[Path]:
     found = LightEstimate(
         sun_and_map, np.ones(3), [photo], light_models.Evidence(np.ones(3)), trials, 0, suns, warnings, pixels
     )
-    report.write_light_page(found, folder / "light.html")
+    light_page.write_light_page(found, folder / "light.html")
     return [folder / "light.html"]
 
 

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from raytwin import files, report
+from raytwin import files
 from raytwin.calib import boards, photos
 from raytwin.calib.photos import ModelTrial, uncertainty_map
 from raytwin.calib.photos.model import trial_rows
 from raytwin.errors import InputError
+from raytwin.report import terminal_text, uncertainty_pictures
 from raytwin.report.uncertainty_pictures import uncertainty_drawing, without_tags
 
 
@@ -53,10 +54,10 @@ def test_the_evidence_holds_every_tag_that_was_used(calibration):
 
 
 def test_a_file_is_written_whole_or_not_at_all(calibration, tmp_path):
-    report.write_uncertainty(calibration, tmp_path / "map.svg")
+    uncertainty_pictures.write_uncertainty(calibration, tmp_path / "map.svg")
     assert (tmp_path / "map.svg").read_text(encoding="utf-8").endswith("</svg>\n")
     with pytest.raises(InputError, match=r"map\.svg"):
-        report.write_uncertainty(calibration, tmp_path / "map.svg" / "map.svg")
+        uncertainty_pictures.write_uncertainty(calibration, tmp_path / "map.svg" / "map.svg")
     assert [p.name for p in tmp_path.iterdir()] == ["map.svg"]
 
 
@@ -65,7 +66,7 @@ def test_a_boards_picture_is_brightest_where_it_is_highest_one_file_a_board(cali
     (board,) = calibration.basis.boards
     bent = msgspec.structs.replace(board, heights=boards.Heights(2, (0.0, 1e-3, 0.0)))
     evidence = msgspec.structs.replace(calibration.basis, boards=(bent, board))
-    report.write_bends(msgspec.structs.replace(calibration, evidence=evidence), tmp_path / "bend.svg")
+    uncertainty_pictures.write_bends(msgspec.structs.replace(calibration, evidence=evidence), tmp_path / "bend.svg")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bend.svg", "bend_2.svg"]
     green, flat = (pixels((tmp_path / name).read_text())[..., 1] for name in ("bend.svg", "bend_2.svg"))
     y, x = np.meshgrid(
@@ -96,7 +97,7 @@ def test_each_model_tried_has_its_reason():
 
 
 def test_the_summary_marks_the_model_that_was_taken(calibration):
-    lines = report.calibration_summary(calibration).splitlines()
+    lines = terminal_text.calibration_summary(calibration).splitlines()
     tried = [line for line in lines if "held out" in line]
     assert len(tried) == len(calibration.evidence.trials)
     assert [line.split()[1] for line in tried if line.strip().startswith("*")] == [calibration.model]
@@ -108,5 +109,5 @@ def test_the_summary_marks_the_model_that_was_taken(calibration):
 
 def test_the_summary_counts_photos_and_not_the_boards_seen_in_them(calibration):
     of_two = tuple(v for view in calibration.views for v in (view, msgspec.structs.replace(view, board=1)))
-    first = report.calibration_summary(msgspec.structs.replace(calibration, views=of_two)).splitlines()[0]
+    first = terminal_text.calibration_summary(msgspec.structs.replace(calibration, views=of_two)).splitlines()[0]
     assert first.startswith(f"{len(calibration.views)} photos of ")

@@ -52,10 +52,10 @@ def scene_command(
 
     With --against, exit code 1 means that a method became slower or less accurate.
     """
-    from raytwin import report
     from raytwin.bench import against as compared
     from raytwin.bench import bench, read_bench, write_bench
     from raytwin.contract.subject import find_subject
+    from raytwin.report import bench_page
 
     check_one_of("--rung", rung, RUNGS)
     check_outputs(folders=(out or Path("out"),), files=(json, save))
@@ -77,12 +77,12 @@ def scene_command(
         changes = compared(found, earlier) if earlier else None
         folder = out or Path("out") / f"bench-{found.scene}"
         with progress.stage("page"):
-            report.write_bench_all(found, folder, changes)
+            bench_page.write_bench_all(found, folder, changes)
     if save:
         write_bench(found, save)
     if json:
         write_bench(found, json, repeats=False)
-    say_wrapped(report.bench_summary(found, changes))
+    say_wrapped(bench_page.bench_summary(found, changes))
     say(f"report: {folder / 'bench.html'}")
     raise typer.Exit(1 if changes and changes.worse else 0)
 
@@ -110,8 +110,8 @@ class CalibrationRun:
 
 def calibration_command(run: CalibrationRun, json: Path | None = None, out: Path | None = None) -> None:
     """Measure calibration time against error in unseen photos."""
-    from raytwin import report
     from raytwin.bench import calibration_cost, write_bench
+    from raytwin.report import bench_page
 
     check_outputs(folders=(out or Path("out"),), files=(json,))
     options = run.options()
@@ -119,10 +119,10 @@ def calibration_command(run: CalibrationRun, json: Path | None = None, out: Path
         found = calibration_cost.bench_calibration(**options, progress=progress)
         folder = out or Path("out") / "bench-calibration"
         with progress.stage("page"):
-            report.write_bench_all(found, folder)
+            bench_page.write_bench_all(found, folder)
     if json:
         write_bench(found, json)
-    say_wrapped(report.bench_summary(found))
+    say_wrapped(bench_page.bench_summary(found))
     say(f"report: {folder / 'bench.html'}")
 
 
@@ -161,7 +161,8 @@ def stability_command(
     The folder gets atlas.html, atlas.json and charts.
     """
     from raytwin import atlas as stability
-    from raytwin import files, report
+    from raytwin import files
+    from raytwin.report import atlas_page
 
     if listed:
         for row in stability.EXPERIMENTS.values():
@@ -172,10 +173,10 @@ def stability_command(
     with show_progress() as progress:
         found = stability.atlas(tuple(experiments or ()), thorough, progress)
         with progress.stage("page"):
-            report.write_atlas(found, folder)
+            atlas_page.write_atlas(found, folder)
     if json:
         files.write_json(json, found)
-    say_wrapped(report.atlas_summary(found))
+    say_wrapped(atlas_page.atlas_summary(found))
     say(f"report: {folder / 'atlas.html'}")
 
 

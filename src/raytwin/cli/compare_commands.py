@@ -26,12 +26,12 @@ def compare_command(
     check_outputs(folders=(out or Path("out"),), files=(json,))
     with show_progress() as progress:
         with progress.stage("imports"):
-            from raytwin import report
+            from raytwin.report import report_folder, terminal_text
             from raytwin.workflows.compare_scene import compare_scene
         result = compare_scene(scene, settings, progress=progress)
         folder = out or Path("out") / result.scene.name
-        report.write_all(result, folder, json, progress=progress)
-    say_wrapped(report.summary(result))
+        report_folder.write_all(result, folder, json, progress=progress)
+    say_wrapped(terminal_text.summary(result))
     print_seconds(progress, result.worth)
     say(f"report: {folder / 'report.html'}")
     raise typer.Exit(result.comparison.exit_code)
@@ -43,7 +43,9 @@ def diff_command(
     junit: Path | None = None, out: Path | None = None,
 ) -> None:  # fmt: skip
     """Compare any two images: verdict, metrics, heat map. The --fail... options work as in idiff."""
-    from raytwin import files, report
+    from raytwin import files
+    from raytwin.report import terminal_text
+    from raytwin.report.junit import Case, write_junit
     from raytwin.workflows import diff_files
 
     check_outputs(folders=(out,), files=(json, junit))
@@ -64,16 +66,18 @@ def diff_command(
             found = diff_files.compare(a, b, settings)
     except InputError as error:
         if junit:
-            report.write_junit([report.Case(name, "raytwin.diff", error)], junit)
+            write_junit([Case(name, "raytwin.diff", error)], junit)
         raise
-    text = report.diff_summary(found)
+    text = terminal_text.diff_summary(found)
     if json:
         files.write_json(json, found.numbers())
     if junit:
-        report.write_junit([report.Case(name, "raytwin.diff", found.report, text)], junit)
+        write_junit([Case(name, "raytwin.diff", found.report, text)], junit)
     if out:
+        from raytwin.report import report_folder
+
         with show_progress() as progress:
-            report.write_diff(found, out, progress)
+            report_folder.write_diff(found, out, progress)
     say_wrapped(text)
     if out:
         say(f"report: {out / 'report.html'}")
@@ -84,8 +88,9 @@ def diff_folders(
     a: Path, b: Path, settings: DiffSettings, json: Path | None, junit: Path | None, out: Path | None
 ) -> NoReturn:
     """Each image of A against that of the same name in B: a line each, one index, one JSON, one JUnit."""
-    from raytwin import files, report
+    from raytwin import files
     from raytwin.report import check_page
+    from raytwin.report.junit import Case, write_junit
     from raytwin.workflows import diff_files
 
     cases: list[Any] = []
@@ -105,11 +110,11 @@ def diff_folders(
                 pairs[name] = found.numbers()
         except InputError as error:
             say(f"ERROR  {error}")
-            cases.append(report.Case(name, "raytwin.diff", error))
+            cases.append(Case(name, "raytwin.diff", error))
             pairs[name] = {"error": str(error)}
             codes.append(2)
             continue
-        cases.append(report.Case(name, "raytwin.diff", made))
+        cases.append(Case(name, "raytwin.diff", made))
         codes.append(made.comparison.exit_code)
         say(f"{made.comparison.verdict.upper()}  {name}: {made.comparison.reasons[0]}")
         if out:
@@ -119,7 +124,7 @@ def diff_folders(
     if json:
         files.write_json(json, {"verdict": verdict, "pairs": pairs})
     if junit:
-        report.write_junit(cases, junit)
+        write_junit(cases, junit)
     if out:
         check_page.write_index(out)
         say(f"report: {out / check_page.INDEX}")

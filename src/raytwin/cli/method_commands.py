@@ -23,18 +23,19 @@ def ladder_command(
 
     The page shows what each level adds and costs. The folder gets ladder.html and ladder.json.
     """
-    from raytwin import files, report
+    from raytwin import files
     from raytwin.analysis.ladder import ladder
+    from raytwin.report import ladder_page
 
     check_outputs(folders=(out or Path("out"),), files=(json,))
     with show_progress() as progress:
         found = ladder(scene, size=size, samples=samples, seed=seed, photo=photo, progress=progress)
         folder = out or Path("out") / f"{found.rungs.scene}-ladder"
         with progress.stage("page"):
-            report.write_ladder(found, folder)
+            ladder_page.write_ladder(found, folder)
     if json:
         files.write_json(json, found.rungs)
-    say_wrapped(report.ladder_summary(found.rungs))
+    say_wrapped(ladder_page.ladder_summary(found.rungs))
     say(f"report: {folder / 'ladder.html'}")
 
 
@@ -80,9 +81,9 @@ def matrix_command(
     One page shows all results. Run it again to continue an interrupted run. Exit code 1: a comparison failed; 2: none
     failed, but one is undecided or could not be made.
     """
-    from raytwin import report
     from raytwin.parallel import Stored, parse_workers
     from raytwin.report import matrix_page
+    from raytwin.report.junit import write_junit
     from raytwin.workflows import matrix, matrix_history
 
     check_outputs(folders=(out,), files=(history, json, junit))
@@ -113,7 +114,7 @@ def matrix_command(
     if json is not None:
         json.write_text((out / "matrix.json").read_text(encoding="utf-8"), encoding="utf-8")
     if junit is not None:
-        report.write_junit(map(matrix_page.case_of, done), junit, "raytwin matrix")
+        write_junit(map(matrix_page.case_of, done), junit, "raytwin matrix")
     say(f"{len(done)} comparisons; report: {out / 'index.html'}")
     raise typer.Exit(worst_code(cell.exit_code for cell in done))
 

@@ -23,9 +23,10 @@ def calibrate_command(
 
     Prints K, distortion and a pose per photo, with their uncertainty, and warns of doubtful results.
     """
-    from raytwin import files, report
+    from raytwin import files
     from raytwin.calib import boards
     from raytwin.calib import photos as taken
+    from raytwin.report import calibration_page, terminal_text, uncertainty_pictures
 
     check_outputs(files=(json, out, uncertainty, bend, export, difference))
     _check_pictures({"--uncertainty": uncertainty, "--bend": bend, "--difference": difference})
@@ -41,20 +42,20 @@ def calibrate_command(
         with progress.stage("page"):
             if out:
                 _write_camera(out, calibration, paths, definitions, photo)
-                report.write_calibration(calibration, out.with_suffix(".html"), out.name)
+                calibration_page.write_calibration(calibration, out.with_suffix(".html"), out.name)
             if uncertainty:
-                report.write_uncertainty(calibration, uncertainty)
+                uncertainty_pictures.write_uncertainty(calibration, uncertainty)
             if bend:
-                report.write_bends(calibration, bend)
+                uncertainty_pictures.write_bends(calibration, bend)
             if difference and apart is not None:
-                report.write_difference(calibration, apart, difference)
+                uncertainty_pictures.write_difference(calibration, apart, difference)
     if json:
         files.write_json(json, calibration.numbers())
     if export:
         taken.export_camera(export, calibration, export_as)
-    say_wrapped(report.calibration_summary(calibration))
+    say_wrapped(terminal_text.calibration_summary(calibration))
     if apart is not None:
-        say_wrapped(report.difference_summary(apart))
+        say_wrapped(terminal_text.difference_summary(apart))
     print_seconds(progress)
 
 
@@ -98,8 +99,9 @@ def light_command(
 
     A mirror ball, a matt ball or a pin beside the board shows them; each number comes with its uncertainty.
     """
-    from raytwin import files, report
+    from raytwin import files
     from raytwin.calib.lighting.light_file import write_light
+    from raytwin.report import light_page
     from raytwin.workflows.estimate_light import estimate_light
 
     if out.suffix.lower() != ".toml":
@@ -113,8 +115,8 @@ def light_command(
     write_light(out, found.light, found.paper, f"The light of {len(taken)} photos: {found.trials[found.taken].name}.")
     if json:
         files.write_json(json, found.numbers())
-    say(report.light_summary(found))
-    report.write_light_page(found, out.with_suffix(".html"))
+    say(light_page.light_summary(found))
+    light_page.write_light_page(found, out.with_suffix(".html"))
     print_seconds(progress)
     say(f"{out}, report: {out.with_suffix('.html')}")
 
@@ -159,17 +161,18 @@ def augment_command(
     photos: list[Path], scene: Path, out: Path, settings: AugmentSettings, json: Path | None = None
 ) -> None:
     """Draw a scene's objects and their shadows into photos."""
-    from raytwin import files, report
+    from raytwin import files
+    from raytwin.report import regression_page, terminal_text
     from raytwin.workflows.augment_photos import augment_photos
 
     check_outputs(folders=(out,), files=(json,))
-    pages = report.Against(out) if settings.against else None
+    pages = regression_page.Against(out) if settings.against else None
     with show_progress() as progress:
         each = pages.add if pages else None
         rows = augment_photos(photos, scene, out, settings, each=each, progress=progress)
     if json:
         files.write_json(json, {"photos": rows})
-    say(report.augment_summary(rows))
+    say(terminal_text.augment_summary(rows))
     print_seconds(progress)
     if pages:
         say(f"report: {pages.finish()}")

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from raytwin import files, report, viewer
+from raytwin import files, viewer
 from raytwin.compare import Comparison, error_map
 from raytwin.image import Image
-from raytwin.report import numbers
+from raytwin.report import numbers, recommend_page, terminal_text
 from raytwin.report.charts.chart import chart_html
 from raytwin.report.data_urls import exposed, exposure, png_url, stops
 from raytwin.report.page import render_part
@@ -109,7 +109,7 @@ def _bench(found: Any) -> str:
 
 
 def _needs(found: Any) -> str:
-    return _shown(("answer", "method", "error", "seconds"), found.table(), text=report.needs_summary(found))
+    return _shown(("answer", "method", "error", "seconds"), found.table(), text=recommend_page.needs_summary(found))
 
 
 HTML: dict[str, Callable[[Any], str]] = {
@@ -120,7 +120,7 @@ HTML: dict[str, Callable[[Any], str]] = {
     "Ladder": _ladder,
     "Bench": _bench,
     "Needs": _needs,
-    "Calibration": lambda found: _shown(text=report.calibration_summary(found)),
+    "Calibration": lambda found: _shown(text=terminal_text.calibration_summary(found)),
 }
 """Name of a class -> what a notebook shows of it. One more kind is one more row, and InNotebook among its bases."""
 

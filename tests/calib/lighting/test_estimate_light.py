@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from raytwin import files, report
+from raytwin import files
 from raytwin.calib.augment.hidden_sky import CapMeans
 from raytwin.calib.boards import read_board
 from raytwin.calib.lighting.light_file import photo_exposure, read_light, write_light
@@ -12,6 +12,7 @@ from raytwin.calib.synthetic_photos import read_truth
 from raytwin.errors import InputError
 from raytwin.lights import lighting
 from raytwin.lights.envmap_tables import REC_709
+from raytwin.report import light_page
 from raytwin.scene import Camera, Environment
 from raytwin.workflows.estimate_light import estimate_light
 
@@ -134,11 +135,11 @@ def test_a_constant_map_shades_a_photo_as_a_constant_sky_does(true):
 
 
 def test_the_page_shows_what_the_light_was_found_by(found, tmp_path):
-    report.write_light_page(found, tmp_path / "light.html")
+    light_page.write_light_page(found, tmp_path / "light.html")
     page = (tmp_path / "light.html").read_text(encoding="utf-8")
     assert page.count("<polygon") == 2  # the balls' outlines
     assert page.count("<ellipse") == len(found.suns) + 1
-    assert report.light_summary(found).splitlines()[-1] in page.replace("&#39;", "'")
+    assert light_page.light_summary(found).splitlines()[-1] in page.replace("&#39;", "'")
     taken = found.trials[found.taken].name
-    assert any(taken in line and "taken" in line for line in report.light_summary(found).splitlines())
+    assert any(taken in line and "taken" in line for line in light_page.light_summary(found).splitlines())
     assert files.json_text(found.numbers()).count('"kind"') == 2

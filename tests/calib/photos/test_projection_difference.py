@@ -12,7 +12,7 @@ import yaml
 from photo_helpers import BOARD, SMALL, a_camera
 from test_trust import SIZE, views
 
-from raytwin import files, report
+from raytwin import files
 from raytwin.calib.boards import write_board
 from raytwin.calib.photos import (
     EXPORTS,
@@ -27,6 +27,7 @@ from raytwin.calib.photos.pose import Pose
 from raytwin.calib.photos.uncertainty import cell_middles
 from raytwin.cli.photo_commands import calibrate_command
 from raytwin.errors import InputError
+from raytwin.report import terminal_text
 
 
 @pytest.fixture(scope="module")
@@ -192,6 +193,6 @@ def test_options_that_make_no_sense_are_refused_before_any_photo_is_read(options
 
 def test_the_difference_is_said_in_three_numbers(found):
     apart = projection_difference(found, other(found, cx=found.K[0][2] + 5), math.inf)
-    text = report.difference_summary(apart)
+    text = terminal_text.difference_summary(apart)
     assert text.startswith("against the other camera at infinity: median ")
     assert f"worst {apart.worst:.3g} px" in text
