@@ -10,7 +10,8 @@ from test_html import assert_true_digits
 from raytwin import files
 from raytwin.compare import Report, compare
 from raytwin.image import Image
-from raytwin.report import Against, write_report
+from raytwin.report.compare_page import write_report
+from raytwin.report.regression_page import Against
 from raytwin.report.view import PairView, view_of
 
 RNG = np.random.default_rng(3)

@@ -10,7 +10,7 @@ import pytest
 
 from raytwin import files
 from raytwin.image import Image
-from raytwin.report import write_report
+from raytwin.report.compare_page import write_report
 from raytwin.report.data_urls import exposed, exposure
 from raytwin.report.view import view_of
 from raytwin.workflows.diff_files import compare as diff

@@ -8,7 +8,7 @@ import pytest
 from raytwin.compare import Comparison, Report, compare
 from raytwin.errors import InputError
 from raytwin.image import Image
-from raytwin.report import Case, write_junit
+from raytwin.report.junit import Case, write_junit
 
 ONES = np.ones((4, 5, 3), np.float32)
 

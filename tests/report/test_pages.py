@@ -34,9 +34,10 @@ from raytwin.grade.result import Marked, Picture, Result
 from raytwin.grade.result import Part as MarkedPart
 from raytwin.grade.rubric import Exercise, Feedback, Rubric, Speed
 from raytwin.image import Image
-from raytwin.report import atlas_page, check_page, class_page, light_page, regression_page, write_report
+from raytwin.report import atlas_page, check_page, class_page, light_page, regression_page
 from raytwin.report.bench_page import write_bench_page
 from raytwin.report.calibration_page import write_calibration
+from raytwin.report.compare_page import write_report
 from raytwin.report.data_urls import png_url
 from raytwin.report.ladder_page import write_ladder
 from raytwin.report.matrix_page import write_matrix

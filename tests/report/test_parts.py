@@ -10,7 +10,7 @@ import pytest
 
 from raytwin.analysis.ledger import Ledger
 from raytwin.compare.report import Part
-from raytwin.report import write_report
+from raytwin.report.compare_page import write_report
 from raytwin.viewer import pack_parts
 
 CLICKS = r"""

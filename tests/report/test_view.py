@@ -10,7 +10,8 @@ import pytest
 from raytwin import files
 from raytwin.compare import Limits
 from raytwin.image import Image, Surface
-from raytwin.report import write_diff, write_report
+from raytwin.report.compare_page import write_report
+from raytwin.report.report_folder import write_diff
 from raytwin.workflows.diff_files import compare as diff
 
 RNG = np.random.default_rng(11)
