@@ -3,9 +3,10 @@
 import multiprocessing
 import re
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -152,23 +153,17 @@ def _here(function: Callable[[T], Any], thing: T) -> Done:
 
 
 def _in_processes(function: Callable[[T], Any], things: Sequence[T], jobs: int) -> Iterator[Done]:
-    """A process that is killed takes its pool along: whatever was in it is done again, each alone."""
-    todo = list(range(len(things)))
-    while todo:
-        # Few at a time: who is lost with the pool has been begun, or nearly.
-        running: dict[Future[Any], int] = {}
-        try:
-            with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-                while todo or running:
-                    while todo and len(running) < jobs:
-                        running[pool.submit(function, things[todo[0]])] = todo[0]
-                        todo.pop(0)
-                    for future in wait(running, return_when=FIRST_COMPLETED).done:
-                        if isinstance(future.exception(), BrokenProcessPool):
-                            raise BrokenProcessPool
-                        yield _outcome(things[running.pop(future)], future)
-        except BrokenProcessPool:
-            yield from (_alone(function, things[i]) for i in sorted(running.values()))
+    """A process that is killed takes its pool along: whatever was in it is done again, each in a process of its own."""
+    lost = []
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        running = {pool.submit(function, thing): thing for thing in things}
+        for future in as_completed(running):
+            if isinstance(future.exception(), BrokenProcessPool):
+                lost.append(running[future])
+            else:
+                yield _outcome(running[future], future)
+    with ThreadPoolExecutor(jobs) as threads:
+        yield from threads.map(partial(_alone, function), lost)
 
 
 def _alone(function: Callable[[T], Any], thing: T) -> Done:
@@ -189,7 +184,8 @@ def _outcome(thing: Any, future: "Future[Any]") -> Done:
 def _on_cluster(function: Callable[[T], Any], things: Sequence[T], address: str) -> Iterator[Done]:
     """Dask begins again elsewhere what a worker was doing that is lost, `TRIES` times."""
     try:
-        from distributed import Client, as_completed
+        from distributed import Client
+        from distributed import as_completed as completed
     except ModuleNotFoundError:
         raise MachineError("--dask", "dask.distributed (pip install 'raytwin[cluster]')", "none") from None
     try:
@@ -199,7 +195,7 @@ def _on_cluster(function: Callable[[T], Any], things: Sequence[T], address: str)
     with client:
         # One thing a worker's thread; the result is the caller's to write.
         futures = {client.submit(function, thing, pure=False): thing for thing in things}
-        for future in as_completed(list(futures), loop=client.loop, raise_errors=False):
+        for future in completed(list(futures), loop=client.loop, raise_errors=False):
             wrong = future.exception() if future.status == "error" else None
             if isinstance(wrong, Exception):
                 yield Done(futures[future], error=wrong)

@@ -11,7 +11,7 @@ from raytwin import files
 from raytwin.calib.boards.board import Board, Grid, draw_board
 from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.bias import center_bias, unbiased
-from raytwin.calib.photos.detection import SEARCH_SIDE, NoTags, OtherBorder, detect, detect_photo, detect_photos
+from raytwin.calib.photos.detection import SEARCH_SIDE, NoTags, detect, detect_photo, detect_photos
 from raytwin.errors import InputError
 
 
@@ -221,25 +221,3 @@ def test_a_tags_centre_is_off_by_what_straight_lines_through_its_bent_edges_make
         off.append(meet[:2] / meet[2] - lens_model.project(center[None], R, t, K, dist)[0])
     assert np.abs(off).max() > 0.02
     np.testing.assert_allclose(center_bias(ids, BOARD, R, t, K, dist), off, rtol=0, atol=0.02 * np.abs(off).max())
-
-
-def test_a_wrong_width_of_border_is_said_after_three_photos_and_not_after_all(tmp_path):
-    """Each photo without tags is searched in four ways; twenty of Kalibr's took 22 s to say what three say."""
-    searched = []
-
-    def read(path, kind):
-        searched.append(path)
-        time.sleep(0.02)
-        raise OtherBorder(path, f"{kind} tags", "36 with a border of 2: border_bits = 2 in the board's file")
-
-    photos = [tmp_path / f"{i}.jpg" for i in range(20)]
-    with pytest.raises(OtherBorder, match=r"border_bits = 2 in the board's file"):
-        detect_photos(photos, "tag36h11", threads=1, read=read, enough=3)
-    assert len(searched) <= 6
-    searched.clear()
-    assert len(detect_photos(photos, "tag36h11", threads=1, read=read)[1]) == len(searched) == 20
-
-    def second_has_tags(path, kind):
-        return [] if path == photos[1] else read(path, kind)
-
-    assert len(detect_photos(photos, "tag36h11", threads=1, read=second_has_tags, enough=3)[1]) == 19

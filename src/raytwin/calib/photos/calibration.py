@@ -78,10 +78,8 @@ def calibrate(
     found: dict[str, dict[str, list[Tag]]] = {}
     wrong: dict[str, str] = {}
     kinds = list(dict.fromkeys(b.kind for b in boards))
-    # Of boards of two kinds, photos may well show but one.
-    enough = LEAST_VIEWS if len(kinds) == 1 else None
     for kind in kinds:
-        found[kind], without = detect_photos(paths, kind, progress, find, threads, read, enough)
+        found[kind], without = detect_photos(paths, kind, progress, find, threads, read)
         wrong |= without
     wrong = {p: why for p, why in wrong.items() if not any(p in tags for tags in found.values())}
     unique = len({p.name for p in paths}) == len(paths)

@@ -32,10 +32,6 @@ class NoTags(InputError):
     """The photo is sound, but shows no tag of the family that can be read."""
 
 
-class OtherBorder(NoTags):
-    """The photo shows tags whose black border has another width than the board's file says."""
-
-
 class Tag(Record, frozen=True):
     """A tag seen in a photo, in OpenCV's pixels: (0, 0) is the centre of the top-left pixel.
 
@@ -182,9 +178,8 @@ def detect_photo(path: str | os.PathLike, kind: str = "tag36h11", find: Find = d
     other = family if border else f"{family}/2"
     if others := find(grey, other):
         bits = 1 if border else 2
-        raise OtherBorder(
-            path, f"{kind} tags", f"{len(others)} with a border of {bits}: border_bits = {bits} in the board's file"
-        )
+        got = f"{len(others)} with a border of {bits}: border_bits = {bits} in the board's file"
+        raise NoTags(path, f"{kind} tags", got)
     raise NoTags(path, f"{kind} tags", "none")
 
 
@@ -195,17 +190,13 @@ def detect_photos(
     find: Find = detect,
     threads: int | None = None,
     read: Read | None = None,
-    enough: int | None = None,
 ) -> tuple[dict[str, list[Tag]], dict[str, str]]:
     """Tags by photo's path, and by photo's path what is wrong with those that show none.
 
     So many `threads` read photos side by side, by default as many as there are cores; `read` in `detect_photo`'s place.
-    Where all of the first `enough` photos show another width of border, the file is wrong: OtherBorder at once, for a
-    photo without tags takes ten times as long to search.
     """
     tags: dict[str, list[Tag]] = {}
     wrong: dict[str, str] = {}
-    other: list[str | os.PathLike] = []
 
     def look(photo: str | os.PathLike) -> list[Tag] | NoTags:
         try:
@@ -215,17 +206,11 @@ def detect_photos(
 
     # Decoding and detecting both let other threads run.
     progress("detect", 0, len(photos))
-    pool = ThreadPoolExecutor(min(len(photos), threads or os.cpu_count() or 1) or 1)
-    try:
+    with ThreadPoolExecutor(min(len(photos), threads or os.cpu_count() or 1) or 1) as pool:
         for done, (photo, found) in enumerate(zip(photos, pool.map(look, photos), strict=True), start=1):
-            if isinstance(found, OtherBorder) and done == enough and len(other) == enough - 1:
-                raise found
             if isinstance(found, NoTags):
                 wrong[str(photo)] = found.got
-                other += [photo] * isinstance(found, OtherBorder)
             else:
                 tags[str(photo)] = found
             progress("detect", done, len(photos))
-    finally:
-        pool.shutdown(cancel_futures=True)
     return tags, wrong
