@@ -84,6 +84,18 @@ def test_a_worker_that_is_killed_in_the_middle_costs_nothing(cluster):
     assert threading.active_count() < 100
 
 
+def killed_by_three(x: int) -> int:
+    if x == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return x * x
+
+
+def test_a_thing_that_kills_its_local_process_costs_itself_alone():
+    found = {d.thing: d for d in map_parallel(killed_by_three, list(range(5)), Workers(jobs=2))}
+    assert [found[x].result for x in (0, 1, 2, 4)] == [0, 1, 4, 16]
+    assert str(found[3].error) == "3: expected a process that lives, got one that is killed"
+
+
 def test_a_cluster_and_shards_make_the_references_that_one_process_makes(cluster, tmp_path):
     from raytwin.cli.reference_commands import _cases, _changes
 
