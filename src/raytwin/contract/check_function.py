@@ -86,7 +86,7 @@ def _error_text(error: Exception) -> str:
     """`it raised ValueError: ... (line 12: x = a @ b)`, the line being the student's own."""
     if isinstance(error, NotImplementedError):
         return "it is not written yet"
-    text = " ".join(str(error).split())[:200]
+    text = " ".join(str(error).split())[:120]
     own = [
         f
         for f in traceback.extract_tb(error.__traceback__)

@@ -9,9 +9,10 @@ from raytwin.contract.stage_table import CONTRACT, LESSONS
 HEAD = '''"""A ray tracer in stages: functions that take and return NumPy arrays, each graded alone, in any order.
 
 Run this file to check what is written so far: `python {name}`. In a notebook, `raytwin.check("shade", shade)` shows
-it as a small page. Keep names and parameters; helpers and classes of your own are welcome. A function that is left as
-it is counts as not written. You may import the standard library, numpy and scipy, and the packages that the rubric
-lists: OpenCV 4.11 or newer (`import cv2`), unless your instructor changed it.
+it as a small page. Keep names and parameters; helpers and classes of your own are welcome. N, the number of rays or
+points in a call, may be 1, and the eye may be inside a sphere. A function that is left as it is counts as not written.
+You may import the standard library, numpy and scipy, and the packages that the rubric lists: OpenCV 4.11 or newer
+(`import cv2`), unless your instructor changed it.
 {scene}"""
 
 import numpy as np

@@ -110,12 +110,13 @@ def _fingerprint(child: Sandbox, stage: Stage) -> str:
 
 
 def _with_hint(exercise: Marked, hint: str, found: str) -> Marked:
-    """Behind a cause that is proved; before what is likely, or names none."""
+    """Behind a cause that is proved, or a wrong shape; before what is likely, or names none."""
     exercise = msgspec.structs.replace(exercise, fingerprint=found)
     if not hint:
         return exercise
     first, rest = exercise.sentences[:1], exercise.sentences[1:]
-    sentences = (*first, hint, *rest) if exercise.sureness == "proved" else (hint, *first, *rest)
+    shape = any(text.startswith("it returned") for text in first)
+    sentences = (*first, hint, *rest) if exercise.sureness == "proved" or shape else (hint, *first, *rest)
     return msgspec.structs.replace(exercise, sentences=sentences, sureness="proved")
 
 

@@ -238,7 +238,9 @@ def csv_rows(results: Sequence[Result], rubric: Rubric) -> Iterator[Sequence[str
     """Yield the head, and a row per student: points in all and of each exercise, status of each, causes and how sure
     they are, what went wrong where there are no numbers."""
     names = [e.name for e in rubric.exercises]
-    yield ["student", "points", "of", "bonus", *names, *(f"{n}: status" for n in names), *CSV_ENDS]
+    taken = ("student", "points", "of", "bonus", *CSV_ENDS)
+    columns = [f"{n}: points" if n in taken else n for n in names]
+    yield ["student", "points", "of", "bonus", *columns, *(f"{n}: status" for n in names), *CSV_ENDS]
     for r in results:
         by_name: dict[str, Marked] = {e.name: e for e in r.exercises}
         found = [by_name.get(n) for n in names]

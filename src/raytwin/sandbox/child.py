@@ -20,6 +20,8 @@ from typing import Any
 
 import numpy as np
 
+LONG = 200
+"""Characters of an error that are kept: arrays are printed whole."""
 SAID = 2000
 """Characters of an error that are sent."""
 
@@ -135,7 +137,9 @@ def _hint(error: BaseException, submission: Path, modules: list[str]) -> str:
 def _said(error: BaseException, submission: Path, modules: list[str]) -> str:
     """`ValueError: ...`, what the sandbox has to do with it, and the lines of the submission that led there."""
     try:
-        lines = [" ".join([f"{type(error).__name__}: {error}", _hint(error, submission, modules)]).rstrip()]
+        text = " ".join(str(error).split())
+        text = text if len(text) <= LONG else f"{text[:LONG]}..."
+        lines = [" ".join([f"{type(error).__name__}: {text}", _hint(error, submission, modules)]).rstrip()]
         frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename.startswith(str(submission))]
         if isinstance(error, SyntaxError) and error.lineno:
             lines.append(f"line {error.lineno}: {(error.text or '').strip()}")

@@ -11,7 +11,7 @@ from raytwin.tracer import undistort
 
 
 def estimate_pose(K: Any, dist: Any, object_points: Any, image_points: Any) -> Any:
-    """R (3, 3) and t (3,) with p_cam = R @ p_board + t.
+    """R (3, 3) and t (3,), or (3, 1), with p_cam = R @ p_board + t.
 
     The camera frame is OpenCV's: x right, y down, z forward, so the board lies at z > 0.
 

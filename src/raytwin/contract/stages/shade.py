@@ -11,7 +11,7 @@ from raytwin.tracer import lambert
 def shade(points: Any, normals: Any, albedo: Any, to_light: Any, irradiance: Any, sky: Any) -> Any:
     """The radiance (N, 3) of each point: albedo / pi * irradiance * max(0, n·l) + albedo * sky.
 
-    points: (N, 3), metres; the sun is so far away that they do not matter.
+    points: (N, 3), metres, never (H, W, 3); the sun is so far away that they do not matter.
     normals: (N, 3), unit, on the side from which the point is seen.
     albedo: (N, 3), or (3,) for all points.
     to_light: (3,), unit, from the surface to the sun.
