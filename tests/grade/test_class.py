@@ -213,7 +213,8 @@ def test_a_picture_that_another_function_spoils_keeps_its_points(graded):
     assert shade.points < shade.of
     assert (picture.status, picture.points) == ("fail", 20)
     assert picture.followed > 10  # the rest is partial credit
-    assert "with a right shade in place of yours 2 of the 2 pictures are right" in picture.sentences[-1]
+    assert picture.sentences[0].startswith("with a right shade in place of yours this is right")
+    assert "you lose points for your shade, and keep" in picture.sentences[-1]
     assert image(graded, "gamma").followed == 0  # render's own mistake
 
 

@@ -5,8 +5,9 @@ scenes that are right included. Where no single one suffices, faults are added o
 where the picture is wrong. `search` tries them.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -79,8 +80,10 @@ def diagnose(
     families: Sequence[ParametricFault] = FAMILIES,
     most: int = 2,
     seconds: float = SECONDS,
+    seen: Mapping[str, int] = MappingProxyType({}),
 ) -> Diagnosis:
     """The cause of all that is wrong in the views of one submission; `most`: faults together; `seconds` to search.
+    `seen`: how often each mistake was made, by name.
 
     Give the views that are right too: a fault that would have spoiled them is none.
     """
@@ -102,7 +105,7 @@ def diagnose(
         )
         return Diagnosis(False, (cause,), ((),), 1.0, None, "proved", where)
     sights = [s for s in sights if s.weight.size]
-    return replace(_search(sights, where, faults, families, most, budget), untried=budget.words)
+    return replace(_search(sights, where, faults, families, most, budget, seen), untried=budget.words)
 
 
 def _search(
@@ -112,6 +115,7 @@ def _search(
     families: Sequence[ParametricFault],
     most: int,
     budget: Budget,
+    seen: Mapping[str, int],
 ) -> Diagnosis:
     """The causes that cost least, one or `most` of them together."""
     every = faults is FAULTS
@@ -121,7 +125,7 @@ def _search(
     if families is FAMILIES and sights[0].view.scene and len({s.view.scene for s in sights}) == 1:
         families = (*FAMILIES, *of_objects(sights[0].view.scene))
     thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
-    search, base = Search(sights, budget), Hypothesis((), RIGHT, total(sights, RIGHT))
+    search, base = Search(sights, budget, seen), Hypothesis((), RIGHT, total(sights, RIGHT))
     found = search.round(base, faults, families if thorough else ())
     if thorough and every and not search.explained_by(found) and (clues := clued(sights, budget)):
         found = sorted([*search.round(base, clues), *found], key=lambda g: g.cost)

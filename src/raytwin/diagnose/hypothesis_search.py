@@ -4,7 +4,7 @@ The cost of errors e is Σ log(1 + (e/τ)²), minus the log likelihood of values
 any amount, so that a few odd pixels decide nothing.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -81,10 +81,14 @@ class Hypothesis:
 
 @dataclass(eq=False)
 class Search:
-    """The samples of all views, one in so many of their pixels (`small`), and the time that is left."""
+    """The samples of all views, one in so many of their pixels (`small`), and the time that is left.
+
+    `seen`: how often mistakes were made: what is common is tried first, and wins where others explain as well.
+    """
 
     sights: list[PixelSample]
     budget: Budget
+    seen: Mapping[str, int]
     small: list[PixelSample] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -116,7 +120,7 @@ class Search:
             tried = self._screened([w for w in ways if w.causes[-1].stage in OF_VALUES], before)
             if not tried or min(w.cost for w in tried) > NOTHING * before.cost:
                 tried += self._screened([w for w in ways if w.causes[-1].stage not in OF_VALUES], before)
-        exact = ranked(self._in_other_forms(tried, before), faults, EVEN * before.cost)
+        exact = ranked(self._in_other_forms(tried, before), faults, EVEN * before.cost, self.seen)
         families = [f for f in families if f.name not in named]
         if not families or (exact and exact[0].cost < CLEAR * before.cost and self.explained_by(exact)):
             return exact
@@ -222,6 +226,7 @@ class Search:
 
         Many are tried on a third of the first view's pixels before: there it is seen which pixels each changes.
         """
+        guesses = sorted(guesses, key=lambda g: -self.seen.get(g.causes[-1].name, 0))
         sums, wrong, views, order = np.zeros(len(guesses)), 0.0, 0, self._order(before)
         first = [order[0].thin] if len(guesses) > 2 * least else []
         for sight in (*first, *order):
@@ -273,9 +278,12 @@ def _limit(sums: Array, wrong: float, least: int) -> float:
     return min(limit, NEAR * wrong) if sums.size and sums.min() < CLEAR / 2 * wrong else limit
 
 
-def ranked(guesses: Sequence[Hypothesis], faults: Sequence[Fault], even: float) -> list[Hypothesis]:
+def ranked(
+    guesses: Sequence[Hypothesis], faults: Sequence[Fault], even: float, seen: Mapping[str, int]
+) -> list[Hypothesis]:
     """The best way of each fault, by cost alone; then the other ways. Of faults that cost the same (but for `even`) the
-    one that is seen in its typical form comes first, then the one that stands first in the catalogue.
+    one that is seen in its typical form comes first, then the one that was made most often, then the one that stands
+    first in the catalogue.
     """
     rank = {f.name: k for k, f in enumerate(faults)}
     best: dict[str, Hypothesis] = {}
@@ -287,5 +295,8 @@ def ranked(guesses: Sequence[Hypothesis], faults: Sequence[Fault], even: float) 
             others.append(guess)
         if guess.typical and guess.cost <= best[name].cost + even:
             usual.add(name)
-    place = {name: (round(g.cost / max(even, 1e-12)), name not in usual, rank[name]) for name, g in best.items()}
+    place = {
+        name: (round(g.cost / max(even, 1e-12)), name not in usual, -seen.get(name, 0), rank[name])
+        for name, g in best.items()
+    }
     return [*(best[name] for name in sorted(place, key=lambda n: place[n])), *others]

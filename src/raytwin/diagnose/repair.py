@@ -8,8 +8,10 @@ case right is a proof: it needs no catalogue.
 import ast
 import itertools
 import marshal
+import math
+import re
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -20,6 +22,9 @@ from raytwin.diagnose.operators import Edit, edits, replaced
 Cells = Sequence[tuple[str, str]]
 """(name, text): a Python file has one, a notebook several."""
 Answers = list[tuple[np.ndarray, ...] | None]
+NONE_SEEN: Mapping[str, int] = {}
+COMMON = 0.5
+"""By so much less far-fetched is a slip that was seen ten times as often."""
 AT_ONCE = 48
 """Candidates that are tried in one call."""
 A_CALL = 0.25
@@ -68,13 +73,14 @@ Run = Callable[[Sequence[Candidate], Sequence[Any]], Answers]
 def repair(
     cells: Cells, function: str, cases: Sequence[Any], is_right: Callable[[Any, Any], bool], run: Run,
     more_time: Callable[[], bool], innocent: Sequence[str] = (), known: Sequence["Candidate"] = (),
-    further: Callable[[], Sequence[Any]] = tuple,
+    further: Callable[[], Sequence[Any]] = tuple, seen: Mapping[str, int] = NONE_SEEN,
 ) -> Repair | None:  # fmt: skip
     """The least far-fetched change of one place after which `function` is right in all cases; None where none is found.
 
     `cases` have `args`; the first is one that is wrong. `is_right(case, arrays)`. `innocent`: functions that are right
     by their own tests. `more_time()`: whether to go on. `known`: what has made other functions right is tried first.
     `further()`: cases that a change must make right as well before it counts as proved: by chance it may fit `cases`.
+    `seen`: how often each kind of slip was made: what is common is tried first.
     """
     tried = 0
 
@@ -86,7 +92,7 @@ def repair(
             left = [c for c, got in zip(left, answers, strict=True) if got is not None and is_right(case, got)]
         return left
 
-    for chunk in itertools.chain([list(known)], _chunks(candidates(cells, function, innocent))):
+    for chunk in itertools.chain([list(known)], _chunks(candidates(cells, function, innocent, seen))):
         if not more_time():
             return None
         tried += len(chunk)
@@ -135,17 +141,33 @@ def _simple_statement(tree: ast.AST, node: ast.AST) -> ast.stmt | None:
 # ------------------------------------------------------------------------------------------ candidates
 
 
-def candidates(cells: Cells, function: str, innocent: Sequence[str] = ()) -> Iterator[Candidate]:
+def kind_of(operator: str) -> str:
+    """An operator's words without the student's own names.
+
+    >>> kind_of("`u` stands for `v`"), kind_of("the divisor dd is missing")
+    ('... stands for ...', 'the divisor ... is missing')
+    """
+    return re.sub(r"`[^`]*`|(?<=factor )\w+|(?<=divisor )\w+|(?<=term )\w+", "...", operator)
+
+
+def candidates(
+    cells: Cells, function: str, innocent: Sequence[str] = (), seen: Mapping[str, int] = NONE_SEEN
+) -> Iterator[Candidate]:
     """Single changes of what `function` is made of, the least far-fetched first."""
     reached = _statements(cells, function, innocent)
     words = sorted({w for _, s in reached for n in ast.walk(s) if (w := _word(n))})
     numpy = _numpy(cells)
     for rare in (False, True):
         found = [(e, cell, s) for cell, s in reached for e in edits(s, numpy, words, rare)]
-        for edit, cell, statement in sorted(found, key=lambda f: f[0].weight):
+        for edit, cell, statement in sorted(found, key=lambda f: _weight(f[0], seen)):
             code = _compiled(statement, edit)
             if code is not None:
                 yield Candidate(cell, statement, edit, code, _bound(statement))
+
+
+def _weight(edit: Edit, seen: Mapping[str, int]) -> float:
+    """How far-fetched it is; ten times as often seen is worth COMMON."""
+    return edit.weight - COMMON * math.log10(1 + seen.get(kind_of(edit.operator), 0)) if seen else edit.weight
 
 
 def _word(node: ast.AST) -> str:

@@ -19,8 +19,10 @@ from raytwin.grade.rubric import Exercise, Rubric
 from raytwin.grade.wrong_picture import wrong_picture
 from raytwin.sandbox.sandbox import Code
 
-SECONDS = 20.0
+SECONDS = 12.0
 """CPU seconds for the causes of all pictures of a submission."""
+FURTHER = 1.25
+"""Multiple of the wrong pixels: if right functions leave more, they do not fit the submission's own ways."""
 MOST_VIEWS = 3
 """Wrong pictures of a submission that can be looked at pixel by pixel; of the others there is a small one."""
 
@@ -37,7 +39,7 @@ def marked(
     marks = {e.name: _mark_stage(e, of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
     failed = [m for m in marks.values() if m.status not in ("pass", "missing")]
     helped = ask_again(rubric, code, asked, checked, [m.stage for m in failed]) if code else Helped()
-    causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed)
+    causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed, rubric.seen)
     pictures, speed = [], []
     for exercise in (e for e in rubric.exercises if e.name not in marks):
         mine = of[exercise.name]
@@ -123,8 +125,10 @@ class _Causes:
     theirs. What is still wrong then has a cause `beside` them, if the pictures changed and came no further off.
     """
 
-    def __init__(self, checked: Mapping[int, CheckedPicture], helped: Helped, failed: list[Marked], seed: int) -> None:
-        self.checked, self.helped, self.failed, self.seed = checked, helped, failed, seed
+    def __init__(self, checked: Mapping[int, CheckedPicture], helped: Helped, failed: list[Marked], seed: int,
+        seen: Mapping[str, int],
+    ) -> None:  # fmt: skip
+        self.checked, self.helped, self.failed, self.seed, self.seen = checked, helped, failed, seed, seen
         self.seconds = SECONDS
         known = bool(failed) and all(m.faults for m in failed)
         left = [k for k, (_, again) in helped.again.items() if not again.part.passed]
@@ -148,7 +152,7 @@ class _Causes:
         if self.seconds <= 0 or not any(c.view is not None and not c.part.passed for c in checked):
             return None
         began = time.thread_time()
-        found = diagnose(views, self.seed, most=most, seconds=self.seconds)
+        found = diagnose(views, self.seed, most=most, seconds=self.seconds, seen=self.seen)
         self.seconds -= time.thread_time() - began
         return found
 
@@ -185,11 +189,12 @@ class _Causes:
 
 
 def _is_nearer(before: CheckedPicture, after: CheckedPicture) -> bool:
-    """Whether another picture came of right functions, of which no more is wrong."""
+    """Whether another picture came of right functions, of which hardly more is wrong."""
     if before.got is None or after.got is None:
         return after.got is not None
     same = before.got.shape == after.got.shape and np.array_equal(before.got, after.got, equal_nan=True)
-    return not same and (after.part.wrong or 0.0) <= (1.0 if before.part.wrong is None else before.part.wrong)
+    worse = (after.part.wrong or 0.0) > FURTHER * (1.0 if before.part.wrong is None else before.part.wrong)
+    return not same and not worse
 
 
 def _mark_pictures(exercise: Exercise, asked: list[Question], causes: _Causes) -> tuple[Marked, list[Picture]]:

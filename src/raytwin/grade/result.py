@@ -28,6 +28,7 @@ class Marked(Record, frozen=True):
 
     `faults`: (name, sentence) of each mistake that was made; `causes` has those, too, that explain it as well.
     `inputs`, `expected`, `got`: of the worst value of a stage's cases. `fingerprint`: of the wrong numbers.
+    `repair`: what was wrong where one change of the text makes all right, in an operator's words.
     `followed`: of the points, those that a picture keeps since a function that failed on its own is to blame.
     """
 
@@ -44,6 +45,7 @@ class Marked(Record, frozen=True):
     sureness: str = ""
     faults: tuple[tuple[str, str], ...] = ()
     fingerprint: str = ""
+    repair: str = ""
     followed: float = 0.0
     inputs: str = ""
     expected: str = ""

@@ -7,7 +7,7 @@ what is right.
 import dataclasses
 import inspect
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from raytwin.contract.check_function import is_right
 from raytwin.contract.repair_function import further_probes, probes
 from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_table import LESSONS
-from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, attempt, repair
+from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, attempt, kind_of, repair
 from raytwin.grade.fingerprint import PROBE_SEED, fingerprint
 from raytwin.grade.follow_through import code_with
 from raytwin.grade.result import Marked, Result
@@ -81,12 +81,13 @@ def looked_again(result: Result, rubric: Rubric, code: Code, replaced: Sequence[
                     until = min(_clock(child) + SECONDS, began + left)
                     known = [r.candidate for r in found.values() if r.candidate is not None and not ours]
                     stage, seed = LESSONS[exercise.stage], result.seed
-                    if (made := _repair(stage, seed, cells, child, until, [*innocent, *ours], known)) is not None:
+                    if (
+                        made := _repair(stage, seed, cells, child, until, [*innocent, *ours], known, rubric.seen)
+                    ) is not None:
                         found[exercise.stage] = made
             left -= _clock(child) - began
-    hints = {stage: made.hint(rubric.hints) for stage, made in found.items()}
     exercises = tuple(
-        _with_hint(e, hints.get(e.stage, ""), e.fingerprint or prints.get(e.stage, "")) if e in wrong else e
+        _with_hint(e, found.get(e.stage), rubric.hints, e.fingerprint or prints.get(e.stage, "")) if e in wrong else e
         for e in result.exercises
     )
     return msgspec.structs.replace(result, exercises=exercises)
@@ -109,15 +110,16 @@ def _fingerprint(child: Sandbox, stage: Stage) -> str:
     return fingerprint([a for case in cases for a in case.expected], got)
 
 
-def _with_hint(exercise: Marked, hint: str, found: str) -> Marked:
+def _with_hint(exercise: Marked, repair: Repair | None, level: int, found: str) -> Marked:
     """Behind a cause that is proved, or a wrong shape; before what is likely, or names none."""
     exercise = msgspec.structs.replace(exercise, fingerprint=found)
-    if not hint:
+    if repair is None:
         return exercise
+    hint = repair.hint(level)
     first, rest = exercise.sentences[:1], exercise.sentences[1:]
     shape = any(text.startswith("it returned") for text in first)
     sentences = (*first, hint, *rest) if exercise.sureness == "proved" or shape else (hint, *first, *rest)
-    return msgspec.structs.replace(exercise, sentences=sentences, sureness="proved")
+    return msgspec.structs.replace(exercise, sentences=sentences, sureness="proved", repair=kind_of(repair.operator))
 
 
 def _clock(child: Sandbox) -> float:
@@ -127,7 +129,7 @@ def _clock(child: Sandbox) -> float:
 
 def _repair(
     stage: Stage, seed: int, cells: Cells, child: Sandbox, until: float, innocent: Sequence[str],
-    known: Sequence[Candidate],
+    known: Sequence[Candidate], seen: Mapping[str, int],
 ) -> Repair | None:  # fmt: skip
     cases = stage.cases(seed)
     right: Callable[[Case, Any], bool] = partial(is_right, stage)
@@ -140,7 +142,7 @@ def _repair(
         return None
     run = partial(_run, child, stage.name)
     further = partial(further_probes, stage, seed)
-    return repair(cells, stage.name, tried, right, run, lambda: _clock(child) < until, innocent, known, further)
+    return repair(cells, stage.name, tried, right, run, lambda: _clock(child) < until, innocent, known, further, seen)
 
 
 def _run(child: Sandbox, function: str, chosen: Sequence[Candidate], arguments: Sequence[Any]) -> Answers:
