@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from measure import calibration_experiments, refusal_experiments, verdict_experiments
 from typer.testing import CliRunner
 
 from raytwin import atlas as stability
@@ -17,15 +16,12 @@ from raytwin.report import atlas_page
 from raytwin.report.atlas_page import colours
 from raytwin.report.atlas_page import fate as fate_of
 
-OWN = calibration_experiments, refusal_experiments, verdict_experiments
-CHECKED = EXPERIMENTS | {e.name: e for file in OWN for e in file.EXPERIMENTS}
-"""The atlas, and the experiments on raytwin's own warnings, refusals and verdicts, which its developers measure."""
 KEYS = ["name", "parameter", "values", "bound", "methods", "why", "source"]
 
 
 @cache
 def measured(name: str, x: float) -> dict[str, float | None]:
-    e = CHECKED[name]
+    e = EXPERIMENTS[name]
     with np.errstate(all="ignore"):
         return dict(e.measure(x, np.random.default_rng(7), e.trials))
 
@@ -41,7 +37,7 @@ def hard_end(e: Experiment) -> float:
 def edges() -> list[tuple[str, str, float]]:
     """(experiment, method, predicted edge) of each that lies within the experiment's values."""
     found = []
-    for e in CHECKED.values():
+    for e in EXPERIMENTS.values():
         for method in e.laws:
             edge = predicted(e, method, e.values)
             if edge is not None:
@@ -49,9 +45,9 @@ def edges() -> list[tuple[str, str, float]]:
     return found
 
 
-@pytest.mark.parametrize("name", CHECKED)
+@pytest.mark.parametrize("name", EXPERIMENTS)
 def test_raytwins_own_method_holds_the_bound_to_the_hard_end_or_refuses(name):
-    e = CHECKED[name]
+    e = EXPERIMENTS[name]
     for method in e.ours:
         error = measured(name, hard_end(e))[method]
         assert error is None or error <= e.bound
@@ -59,7 +55,7 @@ def test_raytwins_own_method_holds_the_bound_to_the_hard_end_or_refuses(name):
 
 @pytest.mark.parametrize(("name", "method", "edge"), edges())
 def test_a_method_holds_before_its_predicted_edge_and_fails_behind_it_as_theory_says(name, method, edge):
-    e = CHECKED[name]
+    e = EXPERIMENTS[name]
     harder = np.sign(e.values[-1] - e.values[0])
     before = [v for v in e.values if (v / edge) ** harder <= 1 / e.slack]
     behind = [v for v in e.values if (v / edge) ** harder >= e.slack]
@@ -78,9 +74,9 @@ def test_a_method_holds_before_its_predicted_edge_and_fails_behind_it_as_theory_
         assert error >= min(e.laws[method](behind[0]), 1.0) / 8
 
 
-@pytest.mark.parametrize("name", CHECKED)
+@pytest.mark.parametrize("name", EXPERIMENTS)
 def test_a_row_is_whole(name):
-    e = CHECKED[name]
+    e = EXPERIMENTS[name]
     assert e.name == name
     assert set(e.ours) | set(e.laws) <= set(measured(name, hard_end(e)))
     assert list(e.values) in (sorted(set(e.values)), sorted(set(e.values), reverse=True))

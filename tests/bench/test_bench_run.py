@@ -132,23 +132,6 @@ def test_a_crowd_has_as_many_small_spheres_all_in_the_picture(view):
     assert len(crowded(view("single"), 1).spheres) == 1
 
 
-def test_a_bench_of_a_crowd_draws_the_crowd(scenes):
-    found = bench.bench(
-        scenes / "single",
-        methods=["numpy64-shadow-*"],
-        sizes=[0.01],
-        crowd=40,
-        budget=AMPLE,
-        repeats=2,
-        truth_samples=4,
-    )
-    assert found.scene == "single-40-spheres"
-    assert {"numpy64-shadow-none", "numpy64-shadow-conic"} <= {row.method for row in found.rows}
-    assert all(row.rmse < 1e-7 for row in found.rows if row.trim in ("none", "conic"))
-    with pytest.raises(InputError, match="--crowd"):
-        bench.bench(scenes / "single", crowd=0)
-
-
 # ------------------------------------------------------------------------------------------ truths
 
 

@@ -1,7 +1,6 @@
 """The paper's figures again at toy size: what is reported, never how fast; and the trim boxes beside each other."""
 
 import json
-import re
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from raytwin import bench, twin
 from raytwin.bench.bench_run import thumbnail
 from raytwin.cli import app
 from raytwin.errors import InputError
-from raytwin.files import read_scene
 from raytwin.paper.paper_runs import SMALL, SPECULATION, boxed, errors, hard_cases, lambert, two_spheres
 from raytwin.speed import trace
 from raytwin.speed.boxes import TRIMS, trim_boxes
@@ -83,7 +81,6 @@ def test_the_yardsticks_are_the_rows_of_the_bench():
     [
         (["paper", "--photo-count", "2"], "--photo-count"),
         (["paper", "--photo-size", "12MP"], "--photo-size"),
-        (["paper", "--photos", "nowhere"], "nowhere"),
         (["paper", "--budget", "0"], "--budget"),
     ],
 )
@@ -91,17 +88,6 @@ def test_what_was_asked_wrongly_is_named(options, named):
     run = CliRunner().invoke(app, ["bench", *options])
     assert isinstance(run.exception, InputError)
     assert named in run.exception.where
-
-
-def test_photos_need_a_board_and_not_three(tmp_path):
-    for name in ("a", "b", "c"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "photo.jpg").touch()
-    photos = [option for name in ("a", "b", "c") for option in ("--photos", str(tmp_path / name))]
-    run = CliRunner().invoke(app, ["bench", "paper", *photos])
-    assert re.search(r"board\.toml", str(run.exception))
-    run = CliRunner().invoke(app, ["bench", "paper", *photos, "--board", "x.toml", "--board", "y.toml"])
-    assert "one for each of 3" in str(run.exception)
 
 
 def test_thumbnails_of_odd_sizes_differ():
@@ -112,19 +98,6 @@ def test_thumbnails_of_odd_sizes_differ():
 
 
 # ------------------------------------------------------------------------------------------ boxes
-
-
-@pytest.mark.parametrize("name", ["single", "overlap", "distorted", "grazing"])
-def test_the_conic_box_cuts_nothing_and_wastes_less(scenes, name):
-    rows = {b.trim: b for b in boxed(read_scene(scenes / name).scene)}
-    assert rows["conic"].cut == rows["none"].cut == 0
-    assert rows["conic"].wasted < rows["none"].wasted
-
-
-def test_round_spheres_the_conic_box_is_the_smaller_one():
-    rows = {b.trim: b for b in boxed(two_spheres(403, 302))}
-    assert rows["conic"].pixels < rows["corners"].pixels < rows["none"].pixels
-    assert rows["none"].pixels == 2 * 403 * 302
 
 
 def test_the_eight_corner_box_cuts_what_is_made_to_be_hard():

@@ -17,7 +17,7 @@ from raytwin.report.numbers import seconds, shown
 def made() -> Paper:
     calibration = tuple(
         Calibrated(setting, scale, 15, 3.1 * scale + i, 0.061 / scale, source, 0.1, 500 + i, "k1k2", focal, w, h)
-        for source, focal, w, h in (("synthetic", 0.0123, 4032, 3024), ("fine <set>", None, 1000, 1333))
+        for source, focal, w, h in (("synthetic", 0.0123, 4032, 3024), ("smaller", None, 1000, 1333))
         for i, (setting, scale) in enumerate(((WHOLE, 1.0), (OURS, 1.0), (SHRUNK, 0.5), (SHRUNK, 0.25)))
     )  # fmt: skip
     loops = tuple(
@@ -87,7 +87,7 @@ def test_the_papers_own_seconds_stand_beside_ours(out):
     by_photos = {(r[0].split(",")[0], r[1], r[2]): r[-2:] for r in rows_of(page, "calibration")}
     assert by_photos["synthetic", WHOLE, "1"] == ["34.8 s", "1.00"]
     assert by_photos["synthetic", SHRUNK, "0.25"] == ["2.5 s", "13.9"]
-    assert by_photos["fine <set>", WHOLE, "1"] == ["4.5 s", ""]
+    assert by_photos["smaller", WHOLE, "1"] == ["4.5 s", ""]
     loops = {r[1]: r[-2:] for r in rows_of(page, "intersection") if r[0].startswith("Python loop")}
     assert loops["untrimmed"] == ["17.7 and 19.6 s", ""]
     assert loops["eight-corner box"] == ["1.3 and 8 s", "13.6 and 2.45"]
@@ -114,5 +114,5 @@ def test_charts_hold_the_frames_and_mark_what_the_truth_cannot_tell(made):
     assert points["numpy32-lambert-none, 4032 x 3024"].x == 0.777
     assert len(charts["speculation"].points) == 9
     assert {(p.x, p.y) for p in charts["calibration-2"].points} == {
-        (c.seconds_median, c.heldout_px) for c in made.calibration if c.source == "fine <set>"
+        (c.seconds_median, c.heldout_px) for c in made.calibration if c.source == "smaller"
     }

@@ -26,7 +26,7 @@ EXPERIMENTS: dict[str, Experiment] = {e.name: e for file in FILES for e in file.
 """name -> row, in the order of the page."""
 
 
-def atlas(names: tuple[str, ...] = (), thorough: bool = False, progress: Progress = silent) -> Atlas:
+def atlas(names: tuple[str, ...] = (), progress: Progress = silent) -> Atlas:
     """The experiments of these names, or all. Raises InputError for an unknown one."""
     for name in names:
         check_one_of("experiment", name, EXPERIMENTS)
@@ -34,6 +34,6 @@ def atlas(names: tuple[str, ...] = (), thorough: bool = False, progress: Progres
     found = []
     for i, experiment in enumerate(chosen):
         progress("experiments", i, len(chosen))
-        found.append(run(experiment, thorough))
+        found.append(run(experiment))
     progress("experiments", len(chosen), len(chosen))
     return Atlas(tuple(found))

@@ -30,9 +30,8 @@ class Experiment:
     `parameter`, `error`: what the axes say. `laws`: what theory says that each method's error is, to an order of
     magnitude; where it crosses the `bound` is the predicted edge. `ours`: the methods that are the product's own;
     `limit`: the value up to which these must hold the bound (None: to the last). `slack`: the factor within which a
-    predicted edge must be found. `why`: two sentences. `more`: further
-    values for a thorough run; `trials` of each value, and `many` of a thorough run. `pictures`: (caption, sRGB uint8
-    (H, W, 3)) of what the failure looks like.
+    predicted edge must be found. `why`: two sentences. `trials` of each
+    value. `pictures`: (caption, sRGB uint8 (H, W, 3)) of what the failure looks like.
     """
 
     name: str
@@ -48,15 +47,8 @@ class Experiment:
     laws: Mapping[str, Law] = field(default_factory=dict)
     limit: float | None = None
     slack: float = 8.0
-    more: tuple[float, ...] = ()
     trials: int = 32
-    many: int = 256
     pictures: Callable[[], list[tuple[str, np.ndarray]]] | None = None
-
-    def driven(self, thorough: bool) -> tuple[float, ...]:
-        """The values, those of `more` among them, from the first to the last."""
-        found = {*self.values, *(self.more if thorough else ())}
-        return tuple(sorted(found, reverse=self.values[0] > self.values[-1]))
 
 
 class Curve(Record, frozen=True):
@@ -83,14 +75,14 @@ class Atlas(Record, frozen=True):
     experiments: tuple[Found, ...]
 
 
-def run(experiment: Experiment, thorough: bool = False) -> Found:
+def run(experiment: Experiment) -> Found:
     """Every method at every value; each value has random numbers of its own, always the same."""
-    values = experiment.driven(thorough)
+    values = experiment.values
     rows = []
     for x in values:
         rng = np.random.default_rng([*experiment.name.encode(), *math.frexp(x)[1].to_bytes(2, signed=True)])
         with np.errstate(all="ignore"):
-            rows.append(experiment.measure(x, rng, experiment.many if thorough else experiment.trials))
+            rows.append(experiment.measure(x, rng, experiment.trials))
     methods = {name: tuple(_plain(row[name]) for row in rows) for name in rows[0]}
     curves = {
         name: Curve(errors, breaks_at(values, errors, experiment.bound), predicted(experiment, name, values))

@@ -136,7 +136,7 @@ EXPERIMENTS = (
         (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0), WAYS["noise"][0], (OURS,),
         "No unbiased pose errs less than the bound of Cramér and Rao, which grows with the noise, and least squares "
         "reach it. The homography minimises an error that is not the pixels', and can bear a third of the noise.",
-        SOURCE, WAYS["noise"][1], limit=1.0, slack=2, trials=12, many=200,
+        SOURCE, WAYS["noise"][1], limit=1.0, slack=2, trials=12,
     ),
     Experiment(
         "pose-tags", "A pose from few tags", "tags", ANGLE, BOUND, (35.0, 20.0, 12.0, 8.0, 6.0, 5.0, 4.0),
@@ -145,7 +145,7 @@ EXPERIMENTS = (
         "Four tags hold two numbers more than a pose has, so that the wrong one of a plane's two poses may fit as well "
         "by chance, and three in a line leave the homography open. How much better the first must fit is told by "
         "Fisher's F; from four tags that is 32 times, and most photos are called ambiguous.",
-        SOURCE, WAYS["tags"][1], trials=16, many=200,
+        SOURCE, WAYS["tags"][1], trials=16,
     ),
     Experiment(
         "pose-tilt", "A board that faces the camera", "tilt, degrees", ANGLE, BOUND,
@@ -153,7 +153,7 @@ EXPERIMENTS = (
         WAYS["tilt"][0], (OURS,),
         "Seen straight on, a small turn of the board changes only how its far edge shrinks, and a plane's two poses "
         "come together; IPPE's first one is then off by degrees. Least squares from it, on pixels, hold the bound.",
-        SOURCE, WAYS["tilt"][1], trials=12, many=200,
+        SOURCE, WAYS["tilt"][1], trials=12,
     ),
     Experiment(
         "pose-far", "A board that is far away", "distance, m", ANGLE, BOUND, (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0),
@@ -161,13 +161,13 @@ EXPERIMENTS = (
         (OURS,),
         "Far away perspective fades, and with it what tells a plane's two poses apart: from some 5 m on, noise chooses "
         "between them, and every method returns the wrong one half of the time. raytwin says so instead.",
-        SOURCE, WAYS["far"][1], trials=12, many=200,
+        SOURCE, WAYS["far"][1], trials=12,
     ),
     Experiment(
         "pose-line", "Tags that lie nearly in a line", "width of the board / its own", ANGLE, BOUND,
         (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001), WAYS["line"][0], (OURS,),
         "About a line of tags the board may turn freely: the error grows as the line's width falls. Where tags are in "
         "one line to 1 in 1000 the pose is refused, before that it is called ambiguous.",
-        SOURCE, WAYS["line"][1], trials=12, many=200,
+        SOURCE, WAYS["line"][1], trials=12,
     ),
 )  # fmt: skip

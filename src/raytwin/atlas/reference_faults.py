@@ -176,7 +176,7 @@ EXPERIMENTS = (
         "the point's distance, and starts the ray 9e-5 m off: from some 2000 m on, rounding is more. raytwin's twin "
         "meets such spheres in float64 itself; its tracer does not ask the ground about itself.",
         f"{MITSUBA}, shapes/sphere.cpp; Shirley, Ray Tracing in One Weekend, where every scene has such a ground",
-        {PLAIN: lambda x: 0.5 * (U32 * x > 1500 * U32)}, trials=1, many=1, more=decades(0, 8, 4),
+        {PLAIN: lambda x: 0.5 * (U32 * x > 1500 * U32)}, trials=1,
     ),
     Experiment(
         "mitsuba-gap", "The shadow in a gap between two sheets", "width of the gap, m",
@@ -185,7 +185,7 @@ EXPERIMENTS = (
         "Mitsuba's rays start 9e-5 m off their surface wherever the eye is, so that they begin beyond a sheet that is "
         "nearer than this, and light comes through. The twin's world is 1024 times as large and its offset follows the "
         "distance from the eye; the tracer has none.",
-        f"{MITSUBA}, render/interaction.h: offset_p", {PLAIN: beyond(1500 * U32, 1.0)}, trials=1, many=1,
+        f"{MITSUBA}, render/interaction.h: offset_p", {PLAIN: beyond(1500 * U32, 1.0)}, trials=1,
     ),
     Experiment(
         "mitsuba-merge", "A floor beside a wall, under the sky", "distance / height of the wall",
@@ -195,6 +195,5 @@ EXPERIMENTS = (
         "bounding box: rays to the sky end too soon, and light comes through walls, silently. The twin loads with "
         "optimize=False.",
         f"{MITSUBA}, load_dict; Howell, A Catalog of Radiation Heat Transfer Configuration Factors", trials=1 << 16,
-        many=1 << 20,
     ),
 )  # fmt: skip

@@ -85,7 +85,7 @@ EXPERIMENTS = (
         "At acos(r / d) off the axis the sphere crosses the camera's plane: its outline reaches to infinity, and a box "
         "round the projections of eight points is finite, so visible pixels are cut. The conic's tangents are angles, "
         "which stay right whatever lies behind.",
-        ZISSERMAN, {"eight corners": lambda x: 0.05 * (x > CROSSING)}, slack=1.1, trials=300, many=30_000,
+        ZISSERMAN, {"eight corners": lambda x: 0.05 * (x > CROSSING)}, slack=1.1, trials=300,
     ),
     Experiment(
         "trim-near", "The box round a sphere that comes near", "distance of its centre / radius", SHARE, 1e-3,
@@ -93,6 +93,6 @@ EXPERIMENTS = (
         "A near sphere crosses the camera's plane and the frame's side at once, and a camera within it sees nothing "
         "else. The eight corners are then projected through the eye, some to the wrong side, and what they leave out "
         "is wrongly cut.",
-        ZISSERMAN, {"eight corners": lambda x: 0.05 * (x < NEAREST)}, slack=2, trials=300, many=30_000,
+        ZISSERMAN, {"eight corners": lambda x: 0.05 * (x < NEAREST)}, slack=2, trials=300,
     ),
 )  # fmt: skip

@@ -63,7 +63,6 @@ def bench(
     methods: Sequence[str | Renderer | Callable[..., Any]] = ("*",),
     sizes: Sequence[float] = (0.2,),
     spheres: Sequence[int] = (),
-    crowd: int | None = None,
     budget: float = 300.0,
     repeats: int = 15,
     truth_samples: int = 4096,
@@ -74,7 +73,7 @@ def bench(
     (megapixels).
 
     `methods`: patterns of names (`raytwin bench list`), and functions of a scene of your own: see `method`.
-    `crowd`: so many small spheres stand in the place of the scene's objects. `spheres`: also time the methods of GROWTH
+    `spheres`: also time the methods of GROWTH
     with so many small spheres in the picture, at the first size. `budget`: seconds for all, preparing and truths too;
     methods that do not fit are named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of
     each. `truth_samples`: most samples a pixel of each truth. `flip`: add FLIP, which is slow. `table()` of what is
@@ -83,8 +82,7 @@ def bench(
     """
     for where, numbers, most in (
         ("--budget", (budget,), math.inf), ("--sizes", sizes or (0,), 1000), ("--spheres", spheres, 100_000),
-        ("--crowd", (1 if crowd is None else crowd,), 100_000), ("--repeats", (repeats,), math.inf),
-        ("--truth-samples", (truth_samples,), math.inf),
+        ("--repeats", (repeats,), math.inf), ("--truth-samples", (truth_samples,), math.inf),
     ):  # fmt: skip
         check_numbers(where, numbers, most)
     chosen = choose([m if isinstance(m, str | Renderer) else as_method(m) for m in methods])
@@ -93,8 +91,6 @@ def bench(
     twin.activate()
     scene = find_camera(files.read_scene(path), progress=progress)[0]
     growing = [m for m in chosen if m.name in GROWTH] if spheres else []
-    if crowd:
-        scene = crowded(scene, crowd)
     parts = len(sizes) + (1 if growing else 0)
     found: Parts = defaultdict(list)
     for i, megapixels in enumerate(sizes):

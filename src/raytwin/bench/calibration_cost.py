@@ -1,23 +1,22 @@
 """Seconds of a whole calibration against its held-out error, over image scale and the detector's settings.
 
 Timed as users meet it: photos on disk -> decode, find the tags, fit -> camera. SETTINGS says what varies. The photos
-are synthetic ones, whose true camera is known, or a folder of real ones.
+are synthetic ones, whose true camera is known.
 """
 
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from raytwin import files
 from raytwin.bench.bench_record import Bench, Calibrated, LeftOut
-from raytwin.bench.bench_run import check_numbers, machine, portion
+from raytwin.bench.bench_run import check_numbers, machine
 from raytwin.bench.frontier import median_iqr
 from raytwin.bench.timing import Measured, repeat
 from raytwin.calib import boards, photos, synthetic_photos
@@ -101,26 +100,23 @@ def measure_calibration(
     folder: Path,
     board: Board,
     *,
-    name: str = "",
     settings: Sequence[Setting] = SETTINGS,
     deadline: float,
     repeats: int = 7,
     progress: Progress = silent,
 ) -> tuple[list[Calibrated], list[LeftOut]]:
-    """Measure every setting on the photos in `folder`, and say why those that are missing are.
+    """Measure every setting on the synthetic photos in `folder`, and say why those that are missing are.
 
-    `folder` may hold a truth.toml, which tells the true error of the focal length. `name`: what the rows call the
-    photos. `deadline`: by time.perf_counter, for the timed calls; finding the held-out errors comes after it.
+    `deadline`: by time.perf_counter, for the timed calls; finding the held-out errors comes after it.
     """
     taken = files.list_photos(folder)
     size = files.photo_size(taken[0])
-    truth_file = folder / "truth.toml"
-    truth = synthetic_photos.read_truth(truth_file) if truth_file.exists() else None
-    ruler = by_truth(truth, board) if truth is not None else by_full_size(taken, board)
+    truth = synthetic_photos.read_truth(folder / "truth.toml")
+    true = true_tags(truth, board)
     found: dict[str, photos.Calibration] = {}
     done, reasons, longest = [], {}, 0.0
     for i, setting in enumerate(settings):
-        progress(f"calibrate {name}".strip(), i, len(settings))
+        progress("calibrate", i, len(settings))
 
         def call(seed: int, setting: Setting = setting) -> photos.Calibration:
             return photos.calibrate(taken, board, find=setting.find, threads=setting.threads)
@@ -137,7 +133,7 @@ def measure_calibration(
         longest = max(longest, time.perf_counter() - start)
         done.append(Measured(setting, call, time.perf_counter() - start))
     repeat(done, lambda setting, calibration: {}, deadline, repeats)
-    progress(f"calibrate {name}".strip(), len(settings), len(settings))
+    progress("calibrate", len(settings), len(settings))
     rows = []
     for m in done:
         c = found[m.method.name]
@@ -147,19 +143,17 @@ def measure_calibration(
             reasons[m.method.name] = "too few photos to hold one out"
         else:
             tags = photos.detect_photos(taken, board.kind, find=m.method.find)[0]
-            unseen = held_out({Path(p).name: t for p, t in tags.items()}, c, board, ruler)
-            rows.append(row_of(m.method, c, m.seconds, name, truth, unseen))
+            unseen = held_out({Path(p).name: t for p, t in tags.items()}, c, board, true)
+            rows.append(row_of(m.method, c, m.seconds, truth, unseen))
     return rows, [LeftOut(f"calibration: {method}", *size, why) for method, why in reasons.items()]
 
 
-# One ruler for all settings: judged by its own detections, a coarse one would be charged for their noise twice, and one
-# that loses the difficult tags would be rewarded for it.
-Ruler = Callable[[photos.Calibration, str], tuple[float, int]]
-"""(camera, photo's name) -> rms error in that photo, pixels, its pose alone being fitted; how many tags tell it."""
+def true_tags(truth: synthetic_photos.Truth, board: Board) -> dict[str, list[Tag]]:
+    """Return where the true camera sees the centres of all the board's tags that lie within the frame, by photo.
 
-
-def by_truth(truth: synthetic_photos.Truth, board: Board) -> Ruler:
-    """Against where the true camera sees the centres of all the board's tags that lie within the frame."""
+    They judge every setting alike: by its own detections a coarse one would be charged for their noise twice, and one
+    that loses the difficult tags would be rewarded for it.
+    """
     points = np.array([(*center, 0.0) for center in board.centers().values()])
     shown = {}
     for photo, (R, t) in truth.photos.items():
@@ -170,28 +164,16 @@ def by_truth(truth: synthetic_photos.Truth, board: Board) -> Ruler:
             for i, p, ok in zip(board.centers(), pixels.tolist(), inside.tolist(), strict=True)
             if ok
         ]
-
-    def ruler(camera: photos.Calibration, photo: str) -> tuple[float, int]:
-        pose, _ = photos.refined_pose(camera.K, camera.dist, shown[photo], board)
-        return pose.rms_px, len(shown[photo])
-
-    return ruler
+    return shown
 
 
-def by_full_size(taken: Sequence[Path], board: Board) -> Ruler:
-    """Against what is detected at full size, outliers left out."""
-    whole = SETTINGS[0]
-    seen = {Path(p).name: t for p, t in photos.detect_photos(taken, board.kind, find=whole.find)[0].items()}
+def held_out(
+    tags: Mapping[str, Sequence[Tag]], found: photos.Calibration, board: Board, true: Mapping[str, Sequence[Tag]]
+) -> float:
+    """Return the rms in pixels over photos that a fit of `found`'s model has not seen, a fifth of them by turns.
 
-    def ruler(camera: photos.Calibration, photo: str) -> tuple[float, int]:
-        report = photos.pose_of_tags(camera.K, camera.dist, seen[photo], board, photo)
-        return report.refined.rms_px, report.tags
-
-    return ruler
-
-
-def held_out(tags: Mapping[str, Sequence[Tag]], found: photos.Calibration, board: Board, ruler: Ruler) -> float:
-    """Rms in pixels over photos that a fit of `found`'s model has not seen, a fifth of them by turns."""
+    The camera's pose alone is fitted to each photo's `true` tags.
+    """
     names = [view.photo for view in found.views]
     squares, count = 0.0, 0
     folds = min(FOLDS, len(names))
@@ -199,20 +181,18 @@ def held_out(tags: Mapping[str, Sequence[Tag]], found: photos.Calibration, board
         rest = {name: tags[name] for i, name in enumerate(names) if i % folds != k}
         camera = photos.calibrate_detections(rest, found.image_size, board, found.model)
         for name in names[k::folds]:
-            rms, n = ruler(camera, name)
-            squares, count = squares + n * rms**2, count + n
+            pose, _ = photos.refined_pose(camera.K, camera.dist, true[name], board)
+            squares, count = squares + len(true[name]) * pose.rms_px**2, count + len(true[name])
     return (squares / count) ** 0.5
 
 
 def row_of(
-    setting: Setting, c: photos.Calibration, seconds: Sequence[float], name: str, truth, error: float
+    setting: Setting, c: photos.Calibration, seconds: Sequence[float], truth: synthetic_photos.Truth, error: float
 ) -> Calibrated:
-    focal = None
-    if truth is not None:
-        focal = 100 * max(abs(c.K[i][i] / truth.K[i][i] - 1) for i in (0, 1))
+    focal = 100 * max(abs(c.K[i][i] / truth.K[i][i] - 1) for i in (0, 1))
     median, iqr = median_iqr(seconds)
     return Calibrated(
-        setting.family, setting.scale, len(c.views), median, error, name, iqr, sum(v.tags for v in c.views),
+        setting.family, setting.scale, len(c.views), median, error, "synthetic", iqr, sum(v.tags for v in c.views),
         c.model, focal, c.image_size[0], c.image_size[1],
     )  # fmt: skip
 
@@ -224,13 +204,6 @@ class Shoot:
     count: int = 15
     size: tuple[int, int] = (4032, 3024)
     board: Board = BOARD
-
-
-class Taken(NamedTuple):
-    """Real photos: a folder and the board that they show."""
-
-    folder: Path
-    board: Board
 
 
 @contextmanager
@@ -246,35 +219,16 @@ def photographed(shoot: Shoot, progress: Progress = silent) -> Iterator[Path]:
         yield folder / "photos"
 
 
-def measure_calibrations(
-    synthetic: Path, board: Board, taken: Sequence[Taken], until: float, repeats: int = 7, progress: Progress = silent
-) -> tuple[list[Calibrated], list[LeftOut]]:
-    """Measure on the synthetic photos of `board` and on each folder of real ones, in equal shares of the time."""
-    rows, left = [], []
-    for i, (name, part) in enumerate([("synthetic", Taken(synthetic, board)), *((t.folder.name, t) for t in taken)]):
-        deadline = portion(until, 1 + len(taken) - i)
-        found, without = measure_calibration(
-            part.folder, part.board, name=name, deadline=deadline, repeats=repeats, progress=progress
-        )
-        rows += found
-        left += without
-    return rows, left
-
-
 def bench_calibration(
-    shoot: Shoot = Shoot(),
-    taken: Sequence[Taken] = (),
-    *,
-    budget: float = 300.0,
-    repeats: int = 7,
-    progress: Progress = silent,
+    shoot: Shoot = Shoot(), *, budget: float = 300.0, repeats: int = 7, progress: Progress = silent
 ) -> Bench:
     """Measure calibrations alone, in about `budget` seconds once the synthetic photos are there."""
     check_numbers("--budget", (budget,))
     check_numbers("--repeats", (repeats,))
     with photographed(shoot, progress) as folder:
         start = time.perf_counter()
-        rows, left = measure_calibrations(folder, shoot.board, taken, start + budget, repeats, progress)
+        deadline = start + budget
+        rows, left = measure_calibration(folder, shoot.board, deadline=deadline, repeats=repeats, progress=progress)
     return Bench(
         scene="calibration", machine=machine(), versions=versions(), budget=float(budget),
         seconds=time.perf_counter() - start, rows=(), calibration=tuple(rows), left_out=tuple(left),

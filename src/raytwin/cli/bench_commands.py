@@ -16,7 +16,7 @@ from raytwin.errors import InputError, check_one_of
 from raytwin.rungs import RUNGS
 
 if TYPE_CHECKING:
-    from raytwin.bench.calibration_cost import Shoot, Taken
+    from raytwin.bench.calibration_cost import Shoot
 
 DEFAULT = "scene"
 """The command that `raytwin bench SCENE` means."""
@@ -42,7 +42,7 @@ app = typer.Typer(
 
 def scene_command(
     scene: Path, methods: str = "*", subject: list[str] | None = None, rung: str = "shadow",
-    sizes: str = "0.2", spheres: str = "", crowd: int | None = None,
+    sizes: str = "0.2", spheres: str = "",
     budget: float = 300, repeats: int = 15, truth_samples: int = 4096, flip: bool = False, json: Path | None = None,
     out: Path | None = None, save: Path | None = None, against: Path | None = None,
 ) -> None:  # fmt: skip
@@ -67,7 +67,6 @@ def scene_command(
             methods=[*split(methods), *(find_subject(what, rung) for what in subject or ())],
             sizes=megapixels,
             spheres=counts,
-            crowd=crowd,
             budget=budget,
             repeats=repeats,
             truth_samples=truth_samples,
@@ -92,8 +91,6 @@ class CalibrationRun:
     """What `bench calibration` and `bench paper` measure, and for how long."""
 
     scene: Path | None = None
-    photos: list[Path] | None = None
-    board: list[Path] | None = None
     photo_count: int = 15
     photo_size: str = "4032x3024"
     budget: float = 300
@@ -102,7 +99,6 @@ class CalibrationRun:
     def options(self) -> dict[str, Any]:
         return {
             "shoot": shoot_of(self.scene, self.photo_count, self.photo_size),
-            "taken": real_photos(self.photos, self.board),
             "budget": self.budget,
             "repeats": self.repeats,
         }
@@ -153,7 +149,7 @@ def list_command(methods: str = "*") -> None:
 
 
 def stability_command(
-    experiments: list[str] | None = None, thorough: bool = False, listed: bool = False, json: Path | None = None,
+    experiments: list[str] | None = None, listed: bool = False, json: Path | None = None,
     out: Path | None = None,
 ) -> None:  # fmt: skip
     """Drive each numerical method until it fails.
@@ -171,7 +167,7 @@ def stability_command(
     folder = out or Path("out") / "stability"
     check_outputs(folders=(folder,), files=(json,))
     with show_progress() as progress:
-        found = stability.atlas(tuple(experiments or ()), thorough, progress)
+        found = stability.atlas(tuple(experiments or ()), progress)
         with progress.stage("page"):
             atlas_page.write_atlas(found, folder)
     if json:
@@ -197,23 +193,6 @@ def shoot_of(scene: Path | None, count: int, size: str) -> "Shoot":
     if scene is None or (asked := (written := files.read_scene(scene)).photos) is None:
         return shoot
     return replace(shoot, board=read_board(Path(written.folder) / asked.board))
-
-
-def real_photos(folders: list[Path] | None, boards: list[Path] | None) -> "list[Taken]":
-    """Each folder with its board: the one named at the same place, the only one named, or the folder's own."""
-    from raytwin import files
-    from raytwin.bench import calibration_cost
-    from raytwin.calib.boards import read_board
-
-    folders, boards = folders or [], boards or []
-    if len(boards) not in (0, 1, len(folders)):
-        raise InputError("--board", f"one, or one for each of {len(folders)} --photos", len(boards))
-    found = []
-    for i, folder in enumerate(folders):
-        files.list_photos(folder)
-        board = boards[i] if len(boards) > 1 else boards[0] if boards else folder / "board.toml"
-        found.append(calibration_cost.Taken(folder, read_board(board)))
-    return found
 
 
 COMMANDS: dict[str, Callable[..., None]] = {

@@ -20,7 +20,7 @@ from raytwin import files, twin
 from raytwin.bench.bench_record import Calibrated, LeftOut
 from raytwin.bench.bench_reference import rounding
 from raytwin.bench.bench_run import check_numbers, machine, number, time_methods
-from raytwin.bench.calibration_cost import OURS, SHRUNK_ALONE, WHOLE, Shoot, Taken, measure_calibrations, photographed
+from raytwin.bench.calibration_cost import OURS, SHRUNK_ALONE, WHOLE, Shoot, measure_calibration, photographed
 from raytwin.bench.frontier import median_iqr
 from raytwin.calib.find_camera import find_camera
 from raytwin.compare import METRICS
@@ -59,7 +59,6 @@ def paper(
     path: str | os.PathLike[str] | None = None,
     *,
     shoot: Shoot = Shoot(),  # noqa: B008 - a frozen record
-    taken: Sequence[Taken] = (),
     budget: float = 1500.0,
     repeats: int = 7,
     progress: Progress = silent,
@@ -74,7 +73,7 @@ def paper(
         start = time.perf_counter()
         scene = find_camera(files.read_scene(path), progress=progress)[0] if path else two_spheres(*shoot.size)
         until = start + SHARES["calibration"] * budget
-        calibration, left = measure_calibrations(folder, shoot.board, taken, until, repeats, progress)
+        calibration, left = measure_calibration(folder, shoot.board, deadline=until, repeats=repeats, progress=progress)
     twin.activate()
     width, height = shoot.size
     large = scene.with_camera(scene.camera.resized(width, height))
@@ -177,7 +176,7 @@ def ratios(
     """What is asked of this tool, as ratios of medians from one run; those whose two sides were measured."""
     slow, fast = ({f.method: f.seconds_median for f in frames} for frames in (small, large))
     error = {f.method: f.p999_abs for f in large}
-    rows = {(c.setting, c.scale): c for c in calibration if c.source == "synthetic"}
+    rows = {(c.setting, c.scale): c for c in calibration}
     seconds = {k: c.seconds_median for k, c in rows.items()}
     held_out = {k: c.heldout_px for k, c in rows.items()}
     trimmed, full = f"drjit32-{RUNG}-conic", f"drjit32-{RUNG}-none"
