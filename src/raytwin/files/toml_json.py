@@ -14,6 +14,7 @@ import tomli_w
 
 from raytwin.errors import InputError
 from raytwin.files.safe_write import check_file, write_text
+from raytwin.scene.record_base import explained
 
 T = TypeVar("T")
 
@@ -62,16 +63,15 @@ def to_record(path: str | os.PathLike, data: Any, kind: type[T], prefix: str = "
     try:
         record = msgspec.convert(data, kind)
     except msgspec.ValidationError as error:
-        raise _readable(path, data, str(error), prefix) from None
+        raise _readable(path, data, error, prefix) from None
     if bad := next(_not_finite(data, ""), None):
         raise InputError(f"{path}: {_join(prefix, bad[0])}", "a finite number", bad[1])
     return record
 
 
-def _readable(path: str | os.PathLike, data: Any, message: str, prefix: str) -> InputError:
-    """msgspec's `Expected ... - at `$.spheres[1].radius`` in this project's words, with the value that was found."""
-    what, _, where = message.partition(" - at `$")
-    field = where.rstrip("`").lstrip(".")
+def _readable(path: str | os.PathLike, data: Any, error: msgspec.ValidationError, prefix: str) -> InputError:
+    """msgspec's error in this project's words, with the value that was found."""
+    field, what = explained(error)
     found: Any = data
     for key in re.findall(r"[^.\[\]]+", field):
         try:
@@ -84,11 +84,6 @@ def _readable(path: str | os.PathLike, data: Any, message: str, prefix: str) -> 
         return InputError(f"{path}: {_join(prefix, _join(field, name))}", known, f"the unknown key {name!r}")
     if match := re.match(r"Object missing required field `(.*)`", what):
         return InputError(f"{path}: {_join(prefix, _join(field, match[1]))}", "a value", "nothing")
-    what = re.sub(r"^Expected ", "", what)
-    what = re.sub(r", got (`.*`|\d+)$", "", what)
-    what = what.replace("`float`", "a number").replace("`int`", "a whole number").replace("`str`", "text")
-    what = what.replace("`array`", "a list").replace("`object`", "a table").replace("`bool`", "true or false")
-    what = re.sub(r"(\d)\.0\b", r"\1", what).replace("Number out of range", "a number that 64 bits hold")
     if field.endswith("radius"):  # the only bounded length
         what = what.replace("a number", "metres")
     shown = _SHORT.repr(found)

@@ -49,16 +49,25 @@ class Record(Row, frozen=True, forbid_unknown_fields=True):
         try:
             return msgspec.convert(known | ({"type": tag} if tag else {}) | values, type(self))
         except msgspec.ValidationError as error:
-            what, _, path = str(error).partition(" - at `$.")
-            field = re.split(r"[.\[`]", path)[0]
-            right = what.removeprefix("Expected ").partition(", got")[0]
-            for one, word in _WORDS.items():
-                right = right.replace(one, word)
+            path, right = explained(error)
+            field = re.split(r"[.\[]", path)[0]
             raise InputError(f"{type(self).__name__}.{field}", right, repr(changes.get(field))) from None
 
 
-_WORDS = {"`float`": "a number", "`int`": "a whole number", "`array`": "a list", "`object`": "a record", "`": ""}
-"""msgspec's names of types -> ours."""
+def explained(error: msgspec.ValidationError) -> tuple[str, str]:
+    """Return the field, as `spheres[1].radius`, and what was expected there, of msgspec's `Expected ... - at `$...`."""
+    what, _, field = str(error).partition(" - at `$")
+    what = re.sub(r", got (`.*`|\d+)$", "", what.removeprefix("Expected "))
+    for theirs, ours in _WORDS.items():
+        what = what.replace(theirs, ours)
+    return field.rstrip("`").lstrip("."), re.sub(r"(\d)\.0\b", r"\1", what)
+
+
+_WORDS = {
+    "`float`": "a number", "`int`": "a whole number", "`str`": "text", "`array`": "a list", "`object`": "a table",
+    "`bool`": "true or false", "Number out of range": "a number that 64 bits hold",
+}  # fmt: skip
+"""msgspec's words -> ours."""
 
 
 def _listed(value: Any) -> Any:
