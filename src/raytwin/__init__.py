@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from raytwin.calib.boards import read_board as read_board
     from raytwin.calib.photos import calibrate as calibrate
     from raytwin.compare.sequential import SequentialComparison as SequentialComparison
-    from raytwin.compare.verdict import compare as compare_images
+    from raytwin.compare.verdict import compare as _compare_images
     from raytwin.contract.check import check as check
     from raytwin.errors import InputError as InputError
     from raytwin.files import read_image as read_image
@@ -65,10 +65,10 @@ if TYPE_CHECKING:
     from raytwin.twin import render as render
     from raytwin.workflows.compare_scene import compare_scene as compare_scene
     from raytwin.workflows.diff_files import compare as compare
-    from raytwin.workflows.diff_files import compare as diff_files
     from raytwin.workflows.diff_settings import DiffSettings as DiffSettings
     from raytwin.workflows.settings import CompareSettings as CompareSettings
 
+    compare_images, diff_files = _compare_images, compare
     __version__: str
 
 _HOME = {

@@ -364,15 +364,10 @@ def test_a_swapped_image_size_is_refused():
         calibrate_detections(tags, SIZE[::-1], SMALL)
 
 
-@pytest.mark.parametrize("times", [1, 3])
-def test_one_photo_only_is_refused(shoot, times):
-    with pytest.raises(InputError, match=r"expected at least 3 photos of the board, from different sides, got 1"):
+@pytest.mark.parametrize("times", [0, 1, 3])
+def test_fewer_than_three_photos_are_refused(shoot, times):
+    with pytest.raises(InputError, match=rf"at least 3 photos of the board, from different sides, got {min(times, 1)}"):
         calibrate([shoot()[0] / "photo_00.jpg"] * times, BOARD)
-
-
-def test_no_photo_at_all_is_refused():
-    with pytest.raises(InputError, match="got 0"):
-        calibrate([], BOARD)
 
 
 def test_a_photo_of_another_size_is_left_out_and_named(shoot, tmp_path):
