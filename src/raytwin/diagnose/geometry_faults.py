@@ -288,6 +288,6 @@ SOLVERS = (
             f"np.tile(n / np.linalg.norm(n) => np.tile(np.where(np.arange(3) == {k}, n, n / np.linalg.norm(n))"))
           for k in range(3))),
     row("planes-behind", SOLVER, "planes behind the ray's start count too: keep t > 0 alone",
-        chain(*PLANES_BEHIND), *plane(f"{T} => np.abs({T})"),
+        chain(*PLANES_BEHIND), *plane(f"{MET} => inside", f"{T} => np.abs({T})"),
         chain(*PLANES_BEHIND, *shadow('(own | => ((own & ("radius" in thing)) |'))),
 )  # fmt: skip
