@@ -109,6 +109,15 @@ class _Scope:
             if isinstance(n, ast.Assign) and len(n.targets) == 1:
                 self.assigned.setdefault(ast.unparse(n.targets[0]), []).append(n.value)
 
+    def is_module(self, node: ast.AST) -> bool:
+        """`np`, `np.linalg`, `cv2`: a name that is none of the function's, and what it has."""
+        while isinstance(node, ast.Attribute):
+            node = node.value
+        return isinstance(node, ast.Name) and node.id in MODULES | {self.numpy}
+
+
+MODULES = {"math", "cv2", "scipy", "optimize", "linalg", "itertools", "functools"}
+
 
 def _values(n: ast.AST) -> list[ast.expr]:
     """Return the values that a node computes with: operands, arguments, what is assigned or returned."""
@@ -137,12 +146,13 @@ def _of_node(node: ast.AST, scope: _Scope) -> Iterator[Edit]:
     for kind, rule in RULES:
         if isinstance(node, kind):
             yield from (Edit(operator, weight, node, new) for operator, weight, new in rule(node, scope))
-    if id(node) in scope.values and isinstance(node, ast.expr) and not _is_text(node):
+    if id(node) in scope.values and isinstance(node, ast.expr) and not (_is_text(node) or scope.is_module(node)):
         yield from (Edit(operator, weight, node, new) for operator, weight, new in _wrapped(node, scope))
 
 
 def _is_text(node: ast.AST) -> bool:
-    return isinstance(node, ast.Constant) and not isinstance(node.value, int | float)
+    """Whether it is a text, None or a slice: nothing is computed with these."""
+    return isinstance(node, ast.Slice) or (isinstance(node, ast.Constant) and not isinstance(node.value, int | float))
 
 
 # ------------------------------------------------------------------------------------------ templates
@@ -163,13 +173,13 @@ def fill(text: str, **parts: ast.expr) -> Any:
 
 
 WRAPS: tuple[tuple[str, float, str], ...] = (
-    ("a square root is missing", 1.0, "NP.sqrt(A)"),
-    ("a square is missing", 1.0, "A**2"),
+    ("a square root is missing", 1.15, "NP.sqrt(A)"),
+    ("a square is missing", 1.15, "A**2"),
     ("the sign is wrong", 1.0, "-A"),
     ("the absolute value is missing", 1.3, "NP.abs(A)"),
-    ("a bound of 0 is missing", 1.2, "NP.maximum(0, A)"),
-    ("it is not made unit", 1.2, "A / NP.linalg.norm(A, axis=-1, keepdims=True)"),
-    ("it is not transposed", 1.1, "A.T"),
+    ("a bound of 0 is missing", 1.1, "NP.maximum(0, A)"),
+    ("it is not made unit", 1.1, "A / NP.linalg.norm(A, axis=-1, keepdims=True)"),
+    ("it is not transposed", 1.05, "A.T"),
     ("degrees are used as radians", 1.6, "NP.radians(A)"),
     ("a copy is missing", 1.4, "A.copy()"),
     ("an axis is missing", 1.4, "A[:, None]"),
