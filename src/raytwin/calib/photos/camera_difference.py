@@ -11,13 +11,14 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.optimize import least_squares
 
 from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.uncertainty import UNDONE_PX, cell_middles, deviations
 from raytwin.errors import InputError
 
-STEPS, SETTLED = 30, 1e-12
-"""Gauss-Newton steps at most, and the turn or shift, radians or distances, at which they stop."""
+SETTLED = 1e-12
+"""The fit has converged once a step changes neither turn and shift nor the sum of squares by more than this share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,26 +49,20 @@ def projection_difference(calibration, other, distance: float | None = None) -> 
     rays = lens_model.unit_rays(pixels, calibration.K, calibration.dist)
     seen = np.isfinite(sigma)
     weight = np.where(seen, 1 / np.maximum(np.nan_to_num(sigma, nan=1.0), UNDONE_PX), 0.0)[:, None]
-    unknowns = 3 if math.isinf(away) else 6
-    R, t = np.eye(3), np.zeros(3)  # t in distances: the rays end at a distance of 1
-    with np.errstate(all="ignore"):  # a ray without a pixel has no weight
-        for _ in range(STEPS):
-            points = rays @ R.T + t
-            off, _, of_point = lens_model.linearise(points, pixels, other.K, other.dist, ())
-            inside = lens_model.grows(points, other.dist) & seen
-            w = np.where(inside[:, None], weight, 0.0)
-            J = (lens_model.of_pose(points, of_point)[..., :unknowns] * w[..., None])[inside].reshape(-1, unknowns)
-            step = np.linalg.lstsq(J, -(off * w)[inside].ravel(), rcond=None)[0]
-            turn = cv2.Rodrigues(step[:3])[0]
-            R, t = turn @ R, turn @ t + np.append(step[3:], np.zeros(6 - unknowns))[:3]
-            if np.abs(step).max() < SETTLED:
-                break
-        points = rays @ R.T + t
-        off, _, _ = lens_model.linearise(points, pixels, other.K, other.dist, ())
-    found = np.where(seen & lens_model.grows(points, other.dist), np.linalg.norm(off, axis=1), math.nan)
+
+    def off(x: np.ndarray) -> np.ndarray:
+        """(n, 2) pixels, by a turn and a shift (none at infinity) in distances: the rays end at a distance of 1."""
+        points = rays @ cv2.Rodrigues(x[:3])[0].T + np.append(x[3:], np.zeros(6 - len(x)))
+        with np.errstate(all="ignore"):
+            residuals, _, _ = lens_model.linearise(points, pixels, other.K, other.dist, ())
+        residuals[~(seen & lens_model.grows(points, other.dist))] = math.nan
+        return residuals
+
+    start = np.zeros(3 if math.isinf(away) else 6)
+    best = least_squares(lambda x: np.nan_to_num(off(x) * weight).ravel(), start, xtol=SETTLED, ftol=SETTLED).x
+    found = np.linalg.norm(off(best), axis=1)
     if not np.isfinite(found).any():
         raise InputError("--against", "a camera that sees some of what this one sees", "none of it")
     median, p95, worst = (float(np.nanquantile(found, q)) for q in (0.5, 0.95, 1.0))
-    turned = math.degrees(float(np.linalg.norm(cv2.Rodrigues(R)[0])))
-    shift = 0.0 if math.isinf(away) else away * float(np.linalg.norm(t))
-    return ProjectionDifference(found.reshape(shape), median, p95, worst, away, turned, shift)
+    turned, shift = math.degrees(float(np.linalg.norm(best[:3]))), float(np.linalg.norm(best[3:]))
+    return ProjectionDifference(found.reshape(shape), median, p95, worst, away, turned, away * shift if shift else 0.0)
