@@ -1,7 +1,7 @@
 """What a verdict sees: faults put into correct renders and how often each tool finds them; alarms where there is none.
 
-`python -m measure.power [faults alarms noise samples] [COUNT]` prints the tables of docs/measured/verdict.md; COUNT
-pairs of each kind of noise (500), and four times as many fresh renders. The tools, each at a setting its users take:
+`python -m measure.power [faults noise samples] [COUNT]` prints the tables of docs/measured/verdict.md; COUNT pairs of
+each kind of noise (500). The tools, each at a setting its users take:
 
 - raytwin: `compare` at a false-alarm rate of 1e-3;
 - the others as measure.other_tools has them (idiff is left out where OpenImageIO is not installed: it is no
@@ -151,27 +151,6 @@ def power_table(
     return rows
 
 
-def false_alarms(scenes: dict[str, Scene], count: int = 2000, rate: float = 1e-3) -> list[dict[str, object]]:
-    """Correct renders with fresh seeds against references: rows {"what", "comparisons", "alarms", "low", "high"}.
-
-    The interval is Clopper and Pearson's at 95 %. Half as many samples for every next seed: 16, 32 and 64.
-    """
-    cases = [
-        (name, rung, s) for name in scenes for rung, s in (("sky", "center"), ("path", "center"), ("shadow", "area"))
-    ]
-    each = -(-count // len(cases))
-    rows, total = [], 0
-    for name, rung, sampling in cases:
-        reference = render(scenes[name], 4096, 999_979, rung=rung, sampling=sampling)
-        alarms = 0
-        for seed in range(each):
-            image = render(scenes[name], (16, 32, 64)[seed % 3], seed, rung=rung, sampling=sampling)
-            alarms += compare(image, reference, false_alarm_rate=rate).verdict == "fail"
-        total += alarms
-        rows.append(_counted(f"{name}, {rung}, {sampling}", each, alarms))
-    return [*rows, _counted("all", each * len(cases), total)]
-
-
 def noise_table(count: int = 500, shape: tuple[int, int] = (48, 64), rate: float = 1e-3) -> list[dict[str, object]]:
     """Made-up noise of every kind: how many of `count` correct pairs alarm or stay undecided, and what faults are seen.
 
@@ -260,21 +239,16 @@ def noise_cells(row: dict[str, Any]) -> list[str]:
 def main(*parts: str, scenes: str = str(Path(__file__).resolve().parents[2] / "scenes")) -> None:
     def table(name: str, columns: Sequence[str], rows: list[list[str]]) -> None:
         part = name.partition("-")[0]
-        counted = f" {count}" if part in ("alarms", "noise") else ""
+        counted = f" {count}" if part == "noise" else ""
         record.table("verdict", name, columns, rows, f"python -m measure.power {part}{counted}")
 
     count = next((int(part) for part in parts if part.isdecimal()), 500)
-    chosen = [part for part in parts if not part.isdecimal()] or ["faults", "alarms", "noise", "samples"]
+    chosen = [part for part in parts if not part.isdecimal()] or ["faults", "noise", "samples"]
     if "faults" in chosen:
         overlap = read_scene(f"{scenes}/overlap").scene
         overlap, counts = overlap.with_camera(overlap.camera.resized(160, 120)), [16, 64, 256, 1024, 4096]
         tools = [f"{tool} at {' / '.join(map(str, counts))}" for tool in TOOLS]
         table("faults", ["fault", *tools], by_fault(power_table(overlap, counts, seeds=3), counts))
-    if "alarms" in chosen:
-        named = {name: read_scene(f"{scenes}/{name}").scene for name in ("single", "overlap", "distorted", "grazing")}
-        small = {name: scene.with_camera(scene.camera.resized(64, 48)) for name, scene in named.items()}
-        columns = ["correct renders", "alarms", "95 % interval of the rate"]
-        table("alarms", columns, [alarm_cells(row) for row in false_alarms(small, 4 * count)])
     if "noise" in chosen:
         rows = noise_table(count)
         columns = ["noise", "alarms", "undecided", "detectable", "1 % caught", "3 % caught"]
