@@ -64,7 +64,7 @@ def test_fireflies_at_the_borders_are_judged_by_their_neighbours_as_any_others()
     mean = np.full_like(v, 0.5)
 
     def places(flip) -> set[tuple[int, int]]:
-        side = survey(Image(np.ascontiguousarray(flip(mean)), np.ascontiguousarray(flip(v)), 16, None, 16), flip(mean))
+        side = survey(Image(np.ascontiguousarray(flip(mean)), np.ascontiguousarray(flip(v)), 16, None, 16))
         assert side is not None
         marked = np.zeros(v.shape[:2])
         marked[side.fireflies[0], side.fireflies[1]] = 1

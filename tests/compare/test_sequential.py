@@ -79,7 +79,7 @@ def test_samples_that_agree_because_they_missed_rare_shade_fail_no_correct_pair(
 def test_what_agreeing_samples_missed_is_granted_once_for_all_looks():
     """A look's own level asks for more standard deviations of noise, and for no more missed events."""
     bound = Bound(1e-5, 1.0)
-    nothing = Missed(np.zeros(3), np.zeros(3), np.zeros(3))
+    nothing = Missed()
     looks = [
         Allowance(bound, nothing, nothing, 0.25, level / 1e-3).events_missed(level) for level in (1e-3, 1e-4, 1e-6)
     ]

@@ -16,10 +16,9 @@ What a variance estimated from a few batches needs, so that the rate holds:
 - A value whose batches happened to agree looks surer than it is. Its variance is raised to the largest of its 3 x 3
   neighbourhood, to its block's mean, and to what the other image's variance says of it.
 - A pixel that missed a rare event (a firefly) is too dark by the events' mean, without a trace in its variance. The
-  mean of the fireflies that were seen elsewhere, in units of radiance or of the radiance there, is therefore granted to
-  whatever may have missed them all: often a few thousandths of the radiance, where widening every variance by a
-  firefly's would have blinded all tests. Where both images state their samples, a variance is never less than the
-  samples' ratio says of the other's.
+  mean of the fireflies that were seen elsewhere is therefore granted to whatever may have missed them all: often a few
+  thousandths of the radiance, where widening every variance by a firefly's would have blinded all tests. Where both
+  images state their samples, a variance is never less than the samples' ratio says of the other's.
 - Values with a standard deviation below a tenth of the tolerance hold no noise: they are compared as exact images are,
   where neither image is sampled, and at the background. In a sampled image samples that all agree prove little: n of
   them miss an event of probability p with exp(-n p). What they may have missed is granted to values, tiles and image,
@@ -170,10 +169,8 @@ class Allowance(NamedTuple):
         `allowed`: the bound of that radiance, where it is known already.
         """
         granted = self.bound.of(radiance) if allowed is None else allowed
-        if not (self.by_test.nothing and self.by_reference.nothing):
-            # Relative to the image that missed nothing: a reference that did is too dark itself.
-            full = radiance + np.maximum(error, 0)
-            dark, bright = self.by_test.of(pixels, radiance), self.by_reference.of(pixels, full)
+        if self.by_test.bias.any() or self.by_reference.bias.any():
+            dark, bright = self.by_test.of(pixels), self.by_reference.of(pixels)
             granted = granted + np.where(error < 0, dark, bright).astype(granted.dtype)
         return np.asarray(granted)
 
@@ -196,7 +193,7 @@ def decide(
 
     `look`: the part of the rate of all looks at a sequence that `rate` is.
     """
-    a, b = survey(test, reference.mean), survey(reference, test.mean)
+    a, b = survey(test), survey(reference)
     typical, largest = variance_ratio(test, reference, a, b, (SILENT * bound.least) ** 2)
     noisy = [s for s in (a, b) if s is not None]
     share = sidak(rate, TESTS)

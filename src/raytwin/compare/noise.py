@@ -49,9 +49,8 @@ def degrees_of_freedom(image: Image) -> float:
 
 class Side(NamedTuple):
     """One image's noise: its mean variance, and per 8 x 8 block (by, bx, 3) the mean and what is unusual for a value.
-    Sums over its fireflies, per channel (3,): `first` of their contributions to their pixels, `second` of the squares,
-    `share` of the contributions relative to the other image's radiance there, `shares` of the squares; and where they
-    are, (y, x, c).
+    Sums over its fireflies, per channel (3,): `first` of their contributions to their pixels, `second` of the squares;
+    and where they are, (y, x, c).
     """
 
     mean: float
@@ -59,27 +58,20 @@ class Side(NamedTuple):
     unusual: Float32[np.ndarray, "by bx 3"]
     first: Float[np.ndarray, "3"]
     second: Float[np.ndarray, "3"]
-    share: Float[np.ndarray, "3"]
-    shares: Float[np.ndarray, "3"]
     fireflies: tuple[Int[np.ndarray, " n"], ...]
 
     @property
     def events(self) -> Float[np.ndarray, "3"]:
-        """(3,) the effective number of fireflies: their count, where all are alike."""
-        return effective(self.first, self.second)
+        """(3,) the effective number of fireflies, (Σ x)² / Σ x²: their count, where all are alike."""
+        return np.asarray(np.divide(np.square(self.first), self.second, out=np.zeros(3), where=self.second > 0))
 
 
-def effective(first: Float[np.ndarray, "3"], second: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    """(Σ x)² / Σ x²: how many, were all alike."""
-    return np.asarray(np.divide(np.square(first), second, out=np.zeros(3), where=second > 0))
-
-
-def survey(image: Image, other: Pixels) -> Side | None:
-    """The noise of one image, in one pass; None where it has none. `other` is the radiance of the other image."""
+def survey(image: Image) -> Side | None:
+    """The noise of one image, in one pass; None where it has none."""
     v = image.variance
     if v is None:
         return None
-    blocks, unusual, sums, places = [], [], np.zeros((4, 3)), [np.zeros((3, 0), np.intp)]
+    blocks, unusual, sums, places = [], [], np.zeros((2, 3)), [np.zeros((3, 0), np.intp)]
     for y0, y1, rows in strips(v.shape):
         strip = v[y0:y1]
         count = block_counts(strip, rows)
@@ -93,18 +85,14 @@ def survey(image: Image, other: Pixels) -> Side | None:
             y, x, c = _fireflies(image.mean, v, y + y0, x, c)
             places.append(np.array([y, x, c]))
             own = v[y, x, c].astype(np.float64)
-            radiance = other[y, x, c].astype(np.float64)
             # A single event of size S in n samples lifts the mean by S/n and makes its variance (S/n)^2.
-            relative = np.divide(own, np.square(radiance), out=np.zeros_like(own), where=radiance > 0)
-            sums += [np.bincount(c, w, 3) for w in (np.sqrt(own), own, np.sqrt(relative), relative)]
+            sums += [np.bincount(c, w, 3) for w in (np.sqrt(own), own)]
     return Side(
         float(v.mean(dtype=np.float64)),
         np.concatenate(blocks),
         np.concatenate(unusual),
         sums[0],
         sums[1],
-        sums[2],
-        sums[3],
         tuple(np.concatenate(places, axis=1)),
     )
 
@@ -321,29 +309,19 @@ def _along(e: Float32[np.ndarray, "h w 3"], lines: Float64[np.ndarray, " n"], ax
 
 
 class Missed(NamedTuple):
-    """What an image may have missed: the bias of its fireflies' mean per channel (3,), and how many it sees a pixel.
+    """What an image may have missed: the bias of its fireflies' mean per channel (3,), and how many it sees a pixel."""
 
-    `fixed` in units of radiance plus `share` relative to the radiance: one of them is 0.
-    """
-
-    fixed: Float[np.ndarray, "3"]
-    share: Float[np.ndarray, "3"]
-    density: Float[np.ndarray, "3"]
+    bias: Float[np.ndarray, "3"] = np.zeros(3)
+    density: Float[np.ndarray, "3"] = np.zeros(3)
 
     @property
     def always(self) -> "Missed":
         """Granted to sums from which the fireflies are left out, however many pixels they have."""
         return self._replace(density=np.zeros(3))
 
-    @property
-    def nothing(self) -> bool:
-        return not (self.fixed.any() or self.share.any())
-
-    def of(self, pixels: Counts | int, radiance: Means) -> Means | Float[np.ndarray, "3"]:
-        """For means over so many pixels, (..., 1) or one number, of mean radiance (..., 3), to (..., 3)."""
-        if self.nothing:
-            return np.zeros(3)
-        return np.asarray(np.where(self.density * pixels < SURE, self.fixed + self.share * radiance, 0.0))
+    def of(self, pixels: Counts | int) -> Means | Float[np.ndarray, "3"]:
+        """For means over so many pixels, (..., 1) or one number, to (..., 3)."""
+        return np.asarray(np.where(self.density * pixels < SURE, self.bias, 0.0))
 
 
 def missed(
@@ -363,19 +341,14 @@ def missed(
         size = np.divide(second, first, out=np.zeros(3), where=first > 0)
         return np.asarray((first + c * np.sqrt(second) + (c * c / 4 + 1) * size) / pixels)
 
-    known = [s for s in (a, b) if s is not None]
     # Among many fireflies some have two neighbours of their kind, and pass for an edge.
-    fixed = 1.2 * np.max([limit(s.first, s.second) for s in known], axis=0)
-    relative = 1.2 * np.max([limit(s.share, s.shares) for s in known], axis=0)
-    # Light that is sampled badly is bright where the picture is: then they are more alike relative to it.
-    alike = np.sum([effective(s.share, s.shares) for s in known], axis=0) > np.sum([s.events for s in known], axis=0)
-    fixed, relative = np.where(alike, 0.0, fixed), np.where(alike, relative, 0.0)
+    bias = 1.2 * np.max([limit(s.first, s.second) for s in (a, b) if s is not None], axis=0)
 
     def one(own: Side | None, other: Side | None, more: float) -> Missed:
         if own is None:
-            return Missed(np.zeros(3), np.zeros(3), np.zeros(3))
+            return Missed()
         seen = own.events if other is None else np.maximum(own.events, more * other.events)
-        return Missed(fixed, relative, seen / pixels)
+        return Missed(bias, seen / pixels)
 
     na, nb = samples
     counted = na > 1 and nb > 1
