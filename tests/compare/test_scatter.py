@@ -8,7 +8,7 @@ from measure.noise_models import FILTERS, exact, filtered, picture, render, unto
 
 from raytwin.compare import compare
 from raytwin.compare.noise import residual
-from raytwin.compare.scatter import LEVEL, borne_out, patterned, two_valued
+from raytwin.compare.scatter import LEVEL, borne_out, patterned
 from raytwin.image import Image
 
 TRUTH = picture(48, 64)
@@ -136,14 +136,6 @@ def test_noise_in_a_part_of_the_reference_bears_out_none_elsewhere():
     test, reference = (render(rng, TRUTH, samples=64).mean for _ in range(2))
     reference[:, :32] = TRUTH[:, :32]
     assert not borne_out(test, reference, residual(test, reference), LEAST)
-
-
-def test_two_values_are_told_from_the_flattest_noise():
-    rng = np.random.default_rng(8)
-    base = TRUTH.astype(np.float32)
-    for draw, told in (("two values", True), ("even", False), ("Gaussian", False)):
-        test = base + np.float32(0.1) * DRAWS[draw](rng, base.shape).astype(np.float32)
-        assert two_valued(residual(test, base, carrying=True), LEAST) == told
 
 
 @pytest.mark.parametrize("name", list(FILTERS))

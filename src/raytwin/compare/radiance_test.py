@@ -15,7 +15,7 @@ from raytwin.compare.messages import agreement, noise_findings, percent, what_co
 from raytwin.compare.metrics import METRICS, p999_abs
 from raytwin.compare.noise import Residual, block_means, capped, estimated, rare_light, residual
 from raytwin.compare.scale import Bound
-from raytwin.compare.scatter import borne_out, patterned, two_valued
+from raytwin.compare.scatter import borne_out, patterned
 from raytwin.compare.shift import Shift, shift_findings
 from raytwin.compare.significance import sidak
 from raytwin.image import Image
@@ -259,7 +259,7 @@ class RadianceTest:
             return first
         have = "have" if len(unstated) > 1 else "has"
         which = f"{' and '.join(unstated)} {have} no variance"
-        if not known or two_valued(shown, self.bound.least):
+        if not known:
             return outcome._replace(doubts=(*outcome.doubts, f"undecided: {which}, and {UNEXPLAINED}: {GIVE}"))
         note = (
             f"{which}: noise was estimated from the difference within 8 x 8 pixels, where single wrong pixels go "

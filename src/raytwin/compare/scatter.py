@@ -1,11 +1,10 @@
 """May the scatter of t - r, which no variance explains, be a renderer's noise? Only then may it excuse anything.
 
-Three questions, each of pixels alone, since nothing here is claimed:
+Two questions, each of pixels alone, since nothing here is claimed:
 
     borne_out   Does the reference scatter too? With t = s + n_t and r = s + n_r, the covariance of t - r with r is
                 -var(n_r), whatever s shows. An image without noise has none, so that a pattern of wrong pixels beside
                 it is never excused; one with noise bears out at most 1 / LEVEL times its own variance.
-    two_valued  Do the errors take two values of opposite sign? Half of the pixels black and the others doubled.
     patterned   Do errors repeat from place to place? Stripes, checkerboards, ordered dithering.
 """
 
@@ -23,10 +22,6 @@ REGION = 4
 
 ALMOST_ALL = 0.95
 """The share of the regions that must bear the scatter out; edges and texture make a few of them doubtful."""
-
-TWO_VALUED = 0.65
-"""The effective share of a block's values that carry its scatter: 1 of two values, 0.56 of uniform noise, 1/3 of
-Gaussian noise. Above this, the errors are two values with little noise about them."""
 
 FILTER, LONGEST = 5, 16
 """Pixels: up to FILTER a reconstruction filter makes neighbours alike; LONGEST is the longest period looked for."""
@@ -69,12 +64,6 @@ def _within_cells(x: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "he we c"]
     h, w = x.shape[0] // 2, x.shape[1] // 2
     cells = x[: 2 * h, : 2 * w].reshape(h, 2, w, 2, -1)
     return np.asarray((cells - cells.mean(axis=(1, 3), keepdims=True)).reshape(2 * h, 2 * w, -1))
-
-
-def two_valued(shown: Residual, least: float) -> bool:
-    """Whether the errors of most blocks that scatter are of two values: a kurtosis below 1.5."""
-    scatters = (shown.square > least**2) & (shown.pixels >= 16)
-    return bool(scatters.any()) and float(np.median((shown.carrying / shown.pixels)[scatters])) > TWO_VALUED
 
 
 def patterned(test: Pixels, reference: Pixels, square: Blocks) -> bool:
