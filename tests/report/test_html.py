@@ -99,8 +99,14 @@ def test_a_reason_leads_to_its_place(spoiled):
 
 
 def test_settings_versions_and_times_beside_errors_are_there(plain):
-    text = text_of(plain[1])
-    for said in ("sphere solver robust", "numpy 2.4.6", "twin variant llvm_ad_rgb", "412 ms", "p99.9 error 2e-7"):
+    text, p999 = text_of(plain[1]), plain[0].comparison.radiance.p999_abs
+    for said in (
+        "sphere solver robust",
+        "numpy 2.4.6",
+        "twin variant llvm_ad_rgb",
+        "412 ms",
+        f"p99.9 error {p999:.2g}",
+    ):
         assert said in text
 
 
