@@ -2,7 +2,6 @@
 
 import functools
 import json
-import time
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -265,15 +264,6 @@ def test_a_family_that_the_budget_leaves_out_is_named(view, monkeypatch):
         run.time_methods(
             view("single", 128, 96), methods, lambda method, image: {}, now[0] + 4, 3, silent, lambda: now[0]
         )
-
-
-def test_of_each_family_the_cheapest_is_prepared_first(view):
-    methods = choose(("drjit32-path-*", "fill", "numpy32-shadow-*spp"))
-    look, past = (lambda method, image: {}), time.perf_counter() - 1
-    _, left = run.time_methods(view("single", 8, 6), methods[::-1], look, past, 1, silent)
-    assert {o.method for o in left} == {m.name for m in methods}
-    tried = [o.method for o in left if "to prepare" not in o.why]  # the first, whatever the time
-    assert [RENDERERS[name].samples for name in tried] == [1]
 
 
 def test_a_row_has_exactly_the_promised_keys(small_run, tmp_path):

@@ -54,40 +54,6 @@ def test_noise_is_not_held_to_the_bounds_of_exact_images():
     assert rows["mask_mismatch_pixels"].within is False
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(None, "–"), (0, "0"), (0.0, "0"), (12, "12"), (1234567, "1 234 567"), (2.1e-7, "2.10e-07"), (-0.5, "-0.500"),
-     (0.0123, "0.0123"), (999.6, "1 000"), (1.0, "1.00"), (1e9, "1.00e+09"), (math.nan, "NaN"), (-math.inf, "-inf")],
-)  # fmt: skip
-def test_numbers_are_shown_to_three_digits(value, text):
-    assert numbers.shown(value).replace("\u202f", " ") == text
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(1e-5, "1e-05"), (7.038194e-6, "7.04e-06"), (0.5, "0.5"), (2.5e-4, "2.5e-04"), (20, "20"), (0, "0")],
-)
-def test_bounds_are_written_as_people_write_them(value, text):
-    assert numbers.short(value) == text
-
-
-@pytest.mark.parametrize(
-    ("value", "sigma", "text"),
-    [(1559.97213, 0.42, "1559.97"), (1559.97213, 7.3, "1560.0"), (-0.16241, 0.0031, "-0.1624"), (2.0, None, "2.000")],
-)
-def test_a_measured_value_ends_with_the_second_digit_of_its_sigma(value, sigma, text):
-    assert numbers.beside(value, sigma) == text
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(None, "–"), (1e-6, "< 0.1 ms"), (0.0031, "3.1 ms"), (0.412, "412 ms"), (2.31, "2.31 s"), (41.18, "41.2 s"),
-     (123.4, "123 s")],
-)  # fmt: skip
-def test_times_are_shown_to_about_three_digits(value, text):
-    assert numbers.seconds(value) == text
-
-
 def test_the_json_has_the_designed_keys_and_null_for_what_is_not_finite(tmp_path):
 
     report = Report("s", "shadow", Comparison("pass", ("all well",), radiance=Radiance(max_abs=math.inf)))

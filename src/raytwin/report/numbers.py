@@ -96,8 +96,8 @@ def rows(comparison: Comparison, tolerance: Tolerance | None, noisy: bool) -> It
 def shown(value: float | None, digits: int = 3) -> str:
     """Format to `digits` significant digits, below a thousandth as 2.10e-07; a dash for what is missing.
 
-    >>> [shown(v) for v in (0.4567, 2.1e-7, -3, 123456, None)]
-    ['0.457', '2.10e-07', '-3', '123\u202f456', '–']
+    >>> [shown(v) for v in (0.4567, 1.0, 2.1e-7, 1e9, 0.0, -3, 123456, 999.6, None, math.nan)]
+    ['0.457', '1.00', '2.10e-07', '1.00e+09', '0', '-3', '123\u202f456', '1\u202f000', '–', 'NaN']
     """
     if value is None:
         return "–"
@@ -114,14 +114,22 @@ def shown(value: float | None, digits: int = 3) -> str:
 
 
 def beside(value: float | None, sigma: float | None) -> str:
-    """`value` to two digits of its standard deviation; to four of its own where there is none."""
+    """Format to two digits of its standard deviation; to four of its own where there is none.
+
+    >>> beside(1559.97213, 0.42), beside(1559.97213, 7.3), beside(-0.16241, 0.0031), beside(2.0, None)
+    ('1559.97', '1560.0', '-0.1624', '2.000')
+    """
     if value is None or not sigma or not math.isfinite(sigma):
         return shown(value, 4)
     return f"{value:.{max(0, 1 - math.floor(math.log10(sigma)))}f}"
 
 
 def short(value: float) -> str:
-    """A bound or a tick as people write it, small ones to three digits: 1e-05, 7.04e-06, 0.5, 20."""
+    """Format a bound or a tick as people write it, small ones to three digits.
+
+    >>> [short(v) for v in (1e-5, 7.038194e-6, 0.5, 2.5e-4, 20, 0)]
+    ['1e-05', '7.04e-06', '0.5', '2.5e-04', '20', '0']
+    """
     small = value and not 1e-3 <= abs(value) < 1e4
     mantissa, _, exponent = (f"{value:.2e}" if small else f"{value:.6g}").partition("e")
     mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
@@ -130,8 +138,8 @@ def short(value: float) -> str:
 
 def seconds(value: float | None) -> str:
     """
-    >>> [seconds(v) for v in (2.309, 0.0451, 0.00451, 1e-5, 125.0)]
-    ['2.31 s', '45 ms', '4.5 ms', '< 0.1 ms', '125 s']
+    >>> [seconds(v) for v in (2.309, 41.18, 0.0451, 0.00451, 1e-5, 125.0, None)]
+    ['2.31 s', '41.2 s', '45 ms', '4.5 ms', '< 0.1 ms', '125 s', '–']
     """
     if value is None:
         return "–"
