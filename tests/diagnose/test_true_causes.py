@@ -79,7 +79,7 @@ def test_a_rounded_pi_is_said_in_percent_and_nothing_wrong_is_called_right():
     assert "the sun's part is 0.051 % too bright (π written as 3.14)" in said
     assert "right" not in [bright(1 + k) for k in (1e-6, 1e-4, 1e-3, -1e-3)]
     both = next(f for f in FAMILIES if f.name == "sun-and-sky-scaled")
-    assert both.say((1.0, 2.0)) == "the sky's part is 2 times too bright"
+    assert both.sentence((1.0, 2.0), ()) == "the sky's part is 2 times too bright"
 
 
 @pytest.mark.parametrize("count", [3, 12])

@@ -14,7 +14,7 @@ from measure import record
 from tracers_by_students import CORRECT, MISTAKES, mistaken, run
 
 from raytwin.diagnose.catalogue import FAULTS
-from raytwin.diagnose.changes import SAMPLING, Fault
+from raytwin.diagnose.changes import Fault
 from raytwin.diagnose.diagnosis import FEW, Diagnosis, SubmittedImage, diagnose
 from raytwin.diagnose.draw_scene import draw_scene
 from raytwin.diagnose.predict import Pipeline, planted
@@ -116,7 +116,7 @@ def of_faults(what: str, chosen: Iterable[Sequence[tuple[Fault, Pipeline]]]) -> 
 
 def main() -> None:
     what, number = (*record.arguments(), "60")[:2]
-    direct = [f for f in FAULTS if f.stage != SAMPLING and f.ways]
+    direct = [f for f in FAULTS if f.ways]
     if what == "students":
         of_students()
     elif what == "alone":

@@ -1,36 +1,18 @@
-"""The catalogue of mistakes: what is made wrong in tracers, as data, a row each, with the sentence that helps.
+"""The catalogue of mistakes: a line each in `faults.tsv` (stage, name, the sentence that helps), and how it is made.
 
-A fault has one or more `ways` to be made, each a change of the tracer's `Steps` (see `predict`), and all called by the
-same sentence. To add a fault, add a row; to add a way, add it to its row. Factors that are not known beforehand are
-rows of `fitted`.
+A fault has one or more ways to be made, each a change of the textbook's functions (see `predict`), and all called by
+the same sentence. To add a fault, add its line, and its ways to the table of its stage; `ALONE` are ways that show
+where a function is tested alone. Factors that are not known beforehand are rows of `parametric_faults`.
 """
 
-from collections.abc import Sequence
-from itertools import islice, product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from raytwin.diagnose.camera_faults import CAMERAS
-from raytwin.diagnose.changes import (
-    CAMERA,
-    NORMALS,
-    SHADOW,
-    Fault,
-    chain,
-    in_shadow_test,
-    offset_by,
-    others_hide,
-    row,
-)
-from raytwin.diagnose.geometry_faults import SOLVERS
-from raytwin.diagnose.light_faults import LIGHTS
-from raytwin.diagnose.order_faults import ORDERS
-from raytwin.diagnose.picture_faults import OUTPUTS, SAMPLINGS
-from raytwin.diagnose.predict import Array, Pipeline, SceneDict, as_dict, replaced, slip, touches
-from raytwin.diagnose.shadow_faults import SHADOWS
-from raytwin.diagnose.surface_faults import NORMALS_, PLANES_BY_ORIGIN, by_origin, flat_normals
-from raytwin.scene import Camera, Scene
+from raytwin.diagnose import camera_faults, geometry_faults, light_faults, picture_faults
+from raytwin.diagnose.changes import SHADOW, Fault, Ways, chain, in_shadow_test, offset_by, others_hide, row
+from raytwin.diagnose.predict import Array, Pipeline, replaced, slip, touches
 
 ACNE = row("acne", SHADOW,
     "speckles: rounding puts the start of shadow rays now above, now below the surface, so that it shades itself; "
@@ -38,57 +20,24 @@ ACNE = row("acne", SHADOW,
     (), slip("sun_visible", ("return visible", "return visible & False")))  # fmt: skip
 """Which points are dark is chance: told by pixels that are all as lit or as dark as can be, and mixed."""
 
-CHANCES = (
-    *(row("plane-normal-by-origin", NORMALS, PLANES_BY_ORIGIN,
-          *flat_normals(*(by_origin(k, flat) for flat in ("1", "-1")))) for k in (1, -1)),
-    ACNE,
-)  # fmt: skip
-"""Faults of which rounding decides, pixel by pixel, what is seen: one of their ways."""
-
-CACHED = (
-    "a picture is drawn with the rays of another scene of the same size: what is kept between calls has to be found "
-    "by all that it depends on, K and dist too, not by width and height alone"
-)
-
-
-def cached(first: Sequence[Camera], cameras: Sequence[Camera]) -> tuple[Fault, ...]:
-    """Rays that are kept by the picture's size: with what one of the first gives all cameras of its size are used."""
-    by_size: dict[tuple[int, int], list[Camera]] = {}
-    for one in dict.fromkeys(first):
-        if any(other.image_size == one.image_size and other != one for other in cameras):
-            by_size.setdefault(one.image_size, []).append(one)
-    each = list(islice(product(*by_size.values()), 8 if by_size else 0))
-    ways = [
-        _with_other_rays({one.image_size: one for one in some}, what)
-        for some in each
-        for what in ("lens", "axes", "pose")
-    ]
-    return (row("rays-kept", CAMERA, CACHED, *ways),) if ways else ()
-
-
-def _with_other_rays(by_size: dict[tuple[int, int], Camera], what: str) -> Pipeline:
-    """With the kept camera's lens; its axes too, from the own eye; or its whole pose."""
-
-    def camera(scene: SceneDict) -> SceneDict:
-        if (kept := by_size.get((scene["width"], scene["height"]))) is None:
-            return scene
-        other = as_dict(Scene("", kept), False)
-        made = scene | {name: other[name] for name in ("K", "dist")}
-        if what != "lens":
-            own = scene if what == "axes" else other
-            t = other["R_cam_board"] @ (own["R_cam_board"].T @ own["t_cam_board"])
-            made |= {"R_cam_board": other["R_cam_board"], "t_cam_board": t}
-        return made
-
-    return (("camera", camera),)
-
-
 FACTS = frozenset({"nothing-met", "empty"})
 """Faults that say what is seen, whatever has brought it about: of others that would, too, nothing is said."""
 
-FAULTS: tuple[Fault, ...] = (
-    *CAMERAS, *SOLVERS, *ORDERS, *NORMALS_, *LIGHTS, *SHADOWS, *SAMPLINGS, *OUTPUTS,
-)  # fmt: skip
+WAYS: Ways = {
+    **camera_faults.CAMERAS, **geometry_faults.SOLVERS, **geometry_faults.ORDERS, **light_faults.NORMALS_,
+    **light_faults.LIGHTS, **light_faults.SHADOWS, **picture_faults.OUTPUTS,
+}  # fmt: skip
+ALONE: Ways = {**camera_faults.ALONE, **geometry_faults.ALONE, **light_faults.ALONE}
+
+
+def read_faults() -> tuple[Fault, ...]:
+    """All of the file's faults."""
+    lines = Path(__file__).with_name("faults.tsv").read_text(encoding="utf-8").splitlines()
+    rows = (line.split("\t") for line in lines)
+    return tuple(Fault(name, stage, said, WAYS.get(name, ()), ALONE.get(name, ())) for stage, name, said in rows)
+
+
+FAULTS = read_faults()
 """Every mistake there is, by stage."""
 
 

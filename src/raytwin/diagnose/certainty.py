@@ -116,7 +116,7 @@ def left_over(sights: Sequence[PixelSample], steps: Pipeline) -> tuple[int, str]
     errors, count = [], 0
     for s in sights:
         e = s.errors(steps)
-        off = (e > 4 * s.tau) & (not s.deep)
+        off = e > 4 * s.tau
         if off.any() and off.sum() <= DOUBTED * off.size:
             off[off] = ~doubtful(s.only(off).predict, s.scale, steps)
         errors.append(np.where(off, e, 0.0))

@@ -31,6 +31,10 @@ class Fault:
     alone: tuple[Pipeline, ...] = ()
 
 
+Ways = dict[str, tuple[Pipeline, ...]]
+"""Name of a fault -> the mistakes that make it."""
+
+
 def row(name: str, stage: str, sentence: str, *ways: Pipeline, alone: tuple[Pipeline, ...] = ()) -> Fault:
     return Fault(name, stage, sentence, ways, alone)
 
@@ -109,7 +113,7 @@ UNIT, POINT = "rays / np.linalg.norm(rays, axis=-1, keepdims=True)", "origins + 
 NU, NV = "np.linalg.norm(half_u)", "np.linalg.norm(half_v)"
 IN_U, IN_V = "np.abs(q @ half_u) <= half_u @ half_u", "np.abs(q @ half_v) <= half_v @ half_v"
 INSIDE, T, MET = f"({IN_U}) & ({IN_V})", "((center - origins) @ n) / (directions @ n)", "inside & (t > 0)"
-CROSS, CROSS_AT = "n = np.cross(half_u, half_v)", 'n = np.cross(thing["half_u"], thing["half_v"])'
+CROSS_AT = 'n = np.cross(thing["half_u"], thing["half_v"])'
 ALONG_Z = '(directions @ scene["R_cam_board"][2])'
 """What unit rays are divided by for z = 1."""
 NEAREST = "which, t = nearest(intersect_all(origins, directions, things))"
@@ -217,7 +221,7 @@ def where_cast(change: Pipeline) -> Pipeline:
     return chain(others_hide, change)
 
 
-def with_number(name: str, value: float, *ways: Pipeline) -> Pipeline:
+def with_number(name: str, value: Any, *ways: Pipeline) -> Pipeline:
     """Mistakes whose text calls a number by this name."""
     return chain(*ways, replaced(**{name: lambda _: value}))
 

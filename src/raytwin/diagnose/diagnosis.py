@@ -13,7 +13,7 @@ import numpy as np
 
 from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.budget import SECONDS, Budget
-from raytwin.diagnose.catalogue import ACNE, CHANCES, FACTS, FAULTS, cached
+from raytwin.diagnose.catalogue import ACNE, FACTS, FAULTS
 from raytwin.diagnose.certainty import (
     SURE,
     are_alike,
@@ -119,15 +119,12 @@ def _search(
 ) -> Diagnosis:
     """The causes that cost least, one or `most` of them together."""
     every = faults is FAULTS
-    if every:
-        cameras = [(s.view.scene.camera, bool(s.wrong.any())) for s in sights if s.view.scene]
-        faults = (*FAULTS, *cached([c for c, wrong in cameras if not wrong], [c for c, _ in cameras]))
     if families is FAMILIES and sights[0].view.scene and len({s.view.scene for s in sights}) == 1:
         families = (*FAMILIES, *of_objects(sights[0].view.scene))
     thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
     search, base = Search(sights, budget, seen), Hypothesis((), RIGHT, total(sights, RIGHT))
     found = search.round(base, faults, families if thorough else ())
-    if thorough and every and not search.explained_by(found) and (clues := clued(sights, budget)):
+    if thorough and every and not (budget.over or search.explained_by(found)) and (clues := clued(sights)):
         found = sorted([*search.round(base, clues), *found], key=lambda g: g.cost)
     if thorough and every and not search.explained_by(found):
         found = sorted([*search.slips(base), *found], key=lambda g: g.cost)
@@ -225,8 +222,7 @@ def _described(
     best = _rather_than_a_fact(found, sights)
     share, each = explained_share(sights, best.steps)
     hit, kept = hit_shares(sights, best.steps)
-    loose = hit < MATCHED and not any(s.deep for s in sights)
-    if (share < EXPLAINED or best.cost > 0.6 * base.cost or loose) and not (hit > EXPLAINED and kept > 0.99):
+    if (share < EXPLAINED or best.cost > 0.6 * base.cost or hit < MATCHED) and not (hit > EXPLAINED and kept > 0.99):
         single = min((g for g in found if len(g.causes) == 1), key=lambda g: g.cost)
         share = explained_share(sights, single.steps)[0]
         lit = [(s, s.view.scene) for s in sights if s.view.scene and s.view.scene.objects and not s.view.points]
@@ -280,30 +276,28 @@ def _most(sight: PixelSample) -> int:
 
 
 def _by_chance(sights: Sequence[PixelSample], where: str, least: float, budget: Budget) -> Diagnosis | None:
-    """A cause that leaves it to chance which of its ways is seen at a pixel: acne, and what is like it.
+    """Acne, which leaves it to chance whether a pixel is lit or dark.
 
     `least`: the share of the wrong pixels that it has to hit, beside EXPLAINED.
     """
     spoilt = [s for s in sights if s.wrong.any()]
     mixed = np.average([s.mixed for s in spoilt], weights=[s.wrong.sum() for s in spoilt])
-    for chance in budget.within("what goes by chance", CHANCES):
-        if chance is ACNE and mixed < SPECKLED:
-            continue
-        made = [[s.predict(way) for way in chance.ways] for s in sights]
-        off = [np.stack([s.off(one) for one in all_]) for s, all_ in zip(sights, made, strict=True)]
-        hit = np.concatenate([
-            (e.min(axis=0) <= np.minimum(4 * s.tau, s.errors(RIGHT) / 2))[s.wrong]
-            for e, s in zip(off, sights, strict=True)
-        ])  # fmt: skip
-        kept = np.concatenate([e.min(axis=0)[~s.wrong] <= 4 * s.tau for e, s in zip(off, sights, strict=True)])
-        if hit.mean() < max(EXPLAINED, least) or (kept.size and kept.mean() < 0.99):
-            continue
-        before = sum(s.squared(s.predict(RIGHT)) for s in sights)
-        after = sum(s.squared(np.take_along_axis(np.stack(all_), e.argmin(axis=0)[None, :, None], 0)[0])
-                    for s, e, all_ in zip(sights, off, made, strict=True))  # fmt: skip
-        cause = Cause(chance.name, chance.stage, chance.sentence)
-        return Diagnosis(False, (cause,), ((),), 1 - float(after / max(before, 1e-300)), None, "likely", where)
-    return None
+    if budget.over or mixed < SPECKLED:
+        return None
+    made = [[s.predict(way) for way in ACNE.ways] for s in sights]
+    off = [np.stack([s.off(one) for one in all_]) for s, all_ in zip(sights, made, strict=True)]
+    hit = np.concatenate([
+        (e.min(axis=0) <= np.minimum(4 * s.tau, s.errors(RIGHT) / 2))[s.wrong]
+        for e, s in zip(off, sights, strict=True)
+    ])  # fmt: skip
+    kept = np.concatenate([e.min(axis=0)[~s.wrong] <= 4 * s.tau for e, s in zip(off, sights, strict=True)])
+    if hit.mean() < max(EXPLAINED, least) or (kept.size and kept.mean() < 0.99):
+        return None
+    before = sum(s.squared(s.predict(RIGHT)) for s in sights)
+    after = sum(s.squared(np.take_along_axis(np.stack(all_), e.argmin(axis=0)[None, :, None], 0)[0])
+                for s, e, all_ in zip(sights, off, made, strict=True))  # fmt: skip
+    cause = Cause(ACNE.name, ACNE.stage, ACNE.sentence)
+    return Diagnosis(False, (cause,), ((),), 1 - float(after / max(before, 1e-300)), None, "likely", where)
 
 
 def _held_out(best: Hypothesis, sights: list[PixelSample], each: Array) -> float | None:

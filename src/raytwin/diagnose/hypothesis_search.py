@@ -213,7 +213,7 @@ class Search:
 
     def _by_common(self, ways: list[Hypothesis], before: Hypothesis) -> list[Hypothesis]:
         """Those that cost least in the scenes that everyone is asked for."""
-        common = [s for s in self.sights if s.view.common and not (s.more or s.deep)]
+        common = [s for s in self.sights if s.view.common and not s.more]
         if not common:
             return ways
         changes = tuple(way for fault in FAULTS for way in fault.ways)

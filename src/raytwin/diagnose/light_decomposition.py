@@ -4,7 +4,7 @@ The parts: the sun that nothing hides, what its shadows take away, the sky; and 
 and each bounce. A forgotten 1/π shows as "the sun's part is 3.142 times too bright", though in the whole the sky hides
 it. Parts that were sampled are given twice, from independent samples: products of the one with the other have no noise
 in their mean, so that noise does not pull factors towards 0. Bounces look alike, and would take each other's place in
-the noise: there the fewest factors are told that explain the image.
+the noise: the fewest factors are told that explain the image.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,13 +30,13 @@ LEAST = 0.01
 FIRM = 4.0
 """Standard errors: a factor off by less is right."""
 MOST = 4
-"""Factors of sampled parts, at most so many of which are told."""
+"""Factors, at most so many of which are told."""
 ALIKE = 0.02
 """Factors of one part on several objects that differ by less are one."""
+LEAST_PIXELS = 10
+"""Pixels of objects below which nothing is fitted."""
 EXPLAINED = 0.9
 """Share of the error: factors that leave more of it are not reported."""
-TURNS = 8
-"""Rounds of reweighting of the robust fit; it has settled by then."""
 Halves = tuple[Array, Array]
 
 
@@ -64,7 +64,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Split:
-    """`shares`: of all parts that show; `explained`: share of the squared error on objects that the factors explain."""
+    """`shares`: of the parts that are wrong; `explained`: share of the squared error on objects that they explain."""
 
     shares: tuple[Share, ...]
     explained: float
@@ -72,13 +72,7 @@ class Split:
     @property
     def words(self) -> str:
         """What is wrong, if that explains the image; else nothing."""
-        off = [share for share in self.shares if share.wrong]
-        sun = {share.where: share.factor for share in off if share.part == "sun"}
-        # A sun of another strength casts shadows of another strength: that is one fault, not two.
-        wrong = [
-            share.words for share in off
-            if share.part != "shadow" or abs(share.factor - (of := sun.get(share.where, 1.0))) > LEAST * max(abs(of), 1)
-        ]  # fmt: skip
+        wrong = [share.words for share in self.shares if share.wrong]
         return " and ".join(wrong) if wrong and self.explained >= EXPLAINED else ""
 
 
@@ -90,23 +84,8 @@ def split(sight: PixelSample, given: Mapping[str, Halves] | None = None) -> Spli
         given = sight.view.sampled(sight.step)
     parts = _parts(bench, sight, given or {})
     ids, names = bench.seen().ids, bench.scene.names
-    if given:
-        everywhere, by_object = (_fewest(sight, parts, ids, names, apart) for apart in (False, True))
-        return everywhere if everywhere.words else by_object
-    whole = _fitted(sight, parts, ids >= 0, "")
-    if whole is None:
-        return Split((), 0.0)
-    shares, left, before = whole
-    if 1 - left / max(before, 1e-300) >= EXPLAINED:
-        return Split(shares, 1 - left / before)
-    found: list[Share] = []
-    left = 0.0
-    for index, name in enumerate(names):
-        made = _fitted(sight, parts, ids == index, name)
-        if made is not None:
-            found += made[0]
-            left += made[1]
-    return Split(_joined(found), 1 - left / max(before, 1e-300))
+    everywhere, by_object = (_fewest(sight, parts, ids, names, apart) for apart in (False, True))
+    return everywhere if everywhere.words else by_object
 
 
 def fitted_error(view: SubmittedImage) -> tuple[str, Array]:
@@ -129,7 +108,7 @@ def fitted_error(view: SubmittedImage) -> tuple[str, Array]:
     bounces = [name for name in parts if name.startswith("bounce")]
     for share in found.shares:
         own = bounces[bounces.index(share.part.removesuffix(" on")) :] if share.part.endswith(" on") else [share.part]
-        if share.part == "sun" and given:
+        if share.part == "sun":
             own = ["sun", "shadow"]
         on = (ids >= 0) if not share.where else (ids == names.index(share.where))
         made += (share.factor - 1) * on[:, None] * sum((parts[k][0] + parts[k][1]) / 2 for k in own)
@@ -152,52 +131,19 @@ def _parts(bench: Predictor, sight: PixelSample, given: Mapping[str, Halves]) ->
     return made
 
 
-def _fitted(
-    sight: PixelSample, parts: dict[str, Halves], mask: Array, where: str
-) -> tuple[tuple[Share, ...], float, float] | None:
-    """Factors of the parts that show at these pixels, and the squared error after and before; None where none do."""
-    mask = mask & (np.abs(sight.shown) < 1e6 * sight.scale).all(axis=-1)  # NaN is none
-    weight = sight.weight[mask]
-    seen = {name: (one[mask].ravel(), other[mask].ravel()) for name, (one, other) in parts.items()}
-    w = np.repeat(weight, 3)
-    energy = {name: float((w * one * other).sum()) for name, (one, other) in seen.items()}
-    names = [name for name, e in energy.items() if e > 1e-8 * sight.scale**2 * max(weight.sum(), 1e-300)]
-    if not names or mask.sum() < 10:
-        return None
-    S = sight.shown[mask].ravel()
-    X, Y = (np.stack([seen[name][k] for name in names], axis=1) for k in (0, 1))
-    alone = np.array_equal(X, Y)
-    u, factors, A = w.copy(), np.ones(len(names)), np.eye(len(names))
-    off = S - X.sum(axis=1)
-    spread = max(float(np.median(np.abs(off))), sight.tau)
-    for _ in range(TURNS):
-        A = (X * u[:, None]).T @ Y
-        A = (A + A.T) / 2 + 1e-9 * np.diag(np.diag(A))
-        factors = np.linalg.lstsq(A, ((X + Y) / 2 * u[:, None]).T @ S, rcond=1e-9)[0]
-        rest = S - (X + Y) / 2 @ factors
-        spread = max(spread / 3, sight.tau, float(np.median(np.abs(rest))))
-        if alone:  # weights by the residual would bring back the noise that halves take out
-            u = w / (1 + np.square(rest / spread))
-    size = max(int(mask.sum()), 1)
-    errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(A)) * float((u * rest**2).sum()) / size, 0))
-    shares = tuple(
-        Share(where, name, float(f), float(e)) for name, f, e in zip(names, factors, errors, strict=True)
-    )  # fmt: skip
-    return shares, float((w * rest**2).sum()), float((w * off**2).sum())
-
-
 def _fewest(sight: PixelSample, parts: dict[str, Halves], ids: Array, names: Sequence[str], apart: bool) -> Split:
     """The fewest factors g + 1 that leave no more than noise: of parts on all objects, or on each `apart`.
 
     With the parts' halves x and y, and what all of them lack of the image, d and e, Σ w (d - x g)(e - y g) is least.
     Errors as far as pixels scatter, each pixel's channels as one (a sandwich). Not where outlines cross pixels.
     """
-    keep = (ids >= 0) & ~sight.edge & (np.abs(sight.shown) < 1e6 * sight.scale).all(axis=-1)
+    keep = (ids >= 0) & ~sight.edge & (np.abs(sight.shown) < 1e6 * sight.scale).all(axis=-1)  # NaN is none
+    if keep.sum() < LEAST_PIXELS:
+        return Split((), 0.0)
     w, shown = sight.weight[keep, None], sight.shown[keep]
     halves = {name: (one[keep], other[keep]) for name, (one, other) in parts.items()}
     d, e = (shown - np.sum([pair[k] for pair in halves.values()], axis=0) for k in (0, 1))
-    if "shadow" in halves:  # a sun of another strength casts shadows of another strength
-        halves["sun"] = _sum(halves, ["sun", "shadow"])
+    halves["sun"] = _sum(halves, ["sun", "shadow"])  # a sun of another strength casts shadows of another strength
     bounces = [name for name in halves if name.startswith("bounce")]
     together = {f"{name} on": _sum(halves, bounces[k:]) for k, name in enumerate(bounces[:-1])}
     where = [(name, (ids[keep] == i)[:, None]) for i, name in enumerate(names)] if apart else [("", np.array([[True]]))]

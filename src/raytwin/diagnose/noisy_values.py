@@ -76,7 +76,9 @@ def _trials(s: Array, r: Array, v: Array, rv: Array) -> Iterator[Trial]:
 
 
 def _powers(s: Array, r: Array, v: Array, rv: Array) -> Iterator[Trial]:
-    """r^g, by golden section between 1/3 and 3; the curve moves the mean of noisy values, to second order corrected."""
+    """r^g for g between 1/3 and 3; the curve moves the mean of noisy values, to second order corrected."""
+    from scipy.optimize import minimize_scalar
+
     base = np.maximum(r, 1e-6 * max(float(r.max()), 1e-300))
 
     def made(g: float) -> tuple[Array, Array]:
@@ -88,11 +90,7 @@ def _powers(s: Array, r: Array, v: Array, rv: Array) -> Iterator[Trial]:
         mean, variance = made(float(np.exp(log_g)))
         return _misfit(s, mean, v + variance)
 
-    low, high, ratio = -np.log(3), np.log(3), (np.sqrt(5) - 1) / 2
-    for _ in range(24):
-        one, other = high - ratio * (high - low), low + ratio * (high - low)
-        low, high = (low, other) if cost(one) < cost(other) else (one, high)
-    g = float(np.exp((low + high) / 2))
+    g = float(np.exp(minimize_scalar(cost, bounds=(-np.log(3), np.log(3)), method="bounded").x))
     named = {"encoded for display (gamma)": 1 / 2.2, "decoded once too often (gamma)": 2.2}
     words = next((f"the values are {name}" for name, x in named.items() if abs(g / x - 1) < 0.03), "")
     yield Trial(words or f"the values are raised to the power {g:.3g}", *made(g), 1)

@@ -6,7 +6,6 @@ cost of `PixelSample`, whose tolerance begins at the size of the errors and shri
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from math import pi
 from typing import Any
 
@@ -19,6 +18,7 @@ from raytwin.diagnose.changes import (
     SHADOW,
     SOLVER,
     Thing,
+    behind,
     given,
     lens,
     mixed,
@@ -30,21 +30,17 @@ from raytwin.diagnose.changes import (
     within,
 )
 from raytwin.diagnose.pixel_sample import PixelSample
-from raytwin.diagnose.predict import RIGHT, Array, Pipeline, SceneDict, replaced
+from raytwin.diagnose.predict import RIGHT, Array, Pipeline, SceneDict
 from raytwin.scene import Scene, Sphere
-
-__all__ = ["FAMILIES", "ParametricFault", "fit"]
 
 NAMED = (
     (pi, "π"), (1 / pi, "1/π"), (2.0, "2"), (0.5, "1/2"), (2 * pi, "2π"), (1 / (2 * pi), "1/(2π)"), (4.0, "4"),
     (0.25, "1/4"), (pi**2, "π²"), (1 / pi**2, "1/π²"), (255.0, "255"), (1 / 255, "1/255"),
 )  # fmt: skip
-WRITTEN = (
-    (pi / 3.14, "3.14"),
-    (pi / 3.1415, "3.1415"),
-    (7 * pi / 22, "22/7"),
-    (3.14 / pi, "3.14"),
-    (22 / 7 / pi, "22/7"),
+WRITTEN = tuple(
+    (ratio, name)
+    for name, value in (("3.14", 3.14), ("3.1415", 3.1415), ("22/7", 22 / 7))
+    for ratio in (pi / value, value / pi)
 )
 """Factors of light that a rounded π leaves, as divisor or factor."""
 SAME = 1e-5
@@ -55,8 +51,8 @@ SAME = 1e-5
 class ParametricFault:
     """`make(p)` is the change with the parameters p; `start`: those that change nothing; `step`: small ones.
 
-    `tries`: other places to begin at. `say(p)`: the sentence; `say_in(p, scenes)`: the same where it depends on the
-    scenes. `possible(p)`: whether the parameters mean anything; a fit that leaves them is dropped.
+    `sentence(p, scenes)`: what a user reads of parameters that were fitted to these scenes; `tries`: other places to
+    begin at. `possible(p)`: whether the parameters mean anything; a fit that leaves them is dropped.
     """
 
     name: str
@@ -64,14 +60,9 @@ class ParametricFault:
     start: tuple[float, ...]
     step: float
     make: Callable[[Any], Pipeline]
-    say: Callable[[Any], str]
+    sentence: Callable[[Any, Sequence[Scene]], str]
     tries: tuple[tuple[float, ...], ...] = ()
-    say_in: Callable[[Any, Sequence[Scene]], str] | None = None
     possible: Callable[[Any], bool] = lambda p: True
-
-    def sentence(self, p: Sequence[float], scenes: Sequence[Scene]) -> str:
-        """What a user reads of these parameters, fitted to these scenes."""
-        return self.say_in(p, scenes) if self.say_in and scenes else self.say(p)
 
 
 def factor(k: float) -> str:
@@ -91,17 +82,14 @@ def bright(k: float) -> str:
 
 
 def _turned(p: Sequence[float]) -> Array:
-    """exp of the rotation vector p, radians (Rodrigues)."""
-    x, y, z = (float(a) for a in p)
-    angle = (x * x + y * y + z * z) ** 0.5
-    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    if angle < 1e-12:
-        return np.eye(3) + K
-    return np.eye(3) + np.sin(angle) / angle * K + (1 - np.cos(angle)) / angle**2 * (K @ K)
+    """The matrix of the rotation vector p, radians."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_rotvec(p).as_matrix())
 
 
 def _light_turned(p: Sequence[float]) -> Pipeline:
-    turn = _turned((*p, 0.0)[:3])
+    turn = _turned(p)
     return (("lights", lambda scene: scene | {"sun": scene["sun"] | {"to_light": turn @ scene["sun"]["to_light"]}}),)
 
 
@@ -132,16 +120,6 @@ def _distortion(p: Sequence[float]) -> Pipeline:
     return (("camera", lambda scene: scene | {"dist": p[0] * scene["dist"]}),)
 
 
-def _background(f: Callable[[Array], Array]) -> Pipeline:
-    """Another background, a function of the sky's radiance."""
-
-    def wrong(right: Any, scene: SceneDict, things: Any, eye: Any, which: Array, points: Array) -> Array:
-        made: Array = right(scene, things, eye, which, points)
-        return np.where((which < 0)[:, None], f(scene["sky"]["radiance"]), made)
-
-    return replaced(radiance=lambda right: partial(wrong, right))
-
-
 def _lit(sun: Any, sky: Any = 1.0) -> Pipeline:
     """Factors of the sun's part and the sky's."""
     return given(irradiance=lambda E: E * sun, sky=lambda sky_: sky_ * sky)
@@ -149,6 +127,8 @@ def _lit(sun: Any, sky: Any = 1.0) -> Pipeline:
 
 LET_THROUGH, DIMMED = mixed("dark = dark + share * (lit - dark)"), mixed("dark = share * lit")
 """Shadows let through a share of the sun, or scale the whole light."""
+BRIGHTER, CONSTANT = behind("share * sky", "share")
+"""The background is a share of the sky's radiance, or has a radiance of its own."""
 
 
 def _power(p: Sequence[float]) -> Pipeline:
@@ -167,7 +147,7 @@ def _sun_moved(p: Sequence[float], scenes: Sequence[Scene]) -> str:
     return f"the sun's direction is off by {most}{np.degrees(angle):.3g} degrees"
 
 
-def _sun_and_sky(p: Sequence[float]) -> str:
+def _sun_and_sky(p: Sequence[float], scenes: Sequence[Scene]) -> str:
     parts = [
         f"the {name}'s part is {bright(k)}" for name, k in zip(("sun", "sky"), p, strict=True) if abs(k - 1) > SAME
     ]
@@ -176,59 +156,54 @@ def _sun_and_sky(p: Sequence[float]) -> str:
 
 FAMILIES = (
     ParametricFault("shifted", CAMERA, (0.0, 0.0), 0.1, lambda p: moved(*p),
-           lambda p: f"the image is shifted by ({-p[0]:.3g}, {-p[1]:.3g}) pixels (right, down): (0, 0) is the centre "
-                     "of the top-left pixel"),
-    ParametricFault("focal-length", CAMERA, (1.0,), 0.003, _focal,
-           lambda p: f"the focal length is off by a factor of {p[0]:.4g}"),
+           lambda p, _: f"the image is shifted by ({-p[0]:.3g}, {-p[1]:.3g}) pixels (right, down): (0, 0) is the "
+                        "centre of the top-left pixel"),
     ParametricFault("focal-lengths", CAMERA, (1.0, 1.0), 0.003, _focal,
-           lambda p: f"the focal lengths are off: fx by a factor of {p[0]:.4g}, fy by {p[1]:.4g}"),
+           lambda p, _: f"the focal lengths are off: fx by a factor of {p[0]:.4g}, fy by {p[1]:.4g}"),
     ParametricFault("camera-turned", CAMERA, (0.0, 0.0, 0.0), 0.001, _camera_turned,
-           lambda p: f"the camera is turned by {_degrees(p):.3g} degrees: check R"),
+           lambda p, _: f"the camera is turned by {_degrees(p):.3g} degrees: check R"),
     ParametricFault("camera-moved", CAMERA, (0.0, 0.0, 0.0), 0.001, _camera_moved,
-           lambda p: "the eye stands off by ({:.3g}, {:.3g}, {:.3g}) m in the board's frame: it is -Rᵀ t".format(*p)),
+           lambda p, _: "the eye stands off by ({:.3g}, {:.3g}, {:.3g}) m in the board's frame: it is "
+                        "-Rᵀ t".format(*p)),
     ParametricFault("distortion-scaled", CAMERA, (1.0,), 0.02, _distortion,
-           lambda p: f"the distortion is {p[0]:.3g} times as strong as it should be"),
+           lambda p, _: f"the distortion is {p[0]:.3g} times as strong as it should be"),
     ParametricFault("radius-scaled", SOLVER, (1.0,), 0.005, lambda p: resized(abs(p[0]) + 1e-9),
-           lambda p: f"the spheres are {p[0]:.4g} times as large as they should be"),
+           lambda p, _: f"the spheres are {p[0]:.4g} times as large as they should be"),
     ParametricFault("light-turned", LIGHT, (0.0, 0.0, 0.0), 0.01, _light_turned,
-           lambda p: f"the sun's direction is off by up to {_degrees(p):.3g} degrees",
-           ((0.6, 0.0, 0.0), (0.0, 0.6, 0.0), (-0.6, 0.0, 0.0), (0.0, -0.6, 0.0)), _sun_moved),
+           _sun_moved, ((0.6, 0.0, 0.0), (0.0, 0.6, 0.0), (-0.6, 0.0, 0.0), (0.0, -0.6, 0.0))),
     ParametricFault("sun-scaled", LIGHT, (1.0,), 0.1, lambda p: _lit(p[0]),
-           lambda p: f"the sun's part is {bright(p[0])}"),
+           lambda p, _: f"the sun's part is {bright(p[0])}"),
     ParametricFault("sky-scaled", LIGHT, (1.0,), 0.1, lambda p: _lit(1.0, p[0]),
-           lambda p: f"the sky's part is {bright(p[0])}"),
+           lambda p, _: f"the sky's part is {bright(p[0])}"),
     ParametricFault("surfaces-scaled", LIGHT, (1.0,), 0.1, lambda p: _lit(p[0], p[0]),
-           lambda p: f"all that is lit is {bright(p[0])}, the background is right"),
+           lambda p, _: f"all that is lit is {bright(p[0])}, the background is right"),
     ParametricFault("sun-and-sky-scaled", LIGHT, (1.0, 1.0), 0.1, lambda p: _lit(*p),
            _sun_and_sky),
     ParametricFault("sun-colour", LIGHT, (1.0, 1.0, 1.0), 0.1, lambda p: _lit(np.array(p)),
-           lambda p: "the sun's part is off by the factors {:.4g}, {:.4g}, {:.4g} (red, green, blue)".format(*p)),
-    ParametricFault("sky-colour", LIGHT, (0.0, 0.0, 0.0), 0.02, lambda p: given(sky=lambda sky: sky + np.array(p)),
-           lambda p: "the sky that lights surfaces has ({:+.3g}, {:+.3g}, {:+.3g}) too much radiance".format(*p)),
+           lambda p, _: "the sun's part is off by the factors {:.4g}, {:.4g}, {:.4g} (red, green, blue)".format(*p)),
     ParametricFault("shadow-strength", SHADOW, (0.0,), 0.1, lambda p: with_number("share", p[0], LET_THROUGH),
-           lambda p: f"shadows let {100 * p[0]:.3g} % of the sun through: there is none where it is hidden"),
+           lambda p, _: f"shadows let {100 * p[0]:.3g} % of the sun through: there is none where it is hidden"),
     ParametricFault("shadow-dims", SHADOW, (1.0,), 0.1, lambda p: with_number("share", p[0], DIMMED),
-           lambda p: f"shadows scale the whole light by {p[0]:.3g}: they take away the sun's part alone"),
+           lambda p, _: f"shadows scale the whole light by {p[0]:.3g}: they take away the sun's part alone"),
     ParametricFault("image-scaled", OUTPUT, (1.0,), 0.1, lambda p: shown(lambda x: p[0] * x),
-           lambda p: f"the whole image, background too, is {bright(p[0])}"),
+           lambda p, _: f"the whole image, background too, is {bright(p[0])}"),
     ParametricFault("offset", OUTPUT, (0.0,), 0.01, lambda p: shown(lambda x: p[0] + x),
-           lambda p: f"{p[0]:.4g} is added to every value"),
+           lambda p, _: f"{p[0]:.4g} is added to every value"),
     ParametricFault("power", OUTPUT, (1.0,), 0.05, _power,
-           lambda p: f"the values are raised to the power {p[0]:.3g}: gamma, where linear radiance is wanted",
+           lambda p, _: f"the values are raised to the power {p[0]:.3g}: gamma, where linear radiance is wanted",
            ((0.5,), (2.0,)), possible=lambda p: 0.2 < p[0] < 5),
-    ParametricFault("background", OUTPUT, (0.0, 0.0, 0.0), 0.05,
-           lambda p: _background(lambda sky: sky + np.array(p)),
-           lambda p: "the background is off by ({:+.3g}, {:+.3g}, {:+.3g}): a ray that meets nothing shows the sky's "
-                     "radiance".format(*p)),
+    ParametricFault("background-scaled", OUTPUT, (1.0,), 0.1, lambda p: with_number("share", p[0], BRIGHTER),
+           lambda p, _: f"the background is {bright(p[0])}: a ray that meets nothing shows the sky's radiance"),
     ParametricFault("background-constant", OUTPUT, (0.0, 0.0, 0.0), 0.05,
-           lambda p: _background(lambda sky: np.array(p)),
-           lambda p: "the background is ({:.3g}, {:.3g}, {:.3g}): a ray that meets nothing shows the sky's "
-                     "radiance".format(*p)),
+           lambda p: with_number("share", np.array(p), CONSTANT),
+           lambda p, _: "the background is ({:.3g}, {:.3g}, {:.3g}): a ray that meets nothing shows the sky's "
+                        "radiance".format(*p)),
     ParametricFault("shadow-start", SHADOW, (-6.0,), 0.2, lambda p: offset_by(10 ** p[0]),
-           lambda p: f"the shadow ray starts too far from the surface ({10 ** p[0]:.2g} m): shadows near what "
+           lambda p, _: f"the shadow ray starts too far from the surface ({10 ** p[0]:.2g} m): shadows near what "
                      "casts them are lost", ((-3.0,), (-2.3,), (-1.7,), (-1.0,), (-0.3,))),
     ParametricFault("shadow-reach", SHADOW, (3.0,), 0.1, lambda p: within(10 ** p[0]),
-           lambda p: f"only what is nearer than {10 ** p[0]:.2g} m casts a shadow: nothing bounds the way to the sun",
+           lambda p, _: f"only what is nearer than {10 ** p[0]:.2g} m casts a shadow: nothing bounds the way to the "
+                        "sun",
            ((-0.7,), (-1.2,), (0.0,))),
 )  # fmt: skip
 """A number more is a worse explanation: of two that fit alike, the row with fewer parameters stands."""
@@ -244,38 +219,34 @@ def of_objects(scene: Scene) -> tuple[ParametricFault, ...]:
         return ()
     made = []
     for k, (name, number, thing) in enumerate(zip(scene.names, scene.numbers, scene.objects, strict=True)):
-        if isinstance(thing, Sphere) and len(scene.spheres) > 1:
-            r = thing.radius
-            made.append(ParametricFault(f"radius-of-{number}", SOLVER, (0.0,), 0.001 * r, partial(_grown, k),
-                               partial(_said_of_radius, name), ((0.03 * r,), (-0.03 * r,))))  # fmt: skip
         size = thing.radius if isinstance(thing, Sphere) else float(np.linalg.norm(thing.half_u))
-        made.append(
-            ParametricFault(f"place-of-{number}", SOLVER, (0.0, 0.0, 0.0), 0.005 * size, partial(_moved, k),
-                   partial(_said_of_place, name))
-        )  # fmt: skip
+        if isinstance(thing, Sphere) and len(scene.spheres) > 1:
+            made.append(_radius_of(k, name, number, size))
+        made.append(_place_of(k, name, number, size))
     return tuple(made)
+
+
+def _radius_of(k: int, name: str, number: str, r: float) -> ParametricFault:
+    return ParametricFault(
+        f"radius-of-{number}", SOLVER, (0.0,), 0.001 * r,
+        lambda p: _with_object(k, lambda x: x | {"radius": abs(x["radius"] + float(p[0])) + 1e-12}),
+        lambda p, _: f"the radius of {name} is {1000 * abs(p[0]):.3g} mm too {'large' if p[0] > 0 else 'small'}",
+        ((0.03 * r,), (-0.03 * r,)),
+    )  # fmt: skip
+
+
+def _place_of(k: int, name: str, number: str, size: float) -> ParametricFault:
+    return ParametricFault(
+        f"place-of-{number}", SOLVER, (0.0, 0.0, 0.0), 0.005 * size,
+        lambda p: _with_object(k, lambda x: x | {"center": x["center"] + np.array(p)}),
+        lambda p, _: f"{name} stands off by ({', '.join(f'{1000 * x:+.3g}' for x in p)}) mm in the board's frame",
+    )  # fmt: skip
 
 
 def _with_object(k: int, change: Callable[[Thing], Thing]) -> Pipeline:
     """The k-th object changed, all others as they are."""
     return (("things", lambda scene: scene | {
         "things": [change(x) if i == k else x for i, x in enumerate(scene["things"])]}),)  # fmt: skip
-
-
-def _grown(k: int, p: Sequence[float]) -> Pipeline:
-    return _with_object(k, lambda x: x | {"radius": abs(x["radius"] + float(p[0])) + 1e-12})
-
-
-def _moved(k: int, p: Sequence[float]) -> Pipeline:
-    return _with_object(k, lambda x: x | {"center": x["center"] + np.array(p)})
-
-
-def _said_of_radius(name: str, p: Sequence[float]) -> str:
-    return f"the radius of {name} is {1000 * abs(p[0]):.3g} mm too {'large' if p[0] > 0 else 'small'}"
-
-
-def _said_of_place(name: str, p: Sequence[float]) -> str:
-    return f"{name} stands off by ({', '.join(f'{1000 * x:+.3g}' for x in p)}) mm in the board's frame"
 
 
 def fit(
@@ -285,9 +256,9 @@ def fit(
     over: Callable[[], bool] = lambda: False,
 ) -> tuple[tuple[float, ...], float]:
     """The parameters that explain most, and their cost, the mean over sights; as far as it comes until `over`."""
-    found = [Descent(family, sights, base, np.array(p, float)).run(over) for p in (family.start, *family.tries)]
-    p, cost = min(found, key=lambda x: x[1])
-    return tuple(float(x) for x in p), cost
+    found = [Descent(family, sights, base, np.array(p, float)) for p in (family.start, *family.tries)]
+    made = [tuple(descent.run(over).tolist()) for descent in found]
+    return min(((p, total(sights, (*base, *family.make(p)))) for p in made), key=lambda x: x[1])
 
 
 def promising(
@@ -298,73 +269,61 @@ def promising(
     over: Callable[[], bool] = lambda: False,
 ) -> tuple[list[ParametricFault], int]:
     """Those whose first step explains most, each begun at its best place; and how many were tried until `over`."""
-    tried: list[tuple[float, int, ParametricFault, Array]] = []
-    count = 0
+    tried: dict[str, tuple[float, ParametricFault]] = {}
     for family in families:
-        if over():
-            break
-        count += 1
         for start in (family.start, *family.tries):
-            descent = Descent(family, sights, base, np.array(start, float))
-            gain = descent.advance()
-            tried.append(
-                (descent.cost(descent.before, descent.first) if gain else np.inf, len(tried), family, descent.p)
-            )
-    found: dict[str, ParametricFault] = {}
-    for _, _, family, p in sorted(tried, key=lambda x: x[:2]):
-        found.setdefault(family.name, replace(family, start=tuple(p), tries=()))
-    return list(found.values())[:most], count
+            if over():
+                break
+            one = Descent(family, sights, base, np.array(start, float))
+            cost = one.cost(one.residual, one.widest) if one.advance() else np.inf
+            begun = cost, replace(family, start=tuple(one.p.tolist()), tries=())
+            tried[family.name] = min(tried.get(family.name, begun), begun, key=lambda x: x[0])
+    best = sorted(tried.values(), key=lambda x: x[0])
+    return [family for _, family in best[:most]], len(tried)
 
 
-def total(sights: Sequence[PixelSample], steps: Pipeline, widen: float = 1) -> float:
-    """The mean cost; `widen`: with so many times the tolerance."""
-    return float(np.mean([s.cost(s.errors(steps), widen * s.tau) for s in sights]))
+def total(sights: Sequence[PixelSample], steps: Pipeline) -> float:
+    """The mean cost."""
+    return float(np.mean([s.cost(s.errors(steps)) for s in sights]))
 
 
 class Descent:
-    """Gauss and Newton's steps, kept where the cost falls; `widen`: times the last tolerance."""
+    """Gauss and Newton's steps, kept where the cost falls; `widen`: times the last tolerance, at first `widest`."""
 
     def __init__(self, family: ParametricFault, sights: Sequence[PixelSample], base: Pipeline, p: Array) -> None:
         self.family, self.sights, self.base, self.p = family, sights, base, p
         self.roots = np.concatenate([np.repeat(np.sqrt(s.weight / len(sights)), 3) for s in sights])
-        self.before = self.residuals(p)
-        right = np.abs(self._residuals(base) / self.roots)
-        self.first = self.widen = float(np.median(right[right > 1])) if (right > 1).any() else 1.0
-        self.step = family.step
+        right = np.abs(self._residual(base) / self.roots)
+        self.widest = self.widen = float(np.median(right[right > 1])) if (right > 1).any() else 1.0
+        self.residual, self.step = self.residual_at(p), family.step
 
-    def residuals(self, p: Array) -> Array:
-        return self._residuals((*self.base, *self.family.make(tuple(p))))
+    def residual_at(self, p: Array) -> Array:
+        return self._residual((*self.base, *self.family.make(tuple(p))))
 
-    def _residuals(self, steps: Pipeline) -> Array:
+    def _residual(self, steps: Pipeline) -> Array:
         off = [np.clip((s.shown - s.predict(steps)) / s.tau, -1e8, 1e8).ravel() for s in self.sights]
         return self.roots * np.nan_to_num(np.concatenate(off))
 
-    def cost(self, r: Array, widen: float) -> float:
-        return float((self.roots**2 * np.log1p(np.square(r / self.roots / widen))).sum())
+    def cost(self, residual: Array, widen: float) -> float:
+        return float((self.roots**2 * np.log1p(np.square(residual / self.roots / widen))).sum())
 
     def advance(self) -> float:
         """One step, as long as it helps: its length; 0 where none does."""
-        columns = []
-        for k in range(self.p.size):
-            moved = self.p.copy()
-            moved[k] += self.step
-            columns.append((self.residuals(moved) - self.before) / self.step)
-        J = np.stack(columns, axis=1)
-        w = 1 / (1 + np.square(self.before / self.roots / self.widen))
-        A, b = (J * w[:, None]).T @ J, (J * w[:, None]).T @ self.before
-        try:
-            change = -np.linalg.solve(A + 1e-9 * np.diag(np.diag(A) + 1e-12), b)
-        except np.linalg.LinAlgError:
-            return 0.0
-        now = self.cost(self.before, self.widen)
+        beside = self.p + self.step * np.eye(self.p.size)
+        J = np.stack([(self.residual_at(p) - self.residual) / self.step for p in beside], axis=1)
+        w = 1 / (1 + np.square(self.residual / self.roots / self.widen))
+        A, b = (J * w[:, None]).T @ J, (J * w[:, None]).T @ self.residual
+        change = -np.linalg.lstsq(A + 1e-9 * np.diag(np.diag(A) + 1e-12), b, rcond=None)[0]
+        now = self.cost(self.residual, self.widen)
         for shorter in (1.0, 0.4):
-            tried = self.residuals(self.p + shorter * change)
+            tried = self.residual_at(self.p + shorter * change)
             if self.cost(tried, self.widen) < now:
-                self.p, self.before = self.p + shorter * change, tried
+                self.p, self.residual = self.p + shorter * change, tried
                 return float(np.abs(change).max())
         return 0.0
 
-    def run(self, over: Callable[[], bool] = lambda: False) -> tuple[Array, float]:
+    def run(self, over: Callable[[], bool] = lambda: False) -> Array:
+        """The best parameters."""
         for _ in range(12):
             if over():
                 break
@@ -376,4 +335,4 @@ class Descent:
             elif self.widen <= 1 and length < 1e-5 * self.family.step:
                 break
             self.widen = max(self.widen / 4, 1.0)
-        return self.p, total(self.sights, (*self.base, *self.family.make(tuple(self.p))))
+        return self.p

@@ -11,8 +11,7 @@ import msgspec
 import numpy as np
 
 from raytwin.diagnose.changes import NEAREST
-from raytwin.diagnose.predict import FIRST, RIGHT, Array, Before, Pipeline, Plain, Predictor, applied, output, touches
-from raytwin.diagnose.walks import gathered, walk
+from raytwin.diagnose.predict import FIRST, RIGHT, Array, Before, Pipeline, Plain, Predictor, output
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
@@ -20,8 +19,6 @@ from raytwin.scene import Camera, Scene, Sphere
 from raytwin.scene.lens import without_ray
 from raytwin.tracer import RADIANCE, trace
 
-WALKS, DEEPEST = 64, 5
-"""Random walks a pixel where light is followed, and the surfaces that they meet at most."""
 WRONG, RIGHT_ONES, EDGES = 700, 500, 250
 """Pixels that are looked at: of those that are wrong, those that are right, and those of them beside an outline."""
 MET = 4_000_000
@@ -68,11 +65,11 @@ class SubmittedImage:
 class PixelSample:
     """A view at N chosen pixels, weighted so that they stand for all.
 
-    `shown`, `right` (N, 3); `slack` (N, 3): what rounding may do; `scale`: of the values; `tau`: an error of this size
-    is one. `wrong`, `edge`: (N,). `more`: the right picture has light that sun, shadow and open sky do not make;
-    `whole`: (H, W) bool, the outlines, and where a ray belongs to a pixel; `deep`: the surfaces that light was followed
-    along. `mixed`: the share of the wrong pixels' neighbours that are right. `changed`: the pixels
-    that a mistake alone makes other ones; `made`: the last predictions.
+    `shown`, `right` (N, 3); `slack` (N, 3): what rounding may do; `scale`: of the values; `tau`: an error of this size is one.
+    `wrong`, `edge`: (N,). `more`: the right picture has light that sun, shadow and open sky do not make;
+    `whole`: (H, W) bool, the outlines, and where a ray belongs to a pixel; `mixed`: the share of the wrong
+    pixels' neighbours that are right. `changed`: the pixels that a mistake alone makes other ones; `made`: the last
+    predictions.
     """
 
     view: SubmittedImage
@@ -89,12 +86,10 @@ class PixelSample:
     more: bool
     step: int
     whole: tuple[Array, Array]
-    deep: int = 0
     mixed: float = 0.0
     moved: dict[Pipeline, Array] = field(default_factory=dict, init=False)
     changed: dict[Pipeline, Array] = field(default_factory=dict, init=False)
     made: list[tuple[Pipeline, Array]] = field(default_factory=list, init=False)
-    walks: Any = field(default=None, init=False)
 
     def predict(self, pipeline: Pipeline) -> Array:
         """(N, 3): what would be shown; NaN where slips do not go with what else is changed."""
@@ -120,10 +115,6 @@ class PixelSample:
             light = self.bench.radiance(pipeline)
             if self.more:
                 light = light + self.beyond(pipeline)
-            if self.deep and touches(pipeline, "gather") and isinstance(self.bench, Predictor):
-                if self.walks is None:
-                    self.walks = walk(self.bench, WALKS, self.deep)
-                light = light + applied(pipeline, "gather", gathered)(self.walks) - gathered(self.walks)
             made = output(pipeline, light, self.bench.brightest)
             if made.shape != self.shown.shape:
                 raise ValueError(made.shape)
@@ -151,13 +142,13 @@ class PixelSample:
             e = np.where(np.isnan(self.shown) & np.isnan(made), 0.0, e)
         return np.minimum(np.maximum(np.where(np.isnan(e), np.inf, e), 0).max(axis=-1), 100 * self.scale)
 
-    def cost(self, e: Array, tau: float | None = None) -> float:
+    def cost(self, e: Array) -> float:
         """Σ w log(1 + (e/τ)²): minus the log likelihood of errors (N,) that are mostly small, and sometimes any."""
-        return float(self.costs(e, tau))
+        return float(self.costs(e))
 
-    def costs(self, e: Array, tau: float | None = None) -> Array:
+    def costs(self, e: Array) -> Array:
         """The same of many, (..., N)."""
-        return np.asarray((self.weight * np.log1p(np.square(e / (tau or self.tau)))).sum(axis=-1))
+        return np.asarray((self.weight * np.log1p(np.square(e / self.tau))).sum(axis=-1))
 
     def squared(self, made: Array) -> float:
         """The mean squared error of a prediction (N, 3), in units of the scale."""
@@ -173,8 +164,7 @@ class PixelSample:
         edge, rays = self.whole
         index = np.flatnonzero(rays)
         index = index[:: max(1, -(-index.size // most))]
-        half = np.zeros(self.view.shown.shape) if self.view.half is None else self.view.half
-        shown, right, slack = (x.reshape(-1, 3)[index] for x in (self.view.shown, _right(self.view), half))
+        shown, right, slack = (x.reshape(-1, 3)[index] for x in (self.view.shown, _right(self.view), _half(self.view)))
         v, u = (self.step * x.astype(float) for x in np.divmod(index, edge.shape[1]))
         weight = np.full(index.size, 1 / max(index.size, 1))
         made = replace(self, index=index, weight=weight, shown=shown, right=right, slack=slack)
@@ -203,6 +193,11 @@ def _of_order(name: str, what: Any) -> bool:
 def _right(view: SubmittedImage) -> Array:
     assert view.right is not None
     return view.right
+
+
+def _half(view: SubmittedImage) -> Array:
+    """What the format may have rounded off, 0 where it rounds nothing."""
+    return np.zeros(view.shown.shape) if view.half is None else view.half
 
 
 def every(camera: Camera, step: int) -> Camera:
@@ -262,14 +257,9 @@ def _unknown(view: SubmittedImage) -> tuple[SubmittedImage, int, Array, Array]:
     shown, right = np.asarray(view.shown), np.asarray(view.right)
     if view.right is None or right.shape != shown.shape or shown.ndim != 3:
         raise InputError("view.right", f"an image {shown.shape}", f"{None if view.right is None else right.shape}")
+    right = np.clip(right, 0, 1) if view.clipped else right
     none = np.zeros(shown.shape[:2], bool)
-    right = right.astype(float)
-    return (
-        replace(view, shown=shown.astype(float), right=np.clip(right, 0, 1) if view.clipped else right),
-        1,
-        none,
-        ~none,
-    )
+    return replace(view, shown=shown.astype(float), right=right.astype(float)), 1, none, ~none
 
 
 def _of_spheres(scene: Scene) -> Scene:
@@ -282,9 +272,8 @@ def look(view: SubmittedImage, seed: int = 0) -> PixelSample:
     right, shown = _right(view), view.shown
     width = shown.shape[1]
     scale = _scale(view)
-    half = np.zeros(shown.shape) if view.half is None else view.half
     with np.errstate(invalid="ignore"):
-        e = np.abs(shown - right) - half
+        e = np.abs(shown - right) - _half(view)
     if view.points:
         e = np.where(np.isnan(shown) & np.isnan(right), 0.0, e)
     e = np.maximum(np.where(np.isnan(e), np.inf, e), 0).max(axis=-1) * rays
@@ -294,14 +283,12 @@ def look(view: SubmittedImage, seed: int = 0) -> PixelSample:
         large = e[e > DIGITS * scale]
     typical = float(np.median(large)) if large.size else 0.0
     tau = float(np.clip(0.03 * typical, DIGITS * scale, tau))
-    deep = min(RUNGS[view.rung].depth or 0, DEEPEST) if view.scene is not None and not view.points else 0
-    if deep:  # what is predicted has noise, too
+    if view.scene is not None and RUNGS[view.rung].noisy:
         tau = max(tau, 0.3 * typical)
     wrong = e > tau
     rng = np.random.default_rng(seed)
-    fewer = 4 if deep else 1
-    if view.scene is not None:
-        fewer *= max(1, (WRONG + RIGHT_ONES + EDGES) * len(view.scene.objects) // MET)
+    objects = len(view.scene.objects) if view.scene else 0
+    fewer = max(1, (WRONG + RIGHT_ONES + EDGES) * objects // MET)
     chosen, weights = [], []
     for mask, most in ((wrong, WRONG), (~wrong & ~edge & rays, RIGHT_ONES), (~wrong & edge & rays, EDGES)):
         there = np.flatnonzero(mask)
@@ -328,9 +315,8 @@ def look(view: SubmittedImage, seed: int = 0) -> PixelSample:
         beyond = np.abs((np.clip(alone, 0, 1) if view.clipped else alone) - flat(right)).max(axis=-1)
         more = RUNGS[view.rung].noisy or float((weight * (beyond > 0.01 * scale)).sum()) > 0.02
     return PixelSample(
-        view, index, weight, flat(shown), flat(right), flat(half), scale, tau, wrong.ravel()[index],
-        edge.ravel()[index], bench, more, step, (edge, rays), deep,
-        _mixed(wrong),
+        view, index, weight, flat(shown), flat(right), flat(_half(view)), scale, tau, wrong.ravel()[index],
+        edge.ravel()[index], bench, more, step, (edge, rays), _mixed(wrong),
     )  # fmt: skip
 
 
@@ -358,14 +344,9 @@ def _scale(view: SubmittedImage) -> float:
 
 def outlines(ids: Array) -> Array:
     """(H, W) bool: within two pixels of where another object begins."""
-    beside = np.zeros(ids.shape, bool)
-    for k in (1, 2):
-        across, down = ids[:, k:] != ids[:, :-k], ids[k:] != ids[:-k]
-        beside[:, k:] |= across
-        beside[:, :-k] |= across
-        beside[k:] |= down
-        beside[:-k] |= down
-    return beside
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(ids, 2, mode="edge"), (5, 5))
+    across, down = (beside != ids[..., None] for beside in (windows[..., 2, :], windows[..., :, 2]))
+    return np.asarray((across | down).any(axis=-1))
 
 
 def many(views: Sequence[SubmittedImage], seed: int = 0) -> list[PixelSample]:

@@ -23,11 +23,11 @@ Pipeline = tuple[tuple[str, Any], ...]
 SceneDict = dict[str, Any]
 RIGHT: Pipeline = ()
 """The tracer as it should be."""
-BESIDE = ("camera", "things", "lights", "rays", "output", "gather", "spread", "earlier")
+BESIDE = ("camera", "things", "lights", "output", "spread", "earlier")
 """Steps beside the textbook's functions: of the scene's dict what is seen by, what is seen, and what lights it; the
-rays (scene, u, v) in the camera's frame; the values that are handed in; the sum over random walks; the rays of a pixel;
-what has stayed of earlier scenes. Any other name defines a function that slips may call."""
-UP_TO_RAYS = ("pixel", "undistort", "through", "to_board", "camera", "rays", "spread")
+values that are handed in; the rays of a pixel; what has stayed of earlier scenes. Any other name defines a function
+that slips may call."""
+UP_TO_RAYS = ("pixel", "undistort", "through", "to_board", "camera", "spread")
 """Steps that change nothing but the rays of the eye."""
 FACES_AWAY = (("return visible", "return visible & (np.sum(normals * to_light, axis=-1) > 0)"),)
 """What faces away from the sun is in its own shadow, as where shadow rays start a little off the surface."""
@@ -120,10 +120,6 @@ def written(pipeline: Pipeline) -> dict[str, Any]:
         space["undistort"] = _undistort
     if "intersect_all" not in texts:
         space["intersect_all"] = partial(_intersect_all, space)
-    if "normals_at" not in texts:
-        space["normals_at"] = _normals_at
-    if not touches(pipeline, "sun_visible"):
-        space["sun_visible"] = partial(_sun_visible, space)
     for name, what in pipeline:
         if name not in BESIDE and not isinstance(what, tuple):
             space[name] = what(space.get(name))
@@ -195,33 +191,6 @@ def _intersect_all(space: dict[str, Any], origins: Array, directions: Array, thi
     return t
 
 
-def _normals_at(points: Array, which: Array, eye: Array, things: Any) -> Array:
-    """All at once; seen from outside a sphere's normal needs no turning, and most leave it out."""
-    none, table = (np.zeros(3), np.inf, np.zeros(3)), []
-    for thing in things:
-        if "radius" in thing:
-            table.append((thing["center"], thing["radius"], np.zeros(3)))
-        else:
-            n = _cross(thing["half_u"], thing["half_v"])
-            table.append((np.zeros(3), np.inf, n / np.linalg.norm(n)))
-    centers, radii, flats = (np.array(column)[which] for column in zip(*table, none, strict=True))
-    f = points - centers
-    n = np.where(np.isfinite(radii)[:, None], f / radii[:, None], flats)
-    turns = np.isinf(radii) | (_norm(eye - centers, -1) <= radii)
-    away = turns & ~(_sum(n * (eye - points), -1) > 0)
-    return np.where(away[:, None], -n, n)
-
-
-def _sun_visible(
-    space: dict[str, Any], points: Array, normals: Array, which: Array, to_light: Array, eye: Array, things: Any
-) -> Array:
-    """All at once; what faces away from the sun is in its own shadow."""
-    t = space["intersect_all"](points, np.tile(to_light, (len(points), 1)), things)
-    around = ["radius" in x and np.linalg.norm(eye - x["center"]) <= x["radius"] for x in things]
-    own = (which == np.arange(len(things))[:, None]) & ~np.array(around, bool)[:, None]
-    return ~(np.isfinite(t[: len(things)]) & ~own).any(axis=0) & (normals @ to_light > 0)
-
-
 # ------------------------------------------------------------------------------------------ predictions
 
 DEPENDS = {
@@ -276,12 +245,9 @@ class Predictor:
         return self._remembered("scene", changes, partial(self._described, changes))
 
     def _described(self, changes: Pipeline) -> SceneDict:
-        scene = self.scene
-        if self.before.calls and touches(changes, "earlier"):
-            scene = applied(changes, "earlier", None)(scene, self.before)
-        made = as_dict(scene, self.shadows)
-        for name, what in changes:
-            made = what(made) if name != "earlier" else made
+        made = as_dict(self.scene, self.shadows)
+        for name, what in sorted(changes, key=lambda step: step[0] != "earlier"):
+            made = what(None)(made, self.before) if name == "earlier" else what(made)
         return made
 
     def functions(self, pipeline: Pipeline) -> dict[str, Any]:
@@ -317,25 +283,19 @@ class Predictor:
     @QUIET
     def met(self, pipeline: Pipeline = RIGHT) -> tuple[Any, Array, Array]:
         """The eye; which thing each ray meets; where, not finite for none."""
-        return self._met(pipeline, self.described(pipeline), self.functions(pipeline))
+        return self._met(self.described(pipeline), self.functions(pipeline))
 
-    def _met(self, pipeline: Pipeline, scene: SceneDict, space: dict[str, Any]) -> Any:
-        def through(scene: SceneDict, u: Array, v: Array) -> Array:
-            return space["through"](scene["K"], scene["dist"], u, v)
-
+    def _met(self, scene: SceneDict, space: dict[str, Any]) -> Any:
         u, v = space["pixel"](self.u, self.v, scene["width"], scene["height"])
-        rays = applied(pipeline, "rays", through)(scene, u, v)
+        rays = space["through"](scene["K"], scene["dist"], u, v)
         return space["met"](rays, scene, scene["things"])
 
     @QUIET
     def seen(self, pipeline: Pipeline = RIGHT) -> Seen:
         """What the eye's rays meet first, and how the sun falls on it."""
         scene, space = self.described(pipeline), self.functions(pipeline)
-        (eye, which, points), things, to_light = (
-            self._met(pipeline, scene, space),
-            scene["things"],
-            scene["sun"]["to_light"],
-        )
+        eye, which, points = self._met(scene, space)
+        things, to_light = scene["things"], scene["sun"]["to_light"]
         hit = which >= 0
         albedo = np.array([*(thing["albedo"] for thing in things), np.zeros(3)])[which]
         normals, visible = np.zeros(points.shape), np.ones(len(which), bool)
@@ -354,7 +314,7 @@ class Predictor:
             rays = [self.at(self.u + x, self.v + y).radiance(one) for x, y in places]
             return np.asarray(sum(rays) / len(rays))
         scene, space = self.described(pipeline), self.functions(pipeline)
-        eye, which, points = self._met(pipeline, scene, space)
+        eye, which, points = self._met(scene, space)
         return np.asarray(space["radiance"](scene, scene["things"], eye, which, points), float)
 
     @QUIET
@@ -382,16 +342,14 @@ def predictor(scene: Scene, shadows: bool = True, every: int = 1) -> Predictor:
     """All pixels of a scene, row by row, or every so manieth of them; and its brightest value."""
     v, u = np.indices((scene.camera.height, scene.camera.width), float).reshape(2, -1)[:, ::every]
     made = Predictor(scene, u, v, shadows)
-    with np.errstate(all="ignore"):
-        made.brightest = float(made.radiance().max(initial=0.0)) or 1.0
+    made.brightest = float(made.radiance().max(initial=0.0)) or 1.0
     return made
 
 
 def planted(scene: Scene, *mistakes: Pipeline, shadows: bool = True) -> Array:
     """The picture (H, W, 3) of a tracer with these mistakes."""
-    made = predictor(scene, shadows)
-    with np.errstate(all="ignore"):
-        return made.picture(sum(mistakes, RIGHT)).reshape(scene.camera.height, scene.camera.width, 3)
+    made = predictor(scene, shadows).picture(sum(mistakes, RIGHT))
+    return made.reshape(scene.camera.height, scene.camera.width, 3)
 
 
 @dataclass(eq=False)

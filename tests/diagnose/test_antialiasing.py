@@ -1,14 +1,14 @@
-"""Faults that are tried where a clue speaks for them."""
+"""Pixels that show the mean of several rays."""
 
 import numpy as np
 import pytest
 
-from raytwin.diagnose.conditional_faults import averaged
+from raytwin.diagnose.antialiasing import AVERAGED
 from raytwin.diagnose.predict import applied
 
 
 def test_rays_that_are_spread_over_a_pixel_lie_evenly_about_its_centre_and_others_beyond_its_corner():
-    over, corner = averaged()
+    over, corner = AVERAGED
     for way in over.ways:
         places = np.array(applied(way, "spread", None))
         assert places.mean(axis=0) == pytest.approx((0, 0), abs=1e-12)
