@@ -65,11 +65,10 @@ class SubmittedImage:
 class PixelSample:
     """A view at N chosen pixels, weighted so that they stand for all.
 
-    `shown`, `right` (N, 3); `slack` (N, 3): what rounding may do; `scale`: of the values; `tau`: an error of this size is one.
-    `wrong`, `edge`: (N,). `more`: the right picture has light that sun, shadow and open sky do not make;
-    `whole`: (H, W) bool, the outlines, and where a ray belongs to a pixel; `mixed`: the share of the wrong
-    pixels' neighbours that are right. `changed`: the pixels that a mistake alone makes other ones; `made`: the last
-    predictions.
+    `shown`, `right` (N, 3); `slack` (N, 3): what rounding may do; `scale`: of the values; `tau`: an error of this size
+    is one. `wrong`, `edge`: (N,). `more`: the right picture has light that sun, shadow and open sky do not make;
+    `whole`: (H, W) bool, the outlines, and where a ray belongs to a pixel; `mixed`: the share of the wrong pixels'
+    neighbours that are right. `changed`: the pixels that a mistake alone makes other ones; `made`: last predictions.
     """
 
     view: SubmittedImage
