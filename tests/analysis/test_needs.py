@@ -261,6 +261,20 @@ def test_the_sphere_behind_the_camera_is_spared_and_one_that_shades_what_is_seen
     assert not any(n.what.startswith("sphere") for n in needs(lit, 0.1, engine=fast).not_needed)
 
 
+def test_a_map_is_as_fine_as_its_shading_needs(small, fast):
+    """A map that hardly changes from row to row lights the same averaged; one with a lamp does not."""
+    rows = np.where(np.arange(16) % 2, 0.29, 0.31)[:, None, None] * np.ones((16, 32, 3))
+    lamp = np.full((16, 32, 3), 0.1)
+    lamp[3, 5:9] = 40.0
+    kept = {}
+    for name, texels in (("even", rows), ("lamp", lamp)):
+        around = Environment((32, 16), texels.astype("<f4").tobytes())
+        found = needs(msgspec.structs.replace(small, lights=(small.sun, around)), 0.05, engine=fast)
+        kept[name] = [int(n.what.split()[-2]) for n in found.not_needed if n.what.startswith("a map of more than")]
+    assert kept["even"][0] <= 4
+    assert kept["lamp"] == [] or kept["lamp"][0] > kept["even"][0]
+
+
 def test_a_truth_too_noisy_for_the_tolerance_says_so_and_claims_nothing(small, fast, monkeypatch):
     monkeypatch.setattr(search, "MOST_WALKS", 1)
     monkeypatch.setattr(search, "MOST_WALKS_NUMPY", 1)

@@ -41,7 +41,7 @@ def ladder_command(
 
 def needs_command(
     scene: Path, tolerance: float, metric: str = "rmse", photo: str | None = None, size: Size = None,
-    json: Path | None = None, out: Path | None = None,
+    light: Path | None = None, json: Path | None = None, out: Path | None = None,
 ) -> None:  # fmt: skip
     """Find the cheapest way to an image that meets a tolerance.
 
@@ -56,7 +56,7 @@ def needs_command(
             from raytwin.renderers.subject_renderers import fast_engine
             from raytwin.report.recommend_page import needs_summary, write_needs
         check_asked(tolerance, metric)
-        placed = scene_of(scene, photo, size, progress)
+        placed = scene_of(scene, photo, size, progress, light)
         found = needs(placed, tolerance, metric, progress=progress)
         if out:
             with progress.stage("pictures"):

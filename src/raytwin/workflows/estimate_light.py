@@ -1,5 +1,6 @@
 """Photos of a board with a ball or an upright beside it -> the light that they were taken in."""
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,11 +13,11 @@ from raytwin import files
 from raytwin.calib import boards, photos
 from raytwin.calib.augment import augment
 from raytwin.calib.lighting import light_models as models
-from raytwin.calib.lighting.ball_outline import Ball, find_balls, find_outline, fit_edges, outline
+from raytwin.calib.lighting.ball_outline import Ball, find_balls, fit_edges, outline
 from raytwin.calib.lighting.board_plane import Sheet
 from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear, value_of_one
-from raytwin.calib.lighting.matt_ball import MATT, fit_shading, matt_pixels
-from raytwin.calib.lighting.mirror_ball import mirrored, reflectance_of, register, sun_direction
+from raytwin.calib.lighting.matt_ball import MATT, NO_MIRROR, fit_shading, matt_pixels
+from raytwin.calib.lighting.mirror_ball import find_ball, is_mirror, mirrored, reflectance_of, register
 from raytwin.calib.lighting.stand_shadow import LOWEST, find_shadow
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
@@ -28,6 +29,9 @@ POSE_PX = 3.0
 
 REFLECTANCE = 0.9
 """What is taken for a mirror ball's where it shows no white paper to measure it by."""
+
+UNEXPLAINED = 0.5
+"""Share of the light by which even the best model is off held-out pixels where something is wrong."""
 
 APART = 4.0
 """Directions to the sun that differ by so many of their joint standard deviations contradict each other."""
@@ -53,9 +57,9 @@ class LightEstimate:
         found = [(outline(p, m.ball.center, m.ball.radius), "#f22", True) for m in self.evidence.matt]
         for mirror in self.evidence.mirrors:
             found.append((outline(p, mirror.ball.center, mirror.ball.radius), "#fd0", True))
-            if photo in mirror.sun:
-                seen = mirror.pixels
-                u, v = seen.uv[seen.sun & (seen.photo == photo)].mean(axis=0)
+            spot = mirror.pixels.sun & (mirror.pixels.photo == photo)
+            if spot.any():
+                u, v = mirror.pixels.uv[spot].mean(axis=0)
                 d = p.camera.width / 100
                 found += [
                     (np.array([(u - d, v), (u + d, v)]), "#fd0", False),
@@ -115,13 +119,14 @@ def estimate_light(
         if shadow is None:
             said.append(f"--stand: no shadow of it on the sheet: no sun, or one below {LOWEST:g} degrees")
         evidence = replace(evidence, shadow=shadow)
-    given = [(np.array(b[:3]), float(b[3]), True) for b in balls]
-    if not given and stand is None:
-        given = [(*b, False) for b in _found(linear, sheet)]
-    for k, (center, radius, sure) in enumerate(given):
-        progress("balls", k, len(given))
-        _add_ball(evidence, linear, sheet, center, radius, sure, said)
-    progress("balls", len(given), len(given))
+    if balls or stand is not None:
+        there = [find_ball(linear, sheet, np.array(b[:3]), float(b[3]))[0] for b in balls]
+    else:
+        there = _found(linear, sheet)
+    for k, ball in enumerate(there):
+        progress("balls", k, len(there))
+        _add_ball(evidence, linear, sheet, ball, bool(balls), said)
+    progress("balls", len(there), len(there))
     if not (evidence.shadow or evidence.matt or evidence.mirrors) and stand is None:
         raise InputError(
             "photos", "a mirror ball, a matt ball or a pin beside the board (--ball x,y,z,r, --stand x,y,h in metres)",
@@ -129,6 +134,9 @@ def estimate_light(
         )  # fmt: skip
     light, trials, number, suns = models.choose(evidence, len(linear))
     said += _contradictions(suns)
+    if trials[number].error > UNEXPLAINED:
+        error = f"{100 * trials[number].error:.0f} % off held-out pixels"
+        said.append(f"no model explains the photos ({error}): a ball is not what it was taken for, or not there")
     if any(m.pixels.clipped[m.pixels.to_light[:, 2] > 0].mean() > 0.02 for m in evidence.mirrors):
         said.append("more than 2 % of what the mirror ball shows from above is clipped: the map is a lower bound there")
     drawn = _drawn(linear[0], light, paper, evidence, definition)
@@ -163,40 +171,47 @@ def _stand_of(path: Path, lens: Camera, definition: boards.Board) -> Camera:
     return msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
 
 
-def _found(linear: list[LinearPhoto], sheet: Sheet) -> list[tuple[np.ndarray, float]]:
-    """Balls that rest beside the board, in the same place in all photos, or most."""
-    per_photo = [find_balls(photo, sheet.extent) for photo in linear]
-    kept: list[tuple[np.ndarray, float]] = []
-    for center, radius in (b for found in per_photo for b in found):
-        same = [any(np.linalg.norm(center - c) < 0.4 * radius for c, _ in found) for found in per_photo]
-        if sum(same) > len(linear) / 2 and all(np.linalg.norm(center - c) > radius + r for c, r in kept):
-            kept.append((center, radius))
+def _found(linear: list[LinearPhoto], sheet: Sheet) -> list[Ball]:
+    """Balls that rest beside the board: circles of any photo that are a ball's outline in all of them.
+
+    The sky's edge within a mirror ball is a circle, too, and often the stronger one: of two in one place the likelier
+    is taken.
+    """
+    tried: list[tuple[np.ndarray, float]] = []
+    found: list[tuple[float, Ball]] = []
+    for center, radius in (circle for photo in linear for circle in find_balls(photo, sheet.extent)):
+        if any(np.linalg.norm(center - c) < 0.25 * max(radius, r) for c, r in tried):
+            continue
+        tried.append((center, radius))
+        with contextlib.suppress(InputError):
+            ball, likelihood = find_ball(linear, sheet, center, radius, given=False)
+            found.append((likelihood, ball))
+    kept: list[Ball] = []
+    for _, ball in sorted(found, key=lambda f: -f[0]):
+        if all(np.linalg.norm(ball.center - b.center) > max(ball.radius, b.radius) for b in kept):
+            kept.append(ball)
     return kept
 
 
 def _add_ball(
-    evidence: models.Evidence, linear: list[LinearPhoto], sheet: Sheet, center: np.ndarray, radius: float, sure: bool,
-    said: list[str],
-) -> None:  # fmt: skip
-    found = find_outline(linear, center, radius, sure)
+    evidence: models.Evidence, linear: list[LinearPhoto], sheet: Sheet, found: Ball, given: bool, said: list[str]
+) -> None:
     matt = fit_edges(linear, found)
     pixels = matt_pixels(linear, matt)
-    enough = len(pixels.photo) >= models.LEAST_PIXELS
-    if enough and fit_shading(pixels, matt, evidence.paper, sectors=0).residual < MATT:
-        evidence.matt.append(models.MattBall(matt, pixels))
-        return
-    ball = register(linear, found, sheet)
+    if len(pixels.photo) >= models.LEAST_PIXELS:
+        rough = fit_shading(pixels, matt, evidence.paper)
+        if rough.residual < (MATT if is_mirror(linear, found, sheet) else NO_MIRROR):
+            evidence.matt.append(models.MattBall(matt, matt_pixels(linear, matt, rough.to_light)))
+            return
+    ball, sun = register(linear, found, sheet)
     reflectance = reflectance_of(linear, ball, sheet)
     known = reflectance is not None and bool(reflectance.min() > 0.2 and reflectance.max() < 1.1)
+    if not (known or sun or given):
+        return  # a round thing that is neither matt nor a mirror
     if not known:
         said.append(f"{ball.name}: no white paper is seen in it, so that its reflectance is taken for {REFLECTANCE}")
     rho = reflectance if reflectance is not None and known else np.full(3, REFLECTANCE)
-    seen = mirrored(linear, ball, rho)
-    suns = {}
-    for k, photo in enumerate(linear):
-        if (mine := seen.sun & (seen.photo == k)).any():
-            suns[k] = sun_direction(photo, ball, seen.uv[mine], float(np.median(seen.steradians[mine])))
-    evidence.mirrors.append(models.MirrorBall(ball, seen, rho, known, suns))
+    evidence.mirrors.append(models.MirrorBall(ball, mirrored(linear, ball, rho), rho, known, sun))
 
 
 def _contradictions(suns: list[tuple[str, np.ndarray, float]]) -> list[str]:

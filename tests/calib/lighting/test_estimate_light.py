@@ -70,6 +70,24 @@ def test_the_map_is_the_right_way_round(found, true):
     assert upward(found.light.around) == pytest.approx(found.light.Ls, rel=0.02)
 
 
+def test_the_mirror_ball_is_found_by_itself(lit):
+    """Not the circle in it where the ground ends, which has the stronger edge."""
+    found = estimate_light(files.list_photos(lit), lit.parent / "board.toml", lit / "camera.toml")
+    for balls, (*center, radius) in zip((found.evidence.mirrors, found.evidence.matt), BALLS, strict=True):
+        assert len(balls) == 1
+        assert np.linalg.norm(balls[0].ball.center - center) < 0.15 * radius
+        assert balls[0].ball.radius == pytest.approx(radius, rel=0.1)
+
+
+@pytest.mark.parametrize("ball", [0, 1])
+def test_a_ball_given_one_radius_off_is_refused(lit, ball):
+    x, y, z, radius = BALLS[ball]
+    with pytest.raises(InputError, match="expected a ball whose outline is seen there, got edges along"):
+        estimate_light(
+            [lit / "photo_00.jpg"], lit.parent / "board.toml", lit / "camera.toml", balls=[(x, y + radius, z, radius)]
+        )
+
+
 def test_a_light_file_is_read_back_and_puts_its_light_on_a_scene(found, lit, tmp_path):
     write_light(tmp_path / "light.toml", found.light, found.paper)
     assert files.read_image(tmp_path / "light.exr").samples == 0  # of a map, nobody counts rays

@@ -43,7 +43,7 @@ def of_ball(shade) -> LinearPhoto:
     photo = picture(np.full((300, 400, 3), 0.25))
     u, v = np.meshgrid(np.arange(400), np.arange(300))
     uv = np.stack([u.ravel(), v.ravel()], axis=1)
-    p, out, cosine = mirror_ball.reflect(photo, ball_of(), uv)
+    p, out, cosine = ball_outline.reflect(photo, ball_of(), uv)
     hit = np.isfinite(cosine)
     light = photo.light.copy()
     light[uv[hit, 1], uv[hit, 0]] = shade((p[hit] - CENTER) / RADIUS, out[hit])
@@ -64,14 +64,15 @@ def test_the_outline_is_where_the_rays_begin_to_miss():
     rim = ball_outline.outline(photo, CENTER, RADIUS)
     middle = rim.mean(axis=0)
     for scale, hit in ((0.995, True), (1.005, False)):
-        *_, cosine = mirror_ball.reflect(photo, ball_of(), middle + scale * (rim - middle))
+        *_, cosine = ball_outline.reflect(photo, ball_of(), middle + scale * (rim - middle))
         assert (np.isfinite(cosine) == hit).all()
 
 
 def test_a_ball_given_roughly_is_found_on_its_outline():
     """To a tenth of a pixel; the ball is 86 pixels wide, and what is given is six pixels off."""
     photo = of_ball(lambda n, _: 0.5 + 0.3 * n[:, 2:] + np.zeros(3))
-    found = ball_outline.find_outline([photo], CENTER + np.array((0.003, -0.003, 0.002)), 1.004 * RADIUS)
+    near, sheet = CENTER + np.array((0.003, -0.003, 0.002)), board_plane.Sheet(BOARD)
+    found, _ = mirror_ball.find_ball([photo], sheet, near, 1.004 * RADIUS)
     ball = ball_outline.fit_edges([photo], found)
     seen, true = (ball_outline.outline(photo, c, r) for c, r in ((ball.center, ball.radius), (CENTER, RADIUS)))
     assert seen.mean(axis=0) == pytest.approx(true.mean(axis=0), abs=0.1)
@@ -89,7 +90,7 @@ def test_a_ball_given_roughly_is_found_on_its_outline():
 )
 def test_a_ball_that_cannot_be_measured_is_refused_with_the_reason(center, radius, expected):
     with pytest.raises(InputError, match=expected):
-        ball_outline.find_outline([picture(np.zeros((300, 400, 3)))], np.array(center), radius)
+        mirror_ball.find_ball([picture(np.zeros((300, 400, 3)))], board_plane.Sheet(BOARD), np.array(center), radius)
 
 
 def test_a_mirrored_map_is_found_the_right_way_round_and_weighs_by_solid_angle():
@@ -106,17 +107,22 @@ def test_a_mirrored_map_is_found_the_right_way_round_and_weighs_by_solid_angle()
     assert 0.75 * 4 * np.pi < seen.steradians.sum() < 4 * np.pi
 
 
-def test_a_small_clipped_light_is_the_sun_and_a_large_one_is_not():
-    ball = ball_of(1e-5)
-    for degrees, is_sun in ((4, True), (25, False)):
-        photo = of_ball(
-            lambda _, out, a=degrees: np.where(out @ SUN > np.cos(np.radians(a)), 1.5, 0.3)[:, None] + np.zeros(3)
-        )
-        seen = mirror_ball.mirrored([photo], ball, np.ones(3))
-        assert seen.sun.any() == is_sun
-        if is_sun:
-            found = mirror_ball.sun_direction(photo, ball, seen.uv[seen.sun], seen.steradians.mean())
-            assert np.degrees(np.arccos(found[0] @ SUN)) < 0.3
+def test_a_small_clipped_light_is_the_sun_a_large_one_is_not_and_a_lamp_beside_it_draws_it_nowhere():
+    lamp = SUN + np.array((0.12, 0.05, -0.05))
+    lamp /= np.linalg.norm(lamp)
+    for degrees, brightest, is_sun in ((4, 0.3, True), (4, 0.6, True), (25, 0.3, False), (0, 1.5, False)):
+
+        def shade(_, out, a=degrees, top=brightest):
+            glow = 0.2 + top * np.exp(20 * (out @ lamp - 1))
+            return np.where(out @ SUN > np.cos(np.radians(a)), 1.5, glow)[:, None] + np.zeros(3)
+
+        photo = of_ball(shade)
+        spot = mirror_ball.sun_spot(photo, ball_of())
+        assert (spot is not None) == is_sun
+        assert mirror_ball.mirrored([photo], ball_of(), np.ones(3)).sun.any() == is_sun
+        if spot:
+            found = ball_outline.reflect(photo, ball_of(), spot[0][None])[1][0]
+            assert np.degrees(np.arccos(found @ SUN)) < 0.35
 
 
 @pytest.mark.parametrize("glossy", [False, True])
@@ -137,6 +143,30 @@ def test_a_matt_balls_shading_tells_sun_and_sky(glossy):
     assert pytest.approx(E, rel=0.02) == found.E
     assert found.Ls == pytest.approx(Ls, rel=0.03)
     assert found.residual < matt_ball.MATT
+
+
+def test_an_uneven_sky_does_not_draw_a_matt_balls_sun_aside():
+    """A lamp of half the sky's light: taken for even, the sky turns the sun by three times as much."""
+    E, albedo = 2.0, np.array([0.7, 0.4, 0.1])
+    lamp = np.array([-0.5, 0.5, 0.7]) / np.linalg.norm([-0.5, 0.5, 0.7])
+    d, area = light_models._texels(16)
+    L = np.where(d[:, 2] > 0, 0.15 + 0.9 * np.exp(6 * (d @ lamp - 1)), 0)[:, None] + np.zeros(3)
+    sky = light_models.upward(L.reshape(16, 32, 3))
+    paper = PAPER * (E * SUN[2] / np.pi + sky)
+
+    def shade(n, _):
+        return albedo * (E * np.maximum(n @ SUN, 0)[:, None] + np.maximum(n @ d.T, 0) @ (L * area[:, None])) / np.pi
+
+    pixels = matt_ball.matt_pixels([of_ball(shade)], ball_of())
+    pixels.ground[:] = 0
+    found = light_models.shading_of(light_models.MattBall(ball_of(), pixels), paper, None)
+    even = matt_ball.fit_shading(pixels, ball_of(), paper)
+    off, off_even = (np.degrees(np.arccos(s.to_light @ SUN)) for s in (found, even))
+    assert off < 1.5 * np.degrees(found.sigma) < 7
+    assert off_even > 3 * off
+    assert np.abs(found.Ls - sky).max() < 3 * found.Ls_sd.max()
+    towards, away = (f(matt_ball.SKY @ lamp) for f in (np.argmax, np.argmin))
+    assert found.sky[towards].min() > 1.5 * found.sky[away].max()
 
 
 def test_a_pins_shadow_tells_the_sun_and_its_share_of_the_light(tmp_path):
@@ -191,8 +221,9 @@ def test_clipped_and_tone_mapped_paper_is_a_warning_in_words(tmp_path):
     assert any("clipped" in w for w in read_linear([path], views, BOARD)[2])
     plain = PlainRenderer(light=0.8)
     image = expose(plain(views[0], draw_board(BOARD, 2000.0)[0], _sheet()), np.random.default_rng(0), views[0])
-    files.write_picture(path, (255 * (image / 255.0) ** 0.4).astype(np.uint8), quality=95)
-    assert any("tone-mapped" in w for w in read_linear([path], views, BOARD)[2])
+    for gamma, told in ((1.0, False), (0.6, True)):
+        files.write_picture(path, (255 * (image / 255.0) ** gamma).astype(np.uint8), quality=95)
+        assert any("tone-mapped" in w for w in read_linear([path], views, BOARD)[2]) == told
 
 
 def _sheet():

@@ -69,8 +69,14 @@ def check_asked(tolerance: float, metric: str) -> None:
 
 
 def scene_of(
-    path: str | Path | Scene | SceneFile, photo: str | None, size: tuple[int, int] | None, progress: Progress = silent
-) -> Scene:
-    """Return the scene at `path` with its camera found, of `size` where one is given."""
-    scene = find_camera(files.read_scene(path), photo, progress)[0]
+    path: str | Path | Scene | SceneFile, photo: str | None, size: tuple[int, int] | None, progress: Progress = silent,
+    light: Path | None = None,
+) -> Scene:  # fmt: skip
+    """Return the scene at `path` with its camera found, of `size` and under the `light` where these are given."""
+    written = files.read_scene(path)
+    if light is not None:
+        from raytwin.calib.lighting.light_file import read_light  # with OpenCV
+
+        written = read_light(light).on(written)
+    scene = find_camera(written, photo, progress)[0]
     return scene.with_(size=size) if size else scene

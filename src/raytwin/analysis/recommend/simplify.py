@@ -10,7 +10,7 @@ from raytwin.analysis.light_parts import gone
 from raytwin.analysis.recommend.converged import Error, measure
 from raytwin.analysis.recommend.recommendation import NotNeeded
 from raytwin.analysis.recommend.search import Search
-from raytwin.scene import Camera
+from raytwin.scene import Camera, Environment, Scene
 from raytwin.scene.lens import distort, newton, without_ray
 
 STILL = 0.05
@@ -64,7 +64,7 @@ def _bend(move: np.ndarray) -> float:
 
 def not_needed(look: Search) -> tuple[NotNeeded, ...]:
     """Each thing alone: what lies below the tolerance by measurement, beside what is proven of it."""
-    return (*_lens(look), *_light(look), *_bounces(look), *_unseen(look))
+    return (*_lens(look), *_light(look), *_map(look), *_bounces(look), *_unseen(look))
 
 
 def _lens(look: Search) -> Iterable[NotNeeded]:
@@ -102,21 +102,45 @@ def _bounces(look: Search) -> Iterable[NotNeeded]:
 
 def _unseen(look: Search) -> Iterable[NotNeeded]:
     """Spheres whose boxes hold no pixel, taken away one by one, from the same random numbers."""
-    scene, low = look.thin, look.low
+    scene = look.thin
     unseen = [i for i, thing in enumerate(scene.objects) if thing in scene.spheres and not look.bounds.seen[i]][:8]
-    if not unseen:
-        return
-    samples = min(low.samples, 64)
-    before = [sum(look.parts(samples, seed).values(), np.float32(0)) for seed in (1, 2)]
     for i in unseen:
         others = tuple(gone(thing) if i == k else thing for k, thing in enumerate(scene.objects))
-        without = msgspec.structs.replace(scene, objects=others)
-        after = [sum(look.parts(samples, seed, without).values(), np.float32(0)) for seed in (1, 2)]
-        one, other = (np.asarray(x - y) for x, y in zip(after, before, strict=True))
-        error = measure(look.metric, one, other, low.mean, low.sampled)
+        error = _changed(look, msgspec.structs.replace(scene, objects=others))
         if error.most <= look.tolerance:
             why = f"no pixel sees it, and what it does to the light of others is {_below(look, error)}"
             yield NotNeeded(scene.names[i], why, look.bound(look.bounds.without(i)), error.value)
+
+
+def _map(look: Search) -> Iterable[NotNeeded]:
+    """The coarsest map, texels averaged two by two, with which all lower rungs of that ladder meet the tolerance."""
+    around, found = look.thin.environment, None
+    texels = around.radiance if around is not None else np.empty((0, 0, 3))
+    while len(texels) >= 4 and len(texels) % 2 == 0:
+        rows = len(texels) // 2
+        edges = np.cos(np.arange(2 * rows + 1) * np.pi / (2 * rows))
+        weight = -np.diff(edges).reshape(rows, 2)
+        pairs = texels.reshape(rows, 2, 2 * rows, 2, 3).mean(axis=3)
+        texels = np.einsum("rp,rpcd->rcd", weight / weight.sum(axis=1, keepdims=True), pairs)
+        coarse = Environment((2 * rows, rows), np.ascontiguousarray(texels, "<f4").tobytes())
+        lights = tuple(coarse if isinstance(light, Environment) else light for light in look.thin.lights)
+        error = _changed(look, msgspec.structs.replace(look.thin, lights=lights))
+        if error.most > look.tolerance:
+            break
+        found = rows, error
+    if found:
+        why = f"{look.metric} {found[1].value:.2g} <= {look.tolerance:g} with a map of {found[0]} rows"
+        yield NotNeeded(f"a map of more than {found[0]} rows", why, None, found[1].value)
+
+
+def _changed(look: Search, scene: Scene) -> Error:
+    """How far the image of another `scene` is from that of the probed one, from the same random numbers."""
+
+    def whole(seed: int, scene: Scene | None = None) -> np.ndarray:
+        return np.asarray(sum(look.parts(min(look.low.samples, 64), seed, scene).values(), np.float32(0)))
+
+    one, other = (whole(seed, scene) - whole(seed) for seed in (1, 2))
+    return measure(look.metric, one, other, look.low.mean, look.low.sampled)
 
 
 def _below(look: Search, error: Error) -> str:

@@ -6,8 +6,7 @@ bent by the lens. One photo tells a ball's direction and the angle it fills; how
 radius, or from resting on the board's plane, or from a second photo.
 
 The rim of a mirror shows what is behind it, a little darker: the edges inside are far stronger than the outline. So a
-place is scored by how much of its outline is an edge at all, however faint, over all places within reach of the guess
-(differential evolution); only a matt ball is then drawn to its edges.
+place is scored by how much of its outline is an edge at all, however faint; only a matt ball is then drawn to them.
 """
 
 import math
@@ -16,7 +15,7 @@ from functools import partial
 
 import cv2
 import numpy as np
-from scipy.optimize import differential_evolution, least_squares
+from scipy.optimize import least_squares
 
 from raytwin.calib.lighting.linear_photo import LinearPhoto, sample
 from raytwin.errors import InputError
@@ -30,17 +29,20 @@ LEAST_PX = 24.0
 RADIUS_SD, PLACE_SD = 0.01, 0.15
 """How well what `--ball` says is known: the radius as a share of itself, the place as a share of the radius."""
 
-FOUND_SD = 0.12
+FOUND_SD = 0.2
 """The same of a ball that was found by itself, of both."""
+
+FOUND_SCORE = 0.7
+"""The least score of a circle that may be a ball's outline."""
 
 EDGE = 4.0
 """Codes across an outline that are an edge: more count little more, so that no strong one decides."""
 
-EDGE_SHARE = 0.6
-"""The least score of an outline that is taken for a ball's."""
-
 LEAST_SLOPE = 0.005
 """Slope of the root of the light, per pixel: a smaller one is no edge."""
+
+GRAZING = 0.2
+"""The least cosine between ray and normal: nearer to the outline a pixel shows too much at once."""
 
 REACHES = 6.0, 4.0, 3.0, 2.0, 1.5, 1.5
 """Pixels across the outline within which its edge is sought, one fit after the other."""
@@ -73,6 +75,12 @@ class Ball:
         return f"ball at {','.join(f'{x:.3f}' for x in self.numbers)}"
 
 
+def prior_of(center: np.ndarray, radius: float, given: bool) -> Ball:
+    """A ball as the user gave it, or as it was found by itself."""
+    sd = radius * np.array([PLACE_SD] * 3 + [RADIUS_SD] if given else [FOUND_SD] * 4)
+    return Ball(center, radius, np.array([*center, radius]), sd, sd)
+
+
 def outline(photo: LinearPhoto, center: np.ndarray, radius: float, count: int = RIM) -> np.ndarray:
     """(count, 2): pixels of the sphere's outline, in order."""
     eye = np.array(photo.camera.eye)
@@ -94,28 +102,36 @@ def width_px(photo: LinearPhoto, center: np.ndarray, radius: float) -> float:
     return 2 * math.sqrt(abs(cv2.contourArea(rim.astype(np.float32))) / math.pi)
 
 
-def find_outline(photos: list[LinearPhoto], center: np.ndarray, radius: float, given: bool = True) -> Ball:
-    """The ball near (center, radius) whose outlines are edges in all photos at once, to a pixel."""
-    for photo in photos:
-        _check_seen(photo, center, radius)
-    prior = np.array([*center, radius])
-    sd = radius * np.array([PLACE_SD] * 3 + [RADIUS_SD] if given else [FOUND_SD] * 4)
-    images = [softened(photo) for photo in photos]
+def reflect(photo: LinearPhoto, ball: Ball, uv: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(n, 3) points, (n, 3) reflected directions, (n,) cosine of ray and normal, NaN where the ball is missed."""
+    return reflect_rays(np.array(photo.camera.eye), photo.rays(uv), ball.numbers)
 
-    def cost(x: np.ndarray) -> float:
-        return 0.01 * (((x - prior) / sd) ** 2).sum() - mean_score(photos, images, x)
 
-    span = 2.5 * sd
-    found = differential_evolution(
-        cost, list(zip(prior - span, prior + span, strict=True)), rng=0, popsize=10, maxiter=40, tol=1e-4, polish=False
-    )
-    ball = Ball(center, radius, prior, sd, sd).moved(found.x)
-    for photo, image in zip(photos, images, strict=True):
-        _check_seen(photo, ball.center, ball.radius)
-        if (score := outline_score(photo, image, ball.center, ball.radius)) < EDGE_SHARE:
-            where = f"{photo.name}: ball {','.join(f'{x:.4g}' for x in prior)}"
-            raise InputError(where, "a ball whose outline is seen there", f"edges along {100 * score:.0f} % of it")
-    return ball
+def reflect_rays(eye: np.ndarray, d: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
+    """The same of rays `d` from `eye`; `x`: the ball's center and radius (4)."""
+    f = eye - x[:3]
+    b = d @ f
+    with np.errstate(invalid="ignore"):
+        root = np.sqrt(b * b - (f @ f - x[3] ** 2))
+    n = (f + (-b - root)[:, None] * d) / x[3]
+    cosine = root / x[3]
+    return x[:3] + x[3] * n, d + 2 * cosine[:, None] * n, cosine
+
+
+def pixels_about(photo: LinearPhoto, ball: Ball, reach: float = 1.0, step: int = 1) -> np.ndarray:
+    """(n, 2): every `step`th pixel in the box about `reach` times the ball's outline, within the frame."""
+    rim = outline(photo, ball.center, ball.radius)
+    middle, half = rim.mean(axis=0), reach * np.ptp(rim, axis=0) / 2
+    low = np.maximum(np.floor(middle - half), 0).astype(int)
+    high = np.minimum(np.ceil(middle + half).astype(int), np.array(photo.camera.image_size) - 1)
+    ranges = [np.arange(a, b + 1, step) for a, b in zip(low, high, strict=True)]
+    return np.stack(np.meshgrid(*ranges), axis=-1).reshape(-1, 2)
+
+
+def pixels_of(photo: LinearPhoto, ball: Ball) -> np.ndarray:
+    """(n, 2): the pixels that show the ball, its rim left out."""
+    uv = pixels_about(photo, ball)
+    return uv[np.nan_to_num(reflect(photo, ball, uv)[2]) > GRAZING]
 
 
 def softened(photo: LinearPhoto) -> np.ndarray:
@@ -123,15 +139,10 @@ def softened(photo: LinearPhoto) -> np.ndarray:
     return cv2.GaussianBlur(photo.pixels, (0, 0), 0.7).astype(np.float32)
 
 
-def mean_score(photos: list[LinearPhoto], images: list[np.ndarray], x: np.ndarray) -> float:
-    """The outline's score over the photos, `images` their codes, of the ball whose center and radius are `x` (4)."""
-    scores = [outline_score(photo, image, x[:3], x[3]) for photo, image in zip(photos, images, strict=True)]
-    return float(np.mean(scores))
-
-
-def outline_score(photo: LinearPhoto, image: np.ndarray, center: np.ndarray, radius: float) -> float:
-    """How much of the outline is an edge of `image`, the photo's codes: about 1 where all of it is."""
-    rim = outline(photo, center, radius, RIM // 2)
+def outline_score(photo: LinearPhoto, image: np.ndarray, x: np.ndarray) -> float:
+    """How much of the outline of the ball `x` (4) is an edge of `image`, the photo's codes: about 1 where all of it
+    is."""
+    rim = outline(photo, x[:3], x[3], RIM // 2)
     across = 1.5 * _normals(rim)
     step = np.nan_to_num(np.abs(sample(image, rim + across) - sample(image, rim - across)).max(axis=1))
     return float(np.mean(np.minimum(step, EDGE) / EDGE + 0.05 * step / (step + 30)))
@@ -172,8 +183,10 @@ def _off_edges(photos: list[LinearPhoto], edges: list[tuple[np.ndarray, ...]], b
     return np.concatenate(rows)
 
 
-def _check_seen(photo: LinearPhoto, center: np.ndarray, radius: float) -> None:
-    where = f"{photo.name}: ball {','.join(f'{x:.4g}' for x in (*center, radius))}"
+def check_seen(photo: LinearPhoto, ball: Ball) -> None:
+    """Raises InputError where the ball is not whole and large in the photo."""
+    center, radius = ball.center, ball.radius
+    where = f"{photo.name}: ball {','.join(f'{x:.4g}' for x in ball.numbers)}"
     if center[2] + radius <= 0:
         raise InputError(where, "a ball on the printed side of the board, z > 0", f"z = {center[2]:g}")
     cam = np.array(photo.camera.R_cam_board) @ center + np.array(photo.camera.t_cam_board)
@@ -223,10 +236,10 @@ def find_balls(photo: LinearPhoto, extent: tuple[float, float, float, float], mo
         rim = outline(photo, center, radius)
         if inside or (rim < 1).any() or (rim > np.array(photo.camera.image_size) - 2).any():
             continue
-        found.append((outline_score(photo, codes, center, radius), center, radius))
+        found.append((outline_score(photo, codes, np.array([*center, radius])), center, radius))
     found.sort(key=lambda f: -f[0])
     apart: list[tuple] = []
     for score, center, radius in found:
-        if score > EDGE_SHARE and all(np.linalg.norm(center - c) > max(radius, r) for c, r in apart):
+        if score > FOUND_SCORE and all(np.linalg.norm(center - c) > max(radius, r) for c, r in apart):
             apart.append((center, radius))
     return apart[:most]

@@ -2,7 +2,9 @@
 
 White paper in full light has a_p (E l.z/π + Ls) = P, which is known: a sky of Ls leaves E to the sun. A shadow's
 darkness, a matt ball's shading and a mirror ball's map each tell Ls, and their mean by inverse variance is taken; a map
-is scaled to it. Held-out pixels are photos that were not used, one at a time, or of a single photo every other patch.
+is scaled to it. A mirror ball's map is the sky under which matt balls are read; where there is none, a matt ball's own
+shading gives a coarse one. Held-out pixels are photos that were not used, one at a time, or of a single photo every
+other patch.
 """
 
 import time
@@ -13,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from raytwin.calib.boards.board import PAPER
+from raytwin.calib.lighting import matt_ball
 from raytwin.calib.lighting.ball_outline import Ball
-from raytwin.calib.lighting.matt_ball import MattPixels, SkyShape, design, fibonacci, fit_shading
+from raytwin.calib.lighting.matt_ball import SKY, MattPixels, Shading, design, fibonacci, fit_shading
 from raytwin.calib.lighting.mirror_ball import Mirrored, bilinear, fit_map
 from raytwin.calib.lighting.stand_shadow import Shadow
-from raytwin.lights.environment_map import environment_map
 from raytwin.lights.envmap_tables import REC_709
 from raytwin.scene import Environment
 
@@ -27,20 +29,27 @@ ROWS = 8, 16, 32
 WORSE = 1.05
 """The least model whose error is at most this times that of the best one is taken."""
 
-UNEVEN = 0.1
-"""As a share: how far a matt ball's Ls is off, for what the sky, the ground and its neighbours are taken to be."""
-
-MATT_DEGREES = 0.8
-"""How far they turn the sun that a matt ball shows, in either angle."""
+MATT_LS, MATT_DEGREES = 0.03, 0.5
+"""How far a matt ball's Ls is off, as a share, and the sun that it shows, in either angle, for what its neighbours
+throw on it."""
 
 PAPER_SD, REFLECTANCE_SD, REFLECTANCE_UNKNOWN = 0.01, 0.03, 0.15
 """As shares: how well the paper's light, and a mirror's reflectance, measured or not, are known."""
+
+MUCH_LIKELIER = 15.0
+"""Logarithm of how much likelier an even sky must make a matt ball's shading than an uneven one to be taken."""
 
 CONTRADICTS = 4.0
 """Mean squared difference of what shows the sun, over its variance, from which it contradicts itself."""
 
 LEAST_PIXELS = 50
 """Pixels of a ball that a fit needs."""
+
+PATCH = 8
+"""Pixels across a patch of a matt ball, over whose mean noise drops out when models are compared."""
+
+Sun = tuple[np.ndarray, float]
+"""A direction, and its standard deviation in radians."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +60,13 @@ class MattBall:
 
 @dataclass(frozen=True, eq=False)
 class MirrorBall:
-    """`known`: the reflectance was measured; `sun`: by photo that shows it, its direction and standard deviation."""
+    """`known`: the reflectance was measured; `sun`: where it is, if the ball shows one."""
 
     ball: Ball
     pixels: Mirrored
     reflectance: np.ndarray
     known: bool
-    sun: dict[int, tuple[np.ndarray, float]]
+    sun: Sun | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +92,16 @@ class Evidence:
             [m for m in mirrors if len(m.pixels.photo) >= LEAST_PIXELS],
         )  # fmt: skip
 
+    def mirrored_map(self, rows: int) -> np.ndarray | None:
+        return fit_map([m.pixels for m in self.mirrors], rows) if self.mirrors else None
+
 
 @dataclass(frozen=True, eq=False)
 class Light:
     """The sun's direction `to_light` (None without one), its `sigma` (radians), E (3), and the sky: Ls (3), and the map
     (rows, 2 rows, 3) or None; standard deviations of E and Ls, of a map that of its irradiance on level paper.
 
-    A map's lower half is the ground as a mirror ball shows it: it lights from below what is drawn there.
+    A map's lower half is the ground: it lights from below what is drawn there.
     """
 
     to_light: np.ndarray | None
@@ -105,11 +117,20 @@ class Light:
         if self.around is None:
             half = np.broadcast_to(self.Ls.astype(np.float32), (rows // 2, 2 * rows, 3))
             return np.concatenate([half, 0 * half])
-        return self.around.repeat(rows // len(self.around), axis=0).repeat(rows // len(self.around), axis=1)
+        return _repeated(self.around, rows)
 
     @property
     def environment(self) -> Environment | None:
-        return None if self.around is None else _as_environment(self.around)
+        if self.around is None:
+            return None
+        return Environment(self.around.shape[1::-1], np.ascontiguousarray(self.around, "<f4").tobytes())
+
+    def received(self, normals: np.ndarray) -> np.ndarray:
+        """(n, 3): irradiance over π that the sky above gives surfaces with such `normals` (n, 3)."""
+        if self.around is None:
+            return self.Ls * (1 + normals[:, 2:]) / 2
+        directions, light = _upper(self.around)
+        return np.maximum(normals @ directions.T, 0) @ light / np.pi
 
 
 @dataclass(frozen=True)
@@ -128,49 +149,117 @@ class Trial:
     by_kind: dict[str, float]
 
 
+def _texels(rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """(2 rows², 3) directions of a map's texels, and the steradians (2 rows²,) of each."""
+    v, u = np.mgrid[:rows, : 2 * rows]
+    theta, turn = (v + 0.5) * np.pi / rows, ((u + 0.5) / rows - 1) * np.pi
+    d = np.stack([np.sin(theta) * np.sin(turn), np.sin(theta) * np.cos(turn), np.cos(theta)], axis=-1)
+    area = (np.cos(v * np.pi / rows) - np.cos((v + 1) * np.pi / rows)) * np.pi / rows
+    return d.reshape(-1, 3), area.ravel()
+
+
+def _repeated(around: np.ndarray, rows: int) -> np.ndarray:
+    times = max(1, rows // len(around))
+    return around.repeat(times, axis=0).repeat(times, axis=1)
+
+
+def _upper(around: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Directions (n, 3) of the map's upper half, in 16 rows or more, and the light (n, 3) that comes from each."""
+    fine = _repeated(around, 16)
+    directions, area = _texels(len(fine))
+    half = len(directions) // 2
+    return directions[:half], fine.reshape(-1, 3)[:half] * area[:half, None]
+
+
+def upward(around: np.ndarray) -> np.ndarray:
+    """(3): the irradiance on level paper over π: the constant sky that gives it as much light."""
+    directions, light = _upper(around)
+    return directions[:, 2] @ light / np.pi
+
+
+def _as_sky(around: np.ndarray) -> np.ndarray:
+    """(directions, 3): the map's radiance over Ls, its mean about each of the directions of a matt ball's sky."""
+    directions, light = _upper(around)
+    near = np.eye(len(SKY))[(directions @ SKY.T).argmax(axis=1)]
+    sky = near.T @ light / (near.T @ _texels(len(_repeated(around, 16)))[1][: len(light), None])
+    return sky / (matt_ball.UP @ sky)
+
+
+def _as_map(shadings: list[Shading], matt: list[MattBall], Ls: np.ndarray) -> np.ndarray:
+    """(8, 16, 3): the sky that matt balls show, of level irradiance Ls, and below it the ground's mean radiance."""
+    rows = ROWS[0]
+    directions, half = _texels(rows)[0], rows * rows
+    sky = np.mean([s.sky for s in shadings], axis=0)
+    mean = sky.mean(axis=0)
+    upper = np.maximum(
+        mean + matt_ball.likeness(directions[:half], SKY) @ (matt_ball.LIKENESS @ (sky - mean)), 0.02 * mean
+    )
+    below, seen = (np.concatenate([getattr(m.pixels, name) for m in matt]) for name in ("normal", "ground"))
+    below = (1 - below[:, 2:]) / 2
+    ground = (below * seen).sum(axis=0) / (below**2).sum()
+    around = np.concatenate([upper, np.broadcast_to(ground, upper.shape)]).reshape(rows, 2 * rows, 3)
+    around[: rows // 2] *= Ls / upward(around)
+    return around.astype(np.float32)
+
+
+def shading_of(m: MattBall, paper: np.ndarray, sky: np.ndarray | None, known: np.ndarray | None = None) -> Shading:
+    """What a matt ball shows under the sky that a mirror ball shows (directions, 3), or else under one of its own: an
+    even one where that is much likelier."""
+    if sky is not None:
+        return fit_shading(m.pixels, m.ball, paper, known, sky, matt_ball.MAPPED)
+    even, uneven = (
+        fit_shading(m.pixels, m.ball, paper, known, None, amount) for amount in (matt_ball.EVEN, matt_ball.UNEVEN)
+    )
+    return even if even.evidence > uneven.evidence + MUCH_LIKELIER else uneven
+
+
 def directions_to_sun(found: Evidence) -> list[tuple[str, np.ndarray, float]]:
     """(what showed it, direction, standard deviation in radians) of all that shows where the sun is."""
     directions: list[tuple[str, np.ndarray, float]] = []
     if found.shadow:
         directions.append(("stand", found.shadow.to_light, found.shadow.sigma))
-    for mirror in found.mirrors:
-        if mirror.sun:
-            d, sd = _mean_direction(list(mirror.sun.values()))
-            # The ball's place is the same in all photos: the mean is little better than the best.
-            directions.append(("mirror ball", d, max(sd, min(s for _, s in mirror.sun.values()) / 1.4)))
+    directions += [("mirror ball", *mirror.sun) for mirror in found.mirrors if mirror.sun]
+    around = found.mirrored_map(ROWS[0])
     for m in found.matt:
-        shading = fit_shading(m.pixels, m.ball, found.paper)
+        shading = shading_of(m, found.paper, None if around is None else _as_sky(around))
         if 4 * shading.E_sd @ REC_709 < shading.E @ REC_709 and shading.sigma < 0.2:
             directions.append(("matt ball", shading.to_light, float(np.hypot(shading.sigma, np.radians(MATT_DEGREES)))))
     return directions
 
 
-def _mean_direction(directions: list[tuple[np.ndarray, float]]) -> tuple[np.ndarray, float]:
-    weight = np.array([sd for _, sd in directions]) ** -2.0
-    d = weight @ np.array([d for d, _ in directions])
-    return d / np.linalg.norm(d), float(1 / np.sqrt(weight.sum()))
+def _mean_direction(directions: list[tuple[str, np.ndarray, float]]) -> Sun:
+    """Weighed by inverse variance; what contradicts each other is known as badly as it differs (Birge 1932)."""
+    weight = np.array([sd for *_, sd in directions]) ** -2.0
+    d = weight @ np.array([d for _, d, _ in directions])
+    d, sigma = d / np.linalg.norm(d), float(1 / np.sqrt(weight.sum()))
+    if len(directions) == 1:
+        return d, sigma
+    spread = sum(((a - d) ** 2).sum() / (2 * sd**2) for _, a, sd in directions) / (len(directions) - 1)
+    return d, sigma * float(np.sqrt(spread)) if spread > CONTRADICTS else sigma
 
 
-def solve(found: Evidence, rows: int, sun: tuple[np.ndarray, float] | None) -> Light:
+def solve(found: Evidence, rows: int, sun: Sun | None) -> Light:
     """The light of this model: `rows` of the map, 0 for a constant sky; the `sun`'s direction and its deviation."""
     whole, zero = found.paper / PAPER, np.zeros(3)
-    around = fit_map([m.pixels for m in found.mirrors], rows or ROWS[0]) if found.mirrors else None
+    around = found.mirrored_map(rows or ROWS[0])
     level = upward(around) if around is not None else whole
     if sun is None:
         scaled = around * (whole / level).astype(np.float32) if rows and around is not None else None
         return Light(None, 0.0, zero, zero, whole, PAPER_SD * whole, scaled)
     to_light, sigma = sun
-    shape = sky_shape(around) if rows and around is not None else None
+    sky = _as_sky(around) if around is not None else None
     estimates: list[tuple[np.ndarray, np.ndarray]] = []
+    shadings = []
     if found.shadow:
         ratio, sd = found.shadow.levels()
         estimates.append((ratio * whole / found.shadow.left, sd * whole))
     for m in found.matt:
-        fitted = fit_shading(m.pixels, m.ball, found.paper, to_light, shape)
         # Turned by its deviation, the sun takes light from the sky, or gives it some.
-        turned = [fit_shading(m.pixels, m.ball, found.paper, t, shape, 0).Ls for t in _tilts(to_light, sigma)]
-        spread = np.mean([(t - fitted.Ls) ** 2 for t in turned], axis=0)
-        estimates.append((fitted.Ls, np.sqrt(fitted.Ls_sd**2 + spread + (UNEVEN * fitted.Ls) ** 2)))
+        towards = [to_light, *_tilts(to_light, sigma)]
+        fitted, *turned = (shading_of(m, found.paper, sky, d) for d in towards)
+        spread = np.mean([(t.Ls - fitted.Ls) ** 2 for t in turned], axis=0)
+        estimates.append((fitted.Ls, np.sqrt(fitted.Ls_sd**2 + spread + (MATT_LS * fitted.Ls) ** 2)))
+        shadings.append(fitted)
     if around is not None:
         known = all(m.known for m in found.mirrors)
         estimates.append((level, (REFLECTANCE_SD if known else REFLECTANCE_UNKNOWN) * level))
@@ -180,8 +269,9 @@ def solve(found: Evidence, rows: int, sun: tuple[np.ndarray, float] | None) -> L
     E = np.pi * (whole - Ls) / to_light[2]
     slant = np.hypot(*to_light[:2]) / to_light[2]
     E_sd = np.hypot(np.pi / to_light[2] * np.hypot(Ls_sd, PAPER_SD * whole), E * slant * sigma)
-    scaled = around * (Ls / level).astype(np.float32) if rows and around is not None else None
-    return Light(to_light, sigma, E, E_sd, Ls, Ls_sd, scaled)
+    if rows:
+        around = around * (Ls / level).astype(np.float32) if around is not None else _as_map(shadings, found.matt, Ls)
+    return Light(to_light, sigma, E, E_sd, Ls, Ls_sd, around if rows else None)
 
 
 def _tilts(direction: np.ndarray, sigma: float) -> list[np.ndarray]:
@@ -190,39 +280,19 @@ def _tilts(direction: np.ndarray, sigma: float) -> list[np.ndarray]:
     return list(turned / np.linalg.norm(turned, axis=1, keepdims=True))
 
 
-def _as_environment(texels: np.ndarray) -> Environment:
-    return Environment(texels.shape[1::-1], np.ascontiguousarray(texels, "<f4").tobytes())
-
-
-def _upper(around: np.ndarray) -> Any:
-    """The map's upper half as a light; a coarse map is made finer first, so that its horizon is sharp."""
-    fine = around.repeat(max(1, 16 // len(around)), axis=0).repeat(max(1, 16 // len(around)), axis=1)
-    fine[len(fine) // 2 :] = 0
-    return environment_map(_as_environment(fine))
-
-
-def upward(around: np.ndarray) -> np.ndarray:
-    """(3): the irradiance on level paper over π: the constant sky that gives it as much light."""
-    return np.array(_upper(around).diffuse_irradiance((0.0, 0.0, 1.0)))
-
-
-def sky_shape(around: np.ndarray) -> SkyShape:
-    """Irradiance of the map's upper half on a surface, by its normal, over that on level paper."""
-    light = _upper(around)
-    return lambda n: np.stack(light.diffuse_irradiance(tuple(n.T)), axis=1) / upward(around)
-
-
 def errors(light: Light, found: Evidence) -> dict[str, float]:
     """Per kind of evidence the rms error of the light's prediction, as a share of the mean of what is seen."""
     errors = {}
     for k, m in enumerate(found.matt):
         to_light = light.to_light if light.to_light is not None else np.array([0.0, 0.0, 1.0])
-        shape = sky_shape(light.around) if light.around is not None else None
-        sun, sky = design(m.pixels, to_light, found.paper, shape)
+        sun, sky = design(m.pixels, to_light, found.paper, light.received(m.pixels.normal) / light.Ls)
         shown = light.E / np.pi * sun + light.Ls * sky
         # The best albedo is taken: what counts is the shape of the shading.
         albedo = (shown * m.pixels.value).sum(axis=0) / (shown**2).sum(axis=0)
-        errors[f"matt ball {k}" if k else "matt ball"] = _relative(albedo * shown - m.pixels.value, m.pixels.value)
+        place = np.c_[m.pixels.photo, m.pixels.uv // PATCH]
+        patch = np.unique(place, axis=0, return_inverse=True)[1].ravel()
+        off = [np.bincount(patch, o) / np.bincount(patch) for o in (albedo * shown - m.pixels.value).T]
+        errors[f"matt ball {k}" if k else "matt ball"] = _relative(np.stack(off), m.pixels.value)
     off, values = [], []
     for mirror in found.mirrors:
         seen = mirror.pixels
@@ -246,13 +316,6 @@ def errors(light: Light, found: Evidence) -> dict[str, float]:
     return errors
 
 
-def shading(light: Light, normals: np.ndarray) -> np.ndarray:
-    """(n, 3): irradiance over π of surfaces with such `normals` (n, 3), by the sun and the sky above."""
-    sky = (1 + normals[:, 2:]) / 2 if light.around is None else sky_shape(light.around)(normals)
-    sun = np.maximum(normals @ light.to_light, 0) if light.to_light is not None else np.zeros(len(normals))
-    return light.E / np.pi * sun[:, None] + light.Ls * sky
-
-
 def _relative(off: np.ndarray, values: np.ndarray) -> float:
     return float(np.sqrt((off**2).mean()) / values.mean()) if off.size else 0.0
 
@@ -262,7 +325,7 @@ def _folds(found: Evidence, photos: int) -> Iterator[tuple[Evidence, Evidence]]:
     for k in range(min(photos, 4) if photos > 1 else 2):
 
         def held_out(pixels: Any, k: int = k) -> np.ndarray:
-            return pixels.photo == k if photos > 1 else (pixels.uv // 8).sum(axis=1) % 2 == k
+            return pixels.photo == k if photos > 1 else (pixels.uv // PATCH).sum(axis=1) % 2 == k
 
         def fitted(pixels: Any, held_out: Callable[[Any], np.ndarray] = held_out) -> np.ndarray:
             return ~held_out(pixels)
@@ -273,23 +336,26 @@ def _folds(found: Evidence, photos: int) -> Iterator[tuple[Evidence, Evidence]]:
 def choose(found: Evidence, photos: int) -> tuple[Light, list[Trial], int, list[tuple[str, np.ndarray, float]]]:
     """The light, all models tried, the number of the one taken, and what showed the sun's direction."""
     directions = directions_to_sun(found)
-    sun = _mean_direction([(d, sd) for _, d, sd in directions]) if directions else None
-    if sun and len(directions) > 1:  # what contradicts each other is known as badly as it differs (Birge 1932)
-        spread = sum(((d - sun[0]) ** 2).sum() / (2 * sd**2) for _, d, sd in directions) / (len(directions) - 1)
-        sun = (sun[0], sun[1] * float(np.sqrt(spread)) if spread > CONTRADICTS else sun[1])
+    sun = _mean_direction(directions) if directions else None
     models = [("constant sky", 0, False)]
     models += [("sun + constant sky", 0, True)] if sun else []
-    models += [(f"{'sun + ' if sun else ''}map of {r} rows", r, bool(sun)) for r in (ROWS if found.mirrors else ())]
+    maps = ROWS if found.mirrors else ROWS[:1] if found.matt and sun else ()
+    models += [(f"{'sun + ' if sun else ''}map of {r} rows", r, bool(sun)) for r in maps]
     folds, trials = list(_folds(found, photos)), []
     lights = [solve(found, rows, sun if with_sun else None) for _, rows, with_sun in models]
     normals = fibonacci(200)[:100]
-    last = shading(lights[-1], normals)
+
+    def shading(light: Light) -> np.ndarray:
+        lit = np.maximum(normals @ light.to_light, 0) if light.to_light is not None else np.zeros(len(normals))
+        return light.E / np.pi * lit[:, None] + light.received(normals)
+
+    last = shading(lights[-1])
     for (name, rows, with_sun), light in zip(models, lights, strict=True):
         start = time.perf_counter()
         off = [errors(solve(train, rows, sun if with_sun else None), test) for train, test in folds]
         kinds = {k: float(np.sqrt(np.mean([e[k] ** 2 for e in off if k in e]))) for k in off[0]}
         total = float(np.sqrt(np.mean(np.square(list(kinds.values())))))
-        on_sphere = _relative(shading(light, normals) - last, last)
+        on_sphere = _relative(shading(light) - last, last)
         trials.append(Trial(name, rows, with_sun, total, on_sphere, time.perf_counter() - start, kinds))
     best = min(t.error for t in trials)
     taken = next(i for i, t in enumerate(trials) if t.error <= WORSE * best)

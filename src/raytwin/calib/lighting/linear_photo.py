@@ -32,7 +32,7 @@ CELL_PX = 3.0
 FALLOFF = 1.0, 1.0
 """Exponent of the cosine, and its standard deviation, before the photos are asked: phones correct most of cos⁴."""
 
-INK = 0.012, 0.2
+INK = 0.012, 0.12
 """Black over white in linear light: what ink on paper gives under any light, some glare included."""
 
 

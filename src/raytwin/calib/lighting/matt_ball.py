@@ -2,72 +2,81 @@
 
 Where its normal is n a ball of albedo a has radiance
 
-    a/π E max(0, n·l) + a Ls (1 + n.z)/2 + a S(n)·g + a/π G(n)
+    a/π E max(0, n·l) + a ∫ L(ω) max(0, n·ω) dω / π + a/π G(n)
 
-with G the irradiance from the ground about it, summed over what the photos show of that ground, and S g what a sky
-adds that is brighter towards one side: of radiance Ls + g·ω, g level, which gives level paper nothing. Paper beside it
-has a_p/π E l.z + a_p Ls. What is fitted, α = a E/π and β = a Ls, therefore tells a: a_p (α l.z + β) over the paper's
-radiance. With that, G is linear in α and β, too; two angles are left for a nonlinear fit.
+with G the irradiance from the ground about it, summed over what the photos show of that ground. Paper beside it has
+a_p/π E l.z + a_p Ls, Ls being the constant sky that lights level paper as L does. What is fitted, α = a E/π and
+β = a Ls, therefore tells a: a_p (α l.z + β) over the paper's radiance, and G is linear in α and β, too.
+
+The sky is a radiance in each of some directions. Shading alone cannot tell so many, but a sky is smooth: it is taken
+for a Gaussian process (Rasmussen and Williams, "Gaussian Processes for Machine Learning", 2006) of a stated unevenness
+about a constant or about a mirror ball's map. That is linear, too, and its posterior is how well sun and sky are known;
+how likely it makes the photo tells how uneven the sky is. Two angles of the sun are left for a nonlinear fit: the sun
+alone has an edge in its shading.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from raytwin.calib.boards.board import PAPER
-from raytwin.calib.lighting.ball_outline import Ball
+from raytwin.calib.lighting.ball_outline import Ball, pixels_of, reflect
 from raytwin.calib.lighting.board_plane import hidden_by, seen_light
 from raytwin.calib.lighting.linear_photo import LinearPhoto
-from raytwin.calib.lighting.mirror_ball import pixels_of, reflect
+from raytwin.lights.envmap_tables import REC_709
 
-SkyShape = Callable[[np.ndarray], np.ndarray]
-"""Normals (n, 3) -> the sky's irradiance there over that on level paper, (n, 3)."""
-
-MOST_PIXELS = 1200
+MOST_PIXELS = 700
 """Pixels of a ball in a photo that are fitted: more say the same again."""
 
 RINGS, TURNS = 40, 72
 """Places on the ground about the ball."""
 
-RIM_COSINE = 0.3
+NEAR = 2.5
+"""Radii from the ball within which the ground shows its shadow."""
+
+LOWEST_NORMAL = -0.7
+"""z of normals that face the ground more than any that a photo shows."""
+
+RIM_COSINE = 0.4
 """The least cosine between ray and normal: nearer to the outline the photo's own blur mixes in what is behind."""
 
-SECTORS = 12
-"""Parts of a ball's image: what a fit makes of all but one tells how well it is known."""
+EVEN, UNEVEN, MAPPED = 0.1, 1.0, 0.1
+"""Standard deviation of a sky's radiance as a share of its mean: of a constant one, an uneven one, and a mapped one."""
 
-SLOPE = 0.5
-"""How much brighter than its middle a sky may be towards one side: one standard deviation, as a share."""
+PERSISTENCE = 5.0
+"""κ of a sky's correlation exp(κ (cos γ - 1)) between directions γ apart: lamps and clouds of some 35 degrees."""
 
-TOGETHER = 60
-"""Neighbouring pixels that err together: what the sky's slope is weighed against."""
+NOISE, GROUND_NOISE, GROUND_SD = 0.02, 0.05, 0.1
+"""Shares by which a pixel is off: of the mean, and of the ground's part, which is known less well; and by which all of
+the ground's part is off."""
 
-NOISE, GROUND_NOISE = 0.02, 0.1
-"""Shares by which a pixel is off: of the mean, and of the ground's part, which is known less well."""
+TOGETHER = 20
+"""Fitted pixels that err together."""
 
-MATT = 0.12
-"""Root mean squared residual over the mean: a ball whose shading fits worse is not matt."""
+MATT, NO_MIRROR, USUAL = 0.15, 0.35, 0.08
+"""Root mean squared residual over the mean, highlights clipped: a ball whose shading fits worse is not matt, or is not
+even where no mirror image is seen in it; and the one from which standard deviations grow with it."""
 
 
 @dataclass(frozen=True, eq=False)
 class MattPixels:
     """Pixels `uv` (n, 2) of a ball in the photos of index `photo` (n,): `normal` (n, 3), `value` (n, 3), `ground`
-    (n, 3) = G/π, `slope` (n, 2) = S."""
+    (n, 3) = G/π."""
 
     photo: np.ndarray
     uv: np.ndarray
     normal: np.ndarray
     value: np.ndarray
     ground: np.ndarray
-    slope: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class Shading:
-    """`to_light` (3), `sigma` radians across; `E`, `Ls` (3) in the paper's units, with `E_sd`, `Ls_sd`.
+    """`to_light` (3), `sigma` radians across; `E`, `Ls` (3) in the paper's units, with `E_sd`, `Ls_sd` for this
+    direction; `sky` (directions, 3): radiance over Ls.
 
-    `residual`: root mean square over the mean radiance. Without a sun E is 0 and `to_light` means nothing.
+    `residual`: root mean square over the mean radiance. Of two fits that of more `evidence` explains the photo better.
     """
 
     to_light: np.ndarray
@@ -76,27 +85,9 @@ class Shading:
     E_sd: np.ndarray
     Ls: np.ndarray
     Ls_sd: np.ndarray
+    sky: np.ndarray
     residual: float
-
-
-def matt_pixels(photos: list[LinearPhoto], ball: Ball) -> MattPixels:
-    at, light, area = _ground(photos, ball)
-    normals = fibonacci(400)
-    to = at - (ball.center + ball.radius * normals)[:, None]
-    facing = np.maximum((to * normals[:, None]).sum(axis=-1), 0) * np.maximum(-to[..., 2], 0)
-    received = (facing / (to**2).sum(axis=-1) ** 2 * area) @ light / np.pi
-    ground = np.linalg.lstsq(_smooth(normals), received, rcond=None)[0]
-    sky = normals[normals[:, 2] > 0]
-    parts = []
-    for k, photo in enumerate(photos):
-        uv = pixels_of(photo, ball)
-        p, _, cosine = reflect(photo, ball, uv)
-        keep = np.flatnonzero((cosine > RIM_COSINE) & ~photo.clipped[uv[:, 1], uv[:, 0]])
-        keep = keep[:: max(1, len(keep) // MOST_PIXELS)]
-        uv, n = uv[keep], (p[keep] - ball.center) / ball.radius
-        slope = np.maximum(n @ sky.T, 0) @ sky[:, :2] * 2 / len(sky)
-        parts.append((0 * keep + k, uv, n, photo.light[uv[:, 1], uv[:, 0]].astype(float), _smooth(n) @ ground, slope))
-    return MattPixels(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    evidence: float
 
 
 def fibonacci(count: int) -> np.ndarray:
@@ -106,136 +97,186 @@ def fibonacci(count: int) -> np.ndarray:
     return np.stack([np.sqrt(1 - z * z) * f(2.399963 * k) for f in (np.cos, np.sin)] + [z], axis=1)
 
 
+SKY = fibonacci(64)[:32]
+UP = 2 / len(SKY) * SKY[:, 2]
+"""What each direction's radiance adds to the irradiance on level paper over π."""
+
+
+def likeness(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(n, m): how a sky's radiance in directions a (n, 3) goes with that in b (m, 3)."""
+    return np.exp(PERSISTENCE * (a @ b.T - 1))
+
+
+LIKENESS = np.linalg.inv(likeness(SKY, SKY) + 1e-3 * np.eye(len(SKY)))
+
+
+def matt_pixels(photos: list[LinearPhoto], ball: Ball, to_light: np.ndarray | None = None) -> MattPixels:
+    """The ball's pixels; `to_light`: the sun's direction, where it is known already, for the shadow under the ball."""
+    at, light, area = _ground(photos, ball, to_light)
+    normals = fibonacci(600)
+    normals = normals[normals[:, 2] > LOWEST_NORMAL]
+    to = at - (ball.center + ball.radius * normals)[:, None]
+    facing = np.maximum((to * normals[:, None]).sum(axis=-1), 0) * np.maximum(-to[..., 2], 0)
+    received = (facing / (to**2).sum(axis=-1) ** 2 * area) @ light / np.pi
+    ground = np.linalg.lstsq(_smooth(normals), received, rcond=None)[0]
+    parts = []
+    for k, photo in enumerate(photos):
+        uv = pixels_of(photo, ball)
+        p, _, cosine = reflect(photo, ball, uv)
+        keep = np.flatnonzero((cosine > RIM_COSINE) & ~photo.clipped[uv[:, 1], uv[:, 0]])
+        keep = keep[:: max(1, len(keep) // MOST_PIXELS)]
+        uv, n = uv[keep], (p[keep] - ball.center) / ball.radius
+        parts.append((0 * keep + k, uv, n, photo.light[uv[:, 1], uv[:, 0]].astype(float), _smooth(n) @ ground))
+    return MattPixels(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
 def _smooth(n: np.ndarray) -> np.ndarray:
     """All products of a normal's components up to degree 4: irradiance hardly has more."""
     x, y, z = n.T
     return np.stack([x**i * y**j * z**k for i in range(5) for j in range(5 - i) for k in range(5 - i - j)], axis=1)
 
 
-def _ground(photos: list[LinearPhoto], ball: Ball) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _ground(
+    photos: list[LinearPhoto], ball: Ball, to_light: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rings of places on the ground about the ball (m, 3), their radiance (m, 3) and area (m,).
 
-    Means over the photos that show them; a place that none shows has its ring's mean, a ring that none shows that of
-    its neighbours times the share of the sky that the ball leaves (a ball on a floor leaves 1 - (1 + (ρ/r)²)^(-3/2)).
-    The last ring stands for all that is farther.
+    Means over the photos that show them. A place that none shows, as those under the ball, has what the others near by
+    make likely: a part that is the sun's, where the ball does not shade it, and a part that is the sky's, of which the
+    ball leaves 1 - (1 + (ρ/r)²)^(-3/2). A place far away has the mean of those. The last ring stands for all farther.
     """
     edges = ball.radius * np.concatenate([[0], np.geomspace(0.3, 40, RINGS)])
-    far = (edges[:-1] + edges[1:]) / 2
-    turns = (np.arange(TURNS) + 0.5) / TURNS * 2 * np.pi
-    xy = ball.center[:2] + far[:, None, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    floor = min(0.0, float(ball.center[2] - ball.radius))
-    at = np.concatenate([xy, np.full((RINGS, TURNS, 1), floor)], axis=-1).reshape(-1, 3)
+    far = np.repeat((edges[:-1] + edges[1:]) / 2, TURNS)
+    turns = np.tile((np.arange(TURNS) + 0.5) / TURNS * 2 * np.pi, RINGS)
+    xy = ball.center[:2] + far[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    at = np.c_[xy, np.full(len(far), min(0.0, float(ball.center[2] - ball.radius)))]
     light, seen = seen_light(photos, at, lambda photo: hidden_by(photo, ball, at))
-    light, seen = light.reshape(RINGS, TURNS, 3), seen.reshape(RINGS, TURNS)
-    known = seen.any(axis=1)
-    if known.any():
-        open_sky = 1.02 - (1 + (far / ball.radius) ** 2) ** -1.5
-        rings = light.sum(axis=1)[known] / seen.sum(axis=1)[known, None] / open_sky[known, None]
-        mean = np.stack([np.interp(far, far[known], rings[:, c]) for c in range(3)], axis=1) * open_sky[:, None]
-        light = np.where(seen[..., None], light, mean[:, None])
-    area = np.pi * (edges[1:] ** 2 - edges[:-1] ** 2)[:, None] / TURNS * np.ones(TURNS)
-    return at, light.reshape(-1, 3), area.ravel()
+    sunny = np.zeros(len(far))
+    if to_light is not None:
+        to = ball.center - at
+        sunny = (np.linalg.norm(to - np.outer(to @ to_light, to_light), axis=1) > ball.radius).astype(float)
+    parts = np.stack([sunny, 1.02 - (1 + (far / ball.radius) ** 2) ** -1.5], axis=1)
+    for mine in (far < NEAR * ball.radius, far >= NEAR * ball.radius):
+        if (known := mine & seen).any():
+            light[mine & ~seen] = parts[mine & ~seen] @ np.linalg.lstsq(parts[known], light[known], rcond=1e-3)[0]
+    area = np.repeat(np.pi * (edges[1:] ** 2 - edges[:-1] ** 2) / TURNS, TURNS)
+    return at, light, area
 
 
 def design(
-    pixels: MattPixels, to_light: np.ndarray, paper: np.ndarray, shape: SkyShape | None = None
+    pixels: MattPixels, to_light: np.ndarray, paper: np.ndarray, received: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3) each: what α and β are multiplied by, a channel a column; `paper`: its radiance in full light.
+    """(n, 3) each: what α and β are multiplied by, a channel a column.
 
-    `shape`: of the sky, by default a constant one's.
+    `paper`: its radiance in full light; `received` (n, 3): the sky's irradiance there over that on level paper.
     """
-    n = pixels.normal
     g = PAPER / paper * pixels.ground
-    sun = np.maximum(n @ to_light, 0)[:, None] + max(to_light[2], 0) * g
-    return sun, (shape(n) if shape else (1 + n[:, 2:]) / 2) + g
+    return np.maximum(pixels.normal @ to_light, 0)[:, None] + max(to_light[2], 0) * g, received + g
+
+
+def _received(normals: np.ndarray) -> np.ndarray:
+    """(n, directions): what the sky's radiance in each direction adds to the irradiance over π."""
+    return 2 / len(SKY) * np.maximum(normals @ SKY.T, 0)
 
 
 @dataclass(frozen=True, eq=False)
-class _Fit:
-    to_light: np.ndarray
-    found: np.ndarray
-    """α and β (2, 3)."""
-    left: np.ndarray
-    """(n, 3): model minus pixels, over the channel's mean."""
+class _Problem:
+    """A ball's pixels, weighed, and what is known of the sky: `base` (directions, 3) over Ls, `uneven`, and roughly β
+    and α l.z + β (3)."""
+
+    pixels: MattPixels
+    paper: np.ndarray
+    base: np.ndarray
+    uneven: float
+    level: np.ndarray
+    total: np.ndarray
+    weight: np.ndarray
+    """(n, 3): one over a pixel's standard deviation."""
+
+    def solve(self, to_light: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+        """α, the sky's radiance times a, and by how much more the ground gives (1 + directions + 1, 3); its covariances
+        (3, ., .); the weighed residuals and what is known of sky and ground; and the evidence."""
+        g = PAPER / self.paper * self.pixels.ground
+        lit, sky = np.maximum(self.pixels.normal @ to_light, 0), _received(self.pixels.normal)
+        found, covs, left, evidence = [], [], [], 0.0
+        for c in range(3):
+            A = np.c_[lit + max(to_light[2], 0) * g[:, c], sky + g[:, c, None] * UP, self.total[c] * g[:, c]]
+            A *= self.weight[:, c, None]
+            prior = LIKENESS / (self.uneven * self.level[c]) ** 2
+            along = prior @ self.base[:, c]  # β itself is free
+            prior = prior - np.outer(along, along) / (along @ self.base[:, c])
+            root = np.linalg.eigh(prior)
+            smooth = np.sqrt(np.maximum(root[0], 0))[:, None] * root[1].T
+            known = np.zeros((len(SKY) + 1, A.shape[1]))
+            known[:-1, 1:-1], known[-1, -1] = smooth, 1 / GROUND_SD
+            full = np.r_[A, known]
+            normal = full.T @ full + 1e-9 * np.eye(A.shape[1])
+            x = np.linalg.solve(normal, A.T @ (self.weight[:, c] * self.pixels.value[:, c]))
+            off = full @ x
+            off[: len(A)] -= self.weight[:, c] * self.pixels.value[:, c]
+            volume = np.linalg.slogdet(normal)[1] + 2 * (len(SKY) - 1) * np.log(self.uneven * self.level[c])
+            evidence -= off @ off + volume
+            found.append(x)
+            covs.append(np.linalg.inv(normal))
+            left.append(off)
+        return np.stack(found, axis=1), np.stack(covs), np.concatenate(left), evidence / 2
+
+    def best(self, start: np.ndarray) -> tuple[np.ndarray, float]:
+        """The direction near `start` that fits best, and its standard deviation."""
+        axes = np.linalg.svd(start[None])[2][1:]
+
+        def turned(y: np.ndarray) -> np.ndarray:
+            to_light = start + y @ axes
+            return to_light / np.linalg.norm(to_light)
+
+        fit = least_squares(lambda y: self.solve(turned(y))[2], np.zeros(2), x_scale=0.05, diff_step=1e-3, max_nfev=20)
+        cov = np.linalg.inv(fit.jac.T @ fit.jac + 1e-6 * np.eye(2))
+        return turned(fit.x), float(np.sqrt(np.trace(cov) / 2))
 
 
 def fit_shading(
-    pixels: MattPixels, ball: Ball, paper: np.ndarray, known: np.ndarray | None = None, shape: SkyShape | None = None,
-    sectors: int = SECTORS,
+    pixels: MattPixels, ball: Ball, paper: np.ndarray, known: np.ndarray | None = None, base: np.ndarray | None = None,
+    uneven: float = EVEN,
 ) -> Shading:  # fmt: skip
-    """Sun and sky from the ball's pixels; `known`: the sun's direction, if it is.
-
-    Jackknife: each of the ball's `sectors` in turn is left out. Without any there is no standard deviation.
-    """
+    """Sun and sky from the ball's pixels; `known`: the sun's direction, if it is; `base`: the sky about which theirs
+    varies, (directions, 3) over Ls, by default a constant one."""
     scale = pixels.value.mean(axis=0)
-    ground = PAPER * pixels.value.mean(axis=0) / paper * pixels.ground / scale
-    trust = NOISE / np.hypot(NOISE, GROUND_NOISE * ground).mean(axis=1)
-    free, start = known is None, known
-    if start is None:
-        grid = fibonacci(600)[:300]
-        start = grid[int(np.argmin([(_solve(pixels, g, paper, shape, trust).left ** 2).mean() for g in grid]))]
-    fit = _best(pixels, start, free, paper, shape, trust)
-    spread = 1.4826 * np.median(np.abs(fit.left))
-    # A highlight is brighter than any matt surface: what lies far above the fit is passed over.
-    trust = trust * np.where((fit.left < -4 * spread - 0.03).any(axis=1), 0.05, 1.0)
-    fit = _best(pixels, fit.to_light, free, paper, shape, trust)
-    middle = np.stack([np.bincount(pixels.photo, w) for w in pixels.uv.T], axis=1)
-    off = pixels.uv - (middle / np.maximum(np.bincount(pixels.photo), 1)[:, None])[pixels.photo]
-    sector = (np.arctan2(off[:, 1], off[:, 0]) / (2 * np.pi) * sectors).astype(int) % max(sectors, 1)
-    albedo = _albedo(fit, paper)
-    E, Ls = np.pi * fit.found[0] / albedo, fit.found[1] / albedo
-    parts = []
-    for k in range(sectors):
-        mine = sector != k
-        rest = replace(pixels, **{name: value[mine] for name, value in vars(pixels).items()})
-        part = _best(rest, fit.to_light, free, paper, shape, trust[mine])
-        a = _albedo(part, paper)
-        parts.append([part.to_light - fit.to_light, np.pi * part.found[0] / a - E, part.found[1] / a - Ls])
-    sds = np.sqrt(max(sectors - 1, 0) / max(sectors, 1) * (np.array(parts).reshape(sectors, 3, 3) ** 2).sum(axis=0))
+    sd = np.hypot(NOISE * scale, GROUND_NOISE * PAPER * scale / paper * pixels.ground) * np.sqrt(TOGETHER)
+    base = np.ones((len(SKY), 3)) / UP.sum() if base is None else base
+    fit = _Problem(pixels, paper, base, EVEN, 0.3 * scale, scale, 1 / sd)
+    to_light = known
+    if to_light is None:
+        few = slice(None, None, max(1, len(pixels.photo) // 150))
+        rough = replace(fit, pixels=_rows(pixels, few), weight=fit.weight[few])
+        grid = fibonacci(300)[:150]
+        to_light = grid[int(np.argmin([(rough.solve(d)[2] ** 2).sum() for d in grid]))]
+    sigma = 0.0
+    for amount in (EVEN, uneven):
+        found = fit.solve(to_light)[0]
+        level = np.maximum(UP @ found[1:-1], 0.02 * scale)
+        fit = replace(fit, uneven=amount, level=level, total=level + np.maximum(found[0], 0) * max(to_light[2], 0))
+        if known is None:
+            to_light, sigma = fit.best(to_light)
+        found, covs, left, evidence = fit.solve(to_light)
+        off = left.reshape(3, -1)[:, : len(sd)].T * sd / scale
+        # A highlight is brighter than any matt surface: what lies far above the fit is passed over.
+        spread = 1.4826 * np.median(np.abs(off))
+        fit = replace(fit, weight=np.where((off < -4 * spread - 0.03).any(axis=1), 0.05, 1.0)[:, None] / sd)
+    dim = np.abs(off @ (scale * REC_709)) / (scale @ REC_709)
+    residual = float(np.sqrt((np.minimum(dim, 4 * spread + 0.03) ** 2).mean()))
+    misfit = max(1.0, residual / USUAL)
+    alpha, beta = np.maximum(found[0], 0), np.maximum(UP @ found[1:-1], 1e-6)
+    total, scaled = alpha * max(to_light[2], 0) + beta, paper / PAPER
+    # E and Ls are functions of α/β: what turns (α, β) across that changes them.
+    across = np.stack([np.r_[b, -a * UP, 0] for a, b in zip(alpha, beta, strict=True)])
+    sd = np.sqrt(np.einsum("ci,cij,cj->c", across, covs, across)) * scaled / total**2 * misfit
     turned = np.linalg.norm([*ball.sigma[:2], ball.sigma[3]]) / ball.radius  # the outline turns all normals
-    sigma = float(np.hypot(np.linalg.norm(sds[0]) / np.sqrt(2), turned))
-    residual = float(np.sqrt((trust[:, None] * fit.left**2).mean()))
-    return Shading(fit.to_light, sigma, E, sds[1], Ls, sds[2], residual)
+    return Shading(
+        to_light, float(np.hypot(misfit * sigma, turned)), np.pi * alpha / total * scaled, np.pi * sd,
+        beta / total * scaled, max(to_light[2], 0) * sd, found[1:-1] / beta,
+        residual, evidence,
+    )  # fmt: skip
 
 
-def _albedo(fit: _Fit, paper: np.ndarray) -> np.ndarray:
-    return np.maximum(PAPER * (fit.found[0] * max(fit.to_light[2], 0) + fit.found[1]) / paper, 1e-6)
-
-
-def _solve(
-    pixels: MattPixels, to_light: np.ndarray, paper: np.ndarray, shape: SkyShape | None, trust: np.ndarray
-) -> _Fit:
-    """α and β by least squares; neither light takes any away."""
-    slope = pixels.slope if shape is None else 0 * pixels.slope
-    lights = np.stack(design(pixels, to_light, paper, shape))
-    A = np.concatenate([lights, np.broadcast_to(slope.T[..., None], (2, *lights.shape[1:]))])  # (4, n, channel)
-    weighed = A * trust[:, None] ** 2
-    scale = pixels.value.mean(axis=0)
-    normal = np.einsum("inc,jnc->cij", weighed, A)
-    ridge = len(trust) * (NOISE / SLOPE) ** 2 / TOGETHER
-    normal += np.diag([1e-9, 1e-9, ridge, ridge])
-    found = np.linalg.solve(normal, np.einsum("inc,nc->ci", weighed, pixels.value)[..., None])[..., 0].T
-    if (found[:2] < 0).any():
-        one = int(found[:2].sum(axis=1).argmax())
-        alone = (weighed[one] * pixels.value).sum(axis=0) / (weighed[one] * A[one]).sum(axis=0)
-        found = np.zeros_like(found)
-        found[one] = np.maximum(alone, 0)
-    return _Fit(to_light, found[:2], (np.einsum("inc,ic->nc", A, found) - pixels.value) / scale)
-
-
-def _best(
-    pixels: MattPixels, to_light: np.ndarray, free: bool, paper: np.ndarray, shape: SkyShape | None, trust: np.ndarray
-) -> _Fit:
-    """The fit at `to_light`, or if that is `free` at the best direction near it."""
-    if not free:
-        return _solve(pixels, to_light, paper, shape, trust)
-    axes = np.linalg.svd(to_light[None])[2][1:]
-
-    def fit(x: np.ndarray) -> _Fit:
-        turned = to_light + x @ axes
-        return _solve(pixels, turned / np.linalg.norm(turned), paper, shape, trust)
-
-    def error(x: np.ndarray) -> np.ndarray:
-        return np.asarray(fit(x).left * trust[:, None] / 0.03).ravel()
-
-    return fit(least_squares(error, np.zeros(2), loss="soft_l1").x)
+def _rows(pixels: MattPixels, keep: slice) -> MattPixels:
+    return replace(pixels, **{name: column[keep] for name, column in vars(pixels).items()})

@@ -2,15 +2,16 @@
 
 A pixel's ray d meets the ball where its normal is n, and goes on along ω = d - 2 (d·n) n: the pixel shows the light
 from there, times the ball's reflectance. The board itself is in the mirror, and where it must be is known to a fraction
-of a pixel: that is what the ball's place and radius are refined by, and its reflectance found by.
+of a pixel; the sun is in the same direction in all photos. These and the outline tell the ball's place and radius: of
+all balls within reach of the guess that of the greatest likelihood is taken (differential evolution), then all of them
+are fitted at once, the sun's direction with the ball.
 
 A map is what `scene.Environment` says, bilinear between texels' centres, so that its texels are a linear least squares
-problem: each pixel weighs as many steradians as it shows, and neighbours are drawn together where no pixel looks.
-Clipped pixels that fill a small angle are the sun: they are taken out.
+problem: each pixel weighs as many steradians as it shows, and neighbours are drawn together where no pixel looks. The
+sun is a clipped patch with a sharp edge, where a lamp that is clipped fades: its pixels are taken out.
 """
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -19,40 +20,70 @@ from scipy import ndimage, sparse
 from scipy.optimize import differential_evolution, least_squares
 from scipy.sparse.linalg import spsolve
 
-from raytwin.calib.lighting.ball_outline import RADIUS_SD, Ball, mean_score, outline, softened
-from raytwin.calib.lighting.board_plane import Sheet, SheetLight, blurred, on_board
+from raytwin.calib.lighting.ball_outline import (
+    Ball,
+    check_seen,
+    outline,
+    outline_score,
+    pixels_about,
+    pixels_of,
+    prior_of,
+    reflect,
+    reflect_rays,
+    softened,
+)  # fmt: skip
+from raytwin.calib.lighting.board_plane import MARGIN, Sheet, SheetLight, blurred, on_board
 from raytwin.calib.lighting.linear_photo import LinearPhoto
+from raytwin.errors import InputError
 from raytwin.lights.envmap_tables import REC_709
-
-GRAZING = 0.2
-"""The least cosine between ray and normal: nearer to the outline a pixel shows too much at once."""
 
 FINEST = 0.008
 """Metres of the sheet that a mirrored pixel may cover: cells that are smaller than a pixel match anywhere."""
 
-SEARCH_M, SEARCH_RADIUS = 2.2e-3, 2.5 * RADIUS_SD
-"""How far from its outline's best place a ball is sought: metres, and share of the radius."""
+REACH = 2.5
+"""How many standard deviations of what is said of a ball it is sought within."""
+
+RESTS = 0.1
+"""Radii by which the ground that a ball rests on is above or below the board, where it was found by itself."""
+
+OUTLINE = 60.0
+"""Log-likelihood of an outline that is all edge over one that is none."""
+
+EDGE_SHARE = 0.7
+"""The least score of an outline that is taken for a ball's."""
+
+GLANCE, GLANCE_SD = 4, 0.2
+"""The search looks at every fourth pixel; by so much of white paper's light each is off what is mirrored there."""
+
+SEEN = 2.0
+"""Log-likelihood by which the mirrored sheet must explain a ball better than anything even."""
+
+REFLECTANCES = 0.3, 1.1
+"""Least and greatest reflectance of a mirror."""
+
+SPOT_SEARCH_PX, SPOT_FALSE = 0.5, 0.02
+"""Pixels by which the sun's directions in two photos differ in the search, and how often a spot is another thing."""
 
 OUTLINE_PX = 0.7
 """Pixels by which an outline is off its faint edge; each photo's tells this four times over."""
 
-UNDERSTATED = 2.0
-"""How much larger the errors of a registered ball are than least squares says, in measure/light_accuracy.py."""
+SPOT_PX = 0.12
+"""Pixels by which the middle of the sun's spot is off, across and down."""
 
-TOLERANCE, TOGETHER = 0.05, 40
+TOLERANCE, TOGETHER = 0.05, 80
 """By how much of white paper's light a mirrored place may be off; neighbouring pixels that err together."""
+
+UNDERSTATED = 1.3
+"""How much larger the errors are than least squares says, in measure/light_accuracy.py."""
 
 LEAST_PIXELS = 50
 """Pixels that must show the sheet for a ball to be registered by it."""
 
-SUN_DEGREES = 12.0
-"""A clipped patch that fills no wider angle than this is a light of its own."""
+SPOT_LEAST, SPOT_MOST, SPOT_SHARE = 4, 50, 0.004
+"""The sun's spot has so many clipped pixels at least and at most, or fills this share of the ball's box: 12 degrees."""
 
-SUN_PX = 8.0
-"""Or is no wider than this: so far a lens spreads a point that is a thousand times too bright."""
-
-SPOT_PX = 0.06
-"""Pixels by which the middle of the sun's spot is off, however small it is."""
+SPOT_AROUND, SPOT_EDGE = 4, 0.75
+"""So many pixels beside the spot it is darker than this share of it."""
 
 SMOOTH = 1e-3
 """Weight of the difference of neighbouring texels, as a share of a texel's own: it decides where no pixel looks."""
@@ -61,7 +92,7 @@ SMOOTH = 1e-3
 @dataclass(frozen=True, eq=False)
 class Mirrored:
     """What a mirror ball's pixels `uv` (n, 2) in the photos of index `photo` (n,) show: `to_light` (n, 3), `radiance`
-    (n, 3), `steradians` (n,), `clipped` (n,): at least so bright, `sun` (n,): those of the sun's patch."""
+    (n, 3), `steradians` (n,), `clipped` (n,): at least so bright, `sun` (n,): those of the sun's spot."""
 
     photo: np.ndarray
     uv: np.ndarray
@@ -72,28 +103,120 @@ class Mirrored:
     sun: np.ndarray
 
 
-def reflect(photo: LinearPhoto, ball: Ball, uv: np.ndarray) -> tuple[np.ndarray, ...]:
-    """(n, 3) points, (n, 3) reflected directions, (n,) cosine of ray and normal, NaN where the ball is missed."""
-    return reflect_rays(np.array(photo.camera.eye), photo.rays(uv), ball.numbers)
+def sun_spot(photo: LinearPhoto, ball: Ball) -> tuple[np.ndarray, float] | None:
+    """The middle (2) and the radius, in pixels, of the largest clipped patch on the ball that has a sharp edge.
+
+    The middle is that of its upper part: a lamp beside it would draw it aside.
+    """
+    low, high = (f(pixels_about(photo, ball), axis=0) for f in (np.min, np.max))
+    window = slice(low[1], high[1] + 1), slice(low[0], high[0] + 1)
+    value, labels = photo.light[window].min(axis=-1), ndimage.label(photo.clipped[window], np.ones((3, 3)))[0]
+    found, most = None, SPOT_LEAST - 1
+    for k, box in enumerate(ndimage.find_objects(labels), 1):
+        near = tuple(slice(max(0, b.start - SPOT_AROUND), b.stop + SPOT_AROUND) for b in box)
+        patch = labels[near] == k
+        ring = np.logical_xor(*(ndimage.binary_dilation(patch, iterations=SPOT_AROUND - i) for i in (0, 1)))
+        around, top = np.quantile(value[near][ring], 0.9) if ring.any() else np.inf, np.median(value[near][patch])
+        too_large = patch.sum() > max(SPOT_MOST, SPOT_SHARE * labels.size)
+        if patch.sum() <= most or too_large or around > SPOT_EDGE * top:
+            continue
+        weight = np.clip((value[near] - around - 0.3 * (top - around)) / (0.63 * (top - around)), 0, 1)
+        weight = weight * ndimage.binary_dilation(patch, iterations=SPOT_AROUND - 1)
+        middle = np.array([(weight * axis).sum() / weight.sum() for axis in np.mgrid[near][::-1]])
+        found, most = (middle + low, float(np.sqrt(patch.sum() / np.pi))), patch.sum()
+    return found
 
 
-def reflect_rays(eye: np.ndarray, d: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
-    """The same of rays `d` from `eye`; `x`: the ball's center and radius (4)."""
-    f = eye - x[:3]
-    b = d @ f
-    with np.errstate(invalid="ignore"):
-        root = np.sqrt(b * b - (f @ f - x[3] ** 2))
-    n = (f + (-b - root)[:, None] * d) / x[3]
-    cosine = root / x[3]
-    return x[:3] + x[3] * n, d + 2 * cosine[:, None] * n, cosine
+@dataclass(frozen=True, eq=False)
+class _Glance:
+    """What the search sees of one photo: the `rays` (n, 3) through some pixels, those `beside` them, brightness `value`
+    (n,), the photo's `codes`, and the rays through the sun's spot, right of it and below."""
+
+    photo: LinearPhoto
+    eye: np.ndarray
+    rays: np.ndarray
+    beside: np.ndarray
+    value: np.ndarray
+    codes: np.ndarray
+    spot: np.ndarray | None
 
 
-def pixels_of(photo: LinearPhoto, ball: Ball) -> np.ndarray:
-    """(n, 2): the pixels that show the ball, its rim left out."""
-    rim = outline(photo, ball.center, ball.radius)
-    low, high = np.floor(rim.min(axis=0)).astype(int), np.ceil(rim.max(axis=0)).astype(int)
-    uv = np.stack(np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(low, high, strict=True))), axis=-1).reshape(-1, 2)
-    return uv[np.nan_to_num(reflect(photo, ball, uv)[2]) > GRAZING]
+def _glance(photo: LinearPhoto, ball: Ball) -> _Glance:
+    uv, spot = pixels_about(photo, ball, 1.25, GLANCE), sun_spot(photo, ball)
+    steps = np.array([(0, 0), (1, 0), (0, 1)])
+    return _Glance(
+        photo, np.array(photo.camera.eye), photo.rays(uv), photo.rays(uv + 0.5), brightness(photo, 1.0, uv),
+        softened(photo), photo.rays(spot[0] + steps) if spot else None,
+    )  # fmt: skip
+
+
+def brightness(photo: LinearPhoto, blur: float, uv: np.ndarray) -> np.ndarray:
+    """(n,): luminance at pixels, the photo blurred by `blur` pixels; no sun is brighter than its glare there."""
+    return blurred(np.minimum(photo.light @ REC_709.astype(np.float32), 1.3), blur)[uv[:, 1], uv[:, 0]]
+
+
+def _sheet_explains(seen: _Glance, light: SheetLight, image: np.ndarray, x: np.ndarray) -> float:
+    """By how much the sum of squares is less where the ball `x` mirrors the sheet, its best reflectance taken."""
+    b = seen.rays @ (seen.eye - x[:3])
+    inside = np.flatnonzero(b * b > ((seen.eye - x[:3]) ** 2).sum() - 0.96 * x[3] ** 2)
+    at = on_board(*reflect_rays(seen.eye, seen.rays[inside], x)[:2])
+    x0, x1, y0, y1 = light.extent
+    on = (at[:, 0] > x0 + MARGIN) & (at[:, 0] < x1 - MARGIN) & (at[:, 1] > y0 + MARGIN) & (at[:, 1] < y1 - MARGIN)
+    inside, at = inside[on], at[on]
+    covered = np.linalg.norm(on_board(*reflect_rays(seen.eye, seen.beside[inside], x)[:2]) - at, axis=1)
+    fine = covered < FINEST / np.sqrt(2)
+    if GLANCE**2 * fine.sum() < 6 * LEAST_PIXELS:
+        return 0.0
+    shown, value = light.look(image, at[fine]), seen.value[inside[fine]]
+    shown, value = shown - shown.mean(), value - value.mean()
+    size, along = max(shown @ shown, 1e-9), shown @ value
+    rho = np.clip(along / size, *REFLECTANCES)
+    return float(2 * rho * along - rho * rho * size)
+
+
+def _suns_apart(seen: list[_Glance], x: np.ndarray) -> float:
+    """Pixels by which the sun's directions in the photos differ, in the mean of all pairs; 0 where there is no pair."""
+    suns = [reflect_rays(s.eye, s.spot, x)[1] for s in seen if s.spot is not None]
+    pixel = [np.sqrt(np.linalg.norm(np.cross(d[1] - d[0], d[2] - d[0]))) for d in suns]
+    pairs = itertools.combinations(range(len(suns)), 2)
+    apart = [np.linalg.norm(suns[i][0] - suns[j][0]) / np.hypot(pixel[i], pixel[j]) for i, j in pairs]
+    return float(np.nan_to_num(np.mean(apart), nan=99.0)) if apart else 0.0
+
+
+def find_ball(
+    photos: list[LinearPhoto], sheet: Sheet, center: np.ndarray, radius: float, given: bool = True
+) -> tuple[Ball, float]:
+    """The ball near (center, radius), matt or mirror, that is the likeliest in all photos at once, to a pixel or so;
+    and its log-likelihood.
+
+    `given`: by the user; else it was found by itself, and is known less well. Raises InputError where none is seen.
+    """
+    ball = prior_of(center, radius, given)
+    where = f"ball {','.join(f'{x:.4g}' for x in ball.prior)}"
+    for photo in photos:
+        check_seen(photo, ball)
+    light = SheetLight(photos, sheet, ball)
+    image, seen = light.blurred(2e-3), [_glance(photo, ball) for photo in photos]
+
+    def unlikely(x: np.ndarray) -> float:
+        z = (x - ball.prior) / ball.prior_sd
+        z = z if given else np.append(z, (x[2] - x[3]) / (RESTS * x[3]))
+        sheet_part = sum(_sheet_explains(s, light, image, x) for s in seen) / (2 * GLANCE_SD**2)
+        edge = OUTLINE * np.mean([outline_score(s.photo, s.codes, x) for s in seen])
+        sun = 4 * np.log(SPOT_FALSE + np.exp(-0.5 * (_suns_apart(seen, x) / SPOT_SEARCH_PX) ** 2))
+        return float(0.5 * (z @ z) - max(sheet_part, 0) - edge - sun)
+
+    low, high = ball.prior - REACH * ball.prior_sd, ball.prior + REACH * ball.prior_sd
+    found = differential_evolution(
+        unlikely, list(zip(low, high, strict=True)), rng=0, popsize=8, maxiter=30, tol=1e-5, polish=False, init="sobol"
+    )
+    ball = ball.moved(found.x)
+    for s in seen:
+        check_seen(s.photo, ball)
+        if (score := outline_score(s.photo, s.codes, ball.numbers)) < EDGE_SHARE:
+            expected = "a ball whose outline is seen there"
+            raise InputError(f"{s.photo.name}: {where}", expected, f"edges along {100 * score:.0f} % of it")
+    return ball, -float(found.fun)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,146 +228,109 @@ class _SheetPixels:
     value: np.ndarray
 
 
-def _sheet_pixels(
-    photo: LinearPhoto, light: SheetLight, ball: Ball, *, blur: float, count: int, subsamples: int
-) -> _SheetPixels:
-    """Some `count` of them; the photo is blurred by `blur` pixels first."""
+def _sheet_pixels(photo: LinearPhoto, light: SheetLight, ball: Ball, blur: float) -> _SheetPixels:
+    """Some 1500 of them; the photo is blurred by `blur` pixels first."""
     uv, eye = pixels_of(photo, ball), np.array(photo.camera.eye)
     at = [on_board(*reflect(photo, ball, uv + np.array(step))[:2]) for step in ((0, 0), (0.5, 0), (0, 0.5))]
     covered = 2 * np.nan_to_num(np.hypot(*(at[1] - at[0]).T) + np.hypot(*(at[2] - at[0]).T), nan=1.0)
     uv = uv[light.known(at[0]) & (covered < 1.3 * FINEST)]
-    uv = uv[:: max(1, len(uv) // count)]
-    steps = (np.arange(subsamples) + 0.5) / subsamples - 0.5
-    rays = [photo.rays(uv + np.array(step)) for step in itertools.product(steps, repeat=2)]
-    value = blurred(np.minimum(photo.light @ REC_709.astype(np.float32), 1.3), blur)[uv[:, 1], uv[:, 0]]
-    return _SheetPixels(eye, rays, value)
+    uv = uv[:: max(1, len(uv) // 1500)]
+    rays = [photo.rays(uv + np.array(step)) for step in itertools.product((-1 / 3, 0, 1 / 3), repeat=2)]
+    return _SheetPixels(eye, rays, brightness(photo, blur, uv))
 
 
-def _off_sheet(seen: list[_SheetPixels], light: SheetLight, image: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """How far the mirrored sheet is off what the photos show of it, but for a factor and an offset per photo."""
-    rows = []
-    for one in seen:
-        places = [on_board(*reflect_rays(one.eye, d, x)[:2]) for d in one.rays]
-        shown = np.mean([light.look(image, at) for at in places], axis=0)
-        good = np.isfinite(np.sum(places, axis=(0, 2)))
-        off = np.full(len(shown), 6 * TOLERANCE)  # a ray that misses the sheet explains nothing
-        if good.sum() >= LEAST_PIXELS:
-            A = np.stack([shown[good], np.ones(good.sum())], axis=1)
-            fit = np.linalg.lstsq(A, one.value[good], rcond=None)[0]
-            off[good] = A @ fit - one.value[good] if fit[0] > 0 else 6 * TOLERANCE
-        rows.append(off / TOLERANCE / np.sqrt(TOGETHER))
-    return np.concatenate(rows)
+def _off_sheet(seen: _SheetPixels, light: SheetLight, image: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """How far the mirrored sheet is off what the photos show of it, but for a factor and an offset."""
+    places = [on_board(*reflect_rays(seen.eye, d, x)[:2]) for d in seen.rays]
+    shown = np.mean([light.look(image, at) for at in places], axis=0)
+    good = np.isfinite(np.sum(places, axis=(0, 2)))
+    off = np.full(len(shown), 6 * TOLERANCE)  # a ray that misses the sheet explains nothing
+    if good.sum() >= LEAST_PIXELS:
+        A = np.stack([shown[good], np.ones(good.sum())], axis=1)
+        fit = np.linalg.lstsq(A, seen.value[good], rcond=None)[0]
+        off[good] = A @ fit - seen.value[good] if fit[0] > 0 else 6 * TOLERANCE
+    return off / TOLERANCE / np.sqrt(TOGETHER)
 
 
-def register(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> Ball:
-    """The ball in which the sheet's mirror image is the sheet that the photos show; as it was where it shows little.
-
-    Tags look alike and a mirror's outline is faint: the best of many places is taken by both, then refined.
-    """
-    light = SheetLight(photos, sheet, ball)
-    seen = [_sheet_pixels(p, light, ball, blur=1.0, count=500, subsamples=1) for p in photos]
-    seen = [s for s in seen if len(s.value) >= LEAST_PIXELS]
-    if not seen:
-        return ball
-    codes = [softened(photo) for photo in photos]
-    image = light.blurred(2e-3)
-
-    def cost(x: np.ndarray) -> float:
-        sheet_off = 2 * (np.sqrt(1 + _off_sheet(seen, light, image, x) ** 2) - 1).mean()
-        return 2 * sheet_off - mean_score(photos, codes, x) + 0.0125 * (((x - ball.prior) / ball.prior_sd) ** 2).sum()
-
-    span = np.array([SEARCH_M] * 3 + [SEARCH_RADIUS * ball.radius])
-    bounds = list(zip(ball.numbers - span, ball.numbers + span, strict=True))
-    found = differential_evolution(
-        cost, bounds, rng=1, popsize=8, maxiter=25, tol=1e-6, polish=False, init="sobol", x0=ball.numbers
-    )
-    ball = ball.moved(found.x)
-    # Another radius with another place mirrors few tags much the same: the outline, known to a pixel, decides between.
+def register(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> tuple[Ball, tuple[np.ndarray, float] | None]:
+    """The ball and the sun's direction, with its standard deviation, that mirrored sheet, spots, outline and what was
+    said of the ball agree on best; no sun where no photo shows one."""
+    light, x, sun = SheetLight(photos, sheet, ball), ball.numbers, np.array([0.0, 0.0, 1.0])
     rims = [(p, outline(p, ball.center, ball.radius)) for p in photos]
+    spots = [(p, s[0]) for p in photos if (s := sun_spot(p, ball))]
+    if spots:
+        sun = np.mean([reflect(p, ball, at[None])[1][0] for p, at in spots], axis=0)
+        sun /= np.linalg.norm(sun)
+    axes = np.linalg.svd(sun[None])[2][1:]
 
-    def error(x: np.ndarray, off: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        moved = [np.ravel(outline(p, x[:3], x[3]) - rim) / OUTLINE_PX / np.sqrt(len(rim) / 4) for p, rim in rims]
-        return np.concatenate([off(x), *moved, (x - ball.prior) / ball.prior_sd])
+    def off_spot(photo: LinearPhoto, at: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Pixels between the spot and where the ball mirrors the sun."""
+        rays = photo.rays(at + np.array([(0, 0), (0.5, 0), (-0.5, 0), (0, 0.5), (0, -0.5)]))
+        d = reflect_rays(np.array(photo.camera.eye), rays, z[:4])[1]
+        turn = np.stack([d[1] - d[2], d[3] - d[4]], axis=1)
+        return np.linalg.pinv(turn) @ (d[0] - _unit(sun + z[4:] @ axes)) if np.isfinite(d).all() else np.full(2, 9.0)
 
-    end = ball
+    def error(z: np.ndarray, seen: list[_SheetPixels], image: np.ndarray) -> np.ndarray:
+        rows = [(z[:4] - ball.prior) / ball.prior_sd, *(off_spot(p, at, z) / SPOT_PX for p, at in spots)]
+        rows += [np.ravel(outline(p, z[:3], z[3]) - rim) / OUTLINE_PX / np.sqrt(len(rim) / 4) for p, rim in rims]
+        return np.concatenate(rows + [_off_sheet(s, light, image, z[:4]) for s in seen] + ([] if spots else [z[4:]]))
+
+    z = np.r_[x, 0, 0]
     for blur, sigma in ((1.5, 3e-3), (0.0, 5e-4)):
-        seen = [_sheet_pixels(p, light, end, blur=blur, count=1500, subsamples=3) for p in photos]
-        off = partial(_off_sheet, [s for s in seen if len(s.value) >= LEAST_PIXELS], light, light.blurred(sigma))
-        fit = least_squares(
-            error, end.numbers, args=(off,), loss="soft_l1", x_scale=ball.prior_sd, diff_step=1e-3, max_nfev=30
-        )
-        end = end.moved(fit.x, UNDERSTATED * np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac))))
-    return end
+        seen = [_sheet_pixels(p, light, ball.moved(z[:4]), blur) for p in photos]
+        off = partial(error, seen=[s for s in seen if len(s.value) >= LEAST_PIXELS], image=light.blurred(sigma))
+        scale = np.r_[ball.prior_sd, 0.05, 0.05]
+        fit = least_squares(off, z, loss="soft_l1", x_scale=scale, diff_step=1e-3, max_nfev=30)
+        z = fit.x
+    cov = UNDERSTATED**2 * np.linalg.inv(fit.jac.T @ fit.jac)
+    found = ball.moved(z[:4], np.sqrt(np.diag(cov)[:4]))
+    return found, (_unit(sun + z[4:] @ axes), float(np.sqrt(np.trace(cov[4:, 4:]) / 2))) if spots else None
+
+
+def _unit(d: np.ndarray) -> np.ndarray:
+    return d / np.linalg.norm(d)
 
 
 def reflectance_of(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> np.ndarray | None:
-    """(3): what the mirror shows of white paper over what the photo shows of it; None where none is seen."""
-    ratios = []
+    """(3): what the mirror shows of the sheet, summed, over what the photos show of it; None where little is seen.
+
+    Sums, since a mirrored cell may be smaller than a pixel.
+    """
+    light = SheetLight(photos, sheet, ball)
+    mirror, direct = np.zeros(3), np.zeros(3)
+    count = 0
     for photo in photos:
         uv = pixels_of(photo, ball)
-        p, out, _ = reflect(photo, ball, uv)
-        at = on_board(p, out)
-        direct = photo.at(photo.project(np.c_[at, np.zeros(len(at))]))
-        white = direct @ REC_709 > 0.1
-        for offset in itertools.product((-1.2, 0, 1.2), repeat=2):
-            white &= sheet.at(on_board(*reflect(photo, ball, uv + np.array(offset))[:2]), 1e-3) > 0.97
-        ratio = photo.at(uv.astype(np.float32)) / direct
-        ratios.append(ratio[white & np.isfinite(ratio).all(axis=1)])
-    both = np.concatenate(ratios)
-    return np.median(both, axis=0) if len(both) >= 40 else None
+        at = on_board(*reflect(photo, ball, uv)[:2])
+        uv, at = uv[on := light.known(at)], at[on]
+        there = photo.at(photo.project(np.c_[at, np.zeros(len(at))]))
+        good = np.isfinite(there).all(axis=1) & ~photo.clipped[uv[:, 1], uv[:, 0]]
+        mirror += photo.light[uv[good, 1], uv[good, 0]].sum(axis=0)
+        direct += there[good].sum(axis=0)
+        count += int(good.sum())
+    return mirror / direct if count >= LEAST_PIXELS else None
+
+
+def is_mirror(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> bool:
+    """Whether the sun or the sheet is seen in the ball."""
+    light = SheetLight(photos, sheet, ball)
+    image, seen = light.blurred(2e-3), [_glance(photo, ball) for photo in photos]
+    sheet_part = sum(_sheet_explains(s, light, image, ball.numbers) for s in seen) / (2 * GLANCE_SD**2)
+    return sheet_part > SEEN or any(s.spot is not None for s in seen)
 
 
 def mirrored(photos: list[LinearPhoto], ball: Ball, reflectance: np.ndarray) -> Mirrored:
-    """All that the ball shows; `sun` marks each photo's largest small clipped patch, if there is one."""
+    """All that the ball shows; `sun` marks each photo's spot, and the pixels about it that its glare lights."""
     parts = []
     for k, photo in enumerate(photos):
-        uv = pixels_of(photo, ball)
+        uv, spot = pixels_of(photo, ball), sun_spot(photo, ball)
         out, right, down = (reflect(photo, ball, uv + np.array(s))[1] for s in ((0, 0), (0.1, 0), (0, 0.1)))
         steradians = np.linalg.norm(np.cross(right - out, down - out), axis=1) * 100
         clipped = photo.clipped[uv[:, 1], uv[:, 0]]
-        sun = _sun_patch(uv, out, clipped, steradians, photo.clipped.shape)
+        sun = np.linalg.norm(uv - spot[0], axis=1) < spot[1] + SPOT_AROUND - 1 if spot else np.zeros(len(uv), bool)
         radiance = photo.light[uv[:, 1], uv[:, 0]] / reflectance
         parts.append((np.full(len(uv), k), uv, out, radiance, steradians, clipped, sun))
     return Mirrored(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def _sun_patch(
-    uv: np.ndarray, out: np.ndarray, clipped: np.ndarray, steradians: np.ndarray, shape: tuple[int, ...]
-) -> np.ndarray:
-    """(n,) bool: the clipped patch of most pixels among those that come from above and fill a small angle."""
-    image = np.zeros(shape, bool)
-    image[uv[clipped, 1], uv[clipped, 0]] = True
-    labels, count = ndimage.label(image, np.ones((3, 3)))
-    mine = labels[uv[:, 1], uv[:, 0]]
-    best = np.zeros(len(uv), bool)
-    for k in range(1, count + 1):
-        patch = mine == k
-        axis = out[patch].mean(axis=0)
-        wide = 2 * np.degrees(np.arccos(np.clip((out[patch] @ axis / np.linalg.norm(axis)).min(), -1, 1)))
-        spot = SUN_PX * np.degrees(np.sqrt(np.median(steradians[patch])))
-        if axis[2] > 0 and wide <= max(SUN_DEGREES, spot) and patch.sum() > best.sum():
-            best = patch
-    return best
-
-
-def sun_direction(photo: LinearPhoto, ball: Ball, near: np.ndarray, steradians: float) -> tuple[np.ndarray, float]:
-    """The direction of the middle of the sun's patch, pixels `near` (n, 2), and its standard deviation in radians.
-
-    The middle of the spot in the photo, weighed by how far its pixels are above their surroundings: a spot that is
-    clipped is as wide as it is bright, and round. `steradians`: per pixel there.
-    """
-    low, high = near.min(axis=0) - 3, near.max(axis=0) + 3
-    u, v = np.meshgrid(np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1))
-    value = photo.light[v.clip(0, photo.camera.height - 1), u.clip(0, photo.camera.width - 1)] @ REC_709
-    weight = np.clip(value - np.median(value), 0, 0.8 * value.max())
-    at = np.array([[(weight * a).sum() / weight.sum() for a in (u, v)]])
-    out = reflect(photo, ball, at)[1][0]
-    # The spot's middle is known to a part of its width; then what the ball's own place adds, in all four numbers.
-    spot = np.sqrt(steradians) * (SPOT_PX + 0.015 * np.sqrt(len(near)))
-    moved = [
-        np.linalg.norm(reflect(photo, ball.moved(ball.numbers + step), at)[1][0] - out) for step in np.diag(ball.sigma)
-    ]
-    return out / np.linalg.norm(out), float(np.hypot(spot, np.linalg.norm(moved) / np.sqrt(2)))
 
 
 def bilinear(directions: np.ndarray, rows: int) -> sparse.csr_matrix:
