@@ -136,8 +136,8 @@ def damaged(data: bytes, rng: np.random.Generator, other: bytes) -> bytes:
     kinds = (
         lambda: data[:at],
         lambda: data[:at] + bytes([data[at] ^ 1 << int(rng.integers(8))]) + data[at + 1 :] if data else data,
-        lambda: data[:at] + rng.bytes(4) + data[at + 4 :],
-        lambda: data[:at] + struct.pack(f"{order}I", value) + data[at + 4 :],
+        lambda: patched(data, at, rng.bytes(4)),
+        lambda: patched(data, at, struct.pack(f"{order}I", value)),
         lambda: data.replace((b"33", b"21")[int(rng.integers(2))], str(value).encode(), 1),
         lambda: data[:at] + rng.bytes(size) + data[at:],
         lambda: data[:at] + data[at + size :],
@@ -171,42 +171,42 @@ FIELDS = {
 SIZES = ((20000, 20000), (60000, 60000), (2**31 - 1, 2**31 - 1), (0, 5), (1, 2**31 - 1), (2**31 - 1, 1))
 
 
-def crafted_files(sound: dict[str, bytes]) -> Iterator[tuple[str, bytes]]:
+def patched(data: bytes, at: int, new: bytes) -> bytes:
+    return data[:at] + new + data[at + len(new) :]
+
+
+def crafted_exrs(sound: dict[str, bytes]) -> Iterator[tuple[str, bytes]]:
     """Headers that lie, one field at a time."""
     for key in ("lines_ZIP", "lines_NO", "lines_DWAB", "tiles_ZIP", "parts"):
         data = sound[f"{key}.exr"]
         for field, kind in FIELDS.items():
             mark = field.encode() + b"\0" + kind + b"\0"
-            at = data.find(mark)
-            if at < 0:
+            start = data.find(mark) + len(mark) + 4
+            if mark not in data:
                 continue
-            start = at + len(mark) + 4
             size = int.from_bytes(data[start - 4 : start], "little")
             for k in range(0, size - size % 4 or 1, 4):
                 for value in COUNTS[1::2] if size >= 4 else (9, 11, 12, 200):
-                    changed = bytearray(data)
-                    changed[start + k : start + k + min(4, size)] = value.to_bytes(4, "little")[: min(4, size)]
-                    yield f"{field}{k}_{value}_{key}.exr", bytes(changed)
-            changed = bytearray(data)
-            changed[start - 4 : start] = b"\xff\xff\xff\x7f"
-            yield f"{field}_long_{key}.exr", bytes(changed)
-        wide = bytearray(data)
-        at = wide.find(b"dataWindow\0box2i\0") + 21
-        wide[at : at + 16] = struct.pack("<4i", 0, 0, 19999, 19999)
-        yield f"huge_{key}.exr", bytes(wide)
-        wide[at : at + 16] = struct.pack("<4i", -(2**31), -(2**31), 2**31 - 1, 2**31 - 1)
-        yield f"whole_{key}.exr", bytes(wide)
+                    new = value.to_bytes(4, "little")[: min(4, size)]
+                    yield f"{field}{k}_{value}_{key}.exr", patched(data, start + k, new)
+            yield f"{field}_long_{key}.exr", patched(data, start - 4, b"\xff\xff\xff\x7f")
+        at = data.find(b"dataWindow\0box2i\0") + 21
+        for name, window in (("huge", (0, 0, 19999, 19999)), ("whole", (-(2**31), -(2**31), 2**31 - 1, 2**31 - 1))):
+            yield f"{name}_{key}.exr", patched(data, at, struct.pack("<4i", *window))
         at = data.find(b"channels\0chlist\0")
         for k, value in ((22, 7), (22, 0), (30, 0), (30, 2**31 - 1), (34, 2)):
-            changed = bytearray(data)
-            changed[at + k : at + k + 4] = struct.pack("<I", value)
-            yield f"channel{k}_{value}_{key}.exr", bytes(changed)
+            yield f"channel{k}_{value}_{key}.exr", patched(data, at + k, struct.pack("<I", value))
         yield f"empty_{key}.exr", data[: data.find(b"\0\0", 300)]
+
+
+def crafted_files(sound: dict[str, bytes]) -> Iterator[tuple[str, bytes]]:
+    """The same of every kind."""
+    yield from crafted_exrs(sound)
     for key in ("rgb", "grey16", "bits"):
         data = sound[f"{key}.png"]
         at = data.find(b"IDAT") - 4
         for length in (2**28, 2**31 - 1, 2**32 - 1):
-            yield f"IDAT_{length}_{key}.png", data[:at] + length.to_bytes(4, "big") + data[at + 4 :]
+            yield f"IDAT_{length}_{key}.png", patched(data, at, length.to_bytes(4, "big"))
     rows = bytes(3 * 20000 + 1)
     for width, height in SIZES:
         yield f"bomb_{width}x{height}.png", png(width, height, rows * 200)
@@ -217,10 +217,9 @@ def crafted_files(sound: dict[str, bytes]) -> Iterator[tuple[str, bytes]]:
         head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n"
         for body in (b"", b"\2\2\x20\x20" * 500, bytes((9, 9, 9, 9)) + bytes((1, 1, 1, 255)) * 20):
             yield f"size_{width}x{height}_{len(body)}.hdr", head + f"-Y {height} +X {width}\n".encode() + body
-        jpeg = bytearray(sound["base.jpg"])
-        at = jpeg.find(b"\xff\xc0")
-        jpeg[at + 5 : at + 9] = struct.pack(">HH", height & 0xFFFF, width & 0xFFFF)
-        yield f"size_{width}x{height}.jpg", bytes(jpeg)
+        jpeg = sound["base.jpg"]
+        sides = struct.pack(">HH", height & 0xFFFF, width & 0xFFFF)
+        yield f"size_{width}x{height}.jpg", patched(jpeg, jpeg.find(b"\xff\xc0") + 5, sides)
 
 
 # ------------------------------------------------------------------------------------------ reading them
