@@ -5,7 +5,7 @@ import math
 import os
 import re
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import tomli_w
@@ -25,7 +25,6 @@ from raytwin.scene import (
     Tolerance,
     WrittenPlane,
     WrittenSphere,
-    WrittenSun,
     material_of,
 )
 from raytwin.scene.object_names import called, numbered
@@ -95,18 +94,7 @@ def write_scene(path: Path, scene: SceneFile, comment: str = "") -> Path:
     return path
 
 
-class Contents(Protocol):
-    """What a scene's file and a request of the live page share."""
-
-    @property
-    def spheres(self) -> tuple[WrittenSphere, ...]: ...
-    @property
-    def planes(self) -> tuple[WrittenPlane, ...]: ...
-    @property
-    def sun(self) -> WrittenSun: ...
-
-
-def check_contents(scene: Contents, where: str) -> None:
+def check_contents(scene: SceneFile, where: str) -> None:
     """Raise InputError unless the sun has a direction, planes are rectangles and materials are whole.
 
     `where` is put before the field's name: `scenes/desk/scene.toml: `.

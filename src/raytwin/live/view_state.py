@@ -83,7 +83,7 @@ class Wanted(Record, frozen=True):
             ("solver", self.solver, SOLVERS),
         ):
             check_one_of(what, name, rows)
-        files.check_contents(self, "")
+        files.check_contents(SceneFile("", None, self.spheres, self.planes, self.sun), "")
         if (turned := self.camera) is not None:
             files.check_camera(Camera((1, 1), UNIT, turned.R_cam_board, turned.t_cam_board), "camera.")
         return self
