@@ -326,13 +326,9 @@ def test_what_is_shown_names_no_scene_of_an_exercise_that_is_hidden():
     )
     result = Result("s", "k", "t", (shown, hidden))
     rubric = Rubric("t", tuple(Exercise("render", 10, name=name) for name in "ab"))
-    told = [
-        sites.gradescope(result, rubric)["tests"][0]["output"],
-        sites.prairielearn(result, rubric)["tests"][0]["output"],
-    ]
-    for text in told:
-        assert "wrong on a scene that is not shown and single, right on drawn 1" in text
-        assert "drawn 12" not in text
+    text = sites.gradescope(result, rubric)["tests"][0]["output"]
+    assert "wrong on a scene that is not shown and single, right on drawn 1" in text
+    assert "drawn 12" not in text
     assert "drawn 12" in sites.gradescope(result, rubric)["tests"][1]["output"]
 
 
@@ -342,17 +338,6 @@ def test_pictures_go_where_a_result_would_be_too_large(graded, tmp_path, monkeyp
     sites.write_gradescope(results["gamma"], rubric, tmp_path / "r.json")
     assert "base64" not in (tmp_path / "r.json").read_text()
     assert "no room" in (tmp_path / "r.json").read_text()
-
-
-def test_prairielearn_gets_a_score_from_0_to_1_and_no_hidden_test(graded, tmp_path):
-    results, _, _, rubric = graded
-    sites.write_prairielearn(results["gamma"], rubric, tmp_path / "r.json")
-    told = json.loads((tmp_path / "r.json").read_text())
-    assert 0 < told["score"] < 1
-    assert [t["name"] for t in told["tests"]] == ["intersect_sphere", "image"]
-    assert told["tests"][1]["images"][0]["url"].startswith("data:image/png;base64,")
-    sites.write_prairielearn(results["right"], rubric, tmp_path / "r.json")
-    assert json.loads((tmp_path / "r.json").read_text())["score"] == 1
 
 
 def test_junit_csv_and_json_agree(graded, tmp_path):

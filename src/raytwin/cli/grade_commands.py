@@ -42,8 +42,7 @@ app = typer.Typer(
 
 def class_command(
     submissions: Path, rubric: Path, out: Path = Path("out/grades"), jobs: int = 1, dask: str = "", shard: str = "",
-    again: bool = False, whole: bool = False, gradescope: Path | None = None, prairielearn: Path | None = None,
-    junit: Path | None = None,
+    again: bool = False, whole: bool = False, gradescope: Path | None = None, junit: Path | None = None,
 ) -> None:  # fmt: skip
     """Grade submissions by a rubric, each in a sandbox.
 
@@ -58,14 +57,14 @@ def class_command(
     from raytwin.report import autograder_sites as sites
     from raytwin.report import class_page as pages
 
-    check_outputs(folders=(out,), files=(gradescope, prairielearn, junit))
+    check_outputs(folders=(out,), files=(gradescope, junit))
     workers = parse_workers(jobs, dask, shard)
     read = read_rubric(rubric)
     if gradescope is not None:  # whatever becomes of this process, there is a result
         sites.write_unfinished(gradescope)
     found = jobs_of(submissions, rubric, whole)
-    if len(found) > 1 and (gradescope or prairielearn):
-        raise InputError("--gradescope, --prairielearn", "one submission", len(found))
+    if len(found) > 1 and gradescope:
+        raise InputError("--gradescope", "one submission", len(found))
     _say_what_the_sandbox_lacks()
     with show_progress() as progress:
         printed: list[Any] = []
@@ -79,10 +78,8 @@ def class_command(
         if result not in printed:
             say(_line(result, read))
     failed = [result.student for result in results if result.grader_fault]
-    for path, write in ((gradescope, sites.write_gradescope), (prairielearn, sites.write_prairielearn)):
-        if path is not None:
-            write(results[0], read, path)
-    if gradescope or prairielearn:  # whoever asks for these has no use for pages
+    if gradescope is not None:  # whoever asks for it has no use for pages
+        sites.write_gradescope(results[0], read, gradescope)
         raise typer.Exit(1 if failed else 0)
     done = collect(found, out)
     if len(done) < len(found):

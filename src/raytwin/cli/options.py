@@ -310,7 +310,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "again": _opt("Grade finished submissions again.", None, "--again"),
         "whole": _opt("Treat the folder as one submission.", None, "--whole"),
         "gradescope": _opt("Write Gradescope's results.json.", "FILE"),
-        "prairielearn": _opt("Write PrairieLearn's results.json.", "FILE"),
         "junit": _opt("Write JUnit XML.", "FILE"),
         "force": _opt("Overwrite an existing file.", None, "--force"),
         "stage": _opt("Function to include; repeatable (default: the six)."),

@@ -1,4 +1,4 @@
-"""What came of one submission as autograders take it: Gradescope's results.json, PrairieLearn's, JUnit XML."""
+"""What came of one submission as autograders take it: Gradescope's results.json, JUnit XML."""
 
 import json
 import os
@@ -15,18 +15,14 @@ from raytwin.report.class_page import STATUS, SURENESS, next_step, of_points
 from raytwin.report.junit import Problem, add_case, legal, write_suites
 
 MOST_BYTES = 950_000
-"""Bytes of a results.json: Gradescope and PrairieLearn take one megabyte."""
+"""Bytes of a results.json: Gradescope takes one megabyte."""
 MOST_TEXT = 4000
 """Characters per field: the rest is cut."""
 
 
 def write_gradescope(result: Result, rubric: Rubric, path: str | os.PathLike[str]) -> None:
     """Text first; one small picture for each test that fails, as long as there is room for it."""
-    _write_within(gradescope(result, rubric), "output", path)
-
-
-def write_prairielearn(result: Result, rubric: Rubric, path: str | os.PathLike[str]) -> None:
-    _write_within(prairielearn(result, rubric), "images", path)
+    _write_within(gradescope(result, rubric), path)
 
 
 def gradescope(result: Result, rubric: Rubric) -> dict[str, Any]:
@@ -73,30 +69,6 @@ def _sum_shown(result: Result) -> str:
     points, of = sum(e.points for e in shown) + result.bonus, sum(e.of for e in shown)
     more = "" if len(shown) == len(result.exercises) else ", of the exercises that are shown now"
     return f"{of_points(points)} of {of_points(of)} points{more}"
-
-
-def prairielearn(result: Result, rubric: Rubric) -> dict[str, Any]:
-    """https://prairielearn.readthedocs.io/en/latest/externalGrading/: score from 0 to 1, pictures of its own."""
-    tests, unshown = [], _unshown(result)
-    for e in result.exercises:
-        if e.visibility != "visible":
-            continue  # it has no tests that show later: they count in the score alone
-        picture = _picture(result, e)
-        test = {
-            "name": e.name,
-            "points": e.points,
-            "max_points": e.of,
-            "message": _without(unshown, e.sentences[0]) if e.sentences else "",
-            "output": "\n".join(_lines(e, unshown)),
-        }
-        images = [{"label": f"expected, got, difference: {picture.shows}", "url": picture.thumb}] if picture else []
-        tests.append(test | ({"images": images} if images else {}))
-    return {
-        "gradable": True,
-        "score": min(1.0, result.points / rubric.points) if rubric.points else 0.0,
-        "message": result.problem,
-        "tests": tests,
-    }
 
 
 def write_grade_junit(results: Sequence[Result], path: str | os.PathLike[str]) -> None:
@@ -169,14 +141,12 @@ def _html(text: str, picture: Picture) -> str:
     return f"<pre>{escape(text)}</pre><p>Expected, got, difference: {escape(picture.shows)}</p>{shown}"
 
 
-def _write_within(made: dict[str, Any], key: str, path: str | os.PathLike[str]) -> None:
+def _write_within(made: dict[str, Any], path: str | os.PathLike[str]) -> None:
     """Atomically; pictures go, the last first, until it is small enough."""
     for test in reversed(made["tests"]):
         if len(json.dumps(made)) <= MOST_BYTES:
             break
-        if key == "images":
-            test.pop("images", None)
-        elif test.get("output_format") == "html":
+        if test["output_format"] == "html":
             test["output"] = re.sub(
                 r"<p>Expected.*$", "<p>(no room for its picture)</p>", test["output"], flags=re.DOTALL
             )
