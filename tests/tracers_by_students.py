@@ -301,7 +301,7 @@ MISTAKES: list[Mistake] = [
     (("upside-down",), A, "img[~hit] = sky", "img[~hit] = sky; img = img[::-1]"),
     (("mirrored",), A, "img[~hit] = sky", "img[~hit] = sky; img = img[:, ::-1]"),
     (("background-black",), A, "img[~hit] = sky", "img[~hit] = 0"),
-    (("background-constant", "background"), A, "img[~hit] = sky", "img[~hit] = [0.5, 0.7, 1.0]"),
+    (("background-constant",), A, "img[~hit] = sky", "img[~hit] = [0.5, 0.7, 1.0]"),
     (("normalised",), B, "return out.reshape", "out = out / out.max(); return out.reshape"),
     (("tone-mapped",), B, "return out.reshape", "out = out / (1 + out); return out.reshape"),
     (("whole-numbers",), A, 'K = scene["K"]', 'K = scene["K"].astype(int)'),

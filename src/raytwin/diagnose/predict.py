@@ -31,6 +31,10 @@ UP_TO_RAYS = ("pixel", "undistort", "through", "to_board", "camera", "spread")
 """Steps that change nothing but the rays of the eye."""
 FACES_AWAY = (("return visible", "return visible & (np.sum(normals * to_light, axis=-1) > 0)"),)
 """What faces away from the sun is in its own shadow, as where shadow rays start a little off the surface."""
+FACED = "        n = np.where(towards, n, -n)"
+OUTSIDE = 'outside = "radius" in thing and np.linalg.norm(eye - thing["center"]) > thing["radius"]'
+FREE_OUTSIDE = ((FACED, f"        {OUTSIDE}\n{FACED.replace('towards', 'towards | outside')}"),)
+"""Seen from outside, a sphere's normal needs no turning, and most leave it out."""
 
 
 class Before(NamedTuple):
@@ -115,6 +119,7 @@ def written(pipeline: Pipeline) -> dict[str, Any]:
         if isinstance(what, tuple):
             texts[name] = (*texts.get(name, ()), what)
     texts.setdefault("sun_visible", (FACES_AWAY,))
+    texts.setdefault("normals_at", (FREE_OUTSIDE,))
     space = namespace((_text(name, texts.get(name, ())) for name in FUNCTIONS), FAST)
     if "undistort" not in texts:
         space["undistort"] = _undistort
