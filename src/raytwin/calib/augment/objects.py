@@ -261,47 +261,28 @@ def _crossed(spheres: Iterable[Sphere], start: np.ndarray, along: np.ndarray, en
 
 def _ratio(scene: Scene, n: np.ndarray, point: np.ndarray, lit: np.ndarray, lit_before: np.ndarray) -> np.ndarray:
     """(m, 3) float32 at surfaces of normal `n`; without any light before, 1. `point` (m, 3): from the eye."""
-    eye = np.array(scene.camera.eye)
-    sun = np.array(scene.sun.irradiance) * max(0.0, float(n @ np.array(scene.sun.to_light)))
-    if scene.environment is not None:
-        return _map_ratio(scene, n, point, sun, lit, lit_before)
-    sky = pi * np.array(scene.sky.radiance)
+    around, n32 = scene.environment, n.astype(np.float32)
+    sun = np.array(scene.sun.irradiance, np.float32) * np.float32(max(0.0, float(n @ np.array(scene.sun.to_light))))
+    sky = np.float32(pi) * np.array(lighting(scene).sky.diffuse_irradiance(tuple(n.tolist())), np.float32)
     x, y, z = (np.ascontiguousarray(point[:, k]) for k in range(3))
-    hidden = np.zeros(len(point), np.float32)
+    hidden = np.zeros((len(point), 3) if around else len(point), np.float32)
     for sphere in scene.spheres:
-        dx, dy, dz = (np.float32(c - e) - p for c, e, p in zip(sphere.center, eye, (x, y, z), strict=True))
-        height = np.maximum(dx * np.float32(n[0]) + dy * np.float32(n[1]) + dz * np.float32(n[2]), 0)
+        dx, dy, dz = (np.float32(c - e) - p for c, e, p in zip(sphere.center, scene.camera.eye, (x, y, z), strict=True))
         squared = dx * dx + dy * dy + dz * dz
-        hidden += np.float32(sphere.radius**2) * height / (squared * np.sqrt(squared))
-    sky_left = np.where(hidden < SKY_REACH, np.float32(1), 1 - np.minimum(hidden, 1))
+        far = np.sqrt(squared)
+        share = np.float32(sphere.radius**2) * np.maximum(dx * n32[0] + dy * n32[1] + dz * n32[2], 0) / (squared * far)
+        if around is None:
+            hidden += share * (share >= SKY_REACH)
+            continue
+        near = np.flatnonzero(share >= SKY_REACH / MOST_UNEVEN)
+        angle, to = np.arcsin(np.minimum(sphere.radius / far[near], 1)), np.stack([dx, dy, dz], axis=1)[near]
+        hidden[near] += np.float32(pi) * share[near, None] * _cap_means(around)(to / far[near, None], angle)
     out = np.empty((len(point), 3), np.float32)
     for c in range(3):
-        both = sun[c] + sky[c]
-        of_sky = np.float32(sky[c] / both if both > 0 else 0)
-        in_sun = sky_left * of_sky + lit * (np.float32(1) - of_sky) if both > 0 else np.float32(1)
-        out[:, c] = np.where(lit_before, in_sun, sky_left if sky[c] > 0 else np.float32(1))
+        before = sun[c] * lit_before + sky[c]
+        left = sky[c] - (hidden[:, c] if around else sky[c] * hidden)
+        out[:, c] = np.divide(sun[c] * lit + np.maximum(left, 0), before, out=np.ones_like(left), where=before > 0)
     return out
-
-
-def _map_ratio(
-    scene: Scene, n: np.ndarray, point: np.ndarray, sun: np.ndarray, lit: np.ndarray, lit_before: np.ndarray
-) -> np.ndarray:
-    """`_ratio` under a map: (m, 3) float32."""
-    around = scene.environment
-    assert around is not None
-    means, eye = _cap_means(around), np.array(scene.camera.eye)
-    sky = pi * np.array(lighting(scene).sky.diffuse_irradiance(tuple(n.tolist())))
-    left = np.broadcast_to(sky, (len(point), 3)).copy()
-    for sphere in scene.spheres:
-        to = np.array(sphere.center) - eye - point
-        far = np.linalg.norm(to, axis=1)
-        share = (sphere.radius / far) ** 2 * np.maximum(to @ n, 0) / far
-        near = share >= SKY_REACH / MOST_UNEVEN
-        angle = np.arcsin(np.minimum(sphere.radius / far[near], 1))
-        left[near] -= pi * share[near, None] * means(to[near] / far[near, None], angle)
-    left = np.maximum(left, 0)
-    before = sun * lit_before[:, None] + sky
-    return np.divide(sun * lit[:, None] + left, before, out=np.ones_like(left), where=before > 0).astype(np.float32)
 
 
 @lru_cache(maxsize=4)
