@@ -130,7 +130,7 @@ BOW_DEGREES = 30.0
 """The direction in which a bow's height changes, from the board's X."""
 
 NODES = 16
-"""How a bent sheet is seen is computed for every 16th texel."""
+"""How a bent sheet is seen is computed for one texel of this many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,8 +165,8 @@ class Bow:
         """
         h, w = texture.shape
         x0, x1, y0, y1 = extent
-        columns, rows = np.meshgrid(*(np.arange(-(-n // NODES) + 1) * NODES for n in (w, h)))
-        flat = np.stack([x0 + (columns + 0.5) * (x1 - x0) / w, y1 - (rows + 0.5) * (y1 - y0) / h], axis=-1)
+        columns, rows = np.meshgrid(*((np.arange(n) + 0.5) / n for n in (-(-w // NODES), -(-h // NODES))))
+        flat = np.stack([x0 + columns * (x1 - x0), y1 - rows * (y1 - y0)], axis=-1)
         met = flat
         for _ in range(20):  # each time the error shrinks by the slope times the tangent of the view's tilt
             z = self.height((met - self.middle) @ self.across)
@@ -174,13 +174,7 @@ class Bow:
         s = (met - self.middle) @ self.across
         printed = met + (np.interp(s, self.s, self.arc) - s)[..., None] * self.across
         moved = ((printed - flat) * [w / (x1 - x0), -h / (y1 - y0)]).astype(np.float32)
-        scale = np.array([[1 / NODES, 0, 0], [0, 1 / NODES, 0]])
-        dx, dy = (
-            cv2.warpAffine(
-                np.ascontiguousarray(moved[..., i]), scale, (w, h), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-            )
-            for i in (0, 1)
-        )
+        dx, dy = cv2.split(cv2.resize(moved, (w, h), interpolation=cv2.INTER_LINEAR))
         dx += np.arange(w, dtype=np.float32)
         dy += np.arange(h, dtype=np.float32)[:, None]
         return cv2.remap(texture, dx, dy, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
