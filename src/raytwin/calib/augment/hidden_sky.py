@@ -4,6 +4,7 @@ A sphere that fills a cap of half angle α about the direction d takes π F L̄(
 constant sky (`objects`) and L̄ the map's mean over the cap. The means are tabulated for a few angles.
 """
 
+import cv2
 import numpy as np
 
 from raytwin.lights import EnvironmentMap
@@ -23,15 +24,10 @@ class CapMeans:
     def __init__(self, environment: Environment) -> None:
         self.R = np.array(environment.R_map_board)
         light = environment.radiance.astype(float)
-        rows = len(light)
-        step = -(-rows // MOST_ROWS)
-        if step > 1 and rows % step == 0:
-            weight = np.sin((np.arange(rows) + 0.5) * np.pi / rows)[:, None, None]
-            blocks = (rows // step, step, 2 * rows // step, step, 3)
-            light = (light * weight).reshape(blocks).sum(axis=(1, 3)) / (
-                (weight + 0 * light).reshape(blocks).sum(axis=(1, 3))
-            )
-        h = len(light)
+        h = min(len(light), MOST_ROWS)
+        weight = np.sin((np.arange(len(light)) + 0.5) * np.pi / len(light))[:, None, None] + 0 * light
+        light, weight = (cv2.resize(a, (2 * h, h), interpolation=cv2.INTER_AREA) for a in (light * weight, weight))
+        light /= weight
         v, u = np.mgrid[:h, : 2 * h] + 0.5
         theta, turn = v * np.pi / h, (u / h - 1) * np.pi
         local = np.stack([np.sin(theta) * np.sin(turn), np.sin(theta) * np.cos(turn), np.cos(theta)], axis=-1)
