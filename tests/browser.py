@@ -41,11 +41,13 @@ def barriers(page) -> list[str]:
 def barriers_of(chromium, path: Path) -> list[str]:
     """The same of a page in a file, all its folded parts opened: on a phone by day, on a desk by night."""
     found = []
-    for scheme, width in (("light", 390), ("dark", 1400)):
-        with chromium.new_page(viewport={"width": width, "height": 1000}, color_scheme=scheme) as page:
-            page.goto(path.as_uri())
-            page.evaluate("for (const part of document.querySelectorAll('details')) part.open = true")
-            page.wait_for_function("[...document.querySelectorAll('.rt')].every((root) => root.dataset.ready)")
+    with chromium.new_page() as page:
+        page.goto(path.as_uri())
+        page.evaluate("for (const part of document.querySelectorAll('details')) part.open = true")
+        page.wait_for_function("[...document.querySelectorAll('.rt')].every((root) => root.dataset.ready)")
+        for scheme, width in (("light", 390), ("dark", 1400)):
+            page.emulate_media(color_scheme=scheme)
+            page.set_viewport_size({"width": width, "height": 1000})
             found += [f"{scheme}, {width}: {line}" for line in barriers(page)]
             if page.evaluate("document.documentElement.scrollWidth") > width:
                 found.append(f"{width}: it scrolls sideways")

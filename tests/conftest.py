@@ -7,7 +7,6 @@ import hypothesis
 import pytest
 import shape_checks  # before anything of raytwin is imported
 import threadpoolctl
-from slow import is_slow
 
 pytest_plugins = ["engines", "browser", "installed_wheel", "no_skips"]
 
@@ -27,10 +26,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    for item in items:
-        if is_slow(item.nodeid):
-            item.add_marker(pytest.mark.slow)
-    # Long files first: in the end no process waits for another's.
+    """Long files first: in the end no process waits for another's."""
     long = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in long)
 

@@ -107,14 +107,15 @@ def refused(run: Done, *parts: str) -> None:
         assert part in run.stderr
 
 
-# A module that runs several commands in one process, which imports once, and tells exit codes and what they print.
+# A module that runs several commands in one process, which imports once, and tells exit codes and what they print, on
+# standard error too.
 CHAIN = """
 import contextlib, io, json, sys
 from raytwin.cli import main
 told = []
 for words in json.loads(sys.argv[1]):
     sys.argv[1:] = words
-    with contextlib.redirect_stdout(io.StringIO()) as out:
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(out):
         try:
             main()
         except SystemExit as ended:

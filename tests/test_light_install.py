@@ -14,6 +14,8 @@ from program import CHAIN, STAGE, check_chain
 from raytwin import files
 from raytwin.image import Image
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parent.parent
 
 BLOCKED = """
@@ -88,26 +90,24 @@ def test_the_light_install_compares_and_holds_to_references(run, tmp_path):
     assert json.loads((tmp_path / "a.json").read_text())["verdict"] == "pass"
 
 
-@pytest.mark.parametrize(
-    ("command", "extras"),
-    [
-        ("compare single", "twin,llvm"),
-        ("compare desk", "twin,llvm,photos"),
-        ("ladder single", "twin,llvm"),
-        ("needs single --tolerance 0.1", "twin,llvm"),
-        ("bench single", "twin,llvm"),
-        ("reference check single", "twin,llvm"),
-        ("explore single", "live,twin,llvm"),
-        ("calibrate . --board board.toml", "photos"),
-        ("stability", "photos,twin,llvm"),
-        ("walk --notebook", "notebook"),
-    ],
-)
-def test_every_extra_that_a_command_needs_is_named_at_once_in_one_line(run, command, extras):
-    done = run("raytwin", *command.split(), code=2)
-    assert done.stderr.count("\n") == 1
-    assert done.stderr.startswith(f"raytwin: {command.split()[0]} needs ")
-    assert done.stderr.endswith(f"is not installed: pip install 'raytwin[{extras}]'\n")
+def test_every_extra_that_a_command_needs_is_named_at_once_in_one_line(run):
+    needs = {
+        "compare single": "twin,llvm",
+        "compare desk": "twin,llvm,photos",
+        "ladder single": "twin,llvm",
+        "needs single --tolerance 0.1": "twin,llvm",
+        "bench single": "twin,llvm",
+        "reference check single": "twin,llvm",
+        "explore single": "live,twin,llvm",
+        "calibrate . --board board.toml": "photos",
+        "stability": "photos,twin,llvm",
+        "walk --notebook": "notebook",
+    }
+    told = json.loads(run("chain", json.dumps([command.split() for command in needs])).stdout)
+    for (command, extras), (code, line) in zip(needs.items(), told, strict=True):
+        assert (code, line.count("\n")) == (2, 1), line
+        assert line.startswith(f"raytwin: {command.split()[0]} needs ")
+        assert line.endswith(f"is not installed: pip install 'raytwin[{extras}]'\n")
 
 
 def test_doctor_tells_what_to_install_for_what(run):
@@ -119,17 +119,18 @@ def test_doctor_tells_what_to_install_for_what(run):
 
 
 def test_from_python_too_the_missing_extra_is_named(run):
-    for call, extra in (
-        ("render(raytwin.read_scene('single').scene)", "twin,llvm"),
-        ("compare_scene('single')", "twin,llvm"),
-        ("mitsuba_sensor(raytwin.read_scene('single').scene.camera)", "twin,llvm"),
-        ("needs('single', 0.1)", "twin,llvm"),
-        ("read_board('board.toml')", "photos"),
-        ("calibrate", "photos"),
-    ):
-        code = f"import raytwin\ntry: raytwin.{call}\nexcept raytwin.InputError as error: print(error)"
-        done = run("-c", code)
-        assert f"pip install 'raytwin[{extra}]'" in done.stdout, done.stdout
+    calls = {
+        "render(raytwin.read_scene('single').scene)": "twin,llvm",
+        "compare_scene('single')": "twin,llvm",
+        "mitsuba_sensor(raytwin.read_scene('single').scene.camera)": "twin,llvm",
+        "needs('single', 0.1)": "twin,llvm",
+        "read_board('board.toml')": "photos",
+        "calibrate": "photos",
+    }
+    tries = (f"try: raytwin.{call}\nexcept raytwin.InputError as error: print(error)" for call in calls)
+    told = run("-c", "\n".join(("import raytwin", *tries))).stdout.splitlines()
+    for extra, line in zip(calls.values(), told, strict=True):
+        assert f"pip install 'raytwin[{extra}]'" in line
 
 
 def test_a_scene_whose_camera_is_given_needs_neither_opencv_nor_a_board(run):

@@ -205,6 +205,7 @@ def test_no_snippet_of_the_tutorial_is_long():
         assert (len(lines) > 3) == (title in LONGER), title
 
 
+@pytest.mark.slow
 def test_the_ten_snippets_run_as_a_notebook(tmp_path, monkeypatch):
     nbformat, nbclient = (pytest.importorskip(name) for name in ("nbformat", "nbclient"))
     pytest.importorskip("anywidget")

@@ -11,6 +11,10 @@ import pytest
 from browser import barriers_of
 from PIL import Image as Picture
 
+import raytwin
+
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "docs" / "build.py"
 
@@ -53,7 +57,6 @@ def site(tmp_path_factory) -> Path:
 
 
 def test_it_builds_without_a_warning_and_has_every_command_and_every_exported_name(site):
-    import raytwin
     from raytwin.cli import app
 
     commands = (site / "reference" / "commands.html").read_text(encoding="utf-8")
@@ -107,6 +110,9 @@ def test_the_gallery_shows_a_fault_beside_its_difference_and_every_sentence(tmp_
     import fault_gallery as gallery
 
     monkeypatch.setattr(gallery, "FOLDER", tmp_path)
+    monkeypatch.setattr(gallery, "WIDTH", 80)
+    monkeypatch.setattr(gallery, "HEIGHT", 60)
+    monkeypatch.setattr(gallery, "draw_scene", lambda seed: raytwin.read_scene("single").scene)
     overlap = gallery.scenes()[:1]
     monkeypatch.setattr(gallery, "scenes", lambda: overlap)
     gallery.make(["no-shadow", "nothing-met"])

@@ -74,11 +74,11 @@ def test_a_change_that_does_not_end_is_given_up_and_names_are_put_back():
     assert space["f"] is len
 
 
-@pytest.mark.parametrize("text", [TEXT, PLAIN, LOOPS], ids=["textbook", "plain", "loops"])
+@pytest.mark.parametrize("text", [TEXT, LOOPS], ids=["textbook", "loops"])
 def test_every_edit_changes_one_place_and_leaves_the_tree_as_it_was(text):
     for statement in (s for s in ast.parse(text).body if isinstance(s, ast.FunctionDef)):
         whole = ast.dump(statement)
-        for edit in edits(statement)[::7]:
+        for edit in edits(statement)[::17]:
             assert ast.dump(replaced(statement, edit.old, edit.new)) != whole, edit.after
         assert ast.dump(statement) == whole
 
@@ -96,8 +96,9 @@ def test_a_change_that_asks_for_too_much_memory_is_none():
 
 
 def test_what_is_right_by_its_own_test_is_not_changed():
-    reached = {name for c in candidates([("", PLAIN)], "hit_points", ("back_project",)) for name in c.names}
-    assert reached == {"hit_points", "camera_rays", "intersect_sphere"}
+    bodies = {"lens": "undo(x)", "undo": "x / 2", "ray": "lens(x)", "hit": "ray(x) + 1", "other": "-x"}
+    text = "\n".join(f"def {name}(x):\n    return {value}" for name, value in bodies.items())
+    assert {name for c in candidates([("", text)], "hit", ("lens",)) for name in c.names} == {"hit", "ray"}
 
 
 def test_a_change_that_is_right_by_chance_in_the_first_cases_is_no_proof():
@@ -117,12 +118,12 @@ def test_a_change_that_is_right_by_chance_in_the_first_cases_is_no_proof():
     assert repaired(lambda: [Case("", (np.array([-3.0, 2.0]),), ())]) in ("return np.abs(x)", "return np.abs(-x)")
 
 
-@pytest.mark.parametrize(("name", "every"), [("shade", 70), ("intersect_sphere", 250)])
-def test_what_repairs_a_random_slip_is_right_in_cases_that_nobody_tried(name, every):
+def test_what_repairs_a_random_slip_is_right_in_cases_that_nobody_tried():
+    name = "shade"
     stage, tree = CONTRACT[name], ast.parse(PLAIN)
     (statement,) = [s for s in tree.body if isinstance(s, ast.FunctionDef) and s.name == name]
     proved = 0
-    for edit in edits(statement)[7::every]:
+    for edit in edits(statement)[7::60]:
         source = ast.unparse(replaced(tree, edit.old, edit.new))
         try:
             wrong = getattr(module(source), name)

@@ -43,12 +43,10 @@ def turned_sun(scene, degrees):
     return with_sun(scene, to_light=tuple((to * np.cos(a) + np.cross(aside, to) * np.sin(a)).tolist()))
 
 
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("degrees", [3.0])
-def test_a_sun_that_is_turned_is_reported_with_the_angle_between_both_directions(name, degrees):
-    scene = SCENES[name]
-    said, *_ = explain(trace(turned_sun(scene, degrees)), trace(scene), scene)
-    assert f"the sun's direction is off by {degrees:.3g} degrees" in said
+def test_a_sun_that_is_turned_is_reported_with_the_angle_between_both_directions():
+    scene = SCENES["distorted"]
+    said, *_ = explain(trace(turned_sun(scene, 3)), trace(scene), scene)
+    assert "the sun's direction is off by 3 degrees" in said
 
 
 def test_over_scenes_with_several_suns_the_angle_is_the_largest_of_them():
@@ -61,9 +59,8 @@ def test_over_scenes_with_several_suns_the_angle_is_the_largest_of_them():
     assert family.sentence(about_x, [aside]) == "the sun's direction is off by 0 degrees"
 
 
-@pytest.mark.parametrize("known", [True, False])
-@pytest.mark.parametrize("value", [1 / 255, 1.0])
-def test_an_image_of_one_value_is_said_to_be_one_and_no_power_is_fitted(value, known):
+@pytest.mark.parametrize(("known", "value"), [(True, 1 / 255), (False, 1.0)])
+def test_an_image_of_one_value_is_said_to_be_one_and_no_power_is_fitted(known, value):
     scene = SCENES["overlap"]
     right = trace(scene)
     flat = Image(mean=np.full(right.mean.shape, value, np.float32))
@@ -82,8 +79,7 @@ def test_a_rounded_pi_is_said_in_percent_and_nothing_wrong_is_called_right():
     assert both.sentence((1.0, 2.0), ()) == "the sky's part is 2 times too bright"
 
 
-@pytest.mark.parametrize("count", [3, 12])
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("name", "count"), [("eclipse", 3), ("overlap", 12)])
 def test_where_a_few_scattered_values_are_off_nothing_is_named(name, count):
     scene = SCENES[name]
     right = trace(scene)
@@ -106,10 +102,10 @@ def test_a_cause_under_noise_has_to_bring_the_noisy_pixels_nearer():
     assert not is_likelier(sights, RIGHT)
 
 
-@pytest.mark.parametrize("start", range(4))
+@pytest.mark.parametrize("start", range(2))
 def test_numbers_whose_effect_is_below_the_tolerance_are_never_named(start):
-    """A quarter of all numbers are off by a billionth, beside a dozen odd values that nothing explains."""
-    scene, some = SCENES["overlap"], [f for f in FAMILIES if f.name not in CONSTANTS][start::4]
+    """Half of all numbers are off by a billionth, beside a dozen odd values that nothing explains."""
+    scene, some = SCENES["overlap"], [f for f in FAMILIES if f.name not in CONSTANTS][start::2]
     near = chain(*(family.make(tuple(x + 3e-9 for x in family.start)) for family in some))
     shown = np.array(predictor(scene).picture(near))
     sights = [look(SubmittedImage(scene, (1.3 * shown).reshape(60, 80, 3)))]
@@ -123,16 +119,14 @@ CONSTANTS = {"background-constant", "shadow-dims", "shadow-start", "shadow-reach
 """Families whose start is no right tracer."""
 
 
-@pytest.mark.parametrize("size", [8e-6])
-@pytest.mark.parametrize("name", SCENES)
-def test_rounding_that_exceeds_the_tolerance_a_little_has_no_cause(name, size):
+@pytest.mark.parametrize(("name", "known"), [("overlap", True), ("distorted", False)])
+def test_rounding_that_exceeds_the_tolerance_a_little_has_no_cause(name, known):
     """Half of what is called an error here, and more, is less than four tolerances: to leave it explains nothing."""
     scene = SCENES[name]
     right = trace(scene)
-    noise = np.random.default_rng(1).uniform(-size, size, right.mean.shape) * right.mean.max()
-    for known in (scene, None):
-        said = explain(Image((right.mean + noise).astype(np.float32)), right, known)
-        assert not any(words.startswith("cause (") for words in said)
+    noise = np.random.default_rng(1).uniform(-8e-6, 8e-6, right.mean.shape) * right.mean.max()
+    said = explain(Image((right.mean + noise).astype(np.float32)), right, scene if known else None)
+    assert not any(words.startswith("cause (") for words in said)
 
 
 def test_a_fitted_number_is_proved_by_two_scenes_that_it_leaves_nothing_of_but_rounding():
@@ -147,12 +141,11 @@ def test_a_fitted_number_is_proved_by_two_scenes_that_it_leaves_nothing_of_but_r
     assert [made.sureness for made in found] == ["proved", "likely", "likely"]
 
 
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("more", [1e-3])
-def test_a_radius_that_is_a_little_off_is_not_taken_for_several_rays_a_pixel(name, more):
+@pytest.mark.parametrize("name", ["eclipse", "distorted"])
+def test_a_radius_that_is_a_little_off_is_not_taken_for_several_rays_a_pixel(name):
     scene = SCENES[name]
     index = next(i for i, thing in enumerate(scene.objects) if isinstance(thing, Sphere))
-    wrong = msgspec.structs.replace(scene.objects[index], radius=scene.objects[index].radius + more)
+    wrong = msgspec.structs.replace(scene.objects[index], radius=scene.objects[index].radius + 1e-3)
     objects = (*scene.objects[:index], wrong, *scene.objects[index + 1 :])
     made = trace(msgspec.structs.replace(scene, objects=objects))
     assert "rays a pixel" not in "".join(explain(made, trace(scene), scene))
@@ -163,8 +156,7 @@ def with_object(scene, index, **changes):
     return msgspec.structs.replace(scene, objects=(*scene.objects[:index], wrong, *scene.objects[index + 1 :]))
 
 
-@pytest.mark.parametrize("index", [0, 1])
-@pytest.mark.parametrize("more", [1e-3, -1e-3])
+@pytest.mark.parametrize(("index", "more"), [(0, 1e-3), (1, -1e-3)])
 def test_a_radius_that_is_a_millimetre_off_is_named_with_its_sphere(index, more):
     scene = SCENES["overlap"]
     made = trace(with_object(scene, index, radius=scene.objects[index].radius + more))
@@ -172,9 +164,8 @@ def test_a_radius_that_is_a_millimetre_off_is_named_with_its_sphere(index, more)
     assert f"the radius of {scene.names[index]} is 1 mm too {'large' if more > 0 else 'small'}" in said
 
 
-@pytest.mark.parametrize("index", [0, 2])
-def test_an_object_that_stands_a_little_off_is_named_with_how_far(index):
-    scene = SCENES["overlap"]
+def test_an_object_that_stands_a_little_off_is_named_with_how_far():
+    scene, index = SCENES["overlap"], 2
     center = tuple(np.add(scene.objects[index].center, (0.002, -0.001, 0.003)).tolist())
     said, *_ = explain(trace(with_object(scene, index, center=center)), trace(scene), scene)
     assert f"{scene.names[index]} stands off by (+2, -1, +3) mm in the board's frame" in said
@@ -235,11 +226,12 @@ def test_no_stage_of_a_diagnosis_outlasts_its_time(kind, monkeypatch):
         assert strikes[0] <= seconds + 30
 
 
-def test_in_a_scene_of_many_objects_fewer_pixels_are_looked_at():
+def test_in_a_scene_of_many_objects_fewer_pixels_are_looked_at(monkeypatch):
+    monkeypatch.setattr("raytwin.diagnose.pixel_sample.MET", 400_000)
     ball = SCENES["overlap"].spheres[0]
-    balls = tuple(msgspec.structs.replace(ball, center=(0.01 * k, 5.0, 0.1)) for k in range(12_000))
+    balls = tuple(msgspec.structs.replace(ball, center=(0.01 * k, 5.0, 0.1)) for k in range(1200))
     scene = msgspec.structs.replace(small("overlap", (32, 24)), objects=(*SCENES["overlap"].objects, *balls))
     right = np.broadcast_to(np.arange(32 * 24 * 3, dtype=np.float32).reshape(24, 32, 3), (24, 32, 3))
     sight = look(SubmittedImage(scene, 2 * right, right))
-    assert sight.index.size * len(scene.objects) < 8e6
+    assert sight.index.size * len(scene.objects) < 8e5
     assert sight.weight.sum() == pytest.approx(1)

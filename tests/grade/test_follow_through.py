@@ -23,7 +23,7 @@ stage = "back_project"
 points = 10
 [[exercises]]
 stage = "render"
-scenes = ["eclipse"]
+drawn = 1
 points = 30
 """
 PI = tracers.tracer("pi")
@@ -41,25 +41,30 @@ NOTHING = "\n".join(
 
 
 @pytest.mark.parametrize(
-    ("text", "helper", "rate", "points"),
+    ("rate", "students"),
     [
-        (PI, "", 0.0, 0),
-        (PI, "", 0.5, 15),
-        (HELPED, PI, 1.0, 30),  # the wrong function lies in another module
-        (PARTS.replace("albedo / np.pi *", "albedo *"), "", 1.0, 20),  # two of three functions are the student's own
-        (NOTHING, "", 1.0, 0),
-        (tracers.tracer("gamma"), "", 1.0, 0),  # the picture's own mistake
-        (PI.replace("return out.reshape", "return 1.1 * out.reshape"), "", 1.0, 0),  # another one beside it
-        (tracers.RIGHT.replace("def shade", "def lambert").replace(" shade(", " lambert(") + "\n", "", 1.0, 30),
+        (0.0, {"pi": (PI, "", 0)}),
+        (0.5, {"pi": (PI, "", 15)}),
+        (
+            1.0,
+            {
+                "helped": (HELPED, PI, 30),  # the wrong function lies in another module
+                "parts": (PARTS.replace("albedo / np.pi *", "albedo *"), "", 20),  # two of three functions are theirs
+                "nothing": (NOTHING, "", 0),
+                "beside": (PI.replace("return out.reshape", "return 1.1 * out.reshape"), "", 0),  # the picture's own
+                "own": (tracers.RIGHT.replace("def shade", "def lambert").replace(" shade(", " lambert("), "", 30),
+            },
+        ),
     ],
 )
-def test_what_is_right_once_the_failed_function_is_replaced_keeps_its_share(tmp_path, text, helper, rate, points):
+def test_what_is_right_once_the_failed_function_is_replaced_keeps_its_share(tmp_path, rate, students):
     (tmp_path / "r.toml").write_text(RUBRIC.format(rate=rate))
-    files.write_text(tmp_path / "a" / "tracer.py", text)
-    if helper:
-        files.write_text(tmp_path / "a" / "helper.py", helper)
-    (result,) = run(jobs_of(tmp_path / "a", tmp_path / "r.toml", whole=True), tmp_path / "out", Workers())
-    assert result.exercises[-1].points == points, result.exercises[-1].sentences
+    for name, (text, helper, _) in students.items():
+        files.write_text(tmp_path / "in" / name / "tracer.py", text)
+        if helper:
+            files.write_text(tmp_path / "in" / name / "helper.py", helper)
+    results = run(jobs_of(tmp_path / "in", tmp_path / "r.toml"), tmp_path / "out", Workers())
+    assert {r.student: r.exercises[-1].points for r in results} == {name: s[2] for name, s in students.items()}
 
 
 def test_the_sandbox_is_given_no_function_that_was_not_replaced():

@@ -13,7 +13,6 @@ RUBRIC = 'title = "t"\nhints = {hints}\n[[exercises]]\nstage = "intersect_sphere
     ("hints", "said"),
     [
         (0, ""),
-        (1, "look at line 39: a change there makes everything right"),
         (3, "in place of `c = (oc * oc).sum() - radius ** 2` makes everything right"),
     ],
 )

@@ -36,6 +36,8 @@ from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene import Scene
 from raytwin.speed import trace
 
+pytestmark = pytest.mark.slow
+
 SIZE = 96, 72
 
 

@@ -62,16 +62,17 @@ def cases(names: tuple[str, ...], seeds: int) -> Iterator[Case]:
                         yield Case(name, scene, tolerance, level, engine)
 
 
-def every_pair(names: tuple[str, ...]) -> Iterator[Case]:
-    """Few of `cases` that meet every pair of a scene, a level, a size, and an engine or a sampling."""
+def one_each(names: tuple[str, ...]) -> Iterator[Case]:
+    """One of `cases` for each scene: levels, sizes, and engines or samplings take turns."""
+    lit = [level for level, rung in RUNGS.items() if rung.lit]
     for i, name in enumerate(names):
-        sized = [shipped(name, width) for width in SIZES]
-        for k, (level, rung) in enumerate((level, rung) for level, rung in RUNGS.items() if rung.lit):
-            scene, tolerance = sized[(i + k + i // 3) % 3]
-            if rung.noisy:
-                yield Case(name, scene, tolerance, level, "drjit32", twin.SAMPLINGS[(i + k) % 2], 16, 0)
-            else:
-                yield Case(name, scene, tolerance, level, ("numpy64", "drjit32")[(i + k) % 2])
+        level = lit[i % len(lit)]
+        scene, tolerance = shipped(name, SIZES[(i + i // 3) % len(SIZES)])
+        turn = i // len(lit) % 2
+        if RUNGS[level].noisy:
+            yield Case(name, scene, tolerance, level, "drjit32", twin.SAMPLINGS[turn], 16, 0)
+        else:
+            yield Case(name, scene, tolerance, level, ("numpy64", "drjit32")[turn])
 
 
 def main(seeds: int = 1, *names: str) -> int:

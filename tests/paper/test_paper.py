@@ -14,6 +14,8 @@ from raytwin.paper.paper_runs import SMALL, SPECULATION, boxed, errors, hard_cas
 from raytwin.speed import trace
 from raytwin.speed.boxes import TRIMS, trim_boxes
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory):

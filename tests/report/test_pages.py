@@ -49,6 +49,8 @@ from raytwin.workflows.estimate_light import LightEstimate
 from raytwin.workflows.matrix import Cell
 from raytwin.workflows.matrix_history import Past
 
+pytestmark = pytest.mark.slow
+
 EVIL = "<img src=x onerror=alert(1)>\"'&_with_sixty_or_more_characters_and_no_blank_in_them"
 SIZE = 24, 36
 """Height and width: a portrait frame is written as well, turned."""

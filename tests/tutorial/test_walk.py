@@ -16,6 +16,8 @@ from raytwin.tutorial.show import mine, viewed
 from raytwin.tutorial.written import solutions as solution_texts
 from raytwin.tutorial.written import source
 
+pytestmark = pytest.mark.slow
+
 STAGES = (
     "tag_centers",
     "intrinsics",

@@ -21,7 +21,7 @@ from raytwin.workflows.delta_debugging import minimized
 from raytwin.workflows.shrink import shrink
 from raytwin.workflows.shrink_scene import OwnScene
 
-SMALL = (160, 120)
+SMALL = (80, 60)
 
 
 @given(st.integers(1, 12), st.lists(st.sets(st.integers(0, 11), max_size=4), min_size=1, max_size=3))

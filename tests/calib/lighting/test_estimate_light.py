@@ -16,6 +16,8 @@ from raytwin.report import light_page
 from raytwin.scene import Camera, Environment
 from raytwin.workflows.estimate_light import estimate_light
 
+pytestmark = pytest.mark.slow
+
 BALLS = (-0.075, 0.05, 0.028, 0.03), (-0.065, 0.15, 0.018, 0.02)
 
 
