@@ -92,10 +92,10 @@ def link(name: str, site: Path) -> None:
     there = distribution(name)
     for file in there.files or ():
         source, to = Path(str(there.locate_file(file))), Path(os.path.normpath(site / file))
-        if source.suffix == ".pyc" or "bin" in file.parts[:4] or to.exists() or not source.is_file():
+        if "bin" in file.parts[:4] or to.exists() or not source.is_file():
             continue
         to.parent.mkdir(parents=True, exist_ok=True)
         try:
             to.hardlink_to(source.resolve())
         except OSError:  # another file system
-            shutil.copy(source, to)
+            shutil.copy2(source, to)

@@ -7,8 +7,6 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "raytwin"
-TREES = {path.relative_to(SOURCE).as_posix(): ast.parse(path.read_text("utf-8")) for path in SOURCE.rglob("*.py")}
-
 PRIVATE = {"told", "tell", "held", "kept"}
 """Words that could mean a message, a record, a check, a cache: the field has a word for each."""
 
@@ -57,7 +55,8 @@ def found(tree: ast.Module) -> list[str]:
 
 
 def test_the_source_is_written_in_the_fields_language():
-    assert [f"{path}:{line}" for path, tree in TREES.items() for line in found(tree)] == []
+    trees = {path.relative_to(SOURCE).as_posix(): ast.parse(path.read_text("utf-8")) for path in SOURCE.rglob("*.py")}
+    assert [f"{path}:{line}" for path, tree in trees.items() for line in found(tree)] == []
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ DRAWS = {
 }
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(
     amplitude=st.floats(0.05, 1),
     draw=st.sampled_from(sorted(DRAWS)),

@@ -101,7 +101,7 @@ def test_a_fault_that_is_planted_alone_is_proved(name):
     assert fault(name).sentence in made.words[0]
 
 
-CHOSEN = [m for m in MISTAKES if m[0][0] in ("rays-not-unit", "radius-scaled", "acne", "hidden-one-written")]
+CHOSEN = [m for m in MISTAKES if m[0][0] in ("radius-scaled", "acne")]
 
 
 @pytest.mark.parametrize("mistake", CHOSEN, ids=lambda m: m[0][0])
@@ -112,9 +112,9 @@ def test_a_students_mistake_is_named(mistake):
     assert made.causes[0].name in wanted
 
 
-@pytest.mark.parametrize("variation", [CORRECT[1], CORRECT[3]], ids=["board", "float32"])
-def test_a_tracer_that_is_right_in_its_own_way_is_not_blamed(variation):
-    made = diagnose(views(run(mistaken(*variation), [as_arrays(scene) for scene in SCENES[:2]])))
+def test_a_tracer_that_is_right_in_its_own_way_is_not_blamed():
+    """In float32; measure/named_causes.py has every form."""
+    made = diagnose(views(run(mistaken(*CORRECT[3]), [as_arrays(scene) for scene in SCENES[:2]])))
     assert not made.causes
 
 

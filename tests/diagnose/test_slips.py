@@ -62,9 +62,7 @@ def test_generated_slips_show_and_each_something_else():
 
 def test_a_slip_that_is_in_no_table_is_told_by_what_stands_there_and_what_is_right():
     text = mistaken(BOARD_FRAME, '(n * sun["to_light"])', '(n / sun["to_light"])')
-    made = diagnose(
-        [SubmittedImage(s, x) for s, x in zip(SCENES, run(text, [as_arrays(s) for s in SCENES]), strict=True)]
-    )
+    made = diagnose([SubmittedImage(s, x) for s, x in zip(SCENES[:1], run(text, [as_arrays(SCENES[0])]), strict=True)])
     (cause,) = made.causes
     assert cause.name == "slip-in-shade: normals * to_light -> (normals / to_light)"
     assert "`cosine = np.maximum(0, np.sum((normals / to_light)" in cause.sentence

@@ -26,10 +26,10 @@ def test_opencv_projects_every_ray_back_to_its_pixel(scenes, dist):
 
 @pytest.mark.filterwarnings("ignore::raytwin.scene.lens.Folds")
 def test_the_twin_takes_every_lens_that_the_tracer_takes_and_finds_the_same_rays():
-    """80 random lenses in frames of 32 to 160 px: most fold somewhere. One function, `check_lens`, refuses."""
+    """40 random lenses in frames of 32 to 160 px: most fold somewhere. One function, `check_lens`, refuses."""
     rng, taken = np.random.default_rng(3), 0
     straight = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    for i in range(80):
+    for i in range(40):
         w, h = ((32, 24), (64, 48), (160, 120))[i % 3]
         f, dist = w * rng.uniform(0.4, 1.5), rng.normal(size=5) * (0.4, 0.3, 0.02, 0.02, 0.2)
         K = ((f, 0.0, (w - 1) / 2), (0.0, f, (h - 1) / 2), (0.0, 0.0, 1.0))
@@ -46,7 +46,7 @@ def test_the_twin_takes_every_lens_that_the_tracer_takes_and_finds_the_same_rays
         expected = newton((u - camera.cx) / f, (v - camera.cy) / f, camera.coefficients)
         np.testing.assert_allclose(np.stack([x / z, y / z]), np.stack(expected), rtol=0, atol=1e-9)
         taken += 1
-    assert taken > 60
+    assert taken > 30
 
 
 def test_small_spheres_stand_where_opencv_projects_them(scenes, variant):
@@ -102,9 +102,9 @@ def test_path_agrees_with_mitsubas_path_from_the_eye(scenes):
 
     activate("scalar_rgb")
     scene = files.read_scene(scenes / "overlap").scene
-    scene = scene.with_camera(scene.camera.resized(48, 36))
+    scene = scene.with_camera(scene.camera.resized(24, 18))
     world = mi.load_dict(translate(scene, {}))
-    u, v = (a.ravel() for a in np.meshgrid(np.arange(48.0), np.arange(36.0)))
+    u, v = (a.ravel() for a in np.meshgrid(np.arange(24.0), np.arange(18.0)))
     rays = np.stack(directions(np, lens_of(scene.camera), u, v), axis=1).tolist()
     sampler = mi.load_dict({"type": "independent"})
     for rung, depth in (("sky", 2), ("path", 8), ("path", 3)):

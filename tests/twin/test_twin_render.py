@@ -278,7 +278,7 @@ def test_one_batch_measures_no_variance(variant):
 # ---------------------------------------------------------------------------------------------- both variants
 
 
-@pytest.mark.parametrize("name", ["single", "overlap", "distorted", "grazing"])
+@pytest.mark.parametrize("name", ["overlap", "distorted", "grazing"])
 def test_scalar_and_llvm_agree(scenes, name):
     try:
         activate("llvm_ad_rgb")
@@ -294,8 +294,9 @@ def test_scalar_and_llvm_agree(scenes, name):
         assert (abs(a.mean - b.mean) > 1e-3).sum() <= 3
     if name != "distorted":
         return  # one scene is enough for the slow part
+    scene = scene.with_camera(scene.camera.resized(64, 48))
     a, b = (render(scene, "path", variant=v, cache=False) for v in ("llvm_ad_rgb", "scalar_rgb"))
-    error = np.sqrt((a.variance + b.variance)[..., 1].sum(dtype=float)) / (160 * 120)
+    error = np.sqrt((a.variance + b.variance)[..., 1].sum(dtype=float)) / (64 * 48)
     assert a.mean[..., 1].mean(dtype=float) == pytest.approx(b.mean[..., 1].mean(dtype=float), abs=4 * error)
 
 

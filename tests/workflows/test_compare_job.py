@@ -140,9 +140,7 @@ class Moved(Traced):
 
 def test_a_bug_is_not_hidden_by_light_that_is_missing_on_purpose(scenes):
     for subject, verdict in ((Traced(surface=True), "differs"), (Moved(surface=True), "fail")):
-        result = compare_scene(
-            scenes / "overlap", subject=subject, rung="path", size=(160, 120), samples=64, cache=False
-        )
+        result = compare_scene(scenes / "overlap", subject=subject, rung="path", size=(96, 72), samples=64, cache=False)
         assert result.comparison.verdict == verdict
     own = "on its own rung, shadow: "
     causes = [reason for reason in result.comparison.reasons if reason.removeprefix(own).startswith("cause")]
@@ -200,8 +198,7 @@ def test_a_lens_that_folds_over_in_the_corners_is_compared_in_the_rest_and_said_
     assert result.comparison.reasons[-1].startswith("no ray belongs to 30 % of the frame")
 
 
-@pytest.mark.parametrize("samples", [1, 2, 3])
-@pytest.mark.parametrize("level", ["sky", "path"])
+@pytest.mark.parametrize(("level", "samples"), [("sky", 1), ("path", 1), ("path", 2), ("sky", 3)])
 def test_few_samples_fail_no_right_tracer(scenes, level, samples):
     """Of two random renders that hardly know their noise none is blamed: 1 sample always was, 2 in 22 of 450 pairs."""
     engine = fast_engine(twin.activate().variant)
@@ -219,10 +216,9 @@ def test_a_tracer_of_centers_differs_from_areas_as_expected(scenes, name):
     assert "sends one ray through each pixel's center" in result.comparison.reasons[0]
 
 
-def test_a_wrong_tracer_of_centers_still_fails_beside_areas(scenes):
-    result = compare_scene(
-        scenes / "overlap", subject=Moved(surface=True), sampling="area", size=(160, 120), cache=False
-    )
+def test_a_wrong_tracer_of_centers_still_fails_beside_areas(scenes, monkeypatch):
+    monkeypatch.setattr("raytwin.workflows.compare_scene.find_causes", lambda *_: ())  # takes longest
+    result = compare_scene(scenes / "overlap", subject=Moved(surface=True), sampling="area", size=(96, 72), cache=False)
     assert result.comparison.verdict == "fail"
 
 

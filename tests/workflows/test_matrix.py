@@ -68,7 +68,7 @@ def test_every_cell_is_under_the_light_that_is_asked_for(here):
     assert len({job.key, plain.key, changed.key}) == 3
     with pytest.raises(InputError, match="--light: expected no --references beside it"):
         matrix.jobs_of(["overlap"], ["mine.py:right"], lit, Path("reference"))
-    small = shrink("overlap", lit, subject=matrix.find_subject("mine.py:unlit", "shadow"), size=(96, 72)).after
+    small = shrink("overlap", lit, subject=matrix.find_subject("mine.py:unlit", "shadow"), size=(48, 36)).after
     assert small.written.sun.irradiance == (3.0, 1.0, 0.5)
 
 
