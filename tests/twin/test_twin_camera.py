@@ -102,9 +102,9 @@ def test_path_agrees_with_mitsubas_path_from_the_eye(scenes):
 
     activate("scalar_rgb")
     scene = files.read_scene(scenes / "overlap").scene
-    scene = scene.with_camera(scene.camera.resized(24, 18))
+    scene = scene.with_camera(scene.camera.resized(48, 36))
     world = mi.load_dict(translate(scene, {}))
-    u, v = (a.ravel() for a in np.meshgrid(np.arange(24.0), np.arange(18.0)))
+    u, v = (a.ravel() for a in np.meshgrid(np.arange(48.0), np.arange(36.0)))
     rays = np.stack(directions(np, lens_of(scene.camera), u, v), axis=1).tolist()
     sampler = mi.load_dict({"type": "independent"})
     for rung, depth in (("sky", 2), ("path", 8), ("path", 3)):
