@@ -60,7 +60,7 @@ def desk(scenes, tmp_path) -> Path:
 
 
 def test_compare_passes_and_writes_every_file(scenes, tmp_path):
-    run = raytwin_alone(
+    run = raytwin(
         "compare", scenes / "overlap", "--size", "160x120", "-o", tmp_path / "out", "--json", tmp_path / "a.json"
     )
     assert run.returncode == 0, run.stderr
@@ -213,13 +213,6 @@ def test_the_output_may_not_be_a_file(scenes, tmp_path):
     (tmp_path / "out").write_text("mine")
     refused(raytwin("compare", scenes / "single", "--size", "40x30", "-o", tmp_path / "out"), "out")
     assert (tmp_path / "out").read_text() == "mine"
-
-
-def test_doctor_says_what_was_tried():
-    run = raytwin_alone("doctor")
-    assert run.returncode == 0
-    assert "backend" in run.stdout
-    assert "mitsuba" in run.stdout
 
 
 def test_help_loads_nothing_heavy():
