@@ -237,6 +237,6 @@ def test_a_small_error_within_the_tolerance_stays_pale(here):
     _, result = matrix.judge(job)
     colours = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(matrix_page, "png_url", lambda pixels: colours.append(pixels) or "")
+        patch.setattr("raytwin.report.data_urls.png_url", lambda pixels: colours.append(pixels) or "")
         matrix_page.thumbnail(result)
     assert colours[0].min() > 200

@@ -159,7 +159,7 @@ class _Causes:
     def of(
         self, asked: Sequence[Question]
     ) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...], tuple[str, ...], str]:
-        """Of an exercise's pictures: sentences, (name, sentence) of each mistake, all names, and how sure that is."""
+        """Return sentences, (name, sentence) of each mistake, all names, and how sure that is, for one exercise."""
         wrong = [a for a in asked if not self.checked[id(a)].part.passed]
         mine = [self.checked[id(a)] for a in asked]
         if wrong and all(map(self.helped.cured, wrong)) and self.failed and (self.theirs or self.others):

@@ -22,7 +22,7 @@ NORMALS = 300
 """Normals at which the light is summed up."""
 
 DEGREE = 4
-"""Of the polynomial: the sphere's own shadow beside it is a step of up to 12 codes off at 2, and of 3 at 4."""
+"""The polynomial's: the sphere's own shadow beside it is a step of up to 12 codes off at 2, and of 3 at 4."""
 
 SHARP_ROWS = 32
 """A map of fewer rows is made finer before it is cut at the horizon."""
