@@ -231,9 +231,10 @@ def _from_below(
     R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
 
     def look(at: np.ndarray) -> np.ndarray:
-        uv = np.rint(lens_model.project(at, R, t, camera.K, camera.dist)).astype(int)
-        seen = lens_model.grows(at @ R.T + t, camera.dist) & (uv >= 0).all(axis=1)
-        seen &= (uv < camera.image_size).all(axis=1)
+        seen = lens_model.grows(at @ R.T + t, camera.dist)
+        # What is behind the camera has no pixel, and may have no number.
+        uv = np.where(seen[:, None], np.rint(lens_model.project(at, R, t, camera.K, camera.dist)), -1).astype(int)
+        seen &= ((uv >= 0) & (uv < camera.image_size)).all(axis=1)
         if not shadows:
             seen &= ~_crossed(scene.spheres, eye, at - eye, 1.0)
         out = np.full((len(at), 3), np.nan)
