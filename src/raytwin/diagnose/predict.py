@@ -31,10 +31,6 @@ UP_TO_RAYS = ("pixel", "undistort", "through", "to_board", "camera", "spread")
 """Steps that change nothing but the rays of the eye."""
 FACES_AWAY = (("return visible", "return visible & (np.sum(normals * to_light, axis=-1) > 0)"),)
 """What faces away from the sun is in its own shadow, as where shadow rays start a little off the surface."""
-FACED = "        n = np.where(towards, n, -n)"
-OUTSIDE = 'outside = "radius" in thing and np.linalg.norm(eye - thing["center"]) > thing["radius"]'
-FREE_OUTSIDE = ((FACED, f"        {OUTSIDE}\n{FACED.replace('towards', 'towards | outside')}"),)
-"""Seen from outside, a sphere's normal needs no turning, and most leave it out."""
 
 
 class Before(NamedTuple):
@@ -119,12 +115,15 @@ def written(pipeline: Pipeline) -> dict[str, Any]:
         if isinstance(what, tuple):
             texts[name] = (*texts.get(name, ()), what)
     texts.setdefault("sun_visible", (FACES_AWAY,))
-    texts.setdefault("normals_at", (FREE_OUTSIDE,))
     space = namespace((_text(name, texts.get(name, ())) for name in FUNCTIONS), FAST)
     if "undistort" not in texts:
         space["undistort"] = _undistort
     if "intersect_all" not in texts:
         space["intersect_all"] = partial(_intersect_all, space)
+    if "normals_at" not in texts:
+        space["normals_at"] = _normals_at
+    if not touches(pipeline, "sun_visible"):
+        space["sun_visible"] = partial(_sun_visible, space)
     for name, what in pipeline:
         if name not in BESIDE and not isinstance(what, tuple):
             space[name] = what(space.get(name))
@@ -194,6 +193,33 @@ def _intersect_all(space: dict[str, Any], origins: Array, directions: Array, thi
             t[k] = space["intersect_plane"](origins, directions, thing["center"], thing["half_u"], thing["half_v"])
     t[np.isnan(t)] = np.inf
     return t
+
+
+def _normals_at(points: Array, which: Array, eye: Array, things: Any) -> Array:
+    """All at once; seen from outside a sphere's normal needs no turning, and most leave it out."""
+    none, table = (np.zeros(3), np.inf, np.zeros(3)), []
+    for thing in things:
+        if "radius" in thing:
+            table.append((thing["center"], thing["radius"], np.zeros(3)))
+        else:
+            n = _cross(thing["half_u"], thing["half_v"])
+            table.append((np.zeros(3), np.inf, n / np.linalg.norm(n)))
+    centers, radii, flats = (np.array(column)[which] for column in zip(*table, none, strict=True))
+    f = points - centers
+    n = np.where(np.isfinite(radii)[:, None], f / radii[:, None], flats)
+    turns = np.isinf(radii) | (_norm(eye - centers, -1) <= radii)
+    away = turns & ~(_sum(n * (eye - points), -1) > 0)
+    return np.where(away[:, None], -n, n)
+
+
+def _sun_visible(
+    space: dict[str, Any], points: Array, normals: Array, which: Array, to_light: Array, eye: Array, things: Any
+) -> Array:
+    """All at once; what faces away from the sun is in its own shadow."""
+    t = space["intersect_all"](points, np.tile(to_light, (len(points), 1)), things)
+    around = ["radius" in x and np.linalg.norm(eye - x["center"]) <= x["radius"] for x in things]
+    own = (which == np.arange(len(things))[:, None]) & ~np.array(around, bool)[:, None]
+    return ~(np.isfinite(t[: len(things)]) & ~own).any(axis=0) & (normals @ to_light > 0)
 
 
 # ------------------------------------------------------------------------------------------ predictions
