@@ -82,6 +82,6 @@ def test_beside_a_failed_function_the_second_mistake_is_named_alone(tmp_path):
     (tmp_path / "a.py").write_text(PI.replace("return out.reshape", "return 2 * out.reshape"))
     (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
     picture = result.exercises[-1]
-    assert picture.causes == ("twice-bright",)
+    assert picture.causes == ("image-scaled",)
     assert picture.sureness == "proved"
     assert picture.sentences[0].startswith("with a right shade in place of yours one mistake is left: ")
