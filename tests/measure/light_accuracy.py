@@ -1,9 +1,9 @@
 """How near `raytwin light` comes to the true light, and whether its standard deviations are true.
 
-    python -m measure.light_accuracy photos FOLDER --first 200        # two photos under each of 30 random lights
-    python -m measure.light_accuracy judge FOLDER --first 200 --record
+    python -m measure.light_accuracy photos FOLDER --first 300        # two photos under each of 30 random lights
+    python -m measure.light_accuracy judge FOLDER --first 300 --record
 
-Seeds below 200 may be tuned on.
+Seeds below 300 may be tuned on.
 
 Every light has a sun 25 to 70 degrees high and a sky that leaves 15 to 60 % of the paper's light in the shadow: every
 other one a constant sky, the others a map of 16 rows with a gradient and three broad lamps. A mirror ball, an orange
@@ -224,7 +224,7 @@ def report(rows: list[dict]) -> None:
                 f"{100 * rms['Ls']:.1f} %", f"{rms['z_Ls']:.2f}", f"{100 * rms['irradiance']:.1f} %",
                 f"{np.median(column['codes']):.1f}", f"{np.median(column['codes_true']):.1f}",
             ))  # fmt: skip
-    record.table("light", "accuracy", COLUMNS, table, "python -m measure.light_accuracy judge FOLDER --first 200")
+    record.table("light", "accuracy", COLUMNS, table, "python -m measure.light_accuracy judge FOLDER --first 300")
 
 
 def main() -> None:

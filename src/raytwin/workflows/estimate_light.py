@@ -17,7 +17,7 @@ from raytwin.calib.lighting.ball_outline import Ball, find_balls, fit_edges, out
 from raytwin.calib.lighting.board_plane import Sheet
 from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear, value_of_one
 from raytwin.calib.lighting.matt_ball import MATT, NO_MIRROR, fit_shading, matt_pixels
-from raytwin.calib.lighting.mirror_ball import find_ball, is_mirror, mirrored, reflectance_of, register
+from raytwin.calib.lighting.mirror_ball import find_ball, mirrored, reflectance_of, register, seen_in
 from raytwin.calib.lighting.stand_shadow import LOWEST, find_shadow
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
@@ -127,10 +127,10 @@ def estimate_light(
         progress("balls", k, len(there))
         _add_ball(evidence, linear, sheet, ball, bool(balls), said)
     progress("balls", len(there), len(there))
-    if not (evidence.shadow or evidence.matt or evidence.mirrors) and stand is None:
+    if not (evidence.shadow or evidence.matt or evidence.mirrors):
         raise InputError(
             "photos", "a mirror ball, a matt ball or a pin beside the board (--ball x,y,z,r, --stand x,y,h in metres)",
-            "the board alone",
+            "the board alone" if stand is None else f"an upright without a shadow: no sun above {LOWEST:g} degrees",
         )  # fmt: skip
     light, trials, number, suns = models.choose(evidence, len(linear))
     said += _contradictions(suns)
@@ -198,9 +198,10 @@ def _add_ball(
 ) -> None:
     matt = fit_edges(linear, found)
     pixels = matt_pixels(linear, matt)
-    if len(pixels.photo) >= models.LEAST_PIXELS:
+    mirrors_sheet, mirrors_sun = seen_in(linear, found, sheet)
+    if len(pixels.photo) >= models.LEAST_PIXELS and not mirrors_sheet:
         rough = fit_shading(pixels, matt, evidence.paper)
-        if rough.residual < (MATT if is_mirror(linear, found, sheet) else NO_MIRROR):
+        if rough.residual < (MATT if mirrors_sun else NO_MIRROR):
             evidence.matt.append(models.MattBall(matt, matt_pixels(linear, matt, rough.to_light)))
             return
     ball, sun = register(linear, found, sheet)

@@ -6,8 +6,10 @@ import pytest
 from raytwin import files
 from raytwin.calib.augment.hidden_sky import CapMeans
 from raytwin.calib.boards import read_board
+from raytwin.calib.lighting.board_plane import Sheet
 from raytwin.calib.lighting.light_file import photo_exposure, read_light, write_light
 from raytwin.calib.lighting.light_models import upward
+from raytwin.calib.lighting.mirror_ball import seen_in
 from raytwin.calib.synthetic_photos import read_truth
 from raytwin.errors import InputError
 from raytwin.lights import lighting
@@ -70,6 +72,13 @@ def test_the_map_is_the_right_way_round(found, true):
     assert agreement(theirs) > 0.9
     assert max(agreement(theirs[:, ::-1]), agreement(np.roll(theirs, 8, axis=1)), agreement(theirs[::-1])) < 0.7
     assert upward(found.light.around) == pytest.approx(found.light.Ls, rel=0.02)
+
+
+def test_the_sheet_and_the_sun_are_seen_in_the_mirror_alone(found, lit):
+    """Not by how well a matt ball's shading fits: under an even sky most of a mirror is as even as that."""
+    sheet, evidence = Sheet(read_board(lit.parent / "board.toml")), found.evidence
+    assert seen_in(found.photos, evidence.mirrors[0].ball, sheet) == (True, True)
+    assert seen_in(found.photos, evidence.matt[0].ball, sheet) == (False, False)
 
 
 def test_the_mirror_ball_is_found_by_itself(lit):

@@ -202,6 +202,16 @@ def test_a_pins_shadow_tells_the_sun_and_its_share_of_the_light(tmp_path):
     assert found.levels()[0] == pytest.approx(np.full(3, dark), abs=0.04)
 
 
+def test_a_photo_that_shows_no_paper_beside_the_shadow_can_be_held_out():
+    photo, cover = np.repeat([0, 1], 100), np.r_[np.linspace(0, 1, 100), np.full(100, 0.9)]
+    value = (1 - 0.6 * cover)[:, None] * np.ones(3)
+    uv, here = np.zeros((200, 2), int), np.zeros(2)
+    shadow = stand_shadow.Shadow(photo, uv, value, cover, SUN, 0.01, 1.0, here, here, 0.03)
+    light, trials, taken, _ = light_models.choose(light_models.Evidence(np.ones(3), shadow), 2)
+    assert trials[taken].name == "sun + constant sky"
+    assert light.Ls == pytest.approx(np.full(3, 0.4 / PAPER), rel=1e-6)
+
+
 def test_an_upright_that_is_not_there_is_said(shoot):
     folder, truth = shoot()
     name, (R, t) = next(iter(truth.photos.items()))

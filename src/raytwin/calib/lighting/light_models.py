@@ -84,10 +84,11 @@ class Evidence:
             columns = {k: v[mine] for k, v in vars(pixels).items() if np.ndim(v) and len(v) == count}
             return replace(pixels, **columns)
 
+        shadow = taken(self.shadow) if self.shadow else None
         matt = [replace(m, pixels=taken(m.pixels)) for m in self.matt]
         mirrors = [replace(m, pixels=taken(m.pixels)) for m in self.mirrors]
         return Evidence(
-            self.paper, taken(self.shadow) if self.shadow else None,
+            self.paper, shadow if shadow and len(shadow.photo) >= LEAST_PIXELS else None,
             [m for m in matt if len(m.pixels.photo) >= LEAST_PIXELS],
             [m for m in mirrors if len(m.pixels.photo) >= LEAST_PIXELS],
         )  # fmt: skip
@@ -309,7 +310,8 @@ def errors(light: Light, found: Evidence) -> dict[str, float]:
         errors["mirror ball"] = _relative(np.concatenate(off), np.concatenate(values))
     if s := found.shadow:
         ratio = light.Ls * s.left * PAPER / found.paper if light.to_light is not None else np.ones(3)
-        lit = np.median(s.value[s.cover < 0.02], axis=0)
+        bare = s.cover < 0.02
+        lit = np.median(s.value[bare], axis=0) if bare.any() else found.paper
         inside = s.cover > 0.5
         predicted = lit * (1 - (1 - ratio) * s.cover[inside, None])
         errors["shadow"] = _relative(predicted - s.value[inside], s.value[inside])
@@ -353,8 +355,8 @@ def choose(found: Evidence, photos: int) -> tuple[Light, list[Trial], int, list[
     for (name, rows, with_sun), light in zip(models, lights, strict=True):
         start = time.perf_counter()
         off = [errors(solve(train, rows, sun if with_sun else None), test) for train, test in folds]
-        kinds = {k: float(np.sqrt(np.mean([e[k] ** 2 for e in off if k in e]))) for k in off[0]}
-        total = float(np.sqrt(np.mean(np.square(list(kinds.values())))))
+        kinds = {k: float(np.sqrt(np.mean([e[k] ** 2 for e in off if k in e]))) for k in sorted(set().union(*off))}
+        total = float(np.sqrt(np.mean(np.square(list(kinds.values()) or [0.0]))))
         on_sphere = _relative(shading(light) - last, last)
         trials.append(Trial(name, rows, with_sun, total, on_sphere, time.perf_counter() - start, kinds))
     best = min(t.error for t in trials)

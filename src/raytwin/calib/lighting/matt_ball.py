@@ -55,7 +55,7 @@ TOGETHER = 20
 """Fitted pixels that err together."""
 
 MATT, NO_MIRROR, USUAL = 0.15, 0.35, 0.08
-"""Root mean squared residual over the mean, highlights clipped: a ball whose shading fits worse is not matt, or is not
+"""Root mean squared residual over the mean: a ball whose shading fits worse is not matt, or is not
 even where no mirror image is seen in it; and the one from which standard deviations grow with it."""
 
 
@@ -263,7 +263,7 @@ def fit_shading(
         spread = 1.4826 * np.median(np.abs(off))
         fit = replace(fit, weight=np.where((off < -4 * spread - 0.03).any(axis=1), 0.05, 1.0)[:, None] / sd)
     dim = np.abs(off @ (scale * REC_709)) / (scale @ REC_709)
-    residual = float(np.sqrt((np.minimum(dim, 4 * spread + 0.03) ** 2).mean()))
+    residual = float(np.sqrt((dim**2).mean()))
     misfit = max(1.0, residual / USUAL)
     alpha, beta = np.maximum(found[0], 0), np.maximum(UP @ found[1:-1], 1e-6)
     total, scaled = alpha * max(to_light[2], 0) + beta, paper / PAPER

@@ -311,12 +311,12 @@ def reflectance_of(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> np.nd
     return mirror / direct if count >= LEAST_PIXELS else None
 
 
-def is_mirror(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> bool:
-    """Whether the sun or the sheet is seen in the ball."""
+def seen_in(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> tuple[bool, bool]:
+    """Whether the sheet is seen in the ball, as in a mirror alone, and the sun, as in any that is glossy."""
     light = SheetLight(photos, sheet, ball)
     image, seen = light.blurred(2e-3), [_glance(photo, ball) for photo in photos]
     sheet_part = sum(_sheet_explains(s, light, image, ball.numbers) for s in seen) / (2 * GLANCE_SD**2)
-    return sheet_part > SEEN or any(s.spot is not None for s in seen)
+    return sheet_part > SEEN, any(s.spot is not None for s in seen)
 
 
 def mirrored(photos: list[LinearPhoto], ball: Ball, reflectance: np.ndarray) -> Mirrored:
