@@ -194,7 +194,7 @@ def decide(
     `look`: the part of the rate of all looks at a sequence that `rate` is.
     """
     a, b = survey(test), survey(reference)
-    typical, largest = variance_ratio(test, reference, a, b, (SILENT * bound.least) ** 2)
+    ratio = variance_ratio(test, reference, (SILENT * bound.least) ** 2)
     noisy = [s for s in (a, b) if s is not None]
     share = sidak(rate, TESTS)
     behind = (samples_behind(i, s, SILENT * bound.least) for i, s in ((test, a), (reference, b)))
@@ -223,7 +223,7 @@ def decide(
         v = va + vb
         least = np.square(np.float32(SILENT) * allowed)
         silent = v <= least
-        v = mutual(va, vb, largest, v)
+        v = mutual(va, vb, ratio, v)
         more = np.float32(0) if rounding is None else rounding.value[y0:y1]
         granted = allowance.of(d, 1, r, allowed) + more
         calm, size = np.zeros((), bool), np.zeros((1, 1, 1), np.float32)
@@ -262,11 +262,11 @@ def decide(
     grids = {k: np.concatenate(v) for k, v in sums.items()}
     blocks = ((grids["va"] + grids["vb"]) / grids["n"]).astype(np.float32)
     shared = inflation(test.mean, reference.mean, blocks)
-    estimators = [Estimator(grids, allowance, typical, shared)]
+    estimators = [Estimator(grids, allowance, ratio, shared)]
     if any(s.fireflies[0].size for s in noisy):
         fewer = allowance._replace(by_test=_without_fireflies(allowance.by_test, a))
         fewer = fewer._replace(by_reference=_without_fireflies(allowance.by_reference, b))
-        estimators.append(Estimator({k: np.concatenate(v) for k, v in without.items()}, fewer, typical, shared))
+        estimators.append(Estimator({k: np.concatenate(v) for k, v in without.items()}, fewer, ratio, shared))
     return Decision(
         values,
         _tiles(estimators, share, test.shape[:2]),
@@ -356,7 +356,7 @@ def _sums(
 
 
 class Estimator(NamedTuple):
-    """One way to test sums: the sums, what they may err by, the typical ratio of variances, and their inflation."""
+    """One way to test sums: the sums, what they may err by, the ratio of variances, and their inflation."""
 
     sums: Sums
     allowance: Allowance

@@ -355,17 +355,14 @@ def missed(
     return one(a, b, na / nb if counted else 0.0), one(b, a, nb / na if counted else 0.0)
 
 
-def variance_ratio(
-    test: Image, reference: Image, a: Side | None, b: Side | None, least: float = 0.0
-) -> tuple[float | None, float | None]:
-    """(typical, largest) ratio of the test's variance to the reference's; None where one of the images has no noise.
+def variance_ratio(test: Image, reference: Image, least: float = 0.0) -> float | None:
+    """The typical ratio of the test's variance to the reference's; None where one of the images has no noise.
 
-    Typical is the samples' inverse ratio where both state them, but no less than the median over pixels with noise
-    (more than `least`) in both: rare events show in the median of the better-known image alone. Largest is that or the
-    ratio of the means, which fireflies rule.
+    It is the samples' inverse ratio where both state them, but no less than the median over pixels with noise (more
+    than `least`) in both: rare events show in the median of the better-known image alone.
     """
-    if a is None or b is None or test.variance is None or reference.variance is None:
-        return None, None
+    if test.variance is None or reference.variance is None:
+        return None
     step = max(1, math.isqrt(test.mean.size // 3 // 50_000))
     va, vb = (np.asarray(v[::step, ::step], np.float64).ravel() for v in (test.variance, reference.variance))
     # Rounding makes a variance of its own, which carries no information.
@@ -373,10 +370,8 @@ def variance_ratio(
     typical = float(np.median(va[both] / vb[both])) if both.sum() >= 30 else 0.0
     if test.samples > 1 and reference.samples > 1:
         typical = max(typical, reference.samples / test.samples)
-    largest = max(a.mean / b.mean if a.mean > 0 and b.mean > 0 else 0.0, typical)
     # A ratio beyond a million compares a render with none: what one says of the other is nothing.
-    typical_, largest_ = (x if 1e-6 < x < 1e6 else None for x in (typical, largest))
-    return typical_, largest_
+    return typical if 1e-6 < typical < 1e6 else None
 
 
 def mutual(
