@@ -78,10 +78,10 @@ def test_the_sandbox_is_given_no_function_that_was_not_replaced():
 
 
 def test_beside_a_failed_function_the_second_mistake_is_named_alone(tmp_path):
-    (tmp_path / "r.toml").write_text(RUBRIC.format(rate=0.0).replace('["eclipse"]', '["eclipse", "overlap"]'))
-    (tmp_path / "a.py").write_text(PI.replace("return out.reshape", "return 2 * out.reshape"))
+    (tmp_path / "r.toml").write_text(RUBRIC.format(rate=0.0).replace("drawn = 1", "drawn = 2"))
+    (tmp_path / "a.py").write_text(PI.replace("return out.reshape", "return out[:, ::-1].reshape"))
     (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
     picture = result.exercises[-1]
-    assert picture.causes == ("image-scaled",)
+    assert picture.causes == ("bgr",)
     assert picture.sureness == "proved"
     assert picture.sentences[0].startswith("with a right shade in place of yours one mistake is left: ")
