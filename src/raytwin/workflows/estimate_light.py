@@ -135,8 +135,11 @@ def estimate_light(
     light, trials, number, suns = models.choose(evidence, len(linear))
     said += _contradictions(suns)
     if trials[number].error > UNEXPLAINED:
-        error = f"{100 * trials[number].error:.0f} % off held-out pixels"
-        said.append(f"no model explains the photos ({error}): a ball is not what it was taken for, or not there")
+        raise InputError(
+            "photos", "balls and uprights that sun and sky explain",
+            f"held-out pixels {100 * trials[number].error:.0f} % off under the best light: a ball is neither matt nor a"
+            " mirror, or not there",
+        )  # fmt: skip
     if any(m.pixels.clipped[m.pixels.to_light[:, 2] > 0].mean() > 0.02 for m in evidence.mirrors):
         said.append("more than 2 % of what the mirror ball shows from above is clipped: the map is a lower bound there")
     drawn = _drawn(linear[0], light, paper, evidence, definition)
@@ -201,16 +204,16 @@ def _add_ball(
     mirrors_sheet, mirrors_sun = seen_in(linear, found, sheet)
     if len(pixels.photo) >= models.LEAST_PIXELS and not mirrors_sheet:
         rough = fit_shading(pixels, matt, evidence.paper)
-        if rough.residual < (MATT if mirrors_sun else NO_MIRROR):
+        if rough.residual < (NO_MIRROR if given and not mirrors_sun else MATT):
             evidence.matt.append(models.MattBall(matt, matt_pixels(linear, matt, rough.to_light)))
             return
     ball, sun = register(linear, found, sheet)
     reflectance = reflectance_of(linear, ball, sheet)
     known = reflectance is not None and bool(reflectance.min() > 0.2 and reflectance.max() < 1.1)
-    if not (known or sun or given):
+    if not (mirrors_sheet or mirrors_sun or given):
         return  # a round thing that is neither matt nor a mirror
     if not known:
-        said.append(f"{ball.name}: no white paper is seen in it, so that its reflectance is taken for {REFLECTANCE}")
+        said.append(f"{ball.name}: the sheet is not seen in it, so that its reflectance is taken for {REFLECTANCE}")
     rho = reflectance if reflectance is not None and known else np.full(3, REFLECTANCE)
     evidence.mirrors.append(models.MirrorBall(ball, mirrored(linear, ball, rho), rho, known, sun))
 

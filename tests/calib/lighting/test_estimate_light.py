@@ -16,6 +16,7 @@ from raytwin.lights import lighting
 from raytwin.lights.envmap_tables import REC_709
 from raytwin.report import light_page
 from raytwin.scene import Camera, Environment
+from raytwin.workflows import estimate_light as estimate_module
 from raytwin.workflows.estimate_light import estimate_light
 
 pytestmark = pytest.mark.slow
@@ -97,6 +98,16 @@ def test_a_ball_given_one_radius_off_is_refused(lit, ball):
         estimate_light(
             [lit / "photo_00.jpg"], lit.parent / "board.toml", lit / "camera.toml", balls=[(x, y + radius, z, radius)]
         )
+
+
+def test_photos_that_no_light_explains_are_refused(lit, monkeypatch):
+    """Held-out pixels are some per cent off here; the limit is put below that."""
+    given = [lit / "photo_00.jpg"], lit.parent / "board.toml", lit / "camera.toml"
+    stand = estimate_light(*given, stand=(0.095, 0.095, 0.03))
+    assert 0.001 < stand.trials[stand.taken].error < estimate_module.UNEXPLAINED
+    monkeypatch.setattr(estimate_module, "UNEXPLAINED", 0.001)
+    with pytest.raises(InputError, match=r"that sun and sky explain, got held-out pixels \d+ %"):
+        estimate_light(*given, stand=(0.095, 0.095, 0.03))
 
 
 def test_a_light_file_is_read_back_and_puts_its_light_on_a_scene(found, lit, tmp_path):

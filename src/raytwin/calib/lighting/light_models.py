@@ -223,7 +223,8 @@ def directions_to_sun(found: Evidence) -> list[tuple[str, np.ndarray, float]]:
     around = found.mirrored_map(ROWS[0])
     for m in found.matt:
         shading = shading_of(m, found.paper, None if around is None else _as_sky(around))
-        if 4 * shading.E_sd @ REC_709 < shading.E @ REC_709 and shading.sigma < 0.2:
+        surely = 4 * shading.E_sd @ REC_709 < shading.E @ REC_709 and shading.sigma < 0.2
+        if surely and shading.to_light[2] > 0:
             directions.append(("matt ball", shading.to_light, float(np.hypot(shading.sigma, np.radians(MATT_DEGREES)))))
     return directions
 
