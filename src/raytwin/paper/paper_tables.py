@@ -34,7 +34,6 @@ class PaperTable(NamedTuple):
 
     key: str
     title: str
-    lead: str
     heads: tuple[str, ...]
     words: int
     rows: list[Cells]
@@ -128,50 +127,34 @@ def tables(paper: Paper) -> list[PaperTable]:
     """Return every number that the page and paper.md show; those tables that have a row."""
     parts = [list(rows) for rows in (calibration_rows(paper), intersection_rows(paper), speculation_rows(paper))]
     calibration, intersection, speculation = ([cells for _, cells in part] for part in parts)
+    digest = [glance for part in parts for glance, _ in part if glance]
+    boxes = [
+        [b.scene, TRIMS[b.trim], f"{b.width} x {b.height}", shown(b.pixels), shown(b.wasted), shown(b.cut)]
+        for b in paper.boxes
+    ]
+    ratios = [[r.what, r.asked or "–", shown(r.measured)] for r in paper.ratios]
     made = (
+        PaperTable("digest", "At a glance", ("figure", "what", *THEIRS, "here", "times faster", "error"), 2, digest),
         PaperTable(
-            "digest", "At a glance", "Times faster: than the first row of the same kind, here and in the paper.",
-            ("figure", "what", *THEIRS, "here", "times faster", "error"), 2,
-            [glance for part in parts for glance, _ in part if glance],
+            "calibration",
+            "Calibration over image scale",
+            ("photos", "detector", "scale", "tags", *TIMES, "held-out, px", "focal, %", *THEIRS),
+            2,
+            calibration,
         ),
         PaperTable(
-            "calibration", "Calibration over image scale",
-            "From photos on disk to a camera: decoding, finding the tags, choosing a lens model and fitting it; "
-            "all cores unless said. Held-out: the rms error in photos that the fit has not seen, in pixels of the "
-            "photos as taken, against the tags' true centres, or, in real photos, against what is found at full "
-            "size. Focal: how far the focal length is from the truth, which only synthetic photos have. Photos "
-            "shrunk: the paper's trick, centres scaled back with pixel centres at whole numbers. Reduced search: "
-            "tags are looked for at that scale, their edges refined on the whole photo. The paper's seconds are "
-            "for photos of its own, whose number may be another.",
-            ("photos", "detector", "scale", "tags", *TIMES, "held-out, px", "focal, %", *THEIRS), 2, calibration,
+            "intersection",
+            "Ray-sphere intersection, with and without bounding boxes",
+            ("method", "trim", "size", *TIMES, *METRIC_NAMES, "cut", "wasted", *THEIRS),
+            3,
+            intersection,
         ),
         PaperTable(
-            "intersection", "Ray-sphere intersection, with and without bounding boxes",
-            f"Diffuse light without shadows through a lens with distortion; the objects cover {100 * paper.covered:.2g}"
-            " % of the frame. Errors of radiance against the untrimmed tracer in float64. Times faster: than the same "
-            "engine untrimmed; its frames go into one array, kept from call to call. Cut: pixels that see an object "
-            "outside its box. Wasted: pixels of boxes that do not see it.",
-            ("method", "trim", "size", *TIMES, *METRIC_NAMES, "cut", "wasted", *THEIRS), 3, intersection,
+            "speculation", "High-resolution speculation", ("way", "n", "size", *TIMES, *METRIC_NAMES), 1, speculation
         ),
-        PaperTable(
-            "speculation", "High-resolution speculation",
-            "Every n-th pixel across and down is traced by NumPy in float32, the others are interpolated: everywhere "
-            "(paper), or only where no edge or strong curvature is near (careful). Times faster: than tracing "
-            "every pixel, untrimmed.",
-            ("way", "n", "size", *TIMES, *METRIC_NAMES), 1, speculation,
-        ),
-        PaperTable(
-            "boxes", "Where boxes cut",
-            "Pixels of the boxes round every object, summed; the last scenes are made to be hard.",
-            ("scene", "trim", "size", "pixels", "wasted", "cut"), 2,
-            [[b.scene, TRIMS[b.trim], f"{b.width} x {b.height}", shown(b.pixels), shown(b.wasted), shown(b.cut)]
-             for b in paper.boxes],
-        ),
-        PaperTable(
-            "ratios", "Ratios", "Of medians of warm calls in one run, the methods in turn.",
-            ("ratio", "asked", "measured"), 2, [[r.what, r.asked or "–", shown(r.measured)] for r in paper.ratios],
-        ),
-    )  # fmt: skip
+        PaperTable("boxes", "Where boxes cut", ("scene", "trim", "size", "pixels", "wasted", "cut"), 2, boxes),
+        PaperTable("ratios", "Ratios", ("ratio", "asked", "measured"), 2, ratios),
+    )
     return [table for table in made if table.rows]
 
 
