@@ -47,17 +47,25 @@ def write_atlas(found: Atlas, folder: str | os.PathLike[str]) -> None:
     rows = [(EXPERIMENTS[f.name], f) for f in found.experiments]
     charts = [chart(e, f) for e, f in rows]
     write_page(
-        folder / "atlas.html", "atlas.html.j2", ("bench.css", "atlas.css"), ("charts.js",),
+        folder / "atlas.html",
+        "atlas.html.j2",
+        ("bench.css", "atlas.css"),
+        ("charts.js",),
         experiments=[
-            (e, f, [(name, name in e.ours, cells(f, name)) for name in f.methods], chart_html(c),
-             [(caption, png_url(pixels)) for caption, pixels in (e.pictures() if e.pictures else ())])
+            (
+                e,
+                f,
+                [(name, name in e.ours, cells(f, name)) for name in f.methods],
+                chart_html(c),
+                [(caption, png_url(pixels)) for caption, pixels in (e.pictures() if e.pictures else ())],
+            )
             for (e, f), c in zip(rows, charts, strict=True)
         ],
         scale=[Cell(str(k), *colours(k), False, "") for k in range(0, 17, 2)],
         edge=edge,
         fate=fate,
         last=lambda f, name: digits_left(f.methods[name].errors[-1]),
-    )  # fmt: skip
+    )
     files.write_json(folder / "atlas.json", found)
     write_charts(charts, folder)
 
@@ -132,10 +140,20 @@ def chart(e: Experiment, f: Found) -> Chart:
         own = name in e.ours
         colour, shape = (next(ours), "square") if own else (next(others), "circle")
         group = [
-            Point(x, min(max(error, y_range[0]), y_range[1]), name, name, colour, shape, error < y_range[0], own,
-                  f"{name}\n{f.parameter} {short(x)}\nerror {shown(error)}")
-            for x, error in zip(f.values, curve.errors, strict=True) if error is not None
-        ]  # fmt: skip
+            Point(
+                x,
+                min(max(error, y_range[0]), y_range[1]),
+                name,
+                name,
+                colour,
+                shape,
+                error < y_range[0],
+                own,
+                f"{name}\n{f.parameter} {short(x)}\nerror {shown(error)}",
+            )
+            for x, error in zip(f.values, curve.errors, strict=True)
+            if error is not None
+        ]
         if group:
             points += [*group[:-1], replace(group[-1], label=name)]
             lines.append(Line(tuple(p.x for p in group), tuple(p.y for p in group), colour, 2.2 if own else 1.4))

@@ -71,17 +71,31 @@ def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) ->
     order = {name: i for i, name in enumerate(RENDERERS)}
     rows = zip(found, raised(errors, floor), on_frontier(times, errors, floor), strict=True)
     points = [
-        Point(r.seconds_median, y, r.method, family_of(r.method), colour_of(family_of(r.method)),
-              MARKERS.get(r.rung, "circle"), value <= floor, strong, row_tip(r), r.method if strong else "", strong)
+        Point(
+            r.seconds_median,
+            y,
+            r.method,
+            family_of(r.method),
+            colour_of(family_of(r.method)),
+            MARKERS.get(r.rung, "circle"),
+            value <= floor,
+            strong,
+            row_tip(r),
+            r.method if strong else "",
+            strong,
+        )
         for (r, value), y, strong in rows
-    ]  # fmt: skip
+    ]
     groups = by_family(sorted(points, key=lambda p: (p.family, order.get(p.name, 0))))
     named = [p for group in groups for p in (*group[:-1], group[-1] if group[-1].label else rest_of(group))]
     drawn = family_chart(
         f"{size[0]}x{size[1]}/{truth}/{metric}",
         f"{bench.scene}, {megapixels(size)}, against {TRUTHS.get(truth, truth)}",
-        "seconds a frame (median)", AXES[metric], named, floor or None,
-    )  # fmt: skip
+        "seconds a frame (median)",
+        AXES[metric],
+        named,
+        floor or None,
+    )
     slope, in_words = (-1.0, "−1") if metric == "relmse" else (-0.5, "−1/2")
     stairs = steps([points[i] for i in staircase(times, errors, floor)], drawn.x_range[1])
     lines = *drawn.lines, *guides(drawn.x_range, drawn.y_range, slope), stairs
@@ -108,15 +122,17 @@ def raised(errors: Sequence[float], floor: float) -> list[float]:
 
 def row_tip(r: Measurement) -> str:
     """A row's numbers, a line each."""
-    return "\n".join((
-        r.method,
-        f"{seconds(r.seconds_median)}, quartiles {seconds(r.seconds_iqr)} apart",
-        f"first calls {seconds(r.compile_seconds)} more",
-        f"memory {shown(r.peak_mib)} MiB",
-        f"{r.samples} sample{'s' * (r.samples != 1)} a pixel",
-        f"RMSE {shown(r.rmse)}, relMSE {shown(r.relmse)}, 99.9 % {shown(r.p999_abs)}",
-        *([f"FLIP {shown(r.flip)}"] if r.flip is not None else []),
-    ))  # fmt: skip
+    return "\n".join(
+        (
+            r.method,
+            f"{seconds(r.seconds_median)}, quartiles {seconds(r.seconds_iqr)} apart",
+            f"first calls {seconds(r.compile_seconds)} more",
+            f"memory {shown(r.peak_mib)} MiB",
+            f"{r.samples} sample{'s' * (r.samples != 1)} a pixel",
+            f"RMSE {shown(r.rmse)}, relMSE {shown(r.relmse)}, 99.9 % {shown(r.p999_abs)}",
+            *([f"FLIP {shown(r.flip)}"] if r.flip is not None else []),
+        )
+    )
 
 
 def steps(stairs: Sequence[Point], end: float) -> Line:
@@ -210,13 +226,18 @@ def calibration_charts(title: str, rows: Sequence[Calibrated]) -> list[Chart]:
         of = sorted((r for r in rows if r.source == source), key=lambda r: (r.setting, -r.scale))
         size = f" of {of[0].width} x {of[0].height}" if of[0].width else ""
         what = " ".join(filter(None, (str(max(r.photos for r in of)), source, "photos"))) + size
-        marks = [Mark(r.setting, f"{r.scale:g}", f"{r.setting}, scale {r.scale:g}", r.seconds_median, r.heldout_px)
-                 for r in of]  # fmt: skip
+        marks = [
+            Mark(r.setting, f"{r.scale:g}", f"{r.setting}, scale {r.scale:g}", r.seconds_median, r.heldout_px)
+            for r in of
+        ]
         made = marks_chart(
-            f"calibration{f'-{i + 1}' if i else ''}", f"{title}calibration from {what}", "seconds (median)",
-            "held-out rms error, pixels of the photos as taken", marks,
+            f"calibration{f'-{i + 1}' if i else ''}",
+            f"{title}calibration from {what}",
+            "seconds (median)",
+            "held-out rms error, pixels of the photos as taken",
+            marks,
             note="numbers at the points: the scale of what is searched",
-        )  # fmt: skip
+        )
         charts.append(made)
     return charts
 

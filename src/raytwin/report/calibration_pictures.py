@@ -44,8 +44,10 @@ def residual_drawing(calibration: Calibration) -> str:
         shapes += [stroke((axes.at(*at), axes.at(*moved)), "#5a6575", 0.9), dot(axes.at(*at), 1.3, INK)]
     for cell, mean, count in cell_means(seen, off, longest):
         tip = f"mean of {count} tags: {math.hypot(*mean):.2g} px"
-        shapes += [stroke((axes.at(*cell), axes.at(*(cell + by * mean))), MEAN, 2.2),
-                   marker(axes.at(*cell), 1.8, MEAN, tip, tip)]  # fmt: skip
+        shapes += [
+            stroke((axes.at(*cell), axes.at(*(cell + by * mean))), MEAN, 2.2),
+            marker(axes.at(*cell), 1.8, MEAN, tip, tip),
+        ]
     title = f"residuals, drawn {by:g} times as long"
     bar, y = by * round_down(size) * axes.width / calibration.image_size[0], bottom + 16
     shapes += [

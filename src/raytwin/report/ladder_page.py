@@ -30,10 +30,16 @@ def write_ladder(found: "Ladder", folder: str | os.PathLike[str]) -> None:
     rungs, images = found.rungs, found.images
     drawn = error_chart(rungs)
     write_page(
-        folder / "ladder.html", "ladder.html.j2", ("bench.css", *STYLES), SCRIPTS, l=rungs, colours=PARTS,
+        folder / "ladder.html",
+        "ladder.html.j2",
+        ("bench.css", *STYLES),
+        SCRIPTS,
+        l=rungs,
+        colours=PARTS,
         **picture_pair({name: Image(mean) for name, mean in images.items()}, FIRST, "global illumination"),
-        bars=[(rung, bars(rungs, rung)) for rung in rungs.ledgers], chart=chart_html(drawn),
-    )  # fmt: skip
+        bars=[(rung, bars(rungs, rung)) for rung in rungs.ledgers],
+        chart=chart_html(drawn),
+    )
     files.write_json(folder / "ladder.json", rungs)
     write_charts([drawn], folder)
 
@@ -61,11 +67,18 @@ def error_chart(rungs: "Rungs") -> Chart:
     """Every lit rung's error against its seconds; a line a side."""
     points = [
         Point(
-            s.seconds, max(s.rmse, rungs.floor, 1e-9), s.rung, s.side, COLOURS[s.side], strong=True, tip=_tip(s),
+            s.seconds,
+            max(s.rmse, rungs.floor, 1e-9),
+            s.rung,
+            s.side,
+            COLOURS[s.side],
+            strong=True,
+            tip=_tip(s),
             label=f"{s.side} {s.rung}",
         )
-        for s in rungs.steps if s.rmse is not None
-    ]  # fmt: skip
+        for s in rungs.steps
+        if s.rmse is not None
+    ]
     title, error = f"{rungs.scene}: every rung on both sides", "RMSE against global illumination"
     return family_chart("ladder", title, "seconds a frame", error, points, rungs.floor or None)
 
@@ -75,12 +88,16 @@ def bars(rungs: "Rungs", rung: str) -> list[dict[str, Any]]:
     most = max(part.rmse or 0.0 for parts in rungs.ledgers.values() for part in parts if part.part in PARTS) or 1.0
     return [
         {
-            "part": part.part, "width": 100 * (part.rmse or 0.0) / most, "colour": PARTS[part.part],
-            "rmse": part.rmse, "share": part.share_of_light, "between": part.between,
+            "part": part.part,
+            "width": 100 * (part.rmse or 0.0) / most,
+            "colour": PARTS[part.part],
+            "rmse": part.rmse,
+            "share": part.share_of_light,
+            "between": part.between,
         }
         for part in rungs.ledgers[rung]
         if part.part in PARTS
-    ]  # fmt: skip
+    ]
 
 
 def _tip(step: "Step") -> str:

@@ -48,8 +48,9 @@ def png_of(image: Image) -> bytes:
 def _shown(columns: Sequence[str] = (), rows: Sequence[dict[str, Any]] = (), **parts: Any) -> str:
     """Return the parts in the order of notebook.html.j2: verdict, text, caption, figures, charts, table."""
     empty: dict[str, Any] = dict.fromkeys(("verdict", "text", "caption", "figures", "charts"), ())
-    return render_part("notebook.html.j2", columns=columns or list(rows[0] if rows else ()), rows=rows, wide=WIDE,
-                       **empty | parts)  # fmt: skip
+    return render_part(
+        "notebook.html.j2", columns=columns or list(rows[0] if rows else ()), rows=rows, wide=WIDE, **empty | parts
+    )
 
 
 def _exposed(image: Image, gain: float | None = None) -> np.ndarray:
