@@ -52,7 +52,7 @@ def test_of_many_parts_one_is_found_in_few_questions():
     ("fault", "left", "cause"),
     [
         ("no shadows", {"floor", "the sun"}, "no cast shadows"),
-        ("red and blue exchanged", set(), "channels"),
+        ("red and blue exchanged", set(), "channel"),
         ("crash with two spheres", set(), ""),
         ("not a number", set(), ""),
     ],
@@ -148,7 +148,7 @@ def test_the_command_writes_a_scene_its_story_and_the_numbers(tmp_path, monkeypa
     assert done.exit_code == 0, done.output
     told = msgspec.json.decode(Path("s.json").read_bytes())
     assert told["objects"]["after"] <= 2
-    assert "twice" in told["cause"]
+    assert "2 times" in told["cause"]
     assert told["command"] in Path("out/shrink-overlap/bug.md").read_text()
     assert files.read_scene("out/shrink-overlap").name == "shrink-overlap"
     image = CliRunner().invoke(app, ["shrink", "overlap", "--subject", "out/shrink-overlap"])
