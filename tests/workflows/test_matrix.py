@@ -89,9 +89,10 @@ def test_each_cell_is_what_compare_says_and_a_crash_costs_its_own_alone(here):
 
 def test_references_stand_in_for_the_twin(here, scenes):
     folder = scenes.parent / "reference"
-    jobs = matrix.jobs_of(["overlap", scenes / "glass"], ["numpy64-lambert-conic", "twin-llvm-path-16"], SMALL, folder)
+    jobs = matrix.jobs_of(["overlap", scenes / "glass"], ["numpy64-lambert-conic"], SMALL, folder)
+    jobs += matrix.jobs_of([scenes / "glass"], ["twin-llvm-path-16"], SMALL, folder)
     cells = [make_cell(job, "out") for job in jobs]
-    assert [c.verdict for c in cells] == ["fail", "fail", "error", "pass"]
+    assert [c.verdict for c in cells] == ["fail", "error", "pass"]
     assert "no cast shadows" in cells[0].cause
     assert cells[0].twin_seconds == 0
 
