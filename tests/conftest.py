@@ -19,7 +19,7 @@ threadpoolctl.threadpool_limits(1, user_api="blas")
 os.environ.pop("COLUMNS", None)
 
 # The same examples every time: a run that passed passes again.
-hypothesis.settings.register_profile("raytwin", derandomize=True, deadline=None)
+hypothesis.settings.register_profile("raytwin", derandomize=True, deadline=None, max_examples=60)
 hypothesis.settings.load_profile("raytwin")
 
 ROOT = Path(__file__).resolve().parent.parent
