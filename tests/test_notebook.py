@@ -147,7 +147,7 @@ def test_a_scene_changes_by_with():
     assert raytwin.trace(changed, "shadow").shape == (30, 40, 3)
     assert ball.with_(center=np.array([1, 2, 3])).center == (1, 2, 3)
     for record, wrong, said in (
-        (ball, {"radius": -1}, "Sphere.radius: expected a number > 0.0, got -1"),
+        (ball, {"radius": -1}, "Sphere.radius: expected a number > 0, got -1"),
         (ball, {"radus": 1}, "did you mean radius"),
         (scene, {"sun": 3}, "Scene.lights"),
         (scene, {"size": (0, 4)}, "Camera.image_size: expected a whole number >= 1"),
