@@ -266,7 +266,8 @@ def solve(found: Evidence, rows: int, sun: Sun | None) -> Light:
         known = all(m.known for m in found.mirrors)
         estimates.append((level, (REFLECTANCE_SD if known else REFLECTANCE_UNKNOWN) * level))
     weight = np.array([sd**-2.0 for _, sd in estimates])
-    Ls = np.minimum((weight * np.array([value for value, _ in estimates])).sum(axis=0) / weight.sum(axis=0), whole)
+    mean = (weight * np.array([value for value, _ in estimates])).sum(axis=0) / weight.sum(axis=0)
+    Ls = np.clip(mean, 0, whole)  # no light takes any away
     Ls_sd = np.hypot(weight.sum(axis=0) ** -0.5, PAPER_SD * Ls)
     E = np.pi * (whole - Ls) / to_light[2]
     slant = np.hypot(*to_light[:2]) / to_light[2]
