@@ -211,10 +211,10 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
     found: list[tuple[Variant, ...]] = [(stage.variants[i],) for i, rest_of_it in alone.items() if rest_of_it == 0]
     if found:
         return found
-    if stage.variants and stage.variants[0].slips:
-        for variant in generated_variants(stage.name):
-            if left([variant]) == 0:
-                return [(variant,)]
+    slips = generated_variants(stage.name) if stage.variants and stage.variants[0].slips else ()
+    for variant in (*stage.in_other_forms, *slips):
+        if left([variant]) == 0:
+            return [(variant,)]
     best = sorted(alone, key=lambda i: alone[i])[: PAIRS // max(1, len(alone))]
     pairs = [(i, j) for i in best for j in alone if i != j]
     return list(_distinct(chain for i, j in pairs if left(chain := (stage.variants[i], stage.variants[j])) == 0))

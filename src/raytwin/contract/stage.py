@@ -109,6 +109,7 @@ class Stage:
 
     `cases(seed)`: the calls. `errors(expected, got)`: how far each value is off, in `unit`; at most `tolerance` passes,
     but for a share `outliers` of the values. `returns`: what its arrays are called. `columns`: (3, 1) does for (3,).
+    `in_other_forms`: the variants made of other right functions, tried where none of them alone explains what is wrong.
     `hint(expected, got)`: what another shape, or a number of arrays, is likely to be; empty where that says nothing.
     """
 
@@ -119,6 +120,7 @@ class Stage:
     tolerance: float
     unit: str
     variants: tuple[Variant, ...] = ()
+    in_other_forms: tuple[Variant, ...] = ()
     outliers: float = 0.0
     columns: bool = False
     hint: Callable[[Arrays, Arrays], str] = lambda expected, got: ""

@@ -192,8 +192,9 @@ LIGHTS: Ways = {
     "sky-without-colour": shade("albedo * sky => albedo"),
     "sky-on-all": tuple(chain(way, *more) for more in ((), behind("2 * sky"))
         for way in shade("albedo * sky => albedo * sky + sky")),
-    "sky-times-sun": (before_shading("sky = sky * irradiance"), before_shading("sky = sky * irradiance / np.pi"),
-        *shade(f"{SUM} => cosine * (albedo / np.pi * irradiance + albedo * sky)", f"{SUM} => (cosine > 0) * ({SUM})")),
+    "sky-times-sun": (before_shading("sky = sky * irradiance"), before_shading("sky = sky * irradiance / np.pi")),
+    "sky-times-cosine": shade(f"{SUM} => cosine * (albedo / np.pi * irradiance + albedo * sky)",
+        f"{SUM} => (cosine > 0) * ({SUM})"),
     "sky-before-clamp": shade(f"{CLAMPED} => {COS} ;; {SUM} => np.maximum(0, {SUM})",
         f"{CLAMPED} => np.maximum(0, {COS} + sky) ;;  + albedo * sky => "),
     "sky-only-in-shadow": (mixed(f"lit = lit - dark * ({COS} > 0)"), mixed("lit = lit - dark"),

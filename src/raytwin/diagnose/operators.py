@@ -212,14 +212,25 @@ WRAPS: tuple[tuple[str, float, str], ...] = (
 ASKING = ("isfinite", "isnan", "isinf")
 
 
+def _is_setting(node: ast.expr) -> bool:
+    """A number of steps, or a library's constant: with another sign it switches something off, by accident."""
+    if isinstance(node, ast.Constant):
+        return isinstance(node.value, int) and node.value > MOST_DIMENSIONS
+    return isinstance(node, ast.Attribute) and node.attr.isupper()
+
+
+MOST_DIMENSIONS = 4
+"""Whole numbers up to this one count axes, powers and factors; larger ones are steps or sizes."""
+
+
 def _wrapped(node: ast.expr, scope: _Scope) -> Found:
     numpy, parent = _template(scope.numpy), scope.parents[id(node)]
     called = ast.unparse(parent.func).rpartition(".")[2] if isinstance(parent, ast.Call) else ""
     if called in ASKING or (called == "range" and isinstance(node, ast.Constant)):
         return  # a value that becomes NaN there, or a loop that never runs, is an accident
-    negative = isinstance(node, ast.UnaryOp)
+    negative = isinstance(node, ast.UnaryOp) or _is_setting(node)
     for words, weight, text in WRAPS:
-        number = isinstance(node, ast.Constant) and ("NP" in text or "[" in text or "." in text)
+        number = isinstance(node, ast.Constant) and any(sign in text for sign in ("NP", "[", ".", "**"))
         if not number and not (negative and text == "-A"):
             yield words, weight, fill(text, A=node, NP=numpy)
     if isinstance(node, ast.Compare | ast.BinOp) and (

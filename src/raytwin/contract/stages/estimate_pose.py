@@ -1,11 +1,12 @@
 """The camera's pose from a flat board: s (x, y, 1) = R p + t for points with z = 0, so (r₁ r₂ t) is a homography."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant, before
+from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant, before, instead
 from raytwin.scene.lens import distort, undone
 from raytwin.tracer import undistort
 
@@ -23,29 +24,43 @@ def estimate_pose(K: Any, dist: Any, object_points: Any, image_points: Any) -> A
     return _pose(K, dist, object_points, image_points)
 
 
-def _pose(K: Any, dist: Any, object_points: Any, image_points: Any, compose: Any = None) -> tuple[Any, Any]:
-    """By the homography, then by least squares of the distance on the plane z = 1."""
+def _pose(
+    K: Any,
+    dist: Any,
+    object_points: Any,
+    image_points: Any,
+    compose: Any = None,
+    scaled: bool = True,
+    in_pixels: bool = False,
+) -> tuple[Any, Any]:
+    """By the homography (`compose`: from that alone), then by least squares of the distance on the plane z = 1.
+
+    `in_pixels`: least squares of the distance in the picture, lens and all, as cv2.solvePnP does it.
+    """
     from scipy.optimize import least_squares
     from scipy.spatial.transform import Rotation
 
     p = np.asarray(object_points, float)
-    xd, yd = ((np.asarray(image_points) - K[:2, 2]) / np.diag(K)[:2]).T
-    seen = np.stack(undistort(xd, yd, dist), axis=-1)
-    R, t = (compose or _normalised)(_homography(p[:, :2], seen))
+    f, c = np.diag(K)[:2], K[:2, 2]
+    seen = (_undistorted(K, dist, image_points) - c) / f
+    R, t = (compose or _normalised)(_homography(p[:, :2], seen, scaled))
     if compose:
         return R, t
 
     def off(pose: np.ndarray) -> np.ndarray:
         q = Rotation.from_rotvec(pose[:3]).apply(p) + pose[3:]
-        return np.asarray((q[:, :2] / q[:, 2:] - seen).ravel())
+        x, y = (q[:, :2] / q[:, 2:]).T
+        if not in_pixels:
+            return (np.stack([x, y], axis=-1) - seen).ravel()
+        return (np.stack(distort(x, y, list(dist)), axis=-1) * f + c - image_points).ravel()
 
     best = least_squares(off, [*Rotation.from_matrix(R).as_rotvec(), *t], xtol=1e-15, ftol=1e-15, gtol=1e-15).x
     return Rotation.from_rotvec(best[:3]).as_matrix(), best[3:]
 
 
-def _homography(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+def _homography(p: np.ndarray, q: np.ndarray, scaled: bool = True) -> np.ndarray:
     """H (3, 3) with q ~ H p, least squares of H's nine numbers; points are centred and scaled first (Hartley 1997)."""
-    P, Q = _scaling(p), _scaling(q)
+    P, Q = (_scaling(p), _scaling(q)) if scaled else (np.eye(3), np.eye(3))
     (x, y, _), (u, v, _) = (M @ np.column_stack([a, np.ones(len(a))]).T for M, a in ((P, p), (Q, q)))
     one, zero = np.ones_like(x), np.zeros_like(x)
     rows = [[x, y, one, zero, zero, zero, -u * x, -u * y, -u], [zero, zero, zero, x, y, one, -v * x, -v * y, -v]]
@@ -64,6 +79,47 @@ def _normalised(H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     r1, r2, t = H.T
     U, _, V = np.linalg.svd(np.column_stack([r1, r2, np.cross(r1, r2)]))
     return U @ V, t
+
+
+def _columns(r1: Any, r2: Any) -> np.ndarray:
+    return np.column_stack([r1, r2, np.cross(r1, r2)])
+
+
+def _of_lengths(mean: Callable[[np.ndarray], Any], rotation: Callable[[Any, Any], np.ndarray]) -> Any:
+    """(R, t) of H: divided by a mean of its first columns' lengths, R made of them by `rotation`."""
+
+    def compose(H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        H = H / mean(np.linalg.norm(H[:, :2], axis=0)) * np.sign(H[2, 2])
+        return rotation(H[:, 0], H[:, 1]), H[:, 2]
+
+    return compose
+
+
+def _nearest(r1: Any, r2: Any) -> np.ndarray:
+    U, _, V = np.linalg.svd(_columns(r1, r2))
+    return np.asarray(U @ V)
+
+
+def _orthogonal(r1: Any, r2: Any) -> np.ndarray:
+    r1 = r1 / np.linalg.norm(r1)
+    r2 = r2 - (r1 @ r2) * r1
+    return _columns(r1, r2 / np.linalg.norm(r2))
+
+
+def _each_unit(r1: Any, r2: Any) -> np.ndarray:
+    return _columns(r1 / np.linalg.norm(r1), r2 / np.linalg.norm(r2))
+
+
+RIGHT_FORMS: tuple[Function, ...] = (
+    partial(_pose, in_pixels=True),
+    *(
+        partial(_pose, compose=_of_lengths(mean, rotation), scaled=scaled)
+        for mean in (np.mean, lambda lengths: lengths[0], lambda lengths: np.sqrt(lengths.prod()))
+        for rotation in (_nearest, _orthogonal, _each_unit, _columns)
+        for scaled in (True, False)
+    ),
+)
+"""Other right ways: without noise all give the same, but of points that a mistake has moved each makes another pose."""
 
 
 def cases(seed: int) -> list[Case]:
@@ -133,13 +189,14 @@ def _composed(compose: Callable[[np.ndarray], tuple[Any, Any]]) -> Callable[[Fun
     return lambda f: lambda K, dist, p, q: _pose(K, dist, p, q, compose)
 
 
-def _columns(r1: Any, r2: Any) -> np.ndarray:
-    return np.column_stack([r1, r2, np.cross(r1, r2)])
-
-
 def _by_corner(H: np.ndarray) -> tuple[Any, Any]:
     """H[2, 2] = 1, as cv2.findHomography has it, and t taken as it is; R made a rotation."""
     return _normalised(H)[0], H[:, 2] / H[2, 2]
+
+
+def _unscaled(H: np.ndarray) -> tuple[Any, Any]:
+    """t of the homography as it is found, of length 1, and R made a rotation."""
+    return _normalised(H)[0], H[:, 2] * np.sign(H[2, 2]) / np.linalg.norm(H)
 
 
 def _untouched(H: np.ndarray) -> tuple[Any, Any]:
@@ -151,6 +208,12 @@ def _behind(R: Any, t: Any) -> tuple[Any, Any]:
     return R * [-1, -1, 1], -t
 
 
+def _undistorted(K: Any, dist: Any, q: Any) -> np.ndarray:
+    """The pixels where a pinhole would see the points."""
+    xd, yd = ((np.asarray(q) - K[:2, 2]) / np.diag(K)[:2]).T
+    return np.stack(undistort(xd, yd, dist), axis=-1) * np.diag(K)[:2] + K[:2, 2]
+
+
 def _by_other(K: Any, fx: int, fy: int, cx: int, cy: int) -> np.ndarray:
     """K of these entries of (fx, fy, cx, cy)."""
     numbers = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
@@ -158,7 +221,7 @@ def _by_other(K: Any, fx: int, fy: int, cx: int, cy: int) -> np.ndarray:
 
 
 FLIP = np.diag([1.0, -1.0, -1.0])
-VARIANTS = (
+INPUTS = (
     Variant("distortion-kept", "the distortion is not undone: dist is left out",
             before(lambda K, dist, p, q: (K, 0 * dist, p, q))),
     Variant("distortion-sign", "the distortion is undone with the wrong sign", before(lambda K, dist, p, q: (K,
@@ -167,26 +230,6 @@ VARIANTS = (
             before(lambda K, dist, p, q: (K, dist * [1, 1, 0, 0, 1], p, q))),
     Variant("coefficients-order", "the coefficients are read as k1, k2, k3, p1, p2: the order is k1, k2, p1, p2, k3",
             before(lambda K, dist, p, q: (K, dist[[0, 1, 3, 4, 2]], p, q))),
-    Variant("transposed R", "R is transposed: p_cam = R @ p_board + t", _after(lambda R, t: (R.T, t))),
-    Variant("inverse pose", "the inverse pose is returned, the camera's in the board's frame: p_cam = R @ p_board + t "
-            "is "
-            "wanted, so return R.T and -R.T @ t of what you have", _after(lambda R, t: (R.T, -R.T @ t))),
-    Variant("eye for t", "t is the camera's place in the board's frame, -R.T @ t: wanted is the board's origin in the "
-            "camera's frame", _after(lambda R, t: (R, -R.T @ t))),
-    Variant("sign of t", "t has the wrong sign", _after(lambda R, t: (R, -t))),
-    Variant("board behind the camera", "the board is behind the camera: a homography is known up to its sign, take the "
-            "one with t[2] > 0", _after(_behind), sometimes=True),
-    Variant("t not scaled", "t is not to scale: divide the homography by the length of its first columns, which are r1 "
-            "and r2, not by H[2, 2]", _composed(_by_corner)),
-    Variant("homography not scaled", "R and t are not to scale: divide the homography by the length of its first "
-            "columns, so that R is a rotation", _composed(_untouched)),
-    Variant("third column", "R's third column has the wrong sign: it is r1 x r2, so that det R = 1",
-            _after(lambda R, t: (R * [1, 1, -1], t))),
-    Variant("y up", "y points up: in the camera frame y points down, as rows do",
-            _after(lambda R, t: (np.diag([1, -1, 1]) @ R, np.diag([1, -1, 1]) @ t))),
-    Variant("OpenGL's frame", "the pose is that of OpenGL's camera, y up and z backwards: here y points down and z "
-            "forward",
-            _after(lambda R, t: (FLIP @ R, FLIP @ t))),
     Variant("half-pixel", "half a pixel is added to the image points: (0, 0) is the centre of the top-left pixel "
             "already",
             before(lambda K, dist, p, q: (K, dist, p, q + 0.5))),
@@ -203,6 +246,10 @@ VARIANTS = (
             "belongs "
             "to the origin (0, 0, 0) of object_points", before(lambda K, dist, p, q: (K, dist, p - p.mean(axis=0),
             q))),
+    Variant("K left out", "K is left out: points on the plane z = 1 are ((u - cx) / fx, (v - cy) / fy), pixels are not",
+            before(lambda K, dist, p, q: (np.eye(3), 0 * dist, p, q))),
+    Variant("undistorted twice", "the distortion is undone twice: once in the points, once by what they are given to",
+            before(lambda K, dist, p, q: (K, dist, p, _undistorted(K, dist, q)))),
     *(Variant(name, sentence, before(lambda K, dist, p, q, of=of: (_by_other(K, *of), dist, p, q)))
       for name, sentence, of in (
           ("one focal length", "fx is used for both axes: v is divided by fy = K[1, 1]", (0, 0, 2, 3)),
@@ -212,7 +259,42 @@ VARIANTS = (
           ("swapped-centre", "cx is used for both axes: v goes with cy = K[1, 2]", (0, 1, 2, 2)),
           ("swapped-centre", "cy is used for both axes: u goes with cx = K[0, 2]", (0, 1, 3, 3)))),
 )  # fmt: skip
+"""The right function, given something else."""
+
+RESULTS = (
+    Variant("transposed R", "R is transposed: p_cam = R @ p_board + t", _after(lambda R, t: (R.T, t))),
+    Variant("inverse pose", "the inverse pose is returned, the camera's in the board's frame: p_cam = R @ p_board + t "
+            "is "
+            "wanted, so return R.T and -R.T @ t of what you have", _after(lambda R, t: (R.T, -R.T @ t))),
+    Variant("eye for t", "t is the camera's place in the board's frame, -R.T @ t: wanted is the board's origin in the "
+            "camera's frame", _after(lambda R, t: (R, -R.T @ t))),
+    Variant("sign of t", "t has the wrong sign", _after(lambda R, t: (R, -t))),
+    Variant("board behind the camera", "the board is behind the camera: a homography is known up to its sign, take the "
+            "one with t[2] > 0", _after(_behind), sometimes=True),
+    Variant("t not scaled", "t is not to scale: divide the homography by the length of its first columns, which are r1 "
+            "and r2, not by H[2, 2]", _composed(_by_corner)),
+    Variant("t not scaled", "t is not to scale: divide it, too, by the length of the homography's first columns, which "
+            "are r1 and r2", _composed(_unscaled)),
+    Variant("homography not scaled", "R and t are not to scale: divide the homography by the length of its first "
+            "columns, so that R is a rotation", _composed(_untouched)),
+    Variant("third column", "R's third column has the wrong sign: it is r1 x r2, so that det R = 1",
+            _after(lambda R, t: (R * [1, 1, -1], t))),
+    Variant("y up", "y points up: in the camera frame y points down, as rows do",
+            _after(lambda R, t: (np.diag([1, -1, 1]) @ R, np.diag([1, -1, 1]) @ t))),
+    Variant("OpenGL's frame", "the pose is that of OpenGL's camera, y up and z backwards: here y points down and z "
+            "forward",
+            _after(lambda R, t: (FLIP @ R, FLIP @ t))),
+)  # fmt: skip
 
 STAGE = Stage(
-    estimate_pose, ("R", "t"), cases, errors, 2e-4, "of an entry of R, or of |t|", VARIANTS, columns=True, hint=hint
+    estimate_pose,
+    ("R", "t"),
+    cases,
+    errors,
+    2e-4,
+    "of an entry of R, or of |t|",
+    INPUTS + RESULTS,
+    tuple(Variant(v.name, v.sentence, instead(v.change(form))) for v in INPUTS for form in RIGHT_FORMS),
+    columns=True,
+    hint=hint,
 )
