@@ -228,6 +228,8 @@ def _wrapped(node: ast.expr, scope: _Scope) -> Found:
     called = ast.unparse(parent.func).rpartition(".")[2] if isinstance(parent, ast.Call) else ""
     if called in ASKING or (called == "range" and isinstance(node, ast.Constant)):
         return  # a value that becomes NaN there, or a loop that never runs, is an accident
+    if isinstance(parent, ast.Assign) and isinstance(node, ast.Name):  # any change there makes a copy, too
+        yield "a copy is missing", 0.9, fill("A.copy()", A=node)
     negative = isinstance(node, ast.UnaryOp) or _is_setting(node)
     for words, weight, text in WRAPS:
         number = isinstance(node, ast.Constant) and any(sign in text for sign in ("NP", "[", ".", "**"))
@@ -286,6 +288,11 @@ def _binary(n: ast.BinOp, scope: _Scope) -> Found:
         yield "the brackets are missing", 1.0, ast.BinOp(a.left, a.op, ast.BinOp(a.right, n.op, b))
     if isinstance(b, ast.BinOp):
         yield "the brackets are too many", 1.1, ast.BinOp(ast.BinOp(a, n.op, b.left), b.op, b.right)
+    if isinstance(a, ast.Call) and len(a.args) == 1:
+        yield "the brackets end too early", 1.3, ast.Call(a.func, [ast.BinOp(a.args[0], n.op, b)], a.keywords)
+    if isinstance(n.op, ast.Mult) and isinstance(a, ast.Name) and isinstance(b, ast.Name) and a.id == b.id:
+        for name in scope.names:
+            yield f"`{a.id}` stands for `{name}`", 1.5, fill("A * A", A=_name(name))
     if isinstance(n.op, ast.MatMult):
         yield "the matrix is not transposed, or on the wrong side", 1.2, fill("B @ A.T", A=a, B=b)
     if isinstance(n.op, ast.Mult):
@@ -342,6 +349,7 @@ EXCHANGED = (
     ("deg2rad", "rad2deg"), ("isfinite", "isinf"), ("isfinite", "isnan"), ("vstack", "hstack"),
     ("logical_and", "logical_or"), ("sum", "prod"), ("floor", "rint"), ("nanmin", "nanmax"), ("sum", "max"),
     ("minimum", "fmin"), ("maximum", "fmax"), ("min", "nanmin"), ("max", "nanmax"), ("argmin", "nanargmin"),
+    ("min", "minimum"), ("max", "maximum"),
 )  # fmt: skip
 SIMILAR: dict[str, list[str]] = {}
 for _a, _b in EXCHANGED:
@@ -359,6 +367,8 @@ def _call(n: ast.Call, scope: _Scope) -> Found:
     for i in range(len(n.args)):
         for j in range(i + 1, len(n.args)):
             yield "arguments are swapped", 1.2, ast.Call(n.func, _swapped(n.args, i, j), n.keywords)
+    if len(n.args) == 1 and isinstance(one := n.args[0], ast.BinOp):
+        yield "the brackets end too late", 1.2, ast.BinOp(ast.Call(n.func, [one.left], n.keywords), one.op, one.right)
     inner = [*n.args[:3], *([n.func.value] if isinstance(n.func, ast.Attribute) else [])]
     for one in inner:
         if not isinstance(one, ast.Constant) and ast.unparse(one) not in (scope.numpy, "math", f"{scope.numpy}.linalg"):
@@ -420,6 +430,8 @@ def _subscript(n: ast.Subscript, scope: _Scope) -> Found:
     yield "the index is too many", 1.9, n.value
     if (other := {"(0, 0)": "(1, 1)", "(1, 1)": "(0, 0)"}.get(ast.unparse(n.slice))) is not None:
         yield "the other entry of the diagonal is wanted", 0.8, ast.Subscript(n.value, _template(other), n.ctx)
+    if isinstance(n.slice, ast.Constant | ast.UnaryOp) and not _is_text(n.slice):
+        yield "a column is wanted, not a row", 1.1, fill("A[:, B]", A=n.value, B=n.slice)
     if isinstance(n.slice, ast.Constant) and isinstance(n.slice.value, str):
         for word in scope.words:
             if word != n.slice.value:
@@ -430,6 +442,8 @@ def _sequence(n: ast.Tuple | ast.List, scope: _Scope) -> Found:
     """Another order: two swapped, or one put elsewhere."""
     make = type(n)
     count = len(n.elts)
+    if count > 3:
+        yield "the order is reversed", 1.1, make(n.elts[::-1], n.ctx)
     for i in range(count):
         for j in range(i + 1, count):
             yield "the order is wrong", 1.0, make(_swapped(n.elts, i, j), n.ctx)
