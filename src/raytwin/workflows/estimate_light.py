@@ -18,7 +18,7 @@ from raytwin.calib.lighting.board_plane import Sheet
 from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear, value_of_one
 from raytwin.calib.lighting.matt_ball import MATT, NO_MIRROR, fit_shading, matt_pixels
 from raytwin.calib.lighting.mirror_ball import find_ball, mirrored, reflectance_of, register, seen_in
-from raytwin.calib.lighting.stand_shadow import LOWEST, find_shadow
+from raytwin.calib.lighting.stand_shadow import LOWEST, THIN, find_shadow
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
@@ -30,8 +30,8 @@ POSE_PX = 3.0
 REFLECTANCE = 0.9
 """What is taken for a mirror ball's where it shows no white paper to measure it by."""
 
-UNEXPLAINED = 0.5
-"""Share of the light by which even the best model is off held-out pixels where something is wrong."""
+DOUBTFUL, UNEXPLAINED = 0.2, 0.5
+"""Share of the light by which even the best model is off held-out pixels: a warning says so; it is no light at all."""
 
 APART = 4.0
 """Directions to the sun that differ by so many of their joint standard deviations contradict each other."""
@@ -118,6 +118,9 @@ def estimate_light(
         shadow = find_shadow(linear, sheet, stand)
         if shadow is None:
             said.append(f"--stand: no shadow of it on the sheet: no sun, or one below {LOWEST:g} degrees")
+        elif shadow.width > THIN * shadow.height:
+            said.append(f"--stand: not used: wider than {THIN:g} of its height, as no pin or pen is")
+            shadow = None
         evidence = replace(evidence, shadow=shadow)
     if balls or stand is not None:
         there = [find_ball(linear, sheet, np.array(b[:3]), float(b[3]))[0] for b in balls]
@@ -130,7 +133,7 @@ def estimate_light(
     if not (evidence.shadow or evidence.matt or evidence.mirrors):
         raise InputError(
             "photos", "a mirror ball, a matt ball or a pin beside the board (--ball x,y,z,r, --stand x,y,h in metres)",
-            "the board alone" if stand is None else f"an upright without a shadow: no sun above {LOWEST:g} degrees",
+            said[-1] if stand else "the board alone",
         )  # fmt: skip
     light, trials, number, suns = models.choose(evidence, len(linear))
     said += _contradictions(suns)
@@ -140,6 +143,12 @@ def estimate_light(
             f"held-out pixels {100 * trials[number].error:.0f} % off under the best light: a ball is neither matt nor a"
             " mirror, or not there",
         )  # fmt: skip
+    if trials[number].error > DOUBTFUL:
+        said.append(
+            f"the best light is {100 * trials[number].error:.0f} % off held-out pixels ("
+            + ", ".join(f"{kind} {100 * off:.0f} %" for kind, off in trials[number].by_kind.items())
+            + "): what is drawn under it may not look real"
+        )
     if any(m.pixels.clipped[m.pixels.to_light[:, 2] > 0].mean() > 0.02 for m in evidence.mirrors):
         said.append("more than 2 % of what the mirror ball shows from above is clipped: the map is a lower bound there")
     drawn = _drawn(linear[0], light, paper, evidence, definition)

@@ -110,6 +110,17 @@ def test_photos_that_no_light_explains_are_refused(lit, monkeypatch):
         estimate_light(*given, stand=(0.095, 0.095, 0.03))
 
 
+def test_doubtful_light_is_a_warning_and_a_thick_upright_alone_is_refused(lit, monkeypatch):
+    """The limits are put on the other side of what these photos give."""
+    given = [lit / "photo_00.jpg"], lit.parent / "board.toml", lit / "camera.toml"
+    monkeypatch.setattr(estimate_module, "DOUBTFUL", 0.001)
+    found = estimate_light(*given, stand=(0.095, 0.095, 0.03))
+    assert any("off held-out pixels (shadow" in text for text in found.warnings)
+    monkeypatch.setattr(estimate_module, "THIN", 0.001)
+    with pytest.raises(InputError, match="not used: wider than 0.001 of its height"):
+        estimate_light(*given, stand=(0.095, 0.095, 0.03))
+
+
 def test_a_light_file_is_read_back_and_puts_its_light_on_a_scene(found, lit, tmp_path):
     write_light(tmp_path / "light.toml", found.light, found.paper)
     assert files.read_image(tmp_path / "light.exr").samples == 0  # of a map, nobody counts rays

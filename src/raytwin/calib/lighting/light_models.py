@@ -29,12 +29,20 @@ ROWS = 8, 16, 32
 WORSE = 1.05
 """The least model whose error is at most this times that of the best one is taken."""
 
+CLEARLY, SURELY = 0.8, 3.0
+"""A sun is taken where it leaves at most this share of a constant sky's error, and is so many of its standard
+deviations strong."""
+
 MATT_LS, MATT_DEGREES = 0.03, 0.5
 """How far a matt ball's Ls is off, as a share, and the sun that it shows, in either angle, for what its neighbours
 throw on it."""
 
 PAPER_SD, REFLECTANCE_SD, REFLECTANCE_UNKNOWN = 0.01, 0.03, 0.15
 """As shares: how well the paper's light, and a mirror's reflectance, measured or not, are known."""
+
+TINT = 0.1
+"""How far the sky's share of a channel's light is from that of all, blue sky or grey: a channel that tells little of
+its own, as a dark one of a matt ball, has the others'."""
 
 MUCH_LIKELIER = 15.0
 """Logarithm of how much likelier an even sky must make a matt ball's shading than an uneven one to be taken."""
@@ -224,7 +232,7 @@ def directions_to_sun(found: Evidence) -> list[tuple[str, np.ndarray, float]]:
     for m in found.matt:
         shading = shading_of(m, found.paper, None if around is None else _as_sky(around))
         surely = 4 * shading.E_sd @ REC_709 < shading.E @ REC_709 and shading.sigma < 0.2
-        if surely and shading.to_light[2] > 0:
+        if surely and shading.to_light[2] > 0 and shading.residual < 2 * matt_ball.USUAL:
             directions.append(("matt ball", shading.to_light, float(np.hypot(shading.sigma, np.radians(MATT_DEGREES)))))
     return directions
 
@@ -267,8 +275,11 @@ def solve(found: Evidence, rows: int, sun: Sun | None) -> Light:
         estimates.append((level, (REFLECTANCE_SD if known else REFLECTANCE_UNKNOWN) * level))
     weight = np.array([sd**-2.0 for _, sd in estimates])
     mean = (weight * np.array([value for value, _ in estimates])).sum(axis=0) / weight.sum(axis=0)
-    Ls = np.clip(mean, 0, whole)  # no light takes any away
-    Ls_sd = np.hypot(weight.sum(axis=0) ** -0.5, PAPER_SD * Ls)
+    share, var = mean / whole, 1 / (weight.sum(axis=0) * whole**2)
+    own, all_of = TINT**2 / (TINT**2 + var), 1 / (TINT**2 + var)
+    share = own * share + (1 - own) * (all_of @ share) / all_of.sum()
+    Ls = np.clip(share, 0, 1) * whole  # no light takes any away
+    Ls_sd = np.hypot(np.sqrt(own * var + (1 - own) ** 2 / all_of.sum()) * whole, PAPER_SD * Ls)
     E = np.pi * (whole - Ls) / to_light[2]
     slant = np.hypot(*to_light[:2]) / to_light[2]
     E_sd = np.hypot(np.pi / to_light[2] * np.hypot(Ls_sd, PAPER_SD * whole), E * slant * sigma)
@@ -288,7 +299,7 @@ def errors(light: Light, found: Evidence) -> dict[str, float]:
     errors = {}
     for k, m in enumerate(found.matt):
         to_light = light.to_light if light.to_light is not None else np.array([0.0, 0.0, 1.0])
-        sun, sky = design(m.pixels, to_light, found.paper, light.received(m.pixels.normal) / light.Ls)
+        sun, sky = design(m.pixels, to_light, found.paper, light.received(m.pixels.normal) / np.maximum(light.Ls, 1e-9))
         shown = light.E / np.pi * sun + light.Ls * sky
         # The best albedo is taken: what counts is the shape of the shading.
         albedo = (shown * m.pixels.value).sum(axis=0) / (shown**2).sum(axis=0)
@@ -341,26 +352,33 @@ def choose(found: Evidence, photos: int) -> tuple[Light, list[Trial], int, list[
     """The light, all models tried, the number of the one taken, and what showed the sun's direction."""
     directions = directions_to_sun(found)
     sun = _mean_direction(directions) if directions else None
-    models = [("constant sky", 0, False)]
-    models += [("sun + constant sky", 0, True)] if sun else []
-    maps = ROWS if found.mirrors else ROWS[:1] if found.matt and sun else ()
-    models += [(f"{'sun + ' if sun else ''}map of {r} rows", r, bool(sun)) for r in maps]
-    folds, trials = list(_folds(found, photos)), []
-    lights = [solve(found, rows, sun if with_sun else None) for _, rows, with_sun in models]
+    folds, lights, trials = list(_folds(found, photos)), [], []
     normals = fibonacci(200)[:100]
+
+    def attempt(rows: int, sun: Sun | None) -> None:
+        start = time.perf_counter()
+        lights.append(solve(found, rows, sun))
+        off = [errors(solve(train, rows, sun), test) for train, test in folds]
+        kinds = {k: float(np.sqrt(np.mean([e[k] ** 2 for e in off if k in e]))) for k in sorted(set().union(*off))}
+        total = float(np.sqrt(np.mean(np.square(list(kinds.values()) or [0.0]))))
+        name = ("sun + " if sun else "") + (f"map of {rows} rows" if rows else "constant sky")
+        trials.append(Trial(name, rows, sun is not None, total, 0.0, time.perf_counter() - start, kinds))
 
     def shading(light: Light) -> np.ndarray:
         lit = np.maximum(normals @ light.to_light, 0) if light.to_light is not None else np.zeros(len(normals))
         return light.E / np.pi * lit[:, None] + light.received(normals)
 
+    attempt(0, None)
+    if sun:
+        attempt(0, sun)
+        asked_for = trials[1].error < CLEARLY * trials[0].error
+        if not (asked_for and SURELY * lights[1].E_sd @ REC_709 < lights[1].E @ REC_709):
+            sun = None
+    for rows in ROWS if found.mirrors else ROWS[:1] if found.matt and sun else ():
+        attempt(rows, sun)
     last = shading(lights[-1])
-    for (name, rows, with_sun), light in zip(models, lights, strict=True):
-        start = time.perf_counter()
-        off = [errors(solve(train, rows, sun if with_sun else None), test) for train, test in folds]
-        kinds = {k: float(np.sqrt(np.mean([e[k] ** 2 for e in off if k in e]))) for k in sorted(set().union(*off))}
-        total = float(np.sqrt(np.mean(np.square(list(kinds.values()) or [0.0]))))
-        on_sphere = _relative(shading(light) - last, last)
-        trials.append(Trial(name, rows, with_sun, total, on_sphere, time.perf_counter() - start, kinds))
-    best = min(t.error for t in trials)
-    taken = next(i for i, t in enumerate(trials) if t.error <= WORSE * best)
+    trials = [replace(t, on_sphere=_relative(shading(s) - last, last)) for t, s in zip(trials, lights, strict=True)]
+    allowed = [i for i, t in enumerate(trials) if not t.sun or sun]
+    best = min(trials[i].error for i in allowed)
+    taken = next(i for i in allowed if trials[i].error <= WORSE * best)
     return lights[taken], trials, taken, directions

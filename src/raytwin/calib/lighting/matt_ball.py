@@ -51,10 +51,13 @@ NOISE, GROUND_NOISE, GROUND_SD = 0.02, 0.05, 0.1
 """Shares by which a pixel is off: of the mean, and of the ground's part, which is known less well; and by which all of
 the ground's part is off."""
 
+GLOSS = 0.01
+"""Radiance, as a share of the paper's, by which gloss and rough skin put a pixel off in any channel, or by more."""
+
 TOGETHER = 20
 """Fitted pixels that err together."""
 
-MATT, NO_MIRROR, USUAL = 0.15, 0.35, 0.08
+MATT, NO_MIRROR, USUAL = 0.15, 0.35, 0.12
 """Root mean squared residual over the mean: a ball whose shading fits worse is not matt, or is not
 even where no mirror image is seen in it; and the one from which standard deviations grow with it."""
 
@@ -241,7 +244,9 @@ def fit_shading(
     """Sun and sky from the ball's pixels; `known`: the sun's direction, if it is; `base`: the sky about which theirs
     varies, (directions, 3) over Ls, by default a constant one."""
     scale = pixels.value.mean(axis=0)
-    sd = np.hypot(NOISE * scale, GROUND_NOISE * PAPER * scale / paper * pixels.ground) * np.sqrt(TOGETHER)
+    own = np.hypot(NOISE * scale, GROUND_NOISE * PAPER * scale / paper * pixels.ground)
+    gloss = GLOSS * (paper @ REC_709)
+    sd = np.hypot(own, gloss) * np.sqrt(TOGETHER)
     base = np.ones((len(SKY), 3)) / UP.sum() if base is None else base
     fit = _Problem(pixels, paper, base, EVEN, 0.3 * scale, scale, 1 / sd)
     to_light = known
@@ -259,11 +264,14 @@ def fit_shading(
             to_light, sigma = fit.best(to_light)
         found, covs, left, evidence = fit.solve(to_light)
         off = left.reshape(3, -1)[:, : len(sd)].T * sd / scale
+        dim = np.abs(off @ (scale * REC_709))
         # A highlight is brighter than any matt surface: what lies far above the fit is passed over.
         spread = 1.4826 * np.median(np.abs(off))
-        fit = replace(fit, weight=np.where((off < -4 * spread - 0.03).any(axis=1), 0.05, 1.0)[:, None] / sd)
-    dim = np.abs(off @ (scale * REC_709)) / (scale @ REC_709)
-    residual = float(np.sqrt((dim**2).mean()))
+        bright = (off < -4 * spread - 0.03).any(axis=1)
+        # What the fit leaves in luminance is gloss of no colour: every channel has it, and a dark one little else.
+        sd = np.hypot(own, max(gloss, np.sqrt((dim[~bright] ** 2).mean()))) * np.sqrt(TOGETHER)
+        fit = replace(fit, weight=np.where(bright, 0.05, 1.0)[:, None] / sd)
+    residual = float(np.sqrt((dim**2).mean()) / (scale @ REC_709))
     misfit = max(1.0, residual / USUAL)
     alpha, beta = np.maximum(found[0], 0), np.maximum(UP @ found[1:-1], 1e-6)
     total, scaled = alpha * max(to_light[2], 0) + beta, paper / PAPER

@@ -53,6 +53,9 @@ TOGETHER = 12.0
 MOST_PIXELS = 1500
 """Pixels of a photo that are fitted."""
 
+THIN = 0.25
+"""Width over height of the widest upright: the shadow of a dice is no bar, and ends at a corner."""
+
 SEEN = 0.06
 """How much darker than full light the shadow must be, and how much the upright must differ from the paper behind."""
 
@@ -75,6 +78,7 @@ class Shadow:
     foot: np.ndarray
     tip: np.ndarray
     height: float
+    width: float
 
     def levels(self) -> tuple[np.ndarray, np.ndarray]:
         """The paper in the shadow over the paper beside it (3), and the standard deviation of that."""
@@ -143,7 +147,7 @@ def find_shadow(photos: list[LinearPhoto], sheet: Sheet, stand: tuple[float, flo
     paper = (white > 0.9) & (upright < 0.01) & (noise == NOISE)
     return Shadow(
         photo[paper], uv[paper], value[paper], cover[paper],
-        _to_light(x), sigma, 1 - hidden, x[:2], x[:2] + x[3:5], x[2],
+        _to_light(x), sigma, 1 - hidden, x[:2], x[:2] + x[3:5], x[2], x[5],
     )  # fmt: skip
 
 
