@@ -59,7 +59,7 @@ def test_limits_decide_alone_and_no_other_bound_is_shown(pair):
     assert "The two images agree within the limits." in text
     assert "1 pixel of 864 (0.116 %) err by more than 0.1" in text
     assert "warning: 1 pixel of 864" in text
-    assert "held to 1e-5" not in text
+    assert "limit 1e-05" not in text
     assert "exceeded" not in text
 
 

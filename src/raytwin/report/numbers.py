@@ -1,4 +1,4 @@
-"""The comparison's numbers in words: what each is, its unit, the bound it is held to, and why it may be missing."""
+"""The comparison's numbers in words: what each is, its unit, its limit, and why it may be missing."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -70,7 +70,7 @@ class NumberRow(NamedTuple):
 
 
 FOR_EXACT = ("p999_abs", "pixel_fail_fraction")
-"""Bounds that images without noise are held to; with noise the statistics decide."""
+"""Limits of images without noise; with noise the statistics decide."""
 
 
 def rows(comparison: Comparison, tolerance: Tolerance | None, noisy: bool) -> Iterator[tuple[str, list[NumberRow]]]:

@@ -147,11 +147,11 @@ def in_radiance(pair: Compared) -> Tolerance:
 def silhouette_tile(comparison: Comparison, tolerance: Tolerance) -> Tile:
     apart = comparison.geometry.mask_mismatch_pixels
     unit = "pixel differs" if apart == 1 else "pixels differ"
-    return Tile("Silhouettes", shown(apart), unit, f"held to {tolerance.mask_pixels}")
+    return Tile("Silhouettes", shown(apart), unit, f"limit {tolerance.mask_pixels}")
 
 
 def error_tile(pair: Compared, tolerance: Tolerance | None, title: str = "Error, 99.9 %") -> Tile:
-    below = "" if tolerance is None else f"held to {short(tolerance.p999_abs)}"
+    below = "" if tolerance is None else f"limit {short(tolerance.p999_abs)}"
     return Tile(title, shown(pair.comparison.radiance.p999_abs), below="noise included" if pair.noisy else below)
 
 

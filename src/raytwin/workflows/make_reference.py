@@ -1,4 +1,4 @@
-"""References: images of known worth in EXR files, `<folder>/<scene>/<rung>.exr`, that later renders are held to.
+"""References: images of known worth in EXR files, `<folder>/<scene>/<rung>.exr`, with which later renders are compared.
 
 Each file stands alone: beside the pixels, its header has what made them, the scene with its camera found, a hash of
 the scene as it is written, and a checksum of everything, since EXR itself does not notice a flipped byte.
@@ -248,7 +248,7 @@ def header_changes(old: dict[str, str], new: dict[str, str]) -> Iterator[str]:
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """What is wrong with a reference (nothing: `problems` is empty), and the render that it was held to.
+    """What is wrong with a reference (nothing: `problems` is empty), and the render that it was compared with.
 
     `exit_code`: 1 where it disagrees with its scene or with today's render, 2 where that cannot be told: the file is
     missing or damaged, or the comparison is undecided.
