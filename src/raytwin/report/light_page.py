@@ -22,24 +22,34 @@ SHOWN = 4
 
 def light_summary(found: "LightEstimate") -> str:
     """The models tried, what showed the sun, the light with its standard deviations, and warnings."""
-    light = found.light
     lines = ["model                     held-out error   on a matt sphere   seconds"]
     for i, t in enumerate(found.trials):
         taken = "  <- taken" if i == found.taken else ""
         lines.append(f"  {t.name:<22} {100 * t.error:10.2f} % {100 * t.on_sphere:16.2f} % {t.seconds:9.2f}{taken}")
-    lines.append("(on a matt sphere: how far its shading is off that under the last model)")
+    lines += ["(on a matt sphere: how far its shading is off that under the last model)"]
+    lines += [f"{name}: {value}" for name, value in light_facts(found)]
+    lines.append(f"({SCALE})")
+    return "\n".join([*lines, *(f"warning: {text}" for text in found.warnings)])
+
+
+SCALE = "scale: white paper in full light has luminance 1; its albedo is assumed to be 0.85"
+
+
+def light_facts(found: "LightEstimate") -> list[tuple[str, str]]:
+    """What was found, each with its standard deviation: (name, value)."""
+    light, facts = found.light, []
     for kind, ball in _balls(found):
         x, y, z = (f"{1000 * v:.1f}" for v in ball.center)
         where = f"({x}, {y}, {z}) ± {1000 * ball.sigma[:3].max():.1f} mm"
-        lines.append(f"{kind} ball: center {where}, radius {1000 * ball.radius:.1f} ± {1000 * ball.sigma[3]:.1f} mm")
-    lines += [f"sun by the {name}: {_angles(d)} ± {np.degrees(sd):.2f} degrees" for name, d, sd in found.suns]
+        facts.append(
+            (f"{kind} ball", f"center {where}, radius {1000 * ball.radius:.1f} ± {1000 * ball.sigma[3]:.1f} mm")
+        )
+    facts += [(f"sun by the {name}", f"{_angles(d)} ± {np.degrees(sd):.2f} degrees") for name, d, sd in found.suns]
     if light.to_light is not None:
-        lines.append(f"sun: {_angles(light.to_light)} ± {np.degrees(light.sigma):.2f} degrees, by all of these")
-        lines.append(f"sun's irradiance: {_triple(light.E, light.E_sd)}")
+        facts.append(("sun", f"{_angles(light.to_light)} ± {np.degrees(light.sigma):.2f} degrees, by all of these"))
+        facts.append(("sun's irradiance", _triple(light.E, light.E_sd)))
     name = "constant sky that lights level paper as the map does" if light.around is not None else "sky's radiance"
-    lines.append(f"{name}: {_triple(light.Ls, light.Ls_sd)}")
-    lines.append("(scale: white paper in full light has luminance 1; its albedo is assumed to be 0.85)")
-    return "\n".join([*lines, *(f"warning: {text}" for text in found.warnings)])
+    return [*facts, (name, _triple(light.Ls, light.Ls_sd))]
 
 
 def _balls(found: "LightEstimate") -> list[tuple[str, Any]]:
@@ -66,7 +76,7 @@ def write_light_page(found: "LightEstimate", path: str | os.PathLike[str]) -> No
     }  # fmt: skip
     write_page(
         path, "light.html.j2", (viewer.style(), STYLE), (viewer.script(),),
-        data=data, found=found, summary=light_summary(found),
+        data=data, found=found, facts=light_facts(found), scale=SCALE,
         photos=[_drawing(found, i) for i in range(min(len(found.photos), SHOWN))],
         sun=_sun_chart(found), map_url=_jpeg(files.to_bytes(around * np.float32(2.0 ** stops(image)))),
         before=_jpeg(found.photos[0].pixels), after=_jpeg(found.drawn) if found.drawn is not None else None,
