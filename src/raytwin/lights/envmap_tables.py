@@ -25,6 +25,12 @@ class Tables(NamedTuple):
     harmonics: tuple[tuple[float, ...], ...]
 
 
+def texel_directions(h: int, w: int) -> np.ndarray:
+    """(h, w, 3): unit vectors to the texels' centres, in the map's axes: z to the top row, y to the middle column."""
+    down, turn = (np.arange(h)[:, None] + 0.5) * pi / h, ((np.arange(w) + 0.5) / w * 2 - 1) * pi
+    return np.stack([np.sin(down) * np.sin(turn), np.sin(down) * np.cos(turn), np.cos(down) + 0 * turn], axis=-1)
+
+
 SQUARES = np.array([1, *[1 / 3] * 3, *[1 / 15] * 3, 4 / 15, 4 / 5])
 """Over the sphere the means of the squares of `environment_map.polynomials`."""
 TRANSFER = np.array([1, *[2 / 3] * 3, *[1 / 4] * 5])

@@ -9,6 +9,7 @@ import numpy as np
 
 from raytwin.lights import EnvironmentMap
 from raytwin.lights.environment_map import environment_map
+from raytwin.lights.envmap_tables import texel_directions
 from raytwin.scene import Environment
 
 ANGLES = np.radians((3.0, 6.0, 12.0, 24.0, 48.0, 90.0))
@@ -28,10 +29,8 @@ class CapMeans:
         weight = np.sin((np.arange(len(light)) + 0.5) * np.pi / len(light))[:, None, None] + 0 * light
         light, weight = (cv2.resize(a, (2 * h, h), interpolation=cv2.INTER_AREA) for a in (light * weight, weight))
         light /= weight
-        v, u = np.mgrid[:h, : 2 * h] + 0.5
-        theta, turn = v * np.pi / h, (u / h - 1) * np.pi
-        local = np.stack([np.sin(theta) * np.sin(turn), np.sin(theta) * np.cos(turn), np.cos(theta)], axis=-1)
-        flat, area = local.reshape(-1, 3), np.sin(theta).ravel()
+        flat = texel_directions(h, 2 * h).reshape(-1, 3)
+        area = np.hypot(flat[:, 0], flat[:, 1])  # the sine of the angle from the top
         cosine = np.clip(flat @ flat.T, -1, 1)
         self.levels: list[EnvironmentMap] = []
         for angle in ANGLES:

@@ -26,8 +26,9 @@ import msgspec
 import numpy as np
 
 from raytwin import files
-from raytwin.calib.augment.ground_light import basis, ground_for_sky
+from raytwin.calib.augment.ground_light import ground_for_sky
 from raytwin.calib.augment.hidden_sky import CapMeans
+from raytwin.calib.ground_rings import polynomials
 from raytwin.calib.photos import lens_model
 from raytwin.errors import InputError
 from raytwin.image import Surface
@@ -206,7 +207,7 @@ def _shade(
         mine = np.flatnonzero(found.ids == index)
         n = (np.asarray(found.point)[mine] - (np.array(sphere.center) - scene.camera.eye)) / sphere.radius
         reflected = np.array(sphere.albedo) + getattr(sphere.material, "specular", 0)
-        found.colour[mine] = np.maximum(found.colour[mine] + reflected * (basis(n) @ factors), 0)
+        found.colour[mine] = np.maximum(found.colour[mine] + reflected * (polynomials(n) @ factors), 0)
     return found.colour, ratio, ours[found.ids], 2 * found.ids + lit
 
 

@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 
 from raytwin.calib.boards.board import PAPER
+from raytwin.calib.ground_rings import fibonacci
 from raytwin.calib.lighting import matt_ball
 from raytwin.calib.lighting.ball_outline import Ball
-from raytwin.calib.lighting.matt_ball import SKY, MattPixels, Shading, design, fibonacci, fit_shading
+from raytwin.calib.lighting.matt_ball import SKY, MattPixels, Shading, design, fit_shading
 from raytwin.calib.lighting.mirror_ball import Mirrored, bilinear, fit_map
 from raytwin.calib.lighting.stand_shadow import Shadow
-from raytwin.lights.envmap_tables import REC_709
+from raytwin.lights.envmap_tables import REC_709, texel_directions
 from raytwin.scene import Environment
 
 ROWS = 8, 16, 32
@@ -160,11 +161,8 @@ class Trial:
 
 def _texels(rows: int) -> tuple[np.ndarray, np.ndarray]:
     """(2 rows², 3) directions of a map's texels, and the steradians (2 rows²,) of each."""
-    v, u = np.mgrid[:rows, : 2 * rows]
-    theta, turn = (v + 0.5) * np.pi / rows, ((u + 0.5) / rows - 1) * np.pi
-    d = np.stack([np.sin(theta) * np.sin(turn), np.sin(theta) * np.cos(turn), np.cos(theta)], axis=-1)
-    area = (np.cos(v * np.pi / rows) - np.cos((v + 1) * np.pi / rows)) * np.pi / rows
-    return d.reshape(-1, 3), area.ravel()
+    edges = np.cos(np.linspace(0, np.pi, rows + 1))
+    return texel_directions(rows, 2 * rows).reshape(-1, 3), np.repeat((edges[:-1] - edges[1:]) * np.pi / rows, 2 * rows)
 
 
 def _repeated(around: np.ndarray, rows: int) -> np.ndarray:

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from raytwin.calib.boards.board import PAPER
+from raytwin.calib.ground_rings import fibonacci, polynomials, rings_about, weights
 from raytwin.calib.lighting.ball_outline import Ball, pixels_of, reflect
 from raytwin.calib.lighting.board_plane import hidden_by, seen_light
 from raytwin.calib.lighting.linear_photo import LinearPhoto
@@ -93,13 +94,6 @@ class Shading:
     evidence: float
 
 
-def fibonacci(count: int) -> np.ndarray:
-    """(count, 3): unit vectors spread evenly over the sphere, from the top down."""
-    k = np.arange(count)
-    z = 1 - (2 * k + 1) / count
-    return np.stack([np.sqrt(1 - z * z) * f(2.399963 * k) for f in (np.cos, np.sin)] + [z], axis=1)
-
-
 SKY = fibonacci(64)[:32]
 UP = 2 / len(SKY) * SKY[:, 2]
 """What each direction's radiance adds to the irradiance on level paper over π."""
@@ -118,10 +112,8 @@ def matt_pixels(photos: list[LinearPhoto], ball: Ball, to_light: np.ndarray | No
     at, light, area = _ground(photos, ball, to_light)
     normals = fibonacci(600)
     normals = normals[normals[:, 2] > LOWEST_NORMAL]
-    to = at - (ball.center + ball.radius * normals)[:, None]
-    facing = np.maximum((to * normals[:, None]).sum(axis=-1), 0) * np.maximum(-to[..., 2], 0)
-    received = (facing / (to**2).sum(axis=-1) ** 2 * area) @ light / np.pi
-    ground = np.linalg.lstsq(_smooth(normals), received, rcond=None)[0]
+    received = weights(ball.center, ball.radius, normals, at, area) @ light / np.pi
+    ground = np.linalg.lstsq(polynomials(normals), received, rcond=None)[0]
     parts = []
     for k, photo in enumerate(photos):
         uv = pixels_of(photo, ball)
@@ -129,14 +121,8 @@ def matt_pixels(photos: list[LinearPhoto], ball: Ball, to_light: np.ndarray | No
         keep = np.flatnonzero((cosine > RIM_COSINE) & ~photo.clipped[uv[:, 1], uv[:, 0]])
         keep = keep[:: max(1, len(keep) // MOST_PIXELS)]
         uv, n = uv[keep], (p[keep] - ball.center) / ball.radius
-        parts.append((0 * keep + k, uv, n, photo.light[uv[:, 1], uv[:, 0]].astype(float), _smooth(n) @ ground))
+        parts.append((0 * keep + k, uv, n, photo.light[uv[:, 1], uv[:, 0]].astype(float), polynomials(n) @ ground))
     return MattPixels(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def _smooth(n: np.ndarray) -> np.ndarray:
-    """All products of a normal's components up to degree 4: irradiance hardly has more."""
-    x, y, z = n.T
-    return np.stack([x**i * y**j * z**k for i in range(5) for j in range(5 - i) for k in range(5 - i - j)], axis=1)
 
 
 def _ground(
@@ -148,11 +134,7 @@ def _ground(
     make likely: a part that is the sun's, where the ball does not shade it, and a part that is the sky's, of which the
     ball leaves 1 - (1 + (ρ/r)²)^(-3/2). A place far away has the mean of those. The last ring stands for all farther.
     """
-    edges = ball.radius * np.concatenate([[0], np.geomspace(0.3, 40, RINGS)])
-    far = np.repeat((edges[:-1] + edges[1:]) / 2, TURNS)
-    turns = np.tile((np.arange(TURNS) + 0.5) / TURNS * 2 * np.pi, RINGS)
-    xy = ball.center[:2] + far[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    at = np.c_[xy, np.full(len(far), min(0.0, float(ball.center[2] - ball.radius)))]
+    at, far, area = rings_about(ball.center, ball.radius, 0.3, 40, RINGS, TURNS)
     light, seen = seen_light(photos, at, lambda photo: hidden_by(photo, ball, at))
     sunny = np.zeros(len(far))
     if to_light is not None:
@@ -162,7 +144,6 @@ def _ground(
     for mine in (far < NEAR * ball.radius, far >= NEAR * ball.radius):
         if (known := mine & seen).any():
             light[mine & ~seen] = parts[mine & ~seen] @ np.linalg.lstsq(parts[known], light[known], rcond=1e-3)[0]
-    area = np.repeat(np.pi * (edges[1:] ** 2 - edges[:-1] ** 2) / TURNS, TURNS)
     return at, light, area
 
 
