@@ -14,7 +14,7 @@ from raytwin.calib import boards, photos
 from raytwin.calib.augment import augment
 from raytwin.calib.lighting import light_models as models
 from raytwin.calib.lighting.ball_outline import Ball, find_balls, fit_edges, outline
-from raytwin.calib.lighting.board_plane import Sheet
+from raytwin.calib.lighting.board_plane import Sheet, SheetLight
 from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear, value_of_one
 from raytwin.calib.lighting.matt_ball import MATT, NO_MIRROR, fit_shading, matt_pixels
 from raytwin.calib.lighting.mirror_ball import find_ball, mirrored, reflectance_of, register, seen_in
@@ -210,13 +210,14 @@ def _add_ball(
 ) -> None:
     matt = fit_edges(linear, found)
     pixels = matt_pixels(linear, matt)
-    mirrors_sheet, mirrors_sun = seen_in(linear, found, sheet)
+    light = SheetLight(linear, sheet, found)
+    mirrors_sheet, mirrors_sun = seen_in(linear, found, light)
     if len(pixels.photo) >= models.LEAST_PIXELS and not mirrors_sheet:
         rough = fit_shading(pixels, matt, evidence.paper)
         if rough.residual < (NO_MIRROR if given and not mirrors_sun else MATT):
             evidence.matt.append(models.MattBall(matt, matt_pixels(linear, matt, rough.to_light)))
             return
-    ball, sun = register(linear, found, sheet)
+    ball, sun = register(linear, found, light)
     reflectance = reflectance_of(linear, ball, sheet)
     known = reflectance is not None and bool(reflectance.min() > 0.2 and reflectance.max() < 1.1)
     if not (mirrors_sheet or mirrors_sun or given):

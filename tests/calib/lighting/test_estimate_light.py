@@ -8,7 +8,7 @@ import pytest
 from raytwin import files
 from raytwin.calib.augment.hidden_sky import CapMeans
 from raytwin.calib.boards import read_board
-from raytwin.calib.lighting.board_plane import Sheet
+from raytwin.calib.lighting.board_plane import Sheet, SheetLight
 from raytwin.calib.lighting.light_file import photo_exposure, read_light, write_light
 from raytwin.calib.lighting.light_models import upward
 from raytwin.calib.lighting.mirror_ball import seen_in
@@ -80,8 +80,9 @@ def test_the_map_is_the_right_way_round(found, true):
 def test_the_sheet_and_the_sun_are_seen_in_the_mirror_alone(found, lit):
     """Not by how well a matt ball's shading fits: under an even sky most of a mirror is as even as that."""
     sheet, evidence = Sheet(read_board(lit.parent / "board.toml")), found.evidence
-    assert seen_in(found.photos, evidence.mirrors[0].ball, sheet) == (True, True)
-    assert seen_in(found.photos, evidence.matt[0].ball, sheet) == (False, False)
+    mirror, matt = (m[0].ball for m in (evidence.mirrors, evidence.matt))
+    assert seen_in(found.photos, mirror, SheetLight(found.photos, sheet, mirror)) == (True, True)
+    assert seen_in(found.photos, matt, SheetLight(found.photos, sheet, matt)) == (False, False)
 
 
 def test_the_mirror_ball_is_found_by_itself(lit):

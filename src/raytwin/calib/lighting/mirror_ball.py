@@ -252,10 +252,10 @@ def _off_sheet(seen: _SheetPixels, light: SheetLight, image: np.ndarray, x: np.n
     return off / TOLERANCE / np.sqrt(TOGETHER)
 
 
-def register(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> tuple[Ball, tuple[np.ndarray, float] | None]:
+def register(photos: list[LinearPhoto], ball: Ball, light: SheetLight) -> tuple[Ball, tuple[np.ndarray, float] | None]:
     """The ball and the sun's direction, with its standard deviation, that mirrored sheet, spots, outline and what was
     said of the ball agree on best; no sun where no photo shows one."""
-    light, x, sun = SheetLight(photos, sheet, ball), ball.numbers, np.array([0.0, 0.0, 1.0])
+    x, sun = ball.numbers, np.array([0.0, 0.0, 1.0])
     rims = [(p, outline(p, ball.center, ball.radius)) for p in photos]
     spots = [(p, s[0]) for p in photos if (s := sun_spot(p, ball))]
     if spots:
@@ -311,9 +311,8 @@ def reflectance_of(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> np.nd
     return mirror / direct if count >= LEAST_PIXELS else None
 
 
-def seen_in(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> tuple[bool, bool]:
+def seen_in(photos: list[LinearPhoto], ball: Ball, light: SheetLight) -> tuple[bool, bool]:
     """Whether the sheet is seen in the ball, as in a mirror alone, and the sun, as in any that is glossy."""
-    light = SheetLight(photos, sheet, ball)
     image, seen = light.blurred(2e-3), [_glance(photo, ball) for photo in photos]
     sheet_part = sum(_sheet_explains(s, light, image, ball.numbers) for s in seen) / (2 * GLANCE_SD**2)
     return sheet_part > SEEN, any(s.spot is not None for s in seen)
