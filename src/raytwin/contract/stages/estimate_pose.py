@@ -42,7 +42,7 @@ def _pose(
 
     p = np.asarray(object_points, float)
     f, c = np.diag(K)[:2], K[:2, 2]
-    seen = (_undistorted(K, dist, image_points) - c) / f
+    seen = _on_plane(K, dist, image_points)
     R, t = (compose or _normalised)(_homography(p[:, :2], seen, scaled))
     if compose:
         return R, t
@@ -58,6 +58,12 @@ def _pose(
     return Rotation.from_rotvec(best[:3]).as_matrix(), best[3:]
 
 
+def _on_plane(K: Any, dist: Any, q: Any) -> np.ndarray:
+    """Where on the plane z = 1 pixels (N, 2) see: the lens undone."""
+    xd, yd = ((np.asarray(q) - K[:2, 2]) / np.diag(K)[:2]).T
+    return np.stack(undistort(xd, yd, dist), axis=-1)
+
+
 def _homography(p: np.ndarray, q: np.ndarray, scaled: bool = True) -> np.ndarray:
     """H (3, 3) with q ~ H p, least squares of H's nine numbers; points are centred and scaled first (Hartley 1997)."""
     P, Q = (_scaling(p), _scaling(q)) if scaled else (np.eye(3), np.eye(3))
@@ -71,14 +77,6 @@ def _homography(p: np.ndarray, q: np.ndarray, scaled: bool = True) -> np.ndarray
 def _scaling(points: np.ndarray) -> np.ndarray:
     middle, size = points.mean(axis=0), points.std()
     return np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1]])
-
-
-def _normalised(H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(R, t) of H ~ (r₁ r₂ t): unit columns, the board before the camera, R the nearest rotation."""
-    H = H / np.linalg.norm(H[:, :2], axis=0).mean() * np.sign(H[2, 2])
-    r1, r2, t = H.T
-    U, _, V = np.linalg.svd(np.column_stack([r1, r2, np.cross(r1, r2)]))
-    return U @ V, t
 
 
 def _columns(r1: Any, r2: Any) -> np.ndarray:
@@ -109,6 +107,9 @@ def _orthogonal(r1: Any, r2: Any) -> np.ndarray:
 def _each_unit(r1: Any, r2: Any) -> np.ndarray:
     return _columns(r1 / np.linalg.norm(r1), r2 / np.linalg.norm(r2))
 
+
+_normalised = _of_lengths(np.mean, _nearest)
+"""(R, t) of H ~ (r₁ r₂ t): unit columns, the board before the camera, R the nearest rotation."""
 
 RIGHT_FORMS: tuple[Function, ...] = (
     partial(_pose, in_pixels=True),
@@ -208,12 +209,6 @@ def _behind(R: Any, t: Any) -> tuple[Any, Any]:
     return R * [-1, -1, 1], -t
 
 
-def _undistorted(K: Any, dist: Any, q: Any) -> np.ndarray:
-    """The pixels where a pinhole would see the points."""
-    xd, yd = ((np.asarray(q) - K[:2, 2]) / np.diag(K)[:2]).T
-    return np.stack(undistort(xd, yd, dist), axis=-1) * np.diag(K)[:2] + K[:2, 2]
-
-
 def _by_other(K: Any, fx: int, fy: int, cx: int, cy: int) -> np.ndarray:
     """K of these entries of (fx, fy, cx, cy)."""
     numbers = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
@@ -249,7 +244,7 @@ INPUTS = (
     Variant("K left out", "K is left out: points on the plane z = 1 are ((u - cx) / fx, (v - cy) / fy), pixels are not",
             before(lambda K, dist, p, q: (np.eye(3), 0 * dist, p, q))),
     Variant("undistorted twice", "the distortion is undone twice: once in the points, once by what they are given to",
-            before(lambda K, dist, p, q: (K, dist, p, _undistorted(K, dist, q)))),
+            before(lambda K, dist, p, q: (K, dist, p, _on_plane(K, dist, q) * np.diag(K)[:2] + K[:2, 2]))),
     *(Variant(name, sentence, before(lambda K, dist, p, q, of=of: (_by_other(K, *of), dist, p, q)))
       for name, sentence, of in (
           ("one focal length", "fx is used for both axes: v is divided by fy = K[1, 1]", (0, 0, 2, 3)),
