@@ -212,15 +212,15 @@ WRAPS: tuple[tuple[str, float, str], ...] = (
 ASKING = ("isfinite", "isnan", "isinf")
 
 
+MOST_DIMENSIONS = 4
+"""Whole numbers up to this one count axes, powers and factors; larger ones are steps or sizes."""
+
+
 def _is_setting(node: ast.expr) -> bool:
     """A number of steps, or a library's constant: with another sign it switches something off, by accident."""
     if isinstance(node, ast.Constant):
         return isinstance(node.value, int) and node.value > MOST_DIMENSIONS
     return isinstance(node, ast.Attribute) and node.attr.isupper()
-
-
-MOST_DIMENSIONS = 4
-"""Whole numbers up to this one count axes, powers and factors; larger ones are steps or sizes."""
 
 
 def _wrapped(node: ast.expr, scope: _Scope) -> Found:
@@ -230,10 +230,10 @@ def _wrapped(node: ast.expr, scope: _Scope) -> Found:
         return  # a value that becomes NaN there, or a loop that never runs, is an accident
     if isinstance(parent, ast.Assign) and isinstance(node, ast.Name):  # any change there makes a copy, too
         yield "a copy is missing", 0.9, fill("A.copy()", A=node)
-    negative = isinstance(node, ast.UnaryOp) or _is_setting(node)
+    signed = isinstance(node, ast.UnaryOp) or _is_setting(node)
     for words, weight, text in WRAPS:
         number = isinstance(node, ast.Constant) and any(sign in text for sign in ("NP", "[", ".", "**"))
-        if not number and not (negative and text == "-A"):
+        if not number and not (signed and text == "-A"):
             yield words, weight, fill(text, A=node, NP=numpy)
     if isinstance(node, ast.Compare | ast.BinOp) and (
         isinstance(node, ast.Compare) or isinstance(node.op, ast.BitAnd)
