@@ -21,8 +21,16 @@ MOST_TEXT = 4000
 
 
 def write_gradescope(result: Result, rubric: Rubric, path: str | os.PathLike[str]) -> None:
-    """Text first; one small picture for each test that fails, as long as there is room for it."""
-    _write_within(gradescope(result, rubric), path)
+    """Text first; one small picture for each test that fails; the last ones go where there is no room for all."""
+    made = gradescope(result, rubric)
+    for test in reversed(made["tests"]):
+        if len(json.dumps(made)) <= MOST_BYTES:
+            break
+        if test["output_format"] == "html":
+            test["output"] = re.sub(
+                r"<p>Expected.*$", "<p>(no room for its picture)</p>", test["output"], flags=re.DOTALL
+            )
+    files.write_text(Path(path), json.dumps(made, indent=1, allow_nan=False) + "\n")
 
 
 def gradescope(result: Result, rubric: Rubric) -> dict[str, Any]:
@@ -139,18 +147,6 @@ def _html(text: str, picture: Picture) -> str:
 
     shown = f'<img src="{picture.thumb}" alt="expected, got, difference: {escape(picture.shows, quote=True)}">'
     return f"<pre>{escape(text)}</pre><p>Expected, got, difference: {escape(picture.shows)}</p>{shown}"
-
-
-def _write_within(made: dict[str, Any], path: str | os.PathLike[str]) -> None:
-    """Atomically; pictures go, the last first, until it is small enough."""
-    for test in reversed(made["tests"]):
-        if len(json.dumps(made)) <= MOST_BYTES:
-            break
-        if test["output_format"] == "html":
-            test["output"] = re.sub(
-                r"<p>Expected.*$", "<p>(no room for its picture)</p>", test["output"], flags=re.DOTALL
-            )
-    files.write_text(Path(path), json.dumps(made, indent=1, allow_nan=False) + "\n")
 
 
 def write_unfinished(path: Path) -> None:
