@@ -31,11 +31,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.path not in long)
 
 
-TOGETHER = (
-    ("tests/test_package.py", "tests/test_light_install.py"),
-    ("tests/calib/photos/", "tests/test_photographer.py"),
-)
-"""Files, or folders, that share what costs most: an installed wheel, a folder of photos."""
+TOGETHER = (("tests/calib/photos/", "tests/test_photographer.py"),)
+"""Files, or folders, that share what costs most: a folder of photos."""
 
 
 @pytest.hookimpl(optionalhook=True)
