@@ -7,7 +7,7 @@ submissions whose process does not live to tell; the sort of verdict, and a word
 from typing import NamedTuple
 
 ATTACKS = '''
-import ctypes, errno, fcntl, os, resource, signal, socket, struct, subprocess, sys
+import ctypes, errno, fcntl, mmap, os, resource, signal, socket, struct, subprocess, sys
 import numpy as np
 
 libc = ctypes.CDLL(None, use_errno=True)
@@ -46,9 +46,9 @@ def reads_the_parents_environment(told): return opens(f"/proc/{PARENT}/environ")
 @tried
 def opens_the_parents_memory(told): return opens(f"/proc/{PARENT}/mem", "r")
 @tried
-def writes_to_tmp(told): return opens("/tmp/raytwin-hacked", "w")
+def writes_to_tmp(told): return opens(f"/tmp/{told['name']}", "w")
 @tried
-def writes_to_shared_memory(told): return opens("/dev/shm/raytwin-hacked", "w")
+def writes_to_shared_memory(told): return opens(f"/dev/shm/{told['name']}", "w")
 @tried
 def writes_beside_its_folder(told): return opens(os.path.join(HOME, "..", "submission", "hacked"), "w")
 @tried
@@ -209,6 +209,16 @@ def ignores_its_children(told):
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     return True
 @tried
+def hands_its_orphans_to_another(told): return libc.prctl(36, 0, 0, 0, 0) == 0
+@tried
+def outlives_the_grader(told): return libc.prctl(1, 0, 0, 0, 0) == 0
+@tried
+def shares_memory_that_is_nobodys(told): return bool(mmap.mmap(-1, 4096))
+@tried
+def leases_a_file_of_pythons(told):
+    fcntl.fcntl(os.open(np.__file__, os.O_RDONLY), fcntl.F_SETLEASE, fcntl.F_WRLCK)
+    return True
+@tried
 def makes_a_child_of_the_graders(told):
     pid = libc.syscall(56, 0x8000 | 17, 0, 0, 0, 0)
     if pid == 0: os._exit(0)
@@ -261,7 +271,7 @@ def breaks_numpy():
     return np.array([np.nan, np.inf])
 
 class Bomb:
-    def __reduce__(self): return os.system, ("touch /tmp/raytwin-hacked",)
+    def __reduce__(self): return os.system, (f"touch /tmp/raytwin-{PARENT}",)
 
 def returns_a_pickle_bomb(): return Bomb()
 def returns_objects(): return np.array([Bomb(), None])

@@ -99,9 +99,17 @@ def test_ended_children_are_never_ignored_and_other_signals_may_be_handled(ask):
     assert ask((13, 134), 2, 5) == ask((13, 134), 16) == ask((13, 134), 18) == ALLOW
 
 
+def test_it_ends_with_the_grader_and_keeps_its_orphans_and_shares_no_memory_without_a_file(ask):
+    assert ask((157, 167), 15, 1) == ask((157, 167), 4, 36) == ALLOW  # PR_SET_NAME
+    assert ask((157, 167), 1) == ask((157, 167), 36, 1) == REFUSE
+    private, shared, of_file = 0x22, 0x21, 0x01
+    assert ask((9, 222), 0, 4096, 3, private) == ask((9, 222), 0x21, 0x21, 0x21, of_file) == ALLOW
+    assert ask((9, 222), 0, 4096, 3, shared) == ask((9, 222), 0, 4096, 3, shared | 0x4000) == REFUSE
+
+
 def test_descriptors_tell_nobody_else_and_pipes_stay_small(ask):
     assert ask((72, 25), 3, 1) == ask((72, 25), 3, 1032) == ask((16, 29), 3, 0x5401) == ALLOW
-    for command in (8, 10, 15, 1026, 1031):
+    for command in (8, 10, 15, 1024, 1026, 1031):
         assert ask((72, 25), 3, command) == REFUSE
         assert ask((72, 25), command, 3) == ALLOW
     for command in (0x8901, 0x8902, 0x5412, 0x541C, 0x40086602, 0x401C5820):

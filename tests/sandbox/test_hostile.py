@@ -86,7 +86,7 @@ def test_no_attack_works(outcome, locks, name):
 
 def test_the_graders_files_are_as_they_were(outcome):
     assert {p.read_text() for p in outcome["folder"].iterdir()} == {"secret"}
-    assert not Path("/tmp/raytwin-hacked").exists()
+    assert not Path(f"/tmp/raytwin-{os.getpid()}").exists()
 
 
 def test_no_process_and_no_folder_is_left_behind(outcome):

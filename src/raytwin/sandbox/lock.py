@@ -286,7 +286,7 @@ DENIED: dict[str, tuple[int, int]] = {
 
 PARTLY = {
     "clone": (56, 220), "clone3": (435, 435), "kill": (62, 129), "tgkill": (234, 131), "prlimit64": (302, 261),
-    "fcntl": (72, 25), "ioctl": (16, 29), "rt_sigaction": (13, 134),
+    "fcntl": (72, 25), "ioctl": (16, 29), "rt_sigaction": (13, 134), "prctl": (157, 167), "mmap": (9, 222),
 }  # fmt: skip
 """Refused for some arguments."""
 
@@ -297,7 +297,13 @@ NEW_NAMESPACES, CLONE_PARENT = 0x7E020080, 0x8000
 """CLONE_NEWNS, CGROUP, UTS, IPC, USER, PID, NET, TIME; and a child of the grader's, whom nobody waits for."""
 SIGCHLD = 17
 """Where it is ignored, a child that ends takes its seconds along."""
-FCNTLS = {"F_SETOWN": 8, "F_SETSIG": 10, "F_SETOWN_EX": 15, "F_NOTIFY": 1026, "F_SETPIPE_SZ": 1031}
+PRCTLS = {"PR_SET_PDEATHSIG": 1, "PR_SET_CHILD_SUBREAPER": 36}
+"""What ends it with the grader, and keeps its orphans where their seconds are counted."""
+MAP_SHARED, MAP_ANONYMOUS = 1, 0x20
+"""Both: memory that children fill, and that is in nobody's account once they have ended."""
+FCNTLS = {
+    "F_SETOWN": 8, "F_SETSIG": 10, "F_SETOWN_EX": 15, "F_SETLEASE": 1024, "F_NOTIFY": 1026, "F_SETPIPE_SZ": 1031,
+}  # fmt: skip
 IOCTLS = {
     "FIOSETOWN": 0x8901, "SIOCSPGRP": 0x8902, "TIOCSTI": 0x5412, "TIOCLINUX": 0x541C,
     "FS_IOC_SETFLAGS": 0x40086602, "FS_IOC_FSSETXATTR": 0x401C5820,
@@ -333,22 +339,24 @@ def assembled(architecture: int, column: int, pid: int) -> bytes:
     for refused in (both[column] for both in DENIED.values() if both[column] >= 0):
         code += [(_EQUAL, 0, 1, refused), (_RETURN, 0, 0, _REFUSE)]
     code += [(_EQUAL, 0, 1, number["clone3"]), (_RETURN, 0, 0, _ABSENT)]  # its flags lie in memory: clone comes next
-    code += _refused(number["clone"], 0, _ANY_BIT, NEW_NAMESPACES | CLONE_PARENT)
+    code += _refused(number["clone"], 0, (_ANY_BIT, NEW_NAMESPACES | CLONE_PARENT))
+    code += _refused(number["mmap"], 3, (_ANY_BIT, MAP_SHARED), (_ANY_BIT, MAP_ANONYMOUS))
     code += _allowed(number["kill"], 0, (pid, 0))
     code += _allowed(number["tgkill"], 0, (pid,))
     code += _allowed(number["prlimit64"], 0, (pid, 0))
-    code += _refused(number["rt_sigaction"], 0, _EQUAL, SIGCHLD)
-    for argument in FCNTLS.values():
-        code += _refused(number["fcntl"], 1, _EQUAL, argument)
-    for argument in IOCTLS.values():
-        code += _refused(number["ioctl"], 1, _EQUAL, argument)
+    code += _refused(number["rt_sigaction"], 0, (_EQUAL, SIGCHLD))
+    for name, argument, values in (("prctl", 0, PRCTLS), ("fcntl", 1, FCNTLS), ("ioctl", 1, IOCTLS)):
+        for value in values.values():
+            code += _refused(number[name], argument, (_EQUAL, value))
     code.append((_RETURN, 0, 0, _ALLOW))
     return b"".join(struct.pack("<HBBI", *line) for line in code)
 
 
-def _refused(number: int, argument: int, test: int, value: int) -> list[tuple[int, int, int, int]]:
-    """The call of that number, refused where its argument passes the test."""
-    body = [(_LOAD, 0, 0, 16 + 8 * argument), (test, 0, 1, value), (_RETURN, 0, 0, _REFUSE), (_LOAD, 0, 0, 0)]
+def _refused(number: int, argument: int, *tests: tuple[int, int]) -> list[tuple[int, int, int, int]]:
+    """The call of that number, refused where its argument passes all tests, each a comparison and its value."""
+    body = [(_LOAD, 0, 0, 16 + 8 * argument)]
+    body += [(test, 0, len(tests) - i, value) for i, (test, value) in enumerate(tests)]
+    body += [(_RETURN, 0, 0, _REFUSE), (_LOAD, 0, 0, 0)]
     return [(_EQUAL, 0, len(body), number), *body]
 
 

@@ -60,7 +60,7 @@ def nameless_bytes(group: int) -> int:
         with contextlib.suppress(OSError):
             maps = Path(f"/proc/{pid}/maps").read_bytes()
             for line in maps.splitlines() if b" (deleted)" in maps else ():
-                if line.endswith(b" (deleted)") and b" /dev/zero" not in line:
+                if line.endswith(b" (deleted)"):
                     _add_mapped(sizes, line)
     return sum(sizes.values())
 
