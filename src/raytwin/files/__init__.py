@@ -40,6 +40,7 @@ from raytwin.files.scene_files import (
     read_camera,
     read_scene,
     read_sky_map,
+    scene_text,
     write_camera,
     write_scene,
 )

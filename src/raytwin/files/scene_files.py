@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import tomli_w
-from msgspec import UNSET
+from msgspec import UNSET, structs
 
 from raytwin.errors import InputError
 from raytwin.files.images import read_image
@@ -73,25 +73,31 @@ def read_scene(path: str | os.PathLike | Scene | SceneFile) -> SceneFile:
 
 def write_scene(path: Path, scene: SceneFile, comment: str = "") -> Path:
     """Write a scene whose camera is known, with the file of its sky's map beside it; return `path`."""
+    if scene.sky.map is not UNSET:
+        source = Path(scene.folder) / scene.sky.map
+        if source.resolve() != (path.parent / source.name).resolve():
+            with replacing(path.parent / source.name) as temporary:
+                temporary.write_bytes(source.read_bytes())
+        scene = structs.replace(scene, sky=structs.replace(scene.sky, map=source.name))
+    write_text(path, scene_text(scene, comment))
+    return path
+
+
+def scene_text(scene: SceneFile, comment: str = "") -> str:
+    """Return the scene.toml of a scene whose camera is known: without defaults, vectors and matrices on one line."""
     tables = {k: v for k, v in plain(scene).items() if k not in ("name", "folder", "photos") and v}
     for table in (tables["camera"], *tables.get("spheres", ()), *tables.get("planes", ())):
         for key in [key for key in ("dist", "in_photo") if not table.get(key)]:
             table.pop(key, None)
     if scene.sky.map is not UNSET:
         tables["sky"] = {k: v for k, v in tables["sky"].items() if k not in ("texels", "radiance")}
-        source = Path(scene.folder) / scene.sky.map
-        tables["sky"]["map"] = source.name
-        if source.resolve() != (path.parent / source.name).resolve():
-            with replacing(path.parent / source.name) as temporary:
-                temporary.write_bytes(source.read_bytes())
     if tables["tolerance"] == plain(Tolerance()):
         del tables["tolerance"]
     head = "".join(f"# {line}\n" for line in comment.splitlines())
     text = tomli_w.dumps(tables)
     for _ in range(2):  # vectors, then matrices, on one line
         text = re.sub(r"\[\n\s+([^{}=]*?),\n\s*\]", lambda found: "[" + re.sub(r",\s+", ", ", found[1]) + "]", text)
-    write_text(path, f"{head}\n{text}")
-    return path
+    return f"{head}\n{text}"
 
 
 def check_contents(scene: SceneFile, where: str) -> None:

@@ -2,9 +2,8 @@
 
 import base64
 import binascii
-import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
 
@@ -17,8 +16,6 @@ from raytwin.speed import ENGINES
 from raytwin.tracer import SOLVERS
 
 MOST_OBJECTS, MOST_SAMPLES = 1000, 4096
-WIDE = 100
-"""Characters of a list in one line of a scene.toml."""
 UNIT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -131,52 +128,10 @@ def from_link(text: str) -> Wanted:
     return from_json(plain, "--view")
 
 
-# ------------------------------------------------------------------------------------------ a scene.toml
-
-
 def scene_toml(base: SceneFile, wanted: Wanted) -> str:
-    """Return a scene.toml as one writes it: a block an object, without defaults, no more digits than a number has.
-
-    What was calibrated is written out, so that it needs no photo.
-    """
+    """Return the scene.toml of what is shown. What was calibrated is written out, so that it needs no photo."""
     shown = wanted.written(base)
-    blocks = [f"# {base.name}, as it was left while exploring it."]
-    if shown.camera is not None:
-        blocks.append(_block("[camera]", shown.camera))
-    for title, things in (("[[spheres]]", shown.spheres), ("[[planes]]", shown.planes)):
-        blocks += [_block(title, thing) for thing in things]
-    nothing = SceneFile("")
-    if shown.sun != nothing.sun:
-        blocks.append(_block("[sun]", shown.sun))
     if shown.sky.map is not msgspec.UNSET:
         path = str((Path(base.folder) / shown.sky.map).resolve())  # it may be saved anywhere
-        sky = msgspec.structs.replace(shown.sky, map=path, texels=msgspec.UNSET)
-        still = {name: msgspec.UNSET for name, value in (("scale", 1), ("rotation", 0)) if getattr(sky, name) == value}
-        blocks.append(_block("[sky]", msgspec.structs.replace(sky, **still)))
-    elif shown.sky != nothing.sky:
-        blocks.append(_block("[sky]", shown.sky))
-    if shown.tolerance != nothing.tolerance:
-        blocks.append(_block("[tolerance]", shown.tolerance))
-    blocks += [_block("[[pyramids]]", thing) for thing in shown.pyramids]
-    return "\n\n".join(blocks) + "\n"
-
-
-def _block(title: str, record: Record) -> str:
-    """Return a table's lines, the name first, without what is unset or as it would be by default."""
-    fields = sorted(msgspec.structs.fields(record), key=lambda field: field.name != "name")
-    values = [(field.name, getattr(record, field.name), field.default) for field in fields]
-    kept = [(name, value) for name, value, default in values if value is not msgspec.UNSET and value != default]
-    return "\n".join([title, *(f"{name} = {_toml(value)}" for name, value in kept)])
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, tuple):
-        parts = [_toml(part) for part in value]
-        line = f"[{', '.join(parts)}]"
-        return line if len(line) <= WIDE else "[\n" + "".join(f"    {part},\n" for part in parts) + "]"
-    if isinstance(value, bool | int):
-        return str(value).lower()
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)  # a basic string of TOML
-    text = f"{value:.4g}" if float(f"{value:.4g}") == value else repr(value)
-    return text if any(mark in text for mark in ".en") else f"{text}.0"
+        shown = msgspec.structs.replace(shown, sky=msgspec.structs.replace(shown.sky, map=path))
+    return files.scene_text(shown, f"{base.name}, as it was left while exploring it.")
