@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
-from typer.core import TyperGroup
 
 from raytwin.cli.option_values import check_outputs, parse_counts, parse_numbers, parse_size
-from raytwin.cli.options import register
+from raytwin.cli.options import group, register
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say, say_wrapped
 from raytwin.errors import InputError, check_one_of
@@ -18,26 +18,11 @@ from raytwin.rungs import RUNGS
 if TYPE_CHECKING:
     from raytwin.bench.calibration_cost import Shoot
 
-DEFAULT = "scene"
-"""The command that `raytwin bench SCENE` means."""
-
 CALIBRATIONS = 7
 """Most timed calls of a calibration, or of a frame of the paper's, by default."""
 
 
-class OrDefault(TyperGroup):
-    """A group whose first word may be left out: what is no command begins DEFAULT's arguments."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        if args and args[0] not in (*self.commands, *ctx.help_option_names):
-            args = [DEFAULT, *args]
-        return super().parse_args(ctx, args)
-
-
-app = typer.Typer(
-    cls=OrDefault,
-    no_args_is_help=True,
-)
+app = group("scene")
 
 
 def scene_command(
@@ -106,38 +91,40 @@ class CalibrationRun:
 
 def calibration_command(run: CalibrationRun, json: Path | None = None, out: Path | None = None) -> None:
     """Measure calibration time against error in unseen photos."""
-    from raytwin.bench import calibration_cost, write_bench
+    from raytwin.bench import calibration_cost
     from raytwin.report import bench_page
 
-    check_outputs(folders=(out or Path("out"),), files=(json,))
-    options = run.options()
-    with show_progress() as progress:
-        found = calibration_cost.bench_calibration(**options, progress=progress)
-        folder = out or Path("out") / "bench-calibration"
-        with progress.stage("page"):
-            bench_page.write_bench_all(found, folder)
-    if json:
-        write_bench(found, json)
-    say_wrapped(bench_page.bench_summary(found))
-    say(f"report: {folder / 'bench.html'}")
+    make = calibration_cost.bench_calibration
+    _measured(
+        run, make, bench_page.write_bench_all, bench_page.bench_summary, json, out, "bench-calibration/bench.html"
+    )
 
 
 def paper_command(run: CalibrationRun, json: Path | None = None, out: Path | None = None) -> None:
     """Measure the paper's figures 10 to 12 again."""
-    from raytwin import files
     from raytwin import paper as figures
 
+    make = partial(figures.paper, run.scene)
+    _measured(run, make, figures.write_paper_all, figures.paper_summary, json, out, "paper/paper.html")
+
+
+def _measured(
+    run: CalibrationRun, make: Callable[..., Any], write: Callable[[Any, Path], None], summary: Callable[[Any], str],
+    json: Path | None, out: Path | None, page: str,
+) -> None:  # fmt: skip
+    """Measure, write and print; `page`: in out/, where no folder is asked for."""
+    from raytwin import files
+
     check_outputs(folders=(out or Path("out"),), files=(json,))
-    options = run.options()
     with show_progress() as progress:
-        found = figures.paper(run.scene, **options, progress=progress)
-        folder = out or Path("out") / "paper"
+        found = make(**run.options(), progress=progress)
+        report = (out or Path("out", page).parent) / Path(page).name
         with progress.stage("page"):
-            figures.write_paper_all(found, folder)
+            write(found, report.parent)
     if json:
         files.write_json(json, found)
-    say_wrapped(figures.paper_summary(found))
-    say(f"report: {folder / 'paper.html'}")
+    say_wrapped(summary(found))
+    say(f"report: {report}")
 
 
 def list_command(methods: str = "*") -> None:
@@ -196,7 +183,7 @@ def shoot_of(scene: Path | None, count: int, size: str) -> "Shoot":
 
 
 COMMANDS: dict[str, Callable[..., None]] = {
-    DEFAULT: scene_command,
+    "scene": scene_command,
     "calibration": calibration_command,
     "paper": paper_command,
     "list": list_command,

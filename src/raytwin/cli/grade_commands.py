@@ -5,10 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
-from typer.core import TyperGroup
 
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.options import register
+from raytwin.cli.options import group, register
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
@@ -22,22 +21,7 @@ FEW = 20
 """Most results that are listed although they were there already."""
 
 
-class _Submissions(TyperGroup):
-    """`raytwin grade FOLDER ...` is `raytwin grade class FOLDER ...`: what is no command's name is a folder; so is
-    `class` itself, where there is one and no other is given."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        alone = args[1:2] != ["-h"] and args[1:2] != ["--help"] and all(word.startswith("-") for word in args[1:2])
-        its_name = args[:1] == ["class"] and alone and Path("class").is_dir()
-        if args and (its_name or args[0] not in (*self.commands, "-h", "--help")):
-            args = ["class", *args]
-        return super().parse_args(ctx, args)
-
-
-app = typer.Typer(
-    no_args_is_help=True,
-    cls=_Submissions,
-)
+app = group("class", folder=True)
 
 
 def class_command(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from raytwin.cli.examples import EXAMPLES
 from raytwin.cli.option_values import parse_size
@@ -376,6 +377,24 @@ def with_options(command: Callable[..., None], name: str) -> Callable[..., None]
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {p.name: p.annotation for p in parameters}
     return run
+
+
+def group(default: str, folder: bool = False) -> typer.Typer:
+    """Return a group of commands: words that begin with none of their names are those of the command `default`.
+
+    `folder`: so is its own name where no other words follow and a folder has that name, as `raytwin grade class`.
+    """
+
+    class OrDefault(TyperGroup):
+        def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+            help_asked = args[1:2] and args[1] in ctx.help_option_names
+            alone = not help_asked and all(word.startswith("-") for word in args[1:2])
+            its_name = folder and args[:1] == [default] and alone and Path(default).is_dir()
+            if args and (its_name or args[0] not in (*self.commands, *ctx.help_option_names)):
+                args = [default, *args]
+            return super().parse_args(ctx, args)
+
+    return typer.Typer(cls=OrDefault, no_args_is_help=True)
 
 
 def register(app: typer.Typer, commands: Mapping[str, Callable[..., None]], *, within: str = "") -> None:
