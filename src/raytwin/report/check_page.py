@@ -14,10 +14,10 @@ import msgspec
 from raytwin import files, viewer
 from raytwin.compare import Report
 from raytwin.image import Image
-from raytwin.report import data_urls, numbers
+from raytwin.report import data_urls
 from raytwin.report.compare_page import write_report
 from raytwin.report.page import write_page
-from raytwin.report.view import Names, PairView, Tile, error_tile, in_radiance, numbered, ratio_tile, silhouette_tile
+from raytwin.report.view import Names, PairView, in_radiance, numbered, tiles
 from raytwin.scene import Tolerance
 from raytwin.workflows.compared import Compared
 
@@ -28,7 +28,7 @@ SCRIPT = "check-viewer.js"
 """The viewer, which all pages of a run share."""
 GOOD = ("pass", "differs")
 
-NAMES = Names("test", "reference", "the test's image", "the reference", "The test's image", "The reference")
+NAMES = Names("test", "reference", "The test's image", "The reference")
 
 
 class CheckRow(msgspec.Struct):
@@ -106,14 +106,7 @@ def write_index(folder: Path) -> tuple[int, int]:
 
 
 def _view(test: str, notes: tuple[str, ...], pair: Compared) -> PairView:
-    tolerance, c = in_radiance(pair), pair.comparison
-    tiles = [
-        error_tile(pair, tolerance),
-        Tile("RMSE", numbers.shown(c.radiance.rmse), below=f"worst {numbers.shown(c.radiance.max_abs)}"),
-        ratio_tile(c, "test", "reference"),
-    ]
-    if c.geometry.mask_mismatch_pixels is not None:
-        tiles.insert(0, silhouette_tile(c, tolerance))
+    tolerance = in_radiance(pair)
     settings = {"test": test, "samples of the reference": str(pair.reference.samples)}
     return PairView(
         pair=replace(pair, report=pair.report.saying(*(f"note: {n}" for n in notes)), settings=settings),
@@ -121,9 +114,8 @@ def _view(test: str, notes: tuple[str, ...], pair: Compared) -> PairView:
         about=("test", test.rpartition("/")[2]),
         names=NAMES,
         tolerance=tolerance,
-        held_to="noise and tolerance" if pair.noisy else "the tolerance",
         motto="a renderer compared with its reference",
-        tiles=tuple(tiles),
+        tiles=tiles(pair, tolerance),
         objects=numbered(pair.reference),
     )
 

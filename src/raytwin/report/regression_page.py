@@ -16,7 +16,7 @@ from raytwin.workflows.compared import Compared
 
 INDEX, SCRIPT = "against.html", "against-viewer.js"
 
-NAMES = Names("augmented", "true", "the augmented photo", "the true photo", "Augmented photo", "True photo")
+NAMES = Names("augmented", "true", "Augmented photo", "True photo")
 
 
 class Against:
@@ -47,7 +47,6 @@ class Against:
             about=("against", "the true photo"),
             names=NAMES,
             tolerance=None,
-            held_to="",
             motto="drawn objects beside real ones",
             tiles=tuple(
                 Tile(f"Error on {part['region']}", f"{part['rms']:.4f}", "rms", f"{part['codes']:.2f} codes of 255")

@@ -1,7 +1,7 @@
 """What a page shows of two images, whoever made them: the tracer beside its twin, or any A beside any B."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,23 +20,16 @@ MOST_OBJECTS = 10_000
 """Objects that are named at most: an EXR may hold any number."""
 
 
-@dataclass(frozen=True)
-class Names:
-    """How the two images are called: in a table's cell, in a sentence, above their pictures."""
+class Names(NamedTuple):
+    """How the two images are called: in a table's cell, and above their pictures."""
 
     test: str
     reference: str
-    the_test: str
-    the_reference: str
     test_title: str
     reference_title: str
 
 
-TWINS = Names("tracer", "twin", "the tracer", "the twin", "Tracer's image", "Twin's image")
-
-
-@dataclass(frozen=True)
-class Tile:
+class Tile(NamedTuple):
     """A large number under the verdict: what it is, its value in words, its unit, and a line below."""
 
     what: str
@@ -49,22 +42,25 @@ class Tile:
 class PairView:
     """How a page shows two images: what they are called, what stands large, what the error is compared with.
 
-    `tolerance` is None where something else decided: `held_to` says what did; `judged` is False where nothing did.
-    `about` is a word and the name it introduces (rung, shadow). `objects` names `surface.ids` from 0 on. `metrics` are
-    further ones: name, value, formula.
+    `tolerance` is None where limits decided; `judged` is False where nothing did. `about` is a word and the name it
+    introduces (rung, shadow). `objects` names `surface.ids` from 0 on. `metrics`: further ones by name, value, formula.
     """
 
     pair: Compared
     title: str
     names: Names
     tolerance: Tolerance | None
-    held_to: str
-    motto: str
+    motto: str = ""
     about: tuple[str, str] = ("", "")
     tiles: tuple[Tile, ...] = ()
     objects: tuple[str, ...] = ()
     metrics: tuple[tuple[str, float | None, str], ...] = ()
     judged: bool = True
+
+    @property
+    def held_to(self) -> str:
+        """What decided."""
+        return "the limits" if self.tolerance is None else "noise and tolerance" if self.pair.noisy else "the tolerance"
 
     @property
     def test(self) -> Image:
@@ -117,24 +113,16 @@ def view_of(pair: "Result | Diff") -> PairView:
 
 def _of_scene(result: "Result") -> PairView:
     """The tracer beside its twin."""
-    c, about = result.comparison, result.report
-    tolerance = in_radiance(result)
-    samples = result.reference.samples
+    about, tolerance = result.report, in_radiance(result)
     return PairView(
         pair=result,
         title=about.scene,
         about=("rung", about.rung) if about.rung else ("of", "a Mitsuba file"),
-        names=TWINS,
+        names=Names("tracer", "twin", "Tracer's image", "Twin's image"),
         tolerance=tolerance,
-        held_to="the scene's tolerance",
         motto="a hand-written ray tracer beside its Mitsuba twin",
         objects=result.scene.names,
-        tiles=(
-            silhouette_tile(c, tolerance),
-            error_tile(result, tolerance, "Radiance error, 99.9 %"),
-            Tile("Tracer", seconds(about.seconds.get("tracer")), below=f"RMSE {shown(c.radiance.rmse)}"),
-            Tile("Twin", seconds(about.seconds.get("twin")), below=f"{samples} sample{'s' * (samples != 1)} a pixel"),
-        ),
+        tiles=tiles(result, tolerance),
     )
 
 
@@ -144,20 +132,22 @@ def in_radiance(pair: Compared) -> Tolerance:
     return scaled(pair.tolerance, pair.reference, pair.test) if pictures else pair.tolerance
 
 
-def silhouette_tile(comparison: Comparison, tolerance: Tolerance) -> Tile:
-    apart = comparison.geometry.mask_mismatch_pixels
-    unit = "pixel differs" if apart == 1 else "pixels differ"
-    return Tile("Silhouettes", shown(apart), unit, f"limit {tolerance.mask_pixels}")
-
-
-def error_tile(pair: Compared, tolerance: Tolerance | None, title: str = "Error, 99.9 %") -> Tile:
-    below = "" if tolerance is None else f"limit {short(tolerance.p999_abs)}"
-    return Tile(title, shown(pair.comparison.radiance.p999_abs), below="noise included" if pair.noisy else below)
-
-
-def ratio_tile(comparison: Comparison, test: str, reference: str) -> Tile:
-    below = f"mean({test}) / mean({reference})"
-    return Tile("Ratio of means", shown(comparison.radiance.mean_ratio, 5), below=below)
+def tiles(pair: Compared, tolerance: Tolerance | None) -> tuple[Tile, ...]:
+    """What stands large: the errors, with what they are allowed; seconds beside them where there are any."""
+    g, r, seconds_of = pair.comparison.geometry, pair.comparison.radiance, pair.report.seconds
+    found = []
+    if (apart := g.mask_mismatch_pixels) is not None and tolerance is not None:
+        unit = "pixel differs" if apart == 1 else "pixels differ"
+        found.append(Tile("Silhouettes", shown(apart), unit, f"limit {tolerance.mask_pixels}"))
+    limit = "" if tolerance is None else f"limit {short(tolerance.p999_abs)}"
+    found.append(Tile("Radiance error, 99.9 %", shown(r.p999_abs), below="noise included" if pair.noisy else limit))
+    found.append(Tile("RMSE", shown(r.rmse), below=f"worst {shown(r.max_abs)}"))
+    if "tracer" in seconds_of:
+        samples = pair.reference.samples
+        found.append(Tile("Tracer", seconds(seconds_of["tracer"])))
+        below = f"{samples} sample{'s' * (samples != 1)} a pixel"
+        return *found, Tile("Twin", seconds(seconds_of.get("twin")), below=below)
+    return *found, Tile("Ratio of means", shown(r.mean_ratio, 5), below="mean(test) / mean(reference)")
 
 
 def numbered(*images: Image) -> tuple[str, ...]:
@@ -168,24 +158,21 @@ def numbered(*images: Image) -> tuple[str, ...]:
 
 def _of_diff(found: Diff) -> PairView:
     """A beside B, whoever rendered them."""
-    r = found.comparison.radiance
+    known = found.comparison.radiance.__struct_fields__
     tolerance = None if found.limits else in_radiance(found)
-    others = [k for k, v in found.metrics.items() if k not in r.__struct_fields__ and v is not None]
     remarks = found.report.saying(*(f"warning: {w}" for w in found.warnings))
     return PairView(
         pair=replace(found, report=remarks),
         title=found.a,
         about=("against", found.b),
-        names=Names("A", "B", "A", "B", f"A: {found.a}", f"B: {found.b}"),
+        names=Names("A", "B", f"A: {found.a}", f"B: {found.b}"),
         tolerance=tolerance,
-        held_to="the limits" if found.limits else "noise and tolerance" if found.noisy else "the tolerance",
         motto="any image beside its reference",
-        tiles=(
-            error_tile(found, tolerance),
-            Tile("Error, worst", shown(r.max_abs), below="max |A − B|"),
-            Tile("RMSE", shown(r.rmse), below=f"relMSE {shown(r.relmse)}"),
-            ratio_tile(found.comparison, "A", "B"),
-        ),
+        tiles=tiles(found, tolerance),
         objects=numbered(found.test, found.reference),
-        metrics=tuple((k, found.metrics[k], METRICS[k].formula) for k in others),
+        metrics=tuple(
+            (name, value, METRICS[name].formula)
+            for name, value in found.metrics.items()
+            if name not in known and value is not None
+        ),
     )
