@@ -78,7 +78,6 @@ def write_light_page(found: "LightEstimate", path: str | os.PathLike[str]) -> No
         path, "light.html.j2", (viewer.style(), STYLE), (viewer.script(),),
         data=data, found=found, facts=light_facts(found), scale=SCALE,
         photos=[_drawing(found, i) for i in range(min(len(found.photos), SHOWN))],
-        sun=_sun_chart(found), map_url=_jpeg(files.to_bytes(around * np.float32(2.0 ** stops(image)))),
         before=_jpeg(found.photos[0].pixels), after=_jpeg(found.drawn) if found.drawn is not None else None,
     )  # fmt: skip
 
@@ -99,23 +98,6 @@ def _drawing(found: "LightEstimate", i: int) -> dict[str, Any]:
         "name": photo.name, "url": _jpeg(photo.pixels), "width": photo.camera.width, "height": photo.camera.height,
         "paths": paths,
     }  # fmt: skip
-
-
-def _sun_chart(found: "LightEstimate") -> list[dict[str, Any]]:
-    """Where on the map each thing put the sun, as ellipses of two standard deviations in a box of 360 by 180."""
-    suns = [(n, d, s) for n, d, s in found.suns]
-    if found.light.to_light is not None:
-        suns.append(("all", found.light.to_light, found.light.sigma))
-    rows = []
-    for name, d, sd in suns:
-        high = np.degrees(2 * sd)
-        level = max(float(np.hypot(*d[:2])), 0.05)
-        rows.append({
-            "name": name, "x": 180 + np.degrees(np.arctan2(d[0], d[1])),
-            "y": np.degrees(np.arccos(np.clip(d[2], -1, 1))),
-            "rx": min(max(high / level, 0.3), 60), "ry": max(high, 0.3), "all": name == "all",
-        })  # fmt: skip
-    return rows
 
 
 def _jpeg(pixels: np.ndarray) -> str:
