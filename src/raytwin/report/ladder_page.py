@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 from raytwin import files
 from raytwin.image import Image
-from raytwin.report.charts.chart import Chart, Point, chart_html, family_chart, write_charts
+from raytwin.report.bench_charts import Mark, marks_chart
+from raytwin.report.charts.chart import Chart, chart_html, write_charts
 from raytwin.report.numbers import seconds, shown
 from raytwin.report.page import write_page
 from raytwin.report.picture_pair import SCRIPTS, STYLES, picture_pair
 
 if TYPE_CHECKING:
-    from raytwin.analysis.ladder import Ladder, Rungs, Step
+    from raytwin.analysis.ladder import Ladder, Rungs
 
-COLOURS = {"tracer": "#e07b00", "twin": "#0f8b8d"}
 PARTS = {
     "numerics": "#6b7280", "its own samples": "#6b7280", "pixel sampling": "#a16207", "sun's shadow": "#174a7c",
     "sky's occlusion": "#3b82c4", "bounce 1": "#c02f4a", "bounce 2": "#e07b00", "bounces 3 and more": "#d4a017",
@@ -65,22 +65,9 @@ def ladder_summary(rungs: "Rungs") -> str:
 
 def error_chart(rungs: "Rungs") -> Chart:
     """Every lit rung's error against its seconds; a line a side."""
-    points = [
-        Point(
-            s.seconds,
-            max(s.rmse, rungs.floor, 1e-9),
-            s.rung,
-            s.side,
-            COLOURS[s.side],
-            strong=True,
-            tip=_tip(s),
-            label=f"{s.side} {s.rung}",
-        )
-        for s in rungs.steps
-        if s.rmse is not None
-    ]
+    marks = [Mark(s.side, s.rung, s.method, s.seconds, s.rmse) for s in rungs.steps if s.rmse is not None]
     title, error = f"{rungs.scene}: every rung on both sides", "RMSE against global illumination"
-    return family_chart("ladder", title, "seconds a frame", error, points, rungs.floor or None)
+    return marks_chart("ladder", title, "seconds a frame", error, marks, rungs.floor)
 
 
 def bars(rungs: "Rungs", rung: str) -> list[dict[str, Any]]:
@@ -98,8 +85,3 @@ def bars(rungs: "Rungs", rung: str) -> list[dict[str, Any]]:
         for part in rungs.ledgers[rung]
         if part.part in PARTS
     ]
-
-
-def _tip(step: "Step") -> str:
-    noise = "" if step.noise is None else f"\nnoise {shown(step.noise, 2)}"
-    return f"{step.method}\n{seconds(step.seconds)}\nRMSE {shown(step.rmse, 3)}{noise}"
