@@ -1,54 +1,83 @@
-"""The machine's own Chromium, driven by Playwright, and axe-core's findings in a page."""
+"""The machine's own Chromium, driven by Playwright, one a process; and what axe-core finds in a page."""
 
+import contextlib
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 ALONE = ("--no-sandbox", "--disable-gpu", "--disable-quic", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1")
+PATIENCE = 300_000
+"""Milliseconds to wait for anything in a page: a busy machine fails no test."""
+VIEWS = ("light", 390), ("light", 800), ("light", 1100), ("dark", 1400)
+"""Colours and width of the window in which a page is looked at: by day from a phone on, by night on a desk."""
+
+SIDEWAYS = """(width) => new Promise((done) => {
+  const until = performance.now() + 10_000, look = () => {
+    const wide = document.documentElement.scrollWidth > width;
+    if (!wide || performance.now() > until) done(wide);
+    else requestAnimationFrame(look);
+  };
+  look();
+})"""
+"""Whether a page stays wider than its window once its canvases have followed it."""
 
 
 def program() -> str | None:
     return next(filter(None, map(shutil.which, BROWSERS)), None)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def chromium():
-    """A browser that reaches nothing but this machine; one for a file's tests, since its loop runs in their thread."""
+    """A browser that reaches nothing but this machine."""
     playwright = pytest.importorskip("playwright.sync_api")
     if program() is None:
         pytest.skip(f"a browser to open the page in: none of {', '.join(BROWSERS)} is installed")
     with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=program(), args=ALONE)
+        browser = driver.chromium.launch(executable_path=program(), args=ALONE, timeout=PATIENCE)
         yield browser
         browser.close()
 
 
+@contextlib.contextmanager
+def opened(chromium, address: str, width: int = 1400, height: int = 1200, **options) -> Iterator:
+    """A page of Playwright's at an address; what its console says is in `page.said`."""
+    with chromium.new_context(viewport={"width": width, "height": height}, **options) as context:
+        context.set_default_timeout(PATIENCE)
+        page = context.new_page()
+        page.said = []
+        page.on("console", lambda message: page.said.append(message.text))
+        page.on("pageerror", lambda error: page.said.append(str(error)))
+        page.goto(address)
+        yield page
+
+
 def barriers(page) -> list[str]:
-    """What axe-core calls serious or critical in a page of Playwright's, and where."""
+    """What axe-core calls serious or critical in a page of Playwright's on a phone and a desk, and where; and the
+    widths at which the page scrolls sideways."""
     from axe_playwright_python.sync_playwright import Axe
 
-    found = Axe().run(page).response["violations"]
-    return [
-        f"{rule['id']}: {node['html'][:120]} {' '.join(node.get('failureSummary', '').split())[:200]}"
-        for rule in found
-        if rule["impact"] in ("serious", "critical")
-        for node in rule["nodes"]
-    ]
+    found = []
+    for scheme, width in VIEWS:
+        page.emulate_media(color_scheme=scheme)
+        page.set_viewport_size({"width": width, "height": 1000})
+        if page.evaluate(SIDEWAYS, width):
+            found.append(f"{width}: it scrolls sideways")
+        rules = Axe().run(page).response["violations"] if width in (VIEWS[0][1], VIEWS[-1][1]) else ()
+        found += [
+            f"{scheme}: {rule['id']}: {node['html'][:120]} {' '.join(node.get('failureSummary', '').split())[:200]}"
+            for rule in rules
+            if rule["impact"] in ("serious", "critical")
+            for node in rule["nodes"]
+        ]
+    return found
 
 
 def barriers_of(chromium, path: Path) -> list[str]:
-    """The same of a page in a file, all its folded parts opened: on a phone by day, on a desk by night."""
-    found = []
-    with chromium.new_page() as page:
-        page.goto(path.as_uri())
+    """The same of a page in a file, all its folded parts opened."""
+    with opened(chromium, path.as_uri()) as page:
         page.evaluate("for (const part of document.querySelectorAll('details')) part.open = true")
         page.wait_for_function("[...document.querySelectorAll('.rt')].every((root) => root.dataset.ready)")
-        for scheme, width in (("light", 390), ("dark", 1400)):
-            page.emulate_media(color_scheme=scheme)
-            page.set_viewport_size({"width": width, "height": 1000})
-            found += [f"{scheme}, {width}: {line}" for line in barriers(page)]
-            if page.evaluate("document.documentElement.scrollWidth") > width:
-                found.append(f"{width}: it scrolls sideways")
-    return found
+        return barriers(page)

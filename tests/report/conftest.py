@@ -7,8 +7,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from browser import opened
 
 from raytwin import files
+from raytwin.calib import boards, photos
 from raytwin.calib.find_camera import TruthRow
 from raytwin.calib.photos import Calibration, Pose, PoseReport
 from raytwin.calib.photos.calibration_result import CalibrationWarning, View
@@ -49,6 +51,13 @@ def make_result(scenes) -> Callable[..., Result]:
         return photographed(result) if photos else result
 
     return make
+
+
+@pytest.fixture(scope="session")
+def calibration(scenes) -> Calibration:
+    """The desk's camera."""
+    folder = scenes / "desk"
+    return photos.calibrate(files.list_photos(folder / "photos"), boards.read_board(folder / "board.toml"))
 
 
 def copied(image: Image) -> Image:
@@ -118,7 +127,7 @@ PROBE = """async () => {
 }"""
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def browse(chromium) -> Callable[..., tuple[dict, list[str]]]:
     """`browse(page, address="", script="")`: what the script put into `result`, and what stood on the console.
 
@@ -127,11 +136,7 @@ def browse(chromium) -> Callable[..., tuple[dict, list[str]]]:
     """
 
     def open_page(path: Path, address: str = "", script: str = "") -> tuple[dict, list[str]]:
-        console: list[str] = []
-        with chromium.new_page(viewport={"width": 1400, "height": 1200}) as page:
-            page.on("console", lambda message: console.append(message.text))
-            page.on("pageerror", lambda error: console.append(str(error)))
-            page.goto(path.as_uri() + address)
-            return page.evaluate(PROBE % script), console
+        with opened(chromium, path.as_uri() + address) as page:
+            return page.evaluate(PROBE % script), page.said
 
     return open_page

@@ -130,7 +130,7 @@ def ladder(folder: Path, make_result, scenes) -> list[Path]:
 
 def calibration(folder: Path, make_result, scenes) -> list[Path]:
     desk = scenes / "desk"
-    found = photos.calibrate(files.list_photos(desk / "photos")[:6], boards.read_board(desk / "board.toml"))
+    found = photos.calibrate(files.list_photos(desk / "photos")[:4], boards.read_board(desk / "board.toml"))
     views = (msgspec.structs.replace(found.views[0], photo=EVIL), *found.views[1:])
     warning = (photos.CalibrationWarning("few_views", EVIL),)
     write_calibration(msgspec.structs.replace(found, views=views, warnings=warning), folder / "camera.html", EVIL)

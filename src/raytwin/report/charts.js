@@ -1,4 +1,4 @@
-// Charts in a page: the one that is chosen, a point's numbers by pointer, tap and arrow keys, zoom. Everything is drawn already.
+// Charts in a page: the one that is chosen, a point's numbers by pointer, tap and arrow keys. Everything is drawn already.
 "use strict";
 (() => {
   const names = ["size", "truth", "metric"];
@@ -68,31 +68,11 @@
     tell(next.point, next.x, next.y);
   }
 
-  function zoomable(svg) {
-    const view = svg.viewBox.baseVal, whole = [view.x, view.y, view.width, view.height];
-    const set = (...rect) => svg.setAttribute("viewBox", rect.join(" "));
-    svg.addEventListener("wheel", (event) => {
-      if (!event.ctrlKey) return;
-      event.preventDefault();
-      const frame = svg.getBoundingClientRect(), by = Math.exp(event.deltaY / 400);
-      const width = Math.min(whole[2], view.width * by), height = width / whole[2] * whole[3];
-      const u = (event.clientX - frame.left) / frame.width, v = (event.clientY - frame.top) / frame.height;
-      set(view.x + u * (view.width - width), view.y + v * (view.height - height), width, height);
-    }, { passive: false });
-    svg.addEventListener("pointermove", (event) => {
-      if (!(event.buttons & 1) || view.width >= whole[2]) return;
-      const step = view.width / svg.getBoundingClientRect().width;
-      set(view.x - event.movementX * step, view.y - event.movementY * step, view.width, view.height);
-    });
-    svg.addEventListener("dblclick", () => set(...whole));
-  }
-
   document.addEventListener("DOMContentLoaded", () => {
     document.body.append(box);
     document.addEventListener("pointerover", hover);
     document.addEventListener("click", tap);
     document.addEventListener("keydown", key);
-    document.querySelectorAll(".view > svg").forEach(zoomable);
     for (const name of names) choice(name)?.addEventListener("change", show);
     document.body.dataset.ready = "true";
   });
