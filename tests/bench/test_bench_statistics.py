@@ -38,9 +38,6 @@ def test_errors_below_the_floor_buy_no_place_on_the_frontier():
     assert on_frontier((1.0, 2.0), (1e-3, 1e-9)) == [True, True]
     assert on_frontier((1.0, 2.0), (1e-3, 1e-9), floor=1e-3) == [True, False]
     assert staircase((1.0, 2.0), (1e-3, 1e-9), floor=1e-3) == [0]
-
-
-def test_an_error_that_is_not_finite_is_on_no_frontier():
     assert on_frontier((1.0, 2.0), (float("nan"), 1.0)) == [False, True]
 
 
@@ -74,10 +71,6 @@ def test_the_error_of_an_exponent_covers_the_truth():
     assert 0.8 < np.median(np.abs(z)) / 0.718 < 1.25  # Student's t with 4 degrees: half lie within 0.741
 
 
-def test_median_and_quartiles():
-    assert median_iqr([5, 1, 3, 2, 4]) == (3, 2)
-
-
 def test_the_interval_of_a_ratio_covers_the_true_ratio():
     rng = np.random.default_rng(5)
     inside = 0
@@ -87,10 +80,8 @@ def test_the_interval_of_a_ratio_covers_the_true_ratio():
         inside += low <= 1.3 <= high
         assert high - low < 1
     assert inside >= 88
-
-
-def test_two_repeats_tell_no_interval():
-    assert ratio_interval([1, 2], [1, 2]) == (1.0, 0.0, float("inf"))
+    assert ratio_interval([1, 2], [1, 2]) == (1.0, 0.0, float("inf"))  # two repeats tell none
+    assert median_iqr([5, 1, 3, 2, 4]) == (3, 2)
 
 
 # ------------------------------------------------------------------------------------------ interleaving
@@ -174,13 +165,6 @@ STEADY = {name: draws(1.0, i) for i, name in enumerate("abcde")}
 EXACT = dict.fromkeys("abcde", (0.1,))
 
 
-def test_a_run_beside_itself_has_no_verdict():
-    found = against(run(STEADY, EXACT), run(STEADY, EXACT))
-    assert not found.worse
-    assert all(c.verdict == "" for c in found.changes)
-    assert found.drift == 1
-
-
 def test_the_slower_the_faster_and_the_less_accurate_are_named():
     changed = STEADY | {"b": draws(1.3, 11), "c": draws(0.7, 12)}
     errors = EXACT | {"d": (0.11,), "e": (0.05,)}
@@ -198,16 +182,12 @@ def test_a_machine_that_is_slower_as_a_whole_is_told_from_a_method():
     assert {c.verdict for c in found.changes} == {"slower, as all are"}
 
 
-def test_errors_under_the_truths_floor_are_the_same():
-    found = against(run(STEADY, dict.fromkeys("abcde", (9e-4,))), run(STEADY, dict.fromkeys("abcde", (1e-7,))))
-    assert not found.worse
-
-
-def test_another_machine_is_a_doubt():
-    assert "processor" in against(run(STEADY, EXACT, "m2"), run(STEADY, EXACT)).doubts[0]
-
-
-def test_runs_with_nothing_in_common_are_refused():
+def test_errors_under_the_truths_floor_are_the_same_and_another_machine_is_a_doubt():
+    low, high = (run(STEADY, dict.fromkeys("abcde", (rmse,)), name) for rmse, name in ((1e-7, "m"), (9e-4, "m2")))
+    found = against(high, low)
+    assert {c.verdict for c in found.changes} == {""}
+    assert found.drift == 1
+    assert "processor" in found.doubts[0]
     with pytest.raises(InputError, match="none in common"):
         against(run({"a": (1.0,)}, EXACT), run({"b": (1.0,)}, EXACT))
 

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import re
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -107,17 +106,12 @@ def test_no_label_lies_over_another_or_beyond_the_frame(made):
         assert all(low >= LEFT and high <= LEFT + WIDTH and TOP <= y <= TOP + HEIGHT + 5 for low, high, y, _ in found)
 
 
-def test_every_family_and_every_method_on_the_frontier_is_named(made):
+def test_who_is_on_the_frontier_and_every_family_is_named_and_what_lies_below_the_floor_is_marked(made):
     for chart in error_charts(made):
         texts = {text for *_, text in labels(chart)}
         assert {p.name for p in chart.points if p.strong} <= texts
         named = {p.family for p in chart.points if p.name in texts}
         assert {p.family for p in chart.points} <= texts | named
-
-
-def test_no_point_lies_below_the_floor_unmarked(made):
-    for chart in error_charts(made):
-        assert chart.floor is not None
         for p in chart.points:
             assert p.y >= chart.floor * (1 - 1e-12)
             assert p.hollow == (p.y <= chart.floor * (1 + 1e-12))
@@ -140,24 +134,16 @@ def test_growth_says_its_exponents(made):
     ]
 
 
-def test_the_page_holds_every_number(made, tmp_path):
-    write_bench_page(made, tmp_path / "bench.html", against(made, made))
-    page = (tmp_path / "bench.html").read_text(encoding="utf-8")
-    source = re.sub(r"<script\b.*?</script>", "", page, flags=re.DOTALL)
-    assert "no &lt;CUDA&gt; here" in source
-    for row in made.rows:
-        assert f'<th scope="row">{row.method}</th>' in source
-    assert "Against the earlier run" in source
-    assert "calibration" in source
-
-
-def test_pictures_stand_beside_the_page(made, tmp_path):
-    write_bench_all(made, tmp_path / "out")
+def test_the_folder_has_every_number_and_each_chart(made, tmp_path):
+    write_bench_all(made, tmp_path / "out", against(made, made))
     names = {p.name for p in (tmp_path / "out").iterdir()}
     keys = {"pixels", "spheres", "calibration", *(f"{w}x{h}-{t}-relmse" for w, h in SIZES for t in FLOOR)}
     assert names == {"bench.html", "bench.json"} | {f"{k}.svg" for k in keys}
     svg = (tmp_path / "out" / "spheres.svg").read_text(encoding="utf-8")
     assert "numpy32-shadow-conic" in svg  # text stays text
+    page = (tmp_path / "out" / "bench.html").read_text(encoding="utf-8")
+    for said in ("no &lt;CUDA&gt; here", "Against the earlier run", *(f'"row">{r.method}</th>' for r in made.rows)):
+        assert said in page
 
 
 def test_the_terminal_names_what_changed(made):
@@ -219,12 +205,7 @@ def test_the_choice_of_truth_and_metric_shows_another_chart(made, tmp_path, brow
       point.ownerSVGElement.dispatchEvent(new MouseEvent("click", tap));
       result.tapped = box.hidden ? "" : box.textContent.split("\n")[0];
       pick("metric", "relmse");
-      result.gone = box.hidden;
-      const svg = shown()[0].querySelector("svg");
-      svg.dispatchEvent(new WheelEvent("wheel", { deltaY: -400, ctrlKey: true, clientX: 300, clientY: 300 }));
-      result.zoomed = svg.viewBox.baseVal.width / svg.width.baseVal.value;
-      svg.dispatchEvent(new MouseEvent("dblclick"));
-      result.whole = svg.getAttribute("viewBox");"""
+      result.gone = box.hidden;"""
     read, console = browse(tmp_path / "bench.html", "", script)
     assert console == []
     assert read["first"] == 2 * ["400x300/path-area/relmse"]
@@ -245,8 +226,6 @@ def test_the_choice_of_truth_and_metric_shows_another_chart(made, tmp_path, brow
     apart = np.abs(np.log(tapped) - np.log(next((p.x, p.y) for p in chart.points if p.name == "drjit32-shadow-conic")))
     assert apart[0] < 0.04 * np.ptp(np.log(chart.x_range))
     assert apart[1] < 0.04 * np.ptp(np.log(chart.y_range))
-    assert read["zoomed"] == pytest.approx(np.exp(-1), rel=1e-3)
-    assert read["whole"] == "0 0 850 710"
 
 
 def test_a_chart_has_every_point_at_its_place_in_its_colour_and_escapes_every_text(made):
@@ -265,15 +244,7 @@ def test_a_chart_has_every_point_at_its_place_in_its_colour_and_escapes_every_te
     assert chart.title in [e.text for e in shapes(chart, "text")]
 
 
-@pytest.mark.parametrize(
-    ("ends", "expected"),
-    [
-        ((0.5, 300.0), [1, 10, 100]),
-        ((0.9, 6.0), [1, 2, 5]),
-        ((1.1, 4.6), [1.5, 2, 3]),
-        ((1e-12, 1e3), [1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1, 1e2]),
-    ],
-)
+@pytest.mark.parametrize(("ends", "expected"), [((0.5, 300.0), [1, 10, 100]), ((1.1, 4.6), [1.5, 2, 3])])
 def test_ticks_are_few_and_round(ends, expected):
     assert log_ticks(ends) == pytest.approx(expected)
 

@@ -27,11 +27,8 @@ def loaded(url: str) -> Pillow.Image:
 def test_the_exposure_maps_the_995_permille_quantile_to_white():
     ramp = grey(np.linspace(0, 8, 1000).reshape(10, 100))
     assert 1 / data_urls.exposure(ramp) == pytest.approx(0.995 * 8, rel=1e-3)
-
-
-def test_a_black_or_invalid_image_is_shown_as_it_is():
-    assert data_urls.exposure(grey(np.zeros((3, 3)))) == 1
-    assert data_urls.exposure(grey(np.full((3, 3), np.nan))) == 1
+    for nothing in (0.0, np.nan):  # shown as it is
+        assert data_urls.exposure(grey(np.full((3, 3), nothing))) == 1
 
 
 def test_a_small_difference_is_pale_where_it_is_allowed_and_red_where_it_is_too_bright():
@@ -62,10 +59,7 @@ def test_worst_pixels_come_worst_first_and_one_from_a_tile():
     error[5, 6], error[5, 7], error[40, 90], error[69, 0] = -3, 2.9, 1, np.nan
     assert data_urls.worst_pixels(error, 10) == [(0, 69), (6, 5), (90, 40)]
     assert data_urls.worst_pixels(error, 1) == [(0, 69)]
-
-
-def test_equal_images_have_no_worst_pixel():
-    assert data_urls.worst_pixels(np.zeros((70, 100), np.float32), 10) == []
+    assert data_urls.worst_pixels(0 * error[:60], 10) == []  # equal images have none
 
 
 def test_a_png_keeps_every_byte_and_a_noisy_picture_becomes_a_jpeg():
