@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from raytwin.sandbox.process_group import alive, awake, nameless_bytes, processes_of_user, usage
+from raytwin.sandbox.process_group import awake, members, nameless_bytes, processes_of_user, usage
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="/proc is Linux's")
 
@@ -55,15 +55,16 @@ def program(tmp_path):
 
 def test_seconds_memory_processes_and_nameless_files_are_counted(program):
     running, seconds = program
-    found = usage(running.pid)
+    group = members(running.pid)
+    found = usage(group)
     assert found.seconds == pytest.approx(seconds, abs=0.08)  # 0.4 and Python's start
     assert found.processes == 2  # itself, and the dead child that nobody waits for
-    assert alive(running.pid) == 1
+    assert sorted(m.stat[0] for m in group) == [b"S", b"Z"]
     status = Path(f"/proc/{running.pid}/status").read_text()
     resident = int(status.split("VmRSS:")[1].split()[0]) * 1024
     assert found.memory == pytest.approx(resident, rel=0.1)
-    assert nameless_bytes(running.pid) == pytest.approx(4 << 20, rel=0.02)  # each file once, by name or mapping
-    assert not awake(running.pid)
+    assert nameless_bytes(group) == pytest.approx(4 << 20, rel=0.02)  # each file once, by name or mapping
+    assert not awake(group)
     assert running.pid in set(processes_of_user(os.getuid()))
 
 
@@ -71,10 +72,11 @@ def test_a_group_that_is_not_there_uses_nothing(program):
     running, _ = program
     running.kill()
     running.wait()
-    assert usage(1 << 30) == (0, 0, 0.0)
-    assert nameless_bytes(1 << 30) == alive(1 << 30) == 0
-    assert not awake(1 << 30)
+    assert members(1 << 30) == []
+    assert usage([]) == (0, 0, 0.0)
+    assert nameless_bytes([]) == nameless_bytes(members(running.pid)) == 0
+    assert not awake([])
 
 
 def test_who_computes_is_awake():
-    assert awake(os.getpgid(0))
+    assert awake(members(os.getpgid(0)))

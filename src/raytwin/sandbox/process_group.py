@@ -3,7 +3,7 @@
 import contextlib
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,47 +19,54 @@ class Usage(NamedTuple):
     seconds: float = 0.0
 
 
-def usage(group: int) -> Usage:
-    """Sum a process group up.
+class Member(NamedTuple):
+    """A process of a group; `stat`: what /proc/PID/stat says after its name, which is free."""
 
-    Who is dead and not waited for counts as a process and with its seconds: the filter of lock.py sees to it that
-    nobody is reaped unseen (no SIGCHLD is ignored, and orphans are the first process's children).
-    """
-    count, pages, ticks = 0, 0, 0
-    for _, stat in _members(group):
-        ticks += sum(map(int, stat[11:15]))  # in user's and system's mode, its own and those of children waited for
-        count, pages = count + 1, pages + int(stat[21]) * (stat[0] != b"Z")
-    return Usage(count, pages * PAGE, ticks / TICKS)
+    pid: int
+    stat: list[bytes]
 
 
-def alive(group: int) -> int:
-    """Count the processes of a group that have not ended."""
-    return sum(stat[0] != b"Z" for _, stat in _members(group))
+def members(group: int) -> list[Member]:
+    """Return a process group. Who is dead and not waited for is among them: the filter of lock.py sees to it that
+    nobody is reaped unseen (no SIGCHLD is ignored, and orphans are the first process's children)."""
+    found = []
+    for pid in _processes():
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            if int((stat := _stat(f"/proc/{pid}/stat"))[2]) == group:
+                found.append(Member(pid, stat))
+    return found
 
 
-def awake(group: int) -> bool:
-    """Whether any thread of a process group computes, waits for a core to do so, or for a disk."""
-    for pid, _ in _members(group):
+def usage(found: Sequence[Member]) -> Usage:
+    """Sum up what processes use."""
+    pages = sum(int(m.stat[21]) for m in found if m.stat[0] != b"Z")
+    # In user's and system's mode, its own seconds and those of children waited for.
+    ticks = sum(int(x) for m in found for x in m.stat[11:15])
+    return Usage(len(found), pages * PAGE, ticks / TICKS)
+
+
+def awake(found: Sequence[Member]) -> bool:
+    """Whether any thread of these processes computes, waits for a core to do so, or for a disk."""
+    for member in found:
         with contextlib.suppress(OSError, IndexError):
-            for thread in Path(f"/proc/{pid}/task").iterdir():
+            for thread in Path(f"/proc/{member.pid}/task").iterdir():
                 if _stat(f"{thread}/stat")[0] in (b"R", b"D"):
                     return True
     return False
 
 
-def nameless_bytes(group: int) -> int:
-    """Bytes on disk of files without a name that a process group has open or mapped: no folder lists them."""
+def nameless_bytes(found: Sequence[Member]) -> int:
+    """Bytes on disk of files without a name that processes have open or mapped: no folder lists them."""
     sizes: dict[tuple[int, int], int] = {}
-    for pid, _ in _members(group):
+    for pid, _ in found:
         with contextlib.suppress(OSError):
             for name in os.listdir(f"/proc/{pid}/fd"):  # noqa: PTH208 - ten times a second
                 with contextlib.suppress(OSError):
-                    found = os.stat(f"/proc/{pid}/fd/{name}")  # noqa: PTH116
-                    if found.st_nlink == 0:
-                        sizes[found.st_dev, found.st_ino] = found.st_blocks * 512
+                    file = os.stat(f"/proc/{pid}/fd/{name}")  # noqa: PTH116
+                    if file.st_nlink == 0:
+                        sizes[file.st_dev, file.st_ino] = file.st_blocks * 512
         with contextlib.suppress(OSError):
-            maps = Path(f"/proc/{pid}/maps").read_bytes()
-            for line in maps.splitlines() if b" (deleted)" in maps else ():
+            for line in Path(f"/proc/{pid}/maps").read_bytes().splitlines():
                 if line.endswith(b" (deleted)"):
                     _add_mapped(sizes, line)
     return sum(sizes.values())
@@ -80,14 +87,6 @@ def processes_of_user(uid: int) -> Iterator[int]:
         with contextlib.suppress(OSError):
             if Path(f"/proc/{pid}").stat().st_uid == uid:
                 yield pid
-
-
-def _members(group: int) -> Iterator[tuple[int, list[bytes]]]:
-    """(process, what /proc/PID/stat says after its name, which is free) of a process group."""
-    for pid in _processes():
-        with contextlib.suppress(OSError, ValueError, IndexError):
-            if int((stat := _stat(f"/proc/{pid}/stat"))[2]) == group:
-                yield pid, stat
 
 
 def _stat(path: str) -> list[bytes]:

@@ -32,7 +32,7 @@ from raytwin.image_input import ENDINGS
 from raytwin.sandbox import wire
 from raytwin.sandbox.importable import importable
 from raytwin.sandbox.lock import HOLDS, LOCKS, OTHERWISE
-from raytwin.sandbox.process_group import Usage, awake, nameless_bytes, processes_of_user, usage
+from raytwin.sandbox.process_group import Member, awake, members, nameless_bytes, processes_of_user, usage
 from raytwin.sandbox.work_folder import MEGA, copy_files, excess, remove_soon
 from raytwin.scene_folders import REFERENCES
 
@@ -281,26 +281,27 @@ class Sandbox:
                     self._end(*self._how_it_ended(answer))
                 return None
             now = time.monotonic()
-            used, looked = self._look(now - looked), now
-            if exceeded := self._exceeded(most, before, used):
+            found, looked = self._look(now - looked), now
+            if exceeded := self._exceeded(most, before, found):
                 self._end(exceeded, "limit")
                 return None
             if answer is not PENDING:
                 return answer
 
-    def _look(self, elapsed: float) -> Usage:
-        """What is in use now. What was computed since the last look, or slept of these `elapsed` s, is added up."""
-        used = usage(self._process.pid)
-        computed = max(0.0, used.seconds - self._seen)
-        self._seen = max(self._seen, used.seconds)
+    def _look(self, elapsed: float) -> list[Member]:
+        """The processes. What they computed since the last look, or slept of these `elapsed` s, is added up."""
+        found = members(self._process.pid)
+        seconds = usage(found).seconds
+        computed = max(0.0, seconds - self._seen)
+        self._seen = max(self._seen, seconds)
         # Where this process had to wait itself, nobody knows what the other did meanwhile.
-        slept = 0.0 if computed or awake(self._process.pid) else min(elapsed, 2 * POLL)
+        slept = 0.0 if computed or awake(found) else min(elapsed, 2 * POLL)
         new = (computed, slept, elapsed)
         self._spent = Spent(*(a + b for a, b in zip(self._spent, new, strict=True)))
-        return used
+        return found
 
-    def _exceeded(self, most: float, before: Spent, used: Usage) -> str:
-        limits, words = self.limits, self._spent.computed > 0
+    def _exceeded(self, most: float, before: Spent, found: list[Member]) -> str:
+        limits, words, used = self.limits, self._spent.computed > 0, usage(found)
         of_this = Spent(*(a - b for a, b in zip(self._spent, before, strict=True)))
         if beyond := self._spent.beyond(limits.seconds, words) or of_this.beyond(most, words):
             return beyond
@@ -308,7 +309,7 @@ class Sandbox:
             return f"it started more than {limits.processes} processes: ended"
         if used.memory > limits.memory_mb * MEGA:
             return f"it took more than {limits.memory_mb} MB: ended"
-        return excess(self._work, limits.folder_mb * MEGA, nameless_bytes(self._process.pid))
+        return excess(self._work, limits.folder_mb * MEGA, nameless_bytes(found))
 
     def _how_it_ended(self, error: Exception) -> tuple[str, Literal["limit", "broken"]]:
         if not isinstance(error, EOFError | OSError):
