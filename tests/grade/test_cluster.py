@@ -6,7 +6,6 @@ import threading
 import time
 from pathlib import Path
 
-import msgspec
 import pytest
 import submitted_tracers as tracers
 
@@ -40,6 +39,58 @@ def slow_square(x: int) -> int:
     return x * x
 
 
+def killed_by_three(x: int) -> int:
+    if x == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return x * x
+
+
+def test_a_thing_that_kills_its_local_process_costs_itself_alone():
+    found = {d.thing: d for d in map_parallel(killed_by_three, list(range(5)), Workers(jobs=2))}
+    assert [found[x].result for x in (0, 1, 2, 4)] == [0, 1, 4, 16]
+    assert str(found[3].error) == "3: expected a process that lives, got one that is killed"
+
+
+def test_shards_share_all_things_out_and_an_error_costs_its_own_thing_alone():
+    things = list(range(17))
+    shares = [Workers(shard=(k, 5)).share(things) for k in range(1, 6)]
+    assert sorted(x for share in shares for x in share) == things
+    assert max(map(len, shares)) - min(map(len, shares)) == 1
+    done = {
+        d.thing: d.result if d.error is None else str(d.error)
+        for d in map_parallel(tracers.square, [2, -1, 3], Workers())
+    }
+    assert done == {2: 4, -1: "-1", 3: 9}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the test's module is found by fork's path alone")
+def test_a_process_that_is_killed_takes_nothing_with_it(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([TESTS, os.environ.get("PYTHONPATH", "")]))
+    done = list(map_parallel(tracers.die_once, [str(tmp_path / "a"), str(tmp_path / "b")], Workers(2)))
+    assert [d.result for d in done] == ["alive", "alive"]
+
+
+def test_a_worker_that_cannot_have_the_callers_variant_says_so_in_one_line(monkeypatch, tmp_path):
+    from raytwin import twin
+    from raytwin.cli.reference_commands import _cases, _changes
+
+    if twin.activate().variant == "scalar_rgb":
+        pytest.skip("every worker can have it")
+    monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")  # which the workers inherit; here it is chosen already
+    cases = _cases([Path("single")], ["surface", "lambert"])
+    with pytest.raises(MachineError, match=r"^variant llvm_ad_rgb: expected a machine where it works [^\n]*$"):
+        list(_changes(cases, tmp_path, ReferenceSettings(size=(8, 6)), Workers(jobs=2)))
+
+
+def test_no_scheduler_at_the_address_is_said(monkeypatch):
+    monkeypatch.setattr("raytwin.parallel.CONNECT", 0.5)
+    with pytest.raises(MachineError, match="the address of a Dask scheduler"):
+        list(map_parallel(slow_square, [1], Workers(dask="tcp://127.0.0.1:1")))
+
+
+# ------------------------------------------------------------------------------------------ with a cluster
+
+
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
@@ -52,25 +103,16 @@ def cluster(tmp_path_factory):
             yield made
 
 
-def test_a_cluster_grades_as_one_process_does(cluster, tmp_path):
+def test_a_cluster_grades_a_class(cluster, tmp_path):
     (tmp_path / "rubric.toml").write_text(RUBRIC)
+    (tmp_path / "in").mkdir()
     for name in ("", "pi"):
-        path = tmp_path / "in" / f"{name or 'right'}.py"
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(tracers.tracer(name))
+        (tmp_path / "in" / f"{name or 'right'}.py").write_text(tracers.tracer(name))
     jobs = jobs_of(tmp_path / "in", tmp_path / "rubric.toml")
-    there = run(jobs, tmp_path / "there", Workers(dask=cluster.scheduler_address))
-    here = run(jobs, tmp_path / "here", Workers())
-
-    def timeless(result):
-        exercises = [
-            msgspec.structs.replace(e, parts=tuple(msgspec.structs.replace(p, seconds=0) for p in e.parts))
-            for e in result.exercises
-        ]
-        return msgspec.structs.replace(result, exercises=tuple(exercises), seconds=0, own_seconds=0)
-
-    assert [timeless(r) for r in there] == [timeless(r) for r in here]
-    assert sorted(p.name for p in (tmp_path / "there" / "results").iterdir()) == sorted(f"{j.key}.json" for j in jobs)
+    found = {r.student: r for r in run(jobs, tmp_path / "out", Workers(dask=cluster.scheduler_address))}
+    assert found["right"].points == 15
+    assert (found["pi"].points < 15, found["pi"].exercises[1].causes) == (True, ("pi-missing",))
+    assert sorted(p.name for p in (tmp_path / "out" / "results").iterdir()) == sorted(f"{j.key}.json" for j in jobs)
 
 
 def test_a_worker_that_is_killed_in_the_middle_costs_nothing(cluster):
@@ -82,18 +124,6 @@ def test_a_worker_that_is_killed_in_the_middle_costs_nothing(cluster):
             os.kill(pids[0], signal.SIGKILL)
     assert sorted((d.thing, d.result) for d in done) == [(x, x * x) for x in things]
     assert threading.active_count() < 100
-
-
-def killed_by_three(x: int) -> int:
-    if x == 3:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return x * x
-
-
-def test_a_thing_that_kills_its_local_process_costs_itself_alone():
-    found = {d.thing: d for d in map_parallel(killed_by_three, list(range(5)), Workers(jobs=2))}
-    assert [found[x].result for x in (0, 1, 2, 4)] == [0, 1, 4, 16]
-    assert str(found[3].error) == "3: expected a process that lives, got one that is killed"
 
 
 def test_a_cluster_and_shards_make_the_references_that_one_process_makes(cluster, tmp_path):
@@ -120,21 +150,3 @@ def test_workers_render_with_the_callers_variant_whatever_they_have_chosen_befor
         cases = _cases([Path("single")], ["surface"])
         (made,) = _changes(cases, tmp_path, ReferenceSettings(size=(8, 6)), Workers(dask=cluster.scheduler_address))
         assert made.new.header["variant"] == variant
-
-
-def test_a_worker_that_cannot_have_the_callers_variant_says_so_in_one_line(monkeypatch, tmp_path):
-    from raytwin import twin
-    from raytwin.cli.reference_commands import _cases, _changes
-
-    if twin.activate().variant == "scalar_rgb":
-        pytest.skip("every worker can have it")
-    monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")  # which the workers inherit; here it is chosen already
-    cases = _cases([Path("single")], ["surface", "lambert"])
-    with pytest.raises(MachineError, match=r"^variant llvm_ad_rgb: expected a machine where it works [^\n]*$"):
-        list(_changes(cases, tmp_path, ReferenceSettings(size=(8, 6)), Workers(jobs=2)))
-
-
-def test_no_scheduler_at_the_address_is_said(monkeypatch):
-    monkeypatch.setattr("raytwin.parallel.CONNECT", 0.5)
-    with pytest.raises(MachineError, match="the address of a Dask scheduler"):
-        list(map_parallel(slow_square, [1], Workers(dask="tcp://127.0.0.1:1")))
