@@ -2,7 +2,6 @@
 
 import json
 import os
-import time
 
 import numpy as np
 import pytest
@@ -11,10 +10,9 @@ from truths import view_of
 
 from raytwin import files, image_input, twin
 from raytwin.compare import compare
-from raytwin.errors import InputError
 from raytwin.renderers.mitsuba_xml import UNIT, mitsuba_xml, moved_by
 from raytwin.renderers.scene_exchange import as_arrays
-from raytwin.scene import Camera, Lambert, Phong, Rectangle, Scene, Shape, Sky, Sphere, Sun
+from raytwin.scene import Camera, Rectangle, Scene, Shape, Sky, Sphere, Sun
 
 
 def test_json_says_the_scene_to_the_last_bit_and_a_look_at_camera_too(tmp_path, overlap):
@@ -79,17 +77,6 @@ def test_mitsuba_renders_the_same_picture_from_the_file(scenes, tmp_path, name, 
     assert wrong.verdict == "fail"  # so much it would have seen
 
 
-def test_writing_takes_time_in_proportion_to_the_objects():
-    """Four times the objects: 4 times the CPU seconds where it is linear, 16 where every pair is compared."""
-    seconds = []
-    for count in (5000, 20_000):
-        scene = from_afar(1.0, *(Sphere((i, 0, 0), 0.1) for i in range(count)))
-        start = time.process_time()
-        assert mitsuba_xml(scene).count("<shape") == count
-        seconds.append(time.process_time() - start)
-    assert seconds[1] < 9 * seconds[0]
-
-
 def test_a_files_unit_is_the_twins():
     from raytwin.twin.twin_scene import UNIT as twins
 
@@ -134,10 +121,3 @@ def test_a_second_focal_length_moves_what_the_file_sees_by_what_is_told():
 )
 def test_what_is_asked_wrongly_is_told(words, said):
     refused(raytwin("export", *words), said)
-
-
-def test_what_others_are_not_told_is_no_secret(overlap):
-    glossy = Scene("a", overlap.camera, (Sphere((0.0, 0.0, 0.0), 1.0, Phong()),))
-    with pytest.raises(InputError, match="Lambertian objects alone, for a renderer of one's own"):
-        as_arrays(glossy)
-    assert as_arrays(Scene("a", overlap.camera, (Sphere((0.0, 0.0, 0.0), 1.0, Lambert()),)))["planes"] == []

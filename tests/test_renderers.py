@@ -1,6 +1,5 @@
 """Ways to make an image, others' among them: what `raytwin compare --subject` takes."""
 
-import re
 import sys
 
 import numpy as np
@@ -12,7 +11,7 @@ from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.renderers.renderer_table import RENDERERS
 from raytwin.renderers.scene_exchange import as_arrays
-from raytwin.renderers.subject_renderers import PythonLoop, Speculated, Supersampled, Traced
+from raytwin.renderers.subject_renderers import Traced
 from raytwin.workflows.compare_scene import compare_scene
 
 LEARNERS = """
@@ -148,20 +147,3 @@ def test_only_a_renderer_in_place_leaves_what_lies_outside_the_objects_boxes(in_
     assert bool((other == 7.0).any()) == in_place
     assert not (other == 7.0).all()
     assert np.shares_memory(one, other) == keep
-
-
-def test_the_table_has_four_times_the_samples_from_one_row_of_a_family_to_the_next():
-    made = [row for row in RENDERERS.values() if isinstance(row, Supersampled)]
-    assert {e: [row.samples for row in made if row.engine == e] for e in ("numpy32", "drjit32", "cuda32")} == {
-        engine: [4, 16, 64] for engine in ("numpy32", "drjit32", "cuda32")
-    }
-
-
-def test_only_python_loops_and_engines_of_64_bits_compute_in_double_precision():
-    for name, row in RENDERERS.items():
-        assert row.precision == (64 if isinstance(row, PythonLoop) or "64" in name.split("-")[0] else 32), name
-
-
-def test_only_speculation_leaves_pixels_out_and_its_name_says_of_how_many_it_traces_one():
-    for name, row in RENDERERS.items():
-        assert row.step == (int(re.split("paper|careful", name)[1]) if isinstance(row, Speculated) else 1), name

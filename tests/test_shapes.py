@@ -9,10 +9,6 @@ import pytest
 import shape_checks
 
 from raytwin import files
-from raytwin.compare.metrics import rmse
-from raytwin.compare.noise import Residual
-from raytwin.image import Image, Surface
-from raytwin.scene.lens import newton
 from raytwin.speed import draw
 
 DEEP = np.zeros((6, 8, 3))
@@ -28,26 +24,6 @@ def scene(scenes):
 def test_an_array_of_another_shape_or_kind_is_caught_by_its_annotation(scene, wrong):
     with pytest.raises(jaxtyping.TypeCheckError):
         draw(scene, wrong, "lambert", "numpy64")
-
-
-@pytest.mark.parametrize(
-    ("make", "arrays"),
-    [
-        (Image, (DEEP, DEEP[:, :7])),  # a record
-        (Surface, (np.zeros((6, 8), int), np.zeros((6, 8), np.float32), DEEP)),
-        (Residual, (DEEP, DEEP, DEEP[:5])),  # a NamedTuple
-        (rmse, (DEEP, DEEP[:5])),  # compare
-        (newton, (np.zeros(5), np.zeros(4), (0.1, 0.0, 0.0, 0.0, 0.0))),  # scene
-    ],
-)
-def test_records_and_the_comparison_are_held_to_their_annotations_too(make, arrays):
-    with pytest.raises(jaxtyping.TypeCheckError):
-        make(*arrays)
-
-
-@pytest.mark.foreign
-def test_a_test_of_foreign_images_is_left_alone():
-    assert Image(DEEP, DEEP[:, :7]).shape == DEEP.shape
 
 
 def test_each_test_checks_the_first_calls_of_every_function(scene):
