@@ -45,7 +45,9 @@ def minimum(a: Any, b: Any) -> Any:
 
 
 def select(mask: Any, a: Any, b: Any) -> Any:
-    """`a` where the mask is true, else `b`."""
+    """`a` where the mask is true, else `b`; of tuples, one by one."""
+    if isinstance(a, tuple):
+        return tuple(select(mask, x, y) for x, y in zip(a, b, strict=True))
     if isinstance(mask, bool | np.bool_):
         return a if mask else b
     return np.where(mask, a, b) if (xp := library(mask, a, b)) is np else xp.select(mask, a, b)
@@ -90,10 +92,24 @@ def cross(a: Vec, b: Vec) -> Vec:
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
+def cosine(normal: Vec, direction: Vec) -> Any:
+    """max(0, n·l) of two unit vectors: 0 where the surface is turned away."""
+    return maximum(dot(normal, direction), 0.0)
+
+
+def rotate(rows: tuple[Vec, ...], v: Vec) -> Vec:
+    """The matrix of these rows times v."""
+    return (dot(rows[0], v), dot(rows[1], v), dot(rows[2], v))
+
+
+def length(v: Vec) -> Any:
+    return sqrt(dot(v, v))
+
+
 def unit(v: Vec) -> Vec:
     """v / |v|."""
-    length = sqrt(dot(v, v))
-    return (v[0] / length, v[1] / length, v[2] / length)
+    size = length(v)
+    return (v[0] / size, v[1] / size, v[2] / size)
 
 
 def unit_again(v: Vec) -> Vec:

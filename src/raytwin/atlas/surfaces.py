@@ -9,7 +9,7 @@ from raytwin.atlas.experiment import U32, U64, Error, Experiment, decades
 from raytwin.atlas.spheres import seen_at
 from raytwin.scene import Rectangle, Sphere
 from raytwin.tracer import STAGES, PlainWorld, intersect_rectangle, intersect_sphere, surface_at
-from raytwin.tracer.hit import facts_of, normal
+from raytwin.tracer.world import facts_of, normal
 
 GAMMA5 = 5 * U32 / (1 - 5 * U32)
 """pbrt's bound of what a point put back onto its sphere is off by, in radii."""

@@ -18,11 +18,11 @@ from raytwin.scene import Camera, Scene, to_camera_frame
 from raytwin.scene.lens import distort
 from raytwin.speed.sampling import BATCHES, sobol_pair
 from raytwin.tracer import STAGES
-from raytwin.tracer.hit import Hit
+from raytwin.tracer.hit import Hit, World
 from raytwin.tracer.path import bounce, sample_environment, sunlight
 from raytwin.tracer.render_image import EYE
 from raytwin.tracer.shading import RADIANCE
-from raytwin.tracer.world import PlainWorld, World, first_hit
+from raytwin.tracer.world import PlainWorld, first_hit
 
 Pixel = tuple[float, float]
 NEAR = 1e-3

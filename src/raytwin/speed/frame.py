@@ -22,12 +22,12 @@ from raytwin.speed.fast_world import FastWorld, ObjectList, Objects, same_list, 
 from raytwin.speed.initial_guess import invert_lens, quick
 from raytwin.speed.object_table import Table
 from raytwin.speed.tile_lists import plan
-from raytwin.tracer.hit import Stages
+from raytwin.tracer.hit import Stages, World
 from raytwin.tracer.pixel_to_ray import to_board
 from raytwin.tracer.render_image import EYE, STAGES
 from raytwin.tracer.shading import RADIANCE
 from raytwin.tracer.sphere import SOLVERS, intersect_sphere
-from raytwin.tracer.world import World, surface_at
+from raytwin.tracer.world import surface_at
 
 TILE_NUMPY, TILE_DRJIT = 128, 32
 Piece = tuple[Any, Any, Any, World]

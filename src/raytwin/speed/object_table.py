@@ -12,7 +12,8 @@ import numpy as np
 from raytwin.arrays import select
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.speed.engine import Engine, from_numpy, gather, lift
-from raytwin.tracer.hit import NO_SPECULAR, Facts, Specular, facts_of
+from raytwin.tracer.hit import NO_SPECULAR, Facts, Specular
+from raytwin.tracer.world import facts_of
 
 FEW = 6
 """On Dr.Jit, up to this number the objects of a scene are the kernel's parameters and need no lists."""

@@ -17,11 +17,11 @@ from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, canvas, constant, flush, pixel_numbers, store
 from raytwin.speed.frame import EyeScene, background, draw, kernel, tiles
 from raytwin.speed.sampling import BATCHES, sobol_pair
-from raytwin.tracer.hit import Hit, Stages
+from raytwin.tracer.hit import Hit, Stages, World
 from raytwin.tracer.path import Draw, bounce, packed, radiance_along_path, unpacked
 from raytwin.tracer.render_image import EYE, STAGES
 from raytwin.tracer.shading import lambert_radiance, shadow_radiance
-from raytwin.tracer.world import World, first_hit
+from raytwin.tracer.world import first_hit
 
 
 def part_names(bounces: int = 3) -> tuple[str, ...]:

@@ -2,19 +2,19 @@
 
     pixel -> back_project -> ray -> World.closest_hit (sphere, rectangle) -> hit -> RADIANCE, or a path -> radiance
 
-Read it in this order: render_image, pixel_to_ray, world, sphere, rectangle, hit, shading; then path, which follows
-light from one surface to the next. The arithmetic is `raytwin.arrays`, the light `raytwin.lights`; `raytwin.speed`
-gives the same pixels, fast.
+Read it in this order: render_image, pixel_to_ray, hit (the records), world, sphere, rectangle, shading; then path,
+which follows light from one surface to the next. The arithmetic is `raytwin.arrays`, the light `raytwin.lights`;
+`raytwin.speed` gives the same pixels, fast.
 """
 
-from raytwin.tracer.hit import Hit, Stages
+from raytwin.tracer.hit import Hit, Stages, World
 from raytwin.tracer.path import radiance_along_path, sample_cosine_hemisphere
 from raytwin.tracer.pixel_to_ray import back_project, undistort
 from raytwin.tracer.rectangle import intersect_rectangle
 from raytwin.tracer.render_image import STAGES, trace, trace_paths
 from raytwin.tracer.shading import RADIANCE, lambert, sun_visible
 from raytwin.tracer.sphere import SOLVERS, intersect_sphere
-from raytwin.tracer.world import PlainWorld, World, first_hit, next_hit, surface_at
+from raytwin.tracer.world import PlainWorld, first_hit, next_hit, surface_at
 
 __all__ = [
     "RADIANCE", "SOLVERS", "STAGES", "Hit", "PlainWorld", "Stages", "World", "back_project", "first_hit",

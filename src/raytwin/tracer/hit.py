@@ -1,10 +1,9 @@
-"""What a ray meets, point by point; and the tracer's steps as data."""
+"""The records of the tracer: its steps, what a ray meets, and the two questions that a ray can ask of a scene."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from raytwin.arrays import Vec
-from raytwin.scene import Phong, Shape, Sphere
 
 
 class Stages(NamedTuple):
@@ -58,23 +57,21 @@ NO_SPECULAR = Specular((0.0, 0.0, 0.0), 1.0)
 """The highlight of a Lambertian object in a scene where others have one."""
 
 
-def facts_of(thing: Shape) -> Facts:
-    rho, specular = thing.material.albedo, specular_of(thing)
-    if isinstance(thing, Sphere):
-        return Facts(thing.center, (0.0, 0.0, 0.0), 1 / thing.radius, rho, specular)
-    return Facts(thing.center, thing.normal, 0.0, rho, specular)
+@runtime_checkable
+class World(Protocol):
+    """What rays are tested against. `PlainWorld` tests every object; `raytwin.speed` gives the same answers, fast."""
 
+    @property
+    def stages(self) -> Stages: ...
 
-def specular_of(thing: Shape) -> Specular | None:
-    material = thing.material
-    return Specular(material.specular, material.exponent) if isinstance(material, Phong) else None
+    def closest_hit(self, origin: Vec, d: Vec, start: Hit | None = None) -> tuple[Any, Any]:
+        """(t, id) of the nearest object along d from `origin`; infinity and -1 where there is none.
 
+        `start`: the surface that the ray leaves; None for the eye.
+        """
 
-def normal(point: Vec, facts: Facts) -> Vec:
-    """flat + curvature (p - center): unit, outwards."""
-    return tuple(n + facts.curvature * (p - c) for n, p, c in zip(facts.flat, point, facts.center, strict=True))
+    def blocked(self, start: Hit, d: Vec) -> Any:
+        """True where an object lies on the way along d from the surface `start`."""
 
-
-def nearer(t: Any, best: Any) -> Any:
-    """t < best: this object hides what was met so far."""
-    return t < best
+    def facts(self, ids: Any) -> Facts:
+        """What the objects `ids` say of their surfaces; anything for -1."""

@@ -13,11 +13,11 @@ from collections.abc import Callable
 from math import pi
 from typing import Any
 
-from raytwin.arrays import Vec, cos, dot, maximum, repeat, select, sin, sqrt, unit_again
+from raytwin.arrays import Vec, cos, cosine, dot, repeat, select, sin, sqrt, unit_again
 from raytwin.lights import Lighting
-from raytwin.tracer.hit import Hit, Specular
+from raytwin.tracer.hit import Hit, Specular, World
 from raytwin.tracer.shading import reflectance
-from raytwin.tracer.world import World, next_hit
+from raytwin.tracer.world import next_hit
 
 Draw = Callable[[Any], tuple[Any, Any]]
 """Number -> two random numbers in [0, 1): 0 places the ray in its pixel, k > 0 aims the k-th bounce, ~k a sky ray."""
@@ -71,7 +71,7 @@ def unpacked(state: tuple[Any, ...]) -> Hit:
 
 def sunlight(hit: Hit, light: Lighting, world: World) -> Vec:
     """π f E V max(0, n·l) / π: what each point sends on of the sun."""
-    share = world.stages.sun_visible(hit, light, world) * maximum(dot(hit.normal, light.to_sun), 0.0) * (1 / pi)
+    share = world.stages.sun_visible(hit, light, world) * cosine(hit.normal, light.to_sun) * (1 / pi)
     return tuple(share * E * r for E, r in zip(light.irradiance, reflectance(hit, light.to_sun), strict=True))
 
 
@@ -87,8 +87,8 @@ def sky_along(hit: Hit, light: Lighting, d: Vec) -> Vec:
 def sample_environment(hit: Hit, light: Lighting, world: World, a: Any, b: Any) -> Vec:
     """π f L V n·ω/π / (p + max(0, n·ω) / π) for a direction that the sky itself samples with density p."""
     d, p = light.sky.sample(a, b)
-    cosine = maximum(dot(hit.normal, d), 0.0) * (1 / pi)
-    share = select((cosine > 0) & ~world.blocked(hit, d), cosine / (p + cosine), 0.0)
+    own = cosine(hit.normal, d) * (1 / pi)
+    share = select((own > 0) & ~world.blocked(hit, d), own / (p + own), 0.0)
     return tuple(share * r * L for r, L in zip(reflectance(hit, d), light.sky.radiance(d), strict=True))
 
 

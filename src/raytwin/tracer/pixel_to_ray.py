@@ -6,7 +6,7 @@ Normalised coordinates (x, y) are the point where the ray meets the plane z = 1 
 from collections.abc import Callable
 from typing import Any
 
-from raytwin.arrays import Vec, dot, sqrt
+from raytwin.arrays import Vec, rotate, sqrt
 from raytwin.scene import Camera
 from raytwin.scene.lens import STEPS
 
@@ -49,4 +49,4 @@ def back_project(u: Any, v: Any, camera: Camera, undo: Callable[..., Any] = undi
 
 def to_board(vector: Vec, camera: Camera) -> Vec:
     """Rᵀ vector: from the camera's axes to the board's."""
-    return tuple(dot(column, vector) for column in zip(*camera.R_cam_board, strict=True))
+    return rotate(tuple(zip(*camera.R_cam_board, strict=True)), vector)

@@ -12,13 +12,13 @@ from raytwin.lights import Lighting, lighting
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, to_camera_frame
 from raytwin.scene.lens import check_lens, without_ray
-from raytwin.tracer.hit import Stages, nearer, normal
+from raytwin.tracer.hit import Stages
 from raytwin.tracer.path import Draw, radiance_along_path
 from raytwin.tracer.pixel_to_ray import back_project, to_board, undistort
 from raytwin.tracer.rectangle import intersect_rectangle
 from raytwin.tracer.shading import RADIANCE, lambert, sun_visible
 from raytwin.tracer.sphere import intersect_sphere
-from raytwin.tracer.world import PlainWorld, first_hit
+from raytwin.tracer.world import PlainWorld, first_hit, nearer, normal
 
 EYE = (0.0, 0.0, 0.0)
 STAGES = Stages(undistort, back_project, intersect_sphere, intersect_rectangle, nearer, normal, lambert, sun_visible)

@@ -4,12 +4,11 @@ from collections.abc import Callable
 from math import pi
 from typing import Any
 
-from raytwin.arrays import Vec, dot, maximum, select
+from raytwin.arrays import Vec, cosine, dot, maximum, select
 from raytwin.lights import Lighting
 from raytwin.scene import Camera
-from raytwin.tracer.hit import Hit
+from raytwin.tracer.hit import Hit, World
 from raytwin.tracer.pixel_to_ray import to_board
-from raytwin.tracer.world import World
 
 
 def lambert(albedo: Any, normal: Vec, to_light: Vec, irradiance: Any, visible: Any, sky: Any) -> Any:
@@ -19,7 +18,7 @@ def lambert(albedo: Any, normal: Vec, to_light: Vec, irradiance: Any, visible: A
     sun is seen; `sky` Lₛ: the sky's radiance. A sky of constant radiance gives irradiance π Lₛ, and albedo/π times that
     is albedo Lₛ.
     """
-    return albedo / pi * irradiance * visible * maximum(dot(normal, to_light), 0.0) + albedo * sky
+    return albedo / pi * irradiance * visible * cosine(normal, to_light) + albedo * sky
 
 
 def highlight(hit: Hit, to_light: Vec) -> Vec:
@@ -73,7 +72,7 @@ def _direct(hit: Hit, light: Lighting, world: World, visible: Any) -> Vec:
     L = tuple(world.stages.lambert(rho, hit.normal, light.to_sun, E, visible, Ls) for rho, E, Ls in channels)
     if hit.specular is None:
         return L
-    lit = visible * maximum(dot(hit.normal, light.to_sun), 0.0) / pi
+    lit = visible * cosine(hit.normal, light.to_sun) / pi
     terms = zip(L, highlight(hit, light.to_sun), light.irradiance, hit.specular.share, sky, strict=True)
     return tuple(x + h * E * lit + k * Ls for x, h, E, k, Ls in terms)
 

@@ -11,7 +11,7 @@ straight-line code, cost it 6 to 13 %).
 from collections.abc import Callable
 from typing import Any
 
-from raytwin.arrays import INFINITY, Vec, dot, maximum, select, sqrt, where_any
+from raytwin.arrays import INFINITY, Vec, dot, length, maximum, select, sqrt, where_any
 from raytwin.scene import Sphere
 
 Solved = tuple[Any, Callable[[], tuple[Any, Any]]]
@@ -27,13 +27,13 @@ def textbook(f: Vec, d: Vec, r: Any) -> Solved:
 def paper(f: Vec, d: Vec, r: Any) -> Solved:
     """q = -(b + sign(b) √disc) / 2, t = q and c / q, with sign(0) = 0: at b = 0 it finds q = 0, which is no root."""
     b, c, disc = _quadratic(f, d, r)
-    return disc, lambda: _by_q(b / 2, c, _root(disc) / 2, sign_of_zero=0)
+    return disc, lambda: _by_q(b / 2, c, select(b == 0, 0.0, _root(disc)) / 2, b > 0)
 
 
 def stable(f: Vec, d: Vec, r: Any) -> Solved:
     """The same q with sign(0) = 1: no cancellation in -b ± √disc, but the discriminant still loses its digits."""
     b, c, disc = _quadratic(f, d, r)
-    return disc, lambda: _by_q(b / 2, c, _root(disc) / 2, sign_of_zero=1)
+    return disc, lambda: _by_q(b / 2, c, _root(disc) / 2, b >= 0)
 
 
 def robust(f: Vec, d: Vec, r: Any) -> Solved:
@@ -46,8 +46,8 @@ def robust(f: Vec, d: Vec, r: Any) -> Solved:
     disc = r * r - dot(along, along)
 
     def roots() -> tuple[Any, Any]:
-        length = sqrt(dot(f, f))
-        return _by_q(h, (length - r) * (length + r), _root(disc), sign_of_zero=-1)
+        far = length(f)
+        return _by_q(h, (far - r) * (far + r), _root(disc), h > 0)
 
     return disc, roots
 
@@ -61,11 +61,12 @@ def _root(disc: Any) -> Any:
     return sqrt(maximum(disc, 0.0))
 
 
-def _by_q(h: Any, c: Any, root: Any, sign_of_zero: int) -> tuple[Any, Any]:
-    """t² + 2 h t + c = 0 by q = -(h + sign(h) root), with root = √(h² - c): q and c / q, the nearer first."""
-    q = -(h + select(h > 0, root, select(h < 0, -root, sign_of_zero * root)))
+def _by_q(h: Any, c: Any, root: Any, added: Any) -> tuple[Any, Any]:
+    """t² + 2 h t + c = 0 by q = -(h ± root), with root = √(h² - c), `added` or not: q and c / q, the nearer first."""
+    q = -(h + select(added, root, -root))
     other = c / select(q == 0, 1.0, q)
-    return select(h > 0, q, other), select(h > 0, other, q)
+    near, far = select(h > 0, (q, other), (other, q))
+    return near, far
 
 
 SOLVERS: dict[str, Callable[..., Solved]] = {"textbook": textbook, "paper": paper, "stable": stable, "robust": robust}

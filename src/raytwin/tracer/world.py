@@ -6,33 +6,13 @@ sphere is met where the chord ends, and hides everything.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from raytwin.arrays import INFINITY, Vec, dot, integers, select
-from raytwin.scene import Shape, Sphere
-from raytwin.tracer.hit import NO_SPECULAR, Facts, Hit, Specular, Stages, facts_of
-
-
-@runtime_checkable
-class World(Protocol):
-    """What rays are tested against. `PlainWorld` tests every object; `raytwin.speed` gives the same answers, fast."""
-
-    @property
-    def stages(self) -> Stages: ...
-
-    def closest_hit(self, origin: Vec, d: Vec, start: Hit | None = None) -> tuple[Any, Any]:
-        """(t, id) of the nearest object along d from `origin`; infinity and -1 where there is none.
-
-        `start`: the surface that the ray leaves; None for the eye.
-        """
-
-    def blocked(self, start: Hit, d: Vec) -> Any:
-        """True where an object lies on the way along d from the surface `start`."""
-
-    def facts(self, ids: Any) -> Facts:
-        """What the objects `ids` say of their surfaces; anything for -1."""
+from raytwin.scene import Phong, Shape, Sphere
+from raytwin.tracer.hit import NO_SPECULAR, Facts, Hit, Specular, Stages, World
 
 
 class PlainWorld(NamedTuple):
@@ -46,7 +26,7 @@ class PlainWorld(NamedTuple):
         for index, thing in enumerate(self.objects):
             t = distance(origin, d, thing, index, start, self.stages)
             closer = self.stages.nearer(t, best)
-            best, ids = select(closer, t, best), select(closer, index, ids)
+            best, ids = select(closer, (t, index), (best, ids))
         return best, ids
 
     def blocked(self, start: Hit, d: Vec) -> Any:
@@ -94,7 +74,7 @@ def surface_at(world: World, origin: Vec, d: Vec, t: Any, ids: Any) -> Hit:
     facts = world.facts(ids)
     n = world.stages.normal(point, facts)
     away = dot(n, d) > 0
-    n = tuple(select(away, -c, c) for c in n)
+    n = select(away, (-n[0], -n[1], -n[2]), n)
     return Hit(t, ids, point, n, facts.albedo, away & (facts.curvature > 0), d, facts.specular)
 
 
@@ -106,3 +86,25 @@ def first_hit(world: World, origin: Vec, d: Vec) -> Hit:
 def next_hit(world: World, start: Hit, d: Vec) -> Hit:
     """The first surface along each ray from the surface `start`."""
     return surface_at(world, start.point, d, *world.closest_hit(start.point, d, start))
+
+
+def facts_of(thing: Shape) -> Facts:
+    rho, specular = thing.material.albedo, specular_of(thing)
+    if isinstance(thing, Sphere):
+        return Facts(thing.center, (0.0, 0.0, 0.0), 1 / thing.radius, rho, specular)
+    return Facts(thing.center, thing.normal, 0.0, rho, specular)
+
+
+def specular_of(thing: Shape) -> Specular | None:
+    material = thing.material
+    return Specular(material.specular, material.exponent) if isinstance(material, Phong) else None
+
+
+def normal(point: Vec, facts: Facts) -> Vec:
+    """flat + curvature (p - center): unit, outwards."""
+    return tuple(n + facts.curvature * (p - c) for n, p, c in zip(facts.flat, point, facts.center, strict=True))
+
+
+def nearer(t: Any, best: Any) -> Any:
+    """t < best: this object hides what was met so far."""
+    return t < best

@@ -37,7 +37,8 @@ from raytwin.lights.envmap_tables import tabulate
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.speed.path_tracing import area_boxes
 from raytwin.speed.tile_lists import caster_pairs
-from raytwin.tracer.hit import NO_SPECULAR, specular_of
+from raytwin.tracer.hit import NO_SPECULAR
+from raytwin.tracer.world import specular_of
 
 
 class Bounds:
