@@ -14,7 +14,7 @@ from raytwin.image import Image
 from raytwin.scene import Scene
 from raytwin.speed import ENGINES
 from raytwin.speed.sampling import pixel_draws
-from raytwin.tracer import trace, trace_paths
+from raytwin.tracer import trace_paths
 
 SHIPPED = ("single", "overlap", "distorted", "grazing")
 
@@ -74,12 +74,6 @@ def single(scenes) -> Scene:
 @pytest.fixture(scope="session")
 def overlap(scenes) -> Scene:
     return files.read_scene(scenes / "overlap").scene
-
-
-@pytest.fixture(scope="session")
-def exact(shipped):
-    """The shipped scene by the plain tracer."""
-    return trace(shipped, "shadow")
 
 
 def plain_paths(scene: Scene, depth: int = 8, samples: int = 16, seed: int = 0) -> Image:

@@ -5,7 +5,6 @@ A sampled mean may err by 4 of its standard errors, each of which 16 batches tel
 """
 
 import itertools
-from functools import partial
 from itertools import pairwise
 from math import cos, inf, radians, sin, sqrt
 
@@ -33,8 +32,8 @@ from raytwin.image import Image
 from raytwin.scene import Camera, Phong, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import ENGINES, frame
 from raytwin.speed.engine import from_numpy, to_numpy
-from raytwin.speed.sampling import BATCHES, reverse_bits, sample_indices, second_of_sobol, sobol_pair
-from raytwin.tracer import back_project, sample_cosine_hemisphere
+from raytwin.speed.sampling import BATCHES, reverse_bits, second_of_sobol, sobol_pair
+from raytwin.tracer import back_project
 
 EVERY = "single", "overlap", "distorted", "grazing", "wedge", "ball", "eclipse", "weekend"
 """The scenes whose camera is written down."""
@@ -116,34 +115,19 @@ def test_the_mean_of_a_smooth_integrand_errs_by_far_less_than_by_chance():
         assert np.square((a * b * b).reshape(16, -1).mean(axis=1) - 1 / 6).mean() < most
 
 
-def test_places_share_the_samples_evenly_over_the_batches():
-    for samples in (1, 3, 16, 17, 50):
-        found = sample_indices(samples)
-        assert len(set(found)) == samples
-        counts = np.bincount([batch for batch, _ in found])
-        assert len(counts) == min(BATCHES, samples)
-        assert counts.max() - counts.min() <= 1
-
-
-def test_directions_about_a_normal_are_unit_and_dense_as_the_cosine():
-    """Of density cos/π: the mean of ω is 2/3 n, that of (n·ω)² is 1/2; 2¹⁶ stratified samples err by less than 1e-3."""
-    a, b = ((i.ravel() + 0.5) / 256 for i in np.mgrid[:256, :256])
-    for n in np.vstack([np.eye(3), -np.eye(3), np.random.default_rng(1).normal(size=(20, 3))]):
-        n /= np.linalg.norm(n)
-        d = np.stack(sample_cosine_hemisphere(tuple(np.full(a.shape, c) for c in n), a, b))
-        np.testing.assert_allclose((d * d).sum(axis=0), 1, atol=1e-12)
-        np.testing.assert_allclose(d.mean(axis=1), 2 / 3 * n, atol=1e-3)
-        assert ((n @ d) ** 2).mean() == pytest.approx(0.5, abs=1e-3)
-        assert (n @ d).min() >= 0
-
-
 # ---------------------------------------------------------------------------------------------- one source
 
 
-def test_every_engine_follows_the_plain_tracers_paths(shipped, engine):
+@pytest.mark.parametrize(
+    ("name", "engine"),
+    [(name, TRIED[k % len(TRIED)]) for i, name in enumerate(SHIPPED) for k in (i, ~i)],
+    indirect=["engine"],
+)
+def test_every_engine_follows_the_plain_tracers_paths(scenes, name, engine):
     """The same numbers, the same paths; float32's rounding sends one in a thousand elsewhere at an edge."""
-    samples = (3, 18)[(SHIPPED.index(shipped.name) + TRIED.index(engine)) % 2]
-    small = shipped.with_camera(shipped.camera.resized(32, 24))
+    scene = files.read_scene(scenes / name).scene
+    samples = (3, 18)[(SHIPPED.index(name) + TRIED.index(engine)) % 2]
+    small = scene.with_camera(scene.camera.resized(32, 24))
     plain, fast = (
         plain_paths(small, 4, samples, seed=9),
         speed.walk(small, "path", engine, samples=samples, seed=9, depth=4),
@@ -153,8 +137,8 @@ def test_every_engine_follows_the_plain_tracers_paths(shipped, engine):
     assert (fast.samples, fast.batches) == (samples, min(samples, BATCHES))
 
 
-@pytest.mark.parametrize("side", [16, 40])
-def test_tiles_of_any_size_give_the_same_image(overlap, engine, monkeypatch, side):
+def test_tiles_of_any_size_give_the_same_image(overlap, engine, monkeypatch):
+    side = (16, 40)[TRIED.index(engine) // 2 % 2]
     small = overlap.with_camera(overlap.camera.resized(60, 50))
     first = speed.walk(small, "path", engine, samples=2, depth=3)
     for name in ("TILE_NUMPY", "TILE_DRJIT"):
@@ -222,7 +206,7 @@ def test_bounces_alone_are_the_terms_of_the_wedges_series(fast):
         assert_agrees(shown(image), expected, 1e-5)
 
 
-@pytest.mark.parametrize("depth", [2, 5, 1024])
+@pytest.mark.parametrize("depth", [2, 1024])
 def test_a_white_scene_in_a_white_sky_is_never_brighter_than_it_and_as_bright_in_the_end(fast, depth):
     things = (Sphere((0, 0, 1), 1.0, grey(1)), Sphere((1.5, 1, 0.5), 0.5, grey(1)), Rectangle(
         (0, 0, 0), (5, 0, 0), (0, 5, 0), grey(1)))  # fmt: skip
@@ -249,7 +233,7 @@ def test_inside_a_white_sphere_light_is_followed_from_wall_to_wall(fast):
 # ---------------------------------------------------------------------------------------------- shipped scenes
 
 
-@pytest.mark.parametrize(("bounces", "expected"), [(0, 1 / 4), (1, 5 / 16), (2, 21 / 64), (30, 1 / 3)])
+@pytest.mark.parametrize(("bounces", "expected"), [(1, 5 / 16), (30, 1 / 3)])
 def test_the_scene_wedge_shows_one_radiance_in_all_its_pixels(scenes, fast, bounces, expected):
     scene = files.read_scene(scenes / "wedge").scene
     small = scene.with_camera(scene.camera.resized(80, 60))
@@ -282,19 +266,6 @@ def test_the_scene_ball_shows_the_closed_forms_of_its_comment(scenes, fast):
         assert image.mean[part, 1].mean(dtype=float) == pytest.approx(expected[part].mean(), abs=4 * error + 1e-5)
 
 
-def test_the_scene_eclipse_shows_what_other_scenes_hide(scenes):
-    """A sphere's shadow on a sphere, radiance beyond 1, a rotation that is not its own transpose."""
-    scene = files.read_scene(scenes / "eclipse").scene
-    image, open_ = (speed.trace(scene, rung, "numpy64") for rung in ("shadow", "lambert"))
-    facing = open_.mean[..., 0] > 0.75 * 0.25 + 0.2  # of the large sphere, what the sun would light well
-    assert ((image.surface.ids == 0) & facing & (image.mean[..., 0] < open_.mean[..., 0])).sum() > 300
-    assert (image.mean > 1).mean() > 0.2
-    R = np.asarray(scene.camera.R_cam_board)
-    assert np.abs(R - R.T).max() > 0.5
-    turned = scene.with_camera(msgspec.structs.replace(scene.camera, R_cam_board=tuple(map(tuple, R.T.tolist()))))
-    assert (speed.trace(turned, "surface", "numpy64").surface.ids != image.surface.ids).mean() > 0.2
-
-
 # ---------------------------------------------------------------------------------------------- the twin
 
 
@@ -319,7 +290,7 @@ def twin_to(scene: Scene, depth: int, seed: int) -> Image:
 LIT = (*EVERY, "gloss", "studio")
 
 
-@pytest.mark.parametrize(("name", "depth"), [(n, d) for i, n in enumerate(LIT) for d in ((1, 3), (2, 8))[i % 2]])
+@pytest.mark.parametrize(("name", "depth"), [*zip(LIT, itertools.cycle((1, 2, 3, 8)))])
 def test_the_twin_sees_the_same_light_in_every_tile(scenes, name, fast, depth):
     """1.1 million samples each; a channel's 8 x 8 tiles by chance, so that a correct pair fails in 3 of 1000."""
     scene = files.read_scene(scenes / name).scene
@@ -332,9 +303,8 @@ def test_the_twin_sees_the_same_light_in_every_tile(scenes, name, fast, depth):
         assert mine.mean[mine.surface.ids >= 0].min() == 0
 
 
-@pytest.mark.parametrize("name", ["overlap", "eclipse"])
-def test_each_bounce_alone_is_the_difference_of_two_of_the_twins_depths_and_all_add_up(scenes, name, fast):
-    scene = files.read_scene(scenes / name).scene
+def test_each_bounce_alone_is_the_difference_of_two_of_the_twins_depths_and_all_add_up(scenes, fast):
+    scene = files.read_scene(scenes / "eclipse").scene
     small = scene.with_camera(scene.camera.resized(96, 72))
     parts = speed.light_parts(small, fast, samples=160, seed=4, depth=8)
     alone = {2: ("open", "shadow", "occlusion"), 3: ("bounce 1",), 4: ("bounce 2",), 8: ("bounce 3+",)}
@@ -348,21 +318,3 @@ def test_each_bounce_alone_is_the_difference_of_two_of_the_twins_depths_and_all_
         assert np.abs(apart((mean, variance), other)).max() < 4.5, names
     whole = sum(image.mean for image in parts.values()), sum(len(parts) * image.variance for image in parts.values())
     assert np.abs(apart(whole, (depths[8].mean, depths[8].variance))).max() < 4.5
-
-
-def test_at_the_centre_the_first_hit_has_no_noise(overlap, fast):
-    small = overlap.with_camera(overlap.camera.resized(48, 36))
-    centre = speed.walk(small, "sky", fast, sampling="center", samples=16)
-    exact = speed.trace(small, "shadow", fast)
-    background = exact.surface.ids < 0
-    np.testing.assert_array_equal(centre.mean[background], exact.mean[background])
-    assert centre.variance[background].max() == 0
-    assert (centre.mean <= exact.mean + 1e-6).all()
-    np.testing.assert_array_equal(centre.surface.ids, exact.surface.ids)
-
-
-def test_numbers_are_partial_to_no_seed(overlap):
-    small = overlap.with_camera(overlap.camera.resized(24, 18))
-    render = partial(speed.walk, small, "path", "numpy64", samples=2)
-    assert np.array_equal(render(seed=1).mean, render(seed=1).mean)
-    assert not np.array_equal(render(seed=1).mean, render(seed=2).mean)

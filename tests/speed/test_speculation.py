@@ -1,5 +1,7 @@
 """Guessing pixels between traced ones: never more wrong than promised where it is careful, and cheap."""
 
+from itertools import product
+
 import msgspec
 import numpy as np
 import pytest
@@ -26,8 +28,7 @@ def sphere_scene(x=0.0, y=0.0, radius=0.05, to_light=(0.3, 0.4, 1.0), size=(640,
     return Scene("s", camera, (Sphere((x, y, 0.05), radius),), (Sun(to_light), Sky((0.1, 0.1, 0.1))))
 
 
-@pytest.mark.parametrize("n", [2, 4, 8, 16])
-@pytest.mark.parametrize("name", ["single", "overlap", "distorted", "grazing"])
+@pytest.mark.parametrize(("name", "n"), [("single", 16), ("overlap", 8), ("distorted", 4), ("grazing", 2)])
 def test_a_careful_guess_keeps_its_promise_on_every_scene(scenes, name, n):
     scene = read_scene(scenes / name).scene
     truth = trace(scene, "lambert").mean
@@ -93,22 +94,20 @@ def test_a_sphere_smaller_than_the_lattice_is_not_lost():
     np.testing.assert_allclose(guess, truth.mean, atol=1e-5)
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("size", [(w, h) for w in range(32, 41) for h in (33, 37)])
-def test_frames_of_every_size_are_filled_to_their_last_row_and_column(scenes, way, size):
+@pytest.mark.parametrize("width", range(32, 41))
+def test_frames_of_every_size_are_filled_to_their_last_row_and_column(scenes, width):
     # A frame full of a table: a pixel left out would show the sky.
     scene = read_scene(scenes / "overlap").scene
     table = Rectangle((0.0, 0.0, 0.0), (50.0, 0.0, 0.0), (0.0, 50.0, 0.0))
-    scene = msgspec.structs.replace(scene, camera=scene.camera.resized(*size), objects=(table,))
+    scene = msgspec.structs.replace(scene, camera=scene.camera.resized(width, 69 - width), objects=(table,))
     truth = trace(scene, "lambert")
     assert truth.surface.mask.all()
-    for n in (2, 4, 8):
+    for n, way in product((2, 4, 8), WAYS):
         guess, _ = speculate(scene, n, "lambert", engine="numpy64", way=way)
         np.testing.assert_allclose(guess, truth.mean, atol=1e-6)
 
 
-@pytest.mark.parametrize("radius_px", [0.5, 1, 2, 4, 8])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("radius_px", "seed"), [(0.5, 0), (1, 1), (2, 2), (4, 3), (8, 4)])
 def test_a_shadow_smaller_than_a_block_is_never_guessed_away(radius_px, seed):
     """Of a sphere outside the frame on the plane that fills it: no lattice point need see either."""
     scene = sphere_scene(size=(160, 120), to_light=(0.4, 0.3, 1.0))

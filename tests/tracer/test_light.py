@@ -71,15 +71,6 @@ def test_sun_visible_agrees_with_geometry_on_every_shipped_scene(shipped):
         assert visible[v, u] == free_by_geometry(points[v, u], scene, int(hit.ids[v, u])), (u, v)
 
 
-def test_the_suns_direction_may_have_any_length(overlap):
-    scene = overlap.with_camera(overlap.camera.resized(80, 60))
-    stretched = msgspec.structs.replace(
-        scene, lights=(Sun(tuple(7.5 * c for c in scene.sun.to_light), scene.sun.irradiance), scene.sky)
-    )
-    np.testing.assert_allclose(lighting(stretched).to_sun, lighting(scene).to_sun, rtol=1e-15)
-    np.testing.assert_allclose(trace(stretched).mean, trace(scene).mean, rtol=1e-6)
-
-
 def test_under_a_sun_at_the_zenith_a_spheres_shadow_is_a_disc_of_its_radius(engine):
     # The camera looks at the floor from below the sphere: nothing hides the shadow.
     floor = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), Lambert((1.0, 1.0, 1.0)))

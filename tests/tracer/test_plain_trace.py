@@ -17,9 +17,10 @@ from raytwin.speed.frame import EyeScene
 FLOAT32_AGREES = 1e-5
 
 
-@pytest.mark.parametrize("rung", tracer.RADIANCE)
 @pytest.mark.parametrize("trim", TRIMS)
-def test_in_float64_the_fast_way_gives_the_plain_ones_pixels(shipped, rung, trim):
+def test_in_float64_the_fast_way_gives_the_plain_ones_pixels(shipped, trim):
+    """Each scene with each kind of boxes; rungs in turn."""
+    rung = list(tracer.RADIANCE)[(SHIPPED.index(shipped.name) + list(TRIMS).index(trim)) % 3]
     small = shipped.with_camera(shipped.camera.resized(160, 120))
     plain, fast = tracer.trace(small, rung), speed.trace(small, rung, "numpy64", trim=trim)
     # The paper's boxes cut a sphere that reaches behind the camera: there they may only lose.
@@ -38,6 +39,8 @@ def test_every_engine_gives_the_plain_ones_pixels_with_every_solver(shipped, eng
     plain, fast = tracer.trace(small, "shadow", stages), speed.trace(small, "shadow", engine, solver)
     if solver == "robust":
         np.testing.assert_array_equal(fast.surface.ids, plain.surface.ids)
+        assert np.quantile(np.abs(fast.surface.depth - plain.surface.depth), 0.999) <= FLOAT32_AGREES
+        assert np.quantile(np.abs(fast.surface.normal - plain.surface.normal), 0.999) <= 10 * FLOAT32_AGREES
     # Float32 loses digits with the other solvers, at grazing pixels all of them.
     assert (fast.surface.ids != plain.surface.ids).mean() < 1e-3
     assert np.quantile(np.abs(fast.mean - plain.mean), 0.99) <= FLOAT32_AGREES
@@ -48,7 +51,7 @@ def test_a_replaced_stage_replaces_it_in_the_plain_tracer_and_in_every_engine(ov
         n_l = sum(n * c for n, c in zip(normal, to_light, strict=True))
         return albedo / np.pi * irradiance * visible * n_l + albedo * sky
 
-    faulty = tracer.STAGES._replace(lambert=without_clamp)
+    faulty, overlap = tracer.STAGES._replace(lambert=without_clamp), overlap.with_camera(overlap.camera.resized(80, 60))
     plain, fast = tracer.trace(overlap, "lambert", faulty), speed.trace(overlap, "lambert", engine, stages=faulty)
     assert plain.mean.min() < -0.1
     assert (tracer.trace(overlap, "lambert").mean >= 0).all()
@@ -95,9 +98,9 @@ def test_past_where_a_lens_folds_over_both_are_black_and_meet_nothing(single, en
         assert not guessed[lost].any()
 
 
-def test_a_lens_that_folds_over_most_of_the_frame_is_refused_by_both(single, engine):
+def test_a_lens_that_folds_over_most_of_the_frame_is_refused_by_both(single):
     folding = single.with_camera(msgspec.structs.replace(single.camera, dist=(-2.5,)))
-    for trace in (tracer.trace, lambda scene: speed.trace(scene, engine=engine)):
+    for trace in (tracer.trace, speed.trace):
         with pytest.raises(InputError, match="two directions share it"):
             trace(folding)
 

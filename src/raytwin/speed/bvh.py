@@ -1,8 +1,8 @@
 """Many objects for rays from anywhere: a tree of boxes (BVH), most of which a ray misses with all that they contain.
 
 The nodes are in depth-first order, and each says which node follows when its box is missed (Smits, "Efficiency Issues
-for Ray Tracing", JGT 3(2), 1998): on Dr.Jit a loop without a stack, within the kernel. On NumPy all rays that meet a
-node's box enter it together.
+for Ray Tracing", JGT 3(2), 1998): a loop without a stack, within Dr.Jit's kernel. NumPy tries one object after
+the other: a tree there saved a quarter.
 """
 
 from collections.abc import Sequence
@@ -18,8 +18,6 @@ from raytwin.speed.object_table import Table
 
 FEW = 32
 """Objects of a kind up to which a tree is not faster than one after the other."""
-LEAF = 4
-"""Objects of a node, on NumPy, that are tested without looking at their own boxes."""
 MARGIN = 2e-6
 """How much larger a box is than its contents, as a share of the scene's extent: more than float32's rounding."""
 FLAT = 1e-20
@@ -106,43 +104,16 @@ class KernelTree(NamedTuple):
         return tuple(drjit.while_loop((place, *state), lambda place, *_: place < end, step)[1:])
 
 
-class NumpyTree(NamedTuple):
-    """Objects on NumPy, where all rays that meet a node's box enter it; the last few are tested without boxes."""
-
-    table: Table
-    nodes: Nodes
-
-    def fold(self, ray: Any, state: Any, body: Body, reach: Reach = no_reach) -> Any:
-        nodes = self.nodes
-        shape, state = np.shape(state[0]), tuple(np.ravel(values).copy() for values in state)
-        entered = [(0, np.arange(len(state[0])))]
-        while entered:
-            place, rows = entered.pop()
-            origin, d = picked(ray[:2], rows)
-            near, far = through(*nodes.box(place), origin, inverted(d))
-            rows = rows[(near <= far) & (near < reach(picked(state, rows)))]
-            after = int(nodes.onward[place])
-            if len(rows) and after - place > 2 * LEAF:
-                entered += [(int(nodes.onward[place + 1]), rows), (place + 1, rows)]
-            elif len(rows):
-                own, found = picked(ray, rows), picked(state, rows)
-                for thing in nodes.thing[place:after].tolist():
-                    found = body(found, own, thing, self.table.objects[thing]) if thing >= 0 else found
-                for values, part in zip(state, found, strict=True):
-                    values[rows] = part
-        return tuple(values.reshape(shape) for values in state)
-
-
 def all_objects(scene: Scene, table: Table, engine: Engine) -> Objects:
-    """All of the scene's objects for rays from anywhere: in trees, but for kinds of which there are few."""
+    """All of the scene's objects for rays from anywhere: in trees where Dr.Jit has many of a kind."""
     rest, trees = list(range(len(scene.objects))), []
     for kind in (Sphere, Rectangle):
         ids = [i for i, thing in enumerate(scene.objects) if isinstance(thing, kind)]
-        if len(ids) > FEW:
+        if len(ids) > FEW and not engine.is_numpy:
             rest = [i for i in rest if i not in set(ids)]
             nodes = grow(*corners([scene.objects[i] for i in ids]))
             nodes = lifted(nodes._replace(thing=np.where(nodes.thing >= 0, np.array(ids)[nodes.thing], -1)), engine)
-            trees.append(NumpyTree(table, nodes) if engine.is_numpy else KernelTree(table, kind, nodes))
+            trees.append(KernelTree(table, kind, nodes))
     few = same_list(table, engine, rest)
     return Chain((few, *trees)) if trees else few
 
@@ -157,19 +128,9 @@ def corners(things: Sequence[Shape]) -> tuple[np.ndarray, np.ndarray]:
 
 def lifted(nodes: Nodes, engine: Engine) -> Nodes:
     """In the engine's numbers."""
-    if engine.is_numpy:
-        return nodes
     low, high = (tuple(from_numpy(engine, np.append(c, (0, 0))) for c in side) for side in (nodes.low, nodes.high))
     thing, onward = (from_numpy(engine, np.append(a, (0, 0)), whole=True) for a in nodes[2:])
     return Nodes((low[0], low[1], low[2]), (high[0], high[1], high[2]), thing, onward)
-
-
-def picked(value: Any, rows: np.ndarray) -> Any:
-    """Some rows of each of nested arrays; a single number serves all rows."""
-    if isinstance(value, tuple):
-        parts = [picked(part, rows) for part in value]
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    return np.ravel(value)[rows] if isinstance(value, np.ndarray) and value.ndim else value
 
 
 def inverted(d: Vec) -> Vec:

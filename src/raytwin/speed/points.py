@@ -1,9 +1,7 @@
 """The tracer at any points of the image plane: what speculation and drawing into photos ask for."""
 
-from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
 
 from raytwin.array_types import Bool, Float32, Int32
@@ -12,11 +10,9 @@ from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Shape
 from raytwin.scene.lens import rayless
-from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
-from raytwin.speed.fast_world import FastWorld, ObjectList, Ray, tile_lists
-from raytwin.speed.frame import TILE_DRJIT, EyeScene
-from raytwin.speed.tile_lists import caster_pairs, plan
+from raytwin.speed.fast_world import FastWorld, Ray
+from raytwin.speed.frame import EyeScene
 from raytwin.tracer.hit import Hit
 from raytwin.tracer.pixel_to_ray import to_board
 from raytwin.tracer.render_image import EYE
@@ -24,7 +20,7 @@ from raytwin.tracer.shading import RADIANCE
 from raytwin.tracer.world import first_hit, hides
 
 CHUNK = 1 << 14
-"""Points traced at a time: they stay in the cache."""
+"""Points that NumPy traces at a time: they stay in the cache."""
 
 
 LIT, AWAY = -1, -2
@@ -54,7 +50,8 @@ def trace_points(
     colour, ids, blocker = np.empty((m, 3), np.float32), np.empty(m, np.int32), np.full(m, AWAY, np.int32)
     place = np.empty((m, 3), np.float32) if point else None
     shaded = RUNGS[rung].shadows
-    for part, world in _parts(view, u, v, shaded):
+    world, step = view.everywhere, CHUNK if view.engine.is_numpy else max(m, 1)
+    for part in (slice(start, start + step) for start in range(0, m, step)):
         with np.errstate(all="ignore"):
             hit = first_hit(world, EYE, view.ray(*(from_numpy(view.engine, a[part]) for a in (u, v))))
             layers = [(colour[part], RADIANCE[rung](hit, view.light, world, view.camera)), (ids[part], (hit.ids,))]
@@ -78,36 +75,7 @@ def _blocker(hit: Hit, to_sun: Vec, world: FastWorld) -> Any:
     """The id of the last object in the world's order that hides the sun, by the test of `World.blocked`; else LIT."""
 
     def block(state: Any, ray: Ray, index: Any, thing: Shape) -> Any:
-        return (select(hides(hit, ray.d, thing, index, world.stages), index, state[0]),)
+        return (select(hides(ray.start, ray.d, thing, index, world.stages), index, state[0]),)
 
     none = (select(hit.inside, hit.ids, LIT),)
-    return world.casters.fold(Ray(hit.point, to_sun), none, block)[0]
-
-
-def _parts(view: EyeScene, u: np.ndarray, v: np.ndarray, shadows: bool) -> Iterator[tuple[slice, FastWorld]]:
-    """The points in portions, each with the objects it may see and those that may shade these."""
-    if not len(u):
-        return
-    column, row = np.maximum(np.rint(u), 0).astype(int), np.maximum(np.rint(v), 0).astype(int)
-    camera = view.local.camera
-    # The lattice's last points may lie beyond the frame.
-    size = max(camera.width, int(column.max()) + 1), max(camera.height, int(row.max()) + 1)
-    boxes = trim_boxes(view.local.objects, msgspec.structs.replace(camera, image_size=size))
-    if not view.engine.is_numpy:
-        work = plan(view.local, boxes, size, TILE_DRJIT, shadows)
-        tile = from_numpy(view.engine, row // work.side * work.columns + column // work.side, whole=True)
-        every = np.arange(len(work.seen.first))
-        lists = (tile_lists(view.table, view.engine, a, every, tile) for a in (work.seen, work.casters))
-        yield slice(None), view.world(*lists)
-        return
-    found = caster_pairs(view.local) if shadows else (np.zeros(len(boxes) + 1, int), np.zeros(0, int))
-    x0, y0, x1, y1 = boxes.T
-    for start in range(0, len(u), CHUNK):
-        part = slice(start, start + CHUNK)
-        c, r = column[part], row[part]
-        ids = np.flatnonzero((x0 <= c.max()) & (c.min() < x1) & (y0 <= r.max()) & (r.min() < y1)).tolist()
-        casters: Sequence[int] = range(len(boxes))
-        if found is not None:
-            first, flat = found
-            casters = sorted(set().union(*(flat[first[i] : first[i + 1]].tolist() for i in ids)))
-        yield part, view.world(ObjectList(view.table, ids), ObjectList(view.table, casters))
+    return world.casters.fold(Ray(hit.point, to_sun, hit), none, block)[0]
