@@ -282,8 +282,8 @@ def a_cloud(single: Scene, count: int = 90) -> Scene:
     return msgspec.structs.replace(single, camera=single.camera.resized(107, 80), objects=(*spheres, *leaves))
 
 
-def test_shading_lists_the_balls_that_overlap_seen_from_the_sun_and_are_not_behind(single):
-    """|(c_i - c_j) x l| <= R_i + R_j and (c_i - c_j) · l >= -(R_i + R_j), pair by pair."""
+def test_shading_lists_the_balls_that_overlap_seen_from_the_sun_and_are_not_behind(single, monkeypatch):
+    """|(c_i - c_j) x l| <= R_i + R_j and (c_i - c_j) · l >= -(R_i + R_j), pair by pair; in portions too."""
     scene = a_cloud(single)
     c, light = np.array([thing.center for thing in scene.objects]), np.array(scene.sun.to_light)
     R = np.array(
@@ -296,8 +296,10 @@ def test_shading_lists_the_balls_that_overlap_seen_from_the_sun_and_are_not_behi
         over = np.linalg.norm(np.cross(apart, light), axis=1) <= R + R[j]
         expected.append([i for i in np.flatnonzero(over & (apart @ light >= -(R + R[j]))).tolist() if i != j])
     assert 300 < sum(map(len, expected)) < 5000
-    first, flat = caster_pairs(scene)
-    assert [flat[first[j] : first[j + 1]].tolist() for j in range(len(c))] == expected
+    for portion in (tile_lists.PORTION, 37):
+        monkeypatch.setattr(tile_lists, "PORTION", portion)
+        first, flat = caster_pairs(scene)
+        assert [flat[first[j] : first[j + 1]].tolist() for j in range(len(c))] == expected
 
 
 @pytest.mark.parametrize("most", [100, 1000, 1500])

@@ -10,10 +10,13 @@ from raytwin.speed.boxes import ball_boxes
 from raytwin.speed.shadows import fall
 
 FEW = 64
-"""Up to this number of objects, all pairs are compared without a search for those nearby."""
+"""Up to this number of objects, all pairs are compared without sorting them first."""
 
 MOST = 20_000_000
 """Pairs, of two objects or of a tile and an object: more take over a gigabyte, and one list for all tiles does."""
+
+PORTION = 2_000_000
+"""Pairs compared at once: bounds the memory."""
 
 
 class Lists(NamedTuple):
@@ -118,7 +121,7 @@ def caster_pairs(scene: Scene) -> tuple[np.ndarray, np.ndarray] | None:
     """(first, flat): `flat[first[j]:first[j + 1]]` are the objects that may cast a shadow on object j; never too few.
 
     Both are put into balls. Seen along the sun's rays these are discs, which must overlap, and the caster's ball must
-    not lie behind the other's. None where more than MOST pairs come into question: 10 000 objects in a line to the sun.
+    not lie behind the other's. None where there are more than MOST pairs: 10 000 objects in a line to the sun.
     """
     things = scene.objects
     n = len(things)
@@ -129,25 +132,33 @@ def caster_pairs(scene: Scene) -> tuple[np.ndarray, np.ndarray] | None:
     axes = np.stack([side / np.linalg.norm(side), np.cross(to_light, side) / np.linalg.norm(side), to_light])
     x, y, height = axes @ center.T
     radius = radius * (1 + 1e-4) + 1e-6 * np.abs(center).max(initial=0)  # for float32's rounding
-    at, every = np.stack([x, y], axis=1), np.arange(n)
+    x, y = (x, y) if n and np.ptp(x) > np.ptp(y) else (y, x)
+    # Sorted along x, a small object's partners lie in a short stretch; large ones are compared with all.
     large = radius > 8 * np.median(radius) if n > FEW else np.ones(n, bool)
-    small, big = np.flatnonzero(~large), np.flatnonzero(large)
-    if 2 * len(big) * n > MOST:
+    small, big = np.flatnonzero(~large)[np.argsort(x[~large])], np.flatnonzero(large)
+    reach = radius[small] + radius[small].max(initial=0)
+    near = (np.searchsorted(x[small], x[small] + sign * reach) for sign in (-1, 1))
+    # In the line of small and big objects, each shaded one's casters lie between `low` and `high`.
+    line, whose, few = np.concatenate([small, big]), np.concatenate([small, small, big]), len(small)
+    low, high = (
+        np.concatenate([stretch, np.full(few, end[0]), np.full(n - few, end[1])])
+        for stretch, end in zip(near, ((few, 0), (n, n)), strict=True)
+    )
+    counts = np.cumsum(high - low)
+    if counts.max(initial=0) > 30 * MOST:
         return None
-    shaded, caster = np.repeat(big, n), np.tile(every, len(big))
-    if small.size:  # a small object's partners are the large ones, and small ones nearby
-        from scipy.spatial import cKDTree
-
-        tree, reach = cKDTree(at[small]), 2 * radius[small].max()
-        if tree.count_neighbors(tree, reach) > MOST:
+    cuts = np.searchsorted(counts, np.arange(PORTION, counts.max(initial=0), PORTION))
+    found = []
+    for part in np.split(np.arange(len(whose)), cuts):
+        i, k = spread((high - low)[part])
+        shaded, caster = whose[part][i], line[low[part][i] + k]
+        both = radius[shaded] + radius[caster]
+        over = (x[caster] - x[shaded]) ** 2 + (y[caster] - y[shaded]) ** 2 <= both**2
+        keep = over & (height[caster] - height[shaded] >= -both) & (caster != shaded)
+        found.append((shaded[keep].astype(np.int32), caster[keep].astype(np.int32)))
+        if sum(len(s) for s, _ in found) > MOST:
             return None
-        near = small[tree.query_pairs(reach, output_type="ndarray")]
-        shaded = np.concatenate([shaded, *near.T, np.repeat(small, len(big))])
-        caster = np.concatenate([caster, *near[:, ::-1].T, np.tile(big, len(small))])
-    both = radius[shaded] + radius[caster]
-    over = np.square(at[caster] - at[shaded]).sum(axis=1) <= both**2
-    keep = over & (height[caster] - height[shaded] >= -both) & (caster != shaded)
-    shaded, caster = shaded[keep], caster[keep].astype(np.int32)
+    shaded, caster = (np.concatenate(p) for p in zip(*found, strict=True))
     order = np.lexsort((caster, shaded))
     first = np.concatenate([[0], np.cumsum(np.bincount(shaded, minlength=n))])
     return first, caster[order]
