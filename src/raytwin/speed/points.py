@@ -74,7 +74,7 @@ def trace_points(
 def _blocker(hit: Hit, to_sun: Vec, world: FastWorld) -> Any:
     """The id of the last object in the world's order that hides the sun, by the test of `World.blocked`; else LIT."""
 
-    def block(state: Any, ray: Ray, index: Any, thing: Shape) -> Any:
+    def block(state: Any, ray: Any, index: Any, thing: Shape) -> Any:
         return (select(hides(ray.start, ray.d, thing, index, world.stages), index, state[0]),)
 
     none = (select(hit.inside, hit.ids, LIT),)
