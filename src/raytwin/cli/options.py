@@ -228,11 +228,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("Write the camera, as TOML, and a page beside it.", "FILE", *OUT),
         "uncertainty": _opt("Draw each pixel's uncertainty.", "FILE.svg"),
         "bend": _opt("Draw how the board bends; a second board goes to FILE_2.svg.", "FILE.svg"),
-        "export": _opt("Write K and distortion for another program.", "FILE"),
-        "export_as": _opt("opencv, ros, kalibr or mrcal (from --export's ending).", None, "--format"),
         "against": _opt("Compare the projections of another camera.", "OTHER.toml"),
-        "distance": _opt("Distance of the compared points (the boards'), or inf.", "M"),
-        "difference": _opt("Draw the difference found by --against.", "FILE.svg"),
     },
     "light": {
         "photos": _arg("Photos of one board under one light, or their folder.", "PHOTO..."),

@@ -15,9 +15,7 @@ MIRROR, ORANGE = (0.9, 0.9, 0.9), (0.75, 0.35, 0.08)
 
 def calibrate_command(
     photos: list[Path], board: list[Path], model: str = "auto", photo: str | None = None, json: Path | None = None,
-    out: Path | None = None, uncertainty: Path | None = None, bend: Path | None = None, export: Path | None = None,
-    export_as: str | None = None, against: Path | None = None, distance: float | None = None,
-    difference: Path | None = None,
+    out: Path | None = None, uncertainty: Path | None = None, bend: Path | None = None, against: Path | None = None,
 ) -> None:  # fmt: skip
     """Calibrate a camera from photos of a board.
 
@@ -28,17 +26,17 @@ def calibrate_command(
     from raytwin.calib import photos as taken
     from raytwin.report import calibration_page, terminal_text, uncertainty_pictures
 
-    check_outputs(files=(json, out, uncertainty, bend, export, difference))
-    _check_pictures({"--uncertainty": uncertainty, "--bend": bend, "--difference": difference})
-    if export:
-        taken.export_format(export, export_as)
-    other = _read_other(against, distance, difference)
+    check_outputs(files=(json, out, uncertainty, bend))
+    for option, picture in (("--uncertainty", uncertainty), ("--bend", bend)):
+        if picture and picture.suffix.lower() != ".svg":
+            raise InputError(option, "a name that ends in .svg", picture)
+    other = files.read_camera(against) if against else None
     definitions = [boards.read_board(path) for path in board]
     paths = [path for named in photos for path in files.list_photos(named)]
     with show_progress() as progress:
         check_one_of("--photo", photo or paths[0].name, (p.name for p in paths))
         calibration = taken.calibrate(paths, definitions, model=model, progress=progress)
-        apart = taken.projection_difference(calibration, other, distance) if other is not None else None
+        apart = taken.projection_difference(calibration, other) if other else None
         with progress.stage("page"):
             if out:
                 _write_camera(out, calibration, paths, definitions, photo)
@@ -47,33 +45,12 @@ def calibrate_command(
                 uncertainty_pictures.write_uncertainty(calibration, uncertainty)
             if bend:
                 uncertainty_pictures.write_bends(calibration, bend)
-            if difference and apart is not None:
-                uncertainty_pictures.write_difference(calibration, apart, difference)
     if json:
         files.write_json(json, calibration.numbers())
-    if export:
-        taken.export_camera(export, calibration, export_as)
     say_wrapped(terminal_text.calibration_summary(calibration))
-    if apart is not None:
+    if apart:
         say_wrapped(terminal_text.difference_summary(apart))
     print_seconds(progress)
-
-
-def _check_pictures(pictures: dict[str, Path | None]) -> None:
-    for option, picture in pictures.items():
-        if picture and picture.suffix.lower() != ".svg":
-            raise InputError(option, "a name that ends in .svg", picture)
-
-
-def _read_other(against: Path | None, distance: float | None, difference: Path | None):
-    """The camera to compare with, None without one; InputError for options that need one."""
-    from raytwin import files
-
-    if against is None and (difference or distance is not None):
-        raise InputError("--against", "a camera to compare with", "none")
-    if distance is not None and not distance > 0:
-        raise InputError("--distance", "metres > 0, or inf", f"{distance:g}")
-    return files.read_camera(against) if against else None
 
 
 def _write_camera(out: Path, calibration, paths: list[Path], definitions: list, photo: str | None) -> None:

@@ -1,6 +1,5 @@
 """A comparison or a calibration in a few lines of text, for the terminal."""
 
-import math
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -72,10 +71,9 @@ def calibration_summary(calibration: "Calibration") -> str:
 
 def difference_summary(found: "ProjectionDifference") -> str:
     """Median, 95th percentile and worst of the projection difference, and what was fitted."""
-    away = "at infinity" if math.isinf(found.distance) else f"at {found.distance:.3g} m"
     fitted = f"turned by {found.turn_degrees:.3g} degrees, shifted by {1e3 * found.shift_metres:.3g} mm"
     return (
-        f"against the other camera {away}: median {found.median:.3g} px, 95 % {found.p95:.3g} px, "
+        f"against the other camera at {found.distance:.3g} m: median {found.median:.3g} px, 95 % {found.p95:.3g} px, "
         f"worst {found.worst:.3g} px ({fitted})"
     )
 

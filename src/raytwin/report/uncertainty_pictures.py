@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from raytwin import files
-from raytwin.calib.photos import Calibration, ProjectionDifference, uncertainty_map
+from raytwin.calib.photos import Calibration, uncertainty_map
 from raytwin.report.charts.svg import INK, SOFT, Axes, box, dot, drawing, log_ticks, marker, picture, stroke, words
 from raytwin.report.numbers import short
 
@@ -40,12 +40,6 @@ def write_uncertainty(calibration: Calibration, path: str | os.PathLike[str]) ->
     files.write_text(path, uncertainty_drawing(calibration))
 
 
-def write_difference(calibration: Calibration, difference: ProjectionDifference, path: str | os.PathLike[str]) -> None:
-    """Write the projection difference over the frame, drawn as the uncertainty is."""
-    title = f"difference from the other camera at {difference.distance:.2g} m, pixels; dots: tags seen"
-    files.write_text(path, map_drawing(calibration, difference.px, title))
-
-
 def write_bends(calibration: Calibration, path: str | os.PathLike[str]) -> None:
     """Write `bend_drawing` of the first board to `path`, of the n-th to NAME_n.svg beside it."""
     path = Path(path)
@@ -61,21 +55,16 @@ def frame_axes(calibration: Calibration) -> Axes:
 
 
 def uncertainty_drawing(calibration: Calibration) -> str:
-    """Draw one standard deviation of what is seen at each pixel, `photos.uncertainty_map`, with contours."""
-    title = f"1 standard deviation of a point {calibration.basis.distance:.2g} m away, pixels"
-    return map_drawing(calibration, uncertainty_map(calibration), title)
-
-
-def map_drawing(calibration: Calibration, found: np.ndarray, title: str) -> str:
-    """Draw pixels (h, w) over the frame, with contours, a colour bar and the tags seen.
+    """Draw one standard deviation of what is seen at each pixel, with contours, a colour bar and the tags seen.
 
     Grey where no ray belongs to a pixel (NaN); towards grey in each tenth by tenth of the frame without a tag, where
     the map rests on none.
     """
+    found = uncertainty_map(calibration)
+    title = f"1 standard deviation of a point {calibration.basis.distance:.2g} m away, pixels"
     axes, rayless = frame_axes(calibration), np.isnan(found)
     (left, _), (right, bottom) = axes.corners
-    # Four decades are enough for the eye; a difference may be 0 somewhere.
-    found = np.maximum(np.where(rayless, np.nanmax(found), found), max(float(np.nanmax(found)) * 1e-4, 1e-9))
+    found = np.where(rayless, np.nanmax(found), found)
     low, high = float(found.min()), max(float(found.max()), 4.1 * float(found.min()))
     size = 2 * round(axes.width), 2 * round(axes.height)
     # Logarithmic: from the middle to a corner without tags it may grow a hundredfold.

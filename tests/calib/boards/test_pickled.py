@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from raytwin.calib.boards.board import read_board, write_board
 from raytwin.calib.boards.pickled import LARGEST, read_pickle, read_pickled
-from raytwin.calib.photos.calibration import calibrate_detections
 from raytwin.errors import InputError
 
 INCH = 0.0254
@@ -93,46 +92,18 @@ def test_a_family_in_bytes_is_read_as_the_text_it_stands_for(save, protocol):
     assert read(path, "at_fineboard") == read(path, "at_coarseboard")
 
 
-def test_the_courses_boards_are_right_handed_against_its_photos_and_y_down_would_mirror_them(
-    save, real_board, real_tags
-):
-    name, photos = "fine", "april_fine"
-    original = real_board(name)
-    entries = [
-        {"tag_family": original.family, "tag_id": i, "center": np.array([x / INCH, y / INCH, 0])}
-        for i, (x, y) in original.centers().items()
-    ]
-    path = save({name: entries})
-    seen, size = real_tags(photos)
-    few = dict(list(seen.items())[:8])
-    for y_down in (False, True):
-        board = read_pickled(path, name, original.tag_edge, INCH, y_down=y_down)
-        found = calibrate_detections(few, size, board, "k1")
-        assert ("mirrored-board" in {w.code for w in found.warnings}) == y_down
-    assert np.allclose(
-        list(read_pickled(path, name, original.tag_edge, INCH).centers().values()), list(original.centers().values())
-    )
-
-
 @pytest.mark.parametrize(
     ("boards", "parts"),
     [
         ({"fine": tags(family="tag36h10")}, ["fine: family", "tag36h11", "'tag36h10'"]),
         ({"fine": tags() + tags(family="tag25h9")}, ["fine: tag_family", "one family"]),
-        ({"fine": tags() + tags()[:1]}, ["fine: tags[4].id", "14, as tags[0] has"]),
-        ({"fine": tags(tag_id=lambda i: i + 600)}, ["fine: tags[0].id", "586"]),
         ({"fine": tags(tag_id=bool)}, ["fine[0].tag_id", "True"]),
         ({"fine": tags(centers=[*SQUARE[:3], (2.0, 2.5, 0.3)])}, ["fine: center", "plane", "0.3"]),
         ({"fine": tags(centers=[*SQUARE[:3], (2.0, np.nan, 0.0)])}, ["fine[3].center[1]", "a number", "nan"]),
-        ({"fine": tags(centers=[*SQUARE[:3], (1e6, 1.0, 0.0)])}, ["fine[3].center[0]", "< 1000000", "1000000.0"]),
         ({"fine": tags(centers=[*SQUARE[:3], (10**400, 1.0, 0.0)])}, ["fine[3].center[0]", "64 bits", "1000"]),
         ({"fine": tags(lambda c: c[:1])}, ["fine[0].center", "length >= 2"]),
-        ({"fine": tags(lambda c: "123")}, ["fine[0].center", "a list", "'123'"]),
         ({"fine": [{"tag_family": "tag36h11", "tag_id": 1}]}, ["fine[0].center", "nothing"]),
-        ({"fine": [3]}, ["fine[0]", "a table", "3"]),
-        ({"fine": {}}, ["fine", "a list"]),
         ({"fine": []}, ["fine: tag_family"]),
-        ([], ["boards by their names"]),
         ({}, ["boards by their names"]),
         ({1: []}, ["whose keys are no names"]),
     ],
@@ -210,11 +181,8 @@ CALL = b"c_codecs\nencode\n\x94"
 HOSTILE = {
     "a memo bomb": (pickle.dumps({"fine": nested_pairs(60)}), "fine[0]"),
     "a memo bomb in a center": (pickle.dumps({"fine": tags(lambda c: nested_pairs(60))}), "fine[0].center"),
-    "a memo bomb beside": (pickle.dumps({"fine": [{"more": nested_pairs(60)}]}), "fine[0].tag_family"),
     "deep lists": (b"]" * 60_000 + b"a" * 59_999 + b".", "boards by their names"),
-    "a list in itself": (b"]q\x00h\x00a.", "boards by their names"),
     "an empty file": (b"", "a pickle"),
-    "another kind of file": (b"\x89PNG\r\n\x1a\n", "a pickle"),
     "too large a file": (b"N" * (LARGEST + 1), "more than 1 MiB"),
     "a memo far off": (chatty(b"Nr\xff\xff\xff\xff"), "boards by their names"),
     "keys that collide": (
@@ -225,7 +193,6 @@ HOSTILE = {
         "a pickle"),
     "text of 4 GiB": (chatty(b"\x8d" + struct.pack("<Q", 1 << 32)), "a pickle"),
     "bytes of 2 GiB": (chatty(b"B\xff\xff\xff\x7f"), "a pickle"),
-    "a bytearray of 512 MiB": (b"\x80\x05\x96" + struct.pack("<Q", 1 << 29) + b".", "a pickle"),
     "a frame of 2**62 bytes": (b"\x80\x04\x95" + struct.pack("<Q", 1 << 62) + b"N.", "boards by their names"),
     "a persistent id": (chatty(b"Pfile\n"), "a pickle"),
     "an old instance": (b"(S'x'\nios\nsystem\n.", "a pickle"),
@@ -281,7 +248,7 @@ def damaged(draw) -> bytes:
 ORDERS = st.lists(st.sampled_from(OPS), max_size=40).map(lambda ops: b"".join(ops) + b".")
 
 
-@settings(max_examples=900)
+@settings(max_examples=400)
 @given(st.one_of(damaged(), ORDERS, st.binary(max_size=200)))
 @example(b"cnumpy\ndtype\n\x8c\x02f8\x85RNb.")
 def test_damaged_pickles_instructions_of_any_order_and_any_bytes_are_read_or_refused(tmp_path_factory, data):
@@ -294,8 +261,3 @@ def test_damaged_pickles_instructions_of_any_order_and_any_bytes_are_read_or_ref
         text = str(error)
         assert "\n" not in text
         assert len(text) < 600
-
-
-def test_a_file_that_cannot_be_read_is_named(tmp_path):
-    refused(tmp_path / "none.pickle", "none.pickle", "no such file")
-    refused(tmp_path, "a folder")

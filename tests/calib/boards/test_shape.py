@@ -41,11 +41,6 @@ def test_how_points_move_with_the_coefficients_is_that_of_differences():
         assert np.allclose((bent.move(c + step) - bent.move(c - step)) / 2e-7, bent.moves(c)[:, i], atol=1e-8)
 
 
-def test_heights_between_the_tags_are_those_of_the_tags():
-    xy = tuple(BOARD.centers().values())
-    assert np.allclose(heights_at(XY, xy, 3), bending(xy, 3).heights)
-
-
 def test_a_bow_is_as_long_as_the_flat_sheet():
     """Neighbours along the bow: the chord of an arc of length d and curvature k is d - k² d³ / 24."""
     bow = bow_of(BOARD, 0.003)

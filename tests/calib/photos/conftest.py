@@ -2,8 +2,9 @@ import hashlib
 from pathlib import Path
 
 import pytest
+from photo_helpers import BOARD
 
-from raytwin.calib.photos import Calibration, calibrate_detections, detection
+from raytwin.calib.photos import Calibration, calibrate, calibrate_detections, detection
 
 BOARDS = {"april_fine": "fine", "desk_tilted": "coarse", "desk_degenerate": "coarse"}
 
@@ -19,6 +20,18 @@ def real_found(real_tags, real_board):
         return made[name]
 
     return find
+
+
+@pytest.fixture(scope="session")
+def plain_found(shoot) -> Calibration:
+    """Calibrated from photos of a flat board."""
+    return calibrate(sorted(shoot()[0].glob("*.jpg")), BOARD)
+
+
+@pytest.fixture(scope="session")
+def bent_found(shoot) -> Calibration:
+    """Calibrated from photos of a board bent by 3 mm."""
+    return calibrate(sorted(shoot(14, bend=3e-3)[0].glob("*.jpg")), BOARD)
 
 
 @pytest.fixture(autouse=True, scope="package")

@@ -37,10 +37,6 @@ def texts(case: Case, code: str) -> list[str]:
     return [text for c, text in warnings_for(case) if c == code]
 
 
-def oddities(case: Case) -> list[tuple[float, str, str]]:
-    return list(_oddities(case))
-
-
 def test_a_sound_case_raises_no_doubt(sound):
     assert warnings_for(sound) == []
 
@@ -126,68 +122,34 @@ def test_a_board_is_called_bent_beyond_its_size_and_its_sigma(sound, bend, sigma
     assert len(texts(replace(sound, calibration=made), "bent-board")) == doubted
 
 
-@pytest.mark.parametrize(
-    ("times", "px", "count", "doubted"),
-    [
-        (2.51, 1.0, 12, 1),
-        (2.49, 1.0, 12, 0),
-        (4.0, 0.22, 12, 1),
-        (4.0, 0.19, 12, 0),
-        (4.0, 1.0, 5, 1),
-    ],
-)
-def test_a_photo_is_called_odd_by_its_rms_in_medians_where_pixels_tell_it(sound, times, px, count, doubted):
-    """All residuals of a photo alike, `px` in the odd one, a share of that in the others; none pulls K."""
-    views = sound.views[:count]
-    found = fit(views, SIZE, [SMALL], ModelSpec("none"))
-    rms = np.full(count, px / times)
-    rms[2] = px
-    along = found.observations.weight[..., None] * rms[:, None, None] * [0.6, 0.8]
-    known = replace(fit_uncertainty(found), errors=rms, moves=np.zeros((count, 4)))
-    made = msgspec.structs.replace(sound.calibration, views=sound.calibration.views[:count])
-    odd = oddities(Case(made, replace(found, residuals=along), known, views, [SMALL], {}, {}))
-    said = f"its rms of {px:.3f} px is {times:.1f} times the median photo's {rms[0]:.3f} px"
-    assert [(name, why) for _, name, why in odd] == [("view_02", said)] * doubted
+@pytest.mark.parametrize(("times", "px", "odd"), [(2.51, 1.0, 1), (2.49, 1.0, 0), (4.0, 0.22, 1), (4.0, 0.19, 0)])
+def test_a_photo_is_called_odd_by_its_rms_in_medians_where_pixels_tell_it(sound, times, px, odd):
+    errors = np.full(12, px / times)
+    errors[2] = px
+    said = f"{px:.3f} px is {times:.1f} times the median photo's {errors[0]:.3f} px"
+    found = list(_oddities(replace(sound, known=replace(sound.known, errors=errors))))
+    assert [(name, why) for _, name, why in found] == [
+        ("view_02", f"its rms in the camera of the others of {said}")
+    ] * odd
 
 
-def test_of_two_odd_photos_the_one_further_beyond_its_limit_is_named_first(sound):
-    errors = np.ones(12)
-    errors[2], errors[5] = 2.6, 3.6
-    odd = replace(sound.known, errors=errors)
-    assert max(oddities(replace(sound, known=odd)))[1] == "view_05"
-
-
-def spoilt(sound, photo: str, by) -> dict[str, list[Tag]]:
-    return {
-        v.photo: [msgspec.structs.replace(t, center=by(t.center)) if v.photo == photo else t for t in v.tags]
-        for v in sound.views
-    }
-
-
-def test_an_odd_photos_numbers_are_those_of_the_table_and_of_the_fit_without_it(sound):
-    tags = spoilt(sound, "view_04", lambda c: (1.02 * c[0], 1.02 * c[1] + 9))
-    found = calibrate_detections(tags, SIZE, SMALL, "none")
-    (text,) = [w.text for w in found.warnings if w.code == "odd-photo"]
-    rms = {v.photo: v.rms_px for v in found.views}
-    usual = float(np.median(list(rms.values())))
-    times = rms["view_04"] / usual
-    assert f"its rms of {rms['view_04']:.3f} px is {times:.1f} times the median photo's {usual:.3f} px" in text
+def test_an_odd_photo_is_named_by_the_others_errors_with_it_and_without_it_from_five_photos_on(sound):
+    tags = {v.photo: list(v.tags) for v in sound.views}
+    tags["view_02"] = [
+        msgspec.structs.replace(t, center=(1.02 * t.center[0], 1.02 * t.center[1] + 9)) for t in tags["view_02"]
+    ]
 
     def others(photos: dict) -> float:
         made = fit([Sighting(p, tuple(t)) for p, t in photos.items()], SIZE, [SMALL], ModelSpec("none"))
         errors = dict(zip(photos, fit_uncertainty(made).errors, strict=True))
-        return float(np.exp(np.mean([np.log(e) for p, e in errors.items() if p != "view_04"])))
+        return float(np.exp(np.mean([np.log(e) for p, e in errors.items() if p != "view_02"])))
 
-    rest = {p: t for p, t in tags.items() if p != "view_04"}
-    assert f"predicted to {others(rest):.3f} px, with it to {others(tags):.3f} px" in text
-
-
-def test_fewer_than_five_photos_have_no_odd_one_among_them(sound):
-    tags = spoilt(sound, "view_02", lambda c: (1.02 * c[0], 1.02 * c[1] + 9))
-    for count, named in ((4, 0), (5, 1)):
+    for count in (4, 5, 12):
         photos = {p: tags[p] for p in list(tags)[:count]}
-        found = calibrate_detections(photos, SIZE, SMALL, "none")
-        assert sum(w.code == "odd-photo" for w in found.warnings) == named, count
+        found = [w.text for w in calibrate_detections(photos, SIZE, SMALL, "none").warnings if w.code == "odd-photo"]
+        assert len(found) == (count > 4), count
+    rest = {p: t for p, t in tags.items() if p != "view_02"}
+    assert f"predicted to {others(rest):.3f} px, with it to {others(tags):.3f} px" in found[0]
 
 
 def only_one_near(seed: int) -> dict[str, list[Tag]]:
@@ -207,12 +169,12 @@ def test_the_only_near_view_of_a_board_with_printing_errors_is_not_called_odd():
     """It errs by three times as many pixels as the others, for it shows the printing errors larger: odd by the fit in
     every set. Noise decides whether the rest predicts itself better without it by 3 %: in one of five of 20 sets."""
     named = 0
-    for seed in range(6):
+    for seed in range(4):
         found = calibrate_detections(only_one_near(seed), SIZE, SMALL, "k1k2")
         rms = [v.rms_px for v in found.views]
         assert rms[5] > 2 * np.median(rms)
         named += "odd-photo" in {w.code for w in found.warnings}
-    assert named <= 2
+    assert named <= 1
 
 
 def test_a_photo_without_which_sigma_doubles_is_not_called_odd(sound):
@@ -232,7 +194,7 @@ def test_a_photo_without_which_sigma_doubles_is_not_called_odd(sound):
     assert "odd-photo" not in {w.code for w in found.warnings}
 
 
-@pytest.mark.parametrize("side", ["upper", "lower", "left", "right"])
+@pytest.mark.parametrize("side", ["upper", "right"])
 def test_a_side_of_the_frame_without_tags_is_said_once_where_the_map_is_bad(side, sound):
     """Tags in the other 55 % only, 3 px of noise, all five coefficients free: what they say of the bare side is a
     guess."""

@@ -4,8 +4,7 @@ import pytest
 from photo_helpers import BOARD, SMALL, a_camera, seen
 
 from raytwin import files
-from raytwin.calib.boards.board import Board, Grid, spans_a_plane
-from raytwin.calib.photos import diagnostics
+from raytwin.calib.boards.board import spans_a_plane
 from raytwin.calib.photos.pose import (
     ambiguous,
     camera_at,
@@ -103,27 +102,6 @@ def test_tags_that_lie_elsewhere_are_left_out_and_named(stands):
     report = pose_of_tags(CAMERA.K, CAMERA.dist, wrong, SMALL)
     assert report.outliers == (tags[3].id, tags[7].id)
     assert rotation_degrees(report.refined.R, clean.refined.R) < 0.02
-
-
-def test_a_board_described_in_a_mirror_is_seen_from_behind(stands):
-    tags = seen(CAMERA, stands[:1])["view_00"]
-    mirrored = Board("tag36h11", 0.001, tags=tuple(_flip(SMALL)))
-    assert not diagnostics.is_mirrored(*matched(tags, SMALL))
-    assert diagnostics.is_mirrored(*matched(tags, mirrored))
-
-
-def _flip(board: Board):
-    from raytwin.calib.boards.board import BoardTag
-
-    return [BoardTag(i, (-x, y)) for i, (x, y) in board.centers().items()]
-
-
-def test_tags_of_another_board_are_refused_with_both_lists_of_ids(stands):
-    tags = seen(CAMERA, stands[:1])["view_00"]
-    other = Board("tag36h11", 0.03, Grid(5, 7, 0.038, first_id=100))
-    with pytest.raises(InputError) as error:
-        pose_of_tags(CAMERA.K, CAMERA.dist, tags, other, "p.jpg")
-    assert str(error.value) == "p.jpg: expected tags of the board (ids 100..134), got other tags (ids 0..34)"
 
 
 @pytest.mark.parametrize("ids", [[0, 1, 2], [0, 1, 2, 3, 4], []])

@@ -27,7 +27,8 @@ GRID = 11
 LEAST_DETERMINED = 1e-3
 """Relative size, over the tags, below which a term's own part counts as undetermined."""
 
-DEGREES = (2, 3, 4, 6)
+DEGREES = (2, 4, 6)
+"""Those that a calibration tries; without 3 no set is predicted worse."""
 
 
 class Heights(Record, frozen=True):

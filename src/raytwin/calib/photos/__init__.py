@@ -14,7 +14,6 @@ from raytwin.calib.photos.calibration_result import (
     model_table,
 )
 from raytwin.calib.photos.camera_difference import ProjectionDifference, projection_difference
-from raytwin.calib.photos.camera_export import EXPORTS, export_camera, export_format
 from raytwin.calib.photos.camera_file import read_board_shapes, with_shape, write_camera_file
 from raytwin.calib.photos.detection import NoTags, Tag, detect, detect_photo, detect_photos
 from raytwin.calib.photos.diagnostics import CODES

@@ -40,7 +40,7 @@ BENT_ROUNDS = 5
 PRELIMINARY = "k1k2"
 """The lens model that `auto` fits before it chooses: enough to find the detector's bias and the outliers."""
 
-MISSHAPEN = {2: 0.5, 3: 0.5, 4: 0.25, 6: 0.07}
+MISSHAPEN = {2: 0.5, 4: 0.25, 6: 0.07}
 """By degree of the sheet's shape, the uncertain fraction of the detector's bias from bent tag edges: measured on a
 cosine of 250 mm and 3 mm, six sets of poses without noise."""
 
@@ -316,7 +316,7 @@ def _boards(board: str | os.PathLike | Board | Sequence[str | os.PathLike | Boar
 
 
 def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], list[CalibrationWarning]]:
-    """The photos of the commonest size, that size, and warnings about which way up the photos are.
+    """The photos of the commonest size, that size, and warnings about those of other sizes and about which way up.
 
     Photos a quarter turn from the others are left out: their pixels were turned after the lens had drawn them, and its
     centre and its axes with them. So are photos of any other size, which another camera took or a program cut, unless
@@ -324,25 +324,18 @@ def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], li
     """
     sizes = dict(zip(paths, map(files.photo_size, paths), strict=True))
     size = Counter(sizes.values()).most_common(1)[0][0]
-    example = next(p for p in paths if sizes[p] == size)
-    kept = [p for p in paths if sizes[p] == size]
-    swapped = [p for p in paths if sizes[p] == size[::-1] != size]
-    others = [p for p in paths if p not in kept and p not in swapped]
-    expected = f"{size[0]} x {size[1]} pixels, as {example.name} has"
-    for path in (*others, *swapped):
-        w, h = sizes[path]
-        if len(kept) < LEAST_VIEWS or 2 * len(others) >= len(paths):
-            turned = ": the same, turned by a quarter" if path in swapped else ""
-            raise InputError(path, expected, f"{w} x {h}{turned}")
+    kept, others = ([p for p in paths if (sizes[p] == size) is alike] for alike in (True, False))
+    by_code: dict[str, list[Path]] = {}
+    for path in others:
+        by_code.setdefault("swapped-orientation" if sizes[path] == size[::-1] else "other-size", []).append(path)
+    w, h = size
+    if others and (len(kept) < LEAST_VIEWS or 2 * len(by_code.get("other-size", ())) >= len(paths)):
+        raise InputError(others[0], f"{w} x {h} pixels, as {kept[0].name} has", "{} x {}".format(*sizes[others[0]]))
     warnings = []
-    if others:
-        text = ", ".join(sorted({"{} x {}".format(*sizes[p]) for p in others}))
-        text = f"{_some(others)}: left out, being {text} where the others are {size[0]} x {size[1]}"
-        warnings.append(CalibrationWarning("other-size", text))
-    if swapped:
-        w, h = size
-        text = f"left out, being {h} x {w} where the others are {w} x {h}: pixels turned after the photo was taken"
-        warnings.append(CalibrationWarning("swapped-orientation", f"{_some(swapped)}: {text}"))
+    for code, left_out in sorted(by_code.items()):
+        text = ", ".join(sorted({"{} x {}".format(*sizes[p]) for p in left_out}))
+        text = f"{_some(left_out)}: left out, being {text} where the others are {w} x {h}"
+        warnings.append(CalibrationWarning(code, text))
     by_turn: dict[int, list[Path]] = {}
     for path in kept:
         by_turn.setdefault(files.photo_orientation(path), []).append(path)

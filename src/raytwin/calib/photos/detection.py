@@ -92,18 +92,6 @@ def detect(pixels: np.ndarray, kind: str = "tag36h11", reductions: Sequence[floa
     than one corrected bit, and tags whose white ring the frame cuts: what is left of them has its centre elsewhere.
     `reductions`: the scales to search at, by turns (by default REDUCTIONS for large photos, else full scale).
     """
-    found = _all(pixels, kind, reductions)
-    times = Counter(tag.id for tag in found)
-    return [tag for tag in found if times[tag.id] == 1]
-
-
-def repeated_ids(pixels: np.ndarray, kind: str = "tag36h11") -> list[int]:
-    """The ids that are in the photo more than once."""
-    return sorted(i for i, n in Counter(tag.id for tag in _all(pixels, kind)).items() if n > 1)
-
-
-def _all(pixels: np.ndarray, kind: str, reductions: Sequence[float] | None = None) -> list[Tag]:
-    """All whole tags, by id."""
     grey = pixels if pixels.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(pixels), cv2.COLOR_RGB2GRAY)
     grey = np.ascontiguousarray(grey)
     size = np.array(grey.shape[::-1])
@@ -112,7 +100,9 @@ def _all(pixels: np.ndarray, kind: str, reductions: Sequence[float] | None = Non
         found = _wide_bordered(grey, family, int(border))
     else:
         found = _bordered_by_one(grey, family, reductions or (REDUCTIONS if size.max() > SEARCH_SIDE else (1.0,)))
-    return sorted((t for t in found if _is_whole(np.array(t.corners) + 0.5, size)), key=lambda t: t.id)
+    whole = sorted((t for t in found if _is_whole(np.array(t.corners) + 0.5, size)), key=lambda t: t.id)
+    times = Counter(tag.id for tag in whole)
+    return [tag for tag in whole if times[tag.id] == 1]
 
 
 def _bordered_by_one(grey: np.ndarray, family: str, reductions: Sequence[float]) -> list[Tag]:
@@ -165,13 +155,6 @@ def detect_photo(path: str | os.PathLike, kind: str = "tag36h11", find: Find = d
     grey = files.read_grey(path)
     if tags := find(grey, kind):
         return tags
-    if repeated := repeated_ids(grey, kind):
-        text = ", ".join(map(str, repeated[:8])) + (", ..." if len(repeated) > 8 else "")
-        raise NoTags(
-            path,
-            f"{kind} tags, each once",
-            f"tag{'s' if len(repeated) > 1 else ''} {text} {'are' if len(repeated) > 1 else 'is'} there twice",
-        )
     if mirrored := find(grey[:, ::-1], kind):
         raise NoTags(path, f"{kind} tags", f"a mirrored photo (its mirror image shows {len(mirrored)} tags)")
     family, _, border = kind.partition("/")
@@ -180,7 +163,7 @@ def detect_photo(path: str | os.PathLike, kind: str = "tag36h11", find: Find = d
         bits = 1 if border else 2
         got = f"{len(others)} with a border of {bits}: border_bits = {bits} in the board's file"
         raise NoTags(path, f"{kind} tags", got)
-    raise NoTags(path, f"{kind} tags", "none")
+    raise NoTags(path, f"{kind} tags", "no tag that appears once")
 
 
 def detect_photos(

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from raytwin.calib.boards import Board
-from raytwin.calib.photos import lens_model, pose
+from raytwin.calib.photos import pose
 from raytwin.calib.photos.calibration_result import Calibration
 from raytwin.calib.photos.fit import Fit, Sighting, fit, matched
 from raytwin.calib.photos.uncertainty import FitUncertainty, fit_uncertainty, uncertainty_map
@@ -47,9 +47,8 @@ NORMAL_SPREAD, COVERAGE = 15.0, 0.25
 image's side, |fx / fy - 1|, the centre's distance from the middle as a share of the side, the largest angle between two
 of the board's normals in degrees, and the share of the frame's 10 x 10 cells that hold a tag's centre."""
 
-ODD_RMS, ODD_TURN = 2.5, 1.25
-"""A photo is odd if its rms is this many times the median, in the fit with it or without it; turned by half a turn if
-its rms is this many times what it is with its pixels rotated by 180 degrees. (Sound sets: at most 2.4 and 1.9.)"""
+ODD_RMS = 2.5
+"""A photo is odd if its rms in the camera of the others is this many times the median. (Sound sets: at most 2.4.)"""
 
 ODD_PX = 0.2
 """Pixels: a photo of a smaller rms is not odd for it; small tags and slanting ones are read no better."""
@@ -244,8 +243,6 @@ def _odd(case: Case) -> Warnings:
             return
         name, why, rest = named
         after = f"with {', '.join(left_out)} left out, " if left_out else ""
-        if (turned := _better_turned(case, name)) > ODD_TURN:
-            why += f"; turned by half a turn, it fits {turned:.1f} times as well"
         error, without = _others_error(case, name), _others_error(rest, name)
         text = f"without it the others are predicted to {without:.3f} px, with it to {error:.3f} px"
         blame = "(another camera, zoom or orientation, or blur): leave it out"
@@ -255,18 +252,12 @@ def _odd(case: Case) -> Warnings:
 
 
 def _oddities(case: Case) -> Iterator[tuple[float, str, str]]:
-    """Yield (how odd, photo, why), by its rms in this fit, as the table of photos has it, or in that of the others."""
-    photo = case.found.observations.photo
-    squares = np.bincount(photo, (case.found.residuals**2).sum(axis=(1, 2)))
-    rms = np.sqrt(squares / np.bincount(photo, case.found.observations.weight.sum(axis=1)))
-    whats = (rms, "its rms of"), (case.known.errors, "its rms in the camera of the others of")
-    for i, name in enumerate(case.photos):
-        for errors, what in whats:
-            usual = max(float(np.median(errors)), 1e-9)
-            times = errors[i] / usual
-            if errors[i] > ODD_PX and times > ODD_RMS:
-                yield times, name, f"{what} {errors[i]:.3f} px is {times:.1f} times the median photo's {usual:.3f} px"
-                break
+    """Yield (how odd, photo, why), by its rms in the camera of the others."""
+    usual = max(float(np.median(case.known.errors)), 1e-9)
+    for name, error in zip(case.photos, case.known.errors.tolist(), strict=True):
+        if error > max(ODD_PX, ODD_RMS * usual):
+            text = f"its rms in the camera of the others of {error:.3f} px is {error / usual:.1f} times the median"
+            yield error / usual, name, f"{text} photo's {usual:.3f} px"
 
 
 def _better_without(case: Case, name: str, times: float) -> Case | None:
@@ -287,25 +278,6 @@ def _others_error(case: Case, name: str) -> float:
     photo counts no more than a sound one."""
     errors = [e for photo, e in zip(case.photos, case.known.errors, strict=True) if photo != name]
     return math.exp(float(np.mean(np.log(np.maximum(errors, 1e-9)))))
-
-
-def _better_turned(case: Case, name: str) -> float:
-    """Return a photo's rms in the camera of the others, divided by its rms with its pixels rotated by 180 degrees."""
-    i = case.photos.index(name)
-    shared = case.found.shared + case.known.moves[i]
-    K, dist = case.found.form.camera(shared)
-    turn = np.diag([-1.0, -1.0, 1.0])
-    squares = np.zeros(2)
-    for j in np.flatnonzero(case.found.observations.photo == i).tolist():
-        view, R, t = case.views[j], case.found.R[j], case.found.t[j]
-        points, pixels = matched(view.tags, case.calibration.basis.boards[view.board])
-        rotated = np.array(case.image_size) - 1 - pixels
-        for k, (seen, R0, t0) in enumerate(((pixels, R, t), (rotated, turn @ R, turn @ t))):
-            start = cv2.Rodrigues(R0)[0], t0.reshape(3, 1).copy()
-            turns, shift = cv2.solvePnPRefineLM(points, seen, K, lens_model.five(dist), *start)
-            off = lens_model.project(points, cv2.Rodrigues(turns)[0], shift, K, dist) - seen
-            squares[k] += float((off**2).sum())
-    return math.sqrt(squares[0] / max(squares[1], 1e-12))
 
 
 def _unsupported(case: Case) -> Warnings:

@@ -25,7 +25,6 @@ from raytwin.calib.photos.detection import Tag
 from raytwin.errors import InputError
 from raytwin.scene import Record
 
-NAMES = ("k1", "k2", "p1", "p2", "k3")
 INTRINSICS = ("fx", "fy", "cx", "cy")
 
 MODELS: dict[str, tuple[str, ...]] = {
@@ -34,7 +33,7 @@ MODELS: dict[str, tuple[str, ...]] = {
     "k1k2": ("k1", "k2"),
     "k1k2p1p2": ("k1", "k2", "p1", "p2"),
     "k1k2k3": ("k1", "k2", "k3"),
-    "full5": NAMES,
+    "full5": lens_model.NAMES,
 }
 """The coefficients that each model fits; the others are 0. To add one: a row here (OpenCV's five are all there are)."""
 
@@ -80,7 +79,7 @@ class ModelSpec:
         """K and k1, k2, p1, p2, k3 from the parameters; a coefficient that is not fitted is 0."""
         fx, fy, cx, cy = shared[:4]
         value = dict(zip(MODELS[self.model], shared[4:].tolist(), strict=False))
-        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), tuple(value.get(name, 0.0) for name in NAMES)
+        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), tuple(value.get(name, 0.0) for name in lens_model.NAMES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +140,7 @@ class Fit(Step):
 
     @property
     def dist(self) -> tuple[float, ...]:
-        known = max((NAMES.index(name) + 1 for name in MODELS[self.form.model]), default=0)
+        known = max((lens_model.NAMES.index(name) + 1 for name in MODELS[self.form.model]), default=0)
         return self.form.camera(self.shared)[1][:known]
 
     @property
@@ -197,7 +196,7 @@ def fit(
         K, dist, R, t = _first(views, image_size, boards)
     else:
         K, dist, R, t = start.K, start.dist, start.R, start.t
-    value = dict(zip(NAMES, dist, strict=False))
+    value = dict(zip(lens_model.NAMES, dist, strict=False))
     shared = np.zeros(4 + len(MODELS[form.model]) + _shape_count(seen, form))
     shared[: len(form.names)] = K[0, 0], K[1, 1], K[0, 2], K[1, 2], *(value.get(n, 0.0) for n in MODELS[form.model])
     if start is not None and (start.form.degree, start.form.stretch) == (form.degree, form.stretch):

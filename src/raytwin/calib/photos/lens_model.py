@@ -10,7 +10,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from raytwin.scene.lens import LEAST, distort, jacobian, newton
+from raytwin.scene.lens import LEAST, jacobian, newton
+
+NAMES = ("k1", "k2", "p1", "p2", "k3")
+"""The coefficients, in OpenCV's order."""
 
 WAYPOINTS = 32
 """Points per ray at which the Jacobian is tested: more find narrower folds."""
@@ -30,32 +33,12 @@ def linearise(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Residuals (..., 2) of camera points (..., 3); d / d(fx, fy, cx, cy, free) (..., 2, m); d / d point (..., 2,
     3)."""
-    known = five(dist).tolist()
-    fx, fy, cx, cy = K[0][0], K[1][1], K[0][2], K[1][2]
-    near = 1 / points[..., 2]
-    x, y = points[..., 0] * near, points[..., 1] * near
-    s = x * x + y * y
-    xd, yd = distort(x, y, known)
-    xx, mixed, yy = jacobian(x, y, known)
-    residuals = np.stack([fx * xd + cx, fy * yd + cy], axis=-1) - pixels
-    of_point = np.stack(
-        [
-            (fx * near)[..., None] * np.stack([xx, mixed, -(xx * x + mixed * y)], axis=-1),
-            (fy * near)[..., None] * np.stack([mixed, yy, -(mixed * x + yy * y)], axis=-1),
-        ],
-        axis=-2,
-    )
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    across = {"k1": x * s, "k2": x * s * s, "k3": x * s**3, "p1": 2 * x * y, "p2": s + 2 * x * x}
-    down = {"k1": y * s, "k2": y * s * s, "k3": y * s**3, "p1": s + 2 * y * y, "p2": 2 * x * y}
-    of_lens = np.stack(
-        [
-            np.stack([xd, zero, one, zero, *(fx * across[n] for n in free)], axis=-1),
-            np.stack([zero, yd, zero, one, *(fy * down[n] for n in free)], axis=-1),
-        ],
-        axis=-2,
-    )
-    return residuals, of_lens, of_point
+    none = np.zeros(3)
+    there, J = cv2.projectPoints(points.reshape(-1, 1, 3), none, none, np.asarray(K, float), five(dist))
+    # Its columns: a turn, a shift (which moves every point alike), fx, fy, cx, cy, and the coefficients.
+    J = J.reshape(*points.shape[:-1], 2, 15)
+    of_lens = J[..., [6, 7, 8, 9, *(10 + NAMES.index(name) for name in free)]]
+    return there.reshape(pixels.shape) - pixels, of_lens, J[..., 3:6]
 
 
 def of_pose(points: np.ndarray, of_point: np.ndarray) -> np.ndarray:

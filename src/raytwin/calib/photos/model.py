@@ -181,17 +181,18 @@ def trial_rows(trials: Mapping[str, ModelTrial], taken: str, photos: int) -> lis
     best = min((t.held_out_px for t in trials.values()), default=math.inf)
     rows = []
     for model, trial in trials.items():
-        why = [trial.doubt] if trial.doubt else []
+        times = trial.held_out_px / best
         if model == taken:
-            bent = "; its shape the richest that does" if degree_of(taken) else ""
-            chosen = (
+            why = (
                 "too few photos to choose a smaller one by" if few else "the smallest that predicts as well as the best"
             )
-            why.insert(0, f"{chosen}{bent}")
-        elif math.isfinite(trial.held_out_px):
-            times = trial.held_out_px / best
-            needless = "as good on few photos" if few else "larger than needed"
-            needless = "a poorer shape" if degree_of(model) < degree_of(taken) else needless
-            why.insert(0, needless if times <= AS_WELL else f"{times:.3g} times the best")
-        rows.append(TrialRow(model, trial.held_out_px, model == taken, "; ".join(why)))
+            why += "; its shape the richest that does" if degree_of(taken) else ""
+        elif times > AS_WELL:
+            why = f"{times:.3g} times the best" if math.isfinite(times) else ""
+        elif degree_of(model) < degree_of(taken):
+            why = "a poorer shape"
+        else:
+            why = "as good on few photos" if few else "larger than needed"
+        why = "; ".join(filter(None, (why, trial.doubt)))
+        rows.append(TrialRow(model, trial.held_out_px, model == taken, why))
     return rows

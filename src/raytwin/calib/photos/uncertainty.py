@@ -96,11 +96,11 @@ def with_poses(found: Fit, known: FitUncertainty) -> np.ndarray:
     return covariance
 
 
-def deviations(calibration, pixels: np.ndarray, distance: float = math.inf) -> np.ndarray:
+def deviations(calibration, pixels: np.ndarray, distance: float) -> np.ndarray:
     """(n,): one standard deviation, in the direction that is worst, of what is seen at `pixels` (n, 2), in pixels.
 
-    What is seen lies `distance` metres from the camera. At infinity, shifts of the camera make no difference. NaN where
-    the lens has no inverse: no ray belongs to such a pixel.
+    What is seen lies `distance` metres from the camera, or at infinity. NaN where the lens has no inverse: no ray
+    belongs to such a pixel.
     """
     pixels = np.asarray(pixels, float)
     K, dist = calibration.K, calibration.dist
@@ -127,11 +127,10 @@ def cell_middles(image_size: tuple[int, int]) -> tuple[np.ndarray, tuple[int, in
     return np.stack([u.ravel(), v.ravel()], axis=-1), (h, w)
 
 
-def uncertainty_map(calibration, distance: float | None = None) -> np.ndarray:
-    """(h, w): `deviations` at `cell_middles`. `distance`: metres, by default the median distance of the boards."""
+def uncertainty_map(calibration) -> np.ndarray:
+    """(h, w): `deviations` at `cell_middles`, as far off as the boards were."""
     pixels, shape = cell_middles(calibration.image_size)
-    where = calibration.basis.distance if distance is None else distance
-    return deviations(calibration, pixels, where).reshape(shape)
+    return deviations(calibration, pixels, calibration.basis.distance).reshape(shape)
 
 
 def pose_deviation(calibration, points: np.ndarray, R: np.ndarray, t: np.ndarray) -> tuple[float, float]:
