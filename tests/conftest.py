@@ -1,4 +1,3 @@
-import json
 import os
 import sys
 from pathlib import Path
@@ -89,38 +88,17 @@ def shared_photos() -> Path:
 @pytest.fixture(scope="session")
 def real_board(shared_photos):
     """boards.json's `coarse` or `fine`, in metres."""
-    from raytwin.calib.boards import Board, BoardTag
+    from photo_helpers import stored_board
 
-    def load(name: str):
-        data = json.loads((shared_photos / "boards.json").read_text())[name]
-        tags = tuple(BoardTag(int(i), (x * 0.0254, y * 0.0254)) for i, (x, y) in data["centers_xy"].items())
-        return Board(data["family"], data["tag_black_edge"] * 0.0254, tags=tags)
-
-    return load
+    return lambda name: stored_board(shared_photos, name)
 
 
 @pytest.fixture(scope="session")
 def real_tags(shared_photos):
     """A set's stored detections, in OpenCV's pixels, and its image size."""
-    from raytwin.calib.photos import Tag
+    from photo_helpers import stored_tags
 
-    def load(name: str):
-        images = json.loads((shared_photos / name / "detections.json").read_text())["images"]
-        tags = {
-            photo: [
-                Tag(
-                    t["id"],
-                    tuple(c - 0.5 for c in t["center"]),
-                    tuple(tuple(c - 0.5 for c in corner) for corner in t["corners"]),
-                    t["margin"],
-                )
-                for t in image["tags"]
-            ]
-            for photo, image in images.items()
-        }
-        return tags, tuple(next(iter(images.values()))["size_wh"])
-
-    return load
+    return lambda name: stored_tags(shared_photos, name)
 
 
 @pytest.fixture(scope="session")

@@ -1,11 +1,13 @@
 """Cameras, boards and detections that the tests of photos share."""
 
+import json
 from functools import lru_cache
+from pathlib import Path
 
 import cv2
 import numpy as np
 
-from raytwin.calib.boards.board import Board, Grid
+from raytwin.calib.boards.board import Board, BoardTag, Grid
 from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.detection import Tag
 from raytwin.scene import Camera
@@ -83,3 +85,24 @@ def seen(camera: Camera, stands, board: Board = SMALL, noise: float = 0.0, rng=N
             if ok
         ]
     return found
+
+
+def stored_board(folder: Path, name: str) -> Board:
+    """The `coarse` or `fine` board of the folder of real photos, which has inches."""
+    data = json.loads((folder / "boards.json").read_text())[name]
+    tags = tuple(BoardTag(int(i), (x * 0.0254, y * 0.0254)) for i, (x, y) in data["centers_xy"].items())
+    return Board(data["family"], data["tag_black_edge"] * 0.0254, tags=tags)
+
+
+def stored_tags(folder: Path, name: str) -> tuple[dict[str, list[Tag]], tuple[int, int]]:
+    """A set's stored detections, moved from AprilTag's pixels to OpenCV's, and its image size."""
+    images = json.loads((folder / name / "detections.json").read_text())["images"]
+
+    def moved(point) -> tuple[float, float]:
+        return point[0] - 0.5, point[1] - 0.5
+
+    tags = {
+        photo: [Tag(t["id"], moved(t["center"]), tuple(map(moved, t["corners"])), t["margin"]) for t in image["tags"]]
+        for photo, image in images.items()
+    }
+    return tags, tuple(next(iter(images.values()))["size_wh"])
