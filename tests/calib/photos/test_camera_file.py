@@ -22,9 +22,7 @@ from raytwin.workflows import augment_photos
 BENT = msgspec.structs.replace(SMALL, heights=Heights(2, (1e-3, 0.0, -2e-4)))
 
 
-def test_augment_uses_the_boards_shape_in_the_camera_file(
-    shoot, bent_found, scenes, tmp_path, monkeypatch
-):
+def test_augment_uses_the_boards_shape_in_the_camera_file(shoot, bent_found, scenes, tmp_path, monkeypatch):
     """A sheet bent by 3 mm: with its shape the tags lie where calibrate found them, taken for flat they do not."""
     photo = shoot(14, bend=3e-3)[0] / bent_found.views[3].photo
     write_board(tmp_path / "board.toml", BOARD)
