@@ -8,8 +8,10 @@ import sys
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from raytwin import files, image_input, references
+from raytwin.cli import app
 from raytwin.errors import InputError
 from raytwin.image import Image
 
@@ -64,20 +66,25 @@ def few_causes(request, monkeypatch):
 """
 
 
-@pytest.fixture
-def run(pytester: pytest.Pytester, warm):
-    def run(source: str, *options: str) -> pytest.RunResult:
-        pytester.makepyfile(test_it=HEAD + source)
-        out = pytester.path.with_suffix(".told")
-        out.unlink(missing_ok=True)
-        known = ("-W", "error", "-W", "ignore:Module already imported", "--strict-markers")
-        asked = dict(os.environ), str(pytester.path), str(out), [*known, *options]
-        warm.stdin.write(json.dumps(asked).encode() + b"\n")
-        warm.stdin.flush()
-        code = int(warm.stdout.readline())
-        return pytest.RunResult(code, out.read_text().splitlines(), [], 0.0)
-
-    return run
+def run(warm, folder, *options: str, **sources: str) -> pytest.RunResult:
+    """Write test files into `folder` by name, and run pytest there."""
+    for name, source in sources.items():
+        (folder / f"{name}.py").write_text(HEAD + source)
+    out = folder.with_suffix(".told")
+    out.unlink(missing_ok=True)
+    known = (
+        "-W",
+        "error",
+        "-W",
+        "ignore:Module already imported",
+        "--strict-markers",
+        "--continue-on-collection-errors",
+    )
+    asked = dict(os.environ), str(folder), str(out), [*known, *options]
+    warm.stdin.write(json.dumps(asked).encode() + b"\n")
+    warm.stdin.flush()
+    code = int(warm.stdout.readline())
+    return pytest.RunResult(code, out.read_text().splitlines(), [], 0.0)
 
 
 def failures(result: pytest.RunResult) -> dict[str, str]:
@@ -88,116 +95,79 @@ def failures(result: pytest.RunResult) -> dict[str, str]:
 
 # ------------------------------------------------------------------------------------------ what may be checked
 
+AGREE = """
+from raytwin import files
+from raytwin.image import Image
 
-def test_arrays_files_renders_and_functions_pass_where_they_agree_and_fail_where_not(run):
-    result = run(
-        """
-        from raytwin import files
-        from raytwin.image import Image
+def noisy(held, factor=1.0):
+    # Exponential noise: never negative, as radiance.
+    return lambda seed: factor * held.image.mean * (
+        1 + 0.2 * (np.random.default_rng(seed).exponential(size=held.image.shape) - 1))
 
-        def noisy(held, factor=1.0):
-            # Exponential noise: never negative, as radiance.
-            return lambda seed: factor * held.image.mean * (
-                1 + 0.2 * (np.random.default_rng(seed).exponential(size=held.image.shape) - 1))
+@pytest.fixture
+def shadow(raytwin_reference):
+    return raytwin_reference("overlap", "shadow")
 
-        @pytest.fixture
-        def shadow(raytwin_reference):
-            return raytwin_reference("overlap", "shadow")
+@pytest.fixture
+def path(raytwin_reference):
+    return raytwin_reference("overlap", "path")
 
-        @pytest.fixture
-        def path(raytwin_reference):
-            return raytwin_reference("overlap", "path")
+FACTORS = pytest.mark.parametrize("factor", [1.0, 1.01])
 
-        FACTORS = pytest.mark.parametrize("factor", [1.0, 1.01])
+@FACTORS
+def test_array(shadow, factor):
+    shadow.check(shadow.image.mean * factor)
 
-        @FACTORS
-        def test_array(shadow, factor):
-            shadow.check(shadow.image.mean * factor)
+@FACTORS
+def test_list(shadow, factor):
+    shadow.check((shadow.image.mean * factor).tolist())
 
-        @FACTORS
-        def test_list(shadow, factor):
-            shadow.check((shadow.image.mean * factor).tolist())
+@FACTORS
+@pytest.mark.parametrize("ending", ["exr", "png"])
+def test_file(shadow, tmp_path, ending, factor):
+    files.write_image(tmp_path / f"a.{ending}", Image((shadow.image.mean * factor**2).astype("f4")))
+    shadow.check(tmp_path / f"a.{ending}")
 
-        @FACTORS
-        def test_image(shadow, factor):
-            shadow.check(Image(shadow.image.mean * factor))
+@FACTORS
+def test_variance(path, factor):
+    made = np.array([noisy(path, factor)(seed) for seed in range(16)])
+    path.check(made.mean(0), variance=made.var(0, ddof=1) / 16)
 
-        @FACTORS
-        @pytest.mark.parametrize("ending", ["exr", "pfm", "png"])
-        def test_file(shadow, tmp_path, ending, factor):
-            files.write_image(tmp_path / f"a.{ending}", Image((shadow.image.mean * factor**2).astype("f4")))
-            shadow.check(tmp_path / f"a.{ending}")
+@FACTORS
+def test_renders(path, factor):
+    path.check(np.array([noisy(path, factor)(seed) for seed in range(6)]))
 
-        @FACTORS
-        def test_variance(path, factor):
-            made = np.array([noisy(path, factor)(seed) for seed in range(16)])
-            path.check(made.mean(0), variance=made.var(0, ddof=1) / 16)
+@FACTORS
+def test_function(path, factor):
+    path.check(noisy(path, factor), renders=8)
 
-        @FACTORS
-        def test_renders(path, factor):
-            path.check(np.array([noisy(path, factor)(seed) for seed in range(6)]))
+@FACTORS
+def test_function_without_noise(shadow, factor):
+    calls = []
+    shadow.check(lambda seed: calls.append(seed) or Image(shadow.image.mean * factor).mean)
+    assert calls == [0, 1]
 
-        @FACTORS
-        def test_function(path, factor):
-            path.check(noisy(path, factor), renders=8)
+@FACTORS
+def test_tolerance(shadow, factor):
+    shadow.check(shadow.image.mean * factor**0.1, tolerance=1e-4)
 
-        @FACTORS
-        def test_function_without_noise(shadow, factor):
-            calls = []
-            shadow.check(lambda seed: calls.append(seed) or shadow.image.mean * factor)
-            assert calls == [0, 1]
+def test_compare_does_not_fail(shadow):
+    assert shadow.compare(2 * shadow.image.mean).verdict == "fail"
+    given = shadow.scene_dict  # what --subject FILE.py:FUNCTION gets
+    assert (given["height"], given["width"], given["rung"]) == (*shadow.image.shape[:2], "shadow")
+    assert given["K"].shape == (3, 3) and len(given["spheres"]) == len(shadow.scene.spheres)
 
-        @FACTORS
-        def test_tolerance(shadow, factor):
-            shadow.check(shadow.image.mean * factor**0.1, tolerance=1e-4)
-
-        def test_compare_does_not_fail(shadow):
-            assert shadow.compare(2 * shadow.image.mean).verdict == "fail"
-            given = shadow.scene_dict  # what --subject FILE.py:FUNCTION gets
-            assert (given["height"], given["width"], given["rung"]) == (*shadow.image.shape[:2], "shadow")
-            assert given["K"].shape == (3, 3) and len(given["spheres"]) == len(shadow.scene.spheres)
-        """.replace("\n        ", "\n"),
-    )
-    cases = ("array", "list", "image", "variance", "renders", "function", "function_without_noise", "tolerance")
-    expected = {f"test_{case}[1.01]" for case in cases} | {f"test_file[{e}-1.01]" for e in ("exr", "pfm", "png")}
-    assert failures(result).keys() == expected
-    result.assert_outcomes(passed=len(expected) + 1, failed=len(expected))
-    cause = "the whole image, background too, is 1.01 times too bright"
-    result.stdout.fnmatch_lines([f"*overlap/shadow: {cause}*"])
-    result.stdout.no_fnmatch_line("*cause (*")
-
-
-def test_the_reference_of_a_mitsuba_file_needs_no_rung_and_is_never_replaced_by_an_image(run):
-    result = run(
-        """
-def test_same(raytwin_reference):
+def test_mitsuba_file_needs_no_rung(raytwin_reference):
     reference = raytwin_reference("glass")
     reference.check(reference.image)
     assert (reference.rung, reference.reference.golden) == ("path", False)
+"""
 
-def test_darker(raytwin_reference):
-    reference = raytwin_reference("glass")
-    reference.check(0.9 * reference.image.mean)
-""",
-        "--raytwin-update",
-    )
-    assert list(failures(result)) == ["test_darker"]
-
-
-def test_what_is_no_image_fails_with_a_clear_line_and_without_a_traceback_of_ours(run):
-    result = run(
-        """
-def test_file(raytwin_reference):
-    raytwin_reference("overlap").check("nosuch.png")
-
-def test_kind(raytwin_reference):
-    raytwin_reference("overlap").check("test_it.py")
-
-def test_shape(raytwin_reference):
-    raytwin_reference("overlap").check(np.zeros((252, 336)))
-
-def test_few(raytwin_reference):
-    raytwin_reference("overlap").check([np.zeros((252, 336, 3))] * 3)
+NO_IMAGE = """
+@pytest.mark.parametrize("thing", [
+    "nosuch.png", "test_no_image.py", np.zeros((252, 336)), [np.zeros((252, 336, 3))] * 3, None])
+def test_thing(raytwin_reference, thing):
+    raytwin_reference("overlap").check(thing)
 
 def test_nan(raytwin_reference):
     held = raytwin_reference("overlap")
@@ -205,26 +175,94 @@ def test_nan(raytwin_reference):
     broken[7, 5] = np.nan
     held.check(broken)
 
-def test_thing(raytwin_reference):
-    raytwin_reference("overlap").check(None)
-
 def test_noise_untold(raytwin_reference):
     held = raytwin_reference("overlap", "path")
     held.check(1.3 * held.image.mean * (0.8 + 0.2 * np.random.default_rng(1).exponential(size=held.image.shape)))
-""",
-    )
-    result.assert_outcomes(failed=7)
+
+def test_missing(raytwin_reference):
+    raytwin_reference("nosuch", "sky")
+
+def test_no_rung(raytwin_reference):
+    raytwin_reference("ball", "sun")
+
+@pytest.mark.raytwin(scenes=["nosuch"])
+def test_cases(raytwin_case):
+    pass
+"""
+
+MANY = """
+@pytest.mark.raytwin(scenes=["overlap", "single"], rungs=["shadow", "lambert"])
+def test_cases(raytwin_case):
+    raytwin_case.check(raytwin_case.image.mean * (1.1 if raytwin_case.rung == "lambert" else 1))
+
+def test_missing(raytwin_reference):
+    raytwin_reference("nosuch")
+
+def test_twice(raytwin_reference):
+    held = raytwin_reference("overlap")
+    held.check(held.image.mean)
+    held.check(held.image.mean[:100])
+
+def test_crash(raytwin_reference):
+    raytwin_reference("overlap")
+    raise ValueError("my renderer <b>broke</b>")
+"""
+
+ALL = """
+def test_all(raytwin_case):
+    assert raytwin_case.image.mean.any() and (raytwin_case.reference.of_file or raytwin_case.camera)
+"""
+
+WRONG_MARKER = """
+@pytest.mark.raytwin(scene="overlap")
+def test_it(raytwin_case):
+    pass
+"""
+
+
+@pytest.fixture(scope="module")
+def checked(warm, tmp_path_factory):
+    """One run of many tests that are not of one's own references."""
+    folder = tmp_path_factory.mktemp("checked")
+    sources = {"agree": AGREE, "no_image": NO_IMAGE, "all": ALL, "wrong_marker": WRONG_MARKER}
+    return folder, run(warm, folder, **{f"test_{name}": source for name, source in sources.items()})
+
+
+def test_arrays_files_renders_and_functions_pass_where_they_agree_and_fail_where_not(checked):
+    _, result = checked
+    cases = ("array", "list", "variance", "renders", "function", "function_without_noise", "tolerance")
+    expected = {f"test_{case}[1.01]" for case in cases} | {f"test_file[{e}-1.01]" for e in ("exr", "png")}
+    others = {"test_nan", "test_noise_untold", "test_missing", "test_no_rung", "test_cases[nosuch-surface]"}
+    others |= {name for name in failures(result) if name.startswith("test_thing[")}
+    assert failures(result).keys() - others == expected
+    passed = len(expected) + 2 + len(references.listed(SHIPPED))
+    result.assert_outcomes(passed=passed, failed=len(expected) + 9, errors=2)
+    cause = "the whole image, background too, is 1.01 times too bright"
+    result.stdout.fnmatch_lines([f"*overlap/shadow: {cause}*"])
+    result.stdout.no_fnmatch_line("*cause (*")
+
+
+def test_what_is_wrong_is_said_in_a_line(checked):
+    folder, result = checked
     for line in (
         "*nosuch.png: expected an image file, got no such file",
-        "*test_it.py: expected an image: EXR, PFM, HDR, PNG or JPEG*",
+        "*test_no_image.py: expected an image: EXR, PFM, HDR, PNG or JPEG*",
         "*the test image has the shape (252, 336), not (height, width, 3)",
         "*repeated renders: expected at least 4, got 3",
         "*NaN value*(x=5, y=7)*",
         "*note: the reference has noise and the image tells none*variance=*",
+        f"*no such reference in {folder}/reference/nosuch/sky.exr or *reference/nosuch/sky.exr",
+        "*raytwin reference make scenes/nosuch --rung sky",
+        "*rung: expected one of surface, lambert, shadow, sky, path, got sun",
+        "*test_it: the marker is raytwin(scenes=None, rungs=None)*argument 'scene'*",
+        "*no such reference*nosuch/surface.exr*",
     ):
         result.stdout.fnmatch_lines([line])
-    result.stdout.no_fnmatch_line("*pytest_plugin.py*")
-    result.stdout.no_fnmatch_line("*During handling*")
+
+
+def test_no_traceback_of_ours_is_shown(checked):
+    for line in ("*pytest_plugin.py:*", "*During handling*", "*INTERNALERROR*"):
+        checked[1].stdout.no_fnmatch_line(line)
 
 
 # ------------------------------------------------------------------------------------------ missing, stale, updated
@@ -244,145 +282,94 @@ radius = 0.05
 to_light = [0.4, 0.0, 1.0]
 """
 
-TRACED = """
-def test_traced(raytwin_reference):
+OWN = """
+from pathlib import Path
+
+# A scene of one's own is not held to the shipped one of its name.
+@pytest.mark.parametrize("name", ["ball", "overlap"])
+def test_traced(raytwin_reference, name):
     from raytwin.speed import trace
-    held = raytwin_reference("ball", "shadow")
+    held = raytwin_reference(name, "shadow")
     assert held.camera.image_size == (40, 30)
     held.check(trace(held.scene, "shadow"))
+
+def test_image(raytwin_reference):
+    raytwin_reference("mine", "path", image=True).check(np.full((6, 8, 3), float(Path("value").read_text())))
+
+def test_broken(raytwin_reference):
+    raytwin_reference("broken", "path", image=True).check(np.full((6, 8, 3), np.nan))
+
+def test_mistyped(raytwin_reference):
+    raytwin_reference("overlpa", "shadow").check(np.full((6, 8, 3), 0.5))
+
+@pytest.mark.parametrize(("name", "rung"), [("single", "shadow"), ("glass", "path")])
+def test_shipped(raytwin_reference, name, rung):
+    held = raytwin_reference(name, rung)
+    held.check(0.9 * held.image.mean)
 """
+NEVER = {"test_broken", "test_mistyped", "test_shipped[single-shadow]", "test_shipped[glass-path]"}
 
 
-def test_a_missing_reference_fails_and_names_the_command_that_makes_it(run, pytester):
-    result = run(TRACED.replace("ball", "nosuch").replace("shadow", "sky"))
-    result.assert_outcomes(failed=1)
+def test_update_makes_what_is_missing_or_stale_of_ones_own_and_nothing_else(warm, tmp_path, monkeypatch):
+    (tmp_path / "pytest.ini").write_text("[pytest]\nraytwin_references = my/images\nraytwin_scenes = my/scenes\n")
+    for name in ("ball", "overlap"):
+        (tmp_path / "my/scenes" / name).mkdir(parents=True)
+        (tmp_path / "my/scenes" / name / "scene.toml").write_text(SCENE)
+    (tmp_path / "value").write_text("0.5")
+    before = {f: f.stat().st_mtime_ns for f in SHIPPED.glob("*/*.exr")}
+
+    def failed(*options: str, **sources: str) -> tuple[pytest.RunResult, set[str]]:
+        result = run(warm, tmp_path, *options, **sources)
+        return result, failures(result).keys() - NEVER if failures(result).keys() >= NEVER else {"none of NEVER"}
+
+    mine, traced = {"test_image"}, {"test_traced[ball]", "test_traced[overlap]"}
+    result, names = failed(test_it=OWN)
+    assert names == mine | traced
+    commands = [line.partition("To make it: ")[2].split() for line in result.outlines if "To make it: ra" in line]
+    assert commands[0] == [
+        "raytwin",
+        "reference",
+        "make",
+        "my/scenes/ball",
+        "--rung",
+        "shadow",
+        "--folder",
+        "my/images",
+    ]
+    monkeypatch.chdir(tmp_path)
+    assert CliRunner().invoke(app, commands[0][1:]).exit_code == 0  # the command works
+
+    assert failed()[1] == {*mine, "test_traced[overlap]"}
+    result, names = failed("--raytwin-update")
+    assert not names
     result.stdout.fnmatch_lines(
         [
-            f"*no such reference in {pytester.path}/reference/nosuch/sky.exr or *reference/nosuch/sky.exr",
-            "*raytwin reference make scenes/nosuch --rung sky",
+            "*no reference can be made of this image*NaN*",
+            "*There: ball, *overlap, *single*",
+            "*'overlpa', *image=True*",
         ]
     )
-    result = run(TRACED.replace('"shadow"', '"sun"'))
-    result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines(["*rung: expected one of surface, lambert, shadow, sky, path, got sun"])
-
-
-def test_update_makes_what_is_missing_or_stale_from_the_scene_and_the_command_it_names_works(run, pytester):
-    pytester.makeini("[pytest]\nraytwin_references = my/images\nraytwin_scenes = my/scenes\n")
-    scene = pytester.path / "my/scenes/ball/scene.toml"
-    scene.parent.mkdir(parents=True)
-    scene.write_text(SCENE)
-    result = run(TRACED)
-    result.assert_outcomes(failed=1)
-    command = next(line for line in result.outlines if "To make it: " in line).partition("To make it: ")[2].split()
-    assert command == ["raytwin", "reference", "make", "my/scenes/ball", "--rung", "shadow", "--folder", "my/images"]
-    made = subprocess.run([sys.executable, "-m", *command], cwd=pytester.path, capture_output=True, text=True)
-    assert made.returncode == 0, made.stderr
-    run(TRACED).assert_outcomes(passed=1)
-
-    scene.write_text(SCENE.replace("radius = 0.05", "radius = 0.04"))
-    stale = run(TRACED)
-    stale.assert_outcomes(failed=1)
-    stale.stdout.fnmatch_lines(["*stale: the scene has changed since*"])
-    run(TRACED, "--raytwin-update").assert_outcomes(passed=1)
-    run(TRACED).assert_outcomes(passed=1)
-
-
-def test_update_takes_an_image_without_a_scene_as_its_own_reference_but_never_a_broken_one(run):
-    source = """
-def test_it(raytwin_reference):
-    raytwin_reference("mine", "path", image=True).check(np.full((6, 8, 3), VALUE))
-"""
-    run(source.replace("VALUE", "0.5")).assert_outcomes(failed=1)
-    run(source.replace("VALUE", "0.5"), "--raytwin-update").assert_outcomes(passed=1)
-    run(source.replace("VALUE", "0.5")).assert_outcomes(passed=1)
-    run(source.replace("VALUE", "0.6")).assert_outcomes(failed=1)
-    broken = run(source.replace("VALUE", "np.nan"), "--raytwin-update")
-    broken.assert_outcomes(failed=1)
-    broken.stdout.fnmatch_lines(["*no reference can be made of this image*NaN*"])
-    run(source.replace("VALUE", "0.6"), "--raytwin-update").assert_outcomes(passed=1)
-    run(source.replace("VALUE", "0.6")).assert_outcomes(passed=1)
-
-
-def test_update_makes_no_reference_of_a_mistyped_scenes_image(run, pytester):
-    source = """
-def test_it(raytwin_reference):
-    raytwin_reference("overlpa", "shadow").check(np.full((6, 8, 3), 0.5))
-"""
-    result = run(source, "--raytwin-update")
-    result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines(
-        ["*There: ball, desk, distorted, eclipse, gl*gloss, grazing, overlap, single*", "*'overlpa', *image=True*"]
-    )
-    assert not (pytester.path / "reference").exists()
-
-
-def test_a_wrong_word_in_the_marker_is_named_with_the_right_ones(run):
-    source = """
-@pytest.mark.raytwin(scene="overlap")
-def test_it(raytwin_case):
-    pass
-"""
-    result = run(source)
-    result.assert_outcomes(errors=1)
-    result.stdout.fnmatch_lines(["*test_it: the marker is raytwin(scenes=None, rungs=None)*argument 'scene'*"])
-    result.stdout.no_fnmatch_line("*INTERNALERROR*")
-
-
-def test_update_leaves_shipped_references_alone(run, pytester):
-    before = {f: f.stat().st_mtime_ns for f in SHIPPED.glob("*/*.exr")}
-    source = """
-def test_it(raytwin_reference):
-    held = raytwin_reference("overlap", "shadow")
-    held.check(1.1 * held.image.mean)
-"""
-    run(source, "--raytwin-update").assert_outcomes(failed=1)
+    (tmp_path / "my/scenes/ball/scene.toml").write_text(SCENE.replace("radius = 0.05", "radius = 0.04"))
+    (tmp_path / "value").write_text("0.6")
+    result, names = failed()
+    assert names == {*mine, "test_traced[ball]"}
+    result.stdout.fnmatch_lines(["*stale: the scene has changed since*"])
+    assert not failed("--raytwin-update")[1]
+    assert not failed()[1]
+    assert {f.parent.name for f in tmp_path.glob("my/images/*/*.exr")} == {"ball", "overlap", "mine"}
     assert {f: f.stat().st_mtime_ns for f in SHIPPED.glob("*/*.exr")} == before
-    assert not (pytester.path / "reference").exists()
-
-
-def test_a_scene_of_ones_own_is_not_held_to_the_shipped_one_of_its_name(run, pytester):
-    scene = pytester.path / "scenes/overlap/scene.toml"
-    scene.parent.mkdir(parents=True)
-    scene.write_text(SCENE)
-    result = run(TRACED.replace("ball", "overlap"))
-    result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines(["*raytwin reference make scenes/overlap --rung shadow"])
-    run(TRACED.replace("ball", "overlap"), "--raytwin-update").assert_outcomes(passed=1)
 
 
 # ------------------------------------------------------------------------------------------ many at once
 
-CASES = """
-@pytest.mark.raytwin(scenes=["overlap", "single"], rungs=["shadow", "lambert"])
-def test_cases(raytwin_case):
-    raytwin_case.check(raytwin_case.image.mean * (1.1 if raytwin_case.rung == "lambert" else 1))
-"""
 
-
-@pytest.mark.parametrize("workers", [(), ("-n", "2")], ids=["one process", "two workers"])
-def test_report_lists_every_comparison_once_failures_first(run, pytester, workers):
-    source = (
-        CASES
-        + """
-def test_missing(raytwin_reference):
-    raytwin_reference("nosuch")
-
-def test_twice(raytwin_reference):
-    held = raytwin_reference("overlap")
-    held.check(held.image.mean)
-    held.check(held.image.mean[:100])
-
-def test_crash(raytwin_reference):
-    raytwin_reference("overlap")
-    raise ValueError("my renderer <b>broke</b>")
-"""
-    )
-    out = pytester.path / "out"
+def test_report_lists_every_comparison_once_failures_first(warm, tmp_path):
+    """By two workers, of which neither may clear or write what the other has."""
+    out = tmp_path / "out"
     out.mkdir()
     (out / "check-of-an-earlier-run.json").write_text("{}")
     (out / "notes.txt").write_text("not ours")
-    result = run(source, "--raytwin-report", "out", *workers)
+    result = run(warm, tmp_path, "--raytwin-report", "out", "-n", "2", test_many=MANY)
     result.assert_outcomes(passed=2, failed=5)
     result.stdout.fnmatch_lines([f"raytwin: 8 comparisons, 5 failed: {out}/index.html"])
     index = (out / "index.html").read_text()
@@ -399,32 +386,17 @@ def test_crash(raytwin_reference):
     assert (out / "notes.txt").exists()
 
 
-def test_cases_default_to_all_references_that_are_there(run):
-    seen = "raytwin_case.image.mean.any() and (raytwin_case.reference.of_file or raytwin_case.camera)"
-    result = run(f"def test_cases(raytwin_case):\n    assert {seen}\n")
-    result.assert_outcomes(passed=len(references.listed(SHIPPED)))
-
-
-def test_cases_of_a_scene_that_is_not_there_fail_instead_of_vanishing(run):
-    source = "@pytest.mark.raytwin(scenes=['nosuch'])\ndef test_cases(raytwin_case):\n    pass\n"
-    result = run(source)
-    assert result.ret != 0
-    result.stdout.fnmatch_lines(["*no such reference*nosuch*"])
-
-
 # ------------------------------------------------------------------------------------------ at no cost
 
 
-def test_loading_the_plugin_loads_nothing_else():
-    code = (
-        "import sys, pytest; before = set(sys.modules); import raytwin.pytest_plugin; print(set(sys.modules) - before)"
-    )
-    child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert child.stdout.strip() in ("{'raytwin', 'raytwin.pytest_plugin'}", "{'raytwin.pytest_plugin', 'raytwin'}")
+def test_a_run_that_does_not_use_the_plugin_loads_nothing_for_it(pytester):
+    pytester.makepyfile("""
+        import sys
 
-
-def test_a_run_that_does_not_use_the_plugin_loads_no_numpy_for_it(pytester):
-    pytester.makepyfile("import sys\ndef test_it():\n    assert 'numpy' not in sys.modules\n")
+        def test_it():
+            assert "numpy" not in sys.modules
+            assert {name for name in sys.modules if name.startswith("raytwin")} == {"raytwin", "raytwin.pytest_plugin"}
+    """)
     pytester.runpytest_subprocess("-p", "no:hypothesispytest", "-p", "no:jaxtyping").assert_outcomes(passed=1)
 
 

@@ -84,6 +84,7 @@ def raytwin_reference(request: pytest.FixtureRequest) -> "Callable[..., Referenc
 @pytest.fixture
 def raytwin_case(request: pytest.FixtureRequest) -> "ReferenceCheck":
     """One reference after the other: those that `@pytest.mark.raytwin(scenes=[...], rungs=[...])` names, or all."""
+    __tracebackhide__ = True
     return ReferenceCheck(request.node, *request.param)
 
 

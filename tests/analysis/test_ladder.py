@@ -1,13 +1,11 @@
 """The ladder as a job: every rung on both sides, smaller errors further up, the parts of the light beside them."""
 
-import msgspec
 import numpy as np
 import pytest
 
-from raytwin import files, speed
-from raytwin.analysis.ladder import Rungs, ladder
+from raytwin import speed
+from raytwin.analysis.ladder import ladder
 from raytwin.analysis.own_error import OWN
-from raytwin.errors import InputError
 from raytwin.renderers.subject_renderers import Traced
 from raytwin.rungs import RUNGS
 
@@ -51,15 +49,3 @@ def test_parts_alone_add_up_to_all_light_up_to_each(found):
     assert (len(alone), len(up_to)) == (len(speed.PARTS), len(speed.PARTS) - 1)
     for k, image in enumerate(up_to):
         np.testing.assert_allclose(sum(alone[: k + 2]), image, atol=1e-5)
-
-
-def test_the_numbers_are_json_that_reads_back(found, tmp_path):
-    files.write_json(tmp_path / "ladder.json", found.rungs)
-    again = msgspec.json.decode((tmp_path / "ladder.json").read_bytes(), type=Rungs)
-    assert again == found.rungs
-    assert set(again.ledgers) == {name for name, row in RUNGS.items() if row.lit}
-
-
-def test_too_few_samples_are_refused(scenes):
-    with pytest.raises(InputError, match="--samples: expected a whole number from 2 to 16777216, got 1"):
-        ladder(scenes / "overlap", samples=1)

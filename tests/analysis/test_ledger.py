@@ -11,7 +11,6 @@ from truths import WHITE, grey, in_wedge, view_of, wedge
 from raytwin import files, speed, twin
 from raytwin.analysis import ledger, light_parts
 from raytwin.analysis.ledger import make_ledger
-from raytwin.image import Image
 from raytwin.rungs import RUNGS
 from raytwin.scene import Rectangle, Scene, Sphere, Sun
 
@@ -46,7 +45,7 @@ def test_parts_add_up_to_what_is_shown_less_the_whole_light(overlap, fast, rung)
     assert len(left) == {"lambert": 5, "shadow": 4, "sky": 3, "path": 0}[rung]
 
 
-@pytest.mark.parametrize("name", ["distorted", "grazing", "wedge", "ball", "eclipse", "weekend", "gloss", "studio"])
+@pytest.mark.parametrize("name", ["distorted", "wedge", "weekend", "studio"])
 def test_on_every_scene_the_parts_are_the_whole_error_pixel_by_pixel(scenes, fast, name):
     """What is shown less the walks of the ledger's own seeds, to float32's rounding of a handful of sums."""
     scene = files.read_scene(scenes / name).scene
@@ -77,14 +76,6 @@ def test_in_a_wedge_each_part_is_its_term_of_the_series(fast):
         assert part.rmse == pytest.approx(abs(missing), rel=0.08)
     assert rows(found)["numerics"].rmse < 1e-6
     assert rows(found)["pixel sampling"].rmse < 1e-6
-
-
-def test_what_a_fault_adds_is_found_among_the_numerics_alone(overlap, fast):
-    small = overlap.with_camera(overlap.camera.resized(64, 48))
-    right = speed.trace(small, "shadow", fast)
-    wrong = make_ledger(small, Image(right.mean + np.float32(0.01), surface=right.surface), "shadow", fast)
-    assert rows(wrong)["numerics"].rmse == pytest.approx(0.01, rel=1e-3)
-    assert rows(wrong)["bounce 1"].rmse == rows(make_ledger(small, right, "shadow", fast))["bounce 1"].rmse
 
 
 PLANTED = {

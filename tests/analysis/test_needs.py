@@ -229,12 +229,6 @@ def test_the_choice_rerun_meets_the_tolerance_and_the_next_cheaper_fails(small, 
     assert METRICS["rmse"].function(rendered(small, cheaper, seed=5), whole) > 0.9 * tolerance
 
 
-def test_the_share_that_is_looked_at_is_one_of_the_frames_pixels(small, fast):
-    looked = search.Search(small, 0.1, "rmse", fast)
-    assert looked.frame == 96 * 72
-    assert 0 < looked.pixels <= looked.frame
-
-
 def rendered(scene: Scene, row: recommend.Row, seed: int) -> np.ndarray:
     if row.rung == "none":
         return Filled()(scene).mean

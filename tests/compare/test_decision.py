@@ -27,8 +27,8 @@ def exact():
 
 # ----------------------------------------------------------------------------------------------------- false alarms
 
-RATE, TRIALS, MOST = 0.05, 60, 12
-"""Thirteen alarms in sixty have a probability of 1e-5 at the stated rate, and of a half at four times it."""
+RATE, TRIALS, MOST = 0.05, 32, 8
+"""Nine alarms in 32 have a probability of 2e-5 at the stated rate, and of a sixth at four times it."""
 
 SMALL = picture(24, 32)
 
@@ -128,29 +128,6 @@ def test_noise_below_the_tolerance_is_no_noise():
 # ------------------------------------------------------------------------------------------------------------ power
 
 
-def test_a_bias_of_one_per_cent_of_the_whole_image_fails_and_is_named():
-    rng = np.random.default_rng(9)
-    c = compare(render(rng, TRUTH * 1.01, samples=256), render(rng, samples=4096))
-    assert not c.passed
-    assert c.reasons[0].startswith("the whole image is ")
-    assert "too bright" in c.reasons[0]
-    assert c.statistics.z_mean > 4
-
-
-def test_a_dark_image_has_a_negative_z():
-    rng = np.random.default_rng(10)
-    assert compare(render(rng, TRUTH * 0.95, samples=256), render(rng, samples=4096)).statistics.z_mean < -4
-
-
-def test_a_tile_that_is_five_per_cent_off_fails_and_is_located():
-    rng = np.random.default_rng(11)
-    truth = TRUTH.copy()
-    truth[16:32, 32:48] *= 1.05
-    c = compare(render(rng, truth, samples=64), render(rng, samples=4096))
-    assert not c.passed
-    assert any("the 16 x 16 tile at (x=32, y=16) is" in r for r in c.reasons)
-
-
 def test_one_wrong_pixel_fails_and_is_located():
     rng = np.random.default_rng(12)
     a = render(rng, samples=64)
@@ -170,13 +147,6 @@ def test_black_rows_fail_even_with_no_variance_of_their_own():
     a = render(rng)
     a.mean[20], a.variance[20] = 0, 0
     assert not compare(a, render(rng, samples=4096)).passed
-
-
-def test_gamma_applied_twice_fails():
-    rng = np.random.default_rng(14)
-    c = compare(render(rng, TRUTH ** (1 / 2.2), samples=64), render(rng, samples=4096))
-    assert c.verdict == "fail"
-    assert "too bright" in c.reasons[0]
 
 
 def test_one_firefly_does_not_hide_a_wrong_tile():

@@ -8,31 +8,10 @@ from measure.noise_models import picture, render
 
 from raytwin.compare import compare
 from raytwin.compare.exact import NoiseFree
-from raytwin.compare.messages import _amount, _share, agreement, deviations, percent
+from raytwin.compare.messages import _amount, agreement
 from raytwin.image import Image
 
 TRUTH = picture(48, 64)
-
-
-@pytest.mark.parametrize(
-    ("x", "text"),
-    [(0.0123, "1.2 %"), (0.5, "50 %"), (0.99, "99 %"), (3.456, "346 %"), (1e9, "any size"), (np.inf, "any size")],
-)
-def test_shares_are_told_to_two_digits_and_no_further(x, text):
-    assert percent(x) == text
-
-
-@pytest.mark.parametrize(
-    ("z", "text"),
-    [
-        (4.567, "4.57 standard deviations"),
-        (45.67, "46 standard deviations"),
-        (4050.0, "far beyond noise"),
-        (np.inf, "far beyond noise"),
-    ],
-)
-def test_deviations_are_told_where_they_mean_something(z, text):
-    assert deviations(z) == text
 
 
 @pytest.mark.parametrize(
@@ -84,10 +63,3 @@ def test_a_filter_wider_than_the_pixel_is_told():
     c = compare(a, b)
     assert c.passed
     assert any("neighbouring pixels share their noise" in r for r in c.reasons)
-
-
-@pytest.mark.parametrize(
-    ("part", "whole", "text"), [(7, 7, "all"), (3, 4, "75 % of all"), (1, 100, "1 % of all"), (1, 400, "0.25 % of all")]
-)
-def test_shares_of_all(part, whole, text):
-    assert _share(part, whole) == text

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from raytwin.compare import METRICS
-from raytwin.compare.metrics import CHUNK, nth_largest, order_statistic, p999_abs, upper_quantile
+from raytwin.compare.metrics import CHUNK, nth_largest
 from raytwin.errors import InputError
 
 R = np.full((20, 30, 3), 0.5, np.float32)
@@ -18,13 +18,6 @@ VALUES = hnp.arrays(
 
 def of(name, test, reference):
     return METRICS[name].function(test, reference)
-
-
-def test_every_row_names_its_formula_and_source_and_is_kept_under_its_name():
-    for name, metric in METRICS.items():
-        assert metric.name == name
-        assert metric.formula
-        assert metric.source
 
 
 @pytest.mark.parametrize("name", [n for n in METRICS if n not in ("psnr", "mean_ratio")])
@@ -59,31 +52,6 @@ def test_chunks_change_nothing():
     assert of("max_abs", t, r) == pytest.approx(np.abs(d).max(), rel=1e-6)
 
 
-@pytest.mark.parametrize("case", ["random", "mostly zero", "all equal", "hidden from the sample"])
-def test_the_quick_quantile_is_the_sorted_one(case):
-    rng = np.random.default_rng(3)
-    size = 300_000
-    t = rng.exponential(size=size).astype(np.float32)
-    if case == "mostly zero":
-        t[200:] = 0
-    elif case == "all equal":
-        t[:] = 0.3
-    elif case == "hidden from the sample":
-        t[:] = 0.1
-        t[:: size // 50_000] = 5
-    r = np.zeros_like(t)
-    assert p999_abs(t, r) == np.sort(t)[math.ceil(0.999 * size) - 1]
-
-
-@given(VALUES, st.floats(0, 1))
-def test_a_quantile_has_its_share_at_or_below_it_and_less_below_any_smaller_value(x, q):
-    v = order_statistic(x, q)
-    assert v in x
-    assert np.count_nonzero(x <= v) >= q * x.size
-    assert np.count_nonzero(x < v) <= q * x.size
-    assert upper_quantile(x, np.zeros_like(x), q) == v
-
-
 @given(VALUES)
 def test_rmse_lies_between_the_mean_and_the_largest_error(x):
     zero = np.zeros_like(x)
@@ -94,14 +62,6 @@ def test_rmse_lies_between_the_mean_and_the_largest_error(x):
 def test_a_perfect_image_has_infinite_psnr_and_a_black_reference_no_mean_ratio():
     assert of("psnr", R, R) == math.inf
     assert math.isnan(of("mean_ratio", R, 0 * R))
-
-
-@pytest.mark.parametrize("name", ["flip_hdr", "flip_ldr"])
-def test_flip_grows_with_the_error(name):
-    rng = np.random.default_rng(4)
-    r = rng.random((32, 40, 3), np.float32)
-    small, large = of(name, r * np.float32(0.95), r), of(name, r * np.float32(0.5), r)
-    assert 0 < small < large < 1
 
 
 def test_flip_exposures_are_pinned_so_that_a_bright_pixel_elsewhere_changes_little():
@@ -126,8 +86,10 @@ def test_flip_refuses_nan_and_wrong_shapes_instead_of_exiting():
 
 
 def test_the_nth_largest_is_that_of_sorting_whatever_the_sample_says():
-    rng = np.random.default_rng(4)
-    for values in (rng.random(200_003), np.zeros(1000), np.r_[np.zeros(99_999), 1.0], rng.random(3)):
-        values = values.astype(np.float32)
-        for above in (0, 1, len(values) // 1000, len(values) - 1):
-            assert nth_largest(values, above) == np.sort(values)[::-1][above]
+    rng, hidden = np.random.default_rng(4), np.full(300_000, 0.1)
+    hidden[::6] = 5
+    for values in (rng.random(200_003), hidden, np.zeros(1000), np.r_[np.zeros(99_999), 1.0], rng.random(3)):
+        t, r = values.astype(np.float32), rng.random(len(values), np.float32)
+        for above in (0, 1, len(t) // 1000, len(t) - 1):
+            assert nth_largest(above, np.subtract, t, r) == np.sort(t - r)[::-1][above]
+        assert of("p999_abs", t, 0 * t) == np.sort(t)[math.ceil(0.999 * len(t)) - 1]

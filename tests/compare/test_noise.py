@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from measure.noise_models import filtered, render
 
 from raytwin.compare import noise
-from raytwin.compare.blocks import SIDE, block_sums, dilate, slide, strips
+from raytwin.compare.blocks import SIDE, block_sums, slide, strips
 from raytwin.image import Image
 
 
@@ -26,7 +26,7 @@ def test_degrees_of_freedom_are_the_batches_less_one_and_without_them_the_sample
 
 
 @given(st.integers(1, 41), st.integers(1, 41), st.integers(0, 2**32 - 1))
-def test_blocks_and_neighbourhoods_are_those_of_a_plain_loop(h, w, seed):
+def test_blocks_and_tiles_are_those_of_a_plain_loop(h, w, seed):
     v = np.random.default_rng(seed).random((h, w, 3)).astype(np.float32)
     sums = np.concatenate([block_sums(v[a:b], rows) for a, b, rows in strips(v.shape, 16)])
     for j in range(-(-h // SIDE)):
@@ -37,10 +37,6 @@ def test_blocks_and_neighbourhoods_are_those_of_a_plain_loop(h, w, seed):
     for j, i in ((0, 0), (tiles.shape[0] - 1, tiles.shape[1] - 1)):
         tile = v[SIDE * j : SIDE * (j + 2), SIDE * i : SIDE * (i + 2)]
         assert np.allclose(tiles[j, i], tile.sum(axis=(0, 1)), rtol=1e-5)
-    largest = np.concatenate([dilate(v, a, b) for a, b, _ in strips(v.shape, 16)])
-    for y, x in ((0, 0), (h - 1, w - 1), (h // 2, w // 2)):
-        around = v[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2]
-        assert np.array_equal(largest[y, x], around.max(axis=(0, 1)))
 
 
 @pytest.mark.parametrize(("width", "rows"), [(1, 64), (1000, 64), (1001, 56), (4032, 8), (10**6, 8)])

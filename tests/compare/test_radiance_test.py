@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from measure.noise_models import KINDS, exact, picture, render, untold
 
-from raytwin.compare import Comparison, compare
+from raytwin.compare import compare
 from raytwin.compare.noise import Residual
 from raytwin.compare.radiance_test import RadianceTest, may_be_noise, unexplained
 from raytwin.errors import InputError
@@ -238,15 +238,6 @@ def test_the_faults_of_an_image_without_noise_are_not_taken_for_noise_that_nobod
 
 
 # ----------------------------------------------------------------------------------------------------- and beyond
-
-
-@pytest.mark.parametrize(
-    ("verdict", "code", "passed"),
-    [("pass", 0, True), ("differs", 0, True), ("fail", 1, False), ("undecided", 2, False)],
-)
-def test_the_exit_codes(verdict, code, passed):
-    c = Comparison(verdict)
-    assert (c.exit_code, c.passed) == (code, passed)
 
 
 def test_the_claim_holds_for_24_pixels_at_random_places():

@@ -28,9 +28,10 @@ def test_pixels_on_a_common_edge_are_forgiven_and_counted():
     assert any("on the common edge of two objects" in reason for c in found for reason in c.reasons)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_right_tracers_fail_on_no_random_scene(kind):
-    """A scene of its own for each level, 100 pairs in all at a stated 1e-3: one failure has a probability of 10 %."""
+@pytest.mark.parametrize("i", range(len(KINDS)), ids=KINDS)
+def test_right_tracers_fail_on_no_random_scene(i):
+    """Two levels of each kind in turns, 40 pairs at a stated 1e-3: one failure has a probability of 4 %."""
     twin.activate()
-    cases = [random_case(kind, level, 1000 + i) for i, level in enumerate(RUNGS)]
+    kind, levels = list(KINDS)[i], list(RUNGS)
+    cases = [random_case(kind, levels[k % 5], 1000 + k % 5) for k in (i, i + 2)]
     assert not [(str(c), found.reasons) for c in cases if (found := c.compared()).verdict == "fail"]

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from raytwin import references
 from raytwin.cli import app
 from raytwin.errors import InputError
 from raytwin.parallel import Stored, Workers
 from raytwin.report import matrix_page
 from raytwin.report.matrix_page import badness, make_cell, write_matrix
-from raytwin.workflows import matrix
+from raytwin.workflows import make_reference, matrix
 from raytwin.workflows.matrix import Cell
 from raytwin.workflows.matrix_history import Line, add_to_history, pasts, read_history
 from raytwin.workflows.settings import CompareSettings
@@ -88,7 +89,10 @@ def test_each_cell_is_what_compare_says_and_a_crash_costs_its_own_alone(here):
 
 
 def test_references_stand_in_for_the_twin(here, scenes):
-    folder = scenes.parent / "reference"
+    folder = here / "reference"
+    for name, rung in (("overlap", "shadow"), ("glass", "path")):
+        saved = make_reference.make(scenes / name, rung, folder, size=(80, 60), samples=128)
+        references.save(saved.new)
     jobs = matrix.jobs_of(["overlap", scenes / "glass"], ["numpy64-lambert-conic"], SMALL, folder)
     jobs += matrix.jobs_of([scenes / "glass"], ["twin-llvm-path-16"], SMALL, folder)
     cells = [make_cell(job, "out") for job in jobs]

@@ -17,7 +17,6 @@ from truths import from_element
 from raytwin import files, references, twin
 from raytwin.compare import compare
 from raytwin.errors import InputError
-from raytwin.image import Image
 from raytwin.scene import Tolerance
 from raytwin.speed import trace
 from raytwin.workflows import make_reference
@@ -58,7 +57,7 @@ def edit(scene: Path, old: str, new: str) -> None:
 # ------------------------------------------------------------------------------------------ files
 
 
-@pytest.mark.parametrize("rung", make_reference.RUNGS)
+@pytest.mark.parametrize("rung", ["surface", "shadow", "path"])
 def test_a_reference_is_read_back_as_it_was_made(overlap, folder, rung):
     made = make(overlap, rung, folder).new
     read = references.load(made.path)
@@ -106,12 +105,6 @@ def test_a_file_cut_short_is_damaged(overlap, folder):
         made.path.write_bytes(whole[:part])
         with pytest.raises(InputError, match=r"shadow\.exr"):
             references.load(made.path)
-
-
-def test_another_exr_is_no_reference(tmp_path):
-    files.write_exr(tmp_path / "shadow.exr", Image(np.ones((4, 4, 3), np.float32)))
-    with pytest.raises(InputError, match="checksum"):
-        references.load(tmp_path / "shadow.exr")
 
 
 def test_a_reference_under_another_name_is_refused(overlap, folder):
@@ -277,25 +270,6 @@ def test_samples_that_do_not_divide_are_refused(overlap, folder):
 # ------------------------------------------------------------------------------------------ check
 
 
-@pytest.mark.parametrize("rung", make_reference.RUNGS)
-def test_todays_render_agrees_with_a_fresh_reference(overlap, folder, rung):
-    make(overlap, rung, folder)
-    done = make_reference.check(overlap, rung, folder)
-    assert done.passed, done.problems
-
-
-def test_a_missing_reference_fails(overlap, folder):
-    assert "no such file" in make_reference.check(overlap, "sky", folder).problems[0]
-
-
-def test_a_damaged_reference_fails(overlap, folder):
-    path = make(overlap, "shadow", folder).new.path
-    whole = bytearray(path.read_bytes())
-    whole[len(whole) // 2] ^= 1
-    path.write_bytes(whole)
-    assert "damaged" in make_reference.check(overlap, "shadow", folder).problems[0]
-
-
 def test_a_reference_older_than_its_scene_fails(overlap, folder):
     make(overlap, "shadow", folder)
     edit(overlap, "radius = 0.05", "radius = 0.051")
@@ -305,8 +279,9 @@ def test_a_reference_older_than_its_scene_fails(overlap, folder):
 
 @pytest.mark.parametrize("rung", ["shadow", "path"])
 def test_a_reference_that_todays_mitsuba_does_not_make_fails(overlap, folder, rung):
-    """Whole, fresh, signed, and 1 % too bright."""
+    """Whole, fresh, signed, and 1 % too bright; as it was made it agrees."""
     made = make(overlap, rung, folder, size=(96, 72), samples=256).new
+    assert make_reference.check(overlap, rung, folder).passed
     bright = replace(made.image, mean=made.image.mean * np.float32(1.01))
     references.save(references.sealed(made.path, bright, made.header, made.written))
     problems = make_reference.check(overlap, rung, folder).problems
@@ -351,6 +326,7 @@ def test_show_tells_a_line_of_each_reference_and_all_of_a_single_one(overlap, fo
     assert f"{float(found[1].image.mean.mean()):.4g}" in lines[2]
     single = raytwin("reference", "show", "--rung", "shadow", cwd=tmp_path).stdout
     assert found[1].header["scene_hash"] in single
+    assert "mitsuba" in single
     assert raytwin("reference", "show", "--all", cwd=tmp_path).stdout.endswith(single)
 
 
@@ -368,48 +344,16 @@ def test_check_exits_with_2_on_what_it_cannot_read_once_all_others_were_checked(
         assert "2 references, 0 failed, 1 could not be checked" in done.stdout
     edit(overlap, "radius = 0.05\n", "radius = 0.051\n")
     assert raytwin("reference", *asked, cwd=tmp_path).returncode == 1
-
-
-def test_show_names_what_made_a_reference_and_a_damaged_one_is_bad_input(overlap, folder, tmp_path):
-    path = make(overlap, "shadow", folder).new.path
-    shown = raytwin("reference", "show", cwd=tmp_path)
-    assert shown.returncode == 0
-    assert "mitsuba" in shown.stdout
-    path.write_bytes(path.read_bytes()[:-50])
-    assert raytwin("reference", "show", cwd=tmp_path).returncode == 2
-    assert raytwin("reference", "diff", "scenes/overlap", "--rung", "shadow", cwd=tmp_path).returncode == 2
-    assert raytwin("reference", "show", "nosuch", cwd=tmp_path).returncode == 2
-
-
-@pytest.mark.parametrize(
-    "wrong", [("check", "nosuch"), ("make", "overlap", "--rung", "sun"), ("show", "--rung", "sun")]
-)
-def test_wrong_input_is_one_line_and_exit_code_2(overlap, tmp_path, wrong):
-    done = raytwin("reference", *wrong, cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("raytwin: ")
-    assert done.stderr.count("\n") == 1
+    path.write_bytes(b"no EXR")
+    for words in (("show",), ("show", "nosuch"), ("show", "--rung", "sun"), ("check", "nosuch")):
+        done = raytwin("reference", *words, cwd=tmp_path)
+        assert (done.returncode, done.stderr[:9], done.stderr.count("\n")) == (2, "raytwin: ", 1)
 
 
 # ------------------------------------------------------------------------------------------ the shipped ones
 
-ALL = [
-    (name, rung)
-    for name in (
-        "ball",
-        "desk",
-        "distorted",
-        "eclipse",
-        "gloss",
-        "grazing",
-        "overlap",
-        "single",
-        "studio",
-        "wedge",
-        "weekend",
-    )
-    for rung in make_reference.RUNGS
-]
+NAMES = ["ball", "desk", "distorted", "eclipse", "gloss", "grazing", "overlap", "single", "studio", "wedge", "weekend"]
+ALL = [(name, rung) for name in NAMES for rung in make_reference.RUNGS]
 
 
 def test_every_shipped_scene_has_all_its_references(scenes):

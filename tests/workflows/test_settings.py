@@ -8,7 +8,6 @@ import pytest
 import raytwin
 from raytwin.cli import compare_commands, photo_commands
 from raytwin.cli.options import with_options
-from raytwin.compare.verdict import DETECTABLE_BIAS
 from raytwin.errors import InputError
 from raytwin.workflows.diff_settings import DiffSettings
 from raytwin.workflows.settings import AugmentSettings, CompareSettings
@@ -47,10 +46,6 @@ def test_the_twin_takes_one_sample_only_where_all_are_the_same(rung, sampling, s
 def test_the_tracer_stands_on_the_highest_rung_up_to_the_twins_that_a_formula_gives():
     chosen = {rung: CompareSettings(rung=rung).climbed for rung in ("surface", "lambert", "shadow", "sky", "path")}
     assert list(chosen.values()) == ["surface", "lambert", "shadow", "shadow", "shadow"]
-
-
-def test_diff_finds_the_bias_undecided_that_compare_would():
-    assert DiffSettings().detectable_bias == DETECTABLE_BIAS
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from raytwin.array_types import Float, Float32, Float64
+from raytwin.array_types import Float, Float64
 
 Pixels = Float[np.ndarray, "h w 3"]
 """Values of an image, or of a strip of it."""
@@ -67,19 +67,3 @@ def slide(x: Float64[np.ndarray, "by bx c"]) -> Float64[np.ndarray, "ty tx c"]:
     """Sums over 2 x 2 neighbours at every place: tiles of twice the side, overlapping by half of it."""
     x = x[:-1] + x[1:] if len(x) > 1 else x
     return x[:, :-1] + x[:, 1:] if x.shape[1] > 1 else x
-
-
-def dilate(v: Float[np.ndarray, "h w c"], y0: int, y1: int) -> Float32[np.ndarray, "{y1-y0} w c"]:
-    """The largest value of each 3 x 3 neighbourhood in rows y0 to y1 of `v` (H, W, C), float32."""
-    top, bottom = max(y0 - 1, 0), min(y1 + 1, len(v))
-    rows = v[top:bottom]
-    wide = rows.astype(np.float32)
-    np.maximum(wide[:, 1:], rows[:, :-1], out=wide[:, 1:])
-    np.maximum(wide[:, :-1], rows[:, 1:], out=wide[:, :-1])
-    first, count = y0 - top, y1 - y0
-    out = wide[first : first + count].copy()
-    up = wide[max(first - 1, 0) : first + count - 1]
-    down = wide[first + 1 : first + count + 1]
-    np.maximum(out[count - len(up) :], up, out=out[count - len(up) :])
-    np.maximum(out[: len(down)], down, out=out[: len(down)])
-    return out

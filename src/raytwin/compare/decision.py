@@ -13,8 +13,8 @@ What a variance estimated from a few batches needs, so that the rate holds:
 - Student's t in the place of the Gaussian. A value has the batches' degrees of freedom; a sum over pixels has
   (sum v)^2 / sum(v^2 / nu) - 1 (Welch, Satterthwaite), nu what is known of each pixel's variance (noise.doubt): 0 when
   a single firefly carries it.
-- A value whose batches happened to agree looks surer than it is. Its variance is raised to the largest of its 3 x 3
-  neighbourhood, to its block's mean, and to what the other image's variance says of it.
+- A value whose batches happened to agree looks surer than it is. Its variance is raised to its block's mean, and to
+  what the other image's variance says of it.
 - A pixel that missed a rare event (a firefly) is too dark by the events' mean, without a trace in its variance. The
   mean of the fireflies that were seen elsewhere is therefore granted to whatever may have missed them all: often a few
   thousandths of the radiance, where widening every variance by a firefly's would have blinded all tests. Where both
@@ -37,7 +37,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytwin.array_types import Bool, Float32, Float64, Int
-from raytwin.compare.blocks import SIDE, Counts, Means, Pixels, block_counts, block_sums, dilate, slide, strips, unblock
+from raytwin.compare.blocks import SIDE, Counts, Means, Pixels, block_counts, block_sums, slide, strips, unblock
 from raytwin.compare.exact import NoiseFree
 from raytwin.compare.finding import MOST_PLACES, Place, blocks_of
 from raytwin.compare.noise import (
@@ -312,11 +312,13 @@ def _without_fireflies(missing: Missed, side: Side | None) -> Missed:
 
 def _proven(reference: Image, unseen: float) -> Bool[np.ndarray, "h w 1"]:
     """(H, W, 1): where no variance is proof of no noise. In a sampled image in the midst of its background alone."""
+    from scipy.ndimage import binary_dilation
+
     if not unseen:
         return np.ones((*reference.shape[:2], 1), bool)
     if reference.surface is None:
         return np.zeros((*reference.shape[:2], 1), bool)
-    return np.asarray(dilate(reference.surface.mask[..., None].astype(np.float32), 0, reference.shape[0]) == 0)
+    return ~binary_dilation(reference.surface.mask, np.ones((3, 3), bool))[..., None]
 
 
 def _within(side: Side, y0: int, y1: int) -> tuple[Int[np.ndarray, " n"], ...]:

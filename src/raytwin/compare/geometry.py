@@ -60,7 +60,7 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
             continue
         y, x = (int(i) for i in np.unravel_index(int(error.argmax()), error.shape))
         largest[what] = in_units(float(error[y, x]))
-        p999 = in_units(nth_largest(error, above))
+        p999 = in_units(nth_largest(above, np.asarray, error))
         if p999 > bound:
             kind = "relative error" if what == "depth" else "angle"
             findings.append(

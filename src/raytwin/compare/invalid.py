@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from raytwin.compare.blocks import Pixels, dilate, to_pixels
+from raytwin.compare.blocks import Pixels, to_pixels
 from raytwin.compare.finding import HARD, Finding, at, plural
 from raytwin.compare.noise import estimated, residual
 from raytwin.image import Image
@@ -68,7 +68,9 @@ def _noise_of(image: Image, other: Image) -> Pixels | float:
     # Without the value itself, which would otherwise excuse itself.
     square = np.maximum(total - estimated(image.mean, other.mean), 0) / np.maximum(count - 2, 1)
     if image.variance is not None:
-        square = np.minimum(square, dilate(image.variance, 0, len(image.variance)))
+        from scipy.ndimage import maximum_filter
+
+        square = np.minimum(square, maximum_filter(image.variance, (3, 3, 1)))
     return np.asarray(NOISE_BELOW * np.sqrt(np.maximum(square, 0)))
 
 

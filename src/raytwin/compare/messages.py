@@ -19,10 +19,18 @@ CERTAIN = 1e-12
 
 
 def percent(x: float) -> str:
+    """
+    >>> [percent(x) for x in (0.0123, 0.99, 3.456, 1e9, math.inf)]
+    ['1.2 %', '99 %', '346 %', 'any size', 'any size']
+    """
     return f"{100 * x:.2g} %" if 100 * x < 99.5 else f"{100 * x:.0f} %" if x < 100 else "any size"
 
 
 def deviations(z: float) -> str:
+    """
+    >>> [deviations(z) for z in (4.567, 45.67, 4050.0)]
+    ['4.57 standard deviations', '46 standard deviations', 'far beyond noise']
+    """
     return "far beyond noise" if z >= 1000 else f"{z:.{2 if z < 10 else 0}f} standard deviations"
 
 
@@ -77,6 +85,10 @@ def _others(rank: int, family: Family, failed_pixels: int) -> str:
 
 
 def _share(part: int, whole: int) -> str:
+    """
+    >>> _share(7, 7), _share(3, 4), _share(1, 400)
+    ('all', '75 % of all', '0.25 % of all')
+    """
     share = 100 * part / whole
     return "all" if part >= whole else f"{share:.{0 if share >= 1 else 2}f} % of all"
 

@@ -73,11 +73,14 @@ def max_abs(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -
 
 
 def p999_abs(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
-    return upper_quantile(test, reference, 0.999)
+    return nth_largest(test.size // 1000, lambda t, r: np.abs(t - r), test, reference)
 
 
 def p999_rel(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
-    return upper_quantile(test, reference, 0.999, lambda t, r: np.abs(t - r) / (np.abs(r) + t.dtype.type(0.01)))
+    def relative(t: np.ndarray, r: np.ndarray) -> np.ndarray:
+        return np.asarray(np.abs(t - r) / (np.abs(r) + t.dtype.type(0.01)))
+
+    return nth_largest(test.size // 1000, relative, test, reference)
 
 
 def psnr(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
@@ -130,41 +133,15 @@ def _flip(
     return np.asarray(found), float(mean)
 
 
-def _absolute(t: Float[np.ndarray, "*n"], r: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    return np.asarray(np.abs(t - r))
-
-
-def order_statistic(values: Float[np.ndarray, "..."], q: float) -> float:
-    """The smallest of `values` with at least a share q of them at or below it (no interpolation)."""
-    k = max(int(np.ceil(q * values.size)), 1) - 1
-    return float(np.partition(values.ravel(), k)[k])
-
-
-def nth_largest(values: Float[np.ndarray, "..."], above: int) -> float:
-    """The value that `above` others are at or above; only what a sample takes for large is sorted."""
-    flat = values.ravel()
-    guess = np.quantile(flat[:: max(1, flat.size // 50_000)], max(0.0, 1 - 2 * (above + 1) / flat.size))
-    top = flat[flat >= guess]
+def nth_largest(above: int, term: Callable[..., np.ndarray], *arrays: Float[np.ndarray, "..."]) -> float:
+    """The value of `term(*arrays)` that `above` others are at or above, without sorting what lies far below it."""
+    size = arrays[0].size
+    sample = term(*(a.ravel()[:: max(1, size // 50_000)] for a in arrays))
+    guess = np.quantile(sample, max(0.0, 1 - 2 * (above + 1) / size))
+    top = np.concatenate([x[x >= guess] for x in (term(*part) for part in chunks(*arrays))])
     if top.size <= above:  # the sample misled
-        top = flat
+        top = np.concatenate([term(*part) for part in chunks(*arrays)])
     return float(np.partition(top, top.size - 1 - above)[top.size - 1 - above])
-
-
-def upper_quantile(
-    test: Float[np.ndarray, "*n"],
-    reference: Float[np.ndarray, "*n"],
-    q: float,
-    term: Callable[..., np.ndarray] = _absolute,
-) -> float:
-    """`order_statistic(term(test, reference), q)` for q near 1, without sorting what lies far below it."""
-    above = test.size - max(int(np.ceil(q * test.size)), 1)  # so many values may lie above it
-    step = max(1, test.size // 50_000)
-    guess = np.quantile(term(test.ravel()[::step], reference.ravel()[::step]), max(0.0, 2 * q - 1))
-    top = np.concatenate([x[x >= guess] for x in (term(t, r) for t, r in chunks(test, reference))])
-    if top.size <= above:  # the sample misled
-        top = np.concatenate([term(t, r) for t, r in chunks(test, reference)])
-    k = top.size - 1 - above
-    return float(np.partition(top, k)[k])
 
 
 METRICS: dict[str, Metric] = {

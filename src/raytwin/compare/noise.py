@@ -14,7 +14,6 @@ from raytwin.compare.blocks import (
     Pixels,
     block_counts,
     block_sums,
-    dilate,
     strips,
     to_pixels,
     unblock,
@@ -161,10 +160,10 @@ def doubt(
 def regularised(
     v: Pixels | None, side: Side | None, y0: int, y1: int, rows: int
 ) -> Float32[np.ndarray, "{y1-y0} w 3"] | Float32[np.ndarray, ""]:
-    """Rows y0 to y1 of `v`: the largest of each 3 x 3 neighbourhood, but no less than the 8 x 8 block's mean."""
+    """Rows y0 to y1 of `v`, float32, each value no less than its 8 x 8 block's mean."""
     if v is None or side is None:
         return np.zeros((), np.float32)
-    out = dilate(v, y0, y1)
+    out = np.array(v[y0:y1], np.float32)
     blocks = side.blocks[y0 // SIDE : y0 // SIDE + (y1 - y0) // rows]
     in_blocks = unblock(out, rows)
     np.maximum(in_blocks, spread(blocks, v.shape[1]), out=in_blocks)
