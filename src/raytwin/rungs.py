@@ -36,6 +36,10 @@ class Rung:
         """There is light at all."""
         return self.shadows or self.sky != "none"
 
+    def sampled(self, sampling: str) -> bool:
+        """Random samples make it where rays go as `sampling`, one of SAMPLINGS, says."""
+        return self.noisy or (sampling == "area" and self.lit)
+
 
 RUNGS = {
     rung.name: rung

@@ -345,7 +345,8 @@ def test_check_exits_with_2_on_what_it_cannot_read_once_all_others_were_checked(
     edit(overlap, "radius = 0.05\n", "radius = 0.051\n")
     assert raytwin("reference", *asked, cwd=tmp_path).returncode == 1
     path.write_bytes(b"no EXR")
-    for words in (("show",), ("show", "nosuch"), ("show", "--rung", "sun"), ("check", "nosuch")):
+    assert raytwin("reference", "show", cwd=tmp_path).returncode == 2
+    for words in (("show", "nosuch"), ("show", "--rung", "sun"), ("check", "nosuch")):
         done = raytwin("reference", *words, cwd=tmp_path)
         assert (done.returncode, done.stderr[:9], done.stderr.count("\n")) == (2, "raytwin: ", 1)
 

@@ -14,7 +14,7 @@ from raytwin.workflows.compare_scene import compare_scene
 from raytwin.workflows.rounds import Budget, Rounds, parse_budget
 from raytwin.workflows.settings import CompareSettings
 
-SMALL = {"rung": "path", "tracer_rung": "path", "engine": "numpy32", "size": (64, 48), "cache": False}
+SMALL = {"rung": "path", "tracer_rung": "path", "engine": "numpy32", "size": (48, 36), "cache": False}
 
 MINE = """
 from raytwin.renderers.scene_exchange import as_scene

@@ -318,7 +318,7 @@ def _proven(reference: Image, unseen: float) -> Bool[np.ndarray, "h w 1"]:
         return np.ones((*reference.shape[:2], 1), bool)
     if reference.surface is None:
         return np.zeros((*reference.shape[:2], 1), bool)
-    return ~binary_dilation(reference.surface.mask, np.ones((3, 3), bool))[..., None]
+    return np.asarray(~binary_dilation(reference.surface.mask, np.ones((3, 3), bool))[..., None])
 
 
 def _within(side: Side, y0: int, y1: int) -> tuple[Int[np.ndarray, " n"], ...]:

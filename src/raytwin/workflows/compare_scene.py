@@ -130,7 +130,7 @@ def compare_scene(
     if chosen.size is not None:
         scene = scene.with_camera(scene.camera.resized(*chosen.size))
     job = _Job(subject, scene, written.tolerance, chosen, engine, stages)
-    noisy = RUNGS[chosen.rung].noisy or (chosen.sampling == "area" and RUNGS[chosen.rung].lit)
+    noisy = RUNGS[chosen.rung].sampled(chosen.sampling)
     judge = partial(compare_with_twin, scene=scene, tolerance=written.tolerance, flip=chosen.flip)
     made, reference, found = render_sides(subject, scene, job.twin, judge, chosen, stages, noisy, job.alike)
     comparison, ledger = _explained(job, made, reference, found)

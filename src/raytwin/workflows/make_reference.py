@@ -64,47 +64,37 @@ def find_scene(path: str | Path, progress: Progress = silent) -> SceneFile | Mit
 # ------------------------------------------------------------------------------------------ rendering
 
 
-@dataclass(frozen=True)
-class Settings:
-    """How a reference is rendered. `sampling` as the twin has it: `center` or `area`."""
-
-    samples: int = SAMPLES
-    seed: int = 0
-    sampling: str = "center"
-
-    def noisy(self, rung: str) -> bool:
-        return RUNGS[rung].noisy or (self.sampling == "area" and RUNGS[rung].lit)
-
-
-def render(scene: Scene, rung: str, settings: Settings, progress: Progress = silent) -> Image:
+def render(
+    scene: Scene, rung: str, sampling: str, samples: int = SAMPLES, seed: int = 0, progress: Progress = silent
+) -> Image:
     """The twin's image, with its surface at the rung `surface` alone; noisy ones in stints that the cache keeps.
 
     An interrupted render goes on where it stopped. The batches of all stints together give the variance.
     """
-    if not settings.noisy(rung):
-        image = twin.render(scene, rung, sampling=settings.sampling)
+    if not RUNGS[rung].sampled(sampling):
+        image = twin.render(scene, rung, sampling=sampling)
         return replace(image, surface=None) if RUNGS[rung].lit else image
-    if settings.samples < 1 or settings.samples % (STINTS * BATCHES):
-        raise InputError("samples", f"a multiple of {STINTS * BATCHES}", settings.samples)
+    if samples < 1 or samples % (STINTS * BATCHES):
+        raise InputError("samples", f"a multiple of {STINTS * BATCHES}", samples)
     pool = ImagePool()
-    samples = settings.samples // STINTS
     for stint in range(STINTS):
         progress(f"{scene.name}/{rung}", stint, STINTS)
-        seed = round_seed(settings.seed, stint)
-        pool.add(twin.render(scene, rung, sampling=settings.sampling, samples=samples, batches=BATCHES, seed=seed))
+        own = round_seed(seed, stint)
+        pool.add(twin.render(scene, rung, sampling=sampling, samples=samples // STINTS, batches=BATCHES, seed=own))
     progress(f"{scene.name}/{rung}", STINTS, STINTS)
     return replace(pool.image, surface=None)
 
 
-def describe(placed: SceneFile | MitsubaScene, hashed: str, rung: str, settings: Settings) -> dict[str, str]:
+def describe(
+    placed: SceneFile | MitsubaScene, hashed: str, rung: str, sampling: str, samples: int, seed: int
+) -> dict[str, str]:
     """The header's provenance: what made the pixels, by which versions; `hashed`: raytwin's scene as it is written."""
     if isinstance(placed, MitsubaScene):
         size, kernel, hashed = placed.image_size, "the film's own", placed.digest
-        about = twin.mitsuba_provenance(placed, settings.samples, settings.seed, STINTS * BATCHES)
+        about = twin.mitsuba_provenance(placed, samples, seed, STINTS * BATCHES)
         about |= {"rung": rung, "sampling": "area", FILES: msgspec.json.encode(placed.files).decode()}
     else:
         size = placed.scene.camera.image_size
-        sampling, samples, seed = settings.sampling, settings.samples, settings.seed
         kernel = "box" if sampling == "area" else "none: all rays through the pixel's centre"
         about = twin.provenance(placed.scene, rung, sampling=sampling, samples=samples, seed=seed)
     about |= {"scene": placed.name, "scene_hash": hashed, "size": "{} x {}".format(*size)}
@@ -180,18 +170,18 @@ def make(
     path = path_of(folder, found.name, rung)
     old, notes = _there(path)
     known = old if old is not None and not old.golden and old.of_file == of_file else None
-    chosen = _settings(known.header if known else {}, asked)
+    how = _sampling(known.header if known else {}, asked)
     hashed = "" if of_file else scene_hash(files.read_scene(scene))
     placed = _placed(found, asked.size, known, hashed)
-    header = describe(placed, hashed, rung, chosen)
+    header = describe(placed, hashed, rung, *how)
     sealed_scene = None if isinstance(placed, MitsubaScene) else placed
     if known and not asked.again and all(known.header.get(key) == header.get(key) for key in _DECIDES):
         header |= {k: v for k, v in known.header.items() if k not in ("set_up", "checksum")}
         return Change(sealed(path, known.image, header, sealed_scene), known)
     if isinstance(placed, MitsubaScene):
-        image = twin.render_mitsuba(placed, chosen.samples, chosen.seed, STINTS * BATCHES, progress=progress)
+        image = twin.render_mitsuba(placed, *how[1:], STINTS * BATCHES, progress=progress)
     else:
-        image = render(placed.scene, rung, chosen, progress)
+        image = render(placed.scene, rung, *how, progress)
     return change_of(sealed(path, image, header, sealed_scene), old, notes)
 
 
@@ -203,14 +193,12 @@ def _there(path: Path) -> tuple[Reference | None, tuple[str, ...]]:
         return None, (str(error),)
 
 
-def _settings(had: dict[str, str], asked: ReferenceSettings) -> Settings:
-    """What is given, else what the old one had (without noise it tells no samples), else the default."""
+def _sampling(had: dict[str, str], asked: ReferenceSettings) -> tuple[str, int, int]:
+    """Sampling, samples and seed: as asked, else as the old one had (1 sample: it has no noise), else the defaults."""
     before = int(had.get("samples", 1))
-    return Settings(
-        asked.samples or (before if before > 1 else SAMPLES),
-        int(had.get("seed", 0)) if asked.seed is None else asked.seed,
-        asked.sampling or had.get("sampling", "center"),
-    )
+    samples = asked.samples or (before if before > 1 else SAMPLES)
+    seed = int(had.get("seed", 0)) if asked.seed is None else asked.seed
+    return asked.sampling or had.get("sampling", "center"), samples, seed
 
 
 def _placed(
@@ -292,8 +280,8 @@ def check(
     if why := stale(old, scene):
         return Check(path, 1, (f"{path}: stale: {why}",), old)
     sampling, seed = old.header["sampling"], int(old.header["seed"]) + 1
-    if not isinstance(found, MitsubaScene) and not Settings(sampling=sampling).noisy(rung):
-        today = render(old.origin(), rung, Settings(sampling=sampling), progress)
+    if not isinstance(found, MitsubaScene) and not RUNGS[rung].sampled(sampling):
+        today = render(old.origin(), rung, sampling, progress=progress)
         comparison = compare(today, old.image, tolerance=old.tolerance)
     else:
 

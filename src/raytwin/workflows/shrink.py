@@ -20,9 +20,7 @@ from raytwin.compare import Comparison, compare
 from raytwin.compare.comparison import CAUSE
 from raytwin.contract.subject import find_subject
 from raytwin.contract.submission import Shown
-from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.diagnosis import Diagnosis, diagnose, view_of
-from raytwin.diagnose.parametric_faults import FAMILIES, of_objects
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
@@ -175,7 +173,7 @@ class _Search:
             raise InputError("--subject", "a renderer that fails on this scene, beyond doubt", "one that does not")
         self.wanted, self.tried[case.key] = failure, True
         if made is not None and reference is not None and isinstance(case, OwnScene):
-            found = _diagnosed(made, reference, case, seconds=FIRST)
+            found = _diagnosed(made, reference, case, FIRST)
             named = found.causes if found else ()
             words = stage_causes(self.subject) or (found.words if found and named else ())
             cause = CAUSE.sub("", words[0]) if words else ""
@@ -195,10 +193,8 @@ class _Search:
         if failure is None or failure.kind != self.wanted.kind:
             return False
         if self.wanted.causes and made is not None and reference is not None and isinstance(case, OwnScene):
-            for names in (self.wanted.causes, ()):  # of all that is known it is still the one that is named
-                found = _diagnosed(made, reference, case, names)
-                if found is None or self.wanted.causes[0] not in [_kind(cause.name) for cause in found.causes]:
-                    return False
+            found = _diagnosed(made, reference, case, DIAGNOSIS)
+            return found is not None and self.wanted.causes[0] in [_kind(cause.name) for cause in found.causes]
         return True
 
     def _first(self, cases: Iterable[Any]) -> Any:
@@ -285,17 +281,9 @@ def _kind(cause: str) -> str:
     return re.sub("^(radius|place)-of-.*", r"\1", cause)
 
 
-def _diagnosed(
-    made: Image, reference: Image, case: OwnScene, kinds: tuple[str, ...] = (), seconds: float = DIAGNOSIS
-) -> Diagnosis | None:
-    """Return what is wrong, of these kinds of mistakes alone where any are given; None where nobody can tell."""
+def _diagnosed(made: Image, reference: Image, case: OwnScene, seconds: float) -> Diagnosis | None:
+    """Return what is wrong; None where nobody can tell."""
     if made.shape != reference.shape or not np.isfinite(made.mean).all():
         return None
     view = view_of(made, reference, case.written.scene, case.rung)
-    if view.scene is None:
-        return None
-    faults = tuple(fault for fault in FAULTS if fault.name in kinds)
-    families = tuple(f for f in (*FAMILIES, *of_objects(view.scene)) if _kind(f.name) in kinds)
-    if kinds and {*(f.name for f in faults), *(_kind(f.name) for f in families)} == set(kinds):
-        return diagnose([view], faults=faults, families=families, most=len(kinds), seconds=seconds)
-    return diagnose([view], seconds=seconds)
+    return diagnose([view], seconds=seconds) if view.scene is not None else None
