@@ -57,11 +57,8 @@ def test_another_photo_moves_the_camera(scenes, desk):
 def test_a_photo_that_is_not_there_is_named(scenes):
     with pytest.raises(InputError, match=r"--photo: expected one of photo_00\.jpg.*got nope\.jpg"):
         find_camera(files.read_scene(scenes / "desk"), "nope.jpg")
-
-
-def test_a_given_camera_takes_no_photo(scenes):
     with pytest.raises(InputError, match="--photo"):
-        find_camera(files.read_scene(scenes / "single"), "photo_00.jpg")
+        find_camera(files.read_scene(scenes / "single"), "photo_00.jpg")  # whose camera is given
 
 
 def test_the_rung_that_the_tracer_lacks_differs_as_it_must_and_says_what_is_missing(scenes):

@@ -54,7 +54,6 @@ def test_of_many_parts_one_is_found_in_few_questions():
         ("no shadows", {"floor", "the sun"}, "no cast shadows"),
         ("red and blue exchanged", set(), "channel"),
         ("crash with two spheres", set(), ""),
-        ("not a number", set(), ""),
     ],
 )
 def test_a_planted_mistake_is_shown_by_two_objects_at_most_with_its_cause(scenes, tmp_path, fault, left, cause):

@@ -8,7 +8,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import scipy.stats
@@ -33,15 +33,14 @@ NAMED = re.compile(r"(\w[\w .-]*)=(.+)", re.DOTALL)
 """NAME=WHAT, where a subject is given a shorter name."""
 
 
-class Job(msgspec.Struct, frozen=True):
-    """A cell that is to be made. `references`: a folder of references in the twin's place; empty for the twin."""
+class Job(NamedTuple):
+    """A cell that is to be made. `references`: a folder of references in the twin's place; None for the twin."""
 
-    subject: str
     name: str
     scene: str
     scene_name: str
-    settings: dict[str, Any]
-    references: str
+    settings: CompareSettings
+    references: Path | None
     key: str
 
 
@@ -117,15 +116,16 @@ def jobs_of(
     if not scenes or not subjects:
         what = "--subject" if scenes else "SCENE"
         raise InputError(what, "at least one", "none")
-    asked = {name: getattr(settings, name) for name in OF_MANY}
     light = ""
     if settings.light is not None:
         if folder is not None:
             raise InputError("--light", "no --references beside it: these have their scene's own light", settings.light)
         from raytwin.calib.lighting.light_file import read_light  # with OpenCV
 
-        asked["light"], light = str(Path(settings.light).absolute()), repr(read_light(settings.light))
+        light = repr(read_light(settings.light))
+        settings = replace(settings, light=str(Path(settings.light).absolute()))
     code = files.made_by((ROOT,), ("mitsuba", "drjit", "numpy"))
+    asked = repr([getattr(settings, name) for name in OF_MANY])
     known = {}
     for text in subjects:
         match = NAMED.fullmatch(text)
@@ -134,26 +134,25 @@ def jobs_of(
             raise InputError("--subject", "names that differ (NAME=WHAT)", name)
         find_subject(what, settings.rung)  # for its checks
         known[name] = what
-    jobs = []
+    jobs, folder = [], folder and folder.absolute()
     for scene, (name, what) in product(scenes, known.items()):
         path = files.find_scene(scene)
         title, content = _scene_of(path)
-        parts = (code, content, _content(what), msgspec.json.encode(asked).decode(), str(folder or ""), light)
+        parts = (code, content, _content(what), asked, str(folder or ""), light)
         key = hashlib.sha256("\0".join((*parts, name)).encode()).hexdigest()[:24]
-        place = str(folder.absolute()) if folder else ""
-        jobs.append(Job(what, name, str(path.absolute()), title, asked, place, key))
+        chosen = replace(settings, subject=what, parts=False)
+        jobs.append(Job(name, str(path.absolute()), title, chosen, folder, key))
     return jobs
 
 
 def judge(job: Job) -> tuple[Cell, Result | None]:
     """Make one cell: the comparison and what the page needs of it; an InputError becomes a cell without one."""
     began = time.perf_counter()
-    settings = CompareSettings(subject=job.subject, parts=False, **_tuples(job.settings))
     try:
-        if job.references:
-            result = compare_with_reference(job.scene, settings, Path(job.references))
+        if job.references is not None:
+            result = compare_with_reference(job.scene, job.settings, job.references)
         else:
-            result = compare_scene(job.scene, settings)
+            result = compare_scene(job.scene, job.settings)
     except InputError as error:
         return failed(job, error), None
     found, spent = result.comparison, result.report.seconds
@@ -183,7 +182,7 @@ def failed(job: Job, error: Exception) -> Cell:
     """The cell of a comparison that could not be made."""
     name = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    return Cell(job.key, job.scene_name, job.name, job.settings["rung"], "error", f"{name}{error}", made=now)
+    return Cell(job.key, job.scene_name, job.name, job.settings.rung, "error", f"{name}{error}", made=now)
 
 
 def margin(found: Comparison, test: Image, reference: Image, tolerance: Tolerance) -> float | None:
@@ -211,8 +210,3 @@ def _content(what: str) -> str:
     folder = sorted(Path(what).iterdir()) if Path(what).is_dir() else []
     hashes = [hashlib.sha256(file.read_bytes()).hexdigest() for file in (*found, *folder) if file.is_file()]
     return "\n".join((what, *hashes))
-
-
-def _tuples(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings as they were before JSON made lists of tuples."""
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()}
