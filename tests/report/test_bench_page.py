@@ -126,7 +126,9 @@ def test_guides_have_the_slope_that_is_said(made):
             assert np.diff(np.log(g.ys)) / np.diff(np.log(g.xs)) == pytest.approx(slope)
 
 
-def test_growth_says_its_exponents(made):
+def test_growth_says_its_exponents_and_a_calibrations_line_is_named_at_its_whole_photos(made):
+    (calibration,) = calibration_charts("made", made.calibration)
+    assert {text for *_, text in labels(calibration)} >= {"one pass: 1", "refined: 1", "0.5", "0.25"}
     by_pixels, by_spheres = growth_charts(made)
     assert (by_pixels.key, by_spheres.key) == ("pixels", "spheres")
     assert [text for *_, text in labels(by_spheres)] == [

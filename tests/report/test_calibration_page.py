@@ -88,11 +88,14 @@ def test_the_bend_has_axes_and_every_tags_number(calibration):
     (board,) = calibration.basis.boards
     drawing = bend_drawing(calibration, 0)
     assert {str(tag) for tag in board.centers()} <= {e.text for e in elements(drawing, "text")}
-    (tag, (x, y)), *_ = board.centers().items()
-    (dot,) = elements(drawing, "circle", **{"data-name": f"tag {tag}"})
     xy = np.array(list(board.centers().values()))
+    left, high = xy[:, 0].min(), xy[:, 1].max()
     k = SIDE / 2 / np.ptp(xy, axis=0).max()
-    assert at(dot) == pytest.approx((LEFT + AXIS + k * (x - xy[:, 0].min()), TOP + k * (xy[:, 1].max() - y)), abs=0.5)
+    for tag, (x, y) in board.centers().items():
+        (dot,) = elements(drawing, "circle", **{"data-name": f"tag {tag}"})
+        assert at(dot) == pytest.approx((LEFT + AXIS + k * (x - left), TOP + k * (high - y)), abs=0.5)
+    heights = [float(e.text) for e in elements(drawing, "text") if re.fullmatch(r"[+-]\d\.\d\d", e.text)]
+    assert heights == sorted(heights)
 
 
 def test_photos_are_counted_and_not_the_boards_in_them(calibration, tmp_path):

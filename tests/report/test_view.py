@@ -12,6 +12,7 @@ from raytwin import files
 from raytwin.compare import Limits, Report, compare
 from raytwin.image import Image, Surface
 from raytwin.report.compare_page import write_report
+from raytwin.report.numbers import shown
 from raytwin.report.report_folder import write_diff
 from raytwin.workflows.diff_files import compare as diff
 
@@ -36,7 +37,8 @@ def pair(tmp_path):
 def test_the_images_are_called_a_and_b_and_nothing_else(pair):
     found, out = pair(A, B)
     text = text_of(out / "report.html")
-    for said in ("✗ Fail", "a.exr against b.exr", "A − B", "psnr", *found.comparison.reasons):
+    worst = f"worst {shown(found.comparison.radiance.max_abs)}"
+    for said in ("✗ Fail", "a.exr against b.exr", "A − B", "psnr", worst, *found.comparison.reasons):
         assert " ".join(said.split()) in text
     for wrong in ("Mitsuba", "tracer", "Tracer", "twin", "scene"):
         assert not re.search(rf"\b{wrong}\b", text)
