@@ -1,7 +1,7 @@
 """Scenes whose light is known in closed form, each seen where all pixels of a small picture show the same radiance.
 
 Under a sky of radiance 1 an element of albedo a shows a (1 - F) at depth 2, F being the share of its sky, weighed by
-the cosine, that another surface hides. The tracer and the twin are tested on every row.
+the cosine, that another surface hides. The tracer is tested on every row, the twin on every second one.
 """
 
 from math import cos, hypot, pi, radians, sin, sqrt

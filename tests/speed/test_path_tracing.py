@@ -6,7 +6,7 @@ A sampled mean may err by 4 of its standard errors, each of which 16 batches tel
 
 import itertools
 from itertools import pairwise
-from math import cos, inf, radians, sin, sqrt
+from math import sqrt
 
 import msgspec
 import numpy as np
@@ -21,15 +21,13 @@ from truths import (
     agrees,
     by_chance,
     grey,
-    in_wedge,
     shown,
     view_of,
-    wedge,
 )
 
 from raytwin import files, speed, twin
 from raytwin.image import Image
-from raytwin.scene import Camera, Phong, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Phong, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.speed import ENGINES, frame
 from raytwin.speed.engine import from_numpy, to_numpy
 from raytwin.speed.sampling import BATCHES, reverse_bits, second_of_sobol, sobol_pair
@@ -148,27 +146,6 @@ def test_tiles_of_any_size_give_the_same_image(overlap, engine, monkeypatch):
     np.testing.assert_array_equal(first.variance, again.variance)
 
 
-@pytest.mark.parametrize(("name", "engine"), [*zip(SHIPPED, itertools.cycle(TRIED))], indirect=["engine"])
-def test_parts_of_the_light_add_up_to_the_whole(scenes, name, engine):
-    shipped = files.read_scene(scenes / name).scene
-    small = shipped.with_camera(shipped.camera.resized(48, 36))
-    parts, whole = speed.light_parts(small, engine, samples=8), speed.walk(small, "path", engine, samples=8)
-    assert tuple(parts) == speed.PARTS
-    total = sum(part.mean.astype(float) for part in parts.values())
-    np.testing.assert_allclose(total, whole.mean, atol=1e-6 * whole.mean.max())
-    assert parts["shadow"].mean.max() <= 0
-    for name in speed.PARTS[3:]:
-        assert parts[name].mean.min() >= 0
-
-
-def test_the_variance_is_that_of_the_mean(overlap, fast):
-    """100 seeds' spread beside the variance told: their ratio is 1 to within 10 %, 4 standard errors."""
-    small = overlap.with_camera(overlap.camera.resized(16, 12))
-    images = [speed.walk(small, "path", fast, samples=36, seed=seed) for seed in range(100)]
-    spread = np.var([image.mean for image in images], axis=0, ddof=1, dtype=float).mean()
-    assert np.mean([image.variance for image in images], dtype=float) == pytest.approx(spread, rel=0.1)
-
-
 # ---------------------------------------------------------------------------------------------- closed forms
 
 
@@ -176,34 +153,6 @@ def test_the_variance_is_that_of_the_mean(overlap, fast):
 def test_the_light_is_what_the_closed_form_says(fast, name):
     row = CLOSED[name]
     assert_agrees(mean_of(row.scene, fast, row.depth), row.expected, row.bias)
-
-
-def test_the_floor_of_an_open_cube_sees_its_opposite_face_of_the_sky(fast):
-    """0.1998 of it on the whole face, which pixels parallel to it see evenly: F of a unit cube's faces, black walls."""
-    walls = [Rectangle((x / 2, y / 2, 0.5), (abs(y) / 2, abs(x) / 2, 0), (0, 0, 0.5), BLACK)
-             for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))]  # fmt: skip
-    floor = Rectangle((0, 0, 0), (0.5, 0, 0), (0, 0.5, 0), grey(1.0))
-    down = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
-    camera = Camera((64, 64), ((6400.0, 0, 31.5), (0, 6400.0, 31.5), (0, 0, 1.0)), down, (0.0, 0.0, 100.0))
-    image = speed.walk(Scene("cube", camera, (floor, *walls), WHITE), "sky", fast, sampling="center", samples=256)
-    assert (image.surface.ids == 0).all()
-    found = shown(image)
-    # Of 64 x 64 middles of squares the mean errs by h² / 24 of the second derivative, some 1: 1e-5.
-    assert found.mean == pytest.approx(0.199824895698387, abs=3.5 * found.error + 3e-5)
-
-
-def test_bounces_alone_are_the_terms_of_the_wedges_series(fast):
-    """In a wedge of 90 degrees, albedo 1/2: 1/4, then each bounce a quarter of the one before it."""
-    eye = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
-    scene = Scene("wedge", view_of((0.005, 0, 0), eye, 1e-5), wedge(90, 0.5, 0.5, 500.0), WHITE)
-    parts = speed.light_parts(scene, fast, samples=1 << 12, depth=30)
-    terms = [in_wedge(90, 0.5, 0.5, n) for n in (0, 1, 2, inf)]
-    for name, expected in {
-        "open": 0.5, "shadow": 0.0, "occlusion": terms[0] - 0.5, "bounce 1": terms[1] - terms[0],
-        "bounce 2": terms[2] - terms[1], "bounce 3+": terms[3] - terms[2],
-    }.items():  # fmt: skip
-        image = parts[name]
-        assert_agrees(shown(image), expected, 1e-5)
 
 
 @pytest.mark.parametrize("depth", [2, 1024])
@@ -233,15 +182,14 @@ def test_inside_a_white_sphere_light_is_followed_from_wall_to_wall(fast):
 # ---------------------------------------------------------------------------------------------- shipped scenes
 
 
-@pytest.mark.parametrize(("bounces", "expected"), [(1, 5 / 16), (30, 1 / 3)])
-def test_the_scene_wedge_shows_one_radiance_in_all_its_pixels(scenes, fast, bounces, expected):
+def test_the_scene_wedge_shows_one_radiance_in_all_its_pixels(scenes, fast):
     scene = files.read_scene(scenes / "wedge").scene
     small = scene.with_camera(scene.camera.resized(80, 60))
-    image = speed.walk(small, "path", fast, samples=64, depth=bounces + 2)
+    image = speed.walk(small, "path", fast, samples=64, depth=32)
     for ids in (0, 1):
         own = image.surface.ids == ids
         error = np.sqrt(image.variance[own].sum(dtype=float)) / (3 * own.sum()) * sqrt(3)  # channels share their paths
-        assert image.mean[own].mean(dtype=float) == pytest.approx(expected, abs=4 * error + 1e-3 * expected)
+        assert image.mean[own].mean(dtype=float) == pytest.approx(1 / 3, abs=4 * error + 3e-4)
     np.testing.assert_array_equal(speed.trace(small, "shadow", "numpy64").mean, 0.5)
 
 

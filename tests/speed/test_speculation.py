@@ -70,14 +70,6 @@ def test_the_papers_guess_errs_at_edges_where_the_careful_one_does_not():
     assert np.abs(careful - truth).max() <= TOLERANCE
 
 
-def test_shadow_edges_are_traced(scenes):
-    scene = read_scene(scenes / "overlap").scene
-    truth = trace(scene, "shadow").mean
-    guess, _ = speculate(scene, 8, "shadow")
-    wrong = (np.abs(guess - truth).max(axis=-1) > 1e-2).mean()
-    assert wrong < 1e-3
-
-
 def test_a_step_of_one_traces_everything(scenes):
     scene = read_scene(scenes / "single").scene
     guess, share = speculate(scene, 1, "shadow", engine="numpy64")

@@ -9,7 +9,7 @@ from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.twin import render
 from raytwin.twin.bodies import MOST_IN_DOUBLES, beyond_floats, distance, normal, table
 from raytwin.twin.direct_light import albedos, first_light
-from raytwin.twin.outlines import Seen, _doubted, _grazes, borders, settle, trace
+from raytwin.twin.outlines import Seen, _doubted, _grazes, borders, trace
 from raytwin.twin.rays import directions, lens_of
 from raytwin.twin.twin_scene import UNIT
 
@@ -93,29 +93,6 @@ def _pose(camera: Camera) -> tuple:
     return camera.R_cam_board, camera.t_cam_board, camera.dist
 
 
-def test_a_sphere_a_fiftieth_of_a_pixel_off_is_seen_elsewhere(compiled):
-    """Nothing is granted to rounding: an outline 146 px wide sweeps over 0.02 x 2 x 146 = 6 pixels."""
-    camera = looking_at((0, 0, 0), (0, -1.0, 0.6), (400, 300), 20)
-    floor = Rectangle((0, 0, -0.1), (1, 0, 0), (0, 1, 0), Lambert((0.5, 0.5, 0.5)))
-    px = 1.166 / camera.fx
-    masks = [
-        render(Scene("s", camera, (Sphere((x, 0, 0), 0.1), floor), LIGHTS), "surface", cache=False).surface.ids
-        for x in (3e-4, 3e-4 + 0.02 * px)
-    ]
-    assert 2 <= (masks[0] != masks[1]).sum() <= 12
-
-
-def test_where_two_objects_cut_each_other_float64_says_which_is_in_front(compiled):
-    """A ball sunk to its middle in a floor: the border is the circle where both are at one depth."""
-    camera = looking_at((0, 0, 0), (0.4, -1.0, 0.7), (500, 400), 20)
-    things = (Sphere((0, 0, 0), 0.1), Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)))
-    scene = Scene("sunk", camera, things, LIGHTS)
-    image = render(scene, "shadow", cache=False)
-    ids, _, colour = by_float64(scene, "shadow")
-    assert (image.surface.ids.ravel() == ids).all()
-    assert abs(image.mean.reshape(-1, 3) - colour).max() < 2e-4
-
-
 def test_the_borders_of_an_image_are_the_pixels_with_another_value_beside_them():
     rng = np.random.default_rng(3)
     image = rng.integers(0, 2, (9, 11)) * (rng.random((9, 11)) < 0.2)
@@ -167,15 +144,6 @@ def test_a_ray_grazes_a_rim_or_an_edge_that_it_passes_within_a_hundred_thousandt
         with np.errstate(all="ignore"):  # a sphere has no edges
             found = _grazes(bodies, np.zeros((3, 1)), STRAIGHT)
         assert (found == (abs(off) < 1)).all()
-
-
-def test_settling_changes_nothing_where_nothing_is_in_doubt():
-    scene = random_scene(3, (64, 48))
-    ids, depth, _ = by_float64(scene, "shadow")
-    seen = Seen(ids.copy(), depth.astype(np.float32), np.zeros((len(ids), 3)), np.full(len(ids), -1, np.int32))
-    again = settle(scene, seen, shadows=False)
-    assert (seen.ids == ids).all()
-    assert len(again) < 5  # of 3072: those within 1e-5 of the distance from an outline
 
 
 # ---------------------------------------------------------------------------------------------- far objects

@@ -27,10 +27,11 @@ def mean_of(scene: Scene, variant: str, rung: str = "sky", **options) -> Shown:
 
 @pytest.mark.parametrize(
     ("variant", "name"),
-    [*(("llvm_ad_rgb", name) for name in CLOSED), *(("scalar_rgb", name) for name in FIRST)],
+    [*(("llvm_ad_rgb", name) for name in [*CLOSED][::2]), *(("scalar_rgb", name) for name in FIRST)],
     indirect=["variant"],
 )
 def test_the_light_is_what_the_closed_form_says(variant, name):
+    """Every second one; `speed` tries all."""
     row = CLOSED[name]
     found = mean_of(row.scene, variant, "sky" if row.depth == 2 else "path", max_depth=row.depth)
     assert found.error < 1e-3 * np.sqrt(MANY["llvm_ad_rgb"] / MANY[variant])

@@ -7,9 +7,8 @@ from raytwin import files
 from raytwin.errors import InputError
 from raytwin.scene import Camera, Scene, Sphere
 from raytwin.scene.lens import check_lens, newton, without_ray
-from raytwin.twin import activate, render
+from raytwin.twin import render
 from raytwin.twin.rays import directions, lens_of
-from raytwin.twin.twin_scene import translate
 
 LENSES = [(), (-0.22, 0.045), (0.1, -0.05, 0.002, -0.003), (-0.22, 0.045, 0.0012, -0.0008, -0.0035)]
 
@@ -64,66 +63,6 @@ def test_small_spheres_stand_where_opencv_projects_them(scenes, compiled):
         rows, columns = np.nonzero(ids == i)
         assert columns.mean() == pytest.approx(u, abs=0.25)
         assert rows.mean() == pytest.approx(v, abs=0.25)
-
-
-def test_rays_agree_with_mitsubas_own_perspective_camera(scenes):
-    """Mitsuba's `perspective` with a principal point, by one sample in the middle of each pixel, sees the same."""
-    import mitsuba as mi
-
-    activate("scalar_rgb")
-    scene = files.read_scene(scenes / "overlap").scene
-    scene = scene.with_camera(scene.camera.resized(320, 240))
-    c = scene.camera
-    sensor = {
-        "type": "perspective", "fov_axis": "x", "fov": np.degrees(2 * np.arctan(c.width / (2 * c.fx))),
-        "principal_point_offset_x": (c.width / 2 - (c.cx + 0.5)) / c.width,
-        "principal_point_offset_y": (c.height / 2 - (c.cy + 0.5)) / c.height,
-        "to_world": mi.ScalarTransform4f(np.diag([-1.0, -1.0, 1.0, 1.0])), "near_clip": 1e-2, "far_clip": 1e5,
-        "sampler": {"type": "stratified", "sample_count": 1, "jitter": False},
-        "film": {
-            "type": "hdrfilm", "width": c.width, "height": c.height, "component_format": "float32",
-            "rfilter": {"type": "box"},
-        },
-    }  # fmt: skip
-    integrator = {"type": "aov", "aovs": "p:position,n:geo_normal"}
-    world = mi.load_dict(translate(scene, {}) | {"sensor": sensor, "integrator": integrator})
-    theirs = np.array(mi.render(world))
-    depth = np.linalg.norm(theirs[..., -6:-3], axis=-1) / 1024
-    ours = render(scene, "surface").surface
-    seen = np.any(theirs[..., -3:], axis=-1)
-    assert (seen == ours.mask).all()
-    np.testing.assert_allclose(ours.depth[seen], depth[seen], rtol=2e-4)
-    assert np.quantile(abs(ours.depth / np.where(seen, depth, 1) - 1)[seen], 0.99) < 1e-5
-
-
-def test_path_agrees_with_mitsubas_path_from_the_eye(scenes):
-    """The sun at the first hit and one bounce into `path` have the expectation of `path` itself, pixel by pixel."""
-    import mitsuba as mi
-
-    activate("scalar_rgb")
-    scene = files.read_scene(scenes / "overlap").scene
-    scene = scene.with_camera(scene.camera.resized(48, 36))
-    world = mi.load_dict(translate(scene, {}))
-    u, v = (a.ravel() for a in np.meshgrid(np.arange(48.0), np.arange(36.0)))
-    rays = np.stack(directions(np, lens_of(scene.camera), u, v), axis=1).tolist()
-    sampler = mi.load_dict({"type": "independent"})
-    for rung, depth in (("sky", 2), ("path", 8), ("path", 3)):
-        integrator = mi.load_dict({"type": "path", "max_depth": depth, "rr_depth": 99})
-        sampler.seed(depth)
-        theirs = np.array(
-            [
-                [list(integrator.sample(world, sampler, mi.RayDifferential3f(mi.Ray3f([0, 0, 0], d)))[0]) for d in rays]
-                for _ in range(48)
-            ]
-        )
-        ours = render(scene, rung, max_depth=depth, samples=32, cache=False)
-        z = ours.mean.reshape(-1, 3) - theirs.mean(axis=0)
-        variance = ours.variance.reshape(-1, 3) + theirs.var(axis=0, ddof=1) / len(theirs)
-        assert abs(z[:, 1].sum()) < 4 * np.sqrt(variance[:, 1].sum())
-        noisy = variance > 1e-8
-        assert np.mean(z[noisy] ** 2 / variance[noisy]) == pytest.approx(1.05, abs=0.15)
-        # The estimate is better, too: the sun's share has no noise.
-        assert ours.variance.mean() * 32 < 0.2 * theirs.var(axis=0).mean()
 
 
 @pytest.mark.filterwarnings("ignore::raytwin.scene.lens.Folds")
