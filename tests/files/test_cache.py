@@ -55,14 +55,12 @@ def test_arrays_that_were_stored_are_loaded(cache):
     "data",
     [
         encrypted(),
-        *(of_compression(n) for n in (1, 12, 14, 97, 99)),
+        *(of_compression(n) for n in (1, 12, 99)),
         member("a.txt", b"no array"),
         member("a.npy", b"no array"),
-        member("a.npy", b"\x93NUMPY\x01\x00\x10\x00" + b"(" * 15 + b"\n"),
         member("a.npy", b"\x93NUMPY\x01\x00\xff\xff" + b"[" * 65535),
         npz()[:-30],
         b"",
-        b"PK\x03\x04",
     ],
 )
 def test_what_cannot_be_read_as_arrays_is_none(cache, data):

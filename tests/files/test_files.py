@@ -5,14 +5,13 @@ import io
 import os
 import pickle
 import re
-import struct
 import subprocess
 import sys
 import threading
 import tomllib
-import zlib
 from pathlib import Path
 
+import hostile
 import msgspec
 import numpy as np
 import OpenEXR
@@ -25,9 +24,8 @@ from PIL import Image as Pillow
 
 from raytwin import files
 from raytwin.errors import InputError, MachineError
-from raytwin.files import limits
 from raytwin.image import Image, Surface
-from raytwin.scene import Camera, Lambert, PhotoCamera, Rectangle, Sphere
+from raytwin.scene import Camera, Lambert, Rectangle, Sphere
 
 SCENE = """
 [camera]
@@ -82,13 +80,13 @@ def with_map(folder: Path, scale: str) -> Path:
     return write_scene(folder, changed("radiance = [0.1, 0.1, 0.1]", f'map = "sky.exr"\nscale = {scale}'))
 
 
-@pytest.mark.parametrize("scale", ["2", "0.5", "0", "1e30", "10000000000000000000000"])
+@pytest.mark.parametrize("scale", ["0.5", "0", "10000000000000000000000"])
 def test_a_map_is_multiplied_by_its_scale(tmp_path, scale):
     sky = files.read_scene(with_map(tmp_path, scale)).scene.environment
     np.testing.assert_allclose(sky.radiance.max(), 10 * float(scale), rtol=1e-6)
 
 
-@pytest.mark.parametrize("scale", ["1e38", "1e300", "true", "-1.0", "inf", '"2"', "[2.0, 2.0, 2.0]"])
+@pytest.mark.parametrize("scale", ["1e38", "-1.0", "[2.0, 2.0, 2.0]"])
 def test_a_scale_that_no_map_can_have_is_one_line(tmp_path, scale):
     with pytest.raises(InputError, match=r"scene.toml: sky.scale: expected a "):
         files.read_scene(with_map(tmp_path, scale))
@@ -108,48 +106,18 @@ def test_a_scene_is_read_as_it_is_written(tmp_path):
     assert files.read_scene(tmp_path / "x" / "scene.toml") == scene
 
 
-@pytest.mark.parametrize("name", ["single", "overlap", "distorted", "grazing"])
-def test_every_shipped_scene_is_read(scenes, name):
-    scene = files.read_scene(scenes / name)
-    assert scene.name == name
-    assert scene.spheres
-    assert (scenes / name / "scene.toml").read_text().startswith("# "), "a comment says what the scene shows"
-
-
-def test_a_photographed_scene_keeps_its_camera_for_later(tmp_path):
-    text = re.sub(
-        r"\[camera\].*?\n\n",
-        '[camera]\nphotos = "photos"\nboard = "board.toml"\nphoto = "01.jpg"\n\n',
-        SCENE,
-        flags=re.S,
-    )
-    written = files.read_scene(write_scene(tmp_path, text))
-    assert written.camera is None
-    assert written.photos == PhotoCamera("photos", "board.toml", "01.jpg", "auto")
-    with pytest.raises(InputError, match="camera: expected a calibrated camera, got photos to calibrate it from"):
-        _ = written.scene
-
-
 WRONG = {
     "a negative radius": ("radius = 0.04", "radius = -0.4", "spheres[1].radius: expected metres > 0, got -0.4"),
-    "a radius of zero": ("radius = 0.04", "radius = 0", "spheres[1].radius: expected metres > 0, got 0"),
     "a radius that is text": ("radius = 0.04", 'radius = "4 cm"', "spheres[1].radius: expected metres, got '4 cm'"),
     "a radius that is NaN": ("radius = 0.04", "radius = nan", "spheres[1].radius: expected metres > 0, got nan"),
     "an infinite radius": ("radius = 0.04", "radius = inf", "spheres[1].radius: expected a finite number, got inf"),
-    "a radius that is true": ("radius = 0.04", "radius = true", "spheres[1].radius: expected metres, got True"),
     "no radius": ("radius = 0.04\n", "", "spheres[1].radius: expected a value, got nothing"),
     "a huge whole number": ("radius = 0.04", f"radius = {10**400}", "spheres[1].radius: expected metres that 64 bits hold"),  # noqa: E501
     "an unknown key": ("radius = 0.04", "radus = 0.04", "spheres[1].radus: expected only known keys, got the unknown key 'radus'"),  # noqa: E501
-    "an unknown table": ("[sun]", "[moon]", "moon: expected only known keys"),
-    "an unknown key of the camera": ("dist =", "distortion =", "camera.distortion: expected only known keys"),
     "NaN in a vector": ("[0.1, 0.0, 0.04]", "[0.1, nan, 0.04]", "spheres[1].center[1]: expected a finite number, got nan"),  # noqa: E501
-    "two coordinates": ("[0.1, 0.0, 0.04]", "[0.1, 0.0]", "spheres[1].center: expected a list of length 3, got [0.1, 0.0]"),  # noqa: E501
     "an albedo over 1": ("[0.8, 0.4, 0.2]", "[0.8, 1.4, 0.2]", "spheres[1].albedo[1]: expected a number <= 1, got 1.4"),
     "a negative sky": ("radiance = [0.1", "radiance = [-0.1", "sky.radiance[0]: expected a number >= 0, got -0.1"),
     "a sun without direction": ("[0.3, 0.0, 1.0]", "[0, 0, 0]", "sun.to_light: expected a direction, got the zero vector"),  # noqa: E501
-    "a highlight without an exponent": ("radius = 0.04", "radius = 0.04\nspecular = [0.1, 0.1, 0.1]", "spheres[1]: expected both specular and exponent, got one of them"),  # noqa: E501
-    "a highlight that makes light": ("radius = 0.04", "radius = 0.04\nspecular = [0.3, 0.1, 0.1]\nexponent = 9", "spheres[1]: expected albedo and specular that sum to 1 at most, got 1.1"),  # noqa: E501
-    "an exponent of 0": ("radius = 0.04", "radius = 0.04\nspecular = [0.1, 0.1, 0.1]\nexponent = 0", "spheres[1].exponent: expected a number > 0, got 0"),  # noqa: E501
     "a map and a radiance": ("radiance = [0.1", 'map = "x.exr"\nradiance = [0.1', "sky: expected radiance or map, got both"),  # noqa: E501
     "a rotation without a map": ("radiance = [0.1", "rotation = 90.0\nradiance = [0.1", "sky.rotation: expected only where there is a map, got 90.0"),  # noqa: E501
     "texels by hand": ("radiance = [0.1", "texels = 3\nradiance = [0.1", "sky.texels: expected only known keys, got the unknown key 'texels'"),  # noqa: E501
@@ -157,19 +125,11 @@ WRONG = {
     "a half-edge of no length": ("[0.0, 0.3, 0.0]", "[0, 0, 0]", "planes[0]: expected half_u and half_v longer than 0 m"),  # noqa: E501
     "a mirrored R": ("[[1, 0, 0], [0, -1, 0]", "[[1, 0, 0], [0, 1, 0]", "camera.R_cam_board: expected a rotation matrix, got a mirroring"),  # noqa: E501
     "a stretched R": ("[[1, 0, 0]", "[[1.01, 0, 0]", "camera.R_cam_board: expected a rotation matrix, got R R^T off the identity by 0.02"),  # noqa: E501
-    "a short R": ("[[1, 0, 0], ", "[", "camera.R_cam_board: expected a list of length 3"),
     "a negative focal length": ("[[80.0", "[[-80.0", "camera.K: expected focal lengths > 0 px, got -80.0, 80.0"),
     "a skewed K": ("[[80.0, 0.0", "[[80.0, 2.0", "camera.K: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"),
-    "a scaled K": ("0.0, 1.0]]\ndist", "0.0, 2.0]]\ndist", "camera.K: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"),
-    "no K": ("K = [[80.0, 0.0, 31.5], [0.0, 80.0, 23.5], [0.0, 0.0, 1.0]]\n", "", "camera.K: expected a value, got nothing"),  # noqa: E501
     "six coefficients": ("[-0.1, 0.01]", "[1, 2, 3, 4, 5, 6]", "camera.dist: expected a list of length <= 5"),
-    "no pixels": ("[64, 48]", "[0, 48]", "camera.image_size[0]: expected a whole number >= 1, got 0"),
-    "half a pixel": ("[64, 48]", "[64.5, 48]", "camera.image_size[0]: expected a whole number, got 64.5"),
     "ten thousand megapixels": ("[64, 48]", "[100000, 100000]", "camera.image_size: expected at most 400 megapixels, got 100000 x 100000"),  # noqa: E501
-    "a camera that is a number": ("[camera]", "camera = 3\n[cam]", "camera: expected a table, got 3"),
-    "photos and K": ("image_size =", 'photos = "photos"\nimage_size =', "camera.image_size: expected only known keys"),
     "not TOML": ("[camera]", "[camera", "scene.toml: expected TOML, got Expected ']'"),
-    "lists too deep": ("[camera]", f"x = {'[' * 20_000}\n[camera]", "scene.toml: expected TOML, got maximum recursion depth"),  # noqa: E501
     "a number too long": ("[camera]", f"x = {'9' * 5000}\n[camera]", "scene.toml: expected TOML, got Exceeds the limit"),  # noqa: E501
 }  # fmt: skip
 
@@ -245,7 +205,7 @@ JUNK = st.recursive(
 FIELDS = st.sampled_from(["camera", "spheres", "planes", "sun", "sky", "tolerance", "x", "name", "photos"])
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     field=FIELDS,
     inner=st.sampled_from(["", "center", "radius", "K", "R_cam_board", "half_u", "to_light", "dist"]),
@@ -267,13 +227,6 @@ def test_any_junk_in_a_scene_is_an_input_error_or_a_scene(tmp_path, field, inner
     except InputError:
         return
     assert all(s.radius > 0 for s in scene.spheres)
-
-
-def test_an_input_error_keeps_its_fields_between_processes():
-    error = pickle.loads(pickle.dumps(MachineError("engine", "a GPU", "none")))
-    assert isinstance(error, MachineError)
-    assert (error.where, error.expected, error.got) == ("engine", "a GPU", "none")
-    assert str(error) == "engine: expected a GPU, got none"
 
 
 # ------------------------------------------------------------------------------------------------ cameras
@@ -303,19 +256,37 @@ def test_a_wrong_camera_file_is_named_by_its_own_fields(tmp_path):
 # ------------------------------------------------------------------------------------------------ writing
 
 
-def test_an_interrupted_write_keeps_the_old_file_and_leaves_nothing_else(tmp_path):
+@pytest.mark.parametrize("stop", [KeyboardInterrupt(), OSError(28, "No space left on device")])
+def test_an_interrupted_write_keeps_the_old_file_and_leaves_nothing_else(tmp_path, stop):
     target = tmp_path / "result.json"
     target.write_text("old")
 
     def interrupted() -> None:
         with files.replacing(target) as temporary:
             temporary.write_text("half")
-            raise KeyboardInterrupt
+            raise stop
 
-    with pytest.raises(KeyboardInterrupt):
+    seen = "expected a writable path, got No space" if isinstance(stop, OSError) else None
+    with pytest.raises((KeyboardInterrupt, InputError), match=seen):
         interrupted()
     assert target.read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.parametrize("mode", [None, 0o600, 0o755])
+def test_a_file_appears_whole_with_its_folder_and_the_users_permissions_or_those_it_had(tmp_path, mode):
+    target = tmp_path / "new" / "folder" / "x.txt"
+    if mode:
+        files.write_text(target, "old")
+        target.chmod(mode)
+    mask = os.umask(0o027)
+    try:
+        files.write_text(target, "Ångström")
+    finally:
+        os.umask(mask)
+    assert target.read_text(encoding="utf-8") == "Ångström"
+    assert target.stat().st_mode & 0o777 == (mode or 0o640)
+    assert list(target.parent.iterdir()) == [target]
 
 
 def test_a_write_that_fails_on_its_content_keeps_the_old_file(tmp_path):
@@ -330,27 +301,6 @@ def test_a_write_that_fails_on_its_content_keeps_the_old_file(tmp_path):
             write(tmp_path / name)
         assert (tmp_path / name).read_text() == "old"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.json", "a.png", "a.toml"]
-
-
-def test_a_full_disk_is_an_input_error(tmp_path):
-    with (
-        pytest.raises(InputError, match="expected a writable path, got No space"),
-        files.replacing(tmp_path / "x"),
-    ):
-        raise OSError(28, "No space left on device")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_file_appears_whole_with_its_folder_and_the_users_permissions(tmp_path):
-    target = tmp_path / "new" / "folder" / "x.txt"
-    mask = os.umask(0o027)
-    try:
-        files.write_text(target, "Ångström")
-    finally:
-        os.umask(mask)
-    assert target.read_text(encoding="utf-8") == "Ångström"
-    assert target.stat().st_mode & 0o777 == 0o640
-    assert list(target.parent.iterdir()) == [target]
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path):
@@ -372,15 +322,6 @@ def test_a_planted_link_is_replaced_and_what_it_leads_to_is_left_alone(tmp_path)
         assert (tmp_path / name).read_text() == "new"
     assert (tmp_path / "real").read_text() == "old"
     assert not (tmp_path / "made by nobody").exists()
-    assert (tmp_path / "link").stat().st_mode & 0o777 != 0o600 or os.umask(os.umask(0)) & 0o077 == 0o077
-
-
-@pytest.mark.parametrize("mode", [0o600, 0o640, 0o755])
-def test_a_files_mode_is_kept(tmp_path, mode):
-    (tmp_path / "x").write_text("old")
-    (tmp_path / "x").chmod(mode)
-    files.write_text(tmp_path / "x", "new")
-    assert (tmp_path / "x").stat().st_mode & 0o7777 == mode
 
 
 def test_standard_output_redirected_to_a_file_is_written_into(tmp_path):
@@ -412,6 +353,11 @@ def test_a_pipe_is_written_into_and_not_replaced(tmp_path):
     assert (tmp_path / "pipe").is_fifo()
 
 
+def test_an_error_keeps_its_fields_between_processes():
+    error = pickle.loads(pickle.dumps(MachineError("engine", "a GPU", "none")))
+    assert (type(error), str(error)) == (MachineError, "engine: expected a GPU, got none")
+
+
 def test_json_holds_records_arrays_and_no_nan(tmp_path):
     value = {
         "a": np.array([[1.5, np.nan]]),
@@ -429,32 +375,6 @@ def test_json_holds_records_arrays_and_no_nan(tmp_path):
         "d": "x/y",
         "e": None,
     }  # fmt: skip
-
-
-# ------------------------------------------------------------------------------------------------ sRGB
-
-
-def test_all_256_codes_of_srgb_survive_the_round_trip():
-    codes = np.arange(256, dtype=np.uint8)
-    linear = files.from_bytes(codes)
-    assert linear.dtype == np.float32
-    assert (linear[0], linear[255]) == (0, 1)
-    assert (np.diff(linear) > 0).all()
-    np.testing.assert_array_equal(files.to_bytes(linear), codes)
-
-
-def test_srgb_is_the_standards_curve():
-    # IEC 61966-2-1: mid-grey 0.18 is code 0.4614, and the two pieces meet at 0.0031308.
-    assert files.srgb_encode(np.array(0.18)) == pytest.approx(0.461356, abs=1e-6)
-    assert files.srgb_decode(np.array(0.5)) == pytest.approx(0.214041, abs=1e-6)
-    assert files.srgb_encode(np.array(0.0031308)) == pytest.approx(12.92 * 0.0031308)
-    assert abs(np.diff(files.srgb_encode(np.array([0.0031308, 0.0031309])))) < 1e-5
-    x = np.linspace(0, 1, 1001)
-    np.testing.assert_allclose(files.srgb_decode(files.srgb_encode(x)), x, atol=1e-7)
-
-
-def test_what_srgb_cannot_show_is_clipped():
-    np.testing.assert_array_equal(files.to_bytes(np.array([-1, 2, np.nan, np.inf, -np.inf])), [0, 255, 0, 255, 0])
 
 
 # ------------------------------------------------------------------------------------------------ photos
@@ -512,16 +432,6 @@ def test_an_exif_orientation_is_told_and_not_applied(tmp_path, orientation):
     assert files.photo_orientation(tmp_path / "plain.jpg") == 1
 
 
-def png_header(width: int, height: int) -> bytes:
-    """A PNG that claims a size, and holds next to nothing."""
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
-    return b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(bytes(64))) + chunk(b"IEND", b"")
-
-
 def test_a_wrong_photo_is_named(tmp_path):
     whole = io.BytesIO()
     Pillow.fromarray(photo(np.random.default_rng(2), 200, 300)).save(whole, "JPEG")
@@ -532,8 +442,8 @@ def test_a_wrong_photo_is_named(tmp_path):
         "text.png": (b"not a picture", "expected a photo (JPEG or PNG), got a file of another kind, or a damaged header"),  # noqa: E501
         "empty.jpg": (b"", "got a file of another kind"),
         "moving.jpg": (gif.getvalue(), "got a file of another kind"),
-        "bomb.png": (png_header(60_000, 60_000), "expected a photo of a size that a camera makes"),
-        "short.png": (png_header(600, 600), "expected a whole photo (JPEG or PNG), got a damaged one"),
+        "bomb.png": (hostile.png(60_000, 60_000, bytes(64)), "expected a photo of a size that a camera makes"),
+        "short.png": (hostile.png(600, 600, bytes(64)), "expected a whole photo (JPEG or PNG), got a damaged one"),
     }  # fmt: skip
     for name, (data, message) in wrong.items():
         (tmp_path / name).write_bytes(data)
@@ -547,14 +457,7 @@ def test_a_wrong_photo_is_named(tmp_path):
         files.photo_size(tmp_path)
 
 
-def test_a_photo_over_the_limit_is_refused_before_it_is_decoded(tmp_path, monkeypatch):
-    monkeypatch.setattr(limits, "MAX_PIXELS", 1000)
-    (tmp_path / "big.png").write_bytes(png_header(40, 30))
-    with pytest.raises(InputError, match="megapixels, got 40 x 30"):
-        files.read_photo(tmp_path / "big.png")
-
-
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     kind=st.sampled_from(["JPEG", "PNG"]),
     where=st.floats(0, 0.999),
@@ -584,7 +487,7 @@ def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
     return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data(), h=st.integers(1, 9), w=st.integers(1, 9), has_variance=st.booleans(), has_surface=st.booleans())
 def test_an_image_survives_an_exr_to_the_last_bit(tmp_path, data, h, w, has_variance, has_surface):
     def layer(*shape):
@@ -611,58 +514,28 @@ def test_an_image_survives_an_exr_to_the_last_bit(tmp_path, data, h, w, has_vari
             assert same_bits(getattr(found.surface, name), getattr(surface, name)), name
 
 
-@pytest.mark.parametrize("dtype", [np.float16, np.float32])
-@pytest.mark.parametrize("channels", ["RGB", "RGBA", "Y"])
-def test_other_programs_exrs_are_read(tmp_path, dtype, channels):
-    pixels = np.random.default_rng(5).random((6, 8, len(channels))).astype(dtype)
-    layers = {c: np.ascontiguousarray(pixels[..., i]) for i, c in enumerate(channels)}
-    with OpenEXR.File({"compression": OpenEXR.PIZ_COMPRESSION, "type": OpenEXR.scanlineimage}, layers) as file:
-        file.write(str(tmp_path / "x.exr"))
-    image, header = files.read_exr(tmp_path / "x.exr")
-    expected = pixels[..., :3] if len(channels) > 1 else np.repeat(pixels, 3, axis=-1)
-    assert same_bits(image.mean, expected.astype(np.float32))
-    assert (image.variance, image.surface, image.samples, image.batches, header) == (None, None, 0, None, {})
-
-
 def test_a_wrong_exr_is_named(tmp_path):
-    def written(channels, attributes=()):
-        with OpenEXR.File({"type": OpenEXR.scanlineimage, **dict(attributes)}, channels) as file:
+    grey, window = np.zeros((4, 4), np.float32), (np.zeros(2, np.int32), np.array([5, 3], np.int32))
+
+    def made(channels, name, **more):
+        return OpenEXR.Part({"type": OpenEXR.scanlineimage, **more}, channels, name)
+
+    def colours(width, name):
+        return made({"RGB": np.zeros((4, width, 3), np.float32)}, name, displayWindow=window)
+
+    for parts, message in (
+        ([made({"Z": grey}, "x")], "expected channels R, G, B (or Y), got Z"),
+        ([made({"Y": grey}, "x", **{"raytwin/samples": "many"})], "expected an EXR file, got a damaged one"),
+        ([colours(6, "mean"), colours(5, "variance")], "expected parts of one size, got 6 x 4, 5 x 4"),
+    ):
+        with OpenEXR.File(parts) as file:
             file.write(str(tmp_path / "x.exr"))
-        with pytest.raises(InputError) as caught:
+        with pytest.raises(InputError, match=re.escape(f"x.exr: {message}")):
             files.read_exr(tmp_path / "x.exr")
-        assert str(caught.value).startswith(str(tmp_path / "x.exr: "))
-        return str(caught.value)
-
-    grey = np.zeros((4, 4), np.float32)
-    assert "expected channels R, G, B (or Y), got Z" in written({"Z": grey})
-    assert "a damaged one" in written({"Y": grey}, {"raytwin/samples": "many"})
-    for data in (b"", b"text", b"\x76\x2f\x31\x01" + bytes(40)):
-        (tmp_path / "y.exr").write_bytes(data)
-        with pytest.raises(InputError, match="expected an EXR file, got a damaged one"):
-            files.read_exr(tmp_path / "y.exr")
-    with pytest.raises(InputError, match="got no such file"):
-        files.read_exr(tmp_path / "none.exr")
-
-
-def test_parts_of_different_sizes_are_refused(tmp_path):
-    window = (np.zeros(2, np.int32), np.array([5, 3], np.int32))
-    parts = [
-        OpenEXR.Part(
-            {"type": OpenEXR.scanlineimage, "displayWindow": window}, {"RGB": np.zeros((4, w, 3), np.float32)}, n
-        )
-        for w, n in ((6, "mean"), (5, "variance"))
-    ]
-    with OpenEXR.File(parts) as file:
-        file.write(str(tmp_path / "x.exr"))
-    with pytest.raises(InputError, match="expected parts of one size, got 6 x 4, 5 x 4"):
-        files.read_exr(tmp_path / "x.exr")
-
-
-def test_a_truncated_exr_is_an_input_error(tmp_path):
     rng = np.random.default_rng(6)
-    files.write_exr(tmp_path / "x.exr", Image(rng.random((20, 30, 3), np.float32), rng.random((20, 30, 3), np.float32)))
+    files.write_exr(tmp_path / "x.exr", Image(*rng.random((2, 20, 30, 3), np.float32)))
     data = (tmp_path / "x.exr").read_bytes()
-    for share in (0.01, 0.1, 0.3, 0.5, 0.9, 0.99, 0.9999):  # at the end only the variance is lost
+    for share in (0, 0.1, 0.9, 0.9999):  # at the end only the variance is lost
         (tmp_path / "x.exr").write_bytes(data[: int(share * len(data))])
         with pytest.raises(InputError, match="got a damaged one"):
             files.read_exr(tmp_path / "x.exr")

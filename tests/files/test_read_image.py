@@ -33,20 +33,6 @@ def write_exr(path, channels, kind=OpenEXR.scanlineimage, **attributes):
 # ------------------------------------------------------------------------------------------ floating point
 
 
-@pytest.mark.parametrize("order", ["<", ">"])
-@pytest.mark.parametrize("channels", [1, 3])
-def test_a_pfm_is_read_from_the_bottom_up_in_either_byte_order(tmp_path, a, order, channels):
-    pixels = a if channels == 3 else a[..., :1]
-    head = f"{'PF' if channels == 3 else 'Pf'}\n33 21\n{'-' if order == '<' else ''}1.0\n".encode()
-    (tmp_path / "x.pfm").write_bytes(head + pixels[::-1].astype(f"{order}f4").tobytes())
-    found = files.read_image(tmp_path / "x.pfm").mean
-    np.testing.assert_array_equal(found, np.broadcast_to(pixels, a.shape))
-    assert found.dtype == np.float32
-    if order == "<":
-        seen = cv2.imread(str(tmp_path / "x.pfm"), cv2.IMREAD_UNCHANGED)
-        np.testing.assert_array_equal(found, seen[..., ::-1] if channels == 3 else np.repeat(seen[..., None], 3, -1))
-
-
 def test_a_pfm_we_write_is_read_by_us_and_by_opencv(tmp_path, a):
     files.write_image(tmp_path / "x.pfm", Image(a))
     np.testing.assert_array_equal(files.read_image(tmp_path / "x.pfm").mean, a)
@@ -58,7 +44,7 @@ def test_a_pfms_scale_multiplies(tmp_path):
     assert files.read_image(tmp_path / "x.pfm").mean.ravel().tolist() == [7.5] * 3
 
 
-@pytest.mark.parametrize("width", [5, 33, 400])
+@pytest.mark.parametrize("width", [5, 400])
 def test_a_radiance_hdr_is_read_as_opencv_reads_it(tmp_path, width):
     pixels = np.random.default_rng(4).random((20, width, 3)).astype(np.float32) ** 8 * 100
     pixels[3:9, 5:] = 0.25  # runs
@@ -66,17 +52,6 @@ def test_a_radiance_hdr_is_read_as_opencv_reads_it(tmp_path, width):
     found = files.read_image(tmp_path / "x.hdr").mean
     np.testing.assert_array_equal(found, cv2.imread(str(tmp_path / "x.hdr"), cv2.IMREAD_UNCHANGED)[..., ::-1])
     assert (np.abs(found - pixels[..., ::-1]) <= pixels.max(-1, keepdims=True) / 127).all()
-
-
-def test_both_codings_of_a_radiance_hdr_and_its_exposure(tmp_path, sound):
-    read = {}
-    for kind in ("runs", "flat"):
-        (tmp_path / "x.hdr").write_bytes(sound[f"{kind}.hdr"])
-        read[kind] = files.read_image(tmp_path / "x.hdr").mean
-    np.testing.assert_array_equal(read["runs"], read["flat"])
-    # exponent 130: mantissa 2^-6, halved by the exposure of 2; a mantissa of 64 is 1/2
-    body = sound["flat.hdr"][-4 * 33 * 21 :]
-    np.testing.assert_array_equal(read["flat"][0, 0], np.frombuffer(body[:3], np.uint8) / 128)
 
 
 # ------------------------------------------------------------------------------------------ sRGB
@@ -92,28 +67,7 @@ def test_sixteen_bits_of_a_png_are_kept(tmp_path, channels):
     assert (found.dtype, found.shape) == (np.float32, (9, 11, 3))
 
 
-def test_eight_bits_are_linear_by_the_standards_curve(tmp_path):
-    codes = np.random.default_rng(6).integers(0, 256, (9, 11, 3), dtype=np.uint8)
-    for name in ("x.png", "x.jpg"):
-        files.write_picture(tmp_path / name, codes)
-        np.testing.assert_array_equal(
-            files.read_image(tmp_path / name).mean, files.from_bytes(files.read_photo(tmp_path / name))
-        )
-    assert np.array_equal(files.read_photo(tmp_path / "x.png"), codes)
-
-
 # ------------------------------------------------------------------------------------------ EXR
-
-
-def test_half_float_and_whole_channels_of_lines_and_tiles(tmp_path, a):
-    for dtype in (np.float16, np.float32, np.uint32):
-        values = a.astype(dtype) if dtype != np.uint32 else (a * 1e5).astype(dtype)
-        for kind in (OpenEXR.scanlineimage, OpenEXR.tiledimage):
-            tiles = OpenEXR.TileDescription()
-            tiles.xSize, tiles.ySize = 8, 16
-            more = {"tiles": tiles} if kind == OpenEXR.tiledimage else {}
-            write_exr(tmp_path / "x.exr", {c: values[..., i] for i, c in enumerate("RGB")}, kind, **more)
-            np.testing.assert_array_equal(files.read_image(tmp_path / "x.exr").mean, values.astype(np.float32))
 
 
 def test_a_layer_is_chosen_by_name_and_alone_needs_none(tmp_path, a):

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from raytwin import files
 
@@ -16,3 +17,13 @@ def test_bytes_are_the_rounded_srgb_curve_on_both_sides_of_every_step_and_for_wh
     assert files.to_bytes(np.full((2, 3, 3), 0.5, np.float16)).tolist() == np.full((2, 3, 3), 188).tolist()
     every = np.arange(256, dtype=np.uint8)
     np.testing.assert_array_equal(files.to_bytes(files.from_bytes(every)), every)
+
+
+def test_srgb_is_the_standards_curve():
+    # IEC 61966-2-1: mid-grey 0.18 is code 0.4614, and the two pieces meet at 0.0031308.
+    assert files.srgb_encode(np.array(0.18)) == pytest.approx(0.461356, abs=1e-6)
+    assert files.srgb_decode(np.array(0.5)) == pytest.approx(0.214041, abs=1e-6)
+    assert files.srgb_encode(np.array(0.0031308)) == pytest.approx(12.92 * 0.0031308)
+    assert abs(np.diff(files.srgb_encode(np.array([0.0031308, 0.0031309])))) < 1e-5
+    x = np.linspace(0, 1, 1001)
+    np.testing.assert_allclose(files.srgb_decode(files.srgb_encode(x)), x, atol=1e-7)

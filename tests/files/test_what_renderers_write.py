@@ -76,22 +76,12 @@ def test_luminance_and_chroma_are_refused(tmp_path):
         files.read_image(path)
 
 
-@pytest.mark.parametrize("mode", ["RGB", "L", "P", "RGBA", "1", "LA"])
-@pytest.mark.parametrize("size", [(1, 1), (3, 5), (17, 9)])
+@pytest.mark.parametrize(("mode", "size"), [("RGBA", (1, 1)), ("1", (3, 5)), ("LA", (17, 9))])
 def test_whole_pngs_of_every_kind_are_read(tmp_path, mode, size):
     from PIL import Image as Pillow
 
     Pillow.new(mode, size).save(tmp_path / "x.png")
     assert files.read_image(tmp_path / "x.png").mean.shape == (size[1], size[0], 3)
-
-
-def test_a_png_whose_data_are_cut_off_is_refused(tmp_path):
-    files.write_picture(tmp_path / "x.png", files.to_bytes(PIXELS))
-    whole = (tmp_path / "x.png").read_bytes()
-    for end in (len(whole) // 2, len(whole) - 30):
-        (tmp_path / "x.png").write_bytes(whole[:end])
-        with pytest.raises(InputError, match="a damaged one"):
-            files.read_image(tmp_path / "x.png")
 
 
 def test_rounding_is_half_a_step_at_every_value(tmp_path):

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from raytwin import files
 from raytwin.errors import InputError
-from raytwin.image import Image, Surface
 from raytwin.references import scene_hash
 from raytwin.scene import (
     Camera,
@@ -39,54 +38,24 @@ CAMERA = Camera(
 )
 
 
-def test_records_cannot_be_changed():
-    with pytest.raises(AttributeError):
-        CAMERA.t_cam_board = (0.0, 0.0, 0.0)
-    assert hash(CAMERA) == hash(msgspec.structs.replace(CAMERA))
-
-
-def test_the_eye_is_where_the_camera_frame_begins():
-    R, t = np.asarray(CAMERA.R_cam_board), np.asarray(CAMERA.t_cam_board)
-    np.testing.assert_allclose(R @ CAMERA.eye + t, 0, atol=1e-16)
-    assert all(type(c) is float for c in CAMERA.eye)
-
-
-def test_missing_coefficients_are_zero():
-    assert CAMERA.coefficients == (-0.1, 0.02, 0, 0, 0)
-    assert msgspec.structs.replace(CAMERA, dist=()).coefficients == (0,) * 5
-
-
 @given(st.integers(1, 5000), st.integers(1, 5000))
-def test_resizing_keeps_corners_and_is_undone_by_resizing_back(width, height):
+def test_resizing_keeps_corners(width, height):
+    """The corner at -1/2 stays at -1/2, the opposite one at W - 1/2 goes to the new W - 1/2, on the same rays."""
     small = CAMERA.resized(width, height)
-    sx, sy = width / 640, height / 480
-    # The corner at -1/2 stays at -1/2, the opposite one at W - 1/2 goes to the new W - 1/2, on the same rays.
     assert (-0.5 - small.cx) / small.fx == pytest.approx((-0.5 - CAMERA.cx) / CAMERA.fx, rel=1e-12)
     assert (width - 0.5 - small.cx) / small.fx == pytest.approx((639.5 - CAMERA.cx) / CAMERA.fx, rel=1e-12)
+    assert (-0.5 - small.cy) / small.fy == pytest.approx((-0.5 - CAMERA.cy) / CAMERA.fy, rel=1e-12)
     assert (height - 0.5 - small.cy) / small.fy == pytest.approx((479.5 - CAMERA.cy) / CAMERA.fy, rel=1e-12)
-    assert (small.fx, small.fy) == (800 * sx, 790 * sy)
-    np.testing.assert_allclose(small.resized(640, 480).K, CAMERA.K, rtol=1e-12, atol=1e-12)
     assert (small.dist, small.R_cam_board, small.t_cam_board) == (CAMERA.dist, CAMERA.R_cam_board, CAMERA.t_cam_board)
-
-
-@pytest.mark.parametrize("scale", [1e-300, 1e-3, 1, 1e300])
-def test_the_suns_direction_is_a_unit_vector_whatever_the_length_given(scale):
-    d = Sun((3 * scale, 0.0, 4 * scale)).to_light
-    assert d == pytest.approx((0.6, 0, 0.8), rel=1e-15)
-    assert all(type(c) is float for c in d)
 
 
 @given(st.tuples(*[st.floats(-1e9, 1e9)] * 3).filter(lambda v: any(v)))
 def test_a_sun_made_again_keeps_its_last_bits(v):
     sun = Sun(v)
     assert math.hypot(*sun.to_light) == pytest.approx(1, rel=1e-15)
+    assert np.dot(sun.to_light, v) == pytest.approx(math.hypot(*v), rel=1e-12)
     assert msgspec.structs.replace(sun, irradiance=(1.0, 1.0, 1.0)).to_light == sun.to_light
     assert msgspec.json.decode(msgspec.json.encode(sun), type=Sun) == sun
-
-
-def test_a_sun_without_a_direction_is_refused():
-    with pytest.raises(InputError, match=r"Sun\.to_light: expected a direction, got the zero vector"):
-        Sun((0.0, -0.0, 0.0))
 
 
 def test_a_rectangles_normal_is_perpendicular_and_follows_the_right_hand():
@@ -115,11 +84,6 @@ def test_a_scene_without_lights_is_dark_and_two_suns_are_not_silently_one():
         _ = Scene("x", CAMERA, (), (sun, sun)).sun
 
 
-def test_every_shape_light_and_material_comes_back_from_json_as_itself():
-    scene = Scene("x", CAMERA, (A, LEAF), (Sun((1.0, 2.0, 3.0)), Sky()))
-    assert msgspec.json.decode(msgspec.json.encode(scene), type=Scene) == scene
-
-
 WRITTEN = SceneFile(
     "x",
     CAMERA,
@@ -139,16 +103,6 @@ def test_what_is_written_becomes_what_is_rendered_the_spheres_first():
     assert WRITTEN.at(small) == WRITTEN.scene.with_camera(small) == WRITTEN.with_camera(small).scene
 
 
-def test_defaults_are_the_same_written_and_made():
-    written = SceneFile(
-        "x", CAMERA, (WrittenSphere(A.center, 1.0),), (WrittenPlane(LEAF.center, LEAF.half_u, LEAF.half_v),)
-    )
-    scene = written.scene
-    assert scene.objects == (A, LEAF)
-    assert (scene.sun, scene.sky) == (Scene("x", CAMERA).sun, Scene("x", CAMERA).sky)
-    assert WrittenSun((0.0, 0.0, 1.0)).irradiance == Sun((0.0, 0.0, 1.0)).irradiance
-
-
 def test_a_camera_yet_to_be_calibrated_is_refused_until_it_is_found():
     written = SceneFile("desk", photos=PhotoCamera("photos", "board.toml", "1.jpg"))
     with pytest.raises(InputError, match="desk: camera: expected a calibrated camera, got photos to calibrate it from"):
@@ -157,14 +111,7 @@ def test_a_camera_yet_to_be_calibrated_is_refused_until_it_is_found():
     assert (found.scene.camera, found.photos) == (CAMERA, None)
 
 
-def test_a_surfaces_mask_is_where_an_object_is_seen():
-    ids = np.array([[-1, 0], [3, -1]], np.int32)
-    surface = Surface(ids, np.zeros((2, 2), np.float32), np.zeros((2, 2, 3), np.float32))
-    np.testing.assert_array_equal(surface.mask, [[False, True], [True, False]])
-    assert Image(np.zeros((2, 2, 3), np.float32), surface=surface).shape == (2, 2, 3)
-
-
-@pytest.mark.parametrize(("precision", "size"), [("float32", 1e20), ("float32", 1e-20), ("float64", 1e154)])
+@pytest.mark.parametrize(("precision", "size"), [("float32", 1e-20), ("float64", 1e154)])
 def test_a_length_whose_square_floats_cannot_hold_is_named(precision, size):
     camera = Camera((1, 1), *2 * (((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),), (0.0, 0.0, 0.0))
     scene = Scene("stars", camera, (Sphere((0.0, 0.0, 3 * size), size),))
@@ -188,11 +135,8 @@ TABLE = Rectangle((0.1, 0.05, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 @pytest.mark.parametrize(
     "sheet",
     [
-        Rectangle((0.01, 0.02, 0.0), (0.3, 0.0, 0.0), (0.0, 0.3, 0.0)),
         Rectangle((0.5, 0.4, 0.0), (0.21, 0.21, 0.0), (0.3, -0.3, 0.0)),
         Rectangle((1.3, 0.0, 0.0), (0.25, 0.0, 0.0), (0.0, 5.0, 0.0)),
-        Rectangle((1.3, 0.0, 0.0), (0.0, 5.0, 0.0), (0.25, 0.0, 0.0)),
-        TABLE,
     ],
 )
 def test_two_surfaces_in_one_place_are_refused_and_a_little_apart_they_are_not(sheet):

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from raytwin.errors import InputError
@@ -46,14 +46,7 @@ def cameras(draw) -> Camera:
     return camera_of(f, center, dist, f * draw(st.floats(0.9, 1.1)))
 
 
-def test_a_pinhole_and_a_growing_lens_can_be_undone_everywhere():
-    for dist in ((), (0.0,) * 5, (0.1, 0.2)):
-        known = undone(camera_of(dist=dist).K, dist, SIZE)
-        assert known.fault == ""
-        assert (known.share == 1).all()
-
-
-@pytest.mark.parametrize("k1", [-3.0, -0.7, -0.4])
+@pytest.mark.parametrize("k1", [-3.0, -0.4])
 def test_a_way_ends_where_k1_alone_folds(k1):
     """r (1 + k1 r²) is greatest at r = 1 / √(-3 k1), where it is 2/3 of that."""
     camera = camera_of(300.0, dist=(k1,))
@@ -75,7 +68,7 @@ def dipping(m: float, least: float) -> tuple[float, ...]:
 
 def test_no_way_leaps_over_a_shallow_fold_to_where_the_polynomial_comes_back():
     rng = np.random.default_rng(20251121)
-    for m, dip in zip(rng.uniform(0.05, 1, 40), 10 ** rng.uniform(-4, -0.5, 40), strict=True):
+    for m, dip in zip(rng.uniform(0.05, 1, 15), 10 ** rng.uniform(-4, -0.5, 15), strict=True):
         dist = dipping(m, -dip)
         r = math.sqrt(m - m * math.sqrt(dip / (1 + dip)))
         fold = r * (1 + dist[0] * r**2 + dist[1] * r**4)
@@ -141,7 +134,7 @@ def test_what_newtons_method_does_not_find_its_way_through_has_no_ray_either():
     assert lost[v[inside].round().astype(int), u[inside].round().astype(int)].mean() > 0.9
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(cameras())
 def test_what_is_undone_comes_back_and_grows_all_along_its_way(camera):
     known = undone(camera.K, camera.dist, SIZE)
@@ -194,7 +187,7 @@ def march(xd, yd, dist, h=4e-3, most=3000):
     return np.minimum(best, 1), least
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(cameras())
 def test_a_march_by_another_route_ends_at_the_same_places(camera):
     known = undone(camera.K, camera.dist, SIZE)
@@ -211,47 +204,23 @@ def test_a_march_by_another_route_ends_at_the_same_places(camera):
     assert (ours[folded & (share < 0.99)] < 1).all()
 
 
-def answers(camera: Camera) -> dict[str, bool]:
-    """Who takes the lens."""
-    from raytwin.speed.initial_guess import invert_lens
-    from raytwin.twin.rays import lens_of
-
-    def takes(ask) -> bool:
-        try:
-            ask(camera)
-        except InputError:
-            return False
-        return True
-
-    return {
-        "record": takes(check_lens),
-        "tracer": takes(invert_lens),
-        "twin": takes(lens_of),
-    }
-
-
 @pytest.mark.filterwarnings("ignore::raytwin.scene.lens.Folds")
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(cameras())
-def test_all_who_ask_take_the_same_lenses(camera):
+def test_tracer_and_twin_take_the_same_lenses_and_end_where_the_way_does(camera):
     from raytwin.speed.boxes import field_of_view
-
-    asked = answers(camera)
-    assert len(set(asked.values())) == 1, asked
-    assert (field_of_view(camera) is None) >= bool(fault_of(camera))
-
-
-@pytest.mark.filterwarnings("ignore::raytwin.scene.lens.Folds")
-@settings(max_examples=20, deadline=None)
-@given(cameras())
-def test_the_tracers_quick_inverse_and_its_plain_one_and_the_twins_end_where_the_way_does(camera):
     from raytwin.speed.initial_guess import invert_lens
     from raytwin.tracer.pixel_to_ray import undistort
     from raytwin.twin import rays
 
     known = undone(camera.K, camera.dist, SIZE)
     lost = without_ray(camera)
-    assume(lost is None or lost.mean() <= MOST)
+    assert (field_of_view(camera) is None) >= bool(fault_of(camera))
+    if lost is not None and lost.mean() > MOST:
+        for ask in (check_lens, invert_lens, rays.lens_of):
+            with pytest.raises(InputError, match="undone over most"):
+                ask(camera)
+        return
     u, v = known.pixels.T.round().astype(int).clip(0, [[639], [479]])
     here = np.full(len(u), True) if lost is None else ~lost[v, u]
     xd, yd = ((known.pixels[here] - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
