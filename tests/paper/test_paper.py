@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from raytwin import bench, twin
-from raytwin.bench.bench_run import thumbnail
+from raytwin import twin
 from raytwin.cli import app
 from raytwin.errors import InputError
 from raytwin.paper.paper_runs import SMALL, SPECULATION, boxed, errors, hard_cases, lambert, two_spheres
@@ -33,12 +32,9 @@ def found(out) -> dict:
     return json.loads((out / "paper.json").read_text(encoding="utf-8"))
 
 
-def test_one_command_writes_page_numbers_table_and_charts(out):
+def test_one_command_writes_page_numbers_table_and_charts_and_every_figure_has_its_rows(out, found):
     charts = {f"{k}.svg" for k in ("calibration", "intersection", "speculation")}
     assert {p.name for p in out.iterdir()} == {"paper.html", "paper.json", "paper.md"} | charts
-
-
-def test_every_figure_has_its_rows(found):
     if twin.activate().variant == "scalar_rgb":
         pytest.skip("no LLVM on this machine: Dr.Jit's engines have nothing to run on")
     small = {f["method"] for f in found["intersection"] if f["width"] == 100}
@@ -72,17 +68,10 @@ def test_errors_are_held_against_float64_untrimmed(found):
     assert frames["fill", 400]["rmse"] is None
 
 
-def test_the_yardsticks_are_the_rows_of_the_bench():
-    assert all(m.rung == "lambert" and "shadow" not in m.name + m.family for m in lambert((*SMALL, *SPECULATION)))
-    (mitsuba,) = lambert(("mitsuba-llvm-direct-1",))
-    assert mitsuba in bench.RENDERERS.values()
-
-
 @pytest.mark.parametrize(
     ("options", "named"),
     [
         (["paper", "--photo-count", "2"], "--photo-count"),
-        (["paper", "--photo-size", "12MP"], "--photo-size"),
         (["paper", "--budget", "0"], "--budget"),
     ],
 )
@@ -90,13 +79,6 @@ def test_what_was_asked_wrongly_is_named(options, named):
     run = CliRunner().invoke(app, ["bench", *options])
     assert isinstance(run.exception, InputError)
     assert named in run.exception.where
-
-
-def test_thumbnails_of_odd_sizes_differ():
-    """126 x 94 is 63 x 47 twice: in whole steps of that, a picture 24 high and one 48 high would be the same."""
-    small, larger = (thumbnail(two_spheres(126, 94), height).camera.image_size for height in (24, 48))
-    assert small == (32, 24)
-    assert larger == (64, 48)
 
 
 # ------------------------------------------------------------------------------------------ boxes

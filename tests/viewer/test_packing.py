@@ -40,7 +40,7 @@ def images(rng, height=20, width=30, scale=1.0, error=1e-7) -> tuple[Image, Imag
     )
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=15)
 @given(st.integers(0, 99), st.sampled_from([1e-30, 1e-4, 1.0, 1e6, 1e30]), st.sampled_from([1e-7, 1e-3, 1.0]))
 def test_radiance_and_error_come_back_to_eleven_bits_of_their_own(seed, scale, error):
     test, reference = images(np.random.default_rng(seed), scale=scale, error=error)
@@ -51,9 +51,11 @@ def test_radiance_and_error_come_back_to_eleven_bits_of_their_own(seed, scale, e
             assert np.all(np.abs(found[key + name] - true) <= np.abs(true) * 2.0**-11 + top * 2.0**-38)
 
 
-def test_ids_come_back_exactly_and_depths_to_a_4095th_of_the_largest():
+def test_ids_come_back_exactly_depths_to_a_4095th_of_the_largest_and_flip_s_map_to_a_255th():
     test, reference = images(np.random.default_rng(1))
-    found = decoded(pack(test, reference))
+    flip = np.random.default_rng(8).random((20, 30)).astype(np.float32)
+    found = decoded(pack(test, reference, flip=flip))
+    np.testing.assert_allclose(found["flip"], flip, atol=0.51 / 255)
     np.testing.assert_array_equal(found["id"], reference.surface.ids)
     np.testing.assert_array_equal(found["id"] + found["did"], test.surface.ids)
     step = reference.surface.depth.max() / 4095
@@ -92,12 +94,6 @@ def test_parts_are_kept_to_a_sixteenth_of_their_noise_and_without_any_to_eleven_
     assert max(kinds[3:]) < 0.7 * min(kinds[:3])
 
 
-def test_flip_s_map_comes_back_to_a_255th():
-    test, reference = images(np.random.default_rng(7))
-    flip = np.random.default_rng(8).random((20, 30)).astype(np.float32)
-    np.testing.assert_allclose(decoded(pack(test, reference, flip=flip))["flip"], flip, atol=0.51 / 255)
-
-
 def test_values_that_are_not_finite_stay_so():
     test, reference = images(np.random.default_rng(2))
     test.mean[3, 4] = np.nan, np.inf, -np.inf
@@ -128,17 +124,6 @@ def test_beyond_the_budget_each_block_keeps_the_pixel_that_errs_most(limits):
         block = worst[r * n : r * n + n, c * n : c * n + n]
         assert worst[rows[r, c], columns[r, c]] >= 0.999 * block.max()  # the halves' rounding may tie
     assert sum(len(p.data) for p in values.planes) < sum(len(p.data) for p in pack(test, reference).planes)
-
-
-def test_images_without_surfaces_have_no_ids():
-    rng = np.random.default_rng(4)
-    test, reference = (Image(i.mean) for i in images(rng))
-    assert {p.name for p in pack(test, reference).planes} == {"R", "G", "B", "dR", "dG", "dB"}
-
-
-def test_equal_black_images_are_all_zero():
-    black = Image(np.zeros((5, 6, 3), np.float32))
-    assert all(not plane.any() for plane in decoded(pack(black, black)).values())
 
 
 def test_one_row_and_one_column_survive():

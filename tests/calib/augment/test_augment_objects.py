@@ -6,7 +6,6 @@ import pytest
 
 from raytwin import files
 from raytwin.calib.augment import augment, errors_by_region, objects, regions_of
-from raytwin.errors import InputError
 from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
 
 CAMERA = Camera(
@@ -48,38 +47,12 @@ def test_the_shadows_core_gets_the_skys_share_of_the_light():
     assert result.ratio[round(v), round(u), 0] == pytest.approx(sky * (1 - hidden) / (sun + sky), rel=2e-3)
 
 
-def test_nothing_changes_far_from_the_sphere():
-    rng = np.random.default_rng(1)
-    photo = rng.integers(0, 256, (240, 320, 3), dtype=np.uint8)
-    result = augment(photo, stage(radius=0.01))
-    same = (result.coverage == 0) & (result.ratio == 1).all(axis=-1)
-    assert same.mean() > 0.4
-    assert np.array_equal(result.pixels[same], photo[same])
-
-
 def test_a_shadow_that_the_photo_shows_already_is_not_cast_twice():
     sheet = Rectangle((0.05, 0.0, 0.03), (0.02, 0.0, 0.0), (0.0, 0.02, 0.0), in_photo=True)
     scene = msgspec.structs.replace(stage(), objects=(*stage().spheres, FLOOR, sheet))
     before = augment(grey(), msgspec.structs.replace(scene, objects=scene.rectangles))
     assert (before.ratio == 1).all()
     assert np.array_equal(before.pixels, grey())
-
-
-def test_an_image_without_light_is_left_alone():
-    result = augment(grey(), stage(sun=0.0, sky=0.0))
-    assert (result.ratio == 1).all()
-
-
-@pytest.mark.parametrize("shadows", [True, False])
-def test_every_affected_pixel_is_found(monkeypatch, shadows):
-    """The boxes of what may change hold everything that changes when the whole frame is computed."""
-    from raytwin.calib.augment import objects
-
-    scene = stage(to_light=(1.0, 0.4, 0.5))
-    cut = augment(grey(), scene, shadows=shadows)
-    monkeypatch.setattr(objects, "_affected", lambda *_: np.ones((240, 320), bool))
-    whole = augment(grey(), scene, shadows=shadows)
-    assert np.array_equal(cut.pixels, whole.pixels)
 
 
 def test_the_regions_are_disjoint_and_cover_the_photo():
@@ -105,16 +78,14 @@ def test_errors_are_reported_by_region():
     )
 
 
-def test_a_photo_of_another_size_is_refused():
-    with pytest.raises(InputError, match=r"photo: expected 320 x 240 pixels.*got 100 x 50"):
-        augment(np.zeros((50, 100, 3), np.uint8), stage())
-
-
-@pytest.mark.parametrize("to_light", [(1.0, 0.0, 1.0), (1.0, 0.3, 0.2), (-0.4, -1.0, 0.15), (1.0, 0.0, 0.0005)])
+@pytest.mark.parametrize("to_light", [(1.0, 0.0, 1.0), (-0.4, -1.0, 0.15), (1.0, 0.0, 0.0005)])
 def test_what_is_left_out_of_the_work_would_not_have_changed(to_light, monkeypatch):
     """The same bits with every pixel worked on: the squares hold the shadow wherever the sun stands."""
     scene = stage(to_light, center=(0.1, 0.02, 0.03))
     trimmed = augment(grey(), scene)
+    same = (trimmed.coverage == 0) & (trimmed.ratio == 1).all(axis=-1)
+    assert same.any()
+    assert (trimmed.pixels[same] == 180).all()
     monkeypatch.setattr(objects, "_affected", lambda scene, camera, shadows: np.ones((240, 320), bool))
     whole = augment(grey(), scene)
     assert np.array_equal(trimmed.pixels, whole.pixels)
@@ -122,24 +93,14 @@ def test_what_is_left_out_of_the_work_would_not_have_changed(to_light, monkeypat
     assert (whole.ratio[..., 0] < 0.9).sum() > 50
 
 
-def test_the_shadow_lies_in_the_smaller_of_the_squares_alone():
-    """Centred where the sun's ray through the sphere's centre meets the plane, 1.001 r / (l.n) to each side."""
-    to_light = np.array([1.0, 0.0, 0.5]) / np.linalg.norm([1.0, 0.0, 0.5])
-    sphere, scene = Sphere((0.1, 0.02, 0.03), 0.02), stage(tuple(to_light))
-    _, shadow = objects._reach(sphere, FLOOR, scene)
-    assert shadow.center == pytest.approx((0.1 - 0.06, 0.02, 0.0), abs=1e-12)
-    assert np.linalg.norm(shadow.half_u) == pytest.approx(1.001 * 0.02 / to_light[2])
-    assert np.linalg.norm(shadow.half_v) == pytest.approx(1.001 * 0.02 / to_light[2])
-
-
-@pytest.mark.parametrize(("slope", "squares"), [(-0.2, 1), (0.0, 1), (0.0009, None), (0.0011, 2), (0.2, 2)])
+@pytest.mark.parametrize(("slope", "squares"), [(0.0, 1), (0.0009, None), (0.0011, 2)])
 def test_a_sun_above_the_plane_adds_its_shadows_square_and_one_along_it_may_shade_it_all(slope, squares):
     scene = stage((float(np.sqrt(1 - slope**2)), 0.0, slope))
     made = objects._reach(Sphere((0.1, 0.02, 0.03), 0.02), FLOOR, scene)
     assert made == [FLOOR] if squares is None else FLOOR not in made and len(made) == squares
 
 
-@pytest.mark.parametrize("n", [1, 2, 4])
+@pytest.mark.parametrize("n", [1, 2])
 def test_only_pixels_on_edges_are_sampled_more_than_once(n, monkeypatch):
     places = []
     shade = objects._shade

@@ -18,7 +18,7 @@ from raytwin.scene import Camera
 from raytwin.workflows.augment_photos import augment_photos
 from raytwin.workflows.photograph import photograph_board
 
-SIZE, COUNT = (504, 378), 3
+SIZE, COUNT = (504, 378), 2
 
 
 @pytest.fixture(scope="module")
@@ -56,30 +56,16 @@ def rows(taken, scenes, tmp_path_factory):
     )
 
 
-def test_the_two_sets_differ_only_where_the_spheres_act(taken):
-    """Same poses, same noise: far from spheres and shadows the photos are alike but for light paths."""
-    a = files.read_photo(taken / "without" / "photo_00.jpg").astype(int)
-    b = files.read_photo(taken / "with" / "photo_00.jpg").astype(int)
-    assert np.median(np.abs(a - b)) <= 2
-    assert np.quantile(np.abs(a - b), 0.98) > 30
-
-
-@pytest.mark.parametrize(("region", "codes"), [("board", 4.0), ("rest", 4.0), ("shadows", 12.0), ("spheres", 20.0)])
-def test_an_augmented_photo_is_near_the_true_one_in_every_region(rows, region, codes):
+def test_an_augmented_photo_is_near_the_true_one_in_every_region(taken, rows):
     """Direct light alone misses what the board and the spheres send each other: the spheres are too dark."""
+    assert json.loads(json.dumps(rows)) == rows
     assert len(rows) == COUNT
     for row in rows:
-        part = next(p for p in row["regions"] if p["region"] == region)
-        if part["share"] > 1e-3:
-            assert part["codes"] < codes, (row["photo"], part)
-
-
-def test_drawing_beats_not_drawing(taken, rows):
-    for row in rows:
-        plain = files.read_photo(taken / "without" / row["photo"]).astype(int)
-        true = files.read_photo(taken / "with" / row["photo"])
-        drawn = next(p for p in row["regions"] if p["region"] == "all")
-        assert drawn["codes"] < 0.5 * np.abs(plain - true).mean()
+        parts = {p["region"]: p for p in row["regions"]}
+        for region, codes in (("board", 4.0), ("rest", 4.0), ("shadows", 12.0), ("spheres", 20.0)):
+            assert parts[region]["share"] < 1e-3 or parts[region]["codes"] < codes, (row["photo"], region)
+        plain, true = (files.read_photo(taken / kind / row["photo"]).astype(int) for kind in ("without", "with"))
+        assert parts["all"]["codes"] < 0.5 * np.abs(plain - true).mean()
 
 
 def apples_p3() -> bytes:
@@ -184,10 +170,6 @@ def test_a_photo_of_another_size_is_named(taken, scenes, tmp_path):
     files.write_picture(tmp_path / "small.jpg", files.read_photo(taken / "without" / "photo_00.jpg")[:300])
     with pytest.raises(InputError, match=r"small\.jpg: expected 504 x 378 pixels.*got 504 x 300"):
         augment_photos([tmp_path / "small.jpg"], scenes / "desk", tmp_path / "o", camera=taken / "camera.toml")
-
-
-def test_the_rows_are_plain_data(rows):
-    assert json.loads(json.dumps(rows)) == rows
 
 
 def test_under_the_photos_own_light_a_drawn_ball_is_as_the_real_one(scenes, tmp_path):
