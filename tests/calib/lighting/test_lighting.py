@@ -12,7 +12,7 @@ from raytwin import files
 from raytwin.calib.boards.board import PAPER, draw_board
 from raytwin.calib.lighting import ball_outline, board_plane, light_models, matt_ball, mirror_ball, stand_shadow
 from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear
-from raytwin.calib.synthetic_photos import expose, photograph, read_truth
+from raytwin.calib.synthetic_photos import expose, photograph, read_truth, sheet_of
 from raytwin.errors import InputError
 from raytwin.lights.environment_map import environment_map
 from raytwin.scene import Camera, Environment
@@ -266,13 +266,8 @@ def test_clipped_and_tone_mapped_paper_is_a_warning_in_words(tmp_path):
     path = files.list_photos(tmp_path)[0]
     assert any("clipped" in w for w in read_linear([path], views, BOARD)[2])
     plain = PlainRenderer(light=0.8)
-    image = expose(plain(views[0], draw_board(BOARD, 2000.0)[0], _sheet()), np.random.default_rng(0), views[0])
+    albedo, extent = draw_board(BOARD, 2000.0)
+    image = expose(plain(views[0], albedo, sheet_of(extent)), np.random.default_rng(0), views[0])
     for gamma, told in ((1.0, False), (0.6, True)):
         files.write_picture(path, (255 * (image / 255.0) ** gamma).astype(np.uint8), quality=95)
         assert any("tone-mapped" in w for w in read_linear([path], views, BOARD)[2]) == told
-
-
-def _sheet():
-    from raytwin.calib.synthetic_photos import sheet_of
-
-    return sheet_of(draw_board(BOARD, 2000.0)[1])
