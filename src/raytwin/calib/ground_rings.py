@@ -33,6 +33,21 @@ def rings_about(
     return at, far, np.repeat(np.pi * np.diff(edges**2) / turns, turns)
 
 
+def filled(radiance: np.ndarray, turns: int) -> np.ndarray | None:
+    """Radiance (rings turns, 3), ring by ring, without NaN; None where it is NaN everywhere.
+
+    What is not seen has the mean of its ring, a ring that is not seen that of its neighbours.
+    """
+    rings = radiance.reshape(-1, turns, 3)
+    seen = np.isfinite(rings).all(axis=-1)
+    known = np.flatnonzero(seen.any(axis=1))
+    if not known.size:
+        return None
+    means = np.where(seen[..., None], rings, 0).sum(axis=1)[known] / seen.sum(axis=1)[known, None]
+    mean = np.stack([np.interp(np.arange(len(rings)), known, channel) for channel in means.T], axis=1)
+    return np.where(seen[..., None], rings, mean[:, None]).reshape(-1, 3)
+
+
 def weights(center: np.ndarray, radius: float, n: np.ndarray, at: np.ndarray, area: np.ndarray) -> np.ndarray:
     """(m, k): what the radiance of each place (k, 3) adds to the irradiance at normals n (m, 3)."""
     to = at - (center + radius * n)[:, None]

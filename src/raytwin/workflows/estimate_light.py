@@ -215,7 +215,7 @@ def _add_ball(
     if len(pixels.photo) >= models.LEAST_PIXELS and not mirrors_sheet:
         rough = fit_shading(pixels, matt, evidence.paper)
         if rough.residual < (NO_MIRROR if given and not mirrors_sun else MATT):
-            evidence.matt.append(models.MattBall(matt, matt_pixels(linear, matt, rough.to_light)))
+            evidence.matt.append(models.MattBall(matt, pixels))
             return
     ball, sun = register(linear, found, light)
     reflectance = reflectance_of(linear, ball, sheet)

@@ -35,7 +35,7 @@ def ball_of(sigma: float = 0.0) -> ball_outline.Ball:
 def picture(light: np.ndarray, camera: Camera = CAMERA) -> LinearPhoto:
     pixels = files.to_bytes(np.clip(light, 0, 1).astype(np.float32))
     clipped, flat = (light >= 1).any(axis=-1), np.ones(light.shape[:2], np.float32)
-    return LinearPhoto("p", camera, light.astype(np.float32), clipped, pixels, np.ones(3), flat, None)
+    return LinearPhoto("p", camera, light.astype(np.float32), clipped, pixels, np.ones(3), flat)
 
 
 def of_ball(shade) -> LinearPhoto:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from raytwin.calib.ground_rings import fibonacci, polynomials, rings_about, weights
+from raytwin.calib.ground_rings import fibonacci, filled, polynomials, rings_about, weights
 from raytwin.lights.environment_map import environment_map
 from raytwin.lights.envmap_tables import texel_directions
 from raytwin.scene import Environment, Scene, Sphere
@@ -36,25 +36,13 @@ def ground_for_sky(scene: Scene, sphere: Sphere, look: Look) -> np.ndarray:
     """
     n, center = fibonacci(NORMALS), np.array(sphere.center)
     places, _, area = rings_about(center, sphere.radius, NEAREST, FARTHEST, RINGS, TURNS)
-    radiance = _filled(look(places))
+    radiance = filled(look(places), TURNS)
     if radiance is None:
         return np.zeros((polynomials(n).shape[1], 3))
     weight = weights(center, sphere.radius, n, places, area)
     mean = weight @ radiance / np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
     gained = (1 - n[:, 2:]) / 2 * mean - _sky_below(scene, n)
     return np.linalg.lstsq(polynomials(n), gained, rcond=None)[0]
-
-
-def _filled(radiance: np.ndarray) -> np.ndarray | None:
-    """What is not seen has the mean of its ring, a ring that is not seen that of its neighbours; None without any."""
-    rings = radiance.reshape(RINGS, TURNS, 3)
-    seen = np.isfinite(rings).all(axis=-1)
-    known = np.flatnonzero(seen.any(axis=1))
-    if not known.size:
-        return None
-    means = np.where(seen[..., None], rings, 0).sum(axis=1)[known] / seen.sum(axis=1)[known, None]
-    mean = np.stack([np.interp(np.arange(RINGS), known, channel) for channel in means.T], axis=1)
-    return np.where(seen[..., None], rings, mean[:, None]).reshape(-1, 3)
 
 
 def _sky_below(scene: Scene, n: np.ndarray) -> np.ndarray:

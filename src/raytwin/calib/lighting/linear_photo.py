@@ -39,8 +39,7 @@ INK = 0.012, 0.12
 @dataclass(frozen=True, eq=False)
 class LinearPhoto:
     """`light` (H, W, 3): linear, paper in full light is 1 in luminance; `clipped` (H, W); `paper` (3): linear value of
-    paper in full light as the photo has it on the lens's axis; `shade` (H, W): the falloff from there; `exposure`:
-    seconds times sensitivity, where EXIF tells them."""
+    paper in full light as the photo has it on the lens's axis; `shade` (H, W): the falloff from there."""
 
     name: str
     camera: Camera
@@ -49,7 +48,6 @@ class LinearPhoto:
     pixels: np.ndarray
     paper: np.ndarray
     shade: np.ndarray
-    exposure: float | None
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """(n, 2) pixels of board points (n, 3)."""
@@ -110,15 +108,12 @@ def read_linear(
     ]
     exponent, papers = _falloff(cells)
     colour = papers[0] / (papers[0] @ REC_709) if reference is None else reference
-    exposures = [_exposure(x.get("exif")) for _, x in raw]
     found = []
-    for path, camera, image, (pixels, _), paper, exposure in zip(
-        paths, cameras, linear, raw, papers, exposures, strict=True
-    ):
+    for path, camera, image, (pixels, _), paper in zip(paths, cameras, linear, raw, papers, strict=True):
         shade = _cosines(camera) ** np.float32(exponent)
         light = image * (colour / paper).astype(np.float32) / shade[..., None]
         clipped = (pixels >= CLIPPED).any(axis=-1)
-        found.append(LinearPhoto(path.name, camera, light, clipped, pixels, paper, shade, exposure))
+        found.append(LinearPhoto(path.name, camera, light, clipped, pixels, paper, shade))
     return found, colour, _warnings(found, cells, exponent)
 
 
@@ -188,22 +183,6 @@ def _cosines(camera: Camera) -> np.ndarray:
     return 1 / np.sqrt(1 + y[:, None] ** 2 + x**2)
 
 
-def _exposure(exif: bytes | None) -> float | None:
-    """Exposure time times sensitivity over the squared f-number, where EXIF tells the time."""
-    if not exif:
-        return None
-    from PIL import Image as Pillow
-
-    read = Pillow.Exif()
-    read.load(exif)
-    of = read.get_ifd(0x8769)
-    if not (time := of.get(0x829A)):
-        return None
-    speed = of.get(0x8827) or 100
-    speed = speed[0] if isinstance(speed, tuple) else speed
-    return float(time) * float(speed) / 100 / float(of.get(0x829D) or 1) ** 2
-
-
 def _warnings(found: list[LinearPhoto], cells: list[_Cells], exponent: float) -> list[str]:
     warnings = []
     for photo, c in zip(found, cells, strict=True):
@@ -219,13 +198,5 @@ def _warnings(found: list[LinearPhoto], cells: list[_Cells], exponent: float) ->
             warnings.append(
                 f"{photo.name}: the tags' black is {100 * ratio:.2g} % of their white, where ink gives"
                 f" {100 * INK[0]:.0f} to {100 * INK[1]:.0f} %: the photo was tone-mapped, or veiled by glare"
-            )
-    known = [(np.log(p.exposure), np.log(p.paper @ REC_709)) for p in found if p.exposure]
-    if len(known) > 1 and np.ptp(x := np.array([k[0] for k in known])) > 0.3:
-        slope = np.polyfit(x, [k[1] for k in known], 1)[0]
-        if abs(slope - 1) > 0.08:
-            warnings.append(
-                f"the paper grows with the exposure to the power {slope:.2f}, not 1: the curve is not sRGB's (tone"
-                " mapping), or the light changed between the photos"
             )
     return warnings

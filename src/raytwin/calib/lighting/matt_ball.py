@@ -21,7 +21,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from raytwin.calib.boards.board import PAPER
-from raytwin.calib.ground_rings import fibonacci, polynomials, rings_about, weights
+from raytwin.calib.ground_rings import fibonacci, filled, polynomials, rings_about, weights
 from raytwin.calib.lighting.ball_outline import Ball, pixels_of, reflect
 from raytwin.calib.lighting.board_plane import hidden_by, seen_light
 from raytwin.calib.lighting.linear_photo import LinearPhoto
@@ -32,9 +32,6 @@ MOST_PIXELS = 700
 
 RINGS, TURNS = 40, 72
 """Places on the ground about the ball."""
-
-NEAR = 2.5
-"""Radii from the ball within which the ground shows its shadow."""
 
 LOWEST_NORMAL = -0.7
 """z of normals that face the ground more than any that a photo shows."""
@@ -107,9 +104,15 @@ def likeness(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 LIKENESS = np.linalg.inv(likeness(SKY, SKY) + 1e-3 * np.eye(len(SKY)))
 
 
-def matt_pixels(photos: list[LinearPhoto], ball: Ball, to_light: np.ndarray | None = None) -> MattPixels:
-    """The ball's pixels; `to_light`: the sun's direction, where it is known already, for the shadow under the ball."""
-    at, light, area = _ground(photos, ball, to_light)
+def matt_pixels(photos: list[LinearPhoto], ball: Ball) -> MattPixels:
+    """The ball's pixels, and what each gets from rings of places on the ground: means over the photos that show them.
+
+    The last ring stands for all farther.
+    """
+    at, _, area = rings_about(ball.center, ball.radius, 0.3, 40, RINGS, TURNS)
+    light, seen = seen_light(photos, at, lambda photo: hidden_by(photo, ball, at))
+    known = filled(np.where(seen[:, None], light, np.nan), TURNS)
+    light = np.zeros_like(at) if known is None else known
     normals = fibonacci(600)
     normals = normals[normals[:, 2] > LOWEST_NORMAL]
     received = weights(ball.center, ball.radius, normals, at, area) @ light / np.pi
@@ -123,28 +126,6 @@ def matt_pixels(photos: list[LinearPhoto], ball: Ball, to_light: np.ndarray | No
         uv, n = uv[keep], (p[keep] - ball.center) / ball.radius
         parts.append((0 * keep + k, uv, n, photo.light[uv[:, 1], uv[:, 0]].astype(float), polynomials(n) @ ground))
     return MattPixels(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def _ground(
-    photos: list[LinearPhoto], ball: Ball, to_light: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rings of places on the ground about the ball (m, 3), their radiance (m, 3) and area (m,).
-
-    Means over the photos that show them. A place that none shows, as those under the ball, has what the others near by
-    make likely: a part that is the sun's, where the ball does not shade it, and a part that is the sky's, of which the
-    ball leaves 1 - (1 + (ρ/r)²)^(-3/2). A place far away has the mean of those. The last ring stands for all farther.
-    """
-    at, far, area = rings_about(ball.center, ball.radius, 0.3, 40, RINGS, TURNS)
-    light, seen = seen_light(photos, at, lambda photo: hidden_by(photo, ball, at))
-    sunny = np.zeros(len(far))
-    if to_light is not None:
-        to = ball.center - at
-        sunny = (np.linalg.norm(to - np.outer(to @ to_light, to_light), axis=1) > ball.radius).astype(float)
-    parts = np.stack([sunny, 1.02 - (1 + (far / ball.radius) ** 2) ** -1.5], axis=1)
-    for mine in (far < NEAR * ball.radius, far >= NEAR * ball.radius):
-        if (known := mine & seen).any():
-            light[mine & ~seen] = parts[mine & ~seen] @ np.linalg.lstsq(parts[known], light[known], rcond=1e-3)[0]
-    return at, light, area
 
 
 def design(
