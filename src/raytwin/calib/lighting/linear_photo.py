@@ -112,7 +112,7 @@ def read_linear(
     for path, camera, image, (pixels, _), paper in zip(paths, cameras, linear, raw, papers, strict=True):
         shade = _cosines(camera) ** np.float32(exponent)
         light = image * (colour / paper).astype(np.float32) / shade[..., None]
-        clipped = (pixels >= CLIPPED).any(axis=-1)
+        clipped = pixels.max(axis=-1) >= CLIPPED
         found.append(LinearPhoto(path.name, camera, light, clipped, pixels, paper, shade))
     return found, colour, _warnings(found, cells, exponent)
 
