@@ -73,7 +73,7 @@ KINDS = sorted({type(m) for m in HERE}, key=lambda kind: kind.__name__)
 @pytest.fixture(scope="module")
 def truth(view):
     """The truth of its name, made once."""
-    return functools.cache(lambda name: converge(view("overlap"), name, 64, 5.0)[0])
+    return functools.cache(lambda name: converge(view("overlap"), name, 64, AMPLE)[0])
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from raytwin.calib.photos import Calibration, model_table
 from raytwin.report.calibration_pictures import pose_drawing, residual_drawing
 from raytwin.report.page import write_page
+from raytwin.report.terminal_text import intrinsics
 from raytwin.report.uncertainty_pictures import bend_drawing, uncertainty_drawing
 
 
@@ -36,11 +37,10 @@ def write_calibration(calibration: Calibration, path: str | os.PathLike[str], ca
 
 def calibration_tables(calibration: Calibration) -> dict[str, Any]:
     """Return the intrinsics with their standard deviations, the photos, worst first, and the models tried."""
-    k, photos = calibration.K, photo_rows(calibration)
-    found = [("fx", k[0][0], "px"), ("fy", k[1][1], "px"), ("cx", k[0][2], "px"), ("cy", k[1][2], "px")]
-    found += [(n, v, "") for n, v in zip(("k1", "k2", "p1", "p2", "k3"), calibration.dist, strict=False)]
+    photos = photo_rows(calibration)
+    found = intrinsics(calibration).items()
     return {
-        "intrinsics": [(n, v, calibration.sigma.get(n), unit) for n, v, unit in found],
+        "intrinsics": [(n, v, calibration.sigma.get(n), "px" if n[0] in "fc" else "") for n, v in found],
         "photos": photos,
         # A calibration that was read back has no evidence any more.
         "models": model_table(calibration),

@@ -65,7 +65,8 @@ def ladder_summary(rungs: "Rungs") -> str:
 
 def error_chart(rungs: "Rungs") -> Chart:
     """Every lit rung's error against its seconds; a line a side."""
-    marks = [Mark(s.side, s.rung, s.method, s.seconds, s.rmse) for s in rungs.steps if s.rmse is not None]
+    twin_first = sorted(rungs.steps, key=lambda s: s.side, reverse=True)  # in its colour on every chart
+    marks = [Mark(s.side, s.rung, s.method, s.seconds, s.rmse) for s in twin_first if s.rmse is not None]
     title, error = f"{rungs.scene}: every rung on both sides", "RMSE against global illumination"
     return marks_chart("ladder", title, "seconds a frame", error, marks, rungs.floor)
 

@@ -50,14 +50,9 @@ def write_all(result: "Result", folder: Path, json: Path | None = None, progress
 def write_diff(found: Diff, folder: Path, progress: Progress = silent) -> None:
     """Write report.html, comparison.json and, for images of one size, heatmap.png."""
     view = view_of(found)
-    steps: list[Callable[[], None]] = [
-        lambda: files.write_json(folder / "comparison.json", found.numbers()),
-        lambda: write_report(view, folder / "report.html"),
-    ]
+    progress("report", 0, 1)
+    files.write_json(folder / "comparison.json", found.numbers())
+    write_report(view, folder / "report.html")
     if view.alike:
-        colours = error_map(found.test, found.reference)
-        steps.append(lambda: files.write_picture(folder / "heatmap.png", files.to_bytes(colours)))
-    for done, step in enumerate(steps):
-        progress("report", done, len(steps))
-        step()
-    progress("report", len(steps), len(steps))
+        files.write_picture(folder / "heatmap.png", files.to_bytes(error_map(found.test, found.reference)))
+    progress("report", 1, 1)

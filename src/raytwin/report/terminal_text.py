@@ -47,12 +47,9 @@ def calibration_summary(calibration: "Calibration") -> str:
     """
     from raytwin.calib.photos import model_table
 
-    k, s = calibration.K, calibration.sigma
-    found = {"fx": k[0][0], "fy": k[1][1], "cx": k[0][2], "cy": k[1][2]}
-    found |= dict(zip(("k1", "k2", "p1", "p2", "k3"), calibration.dist, strict=False))
-    width, height = calibration.image_size
+    s, (width, height) = calibration.sigma, calibration.image_size
     lines = [f"{len(calibration.photos)} photos of {width} x {height}, model {calibration.model}"]
-    lines += [f"  {n:<3} {v:12.5g}" + (f" +- {s[n]:.2g}" if n in s else "") for n, v in found.items()]
+    lines += [f"  {n:<3} {v:12.5g}" + (f" +- {s[n]:.2g}" if n in s else "") for n, v in intrinsics(calibration).items()]
     lines.append(f"  rms {calibration.rms_px:.3f} px")
     lines += [
         f"  {'*' if t.taken else ' '} {t.model:<15} held out {t.held_out_px:.3f} px: {t.why}"
@@ -67,6 +64,13 @@ def calibration_summary(calibration: "Calibration") -> str:
     lines += [f"  {v.photo[-32:]:<32} {v.tags:>4}   {v.rms_px:6.3f}   {v.influence:4.2f}" for v in calibration.views]
     lines += [f"  warning ({w.code}): {w.text}" for w in calibration.warnings]
     return "\n".join(lines)
+
+
+def intrinsics(calibration: "Calibration") -> dict[str, float]:
+    """Return K's numbers and the distortion's, by name."""
+    k = calibration.K
+    found = {"fx": k[0][0], "fy": k[1][1], "cx": k[0][2], "cy": k[1][2]}
+    return found | dict(zip(("k1", "k2", "p1", "p2", "k3"), calibration.dist, strict=False))
 
 
 def difference_summary(found: "ProjectionDifference") -> str:

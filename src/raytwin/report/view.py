@@ -141,12 +141,12 @@ def tiles(pair: Compared, tolerance: Tolerance | None) -> tuple[Tile, ...]:
         found.append(Tile("Silhouettes", shown(apart), unit, f"limit {tolerance.mask_pixels}"))
     limit = "" if tolerance is None else f"limit {short(tolerance.p999_abs)}"
     found.append(Tile("Radiance error, 99.9 %", shown(r.p999_abs), below="noise included" if pair.noisy else limit))
-    found.append(Tile("RMSE", shown(r.rmse), below=f"worst {shown(r.max_abs)}"))
     if "tracer" in seconds_of:
         samples = pair.reference.samples
-        found.append(Tile("Tracer", seconds(seconds_of["tracer"])))
+        found.append(Tile("Tracer", seconds(seconds_of["tracer"]), below=f"RMSE {shown(r.rmse)}"))
         below = f"{samples} sample{'s' * (samples != 1)} a pixel"
         return *found, Tile("Twin", seconds(seconds_of.get("twin")), below=below)
+    found.append(Tile("RMSE", shown(r.rmse), below=f"worst {shown(r.max_abs)}"))
     return *found, Tile("Ratio of means", shown(r.mean_ratio, 5), below="mean(test) / mean(reference)")
 
 
