@@ -30,8 +30,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.path not in long)
 
 
-TOGETHER = (("tests/calib/photos/", "tests/test_photographer.py"),)
-"""Files, or folders, that share what costs most: a folder of photos."""
+TOGETHER = (
+    ("tests/calib/photos/", "tests/test_photographer.py"),
+    ("tests/grade/test_class.py", "tests/grade/test_grader_faults.py"),
+)
+"""Files, or folders, that share what costs most: a folder of photos, a class that is graded."""
 
 
 @pytest.hookimpl(optionalhook=True)
