@@ -1,9 +1,10 @@
 """What a stage of a tracer is: a function that students write, the calls that test it, the mistakes it is known for."""
 
 import inspect
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -83,19 +84,59 @@ def together(function: str, variants: Sequence[Variant], right: Function) -> Fun
     return right
 
 
+def slips(function: Function, rows: Sequence[tuple[str, str, str, str]]) -> tuple[Variant, ...]:
+    """Variants of a function's own text: name, sentence, what stands there, what the mistake makes of it."""
+    return tuple(Variant(name, said, instead(_Slipped(function, old, new))) for name, said, old, new in rows)
+
+
+class _Slipped:
+    """A function with a slip in its text, compiled when it is first called."""
+
+    def __init__(self, function: Function, old: str, new: str) -> None:
+        self._function, self._old, self._new = function, old, new
+
+    def __call__(self, *args: Any) -> Any:
+        return self._made(*args)
+
+    @cached_property
+    def _made(self) -> Function:
+        text = inspect.getsource(self._function)
+        if text.count(self._old) != 1:
+            raise ValueError(f"{self._function.__name__} has {self._old!r} {text.count(self._old)} times")
+        exec(text.replace(self._old, self._new), space := dict(self._function.__globals__))
+        made: Function = space[self._function.__name__]
+        return made
+
+
 def before(change: Callable[..., tuple[Any, ...]]) -> Callable[[Function], Function]:
     """A variant's `change`: the right function, called with other arguments."""
     return lambda f: lambda *args: f(*change(*args))
 
 
-def after(change: Callable[..., Any]) -> Callable[[Function], Function]:
-    """The right function, its one result changed."""
-    return lambda f: lambda *args: change(f(*args))
-
-
 def instead(function: Function) -> Callable[[Function], Function]:
     """Another function."""
     return lambda f: function
+
+
+def shape_hint(right: tuple[int, ...], found: tuple[int, ...]) -> str:
+    """What an array of another shape is likely to be.
+
+    >>> shape_hint((13, 20, 3), (20, 13, 3)), shape_hint((24, 3), (24,))
+    ('its axes are in another order', 'the last axis, of 3, is missing')
+    """
+    if found in ((), right[1:]):
+        return "one for all is returned: one each is wanted"
+    if found == right[:-1]:
+        return f"the last axis, of {right[-1]}, is missing"
+    if len(found) == 2 and found[0] == found[1] == right[0]:
+        return "(N,) and (N, 1) were multiplied to (N, N): keep factors as (N, 1), and sum over the last axis only"
+    if sorted(found) == sorted(right):
+        return "its axes are in another order"
+    if found[: len(right)] == right:
+        return "one number each is wanted: take the last axis away"
+    if prod(found) == prod(right):
+        return "reshape it"
+    return "only some are returned: one each is wanted" if prod(found) < prod(right) else ""
 
 
 def unit(v: np.ndarray) -> np.ndarray:
@@ -110,7 +151,7 @@ class Stage:
     `cases(seed)`: the calls. `errors(expected, got)`: how far each value is off, in `unit`; at most `tolerance` passes,
     but for a share `outliers` of the values. `returns`: what its arrays are called. `columns`: (3, 1) does for (3,).
     `in_other_forms`: the variants made of other right functions, tried where none of them alone explains what is wrong.
-    `hint(expected, got)`: what another shape, or a number of arrays, is likely to be; empty where that says nothing.
+    `hints`: what another number of arrays, or shape of the first, is likely to be, where `shape_hint` says less.
     """
 
     reference: Function
@@ -123,7 +164,7 @@ class Stage:
     in_other_forms: tuple[Variant, ...] = ()
     outliers: float = 0.0
     columns: bool = False
-    hint: Callable[[Arrays, Arrays], str] = lambda expected, got: ""
+    hints: Mapping[Any, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -153,6 +194,12 @@ class Stage:
         except TypeError:
             return f"{getattr(function, '__name__', 'a function')}{signature}"
         return ""
+
+    def hint(self, expected: Arrays, got: Arrays) -> str:
+        """What another number of arrays, or another shape, is likely to be; empty where that says nothing."""
+        if len(got) != len(expected):
+            return self.hints.get(len(got), f"return {' and '.join(self.returns)} alone")
+        return self.hints.get(got[0].shape) or shape_hint(expected[0].shape, got[0].shape)
 
     def worst(self, errors: np.ndarray) -> float:
         """The largest of `errors`, the outliers left out."""

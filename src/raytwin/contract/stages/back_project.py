@@ -64,16 +64,4 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
     return np.asarray(np.linalg.norm(expected[0] - got[0], axis=-1))
 
 
-def hint(expected: Arrays, got: Arrays) -> str:
-    if len(got) != 1:
-        return ""
-    h, w, _ = expected[0].shape
-    return {
-        (w, h, 3): "rows and columns are swapped: the result is indexed [v, u]",
-        (3, h, w): "x, y, z belong on the last axis: np.stack(..., axis=-1)",
-        (h * w, 3): "one row a pixel is lost: reshape to (height, width, 3)",
-        (h, w, 2): "z is missing: the ray is (x, y, 1), made unit",
-    }.get(got[0].shape, "")
-
-
-STAGE = Stage(back_project, ("rays",), cases, errors, 2e-5, "radians", textbook_variants("back_project"), hint=hint)
+STAGE = Stage(back_project, ("rays",), cases, errors, 2e-5, "radians", textbook_variants("back_project"))

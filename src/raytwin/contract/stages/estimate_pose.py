@@ -171,14 +171,6 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
     return np.append(np.abs(R - expected[0]).ravel(), off)
 
 
-def hint(expected: Arrays, got: Arrays) -> str:
-    if len(got) == 1 and got[0].shape in ((3, 4), (4, 4)):
-        return "one matrix is returned: return R, t"
-    if len(got) == 2 and got[0].size == 3:
-        return "R is a rotation vector: cv2.Rodrigues(rvec)[0] is the matrix"
-    return "cv2.solvePnP's first value tells whether it succeeded: return R, t alone" if len(got) == 3 else ""
-
-
 # ------------------------------------------------------------------------------------------ typical mistakes
 
 
@@ -281,6 +273,13 @@ RESULTS = (
             _after(lambda R, t: (FLIP @ R, FLIP @ t))),
 )  # fmt: skip
 
+HINTS: dict[Any, str] = {
+    1: "return R and t, not one matrix",
+    3: "cv2.solvePnP's first value tells whether it succeeded: return R, t alone",
+    (3,): "R is a rotation vector: cv2.Rodrigues(rvec)[0] is the matrix",
+    (3, 1): "R is a rotation vector: cv2.Rodrigues(rvec)[0] is the matrix",
+}
+
 STAGE = Stage(
     estimate_pose,
     ("R", "t"),
@@ -291,5 +290,5 @@ STAGE = Stage(
     INPUTS + RESULTS,
     tuple(Variant(v.name, v.sentence, instead(v.change(form))) for v in INPUTS for form in RIGHT_FORMS),
     columns=True,
-    hint=hint,
+    hints=HINTS,
 )

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.contract.stage import Arrays, Case, Stage, Variant, instead
+from raytwin.contract.stage import Arrays, Case, Stage, slips
 
 
 def hemisphere(a: Any, b: Any) -> Any:
@@ -15,11 +15,8 @@ def hemisphere(a: Any, b: Any) -> Any:
 
     a, b: (N,), numbers in [0, 1).
     """
-    return _raised(np.sqrt(a), 2 * np.pi * np.asarray(b))
-
-
-def _raised(radius: Any, angle: Any, z: Any = None) -> np.ndarray:
-    z = np.sqrt(np.maximum(1 - radius**2, 0)) if z is None else z
+    radius, angle = np.sqrt(a), 2 * np.pi * np.asarray(b)
+    z = np.sqrt(np.maximum(1 - radius**2, 0))
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
 
 
@@ -33,38 +30,27 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
     return np.asarray(np.linalg.norm(got[0] - expected[0], axis=-1))
 
 
-def hint(expected: Arrays, got: Arrays) -> str:
-    return (
-        "x, y, z belong on the last axis: np.stack(..., axis=-1)"
-        if got and got[0].shape == (3, len(expected[0]))
-        else ""
-    )
-
-
 # ------------------------------------------------------------------------------------------ typical mistakes
 
 
-VARIANTS = (
-    Variant("even over the hemisphere", "the directions are even over the hemisphere, density 1 / 2π: z = 1 - a; "
-            "Lambert's law wants cos θ / π, z = √(1 - a)",
-            instead(lambda a, b: _raised(np.sqrt(1 - (1 - a) ** 2), 2 * np.pi * b))),
-    Variant("even over the hemisphere", "the directions are even over the hemisphere, density 1 / 2π: z = a; Lambert's "
-            "law wants cos θ / π, z = √(1 - a)", instead(lambda a, b: _raised(np.sqrt(1 - a**2), 2 * np.pi * b))),
-    Variant("no root", "the disk's radius is a: its middle gets too many points; √a is even over the area",
-            instead(lambda a, b: _raised(a, 2 * np.pi * b))),
-    Variant("a reversed", "z = √a: that is as likely, but here a = 0 is to be the normal itself, z = √(1 - a)",
-            instead(lambda a, b: _raised(np.sqrt(1 - a), 2 * np.pi * b))),
-    Variant("angle even", "θ itself is even, θ = aπ/2: too many near the normal; sin² θ = a",
-            instead(lambda a, b: _raised(np.sin(a * np.pi / 2), 2 * np.pi * b))),
-    Variant("half a turn", "b goes half around only: the angle is 2πb",
-            instead(lambda a, b: _raised(np.sqrt(a), np.pi * b))),
-    Variant("b in radians", "b is taken for radians: the angle is 2πb", instead(lambda a, b: _raised(np.sqrt(a), b))),
-    Variant("not unit", "the directions are not unit: z = 1 - a is not √(1 - x² - y²)",
-            instead(lambda a, b: _raised(np.sqrt(a), 2 * np.pi * b, 1 - a))),
-    Variant("a and b swapped", "a and b are swapped: a is the radius's, b the angle's",
-            instead(lambda a, b: _raised(np.sqrt(b), 2 * np.pi * a))),
-    Variant("x and y swapped", "x and y are swapped: x = √a cos 2πb",
-            instead(lambda a, b: hemisphere(a, b)[:, [1, 0, 2]])),
-)  # fmt: skip
+VARIANTS = slips(hemisphere, (
+    ("even over the hemisphere", "the directions are even over the hemisphere, density 1 / 2π: z = 1 - a; Lambert's "
+     "law wants cos θ / π, z = √(1 - a)", "np.sqrt(a)", "np.sqrt(1 - (1 - a) ** 2)"),
+    ("even over the hemisphere", "the directions are even over the hemisphere, density 1 / 2π: z = a; Lambert's law "
+     "wants cos θ / π, z = √(1 - a)", "np.sqrt(a)", "np.sqrt(1 - a**2)"),
+    ("no root", "the disk's radius is a: its middle gets too many points; √a is even over the area", "np.sqrt(a)", "a"),
+    ("a reversed", "z = √a: that is as likely, but here a = 0 is to be the normal itself, z = √(1 - a)",
+     "np.sqrt(a)", "np.sqrt(1 - a)"),
+    ("angle even", "θ itself is even, θ = aπ/2: too many near the normal; sin² θ = a",
+     "np.sqrt(a)", "np.sin(a * np.pi / 2)"),
+    ("half a turn", "b goes half around only: the angle is 2πb", "2 * np.pi", "np.pi"),
+    ("b in radians", "b is taken for radians: the angle is 2πb", "2 * np.pi * ", ""),
+    ("not unit", "the directions are not unit: z = 1 - a is not √(1 - x² - y²)",
+     "np.sqrt(np.maximum(1 - radius**2, 0))", "1 - np.asarray(a)"),
+    ("a and b swapped", "a and b are swapped: a is the radius's, b the angle's",
+     "np.sqrt(a), 2 * np.pi * np.asarray(b)", "np.sqrt(b), 2 * np.pi * np.asarray(a)"),
+    ("x and y swapped", "x and y are swapped: x = √a cos 2πb",
+     "radius * np.cos(angle), radius * np.sin(angle)", "radius * np.sin(angle), radius * np.cos(angle)"),
+))  # fmt: skip
 
-STAGE = Stage(hemisphere, ("directions",), cases, errors, 1e-5, "of 1", VARIANTS, hint=hint)
+STAGE = Stage(hemisphere, ("directions",), cases, errors, 1e-5, "of 1", VARIANTS)

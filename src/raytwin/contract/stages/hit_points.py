@@ -40,15 +40,4 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
     return np.where(np.isnan(p).any(axis=-1) != missed, np.inf, off)
 
 
-def hint(expected: Arrays, got: Arrays) -> str:
-    if len(got) != 1:
-        return "return the points alone"
-    h, w, _ = expected[0].shape
-    return {
-        (w, h, 3): "rows and columns are swapped: the result is indexed [v, u]",
-        (h * w, 3): "reshape to (height, width, 3)",
-        (h, w): "distances are returned: points are wanted, eye + t d",
-    }.get(got[0].shape, "only some pixels' points are returned: NaN stands for none" if got[0].ndim == 2 else "")
-
-
-STAGE = Stage(hit_points, ("points",), cases, errors, 1e-4, "m", hint=hint)
+STAGE = Stage(hit_points, ("points",), cases, errors, 1e-4, "m")

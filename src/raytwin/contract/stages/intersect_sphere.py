@@ -66,16 +66,5 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
     return np.where(np.isnan(t), np.inf, np.where(np.isinf(right) != np.isinf(t), 1.0, off))
 
 
-def hint(expected: Arrays, got: Arrays) -> str:
-    if len(got) == 2:
-        return "both roots, or t and a mask, are returned: one array t is wanted, np.inf for a miss"
-    n = len(expected[0])
-    return {
-        (n, 1): "one number a ray is wanted: take the last axis away ([:, 0])",
-        (n, 3): "points, or components, are returned: t is wanted, one number a ray",
-        (): "one number is returned for all rays: one a ray is wanted",
-        (n, 2): "both roots are returned: the smallest that is > 0 is wanted",
-    }.get(got[0].shape, "") if got else ""  # fmt: skip
-
-
-STAGE = Stage(intersect_sphere, ("t",), cases, errors, 1e-4, "of t", textbook_variants("intersect_sphere"), hint=hint)
+HINTS = {2: "both roots, or t and a mask, are returned: one array t is wanted, np.inf for a miss"}
+STAGE = Stage(intersect_sphere, ("t",), cases, errors, 1e-4, "of t", textbook_variants("intersect_sphere"), hints=HINTS)

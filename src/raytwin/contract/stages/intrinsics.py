@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.contract.stage import Arrays, Case, Stage, Variant, after, before
+from raytwin.contract.stage import Arrays, Case, Stage, slips
 
 
 def intrinsics(homographies: Any) -> Any:
@@ -15,7 +15,13 @@ def intrinsics(homographies: Any) -> Any:
 
     homographies: (N, 3, 3), N >= 3 views from different sides, each up to its own scale.
     """
-    return _from_B(_solved(np.asarray(homographies, float)))
+    H = np.asarray(homographies, float)
+    B11, B22, B13, B23, B33 = _solved(H)
+    cx, cy = -B13 / B11, -B23 / B22
+    s = B33 + cx * B13 + cy * B23
+    with np.errstate(all="ignore"):
+        fx, fy = np.sqrt(s / B11), np.sqrt(s / B22)
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
 
 
 def _solved(H: np.ndarray) -> np.ndarray:
@@ -32,14 +38,6 @@ def _solved(H: np.ndarray) -> np.ndarray:
 
     V = np.concatenate([row(0, 1), row(0, 0) - row(1, 1)])
     return np.asarray(np.linalg.svd(V)[2][-1] * [1e-6, 1e-6, 1e-3, 1e-3, 1])
-
-
-def _from_B(B: np.ndarray, scaled: bool = True) -> np.ndarray:
-    B11, B22, B13, B23, B33 = B
-    cx, cy = -B13 / B11, -B23 / B22
-    scale = B33 + cx * B13 + cy * B23 if scaled else B33
-    with np.errstate(all="ignore"):
-        return np.array([[np.sqrt(scale / B11), 0, cx], [0, np.sqrt(scale / B22), cy], [0, 0, 1]])
 
 
 def cases(seed: int) -> list[Case]:
@@ -67,19 +65,20 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
 # ------------------------------------------------------------------------------------------ typical mistakes
 
 
-VARIANTS = (
-    Variant("rows for columns", "h1 and h2 are taken from the rows of H: they are its first two columns, H[:, 0] and "
-            "H[:, 1]", before(lambda H: (H.transpose(0, 2, 1),))),
-    Variant("no scale of B", "B is known up to a scale: fx² = s / B11 with s = B33 + cx B13 + cy B23",
-            lambda f: lambda H: _from_B(_solved(np.asarray(H, float)), scaled=False)),
-    Variant("K inverted", "that is K⁻¹: B = K⁻ᵀ K⁻¹", after(np.linalg.inv)),
-    Variant("K transposed", "K is transposed: cx and cy stand in its last column", after(lambda K: K.T)),
-    Variant("focal lengths swapped", "fx and fy are swapped: fx² = s / B11",
-            after(lambda K: np.array([[K[1, 1], 0, K[0, 2]], [0, K[0, 0], K[1, 2]], [0, 0, 1]]))),
-    Variant("principal point swapped", "cx and cy are swapped: cx = -B13 / B11",
-            after(lambda K: np.array([[K[0, 0], 0, K[1, 2]], [0, K[1, 1], K[0, 2]], [0, 0, 1]]))),
-    Variant("focal lengths squared", "fx and fy are squared: take the root",
-            after(lambda K: np.array([[K[0, 0] ** 2, 0, K[0, 2]], [0, K[1, 1] ** 2, K[1, 2]], [0, 0, 1]]))),
-)  # fmt: skip
+VARIANTS = slips(intrinsics, (
+    ("rows for columns", "h1 and h2 are taken from the rows of H: they are its first two columns, H[:, 0] and H[:, 1]",
+     "_solved(H)", "_solved(H.transpose(0, 2, 1))"),
+    ("no scale of B", "B is known up to a scale: fx² = s / B11 with s = B33 + cx B13 + cy B23",
+     "B33 + cx * B13 + cy * B23", "B33"),
+    ("K inverted", "that is K⁻¹: B = K⁻ᵀ K⁻¹", "np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])",
+     "np.linalg.inv(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]))"),
+    ("K transposed", "K is transposed: cx and cy stand in its last column",
+     "np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])", "np.array([[fx, 0, 0], [0, fy, 0], [cx, cy, 1]])"),
+    ("focal lengths swapped", "fx and fy are swapped: fx² = s / B11", "fx, fy = np", "fy, fx = np"),
+    ("principal point swapped", "cx and cy are swapped: cx = -B13 / B11",
+     "np.array([[fx, 0, cx], [0, fy, cy]", "np.array([[fx, 0, cy], [0, fy, cx]"),
+    ("focal lengths squared", "fx and fy are squared: take the root",
+     "np.sqrt(s / B11), np.sqrt(s / B22)", "s / B11, s / B22"),
+))  # fmt: skip
 
 STAGE = Stage(intrinsics, ("K",), cases, errors, 1e-4, "of fx", VARIANTS)

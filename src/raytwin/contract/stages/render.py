@@ -40,17 +40,4 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
     return np.where(np.isnan(off), np.inf, off)
 
 
-def hint(expected: Arrays, got: Arrays) -> str:
-    if len(got) != 1:
-        return "return the picture alone"
-    h, w, _ = expected[0].shape
-    return {
-        (w, h, 3): "rows and columns are swapped: the picture is indexed [v, u]",
-        (3, h, w): "colours belong on the last axis",
-        (h * w, 3): "reshape to (height, width, 3)",
-        (h, w): "red, green and blue are wanted",
-        (h, w, 4): "an alpha channel is one too many",
-    }.get(got[0].shape, "")
-
-
-STAGE = Stage(render, ("picture",), cases, errors, 1e-3, "of the brightest", outliers=0.01, hint=hint)
+STAGE = Stage(render, ("picture",), cases, errors, 1e-3, "of the brightest", outliers=0.01)

@@ -51,15 +51,4 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
     return np.asarray(np.abs(got[0] - expected[0]) / np.abs(expected[0]).max())
 
 
-def hint(expected: Arrays, got: Arrays) -> str:
-    n = len(expected[0])
-    return {
-        (n,): "one number a point is returned: red, green and blue are wanted",
-        (n, 1): "one number a point is returned: red, green and blue are wanted",
-        (3, n): "colours belong on the last axis: (N, 3)",
-        (n, n): "(N,) and (N, 1) were multiplied to (N, N): keep the cosine as (N, 1), and sum over the last axis only",
-        (3,): "one colour is returned for all points: one a point is wanted",
-    }.get(got[0].shape, "") if got else ""  # fmt: skip
-
-
-STAGE = Stage(shade, ("radiance",), cases, errors, 1e-5, "of the brightest", textbook_variants("shade"), hint=hint)
+STAGE = Stage(shade, ("radiance",), cases, errors, 1e-5, "of the brightest", textbook_variants("shade"))

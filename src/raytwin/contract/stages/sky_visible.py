@@ -1,11 +1,10 @@
 """The sky's occlusion by spheres: each takes (r/d)² cos θ of the light (Quilez, "Sphere ambient occlusion")."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant, before
+from raytwin.contract.stage import Arrays, Case, Stage, slips
 
 
 def sky_visible(points: Any, normals: Any, centers: Any, radii: Any) -> Any:
@@ -17,15 +16,11 @@ def sky_visible(points: Any, normals: Any, centers: Any, radii: Any) -> Any:
 
     points, normals: (N, 3), metres and unit. centers: (M, 3), radii: (M,), metres.
     """
-    return _share(points, normals, centers, radii, lambda s, c: s * s * np.maximum(c, 0))
-
-
-def _share(points: Any, normals: Any, centers: Any, radii: Any, hidden: Callable[[Any, Any], Any]) -> np.ndarray:
-    """1 - sum of `hidden(r/d, cos θ)`."""
     f = np.asarray(centers)[None] - np.asarray(points)[:, None]
     d = np.linalg.norm(f, axis=-1)
     cosine = (f * np.asarray(normals)[:, None]).sum(-1) / d
-    return np.asarray(1 - hidden(np.asarray(radii) / d, cosine).sum(axis=1))
+    hidden = (np.asarray(radii) / d) ** 2 * np.maximum(cosine, 0)
+    return np.asarray(1 - hidden.sum(axis=1))
 
 
 def cases(seed: int) -> list[Case]:
@@ -57,35 +52,22 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
 # ------------------------------------------------------------------------------------------ typical mistakes
 
 
-def _by(hidden: Callable[[Any, Any], Any]) -> Callable[[Function], Function]:
-    return lambda f: lambda p, n, c, r: _share(p, n, c, r, hidden)
-
-
-VARIANTS = (
-    Variant("no cosine", "the cosine is missing: light from the side counts less, (r/d)² cos θ",
-            _by(lambda s, c: s * s * (c > 0))),
-    Variant("not squared", "r/d is not squared: seen from twice as far a sphere hides a quarter",
-            _by(lambda s, c: s * np.maximum(c, 0))),
-    Variant("solid angle", "the solid angle is taken, 1 - √(1 - (r/d)²), without the cosine law: (r/d)² cos θ",
-            _by(lambda s, c: (1 - np.sqrt(np.maximum(1 - s * s, 0))) * (c > 0))),
-    Variant("half of it", "half too little is hidden: the whole sky sends π, not 2π",
-            _by(lambda s, c: s * s * np.maximum(c, 0) / 2)),
-    Variant("below the horizon", "a sphere below the horizon adds light: clamp the cosine, max(0, cos θ)",
-            _by(lambda s, c: s * s * c)),
-    Variant("occlusion for light", "that is what is hidden: 1 - it is what is seen",
-            lambda f: lambda *args: 1 - f(*args)),
-    Variant("only the first sphere", "only the first sphere hides the sky: sum over all",
-            before(lambda p, n, c, r: (p, n, c[:1], r[:1]))),
-    Variant("cosine of a vector that is not unit", "the cosine is that of a vector which is not unit: divide n·f by d",
-            lambda f: lambda p, n, c, r: _scaled(p, n, c, r)),
-    Variant("no occlusion", "nothing is hidden", lambda f: lambda p, n, c, r: np.ones(len(p))),
-)  # fmt: skip
-
-
-def _scaled(points: Any, normals: Any, centers: Any, radii: Any) -> np.ndarray:
-    d = np.linalg.norm(np.asarray(centers)[None] - np.asarray(points)[:, None], axis=-1)
-    f = ((np.asarray(centers)[None] - np.asarray(points)[:, None]) * np.asarray(normals)[:, None]).sum(-1)
-    return np.asarray(1 - ((np.asarray(radii) / d) ** 2 * np.maximum(f, 0)).sum(axis=1))
-
+VARIANTS = slips(sky_visible, (
+    ("no cosine", "the cosine is missing: light from the side counts less, (r/d)² cos θ",
+     "np.maximum(cosine, 0)", "(cosine > 0)"),
+    ("not squared", "r/d is not squared: seen from twice as far a sphere hides a quarter", "/ d) ** 2", "/ d)"),
+    ("solid angle", "the solid angle is taken, 1 - √(1 - (r/d)²), without the cosine law: (r/d)² cos θ",
+     "(np.asarray(radii) / d) ** 2 * np.maximum(cosine, 0)",
+     "(1 - np.sqrt(np.maximum(1 - (np.asarray(radii) / d) ** 2, 0))) * (cosine > 0)"),
+    ("half of it", "half too little is hidden: the whole sky sends π, not 2π", "/ d) ** 2 *", "/ d) ** 2 / 2 *"),
+    ("below the horizon", "a sphere below the horizon adds light: clamp the cosine, max(0, cos θ)",
+     "np.maximum(cosine, 0)", "cosine"),
+    ("occlusion for light", "that is what is hidden: 1 - it is what is seen", "1 - hidden", "hidden"),
+    ("only the first sphere", "only the first sphere hides the sky: sum over all",
+     "hidden.sum(axis=1)", "hidden[:, 0]"),
+    ("cosine of a vector that is not unit", "the cosine is that of a vector which is not unit: divide n·f by d",
+     ".sum(-1) / d", ".sum(-1)"),
+    ("no occlusion", "nothing is hidden", "hidden.sum(axis=1)", "0 * hidden.sum(axis=1)"),
+))  # fmt: skip
 
 STAGE = Stage(sky_visible, ("share",), cases, errors, 1e-6, "of 1", VARIANTS)

@@ -1,11 +1,10 @@
 """Shadows: the sun is seen where the ray towards it meets no sphere."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant, before, unit
+from raytwin.contract.stage import Arrays, Case, Stage, slips, unit
 
 
 def sun_visible(points: Any, to_light: Any, centers: Any, radii: Any) -> Any:
@@ -16,16 +15,12 @@ def sun_visible(points: Any, to_light: Any, centers: Any, radii: Any) -> Any:
 
     points: (N, 3), metres. to_light: (3,), unit. centers: (M, 3). radii: (M,), metres.
     """
-    return _visible(points, to_light, centers, radii, lambda along, half: along + half > 0)
-
-
-def _visible(points: Any, to_light: Any, centers: Any, radii: Any, ahead: Any) -> np.ndarray:
-    """`ahead(along, half)`: does a sphere block whose chord runs from along - half to along + half on the ray?"""
     f = np.asarray(centers)[None] - np.asarray(points)[:, None]
     along = f @ np.asarray(to_light)
     square = np.asarray(radii) ** 2 - (f**2).sum(-1) + along**2
     own = np.abs(np.linalg.norm(f, axis=-1) / np.asarray(radii) - 1) < 1e-6
-    blocked = (square > 0) & ahead(along, np.sqrt(np.maximum(square, 0))) & ~own
+    ahead = along + np.sqrt(np.maximum(square, 0)) > 0
+    blocked = (square > 0) & ahead & ~own
     return np.where(blocked.any(axis=1), 0.0, 1.0)
 
 
@@ -61,7 +56,7 @@ def _sure(points: np.ndarray, to_light: np.ndarray, centers: np.ndarray, radii: 
     off = np.linalg.norm(points[:, None] - centers[None], axis=-1) / radii - 1
     others = [np.where(np.abs(off) < 1e-6, 0, k) * radii for k in (0.97, 1.03)]  # but for the own one
     found = [
-        _visible(points[i : i + 1], to_light, centers, np.maximum(each[i], 1e-12), lambda along, half: along + half > 0)
+        sun_visible(points[i : i + 1], to_light, centers, np.maximum(each[i], 1e-12))
         for each in others
         for i in range(len(points))
     ]
@@ -75,43 +70,21 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
 # ------------------------------------------------------------------------------------------ typical mistakes
 
 
-def _by(ahead: Callable[[Any, Any], Any]) -> Callable[[Function], Function]:
-    return lambda f: lambda p, d, c, r: _visible(p, d, c, r, ahead)
-
-
-def _on(points: Any, centers: Any, radii: Any) -> np.ndarray:
-    """Whether each point lies on a sphere."""
-    off = np.linalg.norm(np.asarray(points)[:, None] - np.asarray(centers)[None], axis=-1) / np.asarray(radii) - 1
-    return np.asarray((np.abs(off) < 1e-6).any(axis=1))
-
-
-def _itself(points: Any, to_light: Any, centers: Any, radii: Any) -> np.ndarray:
-    return np.where(_on(points, centers, radii), 0.0, sun_visible(points, to_light, centers, radii))
-
-
-def _never(points: Any, to_light: Any, centers: Any, radii: Any) -> np.ndarray:
-    return np.where(_on(points, centers, radii), 1.0, sun_visible(points, to_light, centers, radii))
-
-
-VARIANTS = (
-    Variant("shadow for light", "1 and 0 are swapped: 1 is where the sun is seen",
-            lambda f: lambda *args: 1 - f(*args)),
-    Variant("spheres behind", "spheres behind the point block, too: only those with t > 0, towards the sun, are in the "
-            "way", _by(lambda along, half: along == along)),
-    Variant("light reversed", "the ray goes away from the sun: to_light points to it",
-            before(lambda p, d, c, r: (p, -np.asarray(d), c, r))),
-    Variant("no shadows", "there are no shadows: 0 where a sphere is in the way",
-            lambda f: lambda p, d, c, r: np.ones(len(p))),
-    Variant("only the first sphere", "only the first sphere casts a shadow",
-            before(lambda p, d, c, r: (p, d, c[:1], r[:1]))),
-    Variant("only the last sphere", "only the last sphere casts a shadow: each answer replaces the one before",
-            before(lambda p, d, c, r: (p, d, c[-1:], r[-1:]))),
-    Variant("own shadow", "a sphere is in the way of its own points: rounding puts them a little inside, so start the "
-            "ray a little off the surface, or leave the own sphere out", lambda f: _itself),
-    Variant("spheres receive none", "points on the spheres are never in shadow: other spheres are in their way",
-            lambda f: _never),
-    Variant("diameter", "the radius is halved", before(lambda p, d, c, r: (p, d, c, np.asarray(r) / 2))),
-    Variant("radius not squared", "the radius is not squared", before(lambda p, d, c, r: (p, d, c, np.sqrt(r)))),
-)  # fmt: skip
+VARIANTS = slips(sun_visible, (
+    ("shadow for light", "1 and 0 are swapped: 1 is where the sun is seen", "0.0, 1.0", "1.0, 0.0"),
+    ("spheres behind", "spheres behind the point block, too: only those with t > 0, towards the sun, are in the way",
+     "& ahead", ""),
+    ("light reversed", "the ray goes away from the sun: to_light points to it", "f @ np", "-f @ np"),
+    ("no shadows", "there are no shadows: 0 where a sphere is in the way", "0.0, 1.0", "1.0, 1.0"),
+    ("only the first sphere", "only the first sphere casts a shadow", "blocked.any(axis=1)", "blocked[:, 0]"),
+    ("only the last sphere", "only the last sphere casts a shadow: each answer replaces the one before",
+     "blocked.any(axis=1)", "blocked[:, -1]"),
+    ("own shadow", "a sphere is in the way of its own points: rounding puts them a little inside, so start the ray a "
+     "little off the surface, or leave the own sphere out", "& ahead & ~own", "& ahead & ~own | own"),
+    ("spheres receive none", "points on the spheres are never in shadow: other spheres are in their way",
+     "blocked.any(axis=1)", "blocked.any(axis=1) & ~own.any(axis=1)"),
+    ("diameter", "the radius is halved", "np.asarray(radii) ** 2", "(np.asarray(radii) / 2) ** 2"),
+    ("radius not squared", "the radius is not squared", "np.asarray(radii) ** 2", "np.asarray(radii)"),
+))  # fmt: skip
 
 STAGE = Stage(sun_visible, ("visible",), cases, errors, 1e-6, "of 1", VARIANTS)

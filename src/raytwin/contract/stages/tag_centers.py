@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.contract.stage import Arrays, Case, Stage, Variant, after, instead
+from raytwin.contract.stage import Arrays, Case, Stage, slips
 
 
 def tag_centers(corners: Any) -> Any:
@@ -52,16 +52,15 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
 # ------------------------------------------------------------------------------------------ typical mistakes
 
 
-VARIANTS = (
-    Variant("half a pixel left out", "half a pixel is to be taken off: the AprilTag library counts from the outer "
-            "corner of the top-left pixel, OpenCV from its centre", after(lambda c: c + 0.5)),
-    Variant("half a pixel added", "half a pixel is added: it is to be taken off", after(lambda c: c + 1)),
-    Variant("mean of the corners", "the mean of the corners is taken: a tag's far half is seen smaller, so its centre "
-            "is where the diagonals cross", instead(lambda corners: np.mean(corners, axis=1) - 0.5)),
-    Variant("mean of the corners and half a pixel", "the mean of the corners is taken, and half a pixel is not taken "
-            "off: the centre is where the diagonals cross, less (0.5, 0.5)",
-            instead(lambda corners: np.mean(corners, axis=1))),
-    Variant("x and y swapped", "u and v are swapped: u, along the rows, comes first", after(lambda c: c[:, ::-1])),
-)  # fmt: skip
+VARIANTS = slips(tag_centers, (
+    ("half a pixel left out", "half a pixel is to be taken off: the AprilTag library counts from the outer corner of "
+     "the top-left pixel, OpenCV from its centre", "- 0.5", ""),
+    ("half a pixel added", "half a pixel is added: it is to be taken off", "- 0.5", "+ 0.5"),
+    ("mean of the corners", "the mean of the corners is taken: a tag's far half is seen smaller, so its centre is "
+     "where the diagonals cross", "_crossing(a, c, b, d)", "np.mean(corners, axis=1)"),
+    ("mean of the corners and half a pixel", "the mean of the corners is taken, and half a pixel is not taken off: the "
+     "centre is where the diagonals cross, less (0.5, 0.5)", "_crossing(a, c, b, d) - 0.5", "np.mean(corners, axis=1)"),
+    ("x and y swapped", "u and v are swapped: u, along the rows, comes first", "- 0.5", "[:, ::-1] - 0.5"),
+))  # fmt: skip
 
 STAGE = Stage(tag_centers, ("centers",), cases, errors, 1e-3, "pixels", VARIANTS)
