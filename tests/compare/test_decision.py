@@ -9,6 +9,7 @@ from measure.noise_models import KINDS, picture
 
 from raytwin.compare import compare
 from raytwin.compare.decision import decide
+from raytwin.compare.exact import count_noise_free
 from raytwin.compare.scale import Bound
 from raytwin.image import Image, Surface
 from raytwin.scene import Tolerance
@@ -140,6 +141,16 @@ def test_one_wrong_pixel_fails_and_is_located():
     a.mean[11, 9] = 2.0
     two = compare(a, render(rng, samples=4096))
     assert any(r.endswith("; so is 1 other pixel") for r in two.reasons), two.reasons
+
+
+def test_a_noisy_neighbour_excuses_no_wrong_pixel():
+    """An error of 20 standard deviations; with the neighbour's it would be one of 4."""
+    rng = np.random.default_rng(23)
+    a, b = render(rng, samples=64), render(rng, samples=4096)
+    a.variance[30, 8] *= 20
+    a.mean[30, 7] += 20 * np.sqrt(a.variance[30, 7])
+    worst = decided(a, b).value
+    assert (worst.passed, worst.worst.x, worst.worst.y) == (False, 7, 30)
 
 
 def test_black_rows_fail_even_with_no_variance_of_their_own():
@@ -293,3 +304,29 @@ def test_every_tile_that_fails_is_told_and_none_that_does_not():
     exact.mean[3, 5], exact.mean[80, 119, 1] = 0.6, 0.7
     assert set(compare(exact, Image(truth)).failing) == {(0, 0, 16, 16), (112, 80, 8, 10)}
     assert compare(Image(truth), Image(truth)).failing == ()
+
+
+def test_the_worst_value_is_found_in_any_strip_and_its_share_is_counted():
+    reference = np.ones((160, 1024, 3), np.float32)
+    test = reference.copy()
+    test[131, 700, 2] += 0.25
+    test[90, 3:403, :] += 0.125
+    quiet = count_noise_free(test, reference, Bound(1e-5, 1.0))
+    assert (quiet.x, quiet.y, quiet.channel, quiet.error) == (700, 131, 2, 0.25)
+    assert (quiet.over, quiet.values, quiet.outliers) == (1201, 491520, 401)
+    first = compare(Image(test), Image(reference)).reasons[0]
+    assert first.startswith("0.244 % of the noise-free values (1201 of 491520)")
+    assert "(x=700, y=131), blue" in first
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_an_image_of_few_batches_is_trusted_less_however_well_the_other_is_known(swapped):
+    rng = np.random.default_rng(6)
+    truth = np.ones((48, 64, 3), np.float32)
+    noisy = (truth + 0.1 * rng.normal(size=truth.shape)).astype(np.float32)
+    v = np.full_like(truth, 0.01)
+    known = Image(truth, v / 100, 4096, None, 256)
+    pairs = [(Image(noisy, v, 256, None, n), known) for n in (4, 256)]
+    few, many = (decide(*(pair[::-1] if swapped else pair), Bound(1e-5, 1.0), 1e-3) for pair in pairs)
+    assert few.tile.detectable > 1.003 * many.tile.detectable
+    assert few.value.worst.p > many.value.worst.p

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from raytwin.compare import KINDS, error_map, error_scale
+from raytwin.compare import error_map, error_scale
 from raytwin.compare.heatmap import signed_error
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -46,24 +46,13 @@ def test_the_scale_is_rounded_up_to_one_two_or_five(error, scale):
     assert error_scale(*images) == pytest.approx(scale, rel=0.03)
 
 
-def test_relative_and_z_divide_by_what_they_say():
-    variance = np.full_like(R, 0.01)
+def test_images_without_error_have_the_scale_one_and_no_scale_is_nothing():
     assert error_scale(Image(R), Image(R)) == 1
-    assert error_scale(Image(R * 2), Image(R), "relative") == pytest.approx(1)
-    assert error_scale(Image(R + 0.2, variance), Image(R), "z") == pytest.approx(2)
-
-
-def test_every_kind_has_a_formula_and_others_are_refused():
-    assert all(KINDS.values())
-    with pytest.raises(InputError, match="absolute or relative or z"):
-        error_map(Image(R), Image(R), "other")
-    with pytest.raises(InputError, match="variance"):
-        error_map(Image(R), Image(R), "z")
     with pytest.raises(InputError, match="scale"):
         error_map(Image(R), Image(R), scale=0.0)
 
 
 def test_the_channel_that_errs_most_is_shown_the_first_of_equals_and_nan_before_all():
     test = np.array([[[1, -3, 2], [2, -2, 2], [0, np.nan, 9], [np.nan, 1, 2], [0, 0, np.inf]]], np.float32)
-    found = signed_error(Image(test), Image(np.zeros_like(test)), "absolute")[0]
+    found = signed_error(Image(test), Image(np.zeros_like(test)))[0]
     np.testing.assert_array_equal(found, np.float32([-3, 2, np.nan, np.nan, np.inf]))

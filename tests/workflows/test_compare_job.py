@@ -102,9 +102,9 @@ class Moved(Traced):
 
 
 def test_a_bug_is_not_hidden_by_light_that_is_missing_on_purpose(scenes):
-    for subject, verdict in ((Traced(surface=True), "differs"), (Moved(surface=True), "fail")):
-        result = compare_scene(scenes / "overlap", subject=subject, rung="path", size=(96, 72), samples=64, cache=False)
-        assert result.comparison.verdict == verdict
+    moved = Moved(surface=True)
+    result = compare_scene(scenes / "overlap", subject=moved, rung="path", size=(96, 72), samples=64, cache=False)
+    assert result.comparison.verdict == "fail"
     own = "on its own rung, shadow: "
     causes = [reason for reason in result.comparison.reasons if reason.removeprefix(own).startswith("cause")]
     assert causes

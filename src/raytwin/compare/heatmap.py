@@ -2,16 +2,9 @@
 
 import numpy as np
 
-from raytwin.array_types import Float, Float32
+from raytwin.array_types import Float32
 from raytwin.errors import InputError
 from raytwin.image import Image
-
-KINDS = {
-    "absolute": "t - r, units of radiance",
-    "relative": "(t - r) / (r + 0.01)",
-    "z": "(t - r) / sqrt(variance of both)",
-}
-"""Kind of error map to its formula; each pixel shows the channel that errs most."""
 
 # Linear Rec. 709, dark end to pale centre; ends chosen dark enough to differ by lightness as well as by hue.
 _NEGATIVE = np.array([[1.0, 1.0, 1.0], [0.25, 0.55, 0.95], [0.01, 0.06, 0.45]], np.float32)
@@ -19,31 +12,21 @@ _POSITIVE = np.array([[1.0, 1.0, 1.0], [0.95, 0.42, 0.22], [0.42, 0.005, 0.02]],
 _INVALID = np.array([0.0, 0.6, 0.0], np.float32)
 
 
-def signed_error(test: Image, reference: Image, kind: str) -> Float[np.ndarray, "h w"]:
-    """(H, W) float32: the signed error of the channel that errs most, as KINDS gives it; NaN where it has none."""
-    if kind not in KINDS:
-        raise InputError("error map", " or ".join(KINDS), kind)
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+def signed_error(test: Image, reference: Image) -> Float32[np.ndarray, "h w"]:
+    """(H, W): t - r in the channel that errs most; NaN where it has none."""
+    with np.errstate(invalid="ignore", over="ignore"):
         error = np.asarray(test.mean, np.float32) - np.asarray(reference.mean, np.float32)
-        if kind == "relative":
-            error /= np.abs(reference.mean) + np.float32(0.01)
-        elif kind == "z":
-            variances = [i.variance for i in (test, reference) if i.variance is not None]
-            if not variances:
-                raise InputError("error map", "a variance for a z map", "two images without one")
-            # 0 / 0 is a pixel without noise that agrees.
-            error = np.where(error == 0, np.float32(0), error / np.sqrt(sum(variances)))
     worst = error[..., 0]
     for c in (1, 2):
         # The first of equals; NaN is worse than any number.
         keep = (np.abs(error[..., c]) <= np.abs(worst)) | np.isnan(worst)
         worst = np.where(keep, worst, error[..., c])
-    return worst
+    return np.asarray(worst)
 
 
-def error_scale(test: Image, reference: Image, kind: str = "absolute") -> float:
+def error_scale(test: Image, reference: Image) -> float:
     """The error at the palette's ends: the 99.9 % quantile of |error|, rounded up to 1, 2 or 5 times a power of ten."""
-    error = np.abs(signed_error(test, reference, kind))
+    error = np.abs(signed_error(test, reference))
     error = error[np.isfinite(error)]
     quantile = float(np.quantile(error, 0.999, method="inverted_cdf")) if error.size else 0.0
     if not quantile > 0:
@@ -52,15 +35,13 @@ def error_scale(test: Image, reference: Image, kind: str = "absolute") -> float:
     return float(decade * next(step for step in (1, 2, 5, 10) if step * decade >= quantile * (1 - 1e-3)))
 
 
-def error_map(
-    test: Image, reference: Image, kind: str = "absolute", scale: float | None = None
-) -> Float32[np.ndarray, "h w 3"]:
+def error_map(test: Image, reference: Image, scale: float | None = None) -> Float32[np.ndarray, "h w 3"]:
     """Colours (H, W, 3) float32, linear Rec. 709: blue at -scale, white at 0, red at +scale, green where not finite.
 
-    `kind` is a key of KINDS; `scale` defaults to `error_scale(test, reference, kind)`.
+    `scale` defaults to `error_scale(test, reference)`.
     """
-    error = signed_error(test, reference, kind)
-    scale = error_scale(test, reference, kind) if scale is None else scale
+    error = signed_error(test, reference)
+    scale = error_scale(test, reference) if scale is None else scale
     if not (np.isfinite(scale) and scale > 0):
         raise InputError("error map: scale", "a finite number > 0", scale)
     with np.errstate(invalid="ignore", over="ignore"):

@@ -75,7 +75,7 @@ def first_said(reasons: Sequence[Reason], passed: bool) -> tuple[Reason | None, 
 
 def side_by_side(view: PairView) -> dict[str, Any]:
     """The viewer's data, and the worst pixels."""
-    error = signed_error(view.test, view.reference, "absolute")
+    error = signed_error(view.test, view.reference)
     worst = data_urls.worst_pixels(error, LISTED)
     apart = data_urls.mismatches(*view.surfaces) if view.surfaces else []
     height, width = error.shape

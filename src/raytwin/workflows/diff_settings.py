@@ -64,27 +64,21 @@ class IdiffLimits:
     @property
     def failing(self) -> "Limits | None":
         """Return the limits that fail; None where none was given."""
-        return _limits(
-            error=("--fail", self.fail), relative=("--failrelative", self.fail_relative),
-            percent=("--failpercent", self.fail_percent), hard=("--hardfail", self.hard_fail),
-            pixels=("--allowfailures", self.allow_failures),
-        )  # fmt: skip
+        return self._limits("fail", "fail_relative", "fail_percent", "hard_fail", "allow_failures")
 
     @property
     def warning(self) -> "Limits | None":
         """Return the limits that only warn."""
-        return _limits(
-            error=("--warn", self.warn), relative=("--warnrelative", self.warn_relative),
-            percent=("--warnpercent", self.warn_percent), hard=("--hardwarn", self.hard_warn),
-        )  # fmt: skip
+        return self._limits("warn", "warn_relative", "warn_percent", "hard_warn")
 
+    def _limits(self, *fields: str) -> "Limits | None":
+        from raytwin.compare import Limits
 
-def _limits(**asked: tuple[str, Any]) -> "Limits | None":
-    """Return the limits that were given, each by its option and value; None where none was."""
-    from raytwin.compare import Limits
-
-    for option, value in asked.values():
-        if value is not None and not value >= 0:
-            raise InputError(option, "a number >= 0", value)
-    given = {name: value for name, (_, value) in asked.items() if value is not None}
-    return Limits(**given) if given else None
+        given = {}
+        for name, field in zip(("error", "relative", "percent", "hard", "pixels"), fields, strict=False):
+            value = getattr(self, field)
+            if value is not None and not value >= 0:
+                raise InputError(f"--{field.replace('_', '')}", "a number >= 0", value)
+            if value is not None:
+                given[name] = value
+        return Limits(**given) if given else None

@@ -42,7 +42,7 @@ class Budget(NamedTuple):
     words: str = ""
 
 
-def parse_budget(text: str, where: str = "--budget") -> Budget:
+def parse_budget(text: str) -> Budget:
     """
     >>> parse_budget("256"), parse_budget("1.5min").seconds
     (Budget(samples=256.0, seconds=inf, words=''), 90.0)
@@ -50,7 +50,7 @@ def parse_budget(text: str, where: str = "--budget") -> Budget:
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(s|min|h|)\s*", text)
     number = float(match[1]) if match else 0.0
     if not match or not number > 0 or (not match[2] and number != int(number)):
-        raise InputError(where, "samples per pixel, as 256, or a time, as 30s, 5min or 1h", text)
+        raise InputError("--budget", "samples per pixel, as 256, or a time, as 30s, 5min or 1h", text)
     if not match[2]:
         return Budget(samples=number)
     return Budget(samples=math.inf, seconds=number * UNITS[match[2]], words=f"{text.strip()} of the budget")

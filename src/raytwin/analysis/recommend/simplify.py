@@ -27,8 +27,8 @@ class Moves(NamedTuple):
     bound: float
 
 
-def still_terms(camera: Camera, limit: float = STILL) -> Moves:
-    """The terms that can be left out together, the others as they are, without moving a pixel by `limit`.
+def still_terms(camera: Camera) -> Moves:
+    """The terms that can be left out together, the others as they are, without moving a pixel by STILL.
 
     Each term moves the ideal point (x, y) by a homogeneous polynomial of degree 3, 5, 7 (k) or 2 (p), which grows along
     every ray from the middle: the largest move is on the frame's border. Between two places there, half a pixel apart,
@@ -51,7 +51,7 @@ def still_terms(camera: Camera, limit: float = STILL) -> Moves:
     bounds = {term: float(np.hypot(*move).max() + _bend(move)) for term, move in moves.items()}
     left: list[str] = []
     for term in sorted(bounds, key=bounds.__getitem__):
-        if sum(bounds[t] for t in (*left, term)) < limit:
+        if sum(bounds[t] for t in (*left, term)) < STILL:
             left.append(term)
     together = sum((moves[t] for t in left), np.zeros((2, 1)))
     return Moves(tuple(t for t in TERMS if t in left), float(np.hypot(*together).max()), sum(bounds[t] for t in left))
