@@ -37,10 +37,14 @@ LARGE = ("rare events against the exact image",)
 """In a picture of 768 pixels some meet no event at all: 16 of 60 alarms."""
 
 
+FILMS, MOST_OF_FILMS = ("tent filter", "Mitsuba's default film", "Gaussian filter, 1 pixel"), 5
+"""Kinds that take longest: half as many trials, of which six alarm with a probability of 8e-5 at the stated rate."""
+
+
 def alarms(name, understated=1.0):
     rng = np.random.default_rng(sum(map(ord, name)))
     count = 0
-    for _ in range(TRIALS):
+    for _ in range(TRIALS // 2 if name in FILMS else TRIALS):
         pair = [
             i if i.variance is None else replace(i, variance=i.variance / np.float32(understated))
             for i in KINDS[name](rng, TRUTH if name in LARGE else SMALL)
@@ -52,7 +56,7 @@ def alarms(name, understated=1.0):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_noise_alone_fails_no_more_often_than_stated(name):
-    assert alarms(name) <= MOST
+    assert alarms(name) <= (MOST_OF_FILMS if name in FILMS else MOST)
 
 
 def test_the_count_of_false_alarms_would_show_a_variance_that_is_too_small():

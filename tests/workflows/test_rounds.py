@@ -85,7 +85,7 @@ def test_both_sides_stop_when_they_agree_and_again_cost_the_same(scenes, monkeyp
 @pytest.mark.parametrize("gain", [1.0, 1.1])
 def test_a_function_that_takes_samples_and_a_seed_is_asked_for_no_more_than_it_needs(scenes, tmp_path, gain):
     (tmp_path / "mine.py").write_text(MINE.format(gain=gain))
-    options = {k: SMALL[k] for k in ("rung", "size", "cache")}
+    options = {"rung": "path", "size": (32, 24), "cache": False}
     result = compare_scene(scenes / "overlap", subject=str(tmp_path / "mine.py"), **options)
     assert result.comparison.verdict == ("pass" if gain == 1 else "fail")
     certain = result.comparison.statistics.samples_to_certainty
