@@ -398,17 +398,22 @@ FORGED = {
         + ("forge()\ndef f(): return 1.0" if which == "second" else "def f(): forge(); return 1.0"),
         "broken", "pipe",
     )
-    for which in ("second", "later")
-    for text in (
-        '{"value": {"table": {"functions": 5, "notes": []}}, "arrays": []}',
-        '{"value": {"table": {"functions": ["f"]}}, "arrays": []}',
-        '{"value": {"table": {"functions": ["f"], "notes": 5}}, "arrays": []}',
-        '{"value": {}, "arrays": []}', '{"value": {"table": 5}, "arrays": []}', '{}', '5', 'null', '[]',
-        '{"value": null, "arrays": []}', '{"value": {"table": {"call": []}}, "arrays": []}',
-        '{"value": {"table": {"call": 1, "error": 5}}, "arrays": []}',
-        '{"value": {"table": {"call": 2, "arrays": []}}, "arrays": []}',
-        '{"value": {"array": 0}, "arrays": [["<f8", Infinity]]}',
-    )
-
+    for which, texts in {
+        "second": (
+            '{"value": {"table": {"functions": 5, "notes": []}}, "arrays": []}',
+            '{"value": {"table": {"functions": ["f"]}}, "arrays": []}',
+            '{"value": {"table": {"functions": ["f"], "notes": 5}}, "arrays": []}',
+            '{"value": {"table": 5}, "arrays": []}', '{}', '{"value": null, "arrays": []}',
+        ),
+        "later": (
+            '{"value": {"table": {"functions": 5, "notes": []}}, "arrays": []}',
+            '{"value": {}, "arrays": []}', '5', 'null', '[]', '{"value": null, "arrays": []}',
+            '{"value": {"table": {"call": []}}, "arrays": []}',
+            '{"value": {"table": {"call": 1, "error": 5}}, "arrays": []}',
+            '{"value": {"table": {"call": 2, "arrays": []}}, "arrays": []}',
+            '{"value": {"array": 0}, "arrays": [["<f8", Infinity]]}',
+        ),
+    }.items()
+    for text in texts
 }  # fmt: skip
 """Messages in the place of the sandbox's second one and of an answer."""
