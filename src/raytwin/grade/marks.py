@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -118,74 +119,83 @@ def _mark_stage(exercise: Exercise, asked: list[Question]) -> Marked:
     )
 
 
+class _Found(NamedTuple):
+    """What is said of an exercise's pictures; `faults`: (name, sentence) of each mistake."""
+
+    sentences: tuple[str, ...] = ()
+    faults: tuple[tuple[str, str], ...] = ()
+    sureness: str = ""
+
+
 class _Causes:
     """What made pictures wrong, looked for in all of them at once, since one tracer made them.
 
-    `failed`: functions that fail on their own, and that pictures are made of. What is right once they are replaced is
-    theirs. What is still wrong then has a cause `beside` them, if the pictures changed and came no further off.
+    `failed`: functions that fail on their own, and that pictures are made of. In this order:
+    what is right once they are replaced is `theirs`, unless the pictures name a cause that the functions do not;
+    one diagnosis of the pictures as they were handed in, `together`;
+    and where right functions leave less wrong, one `beside` them, of the pictures that they made.
     """
 
     def __init__(self, checked: Mapping[int, CheckedPicture], helped: Helped, failed: list[Marked], seed: int,
         seen: Mapping[str, int],
     ) -> None:  # fmt: skip
         self.checked, self.helped, self.failed, self.seed, self.seen = checked, helped, failed, seed, seen
-        self.seconds = SECONDS
+        self.seconds, self.functions = SECONDS, " and ".join(helped.names)
         known = bool(failed) and all(m.faults for m in failed)
         left = [k for k, (_, again) in helped.again.items() if not again.part.passed]
+        cured = bool(helped.again) and not left
         self.beside = any(_is_nearer(checked[k], helped.again[k][1]) for k in left)
-        self.theirs = bool(helped.again) and not left
-        self.others: Diagnosis | None = None
         self.together: Diagnosis | None = None
         if not (known and self.beside):
-            own = [c for k, c in checked.items() if not (known and self.theirs and k in helped.again)]
-            self.together = self._of(own)
-            self.theirs = self.theirs and (known or not (self.together and self.together.causes))
-        if self.beside and not (self.together and self.together.causes):
-            self.others = self._of([helped.again[k][1] if k in helped.again else c for k, c in checked.items()])
-            if not (self.others and self.others.causes):
-                self.others = None
-                self.together = self.together or self._of(list(checked.values()))
+            explained = helped.again if known and cured else {}
+            self.together = self._diagnosed([c for k, c in checked.items() if k not in explained])
+        named = self.together is not None and bool(self.together.causes)
+        self.theirs = cured and (known or not named)
+        self.rest: Diagnosis | None = None
+        if self.beside and not named:
+            found = self._diagnosed([helped.again[k][1] if k in helped.again else c for k, c in checked.items()])
+            if found is not None and found.causes:
+                self.rest = found
+            else:
+                self.together = self.together or self._diagnosed(list(checked.values()))
 
-    def _of(self, checked: Sequence[CheckedPicture], most: int = 2) -> Diagnosis | None:
-        """None if nothing is wrong or there are no numbers."""
+    def _diagnosed(self, checked: Sequence[CheckedPicture], most: int = 2) -> Diagnosis | None:
+        """None if nothing is wrong, there are no numbers, or no time is left."""
         views = [c.view for c in checked if c.view is not None]
-        if self.seconds <= 0 or not any(c.view is not None and not c.part.passed for c in checked):
+        if self.seconds <= 0 or not _has_wrong_numbers(checked):
             return None
         began = time.thread_time()
         found = diagnose(views, self.seed, most=most, seconds=self.seconds, seen=self.seen)
         self.seconds -= time.thread_time() - began
         return found
 
-    def of(
-        self, asked: Sequence[Question]
-    ) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...], tuple[str, ...], str]:
-        """Return sentences, (name, sentence) of each mistake, all names, and how sure that is, for one exercise."""
-        wrong = [a for a in asked if not self.checked[id(a)].part.passed]
+    def of(self, asked: Sequence[Question]) -> _Found:
+        """Return what is said of one exercise."""
         mine = [self.checked[id(a)] for a in asked]
-        if wrong and all(map(self.helped.cured, wrong)) and self.failed and (self.theirs or self.others):
+        wrong = [a for a, c in zip(asked, mine, strict=True) if not c.part.passed]
+        instead = f"with a right {self.functions} in place of yours"
+        if wrong and all(map(self.helped.cured, wrong)) and self.failed and (self.theirs or self.rest):
             faults = tuple(dict.fromkeys(fault for m in self.failed for fault in m.faults))
             sureness = max((m.sureness for m in self.failed), key=SUREST.index) if faults else ""
-            said = f"with a right {self._names()} in place of yours this is right: begin there"
-            return (said,), faults, tuple(name for name, _ in faults), sureness
-        if not any(c.view is not None and not c.part.passed for c in mine):
-            return (), (), (), ""
-        if self.others is not None:
-            first, *rest = student_words(self.others)
-            faults = tuple((c.name, c.sentence) for c in self.others.causes)
-            said = f"with a right {self._names()} in place of yours one mistake is left: {first}"
-            return (said, *rest), faults, tuple(name for name, _ in faults), self.others.sureness
-        found = self.together
+            return _Found((f"{instead} this is right: begin there",), faults, sureness)
+        if not _has_wrong_numbers(mine):
+            return _Found()
+        found = self.rest or self.together
         if found is not None and not found.causes:
-            found = self._of(mine, most=1) or found
+            found = self._diagnosed(mine, most=1) or found
             # What other pictures speak against is not proved.
             found = replace(found, sureness="likely" if found.causes else "unknown")
         if found is None:
-            return (), (), (), ""
+            return _Found()
+        first, *more = student_words(found)
+        if self.rest is not None:
+            first = f"{instead} one mistake is left: {first}"
         faults = tuple((c.name, c.sentence) for c in found.causes)
-        return student_words(found), faults, tuple(c.name for c in found.causes), found.sureness if faults else ""
+        return _Found((first, *more), faults, found.sureness if faults else "")
 
-    def _names(self) -> str:
-        return " and ".join(self.helped.names)
+
+def _has_wrong_numbers(checked: Sequence[CheckedPicture]) -> bool:
+    return any(c.view is not None and not c.part.passed for c in checked)
 
 
 def _is_nearer(before: CheckedPicture, after: CheckedPicture) -> bool:
@@ -201,8 +211,8 @@ def _mark_pictures(exercise: Exercise, asked: list[Question], causes: _Causes) -
     checked = [causes.checked[id(a)] for a in asked]
     parts = [c.part for c in checked]
     status = _status(parts, asked)
-    said, faults, names, sureness = causes.of(asked)
-    sentences = (*said, *dict.fromkeys(p.problem for p in parts if p.problem))
+    found = causes.of(asked)
+    sentences = (*found.sentences, *dict.fromkeys(p.problem for p in parts if p.problem))
     if not sentences and status == "pass":
         sentences = (f"right in all {len(parts)} pictures" if len(parts) > 1 else "the picture is right",)
     sentences = (*sentences, *dict.fromkeys(a.made_of for a in asked if a.made_of))
@@ -220,9 +230,9 @@ def _mark_pictures(exercise: Exercise, asked: list[Question], causes: _Causes) -
         unit="of the picture's scale" if exercise.stage == "render" else "m",
         tolerance=asked[0].tolerance.p999_abs,
         sentences=sentences or ("wrong; no single common mistake fits",),
-        causes=names,
-        sureness=sureness,
-        faults=faults,
+        causes=tuple(name for name, _ in found.faults),
+        sureness=found.sureness,
+        faults=found.faults,
         fingerprint=_fingerprint(asked, checked) if status == "fail" else "",
         parts=tuple(parts),
     )
