@@ -1,7 +1,9 @@
 """The tracer at any points of the image plane: what speculation and drawing into photos ask for."""
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 
 from raytwin.array_types import Bool, Float32, Int32
@@ -10,8 +12,9 @@ from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Shape
 from raytwin.scene.lens import rayless
+from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
-from raytwin.speed.fast_world import FastWorld, Ray
+from raytwin.speed.fast_world import FastWorld, ObjectList, Ray
 from raytwin.speed.frame import EyeScene
 from raytwin.tracer.hit import Hit
 from raytwin.tracer.pixel_to_ray import to_board
@@ -50,8 +53,7 @@ def trace_points(
     colour, ids, blocker = np.empty((m, 3), np.float32), np.empty(m, np.int32), np.full(m, AWAY, np.int32)
     place = np.empty((m, 3), np.float32) if point else None
     shaded = RUNGS[rung].shadows
-    world, step = view.everywhere, CHUNK if view.engine.is_numpy else max(m, 1)
-    for part in (slice(start, start + step) for start in range(0, m, step)):
+    for part, world in _parts(view, u, v):
         with np.errstate(all="ignore"):
             hit = first_hit(world, EYE, view.ray(*(from_numpy(view.engine, a[part]) for a in (u, v))))
             layers = [(colour[part], RADIANCE[rung](hit, view.light, world, view.camera)), (ids[part], (hit.ids,))]
@@ -79,3 +81,18 @@ def _blocker(hit: Hit, to_sun: Vec, world: FastWorld) -> Any:
 
     none = (select(hit.inside, hit.ids, LIT),)
     return world.casters.fold(Ray(hit.point, to_sun, hit), none, block)[0]
+
+
+def _parts(view: EyeScene, u: np.ndarray, v: np.ndarray) -> Iterator[tuple[slice, FastWorld]]:
+    """The points in portions, each with the objects that it may see; any object may shade these."""
+    if len(u) and view.engine.is_numpy:
+        camera = view.local.camera  # the lattice's last points may lie beyond its frame
+        size = max(camera.width, int(u.max()) + 2), max(camera.height, int(v.max()) + 2)
+        x0, y0, x1, y1 = trim_boxes(view.local.objects, msgspec.structs.replace(camera, image_size=size)).T
+        for start in range(0, len(u), CHUNK):
+            part = slice(start, start + CHUNK)
+            x, y = u[part], v[part]
+            near = (x0 - 1 < x.max()) & (x.min() < x1) & (y0 - 1 < y.max()) & (y.min() < y1)
+            yield part, view.world(ObjectList(view.table, np.flatnonzero(near).tolist()), view.one_by_one)
+    elif len(u):
+        yield slice(None), view.everywhere
