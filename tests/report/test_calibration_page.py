@@ -164,7 +164,7 @@ def test_each_model_tried_has_its_reason():
     assert [t.model for t in told.values() if t.taken] == ["k1"]
     assert told["none"].why == "2 times the best"
     assert told["k1"].why == "the smallest that predicts as well as the best"
-    assert told["k1k2k3"].why == "larger than needed"
+    assert told["k1k2k3"].why == "as good"
     assert told["full5"].why == "larger than needed; the lens folds back inside the frame"
     assert told["full5, bent 2"].why == "the fit does not converge"
     assert trial_rows({}, "k1", 20) == []

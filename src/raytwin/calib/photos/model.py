@@ -60,11 +60,6 @@ def name(form: ModelSpec) -> str:
     return form.model if form.degree == 0 else f"{form.model}, bent {form.degree}"
 
 
-def degree_of(trial: str) -> int:
-    """Return the degree of the boards' heights from a trial's name; 0 is flat."""
-    return int(trial.rpartition(", bent ")[2]) if ", bent " in trial else 0
-
-
 def held_out(found: Fit) -> float:
     """The mean over the photos of the rms distance in each, pixels, in the fit without it: its pose alone is fitted to
     it.
@@ -176,23 +171,15 @@ def trial_rows(trials: Mapping[str, ModelTrial], taken: str, photos: int) -> lis
 
     `photos`: how many there were; of few, all coefficients are fitted, and the others shown beside.
     """
-    lenses = {n.split(",")[0] for n in trials}
-    few = photos < FEW_PHOTOS and len(lenses) > 1 and taken.split(",")[0] == LADDER[-1]
+    chosen = "the smallest that predicts as well as the best"
+    if photos < FEW_PHOTOS:
+        chosen = "too few photos to choose a smaller one by"
     best = min((t.held_out_px for t in trials.values()), default=math.inf)
     rows = []
     for model, trial in trials.items():
         times = trial.held_out_px / best
-        if model == taken:
-            why = (
-                "too few photos to choose a smaller one by" if few else "the smallest that predicts as well as the best"
-            )
-            why += "; its shape the richest that does" if degree_of(taken) else ""
-        elif times > AS_WELL:
-            why = f"{times:.3g} times the best" if math.isfinite(times) else ""
-        elif degree_of(model) < degree_of(taken):
-            why = "a poorer shape"
-        else:
-            why = "as good on few photos" if few else "larger than needed"
-        why = "; ".join(filter(None, (why, trial.doubt)))
-        rows.append(TrialRow(model, trial.held_out_px, model == taken, why))
+        why = "as good" if times <= AS_WELL else f"{times:.3g} times the best"
+        why = chosen if model == taken else why
+        why = why if math.isfinite(times) else ""
+        rows.append(TrialRow(model, trial.held_out_px, model == taken, "; ".join(filter(None, (why, trial.doubt)))))
     return rows
