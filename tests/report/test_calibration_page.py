@@ -2,7 +2,6 @@
 
 import base64
 import io
-import math
 import re
 from xml.etree import ElementTree
 
@@ -12,8 +11,7 @@ import pytest
 from PIL import Image as Pillow
 
 from raytwin.calib import boards, photos
-from raytwin.calib.photos import ModelTrial, uncertainty_map
-from raytwin.calib.photos.model import trial_rows
+from raytwin.calib.photos import uncertainty_map
 from raytwin.report import calibration_page, terminal_text, uncertainty_pictures
 from raytwin.report.calibration_page import photo_rows
 from raytwin.report.calibration_pictures import BOARD, MEAN, WORST, pose_drawing, residual_drawing
@@ -149,25 +147,6 @@ def test_a_boards_picture_is_brightest_where_it_is_highest_one_file_a_board(cali
     ranks = [np.argsort(np.argsort(a[::7, ::7].ravel())) for a in (green, x * y)]
     assert np.corrcoef(*ranks)[0, 1] > 0.9  # contours are white
     assert np.ptp(flat) == 0
-
-
-def test_each_model_tried_has_its_reason():
-    trials = {
-        "full5": ModelTrial(1.0, "the lens folds back inside the frame"),
-        "full5, bent 2": ModelTrial(math.inf, "the fit does not converge"),
-        "k1k2k3": ModelTrial(1.001),
-        "k1": ModelTrial(1.005),
-        "none": ModelTrial(2.0),
-    }
-    told = {t.model: t for t in trial_rows(trials, "k1", 20)}
-    assert list(told) == list(trials)
-    assert [t.model for t in told.values() if t.taken] == ["k1"]
-    assert told["none"].why == "2 times the best"
-    assert told["k1"].why == "the smallest that predicts as well as the best"
-    assert told["k1k2k3"].why == "as good"
-    assert told["full5"].why == "larger than needed; the lens folds back inside the frame"
-    assert told["full5, bent 2"].why == "the fit does not converge"
-    assert trial_rows({}, "k1", 20) == []
 
 
 def test_the_summary_marks_the_model_that_was_taken(calibration):

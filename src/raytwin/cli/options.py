@@ -228,7 +228,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("Write the camera, as TOML, and a page beside it.", "FILE", *OUT),
         "uncertainty": _opt("Draw each pixel's uncertainty.", "FILE.svg"),
         "bend": _opt("Draw how the board bends; a second board goes to FILE_2.svg.", "FILE.svg"),
-        "against": _opt("Compare the projections of another camera.", "OTHER.toml"),
     },
     "light": {
         "photos": _arg("Photos of one board under one light, or their folder.", "PHOTO..."),

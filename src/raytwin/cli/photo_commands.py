@@ -15,7 +15,7 @@ MIRROR, ORANGE = (0.9, 0.9, 0.9), (0.75, 0.35, 0.08)
 
 def calibrate_command(
     photos: list[Path], board: list[Path], model: str = "auto", photo: str | None = None, json: Path | None = None,
-    out: Path | None = None, uncertainty: Path | None = None, bend: Path | None = None, against: Path | None = None,
+    out: Path | None = None, uncertainty: Path | None = None, bend: Path | None = None,
 ) -> None:  # fmt: skip
     """Calibrate a camera from photos of a board.
 
@@ -30,13 +30,11 @@ def calibrate_command(
     for option, picture in (("--uncertainty", uncertainty), ("--bend", bend)):
         if picture and picture.suffix.lower() != ".svg":
             raise InputError(option, "a name that ends in .svg", picture)
-    other = files.read_camera(against) if against else None
     definitions = [boards.read_board(path) for path in board]
     paths = [path for named in photos for path in files.list_photos(named)]
     with show_progress() as progress:
         check_one_of("--photo", photo or paths[0].name, (p.name for p in paths))
         calibration = taken.calibrate(paths, definitions, model=model, progress=progress)
-        apart = taken.projection_difference(calibration, other) if other else None
         with progress.stage("page"):
             if out:
                 _write_camera(out, calibration, paths, definitions, photo)
@@ -48,8 +46,6 @@ def calibrate_command(
     if json:
         files.write_json(json, calibration.numbers())
     say_wrapped(terminal_text.calibration_summary(calibration))
-    if apart:
-        say_wrapped(terminal_text.difference_summary(apart))
     print_seconds(progress)
 
 

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from raytwin.calib.photos import Calibration, ProjectionDifference
+    from raytwin.calib.photos import Calibration
     from raytwin.compare import Comparison
     from raytwin.workflows.compare_scene import Result
     from raytwin.workflows.diff_files import Diff
@@ -71,15 +71,6 @@ def intrinsics(calibration: "Calibration") -> dict[str, float]:
     k = calibration.K
     found = {"fx": k[0][0], "fy": k[1][1], "cx": k[0][2], "cy": k[1][2]}
     return found | dict(zip(("k1", "k2", "p1", "p2", "k3"), calibration.dist, strict=False))
-
-
-def difference_summary(found: "ProjectionDifference") -> str:
-    """Median, 95th percentile and worst of the projection difference, and what was fitted."""
-    fitted = f"turned by {found.turn_degrees:.3g} degrees, shifted by {1e3 * found.shift_metres:.3g} mm"
-    return (
-        f"against the other camera at {found.distance:.3g} m: median {found.median:.3g} px, 95 % {found.p95:.3g} px, "
-        f"worst {found.worst:.3g} px ({fitted})"
-    )
 
 
 def augment_summary(rows: list[dict[str, Any]]) -> str:

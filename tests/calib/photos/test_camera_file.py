@@ -16,6 +16,7 @@ from raytwin.calib.photos import (
     with_shape,
     write_camera_file,
 )
+from raytwin.cli.photo_commands import calibrate_command
 from raytwin.errors import InputError
 from raytwin.workflows import augment_photos
 
@@ -81,3 +82,12 @@ def test_a_shape_that_is_none_is_refused_with_its_place(tmp_path):
     (tmp_path / "c.toml").write_text(text.replace("degree = 2", 'degree = "two"'))
     with pytest.raises(InputError, match=r"c.toml: boards\[0\].heights.degree: expected a whole number"):
         read_board_shapes(tmp_path / "c.toml")
+
+
+def test_calibrate_writes_the_camera_with_its_boards_shape(shoot, tmp_path):
+    write_board(tmp_path / "board.toml", BOARD)
+    photos = sorted(shoot(14, bend=3e-3)[0].glob("*.jpg"))
+    calibrate_command(photos, [tmp_path / "board.toml"], model="k1k2", out=tmp_path / "camera.toml")
+    (shape,) = read_board_shapes(tmp_path / "camera.toml")
+    assert shape.board == BOARD.digest
+    assert files.read_camera(tmp_path / "camera.toml").fx == pytest.approx(a_camera().fx, rel=1e-3)

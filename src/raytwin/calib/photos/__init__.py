@@ -13,10 +13,8 @@ from raytwin.calib.photos.calibration_result import (
     View,
     model_table,
 )
-from raytwin.calib.photos.camera_difference import ProjectionDifference, projection_difference
 from raytwin.calib.photos.camera_file import read_board_shapes, with_shape, write_camera_file
 from raytwin.calib.photos.detection import NoTags, Tag, detect, detect_photo, detect_photos
-from raytwin.calib.photos.diagnostics import CODES
 from raytwin.calib.photos.lens_model import project
 from raytwin.calib.photos.model import ModelTrial
 from raytwin.calib.photos.pose import (

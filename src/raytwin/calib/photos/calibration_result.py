@@ -39,7 +39,7 @@ class FoundBoard(Record, frozen=True):
 
 
 class CalibrationWarning(Record, frozen=True):
-    """What speaks against a calibration: `code` is stable (diagnostics.CODES), `text` is for people."""
+    """What speaks against a calibration: `code` is stable, `text` is for people."""
 
     code: str
     text: str

@@ -3,6 +3,8 @@
 Six photos from one side fit anything. The evidence is how well the views determine the camera: standard deviations,
 square pixels, a principal point near the middle, board normals that spread, and a covered frame; and whether one photo,
 or the board, is at odds with all the rest.
+
+Every warning's code is stable: tools may test for it. docs/explanation/calibration.md lists what each says.
 """
 
 import math
@@ -19,24 +21,6 @@ from raytwin.calib.photos.fit import Fit, Sighting, fit, matched
 from raytwin.calib.photos.uncertainty import FitUncertainty, fit_uncertainty, uncertainty_map
 from raytwin.errors import InputError
 from raytwin.scene.lens import SIDE, undone
-
-CODES = {
-    "swapped-orientation": "photos whose width and height are those of the others, swapped: left out",
-    "mixed-orientation": "EXIF orientations differ: some photos' pixels may have been turned",
-    "other-size": "photos of another size than most: left out",
-    "no-tags": "photos that were left out, and why",
-    "few-views": "fewer views than a calibration should rest on",
-    "degenerate-views": "views too alike to separate focal length, centre and distortion",
-    "bare-side": "a side of the frame without tags, where the camera is known badly",
-    "mirrored-board": "the board's description is a mirror image of the board",
-    "board-pitch": "the board's description is longer or shorter in y than the board: fitted along with the camera",
-    "bent-board": "the board is bent: its shape was fitted along with the camera",
-    "odd-photo": "a photo that another camera, zoom or orientation may have taken",
-    "unconverged-distortion": "a part of the frame where the distortion has no inverse: no photo shows the lens there",
-    "outlier-tags": "tags that were rejected because they disagree with all others",
-    "ambiguous-pose": "views whose pose could be either of two",
-}
-"""Every code, and what it means. Codes are stable: tools may test for them."""
 
 FEW_VIEWS = 8
 """Photos: with fewer a warning says how far the focal length may be off."""
