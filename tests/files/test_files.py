@@ -1,9 +1,7 @@
 """Files in and out: what is wrong with an input is said with file, field, what was expected and what was found."""
 
-import contextlib
 import io
 import os
-import pickle
 import re
 import subprocess
 import sys
@@ -23,7 +21,7 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image as Pillow
 
 from raytwin import files
-from raytwin.errors import InputError, MachineError
+from raytwin.errors import InputError
 from raytwin.image import Image, Surface
 from raytwin.scene import Camera, Lambert, Rectangle, Sphere
 
@@ -164,22 +162,18 @@ def test_what_is_not_there_or_not_text_is_named(tmp_path):
 UNDER_A_MAP = re.sub(r"\nradiance = .*", '\nmap = "{}"\nscale = 2.0\nrotation = 90.0', SCENE)
 
 
-@pytest.mark.parametrize("ending", ["exr", "hdr"])
-def test_a_map_is_read_scaled_turned_and_part_of_the_scenes_hash(tmp_path, ending):
-    import cv2
-
+def test_a_map_is_read_scaled_turned_and_part_of_the_scenes_hash(tmp_path):
     from raytwin.references import scene_hash
 
     pixels = np.zeros((4, 8, 3), np.float32)
     pixels[:, 4] = 0.5
     files.write_exr(tmp_path / "x.exr", Image(pixels, samples=0))
-    cv2.imwrite(str(tmp_path / "x.hdr"), pixels)  # 0 and a half, which RGBE holds
-    scene = files.read_scene(write_scene(tmp_path, UNDER_A_MAP.format(f"x.{ending}")))
+    scene = files.read_scene(write_scene(tmp_path, UNDER_A_MAP.format("x.exr")))
     found = scene.scene.environment
     np.testing.assert_array_equal(found.radiance, 2 * pixels)
     np.testing.assert_allclose(np.array(found.R_map_board) @ (-1, 0, 0), (0, 1, 0), atol=1e-15)  # the middle, turned
     before = scene_hash(scene)
-    files.write_exr(tmp_path / f"x.{ending}", Image(pixels + 1, samples=0))
+    files.write_exr(tmp_path / "x.exr", Image(pixels + 1, samples=0))
     assert scene_hash(files.read_scene(tmp_path)) != before
 
 
@@ -353,11 +347,6 @@ def test_a_pipe_is_written_into_and_not_replaced(tmp_path):
     assert (tmp_path / "pipe").is_fifo()
 
 
-def test_an_error_keeps_its_fields_between_processes():
-    error = pickle.loads(pickle.dumps(MachineError("engine", "a GPU", "none")))
-    assert (type(error), str(error)) == (MachineError, "engine: expected a GPU, got none")
-
-
 def test_json_holds_records_arrays_and_no_nan(tmp_path):
     value = {
         "a": np.array([[1.5, np.nan]]),
@@ -415,19 +404,18 @@ def test_a_photo_read_as_grey_is_the_luma_of_its_colours(tmp_path, name):
     assert np.abs(grey - luma).max() <= 2
 
 
-@pytest.mark.parametrize("orientation", [3, 6, 8])
-def test_an_exif_orientation_is_told_and_not_applied(tmp_path, orientation):
+def test_an_exif_orientation_is_told_and_not_applied(tmp_path):
     pixels = np.zeros((40, 60, 3), np.uint8)
     pixels[:20, :30] = 255
     exif = Pillow.Exif()
-    exif[0x0112] = orientation
+    exif[0x0112] = 6
     Pillow.fromarray(pixels).save(tmp_path / "turned.jpg", exif=exif, quality=95)
     found = files.read_photo(tmp_path / "turned.jpg")
     assert found.shape == (40, 60, 3)
     assert found[5, 5, 0] > 250
     assert found[35, 55, 0] < 5
     assert files.photo_size(tmp_path / "turned.jpg") == (60, 40)
-    assert files.photo_orientation(tmp_path / "turned.jpg") == orientation
+    assert files.photo_orientation(tmp_path / "turned.jpg") == 6
     files.write_picture(tmp_path / "plain.jpg", pixels)
     assert files.photo_orientation(tmp_path / "plain.jpg") == 1
 
@@ -455,27 +443,6 @@ def test_a_wrong_photo_is_named(tmp_path):
         files.read_photo(tmp_path / "none.jpg")
     with pytest.raises(InputError, match="got a folder"):
         files.photo_size(tmp_path)
-
-
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    kind=st.sampled_from(["JPEG", "PNG"]),
-    where=st.floats(0, 0.999),
-    new=st.binary(min_size=1, max_size=12),
-    cut=st.booleans(),
-)
-@pytest.mark.filterwarnings("ignore::UserWarning")  # Pillow's own, about odd metadata
-def test_a_damaged_photo_is_an_input_error_or_an_array(tmp_path, kind, where, new, cut):
-    buffer = io.BytesIO()
-    exif = Pillow.Exif()
-    exif[0x0112] = 6
-    Pillow.fromarray(photo(np.random.default_rng(3), 24, 32)).save(buffer, kind, exif=exif)
-    data = buffer.getvalue()
-    at = int(where * len(data))
-    (tmp_path / "x").write_bytes(data[:at] + new + (b"" if cut else data[at + len(new) :]))
-    for read in (files.read_photo, files.read_grey, files.photo_size, files.photo_orientation):
-        with contextlib.suppress(InputError):
-            read(tmp_path / "x")
 
 
 # ------------------------------------------------------------------------------------------------ EXR

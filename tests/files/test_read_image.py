@@ -44,20 +44,10 @@ def test_a_pfms_scale_multiplies(tmp_path):
     assert files.read_image(tmp_path / "x.pfm").mean.ravel().tolist() == [7.5] * 3
 
 
-@pytest.mark.parametrize("width", [5, 400])
-def test_a_radiance_hdr_is_read_as_opencv_reads_it(tmp_path, width):
-    pixels = np.random.default_rng(4).random((20, width, 3)).astype(np.float32) ** 8 * 100
-    pixels[3:9, 5:] = 0.25  # runs
-    cv2.imwrite(str(tmp_path / "x.hdr"), pixels)
-    found = files.read_image(tmp_path / "x.hdr").mean
-    np.testing.assert_array_equal(found, cv2.imread(str(tmp_path / "x.hdr"), cv2.IMREAD_UNCHANGED)[..., ::-1])
-    assert (np.abs(found - pixels[..., ::-1]) <= pixels.max(-1, keepdims=True) / 127).all()
-
-
 # ------------------------------------------------------------------------------------------ sRGB
 
 
-@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("channels", [1, 4])
 def test_sixteen_bits_of_a_png_are_kept(tmp_path, channels):
     codes = np.random.default_rng(5).integers(0, 65536, (9, 11, channels), dtype=np.uint16)
     cv2.imwrite(str(tmp_path / "x.png"), codes)
@@ -97,21 +87,12 @@ def test_a_part_is_chosen_by_name_or_number(tmp_path, a):
     with OpenEXR.File(parts) as file:
         file.write(str(path))
     np.testing.assert_array_equal(files.read_image(path).mean, a)  # the first with colours
+    assert files.read_image(path, part="direct").variance is None
     for part in ("direct", "2"):
         np.testing.assert_array_equal(files.read_image(path, part=part).mean, 2 * a)
     np.testing.assert_array_equal(files.read_image(path, part="depth").mean, np.repeat(a[..., :1], 3, -1))
     with pytest.raises(InputError, match="part: expected one of depth, beauty, direct, got 3"):
         files.read_image(path, part="3")
-
-
-def test_our_own_exr_keeps_its_variance_and_its_parts_can_be_chosen(tmp_path, a):
-    files.write_image(tmp_path / "x.exr", Image(a, a / 9, 64, None, 8))
-    found = files.read_image(tmp_path / "x.exr")
-    np.testing.assert_array_equal(found.variance, a / 9)
-    assert (found.samples, found.batches) == (64, 8)
-    found = files.read_image(tmp_path / "x.exr", part="variance")
-    np.testing.assert_array_equal(found.mean, a / 9)
-    assert found.variance is None
 
 
 def test_a_data_window_off_the_origin_gives_the_data(tmp_path, a):

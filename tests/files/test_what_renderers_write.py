@@ -76,14 +76,6 @@ def test_luminance_and_chroma_are_refused(tmp_path):
         files.read_image(path)
 
 
-@pytest.mark.parametrize(("mode", "size"), [("RGBA", (1, 1)), ("1", (3, 5)), ("LA", (17, 9))])
-def test_whole_pngs_of_every_kind_are_read(tmp_path, mode, size):
-    from PIL import Image as Pillow
-
-    Pillow.new(mode, size).save(tmp_path / "x.png")
-    assert files.read_image(tmp_path / "x.png").mean.shape == (size[1], size[0], 3)
-
-
 def test_rounding_is_half_a_step_at_every_value(tmp_path):
     from PIL import Image as Pillow
 

@@ -5,7 +5,6 @@ from math import pi
 import msgspec
 import numpy as np
 import pytest
-from engines import plain_paths
 from truths import camera_above
 
 from raytwin import speed
@@ -153,14 +152,6 @@ def test_the_light_of_a_map_on_an_open_sheet_is_its_irradiance_by_quadrature(spo
     error = np.sqrt(image.variance.sum(axis=(0, 1))) / 64
     assert (abs(image.mean.mean(axis=(0, 1)) - light) < 4.5 * error).all()
     assert (error < 0.02 * light).all()
-
-
-def test_every_engine_follows_the_same_paths_under_a_map(overlap, spotted, engine):
-    scene = lit_by(overlap.with_camera(overlap.camera.resized(24, 18)), spotted)
-    found = speed.walk(scene, "path", engine, samples=3, depth=3)
-    plain = plain_paths(scene, 3, 3)
-    close = 1e-6 if ENGINES[engine].bits == 64 else 2e-4
-    assert np.quantile(abs(found.mean - plain.mean), 0.99) < close * plain.mean.max()
 
 
 def test_the_background_is_the_map_in_every_way_to_trace(overlap, spotted, engine):
