@@ -205,7 +205,7 @@ COLUMNS = ("by", "sky", "lights", "sun, degrees", "worst", "z", "E", "z of E", "
            "codes", "true light")  # fmt: skip
 
 
-def report(rows: list[dict]) -> None:
+def report(rows: list[dict], first: int) -> None:
     """A row per mode and kind of sky: root mean squares, of codes the median."""
     table = []
     for mode in MODES:
@@ -224,7 +224,8 @@ def report(rows: list[dict]) -> None:
                 f"{100 * rms['Ls']:.1f} %", f"{rms['z_Ls']:.2f}", f"{100 * rms['irradiance']:.1f} %",
                 f"{np.median(column['codes']):.1f}", f"{np.median(column['codes_true']):.1f}",
             ))  # fmt: skip
-    record.table("light", "accuracy", COLUMNS, table, "python -m measure.light_accuracy judge FOLDER --first 300")
+    name = "accuracy" if first == 300 else f"lights-{first}"
+    record.table("light", name, COLUMNS, table, f"python -m measure.light_accuracy judge FOLDER --first {first}")
 
 
 def main() -> None:
@@ -248,7 +249,7 @@ def main() -> None:
                 for row in rows[-len(MODES) :]:
                     print({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}, flush=True)
         files.write_json(asked.folder / "judged.json", rows)
-        report(rows)
+        report(rows, asked.first)
 
 
 if __name__ == "__main__":
