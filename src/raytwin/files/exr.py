@@ -214,19 +214,15 @@ def _colours(
             raise InputError(f"{path}: part", f"one of {', '.join(parts)}", part)
         parts = {part: chosen}
     for channels in (p.channels for p in parts.values()):
-        if layer is not None:
-            named = {k.removeprefix(f"{layer}."): c for k, c in channels.items() if k.startswith(f"{layer}.")}
-            found = _triple(named, ("RGB", "XYZ", "Y")) or ([channels[layer]] if layer in channels else None)
-        else:
-            found = _triple(channels, ("RGB",))
-            if found is None and {"X", "Y", "Z"} <= channels.keys() and part is None:
-                xyz = stack(channels[c].pixels for c in "XYZ")
-                return (xyz @ XYZ_TO_RGB.T.astype(np.float32)).astype(np.float32)
-            if found is None and {"RY", "BY"} & channels.keys():
-                raise InputError(path, "channels R, G, B", "luminance and chroma: Y, RY, BY")
-            found = found or _triple(channels, ("Y",) if part is None else ("XYZ", "Y"))
+        found = _triple(channels, ("RGB", "XYZ", "Y"), "" if layer is None else f"{layer}.")
+        if found is None and layer in channels:
+            found = [channels[layer]]
+        if layer is None and "R" not in channels and {"RY", "BY"} & channels.keys():
+            raise InputError(path, "channels R, G, B", "luminance and chroma: Y, RY, BY")
         if found:
-            return stack((found * 3)[:3][i].pixels for i in range(3))
+            pixels = stack((found * 3)[:3][i].pixels for i in range(3))
+            is_xyz = part is None and layer is None and found[0] is channels.get("X")  # else a normal, say
+            return pixels @ XYZ_TO_RGB.T.astype(np.float32) if is_xyz else pixels
     layers = _layers(parts)
     if layer is not None:
         raise InputError(f"{path}: layer", f"one of {', '.join(layers) or 'none'}", layer)
