@@ -56,6 +56,9 @@ MOST_PIXELS = 1500
 THIN = 0.25
 """Width over height of the widest upright: the shadow of a dice is no bar, and ends at a corner."""
 
+LONGER = 1.2
+"""A shadow so much longer than the streak is fitted again, with the pixels about all of it."""
+
 SEEN = 0.06
 """How much darker than full light the shadow must be, and how much the upright must differ from the paper behind."""
 
@@ -89,10 +92,18 @@ class Shadow:
         return x[1] / x[0], 0.01 + left.std(axis=0) / np.sqrt(dark)
 
 
-def find_shadow(photos: list[LinearPhoto], sheet: Sheet, stand: tuple[float, float, float]) -> Shadow | None:
-    """The shadow of the upright (x, y of its foot, height) on the sheet; None where none is seen."""
+def find_shadow(
+    photos: list[LinearPhoto],
+    sheet: Sheet,
+    stand: tuple[float, float, float],
+    streak: tuple[float, float] | None = None,
+) -> Shadow | None:
+    """The shadow of the upright (x, y of its foot, height) on the sheet; None where none is seen.
+
+    `streak`: about where it ends, less the foot, where that is known already.
+    """
     foot, height = np.array(stand[:2]), stand[2]
-    streak = _darkest_streak(photos, sheet, foot, height)
+    streak = streak or _darkest_streak(photos, sheet, foot, height)
     tip = np.array(streak or (0.0, 0.0))
     parts = [_pixels_about(photo, k, sheet, foot, tip, height) for k, photo in enumerate(photos)]
     photo, uv, xy, value, white, size, noise = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -127,6 +138,8 @@ def find_shadow(photos: list[LinearPhoto], sheet: Sheet, stand: tuple[float, flo
     fits = [least_squares(error, x, loss="soft_l1", bounds=(low, high), x_scale=0.1 * sd, max_nfev=60) for x in starts]
     fit = min(fits, key=lambda f: f.cost)
     x, (cover, upright) = fit.x, bars(fit.x)
+    if streak and np.hypot(*x[3:5]) > LONGER * np.hypot(*streak):  # the pixels end before the shadow does
+        return find_shadow(photos, sheet, stand, (x[3], x[4]))
     levels, left = solved(x)
     if np.abs(levels[4:] / levels[0] - 1).max() < SEEN:
         raise InputError(
