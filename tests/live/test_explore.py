@@ -42,12 +42,6 @@ LONG = PATIENCE / 1000
 """Seconds to wait for anything."""
 
 
-@pytest.fixture(scope="module")
-def base(scenes):
-    written = files.read_scene(scenes / "overlap")
-    return written.with_camera(written.camera.resized(*SIZE))
-
-
 @contextlib.contextmanager
 def serving(server: Server) -> Iterator[None]:
     """The server at work in a thread of its own, which ends as Ctrl-C ends it."""

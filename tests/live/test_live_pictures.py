@@ -7,17 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from raytwin import files
 from raytwin.live.light_path import NEAR, _project
 from raytwin.live.progressive import picture, to_screen
 from raytwin.live.view_state import Look
 from raytwin.speed import trace
-
-
-@pytest.fixture(scope="module")
-def base(scenes):
-    written = files.read_scene(scenes / "overlap")
-    return written.with_camera(written.camera.resized(96, 72))
 
 
 def srgb(x: float) -> float:

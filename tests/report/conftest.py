@@ -23,10 +23,10 @@ from raytwin.workflows.compare_scene import Result
 
 @pytest.fixture(scope="session")
 def make_result(scenes) -> Callable[..., Result]:
-    """`make_result(scene="overlap", size=None, photos=False, rung="shadow", spoil=None)`; `spoil(tracer's image)`."""
+    """`make_result(size=(160, 120), photos=False, spoil=None)`; `spoil(tracer's image)`."""
 
-    def make(scene="overlap", size=(160, 120), photos=False, rung="shadow", spoil=None) -> Result:
-        written = files.read_scene(scenes / scene)
+    def make(size=(160, 120), photos=False, spoil=None) -> Result:
+        written, rung = files.read_scene(scenes / "overlap"), "shadow"
         stage = written.scene
         stage = stage.with_camera(stage.camera.resized(*size))
         tracer, twin = trace(stage, rung, "numpy64"), trace(stage, rung, "numpy32")
@@ -109,7 +109,7 @@ PROBE = """async () => {
   const until = async (test) => { while (!test()) await new Promise((done) => setTimeout(done, 20)); };
   const root = document.getElementById("viewer");
   await until(() => document.body.dataset.ready || root?.dataset.ready);
-  const viewer = root?.viewer, pause = () => new Promise((done) => setTimeout(done, 50)), drawn = () => viewer.drawn();
+  const viewer = root?.viewer, drawn = () => viewer.drawn();
   const texts = (id) => [...root.querySelectorAll(`.rt-${id} td`)].map((cell) => cell.textContent);
   const canvas = (key) => viewer.panes.get(key).canvas;
   const status = () => root.querySelector(".rt-status").textContent;
@@ -131,7 +131,7 @@ PROBE = """async () => {
 def browse(chromium) -> Callable[..., tuple[dict, list[str]]]:
     """`browse(page, address="", script="")`: what the script put into `result`, and what stood on the console.
 
-    The script runs in the ready page and knows `viewer`, `drawn()`, `pause()`, `texts(row)`, `status()`, `canvas(key)`,
+    The script runs in the ready page and knows `viewer`, `drawn()`, `texts(row)`, `status()`, `canvas(key)`,
     `read(canvas, x, y, width, height)` and `pixels(key, x, y, width, height)`. Nothing outside is reachable.
     """
 

@@ -1,0 +1,13 @@
+"""The scene that the live page is tested with."""
+
+import pytest
+
+from raytwin import files
+from raytwin.scene import SceneFile
+
+
+@pytest.fixture(scope="session")
+def base(scenes) -> SceneFile:
+    """96 x 72 pixels of the scene `overlap`."""
+    written = files.read_scene(scenes / "overlap")
+    return written.with_camera(written.camera.resized(96, 72))
