@@ -37,7 +37,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytwin.array_types import Bool, Float32, Float64, Int
-from raytwin.compare.blocks import SIDE, Counts, Means, Pixels, block_counts, block_sums, slide, strips, unblock
+from raytwin.compare.blocks import SIDE, Counts, Means, Pixels, block_counts, block_sums, slide, strips
 from raytwin.compare.exact import NoiseFree
 from raytwin.compare.finding import MOST_PLACES, Place, blocks_of
 from raytwin.compare.noise import (
@@ -50,7 +50,6 @@ from raytwin.compare.noise import (
     mutual,
     regularised,
     samples_behind,
-    spread,
     survey,
     variance_ratio,
 )
@@ -347,8 +346,7 @@ def _sums(
         if some_silent:
             v = np.where(silent, np.float32(0), v)
         found[key] = block_sums(v, rows)
-        unusual = spread(side.unusual[y0 // SIDE : y0 // SIDE + len(d) // rows], d.shape[1])
-        vv = doubt(unblock(v, rows), unblock(image.mean[y0 : y0 + len(d)], rows), unusual, nu).reshape(d.shape)
+        vv = doubt(v, image.mean[y0 : y0 + len(d)], nu)
         v = v / unit
         vv *= v
         vv *= v

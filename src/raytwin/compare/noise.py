@@ -47,14 +47,13 @@ def degrees_of_freedom(image: Image) -> float:
 
 
 class Side(NamedTuple):
-    """One image's noise: its mean variance, and per 8 x 8 block (by, bx, 3) the mean and what is unusual for a value.
+    """One image's noise: its mean variance, and that of each 8 x 8 block (by, bx, 3).
     Sums over its fireflies, per channel (3,): `first` of their contributions to their pixels, `second` of the squares;
     and where they are, (y, x, c).
     """
 
     mean: float
     blocks: Float32[np.ndarray, "by bx 3"]
-    unusual: Float32[np.ndarray, "by bx 3"]
     first: Float[np.ndarray, "3"]
     second: Float[np.ndarray, "3"]
     fireflies: tuple[Int[np.ndarray, " n"], ...]
@@ -70,15 +69,14 @@ def survey(image: Image) -> Side | None:
     v = image.variance
     if v is None:
         return None
-    blocks, unusual, sums, places = [], [], np.zeros((2, 3)), [np.zeros((3, 0), np.intp)]
+    blocks, sums, places = [], np.zeros((2, 3)), [np.zeros((3, 0), np.intp)]
     for y0, y1, rows in strips(v.shape):
         strip = v[y0:y1]
         count = block_counts(strip, rows)
         blocks.append((block_sums(strip, rows) / count).astype(np.float32))
         # (mean sqrt(v))^2 is typical of the block even when one value of it is huge.
         typical = np.square(block_sums(np.sqrt(strip), rows) / count)
-        unusual.append((FIREFLY * typical).astype(np.float32))
-        bright = unblock(strip, rows) > spread(unusual[-1], v.shape[1])
+        bright = unblock(strip, rows) > spread((FIREFLY * typical).astype(np.float32), v.shape[1])
         if bright.any():
             y, x, c = np.nonzero(bright.reshape(strip.shape))
             y, x, c = _fireflies(image.mean, v, y + y0, x, c)
@@ -89,7 +87,6 @@ def survey(image: Image) -> Side | None:
     return Side(
         float(v.mean(dtype=np.float64)),
         np.concatenate(blocks),
-        np.concatenate(unusual),
         sums[0],
         sums[1],
         tuple(np.concatenate(places, axis=1)),
@@ -137,13 +134,11 @@ def _fireflies(
     return y[alone], x[alone], c[alone]
 
 
-def doubt(
-    variance: Float[np.ndarray, "*n"], mean: Float[np.ndarray, "*n"], unusual: Float[np.ndarray, "..."], dof: float
-) -> Float32[np.ndarray, "*n"]:
+def doubt(variance: Float[np.ndarray, "*n"], mean: Float[np.ndarray, "*n"], dof: float) -> Float32[np.ndarray, "*n"]:
     """1 / ν of each value's variance, between 1 / dof and 1: how little is known of it.
 
     m² / v events of one size estimate their variance with a quarter of as many degrees of freedom (exponential
-    noise; the Gaussian's are more, and end at the batches'); a value that is unusual in its block, with one.
+    noise; the Gaussian's are more, and end at the batches'): a firefly's, which is one event, with one.
     """
     known = np.float32(1 / dof if dof > 0 else 1)
     out = np.square(mean, dtype=np.float32)
@@ -153,7 +148,6 @@ def doubt(
         out *= 4
     np.maximum(out, known, out=out)
     np.minimum(out, 1, out=out)
-    np.copyto(out, 1, where=variance > unusual)
     return np.asarray(out)
 
 
