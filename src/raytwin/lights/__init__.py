@@ -1,9 +1,10 @@
 """Light as rays meet it, in their frame and in the engine's floats.
 
-A light is a record, three functions and a row. The sun is one direction: its record in `Lighting` is all of it. What
-fills the sky has `radiance` (along a direction), `diffuse_irradiance` (E/π where nothing hides it) and `sample` (a
-direction and its density per steradian): constant_sky, environment_map. To add a light, write its record in
-`scene.lights`, a file like these two, its row in SKIES, and its row in `twin.sky.SKIES`.
+A scene has one sun and one sky. The sun is one direction: its record in `Lighting` is all of it. A sky is a
+`SkyLight`: `radiance` (along a direction), `diffuse_irradiance` (E/π where nothing hides it), and `sample` with
+`density` (a direction, and its density per steradian) if it is worth sampling: constant_sky, environment_map. To add a
+kind of sky, write its record in `scene.lights`, a file like these two, its row in SKIES (scene_lighting), and its row
+in `twin.sky.SKIES`.
 
 Read it in this order: scene_lighting, constant_sky, environment_map, sky_occlusion; lookup and envmap_tables are their
 tools.
