@@ -90,6 +90,7 @@ def test_a_planted_mistake_is_the_cause_that_is_told(name, cause):
     found = judge_function(stage, variant.change(stage.reference), seed=2)
     assert not found.passed
     assert (found.causes, found.sentence) == ((cause,), variant.sentence)
+    assert ("pixel u = " in found.inputs) == (name == "back_project")
 
 
 def test_a_slip_in_the_textbook_is_the_cause_that_its_picture_names():

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from raytwin.sandbox.lock import _threads_of
 from raytwin.sandbox.process_group import awake, members, nameless_bytes, processes_of_user, usage
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="/proc is Linux's")
@@ -66,6 +67,7 @@ def test_seconds_memory_processes_and_nameless_files_are_counted(program):
     assert nameless_bytes(group) == pytest.approx(4 << 20, rel=0.02)  # each file once, by name or mapping
     assert not awake(group)
     assert running.pid in set(processes_of_user(os.getuid()))
+    assert _threads_of(os.getuid()) > 1
 
 
 def test_a_group_that_is_not_there_uses_nothing(program):
