@@ -9,7 +9,7 @@ import pytest
 from raytwin.contract.check_function import call_stage, is_right
 from raytwin.contract.stage import Case
 from raytwin.contract.stage_table import CONTRACT
-from raytwin.diagnose.operators import edits, replaced
+from raytwin.diagnose.operators import edits
 from raytwin.diagnose.textbook import TEXT, tracer_with
 
 STATEMENTS = {s.name: s for s in ast.parse(TEXT).body if isinstance(s, ast.FunctionDef)}
@@ -21,7 +21,7 @@ def slipped(function, part, edit):
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            exec(compile(ast.Module([replaced(STATEMENTS[part], edit.old, edit.new)], []), "slip", "exec"), space)
+            exec(compile(ast.Module([edit.applied(STATEMENTS[part])], []), "slip", "exec"), space)
     except (SyntaxError, TypeError, ValueError):
         return None
     return space[function]

@@ -3,6 +3,7 @@
 import ast
 import marshal
 import types
+import warnings
 
 import numpy as np
 import pytest
@@ -12,9 +13,17 @@ from raytwin.contract.check_function import judge_function, repair_function
 from raytwin.contract.repair_function import _bounded_memory
 from raytwin.contract.stage import Case
 from raytwin.contract.stage_table import CONTRACT
-from raytwin.diagnose.operators import edits, replaced
-from raytwin.diagnose.repair import Repair, attempt, candidates, repair
+from raytwin.diagnose.operators import edits
+from raytwin.diagnose.repair import Repair, Runner, attempt, candidates, repair
+from raytwin.diagnose.schemata import SWITCH, schemata
 from raytwin.diagnose.textbook import TEXT
+
+
+def tried(space, chosen, argument, seconds=1.0):
+    loaded = {code: marshal.loads(code) for code in {c.code for c in chosen}}
+    settings = [c.setting for c in chosen]
+    return attempt(space, "f", [loaded[c.code] for c in chosen], [("f",)] * len(chosen), settings, (argument,), seconds)
+
 
 QUICK = [s for s in SLIPS if s.label in (
     "norm without axis", "return in the loop", "sum of everything", "or for and", "minimum", "sky without albedo",
@@ -67,8 +76,9 @@ def test_nothing_is_tried_on_a_text_that_is_not_known():
 
 def test_a_change_that_does_not_end_is_given_up_and_names_are_put_back():
     space = {"f": len}
-    codes = [c.code for c in candidates([("", "def f(n):\n    while n < 0:\n        n += 1\n    return n")], "f")]
-    made = attempt(space, "f", codes, [("f",)] * len(codes), (1,), 0.02)
+    made = tried(
+        space, list(candidates([("", "def f(n):\n    while n < 0:\n        n += 1\n    return n")], "f")), 1, 0.02
+    )
     assert None in made
     assert any(one is not None and one[0] == 1 for one in made)
     assert space["f"] is len
@@ -79,8 +89,53 @@ def test_every_edit_changes_one_place_and_leaves_the_tree_as_it_was(text):
     for statement in (s for s in ast.parse(text).body if isinstance(s, ast.FunctionDef)):
         whole = ast.dump(statement)
         for edit in edits(statement)[::17]:
-            assert ast.dump(replaced(statement, edit.old, edit.new)) != whole, edit.after
+            assert ast.dump(edit.applied(statement)) != whole, edit.after
         assert ast.dump(statement) == whole
+
+
+def test_one_text_with_a_switch_does_what_each_change_does_alone():
+    """Each change of a function, by itself compiled and by the switch, gives the same values, or raises the same."""
+    text = (
+        "def f(x, y, rows=[]):\n    a, b = x * x + y, [y, x, 3][:2]\n    for k in range(3):\n        if a > k and y:\n"
+        "            a += b[0] / (k + 1)\n            continue\n        a -= x\n    rows.append(a)\n"
+        "    return sum(rows), (-a if a < 9 else b[1])\n"
+    )
+    (statement,) = ast.parse(text).body
+    some = edits(statement)
+    ((left, schema),) = schemata(statement, some, 5)
+    assert left == some != []
+
+    def said(code, switch):
+        space = {SWITCH: switch}
+        try:
+            exec(code, space)
+            return [space["f"](2.0, 3.0) for _ in range(2)]
+        except Exception as error:
+            return type(error)
+
+    for edit in some:
+        changed = edit.applied(statement)
+        tree = ast.Module(changed if isinstance(changed, list) else [changed], [])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # `(1, 2)[:, 0]` and its like
+            alone = compile(ast.fix_missing_locations(tree), "", "exec")
+        assert said(marshal.loads(schema.code), dict(schema.settings[id(edit)])) == said(alone, {}), edit.after
+    assert said(marshal.loads(schema.code), {}) == said(compile(text, "", "exec"), {})
+
+
+def test_accidents_of_copying_and_moving_are_undone():
+    text = (
+        "import numpy as np\ndef f(x, w, h, n, roots, rows=[]):\n    k, j = n // h, n % h\n    s = [w / 2, w / 2, h]\n"
+        "    x += 1\n    total = 0\n    for r in s:\n        if r > w:\n            break\n        total += r\n"
+        "    return x, roots[0]\n"
+    )
+    after = [c.edit.applied(c.statement) for c in candidates([("", text)], "f")]
+    texts = "".join(ast.unparse(one) for made in after for one in (made if isinstance(made, list) else [made]))
+    for right in (
+        "k, j = (n // w, n % w)", "s = [w, w, h]", "            continue\n", "x = x + 1\n", "np.min(roots, axis=0)",
+        "for r in s:\n        total = 0\n", "rows=[]):\n    rows = []\n",
+    ):  # fmt: skip
+        assert right in texts, right
 
 
 def test_a_change_that_asks_for_too_much_memory_is_none():
@@ -90,7 +145,7 @@ def test_a_change_that_asks_for_too_much_memory_is_none():
     code = candidates([("", "import numpy as np\ndef f(n):\n    return np.ones(n * 40000)[:1]")], "f")
     chosen = [c for c in code if "n ** 40000" in c.edit.after or "n * 40000 ** 2" in c.edit.after]
     with _bounded_memory():
-        made = attempt({"np": np}, "f", [c.code for c in chosen], [("f",)] * len(chosen), (7,), 1.0)
+        made = tried({"np": np, "f": np.ones}, chosen, 7)
     assert made == [None] * len(chosen) != []
     assert resource.getrlimit(resource.RLIMIT_AS) == before
 
@@ -106,13 +161,12 @@ def test_a_change_that_is_right_by_chance_in_the_first_cases_is_no_proof():
     text, space = "import numpy as np\ndef f(x):\n    return -x\n", {"np": np}
     exec(text, space)
 
-    def run(chosen, arguments):
-        return attempt(space, "f", [c.code for c in chosen], [c.names for c in chosen], arguments, 1.0)
+    runner = Runner(lambda chosen, arguments, changed: tried(space, chosen, *arguments), lambda *_: None)
 
     def repaired(further):
         cases = [Case("", (np.array([1.0, 2.0]),), ())]
         right = lambda case, got: np.array_equal(got[0], np.abs(case.args[0]))  # noqa: E731
-        return repair([("", text)], "f", cases, right, run, lambda: True, further=further).after
+        return repair([("", text)], "f", cases, right, runner, lambda: True, further=further).after
 
     assert repaired(tuple) == "return x"
     assert repaired(lambda: [Case("", (np.array([-3.0, 2.0]),), ())]) in ("return np.abs(x)", "return np.abs(-x)")
@@ -124,7 +178,7 @@ def test_what_repairs_a_random_slip_is_right_in_cases_that_nobody_tried():
     (statement,) = [s for s in tree.body if isinstance(s, ast.FunctionDef) and s.name == name]
     proved = 0
     for edit in edits(statement)[7::60]:
-        source = ast.unparse(replaced(tree, edit.old, edit.new))
+        source = ast.unparse(edit.applied(tree))
         try:
             wrong = getattr(module(source), name)
         except SyntaxError:  # an edit may leave no Python
@@ -132,6 +186,7 @@ def test_what_repairs_a_random_slip_is_right_in_cases_that_nobody_tried():
         found = repair_function(stage, wrong, source=source)
         if found is not None:
             space = module(source).__dict__
+            space[SWITCH] = dict(found.candidate.setting)
             exec(marshal.loads(found.candidate.code), space)
             assert all(judge_function(stage, space[name], seed).passed for seed in (50, 51, 52)), found
             proved += 1

@@ -4,6 +4,8 @@ What is wrong is found by prediction: each variant of the stage, a typical mista
 and named where it gives the numbers that were found, in all cases. Two at once are tried where none alone does.
 """
 
+import itertools
+import time
 import traceback
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
@@ -25,6 +27,8 @@ Outcome = Arrays | str
 
 PAIRS = 1000
 """So many pairs of variants are tried: those that leave least unexplained, each with every other."""
+PAIRS_SECONDS = 2.0
+"""Seconds of computing after which no further pair is tried: a pose takes its time."""
 
 
 def judge_function(stage: Stage, function: Function, seed: int = 0) -> StageResult:
@@ -216,7 +220,8 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
         if left([variant]) == 0:
             return [(variant,)]
     best = sorted(alone, key=lambda i: alone[i])[: PAIRS // max(1, len(alone))]
-    pairs = [(i, j) for i in best for j in alone if i != j]
+    until = time.process_time() + PAIRS_SECONDS
+    pairs = itertools.takewhile(lambda _: time.process_time() < until, ((i, j) for i in best for j in alone if i != j))
     return list(_distinct(chain for i, j in pairs if left(chain := (stage.variants[i], stage.variants[j])) == 0))
 
 

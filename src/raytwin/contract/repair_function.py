@@ -2,6 +2,7 @@
 
 import contextlib
 import inspect
+import marshal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextvars import ContextVar
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from raytwin.contract.stage import Case, Function, Stage
-from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, attempt, repair
+from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, Runner, attempt, places_reached, repair
 
 SECONDS = 2.5
 """Seconds of computing, after which no further change is tried."""
@@ -27,6 +28,7 @@ def repair_here(
     is_right: Callable[[Case, Any], bool],
     source: str = "",
     further: Callable[[], Sequence[Case]] = tuple,
+    innocent: Sequence[str] = (),
 ) -> Repair | None:
     """The change that makes the function right in all `cases`, of which the first is wrong; None where none is found.
 
@@ -43,15 +45,27 @@ def repair_here(
         return None
     began = time.process_time()
 
-    def run(chosen: Sequence[Candidate], arguments: Sequence[Any]) -> Answers:
-        codes, names = [c.code for c in chosen], [c.names for c in chosen]
+    loaded: dict[bytes, Any] = {}
+
+    def prepared(chosen: Sequence[Candidate]) -> tuple[list[Any], list[tuple[str, ...]]]:
+        for code in {c.code for c in chosen} - set(loaded):
+            loaded[code] = marshal.loads(code)
+        return [loaded[c.code] for c in chosen], [c.names for c in chosen]
+
+    def run(chosen: Sequence[Candidate], arguments: Sequence[Any], changed: bool) -> Answers:
         with _bounded_memory():
-            made: Answers = attempt(space, name, codes, names, arguments, A_CALL)
+            settings = [c.setting for c in chosen]
+            made: Answers = attempt(space, name, *prepared(chosen), settings, arguments, A_CALL, changed, innocent)
         return made
+
+    def places(chosen: Sequence[Candidate], arguments: Sequence[Any]) -> frozenset[int]:
+        one_each = list({c.code: c for c in chosen}.values())
+        return frozenset(places_reached(space, name, *prepared(one_each), arguments, A_CALL))
 
     token = _REPAIRING.set(True)
     try:
-        return repair(cells, name, cases, is_right, run, lambda: time.process_time() - began < SECONDS, further=further)
+        more_time = lambda: time.process_time() - began < SECONDS  # noqa: E731
+        return repair(cells, name, cases, is_right, Runner(run, places), more_time, innocent, further=further)
     finally:
         _REPAIRING.reset(token)
 
@@ -93,34 +107,36 @@ def probes(stage: Stage, cases: Sequence[Case], is_wrong: Callable[[Case], bool]
     Of the pictures that are wrong the smaller ones come first that are wrong as well. Empty where all is right.
     """
     wrong = sorted((case for case in cases if is_wrong(case)), key=_size)
-    small = (smaller(stage, case) for case in wrong[:2])
+    small = (smaller(stage, case, step) for step in STEPS for case in wrong[:2])
     rest = [case for case in cases if not any(case is one for one in wrong)]
     return [*[case for case in small if case is not None and is_wrong(case)][:1], *wrong, *rest] if wrong else []
 
 
 def further_probes(stage: Stage, seed: int) -> list[Case]:
     """Cases of other seeds, pictures thinned: a change that is right by chance in the test's own fails in these."""
-    return [smaller(stage, case) or case for k in range(1, FURTHER + 1) for case in stage.cases(seed + 1000 * k)]
+    return [
+        smaller(stage, case, STEPS[-1]) or case for k in range(1, FURTHER + 1) for case in stage.cases(seed + 1000 * k)
+    ]
 
 
 FURTHER = 2
 """Seeds whose cases a repair has to pass beyond the test's own."""
 
 
-def smaller(stage: Stage, case: Case) -> Case | None:
-    """A picture of every fourth pixel of every fourth row; None where the stage makes no picture."""
+STEPS = 12, 4
+"""Every how many pixels along each side a whole picture is tried: fewer rays per trial, as long as some are wrong."""
+
+
+def smaller(stage: Stage, case: Case, step: int) -> Case | None:
+    """A picture of each `step`-th pixel of each such row; None where the stage makes no picture."""
     if stage.name == "back_project":
         K, dist, width, height = case.args
-        return _case(stage, case, (_thinned(K), dist, -(-width // STEP), -(-height // STEP)))
+        return _case(stage, case, (_thinned(K, step), dist, -(-width // step), -(-height // step)))
     if stage.name not in ("hit_points", "render"):
         return None
     scene = case.args[0]
-    size = {"width": -(-scene["width"] // STEP), "height": -(-scene["height"] // STEP), "K": _thinned(scene["K"])}
+    size = {"width": -(-scene["width"] // step), "height": -(-scene["height"] // step), "K": _thinned(scene["K"], step)}
     return _case(stage, case, (scene | size,))
-
-
-STEP = 4
-"""Every how many pixels along each side a whole picture is tried: fewer rays per trial."""
 
 
 def _case(stage: Stage, case: Case, args: tuple[Any, ...]) -> Case:
@@ -128,9 +144,9 @@ def _case(stage: Stage, case: Case, args: tuple[Any, ...]) -> Case:
         return Case(case.shows, args, (np.asarray(stage.reference(*args)),))
 
 
-def _thinned(K: Any) -> np.ndarray:
-    """Return K of a camera whose pixel (u, v) is the other's (STEP u, STEP v)."""
-    return np.concatenate([np.asarray(K)[:2] / STEP, np.asarray(K)[2:]])
+def _thinned(K: Any, step: int) -> np.ndarray:
+    """Return K of a camera whose pixel (u, v) is the other's (step u, step v)."""
+    return np.concatenate([np.asarray(K)[:2] / step, np.asarray(K)[2:]])
 
 
 def _size(case: Case) -> float:

@@ -6,20 +6,38 @@ Applied to the textbook they are mistakes, to a student's text they are repairs:
 
 import ast
 import copy
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
+
+New = ast.AST | list[ast.stmt]
+"""What stands in the place of a node: another node, or statements."""
+Part = tuple[ast.AST, New]
+"""A node, and what stands in its place."""
 
 
 @dataclass(frozen=True, eq=False)
 class Edit:
-    """`old`, a node of the tree, becomes `new`: a node, or statements. `operator`: what was wrong, in words."""
+    """`old`, a node of the tree, becomes `new`. `operator`: what was wrong, in words. `also`: what changes with it."""
 
     operator: str
     weight: float
     old: ast.AST
-    new: ast.AST | list[ast.stmt]
+    new: New
+    also: tuple[Part, ...] = ()
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """All places that change."""
+        return ((self.old, self.new), *self.also)
+
+    def applied(self, tree: Any) -> Any:
+        """The tree with the edit in it."""
+        for old, new in self.parts:
+            tree = replaced(tree, old, new)
+        return tree
 
     @property
     def line(self) -> int:
@@ -59,42 +77,128 @@ USUAL = 2.0
 """Weights up to here are tried first; beyond are names for one another, and factors by name."""
 
 
-def edits(statement: ast.stmt, numpy: str = "np", words: Sequence[str] = (), rare: bool = False) -> list[Edit]:
+@dataclass(frozen=True)
+class File:
+    """What a statement's file has: its name for NumPy, the texts it reads entries by, and its own functions.
+
+    `methods`: what is called on each name (`Rotation`: from_rotvec, from_euler); `arity`: function -> its arguments.
+    """
+
+    numpy: str = "np"
+    words: tuple[str, ...] = ()
+    methods: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    arity: Mapping[str, int] = field(default_factory=dict)
+
+
+ALONE = File()
+"""Nothing is known of the file."""
+
+
+def edits(
+    statement: ast.stmt,
+    file: File = ALONE,
+    rare: bool = False,
+    runs: Callable[[ast.stmt], bool] = lambda one: True,
+) -> list[Edit]:
     """Single slips of a top-level statement, the least far-fetched first: those of weights up to `USUAL`, or the rest.
 
-    `numpy`: what the file calls it. `words`: the file's texts, that an index may have mistaken for one another.
+    `runs(statement)`: whether it is one that matters. Names in scope are those of a function, or of a class's method.
     """
-    scope = _Scope(statement, numpy, tuple(words) if rare else (), rare)
-    made = [edit for node in _code(statement) for edit in _of_node(node, scope)]
+    made: list[Edit] = []
+    for unit in _units(statement):
+        scope = _Scope(unit, file, rare)
+        by_node = {id(node): list(_of_node(node, scope)) for node in _running(unit, runs)}
+        made += [edit for some in by_node.values() for edit in some]
+        made += [edit for same in _repeated(unit) for edit in _at_all(same, by_node)]
     made = [edit for edit in made if (edit.weight > USUAL) == rare and not _same(edit.old, edit.new)]
     for edit in made:
-        for node in ast.walk(edit.new) if isinstance(edit.new, ast.AST) else ():
-            if not hasattr(node, "lineno"):
-                ast.copy_location(node, edit.old)
+        for old, new in edit.parts:
+            for tree in new if isinstance(new, list) else [new]:
+                locate(tree, old)
     return sorted(made, key=lambda e: e.weight)
 
 
-def _same(old: ast.AST, new: ast.AST | list[ast.stmt]) -> bool:
+def _units(statement: ast.stmt) -> Iterator[ast.stmt]:
+    """What has names of its own."""
+    if isinstance(statement, ast.ClassDef):
+        for one in statement.body:
+            yield from _units(one)
+    else:
+        yield statement
+
+
+def _running(statement: ast.AST, runs: Callable[[ast.stmt], bool]) -> Iterator[ast.AST]:
+    """The statement's nodes, but for the statements in it that do not run."""
+    yield statement
+    for child in _code_children(statement):
+        if not isinstance(child, ast.stmt) or runs(child):
+            yield from _running(child, runs)
+
+
+def locate(tree: ast.AST, like: ast.AST) -> None:
+    """Give what is new in the tree the place of another node; below nodes that have one nothing is new."""
+    todo = [tree]
+    while todo:
+        node = todo.pop()
+        if not hasattr(node, "lineno"):
+            ast.copy_location(node, like)
+            todo += ast.iter_child_nodes(node)
+
+
+def _same(old: ast.AST, new: New) -> bool:
     return type(old) is type(new) and isinstance(new, ast.AST) and ast.dump(old) == ast.dump(new)
+
+
+def _repeated(statement: ast.AST) -> Iterator[list[ast.AST]]:
+    """Equal values that a simple statement has several of: a slip that is copied is in all of them."""
+    for simple in _code(statement):
+        if isinstance(simple, ast.Assign | ast.AugAssign | ast.Return | ast.Expr):
+            of: dict[str, list[ast.AST]] = {}
+            for node in ast.walk(simple):
+                if isinstance(node, ast.Name | ast.Attribute | ast.Subscript | ast.BinOp | ast.Call) and isinstance(
+                    getattr(node, "ctx", ast.Load()), ast.Load
+                ):
+                    of.setdefault(ast.dump(node), []).append(node)
+            yield from (same for same in of.values() if len(same) > 1)
+
+
+def _at_all(same: list[ast.AST], by_node: Mapping[int, list[Edit]]) -> Iterator[Edit]:
+    """The edits that all of these nodes have, in all of them at once."""
+    first, *others = [by_node.get(id(node), []) for node in same]
+    for edit in first if all(others) else ():
+        if isinstance(edit.new, list) or edit.also or edit.operator.startswith("the sign"):
+            continue
+        text = ast.dump(edit.new)
+        like = [next((e for e in some if e.operator == edit.operator and not isinstance(e.new, list)
+                      and not e.also and ast.dump(e.new) == text), None) for some in others]  # fmt: skip
+        also = tuple((e.old, e.new) for e in like if e is not None)
+        if len(also) == len(others):
+            yield Edit(edit.operator, edit.weight + 0.05, edit.old, edit.new, also)
 
 
 def _code(statement: ast.AST) -> Iterator[ast.AST]:
     """All nodes but docstrings, annotations, decorators and imports."""
-    for name, value in ast.iter_fields(statement):
+    for child in _code_children(statement):
+        yield child
+        yield from _code(child)
+
+
+def _code_children(node: ast.AST) -> Iterator[ast.AST]:
+    for name, value in ast.iter_fields(node):
         if name in ("annotation", "returns", "decorator_list", "type_params"):
             continue
         for child in value if isinstance(value, list) else [value]:
             text = isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant)
             if isinstance(child, ast.AST) and not text and not isinstance(child, ast.Import | ast.ImportFrom):
                 yield child
-                yield from _code(child)
 
 
 class _Scope:
     """What a function's names are, and where its values stand."""
 
-    def __init__(self, statement: ast.stmt, numpy: str, words: tuple[str, ...], rare: bool) -> None:
-        self.numpy, self.words, self.rare = numpy, words, rare
+    def __init__(self, statement: ast.stmt, file: File, rare: bool) -> None:
+        self.file, self.numpy, self.rare = file, file.numpy, rare
+        self.words = file.words if rare else ()
         nodes = list(_code(statement))
         called = {n.func.id for n in nodes if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
         stored = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
@@ -104,10 +208,30 @@ class _Scope:
         self.assigned: dict[str, list[ast.expr]] = {}
         self.steps = [n for n in nodes if isinstance(n, ast.AugAssign)]
         self.parents = {id(child): n for n in [statement, *nodes] for child in ast.iter_child_nodes(n)}
+        self.uses: dict[str, list[ast.Name]] = {}
+        self.attributes: dict[str, set[str]] = {}
+        donors: dict[str, ast.expr] = {}
         for n in nodes:
             self.values.update(map(id, _values(n)))
             if isinstance(n, ast.Assign) and len(n.targets) == 1:
                 self.assigned.setdefault(ast.unparse(n.targets[0]), []).append(n.value)
+            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load):
+                self.uses.setdefault(n.id, []).append(n)
+            if (
+                isinstance(n, ast.Attribute)
+                and isinstance(n.value, ast.Name)
+                and not (self.is_module(n) or self._is_called(n))
+            ):
+                self.attributes.setdefault(n.value.id, set()).add(n.attr)
+                donors.setdefault(ast.unparse(n), _template(ast.unparse(n)))
+            if isinstance(n, ast.Subscript) and isinstance(n.value, ast.Name) and _is_word(n.slice):
+                for word in self.words:
+                    donors.setdefault(f"{n.value.id}[{word!r}]", _template(f"{n.value.id}[{word!r}]"))
+        self.donors = list(donors.items())[:MOST_DONORS] if rare else []
+
+    def _is_called(self, node: ast.AST) -> bool:
+        parent = self.parents.get(id(node))
+        return isinstance(parent, ast.Call) and parent.func is node
 
     def is_module(self, node: ast.AST) -> bool:
         """`np`, `np.linalg`, `cv2`: a name that is none of the function's, and what it has."""
@@ -116,6 +240,8 @@ class _Scope:
         return isinstance(node, ast.Name) and node.id in MODULES | {self.numpy}
 
 
+MOST_DONORS = 24
+"""Attributes and entries that may be missing beside a value."""
 MODULES = {"math", "cv2", "scipy", "optimize", "linalg", "itertools", "functools"}
 
 
@@ -137,7 +263,8 @@ def _values(n: ast.AST) -> list[ast.expr]:
     return []
 
 
-Found = Iterator[tuple[str, float, Any]]
+Found = Iterator[tuple[Any, ...]]
+"""(what was wrong, how far-fetched, what stands there instead, other parts)."""
 
 
 def _of_node(node: ast.AST, scope: _Scope) -> Iterator[Edit]:
@@ -145,9 +272,16 @@ def _of_node(node: ast.AST, scope: _Scope) -> Iterator[Edit]:
         return
     for kind, rule in RULES:
         if isinstance(node, kind):
-            yield from (Edit(operator, weight, node, new) for operator, weight, new in rule(node, scope))
+            yield from (Edit(words, weight, node, new, *also) for words, weight, new, *also in rule(node, scope))
     if id(node) in scope.values and isinstance(node, ast.expr) and not (_is_text(node) or scope.is_module(node)):
-        yield from (Edit(operator, weight, node, new) for operator, weight, new in _wrapped(node, scope))
+        yield from (Edit(words, weight, node, new) for words, weight, new in _wrapped(node, scope))
+    for block in (getattr(node, "body", None), getattr(node, "orelse", None)):
+        if isinstance(block, list):
+            yield from _moved(block)
+
+
+def _is_word(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
 def _is_text(node: ast.AST) -> bool:
@@ -224,7 +358,7 @@ def _is_setting(node: ast.expr) -> bool:
 
 
 def _wrapped(node: ast.expr, scope: _Scope) -> Found:
-    numpy, parent = _template(scope.numpy), scope.parents[id(node)]
+    numpy, parent = _template(scope.numpy), scope.parents.get(id(node))
     called = ast.unparse(parent.func).rpartition(".")[2] if isinstance(parent, ast.Call) else ""
     if called in ASKING or (called == "range" and isinstance(node, ast.Constant)):
         return  # a value that becomes NaN there, or a loop that never runs, is an accident
@@ -240,8 +374,12 @@ def _wrapped(node: ast.expr, scope: _Scope) -> Found:
     ) and not isinstance(parent, ast.BinOp):  # fmt: skip
         for name in scope.names:
             yield f"the condition `{name} > 0` is missing", 1.4, fill("A & (B > 0)", A=node, B=_name(name))
-    if not scope.rare:
-        return
+    if scope.rare:
+        yield from _beside(node, parent, scope)
+
+
+def _beside(node: ast.expr, parent: ast.AST | None, scope: _Scope) -> Found:
+    """A factor, a divisor or a term that is missing beside the value."""
     if isinstance(parent, ast.Compare):
         for name in scope.names:
             yield "another value is compared", 2.3, _name(name)
@@ -251,6 +389,15 @@ def _wrapped(node: ast.expr, scope: _Scope) -> Found:
             yield f"the divisor {name} is missing", 2.4, fill("A / B", A=node, B=_name(name))
             yield f"the term {name} is missing", 2.6, fill("A + B", A=node, B=_name(name))
             yield f"the term {name} is missing", 2.6, fill("A - B", A=node, B=_name(name))
+    if isinstance(node, ast.Constant):
+        return
+    for text, donor in scope.donors:
+        if text != ast.unparse(node):
+            for form in ("A - B", "A + B"):
+                yield f"the term `{text}` is missing", 2.5, fill(form, A=node, B=donor)
+            if not isinstance(parent, ast.Call):
+                yield f"the factor `{text}` is missing", 2.5, fill("A * B", A=node, B=donor)
+                yield f"the divisor `{text}` is missing", 2.5, fill("A / B", A=node, B=donor)
 
 
 def _name(name: str) -> ast.expr:
@@ -284,20 +431,26 @@ def _binary(n: ast.BinOp, scope: _Scope) -> Found:
         yield f"`{_short(a)}` is too many", 1.5, ast.UnaryOp(ast.USub(), b)
     if isinstance(n.op, ast.Sub | ast.Div | ast.MatMult | ast.Pow):
         yield "the operands are swapped", 1.1, ast.BinOp(b, n.op, a)
+    if isinstance(n.op, ast.Add) and not isinstance(a, ast.BinOp):  # of lists the order counts
+        yield "the operands are swapped", 1.6, ast.BinOp(b, n.op, a)
     if isinstance(a, ast.BinOp) and not isinstance(n.op, ast.Pow | ast.MatMult):
         yield "the brackets are missing", 1.0, ast.BinOp(a.left, a.op, ast.BinOp(a.right, n.op, b))
     if isinstance(b, ast.BinOp):
         yield "the brackets are too many", 1.1, ast.BinOp(ast.BinOp(a, n.op, b.left), b.op, b.right)
     if isinstance(a, ast.Call) and len(a.args) == 1:
         yield "the brackets end too early", 1.3, ast.Call(a.func, [ast.BinOp(a.args[0], n.op, b)], a.keywords)
-    if isinstance(n.op, ast.Mult) and isinstance(a, ast.Name) and isinstance(b, ast.Name) and a.id == b.id:
-        for name in scope.names:
-            yield f"`{a.id}` stands for `{name}`", 1.5, fill("A * A", A=_name(name))
     if isinstance(n.op, ast.MatMult):
         yield "the matrix is not transposed, or on the wrong side", 1.2, fill("B @ A.T", A=a, B=b)
     if isinstance(n.op, ast.Mult):
-        yield "it is multiplied, not raised to a power", 1.7, ast.BinOp(a, ast.Pow(), b)
-        yield "a product of matrices is wanted", 1.6, ast.BinOp(a, ast.MatMult(), b)
+        yield from _product(a, b, scope)
+
+
+def _product(a: ast.expr, b: ast.expr, scope: _Scope) -> Found:
+    yield "it is multiplied, not raised to a power", 1.7, ast.BinOp(a, ast.Pow(), b)
+    yield "a product of matrices is wanted", 1.6, ast.BinOp(a, ast.MatMult(), b)
+    if isinstance(a, ast.Name) and isinstance(b, ast.Name) and a.id == b.id:
+        for name in scope.names:
+            yield f"`{a.id}` stands for `{name}`", 1.5, fill("A * A", A=_name(name))
 
 
 def _short(node: ast.AST) -> str:
@@ -364,6 +517,7 @@ WITHOUT_KEEPDIMS = {"stack", "concatenate", "flip", "cumsum", "argsort", "sort",
 
 def _call(n: ast.Call, scope: _Scope) -> Found:
     called = n.func.attr if isinstance(n.func, ast.Attribute) else n.func.id if isinstance(n.func, ast.Name) else ""
+    yield from _other_functions(n, called, scope)
     for i in range(len(n.args)):
         for j in range(i + 1, len(n.args)):
             yield "arguments are swapped", 1.2, ast.Call(n.func, _swapped(n.args, i, j), n.keywords)
@@ -377,15 +531,30 @@ def _call(n: ast.Call, scope: _Scope) -> Found:
         yield f"`{called}` stands for `{other}`", 1.0, ast.Call(_called(n.func, other), n.args, n.keywords)
     for k, keyword in enumerate(n.keywords):
         rest = n.keywords[:k] + n.keywords[k + 1 :]
-        yield f"`{keyword.arg}` is too many", 1.5, ast.Call(n.func, n.args, rest)
+        weight = 0.9 if keyword.arg == "dtype" else 1.5
+        yield f"`{keyword.arg}` is too many", weight, ast.Call(n.func, n.args, rest)
     if called in OVER_AN_AXIS:
         yield from _axes(n, called)
+        yield from _axes_and_uses(n, called, scope)
     if called == "reshape":
         yield "the order is by columns", 1.6, ast.Call(n.func, n.args, [*n.keywords, _keyword("order", "F")])
     if called == "meshgrid":
         yield "rows and columns are swapped", 1.3, ast.Call(n.func, n.args, [_keyword("indexing", "ij")])
     if called == "range":
         yield "there are too few steps", 0.9, fill("range(100)")
+
+
+def _other_functions(n: ast.Call, called: str, scope: _Scope) -> Found:
+    """What else the file calls on the same name, and its own functions of as many arguments."""
+    base = n.func.value.id if isinstance(n.func, ast.Attribute) and isinstance(n.func.value, ast.Name) else ""
+    for other in sorted(scope.file.methods.get(base, frozenset()) - {called}):
+        yield f"`{other}` is wanted, not `{called}`", 1.6, ast.Call(_called(n.func, other), n.args, n.keywords)
+        if len(n.args) > 1:
+            yield f"`{other}` is wanted, not `{called}`", 1.6, ast.Call(_called(n.func, other), n.args[-1:], [])
+    if isinstance(n.func, ast.Name) and called in scope.file.arity:
+        for other, count in scope.file.arity.items():
+            if other != called and count == scope.file.arity[called]:
+                yield f"`{other}` is wanted, not `{called}`", 1.7, ast.Call(_name(other), n.args, n.keywords)
 
 
 def _axes(n: ast.Call, called: str) -> Found:
@@ -401,6 +570,17 @@ def _axes(n: ast.Call, called: str) -> Found:
                 0.8 + 0.1 * (axis == 2),
                 ast.Call(n.func, plain, [*others, *words]),
             )
+
+
+def _axes_and_uses(n: ast.Call, called: str, scope: _Scope) -> Found:
+    """Over an axis, and one more axis where what was assigned is used: an array for each row in place of one number."""
+    assignment = scope.parents.get(id(n))
+    if not (isinstance(assignment, ast.Assign) and isinstance(target := assignment.targets[0], ast.Name)):
+        return
+    uses = [u for u in scope.uses.get(target.id, ()) if u.lineno > n.lineno][:4]
+    for words, weight, over in _axes(n, called):
+        for use in () if any(k.arg == "keepdims" for k in over.keywords) else uses:
+            yield words, weight + 0.5, over, ((use, fill("A[..., None]", A=use)),)
 
 
 def _keyword(name: str, value: Any) -> ast.keyword:
@@ -422,8 +602,13 @@ def _swapped(items: Sequence[Any], i: int, j: int) -> list[Any]:
 def _attribute(n: ast.Attribute, scope: _Scope) -> Found:
     if n.attr == "T":
         yield "it is transposed", 0.8, n.value
-    if n.attr in ("min", "max") and isinstance(scope.parents[id(n)], ast.Call):
-        return
+    if isinstance(n.value, ast.Name) and n.attr in (others := scope.attributes.get(n.value.id, set())):
+        for other in sorted(others - {n.attr}):
+            if _alike(n.attr, other) != scope.rare:
+                weight = 1.2 if _alike(n.attr, other) else 2.1
+                yield f"`{n.attr}` stands for `{other}`", weight, ast.Attribute(n.value, other, n.ctx)
+    if ast.unparse(n) == f"{scope.numpy}.inf" and isinstance(scope.parents.get(id(n)), ast.Compare):
+        yield "0 is wanted", 1.5, _template("0")
 
 
 def _subscript(n: ast.Subscript, scope: _Scope) -> Found:
@@ -432,6 +617,17 @@ def _subscript(n: ast.Subscript, scope: _Scope) -> Found:
         yield "the other entry of the diagonal is wanted", 0.8, ast.Subscript(n.value, _template(other), n.ctx)
     if isinstance(n.slice, ast.Constant | ast.UnaryOp) and not _is_text(n.slice):
         yield "a column is wanted, not a row", 1.1, fill("A[:, B]", A=n.value, B=n.slice)
+        for least in ("min", "max", "sum"):
+            text = f"NP.{least}(A, axis=0)"
+            yield "one of several is used", 1.5, fill(text, A=n.value, NP=_template(scope.numpy))
+    if isinstance(n.slice, ast.Slice) and n.slice.step is None:
+        for end in filter(None, (n.slice.lower, n.slice.upper)):
+            for text in ("A[::B]", "A[:, :B]", "A[B:]", "A[:B]", "A[-B:]"):
+                yield "other entries are wanted", 1.5, fill(text, A=n.value, B=end)
+    if isinstance(n.slice, ast.Tuple) and len(n.slice.elts) == 2:
+        first, second = n.slice.elts
+        if isinstance(first, ast.Slice) and first.lower is first.upper is None:
+            yield "a row is wanted, not a column", 1.1, ast.Subscript(n.value, second, n.ctx)
     if isinstance(n.slice, ast.Constant) and isinstance(n.slice.value, str):
         for word in scope.words:
             if word != n.slice.value:
@@ -458,12 +654,12 @@ def _constant(n: ast.Constant, scope: _Scope) -> Found:
     value = n.value
     if isinstance(value, bool):
         yield "it is the opposite", 1.0, _template(repr(not value))
-    elif value is None and isinstance(scope.parents[id(n)], ast.Call):
+    elif value is None and isinstance(scope.parents.get(id(n)), ast.Call):
         for name in scope.names:
             yield f"`{name}` is missing", 1.0, _name(name)
     elif isinstance(value, int | float):
         yield from _number(n, value, scope)
-    elif isinstance(value, str) and isinstance(scope.parents[id(n)], ast.Compare):
+    elif isinstance(value, str) and isinstance(scope.parents.get(id(n)), ast.Compare):
         for word in scope.words:
             if word != value:
                 yield "another word is wanted", 2.2, _template(repr(word))
@@ -480,9 +676,12 @@ def _number(node: ast.Constant, value: float, scope: _Scope) -> Found:
         others = (0.0, 1.0, value / 10, value * 10, 1e-3 * value, 2 * value, value / 2, -value)
         if abs(value - 3.14159265) < 0.2:
             yield "pi is not exact", 0.9, fill("NP.pi", NP=_template(scope.numpy))
+    if isinstance(parent, ast.Compare) and value == 0:
+        yield "infinity is wanted", 1.5, fill("NP.inf", NP=_template(scope.numpy))
     for other in dict.fromkeys(others):
         if other != value:
-            yield "another number is wanted", 1.2 if other in (0, 1, 2) else 1.8, _template(repr(other))
+            small = 1.04 if {value, other} == {0, 1} else 1.2 if other in (0, 1, 2) else 1.8
+            yield "another number is wanted", small, _template(repr(other))
 
 
 def _name_for_another(n: ast.Name, scope: _Scope) -> Found:
@@ -517,6 +716,8 @@ def _assign(n: ast.Assign, scope: _Scope) -> Found:
     if isinstance(target, ast.Name | ast.Subscript):
         for op in (ast.Add(), ast.BitAnd(), ast.BitOr(), ast.Mult(), ast.Sub()):
             yield "each time replaces the one before", 1.5, ast.AugAssign(target, op, n.value)
+        if isinstance(target, ast.Subscript) and ast.unparse(target.slice) in (":", "..."):
+            yield "an array is changed in place", 0.95, ast.Assign([_stored(target.value)], n.value)
         if isinstance(target, ast.Name):
             for least in ("minimum", "maximum"):
                 text = f"NP.{least}(A, B)"
@@ -524,8 +725,17 @@ def _assign(n: ast.Assign, scope: _Scope) -> Found:
                 yield "each time replaces the one before", 1.5, ast.Assign([target], value)
 
 
+def _stored(target: ast.expr) -> ast.expr:
+    made = copy.copy(target)
+    made.ctx = ast.Store()  # type: ignore[attr-defined]
+    return made
+
+
 def _augmented(n: ast.AugAssign, scope: _Scope) -> Found:
-    yield "this line is too many", 2.0, [ast.copy_location(ast.Pass(), n)]
+    if isinstance(n.target, ast.Name):
+        value = ast.BinOp(_name(n.target.id), n.op, n.value)
+        yield "an array is changed in place", 0.95, ast.Assign([n.target], value)
+    yield "this line is too many", 1.7, [ast.copy_location(ast.Pass(), n)]
     if type(n.op) in OTHER_SIGN:
         words, other = OTHER_SIGN[type(n.op)]
         yield words, 1.0, ast.AugAssign(n.target, other(), n.value)
@@ -533,7 +743,7 @@ def _augmented(n: ast.AugAssign, scope: _Scope) -> Found:
 
 
 def _expression(n: ast.Expr, scope: _Scope) -> Found:
-    yield "this line is too many", 2.0, [ast.copy_location(ast.Pass(), n)]
+    yield "this line is too many", 1.7, [ast.copy_location(ast.Pass(), n)]
 
 
 def _if(n: ast.If, scope: _Scope) -> Found:
@@ -562,6 +772,44 @@ def _loop(n: ast.For | ast.While, scope: _Scope) -> Found:
 
 def _jump(n: ast.stmt, scope: _Scope) -> Found:
     yield "it ends too early", 1.2, [ast.copy_location(ast.Pass(), n)]
+    other = ast.Continue() if isinstance(n, ast.Break) else ast.Break()
+    word = "continue" if isinstance(n, ast.Break) else "break"
+    yield f"`{word}` is wanted", 1.0, [ast.copy_location(other, n)]
+
+
+def _function(n: ast.FunctionDef, scope: _Scope) -> Found:
+    """What a function keeps from one call to the next: a default value that is changed, a cache around it."""
+    arguments = n.args.args[len(n.args.args) - len(n.args.defaults) :]
+    for argument, default in zip(arguments, n.args.defaults, strict=True):
+        if isinstance(default, ast.List | ast.Dict | ast.Set | ast.Call):
+            new = ast.copy_location(ast.Assign([_stored(_name(argument.arg))], default), n.body[0])
+            longer = copy.copy(n)
+            longer.body = [new, *n.body]
+            yield "the default value is kept between calls", 1.3, [longer]
+    if n.decorator_list:
+        plain = copy.copy(n)
+        plain.decorator_list = []
+        yield "results are kept between calls", 1.5, [plain]
+
+
+SIMPLE = ast.Assign | ast.AugAssign | ast.Expr
+
+
+def _moved(block: list[ast.stmt]) -> Iterator[Edit]:
+    """A statement that belongs elsewhere: into the loop behind it, into the one before it, behind its neighbour."""
+    for k, (one, after) in enumerate(itertools.pairwise(block)):
+        if isinstance(one, SIMPLE) and isinstance(after, SIMPLE):
+            back: list[ast.stmt] = [copy.copy(one)]
+            front: list[ast.stmt] = [copy.copy(after)]
+            yield Edit("two lines are in the wrong order", 1.8, one, front, ((after, back),))
+        if isinstance(one, ast.For | ast.While) and isinstance(after, SIMPLE):
+            nothing: list[ast.stmt] = [ast.copy_location(ast.Pass(), after)]
+            last = one.body[-1]
+            yield Edit("the line belongs into the loop", 1.7, after, nothing, ((last, [last, after]),))
+        if isinstance(after, ast.For | ast.While):
+            for before in [s for s in block[max(0, k - 5) : k + 1] if isinstance(s, SIMPLE)]:
+                first = after.body[0]
+                yield Edit("the line belongs into the loop", 1.4, first, [before, first])
 
 
 RULES: tuple[tuple[Any, Callable[[Any, _Scope], Found]], ...] = (
@@ -582,5 +830,6 @@ RULES: tuple[tuple[Any, Callable[[Any, _Scope], Found]], ...] = (
     (ast.If, _if),
     (ast.For | ast.While, _loop),
     (ast.Break | ast.Continue, _jump),
+    (ast.FunctionDef, _function),
 )
-"""Which nodes a rule is for, and the rule: (what was wrong, how far-fetched, what stands there instead)."""
+"""Which nodes a rule is for, and the rule."""

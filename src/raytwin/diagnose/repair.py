@@ -7,7 +7,6 @@ case right is a proof: it needs no catalogue.
 
 import ast
 import itertools
-import marshal
 import math
 import re
 import warnings
@@ -17,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.diagnose.operators import Edit, edits, replaced
+from raytwin.diagnose.operators import MODULES, Edit, File, edits, replaced
+from raytwin.diagnose.schemata import Schema, Setting, schemata
 
 Cells = Sequence[tuple[str, str]]
 """(name, text): a Python file has one, a notebook several."""
@@ -57,30 +57,42 @@ class Repair:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A change, compiled: `code` binds `names` anew."""
+    """A change: `code` binds `names` anew, with the change in it where the switch has this `setting`."""
 
     cell: str
     statement: ast.stmt
     edit: Edit
     code: bytes
     names: tuple[str, ...]
+    setting: Setting
 
 
-Run = Callable[[Sequence[Candidate], Sequence[Any]], Answers]
-"""(candidates, arguments) -> what the function returns with each of them; None: it raised, or took too long."""
+@dataclass(frozen=True)
+class Runner:
+    """Where candidates run.
+
+    `run(candidates, arguments, changed)`: what the function returns with each; None: it raised, it took too long, or,
+    if `changed`, it returns what it does without.
+    `places(candidates, arguments)`: the places of their codes that a call reaches; None: unknown.
+    """
+
+    run: Callable[[Sequence[Candidate], Sequence[Any], bool], Answers]
+    places: Callable[[Sequence[Candidate], Sequence[Any]], frozenset[int] | None]
 
 
 def repair(
-    cells: Cells, function: str, cases: Sequence[Any], is_right: Callable[[Any, Any], bool], run: Run,
+    cells: Cells, function: str, cases: Sequence[Any], is_right: Callable[[Any, Any], bool], runner: Runner,
     more_time: Callable[[], bool], innocent: Sequence[str] = (), known: Sequence["Candidate"] = (),
     further: Callable[[], Sequence[Any]] = tuple, seen: Mapping[str, int] = NONE_SEEN,
+    keeps: Callable[[Candidate], bool] = lambda candidate: True,
 ) -> Repair | None:  # fmt: skip
     """The least far-fetched change of one place after which `function` is right in all cases; None where none is found.
 
     `cases` have `args`; the first is one that is wrong. `is_right(case, arrays)`. `innocent`: functions that are right
     by their own tests. `more_time()`: whether to go on. `known`: what has made other functions right is tried first.
     `further()`: cases that a change must make right as well before it counts as proved: by chance it may fit `cases`.
-    `seen`: how often each kind of slip was made: what is common is tried first.
+    `seen`: how often each kind of slip was made: what is common is tried first. `keeps(candidate)`: whether what is
+    right beside the function stays right.
     """
     tried = 0
 
@@ -88,28 +100,23 @@ def repair(
         for case in some:
             if not left:
                 break
-            answers = run(left, case.args)
+            answers = runner.run(left, case.args, case is cases[0])
             left = [c for c, got in zip(left, answers, strict=True) if got is not None and is_right(case, got)]
         return left
 
-    for chunk in itertools.chain([list(known)], _chunks(candidates(cells, function, innocent, seen))):
+    every = candidates(cells, function, innocent, seen, lambda some: runner.places(some, cases[0].args))
+    for chunk in itertools.chain([list(known)], _chunks(every)):
         if not more_time():
             return None
         tried += len(chunk)
         left = passing(chunk, cases)
-        if left and (left := passing(left, further())):
+        if left and (left := [c for c in passing(left, further()) if keeps(c)]):
             return replace(_as_repair(left[0]), tried=tried, candidate=left[0])
     return None
 
 
-def _chunks(all_: Iterator[Candidate]) -> Iterator[list[Candidate]]:
-    chunk: list[Candidate] = []
-    for one in all_:
-        chunk.append(one)
-        if len(chunk) == AT_ONCE:
-            yield chunk
-            chunk = []
-    if chunk:
+def _chunks(every: Iterator[Candidate]) -> Iterator[list[Candidate]]:
+    while chunk := list(itertools.islice(every, AT_ONCE)):
         yield chunk
 
 
@@ -151,18 +158,46 @@ def kind_of(operator: str) -> str:
 
 
 def candidates(
-    cells: Cells, function: str, innocent: Sequence[str] = (), seen: Mapping[str, int] = NONE_SEEN
-) -> Iterator[Candidate]:
-    """Single changes of what `function` is made of, the least far-fetched first."""
+    cells: Cells, function: str, innocent: Sequence[str] = (), seen: Mapping[str, int] = NONE_SEEN,
+    places: Callable[[Sequence[Candidate]], frozenset[int] | None] = lambda some: None,
+) -> Iterator[Candidate]:  # fmt: skip
+    """Single changes of what `function` is made of, the least far-fetched first.
+
+    `places(candidates)`: those that a wrong case reaches. Statements that do not run there are left as they are.
+    """
     reached = _statements(cells, function, innocent)
-    words = sorted({w for _, s in reached for n in ast.walk(s) if (w := _word(n))})
-    numpy = _numpy(cells)
+    file = _file(cells, [statement for _, statement in reached])
+    running = _running(reached, places)
+    first = 0
     for rare in (False, True):
-        found = [(e, cell, s) for cell, s in reached for e in edits(s, numpy, words, rare)]
-        for edit, cell, statement in sorted(found, key=lambda f: _weight(f[0], seen)):
-            code = _compiled(statement, edit)
-            if code is not None:
-                yield Candidate(cell, statement, edit, code, _bound(statement))
+        found = []
+        for cell, statement in reached:
+            some_edits = edits(statement, file, rare, lambda one: running is None or id(one) in running)
+            for some, schema in schemata(statement, some_edits, first):
+                first = schema.end
+                found += _with(cell, statement, some, schema)
+        yield from sorted(found, key=lambda c: _weight(c.edit, seen))
+
+
+def _with(cell: str, statement: ast.stmt, some: Sequence[Edit], schema: Schema) -> list[Candidate]:
+    names = _bound(statement)
+    return [Candidate(cell, statement, edit, schema.code, names, schema.settings[id(edit)]) for edit in some]
+
+
+def _running(
+    reached: Sequence[tuple[str, ast.stmt]], places: Callable[[Sequence[Candidate]], frozenset[int] | None]
+) -> set[int] | None:
+    """The ids of the statements that run; None: unknown."""
+    marks: list[Candidate] = []
+    first = 0
+    for cell, statement in reached:
+        inner = [n for n in ast.walk(statement) if isinstance(n, ast.stmt) and n is not statement]
+        some_edits = [Edit("", 0.0, n, [ast.copy_location(ast.Pass(), n)]) for n in inner]
+        for some, schema in schemata(statement, some_edits, first):
+            first = schema.end
+            marks += _with(cell, statement, some, schema)
+    asked = places(marks)
+    return None if asked is None else {id(c.edit.old) for c in marks if c.setting[0][0] in asked}
 
 
 def _weight(edit: Edit, seen: Mapping[str, int]) -> float:
@@ -170,19 +205,25 @@ def _weight(edit: Edit, seen: Mapping[str, int]) -> float:
     return edit.weight - COMMON * math.log10(1 + seen.get(kind_of(edit.operator), 0)) if seen else edit.weight
 
 
-def _word(node: ast.AST) -> str:
-    text = node.value if isinstance(node, ast.Constant) else ""
-    return text if isinstance(text, str) and text.isidentifier() else ""
-
-
-def _numpy(cells: Cells) -> str:
-    for _, text in cells:
-        for node in ast.walk(_parsed(text)):
-            if isinstance(node, ast.Import):
-                for alias in node.names:
-                    if alias.name == "numpy":
-                        return alias.asname or "numpy"
-    return "np"
+def _file(cells: Cells, reached: Sequence[ast.stmt]) -> File:
+    """What the operators have to know of the text."""
+    nodes = [n for s in reached for n in ast.walk(s)]
+    words = {n.value for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+    methods: dict[str, set[str]] = {}
+    for n in nodes:
+        if isinstance(n, ast.Call) and isinstance(n.func, ast.Attribute) and isinstance(n.func.value, ast.Name):
+            methods.setdefault(n.func.value.id, set()).add(n.func.attr)
+    top = [s for _, text in cells for s in _parsed(text).body]
+    numpy = next((a.asname or a.name for s in top if isinstance(s, ast.Import) for a in s.names
+                  if a.name == "numpy"), "np")  # fmt: skip
+    arity = {s.name: len(s.args.args) for s in top if isinstance(s, ast.FunctionDef)}
+    libraries = {numpy, *MODULES}
+    return File(
+        numpy,
+        tuple(sorted(word for word in words if word.isidentifier())),
+        {base: frozenset(some) for base, some in methods.items() if base not in libraries},
+        arity,
+    )
 
 
 def _parsed(text: str) -> ast.Module:
@@ -224,30 +265,41 @@ def _bound(statement: ast.stmt) -> tuple[str, ...]:
     return ()
 
 
-def _compiled(statement: ast.stmt, edit: Edit) -> bytes | None:
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            changed = ast.Module([replaced(statement, edit.old, edit.new)], [])
-            return marshal.dumps(compile(changed, "<repair>", "exec", dont_inherit=True))
-    except (SyntaxError, ValueError, TypeError, RecursionError):
-        return None
-
-
 # ------------------------------------------------------------------------------------------ running
 
 
-def attempt(space: Any, function: Any, codes: Any, names: Any, arguments: Any, seconds: Any) -> Any:
-    """What the function returns with each code run in `space`, its names put back after: a list of arrays or None.
+def remembering(space: Any, name: Any) -> Any:
+    """The function of that name, which is asked once for the same arguments."""
+    import pickle
 
-    Its text is sent into the sandbox: it imports what it needs itself.
+    kept, right = space.setdefault("raytwin_kept", {}), space[name]
+
+    def remembered(*args: Any) -> Any:
+        key = name, pickle.dumps(args)
+        if key not in kept:
+            if len(kept) > 50:
+                kept.clear()
+            kept[key] = pickle.dumps(right(*args))
+        return pickle.loads(kept[key])
+
+    return remembered
+
+
+def attempt(
+    space: Any, function: Any, codes: Any, names: Any, settings: Any, arguments: Any, seconds: Any,
+    changed: Any = False, innocent: Any = (),
+) -> Any:  # fmt: skip
+    """What the function returns with each code run in `space`, the switch being set; names are put back after.
+
+    A list of arrays or None: it raised, it took too long, or, if `changed`, it returns what it does without.
+    What `innocent` functions return is kept. Its text is sent into the sandbox: it imports what it needs itself.
     """
     import contextlib
-    import copy
     import io
-    import marshal
+    import pickle
     import signal
     import threading
+    import time
     import warnings
 
     import numpy
@@ -255,27 +307,67 @@ def attempt(space: Any, function: Any, codes: Any, names: Any, arguments: Any, s
     def stop(number: Any, frame: Any) -> None:
         raise TimeoutError
 
-    timed = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
-    before_it = signal.signal(signal.SIGVTALRM, stop) if timed else None
-    made = []
-    for code, bound in zip(codes, names, strict=True):
-        old = {name: space[name] for name in bound if name in space}
-        answer = None
+    def answer(limit: float, code: Any, setting: Any) -> Any:
         try:
-            with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings(), numpy.errstate(all="ignore"):
-                warnings.simplefilter("ignore")
-                if timed:
-                    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
-                exec(marshal.loads(code), space)
-                got = space[function](*copy.deepcopy(arguments))
-                answer = tuple(numpy.array(a, dtype=float) for a in (got if isinstance(got, tuple) else (got,)))
+            if timed:
+                signal.setitimer(signal.ITIMER_VIRTUAL, limit)
+            space["raytwin_switch"] = dict(map(tuple, setting))
+            if code is not None:
+                exec(code, space)
+            got = space[function](*pickle.loads(stored))
+            return tuple(numpy.array(a, dtype=float) for a in (got if isinstance(got, tuple) else (got,)))
         except (Exception, SystemExit):  # a change that does not run is none
-            answer = None
+            return None
         finally:
             if timed:
                 signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+
+    def said(arrays: Any) -> Any:
+        return None if arrays is None else [(a.shape, a.tobytes()) for a in arrays]
+
+    stored = pickle.dumps(arguments)
+    timed = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
+    before_it = signal.signal(signal.SIGVTALRM, stop) if timed else None
+    made = []
+    rights = {name: space[name] for name in innocent if name in space}
+    space.update({name: remembering(space, name) for name in rights})
+    with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings(), numpy.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        began = time.process_time()
+        as_it_is = said(answer(seconds, None, ()))
+        if as_it_is is not None:
+            seconds = min(seconds, 0.03 + 10 * (time.process_time() - began))
+        for code, bound, setting in zip(codes, names, settings, strict=True):
+            old = {name: space[name] for name in bound if name in space}
+            got = None
+            with contextlib.suppress(TimeoutError):  # the clock may ring on the way out, too
+                got = answer(seconds, code, setting)
             space.update(old)
-        made.append(answer)
+            made.append(None if changed and said(got) == as_it_is else got)
+    space.update(rights)
     if timed:
         signal.signal(signal.SIGVTALRM, before_it)
     return made
+
+
+def places_reached(space: Any, function: Any, codes: Any, names: Any, arguments: Any, seconds: Any) -> Any:
+    """The places of the switch that one call asks for, with all codes run in `space` and nothing changed."""
+
+    class Asked(dict):
+        def __contains__(self, place: object) -> bool:
+            asked.add(place)
+            return False
+
+    asked: set[object] = set()
+    old = {name: space[name] for bound in names for name in bound if name in space}
+
+    def call(*args: Any) -> Any:
+        for code in codes:
+            space["raytwin_switch"] = Asked()
+            exec(code, space)
+        return space[function](*args)
+
+    space["raytwin_call"] = call
+    attempt(space, "raytwin_call", [], [], [], arguments, seconds)
+    space.update(old)
+    return sorted(asked)

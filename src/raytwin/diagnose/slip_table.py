@@ -38,7 +38,7 @@ class Slip:
         text = text_of(form, function)
         before = ast.get_source_segment(text, edit.old)
         several = isinstance(edit.new, list) and not isinstance(edit.new[0], ast.Pass)
-        if not before or "\n" in before or several or not isinstance(edit.old, ast.expr | ast.stmt):
+        if not before or "\n" in before or several or edit.also or not isinstance(edit.old, ast.expr | ast.stmt):
             return None
         after = edit.after.replace("\n", " ")
         simple = ast.Name | ast.Constant | ast.Call | ast.Tuple

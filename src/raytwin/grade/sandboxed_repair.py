@@ -16,35 +16,65 @@ import msgspec
 import numpy as np
 
 from raytwin.contract.check_function import is_right
-from raytwin.contract.repair_function import further_probes, probes
+from raytwin.contract.repair_function import STEPS, further_probes, probes, smaller
 from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_table import LESSONS
-from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, attempt, kind_of, repair
+from raytwin.diagnose.repair import (
+    A_CALL,
+    Answers,
+    Candidate,
+    Cells,
+    Repair,
+    Runner,
+    attempt,
+    kind_of,
+    places_reached,
+    remembering,
+    repair,
+)
 from raytwin.grade.fingerprint import PROBE_SEED, fingerprint
 from raytwin.grade.follow_through import code_with
 from raytwin.grade.result import Marked, Result
 from raytwin.grade.rubric import Rubric
 from raytwin.sandbox.sandbox import Code, Sandbox
 
-SECONDS, IN_ALL = 4.0, 8.0
-"""Seconds of computing: for one function, and for a submission."""
-CALLED = "raytwin_attempt"
+SECONDS, UNNAMED, IN_ALL = 4.0, 8.0, 14.0
+"""Seconds of computing: for one function, for one of which no mistake is named, and for a submission."""
+CALLED, PLACES = "raytwin_attempt", "raytwin_places"
 DRIVER = f"""
 from typing import Any
 
+{inspect.getsource(remembering)}
+
 {inspect.getsource(attempt)}
 
-def {CALLED}(function, codes, lengths, names, arguments, seconds):
+{inspect.getsource(places_reached)}
+
+raytwin_codes = []
+
+def raytwin_learn(codes, lengths):
+    import marshal
     import numpy
-    ends = numpy.cumsum(lengths)
-    parts = [codes[end - n : end].tobytes() for end, n in zip(ends, lengths)]
+    ends = numpy.cumsum(lengths).astype(int)
+    raytwin_codes.extend(marshal.loads(codes[end - n : end].tobytes()) for end, n in zip(ends, lengths))
+
+def {CALLED}(function, codes, lengths, which, names, settings, arguments, seconds, changed, innocent):
+    import numpy
+    raytwin_learn(codes, lengths)
+    chosen = [raytwin_codes[k] for k in which]
     shapes, numbers = [], []
-    for made in attempt(globals(), function, parts, names, arguments, seconds):
+    for made in attempt(globals(), function, chosen, names, settings, arguments, seconds, changed, innocent):
         shapes.append(-1 if made is None else len(made))
         for array in made or ():
             shapes += [array.ndim, *array.shape]
             numbers.append(array.ravel())
     return numpy.array(shapes, int), numpy.concatenate([numpy.zeros(0), *numbers])
+
+def {PLACES}(function, codes, lengths, which, names, arguments, seconds):
+    import numpy
+    raytwin_learn(codes, lengths)
+    chosen = [raytwin_codes[k] for k in which]
+    return numpy.array(places_reached(globals(), function, chosen, names, arguments, seconds), int)
 """
 """Runs in the sandbox, behind the submission's own text and in its module."""
 
@@ -61,7 +91,8 @@ def looked_again(result: Result, rubric: Rubric, code: Code, replaced: Sequence[
     if not ((rubric.hints or unnamed) and wrong and code.kind == "python" and (code.source or code.cells)):
         return result
     cells: Cells = code.cells or (("", code.source),)
-    innocent = [e.stage for e in result.exercises if e.status == "pass" and LESSONS[e.stage].name not in PICTURES]
+    right = list(dict.fromkeys(e.stage for e in result.exercises if e.status == "pass"))
+    right = [stage for stage in right if all(e.stage != stage for e in wrong)]
     found: dict[str, Repair] = {}
     prints: dict[str, str] = {}
     left = IN_ALL
@@ -70,20 +101,20 @@ def looked_again(result: Result, rubric: Rubric, code: Code, replaced: Sequence[
         ours = tuple(replaced) if pictures else ()
         if not some:
             continue
-        asked = (*dict.fromkeys(e.stage for e in some), CALLED)
+        asked = (*dict.fromkeys(e.stage for e in some), *right, CALLED, PLACES)
         own = dataclasses.replace(code_with(code, ours).followed_by(DRIVER), asked=asked)
         with Sandbox(own, rubric.limits, (Path(rubric.folder), Path.cwd())) as child:
             if not ours:
                 prints |= {stage: _fingerprint(child, LESSONS[stage]) for stage in asked if stage in unnamed}
-            began = _clock(child)
+            began, trials = _clock(child), _Trials(child)
             for exercise in some if rubric.hints else ():
                 if exercise.stage in child.functions and CALLED in child.functions and exercise.stage not in found:
-                    until = min(_clock(child) + SECONDS, began + left)
+                    seconds = UNNAMED if exercise.stage in unnamed else SECONDS
+                    until = min(_clock(child) + seconds, began + left)
                     known = [r.candidate for r in found.values() if r.candidate is not None and not ours]
                     stage, seed = LESSONS[exercise.stage], result.seed
-                    if (
-                        made := _repair(stage, seed, cells, child, until, [*innocent, *ours], known, rubric.seen)
-                    ) is not None:
+                    made = _repair(stage, seed, cells, trials, until, right, ours, known, rubric.seen)
+                    if made is not None:
                         found[exercise.stage] = made
             left -= _clock(child) - began
     exercises = tuple(
@@ -111,14 +142,13 @@ def _fingerprint(child: Sandbox, stage: Stage) -> str:
 
 
 def _with_hint(exercise: Marked, repair: Repair | None, level: int, found: str) -> Marked:
-    """Behind a cause that is proved, or a wrong shape; before what is likely, or names none."""
+    """Behind a cause that is proved; before what is likely, or names none."""
     exercise = msgspec.structs.replace(exercise, fingerprint=found)
     if repair is None:
         return exercise
     hint = repair.hint(level)
     first, rest = exercise.sentences[:1], exercise.sentences[1:]
-    shape = any(text.startswith("it returned") for text in first)
-    sentences = (*first, hint, *rest) if exercise.sureness == "proved" or shape else (hint, *first, *rest)
+    sentences = (*first, hint, *rest) if exercise.sureness == "proved" else (hint, *first, *rest)
     return msgspec.structs.replace(exercise, sentences=sentences, sureness="proved", repair=kind_of(repair.operator))
 
 
@@ -128,35 +158,76 @@ def _clock(child: Sandbox) -> float:
 
 
 def _repair(
-    stage: Stage, seed: int, cells: Cells, child: Sandbox, until: float, innocent: Sequence[str],
+    stage: Stage, seed: int, cells: Cells, trials: "_Trials", until: float, right: Sequence[str], ours: Sequence[str],
     known: Sequence[Candidate], seen: Mapping[str, int],
 ) -> Repair | None:  # fmt: skip
     cases = stage.cases(seed)
-    right: Callable[[Case, Any], bool] = partial(is_right, stage)
+    child = trials.child
 
     def is_wrong(case: Case) -> bool:
         answer = child.call(stage.name, *case.args)
-        return bool(answer.problem) or not right(case, answer.arrays)
+        return bool(answer.problem) or not is_right(stage, case, answer.arrays)
+
+    def keeps(candidate: Candidate) -> bool:
+        """Whether it leaves right what is: a change that mends one function and spoils another is none."""
+        for other in map(LESSONS.__getitem__, right):
+            for case in other.cases(seed)[:KEPT]:
+                small = smaller(other, case, STEPS[-1]) or case
+                (got,) = trials.run(other.name, (), [candidate], small.args, False)
+                if got is None or not is_right(other, small, got):
+                    return False
+        return True
 
     if not (tried := probes(stage, cases, is_wrong)):
         return None
-    run = partial(_run, child, stage.name)
+    innocent = [*(name for name in right if name not in PICTURES), *ours]
+    runner = Runner(partial(trials.run, stage.name, innocent), partial(trials.places, stage.name))
     further = partial(further_probes, stage, seed)
-    return repair(cells, stage.name, tried, right, run, lambda: _clock(child) < until, innocent, known, further, seen)
+    right_in: Callable[[Case, Any], bool] = partial(is_right, stage)
+    more_time = lambda: _clock(child) < until  # noqa: E731
+    return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, seen, keeps)
 
 
-def _run(child: Sandbox, function: str, chosen: Sequence[Candidate], arguments: Sequence[Any]) -> Answers:
-    if not chosen:
-        return []
-    codes = np.frombuffer(b"".join(c.code for c in chosen), np.uint8)
-    lengths = np.array([len(c.code) for c in chosen])
-    answer = child.call(CALLED, function, codes, lengths, [list(c.names) for c in chosen], list(arguments), A_CALL)
-    if answer.problem or len(answer.arrays) != 2:
-        return [None] * len(chosen)
-    try:
-        return _read([int(n) for n in answer.arrays[0].ravel()], answer.arrays[1].astype(float).ravel(), len(chosen))
-    except (IndexError, ValueError, OverflowError):  # the submission's own doing
-        return [None] * len(chosen)
+KEPT = 2
+"""Cases of each function that is right, in which a change has to leave it right."""
+
+
+class _Trials:
+    """Candidates that run in the sandbox: each code is sent once."""
+
+    def __init__(self, child: Sandbox) -> None:
+        self.child = child
+        self.sent: dict[bytes, int] = {}
+
+    def run(
+        self, function: str, innocent: Sequence[str], chosen: Sequence[Candidate], arguments: Sequence[Any],
+        changed: bool,
+    ) -> Answers:  # fmt: skip
+        if not chosen:
+            return []
+        settings = [[list(pair) for pair in c.setting] for c in chosen]
+        answer = self.child.call(CALLED, function, *self._codes(chosen), settings, list(arguments), A_CALL, changed,
+                                 list(innocent))  # fmt: skip
+        if answer.problem or len(answer.arrays) != 2:
+            return [None] * len(chosen)
+        shapes, numbers = answer.arrays
+        try:
+            return _read([int(n) for n in shapes.ravel()], numbers.astype(float).ravel(), len(chosen))
+        except (IndexError, ValueError, OverflowError):  # the submission's own doing
+            return [None] * len(chosen)
+
+    def places(self, function: str, chosen: Sequence[Candidate], arguments: Sequence[Any]) -> frozenset[int] | None:
+        one_each = list({c.code: c for c in chosen}.values())
+        answer = self.child.call(PLACES, function, *self._codes(one_each), list(arguments), A_CALL)
+        return None if answer.problem or not answer.arrays else frozenset(int(n) for n in answer.arrays[0].ravel())
+
+    def _codes(self, chosen: Sequence[Candidate]) -> tuple[Any, ...]:
+        """The codes that were not sent before, their lengths, and which of all each candidate has; its names."""
+        new = [code for code in dict.fromkeys(c.code for c in chosen) if code not in self.sent]
+        for code in new:
+            self.sent[code] = len(self.sent)
+        codes, lengths = np.frombuffer(b"".join(new), np.uint8), np.array([len(code) for code in new], int)
+        return codes, lengths, [self.sent[c.code] for c in chosen], [list(c.names) for c in chosen]
 
 
 def _read(shapes: list[int], numbers: np.ndarray, count: int) -> Answers:
