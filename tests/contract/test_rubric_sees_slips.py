@@ -12,6 +12,8 @@ from raytwin.contract.stage_table import CONTRACT
 from raytwin.diagnose.operators import edits
 from raytwin.diagnose.textbook import TEXT, tracer_with
 
+ENDLESS = ("an axis is missing",)
+"""In a loop it makes arrays without end."""
 STATEMENTS = {s.name: s for s in ast.parse(TEXT).body if isinstance(s, ast.FunctionDef)}
 
 
@@ -61,7 +63,8 @@ def test_every_slip_in_the_textbook_that_changes_anything_fails_a_case(function,
     other = [Case("", args, (stage.reference(*args),)) for args in probes(np.random.default_rng(7))]
     unseen, tried = [], 0
     for part in parts:
-        for edit in [e for e in edits(STATEMENTS[part]) if e.weight <= 1.5 and "range" not in e.before][::every]:
+        some = [e for e in edits(STATEMENTS[part]) if e.weight <= 1.5 and e.operator not in ENDLESS]
+        for edit in [e for e in some if "range" not in e.before][::every]:
             slip = slipped(function, part, edit)
             if slip is None:
                 continue
