@@ -32,6 +32,7 @@ def test_augment_uses_the_boards_shape_in_the_camera_file(shoot, bent_found, sce
     (tmp_path / "out").mkdir()
     for name in ("fast_engine", "augment"):  # what is drawn is another test's
         monkeypatch.setattr(augment_photos, name, lambda pixels, *_, **__: SimpleNamespace(pixels=pixels))
+    monkeypatch.setattr(augment_photos.twin, "chosen", lambda: SimpleNamespace(variant=""))
     (row,) = augment_photos.augment_photos(
         [photo], scenes / "desk", tmp_path / "out", camera=tmp_path / "c.toml", board=tmp_path / "board.toml"
     )
