@@ -24,7 +24,10 @@ FIREFLY = 25.0
 """A firefly's variance over that of its block and its neighbours: five times their standard deviation."""
 
 EVENTS = 8.0
-"""A pixel of mean m and variance v is the sum of some m²/v events of one size; a firefly of fewer than this."""
+"""A pixel of mean m and variance v is the sum of some m²/v events of one size; of fewer than this it is rare light."""
+
+FIREFLY_EVENTS = 100.0
+"""The same for a firefly: an event that adds more than a tenth to its pixel, where others may have missed all."""
 
 SURE = 20.0
 """A sum over pixels that expects more fireflies than this has seen some: missing all has probability exp(-20)."""
@@ -130,7 +133,7 @@ def _fireflies(
         neighbours[k, inside] = v[y[inside] + dy, x[inside] + dx, c[inside]]
     own = v[y, x, c].astype(np.float64)
     alone = own > FIREFLY * np.partition(neighbours, -2, axis=0)[-2]
-    alone &= EVENTS * own > np.square(mean[y, x, c].astype(np.float64))
+    alone &= FIREFLY_EVENTS * own > np.square(mean[y, x, c].astype(np.float64))
     return y[alone], x[alone], c[alone]
 
 
