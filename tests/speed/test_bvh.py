@@ -6,6 +6,7 @@ import pytest
 
 from raytwin.scene import Lambert, Rectangle, Scene, Sphere
 from raytwin.speed import ENGINES, bvh, walk
+from raytwin.speed.frame import EyeScene
 from raytwin.tracer import STAGES, intersect_sphere
 
 
@@ -32,11 +33,17 @@ def test_many_objects_give_the_same_light_as_one_after_the_other(overlap, engine
     """To rounding where two are met at the same distance; rays at an edge may go astray in one of a thousand pixels."""
     scene = strewn(overlap.with_camera(overlap.camera.resized(16, 12)), rng, spheres, sheets)
     images = []
-    for few in (0, 1000):
+    for few in (32, 1000):
         monkeypatch.setattr(bvh, "FEW", few)
         images.append(walk(scene, "path", engine, samples=4, seed=2, depth=4).mean)
     off = np.abs(images[0] - images[1]).max(axis=-1)
     assert (off > 1e-6).mean() < (0.005 if ENGINES[engine].bits == 32 else 1e-9)
+
+
+@pytest.mark.parametrize("engine", ["numpy32", "drjit32"], indirect=True)
+def test_a_crowd_is_in_trees_on_dr_jit_alone(overlap, engine, rng):
+    found = EyeScene(strewn(overlap, rng), ENGINES[engine]).everywhere
+    assert isinstance(found.seen, bvh.Chain) == (engine == "drjit32")
 
 
 @pytest.mark.parametrize("engine", ["drjit64"], indirect=True)
