@@ -25,6 +25,8 @@ Answers = list[tuple[np.ndarray, ...] | None]
 NONE_SEEN: Mapping[str, int] = {}
 COMMON = 0.5
 """By so much less far-fetched is a slip that was seen ten times as often."""
+CLEARED = 0.6
+"""By so much more far-fetched is a change of a statement that runs in functions that are right, too."""
 AT_ONCE = 48
 """Candidates that are tried in one call."""
 A_CALL = 0.25
@@ -74,10 +76,12 @@ class Runner:
     `run(candidates, arguments, changed)`: what the function returns with each; None: it raised, it took too long, or,
     if `changed`, it returns what it does without.
     `places(candidates, arguments)`: the places of their codes that a call reaches; None: unknown.
+    `right(candidates)`: those that calls of functions reach that are right; None: unknown.
     """
 
     run: Callable[[Sequence[Candidate], Sequence[Any], bool], Answers]
     places: Callable[[Sequence[Candidate], Sequence[Any]], frozenset[int] | None]
+    right: Callable[[Sequence[Candidate]], frozenset[int] | None] = lambda candidates: None
 
 
 def repair(
@@ -104,7 +108,7 @@ def repair(
             left = [c for c, got in zip(left, answers, strict=True) if got is not None and is_right(case, got)]
         return left
 
-    every = candidates(cells, function, innocent, seen, lambda some: runner.places(some, cases[0].args))
+    every = candidates(cells, function, innocent, seen, lambda some: runner.places(some, cases[0].args), runner.right)
     for chunk in itertools.chain([list(known)], _chunks(every)):
         if not more_time():
             return None
@@ -160,23 +164,27 @@ def kind_of(operator: str) -> str:
 def candidates(
     cells: Cells, function: str, innocent: Sequence[str] = (), seen: Mapping[str, int] = NONE_SEEN,
     places: Callable[[Sequence[Candidate]], frozenset[int] | None] = lambda some: None,
+    right: Callable[[Sequence[Candidate]], frozenset[int] | None] = lambda some: None,
 ) -> Iterator[Candidate]:  # fmt: skip
     """Single changes of what `function` is made of, the least far-fetched first.
 
     `places(candidates)`: those that a wrong case reaches. Statements that do not run there are left as they are.
+    `right(candidates)`: those that functions reach that are right: a mistake there is less likely.
     """
     reached = _statements(cells, function, innocent)
     file = _file(cells, [statement for _, statement in reached])
-    running = _running(reached, places)
+    marks = _marks(reached)
+    running, beside = _nodes(marks, places(marks)), _nodes(marks, right(marks))
+    cleared = {id(node) for one in beside or () for node in _own(one)}
     first = 0
     for rare in (False, True):
         found = []
         for cell, statement in reached:
-            some_edits = edits(statement, file, rare, lambda one: running is None or id(one) in running)
+            some_edits = edits(statement, file, rare, lambda one: running is None or one in running)
             for some, schema in schemata(statement, some_edits, first):
                 first = schema.end
                 found += _with(cell, statement, some, schema)
-        yield from sorted(found, key=lambda c: _weight(c.edit, seen))
+        yield from sorted(found, key=lambda c: _weight(c.edit, seen) + CLEARED * (id(c.edit.old) in cleared))
 
 
 def _with(cell: str, statement: ast.stmt, some: Sequence[Edit], schema: Schema) -> list[Candidate]:
@@ -184,10 +192,16 @@ def _with(cell: str, statement: ast.stmt, some: Sequence[Edit], schema: Schema) 
     return [Candidate(cell, statement, edit, schema.code, names, schema.settings[id(edit)]) for edit in some]
 
 
-def _running(
-    reached: Sequence[tuple[str, ast.stmt]], places: Callable[[Sequence[Candidate]], frozenset[int] | None]
-) -> set[int] | None:
-    """The ids of the statements that run; None: unknown."""
+def _own(statement: ast.AST) -> Iterator[ast.AST]:
+    """The statement's nodes, without those of statements in it."""
+    yield statement
+    for child in ast.iter_child_nodes(statement):
+        if not isinstance(child, ast.stmt):
+            yield from _own(child)
+
+
+def _marks(reached: Sequence[tuple[str, ast.stmt]]) -> list[Candidate]:
+    """A candidate for each statement within the reached ones: its place tells whether it runs."""
     marks: list[Candidate] = []
     first = 0
     for cell, statement in reached:
@@ -196,8 +210,12 @@ def _running(
         for some, schema in schemata(statement, some_edits, first):
             first = schema.end
             marks += _with(cell, statement, some, schema)
-    asked = places(marks)
-    return None if asked is None else {id(c.edit.old) for c in marks if c.setting[0][0] in asked}
+    return marks
+
+
+def _nodes(marks: Sequence[Candidate], asked: frozenset[int] | None) -> set[ast.AST] | None:
+    """The statements that run; None: unknown."""
+    return None if asked is None else {c.edit.old for c in marks if c.setting[0][0] in asked}
 
 
 def _weight(edit: Edit, seen: Mapping[str, int]) -> float:

@@ -8,7 +8,7 @@ import dataclasses
 import inspect
 import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -164,24 +164,35 @@ def _repair(
     cases = stage.cases(seed)
     child = trials.child
 
-    def is_wrong(case: Case) -> bool:
-        answer = child.call(stage.name, *case.args)
-        return bool(answer.problem) or not is_right(stage, case, answer.arrays)
+    def is_wrong(case: Case, of: Stage = stage) -> bool:
+        answer = child.call(of.name, *case.args)
+        return bool(answer.problem) or not is_right(of, case, answer.arrays)
+
+    @cache
+    def kept() -> list[tuple[Stage, Case]]:
+        some = [(other, case) for other in map(LESSONS.__getitem__, right) for case in other.cases(seed)[:KEPT]]
+        some = [(other, smaller(other, case, STEPS[-1]) or case) for other, case in some]
+        return [(other, case) for other, case in some if not is_wrong(case, other)]
 
     def keeps(candidate: Candidate) -> bool:
         """Whether it leaves right what is: a change that mends one function and spoils another is none."""
-        for other in map(LESSONS.__getitem__, right):
-            for case in other.cases(seed)[:KEPT]:
-                small = smaller(other, case, STEPS[-1]) or case
-                (got,) = trials.run(other.name, (), [candidate], small.args, False)
-                if got is None or not is_right(other, small, got):
-                    return False
+        for other, case in kept():
+            (got,) = trials.run(other.name, (), [candidate], case.args, False)
+            if got is None or not is_right(other, case, got):
+                return False
         return True
+
+    def reached_by_right(chosen: Sequence[Candidate]) -> frozenset[int]:
+        some: set[int] = set()
+        for other in (LESSONS[name] for name in right if name not in ours):
+            case = other.cases(seed)[0]
+            some |= trials.places(other.name, chosen, (smaller(other, case, STEPS[0]) or case).args) or frozenset()
+        return frozenset(some)
 
     if not (tried := probes(stage, cases, is_wrong)):
         return None
     innocent = [*(name for name in right if name not in PICTURES), *ours]
-    runner = Runner(partial(trials.run, stage.name, innocent), partial(trials.places, stage.name))
+    runner = Runner(partial(trials.run, stage.name, innocent), partial(trials.places, stage.name), reached_by_right)
     further = partial(further_probes, stage, seed)
     right_in: Callable[[Case, Any], bool] = partial(is_right, stage)
     more_time = lambda: _clock(child) < until  # noqa: E731
