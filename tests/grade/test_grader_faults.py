@@ -7,7 +7,7 @@ import submitted_tracers as tracers
 from typer.testing import CliRunner
 
 from raytwin.cli import app
-from raytwin.errors import MachineError
+from raytwin.errors import InputError, MachineError
 from raytwin.grade import class_run
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import read_rubric
@@ -85,6 +85,11 @@ def test_a_rubrics_fault_ends_the_run_before_anyone_is_graded(folder):
     (folder / "r.toml").write_text(text)
     assert grade(folder).exit_code != 0
     assert not (folder / "out" / "results").exists()
+
+
+def test_a_folder_that_is_not_there_is_named(folder):
+    with pytest.raises(InputError, match=r"nowhere: expected submissions.*got no such folder"):
+        class_run.jobs_of(folder / "nowhere", folder / "r.toml")
 
 
 def test_a_result_without_exercises_has_a_page_and_a_row(tmp_path):
