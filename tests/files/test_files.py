@@ -481,6 +481,12 @@ def test_an_image_survives_an_exr_to_the_last_bit(tmp_path, data, h, w, has_vari
             assert same_bits(getattr(found.surface, name), getattr(surface, name)), name
 
 
+def test_a_value_that_differs_in_its_last_bit_alone_is_kept(tmp_path):
+    image = Image(np.full((2, 3, 3), 0x3F800001, np.uint32).view(np.float32))
+    files.write_exr(tmp_path / "x.exr", image)
+    assert same_bits(files.read_exr(tmp_path / "x.exr")[0].mean, image.mean)
+
+
 def test_a_wrong_exr_is_named(tmp_path):
     grey, window = np.zeros((4, 4), np.float32), (np.zeros(2, np.int32), np.array([5, 3], np.int32))
 
