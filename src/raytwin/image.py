@@ -58,7 +58,7 @@ class Image(InNotebook):
     batches: int | None = None
 
     def blacken(self, lost: Bool[np.ndarray, "h w"] | None) -> "Image":
-        """Itself, with the pixels `lost`, that no ray belongs to, black and without doubt: they meet nothing."""
+        """Make the pixels `lost`, which no ray belongs to, black, noise-free and empty of objects; return the image."""
         if lost is not None:
             self.mean[lost] = 0
             if self.variance is not None:

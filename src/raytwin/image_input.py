@@ -120,7 +120,7 @@ def _repeated(made: list[LoadedImage]) -> LoadedImage:
 
 
 def one_batch(image: Image) -> Image:
-    """A render of several, whose scatter alone gives the noise: what it claims of its own is not believed."""
+    """Return one of several renders without its own variance: the noise is measured by their scatter alone."""
     return replace(image, variance=None, samples=0, batches=None)
 
 

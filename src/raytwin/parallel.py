@@ -19,7 +19,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 TRIES = 3
-"""A thing whose process is killed so often is given up."""
+"""A thing is given up once its process has been killed this many times."""
 CONNECT = 5
 """Seconds for a scheduler to answer."""
 
@@ -153,7 +153,7 @@ def _here(function: Callable[[T], Any], thing: T) -> Done:
 
 
 def _in_processes(function: Callable[[T], Any], things: Sequence[T], jobs: int) -> Iterator[Done]:
-    """A process that is killed takes its pool along: whatever was in it is done again, each in a process of its own."""
+    """Run in a pool of processes. A killed one breaks the pool: what is left is run again, each in its own process."""
     lost = []
     with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
         running = {pool.submit(function, thing): thing for thing in things}
@@ -167,7 +167,7 @@ def _in_processes(function: Callable[[T], Any], things: Sequence[T], jobs: int) 
 
 
 def _alone(function: Callable[[T], Any], thing: T) -> Done:
-    """Nobody else can have ended its process: after `TRIES` it was its own doing."""
+    """Run one thing in a process of its own: if that is killed `TRIES` times, the thing itself is the cause."""
     for _ in range(TRIES):
         with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
             found = _outcome(thing, pool.submit(function, thing))

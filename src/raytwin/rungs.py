@@ -26,7 +26,7 @@ class Rung:
     background: bool = True
 
     def lacks(self, part: str, depth: int | None = None) -> bool:
-        """A part of the light, a name of `speed.part_names`, is not in it; `depth` in the place of its own."""
+        """Return whether it lacks a part of the light, one of `speed.part_names`; `depth` replaces the rung's own."""
         if part.startswith("bounce"):
             return int(part.removeprefix("bounce").rstrip("+")) + 2 > (depth or self.depth or 0)
         return not {"open": self.lit, "shadow": self.shadows, "occlusion": self.sky == "occluded"}[part]

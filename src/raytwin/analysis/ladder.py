@@ -28,7 +28,7 @@ from raytwin.speed import PARTS, light_parts, walk
 WIDTH = 480
 """Pixels across by default: fifteen pictures share a page."""
 MORE = 4
-"""Times the rungs' samples are those of the whole light."""
+"""The reference has this many times the samples of the light levels."""
 CALLS = 3
 """Timed calls of each method; their median counts."""
 

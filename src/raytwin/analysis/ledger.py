@@ -44,7 +44,7 @@ class Ledger:
 def make_ledger(
     scene: Scene, shown: Image, rung: str, engine: str, depth: int = 8, keep: bool = False, faulty: bool = False
 ) -> Ledger:
-    """The parts of `shown`'s error, a picture that stands on `rung`; `keep`: the whole light between runs."""
+    """Split the error of `shown`, a picture at light level `rung`, into parts; `keep`: cache the light between runs."""
     return split_error(WholeLight(scene, engine, depth, keep), shown, rung, faulty)
 
 

@@ -1,7 +1,7 @@
 """All light of a scene, in parts: what ledgers of pictures on any rung, and fitted splits, are made from.
 
-It is kept between runs, under a hash of the scene, of the tracer's own source and of what computes: changed code finds
-nothing of the old. A kept file that is not what was written is made anew.
+Results are cached between runs, keyed by a hash of the scene, the tracer's source and the engine, so that changed code
+never finds old ones. A damaged cache file is recomputed.
 """
 
 import hashlib
@@ -25,13 +25,13 @@ from raytwin.speed import ENGINES, PARTS, light_parts, trace, walk
 PIXELS, PIXELS_NUMPY, SAMPLES = 1 << 18, 1 << 13, 8
 """A larger frame's light is that of every k-th pixel of every k-th row; twice so many samples each."""
 SEEDS = 0xA11CE, 0xB0B
-"""Others than a user's, so that no picture is held against its own samples."""
+"""Seeds that no user's render has, so that no image is compared with its own samples."""
 SMALL = 96
 """Pixels across, when objects are taken away one by one to see what they had to do with a part."""
 CACHE = files.Cache("light", ".npz", 1 << 29)
 ROOT = Path(raytwin.__file__).parent
 MADE_BY = *(ROOT / room for room in ("arrays.py", "scene", "lights", "tracer", "speed")), Path(__file__)
-"""Whose source decides the numbers."""
+"""Files whose source code is part of the cache key."""
 REMOVED_BY = {"shadow": ("shadow", 0), "occlusion": ("sky", 2), "bounce 1": ("path", 3), "bounce 2": ("path", 4)}
 """A part of the light -> the cheapest rung that has it, and to what depth; `path` to the whole depth for the others."""
 
@@ -151,7 +151,7 @@ def _read(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> Arrays | None:
 
 
 def sampled_parts(scene: Scene, rung: str, engine: str, sampling: str) -> Callable[[int], dict[str, Any]]:
-    """k -> at every k-th pixel, twice, the parts that chance finds on a rung; for `grade.split`."""
+    """Return k -> the sampled parts of a light level at every k-th pixel, twice; for `light_decomposition.split`."""
 
     def parts(step: int) -> dict[str, Any]:
         row = RUNGS[rung]

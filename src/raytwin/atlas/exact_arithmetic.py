@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 
 DIGITS = Context(prec=60, Emin=-(10**6), Emax=10**6)
-"""In exponents too: the squares of the largest and the smallest floats have a place."""
+"""The range of exponents is wide enough for the squares of the largest and the smallest floats."""
 
 
 def hit(origin: Iterable[float], d: Iterable[float], center: Iterable[float], radius: float) -> float:

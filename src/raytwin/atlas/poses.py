@@ -110,7 +110,7 @@ def errors(photo: BoardPhoto, rng: np.random.Generator, n: int) -> dict[str, Err
 
 
 def driven(photo: Callable[[float], BoardPhoto]) -> tuple[Callable[..., dict[str, Error]], dict[str, Law]]:
-    """What measures the photos that `photo` makes of the parameter, and the law of the best: over four sides."""
+    """Return a Measure over the photos `photo(parameter)`, and the law of the best pose, averaged over four sides."""
 
     def law(x: float) -> float:
         rng = np.random.default_rng(0)

@@ -160,7 +160,7 @@ def merged(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
 
 
 def beyond(edge: float, share: float) -> Law:
-    """Nothing up to the edge, `share` behind it, the parameter falling."""
+    """Return a law that is 0 down to the edge and `share` below it."""
     return lambda x: share if x < edge else 0.0
 
 

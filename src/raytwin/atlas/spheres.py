@@ -110,7 +110,7 @@ def level(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
 
 
 def scale(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
-    """The whole scene 2^±k, the power next to x, times as large: three radii away; and as raytwin's engines take it."""
+    """Errors of a scene three radii away, scaled by 2^±k, the power next to x; None for raytwin where it refuses it."""
     exponent = round(np.log2(x))
     rays = seen_at(3.0, 0.9 * rng.random(n), rng)
     both = [errors(rays, exponent=k, inputs=False) for k in (exponent, -exponent)]

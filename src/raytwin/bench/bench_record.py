@@ -106,7 +106,7 @@ class Calibrated(Row, frozen=True):
 class Equal(Row, frozen=True):
     """Where a family of methods falls to one relMSE against its own rung's truth: seconds a frame, samples a pixel.
 
-    Between two that were `measured`; or beyond the last of them, as the error falls.
+    Interpolated between two measured sample counts if `measured`, else extrapolated beyond the last one.
     """
 
     family: str

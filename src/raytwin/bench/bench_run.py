@@ -31,7 +31,7 @@ from raytwin.scene import Camera, Scene, SceneFile
 from raytwin.workflows.versions import versions
 
 PREPARE_SHARE, TRUTH_SHARE = 0.6, 0.3
-"""Shares of a size's time: references take at most the second; of the rest no method is prepared after the first."""
+"""Shares of a size's time: references take at most TRUTH_SHARE; preparing stops after PREPARE_SHARE of the rest."""
 
 LATE = "no time"
 """How the reason begins where a larger budget would help."""

@@ -35,11 +35,11 @@ def equal_error(rows: Sequence[Measurement], truths: Sequence[Converged]) -> tup
 
 
 def passed(points: Sequence[tuple[float, float, int]], target: float = TARGET) -> tuple[float, float, bool] | None:
-    """(seconds, samples, measured) where the error falls to `target`, on the line through the two nearest (seconds,
-    error, samples) in logarithms; the first point where that is below already.
+    """Return (seconds, samples, measured) where the error falls to `target`, interpolated in logarithms between points
+    (seconds, error, samples); the first point if its error is below `target` already.
 
-    Beyond the last point, up to FARTHEST times its samples, it is not `measured`, and only told where the error falls
-    as Monte Carlo's; else None.
+    Beyond the last point, up to FARTHEST times its samples, it is extrapolated (not `measured`) if the error falls
+    as Monte Carlo's does; else None.
     """
     ranked = sorted(points, key=lambda p: p[2])
     if ranked[0][1] <= target:

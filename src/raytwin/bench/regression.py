@@ -11,7 +11,7 @@ from raytwin.errors import InputError
 SLOWER, LESS_ACCURATE = 1.05, 1.02
 """Ratios up to these are not worth a word."""
 ROUNDING = 1e-6
-"""An RMSE below this is float32's rounding: another last digit of the camera, and it is another number."""
+"""RMSEs below this are float32's rounding, which changes with the last digit of a camera; they count as this."""
 UNSEEN = 1.5
 """A method is undecided where only a slowdown by more than this would have been seen."""
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 MOST_PIXELS = 400_000_000
 """As much as a file may have."""
 MOST_SIDE = 100_000
-"""Pixels of a picture's width or height that are taken for meant."""
+"""Largest width or height of a picture, in pixels, that is not taken for a typing error."""
 
 
 def parse_size(text: str, option: str) -> tuple[int, int]:

@@ -375,9 +375,9 @@ def with_options(command: Callable[..., None], name: str) -> Callable[..., None]
 
 
 def group(default: str, folder: bool = False) -> typer.Typer:
-    """Return a group of commands: words that begin with none of their names are those of the command `default`.
+    """Return a group of commands; words that begin with no command's name go to the command `default`.
 
-    `folder`: so is its own name where no other words follow and a folder has that name, as `raytwin grade class`.
+    `folder`: so does its own name, if no words follow and there is a folder of that name, as in `raytwin grade class`.
     """
 
     class OrDefault(TyperGroup):

@@ -67,14 +67,14 @@ POWER = 0.9
 """The probability with which a minimum detectable bias is detected."""
 
 SILENT = 0.1
-"""A standard deviation below this share of what a value may err by is no noise."""
+"""Standard deviations below this share of the tolerance count as no noise."""
 
 
 BINS, MOST_TILES = 20, 3000
 """Columns of the histogram of p-values, and about how many tiles it counts at most."""
 
 DIM = 0.1
-"""A channel of less than this share of the channels' mean has no relative error worth the name."""
+"""Channels dimmer than this share of the channels' mean are left out of the detectable relative bias."""
 
 
 class Worst(NamedTuple):
@@ -134,17 +134,17 @@ class Decision(NamedTuple):
 
 
 class Rounding(NamedTuple):
-    """What the images' formats round off: `value` (H, W, 3) at most, `mean` of it what is left in a mean of noise."""
+    """Rounding of the file formats: `value` (H, W, 3) at most; `mean`, the part that averaging over noise leaves."""
 
     value: Pixels
     mean: Pixels
 
 
 class Allowance(NamedTuple):
-    """What an error may be before it counts: the bound of values without noise, and what either image missed.
+    """The error that is allowed: the bound for noise-free values, and rare events that either image may have missed.
 
     `unseen`: 1 / samples per pixel of the image with noise that has fewer; 0 where no variance is proof of no noise.
-    `look`: the part of the rate that is this look's, in a sequence of looks.
+    `look`: this look's share of the false-alarm rate, in a sequence of looks.
     """
 
     bound: Bound
@@ -154,16 +154,16 @@ class Allowance(NamedTuple):
     look: float = 1.0
 
     def events_missed(self, level: float) -> float:
-        """How many events that would have changed a sum all samples may have missed, if they agree, at this level.
+        """Return the expected number of events that samples which all agree may have missed, at this level.
 
-        Samples that would have changed a value come with a mean of n p in n of them, so that none does with exp(-n p).
-        Of two images exp(-n p - m q) leaves the most, p + q, where all of it is missed by the one of fewer samples.
-        What is missed until a later look was missed at an earlier one too, so that all looks share one level.
+        An event of probability p occurs n p times in n samples on average, and never with probability exp(-n p).
+        For two images exp(-n p - m q) allows the largest p + q if the image with fewer samples missed all of it.
+        What a later look has missed, the earlier looks missed too, so that all looks share one level.
         """
         return -math.log(level / self.look)
 
     def of(self, error: Means, pixels: Counts | int, radiance: Means, allowed: Means | None = None) -> Means:
-        """For mean errors (..., 3): a test that is too dark may have missed events, one too bright has seen more.
+        """Return the allowance for mean errors (..., 3): what the test missed if it is too dark, else the reference.
 
         `allowed`: the bound of that radiance, where it is known already.
         """
@@ -188,9 +188,9 @@ def decide(
     by_value: bool = True,
     look: float = 1.0,
 ) -> Decision:
-    """Values (where `by_value`), tiles, image: of two images of one shape (H, W, 3), finite, one or both with noise.
+    """Test values (if `by_value`), tiles and the mean of two finite images (H, W, 3), of which one or both are noisy.
 
-    `look`: the part of the rate of all looks at a sequence that `rate` is.
+    `look`: `rate` as a share of the false-alarm rate of the whole sequence of looks.
     """
     a, b = survey(test), survey(reference)
     ratio = variance_ratio(test, reference, (SILENT * bound.least) ** 2)
@@ -281,7 +281,7 @@ def _more_values(
     values: Family, square: Float32[np.ndarray, "h w 3"], d: Float32[np.ndarray, "h w 3"], dof: float,
     threshold: float, y0: int,
 ) -> tuple[Family, int]:  # fmt: skip
-    """The family with the values of the rows from y0 on, of which `square` is z²; and how many of their pixels fail."""
+    """Return the family with the rows from y0 on added, whose z² is `square`, and how many of their pixels fail."""
     peak = int(square.argmax())
     z = math.sqrt(square.flat[peak])
     if z > values.worst.z:
@@ -310,7 +310,7 @@ def _without_fireflies(missing: Missed, side: Side | None) -> Missed:
 
 
 def _proven(reference: Image, unseen: float) -> Bool[np.ndarray, "h w 1"]:
-    """(H, W, 1): where no variance is proof of no noise. In a sampled image in the midst of its background alone."""
+    """Return (H, W, 1): where a variance of 0 proves no noise; in sampled images only well inside the background."""
     from scipy.ndimage import binary_dilation
 
     if not unseen:
@@ -365,7 +365,7 @@ class Estimator(NamedTuple):
 
 
 class _Tested(NamedTuple):
-    """Return |mean error| beyond what is granted in standard deviations, for sums (..., 3), and how it was computed.
+    """|mean error| beyond the allowance, in standard deviations, for sums (..., 3), and what it was computed from.
 
     `always`: granted whatever the level; `event`: by how much one event that all samples missed would have changed it.
     """
@@ -381,7 +381,7 @@ class _Tested(NamedTuple):
 
 
 def _student(estimators: list[Estimator], level: float) -> _Tested:
-    """Each sum in the way that would see the smaller error: with its fireflies, or without them but for their mean."""
+    """For each sum take the more sensitive estimator: with its fireflies, or without them, allowing for their mean."""
     made = [_estimate(estimator, level) for estimator in estimators]
     if len(made) == 1:
         return made[0]
@@ -456,7 +456,7 @@ def _holds(outer: Place, inner: Place) -> bool:
 
 
 def _seen_somewhere(t: _Tested, level: float) -> float:
-    """The error, relative to a tile's mean, that is seen with probability POWER where the tile is taken at random."""
+    """Return the relative error of the mean of a random tile that is found with probability POWER."""
     from scipy.optimize import brentq
     from scipy.special import ndtr
 
@@ -496,7 +496,7 @@ def _image(estimators: list[Estimator], share: float, size: Size) -> Family:
 
 
 def _excluded(t: _Tested) -> Means:
-    """The least bias b of means that the data speak against by 1 / (1 - POWER), whatever samples that agree missed.
+    """Return the smallest bias b of means that the data rule out by a likelihood ratio of 1 / (1 - POWER).
 
     The likelihood ratio of b, of which M events hide M t.event, and of none is exp(-M - (b' |e| - b'² / 2) / sd²) with
     b' = b - M t.event (Wald 1945): a correct mean excludes b with a third of the samples that a test of a fixed number

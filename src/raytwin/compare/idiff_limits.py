@@ -22,8 +22,8 @@ Bound = Annotated[float, msgspec.Meta(ge=0)]
 class Limits(Record, frozen=True):
     """A pixel errs when |t - r| > `error` and > `relative` * (|t| + |r|) / 2 in some channel.
 
-    More than `percent` of the pixels and more than `pixels` of them may not err; not more than `pixels` may err by
-    more than `hard`.
+    The images fail if more than `percent` of the pixels and more than `pixels` of them err, or if more than `pixels`
+    err by more than `hard`.
     """
 
     error: Bound = 1e-6

@@ -9,7 +9,7 @@ from raytwin.compare.significance import quantile
 from raytwin.image import Image
 
 HARDLY_LIT = 1e4
-"""Times too bright: beyond, what should be dark has no relative error worth the name, and the amount is written."""
+"""Times too bright; beyond this the reference is nearly black, and the absolute error is written instead."""
 
 COMMON = 0.02
 """Share of a pixel's variance: pixels are assumed to share less than this (equal random numbers, one lamp's choice)."""

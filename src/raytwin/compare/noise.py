@@ -366,7 +366,7 @@ def variance_ratio(test: Image, reference: Image, least: float = 0.0) -> float |
     typical = float(np.median(va[both] / vb[both])) if both.sum() >= 30 else 0.0
     if test.samples > 1 and reference.samples > 1:
         typical = max(typical, reference.samples / test.samples)
-    # A ratio beyond a million compares a render with none: what one says of the other is nothing.
+    # Beyond a million one image is practically noise-free, and its variance says nothing about the other's.
     return typical if 1e-6 < typical < 1e6 else None
 
 

@@ -40,7 +40,7 @@ SHARED = (
 
 
 ENOUGH_BATCHES = 4
-"""Fewer batches hardly know their variance: an image fails only where the scatter between neighbours fails it too."""
+"""With fewer batches the variance is unreliable: an image fails only if the scatter between neighbours fails it too."""
 
 FEW_BATCHES = (
     "undecided: a variance from {} batches is hardly known, and by the scatter between neighbouring pixels nothing is "
@@ -192,7 +192,7 @@ class RadianceTest:
         return decide(bare.test, b, self.bound, self.rate, rounding, by_value=False, look=self.look)
 
     def _shares_noise(self, shown: Residual) -> bool:
-        """The images err by about what the test's variance allows, but all pixels alike: their noise is one."""
+        """Return whether the error is about what the test's variance allows, but equal in all pixels: shared noise."""
         if self.test.variance is None:
             return False
         d = np.subtract(self.test.mean, self.reference.mean, dtype=np.float32)
@@ -246,9 +246,9 @@ class RadianceTest:
         return Outcome(findings, statistics, notes, doubts, tuple(dict.fromkeys(failing)), finite(made.image.excluded))
 
     def _by_scatter(self, first: Outcome, unstated: list[str], shown: Residual) -> Outcome:
-        """The scatter of t - r within blocks as the noise of both: tiles and the image tell, single pixels do not.
+        """Decide with the scatter of t - r within blocks as noise: for tiles and the image, not for single pixels.
 
-        It may convict an image; it excuses one only where the reference's own noise bears it out.
+        It may fail an image, but passes one only if the reference's own noise confirms the scatter.
         """
         t, r = self.test.mean, self.reference.mean
         outcome = self._answered(self._decided_by_scatter(), self.reference)

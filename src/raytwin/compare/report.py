@@ -14,8 +14,8 @@ STAGES = ("calibrate", "tracer", "twin", "compare")
 class Part(Record, frozen=True):
     """A row of the ledger: one named part of the error against the whole light.
 
-    `seconds`: of a frame on the cheapest rung that has it. `share_of_light`: its mean by that of the whole light,
-    signed: less than 0 where light is missing. `share_of_error`: its correlation with the whole error, by that error's
+    `seconds`: per frame, on the cheapest rung that has it. `share_of_light`: its mean divided by that of all light,
+    signed: less than 0 where light is missing. `share_of_error`: its correlation with the whole error over that error's
     square; all add up to 1. `noise`: the rms standard error of the part, where it was sampled. `between`: on which
     object it is largest, and which other one has most to do with it.
     """

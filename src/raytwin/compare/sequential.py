@@ -8,7 +8,7 @@ Batches of both sides are pooled, and looked at when there are 4 samples, and th
     pass       the data speak ten to one against a bias of `detectable_bias` of the whole image (Wald's likelihood
                ratio), and 24 x 24 pixels that are off by `detectable_tile_bias` would have failed nine times in ten
     more       else, until the budget is spent; then the verdict is undecided, and says what it would take. If no bias
-               was asked for, a budget that ends early is enough where a tenth of the whole image would have shown
+               was asked for, at the budget's end a pass only needs to rule out a bias of a tenth of the whole image
 
 Octave o of samples gets 1 / (o (o + 1)) of the rate, in four equal parts. A look that is left out only lowers the
 rate: no look is worth its time before one of the three can be expected.
@@ -34,7 +34,7 @@ FIRST, PER_OCTAVE = 4, 4
 """Samples at the first look, and the most looks until they have doubled."""
 
 FEWEST_TO_PASS = 8
-"""Samples: of fewer no single pixel knows its noise."""
+"""Samples below which nothing passes: the noise of single pixels is not known yet."""
 
 SOUGHT_BIAS, SOUGHT_TILE_BIAS = 0.01, 0.1
 """The bias of the whole image, and of any 24 x 24 pixels, that a pass excludes by default while the budget lasts."""

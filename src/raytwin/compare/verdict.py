@@ -28,7 +28,7 @@ SURE_SHIFT = 0.5
 TIED = "both are equally far, either is right, and these were not compared"
 
 DETECTABLE_BIAS = 0.1
-"""A comparison that would have missed a larger error of the whole image's mean, relative to it, is undecided."""
+"""A pass that could have missed a relative bias of the whole image above this is reported as undecided."""
 
 SAFE_UNITS = 2.0**-10, 2.0**10
 """Scales whose squares and fourth powers float32 holds: others are brought to 1, by a power of two, which is exact."""
@@ -55,7 +55,7 @@ def compare(
     surface, then radiance. Values without noise must meet `tolerance`; for noisy ones `false_alarm_rate` is the
     probability that two images fail that differ by noise alone. A pass that could have missed a bias of
     `detectable_bias` of the whole image, or of `detectable_tile_bias` of 24 x 24 pixels anywhere, is undecided instead.
-    `sequence_rate`: of a sequence of looks at more and more samples, of which this is one with its own part of it.
+    `sequence_rate`: the rate of a whole sequence of looks at more and more samples, if this comparison is one of them.
 
     `noise="reference"` ignores the variance that the test claims; `noise="none"` treats both images as noise-free, as
     for a tracer with one ray per pixel. `half_steps` (H, W, 3) is what the file formats may have rounded off. `flip`

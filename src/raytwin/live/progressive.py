@@ -33,7 +33,7 @@ from raytwin.viewer.packing import binned
 QUALITY = 85
 """JPEG quality of the pictures sent while the view moves."""
 WHOLE_SAMPLES = 8
-"""A pixel of each half of the whole light."""
+"""Samples per pixel in each half of the global-illumination reference."""
 SEEDS = 0xE47, 0x10E
 """Seeds of the two halves; no rendering pass uses them."""
 BLOCK = 4
@@ -83,7 +83,7 @@ class Session:
         )  # fmt: skip
 
     def fails(self, wanted: Wanted, scene: Scene, test: Image, reference: Image) -> bool:
-        """Return whether the tracer's image fails beside the twin on its own level; `reference`: on the twin's."""
+        """Return whether the tracer's image fails against the twin at the tracer's rung; `reference`: at the twin's."""
         if wanted.rung != wanted.twin_rung:
             level = msgspec.structs.replace(wanted, twin_rung=wanted.rung)
             reference = self.twin(level, scene, 1, 0)

@@ -215,8 +215,8 @@ class Worker:
                 self._send(send, number, refused, ())
 
     def _send(self, send: Send | None, number: int, event: dict[str, Any], blobs: tuple[bytes, ...]) -> None:
-        """To the page that wished for it, after its answer to the one before; not at all where it is gone, or another
-        page has taken over, whose wishes have numbers of their own."""
+        """Send to the page that asked, once it has answered the message before; not if it is gone, or another page
+        has taken over, whose requests have numbers of their own."""
         with self.changed:
             self.changed.wait_for(lambda: self.stopped or self.send != send or self.answered >= self.sent)
             if self.stopped or send is None or self.send != send:

@@ -76,12 +76,12 @@ class Renderer(ABC):
 
     @property
     def step(self) -> int:
-        """Every how many-th pixel is traced, the others guessed; 1: all are traced."""
+        """Return n if every n-th pixel is traced and the others are interpolated; 1 if all are traced."""
         return 1
 
     @abstractmethod
     def prepare(self, scene: Scene) -> Call:
-        """The call that makes the image, after all that a clock need not see.
+        """Do all preparation that is not to be timed, and return the call that makes the image.
 
         Raises InputError or MachineError where this scene or machine cannot have it.
         """

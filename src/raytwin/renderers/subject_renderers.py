@@ -40,9 +40,9 @@ class _ByEngine(Renderer):
 class Traced(_ByEngine):
     """One ray through each pixel's centre.
 
-    `keep`: every frame goes into one array, as a film's do: a fresh one costs more than filling it, since the system
-    hands it out page by page. `in_place`: into a frame that is filled already, which is what drawing into a photo
-    costs. `surface`: also what each ray met.
+    `keep`: all frames are drawn into one array, as for a film: filling a fresh one takes longer, because the system
+    provides it page by page. `in_place`: draw into a frame that is filled already, to time drawing into a
+    photo. `surface`: also return what each ray met.
     """
 
     trim: str = "conic"

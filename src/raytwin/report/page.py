@@ -28,7 +28,7 @@ def render_page(template: str, styles: tuple[str, ...] = (), scripts: tuple[str,
 
 
 def render_part(template: str, **data: Any) -> str:
-    """Return what a template makes of the data; of no page, if it is none."""
+    """Return the template filled with the data; the template need not be a whole page."""
     return _environment().get_template(template).render(**data)
 
 

@@ -27,7 +27,7 @@ class Against:
         self.pages: list[tuple[str, dict[str, Any]]] = []
 
     def add(self, row: dict[str, Any], drawn: np.ndarray, truth: np.ndarray) -> None:
-        """`row` as jobs.augment makes it; the two photos sRGB uint8 (H, W, 3)."""
+        """Add a photo: `row` as workflows.augment_photos returns it, the two photos as sRGB uint8 (H, W, 3)."""
         if not self.pages:
             files.write_text(self.folder / SCRIPT, viewer.script())
         name = f"against-{row['photo']}.html"

@@ -45,7 +45,7 @@ class Objects(Protocol):
 
 
 class FastWorld(NamedTuple):
-    """A `tracer.World`: its rays may meet the objects `seen` first; `casters` may block the way from there."""
+    """A `tracer.World` that tests rays for their closest hit with `seen`, and for what blocks them with `casters`."""
 
     table: Table
     stages: Stages

@@ -15,7 +15,7 @@ TERMS = 8, 3
 """Terms of the radial and of the tangential series: with these, float32 needs one step for most lenses."""
 
 ALIKE = 1e-4
-"""Ideal points closer than this, in normalised coordinates, are one point: far above rounding and a last step."""
+"""Solutions farther apart than this, in normalised coordinates, are different roots; rounding moves them far less."""
 
 
 Terms = tuple[Any, ...]
@@ -92,7 +92,7 @@ def invert_lens(camera: Camera, precision: str = "float64", fitted: bool = True)
             for steps in range(STEPS):
                 inverse = start._replace(steps=steps)
                 ended = inverse.undo(xd, yd, camera.coefficients)
-                apart = np.hypot(ended[0] - x, ended[1] - y).max()  # not where the polynomial comes back
+                apart = np.hypot(ended[0] - x, ended[1] - y).max()  # large at a root beyond a fold
                 if _error(*ended, xd, yd, camera) < enough and apart < ALIKE:
                     return inverse
     return Inverse(STEPS)

@@ -27,7 +27,7 @@ CHUNK = 1 << 14
 
 
 LIT, AWAY = -1, -2
-"""What hides the sun, where nothing does, and where the surface is turned away from it, or there is none."""
+"""Values of `blocker`: nothing hides the sun; the surface is turned away from it, or there is no surface."""
 
 
 class Points(NamedTuple):

@@ -50,7 +50,7 @@ LLVM_FOLDERS = (
 class Tried(msgspec.Struct, frozen=True):
     """One candidate: the library's path (or the variant's name, where it needs none) and how its probe went.
 
-    `settled`: it would go so again; a probe that came to no end may just have met a busy machine.
+    `settled`: another try would end the same way; a probe that timed out may just have met a busy machine.
     """
 
     path: str
@@ -128,7 +128,7 @@ def chosen(variant: str | None = None) -> Backend:
 
 @contextlib.contextmanager
 def _no_words() -> Iterator[None]:
-    """Dr.Jit says on standard error, past Python, that it found no library: that is known."""
+    """Silence standard error below Python's level: there Dr.Jit reports a missing library, which is known already."""
     stderr, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(nowhere, 2)

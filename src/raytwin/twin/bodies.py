@@ -20,14 +20,14 @@ from raytwin.scene import Rectangle, Scene
 from raytwin.twin.twin_scene import SHADOW_OFFSET, UNIT
 
 SPHERE_REACH, RECTANGLE_REACH = 16.0, 100.0
-"""Radius, and distance to the furthest corner, over the distance from the eye: the most that Mitsuba is given.
+"""Largest radius, and largest distance to a corner, divided by the distance from the eye, that Mitsuba intersects.
 
 At these, rounding moves the surface by 1e-6 of the distance from the eye, a quarter of what shadow rays start above it
 (`world.SHADOW_OFFSET`). Spheres shaded themselves from 100 on, rectangles from 1000 on.
 """
 
 SPHERE_FAR, RECTANGLE_FAR = 128.0, 1024.0
-"""Distance from the eye over the radius, and over the longer half edge: the most that float32 is trusted with.
+"""Largest distance from the eye, divided by the radius or by the longer half edge, at which float32 is trusted.
 
 At 128 radii the normal at a sphere's rim is off by 5e-6, at 1000 by 4e-5. A rectangle's own normal has no such error,
 but shadow rays start 0.4 % of its size above it.

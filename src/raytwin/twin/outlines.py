@@ -55,7 +55,7 @@ def settle(scene: Scene, seen: Seen, shadows: bool) -> np.ndarray:
         edge = np.union1d(edge, borders(blockers))
         edge = edge[seen.ids[edge] >= 0]
         points = rays(scene, edge).T * seen.depth[edge] * UNIT
-        # What a neighbour sees may shade this pixel, and no other.
+        # Only what a neighbour sees, or what shades a neighbour, is tested as what shades this pixel.
         shaded = [_doubted(bodies, met, edge, points, sun[:, None]) for met in (blockers, ids)]
         doubtful = np.union1d(doubtful, edge[shaded[0] | shaded[1]])
     if (len(doubtful) + 1000) * len(scene.objects) > MOST:

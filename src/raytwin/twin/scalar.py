@@ -25,7 +25,7 @@ from raytwin.twin.twin_scene import SHADOW_OFFSET, UNIT, load, translate
 class Renderer:
     """One scene, loaded. Pixels are numbered row by row; every result is for the pixels [first, first + count).
 
-    `depth` of the light's way where it is followed, counted as Mitsuba does; 0 where it is not.
+    `depth`: the longest light path, counted as Mitsuba does; 0 if light is not followed.
     """
 
     lanes = 1 << 16
@@ -72,9 +72,9 @@ class Renderer:
     def bounced(
         self, first: int, count: int, batches: Batches, seed: int, seen: Seen, albedo: np.ndarray
     ) -> tuple[np.ndarray, ...]:
-        """Radiance that comes to what these pixels' centres see, `seen`, cosine-weighted: as `sampled`.
+        """Return the cosine-weighted radiance that reaches what these pixels' centres see, `seen`: mean and spread.
 
-        Where there are highlights, times π f; that of what has no highlight is its `albedo`, the same for all samples.
+        In a scene with highlights it is multiplied by π f, which is `albedo` for a surface that has no highlight.
         """
         pixel = np.repeat(np.arange(first, first + count), batches.lanes)
         found = (seen.ids, seen.depth * UNIT, seen.normal @ self.R.T)

@@ -34,7 +34,7 @@ from raytwin.workflows.settings import CompareSettings
 from raytwin.workflows.versions import versions
 
 HARDLY_LIT = 1e4
-"""Per cent: a larger share of the light is that of a scene which has next to none, and its number tells nothing."""
+"""Per cent of the light: a larger share is written as "many times", since the scene has nearly no light."""
 
 CENTRES = (
     "expected difference: the tracer sends one ray through each pixel's center, the twin samples the pixel's area "

@@ -28,7 +28,7 @@ POSE_PX = 3.0
 """A pose that leaves its tags this far off, as a root mean square, is that of another camera."""
 
 REFLECTANCE = 0.9
-"""What is taken for a mirror ball's where it shows no white paper to measure it by."""
+"""Reflectance assumed for a mirror ball that does not reflect the white paper by which to measure it."""
 
 DOUBTFUL, UNEXPLAINED = 0.2, 0.5
 """Share of the light by which even the best model is off held-out pixels: a warning says so; it is no light at all."""

@@ -32,7 +32,7 @@ PIXELS = 336 * 252
 """About what a reference has: a shadow's edge is still some pixels from the next, and all files fit a repository."""
 SAMPLES, CHECKED_SAMPLES = 4096, 256
 STINTS, BATCHES = 8, 8
-"""A long render comes in so many pieces, each kept in the cache when done, each of so many independent batches."""
+"""A long render comes in STINTS pieces, each cached when done, each of BATCHES independent batches."""
 LEVEL = "path"
 """The light level that the reference of a Mitsuba file is stored under; its integrator decides what it is."""
 

@@ -64,7 +64,7 @@ def round_seed(seed: int, number: int) -> int:
 class Rounds:
     """The rounds of one comparison. A side whose `Render` is None stays what `check` was made with.
 
-    `calls`: at most so many renders of the test in a round; more than one where it tells no variance, infinity where it
+    `calls`: at most this many renders of the test per round: more than one if it states no variance, infinity if it
     cannot be asked for more samples at once. Their seeds are 0, 1, 2 and so on. `names`: of the sides' stages.
     """
 

@@ -16,7 +16,7 @@ import numpy as np
 from raytwin.compare.metrics import METRICS
 
 MOST_SAMPLES = 1 << 14
-"""Nothing has more samples a pixel."""
+"""Most samples per pixel of any render."""
 
 
 SURE = 2.0
@@ -80,7 +80,7 @@ class Truth:
         return measure(metric, one, other, self.mean, self.sampled or noisy, errors)
 
     def noise(self, metric: str) -> float:
-        """The largest error that cannot be told from none."""
+        """Return the largest error that is indistinguishable from zero."""
         a, b = self.halves
         if metric in ("rmse", "relmse"):
             return measure(metric, (a - b) / 2, (b - a) / 2, self.mean).most

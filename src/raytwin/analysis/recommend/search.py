@@ -28,7 +28,7 @@ DEEP, BOUNCES = 16, 4
 """The whole light's depth, counted as a rung's; the bounces that are told apart, the last with all that follow."""
 
 PIXELS, PIXELS_NUMPY = 1 << 15, 1 << 12
-"""So many are looked at first."""
+"""Pixels of the first, coarse look: with compiled engines, with NumPy."""
 
 FIRST = 8, 2
 """Samples of each half to begin with: of a few pixels, of the whole frame."""
@@ -37,10 +37,10 @@ MOST_WALKS, MOST_WALKS_NUMPY = 1 << 27, 1 << 21
 """A half of the truth has no more in all, and what is verified an eighth."""
 
 ROUNDS, PATIENCE, TIE = 5, 1.5, 1.1
-"""Calls timed of each, about so many seconds of them; times within this ratio are a tie."""
+"""Timed calls per candidate, seconds for the timing of all, and the ratio of times that counts as a tie."""
 
 OUT_OF_RACE = 2.0
-"""What takes so many times the fastest's seconds is called no more."""
+"""A candidate slower than the fastest by this factor is not timed again."""
 
 LONG, FINAL = 1.0, 4.0
 """Seconds: what is expected to take longer than the first at full size is verified on every k-th pixel, and its time is
@@ -73,7 +73,7 @@ class Tried:
 
     @property
     def least(self) -> float:
-        """What a busy machine makes longer least."""
+        """Return the shortest time, which a busy machine distorts least."""
         return min(self.seconds, default=self.guess)
 
     @property
@@ -168,7 +168,7 @@ class Search:
         return self._meets(best)
 
     def _why(self, tried: Tried) -> str:
-        """What stands against it."""
+        """Return why it was rejected."""
         e = tried.error
         if e is None:
             return "not tried"
@@ -177,7 +177,7 @@ class Search:
         return f"{self.metric} {e.value:.2g} > {self.tolerance:g}{self._lacks(tried.method, e.value)}"
 
     def _lacks(self, method: Renderer, value: float) -> str:
-        """The part of the light that it errs by most; or else what remains to err by."""
+        """Return the part of the light whose absence costs most, or else what remains as the cause of its error."""
         if isinstance(method, Filled):
             return ": no object is drawn"
         depth = method.depth if isinstance(method, PathTraced) else None
@@ -242,7 +242,7 @@ class Search:
     # ---------------------------------------------------------------------------- many rays
 
     def _many_rays(self) -> None:
-        """From the cheapest that may do upwards, until one does and the next would cost more."""
+        """Try the candidates from the cheapest up, until one meets the tolerance and the next would cost more."""
         queue = [*self._grids(), *self._walks()]
         while queue:
             tried = queue.pop(min(range(len(queue)), key=lambda i: queue[i].guess))
@@ -302,7 +302,7 @@ class Search:
         return (time.perf_counter() - began) / 16 * self.frame / self.pixels
 
     def _fewer(self, tried: Tried, method: PathTraced) -> None:
-        """Half the samples, and half again, until they no longer do: the next cheaper is known to fail."""
+        """Halve the samples until the tolerance is no longer met: the next cheaper variant is then known to fail."""
         known = {t.method for t in self.fail}
         while method.samples > 1 and (method := replace(method, samples=method.samples // 2)) not in known:
             half = Tried(method, tried.guess * method.samples / tried.method.samples)

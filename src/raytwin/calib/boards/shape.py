@@ -25,7 +25,7 @@ GRID = 11
 
 
 LEAST_DETERMINED = 1e-3
-"""Relative size, over the tags, below which a term's own part counts as undetermined."""
+"""A term is undetermined if a plane and lower terms explain all but this share of its values at the tags."""
 
 DEGREES = (2, 4, 6)
 """Those that a calibration tries; without 3 no set is predicted worse."""

@@ -17,8 +17,8 @@ from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.detection import Tag
 
 POINTS, REACH = 5, 0.767
-"""So many points on an edge that its line is fitted to, spread over this share of it: their mean square about its
-middle is that of the 16 places inside the edge, its corners left out, at which the AprilTag library looks."""
+"""Number of points per tag edge that its line is fitted to, and the share of the edge that they span. Their mean
+square offset equals that of the 16 places on an edge, corners excluded, that the AprilTag library samples."""
 
 
 def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float], straight: bool = True) -> np.ndarray:
@@ -57,7 +57,7 @@ def unbiased(tags: Sequence[Tag], board: Board, R, t, K, dist: Sequence[float]) 
     """The tags with their centres moved by -center_bias: to where the camera sees the true centres."""
     shift = center_bias([tag.id for tag in tags], board, R, t, K, dist)
     moved = np.array([tag.center for tag in tags]) - shift
-    # A camera so wrong that it moves a centre by a tenth of the tag says nothing about it.
+    # A shift of a tenth of the tag means that the camera is wrong: such a centre is left where it is.
     size = [np.ptp(np.array(tag.corners), axis=0).max() for tag in tags]
     return [
         msgspec.structs.replace(tag, center=tuple(new)) if np.hypot(*by) < 0.1 * edge else tag

@@ -114,7 +114,7 @@ def calibrate_detections(
     return _calibrate(found, image_size, boards, model, where, dict(wrong or {}), warnings)
 
 
-# On several threads BLAS adds up in another order: each number of threads would end in other bits, and none sooner.
+# BLAS sums in another order on several threads: the last bits would depend on their number, and nothing is faster.
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def _calibrate(
     found: Mapping[str, Mapping[str, Sequence[Tag]]],
@@ -189,10 +189,10 @@ def _shaped(boards: Sequence[Board], result: Fit) -> tuple[Board, ...]:
 
 
 def _systematic(views: Sequence[Sighting], boards: Sequence[Board], result: Fit) -> Sequence[np.ndarray]:
-    """(2, v, t, 2) pixels, one standard deviation: how far bent tags' edges may lead the detector otherwise.
+    """Return (2, v, t, 2) pixels, one standard deviation: the error of the detector's bias as modelled on bent sheets.
 
-    A share of what they do; and, between a sheet that goes on straight beyond the outermost centres and one that goes
-    on bending, the standard deviation of anything between.
+    First, a share of the bias that bending causes. Second, for a sheet that beyond the outermost centres is anything
+    between straight and extrapolated, its root mean square difference from straight.
     """
     by = np.zeros((2, *result.residuals.shape))
     shaped = _shaped(boards, result)

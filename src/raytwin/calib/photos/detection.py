@@ -176,7 +176,7 @@ def detect_photos(
 ) -> tuple[dict[str, list[Tag]], dict[str, str]]:
     """Tags by photo's path, and by photo's path what is wrong with those that show none.
 
-    So many `threads` read photos side by side, by default as many as there are cores; `read` in `detect_photo`'s place.
+    `threads`: how many photos are read in parallel, by default one per core. `read` replaces `detect_photo`.
     """
     tags: dict[str, list[Tag]] = {}
     wrong: dict[str, str] = {}

@@ -23,7 +23,7 @@ from raytwin.errors import InputError
 from raytwin.scene import Camera, Matrix, Record, Vector
 
 SURE = 1e-3
-"""A second pose is ruled out by its error where noise would do so wrongly with this probability."""
+"""Probability that noise alone makes a second pose's error large enough for it to be ruled out wrongly."""
 
 SAME_POSE = 1.0
 """Two poses less than this many degrees apart are one."""
@@ -38,8 +38,8 @@ Fifteen, because a real print is never quite flat: its errors have heavier tails
 def ambiguous(ratio: float | None, tags: int) -> bool:
     """Whether a pose with `ratio` times the error of the best cannot be ruled out, from this number of tags.
 
-    Two numbers a tag, six of the pose: the ratio's square of two independent ones is Fisher's F of 2 n - 6 and as many
-    degrees of freedom, 1.5² for 35 tags, 32² for four.
+    A tag gives two numbers, a pose takes six: with n tags the squared ratio of two independent errors follows
+    Fisher's F with (2 n - 6, 2 n - 6) degrees of freedom. The limit is 1.5² for 35 tags, 32² for four.
     """
     degrees = 2 * max(tags - 3, 1)
     return ratio is not None and bool(fdtrc(degrees, degrees, ratio**2) > SURE)
