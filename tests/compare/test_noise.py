@@ -188,8 +188,8 @@ def test_a_render_and_none_tell_nothing_of_each_other(ratio, kept):
 
 def test_each_variance_is_its_own_or_what_the_other_says_of_it():
     va, vb = np.array([1.0, 8.0, 0.0]), np.array([1.0, 1.0, 1.0])
-    assert list(noise.mutual(va, vb, None)) == [2, 9, 1]
-    assert list(noise.mutual(va, vb, 4.0)) == [5, 10, 5]
+    assert list(noise.larger_variance(va, vb, None)) == [2, 9, 1]
+    assert list(noise.larger_variance(va, vb, 4.0)) == [5, 10, 5]
 
 
 def test_doubt_is_one_over_the_degrees_of_freedom_of_each_variance():

@@ -30,7 +30,7 @@ from raytwin.live.light_path import light_path
 from raytwin.live.patience import MOST_ABANDONED, Patience
 from raytwin.live.progressive import Session
 from raytwin.live.server import Worker
-from raytwin.live.view_state import Wanted, from_json, from_link, scene_toml, wanted_of
+from raytwin.live.view_state import ViewRequest, from_json, from_link, scene_toml, wanted_of
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene import Scene, SceneFile
 from raytwin.speed import trace
@@ -102,7 +102,7 @@ def test_what_may_not_be_asked_is_named(text, said):
         from_json(text)
 
 
-def saved(base: SceneFile, wish: Wanted, folder: Path) -> SceneFile:
+def saved(base: SceneFile, wish: ViewRequest, folder: Path) -> SceneFile:
     """What the page would save, read again."""
     (folder / "mine").mkdir()
     (folder / "mine" / "scene.toml").write_text(scene_toml(base, wish), encoding="utf-8")
@@ -178,10 +178,10 @@ def wait_for(true) -> None:
 
 def test_of_wishes_in_a_row_only_the_first_and_the_last_are_rendered(slow):
     session, worker, messages, send = slow
-    worker.want(1, Wanted(), send)
+    worker.want(1, ViewRequest(), send)
     assert session.begun.wait(LONG)
     for number in range(2, 8):
-        worker.want(number, Wanted(), send)
+        worker.want(number, ViewRequest(), send)
     session.go.set()
     for count in range(1, 5):
         wait_for(lambda count=count: len(messages) == count)  # none before the page has answered the last
@@ -198,9 +198,9 @@ def test_a_page_that_takes_over_is_told_nothing_of_the_others_wishes(slow):
     async def other(message: bytes) -> None:
         mine.append(json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")]))
 
-    worker.want(7, Wanted(), send)
+    worker.want(7, ViewRequest(), send)
     assert session.begun.wait(LONG)
-    worker.want(1, Wanted(), other)
+    worker.want(1, ViewRequest(), other)
     session.go.set()
     wait_for(lambda: mine)
     assert (messages, mine[0]["number"]) == ([], 1)
@@ -216,9 +216,9 @@ def test_a_page_that_does_not_read_blocks_no_other(slow):
         while not read.is_set():
             await asyncio.sleep(0.01)
 
-    worker.want(1, Wanted(), never)
+    worker.want(1, ViewRequest(), never)
     assert begun.wait(LONG)
-    worker.want(1, Wanted(), send)
+    worker.want(1, ViewRequest(), send)
     wait_for(lambda: messages)
     assert messages[0]["number"] == 1
     read.set()
@@ -228,7 +228,7 @@ def test_an_error_that_ends_threads_is_told_and_the_worker_goes_on(slow, capsys)
     session, worker, messages, send = slow
     for number, error in enumerate((KeyboardInterrupt, SystemExit, GeneratorExit, ValueError)):
         session.passes = lambda wanted, error=error: (_ for _ in ()).throw(error("mine"))
-        worker.want(number, Wanted(), send)
+        worker.want(number, ViewRequest(), send)
         wait_for(lambda n=number: len(messages) == n + 1)
         assert messages[-1]["kind"] == "refused"
         worker.answer(messages[-1]["sent"], send)

@@ -109,7 +109,7 @@ def errors(photo: BoardPhoto, rng: np.random.Generator, n: int) -> dict[str, Err
     return rms | ({OURS: None} if doubted > n / 2 else {})
 
 
-def driven(photo: Callable[[float], BoardPhoto]) -> tuple[Callable[..., dict[str, Error]], dict[str, Law]]:
+def pose_experiment(photo: Callable[[float], BoardPhoto]) -> tuple[Callable[..., dict[str, Error]], dict[str, Law]]:
     """Return a Measure over the photos `photo(parameter)`, and the law of the best pose, averaged over four sides."""
 
     def law(x: float) -> float:
@@ -123,11 +123,11 @@ def driven(photo: Callable[[float], BoardPhoto]) -> tuple[Callable[..., dict[str
 ANGLE, BOUND = "rms angle from the true pose, radians", 0.02
 SOURCE = "Collins and Bartoli, Infinitesimal plane-based pose estimation (2014); Zhang, A flexible new technique (2000)"
 WAYS = {
-    "noise": driven(lambda x: BoardPhoto(noise=x)),
-    "tags": driven(lambda x: BoardPhoto(tags=round(x))),
-    "tilt": driven(lambda x: BoardPhoto(tilt=x)),
-    "far": driven(lambda x: BoardPhoto(distance=x)),
-    "line": driven(lambda x: BoardPhoto(narrow=x)),
+    "noise": pose_experiment(lambda x: BoardPhoto(noise=x)),
+    "tags": pose_experiment(lambda x: BoardPhoto(tags=round(x))),
+    "tilt": pose_experiment(lambda x: BoardPhoto(tilt=x)),
+    "far": pose_experiment(lambda x: BoardPhoto(distance=x)),
+    "line": pose_experiment(lambda x: BoardPhoto(narrow=x)),
 }
 
 EXPERIMENTS = (

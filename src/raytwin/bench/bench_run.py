@@ -33,7 +33,7 @@ from raytwin.workflows.versions import versions
 PREPARE_SHARE, TRUTH_SHARE = 0.6, 0.3
 """Shares of a size's time: references take at most TRUTH_SHARE; preparing stops after PREPARE_SHARE of the rest."""
 
-LATE = "no time"
+OUT_OF_TIME = "no time"
 """How the reason begins where a larger budget would help."""
 Ready = Measured[Renderer, Image]
 Parts = dict[str, list[Any]]
@@ -126,7 +126,7 @@ def portion(until: float, parts: int) -> float:
 
 def _nothing(left: Sequence[LeftOut], budget: float, spent: float) -> InputError:
     """Why nothing was measured, and what to give."""
-    late = {o.method for o in left if o.why.startswith(LATE)}
+    late = {o.method for o in left if o.why.startswith(OUT_OF_TIME)}
     if not late:
         want = "one that this scene and this machine can have"
         return InputError("--methods", want, f"{left[0].method}: {left[0].why}")
@@ -200,12 +200,12 @@ def time_methods(
             reasons[method.name] = absent[method.library]
             continue
         if i > 0 and clock() > until:
-            reasons[method.name] = f"{LATE} to prepare it"
+            reasons[method.name] = f"{OUT_OF_TIME} to prepare it"
             continue
         try:
             expected, compiling = expected_seconds(method, scene, clock)
             if clock() + owed + CALLS * expected > deadline:
-                reasons[method.name] = f"{LATE}: a call would take about {expected:.2g} s"
+                reasons[method.name] = f"{OUT_OF_TIME}: a call would take about {expected:.2g} s"
                 continue
             one = Measured(method, method.prepare(scene), expected, compiling)
             warm(one, look, clock)
@@ -218,11 +218,11 @@ def time_methods(
         owed += (CALLS - 1) * one.guess
     progress("prepare", len(methods), len(methods))
     known = {m.method.family for m in ready}
-    late = {m.family for m in methods if m.family not in known and reasons[m.name].startswith(LATE)}
+    late = {m.family for m in methods if m.family not in known and reasons[m.name].startswith(OUT_OF_TIME)}
     if ready and late:
         warnings.warn(f"--budget leaves out {', '.join(sorted(late))}", stacklevel=2)
     repeat(ready, look, deadline, repeats, clock)
-    reasons |= {m.method.name: f"{LATE} left for a timed call" for m in ready if not m.seconds}
+    reasons |= {m.method.name: f"{OUT_OF_TIME} left for a timed call" for m in ready if not m.seconds}
     left = [LeftOut(m.name, *size, reasons[m.name]) for m in methods if m.name in reasons]
     return sorted((m for m in ready if m.seconds), key=lambda m: methods.index(m.method)), left
 

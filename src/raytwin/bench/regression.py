@@ -12,7 +12,7 @@ SLOWER, LESS_ACCURATE = 1.05, 1.02
 """Ratios up to these are not worth a word."""
 ROUNDING = 1e-6
 """RMSEs below this are float32's rounding, which changes with the last digit of a camera; they count as this."""
-UNSEEN = 1.5
+UNDETECTED_SLOWDOWN = 1.5
 """A method is undecided where only a slowdown by more than this would have been seen."""
 
 
@@ -47,7 +47,7 @@ class Changes(NamedTuple):
     @property
     def undecided(self) -> tuple[MethodChange, ...]:
         """Methods that may have become slower by a factor worth knowing: too few repeats, or too much noise."""
-        return tuple(c for c in self.changes if "slower" not in c.verdict and c.seen > UNSEEN)
+        return tuple(c for c in self.changes if "slower" not in c.verdict and c.seen > UNDETECTED_SLOWDOWN)
 
 
 def against(new: Bench, old: Bench) -> Changes:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 MOST_PIXELS = 400_000_000
 """As much as a file may have."""
-MOST_SIDE = 100_000
+MAX_SIDE = 100_000
 """Largest width or height of a picture, in pixels, that is not taken for a typing error."""
 
 
@@ -23,7 +23,7 @@ def parse_size(text: str, option: str) -> tuple[int, int]:
     (640, 480)
     """
     match = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", text)
-    if not match or not all(0 < int(side) <= MOST_SIDE for side in match.groups()):
+    if not match or not all(0 < int(side) <= MAX_SIDE for side in match.groups()):
         raise InputError(option, "WIDTHxHEIGHT in pixels, as 640x480", text)
     width, height = int(match[1]), int(match[2])
     if width * height > MOST_PIXELS:

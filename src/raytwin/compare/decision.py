@@ -46,8 +46,8 @@ from raytwin.compare.noise import (
     degrees_of_freedom,
     doubt,
     inflation,
+    larger_variance,
     missed,
-    mutual,
     regularised,
     samples_behind,
     survey,
@@ -222,7 +222,7 @@ def decide(
         v = va + vb
         least = np.square(np.float32(SILENT) * allowed)
         silent = v <= least
-        v = mutual(va, vb, ratio, v)
+        v = larger_variance(va, vb, ratio, v)
         more = np.float32(0) if rounding is None else rounding.value[y0:y1]
         granted = allowance.of(d, 1, r, allowed) + more
         calm, size = np.zeros((), bool), np.zeros((1, 1, 1), np.float32)
@@ -394,7 +394,7 @@ def _estimate(estimator: Estimator, level: float) -> _Tested:
     v = s["va"] + s["vb"]
     dof = np.divide(np.square(v), s["vv"], out=np.zeros_like(v), where=s["vv"] > 0) / shared - 1
     dof = np.maximum(dof, 0.5)
-    sd = np.sqrt(mutual(s["va"], s["vb"], estimator.ratio) * shared) / s["n"]
+    sd = np.sqrt(larger_variance(s["va"], s["vb"], estimator.ratio) * shared) / s["n"]
     floor = 1e-3 * estimator.allowance.bound.least  # where all is calm: no division by 0
     sd, dof = np.maximum(sd, floor), np.where(sd > floor, dof, np.inf)
     allowance, error, radiance = estimator.allowance, s["d"] / s["n"], s["r"] / s["n"]

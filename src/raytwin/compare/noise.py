@@ -370,7 +370,7 @@ def variance_ratio(test: Image, reference: Image, least: float = 0.0) -> float |
     return typical if 1e-6 < typical < 1e6 else None
 
 
-def mutual(
+def larger_variance(
     va: Float[np.ndarray, "..."],
     vb: Float[np.ndarray, "..."],
     ratio: float | None,

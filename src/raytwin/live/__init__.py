@@ -10,6 +10,6 @@ explore.js     the page's controls and charts around the viewer
 """
 
 from raytwin.live.server import Server, opening_page
-from raytwin.live.view_state import Wanted
+from raytwin.live.view_state import ViewRequest
 
 __all__ = ["Server", "Wanted", "opening_page"]

@@ -21,7 +21,7 @@ from raytwin.analysis.ledger import make_ledger
 from raytwin.compare import SequentialComparison
 from raytwin.image import Image
 from raytwin.live.patience import Patience
-from raytwin.live.view_state import Look, Wanted
+from raytwin.live.view_state import Look, ViewRequest
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.renderers.user_renderers import UserRenderer
@@ -60,7 +60,7 @@ class Session:
         double = next(name for name, row in ENGINES.items() if row == ENGINES[fast]._replace(precision="float64"))
         return tuple(dict.fromkeys((fast, double, "numpy32", "numpy64")))
 
-    def tracer(self, wanted: Wanted, samples: int) -> Renderer:
+    def tracer(self, wanted: ViewRequest, samples: int) -> Renderer:
         if self.subject is not None:
             return replace(self.subject, rung=wanted.rung)
         if RUNGS[wanted.rung].noisy:
@@ -74,7 +74,7 @@ class Session:
             return _timed(self.patience.call, method.name, method, scene, seed)
         return _timed(method, scene, seed)
 
-    def twin(self, wanted: Wanted, scene: Scene, samples: int, seed: int) -> Image:
+    def twin(self, wanted: ViewRequest, scene: Scene, samples: int, seed: int) -> Image:
         row = RUNGS[wanted.twin_rung]
         depth = None if row.depth in (None, 2) else wanted.depth
         return twin.render(
@@ -82,14 +82,14 @@ class Session:
             max_depth=depth, cache=False,
         )  # fmt: skip
 
-    def fails(self, wanted: Wanted, scene: Scene, test: Image, reference: Image) -> bool:
+    def fails(self, wanted: ViewRequest, scene: Scene, test: Image, reference: Image) -> bool:
         """Return whether the tracer's image fails against the twin at the tracer's rung; `reference`: at the twin's."""
         if wanted.rung != wanted.twin_rung:
             level = msgspec.structs.replace(wanted, twin_rung=wanted.rung)
             reference = self.twin(level, scene, 1, 0)
         return compare_with_twin(test, reference, scene, self.base.tolerance).verdict == "fail"
 
-    def passes(self, wanted: Wanted) -> Iterator[Event]:
+    def passes(self, wanted: ViewRequest) -> Iterator[Event]:
         """Yield what is sent to the page, one event at a time. Between two of them it may be stopped."""
         scene, fast = wanted.scene(self.base), self.engines[0]
         method = self.tracer(wanted, 1)
@@ -129,7 +129,7 @@ class Session:
         yield {"kind": "rest", "said": said}, ()
 
     def rounds(
-        self, wanted: Wanted, scene: Scene, method: Renderer, test: Image, reference: Image
+        self, wanted: ViewRequest, scene: Scene, method: Renderer, test: Image, reference: Image
     ) -> SequentialComparison | None:
         """Return what decides about the passes; None where the sides have other light, or no noise."""
         if wanted.rung != wanted.twin_rung or not RUNGS[wanted.twin_rung].noisy:

@@ -31,7 +31,7 @@ from raytwin import files, viewer
 from raytwin.errors import InputError
 from raytwin.live.light_path import light_path
 from raytwin.live.progressive import TWIN_EVERY, Event, Session, as_message
-from raytwin.live.view_state import Wanted, from_json, scene_toml, wanted_of
+from raytwin.live.view_state import ViewRequest, from_json, scene_toml, wanted_of
 from raytwin.report.page import asset, render_page
 from raytwin.rungs import RUNGS
 from raytwin.tracer import SOLVERS
@@ -60,7 +60,7 @@ class Asked(msgspec.Struct, forbid_unknown_fields=True):
     """A message from the page: a wish, the answer to what it was sent, or a pixel whose light paths it wants."""
 
     number: int = 0
-    wanted: Wanted | None = None
+    wanted: ViewRequest | None = None
     answered: int | None = None
     pixel: tuple[int, int] | None = None
     sample: int = 0
@@ -70,7 +70,7 @@ class Asked(msgspec.Struct, forbid_unknown_fields=True):
 class Server:
     """`await Server(session).serve()`, until it is cancelled. `address` is what the browser opens."""
 
-    def __init__(self, session: Session, port: int = 0, first: Wanted | None = None) -> None:
+    def __init__(self, session: Session, port: int = 0, first: ViewRequest | None = None) -> None:
         self.session, self.token = session, secrets.token_hex(16)
         self.first = first or wanted_of(session.base, session.engines[0])
         self.socket = socket.socket()
@@ -146,7 +146,7 @@ class Worker:
     def __init__(self, session: Session) -> None:
         self.session = session
         self.changed = threading.Condition()
-        self.wanted: tuple[int, Wanted] | None = None
+        self.wanted: tuple[int, ViewRequest] | None = None
         self.send: Send | None = None
         self.sent = self.answered = 0
         self.stopped = False
@@ -164,7 +164,7 @@ class Worker:
             self.stopped = True
             self.changed.notify_all()
 
-    def want(self, number: int, wanted: Wanted, send: Send) -> None:
+    def want(self, number: int, wanted: ViewRequest, send: Send) -> None:
         """Replace the current request; results go to `send`."""
         with self.changed:
             if send != self.send:
@@ -187,7 +187,7 @@ class Worker:
             self.changed.notify_all()
 
     def _work(self) -> None:
-        done: tuple[int, Wanted] | None = None
+        done: tuple[int, ViewRequest] | None = None
         twin_at = twin_took = 0.0
         while True:
             with self.changed:
@@ -333,7 +333,7 @@ class _Socket(_Guarded, WebSocketHandler):
 
     def open(self, *_: str, **__: str) -> None:
         self.set_nodelay(True)
-        self.last: Wanted | None = None
+        self.last: ViewRequest | None = None
         self.server.open.add(self)
 
     def drop(self) -> None:
@@ -366,7 +366,7 @@ class _Socket(_Guarded, WebSocketHandler):
         except InputError as error:
             await self.send(as_message({"kind": "refused", "text": str(error)}, ()))
 
-    def paths(self, wanted: Wanted, pixel: tuple[int, int], sample: int, count: int) -> Event:
+    def paths(self, wanted: ViewRequest, pixel: tuple[int, int], sample: int, count: int) -> Event:
         """Return the paths of `count` samples; one where the level has no samples."""
         scene = wanted.scene(self.server.session.base)
         x, y = (min(max(p, 0), side - 1) for p, side in zip(pixel, scene.camera.image_size, strict=True))

@@ -49,7 +49,7 @@ class WantedSky(Record, frozen=True):
     rotation: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 0.0
 
 
-class Wanted(Record, frozen=True):
+class ViewRequest(Record, frozen=True):
     """A scene's shapes and lights as its file has them, and how both sides render it.
 
     `rung` is the tracer's and `twin_rung` the twin's; light that is followed meets `depth` - 1 surfaces at most, and
@@ -71,7 +71,7 @@ class Wanted(Record, frozen=True):
     look: Look = Look()
     moving: bool = False
 
-    def check(self) -> "Wanted":
+    def check(self) -> "ViewRequest":
         """Return itself. Raises InputError for an unknown name, and for contents that no scene.toml may have."""
         for what, name, rows in (
             ("rung", self.rung, RUNGS),
@@ -103,22 +103,22 @@ class Wanted(Record, frozen=True):
         return self.written(base).scene
 
 
-def wanted_of(base: SceneFile, engine: str) -> Wanted:
+def wanted_of(base: SceneFile, engine: str) -> ViewRequest:
     """What is shown first."""
     sky = base.sky
     scale, turn = (default if x is msgspec.UNSET else x for x, default in ((sky.scale, 1.0), (sky.rotation, 0.0)))
-    return Wanted(base.spheres, base.planes, base.sun, WantedSky(sky.radiance, scale, turn), engine=engine)
+    return ViewRequest(base.spheres, base.planes, base.sun, WantedSky(sky.radiance, scale, turn), engine=engine)
 
 
-def from_json(text: str | bytes, where: str = "what the page asks for") -> Wanted:
+def from_json(text: str | bytes, where: str = "what the page asks for") -> ViewRequest:
     """What the page asks for. Raises InputError."""
     try:
-        return msgspec.json.decode(text, type=Wanted).check()
+        return msgspec.json.decode(text, type=ViewRequest).check()
     except msgspec.DecodeError as error:
         raise InputError(where, "a scene and how to render it", error) from None
 
 
-def from_link(text: str) -> Wanted:
+def from_link(text: str) -> ViewRequest:
     """What a link of the page's says, or what follows its `#view=`. Raises InputError."""
     packed = text.rpartition("#view=")[2]
     try:
@@ -128,7 +128,7 @@ def from_link(text: str) -> Wanted:
     return from_json(plain, "--view")
 
 
-def scene_toml(base: SceneFile, wanted: Wanted) -> str:
+def scene_toml(base: SceneFile, wanted: ViewRequest) -> str:
     """Return the scene.toml of what is shown. What was calibrated is written out, so that it needs no photo."""
     shown = wanted.written(base)
     if shown.sky.map is not msgspec.UNSET:

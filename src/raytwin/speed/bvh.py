@@ -13,7 +13,7 @@ import numpy as np
 from raytwin.arrays import Vec, maximum, minimum, select
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.speed.engine import Engine, from_numpy, gather
-from raytwin.speed.fast_world import Body, Objects, Reach, no_reach, same_list
+from raytwin.speed.fast_world import Body, MaxDistance, Objects, no_reach, same_list
 from raytwin.speed.object_table import Table
 
 FEW = 32
@@ -71,7 +71,7 @@ class Chain(NamedTuple):
 
     parts: tuple[Objects, ...]
 
-    def fold(self, ray: Any, state: Any, body: Body, reach: Reach = no_reach) -> Any:
+    def fold(self, ray: Any, state: Any, body: Body, reach: MaxDistance = no_reach) -> Any:
         for part in self.parts:
             state = part.fold(ray, state, body, reach)
         return state
@@ -84,7 +84,7 @@ class KernelTree(NamedTuple):
     kind: type
     nodes: Nodes
 
-    def fold(self, ray: Any, state: Any, body: Body, reach: Reach = no_reach) -> Any:
+    def fold(self, ray: Any, state: Any, body: Body, reach: MaxDistance = no_reach) -> Any:
         import drjit
 
         nodes, inverse = self.nodes, inverted(ray.d)

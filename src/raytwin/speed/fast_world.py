@@ -27,7 +27,7 @@ class Ray(NamedTuple):
 
 
 Body = Callable[..., Any]
-Reach = Callable[[Any], Any]
+MaxDistance = Callable[[Any], Any]
 
 
 def no_reach(state: Any) -> Any:
@@ -41,7 +41,7 @@ class Objects(Protocol):
     What the `Ray` cannot meet, or only beyond reach(state), may be left out.
     """
 
-    def fold(self, ray: Any, state: Any, body: Body, reach: Reach = no_reach) -> Any: ...
+    def fold(self, ray: Any, state: Any, body: Body, reach: MaxDistance = no_reach) -> Any: ...
 
 
 class FastWorld(NamedTuple):
@@ -79,7 +79,7 @@ class ObjectList(NamedTuple):
     table: Table
     ids: Sequence[int]
 
-    def fold(self, ray: Any, state: Any, body: Body, reach: Reach = no_reach) -> Any:
+    def fold(self, ray: Any, state: Any, body: Body, reach: MaxDistance = no_reach) -> Any:
         for index in self.ids:
             state = body(state, ray, index, self.table.objects[index])
         return state
@@ -96,7 +96,7 @@ class TileLists(NamedTuple):
     middle: Any
     last: Any
 
-    def fold(self, ray: Any, state: Any, body: Body, reach: Reach = no_reach) -> Any:
+    def fold(self, ray: Any, state: Any, body: Body, reach: MaxDistance = no_reach) -> Any:
         for kind, start, stop in ((Sphere, self.first, self.middle), (Rectangle, self.middle, self.last)):
             if kind in self.table.kinds:
                 state = self._loop(kind, start, stop, ray, state, body)

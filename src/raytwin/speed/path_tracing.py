@@ -66,7 +66,7 @@ def walk(
     closed = deep == 2 and not side and len(scene.objects) <= FEW and not scene.environment and not scene.glossy
 
     def whole(view: EyeScene, world: World, hit: Hit) -> Callable[[Draw], list[Vec]]:
-        known, light = _closed_sky(view, hit) if closed else (NOTHING, view.light)
+        known, light = _closed_form_sky(view, hit) if closed else (NOTHING, view.light)
 
         def sample(numbers: Draw) -> list[Vec]:
             L = radiance_along_path(hit, light, view.everywhere, numbers, surfaces)
@@ -134,7 +134,7 @@ def radiance_by_surfaces(hit: Hit, view: EyeScene, draw: Draw, depth: Any, parts
     return [(end[i], end[i + 1], end[i + 2]) for i in range(0, values, 3)]
 
 
-def _closed_sky(view: EyeScene, hit: Hit) -> tuple[Vec, Lighting]:
+def _closed_form_sky(view: EyeScene, hit: Hit) -> tuple[Vec, Lighting]:
     """The sky's light at the first surface where `sky_visibility` knows it, and light whose sky is dark there."""
 
     def fold(state: Any, body: Callable[..., Any]) -> Any:

@@ -11,7 +11,7 @@ GRAZING = 1e-3
 """The least n · l of the light on a plane; below it, a shadow is taken to reach anywhere."""
 
 
-class Fallen(NamedTuple):
+class CastShadow(NamedTuple):
     """Shadows of k pairs. `meets` (k,): the ray from the caster's middle, away from the light, meets the shaded object
     (a rectangle's plane), and does so at `middle` (k, 3). `axes` (k, 2, 3): the caster's half-axes, slid into the plane
     that touches there. `reach` (k,): no point of the shadow in that plane lies farther from the middle."""
@@ -22,7 +22,7 @@ class Fallen(NamedTuple):
     reach: np.ndarray
 
 
-def fall(scene: Scene, shaded: np.ndarray, caster: np.ndarray) -> Fallen:
+def fall(scene: Scene, shaded: np.ndarray, caster: np.ndarray) -> CastShadow:
     """The shadows of the objects `caster` (k,) on `shaded` (k,). One whose middle passes a sphere by shades it
     beside the terminator at most."""
     things, light = scene.objects, np.array(scene.sun.to_light)
@@ -45,7 +45,7 @@ def fall(scene: Scene, shaded: np.ndarray, caster: np.ndarray) -> Fallen:
     reach = np.where(radius[caster] > 0, np.hypot(*sides.T), sides.sum(axis=1))
     reach[steep < GRAZING] = np.inf
     middle = center[shaded] + np.where(is_round, on_sphere, on_plane)
-    return Fallen(((far < r) | ~is_round)[:, 0], middle, axes, reach)
+    return CastShadow(((far < r) | ~is_round)[:, 0], middle, axes, reach)
 
 
 def half_axes(things: Sequence[Shape], along: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from raytwin.twin.bodies import MOST_IN_DOUBLES, START, Body, distance, dot, nor
 from raytwin.twin.rays import directions, lens_of
 from raytwin.twin.twin_scene import UNIT
 
-DOUBT = 1e-5
+EDGE_TOLERANCE = 1e-5
 """How near to an outline, as a part of the distance from the eye, float32 may err: 168 of its steps.
 
 Shadow rays start 4e-6 of the distance off the surface (`world.SHADOW_OFFSET`), so a shadow's outline strays by as much.
@@ -41,7 +41,7 @@ class Seen(NamedTuple):
     blocker: np.ndarray
 
 
-def settle(scene: Scene, seen: Seen, shadows: bool) -> np.ndarray:
+def retrace_edges(scene: Scene, seen: Seen, shadows: bool) -> np.ndarray:
     """Trace the pixels in doubt again, in float64, into `seen`. Returns their numbers (k,), row by row."""
     camera, bodies = scene.camera, table(scene)
     R = np.asarray(camera.R_cam_board)
@@ -75,7 +75,7 @@ def settle(scene: Scene, seen: Seen, shadows: bool) -> np.ndarray:
 def refine(scene: Scene, seen: Seen) -> np.ndarray:
     """Compute depth and normal again, in float64, of what is too far for float32. Returns the pixels' numbers (k,).
 
-    For a scene of too many objects for `settle`, which Mitsuba intersects: what each ray meets is Mitsuba's answer.
+    For a scene of too many objects for `retrace_edges`, which Mitsuba intersects: what each ray meets is Mitsuba's answer.
     """
     bodies = table(scene)
     far = too_far(bodies) & bodies.round
@@ -129,13 +129,13 @@ def _doubted(bodies: Body, met: np.ndarray, pixels: np.ndarray, o: np.ndarray, d
         body = bodies.at(near)
         with np.errstate(all="ignore"):
             t = distance(np, body, o, d)
-            alike = (near != own) & (abs(t - first) < 10 * DOUBT * t)  # where two objects cut each other
+            alike = (near != own) & (abs(t - first) < 10 * EDGE_TOLERANCE * t)  # where two objects cut each other
             doubted |= (near >= 0) & (alike | _grazes(body, o, d))
     return doubted
 
 
 def _grazes(body: Body, o: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Whether the ray passes the body's outline within DOUBT of the distances from the eye."""
+    """Whether the ray passes the body's outline within EDGE_TOLERANCE of the distances from the eye."""
     f = o - body.center
     b, away, far = dot(f, d), dot(f, f), np.sqrt(dot(o, o))
     off_rim = abs(np.sqrt(np.maximum(away - b * b, 0)) - body.radius)
@@ -143,7 +143,10 @@ def _grazes(body: Body, o: np.ndarray, d: np.ndarray) -> np.ndarray:
     t = -dot(f, body.n) / toward
     p = f + t * d
     off_edge = np.minimum(*(abs(abs(dot(p, e)) - 1) / np.sqrt(dot(e, e)) for e in (body.u, body.v)))
-    to_rim, to_edge = off_rim < DOUBT * (far + np.sqrt(away)), ~(off_edge * abs(toward) > DOUBT * (far + abs(t)))
+    to_rim, to_edge = (
+        off_rim < EDGE_TOLERANCE * (far + np.sqrt(away)),
+        ~(off_edge * abs(toward) > EDGE_TOLERANCE * (far + abs(t))),
+    )
     return np.asarray(np.where(body.round, to_rim, to_edge))
 
 

@@ -19,7 +19,7 @@ from raytwin.twin import render_cache
 from raytwin.twin.backend import activate, made_with
 from raytwin.twin.batches import Batches
 from raytwin.twin.direct_light import albedos, first_light
-from raytwin.twin.outlines import Seen, rays, refine, settle
+from raytwin.twin.outlines import Seen, rays, refine, retrace_edges
 from raytwin.twin.rays import lens_of
 from raytwin.twin.twin_scene import check_textures
 
@@ -206,7 +206,7 @@ def _exact(
         say(b / n)
     if settled:
         exact = len(renderer.large) == len(scene.objects)
-        again = np.zeros(0, int) if exact else np.union1d(refine(scene, seen), settle(scene, seen, shadows))
+        again = np.zeros(0, int) if exact else np.union1d(refine(scene, seen), retrace_edges(scene, seen, shadows))
         if scene.environment:  # a map's own detail is finer than float32's directions
             again = np.union1d(again, np.flatnonzero(seen.ids < 0))
         ids, _, normal, blocker = (part[again] for part in seen)

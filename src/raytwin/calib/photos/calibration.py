@@ -40,7 +40,7 @@ BENT_ROUNDS = 5
 PRELIMINARY = "k1k2"
 """The lens model that `auto` fits before it chooses: enough to find the detector's bias and the outliers."""
 
-MISSHAPEN = {2: 0.5, 4: 0.25, 6: 0.07}
+BENT_BIAS_SD = {2: 0.5, 4: 0.25, 6: 0.07}
 """By degree of the sheet's shape, the uncertain fraction of the detector's bias from bent tag edges: measured on a
 cosine of 250 mm and 3 mm, six sets of poses without noise."""
 
@@ -200,7 +200,7 @@ def _systematic(views: Sequence[Sighting], boards: Sequence[Board], result: Fit)
         ids, board = [tag.id for tag in view.tags], shaped[view.board]
         kinds = ((board, True), (board.flat(), True), (board, False))
         bent, flat, on = (center_bias(ids, b, R, t, result.K, result.dist, straight) for b, straight in kinds)
-        by[:, i, : len(ids)] = MISSHAPEN[result.form.degree] * (bent - flat), (on - bent) / math.sqrt(3)
+        by[:, i, : len(ids)] = BENT_BIAS_SD[result.form.degree] * (bent - flat), (on - bent) / math.sqrt(3)
     return list(by)
 
 

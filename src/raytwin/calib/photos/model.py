@@ -22,7 +22,7 @@ from raytwin.scene.lens import undone
 LADDER = ("none", "k1", "k1k2", "k1k2k3", "full5")
 """What `auto` chooses from, smallest first; each adds coefficients to the one before."""
 
-AS_WELL, NOTHING = 1.01, 0.002
+RELATIVE_SLACK, SLACK_PX = 1.01, 0.002
 """As good as the best: within 1 % of its held-out error, or within this many pixels, far below a detector's noise."""
 
 ALIKE = 1.1
@@ -163,7 +163,7 @@ def _degrees(photos: int) -> tuple[int, ...]:
 def _as_good(trials: dict[str, ModelTrial], names: Sequence[str]) -> list[str]:
     """Those of the names, smallest first, that predict as well as the best of them."""
     best = min(trials[n].held_out_px for n in names)
-    return [n for n in names if trials[n].held_out_px <= max(AS_WELL * best, best + NOTHING)]
+    return [n for n in names if trials[n].held_out_px <= max(RELATIVE_SLACK * best, best + SLACK_PX)]
 
 
 def trial_rows(trials: Mapping[str, ModelTrial], taken: str, photos: int) -> list[TrialRow]:
@@ -178,7 +178,7 @@ def trial_rows(trials: Mapping[str, ModelTrial], taken: str, photos: int) -> lis
     rows = []
     for model, trial in trials.items():
         times = trial.held_out_px / best
-        why = "as good" if times <= AS_WELL else f"{times:.3g} times the best"
+        why = "as good" if times <= RELATIVE_SLACK else f"{times:.3g} times the best"
         why = chosen if model == taken else why
         why = why if math.isfinite(times) else ""
         rows.append(TrialRow(model, trial.held_out_px, model == taken, "; ".join(filter(None, (why, trial.doubt)))))
