@@ -12,4 +12,4 @@ explore.js     the page's controls and charts around the viewer
 from raytwin.live.server import Server, opening_page
 from raytwin.live.view_state import ViewRequest
 
-__all__ = ["Server", "Wanted", "opening_page"]
+__all__ = ["Server", "ViewRequest", "opening_page"]

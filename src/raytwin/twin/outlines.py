@@ -75,7 +75,7 @@ def retrace_edges(scene: Scene, seen: Seen, shadows: bool) -> np.ndarray:
 def refine(scene: Scene, seen: Seen) -> np.ndarray:
     """Compute depth and normal again, in float64, of what is too far for float32. Returns the pixels' numbers (k,).
 
-    For a scene of too many objects for `retrace_edges`, which Mitsuba intersects: what each ray meets is Mitsuba's answer.
+    For a scene of too many objects for `retrace_edges`, which Mitsuba intersects: its answer is what each ray meets.
     """
     bodies = table(scene)
     far = too_far(bodies) & bodies.round
